@@ -1,0 +1,68 @@
+//! What one sensor message contributes: its valid points, in the sensor's frame, and where the sensor stood.
+
+use nalgebra::{Isometry3, Point3};
+
+/// Time of acquisition: nanoseconds since the Unix epoch, taken from a message header and never from a clock.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Stamp(i64);
+
+impl Stamp {
+    /// From nanoseconds since the Unix epoch.
+    pub const fn from_nanos(nanos: i64) -> Self {
+        Self(nanos)
+    }
+
+    /// Nanoseconds since the Unix epoch.
+    pub const fn nanos(self) -> i64 {
+        self.0
+    }
+
+    /// Seconds from `earlier` to `self`; negative when `self` is the earlier one.
+    pub fn seconds_since(self, earlier: Self) -> f64 {
+        self.0.saturating_sub(earlier.0) as f64 * 1e-9
+    }
+}
+
+/// Coordinates as the sensor sent them [m], without a conversion that would lose digits.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Points {
+    /// Single precision: what every Kinect driver sends.
+    F32(Vec<[f32; 3]>),
+    /// Double precision: clouds that somebody has already put into a far-away frame.
+    F64(Vec<[f64; 3]>),
+}
+
+impl Points {
+    /// The number of points.
+    pub fn len(&self) -> usize {
+        match self {
+            Self::F32(points) => points.len(),
+            Self::F64(points) => points.len(),
+        }
+    }
+
+    /// Whether there is no point at all; such a scan is taken in like any other.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
+
+/// All valid points of one sensor message and the sensor's pose in the fixed frame.
+///
+/// Points are kept in the sensor's frame; the grid maps each into the fixed frame in `f64` as it bins it.
+#[derive(Clone, Debug)]
+pub struct Scan {
+    /// Acquisition time of the message.
+    pub stamp: Stamp,
+    /// Maps sensor coordinates into the fixed frame.
+    pub fixed_from_sensor: Isometry3<f64>,
+    /// The valid points, sensor frame [m]; finite.
+    pub points: Points,
+}
+
+impl Scan {
+    /// Where the sensor stood: the origin of its frame, in the fixed frame [m].
+    pub fn sensor_origin(&self) -> Point3<f64> {
+        Point3::from(self.fixed_from_sensor.translation.vector)
+    }
+}

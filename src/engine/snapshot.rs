@@ -1,0 +1,108 @@
+//! Immutable values that leave the engine: the clusters and dense voxels as they are after a scan.
+
+use nalgebra::{Isometry3, Matrix3, Point3, UnitVector3, Vector3};
+
+use super::key::{ClusterId, VoxelKey};
+use super::scan::Stamp;
+
+/// How far a cluster can be relied on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ClusterState {
+    /// Fewer voxels than [`super::MIN_RELIABLE_VOXELS`].
+    Tentative,
+    /// Still considered for expansion.
+    Active,
+    /// Not expanded for `expansion_interval` scans (the paper's "complete object").
+    Complete,
+}
+
+/// One global cluster. Geometry is in the fixed frame, SI units.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Cluster {
+    /// Lasting id.
+    pub id: ClusterId,
+    /// 1 at creation, + 1 in every scan that changed this cluster.
+    pub revision: u32,
+    /// How far it can be relied on.
+    pub state: ClusterState,
+    /// Stamp of the scan that created it.
+    pub first_seen: Stamp,
+    /// Newest stamp of the scans that put a point into one of its voxels.
+    pub last_seen: Stamp,
+    /// The cluster's normal (Definition 5), towards the side it was seen from.
+    pub normal: UnitVector3<f64>,
+    /// Mean of the members' centres [m].
+    pub centroid: Point3<f64>,
+    /// Covariance of the members' centres [m^2].
+    pub centre_covariance: Matrix3<f64>,
+    /// Middle of the box around the members' centres; +z = normal, +x = the long side.
+    pub pose: Isometry3<f64>,
+    /// Full extents of that box along the pose's axes [m].
+    pub size: Vector3<f64>,
+    /// Number of member voxels.
+    pub voxel_count: u32,
+    /// Number of points in the member voxels.
+    pub point_count: u64,
+}
+
+/// One dense voxel.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DenseVoxel {
+    /// Its index.
+    pub key: VoxelKey,
+    /// Number of points counted in it.
+    pub count: u32,
+    /// Mean of its points [m], fixed frame.
+    pub centre: Point3<f64>,
+    /// Its normal (Definition 3), `None` where its neighbourhood spans no plane.
+    pub normal: Option<UnitVector3<f64>>,
+    /// Smallest eigenvalue over the sum, of the fit that gave the normal; 0 (flat) to 1/3; NaN without a normal.
+    pub curvature: f32,
+    /// The global cluster it belongs to.
+    pub cluster: Option<ClusterId>,
+}
+
+/// The whole map after a scan.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Snapshot {
+    /// Number of scans taken in so far.
+    pub sequence: u64,
+    /// Newest stamp taken in; `None` before the first scan.
+    pub stamp: Option<Stamp>,
+    /// Edge of a voxel [m].
+    pub voxel_size: f64,
+    /// The clusters by ascending id.
+    pub clusters: Vec<Cluster>,
+    /// The dense voxels by ascending key.
+    pub voxels: Vec<DenseVoxel>,
+    /// Dense voxels that belong to no cluster.
+    pub unclustered_voxels: u32,
+}
+
+/// What one scan did to the map.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Update {
+    /// Number of scans taken in, this one included.
+    pub sequence: u64,
+    /// Newest stamp taken in.
+    pub stamp: Stamp,
+    /// Every cluster that this scan changed, by ascending id, as it is now.
+    pub changed: Vec<ChangedCluster>,
+    /// Ids that are gone, ascending.
+    pub removed: Vec<ClusterId>,
+    /// Voxels that became dense in this scan.
+    pub newly_dense: u32,
+    /// Points that lay beyond the grid's reach and were left out.
+    pub points_beyond_grid: u32,
+    /// Dense voxels that belong to no cluster.
+    pub unclustered_voxels: u32,
+}
+
+/// A cluster as a scan left it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ChangedCluster {
+    /// The cluster.
+    pub cluster: Cluster,
+    /// Ids that it took in during this scan, ascending.
+    pub merged_from: Vec<ClusterId>,
+}

@@ -1,0 +1,4 @@
+//! Surfaces from a moving Kinect, live.
+
+pub mod engine;
+pub mod msg;

@@ -1,0 +1,3 @@
+//! The `cfodi` binary.
+
+fn main() {}

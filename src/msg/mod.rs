@@ -1,0 +1,4 @@
+//! Wire types.
+
+/// ROS packages.
+pub mod ros;
