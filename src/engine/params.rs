@@ -1,0 +1,195 @@
+//! The parameters of the method, checked once.
+
+use std::f64::consts::FRAC_PI_2;
+
+use thiserror::Error;
+
+/// Parameters of the engine; every value of this type is a possible one.
+///
+/// Defaults are the paper's (section V), but for `min_vicinity` and `expansion_interval`, of which it gives no value.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Params {
+    voxel_size: f64,
+    min_points: u32,
+    depth: u8,
+    max_normal_angle: f64,
+    min_vicinity: u32,
+    expansion_interval: u32,
+}
+
+/// A parameter that cannot be: its name, the value and what it must be.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+pub enum ParamsError {
+    /// The edge of a voxel must be a positive length.
+    #[error("voxel_size is {0} m; it must be finite and above 0")]
+    VoxelSize(f64),
+    /// A voxel without points is no obstacle.
+    #[error("min_points is {0}; it must be from 1 to {max}", max = MAX_POINTS)]
+    MinPoints(i64),
+    /// Depth of a neighbourhood.
+    #[error("depth is {0}; it must be from 1 to {MAX_DEPTH}")]
+    Depth(i64),
+    /// Angle between normals.
+    #[error("max_normal_angle is {0} rad; it must be from 0 to pi/2")]
+    MaxNormalAngle(f64),
+    /// Pairs of directly connected voxels.
+    #[error("min_vicinity is {0}; it must be from 1 to {max}", max = u32::MAX)]
+    MinVicinity(i64),
+    /// Scans without expansion.
+    #[error("expansion_interval is {0}; it must be from 0 (never complete) to {max} scans", max = u32::MAX)]
+    ExpansionInterval(i64),
+}
+
+/// Largest `depth`.
+pub(crate) const MAX_DEPTH: u8 = 8;
+
+/// Most points that a voxel counts; further ones change neither its count nor its centre.
+///
+/// A centre made of 2^31 points has long come to rest, and up to here the sums fit in 64 bits.
+pub(crate) const MAX_POINTS: u32 = 1 << 31;
+
+impl Default for Params {
+    fn default() -> Self {
+        Self {
+            voxel_size: 0.08,
+            min_points: 15,
+            depth: 4,
+            max_normal_angle: 0.53,
+            min_vicinity: 1,
+            expansion_interval: 10,
+        }
+    }
+}
+
+fn checked<T: TryFrom<i64> + PartialOrd>(value: i64, least: T, most: T) -> Option<T> {
+    T::try_from(value).ok().filter(|value| *value >= least && *value <= most)
+}
+
+impl Params {
+    /// The paper's xi: edge of a voxel [m], above 0.
+    pub const fn voxel_size(&self) -> f64 {
+        self.voxel_size
+    }
+
+    /// The paper's tau: points from which on a voxel is dense, 1 or more.
+    pub const fn min_points(&self) -> u32 {
+        self.min_points
+    }
+
+    /// The paper's d: steps that a neighbourhood reaches (Definition 2), 1 to 8.
+    pub const fn depth(&self) -> u8 {
+        self.depth
+    }
+
+    /// The paper's theta: the largest angle between similar normals [rad], 0 to pi/2.
+    pub const fn max_normal_angle(&self) -> f64 {
+        self.max_normal_angle
+    }
+
+    /// The paper's minUnits: least vicinity (Definition 7) of an absorption, 1 or more.
+    pub const fn min_vicinity(&self) -> u32 {
+        self.min_vicinity
+    }
+
+    /// The paper's delta: scans after which a cluster that did not grow is complete; 0 = never.
+    pub const fn expansion_interval(&self) -> u32 {
+        self.expansion_interval
+    }
+
+    /// Sets the edge of a voxel [m].
+    ///
+    /// # Errors
+    /// When it is not a positive length.
+    pub fn with_voxel_size(self, voxel_size: f64) -> Result<Self, ParamsError> {
+        let possible = voxel_size.is_finite() && voxel_size > 0.0;
+        possible.then_some(Self { voxel_size, ..self }).ok_or(ParamsError::VoxelSize(voxel_size))
+    }
+
+    /// Sets the points from which on a voxel is dense.
+    ///
+    /// # Errors
+    /// Below 1 or above 2^31.
+    pub fn with_min_points(self, value: i64) -> Result<Self, ParamsError> {
+        let min_points = checked(value, 1, MAX_POINTS).ok_or(ParamsError::MinPoints(value))?;
+        Ok(Self { min_points, ..self })
+    }
+
+    /// Sets the depth of a neighbourhood.
+    ///
+    /// # Errors
+    /// Outside 1 to 8.
+    pub fn with_depth(self, value: i64) -> Result<Self, ParamsError> {
+        let depth = checked(value, 1, MAX_DEPTH).ok_or(ParamsError::Depth(value))?;
+        Ok(Self { depth, ..self })
+    }
+
+    /// Sets the largest angle between similar normals [rad].
+    ///
+    /// # Errors
+    /// Outside 0 to pi/2.
+    pub fn with_max_normal_angle(self, max_normal_angle: f64) -> Result<Self, ParamsError> {
+        let possible = (0.0..=FRAC_PI_2).contains(&max_normal_angle);
+        possible
+            .then_some(Self { max_normal_angle, ..self })
+            .ok_or(ParamsError::MaxNormalAngle(max_normal_angle))
+    }
+
+    /// Sets the least vicinity of an absorption.
+    ///
+    /// # Errors
+    /// Below 1.
+    pub fn with_min_vicinity(self, value: i64) -> Result<Self, ParamsError> {
+        let min_vicinity = checked(value, 1, u32::MAX).ok_or(ParamsError::MinVicinity(value))?;
+        Ok(Self { min_vicinity, ..self })
+    }
+
+    /// Sets the number of scans after which a cluster that did not grow is complete; 0 = never.
+    ///
+    /// # Errors
+    /// Below 0.
+    pub fn with_expansion_interval(self, value: i64) -> Result<Self, ParamsError> {
+        let expansion_interval =
+            checked(value, 0, u32::MAX).ok_or(ParamsError::ExpansionInterval(value))?;
+        Ok(Self { expansion_interval, ..self })
+    }
+
+    /// Definition 4 and reading R1: whether two directions, of any length above 0, lie within `max_normal_angle` of
+    /// each other or of each other's opposite.
+    pub(crate) fn similar(&self, a: &nalgebra::Vector3<f64>, b: &nalgebra::Vector3<f64>) -> bool {
+        a.dot(b).abs() >= self.max_normal_angle.cos() * (a.norm() * b.norm())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector3;
+
+    use super::*;
+
+    #[test]
+    fn impossible_parameters_are_refused_with_their_value() {
+        let params = Params::default();
+        assert_eq!(params.with_voxel_size(0.0), Err(ParamsError::VoxelSize(0.0)));
+        assert!(matches!(params.with_voxel_size(f64::NAN), Err(ParamsError::VoxelSize(_))));
+        assert_eq!(params.with_min_points(0), Err(ParamsError::MinPoints(0)));
+        assert_eq!(params.with_depth(9), Err(ParamsError::Depth(9)));
+        assert_eq!(params.with_depth(256 + 4), Err(ParamsError::Depth(260)));
+        assert_eq!(params.with_max_normal_angle(1.6), Err(ParamsError::MaxNormalAngle(1.6)));
+        assert_eq!(params.with_min_vicinity(-1), Err(ParamsError::MinVicinity(-1)));
+        assert_eq!(params.with_expansion_interval(-1), Err(ParamsError::ExpansionInterval(-1)));
+        assert_eq!(params.with_expansion_interval(0).unwrap().expansion_interval(), 0);
+        let line = ParamsError::Depth(9).to_string();
+        assert_eq!(line, "depth is 9; it must be from 1 to 8");
+    }
+
+    #[test]
+    fn definition_4_similar_means_within_the_angle_whatever_sign_and_length() {
+        let params = Params::default().with_max_normal_angle(0.5).unwrap();
+        let x = Vector3::x();
+        let at = |angle: f64| Vector3::new(angle.cos(), angle.sin(), 0.0) * 3.0;
+        assert!(params.similar(&x, &at(0.499)));
+        assert!(!params.similar(&x, &at(0.501)));
+        assert!(params.similar(&x, &-at(0.499)));
+        assert!(!params.similar(&x, &-at(0.501)));
+    }
+}

@@ -1,0 +1,125 @@
+//! The engine itself: one scan in, what it changed out.
+
+use nalgebra::Point3;
+
+use super::describe::describe;
+use super::globals::{Globals, Now};
+use super::grid::{Binned, Grid};
+use super::neighbourhood::Neighbourhood;
+use super::params::Params;
+use super::scan::{Scan, Stamp};
+use super::snapshot::{ChangedCluster, DenseVoxel, Snapshot, Update};
+use super::{normals, partial, statics};
+
+/// The map of one session: a grid of voxels and the global clusters that they form.
+#[derive(Clone, Debug)]
+pub struct Engine {
+    params: Params,
+    grid: Grid,
+    globals: Globals,
+    search: Neighbourhood,
+    /// Number of scans taken in.
+    sequence: u64,
+    /// Newest stamp taken in.
+    stamp: Option<Stamp>,
+    /// Where the newest scan was taken from.
+    sensor: Point3<f64>,
+}
+
+impl Engine {
+    /// An engine with an empty map.
+    pub fn new(params: Params) -> Self {
+        Self {
+            grid: Grid::new(params.voxel_size(), params.min_points()),
+            globals: Globals::default(),
+            search: Neighbourhood::default(),
+            sequence: 0,
+            stamp: None,
+            sensor: Point3::origin(),
+            params,
+        }
+    }
+
+    /// Takes in a scan (section IV.B): grid update, partial cluster extraction, global cluster update.
+    pub fn insert(&mut self, scan: &Scan) -> Update {
+        let now = self.begin(scan);
+        let binned = self.grid.bin(scan, now.sequence);
+        self.globals.follow(&self.grid, &binned.touched, now);
+        let depth = self.params.depth();
+        let fresh =
+            normals::update(&mut self.grid, &binned.newly_dense, depth, &self.sensor, &mut self.search);
+        let partials = partial::extract(&mut self.grid, &fresh, &self.params);
+        self.globals.update(&mut self.grid, &partials, &self.params, now);
+        self.globals.refine();
+        self.globals.finish(&self.params, now);
+        self.update(&binned, now)
+    }
+
+    /// The parameters it works with.
+    pub const fn params(&self) -> &Params {
+        &self.params
+    }
+
+    /// The whole map as it is now. Costs O(map).
+    pub fn snapshot(&self) -> Snapshot {
+        let now = Now { sequence: self.sequence, stamp: self.stamp.unwrap_or_default() };
+        let clusters =
+            self.globals.living().map(|global| describe(global, &self.grid, &self.params, now)).collect();
+        Snapshot {
+            sequence: self.sequence,
+            stamp: self.stamp,
+            voxel_size: self.params.voxel_size(),
+            clusters,
+            voxels: self.voxels(),
+            unclustered_voxels: self.unclustered(),
+        }
+    }
+
+    /// What the paper's baseline STATIC makes of the map as it is now: everything anew. Costs O(map).
+    pub fn static_partition(&self) -> statics::Partition {
+        statics::cluster(&self.grid, &self.params, &self.sensor)
+    }
+
+    fn begin(&mut self, scan: &Scan) -> Now {
+        self.sequence += 1;
+        let stamp = self.stamp.map_or(scan.stamp, |newest| newest.max(scan.stamp));
+        self.stamp = Some(stamp);
+        self.sensor = scan.sensor_origin();
+        self.globals.begin();
+        Now { sequence: self.sequence, stamp }
+    }
+
+    fn update(&self, binned: &Binned, now: Now) -> Update {
+        let changed = self.globals.changed().map(|global| ChangedCluster {
+            cluster: describe(global, &self.grid, &self.params, now),
+            merged_from: global.merged_from.clone(),
+        });
+        Update {
+            sequence: now.sequence,
+            stamp: now.stamp,
+            changed: changed.collect(),
+            removed: self.globals.removed().to_vec(),
+            newly_dense: binned.newly_dense.len() as u32,
+            points_beyond_grid: binned.beyond,
+            unclustered_voxels: self.unclustered(),
+        }
+    }
+
+    fn voxels(&self) -> Vec<DenseVoxel> {
+        let dense = self.grid.dense_voxels().into_iter().map(|voxel| &self.grid[voxel]);
+        dense
+            .map(|voxel| DenseVoxel {
+                key: voxel.key,
+                count: voxel.count,
+                centre: voxel.centre().metres(self.params.voxel_size()),
+                normal: voxel.surface.map(|surface| surface.normal),
+                curvature: voxel.surface.map_or(f32::NAN, |surface| surface.curvature),
+                cluster: self.globals.of_label(voxel.label).map(|global| global.id),
+            })
+            .collect()
+    }
+
+    fn unclustered(&self) -> u32 {
+        self.grid.dense() - self.globals.clustered()
+    }
+}
