@@ -1,4 +1,19 @@
-//! Surfaces from a moving Kinect, live.
+//! Surfaces from a moving Kinect, live: the paper "Revealing cluster formation over huge volatile robotic data" as a
+//! ROS 2 node.
+//!
+//! Data flows one way: bytes -> message -> [`engine::Scan`] -> [`engine::Engine`] -> [`engine::Snapshot`] -> message
+//! -> bytes; imports point inwards. `ARCHITECTURE.md` draws the graph. Without default features the engine, the
+//! decoders, the messages and the configuration remain.
 
+pub mod cloud;
+pub mod config;
 pub mod engine;
+pub mod export;
 pub mod msg;
+#[cfg(feature = "node")]
+pub mod node;
+#[cfg(feature = "sim")]
+pub mod sim;
+#[cfg(feature = "frames")]
+pub mod tf;
+pub mod worker;

@@ -1,3 +1,52 @@
-//! The `cfodi` binary.
+//! The `cfodi` binary: one verb a file below `cli/`.
+//!
+//! Exit status: 0 when all went well, 1 when something failed, 2 for wrong arguments or parameters.
 
-fn main() {}
+mod cli;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+use crate::cli::{demo, run};
+
+/// Surfaces from a moving Kinect, live.
+#[derive(Debug, Parser)]
+#[command(version, after_help = "ROS arguments follow --ros-args: -r from:=to, -p name:=value, --params-file FILE, --log-level LEVEL")]
+struct Cli {
+    #[command(subcommand)]
+    verb: Verb,
+}
+
+#[derive(Debug, Subcommand)]
+enum Verb {
+    /// The live ROS 2 node: clouds in, surface clusters out
+    Run,
+    /// The main job with nothing installed: a simulated robot drives, the live node clusters and publishes
+    Demo(demo::Options),
+}
+
+fn main() -> ExitCode {
+    let args: Vec<String> = std::env::args().collect();
+    let (setup, rest) = match cli::setup(&args) {
+        Ok(parsed) => parsed,
+        Err(error) => {
+            eprintln!("cfodi: {error}");
+            return ExitCode::from(2);
+        }
+    };
+    // Clap ends the program with status 2 and says what is wrong.
+    let cli = Cli::parse_from(rest);
+    cli::start_log(setup.log_level.as_deref());
+    let done = match cli.verb {
+        Verb::Run => run::run(&setup),
+        Verb::Demo(options) => demo::demo(&setup, &options),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("cfodi: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}

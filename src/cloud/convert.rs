@@ -1,0 +1,144 @@
+//! The one loop over the points: read, judge, keep.
+
+use super::CloudFilter;
+use super::layout::{Coordinate, Layout, Precision};
+use crate::engine::Points;
+
+/// What a message came down to.
+#[derive(Debug, PartialEq)]
+pub(super) struct Converted {
+    pub(super) points: Points,
+    pub(super) invalid: u32,
+    pub(super) out_of_range: u32,
+}
+
+impl Default for Converted {
+    fn default() -> Self {
+        Self { points: Points::F32(Vec::new()), invalid: 0, out_of_range: 0 }
+    }
+}
+
+/// What becomes of a point.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Verdict {
+    Kept,
+    Invalid,
+    OutOfRange,
+}
+
+/// The filter, settled for the frame at hand.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Gate {
+    min_range: f64,
+    max_range: f64,
+    optical: bool,
+}
+
+impl Gate {
+    pub(super) fn new(filter: &CloudFilter, optical: bool) -> Self {
+        Self { min_range: filter.min_range, max_range: filter.max_range, optical }
+    }
+
+    /// A sensor marks "no measurement" as NaN or as the origin; in an optical frame nothing lies at or behind z = 0.
+    #[inline]
+    fn judge(&self, [x, y, z]: [f64; 3]) -> Verdict {
+        let finite = x.is_finite() && y.is_finite() && z.is_finite();
+        let at_origin = x == 0.0 && y == 0.0 && z == 0.0;
+        if !finite || at_origin || (self.optical && z <= 0.0) {
+            return Verdict::Invalid;
+        }
+        let range = if self.optical { z } else { (x * x + y * y + z * z).sqrt() };
+        if self.min_range <= range && range <= self.max_range { Verdict::Kept } else { Verdict::OutOfRange }
+    }
+}
+
+/// Converts by the fast path where it applies, else by the plain one.
+pub(super) fn convert(layout: &Layout, data: &[u8], gate: &Gate) -> Converted {
+    convert_fast(layout, data, gate).unwrap_or_else(|| convert_plain(layout, data, gate))
+}
+
+/// Little-endian single precision, what every Kinect driver sends; `None` for any other layout.
+pub(super) fn convert_fast(layout: &Layout, data: &[u8], gate: &Gate) -> Option<Converted> {
+    if layout.is_bigendian || !all_single(layout) {
+        return None;
+    }
+    let [x, y, z] = layout.coordinates.map(|coordinate| coordinate.offset);
+    let gathered = gather(layout, data, gate, |point| [f32_at(point, x), f32_at(point, y), f32_at(point, z)]);
+    Some(gathered.into_converted(Points::F32))
+}
+
+/// Any layout.
+pub(super) fn convert_plain(layout: &Layout, data: &[u8], gate: &Gate) -> Converted {
+    let read =
+        |point: &[u8]| layout.coordinates.map(|coordinate| coordinate.read(point, layout.is_bigendian));
+    if all_single(layout) {
+        // Widened by `read`, so narrowing gives the sender's own bits back.
+        gather(layout, data, gate, |point| read(point).map(|value| value as f32)).into_converted(Points::F32)
+    } else {
+        gather(layout, data, gate, read).into_converted(Points::F64)
+    }
+}
+
+fn all_single(layout: &Layout) -> bool {
+    layout.coordinates.iter().all(|coordinate| coordinate.precision == Precision::Single)
+}
+
+/// [`Converted`] before its precision is forgotten.
+struct Gathered<T> {
+    points: Vec<[T; 3]>,
+    invalid: u32,
+    out_of_range: u32,
+}
+
+impl<T> Gathered<T> {
+    fn into_converted(self, wrap: impl Fn(Vec<[T; 3]>) -> Points) -> Converted {
+        Converted { points: wrap(self.points), invalid: self.invalid, out_of_range: self.out_of_range }
+    }
+}
+
+/// Takes every point of `data` through `read` and the gate.
+#[inline]
+fn gather<T: Copy + Into<f64>>(
+    layout: &Layout,
+    data: &[u8],
+    gate: &Gate,
+    read: impl Fn(&[u8]) -> [T; 3],
+) -> Gathered<T> {
+    // The layout fits the data, so this is at most three times the message.
+    let mut gathered = Gathered { points: Vec::with_capacity(layout.len()), invalid: 0, out_of_range: 0 };
+    for row in layout.rows(data) {
+        for bytes in row.chunks_exact(layout.point_step) {
+            let point = read(bytes);
+            match gate.judge(point.map(Into::into)) {
+                Verdict::Kept => gathered.points.push(point),
+                Verdict::Invalid => gathered.invalid += 1,
+                Verdict::OutOfRange => gathered.out_of_range += 1,
+            }
+        }
+    }
+    gathered
+}
+
+impl Coordinate {
+    /// The value in `point`, widened without loss.
+    fn read(self, point: &[u8], is_bigendian: bool) -> f64 {
+        match (self.precision, is_bigendian) {
+            (Precision::Single, false) => bytes_at(point, self.offset).map(f32::from_le_bytes).map(f64::from),
+            (Precision::Single, true) => bytes_at(point, self.offset).map(f32::from_be_bytes).map(f64::from),
+            (Precision::Double, false) => bytes_at(point, self.offset).map(f64::from_le_bytes),
+            (Precision::Double, true) => bytes_at(point, self.offset).map(f64::from_be_bytes),
+        }
+        .unwrap_or(f64::NAN)
+    }
+}
+
+/// A little-endian `f32`; NaN, and so invalid, past the end, where no checked layout reaches.
+#[inline]
+fn f32_at(point: &[u8], offset: usize) -> f32 {
+    bytes_at(point, offset).map_or(f32::NAN, f32::from_le_bytes)
+}
+
+#[inline]
+fn bytes_at<const N: usize>(point: &[u8], offset: usize) -> Option<[u8; N]> {
+    point.get(offset..)?.first_chunk().copied()
+}

@@ -1,0 +1,140 @@
+//! A cloud straight from its serialised form: the points are converted where they lie in the receive buffer.
+//!
+//! `sensor_msgs/PointCloud2` is read in the order of its `.msg` file, which is all that CDR needs.
+
+use std::fmt;
+
+use serde::Deserialize;
+use serde::de::{DeserializeSeed, Deserializer, Error, SeqAccess, Visitor};
+
+use super::layout::{Description, MAX_FIELDS};
+use super::{Cloud, CloudError, CloudFilter, cloud_from};
+use crate::msg::ros::{Header, PointField};
+
+const FIELDS: &[&str] =
+    &["header", "height", "width", "fields", "is_bigendian", "point_step", "row_step", "data", "is_dense"];
+
+/// Reads one serialised `sensor_msgs/PointCloud2` and gives what [`decode`](super::decode) gives, without a copy.
+///
+/// What is wrong inside a readable message comes as a [`CloudError`] in the value; a message that cannot be read to
+/// its end comes as the deserializer's own error.
+#[derive(Clone, Copy, Debug)]
+pub struct CloudSeed {
+    filter: CloudFilter,
+}
+
+impl CloudSeed {
+    /// A seed that takes in what `filter` lets through.
+    pub fn new(filter: CloudFilter) -> Self {
+        Self { filter }
+    }
+}
+
+impl<'de> DeserializeSeed<'de> for CloudSeed {
+    type Value = Result<Cloud, CloudError>;
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Self::Value, D::Error> {
+        deserializer.deserialize_struct("PointCloud2", FIELDS, self)
+    }
+}
+
+impl<'de> Visitor<'de> for CloudSeed {
+    type Value = Result<Cloud, CloudError>;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a sensor_msgs/PointCloud2")
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<Self::Value, A::Error> {
+        let header: Header = next(&mut seq)?;
+        let height = next(&mut seq)?;
+        let width = next(&mut seq)?;
+        let fields: Fields = next(&mut seq)?;
+        let description = Description {
+            header: &header,
+            height,
+            width,
+            fields: &fields.first,
+            field_count: fields.count,
+            is_bigendian: next(&mut seq)?,
+            point_step: next(&mut seq)?,
+            row_step: next(&mut seq)?,
+        };
+        let data = DataSeed { description: &description, filter: &self.filter };
+        let cloud = seq.next_element_seed(data)?.ok_or_else(cut)?;
+        // `is_dense` is not relied on, yet a message without it was cut.
+        let _all_finite: bool = next(&mut seq)?;
+        Ok(cloud)
+    }
+}
+
+fn next<'de, T: Deserialize<'de>, A: SeqAccess<'de>>(seq: &mut A) -> Result<T, A::Error> {
+    seq.next_element()?.ok_or_else(cut)
+}
+
+fn cut<E: Error>() -> E {
+    E::custom("sensor_msgs/PointCloud2 ends before its last field")
+}
+
+/// The first [`MAX_FIELDS`] fields and the number of all: a hostile count costs reading, not memory.
+struct Fields {
+    first: Vec<PointField>,
+    count: usize,
+}
+
+impl<'de> Deserialize<'de> for Fields {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_seq(FieldsVisitor)
+    }
+}
+
+struct FieldsVisitor;
+
+impl<'de> Visitor<'de> for FieldsVisitor {
+    type Value = Fields;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a sequence of sensor_msgs/PointField")
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<Fields, A::Error> {
+        let mut fields = Fields { first: Vec::new(), count: 0 };
+        while let Some(field) = seq.next_element()? {
+            fields.count += 1;
+            if fields.first.len() < MAX_FIELDS {
+                fields.first.push(field);
+            }
+        }
+        Ok(fields)
+    }
+}
+
+/// Converts `data` while the deserializer lends it.
+struct DataSeed<'a> {
+    description: &'a Description<'a>,
+    filter: &'a CloudFilter,
+}
+
+impl<'de> DeserializeSeed<'de> for DataSeed<'_> {
+    type Value = Result<Cloud, CloudError>;
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Self::Value, D::Error> {
+        deserializer.deserialize_bytes(self)
+    }
+}
+
+impl<'de> Visitor<'de> for DataSeed<'_> {
+    type Value = Result<Cloud, CloudError>;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("the bytes of the points")
+    }
+
+    fn visit_borrowed_bytes<E: Error>(self, data: &'de [u8]) -> Result<Self::Value, E> {
+        self.visit_bytes(data)
+    }
+
+    fn visit_bytes<E: Error>(self, data: &[u8]) -> Result<Self::Value, E> {
+        Ok(cloud_from(self.description, data, self.filter))
+    }
+}

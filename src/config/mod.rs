@@ -1,0 +1,203 @@
+//! The node's parameters: what was given, by name -> what is checked.
+//!
+//! [`PARAMETERS`] declares each with its default, unit and range; [`Config::new`] turns given values into a [`Config`]
+//! or says which one cannot be, with its value and what it must be. Nothing is repaired in silence.
+
+mod value;
+
+use std::net::IpAddr;
+use std::time::Duration;
+
+use thiserror::Error;
+
+pub use self::value::Value;
+use self::value::{Declared, Given};
+use crate::cloud::{CloudFilter, Optical};
+use crate::engine::{Params, ParamsError};
+
+/// Everything the node can be told, checked.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Config {
+    /// The frame in which the map lives.
+    pub fixed_frame: String,
+    /// Parameters of the engine.
+    pub engine: Params,
+    /// Which points of a cloud are taken in.
+    pub filter: CloudFilter,
+    /// How long a cloud waits for its transform.
+    pub tf_timeout: Duration,
+    /// Time between two snapshots.
+    pub publish_period: Duration,
+    /// Addresses of the network interfaces to use; empty = all.
+    pub network_interfaces: Vec<IpAddr>,
+    /// Bytes to ask for as the socket's receive buffer.
+    pub receive_buffer: usize,
+    /// Whether `/clock` gives the time.
+    pub use_sim_time: bool,
+}
+
+/// A parameter that is unknown, or whose value cannot be.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum ConfigError {
+    /// No parameter has this name.
+    #[error("unknown parameter `{name}`; the nearest known one is `{nearest}`")]
+    Unknown {
+        /// As given.
+        name: String,
+        /// The known name that differs least.
+        nearest: &'static str,
+    },
+    /// A value of another type than the parameter's.
+    #[error("{name} is {value}; it must be {must}")]
+    Impossible {
+        /// The parameter.
+        name: &'static str,
+        /// As given.
+        value: Value,
+        /// The values it can have.
+        must: String,
+    },
+    /// A value that the engine cannot work with.
+    #[error(transparent)]
+    Engine(#[from] ParamsError),
+}
+
+/// A declared parameter.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Parameter {
+    /// Its name.
+    pub name: &'static str,
+    /// Its value when none is given.
+    pub default: Value,
+    /// Meaning, unit and range.
+    pub about: &'static str,
+}
+
+/// All parameters, in the order of the documentation.
+pub fn parameters() -> Vec<Parameter> {
+    let declare = |(name, default, about): Declared| Parameter { name, default: default(), about };
+    value::TABLE.iter().copied().map(declare).collect()
+}
+
+impl Config {
+    /// Checks the given values, later ones over earlier ones of the same name; the rest have their defaults.
+    ///
+    /// # Errors
+    /// At the first parameter that is unknown or whose value cannot be.
+    pub fn new(values: impl IntoIterator<Item = (String, Value)>) -> Result<Self, ConfigError> {
+        let given = Given::new(values)?;
+        given.check_mode()?;
+        Ok(Self {
+            fixed_frame: given.frame("fixed_frame")?,
+            engine: engine(&given)?,
+            filter: filter(&given)?,
+            tf_timeout: given.seconds("tf_timeout", 0.0, 60.0)?,
+            publish_period: Duration::from_secs_f64(1.0 / given.double("publish_rate", 0.01, 100.0)?),
+            network_interfaces: given.addresses("network_interfaces")?,
+            receive_buffer: given.integer("receive_buffer", 4096, 1 << 30)? as usize,
+            use_sim_time: given.boolean("use_sim_time")?,
+        })
+    }
+
+    /// The values that this configuration stands for, under their names: what the parameter services show.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn values(
+        given: impl IntoIterator<Item = (String, Value)>,
+    ) -> Result<Vec<(&'static str, Value)>, ConfigError> {
+        Ok(Given::new(given)?.into_values())
+    }
+}
+
+fn engine(given: &Given) -> Result<Params, ConfigError> {
+    let whole = |name| given.integer(name, i64::MIN, i64::MAX);
+    let real = |name| given.double(name, f64::NEG_INFINITY, f64::INFINITY);
+    Ok(Params::default()
+        .with_voxel_size(real("voxel_size")?)?
+        .with_min_points(whole("min_points")?)?
+        .with_depth(whole("depth")?)?
+        .with_max_normal_angle(real("max_normal_angle")?)?
+        .with_min_vicinity(whole("min_vicinity")?)?
+        .with_expansion_interval(whole("expansion_interval")?)?)
+}
+
+fn filter(given: &Given) -> Result<CloudFilter, ConfigError> {
+    let min_range = given.double("min_range", 0.0, f64::MAX)?;
+    let max_range = given.double("max_range", 0.0, f64::MAX)?;
+    if max_range < min_range {
+        let must = format!("at least min_range, which is {min_range} m");
+        return Err(ConfigError::Impossible { name: "max_range", value: Value::Double(max_range), must });
+    }
+    let optical = match given.text("optical")? {
+        "auto" => Optical::Auto,
+        "yes" => Optical::Yes,
+        "no" => Optical::No,
+        other => {
+            let (value, must) = (Value::Text(other.to_owned()), "`auto`, `yes` or `no`".to_owned());
+            return Err(ConfigError::Impossible { name: "optical", value, must });
+        }
+    };
+    let max_points = given.integer("max_points", 1, i64::from(u32::MAX))? as u32;
+    Ok(CloudFilter { min_range, max_range, optical, max_points })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn with(name: &str, value: Value) -> Result<Config, ConfigError> {
+        Config::new([(name.to_owned(), value)])
+    }
+
+    fn line(name: &str, value: Value) -> String {
+        with(name, value).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn the_defaults_are_possible_and_those_of_the_engine() {
+        let config = Config::new([]).unwrap();
+        assert_eq!(config.engine, Params::default());
+        assert_eq!(config.fixed_frame, "odom");
+        assert_eq!(config.publish_period, Duration::from_millis(500));
+        assert_eq!((config.filter.min_range, config.filter.max_range), (0.4, 6.0));
+        assert_eq!(config.receive_buffer, 32 << 20);
+    }
+
+    #[test]
+    fn an_unknown_name_gets_the_nearest_known_one() {
+        let text = line("voxelsize", Value::Double(0.05));
+        assert_eq!(text, "unknown parameter `voxelsize`; the nearest known one is `voxel_size`");
+    }
+
+    #[test]
+    fn an_impossible_value_is_named_with_what_it_must_be() {
+        assert_eq!(line("depth", Value::Integer(9)), "depth is 9; it must be from 1 to 8");
+        assert_eq!(
+            line("voxel_size", Value::Double(-1.0)),
+            "voxel_size is -1 m; it must be finite and above 0"
+        );
+        assert_eq!(line("depth", Value::Text("deep".into())), "depth is \"deep\"; it must be an integer");
+        assert_eq!(line("use_sim_time", Value::Integer(1)), "use_sim_time is 1; it must be true or false");
+        assert_eq!(line("optical", Value::Text("no!".into())), "optical is \"no!\"; it must be `auto`, `yes` or `no`");
+        assert_eq!(line("max_range", Value::Double(0.1)), "max_range is 0.1; it must be at least min_range, which is 0.4 m");
+        assert_eq!(line("publish_rate", Value::Double(0.0)), "publish_rate is 0; it must be from 0.01 to 100");
+        assert_eq!(line("tf_timeout", Value::Double(f64::NAN)), "tf_timeout is NaN; it must be from 0 to 60");
+        assert_eq!(line("fixed_frame", Value::Text("/".into())), "fixed_frame is \"/\"; it must be the name of a frame");
+        assert!(line("mode", Value::Text("consistent".into())).contains("`consistent` is not built yet"));
+        let addresses = Value::TextList(vec!["127.0.0.1".into(), "eth0".into()]);
+        assert!(line("network_interfaces", addresses).contains("IP addresses"));
+    }
+
+    #[test]
+    fn an_integer_is_taken_for_a_double_and_the_last_value_counts() {
+        let values = [("voxel_size", Value::Double(0.3)), ("voxel_size", Value::Integer(1))];
+        let config = Config::new(values.map(|(name, value)| (name.to_owned(), value))).unwrap();
+        assert!((config.engine.voxel_size() - 1.0).abs() < f64::EPSILON);
+    }
+
+    #[test]
+    fn a_leading_slash_of_a_frame_is_dropped() {
+        assert_eq!(with("fixed_frame", Value::Text("/map".into())).unwrap().fixed_frame, "map");
+    }
+}

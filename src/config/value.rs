@@ -1,0 +1,158 @@
+//! Values of parameters, their declaration, and typed access to what was given.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::net::IpAddr;
+use std::time::Duration;
+
+use super::ConfigError;
+
+/// A parameter's value, of the ROS parameter types that are used here.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Value {
+    /// `bool`.
+    Boolean(bool),
+    /// `integer`.
+    Integer(i64),
+    /// `double`.
+    Double(f64),
+    /// `string`.
+    Text(String),
+    /// `string_array`.
+    TextList(Vec<String>),
+}
+
+impl fmt::Display for Value {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Boolean(value) => value.fmt(f),
+            Self::Integer(value) => value.fmt(f),
+            Self::Double(value) => value.fmt(f),
+            Self::Text(value) => write!(f, "{value:?}"),
+            Self::TextList(value) => write!(f, "{value:?}"),
+        }
+    }
+}
+
+/// Name, default, and meaning with unit and range.
+pub(super) type Declared = (&'static str, fn() -> Value, &'static str);
+
+pub(super) const TABLE: &[Declared] = &[
+    ("fixed_frame", || Value::Text("odom".to_owned()), "frame in which the map lives"),
+    ("mode", || Value::Text("paper".to_owned()), "`paper`: the method to the letter"),
+    ("voxel_size", || Value::Double(0.08), "edge of a voxel, the paper's xi [m], above 0"),
+    ("min_points", || Value::Integer(15), "points that make a voxel dense, the paper's tau, 1 or more"),
+    ("depth", || Value::Integer(4), "steps that a neighbourhood reaches, the paper's d, 1 to 8"),
+    ("max_normal_angle", || Value::Double(0.53), "largest angle between similar normals, theta [rad], 0 to pi/2"),
+    ("min_vicinity", || Value::Integer(1), "least vicinity of an absorption, minUnits [pairs], 1 or more"),
+    ("expansion_interval", || Value::Integer(10), "scans without growth until complete, delta; 0 = never"),
+    ("max_range", || Value::Double(6.0), "furthest point [m]: depth in an optical frame, else distance"),
+    ("min_range", || Value::Double(0.4), "nearest point [m]: depth in an optical frame, else distance"),
+    ("optical", || Value::Text("auto".to_owned()), "whether clouds have optical axes: `auto` (by frame id), `yes`, `no`"),
+    ("max_points", || Value::Integer(4_000_000), "most points of one scan; a larger one is refused"),
+    ("network_interfaces", || Value::TextList(Vec::new()), "IP addresses of the interfaces to use; empty = all"),
+    ("receive_buffer", || Value::Integer(32 << 20), "receive buffer to ask of the system [bytes], 4096 to 2^30"),
+    ("tf_timeout", || Value::Double(0.2), "how long a cloud waits for its transform [s], 0 to 60"),
+    ("publish_rate", || Value::Double(2.0), "snapshots, markers and labelled points [Hz], 0.01 to 100"),
+    ("use_sim_time", || Value::Boolean(false), "whether /clock gives the time"),
+];
+
+/// The value of each parameter, given or default; names are known, types are not yet checked.
+pub(super) struct Given(BTreeMap<&'static str, Value>);
+
+impl Given {
+    pub(super) fn new(values: impl IntoIterator<Item = (String, Value)>) -> Result<Self, ConfigError> {
+        let mut given: BTreeMap<_, _> = TABLE.iter().map(|(name, default, _)| (*name, default())).collect();
+        for (name, value) in values {
+            let known = given.get_key_value(name.as_str()).map(|(known, _)| *known);
+            let Some(known) = known else {
+                return Err(ConfigError::Unknown { nearest: nearest(&name), name });
+            };
+            given.insert(known, value);
+        }
+        Ok(Self(given))
+    }
+
+    pub(super) fn into_values(self) -> Vec<(&'static str, Value)> {
+        let as_declared = |(name, value)| match (declared(name), value) {
+            (Some(Value::Double(_)), Value::Integer(value)) => (name, Value::Double(value as f64)),
+            (_, value) => (name, value),
+        };
+        self.0.into_iter().map(as_declared).collect()
+    }
+
+    fn get(&self, name: &'static str) -> &Value {
+        // Every name asked for stands in the table; the tests read each of them.
+        self.0.get(name).unwrap_or(&Value::Boolean(false))
+    }
+
+    fn refuse<T>(&self, name: &'static str, must: impl Into<String>) -> Result<T, ConfigError> {
+        Err(ConfigError::Impossible { name, value: self.get(name).clone(), must: must.into() })
+    }
+
+    pub(super) fn boolean(&self, name: &'static str) -> Result<bool, ConfigError> {
+        if let Value::Boolean(value) = self.get(name) { Ok(*value) } else { self.refuse(name, "true or false") }
+    }
+
+    pub(super) fn integer(&self, name: &'static str, least: i64, most: i64) -> Result<i64, ConfigError> {
+        match *self.get(name) {
+            Value::Integer(value) if (least..=most).contains(&value) => Ok(value),
+            Value::Integer(_) => self.refuse(name, format!("from {least} to {most}")),
+            _ => self.refuse(name, "an integer"),
+        }
+    }
+
+    pub(super) fn double(&self, name: &'static str, least: f64, most: f64) -> Result<f64, ConfigError> {
+        let value = match *self.get(name) {
+            Value::Double(value) => value,
+            // A number without a point is an integer to YAML, and meant as a double here.
+            Value::Integer(value) => value as f64,
+            _ => return self.refuse(name, "a number"),
+        };
+        let bounded = least > f64::NEG_INFINITY;
+        if bounded && !(least..=most).contains(&value) {
+            return self.refuse(name, format!("from {least} to {most}"));
+        }
+        Ok(value)
+    }
+
+    pub(super) fn seconds(&self, name: &'static str, least: f64, most: f64) -> Result<Duration, ConfigError> {
+        self.double(name, least, most).map(Duration::from_secs_f64)
+    }
+
+    pub(super) fn text(&self, name: &'static str) -> Result<&str, ConfigError> {
+        if let Value::Text(value) = self.get(name) { Ok(value) } else { self.refuse(name, "a text") }
+    }
+
+    pub(super) fn frame(&self, name: &'static str) -> Result<String, ConfigError> {
+        let frame = self.text(name)?.trim_start_matches('/');
+        if frame.is_empty() { self.refuse(name, "the name of a frame") } else { Ok(frame.to_owned()) }
+    }
+
+    pub(super) fn addresses(&self, name: &'static str) -> Result<Vec<IpAddr>, ConfigError> {
+        let addresses = match self.get(name) {
+            Value::TextList(list) => list.iter().map(|text| text.parse()).collect::<Result<_, _>>().ok(),
+            // What an empty list looks like where its type cannot be told.
+            Value::Text(text) if text.is_empty() => Some(Vec::new()),
+            _ => None,
+        };
+        addresses.map_or_else(|| self.refuse(name, "a list of IP addresses, as [\"192.168.1.5\"]"), Ok)
+    }
+
+    pub(super) fn check_mode(&self) -> Result<(), ConfigError> {
+        match self.text("mode")? {
+            "paper" => Ok(()),
+            "consistent" => self.refuse("mode", "`paper`: `consistent` is not built yet"),
+            _ => self.refuse("mode", "`paper`"),
+        }
+    }
+}
+
+fn declared(name: &str) -> Option<Value> {
+    TABLE.iter().find(|declared| declared.0 == name).map(|declared| declared.1())
+}
+
+fn nearest(name: &str) -> &'static str {
+    let names = TABLE.iter().map(|declared| declared.0);
+    names.min_by_key(|known| strsim::damerau_levenshtein(known, name)).unwrap_or_default()
+}

@@ -1,0 +1,154 @@
+//! A file is written whole or not at all.
+
+use std::fs::{self, File};
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+/// A file could not be written.
+#[derive(Debug, thiserror::Error)]
+#[error("cannot write {}: {source}", path.display())]
+pub struct WriteError {
+    /// The file that was asked for.
+    pub path: PathBuf,
+    /// What went wrong.
+    pub source: io::Error,
+}
+
+/// Writes a file by way of a temporary file in the same folder, which takes its place when it is complete.
+///
+/// A symbolic link stays and its target is replaced. What is no regular file, such as a pipe or `/dev/stdout`, cannot be
+/// replaced and is written to directly.
+///
+/// # Errors
+///
+/// Where the file cannot be made or `write` fails; the file is then as it was before, and no temporary file is left.
+pub fn write_whole(
+    path: &Path,
+    write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+) -> Result<(), WriteError> {
+    let written = match fs::metadata(path) {
+        Ok(metadata) if !metadata.is_file() => write_directly(path, write),
+        Ok(_) => fs::canonicalize(path).and_then(|target| replace(&target, write)),
+        Err(_) => replace(path, write),
+    };
+    written.map_err(|source| WriteError { path: path.to_owned(), source })
+}
+
+fn write_directly(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
+    let mut out = BufWriter::new(File::options().write(true).open(path)?);
+    write(&mut out)?;
+    out.flush()
+}
+
+fn replace(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
+    let name =
+        path.file_name().ok_or_else(|| io::Error::new(io::ErrorKind::InvalidInput, "not a file name"))?;
+    // The process id keeps two programs that write the same file apart.
+    let partial = path.with_file_name(format!(".{}.{}.part", name.to_string_lossy(), std::process::id()));
+    let written = write_synced(&partial, write).and_then(|()| fs::rename(&partial, path));
+    if written.is_err() {
+        // The first error is the one to tell; where the file could not even be made there is nothing to remove.
+        let _ = fs::remove_file(&partial);
+    }
+    written
+}
+
+fn write_synced(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
+    let mut out = BufWriter::new(File::create(path)?);
+    write(&mut out)?;
+    out.flush()?;
+    // Without this the rename can reach the disk before the bytes do.
+    out.get_ref().sync_all()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A folder of the test's own, removed at its end.
+    struct Folder(PathBuf);
+
+    impl Folder {
+        fn new(test: &str) -> Self {
+            let path = std::env::temp_dir().join(format!("cfodi-{test}-{}", std::process::id()));
+            fs::create_dir_all(&path).unwrap();
+            Self(path)
+        }
+
+        fn names(&self) -> Vec<String> {
+            let entries = fs::read_dir(&self.0).unwrap();
+            let mut names: Vec<_> =
+                entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+            names.sort();
+            names
+        }
+    }
+
+    impl Drop for Folder {
+        fn drop(&mut self) {
+            let _ = fs::remove_dir_all(&self.0);
+        }
+    }
+
+    #[test]
+    fn a_file_is_made_and_replaced() {
+        let folder = Folder::new("made");
+        let path = folder.0.join("a.ply");
+        for text in ["a longer text", "short"] {
+            write_whole(&path, |out| out.write_all(text.as_bytes())).unwrap();
+            assert_eq!(fs::read_to_string(&path).unwrap(), text);
+        }
+        assert_eq!(folder.names(), ["a.ply"]);
+    }
+
+    #[test]
+    fn after_an_error_the_file_is_as_it_was_and_nothing_else_is_left() {
+        let folder = Folder::new("error");
+        let path = folder.0.join("a.ply");
+        fs::write(&path, "before").unwrap();
+        let error = write_whole(&path, |out| {
+            out.write_all(&vec![0; 100_000])?;
+            Err(io::Error::other("disk full"))
+        });
+        assert_eq!(error.unwrap_err().to_string(), format!("cannot write {}: disk full", path.display()));
+        assert_eq!(fs::read_to_string(&path).unwrap(), "before");
+        assert_eq!(folder.names(), ["a.ply"]);
+    }
+
+    #[test]
+    fn an_error_names_the_file_whose_folder_is_missing() {
+        let path = Path::new("/nowhere/at/all.ply");
+        let error = write_whole(path, |_| Ok(())).unwrap_err();
+        assert_eq!(error.path, path);
+        assert_eq!(error.source.kind(), io::ErrorKind::NotFound);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_stays_a_link_and_its_target_is_replaced() {
+        let folder = Folder::new("link");
+        let (target, link) = (folder.0.join("target"), folder.0.join("link"));
+        fs::write(&target, "before").unwrap();
+        std::os::unix::fs::symlink(&target, &link).unwrap();
+        write_whole(&link, |out| out.write_all(b"after")).unwrap();
+        assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
+        assert_eq!(fs::read_to_string(&target).unwrap(), "after");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_device_is_written_to_and_not_replaced() {
+        use std::os::unix::fs::FileTypeExt;
+
+        let device = Path::new("/dev/null");
+        write_whole(device, |out| out.write_all(b"gone")).unwrap();
+        assert!(fs::metadata(device).unwrap().file_type().is_char_device());
+    }
+
+    #[test]
+    fn a_folder_is_not_written_to() {
+        let folder = Folder::new("folder");
+        assert!(write_whole(&folder.0, |_| Ok(())).is_err());
+        assert_eq!(folder.names(), [""; 0]);
+    }
+}

@@ -1,0 +1,226 @@
+//! A ROS command line -> who the node is, what it listens to, and its checked configuration.
+
+use ros2args::names::{build_node_fqn, expand_topic_name};
+use ros2args::{ParamAssignment, Ros2Args, Ros2ArgsError, match_wildcard_pattern, parse_param_file};
+use thiserror::Error;
+use yaml_rust2::Yaml;
+
+use crate::config::{Config, ConfigError, Value};
+
+/// Everything that the command line and the environment say about the node.
+#[derive(Clone, Debug)]
+pub struct Setup {
+    /// Base name of the node.
+    pub name: String,
+    /// Its namespace, with a leading slash.
+    pub namespace: String,
+    /// DDS domain.
+    pub domain: u16,
+    /// The checked configuration.
+    pub config: Config,
+    /// Values of all parameters, as the parameter services show them.
+    pub parameters: Vec<(&'static str, Value)>,
+    /// Level of the log, as `--log-level` gives it.
+    pub log_level: Option<String>,
+    remaps: Vec<(String, String)>,
+}
+
+/// A command line that cannot be.
+#[derive(Debug, Error)]
+pub enum ArgsError {
+    /// Not in the form of ROS arguments.
+    #[error(transparent)]
+    Form(#[from] Ros2ArgsError),
+    /// A parameter that cannot be.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// A parameter of a type that no parameter has.
+    #[error("{name} is {value}; it must be a boolean, a number, a text or a list of texts")]
+    Type {
+        /// The parameter.
+        name: String,
+        /// As given.
+        value: String,
+    },
+    /// `ROS_DOMAIN_ID` out of range.
+    #[error("ROS_DOMAIN_ID is {0:?}; it must be from 0 to 232")]
+    Domain(String),
+    /// A name that cannot be resolved.
+    #[error("the name `{0}` cannot be resolved: {1}")]
+    Name(String, Ros2ArgsError),
+}
+
+impl Setup {
+    /// Reads `--ros-args` sections out of `args`; returns the other arguments too. `domain` is the text of
+    /// `ROS_DOMAIN_ID`, `None` where it is not set; `default_name` is the node's name without `__node`.
+    ///
+    /// Parameter files count in their order, `-p` after them.
+    ///
+    /// # Errors
+    /// At the first thing that cannot be, with its name and value.
+    pub fn parse(
+        args: &[String],
+        domain: Option<&str>,
+        default_name: &str,
+    ) -> Result<(Self, Vec<String>), ArgsError> {
+        let (ros, rest) = ros2args::parse_ros2_args(args)?;
+        let renamed = |special: &[&str]| {
+            let rules = ros.remap_rules.iter().filter(|rule| rule.applies_to_node(default_name));
+            rules.filter(|rule| special.contains(&rule.from.as_str())).map(|rule| rule.to.clone()).next_back()
+        };
+        let name = renamed(&["__node", "__name"]).unwrap_or_else(|| default_name.to_owned());
+        let namespace = absolute(renamed(&["__ns"]).unwrap_or_default());
+        ros2args::names::validate_node_name(&name)?;
+        let given = given_parameters(&ros, &namespace, &name)?;
+        let remaps = ros.remap_rules.iter().filter(|rule| rule.applies_to_node(&name));
+        let setup = Self {
+            config: Config::new(given.clone())?,
+            parameters: Config::values(given)?,
+            domain: parse_domain(domain)?,
+            log_level: ros.log_levels.last().map(|assigned| assigned.level.as_str().to_lowercase()),
+            remaps: remaps.map(|rule| (rule.from.clone(), rule.to.clone())).collect(),
+            name,
+            namespace,
+        };
+        Ok((setup, rest))
+    }
+
+    /// The fully qualified name of a topic or service: expanded, then remapped.
+    ///
+    /// # Errors
+    /// When the name, or what a rule makes of it, is none.
+    pub fn resolve(&self, name: &str) -> Result<String, ArgsError> {
+        let expand = |name: &str| {
+            expand_topic_name(&self.namespace, &self.name, name)
+                .map_err(|error| ArgsError::Name(name.to_owned(), error))
+        };
+        let expanded = expand(name)?;
+        for (from, to) in &self.remaps {
+            if !from.starts_with("__") && expand(from).is_ok_and(|from| from == expanded) {
+                return expand(to);
+            }
+        }
+        Ok(expanded)
+    }
+
+    /// The same network and remappings for another node of this process, without parameters.
+    #[must_use]
+    pub fn for_node(&self, name: &str) -> Self {
+        Self { name: name.to_owned(), parameters: Vec::new(), ..self.clone() }
+    }
+
+    /// Namespace and name, as in `/robot/cfodi`.
+    pub fn fully_qualified_name(&self) -> String {
+        build_node_fqn(&self.namespace, &self.name)
+    }
+}
+
+fn absolute(namespace: String) -> String {
+    if namespace.starts_with('/') { namespace } else { format!("/{namespace}") }
+}
+
+fn parse_domain(domain: Option<&str>) -> Result<u16, ArgsError> {
+    let Some(text) = domain.filter(|text| !text.is_empty()) else { return Ok(0) };
+    let number = text.parse().ok().filter(|number| *number <= 232);
+    number.ok_or_else(|| ArgsError::Domain(text.to_owned()))
+}
+
+fn given_parameters(ros: &Ros2Args, namespace: &str, name: &str) -> Result<Vec<(String, Value)>, ArgsError> {
+    let node = build_node_fqn(namespace, name);
+    let mut assigned: Vec<ParamAssignment> = Vec::new();
+    for file in &ros.param_files {
+        let for_node = |param: &ParamAssignment| {
+            param.node_name.as_ref().is_none_or(|pattern| match_wildcard_pattern(pattern, &node))
+        };
+        assigned.extend(parse_param_file(file)?.into_iter().filter(for_node));
+    }
+    assigned.extend(ros.param_assignments.iter().filter(|param| param.applies_to_node(name)).cloned());
+    let mut values = Vec::new();
+    for param in assigned {
+        flatten(param.name, &param.value, &mut values)?;
+    }
+    Ok(values)
+}
+
+/// A nested map stands for names joined by dots.
+fn flatten(name: String, value: &Yaml, values: &mut Vec<(String, Value)>) -> Result<(), ArgsError> {
+    let value = match value {
+        Yaml::Boolean(value) => Value::Boolean(*value),
+        Yaml::Integer(value) => Value::Integer(*value),
+        Yaml::Real(text) => match value.as_f64() {
+            Some(value) => Value::Double(value),
+            None => Value::Text(text.clone()),
+        },
+        Yaml::String(value) => Value::Text(value.clone()),
+        Yaml::Array(list) => Value::TextList(list.iter().map(text_of).collect()),
+        Yaml::Hash(map) => {
+            return map.iter().try_for_each(|(key, value)| flatten(format!("{name}.{}", text_of(key)), value, values));
+        }
+        other => return Err(ArgsError::Type { name, value: format!("{other:?}") }),
+    };
+    values.push((name, value));
+    Ok(())
+}
+
+fn text_of(yaml: &Yaml) -> String {
+    yaml.as_str().map_or_else(|| format!("{yaml:?}"), str::to_owned)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(line: &str) -> Result<Setup, ArgsError> {
+        let args: Vec<_> = line.split_whitespace().map(str::to_owned).collect();
+        Setup::parse(&args, None, "cfodi").map(|(setup, _)| setup)
+    }
+
+    #[test]
+    fn names_are_expanded_and_then_remapped() {
+        let setup = parse("run --ros-args -r __ns:=/robot -r points:=/camera/depth/points -r ~/clusters:=walls").unwrap();
+        assert_eq!(setup.fully_qualified_name(), "/robot/cfodi");
+        assert_eq!(setup.resolve("points").unwrap(), "/camera/depth/points");
+        assert_eq!(setup.resolve("~/clusters").unwrap(), "/robot/walls");
+        assert_eq!(setup.resolve("~/markers").unwrap(), "/robot/cfodi/markers");
+        assert_eq!(setup.resolve("/tf").unwrap(), "/tf");
+    }
+
+    #[test]
+    fn node_name_and_fully_qualified_rules_apply() {
+        let setup = parse("--ros-args -r __node:=eyes -r /points:=/a").unwrap();
+        assert_eq!((setup.name.as_str(), setup.resolve("points").unwrap().as_str()), ("eyes", "/a"));
+    }
+
+    #[test]
+    fn files_count_in_order_and_p_after_them() {
+        let folder = std::env::temp_dir().join(format!("cfodi-args-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        let file = folder.join("params.yaml");
+        let text = "/**:\n  ros__parameters:\n    depth: 3\n    voxel_size: 1\n/other:\n  ros__parameters:\n    depth: 8\n";
+        std::fs::write(&file, text).unwrap();
+        let setup = parse(&format!("--ros-args -p depth:=2 --params-file {}", file.display())).unwrap();
+        assert_eq!(setup.config.engine.depth(), 2);
+        assert!((setup.config.engine.voxel_size() - 1.0).abs() < f64::EPSILON);
+        assert!(setup.parameters.contains(&("voxel_size", Value::Double(1.0))));
+        std::fs::remove_dir_all(&folder).unwrap();
+    }
+
+    #[test]
+    fn what_cannot_be_is_refused_with_name_and_value() {
+        assert!(parse("--ros-args -p depht:=3").unwrap_err().to_string().contains("nearest known one is `depth`"));
+        assert!(parse("--ros-args --params-file /no/such.yaml").unwrap_err().to_string().contains("/no/such.yaml"));
+        let domain = Setup::parse(&[], Some("233"), "cfodi").unwrap_err().to_string();
+        assert_eq!(domain, "ROS_DOMAIN_ID is \"233\"; it must be from 0 to 232");
+        assert_eq!(Setup::parse(&[], Some("7"), "cfodi").unwrap().0.domain, 7);
+    }
+
+    #[test]
+    fn every_file_under_config_is_possible() {
+        let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("config");
+        let files: Vec<_> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+        assert!(!files.is_empty());
+        for file in files {
+            parse(&format!("--ros-args --params-file {}", file.display())).unwrap();
+        }
+    }
+}

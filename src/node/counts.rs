@@ -1,0 +1,60 @@
+//! Where every cloud went.
+
+use std::collections::BTreeMap;
+use std::fmt::{self, Write};
+
+/// Clouds since the node's start: each that was sent is taken in, replaced, lost, or skipped for a reason.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Clouds that arrived, good or bad.
+    pub received: u64,
+    /// Scans the engine has taken in.
+    pub taken_in: u64,
+    /// Scans that were still waiting for the engine when a newer one arrived.
+    pub replaced: u64,
+    /// Clouds that were sent and never arrived.
+    pub lost: u64,
+    /// Clouds that arrived and could not be used, by reason.
+    pub skipped: BTreeMap<&'static str, u64>,
+}
+
+impl Counts {
+    /// Counts a cloud that could not be used.
+    pub fn skip(&mut self, reason: &'static str) {
+        *self.skipped.entry(reason).or_default() += 1;
+    }
+}
+
+impl fmt::Display for Counts {
+    /// As JSON on one line.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut skipped = String::new();
+        for (reason, number) in &self.skipped {
+            let comma = if skipped.is_empty() { "" } else { "," };
+            write!(skipped, "{comma}\"{reason}\":{number}")?;
+        }
+        let Self { received, taken_in, replaced, lost, .. } = self;
+        write!(
+            f,
+            "{{\"received\":{received},\"taken_in\":{taken_in},\"replaced\":{replaced},\"lost\":{lost},\
+             \"skipped\":{{{skipped}}}}}"
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn counts_are_one_line_of_json() {
+        let mut counts = Counts { received: 5, taken_in: 2, ..Counts::default() };
+        counts.skip("data_too_short");
+        counts.skip("bad_stamp");
+        counts.skip("data_too_short");
+        assert_eq!(
+            counts.to_string(),
+            r#"{"received":5,"taken_in":2,"replaced":0,"lost":0,"skipped":{"bad_stamp":1,"data_too_short":2}}"#
+        );
+    }
+}

@@ -1,0 +1,421 @@
+//! [`Transport`] over ROS 2's DDS. The only file that imports `ros2_client` and `rustdds`.
+//!
+//! Everything runs on the thread of one [`tokio::task::LocalSet`]. Clouds are decoded while the middleware's buffer is
+//! borrowed, so no cloud is copied; each subscription is a task that hands events to one bounded channel and waits
+//! when it is full: what the middleware then drops shows as a gap in the publisher's sequence numbers.
+
+use std::collections::BTreeMap;
+use std::net::IpAddr;
+use std::rc::Rc;
+
+use futures::{StreamExt, pin_mut};
+use ros2_client::qos::{Durability, History, WhenFull};
+use ros2_client::{
+    Context, Gid, MessageTypeName, Name, Node, NodeName, NodeOptions, ParameterValue, Publisher, QosProfile,
+    RmwRequestId, Server, ServiceMapping, ServiceTypeName, Subscription,
+};
+use rustdds::policy::{self, ResourceLimits};
+use rustdds::{DomainParticipant, DomainParticipantBuilder, QosPolicyBuilder, Topic, TopicKind};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use thiserror::Error;
+use tokio::sync::mpsc;
+
+use super::args::{ArgsError, Setup};
+use super::transport::{Event, Outgoing, SendError, Source, Transport};
+use crate::cloud::{Cloud, CloudError, CloudFilter, CloudSeed};
+use crate::config::Value;
+use crate::msg::clusters::SurfaceClusterArray;
+use crate::msg::ros::{Clock, MarkerArray, PointCloud2, TfMessage, TriggerRequest, TriggerResponse};
+
+/// The middleware refused something.
+#[derive(Debug, Error)]
+pub enum DdsError {
+    /// With what it was asked for, and its own words.
+    #[error("cannot open {what}: {text}")]
+    Open {
+        /// A topic, service or the participant.
+        what: String,
+        /// The middleware's words.
+        text: String,
+    },
+    /// A name that cannot be resolved.
+    #[error(transparent)]
+    Name(#[from] ArgsError),
+}
+
+/// Events that wait for the node; a cloud that finds no place waits in the middleware.
+const EVENTS: usize = 16;
+
+/// Adds events to those of the network.
+pub type Events = mpsc::Sender<Event<RmwRequestId>>;
+
+impl ros2_client::Message for TriggerRequest {}
+impl ros2_client::Message for TriggerResponse {}
+
+fn opening<E: std::fmt::Display>(what: &str) -> impl FnOnce(E) -> DdsError {
+    move |error| DdsError::Open { what: what.to_owned(), text: error.to_string() }
+}
+
+/// A node on the network, before it has topics.
+struct Opener<'a> {
+    setup: &'a Setup,
+    participant: DomainParticipant,
+    node: Node,
+}
+
+impl<'a> Opener<'a> {
+    fn new(setup: &'a Setup) -> Result<Self, DdsError> {
+        let participant = participant(setup)?;
+        let context = Context::from_domain_participant(participant.clone()).map_err(opening("a ROS context"))?;
+        let name = NodeName::new(&setup.namespace, &setup.name).map_err(opening("the node"))?;
+        let mut options = NodeOptions::new();
+        for (name, value) in &setup.parameters {
+            // The library declares this one itself; it is set below.
+            if *name != "use_sim_time" {
+                options = options.declare_parameter(name, parameter(value));
+            }
+        }
+        let begun_with: BTreeMap<_, _> =
+            setup.parameters.iter().map(|(name, value)| (*name, parameter(value))).collect();
+        // The library also asks when a parameter is declared.
+        let fixed = move |name: &str, value: &ParameterValue| {
+            let same = begun_with.get(name) == Some(value) || name == "use_sim_time" && begun_with.is_empty();
+            let why = || format!("{name} is read when the node starts: start it again with -p {name}:=...");
+            if same { Ok(()) } else { Err(why()) }
+        };
+        let node = context.new_node(name, options.parameter_validator(Box::new(fixed)));
+        Ok(Self { setup, participant, node: node.map_err(opening("the node"))? })
+    }
+
+    fn topic(&self, name: &str, package: &str, kind: &str, qos: &rustdds::QosPolicies) -> Result<Topic, DdsError> {
+        let resolved = self.setup.resolve(name)?;
+        let kind = MessageTypeName::new(package, kind).dds_msg_type();
+        let topic = self.participant.create_topic(format!("rt{resolved}"), kind, qos, TopicKind::NoKey);
+        topic.map_err(opening(&resolved))
+    }
+
+    fn subscribe<M: 'static>(
+        &mut self,
+        (name, package, kind): (&str, &str, &str),
+        qos: &rustdds::QosPolicies,
+    ) -> Result<Subscription<M>, DdsError> {
+        let topic = self.topic(name, package, kind, qos)?;
+        self.node.create_subscription(&topic, None).map_err(opening(name))
+    }
+
+    fn publisher<M: Serialize>(
+        &mut self,
+        (name, package, kind): (&str, &str, &str),
+        qos: QosProfile,
+    ) -> Result<Publisher<M>, DdsError> {
+        let topic = self.topic(name, package, kind, &(&qos).into())?;
+        self.node.create_publisher(&topic, None).map_err(opening(name))
+    }
+
+    fn server(&mut self, name: &str) -> Result<Server<TriggerRequest, TriggerResponse>, DdsError> {
+        let resolved = self.setup.resolve(name)?;
+        let service = Name::parse(&resolved).map_err(opening(&resolved))?;
+        let kind = ServiceTypeName::new("std_srvs", "Trigger");
+        let qos = QosProfile::publisher_default().history(History::KeepLast { depth: 10 });
+        let mapping = ServiceMapping::Enhanced;
+        self.node.create_server(mapping, &service, &kind, qos.clone(), qos).map_err(opening(&resolved))
+    }
+}
+
+fn participant(setup: &Setup) -> Result<DomainParticipant, DdsError> {
+    let builder = DomainParticipantBuilder::new(setup.domain)
+        .socket_receive_buffer_size(setup.config.receive_buffer)
+        .socket_send_buffer_size(setup.config.receive_buffer);
+    let only: &[IpAddr] = &setup.config.network_interfaces;
+    let builder = if only.is_empty() { builder } else { builder.with_only_networks(only.iter().copied()) };
+    builder.build().map_err(opening("a DDS participant"))
+}
+
+fn parameter(value: &Value) -> ParameterValue {
+    match value.clone() {
+        Value::Boolean(value) => ParameterValue::Boolean(value),
+        Value::Integer(value) => ParameterValue::Integer(value),
+        Value::Double(value) => ParameterValue::Double(value),
+        Value::Text(value) => ParameterValue::String(value),
+        Value::TextList(value) => ParameterValue::StringArray(value),
+    }
+}
+
+/// Best effort, volatile, and few samples kept: a cloud is megabytes, and an old one is of no use.
+fn cloud_qos() -> rustdds::QosPolicies {
+    QosPolicyBuilder::new()
+        .reliability(policy::Reliability::BestEffort)
+        .durability(policy::Durability::Volatile)
+        .history(policy::History::KeepLast { depth: 2 })
+        .resource_limits(ResourceLimits { max_samples: 2, max_instances: 1, max_samples_per_instance: 2 })
+        .build()
+}
+
+fn reliable(depth: usize, durability: Durability) -> QosProfile {
+    QosProfile::publisher_default()
+        .reliability_reliable(WhenFull::DEFAULT)
+        .history(History::KeepLast { depth })
+        .durability(durability)
+}
+
+/// The node's topics and services on DDS.
+pub struct Dds {
+    // Fields are dropped in this order: publishers and the service before the node, the node before the participant.
+    clusters: Publisher<SurfaceClusterArray>,
+    delta: Publisher<SurfaceClusterArray>,
+    markers: Publisher<MarkerArray>,
+    labelled: Publisher<PointCloud2>,
+    reset: Rc<Server<TriggerRequest, TriggerResponse>>,
+    node: Node,
+    participant: DomainParticipant,
+    points_topic: String,
+}
+
+impl Dds {
+    /// Opens the node and starts reading; call it inside a [`tokio::task::LocalSet`]. The sender lets others in this
+    /// process add events.
+    ///
+    /// # Errors
+    /// When the middleware refuses something, with what it was.
+    pub fn open(setup: &Setup) -> Result<(Self, Events, mpsc::Receiver<Event<RmwRequestId>>), DdsError> {
+        let mut opener = Opener::new(setup)?;
+        let (events, receiver) = mpsc::channel(EVENTS);
+        let array = "SurfaceClusterArray";
+        let latched = reliable(1, Durability::TransientLocal);
+        let dds = Self {
+            clusters: opener.publisher(("~/clusters", "cfodi_msgs", array), latched.clone())?,
+            delta: opener
+                .publisher(("~/clusters_delta", "cfodi_msgs", array), reliable(20, Durability::Volatile))?,
+            markers: opener.publisher(("~/markers", "visualization_msgs", "MarkerArray"), latched)?,
+            labelled: opener.publisher(
+                ("~/points_labelled", "sensor_msgs", "PointCloud2"),
+                QosProfile::subscription_default(),
+            )?,
+            reset: Rc::new(opener.server("~/reset")?),
+            points_topic: setup.resolve("points")?,
+            participant: opener.participant.clone(),
+            node: { listen(&mut opener, &events)?; opener.node },
+        };
+        tokio::task::spawn_local(serve_reset(Rc::clone(&dds.reset), events.clone()));
+        Ok((dds, events, receiver))
+    }
+
+    /// Takes the node off the network. Drop what this returns after the [`tokio::task::LocalSet`]: readers in its tasks
+    /// sign off at the participant, which must still be there.
+    pub async fn close(self) -> impl Sized {
+        let Self { node, participant, .. } = self;
+        drop(node);
+        // The library's own task ends when it runs next.
+        tokio::task::yield_now().await;
+        participant
+    }
+}
+
+/// Starts the tasks that read topics.
+fn listen(opener: &mut Opener<'_>, events: &Events) -> Result<(), DdsError> {
+    let tf = |depth, durability| (&reliable(depth, durability)).into();
+    let filter = opener.setup.config.filter;
+    let points = opener.subscribe(("points", "sensor_msgs", "PointCloud2"), &cloud_qos())?;
+    tokio::task::spawn_local(read_clouds(points, filter, events.clone()));
+    let dynamic = opener.subscribe(("/tf", "tf2_msgs", "TFMessage"), &tf(100, Durability::Volatile))?;
+    let transforms = |is_static| move |message| Event::Transforms { message, is_static };
+    tokio::task::spawn_local(read("/tf", dynamic, events.clone(), transforms(false)));
+    let latched = opener.subscribe(("/tf_static", "tf2_msgs", "TFMessage"), &tf(100, Durability::TransientLocal))?;
+    tokio::task::spawn_local(read("/tf_static", latched, events.clone(), transforms(true)));
+    if opener.setup.config.use_sim_time {
+        let qos = (&QosProfile::subscription_default()).into();
+        let clock = opener.subscribe(("/clock", "rosgraph_msgs", "Clock"), &qos)?;
+        let time = |clock: Clock| match clock.clock.stamp() {
+            Some(stamp) => Event::Clock(stamp),
+            None => Event::Garbled { topic: "/clock", text: format!("{} ns in a second", clock.clock.nanosec) },
+        };
+        tokio::task::spawn_local(read("/clock", clock, events.clone(), time));
+    }
+    let use_sim_time = ParameterValue::Boolean(opener.setup.config.use_sim_time);
+    // Refused by the validator like every other change, unless it says what holds already.
+    drop(opener.node.set_parameter("use_sim_time", use_sim_time));
+    let spinner = opener.node.spinner().map_err(opening("the parameter services"))?;
+    tokio::task::spawn_local(async { drop(spinner.spin().await) });
+    Ok(())
+}
+
+/// What a publisher's sequence numbers tell about clouds that never arrived.
+#[derive(Default)]
+struct Gaps {
+    newest: BTreeMap<Gid, i64>,
+    /// Samples that arrived and could not be decoded: their numbers are unknown and look like a gap.
+    undecodable: u64,
+}
+
+impl Gaps {
+    fn lost_before(&mut self, publisher: Gid, number: i64) -> u64 {
+        let before = self.newest.insert(publisher, number);
+        let gap = before.map_or(0, |before| number.saturating_sub(before).saturating_sub(1));
+        let gap = u64::try_from(gap).unwrap_or(0);
+        let explained = gap.min(self.undecodable);
+        self.undecodable -= explained;
+        gap - explained
+    }
+}
+
+async fn read_clouds(points: Subscription<Result<Cloud, CloudError>>, filter: CloudFilter, events: Events) {
+    let clouds = points.async_stream_seed(CloudSeed::new(filter));
+    pin_mut!(clouds);
+    let mut gaps = Gaps::default();
+    while let Some(sample) = clouds.next().await {
+        let (cloud, lost) = match sample {
+            Ok((cloud, info)) => (cloud, gaps.lost_before(info.publisher_gid(), info.sequence_number())),
+            Err(error) => {
+                gaps.undecodable += 1;
+                (Err(CloudError::Undecodable(error.to_string())), 0)
+            }
+        };
+        if lost > 0 && events.send(Event::Lost(lost)).await.is_err() {
+            return;
+        }
+        if events.send(Event::Cloud(cloud)).await.is_err() {
+            return;
+        }
+    }
+}
+
+async fn read<M: DeserializeOwned + 'static>(
+    topic: &'static str,
+    subscription: Subscription<M>,
+    events: Events,
+    event: impl Fn(M) -> Event<RmwRequestId>,
+) {
+    let messages = subscription.async_stream();
+    pin_mut!(messages);
+    while let Some(message) = messages.next().await {
+        let event = match message {
+            Ok((message, _)) => event(message),
+            Err(error) => Event::Garbled { topic, text: error.to_string() },
+        };
+        if events.send(event).await.is_err() {
+            return;
+        }
+    }
+}
+
+async fn serve_reset(reset: Rc<Server<TriggerRequest, TriggerResponse>>, events: Events) {
+    loop {
+        let event = match reset.async_receive_request().await {
+            Ok((request, _)) => Event::Reset(request),
+            Err(error) => Event::Garbled { topic: "~/reset", text: error.to_string() },
+        };
+        if events.send(event).await.is_err() {
+            return;
+        }
+    }
+}
+
+impl Transport for Dds {
+    type Request = RmwRequestId;
+
+    async fn publish(&self, message: Outgoing) -> Result<(), SendError> {
+        let sent = match message {
+            Outgoing::Clusters(array) => self.clusters.async_publish(array).await.map_err(|e| e.to_string()),
+            Outgoing::Delta(array) => self.delta.async_publish(array).await.map_err(|e| e.to_string()),
+            Outgoing::Markers(markers) => self.markers.async_publish(markers).await.map_err(|e| e.to_string()),
+            Outgoing::Labelled(cloud) => self.labelled.async_publish(cloud).await.map_err(|e| e.to_string()),
+        };
+        sent.map_err(SendError)
+    }
+
+    async fn answer_reset(&self, request: RmwRequestId, response: TriggerResponse) -> Result<(), SendError> {
+        self.reset.async_send_response(request, response).await.map_err(|error| SendError(error.to_string()))
+    }
+
+    fn points_topic(&self) -> &str {
+        &self.points_topic
+    }
+
+    fn sources(&self) -> Vec<Source> {
+        let writers = self.participant.discovered_writers();
+        let mut sources: Vec<_> = writers
+            .iter()
+            .filter_map(|writer| {
+                let data = &writer.publication_topic_data;
+                let topic = data.topic_name.strip_prefix("rt/")?;
+                Some(Source { topic: format!("/{topic}"), type_name: ros_type(&data.type_name) })
+            })
+            .collect();
+        sources.sort();
+        sources.dedup();
+        sources
+    }
+}
+
+/// `sensor_msgs::msg::dds_::PointCloud2_` as ROS writes it.
+fn ros_type(dds: &str) -> String {
+    let plain = dds.replace("::dds_::", "::");
+    plain.trim_end_matches('_').replace("::", "/")
+}
+
+/// Publishers of a simulated robot: its own participant, so that its clouds really cross the network stack.
+pub struct Robot {
+    points: Publisher<PointCloud2>,
+    tf: Publisher<TfMessage>,
+    tf_static: Publisher<TfMessage>,
+    // Kept so that the publishers stay on the network, and dropped in this order.
+    _node: Node,
+    _participant: DomainParticipant,
+}
+
+impl Robot {
+    /// Opens a node `simulated_robot` that publishes `points`, `/tf` and `/tf_static` in the domain of `setup`.
+    ///
+    /// # Errors
+    /// When the middleware refuses something.
+    pub fn open(setup: &Setup) -> Result<Self, DdsError> {
+        let setup = setup.for_node("simulated_robot");
+        let mut opener = Opener::new(&setup)?;
+        let tf = |name| (name, "tf2_msgs", "TFMessage");
+        let points = opener
+            .publisher(("points", "sensor_msgs", "PointCloud2"), QosProfile::subscription_default())?;
+        let dynamic = opener.publisher(tf("/tf"), reliable(100, Durability::Volatile))?;
+        let latched = opener.publisher(tf("/tf_static"), reliable(1, Durability::TransientLocal))?;
+        let Opener { node: _node, participant: _participant, .. } = opener;
+        Ok(Self { points, tf: dynamic, tf_static: latched, _node, _participant })
+    }
+
+    /// Sends a cloud.
+    ///
+    /// # Errors
+    /// When the middleware refuses it.
+    pub fn send_cloud(&self, cloud: PointCloud2) -> Result<(), SendError> {
+        self.points.publish(cloud).map_err(|error| SendError(error.to_string()))
+    }
+
+    /// Sends transforms on `/tf`, or on `/tf_static`.
+    ///
+    /// # Errors
+    /// When the middleware refuses them.
+    pub fn send_transforms(&self, message: TfMessage, is_static: bool) -> Result<(), SendError> {
+        let publisher = if is_static { &self.tf_static } else { &self.tf };
+        publisher.publish(message).map_err(|error| SendError(error.to_string()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_gap_in_the_numbers_is_a_loss_unless_garbled_samples_explain_it() {
+        let (mut gaps, publisher) = (Gaps::default(), Gid::GID_UNKNOWN);
+        assert_eq!(gaps.lost_before(publisher, 7), 0);
+        assert_eq!(gaps.lost_before(publisher, 8), 0);
+        assert_eq!(gaps.lost_before(publisher, 11), 2);
+        gaps.undecodable = 1;
+        assert_eq!(gaps.lost_before(publisher, 14), 1);
+        assert_eq!(gaps.lost_before(publisher, 3), 0);
+    }
+
+    #[test]
+    fn a_dds_type_name_reads_as_in_ros() {
+        assert_eq!(ros_type("sensor_msgs::msg::dds_::PointCloud2_"), "sensor_msgs/msg/PointCloud2");
+    }
+}

@@ -1,0 +1,227 @@
+//! Why a transform was refused, and why a lookup gave none.
+
+use std::fmt;
+
+use crate::engine::Stamp;
+
+/// Why a transform was not taken into the tree.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum FrameError {
+    /// A name is empty, perhaps after its leading slashes were taken off.
+    #[error("transform from child `{child}` to parent `{parent}`: a frame name is empty")]
+    EmptyName {
+        /// Parent frame.
+        parent: String,
+        /// Child frame.
+        child: String,
+    },
+    /// A name longer than any driver's.
+    #[error("a frame name has {bytes} bytes, at most {max} are taken")]
+    LongName {
+        /// Its length.
+        bytes: usize,
+        /// [`MAX_NAME_BYTES`](super::MAX_NAME_BYTES).
+        max: usize,
+    },
+    /// Parent and child are the same.
+    #[error("frame {frame} cannot be its own parent")]
+    SelfTransform {
+        /// The frame.
+        frame: String,
+    },
+    /// The frame would become its own ancestor.
+    #[error("frame {child} cannot be put under {parent}, which lies below it")]
+    Cycle {
+        /// Parent frame.
+        parent: String,
+        /// Child frame.
+        child: String,
+    },
+    /// A number is NaN or infinite.
+    #[error(
+        "transform {child} to {parent} is not finite: translation {translation:?}, rotation {rotation:?}"
+    )]
+    NonFinite {
+        /// Parent frame.
+        parent: String,
+        /// Child frame.
+        child: String,
+        /// x, y, z (m).
+        translation: [f64; 3],
+        /// x, y, z, w.
+        rotation: [f64; 4],
+    },
+    /// The rotation is no unit quaternion, and not nearly one either.
+    #[error("transform {child} to {parent} has a quaternion of norm {norm}, must be 1 within 0.01")]
+    BadNorm {
+        /// Parent frame.
+        parent: String,
+        /// Child frame.
+        child: String,
+        /// The quaternion's norm.
+        norm: f64,
+    },
+    /// The header's nanoseconds do not fit a second.
+    #[error("transform {child} to {parent} has nanosec {nanosec}, must be below 1000000000")]
+    BadStamp {
+        /// Parent frame.
+        parent: String,
+        /// Child frame.
+        child: String,
+        /// `header.stamp.nanosec`.
+        nanosec: u32,
+    },
+    /// The tree is full.
+    #[error("no room for frame {child}: {max} frames are kept")]
+    TooManyFrames {
+        /// The frame that came last.
+        child: String,
+        /// [`MAX_FRAMES`](super::MAX_FRAMES).
+        max: usize,
+    },
+    /// The registry has a reason that is not among the others.
+    #[error("transform {child} to {parent} refused: {reason}")]
+    Refused {
+        /// Parent frame.
+        parent: String,
+        /// Child frame.
+        child: String,
+        /// In the registry's words.
+        reason: String,
+    },
+}
+
+impl FrameError {
+    /// A short key to count refused transforms by.
+    pub fn reason(&self) -> &'static str {
+        match self {
+            Self::EmptyName { .. } => "empty_name",
+            Self::LongName { .. } => "long_name",
+            Self::SelfTransform { .. } => "self_transform",
+            Self::Cycle { .. } => "cycle",
+            Self::NonFinite { .. } => "non_finite",
+            Self::BadNorm { .. } => "bad_norm",
+            Self::BadStamp { .. } => "bad_stamp",
+            Self::TooManyFrames { .. } => "too_many_frames",
+            Self::Refused { .. } => "refused",
+        }
+    }
+}
+
+/// A range of time, both ends inclusive; in text as seconds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Span {
+    /// Oldest stamp.
+    pub from: Stamp,
+    /// Newest stamp.
+    pub until: Stamp,
+}
+
+impl fmt::Display for Span {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} to {}", Seconds(self.from), Seconds(self.until))
+    }
+}
+
+/// A stamp as seconds with all of its microseconds, which an `f64` since 1970 just holds.
+struct Seconds(Stamp);
+
+impl fmt::Display for Seconds {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:.6} s", self.0.nanos() as f64 * 1e-9)
+    }
+}
+
+/// Why there is no transform from the sensor's frame into the fixed one; the text goes into a warning as it is.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum LookupError {
+    /// No transform has named one of the frames so far.
+    #[error("no transform from {sensor} into {fixed} at {}: no frame {frame} has been seen", Seconds(*at))]
+    UnknownFrame {
+        /// Fixed frame.
+        fixed: String,
+        /// Sensor's frame.
+        sensor: String,
+        /// Time asked for.
+        at: Stamp,
+        /// The one that is not known.
+        frame: String,
+    },
+    /// Both frames are known, in trees apart.
+    #[error(
+        "no transform from {sensor} into {fixed} at {}: {sensor} hangs below {sensor_root}, {fixed} below \
+         {fixed_root}, and nothing connects the two",
+        Seconds(*at)
+    )]
+    NotConnected {
+        /// Fixed frame.
+        fixed: String,
+        /// Sensor's frame.
+        sensor: String,
+        /// Time asked for.
+        at: Stamp,
+        /// Root of the tree that the fixed frame is in.
+        fixed_root: String,
+        /// Root of the tree that the sensor's frame is in.
+        sensor_root: String,
+    },
+    /// The time asked for is already forgotten, or was never covered; waiting does not help.
+    #[error(
+        "no transform from {sensor} into {fixed} at {}: {:.6} s before the range covered by {frame}, {covered}",
+        Seconds(*at), covered.from.seconds_since(*at)
+    )]
+    TooEarly {
+        /// Fixed frame.
+        fixed: String,
+        /// Sensor's frame.
+        sensor: String,
+        /// Time asked for.
+        at: Stamp,
+        /// The frame between the two whose samples do not reach.
+        frame: String,
+        /// The range of its samples.
+        covered: Span,
+    },
+    /// The transform for the time asked for has not come yet; it may.
+    #[error(
+        "no transform from {sensor} into {fixed} at {}: {:.6} s after the range covered by {frame}, {covered}",
+        Seconds(*at), at.seconds_since(covered.until)
+    )]
+    TooLate {
+        /// Fixed frame.
+        fixed: String,
+        /// Sensor's frame.
+        sensor: String,
+        /// Time asked for.
+        at: Stamp,
+        /// The frame between the two whose samples do not reach.
+        frame: String,
+        /// The range of its samples.
+        covered: Span,
+    },
+    /// The chain is there, but its numbers cannot be composed.
+    #[error("no transform from {sensor} into {fixed} at {}: {reason}", Seconds(*at))]
+    Numeric {
+        /// Fixed frame.
+        fixed: String,
+        /// Sensor's frame.
+        sensor: String,
+        /// Time asked for.
+        at: Stamp,
+        /// What overflowed.
+        reason: String,
+    },
+}
+
+impl LookupError {
+    /// A short key to count dropped scans by.
+    pub fn reason(&self) -> &'static str {
+        match self {
+            Self::UnknownFrame { .. } => "tf_unknown_frame",
+            Self::NotConnected { .. } => "tf_not_connected",
+            Self::TooEarly { .. } => "tf_too_early",
+            Self::TooLate { .. } => "tf_too_late",
+            Self::Numeric { .. } => "tf_numeric",
+        }
+    }
+}

@@ -1,0 +1,266 @@
+//! Where the sensor stood: the tree of coordinate frames from `/tf` and `/tf_static`.
+//!
+//! Keeps true: a transform is checked where it comes in and changes nothing when it is refused; a lookup interpolates
+//! between two samples and never extrapolates; memory is bounded in time ([`MAX_AGE`]) and in frames ([`MAX_FRAMES`]).
+//! The arithmetic is that of the `transforms` crate; the rules around it are those that tf2's users expect. Metres,
+//! unit quaternions, and times from the messages.
+//!
+//! [`WaitingQueue`] holds scans until the transform at their stamp has come.
+
+mod error;
+mod sample;
+mod waiting;
+
+#[cfg(test)]
+mod tests;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::time::Duration;
+
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
+use transforms::Registry;
+use transforms::errors::RegistryError;
+use transforms::geometry::Transform;
+use transforms::time::Timestamp;
+
+use crate::engine::Stamp;
+use crate::msg::ros::TransformStamped;
+
+pub use error::{FrameError, LookupError, Span};
+pub use sample::{MAX_NAME_BYTES, NORM_TOLERANCE};
+pub use waiting::{Waited, WaitingQueue};
+
+use sample::{Sample, instant, stamp_of};
+
+/// Dynamic samples older than this against their frame's newest are forgotten; tf2's cache time.
+pub const MAX_AGE: Duration = Duration::from_secs(10);
+
+/// Most child frames that are kept.
+pub const MAX_FRAMES: usize = 10_000;
+
+/// A stamp that lies further back than this is a clock that jumped, not a late message (s).
+pub const JUMP_BACK: f64 = 1.0;
+
+/// The tree of frames with the recent past of its dynamic edges.
+///
+/// Names are taken without leading slashes everywhere.
+#[derive(Debug)]
+pub struct Frames {
+    registry: Registry,
+    /// One edge a child frame, as in `registry`, which does not tell its own.
+    edges: BTreeMap<String, Edge>,
+}
+
+#[derive(Debug)]
+struct Edge {
+    parent: String,
+    /// Newest stamp of a dynamic edge, `None` for a static one.
+    newest: Option<Stamp>,
+}
+
+/// What an accepted transform did beside being stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Inserted {
+    /// Nothing.
+    Stored,
+    /// It moved its frame under another parent; the frame's past is gone.
+    Reparented,
+    /// It made a static frame dynamic or a dynamic one static; the frame's past is gone.
+    KindChanged,
+    /// Its stamp lies more than [`JUMP_BACK`] before its frame's newest, as when a bag loops: all other dynamic
+    /// transforms are gone, the static ones stay.
+    JumpedBack,
+}
+
+impl Default for Frames {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Frames {
+    /// An empty tree.
+    pub fn new() -> Self {
+        Self { registry: Registry::with_max_age(MAX_AGE), edges: BTreeMap::new() }
+    }
+
+    /// Takes in one transform of `/tf_static` (`is_static`) or `/tf`; the stamp of a static one is not looked at.
+    ///
+    /// The newest message decides on the parent of a frame and on whether it is static.
+    ///
+    /// # Errors
+    ///
+    /// A [`FrameError`], and the tree is as before.
+    pub fn insert(&mut self, message: &TransformStamped, is_static: bool) -> Result<Inserted, FrameError> {
+        let sample = Sample::check(message, is_static)?;
+        let jumped_back = self.jumps_back(&sample);
+        self.check_place(&sample, jumped_back)?;
+        if jumped_back {
+            self.clear_dynamic();
+        }
+        let inserted = self.store(&sample)?;
+        Ok(if jumped_back { Inserted::JumpedBack } else { inserted })
+    }
+
+    fn jumps_back(&self, sample: &Sample<'_>) -> bool {
+        let newest = self.edges.get(sample.child).and_then(|edge| edge.newest);
+        newest.zip(sample.stamp).is_some_and(|(newest, stamp)| newest.seconds_since(stamp) > JUMP_BACK)
+    }
+
+    /// Whether the tree has a place for the sample's edge: no cycle, and room.
+    fn check_place(&self, sample: &Sample<'_>, only_statics_stay: bool) -> Result<(), FrameError> {
+        let known = self.edges.get(sample.child);
+        if known.is_some_and(|edge| edge.parent == sample.parent) {
+            return Ok(());
+        }
+        let stays = |edge: &&Edge| !only_statics_stay || edge.newest.is_none();
+        let mut frame = sample.parent;
+        while let Some(edge) = self.edges.get(frame).filter(stays) {
+            frame = &edge.parent;
+            if frame == sample.child {
+                return Err(FrameError::Cycle { parent: sample.parent.into(), child: sample.child.into() });
+            }
+        }
+        if known.is_none() && self.edges.len() >= MAX_FRAMES {
+            return Err(FrameError::TooManyFrames { child: sample.child.into(), max: MAX_FRAMES });
+        }
+        Ok(())
+    }
+
+    /// Stores a sample that has a place.
+    fn store(&mut self, sample: &Sample<'_>) -> Result<Inserted, FrameError> {
+        let inserted = match self.edges.get(sample.child) {
+            Some(edge) if edge.newest.is_none() != sample.stamp.is_none() => Inserted::KindChanged,
+            Some(edge) if edge.parent != sample.parent => Inserted::Reparented,
+            _ => Inserted::Stored,
+        };
+        if inserted != Inserted::Stored {
+            // The registry ties a frame to its parent and kind until the frame is released.
+            self.remove(sample.child);
+        }
+        let refused = |reason: String| FrameError::Refused {
+            parent: sample.parent.into(),
+            child: sample.child.into(),
+            reason,
+        };
+        let transform = sample.transform().map_err(|error| refused(error.to_string()))?;
+        self.registry.add_transform(transform).map_err(|error| refused(error.to_string()))?;
+        if let Some(edge) = self.edges.get_mut(sample.child) {
+            edge.newest = edge.newest.max(sample.stamp);
+        } else {
+            let edge = Edge { parent: sample.parent.into(), newest: sample.stamp };
+            self.edges.insert(sample.child.into(), edge);
+        }
+        Ok(inserted)
+    }
+
+    fn remove(&mut self, child: &str) {
+        self.registry.remove_frame(child);
+        self.edges.remove(child);
+    }
+
+    /// Forgets all dynamic transforms and keeps the static ones.
+    pub fn clear_dynamic(&mut self) {
+        let Self { registry, edges } = self;
+        edges.retain(|child, edge| {
+            if edge.newest.is_some() {
+                registry.remove_frame(child);
+            }
+            edge.newest.is_none()
+        });
+    }
+
+    /// Forgets all dynamic transforms if the newest of them lies more than [`JUMP_BACK`] after `stamp`; says whether
+    /// it did.
+    ///
+    /// For a scan whose stamp jumped back: the transforms may still be of the time before the jump, or already of
+    /// the time after it.
+    pub fn forget_after(&mut self, stamp: Stamp) -> bool {
+        let newest = self.edges.values().filter_map(|edge| edge.newest).max();
+        let forget = newest.is_some_and(|newest| newest.seconds_since(stamp) > JUMP_BACK);
+        if forget {
+            self.clear_dynamic();
+        }
+        forget
+    }
+
+    /// The isometry that maps coordinates of the frame `sensor` into the frame `fixed` at `stamp`.
+    ///
+    /// Equal names give the identity, known or not: the answer holds either way.
+    ///
+    /// # Errors
+    ///
+    /// A [`LookupError`] that says what is lacking.
+    pub fn lookup(&self, fixed: &str, sensor: &str, stamp: Stamp) -> Result<Isometry3<f64>, LookupError> {
+        let (fixed, sensor) = (bare(fixed), bare(sensor));
+        if fixed == sensor {
+            return Ok(Isometry3::identity());
+        }
+        let found = self.registry.get_transform(fixed, sensor, instant(stamp));
+        let transform = found.map_err(|error| self.explain(fixed, sensor, stamp, error))?;
+        isometry(&transform).ok_or_else(|| LookupError::Numeric {
+            fixed: fixed.into(),
+            sensor: sensor.into(),
+            at: stamp,
+            reason: "the composed transform is not finite".into(),
+        })
+    }
+
+    /// What a failed lookup lacks. The registry reports a gap in time even where the frames are not connected, so
+    /// the tree is asked first.
+    fn explain(&self, fixed: &str, sensor: &str, at: Stamp, error: RegistryError) -> LookupError {
+        let (fixed, sensor) = (fixed.to_owned(), sensor.to_owned());
+        let (Some(fixed_root), Some(sensor_root)) = (self.root_of(&fixed), self.root_of(&sensor)) else {
+            let frame = if self.root_of(&fixed).is_none() { fixed.clone() } else { sensor.clone() };
+            return LookupError::UnknownFrame { fixed, sensor, at, frame };
+        };
+        if fixed_root != sensor_root {
+            let (fixed_root, sensor_root) = (fixed_root.to_owned(), sensor_root.to_owned());
+            return LookupError::NotConnected { fixed, sensor, at, fixed_root, sensor_root };
+        }
+        match error {
+            RegistryError::NotFoundAt { frame, covered: Some((from, until)), .. } => {
+                let covered = Span { from: stamp_of(from), until: stamp_of(until) };
+                if at < covered.from {
+                    LookupError::TooEarly { fixed, sensor, at, frame, covered }
+                } else {
+                    LookupError::TooLate { fixed, sensor, at, frame, covered }
+                }
+            }
+            other => LookupError::Numeric { fixed, sensor, at, reason: other.to_string() },
+        }
+    }
+
+    /// All frames, as child or parent, by name.
+    pub fn frame_names(&self) -> Vec<String> {
+        let names = self.edges.iter().flat_map(|(child, edge)| [child, &edge.parent]);
+        names.collect::<BTreeSet<_>>().into_iter().cloned().collect()
+    }
+
+    /// The root of the tree that `frame` is in; the frame itself where it has no parent, `None` where it is unknown.
+    pub fn root_of(&self, frame: &str) -> Option<&str> {
+        let frame = bare(frame);
+        let mut parents = self.edges.values().map(|edge| edge.parent.as_str());
+        let above = self.edges.get(frame).map(|edge| edge.parent.as_str());
+        let mut root = above.or_else(|| parents.find(|&parent| parent == frame))?;
+        // No cycle has a place in the tree, so this ends.
+        while let Some(edge) = self.edges.get(root) {
+            root = &edge.parent;
+        }
+        Some(root)
+    }
+}
+
+/// The name without leading slashes: ROS 1 put one, tf2 takes none.
+fn bare(name: &str) -> &str {
+    name.trim_start_matches('/')
+}
+
+/// In the engine's types; `None` where a long chain has overflowed.
+fn isometry(transform: &Transform<Timestamp>) -> Option<Isometry3<f64>> {
+    let (t, r) = (transform.translation(), transform.rotation());
+    let finite = [t.x, t.y, t.z, r.w, r.x, r.y, r.z].iter().all(|value| value.is_finite());
+    // Normalised once more: interpolating and composing let the norm drift.
+    let rotation = UnitQuaternion::try_new(Quaternion::new(r.w, r.x, r.y, r.z), 0.5)?;
+    finite.then(|| Isometry3::from_parts(Translation3::new(t.x, t.y, t.z), rotation))
+}

@@ -1,0 +1,223 @@
+//! The named thread that owns the engine: newest scan in, immutable values out.
+//!
+//! The mailbox has one place: a scan that the engine has not begun when the next arrives is replaced by it, and the
+//! caller is told so, that it can count it. The engine never waits for anything but the sink that takes its outputs.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+
+use crate::engine::{Engine, Params, Scan, Snapshot, Update};
+
+/// What the worker has to say.
+#[derive(Clone, Debug)]
+pub enum Output {
+    /// A scan was taken in.
+    Scan {
+        /// The session it belongs to.
+        session: u64,
+        /// What it changed.
+        update: Update,
+    },
+    /// The map, as asked for by [`Worker::request_snapshot`].
+    Snapshot {
+        /// The session it belongs to.
+        session: u64,
+        /// The map.
+        snapshot: Arc<Snapshot>,
+    },
+    /// The engine has panicked; nothing more will come.
+    Died(String),
+}
+
+/// What waits for the worker.
+#[derive(Default)]
+struct Pending {
+    /// The id of a session to begin with an empty map, before anything else.
+    session: Option<u64>,
+    scan: Option<Scan>,
+    snapshot: bool,
+    stop: bool,
+}
+
+#[derive(Default)]
+struct Mailbox {
+    pending: Mutex<Pending>,
+    filled: Condvar,
+}
+
+/// Handle to the worker thread; dropping it lets the thread take in what waits and end.
+pub struct Worker {
+    mailbox: Arc<Mailbox>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Mailbox {
+    fn lock(&self) -> MutexGuard<'_, Pending> {
+        // Each change of the mailbox is one assignment: a panic elsewhere leaves nothing half done.
+        self.pending.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn put<T>(&self, change: impl FnOnce(&mut Pending) -> T) -> T {
+        let result = change(&mut self.lock());
+        self.filled.notify_one();
+        result
+    }
+
+    fn take(&self) -> Pending {
+        let empty = |p: &mut Pending| p.session.is_none() && p.scan.is_none() && !p.snapshot && !p.stop;
+        let waited = self.filled.wait_while(self.lock(), empty);
+        let mut pending = waited.unwrap_or_else(PoisonError::into_inner);
+        let stop = pending.stop;
+        std::mem::replace(&mut *pending, Pending { stop, ..Pending::default() })
+    }
+}
+
+impl Worker {
+    /// Starts the thread `cfodi-engine` with an empty map under the id `session`; `sink` is called on that thread.
+    ///
+    /// # Errors
+    /// When the system gives no thread.
+    pub fn start(
+        params: Params,
+        session: u64,
+        sink: impl FnMut(Output) + Send + 'static,
+    ) -> std::io::Result<Self> {
+        let mailbox = Arc::new(Mailbox::default());
+        let thread = std::thread::Builder::new().name("cfodi-engine".to_owned()).spawn({
+            let mailbox = Arc::clone(&mailbox);
+            move || guard(&mailbox, params, session, sink)
+        })?;
+        Ok(Self { mailbox, thread: Some(thread) })
+    }
+
+    /// Hands over a scan; returns whether it replaced one that was still waiting.
+    #[must_use = "a replaced scan is to be counted"]
+    pub fn submit(&self, scan: Scan) -> bool {
+        self.mailbox.put(|pending| pending.scan.replace(scan).is_some())
+    }
+
+    /// Asks for the map after what waits now has been taken in.
+    pub fn request_snapshot(&self) {
+        self.mailbox.put(|pending| pending.snapshot = true);
+    }
+
+    /// Begins a new session with an empty map; returns whether a scan that was still waiting was thrown away.
+    #[must_use = "a scan thrown away is to be counted"]
+    pub fn reset(&self, session: u64) -> bool {
+        self.mailbox.put(|pending| {
+            pending.session = Some(session);
+            pending.scan.take().is_some()
+        })
+    }
+}
+
+impl Drop for Worker {
+    fn drop(&mut self) {
+        self.mailbox.put(|pending| pending.stop = true);
+        if let Some(thread) = self.thread.take() {
+            // A panic has been reported by the thread itself.
+            drop(thread.join());
+        }
+    }
+}
+
+fn guard(mailbox: &Mailbox, params: Params, session: u64, mut sink: impl FnMut(Output)) {
+    let work = AssertUnwindSafe(|| work(mailbox, params, session, &mut sink));
+    if let Err(panic) = catch_unwind(work) {
+        let text = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
+        let text = text.or_else(|| panic.downcast_ref::<String>().cloned());
+        sink(Output::Died(text.unwrap_or_else(|| "without a message".to_owned())));
+    }
+}
+
+fn work(mailbox: &Mailbox, params: Params, mut session: u64, sink: &mut impl FnMut(Output)) {
+    let mut engine = Engine::new(params);
+    loop {
+        let pending = mailbox.take();
+        if let Some(new) = pending.session {
+            session = new;
+            engine = Engine::new(params);
+        }
+        if let Some(scan) = pending.scan {
+            sink(Output::Scan { session, update: engine.insert(&scan) });
+        }
+        if pending.snapshot {
+            sink(Output::Snapshot { session, snapshot: Arc::new(engine.snapshot()) });
+        }
+        if pending.stop {
+            return;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::mpsc::{Receiver, channel};
+    use std::time::Duration;
+
+    use super::*;
+    use crate::engine::{Isometry3, Points, Stamp};
+
+    const PATIENCE: Duration = Duration::from_secs(60);
+
+    fn scan(stamp: i64) -> Scan {
+        Scan {
+            stamp: Stamp::from_nanos(stamp),
+            fixed_from_sensor: Isometry3::identity(),
+            points: Points::F32(Vec::new()),
+        }
+    }
+
+    fn started() -> (Worker, Receiver<Output>) {
+        let (sender, receiver) = channel();
+        (Worker::start(Params::default(), 1, move |output| drop(sender.send(output))).unwrap(), receiver)
+    }
+
+    #[test]
+    fn a_waiting_scan_is_replaced_by_the_newest_and_said_to_be() {
+        let (entered, enter) = channel();
+        let (leave, left) = channel::<()>();
+        let (sender, receiver) = channel();
+        let worker = Worker::start(Params::default(), 1, move |output| {
+            entered.send(()).unwrap();
+            left.recv().unwrap();
+            sender.send(output).unwrap();
+        });
+        let worker = worker.unwrap();
+        assert!(!worker.submit(scan(1)));
+        enter.recv_timeout(PATIENCE).unwrap();
+        assert!(!worker.submit(scan(2)));
+        assert!(worker.submit(scan(3)));
+        leave.send(()).unwrap();
+        leave.send(()).unwrap();
+        drop(worker);
+        let stamps: Vec<_> = receiver
+            .iter()
+            .filter_map(|output| if let Output::Scan { update, .. } = output { Some(update.stamp.nanos()) } else { None })
+            .collect();
+        assert_eq!(stamps, [1, 3]);
+    }
+
+    #[test]
+    fn a_reset_throws_the_map_away_and_begins_a_session() {
+        let (worker, outputs) = started();
+        assert!(!worker.submit(scan(1)));
+        assert!(matches!(outputs.recv_timeout(PATIENCE).unwrap(), Output::Scan { session: 1, .. }));
+        assert!(!worker.reset(9));
+        worker.request_snapshot();
+        let Output::Snapshot { session, snapshot } = outputs.recv_timeout(PATIENCE).unwrap() else { panic!() };
+        assert_eq!((session, snapshot.sequence), (9, 0));
+    }
+
+    #[test]
+    fn a_panic_on_the_thread_is_reported_and_not_silent() {
+        let (sender, receiver) = channel();
+        let worker = Worker::start(Params::default(), 1, move |output| {
+            assert!(!matches!(output, Output::Scan { .. }), "no room");
+            drop(sender.send(output));
+        });
+        assert!(!worker.unwrap().submit(scan(1)));
+        assert!(matches!(receiver.recv_timeout(PATIENCE).unwrap(), Output::Died(text) if text == "no room"));
+    }
+}
