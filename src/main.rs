@@ -12,7 +12,10 @@ use crate::cli::{demo, run};
 
 /// Surfaces from a moving Kinect, live.
 #[derive(Debug, Parser)]
-#[command(version, after_help = "ROS arguments follow --ros-args: -r from:=to, -p name:=value, --params-file FILE, --log-level LEVEL")]
+#[command(
+    version,
+    after_help = "ROS arguments follow --ros-args: -r from:=to, -p name:=value, --params-file FILE, --log-level LEVEL"
+)]
 struct Cli {
     #[command(subcommand)]
     verb: Verb,

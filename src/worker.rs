@@ -194,7 +194,9 @@ mod tests {
         drop(worker);
         let stamps: Vec<_> = receiver
             .iter()
-            .filter_map(|output| if let Output::Scan { update, .. } = output { Some(update.stamp.nanos()) } else { None })
+            .filter_map(|output| {
+                if let Output::Scan { update, .. } = output { Some(update.stamp.nanos()) } else { None }
+            })
             .collect();
         assert_eq!(stamps, [1, 3]);
     }
@@ -206,7 +208,9 @@ mod tests {
         assert!(matches!(outputs.recv_timeout(PATIENCE).unwrap(), Output::Scan { session: 1, .. }));
         assert!(!worker.reset(9));
         worker.request_snapshot();
-        let Output::Snapshot { session, snapshot } = outputs.recv_timeout(PATIENCE).unwrap() else { panic!() };
+        let Output::Snapshot { session, snapshot } = outputs.recv_timeout(PATIENCE).unwrap() else {
+            panic!()
+        };
         assert_eq!((session, snapshot.sequence), (9, 0));
     }
 

@@ -1,4 +1,10 @@
 //! Random streams: after every scan the engine equals the naive oracle, and its updates add up to its snapshots.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test that cannot go on has failed"
+)]
 
 use std::collections::BTreeMap;
 
@@ -23,7 +29,11 @@ fn patch() -> impl Strategy<Value = Patch> {
     ([coordinate(), coordinate(), coordinate()], angles, sides, 20usize..1500).prop_map(
         |(corner, (quarter, a, b), sides, points)| Patch {
             corner: Vector3::from(corner),
-            turn: UnitQuaternion::from_euler_angles(f64::from(quarter) * 1.570_796 + a, b, 0.0),
+            turn: UnitQuaternion::from_euler_angles(
+                f64::from(quarter) * std::f64::consts::FRAC_PI_2 + a,
+                b,
+                0.0,
+            ),
             sides,
             points,
         },

@@ -1,10 +1,16 @@
 //! The engine on real Kinect recordings: acceptance values, planes against truth, and the oracle after every scan.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test that cannot go on has failed"
+)]
 
 mod support;
 
 use cfodi::engine::oracle::Oracle;
 use cfodi::engine::rand_index::adjusted_rand_index;
-use cfodi::engine::{Engine, Params, Scan, Snapshot};
+use cfodi::engine::{ClusterId, Engine, Params, Scan, Snapshot};
 
 /// What a recording must give: dense voxels, then clusters, those of 10 voxels or more, and the index to STATIC.
 struct Accepted {
@@ -26,7 +32,7 @@ fn sizes(labels: impl Iterator<Item = Option<u64>>) -> (usize, usize) {
 }
 
 fn agreement(snapshot: &Snapshot, statics: &[Option<u64>]) -> f64 {
-    let labels = snapshot.voxels.iter().map(|voxel| voxel.cluster.map(|id| id.get()));
+    let labels = snapshot.voxels.iter().map(|voxel| voxel.cluster.map(ClusterId::get));
     adjusted_rand_index(&labels.zip(statics.iter().copied()).collect::<Vec<_>>())
 }
 
@@ -38,7 +44,7 @@ fn accept(name: &str, step: usize, test: &str, accepted: &Accepted) {
         let snapshot = engine.snapshot();
         let statics: Vec<_> =
             engine.static_partition().into_iter().map(|(_, number)| number.map(u64::from)).collect();
-        let mine = sizes(snapshot.voxels.iter().map(|voxel| voxel.cluster.map(|id| id.get())));
+        let mine = sizes(snapshot.voxels.iter().map(|voxel| voxel.cluster.map(ClusterId::get)));
         let found = agreement(&snapshot, &statics);
         println!(
             "{name} min_vicinity {min_vicinity}: {} dense, clusters {mine:?}, STATIC {:?}, index {found:.3}",
@@ -134,6 +140,78 @@ fn floor_top_and_four_sides_of_the_cabinet_come_out_as_clusters_with_true_normal
             let angle = angle_to_truth(&snapshot, plane);
             println!("{voxel_size} m, {name}: {angle:.2?} degrees");
             assert!(angle.is_some_and(|angle| angle <= limit), "{name} at {voxel_size} m: {angle:?} degrees");
+        }
+    }
+}
+
+/// The recording as a driver and a localisation send it: CDR bytes of clouds, transforms in two steps.
+#[cfg(feature = "frames")]
+fn through_messages(recording: &support::Recording, step: usize, params: Params) -> Engine {
+    use byteorder::LittleEndian;
+    use cdr_encoding::CdrDeserializer;
+    use cfodi::cloud::{CloudFilter, CloudSeed, Optical};
+    use cfodi::msg::ros::{Header, PointCloud2, Quaternion, Transform, TransformStamped, Vector3};
+    use cfodi::tf::Frames;
+    use nalgebra::{Isometry3, UnitQuaternion};
+    use serde::de::DeserializeSeed;
+
+    let transform = |stamp: cfodi::engine::Stamp, parent: &str, child: &str, pose: &Isometry3<f64>| {
+        let (t, q) = (pose.translation.vector, pose.rotation.coords);
+        TransformStamped {
+            header: Header { stamp: stamp.into(), frame_id: parent.to_owned() },
+            child_frame_id: child.to_owned(),
+            transform: Transform {
+                translation: Vector3 { x: t.x, y: t.y, z: t.z },
+                rotation: Quaternion { x: q.x, y: q.y, z: q.z, w: q.w },
+            },
+        }
+    };
+    let link_from_optical = Isometry3::from_parts(
+        nalgebra::Translation3::new(0.0, 0.02, 0.0),
+        UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(0.5, -0.5, 0.5, -0.5)),
+    );
+    let optical = "camera_depth_optical_frame";
+    let filter =
+        CloudFilter { min_range: 0.4, max_range: 6.0, optical: Optical::Auto, max_points: 4_000_000 };
+    let (mut engine, mut frames) = (Engine::new(params), Frames::new());
+    frames
+        .insert(&transform(recording.rows()[0].stamp, "camera_link", optical, &link_from_optical), true)
+        .unwrap();
+    for row in recording.rows().iter().step_by(step) {
+        let map_from_link = row.map_from_optical * link_from_optical.inverse();
+        frames.insert(&transform(row.stamp, "/map", "/camera_link", &map_from_link), false).unwrap();
+        let bytes = cdr_encoding::to_vec::<PointCloud2, LittleEndian>(&recording.message(row)).unwrap();
+        let mut bytes = CdrDeserializer::<LittleEndian>::new(&bytes);
+        let cloud = CloudSeed::new(filter).deserialize(&mut bytes).unwrap().unwrap();
+        let fixed_from_sensor = frames.lookup("map", &cloud.frame_id, cloud.stamp).unwrap();
+        engine.insert(&Scan { stamp: cloud.stamp, fixed_from_sensor, points: cloud.points });
+    }
+    engine
+}
+
+#[cfg(feature = "frames")]
+#[test]
+fn the_acceptance_values_come_out_through_messages_and_transforms() {
+    let test = "the_acceptance_values_come_out_through_messages_and_transforms";
+    // Dense voxels, STATIC's clusters, clusters with min_vicinity 1 and 3.
+    let recordings =
+        [("tum_fr3_cabinet58", 1, [14_342, 252, 292, 758]), ("tum_rpy179", 3, [11_385, 379, 644, 1453])];
+    for (name, step, accepted) in recordings {
+        let Some(recording) = support::recording(name, test) else { return };
+        let with = |min_vicinity| {
+            through_messages(&recording, step, Params::default().with_min_vicinity(min_vicinity).unwrap())
+        };
+        let (one, three) = (with(1), with(3));
+        let snapshot = one.snapshot();
+        let statics = sizes(one.static_partition().into_iter().map(|(_, number)| number.map(u64::from))).0;
+        let found =
+            [snapshot.voxels.len(), statics, snapshot.clusters.len(), three.snapshot().clusters.len()];
+        println!("{name}: {found:?}, accepted {accepted:?}");
+        for (found, accepted) in found.into_iter().zip(accepted) {
+            assert!(
+                found.abs_diff(accepted) as f64 <= 0.005 * accepted as f64,
+                "{found} instead of {accepted}"
+            );
         }
     }
 }

@@ -34,7 +34,7 @@ pub(crate) struct Options {
     /// Folder for the map: `map.ply` and `map.png`
     #[arg(long, default_value = "cfodi-demo")]
     out: PathBuf,
-    /// How long the robot drives [s]
+    /// How long the robot drives (s)
     #[arg(long, default_value_t = 15, value_parser = clap::value_parser!(u32).range(1..=3600))]
     seconds: u32,
     /// Decides the sensor's noise
@@ -43,7 +43,8 @@ pub(crate) struct Options {
 }
 
 pub(crate) fn demo(setup: &Setup, options: &Options) -> anyhow::Result<()> {
-    std::fs::create_dir_all(&options.out).with_context(|| format!("cannot make {}", options.out.display()))?;
+    std::fs::create_dir_all(&options.out)
+        .with_context(|| format!("cannot make {}", options.out.display()))?;
     let over_dds = receive_buffer(setup) >= ENOUGH;
     if !over_dds {
         info!(
@@ -153,7 +154,15 @@ fn table(map: &Snapshot) -> String {
         let (n, s) = (cluster.normal, cluster.size);
         format!(
             "{:>6} {:>7}  {:>6.3} {:>6.3} {:>6.3}  {:>5.2}x{:>5.2}x{:>5.2}   {:?}",
-            cluster.id.get(), cluster.voxel_count, n.x, n.y, n.z, s.x, s.y, s.z, cluster.state
+            cluster.id.get(),
+            cluster.voxel_count,
+            n.x,
+            n.y,
+            n.z,
+            s.x,
+            s.y,
+            s.z,
+            cluster.state
         )
     }));
     lines.join("\n")

@@ -1,6 +1,6 @@
 //! The node's parameters: what was given, by name -> what is checked.
 //!
-//! [`PARAMETERS`] declares each with its default, unit and range; [`Config::new`] turns given values into a [`Config`]
+//! [`parameters`] declares each with its default, unit and range; [`Config::new`] turns given values into a [`Config`]
 //! or says which one cannot be, with its value and what it must be. Nothing is repaired in silence.
 
 mod value;
@@ -179,11 +179,23 @@ mod tests {
         );
         assert_eq!(line("depth", Value::Text("deep".into())), "depth is \"deep\"; it must be an integer");
         assert_eq!(line("use_sim_time", Value::Integer(1)), "use_sim_time is 1; it must be true or false");
-        assert_eq!(line("optical", Value::Text("no!".into())), "optical is \"no!\"; it must be `auto`, `yes` or `no`");
-        assert_eq!(line("max_range", Value::Double(0.1)), "max_range is 0.1; it must be at least min_range, which is 0.4 m");
-        assert_eq!(line("publish_rate", Value::Double(0.0)), "publish_rate is 0; it must be from 0.01 to 100");
+        assert_eq!(
+            line("optical", Value::Text("no!".into())),
+            "optical is \"no!\"; it must be `auto`, `yes` or `no`"
+        );
+        assert_eq!(
+            line("max_range", Value::Double(0.1)),
+            "max_range is 0.1; it must be at least min_range, which is 0.4 m"
+        );
+        assert_eq!(
+            line("publish_rate", Value::Double(0.0)),
+            "publish_rate is 0; it must be from 0.01 to 100"
+        );
         assert_eq!(line("tf_timeout", Value::Double(f64::NAN)), "tf_timeout is NaN; it must be from 0 to 60");
-        assert_eq!(line("fixed_frame", Value::Text("/".into())), "fixed_frame is \"/\"; it must be the name of a frame");
+        assert_eq!(
+            line("fixed_frame", Value::Text("/".into())),
+            "fixed_frame is \"/\"; it must be the name of a frame"
+        );
         assert!(line("mode", Value::Text("consistent".into())).contains("`consistent` is not built yet"));
         let addresses = Value::TextList(vec!["127.0.0.1".into(), "eth0".into()]);
         assert!(line("network_interfaces", addresses).contains("IP addresses"));

@@ -43,15 +43,31 @@ pub(super) const TABLE: &[Declared] = &[
     ("voxel_size", || Value::Double(0.08), "edge of a voxel, the paper's xi [m], above 0"),
     ("min_points", || Value::Integer(15), "points that make a voxel dense, the paper's tau, 1 or more"),
     ("depth", || Value::Integer(4), "steps that a neighbourhood reaches, the paper's d, 1 to 8"),
-    ("max_normal_angle", || Value::Double(0.53), "largest angle between similar normals, theta [rad], 0 to pi/2"),
+    (
+        "max_normal_angle",
+        || Value::Double(0.53),
+        "largest angle between similar normals, theta [rad], 0 to pi/2",
+    ),
     ("min_vicinity", || Value::Integer(1), "least vicinity of an absorption, minUnits [pairs], 1 or more"),
     ("expansion_interval", || Value::Integer(10), "scans without growth until complete, delta; 0 = never"),
     ("max_range", || Value::Double(6.0), "furthest point [m]: depth in an optical frame, else distance"),
     ("min_range", || Value::Double(0.4), "nearest point [m]: depth in an optical frame, else distance"),
-    ("optical", || Value::Text("auto".to_owned()), "whether clouds have optical axes: `auto` (by frame id), `yes`, `no`"),
+    (
+        "optical",
+        || Value::Text("auto".to_owned()),
+        "whether clouds have optical axes: `auto` (by frame id), `yes`, `no`",
+    ),
     ("max_points", || Value::Integer(4_000_000), "most points of one scan; a larger one is refused"),
-    ("network_interfaces", || Value::TextList(Vec::new()), "IP addresses of the interfaces to use; empty = all"),
-    ("receive_buffer", || Value::Integer(32 << 20), "receive buffer to ask of the system [bytes], 4096 to 2^30"),
+    (
+        "network_interfaces",
+        || Value::TextList(Vec::new()),
+        "IP addresses of the interfaces to use; empty = all",
+    ),
+    (
+        "receive_buffer",
+        || Value::Integer(32 << 20),
+        "receive buffer to ask of the system [bytes], 4096 to 2^30",
+    ),
     ("tf_timeout", || Value::Double(0.2), "how long a cloud waits for its transform [s], 0 to 60"),
     ("publish_rate", || Value::Double(2.0), "snapshots, markers and labelled points [Hz], 0.01 to 100"),
     ("use_sim_time", || Value::Boolean(false), "whether /clock gives the time"),
@@ -91,7 +107,11 @@ impl Given {
     }
 
     pub(super) fn boolean(&self, name: &'static str) -> Result<bool, ConfigError> {
-        if let Value::Boolean(value) = self.get(name) { Ok(*value) } else { self.refuse(name, "true or false") }
+        if let Value::Boolean(value) = self.get(name) {
+            Ok(*value)
+        } else {
+            self.refuse(name, "true or false")
+        }
     }
 
     pub(super) fn integer(&self, name: &'static str, least: i64, most: i64) -> Result<i64, ConfigError> {

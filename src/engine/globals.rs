@@ -136,7 +136,9 @@ impl Globals {
     /// Refits the clusters that absorbed or merged, and only them, over all their voxels (reading R9).
     pub(crate) fn refine(&mut self) {
         for &slot in &self.changed {
-            let Some(global) = self.slots[slot as usize].as_mut().filter(|global| global.refine) else { continue };
+            let Some(global) = self.slots[slot as usize].as_mut().filter(|global| global.refine) else {
+                continue;
+            };
             global.refine = false;
             if let Some(plane) = PlaneFit::new(global.moments.count(), &global.moments.covariance()) {
                 global.normal = turned(plane.normal, &global.normal);
@@ -316,8 +318,8 @@ fn mean_normal(
     (normal, count): (&UnitVector3<f64>, u32),
     (other, other_count): (&UnitVector3<f64>, u32),
 ) -> UnitVector3<f64> {
-    let sum = normal.into_inner() * f64::from(count)
-        + turned(*other, normal).into_inner() * f64::from(other_count);
+    let sum =
+        normal.into_inner() * f64::from(count) + turned(*other, normal).into_inner() * f64::from(other_count);
     UnitVector3::new_normalize(sum)
 }
 
@@ -329,4 +331,22 @@ fn extremes(partial: &Partial, grid: &Grid) -> Extremes {
     let mut extremes = Extremes::of(grid[partial.members[0]].key);
     partial.members.iter().for_each(|&voxel| extremes.add(grid[voxel].key));
     extremes
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector3;
+
+    use super::*;
+
+    #[test]
+    fn definition_6_the_updated_normal_is_the_mean_weighted_by_voxel_counts() {
+        let (z, x) = (Vector3::z_axis(), Vector3::x_axis());
+        let mean = mean_normal((&z, 30), (&x, 10));
+        assert!((mean.into_inner() - Vector3::new(0.25, 0.0, 0.75).normalize()).norm() < 1e-12);
+        // A normal that points the other way is first turned into the cluster's half space.
+        let tilted = UnitVector3::new_normalize(Vector3::new(0.1, 0.0, -1.0));
+        let mean = mean_normal((&z, 1), (&tilted, 1));
+        assert!(mean.z > 0.99 && mean.x < 0.0);
+    }
 }

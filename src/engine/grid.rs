@@ -71,7 +71,7 @@ pub(crate) struct Touched {
 pub(crate) struct Binned {
     /// Every voxel that received a point, once.
     pub(crate) touched: Vec<Touched>,
-    /// Those of them that became dense (the paper's DU_t), by ascending key.
+    /// Those of them that became dense (the paper's `DU_t`), by ascending key.
     pub(crate) newly_dense: Vec<VoxelIndex>,
     /// Points beyond the grid's reach.
     pub(crate) beyond: u32,
@@ -215,8 +215,7 @@ const TWO_POW_32: f64 = 4_294_967_296.0;
 
 /// p = R x + t, each term rounded on its own so that every processor finds the same voxel.
 fn map(rotation: &Matrix3<f64>, translation: &Vector3<f64>, [x, y, z]: [f64; 3]) -> Point3<f64> {
-    let axis =
-        |i: usize| rotation[(i, 0)] * x + rotation[(i, 1)] * y + rotation[(i, 2)] * z + translation[i];
+    let axis = |i: usize| rotation[(i, 0)] * x + rotation[(i, 1)] * y + rotation[(i, 2)] * z + translation[i];
     Point3::new(axis(0), axis(1), axis(2))
 }
 

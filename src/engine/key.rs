@@ -6,7 +6,7 @@ use std::num::NonZeroU64;
 /// Index of a voxel (the paper's "unit"): voxel `ix` covers `[ix, ix + 1) * voxel_size` along x, likewise y and z.
 ///
 /// Ordered by (ix, iy, iz). Each index lies in `-2^20 .. 2^20`, so that a key packs into 63 bits and every sum over
-/// voxels stays exact (see [`super::moments`]).
+/// voxels stays exact (see the module `moments`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct VoxelKey {
     ix: i32,
@@ -18,8 +18,7 @@ pub struct VoxelKey {
 pub const GRID_REACH: i32 = 1 << 20;
 
 /// The six directions of Definition 1, in the order +x -x +y -y +z -z.
-pub const DIRECTIONS: [[i32; 3]; 6] =
-    [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]];
+pub const DIRECTIONS: [[i32; 3]; 6] = [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]];
 
 impl VoxelKey {
     /// The voxel with these indices, or `None` outside the grid's reach.

@@ -87,7 +87,7 @@ impl Moments {
         }
     }
 
-    /// Mean of the centres [m]; NaN when there is none.
+    /// Mean of the centres (m); NaN when there is none.
     pub(crate) fn mean(&self, voxel_size: f64) -> Point3<f64> {
         let n = i128::from(self.count);
         if n == 0 {

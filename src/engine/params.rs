@@ -61,12 +61,12 @@ impl Default for Params {
     }
 }
 
-fn checked<T: TryFrom<i64> + PartialOrd>(value: i64, least: T, most: T) -> Option<T> {
+fn checked<T: TryFrom<i64> + PartialOrd + Copy>(value: i64, least: T, most: T) -> Option<T> {
     T::try_from(value).ok().filter(|value| *value >= least && *value <= most)
 }
 
 impl Params {
-    /// The paper's xi: edge of a voxel [m], above 0.
+    /// The paper's xi: edge of a voxel (m), above 0.
     pub const fn voxel_size(&self) -> f64 {
         self.voxel_size
     }
@@ -81,7 +81,7 @@ impl Params {
         self.depth
     }
 
-    /// The paper's theta: the largest angle between similar normals [rad], 0 to pi/2.
+    /// The paper's theta: the largest angle between similar normals (rad), 0 to pi/2.
     pub const fn max_normal_angle(&self) -> f64 {
         self.max_normal_angle
     }
@@ -96,7 +96,7 @@ impl Params {
         self.expansion_interval
     }
 
-    /// Sets the edge of a voxel [m].
+    /// Sets the edge of a voxel (m).
     ///
     /// # Errors
     /// When it is not a positive length.
@@ -123,7 +123,7 @@ impl Params {
         Ok(Self { depth, ..self })
     }
 
-    /// Sets the largest angle between similar normals [rad].
+    /// Sets the largest angle between similar normals (rad).
     ///
     /// # Errors
     /// Outside 0 to pi/2.
@@ -148,8 +148,7 @@ impl Params {
     /// # Errors
     /// Below 0.
     pub fn with_expansion_interval(self, value: i64) -> Result<Self, ParamsError> {
-        let expansion_interval =
-            checked(value, 0, u32::MAX).ok_or(ParamsError::ExpansionInterval(value))?;
+        let expansion_interval = checked(value, 0, u32::MAX).ok_or(ParamsError::ExpansionInterval(value))?;
         Ok(Self { expansion_interval, ..self })
     }
 

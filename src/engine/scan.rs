@@ -23,7 +23,7 @@ impl Stamp {
     }
 }
 
-/// Coordinates as the sensor sent them [m], without a conversion that would lose digits.
+/// Coordinates as the sensor sent them (m), without a conversion that would lose digits.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Points {
     /// Single precision: what every Kinect driver sends.
@@ -56,12 +56,12 @@ pub struct Scan {
     pub stamp: Stamp,
     /// Maps sensor coordinates into the fixed frame.
     pub fixed_from_sensor: Isometry3<f64>,
-    /// The valid points, sensor frame [m]; finite.
+    /// The valid points, sensor frame (m); finite.
     pub points: Points,
 }
 
 impl Scan {
-    /// Where the sensor stood: the origin of its frame, in the fixed frame [m].
+    /// Where the sensor stood: the origin of its frame, in the fixed frame (m).
     pub fn sensor_origin(&self) -> Point3<f64> {
         Point3::from(self.fixed_from_sensor.translation.vector)
     }

@@ -31,13 +31,13 @@ pub struct Cluster {
     pub last_seen: Stamp,
     /// The cluster's normal (Definition 5), towards the side it was seen from.
     pub normal: UnitVector3<f64>,
-    /// Mean of the members' centres [m].
+    /// Mean of the members' centres (m).
     pub centroid: Point3<f64>,
-    /// Covariance of the members' centres [m^2].
+    /// Covariance of the members' centres (m^2).
     pub centre_covariance: Matrix3<f64>,
     /// Middle of the box around the members' centres; +z = normal, +x = the long side.
     pub pose: Isometry3<f64>,
-    /// Full extents of that box along the pose's axes [m].
+    /// Full extents of that box along the pose's axes (m).
     pub size: Vector3<f64>,
     /// Number of member voxels.
     pub voxel_count: u32,
@@ -52,7 +52,7 @@ pub struct DenseVoxel {
     pub key: VoxelKey,
     /// Number of points counted in it.
     pub count: u32,
-    /// Mean of its points [m], fixed frame.
+    /// Mean of its points (m), fixed frame.
     pub centre: Point3<f64>,
     /// Its normal (Definition 3), `None` where its neighbourhood spans no plane.
     pub normal: Option<UnitVector3<f64>>,
@@ -69,7 +69,7 @@ pub struct Snapshot {
     pub sequence: u64,
     /// Newest stamp taken in; `None` before the first scan.
     pub stamp: Option<Stamp>,
-    /// Edge of a voxel [m].
+    /// Edge of a voxel (m).
     pub voxel_size: f64,
     /// The clusters by ascending id.
     pub clusters: Vec<Cluster>,

@@ -131,7 +131,7 @@ struct Camera<'a> {
     canvas_from_fixed: Matrix3<f64>,
     offset: Vector3<f64>,
     voxel_size: f64,
-    /// (px)
+    /// Edge of a voxel (px).
     voxel_edge: f64,
     sides: Vec<Side>,
 }

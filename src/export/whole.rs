@@ -4,9 +4,9 @@ use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-/// A file could not be written.
+/// A file could not be written; the cause is its `source`.
 #[derive(Debug, thiserror::Error)]
-#[error("cannot write {}: {source}", path.display())]
+#[error("cannot write {}", path.display())]
 pub struct WriteError {
     /// The file that was asked for.
     pub path: PathBuf,
@@ -110,7 +110,9 @@ mod tests {
             out.write_all(&vec![0; 100_000])?;
             Err(io::Error::other("disk full"))
         });
-        assert_eq!(error.unwrap_err().to_string(), format!("cannot write {}: disk full", path.display()));
+        let error = error.unwrap_err();
+        assert_eq!(error.to_string(), format!("cannot write {}", path.display()));
+        assert_eq!(error.source.to_string(), "disk full");
         assert_eq!(fs::read_to_string(&path).unwrap(), "before");
         assert_eq!(folder.names(), ["a.ply"]);
     }

@@ -9,7 +9,7 @@ pub const MAX_LABELLED: usize = 1_000_000;
 
 const STEP: u32 = 32;
 
-/// All dense voxel centres, by ascending key: x y z normal_x normal_y normal_z curvature (FLOAT32) and label (UINT32,
+/// All dense voxel centres, by ascending key: `x y z normal_x normal_y normal_z curvature` (FLOAT32) and `label` (UINT32,
 /// cluster id, 0 = in no cluster). Normals and curvature are NaN where there is none.
 pub fn labelled_points(session: &Session, snapshot: &Snapshot) -> PointCloud2 {
     let voxels = &snapshot.voxels[..snapshot.voxels.len().min(MAX_LABELLED)];

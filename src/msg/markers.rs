@@ -187,7 +187,10 @@ mod tests {
         assert_eq!(first[0], line("", 0, Marker::DELETEALL, ""));
         assert!(first.contains(&line("clusters", 1, Marker::ADD, "1099511627776")));
         let second = summary(&markers.update(&session, &snapshot(&[1 << 40])));
-        assert_eq!(second[..2], [line("clusters", 0, Marker::DELETE, ""), line("ids", 0, Marker::DELETE, "")]);
+        assert_eq!(
+            second[..2],
+            [line("clusters", 0, Marker::DELETE, ""), line("ids", 0, Marker::DELETE, "")]
+        );
         let third = summary(&markers.update(&session, &snapshot(&[9, 1 << 40])));
         assert!(third.iter().all(|(_, _, action, _)| *action == Marker::ADD));
         assert!(third.contains(&line("clusters", 0, Marker::ADD, "9")));

@@ -154,7 +154,9 @@ fn flatten(name: String, value: &Yaml, values: &mut Vec<(String, Value)>) -> Res
         Yaml::String(value) => Value::Text(value.clone()),
         Yaml::Array(list) => Value::TextList(list.iter().map(text_of).collect()),
         Yaml::Hash(map) => {
-            return map.iter().try_for_each(|(key, value)| flatten(format!("{name}.{}", text_of(key)), value, values));
+            return map
+                .iter()
+                .try_for_each(|(key, value)| flatten(format!("{name}.{}", text_of(key)), value, values));
         }
         other => return Err(ArgsError::Type { name, value: format!("{other:?}") }),
     };
@@ -177,7 +179,9 @@ mod tests {
 
     #[test]
     fn names_are_expanded_and_then_remapped() {
-        let setup = parse("run --ros-args -r __ns:=/robot -r points:=/camera/depth/points -r ~/clusters:=walls").unwrap();
+        let setup =
+            parse("run --ros-args -r __ns:=/robot -r points:=/camera/depth/points -r ~/clusters:=walls")
+                .unwrap();
         assert_eq!(setup.fully_qualified_name(), "/robot/cfodi");
         assert_eq!(setup.resolve("points").unwrap(), "/camera/depth/points");
         assert_eq!(setup.resolve("~/clusters").unwrap(), "/robot/walls");
@@ -207,8 +211,15 @@ mod tests {
 
     #[test]
     fn what_cannot_be_is_refused_with_name_and_value() {
-        assert!(parse("--ros-args -p depht:=3").unwrap_err().to_string().contains("nearest known one is `depth`"));
-        assert!(parse("--ros-args --params-file /no/such.yaml").unwrap_err().to_string().contains("/no/such.yaml"));
+        assert!(
+            parse("--ros-args -p depht:=3").unwrap_err().to_string().contains("nearest known one is `depth`")
+        );
+        assert!(
+            parse("--ros-args --params-file /no/such.yaml")
+                .unwrap_err()
+                .to_string()
+                .contains("/no/such.yaml")
+        );
         let domain = Setup::parse(&[], Some("233"), "cfodi").unwrap_err().to_string();
         assert_eq!(domain, "ROS_DOMAIN_ID is \"233\"; it must be from 0 to 232");
         assert_eq!(Setup::parse(&[], Some("7"), "cfodi").unwrap().0.domain, 7);

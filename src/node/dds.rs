@@ -67,7 +67,8 @@ struct Opener<'a> {
 impl<'a> Opener<'a> {
     fn new(setup: &'a Setup) -> Result<Self, DdsError> {
         let participant = participant(setup)?;
-        let context = Context::from_domain_participant(participant.clone()).map_err(opening("a ROS context"))?;
+        let context =
+            Context::from_domain_participant(participant.clone()).map_err(opening("a ROS context"))?;
         let name = NodeName::new(&setup.namespace, &setup.name).map_err(opening("the node"))?;
         let mut options = NodeOptions::new();
         for (name, value) in &setup.parameters {
@@ -88,7 +89,13 @@ impl<'a> Opener<'a> {
         Ok(Self { setup, participant, node: node.map_err(opening("the node"))? })
     }
 
-    fn topic(&self, name: &str, package: &str, kind: &str, qos: &rustdds::QosPolicies) -> Result<Topic, DdsError> {
+    fn topic(
+        &self,
+        name: &str,
+        package: &str,
+        kind: &str,
+        qos: &rustdds::QosPolicies,
+    ) -> Result<Topic, DdsError> {
         let resolved = self.setup.resolve(name)?;
         let kind = MessageTypeName::new(package, kind).dds_msg_type();
         let topic = self.participant.create_topic(format!("rt{resolved}"), kind, qos, TopicKind::NoKey);
@@ -107,9 +114,9 @@ impl<'a> Opener<'a> {
     fn publisher<M: Serialize>(
         &mut self,
         (name, package, kind): (&str, &str, &str),
-        qos: QosProfile,
+        qos: &QosProfile,
     ) -> Result<Publisher<M>, DdsError> {
-        let topic = self.topic(name, package, kind, &(&qos).into())?;
+        let topic = self.topic(name, package, kind, &qos.into())?;
         self.node.create_publisher(&topic, None).map_err(opening(name))
     }
 
@@ -182,20 +189,23 @@ impl Dds {
         let mut opener = Opener::new(setup)?;
         let (events, receiver) = mpsc::channel(EVENTS);
         let array = "SurfaceClusterArray";
-        let latched = reliable(1, Durability::TransientLocal);
+        let latched = &reliable(1, Durability::TransientLocal);
         let dds = Self {
-            clusters: opener.publisher(("~/clusters", "cfodi_msgs", array), latched.clone())?,
+            clusters: opener.publisher(("~/clusters", "cfodi_msgs", array), latched)?,
             delta: opener
-                .publisher(("~/clusters_delta", "cfodi_msgs", array), reliable(20, Durability::Volatile))?,
+                .publisher(("~/clusters_delta", "cfodi_msgs", array), &reliable(20, Durability::Volatile))?,
             markers: opener.publisher(("~/markers", "visualization_msgs", "MarkerArray"), latched)?,
             labelled: opener.publisher(
                 ("~/points_labelled", "sensor_msgs", "PointCloud2"),
-                QosProfile::subscription_default(),
+                &QosProfile::subscription_default(),
             )?,
             reset: Rc::new(opener.server("~/reset")?),
             points_topic: setup.resolve("points")?,
             participant: opener.participant.clone(),
-            node: { listen(&mut opener, &events)?; opener.node },
+            node: {
+                listen(&mut opener, &events)?;
+                opener.node
+            },
         };
         tokio::task::spawn_local(serve_reset(Rc::clone(&dds.reset), events.clone()));
         Ok((dds, events, receiver))
@@ -221,14 +231,17 @@ fn listen(opener: &mut Opener<'_>, events: &Events) -> Result<(), DdsError> {
     let dynamic = opener.subscribe(("/tf", "tf2_msgs", "TFMessage"), &tf(100, Durability::Volatile))?;
     let transforms = |is_static| move |message| Event::Transforms { message, is_static };
     tokio::task::spawn_local(read("/tf", dynamic, events.clone(), transforms(false)));
-    let latched = opener.subscribe(("/tf_static", "tf2_msgs", "TFMessage"), &tf(100, Durability::TransientLocal))?;
+    let latched =
+        opener.subscribe(("/tf_static", "tf2_msgs", "TFMessage"), &tf(100, Durability::TransientLocal))?;
     tokio::task::spawn_local(read("/tf_static", latched, events.clone(), transforms(true)));
     if opener.setup.config.use_sim_time {
         let qos = (&QosProfile::subscription_default()).into();
         let clock = opener.subscribe(("/clock", "rosgraph_msgs", "Clock"), &qos)?;
         let time = |clock: Clock| match clock.clock.stamp() {
             Some(stamp) => Event::Clock(stamp),
-            None => Event::Garbled { topic: "/clock", text: format!("{} ns in a second", clock.clock.nanosec) },
+            None => {
+                Event::Garbled { topic: "/clock", text: format!("{} ns in a second", clock.clock.nanosec) }
+            }
         };
         tokio::task::spawn_local(read("/clock", clock, events.clone(), time));
     }
@@ -318,7 +331,9 @@ impl Transport for Dds {
         let sent = match message {
             Outgoing::Clusters(array) => self.clusters.async_publish(array).await.map_err(|e| e.to_string()),
             Outgoing::Delta(array) => self.delta.async_publish(array).await.map_err(|e| e.to_string()),
-            Outgoing::Markers(markers) => self.markers.async_publish(markers).await.map_err(|e| e.to_string()),
+            Outgoing::Markers(markers) => {
+                self.markers.async_publish(markers).await.map_err(|e| e.to_string())
+            }
             Outgoing::Labelled(cloud) => self.labelled.async_publish(cloud).await.map_err(|e| e.to_string()),
         };
         sent.map_err(SendError)
@@ -360,8 +375,7 @@ pub struct Robot {
     tf: Publisher<TfMessage>,
     tf_static: Publisher<TfMessage>,
     // Kept so that the publishers stay on the network, and dropped in this order.
-    _node: Node,
-    _participant: DomainParticipant,
+    _network: (Node, DomainParticipant),
 }
 
 impl Robot {
@@ -374,11 +388,11 @@ impl Robot {
         let mut opener = Opener::new(&setup)?;
         let tf = |name| (name, "tf2_msgs", "TFMessage");
         let points = opener
-            .publisher(("points", "sensor_msgs", "PointCloud2"), QosProfile::subscription_default())?;
-        let dynamic = opener.publisher(tf("/tf"), reliable(100, Durability::Volatile))?;
-        let latched = opener.publisher(tf("/tf_static"), reliable(1, Durability::TransientLocal))?;
-        let Opener { node: _node, participant: _participant, .. } = opener;
-        Ok(Self { points, tf: dynamic, tf_static: latched, _node, _participant })
+            .publisher(("points", "sensor_msgs", "PointCloud2"), &QosProfile::subscription_default())?;
+        let dynamic = opener.publisher(tf("/tf"), &reliable(100, Durability::Volatile))?;
+        let latched = opener.publisher(tf("/tf_static"), &reliable(1, Durability::TransientLocal))?;
+        let network = (opener.node, opener.participant);
+        Ok(Self { points, tf: dynamic, tf_static: latched, _network: network })
     }
 
     /// Sends a cloud.
@@ -405,7 +419,7 @@ mod tests {
 
     #[test]
     fn a_gap_in_the_numbers_is_a_loss_unless_garbled_samples_explain_it() {
-        let (mut gaps, publisher) = (Gaps::default(), Gid::GID_UNKNOWN);
+        let (mut gaps, publisher) = (Gaps::default(), Gid::default());
         assert_eq!(gaps.lost_before(publisher, 7), 0);
         assert_eq!(gaps.lost_before(publisher, 8), 0);
         assert_eq!(gaps.lost_before(publisher, 11), 2);

@@ -217,7 +217,10 @@ impl<T: Transport> Live<T> {
             let scan = Scan { stamp: cloud.stamp, fixed_from_sensor, points: cloud.points };
             if self.worker.submit(scan) {
                 self.counts.borrow_mut().replaced += 1;
-                self.warn("replaced", format_args!("the engine is slower than the sensor: a scan was replaced"));
+                self.warn(
+                    "replaced",
+                    format_args!("the engine is slower than the sensor: a scan was replaced"),
+                );
             }
         }
     }

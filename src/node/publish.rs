@@ -32,7 +32,8 @@ pub(super) async fn publish(
     frame_id: String,
 ) -> Ended {
     let mut ended = Ended::default();
-    let mut publisher = Publisher { transport, markers: Markers::default(), session: 0, capped: false, frame_id };
+    let mut publisher =
+        Publisher { transport, markers: Markers::default(), session: 0, capped: false, frame_id };
     while let Some(output) = outputs.recv().await {
         match output {
             Output::Scan { session, update } => {
@@ -79,7 +80,9 @@ impl<T: Transport> Publisher<T> {
 
     fn say_caps(&mut self, voxels: usize) {
         if voxels > MAX_CUBES && !std::mem::replace(&mut self.capped, true) {
-            warn!("{voxels} dense voxels: ~/markers shows the first {MAX_CUBES}, ~/points_labelled {MAX_LABELLED}");
+            warn!(
+                "{voxels} dense voxels: ~/markers shows the first {MAX_CUBES}, ~/points_labelled {MAX_LABELLED}"
+            );
         }
     }
 

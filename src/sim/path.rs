@@ -19,9 +19,9 @@ struct Piece {
     start: Point2<f64>,
     /// Direction of travel at the start, counter-clockwise from +x (rad).
     heading: f64,
-    /// (1/m), positive to the left, 0 for a straight line.
+    /// Turn per way (rad/m), positive to the left, 0 for a straight line.
     curvature: f64,
-    /// (m)
+    /// Along the stretch (m).
     length: f64,
 }
 

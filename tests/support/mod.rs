@@ -1,11 +1,12 @@
 //! Real Kinect recordings for tests and benchmarks, read where they lie.
-#![allow(dead_code, reason = "each test binary uses a part of it")]
+#![allow(dead_code, unreachable_pub, reason = "each test binary uses a part of it")]
 
 use std::fs::{self, File};
 use std::io::{BufReader, Write};
 use std::path::{Path, PathBuf};
 
 use cfodi::engine::{Isometry3, Points, Scan, Stamp};
+use cfodi::msg::ros::{Header, PointCloud2, PointField};
 use nalgebra::{Quaternion, Translation3, UnitQuaternion};
 
 /// A folder of depth PNGs with poses and intrinsics.
@@ -77,6 +78,24 @@ impl Recording {
             [(u - c.cx) * z / c.fx, (v - c.cy) * z / c.fy, z]
         };
         depth.iter().enumerate().map(point).collect()
+    }
+
+    /// A row as a driver's message: organised, 16 bytes a point, in `camera_depth_optical_frame`.
+    pub fn message(&self, row: &Row) -> PointCloud2 {
+        let points = self.cloud(row);
+        let bytes = points.iter().flat_map(|p| [p[0], p[1], p[2], 0.0]).flat_map(f32::to_le_bytes);
+        let fields = ["x", "y", "z"].into_iter().zip([0, 4, 8]);
+        PointCloud2 {
+            header: Header { stamp: row.stamp.into(), frame_id: "camera_depth_optical_frame".to_owned() },
+            height: 480,
+            width: 640,
+            fields: fields.map(|(name, at)| PointField::single(name, at, PointField::FLOAT32)).collect(),
+            is_bigendian: false,
+            point_step: 16,
+            row_step: 16 * 640,
+            data: bytes.collect(),
+            all_finite: false,
+        }
     }
 
     /// The valid points of a row with 0.4 <= z <= 6 m.

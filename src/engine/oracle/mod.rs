@@ -54,7 +54,7 @@ impl Oracle {
         let newly_dense = self.bin(scan);
         let members = self.give_normals(&newly_dense, &scan.sensor_origin());
         let partials = self.partials(members);
-        self.absorb(partials);
+        self.absorb(&partials);
     }
 
     fn is_dense(&self, key: VoxelKey) -> bool {
@@ -133,7 +133,9 @@ impl Oracle {
             let (mut members, mut queue) = (vec![seed], VecDeque::from([seed]));
             while let Some(member) = queue.pop_front() {
                 for key in self.dense_beside(member) {
-                    let Some(normal) = self.cells[&key].normal.filter(|_| free.contains(&key)) else { continue };
+                    let Some(normal) = self.cells[&key].normal.filter(|_| free.contains(&key)) else {
+                        continue;
+                    };
                     if self.similar(&running, &normal) {
                         running = mean(running, members.len(), towards(normal, &running.vector), 1);
                         free.remove(&key);
@@ -142,7 +144,8 @@ impl Oracle {
                     }
                 }
             }
-            let normal = self.fit_members(&members).map_or_else(|| running.unit(), |n| towards(n, &running.vector));
+            let normal =
+                self.fit_members(&members).map_or_else(|| running.unit(), |n| towards(n, &running.vector));
             partials.push(Partial { members, normal });
         }
         partials
@@ -181,11 +184,11 @@ impl Oracle {
         pairs
     }
 
-    fn absorb(&mut self, partials: Vec<Partial>) {
+    fn absorb(&mut self, partials: &[Partial]) {
         let mut survivor: BTreeMap<ClusterId, ClusterId> = BTreeMap::new();
         let mut owner: BTreeMap<usize, ClusterId> = BTreeMap::new();
         let mut grown = BTreeSet::new();
-        for (_, id, number) in self.pairs(&partials) {
+        for (_, id, number) in self.pairs(partials) {
             let follow = |mut id: ClusterId| {
                 while let Some(&next) = survivor.get(&id) {
                     id = next;
