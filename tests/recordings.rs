@@ -46,7 +46,7 @@ fn accept(name: &str, step: usize, test: &str, accepted: &Accepted) {
             engine.static_partition().into_iter().map(|(_, number)| number.map(u64::from)).collect();
         let mine = sizes(snapshot.voxels.iter().map(|voxel| voxel.cluster.map(ClusterId::get)));
         let found = agreement(&snapshot, &statics);
-        println!(
+        eprintln!(
             "{name} min_vicinity {min_vicinity}: {} dense, clusters {mine:?}, STATIC {:?}, index {found:.3}",
             snapshot.voxels.len(),
             sizes(statics.iter().copied()),
@@ -138,7 +138,7 @@ fn floor_top_and_four_sides_of_the_cabinet_come_out_as_clusters_with_true_normal
         assert_eq!(planes.len(), 6);
         for (name, plane) in planes {
             let angle = angle_to_truth(&snapshot, plane);
-            println!("{voxel_size} m, {name}: {angle:.2?} degrees");
+            eprintln!("{voxel_size} m, {name}: {angle:.2?} degrees");
             assert!(angle.is_some_and(|angle| angle <= limit), "{name} at {voxel_size} m: {angle:?} degrees");
         }
     }
@@ -206,7 +206,7 @@ fn the_acceptance_values_come_out_through_messages_and_transforms() {
         let statics = sizes(one.static_partition().into_iter().map(|(_, number)| number.map(u64::from))).0;
         let found =
             [snapshot.voxels.len(), statics, snapshot.clusters.len(), three.snapshot().clusters.len()];
-        println!("{name}: {found:?}, accepted {accepted:?}");
+        eprintln!("{name}: {found:?}, accepted {accepted:?}");
         for (found, accepted) in found.into_iter().zip(accepted) {
             assert!(
                 found.abs_diff(accepted) as f64 <= 0.005 * accepted as f64,

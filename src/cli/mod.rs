@@ -16,12 +16,10 @@ use cfodi::node::args::ArgsError;
 use cfodi::node::counts::Counts;
 use cfodi::node::dds::{Dds, Events};
 use cfodi::node::live;
+use socket2::{Domain, Socket, Type};
 use tokio::task::LocalSet;
 use tracing::{info, warn};
 use tracing_subscriber::EnvFilter;
-
-/// Where Linux keeps the largest receive buffer that a socket may ask for.
-const RMEM_MAX: &str = "/proc/sys/net/core/rmem_max";
 
 /// Splits the ROS arguments off the command line and checks them.
 pub(crate) fn setup(args: &[String]) -> Result<(Setup, Vec<String>), ArgsError> {
@@ -43,11 +41,17 @@ pub(crate) fn start_log(level: Option<&str>) {
     log.with_writer(io::stderr).init();
 }
 
-/// Bytes of the receive buffer that the node's sockets have: Linux cuts a larger wish short without a word.
+/// Bytes of the receive buffer that the node's sockets have: the system cuts a larger wish short without a word, so a
+/// socket is asked. (Linux reports twice what it has set.)
 pub(crate) fn receive_buffer(setup: &Setup) -> usize {
     let wish = setup.config.receive_buffer;
-    let most = std::fs::read_to_string(RMEM_MAX).ok().and_then(|text| text.trim().parse::<usize>().ok());
-    most.map_or(wish, |most| wish.min(most))
+    let got = Socket::new(Domain::IPV4, Type::DGRAM, None).and_then(|socket| {
+        socket.set_recv_buffer_size(wish)?;
+        socket.recv_buffer_size()
+    });
+    let twice = if cfg!(target_os = "linux") { 2 } else { 1 };
+    // Where no socket can be had, opening the node says why.
+    got.map_or(wish, |got| wish.min(got / twice))
 }
 
 fn say_receive_buffer(setup: &Setup) {

@@ -7,6 +7,7 @@
 use std::collections::BTreeMap;
 use std::net::IpAddr;
 use std::rc::Rc;
+use std::time::Duration;
 
 use futures::{StreamExt, pin_mut};
 use ros2_client::qos::{Durability, History, WhenFull};
@@ -166,6 +167,13 @@ fn reliable(depth: usize, durability: Durability) -> QosProfile {
         .durability(durability)
 }
 
+/// For what we send reliably. A snapshot outgrows the socket buffer of a reader on a stock kernel, and RustDDS repairs
+/// what was lost in rounds of 8 KB: 10 ms apart, slower than we publish, or a fifth of the deadline, 1 ms at the least.
+/// An offered deadline binds no reader that asks for none, and ROS readers ask for none.
+fn reliable_output(depth: usize, durability: Durability) -> QosProfile {
+    reliable(depth, durability).deadline(Some(Duration::from_millis(5)))
+}
+
 /// The node's topics and services on DDS.
 pub struct Dds {
     // Fields are dropped in this order: publishers and the service before the node, the node before the participant.
@@ -189,11 +197,11 @@ impl Dds {
         let mut opener = Opener::new(setup)?;
         let (events, receiver) = mpsc::channel(EVENTS);
         let array = "SurfaceClusterArray";
-        let latched = &reliable(1, Durability::TransientLocal);
+        let latched = &reliable_output(1, Durability::TransientLocal);
         let dds = Self {
             clusters: opener.publisher(("~/clusters", "cfodi_msgs", array), latched)?,
             delta: opener
-                .publisher(("~/clusters_delta", "cfodi_msgs", array), &reliable(20, Durability::Volatile))?,
+                .publisher(("~/clusters_delta", "cfodi_msgs", array), &reliable_output(20, Durability::Volatile))?,
             markers: opener.publisher(("~/markers", "visualization_msgs", "MarkerArray"), latched)?,
             labelled: opener.publisher(
                 ("~/points_labelled", "sensor_msgs", "PointCloud2"),
