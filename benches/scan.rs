@@ -1,8 +1,8 @@
 //! Milliseconds a scan of the engine, and what a cloud costs on the way to it.
 //!
-//! On the cabinet recording where there is one (`CFODI_DATA`), on the simulated room otherwise. A group reads: `cold
-//! read`, the yardstick: summing the bytes of a cloud that is not in the caches; `decode`, `PointCloud2` bytes to points;
-//! `insert`, a whole drive through an empty map, divided by its scans; `STATIC`, one re-clustering of the whole map.
+//! On the cabinet recording where there is one (`CFODI_DATA`), on the simulated room otherwise. A group holds: `read`,
+//! the yardstick: summing the bytes of one cloud after the other; `decode`, `PointCloud2` bytes to points; `insert`, a
+//! whole drive from an empty map on, divided by its scans; `STATIC`, one re-clustering of the whole map; `snapshot`.
 #![allow(
     missing_docs,
     clippy::unwrap_used,
@@ -49,7 +49,7 @@ fn bench(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group(name);
     group.sample_size(10);
     let mut next = (0..drive.len()).cycle();
-    group.bench_function("cold read", |b| {
+    group.bench_function("read", |b| {
         b.iter(|| {
             let data = &drive[next.next().unwrap()].0.data;
             let words = data.chunks_exact(8).map(|word| u64::from_le_bytes(word.try_into().unwrap()));

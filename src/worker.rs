@@ -1,8 +1,10 @@
 //! The named thread that owns the engine: newest scan in, immutable values out.
 //!
-//! The mailbox has one place: a scan that the engine has not begun when the next arrives is replaced by it, and the
-//! caller is told so, that it can count it. The engine never waits for anything but the sink that takes its outputs.
+//! The mailbox has few places: when it is full, a new scan replaces the oldest one, and the caller is told so, that it
+//! can count it. One place would do for a sensor alone; but a transform that comes at 10 Hz releases three scans at once,
+//! and all but one of them would be lost each time. The engine waits for nothing but the sink that takes its outputs.
 
+use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
@@ -30,10 +32,22 @@ pub enum Output {
     Died(String),
 }
 
+/// Scans that may wait for the engine: about a quarter of a second of them.
+pub const PLACES: usize = 8;
+
 /// What waits for the worker.
 #[derive(Default)]
 struct Pending {
     /// The id of a session to begin with an empty map, before anything else.
+    session: Option<u64>,
+    /// Oldest first.
+    scans: VecDeque<Scan>,
+    snapshot: bool,
+    stop: bool,
+}
+
+/// What the worker does next, in this order.
+struct Task {
     session: Option<u64>,
     scan: Option<Scan>,
     snapshot: bool,
@@ -64,12 +78,15 @@ impl Mailbox {
         result
     }
 
-    fn take(&self) -> Pending {
-        let empty = |p: &mut Pending| p.session.is_none() && p.scan.is_none() && !p.snapshot && !p.stop;
+    fn take(&self) -> Task {
+        let empty = |p: &mut Pending| p.session.is_none() && p.scans.is_empty() && !p.snapshot && !p.stop;
         let waited = self.filled.wait_while(self.lock(), empty);
         let mut pending = waited.unwrap_or_else(PoisonError::into_inner);
-        let stop = pending.stop;
-        std::mem::replace(&mut *pending, Pending { stop, ..Pending::default() })
+        let scan = pending.scans.pop_front();
+        // The end comes after all scans and with the whole map; a snapshot in between must not wait for a pause.
+        let stop = pending.stop && pending.scans.is_empty();
+        let snapshot = (stop || !pending.stop) && std::mem::take(&mut pending.snapshot);
+        Task { session: pending.session.take(), scan, snapshot, stop }
     }
 }
 
@@ -91,23 +108,26 @@ impl Worker {
         Ok(Self { mailbox, thread: Some(thread) })
     }
 
-    /// Hands over a scan; returns whether it replaced one that was still waiting.
+    /// Hands over a scan; returns whether it replaced the oldest of those that were still waiting.
     #[must_use = "a replaced scan is to be counted"]
     pub fn submit(&self, scan: Scan) -> bool {
-        self.mailbox.put(|pending| pending.scan.replace(scan).is_some())
+        self.mailbox.put(|pending| {
+            pending.scans.push_back(scan);
+            pending.scans.len() > PLACES && pending.scans.pop_front().is_some()
+        })
     }
 
-    /// Asks for the map after what waits now has been taken in.
+    /// Asks for the map: after the next scan where one waits, and after all scans when the worker is about to end.
     pub fn request_snapshot(&self) {
         self.mailbox.put(|pending| pending.snapshot = true);
     }
 
-    /// Begins a new session with an empty map; returns whether a scan that was still waiting was thrown away.
-    #[must_use = "a scan thrown away is to be counted"]
-    pub fn reset(&self, session: u64) -> bool {
+    /// Begins a new session with an empty map; returns how many scans that were still waiting were thrown away.
+    #[must_use = "scans thrown away are to be counted"]
+    pub fn reset(&self, session: u64) -> usize {
         self.mailbox.put(|pending| {
             pending.session = Some(session);
-            pending.scan.take().is_some()
+            std::mem::take(&mut pending.scans).len()
         })
     }
 }
@@ -134,18 +154,18 @@ fn guard(mailbox: &Mailbox, params: Params, session: u64, mut sink: impl FnMut(O
 fn work(mailbox: &Mailbox, params: Params, mut session: u64, sink: &mut impl FnMut(Output)) {
     let mut engine = Engine::new(params);
     loop {
-        let pending = mailbox.take();
-        if let Some(new) = pending.session {
+        let task = mailbox.take();
+        if let Some(new) = task.session {
             session = new;
             engine = Engine::new(params);
         }
-        if let Some(scan) = pending.scan {
+        if let Some(scan) = task.scan {
             sink(Output::Scan { session, update: engine.insert(&scan) });
         }
-        if pending.snapshot {
+        if task.snapshot {
             sink(Output::Snapshot { session, snapshot: Arc::new(engine.snapshot()) });
         }
-        if pending.stop {
+        if task.stop {
             return;
         }
     }
@@ -175,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn a_waiting_scan_is_replaced_by_the_newest_and_said_to_be() {
+    fn in_a_full_mailbox_the_oldest_scan_is_replaced_and_said_to_be() {
         let (entered, enter) = channel();
         let (leave, left) = channel::<()>();
         let (sender, receiver) = channel();
@@ -187,10 +207,10 @@ mod tests {
         let worker = worker.unwrap();
         assert!(!worker.submit(scan(1)));
         enter.recv_timeout(PATIENCE).unwrap();
-        assert!(!worker.submit(scan(2)));
-        assert!(worker.submit(scan(3)));
-        leave.send(()).unwrap();
-        leave.send(()).unwrap();
+        let places = PLACES as i64;
+        assert!((2..2 + places).all(|stamp| !worker.submit(scan(stamp))));
+        assert!(worker.submit(scan(2 + places)));
+        (0..=places).for_each(|_| leave.send(()).unwrap());
         drop(worker);
         let stamps: Vec<_> = receiver
             .iter()
@@ -198,7 +218,7 @@ mod tests {
                 if let Output::Scan { update, .. } = output { Some(update.stamp.nanos()) } else { None }
             })
             .collect();
-        assert_eq!(stamps, [1, 3]);
+        assert_eq!(stamps, [1].into_iter().chain(3..3 + places).collect::<Vec<_>>());
     }
 
     #[test]
@@ -206,7 +226,7 @@ mod tests {
         let (worker, outputs) = started();
         assert!(!worker.submit(scan(1)));
         assert!(matches!(outputs.recv_timeout(PATIENCE).unwrap(), Output::Scan { session: 1, .. }));
-        assert!(!worker.reset(9));
+        assert_eq!(worker.reset(9), 0);
         worker.request_snapshot();
         let Output::Snapshot { session, snapshot } = outputs.recv_timeout(PATIENCE).unwrap() else {
             panic!()

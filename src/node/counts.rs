@@ -10,7 +10,7 @@ pub struct Counts {
     pub received: u64,
     /// Scans the engine has taken in.
     pub taken_in: u64,
-    /// Scans that were still waiting for the engine when a newer one arrived.
+    /// Scans that waited for the engine and were replaced by newer ones.
     pub replaced: u64,
     /// Clouds that were sent and never arrived.
     pub lost: u64,

@@ -200,8 +200,10 @@ impl Dds {
         let latched = &reliable_output(1, Durability::TransientLocal);
         let dds = Self {
             clusters: opener.publisher(("~/clusters", "cfodi_msgs", array), latched)?,
-            delta: opener
-                .publisher(("~/clusters_delta", "cfodi_msgs", array), &reliable_output(20, Durability::Volatile))?,
+            delta: opener.publisher(
+                ("~/clusters_delta", "cfodi_msgs", array),
+                &reliable_output(20, Durability::Volatile),
+            )?,
             markers: opener.publisher(("~/markers", "visualization_msgs", "MarkerArray"), latched)?,
             labelled: opener.publisher(
                 ("~/points_labelled", "sensor_msgs", "PointCloud2"),

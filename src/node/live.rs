@@ -249,11 +249,8 @@ impl<T: Transport> Live<T> {
 
     fn begin_session(&mut self, why: &str) {
         self.session = new_session(self.session);
-        let waiting = self.waiting.take_all(self.start.elapsed());
-        waiting.iter().for_each(|_| self.counts.borrow_mut().skip("session_ended"));
-        if self.worker.reset(self.session) {
-            self.counts.borrow_mut().skip("session_ended");
-        }
+        let waiting = self.waiting.take_all(self.start.elapsed()).len() + self.worker.reset(self.session);
+        (0..waiting).for_each(|_| self.counts.borrow_mut().skip("session_ended"));
         self.newest_cloud = None;
         info!("{why}: session {} begins with an empty map", self.session);
         self.worker.request_snapshot();

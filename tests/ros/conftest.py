@@ -1,0 +1,73 @@
+"""Every test in a network of its own, with real ROS 2 on the other side."""
+
+import os
+
+# Before rclpy: shared memory would reach across namespaces, to the tests of another run.
+os.environ["FASTDDS_BUILTIN_TRANSPORTS"] = "UDPv4"
+for name in ("ROS_DOMAIN_ID", "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_LOCALHOST_ONLY", "RMW_IMPLEMENTATION"):
+    os.environ.pop(name, None)
+
+import pytest
+
+import network
+
+
+@pytest.fixture(autouse=True)
+def own_network():
+    network.own_network()
+
+
+@pytest.fixture
+def recordings(request):
+    """The folder of the recordings. Where it is not there the test is left out, and its name is noted for the last line."""
+    folder = network.recordings()
+    if folder is None:
+        if noted := os.environ.get("CFODI_LEFT_OUT"):
+            with open(noted, "a") as file:
+                file.write(request.node.name + "\n")
+        pytest.skip("no recordings (set CFODI_DATA)")
+    return folder
+
+
+@pytest.fixture
+def large_buffers():
+    """Clouds of megabytes come through only with a large socket buffer, which the kernel must allow."""
+    if (granted := network.granted_buffer()) < network.LARGE_BUFFER:
+        pytest.fail(f"the kernel grants {granted} bytes to a socket; large clouds need {network.LARGE_BUFFER}: "
+                    f"sysctl -w net.core.rmem_max={network.LARGE_BUFFER}")
+
+
+@pytest.fixture
+def new_peer(own_network):
+    from peer import Peer
+    peers = []
+
+    def start(name="peer", **more):
+        peers.append(Peer(name, **more))
+        return peers[-1]
+
+    yield start
+    for peer in peers:
+        peer.close()
+
+
+@pytest.fixture
+def peer(new_peer):
+    return new_peer()
+
+
+@pytest.fixture
+def start(own_network):
+    """Starts the program under test; at the end of the test nothing of it is left."""
+    from cfodi_node import Cfodi
+    started = []
+
+    def start(parameters=None, remaps=None, fixed_frame="map", points="/camera/depth/points", **more):
+        parameters = ({"fixed_frame": fixed_frame} if fixed_frame else {}) | (parameters or {})
+        started.append(Cfodi(parameters, ({"points": points} if points else {}) | (remaps or {}), **more))
+        return started[-1]
+
+    yield start
+    for node in started:
+        node.end()
+        print("\n".join(node.lines))

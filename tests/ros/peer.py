@@ -1,0 +1,151 @@
+"""The other side of the talk: a real ROS 2 node that publishes, records what comes as raw bytes, and calls services."""
+
+import threading
+import time
+
+import rclpy
+from cfodi_msgs.msg import SurfaceClusterArray
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import PointCloud2
+from tf2_msgs.msg import TFMessage
+from visualization_msgs.msg import MarkerArray
+
+import clouds
+
+
+def qos(depth, reliable=True, latched=False):
+    return QoSProfile(
+        depth=depth, history=HistoryPolicy.KEEP_LAST,
+        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE)
+
+
+def wait_until(what, condition, timeout=20):
+    """The first true value of `condition()`; fails with `what` where there is none in time."""
+    end = time.monotonic() + timeout
+    while not (value := condition()):
+        assert time.monotonic() < end, f"not within {timeout} s: {what}"
+        time.sleep(0.02)
+    return value
+
+
+class Recording:
+    """Serialised messages of one topic as they came; decoded on demand, so that recording loses none by being slow."""
+
+    def __init__(self, message_type):
+        self.raw = []  # (monotonic time of arrival, bytes)
+        self._type, self._decoded = message_type, {}
+
+    def __len__(self):
+        return len(self.raw)
+
+    def __getitem__(self, index):
+        index = range(len(self.raw))[index]
+        if index not in self._decoded:
+            self._decoded[index] = deserialize_message(self.raw[index][1], self._type)
+        return self._decoded[index]
+
+    def wait(self, what, condition=lambda message: True, timeout=20, after=0):
+        """The first message from number `after` on that meets the condition."""
+        seen = after
+
+        def found():
+            nonlocal seen
+            while seen < len(self.raw):
+                seen += 1
+                if condition(self[seen - 1]):
+                    return [self[seen - 1]]
+            return []
+
+        return wait_until(what, found, timeout)[0]
+
+
+class Peer:
+    def __init__(self, name="peer", domain=0):
+        self.context = rclpy.Context()
+        rclpy.init(context=self.context, domain_id=domain)
+        self.node = rclpy.create_node(name, context=self.context)
+        self._executor = SingleThreadedExecutor(context=self.context)
+        self._executor.add_node(self.node)
+        self._thread = threading.Thread(target=self._spin)
+        self._thread.start()
+
+    def _spin(self):
+        try:
+            self._executor.spin()
+        except ExternalShutdownException:
+            pass
+
+    def close(self):
+        self._executor.shutdown(timeout_sec=5)
+        self.context.try_shutdown()
+        self._thread.join()
+        self.node.destroy_node()
+
+    def record(self, topic, message_type, profile):
+        recording = Recording(message_type)
+        self.node.create_subscription(
+            message_type, topic, lambda data: recording.raw.append((time.monotonic(), bytes(data))), profile, raw=True)
+        return recording
+
+    def record_node(self, name="/cfodi"):
+        """Recordings of all that a node publishes on the map: clusters, deltas, markers, labelled."""
+        self.clusters = self.record(f"{name}/clusters", SurfaceClusterArray, qos(100, latched=True))
+        self.deltas = self.record(f"{name}/clusters_delta", SurfaceClusterArray, qos(2000))
+        self.markers = self.record(f"{name}/markers", MarkerArray, qos(100, latched=True))
+        self.labelled = self.record(f"{name}/points_labelled", PointCloud2, qos(100, reliable=False))
+        recorded = ("clusters", "clusters_delta", "markers", "points_labelled")
+        wait_until("publishers of the map", lambda: all(self.node.count_publishers(f"{name}/{t}") for t in recorded))
+
+    def camera(self, topic="/camera/depth/points"):
+        return Camera(self.node, topic)
+
+    def call(self, service_type, name, request, attempts=6, timeout=3):
+        """The reply to a call; asked again where none comes, for a first reply may be lost while the two sides meet."""
+        client = self.node.create_client(service_type, name)
+        try:
+            assert client.wait_for_service(20), f"no service {name}"
+            for _ in range(attempts):
+                future = client.call_async(request)
+                end = time.monotonic() + timeout
+                while not future.done() and time.monotonic() < end:
+                    time.sleep(0.01)
+                if future.done():
+                    return future.result()
+                client.remove_pending_request(future)
+            raise AssertionError(f"{name} did not answer {attempts} calls")
+        finally:
+            self.node.destroy_client(client)
+
+
+class Camera:
+    """Publishes clouds best effort, as drivers do, and the transforms that belong to them."""
+
+    def __init__(self, node, topic):
+        self.sent = 0
+        self._cloud = node.create_publisher(PointCloud2, topic, qos(5, reliable=False))
+        self._tf = node.create_publisher(TFMessage, "/tf", qos(100))
+        self._tf_static = node.create_publisher(TFMessage, "/tf_static", qos(1, latched=True))
+        self._tf_static.publish(clouds.static_transform())
+
+    def meet(self, timeout=30):
+        """Waits for the node. What a best-effort subscription misses before it is matched on both sides, nobody counts:
+        hence the pause. The static transform goes out again, for a latched one may take a heartbeat (3 s) to arrive."""
+        publishers = (self._cloud, self._tf, self._tf_static)
+        wait_until("a subscription of points, /tf and /tf_static",
+                   lambda: all(p.get_subscription_count() for p in publishers), timeout)
+        time.sleep(0.5)
+        self._tf_static.publish(clouds.static_transform())
+        time.sleep(1.0)
+
+    def publish(self, cloud, stamp_ns, transform=None):
+        """One serialised cloud, after the transform (none: no transform) with the same stamp."""
+        if transform is not None:
+            self._tf.publish(clouds.stamped(transform, clouds.TF_STAMP, stamp_ns))
+        self.publish_as_is(clouds.stamped(cloud, clouds.CLOUD_STAMP, stamp_ns))
+
+    def publish_as_is(self, data):
+        self.sent += 1
+        self._cloud.publish(data)

@@ -1,0 +1,54 @@
+"""Plays the cabinet recording in a loop as a camera would, from a process of its own: Python that records would slow it.
+
+Prints one JSON line: how many clouds it sent, those of the end included, and at what rate.
+"""
+
+import argparse
+import json
+import pathlib
+import sys
+import time
+
+import clouds
+from peer import Peer
+
+SPECKS = 3  # a lost cloud shows only when a later one arrives
+
+
+def play(camera, scans, seconds, rate):
+    """Publishes each scan with its transform, both stamped with the time of sending; returns the rate reached."""
+    period, start, number = 1 / rate, time.monotonic(), 0
+    due = start
+    while due < start + seconds:
+        time.sleep(max(0.0, due - time.monotonic()))
+        scan = scans[number % len(scans)]
+        camera.publish(scan.cloud, time.time_ns(), scan.transform)
+        number += 1
+        due = max(due + period, time.monotonic())  # a camera does not catch up
+    return number / (time.monotonic() - start)
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("folder", type=pathlib.Path)
+    parser.add_argument("--point-step", type=int, default=16)
+    parser.add_argument("--seconds", type=float, default=20)
+    parser.add_argument("--rate", type=float, default=30)
+    arguments = parser.parse_args()
+    scans = list(clouds.cabinet(arguments.folder, arguments.point_step))
+    peer = Peer("camera")
+    try:
+        camera = peer.camera()
+        camera.meet()
+        reached = play(camera, scans, arguments.seconds, arguments.rate)
+        for _ in range(SPECKS):
+            time.sleep(0.3)
+            camera.publish(clouds.cloud(clouds.speck()), time.time_ns(), scans[-1].transform)
+        time.sleep(0.5)
+    finally:
+        peer.close()
+    json.dump({"sent": camera.sent, "rate": reached}, sys.stdout)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,21 @@
+#!/usr/bin/env bash
+# Runs Python of the ROS environment in a network namespace of its own, so that tests cannot talk to anything else on the
+# machine or outside:  bash tests/ros/python.sh -m pytest tests/ros [-k NAME] [-s]
+set -euo pipefail
+here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
+export ROS_LOG_DIR=${ROS_LOG_DIR:-${TMPDIR:-/tmp}/cfodi-ros-log}
+if [ -z "${HOME:-}" ]; then   # rclpy does not start without it
+  HOME=$(getent passwd "$(id -u)" | cut -d : -f 6)
+  export HOME="${HOME:-/tmp}"
+  echo "HOME is not set: using $HOME" >&2
+fi
+environment=$(bash "$here/env.sh")
+if ! refusal=$(unshare -rn true 2>&1); then
+  echo "the ROS tests need a network namespace and this machine refuses one: $refusal" >&2
+  echo "(allow user namespaces: sysctl -w kernel.unprivileged_userns_clone=1, or run as root)" >&2
+  exit 1
+fi
+# shellcheck source=/dev/null
+source "$environment/env.sh"
+export PYTHONDONTWRITEBYTECODE=1
+exec unshare -rn python "$@"

@@ -1,0 +1,45 @@
+"""The values of the paper's mode on a real recording, seen from outside."""
+
+import compare
+import pytest
+
+FIRST_STAMP, PERIOD = 1_700_000_000 * 10**9, 33_333_333
+
+
+def assert_within_half_a_percent(what, found, expected):
+    assert abs(found - expected) <= 0.005 * expected, f"{what}: {found}, expected {expected}"
+
+
+@pytest.mark.parametrize("min_vicinity, clusters, of_10_voxels", [(1, 292, 32), (3, 758, 30)])
+def test_the_cabinet_gives_the_accepted_counts(min_vicinity, clusters, of_10_voxels, recordings, large_buffers, start, peer):
+    import clouds
+    start({"mode": "paper", "min_vicinity": min_vicinity}).ready()
+    peer.record_node()
+    camera = peer.camera()
+    camera.meet()
+    scans = 0
+    for scan in clouds.cabinet(recordings):
+        send(camera, peer.deltas, scan, FIRST_STAMP + scans * PERIOD)
+        scans += 1
+    assert scans == 58
+    snapshot = peer.clusters.wait("the snapshot of the last scan", lambda m: m.sequence == scans)
+    points = peer.labelled.wait("its points", lambda m: compare.stamp(m) == compare.stamp(snapshot))
+    compare.labels_agree(snapshot, points)
+    sizes = [cluster.voxel_count for cluster in snapshot.clusters]
+    print(points.width * points.height, len(sizes), sum(size >= 10 for size in sizes))
+    assert_within_half_a_percent("dense voxels", points.width * points.height, 14_342)
+    assert_within_half_a_percent("clusters", len(sizes), clusters)
+    assert_within_half_a_percent("clusters of 10 voxels or more", sum(size >= 10 for size in sizes), of_10_voxels)
+
+
+def send(camera, deltas, scan, stamp, attempts=3):
+    """Until the scan's delta is there: the next scan must not replace it, and best effort may lose one."""
+    before = len(deltas)
+    for last in range(attempts - 1, -1, -1):
+        camera.publish(scan.cloud, stamp, scan.transform)
+        try:
+            deltas.wait(f"the delta of the scan of {stamp}", lambda m: compare.stamp(m) == stamp, timeout=8, after=before)
+            return
+        except AssertionError:
+            if not last:
+                raise

@@ -1,0 +1,139 @@
+"""What comes in: bad clouds, missing transforms, clocks that jump, sensors that are not there."""
+
+import struct
+import time
+
+import clouds
+import compare
+import numpy as np
+from cfodi_node import accounted, skipped
+from peer import qos
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import Image, PointCloud2
+from std_srvs.srv import Trigger
+
+SECOND = 10**9
+
+
+def begin(start, peer, **parameters):
+    """The node, recorded, and a camera that it hears."""
+    node = start(parameters).ready()
+    peer.record_node()
+    camera = peer.camera()
+    camera.meet()
+    return node, camera
+
+
+def take_in(camera, deltas, stamp=None, cloud=None):
+    """Sends a good cloud and returns its delta."""
+    stamp, before = stamp or time.time_ns(), len(deltas)
+    camera.publish(clouds.cloud(clouds.wall()) if cloud is None else cloud, stamp, clouds.still_transform())
+    return deltas.wait("the delta of a good cloud", lambda m: compare.stamp(m) == stamp, after=before)
+
+
+def altered(**changes):
+    """A good cloud with some fields changed."""
+    message = clouds.cloud_message(clouds.wall())
+    for name, value in changes.items():
+        setattr(message, name, value)
+    return bytes(serialize_message(message))
+
+
+BAD = {
+    "no field x": clouds.cloud(clouds.wall(), fields="abc"),
+    "data too short": altered(data=bytes(100)),
+    "dimensions beyond all data": altered(width=2**31, height=2**31),
+    "row_step below a row": altered(row_step=4),
+    "point_step of zero": altered(point_step=0),
+    "more points than max_points": clouds.cloud(clouds.wall(side=80)),
+}
+
+
+def test_bad_clouds_are_counted_by_reason_and_the_next_good_one_is_taken_in(start, peer):
+    node, camera = begin(start, peer, max_points=5000)
+    for bad in BAD.values():
+        camera.publish(bad, time.time_ns(), clouds.still_transform())
+        time.sleep(0.1)
+    camera.publish(clouds.cloud(clouds.wall(), frame_id=""), time.time_ns(), clouds.still_transform())
+    rng = np.random.default_rng(1)
+    for length in (0, 3, 200):
+        camera.publish_as_is(bytes([0, 1, 0, 0]) + rng.bytes(length))
+        time.sleep(0.1)
+    huge = bytearray(clouds.cloud(clouds.wall()))
+    struct.pack_into("<I", huge, 12, 0xFFFFFFFF)  # the length of the frame id
+    camera.publish_as_is(bytes(huge))
+    time.sleep(0.5)
+    assert not len(peer.deltas), "a bad cloud was taken in"
+    delta = take_in(camera, peer.deltas)
+    assert delta.sequence == 1 and delta.clusters
+    counts = node.stop()
+    assert counts["taken_in"] == 1 and counts["lost"] == 0 and accounted(counts) == camera.sent, counts
+    assert skipped(counts) == camera.sent - 1 and len(counts["skipped"]) >= 3, counts
+    assert all(reason.strip() for reason in counts["skipped"])
+
+
+def test_a_cloud_without_a_transform_is_warned_of_by_both_frames_and_skipped(start, peer):
+    node, camera = begin(start, peer)
+    camera.publish(clouds.cloud(clouds.wall(), frame_id="unheard_of"), time.time_ns(), clouds.still_transform())
+    node.line_with("map", "unheard_of")
+    take_in(camera, peer.deltas)
+    counts = node.stop()
+    assert skipped(counts) == 1 and counts["taken_in"] == 1, counts
+    assert "transform" in next(iter(counts["skipped"])), counts
+
+
+def test_a_transform_that_comes_after_its_cloud_is_waited_for(start, peer):
+    node, camera = begin(start, peer, tf_timeout=2.0)
+    stamp = time.time_ns()
+    camera.publish(clouds.cloud(clouds.wall()), stamp)
+    time.sleep(0.3)
+    assert not len(peer.deltas)
+    camera._tf.publish(clouds.stamped(clouds.still_transform(), clouds.TF_STAMP, stamp))
+    peer.deltas.wait("the delta of the cloud that waited", lambda m: compare.stamp(m) == stamp)
+    assert node.stop()["taken_in"] == 1
+
+
+def test_a_latched_static_transform_from_before_the_node_started_counts(start, peer):
+    camera = peer.camera()
+    time.sleep(1)
+    start().ready()
+    peer.record_node()
+    for _ in range(20):
+        camera.publish(clouds.cloud(clouds.wall()), time.time_ns(), clouds.still_transform())
+        time.sleep(0.5)
+        if len(peer.deltas):
+            return
+    raise AssertionError("no cloud was taken in within 10 s")
+
+
+def test_reset_begins_a_new_session_with_an_empty_map(start, peer):
+    node, camera = begin(start, peer)
+    first = take_in(camera, peer.deltas)
+    assert peer.call(Trigger, "/cfodi/reset", Trigger.Request()).success
+    empty = peer.clusters.wait("a snapshot of a new session", lambda m: m.session_id != first.session_id, after=len(peer.clusters))
+    again = take_in(camera, peer.deltas)
+    assert (again.session_id, again.sequence, again.base_sequence) == (empty.session_id, 1, 0)
+    assert [cluster.voxel_count for cluster in again.clusters] == [cluster.voxel_count for cluster in first.clusters]
+    assert node.stop()["taken_in"] == 2
+
+
+def test_a_stamp_that_jumps_back_by_minutes_begins_a_new_session(start, peer):
+    node, camera = begin(start, peer)
+    now = time.time_ns()
+    for i in range(3):
+        first = take_in(camera, peer.deltas, now + i * SECOND // 30)
+    assert first.sequence == 3
+    again = take_in(camera, peer.deltas, now - 600 * SECOND)
+    assert again.session_id != first.session_id and (again.sequence, again.base_sequence) == (1, 0)
+    snapshot = peer.clusters.wait("a snapshot of the new session", lambda m: m.session_id == again.session_id and m.sequence == 1)
+    assert compare.stamp(snapshot) == now - 600 * SECOND
+    assert node.stop()["taken_in"] == 4
+
+
+def test_without_a_publisher_it_lists_the_topics_that_could_be_meant(start, peer):
+    peer.node.create_publisher(PointCloud2, "/other/points", qos(5, reliable=False))
+    peer.node.create_publisher(Image, "/other/depth/image_raw", qos(5))
+    node = start(points=None).ready()
+    node.line_with("-r points:=/other/points")
+    node.line_with("/other/depth/image_raw")
+    node.stop()

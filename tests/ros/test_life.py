@@ -1,0 +1,70 @@
+"""How the node starts, refuses, ends, and what those who come late or wait get."""
+
+import signal
+import time
+
+import pytest
+from cfodi_msgs.msg import SurfaceClusterArray
+from peer import qos, wait_until
+from test_inputs import begin, take_in
+from test_introspection import node_names
+
+REFUSED = [
+    ("voxel_size", "-1.5", ["must be"]),
+    ("voxel_size", "wide", ["must be"]),
+    ("min_points", "0", ["must be"]),
+    ("depth", "9", ["must be"]),
+    ("max_normal_angle", "2.5", ["must be"]),
+    ("optical", "perhaps", ["must be", "auto", "yes", "no"]),
+    ("publish_rate", "0.0", ["must be"]),
+    ("network_interfaces", "[lo0]", ["must be"]),
+    ("mode", "fast", ["must be", "paper"]),
+    ("mode", "consistent", ["paper"]),
+]
+
+
+@pytest.mark.parametrize("name, value, says", REFUSED)
+def test_an_impossible_parameter_ends_it_with_status_2_and_says_why(name, value, says, start):
+    node = start({name: value})
+    assert node.wait(10) == 2
+    lines = [line for line in node.lines if all(part in line for part in (name, value.strip("[]"), *says))]
+    assert lines, f"no line with {name}, {value}, {says}:\n" + "\n".join(node.lines)
+    assert not any("ready:" in line for line in node.lines)
+
+
+@pytest.mark.parametrize("name, nearest", [("voxel_sise", "voxel_size"), ("min_vicinty", "min_vicinity")])
+def test_an_unknown_parameter_ends_it_with_status_2_and_the_nearest_right_name(name, nearest, start):
+    node = start({name: 1})
+    assert node.wait(10) == 2
+    assert [line for line in node.lines if name in line and nearest in line], "\n".join(node.lines)
+
+
+@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])
+def test_sigint_and_sigterm_end_it_with_status_0_and_it_leaves_the_graph(ending, start, peer):
+    node = start().ready()
+    wait_until("the node in the graph", lambda: "/cfodi" in node_names(peer))
+    node.stop(ending, timeout=5)
+    wait_until("the node gone", lambda: "/cfodi" not in node_names(peer), 5)
+
+
+def test_who_joins_late_gets_the_snapshot_at_once(start, peer, new_peer):
+    _, camera = begin(start, peer, publish_rate=0.1)
+    take_in(camera, peer.deltas)
+    peer.clusters.wait("a snapshot of the scan", lambda m: m.sequence == 1, timeout=25)
+    seen = len(peer.clusters)
+    late = new_peer("late").record("/cfodi/clusters", SurfaceClusterArray, qos(1, latched=True))
+    latched = late.wait("the latched snapshot", timeout=5)
+    assert latched.sequence == 1 and latched.clusters
+    assert len(peer.clusters) == seen, "it was a periodic snapshot, which proves nothing"
+
+
+def test_snapshots_go_out_at_publish_rate_even_when_no_scan_came(start, peer):
+    start({"publish_rate": 5.0}).ready()
+    peer.record_node()
+    peer.clusters.wait("a first snapshot")
+    before = len(peer.clusters)
+    time.sleep(4)
+    came = len(peer.clusters) - before
+    assert 16 <= came <= 24, came
+    assert peer.clusters[-1].sequence == 0 and not peer.clusters[-1].clusters
+    assert len({message.session_id for message in peer.clusters}) == 1

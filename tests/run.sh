@@ -1,0 +1,76 @@
+#!/usr/bin/env bash
+# All that the project checks, in one command:  bash tests/run.sh
+# Recordings come from CFODI_DATA (default: ../shared/data beside the repository); tests that need them are left out
+# without them, and the last line says how many.
+set -euo pipefail
+top=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+CFODI_DATA=$(realpath -m "${CFODI_DATA:-$top/../shared/data}")
+CFODI_BIN=$(realpath -m "${CFODI_BIN:-${CARGO_TARGET_DIR:-$top/target}/release/cfodi}")
+export CFODI_DATA CFODI_BIN
+cd "$top"
+CFODI_LEFT_OUT=$(mktemp)
+export CFODI_LEFT_OUT
+current=start
+rmem=/proc/sys/net/core/rmem_max wanted=33554432 before=
+
+closing() {
+  local status=$?
+  [ -z "$before" ] || echo "$before" > "$rmem" || echo "net.core.rmem_max could not be put back to $before" >&2
+  [ "$status" = 0 ] || echo "FAILED: $current" >&2
+  local out
+  out=$(sort -u "$CFODI_LEFT_OUT" | wc -l)
+  rm -f "$CFODI_LEFT_OUT"
+  if [ "$out" = 0 ]; then echo "0 tests left out"
+  else echo "$out tests left out: no recordings in $CFODI_DATA (set CFODI_DATA)"
+  fi
+  exit "$status"
+}
+trap closing EXIT
+trap 'exit 129' HUP
+trap 'exit 130' INT
+trap 'exit 143' TERM
+
+step() { current=$1; echo "== $1"; }
+
+run() { step "$*"; "$@"; }
+
+# A minimal toolchain has no rustfmt and no clippy. Where nobody looks on, that is a failure.
+optional() {  # TOOL COMMAND...
+  local tool=$1; shift
+  if cargo "$tool" --version >/dev/null 2>&1; then run "$@"
+  elif [ "${CI:-}" = true ]; then step "$*"; echo "cargo $tool is not installed" >&2; exit 1
+  else echo "== left out, cargo $tool is not installed: $*"
+  fi
+}
+
+# The ROS tests send clouds of 10 MB. The buffer that this takes can be set only outside of their network namespace.
+raise_socket_buffer() {
+  local now
+  now=$(cat "$rmem" 2>/dev/null || echo 0)
+  if [ "$now" -ge "$wanted" ]; then return; fi
+  if { echo "$wanted" > "$rmem"; } 2>/dev/null; then
+    before=$now
+    echo "net.core.rmem_max: $now, raised to $wanted until the end of this run"
+  else
+    echo "net.core.rmem_max is $now and cannot be raised from here; the tests with large clouds will fail." \
+      "Set it with: sudo sysctl -w net.core.rmem_max=$wanted"
+  fi
+}
+
+optional fmt cargo fmt --check
+optional clippy cargo clippy --all-targets -- -D warnings
+RUSTDOCFLAGS="-D warnings" run cargo doc --no-deps
+run cargo check --lib --no-default-features   # the wall around the engine
+optional clippy cargo clippy --lib --no-default-features -- -D warnings
+if cargo nextest --version >/dev/null 2>&1; then
+  run cargo nextest run --no-fail-fast
+else
+  run cargo test --lib --bins --tests --no-fail-fast
+fi
+run cargo test --doc
+run cargo bench --bench '*' -- --test   # each benchmark once: that it runs, not how fast
+run cargo build --release
+step "ROS tests: sockets"
+raise_socket_buffer
+run bash tests/ros/python.sh -m pytest tests/ros
+current=
