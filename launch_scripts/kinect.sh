@@ -3,7 +3,7 @@
 # usage: launch_scripts/kinect.sh [CLOUD_TOPIC] [more ROS arguments, as -p voxel_size:=0.05]
 set -euo pipefail
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
-topic=${1:-/camera/depth/points}
-shift || true
+topic=/camera/depth/points
+if [ $# -gt 0 ] && [ "${1#-}" = "$1" ]; then topic=$1; shift; fi
 cfodi=$(command -v cfodi || echo "$here/target/release/cfodi")
 exec "$cfodi" run --ros-args --params-file "$here/config/kinect.yaml" -r "points:=$topic" "$@"

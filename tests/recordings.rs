@@ -96,7 +96,7 @@ fn engine_equals_oracle_after_every_scan_of_the_cabinet() {
     }
 }
 
-/// Name, plane and extent of the surfaces of the cabinet recording (`truth_planes.json`).
+/// Name and plane of the surfaces of the cabinet recording (`truth_planes.json`).
 fn true_planes(recording: &support::Recording) -> Vec<(String, [f64; 4])> {
     let text = recording.read("truth_planes.json");
     let entries = text.split("{\"name\": \"").skip(1);

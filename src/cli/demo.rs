@@ -7,6 +7,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use anyhow::Context as _;
@@ -16,12 +17,12 @@ use cfodi::export::{View, draw, write_ply, write_whole};
 use cfodi::msg::ros::TfMessage;
 use cfodi::node::Setup;
 use cfodi::node::dds::{Events, Robot};
+use cfodi::node::process::{live_node, receive_buffer};
 use cfodi::node::transport::Event;
 use cfodi::sim::drive::SCANS_PER_SECOND;
 use cfodi::sim::{Drive, Scene};
-use tracing::{error, info};
-
-use super::{live_node, receive_buffer, signalled};
+use tokio::sync::mpsc::Sender;
+use tracing::info;
 
 /// Below four clouds of 640 x 480 x 16 bytes a socket buffer loses clouds.
 const ENOUGH: usize = 4 * 640 * 480 * 16;
@@ -52,30 +53,37 @@ pub(crate) fn demo(setup: &Setup, options: &Options) -> anyhow::Result<()> {
              results go out over DDS"
         );
     }
+    let mut travelling: Option<JoinHandle<Result<(), String>>> = None;
+    let over = Arc::new(AtomicBool::new(false));
     let arrived = Arc::new(AtomicBool::new(false));
-    let begin = |events| {
-        let robot = Robot::open(setup).context("the simulated robot cannot join the ROS network")?;
-        let journey = Journey {
-            robot,
-            drive: Drive::new(Scene::room(), options.seed, now()),
-            steps: options.seconds * SCANS_PER_SECOND,
-            inside: (!over_dds).then_some((events, setup.config.filter)),
-        };
-        let arrived = Arc::clone(&arrived);
-        std::thread::Builder::new().name("simulated-robot".to_owned()).spawn(move || {
-            journey.travel();
-            arrived.store(true, Ordering::Release);
-        })?;
-        info!("the simulated robot drives for {} s", options.seconds);
-        Ok(())
-    };
-    let over = async {
-        tokio::select! {
-            () = signalled() => {}
-            () = until(&arrived) => {}
-        }
-    };
-    let map = live_node(setup, begin, over)?;
+    let map = live_node(
+        setup,
+        |events| {
+            let journey = Journey {
+                robot: Robot::open(setup)?,
+                drive: Drive::new(Scene::room(), options.seed, now()),
+                steps: options.seconds * SCANS_PER_SECOND,
+                inside: (!over_dds).then_some((events, setup.config.filter)),
+                over: Arc::clone(&over),
+            };
+            let arrived = Arrived(Arc::clone(&arrived));
+            travelling = Some(std::thread::spawn(move || {
+                let _arrived = arrived;
+                journey.travel()
+            }));
+            info!("the simulated robot drives for {} s", options.seconds);
+            Ok(())
+        },
+        || arrived.load(Ordering::Acquire),
+    );
+    over.store(true, Ordering::Release);
+    let travelled = travelling.map(JoinHandle::join);
+    let map = map?;
+    match travelled {
+        Some(Ok(Err(text))) => anyhow::bail!("the simulated robot stopped: {text}"),
+        Some(Err(_)) => anyhow::bail!("the simulated robot's thread has died"),
+        _ => {}
+    }
     println!("{}", table(&map));
     leave(&map, options)
 }
@@ -85,12 +93,13 @@ fn now() -> Stamp {
     Stamp::from_nanos(i64::try_from(since_epoch.as_nanos()).unwrap_or(i64::MAX))
 }
 
-async fn until(arrived: &AtomicBool) {
-    while !arrived.load(Ordering::Acquire) {
-        tokio::time::sleep(Duration::from_millis(50)).await;
+/// Says that the robot has arrived when its thread ends, however it ends.
+struct Arrived(Arc<AtomicBool>);
+
+impl Drop for Arrived {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Release);
     }
-    // Time for the last clouds on their way.
-    tokio::time::sleep(Duration::from_millis(300)).await;
 }
 
 /// The robot's thread: what its driver would do.
@@ -100,39 +109,45 @@ struct Journey {
     steps: u32,
     /// Where clouds go that DDS cannot carry.
     inside: Option<(Events, CloudFilter)>,
+    /// Set when the node has ended.
+    over: Arc<AtomicBool>,
 }
 
 impl Journey {
-    fn travel(&self) {
+    fn travel(&self) -> Result<(), String> {
         let begin = Instant::now();
-        self.transforms(self.drive.static_transforms(), true);
+        self.transforms(self.drive.static_transforms(), true)?;
         for index in 0..self.steps {
             let due = Duration::from_secs_f64(f64::from(index) / f64::from(SCANS_PER_SECOND));
             if let Some(early) = due.checked_sub(begin.elapsed()) {
                 std::thread::sleep(early);
             }
+            if self.over.load(Ordering::Acquire) {
+                return Ok(());
+            }
             let step = self.drive.step(index);
-            self.transforms(step.tf, false);
-            let sent = match &self.inside {
-                Some((events, filter)) => events
-                    .blocking_send(Event::Cloud(decode(&step.cloud, filter)))
-                    .map_err(|_| "the node has ended".to_owned()),
-                None => self.robot.send_cloud(step.cloud).map_err(|failure| failure.to_string()),
-            };
-            if let Err(text) = sent {
-                error!("the simulated robot stops: {text}");
-                return;
+            self.transforms(step.tf, false)?;
+            match &self.inside {
+                Some((events, filter)) => self.hand_over(events, Event::Cloud(decode(&step.cloud, filter))),
+                None => self.robot.send_cloud(step.cloud).map_err(|failure| failure.to_string())?,
             }
         }
+        // Time for the last clouds on their way.
+        std::thread::sleep(Duration::from_millis(300));
+        Ok(())
     }
 
-    fn transforms(&self, message: TfMessage, is_static: bool) {
+    fn transforms(&self, message: TfMessage, is_static: bool) -> Result<(), String> {
         if let Some((events, _)) = &self.inside {
-            // A node that has ended needs no transforms.
-            drop(events.blocking_send(Event::Transforms { message: message.clone(), is_static }));
+            self.hand_over(events, Event::Transforms { message: message.clone(), is_static });
         }
-        if let Err(failure) = self.robot.send_transforms(message, is_static) {
-            error!("transforms could not be sent: {failure}");
+        self.robot.send_transforms(message, is_static).map_err(|failure| failure.to_string())
+    }
+
+    /// A node that has ended takes nothing more, and that ends the journey too.
+    fn hand_over<R>(&self, events: &Sender<Event<R>>, event: Event<R>) {
+        if events.blocking_send(event).is_err() {
+            self.over.store(true, Ordering::Release);
         }
     }
 }

@@ -1,9 +1,9 @@
 //! `cfodi run`: the live node beside a robot's driver.
 
 use cfodi::node::Setup;
-
-use super::{live_node, signalled};
+use cfodi::node::process::live_node;
 
 pub(crate) fn run(setup: &Setup) -> anyhow::Result<()> {
-    live_node(setup, |_| Ok(()), signalled()).map(drop)
+    live_node(setup, |_| Ok(()), || false)?;
+    Ok(())
 }

@@ -40,10 +40,12 @@ pub struct Config {
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum ConfigError {
     /// No parameter has this name.
-    #[error("unknown parameter `{name}`; the nearest known one is `{nearest}`")]
+    #[error("unknown parameter `{name}` (given as {value}); the nearest known one is `{nearest}`")]
     Unknown {
         /// As given.
         name: String,
+        /// As given.
+        value: Value,
         /// The known name that differs least.
         nearest: &'static str,
     },
@@ -167,7 +169,10 @@ mod tests {
     #[test]
     fn an_unknown_name_gets_the_nearest_known_one() {
         let text = line("voxelsize", Value::Double(0.05));
-        assert_eq!(text, "unknown parameter `voxelsize`; the nearest known one is `voxel_size`");
+        assert_eq!(
+            text,
+            "unknown parameter `voxelsize` (given as 0.05); the nearest known one is `voxel_size`"
+        );
     }
 
     #[test]

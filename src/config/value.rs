@@ -82,7 +82,7 @@ impl Given {
         for (name, value) in values {
             let known = given.get_key_value(name.as_str()).map(|(known, _)| *known);
             let Some(known) = known else {
-                return Err(ConfigError::Unknown { nearest: nearest(&name), name });
+                return Err(ConfigError::Unknown { nearest: nearest(&name), name, value });
             };
             given.insert(known, value);
         }

@@ -1,10 +1,13 @@
 //! From a cluster's sums to the value that leaves the engine. Costs O(1) a cluster.
 
-use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, UnitVector3, Vector3};
+use nalgebra::{
+    Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, UnitVector3, Vector2, Vector3,
+};
 
 use super::globals::{Global, Now, is_active};
 use super::grid::Grid;
 use super::params::Params;
+use super::rectangle::smallest_rectangle;
 use super::snapshot::{Cluster, ClusterState};
 
 pub(crate) fn describe(global: &Global, grid: &Grid, params: &Params, now: Now) -> Cluster {
@@ -12,8 +15,7 @@ pub(crate) fn describe(global: &Global, grid: &Grid, params: &Params, now: Now) 
     let centroid = global.moments.mean(voxel_size);
     let covariance = global.moments.covariance() * (voxel_size * voxel_size);
     let outermost = outermost_centres(global, grid);
-    let axes = axes(&global.normal, &covariance);
-    let (pose, size) = bounding_box(axes, &centroid, &outermost);
+    let (pose, size) = bounding_box(&global.normal, &centroid, &outermost);
     Cluster {
         id: global.id,
         revision: global.revision,
@@ -45,43 +47,29 @@ fn outermost_centres(global: &Global, grid: &Grid) -> Vec<Point3<f64>> {
     voxels.map(|voxel| grid[voxel].centre().metres(grid.voxel_size())).collect()
 }
 
-/// Axes of a surface: z = normal, x = the direction in which the members spread most.
-fn axes(normal: &UnitVector3<f64>, covariance: &Matrix3<f64>) -> [Vector3<f64>; 3] {
+/// The box of least area along the surface around `points`: its middle with z = normal and x = the longer side, and its
+/// full extents.
+fn bounding_box(
+    normal: &UnitVector3<f64>,
+    centroid: &Point3<f64>,
+    points: &[Point3<f64>],
+) -> (Isometry3<f64>, Vector3<f64>) {
     let z = normal.into_inner();
     let across = if z.x.abs() < 0.6 { Vector3::x() } else { Vector3::y() };
     let u = (across - z * z.dot(&across)).normalize();
     let v = z.cross(&u);
-    let spread = |a: &Vector3<f64>, b: &Vector3<f64>| a.dot(&(covariance * b));
-    let angle = 0.5 * (2.0 * spread(&u, &v)).atan2(spread(&u, &u) - spread(&v, &v));
-    let x = u * angle.cos() + v * angle.sin();
-    [x, z.cross(&x), z]
-}
-
-/// The box along `axes` around `points`: its middle with the axes' turn, and its full extents.
-fn bounding_box(
-    axes: [Vector3<f64>; 3],
-    centroid: &Point3<f64>,
-    points: &[Point3<f64>],
-) -> (Isometry3<f64>, Vector3<f64>) {
-    let extent = |axis: &Vector3<f64>| {
-        let along = points.iter().map(|point| axis.dot(&(point - centroid)));
-        along.fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), a| (least.min(a), most.max(a)))
-    };
-    let extents = axes.map(|axis| extent(&axis));
-    let length = |(least, most): (f64, f64)| most - least;
-    let middle = axes.iter().zip(extents).map(|(axis, (least, most))| axis * f64::midpoint(least, most));
-    let middle = centroid + middle.sum::<Vector3<f64>>();
-    let [x, y, z] = axes;
-    let [length_x, length_y, thickness] = extents.map(length);
-    // The members' spread and the box may disagree about the longer side of a nearly square surface.
-    let (x, y, size) = if length_x >= length_y {
-        (x, y, Vector3::new(length_x, length_y, thickness))
-    } else {
-        (y, -x, Vector3::new(length_y, length_x, thickness))
-    };
-    let turn = Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[x, y, z]));
+    let flat: Vec<_> =
+        points.iter().map(|p| p - centroid).map(|d| Vector2::new(u.dot(&d), v.dot(&d))).collect();
+    let rectangle = smallest_rectangle(&flat);
+    let heights = points.iter().map(|point| z.dot(&(point - centroid)));
+    let (low, high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), a| (l.min(a), h.max(a)));
+    let in_space = |flat: Vector2<f64>| u * flat.x + v * flat.y;
+    let x = in_space(rectangle.along);
+    let middle = centroid + in_space(rectangle.middle) + z * f64::midpoint(low, high);
+    let turn = Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[x, z.cross(&x), z]));
     let turn = UnitQuaternion::from_rotation_matrix(&turn);
-    (Isometry3::from_parts(Translation3::from(middle), turn), size)
+    let [length, width] = rectangle.sides;
+    (Isometry3::from_parts(Translation3::from(middle), turn), Vector3::new(length, width, high - low))
 }
 
 #[cfg(test)]
@@ -89,19 +77,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_box_of_a_tilted_rectangle_has_its_sides() {
+    fn the_box_of_a_tilted_rectangle_has_its_sides_whatever_their_ratio() {
         let turn = UnitQuaternion::from_euler_angles(0.3, -0.8, 1.1);
-        let corners = [[-0.7, -0.2], [0.7, -0.2], [0.7, 0.2], [-0.7, 0.2]];
         let offset = Vector3::new(4.0, -3.0, 1.0);
-        let points: Vec<_> =
-            corners.iter().map(|c| Point3::from(turn * Vector3::new(c[0], c[1], 0.0) + offset)).collect();
-        let covariance =
-            points.iter().map(|p| p.coords - offset).map(|d| d * d.transpose()).sum::<Matrix3<f64>>() / 4.0;
-        let normal = UnitVector3::new_normalize(turn * Vector3::z());
-        let (pose, size) = bounding_box(axes(&normal, &covariance), &Point3::from(offset), &points);
-        assert!((size - Vector3::new(1.4, 0.4, 0.0)).norm() < 1e-9, "{size}");
-        assert!((pose.translation.vector - offset).norm() < 1e-9);
-        assert!((pose.rotation * Vector3::z() - normal.into_inner()).norm() < 1e-9);
-        assert!((pose.rotation * Vector3::x()).dot(&(turn * Vector3::x())).abs() > 1.0 - 1e-9);
+        for (length, width) in [(1.4, 0.4), (1.0, 1.0), (2.0, 1.99)] {
+            let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
+            let corner = |c: [f64; 2]| Vector3::new(c[0] * length / 2.0, c[1] * width / 2.0, 0.0);
+            let points: Vec<_> = corners.iter().map(|&c| Point3::from(turn * corner(c) + offset)).collect();
+            let normal = UnitVector3::new_normalize(turn * Vector3::z());
+            let (pose, size) = bounding_box(&normal, &Point3::from(offset), &points);
+            assert!((size - Vector3::new(length, width, 0.0)).norm() < 1e-9, "{size}");
+            assert!((pose.translation.vector - offset).norm() < 1e-9);
+            assert!((pose.rotation * Vector3::z() - normal.into_inner()).norm() < 1e-9);
+        }
     }
 }

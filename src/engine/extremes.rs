@@ -1,7 +1,7 @@
 //! The outermost voxels of a cluster in 26 directions: a small core set from which the box around it is measured.
 //!
-//! Of a flat rectangle, however it lies, the corners are among them, so its box is exact; of a rounder shape the box is
-//! slightly too small (a core set for extents, Agarwal, Har-Peled and Varadarajan, J. ACM 51, 2004). Adding a voxel
+//! Of a flat rectangle, however it lies, the corners are among them, so the box around its voxels' centres is exact; of
+//! a rounder shape the box is slightly too small (a core set for extents, Agarwal, Har-Peled and Varadarajan, J. ACM 51, 2004). Adding a voxel
 //! and merging two clusters cost O(1).
 
 use super::key::VoxelKey;

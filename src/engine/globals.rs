@@ -117,6 +117,8 @@ impl Globals {
         for pair in self.pairs(grid, partials, params, now) {
             let slot = self.root(pair.slot);
             let partial = &partials[pair.partial];
+            // The similarity that is tested again is that of the two that would join: of the partial cluster while it is
+            // free, of its owner afterwards. (Testing the partial cluster in both cases misses the acceptance values.)
             match owners[pair.partial] {
                 Some(owner) => self.merge_if_similar(slot, self.root(owner), params, now),
                 None if self.similar(slot, &partial.normal, params) => {
@@ -160,6 +162,9 @@ impl Globals {
     }
 
     fn complete(&mut self, params: &Params, now: Now) {
+        if params.expansion_interval() == 0 {
+            self.growths.clear();
+        }
         while let Some(&(grown, slot)) = self.growths.front()
             && !is_active(grown, params, now)
         {

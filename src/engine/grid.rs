@@ -87,10 +87,19 @@ pub(crate) struct Grid {
 }
 
 /// Consecutive points of one voxel, summed before they are looked up.
-#[derive(Default)]
 struct Run {
+    index: [i32; 3],
+    /// `None` beyond the grid's reach.
+    key: Option<VoxelKey>,
     count: u32,
     sum: [u64; 3],
+}
+
+impl Run {
+    fn begin(index: [i32; 3]) -> Self {
+        let [ix, iy, iz] = index;
+        Self { index, key: VoxelKey::new(ix, iy, iz), count: 0, sum: [0; 3] }
+    }
 }
 
 impl Grid {
@@ -163,33 +172,28 @@ impl Grid {
     ) {
         let rotation = scan.fixed_from_sensor.rotation.to_rotation_matrix().into_inner();
         let translation = scan.fixed_from_sensor.translation.vector;
-        let mut run = Run::default();
-        let mut run_index = [i32::MIN; 3];
+        let mut run = Run::begin([0; 3]);
         for &point in points {
             let point = map(&rotation, &translation, point.map(Into::into)) / self.voxel_size;
             let index = [floor(point.x), floor(point.y), floor(point.z)];
-            if index != run_index {
-                self.flush(run_index, &run, sequence, binned);
-                run = Run::default();
-                run_index = index;
+            if index != run.index {
+                self.flush(&run, sequence, binned);
+                run = Run::begin(index);
+            }
+            if run.key.is_none() {
+                binned.beyond += 1;
+                continue;
             }
             run.count += 1;
             for axis in 0..3 {
                 run.sum[axis] += ((point[axis] - f64::from(index[axis])) * TWO_POW_32) as u64;
             }
         }
-        self.flush(run_index, &run, sequence, binned);
+        self.flush(&run, sequence, binned);
     }
 
-    fn flush(&mut self, index: [i32; 3], run: &Run, sequence: u64, binned: &mut Binned) {
-        if run.count == 0 {
-            return;
-        }
-        let [ix, iy, iz] = index;
-        let Some(key) = VoxelKey::new(ix, iy, iz) else {
-            binned.beyond += run.count;
-            return;
-        };
+    fn flush(&mut self, run: &Run, sequence: u64, binned: &mut Binned) {
+        let Some(key) = run.key.filter(|_| run.count > 0) else { return };
         let next = VoxelIndex(self.voxels.len() as u32);
         let found = *self.index.entry(key).or_insert(next);
         if found == next {
@@ -291,8 +295,10 @@ mod tests {
     #[test]
     fn points_beyond_the_reach_are_counted_and_nothing_else_is_lost() {
         let mut grid = Grid::new(0.08, 1);
-        let binned = grid.bin(&scan(vec![[0.0; 3], [1e9, 0.0, 0.0], [0.0, -9e4, 0.0], [1.0, 1.0, 1.0]]), 1);
-        assert_eq!((binned.beyond, binned.newly_dense.len()), (2, 2));
+        let far = [[1e9, 0.0, 0.0], [1e30, 0.0, 0.0], [-1e300, 0.0, 1e300], [0.0, -9e4, 0.0]];
+        let points = [[0.0; 3]].into_iter().chain(far).chain(far).chain([[1.0; 3]]).collect();
+        let binned = grid.bin(&scan(points), 1);
+        assert_eq!((binned.beyond, binned.newly_dense.len()), (8, 2));
     }
 
     #[test]

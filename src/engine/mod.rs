@@ -42,6 +42,7 @@ mod partial;
 mod pipeline;
 mod plane;
 pub mod rand_index;
+mod rectangle;
 mod scan;
 mod snapshot;
 pub mod statics;

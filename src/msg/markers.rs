@@ -1,9 +1,10 @@
 //! The map as `visualization_msgs/MarkerArray`, in the way RViz likes it.
 //!
 //! A marker's identity is (ns, id), and an id has 32 bits: cluster ids are mapped to slots, which are used again when
-//! a cluster has gone. Markers are updated in place and deleted only when their cluster has gone.
+//! a cluster has gone. Markers are updated in place and deleted only when there is nothing more to show for them. A
+//! viewer keeps only the newest message and may miss one, so deletions are said several times.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use super::clusters::{Session, point};
 use super::ros::{ColorRgba, Header, Marker, MarkerArray, Point, Vector3};
@@ -18,27 +19,26 @@ const CLUSTERS: &str = "clusters";
 const IDS: &str = "ids";
 const NORMALS: &str = "normals";
 
+/// How many messages say a deletion.
+const REPEATS: u8 = 5;
+
 /// Keeps track of what a viewer has been shown.
 #[derive(Debug, Default)]
 pub struct Markers {
     slots: BTreeMap<ClusterId, i32>,
-    free: BTreeSet<i32>,
-    /// Whether viewers have been told to delete what an earlier node left.
-    started: bool,
+    /// Slots to use again, each with the number of messages that have said its deletion.
+    free: BTreeMap<i32, u8>,
+    /// Messages sent in this session; the first ones tell viewers to delete what was there before.
+    sent: u8,
 }
 
 impl Markers {
-    /// The markers of this map, and the deletions since the call before.
+    /// The markers of this map, and the deletions since the calls before.
     ///
     /// Each cluster has a `CUBE_LIST` in ns `clusters`, with its id as text, and one of 10 voxels or more its id as a
     /// visible text in ns `ids`; ns `normals` holds one `LINE_LIST` for all normals.
     pub fn update(&mut self, session: &Session, snapshot: &Snapshot) -> MarkerArray {
         let header = session.header(snapshot.stamp);
-        let mut markers = Vec::new();
-        if !std::mem::replace(&mut self.started, true) {
-            markers.push(Marker { header: header.clone(), action: Marker::DELETEALL, ..Marker::default() });
-        }
-        markers.extend(self.delete_gone(snapshot, &header));
         let shown = &snapshot.voxels[..snapshot.voxels.len().min(MAX_CUBES)];
         let mut members = BTreeMap::<ClusterId, Vec<&DenseVoxel>>::new();
         for voxel in shown {
@@ -46,9 +46,10 @@ impl Markers {
                 members.entry(id).or_default().push(voxel);
             }
         }
+        let mut markers = self.deletions(&header, &members);
         for cluster in &snapshot.clusters {
+            let Some(voxels) = members.get(&cluster.id) else { continue };
             let slot = self.slot(cluster.id);
-            let voxels = members.get(&cluster.id).map_or(&[][..], Vec::as_slice);
             markers.push(cubes(&header, slot, cluster, voxels, snapshot.voxel_size));
             if cluster.voxel_count >= MIN_RELIABLE_VOXELS {
                 markers.push(text(&header, slot, cluster, snapshot.voxel_size));
@@ -63,29 +64,30 @@ impl Markers {
         *self = Self::default();
     }
 
-    fn delete_gone(&mut self, snapshot: &Snapshot, header: &Header) -> Vec<Marker> {
-        let living: BTreeSet<_> = snapshot.clusters.iter().map(|cluster| cluster.id).collect();
-        let gone: Vec<_> = self.slots.keys().filter(|id| !living.contains(id)).copied().collect();
-        let slots = gone.iter().filter_map(|id| self.slots.remove(id)).collect::<Vec<_>>();
-        self.free.extend(&slots);
-        let delete = |ns: &str, id| Marker {
-            header: header.clone(),
-            ns: ns.to_owned(),
-            id,
-            action: Marker::DELETE,
-            ..Marker::default()
-        };
-        slots.iter().flat_map(|&slot| [delete(CLUSTERS, slot), delete(IDS, slot)]).collect()
+    fn deletions(&mut self, header: &Header, shown: &BTreeMap<ClusterId, Vec<&DenseVoxel>>) -> Vec<Marker> {
+        let gone: Vec<_> = self.slots.keys().filter(|id| !shown.contains_key(id)).copied().collect();
+        self.free.extend(gone.iter().filter_map(|id| self.slots.remove(id)).map(|slot| (slot, 0)));
+        let mut deletions = Vec::new();
+        if self.sent < REPEATS {
+            self.sent += 1;
+            deletions.push(Marker { header: header.clone(), action: Marker::DELETEALL, ..Marker::default() });
+        }
+        for (&slot, said) in self.free.iter_mut().filter(|(_, said)| **said < REPEATS) {
+            *said += 1;
+            deletions.extend([CLUSTERS, IDS].map(|ns| delete(header, ns, slot)));
+        }
+        deletions
     }
 
     fn slot(&mut self, id: ClusterId) -> i32 {
-        if let Some(&slot) = self.slots.get(&id) {
-            return slot;
-        }
-        let slot = self.free.pop_first().unwrap_or(self.slots.len() as i32);
-        self.slots.insert(id, slot);
-        slot
+        let Self { slots, free, .. } = self;
+        let unused = slots.len() + free.len();
+        *slots.entry(id).or_insert_with(|| free.pop_first().map_or(unused as i32, |(slot, _)| slot))
     }
+}
+
+fn delete(header: &Header, ns: &str, slot: i32) -> Marker {
+    Marker { action: Marker::DELETE, ..marker(header, ns, slot, 0) }
 }
 
 fn cubes(header: &Header, slot: i32, cluster: &Cluster, voxels: &[&DenseVoxel], voxel_size: f64) -> Marker {
@@ -116,6 +118,10 @@ fn normals(header: &Header, voxels: &[DenseVoxel], voxel_size: f64) -> Marker {
         Some([point(&voxel.centre), point(&tip)])
     };
     let points: Vec<Point> = voxels.iter().filter_map(segment).flatten().collect();
+    if points.is_empty() {
+        // A list without points is an error to viewers.
+        return delete(header, NORMALS, 0);
+    }
     Marker {
         scale: Vector3 { x: 0.05 * voxel_size, y: 0.0, z: 0.0 },
         color: ColorRgba { r: 1.0, g: 1.0, b: 1.0, a: 0.6 },
@@ -179,22 +185,31 @@ mod tests {
     }
 
     #[test]
-    fn slots_of_gone_clusters_are_deleted_once_and_used_again() {
+    fn slots_of_gone_clusters_are_deleted_and_used_again() {
         let session = Session { id: 1, frame_id: "odom".into() };
         let mut markers = Markers::default();
         let line = |ns: &str, id, action, text: &str| (ns.to_owned(), id, action, text.to_owned());
         let first = summary(&markers.update(&session, &snapshot(&[1, 1 << 40])));
         assert_eq!(first[0], line("", 0, Marker::DELETEALL, ""));
         assert!(first.contains(&line("clusters", 1, Marker::ADD, "1099511627776")));
-        let second = summary(&markers.update(&session, &snapshot(&[1 << 40])));
-        assert_eq!(
-            second[..2],
-            [line("clusters", 0, Marker::DELETE, ""), line("ids", 0, Marker::DELETE, "")]
-        );
-        let third = summary(&markers.update(&session, &snapshot(&[9, 1 << 40])));
-        assert!(third.iter().all(|(_, _, action, _)| *action == Marker::ADD));
-        assert!(third.contains(&line("clusters", 0, Marker::ADD, "9")));
+        let gone = [line("clusters", 0, Marker::DELETE, ""), line("ids", 0, Marker::DELETE, "")];
+        for _ in 0..REPEATS {
+            let next = summary(&markers.update(&session, &snapshot(&[1 << 40])));
+            assert!(gone.iter().all(|deletion| next.contains(deletion)));
+        }
+        let later = summary(&markers.update(&session, &snapshot(&[1 << 40])));
+        assert!(later.iter().all(|(_, _, action, _)| *action == Marker::ADD));
+        let again = summary(&markers.update(&session, &snapshot(&[9, 1 << 40])));
+        assert!(again.contains(&line("clusters", 0, Marker::ADD, "9")));
+        assert!(again.contains(&line("clusters", 1, Marker::ADD, "1099511627776")));
         markers.reset();
         assert_eq!(summary(&markers.update(&session, &snapshot(&[])))[0].2, Marker::DELETEALL);
+    }
+
+    #[test]
+    fn what_has_nothing_to_show_is_deleted_and_not_sent_empty() {
+        let session = Session { id: 1, frame_id: "odom".into() };
+        let markers = Markers::default().update(&session, &snapshot(&[]));
+        assert!(markers.markers.iter().all(|marker| marker.action != Marker::ADD));
     }
 }

@@ -20,7 +20,8 @@ use rustdds::{DomainParticipant, DomainParticipantBuilder, QosPolicyBuilder, Top
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use thiserror::Error;
-use tokio::sync::mpsc;
+use tokio::sync::{Mutex, mpsc};
+use tokio::task::JoinSet;
 
 use super::args::{ArgsError, Setup};
 use super::transport::{Event, Outgoing, SendError, Source, Transport};
@@ -47,6 +48,9 @@ pub enum DdsError {
 
 /// Events that wait for the node; a cloud that finds no place waits in the middleware.
 const EVENTS: usize = 16;
+
+/// Tasks that read; each ends with the name of what it read.
+type Readers = JoinSet<&'static str>;
 
 /// Adds events to those of the network.
 pub type Events = mpsc::Sender<Event<RmwRequestId>>;
@@ -182,6 +186,8 @@ pub struct Dds {
     markers: Publisher<MarkerArray>,
     labelled: Publisher<PointCloud2>,
     reset: Rc<Server<TriggerRequest, TriggerResponse>>,
+    /// What reads; none of these ends by itself.
+    readers: Mutex<Readers>,
     node: Node,
     participant: DomainParticipant,
     points_topic: String,
@@ -212,38 +218,38 @@ impl Dds {
             reset: Rc::new(opener.server("~/reset")?),
             points_topic: setup.resolve("points")?,
             participant: opener.participant.clone(),
-            node: {
-                listen(&mut opener, &events)?;
-                opener.node
-            },
+            readers: Mutex::new(listen(&mut opener, &events)?),
+            node: opener.node,
         };
-        tokio::task::spawn_local(serve_reset(Rc::clone(&dds.reset), events.clone()));
+        let serving = serve_reset(Rc::clone(&dds.reset), events.clone());
+        dds.readers.try_lock().map_err(opening("~/reset"))?.spawn_local(serving);
         Ok((dds, events, receiver))
     }
 
-    /// Takes the node off the network. Drop what this returns after the [`tokio::task::LocalSet`]: readers in its tasks
-    /// sign off at the participant, which must still be there.
+    /// Takes the node off the network. Drop what this returns after the [`tokio::task::LocalSet`]: readers sign off
+    /// at the participant, which must still be there.
     pub async fn close(self) -> impl Sized {
-        let Self { node, participant, .. } = self;
+        let Self { node, participant, readers, .. } = self;
         drop(node);
         // The library's own task ends when it runs next.
         tokio::task::yield_now().await;
-        participant
+        (readers, participant)
     }
 }
 
 /// Starts the tasks that read topics.
-fn listen(opener: &mut Opener<'_>, events: &Events) -> Result<(), DdsError> {
-    let tf = |depth, durability| (&reliable(depth, durability)).into();
+fn listen(opener: &mut Opener<'_>, events: &Events) -> Result<Readers, DdsError> {
+    let mut readers = Readers::new();
+    let tf = |durability| (&reliable(100, durability)).into();
     let filter = opener.setup.config.filter;
     let points = opener.subscribe(("points", "sensor_msgs", "PointCloud2"), &cloud_qos())?;
-    tokio::task::spawn_local(read_clouds(points, filter, events.clone()));
-    let dynamic = opener.subscribe(("/tf", "tf2_msgs", "TFMessage"), &tf(100, Durability::Volatile))?;
+    readers.spawn_local(read_clouds(points, filter, events.clone()));
+    let dynamic = opener.subscribe(("/tf", "tf2_msgs", "TFMessage"), &tf(Durability::Volatile))?;
     let transforms = |is_static| move |message| Event::Transforms { message, is_static };
-    tokio::task::spawn_local(read("/tf", dynamic, events.clone(), transforms(false)));
+    readers.spawn_local(read("/tf", dynamic, events.clone(), transforms(false)));
     let latched =
-        opener.subscribe(("/tf_static", "tf2_msgs", "TFMessage"), &tf(100, Durability::TransientLocal))?;
-    tokio::task::spawn_local(read("/tf_static", latched, events.clone(), transforms(true)));
+        opener.subscribe(("/tf_static", "tf2_msgs", "TFMessage"), &tf(Durability::TransientLocal))?;
+    readers.spawn_local(read("/tf_static", latched, events.clone(), transforms(true)));
     if opener.setup.config.use_sim_time {
         let qos = (&QosProfile::subscription_default()).into();
         let clock = opener.subscribe(("/clock", "rosgraph_msgs", "Clock"), &qos)?;
@@ -253,36 +259,46 @@ fn listen(opener: &mut Opener<'_>, events: &Events) -> Result<(), DdsError> {
                 Event::Garbled { topic: "/clock", text: format!("{} ns in a second", clock.clock.nanosec) }
             }
         };
-        tokio::task::spawn_local(read("/clock", clock, events.clone(), time));
+        readers.spawn_local(read("/clock", clock, events.clone(), time));
     }
     let use_sim_time = ParameterValue::Boolean(opener.setup.config.use_sim_time);
-    // Refused by the validator like every other change, unless it says what holds already.
-    drop(opener.node.set_parameter("use_sim_time", use_sim_time));
+    opener.node.set_parameter("use_sim_time", use_sim_time).map_err(opening("use_sim_time"))?;
     let spinner = opener.node.spinner().map_err(opening("the parameter services"))?;
-    tokio::task::spawn_local(async { drop(spinner.spin().await) });
-    Ok(())
+    readers.spawn_local(async {
+        drop(spinner.spin().await);
+        "the parameter services"
+    });
+    Ok(readers)
 }
 
 /// What a publisher's sequence numbers tell about clouds that never arrived.
 #[derive(Default)]
 struct Gaps {
     newest: BTreeMap<Gid, i64>,
-    /// Samples that arrived and could not be decoded: their numbers are unknown and look like a gap.
+    /// Samples that arrived since the last good one and could not be decoded: their numbers look like a gap.
     undecodable: u64,
 }
 
 impl Gaps {
+    /// Publishers to remember; a driver that restarts is a new one each time.
+    const PUBLISHERS: usize = 1000;
+
     fn lost_before(&mut self, publisher: Gid, number: i64) -> u64 {
-        let before = self.newest.insert(publisher, number);
-        let gap = before.map_or(0, |before| number.saturating_sub(before).saturating_sub(1));
-        let gap = u64::try_from(gap).unwrap_or(0);
-        let explained = gap.min(self.undecodable);
-        self.undecodable -= explained;
-        gap - explained
+        if self.newest.len() >= Self::PUBLISHERS {
+            self.newest.clear();
+        }
+        let newest = self.newest.entry(publisher).or_insert(number);
+        let gap = number.saturating_sub(*newest).saturating_sub(1).max(0);
+        *newest = number.max(*newest);
+        gap.unsigned_abs().saturating_sub(std::mem::take(&mut self.undecodable))
     }
 }
 
-async fn read_clouds(points: Subscription<Result<Cloud, CloudError>>, filter: CloudFilter, events: Events) {
+async fn read_clouds(
+    points: Subscription<Result<Cloud, CloudError>>,
+    filter: CloudFilter,
+    events: Events,
+) -> &'static str {
     let clouds = points.async_stream_seed(CloudSeed::new(filter));
     pin_mut!(clouds);
     let mut gaps = Gaps::default();
@@ -295,12 +311,13 @@ async fn read_clouds(points: Subscription<Result<Cloud, CloudError>>, filter: Cl
             }
         };
         if lost > 0 && events.send(Event::Lost(lost)).await.is_err() {
-            return;
+            break;
         }
         if events.send(Event::Cloud(cloud)).await.is_err() {
-            return;
+            break;
         }
     }
+    "points"
 }
 
 async fn read<M: DeserializeOwned + 'static>(
@@ -308,7 +325,7 @@ async fn read<M: DeserializeOwned + 'static>(
     subscription: Subscription<M>,
     events: Events,
     event: impl Fn(M) -> Event<RmwRequestId>,
-) {
+) -> &'static str {
     let messages = subscription.async_stream();
     pin_mut!(messages);
     while let Some(message) = messages.next().await {
@@ -317,19 +334,20 @@ async fn read<M: DeserializeOwned + 'static>(
             Err(error) => Event::Garbled { topic, text: error.to_string() },
         };
         if events.send(event).await.is_err() {
-            return;
+            break;
         }
     }
+    topic
 }
 
-async fn serve_reset(reset: Rc<Server<TriggerRequest, TriggerResponse>>, events: Events) {
+async fn serve_reset(reset: Rc<Server<TriggerRequest, TriggerResponse>>, events: Events) -> &'static str {
     loop {
         let event = match reset.async_receive_request().await {
             Ok((request, _)) => Event::Reset(request),
             Err(error) => Event::Garbled { topic: "~/reset", text: error.to_string() },
         };
         if events.send(event).await.is_err() {
-            return;
+            return "~/reset";
         }
     }
 }
@@ -370,6 +388,14 @@ impl Transport for Dds {
         sources.sort();
         sources.dedup();
         sources
+    }
+
+    async fn failed(&self) -> String {
+        match self.readers.lock().await.join_next().await {
+            Some(Ok(topic)) => format!("reading {topic} has ended"),
+            Some(Err(failure)) => failure.to_string(),
+            None => "nothing reads".to_owned(),
+        }
     }
 }
 
@@ -435,7 +461,11 @@ mod tests {
         assert_eq!(gaps.lost_before(publisher, 11), 2);
         gaps.undecodable = 1;
         assert_eq!(gaps.lost_before(publisher, 14), 1);
-        assert_eq!(gaps.lost_before(publisher, 3), 0);
+        assert_eq!(gaps.lost_before(publisher, 13), 0);
+        assert_eq!(gaps.lost_before(publisher, 15), 0);
+        gaps.undecodable = 1;
+        assert_eq!(gaps.lost_before(publisher, 16), 0);
+        assert_eq!(gaps.lost_before(publisher, 18), 1);
     }
 
     #[test]

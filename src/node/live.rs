@@ -24,14 +24,17 @@ use crate::msg::ros::{TfMessage, TriggerResponse};
 use crate::tf::{Frames, Inserted, JUMP_BACK, Waited, WaitingQueue};
 use crate::worker::{Output, Worker};
 
-/// Clouds that wait for their transform: about a quarter of a second of them.
-const WAITING: usize = 8;
+/// Clouds that may wait for their transform: as many as a Kinect sends within `tf_timeout`, within bounds of memory.
+fn places(tf_timeout: Duration) -> usize {
+    ((tf_timeout.as_secs_f64() * 30.0) as usize + 2).clamp(8, 64)
+}
 
 /// Outputs of the worker that wait to be sent; when full, the worker waits too, and newer scans replace older ones.
 const OUTPUTS: usize = 64;
 
-/// How long nobody may publish on `points` before the topics of the graph are listed.
-const LONELY: Duration = Duration::from_secs(3);
+/// How long no cloud may come before it is said why, and how long until it is said again.
+const QUIET: Duration = Duration::from_secs(3);
+const QUIET_AGAIN: Duration = Duration::from_secs(30);
 
 /// Time between two looks at clouds whose transform does not come.
 const TICK: Duration = Duration::from_millis(20);
@@ -45,9 +48,9 @@ pub enum LiveError {
     /// The engine's thread has ended by itself.
     #[error("the engine's thread has died: {0}")]
     Died(String),
-    /// The middleware has stopped giving events.
-    #[error("the middleware has stopped")]
-    Deaf,
+    /// The node cannot hear any more.
+    #[error("the node is deaf: {0}")]
+    Deaf(String),
 }
 
 /// Runs the node until `shutdown` resolves and returns the map of that moment; `counts` says where every cloud went.
@@ -67,29 +70,39 @@ pub async fn run<T: Transport>(
     let worker = Worker::start(config.engine, session, sink).map_err(LiveError::Start)?;
     let publishing = publish(Rc::clone(&transport), receiver, Rc::clone(&counts), config.fixed_frame.clone());
     let mut publishing = tokio::task::spawn_local(publishing);
-    let mut live = Live::new(config, transport, worker, session, counts);
+    let mut live = Live::new(config, Rc::clone(&transport), worker, session, counts);
     let mut tick = interval(TICK);
     let mut snapshots = interval(config.publish_period);
-    let mut shutdown = pin!(shutdown);
-    loop {
+    let (mut shutdown, mut failed) = (pin!(shutdown), pin!(transport.failed()));
+    let broken = loop {
         tokio::select! {
-            () = &mut shutdown => return live.finish(publishing).await,
+            () = &mut shutdown => break None,
             ended = &mut publishing => return Err(death(ended.ok())),
-            event = events.recv() => live.event(event.ok_or(LiveError::Deaf)?).await,
+            reason = &mut failed => break Some(LiveError::Deaf(reason)),
+            event = events.recv() => match event {
+                Some(event) => live.event(event).await,
+                None => break Some(LiveError::Deaf("no more events".to_owned())),
+            },
             _ = tick.tick() => live.tick(),
             _ = snapshots.tick() => live.worker.request_snapshot(),
         }
+    };
+    events.close();
+    while let Ok(event) = events.try_recv() {
+        live.count_unused(&event);
     }
-}
-
-fn death(ended: Option<Ended>) -> LiveError {
-    LiveError::Died(ended.and_then(|ended| ended.died).unwrap_or_else(|| "it has ended".to_owned()))
+    let map = live.finish(publishing).await?;
+    broken.map_or(Ok(map), Err)
 }
 
 fn interval(period: Duration) -> tokio::time::Interval {
     let mut interval = tokio::time::interval(period);
     interval.set_missed_tick_behavior(MissedTickBehavior::Delay);
     interval
+}
+
+fn death(ended: Option<Ended>) -> LiveError {
+    LiveError::Died(ended.and_then(|ended| ended.died).unwrap_or_else(|| "it has ended".to_owned()))
 }
 
 /// A session id that was not used before: the time of day in ns, or one more than the one before.
@@ -106,14 +119,16 @@ struct Live<T> {
     counts: Rc<RefCell<Counts>>,
     throttle: Throttle,
     session: u64,
-    /// Newest stamp of a cloud in this session, and of the simulated clock.
-    newest_cloud: Option<Stamp>,
+    /// Newest stamp of a scan in this session, and of the simulated clock.
+    newest_scan: Option<Stamp>,
     newest_clock: Option<Stamp>,
     fixed_frame: String,
     tf_timeout: Duration,
     start: Instant,
-    /// Since when nobody has published on `points`, or the list was written last.
-    lonely_since: Option<Instant>,
+    /// When the newest cloud came.
+    quiet_since: Instant,
+    /// When it was said last that none comes.
+    said_quiet: Option<Instant>,
 }
 
 impl<T: Transport> Live<T> {
@@ -129,16 +144,17 @@ impl<T: Transport> Live<T> {
             transport,
             worker,
             frames: Frames::new(),
-            waiting: WaitingQueue::new(WAITING),
+            waiting: WaitingQueue::new(places(config.tf_timeout)),
             counts,
             throttle: Throttle::default(),
             session,
-            newest_cloud: None,
+            newest_scan: None,
             newest_clock: None,
             fixed_frame: config.fixed_frame.clone(),
             tf_timeout: config.tf_timeout,
             start,
-            lonely_since: Some(start),
+            quiet_since: start,
+            said_quiet: None,
         }
     }
 
@@ -154,15 +170,11 @@ impl<T: Transport> Live<T> {
     }
 
     fn cloud(&mut self, cloud: Result<Cloud, CloudError>) {
-        self.lonely_since = None;
+        self.quiet_since = Instant::now();
         self.counts.borrow_mut().received += 1;
         match cloud {
             Ok(cloud) => {
-                if jumped_back(&mut self.newest_cloud, cloud.stamp) {
-                    self.frames.forget_after(cloud.stamp);
-                    self.begin_session("the stamps of the clouds have jumped back");
-                    self.newest_cloud = Some(cloud.stamp);
-                }
+                self.look_at(&cloud);
                 let (stamp, frame) = (cloud.stamp, cloud.frame_id.clone());
                 if let Some(pushed_out) = self.waiting.push(cloud, stamp, frame, self.start.elapsed()) {
                     self.skip(&pushed_out, "waiting_queue_full");
@@ -173,6 +185,21 @@ impl<T: Transport> Live<T> {
                 self.counts.borrow_mut().skip(error.reason());
                 self.warn(error.reason(), format_args!("a cloud was skipped: {error}"));
             }
+        }
+    }
+
+    /// Says when next to nothing of a cloud is of use: its unit, frame or range may be others than assumed.
+    fn look_at(&mut self, cloud: &Cloud) {
+        let Cloud { total, invalid, out_of_range, .. } = *cloud;
+        let used = cloud.points.len();
+        if total > 0 && used * 10 < total as usize {
+            self.warn(
+                "hardly_used",
+                format_args!(
+                    "of {total} points only {used} are used: {invalid} are invalid, {out_of_range} out of range (see \
+                     min_range, max_range, optical)"
+                ),
+            );
         }
     }
 
@@ -194,9 +221,10 @@ impl<T: Transport> Live<T> {
     }
 
     fn clock(&mut self, stamp: Stamp) {
-        if jumped_back(&mut self.newest_clock, stamp) {
+        if let Some(newest) = jumped_back(&mut self.newest_clock, stamp) {
             self.frames.forget_after(stamp);
-            self.begin_session("/clock has jumped back");
+            let back = newest.seconds_since(stamp);
+            self.begin_session(&format!("/clock has jumped back by {back:.3} s"));
             self.newest_clock = Some(stamp);
         }
     }
@@ -214,14 +242,34 @@ impl<T: Transport> Live<T> {
         let Self { frames, fixed_frame, waiting, .. } = self;
         let ready = waiting.take_ready(|sensor, stamp| frames.lookup(fixed_frame, sensor, stamp));
         for (cloud, fixed_from_sensor) in ready {
+            // Only a scan with a transform tells the time: a stray stamp has none.
+            if let Some(newest) = jumped_back(&mut self.newest_scan, cloud.stamp) {
+                self.frames.forget_after(cloud.stamp);
+                let back = newest.seconds_since(cloud.stamp);
+                self.begin_session(&format!("the stamps of the scans have jumped back by {back:.3} s"));
+                self.newest_scan = Some(cloud.stamp);
+            }
             let scan = Scan { stamp: cloud.stamp, fixed_from_sensor, points: cloud.points };
             if self.worker.submit(scan) {
                 self.counts.borrow_mut().replaced += 1;
-                self.warn(
-                    "replaced",
-                    format_args!("the engine is slower than the sensor: a scan was replaced"),
-                );
+                let replaced = self.counts.borrow().replaced;
+                let line =
+                    format_args!("the engine is slower than the sensor: {replaced} scans replaced so far");
+                self.warn("replaced", line);
             }
+        }
+    }
+
+    /// Counts what came and will not be used any more.
+    fn count_unused(&self, event: &Event<T::Request>) {
+        let mut counts = self.counts.borrow_mut();
+        match event {
+            Event::Cloud(cloud) => {
+                counts.received += 1;
+                counts.skip(cloud.as_ref().map_or_else(CloudError::reason, |_| "shutdown"));
+            }
+            Event::Lost(number) => counts.lost += number,
+            _ => {}
         }
     }
 
@@ -229,7 +277,7 @@ impl<T: Transport> Live<T> {
         for waited in self.waiting.take_expired(self.start.elapsed(), self.tf_timeout) {
             self.skip(&waited, "transform_timeout");
         }
-        self.look_for_publishers(Instant::now());
+        self.say_when_quiet(Instant::now());
     }
 
     fn skip(&mut self, waited: &Waited<Cloud>, reason: &'static str) {
@@ -251,26 +299,19 @@ impl<T: Transport> Live<T> {
         self.session = new_session(self.session);
         let waiting = self.waiting.take_all(self.start.elapsed()).len() + self.worker.reset(self.session);
         (0..waiting).for_each(|_| self.counts.borrow_mut().skip("session_ended"));
-        self.newest_cloud = None;
+        self.newest_scan = None;
         info!("{why}: session {} begins with an empty map", self.session);
         self.worker.request_snapshot();
     }
 
-    /// Says what there is to listen to, when nobody publishes on `points`.
-    fn look_for_publishers(&mut self, now: Instant) {
-        let Some(since) = self.lonely_since else { return };
-        if now.duration_since(since) < LONELY {
+    /// Says why no cloud comes, as far as it can be known.
+    fn say_when_quiet(&mut self, now: Instant) {
+        let said = self.said_quiet.is_some_and(|said| now.duration_since(said) < QUIET_AGAIN);
+        if now.duration_since(self.quiet_since) < QUIET || said {
             return;
         }
-        let topic = self.transport.points_topic().to_owned();
-        let sources = self.transport.sources();
-        if sources.iter().any(|source| source.topic == topic) {
-            self.lonely_since = None;
-            return;
-        }
-        // Said again only after a long while: the list may have grown.
-        self.lonely_since = Some(now + 10 * LONELY);
-        warn!("nobody publishes on {topic}; {}", choices(&sources));
+        self.said_quiet = Some(now);
+        warn!("{}", why_quiet(self.transport.points_topic(), &self.transport.sources()));
     }
 
     fn warn(&mut self, kind: &'static str, line: std::fmt::Arguments<'_>) {
@@ -296,11 +337,31 @@ impl<T: Transport> Live<T> {
     }
 }
 
-/// Keeps `newest` and tells whether `stamp` lies more than [`JUMP_BACK`] before it.
-fn jumped_back(newest: &mut Option<Stamp>, stamp: Stamp) -> bool {
-    let jumped = newest.is_some_and(|newest| newest.seconds_since(stamp) > JUMP_BACK);
+/// Keeps `newest`; where `stamp` lies more than [`JUMP_BACK`] before it, returns what it was.
+fn jumped_back(newest: &mut Option<Stamp>, stamp: Stamp) -> Option<Stamp> {
+    let before = newest.filter(|newest| newest.seconds_since(stamp) > JUMP_BACK);
     *newest = Some(newest.map_or(stamp, |newest| newest.max(stamp)));
-    jumped
+    before
+}
+
+fn why_quiet(topic: &str, sources: &[Source]) -> String {
+    const CLOUD: &str = "sensor_msgs/msg/PointCloud2";
+    let kinds: Vec<_> = sources
+        .iter()
+        .filter(|source| source.topic == topic)
+        .map(|source| source.type_name.as_str())
+        .collect();
+    if kinds.is_empty() {
+        format!("nobody publishes on {topic}; {}", choices(sources))
+    } else if kinds.contains(&CLOUD) {
+        format!(
+            "{topic} has a publisher, but no cloud has come for {} s: either it is silent, or its clouds are too large \
+             for the socket receive buffer (see above), or it sends by shared memory only",
+            QUIET.as_secs()
+        )
+    } else {
+        format!("{topic} carries {}, not {CLOUD}; {}", kinds.join(" and "), choices(sources))
+    }
 }
 
 /// What could be listened to, with the exact words that do it.
@@ -338,15 +399,18 @@ mod tests {
         let text = choices(&sources);
         assert!(text.contains("-r points:=/a/points") && text.contains("/b") && !text.contains("/c"));
         assert!(choices(&[]).contains("no PointCloud2"));
+        assert!(why_quiet("/x", &sources).contains("nobody publishes on /x"));
+        assert!(why_quiet("/b", &sources).contains("/b carries sensor_msgs/msg/Image"));
+        assert!(why_quiet("/a/points", &sources).contains("no cloud has come for 3 s"));
     }
 
     #[test]
     fn a_small_step_back_is_no_jump() {
         let mut newest = None;
         let at = |seconds: f64| Stamp::from_nanos((seconds * 1e9) as i64);
-        assert!(!jumped_back(&mut newest, at(10.0)));
-        assert!(!jumped_back(&mut newest, at(9.1)));
-        assert!(jumped_back(&mut newest, at(8.9)));
-        assert!(!jumped_back(&mut newest, at(11.0)));
+        assert_eq!(jumped_back(&mut newest, at(10.0)), None);
+        assert_eq!(jumped_back(&mut newest, at(9.1)), None);
+        assert_eq!(jumped_back(&mut newest, at(8.9)), Some(at(10.0)));
+        assert_eq!(jumped_back(&mut newest, at(11.0)), None);
     }
 }

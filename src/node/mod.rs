@@ -2,12 +2,13 @@
 //!
 //! [`args`] turns a ROS command line into a checked [`Setup`]; [`transport`] is what the node needs of a middleware;
 //! [`dds`] is that over ROS 2's DDS, and the only file that imports `ros2_client`; [`live`] joins clouds with their
-//! transforms and hands scans to the worker; `publish` turns the worker's outputs into messages.
+//! transforms and hands scans to the worker; [`process`] is all of it as a process; `publish` turns the worker's outputs into messages.
 
 pub mod args;
 pub mod counts;
 pub mod dds;
 pub mod live;
+pub mod process;
 mod publish;
 mod throttle;
 pub mod transport;

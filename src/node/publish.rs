@@ -33,7 +33,7 @@ pub(super) async fn publish(
 ) -> Ended {
     let mut ended = Ended::default();
     let mut publisher =
-        Publisher { transport, markers: Markers::default(), session: 0, capped: false, frame_id };
+        Publisher { transport, markers: Markers::default(), session: 0, capped: [false; 2], frame_id };
     while let Some(output) = outputs.recv().await {
         match output {
             Output::Scan { session, update } => {
@@ -57,8 +57,8 @@ struct Publisher<T> {
     markers: Markers,
     /// Of the newest output.
     session: u64,
-    /// Whether it has been said that markers or labelled points are capped.
-    capped: bool,
+    /// Whether it has been said in this session that markers, and labelled points, are capped.
+    capped: [bool; 2],
     frame_id: String,
 }
 
@@ -66,6 +66,7 @@ impl<T: Transport> Publisher<T> {
     fn session(&mut self, id: u64) -> Session {
         if std::mem::replace(&mut self.session, id) != id {
             self.markers.reset();
+            self.capped = [false; 2];
         }
         Session { id, frame_id: self.frame_id.clone() }
     }
@@ -79,10 +80,11 @@ impl<T: Transport> Publisher<T> {
     }
 
     fn say_caps(&mut self, voxels: usize) {
-        if voxels > MAX_CUBES && !std::mem::replace(&mut self.capped, true) {
-            warn!(
-                "{voxels} dense voxels: ~/markers shows the first {MAX_CUBES}, ~/points_labelled {MAX_LABELLED}"
-            );
+        let caps = [("~/markers", MAX_CUBES), ("~/points_labelled", MAX_LABELLED)];
+        for ((topic, cap), said) in caps.into_iter().zip(&mut self.capped) {
+            if voxels > cap && !std::mem::replace(said, true) {
+                warn!("{topic} shows the first {cap} of {voxels} dense voxels");
+            }
         }
     }
 

@@ -87,4 +87,7 @@ pub trait Transport: 'static {
 
     /// Every topic that has a publisher now, by name.
     fn sources(&self) -> Vec<Source>;
+
+    /// Resolves, with a reason, when something that reads has ended: the node would be alive and deaf.
+    fn failed(&self) -> impl Future<Output = String>;
 }

@@ -16,6 +16,11 @@ def own_network():
     if ctypes.CDLL(None, use_errno=True).unshare(CLONE_NEWNET):
         reason = os.strerror(ctypes.get_errno())
         raise RuntimeError(f"no network namespace for this test: {reason} (start it with tests/ros/python.sh)")
+    loopback_up()
+
+
+def loopback_up():
+    """What `ip link set lo up` does, on machines without `ip` too."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as any_socket:
         fcntl.ioctl(any_socket, SIOCSIFFLAGS, struct.pack("16sH22x", b"lo", IFF_UP | IFF_RUNNING))
 
@@ -32,3 +37,7 @@ def recordings():
     default = pathlib.Path(__file__).resolve().parents[3] / "shared" / "data"
     folder = pathlib.Path(os.environ.get("CFODI_DATA") or default)
     return folder if (folder / "tum_fr3_cabinet58" / "poses.csv").is_file() else None
+
+
+if __name__ == "__main__":
+    loopback_up()

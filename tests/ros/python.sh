@@ -18,4 +18,4 @@ fi
 # shellcheck source=/dev/null
 source "$environment/env.sh"
 export PYTHONDONTWRITEBYTECODE=1
-exec unshare -rn python "$@"
+exec unshare -rn bash -c 'python "$0" && exec python "$@"' "$here/network.py" "$@"

@@ -110,7 +110,8 @@ def test_reset_begins_a_new_session_with_an_empty_map(start, peer):
     node, camera = begin(start, peer)
     first = take_in(camera, peer.deltas)
     assert peer.call(Trigger, "/cfodi/reset", Trigger.Request()).success
-    empty = peer.clusters.wait("a snapshot of a new session", lambda m: m.session_id != first.session_id, after=len(peer.clusters))
+    after = len(peer.clusters)
+    empty = peer.clusters.wait("a snapshot of a new session", lambda m: m.session_id != first.session_id, after=after)
     again = take_in(camera, peer.deltas)
     assert (again.session_id, again.sequence, again.base_sequence) == (empty.session_id, 1, 0)
     assert [cluster.voxel_count for cluster in again.clusters] == [cluster.voxel_count for cluster in first.clusters]
@@ -125,7 +126,7 @@ def test_a_stamp_that_jumps_back_by_minutes_begins_a_new_session(start, peer):
     assert first.sequence == 3
     again = take_in(camera, peer.deltas, now - 600 * SECOND)
     assert again.session_id != first.session_id and (again.sequence, again.base_sequence) == (1, 0)
-    snapshot = peer.clusters.wait("a snapshot of the new session", lambda m: m.session_id == again.session_id and m.sequence == 1)
+    snapshot = peer.clusters.wait("its snapshot", lambda m: (m.session_id, m.sequence) == (again.session_id, 1))
     assert compare.stamp(snapshot) == now - 600 * SECOND
     assert node.stop()["taken_in"] == 4
 

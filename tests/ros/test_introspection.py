@@ -32,8 +32,8 @@ FIELD = {ParameterType.PARAMETER_BOOL: "bool_value", ParameterType.PARAMETER_INT
 
 def parameters(peer, names, node="/cfodi"):
     reply = peer.call(GetParameters, f"{node}/get_parameters", GetParameters.Request(names=list(names)))
-    values = [getattr(value, FIELD[value.type]) if value.type in FIELD else f"type {value.type}" for value in reply.values]
-    return dict(zip(names, (list(v) if v is not None and not isinstance(v, (str, bool, int, float)) else v for v in values)))
+    values = (getattr(value, FIELD[value.type]) if value.type in FIELD else f"type {value.type}" for value in reply.values)
+    return {n: v if isinstance(v, (str, bool, int, float)) else list(v) for n, v in zip(names, values)}
 
 
 def node_names(peer):
@@ -60,8 +60,8 @@ def test_the_topics_have_their_types_and_qualities_of_service(found, expected, s
 
 def test_the_services_are_there(start, peer):
     start(fixed_frame=None, points=None).ready()
-    wanted = {"/cfodi/reset": ["std_srvs/srv/Trigger"]} | {
-        f"/cfodi/{kind}_parameters": [f"rcl_interfaces/srv/{kind.title()}Parameters"] for kind in ("get", "set", "list", "describe")}
+    wanted = {f"/cfodi/{kind}_parameters": [f"rcl_interfaces/srv/{kind.title()}Parameters"]
+              for kind in ("get", "set", "list", "describe")} | {"/cfodi/reset": ["std_srvs/srv/Trigger"]}
 
     def offered():
         return dict(peer.node.get_service_names_and_types())

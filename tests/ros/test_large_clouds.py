@@ -10,7 +10,7 @@ import compare
 import pytest
 from cfodi_node import accounted, skipped
 
-MARKER_CAP = 20_000  # cubes in one marker
+MARKER_CAP = 20_000  # cubes in all markers together
 PLAY = pathlib.Path(__file__).with_name("play.py")
 
 

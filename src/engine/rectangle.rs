@@ -1,0 +1,100 @@
+//! The smallest rectangle around some points in a plane.
+
+use nalgebra::Vector2;
+
+/// A rectangle of any turn.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Rectangle {
+    pub(crate) middle: Vector2<f64>,
+    /// Unit direction of the longer side.
+    pub(crate) along: Vector2<f64>,
+    /// The longer and the shorter side.
+    pub(crate) sides: [f64; 2],
+}
+
+/// The rectangle of least area around `points`; one of its sides lies along an edge of their convex hull (Freeman and
+/// Shapira, CACM 18, 1975). Costs O(n log n + h^2) for h points on the hull.
+pub(crate) fn smallest_rectangle(points: &[Vector2<f64>]) -> Rectangle {
+    let hull = convex_hull(points);
+    let edges = hull.iter().zip(hull.iter().cycle().skip(1)).filter_map(|(a, b)| (b - a).try_normalize(0.0));
+    let rectangles = edges.map(|along| around(&hull, along));
+    let area = |rectangle: &Rectangle| rectangle.sides[0] * rectangle.sides[1];
+    rectangles.min_by(|a, b| area(a).total_cmp(&area(b))).unwrap_or_else(|| around(&hull, Vector2::x()))
+}
+
+fn around(points: &[Vector2<f64>], along: Vector2<f64>) -> Rectangle {
+    let across = Vector2::new(-along.y, along.x);
+    let extent = |axis: &Vector2<f64>| {
+        let all = points.iter().map(|point| axis.dot(point));
+        all.fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), a| (least.min(a), most.max(a)))
+    };
+    let [a, b] = [extent(&along), extent(&across)];
+    let middle = along * f64::midpoint(a.0, a.1) + across * f64::midpoint(b.0, b.1);
+    let [length, width] = [a.1 - a.0, b.1 - b.0];
+    if length >= width {
+        Rectangle { middle, along, sides: [length, width] }
+    } else {
+        Rectangle { middle, along: across, sides: [width, length] }
+    }
+}
+
+/// Counter-clockwise, by Andrew's monotone chain.
+fn convex_hull(points: &[Vector2<f64>]) -> Vec<Vector2<f64>> {
+    let mut points = points.to_vec();
+    points.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
+    points.dedup();
+    let mut hull = half_hull(points.iter());
+    hull.extend(half_hull(points.iter().rev()));
+    if hull.is_empty() { points } else { hull }
+}
+
+/// One half without its last point, with which the other half begins.
+fn half_hull<'a>(points: impl Iterator<Item = &'a Vector2<f64>>) -> Vec<Vector2<f64>> {
+    let mut hull: Vec<Vector2<f64>> = Vec::new();
+    for &point in points {
+        while let [.., a, b] = hull[..]
+            && (b - a).perp(&(point - a)) <= 0.0
+        {
+            hull.pop();
+        }
+        hull.push(point);
+    }
+    hull.pop();
+    hull
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn it_holds_all_points_and_no_turn_of_a_degree_is_smaller(
+            points in proptest::collection::vec((-5.0..5.0, -5.0..5.0), 1..27),
+        ) {
+            let points: Vec<_> = points.into_iter().map(|(x, y)| Vector2::new(x, y)).collect();
+            let found = smallest_rectangle(&points);
+            let across = Vector2::new(-found.along.y, found.along.x);
+            for point in &points {
+                let from_middle = point - found.middle;
+                prop_assert!(from_middle.dot(&found.along).abs() <= 0.5 * found.sides[0] + 1e-9);
+                prop_assert!(from_middle.dot(&across).abs() <= 0.5 * found.sides[1] + 1e-9);
+            }
+            for degree in 0..90 {
+                let turn = f64::from(degree).to_radians();
+                let naive = around(&points, Vector2::new(turn.cos(), turn.sin()));
+                prop_assert!(found.sides[0] * found.sides[1] <= naive.sides[0] * naive.sides[1] + 1e-9);
+            }
+        }
+    }
+
+    #[test]
+    fn a_point_and_a_line_have_boxes_too() {
+        let a = Vector2::new(1.0, 2.0);
+        assert_eq!(smallest_rectangle(&[a, a]).sides, [0.0, 0.0]);
+        let line = smallest_rectangle(&[a, a + Vector2::new(3.0, 4.0), a + Vector2::new(1.5, 2.0)]);
+        assert!((line.sides[0] - 5.0).abs() < 1e-12 && line.sides[1] < 1e-12);
+    }
+}

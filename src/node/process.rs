@@ -1,0 +1,121 @@
+//! The live node as a process: runtime, signals, socket buffer, and the last word about where every cloud went.
+
+use std::cell::RefCell;
+use std::rc::Rc;
+use std::sync::Arc;
+use std::time::Duration;
+
+use socket2::{Domain, Socket, Type};
+use thiserror::Error;
+use tokio::task::LocalSet;
+use tracing::{info, warn};
+
+use super::Setup;
+use super::counts::Counts;
+use super::dds::{Dds, DdsError, Events};
+use super::live::{self, LiveError};
+use super::transport::Transport;
+use crate::engine::Snapshot;
+
+/// The process has to end with a failure.
+#[derive(Debug, Error)]
+pub enum ProcessError {
+    /// The system gives no runtime.
+    #[error("cannot start: {0}")]
+    Runtime(std::io::Error),
+    /// The network cannot be joined.
+    #[error("cannot join the ROS network: {0}")]
+    Network(#[from] DdsError),
+    /// The node failed.
+    #[error(transparent)]
+    Live(#[from] LiveError),
+}
+
+/// Bytes of the receive buffer that the node's sockets have: the system cuts a larger wish short without a word, so a
+/// socket is asked. (Linux reports twice what it has set.)
+pub fn receive_buffer(setup: &Setup) -> usize {
+    let wish = setup.config.receive_buffer;
+    let got = Socket::new(Domain::IPV4, Type::DGRAM, None).and_then(|socket| {
+        socket.set_recv_buffer_size(wish)?;
+        socket.recv_buffer_size()
+    });
+    let twice = if cfg!(target_os = "linux") { 2 } else { 1 };
+    // Where no socket can be had, opening the node says why.
+    got.map_or(wish, |got| wish.min(got / twice))
+}
+
+fn say_receive_buffer(setup: &Setup) {
+    let (wish, got) = (setup.config.receive_buffer, receive_buffer(setup));
+    if got < wish {
+        warn!(
+            "socket receive buffer: {got} bytes instead of {wish}, too few for large clouds; raise it with: \
+             sudo sysctl -w net.core.rmem_max={wish}"
+        );
+    } else {
+        info!("socket receive buffer: {got} bytes");
+    }
+}
+
+/// Runs the live node until a signal comes or `done` says so, and returns its map; `begin` is called once it listens.
+///
+/// # Errors
+/// When the network cannot be joined, or the node fails.
+pub fn live_node(
+    setup: &Setup,
+    begin: impl FnOnce(Events) -> Result<(), DdsError>,
+    done: impl Fn() -> bool,
+) -> Result<Arc<Snapshot>, ProcessError> {
+    let runtime =
+        tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(ProcessError::Runtime)?;
+    let counts = Rc::new(RefCell::new(Counts::default()));
+    let tasks = LocalSet::new();
+    let ended = tasks.block_on(&runtime, async {
+        say_receive_buffer(setup);
+        let (dds, events, receiver) = Dds::open(setup)?;
+        let dds = Rc::new(dds);
+        let node = setup.fully_qualified_name();
+        info!("ready: {node} reads {} in domain {}", dds.points_topic(), setup.domain);
+        begin(events)?;
+        let map = live::run(&setup.config, Rc::clone(&dds), receiver, Rc::clone(&counts), ending(done)).await;
+        let network = match Rc::into_inner(dds) {
+            Some(dds) => Some(dds.close().await),
+            None => None,
+        };
+        Ok::<_, ProcessError>((map?, network))
+    });
+    drop(tasks);
+    let map = ended.map(|(map, network)| {
+        drop(network);
+        map
+    });
+    eprintln!("counts {}", counts.borrow());
+    map
+}
+
+/// Resolves at SIGINT or SIGTERM.
+async fn signalled() {
+    use tokio::signal::unix::{SignalKind, signal};
+    let (Ok(mut interrupt), Ok(mut terminate)) =
+        (signal(SignalKind::interrupt()), signal(SignalKind::terminate()))
+    else {
+        warn!("signals cannot be caught: peers may see this node for a while after its end");
+        return std::future::pending().await;
+    };
+    tokio::select! {
+        _ = interrupt.recv() => {}
+        _ = terminate.recv() => {}
+    }
+}
+
+/// Resolves at a signal or when `done` says so.
+async fn ending(done: impl Fn() -> bool) {
+    let done = async {
+        while !done() {
+            tokio::time::sleep(Duration::from_millis(50)).await;
+        }
+    };
+    tokio::select! {
+        () = signalled() => {}
+        () = done => {}
+    }
+}
