@@ -386,31 +386,4 @@ fn choices(sources: &[Source]) -> String {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_list_of_topics_has_the_exact_remapping() {
-        let source = |topic: &str, kind: &str| Source {
-            topic: topic.to_owned(),
-            type_name: format!("sensor_msgs/msg/{kind}"),
-        };
-        let sources = [source("/a/points", "PointCloud2"), source("/b", "Image"), source("/c", "CameraInfo")];
-        let text = choices(&sources);
-        assert!(text.contains("-r points:=/a/points") && text.contains("/b") && !text.contains("/c"));
-        assert!(choices(&[]).contains("no PointCloud2"));
-        assert!(why_quiet("/x", &sources).contains("nobody publishes on /x"));
-        assert!(why_quiet("/b", &sources).contains("/b carries sensor_msgs/msg/Image"));
-        assert!(why_quiet("/a/points", &sources).contains("no cloud has come for 3 s"));
-    }
-
-    #[test]
-    fn a_small_step_back_is_no_jump() {
-        let mut newest = None;
-        let at = |seconds: f64| Stamp::from_nanos((seconds * 1e9) as i64);
-        assert_eq!(jumped_back(&mut newest, at(10.0)), None);
-        assert_eq!(jumped_back(&mut newest, at(9.1)), None);
-        assert_eq!(jumped_back(&mut newest, at(8.9)), Some(at(10.0)));
-        assert_eq!(jumped_back(&mut newest, at(11.0)), None);
-    }
-}
+mod tests;

@@ -1,0 +1,188 @@
+//! The live node on a middleware made of channels.
+
+use tokio::runtime::Builder;
+use tokio::sync::oneshot;
+use tokio::task::LocalSet;
+
+use super::*;
+use crate::engine::Points;
+use crate::msg::clusters::SurfaceClusterArray;
+use crate::msg::ros::{Header, Quaternion, Transform, TransformStamped, Vector3};
+use crate::node::transport::{Outgoing, SendError};
+
+/// Keeps what is published; fails when told to.
+#[derive(Default)]
+struct Fake {
+    deltas: RefCell<Vec<SurfaceClusterArray>>,
+    replies: RefCell<Vec<TriggerResponse>>,
+    failure: RefCell<Option<oneshot::Receiver<String>>>,
+}
+
+impl Transport for Fake {
+    type Request = ();
+
+    async fn publish(&self, message: Outgoing) -> Result<(), SendError> {
+        if let Outgoing::Delta(delta) = message {
+            self.deltas.borrow_mut().push(delta);
+        }
+        Ok(())
+    }
+
+    async fn answer_reset(&self, (): (), response: TriggerResponse) -> Result<(), SendError> {
+        self.replies.borrow_mut().push(response);
+        Ok(())
+    }
+
+    fn points_topic(&self) -> &'static str {
+        "/points"
+    }
+
+    fn sources(&self) -> Vec<Source> {
+        Vec::new()
+    }
+
+    async fn failed(&self) -> String {
+        let failure = self.failure.borrow_mut().take();
+        match failure {
+            Some(failure) => failure.await.unwrap(),
+            None => std::future::pending().await,
+        }
+    }
+}
+
+fn at(seconds: f64) -> Stamp {
+    Stamp::from_nanos((seconds * 1e9) as i64)
+}
+
+fn cloud(stamp: Stamp, frame_id: &str) -> Event<()> {
+    let points = Points::F32(vec![[0.0, 0.0, 1.0]; 20]);
+    let frame_id = frame_id.to_owned();
+    Event::Cloud(Ok(Cloud { stamp, frame_id, points, total: 20, invalid: 0, out_of_range: 0 }))
+}
+
+fn transform(stamp: Stamp, is_static: bool) -> Event<()> {
+    let transform = TransformStamped {
+        header: Header { stamp: stamp.into(), frame_id: "odom".to_owned() },
+        child_frame_id: "camera".to_owned(),
+        transform: Transform { translation: Vector3::default(), rotation: Quaternion::default() },
+    };
+    Event::Transforms { message: TfMessage { transforms: vec![transform] }, is_static }
+}
+
+/// Runs a node on these events until `taken_in` scans are in, and a little longer; with 0 it ends at once.
+fn node(transport: Fake, events: Vec<Event<()>>, taken_in: u64) -> (Result<(), LiveError>, Counts, Rc<Fake>) {
+    let config = Config::new([]).unwrap();
+    let counts = Rc::new(RefCell::new(Counts::default()));
+    let transport = Rc::new(transport);
+    let (sender, receiver) = mpsc::channel(100);
+    events.into_iter().for_each(|event| sender.try_send(event).unwrap());
+    let patience = Instant::now();
+    let enough = {
+        let counts = Rc::clone(&counts);
+        async move {
+            while counts.borrow().taken_in < taken_in && patience.elapsed() < Duration::from_secs(60) {
+                tokio::time::sleep(TICK).await;
+            }
+            if taken_in > 0 {
+                tokio::time::sleep(Duration::from_millis(400)).await;
+            }
+        }
+    };
+    let runtime = Builder::new_current_thread().enable_time().build().unwrap();
+    let live = run(&config, Rc::clone(&transport), receiver, Rc::clone(&counts), enough);
+    let ended = LocalSet::new().block_on(&runtime, live);
+    drop(sender);
+    (ended.map(drop), counts.borrow().clone(), transport)
+}
+
+#[test]
+fn a_cloud_waits_for_its_transform_and_one_without_is_skipped_with_its_reason() {
+    let events = vec![cloud(at(10.0), "camera"), cloud(at(10.0), "nowhere"), transform(at(10.0), false)];
+    let (ended, counts, transport) = node(Fake::default(), events, 1);
+    ended.unwrap();
+    assert_eq!((counts.received, counts.taken_in), (2, 1));
+    assert_eq!(counts.skipped.get("transform_timeout"), Some(&1));
+    assert_eq!(transport.deltas.borrow().len(), 1);
+}
+
+#[test]
+fn three_scans_that_a_late_transform_releases_are_all_taken_in() {
+    let clouds = [10.0, 10.033, 10.066].map(|seconds| cloud(at(seconds), "camera"));
+    let mut events: Vec<_> = clouds.into_iter().collect();
+    events.extend([transform(at(9.9), false), transform(at(10.1), false)]);
+    let (_, counts, _) = node(Fake::default(), events, 3);
+    assert_eq!((counts.taken_in, counts.replaced), (3, 0));
+}
+
+#[test]
+fn a_scan_that_jumps_back_begins_a_session_and_a_stray_stamp_without_transform_does_not() {
+    let events = vec![
+        transform(at(20.0), false),
+        cloud(at(20.0), "camera"),
+        cloud(at(0.0), "camera"),
+        transform(at(20.1), false),
+        cloud(at(20.1), "camera"),
+    ];
+    let (_, counts, transport) = node(Fake::default(), events, 2);
+    assert_eq!((counts.taken_in, counts.skipped.get("transform_timeout")), (2, Some(&1)));
+    assert_eq!(transport.deltas.borrow()[0].session_id, transport.deltas.borrow()[1].session_id);
+    let events = vec![
+        transform(at(0.0), true),
+        cloud(at(20.0), "camera"),
+        cloud(at(20.1), "camera"),
+        Event::Reset(()),
+        cloud(at(20.2), "camera"),
+        cloud(at(5.0), "camera"),
+    ];
+    let (_, _, transport) = node(Fake::default(), events, 1);
+    let deltas = transport.deltas.borrow();
+    let last = deltas.last().unwrap();
+    assert_eq!((last.sequence, last.base_sequence), (1, 0));
+    assert!(deltas.iter().all(|delta| delta.session_id <= last.session_id));
+    assert!(transport.replies.borrow()[0].success);
+}
+
+#[test]
+fn counts_close_when_the_node_ends_with_clouds_on_their_way() {
+    let clouds = (0..40).map(|i| cloud(at(10.0 + f64::from(i) / 30.0), "camera"));
+    let mut events: Vec<_> = [transform(at(0.0), true)].into_iter().chain(clouds).collect();
+    events.push(Event::Lost(3));
+    let (_, counts, _) = node(Fake::default(), events, 0);
+    let skipped: u64 = counts.skipped.values().sum();
+    assert_eq!((counts.received, counts.lost), (40, 3));
+    assert_eq!(counts.taken_in + counts.replaced + skipped, 40);
+}
+
+#[test]
+fn a_reader_that_has_ended_ends_the_node_with_an_error() {
+    let (sender, receiver) = oneshot::channel();
+    let transport = Fake { failure: RefCell::new(Some(receiver)), ..Fake::default() };
+    sender.send("reading /points has ended".to_owned()).unwrap();
+    let (ended, _, _) = node(transport, Vec::new(), u64::MAX);
+    assert_eq!(ended.unwrap_err().to_string(), "the node is deaf: reading /points has ended");
+}
+
+#[test]
+fn the_list_of_topics_has_the_exact_remapping() {
+    let source = |topic: &str, kind: &str| Source {
+        topic: topic.to_owned(),
+        type_name: format!("sensor_msgs/msg/{kind}"),
+    };
+    let sources = [source("/a/points", "PointCloud2"), source("/b", "Image"), source("/c", "CameraInfo")];
+    let text = choices(&sources);
+    assert!(text.contains("-r points:=/a/points") && text.contains("/b") && !text.contains("/c"));
+    assert!(choices(&[]).contains("no PointCloud2"));
+    assert!(why_quiet("/x", &sources).contains("nobody publishes on /x"));
+    assert!(why_quiet("/b", &sources).contains("/b carries sensor_msgs/msg/Image"));
+    assert!(why_quiet("/a/points", &sources).contains("no cloud has come for 3 s"));
+}
+
+#[test]
+fn a_small_step_back_is_no_jump() {
+    let mut newest = None;
+    let at = |seconds: f64| Stamp::from_nanos((seconds * 1e9) as i64);
+    assert_eq!(jumped_back(&mut newest, at(10.0)), None);
+    assert_eq!(jumped_back(&mut newest, at(9.1)), None);
+    assert_eq!(jumped_back(&mut newest, at(8.9)), Some(at(10.0)));
+    assert_eq!(jumped_back(&mut newest, at(11.0)), None);
+}
