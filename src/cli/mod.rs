@@ -15,15 +15,19 @@ pub(crate) fn setup(args: &[String]) -> Result<(Setup, Vec<String>), ArgsError> 
     Setup::parse(args, domain.as_deref(), "cfodi")
 }
 
-/// Logs to stderr; `RUST_LOG` decides where it is set. The middleware's own chatter stays out below errors.
+/// The middleware's own chatter stays out below errors; its listener calls it an error to leave a network without
+/// multicast, and what matters of it comes back as a failure to open.
+const QUIET: &str = "rustdds=error,ros2_client=error,rustdds::network::udp_listener=off";
+
+/// Logs to stderr; `RUST_LOG` decides where it is set.
 pub(crate) fn start_log(level: Option<&str>) {
     let level = match level {
         Some("fatal") => "error",
         Some(level) => level,
         None => "info",
     };
-    let filter = EnvFilter::try_from_default_env()
-        .unwrap_or_else(|_| EnvFilter::new(format!("{level},rustdds=error,ros2_client=error")));
+    let filter =
+        EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(format!("{level},{QUIET}")));
     let colours = io::stderr().is_terminal();
     let log = tracing_subscriber::fmt().with_env_filter(filter).with_target(false).with_ansi(colours);
     log.with_writer(io::stderr).init();
