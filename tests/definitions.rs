@@ -142,3 +142,20 @@ fn an_empty_scan_counts_and_changes_nothing() {
     assert_eq!((update.sequence, update.changed.len(), update.newly_dense), (1, 0, 0));
     assert!(engine.snapshot().voxels.is_empty());
 }
+
+#[test]
+fn the_box_of_a_hexagon_and_of_a_disc_is_as_large_as_they_are() {
+    // Flat tops up and down, corners of 120 degrees at (-20, 0) and (20, 0): 41 x 35 voxels from centre to centre.
+    let hexagon = |x: f64, y: f64| y.abs() <= 17.0 && x.abs() + y.abs() / 1.732 <= 20.0;
+    let disc = |x: f64, y: f64| x.hypot(y) <= 20.0;
+    let cells = |inside: &dyn Fn(f64, f64) -> bool| {
+        let all = (-20..=20).flat_map(|x| (-20..=20).map(move |y| [x, y, 0]));
+        all.filter(|c| inside(f64::from(c[0]), f64::from(c[1]))).collect::<Vec<_>>()
+    };
+    let size =
+        |inside: &dyn Fn(f64, f64) -> bool| after(params(), &[fill(cells(inside), false)]).clusters[0].size;
+    let hexagon = size(&hexagon);
+    assert!(hexagon.x >= 3.9 && hexagon.y >= 3.3, "{hexagon}");
+    let disc = size(&disc);
+    assert!(disc.x >= 0.97 * 4.0 && disc.y >= 0.97 * 4.0, "{disc}");
+}

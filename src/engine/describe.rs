@@ -43,7 +43,7 @@ fn state(global: &Global, params: &Params, now: Now) -> ClusterState {
 }
 
 fn outermost_centres(global: &Global, grid: &Grid) -> Vec<Point3<f64>> {
-    let voxels = global.extremes.members().iter().filter_map(|&key| grid.get(key));
+    let voxels = global.extremes.members().into_iter().filter_map(|key| grid.get(key));
     voxels.map(|voxel| grid[voxel].centre().metres(grid.voxel_size())).collect()
 }
 

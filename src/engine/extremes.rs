@@ -1,18 +1,21 @@
-//! The outermost voxels of a cluster in 26 directions: a small core set from which the box around it is measured.
+//! The outermost voxels of a cluster in 98 directions: a small core set from which the box around it is measured.
 //!
-//! Of a flat rectangle, however it lies, the corners are among them, so the box around its voxels' centres is exact; of
-//! a rounder shape the box is slightly too small (a core set for extents, Agarwal, Har-Peled and Varadarajan, J. ACM 51, 2004). Adding a voxel
-//! and merging two clusters cost O(1).
+//! Neighbouring directions are at most 27 degrees apart, so that a right angle's corner and a hexagon's are among the
+//! voxels found: a rectangle's box is exact however it lies, a disc's too small by 3 % (a core set for extents, Agarwal,
+//! Har-Peled and Varadarajan, J. ACM 51, 2004). Adding a voxel and merging two clusters cost O(1).
 
 use super::key::VoxelKey;
 
-/// The steps to the 26 voxels around a voxel.
-const OUTWARD: [[i32; 3]; 26] = {
-    let mut directions = [[0; 3]; 26];
+const DIRECTIONS: usize = 98;
+
+/// The steps from a voxel to the faces of the cube of 5 x 5 x 5 voxels around it.
+const OUTWARD: [[i32; 3]; DIRECTIONS] = {
+    let mut directions = [[0; 3]; DIRECTIONS];
     let (mut cell, mut next) = (0, 0);
-    while cell < 27 {
-        if cell != 13 {
-            directions[next] = [cell / 9 - 1, cell / 3 % 3 - 1, cell % 3 - 1];
+    while cell < 125 {
+        let [x, y, z] = [cell / 25 - 2, cell / 5 % 5 - 2, cell % 5 - 2];
+        if x == -2 || x == 2 || y == -2 || y == 2 || z == -2 || z == 2 {
+            directions[next] = [x, y, z];
             next += 1;
         }
         cell += 1;
@@ -22,33 +25,37 @@ const OUTWARD: [[i32; 3]; 26] = {
 
 /// For each direction the member furthest along it, of equals the one with the largest key.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Extremes([VoxelKey; 26]);
+pub(crate) struct Extremes([VoxelKey; DIRECTIONS]);
+
+/// How far `key` lies along `direction`; of equals the larger key is further.
+fn rank(key: VoxelKey, direction: [i32; 3]) -> (i32, VoxelKey) {
+    let [x, y, z] = key.indices();
+    (x * direction[0] + y * direction[1] + z * direction[2], key)
+}
 
 impl Extremes {
     pub(crate) const fn of(member: VoxelKey) -> Self {
-        Self([member; 26])
+        Self([member; DIRECTIONS])
     }
 
     pub(crate) fn add(&mut self, member: VoxelKey) {
-        for (outermost, direction) in self.0.iter_mut().zip(OUTWARD) {
-            let rank = |key: VoxelKey| {
-                let [x, y, z] = key.indices();
-                (x * direction[0] + y * direction[1] + z * direction[2], key)
-            };
-            if rank(member) > rank(*outermost) {
-                *outermost = member;
+        self.merge(&Self::of(member));
+    }
+
+    pub(crate) fn merge(&mut self, other: &Self) {
+        for ((mine, &theirs), direction) in self.0.iter_mut().zip(&other.0).zip(OUTWARD) {
+            if rank(theirs, direction) > rank(*mine, direction) {
+                *mine = theirs;
             }
         }
     }
 
-    pub(crate) fn merge(&mut self, other: &Self) {
-        for &member in &other.0 {
-            self.add(member);
-        }
-    }
-
-    pub(crate) const fn members(&self) -> &[VoxelKey; 26] {
-        &self.0
+    /// The voxels, each once, by ascending key.
+    pub(crate) fn members(&self) -> Vec<VoxelKey> {
+        let mut members = self.0.to_vec();
+        members.sort_unstable();
+        members.dedup();
+        members
     }
 }
 
