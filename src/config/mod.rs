@@ -93,8 +93,8 @@ impl Config {
             fixed_frame: given.frame("fixed_frame")?,
             engine: engine(&given)?,
             filter: filter(&given)?,
-            tf_timeout: given.seconds("tf_timeout", 0.0, 60.0)?,
-            publish_period: Duration::from_secs_f64(1.0 / given.double("publish_rate", 0.01, 100.0)?),
+            tf_timeout: Duration::from_secs_f64(given.within("tf_timeout", (0.0, 60.0), "s")?),
+            publish_period: Duration::from_secs_f64(1.0 / given.within("publish_rate", (0.01, 100.0), "Hz")?),
             network_interfaces: given.addresses("network_interfaces")?,
             receive_buffer: given.integer("receive_buffer", 4096, 1 << 30)? as usize,
             use_sim_time: given.boolean("use_sim_time")?,
@@ -114,7 +114,7 @@ impl Config {
 
 fn engine(given: &Given) -> Result<Params, ConfigError> {
     let whole = |name| given.integer(name, i64::MIN, i64::MAX);
-    let real = |name| given.double(name, f64::NEG_INFINITY, f64::INFINITY);
+    let real = |name| given.double(name);
     Ok(Params::default()
         .with_voxel_size(real("voxel_size")?)?
         .with_min_points(whole("min_points")?)?
@@ -124,9 +124,12 @@ fn engine(given: &Given) -> Result<Params, ConfigError> {
         .with_expansion_interval(whole("expansion_interval")?)?)
 }
 
+/// No depth sensor sees further [m].
+const FARTHEST: f64 = 1e6;
+
 fn filter(given: &Given) -> Result<CloudFilter, ConfigError> {
-    let min_range = given.double("min_range", 0.0, f64::MAX)?;
-    let max_range = given.double("max_range", 0.0, f64::MAX)?;
+    let min_range = given.within("min_range", (0.0, FARTHEST), "m")?;
+    let max_range = given.within("max_range", (0.0, FARTHEST), "m")?;
     if max_range < min_range {
         let must = format!("at least min_range, which is {min_range} m");
         return Err(ConfigError::Impossible { name: "max_range", value: Value::Double(max_range), must });
@@ -194,9 +197,12 @@ mod tests {
         );
         assert_eq!(
             line("publish_rate", Value::Double(0.0)),
-            "publish_rate is 0; it must be from 0.01 to 100"
+            "publish_rate is 0; it must be from 0.01 to 100 Hz"
         );
-        assert_eq!(line("tf_timeout", Value::Double(f64::NAN)), "tf_timeout is NaN; it must be from 0 to 60");
+        assert_eq!(
+            line("tf_timeout", Value::Double(f64::NAN)),
+            "tf_timeout is NaN; it must be from 0 to 60 s"
+        );
         assert_eq!(
             line("fixed_frame", Value::Text("/".into())),
             "fixed_frame is \"/\"; it must be the name of a frame"

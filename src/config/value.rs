@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 use std::fmt;
 use std::net::IpAddr;
-use std::time::Duration;
 
 use super::ConfigError;
 
@@ -98,8 +97,8 @@ impl Given {
     }
 
     fn get(&self, name: &'static str) -> &Value {
-        // Every name asked for stands in the table; the tests read each of them.
-        self.0.get(name).unwrap_or(&Value::Boolean(false))
+        // Only names of the table are asked for.
+        &self.0[name]
     }
 
     fn refuse<T>(&self, name: &'static str, must: impl Into<String>) -> Result<T, ConfigError> {
@@ -122,22 +121,28 @@ impl Given {
         }
     }
 
-    pub(super) fn double(&self, name: &'static str, least: f64, most: f64) -> Result<f64, ConfigError> {
-        let value = match *self.get(name) {
-            Value::Double(value) => value,
+    pub(super) fn double(&self, name: &'static str) -> Result<f64, ConfigError> {
+        match *self.get(name) {
+            Value::Double(value) => Ok(value),
             // A number without a point is an integer to YAML, and meant as a double here.
-            Value::Integer(value) => value as f64,
-            _ => return self.refuse(name, "a number"),
-        };
-        let bounded = least > f64::NEG_INFINITY;
-        if bounded && !(least..=most).contains(&value) {
-            return self.refuse(name, format!("from {least} to {most}"));
+            Value::Integer(value) => Ok(value as f64),
+            _ => self.refuse(name, "a number"),
         }
-        Ok(value)
     }
 
-    pub(super) fn seconds(&self, name: &'static str, least: f64, most: f64) -> Result<Duration, ConfigError> {
-        self.double(name, least, most).map(Duration::from_secs_f64)
+    /// A double within bounds; `unit` stands in what is said when it is not.
+    pub(super) fn within(
+        &self,
+        name: &'static str,
+        (least, most): (f64, f64),
+        unit: &str,
+    ) -> Result<f64, ConfigError> {
+        let value = self.double(name)?;
+        if (least..=most).contains(&value) {
+            Ok(value)
+        } else {
+            self.refuse(name, format!("from {least} to {most} {unit}"))
+        }
     }
 
     pub(super) fn text(&self, name: &'static str) -> Result<&str, ConfigError> {

@@ -6,10 +6,12 @@ use super::grid::{Grid, Label, Surface, VoxelIndex};
 use super::neighbourhood::Neighbourhood;
 use super::plane::{PlaneFit, turned};
 
-/// Gives normals to the newly dense voxels and, where they are within `depth` steps of one, to dense voxels that had
-/// none so far (reading R4); returns those that have a normal now, by ascending key, labelled [`Label::Fresh`].
+/// Gives normals to the newly dense voxels (by ascending key) and, where they are within `depth` steps of one, to dense
+/// voxels that had none so far (reading R4); returns those that have a normal now, by ascending key, labelled
+/// [`Label::Fresh`].
 ///
-/// Normals face `sensor`, the origin of this scan's sensor frame (reading R6).
+/// Normals face `sensor`, the origin of this scan's sensor frame (reading R6). A normal depends on the dense voxels alone,
+/// not on other normals, so the order in which they are given does not matter.
 pub(crate) fn update(
     grid: &mut Grid,
     newly_dense: &[VoxelIndex],
@@ -17,46 +19,42 @@ pub(crate) fn update(
     sensor: &Point3<f64>,
     search: &mut Neighbourhood,
 ) -> Vec<VoxelIndex> {
-    let candidates = with_bare_neighbours(grid, newly_dense, depth, search);
-    let mut fresh = Vec::new();
-    for &voxel in &candidates {
-        let Some(surface) = fit(grid, voxel, depth, sensor, search) else { continue };
-        grid[voxel].surface = Some(surface);
-        grid[voxel].label = Label::Fresh;
-        fresh.push(voxel);
+    let (mut fresh, mut bare) = (Vec::new(), Vec::new());
+    for &voxel in newly_dense {
+        let around = search.of(grid, voxel, depth);
+        bare.extend(around.iter().map(|&(neighbour, _)| neighbour).filter(|&n| grid[n].surface.is_none()));
+        let surface = fit(grid, voxel, around, sensor);
+        fresh.extend(give(grid, voxel, surface));
     }
+    bare.sort_unstable();
+    bare.dedup();
+    // The newly dense ones among them have just been tried.
+    bare.retain(|&voxel| {
+        newly_dense.binary_search_by_key(&grid[voxel].key, |&other| grid[other].key).is_err()
+    });
+    for voxel in bare {
+        let surface = fit(grid, voxel, search.of(grid, voxel, depth), sensor);
+        fresh.extend(give(grid, voxel, surface));
+    }
+    grid.sort_by_key(&mut fresh);
     fresh
 }
 
-/// The newly dense voxels and the voxels without a normal in their neighbourhoods, by ascending key.
-fn with_bare_neighbours(
-    grid: &Grid,
-    newly_dense: &[VoxelIndex],
-    depth: u8,
-    search: &mut Neighbourhood,
-) -> Vec<VoxelIndex> {
-    let mut candidates = Vec::with_capacity(newly_dense.len());
-    for &voxel in newly_dense {
-        let around = search.of(grid, voxel, depth).iter().map(|&(voxel, _)| voxel);
-        candidates.extend(around.filter(|&voxel| grid[voxel].surface.is_none()));
-    }
-    candidates.sort_unstable();
-    candidates.dedup();
-    grid.sort_by_key(&mut candidates);
-    candidates
+fn give(grid: &mut Grid, voxel: VoxelIndex, surface: Option<Surface>) -> Option<VoxelIndex> {
+    grid[voxel].surface = Some(surface?);
+    grid[voxel].label = Label::Fresh;
+    Some(voxel)
 }
 
 /// The plane through the centres of a voxel's neighbourhood, turned towards the sensor.
 fn fit(
     grid: &Grid,
     voxel: VoxelIndex,
-    depth: u8,
+    around: &[(VoxelIndex, [i32; 3])],
     sensor: &Point3<f64>,
-    search: &mut Neighbourhood,
 ) -> Option<Surface> {
     let origin = grid[voxel].key;
     let (mut sum, mut outer) = (Vector3::zeros(), Matrix3::zeros());
-    let around = search.of(grid, voxel, depth);
     for &(neighbour, _) in around {
         let offset = grid[neighbour].centre().offset_from(origin);
         sum += offset;
