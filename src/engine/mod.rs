@@ -50,7 +50,7 @@ pub mod statics;
 pub use key::{ClusterId, DIRECTIONS, GRID_REACH, VoxelKey};
 pub use nalgebra::Isometry3;
 pub use params::{Params, ParamsError};
-pub use pipeline::Engine;
+pub use pipeline::{Engine, PipelineStep};
 pub use scan::{Points, Scan, Stamp};
 pub use snapshot::{ChangedCluster, Cluster, ClusterState, DenseVoxel, Snapshot, Update};
 

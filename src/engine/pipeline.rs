@@ -11,6 +11,19 @@ use super::scan::{Scan, Stamp};
 use super::snapshot::{ChangedCluster, DenseVoxel, Snapshot, Update};
 use super::{normals, partial, statics};
 
+/// The steps of [`Engine::insert`], in their order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum PipelineStep {
+    /// Each point has been counted in its voxel.
+    Binned,
+    /// Newly dense voxels have their normals.
+    Normals,
+    /// They are grown into partial clusters.
+    Partials,
+    /// Those are merged into the global ones.
+    Globals,
+}
+
 /// The map of one session: a grid of voxels and the global clusters that they form.
 #[derive(Clone, Debug)]
 pub struct Engine {
@@ -42,17 +55,27 @@ impl Engine {
 
     /// Takes in a scan (section IV.B): grid update, partial cluster extraction, global cluster update.
     pub fn insert(&mut self, scan: &Scan) -> Update {
+        self.insert_observed(scan, |_| {})
+    }
+
+    /// As [`Self::insert`]; `done` is called at the end of each step, for those who have a clock.
+    pub fn insert_observed(&mut self, scan: &Scan, mut done: impl FnMut(PipelineStep)) -> Update {
         let now = self.begin(scan);
         let binned = self.grid.bin(scan, now.sequence);
+        done(PipelineStep::Binned);
         self.globals.follow(&self.grid, &binned.touched, now);
         let depth = self.params.depth();
         let fresh =
             normals::update(&mut self.grid, &binned.newly_dense, depth, &self.sensor, &mut self.search);
+        done(PipelineStep::Normals);
         let partials = partial::extract(&mut self.grid, &fresh, &self.params);
+        done(PipelineStep::Partials);
         self.globals.update(&mut self.grid, &partials, &self.params, now);
         self.globals.refine();
         self.globals.finish(&self.params, now);
-        self.update(&binned, now)
+        let update = self.update(&binned, now);
+        done(PipelineStep::Globals);
+        update
     }
 
     /// The parameters it works with.

@@ -3,18 +3,18 @@
 //! Everything is written to an `io::Write`, and depends on the snapshot alone: the same map gives the same bytes.
 //! [`write_whole`] puts such bytes into a file so that a reader finds either all of them or the file as it was before.
 
-#[cfg(feature = "sim")]
+#[cfg(feature = "png")]
 mod canvas;
 pub mod colour;
-#[cfg(feature = "sim")]
+#[cfg(feature = "png")]
 mod cut;
-#[cfg(feature = "sim")]
+#[cfg(feature = "png")]
 pub mod picture;
 pub mod ply;
 pub mod whole;
 
 pub use colour::cluster_colour;
-#[cfg(feature = "sim")]
+#[cfg(feature = "png")]
 pub use picture::{Picture, View, draw};
 pub use ply::write_ply;
 pub use whole::{WriteError, write_whole};
