@@ -20,7 +20,7 @@ impl Default for Converted {
 
 /// What becomes of a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Verdict {
+pub(super) enum Verdict {
     Kept,
     Invalid,
     OutOfRange,
@@ -41,7 +41,7 @@ impl Gate {
 
     /// A sensor marks "no measurement" as NaN or as the origin; in an optical frame nothing lies at or behind z = 0.
     #[inline]
-    fn judge(&self, [x, y, z]: [f64; 3]) -> Verdict {
+    pub(super) fn judge(&self, [x, y, z]: [f64; 3]) -> Verdict {
         let finite = x.is_finite() && y.is_finite() && z.is_finite();
         let at_origin = x == 0.0 && y == 0.0 && z == 0.0;
         if !finite || at_origin || (self.optical && z <= 0.0) {
@@ -84,14 +84,28 @@ fn all_single(layout: &Layout) -> bool {
 }
 
 /// [`Converted`] before its precision is forgotten.
-struct Gathered<T> {
+pub(super) struct Gathered<T> {
     points: Vec<[T; 3]>,
     invalid: u32,
     out_of_range: u32,
 }
 
 impl<T> Gathered<T> {
-    fn into_converted(self, wrap: impl Fn(Vec<[T; 3]>) -> Points) -> Converted {
+    /// None yet, with room for `points`.
+    pub(super) fn with_capacity(points: usize) -> Self {
+        Self { points: Vec::with_capacity(points), invalid: 0, out_of_range: 0 }
+    }
+
+    #[inline]
+    pub(super) fn take(&mut self, point: [T; 3], verdict: Verdict) {
+        match verdict {
+            Verdict::Kept => self.points.push(point),
+            Verdict::Invalid => self.invalid += 1,
+            Verdict::OutOfRange => self.out_of_range += 1,
+        }
+    }
+
+    pub(super) fn into_converted(self, wrap: impl Fn(Vec<[T; 3]>) -> Points) -> Converted {
         Converted { points: wrap(self.points), invalid: self.invalid, out_of_range: self.out_of_range }
     }
 }
@@ -105,15 +119,11 @@ fn gather<T: Copy + Into<f64>>(
     read: impl Fn(&[u8]) -> [T; 3],
 ) -> Gathered<T> {
     // The layout fits the data, so this is at most three times the message.
-    let mut gathered = Gathered { points: Vec::with_capacity(layout.len()), invalid: 0, out_of_range: 0 };
+    let mut gathered = Gathered::with_capacity(layout.len());
     for row in layout.rows(data) {
         for bytes in row.chunks_exact(layout.point_step) {
             let point = read(bytes);
-            match gate.judge(point.map(Into::into)) {
-                Verdict::Kept => gathered.points.push(point),
-                Verdict::Invalid => gathered.invalid += 1,
-                Verdict::OutOfRange => gathered.out_of_range += 1,
-            }
+            gathered.take(point, gate.judge(point.map(Into::into)));
         }
     }
     gathered

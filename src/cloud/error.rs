@@ -1,7 +1,7 @@
-//! Why a cloud was refused.
+//! Why a message was refused.
 
 /// Why a message gave no [`Cloud`](super::Cloud); each variant carries the numbers that contradict each other.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum CloudError {
     /// The header's nanoseconds do not fit a second.
     #[error("header stamp has nanosec {nanosec}, must be below 1000000000")]
@@ -81,13 +81,81 @@ pub enum CloudError {
         /// Length of `data`.
         got: usize,
     },
-    /// The bytes are no serialised `sensor_msgs/PointCloud2`, for instance a cut message.
-    #[error("not a readable PointCloud2: {0}")]
+    /// A `sensor_msgs/CameraInfo` that projects nothing.
+    #[error("camera_info has fx {fx}, fy {fy}, cx {cx}, cy {cy}; all must be finite, fx and fy above 0")]
+    BadIntrinsics {
+        /// Focal length (px).
+        fx: f64,
+        /// Focal length (px).
+        fy: f64,
+        /// Principal point (px).
+        cx: f64,
+        /// Principal point (px).
+        cy: f64,
+    },
+    /// A depth image before the first `sensor_msgs/CameraInfo`.
+    #[error("a depth image, and no camera_info has come yet")]
+    NoCameraInfo,
+    /// An image of another size than the camera's.
+    #[error("an image of {width}x{height} pixels, by camera_info it must be {camera_width}x{camera_height}")]
+    ImageSize {
+        /// Pixels in a row.
+        width: u32,
+        /// Rows.
+        height: u32,
+        /// Pixels in a row by `sensor_msgs/CameraInfo`, after region of interest and binning.
+        camera_width: u32,
+        /// Rows likewise.
+        camera_height: u32,
+    },
+    /// Pixels that are no depth.
+    #[error("encoding `{encoding}` is no depth image; 16UC1, mono16 and 32FC1 are read")]
+    UnknownEncoding {
+        /// `encoding`, shortened.
+        encoding: String,
+    },
+    /// A compression that is not read.
+    #[error(
+        "compressed format `{format}` is not read; of depth images in PNG, `16UC1; compressedDepth png` is"
+    )]
+    UnknownFormat {
+        /// `format`, shortened.
+        format: String,
+    },
+    /// Rows that do not hold their pixels.
+    #[error("step is {step}, a row of pixels takes {needed} bytes")]
+    ShortStep {
+        /// `step`.
+        step: u32,
+        /// `width` times the bytes of a pixel.
+        needed: u64,
+    },
+    /// Too little data for what stands before a compressedDepth image.
+    #[error("{got} bytes of data, the header of compressedDepth takes {needed}")]
+    ShortHeader {
+        /// Bytes of the header.
+        needed: usize,
+        /// Length of `data`.
+        got: usize,
+    },
+    /// A PNG that is no depth image.
+    #[error("format `{format}` holds a PNG of {kind}; a depth image has one channel of 16 bits")]
+    PngKind {
+        /// `format`, shortened.
+        format: String,
+        /// Bits and channels.
+        kind: String,
+    },
+    /// A PNG that cannot be read.
+    #[error("not a readable PNG: {0}")]
+    Png(String),
+    /// The bytes are no serialised message of their type, for instance a cut one.
+    #[error("not a readable message: {0}")]
     Undecodable(String),
 }
 
 impl CloudError {
-    /// A short key to count refused clouds by.
+    /// A short key to count refused messages by.
     pub fn reason(&self) -> &'static str {
         match self {
             Self::BadStamp { .. } => "bad_stamp",
@@ -101,6 +169,15 @@ impl CloudError {
             Self::ZeroPointStep => "zero_point_step",
             Self::ShortRowStep { .. } => "short_row_step",
             Self::ShortData { .. } => "short_data",
+            Self::BadIntrinsics { .. } => "bad_intrinsics",
+            Self::NoCameraInfo => "no_camera_info",
+            Self::ImageSize { .. } => "image_size",
+            Self::UnknownEncoding { .. } => "unknown_encoding",
+            Self::UnknownFormat { .. } => "unknown_format",
+            Self::ShortStep { .. } => "short_step",
+            Self::ShortHeader { .. } => "short_header",
+            Self::PngKind { .. } => "png_kind",
+            Self::Png(_) => "png",
             Self::Undecodable(_) => "undecodable",
         }
     }

@@ -7,7 +7,7 @@ use crate::msg::ros::{Header, PointField};
 /// Most fields of a point; drivers send 3 to 9.
 pub const MAX_FIELDS: usize = 64;
 
-/// Longest part of a field's name that goes into an error (characters).
+/// Longest part of a name that goes into an error (characters).
 const NAME_SHOWN: usize = 32;
 
 /// All of a `sensor_msgs/PointCloud2` but its data, unchecked.
@@ -24,24 +24,24 @@ pub(super) struct Description<'a> {
     pub(super) row_step: u32,
 }
 
-impl<'a> Description<'a> {
-    /// The header's stamp.
-    pub(super) fn stamp(&self) -> Result<Stamp, CloudError> {
-        let time = self.header.stamp;
-        time.stamp().ok_or(CloudError::BadStamp { nanosec: time.nanosec })
-    }
+/// The header's stamp.
+pub(super) fn stamp(header: &Header) -> Result<Stamp, CloudError> {
+    let time = header.stamp;
+    time.stamp().ok_or(CloudError::BadStamp { nanosec: time.nanosec })
+}
 
-    /// The header's frame without leading slashes: names from ROS 1 still carry one.
-    pub(super) fn frame_id(&self) -> Result<&'a str, CloudError> {
-        let name = self.header.frame_id.trim_start_matches('/');
-        if name.is_empty() { Err(CloudError::EmptyFrameId) } else { Ok(name) }
-    }
+/// The header's frame without leading slashes: names from ROS 1 still carry one.
+pub(super) fn frame_id(header: &Header) -> Result<&str, CloudError> {
+    let name = header.frame_id.trim_start_matches('/');
+    if name.is_empty() { Err(CloudError::EmptyFrameId) } else { Ok(name) }
+}
 
+impl Description<'_> {
     /// Where the coordinate `field` lies in a point.
     fn coordinate(&self, field: &'static str) -> Result<Coordinate, CloudError> {
         let mut found = self.fields.iter().filter(|candidate| candidate.name == field);
         let Some(first) = found.next() else {
-            return Err(CloudError::MissingField { field, present: shown(self.fields) });
+            return Err(CloudError::MissingField { field, present: all_shown(self.fields) });
         };
         let others = found.count();
         if others > 0 {
@@ -60,10 +60,13 @@ impl<'a> Description<'a> {
     }
 }
 
-/// The fields' names for an error, escaped and shortened: they come from outside and go into a log.
-fn shown(fields: &[PointField]) -> String {
-    let names: Vec<String> =
-        fields.iter().map(|field| field.name.escape_debug().take(NAME_SHOWN).collect()).collect();
+/// A name for an error, escaped and shortened: it comes from outside and goes into a log.
+pub(super) fn shown(name: &str) -> String {
+    name.escape_debug().take(NAME_SHOWN).collect()
+}
+
+fn all_shown(fields: &[PointField]) -> String {
+    let names: Vec<String> = fields.iter().map(|field| shown(&field.name)).collect();
     names.join(", ")
 }
 

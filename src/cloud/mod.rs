@@ -1,13 +1,19 @@
-//! From the bytes of a `sensor_msgs/PointCloud2` to the valid points of one sensor message.
+//! From the bytes of a `sensor_msgs/PointCloud2` or of a depth image to the valid points of one sensor message.
 //!
 //! Keeps true: every offset, step and size is compared with the data before a byte is read or memory is taken; what
 //! a sender claims about its own points (`is_dense`) is not relied on. The points stay in the sensor's frame, in the
 //! precision they came in (m). Costs one pass over the data and 12 bytes (24 in double precision) a point.
 //!
 //! Two ways in, one conversion behind both: [`decode`] for a message in memory, [`CloudSeed`] for CDR bytes, which
-//! borrows the points from the receive buffer, so that a cloud of several megabytes is never copied.
+//! borrows the points from the receive buffer, so that a cloud of several megabytes is never copied. Depth images have
+//! the same two, [`decode_depth`] and [`DepthSeed`], and need a [`Camera`]; with the feature `png` compressed ones have
+//! `decode_compressed` and `CompressedSeed`.
 
+mod camera;
+#[cfg(feature = "png")]
+mod compressed;
 mod convert;
+mod depth;
 mod error;
 mod layout;
 mod seed;
@@ -18,11 +24,15 @@ mod tests;
 use crate::engine::{Points, Stamp};
 use crate::msg::ros::PointCloud2;
 
+pub use camera::Camera;
+#[cfg(feature = "png")]
+pub use compressed::{CompressedSeed, decode_compressed};
+pub use depth::{DepthSeed, decode_depth};
 pub use error::CloudError;
 pub use layout::MAX_FIELDS;
 pub use seed::CloudSeed;
 
-use convert::{Gate, convert};
+use convert::{Converted, Gate, convert};
 use layout::{Description, Layout};
 
 /// The points of one message that are valid and in range, in the sensor's frame.
@@ -45,13 +55,14 @@ pub struct Cloud {
 /// Which points of a message are taken in; the configuration checks the values.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CloudFilter {
-    /// Nearest range taken in (m), inclusive: depth z in an optical frame, distance from the origin elsewhere.
+    /// Nearest range taken in (m), inclusive: depth z in an optical frame and of depth images, distance from the
+    /// origin elsewhere.
     pub min_range: f64,
     /// Farthest range taken in (m), inclusive, measured like `min_range`.
     pub max_range: f64,
-    /// Whether the data is in an optical frame.
+    /// Whether a cloud is in an optical frame; a depth image always is.
     pub optical: Optical,
-    /// Most points of one message; more is refused before anything is read.
+    /// Most points or pixels of one message; more is refused before anything is read.
     pub max_points: u32,
 }
 
@@ -106,19 +117,20 @@ pub fn decode(message: &PointCloud2, filter: &CloudFilter) -> Result<Cloud, Clou
 
 /// What both ways in come down to.
 fn cloud_from(description: &Description<'_>, data: &[u8], filter: &CloudFilter) -> Result<Cloud, CloudError> {
-    let stamp = description.stamp()?;
-    let frame_id = description.frame_id()?;
+    let stamp = layout::stamp(description.header)?;
+    let frame_id = layout::frame_id(description.header)?;
     let gate = Gate::new(filter, filter.optical.of_frame(frame_id));
     let converted = match Layout::check(description, data.len(), filter.max_points)? {
         Some(layout) => convert(&layout, data, &gate),
-        None => convert::Converted::default(),
+        None => Converted::default(),
     };
-    Ok(Cloud {
-        stamp,
-        frame_id: frame_id.to_owned(),
-        total: converted.points.len() as u32 + converted.invalid + converted.out_of_range,
-        points: converted.points,
-        invalid: converted.invalid,
-        out_of_range: converted.out_of_range,
-    })
+    Ok(Cloud::new(stamp, frame_id, converted))
+}
+
+impl Cloud {
+    fn new(stamp: Stamp, frame_id: &str, converted: Converted) -> Self {
+        let Converted { points, invalid, out_of_range } = converted;
+        let total = points.len() as u32 + invalid + out_of_range;
+        Self { stamp, frame_id: frame_id.to_owned(), points, total, invalid, out_of_range }
+    }
 }

@@ -60,20 +60,28 @@ impl<'de> Visitor<'de> for CloudSeed {
             point_step: next(&mut seq)?,
             row_step: next(&mut seq)?,
         };
-        let data = DataSeed { description: &description, filter: &self.filter };
-        let cloud = seq.next_element_seed(data)?.ok_or_else(cut)?;
+        let cloud = lent(&mut seq, |data| cloud_from(&description, data, &self.filter))?;
         // `is_dense` is not relied on, yet a message without it was cut.
         let _all_finite: bool = next(&mut seq)?;
         Ok(cloud)
     }
 }
 
-fn next<'de, T: Deserialize<'de>, A: SeqAccess<'de>>(seq: &mut A) -> Result<T, A::Error> {
+/// The next field of a message.
+pub(super) fn next<'de, T: Deserialize<'de>, A: SeqAccess<'de>>(seq: &mut A) -> Result<T, A::Error> {
     seq.next_element()?.ok_or_else(cut)
 }
 
+/// What `convert` makes of the next field, `data`, which is not copied.
+pub(super) fn lent<'de, T, A: SeqAccess<'de>>(
+    seq: &mut A,
+    convert: impl FnOnce(&[u8]) -> T,
+) -> Result<T, A::Error> {
+    seq.next_element_seed(Lent(convert))?.ok_or_else(cut)
+}
+
 fn cut<E: Error>() -> E {
-    E::custom("sensor_msgs/PointCloud2 ends before its last field")
+    E::custom("the message ends before its last field")
 }
 
 /// The first [`MAX_FIELDS`] fields and the number of all: a hostile count costs reading, not memory.
@@ -109,32 +117,29 @@ impl<'de> Visitor<'de> for FieldsVisitor {
     }
 }
 
-/// Converts `data` while the deserializer lends it.
-struct DataSeed<'a> {
-    description: &'a Description<'a>,
-    filter: &'a CloudFilter,
-}
+/// Gives the bytes of `data` to a function while the deserializer lends them.
+struct Lent<F>(F);
 
-impl<'de> DeserializeSeed<'de> for DataSeed<'_> {
-    type Value = Result<Cloud, CloudError>;
+impl<'de, T, F: FnOnce(&[u8]) -> T> DeserializeSeed<'de> for Lent<F> {
+    type Value = T;
 
-    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Self::Value, D::Error> {
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<T, D::Error> {
         deserializer.deserialize_bytes(self)
     }
 }
 
-impl<'de> Visitor<'de> for DataSeed<'_> {
-    type Value = Result<Cloud, CloudError>;
+impl<'de, T, F: FnOnce(&[u8]) -> T> Visitor<'de> for Lent<F> {
+    type Value = T;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("the bytes of the points")
+        f.write_str("the bytes of the data")
     }
 
-    fn visit_borrowed_bytes<E: Error>(self, data: &'de [u8]) -> Result<Self::Value, E> {
+    fn visit_borrowed_bytes<E: Error>(self, data: &'de [u8]) -> Result<T, E> {
         self.visit_bytes(data)
     }
 
-    fn visit_bytes<E: Error>(self, data: &[u8]) -> Result<Self::Value, E> {
-        Ok(cloud_from(self.description, data, self.filter))
+    fn visit_bytes<E: Error>(self, data: &[u8]) -> Result<T, E> {
+        Ok(self.0(data))
     }
 }

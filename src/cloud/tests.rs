@@ -1,5 +1,9 @@
 //! Layouts of real drivers, the filter's rules, and every refusal.
 
+mod camera;
+#[cfg(feature = "png")]
+mod compressed;
+mod depth;
 mod properties;
 
 use byteorder::{BigEndian, LittleEndian};
@@ -273,6 +277,15 @@ fn every_refusal_has_its_own_reason() {
         CloudError::ZeroPointStep,
         CloudError::ShortRowStep { row_step: 1, needed: 1 },
         CloudError::ShortData { needed: 1, got: 1 },
+        CloudError::BadIntrinsics { fx: 0.0, fy: 1.0, cx: 0.0, cy: 0.0 },
+        CloudError::NoCameraInfo,
+        CloudError::ImageSize { width: 1, height: 1, camera_width: 2, camera_height: 2 },
+        CloudError::UnknownEncoding { encoding: String::new() },
+        CloudError::UnknownFormat { format: String::new() },
+        CloudError::ShortStep { step: 1, needed: 2 },
+        CloudError::ShortHeader { needed: 12, got: 0 },
+        CloudError::PngKind { format: String::new(), kind: String::new() },
+        CloudError::Png(String::new()),
         CloudError::Undecodable(String::new()),
     ]
     .map(|error| error.reason());

@@ -207,6 +207,80 @@ pub struct PointCloud2 {
     pub all_finite: bool,
 }
 
+/// `sensor_msgs/Image`, owned; incoming depth images are decoded without this copy by [`crate::cloud`].
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Image {
+    /// Stamp and frame.
+    pub header: Header,
+    /// Rows.
+    pub height: u32,
+    /// Pixels in a row.
+    pub width: u32,
+    /// What a pixel is, a name of `sensor_msgs/image_encodings.hpp`.
+    pub encoding: String,
+    /// Byte order of the data: 0 = little-endian.
+    pub is_bigendian: u8,
+    /// Bytes of a row.
+    pub step: u32,
+    /// The pixels.
+    #[serde(with = "serde_bytes")]
+    pub data: Vec<u8>,
+}
+
+/// `sensor_msgs/CompressedImage`, owned: a depth image that comes in, and empty within a [`Marker`].
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct CompressedImage {
+    /// Stamp and frame.
+    pub header: Header,
+    /// Encoding and compression, as `16UC1; compressedDepth png`.
+    pub format: String,
+    /// The compressed image.
+    #[serde(with = "serde_bytes")]
+    pub data: Vec<u8>,
+}
+
+/// `sensor_msgs/RegionOfInterest`, in pixels of the full resolution; all 0 = the whole image.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RegionOfInterest {
+    /// Leftmost column.
+    pub x_offset: u32,
+    /// Topmost row.
+    pub y_offset: u32,
+    /// Rows.
+    pub height: u32,
+    /// Columns.
+    pub width: u32,
+    /// Whether the region is to be rectified.
+    pub do_rectify: bool,
+}
+
+/// `sensor_msgs/CameraInfo`; matrices are row-major.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct CameraInfo {
+    /// Stamp and frame of the image it belongs to.
+    pub header: Header,
+    /// Rows at full resolution.
+    pub height: u32,
+    /// Columns at full resolution.
+    pub width: u32,
+    /// Name of the model of lens distortion.
+    pub distortion_model: String,
+    /// Its coefficients.
+    pub d: Vec<f64>,
+    /// 3x3, of the raw image.
+    pub k: [f64; 9],
+    /// 3x3 rotation of a stereo camera's rectification.
+    pub r: [f64; 9],
+    /// 3x4, of the rectified image.
+    pub p: [f64; 12],
+    /// Columns combined to one; 0 = 1.
+    pub binning_x: u32,
+    /// Rows combined to one; 0 = 1.
+    pub binning_y: u32,
+    /// The part of the image that is sent, before binning.
+    pub roi: RegionOfInterest,
+}
+
 /// `visualization_msgs/Marker`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[expect(missing_docs, reason = "the names are those of visualization_msgs/Marker")]
@@ -246,16 +320,6 @@ impl Marker {
     pub const DELETE: i32 = 2;
     /// `action` that deletes all markers.
     pub const DELETEALL: i32 = 3;
-}
-
-/// `sensor_msgs/CompressedImage`; always empty here.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "never filled")]
-pub struct CompressedImage {
-    pub header: Header,
-    pub format: String,
-    #[serde(with = "serde_bytes")]
-    pub data: Vec<u8>,
 }
 
 /// `visualization_msgs/UVCoordinate`; never sent here.

@@ -6,7 +6,7 @@ use std::io::{BufReader, Write};
 use std::path::{Path, PathBuf};
 
 use cfodi::engine::{Isometry3, Points, Scan, Stamp};
-use cfodi::msg::ros::{Header, PointCloud2, PointField};
+use cfodi::msg::ros::{CameraInfo, Header, Image, PointCloud2, PointField};
 use nalgebra::{Quaternion, Translation3, UnitQuaternion};
 
 /// A folder of depth PNGs with poses and intrinsics.
@@ -96,6 +96,46 @@ impl Recording {
             data: bytes.collect(),
             all_finite: false,
         }
+    }
+
+    /// The depths of a row in whole millimetres, row-major; 0 where unknown.
+    pub fn millimetres(&self, row: &Row) -> Vec<u16> {
+        let (depth, _) = read_png(&self.folder.join(&row.file));
+        let per_unit = 1000.0 / self.camera.depth_units_per_m;
+        let known = |d: u16| if d == u16::MAX { 0 } else { (f32::from(d) * per_unit).round() as u16 };
+        depth.into_iter().map(known).collect()
+    }
+
+    /// A row as a driver's depth image: `16UC1`, in `camera_depth_optical_frame`.
+    pub fn image(&self, row: &Row) -> Image {
+        Image {
+            header: Header { stamp: row.stamp.into(), frame_id: "camera_depth_optical_frame".to_owned() },
+            height: 480,
+            width: 640,
+            encoding: "16UC1".to_owned(),
+            is_bigendian: 0,
+            step: 2 * 640,
+            data: self.millimetres(row).into_iter().flat_map(u16::to_le_bytes).collect(),
+        }
+    }
+
+    /// The points of whole millimetres `z` in the optical frame with 0.4 <= z <= 6 m, by the plain formula.
+    pub fn points_of_millimetres(&self, millimetres: &[u16]) -> Vec<[f32; 3]> {
+        let c = &self.camera;
+        let known = millimetres.iter().enumerate().filter(|(_, d)| (400..=6000).contains(*d));
+        let point = |(i, &d): (usize, &u16)| {
+            let (z, u, v) = (f32::from(d) / 1000.0, (i % 640) as f32, (i / 640) as f32);
+            [(u - c.cx) * z / c.fx, (v - c.cy) * z / c.fy, z]
+        };
+        known.map(point).collect()
+    }
+
+    /// What a driver says about the camera.
+    pub fn camera_info(&self) -> CameraInfo {
+        let [fx, fy, cx, cy] =
+            [self.camera.fx, self.camera.fy, self.camera.cx, self.camera.cy].map(f64::from);
+        let k = [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0];
+        CameraInfo { height: 480, width: 640, k, ..CameraInfo::default() }
     }
 
     /// The valid points of a row with 0.4 <= z <= 6 m.

@@ -1,0 +1,258 @@
+//! From the bytes of a depth image (`sensor_msgs/Image`) and its camera to points.
+//!
+//! A depth image is in an optical frame (z forward, x right, y down) whatever its frame is called (REP 118), so the
+//! range of a point is its z. Points are computed in single precision, as `depth_image_proc` does; the range of a
+//! depth in millimetres is compared before it is rounded, so that 6000 mm is not beyond 6 m.
+
+use std::fmt;
+
+use serde::de::{DeserializeSeed, Deserializer, SeqAccess, Visitor};
+
+use super::convert::{Converted, Gate, Gathered};
+use super::seed::{lent, next};
+use super::{Camera, Cloud, CloudError, CloudFilter, layout};
+use crate::msg::ros::{Header, Image};
+
+const FIELDS: &[&str] = &["header", "height", "width", "encoding", "is_bigendian", "step", "data"];
+
+/// The valid points in range of a depth image in memory.
+///
+/// Encodings are `16UC1` and `mono16` (mm; 0 and 65535 are invalid) and `32FC1` (m; what is not finite or not above 0
+/// is invalid).
+///
+/// # Errors
+///
+/// A [`CloudError`] where the image contradicts itself or the camera, or exceeds a bound; never
+/// [`CloudError::Undecodable`].
+pub fn decode_depth(image: &Image, camera: &Camera, filter: &CloudFilter) -> Result<Cloud, CloudError> {
+    let description = Description {
+        header: &image.header,
+        height: image.height,
+        width: image.width,
+        encoding: &image.encoding,
+        is_bigendian: image.is_bigendian != 0,
+        step: image.step,
+    };
+    cloud_from(&description, &image.data, camera, filter)
+}
+
+/// Reads one serialised `sensor_msgs/Image` and gives what [`decode_depth`] gives, without a copy.
+///
+/// What is wrong inside a readable message comes as a [`CloudError`] in the value; a message that cannot be read to
+/// its end comes as the deserializer's own error.
+#[derive(Clone, Copy, Debug)]
+pub struct DepthSeed {
+    camera: Camera,
+    filter: CloudFilter,
+}
+
+impl DepthSeed {
+    /// A seed for images of `camera` that takes in what `filter` lets through.
+    pub fn new(camera: Camera, filter: CloudFilter) -> Self {
+        Self { camera, filter }
+    }
+}
+
+impl<'de> DeserializeSeed<'de> for DepthSeed {
+    type Value = Result<Cloud, CloudError>;
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Self::Value, D::Error> {
+        deserializer.deserialize_struct("Image", FIELDS, self)
+    }
+}
+
+impl<'de> Visitor<'de> for DepthSeed {
+    type Value = Result<Cloud, CloudError>;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a sensor_msgs/Image")
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<Self::Value, A::Error> {
+        let header: Header = next(&mut seq)?;
+        let height = next(&mut seq)?;
+        let width = next(&mut seq)?;
+        let encoding: String = next(&mut seq)?;
+        let description = Description {
+            header: &header,
+            height,
+            width,
+            encoding: &encoding,
+            is_bigendian: next::<u8, _>(&mut seq)? != 0,
+            step: next(&mut seq)?,
+        };
+        lent(&mut seq, |data| cloud_from(&description, data, &self.camera, &self.filter))
+    }
+}
+
+/// All of a `sensor_msgs/Image` but its data, unchecked.
+struct Description<'a> {
+    header: &'a Header,
+    height: u32,
+    width: u32,
+    encoding: &'a str,
+    is_bigendian: bool,
+    step: u32,
+}
+
+/// What both ways in come down to.
+fn cloud_from(
+    description: &Description<'_>,
+    data: &[u8],
+    camera: &Camera,
+    filter: &CloudFilter,
+) -> Result<Cloud, CloudError> {
+    let stamp = layout::stamp(description.header)?;
+    let frame_id = layout::frame_id(description.header)?;
+    let coding = match description.encoding {
+        "16UC1" | "mono16" => Coding::Millimetres,
+        "32FC1" => Coding::Metres,
+        other => return Err(CloudError::UnknownEncoding { encoding: layout::shown(other) }),
+    };
+    let &Description { height, width, step, .. } = description;
+    let pixels = Pixels { coding, is_bigendian: description.is_bigendian, width, height, step };
+    Ok(Cloud::new(stamp, frame_id, pixels.project(data, camera, filter)?))
+}
+
+/// What the number in a pixel means.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Coding {
+    /// 16 bits; 0 and 65535 are invalid.
+    Millimetres,
+    /// 32 bits, floating point (m).
+    Metres,
+    /// 16 bits, z = a / (number - b) (m); 0 is invalid.
+    #[cfg_attr(not(feature = "png"), expect(dead_code, reason = "compressed images only"))]
+    Inverse { a: f32, b: f32 },
+}
+
+/// A depth and the number its range is judged by; NaN where there was no measurement.
+#[derive(Clone, Copy, Debug)]
+struct Depth {
+    z: f32,
+    exact: f64,
+}
+
+impl Depth {
+    const NONE: Self = Self { z: f32::NAN, exact: f64::NAN };
+
+    #[inline]
+    fn from_millimetres(number: u16) -> Self {
+        if number == u16::MAX {
+            return Self::NONE;
+        }
+        Self { z: f32::from(number) * 0.001, exact: f64::from(number) / 1000.0 }
+    }
+
+    #[inline]
+    fn from_metres(z: f32) -> Self {
+        Self { z, exact: f64::from(z) }
+    }
+
+    #[inline]
+    fn from_inverse(number: u16, a: f32, b: f32) -> Self {
+        if number == 0 { Self::NONE } else { Self::from_metres(a / (f32::from(number) - b)) }
+    }
+}
+
+/// How an image says its pixels lie, unchecked.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Pixels {
+    pub(super) coding: Coding,
+    pub(super) is_bigendian: bool,
+    pub(super) width: u32,
+    pub(super) height: u32,
+    /// Bytes of a row.
+    pub(super) step: u32,
+}
+
+impl Pixels {
+    /// The points of an image that fits its data and the camera.
+    pub(super) fn project(
+        &self,
+        data: &[u8],
+        camera: &Camera,
+        filter: &CloudFilter,
+    ) -> Result<Converted, CloudError> {
+        check_count(self.width, self.height, camera, filter.max_points)?;
+        if self.width == 0 || self.height == 0 {
+            return Ok(Converted::default());
+        }
+        let grid = Grid { row_bytes: self.check_bytes(data.len())?, step: self.step as usize, data };
+        let sight = Sight { camera, gate: Gate::new(filter, true), rows: self.height as usize };
+        let millimetres = Depth::from_millimetres;
+        Ok(match (self.coding, self.is_bigendian) {
+            (Coding::Millimetres, false) => sight.of(&grid, |b| millimetres(u16::from_le_bytes(b))),
+            (Coding::Millimetres, true) => sight.of(&grid, |b| millimetres(u16::from_be_bytes(b))),
+            (Coding::Metres, false) => sight.of(&grid, |b| Depth::from_metres(f32::from_le_bytes(b))),
+            (Coding::Metres, true) => sight.of(&grid, |b| Depth::from_metres(f32::from_be_bytes(b))),
+            (Coding::Inverse { a, b }, false) => {
+                sight.of(&grid, |bytes| Depth::from_inverse(u16::from_le_bytes(bytes), a, b))
+            }
+            (Coding::Inverse { a, b }, true) => {
+                sight.of(&grid, |bytes| Depth::from_inverse(u16::from_be_bytes(bytes), a, b))
+            }
+        })
+    }
+
+    /// The bytes of a row's pixels, once all rows are known to lie in the data.
+    fn check_bytes(&self, data_len: usize) -> Result<usize, CloudError> {
+        let pixel: u64 = if self.coding == Coding::Metres { 4 } else { 2 };
+        let row_bytes = u64::from(self.width) * pixel;
+        if u64::from(self.step) < row_bytes {
+            return Err(CloudError::ShortStep { step: self.step, needed: row_bytes });
+        }
+        let needed = u64::from(self.height) * u64::from(self.step);
+        if (data_len as u64) < needed {
+            return Err(CloudError::ShortData { needed, got: data_len });
+        }
+        Ok(row_bytes as usize)
+    }
+}
+
+/// Refuses an image that is not the camera's, or too large; nothing of it needs to have been read.
+pub(super) fn check_count(
+    width: u32,
+    height: u32,
+    camera: &Camera,
+    max_points: u32,
+) -> Result<(), CloudError> {
+    camera.check_size(width, height)?;
+    let points = u64::from(width) * u64::from(height);
+    if points > u64::from(max_points) {
+        return Err(CloudError::TooManyPoints { points, max: max_points });
+    }
+    Ok(())
+}
+
+/// Rows of `step` bytes, the pixels in the first `row_bytes` of each; they lie in the data.
+struct Grid<'a> {
+    row_bytes: usize,
+    step: usize,
+    data: &'a [u8],
+}
+
+/// Who looks, how far, and at how many rows.
+struct Sight<'a> {
+    camera: &'a Camera,
+    gate: Gate,
+    rows: usize,
+}
+
+impl Sight<'_> {
+    /// Takes every pixel of N bytes through `read` and the gate.
+    #[inline]
+    fn of<const N: usize>(&self, grid: &Grid<'_>, read: impl Fn([u8; N]) -> Depth) -> Converted {
+        // The image fits its data, so this is at most six times the message.
+        let mut gathered = Gathered::with_capacity(self.rows * (grid.row_bytes / N));
+        for (v, row) in grid.data.chunks_exact(grid.step).take(self.rows).enumerate() {
+            for (u, bytes) in row[..grid.row_bytes].chunks_exact(N).enumerate() {
+                let depth = bytes.first_chunk().copied().map_or(Depth::NONE, &read);
+                let point = self.camera.point(u as f32, v as f32, depth.z);
+                let [x, y, _] = point.map(f64::from);
+                gathered.take(point, self.gate.judge([x, y, depth.exact]));
+            }
+        }
+        gathered.into_converted(crate::engine::Points::F32)
+    }
+}
