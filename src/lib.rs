@@ -5,13 +5,19 @@
 //! -> bytes; imports point inwards. `ARCHITECTURE.md` draws the graph. Without default features the engine, the
 //! decoders, the messages and the configuration remain.
 
+#[cfg(feature = "bag")]
+pub mod bag;
 pub mod cloud;
 pub mod config;
 pub mod engine;
 pub mod export;
+#[cfg(feature = "frames")]
+pub mod join;
 pub mod msg;
 #[cfg(feature = "node")]
 pub mod node;
+#[cfg(feature = "bag")]
+pub mod replay;
 #[cfg(feature = "sim")]
 pub mod sim;
 #[cfg(feature = "frames")]

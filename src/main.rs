@@ -1,6 +1,7 @@
 //! The `cfodi` binary: one verb a file below `cli/`.
 //!
-//! Exit status: 0 when all went well, 1 when something failed, 2 for wrong arguments or parameters.
+//! Exit status: 0 when all went well, 1 when something failed or an input was not read in full, 2 for wrong arguments or
+//! parameters.
 
 mod cli;
 
@@ -8,7 +9,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use crate::cli::{demo, run};
+use crate::cli::{demo, replay, run};
 
 /// Surfaces from a moving Kinect, live.
 #[derive(Debug, Parser)]
@@ -25,6 +26,8 @@ struct Cli {
 enum Verb {
     /// The live ROS 2 node: clouds in, surface clusters out
     Run,
+    /// A recorded bag through the same engine: every scan, in order, as fast as the processor allows
+    Replay(replay::Options),
     /// The main job with nothing installed: a simulated robot drives, the live node clusters and publishes
     Demo(demo::Options),
 }
@@ -42,11 +45,12 @@ fn main() -> ExitCode {
     let cli = Cli::parse_from(rest);
     cli::start_log(setup.log_level.as_deref());
     let done = match cli.verb {
-        Verb::Run => run::run(&setup),
-        Verb::Demo(options) => demo::demo(&setup, &options),
+        Verb::Run => run::run(&setup).map(|()| ExitCode::SUCCESS),
+        Verb::Replay(options) => replay::replay(&setup, &options),
+        Verb::Demo(options) => demo::demo(&setup, &options).map(|()| ExitCode::SUCCESS),
     };
     match done {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(status) => status,
         Err(error) => {
             eprintln!("cfodi: {error:#}");
             ExitCode::FAILURE

@@ -1,7 +1,10 @@
 //! The verbs of the command line, and what they share.
 
 pub(crate) mod demo;
+mod progress;
+pub(crate) mod replay;
 pub(crate) mod run;
+mod stop;
 
 use std::io::{self, IsTerminal};
 

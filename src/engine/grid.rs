@@ -116,6 +116,11 @@ impl Grid {
         self.dense
     }
 
+    /// Number of voxels that hold a point.
+    pub(crate) const fn len(&self) -> usize {
+        self.voxels.len()
+    }
+
     pub(crate) fn is_dense(&self, voxel: VoxelIndex) -> bool {
         self[voxel].count >= self.min_points
     }

@@ -83,6 +83,11 @@ impl Engine {
         &self.params
     }
 
+    /// Number of voxels that hold a point, dense or not.
+    pub const fn voxel_count(&self) -> usize {
+        self.grid.len()
+    }
+
     /// The whole map as it is now. Costs O(map).
     pub fn snapshot(&self) -> Snapshot {
         let now = Now { sequence: self.sequence, stamp: self.stamp.unwrap_or_default() };

@@ -5,19 +5,25 @@
 
 #[cfg(feature = "png")]
 mod canvas;
+#[cfg(feature = "bag")]
+pub mod clusters;
 pub mod colour;
 #[cfg(feature = "png")]
 mod cut;
 #[cfg(feature = "png")]
 pub mod picture;
 pub mod ply;
+pub mod voxels;
 pub mod whole;
 
+#[cfg(feature = "bag")]
+pub use clusters::{cluster_json, write_clusters};
 pub use colour::cluster_colour;
 #[cfg(feature = "png")]
 pub use picture::{Picture, View, draw};
 pub use ply::write_ply;
-pub use whole::{WriteError, write_whole};
+pub use voxels::write_voxels;
+pub use whole::{WholeFile, WriteError, write_whole};
 
 #[cfg(test)]
 mod testing {

@@ -16,49 +16,100 @@ pub struct WriteError {
 
 /// Writes a file by way of a temporary file in the same folder, which takes its place when it is complete.
 ///
-/// A symbolic link stays and its target is replaced. What is no regular file, such as a pipe or `/dev/stdout`, cannot be
-/// replaced and is written to directly.
-///
 /// # Errors
 ///
-/// Where the file cannot be made or `write` fails; the file is then as it was before, and no temporary file is left.
+/// As [`WholeFile`]; the file is then as it was before, and no temporary file is left.
 pub fn write_whole(
     path: &Path,
     write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
 ) -> Result<(), WriteError> {
-    let written = match fs::metadata(path) {
-        Ok(metadata) if !metadata.is_file() => write_directly(path, write),
-        Ok(_) => fs::canonicalize(path).and_then(|target| replace(&target, write)),
-        Err(_) => replace(path, write),
-    };
-    written.map_err(|source| WriteError { path: path.to_owned(), source })
+    let mut file = WholeFile::create(path)?;
+    write(&mut file).map_err(|source| WriteError { path: path.to_owned(), source })?;
+    file.commit()
 }
 
-fn write_directly(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
-    let mut out = BufWriter::new(File::options().write(true).open(path)?);
-    write(&mut out)?;
-    out.flush()
+/// A file under a temporary name in the folder of the one it is to be; dropping it before [`WholeFile::commit`] leaves
+/// nothing behind.
+///
+/// A symbolic link stays and its target is replaced. What is no regular file, such as a pipe or `/dev/stdout`, cannot be
+/// replaced and is written to directly.
+#[derive(Debug)]
+pub struct WholeFile {
+    /// As asked for.
+    path: PathBuf,
+    /// The temporary file and what it replaces; `None` where the output is written to directly.
+    replaces: Option<(PathBuf, PathBuf)>,
+    out: BufWriter<File>,
 }
 
-fn replace(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
-    let name =
-        path.file_name().ok_or_else(|| io::Error::new(io::ErrorKind::InvalidInput, "not a file name"))?;
-    // The process id keeps two programs that write the same file apart.
-    let partial = path.with_file_name(format!(".{}.{}.part", name.to_string_lossy(), std::process::id()));
-    let written = write_synced(&partial, write).and_then(|()| fs::rename(&partial, path));
-    if written.is_err() {
-        // The first error is the one to tell; where the file could not even be made there is nothing to remove.
-        let _ = fs::remove_file(&partial);
+impl WholeFile {
+    /// Makes the temporary file.
+    ///
+    /// # Errors
+    ///
+    /// Where it cannot be made: no such folder, no right to write there, no name of a file.
+    pub fn create(path: &Path) -> Result<Self, WriteError> {
+        let opened = match fs::metadata(path) {
+            Ok(metadata) if !metadata.is_file() => {
+                File::options().write(true).open(path).map(|file| (file, None))
+            }
+            Ok(_) => fs::canonicalize(path).and_then(|target| temporary(&target)),
+            Err(_) => temporary(path),
+        };
+        let (file, replaces) = opened.map_err(|source| WriteError { path: path.to_owned(), source })?;
+        Ok(Self { path: path.to_owned(), replaces, out: BufWriter::new(file) })
     }
-    written
+
+    /// Lets the file take its place.
+    ///
+    /// # Errors
+    ///
+    /// Where the bytes cannot be written; the file is then as it was before.
+    pub fn commit(mut self) -> Result<(), WriteError> {
+        self.settle().map_err(|source| WriteError { path: self.path.clone(), source })
+    }
+
+    /// The file that was asked for.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    fn settle(&mut self) -> io::Result<()> {
+        self.out.flush()?;
+        let Some((partial, target)) = &self.replaces else { return Ok(()) };
+        // Without this the rename can reach the disk before the bytes do.
+        self.out.get_ref().sync_all()?;
+        fs::rename(partial, target)?;
+        self.replaces = None;
+        Ok(())
+    }
 }
 
-fn write_synced(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
-    let mut out = BufWriter::new(File::create(path)?);
-    write(&mut out)?;
-    out.flush()?;
-    // Without this the rename can reach the disk before the bytes do.
-    out.get_ref().sync_all()
+impl Write for WholeFile {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.out.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.out.flush()
+    }
+}
+
+impl Drop for WholeFile {
+    fn drop(&mut self) {
+        if let Some((partial, _)) = &self.replaces {
+            // Whoever dropped it has an error to tell already.
+            let _ = fs::remove_file(partial);
+        }
+    }
+}
+
+fn temporary(target: &Path) -> io::Result<(File, Option<(PathBuf, PathBuf)>)> {
+    let name =
+        target.file_name().ok_or_else(|| io::Error::new(io::ErrorKind::InvalidInput, "not a file name"))?;
+    // The process id keeps two programs that write the same file apart.
+    let partial = target.with_file_name(format!(".{}.{}.part", name.to_string_lossy(), std::process::id()));
+    Ok((File::create(&partial)?, Some((partial, target.to_owned()))))
 }
 
 #[cfg(test)]

@@ -1,5 +1,7 @@
 //! A ROS command line -> who the node is, what it listens to, and its checked configuration.
 
+use std::collections::BTreeSet;
+
 use ros2args::names::{build_node_fqn, expand_topic_name};
 use ros2args::{ParamAssignment, Ros2Args, Ros2ArgsError, match_wildcard_pattern, parse_param_file};
 use thiserror::Error;
@@ -23,6 +25,8 @@ pub struct Setup {
     /// Level of the log, as `--log-level` gives it.
     pub log_level: Option<String>,
     remaps: Vec<(String, String)>,
+    /// Names of the parameters that were given a value.
+    given: BTreeSet<String>,
 }
 
 /// A command line that cannot be.
@@ -74,6 +78,7 @@ impl Setup {
         let given = given_parameters(&ros, &namespace, &name)?;
         let remaps = ros.remap_rules.iter().filter(|rule| rule.applies_to_node(&name));
         let setup = Self {
+            given: given.iter().map(|(name, _)| name.clone()).collect(),
             config: Config::new(given.clone())?,
             parameters: Config::values(given)?,
             domain: parse_domain(domain)?,
@@ -101,6 +106,11 @@ impl Setup {
             }
         }
         Ok(expanded)
+    }
+
+    /// Whether a parameter was given a value, as opposed to having its default.
+    pub fn is_given(&self, parameter: &str) -> bool {
+        self.given.contains(parameter)
     }
 
     /// The same network and remappings for another node of this process, without parameters.

@@ -58,6 +58,11 @@ impl<T, E> WaitingQueue<T, E> {
         self.entries.is_empty()
     }
 
+    /// The frame of the item that has waited longest, and what its last lookup lacked.
+    pub fn oldest(&self) -> Option<(&str, Option<&E>)> {
+        self.entries.front().map(|entry| (entry.frame_id.as_str(), entry.last_error.as_ref()))
+    }
+
     /// Lets `item` wait for the transform of `frame_id` at `stamp`. Gives the item that has waited longest where the
     /// queue was full.
     pub fn push(&mut self, item: T, stamp: Stamp, frame_id: String, now: Duration) -> Option<Waited<T, E>> {

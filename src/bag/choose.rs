@@ -1,0 +1,314 @@
+//! Which topics of a bag are taken for sensors.
+
+use std::fmt::Write;
+
+use thiserror::Error;
+
+use super::survey::Topic;
+
+/// What a sensor's messages are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum SensorKind {
+    /// `sensor_msgs/PointCloud2`.
+    Cloud,
+    /// `sensor_msgs/Image`, with a `CameraInfo` beside it.
+    Depth,
+    /// `sensor_msgs/CompressedImage`, with a `CameraInfo` beside it.
+    CompressedDepth,
+}
+
+/// A topic whose messages are scans.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Sensor {
+    /// Its name.
+    pub topic: String,
+    /// What its messages are.
+    pub kind: SensorKind,
+    /// Where its intrinsics come from; `None` for clouds.
+    pub info_topic: Option<String>,
+}
+
+/// The sensors of a bag.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Choice {
+    /// At least one.
+    pub sensors: Vec<Sensor>,
+    /// Topics that could have been chosen instead.
+    pub passed_over: Vec<String>,
+}
+
+/// What the bag holds does not fit; each says what it holds.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum ChoiceError {
+    /// The bag has no such topic.
+    #[error("the bag has no topic {topic}{hint}; it holds:{held}")]
+    NoTopic {
+        /// As given.
+        topic: String,
+        /// What could have been meant.
+        hint: String,
+        /// The list.
+        held: String,
+    },
+    /// The topic's messages are no scans.
+    #[error(
+        "{topic} carries {type_name} as {encoding}, no point cloud and no depth image in CDR; the bag holds:{held}"
+    )]
+    NoScans {
+        /// As given.
+        topic: String,
+        /// Its type.
+        type_name: String,
+        /// Its encoding.
+        encoding: String,
+        /// The list.
+        held: String,
+    },
+    /// No topic has scans.
+    #[error("the bag has no point cloud and no depth image; it holds:{0}")]
+    Nothing(String),
+    /// Several topics have scans.
+    #[error("several topics could be meant: choose with {choices}; the bag holds:{held}")]
+    Several {
+        /// The words that choose.
+        choices: String,
+        /// The list.
+        held: String,
+    },
+    /// Depth images without intrinsics.
+    #[error("the depth images on {topic} need a sensor_msgs/msg/CameraInfo{hint}; the bag holds:{held}")]
+    NoCameraInfo {
+        /// The images.
+        topic: String,
+        /// What was looked for.
+        hint: String,
+        /// The list.
+        held: String,
+    },
+}
+
+impl ChoiceError {
+    /// Whether more of a bag that is cut could have helped.
+    pub fn is_for_lack(&self) -> bool {
+        matches!(self, Self::NoTopic { .. } | Self::Nothing(_) | Self::NoCameraInfo { .. })
+    }
+}
+
+const CAMERA_INFO: &str = "sensor_msgs/msg/CameraInfo";
+
+/// The sensors to read: those `wanted`, each by its name; where none is, the only point cloud, else the only depth image.
+/// `info` names the topic of the intrinsics where it is not the image's sibling.
+///
+/// # Errors
+/// A [`ChoiceError`] that lists what the bag holds.
+pub fn choose(topics: &[Topic], wanted: &[String], info: Option<&str>) -> Result<Choice, ChoiceError> {
+    let candidates: Vec<_> = topics.iter().filter_map(|topic| Some((topic, kind(topic)?))).collect();
+    let (chosen, passed_over) =
+        if wanted.is_empty() { only(topics, &candidates)? } else { (named(topics, wanted)?, Vec::new()) };
+    let sensors = chosen.into_iter().map(|(topic, kind)| sensor(topics, topic, kind, info));
+    Ok(Choice { sensors: sensors.collect::<Result<_, _>>()?, passed_over })
+}
+
+type Candidate<'a> = (&'a Topic, SensorKind);
+
+fn named<'a>(topics: &'a [Topic], wanted: &[String]) -> Result<Vec<Candidate<'a>>, ChoiceError> {
+    let mut chosen: Vec<Candidate<'a>> = Vec::new();
+    for name in wanted {
+        let same = |topic: &&Topic| topic.name.trim_start_matches('/') == name.trim_start_matches('/');
+        let of_name: Vec<&Topic> = topics.iter().filter(same).collect();
+        let Some(first) = of_name.first() else {
+            let near = topics.iter().min_by_key(|topic| strsim::damerau_levenshtein(&topic.name, name));
+            let hint = near.map_or_else(String::new, |topic| format!(" (is {} meant?)", topic.name));
+            return Err(ChoiceError::NoTopic { topic: name.clone(), hint, held: held(topics) });
+        };
+        let usable = of_name.iter().find_map(|topic| Some((*topic, kind_by_type(topic)?)));
+        let Some(usable) = usable else {
+            let (type_name, encoding) = (first.type_name.clone(), first.encoding.clone());
+            return Err(ChoiceError::NoScans {
+                topic: name.clone(),
+                type_name,
+                encoding,
+                held: held(topics),
+            });
+        };
+        if !chosen.contains(&usable) {
+            chosen.push(usable);
+        }
+    }
+    Ok(chosen)
+}
+
+fn only<'a>(
+    topics: &[Topic],
+    candidates: &[Candidate<'a>],
+) -> Result<(Vec<Candidate<'a>>, Vec<String>), ChoiceError> {
+    for wanted in [SensorKind::Cloud, SensorKind::Depth, SensorKind::CompressedDepth] {
+        let (of_kind, others): (Vec<_>, Vec<_>) =
+            candidates.iter().copied().partition(|candidate: &Candidate<'_>| candidate.1 == wanted);
+        match of_kind[..] {
+            [] => {}
+            [one] => return Ok((vec![one], others.iter().map(|(topic, _)| topic.name.clone()).collect())),
+            _ => {
+                let words = of_kind.iter().map(|(topic, _)| format!("--topic {}", topic.name));
+                let choices = words.collect::<Vec<_>>().join(" or ");
+                return Err(ChoiceError::Several { choices, held: held(topics) });
+            }
+        }
+    }
+    Err(ChoiceError::Nothing(held(topics)))
+}
+
+/// What a topic is taken for when nobody has named it: an image is one of depth only when its name says so.
+fn kind(topic: &Topic) -> Option<SensorKind> {
+    let kind = kind_by_type(topic)?;
+    (kind == SensorKind::Cloud || topic.name.to_lowercase().contains("depth")).then_some(kind)
+}
+
+fn kind_by_type(topic: &Topic) -> Option<SensorKind> {
+    if topic.encoding != "cdr" {
+        return None;
+    }
+    match topic.type_name.as_str() {
+        "sensor_msgs/msg/PointCloud2" => Some(SensorKind::Cloud),
+        "sensor_msgs/msg/Image" => Some(SensorKind::Depth),
+        "sensor_msgs/msg/CompressedImage" => Some(SensorKind::CompressedDepth),
+        _ => None,
+    }
+}
+
+fn sensor(
+    topics: &[Topic],
+    topic: &Topic,
+    kind: SensorKind,
+    info: Option<&str>,
+) -> Result<Sensor, ChoiceError> {
+    let info_topic = match kind {
+        SensorKind::Cloud => None,
+        SensorKind::Depth | SensorKind::CompressedDepth => Some(info_topic(topics, topic, kind, info)?),
+    };
+    Ok(Sensor { topic: topic.name.clone(), kind, info_topic })
+}
+
+/// The topic named `camera_info` beside the image (as `image_transport` looks for it), else the only one there is.
+fn info_topic(
+    topics: &[Topic],
+    image: &Topic,
+    kind: SensorKind,
+    info: Option<&str>,
+) -> Result<String, ChoiceError> {
+    let infos: Vec<_> = topics.iter().filter(|topic| topic.type_name == CAMERA_INFO).collect();
+    let up = |name: &str| name.rsplit_once('/').map_or(String::new(), |(above, _)| above.to_owned());
+    // The name of a compressed image is that of the plain one and its transport.
+    let above = if kind == SensorKind::Depth { up(&image.name) } else { up(&up(&image.name)) };
+    let sibling = format!("{above}/camera_info");
+    let named = |name: &str| infos.iter().find(|topic| topic.name == name);
+    let beside = format!("{}/camera_info", up(&image.name));
+    let found = info.and_then(named).or_else(|| named(&sibling)).or_else(|| named(&beside));
+    match (found, &infos[..]) {
+        (Some(found), _) | (None, [found]) => Ok(found.name.clone()),
+        _ => {
+            let hint = format!(
+                " on {sibling}, or where -r depth/camera_info:=TOPIC says ({} in the bag)",
+                infos.len()
+            );
+            Err(ChoiceError::NoCameraInfo { topic: image.name.clone(), hint, held: held(topics) })
+        }
+    }
+}
+
+/// The bag's topics, one a line.
+fn held(topics: &[Topic]) -> String {
+    if topics.is_empty() {
+        return " nothing".to_owned();
+    }
+    topics.iter().fold(String::new(), |mut list, topic| {
+        let count = topic.messages.map_or_else(|| "?".to_owned(), |count| count.to_string());
+        let kind = if topic.type_name.is_empty() { "a type it does not tell" } else { &topic.type_name };
+        let encoding = if topic.encoding == "cdr" { String::new() } else { format!(" ({})", topic.encoding) };
+        // Writing to a text does not fail.
+        let _ = write!(list, "\n  {} {count} x {kind}{encoding}", topic.name);
+        list
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn topics(list: &[(&str, &str)]) -> Vec<Topic> {
+        let topic = |&(name, kind): &(&str, &str)| Topic {
+            name: name.to_owned(),
+            type_name: format!("sensor_msgs/msg/{kind}"),
+            encoding: "cdr".to_owned(),
+            messages: Some(3),
+        };
+        list.iter().map(topic).collect()
+    }
+
+    fn kinect() -> Vec<Topic> {
+        topics(&[
+            ("/camera/depth/points", "PointCloud2"),
+            ("/camera/depth/image_raw", "Image"),
+            ("/camera/rgb/image_color", "Image"),
+            ("/camera/depth/camera_info", "CameraInfo"),
+            ("/camera/rgb/camera_info", "CameraInfo"),
+        ])
+    }
+
+    fn names(choice: &Choice) -> Vec<&str> {
+        choice.sensors.iter().map(|sensor| sensor.topic.as_str()).collect()
+    }
+
+    #[test]
+    fn the_only_cloud_is_taken_and_what_was_passed_over_is_known() {
+        let choice = choose(&kinect(), &[], None).unwrap();
+        assert_eq!(names(&choice), ["/camera/depth/points"]);
+        assert_eq!(choice.passed_over, ["/camera/depth/image_raw"]);
+    }
+
+    #[test]
+    fn without_a_cloud_the_depth_image_is_taken_with_its_own_intrinsics() {
+        let choice = choose(&kinect()[1..], &[], None).unwrap();
+        assert_eq!(names(&choice), ["/camera/depth/image_raw"]);
+        assert_eq!(choice.sensors[0].info_topic.as_deref(), Some("/camera/depth/camera_info"));
+    }
+
+    #[test]
+    fn a_compressed_image_finds_the_intrinsics_of_the_plain_one() {
+        let topics = topics(&[
+            ("/camera/depth/image_raw/compressedDepth", "CompressedImage"),
+            ("/camera/depth/camera_info", "CameraInfo"),
+            ("/camera/rgb/camera_info", "CameraInfo"),
+        ]);
+        let choice = choose(&topics, &[], None).unwrap();
+        assert_eq!(choice.sensors[0].info_topic.as_deref(), Some("/camera/depth/camera_info"));
+    }
+
+    #[test]
+    fn several_sensors_can_be_named_and_a_slash_is_not_needed() {
+        let wanted = ["camera/depth/points".to_owned(), "/camera/rgb/image_color".to_owned()];
+        assert_eq!(
+            names(&choose(&kinect(), &wanted, None).unwrap()),
+            wanted.map(|n| format!("/{}", n.trim_start_matches('/')))
+        );
+    }
+
+    #[test]
+    fn several_clouds_are_asked_about_and_the_list_is_shown() {
+        let topics = topics(&[("/left", "PointCloud2"), ("/right", "PointCloud2")]);
+        let text = choose(&topics, &[], None).unwrap_err().to_string();
+        assert!(text.contains("--topic /left or --topic /right"), "{text}");
+        assert!(text.contains("\n  /right 3 x sensor_msgs/msg/PointCloud2"), "{text}");
+    }
+
+    #[test]
+    fn what_does_not_fit_is_said_with_what_is_there() {
+        let text = |wanted: &str| choose(&kinect(), &[wanted.to_owned()], None).unwrap_err().to_string();
+        assert!(text("/camera/depth/point").contains("is /camera/depth/points meant?"));
+        assert!(text("/camera/depth/camera_info").contains("carries sensor_msgs/msg/CameraInfo"));
+        assert_eq!(choose(&[], &[], None).unwrap_err(), ChoiceError::Nothing(" nothing".to_owned()));
+        let bare = topics(&[("/depth", "Image")]);
+        let text = choose(&bare, &[], None).unwrap_err().to_string();
+        assert!(text.contains("on /camera_info") && text.contains("(0 in the bag)"), "{text}");
+    }
+}

@@ -1,0 +1,87 @@
+//! Why a bag cannot be read, or not to its end.
+
+use std::io;
+use std::path::PathBuf;
+
+use thiserror::Error;
+
+/// A bag, or a part of one, that cannot be read.
+#[derive(Debug, Error)]
+pub enum BagError {
+    /// The system gives no access.
+    #[error("cannot read {}: {source}", path.display())]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// A recording of ROS 1.
+    #[error(
+        "{0} is a bag of ROS 1; convert it: rosbags-convert --src {0} --dst {1} --dst-storage mcap",
+        path.display(),
+        folder.display()
+    )]
+    Ros1 {
+        /// The file.
+        path: PathBuf,
+        /// A folder for the result.
+        folder: PathBuf,
+    },
+    /// A recording in a data base.
+    #[error(
+        "{0} is a bag in SQLite; convert its folder: rosbags-convert --src {1} --dst {2} --dst-storage mcap",
+        path.display(),
+        source_folder.display(),
+        folder.display()
+    )]
+    Sqlite {
+        /// The file, or the folder that names it.
+        path: PathBuf,
+        /// The folder with its `metadata.yaml`.
+        source_folder: PathBuf,
+        /// A folder for the result.
+        folder: PathBuf,
+    },
+    /// Something else.
+    #[error("{} is no MCAP file: it begins with {begin}", path.display())]
+    NotMcap {
+        /// The file.
+        path: PathBuf,
+        /// Its first bytes, escaped.
+        begin: String,
+    },
+    /// A folder without a recording.
+    #[error("{} holds neither a metadata.yaml nor a file *.mcap", path.display())]
+    NoBag {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// A `metadata.yaml` that says nothing.
+    #[error("{}: {what}", path.display())]
+    Metadata {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        what: String,
+    },
+    /// The bag ends in the middle, or is damaged.
+    #[error("{} is cut or damaged after {bytes} of {size} bytes: {reason}", path.display())]
+    Cut {
+        /// The file.
+        path: PathBuf,
+        /// How much of it has been read.
+        bytes: u64,
+        /// All of it.
+        size: u64,
+        /// What was found there.
+        reason: String,
+    },
+}
+
+impl BagError {
+    /// Whether another argument would have been right, as opposed to an input that cannot be read in full.
+    pub fn is_wrong_argument(&self) -> bool {
+        matches!(self, Self::Ros1 { .. } | Self::Sqlite { .. } | Self::NotMcap { .. } | Self::NoBag { .. })
+    }
+}

@@ -1,0 +1,83 @@
+//! `metadata.yaml` of a rosbag2 folder: its files and topics.
+
+use std::path::{Path, PathBuf};
+
+use yaml_rust2::{Yaml, YamlLoader};
+
+use super::error::BagError;
+use super::survey::Topic;
+
+/// What a `metadata.yaml` says.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Metadata {
+    /// The files in their order, with the folder.
+    pub(super) files: Vec<PathBuf>,
+    /// `mcap`, `sqlite3`.
+    pub(super) storage: String,
+    /// The topics with their numbers of messages.
+    pub(super) topics: Vec<Topic>,
+}
+
+/// Reads the text of `folder`/metadata.yaml.
+pub(super) fn parse(folder: &Path, text: &str) -> Result<Metadata, BagError> {
+    let refuse = |what: String| BagError::Metadata { path: folder.join("metadata.yaml"), what };
+    let documents = YamlLoader::load_from_str(text).map_err(|error| refuse(error.to_string()))?;
+    let root = documents.first().unwrap_or(&Yaml::BadValue);
+    let about = &root["rosbag2_bagfile_information"];
+    let paths = about["relative_file_paths"].as_vec().map_or(&[][..], Vec::as_slice);
+    let files: Vec<PathBuf> = paths.iter().filter_map(Yaml::as_str).map(|name| folder.join(name)).collect();
+    if files.is_empty() {
+        return Err(refuse("rosbag2_bagfile_information/relative_file_paths names no file".to_owned()));
+    }
+    let listed = about["topics_with_message_count"].as_vec().map_or(&[][..], Vec::as_slice);
+    Ok(Metadata {
+        files,
+        storage: about["storage_identifier"].as_str().unwrap_or_default().to_owned(),
+        topics: listed.iter().filter_map(topic).collect(),
+    })
+}
+
+fn topic(listed: &Yaml) -> Option<Topic> {
+    let about = &listed["topic_metadata"];
+    Some(Topic {
+        name: about["name"].as_str()?.to_owned(),
+        type_name: about["type"].as_str()?.to_owned(),
+        encoding: about["serialization_format"].as_str().unwrap_or("cdr").to_owned(),
+        messages: listed["message_count"].as_i64().and_then(|count| u64::try_from(count).ok()),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TEXT: &str = "rosbag2_bagfile_information:
+  version: 9
+  storage_identifier: mcap
+  relative_file_paths: [a_0.mcap.zstd, a_1.mcap.zstd]
+  topics_with_message_count:
+  - message_count: 58
+    topic_metadata:
+      name: /tf
+      type: tf2_msgs/msg/TFMessage
+      serialization_format: cdr
+      offered_qos_profiles: ''
+";
+
+    #[test]
+    fn files_and_topics_are_read_in_their_order() {
+        let metadata = parse(Path::new("/bags/a"), TEXT).unwrap();
+        assert_eq!(metadata.files, ["/bags/a/a_0.mcap.zstd", "/bags/a/a_1.mcap.zstd"].map(PathBuf::from));
+        assert_eq!(metadata.storage, "mcap");
+        let [topic] = &metadata.topics[..] else { panic!() };
+        assert_eq!((topic.name.as_str(), topic.messages), ("/tf", Some(58)));
+    }
+
+    #[test]
+    fn what_names_no_file_is_refused_with_the_reason() {
+        for text in ["", "a: [", "rosbag2_bagfile_information: {relative_file_paths: []}"] {
+            let error = parse(Path::new("/bags/a"), text).unwrap_err().to_string();
+            assert!(error.starts_with("/bags/a/metadata.yaml: "), "{error}");
+        }
+    }
+}

@@ -1,0 +1,24 @@
+//! Recorded bags: MCAP files as `rosbags-convert` and `ros2 bag record` write them, in; result bags out.
+//!
+//! Keeps true: a bag is read once from its begin to its end, and memory is bounded by its largest chunk and message,
+//! whatever the file's size; a bag that is cut short gives every message before the cut, and then says so. Reading is the
+//! crate `mcap`; what stands here is which files a bag is made of, which of its topics are sensors, and what its
+//! messages say. Times are those of the message headers, never the clock's.
+
+mod choose;
+mod decode;
+mod error;
+mod files;
+mod metadata;
+mod read;
+mod schemas;
+mod survey;
+mod write;
+
+pub use choose::{Choice, ChoiceError, Sensor, SensorKind, choose};
+pub use decode::{Decoder, Recorded};
+pub use error::BagError;
+pub use files::Bag;
+pub use read::{MAX_MESSAGE_BYTES, Message, Messages};
+pub use survey::{Survey, Topic};
+pub use write::{OutputTopics, ResultBag};

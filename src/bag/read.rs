@@ -1,0 +1,179 @@
+//! The messages of a bag in the order of its file.
+
+use std::fs::File;
+use std::io::{self, BufReader, Read};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use mcap::sans_io::LinearReaderOptions;
+
+use super::error::BagError;
+use super::files::{Bag, Part, reading};
+
+/// The largest message that is read (bytes): a cloud of 4,000,000 points in double precision with colour has 160 MB.
+pub const MAX_MESSAGE_BYTES: usize = 512 << 20;
+
+/// Bytes to read at once: small records then cost no call of the system each.
+const BUFFER: usize = 256 << 10;
+
+/// No sensor's message shrinks to less than this part.
+const MOST_COMPRESSED: u64 = 64;
+
+/// A record that is taken whatever the file's size (bytes).
+const SMALL_RECORD: u64 = 64 << 20;
+
+const ZSTD: &[u8] = b"\x28\xb5\x2f\xfd";
+
+/// A message as the bag holds it; decompressed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Message {
+    /// Topic, type and encoding.
+    pub channel: Arc<mcap::Channel<'static>>,
+    /// When it was recorded (ns).
+    pub log_time: u64,
+    /// The serialised message, with the four bytes that begin CDR.
+    pub data: Vec<u8>,
+}
+
+impl Message {
+    /// The topic's name.
+    pub fn topic(&self) -> &str {
+        &self.channel.topic
+    }
+
+    /// The type, as in `sensor_msgs/msg/PointCloud2`; empty where the bag does not tell.
+    pub fn type_name(&self) -> &str {
+        self.channel.schema.as_ref().map_or("", |schema| &schema.name)
+    }
+}
+
+/// Reads a bag's messages; ends after the first error, which says what of the bag was not read.
+pub struct Messages {
+    bag: Bag,
+    /// The file being read, and its place among the bag's files.
+    current: Option<Reader>,
+    next: usize,
+    /// Bytes read of all files, as they are on disk.
+    bytes: Arc<AtomicU64>,
+    failed: bool,
+}
+
+type Source = Box<dyn Read + Send>;
+
+struct Reader {
+    messages: mcap::io::MessageReader<Source>,
+    part: Part,
+    /// Bytes read of the files before.
+    before: u64,
+}
+
+impl Messages {
+    pub(super) fn new(bag: Bag) -> Self {
+        Self { bag, current: None, next: 0, bytes: Arc::default(), failed: false }
+    }
+
+    /// A counter of the bytes read so far of [`Bag::size`]; another thread may look at it.
+    pub fn bytes_read(&self) -> Arc<AtomicU64> {
+        Arc::clone(&self.bytes)
+    }
+
+    fn open_next(&mut self) -> Result<Option<()>, BagError> {
+        let Some(part) = self.bag.files.get(self.next).cloned() else { return Ok(None) };
+        self.next += 1;
+        let before = self.bytes.load(Ordering::Relaxed);
+        self.current = Some(Reader { messages: part.reader(&self.bytes)?, part, before });
+        Ok(Some(()))
+    }
+
+    fn advance(&mut self) -> Result<Option<Message>, BagError> {
+        loop {
+            let Some(reader) = &mut self.current else {
+                if self.open_next()?.is_none() {
+                    return Ok(None);
+                }
+                continue;
+            };
+            match reader.messages.next() {
+                Some(Ok(message)) => return reader.message(message, &self.bytes).map(Some),
+                Some(Err(error)) => return Err(reader.cut(error.to_string(), &self.bytes)),
+                None => self.current = None,
+            }
+        }
+    }
+}
+
+impl Iterator for Messages {
+    type Item = Result<Message, BagError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        if self.failed {
+            return None;
+        }
+        let advanced = self.advance().transpose();
+        self.failed = !matches!(advanced, Some(Ok(_)));
+        advanced
+    }
+}
+
+impl Part {
+    fn reader(&self, bytes: &Arc<AtomicU64>) -> Result<mcap::io::MessageReader<Source>, BagError> {
+        let failed = |source| reading(&self.path, source);
+        let file = File::open(&self.path).map_err(failed)?;
+        let file = BufReader::with_capacity(BUFFER, Counted { file, bytes: Arc::clone(bytes) });
+        // A record's length is an unchecked number, and memory is taken by it: a small file has no giant ones.
+        let limit = self.size.saturating_mul(MOST_COMPRESSED).max(SMALL_RECORD);
+        let options = LinearReaderOptions::default()
+            .with_check_finishes_after_end_magic(true)
+            .with_validate_chunk_crcs(true)
+            .with_validate_data_section_crc(true)
+            .with_record_length_limit(usize::try_from(limit).unwrap_or(usize::MAX).min(MAX_MESSAGE_BYTES));
+        let source: Source = if self.is_compressed {
+            Box::new(zstd::Decoder::with_buffer(file).map_err(failed)?)
+        } else {
+            Box::new(file)
+        };
+        Ok(mcap::io::MessageReader::new_with_options(source, options))
+    }
+}
+
+impl Reader {
+    fn cut(&self, reason: String, bytes: &AtomicU64) -> BagError {
+        let bytes = bytes.load(Ordering::Relaxed) - self.before;
+        BagError::Cut { path: self.part.path.clone(), bytes, size: self.part.size, reason }
+    }
+
+    /// Undoes the compression of single messages, which no record tells: their channel still says `cdr`.
+    fn message(&self, message: mcap::Message<'static>, bytes: &AtomicU64) -> Result<Message, BagError> {
+        let data = message.data.into_owned();
+        let data = if data.starts_with(ZSTD) {
+            decompress(&data).map_err(|error| self.cut(format!("a compressed message: {error}"), bytes))?
+        } else {
+            data
+        };
+        Ok(Message { channel: message.channel, log_time: message.log_time, data })
+    }
+}
+
+fn decompress(data: &[u8]) -> io::Result<Vec<u8>> {
+    let mut plain = Vec::new();
+    // The size that the frame claims is not believed: memory grows with what really comes out.
+    zstd::Decoder::with_buffer(data)?.take(MAX_MESSAGE_BYTES as u64 + 1).read_to_end(&mut plain)?;
+    if plain.len() > MAX_MESSAGE_BYTES {
+        return Err(io::Error::other(format!("more than {MAX_MESSAGE_BYTES} bytes")));
+    }
+    Ok(plain)
+}
+
+/// A file that counts what is read of it.
+struct Counted {
+    file: File,
+    bytes: Arc<AtomicU64>,
+}
+
+impl Read for Counted {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let read = self.file.read(buffer)?;
+        self.bytes.fetch_add(read as u64, Ordering::Relaxed);
+        Ok(read)
+    }
+}

@@ -1,0 +1,105 @@
+//! Which topics a bag holds.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{Read, Seek};
+
+use mcap::sans_io::{SummaryReadEvent, SummaryReader, SummaryReaderOptions};
+
+use super::files::{Bag, Part};
+use super::read::MAX_MESSAGE_BYTES;
+
+/// A topic of a bag.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Topic {
+    /// Its name.
+    pub name: String,
+    /// As in `sensor_msgs/msg/PointCloud2`.
+    pub type_name: String,
+    /// How its messages are serialised: `cdr` can be read.
+    pub encoding: String,
+    /// The number of its messages, where the bag tells.
+    pub messages: Option<u64>,
+}
+
+/// What is known of a bag's topics.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Survey {
+    /// By name.
+    pub topics: Vec<Topic>,
+    /// Whether these are all: a bag that is cut gives those before the cut.
+    pub is_complete: bool,
+}
+
+pub(super) fn survey(bag: &Bag) -> Survey {
+    let summaries: Option<Vec<_>> = bag.files.iter().map(of_summary).collect();
+    let (found, is_complete): (Vec<Topic>, bool) = match summaries {
+        Some(summaries) => (summaries.into_iter().flatten().collect(), true),
+        None if !bag.listed.is_empty() => (bag.listed.clone(), true),
+        None => of_messages(bag),
+    };
+    // A bag in several files names a topic in each.
+    let mut topics = BTreeMap::<(String, String, String), Option<u64>>::new();
+    for topic in found {
+        let known = topics.entry((topic.name, topic.type_name, topic.encoding)).or_insert(Some(0));
+        *known = known.zip(topic.messages).map(|(a, b)| a + b);
+    }
+    let topic = |((name, type_name, encoding), messages)| Topic { name, type_name, encoding, messages };
+    Survey { topics: topics.into_iter().map(topic).collect(), is_complete }
+}
+
+/// From the end of the file; `None` where that cannot be sought or is missing.
+fn of_summary(part: &Part) -> Option<Vec<Topic>> {
+    if part.is_compressed {
+        return None;
+    }
+    let summary = read_summary(part)?;
+    let counts = summary.stats.as_ref().map(|stats| &stats.channel_message_counts);
+    let mut topics: Vec<_> = summary
+        .channels
+        .values()
+        .map(|channel| topic(channel, counts.map(|counts| counts.get(&channel.id).copied().unwrap_or(0))))
+        .collect();
+    topics.sort();
+    // A summary may leave channels out: it then tells nothing.
+    (!topics.is_empty()).then_some(topics)
+}
+
+fn topic(channel: &mcap::Channel<'_>, messages: Option<u64>) -> Topic {
+    Topic {
+        name: channel.topic.clone(),
+        type_name: channel.schema.as_ref().map_or_else(String::new, |schema| schema.name.clone()),
+        encoding: channel.message_encoding.clone(),
+        messages,
+    }
+}
+
+fn read_summary(part: &Part) -> Option<mcap::Summary> {
+    let mut file = File::open(&part.path).ok()?;
+    let options =
+        SummaryReaderOptions::default().with_file_size(part.size).with_record_length_limit(MAX_MESSAGE_BYTES);
+    let mut reader = SummaryReader::new_with_options(options);
+    while let Some(event) = reader.next_event() {
+        match event.ok()? {
+            SummaryReadEvent::ReadRequest(wanted) => {
+                let read = file.read(reader.insert(wanted)).ok()?;
+                reader.notify_read(read);
+            }
+            SummaryReadEvent::SeekRequest(to) => reader.notify_seeked(file.seek(to).ok()?),
+        }
+    }
+    reader.finish()
+}
+
+/// By reading all of it: a cut bag has no summary, and one that is compressed as a whole cannot be sought.
+fn of_messages(bag: &Bag) -> (Vec<Topic>, bool) {
+    let mut topics = BTreeMap::<(String, String, String), Topic>::new();
+    for message in bag.messages() {
+        let Ok(message) = message else { return (topics.into_values().collect(), false) };
+        let found = topic(&message.channel, Some(0));
+        let key = (found.name.clone(), found.type_name.clone(), found.encoding.clone());
+        let known = topics.entry(key).or_insert(found);
+        known.messages = known.messages.map(|count| count + 1);
+    }
+    (topics.into_values().collect(), true)
+}

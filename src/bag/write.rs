@@ -1,0 +1,231 @@
+//! A result bag: MCAP with the profile `ros2`, whole definitions of its messages, and everything indexed.
+//!
+//! The same messages give the same bytes: one thread compresses, and nothing comes from a clock.
+
+use std::collections::BTreeMap;
+use std::io::{self, Write};
+use std::sync::Arc;
+
+use byteorder::LittleEndian;
+use mcap::records::MessageHeader;
+use mcap::write::NoSeek;
+use mcap::{WriteOptions, Writer};
+use serde::Serialize;
+
+use super::decode::is_transforms;
+use super::read::Message;
+use super::schemas::definition;
+use crate::msg::clusters::SurfaceClusterArray;
+use crate::msg::ros::{Header, MarkerArray, PointCloud2};
+
+/// Names of the topics that a result bag holds, remappings applied.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[expect(missing_docs, reason = "the topics of the node, by their names")]
+pub struct OutputTopics {
+    pub clusters: String,
+    pub clusters_delta: String,
+    pub markers: String,
+    pub points_labelled: String,
+}
+
+/// What begins a message in CDR, little-endian.
+const CDR_LE: [u8; 4] = [0, 1, 0, 0];
+
+/// How a topic was offered, as `rosbag2` writes it: a player offers it again so, and readers want every field.
+fn offered_qos(durability: &str, reliability: &str, depth: u32) -> String {
+    format!(
+        "- {{history: keep_last, depth: {depth}, reliability: {reliability}, durability: {durability}, \
+         deadline: {{sec: 0, nsec: 0}}, lifespan: {{sec: 0, nsec: 0}}, liveliness: automatic, \
+         liveliness_lease_duration: {{sec: 0, nsec: 0}}, avoid_ros_namespace_conventions: false}}"
+    )
+}
+
+const TF: &str = "tf2_msgs/msg/TFMessage";
+const CAMERA_INFO: &str = "sensor_msgs/msg/CameraInfo";
+
+/// A channel of the result, and how many messages it has.
+#[derive(Clone, Copy, Debug)]
+struct Channel {
+    id: u16,
+    messages: u32,
+}
+
+/// Writes a result bag.
+pub struct ResultBag<W: Write> {
+    writer: Writer<NoSeek<W>>,
+    clusters: Channel,
+    delta: Channel,
+    markers: Channel,
+    labelled: Channel,
+    /// Names of the channels above: input of the same name is not copied.
+    own: [String; 4],
+    /// Of the input: by topic and type.
+    copied: BTreeMap<(String, String), Channel>,
+    with_input: bool,
+    scratch: Vec<u8>,
+}
+
+impl<W: Write> ResultBag<W> {
+    /// Begins a bag; `with_input` adds the input's messages, of which there are otherwise only the transforms.
+    ///
+    /// # Errors
+    /// Those of `out`.
+    pub fn new(out: W, topics: &OutputTopics, with_input: bool) -> io::Result<Self> {
+        let options = WriteOptions::new()
+            .profile("ros2")
+            .library(concat!("cfodi ", env!("CARGO_PKG_VERSION")))
+            .compression_threads(0)
+            .disable_seeking(true);
+        let mut writer = options.create(NoSeek::new(out)).map_err(io::Error::other)?;
+        let array = "cfodi_msgs/msg/SurfaceClusterArray";
+        let latched = offered_qos("transient_local", "reliable", 1);
+        let each = offered_qos("volatile", "reliable", 20);
+        let may_be_lost = offered_qos("volatile", "best_effort", 10);
+        let mut open = |topic: &str, kind: &str, qos: &str| channel(&mut writer, topic, kind, qos);
+        Ok(Self {
+            clusters: open(&topics.clusters, array, &latched)?,
+            delta: open(&topics.clusters_delta, array, &each)?,
+            markers: open(&topics.markers, "visualization_msgs/msg/MarkerArray", &latched)?,
+            labelled: open(&topics.points_labelled, "sensor_msgs/msg/PointCloud2", &may_be_lost)?,
+            own: [&topics.clusters, &topics.clusters_delta, &topics.markers, &topics.points_labelled]
+                .map(Clone::clone),
+            writer,
+            copied: BTreeMap::new(),
+            with_input,
+            scratch: Vec::new(),
+        })
+    }
+
+    /// Adds a message of `~/clusters`.
+    ///
+    /// # Errors
+    /// Those of the output.
+    pub fn clusters(&mut self, message: &SurfaceClusterArray) -> io::Result<()> {
+        let Self { writer, scratch, clusters, .. } = self;
+        put(writer, scratch, clusters, &message.header, message)
+    }
+
+    /// Adds a message of `~/clusters_delta`.
+    ///
+    /// # Errors
+    /// Those of the output.
+    pub fn clusters_delta(&mut self, message: &SurfaceClusterArray) -> io::Result<()> {
+        let Self { writer, scratch, delta, .. } = self;
+        put(writer, scratch, delta, &message.header, message)
+    }
+
+    /// Adds a message of `~/points_labelled`.
+    ///
+    /// # Errors
+    /// Those of the output.
+    pub fn points_labelled(&mut self, message: &PointCloud2) -> io::Result<()> {
+        let Self { writer, scratch, labelled, .. } = self;
+        put(writer, scratch, labelled, &message.header, message)
+    }
+
+    /// Adds a message of `~/markers`, which has no header of its own.
+    ///
+    /// # Errors
+    /// Those of the output.
+    pub fn markers(&mut self, header: &Header, message: &MarkerArray) -> io::Result<()> {
+        let Self { writer, scratch, markers, .. } = self;
+        put(writer, scratch, markers, header, message)
+    }
+
+    /// Copies a message of the input, where it is wanted.
+    ///
+    /// # Errors
+    /// Those of the output.
+    pub fn input(&mut self, message: &Message) -> io::Result<()> {
+        let is_transforms = is_transforms(message.type_name());
+        let is_own = self.own.iter().any(|own| own == message.topic());
+        if is_own || !(self.with_input || is_transforms) {
+            return Ok(());
+        }
+        let key = (message.topic().to_owned(), message.type_name().to_owned());
+        if !self.copied.contains_key(&key) {
+            let opened = open_copy(&mut self.writer, &message.channel, is_transforms)?;
+            self.copied.insert(key.clone(), opened);
+        }
+        let Some(channel) = self.copied.get_mut(&key) else { return Ok(()) };
+        write(&mut self.writer, channel, message.log_time, &message.data)
+    }
+
+    /// Writes the indexes and gives the output back.
+    ///
+    /// # Errors
+    /// Those of the output.
+    pub fn finish(mut self) -> io::Result<W> {
+        self.writer.finish().map_err(io::Error::other)?;
+        Ok(self.writer.into_inner().into_inner())
+    }
+}
+
+/// A channel like that of the input. Transforms and intrinsics get the definitions of ROS 2, whose layout theirs is: what
+/// has come from ROS 1 still carries other names, which readers refuse.
+fn open_copy<W: Write>(
+    writer: &mut Writer<NoSeek<W>>,
+    input: &Arc<mcap::Channel<'static>>,
+    is_transforms: bool,
+) -> io::Result<Channel> {
+    let name = input.schema.as_ref().map_or("", |schema| schema.name.as_str());
+    let known = if is_transforms { Some(TF) } else { Some(name).filter(|name| *name == CAMERA_INFO) };
+    let schema = match (known, &input.schema) {
+        (Some(known), _) => schema(writer, known)?,
+        (None, Some(own)) => {
+            writer.add_schema(&own.name, &own.encoding, &own.data).map_err(io::Error::other)?
+        }
+        (None, None) => 0,
+    };
+    let id = writer.add_channel(schema, &input.topic, &input.message_encoding, &input.metadata);
+    Ok(Channel { id: id.map_err(io::Error::other)?, messages: 0 })
+}
+
+fn channel<W: Write>(
+    writer: &mut Writer<NoSeek<W>>,
+    topic: &str,
+    type_name: &str,
+    qos: &str,
+) -> io::Result<Channel> {
+    let schema = schema(writer, type_name)?;
+    let metadata = BTreeMap::from([("offered_qos_profiles".to_owned(), qos.to_owned())]);
+    let id = writer.add_channel(schema, topic, "cdr", &metadata).map_err(io::Error::other)?;
+    Ok(Channel { id, messages: 0 })
+}
+
+fn schema<W: Write>(writer: &mut Writer<NoSeek<W>>, type_name: &str) -> io::Result<u16> {
+    let text =
+        definition(type_name).ok_or_else(|| io::Error::other(format!("no definition of {type_name}")))?;
+    writer.add_schema(type_name, "ros2msg", text.as_bytes()).map_err(io::Error::other)
+}
+
+/// Adds a message at the time of its header.
+fn put<W: Write>(
+    writer: &mut Writer<NoSeek<W>>,
+    scratch: &mut Vec<u8>,
+    channel: &mut Channel,
+    header: &Header,
+    message: &impl Serialize,
+) -> io::Result<()> {
+    scratch.clear();
+    scratch.extend(CDR_LE);
+    cdr_encoding::to_writer::<_, LittleEndian, _>(&mut *scratch, message).map_err(io::Error::other)?;
+    let stamp = header.stamp.stamp().map_or(0, |stamp| u64::try_from(stamp.nanos()).unwrap_or(0));
+    write(writer, channel, stamp, scratch)
+}
+
+fn write<W: Write>(
+    writer: &mut Writer<NoSeek<W>>,
+    channel: &mut Channel,
+    log_time: u64,
+    data: &[u8],
+) -> io::Result<()> {
+    let header = MessageHeader {
+        channel_id: channel.id,
+        sequence: channel.messages,
+        log_time,
+        publish_time: log_time,
+    };
+    channel.messages = channel.messages.wrapping_add(1);
+    writer.write_to_known_channel(&header, data).map_err(io::Error::other)
+}

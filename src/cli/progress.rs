@@ -1,0 +1,44 @@
+//! A progress bar on a terminal, none in a pipe.
+
+use std::time::Duration;
+
+use cfodi::replay::Progress;
+use indicatif::{ProgressBar, ProgressStyle};
+
+/// How far a bag has been read, with the rate and the time that remains.
+pub(crate) struct Bar(ProgressBar);
+
+impl Bar {
+    /// A bar for a bag of `size` bytes.
+    pub(crate) fn new(size: u64) -> Self {
+        // Hidden by itself where stderr is no terminal.
+        let bar = ProgressBar::new(size);
+        let style = ProgressStyle::with_template(
+            "{wide_bar} {bytes} of {total_bytes}, {msg}, {bytes_per_sec}, {eta} left",
+        );
+        // The template is a constant; were it wrong, the default style would do.
+        if let Ok(style) = style {
+            bar.set_style(style);
+        }
+        bar.enable_steady_tick(Duration::from_millis(200));
+        Self(bar)
+    }
+
+    pub(crate) fn set(&self, progress: Progress) {
+        self.0.set_position(progress.bytes);
+        if !self.0.is_hidden() {
+            let seconds = self.0.elapsed().as_secs_f64().max(1e-9);
+            let rate = progress.scans as f64 / seconds;
+            self.0.set_message(format!("{} scans, {rate:.0} a second", progress.scans));
+        }
+    }
+
+    /// Writes a line to stderr, above the bar.
+    pub(crate) fn say(&self, line: &str) {
+        self.0.suspend(|| eprintln!("{line}"));
+    }
+
+    pub(crate) fn finish(&self) {
+        self.0.finish_and_clear();
+    }
+}

@@ -1,0 +1,177 @@
+//! `cfodi replay`: a recorded bag through the same engine as the live node.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use anyhow::Context as _;
+use cfodi::bag::{Bag, Choice, Decoder, OutputTopics, Survey, choose};
+use cfodi::node::Setup;
+use cfodi::replay::{Feed, FixedFrame, MapFiles, Outputs, Replay, ResultFile, Settings, Summary, feed};
+
+use super::progress::Bar;
+use super::stop;
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct Options {
+    /// An MCAP file, one compressed as a whole (.mcap.zstd), or a folder that rosbags-convert made
+    input: PathBuf,
+    /// The sensor's topic; again for a second sensor. Without it, the only point cloud or depth image
+    #[arg(long)]
+    topic: Vec<String>,
+    /// The result as a bag: clusters, deltas, markers, labelled points, transforms
+    #[arg(long, value_name = "RESULT.mcap")]
+    out: Option<PathBuf>,
+    /// Adds the input's own messages to the result bag
+    #[arg(long, requires = "out")]
+    with_input: bool,
+    /// The account: scans, skipped ones by reason, times, memory, parameters
+    #[arg(long, value_name = "S.json")]
+    summary: Option<PathBuf>,
+    /// The dense voxels of the map as a table
+    #[arg(long, value_name = "V.csv")]
+    voxels: Option<PathBuf>,
+    /// The clusters of the map
+    #[arg(long, value_name = "C.json")]
+    clusters: Option<PathBuf>,
+    /// The dense voxels of the map as a cloud, coloured by cluster
+    #[arg(long, value_name = "P.ply")]
+    ply: Option<PathBuf>,
+}
+
+/// Wrong arguments, as opposed to an input that fails.
+const WRONG: u8 = 2;
+
+/// A bag with its sensors.
+pub(crate) struct Input {
+    pub(crate) bag: Bag,
+    pub(crate) decoder: Decoder,
+    pub(crate) fixed_frame: FixedFrame,
+}
+
+pub(crate) fn replay(setup: &Setup, options: &Options) -> anyhow::Result<ExitCode> {
+    let input = match open(setup, &options.input, &options.topic)? {
+        Ok(input) => input,
+        Err(status) => return Ok(status),
+    };
+    let topics = output_topics(setup)?;
+    let result = options.out.as_deref().map(|path| ResultFile::create(path, &topics, options.with_input));
+    let with_messages = options.out.is_some();
+    let result = result.transpose()?;
+    let bar = Bar::new(input.bag.size());
+    let mut say = |line: &str| bar.say(line);
+    let settings = Settings {
+        engine: setup.config.engine,
+        publish_period: setup.config.publish_period,
+        parameters: setup.parameters.clone(),
+    };
+    let mut replay = Replay::new(settings, Outputs { bag: result, say: &mut say });
+    let stop = stop::on_signal();
+    let mut progress = |progress| bar.set(progress);
+    let Input { bag, decoder, fixed_frame } = input;
+    let fed = feed(
+        Feed { bag: &bag, decoder, fixed_frame, with_messages, stop, progress: &mut progress },
+        &mut replay,
+    )?;
+    let (unread, stopped) = (fed.unread.is_some(), fed.stopped);
+    let (map, session, summary) = replay.finish(fed)?;
+    bar.finish();
+    let files = MapFiles {
+        summary: options.summary.clone(),
+        voxels: options.voxels.clone(),
+        clusters: options.clusters.clone(),
+        ply: options.ply.clone(),
+    };
+    files.write(&session, &map, &summary)?;
+    account(&summary, stopped);
+    Ok(if unread || stopped { ExitCode::FAILURE } else { ExitCode::SUCCESS })
+}
+
+/// Opens the bag and chooses its sensors; gives the exit status where that is not possible.
+pub(crate) fn open(
+    setup: &Setup,
+    path: &std::path::Path,
+    wanted: &[String],
+) -> anyhow::Result<Result<Input, ExitCode>> {
+    let bag = match Bag::open(path) {
+        Ok(bag) => bag,
+        Err(error) => {
+            eprintln!("cfodi: {error}");
+            let status = if error.is_wrong_argument() { ExitCode::from(WRONG) } else { ExitCode::FAILURE };
+            return Ok(Err(status));
+        }
+    };
+    let Survey { topics, is_complete } = bag.survey();
+    let has = |name: &str| topics.iter().any(|topic| topic.name == name);
+    // What the node would listen to is meant where the bag has it.
+    let listened = [setup.resolve("points")?, setup.resolve("depth/image")?];
+    let listened: Vec<_> = listened.into_iter().filter(|name| has(name)).take(1).collect();
+    let wanted = if wanted.is_empty() { &listened } else { wanted };
+    let info = setup.resolve("depth/camera_info")?;
+    let choice = match choose(&topics, wanted, Some(&info)) {
+        Ok(choice) => choice,
+        Err(error) => {
+            eprintln!("cfodi: {}: {error}", path.display());
+            // What is not in a bag that is cut may have been behind the cut: nothing can be read, but nobody was wrong.
+            if is_complete || !error.is_for_lack() {
+                return Ok(Err(ExitCode::from(WRONG)));
+            }
+            Choice { sensors: Vec::new(), passed_over: Vec::new() }
+        }
+    };
+    say_choice(&choice);
+    let fixed_frame = if setup.is_given("fixed_frame") {
+        FixedFrame::Settled(setup.config.fixed_frame.clone())
+    } else {
+        FixedFrame::Open { default: setup.config.fixed_frame.clone() }
+    };
+    let decoder = Decoder::new(choice.sensors, setup.config.filter);
+    Ok(Ok(Input { bag, decoder, fixed_frame }))
+}
+
+fn say_choice(choice: &Choice) {
+    let read: Vec<_> = choice.sensors.iter().map(|sensor| sensor.topic.as_str()).collect();
+    let others = if choice.passed_over.is_empty() {
+        String::new()
+    } else {
+        format!(" (not {}: choose with --topic)", choice.passed_over.join(", "))
+    };
+    if !read.is_empty() {
+        eprintln!("reading {}{others}", read.join(" and "));
+    }
+}
+
+pub(crate) fn output_topics(setup: &Setup) -> anyhow::Result<OutputTopics> {
+    let name = |name| setup.resolve(name).context("an output's name");
+    Ok(OutputTopics {
+        clusters: name("~/clusters")?,
+        clusters_delta: name("~/clusters_delta")?,
+        markers: name("~/markers")?,
+        points_labelled: name("~/points_labelled")?,
+    })
+}
+
+/// The last word: what was read and what was not.
+fn account(summary: &Summary, stopped: bool) {
+    let skipped: u64 = summary.tally.skipped.values().sum();
+    let rate = summary.tally.scans as f64 / summary.wall.as_secs_f64().max(1e-9);
+    eprintln!(
+        "{} scans in {:.1} s ({rate:.0} a second) in frame {}: {} dense voxels, {} clusters, {} of them active",
+        summary.tally.scans,
+        summary.wall.as_secs_f64(),
+        summary.fixed_frame,
+        summary.dense_voxels,
+        summary.clusters,
+        summary.clusters_active,
+    );
+    if skipped > 0 {
+        let reasons: Vec<_> =
+            summary.tally.skipped.iter().map(|(reason, count)| format!("{reason} {count}")).collect();
+        eprintln!("{skipped} scans skipped: {}", reasons.join(", "));
+    }
+    if let Some(unread) = &summary.unread {
+        eprintln!("cfodi: not all of the bag was read: {unread}");
+    }
+    if stopped {
+        eprintln!("cfodi: stopped by a signal before the end of the bag");
+    }
+}

@@ -1,0 +1,34 @@
+//! SIGINT and SIGTERM end a replay early: what has been read is still written.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use tokio::signal::unix::{SignalKind, signal};
+
+static STOP: AtomicBool = AtomicBool::new(false);
+
+/// Set when a signal has come. A second one ends the program at once.
+pub(crate) fn on_signal() -> &'static AtomicBool {
+    // Without a thread to listen, a signal ends the program as it always does.
+    drop(std::thread::Builder::new().name("cfodi-signals".to_owned()).spawn(listen));
+    &STOP
+}
+
+fn listen() {
+    let Ok(runtime) = tokio::runtime::Builder::new_current_thread().enable_io().build() else { return };
+    runtime.block_on(async {
+        let (Ok(mut interrupt), Ok(mut terminate)) =
+            (signal(SignalKind::interrupt()), signal(SignalKind::terminate()))
+        else {
+            return;
+        };
+        loop {
+            tokio::select! {
+                _ = interrupt.recv() => {}
+                _ = terminate.recv() => {}
+            }
+            if STOP.swap(true, Ordering::Relaxed) {
+                std::process::exit(1);
+            }
+        }
+    });
+}

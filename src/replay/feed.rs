@@ -1,0 +1,327 @@
+//! From a bag to scans in the fixed frame, one after the other.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::time::{Duration, Instant};
+
+use thiserror::Error;
+
+use super::fixed_frame::FixedFrame;
+use super::summary::Tally;
+use crate::bag::{Bag, BagError, Decoder, Message, Messages, Recorded};
+use crate::cloud::{Cloud, CloudError};
+use crate::engine::Scan;
+use crate::join::{Join, Joined};
+use crate::msg::ros::TfMessage;
+use crate::tf::{LookupError, Waited};
+
+/// Clouds that wait for a transform at most; a replay has no other patience, since it has no clock.
+pub const PATIENCE: usize = 8;
+
+/// Messages between the two threads at most.
+const BETWEEN: usize = 2;
+
+/// What becomes of the scans.
+pub trait Visitor {
+    /// Why it cannot go on.
+    type Error;
+
+    /// A scan, in the frame `fixed_frame`, with the time its decoding took.
+    ///
+    /// # Errors
+    /// Ends the feeding.
+    fn scan(&mut self, scan: &Scan, fixed_frame: &str, decoding: Duration) -> Result<(), Self::Error>;
+
+    /// Stamps have jumped back by this many seconds: the next scan begins a new session.
+    fn jumped_back(&mut self, seconds: f64);
+
+    /// A message of the bag, where [`Feed::with_messages`] asks for them.
+    ///
+    /// # Errors
+    /// Ends the feeding.
+    fn message(&mut self, message: &Message) -> Result<(), Self::Error>;
+
+    /// Something that a person should know.
+    fn say(&mut self, line: &str);
+}
+
+/// How far a replay has come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Progress {
+    /// Bytes read of the bag, as they are on disk.
+    pub bytes: u64,
+    /// Scans taken in.
+    pub scans: u64,
+}
+
+/// What to feed, and how.
+pub struct Feed<'a> {
+    /// The recording.
+    pub bag: &'a Bag,
+    /// What its messages are.
+    pub decoder: Decoder,
+    /// Where the map lives.
+    pub fixed_frame: FixedFrame,
+    /// Whether [`Visitor::message`] gets every message.
+    pub with_messages: bool,
+    /// Set from outside to end early.
+    pub stop: &'a AtomicBool,
+    /// Called now and then.
+    pub progress: &'a mut dyn FnMut(Progress),
+}
+
+/// How feeding ended.
+#[derive(Debug)]
+pub struct Fed {
+    /// Where every cloud went.
+    pub tally: Tally,
+    /// Where the map lives.
+    pub fixed_frame: String,
+    /// What of the bag could not be read; `None` where all of it was.
+    pub unread: Option<BagError>,
+    /// Whether it was told to stop.
+    pub stopped: bool,
+}
+
+/// Feeding has to end.
+#[derive(Debug, Error)]
+pub enum FeedError<E> {
+    /// The system gives no thread.
+    #[error("cannot start the thread that reads: {0}")]
+    Start(std::io::Error),
+    /// The visitor cannot go on.
+    #[error(transparent)]
+    Visitor(E),
+    /// The reading thread has panicked.
+    #[error("the thread that reads has died")]
+    Died,
+}
+
+/// What the reading thread hands over.
+enum Item {
+    Message(Message),
+    Recorded { recorded: Recorded, decoding: Duration },
+    Unread(BagError),
+}
+
+/// Feeds every scan of a bag to a visitor, in the order in which their transforms are known.
+///
+/// # Errors
+/// When the visitor cannot go on. A bag that cannot be read to its end is no error: [`Fed::unread`] says so.
+pub fn feed<V: Visitor>(feed: Feed<'_>, visitor: &mut V) -> Result<Fed, FeedError<V::Error>> {
+    let Feed { bag, decoder, fixed_frame, with_messages, stop, progress } = feed;
+    let messages = bag.messages();
+    let bytes = messages.bytes_read();
+    let (sender, receiver) = sync_channel(BETWEEN);
+    let reading = std::thread::Builder::new()
+        .name("cfodi-bag".to_owned())
+        .spawn(move || read(messages, decoder, with_messages, &sender))
+        .map_err(FeedError::Start)?;
+    let mut feeder = Feeder {
+        bag,
+        visitor,
+        join: Join::new(PATIENCE),
+        fixed_frame,
+        looked_ahead: false,
+        tally: Tally::default(),
+        decoding: Duration::ZERO,
+    };
+    let ended = feeder.take(&receiver, stop, &bytes, progress);
+    // A full channel would hold the reading thread back for ever.
+    drop(receiver);
+    let died = reading.join().is_err();
+    let (unread, stopped) = ended.map_err(FeedError::Visitor)?;
+    if died {
+        return Err(FeedError::Died);
+    }
+    feeder.finish().map_err(FeedError::Visitor)?;
+    let fixed_frame = match feeder.fixed_frame {
+        FixedFrame::Settled(name) | FixedFrame::Open { default: name } => name,
+    };
+    Ok(Fed { tally: feeder.tally, fixed_frame, unread, stopped })
+}
+
+/// The reading thread; ends when nobody listens any more.
+fn read(messages: Messages, mut decoder: Decoder, with_messages: bool, sender: &SyncSender<Item>) {
+    for message in messages {
+        let message = match message {
+            Ok(message) => message,
+            Err(error) => {
+                flush(&mut decoder, sender);
+                drop(sender.send(Item::Unread(error)));
+                return;
+            }
+        };
+        let begin = Instant::now();
+        for recorded in decoder.decode(&message) {
+            let item = Item::Recorded { recorded, decoding: begin.elapsed() };
+            if sender.send(item).is_err() {
+                return;
+            }
+        }
+        if with_messages && sender.send(Item::Message(message)).is_err() {
+            return;
+        }
+    }
+    flush(&mut decoder, sender);
+}
+
+fn flush(decoder: &mut Decoder, sender: &SyncSender<Item>) {
+    for recorded in decoder.finish() {
+        if sender.send(Item::Recorded { recorded, decoding: Duration::ZERO }).is_err() {
+            return;
+        }
+    }
+}
+
+struct Feeder<'a, V> {
+    bag: &'a Bag,
+    visitor: &'a mut V,
+    join: Join,
+    fixed_frame: FixedFrame,
+    looked_ahead: bool,
+    tally: Tally,
+    /// Of the newest cloud.
+    decoding: Duration,
+}
+
+impl<V: Visitor> Feeder<'_, V> {
+    fn take(
+        &mut self,
+        receiver: &Receiver<Item>,
+        stop: &AtomicBool,
+        bytes: &Arc<AtomicU64>,
+        progress: &mut dyn FnMut(Progress),
+    ) -> Result<(Option<BagError>, bool), V::Error> {
+        for item in receiver {
+            match item {
+                Item::Message(message) => self.visitor.message(&message)?,
+                Item::Recorded { recorded, decoding } => self.recorded(recorded, decoding)?,
+                Item::Unread(error) => return Ok((Some(error), false)),
+            }
+            progress(Progress { bytes: bytes.load(Ordering::Relaxed), scans: self.tally.scans });
+            if stop.load(Ordering::Relaxed) {
+                return Ok((None, true));
+            }
+        }
+        Ok((None, false))
+    }
+
+    fn recorded(&mut self, recorded: Recorded, decoding: Duration) -> Result<(), V::Error> {
+        match recorded {
+            Recorded::Cloud(Ok(cloud)) => {
+                self.decoding = decoding;
+                self.cloud(cloud)
+            }
+            Recorded::Cloud(Err(error)) => {
+                self.refused(&error);
+                Ok(())
+            }
+            Recorded::Transforms { message, is_static } => self.transforms(&message, is_static),
+            Recorded::Undecodable { topic, text } => {
+                self.visitor.say(&format!("a message on {topic} was skipped: {text}"));
+                Ok(())
+            }
+        }
+    }
+
+    fn refused(&mut self, error: &CloudError) {
+        if self.tally.skip(error.reason()) {
+            self.visitor.say(&format!("a scan was skipped: {error}"));
+        }
+    }
+
+    fn cloud(&mut self, cloud: Cloud) -> Result<(), V::Error> {
+        self.make_room()?;
+        if let Some(pushed_out) = self.join.cloud(cloud, Duration::ZERO) {
+            self.skip(&pushed_out);
+        }
+        self.ready()
+    }
+
+    /// Before a cloud is given up: whatever else could show the way from its frame.
+    fn make_room(&mut self) -> Result<(), V::Error> {
+        if self.join.waiting() < PATIENCE {
+            return Ok(());
+        }
+        self.settle();
+        self.ready()?;
+        if self.join.waiting() == PATIENCE { self.look_ahead() } else { Ok(()) }
+    }
+
+    fn settle(&mut self) {
+        let Some(frame) = self.join.oldest().map(|(frame, _)| frame.to_owned()) else { return };
+        if let Some(line) = self.fixed_frame.settle(self.join.frames(), &frame) {
+            self.visitor.say(&line);
+        }
+    }
+
+    /// Takes the static transforms out of the whole bag: a latched `/tf_static` may have been recorded late, and what it
+    /// says holds for all time. Once, and only where frames are not connected: a gap in time is not closed so.
+    fn look_ahead(&mut self) -> Result<(), V::Error> {
+        let lacks = self.join.oldest().and_then(|(_, lacks)| lacks);
+        let unconnected =
+            matches!(lacks, Some(LookupError::UnknownFrame { .. } | LookupError::NotConnected { .. }));
+        if !unconnected || std::mem::replace(&mut self.looked_ahead, true) {
+            return Ok(());
+        }
+        let mut decoder = Decoder::transforms_only();
+        let statics = self.bag.messages().map_while(Result::ok).flat_map(|message| decoder.decode(&message));
+        for recorded in statics {
+            if let Recorded::Transforms { message, is_static: true } = recorded {
+                // What is wrong with a transform is said when its turn comes.
+                message.transforms.iter().for_each(|transform| drop(self.join.transform(transform, true)));
+            }
+        }
+        self.ready()
+    }
+
+    fn transforms(&mut self, message: &TfMessage, is_static: bool) -> Result<(), V::Error> {
+        for transform in &message.transforms {
+            if let Err(error) = self.join.transform(transform, is_static)
+                && self.tally.refuse_transform(error.reason())
+            {
+                self.visitor.say(&format!("a transform was refused: {error}"));
+            }
+        }
+        self.fixed_frame.look_for_default(self.join.frames());
+        self.ready()
+    }
+
+    fn ready(&mut self) -> Result<(), V::Error> {
+        let Some(fixed_frame) = self.fixed_frame.name() else { return Ok(()) };
+        for joined in self.join.ready(fixed_frame) {
+            let Joined { scan, total, jumped_back } = joined;
+            if let Some(seconds) = jumped_back {
+                self.visitor.jumped_back(seconds);
+            }
+            self.tally.take(total, scan.points.len());
+            self.visitor.scan(&scan, fixed_frame, std::mem::take(&mut self.decoding))?;
+        }
+        Ok(())
+    }
+
+    fn skip(&mut self, waited: &Waited<Cloud>) {
+        let reason = waited.last_error.as_ref().map_or("tf_not_looked_up", LookupError::reason);
+        if self.tally.skip(reason) {
+            let why = waited.last_error.as_ref().map_or_else(String::new, ToString::to_string);
+            let known = self.join.frames().frame_names();
+            let (shown, more) = (&known[..known.len().min(20)], known.len().saturating_sub(20));
+            let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+            let line = format!("a scan was skipped: {why}; frames seen: {}{more}", shown.join(", "));
+            self.visitor.say(&line);
+        }
+    }
+
+    /// What still waits at the end of the bag.
+    fn finish(&mut self) -> Result<(), V::Error> {
+        self.settle();
+        self.ready()?;
+        self.look_ahead()?;
+        for waited in self.join.give_up(Duration::ZERO) {
+            self.skip(&waited);
+        }
+        Ok(())
+    }
+}

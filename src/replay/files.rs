@@ -1,0 +1,124 @@
+//! What a replay leaves: each file is optional, and appears whole or not at all.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use super::summary::Summary;
+use crate::bag::{Message, OutputTopics, ResultBag};
+use crate::engine::{Snapshot, Update};
+use crate::export::{WholeFile, WriteError, write_clusters, write_ply, write_voxels, write_whole};
+use crate::msg::clusters::{Session, SurfaceClusterArray};
+use crate::msg::labelled::labelled_points;
+use crate::msg::markers::Markers;
+
+/// A result bag under way.
+pub struct ResultFile {
+    path: PathBuf,
+    bag: ResultBag<WholeFile>,
+    markers: Markers,
+    /// The session that the markers are of.
+    session: u64,
+    /// Version of the newest snapshot.
+    published: Option<(u64, u64)>,
+}
+
+/// What is written while a replay runs.
+pub struct Outputs<'a> {
+    /// The result bag.
+    pub bag: Option<ResultFile>,
+    /// Tells a person something.
+    pub say: &'a mut dyn FnMut(&str),
+}
+
+impl ResultFile {
+    /// Begins a result bag; `with_input` adds the input's messages.
+    ///
+    /// # Errors
+    /// When it cannot be made.
+    pub fn create(path: &Path, topics: &OutputTopics, with_input: bool) -> Result<Self, WriteError> {
+        let bag = ResultBag::new(WholeFile::create(path)?, topics, with_input).map_err(failed(path))?;
+        Ok(Self { path: path.to_owned(), bag, markers: Markers::default(), session: 0, published: None })
+    }
+
+    fn update(&mut self, session: &Session, update: &Update) -> Result<(), WriteError> {
+        if std::mem::replace(&mut self.session, session.id) != session.id {
+            self.markers.reset();
+        }
+        let delta = SurfaceClusterArray::delta(session, update);
+        self.bag.clusters_delta(&delta).map_err(failed(&self.path))
+    }
+
+    fn snapshot(&mut self, session: &Session, snapshot: &Snapshot) -> Result<(), WriteError> {
+        let version = (session.id, snapshot.sequence);
+        if self.published.replace(version) == Some(version) {
+            return Ok(());
+        }
+        let clusters = SurfaceClusterArray::snapshot(session, snapshot);
+        let written = self.bag.clusters(&clusters);
+        let written = written.and_then(|()| self.bag.points_labelled(&labelled_points(session, snapshot)));
+        let markers = self.markers.update(session, snapshot);
+        written.and_then(|()| self.bag.markers(&clusters.header, &markers)).map_err(failed(&self.path))
+    }
+
+    fn finish(self) -> Result<(), WriteError> {
+        self.bag.finish().map_err(failed(&self.path))?.commit()
+    }
+}
+
+impl Outputs<'_> {
+    pub(super) fn update(&mut self, session: &Session, update: &Update) -> Result<(), WriteError> {
+        self.bag.as_mut().map_or(Ok(()), |bag| bag.update(session, update))
+    }
+
+    pub(super) fn snapshot(&mut self, session: &Session, snapshot: &Snapshot) -> Result<(), WriteError> {
+        self.bag.as_mut().map_or(Ok(()), |bag| bag.snapshot(session, snapshot))
+    }
+
+    pub(super) fn message(&mut self, message: &Message) -> Result<(), WriteError> {
+        let Some(ResultFile { bag, path, .. }) = &mut self.bag else { return Ok(()) };
+        bag.input(message).map_err(failed(path))
+    }
+
+    pub(super) fn finish(&mut self) -> Result<(), WriteError> {
+        self.bag.take().map_or(Ok(()), ResultFile::finish)
+    }
+}
+
+fn failed(path: &Path) -> impl FnOnce(io::Error) -> WriteError {
+    move |source| WriteError { path: path.to_owned(), source }
+}
+
+/// Where the map goes when a replay has ended.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct MapFiles {
+    /// `S.json`.
+    pub summary: Option<PathBuf>,
+    /// `V.csv`.
+    pub voxels: Option<PathBuf>,
+    /// `C.json`.
+    pub clusters: Option<PathBuf>,
+    /// `P.ply`.
+    pub ply: Option<PathBuf>,
+}
+
+impl MapFiles {
+    /// Writes those that are asked for.
+    ///
+    /// # Errors
+    /// At the first that cannot be written.
+    pub fn write(&self, session: &Session, map: &Snapshot, summary: &Summary) -> Result<(), WriteError> {
+        if let Some(path) = &self.voxels {
+            write_whole(path, |out| write_voxels(out, map))?;
+        }
+        if let Some(path) = &self.clusters {
+            write_whole(path, |out| write_clusters(out, session, map))?;
+        }
+        if let Some(path) = &self.ply {
+            write_whole(path, |out| write_ply(out, map))?;
+        }
+        if let Some(path) = &self.summary {
+            write_whole(path, |out| writeln!(out, "{:#}", summary.json()))?;
+        }
+        Ok(())
+    }
+}

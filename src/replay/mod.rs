@@ -1,0 +1,19 @@
+//! A recorded bag through the same engine as the live node: every scan, in order, as fast as the processor allows.
+//!
+//! Two threads: `cfodi-bag` reads, decompresses and decodes, the caller's joins, clusters and writes. Between them wait a
+//! few messages at most, so that memory is bounded whatever the bag's size. Nothing depends on which thread is faster:
+//! the same bag gives the same bytes on every run.
+//!
+//! [`feed`] turns a bag into scans for a [`Visitor`]; [`Replay`] is the visitor that runs the engine and keeps account.
+
+mod feed;
+mod files;
+mod fixed_frame;
+mod run;
+mod summary;
+
+pub use feed::{Fed, Feed, FeedError, PATIENCE, Progress, Visitor, feed};
+pub use files::{MapFiles, Outputs, ResultFile};
+pub use fixed_frame::FixedFrame;
+pub use run::{Replay, Settings};
+pub use summary::Summary;

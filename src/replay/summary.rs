@@ -1,0 +1,144 @@
+//! The account of a replay: `S.json`.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use serde_json::{Map, Value as Json, json};
+
+use crate::config::Value;
+
+/// Where every cloud of a bag went.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Tally {
+    /// Scans taken in.
+    pub scans: u64,
+    /// Scans that could not be used, by reason.
+    pub skipped: BTreeMap<&'static str, u64>,
+    /// Transforms that could not be used, by reason.
+    pub transforms_refused: BTreeMap<&'static str, u64>,
+    /// Points of the scans taken in, valid or not.
+    pub points: u64,
+    /// Those that were valid and in range.
+    pub points_valid: u64,
+}
+
+impl Tally {
+    pub(super) fn take(&mut self, total: u32, valid: usize) {
+        self.scans += 1;
+        self.points += u64::from(total);
+        self.points_valid += valid as u64;
+    }
+
+    /// Counts a scan; says whether it is the first with this reason.
+    pub(super) fn skip(&mut self, reason: &'static str) -> bool {
+        count(&mut self.skipped, reason)
+    }
+
+    pub(super) fn refuse_transform(&mut self, reason: &'static str) -> bool {
+        count(&mut self.transforms_refused, reason)
+    }
+}
+
+fn count(counts: &mut BTreeMap<&'static str, u64>, reason: &'static str) -> bool {
+    let count = counts.entry(reason).or_default();
+    *count += 1;
+    *count == 1
+}
+
+/// What a replay has come to.
+#[derive(Clone, Debug)]
+pub struct Summary {
+    /// Where every cloud went.
+    pub tally: Tally,
+    /// Where the map lives.
+    pub fixed_frame: String,
+    /// How often a map was begun: 1, and one more for each jump back of the stamps.
+    pub sessions: u64,
+    /// Voxels of the map, dense or not.
+    pub voxels: usize,
+    /// Dense voxels of the map.
+    pub dense_voxels: usize,
+    /// Clusters of the map.
+    pub clusters: usize,
+    /// Those that still grow.
+    pub clusters_active: usize,
+    /// Time in the engine of each scan (ms), ascending.
+    pub engine_ms: Vec<f32>,
+    /// Time for decoding messages and binning their points.
+    pub ingest: Duration,
+    /// Time for all of it.
+    pub wall: Duration,
+    /// The parameters it was made with.
+    pub parameters: Vec<(&'static str, Value)>,
+    /// What of the bag could not be read.
+    pub unread: Option<String>,
+}
+
+impl Summary {
+    /// As the contract has it.
+    pub fn json(&self) -> Json {
+        let Tally { scans, skipped, transforms_refused, points, points_valid } = &self.tally;
+        let mut parameters: Map<String, Json> =
+            self.parameters.iter().map(|(name, value)| ((*name).to_owned(), parameter(value))).collect();
+        parameters.insert("fixed_frame".to_owned(), json!(self.fixed_frame));
+        let at = |share| percentile(&self.engine_ms, share);
+        json!({
+            "scans": scans,
+            "scans_skipped": skipped,
+            "transforms_refused": transforms_refused,
+            "sessions": self.sessions,
+            "points": points,
+            "points_valid": points_valid,
+            "voxels": self.voxels,
+            "dense_voxels": self.dense_voxels,
+            "clusters": self.clusters,
+            "clusters_active": self.clusters_active,
+            "engine_ms": { "p50": at(0.5), "p90": at(0.9), "p99": at(0.99), "max": at(1.0) },
+            "ingest_ns_per_point": (*points > 0).then(|| self.ingest.as_nanos() as f64 / *points as f64),
+            "wall_s": self.wall.as_secs_f64(),
+            "peak_rss_mb": peak_rss_mb(),
+            "unread": self.unread,
+            "parameters": parameters,
+        })
+    }
+}
+
+fn parameter(value: &Value) -> Json {
+    match value {
+        Value::Boolean(value) => json!(value),
+        Value::Integer(value) => json!(value),
+        Value::Double(value) => json!(value),
+        Value::Text(value) => json!(value),
+        Value::TextList(value) => json!(value),
+    }
+}
+
+/// The smallest value that at least this share of the values does not exceed; `None` without values.
+fn percentile(ascending: &[f32], share: f64) -> Option<f32> {
+    let rank = (share * ascending.len() as f64).ceil() as usize;
+    ascending.get(rank.max(1) - 1).copied()
+}
+
+/// The most memory that this process has had (MB); `None` where the system does not tell.
+fn peak_rss_mb() -> Option<f64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let kib: f64 = line.trim().trim_end_matches("kB").trim().parse().ok()?;
+    Some(kib * 1024.0 / 1e6)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn percentiles_are_values_that_occurred() {
+        let values: Vec<f32> = (1..=10).map(|i| i as f32).collect();
+        assert_eq!(
+            [0.5, 0.9, 0.99, 1.0].map(|share| percentile(&values, share)),
+            [5.0, 9.0, 10.0, 10.0].map(Some)
+        );
+        assert_eq!(percentile(&values[..1], 0.01), Some(1.0));
+        assert_eq!(percentile(&[], 0.5), None);
+    }
+}

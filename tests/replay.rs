@@ -1,0 +1,301 @@
+//! `cfodi replay` as a program: bags of every shape in, files and exit status out.
+#![cfg(feature = "node")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test that cannot go on has failed"
+)]
+
+#[path = "support/bags.rs"]
+mod bags;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use bags::{BagWriter, Layout, OPTICAL, POINTS, drive, ends_of_clouds, stamp, wall};
+use serde_json::Value;
+
+/// A folder of the test's own, removed at its end.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new(test: &str) -> Self {
+        let path = std::env::temp_dir().join(format!("cfodi-replay-{test}-{}", std::process::id()));
+        fs::create_dir_all(&path).unwrap();
+        Self(path)
+    }
+
+    fn put(&self, name: &str, bytes: &[u8]) -> PathBuf {
+        let path = self.0.join(name);
+        fs::write(&path, bytes).unwrap();
+        path
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = fs::remove_dir_all(&self.0);
+    }
+}
+
+struct Replayed {
+    status: i32,
+    errors: String,
+    summary: Option<Value>,
+    voxels: Option<String>,
+}
+
+fn cfodi(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_cfodi")).args(arguments).output().unwrap()
+}
+
+/// Replays into a folder that is new each time.
+fn replay(bag: &Path, more: &[&str]) -> Replayed {
+    let out = Folder::new(&format!("out-{}", bag.file_name().unwrap().to_string_lossy()));
+    let (summary, voxels) = (out.0.join("s.json"), out.0.join("v.csv"));
+    let mut arguments = vec!["replay", bag.to_str().unwrap(), "--summary", summary.to_str().unwrap()];
+    arguments.extend(["--voxels", voxels.to_str().unwrap()]);
+    arguments.extend(more);
+    let ended = cfodi(&arguments);
+    Replayed {
+        status: ended.status.code().expect("ended by a signal"),
+        errors: String::from_utf8(ended.stderr).unwrap(),
+        summary: fs::read_to_string(summary).ok().map(|text| serde_json::from_str(&text).unwrap()),
+        voxels: fs::read_to_string(voxels).ok(),
+    }
+}
+
+impl Replayed {
+    fn number(&self, name: &str) -> u64 {
+        self.summary.as_ref().unwrap_or_else(|| panic!("{}", self.errors))[name].as_u64().unwrap()
+    }
+}
+
+#[test]
+fn every_compression_gives_the_same_map() {
+    let folder = Folder::new("compressions");
+    let layouts = [Layout::Plain, Layout::Chunks, Layout::Zstd, Layout::Lz4].map(BagWriter::new);
+    let mut messages = BagWriter::new(Layout::Chunks);
+    messages.compress_messages = true;
+    let mut bags: Vec<_> = layouts.into_iter().chain([messages]).map(|writer| drive(writer, 30)).collect();
+    bags.push(zstd::encode_all(&bags[1][..], 3).unwrap());
+    let expected = replay(&folder.put("0.mcap", &bags[0]), &[]);
+    assert_eq!((expected.status, expected.number("scans")), (0, 30), "{}", expected.errors);
+    assert!(expected.number("dense_voxels") > 100);
+    for (i, bag) in bags.iter().enumerate().skip(1) {
+        let name = if i == bags.len() - 1 { "a.mcap.zstd".to_owned() } else { format!("{i}.mcap") };
+        let found = replay(&folder.put(&name, bag), &[]);
+        assert_eq!((found.status, found.voxels), (0, expected.voxels.clone()), "bag {i}: {}", found.errors);
+    }
+}
+
+/// A generator of the test's own, so that the cuts are the same on every run.
+fn cuts(length: usize, number: usize) -> impl Iterator<Item = usize> {
+    let mut state = 0x2545_F491_4F6C_DD1D_u64;
+    (0..number).map(move |_| {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        (state % length as u64) as usize
+    })
+}
+
+#[test]
+fn a_bag_cut_at_any_byte_gives_every_scan_before_the_cut_and_status_1() {
+    let folder = Folder::new("cuts");
+    for (name, layout) in [("plain", Layout::Plain), ("chunks", Layout::Chunks)] {
+        let bag = drive(BagWriter::new(layout), 20);
+        let ends = ends_of_clouds(&bag);
+        assert_eq!(ends.len(), 20);
+        for cut in cuts(bag.len(), 70) {
+            let found = replay(&folder.put(&format!("{name}.mcap"), &bag[..cut]), &[]);
+            let before = ends.iter().filter(|end| **end <= cut).count() as u64;
+            assert_eq!(
+                (found.status, found.number("scans")),
+                (1, before),
+                "{name} cut at {cut}: {}",
+                found.errors
+            );
+            assert!(found.errors.contains("not all of the bag was read"), "{}", found.errors);
+        }
+    }
+}
+
+#[test]
+fn a_compressed_bag_cut_at_any_byte_gives_at_least_the_whole_chunks() {
+    let folder = Folder::new("zstd-cuts");
+    let (in_chunks, plain) =
+        (drive(BagWriter::new(Layout::Zstd), 20), drive(BagWriter::new(Layout::Plain), 20));
+    let as_a_whole = zstd::encode_all(&plain[..], 3).unwrap();
+    for (name, bag) in [("chunks.mcap", in_chunks), ("whole.mcap.zstd", as_a_whole)] {
+        let ends: Vec<usize> = if name.starts_with("chunks") { ends_of_chunks(&bag) } else { Vec::new() };
+        for cut in cuts(bag.len(), 60) {
+            let found = replay(&folder.put(name, &bag[..cut]), &[]);
+            let chunks = ends.iter().filter(|end| **end <= cut).count() as u64;
+            assert_eq!(found.status, 1, "{name} cut at {cut}: {}", found.errors);
+            // A chunk holds the transforms and clouds of two scans and a half.
+            assert!(
+                found.number("scans") >= 2 * chunks.min(6),
+                "{name} cut at {cut}: {chunks} chunks, {} scans: {}",
+                found.number("scans"),
+                found.errors
+            );
+            assert!(found.number("scans") <= 20);
+        }
+    }
+}
+
+fn ends_of_chunks(bag: &[u8]) -> Vec<usize> {
+    let (mut at, mut ends) = (8, Vec::new());
+    while at + 9 <= bag.len() - 8 {
+        let length = u64::from_le_bytes(bag[at + 1..at + 9].try_into().unwrap()) as usize;
+        at += 9 + length;
+        if bag[at - 9 - length] == 6 {
+            ends.push(at);
+        }
+    }
+    ends
+}
+
+#[test]
+fn a_static_transform_may_come_last_and_a_cloud_before_its_transform() {
+    let folder = Folder::new("late");
+    let mut writer = BagWriter::new(Layout::Chunks);
+    for i in 0..30 {
+        writer.cloud(POINTS, stamp(i), &wall(i));
+        writer.tf("/tf", stamp(i), "map", "camera_link", 0.1 * i as f64);
+    }
+    writer.tf("/tf_static", stamp(29), "camera_link", OPTICAL, 0.0);
+    let late = replay(&folder.put("late.mcap", &writer.finish()), &["--ros-args", "-p", "fixed_frame:=map"]);
+    let early = replay(&folder.put("early.mcap", &drive(BagWriter::new(Layout::Plain), 30)), &[]);
+    assert_eq!((late.status, late.number("scans")), (0, 30), "{}", late.errors);
+    assert_eq!(late.voxels, early.voxels);
+}
+
+#[test]
+fn the_default_frame_is_taken_where_the_bag_has_it_and_the_root_is_named_where_not() {
+    let folder = Folder::new("frames");
+    let mut writer = BagWriter::new(Layout::Plain);
+    writer.tf("/tf_static", stamp(0), "camera_link", OPTICAL, 0.0);
+    for i in 0..12 {
+        writer.cloud(POINTS, stamp(i), &wall(i));
+        writer.tf("/tf", stamp(i), "map", "odom", 5.0);
+        writer.tf("/tf", stamp(i), "odom", "camera_link", 0.1 * i as f64);
+    }
+    let found = replay(&folder.put("odom.mcap", &writer.finish()), &[]);
+    let frame = |found: &Replayed| found.summary.as_ref().unwrap()["parameters"]["fixed_frame"].clone();
+    assert_eq!((found.number("scans"), frame(&found)), (12, "odom".into()), "{}", found.errors);
+    let found = replay(&folder.put("map.mcap", &drive(BagWriter::new(Layout::Plain), 12)), &[]);
+    assert_eq!(frame(&found), "map");
+    assert!(found.errors.contains("made in `map`, the root of the sensor's frames"), "{}", found.errors);
+}
+
+#[test]
+fn without_any_transform_the_sensor_stands_still_and_that_is_said() {
+    let folder = Folder::new("still");
+    let mut writer = BagWriter::new(Layout::Plain);
+    (0..3).for_each(|i| writer.cloud(POINTS, stamp(i), &wall(i)));
+    let found = replay(&folder.put("still.mcap", &writer.finish()), &[]);
+    assert_eq!((found.status, found.number("scans")), (0, 3));
+    assert!(found.errors.contains("taken to stand still"), "{}", found.errors);
+}
+
+#[test]
+fn a_frame_that_is_not_there_skips_every_scan_with_the_reason() {
+    let folder = Folder::new("nowhere");
+    let bag = folder.put("a.mcap", &drive(BagWriter::new(Layout::Plain), 20));
+    let found = replay(&bag, &["--ros-args", "-p", "fixed_frame:=world"]);
+    assert_eq!((found.status, found.number("scans")), (0, 0));
+    assert_eq!(found.summary.as_ref().unwrap()["scans_skipped"]["tf_unknown_frame"], 20, "{}", found.errors);
+    assert!(
+        found.errors.contains("frames seen: camera_depth_optical_frame, camera_link, map"),
+        "{}",
+        found.errors
+    );
+}
+
+#[test]
+fn two_sensors_fill_one_map() {
+    let folder = Folder::new("two");
+    let mut writer = BagWriter::new(Layout::Plain);
+    writer.tf("/tf_static", stamp(0), "map", OPTICAL, 0.0);
+    for i in 0..4 {
+        writer.cloud("/left", stamp(2 * i), &wall(0));
+        writer.cloud("/right", stamp(2 * i + 1), &wall(1));
+    }
+    let bag = folder.put("two.mcap", &writer.finish());
+    let none = replay(&bag, &[]);
+    assert_eq!((none.status, none.summary), (2, None));
+    assert!(none.errors.contains("--topic /left or --topic /right"), "{}", none.errors);
+    assert_eq!(replay(&bag, &["--topic", "/left"]).number("scans"), 4);
+    assert_eq!(replay(&bag, &["--topic", "/left", "--topic", "/right"]).number("scans"), 8);
+    assert_eq!(replay(&bag, &["--ros-args", "-r", "points:=/right"]).number("scans"), 4);
+}
+
+#[test]
+fn stamps_that_jump_back_begin_a_session() {
+    let folder = Folder::new("loop");
+    let mut writer = BagWriter::new(Layout::Plain);
+    writer.tf("/tf_static", stamp(0), "camera_link", OPTICAL, 0.0);
+    for i in (0..60).chain(0..3) {
+        writer.tf("/tf", stamp(i), "map", "camera_link", 0.1 * i as f64);
+        writer.cloud(POINTS, stamp(i), &wall(i));
+    }
+    let looped = replay(&folder.put("loop.mcap", &writer.finish()), &[]);
+    let once = replay(&folder.put("once.mcap", &drive(BagWriter::new(Layout::Plain), 3)), &[]);
+    assert_eq!((looped.number("scans"), looped.number("sessions")), (63, 2), "{}", looped.errors);
+    assert_eq!(looped.voxels, once.voxels);
+}
+
+#[test]
+fn other_recordings_are_refused_with_the_command_that_converts_them() {
+    let folder = Folder::new("others");
+    for (name, begin) in [("a.bag", &b"#ROSBAG V2.0\nxyz"[..]), ("a.db3", b"SQLite format 3\0abc")] {
+        let found = replay(&folder.put(name, begin), &[]);
+        assert_eq!((found.status, found.summary), (2, None));
+        assert!(found.errors.contains("rosbags-convert --src "), "{}", found.errors);
+    }
+    let found = replay(&folder.put("a.txt", b"hello, hello"), &[]);
+    assert!(
+        found.status == 2 && found.errors.contains("it begins with \"hello, hello\""),
+        "{}",
+        found.errors
+    );
+    let found = replay(Path::new("/nowhere/a.mcap"), &[]);
+    assert!(found.status == 1 && found.errors.contains("cannot read /nowhere/a.mcap"), "{}", found.errors);
+    assert_eq!(replay(&folder.put("empty.mcap", b""), &[]).status, 1);
+}
+
+#[test]
+fn bytes_after_the_end_and_damaged_chunks_are_said() {
+    let folder = Folder::new("damage");
+    let mut bag = drive(BagWriter::new(Layout::Chunks), 5);
+    let whole = bag.len();
+    bag.extend(b"more");
+    let found = replay(&folder.put("more.mcap", &bag), &[]);
+    assert_eq!((found.status, found.number("scans")), (1, 5), "{}", found.errors);
+    bag.truncate(whole);
+    let middle = ends_of_clouds(&bag)[2] - 50;
+    bag[middle] ^= 1;
+    let found = replay(&folder.put("damaged.mcap", &bag), &[]);
+    assert_eq!(found.status, 1);
+    assert!(found.errors.contains("CRC"), "{}", found.errors);
+}
+
+#[test]
+fn an_output_that_cannot_be_written_is_named_and_nothing_is_left() {
+    let folder = Folder::new("unwritable");
+    let bag = folder.put("a.mcap", &drive(BagWriter::new(Layout::Plain), 2));
+    let found = replay(&bag, &["--out", "/nowhere/out.mcap"]);
+    assert!(found.status == 1 && found.errors.contains("/nowhere/out.mcap"), "{}", found.errors);
+    assert!(found.summary.is_none());
+    let cut = folder.put("b.mcap", &drive(BagWriter::new(Layout::Plain), 2)[..30_000]);
+    let out = folder.0.join("out.mcap");
+    assert_eq!(replay(&cut, &["--out", out.to_str().unwrap()]).status, 1);
+    let result = mcap::Summary::read(&fs::read(&out).unwrap()).unwrap().unwrap();
+    assert_eq!(result.channels.len(), 6);
+    let names: Vec<_> = fs::read_dir(&folder.0).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    assert!(!names.iter().any(|name| name.to_string_lossy().contains(".part")), "{names:?}");
+}
