@@ -12,6 +12,8 @@ pub mod export;
 pub mod msg;
 #[cfg(feature = "node")]
 pub mod node;
+#[cfg(feature = "bag")]
+pub mod report;
 #[cfg(feature = "sim")]
 pub mod sim;
 #[cfg(feature = "frames")]
