@@ -1,0 +1,92 @@
+//! What a replay knows beside its story.
+
+use std::collections::BTreeMap;
+
+/// What the page says in words and numbers; all of it is shown as text, whatever it holds.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Facts {
+    /// Name of the input.
+    pub title: String,
+    /// The frame in which the map lives.
+    pub fixed_frame: String,
+    /// Parameters as (name, value).
+    pub parameters: Vec<(String, String)>,
+    /// Scans that the engine took in.
+    pub scans: u64,
+    /// Messages that could not be used, by reason.
+    pub skipped: BTreeMap<String, u64>,
+    /// Valid points of all scans.
+    pub points: u64,
+    /// Time that the replay took (s).
+    pub wall_seconds: f64,
+    /// Whole sentences that a reader must know, such as that the file is cut.
+    pub notes: Vec<String>,
+    /// Further figures.
+    pub figures: Vec<Figure>,
+}
+
+/// A figure of the caller's.
+///
+/// The page shows it as an image, so that nothing in it can run, load or restyle the page.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Figure {
+    /// Heading.
+    pub title: String,
+    /// A whole SVG document.
+    pub svg: String,
+    /// What is to be seen.
+    pub caption: String,
+}
+
+/// What a reason of a skipped message means; `None` for an unknown one.
+pub(super) fn sentence(reason: &str) -> Option<&'static str> {
+    let known = SENTENCES.binary_search_by_key(&reason, |&(known, _)| known).ok()?;
+    Some(SENTENCES[known].1)
+}
+
+/// By ascending reason.
+const SENTENCES: &[(&str, &str)] = &[
+    ("bad_norm", "The rotation of a transform is no unit quaternion."),
+    ("bad_stamp", "The nanoseconds of the header’s stamp do not fit a second."),
+    ("cycle", "A transform would make a frame its own ancestor."),
+    ("duplicate_field", "A coordinate occurs twice in the cloud’s fields."),
+    ("empty_frame_id", "The header names no frame."),
+    ("empty_name", "A transform names no frame."),
+    ("field_outside_point", "A coordinate lies partly outside its point."),
+    ("field_type", "A coordinate is neither FLOAT32 nor FLOAT64."),
+    ("long_name", "A transform’s frame has too long a name."),
+    ("missing_field", "The cloud has no x, y or z."),
+    ("non_finite", "A transform holds a number that is not finite."),
+    ("refused", "A transform was refused by the buffer of transforms."),
+    ("self_transform", "A transform leads from a frame to itself."),
+    ("session_ended", "The clock jumped back while the cloud waited for its transform."),
+    ("short_data", "The cloud has less data than its size says."),
+    ("short_row_step", "The rows of the cloud are too short for their points."),
+    ("shutdown", "The replay ended while the cloud waited for its transform."),
+    ("tf_not_connected", "No chain of transforms joins the sensor to the fixed frame."),
+    ("tf_numeric", "The transforms to the fixed frame cannot be put together."),
+    ("tf_too_early", "The cloud is older than the oldest transform."),
+    ("tf_too_late", "The cloud is newer than the newest transform."),
+    ("tf_unknown_frame", "No transform names the sensor’s frame or the fixed frame."),
+    ("too_many_fields", "The cloud has more fields than any driver sends."),
+    ("too_many_frames", "The transforms name too many frames."),
+    ("too_many_points", "The cloud has more points than max_points."),
+    ("transform_timeout", "No transform to the fixed frame came within tf_timeout."),
+    ("undecodable", "The message is not a readable PointCloud2."),
+    ("waiting_queue_full", "Too many clouds waited for their transforms."),
+    ("zero_point_step", "The points of the cloud have no size."),
+];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn reasons_are_in_order_so_that_each_is_found() {
+        assert!(SENTENCES.is_sorted_by(|a, b| a.0 < b.0));
+        for (reason, text) in SENTENCES {
+            assert_eq!(sentence(reason), Some(*text));
+        }
+        assert_eq!(sentence("</script>"), None);
+    }
+}

@@ -1,0 +1,245 @@
+//! The story against the snapshots it was told, and the page against what a bag may hold.
+
+use std::collections::BTreeMap;
+
+use nalgebra::Point3;
+use proptest::prelude::*;
+
+use super::moment::{Look, Moment};
+use super::page::escaped;
+use super::row::row;
+use super::{Facts, Figure, MOMENTS, Story, Taken, write_report};
+use crate::engine::{ClusterId, Engine, Isometry3, Params, Points, Scan, Snapshot, Stamp, VoxelKey};
+
+/// A scan of a square metre of floor and the wall beside it; each one further along +x.
+fn scan(number: u32) -> Scan {
+    let ahead = f64::from(number) * 0.24;
+    let floor = (0..10_000).map(|i| [(i % 100) as f32 * 0.01, (i / 100) as f32 * 0.01, -1.0]);
+    let wall = (0..5_000).map(|i| [(i % 100) as f32 * 0.01, 1.3, (i / 100) as f32 * 0.01 - 0.7]);
+    Scan {
+        stamp: Stamp::from_nanos(i64::from(number) * 33_000_000),
+        fixed_from_sensor: Isometry3::translation(ahead, 0.0, 1.0),
+        points: Points::F32(floor.chain(wall).collect()),
+    }
+}
+
+/// Takes scans through an engine as a replay does.
+fn tell(story: &mut Story, engine: &mut Engine, scans: impl Iterator<Item = u32>) {
+    for number in scans {
+        let scan = scan(number);
+        let update = engine.insert(&scan);
+        let sensor = scan.sensor_origin();
+        story.scan(&update, &Taken { points: scan.points.len() as u64, engine_ms: 0.25, sensor });
+        if story.wants_moment() {
+            story.moment(&engine.snapshot());
+        }
+    }
+}
+
+fn whole_story(bound: usize, scans: u32) -> (Story, Snapshot) {
+    let (mut story, mut engine) = (Story::of_moments(bound), Engine::new(Params::default()));
+    tell(&mut story, &mut engine, 0..scans);
+    story.finish(&engine.snapshot());
+    (story, engine.snapshot())
+}
+
+/// What is shown of a map: voxels by key, clusters by id.
+type Shown = (BTreeMap<VoxelKey, Look>, BTreeMap<ClusterId, Box<str>>);
+
+fn shown(snapshot: &Snapshot) -> Shown {
+    let voxels = snapshot.voxels.iter().map(|voxel| (voxel.key, Look::from(voxel)));
+    let clusters = snapshot.clusters.iter().map(|cluster| (cluster.id, row(&cluster.into())));
+    (voxels.collect(), clusters.collect())
+}
+
+/// The map at each moment, put together from the changes.
+fn replayed(story: &Story) -> Vec<Shown> {
+    let mut now = Shown::default();
+    let apply = |moment: &Moment| {
+        for (&number, look) in &moment.voxels {
+            let key = story.latest.keys[number as usize];
+            if let Some(look) = look {
+                now.0.insert(key, *look)
+            } else {
+                now.0.remove(&key)
+            };
+        }
+        for (&id, row) in &moment.clusters {
+            if let Some(row) = row {
+                now.1.insert(id, row.clone())
+            } else {
+                now.1.remove(&id)
+            };
+        }
+        now.clone()
+    };
+    story.moments.iter().map(apply).collect()
+}
+
+fn page(story: &Story, facts: &Facts) -> String {
+    let mut bytes = Vec::new();
+    write_report(&mut bytes, story, facts).unwrap();
+    String::from_utf8(bytes).unwrap()
+}
+
+/// The JSON that the viewer reads.
+fn data(page: &str) -> serde_json::Value {
+    let (_, after) = page.split_once("<script type=\"application/json\" id=\"story\">").unwrap();
+    serde_json::from_str(after.split_once("</script>").unwrap().0).unwrap()
+}
+
+fn scans_of(story: &Story) -> Vec<u64> {
+    story.moments.iter().map(|moment| moment.scan).collect()
+}
+
+#[test]
+fn a_short_story_has_every_scan_and_a_long_one_every_second_fourth_and_so_on() {
+    assert_eq!(scans_of(&whole_story(4, 4).0), [1, 2, 3, 4]);
+    assert_eq!(scans_of(&whole_story(4, 5).0), [1, 3, 5]);
+    // The eighth is the end, and one too many.
+    assert_eq!(scans_of(&whole_story(4, 8).0), [1, 5, 8]);
+    assert_eq!(scans_of(&whole_story(4, 17).0), [1, 9, 17]);
+}
+
+#[test]
+fn moments_stay_within_their_bound_and_the_last_state_is_among_them() {
+    for scans in 1..=40 {
+        let (story, _) = whole_story(6, scans);
+        assert!(story.moments.len() <= 6, "{scans} scans: {} moments", story.moments.len());
+        assert_eq!(scans_of(&story).last(), Some(&u64::from(scans)));
+    }
+}
+
+#[test]
+fn a_moment_is_wanted_once_a_scan_and_not_before_the_first() {
+    let (mut story, mut engine) = (Story::new(), Engine::new(Params::default()));
+    assert!(!story.wants_moment());
+    tell(&mut story, &mut engine, 0..1);
+    assert!(!story.wants_moment());
+}
+
+#[test]
+fn the_changes_put_together_are_the_snapshots() {
+    let (mut story, mut engine) = (Story::of_moments(4), Engine::new(Params::default()));
+    let mut snapshots = BTreeMap::new();
+    for number in 0..23 {
+        tell(&mut story, &mut engine, number..=number);
+        snapshots.insert(u64::from(number) + 1, shown(&engine.snapshot()));
+    }
+    story.finish(&engine.snapshot());
+    let expected: Vec<_> = scans_of(&story).iter().map(|scan| snapshots[scan].clone()).collect();
+    assert!(expected.len() > 2 && replayed(&story) == expected);
+}
+
+#[test]
+fn a_moment_holds_only_what_differs_from_the_one_before() {
+    let (mut story, engine) = (Story::new(), &mut Engine::new(Params::default()));
+    tell(&mut story, engine, 0..2);
+    let dense = engine.snapshot().voxels.len();
+    assert!(story.moments[1].voxels.len() < dense / 2, "{} of {dense}", story.moments[1].voxels.len());
+    // The same map after another scan: nothing to tell.
+    let update = engine.insert(&Scan { points: Points::F32(Vec::new()), ..scan(2) });
+    story.scan(&update, &Taken { points: 0, engine_ms: 0.0, sensor: Point3::origin() });
+    story.moment(&engine.snapshot());
+    assert!(story.moments[2].voxels.is_empty() && story.moments[2].clusters.is_empty());
+}
+
+#[test]
+fn after_a_reset_of_the_engine_nothing_of_the_map_before_is_left() {
+    let (mut story, mut engine) = (Story::new(), Engine::new(Params::default()));
+    tell(&mut story, &mut engine, 0..6);
+    let mut engine = Engine::new(Params::default());
+    tell(&mut story, &mut engine, 30..32);
+    let snapshot = engine.snapshot();
+    assert_eq!(replayed(&story).last(), Some(&shown(&snapshot)));
+    let last = story.series.columns.last().unwrap();
+    assert_eq!((last.dense, last.clusters), (snapshot.voxels.len() as u64, snapshot.clusters.len() as u64));
+    assert_eq!(scans_of(&story), (1..=8).collect::<Vec<_>>());
+}
+
+#[test]
+fn the_numbers_of_a_scan_agree_with_the_snapshot() {
+    let (mut story, mut engine) = (Story::of_moments(2), Engine::new(Params::default()));
+    for number in 0..12 {
+        tell(&mut story, &mut engine, number..=number);
+        let (last, snapshot) = (story.series.columns.last().unwrap(), engine.snapshot());
+        assert_eq!(
+            (last.dense, last.clusters),
+            (snapshot.voxels.len() as u64, snapshot.clusters.len() as u64)
+        );
+        assert_eq!(last.points, 15_000);
+    }
+}
+
+#[test]
+fn the_page_counts_what_it_holds() {
+    let (story, snapshot) = whole_story(MOMENTS, 5);
+    let data = data(&page(&story, &Facts::default()));
+    assert_eq!(data["moments"].as_array().unwrap().len(), 5);
+    assert_eq!(data["story"]["voxel_count"], snapshot.voxels.len());
+    assert_eq!(data["story"]["scans"]["dense"][4], snapshot.voxels.len());
+    assert!(data["story"]["ids"].as_array().unwrap().iter().all(serde_json::Value::is_string));
+}
+
+#[test]
+fn names_from_a_bag_do_no_harm() {
+    let evil =
+        "</script><script>alert(1)</script><img src=x onerror='alert(2)'>\"&\u{202e}{{story}}".to_owned();
+    let facts = Facts {
+        title: evil.clone(),
+        fixed_frame: evil.clone(),
+        parameters: vec![(evil.clone(), evil.clone())],
+        skipped: [(evil.clone(), 3)].into(),
+        notes: vec![evil.clone()],
+        figures: vec![Figure { title: evil.clone(), svg: format!("<svg>{evil}</svg>"), caption: evil }],
+        ..Facts::default()
+    };
+    let (story, _) = whole_story(2, 1);
+    let (harmless, harmful) = (page(&story, &Facts::default()), page(&story, &facts));
+    for tag in ["<script", "</script", "<svg"] {
+        assert_eq!(harmful.matches(tag).count(), harmless.matches(tag).count(), "{tag}");
+    }
+    // The one image is the figure's; no mark within a text was replaced.
+    assert_eq!(harmful.matches("<img").count(), 1);
+    assert!(harmful.contains("&lt;/script&gt;&lt;script&gt;alert(1)") && harmful.contains("{{story}}"));
+    assert!(!harmful.contains('\u{202e}'));
+    assert_eq!(data(&harmful), data(&harmless));
+}
+
+#[test]
+fn a_story_without_a_scan_is_a_page() {
+    let text = page(&Story::new(), &Facts::default());
+    assert_eq!(data(&text)["moments"], serde_json::json!([]));
+    assert!(!text.contains("{{") && text.ends_with("</html>\n"));
+}
+
+#[test]
+fn the_same_story_gives_the_same_bytes_and_asks_no_network() {
+    let pages = [(); 2].map(|()| page(&whole_story(4, 9).0, &Facts::default()));
+    assert_eq!(pages[0], pages[1]);
+    // The name of SVG's namespace is the only address; nothing is fetched from it.
+    let addresses = pages[0].replace("http://www.w3.org/2000/svg", "");
+    assert!(!addresses.contains("http:") && !addresses.contains("https:") && !addresses.contains("url("));
+    assert!(pages[0].contains("default-src 'none'"));
+}
+
+#[test]
+fn a_skipped_message_is_explained() {
+    let facts = Facts { skipped: [("tf_too_early".to_owned(), 1234)].into(), ..Facts::default() };
+    let text = page(&Story::new(), &facts);
+    assert!(text.contains("1\u{202f}234") && text.contains("older than the oldest transform"));
+}
+
+proptest! {
+    #[test]
+    fn escaped_text_has_no_sign_of_html_and_says_the_same(text in ".*") {
+        let html = escaped(&text);
+        prop_assert!(!html.contains(['<', '>', '"', '\'']));
+        let back = [("&lt;", "<"), ("&gt;", ">"), ("&quot;", "\""), ("&#39;", "'"), ("&amp;", "&")]
+            .iter()
+            .fold(html, |html, (from, to)| html.replace(from, to));
+        if !text.contains(|c| matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')) {
+            prop_assert_eq!(back, text);
+        }
+    }
+}

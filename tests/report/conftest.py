@@ -1,0 +1,63 @@
+"""A report to look at, and a browser to look at it with."""
+
+import os
+import pathlib
+import subprocess
+
+import pytest
+
+TOP = pathlib.Path(__file__).resolve().parents[2]
+CHROMIUM, CHROMEDRIVER = "/usr/bin/chromium", "/usr/bin/chromedriver"
+OPTIONS = ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
+           "--disable-background-networking", "--disable-component-update", "--disable-sync")
+MAKE = ("cargo", "test", "--no-default-features", "--features", "bag,sim", "--test", "report", "--",
+        "--ignored", "a_report_of_the_simulated_drive")
+
+
+def leave_out(request, why):
+    if noted := os.environ.get("CFODI_LEFT_OUT"):
+        with open(noted, "a") as file:
+            file.write(request.node.name + "\n")
+    pytest.skip(why)
+
+
+@pytest.fixture(scope="session")
+def made_report(tmp_path_factory):
+    """CFODI_REPORT, or one of the simulated drive made here."""
+    if given := os.environ.get("CFODI_REPORT"):
+        return pathlib.Path(given).resolve()
+    folder = tmp_path_factory.mktemp("report")
+    subprocess.run(MAKE, cwd=TOP, env=os.environ | {"CFODI_REPORT_DIR": str(folder)}, check=True)
+    return folder / "index.html"
+
+
+@pytest.fixture
+def open_browser(request, tmp_path):
+    """Starts browsers, each with a profile of its own; at the end of the test none is left."""
+    try:
+        from selenium import webdriver
+    except ImportError:
+        leave_out(request, "no selenium")
+    if not (os.path.exists(CHROMIUM) and os.path.exists(CHROMEDRIVER)):
+        leave_out(request, "no chromium with its driver")
+    started = []
+
+    def start(width=1400, height=1000):
+        options = webdriver.ChromeOptions()
+        options.binary_location = CHROMIUM
+        for option in (*OPTIONS, f"--user-data-dir={tmp_path / f'profile{len(started)}'}",
+                       f"--window-size={width},{height}"):
+            options.add_argument(option)
+        options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+        started.append(webdriver.Chrome(options, webdriver.ChromeService(CHROMEDRIVER)))
+        return started[-1]
+
+    yield start
+    for browser in started:
+        browser.quit()
+
+
+@pytest.fixture
+def page(open_browser, made_report):
+    from viewer import Page
+    return Page(open_browser(), made_report)

@@ -1,0 +1,123 @@
+"""The report of a replay in a real browser: what is drawn, picked, turned and scrubbed, and that nothing is fetched.
+
+CFODI_REPORT names an index.html (default: one is made); CFODI_SCREENSHOT says where the screenshot goes.
+"""
+
+import os
+import pathlib
+
+TOP = pathlib.Path(__file__).resolve().parents[2]
+NOT_YET = "not computed yet"
+
+# As WebDriver names them. Selenium is not imported here, so that the tests can say without it that they are left out.
+LEFT, HOME, END = "\ue012", "\ue011", "\ue010"
+
+
+def test_the_report_draws_the_map_and_shows_it(page):
+    assert page.run("return cfodi.drawnPixels()") > 20_000
+    assert int(page.run("return cfodi.moments")) > 1
+    screenshot = pathlib.Path(os.environ.get("CFODI_SCREENSHOT", TOP / "target" / "report.png"))
+    screenshot.parent.mkdir(parents=True, exist_ok=True)
+    page.click(*page.a_place_of()[:2])
+    page.rest()
+    assert page.browser.save_screenshot(str(screenshot))
+
+
+def test_a_click_on_a_surface_shows_its_fields(page):
+    x, y, cluster = page.a_place_of()
+    before = page.picture()
+    page.click(x, y)
+    assert page.at("#chosen").get_attribute("data-id") == cluster
+    assert page.at("#chosen h2").text == f"Cluster {cluster}"
+    assert page.field("state") in ("tentative", "active", "complete")
+    assert int(page.field("voxel_count").replace("\u202f", "")) > 0
+    assert page.field("size").endswith(" m") and page.field("first_seen").endswith(" s")
+    for later in ("surface_class", "area"):
+        assert page.field(later) != ""
+    assert page.picture() != before, "the chosen cluster is not shown"
+
+
+def test_what_is_unknown_says_so(page):
+    page.click(*page.a_place_of()[:2])
+    unknown = page.run("return [...document.querySelectorAll('#chosen .unknown')].map((field) => field.textContent)")
+    assert set(unknown) <= {NOT_YET}
+    texts = page.run("return [...document.querySelectorAll('#chosen dd')].map((field) => field.textContent)")
+    assert not any(wrong in text for text in texts for wrong in ("NaN", "null", "undefined"))
+
+
+def test_a_click_beside_the_map_lets_go(page):
+    page.click(*page.a_place_of()[:2])
+    page.click(3, 3)
+    assert page.at("#chosen").get_attribute("data-id") == ""
+
+
+def test_the_list_chooses_too(page):
+    entry = page.at("#largest button")
+    entry.click()
+    chosen = page.at("#largest button[aria-pressed='true']")
+    assert page.at("#chosen h2").text == f"Cluster {chosen.find_element('css selector', 'span:nth-of-type(2)').text}"
+
+
+def test_dragging_turns_the_map_and_picks_nothing(page):
+    x, y, _ = page.a_place_of()
+    before = page.picture()
+    page.drag(x, y, (90, -40))
+    assert page.picture() != before
+    assert page.at("#chosen").get_attribute("data-id") == ""
+
+
+def test_arrow_keys_turn_the_map_and_home_shows_all_again(page):
+    before = page.picture()
+    page.canvas.send_keys(LEFT)
+    turned = page.picture()
+    assert turned != before
+    page.canvas.send_keys(HOME)
+    assert page.picture() == before
+
+
+def test_scrubbing_changes_the_picture_and_the_time(page):
+    slider = page.at("#time")
+    before, shown = page.picture(), page.at("#shown").text
+    for _ in range(3):
+        slider.send_keys(LEFT)
+    assert page.at("#shown").text != shown
+    assert slider.get_attribute("aria-valuetext") == page.at("#shown").text
+    assert page.picture() != before
+    slider.send_keys(END)
+    assert (page.picture(), page.at("#shown").text) == (before, shown)
+
+
+def test_playing_runs_to_the_end(page):
+    page.at("#time").send_keys(END, *[LEFT] * 2)
+    page.at("#play").click()
+    for _ in range(20):
+        page.rest()
+        if page.at("#play").get_attribute("aria-label") == "Play":
+            break
+    assert int(page.run("return document.getElementById('time').value")) == page.run("return cfodi.moments") - 1
+
+
+def test_what_is_picked_is_what_is_seen_after_turning_and_zooming(page):
+    page.drag(200, 200, (60, 30))
+    for _ in range(4):
+        page.canvas.send_keys("+")
+    page.rest()
+    x, y, cluster = page.a_place_of()
+    page.click(x, y)
+    assert page.at("#chosen").get_attribute("data-id") == cluster
+
+
+def test_nothing_is_fetched_and_nothing_goes_wrong(page):
+    page.click(*page.a_place_of()[:2])
+    page.drag(200, 200, (30, 30))
+    page.at("#play").click()
+    page.rest()
+    assert [url for url in page.requests() if url != page.browser.current_url] == []
+    assert page.errors() == []
+
+
+def test_in_a_narrow_window_nothing_is_cut_off(open_browser, made_report):
+    from viewer import Page
+    page = Page(open_browser(500, 900), made_report)
+    assert page.run("return document.documentElement.scrollWidth <= document.documentElement.clientWidth")
+    assert page.run("return cfodi.drawnPixels()") > 5_000
