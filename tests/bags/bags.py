@@ -3,6 +3,7 @@ message."""
 
 import os
 import pathlib
+import struct
 import subprocess
 import sys
 
@@ -50,7 +51,7 @@ def only_file(folder):
 
 
 def messages(bag, *topics):
-    """(topic, log time [ns], message) of a bag's folder or file, as `rosbags` reads them; of all topics if none is given."""
+    """(topic, log time [ns], message) of a bag's folder or file, as `rosbags` reads them; without topics, of all."""
     with AnyReader([pathlib.Path(bag)]) as reader:
         wanted = [c for c in reader.connections if not topics or c.topic in topics]
         for connection, stamp, data in reader.messages(wanted) if wanted else ():
@@ -117,11 +118,13 @@ class Bag:
             header=self.header(stamp, frame), height=height, width=width, encoding=encoding, is_bigendian=0,
             step=width * depth.itemsize, data=np.ascontiguousarray(depth).view(np.uint8).ravel()))
 
-    def compressed(self, stamp, depth, topic, frame=OPTICAL):
-        """uint16 depth as PNG, under the header of `compressedDepth` where the topic ends in it, else bare."""
+    def compressed(self, stamp, depth, topic, frame=OPTICAL, inverse=None):
+        """uint16 depth as PNG, under the header of `compressedDepth` where the topic ends in it, else bare. With
+        `inverse` = (a, b) the values stand for a / (value - b) metres, as image_transport packs a 32FC1 image."""
         png = cv2.imencode(".png", depth)[1].tobytes()
         if topic.endswith("compressedDepth"):
-            image_format, data = "16UC1; compressedDepth png", bytes(12) + png
+            image_format = f"{'32FC1' if inverse else '16UC1'}; compressedDepth png"
+            data = struct.pack("<iff", 0, *(inverse or (0, 0))) + png
         else:
             image_format, data = "16UC1; png compressed ", png
         self.write(topic, stamp, self.type("sensor_msgs/msg/CompressedImage")(
@@ -135,11 +138,3 @@ class Bag:
             k=np.array([focal, 0, cx, 0, focal, cy, 0, 0, 1]), r=np.eye(3).ravel(),
             p=np.array([focal, 0, cx, 0, 0, focal, cy, 0, 0, 0, 1, 0.0]), binning_x=0, binning_y=0,
             roi=self.type("sensor_msgs/msg/RegionOfInterest")(0, 0, 0, 0, False)))
-
-
-def wall(distance=2.04, side=60, width=1.0):
-    """Points of a square wall in front of the camera (optical axes), dense enough for every voxel."""
-    across = np.linspace(-width / 2, width / 2, side, dtype=np.float32)
-    points = np.empty((side, side, 3), np.float32)
-    points[..., 0], points[..., 1], points[..., 2] = across[None, :], across[:, None], distance
-    return points

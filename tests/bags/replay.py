@@ -12,7 +12,7 @@ from bags import REPOSITORY
 BINARY = os.environ.get("CFODI_BIN") or REPOSITORY / "target" / "release" / "cfodi"
 OUTPUTS = {"summary": "S.json", "voxels": "V.csv", "clusters": "C.json", "ply": "P.ply", "out": "RESULT.mcap"}
 V_HEADER = "ix,iy,iz,count,cx,cy,cz,nx,ny,nz,cluster_id"
-PLY_TYPES = {"float": "<f4", "double": "<f8", "uchar": "u1", "uint8": "u1", "uint": "<u4", "uint32": "<u4", "int": "<i4"}
+PLY_TYPES = {"float": "<f4", "double": "<f8", "uchar": "u1", "uint8": "u1", "uint": "<u4", "uint32": "<u4"}
 
 Voxel = namedtuple("Voxel", "count centre normal cluster")
 

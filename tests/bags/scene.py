@@ -37,7 +37,8 @@ def metres(millimetres):
 def points(z):
     """What depth_image_proc makes of a depth image [m]: (height, width, 3), float32."""
     u, v = np.meshgrid(np.arange(WIDTH, dtype=np.float32), np.arange(HEIGHT, dtype=np.float32))
-    return np.stack([(u - (WIDTH - 1) / 2) * z / np.float32(FOCAL), (v - (HEIGHT - 1) / 2) * z / np.float32(FOCAL), z], 2)
+    focal = np.float32(FOCAL)
+    return np.stack([(u - (WIDTH - 1) / 2) * z / focal, (v - (HEIGHT - 1) / 2) * z / focal, z], 2)
 
 
 def moves(bag, parent="map", child="camera_link", every=TF_PERIOD, **more):

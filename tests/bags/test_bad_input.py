@@ -21,7 +21,7 @@ def records(data, start, end):
 
 
 def stamps_before(data, topic_ids):
-    """The log times of messages of some channels in an uncompressed MCAP that ends anywhere: in whole chunks, and all."""
+    """Log times of the messages of some channels in an uncompressed MCAP that ends anywhere: in whole chunks; in all."""
     whole, every = [], []
     for opcode, at, length, complete in records(data, 8, len(data)):
         if opcode != CHUNK or at + 40 > len(data):
@@ -166,3 +166,21 @@ def test_arguments_that_cannot_be_end_it_with_2(arguments, said):
 def test_an_output_that_cannot_be_written_is_said_by_name(recording, tmp_path):
     done = cfodi("replay", recording("cabinet").folder(), "--voxels", tmp_path / "no" / "such" / "V.csv")
     assert done.returncode in (1, 2) and "V.csv" in done.stderr and "panicked" not in done.stderr
+
+
+@pytest.mark.parametrize("way", ["itself", "link"])
+def test_an_output_never_replaces_the_input(way, recordings, tmp_path):
+    bag, out = tmp_path / "bag.mcap", tmp_path / "bag.mcap"
+    shutil.copy(recordings / "cabinet_depth640_58.mcap", bag)
+    if way == "link":
+        out = tmp_path / "link.mcap"
+        out.symlink_to(bag)
+    done = cfodi("replay", bag, "--out", out)
+    assert bag.read_bytes() == (recordings / "cabinet_depth640_58.mcap").read_bytes(), "the recording is lost"
+    assert done.returncode == 2 and out.name in done.stderr or way == "link" and not out.is_symlink()
+
+
+def test_a_remap_is_not_ignored_in_silence(recordings):
+    """As in the live node it chooses the sensor's topic, or it is refused."""
+    done = cfodi("replay", recordings / "cabinet_cloud320_58.mcap", "--ros-args", "-r", "points:=/camera/nope")
+    assert done.returncode == 2 and ("/camera/nope" in done.stderr or "--topic" in done.stderr)

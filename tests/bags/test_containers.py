@@ -29,15 +29,14 @@ def plain(space):
     return scene.write(space / "container-scene", scene.cloud)
 
 
-def rewrite(folder, path, order=None, **options):
-    """The messages of a bag in another container, as the library `mcap` writes it."""
-    data = bags.only_file(folder).read_bytes()
-    reader = make_reader(io.BytesIO(data))
+def rewrite(folder, path, order=iter, **options):
+    """The messages of a bag, in an order of their own, in another container, as the library `mcap` writes it."""
+    reader = make_reader(io.BytesIO(bags.only_file(folder).read_bytes()))
     with open(path, "wb") as file:
         writer = Writer(file, **options)
         writer.start("ros2", "test")
         schemas, ids = {}, {}
-        for schema, channel, message in order(reader.iter_messages()) if order else reader.iter_messages():
+        for schema, channel, message in order(reader.iter_messages()):
             if schema.id not in schemas:
                 schemas[schema.id] = writer.register_schema(schema.name, schema.encoding, schema.data)
             if channel.id not in ids:

@@ -25,7 +25,7 @@ def usual(plain, space):
 
 
 def rewrite(folder, path, change):
-    """A bag whose messages go through `change(number, topic, log time)` -> new log time; `extra(writer)` adds others."""
+    """A bag whose messages go through `change(number, topic, log time)` -> (name of the channel, new log time)."""
     with open(path, "wb") as file:
         writer, channels = Writer(file), {}
         writer.start("ros2", "test")
@@ -55,7 +55,7 @@ def test_a_topic_of_two_writers_is_one_topic(plain, usual, tmp_path):
 
 
 def test_topics_of_other_kinds_are_no_hindrance(plain, usual, tmp_path):
-    """JSON, a channel without a schema, and an encoding that nobody knows: they pass through to a result with the input."""
+    """JSON, a channel without a schema, encodings that nobody knows: they pass through to a result with the input."""
     path = tmp_path / "bag.mcap"
     with open(path, "wb") as file:
         writer, channels = Writer(file), {}
@@ -149,7 +149,8 @@ def test_an_image_before_its_camera_info_waits_for_it(tmp_path):
                 bag.info(stamp, scene.WIDTH, scene.HEIGHT, scene.FOCAL)
                 if name == "before":
                     bag.image(stamp, scene.depth(scan))
-    behind, before = (Replay(tmp_path / name, tmp_path / f"{name}-out", parameters=PAPER) for name in ("behind", "before"))
+    behind, before = (Replay(tmp_path / name, tmp_path / f"{name}-out", parameters=PAPER)
+                      for name in ("behind", "before"))
     assert behind.summary()["scans"] == scene.SCANS, behind.summary()["scans_skipped"]
     same_map(behind, before)
 

@@ -1,4 +1,4 @@
-"""Real recordings, in every form that `rosbags-convert` gives them: the same bytes out, and the voxels that numpy counts."""
+"""Real recordings in every form that `rosbags-convert` gives them: the same bytes out, the voxels that numpy counts."""
 
 import bags
 import pytest

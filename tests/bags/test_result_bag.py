@@ -127,11 +127,12 @@ def test_deltas_alone_lead_from_the_first_snapshot_to_every_other(result):
     for snapshot in snapshots[1:]:
         while reader.version < snapshot.sequence:
             reader.delta(next(waiting))
-        rebuilt = {i: cluster for i, cluster in reader.clusters.items()}
+        rebuilt = reader.clusters
         assert set(rebuilt) == {cluster.id for cluster in snapshot.clusters}
         for cluster in snapshot.clusters:
             mine = rebuilt[cluster.id]
-            different = [n for n in CLUSTER if n != "merged_from" and plain(getattr(mine, n)) != plain(getattr(cluster, n))]
+            different = [name for name in CLUSTER
+                         if name != "merged_from" and plain(getattr(mine, name)) != plain(getattr(cluster, name))]
             assert not different, f"version {snapshot.sequence}, cluster {cluster.id}: {different}"
         assert reader.latest.unclustered_voxels == snapshot.unclustered_voxels
 

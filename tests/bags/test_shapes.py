@@ -1,6 +1,7 @@
 """Bags of other shapes than those of the recordings, written message by message."""
 
 import bags
+import numpy as np
 import pytest
 import recount
 import scene
@@ -54,7 +55,8 @@ def test_the_shape_of_tums_recordings(counted, tmp_path):
     assert run.summary()["scans"] == scene.SCANS
     assert run.summary()["parameters"]["fixed_frame"] == "world" and "world" in run.stderr
     recount.assert_same_voxels(run.voxels(), counted)
-    named = Replay(tmp_path / "tum", tmp_path / "named", outputs=("voxels",), parameters=PAPER | {"fixed_frame": "/world"})
+    named = Replay(tmp_path / "tum", tmp_path / "named", outputs=("voxels",),
+                   parameters=PAPER | {"fixed_frame": "/world"})
     assert named.bytes("voxels") == run.bytes("voxels")
 
 
@@ -67,6 +69,30 @@ def test_png_images_give_what_raw_ones_give(topic, images, tmp_path):
     packed = scene.write(tmp_path / "packed", sensor)
     same_map(Replay(packed, tmp_path / "a", topics=[topic], parameters=PAPER),
              Replay(images, tmp_path / "b", parameters=PAPER))
+
+
+def test_float_images_packed_by_their_inverse_are_unpacked(tmp_path):
+    """image_transport's compressedDepth of a 32FC1 image, with its usual parameters (depth_quantization 100, 10 m)."""
+    a = np.float32(100 * 101)
+    inverse = a, np.float32(1 - a / 10)
+    topic = bags.IMAGE + "/compressedDepth"
+
+    def values(scan):
+        z = scene.metres(scene.depth(scan))
+        return np.where(np.isfinite(z), inverse[0] / np.nan_to_num(z, nan=1) + inverse[1], 0).astype(np.uint16)
+
+    def packed(bag, stamp, scan):
+        bag.info(stamp, scene.WIDTH, scene.HEIGHT, scene.FOCAL)
+        bag.compressed(stamp, values(scan), topic, inverse=inverse)
+
+    def unpacked(bag, stamp, scan):
+        z = values(scan).astype(np.float32)
+        bag.cloud(stamp, scene.points(np.where(z > 0, inverse[0] / (z - inverse[1]), np.nan).astype(np.float32)))
+
+    run = Replay(scene.write(tmp_path / "packed", packed), tmp_path, topics=[topic], parameters=PAPER)
+    assert run.summary()["scans"] == scene.SCANS
+    clouds = scene.write(tmp_path / "clouds", unpacked)
+    recount.assert_same_voxels(run.voxels(), recount.Voxels(clouds, bags.POINTS), allowed=1e-4)
 
 
 def test_static_transforms_that_come_after_five_clouds_hold_for_those_too(clouds, tmp_path):
@@ -91,7 +117,8 @@ def test_clouds_may_come_before_their_transform_of_the_same_time(tmp_path):
                 scene.cloud(bag, stamp, scan)
                 if name == "behind":
                     bag.transform(stamp, "map", "camera_link", *scene.pose(stamp))
-    behind, ahead = (Replay(tmp_path / name, tmp_path / f"{name}-out", parameters=PAPER) for name in ("behind", "ahead"))
+    behind, ahead = (Replay(tmp_path / name, tmp_path / f"{name}-out", parameters=PAPER)
+                     for name in ("behind", "ahead"))
     assert behind.summary()["scans"] == scene.SCANS
     same_map(behind, ahead)
 
