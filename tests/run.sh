@@ -1,12 +1,13 @@
 #!/usr/bin/env bash
 # All that the project checks, in one command:  bash tests/run.sh
-# Recordings come from CFODI_DATA (default: ../shared/data beside the repository); tests that need them are left out
-# without them, and the last line says how many.
+# Recordings come from CFODI_DATA, the tool that makes bags of them from CFODI_TOOLS (default: ../shared/data and
+# ../shared/tools beside the repository); tests that need them are left out without them, and the last line says how many.
 set -euo pipefail
 top=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 CFODI_DATA=$(realpath -m "${CFODI_DATA:-$top/../shared/data}")
 CFODI_BIN=$(realpath -m "${CFODI_BIN:-${CARGO_TARGET_DIR:-$top/target}/release/cfodi}")
-export CFODI_DATA CFODI_BIN
+CFODI_TOOLS=$(realpath -m "${CFODI_TOOLS:-$top/../shared/tools}")
+export CFODI_DATA CFODI_TOOLS CFODI_BIN
 cd "$top"
 CFODI_LEFT_OUT=$(mktemp)
 export CFODI_LEFT_OUT
@@ -21,7 +22,7 @@ closing() {
   out=$(sort -u "$CFODI_LEFT_OUT" | wc -l)
   rm -f "$CFODI_LEFT_OUT"
   if [ "$out" = 0 ]; then echo "0 tests left out"
-  else echo "$out tests left out: no recordings in $CFODI_DATA (set CFODI_DATA)"
+  else echo "$out tests left out: no recordings in $CFODI_DATA or no tool for bags in $CFODI_TOOLS (set CFODI_DATA, CFODI_TOOLS)"
   fi
   exit "$status"
 }
@@ -73,4 +74,5 @@ run cargo build --release
 step "ROS tests: sockets"
 raise_socket_buffer
 run bash tests/ros/python.sh -m pytest tests/ros
+run bash tests/bags/python.sh -m pytest tests/bags
 current=
