@@ -18,6 +18,7 @@ pub mod msg;
 pub mod node;
 #[cfg(feature = "bag")]
 pub mod replay;
+#[cfg(feature = "bag")]
 pub mod report;
 #[cfg(feature = "sim")]
 pub mod sim;

@@ -117,8 +117,7 @@ fn named<'a>(topics: &'a [Topic], wanted: &[String]) -> Result<Vec<Candidate<'a>
         let same = |topic: &&Topic| topic.name.trim_start_matches('/') == name.trim_start_matches('/');
         let of_name: Vec<&Topic> = topics.iter().filter(same).collect();
         let Some(first) = of_name.first() else {
-            let near = topics.iter().min_by_key(|topic| strsim::damerau_levenshtein(&topic.name, name));
-            let hint = near.map_or_else(String::new, |topic| format!(" (is {} meant?)", topic.name));
+            let hint = hint(topics, name);
             return Err(ChoiceError::NoTopic { topic: name.clone(), hint, held: held(topics) });
         };
         let usable = of_name.iter().find_map(|topic| Some((*topic, kind_by_type(topic)?)));
@@ -136,6 +135,16 @@ fn named<'a>(topics: &'a [Topic], wanted: &[String]) -> Result<Vec<Candidate<'a>
         }
     }
     Ok(chosen)
+}
+
+/// The topic with scans whose name is nearest, where that is near enough to be meant.
+fn hint(topics: &[Topic], name: &str) -> String {
+    let usable = topics.iter().filter(|topic| kind_by_type(topic).is_some());
+    let distances = usable.map(|topic| (strsim::damerau_levenshtein(&topic.name, name), &topic.name));
+    match distances.min() {
+        Some((distance, near)) if 2 * distance < name.len() => format!(" (is {near} meant?)"),
+        _ => String::new(),
+    }
 }
 
 fn only<'a>(
@@ -158,10 +167,15 @@ fn only<'a>(
     Err(ChoiceError::Nothing(held(topics)))
 }
 
-/// What a topic is taken for when nobody has named it: an image is one of depth only when its name says so.
+/// What a topic is taken for when nobody has named it: an image is one of depth only when its name says so, and what a
+/// replay wrote is no sensor.
 fn kind(topic: &Topic) -> Option<SensorKind> {
     let kind = kind_by_type(topic)?;
-    (kind == SensorKind::Cloud || topic.name.to_lowercase().contains("depth")).then_some(kind)
+    let is_sensor = match kind {
+        SensorKind::Cloud => !topic.name.ends_with("/points_labelled"),
+        SensorKind::Depth | SensorKind::CompressedDepth => topic.name.to_lowercase().contains("depth"),
+    };
+    is_sensor.then_some(kind)
 }
 
 fn kind_by_type(topic: &Topic) -> Option<SensorKind> {
@@ -252,6 +266,7 @@ mod tests {
             ("/camera/rgb/image_color", "Image"),
             ("/camera/depth/camera_info", "CameraInfo"),
             ("/camera/rgb/camera_info", "CameraInfo"),
+            ("/cfodi/points_labelled", "PointCloud2"),
         ])
     }
 
@@ -268,7 +283,7 @@ mod tests {
 
     #[test]
     fn without_a_cloud_the_depth_image_is_taken_with_its_own_intrinsics() {
-        let choice = choose(&kinect()[1..], &[], None).unwrap();
+        let choice = choose(&kinect()[1..5], &[], None).unwrap();
         assert_eq!(names(&choice), ["/camera/depth/image_raw"]);
         assert_eq!(choice.sensors[0].info_topic.as_deref(), Some("/camera/depth/camera_info"));
     }

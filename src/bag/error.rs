@@ -65,8 +65,14 @@ pub enum BagError {
         /// What is wrong.
         what: String,
     },
+    /// Nothing is in it.
+    #[error("{} is empty", path.display())]
+    Empty {
+        /// The file.
+        path: PathBuf,
+    },
     /// The bag ends in the middle, or is damaged.
-    #[error("{} is cut or damaged after {bytes} of {size} bytes: {reason}", path.display())]
+    #[error("{} is cut or damaged; {bytes} of its {size} bytes were looked at: {reason}", path.display())]
     Cut {
         /// The file.
         path: PathBuf,

@@ -62,6 +62,11 @@ impl Bag {
         self.files.iter().map(|part| part.size).sum()
     }
 
+    /// The files that it is made of.
+    pub fn paths(&self) -> Vec<PathBuf> {
+        self.files.iter().map(|part| part.path.clone()).collect()
+    }
+
     /// The topics: from the summary or `metadata.yaml` where there is one, by reading all of the bag otherwise.
     pub fn survey(&self) -> Survey {
         survey::survey(self)

@@ -95,7 +95,7 @@ impl Messages {
             };
             match reader.messages.next() {
                 Some(Ok(message)) => return reader.message(message, &self.bytes).map(Some),
-                Some(Err(error)) => return Err(reader.cut(error.to_string(), &self.bytes)),
+                Some(Err(error)) => return Err(reader.cut(reason(&error), &self.bytes)),
                 None => self.current = None,
             }
         }
@@ -138,6 +138,9 @@ impl Part {
 
 impl Reader {
     fn cut(&self, reason: String, bytes: &AtomicU64) -> BagError {
+        if self.part.size == 0 {
+            return BagError::Empty { path: self.part.path.clone() };
+        }
         let bytes = bytes.load(Ordering::Relaxed) - self.before;
         BagError::Cut { path: self.part.path.clone(), bytes, size: self.part.size, reason }
     }
@@ -152,6 +155,12 @@ impl Reader {
         };
         Ok(Message { channel: message.channel, log_time: message.log_time, data })
     }
+}
+
+/// An error with what it comes from, which its own words leave out.
+fn reason(error: &mcap::McapError) -> String {
+    let source = std::error::Error::source(error);
+    source.map_or_else(|| error.to_string(), |source| format!("{error}: {source}"))
 }
 
 fn decompress(data: &[u8]) -> io::Result<Vec<u8>> {

@@ -1,12 +1,17 @@
 //! `cfodi replay`: a recorded bag through the same engine as the live node.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::Context as _;
 use cfodi::bag::{Bag, Choice, Decoder, OutputTopics, Survey, choose};
+use cfodi::export::write_whole;
 use cfodi::node::Setup;
-use cfodi::replay::{Feed, FixedFrame, MapFiles, Outputs, Replay, ResultFile, Settings, Summary, feed};
+use cfodi::node::args::ArgsError;
+use cfodi::replay::{
+    Feed, Finished, FixedFrame, MapFiles, Outputs, Replay, ResultFile, Settings, Summary, feed,
+};
+use cfodi::report::{Story, write_report};
 
 use super::progress::Bar;
 use super::stop;
@@ -36,7 +41,22 @@ pub(crate) struct Options {
     /// The dense voxels of the map as a cloud, coloured by cluster
     #[arg(long, value_name = "P.ply")]
     ply: Option<PathBuf>,
+    /// Folder for a report to look at: index.html, with the clusters in 3-D over time
+    #[arg(long, value_name = "DIR")]
+    report: Option<PathBuf>,
 }
+
+impl Options {
+    /// The files to write.
+    fn outputs(&self) -> Vec<PathBuf> {
+        let files = [&self.out, &self.summary, &self.voxels, &self.clusters, &self.ply];
+        let report = self.report.as_ref().map(|folder| folder.join(PAGE));
+        files.into_iter().flatten().cloned().chain(report).collect()
+    }
+}
+
+/// The file of a report, in its folder.
+const PAGE: &str = "index.html";
 
 /// Wrong arguments, as opposed to an input that fails.
 const WRONG: u8 = 2;
@@ -53,6 +73,13 @@ pub(crate) fn replay(setup: &Setup, options: &Options) -> anyhow::Result<ExitCod
         Ok(input) => input,
         Err(status) => return Ok(status),
     };
+    if let Some(clash) = clash(&options.outputs(), &input.bag.paths()) {
+        eprintln!("cfodi: {clash}");
+        return Ok(ExitCode::from(WRONG));
+    }
+    if let Some(folder) = &options.report {
+        std::fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
+    }
     let topics = output_topics(setup)?;
     let result = options.out.as_deref().map(|path| ResultFile::create(path, &topics, options.with_input));
     let with_messages = options.out.is_some();
@@ -64,7 +91,10 @@ pub(crate) fn replay(setup: &Setup, options: &Options) -> anyhow::Result<ExitCod
         publish_period: setup.config.publish_period,
         parameters: setup.parameters.clone(),
     };
-    let mut replay = Replay::new(settings, Outputs { bag: result, say: &mut say });
+    let mut replay = Replay::new(
+        settings,
+        Outputs { bag: result, story: options.report.as_ref().map(|_| Story::new()), say: &mut say },
+    );
     let stop = stop::on_signal();
     let mut progress = |progress| bar.set(progress);
     let Input { bag, decoder, fixed_frame } = input;
@@ -73,7 +103,7 @@ pub(crate) fn replay(setup: &Setup, options: &Options) -> anyhow::Result<ExitCod
         &mut replay,
     )?;
     let (unread, stopped) = (fed.unread.is_some(), fed.stopped);
-    let (map, session, summary) = replay.finish(fed)?;
+    let Finished { map, session, summary, story } = replay.finish(fed)?;
     bar.finish();
     let files = MapFiles {
         summary: options.summary.clone(),
@@ -82,16 +112,17 @@ pub(crate) fn replay(setup: &Setup, options: &Options) -> anyhow::Result<ExitCod
         ply: options.ply.clone(),
     };
     files.write(&session, &map, &summary)?;
+    if let (Some(folder), Some(story)) = (&options.report, story) {
+        let title = options.input.file_name().unwrap_or(options.input.as_os_str()).to_string_lossy();
+        let facts = summary.facts(&title, stopped);
+        write_whole(&folder.join(PAGE), |out| write_report(out, &story, &facts))?;
+    }
     account(&summary, stopped);
     Ok(if unread || stopped { ExitCode::FAILURE } else { ExitCode::SUCCESS })
 }
 
 /// Opens the bag and chooses its sensors; gives the exit status where that is not possible.
-pub(crate) fn open(
-    setup: &Setup,
-    path: &std::path::Path,
-    wanted: &[String],
-) -> anyhow::Result<Result<Input, ExitCode>> {
+pub(crate) fn open(setup: &Setup, path: &Path, wanted: &[String]) -> anyhow::Result<Result<Input, ExitCode>> {
     let bag = match Bag::open(path) {
         Ok(bag) => bag,
         Err(error) => {
@@ -102,10 +133,13 @@ pub(crate) fn open(
     };
     let Survey { topics, is_complete } = bag.survey();
     let has = |name: &str| topics.iter().any(|topic| topic.name == name);
-    // What the node would listen to is meant where the bag has it.
-    let listened = [setup.resolve("points")?, setup.resolve("depth/image")?];
-    let listened: Vec<_> = listened.into_iter().filter(|name| has(name)).take(1).collect();
-    let wanted = if wanted.is_empty() { &listened } else { wanted };
+    // What the node would listen to is meant: where it was remapped in any case, else where the bag has it.
+    let listened = ["points", "depth/image"].map(|name| Ok((setup.resolve(name)?, setup.is_remapped(name))));
+    let listened = listened.into_iter().collect::<Result<Vec<_>, ArgsError>>()?;
+    let remapped = listened.iter().find(|(_, is_remapped)| *is_remapped);
+    let meant = remapped.or_else(|| listened.iter().find(|(name, _)| has(name)));
+    let meant: Vec<_> = meant.map(|(name, _)| name.clone()).into_iter().collect();
+    let wanted = if wanted.is_empty() { &meant } else { wanted };
     let info = setup.resolve("depth/camera_info")?;
     let choice = match choose(&topics, wanted, Some(&info)) {
         Ok(choice) => choice,
@@ -148,6 +182,30 @@ pub(crate) fn output_topics(setup: &Setup) -> anyhow::Result<OutputTopics> {
         markers: name("~/markers")?,
         points_labelled: name("~/points_labelled")?,
     })
+}
+
+/// An output that would replace the input or another output.
+fn clash(outputs: &[PathBuf], inputs: &[PathBuf]) -> Option<String> {
+    // A file that is not there yet is the same as another where its folder and name are.
+    let place = |path: &PathBuf| {
+        path.canonicalize().ok().or_else(|| {
+            let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+            Some(folder.unwrap_or(Path::new(".")).canonicalize().ok()?.join(path.file_name()?))
+        })
+    };
+    let inputs: Vec<_> = inputs.iter().filter_map(place).collect();
+    let mut seen = Vec::new();
+    for path in outputs {
+        let Some(real) = place(path).filter(|real| !real.exists() || real.is_file()) else { continue };
+        if inputs.contains(&real) {
+            return Some(format!("the output {} would replace the input", path.display()));
+        }
+        if seen.contains(&real) {
+            return Some(format!("two outputs would be written to {}", path.display()));
+        }
+        seen.push(real);
+    }
+    None
 }
 
 /// The last word: what was read and what was not.

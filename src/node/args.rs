@@ -113,6 +113,12 @@ impl Setup {
         self.given.contains(parameter)
     }
 
+    /// Whether a rule gives this topic or service another name.
+    pub fn is_remapped(&self, name: &str) -> bool {
+        let expanded = expand_topic_name(&self.namespace, &self.name, name).ok();
+        self.resolve(name).is_ok_and(|resolved| Some(resolved) != expanded)
+    }
+
     /// The same network and remappings for another node of this process, without parameters.
     #[must_use]
     pub fn for_node(&self, name: &str) -> Self {

@@ -10,6 +10,7 @@ use crate::export::{WholeFile, WriteError, write_clusters, write_ply, write_voxe
 use crate::msg::clusters::{Session, SurfaceClusterArray};
 use crate::msg::labelled::labelled_points;
 use crate::msg::markers::Markers;
+use crate::report::Story;
 
 /// A result bag under way.
 pub struct ResultFile {
@@ -26,6 +27,8 @@ pub struct ResultFile {
 pub struct Outputs<'a> {
     /// The result bag.
     pub bag: Option<ResultFile>,
+    /// What a report tells.
+    pub story: Option<Story>,
     /// Tells a person something.
     pub say: &'a mut dyn FnMut(&str),
 }

@@ -15,5 +15,5 @@ mod summary;
 pub use feed::{Fed, Feed, FeedError, PATIENCE, Progress, Visitor, feed};
 pub use files::{MapFiles, Outputs, ResultFile};
 pub use fixed_frame::FixedFrame;
-pub use run::{Replay, Settings};
-pub use summary::Summary;
+pub use run::{Finished, Replay, Settings};
+pub use summary::{Summary, Tally};

@@ -10,6 +10,7 @@ use crate::config::Value;
 use crate::engine::{ClusterState, Engine, Params, PipelineStep, Scan, Snapshot, Stamp, Update};
 use crate::export::WriteError;
 use crate::msg::clusters::Session;
+use crate::report::{Story, Taken};
 
 /// What a replay is made with.
 #[derive(Clone, Debug)]
@@ -20,6 +21,19 @@ pub struct Settings {
     pub publish_period: Duration,
     /// All parameters, for the account.
     pub parameters: Vec<(&'static str, Value)>,
+}
+
+/// What a replay ends with.
+#[derive(Debug)]
+pub struct Finished {
+    /// The map of the last session.
+    pub map: Snapshot,
+    /// Its names.
+    pub session: Session,
+    /// The account of all.
+    pub summary: Summary,
+    /// What a report tells, where one is wanted.
+    pub story: Option<Story>,
 }
 
 /// A replay under way.
@@ -53,8 +67,8 @@ impl<'a> Replay<'a> {
         }
     }
 
-    /// Takes in a scan and notes how long it took: all of it, and until its points were in the grid.
-    fn insert(&mut self, scan: &Scan) -> Update {
+    /// Takes in a scan and notes how long it took (ms): all of it, and until its points were in the grid.
+    fn insert(&mut self, scan: &Scan) -> (Update, f64) {
         let begin = Instant::now();
         let mut binned = Duration::ZERO;
         let update = self.engine.insert_observed(scan, |step| {
@@ -65,7 +79,16 @@ impl<'a> Replay<'a> {
         let ms = begin.elapsed().as_secs_f64() * 1e3;
         self.ingest += binned;
         self.engine_ms.push(ms as f32);
-        update
+        (update, ms)
+    }
+
+    fn tell(&mut self, scan: &Scan, update: &Update, engine_ms: f64) {
+        let Some(story) = &mut self.outputs.story else { return };
+        let points = scan.points.len() as u64;
+        story.scan(update, &Taken { points, engine_ms, sensor: scan.sensor_origin() });
+        if story.wants_moment() {
+            story.moment(&self.engine.snapshot());
+        }
     }
 
     fn is_due(&self, stamp: Stamp) -> bool {
@@ -77,8 +100,12 @@ impl<'a> Replay<'a> {
     ///
     /// # Errors
     /// When an output cannot be written.
-    pub fn finish(mut self, fed: Fed) -> Result<(Snapshot, Session, Summary), WriteError> {
+    pub fn finish(mut self, fed: Fed) -> Result<Finished, WriteError> {
         let snapshot = self.engine.snapshot();
+        let mut story = self.outputs.story.take();
+        if let Some(story) = &mut story {
+            story.finish(&snapshot);
+        }
         let nothing = Session { id: 0, frame_id: fed.fixed_frame.clone() };
         let session = self.session.take().unwrap_or(nothing);
         self.outputs.snapshot(&session, &snapshot)?;
@@ -99,7 +126,7 @@ impl<'a> Replay<'a> {
             unread: fed.unread.map(|error| error.to_string()),
         };
         self.outputs.finish()?;
-        Ok((snapshot, session, summary))
+        Ok(Finished { map: snapshot, session, summary, story })
     }
 }
 
@@ -108,7 +135,7 @@ impl Visitor for Replay<'_> {
 
     fn scan(&mut self, scan: &Scan, fixed_frame: &str, decoding: Duration) -> Result<(), WriteError> {
         self.ingest += decoding;
-        let update = self.insert(scan);
+        let (update, ms) = self.insert(scan);
         // In a replay a session is named after its first stamp: every run gives the same name.
         let session = self.session.get_or_insert_with(|| Session {
             id: u64::try_from(update.stamp.nanos()).unwrap_or(0).max(1),
@@ -116,6 +143,7 @@ impl Visitor for Replay<'_> {
         });
         self.sessions += u64::from(update.sequence == 1);
         let session = session.clone();
+        self.tell(scan, &update, ms);
         self.outputs.update(&session, &update)?;
         if self.outputs.bag.is_some() && self.is_due(update.stamp) {
             self.published = Some(update.stamp);

@@ -6,6 +6,7 @@ use std::time::Duration;
 use serde_json::{Map, Value as Json, json};
 
 use crate::config::Value;
+use crate::report::Facts;
 
 /// Where every cloud of a bag went.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -100,6 +101,35 @@ impl Summary {
             "unread": self.unread,
             "parameters": parameters,
         })
+    }
+
+    /// What the report says in words.
+    pub fn facts(&self, title: &str, stopped: bool) -> Facts {
+        let unread = self.unread.iter().map(|unread| format!("Not all of the bag was read: {unread}."));
+        let stopped = stopped.then(|| "The replay was stopped before the end of the bag.".to_owned());
+        let begun = (self.sessions > 1).then(|| {
+            format!(
+                "The stamps jumped back {} times; the map is that after the last jump.",
+                self.sessions - 1
+            )
+        });
+        let of_map = self.parameters.iter().filter(|(name, _)| *name != "fixed_frame");
+        Facts {
+            title: title.to_owned(),
+            fixed_frame: self.fixed_frame.clone(),
+            parameters: of_map.map(|(name, value)| ((*name).to_owned(), value.to_string())).collect(),
+            scans: self.tally.scans,
+            skipped: self
+                .tally
+                .skipped
+                .iter()
+                .map(|(reason, count)| ((*reason).to_owned(), *count))
+                .collect(),
+            points: self.tally.points_valid,
+            wall_seconds: self.wall.as_secs_f64(),
+            notes: unread.chain(stopped).chain(begun).collect(),
+            figures: Vec::new(),
+        }
     }
 }
 
