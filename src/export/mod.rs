@@ -15,7 +15,7 @@ pub mod whole;
 
 pub use colour::cluster_colour;
 #[cfg(feature = "png")]
-pub use picture::{Picture, View, draw};
+pub use picture::{Picture, View, draw, draw_alike};
 pub use ply::write_ply;
 pub use whole::{WriteError, write_whole};
 
