@@ -8,6 +8,8 @@
 pub mod cloud;
 pub mod config;
 pub mod engine;
+#[cfg(feature = "bag")]
+pub mod experiment;
 pub mod export;
 pub mod msg;
 #[cfg(feature = "node")]
