@@ -10,6 +10,8 @@ pub mod bag;
 pub mod cloud;
 pub mod config;
 pub mod engine;
+#[cfg(feature = "bag")]
+pub mod experiment;
 pub mod export;
 #[cfg(feature = "frames")]
 pub mod join;

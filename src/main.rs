@@ -9,7 +9,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use crate::cli::{demo, replay, run};
+use crate::cli::{demo, experiment, replay, run};
 
 /// Surfaces from a moving Kinect, live.
 #[derive(Debug, Parser)]
@@ -28,6 +28,8 @@ enum Verb {
     Run,
     /// A recorded bag through the same engine: every scan, in order, as fast as the processor allows
     Replay(replay::Options),
+    /// The paper's figures and tables on a recording, CFODI beside STATIC
+    Experiment(experiment::Options),
     /// The main job with nothing installed: a simulated robot drives, the live node clusters and publishes
     Demo(demo::Options),
 }
@@ -47,6 +49,7 @@ fn main() -> ExitCode {
     let done = match cli.verb {
         Verb::Run => run::run(&setup).map(|()| ExitCode::SUCCESS),
         Verb::Replay(options) => replay::replay(&setup, &options),
+        Verb::Experiment(options) => experiment::experiment(&setup, &options),
         Verb::Demo(options) => demo::demo(&setup, &options).map(|()| ExitCode::SUCCESS),
     };
     match done {

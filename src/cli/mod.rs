@@ -1,6 +1,7 @@
 //! The verbs of the command line, and what they share.
 
 pub(crate) mod demo;
+pub(crate) mod experiment;
 mod progress;
 pub(crate) mod replay;
 pub(crate) mod run;

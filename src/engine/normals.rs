@@ -40,6 +40,25 @@ pub(crate) fn update(
     fresh
 }
 
+/// Gives every dense voxel its normal anew, whatever it had; `dense` are all of them by ascending key. Returns as
+/// [`update`] does.
+pub(crate) fn renew(
+    grid: &mut Grid,
+    dense: &[VoxelIndex],
+    depth: u8,
+    sensor: &Point3<f64>,
+    search: &mut Neighbourhood,
+) -> Vec<VoxelIndex> {
+    let mut fresh = Vec::with_capacity(dense.len());
+    for &voxel in dense {
+        grid[voxel].surface = None;
+        grid[voxel].label = Label::None;
+        let surface = fit(grid, voxel, search.of(grid, voxel, depth), sensor);
+        fresh.extend(give(grid, voxel, surface));
+    }
+    fresh
+}
+
 fn give(grid: &mut Grid, voxel: VoxelIndex, surface: Option<Surface>) -> Option<VoxelIndex> {
     grid[voxel].surface = Some(surface?);
     grid[voxel].label = Label::Fresh;

@@ -105,7 +105,12 @@ impl Engine {
 
     /// What the paper's baseline STATIC makes of the map as it is now: everything anew. Costs O(map).
     pub fn static_partition(&self) -> statics::Partition {
-        statics::cluster(&self.grid, &self.params, &self.sensor)
+        self.static_map().partition()
+    }
+
+    /// As [`Self::static_partition`], with the normals of voxels and clusters.
+    pub fn static_map(&self) -> statics::StaticMap {
+        statics::map(&self.grid, &self.params, &self.sensor)
     }
 
     fn begin(&mut self, scan: &Scan) -> Now {

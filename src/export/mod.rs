@@ -20,7 +20,7 @@ pub mod whole;
 pub use clusters::{cluster_json, write_clusters};
 pub use colour::cluster_colour;
 #[cfg(feature = "png")]
-pub use picture::{Picture, View, draw};
+pub use picture::{Picture, View, draw, draw_alike};
 pub use ply::write_ply;
 pub use voxels::write_voxels;
 pub use whole::{WholeFile, WriteError, write_whole};

@@ -81,17 +81,38 @@ impl Picture {
 
 /// Draws the dense voxels, as large as the picture allows.
 pub fn draw(snapshot: &Snapshot, view: &View) -> Picture {
-    let canvas_size = [view.width * SUPERSAMPLING, view.height * SUPERSAMPLING];
-    let mut canvas = Canvas::new(canvas_size[0], canvas_size[1], view.background);
     let axes = Axes::new(view);
     let voxels = shown(snapshot, view, &axes.towards_viewer);
-    let camera = Camera::fit(&axes, &voxels, snapshot.voxel_size, canvas_size);
+    let window = Window::around([(voxels.as_slice(), snapshot.voxel_size)], &axes, view);
+    draw_in(&window, &voxels, snapshot.voxel_size, &axes, view)
+}
+
+/// Draws several maps of one fixed frame through one window that holds them all, so that the same place has the same
+/// pixel in each picture.
+pub fn draw_alike(snapshots: &[&Snapshot], view: &View) -> Vec<Picture> {
+    let axes = Axes::new(view);
+    let maps: Vec<_> = snapshots
+        .iter()
+        .map(|snapshot| (shown(snapshot, view, &axes.towards_viewer), snapshot.voxel_size))
+        .collect();
+    let window = Window::around(maps.iter().map(|(voxels, size)| (voxels.as_slice(), *size)), &axes, view);
+    maps.iter().map(|(voxels, size)| draw_in(&window, voxels, *size, &axes, view)).collect()
+}
+
+fn draw_in(window: &Window, voxels: &[&DenseVoxel], voxel_size: f64, axes: &Axes, view: &View) -> Picture {
+    let [width, height] = canvas_size(view);
+    let mut canvas = Canvas::new(width, height, view.background);
+    let camera = Camera::new(axes, window, voxel_size);
     for voxel in voxels {
         camera.faces(voxel).for_each(|face| canvas.draw(&face));
     }
     canvas.darken_behind_edges(SUPERSAMPLING, 2.0 * camera.voxel_edge);
     let pixels = canvas.scaled_down(SUPERSAMPLING);
     Picture { width: view.width, height: view.height, pixels }
+}
+
+const fn canvas_size(view: &View) -> [usize; 2] {
+    [view.width * SUPERSAMPLING, view.height * SUPERSAMPLING]
 }
 
 /// The viewer's axes in the fixed frame.
@@ -113,6 +134,11 @@ impl Axes {
         Self { right, down, towards_viewer, towards_light }
     }
 
+    fn viewer_from_fixed(&self) -> Matrix3<f64> {
+        let rows = [self.right, self.down, self.towards_viewer];
+        Matrix3::from_rows(&rows.map(|row| row.transpose()))
+    }
+
     /// The colour of a voxel's face in this light.
     ///
     /// The voxel's normal counts more than the face's: a slanted wall is then of one brightness, though made of steps.
@@ -125,11 +151,49 @@ impl Axes {
     }
 }
 
-/// Maps the fixed frame onto the canvas, and the three sides of a voxel that the viewer sees.
-struct Camera<'a> {
-    axes: &'a Axes,
+/// Maps the fixed frame onto the canvas.
+struct Window {
     canvas_from_fixed: Matrix3<f64>,
     offset: Vector3<f64>,
+    /// Pixels of the canvas to a metre.
+    scale: f64,
+}
+
+impl Window {
+    /// The window that these voxels fill; with each list comes the edge of its voxels (m).
+    fn around<'a>(
+        maps: impl IntoIterator<Item = (&'a [&'a DenseVoxel], f64)>,
+        axes: &Axes,
+        view: &View,
+    ) -> Self {
+        let turn = axes.viewer_from_fixed();
+        let (mut low, mut high) = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
+        let mut largest_voxel: f64 = 0.0;
+        for (voxels, voxel_size) in maps {
+            largest_voxel = largest_voxel.max(voxel_size);
+            for voxel in voxels {
+                let middle = turn * (lowest_corner(voxel) + Vector3::repeat(0.5)) * voxel_size;
+                (low, high) = (low.inf(&middle), high.sup(&middle));
+            }
+        }
+        if low.x > high.x {
+            (low, high) = (Vector3::zeros(), Vector3::zeros());
+        }
+        // A cube reaches at most half its diagonal beyond its middle, and a map without extent is not magnified.
+        let extent = (high - low).map(|extent| extent + 3_f64.sqrt() * largest_voxel);
+        let canvas_size = canvas_size(view).map(|size| size as f64);
+        let free = canvas_size.map(|size| size * (1.0 - 2.0 * MARGIN));
+        let scale = (free[0] / extent.x).min(free[1] / extent.y);
+        let canvas_middle = Vector3::new(0.5 * canvas_size[0], 0.5 * canvas_size[1], 0.0);
+        let offset = canvas_middle - 0.5 * (low + high) * scale;
+        Self { canvas_from_fixed: turn * scale, offset, scale }
+    }
+}
+
+/// A window with the three sides of a voxel that the viewer sees.
+struct Camera<'a> {
+    axes: &'a Axes,
+    window: &'a Window,
     voxel_size: f64,
     /// Edge of a voxel (px).
     voxel_edge: f64,
@@ -145,45 +209,19 @@ struct Side {
 }
 
 impl<'a> Camera<'a> {
-    /// The camera that makes the voxels fill the canvas.
-    fn fit(axes: &'a Axes, voxels: &[&DenseVoxel], voxel_size: f64, canvas_size: [usize; 2]) -> Self {
-        let turn = Matrix3::from_rows(&[
-            axes.right.transpose(),
-            axes.down.transpose(),
-            axes.towards_viewer.transpose(),
-        ]);
-        let (mut low, mut high) = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
-        for voxel in voxels {
-            let middle = turn * (lowest_corner(voxel) + Vector3::repeat(0.5)) * voxel_size;
-            (low, high) = (low.inf(&middle), high.sup(&middle));
-        }
-        if voxels.is_empty() {
-            (low, high) = (Vector3::zeros(), Vector3::zeros());
-        }
-        // A cube reaches at most half its diagonal beyond its middle, and a map without extent is not magnified.
-        let extent = (high - low).map(|extent| extent + 3_f64.sqrt() * voxel_size);
-        let free = canvas_size.map(|size| size as f64 * (1.0 - 2.0 * MARGIN));
-        let scale = (free[0] / extent.x).min(free[1] / extent.y);
-        let middle = 0.5 * (low + high);
-        let canvas_middle = Vector3::new(0.5 * canvas_size[0] as f64, 0.5 * canvas_size[1] as f64, 0.0);
-        Self {
-            axes,
-            canvas_from_fixed: turn * scale,
-            offset: canvas_middle - middle * scale,
-            voxel_size,
-            voxel_edge: scale * voxel_size,
-            sides: sides_towards(&axes.towards_viewer),
-        }
+    fn new(axes: &'a Axes, window: &'a Window, voxel_size: f64) -> Self {
+        let sides = sides_towards(&axes.towards_viewer);
+        Self { axes, window, voxel_size, voxel_edge: window.scale * voxel_size, sides }
     }
 
     /// The sides of a voxel that the viewer sees, on the canvas.
     fn faces(&self, voxel: &'a DenseVoxel) -> impl Iterator<Item = Parallelogram> {
         let voxel_corner = lowest_corner(voxel);
-        let canvas_from_grid = self.canvas_from_fixed * self.voxel_size;
+        let canvas_from_grid = self.window.canvas_from_fixed * self.voxel_size;
         self.sides.iter().map(move |side| {
             let colour = self.axes.shade(voxel, &side.normal);
             Parallelogram {
-                corner: Point3::from(canvas_from_grid * (voxel_corner + side.corner) + self.offset),
+                corner: Point3::from(canvas_from_grid * (voxel_corner + side.corner) + self.window.offset),
                 edges: side.edges.map(|edge| canvas_from_grid * edge),
                 colour,
                 border_colour: colour.map(|channel| channel * 0.9),
@@ -290,6 +328,20 @@ mod tests {
     fn the_same_map_gives_the_same_picture() {
         let map = corner_of_a_room();
         assert!(draw(&map, &small()) == draw(&map, &small()));
+    }
+
+    #[test]
+    fn drawn_alike_what_has_not_changed_stays_where_it_was() {
+        let map = corner_of_a_room();
+        let mut before = map.clone();
+        before.voxels.retain(|voxel| voxel.key.indices()[0] < 5);
+        let pictures = draw_alike(&[&before, &map], &small());
+        assert!(pictures[1] == draw(&map, &small()));
+        let drawn = |&i: &usize| pictures[0].pixels[i] != small().background;
+        let drawn: Vec<usize> = (0..pictures[0].pixels.len()).filter(drawn).collect();
+        let kept = drawn.iter().filter(|&&i| pictures[0].pixels[i] == pictures[1].pixels[i]).count();
+        assert!(drawn.len() > 500 && kept > drawn.len() * 9 / 10, "{kept} of {}", drawn.len());
+        assert!(draw_alike(&[], &small()).is_empty());
     }
 
     #[test]
