@@ -69,7 +69,7 @@ class Chart {
       made.push(svg("text", { x: SPACE.left - 6, y: y + 4, "text-anchor": "end" }, short(value)));
     }
     const [first, last] = [this.ends[0], this.ends[this.ends.length - 1]];
-    const scans = Math.max(1, Math.round(roundStep(last - first, Math.max(2, this.width / 90))));
+    const scans = Math.max(1, Math.round(roundStep(last - first, Math.max(3, this.width / 55))));
     for (let scan = Math.ceil(first / scans) * scans; scan <= last; scan += scans) {
       made.push(svg("text", { x: this.x(scan), y: SPACE.height - 5, "text-anchor": "middle" }, String(scan)));
     }

@@ -16,7 +16,7 @@ const grouped = (number) => String(number).replace(/\B(?=(\d{3})+$)/g, "\u202f")
 /** A number as an instrument would show it, with a true minus. */
 const plain = (number, digits = 3) => (number === null ? "?" : number.toFixed(digits).replace("-", "\u2212"));
 const isUnknown = (value) => value === null || (Array.isArray(value) && value.length === 0);
-const triple = (v, digits) => v.map((x) => plain(x, digits)).join("  ");
+const triple = (v, digits) => v.map((x) => plain(x, digits)).join(", ");
 
 function planeText([a, b, c, d]) {
   const term = (value, name) => `${value < 0 ? "\u2212" : "+"} ${Math.abs(value).toFixed(3)}${name}`;
@@ -105,7 +105,7 @@ class Panel {
       this.chosenBox.replaceChildren(element("h2", { textContent: "No cluster chosen" }), element("p", { className: "quiet", textContent: hint }));
       return;
     }
-    const close = element("button", { type: "button", textContent: "Let go", onclick: () => this.choose(-1) });
+    const close = element("button", { type: "button", textContent: "Deselect", onclick: () => this.choose(-1) });
     const title = element("h2", { textContent: `Cluster ${this.story.ids[slot]}` });
     this.chosenBox.replaceChildren(element("header", {}, this.swatch(slot), title, close));
     this.chosenBox.append(...(cluster ? this.fields(cluster) : [this.absence(this.story.ids[slot])]));
@@ -145,7 +145,8 @@ class Panel {
     this.list.replaceChildren(...slots.slice(0, LISTED).map((slot) => this.entry(slot, chosen)));
     if (focused !== undefined) this.list.querySelector(`[data-slot="${focused}"]`)?.focus({ preventScroll: true });
     const rest = slots.length - LISTED;
-    document.getElementById("smaller").textContent = rest > 0 ? `and ${grouped(rest)} smaller ones` : "";
+    const smaller = rest > 0 ? `and ${grouped(rest)} smaller ones; ` : "";
+    document.getElementById("smaller").textContent = `${smaller}${grouped(this.map.moment.unclustered)} voxels in no cluster`;
   }
 
   entry(slot, chosen) {

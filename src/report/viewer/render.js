@@ -10,7 +10,8 @@ const BORDER_FROM = 9;
 const FACING = -0.1;
 /** A voxel in no cluster goes with the nearest one of a cluster up to so many voxels away along each axis. */
 const AROUND = 2;
-/** Eye-dome lighting: how much a pixel is darkened by neighbours that stand out in front of it. */
+/** Eye-dome lighting: the least distance (CSS px) from which on a neighbour in front counts in full, and how dark it makes. */
+const REACH = 14;
 const DARKER = Float32Array.from({ length: 65 }, (_, i) => Math.exp(-0.32 * (i / 16)));
 
 const NEIGHBOURS = (() => {
@@ -44,6 +45,8 @@ class Stamp {
     let seen = 0;
     sides.forEach(({ corner, u, v }, side) => {
       const area = u[0] * v[1] - u[1] * v[0];
+      // Seen edge-on.
+      if (Math.abs(area) < 1e-3 * dot(u, u)) return;
       const [px, py] = [x - corner[0], y - corner[1]];
       const [a, b] = [(px * v[1] - py * v[0]) / area, (py * u[0] - px * u[1]) / area];
       // Half a pixel more on each side, so that rounded places leave no gaps between neighbours.
@@ -202,6 +205,8 @@ class Renderer {
     const { width, height, pixels, seen, light, map: { clusterOf } } = this;
     const { background, ink, chosen } = look;
     const empty = packed(background[0], background[1], background[2]);
+    // Not below some pixels: a slanted plane of small voxels has no edges.
+    const reach = Math.max(2 * edge, REACH * distance);
     const border = edge >= BORDER_FROM ? 0.92 : 1;
     for (let y = 0, at = 0; y < height; y++) {
       for (let x = 0; x < width; x++, at++) {
@@ -213,7 +218,7 @@ class Renderer {
           pixels[at] = empty;
         } else {
           const lit = light[3 * (code >> 3) + ((code & 7) >> 1)] * (code & 1 ? border : 1);
-          const shade = lit * DARKER[this.covered(x, y, distance, 2 * edge)];
+          const shade = lit * DARKER[this.covered(x, y, distance, reach)];
           pixels[at] = this.tinted(clusterOf[code >> 3], shade, chosen >= 0 && !isChosen ? background : null);
         }
       }

@@ -42,7 +42,6 @@ class Viewer {
       ink: channels("--ink"),
       stage: value("--stage"),
       inkText: value("--ink"),
-      quietText: value("--quiet"),
       font: `12px ${getComputedStyle(document.body).fontFamily}`,
     };
   }
