@@ -53,7 +53,9 @@ class Overlay {
     context.fillStyle = context.strokeStyle;
     context.beginPath();
     context.moveTo(x1, y1);
-    for (const side of [-1, 1]) context.lineTo(x1 - head * Math.cos(direction + side * 0.42), y1 - head * Math.sin(direction + side * 0.42));
+    for (const angle of [direction - 0.42, direction + 0.42]) {
+      context.lineTo(x1 - head * Math.cos(angle), y1 - head * Math.sin(angle));
+    }
     context.fill();
   }
 
