@@ -16,7 +16,7 @@ use cfodi::cloud::{CloudFilter, Optical, decode};
 use cfodi::config::{Config, parameters};
 use cfodi::engine::{Engine, Params, Scan, Stamp};
 use cfodi::export::write_whole;
-use cfodi::report::{Facts, Story, Taken, write_report};
+use cfodi::report::{Facts, Figure, Story, Taken, write_report};
 use cfodi::sim::{Drive, Scene};
 
 /// Takes the scans through an engine as a replay does, and leaves the page in a folder.
@@ -45,7 +45,8 @@ fn report(scans: impl Iterator<Item = Scan>, folder: &Path, title: &str) -> u64 
         skipped: [("tf_too_early".to_owned(), 2), ("bad_stamp".to_owned(), 1)].into(),
         points,
         wall_seconds: begin.elapsed().as_secs_f64(),
-        ..Facts::default()
+        notes: vec!["The file ends within a message: what was read up to there is shown.".to_owned()],
+        figures: vec![figure()],
     };
     std::fs::create_dir_all(folder).unwrap();
     let page = folder.join("index.html");
@@ -54,6 +55,14 @@ fn report(scans: impl Iterator<Item = Scan>, folder: &Path, title: &str) -> u64 
     let (voxels, clusters) = (engine.snapshot().voxels.len(), engine.snapshot().clusters.len());
     eprintln!("{}: {count} scans, {voxels} voxels, {clusters} clusters, {bytes} bytes", page.display());
     bytes
+}
+
+/// Text, a line and a script, of which the script must not run.
+fn figure() -> Figure {
+    let svg = "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 400 160\"><rect width=\"400\" height=\"160\" \
+        fill=\"#fff\"/><path d=\"M20 140 120 90 220 110 380 20\" fill=\"none\" stroke=\"#0b62a8\"/>\
+        <text x=\"20\" y=\"24\">a figure</text><script>alert(1)</script></svg>";
+    Figure { title: "A figure".into(), svg: svg.into(), caption: "Handed in by the caller.".into() }
 }
 
 /// `CFODI_REPORT_DIR`, or a folder of the test's own below the build's.

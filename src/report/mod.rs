@@ -1,10 +1,10 @@
 //! What a replay leaves to be looked at: one HTML page with the clusters in 3-D over time, figures, parameters, and what
 //! was skipped and why.
 //!
-//! A [`Story`] is built up while the scans go through the engine, in memory that has a bound for a bag of any length but
-//! for the map itself; [`write_report`] makes the page of it. Everything is pure: the same story and [`Facts`] give the
-//! same bytes. The page needs no network and refuses itself any: its viewer (`viewer/*.js`) draws in software on a 2-D
-//! canvas.
+//! A [`Story`] is built up while the scans go through the engine, in memory that grows with the
+//! map and not with the length of the bag; [`write_report`] makes the page of it. Everything is pure: the same story and
+//! [`Facts`] give the same bytes. The page needs no network and refuses itself any: its viewer (`viewer/*.js`) draws in
+//! software on a 2-D canvas.
 //!
 //! Whatever comes out of a bag is text of a stranger: it is escaped for HTML where it stands in the page, and the JSON
 //! holds no `<`, `>` or `&`.

@@ -1,5 +1,6 @@
 """A report to look at, and a browser to look at it with."""
 
+import functools
 import os
 import pathlib
 import subprocess
@@ -19,16 +20,6 @@ def leave_out(request, why):
         with open(noted, "a") as file:
             file.write(request.node.name + "\n")
     pytest.skip(why)
-
-
-@pytest.fixture(scope="session")
-def made_report(tmp_path_factory):
-    """CFODI_REPORT, or one of the simulated drive made here."""
-    if given := os.environ.get("CFODI_REPORT"):
-        return pathlib.Path(given).resolve()
-    folder = tmp_path_factory.mktemp("report")
-    subprocess.run(MAKE, cwd=TOP, env=os.environ | {"CFODI_REPORT_DIR": str(folder)}, check=True)
-    return folder / "index.html"
 
 
 @pytest.fixture
@@ -55,6 +46,25 @@ def open_browser(request, tmp_path):
     yield start
     for browser in started:
         browser.quit()
+
+
+@pytest.fixture(scope="session")
+def make_report(tmp_path_factory):
+    """Makes a report of the simulated drive, once."""
+    @functools.cache
+    def make():
+        folder = tmp_path_factory.mktemp("report")
+        subprocess.run(MAKE, cwd=TOP, env=os.environ | {"CFODI_REPORT_DIR": str(folder)}, check=True)
+        return folder / "index.html"
+
+    return make
+
+
+@pytest.fixture
+def made_report(open_browser, make_report):
+    """CFODI_REPORT, or one made here; without a browser it is not even made."""
+    given = os.environ.get("CFODI_REPORT")
+    return pathlib.Path(given).resolve() if given else make_report()
 
 
 @pytest.fixture

@@ -59,11 +59,24 @@ class Page:
     def drag(self, x, y, by):
         self.mouse(x, y).click_and_hold().move_by_offset(*by).release().perform()
 
+    def pinch(self, apart, then):
+        """Two fingers about the middle of the picture, so many CSS px apart and then so many."""
+        box = self.run("const b = arguments[0].getBoundingClientRect(); return [b.x + b.width / 2, b.y + b.height / 2]",
+                       self.canvas)
+        for kind, distance in (("touchStart", apart), ("touchMove", (apart + then) / 2), ("touchMove", then)):
+            fingers = [{"x": box[0] + side * distance / 2, "y": box[1], "id": i} for i, side in enumerate((-1, 1))]
+            self.browser.execute_cdp_cmd("Input.dispatchTouchEvent", {"type": kind, "touchPoints": fingers})
+        self.browser.execute_cdp_cmd("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+        self.rest()
+
     def errors(self):
         return [entry for entry in self.browser.get_log("browser") if entry["level"] in ("SEVERE", "WARNING")]
 
     def requests(self):
-        """The addresses asked for, those within the page itself left out."""
+        """The addresses that the page asked for, its own and those within it left out."""
         events = (json.loads(entry["message"])["message"] for entry in self.browser.get_log("performance"))
-        sent = (event["params"]["request"]["url"] for event in events if event["method"] == "Network.requestWillBeSent")
-        return [url for url in sent if not url.startswith("data:")]
+        sent = [event["params"] for event in events if event["method"] == "Network.requestWillBeSent"]
+        own = self.browser.current_url
+        addresses = [request["request"]["url"] for request in sent if request["documentURL"] == own]
+        assert own in addresses, "requests are not recorded"
+        return [url for url in addresses if url != own and not url.startswith("data:")]

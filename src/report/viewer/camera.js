@@ -74,8 +74,9 @@ class Camera {
   /** From where to where the voxels reach along an axis (m). */
   span(keys, isShown, axis) {
     const places = [];
+    const half = 0.5 * (axis[0] + axis[1] + axis[2]);
     for (let i = 0; i < keys.length; i += 3) {
-      if (isShown(i / 3)) places.push((keys[i] + 0.5) * axis[0] + (keys[i + 1] + 0.5) * axis[1] + (keys[i + 2] + 0.5) * axis[2]);
+      if (isShown(i / 3)) places.push(keys[i] * axis[0] + keys[i + 1] * axis[1] + keys[i + 2] * axis[2] + half);
     }
     if (places.length === 0) return null;
     const sorted = Float64Array.from(places).sort();

@@ -15,8 +15,11 @@ function roundStep(span, parts) {
   return [1, 2, 5, 10].map((m) => m * power).find((step) => span / step <= parts) ?? power;
 }
 
-const short = (number) =>
-  number >= 1e6 ? `${+(number / 1e6).toPrecision(3)} M` : number >= 1e4 ? `${+(number / 1e3).toPrecision(3)} k` : `${+number.toPrecision(3)}`;
+function short(number) {
+  if (number >= 1e6) return `${+(number / 1e6).toPrecision(3)} M`;
+  if (number >= 1e4) return `${+(number / 1e3).toPrecision(3)} k`;
+  return String(+number.toPrecision(3));
+}
 
 class Chart {
   /** `lines` are [values, class]; the first is the one that is read out. */
@@ -51,7 +54,8 @@ class Chart {
     this.width = Math.max(this.drawing.clientWidth, 120);
     this.drawing.setAttribute("viewBox", `0 0 ${this.width} ${SPACE.height}`);
     const lines = this.lines.map(([values, name]) => {
-      const points = values.map((value, i) => (Number.isFinite(value) ? `${this.x(this.ends[i]).toFixed(1)},${this.y(value).toFixed(1)}` : ""));
+      const place = (value, i) => `${this.x(this.ends[i]).toFixed(1)},${this.y(value).toFixed(1)}`;
+      const points = values.map((value, i) => (Number.isFinite(value) ? place(value, i) : ""));
       return svg("polyline", { class: name, points: points.filter(Boolean).join(" ") });
     });
     this.cursor = svg("line", { class: "cursor", y1: SPACE.top, y2: SPACE.height - SPACE.bottom });
@@ -69,7 +73,7 @@ class Chart {
       made.push(svg("text", { x: SPACE.left - 6, y: y + 4, "text-anchor": "end" }, short(value)));
     }
     const [first, last] = [this.ends[0], this.ends[this.ends.length - 1]];
-    const scans = Math.max(1, Math.round(roundStep(last - first, Math.max(2, this.width / 90))));
+    const scans = Math.max(1, Math.round(roundStep(last - first, Math.max(3, this.width / 55))));
     for (let scan = Math.ceil(first / scans) * scans; scan <= last; scan += scans) {
       made.push(svg("text", { x: this.x(scan), y: SPACE.height - 5, "text-anchor": "middle" }, String(scan)));
     }
@@ -91,8 +95,8 @@ class Chart {
     this.cursor.setAttribute("x2", x);
     this.dot.setAttribute("cx", x);
     this.dot.setAttribute("cy", this.y(value ?? 0));
-    const text = Number.isFinite(value) ? `${Number.isInteger(value) ? grouped(value) : value.toFixed(2)}${this.unit}` : "unknown";
-    this.read.textContent = `scan ${this.ends[i]}: ${text}`;
+    const number = Number.isInteger(value) ? grouped(value) : value?.toFixed(2);
+    this.read.textContent = `scan ${this.ends[i]}: ${Number.isFinite(value) ? number + this.unit : "unknown"}`;
   }
 
   goTo(scan) {

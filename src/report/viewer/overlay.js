@@ -36,7 +36,7 @@ class Overlay {
     const { context } = this;
     context.strokeStyle = this.look.inkText;
     context.lineWidth = 1.25;
-    context.globalAlpha = 0.85;
+    context.globalAlpha = 0.6;
     for (const z of [-1, 1]) this.line([corner(-1, -1, z), corner(1, -1, z), corner(1, 1, z), corner(-1, 1, z)], true);
     for (const [x, y] of [[-1, -1], [1, -1], [1, 1], [-1, 1]]) this.line([corner(x, y, -1), corner(x, y, 1)]);
     this.arrow(position, sum(position, scaled(rotated(orientation, [0, 0, 1]), 42 / this.camera.scale)));
@@ -53,7 +53,9 @@ class Overlay {
     context.fillStyle = context.strokeStyle;
     context.beginPath();
     context.moveTo(x1, y1);
-    for (const side of [-1, 1]) context.lineTo(x1 - head * Math.cos(direction + side * 0.42), y1 - head * Math.sin(direction + side * 0.42));
+    for (const angle of [direction - 0.42, direction + 0.42]) {
+      context.lineTo(x1 - head * Math.cos(angle), y1 - head * Math.sin(angle));
+    }
     context.fill();
   }
 
@@ -76,20 +78,38 @@ class Overlay {
     context.stroke();
   }
 
-  /** A round length between 60 and 150 px. */
+  /** Draws lines with a rim in the colour of what is empty, so that they are read over every cluster. */
+  rimmed(path) {
+    const { context, look } = this;
+    context.beginPath();
+    path();
+    for (const [width, colour] of [[4.5, look.stage], [1.5, look.inkText]]) {
+      context.lineWidth = width;
+      context.strokeStyle = colour;
+      context.stroke();
+    }
+  }
+
+  text(text, x, y, align) {
+    const { context, look } = this;
+    context.font = look.font;
+    context.textAlign = align;
+    context.lineJoin = "round";
+    context.lineWidth = 3.5;
+    context.strokeStyle = look.stage;
+    context.strokeText(text, x, y);
+    context.fillStyle = look.inkText;
+    context.fillText(text, x, y);
+  }
+
+  /** A round length of at most 150 px. */
   scaleBar() {
     const { context, camera, look } = this;
     const power = 10 ** Math.floor(Math.log10(150 / camera.scale));
     const length = [5, 2, 1].map((m) => m * power).find((metres) => metres * camera.scale <= 150) ?? power;
     const [x, y, span] = [16, look.height - 18, length * camera.scale];
-    context.strokeStyle = context.fillStyle = look.quietText;
-    context.lineWidth = 1.5;
-    context.beginPath();
-    for (const [px, py] of [[0, -5], [0, 0], [span, 0], [span, -5]]) context.lineTo(x + px, y + py);
-    context.stroke();
-    context.font = look.font;
-    context.textAlign = "left";
-    context.fillText(length >= 1 ? `${length} m` : `${Number((length * 100).toPrecision(2))} cm`, x + 6, y - 5);
+    this.rimmed(() => [[0, -5], [0, 0], [span, 0], [span, -5]].forEach(([px, py]) => context.lineTo(x + px, y + py)));
+    this.text(length >= 1 ? `${length} m` : `${Number((length * 100).toPrecision(2))} cm`, x + 6, y - 6, "left");
   }
 
   /** The fixed frame's axes, in the lower right corner. */
@@ -97,17 +117,14 @@ class Overlay {
     const { context, camera, look } = this;
     const { right, down } = camera.axes();
     const [x0, y0] = [look.width - 46, look.height - 42];
-    context.strokeStyle = context.fillStyle = look.quietText;
-    context.lineWidth = 1.5;
-    context.font = look.font;
-    context.textAlign = "center";
-    ["x", "y", "z"].forEach((name, axis) => {
-      context.beginPath();
+    const end = (axis, length) => [x0 + length * right[axis], y0 + length * down[axis]];
+    this.rimmed(() => [0, 1, 2].forEach((axis) => {
       context.moveTo(x0, y0);
-      context.lineTo(x0 + 24 * right[axis], y0 + 24 * down[axis]);
-      context.stroke();
-      context.fillText(name, x0 + 33 * right[axis], y0 + 33 * down[axis] + 4);
+      context.lineTo(...end(axis, 24));
+    }));
+    ["x", "y", "z"].forEach((name, axis) => {
+      const [x, y] = end(axis, 33);
+      this.text(name, x, y + 4, "center");
     });
-    context.textAlign = "left";
   }
 }

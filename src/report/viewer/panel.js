@@ -13,10 +13,16 @@ function element(name, properties = {}, ...children) {
 
 /** 1234567 with narrow spaces. */
 const grouped = (number) => String(number).replace(/\B(?=(\d{3})+$)/g, "\u202f");
-/** A number as an instrument would show it, with a true minus. */
-const plain = (number, digits = 3) => (number === null ? "?" : number.toFixed(digits).replace("-", "\u2212"));
+
+/** With a true minus, and none before nothing. */
+function plain(number, digits = 3) {
+  if (number === null) return "?";
+  const text = number.toFixed(digits);
+  return Number(text) === 0 ? text.replace("-", "") : text.replace("-", "\u2212");
+}
+
 const isUnknown = (value) => value === null || (Array.isArray(value) && value.length === 0);
-const triple = (v, digits) => v.map((x) => plain(x, digits)).join("  ");
+const triple = (v, digits) => v.map((x) => plain(x, digits)).join(", ");
 
 function planeText([a, b, c, d]) {
   const term = (value, name) => `${value < 0 ? "\u2212" : "+"} ${Math.abs(value).toFixed(3)}${name}`;
@@ -38,9 +44,10 @@ function fieldTexts(cluster, story, takenIn) {
   const time = (stamp) => `${secondsSinceStart(story, stamp).toFixed(3)} s`;
   const isClassed = cluster.surface_class !== 0 || cluster.class_confidence > 0;
   const confidence = Math.round(100 * (cluster.class_confidence ?? 0));
+  const className = CLASSES[cluster.surface_class] ?? cluster.surface_class;
   const main = [
     ["state", STATES[cluster.state] ?? String(cluster.state)],
-    ["surface_class", isClassed ? `${CLASSES[cluster.surface_class] ?? cluster.surface_class} (${confidence} %)` : null],
+    ["surface_class", isClassed ? `${className} (${confidence} %)` : null],
     known("voxel_count", grouped),
     known("point_count", grouped),
     known("size", (v) => `${v.map((x) => plain(x, 2)).join(" × ")} m`),
@@ -69,7 +76,8 @@ function fieldList(texts) {
   const list = element("dl", { className: "fields" });
   for (const [name, text, isMatrix] of texts) {
     const wide = isMatrix && text !== null;
-    const value = element("dd", { textContent: text ?? UNKNOWN, className: text === null ? "unknown" : wide ? "matrix below" : "" });
+    const className = text === null ? "unknown" : wide ? "matrix below" : "";
+    const value = element("dd", { textContent: text ?? UNKNOWN, className });
     value.dataset.field = name;
     list.append(element("dt", { textContent: name, className: wide ? "above" : "" }), value);
   }
@@ -101,11 +109,12 @@ class Panel {
     const cluster = slot >= 0 ? this.map.cluster(slot) : null;
     this.chosenBox.dataset.id = cluster ? cluster.id : "";
     if (slot < 0) {
-      const hint = "Click a surface in the picture, or choose one below.";
-      this.chosenBox.replaceChildren(element("h2", { textContent: "No cluster chosen" }), element("p", { className: "quiet", textContent: hint }));
+      const textContent = "Click a surface in the picture, or choose one below.";
+      const hint = element("p", { className: "quiet", textContent });
+      this.chosenBox.replaceChildren(element("h2", { textContent: "No cluster chosen" }), hint);
       return;
     }
-    const close = element("button", { type: "button", textContent: "Let go", onclick: () => this.choose(-1) });
+    const close = element("button", { type: "button", textContent: "Deselect", onclick: () => this.choose(-1) });
     const title = element("h2", { textContent: `Cluster ${this.story.ids[slot]}` });
     this.chosenBox.replaceChildren(element("header", {}, this.swatch(slot), title, close));
     this.chosenBox.append(...(cluster ? this.fields(cluster) : [this.absence(this.story.ids[slot])]));
@@ -113,7 +122,8 @@ class Panel {
 
   fields(cluster) {
     const { main, more } = fieldTexts(cluster, this.story, this.takenIn(cluster.id));
-    const details = element("details", { open: this.isOpen }, element("summary", { textContent: "Plane, pose, boundary, covariances" }), fieldList(more));
+    const summary = element("summary", { textContent: "Plane, pose, boundary, covariances" });
+    const details = element("details", { open: this.isOpen }, summary, fieldList(more));
     details.addEventListener("toggle", () => (this.isOpen = details.open));
     return [fieldList(main), details];
   }
@@ -121,7 +131,8 @@ class Panel {
   /** The clusters that this one has taken in so far. */
   takenIn(id) {
     const until = this.map.moment.scan;
-    const all = this.story.merges.filter((merge) => merge.into === id && merge.scan <= until).flatMap((merge) => merge.from);
+    const merges = this.story.merges.filter((merge) => merge.into === id && merge.scan <= until);
+    const all = merges.flatMap((merge) => merge.from);
     if (all.length === 0) return "none so far";
     return all.length > 8 ? `${all.slice(0, 8).join(", ")} and ${all.length - 8} more` : all.join(", ");
   }
@@ -133,7 +144,8 @@ class Panel {
     const into = this.story.slots.get(merge.into);
     const text = `Taken in by cluster ${merge.into} at scan ${merge.scan}.`;
     const line = element("p", { className: "quiet", textContent: `${text} ` });
-    if (into !== undefined) line.append(element("button", { type: "button", textContent: "Show it", onclick: () => this.choose(into) }));
+    const onclick = () => this.choose(into);
+    if (into !== undefined) line.append(element("button", { type: "button", textContent: "Show it", onclick }));
     return line;
   }
 
@@ -145,7 +157,9 @@ class Panel {
     this.list.replaceChildren(...slots.slice(0, LISTED).map((slot) => this.entry(slot, chosen)));
     if (focused !== undefined) this.list.querySelector(`[data-slot="${focused}"]`)?.focus({ preventScroll: true });
     const rest = slots.length - LISTED;
-    document.getElementById("smaller").textContent = rest > 0 ? `and ${grouped(rest)} smaller ones` : "";
+    const smaller = rest > 0 ? `and ${grouped(rest)} smaller ones; ` : "";
+    const unclustered = grouped(this.map.moment.unclustered);
+    document.getElementById("smaller").textContent = `${smaller}${unclustered} voxels in no cluster`;
   }
 
   entry(slot, chosen) {

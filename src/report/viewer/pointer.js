@@ -12,7 +12,8 @@ class Pointer {
     this.on = on;
     this.held = new Map();
     this.travelled = 0;
-    const listen = (name, method) => canvas.addEventListener(name, (event) => method.call(this, event), { passive: false });
+    const listen = (name, method) =>
+      canvas.addEventListener(name, (event) => method.call(this, event), { passive: false });
     listen("pointerdown", this.down);
     listen("pointermove", this.moved);
     listen("pointerup", this.up);
@@ -78,7 +79,8 @@ class Pointer {
   wheel(event) {
     event.preventDefault();
     const lines = event.deltaMode === WheelEvent.DOM_DELTA_LINE ? 30 : 1;
-    this.camera.zoom(Math.exp(clamp(-event.deltaY * lines, -240, 240) * 0.0016), ...this.fromMiddle(this.place(event)));
+    const factor = Math.exp(clamp(-event.deltaY * lines, -240, 240) * 0.0016);
+    this.camera.zoom(factor, ...this.fromMiddle(this.place(event)));
     this.on.turned();
   }
 

@@ -1,7 +1,7 @@
 // Draws voxels as shaded cubes into buffers of depth and of what is seen; no graphics card is asked.
 //
-// In a parallel projection every cube covers the same pixels about its place: they are found once a view (the stamp) and
-// then compared with the depth buffer for each voxel. Colours come last, once a pixel.
+// In a parallel projection every cube covers the same pixels about its place: they are found once a view (the stamp)
+// and then compared with the depth buffer for each voxel. Colours come last, once a pixel.
 
 /** Width of a cube's border, of its edge, and the edge from which on it is drawn (px). */
 const BORDER = 0.06;
@@ -10,7 +10,9 @@ const BORDER_FROM = 9;
 const FACING = -0.1;
 /** A voxel in no cluster goes with the nearest one of a cluster up to so many voxels away along each axis. */
 const AROUND = 2;
-/** Eye-dome lighting: how much a pixel is darkened by neighbours that stand out in front of it. */
+/** Eye-dome lighting: the least distance (CSS px) from which on a neighbour in front counts in full. */
+const REACH = 14;
+/** How dark it makes, by 16ths of a neighbour in front. */
 const DARKER = Float32Array.from({ length: 65 }, (_, i) => Math.exp(-0.32 * (i / 16)));
 
 const NEIGHBOURS = (() => {
@@ -27,16 +29,16 @@ class Stamp {
     this.nearness = [];
     this.side = [];
     const corner = [0, 1, 2].map((axis) => (towards[axis] > 0 ? edges[axis] : [0, 0, 0]));
-    const reach = edges.map((edge) => [Math.min(edge[0], 0), Math.max(edge[0], 0), Math.min(edge[1], 0), Math.max(edge[1], 0)]);
-    const [left, right, top, bottom] = [0, 1, 2, 3].map((i) => reach[0][i] + reach[1][i] + reach[2][i]);
-    const sides = [0, 1, 2].map((axis) => ({ corner: corner[axis], u: edges[(axis + 1) % 3], v: edges[(axis + 2) % 3] }));
-    for (let y = Math.floor(top) - 1; y <= Math.ceil(bottom) + 1; y++) {
-      for (let x = Math.floor(left) - 1; x <= Math.ceil(right) + 1; x++) this.cover(x, y, sides);
+    const side = (axis) => ({ corner: corner[axis], u: edges[(axis + 1) % 3], v: edges[(axis + 2) % 3] });
+    const sides = [0, 1, 2].map(side);
+    const reach = (bound, i) => edges.reduce((total, edge) => total + bound(edge[i], 0), 0);
+    this.left = Math.floor(reach(Math.min, 0)) - 1;
+    this.right = Math.ceil(reach(Math.max, 0)) + 1;
+    this.top = Math.floor(reach(Math.min, 1)) - 1;
+    this.bottom = Math.ceil(reach(Math.max, 1)) + 1;
+    for (let y = this.top; y <= this.bottom; y++) {
+      for (let x = this.left; x <= this.right; x++) this.cover(x, y, sides);
     }
-    this.left = Math.floor(left) - 1;
-    this.right = Math.ceil(right) + 1;
-    this.top = Math.floor(top) - 1;
-    this.bottom = Math.ceil(bottom) + 1;
   }
 
   cover(x, y, sides) {
@@ -44,10 +46,13 @@ class Stamp {
     let seen = 0;
     sides.forEach(({ corner, u, v }, side) => {
       const area = u[0] * v[1] - u[1] * v[0];
+      // Seen edge-on.
+      if (Math.abs(area) < 1e-3 * dot(u, u)) return;
       const [px, py] = [x - corner[0], y - corner[1]];
       const [a, b] = [(px * v[1] - py * v[0]) / area, (py * u[0] - px * u[1]) / area];
       // Half a pixel more on each side, so that rounded places leave no gaps between neighbours.
-      const [slackA, slackB] = [0.5 * Math.hypot(v[0], v[1]), 0.5 * Math.hypot(u[0], u[1])].map((s) => s / Math.abs(area));
+      const slackA = (0.5 * Math.hypot(v[0], v[1])) / Math.abs(area);
+      const slackB = (0.5 * Math.hypot(u[0], u[1])) / Math.abs(area);
       if (!(a >= -slackA && a <= 1 + slackA && b >= -slackB && b <= 1 + slackB)) return;
       const nearness = corner[2] + clamp(a, 0, 1) * u[2] + clamp(b, 0, 1) * v[2];
       if (nearness <= best) return;
@@ -178,12 +183,15 @@ class Renderer {
     const target = scaled(camera.target, 1 / camera.voxelSize);
     for (let number = 0; number < count; number++) {
       if (!this.isShown(number, towards, look)) continue;
-      const [kx, ky, kz] = [keys[3 * number] - target[0], keys[3 * number + 1] - target[1], keys[3 * number + 2] - target[2]];
+      const kx = keys[3 * number] - target[0];
+      const ky = keys[3 * number + 1] - target[1];
+      const kz = keys[3 * number + 2] - target[2];
       const x = Math.round(0.5 * width + kx * edges[0][0] + ky * edges[1][0] + kz * edges[2][0]);
       const y = Math.round(0.5 * height + kx * edges[0][1] + ky * edges[1][1] + kz * edges[2][1]);
-      if (x + stamp.right < 0 || x + stamp.left >= width || y + stamp.bottom < 0 || y + stamp.top >= height) continue;
+      const [left, right, top, bottom] = [x + stamp.left, x + stamp.right, y + stamp.top, y + stamp.bottom];
+      if (right < 0 || left >= width || bottom < 0 || top >= height) continue;
+      const inside = left >= 0 && right < width && top >= 0 && bottom < height;
       const near = kx * edges[0][2] + ky * edges[1][2] + kz * edges[2][2];
-      const inside = x + stamp.left >= 0 && x + stamp.right < width && y + stamp.top >= 0 && y + stamp.bottom < height;
       const base = y * width + x;
       const code = 1 + 8 * number;
       for (let i = 0; i < steps.length; i++) {
@@ -202,6 +210,8 @@ class Renderer {
     const { width, height, pixels, seen, light, map: { clusterOf } } = this;
     const { background, ink, chosen } = look;
     const empty = packed(background[0], background[1], background[2]);
+    // Not below some pixels: a slanted plane of small voxels has no edges.
+    const reach = Math.max(2 * edge, REACH * distance);
     const border = edge >= BORDER_FROM ? 0.92 : 1;
     for (let y = 0, at = 0; y < height; y++) {
       for (let x = 0; x < width; x++, at++) {
@@ -213,7 +223,7 @@ class Renderer {
           pixels[at] = empty;
         } else {
           const lit = light[3 * (code >> 3) + ((code & 7) >> 1)] * (code & 1 ? border : 1);
-          const shade = lit * DARKER[this.covered(x, y, distance, 2 * edge)];
+          const shade = lit * DARKER[this.covered(x, y, distance, reach)];
           pixels[at] = this.tinted(clusterOf[code >> 3], shade, chosen >= 0 && !isChosen ? background : null);
         }
       }

@@ -30,7 +30,9 @@ class Viewer {
 
   get look() {
     const { clientWidth: width, clientHeight: height } = this.canvas;
-    return { ...this.colours, width, height, chosen: this.chosen, cutAway: document.getElementById("cut").checked };
+    // Nothing is faint for a cluster that is not there at this time.
+    const chosen = this.map.rows.has(this.chosen) ? this.chosen : -1;
+    return { ...this.colours, width, height, chosen, cutAway: document.getElementById("cut").checked };
   }
 
   readColours() {
@@ -42,7 +44,6 @@ class Viewer {
       ink: channels("--ink"),
       stage: value("--stage"),
       inkText: value("--ink"),
-      quietText: value("--quiet"),
       font: `12px ${getComputedStyle(document.body).fontFamily}`,
     };
   }
@@ -156,7 +157,8 @@ class Viewer {
     Object.assign(this.camera, START);
     const { width, height, ...look } = this.look;
     const towards = this.camera.axes().towards;
-    this.camera.fit(this.story.keys, (number) => this.renderer.isShown(number, towards, { ...look, chosen: -1 }), width, height);
+    const isShown = (number) => this.renderer.isShown(number, towards, { ...look, chosen: -1 });
+    this.camera.fit(this.story.keys, isShown, width, height);
     this.drawSoon();
   }
 
