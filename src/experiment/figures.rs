@@ -62,7 +62,7 @@ impl Results {
                 name: figure2_name(place),
                 title: format!("Figure 2{}: after scan {}", ["a", "b", "c", "d"][place.min(3)], moment.scan),
                 caption: format!(
-                    "{} clusters{}. Each colour is a cluster, the same in all four pictures; grey is in none.",
+                    "{} clusters{}. Each colour is a cluster, the same in every picture; grey is in none.",
                     moment.clusters,
                     moment.recorded_s.map(|s| format!(" after {s:.1} s")).unwrap_or_default()
                 ),
