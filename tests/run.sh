@@ -75,4 +75,7 @@ step "ROS tests: sockets"
 raise_socket_buffer
 run bash tests/ros/python.sh -m pytest tests/ros
 run bash tests/bags/python.sh -m pytest tests/bags
+step "report: a browser"
+bash tests/report/browser.sh
+run bash tests/bags/python.sh -m pytest tests/report
 current=

@@ -1,7 +1,6 @@
 //! `cfodi experiment`: the paper's figures on a recording, CFODI beside STATIC.
 #![expect(clippy::print_stdout, reason = "the table is what the experiment is for")]
 
-use std::convert::Infallible;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
@@ -9,12 +8,14 @@ use std::time::{Duration, Instant};
 use anyhow::Context as _;
 use cfodi::bag::Message;
 use cfodi::engine::Scan;
-use cfodi::experiment::{Experiment, Summary};
+use cfodi::experiment::{Experiment, Figure, Summary};
+use cfodi::export::WriteError;
 use cfodi::node::Setup;
-use cfodi::replay::{Feed, Visitor, feed};
+use cfodi::replay::{Feed, Outputs, Replay, Visitor, feed};
+use cfodi::report::{self, Story};
 
 use super::progress::Bar;
-use super::replay::{Input, open};
+use super::replay::{Input, PAGE, open, say_skipped, settings, write_page};
 use super::stop;
 
 #[derive(Debug, clap::Args)]
@@ -24,9 +25,12 @@ pub(crate) struct Options {
     /// The sensor's topic; again for a second sensor. Without it, the only point cloud or depth image
     #[arg(long)]
     topic: Vec<String>,
-    /// Folder for the figures and tables
+    /// Folder for the figures, the tables, and a report that shows them with the map
     #[arg(long)]
     out: PathBuf,
+    /// Leaves out the effects of parameters, which take a map for each value
+    #[arg(long)]
+    no_effects: bool,
 }
 
 pub(crate) fn experiment(setup: &Setup, options: &Options) -> anyhow::Result<ExitCode> {
@@ -39,9 +43,11 @@ pub(crate) fn experiment(setup: &Setup, options: &Options) -> anyhow::Result<Exi
     let Input { bag, decoder, fixed_frame } = input;
     let bar = Bar::new(bag.size());
     let begin = Instant::now();
+    let experiment = Experiment::new(setup.config.engine, move || begin.elapsed());
+    let mut say = |line: &str| bar.say(line);
     let mut scans = Scans {
-        experiment: Experiment::new(setup.config.engine, move || begin.elapsed()),
-        bar: &bar,
+        experiment: if options.no_effects { experiment.without_effects() } else { experiment },
+        replay: Replay::new(settings(setup), Outputs { bag: None, story: Some(Story::new()), say: &mut say }),
         after_jump: false,
     };
     let mut progress = |progress| bar.set(progress);
@@ -51,31 +57,40 @@ pub(crate) fn experiment(setup: &Setup, options: &Options) -> anyhow::Result<Exi
         &mut scans,
     )?;
     bar.finish();
+    let (all_read, stopped) = (fed.unread.is_none(), fed.stopped);
     let results = scans.experiment.finish();
     results.write(&options.out)?;
+    let finished = scans.replay.finish(fed)?;
+    let figure =
+        |figure: Figure| report::Figure { title: figure.title, svg: figure.svg, caption: figure.caption };
+    let figures = results.figures().into_iter().map(figure).collect();
+    write_page(&options.out, &options.input, &finished, stopped, figures)?;
     println!("{}", table(&results.summary()));
-    println!("figures and tables: {}", options.out.display());
-    if let Some(unread) = &fed.unread {
-        eprintln!("cfodi: not all of the bag was read: {unread}");
-    }
-    Ok(if fed.unread.is_some() || fed.stopped { ExitCode::FAILURE } else { ExitCode::SUCCESS })
+    println!(
+        "figures and tables: {}, to look at: {}",
+        options.out.display(),
+        options.out.join(PAGE).display()
+    );
+    say_skipped(&finished.summary, stopped);
+    Ok(if all_read && !stopped { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
-/// Hands scans to the experiment, up to where the stamps jump back.
+/// Hands scans to the experiment and to the report's map, up to where the stamps jump back.
 struct Scans<'a, C> {
     experiment: Experiment<C>,
-    bar: &'a Bar,
+    replay: Replay<'a>,
     after_jump: bool,
 }
 
 impl<C: FnMut() -> Duration> Visitor for Scans<'_, C> {
-    type Error = Infallible;
+    type Error = WriteError;
 
-    fn scan(&mut self, scan: &Scan, _: &str, _: Duration) -> Result<(), Infallible> {
-        if !self.after_jump {
-            self.experiment.scan(scan);
+    fn scan(&mut self, scan: &Scan, fixed_frame: &str, decoding: Duration) -> Result<(), WriteError> {
+        if self.after_jump {
+            return Ok(());
         }
-        Ok(())
+        self.experiment.scan(scan);
+        self.replay.scan(scan, fixed_frame, decoding)
     }
 
     fn jumped_back(&mut self, seconds: f64) {
@@ -83,12 +98,12 @@ impl<C: FnMut() -> Duration> Visitor for Scans<'_, C> {
         self.say(&format!("the stamps jump back by {seconds:.3} s: what follows is left out of the figures"));
     }
 
-    fn message(&mut self, _: &Message) -> Result<(), Infallible> {
+    fn message(&mut self, _: &Message) -> Result<(), WriteError> {
         Ok(())
     }
 
     fn say(&mut self, line: &str) {
-        self.bar.say(line);
+        self.replay.say(line);
     }
 }
 

@@ -11,7 +11,7 @@ use cfodi::node::args::ArgsError;
 use cfodi::replay::{
     Feed, Finished, FixedFrame, MapFiles, Outputs, Replay, ResultFile, Settings, Summary, feed,
 };
-use cfodi::report::{Story, write_report};
+use cfodi::report::{Facts, Figure, Story, write_report};
 
 use super::progress::Bar;
 use super::stop;
@@ -56,7 +56,7 @@ impl Options {
 }
 
 /// The file of a report, in its folder.
-const PAGE: &str = "index.html";
+pub(crate) const PAGE: &str = "index.html";
 
 /// Wrong arguments, as opposed to an input that fails.
 const WRONG: u8 = 2;
@@ -103,22 +103,44 @@ pub(crate) fn replay(setup: &Setup, options: &Options) -> anyhow::Result<ExitCod
         &mut replay,
     )?;
     let (unread, stopped) = (fed.unread.is_some(), fed.stopped);
-    let Finished { map, session, summary, story } = replay.finish(fed)?;
+    let finished = replay.finish(fed)?;
     bar.finish();
+    let Finished { map, session, summary, .. } = &finished;
     let files = MapFiles {
         summary: options.summary.clone(),
         voxels: options.voxels.clone(),
         clusters: options.clusters.clone(),
         ply: options.ply.clone(),
     };
-    files.write(&session, &map, &summary)?;
-    if let (Some(folder), Some(story)) = (&options.report, story) {
-        let title = options.input.file_name().unwrap_or(options.input.as_os_str()).to_string_lossy();
-        let facts = summary.facts(&title, stopped);
-        write_whole(&folder.join(PAGE), |out| write_report(out, &story, &facts))?;
+    files.write(session, map, summary)?;
+    if let Some(folder) = &options.report {
+        write_page(folder, &options.input, &finished, stopped, Vec::new())?;
     }
-    account(&summary, stopped);
+    account(summary);
+    say_skipped(summary, stopped);
     Ok(if unread || stopped { ExitCode::FAILURE } else { ExitCode::SUCCESS })
+}
+
+pub(crate) fn settings(setup: &Setup) -> Settings {
+    Settings {
+        engine: setup.config.engine,
+        publish_period: setup.config.publish_period,
+        parameters: setup.parameters.clone(),
+    }
+}
+
+/// Writes the report of a replay that has told a story.
+pub(crate) fn write_page(
+    folder: &Path,
+    input: &Path,
+    finished: &Finished,
+    stopped: bool,
+    figures: Vec<Figure>,
+) -> anyhow::Result<()> {
+    let Some(story) = &finished.story else { return Ok(()) };
+    let title = input.file_name().unwrap_or(input.as_os_str()).to_string_lossy();
+    let facts = Facts { figures, ..finished.summary.facts(&title, stopped) };
+    Ok(write_whole(&folder.join(PAGE), |out| write_report(out, story, &facts))?)
 }
 
 /// Opens the bag and chooses its sensors; gives the exit status where that is not possible.
@@ -208,9 +230,8 @@ fn clash(outputs: &[PathBuf], inputs: &[PathBuf]) -> Option<String> {
     None
 }
 
-/// The last word: what was read and what was not.
-fn account(summary: &Summary, stopped: bool) {
-    let skipped: u64 = summary.tally.skipped.values().sum();
+/// What came of it.
+fn account(summary: &Summary) {
     let rate = summary.tally.scans as f64 / summary.wall.as_secs_f64().max(1e-9);
     eprintln!(
         "{} scans in {:.1} s ({rate:.0} a second) in frame {}: {} dense voxels, {} clusters, {} of them active",
@@ -221,6 +242,11 @@ fn account(summary: &Summary, stopped: bool) {
         summary.clusters,
         summary.clusters_active,
     );
+}
+
+/// The last word: what was not read.
+pub(crate) fn say_skipped(summary: &Summary, stopped: bool) {
+    let skipped: u64 = summary.tally.skipped.values().sum();
     if skipped > 0 {
         let reasons: Vec<_> =
             summary.tally.skipped.iter().map(|(reason, count)| format!("{reason} {count}")).collect();

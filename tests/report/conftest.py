@@ -11,8 +11,8 @@ TOP = pathlib.Path(__file__).resolve().parents[2]
 CHROMIUM, CHROMEDRIVER = "/usr/bin/chromium", "/usr/bin/chromedriver"
 OPTIONS = ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
            "--disable-background-networking", "--disable-component-update", "--disable-sync")
-MAKE = ("cargo", "test", "--no-default-features", "--features", "bag,sim", "--test", "report", "--",
-        "--ignored", "a_report_of_the_simulated_drive")
+RECORDING = pathlib.Path(os.environ.get("CFODI_DATA") or TOP / "../shared/data") / "cabinet_depth640_58.mcap"
+BINARY = os.environ.get("CFODI_BIN") or TOP / "target/release/cfodi"
 
 
 def leave_out(request, why):
@@ -30,7 +30,7 @@ def open_browser(request, tmp_path):
     except ImportError:
         leave_out(request, "no selenium")
     if not (os.path.exists(CHROMIUM) and os.path.exists(CHROMEDRIVER)):
-        leave_out(request, "no chromium with its driver")
+        leave_out(request, "no chromium with its driver: apt-get install chromium chromium-driver")
     started = []
 
     def start(width=1400, height=1000):
@@ -50,21 +50,24 @@ def open_browser(request, tmp_path):
 
 @pytest.fixture(scope="session")
 def make_report(tmp_path_factory):
-    """Makes a report of the simulated drive, once."""
+    """Replays the cabinet recording into a report, once."""
     @functools.cache
     def make():
         folder = tmp_path_factory.mktemp("report")
-        subprocess.run(MAKE, cwd=TOP, env=os.environ | {"CFODI_REPORT_DIR": str(folder)}, check=True)
+        subprocess.run((BINARY, "replay", RECORDING, "--report", folder), check=True, timeout=120)
         return folder / "index.html"
 
     return make
 
 
 @pytest.fixture
-def made_report(open_browser, make_report):
+def made_report(request, open_browser, make_report):
     """CFODI_REPORT, or one made here; without a browser it is not even made."""
-    given = os.environ.get("CFODI_REPORT")
-    return pathlib.Path(given).resolve() if given else make_report()
+    if given := os.environ.get("CFODI_REPORT"):
+        return pathlib.Path(given).resolve()
+    if not RECORDING.is_file():
+        leave_out(request, "no recordings (set CFODI_DATA)")
+    return make_report()
 
 
 @pytest.fixture

@@ -36,16 +36,17 @@ class Page:
     def field(self, name):
         return self.at(f"#chosen [data-field='{name}']").text
 
-    def a_place_of(self, cluster=None):
-        """CSS px from the canvas's upper left corner where a cluster (that one) is seen."""
+    def a_place_of(self, cluster=None, below=0.5):
+        """CSS px from the canvas's upper left corner where a cluster (that one) is seen, this share of the canvas down or
+        further."""
         return self.run("""
-            const [wanted, canvas] = [arguments[0], document.getElementById("view")];
-            for (let y = canvas.clientHeight * 0.5 | 0; y < canvas.clientHeight; y += 3)
+            const [wanted, below, canvas] = [...arguments, document.getElementById("view")];
+            for (let y = canvas.clientHeight * below | 0; y < canvas.clientHeight; y += 3)
               for (let x = 10; x < canvas.clientWidth; x += 3) {
                 const id = cfodi.pick(x, y);
                 if (id !== null && (wanted === null || id === wanted)) return [x, y, id];
               }
-            return null;""", cluster)
+            return null;""", cluster, below)
 
     def mouse(self, x, y):
         """Moves the mouse to CSS px from the canvas's upper left corner."""
