@@ -45,8 +45,8 @@ fn depth_images_in_millimetres_give_the_map_of_their_clouds() {
     let differ = |other: &BTreeSet<VoxelKey>| through_images.symmetric_difference(other).count();
     let (same, finer) = (differ(&of_millimetres), differ(&of_fifths));
     eprintln!(
-        "{} dense voxels: {same} differ from the map of the same millimetres ({}), {finer} from that of the PNGs' fifths \
-         of a millimetre ({})",
+        "{} dense voxels: {same} differ from the map of the same millimetres ({}), {finer} from that of the PNGs' \
+         fifths of a millimetre ({})",
         through_images.len(),
         of_millimetres.len(),
         of_fifths.len()

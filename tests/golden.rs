@@ -10,7 +10,10 @@ use std::path::Path;
 
 use byteorder::LittleEndian;
 use cfodi::msg::clusters::SurfaceClusterArray;
-use cfodi::msg::ros::{Clock, MarkerArray, PointCloud2, TfMessage, TriggerRequest, TriggerResponse};
+use cfodi::msg::ros::{
+    CameraInfo, Clock, CompressedImage, Image, MarkerArray, PointCloud2, TfMessage, TriggerRequest,
+    TriggerResponse,
+};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
@@ -79,6 +82,13 @@ fn clouds_markers_transforms_and_clock_are_those_of_real_ros() {
     hold::<MarkerArray>("marker_array.cdr");
     hold::<TfMessage>("tf_message.cdr");
     hold::<Clock>("clock.cdr");
+}
+
+#[test]
+fn images_and_cameras_are_those_of_real_ros() {
+    hold::<Image>("image.cdr");
+    hold::<CameraInfo>("camera_info.cdr");
+    hold::<CompressedImage>("compressed_image.cdr");
 }
 
 #[test]

@@ -18,7 +18,7 @@ use cfodi::msg::ros::TfMessage;
 use cfodi::node::Setup;
 use cfodi::node::dds::{Events, Robot};
 use cfodi::node::process::{live_node, receive_buffer};
-use cfodi::node::transport::Event;
+use cfodi::node::transport::{Event, Input};
 use cfodi::sim::drive::SCANS_PER_SECOND;
 use cfodi::sim::{Drive, Scene};
 use tokio::sync::mpsc::Sender;
@@ -128,7 +128,9 @@ impl Journey {
             let step = self.drive.step(index);
             self.transforms(step.tf, false)?;
             match &self.inside {
-                Some((events, filter)) => self.hand_over(events, Event::Cloud(decode(&step.cloud, filter))),
+                Some((events, filter)) => {
+                    self.hand_over(events, Event::Cloud(Input::Points, decode(&step.cloud, filter)));
+                }
                 None => self.robot.send_cloud(step.cloud).map_err(|failure| failure.to_string())?,
             }
         }

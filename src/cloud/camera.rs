@@ -5,7 +5,8 @@ use crate::msg::ros::CameraInfo;
 
 /// A pinhole camera: focal lengths, principal point and size of the images it sends (px).
 ///
-/// Images are taken as rectified, as `depth_image_proc` takes them; [`Camera::is_distorted`] tells where they may not be.
+/// Images are taken as rectified, as `depth_image_proc` takes them; [`Camera::is_distorted`] tells where they may not
+/// be.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
     /// Finite and above 0, as `fy` is.

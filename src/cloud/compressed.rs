@@ -1,9 +1,9 @@
 //! From a compressed depth image (`sensor_msgs/CompressedImage`) and its camera to points.
 //!
 //! What `image_transport` calls `compressedDepth` is a PNG behind twelve bytes: a number for the kind of compression
-//! and two parameters a, b. A PNG of `16UC1` holds millimetres; a PNG of `32FC1` holds inverse depths, z = a / (raw - b).
-//! What it calls `compressed` is a bare PNG. Two bytes a pixel are taken to unpack it, once its size is known to be the
-//! camera's.
+//! and two parameters a, b. A PNG of `16UC1` holds millimetres; a PNG of `32FC1` holds inverse depths,
+//! z = a / (raw - b). What it calls `compressed` is a bare PNG. Two bytes a pixel are taken to unpack it, once its size is
+//! known to be the camera's.
 
 use std::fmt;
 use std::io::Cursor;

@@ -1,4 +1,4 @@
-//! Where every cloud went.
+//! Where every cloud went; a depth image counts as the cloud that it becomes.
 
 use std::collections::BTreeMap;
 use std::fmt::{self, Write};

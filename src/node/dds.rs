@@ -1,34 +1,32 @@
-//! [`Transport`] over ROS 2's DDS. The only file that imports `ros2_client` and `rustdds`.
+//! [`Transport`] over ROS 2's DDS. The only module that imports `ros2_client` and `rustdds`.
 //!
 //! Everything runs on the thread of one [`tokio::task::LocalSet`]. Clouds are decoded while the middleware's buffer is
 //! borrowed, so no cloud is copied; each subscription is a task that hands events to one bounded channel and waits
 //! when it is full: what the middleware then drops shows as a gap in the publisher's sequence numbers.
+
+mod read;
 
 use std::collections::BTreeMap;
 use std::net::IpAddr;
 use std::rc::Rc;
 use std::time::Duration;
 
-use futures::{StreamExt, pin_mut};
 use ros2_client::qos::{Durability, History, WhenFull};
 use ros2_client::{
-    Context, Gid, MessageTypeName, Name, Node, NodeName, NodeOptions, ParameterValue, Publisher, QosProfile,
+    Context, MessageTypeName, Name, Node, NodeName, NodeOptions, ParameterValue, Publisher, QosProfile,
     RmwRequestId, Server, ServiceMapping, ServiceTypeName, Subscription,
 };
-use rustdds::policy::{self, ResourceLimits};
-use rustdds::{DomainParticipant, DomainParticipantBuilder, QosPolicyBuilder, Topic, TopicKind};
+use rustdds::{DomainParticipant, DomainParticipantBuilder, Topic, TopicKind};
 use serde::Serialize;
-use serde::de::DeserializeOwned;
 use thiserror::Error;
 use tokio::sync::{Mutex, mpsc};
 use tokio::task::JoinSet;
 
 use super::args::{ArgsError, Setup};
-use super::transport::{Event, Outgoing, SendError, Source, Transport};
-use crate::cloud::{Cloud, CloudError, CloudFilter, CloudSeed};
+use super::transport::{Event, Inputs, Outgoing, SendError, Source, Transport};
 use crate::config::Value;
 use crate::msg::clusters::SurfaceClusterArray;
-use crate::msg::ros::{Clock, MarkerArray, PointCloud2, TfMessage, TriggerRequest, TriggerResponse};
+use crate::msg::ros::{MarkerArray, PointCloud2, TfMessage, TriggerRequest, TriggerResponse};
 
 /// The middleware refused something.
 #[derive(Debug, Error)]
@@ -154,16 +152,6 @@ fn parameter(value: &Value) -> ParameterValue {
     }
 }
 
-/// Best effort, volatile, and few samples kept: a cloud is megabytes, and an old one is of no use.
-fn cloud_qos() -> rustdds::QosPolicies {
-    QosPolicyBuilder::new()
-        .reliability(policy::Reliability::BestEffort)
-        .durability(policy::Durability::Volatile)
-        .history(policy::History::KeepLast { depth: 2 })
-        .resource_limits(ResourceLimits { max_samples: 2, max_instances: 1, max_samples_per_instance: 2 })
-        .build()
-}
-
 fn reliable(depth: usize, durability: Durability) -> QosProfile {
     QosProfile::publisher_default()
         .reliability_reliable(WhenFull::DEFAULT)
@@ -190,7 +178,7 @@ pub struct Dds {
     readers: Mutex<Readers>,
     node: Node,
     participant: DomainParticipant,
-    points_topic: String,
+    inputs: Inputs,
 }
 
 impl Dds {
@@ -216,12 +204,12 @@ impl Dds {
                 &QosProfile::subscription_default(),
             )?,
             reset: Rc::new(opener.server("~/reset")?),
-            points_topic: setup.resolve("points")?,
+            inputs: read::inputs(setup)?,
             participant: opener.participant.clone(),
-            readers: Mutex::new(listen(&mut opener, &events)?),
+            readers: Mutex::new(read::listen(&mut opener, &events)?),
             node: opener.node,
         };
-        let serving = serve_reset(Rc::clone(&dds.reset), events.clone());
+        let serving = read::serve_reset(Rc::clone(&dds.reset), events.clone());
         dds.readers.try_lock().map_err(opening("~/reset"))?.spawn_local(serving);
         Ok((dds, events, receiver))
     }
@@ -234,121 +222,6 @@ impl Dds {
         // The library's own task ends when it runs next.
         tokio::task::yield_now().await;
         (readers, participant)
-    }
-}
-
-/// Starts the tasks that read topics.
-fn listen(opener: &mut Opener<'_>, events: &Events) -> Result<Readers, DdsError> {
-    let mut readers = Readers::new();
-    let tf = |durability| (&reliable(100, durability)).into();
-    let filter = opener.setup.config.filter;
-    let points = opener.subscribe(("points", "sensor_msgs", "PointCloud2"), &cloud_qos())?;
-    readers.spawn_local(read_clouds(points, filter, events.clone()));
-    let dynamic = opener.subscribe(("/tf", "tf2_msgs", "TFMessage"), &tf(Durability::Volatile))?;
-    let transforms = |is_static| move |message| Event::Transforms { message, is_static };
-    readers.spawn_local(read("/tf", dynamic, events.clone(), transforms(false)));
-    let latched =
-        opener.subscribe(("/tf_static", "tf2_msgs", "TFMessage"), &tf(Durability::TransientLocal))?;
-    readers.spawn_local(read("/tf_static", latched, events.clone(), transforms(true)));
-    if opener.setup.config.use_sim_time {
-        let qos = (&QosProfile::subscription_default()).into();
-        let clock = opener.subscribe(("/clock", "rosgraph_msgs", "Clock"), &qos)?;
-        let time = |clock: Clock| match clock.clock.stamp() {
-            Some(stamp) => Event::Clock(stamp),
-            None => {
-                Event::Garbled { topic: "/clock", text: format!("{} ns in a second", clock.clock.nanosec) }
-            }
-        };
-        readers.spawn_local(read("/clock", clock, events.clone(), time));
-    }
-    let use_sim_time = ParameterValue::Boolean(opener.setup.config.use_sim_time);
-    opener.node.set_parameter("use_sim_time", use_sim_time).map_err(opening("use_sim_time"))?;
-    let spinner = opener.node.spinner().map_err(opening("the parameter services"))?;
-    readers.spawn_local(async {
-        drop(spinner.spin().await);
-        "the parameter services"
-    });
-    Ok(readers)
-}
-
-/// What a publisher's sequence numbers tell about clouds that never arrived.
-#[derive(Default)]
-struct Gaps {
-    newest: BTreeMap<Gid, i64>,
-    /// Samples that arrived since the last good one and could not be decoded: their numbers look like a gap.
-    undecodable: u64,
-}
-
-impl Gaps {
-    /// Publishers to remember; a driver that restarts is a new one each time.
-    const PUBLISHERS: usize = 1000;
-
-    fn lost_before(&mut self, publisher: Gid, number: i64) -> u64 {
-        if self.newest.len() >= Self::PUBLISHERS {
-            self.newest.clear();
-        }
-        let newest = self.newest.entry(publisher).or_insert(number);
-        let gap = number.saturating_sub(*newest).saturating_sub(1).max(0);
-        *newest = number.max(*newest);
-        gap.unsigned_abs().saturating_sub(std::mem::take(&mut self.undecodable))
-    }
-}
-
-async fn read_clouds(
-    points: Subscription<Result<Cloud, CloudError>>,
-    filter: CloudFilter,
-    events: Events,
-) -> &'static str {
-    let clouds = points.async_stream_seed(CloudSeed::new(filter));
-    pin_mut!(clouds);
-    let mut gaps = Gaps::default();
-    while let Some(sample) = clouds.next().await {
-        let (cloud, lost) = match sample {
-            Ok((cloud, info)) => (cloud, gaps.lost_before(info.publisher_gid(), info.sequence_number())),
-            Err(error) => {
-                gaps.undecodable += 1;
-                (Err(CloudError::Undecodable(error.to_string())), 0)
-            }
-        };
-        if lost > 0 && events.send(Event::Lost(lost)).await.is_err() {
-            break;
-        }
-        if events.send(Event::Cloud(cloud)).await.is_err() {
-            break;
-        }
-    }
-    "points"
-}
-
-async fn read<M: DeserializeOwned + 'static>(
-    topic: &'static str,
-    subscription: Subscription<M>,
-    events: Events,
-    event: impl Fn(M) -> Event<RmwRequestId>,
-) -> &'static str {
-    let messages = subscription.async_stream();
-    pin_mut!(messages);
-    while let Some(message) = messages.next().await {
-        let event = match message {
-            Ok((message, _)) => event(message),
-            Err(error) => Event::Garbled { topic, text: error.to_string() },
-        };
-        if events.send(event).await.is_err() {
-            break;
-        }
-    }
-    topic
-}
-
-async fn serve_reset(reset: Rc<Server<TriggerRequest, TriggerResponse>>, events: Events) -> &'static str {
-    loop {
-        let event = match reset.async_receive_request().await {
-            Ok((request, _)) => Event::Reset(request),
-            Err(error) => Event::Garbled { topic: "~/reset", text: error.to_string() },
-        };
-        if events.send(event).await.is_err() {
-            return "~/reset";
-        }
     }
 }
 
@@ -371,8 +244,8 @@ impl Transport for Dds {
         self.reset.async_send_response(request, response).await.map_err(|error| SendError(error.to_string()))
     }
 
-    fn points_topic(&self) -> &str {
-        &self.points_topic
+    fn inputs(&self) -> &Inputs {
+        &self.inputs
     }
 
     fn sources(&self) -> Vec<Source> {
@@ -452,21 +325,6 @@ impl Robot {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_gap_in_the_numbers_is_a_loss_unless_garbled_samples_explain_it() {
-        let (mut gaps, publisher) = (Gaps::default(), Gid::default());
-        assert_eq!(gaps.lost_before(publisher, 7), 0);
-        assert_eq!(gaps.lost_before(publisher, 8), 0);
-        assert_eq!(gaps.lost_before(publisher, 11), 2);
-        gaps.undecodable = 1;
-        assert_eq!(gaps.lost_before(publisher, 14), 1);
-        assert_eq!(gaps.lost_before(publisher, 13), 0);
-        assert_eq!(gaps.lost_before(publisher, 15), 0);
-        gaps.undecodable = 1;
-        assert_eq!(gaps.lost_before(publisher, 16), 0);
-        assert_eq!(gaps.lost_before(publisher, 18), 1);
-    }
 
     #[test]
     fn a_dds_type_name_reads_as_in_ros() {

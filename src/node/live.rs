@@ -1,4 +1,5 @@
-//! The live node: joins clouds with their transforms, hands scans to the worker, answers calls.
+//! The live node: joins clouds (those that depth images became too) with their transforms, hands scans to the worker,
+//! answers calls.
 
 use std::cell::RefCell;
 use std::future::Future;
@@ -14,10 +15,11 @@ use tokio::time::MissedTickBehavior;
 use tracing::{debug, info, warn};
 
 use super::counts::Counts;
+use super::inputs;
 use super::publish::{Ended, publish};
 use super::throttle::Throttle;
-use super::transport::{Event, Source, Transport};
-use crate::cloud::{Cloud, CloudError};
+use super::transport::{Event, Input, Transport};
+use crate::cloud::{Camera, Cloud, CloudError};
 use crate::config::Config;
 use crate::engine::{Scan, Snapshot, Stamp};
 use crate::msg::ros::{TfMessage, TriggerResponse};
@@ -122,6 +124,8 @@ struct Live<T> {
     /// Newest stamp of a scan in this session, and of the simulated clock.
     newest_scan: Option<Stamp>,
     newest_clock: Option<Stamp>,
+    /// The first input that sent a good scan: two of one sensor must not fill the map twice.
+    chosen: Option<Input>,
     fixed_frame: String,
     tf_timeout: Duration,
     start: Instant,
@@ -150,6 +154,7 @@ impl<T: Transport> Live<T> {
             session,
             newest_scan: None,
             newest_clock: None,
+            chosen: None,
             fixed_frame: config.fixed_frame.clone(),
             tf_timeout: config.tf_timeout,
             start,
@@ -160,8 +165,10 @@ impl<T: Transport> Live<T> {
 
     async fn event(&mut self, event: Event<T::Request>) {
         match event {
-            Event::Cloud(cloud) => self.cloud(cloud),
-            Event::Lost(number) => self.lost(number),
+            Event::Cloud(input, cloud) if self.takes(input) => self.cloud(input, cloud),
+            Event::Cloud(input, _) => self.skip_other(input),
+            Event::Lost(input, number) => self.lost(input, number),
+            Event::Camera(camera) => self.camera(&camera),
             Event::Transforms { message, is_static } => self.transforms(&message, is_static),
             Event::Clock(stamp) => self.clock(stamp),
             Event::Reset(request) => self.reset(request).await,
@@ -169,11 +176,18 @@ impl<T: Transport> Live<T> {
         }
     }
 
-    fn cloud(&mut self, cloud: Result<Cloud, CloudError>) {
+    fn takes(&self, input: Input) -> bool {
+        self.chosen.is_none_or(|chosen| chosen == input)
+    }
+
+    fn cloud(&mut self, input: Input, cloud: Result<Cloud, CloudError>) {
         self.quiet_since = Instant::now();
         self.counts.borrow_mut().received += 1;
         match cloud {
             Ok(cloud) => {
+                if self.chosen.replace(input).is_none() {
+                    info!("scans are made of {}", self.transport.inputs().topic(input));
+                }
                 self.look_at(&cloud);
                 let (stamp, frame) = (cloud.stamp, cloud.frame_id.clone());
                 if let Some(pushed_out) = self.waiting.push(cloud, stamp, frame, self.start.elapsed()) {
@@ -203,8 +217,34 @@ impl<T: Transport> Live<T> {
         }
     }
 
-    fn lost(&mut self, number: u64) {
+    /// Counts a scan of an input that another one forestalled.
+    fn skip_other(&mut self, input: Input) {
+        self.counts.borrow_mut().received += 1;
+        self.counts.borrow_mut().skip("other_input");
+        let chosen = self.chosen.unwrap_or(input);
+        let line = inputs::how_to_choose(self.transport.inputs(), chosen, input);
+        self.warn("other_input", format_args!("{line}"));
+    }
+
+    fn camera(&mut self, camera: &Result<Camera, CloudError>) {
+        let topic = self.transport.inputs().camera_info.clone();
+        match camera {
+            Ok(camera) if camera.is_distorted() => self.warn(
+                "distorted",
+                format_args!(
+                    "{topic} tells of lens distortion: depth images are taken as rectified, and are off by it"
+                ),
+            ),
+            Ok(camera) => debug!("{topic}: {}x{} pixels", camera.width(), camera.height()),
+            Err(error) => self.warn(error.reason(), format_args!("{topic}: {error}")),
+        }
+    }
+
+    fn lost(&mut self, input: Input, number: u64) {
         self.counts.borrow_mut().lost += number;
+        if !self.takes(input) {
+            return;
+        }
         let total = self.counts.borrow().lost;
         self.warn("lost", format_args!("{total} clouds were sent and never arrived (see receive_buffer)"));
     }
@@ -264,11 +304,11 @@ impl<T: Transport> Live<T> {
     fn count_unused(&self, event: &Event<T::Request>) {
         let mut counts = self.counts.borrow_mut();
         match event {
-            Event::Cloud(cloud) => {
+            Event::Cloud(_, cloud) => {
                 counts.received += 1;
                 counts.skip(cloud.as_ref().map_or_else(CloudError::reason, |_| "shutdown"));
             }
-            Event::Lost(number) => counts.lost += number,
+            Event::Lost(_, number) => counts.lost += number,
             _ => {}
         }
     }
@@ -311,7 +351,8 @@ impl<T: Transport> Live<T> {
             return;
         }
         self.said_quiet = Some(now);
-        warn!("{}", why_quiet(self.transport.points_topic(), &self.transport.sources()));
+        let sources = self.transport.sources();
+        warn!("{}", inputs::why_quiet(self.transport.inputs(), self.chosen, &sources, QUIET));
     }
 
     fn warn(&mut self, kind: &'static str, line: std::fmt::Arguments<'_>) {
@@ -342,47 +383,6 @@ fn jumped_back(newest: &mut Option<Stamp>, stamp: Stamp) -> Option<Stamp> {
     let before = newest.filter(|newest| newest.seconds_since(stamp) > JUMP_BACK);
     *newest = Some(newest.map_or(stamp, |newest| newest.max(stamp)));
     before
-}
-
-fn why_quiet(topic: &str, sources: &[Source]) -> String {
-    const CLOUD: &str = "sensor_msgs/msg/PointCloud2";
-    let kinds: Vec<_> = sources
-        .iter()
-        .filter(|source| source.topic == topic)
-        .map(|source| source.type_name.as_str())
-        .collect();
-    if kinds.is_empty() {
-        format!("nobody publishes on {topic}; {}", choices(sources))
-    } else if kinds.contains(&CLOUD) {
-        format!(
-            "{topic} has a publisher, but no cloud has come for {} s: either it is silent, or its clouds are too large \
-             for the socket receive buffer (see above), or it sends by shared memory only",
-            QUIET.as_secs()
-        )
-    } else {
-        format!("{topic} carries {}, not {CLOUD}; {}", kinds.join(" and "), choices(sources))
-    }
-}
-
-/// What could be listened to, with the exact words that do it.
-fn choices(sources: &[Source]) -> String {
-    let of_type = |kind: &str| -> Vec<&str> {
-        sources.iter().filter(|source| source.type_name == kind).map(|source| source.topic.as_str()).collect()
-    };
-    let clouds = of_type("sensor_msgs/msg/PointCloud2");
-    let images = of_type("sensor_msgs/msg/Image");
-    let mut text = if clouds.is_empty() {
-        "there is no PointCloud2 on the network".to_owned()
-    } else {
-        let lines: Vec<_> = clouds.iter().map(|topic| format!("-r points:={topic}")).collect();
-        format!("PointCloud2 topics: use {}", lines.join(" or "))
-    };
-    if !images.is_empty() {
-        // Depth images are no input yet; their driver's depth_image_proc makes clouds of them.
-        text.push_str("; Image topics (depth_image_proc makes clouds of depth images): ");
-        text.push_str(&images.join(", "));
-    }
-    text
 }
 
 #[cfg(test)]

@@ -1,12 +1,14 @@
 //! The live node: the only place with ROS, async and a clock.
 //!
 //! [`args`] turns a ROS command line into a checked [`Setup`]; [`transport`] is what the node needs of a middleware;
-//! [`dds`] is that over ROS 2's DDS, and the only file that imports `ros2_client`; [`live`] joins clouds with their
-//! transforms and hands scans to the worker; [`process`] is all of it as a process; `publish` turns the worker's outputs into messages.
+//! [`dds`] is that over ROS 2's DDS, and the only module that imports `ros2_client`; [`live`] joins clouds with their
+//! transforms and hands scans to the worker; `inputs` finds the words about what is heard and what could be;
+//! [`process`] is all of it as a process; `publish` turns the worker's outputs into messages.
 
 pub mod args;
 pub mod counts;
 pub mod dds;
+mod inputs;
 pub mod live;
 pub mod process;
 mod publish;

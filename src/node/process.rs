@@ -14,7 +14,7 @@ use super::Setup;
 use super::counts::Counts;
 use super::dds::{Dds, DdsError, Events};
 use super::live::{self, LiveError};
-use super::transport::Transport;
+use super::transport::{Inputs, Transport};
 use crate::engine::Snapshot;
 
 /// The process has to end with a failure.
@@ -44,11 +44,19 @@ pub fn receive_buffer(setup: &Setup) -> usize {
     got.map_or(wish, |got| wish.min(got / twice))
 }
 
+/// A buffer of fewer bytes does not hold the ten datagrams of such an image, which are sent faster than they are read.
+const RAW_DEPTH_IMAGE: usize = 400_000;
+
 fn say_receive_buffer(setup: &Setup) {
     let (wish, got) = (setup.config.receive_buffer, receive_buffer(setup));
     if got < wish {
+        let what = if got < RAW_DEPTH_IMAGE {
+            "clouds and raw depth images of 640x480 (their compressedDepth is smaller)"
+        } else {
+            "large clouds"
+        };
         warn!(
-            "socket receive buffer: {got} bytes instead of {wish}, too few for large clouds; raise it with: \
+            "socket receive buffer: {got} bytes instead of {wish}, too few for {what}; raise it with: \
              sudo sysctl -w net.core.rmem_max={wish}"
         );
     } else {
@@ -74,7 +82,11 @@ pub fn live_node(
         let (dds, events, receiver) = Dds::open(setup)?;
         let dds = Rc::new(dds);
         let node = setup.fully_qualified_name();
-        info!("ready: {node} reads {} in domain {}", dds.points_topic(), setup.domain);
+        let Inputs { points, image, camera_info, compressed } = dds.inputs();
+        info!(
+            "ready: {node} reads {points}, or {image} or {compressed} with {camera_info}, in domain {}",
+            setup.domain
+        );
         begin(events)?;
         let map = live::run(&setup.config, Rc::clone(&dds), receiver, Rc::clone(&counts), ending(done)).await;
         let network = match Rc::into_inner(dds) {

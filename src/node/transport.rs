@@ -3,18 +3,55 @@
 use std::fmt;
 use std::future::Future;
 
-use crate::cloud::{Cloud, CloudError};
+use crate::cloud::{Camera, Cloud, CloudError};
 use crate::engine::Stamp;
 use crate::msg::clusters::SurfaceClusterArray;
 use crate::msg::ros::{MarkerArray, PointCloud2, TfMessage, TriggerResponse};
 
+/// What scans are made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Input {
+    /// `sensor_msgs/PointCloud2` on `points`.
+    Points,
+    /// `sensor_msgs/Image` on `depth/image`.
+    Depth,
+    /// `sensor_msgs/CompressedImage` beside `depth/image`.
+    CompressedDepth,
+}
+
+/// Fully qualified names of the topics that scans come from, remappings applied.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Inputs {
+    /// `points`.
+    pub points: String,
+    /// `depth/image`.
+    pub image: String,
+    /// `depth/camera_info`, which both kinds of depth image need.
+    pub camera_info: String,
+    /// `compressedDepth` below `depth/image`.
+    pub compressed: String,
+}
+
+impl Inputs {
+    /// The topic of an input.
+    pub fn topic(&self, input: Input) -> &str {
+        match input {
+            Input::Points => &self.points,
+            Input::Depth => &self.image,
+            Input::CompressedDepth => &self.compressed,
+        }
+    }
+}
+
 /// Something that came in.
 #[derive(Debug)]
 pub enum Event<Request> {
-    /// A cloud on `points`, decoded.
-    Cloud(Result<Cloud, CloudError>),
+    /// A cloud or a depth image, decoded.
+    Cloud(Input, Result<Cloud, CloudError>),
     /// Clouds that a publisher sent and that never arrived, by the gap in its sequence numbers.
-    Lost(u64),
+    Lost(Input, u64),
+    /// What `depth/camera_info` says, when it has changed.
+    Camera(Result<Camera, CloudError>),
     /// Transforms on `/tf` or `/tf_static`.
     Transforms {
         /// The message.
@@ -82,8 +119,8 @@ pub trait Transport: 'static {
         response: TriggerResponse,
     ) -> impl Future<Output = Result<(), SendError>>;
 
-    /// The fully qualified name of the topic that clouds are read from, remappings applied.
-    fn points_topic(&self) -> &str;
+    /// The topics that scans come from.
+    fn inputs(&self) -> &Inputs;
 
     /// Every topic that has a publisher now, by name.
     fn sources(&self) -> Vec<Source>;

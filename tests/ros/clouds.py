@@ -78,14 +78,11 @@ def cabinet(folder, point_step=16, count=None):
 
     Organised 640x480 clouds in float32 as drivers make them; with 32 bytes a point also PCL's colour field.
     """
-    folder = folder / "tum_fr3_cabinet58"
-    camera = json.loads((folder / "camera.json").read_text())
+    camera = cabinet_camera(folder)
     fx, _, cx, _, fy, cy = map(np.float32, camera["K"][:6])
     scale = np.float32(camera["depth_scale_per_m"])
     u, v = np.meshgrid(*(np.arange(camera[side], dtype=np.float32) for side in ("width", "height")))
-    for row in list(csv.DictReader((folder / "poses.csv").open()))[:count]:
-        depth = np.array(Image.open(folder / row["file"])).astype(np.uint16)
-        depth[depth == 65535] = 0
+    for depth, transform in cabinet_rows(folder, count):
         z = depth.astype(np.float32) / scale
         z[depth == 0] = np.nan
         points = np.zeros((*depth.shape, point_step // 4), np.float32)
@@ -94,12 +91,24 @@ def cabinet(folder, point_step=16, count=None):
             points[..., 3] = 1.0  # PCL leaves 1 in the fourth float
             grey = np.clip(255 - np.nan_to_num(z, nan=0) * 50, 0, 255).astype(np.uint32)
             points[..., 4] = (grey << 16 | grey << 8 | grey).view(np.float32)
+        yield types.SimpleNamespace(cloud=cloud(points), transform=transform)
+
+
+def cabinet_camera(folder):
+    return json.loads((folder / "tum_fr3_cabinet58" / "camera.json").read_text())
+
+
+def cabinet_rows(folder, count=None):
+    """The depth images, 0 where unknown, in the units of the camera, with `transform` (map -> camera_link), serialised."""
+    folder = folder / "tum_fr3_cabinet58"
+    for row in list(csv.DictReader((folder / "poses.csv").open()))[:count]:
+        depth = np.array(Image.open(folder / row["file"])).astype(np.uint16)
+        depth[depth == 65535] = 0
         optical = [float(row[name]) for name in ("qx", "qy", "qz", "qw")]
         x, y, z, w = LINK_FROM_OPTICAL
         rotation = quaternion_product(optical / np.linalg.norm(optical), (-x, -y, -z, w))
         translation = [float(row[name]) for name in ("tx", "ty", "tz")]
-        yield types.SimpleNamespace(
-            cloud=cloud(points), transform=transform("map", "camera_link", translation, rotation))
+        yield depth, transform("map", "camera_link", translation, rotation)
 
 
 def quaternion_product(a, b):

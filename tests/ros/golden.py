@@ -12,7 +12,7 @@ from cfodi_msgs.msg import SurfaceCluster, SurfaceClusterArray
 from geometry_msgs.msg import Point, Point32, Polygon, Pose, Quaternion, Transform, TransformStamped, Vector3
 from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import PointCloud2, PointField
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2, PointField, RegionOfInterest
 from shape_msgs.msg import Plane
 from std_msgs.msg import ColorRGBA, Header
 from std_srvs.srv import Trigger
@@ -76,6 +76,24 @@ def cloud():
         point_step=16, row_step=32, data=bytes(range(1, 33)), is_dense=True)
 
 
+def image():
+    return Image(
+        header=header(101, "camera_depth_optical_frame"), height=2, width=3, encoding="16UC1", is_bigendian=1, step=8,
+        data=bytes(range(1, 17)))
+
+
+def camera_info():
+    return CameraInfo(
+        header=header(111, "camera_depth_optical_frame"), height=113, width=114, distortion_model="plumb_bob",
+        d=floats(115, 5), k=floats(120, 9), r=floats(129, 9), p=floats(138, 12), binning_x=150, binning_y=151,
+        roi=RegionOfInterest(x_offset=152, y_offset=153, height=154, width=155, do_rectify=True))
+
+
+def compressed_image():
+    return CompressedImage(
+        header=header(161, "camera_depth_optical_frame"), format="16UC1; compressedDepth png", data=bytes(range(1, 8)))
+
+
 def transform(first, parent, child):
     at = pose(first + 2)
     p = at.position
@@ -90,6 +108,9 @@ MESSAGES = {
         clusters=[cluster(1), cluster(2)], removed=[16, 17], unclustered_voxels=18),
     "surface_cluster_array_empty": SurfaceClusterArray(),
     "point_cloud2": cloud(),
+    "image": image(),
+    "camera_info": camera_info(),
+    "compressed_image": compressed_image(),
     "marker_array": MarkerArray(markers=[marker()]),
     "tf_message": TFMessage(transforms=[transform(70, "map", "camera_link"), transform(80, "camera_link", "optical")]),
     "clock": Clock(clock=Time(sec=91, nanosec=92)),

@@ -8,7 +8,7 @@ from cfodi_msgs.msg import SurfaceClusterArray
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
-from sensor_msgs.msg import PointCloud2
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
 
@@ -102,6 +102,9 @@ class Peer:
     def camera(self, topic="/camera/depth/points"):
         return Camera(self.node, topic)
 
+    def depth_camera(self, info, suffix=""):
+        return DepthCamera(self.node, "/camera/depth/image_raw" + suffix, "/camera/depth/camera_info", info)
+
     def call(self, service_type, name, request, attempts=6, timeout=3):
         """The reply to a call; asked again where none comes, for a first reply may be lost while the two sides meet."""
         client = self.node.create_client(service_type, name)
@@ -123,9 +126,9 @@ class Peer:
 class Camera:
     """Publishes clouds best effort, as drivers do, and the transforms that belong to them."""
 
-    def __init__(self, node, topic):
+    def __init__(self, node, topic, message_type=PointCloud2):
         self.sent = 0
-        self._cloud = node.create_publisher(PointCloud2, topic, qos(5, reliable=False))
+        self._cloud = node.create_publisher(message_type, topic, qos(5, reliable=False))
         self._tf = node.create_publisher(TFMessage, "/tf", qos(100))
         self._tf_static = node.create_publisher(TFMessage, "/tf_static", qos(1, latched=True))
         self._tf_static.publish(clouds.static_transform())
@@ -149,3 +152,22 @@ class Camera:
     def publish_as_is(self, data):
         self.sent += 1
         self._cloud.publish(data)
+
+
+class DepthCamera(Camera):
+    """Publishes depth images, each after its camera info (`info`, serialised; None: none)."""
+
+    def __init__(self, node, topic, info_topic, info):
+        compressed = topic.endswith("/compressedDepth")
+        super().__init__(node, topic, CompressedImage if compressed else Image)
+        self.info = info
+        self._info = node.create_publisher(CameraInfo, info_topic, qos(5))
+
+    def meet(self, timeout=30):
+        wait_until("a subscription of the camera info", self._info.get_subscription_count, timeout)
+        super().meet(timeout)
+
+    def publish(self, cloud, stamp_ns, transform=None):
+        if self.info is not None:
+            self._info.publish(clouds.stamped(self.info, clouds.CLOUD_STAMP, stamp_ns))
+        super().publish(cloud, stamp_ns, transform)

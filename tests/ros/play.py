@@ -1,6 +1,6 @@
 """Plays the cabinet recording in a loop as a camera would, from a process of its own: Python that records would slow it.
 
-Prints one JSON line: how many clouds it sent, those of the end included, and at what rate.
+Clouds, or depth images in millimetres, raw or as PNG. Prints one JSON line: how many it sent, those of the end included, and at what rate.
 """
 
 import argparse
@@ -10,6 +10,7 @@ import sys
 import time
 
 import clouds
+import depth_images
 from peer import Peer
 
 SPECKS = 3  # a lost cloud shows only when a later one arrives
@@ -32,18 +33,28 @@ def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("folder", type=pathlib.Path)
     parser.add_argument("--point-step", type=int, default=16)
+    parser.add_argument("--kind", choices=["points", "depth", "compressed"], default="points")
     parser.add_argument("--seconds", type=float, default=20)
     parser.add_argument("--rate", type=float, default=30)
     arguments = parser.parse_args()
-    scans = list(clouds.cabinet(arguments.folder, arguments.point_step))
+    if arguments.kind == "points":
+        scans = list(clouds.cabinet(arguments.folder, arguments.point_step))
+    else:
+        form = depth_images.image if arguments.kind == "depth" else depth_images.compressed
+        scans = list(depth_images.cabinet(arguments.folder, form))
     peer = Peer("camera")
     try:
-        camera = peer.camera()
+        if arguments.kind == "points":
+            camera = peer.camera()
+        else:
+            suffix = "/compressedDepth" if arguments.kind == "compressed" else ""
+            camera = peer.depth_camera(depth_images.cabinet_info(arguments.folder), suffix)
         camera.meet()
         reached = play(camera, scans, arguments.seconds, arguments.rate)
         for _ in range(SPECKS):
             time.sleep(0.3)
-            camera.publish(clouds.cloud(clouds.speck()), time.time_ns(), scans[-1].transform)
+            last = clouds.cloud(clouds.speck()) if arguments.kind == "points" else scans[-1].cloud
+            camera.publish(last, time.time_ns(), scans[-1].transform)
         time.sleep(0.5)
     finally:
         peer.close()

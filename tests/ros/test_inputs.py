@@ -137,5 +137,5 @@ def test_without_a_publisher_it_lists_the_topics_that_could_be_meant(start, peer
     peer.node.create_publisher(Image, "/other/depth/image_raw", qos(5))
     node = start(points=None).ready()
     node.line_with("-r points:=/other/points")
-    node.line_with("/other/depth/image_raw")
+    node.line_with("-r depth/image:=/other/depth/image_raw -r depth/camera_info:=/other/depth/camera_info")
     node.stop()

@@ -8,14 +8,27 @@ use super::*;
 use crate::engine::Points;
 use crate::msg::clusters::SurfaceClusterArray;
 use crate::msg::ros::{Header, Quaternion, Transform, TransformStamped, Vector3};
-use crate::node::transport::{Outgoing, SendError};
+use crate::node::transport::{Inputs, Outgoing, SendError, Source};
 
 /// Keeps what is published; fails when told to.
-#[derive(Default)]
 struct Fake {
+    inputs: Inputs,
     deltas: RefCell<Vec<SurfaceClusterArray>>,
     replies: RefCell<Vec<TriggerResponse>>,
     failure: RefCell<Option<oneshot::Receiver<String>>>,
+}
+
+impl Default for Fake {
+    fn default() -> Self {
+        let name = str::to_owned;
+        let inputs = Inputs {
+            points: name("/points"),
+            image: name("/depth/image"),
+            camera_info: name("/depth/camera_info"),
+            compressed: name("/depth/image/compressedDepth"),
+        };
+        Self { inputs, deltas: RefCell::default(), replies: RefCell::default(), failure: RefCell::default() }
+    }
 }
 
 impl Transport for Fake {
@@ -33,8 +46,8 @@ impl Transport for Fake {
         Ok(())
     }
 
-    fn points_topic(&self) -> &'static str {
-        "/points"
+    fn inputs(&self) -> &Inputs {
+        &self.inputs
     }
 
     fn sources(&self) -> Vec<Source> {
@@ -57,7 +70,7 @@ fn at(seconds: f64) -> Stamp {
 fn cloud(stamp: Stamp, frame_id: &str) -> Event<()> {
     let points = Points::F32(vec![[0.0, 0.0, 1.0]; 20]);
     let frame_id = frame_id.to_owned();
-    Event::Cloud(Ok(Cloud { stamp, frame_id, points, total: 20, invalid: 0, out_of_range: 0 }))
+    Event::Cloud(Input::Points, Ok(Cloud { stamp, frame_id, points, total: 20, invalid: 0, out_of_range: 0 }))
 }
 
 fn transform(stamp: Stamp, is_static: bool) -> Event<()> {
@@ -146,7 +159,7 @@ fn a_scan_that_jumps_back_begins_a_session_and_a_stray_stamp_without_transform_d
 fn counts_close_when_the_node_ends_with_clouds_on_their_way() {
     let clouds = (0..40).map(|i| cloud(at(10.0 + f64::from(i) / 30.0), "camera"));
     let mut events: Vec<_> = [transform(at(0.0), true)].into_iter().chain(clouds).collect();
-    events.push(Event::Lost(3));
+    events.push(Event::Lost(Input::Points, 3));
     let (_, counts, _) = node(Fake::default(), events, 0);
     let skipped: u64 = counts.skipped.values().sum();
     assert_eq!((counts.received, counts.lost), (40, 3));
@@ -163,18 +176,25 @@ fn a_reader_that_has_ended_ends_the_node_with_an_error() {
 }
 
 #[test]
-fn the_list_of_topics_has_the_exact_remapping() {
-    let source = |topic: &str, kind: &str| Source {
-        topic: topic.to_owned(),
-        type_name: format!("sensor_msgs/msg/{kind}"),
+fn the_first_input_that_sends_a_good_scan_is_the_only_one_taken() {
+    let of = |input, seconds| match cloud(at(seconds), "camera") {
+        Event::Cloud(_, cloud) => Event::Cloud(input, cloud),
+        other => other,
     };
-    let sources = [source("/a/points", "PointCloud2"), source("/b", "Image"), source("/c", "CameraInfo")];
-    let text = choices(&sources);
-    assert!(text.contains("-r points:=/a/points") && text.contains("/b") && !text.contains("/c"));
-    assert!(choices(&[]).contains("no PointCloud2"));
-    assert!(why_quiet("/x", &sources).contains("nobody publishes on /x"));
-    assert!(why_quiet("/b", &sources).contains("/b carries sensor_msgs/msg/Image"));
-    assert!(why_quiet("/a/points", &sources).contains("no cloud has come for 3 s"));
+    let events = vec![
+        transform(at(0.0), true),
+        Event::Cloud(Input::Depth, Err(CloudError::NoCameraInfo)),
+        Event::Camera(Err(CloudError::BadIntrinsics { fx: 0.0, fy: 0.0, cx: 0.0, cy: 0.0 })),
+        of(Input::CompressedDepth, 10.0),
+        of(Input::Depth, 10.0),
+        Event::Cloud(Input::Points, Err(CloudError::EmptyFrameId)),
+        of(Input::CompressedDepth, 10.1),
+        of(Input::Points, 10.1),
+        Event::Lost(Input::Points, 2),
+    ];
+    let (_, counts, _) = node(Fake::default(), events, 2);
+    assert_eq!((counts.received, counts.taken_in, counts.lost), (6, 2, 2));
+    assert_eq!(counts.skipped.into_iter().collect::<Vec<_>>(), [("no_camera_info", 1), ("other_input", 3)]);
 }
 
 #[test]

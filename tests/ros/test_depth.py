@@ -1,0 +1,124 @@
+"""Depth images in: at 30 Hz on a small socket buffer, in every form, and one input at a time."""
+
+import json
+import pathlib
+import subprocess
+import sys
+import time
+
+import clouds
+import compare
+import depth_images
+import network
+import numpy as np
+import pytest
+from cfodi_node import accounted, skipped
+
+STOCK_BUFFER = 212_992  # net.core.rmem_max of a Linux that nobody has tuned: holds six datagrams of 64 KB
+ENOUGH_FOR_RAW = 2 * STOCK_BUFFER  # a raw image of 640x480 is ten such datagrams, sent at once
+IMAGE, INFO = "/camera/depth/image_raw", "/camera/depth/camera_info"
+REMAPS = {"depth/image": IMAGE, "depth/camera_info": INFO}
+PLAY = pathlib.Path(__file__).with_name("play.py")
+
+
+def begin(start, peer, suffix="", **more):
+    """The node, recorded, and a depth camera that it hears."""
+    node = start(remaps=REMAPS, **more).ready()
+    peer.record_node()
+    camera = peer.depth_camera(depth_images.wall_info(), suffix)
+    camera.meet()
+    return node, camera
+
+
+def take_in(camera, peer, image):
+    stamp, before = time.time_ns(), len(peer.deltas)
+    camera.publish(image, stamp, clouds.still_transform())
+    return peer.deltas.wait("the delta of a good image", lambda m: compare.stamp(m) == stamp, after=before)
+
+
+@pytest.mark.timeout(400)
+@pytest.mark.parametrize("kind, buffer", [("compressed", STOCK_BUFFER), ("depth", ENOUGH_FOR_RAW)])
+def test_at_30_hz_95_percent_are_taken_in_on_a_small_socket_buffer(kind, buffer, recordings, start):
+    if (granted := network.granted_buffer(buffer)) < buffer:
+        pytest.fail(f"the kernel grants {granted} bytes to a socket: sysctl -w net.core.rmem_max={buffer}")
+    node = start({"receive_buffer": buffer}, remaps=REMAPS).ready()
+    player = subprocess.run([sys.executable, str(PLAY), str(recordings), f"--kind={kind}", "--seconds=20"],
+                            stdout=subprocess.PIPE, timeout=180, check=True)
+    played = json.loads(player.stdout)
+    time.sleep(1)
+    counts = node.stop()
+    print(played, counts)
+    assert played["rate"] > 25, "the player itself is too slow for this to say anything"
+    assert counts["received"] == counts["taken_in"] + counts["replaced"] + skipped(counts)
+    # When the last image is the one that is lost, no later number tells.
+    assert played["sent"] - 1 <= accounted(counts) <= played["sent"]
+    assert counts["taken_in"] >= 0.95 * played["sent"]
+
+
+@pytest.mark.parametrize("kind", [np.uint16, np.float32])
+@pytest.mark.parametrize("form, suffix", [(depth_images.image, ""), (depth_images.compressed, "/compressedDepth")])
+def test_a_wall_is_a_wall_in_every_form(form, suffix, kind, start, peer):
+    node, camera = begin(start, peer, suffix)
+    delta = take_in(camera, peer, form(depth_images.wall(kind)))
+    largest = max(delta.clusters, key=lambda cluster: cluster.voxel_count)
+    # The camera looks along x of the map from the origin, 1 m up.
+    assert abs(abs(largest.plane.coef[0]) - 1) < 1e-3 and abs(abs(largest.plane.coef[3]) - 2.04) < 0.01, largest.plane
+    assert abs(max(largest.size.x, largest.size.y) - 2.04) < 0.2, largest.size
+    counts = node.stop()
+    assert counts["taken_in"] == 1 and not counts["skipped"], counts
+    assert any(f"scans are made of {IMAGE + suffix}" in line for line in node.lines)
+
+
+def test_images_before_the_first_camera_info_are_counted(start, peer):
+    node, camera = begin(start, peer)
+    info, camera.info = camera.info, None
+    for _ in range(3):
+        camera.publish(depth_images.image(depth_images.wall()), time.time_ns(), clouds.still_transform())
+        time.sleep(0.1)
+    node.line_with("camera_info")
+    camera.info = info
+    camera._info.publish(info)
+    time.sleep(0.5)
+    take_in(camera, peer, depth_images.image(depth_images.wall()))
+    counts = node.stop()
+    assert counts["skipped"] == {"no_camera_info": 3} and counts["taken_in"] == 1, counts
+
+
+def test_bad_images_are_counted_by_reason_and_the_next_good_one_is_taken_in(start, peer):
+    node, camera = begin(start, peer)
+    good = depth_images.image(depth_images.wall())
+    camera._info.publish(camera.info)
+    time.sleep(0.5)
+    bad = [depth_images.image(depth_images.wall()[:50]), good.replace(b"16UC1\0", b"bgr8x\0"), good[:100]]
+    for data in bad:
+        camera.publish(data, time.time_ns(), clouds.still_transform())
+        time.sleep(0.1)
+    take_in(camera, peer, good)
+    counts = node.stop()
+    assert counts["skipped"] == {"image_size": 1, "unknown_encoding": 1, "undecodable": 1}, counts
+    assert counts["taken_in"] == 1 and counts["lost"] == 0, counts
+
+
+def test_a_camera_info_that_projects_nothing_is_said_and_counted(start, peer):
+    node, camera = begin(start, peer)
+    camera.info = depth_images.camera_info(160, 120, 0.0, 0.0, 0.0, 0.0)
+    camera._info.publish(camera.info)
+    time.sleep(0.5)
+    camera.publish(depth_images.image(depth_images.wall()), time.time_ns(), clouds.still_transform())
+    node.line_with(INFO, "fx 0")
+    time.sleep(0.5)
+    assert node.stop()["skipped"] == {"bad_intrinsics": 1}
+
+
+def test_the_first_input_is_the_only_one_and_it_is_said_how_to_choose(start, peer):
+    node, camera = begin(start, peer)
+    points = peer.camera()
+    points.meet()
+    take_in(camera, peer, depth_images.image(depth_images.wall()))
+    for _ in range(3):
+        points.publish(clouds.cloud(clouds.wall()), time.time_ns(), clouds.still_transform())
+        time.sleep(0.1)
+    node.line_with("/camera/depth/points is skipped", "-r depth/image:=/unused")
+    take_in(camera, peer, depth_images.image(depth_images.wall()))
+    counts = node.stop()
+    assert counts["skipped"] == {"other_input": 3} and counts["taken_in"] == 2, counts
