@@ -16,7 +16,7 @@ use super::decode::is_transforms;
 use super::read::Message;
 use super::schemas::definition;
 use crate::msg::clusters::SurfaceClusterArray;
-use crate::msg::ros::{Header, MarkerArray, PointCloud2};
+use crate::msg::ros::{Header, MarkerArray, PointCloud2, TfMessage};
 
 /// Names of the topics that a result bag holds, remappings applied.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -130,6 +130,26 @@ impl<W: Write> ResultBag<W> {
     pub fn markers(&mut self, header: &Header, message: &MarkerArray) -> io::Result<()> {
         let Self { writer, scratch, markers, .. } = self;
         put(writer, scratch, markers, header, message)
+    }
+
+    /// Adds transforms of `/tf`, or of `/tf_static`, at the time of the first of them.
+    ///
+    /// # Errors
+    /// Those of the output.
+    pub fn transforms(&mut self, message: &TfMessage, is_static: bool) -> io::Result<()> {
+        let Some(first) = message.transforms.first() else { return Ok(()) };
+        let (topic, qos) = if is_static {
+            ("/tf_static", offered_qos("transient_local", "reliable", 1))
+        } else {
+            ("/tf", offered_qos("volatile", "reliable", 100))
+        };
+        let Self { writer, scratch, copied, .. } = self;
+        let key = (topic.to_owned(), TF.to_owned());
+        if !copied.contains_key(&key) {
+            copied.insert(key.clone(), channel(writer, topic, TF, &qos)?);
+        }
+        let Some(channel) = copied.get_mut(&key) else { return Ok(()) };
+        put(writer, scratch, channel, &first.header, message)
     }
 
     /// Copies a message of the input, where it is wanted.

@@ -18,21 +18,27 @@ use cfodi::msg::ros::TfMessage;
 use cfodi::node::Setup;
 use cfodi::node::dds::{Events, Robot};
 use cfodi::node::process::{live_node, receive_buffer};
+use cfodi::node::record::Record;
 use cfodi::node::transport::{Event, Input};
 use cfodi::sim::drive::SCANS_PER_SECOND;
 use cfodi::sim::{Drive, Scene};
 use tokio::sync::mpsc::Sender;
 use tracing::info;
 
+use super::replay::output_topics;
+
 /// Below four clouds of 640 x 480 x 16 bytes a socket buffer loses clouds.
 const ENOUGH: usize = 4 * 640 * 480 * 16;
+
+/// The result bag, in the folder.
+const RESULT: &str = "result.mcap";
 
 /// Rows of the table.
 const ROWS: usize = 12;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Options {
-    /// Folder for the map: `map.ply` and `map.png`
+    /// Folder for the map, `map.ply` and `map.png`, and for what was sent, `result.mcap`
     #[arg(long, default_value = "cfodi-demo")]
     out: PathBuf,
     /// How long the robot drives (s)
@@ -53,16 +59,19 @@ pub(crate) fn demo(setup: &Setup, options: &Options) -> anyhow::Result<()> {
              results go out over DDS"
         );
     }
+    let record = Record::create(&options.out.join(RESULT), &output_topics(setup)?)?;
     let mut travelling: Option<JoinHandle<Result<(), String>>> = None;
     let over = Arc::new(AtomicBool::new(false));
     let arrived = Arc::new(AtomicBool::new(false));
     let map = live_node(
         setup,
+        Some(record.clone()),
         |events| {
             let journey = Journey {
                 robot: Robot::open(setup)?,
                 drive: Drive::new(Scene::room(), options.seed, now()),
                 steps: options.seconds * SCANS_PER_SECOND,
+                record: record.clone(),
                 inside: (!over_dds).then_some((events, setup.config.filter)),
                 over: Arc::clone(&over),
             };
@@ -85,7 +94,7 @@ pub(crate) fn demo(setup: &Setup, options: &Options) -> anyhow::Result<()> {
         _ => {}
     }
     println!("{}", table(&map));
-    leave(&map, options)
+    leave(&map, record, options)
 }
 
 fn now() -> Stamp {
@@ -107,6 +116,8 @@ struct Journey {
     robot: Robot,
     drive: Drive,
     steps: u32,
+    /// Gets the transforms.
+    record: Record,
     /// Where clouds go that DDS cannot carry.
     inside: Option<(Events, CloudFilter)>,
     /// Set when the node has ended.
@@ -140,6 +151,7 @@ impl Journey {
     }
 
     fn transforms(&self, message: TfMessage, is_static: bool) -> Result<(), String> {
+        self.record.transforms(&message, is_static);
         if let Some((events, _)) = &self.inside {
             self.hand_over(events, Event::Transforms { message: message.clone(), is_static });
         }
@@ -185,10 +197,11 @@ fn table(map: &Snapshot) -> String {
     lines.join("\n")
 }
 
-fn leave(map: &Snapshot, options: &Options) -> anyhow::Result<()> {
-    let (ply, png) = (options.out.join("map.ply"), options.out.join("map.png"));
+fn leave(map: &Snapshot, record: Record, options: &Options) -> anyhow::Result<()> {
+    record.finish()?;
+    let [ply, png, result] = ["map.ply", "map.png", RESULT].map(|name| options.out.join(name));
     write_whole(&ply, |mut out| write_ply(&mut out, map))?;
     write_whole(&png, |out| draw(map, &View::default()).write_png(out))?;
-    println!("the map: {} and {}", ply.display(), png.display());
+    println!("the map: {} and {}; all that was sent: {}", ply.display(), png.display(), result.display());
     Ok(())
 }

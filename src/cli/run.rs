@@ -4,6 +4,6 @@ use cfodi::node::Setup;
 use cfodi::node::process::live_node;
 
 pub(crate) fn run(setup: &Setup) -> anyhow::Result<()> {
-    live_node(setup, |_| Ok(()), || false)?;
+    live_node(setup, None, |_| Ok(()), || false)?;
     Ok(())
 }

@@ -23,6 +23,7 @@ use tokio::sync::{Mutex, mpsc};
 use tokio::task::JoinSet;
 
 use super::args::{ArgsError, Setup};
+use super::record::Record;
 use super::transport::{Event, Inputs, Outgoing, SendError, Source, Transport};
 use crate::config::Value;
 use crate::msg::clusters::SurfaceClusterArray;
@@ -179,15 +180,20 @@ pub struct Dds {
     node: Node,
     participant: DomainParticipant,
     inputs: Inputs,
+    /// What is sent goes there too.
+    record: Option<Record>,
 }
 
 impl Dds {
-    /// Opens the node and starts reading; call it inside a [`tokio::task::LocalSet`]. The sender lets others in this
-    /// process add events.
+    /// Opens the node and starts reading; call it inside a [`tokio::task::LocalSet`]. What it sends goes into `record` too;
+    /// the sender lets others in this process add events.
     ///
     /// # Errors
     /// When the middleware refuses something, with what it was.
-    pub fn open(setup: &Setup) -> Result<(Self, Events, mpsc::Receiver<Event<RmwRequestId>>), DdsError> {
+    pub fn open(
+        setup: &Setup,
+        record: Option<Record>,
+    ) -> Result<(Self, Events, mpsc::Receiver<Event<RmwRequestId>>), DdsError> {
         let mut opener = Opener::new(setup)?;
         let (events, receiver) = mpsc::channel(EVENTS);
         let array = "SurfaceClusterArray";
@@ -208,6 +214,7 @@ impl Dds {
             participant: opener.participant.clone(),
             readers: Mutex::new(read::listen(&mut opener, &events)?),
             node: opener.node,
+            record,
         };
         let serving = read::serve_reset(Rc::clone(&dds.reset), events.clone());
         dds.readers.try_lock().map_err(opening("~/reset"))?.spawn_local(serving);
@@ -229,6 +236,9 @@ impl Transport for Dds {
     type Request = RmwRequestId;
 
     async fn publish(&self, message: Outgoing) -> Result<(), SendError> {
+        if let Some(record) = &self.record {
+            record.outgoing(&message);
+        }
         let sent = match message {
             Outgoing::Clusters(array) => self.clusters.async_publish(array).await.map_err(|e| e.to_string()),
             Outgoing::Delta(array) => self.delta.async_publish(array).await.map_err(|e| e.to_string()),

@@ -21,9 +21,10 @@ use super::throttle::Throttle;
 use super::transport::{Event, Input, Transport};
 use crate::cloud::{Camera, Cloud, CloudError};
 use crate::config::Config;
-use crate::engine::{Scan, Snapshot, Stamp};
+use crate::engine::{Snapshot, Stamp};
+use crate::join::{Join, Joined};
 use crate::msg::ros::{TfMessage, TriggerResponse};
-use crate::tf::{Frames, Inserted, JUMP_BACK, Waited, WaitingQueue};
+use crate::tf::{Inserted, JUMP_BACK, Waited};
 use crate::worker::{Output, Worker};
 
 /// Clouds that may wait for their transform: as many as a Kinect sends within `tf_timeout`, within bounds of memory.
@@ -116,13 +117,11 @@ fn new_session(before: u64) -> u64 {
 struct Live<T> {
     transport: Rc<T>,
     worker: Worker,
-    frames: Frames,
-    waiting: WaitingQueue<Cloud>,
+    join: Join,
     counts: Rc<RefCell<Counts>>,
     throttle: Throttle,
     session: u64,
-    /// Newest stamp of a scan in this session, and of the simulated clock.
-    newest_scan: Option<Stamp>,
+    /// Newest stamp of the simulated clock.
     newest_clock: Option<Stamp>,
     /// The first input that sent a good scan: two of one sensor must not fill the map twice.
     chosen: Option<Input>,
@@ -147,12 +146,10 @@ impl<T: Transport> Live<T> {
         Self {
             transport,
             worker,
-            frames: Frames::new(),
-            waiting: WaitingQueue::new(places(config.tf_timeout)),
+            join: Join::new(places(config.tf_timeout)),
             counts,
             throttle: Throttle::default(),
             session,
-            newest_scan: None,
             newest_clock: None,
             chosen: None,
             fixed_frame: config.fixed_frame.clone(),
@@ -189,8 +186,7 @@ impl<T: Transport> Live<T> {
                     info!("scans are made of {}", self.transport.inputs().topic(input));
                 }
                 self.look_at(&cloud);
-                let (stamp, frame) = (cloud.stamp, cloud.frame_id.clone());
-                if let Some(pushed_out) = self.waiting.push(cloud, stamp, frame, self.start.elapsed()) {
+                if let Some(pushed_out) = self.join.cloud(cloud, self.start.elapsed()) {
                     self.skip(&pushed_out, "waiting_queue_full");
                 }
                 self.submit_ready();
@@ -251,7 +247,7 @@ impl<T: Transport> Live<T> {
 
     fn transforms(&mut self, message: &TfMessage, is_static: bool) {
         for transform in &message.transforms {
-            match self.frames.insert(transform, is_static) {
+            match self.join.transform(transform, is_static) {
                 Ok(Inserted::Stored) => {}
                 Ok(other) => self.warn("tf", format_args!("{}: {other:?}", transform.child_frame_id)),
                 Err(error) => self.warn(error.reason(), format_args!("a transform was refused: {error}")),
@@ -261,15 +257,18 @@ impl<T: Transport> Live<T> {
     }
 
     fn clock(&mut self, stamp: Stamp) {
-        if let Some(newest) = jumped_back(&mut self.newest_clock, stamp) {
-            self.frames.forget_after(stamp);
-            let back = newest.seconds_since(stamp);
+        let back =
+            self.newest_clock.map(|newest| newest.seconds_since(stamp)).filter(|back| *back > JUMP_BACK);
+        if let Some(back) = back {
+            self.join.begin_session(Some(stamp));
             self.begin_session(&format!("/clock has jumped back by {back:.3} s"));
-            self.newest_clock = Some(stamp);
+            self.newest_clock = None;
         }
+        self.newest_clock = self.newest_clock.max(Some(stamp));
     }
 
     async fn reset(&mut self, request: T::Request) {
+        self.join.begin_session(None);
         self.begin_session("~/reset was called");
         let message = format!("session {} begins with an empty map", self.session);
         let response = TriggerResponse { success: true, message };
@@ -279,17 +278,10 @@ impl<T: Transport> Live<T> {
     }
 
     fn submit_ready(&mut self) {
-        let Self { frames, fixed_frame, waiting, .. } = self;
-        let ready = waiting.take_ready(|sensor, stamp| frames.lookup(fixed_frame, sensor, stamp));
-        for (cloud, fixed_from_sensor) in ready {
-            // Only a scan with a transform tells the time: a stray stamp has none.
-            if let Some(newest) = jumped_back(&mut self.newest_scan, cloud.stamp) {
-                self.frames.forget_after(cloud.stamp);
-                let back = newest.seconds_since(cloud.stamp);
+        for Joined { scan, jumped_back, .. } in self.join.ready(&self.fixed_frame) {
+            if let Some(back) = jumped_back {
                 self.begin_session(&format!("the stamps of the scans have jumped back by {back:.3} s"));
-                self.newest_scan = Some(cloud.stamp);
             }
-            let scan = Scan { stamp: cloud.stamp, fixed_from_sensor, points: cloud.points };
             if self.worker.submit(scan) {
                 self.counts.borrow_mut().replaced += 1;
                 let replaced = self.counts.borrow().replaced;
@@ -314,7 +306,7 @@ impl<T: Transport> Live<T> {
     }
 
     fn tick(&mut self) {
-        for waited in self.waiting.take_expired(self.start.elapsed(), self.tf_timeout) {
+        for waited in self.join.expired(self.start.elapsed(), self.tf_timeout) {
             self.skip(&waited, "transform_timeout");
         }
         self.say_when_quiet(Instant::now());
@@ -323,7 +315,7 @@ impl<T: Transport> Live<T> {
     fn skip(&mut self, waited: &Waited<Cloud>, reason: &'static str) {
         self.counts.borrow_mut().skip(reason);
         let why = waited.last_error.as_ref().map_or_else(String::new, ToString::to_string);
-        let known = self.frames.frame_names();
+        let known = self.join.frames().frame_names();
         let (shown, more) = (&known[..known.len().min(20)], known.len().saturating_sub(20));
         let line = format!(
             "a cloud was skipped after {:.2} s without a transform from `{}` to `{}`: {why}; frames seen: {shown:?} \
@@ -337,9 +329,8 @@ impl<T: Transport> Live<T> {
 
     fn begin_session(&mut self, why: &str) {
         self.session = new_session(self.session);
-        let waiting = self.waiting.take_all(self.start.elapsed()).len() + self.worker.reset(self.session);
+        let waiting = self.join.give_up(self.start.elapsed()).len() + self.worker.reset(self.session);
         (0..waiting).for_each(|_| self.counts.borrow_mut().skip("session_ended"));
-        self.newest_scan = None;
         info!("{why}: session {} begins with an empty map", self.session);
         self.worker.request_snapshot();
     }
@@ -365,7 +356,7 @@ impl<T: Transport> Live<T> {
 
     /// Lets the worker take in what waits, and everything be sent; the last thing sent is the whole map.
     async fn finish(mut self, publishing: JoinHandle<Ended>) -> Result<Arc<Snapshot>, LiveError> {
-        let waiting = self.waiting.take_all(self.start.elapsed());
+        let waiting = self.join.give_up(self.start.elapsed());
         waiting.iter().for_each(|_| self.counts.borrow_mut().skip("shutdown"));
         let Self { worker, .. } = self;
         worker.request_snapshot();
@@ -376,13 +367,6 @@ impl<T: Transport> Live<T> {
             ended => Err(death(ended.ok())),
         }
     }
-}
-
-/// Keeps `newest`; where `stamp` lies more than [`JUMP_BACK`] before it, returns what it was.
-fn jumped_back(newest: &mut Option<Stamp>, stamp: Stamp) -> Option<Stamp> {
-    let before = newest.filter(|newest| newest.seconds_since(stamp) > JUMP_BACK);
-    *newest = Some(newest.map_or(stamp, |newest| newest.max(stamp)));
-    before
 }
 
 #[cfg(test)]

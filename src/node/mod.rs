@@ -3,7 +3,7 @@
 //! [`args`] turns a ROS command line into a checked [`Setup`]; [`transport`] is what the node needs of a middleware;
 //! [`dds`] is that over ROS 2's DDS, and the only module that imports `ros2_client`; [`live`] joins clouds with their
 //! transforms and hands scans to the worker; `inputs` finds the words about what is heard and what could be;
-//! [`process`] is all of it as a process; `publish` turns the worker's outputs into messages.
+//! [`process`] is all of it as a process; `publish` turns the worker's outputs into messages; [`record`] keeps them.
 
 pub mod args;
 pub mod counts;
@@ -12,6 +12,7 @@ mod inputs;
 pub mod live;
 pub mod process;
 mod publish;
+pub mod record;
 mod throttle;
 pub mod transport;
 

@@ -14,6 +14,7 @@ use super::Setup;
 use super::counts::Counts;
 use super::dds::{Dds, DdsError, Events};
 use super::live::{self, LiveError};
+use super::record::Record;
 use super::transport::{Inputs, Transport};
 use crate::engine::Snapshot;
 
@@ -64,12 +65,14 @@ fn say_receive_buffer(setup: &Setup) {
     }
 }
 
-/// Runs the live node until a signal comes or `done` says so, and returns its map; `begin` is called once it listens.
+/// Runs the live node until a signal comes or `done` says so, and returns its map; what it sends goes into `record` too,
+/// `begin` is called once it listens.
 ///
 /// # Errors
 /// When the network cannot be joined, or the node fails.
 pub fn live_node(
     setup: &Setup,
+    record: Option<Record>,
     begin: impl FnOnce(Events) -> Result<(), DdsError>,
     done: impl Fn() -> bool,
 ) -> Result<Arc<Snapshot>, ProcessError> {
@@ -79,7 +82,7 @@ pub fn live_node(
     let tasks = LocalSet::new();
     let ended = tasks.block_on(&runtime, async {
         say_receive_buffer(setup);
-        let (dds, events, receiver) = Dds::open(setup)?;
+        let (dds, events, receiver) = Dds::open(setup, record)?;
         let dds = Rc::new(dds);
         let node = setup.fully_qualified_name();
         let Inputs { points, image, camera_info, compressed } = dds.inputs();
