@@ -110,3 +110,57 @@ impl Join {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::engine::Points;
+    use crate::msg::ros::{Header, Transform};
+
+    fn at(seconds: f64) -> Stamp {
+        Stamp::from_nanos((seconds * 1e9) as i64)
+    }
+
+    fn cloud(seconds: f64) -> Cloud {
+        let (stamp, points) = (at(seconds), Points::F32(vec![[0.0, 0.0, 1.0]]));
+        Cloud { stamp, frame_id: "camera".into(), points, total: 2, invalid: 1, out_of_range: 0 }
+    }
+
+    fn joined_with_static_camera() -> Join {
+        let mut join = Join::new(4);
+        let header = Header { stamp: at(0.0).into(), frame_id: "map".into() };
+        let child_frame_id = "camera".to_owned();
+        let transform = TransformStamped { header, child_frame_id, transform: Transform::default() };
+        join.transform(&transform, true).unwrap();
+        join
+    }
+
+    fn back(join: &mut Join, seconds: f64) -> Vec<Option<f64>> {
+        assert!(join.cloud(cloud(seconds), Duration::ZERO).is_none());
+        join.ready("map").into_iter().map(|joined| joined.jumped_back).collect()
+    }
+
+    #[test]
+    fn a_step_back_of_a_second_is_a_jump_and_less_is_not() {
+        let mut join = joined_with_static_camera();
+        assert_eq!(back(&mut join, 10.0), [None]);
+        assert_eq!(back(&mut join, 9.1), [None]);
+        assert_eq!(back(&mut join, 8.75), [Some(1.25)]);
+        assert_eq!(back(&mut join, 9.0), [None]);
+        join.begin_session(None);
+        assert_eq!(back(&mut join, 1.0), [None]);
+    }
+
+    #[test]
+    fn a_cloud_waits_for_its_transform_and_knows_what_it_lacks() {
+        let mut join = Join::new(1);
+        assert!(join.cloud(cloud(1.0), Duration::ZERO).is_none());
+        assert!(join.ready("map").is_empty());
+        let (frame, lacks) = join.oldest().unwrap();
+        assert!(frame == "camera" && matches!(lacks, Some(LookupError::UnknownFrame { .. })));
+        let pushed_out = join.cloud(cloud(2.0), Duration::ZERO).unwrap();
+        assert_eq!((pushed_out.stamp, join.waiting()), (at(1.0), 1));
+        let joined = join.ready("camera");
+        assert_eq!((joined.len(), joined[0].total, joined[0].scan.stamp), (1, 2, at(2.0)));
+    }
+}

@@ -196,13 +196,3 @@ fn the_first_input_that_sends_a_good_scan_is_the_only_one_taken() {
     assert_eq!((counts.received, counts.taken_in, counts.lost), (6, 2, 2));
     assert_eq!(counts.skipped.into_iter().collect::<Vec<_>>(), [("no_camera_info", 1), ("other_input", 3)]);
 }
-
-#[test]
-fn a_small_step_back_is_no_jump() {
-    let mut newest = None;
-    let at = |seconds: f64| Stamp::from_nanos((seconds * 1e9) as i64);
-    assert_eq!(jumped_back(&mut newest, at(10.0)), None);
-    assert_eq!(jumped_back(&mut newest, at(9.1)), None);
-    assert_eq!(jumped_back(&mut newest, at(8.9)), Some(at(10.0)));
-    assert_eq!(jumped_back(&mut newest, at(11.0)), None);
-}
