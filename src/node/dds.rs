@@ -4,6 +4,7 @@
 //! borrowed, so no cloud is copied; each subscription is a task that hands events to one bounded channel and waits
 //! when it is full: what the middleware then drops shows as a gap in the publisher's sequence numbers.
 
+mod heard;
 mod read;
 
 use std::collections::BTreeMap;

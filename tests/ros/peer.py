@@ -102,8 +102,9 @@ class Peer:
     def camera(self, topic="/camera/depth/points"):
         return Camera(self.node, topic)
 
-    def depth_camera(self, info, suffix=""):
-        return DepthCamera(self.node, "/camera/depth/image_raw" + suffix, "/camera/depth/camera_info", info)
+    def depth_camera(self, info, suffix="", reliable=False):
+        topic = "/camera/depth/image_raw" + suffix
+        return DepthCamera(self.node, topic, "/camera/depth/camera_info", info, reliable)
 
     def call(self, service_type, name, request, attempts=6, timeout=3):
         """The reply to a call; asked again where none comes, for a first reply may be lost while the two sides meet."""
@@ -126,9 +127,9 @@ class Peer:
 class Camera:
     """Publishes clouds best effort, as drivers do, and the transforms that belong to them."""
 
-    def __init__(self, node, topic, message_type=PointCloud2):
+    def __init__(self, node, topic, message_type=PointCloud2, reliable=False):
         self.sent = 0
-        self._cloud = node.create_publisher(message_type, topic, qos(5, reliable=False))
+        self._cloud = node.create_publisher(message_type, topic, qos(5, reliable=reliable))
         self._tf = node.create_publisher(TFMessage, "/tf", qos(100))
         self._tf_static = node.create_publisher(TFMessage, "/tf_static", qos(1, latched=True))
         self._tf_static.publish(clouds.static_transform())
@@ -157,9 +158,9 @@ class Camera:
 class DepthCamera(Camera):
     """Publishes depth images, each after its camera info (`info`, serialised; None: none)."""
 
-    def __init__(self, node, topic, info_topic, info):
+    def __init__(self, node, topic, info_topic, info, reliable):
         compressed = topic.endswith("/compressedDepth")
-        super().__init__(node, topic, CompressedImage if compressed else Image)
+        super().__init__(node, topic, CompressedImage if compressed else Image, reliable)
         self.info = info
         self._info = node.create_publisher(CameraInfo, info_topic, qos(5))
 

@@ -34,6 +34,7 @@ def main():
     parser.add_argument("folder", type=pathlib.Path)
     parser.add_argument("--point-step", type=int, default=16)
     parser.add_argument("--kind", choices=["points", "depth", "compressed"], default="points")
+    parser.add_argument("--reliable", action="store_true", help="depth images, as the Kinect v1 drivers send them")
     parser.add_argument("--seconds", type=float, default=20)
     parser.add_argument("--rate", type=float, default=30)
     arguments = parser.parse_args()
@@ -48,7 +49,7 @@ def main():
             camera = peer.camera()
         else:
             suffix = "/compressedDepth" if arguments.kind == "compressed" else ""
-            camera = peer.depth_camera(depth_images.cabinet_info(arguments.folder), suffix)
+            camera = peer.depth_camera(depth_images.cabinet_info(arguments.folder), suffix, arguments.reliable)
         camera.meet()
         reached = play(camera, scans, arguments.seconds, arguments.rate)
         for _ in range(SPECKS):

@@ -37,12 +37,16 @@ def take_in(camera, peer, image):
 
 
 @pytest.mark.timeout(400)
-@pytest.mark.parametrize("kind, buffer", [("compressed", STOCK_BUFFER), ("depth", ENOUGH_FOR_RAW)])
+@pytest.mark.parametrize("kind, buffer", [
+    (["--kind=compressed"], STOCK_BUFFER),
+    (["--kind=depth", "--reliable"], STOCK_BUFFER),
+    (["--kind=depth"], ENOUGH_FOR_RAW),
+], ids=["compressed", "raw-reliable", "raw"])
 def test_at_30_hz_95_percent_are_taken_in_on_a_small_socket_buffer(kind, buffer, recordings, start):
     if (granted := network.granted_buffer(buffer)) < buffer:
         pytest.fail(f"the kernel grants {granted} bytes to a socket: sysctl -w net.core.rmem_max={buffer}")
     node = start({"receive_buffer": buffer}, remaps=REMAPS).ready()
-    player = subprocess.run([sys.executable, str(PLAY), str(recordings), f"--kind={kind}", "--seconds=20"],
+    player = subprocess.run([sys.executable, str(PLAY), str(recordings), *kind, "--seconds=20"],
                             stdout=subprocess.PIPE, timeout=180, check=True)
     played = json.loads(player.stdout)
     time.sleep(1)

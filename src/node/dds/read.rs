@@ -11,6 +11,7 @@ use rustdds::QosPolicyBuilder;
 use rustdds::policy::{self, ResourceLimits};
 use serde::de::{DeserializeOwned, DeserializeSeed, Deserializer};
 
+use super::heard::Heard;
 use super::{DdsError, Events, Opener, Readers, opening, reliable};
 use crate::cloud::{Camera, Cloud, CloudError, CloudFilter, CloudSeed, CompressedSeed, DepthSeed};
 use crate::msg::ros::{CameraInfo, Clock, TriggerRequest, TriggerResponse};
@@ -55,22 +56,34 @@ pub(super) fn listen(opener: &mut Opener<'_>, events: &Events) -> Result<Readers
 
 /// Clouds, and depth images with their camera.
 fn listen_to_scans(opener: &mut Opener<'_>, readers: &mut Readers, events: &Events) -> Result<(), DdsError> {
-    let (qos, filter) = (scan_qos(), opener.setup.config.filter);
+    let best_effort = policy::Reliability::BestEffort;
+    let (qos, filter) = (scan_qos(best_effort), opener.setup.config.filter);
     let points = opener.subscribe(("points", "sensor_msgs", "PointCloud2"), &qos)?;
     let seed = CloudSeed::new(filter);
-    readers.spawn_local(read_scans((Input::Points, "points"), points, seed, events.clone()));
+    readers.spawn_local(read_scans((Input::Points, "points"), points, seed, alone(), events.clone()));
     let camera = LatestCamera::new(RefCell::new(Err(CloudError::NoCameraInfo)));
     let infos = opener.subscribe(("depth/camera_info", "sensor_msgs", "CameraInfo"), &qos)?;
     readers.spawn_local(read_cameras(infos, Rc::clone(&camera), events.clone()));
-    let images = opener.subscribe(("depth/image", "sensor_msgs", "Image"), &qos)?;
-    let seed = WithCamera { camera: Rc::clone(&camera), filter, seed: DepthSeed::new };
-    readers.spawn_local(read_scans((Input::Depth, "depth/image"), images, seed, events.clone()));
+    let heard = Rc::new(RefCell::new(Heard::default()));
+    let repaired = policy::Reliability::Reliable { max_blocking_time: rustdds::Duration::from_millis(100) };
+    for (reliability, reliably) in [(best_effort, false), (repaired, true)] {
+        let qos = scan_qos(reliability);
+        let images = opener.subscribe(("depth/image", "sensor_msgs", "Image"), &qos)?;
+        let seed = WithCamera { camera: Rc::clone(&camera), filter, seed: DepthSeed::new };
+        let heard = (Rc::clone(&heard), reliably);
+        readers.spawn_local(read_scans((Input::Depth, "depth/image"), images, seed, heard, events.clone()));
+    }
     let name = compressed_name(opener.setup)?;
     let images = opener.subscribe((&name, "sensor_msgs", "CompressedImage"), &qos)?;
     let seed = WithCamera { camera, filter, seed: CompressedSeed::new };
     let which = (Input::CompressedDepth, "compressedDepth");
-    readers.spawn_local(read_scans(which, images, seed, events.clone()));
+    readers.spawn_local(read_scans(which, images, seed, alone(), events.clone()));
     Ok(())
+}
+
+/// A reader that shares its topic with no other.
+fn alone() -> (Rc<RefCell<Heard>>, bool) {
+    (Rc::default(), false)
 }
 
 /// The topics that [`listen`] reads scans from.
@@ -111,10 +124,10 @@ impl<'de, S: DeserializeSeed<'de, Value = Decoded>> DeserializeSeed<'de> for Wit
     }
 }
 
-/// Best effort, volatile, and few samples kept: a cloud is megabytes, and an old one is of no use.
-fn scan_qos() -> rustdds::QosPolicies {
+/// Volatile, and few samples kept: a cloud is megabytes, and an old one is of no use.
+fn scan_qos(reliability: policy::Reliability) -> rustdds::QosPolicies {
     QosPolicyBuilder::new()
-        .reliability(policy::Reliability::BestEffort)
+        .reliability(reliability)
         .durability(policy::Durability::Volatile)
         .history(policy::History::KeepLast { depth: 2 })
         .resource_limits(ResourceLimits { max_samples: 2, max_instances: 1, max_samples_per_instance: 2 })
@@ -144,11 +157,13 @@ impl Gaps {
     }
 }
 
-/// Reads scans until the node ends; `name` is the topic's, `seed` decodes.
+/// Reads scans until the node ends; `name` is the topic's, `seed` decodes; `heard` is shared with the topic's other reader,
+/// with whether this one is reliable.
 async fn read_scans<S>(
     (input, name): (Input, &'static str),
     subscription: Subscription<Decoded>,
     seed: S,
+    (heard, reliably): (Rc<RefCell<Heard>>, bool),
     events: Events,
 ) -> &'static str
 where
@@ -159,7 +174,13 @@ where
     let mut gaps = Gaps::default();
     while let Some(sample) = scans.next().await {
         let (scan, lost) = match sample {
-            Ok((scan, info)) => (scan, gaps.lost_before(info.publisher_gid(), info.sequence_number())),
+            Ok((scan, info)) => {
+                let (publisher, number) = (info.publisher_gid(), info.sequence_number());
+                if !heard.borrow_mut().takes(publisher, number, reliably) {
+                    continue;
+                }
+                (scan, gaps.lost_before(publisher, number))
+            }
             Err(error) => {
                 gaps.undecodable += 1;
                 (Err(CloudError::Undecodable(error.to_string())), 0)
