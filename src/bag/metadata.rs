@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use yaml_rust2::{Yaml, YamlLoader};
 
 use super::error::BagError;
-use super::survey::Topic;
+use super::topic::Topic;
 
 /// What a `metadata.yaml` says.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -10,9 +10,11 @@ mod decode;
 mod error;
 mod files;
 mod metadata;
+mod part;
 mod read;
 mod schemas;
 mod survey;
+mod topic;
 mod write;
 
 pub use choose::{Choice, ChoiceError, Sensor, SensorKind, choose};
@@ -20,5 +22,5 @@ pub use decode::{Decoder, Recorded};
 pub use error::BagError;
 pub use files::Bag;
 pub use read::{MAX_MESSAGE_BYTES, Message, Messages};
-pub use survey::{Survey, Topic};
+pub use topic::{Survey, Topic};
 pub use write::{OutputTopics, ResultBag};

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use mcap::sans_io::LinearReaderOptions;
 
 use super::error::BagError;
-use super::files::{Bag, Part, reading};
+use super::part::{Part, reading};
 
 /// The largest message that is read (bytes): a cloud of 4,000,000 points in double precision with colour has 160 MB.
 pub const MAX_MESSAGE_BYTES: usize = 512 << 20;
@@ -49,7 +49,7 @@ impl Message {
 
 /// Reads a bag's messages; ends after the first error, which says what of the bag was not read.
 pub struct Messages {
-    bag: Bag,
+    files: Vec<Part>,
     /// The file being read, and its place among the bag's files.
     current: Option<Reader>,
     next: usize,
@@ -68,17 +68,17 @@ struct Reader {
 }
 
 impl Messages {
-    pub(super) fn new(bag: Bag) -> Self {
-        Self { bag, current: None, next: 0, bytes: Arc::default(), failed: false }
+    pub(super) fn new(files: Vec<Part>) -> Self {
+        Self { files, current: None, next: 0, bytes: Arc::default(), failed: false }
     }
 
-    /// A counter of the bytes read so far of [`Bag::size`]; another thread may look at it.
+    /// A counter of the bytes read so far of `Bag::size`; another thread may look at it.
     pub fn bytes_read(&self) -> Arc<AtomicU64> {
         Arc::clone(&self.bytes)
     }
 
     fn open_next(&mut self) -> Result<Option<()>, BagError> {
-        let Some(part) = self.bag.files.get(self.next).cloned() else { return Ok(None) };
+        let Some(part) = self.files.get(self.next).cloned() else { return Ok(None) };
         self.next += 1;
         let before = self.bytes.load(Ordering::Relaxed);
         self.current = Some(Reader { messages: part.reader(&self.bytes)?, part, before });

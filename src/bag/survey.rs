@@ -6,37 +6,17 @@ use std::io::{Read, Seek};
 
 use mcap::sans_io::{SummaryReadEvent, SummaryReader, SummaryReaderOptions};
 
-use super::files::{Bag, Part};
-use super::read::MAX_MESSAGE_BYTES;
+use super::part::Part;
+use super::read::{MAX_MESSAGE_BYTES, Messages};
+use super::topic::{Survey, Topic};
 
-/// A topic of a bag.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Topic {
-    /// Its name.
-    pub name: String,
-    /// As in `sensor_msgs/msg/PointCloud2`.
-    pub type_name: String,
-    /// How its messages are serialised: `cdr` can be read.
-    pub encoding: String,
-    /// The number of its messages, where the bag tells.
-    pub messages: Option<u64>,
-}
-
-/// What is known of a bag's topics.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Survey {
-    /// By name.
-    pub topics: Vec<Topic>,
-    /// Whether these are all: a bag that is cut gives those before the cut.
-    pub is_complete: bool,
-}
-
-pub(super) fn survey(bag: &Bag) -> Survey {
-    let summaries: Option<Vec<_>> = bag.files.iter().map(of_summary).collect();
+/// From the summaries where each file has one, else from `listed`, else by reading all.
+pub(super) fn survey(files: &[Part], listed: &[Topic]) -> Survey {
+    let summaries: Option<Vec<_>> = files.iter().map(of_summary).collect();
     let (found, is_complete): (Vec<Topic>, bool) = match summaries {
         Some(summaries) => (summaries.into_iter().flatten().collect(), true),
-        None if !bag.listed.is_empty() => (bag.listed.clone(), true),
-        None => of_messages(bag),
+        None if !listed.is_empty() => (listed.to_vec(), true),
+        None => of_messages(files),
     };
     // A bag in several files names a topic in each.
     let mut topics = BTreeMap::<(String, String, String), Option<u64>>::new();
@@ -92,9 +72,9 @@ fn read_summary(part: &Part) -> Option<mcap::Summary> {
 }
 
 /// By reading all of it: a cut bag has no summary, and one that is compressed as a whole cannot be sought.
-fn of_messages(bag: &Bag) -> (Vec<Topic>, bool) {
+fn of_messages(files: &[Part]) -> (Vec<Topic>, bool) {
     let mut topics = BTreeMap::<(String, String, String), Topic>::new();
-    for message in bag.messages() {
+    for message in Messages::new(files.to_vec()) {
         let Ok(message) = message else { return (topics.into_values().collect(), false) };
         let found = topic(&message.channel, Some(0));
         let key = (found.name.clone(), found.type_name.clone(), found.encoding.clone());

@@ -46,13 +46,15 @@ mod rectangle;
 mod scan;
 mod snapshot;
 pub mod statics;
+mod step;
 
 pub use key::{ClusterId, DIRECTIONS, GRID_REACH, VoxelKey};
 pub use nalgebra::Isometry3;
 pub use params::{Params, ParamsError};
-pub use pipeline::{Engine, PipelineStep};
+pub use pipeline::Engine;
 pub use scan::{Points, Scan, Stamp};
 pub use snapshot::{ChangedCluster, Cluster, ClusterState, DenseVoxel, Snapshot, Update};
+pub use step::PipelineStep;
 
 /// Clusters with fewer voxels are [`ClusterState::Tentative`].
 pub const MIN_RELIABLE_VOXELS: u32 = 10;

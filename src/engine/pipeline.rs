@@ -9,20 +9,8 @@ use super::neighbourhood::Neighbourhood;
 use super::params::Params;
 use super::scan::{Scan, Stamp};
 use super::snapshot::{ChangedCluster, DenseVoxel, Snapshot, Update};
+use super::step::PipelineStep;
 use super::{normals, partial, statics};
-
-/// The steps of [`Engine::insert`], in their order.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum PipelineStep {
-    /// Each point has been counted in its voxel.
-    Binned,
-    /// Newly dense voxels have their normals.
-    Normals,
-    /// They are grown into partial clusters.
-    Partials,
-    /// Those are merged into the global ones.
-    Globals,
-}
 
 /// The map of one session: a grid of voxels and the global clusters that they form.
 #[derive(Clone, Debug)]

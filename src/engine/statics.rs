@@ -7,8 +7,8 @@ use super::grid::{Grid, Label, VoxelIndex};
 use super::key::VoxelKey;
 use super::neighbourhood::Neighbourhood;
 use super::params::Params;
-use super::pipeline::PipelineStep;
 use super::scan::Scan;
+use super::step::PipelineStep;
 use super::{normals, partial};
 
 /// The dense voxels by ascending key, each with the number of its cluster; `None` = in no cluster.

@@ -1,0 +1,55 @@
+//! One file of a bag, told apart by how it begins.
+
+use std::fs::File;
+use std::io::{self, Read};
+use std::path::{Path, PathBuf};
+
+use super::error::BagError;
+
+/// One file of a bag.
+#[derive(Clone, Debug)]
+pub(super) struct Part {
+    pub(super) path: PathBuf,
+    /// Bytes on disk.
+    pub(super) size: u64,
+    /// Whether the whole file is a stream of zstd.
+    pub(super) is_compressed: bool,
+}
+
+const MCAP: &[u8] = b"\x89MCAP0\r\n";
+const ZSTD: &[u8] = b"\x28\xb5\x2f\xfd";
+const ROS1: &[u8] = b"#ROSBAG";
+const SQLITE: &[u8] = b"SQLite format 3";
+
+impl Part {
+    pub(super) fn open(path: &Path) -> Result<Self, BagError> {
+        let failed = |source| reading(path, source);
+        let file = File::open(path).map_err(failed)?;
+        let size = file.metadata().map_err(failed)?.len();
+        let mut begin = Vec::new();
+        file.take(16).read_to_end(&mut begin).map_err(failed)?;
+        // What is too short to tell is a cut file, which reading it will say.
+        let is =
+            |magic: &[u8]| !begin.is_empty() && begin.starts_with(&magic[..magic.len().min(begin.len())]);
+        let folder = path.with_extension("");
+        if is(ROS1) {
+            Err(BagError::Ros1 { path: path.to_owned(), folder })
+        } else if is(SQLITE) {
+            Err(sqlite(path, path.parent().unwrap_or(path)))
+        } else if is(MCAP) || is(ZSTD) || begin.is_empty() {
+            Ok(Self { path: path.to_owned(), size, is_compressed: is(ZSTD) })
+        } else {
+            Err(BagError::NotMcap { path: path.to_owned(), begin: format!("\"{}\"", begin.escape_ascii()) })
+        }
+    }
+}
+
+pub(super) fn reading(path: &Path, source: io::Error) -> BagError {
+    BagError::Io { path: path.to_owned(), source }
+}
+
+pub(super) fn sqlite(path: &Path, source_folder: &Path) -> BagError {
+    let mut folder = source_folder.as_os_str().to_owned();
+    folder.push("_mcap");
+    BagError::Sqlite { path: path.to_owned(), source_folder: source_folder.to_owned(), folder: folder.into() }
+}
