@@ -23,6 +23,11 @@ pub enum Recorded {
         /// Whether they hold for all time.
         is_static: bool,
     },
+    /// A camera with lens distortion, which is not undone: said once a sensor.
+    Distorted {
+        /// The topic of its intrinsics.
+        topic: String,
+    },
     /// A message of a topic that is read, but not a readable one.
     Undecodable {
         /// The topic.
@@ -45,7 +50,8 @@ pub struct Decoder {
 #[derive(Clone, Debug)]
 struct Input {
     sensor: Sensor,
-    camera: Option<Camera>,
+    /// The newest, or what is wrong with it.
+    camera: Option<Result<Camera, CloudError>>,
     /// Images that came before their intrinsics.
     waiting: VecDeque<Vec<u8>>,
 }
@@ -91,13 +97,15 @@ impl Input {
     }
 
     fn intrinsics(&mut self, message: &Message, filter: &CloudFilter) -> Vec<Recorded> {
-        let camera = read::<CameraInfo>(&message.data)
-            .and_then(|info| Camera::from_info(&info).map_err(|error| error.to_string()));
-        match camera {
-            Ok(camera) => {
-                self.camera = Some(camera);
+        match read::<CameraInfo>(&message.data) {
+            Ok(info) => {
+                let before = self.camera.replace(Camera::from_info(&info));
+                let is_distorted = matches!(&self.camera, Some(Ok(camera)) if camera.is_distorted());
+                let told = (before.is_none() && is_distorted)
+                    .then(|| Recorded::Distorted { topic: message.topic().to_owned() });
                 let waiting = std::mem::take(&mut self.waiting);
-                waiting.iter().filter_map(|image| self.scan(image, filter)).collect()
+                let scans = waiting.iter().filter_map(|image| self.scan(image, filter));
+                told.into_iter().chain(scans).collect()
             }
             Err(text) => vec![Recorded::Undecodable { topic: message.topic().to_owned(), text }],
         }
@@ -106,8 +114,9 @@ impl Input {
     fn scan(&mut self, data: &[u8], filter: &CloudFilter) -> Option<Recorded> {
         let seeded = match (self.sensor.kind, &self.camera) {
             (SensorKind::Cloud, _) => read_with(data, CloudSeed::new(*filter)),
-            (SensorKind::Depth, Some(camera)) => read_with(data, DepthSeed::new(*camera, *filter)),
-            (SensorKind::CompressedDepth, Some(camera)) => {
+            (_, Some(Err(error))) => return Some(Recorded::Cloud(Err(error.clone()))),
+            (SensorKind::Depth, Some(Ok(camera))) => read_with(data, DepthSeed::new(*camera, *filter)),
+            (SensorKind::CompressedDepth, Some(Ok(camera))) => {
                 read_with(data, CompressedSeed::new(*camera, *filter))
             }
             (_, None) => return self.wait(data.to_owned()),

@@ -5,8 +5,6 @@
 
 #[cfg(feature = "png")]
 mod canvas;
-#[cfg(feature = "bag")]
-pub mod clusters;
 pub mod colour;
 #[cfg(feature = "png")]
 mod cut;
@@ -16,8 +14,6 @@ pub mod ply;
 pub mod voxels;
 pub mod whole;
 
-#[cfg(feature = "bag")]
-pub use clusters::{cluster_json, write_clusters};
 pub use colour::cluster_colour;
 #[cfg(feature = "png")]
 pub use picture::{Picture, View, draw, draw_alike};

@@ -219,6 +219,11 @@ impl<V: Visitor> Feeder<'_, V> {
                 Ok(())
             }
             Recorded::Transforms { message, is_static } => self.transforms(&message, is_static),
+            Recorded::Distorted { topic } => {
+                let line = format!("{topic} tells of lens distortion: depth images are taken as rectified");
+                self.visitor.say(&line);
+                Ok(())
+            }
             Recorded::Undecodable { topic, text } => {
                 self.visitor.say(&format!("a message on {topic} was skipped: {text}"));
                 Ok(())

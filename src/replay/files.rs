@@ -3,10 +3,11 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
+use super::clusters::write_clusters;
 use super::summary::Summary;
 use crate::bag::{Message, OutputTopics, ResultBag};
 use crate::engine::{Snapshot, Update};
-use crate::export::{WholeFile, WriteError, write_clusters, write_ply, write_voxels, write_whole};
+use crate::export::{WholeFile, WriteError, write_ply, write_voxels, write_whole};
 use crate::msg::clusters::{Session, SurfaceClusterArray};
 use crate::msg::labelled::labelled_points;
 use crate::msg::markers::Markers;

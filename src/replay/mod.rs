@@ -6,12 +6,14 @@
 //!
 //! [`feed`] turns a bag into scans for a [`Visitor`]; [`Replay`] is the visitor that runs the engine and keeps account.
 
+mod clusters;
 mod feed;
 mod files;
 mod fixed_frame;
 mod run;
 mod summary;
 
+pub use clusters::write_clusters;
 pub use feed::{Fed, Feed, FeedError, PATIENCE, Progress, Visitor, feed};
 pub use files::{MapFiles, Outputs, ResultFile};
 pub use fixed_frame::FixedFrame;

@@ -32,7 +32,7 @@ pub fn write_clusters(
 }
 
 /// One cluster as an object.
-pub fn cluster_json(cluster: &SurfaceCluster) -> Value {
+fn cluster_json(cluster: &SurfaceCluster) -> Value {
     let mut fields = match serde_json::to_value(cluster) {
         Ok(Value::Object(fields)) => fields,
         // A structure of numbers and lists always is an object.
