@@ -3,6 +3,7 @@
 //! A cloud waits for the transform at its stamp; a scan whose stamp jumps back begins a new session. No clock inside:
 //! time is an argument.
 
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 use crate::cloud::Cloud;
@@ -10,13 +11,27 @@ use crate::engine::{Scan, Stamp};
 use crate::msg::ros::TransformStamped;
 use crate::tf::{FrameError, Frames, Inserted, JUMP_BACK, LookupError, Waited, WaitingQueue};
 
+/// Names of frames that a message shows at most.
+const NAMES: usize = 20;
+
 /// Joins clouds with their transforms.
 #[derive(Debug)]
 pub struct Join {
     frames: Frames,
-    waiting: WaitingQueue<Cloud>,
-    /// Newest stamp of a scan in this session.
-    newest: Option<Stamp>,
+    waiting: WaitingQueue<Arrived>,
+    /// Of each sensor's frame: newest stamp that has arrived, whether or not a transform comes for it.
+    arrived: BTreeMap<String, Stamp>,
+    /// Counts the arrivals whose stamps jumped back.
+    lap: u64,
+    /// Of each sensor's frame: newest stamp of a scan in this session.
+    newest: BTreeMap<String, Stamp>,
+}
+
+/// A cloud, and the lap in which it arrived.
+#[derive(Debug)]
+struct Arrived {
+    cloud: Cloud,
+    lap: u64,
 }
 
 /// A cloud whose transform is known.
@@ -26,19 +41,42 @@ pub struct Joined {
     pub scan: Scan,
     /// Points in the message, valid or not.
     pub total: u32,
-    /// How far its stamp lies before the newest one (s), where that is a jump: a new session begins with it.
-    pub jumped_back: Option<f64>,
+    /// Where its stamp has jumped back: a new session begins with it.
+    pub jumped_back: Option<Jump>,
+}
+
+/// A sensor's stamps have jumped back by more than [`JUMP_BACK`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Jump {
+    /// How far (s).
+    pub seconds: f64,
+    /// Clouds from before the jump that still waited and were given up.
+    pub given_up: usize,
 }
 
 impl Join {
     /// Lets at most `places` clouds wait.
     pub fn new(places: usize) -> Self {
-        Self { frames: Frames::new(), waiting: WaitingQueue::new(places), newest: None }
+        Self {
+            frames: Frames::new(),
+            waiting: WaitingQueue::new(places),
+            arrived: BTreeMap::new(),
+            lap: 0,
+            newest: BTreeMap::new(),
+        }
     }
 
     /// The tree of frames.
     pub const fn frames(&self) -> &Frames {
         &self.frames
+    }
+
+    /// The frames that have been seen, for a person to choose from.
+    pub fn frames_seen(&self) -> String {
+        let known = self.frames.frame_names();
+        let (shown, more) = (&known[..known.len().min(NAMES)], known.len().saturating_sub(NAMES));
+        let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+        format!("frames seen: {}{more} (choose with -p fixed_frame:=...)", shown.join(", "))
     }
 
     /// The number of clouds that wait.
@@ -66,49 +104,65 @@ impl Join {
     /// Lets a cloud wait for its transform; gives the one that has waited longest where there was no place.
     pub fn cloud(&mut self, cloud: Cloud, now: Duration) -> Option<Waited<Cloud>> {
         let (stamp, frame) = (cloud.stamp, cloud.frame_id.clone());
-        self.waiting.push(cloud, stamp, frame, now)
+        // Clouds before a jump and after it must not be sorted together, and the stamps alone do not tell them apart.
+        let before = self.arrived.insert(frame.clone(), stamp);
+        self.lap += u64::from(before.is_some_and(|before| before.seconds_since(stamp) > JUMP_BACK));
+        let arrived = Arrived { cloud, lap: self.lap };
+        self.waiting.push(arrived, stamp, frame, now).map(plain)
     }
 
-    /// Takes the clouds whose way to `fixed_frame` is known now, by ascending stamp.
+    /// Takes the clouds whose way to `fixed_frame` is known now: those before a jump first, then by ascending stamp.
     pub fn ready(&mut self, fixed_frame: &str) -> Vec<Joined> {
         let Self { frames, waiting, .. } = self;
-        let ready = waiting.take_ready(|sensor, stamp| frames.lookup(fixed_frame, sensor, stamp));
-        let joined = ready.into_iter().map(|(cloud, fixed_from_sensor)| {
+        let mut ready = waiting.take_ready(|sensor, stamp| frames.lookup(fixed_frame, sensor, stamp));
+        ready.sort_by_key(|(arrived, _)| arrived.lap);
+        let joined = ready.into_iter().map(|(Arrived { cloud, lap }, fixed_from_sensor)| {
             // Only a scan with a transform tells the time: a stray stamp has none.
-            let jumped_back = self.jumped_back(cloud.stamp);
+            let jumped_back = self.jumped_back(&cloud, lap);
             let scan = Scan { stamp: cloud.stamp, fixed_from_sensor, points: cloud.points };
             Joined { scan, total: cloud.total, jumped_back }
         });
         joined.collect()
     }
 
-    fn jumped_back(&mut self, stamp: Stamp) -> Option<f64> {
-        let back = self.newest.map(|newest| newest.seconds_since(stamp)).filter(|back| *back > JUMP_BACK);
-        if back.is_some() {
-            self.frames.forget_after(stamp);
-            self.newest = None;
-        }
-        self.newest = self.newest.max(Some(stamp));
-        back
+    /// Each sensor is held against itself: another may be late, or its clock off.
+    fn jumped_back(&mut self, cloud: &Cloud, lap: u64) -> Option<Jump> {
+        let newest = self.newest.get(&cloud.frame_id).copied();
+        let back = newest.map(|newest| newest.seconds_since(cloud.stamp)).filter(|back| *back > JUMP_BACK);
+        let jump = back.map(|seconds| {
+            self.newest.clear();
+            self.frames.forget_after(cloud.stamp);
+            let before = self.waiting.take_if(Duration::ZERO, |arrived| arrived.lap < lap);
+            Jump { seconds, given_up: before.len() }
+        });
+        let newest = self.newest.entry(cloud.frame_id.clone()).or_insert(cloud.stamp);
+        *newest = cloud.stamp.max(*newest);
+        jump
     }
 
     /// Takes the clouds that have waited for `timeout` or longer.
     pub fn expired(&mut self, now: Duration, timeout: Duration) -> Vec<Waited<Cloud>> {
-        self.waiting.take_expired(now, timeout)
+        self.waiting.take_expired(now, timeout).into_iter().map(plain).collect()
     }
 
     /// Takes all clouds that wait: at the end, and for a new session.
     pub fn give_up(&mut self, now: Duration) -> Vec<Waited<Cloud>> {
-        self.waiting.take_all(now)
+        self.waiting.take_all(now).into_iter().map(plain).collect()
     }
 
     /// Begins a session: stamps may be any again. Transforms after `stamp` are forgotten where one is given.
     pub fn begin_session(&mut self, stamp: Option<Stamp>) {
-        self.newest = None;
+        self.newest.clear();
+        self.arrived.clear();
         if let Some(stamp) = stamp {
             self.frames.forget_after(stamp);
         }
     }
+}
+
+fn plain(waited: Waited<Arrived>) -> Waited<Cloud> {
+    let Waited { item, stamp, frame_id, waited, last_error } = waited;
+    Waited { item: item.cloud, stamp, frame_id, waited, last_error }
 }
 
 #[cfg(test)]
@@ -137,7 +191,8 @@ mod tests {
 
     fn back(join: &mut Join, seconds: f64) -> Vec<Option<f64>> {
         assert!(join.cloud(cloud(seconds), Duration::ZERO).is_none());
-        join.ready("map").into_iter().map(|joined| joined.jumped_back).collect()
+        let jumps = join.ready("map").into_iter().map(|joined| joined.jumped_back);
+        jumps.map(|jump| jump.map(|jump| jump.seconds)).collect()
     }
 
     #[test]
@@ -162,5 +217,48 @@ mod tests {
         assert_eq!((pushed_out.stamp, join.waiting()), (at(1.0), 1));
         let joined = join.ready("camera");
         assert_eq!((joined.len(), joined[0].total, joined[0].scan.stamp), (1, 2, at(2.0)));
+    }
+
+    fn static_camera(join: &mut Join, name: &str) {
+        let header = Header { stamp: at(0.0).into(), frame_id: "map".into() };
+        let transform =
+            TransformStamped { header, child_frame_id: name.to_owned(), transform: Transform::default() };
+        join.transform(&transform, true).unwrap();
+    }
+
+    #[test]
+    fn a_sensor_that_is_late_or_whose_clock_is_off_is_no_jump() {
+        let mut join = joined_with_static_camera();
+        static_camera(&mut join, "other");
+        for seconds in [10.0, 10.1, 10.2] {
+            assert_eq!(back(&mut join, seconds), [None]);
+            let late = Cloud { frame_id: "other".into(), ..cloud(seconds - 5.0) };
+            assert!(join.cloud(late, Duration::ZERO).is_none());
+            assert_eq!(join.ready("map")[0].jumped_back, None);
+        }
+    }
+
+    #[test]
+    fn clouds_of_two_laps_that_wait_together_stay_apart_and_the_rest_of_the_first_is_given_up() {
+        let mut join = Join::new(8);
+        let lost = Cloud { frame_id: "lost".into(), ..cloud(11.0) };
+        let laps = [cloud(10.0), cloud(10.5), lost, cloud(5.0), cloud(5.5)];
+        assert!(laps.into_iter().all(|cloud| join.cloud(cloud, Duration::ZERO).is_none()));
+        static_camera(&mut join, "camera");
+        let ready = join.ready("map");
+        let stamps: Vec<_> = ready.iter().map(|joined| joined.scan.stamp).collect();
+        assert_eq!(stamps, [10.0, 10.5, 5.0, 5.5].map(at));
+        let jumps: Vec<_> = ready.iter().map(|joined| joined.jumped_back).collect();
+        assert_eq!(jumps, [None, None, Some(Jump { seconds: 5.5, given_up: 1 }), None]);
+        assert_eq!(join.waiting(), 0);
+    }
+
+    #[test]
+    fn a_stray_stamp_without_a_transform_wipes_nothing() {
+        let mut join = joined_with_static_camera();
+        assert_eq!(back(&mut join, 10.0), [None]);
+        let stray = Cloud { frame_id: "lost".into(), ..cloud(9_000.0) };
+        assert!(join.cloud(stray, Duration::ZERO).is_none());
+        assert_eq!(back(&mut join, 10.1), [None]);
     }
 }

@@ -299,3 +299,145 @@ fn an_output_that_cannot_be_written_is_named_and_nothing_is_left() {
     let names: Vec<_> = fs::read_dir(&folder.0).unwrap().map(|entry| entry.unwrap().file_name()).collect();
     assert!(!names.iter().any(|name| name.to_string_lossy().contains(".part")), "{names:?}");
 }
+
+#[test]
+fn a_static_transform_that_comes_late_shows_the_frame_too() {
+    let folder = Folder::new("late-root");
+    let mut writer = BagWriter::new(Layout::Plain);
+    for i in 0..30 {
+        writer.tf("/tf", stamp(i), "map", "camera_link", 0.1 * i as f64);
+        writer.cloud(POINTS, stamp(i), &wall(i));
+        if i == 15 {
+            writer.tf("/tf_static", stamp(i), "camera_link", OPTICAL, 0.0);
+        }
+    }
+    let late = replay(&folder.put("late.mcap", &writer.finish()), &["--report", folder.0.to_str().unwrap()]);
+    let early = replay(&folder.put("early.mcap", &drive(BagWriter::new(Layout::Plain), 30)), &[]);
+    assert_eq!((late.status, late.number("scans")), (0, 30), "{}", late.errors);
+    assert!(
+        late.errors.contains("reading begins again") && late.errors.contains("made in `map`"),
+        "{}",
+        late.errors
+    );
+    assert_eq!(late.voxels, early.voxels);
+}
+
+#[test]
+fn a_default_frame_that_begins_late_is_still_the_default() {
+    let folder = Folder::new("late-odom");
+    let mut writer = BagWriter::new(Layout::Chunks);
+    writer.tf("/tf_static", stamp(0), "camera_link", OPTICAL, 0.0);
+    for i in 0..30 {
+        if i >= 15 {
+            writer.tf("/tf", stamp(i), "odom", "camera_link", 0.1 * i as f64);
+        }
+        writer.cloud(POINTS, stamp(i), &wall(i));
+    }
+    let bag = folder.put("odom.mcap", &writer.finish());
+    let (open, given) = (replay(&bag, &[]), replay(&bag, &["--ros-args", "-p", "fixed_frame:=odom"]));
+    assert_eq!((open.number("scans"), given.number("scans")), (15, 15), "{}", open.errors);
+    assert_eq!(open.voxels, given.voxels);
+    assert!(!open.errors.contains("has no frame `odom`"), "{}", open.errors);
+}
+
+#[test]
+fn a_sensor_that_lags_behind_another_begins_no_session() {
+    let folder = Folder::new("lag");
+    let mut writer = BagWriter::new(Layout::Plain);
+    writer.tf("/tf_static", stamp(0), "map", OPTICAL, 0.0);
+    let other = "other_optical_frame";
+    writer.tf("/tf_static", stamp(0), "map", other, 1.0);
+    for i in 0..20 {
+        writer.cloud("/left", stamp(i + 100), &wall(i));
+        let late = bags::cloud(stamp(i), other, &wall(i));
+        writer.put("/right", "sensor_msgs/msg/PointCloud2", stamp(i), &late);
+    }
+    let bag = folder.put("lag.mcap", &writer.finish());
+    let found = replay(&bag, &["--topic", "/left", "--topic", "/right"]);
+    assert_eq!((found.number("scans"), found.number("sessions")), (40, 1), "{}", found.errors);
+}
+
+#[test]
+fn each_lap_is_a_session_of_its_own_in_the_result_bag_and_plays_after_the_one_before() {
+    let folder = Folder::new("laps");
+    let mut writer = BagWriter::new(Layout::Plain);
+    writer.tf("/tf_static", stamp(0), "camera_link", OPTICAL, 0.0);
+    for i in (0..60).chain(0..60) {
+        writer.tf("/tf", stamp(i), "map", "camera_link", 0.1 * i as f64);
+        writer.cloud(POINTS, stamp(i), &wall(i));
+    }
+    let (bag, out) = (folder.put("laps.mcap", &writer.finish()), folder.0.join("out.mcap"));
+    let found = replay(&bag, &["--out", out.to_str().unwrap()]);
+    assert_eq!((found.status, found.number("sessions")), (0, 2), "{}", found.errors);
+    let result = fs::read(&out).unwrap();
+    let mut deltas = Vec::new();
+    for message in mcap::MessageStream::new(&result).unwrap().map(Result::unwrap) {
+        if message.channel.topic == "/cfodi/clusters_delta" {
+            let array: cfodi::msg::clusters::SurfaceClusterArray =
+                cdr_encoding::from_bytes::<_, byteorder::LittleEndian>(&message.data[4..]).unwrap().0;
+            deltas.push((message.log_time, array.session_id, array.sequence));
+        }
+    }
+    assert_eq!(deltas.len(), 120);
+    assert!(deltas.is_sorted(), "played in another order than made");
+    let ids = [deltas[0].1, deltas[119].1];
+    assert_eq!(ids, [stamp(0) as u64, stamp(0) as u64 + 1]);
+}
+
+#[test]
+fn a_damaged_file_of_several_costs_only_its_own_scans() {
+    let folder = Folder::new("several");
+    let whole = drive(BagWriter::new(Layout::Plain), 10);
+    folder.put("run_2.mcap", &whole);
+    let mut writer = BagWriter::new(Layout::Plain);
+    for i in 10..20 {
+        writer.tf("/tf", stamp(i), "map", "camera_link", 0.1 * i as f64);
+        writer.cloud(POINTS, stamp(i), &wall(i));
+    }
+    folder.put("run_10.mcap", &writer.finish());
+    let found = replay(&folder.0, &[]);
+    assert_eq!(
+        (found.status, found.number("scans"), found.number("sessions")),
+        (0, 20, 1),
+        "{}",
+        found.errors
+    );
+    folder.put("run_2.mcap", &whole[..ends_of_clouds(&whole)[3]]);
+    let found = replay(&folder.0, &[]);
+    assert_eq!((found.status, found.number("scans")), (1, 14), "{}", found.errors);
+    assert!(found.errors.contains("run_2.mcap is cut"), "{}", found.errors);
+}
+
+#[test]
+fn no_output_replaces_a_part_of_the_input_and_none_is_begun_when_one_cannot_be_made() {
+    let folder = Folder::new("guard");
+    folder.put("a.mcap", &drive(BagWriter::new(Layout::Plain), 2));
+    let text = "rosbag2_bagfile_information: {storage_identifier: mcap, relative_file_paths: [a.mcap]}";
+    let metadata = folder.put("metadata.yaml", text.as_bytes());
+    let found = replay(&folder.0, &["--ply", metadata.to_str().unwrap()]);
+    assert_eq!(
+        (found.status, fs::read_to_string(&metadata).unwrap().as_str()),
+        (2, text),
+        "{}",
+        found.errors
+    );
+    let out = folder.0.join("out.mcap");
+    let found = replay(&folder.0, &["--out", out.to_str().unwrap(), "--clusters", "/nowhere/c.json"]);
+    assert!(found.status == 1 && found.errors.contains("/nowhere/c.json"), "{}", found.errors);
+    assert!(found.summary.is_none() && !out.exists());
+}
+
+#[test]
+fn what_cannot_be_decoded_is_said_once_and_counted() {
+    let folder = Folder::new("garbled");
+    let mut writer = BagWriter::new(Layout::Plain);
+    writer.tf("/tf_static", stamp(0), "map", OPTICAL, 0.0);
+    for i in 0..5 {
+        writer.put_bytes("/tf", "tf2_msgs/msg/TFMessage", stamp(i), &[0, 1, 0, 0, 9, 9, 9, 9]);
+        writer.cloud(POINTS, stamp(i), &wall(i));
+    }
+    let found = replay(&folder.put("garbled.mcap", &writer.finish()), &[]);
+    assert_eq!(found.errors.matches("a message on /tf was skipped").count(), 1, "{}", found.errors);
+    assert_eq!(found.summary.as_ref().unwrap()["messages_undecodable"]["/tf"], 5);
+    assert_eq!(found.number("scans"), 5);
+}

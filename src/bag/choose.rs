@@ -170,7 +170,8 @@ fn only<'a>(
 /// What a topic is taken for when nobody has named it: an image is one of depth only when its name says so, and what a
 /// replay wrote is no sensor.
 fn kind(topic: &Topic) -> Option<SensorKind> {
-    let kind = kind_by_type(topic)?;
+    // Recorders write channels for topics that nobody has fed.
+    let kind = kind_by_type(topic).filter(|_| topic.messages != Some(0))?;
     let is_sensor = match kind {
         SensorKind::Cloud => !topic.name.ends_with("/points_labelled"),
         SensorKind::Depth | SensorKind::CompressedDepth => topic.name.to_lowercase().contains("depth"),
@@ -279,6 +280,13 @@ mod tests {
         let choice = choose(&kinect(), &[], None).unwrap();
         assert_eq!(names(&choice), ["/camera/depth/points"]);
         assert_eq!(choice.passed_over, ["/camera/depth/image_raw"]);
+    }
+
+    #[test]
+    fn a_topic_without_a_message_is_no_sensor() {
+        let mut topics = kinect();
+        topics[0].messages = Some(0);
+        assert_eq!(names(&choose(&topics, &[], None).unwrap()), ["/camera/depth/image_raw"]);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Why a bag cannot be read, or not to its end.
 
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
@@ -18,9 +18,10 @@ pub enum BagError {
     },
     /// A recording of ROS 1.
     #[error(
-        "{0} is a bag of ROS 1; convert it: rosbags-convert --src {0} --dst {1} --dst-storage mcap",
+        "{} is a bag of ROS 1; convert it: rosbags-convert --src {} --dst {} --dst-storage mcap",
         path.display(),
-        folder.display()
+        quoted(path),
+        quoted(folder)
     )]
     Ros1 {
         /// The file.
@@ -30,10 +31,10 @@ pub enum BagError {
     },
     /// A recording in a data base.
     #[error(
-        "{0} is a bag in SQLite; convert its folder: rosbags-convert --src {1} --dst {2} --dst-storage mcap",
+        "{} is a bag in SQLite; convert its folder: rosbags-convert --src {} --dst {} --dst-storage mcap",
         path.display(),
-        source_folder.display(),
-        folder.display()
+        quoted(source_folder),
+        quoted(folder)
     )]
     Sqlite {
         /// The file, or the folder that names it.
@@ -90,4 +91,11 @@ impl BagError {
     pub fn is_wrong_argument(&self) -> bool {
         matches!(self, Self::Ros1 { .. } | Self::Sqlite { .. } | Self::NotMcap { .. } | Self::NoBag { .. })
     }
+}
+
+/// As a shell takes it.
+fn quoted(path: &Path) -> String {
+    let text = path.to_string_lossy();
+    let is_plain = |letter: char| letter.is_alphanumeric() || "/._-+".contains(letter);
+    if text.chars().all(is_plain) { text.into_owned() } else { format!("'{}'", text.replace('\'', r"'\''")) }
 }

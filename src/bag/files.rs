@@ -11,6 +11,9 @@ use super::read::Messages;
 use super::survey::survey;
 use super::topic::{Survey, Topic};
 
+/// What a recorder says of a folder.
+const METADATA: &str = "metadata.yaml";
+
 /// A recording that can be read: which files, in which order.
 #[derive(Clone, Debug)]
 pub struct Bag {
@@ -29,7 +32,7 @@ impl Bag {
         if !about.is_dir() {
             return Ok(Self { files: vec![Part::open(path)?], listed: Vec::new() });
         }
-        let (paths, listed) = match fs::read_to_string(path.join("metadata.yaml")) {
+        let (paths, listed) = match fs::read_to_string(path.join(METADATA)) {
             Ok(text) => {
                 let metadata = metadata::parse(path, &text)?;
                 if metadata.storage == "sqlite3" {
@@ -38,7 +41,7 @@ impl Bag {
                 (metadata.files, metadata.topics)
             }
             Err(error) if error.kind() == io::ErrorKind::NotFound => (mcap_files(path)?, Vec::new()),
-            Err(source) => return Err(reading(&path.join("metadata.yaml"), source)),
+            Err(source) => return Err(reading(&path.join(METADATA), source)),
         };
         let files = paths.iter().map(|path| Part::open(path)).collect::<Result<_, _>>()?;
         Ok(Self { files, listed })
@@ -49,9 +52,10 @@ impl Bag {
         self.files.iter().map(|part| part.size).sum()
     }
 
-    /// The files that it is made of.
+    /// The files that it is made of, its description among them.
     pub fn paths(&self) -> Vec<PathBuf> {
-        self.files.iter().map(|part| part.path.clone()).collect()
+        let described = self.files.iter().filter_map(|part| Some(part.path.parent()?.join(METADATA)));
+        self.files.iter().map(|part| part.path.clone()).chain(described).collect()
     }
 
     /// The topics: from the summary or `metadata.yaml` where there is one, by reading all of the bag otherwise.
@@ -75,6 +79,37 @@ fn mcap_files(folder: &Path) -> Result<Vec<PathBuf>, BagError> {
         let name = name(path);
         [".mcap", ".mcap.zstd", ".mcap.zst"].iter().any(|end| name.ends_with(end)) && !name.starts_with('.')
     });
-    paths.sort();
+    paths.sort_by_cached_key(|path| in_order(&name(path)));
     if paths.is_empty() { Err(BagError::NoBag { path: folder.to_owned() }) } else { Ok(paths) }
+}
+
+/// A key by which `_10` comes after `_9`: the texts and the numbers of a name in turn.
+fn in_order(name: &str) -> Vec<(String, u64)> {
+    let mut parts = vec![(String::new(), 0_u64)];
+    let mut in_number = false;
+    for letter in name.chars() {
+        if !letter.is_ascii_digit() && in_number {
+            parts.push((String::new(), 0));
+        }
+        in_number = letter.is_ascii_digit();
+        if let Some((text, number)) = parts.last_mut() {
+            match letter.to_digit(10) {
+                Some(digit) => *number = number.saturating_mul(10).saturating_add(u64::from(digit)),
+                None => text.push(letter),
+            }
+        }
+    }
+    parts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_of_a_split_bag_are_read_by_their_numbers() {
+        let mut names = ["run_10.mcap", "run_9.mcap", "run_0.mcap", "run.mcap", "run_100.mcap"];
+        names.sort_by_cached_key(|name| in_order(name));
+        assert_eq!(names, ["run.mcap", "run_0.mcap", "run_9.mcap", "run_10.mcap", "run_100.mcap"]);
+    }
 }

@@ -49,7 +49,13 @@ pub(super) fn reading(path: &Path, source: io::Error) -> BagError {
 }
 
 pub(super) fn sqlite(path: &Path, source_folder: &Path) -> BagError {
-    let mut folder = source_folder.as_os_str().to_owned();
+    let source_folder = if source_folder.as_os_str().is_empty() { Path::new(".") } else { source_folder };
+    let name = source_folder.canonicalize().ok().and_then(|folder| folder.file_name().map(ToOwned::to_owned));
+    let mut folder = name.unwrap_or_else(|| "bag".into());
     folder.push("_mcap");
-    BagError::Sqlite { path: path.to_owned(), source_folder: source_folder.to_owned(), folder: folder.into() }
+    BagError::Sqlite {
+        path: path.to_owned(),
+        source_folder: source_folder.to_owned(),
+        folder: source_folder.parent().unwrap_or(source_folder).join(folder),
+    }
 }

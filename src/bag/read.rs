@@ -47,7 +47,7 @@ impl Message {
     }
 }
 
-/// Reads a bag's messages; ends after the first error, which says what of the bag was not read.
+/// Reads a bag's messages. What cannot be read of a file is said last, after the messages of the files behind it.
 pub struct Messages {
     files: Vec<Part>,
     /// The file being read, and its place among the bag's files.
@@ -55,7 +55,8 @@ pub struct Messages {
     next: usize,
     /// Bytes read of all files, as they are on disk.
     bytes: Arc<AtomicU64>,
-    failed: bool,
+    /// The first error.
+    failure: Option<BagError>,
 }
 
 type Source = Box<dyn Read + Send>;
@@ -69,7 +70,7 @@ struct Reader {
 
 impl Messages {
     pub(super) fn new(files: Vec<Part>) -> Self {
-        Self { files, current: None, next: 0, bytes: Arc::default(), failed: false }
+        Self { files, current: None, next: 0, bytes: Arc::default(), failure: None }
     }
 
     /// A counter of the bytes read so far of `Bag::size`; another thread may look at it.
@@ -77,28 +78,17 @@ impl Messages {
         Arc::clone(&self.bytes)
     }
 
-    fn open_next(&mut self) -> Result<Option<()>, BagError> {
-        let Some(part) = self.files.get(self.next).cloned() else { return Ok(None) };
+    /// Opens the next file; there is none where this gives `None`.
+    fn open_next(&mut self) -> Option<Result<Reader, BagError>> {
+        let part = self.files.get(self.next).cloned()?;
         self.next += 1;
         let before = self.bytes.load(Ordering::Relaxed);
-        self.current = Some(Reader { messages: part.reader(&self.bytes)?, part, before });
-        Ok(Some(()))
+        Some(part.reader(&self.bytes).map(|messages| Reader { messages, part, before }))
     }
 
-    fn advance(&mut self) -> Result<Option<Message>, BagError> {
-        loop {
-            let Some(reader) = &mut self.current else {
-                if self.open_next()?.is_none() {
-                    return Ok(None);
-                }
-                continue;
-            };
-            match reader.messages.next() {
-                Some(Ok(message)) => return reader.message(message, &self.bytes).map(Some),
-                Some(Err(error)) => return Err(reader.cut(reason(&error), &self.bytes)),
-                None => self.current = None,
-            }
-        }
+    fn fail(&mut self, error: BagError) {
+        self.current = None;
+        self.failure.get_or_insert(error);
     }
 }
 
@@ -106,12 +96,28 @@ impl Iterator for Messages {
     type Item = Result<Message, BagError>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        if self.failed {
-            return None;
+        loop {
+            let Some(reader) = &mut self.current else {
+                match self.open_next() {
+                    Some(Ok(reader)) => self.current = Some(reader),
+                    Some(Err(error)) => self.fail(error),
+                    None => return self.failure.take().map(Err),
+                }
+                continue;
+            };
+            let message = match reader.messages.next() {
+                Some(Ok(message)) => reader.message(message, &self.bytes),
+                Some(Err(error)) => Err(reader.cut(reason(&error), &self.bytes)),
+                None => {
+                    self.current = None;
+                    continue;
+                }
+            };
+            match message {
+                Ok(message) => return Some(Ok(message)),
+                Err(error) => self.fail(error),
+            }
         }
-        let advanced = self.advance().transpose();
-        self.failed = !matches!(advanced, Some(Ok(_)));
-        advanced
     }
 }
 

@@ -62,6 +62,8 @@ pub struct ResultBag<W: Write> {
     /// Of the input: by topic and type.
     copied: BTreeMap<(String, String), Channel>,
     with_input: bool,
+    /// Added to the stamps, as the time at which a message is logged (ns).
+    ahead: u64,
     scratch: Vec<u8>,
 }
 
@@ -92,8 +94,15 @@ impl<W: Write> ResultBag<W> {
             writer,
             copied: BTreeMap::new(),
             with_input,
+            ahead: 0,
             scratch: Vec::new(),
         })
+    }
+
+    /// From now on messages are logged this many seconds later than their stamps say, more than before: where stamps have
+    /// jumped back, those of both sides would otherwise be played at once.
+    pub fn shift(&mut self, seconds: f64) {
+        self.ahead = self.ahead.saturating_add((seconds * 1e9) as u64);
     }
 
     /// Adds a message of `~/clusters`.
@@ -101,8 +110,8 @@ impl<W: Write> ResultBag<W> {
     /// # Errors
     /// Those of the output.
     pub fn clusters(&mut self, message: &SurfaceClusterArray) -> io::Result<()> {
-        let Self { writer, scratch, clusters, .. } = self;
-        put(writer, scratch, clusters, &message.header, message)
+        let Self { writer, scratch, clusters, ahead, .. } = self;
+        put(writer, scratch, clusters, (&message.header, *ahead), message)
     }
 
     /// Adds a message of `~/clusters_delta`.
@@ -110,8 +119,8 @@ impl<W: Write> ResultBag<W> {
     /// # Errors
     /// Those of the output.
     pub fn clusters_delta(&mut self, message: &SurfaceClusterArray) -> io::Result<()> {
-        let Self { writer, scratch, delta, .. } = self;
-        put(writer, scratch, delta, &message.header, message)
+        let Self { writer, scratch, delta, ahead, .. } = self;
+        put(writer, scratch, delta, (&message.header, *ahead), message)
     }
 
     /// Adds a message of `~/points_labelled`.
@@ -119,8 +128,8 @@ impl<W: Write> ResultBag<W> {
     /// # Errors
     /// Those of the output.
     pub fn points_labelled(&mut self, message: &PointCloud2) -> io::Result<()> {
-        let Self { writer, scratch, labelled, .. } = self;
-        put(writer, scratch, labelled, &message.header, message)
+        let Self { writer, scratch, labelled, ahead, .. } = self;
+        put(writer, scratch, labelled, (&message.header, *ahead), message)
     }
 
     /// Adds a message of `~/markers`, which has no header of its own.
@@ -128,8 +137,8 @@ impl<W: Write> ResultBag<W> {
     /// # Errors
     /// Those of the output.
     pub fn markers(&mut self, header: &Header, message: &MarkerArray) -> io::Result<()> {
-        let Self { writer, scratch, markers, .. } = self;
-        put(writer, scratch, markers, header, message)
+        let Self { writer, scratch, markers, ahead, .. } = self;
+        put(writer, scratch, markers, (header, *ahead), message)
     }
 
     /// Adds transforms of `/tf`, or of `/tf_static`, at the time of the first of them.
@@ -143,13 +152,13 @@ impl<W: Write> ResultBag<W> {
         } else {
             ("/tf", offered_qos("volatile", "reliable", 100))
         };
-        let Self { writer, scratch, copied, .. } = self;
+        let Self { writer, scratch, copied, ahead, .. } = self;
         let key = (topic.to_owned(), TF.to_owned());
         if !copied.contains_key(&key) {
             copied.insert(key.clone(), channel(writer, topic, TF, &qos)?);
         }
         let Some(channel) = copied.get_mut(&key) else { return Ok(()) };
-        put(writer, scratch, channel, &first.header, message)
+        put(writer, scratch, channel, (&first.header, *ahead), message)
     }
 
     /// Copies a message of the input, where it is wanted.
@@ -219,19 +228,19 @@ fn schema<W: Write>(writer: &mut Writer<NoSeek<W>>, type_name: &str) -> io::Resu
     writer.add_schema(type_name, "ros2msg", text.as_bytes()).map_err(io::Error::other)
 }
 
-/// Adds a message at the time of its header.
+/// Adds a message at the time of its header, and so many nanoseconds ahead.
 fn put<W: Write>(
     writer: &mut Writer<NoSeek<W>>,
     scratch: &mut Vec<u8>,
     channel: &mut Channel,
-    header: &Header,
+    (header, ahead): (&Header, u64),
     message: &impl Serialize,
 ) -> io::Result<()> {
     scratch.clear();
     scratch.extend(CDR_LE);
     cdr_encoding::to_writer::<_, LittleEndian, _>(&mut *scratch, message).map_err(io::Error::other)?;
     let stamp = header.stamp.stamp().map_or(0, |stamp| u64::try_from(stamp.nanos()).unwrap_or(0));
-    write(writer, channel, stamp, scratch)
+    write(writer, channel, stamp.saturating_add(ahead), scratch)
 }
 
 fn write<W: Write>(

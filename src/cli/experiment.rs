@@ -8,15 +8,14 @@ use std::time::{Duration, Instant};
 use anyhow::Context as _;
 use cfodi::bag::Message;
 use cfodi::engine::Scan;
-use cfodi::experiment::{Experiment, Figure, Summary};
+use cfodi::experiment::{Experiment, Figure, Results, Summary};
 use cfodi::export::WriteError;
 use cfodi::node::Setup;
-use cfodi::replay::{Feed, Outputs, Replay, Visitor, feed};
+use cfodi::replay::{Ended, Finished, Go, Outputs, Replay, Visitor, feed};
 use cfodi::report::{self, Story};
 
 use super::progress::Bar;
-use super::replay::{Input, PAGE, open, say_skipped, settings, write_page};
-use super::stop;
+use super::replay::{BEGINS_AGAIN, Input, PAGE, open, say_skipped, settings, write_page};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Options {
@@ -40,62 +39,66 @@ pub(crate) fn experiment(setup: &Setup, options: &Options) -> anyhow::Result<Exi
     };
     std::fs::create_dir_all(&options.out)
         .with_context(|| format!("cannot make {}", options.out.display()))?;
-    let Input { bag, decoder, fixed_frame } = input;
-    let bar = Bar::new(bag.size());
-    let begin = Instant::now();
-    let experiment = Experiment::new(setup.config.engine, move || begin.elapsed());
+    let bar = Bar::new(input.bag.size());
     let mut say = |line: &str| bar.say(line);
-    let mut scans = Scans {
-        experiment: if options.no_effects { experiment.without_effects() } else { experiment },
-        replay: Replay::new(settings(setup), Outputs { bag: None, story: Some(Story::new()), say: &mut say }),
-        after_jump: false,
-    };
-    let mut progress = |progress| bar.set(progress);
-    let stop = stop::on_signal();
-    let fed = feed(
-        Feed { bag: &bag, decoder, fixed_frame, with_messages: false, stop, progress: &mut progress },
-        &mut scans,
-    )?;
+    let (results, finished) = run(setup, &input, options, &bar, &mut say)?;
     bar.finish();
-    let (all_read, stopped) = (fed.unread.is_none(), fed.stopped);
-    let results = scans.experiment.finish();
     results.write(&options.out)?;
-    let finished = scans.replay.finish(fed)?;
     let figure =
         |figure: Figure| report::Figure { title: figure.title, svg: figure.svg, caption: figure.caption };
     let figures = results.figures().into_iter().map(figure).collect();
-    write_page(&options.out, &options.input, &finished, stopped, figures)?;
+    write_page(&options.out, &options.input, &finished, figures)?;
     println!("{}", table(&results.summary()));
     println!(
         "figures and tables: {}, to look at: {}",
         options.out.display(),
         options.out.join(PAGE).display()
     );
-    say_skipped(&finished.summary, stopped);
-    Ok(if all_read && !stopped { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+    Ok(say_skipped(&finished.summary))
+}
+
+/// Feeds the bag to the experiment, again where the frame that was guessed turns out to be wrong.
+fn run(
+    setup: &Setup,
+    input: &Input,
+    options: &Options,
+    bar: &Bar,
+    say: &mut dyn FnMut(&str),
+) -> anyhow::Result<(Results, Finished)> {
+    let mut fixed_frame = input.fixed_frame.clone();
+    loop {
+        let begin = Instant::now();
+        let experiment = Experiment::new(setup.config.engine, move || begin.elapsed());
+        let experiment = if options.no_effects { experiment.without_effects() } else { experiment };
+        let replay = Replay::new(settings(setup), Outputs { bag: None, story: Some(Story::new()), say });
+        let mut scans = Scans { experiment, replay };
+        match feed(input.feed(fixed_frame, false, &mut |progress| bar.set(progress)), &mut scans)? {
+            Ended::Fed(fed) => return Ok((scans.experiment.finish(), scans.replay.finish(fed)?)),
+            Ended::WrongFrame(better) => fixed_frame = better,
+        }
+        say(BEGINS_AGAIN);
+    }
 }
 
 /// Hands scans to the experiment and to the report's map, up to where the stamps jump back.
 struct Scans<'a, C> {
     experiment: Experiment<C>,
     replay: Replay<'a>,
-    after_jump: bool,
 }
 
 impl<C: FnMut() -> Duration> Visitor for Scans<'_, C> {
     type Error = WriteError;
 
-    fn scan(&mut self, scan: &Scan, fixed_frame: &str, decoding: Duration) -> Result<(), WriteError> {
-        if self.after_jump {
-            return Ok(());
-        }
+    fn scan(&mut self, scan: &Scan, fixed_frame: &str) -> Result<(), WriteError> {
         self.experiment.scan(scan);
-        self.replay.scan(scan, fixed_frame, decoding)
+        self.replay.scan(scan, fixed_frame)
     }
 
-    fn jumped_back(&mut self, seconds: f64) {
-        self.after_jump = true;
-        self.say(&format!("the stamps jump back by {seconds:.3} s: what follows is left out of the figures"));
+    fn jumped_back(&mut self, seconds: f64) -> Result<Go, WriteError> {
+        let line = format!("The stamps jump back by {seconds:.3} s: what follows is left out.");
+        self.replay.say(&line);
+        self.replay.note(&line);
+        Ok(Go::Home)
     }
 
     fn message(&mut self, _: &Message) -> Result<(), WriteError> {

@@ -9,7 +9,8 @@ use cfodi::export::write_whole;
 use cfodi::node::Setup;
 use cfodi::node::args::ArgsError;
 use cfodi::replay::{
-    Feed, Finished, FixedFrame, MapFiles, Outputs, Replay, ResultFile, Settings, Summary, feed,
+    Ended, Feed, Finished, FixedFrame, MapFiles, Outputs, Progress, Replay, ResultFile, Settings, Summary,
+    feed,
 };
 use cfodi::report::{Facts, Figure, Story, write_report};
 
@@ -47,6 +48,15 @@ pub(crate) struct Options {
 }
 
 impl Options {
+    fn map_files(&self) -> MapFiles {
+        MapFiles {
+            summary: self.summary.clone(),
+            voxels: self.voxels.clone(),
+            clusters: self.clusters.clone(),
+            ply: self.ply.clone(),
+        }
+    }
+
     /// The files to write.
     fn outputs(&self) -> Vec<PathBuf> {
         let files = [&self.out, &self.summary, &self.voxels, &self.clusters, &self.ply];
@@ -64,8 +74,21 @@ const WRONG: u8 = 2;
 /// A bag with its sensors.
 pub(crate) struct Input {
     pub(crate) bag: Bag,
-    pub(crate) decoder: Decoder,
+    decoder: Decoder,
     pub(crate) fixed_frame: FixedFrame,
+}
+
+impl Input {
+    /// All of the bag, or what comes of it before a signal.
+    pub(crate) fn feed<'a>(
+        &'a self,
+        fixed_frame: FixedFrame,
+        with_messages: bool,
+        progress: &'a mut dyn FnMut(Progress),
+    ) -> Feed<'a> {
+        let (bag, decoder, stop) = (&self.bag, self.decoder.clone(), stop::flag());
+        Feed { bag, decoder, fixed_frame, with_messages, stop, progress }
+    }
 }
 
 pub(crate) fn replay(setup: &Setup, options: &Options) -> anyhow::Result<ExitCode> {
@@ -73,53 +96,56 @@ pub(crate) fn replay(setup: &Setup, options: &Options) -> anyhow::Result<ExitCod
         Ok(input) => input,
         Err(status) => return Ok(status),
     };
+    if let Some(folder) = &options.report {
+        std::fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
+    }
     if let Some(clash) = clash(&options.outputs(), &input.bag.paths()) {
         eprintln!("cfodi: {clash}");
         return Ok(ExitCode::from(WRONG));
     }
-    if let Some(folder) = &options.report {
-        std::fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
-    }
-    let topics = output_topics(setup)?;
-    let result = options.out.as_deref().map(|path| ResultFile::create(path, &topics, options.with_input));
-    let with_messages = options.out.is_some();
-    let result = result.transpose()?;
+    let files = options.map_files().create()?;
     let bar = Bar::new(input.bag.size());
     let mut say = |line: &str| bar.say(line);
-    let settings = Settings {
-        engine: setup.config.engine,
-        publish_period: setup.config.publish_period,
-        parameters: setup.parameters.clone(),
+    let topics = output_topics(setup)?;
+    let make = || {
+        let result = options.out.as_deref().map(|path| ResultFile::create(path, &topics, options.with_input));
+        Ok((result.transpose()?, options.report.as_ref().map(|_| Story::new())))
     };
-    let mut replay = Replay::new(
-        settings,
-        Outputs { bag: result, story: options.report.as_ref().map(|_| Story::new()), say: &mut say },
-    );
-    let stop = stop::on_signal();
-    let mut progress = |progress| bar.set(progress);
-    let Input { bag, decoder, fixed_frame } = input;
-    let fed = feed(
-        Feed { bag: &bag, decoder, fixed_frame, with_messages, stop, progress: &mut progress },
-        &mut replay,
-    )?;
-    let (unread, stopped) = (fed.unread.is_some(), fed.stopped);
-    let finished = replay.finish(fed)?;
+    let finished = run(setup, &input, options.out.is_some(), &bar, make, &mut say)?;
     bar.finish();
     let Finished { map, session, summary, .. } = &finished;
-    let files = MapFiles {
-        summary: options.summary.clone(),
-        voxels: options.voxels.clone(),
-        clusters: options.clusters.clone(),
-        ply: options.ply.clone(),
-    };
     files.write(session, map, summary)?;
     if let Some(folder) = &options.report {
-        write_page(folder, &options.input, &finished, stopped, Vec::new())?;
+        write_page(folder, &options.input, &finished, Vec::new())?;
     }
     account(summary);
-    say_skipped(summary, stopped);
-    Ok(if unread || stopped { ExitCode::FAILURE } else { ExitCode::SUCCESS })
+    Ok(say_skipped(summary))
 }
+
+/// Feeds the bag to an engine, again where the frame that was guessed turns out to be wrong.
+fn run(
+    setup: &Setup,
+    input: &Input,
+    with_messages: bool,
+    bar: &Bar,
+    mut make: impl FnMut() -> anyhow::Result<(Option<ResultFile>, Option<Story>)>,
+    say: &mut dyn FnMut(&str),
+) -> anyhow::Result<Finished> {
+    let mut fixed_frame = input.fixed_frame.clone();
+    loop {
+        let (bag, story) = make()?;
+        let mut replay = Replay::new(settings(setup), Outputs { bag, story, say });
+        match feed(input.feed(fixed_frame, with_messages, &mut |progress| bar.set(progress)), &mut replay)? {
+            Ended::Fed(fed) => return Ok(replay.finish(fed)?),
+            Ended::WrongFrame(better) => fixed_frame = better,
+        }
+        say(BEGINS_AGAIN);
+    }
+}
+
+/// What is said where a guessed frame is not the root.
+pub(crate) const BEGINS_AGAIN: &str =
+    "a later transform shows more of the tree of frames: reading begins again";
 
 pub(crate) fn settings(setup: &Setup) -> Settings {
     Settings {
@@ -134,12 +160,11 @@ pub(crate) fn write_page(
     folder: &Path,
     input: &Path,
     finished: &Finished,
-    stopped: bool,
     figures: Vec<Figure>,
 ) -> anyhow::Result<()> {
     let Some(story) = &finished.story else { return Ok(()) };
     let title = input.file_name().unwrap_or(input.as_os_str()).to_string_lossy();
-    let facts = Facts { figures, ..finished.summary.facts(&title, stopped) };
+    let facts = Facts { figures, ..finished.summary.facts(&title) };
     Ok(write_whole(&folder.join(PAGE), |out| write_report(out, story, &facts))?)
 }
 
@@ -244,8 +269,8 @@ fn account(summary: &Summary) {
     );
 }
 
-/// The last word: what was not read.
-pub(crate) fn say_skipped(summary: &Summary, stopped: bool) {
+/// The last word: what was not read, as an exit status too.
+pub(crate) fn say_skipped(summary: &Summary) -> ExitCode {
     let skipped: u64 = summary.tally.skipped.values().sum();
     if skipped > 0 {
         let reasons: Vec<_> =
@@ -255,7 +280,8 @@ pub(crate) fn say_skipped(summary: &Summary, stopped: bool) {
     if let Some(unread) = &summary.unread {
         eprintln!("cfodi: not all of the bag was read: {unread}");
     }
-    if stopped {
+    if summary.stopped {
         eprintln!("cfodi: stopped by a signal before the end of the bag");
     }
+    if summary.unread.is_some() || summary.stopped { ExitCode::FAILURE } else { ExitCode::SUCCESS }
 }

@@ -1,15 +1,19 @@
 //! SIGINT and SIGTERM end a replay early: what has been read is still written.
 
+use std::sync::Once;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use tokio::signal::unix::{SignalKind, signal};
 
 static STOP: AtomicBool = AtomicBool::new(false);
 
-/// Set when a signal has come. A second one ends the program at once.
-pub(crate) fn on_signal() -> &'static AtomicBool {
-    // Without a thread to listen, a signal ends the program as it always does.
-    drop(std::thread::Builder::new().name("cfodi-signals".to_owned()).spawn(listen));
+/// Set when a signal has come.
+pub(crate) fn flag() -> &'static AtomicBool {
+    static LISTENING: Once = Once::new();
+    LISTENING.call_once(|| {
+        // Without a thread to listen, a signal ends the program as it always does.
+        drop(std::thread::Builder::new().name("cfodi-signals".to_owned()).spawn(listen));
+    });
     &STOP
 }
 
@@ -26,9 +30,7 @@ fn listen() {
                 _ = interrupt.recv() => {}
                 _ = terminate.recv() => {}
             }
-            if STOP.swap(true, Ordering::Relaxed) {
-                std::process::exit(1);
-            }
+            STOP.store(true, Ordering::Relaxed);
         }
     });
 }

@@ -22,7 +22,7 @@ use super::transport::{Event, Input, Transport};
 use crate::cloud::{Camera, Cloud, CloudError};
 use crate::config::Config;
 use crate::engine::{Snapshot, Stamp};
-use crate::join::{Join, Joined};
+use crate::join::{Join, Joined, Jump};
 use crate::msg::ros::{TfMessage, TriggerResponse};
 use crate::tf::{Inserted, JUMP_BACK, Waited};
 use crate::worker::{Output, Worker};
@@ -279,8 +279,9 @@ impl<T: Transport> Live<T> {
 
     fn submit_ready(&mut self) {
         for Joined { scan, jumped_back, .. } in self.join.ready(&self.fixed_frame) {
-            if let Some(back) = jumped_back {
-                self.begin_session(&format!("the stamps of the scans have jumped back by {back:.3} s"));
+            if let Some(Jump { seconds, given_up }) = jumped_back {
+                (0..given_up).for_each(|_| self.counts.borrow_mut().skip("session_ended"));
+                self.start_session(&format!("the stamps of the scans have jumped back by {seconds:.3} s"));
             }
             if self.worker.submit(scan) {
                 self.counts.borrow_mut().replaced += 1;
@@ -315,22 +316,27 @@ impl<T: Transport> Live<T> {
     fn skip(&mut self, waited: &Waited<Cloud>, reason: &'static str) {
         self.counts.borrow_mut().skip(reason);
         let why = waited.last_error.as_ref().map_or_else(String::new, ToString::to_string);
-        let known = self.join.frames().frame_names();
-        let (shown, more) = (&known[..known.len().min(20)], known.len().saturating_sub(20));
         let line = format!(
-            "a cloud was skipped after {:.2} s without a transform from `{}` to `{}`: {why}; frames seen: {shown:?} \
-             and {more} more (choose with -p fixed_frame:=...)",
+            "a cloud was skipped after {:.2} s without a transform from `{}` to `{}`: {why}; {}",
             waited.waited.as_secs_f64(),
             waited.frame_id,
             self.fixed_frame,
+            self.join.frames_seen(),
         );
         self.warn(reason, format_args!("{line}"));
     }
 
+    /// Begins a session that no scan has asked for: what waits is given up.
     fn begin_session(&mut self, why: &str) {
+        for _ in self.join.give_up(self.start.elapsed()) {
+            self.counts.borrow_mut().skip("session_ended");
+        }
+        self.start_session(why);
+    }
+
+    fn start_session(&mut self, why: &str) {
         self.session = new_session(self.session);
-        let waiting = self.join.give_up(self.start.elapsed()).len() + self.worker.reset(self.session);
-        (0..waiting).for_each(|_| self.counts.borrow_mut().skip("session_ended"));
+        (0..self.worker.reset(self.session)).for_each(|_| self.counts.borrow_mut().skip("session_ended"));
         info!("{why}: session {} begins with an empty map", self.session);
         self.worker.request_snapshot();
     }

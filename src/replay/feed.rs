@@ -12,7 +12,7 @@ use super::summary::Tally;
 use crate::bag::{Bag, BagError, Decoder, Message, Messages, Recorded};
 use crate::cloud::{Cloud, CloudError};
 use crate::engine::Scan;
-use crate::join::{Join, Joined};
+use crate::join::{Join, Joined, Jump};
 use crate::msg::ros::TfMessage;
 use crate::tf::{LookupError, Waited};
 
@@ -27,14 +27,17 @@ pub trait Visitor {
     /// Why it cannot go on.
     type Error;
 
-    /// A scan, in the frame `fixed_frame`, with the time its decoding took.
+    /// A scan, in the frame `fixed_frame`.
     ///
     /// # Errors
     /// Ends the feeding.
-    fn scan(&mut self, scan: &Scan, fixed_frame: &str, decoding: Duration) -> Result<(), Self::Error>;
+    fn scan(&mut self, scan: &Scan, fixed_frame: &str) -> Result<(), Self::Error>;
 
-    /// Stamps have jumped back by this many seconds: the next scan begins a new session.
-    fn jumped_back(&mut self, seconds: f64);
+    /// Stamps have jumped back by this many seconds: the next scan begins a new session. Says whether it is wanted.
+    ///
+    /// # Errors
+    /// Ends the feeding.
+    fn jumped_back(&mut self, seconds: f64) -> Result<Go, Self::Error>;
 
     /// A message of the bag, where [`Feed::with_messages`] asks for them.
     ///
@@ -44,6 +47,15 @@ pub trait Visitor {
 
     /// Something that a person should know.
     fn say(&mut self, line: &str);
+}
+
+/// Whether to go on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Go {
+    /// With what follows.
+    On,
+    /// Not: what follows is not wanted.
+    Home,
 }
 
 /// How far a replay has come.
@@ -72,6 +84,15 @@ pub struct Feed<'a> {
 }
 
 /// How feeding ended.
+#[derive(Debug)]
+pub enum Ended {
+    /// With the last scan that could be had.
+    Fed(Fed),
+    /// The frame that was guessed is the wrong one, as a late transform shows: all has to be fed again, with this one.
+    WrongFrame(FixedFrame),
+}
+
+/// All has been fed.
 #[derive(Debug)]
 pub struct Fed {
     /// Where every cloud went.
@@ -105,11 +126,23 @@ enum Item {
     Unread(BagError),
 }
 
+/// Why no more items are taken.
+enum Halt {
+    /// The bag has ended, or what is left of it cannot be read.
+    End(Option<BagError>),
+    /// From outside.
+    Stop,
+    /// The visitor does not want what follows.
+    Enough,
+    /// See [`Ended::WrongFrame`].
+    WrongFrame(FixedFrame),
+}
+
 /// Feeds every scan of a bag to a visitor, in the order in which their transforms are known.
 ///
 /// # Errors
 /// When the visitor cannot go on. A bag that cannot be read to its end is no error: [`Fed::unread`] says so.
-pub fn feed<V: Visitor>(feed: Feed<'_>, visitor: &mut V) -> Result<Fed, FeedError<V::Error>> {
+pub fn feed<V: Visitor>(feed: Feed<'_>, visitor: &mut V) -> Result<Ended, FeedError<V::Error>> {
     let Feed { bag, decoder, fixed_frame, with_messages, stop, progress } = feed;
     let messages = bag.messages();
     let bytes = messages.bytes_read();
@@ -121,25 +154,22 @@ pub fn feed<V: Visitor>(feed: Feed<'_>, visitor: &mut V) -> Result<Fed, FeedErro
     let mut feeder = Feeder {
         bag,
         visitor,
+        stop,
         join: Join::new(PATIENCE),
         fixed_frame,
         looked_ahead: false,
+        enough: false,
         tally: Tally::default(),
-        decoding: Duration::ZERO,
     };
-    let ended = feeder.take(&receiver, stop, &bytes, progress);
+    let halt = feeder.take(&receiver, &bytes, progress);
     // A full channel would hold the reading thread back for ever.
     drop(receiver);
     let died = reading.join().is_err();
-    let (unread, stopped) = ended.map_err(FeedError::Visitor)?;
+    let halt = halt.map_err(FeedError::Visitor)?;
     if died {
         return Err(FeedError::Died);
     }
-    feeder.finish().map_err(FeedError::Visitor)?;
-    let fixed_frame = match feeder.fixed_frame {
-        FixedFrame::Settled(name) | FixedFrame::Open { default: name } => name,
-    };
-    Ok(Fed { tally: feeder.tally, fixed_frame, unread, stopped })
+    feeder.finish(halt).map_err(FeedError::Visitor)
 }
 
 /// The reading thread; ends when nobody listens any more.
@@ -154,9 +184,10 @@ fn read(messages: Messages, mut decoder: Decoder, with_messages: bool, sender: &
             }
         };
         let begin = Instant::now();
-        for recorded in decoder.decode(&message) {
-            let item = Item::Recorded { recorded, decoding: begin.elapsed() };
-            if sender.send(item).is_err() {
+        let decoded = decoder.decode(&message);
+        let decoding = begin.elapsed() / decoded.len().max(1) as u32;
+        for recorded in decoded {
+            if sender.send(Item::Recorded { recorded, decoding }).is_err() {
                 return;
             }
         }
@@ -178,57 +209,61 @@ fn flush(decoder: &mut Decoder, sender: &SyncSender<Item>) {
 struct Feeder<'a, V> {
     bag: &'a Bag,
     visitor: &'a mut V,
+    stop: &'a AtomicBool,
     join: Join,
     fixed_frame: FixedFrame,
     looked_ahead: bool,
+    /// The visitor wants no more.
+    enough: bool,
     tally: Tally,
-    /// Of the newest cloud.
-    decoding: Duration,
 }
 
 impl<V: Visitor> Feeder<'_, V> {
     fn take(
         &mut self,
         receiver: &Receiver<Item>,
-        stop: &AtomicBool,
         bytes: &Arc<AtomicU64>,
         progress: &mut dyn FnMut(Progress),
-    ) -> Result<(Option<BagError>, bool), V::Error> {
+    ) -> Result<Halt, V::Error> {
         for item in receiver {
             match item {
                 Item::Message(message) => self.visitor.message(&message)?,
                 Item::Recorded { recorded, decoding } => self.recorded(recorded, decoding)?,
-                Item::Unread(error) => return Ok((Some(error), false)),
+                Item::Unread(error) => return Ok(Halt::End(Some(error))),
             }
             progress(Progress { bytes: bytes.load(Ordering::Relaxed), scans: self.tally.scans });
-            if stop.load(Ordering::Relaxed) {
-                return Ok((None, true));
+            if self.stop.load(Ordering::Relaxed) {
+                return Ok(Halt::Stop);
+            }
+            if self.enough {
+                return Ok(Halt::Enough);
+            }
+            if let Some(better) = self.fixed_frame.better(self.join.frames()) {
+                return Ok(Halt::WrongFrame(better));
             }
         }
-        Ok((None, false))
+        Ok(Halt::End(None))
     }
 
     fn recorded(&mut self, recorded: Recorded, decoding: Duration) -> Result<(), V::Error> {
         match recorded {
             Recorded::Cloud(Ok(cloud)) => {
-                self.decoding = decoding;
-                self.cloud(cloud)
+                self.tally.decoding += decoding;
+                self.cloud(cloud)?;
             }
-            Recorded::Cloud(Err(error)) => {
-                self.refused(&error);
-                Ok(())
-            }
-            Recorded::Transforms { message, is_static } => self.transforms(&message, is_static),
+            Recorded::Cloud(Err(error)) => self.refused(&error),
+            Recorded::Transforms { message, is_static } => self.transforms(&message, is_static)?,
             Recorded::Distorted { topic } => {
                 let line = format!("{topic} tells of lens distortion: depth images are taken as rectified");
                 self.visitor.say(&line);
-                Ok(())
             }
             Recorded::Undecodable { topic, text } => {
-                self.visitor.say(&format!("a message on {topic} was skipped: {text}"));
-                Ok(())
+                if self.tally.undecodable(&topic) {
+                    self.visitor.say(&format!("a message on {topic} was skipped: {text}"));
+                }
             }
         }
+        Ok(())
     }
 
     fn refused(&mut self, error: &CloudError) {
@@ -250,15 +285,14 @@ impl<V: Visitor> Feeder<'_, V> {
         if self.join.waiting() < PATIENCE {
             return Ok(());
         }
-        self.settle();
+        self.guess();
         self.ready()?;
         if self.join.waiting() == PATIENCE { self.look_ahead() } else { Ok(()) }
     }
 
-    fn settle(&mut self) {
-        let Some(frame) = self.join.oldest().map(|(frame, _)| frame.to_owned()) else { return };
-        if let Some(line) = self.fixed_frame.settle(self.join.frames(), &frame) {
-            self.visitor.say(&line);
+    fn guess(&mut self) {
+        if let Some((frame, _)) = self.join.oldest() {
+            self.fixed_frame.guess(self.join.frames(), frame);
         }
     }
 
@@ -272,8 +306,9 @@ impl<V: Visitor> Feeder<'_, V> {
             return Ok(());
         }
         let mut decoder = Decoder::transforms_only();
-        let statics = self.bag.messages().map_while(Result::ok).flat_map(|message| decoder.decode(&message));
-        for recorded in statics {
+        let going = |_: &Message| !self.stop.load(Ordering::Relaxed);
+        let messages = self.bag.messages().map_while(Result::ok).take_while(going);
+        for recorded in messages.flat_map(|message| decoder.decode(&message)) {
             if let Recorded::Transforms { message, is_static: true } = recorded {
                 // What is wrong with a transform is said when its turn comes.
                 message.transforms.iter().for_each(|transform| drop(self.join.transform(transform, true)));
@@ -296,13 +331,19 @@ impl<V: Visitor> Feeder<'_, V> {
 
     fn ready(&mut self) -> Result<(), V::Error> {
         let Some(fixed_frame) = self.fixed_frame.name() else { return Ok(()) };
-        for joined in self.join.ready(fixed_frame) {
-            let Joined { scan, total, jumped_back } = joined;
-            if let Some(seconds) = jumped_back {
-                self.visitor.jumped_back(seconds);
+        if self.enough {
+            return Ok(());
+        }
+        for Joined { scan, total, jumped_back } in self.join.ready(fixed_frame) {
+            if let Some(Jump { seconds, given_up }) = jumped_back {
+                (0..given_up).for_each(|_| drop(self.tally.skip("session_ended")));
+                if self.visitor.jumped_back(seconds)? == Go::Home {
+                    self.enough = true;
+                    return Ok(());
+                }
             }
             self.tally.take(total, scan.points.len());
-            self.visitor.scan(&scan, fixed_frame, std::mem::take(&mut self.decoding))?;
+            self.visitor.scan(&scan, fixed_frame)?;
         }
         Ok(())
     }
@@ -311,22 +352,41 @@ impl<V: Visitor> Feeder<'_, V> {
         let reason = waited.last_error.as_ref().map_or("tf_not_looked_up", LookupError::reason);
         if self.tally.skip(reason) {
             let why = waited.last_error.as_ref().map_or_else(String::new, ToString::to_string);
-            let known = self.join.frames().frame_names();
-            let (shown, more) = (&known[..known.len().min(20)], known.len().saturating_sub(20));
-            let more = if more > 0 { format!(" and {more} more") } else { String::new() };
-            let line = format!("a scan was skipped: {why}; frames seen: {}{more}", shown.join(", "));
-            self.visitor.say(&line);
+            self.visitor.say(&format!("a scan was skipped: {why}; {}", self.join.frames_seen()));
         }
     }
 
-    /// What still waits at the end of the bag.
-    fn finish(&mut self) -> Result<(), V::Error> {
-        self.settle();
-        self.ready()?;
-        self.look_ahead()?;
-        for waited in self.join.give_up(Duration::ZERO) {
-            self.skip(&waited);
+    /// What still waits at the end.
+    fn finish(mut self, halt: Halt) -> Result<Ended, V::Error> {
+        let (unread, stopped) = match halt {
+            Halt::WrongFrame(better) => return Ok(Ended::WrongFrame(better)),
+            Halt::End(unread) => (unread, false),
+            Halt::Stop => (None, true),
+            Halt::Enough => (None, false),
+        };
+        if !stopped && !self.enough {
+            self.guess();
+            self.ready()?;
+            self.look_ahead()?;
+            if let Some(better) = self.fixed_frame.better(self.join.frames()) {
+                return Ok(Ended::WrongFrame(better));
+            }
         }
-        Ok(())
+        for waited in self.join.give_up(Duration::ZERO) {
+            if stopped || self.enough {
+                self.tally.skip("shutdown");
+            } else {
+                self.skip(&waited);
+            }
+        }
+        if let Some(line) = self.fixed_frame.about(self.join.frames()) {
+            self.visitor.say(&line);
+        }
+        let fixed_frame = match self.fixed_frame {
+            FixedFrame::Settled(name)
+            | FixedFrame::Open { default: name }
+            | FixedFrame::Guessed { name, .. } => name,
+        };
+        Ok(Ended::Fed(Fed { tally: self.tally, fixed_frame, unread, stopped }))
     }
 }

@@ -1,13 +1,13 @@
 //! What a replay leaves: each file is optional, and appears whole or not at all.
 
-use std::io;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use super::clusters::write_clusters;
 use super::summary::Summary;
 use crate::bag::{Message, OutputTopics, ResultBag};
 use crate::engine::{Snapshot, Update};
-use crate::export::{WholeFile, WriteError, write_ply, write_voxels, write_whole};
+use crate::export::{WholeFile, WriteError, write_ply, write_voxels};
 use crate::msg::clusters::{Session, SurfaceClusterArray};
 use crate::msg::labelled::labelled_points;
 use crate::msg::markers::Markers;
@@ -78,6 +78,16 @@ impl Outputs<'_> {
         self.bag.as_mut().map_or(Ok(()), |bag| bag.snapshot(session, snapshot))
     }
 
+    /// A session ends: what a report tells is the map, which begins anew; the result bag goes on in time.
+    pub(super) fn jumped_back(&mut self, seconds: f64) {
+        if let Some(story) = &mut self.story {
+            *story = Story::new();
+        }
+        if let Some(ResultFile { bag, .. }) = &mut self.bag {
+            bag.shift(seconds);
+        }
+    }
+
     pub(super) fn message(&mut self, message: &Message) -> Result<(), WriteError> {
         let Some(ResultFile { bag, path, .. }) = &mut self.bag else { return Ok(()) };
         bag.input(message).map_err(failed(path))
@@ -88,8 +98,9 @@ impl Outputs<'_> {
     }
 }
 
-fn failed(path: &Path) -> impl FnOnce(io::Error) -> WriteError {
-    move |source| WriteError { path: path.to_owned(), source }
+fn failed(path: &Path) -> impl FnOnce(io::Error) -> WriteError + use<> {
+    let path = path.to_owned();
+    move |source| WriteError { path, source }
 }
 
 /// Where the map goes when a replay has ended.
@@ -105,24 +116,50 @@ pub struct MapFiles {
     pub ply: Option<PathBuf>,
 }
 
+/// [`MapFiles`] that can be written: found out before the work, not after it.
+#[derive(Debug)]
+pub struct OpenMapFiles {
+    summary: Option<WholeFile>,
+    voxels: Option<WholeFile>,
+    clusters: Option<WholeFile>,
+    ply: Option<WholeFile>,
+}
+
 impl MapFiles {
-    /// Writes those that are asked for.
+    /// Begins each file that is asked for.
     ///
     /// # Errors
-    /// At the first that cannot be written.
-    pub fn write(&self, session: &Session, map: &Snapshot, summary: &Summary) -> Result<(), WriteError> {
-        if let Some(path) = &self.voxels {
-            write_whole(path, |out| write_voxels(out, map))?;
-        }
-        if let Some(path) = &self.clusters {
-            write_whole(path, |out| write_clusters(out, session, map))?;
-        }
-        if let Some(path) = &self.ply {
-            write_whole(path, |out| write_ply(out, map))?;
-        }
-        if let Some(path) = &self.summary {
-            write_whole(path, |out| writeln!(out, "{:#}", summary.json()))?;
-        }
-        Ok(())
+    /// At the first that cannot be made; none of them is left.
+    pub fn create(&self) -> Result<OpenMapFiles, WriteError> {
+        let create = |path: &Option<PathBuf>| path.as_deref().map(WholeFile::create).transpose();
+        Ok(OpenMapFiles {
+            summary: create(&self.summary)?,
+            voxels: create(&self.voxels)?,
+            clusters: create(&self.clusters)?,
+            ply: create(&self.ply)?,
+        })
     }
+}
+
+impl OpenMapFiles {
+    /// Writes the map and the account; what can be written is, whatever becomes of the others.
+    ///
+    /// # Errors
+    /// The first.
+    pub fn write(self, session: &Session, map: &Snapshot, summary: &Summary) -> Result<(), WriteError> {
+        let voxels = complete(self.voxels, |out| write_voxels(out, map));
+        let clusters = complete(self.clusters, |out| write_clusters(out, session, map));
+        let ply = complete(self.ply, |out| write_ply(out, map));
+        let summary = complete(self.summary, |out| writeln!(out, "{:#}", summary.json()));
+        voxels.and(clusters).and(ply).and(summary)
+    }
+}
+
+fn complete(
+    file: Option<WholeFile>,
+    write: impl FnOnce(&mut WholeFile) -> io::Result<()>,
+) -> Result<(), WriteError> {
+    let Some(mut file) = file else { return Ok(()) };
+    write(&mut file).map_err(failed(file.path()))?;
+    file.commit()
 }

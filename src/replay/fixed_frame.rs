@@ -12,18 +12,25 @@ pub enum FixedFrame {
         /// The default.
         default: String,
     },
+    /// The root of the sensor's tree as far as it has been seen. A later transform may show that it was none.
+    Guessed {
+        /// That root.
+        name: String,
+        /// The default.
+        default: String,
+    },
 }
 
 impl FixedFrame {
-    /// Its name, once it stands.
+    /// Its name, once there is one.
     pub fn name(&self) -> Option<&str> {
         match self {
-            Self::Settled(name) => Some(name),
+            Self::Settled(name) | Self::Guessed { name, .. } => Some(name),
             Self::Open { .. } => None,
         }
     }
 
-    /// Settles on the default as soon as the bag has it.
+    /// Settles on the default where it is seen before anything was guessed.
     pub(super) fn look_for_default(&mut self, frames: &Frames) {
         if let Self::Open { default } = self
             && frames.root_of(default).is_some()
@@ -32,20 +39,34 @@ impl FixedFrame {
         }
     }
 
-    /// Settles on the root of the sensor's tree; returns what is to be said of it.
-    pub(super) fn settle(&mut self, frames: &Frames, sensor: &str) -> Option<String> {
-        let Self::Open { default } = self else { return None };
-        let (root, why) = match frames.root_of(sensor) {
-            Some(root) => (root, "the root of the sensor's frames"),
-            None => (
-                sensor,
-                "the sensor's own frame: no transform tells how it moved, so it is taken to stand still",
-            ),
+    /// Guesses the root of the sensor's tree.
+    pub(super) fn guess(&mut self, frames: &Frames, sensor: &str) {
+        if let Self::Open { default } = self {
+            let name = frames.root_of(sensor).unwrap_or(sensor).to_owned();
+            *self = Self::Guessed { name, default: std::mem::take(default) };
+        }
+    }
+
+    /// What the frame must be where the guess was wrong: the default has turned up, or the root has got a parent.
+    pub(super) fn better(&self, frames: &Frames) -> Option<Self> {
+        let Self::Guessed { name, default } = self else { return None };
+        if frames.root_of(default).is_some() {
+            return Some(Self::Settled(default.clone()));
+        }
+        let root = frames.root_of(name).filter(|root| root != name)?;
+        Some(Self::Guessed { name: root.to_owned(), default: default.clone() })
+    }
+
+    /// What is to be said of a guess at the end.
+    pub(super) fn about(&self, frames: &Frames) -> Option<String> {
+        let Self::Guessed { name, default } = self else { return None };
+        let why = if frames.root_of(name).is_some() {
+            "the root of the sensor's frames"
+        } else {
+            "the sensor's own frame: no transform tells how it moved, so it is taken to stand still"
         };
-        let line = format!(
-            "the bag has no frame `{default}`: the map is made in `{root}`, {why} (choose with -p fixed_frame:=...)"
-        );
-        *self = Self::Settled(root.to_owned());
-        Some(line)
+        Some(format!(
+            "the bag has no frame `{default}`: the map is made in `{name}`, {why} (choose with -p fixed_frame:=...)"
+        ))
     }
 }

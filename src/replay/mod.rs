@@ -14,8 +14,8 @@ mod run;
 mod summary;
 
 pub use clusters::write_clusters;
-pub use feed::{Fed, Feed, FeedError, PATIENCE, Progress, Visitor, feed};
-pub use files::{MapFiles, Outputs, ResultFile};
+pub use feed::{Ended, Fed, Feed, FeedError, Go, PATIENCE, Progress, Visitor, feed};
+pub use files::{MapFiles, OpenMapFiles, Outputs, ResultFile};
 pub use fixed_frame::FixedFrame;
 pub use run::{Finished, Replay, Settings};
 pub use summary::{Summary, Tally};

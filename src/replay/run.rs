@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use super::feed::{Fed, Visitor};
+use super::feed::{Fed, Go, Visitor};
 use super::files::Outputs;
 use super::summary::Summary;
 use crate::bag::Message;
@@ -47,7 +47,10 @@ pub struct Replay<'a> {
     /// Stamp of the newest snapshot in the result bag.
     published: Option<Stamp>,
     engine_ms: Vec<f32>,
-    ingest: Duration,
+    binning: Duration,
+    /// The id of the session before.
+    id_before: u64,
+    notes: Vec<String>,
     begin: Instant,
 }
 
@@ -62,7 +65,9 @@ impl<'a> Replay<'a> {
             sessions: 0,
             published: None,
             engine_ms: Vec::new(),
-            ingest: Duration::ZERO,
+            binning: Duration::ZERO,
+            id_before: 0,
+            notes: Vec::new(),
             begin: Instant::now(),
         }
     }
@@ -77,7 +82,7 @@ impl<'a> Replay<'a> {
             }
         });
         let ms = begin.elapsed().as_secs_f64() * 1e3;
-        self.ingest += binned;
+        self.binning += binned;
         self.engine_ms.push(ms as f32);
         (update, ms)
     }
@@ -89,6 +94,22 @@ impl<'a> Replay<'a> {
         if story.wants_moment() {
             story.moment(&self.engine.snapshot());
         }
+    }
+
+    /// The map's names. In a replay a session is named after its first stamp, so that every run gives the same name; a
+    /// lap of a bag in a loop, whose first stamp has been used, gets the next number.
+    fn session(&mut self, stamp: Stamp, fixed_frame: &str) -> Session {
+        let Self { session, id_before, .. } = self;
+        let session = session.get_or_insert_with(|| {
+            *id_before = u64::try_from(stamp.nanos()).unwrap_or(0).max(*id_before + 1);
+            Session { id: *id_before, frame_id: fixed_frame.to_owned() }
+        });
+        session.clone()
+    }
+
+    /// Adds a whole sentence about something that is left out.
+    pub fn note(&mut self, sentence: &str) {
+        self.notes.push(sentence.to_owned());
     }
 
     fn is_due(&self, stamp: Stamp) -> bool {
@@ -120,10 +141,12 @@ impl<'a> Replay<'a> {
             clusters: snapshot.clusters.len(),
             clusters_active: snapshot.clusters.iter().filter(|cluster| active(cluster.state)).count(),
             engine_ms: self.engine_ms,
-            ingest: self.ingest,
+            binning: self.binning,
             wall: self.begin.elapsed(),
             parameters: self.settings.parameters,
             unread: fed.unread.map(|error| error.to_string()),
+            stopped: fed.stopped,
+            notes: self.notes,
         };
         self.outputs.finish()?;
         Ok(Finished { map: snapshot, session, summary, story })
@@ -133,16 +156,10 @@ impl<'a> Replay<'a> {
 impl Visitor for Replay<'_> {
     type Error = WriteError;
 
-    fn scan(&mut self, scan: &Scan, fixed_frame: &str, decoding: Duration) -> Result<(), WriteError> {
-        self.ingest += decoding;
+    fn scan(&mut self, scan: &Scan, fixed_frame: &str) -> Result<(), WriteError> {
         let (update, ms) = self.insert(scan);
-        // In a replay a session is named after its first stamp: every run gives the same name.
-        let session = self.session.get_or_insert_with(|| Session {
-            id: u64::try_from(update.stamp.nanos()).unwrap_or(0).max(1),
-            frame_id: fixed_frame.to_owned(),
-        });
         self.sessions += u64::from(update.sequence == 1);
-        let session = session.clone();
+        let session = self.session(update.stamp, fixed_frame);
         self.tell(scan, &update, ms);
         self.outputs.update(&session, &update)?;
         if self.outputs.bag.is_some() && self.is_due(update.stamp) {
@@ -152,13 +169,17 @@ impl Visitor for Replay<'_> {
         Ok(())
     }
 
-    fn jumped_back(&mut self, seconds: f64) {
+    fn jumped_back(&mut self, seconds: f64) -> Result<Go, WriteError> {
         self.say(&format!(
             "the stamps have jumped back by {seconds:.3} s: a new session begins with an empty map"
         ));
+        if let Some(session) = self.session.take() {
+            self.outputs.snapshot(&session, &self.engine.snapshot())?;
+        }
+        self.outputs.jumped_back(seconds);
         self.engine = Engine::new(self.settings.engine);
-        self.session = None;
         self.published = None;
+        Ok(Go::On)
     }
 
     fn message(&mut self, message: &Message) -> Result<(), WriteError> {

@@ -17,6 +17,10 @@ pub struct Tally {
     pub skipped: BTreeMap<&'static str, u64>,
     /// Transforms that could not be used, by reason.
     pub transforms_refused: BTreeMap<&'static str, u64>,
+    /// Messages of topics that are read, but not readable ones, by topic.
+    pub undecodable: BTreeMap<String, u64>,
+    /// Time for decoding scans.
+    pub decoding: Duration,
     /// Points of the scans taken in, valid or not.
     pub points: u64,
     /// Those that were valid and in range.
@@ -33,6 +37,12 @@ impl Tally {
     /// Counts a scan; says whether it is the first with this reason.
     pub(super) fn skip(&mut self, reason: &'static str) -> bool {
         count(&mut self.skipped, reason)
+    }
+
+    pub(super) fn undecodable(&mut self, topic: &str) -> bool {
+        let count = self.undecodable.entry(topic.to_owned()).or_default();
+        *count += 1;
+        *count == 1
     }
 
     pub(super) fn refuse_transform(&mut self, reason: &'static str) -> bool {
@@ -65,20 +75,26 @@ pub struct Summary {
     pub clusters_active: usize,
     /// Time in the engine of each scan (ms), ascending.
     pub engine_ms: Vec<f32>,
-    /// Time for decoding messages and binning their points.
-    pub ingest: Duration,
+    /// Time for binning points.
+    pub binning: Duration,
     /// Time for all of it.
     pub wall: Duration,
     /// The parameters it was made with.
     pub parameters: Vec<(&'static str, Value)>,
     /// What of the bag could not be read.
     pub unread: Option<String>,
+    /// Whether it was stopped before the end of the bag.
+    pub stopped: bool,
+    /// Whole sentences about what was left out.
+    pub notes: Vec<String>,
 }
 
 impl Summary {
     /// As the contract has it.
     pub fn json(&self) -> Json {
-        let Tally { scans, skipped, transforms_refused, points, points_valid } = &self.tally;
+        let Tally { scans, skipped, transforms_refused, undecodable, decoding, points, points_valid } =
+            &self.tally;
+        let ingest = *decoding + self.binning;
         let mut parameters: Map<String, Json> =
             self.parameters.iter().map(|(name, value)| ((*name).to_owned(), parameter(value))).collect();
         parameters.insert("fixed_frame".to_owned(), json!(self.fixed_frame));
@@ -87,6 +103,7 @@ impl Summary {
             "scans": scans,
             "scans_skipped": skipped,
             "transforms_refused": transforms_refused,
+            "messages_undecodable": undecodable,
             "sessions": self.sessions,
             "points": points,
             "points_valid": points_valid,
@@ -95,39 +112,40 @@ impl Summary {
             "clusters": self.clusters,
             "clusters_active": self.clusters_active,
             "engine_ms": { "p50": at(0.5), "p90": at(0.9), "p99": at(0.99), "max": at(1.0) },
-            "ingest_ns_per_point": (*points > 0).then(|| self.ingest.as_nanos() as f64 / *points as f64),
+            "ingest_ns_per_point": (*points > 0).then(|| ingest.as_nanos() as f64 / *points as f64),
             "wall_s": self.wall.as_secs_f64(),
             "peak_rss_mb": peak_rss_mb(),
             "unread": self.unread,
+            "stopped": self.stopped,
             "parameters": parameters,
         })
     }
 
     /// What the report says in words.
-    pub fn facts(&self, title: &str, stopped: bool) -> Facts {
+    pub fn facts(&self, title: &str) -> Facts {
         let unread = self.unread.iter().map(|unread| format!("Not all of the bag was read: {unread}."));
-        let stopped = stopped.then(|| "The replay was stopped before the end of the bag.".to_owned());
+        let stopped = self.stopped.then(|| "The replay was stopped before the end of the bag.".to_owned());
         let begun = (self.sessions > 1).then(|| {
-            format!(
-                "The stamps jumped back {} times; the map is that after the last jump.",
-                self.sessions - 1
-            )
+            let jumps = self.sessions - 1;
+            format!("The stamps jumped back ({jumps} times); what is shown is what came after the last jump.")
         });
-        let of_map = self.parameters.iter().filter(|(name, _)| *name != "fixed_frame");
+        let values = self.parameters.iter().filter(|(name, _)| *name != "fixed_frame");
+        let reasons = self.tally.skipped.iter().chain(&self.tally.transforms_refused);
+        let undecodable: u64 = self.tally.undecodable.values().sum();
+        let mut skipped: BTreeMap<String, u64> = BTreeMap::new();
+        let other = (undecodable > 0).then_some((&"undecodable", &undecodable));
+        for (reason, count) in reasons.chain(other) {
+            *skipped.entry((*reason).to_owned()).or_default() += count;
+        }
         Facts {
             title: title.to_owned(),
             fixed_frame: self.fixed_frame.clone(),
-            parameters: of_map.map(|(name, value)| ((*name).to_owned(), value.to_string())).collect(),
+            parameters: values.map(|(name, value)| ((*name).to_owned(), value.to_string())).collect(),
             scans: self.tally.scans,
-            skipped: self
-                .tally
-                .skipped
-                .iter()
-                .map(|(reason, count)| ((*reason).to_owned(), *count))
-                .collect(),
+            skipped,
             points: self.tally.points_valid,
             wall_seconds: self.wall.as_secs_f64(),
-            notes: unread.chain(stopped).chain(begun).collect(),
+            notes: unread.chain(stopped).chain(begun).chain(self.notes.clone()).collect(),
             figures: Vec::new(),
         }
     }

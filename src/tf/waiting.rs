@@ -99,6 +99,14 @@ impl<T, E> WaitingQueue<T, E> {
         gone.into_iter().map(|entry| entry.waited(now)).collect()
     }
 
+    /// Takes the items that `leaves` says, in the order in which they came.
+    pub fn take_if(&mut self, now: Duration, leaves: impl Fn(&T) -> bool) -> Vec<Waited<T, E>> {
+        let (gone, kept): (VecDeque<_>, VecDeque<_>) =
+            std::mem::take(&mut self.entries).into_iter().partition(|entry| leaves(&entry.item));
+        self.entries = kept;
+        gone.into_iter().map(|entry| entry.waited(now)).collect()
+    }
+
     /// Takes all items, in the order in which they came: for the end, and for a clock that jumped back.
     pub fn take_all(&mut self, now: Duration) -> Vec<Waited<T, E>> {
         std::mem::take(&mut self.entries).into_iter().map(|entry| entry.waited(now)).collect()

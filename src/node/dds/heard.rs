@@ -23,6 +23,12 @@ impl Heard {
     /// Publishers to remember; a driver that restarts is a new one each time.
     const PUBLISHERS: usize = 1000;
 
+    /// Whether what the best-effort reader cannot decode comes to the reliable one too: a sample that cannot be decoded does
+    /// not tell its publisher.
+    pub(super) fn is_reliable(&self) -> bool {
+        self.0.values().any(|publisher| publisher.reliably)
+    }
+
     /// Whether a sample of this number is to be taken from the reader, `reliably` or not, that has it.
     pub(super) fn takes(&mut self, publisher: Gid, number: i64, reliably: bool) -> bool {
         if self.0.len() >= Self::PUBLISHERS {
@@ -50,7 +56,7 @@ mod tests {
         assert!(heard.takes(publisher, 1, false));
         assert!(heard.takes(publisher, 2, false));
         assert!(!heard.takes(publisher, 1, true) && !heard.takes(publisher, 2, true));
-        assert!(heard.takes(publisher, 3, true));
+        assert!(heard.takes(publisher, 3, true) && heard.is_reliable());
         assert!(!heard.takes(publisher, 3, false) && !heard.takes(publisher, 4, false));
         assert!(heard.takes(publisher, 4, true));
     }
