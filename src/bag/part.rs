@@ -17,7 +17,8 @@ pub(super) struct Part {
 }
 
 const MCAP: &[u8] = b"\x89MCAP0\r\n";
-const ZSTD: &[u8] = b"\x28\xb5\x2f\xfd";
+/// How what zstd has compressed begins.
+pub(super) const ZSTD: &[u8] = b"\x28\xb5\x2f\xfd";
 const ROS1: &[u8] = b"#ROSBAG";
 const SQLITE: &[u8] = b"SQLite format 3";
 

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use mcap::sans_io::LinearReaderOptions;
 
 use super::error::BagError;
-use super::part::{Part, reading};
+use super::part::{Part, ZSTD, reading};
 
 /// The largest message that is read (bytes): a cloud of 4,000,000 points in double precision with colour has 160 MB.
 pub const MAX_MESSAGE_BYTES: usize = 512 << 20;
@@ -21,8 +21,6 @@ const MOST_COMPRESSED: u64 = 64;
 
 /// A record that is taken whatever the file's size (bytes).
 const SMALL_RECORD: u64 = 64 << 20;
-
-const ZSTD: &[u8] = b"\x28\xb5\x2f\xfd";
 
 /// A message as the bag holds it; decompressed.
 #[derive(Clone, Debug, PartialEq)]

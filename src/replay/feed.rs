@@ -2,14 +2,15 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
-use std::time::{Duration, Instant};
+use std::sync::mpsc::{Receiver, sync_channel};
+use std::time::Duration;
 
 use thiserror::Error;
 
 use super::fixed_frame::FixedFrame;
+use super::reading::{Item, read};
 use super::summary::Tally;
-use crate::bag::{Bag, BagError, Decoder, Message, Messages, Recorded};
+use crate::bag::{Bag, BagError, Decoder, Message, Recorded};
 use crate::cloud::{Cloud, CloudError};
 use crate::engine::Scan;
 use crate::join::{Join, Joined, Jump};
@@ -119,13 +120,6 @@ pub enum FeedError<E> {
     Died,
 }
 
-/// What the reading thread hands over.
-enum Item {
-    Message(Message),
-    Recorded { recorded: Recorded, decoding: Duration },
-    Unread(BagError),
-}
-
 /// Why no more items are taken.
 enum Halt {
     /// The bag has ended, or what is left of it cannot be read.
@@ -170,40 +164,6 @@ pub fn feed<V: Visitor>(feed: Feed<'_>, visitor: &mut V) -> Result<Ended, FeedEr
         return Err(FeedError::Died);
     }
     feeder.finish(halt).map_err(FeedError::Visitor)
-}
-
-/// The reading thread; ends when nobody listens any more.
-fn read(messages: Messages, mut decoder: Decoder, with_messages: bool, sender: &SyncSender<Item>) {
-    for message in messages {
-        let message = match message {
-            Ok(message) => message,
-            Err(error) => {
-                flush(&mut decoder, sender);
-                drop(sender.send(Item::Unread(error)));
-                return;
-            }
-        };
-        let begin = Instant::now();
-        let decoded = decoder.decode(&message);
-        let decoding = begin.elapsed() / decoded.len().max(1) as u32;
-        for recorded in decoded {
-            if sender.send(Item::Recorded { recorded, decoding }).is_err() {
-                return;
-            }
-        }
-        if with_messages && sender.send(Item::Message(message)).is_err() {
-            return;
-        }
-    }
-    flush(&mut decoder, sender);
-}
-
-fn flush(decoder: &mut Decoder, sender: &SyncSender<Item>) {
-    for recorded in decoder.finish() {
-        if sender.send(Item::Recorded { recorded, decoding: Duration::ZERO }).is_err() {
-            return;
-        }
-    }
 }
 
 struct Feeder<'a, V> {
@@ -336,7 +296,9 @@ impl<V: Visitor> Feeder<'_, V> {
         }
         for Joined { scan, total, jumped_back } in self.join.ready(fixed_frame) {
             if let Some(Jump { seconds, given_up }) = jumped_back {
-                (0..given_up).for_each(|_| drop(self.tally.skip("session_ended")));
+                for _ in 0..given_up {
+                    self.tally.skip("session_ended");
+                }
                 if self.visitor.jumped_back(seconds)? == Go::Home {
                     self.enough = true;
                     return Ok(());

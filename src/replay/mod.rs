@@ -10,6 +10,7 @@ mod clusters;
 mod feed;
 mod files;
 mod fixed_frame;
+mod reading;
 mod run;
 mod summary;
 

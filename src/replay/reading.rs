@@ -1,0 +1,47 @@
+//! The thread that reads, decompresses and decodes.
+
+use std::sync::mpsc::SyncSender;
+use std::time::{Duration, Instant};
+
+use crate::bag::{BagError, Decoder, Message, Messages, Recorded};
+
+/// What the reading thread hands over.
+pub(super) enum Item {
+    Message(Message),
+    Recorded { recorded: Recorded, decoding: Duration },
+    Unread(BagError),
+}
+
+/// The reading thread; ends when nobody listens any more.
+pub(super) fn read(messages: Messages, mut decoder: Decoder, with_messages: bool, sender: &SyncSender<Item>) {
+    for message in messages {
+        let message = match message {
+            Ok(message) => message,
+            Err(error) => {
+                flush(&mut decoder, sender);
+                drop(sender.send(Item::Unread(error)));
+                return;
+            }
+        };
+        let begin = Instant::now();
+        let decoded = decoder.decode(&message);
+        let decoding = begin.elapsed() / decoded.len().max(1) as u32;
+        for recorded in decoded {
+            if sender.send(Item::Recorded { recorded, decoding }).is_err() {
+                return;
+            }
+        }
+        if with_messages && sender.send(Item::Message(message)).is_err() {
+            return;
+        }
+    }
+    flush(&mut decoder, sender);
+}
+
+fn flush(decoder: &mut Decoder, sender: &SyncSender<Item>) {
+    for recorded in decoder.finish() {
+        if sender.send(Item::Recorded { recorded, decoding: Duration::ZERO }).is_err() {
+            return;
+        }
+    }
+}
