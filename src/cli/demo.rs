@@ -88,13 +88,18 @@ pub(crate) fn demo(setup: &Setup, options: &Options) -> anyhow::Result<()> {
     over.store(true, Ordering::Release);
     let travelled = travelling.map(JoinHandle::join);
     let map = map?;
+    came_home(travelled)?;
+    println!("{}", table(&map));
+    leave(&map, record, options)
+}
+
+/// What became of the robot's thread.
+fn came_home(travelled: Option<std::thread::Result<Result<(), String>>>) -> anyhow::Result<()> {
     match travelled {
         Some(Ok(Err(text))) => anyhow::bail!("the simulated robot stopped: {text}"),
         Some(Err(_)) => anyhow::bail!("the simulated robot's thread has died"),
-        _ => {}
+        Some(Ok(Ok(()))) | None => Ok(()),
     }
-    println!("{}", table(&map));
-    leave(&map, record, options)
 }
 
 fn now() -> Stamp {
