@@ -22,7 +22,8 @@ closing() {
   out=$(sort -u "$CFODI_LEFT_OUT" | wc -l)
   rm -f "$CFODI_LEFT_OUT"
   if [ "$out" = 0 ]; then echo "0 tests left out"
-  else echo "$out tests left out: no recordings in $CFODI_DATA or no tool for bags in $CFODI_TOOLS (set CFODI_DATA, CFODI_TOOLS)"
+  else echo "$out tests left out: no recordings in $CFODI_DATA or no tool for bags in $CFODI_TOOLS (set CFODI_DATA," \
+    "CFODI_TOOLS), or no chromium for the report"
   fi
   exit "$status"
 }
