@@ -11,6 +11,9 @@ use crate::engine::{Scan, Stamp};
 use crate::msg::ros::TransformStamped;
 use crate::tf::{FrameError, Frames, Inserted, JUMP_BACK, LookupError, Waited, WaitingQueue};
 
+/// Sensors' frames that are remembered at most: a sender can make up ever new ones.
+const SENSORS: usize = 1000;
+
 /// Names of frames that a message shows at most.
 const NAMES: usize = 20;
 
@@ -104,6 +107,9 @@ impl Join {
     /// Lets a cloud wait for its transform; gives the one that has waited longest where there was no place.
     pub fn cloud(&mut self, cloud: Cloud, now: Duration) -> Option<Waited<Cloud>> {
         let (stamp, frame) = (cloud.stamp, cloud.frame_id.clone());
+        if self.arrived.len() >= SENSORS {
+            self.arrived.clear();
+        }
         // Clouds before a jump and after it must not be sorted together, and the stamps alone do not tell them apart.
         let before = self.arrived.insert(frame.clone(), stamp);
         self.lap += u64::from(before.is_some_and(|before| before.seconds_since(stamp) > JUMP_BACK));
@@ -135,6 +141,9 @@ impl Join {
             let before = self.waiting.take_if(Duration::ZERO, |arrived| arrived.lap < lap);
             Jump { seconds, given_up: before.len() }
         });
+        if self.newest.len() >= SENSORS {
+            self.newest.clear();
+        }
         let newest = self.newest.entry(cloud.frame_id.clone()).or_insert(cloud.stamp);
         *newest = cloud.stamp.max(*newest);
         jump

@@ -441,3 +441,88 @@ fn what_cannot_be_decoded_is_said_once_and_counted() {
     assert_eq!(found.summary.as_ref().unwrap()["messages_undecodable"]["/tf"], 5);
     assert_eq!(found.number("scans"), 5);
 }
+
+#[test]
+fn a_chain_of_frames_that_grows_is_read_twice_at_most() {
+    let folder = Folder::new("chain");
+    let mut writer = BagWriter::new(Layout::Plain);
+    (0..10).for_each(|i| writer.cloud(POINTS, stamp(i), &wall(i)));
+    for i in 0..100 {
+        let (parent, child) =
+            (format!("f{}", i + 1), if i == 0 { OPTICAL.to_owned() } else { format!("f{i}") });
+        writer.tf("/tf_static", stamp(10), &parent, &child, 0.0);
+    }
+    let found = replay(&folder.put("chain.mcap", &writer.finish()), &[]);
+    assert_eq!((found.status, found.number("scans")), (0, 10), "{}", found.errors);
+    assert_eq!(found.errors.matches("reading begins again").count(), 1, "{}", found.errors);
+    assert!(found.errors.contains("made in `f100`"), "{}", found.errors);
+}
+
+#[test]
+fn frames_that_change_places_for_ever_are_read_twice_at_most() {
+    let folder = Folder::new("flip");
+    let mut writer = BagWriter::new(Layout::Plain);
+    for i in 0..10 {
+        writer.tf("/tf", stamp(600 + i), "a", OPTICAL, 0.0);
+        writer.cloud(POINTS, stamp(600 + i), &wall(i));
+    }
+    for _ in 0..3 {
+        writer.tf("/tf", stamp(700), "q", "r", 0.0);
+        writer.tf("/tf", stamp(700), "b", "a", 0.0);
+        // A stamp that jumps back clears the tree.
+        writer.tf("/tf", stamp(0), "q", "r", 0.0);
+        writer.tf("/tf", stamp(0), "a", "b", 0.0);
+    }
+    let found = replay(&folder.put("flip.mcap", &writer.finish()), &[]);
+    assert_eq!(found.status, 0, "{}", found.errors);
+    assert!(found.errors.matches("reading begins again").count() <= 1, "{}", found.errors);
+}
+
+#[test]
+fn files_that_are_no_bag_cost_only_their_own_scans_and_all_are_counted() {
+    let folder = Folder::new("zeros");
+    folder.put("run_0.mcap", &[0; 5000]);
+    folder.put("run_1.mcap", &drive(BagWriter::new(Layout::Plain), 5));
+    folder.put("run_2.mcap", b"");
+    let found = replay(&folder.0, &[]);
+    assert_eq!((found.status, found.number("scans")), (1, 5), "{}", found.errors);
+    assert!(
+        found.errors.contains("run_0.mcap") && found.errors.contains("1 more of its files"),
+        "{}",
+        found.errors
+    );
+}
+
+#[test]
+fn endless_new_names_of_frames_take_no_memory() {
+    let folder = Folder::new("names");
+    let mut writer = BagWriter::new(Layout::Zstd);
+    for i in 0..50 {
+        let name = format!("{i}{}", "x".repeat(100_000));
+        let cloud = bags::cloud(stamp(i), &name, &[[0.0, 0.0, 1.0]]);
+        writer.put(POINTS, "sensor_msgs/msg/PointCloud2", stamp(i), &cloud);
+    }
+    let found = replay(&folder.put("names.mcap", &writer.finish()), &[]);
+    assert_eq!(found.summary.as_ref().unwrap()["scans_skipped"]["long_frame_id"], 50, "{}", found.errors);
+}
+
+#[test]
+fn the_transforms_of_each_lap_are_played_with_its_clusters() {
+    let folder = Folder::new("laps-tf");
+    let mut writer = BagWriter::new(Layout::Plain);
+    writer.tf("/tf_static", stamp(0), "camera_link", OPTICAL, 0.0);
+    for i in (0..60).chain(0..60) {
+        writer.tf("/tf", stamp(i), "map", "camera_link", 0.1 * i as f64);
+        writer.cloud(POINTS, stamp(i), &wall(i));
+    }
+    let (bag, out) = (folder.put("laps.mcap", &writer.finish()), folder.0.join("out.mcap"));
+    assert_eq!(replay(&bag, &["--out", out.to_str().unwrap()]).status, 0);
+    let result = fs::read(&out).unwrap();
+    let times = |topic: &str| -> Vec<u64> {
+        let messages = mcap::MessageStream::new(&result).unwrap().map(Result::unwrap);
+        messages.filter(|message| message.channel.topic == topic).map(|message| message.log_time).collect()
+    };
+    let (tf, deltas) = (times("/tf"), times("/cfodi/clusters_delta"));
+    assert_eq!(tf.len(), 120);
+    assert!(tf.is_sorted() && tf.iter().zip(&deltas).all(|(tf, delta)| tf.abs_diff(*delta) < 50_000_000));
+}

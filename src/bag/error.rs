@@ -66,6 +66,14 @@ pub enum BagError {
         /// What is wrong.
         what: String,
     },
+    /// Several files of a bag.
+    #[error("{first}; {others} more of its files could not be read in full")]
+    Several {
+        /// Of the first of them.
+        first: Box<Self>,
+        /// The number of the others.
+        others: usize,
+    },
     /// Nothing is in it.
     #[error("{} is empty", path.display())]
     Empty {

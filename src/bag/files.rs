@@ -43,7 +43,20 @@ impl Bag {
             Err(error) if error.kind() == io::ErrorKind::NotFound => (mcap_files(path)?, Vec::new()),
             Err(source) => return Err(reading(&path.join(METADATA), source)),
         };
-        let files = paths.iter().map(|path| Part::open(path)).collect::<Result<_, _>>()?;
+        let opened: Vec<_> = paths.iter().map(|path| Part::open(path)).collect();
+        let mut files = Vec::new();
+        if opened.iter().any(Result::is_ok) {
+            // One that cannot be opened costs only its own messages: it fails when its turn comes.
+            files = paths
+                .iter()
+                .zip(opened)
+                .map(|(path, part)| part.unwrap_or_else(|_| Part::unopened(path)))
+                .collect();
+        } else {
+            for part in opened {
+                files.push(part?);
+            }
+        }
         Ok(Self { files, listed })
     }
 
@@ -83,23 +96,20 @@ fn mcap_files(folder: &Path) -> Result<Vec<PathBuf>, BagError> {
     if paths.is_empty() { Err(BagError::NoBag { path: folder.to_owned() }) } else { Ok(paths) }
 }
 
-/// A key by which `_10` comes after `_9`: the texts and the numbers of a name in turn.
-fn in_order(name: &str) -> Vec<(String, u64)> {
-    let mut parts = vec![(String::new(), 0_u64)];
-    let mut in_number = false;
-    for letter in name.chars() {
-        if !letter.is_ascii_digit() && in_number {
-            parts.push((String::new(), 0));
-        }
-        in_number = letter.is_ascii_digit();
-        if let Some((text, number)) = parts.last_mut() {
-            match letter.to_digit(10) {
-                Some(digit) => *number = number.saturating_mul(10).saturating_add(u64::from(digit)),
-                None => text.push(letter),
-            }
-        }
+/// A key by which `_10` comes after `_9`: the texts and the numbers of a name in turn, a number by its length without
+/// leading zeros and then by its digits; at last the name itself.
+fn in_order(name: &str) -> (Vec<(String, usize, String)>, String) {
+    let mut parts = Vec::new();
+    let mut rest = name;
+    while !rest.is_empty() {
+        let (text, after) = rest.split_at(rest.find(|c: char| c.is_ascii_digit()).unwrap_or(rest.len()));
+        let (digits, after) =
+            after.split_at(after.find(|c: char| !c.is_ascii_digit()).unwrap_or(after.len()));
+        let number = digits.trim_start_matches('0');
+        parts.push((text.to_owned(), number.len(), number.to_owned()));
+        rest = after;
     }
-    parts
+    (parts, name.to_owned())
 }
 
 #[cfg(test)]
@@ -111,5 +121,10 @@ mod tests {
         let mut names = ["run_10.mcap", "run_9.mcap", "run_0.mcap", "run.mcap", "run_100.mcap"];
         names.sort_by_cached_key(|name| in_order(name));
         assert_eq!(names, ["run.mcap", "run_0.mcap", "run_9.mcap", "run_10.mcap", "run_100.mcap"]);
+        let mut dates =
+            ["20250101120000000010.mcap", "20250101120000000009.mcap", "run_01.mcap", "run_1.mcap"];
+        let sorted = dates;
+        dates.sort_by_cached_key(|name| in_order(name));
+        assert_eq!(dates, [sorted[1], sorted[0], sorted[2], sorted[3]]);
     }
 }

@@ -23,6 +23,12 @@ const ROS1: &[u8] = b"#ROSBAG";
 const SQLITE: &[u8] = b"SQLite format 3";
 
 impl Part {
+    /// A file that cannot be opened, or is none of a bag: reading it says so.
+    pub(super) fn unopened(path: &Path) -> Self {
+        let size = path.metadata().map_or(0, |about| about.len());
+        Self { path: path.to_owned(), size, is_compressed: false }
+    }
+
     pub(super) fn open(path: &Path) -> Result<Self, BagError> {
         let failed = |source| reading(path, source);
         let file = File::open(path).map_err(failed)?;

@@ -53,8 +53,9 @@ pub struct Messages {
     next: usize,
     /// Bytes read of all files, as they are on disk.
     bytes: Arc<AtomicU64>,
-    /// The first error.
+    /// The first error, and the number of files with further ones.
     failure: Option<BagError>,
+    other_failures: usize,
 }
 
 type Source = Box<dyn Read + Send>;
@@ -68,7 +69,7 @@ struct Reader {
 
 impl Messages {
     pub(super) fn new(files: Vec<Part>) -> Self {
-        Self { files, current: None, next: 0, bytes: Arc::default(), failure: None }
+        Self { files, current: None, next: 0, bytes: Arc::default(), failure: None, other_failures: 0 }
     }
 
     /// A counter of the bytes read so far of `Bag::size`; another thread may look at it.
@@ -84,9 +85,20 @@ impl Messages {
         Some(part.reader(&self.bytes).map(|messages| Reader { messages, part, before }))
     }
 
+    /// What is to be said at the end.
+    fn failure(&mut self) -> Option<BagError> {
+        let first = self.failure.take()?;
+        let others = std::mem::take(&mut self.other_failures);
+        Some(if others == 0 { first } else { BagError::Several { first: Box::new(first), others } })
+    }
+
     fn fail(&mut self, error: BagError) {
         self.current = None;
-        self.failure.get_or_insert(error);
+        if self.failure.is_none() {
+            self.failure = Some(error);
+        } else {
+            self.other_failures += 1;
+        }
     }
 }
 
@@ -99,7 +111,7 @@ impl Iterator for Messages {
                 match self.open_next() {
                     Some(Ok(reader)) => self.current = Some(reader),
                     Some(Err(error)) => self.fail(error),
-                    None => return self.failure.take().map(Err),
+                    None => return self.failure().map(Err),
                 }
                 continue;
             };

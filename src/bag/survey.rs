@@ -34,7 +34,9 @@ fn of_summary(part: &Part) -> Option<Vec<Topic>> {
         return None;
     }
     let summary = read_summary(part)?;
+    // An empty list of counts is one that was not made.
     let counts = summary.stats.as_ref().map(|stats| &stats.channel_message_counts);
+    let counts = counts.filter(|counts| !counts.is_empty());
     let mut topics: Vec<_> = summary
         .channels
         .values()

@@ -64,6 +64,9 @@ pub struct ResultBag<W: Write> {
     with_input: bool,
     /// Added to the stamps, as the time at which a message is logged (ns).
     ahead: u64,
+    /// The same for the input's messages, by the newest of their own times.
+    input_ahead: u64,
+    input_newest: u64,
     scratch: Vec<u8>,
 }
 
@@ -95,6 +98,8 @@ impl<W: Write> ResultBag<W> {
             copied: BTreeMap::new(),
             with_input,
             ahead: 0,
+            input_ahead: 0,
+            input_newest: 0,
             scratch: Vec::new(),
         })
     }
@@ -176,8 +181,22 @@ impl<W: Write> ResultBag<W> {
             let opened = open_copy(&mut self.writer, &message.channel, is_transforms)?;
             self.copied.insert(key.clone(), opened);
         }
+        let log_time = self.input_time(message.log_time);
         let Some(channel) = self.copied.get_mut(&key) else { return Ok(()) };
-        write(&mut self.writer, channel, message.log_time, &message.data)
+        write(&mut self.writer, channel, log_time, &message.data)
+    }
+
+    /// When a message of the input is logged: where its times jump back with the stamps, after what was before.
+    fn input_time(&mut self, log_time: u64) -> u64 {
+        const JUMP_BACK: u64 = 1_000_000_000;
+        let shifted = log_time.saturating_add(self.input_ahead);
+        let back = self.input_newest.saturating_sub(shifted);
+        if back > JUMP_BACK {
+            self.input_ahead = self.input_ahead.saturating_add(back);
+        }
+        let shifted = log_time.saturating_add(self.input_ahead);
+        self.input_newest = self.input_newest.max(shifted);
+        shifted
     }
 
     /// Writes the indexes and gives the output back.

@@ -134,10 +134,17 @@ fn run(
     let mut fixed_frame = input.fixed_frame.clone();
     loop {
         let (bag, story) = make()?;
+        let is_direct = bag.as_ref().is_some_and(ResultFile::is_direct);
         let mut replay = Replay::new(settings(setup), Outputs { bag, story, say });
         match feed(input.feed(fixed_frame, with_messages, &mut |progress| bar.set(progress)), &mut replay)? {
             Ended::Fed(fed) => return Ok(replay.finish(fed)?),
             Ended::WrongFrame(better) => fixed_frame = better,
+        }
+        if is_direct {
+            let name = fixed_frame.name().unwrap_or_default();
+            anyhow::bail!(
+                "a late transform shows that the frame is `{name}`, and --out cannot be begun again: -p fixed_frame:={name}"
+            );
         }
         say(BEGINS_AGAIN);
     }

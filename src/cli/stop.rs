@@ -1,20 +1,20 @@
 //! SIGINT and SIGTERM end a replay early: what has been read is still written.
 
-use std::sync::Once;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, LazyLock, Once};
 
 use tokio::signal::unix::{SignalKind, signal};
 
-static STOP: AtomicBool = AtomicBool::new(false);
+static STOP: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
 
 /// Set when a signal has come.
-pub(crate) fn flag() -> &'static AtomicBool {
+pub(crate) fn flag() -> Arc<AtomicBool> {
     static LISTENING: Once = Once::new();
     LISTENING.call_once(|| {
         // Without a thread to listen, a signal ends the program as it always does.
         drop(std::thread::Builder::new().name("cfodi-signals".to_owned()).spawn(listen));
     });
-    &STOP
+    Arc::clone(&STOP)
 }
 
 fn listen() {

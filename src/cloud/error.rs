@@ -12,6 +12,14 @@ pub enum CloudError {
     /// The header names no frame.
     #[error("header frame_id is empty")]
     EmptyFrameId,
+    /// The header's frame has a name that no driver gives.
+    #[error("header frame_id has {bytes} bytes, at most {max} are taken")]
+    LongFrameId {
+        /// Its length.
+        bytes: usize,
+        /// The most.
+        max: usize,
+    },
     /// More points than the filter allows.
     #[error("{points} points, at most {max} are taken")]
     TooManyPoints {
@@ -160,6 +168,7 @@ impl CloudError {
         match self {
             Self::BadStamp { .. } => "bad_stamp",
             Self::EmptyFrameId => "empty_frame_id",
+            Self::LongFrameId { .. } => "long_frame_id",
             Self::TooManyPoints { .. } => "too_many_points",
             Self::TooManyFields { .. } => "too_many_fields",
             Self::MissingField { .. } => "missing_field",

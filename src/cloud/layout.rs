@@ -4,6 +4,9 @@ use super::CloudError;
 use crate::engine::Stamp;
 use crate::msg::ros::{Header, PointField};
 
+/// Longest name of a frame (bytes): names are kept, and a sender can make up ever new ones.
+pub(super) const MAX_FRAME_ID_BYTES: usize = 256;
+
 /// Most fields of a point; drivers send 3 to 9.
 pub const MAX_FIELDS: usize = 64;
 
@@ -33,7 +36,13 @@ pub(super) fn stamp(header: &Header) -> Result<Stamp, CloudError> {
 /// The header's frame without leading slashes: names from ROS 1 still carry one.
 pub(super) fn frame_id(header: &Header) -> Result<&str, CloudError> {
     let name = header.frame_id.trim_start_matches('/');
-    if name.is_empty() { Err(CloudError::EmptyFrameId) } else { Ok(name) }
+    match name.len() {
+        0 => Err(CloudError::EmptyFrameId),
+        bytes if bytes > MAX_FRAME_ID_BYTES => {
+            Err(CloudError::LongFrameId { bytes, max: MAX_FRAME_ID_BYTES })
+        }
+        _ => Ok(name),
+    }
 }
 
 impl Description<'_> {

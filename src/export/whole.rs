@@ -69,6 +69,11 @@ impl WholeFile {
         self.settle().map_err(|source| WriteError { path: self.path.clone(), source })
     }
 
+    /// Whether the output is written to directly, so that nothing of it can be taken back.
+    pub const fn is_direct(&self) -> bool {
+        self.replaces.is_none()
+    }
+
     /// The file that was asked for.
     pub fn path(&self) -> &Path {
         &self.path

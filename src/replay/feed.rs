@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::mpsc::{Receiver, sync_channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::time::Duration;
 
 use thiserror::Error;
@@ -14,11 +14,17 @@ use crate::bag::{Bag, BagError, Decoder, Message, Recorded};
 use crate::cloud::{Cloud, CloudError};
 use crate::engine::Scan;
 use crate::join::{Join, Joined, Jump};
-use crate::msg::ros::TfMessage;
+use crate::msg::ros::{TfMessage, TransformStamped};
 use crate::tf::{LookupError, Waited};
 
 /// Clouds that wait for a transform at most; a replay has no other patience, since it has no clock.
 pub const PATIENCE: usize = 8;
+
+/// How long a bag may hold nothing to be read until it is looked whether to stop.
+const LOOK: Duration = Duration::from_millis(100);
+
+/// Why scans are skipped that nobody wants.
+const AFTER_JUMP: &str = "after_jump";
 
 /// Messages between the two threads at most.
 const BETWEEN: usize = 2;
@@ -79,7 +85,7 @@ pub struct Feed<'a> {
     /// Whether [`Visitor::message`] gets every message.
     pub with_messages: bool,
     /// Set from outside to end early.
-    pub stop: &'a AtomicBool,
+    pub stop: Arc<AtomicBool>,
     /// Called now and then.
     pub progress: &'a mut dyn FnMut(Progress),
 }
@@ -129,7 +135,7 @@ enum Halt {
     /// The visitor does not want what follows.
     Enough,
     /// See [`Ended::WrongFrame`].
-    WrongFrame(FixedFrame),
+    WrongFrame,
 }
 
 /// Feeds every scan of a bag to a visitor, in the order in which their transforms are known.
@@ -141,9 +147,13 @@ pub fn feed<V: Visitor>(feed: Feed<'_>, visitor: &mut V) -> Result<Ended, FeedEr
     let messages = bag.messages();
     let bytes = messages.bytes_read();
     let (sender, receiver) = sync_channel(BETWEEN);
+    let quit = Arc::new(AtomicBool::new(false));
     let reading = std::thread::Builder::new()
         .name("cfodi-bag".to_owned())
-        .spawn(move || read(messages, decoder, with_messages, &sender))
+        .spawn({
+            let quit = Arc::clone(&quit);
+            move || read(messages, decoder, with_messages, &sender, &quit)
+        })
         .map_err(FeedError::Start)?;
     let mut feeder = Feeder {
         bag,
@@ -156,6 +166,7 @@ pub fn feed<V: Visitor>(feed: Feed<'_>, visitor: &mut V) -> Result<Ended, FeedEr
         tally: Tally::default(),
     };
     let halt = feeder.take(&receiver, &bytes, progress);
+    quit.store(true, Ordering::Relaxed);
     // A full channel would hold the reading thread back for ever.
     drop(receiver);
     let died = reading.join().is_err();
@@ -169,7 +180,7 @@ pub fn feed<V: Visitor>(feed: Feed<'_>, visitor: &mut V) -> Result<Ended, FeedEr
 struct Feeder<'a, V> {
     bag: &'a Bag,
     visitor: &'a mut V,
-    stop: &'a AtomicBool,
+    stop: Arc<AtomicBool>,
     join: Join,
     fixed_frame: FixedFrame,
     looked_ahead: bool,
@@ -185,11 +196,13 @@ impl<V: Visitor> Feeder<'_, V> {
         bytes: &Arc<AtomicU64>,
         progress: &mut dyn FnMut(Progress),
     ) -> Result<Halt, V::Error> {
-        for item in receiver {
-            match item {
-                Item::Message(message) => self.visitor.message(&message)?,
-                Item::Recorded { recorded, decoding } => self.recorded(recorded, decoding)?,
-                Item::Unread(error) => return Ok(Halt::End(Some(error))),
+        loop {
+            match receiver.recv_timeout(LOOK) {
+                Ok(Item::Message(message)) => self.visitor.message(&message)?,
+                Ok(Item::Recorded { recorded, decoding }) => self.recorded(recorded, decoding)?,
+                Ok(Item::Unread(error)) => return Ok(Halt::End(Some(error))),
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => return Ok(Halt::End(None)),
             }
             progress(Progress { bytes: bytes.load(Ordering::Relaxed), scans: self.tally.scans });
             if self.stop.load(Ordering::Relaxed) {
@@ -198,11 +211,10 @@ impl<V: Visitor> Feeder<'_, V> {
             if self.enough {
                 return Ok(Halt::Enough);
             }
-            if let Some(better) = self.fixed_frame.better(self.join.frames()) {
-                return Ok(Halt::WrongFrame(better));
+            if self.fixed_frame.is_wrong(self.join.frames()) {
+                return Ok(Halt::WrongFrame);
             }
         }
-        Ok(Halt::End(None))
     }
 
     fn recorded(&mut self, recorded: Recorded, decoding: Duration) -> Result<(), V::Error> {
@@ -265,16 +277,28 @@ impl<V: Visitor> Feeder<'_, V> {
         if !unconnected || std::mem::replace(&mut self.looked_ahead, true) {
             return Ok(());
         }
-        let mut decoder = Decoder::transforms_only();
-        let going = |_: &Message| !self.stop.load(Ordering::Relaxed);
-        let messages = self.bag.messages().map_while(Result::ok).take_while(going);
-        for recorded in messages.flat_map(|message| decoder.decode(&message)) {
-            if let Recorded::Transforms { message, is_static: true } = recorded {
+        for (transform, is_static) in self.all_transforms() {
+            if is_static {
                 // What is wrong with a transform is said when its turn comes.
-                message.transforms.iter().for_each(|transform| drop(self.join.transform(transform, true)));
+                drop(self.join.transform(&transform, true));
             }
         }
         self.ready()
+    }
+
+    /// Those of the whole bag, in order, with whether they are static; up to a signal.
+    fn all_transforms(&self) -> impl Iterator<Item = (TransformStamped, bool)> + use<V> {
+        let mut decoder = Decoder::transforms_only();
+        let stop = Arc::clone(&self.stop);
+        let messages = self.bag.messages().map_while(Result::ok);
+        let messages = messages.take_while(move |_| !stop.load(Ordering::Relaxed));
+        let recorded = messages.flat_map(move |message| decoder.decode(&message));
+        recorded.flat_map(|recorded| match recorded {
+            Recorded::Transforms { message, is_static } => {
+                message.transforms.into_iter().map(|transform| (transform, is_static)).collect()
+            }
+            _ => Vec::new(),
+        })
     }
 
     fn transforms(&mut self, message: &TfMessage, is_static: bool) -> Result<(), V::Error> {
@@ -294,13 +318,13 @@ impl<V: Visitor> Feeder<'_, V> {
         if self.enough {
             return Ok(());
         }
-        for Joined { scan, total, jumped_back } in self.join.ready(fixed_frame) {
+        let mut ready = self.join.ready(fixed_frame).into_iter();
+        while let Some(Joined { scan, total, jumped_back }) = ready.next() {
             if let Some(Jump { seconds, given_up }) = jumped_back {
-                for _ in 0..given_up {
-                    self.tally.skip("session_ended");
-                }
+                self.tally.skip_all("session_ended", given_up);
                 if self.visitor.jumped_back(seconds)? == Go::Home {
                     self.enough = true;
+                    self.tally.skip_all(AFTER_JUMP, 1 + ready.count());
                     return Ok(());
                 }
             }
@@ -320,8 +344,8 @@ impl<V: Visitor> Feeder<'_, V> {
 
     /// What still waits at the end.
     fn finish(mut self, halt: Halt) -> Result<Ended, V::Error> {
-        let (unread, stopped) = match halt {
-            Halt::WrongFrame(better) => return Ok(Ended::WrongFrame(better)),
+        let (unread, mut stopped) = match halt {
+            Halt::WrongFrame => return Ok(self.wrong_frame()),
             Halt::End(unread) => (unread, false),
             Halt::Stop => (None, true),
             Halt::Enough => (None, false),
@@ -330,13 +354,16 @@ impl<V: Visitor> Feeder<'_, V> {
             self.guess();
             self.ready()?;
             self.look_ahead()?;
-            if let Some(better) = self.fixed_frame.better(self.join.frames()) {
-                return Ok(Ended::WrongFrame(better));
+            stopped = self.stop.load(Ordering::Relaxed);
+            if !stopped && self.fixed_frame.is_wrong(self.join.frames()) {
+                return Ok(self.wrong_frame());
             }
         }
         for waited in self.join.give_up(Duration::ZERO) {
-            if stopped || self.enough {
-                self.tally.skip("shutdown");
+            if stopped {
+                self.tally.skip_all("shutdown", 1);
+            } else if self.enough {
+                self.tally.skip_all(AFTER_JUMP, 1);
             } else {
                 self.skip(&waited);
             }
@@ -344,11 +371,14 @@ impl<V: Visitor> Feeder<'_, V> {
         if let Some(line) = self.fixed_frame.about(self.join.frames()) {
             self.visitor.say(&line);
         }
-        let fixed_frame = match self.fixed_frame {
-            FixedFrame::Settled(name)
-            | FixedFrame::Open { default: name }
-            | FixedFrame::Guessed { name, .. } => name,
-        };
+        let name = self.fixed_frame.name().unwrap_or_default().to_owned();
+        let fixed_frame = if let FixedFrame::Open { default } = self.fixed_frame { default } else { name };
         Ok(Ended::Fed(Fed { tally: self.tally, fixed_frame, unread, stopped }))
+    }
+
+    /// Finds the right frame in the whole bag, so that there is no third time.
+    fn wrong_frame(self) -> Ended {
+        let transforms = self.all_transforms().map(|(transform, _)| transform);
+        Ended::WrongFrame(self.fixed_frame.clone().found(transforms))
     }
 }

@@ -18,6 +18,7 @@ pub struct ResultFile {
     path: PathBuf,
     bag: ResultBag<WholeFile>,
     markers: Markers,
+    is_direct: bool,
     /// The session that the markers are of.
     session: u64,
     /// Version of the newest snapshot.
@@ -40,8 +41,22 @@ impl ResultFile {
     /// # Errors
     /// When it cannot be made.
     pub fn create(path: &Path, topics: &OutputTopics, with_input: bool) -> Result<Self, WriteError> {
-        let bag = ResultBag::new(WholeFile::create(path)?, topics, with_input).map_err(failed(path))?;
-        Ok(Self { path: path.to_owned(), bag, markers: Markers::default(), session: 0, published: None })
+        let file = WholeFile::create(path)?;
+        let is_direct = file.is_direct();
+        let bag = ResultBag::new(file, topics, with_input).map_err(failed(path))?;
+        Ok(Self {
+            path: path.to_owned(),
+            is_direct,
+            bag,
+            markers: Markers::default(),
+            session: 0,
+            published: None,
+        })
+    }
+
+    /// Whether what has been written cannot be taken back.
+    pub fn is_direct(&self) -> bool {
+        self.is_direct
     }
 
     fn update(&mut self, session: &Session, update: &Update) -> Result<(), WriteError> {

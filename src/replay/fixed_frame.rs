@@ -1,5 +1,8 @@
 //! In which frame a replayed map lives.
 
+use std::collections::BTreeMap;
+
+use crate::msg::ros::TransformStamped;
 use crate::tf::Frames;
 
 /// The fixed frame: as given, or found out from the bag.
@@ -19,13 +22,20 @@ pub enum FixedFrame {
         /// The default.
         default: String,
     },
+    /// The root of the sensor's tree in the whole bag, which does not have the default.
+    Found {
+        /// That root.
+        name: String,
+        /// The default.
+        default: String,
+    },
 }
 
 impl FixedFrame {
     /// Its name, once there is one.
     pub fn name(&self) -> Option<&str> {
         match self {
-            Self::Settled(name) | Self::Guessed { name, .. } => Some(name),
+            Self::Settled(name) | Self::Guessed { name, .. } | Self::Found { name, .. } => Some(name),
             Self::Open { .. } => None,
         }
     }
@@ -47,19 +57,31 @@ impl FixedFrame {
         }
     }
 
-    /// What the frame must be where the guess was wrong: the default has turned up, or the root has got a parent.
-    pub(super) fn better(&self, frames: &Frames) -> Option<Self> {
-        let Self::Guessed { name, default } = self else { return None };
-        if frames.root_of(default).is_some() {
-            return Some(Self::Settled(default.clone()));
+    /// Whether the guess was wrong: the default has turned up, or the root has got a parent.
+    pub(super) fn is_wrong(&self, frames: &Frames) -> bool {
+        let Self::Guessed { name, default } = self else { return false };
+        frames.root_of(default).is_some() || frames.root_of(name).is_some_and(|root| root != name)
+    }
+
+    /// What stands after a wrong guess: `transforms` are all those of the bag, so that no further guess is needed.
+    pub(super) fn found(self, transforms: impl Iterator<Item = TransformStamped>) -> Self {
+        let Self::Guessed { name, default } = self else { return self };
+        let bare = |frame: &str| frame.trim_start_matches('/').to_owned();
+        // The newest transform decides on the parent of a frame.
+        let parents: BTreeMap<_, _> =
+            transforms.map(|t| (bare(&t.child_frame_id), bare(&t.header.frame_id))).collect();
+        if parents.iter().any(|(child, parent)| *child == default || *parent == default) {
+            return Self::Settled(default);
         }
-        let root = frames.root_of(name).filter(|root| root != name)?;
-        Some(Self::Guessed { name: root.to_owned(), default: default.clone() })
+        // Frames that change their parents can lead in a circle: no way is longer than there are frames.
+        let up = |frame: &String| parents.get(frame).cloned();
+        let root = std::iter::successors(Some(name.clone()), up).take(parents.len() + 1).last();
+        Self::Found { name: root.unwrap_or(name), default }
     }
 
     /// What is to be said of a guess at the end.
     pub(super) fn about(&self, frames: &Frames) -> Option<String> {
-        let Self::Guessed { name, default } = self else { return None };
+        let (Self::Guessed { name, default } | Self::Found { name, default }) = self else { return None };
         let why = if frames.root_of(name).is_some() {
             "the root of the sensor's frames"
         } else {
@@ -68,5 +90,34 @@ impl FixedFrame {
         Some(format!(
             "the bag has no frame `{default}`: the map is made in `{name}`, {why} (choose with -p fixed_frame:=...)"
         ))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::msg::ros::Header;
+
+    fn found(pairs: &[(&str, &str)]) -> FixedFrame {
+        let guess = FixedFrame::Guessed { name: "a".to_owned(), default: "odom".to_owned() };
+        let transform = |(parent, child): &(&str, &str)| TransformStamped {
+            header: Header { frame_id: (*parent).to_owned(), ..Header::default() },
+            child_frame_id: (*child).to_owned(),
+            ..TransformStamped::default()
+        };
+        guess.found(pairs.iter().map(transform))
+    }
+
+    #[test]
+    fn the_root_of_all_transforms_is_found_and_the_default_before_it() {
+        let root = |name: &str| FixedFrame::Found { name: name.to_owned(), default: "odom".to_owned() };
+        assert_eq!(found(&[("/b", "/a"), ("c", "b"), ("x", "y")]), root("c"));
+        assert_eq!(found(&[("b", "a"), ("odom", "x")]), FixedFrame::Settled("odom".to_owned()));
+        assert_eq!(found(&[]), root("a"));
+    }
+
+    #[test]
+    fn frames_in_a_circle_end_somewhere() {
+        assert!(matches!(found(&[("b", "a"), ("a", "b")]), FixedFrame::Found { .. }));
     }
 }

@@ -1,5 +1,6 @@
 //! The thread that reads, decompresses and decodes.
 
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::SyncSender;
 use std::time::{Duration, Instant};
 
@@ -13,8 +14,17 @@ pub(super) enum Item {
 }
 
 /// The reading thread; ends when nobody listens any more.
-pub(super) fn read(messages: Messages, mut decoder: Decoder, with_messages: bool, sender: &SyncSender<Item>) {
+pub(super) fn read(
+    messages: Messages,
+    mut decoder: Decoder,
+    with_messages: bool,
+    sender: &SyncSender<Item>,
+    quit: &AtomicBool,
+) {
     for message in messages {
+        if quit.load(Ordering::Relaxed) {
+            return;
+        }
         let message = match message {
             Ok(message) => message,
             Err(error) => {

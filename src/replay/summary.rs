@@ -39,6 +39,12 @@ impl Tally {
         count(&mut self.skipped, reason)
     }
 
+    pub(super) fn skip_all(&mut self, reason: &'static str, scans: usize) {
+        if scans > 0 {
+            *self.skipped.entry(reason).or_default() += scans as u64;
+        }
+    }
+
     pub(super) fn undecodable(&mut self, topic: &str) -> bool {
         let count = self.undecodable.entry(topic.to_owned()).or_default();
         *count += 1;

@@ -46,6 +46,7 @@ pub(super) fn sentence(reason: &str) -> Option<&'static str> {
 
 /// By ascending reason.
 const SENTENCES: &[(&str, &str)] = &[
+    ("after_jump", "The scan came after the jump back of the stamps at which this ends."),
     ("bad_intrinsics", "The camera info has no usable focal length or principal point."),
     ("bad_norm", "The rotation of a transform is no unit quaternion."),
     ("bad_stamp", "The nanoseconds of the header’s stamp do not fit a second."),
@@ -56,6 +57,7 @@ const SENTENCES: &[(&str, &str)] = &[
     ("field_outside_point", "A coordinate lies partly outside its point."),
     ("field_type", "A coordinate is neither FLOAT32 nor FLOAT64."),
     ("image_size", "The image is of another size than its camera info says."),
+    ("long_frame_id", "The header’s frame has too long a name."),
     ("long_name", "A transform’s frame has too long a name."),
     ("missing_field", "The cloud has no x, y or z."),
     ("no_camera_info", "No camera info came for the depth image."),

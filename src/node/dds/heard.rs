@@ -10,7 +10,11 @@ use ros2_client::Gid;
 
 /// What has been heard of each publisher.
 #[derive(Debug, Default)]
-pub(super) struct Heard(BTreeMap<Gid, Publisher>);
+pub(super) struct Heard {
+    publishers: BTreeMap<Gid, Publisher>,
+    /// A sample that cannot be decoded came reliably; it does not tell its publisher.
+    garbled_reliably: bool,
+}
 
 #[derive(Debug, Default)]
 struct Publisher {
@@ -23,18 +27,18 @@ impl Heard {
     /// Publishers to remember; a driver that restarts is a new one each time.
     const PUBLISHERS: usize = 1000;
 
-    /// Whether what the best-effort reader cannot decode comes to the reliable one too: a sample that cannot be decoded does
-    /// not tell its publisher.
-    pub(super) fn is_reliable(&self) -> bool {
-        self.0.values().any(|publisher| publisher.reliably)
+    /// Notes a sample that cannot be decoded; says whether it is to be told: once, where both readers have it.
+    pub(super) fn tells_garbled(&mut self, reliably: bool) -> bool {
+        self.garbled_reliably |= reliably;
+        reliably || !(self.garbled_reliably || self.publishers.values().any(|publisher| publisher.reliably))
     }
 
     /// Whether a sample of this number is to be taken from the reader, `reliably` or not, that has it.
     pub(super) fn takes(&mut self, publisher: Gid, number: i64, reliably: bool) -> bool {
-        if self.0.len() >= Self::PUBLISHERS {
-            self.0.clear();
+        if self.publishers.len() >= Self::PUBLISHERS {
+            self.publishers.clear();
         }
-        let heard = self.0.entry(publisher).or_default();
+        let heard = self.publishers.entry(publisher).or_default();
         if reliably {
             heard.reliably = true;
             return heard.newest.is_none_or(|newest| number > newest);
@@ -56,7 +60,7 @@ mod tests {
         assert!(heard.takes(publisher, 1, false));
         assert!(heard.takes(publisher, 2, false));
         assert!(!heard.takes(publisher, 1, true) && !heard.takes(publisher, 2, true));
-        assert!(heard.takes(publisher, 3, true) && heard.is_reliable());
+        assert!(heard.takes(publisher, 3, true) && !heard.tells_garbled(false) && heard.tells_garbled(true));
         assert!(!heard.takes(publisher, 3, false) && !heard.takes(publisher, 4, false));
         assert!(heard.takes(publisher, 4, true));
     }

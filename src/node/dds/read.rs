@@ -181,7 +181,7 @@ where
                 }
                 (scan, gaps.lost_before(publisher, number))
             }
-            Err(_) if !reliably && heard.borrow().is_reliable() => continue,
+            Err(_) if !heard.borrow_mut().tells_garbled(reliably) => continue,
             Err(error) => {
                 gaps.undecodable += 1;
                 (Err(CloudError::Undecodable(error.to_string())), 0)
