@@ -14,7 +14,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use bags::{BagWriter, Layout, OPTICAL, POINTS, drive, ends_of_clouds, stamp, wall};
+use bags::{BagWriter, Layout, OPTICAL, POINTS, drive, drive_along, ends_of_clouds, stamp, wall};
 use serde_json::Value;
 
 /// A folder of the test's own, removed at its end.
@@ -237,13 +237,8 @@ fn two_sensors_fill_one_map() {
 #[test]
 fn stamps_that_jump_back_begin_a_session() {
     let folder = Folder::new("loop");
-    let mut writer = BagWriter::new(Layout::Plain);
-    writer.tf("/tf_static", stamp(0), "camera_link", OPTICAL, 0.0);
-    for i in (0..60).chain(0..3) {
-        writer.tf("/tf", stamp(i), "map", "camera_link", 0.1 * i as f64);
-        writer.cloud(POINTS, stamp(i), &wall(i));
-    }
-    let looped = replay(&folder.put("loop.mcap", &writer.finish()), &[]);
+    let laps = drive_along(BagWriter::new(Layout::Plain), (0..60).chain(0..3));
+    let looped = replay(&folder.put("loop.mcap", &laps), &[]);
     let once = replay(&folder.put("once.mcap", &drive(BagWriter::new(Layout::Plain), 3)), &[]);
     assert_eq!((looped.number("scans"), looped.number("sessions")), (63, 2), "{}", looped.errors);
     assert_eq!(looped.voxels, once.voxels);
@@ -360,13 +355,8 @@ fn a_sensor_that_lags_behind_another_begins_no_session() {
 #[test]
 fn each_lap_is_a_session_of_its_own_in_the_result_bag_and_plays_after_the_one_before() {
     let folder = Folder::new("laps");
-    let mut writer = BagWriter::new(Layout::Plain);
-    writer.tf("/tf_static", stamp(0), "camera_link", OPTICAL, 0.0);
-    for i in (0..60).chain(0..60) {
-        writer.tf("/tf", stamp(i), "map", "camera_link", 0.1 * i as f64);
-        writer.cloud(POINTS, stamp(i), &wall(i));
-    }
-    let (bag, out) = (folder.put("laps.mcap", &writer.finish()), folder.0.join("out.mcap"));
+    let laps = drive_along(BagWriter::new(Layout::Plain), (0..60).chain(0..60));
+    let (bag, out) = (folder.put("laps.mcap", &laps), folder.0.join("out.mcap"));
     let found = replay(&bag, &["--out", out.to_str().unwrap()]);
     assert_eq!((found.status, found.number("sessions")), (0, 2), "{}", found.errors);
     let result = fs::read(&out).unwrap();
@@ -509,13 +499,8 @@ fn endless_new_names_of_frames_take_no_memory() {
 #[test]
 fn the_transforms_of_each_lap_are_played_with_its_clusters() {
     let folder = Folder::new("laps-tf");
-    let mut writer = BagWriter::new(Layout::Plain);
-    writer.tf("/tf_static", stamp(0), "camera_link", OPTICAL, 0.0);
-    for i in (0..60).chain(0..60) {
-        writer.tf("/tf", stamp(i), "map", "camera_link", 0.1 * i as f64);
-        writer.cloud(POINTS, stamp(i), &wall(i));
-    }
-    let (bag, out) = (folder.put("laps.mcap", &writer.finish()), folder.0.join("out.mcap"));
+    let laps = drive_along(BagWriter::new(Layout::Plain), (0..60).chain(0..60));
+    let (bag, out) = (folder.put("laps.mcap", &laps), folder.0.join("out.mcap"));
     assert_eq!(replay(&bag, &["--out", out.to_str().unwrap()]).status, 0);
     let result = fs::read(&out).unwrap();
     let times = |topic: &str| -> Vec<u64> {
@@ -525,4 +510,29 @@ fn the_transforms_of_each_lap_are_played_with_its_clusters() {
     let (tf, deltas) = (times("/tf"), times("/cfodi/clusters_delta"));
     assert_eq!(tf.len(), 120);
     assert!(tf.is_sorted() && tf.iter().zip(&deltas).all(|(tf, delta)| tf.abs_diff(*delta) < 50_000_000));
+}
+
+#[test]
+fn points_beyond_the_grid_are_said_and_counted() {
+    let folder = Folder::new("beyond");
+    let mut writer = BagWriter::new(Layout::Plain);
+    // The grid of 8 cm reaches 83 km.
+    writer.tf("/tf_static", stamp(0), "map", OPTICAL, 100_000.0);
+    (0..2).for_each(|i| writer.cloud(POINTS, stamp(i), &wall(i)));
+    let found = replay(&folder.put("far.mcap", &writer.finish()), &[]);
+    assert_eq!((found.status, found.number("points_beyond_grid"), found.number("voxels")), (0, 3200, 0));
+    assert_eq!(found.errors.matches("1600 points of a scan lie beyond").count(), 1, "{}", found.errors);
+}
+
+#[test]
+fn a_topic_of_the_input_that_the_result_has_itself_is_said_not_to_be_copied() {
+    let folder = Folder::new("own");
+    let mut writer = BagWriter::new(Layout::Plain);
+    writer.tf("/tf_static", stamp(0), "map", OPTICAL, 0.0);
+    (0..2).for_each(|i| writer.cloud(POINTS, stamp(i), &wall(i)));
+    writer.cloud("/cfodi/points_labelled", stamp(1), &wall(1));
+    let (bag, out) = (folder.put("own.mcap", &writer.finish()), folder.0.join("out.mcap"));
+    let found = replay(&bag, &["--with-input", "--out", out.to_str().unwrap()]);
+    assert_eq!((found.status, found.number("scans")), (0, 2), "{}", found.errors);
+    assert!(found.errors.contains("/cfodi/points_labelled of the input is not copied"), "{}", found.errors);
 }

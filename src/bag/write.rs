@@ -17,6 +17,7 @@ use super::read::Message;
 use super::schemas::definition;
 use crate::msg::clusters::SurfaceClusterArray;
 use crate::msg::ros::{Header, MarkerArray, PointCloud2, TfMessage};
+use crate::tf::JUMP_BACK;
 
 /// Names of the topics that a result bag holds, remappings applied.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -166,6 +167,11 @@ impl<W: Write> ResultBag<W> {
         put(writer, scratch, channel, (&first.header, *ahead), message)
     }
 
+    /// Whether the input's messages on this topic would be copied, had the result no topic of that name.
+    pub fn replaces(&self, topic: &str) -> bool {
+        self.with_input && self.own.iter().any(|own| own == topic)
+    }
+
     /// Copies a message of the input, where it is wanted.
     ///
     /// # Errors
@@ -188,10 +194,9 @@ impl<W: Write> ResultBag<W> {
 
     /// When a message of the input is logged: where its times jump back with the stamps, after what was before.
     fn input_time(&mut self, log_time: u64) -> u64 {
-        const JUMP_BACK: u64 = 1_000_000_000;
         let shifted = log_time.saturating_add(self.input_ahead);
         let back = self.input_newest.saturating_sub(shifted);
-        if back > JUMP_BACK {
+        if back as f64 * 1e-9 > JUMP_BACK {
             self.input_ahead = self.input_ahead.saturating_add(back);
         }
         let shifted = log_time.saturating_add(self.input_ahead);

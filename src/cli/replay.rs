@@ -266,10 +266,12 @@ fn clash(outputs: &[PathBuf], inputs: &[PathBuf]) -> Option<String> {
 fn account(summary: &Summary) {
     let rate = summary.tally.scans as f64 / summary.wall.as_secs_f64().max(1e-9);
     eprintln!(
-        "{} scans in {:.1} s ({rate:.0} a second) in frame {}: {} dense voxels, {} clusters, {} of them active",
+        "{} scans in {:.1} s ({rate:.0} a second) in frame {}: {} of {} points used, {} dense voxels, {} clusters, {} of them active",
         summary.tally.scans,
         summary.wall.as_secs_f64(),
         summary.fixed_frame,
+        summary.tally.points_valid - summary.points_beyond_grid,
+        summary.tally.points,
         summary.dense_voxels,
         summary.clusters,
         summary.clusters_active,

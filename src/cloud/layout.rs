@@ -2,10 +2,7 @@
 
 use super::CloudError;
 use crate::engine::Stamp;
-use crate::msg::ros::{Header, PointField};
-
-/// Longest name of a frame (bytes): names are kept, and a sender can make up ever new ones.
-pub(super) const MAX_FRAME_ID_BYTES: usize = 256;
+use crate::msg::ros::{Header, MAX_FRAME_ID_BYTES, PointField};
 
 /// Most fields of a point; drivers send 3 to 9.
 pub const MAX_FIELDS: usize = 64;

@@ -3,6 +3,7 @@
 //! Pure functions from values to values; a field order here is the order on the wire. [`ros`] holds the types of the
 //! ROS packages, [`clusters`] those of `cfodi_msgs` (in the folder `msg/`).
 
+pub mod caps;
 pub mod clusters;
 pub mod labelled;
 pub mod markers;

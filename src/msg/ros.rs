@@ -44,6 +44,9 @@ pub struct Duration {
     pub nanosec: u32,
 }
 
+/// Longest name of a frame that is taken (bytes): names are kept, and a sender can make up ever new ones.
+pub const MAX_FRAME_ID_BYTES: usize = 256;
+
 /// `std_msgs/Header`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Header {

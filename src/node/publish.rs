@@ -9,10 +9,11 @@ use tracing::{error, warn};
 
 use super::counts::Counts;
 use super::transport::{Outgoing, Transport};
-use crate::engine::Snapshot;
+use crate::engine::{Snapshot, Update};
+use crate::msg::caps::Caps;
 use crate::msg::clusters::{Session, SurfaceClusterArray};
-use crate::msg::labelled::{MAX_LABELLED, labelled_points};
-use crate::msg::markers::{MAX_CUBES, Markers};
+use crate::msg::labelled::labelled_points;
+use crate::msg::markers::Markers;
 use crate::worker::Output;
 
 /// How publishing ended.
@@ -32,13 +33,20 @@ pub(super) async fn publish(
     frame_id: String,
 ) -> Ended {
     let mut ended = Ended::default();
-    let mut publisher =
-        Publisher { transport, markers: Markers::default(), session: 0, capped: [false; 2], frame_id };
+    let mut publisher = Publisher {
+        transport,
+        markers: Markers::default(),
+        session: 0,
+        caps: Caps::default(),
+        said_beyond: false,
+        frame_id,
+    };
     while let Some(output) = outputs.recv().await {
         match output {
             Output::Scan { session, update } => {
                 counts.borrow_mut().taken_in += 1;
                 let session = publisher.session(session);
+                publisher.say_beyond(&update);
                 publisher.send(Outgoing::Delta(SurfaceClusterArray::delta(&session, &update))).await;
             }
             Output::Snapshot { session, snapshot } => {
@@ -57,8 +65,9 @@ struct Publisher<T> {
     markers: Markers,
     /// Of the newest output.
     session: u64,
-    /// Whether it has been said in this session that markers, and labelled points, are capped.
-    capped: [bool; 2],
+    /// What has been said in this session.
+    caps: Caps,
+    said_beyond: bool,
     frame_id: String,
 }
 
@@ -66,25 +75,27 @@ impl<T: Transport> Publisher<T> {
     fn session(&mut self, id: u64) -> Session {
         if std::mem::replace(&mut self.session, id) != id {
             self.markers.reset();
-            self.capped = [false; 2];
+            self.caps = Caps::default();
+            self.said_beyond = false;
         }
         Session { id, frame_id: self.frame_id.clone() }
     }
 
     async fn snapshot(&mut self, session: &Session, snapshot: &Snapshot) {
-        self.say_caps(snapshot.voxels.len());
+        for line in self.caps.reached(snapshot.voxels.len()) {
+            warn!("{line}");
+        }
         self.send(Outgoing::Clusters(SurfaceClusterArray::snapshot(session, snapshot))).await;
         self.send(Outgoing::Labelled(labelled_points(session, snapshot))).await;
         let markers = self.markers.update(session, snapshot);
         self.send(Outgoing::Markers(markers)).await;
     }
 
-    fn say_caps(&mut self, voxels: usize) {
-        let caps = [("~/markers", MAX_CUBES), ("~/points_labelled", MAX_LABELLED)];
-        for ((topic, cap), said) in caps.into_iter().zip(&mut self.capped) {
-            if voxels > cap && !std::mem::replace(said, true) {
-                warn!("{topic} shows the first {cap} of {voxels} dense voxels");
-            }
+    /// Points that lie beyond the grid are in no map: said once a session.
+    fn say_beyond(&mut self, update: &Update) {
+        let beyond = update.points_beyond_grid;
+        if beyond > 0 && !std::mem::replace(&mut self.said_beyond, true) {
+            warn!("{beyond} points of a scan lie beyond the grid's reach and are left out");
         }
     }
 

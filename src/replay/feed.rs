@@ -163,6 +163,7 @@ pub fn feed<V: Visitor>(feed: Feed<'_>, visitor: &mut V) -> Result<Ended, FeedEr
         fixed_frame,
         looked_ahead: false,
         enough: false,
+        wrong_guess: false,
         tally: Tally::default(),
     };
     let halt = feeder.take(&receiver, &bytes, progress);
@@ -186,6 +187,8 @@ struct Feeder<'a, V> {
     looked_ahead: bool,
     /// The visitor wants no more.
     enough: bool,
+    /// The newest transforms show that the guessed frame is not the root.
+    wrong_guess: bool,
     tally: Tally,
 }
 
@@ -211,7 +214,7 @@ impl<V: Visitor> Feeder<'_, V> {
             if self.enough {
                 return Ok(Halt::Enough);
             }
-            if self.fixed_frame.is_wrong(self.join.frames()) {
+            if self.wrong_guess {
                 return Ok(Halt::WrongFrame);
             }
         }
@@ -310,6 +313,7 @@ impl<V: Visitor> Feeder<'_, V> {
             }
         }
         self.fixed_frame.look_for_default(self.join.frames());
+        self.wrong_guess = self.fixed_frame.is_wrong(self.join.frames());
         self.ready()
     }
 

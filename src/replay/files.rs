@@ -8,6 +8,7 @@ use super::summary::Summary;
 use crate::bag::{Message, OutputTopics, ResultBag};
 use crate::engine::{Snapshot, Update};
 use crate::export::{WholeFile, WriteError, write_ply, write_voxels};
+use crate::msg::caps::Caps;
 use crate::msg::clusters::{Session, SurfaceClusterArray};
 use crate::msg::labelled::labelled_points;
 use crate::msg::markers::Markers;
@@ -18,6 +19,9 @@ pub struct ResultFile {
     path: PathBuf,
     bag: ResultBag<WholeFile>,
     markers: Markers,
+    caps: Caps,
+    /// Whether it has been said that a topic of the input is not copied.
+    said_own: bool,
     is_direct: bool,
     /// The session that the markers are of.
     session: u64,
@@ -49,6 +53,8 @@ impl ResultFile {
             is_direct,
             bag,
             markers: Markers::default(),
+            caps: Caps::default(),
+            said_own: false,
             session: 0,
             published: None,
         })
@@ -62,6 +68,7 @@ impl ResultFile {
     fn update(&mut self, session: &Session, update: &Update) -> Result<(), WriteError> {
         if std::mem::replace(&mut self.session, session.id) != session.id {
             self.markers.reset();
+            self.caps = Caps::default();
         }
         let delta = SurfaceClusterArray::delta(session, update);
         self.bag.clusters_delta(&delta).map_err(failed(&self.path))
@@ -90,7 +97,9 @@ impl Outputs<'_> {
     }
 
     pub(super) fn snapshot(&mut self, session: &Session, snapshot: &Snapshot) -> Result<(), WriteError> {
-        self.bag.as_mut().map_or(Ok(()), |bag| bag.snapshot(session, snapshot))
+        let Some(bag) = &mut self.bag else { return Ok(()) };
+        bag.caps.reached(snapshot.voxels.len()).iter().for_each(|line| (self.say)(line));
+        bag.snapshot(session, snapshot)
     }
 
     /// A session ends: what a report tells is the map, which begins anew; the result bag goes on in time.
@@ -104,7 +113,13 @@ impl Outputs<'_> {
     }
 
     pub(super) fn message(&mut self, message: &Message) -> Result<(), WriteError> {
-        let Some(ResultFile { bag, path, .. }) = &mut self.bag else { return Ok(()) };
+        let Some(ResultFile { bag, path, said_own, .. }) = &mut self.bag else { return Ok(()) };
+        if bag.replaces(message.topic()) && !std::mem::replace(said_own, true) {
+            (self.say)(&format!(
+                "{} of the input is not copied: the result has a topic of that name",
+                message.topic()
+            ));
+        }
         bag.input(message).map_err(failed(path))
     }
 

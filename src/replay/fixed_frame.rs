@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use crate::msg::ros::TransformStamped;
-use crate::tf::Frames;
+use crate::tf::{Frames, bare};
 
 /// The fixed frame: as given, or found out from the bag.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -66,10 +66,10 @@ impl FixedFrame {
     /// What stands after a wrong guess: `transforms` are all those of the bag, so that no further guess is needed.
     pub(super) fn found(self, transforms: impl Iterator<Item = TransformStamped>) -> Self {
         let Self::Guessed { name, default } = self else { return self };
-        let bare = |frame: &str| frame.trim_start_matches('/').to_owned();
         // The newest transform decides on the parent of a frame.
-        let parents: BTreeMap<_, _> =
-            transforms.map(|t| (bare(&t.child_frame_id), bare(&t.header.frame_id))).collect();
+        let parents: BTreeMap<_, _> = transforms
+            .map(|t| (bare(&t.child_frame_id).to_owned(), bare(&t.header.frame_id).to_owned()))
+            .collect();
         if parents.iter().any(|(child, parent)| *child == default || *parent == default) {
             return Self::Settled(default);
         }

@@ -48,6 +48,8 @@ pub struct Replay<'a> {
     published: Option<Stamp>,
     engine_ms: Vec<f32>,
     binning: Duration,
+    /// Points that lay beyond the grid's reach.
+    beyond_grid: u64,
     /// The id of the session before.
     id_before: u64,
     notes: Vec<String>,
@@ -66,6 +68,7 @@ impl<'a> Replay<'a> {
             published: None,
             engine_ms: Vec::new(),
             binning: Duration::ZERO,
+            beyond_grid: 0,
             id_before: 0,
             notes: Vec::new(),
             begin: Instant::now(),
@@ -107,6 +110,15 @@ impl<'a> Replay<'a> {
         session.clone()
     }
 
+    fn count_beyond(&mut self, points: u32) {
+        if points > 0 && self.beyond_grid == 0 {
+            (self.outputs.say)(&format!(
+                "{points} points of a scan lie beyond the grid's reach and are left out"
+            ));
+        }
+        self.beyond_grid += u64::from(points);
+    }
+
     /// Adds a whole sentence about something that is left out.
     pub fn note(&mut self, sentence: &str) {
         self.notes.push(sentence.to_owned());
@@ -142,6 +154,7 @@ impl<'a> Replay<'a> {
             clusters_active: snapshot.clusters.iter().filter(|cluster| active(cluster.state)).count(),
             engine_ms: self.engine_ms,
             binning: self.binning,
+            points_beyond_grid: self.beyond_grid,
             wall: self.begin.elapsed(),
             parameters: self.settings.parameters,
             unread: fed.unread.map(|error| error.to_string()),
@@ -159,6 +172,7 @@ impl Visitor for Replay<'_> {
     fn scan(&mut self, scan: &Scan, fixed_frame: &str) -> Result<(), WriteError> {
         let (update, ms) = self.insert(scan);
         self.sessions += u64::from(update.sequence == 1);
+        self.count_beyond(update.points_beyond_grid);
         let session = self.session(update.stamp, fixed_frame);
         self.tell(scan, &update, ms);
         self.outputs.update(&session, &update)?;

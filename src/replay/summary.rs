@@ -83,6 +83,8 @@ pub struct Summary {
     pub engine_ms: Vec<f32>,
     /// Time for binning points.
     pub binning: Duration,
+    /// Valid points that lay beyond the grid's reach and are in no voxel.
+    pub points_beyond_grid: u64,
     /// Time for all of it.
     pub wall: Duration,
     /// The parameters it was made with.
@@ -113,6 +115,7 @@ impl Summary {
             "sessions": self.sessions,
             "points": points,
             "points_valid": points_valid,
+            "points_beyond_grid": self.points_beyond_grid,
             "voxels": self.voxels,
             "dense_voxels": self.dense_voxels,
             "clusters": self.clusters,

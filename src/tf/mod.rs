@@ -252,7 +252,7 @@ impl Frames {
 }
 
 /// The name without leading slashes: ROS 1 put one, tf2 takes none.
-fn bare(name: &str) -> &str {
+pub(crate) fn bare(name: &str) -> &str {
     name.trim_start_matches('/')
 }
 

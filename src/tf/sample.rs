@@ -6,13 +6,13 @@ use transforms::time::{self, Timestamp};
 
 use super::{FrameError, bare};
 use crate::engine::Stamp;
-use crate::msg::ros::TransformStamped;
+use crate::msg::ros::{MAX_FRAME_ID_BYTES, TransformStamped};
 
 /// Largest deviation of a quaternion's norm from 1 that is normalised; beyond it the rotation is not known. tf2's.
 pub const NORM_TOLERANCE: f64 = 1e-2;
 
 /// Longest name of a frame.
-pub const MAX_NAME_BYTES: usize = 256;
+pub const MAX_NAME_BYTES: usize = MAX_FRAME_ID_BYTES;
 
 /// A transform that is well formed by itself; whether the tree has a place for it is another question.
 pub(super) struct Sample<'a> {

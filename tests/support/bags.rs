@@ -124,9 +124,13 @@ pub fn wall(i: usize) -> Vec<[f32; 3]> {
 
 /// `clouds` scans of a wall by a sensor that moves sideways, each after its transform.
 pub fn drive(writer: BagWriter, clouds: usize) -> Vec<u8> {
-    let mut writer = writer;
+    drive_along(writer, 0..clouds)
+}
+
+/// The same scans in any order: a bag in a loop goes back to the first.
+pub fn drive_along(mut writer: BagWriter, scans: impl Iterator<Item = usize>) -> Vec<u8> {
     writer.tf("/tf_static", stamp(0), "camera_link", OPTICAL, 0.0);
-    for i in 0..clouds {
+    for i in scans {
         writer.tf("/tf", stamp(i), "map", "camera_link", 0.1 * i as f64);
         writer.cloud(POINTS, stamp(i), &wall(i));
     }
