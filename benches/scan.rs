@@ -18,7 +18,8 @@ use std::hint::black_box;
 use std::time::{Duration, Instant};
 
 use cfodi::cloud::{Cloud, CloudFilter, Optical, decode};
-use cfodi::engine::{Engine, Isometry3, Params, Scan};
+use cfodi::engine::paper::Cfodi;
+use cfodi::engine::{Isometry3, Params, Scan};
 use cfodi::msg::ros::PointCloud2;
 use criterion::{Criterion, criterion_group, criterion_main};
 
@@ -65,7 +66,7 @@ fn bench(criterion: &mut Criterion) {
             b.iter_custom(|iterations| {
                 let mut total = Duration::ZERO;
                 for _ in 0..iterations {
-                    let mut engine = Engine::new(params);
+                    let mut engine = Cfodi::new(params);
                     let begin = Instant::now();
                     scans.iter().for_each(|scan| drop(black_box(engine.insert(scan))));
                     total += begin.elapsed() / scans.len() as u32;
@@ -73,7 +74,7 @@ fn bench(criterion: &mut Criterion) {
                 total
             });
         });
-        let mut engine = Engine::new(params);
+        let mut engine = Cfodi::new(params);
         scans.iter().for_each(|scan| drop(engine.insert(scan)));
         group.bench_function(format!("STATIC {label}, a map"), |b| b.iter(|| engine.static_partition()));
         group.bench_function(format!("snapshot {label}"), |b| b.iter(|| engine.snapshot()));

@@ -8,8 +8,9 @@
 
 use std::collections::BTreeMap;
 
-use cfodi::engine::oracle::Oracle;
-use cfodi::engine::{Cluster, ClusterId, Engine, Isometry3, Params, Points, Scan, Stamp, Update};
+use cfodi::engine::paper::Cfodi;
+use cfodi::engine::paper::oracle::Oracle;
+use cfodi::engine::{Cluster, ClusterId, Isometry3, Params, Points, Scan, Stamp, Update};
 use nalgebra::{Translation3, UnitQuaternion, Vector3};
 use proptest::prelude::*;
 
@@ -109,7 +110,7 @@ proptest! {
         stream in proptest::collection::vec(
             (proptest::collection::vec(patch(), 0..4), proptest::array::uniform3(-2.0..2.0), any::<u64>()), 1..14),
     ) {
-        let (mut engine, mut oracle) = (Engine::new(params), Oracle::new(params));
+        let (mut engine, mut oracle) = (Cfodi::new(params), Oracle::new(params));
         let mut map = Map::new();
         for (number, (patches, origin, seed)) in stream.iter().enumerate() {
             let scan = scan(number, patches, *origin, *seed);
@@ -134,7 +135,7 @@ proptest! {
         if let Points::F64(points) = &mut backwards.points {
             points.reverse();
         }
-        let (mut a, mut b) = (Engine::new(params), Engine::new(params));
+        let (mut a, mut b) = (Cfodi::new(params), Cfodi::new(params));
         prop_assert_eq!(a.insert(&forwards), b.insert(&backwards));
         // A voxel without a normal has no curvature (NaN), which equals nothing: compared as text.
         prop_assert_eq!(format!("{:?}", a.snapshot()), format!("{:?}", b.snapshot()));

@@ -8,9 +8,10 @@
 
 mod support;
 
-use cfodi::engine::oracle::Oracle;
+use cfodi::engine::paper::Cfodi;
+use cfodi::engine::paper::oracle::Oracle;
 use cfodi::engine::rand_index::adjusted_rand_index;
-use cfodi::engine::{ClusterId, Engine, Params, Scan, Snapshot};
+use cfodi::engine::{ClusterId, Params, Scan, Snapshot};
 
 /// What a recording must give: dense voxels, then clusters, those of 10 voxels or more, and the index to STATIC.
 struct Accepted {
@@ -19,8 +20,8 @@ struct Accepted {
     by_min_vicinity: [(i64, usize, usize, f64); 2],
 }
 
-fn run(scans: impl Iterator<Item = Scan>, params: Params) -> Engine {
-    let mut engine = Engine::new(params);
+fn run(scans: impl Iterator<Item = Scan>, params: Params) -> Cfodi {
+    let mut engine = Cfodi::new(params);
     scans.for_each(|scan| drop(engine.insert(&scan)));
     engine
 }
@@ -88,7 +89,7 @@ fn engine_equals_oracle_after_every_scan_of_the_cabinet() {
         return;
     };
     let params = Params::default();
-    let (mut engine, mut oracle) = (Engine::new(params), Oracle::new(params));
+    let (mut engine, mut oracle) = (Cfodi::new(params), Oracle::new(params));
     for scan in recording.scans(1) {
         engine.insert(&scan);
         oracle.insert(&scan);
@@ -146,7 +147,7 @@ fn floor_top_and_four_sides_of_the_cabinet_come_out_as_clusters_with_true_normal
 
 /// The recording as a driver and a localisation send it: CDR bytes of clouds, transforms in two steps.
 #[cfg(feature = "frames")]
-fn through_messages(recording: &support::Recording, step: usize, params: Params) -> Engine {
+fn through_messages(recording: &support::Recording, step: usize, params: Params) -> Cfodi {
     use byteorder::LittleEndian;
     use cdr_encoding::CdrDeserializer;
     use cfodi::cloud::{CloudFilter, CloudSeed, Optical};
@@ -173,7 +174,7 @@ fn through_messages(recording: &support::Recording, step: usize, params: Params)
     let optical = "camera_depth_optical_frame";
     let filter =
         CloudFilter { min_range: 0.4, max_range: 6.0, optical: Optical::Auto, max_points: 4_000_000 };
-    let (mut engine, mut frames) = (Engine::new(params), Frames::new());
+    let (mut engine, mut frames) = (Cfodi::new(params), Frames::new());
     frames
         .insert(&transform(recording.rows()[0].stamp, "camera_link", optical, &link_from_optical), true)
         .unwrap();

@@ -1,15 +1,10 @@
-//! The incremental grid-and-cluster engine: the paper, in its own order.
+//! The incremental grid-and-cluster engine.
 //!
-//! Scan → grid → normals → partial clusters → global clusters. The modules stand in that order; [`Engine::insert`] is
-//! the pipeline. Everything here is pure: no ROS, no async, no I/O, no clock, no thread; the same scans give the same
+//! [`paper`] is the method to the letter. [`Engine`] is the one that a session works with, as [`Params::mode`] says.
+//! Everything here is pure: no ROS, no async, no I/O, no clock, no thread; the same scans give the same
 //! map, whatever the order of the points within a scan.
 //!
-//! What is always true after [`Engine::insert`]: every dense voxel with a normal belongs to exactly one global cluster;
-//! the sums of a cluster are exactly those over its voxels' centres; ids count up and are never used again.
 //! Its cost follows the points of the scan and the voxels it touched, never the size of the map.
-//!
-//! Beside it stand [`statics`], the paper's baseline that re-clusters everything, and [`oracle`], a slow and plain
-//! version of the same definitions that shares types with the engine and no function.
 //!
 //! ```
 //! use cfodi::engine::{Engine, Isometry3, Params, Points, Scan, Stamp};
@@ -28,30 +23,21 @@
 //! assert!(floor.normal.z > 0.999 && floor.voxel_count == 625);
 //! ```
 
-mod describe;
-mod extremes;
-mod globals;
-mod grid;
 mod key;
-mod moments;
-mod neighbourhood;
-mod normals;
-pub mod oracle;
+mod map;
+pub mod paper;
 mod params;
-mod partial;
-mod pipeline;
 mod plane;
 pub mod rand_index;
 mod rectangle;
 mod scan;
 mod snapshot;
-pub mod statics;
 mod step;
 
 pub use key::{ClusterId, DIRECTIONS, GRID_REACH, VoxelKey};
+pub use map::Engine;
 pub use nalgebra::Isometry3;
-pub use params::{Params, ParamsError};
-pub use pipeline::Engine;
+pub use params::{Mode, Params, ParamsError};
 pub use scan::{Points, Scan, Stamp};
 pub use snapshot::{ChangedCluster, Cluster, ClusterState, DenseVoxel, Snapshot, Update};
 pub use step::PipelineStep;

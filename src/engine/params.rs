@@ -4,11 +4,22 @@ use std::f64::consts::FRAC_PI_2;
 
 use thiserror::Error;
 
+/// How points become clusters.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Mode {
+    /// CFODI to the letter.
+    #[default]
+    Paper,
+    /// The partition that a definition gives from scratch, kept scan by scan.
+    Consistent,
+}
+
 /// Parameters of the engine; every value of this type is a possible one.
 ///
 /// Defaults are the paper's (section V), but for `min_vicinity` and `expansion_interval`, of which it gives no value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Params {
+    mode: Mode,
     voxel_size: f64,
     min_points: u32,
     depth: u8,
@@ -51,6 +62,7 @@ pub(crate) const MAX_POINTS: u32 = 1 << 31;
 impl Default for Params {
     fn default() -> Self {
         Self {
+            mode: Mode::Paper,
             voxel_size: 0.08,
             min_points: 15,
             depth: 4,
@@ -66,6 +78,11 @@ fn checked<T: TryFrom<i64> + PartialOrd + Copy>(value: i64, least: T, most: T) -
 }
 
 impl Params {
+    /// How points become clusters.
+    pub const fn mode(&self) -> Mode {
+        self.mode
+    }
+
     /// The paper's xi: edge of a voxel (m), above 0.
     pub const fn voxel_size(&self) -> f64 {
         self.voxel_size
@@ -94,6 +111,12 @@ impl Params {
     /// The paper's delta: scans after which a cluster that did not grow is complete; 0 = never.
     pub const fn expansion_interval(&self) -> u32 {
         self.expansion_interval
+    }
+
+    /// Sets how points become clusters.
+    #[must_use]
+    pub const fn with_mode(self, mode: Mode) -> Self {
+        Self { mode, ..self }
     }
 
     /// Sets the edge of a voxel (m).

@@ -5,7 +5,8 @@ use std::time::Duration;
 use super::clustering::{Clustering, Quality};
 use super::method::timed;
 use super::statistics::median;
-use crate::engine::{Engine, Params, ParamsError, Scan};
+use crate::engine::paper::Cfodi;
+use crate::engine::{Params, ParamsError, Scan};
 
 /// A parameter that is varied.
 #[derive(Clone, Copy, Debug)]
@@ -101,7 +102,7 @@ struct Varied {
 }
 
 struct Run {
-    engine: Engine,
+    engine: Cfodi,
     times: Vec<Duration>,
 }
 
@@ -129,7 +130,7 @@ impl Sweep {
     /// The place of the run with these parameters.
     fn place(&mut self, params: Params) -> usize {
         self.runs.iter().position(|run| *run.engine.params() == params).unwrap_or_else(|| {
-            self.runs.push(Run { engine: Engine::new(params), times: Vec::new() });
+            self.runs.push(Run { engine: Cfodi::new(params), times: Vec::new() });
             self.runs.len() - 1
         })
     }

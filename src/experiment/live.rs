@@ -73,7 +73,7 @@ mod tests {
     use nalgebra::Isometry3;
 
     use super::*;
-    use crate::engine::statics::Static;
+    use crate::engine::paper::statics::Static;
     use crate::engine::{Params, Points, Stamp};
 
     /// Offers scans of one point to a method that takes so long (ms) for each that it takes in.

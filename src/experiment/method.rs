@@ -3,8 +3,9 @@
 use std::time::Duration;
 
 use super::clustering::Clustering;
-use crate::engine::statics::Static;
-use crate::engine::{Engine, Params, PipelineStep, Scan, Snapshot};
+use crate::engine::paper::Cfodi;
+use crate::engine::paper::statics::Static;
+use crate::engine::{Params, PipelineStep, Scan, Snapshot};
 
 /// A method and how the figures show it.
 #[derive(Clone, Copy, Debug)]
@@ -25,7 +26,7 @@ pub(super) const METHODS: [Method; 2] = [
         name: "CFODI",
         key: "cfodi",
         colour: [0, 114, 178],
-        start: |params| Box::new(Engine::new(params)),
+        start: |params| Box::new(Cfodi::new(params)),
     },
     Method {
         name: "STATIC",
@@ -47,17 +48,17 @@ pub(super) trait Clusterer {
     fn snapshot(&self) -> Option<Snapshot>;
 }
 
-impl Clusterer for Engine {
+impl Clusterer for Cfodi {
     fn insert(&mut self, scan: &Scan, done: &mut dyn FnMut(PipelineStep)) {
         self.insert_observed(scan, done);
     }
 
     fn clustering(&self) -> Clustering {
-        Clustering::from(&Engine::snapshot(self))
+        Clustering::from(&Cfodi::snapshot(self))
     }
 
     fn snapshot(&self) -> Option<Snapshot> {
-        Some(Engine::snapshot(self))
+        Some(Cfodi::snapshot(self))
     }
 }
 

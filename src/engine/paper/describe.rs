@@ -6,9 +6,9 @@ use nalgebra::{
 
 use super::globals::{Global, Now, is_active};
 use super::grid::Grid;
-use super::params::Params;
-use super::rectangle::smallest_rectangle;
-use super::snapshot::{Cluster, ClusterState};
+use crate::engine::params::Params;
+use crate::engine::rectangle::smallest_rectangle;
+use crate::engine::snapshot::{Cluster, ClusterState};
 
 pub(crate) fn describe(global: &Global, grid: &Grid, params: &Params, now: Now) -> Cluster {
     let voxel_size = grid.voxel_size();

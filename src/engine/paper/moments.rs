@@ -3,12 +3,12 @@
 //! Centres are rounded to 2^-30 of a voxel (0.07 nm at 8 cm) and summed as integers, so that a sum depends neither on
 //! the order of its terms nor on its history: taking a centre out leaves exactly the sum without it, and the refit of
 //! a cluster from its running sums equals the fit over all its voxels. No sum overflows: an index has 20 bits and a
-//! sign ([`super::GRID_REACH`]), so a coordinate stays below 2^50 units, its square below 2^100, and a map of 2^27
+//! sign ([`crate::engine::GRID_REACH`]), so a coordinate stays below 2^50 units, its square below 2^100, and a map of 2^27
 //! voxels within 2^127. Adding, removing and merging cost O(1).
 
 use nalgebra::{Matrix3, Point3, Vector3};
 
-use super::key::VoxelKey;
+use crate::engine::key::VoxelKey;
 
 /// Units of a voxel's edge.
 const UNITS: i64 = 1 << 30;

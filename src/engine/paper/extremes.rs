@@ -4,7 +4,7 @@
 //! voxels found: a rectangle's box is exact however it lies, a disc's too small by 3 % (a core set for extents, Agarwal,
 //! Har-Peled and Varadarajan, J. ACM 51, 2004). Adding a voxel and merging two clusters cost O(1).
 
-use super::key::VoxelKey;
+use crate::engine::key::VoxelKey;
 
 const DIRECTIONS: usize = 98;
 

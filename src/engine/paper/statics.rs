@@ -4,12 +4,12 @@
 use nalgebra::{Point3, UnitVector3};
 
 use super::grid::{Grid, Label, VoxelIndex};
-use super::key::VoxelKey;
 use super::neighbourhood::Neighbourhood;
-use super::params::Params;
-use super::scan::Scan;
-use super::step::PipelineStep;
 use super::{normals, partial};
+use crate::engine::key::VoxelKey;
+use crate::engine::params::Params;
+use crate::engine::scan::Scan;
+use crate::engine::step::PipelineStep;
 
 /// The dense voxels by ascending key, each with the number of its cluster; `None` = in no cluster.
 pub type Partition = Vec<(VoxelKey, Option<u32>)>;
@@ -123,7 +123,7 @@ mod tests {
     use nalgebra::Isometry3;
 
     use super::*;
-    use crate::engine::Engine;
+    use crate::engine::paper::Cfodi;
     use crate::engine::scan::{Points, Stamp};
 
     /// A floor below the sensor, and from the second scan on a wall beside it; a point in each voxel of 10 cm.
@@ -143,7 +143,7 @@ mod tests {
     #[test]
     fn reading_r11_static_of_every_scan_is_static_of_the_engines_map() {
         let params = Params::default().with_voxel_size(0.1).unwrap().with_min_points(1).unwrap();
-        let (mut statics, mut engine) = (Static::new(params), Engine::new(params));
+        let (mut statics, mut engine) = (Static::new(params), Cfodi::new(params));
         for number in 0..3 {
             statics.insert(&scan(number));
             engine.insert(&scan(number));

@@ -10,12 +10,12 @@ use nalgebra::UnitVector3;
 
 use super::extremes::Extremes;
 use super::grid::{Grid, Label, Touched};
-use super::key::ClusterId;
 use super::moments::Moments;
-use super::params::Params;
 use super::partial::Partial;
-use super::plane::{PlaneFit, turned};
-use super::scan::Stamp;
+use crate::engine::key::ClusterId;
+use crate::engine::params::Params;
+use crate::engine::plane::{PlaneFit, turned};
+use crate::engine::scan::Stamp;
 
 /// The scan that is being taken in.
 #[derive(Clone, Copy, Debug)]
@@ -307,7 +307,7 @@ impl Globals {
 
 impl Global {
     pub(crate) const fn is_reliable(&self) -> bool {
-        self.moments.count() >= super::MIN_RELIABLE_VOXELS
+        self.moments.count() >= crate::engine::MIN_RELIABLE_VOXELS
     }
 }
 

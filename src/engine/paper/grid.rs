@@ -8,10 +8,10 @@ use hashbrown::HashMap;
 use nalgebra::{Matrix3, Point3, UnitVector3, Vector3};
 use rustc_hash::FxBuildHasher;
 
-use super::key::{DIRECTIONS, VoxelKey};
 use super::moments::Centre;
-use super::params::MAX_POINTS;
-use super::scan::{Points, Scan};
+use crate::engine::key::{DIRECTIONS, VoxelKey};
+use crate::engine::params::MAX_POINTS;
+use crate::engine::scan::{Points, Scan};
 
 /// Place of a voxel in the grid's list; it never changes, since nothing is taken out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

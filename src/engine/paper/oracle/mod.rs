@@ -11,7 +11,7 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use nalgebra::{Point3, Vector3};
 
 use self::fit::{Normal, fit, mean, towards};
-use super::{ClusterId, Params, Points, Scan, Snapshot, VoxelKey};
+use crate::engine::{ClusterId, Params, Points, Scan, Snapshot, VoxelKey};
 
 #[derive(Clone, Debug, Default)]
 struct Cell {
@@ -267,7 +267,7 @@ impl Oracle {
             return Some(format!("{} dense voxels, the engine has {}", mine.len(), snapshot.voxels.len()));
         }
         let pairs = mine.into_iter().zip(&snapshot.voxels);
-        let differs = |((key, cell), voxel): &((&VoxelKey, &Cell), &super::DenseVoxel)| {
+        let differs = |((key, cell), voxel): &((&VoxelKey, &Cell), &crate::engine::DenseVoxel)| {
             **key != voxel.key
                 || cell.points != voxel.count
                 || cell.cluster != voxel.cluster
@@ -285,7 +285,7 @@ impl Oracle {
         if ids != mine {
             return Some(format!("scan {}: ids {mine:?}, the engine has {ids:?}", self.scans));
         }
-        let differs = |cluster: &&super::Cluster| {
+        let differs = |cluster: &&crate::engine::Cluster| {
             let mine = &self.clusters[&cluster.id];
             let members = self.members(cluster.id);
             let points: u64 = members.iter().map(|key| u64::from(self.cells[key].points)).sum();

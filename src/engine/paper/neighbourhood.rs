@@ -1,8 +1,8 @@
 //! Definition 2: the dense voxels that can be reached over dense voxels in at most `depth` direct steps.
 
 use super::grid::{Grid, VoxelIndex};
-use super::key::DIRECTIONS;
-use super::params::MAX_DEPTH;
+use crate::engine::key::DIRECTIONS;
+use crate::engine::params::MAX_DEPTH;
 
 /// Cells a side of the cube around the start, with one layer of margin so that a step from the rim stays inside.
 const SIDE: i32 = 2 * (MAX_DEPTH as i32 + 1) + 1;

@@ -1,4 +1,4 @@
-//! The engine itself: one scan in, what it changed out.
+//! CFODI itself: one scan in, what it changed out.
 
 use nalgebra::Point3;
 
@@ -6,15 +6,15 @@ use super::describe::describe;
 use super::globals::{Globals, Now};
 use super::grid::{Binned, Grid};
 use super::neighbourhood::Neighbourhood;
-use super::params::Params;
-use super::scan::{Scan, Stamp};
-use super::snapshot::{ChangedCluster, DenseVoxel, Snapshot, Update};
-use super::step::PipelineStep;
 use super::{normals, partial, statics};
+use crate::engine::params::Params;
+use crate::engine::scan::{Scan, Stamp};
+use crate::engine::snapshot::{ChangedCluster, DenseVoxel, Snapshot, Update};
+use crate::engine::step::PipelineStep;
 
 /// The map of one session: a grid of voxels and the global clusters that they form.
 #[derive(Clone, Debug)]
-pub struct Engine {
+pub struct Cfodi {
     params: Params,
     grid: Grid,
     globals: Globals,
@@ -27,8 +27,8 @@ pub struct Engine {
     sensor: Point3<f64>,
 }
 
-impl Engine {
-    /// An engine with an empty map.
+impl Cfodi {
+    /// A map without a scan.
     pub fn new(params: Params) -> Self {
         Self {
             grid: Grid::new(params.voxel_size(), params.min_points()),

@@ -6,8 +6,8 @@ use nalgebra::{UnitVector3, Vector3};
 
 use super::grid::{Grid, Label, VoxelIndex};
 use super::moments::Moments;
-use super::params::Params;
-use super::plane::{PlaneFit, turned};
+use crate::engine::params::Params;
+use crate::engine::plane::{PlaneFit, turned};
 
 /// A set of connected voxels of similar orientation, seen in one scan.
 #[derive(Clone, Debug)]

@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Point3, Vector3};
 
 use super::grid::{Grid, Label, Surface, VoxelIndex};
 use super::neighbourhood::Neighbourhood;
-use super::plane::{PlaneFit, turned};
+use crate::engine::plane::{PlaneFit, turned};
 
 /// Gives normals to the newly dense voxels (by ascending key) and, where they are within `depth` steps of one, to dense
 /// voxels that had none so far (reading R4); returns those that have a normal now, by ascending key, labelled
