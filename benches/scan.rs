@@ -61,7 +61,7 @@ fn bench(criterion: &mut Criterion) {
         b.iter(|| decode(&drive[next.next().unwrap()].0, &FILTER));
     });
     for (label, voxel_size) in [("8 cm", 0.08), ("5 cm", 0.05)] {
-        let params = Params::default().with_voxel_size(voxel_size).unwrap();
+        let params = Params::paper().with_voxel_size(voxel_size).unwrap();
         group.bench_function(format!("insert {label}, a scan"), |b| {
             b.iter_custom(|iterations| {
                 let mut total = Duration::ZERO;

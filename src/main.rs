@@ -9,7 +9,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use crate::cli::{demo, experiment, replay, run};
+use crate::cli::{demo, experiment, replay, run, simulate};
 
 /// Surfaces from a moving Kinect, live.
 #[derive(Debug, Parser)]
@@ -28,10 +28,12 @@ enum Verb {
     Run,
     /// A recorded bag through the same engine: every scan, in order, as fast as the processor allows
     Replay(replay::Options),
-    /// The paper's figures and tables on a recording, CFODI beside STATIC
+    /// The paper's figures and tables on a recording, CFODI beside STATIC; with --scene, scores against a simulator's truth
     Experiment(experiment::Options),
     /// The main job with nothing installed: a simulated robot drives, the live node clusters and publishes
     Demo(demo::Options),
+    /// A simulated drive through a built-in scene as a bag, with the truth about its surfaces
+    Simulate(simulate::Options),
 }
 
 fn main() -> ExitCode {
@@ -51,6 +53,7 @@ fn main() -> ExitCode {
         Verb::Replay(options) => replay::replay(&setup, &options),
         Verb::Experiment(options) => experiment::experiment(&setup, &options),
         Verb::Demo(options) => demo::demo(&setup, &options).map(|()| ExitCode::SUCCESS),
+        Verb::Simulate(options) => simulate::simulate(&options),
     };
     match done {
         Ok(status) => status,
@@ -58,5 +61,17 @@ fn main() -> ExitCode {
             eprintln!("cfodi: {error:#}");
             ExitCode::FAILURE
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory as _;
+
+    use super::*;
+
+    #[test]
+    fn the_arguments_do_not_contradict_each_other() {
+        Cli::command().debug_assert();
     }
 }

@@ -191,7 +191,7 @@ mod tests {
 
     fn started() -> (Worker, Receiver<Output>) {
         let (sender, receiver) = channel();
-        (Worker::start(Params::default(), 1, move |output| drop(sender.send(output))).unwrap(), receiver)
+        (Worker::start(Params::paper(), 1, move |output| drop(sender.send(output))).unwrap(), receiver)
     }
 
     #[test]
@@ -199,7 +199,7 @@ mod tests {
         let (entered, enter) = channel();
         let (leave, left) = channel::<()>();
         let (sender, receiver) = channel();
-        let worker = Worker::start(Params::default(), 1, move |output| {
+        let worker = Worker::start(Params::paper(), 1, move |output| {
             entered.send(()).unwrap();
             left.recv().unwrap();
             sender.send(output).unwrap();
@@ -237,7 +237,7 @@ mod tests {
     #[test]
     fn a_panic_on_the_thread_is_reported_and_not_silent() {
         let (sender, receiver) = channel();
-        let worker = Worker::start(Params::default(), 1, move |output| {
+        let worker = Worker::start(Params::paper(), 1, move |output| {
             assert!(!matches!(output, Output::Scan { .. }), "no room");
             drop(sender.send(output));
         });

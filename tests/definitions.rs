@@ -42,7 +42,7 @@ fn scan(number: i64, points: &[[f64; 3]]) -> Scan {
 }
 
 fn params() -> Params {
-    Params::default().with_voxel_size(VOXEL).unwrap()
+    Params::paper().with_voxel_size(VOXEL).unwrap()
 }
 
 fn after(params: Params, scans: &[Vec<[f64; 3]>]) -> Snapshot {

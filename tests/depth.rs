@@ -21,7 +21,7 @@ const FILTER: CloudFilter =
     CloudFilter { min_range: 0.4, max_range: 6.0, optical: Optical::Auto, max_points: 4_000_000 };
 
 fn dense(scans: impl Iterator<Item = Scan>) -> BTreeSet<VoxelKey> {
-    let mut engine = Engine::new(Params::default());
+    let mut engine = Engine::new(Params::paper());
     scans.for_each(|scan| drop(engine.insert(&scan)));
     engine.snapshot().voxels.iter().map(|voxel| voxel.key).collect()
 }

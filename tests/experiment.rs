@@ -30,7 +30,7 @@ fn the_cabinet_gives_the_acceptance_values_and_bears_out_the_papers_conclusions(
         reads += 1;
         Duration::from_millis(reads)
     };
-    let mut experiment = Experiment::new(Params::default(), clock);
+    let mut experiment = Experiment::new(Params::paper(), clock);
     recording.scans(1).for_each(|scan| experiment.scan(&scan));
     let results = experiment.finish();
 

@@ -70,7 +70,7 @@ fn scan(number: usize, patches: &[Patch], origin: [f64; 3], seed: u64) -> Scan {
 fn params() -> impl Strategy<Value = Params> {
     (0.05..0.25, 1i64..12, 1i64..6, 0.1..1.2, 1i64..5, 0i64..6).prop_map(
         |(size, points, depth, angle, vicinity, interval)| {
-            Params::default()
+            Params::paper()
                 .with_voxel_size(size)
                 .and_then(|p| p.with_min_points(points))
                 .and_then(|p| p.with_depth(depth))

@@ -40,7 +40,7 @@ fn agreement(snapshot: &Snapshot, statics: &[Option<u64>]) -> f64 {
 fn accept(name: &str, step: usize, test: &str, accepted: &Accepted) {
     let Some(recording) = support::recording(name, test) else { return };
     for (min_vicinity, clusters, large, index) in accepted.by_min_vicinity {
-        let params = Params::default().with_min_vicinity(min_vicinity).unwrap();
+        let params = Params::paper().with_min_vicinity(min_vicinity).unwrap();
         let engine = run(recording.scans(step), params);
         let snapshot = engine.snapshot();
         let statics: Vec<_> =
@@ -88,7 +88,7 @@ fn engine_equals_oracle_after_every_scan_of_the_cabinet() {
     else {
         return;
     };
-    let params = Params::default();
+    let params = Params::paper();
     let (mut engine, mut oracle) = (Cfodi::new(params), Oracle::new(params));
     for scan in recording.scans(1) {
         engine.insert(&scan);
@@ -133,7 +133,7 @@ fn floor_top_and_four_sides_of_the_cabinet_come_out_as_clusters_with_true_normal
     let test = "floor_top_and_four_sides_of_the_cabinet_come_out_as_clusters_with_true_normals";
     let Some(recording) = support::recording("tum_fr3_cabinet58", test) else { return };
     for (voxel_size, limit) in [(0.08, 3.0), (0.05, 5.0)] {
-        let params = Params::default().with_voxel_size(voxel_size).unwrap();
+        let params = Params::paper().with_voxel_size(voxel_size).unwrap();
         let snapshot = run(recording.scans(1), params).snapshot();
         let planes = true_planes(&recording);
         assert_eq!(planes.len(), 6);
@@ -200,7 +200,7 @@ fn the_acceptance_values_come_out_through_messages_and_transforms() {
     for (name, step, accepted) in recordings {
         let Some(recording) = support::recording(name, test) else { return };
         let with = |min_vicinity| {
-            through_messages(&recording, step, Params::default().with_min_vicinity(min_vicinity).unwrap())
+            through_messages(&recording, step, Params::paper().with_min_vicinity(min_vicinity).unwrap())
         };
         let (one, three) = (with(1), with(3));
         let snapshot = one.snapshot();

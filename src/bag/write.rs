@@ -33,7 +33,7 @@ pub struct OutputTopics {
 const CDR_LE: [u8; 4] = [0, 1, 0, 0];
 
 /// How a topic was offered, as `rosbag2` writes it: a player offers it again so, and readers want every field.
-fn offered_qos(durability: &str, reliability: &str, depth: u32) -> String {
+pub(super) fn offered_qos(durability: &str, reliability: &str, depth: u32) -> String {
     format!(
         "- {{history: keep_last, depth: {depth}, reliability: {reliability}, durability: {durability}, \
          deadline: {{sec: 0, nsec: 0}}, lifespan: {{sec: 0, nsec: 0}}, liveliness: automatic, \
@@ -41,12 +41,12 @@ fn offered_qos(durability: &str, reliability: &str, depth: u32) -> String {
     )
 }
 
-const TF: &str = "tf2_msgs/msg/TFMessage";
+pub(super) const TF: &str = "tf2_msgs/msg/TFMessage";
 const CAMERA_INFO: &str = "sensor_msgs/msg/CameraInfo";
 
 /// A channel of the result, and how many messages it has.
 #[derive(Clone, Copy, Debug)]
-struct Channel {
+pub(super) struct Channel {
     id: u16,
     messages: u32,
 }
@@ -77,12 +77,7 @@ impl<W: Write> ResultBag<W> {
     /// # Errors
     /// Those of `out`.
     pub fn new(out: W, topics: &OutputTopics, with_input: bool) -> io::Result<Self> {
-        let options = WriteOptions::new()
-            .profile("ros2")
-            .library(concat!("cfodi ", env!("CARGO_PKG_VERSION")))
-            .compression_threads(0)
-            .disable_seeking(true);
-        let mut writer = options.create(NoSeek::new(out)).map_err(io::Error::other)?;
+        let mut writer = writer(out)?;
         let array = "cfodi_msgs/msg/SurfaceClusterArray";
         let latched = offered_qos("transient_local", "reliable", 1);
         let each = offered_qos("volatile", "reliable", 20);
@@ -234,7 +229,17 @@ fn open_copy<W: Write>(
     Ok(Channel { id: id.map_err(io::Error::other)?, messages: 0 })
 }
 
-fn channel<W: Write>(
+/// A bag without messages, which one thread compresses.
+pub(super) fn writer<W: Write>(out: W) -> io::Result<Writer<NoSeek<W>>> {
+    let options = WriteOptions::new()
+        .profile("ros2")
+        .library(concat!("cfodi ", env!("CARGO_PKG_VERSION")))
+        .compression_threads(0)
+        .disable_seeking(true);
+    options.create(NoSeek::new(out)).map_err(io::Error::other)
+}
+
+pub(super) fn channel<W: Write>(
     writer: &mut Writer<NoSeek<W>>,
     topic: &str,
     type_name: &str,
@@ -253,7 +258,7 @@ fn schema<W: Write>(writer: &mut Writer<NoSeek<W>>, type_name: &str) -> io::Resu
 }
 
 /// Adds a message at the time of its header, and so many nanoseconds ahead.
-fn put<W: Write>(
+pub(super) fn put<W: Write>(
     writer: &mut Writer<NoSeek<W>>,
     scratch: &mut Vec<u8>,
     channel: &mut Channel,

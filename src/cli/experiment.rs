@@ -1,26 +1,29 @@
-//! `cfodi experiment`: the paper's figures on a recording, CFODI beside STATIC.
+//! `cfodi experiment`: the paper's figures on a recording, CFODI beside STATIC, or the scores in a simulated scene.
 #![expect(clippy::print_stdout, reason = "the table is what the experiment is for")]
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use cfodi::bag::Message;
-use cfodi::engine::Scan;
+use cfodi::config::Value;
+use cfodi::engine::{Mode, Scan};
 use cfodi::experiment::{Experiment, Figure, Results, Summary};
 use cfodi::export::WriteError;
 use cfodi::node::Setup;
-use cfodi::replay::{Ended, Finished, Go, Outputs, Replay, Visitor, feed};
+use cfodi::replay::{Ended, Finished, Go, Outputs, Replay, Settings, Visitor, feed};
 use cfodi::report::{self, Story};
 
+use super::laboratory;
 use super::progress::Bar;
 use super::replay::{BEGINS_AGAIN, Input, PAGE, open, say_skipped, settings, write_page};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Options {
     /// An MCAP file, one compressed as a whole (.mcap.zstd), or a folder that rosbags-convert made
-    input: PathBuf,
+    #[arg(required_unless_present = "scene")]
+    input: Option<PathBuf>,
     /// The sensor's topic; again for a second sensor. Without it, the only point cloud or depth image
     #[arg(long)]
     topic: Vec<String>,
@@ -30,10 +33,19 @@ pub(crate) struct Options {
     /// Leaves out the effects of parameters, which take a map for each value
     #[arg(long)]
     no_effects: bool,
+    #[command(flatten)]
+    simulation: laboratory::Simulation,
 }
 
 pub(crate) fn experiment(setup: &Setup, options: &Options) -> anyhow::Result<ExitCode> {
-    let input = match open(setup, &options.input, &options.topic)? {
+    match &options.input {
+        Some(input) => on_recording(setup, options, input),
+        None => laboratory::laboratory(setup, &options.simulation, &options.out),
+    }
+}
+
+fn on_recording(setup: &Setup, options: &Options, path: &Path) -> anyhow::Result<ExitCode> {
+    let input = match open(setup, path, &options.topic)? {
         Ok(input) => input,
         Err(status) => return Ok(status),
     };
@@ -47,7 +59,7 @@ pub(crate) fn experiment(setup: &Setup, options: &Options) -> anyhow::Result<Exi
     let figure =
         |figure: Figure| report::Figure { title: figure.title, svg: figure.svg, caption: figure.caption };
     let figures = results.figures().into_iter().map(figure).collect();
-    write_page(&options.out, &options.input, &finished, figures)?;
+    write_page(&options.out, path, &finished, figures)?;
     println!("{}", table(&results.summary()));
     println!(
         "figures and tables: {}, to look at: {}",
@@ -66,11 +78,12 @@ fn run(
     say: &mut dyn FnMut(&str),
 ) -> anyhow::Result<(Results, Finished)> {
     let mut fixed_frame = input.fixed_frame.clone();
+    let letter = letter(setup);
     loop {
         let begin = Instant::now();
-        let experiment = Experiment::new(setup.config.engine, move || begin.elapsed());
+        let experiment = Experiment::new(letter.engine, move || begin.elapsed());
         let experiment = if options.no_effects { experiment.without_effects() } else { experiment };
-        let replay = Replay::new(settings(setup), Outputs { bag: None, story: Some(Story::new()), say });
+        let replay = Replay::new(letter.clone(), Outputs { bag: None, story: Some(Story::new()), say });
         let mut scans = Scans { experiment, replay };
         match feed(input.feed(fixed_frame, false, &mut |progress| bar.set(progress)), &mut scans)? {
             Ended::Fed(fed) => return Ok((scans.experiment.finish(), scans.replay.finish(fed)?)),
@@ -78,6 +91,22 @@ fn run(
         }
         say(BEGINS_AGAIN);
     }
+}
+
+/// The settings with the method to the letter, which the paper's figures are about, whatever the mode; and so they are told.
+fn letter(setup: &Setup) -> Settings {
+    let mut settings = settings(setup);
+    settings.engine = settings.engine.with_mode(Mode::Paper).with_clearing(false);
+    for (name, value) in &mut settings.parameters {
+        match *name {
+            "mode" => *value = Value::Text("paper".to_owned()),
+            "clearing" => *value = Value::Boolean(false),
+            "max_voxels" => *value = Value::Integer(0),
+            "keep_radius" => *value = Value::Double(0.0),
+            _ => {}
+        }
+    }
+    settings
 }
 
 /// Hands scans to the experiment and to the report's map, up to where the stamps jump back.

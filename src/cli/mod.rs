@@ -2,10 +2,13 @@
 
 pub(crate) mod demo;
 pub(crate) mod experiment;
+mod laboratory;
 mod progress;
 pub(crate) mod replay;
 pub(crate) mod run;
+pub(crate) mod simulate;
 mod stop;
+mod truth;
 
 use std::io::{self, IsTerminal};
 

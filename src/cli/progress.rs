@@ -5,7 +5,7 @@ use std::time::Duration;
 use cfodi::replay::Progress;
 use indicatif::{ProgressBar, ProgressStyle};
 
-/// How far a bag has been read, with the rate and the time that remains.
+/// How far a bag has been read, or a simulation has come, with the rate and the time that remains.
 pub(crate) struct Bar(ProgressBar);
 
 impl Bar {
@@ -13,15 +13,30 @@ impl Bar {
     pub(crate) fn new(size: u64) -> Self {
         // Hidden by itself where stderr is no terminal.
         let bar = ProgressBar::new(size);
-        let style = ProgressStyle::with_template(
-            "{wide_bar} {bytes} of {total_bytes}, {msg}, {bytes_per_sec}, {eta} left",
-        );
-        // The template is a constant; were it wrong, the default style would do.
-        if let Ok(style) = style {
+        Self::styled(bar, "{wide_bar} {bytes} of {total_bytes}, {msg}, {bytes_per_sec}, {eta} left")
+    }
+
+    /// A bar for so many simulated scans.
+    pub(crate) fn of_scans(scans: u64) -> Self {
+        Self::styled(ProgressBar::new(scans), "{wide_bar} {pos} of {len} scans, {msg}, {eta} left")
+    }
+
+    fn styled(bar: ProgressBar, template: &str) -> Self {
+        // The templates are constants; were one wrong, the default style would do.
+        if let Ok(style) = ProgressStyle::with_template(template) {
             bar.set_style(style);
         }
         bar.enable_steady_tick(Duration::from_millis(200));
         Self(bar)
+    }
+
+    /// One scan more.
+    pub(crate) fn advance(&self) {
+        self.0.inc(1);
+    }
+
+    pub(crate) fn tell(&self, message: String) {
+        self.0.set_message(message);
     }
 
     pub(crate) fn set(&self, progress: Progress) {

@@ -69,7 +69,7 @@ impl Options {
 pub(crate) const PAGE: &str = "index.html";
 
 /// Wrong arguments, as opposed to an input that fails.
-const WRONG: u8 = 2;
+pub(crate) const WRONG: u8 = 2;
 
 /// A bag with its sensors.
 pub(crate) struct Input {
@@ -239,7 +239,7 @@ pub(crate) fn output_topics(setup: &Setup) -> anyhow::Result<OutputTopics> {
 }
 
 /// An output that would replace the input or another output.
-fn clash(outputs: &[PathBuf], inputs: &[PathBuf]) -> Option<String> {
+pub(crate) fn clash(outputs: &[PathBuf], inputs: &[PathBuf]) -> Option<String> {
     // A file that is not there yet is the same as another where its folder and name are.
     let place = |path: &PathBuf| {
         path.canonicalize().ok().or_else(|| {

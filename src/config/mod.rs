@@ -88,7 +88,6 @@ impl Config {
     /// At the first parameter that is unknown or whose value cannot be.
     pub fn new(values: impl IntoIterator<Item = (String, Value)>) -> Result<Self, ConfigError> {
         let given = Given::new(values)?;
-        given.check_mode()?;
         Ok(Self {
             fixed_frame: given.frame("fixed_frame")?,
             engine: engine(&given)?,
@@ -115,7 +114,15 @@ impl Config {
 fn engine(given: &Given) -> Result<Params, ConfigError> {
     let whole = |name| given.integer(name, i64::MIN, i64::MAX);
     let real = |name| given.double(name);
+    for bound in ["max_voxels", "keep_radius"] {
+        given.check_no_bound(bound)?;
+    }
     Ok(Params::default()
+        .with_mode(given.mode()?)
+        .with_noise_model(given.noise_model()?)
+        .with_clearing(given.clearing()?)
+        .with_max_voxels(whole("max_voxels")?)?
+        .with_keep_radius(real("keep_radius")?)?
         .with_voxel_size(real("voxel_size")?)?
         .with_min_points(whole("min_points")?)?
         .with_depth(whole("depth")?)?
@@ -150,6 +157,7 @@ fn filter(given: &Given) -> Result<CloudFilter, ConfigError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::engine::{Mode, NoiseModel};
 
     fn with(name: &str, value: Value) -> Result<Config, ConfigError> {
         Config::new([(name.to_owned(), value)])
@@ -167,6 +175,45 @@ mod tests {
         assert_eq!(config.publish_period, Duration::from_millis(500));
         assert_eq!((config.filter.min_range, config.filter.max_range), (0.4, 6.0));
         assert_eq!(config.receive_buffer, 32 << 20);
+    }
+
+    #[test]
+    fn the_letter_forgets_nothing_and_is_not_told_to() {
+        let paper = ("mode", Value::Text("paper".into()));
+        let with = |more: &[(&str, Value)]| {
+            let given = [std::slice::from_ref(&paper), more].concat();
+            Config::new(given.into_iter().map(|(name, value)| (name.to_owned(), value)))
+        };
+        let values = Config::values([("mode".to_owned(), Value::Text("paper".into()))]).unwrap();
+        assert!(values.contains(&("clearing", Value::Boolean(false))));
+        assert_eq!(with(&[]).unwrap().engine, Params::paper());
+        assert!(with(&[("clearing", Value::Boolean(false))]).is_ok());
+        let refused = |more: (&str, Value)| with(&[more]).unwrap_err().to_string();
+        assert_eq!(
+            refused(("clearing", Value::Boolean(true))),
+            "clearing is true; it must be false where mode is `paper`: the letter forgets nothing"
+        );
+        assert_eq!(
+            refused(("max_voxels", Value::Integer(9))),
+            "max_voxels is 9; it must be 0 where mode is `paper`: the letter forgets nothing"
+        );
+        assert_eq!(
+            refused(("keep_radius", Value::Double(2.5))),
+            "keep_radius is 2.5; it must be 0 where mode is `paper`: the letter forgets nothing"
+        );
+    }
+
+    #[test]
+    fn what_is_given_for_the_consistent_mode_reaches_the_engine() {
+        let given = [
+            ("noise_model", Value::Text("none".into())),
+            ("clearing", Value::Boolean(false)),
+            ("max_voxels", Value::Integer(5000)),
+            ("keep_radius", Value::Integer(3)),
+        ];
+        let engine = Config::new(given.map(|(name, value)| (name.to_owned(), value))).unwrap().engine;
+        assert_eq!((engine.mode(), engine.noise_model()), (Mode::Consistent, NoiseModel::None));
+        assert_eq!((engine.clearing(), engine.max_voxels(), engine.keep_radius()), (false, 5000, 3.0));
     }
 
     #[test]
@@ -207,7 +254,22 @@ mod tests {
             line("fixed_frame", Value::Text("/".into())),
             "fixed_frame is \"/\"; it must be the name of a frame"
         );
-        assert!(line("mode", Value::Text("consistent".into())).contains("`consistent` is not built yet"));
+        assert_eq!(
+            line("mode", Value::Text("fast".into())),
+            "mode is \"fast\"; it must be `consistent` or `paper`"
+        );
+        assert_eq!(
+            line("noise_model", Value::Text("kinect_v2".into())),
+            "noise_model is \"kinect_v2\"; it must be `kinect_v1` or `none`"
+        );
+        assert_eq!(
+            line("max_voxels", Value::Integer(-1)),
+            "max_voxels is -1; it must be 0 (no bound) or more"
+        );
+        assert_eq!(
+            line("keep_radius", Value::Integer(-1)),
+            "keep_radius is -1 m; it must be finite and 0 (no bound) or more"
+        );
         let addresses = Value::TextList(vec!["127.0.0.1".into(), "eth0".into()]);
         assert!(line("network_interfaces", addresses).contains("IP addresses"));
     }

@@ -5,6 +5,7 @@ use std::fmt;
 use std::net::IpAddr;
 
 use super::ConfigError;
+use crate::engine::{Mode, NoiseModel};
 
 /// A parameter's value, of the ROS parameter types that are used here.
 #[derive(Clone, Debug, PartialEq)]
@@ -38,7 +39,11 @@ pub(super) type Declared = (&'static str, fn() -> Value, &'static str);
 
 pub(super) const TABLE: &[Declared] = &[
     ("fixed_frame", || Value::Text("odom".to_owned()), "frame in which the map lives"),
-    ("mode", || Value::Text("paper".to_owned()), "`paper`: the method to the letter"),
+    (
+        "mode",
+        || Value::Text("consistent".to_owned()),
+        "`consistent`: clusters as one definition has them, whatever the order of the scans; `paper`: CFODI to the letter",
+    ),
     ("voxel_size", || Value::Double(0.08), "edge of a voxel, the paper's xi [m], above 0"),
     ("min_points", || Value::Integer(15), "points that make a voxel dense, the paper's tau, 1 or more"),
     ("depth", || Value::Integer(4), "steps that a neighbourhood reaches, the paper's d, 1 to 8"),
@@ -49,6 +54,22 @@ pub(super) const TABLE: &[Declared] = &[
     ),
     ("min_vicinity", || Value::Integer(1), "least vicinity of an absorption, minUnits [pairs], 1 or more"),
     ("expansion_interval", || Value::Integer(10), "scans without growth until complete, delta; 0 = never"),
+    (
+        "noise_model",
+        || Value::Text("kinect_v1".to_owned()),
+        "what depths scatter by, in mode `consistent`: `kinect_v1`, `none`",
+    ),
+    (
+        "clearing",
+        || Value::Boolean(true),
+        "whether what the sensor looks through is forgotten; always false in mode `paper`",
+    ),
+    ("max_voxels", || Value::Integer(0), "most voxels that hold points, in mode `consistent`; 0 = no bound"),
+    (
+        "keep_radius",
+        || Value::Double(0.0),
+        "how far from the sensor voxels are kept [m], in mode `consistent`; 0 = no bound",
+    ),
     ("max_range", || Value::Double(6.0), "furthest point [m]: depth in an optical frame, else distance"),
     ("min_range", || Value::Double(0.4), "nearest point [m]: depth in an optical frame, else distance"),
     (
@@ -78,12 +99,17 @@ pub(super) struct Given(BTreeMap<&'static str, Value>);
 impl Given {
     pub(super) fn new(values: impl IntoIterator<Item = (String, Value)>) -> Result<Self, ConfigError> {
         let mut given: BTreeMap<_, _> = TABLE.iter().map(|(name, default, _)| (*name, default())).collect();
+        let mut cleared = false;
         for (name, value) in values {
             let known = given.get_key_value(name.as_str()).map(|(known, _)| *known);
             let Some(known) = known else {
                 return Err(ConfigError::Unknown { nearest: nearest(&name), name, value });
             };
+            cleared |= known == "clearing";
             given.insert(known, value);
+        }
+        if !cleared && given["mode"] == Value::Text("paper".to_owned()) {
+            given.insert("clearing", Value::Boolean(false));
         }
         Ok(Self(given))
     }
@@ -164,12 +190,36 @@ impl Given {
         addresses.map_or_else(|| self.refuse(name, "a list of IP addresses, as [\"192.168.1.5\"]"), Ok)
     }
 
-    pub(super) fn check_mode(&self) -> Result<(), ConfigError> {
+    pub(super) fn mode(&self) -> Result<Mode, ConfigError> {
         match self.text("mode")? {
-            "paper" => Ok(()),
-            "consistent" => self.refuse("mode", "`paper`: `consistent` is not built yet"),
-            _ => self.refuse("mode", "`paper`"),
+            "consistent" => Ok(Mode::Consistent),
+            "paper" => Ok(Mode::Paper),
+            _ => self.refuse("mode", "`consistent` or `paper`"),
         }
+    }
+
+    pub(super) fn noise_model(&self) -> Result<NoiseModel, ConfigError> {
+        match self.text("noise_model")? {
+            "kinect_v1" => Ok(NoiseModel::KinectV1),
+            "none" => Ok(NoiseModel::None),
+            _ => self.refuse("noise_model", "`kinect_v1` or `none`"),
+        }
+    }
+
+    pub(super) fn clearing(&self) -> Result<bool, ConfigError> {
+        let clearing = self.boolean("clearing")?;
+        if clearing && self.mode()? == Mode::Paper {
+            return self.refuse("clearing", "false where mode is `paper`: the letter forgets nothing");
+        }
+        Ok(clearing)
+    }
+
+    /// A bound that only the mode `consistent` has: 0 in the other.
+    pub(super) fn check_no_bound(&self, name: &'static str) -> Result<(), ConfigError> {
+        if self.mode()? == Mode::Paper && self.double(name)? > 0.0 {
+            return self.refuse(name, "0 where mode is `paper`: the letter forgets nothing");
+        }
+        Ok(())
     }
 }
 

@@ -1,19 +1,29 @@
 //! The engine of a session: one of the two methods, behind one interface.
 
+use super::consistent::Consistent;
 use super::paper::Cfodi;
-use super::params::Params;
+use super::params::{Mode, Params};
 use super::scan::Scan;
 use super::snapshot::{Snapshot, Update};
 use super::step::PipelineStep;
 
 /// The map of one session: a grid of voxels and the clusters that they form.
 #[derive(Clone, Debug)]
-pub struct Engine(Cfodi);
+pub struct Engine(Method);
+
+#[derive(Clone, Debug)]
+enum Method {
+    Paper(Box<Cfodi>),
+    Consistent(Box<Consistent>),
+}
 
 impl Engine {
     /// An engine with an empty map.
     pub fn new(params: Params) -> Self {
-        Self(Cfodi::new(params))
+        Self(match params.mode() {
+            Mode::Paper => Method::Paper(Box::new(Cfodi::new(params))),
+            Mode::Consistent => Method::Consistent(Box::new(Consistent::new(params))),
+        })
     }
 
     /// Takes in a scan.
@@ -23,21 +33,33 @@ impl Engine {
 
     /// As [`Self::insert`]; `done` is called at the end of each step, for those who have a clock.
     pub fn insert_observed(&mut self, scan: &Scan, done: impl FnMut(PipelineStep)) -> Update {
-        self.0.insert_observed(scan, done)
+        match &mut self.0 {
+            Method::Paper(map) => map.insert_observed(scan, done),
+            Method::Consistent(map) => map.insert_observed(scan, done),
+        }
     }
 
     /// The parameters it works with.
     pub const fn params(&self) -> &Params {
-        self.0.params()
+        match &self.0 {
+            Method::Paper(map) => map.params(),
+            Method::Consistent(map) => map.params(),
+        }
     }
 
     /// Number of voxels that hold a point, dense or not.
     pub const fn voxel_count(&self) -> usize {
-        self.0.voxel_count()
+        match &self.0 {
+            Method::Paper(map) => map.voxel_count(),
+            Method::Consistent(map) => map.voxel_count(),
+        }
     }
 
     /// The whole map as it is now. Costs O(map).
     pub fn snapshot(&self) -> Snapshot {
-        self.0.snapshot()
+        match &self.0 {
+            Method::Paper(map) => map.snapshot(),
+            Method::Consistent(map) => map.snapshot(),
+        }
     }
 }

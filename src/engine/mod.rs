@@ -23,6 +23,9 @@
 //! assert!(floor.normal.z > 0.999 && floor.voxel_count == 625);
 //! ```
 
+mod binning;
+mod class;
+pub mod consistent;
 mod key;
 mod map;
 pub mod paper;
@@ -34,6 +37,8 @@ mod scan;
 mod snapshot;
 mod step;
 
+pub use class::SurfaceClass;
+pub use consistent::NoiseModel;
 pub use key::{ClusterId, DIRECTIONS, GRID_REACH, VoxelKey};
 pub use map::Engine;
 pub use nalgebra::Isometry3;

@@ -4,19 +4,22 @@ use std::f64::consts::FRAC_PI_2;
 
 use thiserror::Error;
 
+use super::consistent::NoiseModel;
+
 /// How points become clusters.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mode {
     /// CFODI to the letter.
-    #[default]
     Paper,
     /// The partition that a definition gives from scratch, kept scan by scan.
+    #[default]
     Consistent,
 }
 
 /// Parameters of the engine; every value of this type is a possible one.
 ///
-/// Defaults are the paper's (section V), but for `min_vicinity` and `expansion_interval`, of which it gives no value.
+/// Where both modes have a parameter, its default is the paper's (section V), but for `min_vicinity` and
+/// `expansion_interval`, of which it gives no value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Params {
     mode: Mode,
@@ -26,6 +29,10 @@ pub struct Params {
     max_normal_angle: f64,
     min_vicinity: u32,
     expansion_interval: u32,
+    noise_model: NoiseModel,
+    clearing: bool,
+    max_voxels: u64,
+    keep_radius: f64,
 }
 
 /// A parameter that cannot be: its name, the value and what it must be.
@@ -49,6 +56,12 @@ pub enum ParamsError {
     /// Scans without expansion.
     #[error("expansion_interval is {0}; it must be from 0 (never complete) to {max} scans", max = u32::MAX)]
     ExpansionInterval(i64),
+    /// Voxels that are kept.
+    #[error("max_voxels is {0}; it must be 0 (no bound) or more")]
+    MaxVoxels(i64),
+    /// Radius around the sensor.
+    #[error("keep_radius is {0} m; it must be finite and 0 (no bound) or more")]
+    KeepRadius(f64),
 }
 
 /// Largest `depth`.
@@ -62,13 +75,17 @@ pub(crate) const MAX_POINTS: u32 = 1 << 31;
 impl Default for Params {
     fn default() -> Self {
         Self {
-            mode: Mode::Paper,
+            mode: Mode::Consistent,
             voxel_size: 0.08,
             min_points: 15,
             depth: 4,
             max_normal_angle: 0.53,
             min_vicinity: 1,
             expansion_interval: 10,
+            noise_model: NoiseModel::KinectV1,
+            clearing: true,
+            max_voxels: 0,
+            keep_radius: 0.0,
         }
     }
 }
@@ -78,6 +95,11 @@ fn checked<T: TryFrom<i64> + PartialOrd + Copy>(value: i64, least: T, most: T) -
 }
 
 impl Params {
+    /// The defaults for the method to the letter, which forgets nothing.
+    pub fn paper() -> Self {
+        Self::default().with_mode(Mode::Paper).with_clearing(false)
+    }
+
     /// How points become clusters.
     pub const fn mode(&self) -> Mode {
         self.mode
@@ -111,6 +133,56 @@ impl Params {
     /// The paper's delta: scans after which a cluster that did not grow is complete; 0 = never.
     pub const fn expansion_interval(&self) -> u32 {
         self.expansion_interval
+    }
+
+    /// What the sensor's depths scatter by; the letter does not ask.
+    pub const fn noise_model(&self) -> NoiseModel {
+        self.noise_model
+    }
+
+    /// Whether voxels that the sensor looks through lose their points; never in [`Mode::Paper`].
+    pub const fn clearing(&self) -> bool {
+        self.clearing && matches!(self.mode, Mode::Consistent)
+    }
+
+    /// Most voxels that hold points; 0 = no bound. The letter does not ask.
+    pub const fn max_voxels(&self) -> u64 {
+        self.max_voxels
+    }
+
+    /// How far from the sensor voxels are kept (m); 0 = no bound. The letter does not ask.
+    pub const fn keep_radius(&self) -> f64 {
+        self.keep_radius
+    }
+
+    /// Sets whether voxels that the sensor looks through lose their points, in [`Mode::Consistent`].
+    #[must_use]
+    pub const fn with_clearing(self, clearing: bool) -> Self {
+        Self { clearing, ..self }
+    }
+
+    /// Sets the most voxels that hold points; 0 = no bound.
+    ///
+    /// # Errors
+    /// Below 0.
+    pub fn with_max_voxels(self, value: i64) -> Result<Self, ParamsError> {
+        let max_voxels = u64::try_from(value).map_err(|_| ParamsError::MaxVoxels(value))?;
+        Ok(Self { max_voxels, ..self })
+    }
+
+    /// Sets how far from the sensor voxels are kept (m); 0 = no bound.
+    ///
+    /// # Errors
+    /// When it is not a length.
+    pub fn with_keep_radius(self, keep_radius: f64) -> Result<Self, ParamsError> {
+        let possible = keep_radius.is_finite() && keep_radius >= 0.0;
+        possible.then_some(Self { keep_radius, ..self }).ok_or(ParamsError::KeepRadius(keep_radius))
+    }
+
+    /// Sets what the sensor's depths scatter by.
+    #[must_use]
+    pub const fn with_noise_model(self, noise_model: NoiseModel) -> Self {
+        Self { noise_model, ..self }
     }
 
     /// Sets how points become clusters.
@@ -200,8 +272,19 @@ mod tests {
         assert_eq!(params.with_min_vicinity(-1), Err(ParamsError::MinVicinity(-1)));
         assert_eq!(params.with_expansion_interval(-1), Err(ParamsError::ExpansionInterval(-1)));
         assert_eq!(params.with_expansion_interval(0).unwrap().expansion_interval(), 0);
+        assert_eq!(params.with_max_voxels(-1), Err(ParamsError::MaxVoxels(-1)));
+        assert_eq!(params.with_keep_radius(-0.5), Err(ParamsError::KeepRadius(-0.5)));
+        assert!(matches!(params.with_keep_radius(f64::INFINITY), Err(ParamsError::KeepRadius(_))));
         let line = ParamsError::Depth(9).to_string();
         assert_eq!(line, "depth is 9; it must be from 1 to 8");
+    }
+
+    #[test]
+    fn the_letter_forgets_nothing_whatever_is_said() {
+        assert!(Params::default().clearing());
+        assert!(!Params::default().with_clearing(false).clearing());
+        assert!(!Params::paper().with_clearing(true).clearing());
+        assert_eq!(Params::default().mode(), Mode::Consistent);
     }
 
     #[test]

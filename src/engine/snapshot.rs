@@ -2,13 +2,14 @@
 
 use nalgebra::{Isometry3, Matrix3, Point3, UnitVector3, Vector3};
 
+use super::class::SurfaceClass;
 use super::key::{ClusterId, VoxelKey};
 use super::scan::Stamp;
 
 /// How far a cluster can be relied on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ClusterState {
-    /// Fewer voxels than [`super::MIN_RELIABLE_VOXELS`].
+    /// Too small or too new to be relied on; in `paper`, fewer voxels than [`super::MIN_RELIABLE_VOXELS`].
     Tentative,
     /// Still considered for expansion.
     Active,
@@ -29,12 +30,30 @@ pub struct Cluster {
     pub first_seen: Stamp,
     /// Newest stamp of the scans that put a point into one of its voxels.
     pub last_seen: Stamp,
+    /// What it is to a robot; the letter does not say.
+    pub class: SurfaceClass,
+    /// Probability that the class is right, 0 to 1.
+    pub class_confidence: f32,
     /// The cluster's normal (Definition 5), towards the side it was seen from.
     pub normal: UnitVector3<f64>,
+    /// The plane's d (m): normal . x + d = 0.
+    pub offset: f64,
+    /// Covariance of the plane: turn about the pose's x, turn about its y, place along its z at its origin (rad^2, rad m,
+    /// m^2); `None` where it is not known.
+    pub plane_covariance: Option<Matrix3<f64>>,
     /// Mean of the members' centres (m).
     pub centroid: Point3<f64>,
-    /// Covariance of the members' centres (m^2).
-    pub centre_covariance: Matrix3<f64>,
+    /// Covariance of the members: of their centres (`paper`), or of their points (m^2).
+    pub covariance: Matrix3<f64>,
+    /// Root mean square distance of the same from the plane (m).
+    pub rms_error: f64,
+    /// Area of the boundary less its holes (m^2); `None` where it is not known.
+    pub area: Option<f64>,
+    /// The surface's edge on the plane (m), counter-clockwise seen from where the normal points; empty where it is not
+    /// known.
+    pub boundary: Vec<Point3<f64>>,
+    /// Holes in it, clockwise.
+    pub holes: Vec<Vec<Point3<f64>>>,
     /// Middle of the box around the members' centres; +z = normal, +x = the long side.
     pub pose: Isometry3<f64>,
     /// Full extents of that box along the pose's axes (m).

@@ -175,7 +175,7 @@ mod tests {
 
     #[test]
     fn every_value_is_tried_and_no_set_of_parameters_twice() {
-        let sweep = Sweep::new(Params::default());
+        let sweep = Sweep::new(Params::paper());
         let values: Vec<_> = sweep.varied.iter().map(|varied| varied.cases.len()).collect();
         assert_eq!(values, [8, 6, 5, 5]);
         assert_eq!(sweep.runs.len(), 8 + 5 + 4 + 4);
@@ -183,7 +183,7 @@ mod tests {
 
     #[test]
     fn a_usual_value_of_its_own_is_among_those_tried() {
-        let sweep = Sweep::new(Params::default().with_max_normal_angle(0.6).unwrap());
+        let sweep = Sweep::new(Params::paper().with_max_normal_angle(0.6).unwrap());
         let Varied { usual, cases, .. } = &sweep.varied[1];
         assert_eq!(*usual, 0.6);
         assert_eq!(

@@ -78,7 +78,7 @@ mod tests {
 
     /// Offers scans of one point to a method that takes so long (ms) for each that it takes in.
     fn taken(scans: u64, took: impl IntoIterator<Item = u64>) -> Vec<Taken> {
-        let mut run = LiveRun::new(Box::new(Static::new(Params::default())));
+        let mut run = LiveRun::new(Box::new(Static::new(Params::paper())));
         let mut took = took.into_iter();
         let scan = Scan {
             stamp: Stamp::default(),

@@ -14,6 +14,8 @@ mod figures;
 mod files;
 mod live;
 mod method;
+#[cfg(feature = "sim")]
+pub mod quality;
 mod results;
 mod statistics;
 mod summary;
@@ -48,7 +50,7 @@ const SNAPSHOTS: usize = 12;
 ///
 /// # fn figures(scans: impl Iterator<Item = Scan>) -> Result<(), cfodi::export::WriteError> {
 /// let begin = std::time::Instant::now();
-/// let mut experiment = Experiment::new(Params::default(), move || begin.elapsed());
+/// let mut experiment = Experiment::new(Params::paper(), move || begin.elapsed());
 /// for scan in scans {
 ///     experiment.scan(&scan);
 /// }

@@ -52,7 +52,7 @@ fn floor(number: u16) -> Scan {
 }
 
 fn results(scans: impl IntoIterator<Item = Scan>) -> Results {
-    let mut experiment = Experiment::new(Params::default(), scripted_clock());
+    let mut experiment = Experiment::new(Params::paper(), scripted_clock());
     scans.into_iter().for_each(|scan| experiment.scan(&scan));
     experiment.finish()
 }
@@ -156,7 +156,7 @@ fn both_methods_agree_on_what_one_scan_shows() {
 
 #[test]
 fn times_are_those_of_the_clock_and_stream_time_that_of_the_stamps() {
-    let mut experiment = Experiment::new(Params::default(), {
+    let mut experiment = Experiment::new(Params::paper(), {
         // Each read is 1 ms later: four steps and the way back make 5 ms of CFODI, one step less of STATIC.
         let mut now = Duration::ZERO;
         move || {
@@ -221,7 +221,7 @@ fn what_an_earlier_experiment_left_is_removed() {
     let folder = Folder::new("earlier");
     results((0..5).map(floor)).write(&folder.0).unwrap();
     assert_eq!(folder.names(), sorted(&[&TABLES, &CHARTS, &EFFECTS, &PICTURES]));
-    let mut short = Experiment::new(Params::default(), scripted_clock()).without_effects();
+    let mut short = Experiment::new(Params::paper(), scripted_clock()).without_effects();
     short.scan(&floor(0));
     short.finish().write(&folder.0).unwrap();
     assert_eq!(folder.names(), sorted(&[&TABLES, &CHARTS, &PICTURES[..1]]));

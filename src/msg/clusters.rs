@@ -5,7 +5,7 @@
 use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
 
-use super::ros::{Header, Plane, Point, Polygon, Pose, Quaternion, Time, Vector3};
+use super::ros::{Header, Plane, Point, Point32, Polygon, Pose, Quaternion, Time, Vector3};
 use crate::engine::{ChangedCluster, Cluster, ClusterId, ClusterState, Snapshot, Stamp, Update};
 
 /// `cfodi_msgs/SurfaceCluster`.
@@ -55,8 +55,6 @@ impl SurfaceCluster {
     pub const STATE_ACTIVE: u8 = 1;
     /// `state`: not grown for `expansion_interval` scans.
     pub const STATE_COMPLETE: u8 = 2;
-    /// `surface_class`: not computed yet.
-    pub const CLASS_UNKNOWN: u8 = 0;
 }
 
 /// Names of a map that stand in every message about it.
@@ -116,7 +114,6 @@ impl SurfaceClusterArray {
 impl From<&Cluster> for SurfaceCluster {
     fn from(cluster: &Cluster) -> Self {
         let n = cluster.normal;
-        let rms = (n.dot(&(cluster.centre_covariance * n.into_inner()))).max(0.0).sqrt();
         Self {
             id: cluster.id.get(),
             revision: cluster.revision,
@@ -125,25 +122,30 @@ impl From<&Cluster> for SurfaceCluster {
                 ClusterState::Active => Self::STATE_ACTIVE,
                 ClusterState::Complete => Self::STATE_COMPLETE,
             },
-            surface_class: Self::CLASS_UNKNOWN,
-            class_confidence: 0.0,
+            surface_class: cluster.class.number(),
+            class_confidence: cluster.class_confidence,
             merged_from: Vec::new(),
             first_seen: cluster.first_seen.into(),
             last_seen: cluster.last_seen.into(),
-            plane: Plane { coef: [n.x, n.y, n.z, -n.dot(&cluster.centroid.coords)] },
+            plane: Plane { coef: [n.x, n.y, n.z, cluster.offset] },
             pose: pose(cluster),
             size: Vector3 { x: cluster.size.x, y: cluster.size.y, z: cluster.size.z },
             centroid: point(&cluster.centroid),
-            point_covariance: row_major(&cluster.centre_covariance),
-            plane_covariance: [f64::NAN; 9],
-            rms_error: rms as f32,
-            area: f32::NAN,
+            point_covariance: row_major(&cluster.covariance),
+            plane_covariance: cluster.plane_covariance.as_ref().map_or([f64::NAN; 9], row_major),
+            rms_error: cluster.rms_error as f32,
+            area: cluster.area.map_or(f32::NAN, |area| area as f32),
             voxel_count: cluster.voxel_count,
             point_count: cluster.point_count,
-            boundary: Polygon::default(),
-            holes: Vec::new(),
+            boundary: polygon(&cluster.boundary),
+            holes: cluster.holes.iter().map(|hole| polygon(hole)).collect(),
         }
     }
+}
+
+fn polygon(points: &[nalgebra::Point3<f64>]) -> Polygon {
+    let point = |p: &nalgebra::Point3<f64>| Point32 { x: p.x as f32, y: p.y as f32, z: p.z as f32 };
+    Polygon { points: points.iter().map(point).collect() }
 }
 
 fn pose(cluster: &Cluster) -> Pose {
@@ -165,7 +167,7 @@ fn row_major(matrix: &Matrix3<f64>) -> [f64; 9] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::engine::{Engine, Isometry3, Params, Points, Scan};
+    use crate::engine::{Engine, Isometry3, Params, Points, Scan, SurfaceClass};
 
     #[test]
     fn plane_pose_size_and_centroid_fit_together() {
@@ -176,7 +178,7 @@ mod tests {
             fixed_from_sensor: Isometry3::translation(5.0, 0.0, 2.0),
             points: Points::F32(points),
         };
-        let mut engine = Engine::new(Params::default());
+        let mut engine = Engine::new(Params::paper());
         let session = Session { id: 7, frame_id: "odom".into() };
         let delta = SurfaceClusterArray::delta(&session, &engine.insert(&scan));
         assert_eq!((delta.session_id, delta.sequence, delta.base_sequence), (7, 1, 0));
@@ -188,14 +190,14 @@ mod tests {
         assert!(at(cluster.centroid).abs() < 1e-9 && at(cluster.pose.position).abs() < 1e-6);
         assert!((cluster.size.x - 2.0).abs() < 0.09 && (cluster.size.y - 1.0).abs() < 0.09);
         assert!(cluster.size.z < 1e-6 && cluster.rms_error < 1e-6);
-        assert_eq!((cluster.surface_class, cluster.class_confidence), (SurfaceCluster::CLASS_UNKNOWN, 0.0));
+        assert_eq!((cluster.surface_class, cluster.class_confidence), (SurfaceClass::Unknown.number(), 0.0));
         assert!(cluster.area.is_nan() && cluster.plane_covariance.iter().all(|c| c.is_nan()));
     }
 
     #[test]
     fn a_map_without_scans_is_an_empty_snapshot_at_time_zero() {
         let session = Session { id: 7, frame_id: "odom".into() };
-        let empty = SurfaceClusterArray::snapshot(&session, &Engine::new(Params::default()).snapshot());
+        let empty = SurfaceClusterArray::snapshot(&session, &Engine::new(Params::paper()).snapshot());
         assert_eq!((empty.sequence, empty.clusters.len(), empty.header.stamp), (0, 0, Time::default()));
     }
 }

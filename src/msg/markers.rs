@@ -144,7 +144,7 @@ mod tests {
     use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
     use super::*;
-    use crate::engine::{ClusterState, Stamp, VoxelKey};
+    use crate::engine::{ClusterState, Stamp, SurfaceClass, VoxelKey};
 
     fn snapshot(ids: &[u64]) -> Snapshot {
         let id = |id: &u64| ClusterId::new(*id).unwrap();
@@ -154,9 +154,17 @@ mod tests {
             state: ClusterState::Active,
             first_seen: Stamp::default(),
             last_seen: Stamp::default(),
+            class: SurfaceClass::Floor,
+            class_confidence: 1.0,
             normal: Vector3::z_axis(),
+            offset: 0.0,
+            plane_covariance: None,
             centroid: Point3::origin(),
-            centre_covariance: Matrix3::zeros(),
+            covariance: Matrix3::zeros(),
+            rms_error: 0.0,
+            area: Some(1.0),
+            boundary: Vec::new(),
+            holes: Vec::new(),
             pose: Isometry3::identity(),
             size: Vector3::zeros(),
             voxel_count: 12,

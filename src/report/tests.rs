@@ -37,7 +37,7 @@ fn tell(story: &mut Story, engine: &mut Engine, scans: impl Iterator<Item = u32>
 }
 
 fn whole_story(bound: usize, scans: u32) -> (Story, Snapshot) {
-    let (mut story, mut engine) = (Story::of_moments(bound), Engine::new(Params::default()));
+    let (mut story, mut engine) = (Story::of_moments(bound), Engine::new(Params::paper()));
     tell(&mut story, &mut engine, 0..scans);
     story.finish(&engine.snapshot());
     (story, engine.snapshot())
@@ -112,7 +112,7 @@ fn moments_stay_within_their_bound_and_the_last_state_is_among_them() {
 
 #[test]
 fn a_moment_is_wanted_once_a_scan_and_not_before_the_first() {
-    let (mut story, mut engine) = (Story::new(), Engine::new(Params::default()));
+    let (mut story, mut engine) = (Story::new(), Engine::new(Params::paper()));
     assert!(!story.wants_moment());
     tell(&mut story, &mut engine, 0..1);
     assert!(!story.wants_moment());
@@ -120,7 +120,7 @@ fn a_moment_is_wanted_once_a_scan_and_not_before_the_first() {
 
 #[test]
 fn the_changes_put_together_are_the_snapshots() {
-    let (mut story, mut engine) = (Story::of_moments(4), Engine::new(Params::default()));
+    let (mut story, mut engine) = (Story::of_moments(4), Engine::new(Params::paper()));
     let mut snapshots = BTreeMap::new();
     for number in 0..23 {
         tell(&mut story, &mut engine, number..=number);
@@ -133,7 +133,7 @@ fn the_changes_put_together_are_the_snapshots() {
 
 #[test]
 fn a_moment_holds_only_what_differs_from_the_one_before() {
-    let (mut story, engine) = (Story::new(), &mut Engine::new(Params::default()));
+    let (mut story, engine) = (Story::new(), &mut Engine::new(Params::paper()));
     tell(&mut story, engine, 0..2);
     let dense = engine.snapshot().voxels.len();
     assert!(story.moments[1].voxels.len() < dense / 2, "{} of {dense}", story.moments[1].voxels.len());
@@ -146,9 +146,9 @@ fn a_moment_holds_only_what_differs_from_the_one_before() {
 
 #[test]
 fn after_a_reset_of_the_engine_nothing_of_the_map_before_is_left() {
-    let (mut story, mut engine) = (Story::new(), Engine::new(Params::default()));
+    let (mut story, mut engine) = (Story::new(), Engine::new(Params::paper()));
     tell(&mut story, &mut engine, 0..6);
-    let mut engine = Engine::new(Params::default());
+    let mut engine = Engine::new(Params::paper());
     tell(&mut story, &mut engine, 30..32);
     let snapshot = engine.snapshot();
     assert_eq!(replayed(&story).last(), Some(&shown(&snapshot)));
@@ -159,7 +159,7 @@ fn after_a_reset_of_the_engine_nothing_of_the_map_before_is_left() {
 
 #[test]
 fn the_numbers_of_a_scan_agree_with_the_snapshot() {
-    let (mut story, mut engine) = (Story::of_moments(2), Engine::new(Params::default()));
+    let (mut story, mut engine) = (Story::of_moments(2), Engine::new(Params::paper()));
     for number in 0..12 {
         tell(&mut story, &mut engine, number..=number);
         let (last, snapshot) = (story.series.columns.last().unwrap(), engine.snapshot());

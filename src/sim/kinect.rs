@@ -1,18 +1,16 @@
 //! The first Kinect: a pinhole depth camera whose measurements scatter and come in steps.
 //!
-//! Along the optical axis a measured depth scatters by sigma = 0.0012 + 0.0019 (z - 0.4)^2 m (Nguyen, Izadi and Lovell,
-//! "Modeling Kinect Sensor Noise for Improved 3D Reconstruction and Tracking", 2012) and is then rounded to a whole raw
-//! disparity, z = 1 / (3.3309495161 - 0.0030711016 raw): a step of 3 mm at 1 m, 12 mm at 2 m, 49 mm at 4 m.
-//!
-//! Nguyen's sigma was measured on a real Kinect, whose depths were already rounded so. It holds a part of the rounding
-//! (a step has a standard deviation of 0.29 of its size), and the simulated depths scatter by up to a sixth more than
-//! the real ones did. The scatter of neighbouring pixels is independent here; in a real Kinect it is not quite.
+//! `noise.rs` says by how much, and where nothing is measured: out of range, in the shadow of the projector, and
+//! ever more often at grazing angles.
 
-use nalgebra::Isometry3;
-use rand::Rng;
+use nalgebra::{Isometry3, Vector3};
+use rand::{Rng, RngExt};
 use rand_distr::{Distribution, StandardNormal};
 
-use super::raycast::inverse_depths;
+use super::noise::{
+    BASELINE, SAFE_COSINE, clear_shadows, dropout_probability, scatter_sigma, to_whole_disparity,
+};
+use super::raycast::View;
 use super::scene::Scene;
 
 /// Intrinsics and range of a depth camera without distortion.
@@ -45,6 +43,8 @@ pub struct DepthImage {
     pub height: usize,
     /// Depth along the optical axis (m); NaN where nothing was measured.
     pub depths: Vec<f32>,
+    /// Label of the surface that was measured; 0 where nothing was.
+    pub labels: Vec<u32>,
 }
 
 impl Kinect {
@@ -52,6 +52,13 @@ impl Kinect {
     pub const fn v1() -> Self {
         let (width, height) = (640, 480);
         Self { width, height, fx: 525.0, fy: 525.0, cx: 319.5, cy: 239.5, min_range: 0.4, max_range: 8.0 }
+    }
+
+    /// The camera whose pixels are every `stride`-th one of this camera, from the first on.
+    pub(super) fn every_nth_pixel(&self, stride: usize) -> Self {
+        let (width, height) = (self.width.div_ceil(stride), self.height.div_ceil(stride));
+        let [fx, fy, cx, cy] = [self.fx, self.fy, self.cx, self.cy].map(|length| length / stride as f64);
+        Self { width, height, fx, fy, cx, cy, ..self.clone() }
     }
 
     /// Number of pixels.
@@ -69,50 +76,63 @@ impl Kinect {
         (row as f64 - self.cy) / self.fy
     }
 
-    /// What the Kinect measures at a pose in the scene.
+    /// What the Kinect measures at a pose in the scene, `seconds` after the start.
     pub fn sample(
         &self,
         scene: &Scene,
         fixed_from_optical: &Isometry3<f64>,
+        seconds: f64,
         rng: &mut impl Rng,
     ) -> DepthImage {
-        let inverse_depths = inverse_depths(scene, self, fixed_from_optical);
-        let depths =
-            inverse_depths.into_iter().map(|w| if w > 0.0 { self.measure(1.0 / w, rng) } else { f32::NAN });
-        DepthImage { width: self.width, height: self.height, depths: depths.collect() }
+        let mut view = View::new(scene, self, fixed_from_optical, seconds);
+        view.inverse_depths
+            .chunks_exact_mut(self.width)
+            .for_each(|row| clear_shadows(row, self.fx * BASELINE));
+        let mut depths = Vec::with_capacity(self.pixels());
+        for row in 0..self.height {
+            let y = self.direction_y(row);
+            for column in 0..self.width {
+                let ray = Vector3::new(self.direction_x(column), y, 1.0);
+                depths.push(self.pixel(&view, row * self.width + column, &ray, rng));
+            }
+        }
+        let mut labels = view.labels;
+        let unmeasured = labels.iter_mut().zip(&depths).filter(|(_, depth)| depth.is_nan());
+        unmeasured.for_each(|(label, _)| *label = 0);
+        DepthImage { width: self.width, height: self.height, depths, labels }
+    }
+
+    /// What is measured in a pixel.
+    fn pixel(&self, view: &View, pixel: usize, ray: &Vector3<f64>, rng: &mut impl Rng) -> f32 {
+        let w = view.inverse_depths[pixel];
+        if w <= 0.0 {
+            return f32::NAN;
+        }
+        let grazing = view.cosine_below(SAFE_COSINE, pixel, ray);
+        if grazing.is_some_and(|cosine| rng.random::<f64>() < dropout_probability(cosine)) {
+            return f32::NAN;
+        }
+        self.measure(1.0 / w, rng)
     }
 
     /// One measurement of a true depth; NaN where the measured depth is out of range.
     fn measure(&self, depth: f64, rng: &mut impl Rng) -> f32 {
         let scatter: f64 = StandardNormal.sample(rng);
-        let measured = to_whole_disparity(depth + axial_sigma(depth) * scatter);
+        let measured = to_whole_disparity(depth + scatter_sigma(depth) * scatter);
         if (self.min_range..=self.max_range).contains(&measured) { measured as f32 } else { f32::NAN }
     }
-}
-
-/// Standard deviation of a depth (m), Nguyen et al. 2012.
-fn axial_sigma(depth: f64) -> f64 {
-    0.0012 + 0.0019 * (depth - 0.4) * (depth - 0.4)
-}
-
-/// The depth (m) of the nearest whole raw disparity.
-fn to_whole_disparity(depth: f64) -> f64 {
-    const OFFSET: f64 = 3.330_949_516_1;
-    const SLOPE: f64 = 0.003_071_101_6;
-    // Rounds: a raw disparity is positive from 0.3 m on, and a cast drops the fraction.
-    let raw = ((OFFSET - 1.0 / depth) / SLOPE + 0.5) as u32;
-    1.0 / (OFFSET - SLOPE * f64::from(raw))
 }
 
 #[cfg(test)]
 mod tests {
     use std::f64::consts::FRAC_PI_2;
 
-    use nalgebra::{UnitQuaternion, Vector3};
+    use nalgebra::UnitQuaternion;
     use rand::SeedableRng;
     use rand::rngs::Xoshiro256PlusPlus;
 
     use super::*;
+    use crate::sim::noise::axial_sigma;
 
     /// Optical frame at (x, y, 1.0), looking along +x of the room.
     fn looking_east(x: f64, y: f64) -> Isometry3<f64> {
@@ -123,7 +143,7 @@ mod tests {
     fn wall_at(depth: f64) -> DepthImage {
         // From y = 2.4 only the east wall, at x = 6.5, is in the middle of the image.
         let pose = looking_east(6.5 - depth, 2.4);
-        Kinect::v1().sample(&Scene::room(), &pose, &mut Xoshiro256PlusPlus::seed_from_u64(1))
+        Kinect::v1().sample(&Scene::room(), &pose, 0.0, &mut Xoshiro256PlusPlus::seed_from_u64(1))
     }
 
     /// Depths of the middle of the image.
@@ -147,17 +167,15 @@ mod tests {
     }
 
     #[test]
-    fn depths_scatter_by_nguyen_s_sigma_and_a_share_of_the_disparity_step() {
+    fn scatter_and_rounding_together_are_nguyen_s_sigma() {
         for depth in [1.0, 2.0, 4.0, 6.0] {
             let (_, deviation) = mean_and_deviation(&middle(&wall_at(depth)));
-            let rounding = 0.003_071 * depth * depth / 12_f64.sqrt();
-            let expected = axial_sigma(depth).hypot(rounding);
+            let expected = axial_sigma(depth);
             assert!(
                 (deviation / expected - 1.0).abs() < 0.03,
                 "{deviation} m is not {expected} m at {depth} m"
             );
         }
-        assert!((axial_sigma(2.4) - 0.0088).abs() < 1e-12);
     }
 
     #[test]
@@ -175,11 +193,17 @@ mod tests {
     }
 
     #[test]
-    fn rounding_gives_the_nearer_of_two_disparities() {
-        for z in (40..800).map(|centimetres| f64::from(centimetres) * 0.01) {
-            let off = (1.0 / to_whole_disparity(z) - 1.0 / z).abs();
-            assert!(off <= 0.5 * 0.003_071_101_6 + 1e-12, "{z} m");
-        }
+    fn left_of_a_near_thing_is_the_projector_s_shadow() {
+        // The cupboard's west side is at x = 6.05, from y = -1.9 to -0.7, which is its left end here.
+        let pose = looking_east(4.55, -0.7);
+        let image =
+            Kinect::v1().sample(&Scene::room(), &pose, 0.0, &mut Xoshiro256PlusPlus::seed_from_u64(1));
+        let width = 525.0 * BASELINE * (1.0 / 1.5 - 1.0 / 1.95);
+        let row = &image.depths[240 * 640..][..640];
+        let dark: Vec<_> = (200..440).filter(|&column| row[column].is_nan()).collect();
+        assert!((dark.len() as f64 - width).abs() <= 1.0, "{dark:?} for {width}");
+        assert!(dark.iter().all(|column| (320 - 8..320).contains(column)), "{dark:?}");
+        assert!(dark.iter().all(|column| image.labels[240 * 640 + column] == 0));
     }
 
     #[test]
@@ -188,7 +212,7 @@ mod tests {
         assert!(middle(&near).iter().all(|z| z.is_nan()));
         let far = Kinect { max_range: 3.0, ..Kinect::v1() };
         let mut rng = Xoshiro256PlusPlus::seed_from_u64(1);
-        let image = far.sample(&Scene::room(), &looking_east(2.0, 2.4), &mut rng);
+        let image = far.sample(&Scene::room(), &looking_east(2.0, 2.4), 0.0, &mut rng);
         assert!(middle(&image).iter().all(|z| z.is_nan()));
         assert!(image.depths.iter().all(|z| z.is_nan() || (0.4..=3.0).contains(z)));
     }

@@ -5,13 +5,14 @@
 
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 
-use super::path::{Path, Route};
+use super::path::Path;
+use super::scene::Scene;
 
 /// Speed along the path (m/s).
 pub const SPEED: f64 = 0.3;
 /// Height of the camera above the floor (m).
 pub const CAMERA_HEIGHT: f64 = 1.0;
-/// How far the camera looks down (rad), 15 degrees.
+/// How far the camera looks down where the scene does not say otherwise (rad), 15 degrees.
 pub const CAMERA_PITCH: f64 = 15.0 * std::f64::consts::PI / 180.0;
 /// The infrared camera, left of the middle of a Kinect as seen from the front, y of `camera_link` (m) (`openni_launch`).
 const INFRARED_CAMERA_Y: f64 = -0.02;
@@ -20,12 +21,13 @@ const INFRARED_CAMERA_Y: f64 = -0.02;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Robot {
     path: Path,
+    camera_pitch: f64,
 }
 
 impl Robot {
-    /// A robot that follows `route` from its first corner.
-    pub fn new(route: &Route) -> Self {
-        Self { path: Path::new(route) }
+    /// A robot that follows the scene's route from its first corner.
+    pub fn new(scene: &Scene) -> Self {
+        Self { path: Path::new(scene.route()), camera_pitch: scene.camera_pitch() }
     }
 
     /// The way it takes.
@@ -44,8 +46,8 @@ impl Robot {
     }
 
     /// `base_link` from `camera_link`.
-    pub fn base_from_camera() -> Isometry3<f64> {
-        let pitch = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), CAMERA_PITCH);
+    pub fn base_from_camera(&self) -> Isometry3<f64> {
+        let pitch = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), self.camera_pitch);
         Isometry3::from_parts(Translation3::new(0.0, 0.0, CAMERA_HEIGHT), pitch)
     }
 
@@ -57,7 +59,7 @@ impl Robot {
 
     /// `odom` from `camera_depth_optical_frame`, `seconds` after the start.
     pub fn optical_pose(&self, seconds: f64) -> Isometry3<f64> {
-        self.base_pose(seconds) * Self::base_from_camera() * Self::camera_from_optical()
+        self.base_pose(seconds) * self.base_from_camera() * Self::camera_from_optical()
     }
 }
 
@@ -70,7 +72,7 @@ mod tests {
 
     #[test]
     fn it_drives_at_its_speed_without_a_jump_of_place_or_heading() {
-        let robot = Robot::new(Scene::room().route());
+        let robot = Robot::new(&Scene::room());
         let (step, sharpest) = (1.0 / 30.0, SPEED / 0.6);
         let mut driven = 0.0;
         for i in 0..2400 {
@@ -86,7 +88,7 @@ mod tests {
 
     #[test]
     fn it_starts_at_the_origin_and_looks_where_it_drives() {
-        let robot = Robot::new(Scene::room().route());
+        let robot = Robot::new(&Scene::room());
         assert!(
             (robot.base_pose(0.0).to_homogeneous() - Isometry3::identity().to_homogeneous()).norm() < 1e-12
         );
@@ -100,7 +102,7 @@ mod tests {
 
     #[test]
     fn the_optical_axis_points_forward_and_fifteen_degrees_down() {
-        let robot = Robot::new(Scene::room().route());
+        let robot = Robot::new(&Scene::room());
         let optical = robot.optical_pose(0.0);
         let (sin, cos) = CAMERA_PITCH.sin_cos();
         assert!((optical * Vector3::z() - Vector3::new(cos, 0.0, -sin)).norm() < 1e-12);
@@ -110,11 +112,18 @@ mod tests {
 
     #[test]
     fn it_keeps_clear_of_everything_at_the_height_of_its_body() {
-        let (scene, robot) = (Scene::room(), Robot::new(Scene::room().route()));
-        for i in 0..600 {
-            let place = robot.base_pose(f64::from(i) * 0.1).translation;
-            let (nearest, distance) = scene.nearest(&(place * nalgebra::Point3::new(0.0, 0.0, 0.5))).unwrap();
-            assert!(distance > 0.45, "{distance} m from {}", nearest.name());
+        for name in Scene::NAMES {
+            let scene = Scene::named(name).unwrap();
+            let robot = Robot::new(&scene);
+            for i in 0..800 {
+                let seconds = f64::from(i) * 0.1;
+                for height in [0.2, 0.5, 1.0] {
+                    let place = robot.base_pose(seconds) * nalgebra::Point3::new(0.0, 0.0, height);
+                    let (nearest, distance) = scene.nearest(&place, seconds).unwrap();
+                    let clear = distance > 0.3 || (nearest.name() == "floor" && height == 0.2);
+                    assert!(clear, "{name}, {seconds} s: {distance} m from {}", nearest.name());
+                }
+            }
         }
     }
 }

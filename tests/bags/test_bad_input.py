@@ -147,7 +147,7 @@ def test_a_topic_that_is_no_sensor_is_refused(recording):
 
 @pytest.mark.parametrize("name, value, said", [
     ("voxel_size", "0.0", "voxel_size"), ("voxel_size", "wide", "wide"), ("voxel_sise", "0.1", "voxel_size"),
-    ("mode", "nonsense", "paper"), ("max_normal_angle", "4.0", "max_normal_angle"), ("min_points", "0", "min_points")])
+    ("mode", "nonsense", "consistent"), ("max_normal_angle", "4.0", "max_normal_angle"), ("min_points", "0", "min_points")])
 def test_a_parameter_that_cannot_be_ends_it_with_2(name, value, said, recording, tmp_path):
     done = cfodi("replay", recording("cabinet").folder(), "--voxels", tmp_path / "V.csv", "--ros-args", "-p",
                  f"{name}:={value}")

@@ -23,8 +23,9 @@ SUBSCRIBED = {
     "/tf_static": ("tf2_msgs/msg/TFMessage", RELIABLE, LATCHED),
 }
 DEFAULTS = {
-    "fixed_frame": "odom", "mode": "paper", "voxel_size": 0.08, "min_points": 15, "depth": 4, "max_normal_angle": 0.53,
-    "min_vicinity": 1, "expansion_interval": 10, "max_range": 6.0, "min_range": 0.4, "optical": "auto",
+    "fixed_frame": "odom", "mode": "consistent", "voxel_size": 0.08, "min_points": 15, "depth": 4, "max_normal_angle": 0.53,
+    "min_vicinity": 1, "expansion_interval": 10, "noise_model": "kinect_v1", "clearing": True, "max_voxels": 0,
+    "keep_radius": 0.0, "max_range": 6.0, "min_range": 0.4, "optical": "auto",
     "max_points": 4_000_000, "network_interfaces": [], "receive_buffer": 32 << 20, "tf_timeout": 0.2, "publish_rate": 2.0,
     "use_sim_time": False,
 }
@@ -90,6 +91,11 @@ def test_names_of_topics_node_and_namespace_can_be_remapped(start, peer):
     wait_until("the remapped input", lambda: peer.node.count_subscribers("/x"))
     assert not peer.node.count_subscribers("/points") and not peer.node.count_subscribers("/robot/points")
     assert parameters(peer, ["fixed_frame"], "/robot/surfaces") == {"fixed_frame": "map"}
+
+
+def test_in_the_papers_mode_nothing_is_cleared_and_the_parameters_say_so(start, peer):
+    start({"mode": "paper"}, points=None).ready()
+    assert parameters(peer, ["mode", "clearing"]) == {"mode": "paper", "clearing": False}
 
 
 @pytest.mark.parametrize("key", ["/**", "/cfodi", "cfodi"])

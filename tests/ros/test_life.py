@@ -18,8 +18,11 @@ REFUSED = [
     ("optical", "perhaps", ["must be", "auto", "yes", "no"]),
     ("publish_rate", "0.0", ["must be"]),
     ("network_interfaces", "[lo0]", ["must be"]),
-    ("mode", "fast", ["must be", "paper"]),
-    ("mode", "consistent", ["paper"]),
+    ("mode", "fast", ["must be", "consistent", "paper"]),
+    ("noise_model", "kinect_v2", ["must be", "kinect_v1", "none"]),
+    ("clearing", "1", ["must be"]),
+    ("max_voxels", "-1", ["must be"]),
+    ("keep_radius", "-1.5", ["must be"]),
 ]
 
 
@@ -30,6 +33,13 @@ def test_an_impossible_parameter_ends_it_with_status_2_and_says_why(name, value,
     lines = [line for line in node.lines if all(part in line for part in (name, value.strip("[]"), *says))]
     assert lines, f"no line with {name}, {value}, {says}:\n" + "\n".join(node.lines)
     assert not any("ready:" in line for line in node.lines)
+
+
+@pytest.mark.parametrize("name, value", [("clearing", "true"), ("max_voxels", "9"), ("keep_radius", "2.5")])
+def test_the_papers_mode_is_not_told_to_forget(name, value, start):
+    node = start({"mode": "paper", name: value})
+    assert node.wait(10) == 2
+    assert [line for line in node.lines if all(part in line for part in (name, value, "`paper`"))], "\n".join(node.lines)
 
 
 @pytest.mark.parametrize("name, nearest", [("voxel_sise", "voxel_size"), ("min_vicinty", "min_vicinity")])

@@ -6,6 +6,7 @@ use nalgebra::{
 
 use super::globals::{Global, Now, is_active};
 use super::grid::Grid;
+use crate::engine::class::SurfaceClass;
 use crate::engine::params::Params;
 use crate::engine::rectangle::smallest_rectangle;
 use crate::engine::snapshot::{Cluster, ClusterState};
@@ -22,9 +23,17 @@ pub(crate) fn describe(global: &Global, grid: &Grid, params: &Params, now: Now) 
         state: state(global, params, now),
         first_seen: global.first_seen,
         last_seen: global.last_seen,
+        class: SurfaceClass::Unknown,
+        class_confidence: 0.0,
         normal: global.normal,
+        offset: -global.normal.dot(&centroid.coords),
+        plane_covariance: None,
         centroid,
-        centre_covariance: covariance,
+        covariance,
+        rms_error: global.normal.dot(&(covariance * global.normal.into_inner())).max(0.0).sqrt(),
+        area: None,
+        boundary: Vec::new(),
+        holes: Vec::new(),
         pose,
         size,
         voxel_count: global.moments.count(),

@@ -5,10 +5,11 @@
 //! run of consecutive points in the same voxel.
 
 use hashbrown::HashMap;
-use nalgebra::{Matrix3, Point3, UnitVector3, Vector3};
+use nalgebra::UnitVector3;
 use rustc_hash::FxBuildHasher;
 
 use super::moments::Centre;
+use crate::engine::binning::{floor, map};
 use crate::engine::key::{DIRECTIONS, VoxelKey};
 use crate::engine::params::MAX_POINTS;
 use crate::engine::scan::{Points, Scan};
@@ -222,18 +223,6 @@ impl Grid {
 
 const TWO_POW_32: f64 = 4_294_967_296.0;
 
-/// p = R x + t, each term rounded on its own so that every processor finds the same voxel.
-fn map(rotation: &Matrix3<f64>, translation: &Vector3<f64>, [x, y, z]: [f64; 3]) -> Point3<f64> {
-    let axis = |i: usize| rotation[(i, 0)] * x + rotation[(i, 1)] * y + rotation[(i, 2)] * z + translation[i];
-    Point3::new(axis(0), axis(1), axis(2))
-}
-
-/// The floor of an index; far outside the grid it saturates there. (`f64::floor` is a call on plain x86-64.)
-fn floor(value: f64) -> i32 {
-    let truncated = value as i32;
-    truncated.saturating_sub(i32::from(value < f64::from(truncated)))
-}
-
 impl std::ops::Index<VoxelIndex> for Grid {
     type Output = Voxel;
 
@@ -250,7 +239,7 @@ impl std::ops::IndexMut<VoxelIndex> for Grid {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::Isometry3;
+    use nalgebra::{Isometry3, Point3};
 
     use super::*;
     use crate::engine::scan::Stamp;

@@ -142,7 +142,7 @@ mod tests {
 
     #[test]
     fn reading_r11_static_of_every_scan_is_static_of_the_engines_map() {
-        let params = Params::default().with_voxel_size(0.1).unwrap().with_min_points(1).unwrap();
+        let params = Params::paper().with_voxel_size(0.1).unwrap().with_min_points(1).unwrap();
         let (mut statics, mut engine) = (Static::new(params), Cfodi::new(params));
         for number in 0..3 {
             statics.insert(&scan(number));
@@ -162,13 +162,13 @@ mod tests {
     #[test]
     fn the_steps_of_static_end_in_their_order_and_there_is_no_third() {
         let mut seen = Vec::new();
-        Static::new(Params::default()).insert_observed(&scan(0), |step| seen.push(step));
+        Static::new(Params::paper()).insert_observed(&scan(0), |step| seen.push(step));
         assert_eq!(seen, [PipelineStep::Binned, PipelineStep::Normals, PipelineStep::Partials]);
     }
 
     #[test]
     fn static_of_nothing_is_an_empty_map() {
-        let mut statics = Static::new(Params::default());
+        let mut statics = Static::new(Params::paper());
         assert_eq!(statics.map(), StaticMap::default());
         statics.insert(&Scan { points: Points::F32(Vec::new()), ..scan(0) });
         assert_eq!(statics.map(), StaticMap::default());

@@ -1,0 +1,110 @@
+//! `cfodi experiment --scene`: every method driven through a simulated scene and scored against its truth.
+#![expect(clippy::print_stdout, reason = "the table is what the experiment is for")]
+
+use std::collections::BTreeMap;
+use std::num::NonZeroU32;
+use std::path::Path;
+use std::process::ExitCode;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::thread;
+
+use anyhow::{Context as _, anyhow};
+use cfodi::engine::Params;
+use cfodi::experiment::quality::{Laboratory, Scored, Table};
+use cfodi::export::write_whole;
+use cfodi::node::Setup;
+use cfodi::sim::Scene;
+
+use super::progress::Bar;
+
+/// Most runs that are made at once: each holds all maps of its methods.
+const MOST_AT_ONCE: usize = 2;
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct Simulation {
+    /// A simulated scene instead of a recording: its clusters are scored against the truth
+    #[arg(long, value_parser = clap::builder::PossibleValuesParser::new(Scene::NAMES))]
+    #[arg(conflicts_with_all = ["input", "topic", "no_effects"])]
+    scene: Option<String>,
+    /// Runs, each with noise of its own
+    #[arg(long, default_value_t = 8, conflicts_with = "input")]
+    #[arg(value_parser = clap::value_parser!(u64).range(1..=1000))]
+    seeds: u64,
+    /// How long the robot drives [s]
+    #[arg(long, default_value_t = 217.0, conflicts_with = "input", value_parser = seconds)]
+    seconds: f64,
+    /// Takes every n-th of the 30 scans a second
+    #[arg(long, default_value_t = NonZeroU32::MIN, conflicts_with = "input")]
+    scan_step: NonZeroU32,
+    /// Edge of a voxel [m], again for another; in place of the parameter of that name
+    #[arg(long, default_values_t = [0.05, 0.08], conflicts_with = "input", value_parser = metres)]
+    voxel_size: Vec<f64>,
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    let seconds: f64 = text.parse().map_err(|error| format!("{error}"))?;
+    let possible = (0.1..=3600.0).contains(&seconds);
+    possible.then_some(seconds).ok_or_else(|| "it must be from 0.1 to 3600 s".to_owned())
+}
+
+fn metres(text: &str) -> Result<f64, String> {
+    let metres = text.parse().map_err(|error| format!("{error}"))?;
+    Params::default().with_voxel_size(metres).map(|_| metres).map_err(|error| error.to_string())
+}
+
+/// Makes the runs, writes `quality.md` and `quality.csv` and prints the table.
+pub(crate) fn laboratory(setup: &Setup, options: &Simulation, out: &Path) -> anyhow::Result<ExitCode> {
+    let name = options.scene.as_deref().unwrap_or_default();
+    let scene = Scene::named(name).with_context(|| format!("there is no scene {name}"))?;
+    let Simulation { seeds, seconds, scan_step, voxel_size, .. } = options;
+    let laboratory = Laboratory::new(scene, *seconds, *scan_step, &setup.config.engine, voxel_size)?;
+    std::fs::create_dir_all(out).with_context(|| format!("cannot make {}", out.display()))?;
+    let mut table = Table::default();
+    for (seed, run) in runs(&laboratory, *seeds)? {
+        table.add_run(seed, &run);
+    }
+    let tables = table.markdown();
+    let title = format!(
+        "# Scene {name}: {seeds} runs of {seconds} s, {} scans each\n\n{tables}\n# What does not hold\n{}",
+        laboratory.scans(),
+        table.failures()
+    );
+    write_whole(&out.join("quality.md"), |file| file.write_all(title.as_bytes()))?;
+    write_whole(&out.join("quality.csv"), |file| file.write_all(table.csv().as_bytes()))?;
+    println!("{tables}\nwhat does not hold: {}", out.join("quality.md").display());
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The runs by seed, from 1; as many at once as there are processors, and two at most.
+fn runs(laboratory: &Laboratory, seeds: u64) -> anyhow::Result<BTreeMap<u64, Vec<Scored>>> {
+    let bar = Bar::of_scans(seeds * u64::from(laboratory.scans()));
+    bar.tell(format!("0 of {seeds} runs"));
+    let (next, done) = (AtomicU64::new(1), Mutex::new(BTreeMap::new()));
+    let work = || {
+        loop {
+            let seed = next.fetch_add(1, Ordering::Relaxed);
+            if seed > seeds {
+                return Some(());
+            }
+            let run = laboratory.run(seed, || bar.advance());
+            let mut done = done.lock().ok()?;
+            done.insert(seed, run);
+            bar.tell(format!("{} of {seeds} runs", done.len()));
+        }
+    };
+    let at_once = thread::available_parallelism().map_or(1, usize::from).min(MOST_AT_ONCE);
+    thread::scope(|scope| {
+        let threads: Vec<_> = (0..at_once)
+            .map(|number| {
+                thread::Builder::new().name(format!("cfodi-run-{number}")).spawn_scoped(scope, work)
+            })
+            .collect();
+        for thread in threads {
+            thread?.join().ok().flatten().ok_or_else(|| anyhow!("a run has failed"))?;
+        }
+        Ok::<_, anyhow::Error>(())
+    })?;
+    bar.finish();
+    done.into_inner().map_err(|_| anyhow!("a run has failed"))
+}

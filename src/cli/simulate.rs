@@ -1,0 +1,121 @@
+//! `cfodi simulate`: a drive through a built-in scene as a bag, with the truth about what was to be seen.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::atomic::Ordering;
+
+use anyhow::Context as _;
+use cfodi::bag::SensorBag;
+use cfodi::engine::Stamp;
+use cfodi::export::{WholeFile, write_whole};
+use cfodi::sim::drive::SCANS_PER_SECOND;
+use cfodi::sim::{Drive, Scene};
+use clap::builder::PossibleValuesParser;
+
+use super::progress::Bar;
+use super::replay::{WRONG, clash};
+use super::stop;
+use super::truth::truth;
+
+/// The topic of the clouds.
+const POINTS: &str = "/camera/depth/points";
+
+/// When every simulated drive begins, so that the same arguments give the same bytes (ns since the epoch).
+const START: Stamp = Stamp::from_nanos(1_700_000_000_000_000_000);
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct Options {
+    /// The recording: transforms, and on /camera/depth/points clouds whose points carry the label of their true surface
+    #[arg(long, value_name = "BAG.mcap")]
+    out: PathBuf,
+    /// Where the robot drives
+    #[arg(long, default_value = "lab", value_parser = PossibleValuesParser::new(Scene::NAMES))]
+    scene: String,
+    /// How long it drives (s)
+    #[arg(long, default_value = "30", value_name = "S", value_parser = seconds)]
+    seconds: f64,
+    /// Decides the noise of sensor and pose
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// The truth: every surface with label, name, class and place
+    #[arg(long, value_name = "T.json")]
+    truth: Option<PathBuf>,
+    /// By how much the poses told are wrong: standard deviations of each coordinate (m) and about each axis (rad)
+    #[arg(long, value_name = "M,RAD", value_parser = pose_noise)]
+    pose_noise: Option<PoseNoise>,
+}
+
+/// Standard deviations of the poses.
+#[derive(Clone, Copy, Debug)]
+struct PoseNoise {
+    sigma_m: f64,
+    sigma_rad: f64,
+}
+
+/// Longest drive (s).
+const LONGEST: f64 = 3600.0;
+
+fn seconds(text: &str) -> Result<f64, String> {
+    let seconds: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
+    let fits = seconds > 0.0 && seconds <= LONGEST;
+    if fits { Ok(seconds) } else { Err(format!("{seconds} is not above 0 and at most {LONGEST}")) }
+}
+
+fn pose_noise(text: &str) -> Result<PoseNoise, String> {
+    let sigma = |text: &str| {
+        let sigma: f64 = text.trim().parse().map_err(|_| format!("`{text}` is not a number"))?;
+        let fits = (0.0..=1.0).contains(&sigma);
+        if fits { Ok(sigma) } else { Err(format!("{sigma} is not from 0 to 1")) }
+    };
+    let (m, rad) = text.split_once(',').ok_or("two numbers are meant: M,RAD")?;
+    Ok(PoseNoise { sigma_m: sigma(m)?, sigma_rad: sigma(rad)? })
+}
+
+pub(crate) fn simulate(options: &Options) -> anyhow::Result<ExitCode> {
+    let outputs: Vec<_> =
+        [Some(&options.out), options.truth.as_ref()].into_iter().flatten().cloned().collect();
+    if let Some(clash) = clash(&outputs, &[]) {
+        eprintln!("cfodi: {clash}");
+        return Ok(ExitCode::from(WRONG));
+    }
+    let scene = Scene::named(&options.scene).context("the scene is not built in")?;
+    let drive = Drive::new(scene, options.seed, START);
+    let drive = match options.pose_noise {
+        Some(PoseNoise { sigma_m, sigma_rad }) => drive.with_pose_noise(sigma_m, sigma_rad),
+        None => drive,
+    };
+    let scans = ((options.seconds * f64::from(SCANS_PER_SECOND)).round() as u32).max(1);
+    if !record(&drive, scans, options)? {
+        eprintln!("cfodi: stopped by a signal: nothing is written");
+        return Ok(ExitCode::FAILURE);
+    }
+    if let Some(path) = &options.truth {
+        let truth =
+            truth(&options.scene, options.seed, f64::from(scans) / f64::from(SCANS_PER_SECOND), &drive);
+        write_whole(path, |out| writeln!(out, "{truth:#}"))?;
+    }
+    eprintln!("{scans} scans of scene {} in {}", options.scene, options.out.display());
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Whether all scans were written; a signal ends the drive and leaves no file.
+fn record(drive: &Drive, scans: u32, options: &Options) -> anyhow::Result<bool> {
+    let failed = || format!("cannot write {}", options.out.display());
+    let stop = stop::flag();
+    let mut bag = SensorBag::new(WholeFile::create(&options.out)?, POINTS).with_context(failed)?;
+    bag.transforms(&drive.static_transforms(), true).with_context(failed)?;
+    let bar = Bar::of_scans(u64::from(scans));
+    for index in 0..scans {
+        if stop.load(Ordering::Relaxed) {
+            bar.finish();
+            return Ok(false);
+        }
+        let step = drive.step(index);
+        bag.transforms(&step.tf, false).with_context(failed)?;
+        bag.points(&step.cloud).with_context(failed)?;
+        bar.advance();
+    }
+    bar.finish();
+    bag.finish().with_context(failed)?.commit()?;
+    Ok(true)
+}

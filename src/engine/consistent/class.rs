@@ -1,0 +1,249 @@
+//! Names a surface by its turn, height and size: floor, ceiling, wall, door, ...
+//!
+//! +z of the fixed frame is up. Rules decide by the sign of margins: how far the tilt is from the limit between level
+//! and sloped, how high a surface stands above the floor, and so on. The confidence is the product of the
+//! probabilities that each margin that decided has its sign, taken as normally distributed, and of the support by
+//! voxels: it never falls when the covariance shrinks or voxels are added. The constants of [`calibration`] are the
+//! only ones. Lengths in m, angles in rad; O(neighbours).
+
+use nalgebra::{Matrix2, UnitVector3};
+
+use crate::engine::SurfaceClass;
+
+/// Limits of the classes, and how uncertain their margins are.
+mod calibration {
+    /// Surfaces up to this inclination are level (10 degrees), from the next one on upright (70 degrees).
+    pub(super) const LEVEL: f64 = 0.174_533;
+    pub(super) const UPRIGHT: f64 = 1.221_730;
+    /// Error of a tilt beside its covariance: that of the fixed frame's up.
+    pub(super) const TILT_SIGMA: f64 = 0.017;
+    /// A level surface this much higher or lower than the floor is another.
+    pub(super) const STEP: f64 = 0.07;
+    pub(super) const HEIGHT_SIGMA: f64 = 0.02;
+    /// Without a known floor: area from which a level surface below the sensor is one.
+    pub(super) const FLOOR_AREA: f64 = 1.0;
+    /// Deviation of an area, relative to that one.
+    pub(super) const AREA_SIGMA: f64 = 0.5;
+    /// Highest place of a sensor above the ground that its robot stands on.
+    pub(super) const SENSOR_REACH: f64 = 2.5;
+    pub(super) const SENSOR_SIGMA: f64 = 0.3;
+    /// Deviation of rms / tolerance, of many voxels; of n voxels more by the root of 1 + `SUPPORT` / n.
+    pub(super) const FIT_SIGMA: f64 = 0.15;
+    /// Voxels for a support of 1 - 1/e.
+    pub(super) const SUPPORT: f64 = 8.0;
+    /// Widths and heights of doors; what is smaller, down to `PART` of it, may be part of one. The widest is a leaf of
+    /// 1.1 m with the jamb that stands beside it when it is open.
+    pub(super) const DOOR_WIDTH: [f64; 2] = [0.6, 1.35];
+    pub(super) const DOOR_HEIGHT: [f64; 2] = [1.7, 2.3];
+    pub(super) const PART: f64 = 0.5;
+    pub(super) const SIZE_SIGMA: f64 = 0.05;
+    /// Angle from which a door is open (15 degrees).
+    pub(super) const OPEN: f64 = 0.261_799;
+    /// A hinge lies this close to its wall's plane, and so does a shut door.
+    pub(super) const HINGE: f64 = 0.3;
+    /// Angle from which a door may as well be the next wall of the room (75 degrees), unless its wall is higher than
+    /// itself by `HIGHER`.
+    pub(super) const CORNER: f64 = 1.308_997;
+    pub(super) const HIGHER: f64 = 0.1;
+    /// Clearance above the floor up to which a surface certainly stands on it, and from which it counts half.
+    pub(super) const STANDS: [f64; 2] = [0.3, 1.0];
+    /// How likely an upright surface of a door's size is a door when no wall beside it is known.
+    pub(super) const ALONE: f64 = 0.25;
+}
+use calibration as c;
+
+/// A larger upright cluster that touches an upright one or stands within 0.3 m of its edge.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Neighbour {
+    /// Towards the side it was seen from.
+    pub(crate) normal: UnitVector3<f64>,
+    /// Distance of its plane from the nearest upright edge of the cluster (m).
+    pub(crate) hinge_offset: f64,
+    /// Distance of its plane from the middle of the cluster (m), of either sign.
+    pub(crate) plane_offset: f64,
+    /// Its highest z (m).
+    pub(crate) highest: f64,
+}
+
+/// What is known of a cluster.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Evidence<'a> {
+    /// Towards the side it was seen from.
+    pub(crate) normal: UnitVector3<f64>,
+    /// Covariance of turns of the normal about two axes in the plane (rad^2).
+    pub(crate) tilt_covariance: Matrix2<f64>,
+    /// Lowest and highest z (m).
+    pub(crate) lowest: f64,
+    pub(crate) highest: f64,
+    /// Extent along the horizontal direction in the plane (m).
+    pub(crate) width: f64,
+    /// Extent along the steepest direction in the plane (m).
+    pub(crate) height: f64,
+    /// (m^2)
+    pub(crate) area: f64,
+    /// Number of member voxels.
+    pub(crate) voxels: u32,
+    /// Edge of a voxel (m).
+    pub(crate) voxel_size: f64,
+    /// Root mean square distance of the points from the plane, and up to which one it is a plane (m).
+    pub(crate) rms: f64,
+    pub(crate) tolerance: f64,
+    /// z of the lowest known large surface that faces up, this one included (m).
+    pub(crate) floor: Option<f64>,
+    /// z of the sensor (m).
+    pub(crate) sensor: f64,
+    /// Of an upright cluster.
+    pub(crate) neighbours: &'a [Neighbour],
+}
+
+/// The class of a cluster and the probability that it is right, 0 to 1; unknown has 0.
+pub(crate) fn classify(evidence: &Evidence) -> (SurfaceClass, f32) {
+    let (class, likely) = evidence.class();
+    let confidence = likely * evidence.support();
+    // Evidence that is not a number decides nothing.
+    if class == SurfaceClass::Unknown || !confidence.is_finite() {
+        return (SurfaceClass::Unknown, 0.0);
+    }
+    (class, confidence as f32)
+}
+
+/// The probability that a value measured as `margin` with this deviation is above 0 (a logistic curve, within 0.01 of
+/// the normal distribution).
+fn likely(margin: f64, sigma: f64) -> f64 {
+    1.0 / (1.0 + (-1.702 * margin / sigma).exp())
+}
+
+/// 1 at `full` and beyond, a half at `half` and beyond.
+fn partly(value: f64, half: f64, full: f64) -> f64 {
+    0.5 + 0.5 * ((value - half) / (full - half)).clamp(0.0, 1.0)
+}
+
+impl Evidence<'_> {
+    fn support(&self) -> f64 {
+        1.0 - (-f64::from(self.voxels) / c::SUPPORT).exp()
+    }
+
+    /// Standard deviation of the tilt, in its least certain direction.
+    fn tilt_sigma(&self) -> f64 {
+        let [a, b, d] =
+            [self.tilt_covariance[(0, 0)], self.tilt_covariance[(0, 1)], self.tilt_covariance[(1, 1)]];
+        let largest = 0.5 * (a + d) + (0.25 * (a - d) * (a - d) + b * b).sqrt();
+        (largest + c::TILT_SIGMA * c::TILT_SIGMA).sqrt()
+    }
+
+    fn class(&self) -> (SurfaceClass, f64) {
+        let fit = 1.0 - self.rms / self.tolerance;
+        let fit_sigma = c::FIT_SIGMA * (1.0 + c::SUPPORT / f64::from(self.voxels.max(1))).sqrt();
+        if fit < 0.0 {
+            return (SurfaceClass::Curved, likely(-fit, fit_sigma));
+        }
+        let sigma = self.tilt_sigma();
+        let inclination = self.normal.z.abs().min(1.0).acos();
+        let (class, sure) = if inclination <= c::LEVEL {
+            let (class, sure) = if self.normal.z > 0.0 { self.facing_up() } else { self.facing_down() };
+            (class, sure * likely(c::LEVEL - inclination, sigma))
+        } else if inclination >= c::UPRIGHT {
+            let (class, sure) = self.upright();
+            (class, sure * likely(inclination - c::UPRIGHT, sigma))
+        } else {
+            let margins = [inclination - c::LEVEL, c::UPRIGHT - inclination];
+            (SurfaceClass::Slope, margins.map(|margin| likely(margin, sigma)).iter().product())
+        };
+        (class, sure * likely(fit, fit_sigma))
+    }
+
+    fn middle(&self) -> f64 {
+        f64::midpoint(self.lowest, self.highest)
+    }
+
+    fn facing_up(&self) -> (SurfaceClass, f64) {
+        let Some(floor) = self.floor else {
+            let area = (self.area - c::FLOOR_AREA) / c::FLOOR_AREA;
+            let class = if area >= 0.0 { SurfaceClass::Floor } else { SurfaceClass::Horizontal };
+            return (class, likely(area.abs(), c::AREA_SIGMA));
+        };
+        let margin = c::STEP - (self.middle() - floor).abs();
+        let reach = c::SENSOR_REACH - (self.sensor - floor);
+        if margin >= 0.0 && reach >= 0.0 {
+            (SurfaceClass::Floor, likely(margin, c::HEIGHT_SIGMA) * likely(reach, c::SENSOR_SIGMA))
+        } else {
+            let raised = likely(-margin, c::HEIGHT_SIGMA).max(likely(-reach, c::SENSOR_SIGMA));
+            (SurfaceClass::Horizontal, raised)
+        }
+    }
+
+    fn facing_down(&self) -> (SurfaceClass, f64) {
+        let above = self.middle() - self.sensor;
+        let class = if above >= 0.0 { SurfaceClass::Ceiling } else { SurfaceClass::Unknown };
+        (class, likely(above, c::HEIGHT_SIGMA))
+    }
+
+    fn upright(&self) -> (SurfaceClass, f64) {
+        let top = self.floor.map_or(self.height, |floor| self.highest - floor);
+        let size = Margins::all(&[
+            (c::DOOR_WIDTH[1] - self.width, c::SIZE_SIGMA),
+            (c::DOOR_HEIGHT[1] - top, c::SIZE_SIGMA),
+            (self.width - c::PART * c::DOOR_WIDTH[0], c::SIZE_SIGMA),
+            (self.height - c::PART * c::DOOR_HEIGHT[0], c::SIZE_SIGMA),
+        ]);
+        let beside = self.neighbours.iter().map(|neighbour| self.out_of(neighbour).and(size));
+        let doors = beside.clone().filter(Margins::hold).map(|margins| margins.product);
+        if let Some(likely) = doors.max_by(f64::total_cmp) {
+            return (SurfaceClass::Door, likely * self.seen_of_door(top));
+        }
+        let alone = Margins { product: c::ALONE, least: c::ALONE };
+        let doubt = beside.map(|margins| margins.least).max_by(f64::total_cmp);
+        (SurfaceClass::Wall, 1.0 - doubt.unwrap_or(alone.and(size).least))
+    }
+
+    /// How the cluster's plane leaves that of a wall.
+    fn out_of(&self, wall: &Neighbour) -> Margins {
+        let angle = self.normal.dot(&wall.normal).abs().min(1.0).acos();
+        let sigma = self.tilt_sigma();
+        let hinged = (c::HINGE - wall.hinge_offset.abs(), c::SIZE_SIGMA);
+        let mut open = Margins::all(&[(angle - c::OPEN, sigma), hinged]);
+        if angle > c::CORNER {
+            open = open.and(Margins::all(&[(wall.highest - self.highest - c::HIGHER, c::SIZE_SIGMA)]));
+        }
+        let offset = wall.plane_offset.abs();
+        let shut = Margins::all(&[
+            (c::OPEN - angle, sigma),
+            (offset - self.voxel_size, 0.25 * self.voxel_size),
+            (c::HINGE - offset, c::SIZE_SIGMA),
+        ]);
+        if shut.least > open.least { shut } else { open }
+    }
+
+    /// Less than 1 where only a part of a door's size has been seen.
+    fn seen_of_door(&self, top: f64) -> f64 {
+        let clearance = self.floor.map_or(0.0, |floor| self.lowest - floor);
+        partly(self.width, c::PART * c::DOOR_WIDTH[0], c::DOOR_WIDTH[0])
+            * partly(top, c::PART * c::DOOR_HEIGHT[0], c::DOOR_HEIGHT[0])
+            * partly(-clearance, -c::STANDS[1], -c::STANDS[0])
+    }
+}
+
+/// Conditions of which each holds with some probability, more than one half where its margin is above 0.
+#[derive(Clone, Copy)]
+struct Margins {
+    product: f64,
+    least: f64,
+}
+
+impl Margins {
+    fn all(margins: &[(f64, f64)]) -> Self {
+        let each = margins.iter().map(|&(margin, sigma)| likely(margin, sigma));
+        each.fold(Self { product: 1.0, least: 1.0 }, |all, one| all.and(Self { product: one, least: one }))
+    }
+
+    fn and(self, other: Self) -> Self {
+        Self { product: self.product * other.product, least: self.least.min(other.least) }
+    }
+
+    fn hold(&self) -> bool {
+        self.least >= 0.5
+    }
+}
+
+#[cfg(test)]
+mod tests;

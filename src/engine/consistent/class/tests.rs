@@ -1,0 +1,225 @@
+use nalgebra::Vector3;
+use proptest::prelude::*;
+
+use super::*;
+
+/// Towards +x, turned up by `elevation` and to the left by `turn` (degrees).
+fn normal(elevation: f64, turn: f64) -> UnitVector3<f64> {
+    let [elevation, turn] = [elevation, turn].map(f64::to_radians);
+    let level = elevation.cos();
+    UnitVector3::new_normalize(Vector3::new(level * turn.cos(), level * turn.sin(), elevation.sin()))
+}
+
+/// A well-seen surface; the floor is at 0, the sensor at 1 m.
+fn surface(elevation: f64) -> Evidence<'static> {
+    Evidence {
+        normal: normal(elevation, 0.0),
+        tilt_covariance: Matrix2::identity() * 1e-5,
+        lowest: 0.0,
+        highest: 0.0,
+        width: 2.0,
+        height: 2.0,
+        area: 4.0,
+        voxels: 400,
+        voxel_size: 0.05,
+        rms: 0.006,
+        tolerance: 0.02,
+        floor: Some(0.0),
+        sensor: 1.0,
+        neighbours: &[],
+    }
+}
+
+/// A door leaf of 0.9 x 2 m, turned out of its wall by `turn` (degrees).
+fn leaf(turn: f64) -> Evidence<'static> {
+    Evidence { normal: normal(0.0, turn), highest: 2.0, width: 0.9, ..surface(0.0) }
+}
+
+/// A wall of 2.6 m that faces +x, the leaf's hinge in its plane.
+fn wall() -> Neighbour {
+    Neighbour { normal: normal(0.0, 0.0), hinge_offset: 0.03, plane_offset: 0.0, highest: 2.6 }
+}
+
+/// Asserts the class and that it is rather sure.
+fn assert_class(evidence: &Evidence, expected: SurfaceClass) {
+    let (class, confidence) = classify(evidence);
+    assert!(
+        class == expected && confidence > 0.8 && confidence <= 1.0,
+        "{class:?} {confidence}: {evidence:?}"
+    );
+}
+
+#[test]
+fn the_floor_is_level_faces_up_and_lies_where_the_lowest_large_surface_is() {
+    assert_class(&surface(90.0), SurfaceClass::Floor);
+    assert_class(&surface(87.0), SurfaceClass::Floor);
+    assert_class(&Evidence { floor: None, area: 6.0, ..surface(90.0) }, SurfaceClass::Floor);
+    // A gallery's view of the hall below is not the robot's ground.
+    assert_class(&Evidence { sensor: 4.5, ..surface(90.0) }, SurfaceClass::Horizontal);
+}
+
+#[test]
+fn tables_and_steps_are_horizontal() {
+    for height in [0.17, 0.45, 0.74] {
+        assert_class(
+            &Evidence { lowest: height, highest: height, ..surface(90.0) },
+            SurfaceClass::Horizontal,
+        );
+    }
+    let small = Evidence { floor: None, area: 0.2, ..surface(90.0) };
+    assert_eq!(classify(&small).0, SurfaceClass::Horizontal);
+}
+
+#[test]
+fn the_ceiling_faces_down_above_the_sensor() {
+    assert_class(&Evidence { lowest: 2.5, highest: 2.5, ..surface(-90.0) }, SurfaceClass::Ceiling);
+    let table_from_below = Evidence { lowest: 0.7, highest: 0.7, ..surface(-90.0) };
+    assert_eq!(classify(&table_from_below), (SurfaceClass::Unknown, 0.0));
+}
+
+#[test]
+fn what_is_upright_is_a_wall() {
+    assert_class(&Evidence { highest: 2.5, height: 2.5, width: 4.0, ..surface(0.0) }, SurfaceClass::Wall);
+    assert_class(&Evidence { highest: 2.5, height: 2.5, width: 4.0, ..surface(-15.0) }, SurfaceClass::Wall);
+}
+
+#[test]
+fn what_is_inclined_by_10_to_70_degrees_is_a_slope_either_side_up() {
+    for elevation in [77.0, 45.0, 25.0, -25.0, -77.0] {
+        assert_class(&Evidence { highest: 1.0, ..surface(elevation) }, SurfaceClass::Slope);
+    }
+}
+
+#[test]
+fn where_no_plane_fits_the_surface_is_curved() {
+    assert_class(&Evidence { rms: 0.04, ..surface(90.0) }, SurfaceClass::Curved);
+    assert_class(&Evidence { rms: 0.04, ..surface(0.0) }, SurfaceClass::Curved);
+}
+
+#[test]
+fn a_leaf_of_a_doors_size_open_by_15_degrees_or_more_is_a_door() {
+    let beside = [wall()];
+    for turn in [25.0, 45.0, 70.0, 90.0, 135.0, -60.0, 200.0] {
+        assert_class(&Evidence { neighbours: &beside, ..leaf(turn) }, SurfaceClass::Door);
+    }
+    for turn in [0.0, 8.0, 180.0] {
+        let (class, _) = classify(&Evidence { neighbours: &beside, ..leaf(turn) });
+        assert_eq!(class, SurfaceClass::Wall, "at {turn} degrees");
+    }
+}
+
+#[test]
+fn a_shut_leaf_is_a_door_when_it_stands_out_of_its_walls_plane() {
+    let at = |plane_offset| {
+        classify(&Evidence { neighbours: &[Neighbour { plane_offset, ..wall() }], ..leaf(0.0) })
+    };
+    assert!(matches!(at(0.1), (SurfaceClass::Door, confidence) if confidence > 0.8));
+    assert!(matches!(at(-0.1), (SurfaceClass::Door, confidence) if confidence > 0.8));
+    assert_eq!(at(0.02).0, SurfaceClass::Wall);
+    assert_eq!(at(0.6).0, SurfaceClass::Wall);
+}
+
+#[test]
+fn what_has_no_doors_size_or_no_wall_beside_it_is_a_wall() {
+    let beside = [wall()];
+    let open = Evidence { neighbours: &beside, ..leaf(60.0) };
+    let class = |evidence: Evidence| classify(&evidence).0;
+    assert_eq!(class(Evidence { width: 1.4, ..open }), SurfaceClass::Wall);
+    assert_eq!(class(Evidence { width: 0.2, ..open }), SurfaceClass::Wall);
+    assert_eq!(class(Evidence { highest: 2.6, height: 2.6, ..open }), SurfaceClass::Wall);
+    assert_eq!(class(Evidence { highest: 0.7, height: 0.7, ..open }), SurfaceClass::Wall);
+    let away = [Neighbour { hinge_offset: 0.5, ..wall() }];
+    assert_eq!(class(Evidence { neighbours: &away, ..open }), SurfaceClass::Wall);
+    assert_eq!(class(leaf(60.0)), SurfaceClass::Wall);
+    assert!(classify(&leaf(60.0)).1 < classify(&Evidence { width: 3.0, ..leaf(60.0) }).1);
+}
+
+#[test]
+fn the_next_wall_of_a_room_is_no_door_at_a_right_angle() {
+    let as_high = [Neighbour { highest: 2.05, ..wall() }];
+    assert_eq!(classify(&Evidence { neighbours: &as_high, ..leaf(90.0) }).0, SurfaceClass::Wall);
+    assert_eq!(classify(&Evidence { neighbours: &as_high, ..leaf(50.0) }).0, SurfaceClass::Door);
+}
+
+#[test]
+fn a_door_seen_in_part_is_a_door_with_less_confidence() {
+    let beside = [wall()];
+    let whole = Evidence { neighbours: &beside, ..leaf(60.0) };
+    let part = Evidence { width: 0.45, highest: 1.4, height: 1.2, lowest: 0.2, ..whole };
+    let [(_, sure), (class, less)] = [classify(&whole), classify(&part)];
+    assert!(class == SurfaceClass::Door && less < 0.8 * sure && less > 0.25, "{less} of {sure}");
+}
+
+#[test]
+fn evidence_that_is_not_a_number_decides_nothing() {
+    let nothing = (SurfaceClass::Unknown, 0.0);
+    assert_eq!(classify(&Evidence { rms: f64::NAN, ..surface(90.0) }), nothing);
+    assert_eq!(
+        classify(&Evidence { tilt_covariance: Matrix2::identity() * f64::NAN, ..surface(0.0) }),
+        nothing
+    );
+    let sideways = UnitVector3::new_unchecked(Vector3::repeat(f64::NAN));
+    assert_eq!(classify(&Evidence { normal: sideways, ..surface(0.0) }), nothing);
+}
+
+#[test]
+fn classes_have_the_numbers_of_the_message() {
+    use SurfaceClass::*;
+    let classes = [Unknown, Floor, Ceiling, Wall, Horizontal, Slope, Curved, Door];
+    assert!((0..).zip(classes).all(|(number, class)| class.number() == number));
+}
+
+fn any_evidence() -> impl Strategy<Value = (Evidence<'static>, Vec<Neighbour>)> {
+    let neighbour =
+        (-180.0..180.0, -0.5..0.5, -0.5..0.5, 1.5..3.0).prop_map(|(turn, hinge, offset, highest)| {
+            Neighbour { normal: normal(0.0, turn), hinge_offset: hinge, plane_offset: offset, highest }
+        });
+    let shape = (prop_oneof![-90.0..90.0, -25.0..25.0], 0.0..1.0, 0.1..2.6, 0.1..3.0, 1u32..200);
+    let fit = (0.0..0.04, proptest::option::of(-0.5..0.5), 0.2..4.0, 1e-6..0.05);
+    (shape, fit, proptest::collection::vec(neighbour, 0..4)).prop_map(|(shape, fit, neighbours)| {
+        let (elevation, lowest, height, width, voxels) = shape;
+        let (rms, floor, sensor, variance) = fit;
+        let highest = lowest + height;
+        let tilt_covariance = Matrix2::new(variance, 0.3 * variance, 0.3 * variance, 0.5 * variance);
+        let area = width * height;
+        let evidence = Evidence {
+            tilt_covariance,
+            lowest,
+            highest,
+            width,
+            height,
+            area,
+            voxels,
+            rms,
+            floor,
+            sensor,
+            ..surface(elevation)
+        };
+        (evidence, neighbours)
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(2000))]
+    #[test]
+    fn confidence_is_a_probability_that_more_voxels_and_less_covariance_never_lower(
+        (evidence, neighbours) in any_evidence(), more in 0u32..100, less in 0.0..1.0,
+    ) {
+        let evidence = Evidence { neighbours: &neighbours, ..evidence };
+        let (class, confidence) = classify(&evidence);
+        prop_assert!((0.0..=1.0).contains(&confidence));
+        let better = Evidence {
+            voxels: evidence.voxels + more, tilt_covariance: evidence.tilt_covariance * less, ..evidence
+        };
+        let (same, at_least) = classify(&better);
+        prop_assert_eq!(same, class);
+        prop_assert!(at_least >= confidence, "{} before, {} after", confidence, at_least);
+    }
+
+    #[test]
+    fn the_order_of_neighbours_does_not_matter((evidence, neighbours) in any_evidence()) {
+        let turned: Vec<_> = neighbours.iter().rev().copied().collect();
+        let of = |neighbours| classify(&Evidence { neighbours, ..evidence });
+        prop_assert_eq!(of(&neighbours), of(&turned));
+    }
+}

@@ -1,0 +1,121 @@
+//! Voxels that the sensor now looks through lose their points.
+//!
+//! **Kept true.** A voxel goes only when it was seen through several times with little that speaks for it in between
+//! (see [`Clearance`](super::view::Clearance)), never in a scan that puts a point into it. What is not dense goes as well:
+//! strays would else pile up until they are dense.
+//!
+//! **Delay.** A block is looked at in every third scan, so five looks take 13 to 15 scans, half a second of a Kinect's.
+//!
+//! **Cost.** 2 to 3 ns a point for the ranges, and a look at each voxel with points in a third of the blocks in view: it
+//! follows the scan and the view, which ends at [`FARTHEST`].
+
+use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
+
+use super::grid::{Block, BlockIndex, BlockKey, Cell, EDGE, Grid, Voxel};
+use super::noise::NoiseModel;
+use super::view::{RangeGrid, Sight, half_extents};
+use crate::engine::scan::Scan;
+
+/// Scans between two looks at a block.
+const TURNS: u64 = 3;
+/// Depth beyond which nothing is looked at (m): no sensor of depth is sure there.
+const FARTHEST: f64 = 10.0;
+/// Standard deviations of a depth by which a ray must end beyond a voxel.
+const SIGMAS: f64 = 3.0;
+/// The same in voxels, for what the noise model leaves out: steps of disparity, a pose that lags behind.
+const SHARE: f64 = 0.5;
+
+/// What clearing keeps from scan to scan: its memory.
+#[derive(Clone, Debug)]
+pub(super) struct Clearing {
+    ranges: RangeGrid,
+    blocks: Vec<BlockKey>,
+    through: Vec<(BlockIndex, Cell)>,
+}
+
+impl Clearing {
+    pub(super) fn new() -> Self {
+        Self { ranges: RangeGrid::new(), blocks: Vec::new(), through: Vec::new() }
+    }
+
+    /// Takes out what the scan, which has been binned, saw through often enough; returns what was taken out.
+    pub(super) fn clear(&mut self, grid: &mut Grid, scan: &Scan, sequence: u64) -> Vec<(BlockIndex, Voxel)> {
+        self.ranges.fill(&scan.points);
+        let wanted = |key| is_its_turn(key, sequence) && grid.find(key).is_some();
+        let block_edge = grid.voxel_size() * f64::from(EDGE);
+        self.ranges.blocks_in_view(&scan.fixed_from_sensor, block_edge, FARTHEST, wanted, &mut self.blocks);
+        self.look(grid, &scan.fixed_from_sensor, sequence);
+        let mut cleared = Vec::new();
+        for (block, cell) in self.through.drain(..) {
+            if grid.seen_through(block, cell) {
+                cleared.extend(grid.remove(block, cell).map(|voxel| (block, voxel)));
+            }
+        }
+        cleared
+    }
+
+    /// Lists the voxels of the blocks in view that were seen through.
+    fn look(&mut self, grid: &Grid, fixed_from_sensor: &Isometry3<f64>, sequence: u64) {
+        let view = View::new(fixed_from_sensor, grid);
+        for block in self.blocks.iter().filter_map(|&key| grid.find(key)) {
+            let here = grid.block(block);
+            let corner = view.corner(here);
+            for voxel in here.voxels().iter().filter(|voxel| voxel.hit != sequence) {
+                let centre = corner + view.within(voxel.cell);
+                if self.ranges.sees_through(&centre, &view.half, view.margin(&centre)) == Sight::Through {
+                    self.through.push((block, voxel.cell));
+                }
+            }
+        }
+    }
+}
+
+/// Whether a block is looked at in this scan. Neighbours have other turns: each scan has a part of every surface.
+fn is_its_turn(key: BlockKey, sequence: u64) -> bool {
+    let sum: i64 = key.iter().map(|&i| i64::from(i)).sum();
+    (sum + sequence as i64).rem_euclid(TURNS as i64) == 0
+}
+
+/// Voxels as the sensor has them.
+struct View {
+    /// One voxel along each axis of the grid, in the sensor's frame (m).
+    steps: Matrix3<f64>,
+    origin: Vector3<f64>,
+    /// See [`half_extents`].
+    half: Vector3<f64>,
+    voxel_size: f64,
+    noise: NoiseModel,
+}
+
+impl View {
+    fn new(fixed_from_sensor: &Isometry3<f64>, grid: &Grid) -> Self {
+        let sensor_from_fixed = fixed_from_sensor.inverse();
+        let rotation = sensor_from_fixed.rotation.to_rotation_matrix();
+        let voxel_size = grid.voxel_size();
+        Self {
+            steps: rotation.matrix() * voxel_size,
+            origin: sensor_from_fixed.translation.vector,
+            half: half_extents(&rotation, voxel_size),
+            voxel_size,
+            noise: grid.noise(),
+        }
+    }
+
+    /// The corner of a block.
+    fn corner(&self, block: &Block) -> Point3<f64> {
+        Point3::from(self.steps * Vector3::from(block.corner()).map(f64::from) + self.origin)
+    }
+
+    /// From there to the centre of a voxel.
+    fn within(&self, cell: Cell) -> Vector3<f64> {
+        self.steps * Vector3::from(cell.coordinates()).map(|i| f64::from(i) + 0.5)
+    }
+
+    fn margin(&self, centre: &Point3<f64>) -> f64 {
+        SIGMAS * self.noise.depth_sigma(centre.coords.amax()) + SHARE * self.voxel_size
+    }
+}
+
+#[cfg(test)]
+#[cfg(feature = "sim")]
+mod tests;

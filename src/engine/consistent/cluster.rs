@@ -1,0 +1,134 @@
+//! What is kept of a cluster while its voxels come and go.
+
+use nalgebra::{Matrix3, SymmetricEigen, UnitVector3, Vector3};
+
+use super::exact::Exact;
+use super::footprint::{Axis, Content, Footprint};
+use super::state::State;
+use crate::engine::key::{ClusterId, VoxelKey};
+use crate::engine::scan::Stamp;
+use crate::engine::snapshot;
+
+/// One component of patches, and the loose voxels beside them.
+#[derive(Clone, Debug)]
+pub(super) struct Cluster {
+    pub(super) identity: Identity,
+    /// Over the voxels of its patches.
+    pub(super) sums: Exact,
+    /// Voxels of its patches and those beside them.
+    pub(super) voxels: u32,
+    pub(super) points: u64,
+    pub(super) footprint: Footprint,
+    /// Its part of the voxels in clusters that are told of.
+    pub(super) counted: u32,
+    /// As it was told of last.
+    pub(super) told: Option<snapshot::Cluster>,
+    /// As it was told of before this scan; while it is described.
+    pub(super) before: Option<snapshot::Cluster>,
+}
+
+/// What a cluster keeps when its voxels are others.
+#[derive(Clone, Debug)]
+pub(super) struct Identity {
+    /// `None` while it is too small to be told of.
+    pub(super) id: Option<ClusterId>,
+    pub(super) revision: u32,
+    pub(super) first_seen: Stamp,
+    pub(super) last_seen: Stamp,
+    /// The scan in which it last had more voxels than ever before.
+    pub(super) grown: u64,
+    pub(super) most_voxels: u32,
+    /// Ids taken in during the newest scan that changed it.
+    pub(super) merged_from: Vec<ClusterId>,
+}
+
+/// The plane of a cluster, in voxels.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PlaneFit {
+    pub(super) point: Vector3<f64>,
+    pub(super) normal: UnitVector3<f64>,
+    /// Inverse variance at `point`.
+    pub(super) weight: f64,
+    pub(super) covariance: Matrix3<f64>,
+}
+
+impl Identity {
+    pub(super) fn new(stamp: Stamp) -> Self {
+        Self {
+            id: None,
+            revision: 0,
+            first_seen: stamp,
+            last_seen: stamp,
+            grown: 0,
+            most_voxels: 0,
+            merged_from: Vec::new(),
+        }
+    }
+
+    /// Takes in what another one was.
+    pub(super) fn take_in(&mut self, other: &Self) {
+        self.first_seen = self.first_seen.min(other.first_seen);
+        self.last_seen = self.last_seen.max(other.last_seen);
+        self.merged_from.extend(other.id);
+    }
+}
+
+impl Cluster {
+    pub(super) fn new(identity: Identity) -> Self {
+        let footprint = Footprint::new(Axis::dominant(&Vector3::z_axis()));
+        Self {
+            identity,
+            sums: Exact::default(),
+            voxels: 0,
+            points: 0,
+            footprint,
+            counted: 0,
+            told: None,
+            before: None,
+        }
+    }
+
+    /// The plane through its patches; `None` where there is none.
+    pub(super) fn plane(&self) -> Option<PlaneFit> {
+        if self.sums.is_empty() {
+            return None;
+        }
+        let covariance = self.sums.covariance();
+        let eigen = SymmetricEigen::new(covariance);
+        let normal = eigen.eigenvectors.column(eigen.eigenvalues.imin()).into_owned();
+        let normal = if normal.dot(&self.sums.towards()) < 0.0 { -normal } else { normal };
+        let normal = UnitVector3::new_normalize(normal);
+        Some(PlaneFit { point: self.sums.mean(), normal, weight: self.sums.weight(), covariance })
+    }
+
+    pub(super) fn add(&mut self, key: VoxelKey, state: &State) {
+        self.voxels += 1;
+        self.points += u64::from(state.count);
+        self.footprint.add(self.footprint.axis().column(key), content(state, self.footprint.axis()));
+    }
+
+    pub(super) fn remove(&mut self, key: VoxelKey, state: &State) {
+        self.voxels -= 1;
+        self.points -= u64::from(state.count);
+        self.footprint.remove(self.footprint.axis().column(key), content(state, self.footprint.axis()));
+    }
+}
+
+/// Every voxel counts the same in its column, however many points it has.
+const POINTS: f64 = 1024.0;
+
+/// What a voxel contributes to its column: moments of [`POINTS`] points with its mean and variance.
+pub(super) fn content(state: &State, axis: Axis) -> Content {
+    let within = state.mean - Vector3::from(state.cell.coordinates()).map(f64::from);
+    let units = f64::from(super::footprint::UNITS);
+    let moments = axis.others().map(|i| {
+        let square = state.spread[(i, i)].max(0.0) + within[i] * within[i];
+        [POINTS * units * within[i], POINTS * units * units * square].map(|sum| sum.max(0.0).round() as u64)
+    });
+    Content {
+        voxels: 1,
+        points: POINTS as u64,
+        sum: moments.map(|[sum, _]| sum),
+        squares: moments.map(|[_, square]| square),
+    }
+}

@@ -1,0 +1,107 @@
+//! Exact sums of a cluster: free of order and of history, so that what splits off leaves no trace.
+//!
+//! Means are whole 2^-20 voxels from the corner of voxel (0, 0, 0), weights whole numbers below 2^17. With indices below
+//! 2^20 and 2^27 voxels a sum of squares stays below 2^124. The moments about the mean are the small difference of such
+//! sums, taken in integers modulo 2^128, where it is exact.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::state::State;
+
+/// Units of a mean in a voxel.
+const UNITS: f64 = 1_048_576.0;
+/// Units of a voxel's weight in a fit.
+const WEIGHT_UNITS: f64 = 64.0;
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Exact {
+    weight: i128,
+    sum: [i128; 3],
+    /// xx, xy, xz, yy, yz, zz.
+    squares: [i128; 6],
+    /// Weighted covariances of the points within their voxels.
+    spread: [i128; 6],
+    /// Directions towards the sensor.
+    towards: [i128; 3],
+}
+
+fn upper(matrix: &Matrix3<f64>) -> [f64; 6] {
+    [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].map(|at| matrix[at])
+}
+
+fn symmetric([xx, xy, xz, yy, yz, zz]: [f64; 6]) -> Matrix3<f64> {
+    Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
+}
+
+impl Exact {
+    /// Of one voxel; `corner` is that of its block.
+    pub(super) fn of(state: &State, corner: [i32; 3]) -> Self {
+        let weight = (state.mean_weight * WEIGHT_UNITS).round().max(1.0) as i128;
+        let whole = |value: f64| (value * UNITS).round() as i128;
+        let mean: [i128; 3] =
+            std::array::from_fn(|axis| whole(state.mean[axis]) + (i128::from(corner[axis]) << 20));
+        let [x, y, z] = mean;
+        Self {
+            weight,
+            sum: mean.map(|mean| weight * mean),
+            squares: [x * x, x * y, x * z, y * y, y * z, z * z].map(|square| weight * square),
+            spread: upper(&state.spread).map(|spread| weight * whole(spread)),
+            towards: [0, 1, 2].map(|axis| whole(state.towards[axis])),
+        }
+    }
+
+    pub(super) fn add(&mut self, other: &Self) {
+        self.combine(other, i128::wrapping_add);
+    }
+
+    pub(super) fn remove(&mut self, other: &Self) {
+        self.combine(other, i128::wrapping_sub);
+    }
+
+    fn combine(&mut self, other: &Self, by: impl Fn(i128, i128) -> i128) {
+        self.weight = by(self.weight, other.weight);
+        (0..3).for_each(|i| self.sum[i] = by(self.sum[i], other.sum[i]));
+        (0..6).for_each(|i| self.squares[i] = by(self.squares[i], other.squares[i]));
+        (0..6).for_each(|i| self.spread[i] = by(self.spread[i], other.spread[i]));
+        (0..3).for_each(|i| self.towards[i] = by(self.towards[i], other.towards[i]));
+    }
+
+    pub(super) const fn is_empty(&self) -> bool {
+        self.weight == 0
+    }
+
+    /// Inverse variance of the plane's place at the mean, in voxels^-2.
+    pub(super) fn weight(&self) -> f64 {
+        self.weight as f64 / WEIGHT_UNITS
+    }
+
+    /// Weighted mean, in voxels.
+    pub(super) fn mean(&self) -> Vector3<f64> {
+        Vector3::from(self.sum.map(|sum| sum as f64 / (self.weight as f64 * UNITS)))
+    }
+
+    /// Weighted covariance of the voxels' means, in voxels^2.
+    pub(super) fn covariance(&self) -> Matrix3<f64> {
+        let about = self.sum.map(|sum| sum / self.weight);
+        let pairs = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
+        let rest = self.sum.map(|sum| (sum % self.weight) as f64 / self.weight as f64);
+        symmetric(std::array::from_fn(|k| {
+            let (i, j) = pairs[k];
+            let centred = self.squares[k]
+                .wrapping_sub(about[i].wrapping_mul(self.sum[j]))
+                .wrapping_sub(about[j].wrapping_mul(self.sum[i]))
+                .wrapping_add(self.weight.wrapping_mul(about[i]).wrapping_mul(about[j]));
+            (centred as f64 / self.weight as f64 - rest[i] * rest[j]) / (UNITS * UNITS)
+        }))
+    }
+
+    /// Mean covariance of the points within their voxels, in voxels^2.
+    pub(super) fn spread(&self) -> Matrix3<f64> {
+        symmetric(self.spread.map(|sum| sum as f64 / (self.weight as f64 * UNITS)))
+    }
+
+    /// Sum of the directions towards the sensor.
+    pub(super) fn towards(&self) -> Vector3<f64> {
+        Vector3::from(self.towards.map(|sum| sum as f64 / UNITS))
+    }
+}

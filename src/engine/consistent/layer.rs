@@ -1,0 +1,220 @@
+//! The patches of all blocks, where they meet, and which loose voxels lie beside them.
+
+use std::collections::BTreeMap;
+
+use nalgebra::Vector3;
+
+use super::graph::NodeId;
+use super::grid::{Around, Block, BlockIndex, CELLS, Cell, EDGE, Grid, offset_of};
+use super::patch::{Contact, Patch};
+use super::patches::{LOOSE, segment};
+use super::rules::Rules;
+use super::state::{State, states};
+
+/// A patch: its block, and its number there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub(super) struct PatchId {
+    pub(super) block: BlockIndex,
+    pub(super) number: u8,
+}
+
+/// A block as it was published last.
+#[derive(Clone, Debug)]
+pub(super) struct Segmented {
+    /// Its dense voxels by ascending cell.
+    pub(super) states: Vec<State>,
+    /// For each cell the number of its patch, [`LOOSE`] or [`EMPTY`].
+    pub(super) labels: Box<[u8; CELLS]>,
+    pub(super) patches: Vec<Patch>,
+    /// Where each patch meets others, of this block or another.
+    pub(super) contacts: Vec<Contacts>,
+    /// The sharper patch that each patch is a slice of.
+    pub(super) slice_of: Vec<Option<PatchId>>,
+    /// Dense voxels in no patch.
+    pub(super) loose: Vec<Loose>,
+}
+
+/// The patches that a patch meets.
+pub(super) type Contacts = BTreeMap<PatchId, Contact>;
+
+/// A dense voxel in no patch.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Loose {
+    /// Its place among the states.
+    pub(super) place: u16,
+    /// The patch beside it that it belongs to.
+    pub(super) owner: Option<NodeId>,
+}
+
+/// Not dense.
+pub(super) const EMPTY: u8 = LOOSE - 1;
+
+impl Segmented {
+    pub(super) fn new(grid: &Grid, block: &Block, rules: &Rules) -> Self {
+        let states = states(grid, block);
+        let owner = segment(&states, rules);
+        let corner = Vector3::from(block.corner()).map(f64::from);
+        let mut labels = Box::new([EMPTY; CELLS]);
+        let mut members: Vec<Vec<&State>> = Vec::new();
+        for (state, &number) in states.iter().zip(&owner) {
+            labels[state.cell.index()] = number;
+            if number != LOOSE {
+                members.resize(members.len().max(usize::from(number) + 1), Vec::new());
+                members[usize::from(number)].push(state);
+            }
+        }
+        let patches: Vec<_> = members.iter().filter_map(|states| Patch::new(states, &corner)).collect();
+        let loose = (0..).zip(&owner).filter(|(_, number)| **number == LOOSE);
+        let loose = loose.map(|(place, _)| Loose { place, owner: None }).collect();
+        let (contacts, slice_of) = (vec![Contacts::new(); patches.len()], vec![None; patches.len()]);
+        Self { states, labels, patches, contacts, slice_of, loose }
+    }
+
+    /// The state of a cell that is dense.
+    pub(super) fn state(&self, cell: Cell) -> Option<&State> {
+        self.states.binary_search_by_key(&cell, |state| state.cell).ok().map(|place| &self.states[place])
+    }
+
+    /// An empty block.
+    pub(super) fn empty() -> Self {
+        Self {
+            states: Vec::new(),
+            labels: Box::new([EMPTY; CELLS]),
+            patches: Vec::new(),
+            contacts: Vec::new(),
+            slice_of: Vec::new(),
+            loose: Vec::new(),
+        }
+    }
+}
+
+pub(super) fn patch(segmented: &[Segmented], id: PatchId) -> &Patch {
+    &segmented[id.block.0 as usize].patches[usize::from(id.number)]
+}
+
+/// The patch of much less noise that a patch is a slice of: of those it meets, the one its points fit best. A patch that
+/// joins one with less noise as its equal is no slice.
+pub(super) fn sharper(segmented: &[Segmented], id: PatchId, rules: &Rules) -> Option<PatchId> {
+    let own = patch(segmented, id);
+    if !own.is_noisy(rules) {
+        return None;
+    }
+    let contacts = &segmented[id.block.0 as usize].contacts[usize::from(id.number)];
+    let is_equal = |(other, contact): (&PatchId, &Contact)| {
+        let other = patch(segmented, *other);
+        other.has_less_noise(own) && own.joins(other, contact, rules)
+    };
+    if contacts.iter().any(is_equal) {
+        return None;
+    }
+    let candidates = contacts
+        .keys()
+        .filter_map(|&other| own.slice_of(patch(segmented, other), rules).map(|misfit| (misfit, other)));
+    candidates.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, other)| other)
+}
+
+/// Whether two patches that meet so are joined: a slice is with its sharper patch and with no other.
+pub(super) fn are_joined(
+    segmented: &[Segmented],
+    a: PatchId,
+    b: PatchId,
+    contact: &Contact,
+    rules: &Rules,
+) -> bool {
+    let slice_of = |id: PatchId| segmented[id.block.0 as usize].slice_of[usize::from(id.number)];
+    match (slice_of(a), slice_of(b)) {
+        (None, None) => patch(segmented, a).joins(patch(segmented, b), contact, rules),
+        (of_a, of_b) => of_a == Some(b) || of_b == Some(a),
+    }
+}
+
+/// Contacts between the patches of a block and those of the block in direction `place` (of [`Around`]), by their numbers.
+pub(super) fn contacts(
+    here: &Segmented,
+    there: &Segmented,
+    place: usize,
+    corner: [i32; 3],
+    reach: i32,
+) -> Vec<((u8, u8), Contact)> {
+    let direction = offset_of(place);
+    // Few pairs of patches meet, and one pair meets many times in a row.
+    let mut contacts: Vec<((u8, u8), Contact)> = Vec::new();
+    let mut last = 0;
+    for (number, patch) in (0..).zip(&here.patches) {
+        for &cell in &patch.cells {
+            let at = cell.coordinates();
+            for other in cells_near(at, direction, reach) {
+                let label = there.labels[other.index()];
+                if label == EMPTY || label == LOOSE || (direction == [0; 3] && label <= number) {
+                    continue;
+                }
+                let pair = (number, label);
+                if contacts.get(last).is_none_or(|(met, _)| *met != pair) {
+                    last = contacts.iter().position(|(met, _)| *met == pair).unwrap_or_else(|| {
+                        contacts.push((pair, Contact::default()));
+                        contacts.len() - 1
+                    });
+                }
+                let contact = &mut contacts[last].1;
+                contact.pairs += 1;
+                let to = other.coordinates();
+                contact.sum += Vector3::from_fn(|i, _| {
+                    f64::from(2 * corner[i] + at[i] + to[i] + EDGE * direction[i]) + 1.0
+                });
+            }
+        }
+    }
+    contacts
+}
+
+/// The cells of the block in `direction` that lie within `reach` of a cell of this one.
+fn cells_near(at: [i32; 3], direction: [i32; 3], reach: i32) -> impl Iterator<Item = Cell> {
+    let range = |axis: usize| {
+        let centre = at[axis] - EDGE * direction[axis];
+        (centre - reach).max(0)..(centre + reach + 1).min(EDGE)
+    };
+    let [xs, ys, zs] = [range(0), range(1), range(2)];
+    xs.flat_map(move |x| {
+        let zs = zs.clone();
+        ys.clone().flat_map(move |y| zs.clone().map(move |z| Cell::at([x, y, z])))
+    })
+}
+
+/// The patch that a loose voxel belongs to: the nearest that its points fit, as far as noise and half a voxel let them.
+pub(super) fn owner_of(
+    state: &State,
+    around: &Around,
+    corner: &Vector3<f64>,
+    segmented: &[Segmented],
+    rules: &Rules,
+) -> Option<PatchId> {
+    (1..=rules.rim_reach).find_map(|reach| {
+        let mut near: Vec<PatchId> = patches_near(state.cell, around, reach, segmented).collect();
+        near.sort_unstable();
+        near.dedup();
+        let fitting = near.into_iter().filter_map(|id| {
+            let mut plane = segmented[id.block.0 as usize].patches[usize::from(id.number)].plane;
+            plane.point -= corner;
+            let misfit = state.misfit(&plane, rules.rim_noise_factor, rules.rim_flatness);
+            (state.is_seen_from(&plane) && misfit <= 1.0).then_some((misfit, id))
+        });
+        fitting.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, id)| id)
+    })
+}
+
+fn patches_near(
+    cell: Cell,
+    around: &Around,
+    reach: i32,
+    segmented: &[Segmented],
+) -> impl Iterator<Item = PatchId> {
+    let at = cell.coordinates();
+    let blocks = around.iter().enumerate().filter_map(|(place, block)| Some((place, (*block)?)));
+    blocks.flat_map(move |(place, block)| {
+        let there = &segmented[block.0 as usize];
+        cells_near(at, offset_of(place), reach)
+            .map(|cell| there.labels[cell.index()])
+            .filter(|&label| label != EMPTY && label != LOOSE)
+            .map(move |number| PatchId { block, number })
+    })
+}

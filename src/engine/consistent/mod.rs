@@ -1,0 +1,75 @@
+//! Right clusters at the cost of one scan: after every scan the partition is, up to the names of the clusters, the one
+//! that a definition gives from scratch on the same published voxels.
+//!
+//! # The definition
+//!
+//! 1. A voxel holds exact sums of its points: count, means, squares, and the directions towards the sensor, each scan
+//!    weighed by its noise (`sums`, `noise`). Its **state** is what these were when its block of 8 x 8 x 8 voxels was
+//!    published last. A block is published when a quarter of its dense voxels are new or have doubled their weight, but not
+//!    more often than every fourth scan; when the sensor has turned away; at once when a dense voxel is gone (`grid`).
+//! 2. The dense voxels of a block form planar **patches**, grown from the flattest places, a voxel belonging to the plane
+//!    that its points lie on as well as their noise lets them; what fits none is **loose** (`patches`).
+//! 3. Two patches that touch, in a block or across its border, are **joined** when their planes agree in direction and
+//!    where they meet, as far as both are known (`patch`). A noisy patch that is no one's equal but lies within its noise
+//!    on the plane of a much sharper one is a slice of its scatter: it is joined to that one and to nothing else, so that
+//!    it ties no two surfaces together (`layer`).
+//! 4. A **cluster** is a component of joined patches, with the loose voxels within three voxels of a patch whose plane their
+//!    points fit.
+//!
+//! `scratch` is that from scratch; `surfaces` keeps it while blocks are published, and property tests hold the two
+//! equal after every scan, removals included. Its cost follows the published blocks and their neighbours, and the
+//! smaller side of what splits or merges (`graph`), never the size of the map.
+//!
+//! # Why patches of blocks
+//!
+//! Local planes of single voxels are noisy where a Kinect is (14 degrees at 4 m, one in ten), so that joining voxel by
+//! voxel either shatters surfaces or chains around edges. A patch has hundreds of times the points and ten times the
+//! lever: its normal is good to a degree at 6 m. It is a function of 512 voxels, so a change is looked at anew in
+//! microseconds, and components are found over some hundred patches instead of tens of thousands of voxels. Tried and
+//! left, on the simulated laboratory (75 s, every sixth scan, 5 cm; adjusted Rand index / surfaces in one piece):
+//!
+//! | | index | in one piece |
+//! |---|---|---|
+//! | as it is | 0.97 | 20 of 23 |
+//! | voxels weighed alike in a plane, whatever they scatter | 0.88 | 13 of 23 |
+//! | no excuse for the cut of a block's border within the scatter | 0.87 | 15 of 24 |
+//! | slices also where a patch is a sharper one's equal | 0.87 | 15 of 24 |
+//!
+//! Angles of 8 to 13 degrees, tolerances of 2 to 2.5 sigma, and of the slices' turn of 20 to 34 degrees change the index
+//! by less than 0.01. Contacts over a gap of one voxel tie floors together that doors have parted.
+//!
+//! # What becomes of it
+//!
+//! A cluster keeps exact sums (`exact`), its footprint (`footprint`) and its identity (`cluster`) while voxels come and
+//! go; `describe` makes of them what leaves the engine: plane and covariance, outline with holes (`outline`, `trace`,
+//! `rim`, `simplify`), class (`class`). What the sensor looks through loses its points (`clearing`, `view`), what is too
+//! far or too much is forgotten (`bounds`).
+
+mod bounds;
+mod class;
+mod clearing;
+mod cluster;
+mod describe;
+mod exact;
+mod footprint;
+mod graph;
+mod grid;
+mod layer;
+mod noise;
+mod outline;
+mod patch;
+mod patches;
+mod pipeline;
+mod region;
+mod rim;
+mod rules;
+mod scratch;
+mod simplify;
+mod state;
+mod sums;
+mod surfaces;
+mod trace;
+mod view;
+
+pub use noise::NoiseModel;
+pub use pipeline::{Consistent, Partition};

@@ -1,0 +1,111 @@
+//! A patch: the planar piece of a surface that lies in one block, and when two of them are one surface.
+//!
+//! Positions are in voxels from the corner of voxel (0, 0, 0).
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::grid::Cell;
+use super::region::{Fit, Region};
+use super::rules::Rules;
+use super::state::{Plane, State};
+
+#[derive(Clone, Debug)]
+pub(super) struct Patch {
+    /// Its voxels, ascending.
+    pub(super) cells: Vec<Cell>,
+    pub(super) plane: Plane,
+    /// Mean and mean square of its points' places, every voxel counting the same.
+    mean: Vector3<f64>,
+    square: Matrix3<f64>,
+    /// Variance of its points along its normal that is noise.
+    noise: f64,
+    /// Variance of the plane's tilt about its most uncertain axis (rad^2).
+    tilt_variance: f64,
+    /// Variance of the plane's place at its middle, along the normal.
+    offset_variance: f64,
+}
+
+/// Where two patches come within two voxels of each other.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Contact {
+    /// Number of pairs of voxels.
+    pub(super) pairs: u32,
+    /// Sum of the cells' middles over the pairs' voxels, two a pair.
+    pub(super) sum: Vector3<f64>,
+}
+
+/// Pairs of voxels that make a contact.
+const MIN_PAIRS: u32 = 3;
+/// Standard deviations by which planes that are badly known may differ more.
+const JOIN_SIGMAS: f64 = 3.0;
+/// What a badly known plane excuses at most (rad): 20 degrees.
+const MAX_JOIN_ANGLE: f64 = 0.35;
+
+impl Patch {
+    /// `None` where the states span no plane; `corner` is that of their block.
+    pub(super) fn new(states: &[&State], corner: &Vector3<f64>) -> Option<Self> {
+        let region = Region::of(states.iter().copied());
+        let Fit { plane, variances } = region.fit()?;
+        let count = states.len() as f64;
+        let mean = states.iter().map(|state| state.mean).sum::<Vector3<f64>>() / count;
+        let apart = |state: &&&State| {
+            let from_mean = state.mean - mean;
+            state.spread + from_mean * from_mean.transpose()
+        };
+        Some(Self {
+            mean: mean + corner,
+            square: states.iter().map(|state| apart(&state)).sum::<Matrix3<f64>>() / count,
+            noise: states.iter().map(|state| state.noise_along(&plane.normal)).sum::<f64>() / count,
+            cells: states.iter().map(|state| state.cell).collect(),
+            plane: Plane { point: plane.point + corner, ..plane },
+            tilt_variance: 1.0 / (region.weight() * variances[1]),
+            offset_variance: 1.0 / region.weight(),
+        })
+    }
+
+    /// Whether its points scatter so much that what it shows may be a slice of another's noise.
+    pub(super) fn is_noisy(&self, rules: &Rules) -> bool {
+        self.noise > rules.noisy * rules.noisy
+    }
+
+    pub(super) fn has_less_noise(&self, other: &Self) -> bool {
+        self.noise < other.noise
+    }
+
+    /// How well its points lie on the plane of a patch with much less noise whose scatter it may be, up to 1; `None` where it
+    /// is no such slice.
+    pub(super) fn slice_of(&self, other: &Self, rules: &Rules) -> Option<f64> {
+        let (a, b) = (&self.plane, &other.plane);
+        let sharper = other.noise <= rules.sharper * rules.sharper * self.noise;
+        if !self.is_noisy(rules) || !sharper || a.normal.dot(&b.normal) < rules.slice_angle.cos() {
+            return None;
+        }
+        let off = b.normal.dot(&(self.mean - b.point));
+        let square = off * off + b.normal.dot(&(self.square * b.normal.into_inner()));
+        let flatness = rules.rim_flatness * rules.rim_flatness;
+        let misfit = square / (rules.rim_noise_factor * rules.rim_noise_factor * self.noise + flatness);
+        Some(misfit).filter(|misfit| *misfit <= 1.0)
+    }
+
+    /// Whether two patches that meet so are one surface. Free of order.
+    pub(super) fn joins(&self, other: &Self, contact: &Contact, rules: &Rules) -> bool {
+        if contact.pairs < MIN_PAIRS {
+            return false;
+        }
+        let (a, b) = (&self.plane, &other.plane);
+        let angle = a.normal.dot(&b.normal).clamp(-1.0, 1.0).acos();
+        let tilt_sigma = (self.tilt_variance + other.tilt_variance).sqrt();
+        if angle > (JOIN_SIGMAS * tilt_sigma).clamp(rules.join_angle, MAX_JOIN_ANGLE) {
+            return false;
+        }
+        let meeting = contact.sum / (2.0 * f64::from(contact.pairs));
+        // The meeting lies within a voxel of both planes; the heights of the planes above it are compared.
+        let heights = [a, b].map(|plane| plane.normal.dot(&(meeting - plane.point)));
+        let lever = |patch: &Self| (meeting - patch.plane.point).norm_squared() * patch.tilt_variance;
+        let variance = self.offset_variance + other.offset_variance + lever(self) + lever(other);
+        // Where a block ends within the scatter, each of the two sees one side of it.
+        let cut = rules.cut * (self.noise.sqrt() + other.noise.sqrt());
+        let allowed = (JOIN_SIGMAS * variance.sqrt()).clamp(rules.join_offset, 2.0 * rules.join_offset) + cut;
+        (heights[0] - heights[1]).abs() <= allowed
+    }
+}

@@ -1,0 +1,227 @@
+//! The consistent engine itself: one scan in, what it changed out.
+
+use nalgebra::{Point3, UnitVector3};
+
+use super::bounds::Bounds;
+use super::clearing::Clearing;
+use super::graph::NodeId;
+use super::grid::{Binned, Block, BlockIndex, Grid, Voxel};
+use super::layer::Segmented;
+use super::region::Region;
+use super::rules::Rules;
+use super::scratch;
+use super::state::states;
+use super::surfaces::{Now, Surfaces};
+use crate::engine::key::VoxelKey;
+use crate::engine::params::Params;
+use crate::engine::scan::{Scan, Stamp};
+use crate::engine::snapshot::{DenseVoxel, Snapshot, Update};
+use crate::engine::step::PipelineStep;
+
+/// The map of one session: a grid of voxels and the clusters that the definition makes of them.
+#[derive(Clone, Debug)]
+pub struct Consistent {
+    params: Params,
+    grid: Grid,
+    surfaces: Surfaces,
+    binned: Binned,
+    /// `None` where nothing is to be cleared.
+    clearing: Option<Clearing>,
+    bounds: Bounds,
+    /// Blocks that wait for being published, ascending.
+    stale: Vec<BlockIndex>,
+    /// Number of scans taken in.
+    sequence: u64,
+    /// Newest stamp taken in.
+    stamp: Option<Stamp>,
+}
+
+impl Consistent {
+    /// A map without a scan.
+    pub fn new(params: Params) -> Self {
+        Self {
+            grid: Grid::new(&params),
+            surfaces: Surfaces::new(Rules::new(&params)),
+            binned: Binned::default(),
+            clearing: params.clearing().then(Clearing::new),
+            bounds: Bounds::new(&params),
+            stale: Vec::new(),
+            sequence: 0,
+            stamp: None,
+            params,
+        }
+    }
+
+    /// Takes in a scan.
+    pub fn insert(&mut self, scan: &Scan) -> Update {
+        self.insert_observed(scan, |_| {})
+    }
+
+    /// As [`Self::insert`]; `done` is called at the end of each step, for those who have a clock.
+    pub fn insert_observed(&mut self, scan: &Scan, mut done: impl FnMut(PipelineStep)) -> Update {
+        let now = self.begin(scan);
+        self.grid.bin(scan, now.sequence, &mut self.binned);
+        done(PipelineStep::Binned);
+        let seen = self.seen();
+        let mut thinned = self.clear(scan);
+        thinned.extend(self.bounds.forget(&mut self.grid, &seen, &scan.sensor_origin(), now.sequence));
+        let due = self.due(&seen, &thinned);
+        self.surfaces.publish(&self.grid, &due, now);
+        due.iter().for_each(|&block| self.grid.note_published(block, now.sequence));
+        thinned.iter().for_each(|&block| self.grid.release(block));
+        done(PipelineStep::Partials);
+        self.surfaces.note_seen(&seen, now);
+        let changed = self.surfaces.describe(&self.params, scan.sensor_origin().z, now);
+        let update = Update {
+            sequence: now.sequence,
+            stamp: now.stamp,
+            changed,
+            removed: self.surfaces.removed(),
+            newly_dense: self.binned.newly_dense,
+            points_beyond_grid: self.binned.beyond,
+            unclustered_voxels: self.unclustered(),
+        };
+        done(PipelineStep::Globals);
+        update
+    }
+
+    /// The parameters it works with.
+    pub const fn params(&self) -> &Params {
+        &self.params
+    }
+
+    /// Number of voxels that hold a point, dense or not.
+    pub const fn voxel_count(&self) -> usize {
+        self.grid.len()
+    }
+
+    /// The whole map as it is now. Costs O(map).
+    pub fn snapshot(&self) -> Snapshot {
+        Snapshot {
+            sequence: self.sequence,
+            stamp: self.stamp,
+            voxel_size: self.params.voxel_size(),
+            clusters: self.surfaces.told().into_iter().cloned().collect(),
+            voxels: self.voxels(),
+            unclustered_voxels: self.unclustered(),
+        }
+    }
+
+    fn begin(&mut self, scan: &Scan) -> Now {
+        self.sequence += 1;
+        let stamp = self.stamp.map_or(scan.stamp, |newest| newest.max(scan.stamp));
+        self.stamp = Some(stamp);
+        self.surfaces.begin();
+        Now { sequence: self.sequence, stamp }
+    }
+
+    /// The blocks that the scan put points into, ascending.
+    fn seen(&self) -> Vec<BlockIndex> {
+        let mut seen: Vec<_> = self.binned.touched.iter().map(|touched| touched.block).collect();
+        seen.sort_unstable();
+        seen.dedup();
+        seen
+    }
+
+    /// Takes out what the scan has seen through; returns the blocks that have lost voxels by it.
+    fn clear(&mut self, scan: &Scan) -> Vec<BlockIndex> {
+        let Some(clearing) = &mut self.clearing else { return Vec::new() };
+        clearing.clear(&mut self.grid, scan, self.sequence).into_iter().map(|(block, _)| block).collect()
+    }
+
+    /// The blocks to be published now, ascending; the other stale ones go on waiting. What has changed is in those that
+    /// the scan put points into and those that have lost voxels.
+    fn due(&mut self, seen: &[BlockIndex], thinned: &[BlockIndex]) -> Vec<BlockIndex> {
+        let grid = &self.grid;
+        self.stale.extend(seen.iter().chain(thinned).filter(|&&block| grid.block(block).is_stale()));
+        self.stale.sort_unstable();
+        self.stale.dedup();
+        let (due, stale) =
+            self.stale.iter().copied().partition(|&block| grid.block(block).is_due(self.sequence));
+        self.stale = stale;
+        due
+    }
+
+    fn unclustered(&self) -> u32 {
+        self.grid.dense() - self.surfaces.clustered()
+    }
+
+    fn voxels(&self) -> Vec<DenseVoxel> {
+        let mut voxels = Vec::with_capacity(self.grid.dense() as usize);
+        for (index, block) in self.grid.blocks() {
+            let published = self.surfaces.voxels(index);
+            let now = states(&self.grid, block);
+            for voxel in block.voxels().iter().filter(|voxel| self.grid.is_dense(voxel)) {
+                let place = published.binary_search_by_key(&voxel.cell, |(state, _)| state.cell);
+                let node = place.ok().and_then(|place| published[place].1);
+                let patch = node.and_then(|node| self.surfaces.patch(node)).map(|patch| patch.plane.normal);
+                let normal =
+                    patch.or_else(|| Region::around(&now, voxel.cell).fit().map(|fit| fit.plane.normal));
+                voxels.extend(self.voxel(block, voxel, normal, node));
+            }
+        }
+        voxels.sort_unstable_by_key(|voxel| voxel.key);
+        voxels
+    }
+
+    /// A voxel has the normal of its patch, which sees further than the voxel's own neighbourhood.
+    fn voxel(
+        &self,
+        block: &Block,
+        voxel: &Voxel,
+        normal: Option<UnitVector3<f64>>,
+        node: Option<NodeId>,
+    ) -> Option<DenseVoxel> {
+        let cluster = node.and_then(|node| self.surfaces.cluster_of_node(node));
+        let spread = voxel.sums.covariance();
+        let curvature = |normal: UnitVector3<f64>| {
+            (normal.dot(&(spread * normal.into_inner())) / spread.trace()).clamp(0.0, 1.0) as f32
+        };
+        Some(DenseVoxel {
+            key: block.voxel_key(voxel.cell)?,
+            count: voxel.count,
+            centre: self.grid.centre(block, voxel),
+            normal,
+            curvature: normal.map_or(f32::NAN, curvature),
+            cluster: cluster.and_then(|cluster| cluster.identity.id),
+        })
+    }
+}
+
+/// A partition of the dense voxels by ascending key; `None` = in no cluster. Numbers name clusters in it alone.
+pub type Partition = Vec<(VoxelKey, Option<u32>)>;
+
+impl Consistent {
+    /// The clusters of the published voxels, those that are too small to be told of included.
+    pub fn partition(&self) -> Partition {
+        let mut partition = Partition::new();
+        for (index, block) in self.grid.blocks() {
+            for (state, node) in self.surfaces.voxels(index) {
+                let number = node.map(|node| self.surfaces.component(node));
+                partition.extend(block.voxel_key(state.cell).map(|key| (key, number)));
+            }
+        }
+        partition.sort_unstable();
+        partition
+    }
+
+    /// The same from scratch: what the definition makes of the published voxels. Costs O(map).
+    pub fn scratch(&self) -> Partition {
+        scratch::partition(&self.grid, self.surfaces.segmented(), &self.surfaces.rules)
+    }
+
+    /// What the definition makes of the voxels as they are now, published or not. Costs O(map).
+    pub fn scratch_of_all(&self) -> Partition {
+        let rules = &self.surfaces.rules;
+        let segmented: Vec<_> =
+            self.grid.blocks().map(|(_, block)| Segmented::new(&self.grid, block, rules)).collect();
+        scratch::partition(&self.grid, &segmented, rules)
+    }
+
+    /// Mean of a dense voxel's points (m).
+    pub fn centre(&self, key: VoxelKey) -> Option<Point3<f64>> {
+        let (block, cell) = super::grid::place(key);
+        let block = self.grid.block(self.grid.find(block)?);
+        Some(self.grid.centre(block, block.voxel(cell)?))
+    }
+}

@@ -1,0 +1,97 @@
+//! The definition, from scratch: every block segmented, every contact looked at, components found by plain search.
+//!
+//! What the incremental layer is held to. It shares the local rules with it (what a patch is, when two join, where a loose
+//! voxel belongs) and nothing of how the whole is kept.
+
+use std::collections::BTreeMap;
+
+use nalgebra::Vector3;
+
+use super::grid::Grid;
+use super::layer::{Contacts, PatchId, Segmented, are_joined, contacts, owner_of, sharper};
+use super::patches::LOOSE;
+use super::rules::Rules;
+use crate::engine::key::VoxelKey;
+
+/// The dense voxels by ascending key, each with the number of its cluster; `None` = in no cluster.
+pub(super) type Partition = Vec<(VoxelKey, Option<u32>)>;
+
+/// What the definition makes of segmented blocks, whatever is known of their contacts.
+pub(super) fn partition(grid: &Grid, segmented: &[Segmented], rules: &Rules) -> Partition {
+    let mut segmented = segmented.to_vec();
+    let ids = meet(grid, &mut segmented, rules);
+    let numbers = components(&ids, &segmented, rules);
+    let mut partition = Partition::new();
+    for (index, block) in grid.blocks() {
+        let here = &segmented[index.0 as usize];
+        let corner = Vector3::from(block.corner()).map(f64::from);
+        for state in &here.states {
+            let label = here.labels[state.cell.index()];
+            let patch = if label == LOOSE {
+                owner_of(state, &block.around, &corner, &segmented, rules)
+            } else {
+                Some(PatchId { block: index, number: label })
+            };
+            let number = patch.map(|patch| numbers[&patch]);
+            partition.extend(block.voxel_key(state.cell).map(|key| (key, number)));
+        }
+    }
+    partition.sort_unstable();
+    partition
+}
+
+/// Finds all contacts and slices; returns all patches.
+fn meet(grid: &Grid, segmented: &mut [Segmented], rules: &Rules) -> Vec<PatchId> {
+    let mut ids = Vec::new();
+    for (index, block) in grid.blocks() {
+        let mut met = vec![Contacts::new(); segmented[index.0 as usize].patches.len()];
+        for (place, other) in block.around.iter().enumerate() {
+            let Some(other) = *other else { continue };
+            let [here, there] = [index, other].map(|block| &segmented[block.0 as usize]);
+            for ((a, b), contact) in contacts(here, there, place, block.corner(), rules.contact_reach) {
+                met[usize::from(a)].insert(PatchId { block: other, number: b }, contact);
+                if other == index {
+                    met[usize::from(b)].insert(PatchId { block: index, number: a }, contact);
+                }
+            }
+        }
+        ids.extend((0..met.len()).map(|number| PatchId { block: index, number: number as u8 }));
+        segmented[index.0 as usize].contacts = met;
+    }
+    let slices: Vec<_> = ids.iter().map(|&id| sharper(segmented, id, rules)).collect();
+    for (id, slice) in ids.iter().zip(slices) {
+        segmented[id.block.0 as usize].slice_of[usize::from(id.number)] = slice;
+    }
+    ids
+}
+
+/// The number of the component of each patch.
+fn components(ids: &[PatchId], segmented: &[Segmented], rules: &Rules) -> BTreeMap<PatchId, u32> {
+    let mut neighbours: BTreeMap<PatchId, Vec<PatchId>> = ids.iter().map(|&id| (id, Vec::new())).collect();
+    for &id in ids {
+        for (&other, contact) in &segmented[id.block.0 as usize].contacts[usize::from(id.number)] {
+            if are_joined(segmented, id, other, contact, rules) {
+                neighbours.entry(id).or_default().push(other);
+                neighbours.entry(other).or_default().push(id);
+            }
+        }
+    }
+    let mut numbers = BTreeMap::new();
+    let mut next = 0;
+    for &first in neighbours.keys() {
+        if numbers.contains_key(&first) {
+            continue;
+        }
+        let mut open = vec![first];
+        numbers.insert(first, next);
+        while let Some(patch) = open.pop() {
+            for &other in &neighbours[&patch] {
+                if numbers.insert(other, next).is_none() {
+                    open.push(other);
+                }
+            }
+        }
+        next += 1;
+    }
+    numbers
+}

@@ -1,0 +1,97 @@
+//! What the definition sees of a voxel: the moments of its points as they were published.
+//!
+//! Lengths are in voxels, positions relative to the corner of the block.
+
+use nalgebra::{Matrix3, UnitVector3, Vector3};
+
+use super::grid::{Block, Cell, Grid, Voxel};
+
+/// What a voxel's mean is off by however many points it has, in voxels: the sensor's distortion, the cut at the border.
+const BIAS: f64 = 0.03;
+
+/// Points of a voxel whose errors are one error: neighbouring pixels err alike, and where points scatter over several
+/// voxels, each holds a slice of them that counts by how many they are.
+const ALIKE: f64 = 100.0;
+
+fn mean_weight(depth_variance: f64, points: f64) -> f64 {
+    1.0 / (depth_variance * ALIKE / points + BIAS * BIAS)
+}
+
+/// A dense voxel, published.
+#[derive(Clone, Debug)]
+pub(super) struct State {
+    pub(super) cell: Cell,
+    /// Number of points.
+    pub(super) count: u32,
+    /// Weighted mean of its points.
+    pub(super) mean: Vector3<f64>,
+    /// Weighted covariance of its points.
+    pub(super) spread: Matrix3<f64>,
+    /// What its mean counts in a fit.
+    pub(super) mean_weight: f64,
+    /// Mean variance of its points' depths.
+    depth_variance: f64,
+    /// Mean variance across their depth axis.
+    lateral_variance: f64,
+    /// Mean direction towards the sensor, of length 1 at most.
+    pub(super) towards: Vector3<f64>,
+}
+
+impl State {
+    pub(super) fn new(grid: &Grid, voxel: &Voxel) -> Self {
+        let sums = &voxel.sums;
+        let metres_squared = grid.voxel_size() * grid.voxel_size();
+        let depth_variance = grid.noise().depth_variance(sums.points as f64, sums.weight as f64);
+        Self {
+            cell: voxel.cell,
+            count: voxel.count,
+            mean: Vector3::from(voxel.cell.coordinates()).map(f64::from) + sums.mean(),
+            spread: sums.covariance(),
+            mean_weight: mean_weight(depth_variance / metres_squared, sums.points as f64),
+            depth_variance: depth_variance / metres_squared,
+            lateral_variance: grid.noise().lateral_variance(depth_variance) / metres_squared,
+            towards: sums.towards(),
+        }
+    }
+
+    /// Variance that noise alone gives its points along `normal`.
+    pub(super) fn noise_along(&self, normal: &Vector3<f64>) -> f64 {
+        let cosine = self.towards.dot(normal) / self.towards.norm().max(1e-9);
+        let along = cosine * cosine;
+        self.depth_variance * along + self.lateral_variance * (1.0 - along)
+    }
+
+    /// Mean square distance of its points to a plane.
+    fn square_distance(&self, plane: &Plane) -> f64 {
+        let normal = &plane.normal;
+        let off = normal.dot(&(self.mean - plane.point));
+        off * off + normal.dot(&(self.spread * normal.into_inner())).max(0.0)
+    }
+
+    /// How far its points are off a plane, by what is allowed; 1 is just allowed.
+    pub(super) fn misfit(&self, plane: &Plane, noise_factor: f64, flatness: f64) -> f64 {
+        let allowed = noise_factor * noise_factor * self.noise_along(&plane.normal) + flatness * flatness;
+        self.square_distance(plane) / allowed
+    }
+
+    /// Whether it was seen from the side that the plane's normal points to.
+    pub(super) fn is_seen_from(&self, plane: &Plane) -> bool {
+        self.towards.dot(&plane.normal) > 0.0
+    }
+}
+
+/// A plane in space, with the side it is seen from.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Plane {
+    pub(super) point: Vector3<f64>,
+    /// Towards the side it was seen from.
+    pub(super) normal: UnitVector3<f64>,
+}
+
+/// The dense voxels of a block as they are now, by ascending cell.
+pub(super) fn states(grid: &Grid, block: &Block) -> Vec<State> {
+    let dense = block.voxels().iter().filter(|voxel| grid.is_dense(voxel));
+    let mut states: Vec<_> = dense.map(|voxel| State::new(grid, voxel)).collect();
+    states.sort_unstable_by_key(|state| state.cell);
+    states
+}

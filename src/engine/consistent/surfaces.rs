@@ -1,0 +1,642 @@
+//! The clusters, kept while blocks are published one after another.
+//!
+//! After every [`Surfaces::publish`] the partition is the one that `scratch` finds on the same published states. A block
+//! that is published takes its patches and its voxels out of their clusters, is segmented anew, and puts them in again;
+//! joins change only at its own patches, and loose voxels look for their patch anew within two voxels of it. The graph
+//! says which clusters that merged or split; whole patches then move, those of the smaller sides. So the work follows the
+//! blocks that are published, their neighbours and the smaller side of what splits or merges.
+//!
+//! Identity: the voxels that were in a cluster before vote for the one they are in now. A cluster's id goes where most of its
+//! voxels went; of several that come together the oldest stays.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use nalgebra::Vector3;
+
+use super::cluster::{Cluster, Identity, content};
+use super::describe::{self, Surroundings};
+use super::exact::Exact;
+use super::footprint::{Axis, Footprint};
+use super::graph::{Batch, ComponentId, End, Graph, NodeId, Outcome};
+use super::grid::{BlockIndex, BlockKey, Cell, EDGE, Grid, offset_of};
+use super::layer::{EMPTY, Loose, PatchId, Segmented, are_joined, contacts, owner_of, patch, sharper};
+use super::patches::LOOSE;
+use super::rules::Rules;
+use super::state::State;
+use crate::engine::key::{ClusterId, VoxelKey};
+use crate::engine::params::Params;
+use crate::engine::scan::Stamp;
+use crate::engine::snapshot::{self, ChangedCluster};
+
+/// The scan that is being taken in.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Now {
+    /// Its number, from 1.
+    pub(super) sequence: u64,
+    pub(super) stamp: Stamp,
+}
+
+#[derive(Clone, Debug)]
+pub(super) struct Surfaces {
+    pub(super) rules: Rules,
+    /// By block.
+    segmented: Vec<Segmented>,
+    /// The patches' nodes, by block and number.
+    nodes: Vec<Vec<NodeId>>,
+    /// By node.
+    patches: Vec<Option<PatchId>>,
+    graph: Graph,
+    /// By component.
+    clusters: Vec<Option<Box<Cluster>>>,
+    ids_given: u64,
+    /// Components that this scan changed.
+    changed: BTreeSet<ComponentId>,
+    /// Ids that are gone by this scan.
+    removed: BTreeSet<ClusterId>,
+    /// Voxels in clusters that have an id.
+    clustered: u32,
+}
+
+/// Votes of voxels: how many of a component are now in another.
+type Votes = BTreeMap<(ComponentId, ComponentId), u64>;
+
+/// Voxels from which on a cluster is told of, and below which it no longer is.
+const TOLD: u32 = 10;
+const NO_LONGER_TOLD: u32 = 7;
+
+/// Every cluster is described anew at least once in so many scans, a second of a Kinect's.
+const ROUND: u64 = 30;
+/// Area from which on a level surface that faces up can be the floor (m^2).
+const FLOOR_AREA: f64 = 1.0;
+
+impl Surfaces {
+    pub(super) fn new(rules: Rules) -> Self {
+        Self {
+            rules,
+            segmented: Vec::new(),
+            nodes: Vec::new(),
+            patches: Vec::new(),
+            graph: Graph::default(),
+            clusters: Vec::new(),
+            ids_given: 0,
+            changed: BTreeSet::new(),
+            removed: BTreeSet::new(),
+            clustered: 0,
+        }
+    }
+
+    /// Voxels in clusters that are told of.
+    pub(super) const fn clustered(&self) -> u32 {
+        self.clustered
+    }
+
+    pub(super) fn segmented(&self) -> &[Segmented] {
+        &self.segmented
+    }
+
+    /// The clusters that are told of, by ascending id, each as it was told of last.
+    pub(super) fn told(&self) -> Vec<&snapshot::Cluster> {
+        let mut told: Vec<_> =
+            self.clusters.iter().flatten().filter_map(|cluster| cluster.told.as_ref()).collect();
+        told.sort_unstable_by_key(|cluster| cluster.id);
+        told
+    }
+
+    /// Notes that the sensor put points into these blocks (ascending).
+    pub(super) fn note_seen(&mut self, blocks: &[BlockIndex], now: Now) {
+        for block in blocks {
+            let Some(nodes) = self.nodes.get(block.0 as usize) else { continue };
+            for &node in nodes {
+                let component = self.graph.component(node).0 as usize;
+                if let Some(cluster) = self.clusters[component].as_mut() {
+                    cluster.identity.last_seen = now.stamp;
+                }
+            }
+        }
+    }
+
+    /// Describes anew what has changed and, so that states, classes and times do not grow old, one cluster in so many of the
+    /// others; returns those that are told of differently than before, by ascending id.
+    pub(super) fn describe(&mut self, params: &Params, sensor_height: f64, now: Now) -> Vec<ChangedCluster> {
+        let mut due: BTreeSet<_> = self.changed.clone();
+        let turn = |component: &u32| u64::from(*component) % ROUND == now.sequence % ROUND;
+        due.extend((0..self.clusters.len() as u32).filter(turn).map(ComponentId));
+        for &component in &due {
+            let changed = self.changed.contains(&component);
+            self.describe_shape(component, changed, params, now);
+        }
+        let told = self.told();
+        let is_floor = |cluster: &&&snapshot::Cluster| {
+            cluster.normal.z > 0.97 && cluster.area.is_some_and(|area| area >= FLOOR_AREA)
+        };
+        let floor = told.iter().filter(is_floor).map(|cluster| cluster.centroid.z).min_by(f64::total_cmp);
+        let surroundings = Surroundings { floor, sensor: sensor_height };
+        let mut classes = Vec::new();
+        for &component in &due {
+            let Some(cluster) = self.clusters[component.0 as usize].as_deref() else { continue };
+            let (Some(shape), Some(plane)) = (&cluster.told, cluster.plane()) else { continue };
+            let rms = plane.normal.dot(&(plane.covariance * plane.normal.into_inner())).max(0.0).sqrt();
+            let others = told.iter().copied();
+            classes.push((component, describe::class(shape, rms, others, surroundings, params.voxel_size())));
+        }
+        for (component, (class, confidence)) in classes {
+            if let Some(told) = self.clusters[component.0 as usize].as_mut().and_then(|c| c.told.as_mut()) {
+                (told.class, told.class_confidence) = (class, confidence);
+            }
+        }
+        self.finish(&due)
+    }
+
+    fn describe_shape(&mut self, component: ComponentId, changed: bool, params: &Params, now: Now) {
+        let Some(cluster) = self.clusters[component.0 as usize].as_deref_mut() else { return };
+        let Some(id) = cluster.identity.id else {
+            cluster.told = None;
+            return;
+        };
+        if changed || cluster.told.is_none() {
+            cluster.before = cluster.told.take();
+            cluster.told = describe::describe(cluster, id, params);
+        } else {
+            cluster.before.clone_from(&cluster.told);
+        }
+        let state = describe::state(cluster, params, now);
+        let last_seen = cluster.identity.last_seen;
+        if let Some(told) = &mut cluster.told {
+            (told.state, told.last_seen) = (state, last_seen);
+        }
+    }
+
+    /// Counts the revisions of what is told of differently.
+    fn finish(&mut self, due: &BTreeSet<ComponentId>) -> Vec<ChangedCluster> {
+        let mut changed = Vec::new();
+        for component in due {
+            let Some(cluster) = self.clusters[component.0 as usize].as_deref_mut() else { continue };
+            let before = cluster.before.take();
+            let merged_from = std::mem::take(&mut cluster.identity.merged_from);
+            let Some(told) = cluster.told.as_mut().filter(|told| before.as_ref() != Some(*told)) else {
+                continue;
+            };
+            cluster.identity.revision += 1;
+            told.revision = cluster.identity.revision;
+            changed.push(ChangedCluster { cluster: told.clone(), merged_from });
+        }
+        changed.sort_unstable_by_key(|changed| changed.cluster.id);
+        changed
+    }
+
+    /// Ids that are gone by this scan, ascending.
+    pub(super) fn removed(&self) -> Vec<ClusterId> {
+        self.removed.iter().copied().collect()
+    }
+
+    pub(super) fn component(&self, node: NodeId) -> u32 {
+        self.graph.component(node).0
+    }
+
+    pub(super) fn cluster_of_node(&self, node: NodeId) -> Option<&Cluster> {
+        self.clusters[self.graph.component(node).0 as usize].as_deref()
+    }
+
+    /// The published voxels of a block, each with its node.
+    pub(super) fn voxels(&self, block: BlockIndex) -> Vec<(&State, Option<NodeId>)> {
+        let Some(here) = self.segmented.get(block.0 as usize) else { return Vec::new() };
+        let mut loose = here.loose.iter();
+        let node = |state: &State| match here.labels[state.cell.index()] {
+            LOOSE => loose.next().and_then(|loose| loose.owner),
+            number => Some(self.nodes[block.0 as usize][usize::from(number)]),
+        };
+        let nodes: Vec<_> = here.states.iter().map(node).collect();
+        here.states.iter().zip(nodes).collect()
+    }
+
+    /// The plane that a node's patch has, with its point in voxels.
+    pub(super) fn patch(&self, node: NodeId) -> Option<&super::patch::Patch> {
+        let id = self.patches[node.0 as usize]?;
+        self.segmented[id.block.0 as usize].patches.get(usize::from(id.number))
+    }
+
+    /// Forgets what the scan before has changed.
+    pub(super) fn begin(&mut self) {
+        self.changed.clear();
+        self.removed.clear();
+    }
+
+    /// Takes over the states of these blocks (ascending) as they are now.
+    pub(super) fn publish(&mut self, grid: &Grid, blocks: &[BlockIndex], now: Now) {
+        self.make_room(grid);
+        let beside = self.beside(grid, blocks);
+        for &(block, place) in &beside {
+            self.withdraw_loose(grid, block, place);
+        }
+        let mut batch = Batch::default();
+        let old: Vec<_> = blocks.iter().map(|&block| self.withdraw(grid, block, &mut batch)).collect();
+        for &block in blocks {
+            self.segmented[block.0 as usize] = Segmented::new(grid, grid.block(block), &self.rules);
+        }
+        self.connect(grid, blocks, &mut batch);
+        let outcome = self.graph.apply(&batch);
+        self.number(blocks, &outcome);
+        let votes = self.votes(blocks, &old, &outcome);
+        self.identify(&votes, &outcome, now);
+        for moved in &outcome.moved {
+            self.transfer(grid, moved.node, moved.from, moved.to);
+        }
+        for &block in blocks {
+            self.enter(grid, block);
+        }
+        for (block, place) in beside {
+            self.enter_loose(grid, block, place);
+        }
+        for gone in &outcome.removed {
+            // What it was has been taken over by another cluster, or is gone with its voxels.
+            let counted = self.clusters[gone.0 as usize].take().map_or(0, |cluster| cluster.counted);
+            self.clustered -= counted;
+        }
+        self.turn_footprints(grid);
+        self.tell(grid, now);
+    }
+
+    fn make_room(&mut self, grid: &Grid) {
+        let blocks = grid.slots();
+        self.segmented.resize_with(blocks, Segmented::empty);
+        self.nodes.resize_with(blocks, Vec::new);
+    }
+
+    /// Loose voxels of other blocks within reach of these: (block, place in its list of loose ones), ascending.
+    fn beside(&self, grid: &Grid, blocks: &[BlockIndex]) -> Vec<(BlockIndex, usize)> {
+        let mut beside = Vec::new();
+        for &block in blocks {
+            for (place, other) in grid.block(block).around.iter().enumerate() {
+                let Some(other) = other.filter(|other| blocks.binary_search(other).is_err()) else {
+                    continue;
+                };
+                let there = &self.segmented[other.0 as usize];
+                let towards = offset_of(26 - place);
+                let within = |loose: &Loose| {
+                    let at = there.states[usize::from(loose.place)].cell.coordinates();
+                    (0..3).all(|i| match towards[i] {
+                        -1 => at[i] < self.rules.rim_reach,
+                        1 => at[i] >= EDGE - self.rules.rim_reach,
+                        _ => true,
+                    })
+                };
+                let near = there.loose.iter().enumerate().filter(|(_, loose)| within(loose));
+                beside.extend(near.map(|(number, _)| (other, number)));
+            }
+        }
+        beside.sort_unstable();
+        beside.dedup();
+        beside
+    }
+
+    fn withdraw_loose(&mut self, grid: &Grid, block: BlockIndex, number: usize) {
+        let here = &mut self.segmented[block.0 as usize];
+        let loose = &mut here.loose[number];
+        let Some(owner) = loose.owner.take() else { return };
+        let state = &here.states[usize::from(loose.place)];
+        let component = self.graph.component(owner);
+        let (Some(cluster), Some(key)) =
+            (self.clusters[component.0 as usize].as_mut(), grid.block(block).voxel_key(state.cell))
+        else {
+            return;
+        };
+        cluster.remove(key, state);
+        self.changed.insert(component);
+    }
+
+    /// Takes all voxels of a block out of their clusters, and its nodes out of the graph; returns what it was.
+    fn withdraw(&mut self, grid: &Grid, block: BlockIndex, batch: &mut Batch) -> Old {
+        let corner = grid.block(block).corner();
+        (0..self.segmented[block.0 as usize].loose.len())
+            .for_each(|number| self.withdraw_loose(grid, block, number));
+        let segmented = std::mem::replace(&mut self.segmented[block.0 as usize], Segmented::empty());
+        let nodes = std::mem::take(&mut self.nodes[block.0 as usize]);
+        let components: Vec<_> = nodes.iter().map(|&node| self.graph.component(node)).collect();
+        for state in &segmented.states {
+            let label = segmented.labels[state.cell.index()];
+            if label == LOOSE {
+                continue;
+            }
+            let component = components[usize::from(label)];
+            if let (Some(cluster), Some(key)) =
+                (self.clusters[component.0 as usize].as_mut(), grid.block(block).voxel_key(state.cell))
+            {
+                cluster.remove(key, state);
+                cluster.sums.remove(&Exact::of(state, corner));
+                self.changed.insert(component);
+            }
+        }
+        nodes.iter().for_each(|node| self.patches[node.0 as usize] = None);
+        batch.remove.extend(nodes);
+        Old { segmented, components }
+    }
+
+    /// The nodes and edges of the new patches, and the edges of slices beside them that have another sharper patch now.
+    fn connect(&mut self, grid: &Grid, blocks: &[BlockIndex], batch: &mut Batch) {
+        let mut first = BTreeMap::new();
+        for &block in blocks {
+            first.insert(block, batch.add.len() as u32);
+            batch.add.extend(
+                self.segmented[block.0 as usize].patches.iter().map(|patch| patch.cells.len() as u32),
+            );
+        }
+        blocks.iter().for_each(|&block| self.meet(grid, block));
+        let noisy = self.noisy_beside(grid, blocks);
+        let new = blocks.iter().flat_map(|&block| self.ids(block));
+        let anew: Vec<_> = new.chain(noisy.iter().copied()).collect();
+        for &id in &anew {
+            self.segmented[id.block.0 as usize].slice_of[usize::from(id.number)] =
+                sharper(&self.segmented, id, &self.rules);
+        }
+        for id in noisy {
+            let node = self.nodes[id.block.0 as usize][usize::from(id.number)];
+            batch.disconnect.extend(self.graph.neighbours(node).iter().map(|&other| (node, other)));
+        }
+        // What goes with a removed node need not be said to go.
+        let gone: BTreeSet<_> = batch.remove.iter().copied().collect();
+        batch.disconnect.retain(|(_, other)| !gone.contains(other));
+        let end = |id: PatchId| match first.get(&id.block) {
+            Some(first) => End::New(first + u32::from(id.number)),
+            None => End::Old(self.nodes[id.block.0 as usize][usize::from(id.number)]),
+        };
+        for id in anew {
+            for (&other, contact) in &self.segmented[id.block.0 as usize].contacts[usize::from(id.number)] {
+                if are_joined(&self.segmented, id, other, contact, &self.rules) {
+                    batch.connect.push((end(id), end(other)));
+                }
+            }
+        }
+    }
+
+    fn ids(&self, block: BlockIndex) -> impl Iterator<Item = PatchId> {
+        (0..self.segmented[block.0 as usize].patches.len())
+            .map(move |number| PatchId { block, number: number as u8 })
+    }
+
+    /// Finds where the patches of a block that was segmented anew meet others, and tells these.
+    fn meet(&mut self, grid: &Grid, block: BlockIndex) {
+        for (place, other) in grid.block(block).around.iter().enumerate() {
+            let Some(other) = *other else { continue };
+            if other != block {
+                // They met what this block was before.
+                for contacts in &mut self.segmented[other.0 as usize].contacts {
+                    contacts.retain(|id, _| id.block != block);
+                }
+            }
+            let [here, there] = [block, other].map(|block| &self.segmented[block.0 as usize]);
+            let met = contacts(here, there, place, grid.block(block).corner(), self.rules.contact_reach);
+            for ((a, b), contact) in met {
+                let [a, b] = [PatchId { block, number: a }, PatchId { block: other, number: b }];
+                self.segmented[block.0 as usize].contacts[usize::from(a.number)].insert(b, contact);
+                self.segmented[other.0 as usize].contacts[usize::from(b.number)].insert(a, contact);
+            }
+        }
+    }
+
+    /// Noisy patches of other blocks around these.
+    fn noisy_beside(&self, grid: &Grid, blocks: &[BlockIndex]) -> BTreeSet<PatchId> {
+        let around = blocks.iter().flat_map(|&block| grid.block(block).around.into_iter().flatten());
+        let others: BTreeSet<_> = around.filter(|other| blocks.binary_search(other).is_err()).collect();
+        let ids = others.into_iter().flat_map(|other| self.ids(other));
+        ids.filter(|&id| patch(&self.segmented, id).is_noisy(&self.rules)).collect()
+    }
+
+    /// Writes down which nodes the new patches have got.
+    fn number(&mut self, blocks: &[BlockIndex], outcome: &Outcome) {
+        let mut added = outcome.added.iter();
+        for &block in blocks {
+            let count = self.segmented[block.0 as usize].patches.len();
+            let nodes: Vec<_> = added.by_ref().take(count).map(|(node, _)| *node).collect();
+            for (number, node) in (0..).zip(&nodes) {
+                let place = node.0 as usize;
+                self.patches.resize(self.patches.len().max(place + 1), None);
+                self.patches[place] = Some(PatchId { block, number });
+            }
+            self.nodes[block.0 as usize] = nodes;
+        }
+    }
+
+    /// Where the voxels of each component that was touched are now.
+    fn votes(&self, blocks: &[BlockIndex], old: &[Old], outcome: &Outcome) -> Votes {
+        let mut votes = Votes::new();
+        for flow in &outcome.flows {
+            *votes.entry((flow.from, flow.to)).or_default() += flow.weight;
+        }
+        for (&block, old) in blocks.iter().zip(old) {
+            let new = &self.segmented[block.0 as usize];
+            for state in &old.segmented.states {
+                let [before, now] =
+                    [old.segmented.labels[state.cell.index()], new.labels[state.cell.index()]];
+                if [before, now].iter().any(|label| *label == LOOSE || *label == EMPTY) {
+                    continue;
+                }
+                let node = self.nodes[block.0 as usize][usize::from(now)];
+                let pair = (old.components[usize::from(before)], self.graph.component(node));
+                *votes.entry(pair).or_default() += 1;
+            }
+        }
+        votes
+    }
+
+    /// Gives every component that was touched the identity that most of its voxels vote for, or a new one.
+    fn identify(&mut self, votes: &Votes, outcome: &Outcome, now: Now) {
+        let touched: BTreeSet<_> = outcome
+            .flows
+            .iter()
+            .map(|flow| flow.to)
+            .chain(outcome.added.iter().map(|(_, component)| *component))
+            .chain(outcome.created.iter().copied())
+            .collect();
+        let mut before: BTreeSet<_> = outcome.gone.iter().map(|(_, component)| *component).collect();
+        before.extend(outcome.flows.iter().map(|flow| flow.from));
+        let mut identities: BTreeMap<ComponentId, Identity> = BTreeMap::new();
+        for component in before {
+            if let Some(cluster) = self.clusters[component.0 as usize].as_mut() {
+                identities
+                    .insert(component, std::mem::replace(&mut cluster.identity, Identity::new(now.stamp)));
+            }
+        }
+        let mut claims: BTreeMap<ComponentId, Vec<Identity>> = BTreeMap::new();
+        for (from, identity) in identities {
+            let candidates = votes.range((from, ComponentId(0))..=(from, ComponentId(u32::MAX)));
+            let most = candidates.max_by_key(|((_, to), votes)| (**votes, std::cmp::Reverse(*to)));
+            match most {
+                Some(((_, to), _)) => claims.entry(*to).or_default().push(identity),
+                None => self.removed.extend(identity.id),
+            }
+        }
+        for component in touched {
+            let mut claimants = claims.remove(&component).unwrap_or_default();
+            // The oldest id first; those without one come last, by when they were first seen.
+            claimants.sort_by_key(|identity| (identity.id.is_none(), identity.id, identity.first_seen));
+            let mut claimants = claimants.into_iter();
+            let mut identity = claimants.next().unwrap_or_else(|| Identity::new(now.stamp));
+            for other in claimants {
+                identity.take_in(&other);
+                self.removed.extend(other.id);
+            }
+            let place = component.0 as usize;
+            if self.clusters.len() <= place {
+                self.clusters.resize_with(place + 1, || None);
+            }
+            match &mut self.clusters[place] {
+                Some(cluster) => cluster.identity = identity,
+                none => *none = Some(Box::new(Cluster::new(identity))),
+            }
+            self.changed.insert(component);
+        }
+    }
+
+    /// Moves a patch and the loose voxels beside it to another cluster.
+    fn transfer(&mut self, grid: &Grid, node: NodeId, from: ComponentId, to: ComponentId) {
+        let Some(id) = self.patches[node.0 as usize] else { return };
+        let (mut lost, mut gained) =
+            (self.clusters[from.0 as usize].take(), self.clusters[to.0 as usize].take());
+        let corner = grid.block(id.block).corner();
+        let mut carry = |key: Option<VoxelKey>, state: &State, of_patch: bool| {
+            let (Some(key), Some(lost), Some(gained)) = (key, lost.as_mut(), gained.as_mut()) else { return };
+            lost.remove(key, state);
+            gained.add(key, state);
+            if of_patch {
+                let sums = Exact::of(state, corner);
+                lost.sums.remove(&sums);
+                gained.sums.add(&sums);
+            }
+        };
+        let here = &self.segmented[id.block.0 as usize];
+        for &cell in &here.patches[usize::from(id.number)].cells {
+            if let Some(state) = here.state(cell) {
+                carry(grid.block(id.block).voxel_key(cell), state, true);
+            }
+        }
+        for block in grid.block(id.block).around.iter().flatten() {
+            let there = &self.segmented[block.0 as usize];
+            for loose in there.loose.iter().filter(|loose| loose.owner == Some(node)) {
+                let state = &there.states[usize::from(loose.place)];
+                carry(grid.block(*block).voxel_key(state.cell), state, false);
+            }
+        }
+        self.clusters[from.0 as usize] = lost;
+        self.clusters[to.0 as usize] = gained;
+        self.changed.extend([from, to]);
+    }
+
+    /// Puts the voxels of a block that was segmented anew into their clusters.
+    fn enter(&mut self, grid: &Grid, block: BlockIndex) {
+        let here = &self.segmented[block.0 as usize];
+        let corner = grid.block(block).corner();
+        for state in &here.states {
+            let label = here.labels[state.cell.index()];
+            if label == LOOSE {
+                continue;
+            }
+            let component = self.graph.component(self.nodes[block.0 as usize][usize::from(label)]);
+            if let (Some(cluster), Some(key)) =
+                (self.clusters[component.0 as usize].as_mut(), grid.block(block).voxel_key(state.cell))
+            {
+                cluster.add(key, state);
+                cluster.sums.add(&Exact::of(state, corner));
+            }
+        }
+        (0..self.segmented[block.0 as usize].loose.len())
+            .for_each(|number| self.enter_loose(grid, block, number));
+    }
+
+    fn enter_loose(&mut self, grid: &Grid, block: BlockIndex, number: usize) {
+        let here = &self.segmented[block.0 as usize];
+        let state = &here.states[usize::from(here.loose[number].place)];
+        let corner = Vector3::from(grid.block(block).corner()).map(f64::from);
+        let owner = owner_of(state, &grid.block(block).around, &corner, &self.segmented, &self.rules);
+        let Some(owner) = owner else { return };
+        let node = self.nodes[owner.block.0 as usize][usize::from(owner.number)];
+        let component = self.graph.component(node);
+        if let (Some(cluster), Some(key)) =
+            (self.clusters[component.0 as usize].as_mut(), grid.block(block).voxel_key(state.cell))
+        {
+            cluster.add(key, state);
+        }
+        self.changed.insert(component);
+        self.segmented[block.0 as usize].loose[number].owner = Some(node);
+    }
+
+    /// Projects a cluster along another axis where its normal now leans towards that. Costs its voxels, once in a while.
+    fn turn_footprints(&mut self, grid: &Grid) {
+        for component in self.changed.clone() {
+            let Some(cluster) = self.clusters[component.0 as usize].as_deref() else { continue };
+            let Some(axis) = cluster.plane().map(|plane| Axis::dominant(&plane.normal)) else { continue };
+            if axis != cluster.footprint.axis() {
+                let footprint = self.footprint(grid, component, axis);
+                if let Some(cluster) = self.clusters[component.0 as usize].as_mut() {
+                    cluster.footprint = footprint;
+                }
+            }
+        }
+    }
+
+    /// The footprint of a component from its voxels.
+    fn footprint(&self, grid: &Grid, component: ComponentId, axis: Axis) -> Footprint {
+        let mut footprint = Footprint::new(axis);
+        for &node in self.graph.nodes(component) {
+            let Some(id) = self.patches[node.0 as usize] else { continue };
+            let here = &self.segmented[id.block.0 as usize];
+            let mut enter = |block: BlockIndex, state: &State| {
+                if let Some(key) = grid.block(block).voxel_key(state.cell) {
+                    footprint.add(axis.column(key), content(state, axis));
+                }
+            };
+            let cells = &here.patches[usize::from(id.number)].cells;
+            cells.iter().filter_map(|&cell| here.state(cell)).for_each(|state| enter(id.block, state));
+            for block in grid.block(id.block).around.iter().flatten() {
+                let there = &self.segmented[block.0 as usize];
+                let beside = there.loose.iter().filter(|loose| loose.owner == Some(node));
+                beside.for_each(|loose| enter(*block, &there.states[usize::from(loose.place)]));
+            }
+        }
+        footprint
+    }
+
+    /// Gives ids to clusters that have become large enough, and takes them from those that no longer are.
+    fn tell(&mut self, grid: &Grid, now: Now) {
+        let mut new = Vec::new();
+        for &component in &self.changed {
+            let Some(cluster) = self.clusters[component.0 as usize].as_deref_mut() else { continue };
+            let voxels = cluster.voxels;
+            let identity = &mut cluster.identity;
+            if voxels > identity.most_voxels {
+                (identity.most_voxels, identity.grown) = (voxels, now.sequence);
+            }
+            if identity.id.is_none() && voxels >= TOLD {
+                new.push(component);
+            } else if voxels < NO_LONGER_TOLD {
+                self.removed.extend(identity.id.take());
+            }
+        }
+        // The order of components is that of the points within the scan, which must not decide.
+        new.sort_by_cached_key(|&component| self.first_voxel(grid, component));
+        for component in new {
+            self.ids_given += 1;
+            if let Some(cluster) = self.clusters[component.0 as usize].as_deref_mut() {
+                cluster.identity.id = ClusterId::new(self.ids_given);
+            }
+        }
+        for component in &self.changed {
+            let Some(cluster) = self.clusters[component.0 as usize].as_deref_mut() else { continue };
+            let counted = if cluster.identity.id.is_some() { cluster.voxels } else { 0 };
+            self.clustered = self.clustered + counted - std::mem::replace(&mut cluster.counted, counted);
+        }
+    }
+
+    /// The first voxel of a component's patches, by block and cell.
+    fn first_voxel(&self, grid: &Grid, component: ComponentId) -> Option<(BlockKey, Cell)> {
+        let ids = self.graph.nodes(component).iter().filter_map(|node| self.patches[node.0 as usize]);
+        ids.filter_map(|id| Some((grid.block(id.block).key, *patch(&self.segmented, id).cells.first()?)))
+            .min()
+    }
+}
+
+/// A block before it was published anew.
+struct Old {
+    segmented: Segmented,
+    /// The components of its patches, by number.
+    components: Vec<ComponentId>,
+}

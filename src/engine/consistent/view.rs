@@ -1,0 +1,256 @@
+//! What one scan proves to be empty.
+//!
+//! A [`RangeGrid`] keeps, for every direction from the sensor, the smallest depth that was measured there. A voxel is
+//! seen through when all directions towards it, and those beside it, were measured and end beyond it. What was not
+//! measured proves nothing. [`RangeGrid::blocks_in_view`] names the blocks in which such voxels may lie, and
+//! [`Clearance`] says when one has been seen through often enough to lose its points.
+//!
+//! **Kept true.** A voxel with a measured point in it, or nearer than `margin` behind its far side, is never
+//! [`Sight::Through`]. The result does not depend on the order of the points.
+//!
+//! **Why floors are safe.** A ray just above a floor voxel ends far behind it, but the floor within the voxel lies in the
+//! voxel's own directions, and the floor before it in those just below: the smallest depth over all of them is not
+//! beyond the voxel, however shallow the angle. So it is at the edge of a table: the voxel that holds the last few
+//! millimetres has the table itself in the directions beside it.
+//!
+//! The price: what stood on a floor stays in the layer of the floor and in the one or two above, up to 15 cm, as long as
+//! it is seen from 1.5 m or more; the rays beside it end on the floor, too near behind it to tell.
+//!
+//! **Directions.** The sensor may look along any axis, or all round. So the directions lie on a cube around it: the axis
+//! of the largest coordinate picks one of six faces, the two other coordinates divided by it a cell. Depth is that
+//! largest coordinate: monotone along a ray, and without a root.
+//!
+//! **Cost.** Filling: one division and one write a point, 2 to 3 ns. A look at a voxel: the cells
+//! that it covers, until the first that does not end beyond it; mostly one. Memory: 8 bytes a cell, 3 MB. After the
+//! first scans nothing is allocated.
+//!
+//! Units are metres, in the sensor's frame where nothing else is said.
+
+use nalgebra::{Point3, Rotation3, Vector3};
+
+pub(crate) use clearance::Clearance;
+
+use crate::engine::scan::Points;
+use patch::{Face, Patch};
+
+mod blocks;
+mod clearance;
+mod patch;
+#[cfg(test)]
+mod tests;
+#[cfg(test)]
+#[cfg(feature = "sim")]
+mod tests_on_scans;
+
+/// Cells along the edge of a face.
+///
+/// A cell is 1/128 of the depth wide: 0.45 degrees, 4 x 4 of a Kinect's pixels. At 6 m it is as wide as a voxel of 5 cm, at
+/// 1 m a voxel of 8 cm covers 10 x 10. Larger cells would blur what stands on a floor with the floor (a voxel is looked
+/// at with one cell more on each side, 3 cm at 4 m); smaller ones hold too few points to say that a direction was measured.
+const CELLS: usize = 1 << CELL_BITS;
+const CELL_BITS: u32 = 8;
+const FACE_CELLS: usize = CELLS * CELLS;
+/// Cells along the edge of a tile, over which the farthest cell is kept for whole blocks.
+const TILE_CELLS: usize = 8;
+/// Tiles along the edge of a face.
+const TILES: usize = CELLS / TILE_CELLS;
+/// A cell with fewer than the mean number of points divided by this says nothing: most of it was not measured.
+///
+/// Directions at the corner of a face are up to 5.2 times denser or sparser than in its middle.
+const SPARSE: u32 = 8;
+/// Points whose cells are computed at once, so that the compiler can do several in one instruction.
+const BATCH: usize = 256;
+
+/// What a scan says about a voxel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Sight {
+    /// Nothing: not measured, out of view, or hidden in whole or in part.
+    Unknown,
+    /// Every ray towards it and beside it ends beyond it.
+    Through,
+    /// The rays towards its centre end at its depth.
+    Hit,
+}
+
+/// A direction: how far the nearest point in it is, and how many there are.
+#[derive(Clone, Copy, Debug)]
+struct Cell {
+    nearest: f32,
+    count: u32,
+}
+
+const EMPTY: Cell = Cell { nearest: f32::INFINITY, count: 0 };
+
+/// The smallest depth in each direction from the sensor, of one scan; reused for the next.
+#[derive(Clone, Debug)]
+pub(crate) struct RangeGrid {
+    /// Six faces, row by row.
+    cells: Vec<Cell>,
+    /// The cells with points, in the order in which they got the first.
+    occupied: Vec<u32>,
+    /// Six faces, row by row: the largest of the cells' smallest depths; 0 in a tile without points.
+    tiles: Vec<f32>,
+    /// Whether there are points on the face.
+    faces: [bool; 6],
+    /// Fewest points with which a cell says something.
+    min_count: u32,
+}
+
+impl RangeGrid {
+    /// A grid without points.
+    pub(crate) fn new() -> Self {
+        Self {
+            cells: vec![EMPTY; 6 * FACE_CELLS],
+            occupied: Vec::new(),
+            tiles: vec![0.0; 6 * TILES * TILES],
+            faces: [false; 6],
+            min_count: 1,
+        }
+    }
+
+    /// Takes in the points of a scan in place of those before.
+    pub(crate) fn fill(&mut self, points: &Points) {
+        self.clear();
+        match points {
+            Points::F32(points) => {
+                for batch in points.chunks(BATCH) {
+                    self.fill_batch(batch);
+                }
+            }
+            Points::F64(points) => {
+                let mut converted = [[0.0; 3]; BATCH];
+                for batch in points.chunks(BATCH) {
+                    for (to, from) in converted.iter_mut().zip(batch) {
+                        *to = from.map(|coordinate| coordinate as f32);
+                    }
+                    self.fill_batch(&converted[..batch.len()]);
+                }
+            }
+        }
+        self.finish(points.len());
+    }
+
+    fn clear(&mut self) {
+        for cell in self.occupied.drain(..) {
+            self.cells[cell as usize] = EMPTY;
+        }
+        self.tiles.fill(0.0);
+        self.faces = [false; 6];
+    }
+
+    fn fill_batch(&mut self, batch: &[[f32; 3]]) {
+        let (mut cells, mut depths) = ([0_u32; BATCH], [0.0_f32; BATCH]);
+        for ((cell, depth), &point) in cells.iter_mut().zip(&mut depths).zip(batch) {
+            (*cell, *depth) = cell_and_depth(point);
+        }
+        for (&index, &depth) in cells.iter().zip(&depths).take(batch.len()) {
+            let cell = &mut self.cells[index as usize];
+            if cell.count == 0 {
+                self.occupied.push(index);
+            }
+            cell.nearest = cell.nearest.min(depth);
+            cell.count += 1;
+        }
+    }
+
+    fn finish(&mut self, points: usize) {
+        let mean = points / self.occupied.len().max(1);
+        self.min_count = (mean as u32 / SPARSE).max(1);
+        for &index in &self.occupied {
+            let cell = self.cells[index as usize];
+            let (face, row, column) = split(index as usize);
+            self.faces[face] = true;
+            let tile = &mut self.tiles[(face * TILES + row / TILE_CELLS) * TILES + column / TILE_CELLS];
+            *tile = tile.max(cell.nearest);
+        }
+    }
+
+    /// Whether a voxel, or any box, was seen through.
+    ///
+    /// `centre` is its centre; `half` the box's reach from there along the sensor's axes, see [`half_extents`]. `margin`
+    /// is how far beyond its far side a ray must end: some standard deviations of a depth there and half a voxel.
+    pub(crate) fn sees_through(&self, centre: &Point3<f64>, half: &Vector3<f64>, margin: f64) -> Sight {
+        let [x, y, z] = [centre.x, centre.y, centre.z].map(|coordinate| coordinate as f32);
+        let (index, depth) = cell_and_depth([x, y, z]);
+        let face = Face::new(index as usize / FACE_CELLS);
+        let reach = (face.half_depth(half) + margin) as f32;
+        let cell = self.cells[index as usize];
+        // The cell of the centre decides for most voxels: it is they that are measured.
+        if cell.count < self.min_count || cell.nearest < depth - reach {
+            return Sight::Unknown;
+        }
+        if cell.nearest <= depth + reach {
+            return Sight::Hit;
+        }
+        let clear = Face::all().all(|face| {
+            Patch::new(face, centre, half, [CELLS, 1])
+                .is_none_or(|patch| self.ends_beyond(face, &patch, margin))
+        });
+        if clear { Sight::Through } else { Sight::Unknown }
+    }
+
+    /// Whether all cells of a patch were measured and end beyond the box by `margin`.
+    fn ends_beyond(&self, face: Face, patch: &Patch, margin: f64) -> bool {
+        let least = (patch.far + margin) as f32;
+        patch.rows.clone().all(|row| {
+            let start = (face.index() * CELLS + row) * CELLS;
+            let cells = &self.cells[start + patch.columns.start..start + patch.columns.end];
+            cells.iter().all(|cell| cell.count >= self.min_count && cell.nearest > least)
+        })
+    }
+}
+
+/// How far a cube with this edge, parallel to the axes of the fixed frame, reaches from its centre along those of the
+/// sensor's frame: from half an edge to half a diagonal. The same for all voxels of a scan.
+pub(crate) fn half_extents(sensor_from_fixed: &Rotation3<f64>, edge: f64) -> Vector3<f64> {
+    sensor_from_fixed.matrix().abs() * Vector3::repeat(0.5 * edge)
+}
+
+/// Face, row and column of a cell.
+const fn split(index: usize) -> (usize, usize, usize) {
+    (index / FACE_CELLS, index / CELLS % CELLS, index % CELLS)
+}
+
+/// The cell in which a point lies and its depth there.
+///
+/// Without a branch or a sum that is checked, so that several points are done at once. Rounding may put a point on a border into the cell beside it, which is why voxels are looked at with
+/// one cell more on each side.
+#[inline]
+#[expect(clippy::needless_bitwise_bool, reason = "a lazy operator is a branch")]
+fn cell_and_depth([x, y, z]: [f32; 3]) -> (u32, f32) {
+    let (ax, ay, az) = (x.abs(), y.abs(), z.abs());
+    let along_x = (ax >= ay) & (ax >= az);
+    let along_y = !along_x & (ay >= az);
+    let largest = if along_x {
+        x
+    } else if along_y {
+        y
+    } else {
+        z
+    };
+    let axis = if along_x {
+        0
+    } else if along_y {
+        2
+    } else {
+        4
+    };
+    let column = if along_x { y } else { x };
+    let row = if along_x | along_y { z } else { y };
+    let depth = largest.abs();
+    let face = axis | (largest.to_bits() >> 31);
+    let inverse = 1.0 / depth;
+    let cell = (face << CELL_BITS | whole_cell(row * inverse)) << CELL_BITS | whole_cell(column * inverse);
+    (cell, depth)
+}
+
+/// The cell of a coordinate at depth 1, which is in -1 ..= 1.
+#[inline]
+fn whole_cell(tangent: f32) -> u32 {
+    /// Floats from here to twice this are the whole numbers, and their last bits are those numbers.
+    const WHOLE: f32 = 8_388_608.0;
+    const HALF: f32 = 0.5 * CELLS as f32;
+    // Half a cell less, as the addition rounds to the nearest; a point at the sensor, 0 / 0, goes to the first cell.
+    let cell = (tangent * HALF + (HALF - 0.5)).max(0.0).min(CELLS as f32 - 1.0);
+    (cell + WHOLE).to_bits() & (CELLS as u32 - 1)
+}

@@ -1,0 +1,117 @@
+//! Which blocks of voxels a scan may say something about.
+
+use nalgebra::{Isometry3, Point3, Vector3};
+
+use super::patch::{Face, Patch};
+use super::{RangeGrid, TILE_CELLS, TILES, half_extents};
+
+impl RangeGrid {
+    /// Lists the blocks in which voxels may have been seen through, by ascending key, in place of what `blocks` held.
+    ///
+    /// Block `[bx, by, bz]` covers `[bx, bx + 1) * block_edge` along x of the fixed frame, likewise y and z. None is left
+    /// out that lies in part in a measured direction, before the point measured there, and nearer than `max_depth`.
+    ///
+    /// Only those that are `wanted` are projected and listed. Costs one such question for each block in the box around the
+    /// view, some thousand for a Kinect, and one projection for each that is wanted.
+    pub(crate) fn blocks_in_view(
+        &self,
+        fixed_from_sensor: &Isometry3<f64>,
+        block_edge: f64,
+        max_depth: f64,
+        wanted: impl Fn([i32; 3]) -> bool,
+        blocks: &mut Vec<[i32; 3]>,
+    ) {
+        blocks.clear();
+        let Some((low, high)) = self.box_around_view(fixed_from_sensor, max_depth) else { return };
+        let [low, high] = [low, high].map(|corner| corner.coords.map(|x| (x / block_edge).floor() as i32));
+        let sensor_from_fixed = fixed_from_sensor.inverse();
+        let rotation = sensor_from_fixed.rotation.to_rotation_matrix();
+        let half = half_extents(&rotation, block_edge);
+        for bx in low.x..=high.x {
+            for by in low.y..=high.y {
+                for bz in low.z..=high.z {
+                    if !wanted([bx, by, bz]) {
+                        continue;
+                    }
+                    let middle = Vector3::new(bx, by, bz).map(|b| (f64::from(b) + 0.5) * block_edge);
+                    let centre = rotation * Point3::from(middle) + sensor_from_fixed.translation.vector;
+                    if self.may_see_into(&centre, &half, max_depth) {
+                        blocks.push([bx, by, bz]);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Whether a box lies in part in a measured direction, before the point measured there, and nearer than `max_depth`.
+    ///
+    /// `centre` and `half` as in [`RangeGrid::sees_through`].
+    fn may_see_into(&self, centre: &Point3<f64>, half: &Vector3<f64>, max_depth: f64) -> bool {
+        Face::all().filter(|face| self.faces[face.index()]).any(|face| {
+            Patch::new(face, centre, half, [TILES, 0])
+                .is_some_and(|patch| patch.near < max_depth && self.any_tile_beyond(face, &patch))
+        })
+    }
+
+    fn any_tile_beyond(&self, face: Face, patch: &Patch) -> bool {
+        let near = patch.near as f32;
+        patch.rows.clone().any(|row| {
+            let start = (face.index() * TILES + row) * TILES;
+            self.tiles[start + patch.columns.start..start + patch.columns.end].iter().any(|&far| far > near)
+        })
+    }
+
+    /// Opposite corners, in the fixed frame, of a box around everything in measured directions before the points there.
+    fn box_around_view(
+        &self,
+        fixed_from_sensor: &Isometry3<f64>,
+        max_depth: f64,
+    ) -> Option<(Point3<f64>, Point3<f64>)> {
+        let mut corners = None;
+        let mut include = |point: Point3<f64>| {
+            let point = fixed_from_sensor * point;
+            let (low, high) = corners.get_or_insert((point, point));
+            (*low, *high) = (low.inf(&point), high.sup(&point));
+        };
+        for face in Face::all() {
+            let tiles = &self.tiles[face.index() * TILES * TILES..][..TILES * TILES];
+            let Some(view) = FaceView::new(tiles) else { continue };
+            include(Point3::origin());
+            let depth = view.depth.min(max_depth);
+            for column in view.columns {
+                for row in view.rows {
+                    include(face.point([column, row].map(tangent), depth));
+                }
+            }
+        }
+        corners
+    }
+}
+
+/// The bounds of the tiles with points on a face and the largest depth in them.
+struct FaceView {
+    /// First column, and the one after the last.
+    columns: [usize; 2],
+    rows: [usize; 2],
+    depth: f64,
+}
+
+impl FaceView {
+    fn new(tiles: &[f32]) -> Option<Self> {
+        let mut view = None;
+        for (index, &depth) in tiles.iter().enumerate().filter(|&(_, &depth)| depth > 0.0) {
+            let (column, row) = (index % TILES, index / TILES);
+            let Self { columns, rows, depth: largest } =
+                view.get_or_insert(Self { columns: [column, column + 1], rows: [row, row + 1], depth: 0.0 });
+            *columns = [columns[0].min(column), columns[1].max(column + 1)];
+            *rows = [rows[0].min(row), rows[1].max(row + 1)];
+            *largest = largest.max(f64::from(depth));
+        }
+        view
+    }
+}
+
+/// The tangent of the direction where a tile begins.
+fn tangent(tile: usize) -> f64 {
+    2.0 * (tile * TILE_CELLS) as f64 / (TILES * TILE_CELLS) as f64 - 1.0
+}

@@ -1,0 +1,40 @@
+//! What a method has found, in plain numbers.
+
+use std::collections::BTreeMap;
+
+use nalgebra::{Isometry3, Matrix3};
+
+use super::Plane;
+use crate::engine::VoxelKey;
+use crate::sim::Class;
+
+/// A clustering of a voxel map.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Found {
+    /// The dense voxels, each with the number of its cluster; `None` = in no cluster. A voxel that is missing is in none.
+    pub voxels: Vec<(VoxelKey, Option<u64>)>,
+    /// The clusters by number.
+    pub clusters: BTreeMap<u64, FoundCluster>,
+}
+
+/// A cluster. What a method does not compute is `None`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FoundCluster {
+    /// Its plane, facing the side it was seen from.
+    pub plane: Plane,
+    /// Area of the surface (m^2).
+    pub area: Option<f64>,
+    /// What it is to a planner; [`Class::Other`] = the method does not know.
+    pub class: Option<Class>,
+    /// How sure the plane is.
+    pub certainty: Option<FoundPlane>,
+}
+
+/// How sure a plane is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FoundPlane {
+    /// The place and axes that the covariance is about; +z along the plane's normal.
+    pub pose: Isometry3<f64>,
+    /// Covariance of (turn about pose x, turn about pose y, offset along pose +z at the pose's origin): rad^2, rad m, m^2.
+    pub covariance: Matrix3<f64>,
+}

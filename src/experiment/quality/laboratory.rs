@@ -1,0 +1,176 @@
+//! A drive through a simulated scene, with every method scored against the truth at its end.
+//!
+//! Each scan is simulated once for all methods and voxel sizes. A run is a function of the laboratory and its seed alone,
+//! so runs can be made in parallel. Per scan it costs the simulation (some 20 ms), and for each voxel size a map of the
+//! truth and one of each method; the memory is that of those maps.
+
+use std::num::NonZeroU32;
+
+use super::methods::{Method, methods};
+use super::score::Quality;
+use super::table::Table;
+use super::truth::{RANGE, SeenPart, TruthMap};
+use crate::engine::{Params, ParamsError, Stamp};
+use crate::sim::drive::SCANS_PER_SECOND;
+use crate::sim::{Drive, Scene, SeenCells};
+
+/// What is simulated and scored.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Laboratory {
+    scene: Scene,
+    /// Of each voxel size.
+    params: Vec<Params>,
+    /// Scans of a drive, those left out included.
+    scans: u32,
+    /// Every how-manieth of them is taken.
+    step: u32,
+}
+
+/// What one method did in one run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scored {
+    /// Edge of a voxel (m).
+    pub voxel_size: f64,
+    /// The method.
+    pub method: &'static str,
+    /// How it did.
+    pub quality: Quality,
+}
+
+/// One voxel size of a run.
+struct Bench {
+    params: Params,
+    truth: TruthMap,
+    methods: Vec<Box<dyn Method>>,
+}
+
+impl Laboratory {
+    /// A drive of so many seconds through a scene, scored at each voxel size (m) with the other parameters as they are; 30
+    /// scans a second, of which every `step`-th is taken.
+    ///
+    /// # Errors
+    /// When a voxel size is not a positive length.
+    pub fn new(
+        scene: Scene,
+        seconds: f64,
+        step: NonZeroU32,
+        params: &Params,
+        voxel_sizes: &[f64],
+    ) -> Result<Self, ParamsError> {
+        let params = voxel_sizes.iter().map(|&size| params.with_voxel_size(size));
+        let scans = (seconds * f64::from(SCANS_PER_SECOND)).round() as u32;
+        Ok(Self { scene, params: params.collect::<Result<_, _>>()?, scans, step: step.get() })
+    }
+
+    /// Scans that a run takes.
+    pub const fn scans(&self) -> u32 {
+        self.scans.div_ceil(self.step)
+    }
+
+    /// Makes a run; `taken` is called after each scan.
+    pub fn run(&self, seed: u64, mut taken: impl FnMut()) -> Vec<Scored> {
+        let max_range = *RANGE.end();
+        let drive = Drive::new(self.scene.clone(), seed, Stamp::from_nanos(0)).with_max_range(max_range);
+        let mut seen = SeenCells::new(&self.scene, max_range);
+        let mut benches: Vec<_> = self.params.iter().map(|params| Bench::new(&self.scene, params)).collect();
+        for index in (0..self.scans).step_by(self.step as usize) {
+            let labelled = drive.labelled_scan(index);
+            seen.add(&drive, index);
+            for bench in &mut benches {
+                bench.truth.insert(&labelled.scan, &labelled.labels);
+                bench.methods.iter_mut().for_each(|method| method.insert(&labelled.scan));
+            }
+            taken();
+        }
+        benches.iter().flat_map(|bench| bench.score(&seen)).collect()
+    }
+}
+
+impl Bench {
+    fn new(scene: &Scene, params: &Params) -> Self {
+        Self { params: *params, truth: TruthMap::new(scene, params), methods: methods(params) }
+    }
+
+    fn score(&self, seen: &SeenCells) -> Vec<Scored> {
+        let truth =
+            self.truth.truth(|label| SeenPart { cells: seen.cells(label).collect(), area: seen.area(label) });
+        let found = self.methods.iter().flat_map(|method| method.found());
+        let voxel_size = self.params.voxel_size();
+        found.map(|(method, found)| Scored { voxel_size, method, quality: truth.score(&found) }).collect()
+    }
+}
+
+impl Table {
+    /// Adds a run; its failures are named after its seed.
+    pub fn add_run(&mut self, seed: u64, run: &[Scored]) {
+        for Scored { voxel_size, method, quality } in run {
+            self.add(*voxel_size, method, &format!("seed {seed}"), quality);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::measure::Measure;
+    use super::*;
+
+    fn number(name: &str, otherwise: f64) -> f64 {
+        std::env::var(name).map_or(otherwise, |text| text.parse().expect("a number"))
+    }
+
+    fn room(sizes: &[f64]) -> Result<Laboratory, ParamsError> {
+        let (scene, step) = (Scene::named("room").unwrap(), NonZeroU32::new(10).unwrap());
+        Laboratory::new(scene, 1.0, step, &Params::default(), sizes)
+    }
+
+    /// How the methods do in the laboratory; `SECONDS`, `STEP`, `SEEDS`, `VOXEL` and `SCENE` say how much of it.
+    #[test]
+    #[ignore = "takes minutes; prints a table to tune by"]
+    fn laboratory() {
+        let name = std::env::var("SCENE").unwrap_or_else(|_| "lab".to_owned());
+        let scene = Scene::named(&name).expect("a scene");
+        let (seconds, step) = (number("SECONDS", 75.0), NonZeroU32::new(number("STEP", 6.0) as u32).unwrap());
+        let sizes = std::env::var("VOXEL").map_or(vec![0.05, 0.08], |text| vec![text.parse().unwrap()]);
+        let laboratory = Laboratory::new(scene, seconds, step, &Params::default(), &sizes).unwrap();
+        let mut table = Table::default();
+        for seed in 1..=number("SEEDS", 1.0) as u64 {
+            let begin = std::time::Instant::now();
+            table.add_run(seed, &laboratory.run(seed, || {}));
+            println!("seed {seed}: {} scans, {:.1} s", laboratory.scans(), begin.elapsed().as_secs_f64());
+        }
+        println!("{}{}", table.markdown(), table.failures());
+    }
+
+    #[test]
+    fn a_run_is_a_function_of_its_seed_and_scores_every_method_at_every_size() {
+        let laboratory = room(&[0.1, 0.16]).unwrap();
+        let mut scans = 0;
+        let run = laboratory.run(3, || scans += 1);
+        assert_eq!((scans, laboratory.scans()), (3, 3));
+        assert_eq!(run, laboratory.run(3, || {}));
+        assert_ne!(run, laboratory.run(4, || {}));
+        let of: Vec<_> = run.iter().map(|scored| (scored.voxel_size, scored.method)).collect();
+        assert_eq!(
+            of,
+            [
+                (0.1, "CFODI"),
+                (0.1, "STATIC"),
+                (0.1, "consistent"),
+                (0.16, "CFODI"),
+                (0.16, "STATIC"),
+                (0.16, "consistent")
+            ]
+        );
+        let mut table = Table::default();
+        table.add_run(3, &run);
+        let coverage = table.pooled(0.1, "STATIC").and_then(|pooled| pooled.line(Measure::Coverage)).unwrap();
+        assert!(coverage.worst > 0.8, "{coverage:?}");
+        let names: Vec<_> = run[0].quality.surfaces.iter().map(|surface| surface.name.as_str()).collect();
+        assert!(names.contains(&"floor"), "{names:?}");
+    }
+
+    #[test]
+    fn a_voxel_size_that_cannot_be_is_refused() {
+        assert_eq!(room(&[0.08, 0.0]), Err(ParamsError::VoxelSize(0.0)));
+    }
+}

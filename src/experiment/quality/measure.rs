@@ -1,0 +1,195 @@
+//! The measures, what each asks for, and the values that a run gives to each.
+
+use super::score::{ClusterScore, Described, Quality, SurfaceScore};
+
+/// Seen area from which on planes are held to their bars and areas to the narrow one (m^2).
+const LARGE: f64 = 2.0;
+
+/// One line of the table.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Measure {
+    /// Share of the scored voxels of seen surfaces that are in clusters; one value a run.
+    Coverage,
+    /// Share of a seen surface's scored voxels that one cluster holds.
+    Wholeness,
+    /// Share of a cluster's scored voxels that are of another surface; clusters that hold voxels of seen surfaces.
+    Impurity,
+    /// The same for all clusters of 10 voxels or more.
+    ImpurityOfLarge,
+    /// Adjusted Rand index; one value a run.
+    RandIndex,
+    /// Angle between the normals (degrees), flat surfaces of 2 m^2 or more.
+    Angle,
+    /// Distance of the planes (m), flat surfaces of 2 m^2 or more.
+    Offset,
+    /// Relative error of the area, surfaces of 2 m^2 or more.
+    AreaOfLarge,
+    /// Relative error of the area, smaller surfaces.
+    AreaOfSmall,
+    /// Share of the seen area whose class is right; one value a run.
+    Class,
+    /// Normalised estimation error squared of a plane.
+    Nees,
+    /// Standard deviation that is stated for a plane's offset (m).
+    OffsetSigma,
+}
+
+/// What a measure asks for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Bar {
+    /// Every value is at least this.
+    EachAtLeast(f64),
+    /// Every value is at most this.
+    EachAtMost(f64),
+    /// The mean is within these, over so many values or more.
+    MeanWithin(f64, f64, usize),
+    /// The median is at most this.
+    MedianAtMost(f64),
+}
+
+impl Measure {
+    /// All of them, in the order of the table.
+    pub const ALL: [Self; 12] = [
+        Self::Coverage,
+        Self::Wholeness,
+        Self::Impurity,
+        Self::ImpurityOfLarge,
+        Self::RandIndex,
+        Self::Angle,
+        Self::Offset,
+        Self::AreaOfLarge,
+        Self::AreaOfSmall,
+        Self::Class,
+        Self::Nees,
+        Self::OffsetSigma,
+    ];
+
+    /// In words.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Coverage => "scored voxels in clusters",
+            Self::Wholeness => "share of a surface in one cluster",
+            Self::Impurity => "share of a cluster on other surfaces",
+            Self::ImpurityOfLarge => "the same, all clusters of 10 voxels or more",
+            Self::RandIndex => "adjusted Rand index",
+            Self::Angle => "angle of planes from 2 m2 on",
+            Self::Offset => "offset of planes from 2 m2 on",
+            Self::AreaOfLarge => "error of areas from 2 m2 on",
+            Self::AreaOfSmall => "error of areas below 2 m2",
+            Self::Class => "area with the right class",
+            Self::Nees => "NEES of planes",
+            Self::OffsetSigma => "sigma of offsets",
+        }
+    }
+
+    /// In tables for programs.
+    pub const fn key(self) -> &'static str {
+        match self {
+            Self::Coverage => "coverage",
+            Self::Wholeness => "wholeness",
+            Self::Impurity => "impurity",
+            Self::ImpurityOfLarge => "impurity_all_large",
+            Self::RandIndex => "rand_index",
+            Self::Angle => "plane_angle_deg",
+            Self::Offset => "plane_offset_m",
+            Self::AreaOfLarge => "area_error_large",
+            Self::AreaOfSmall => "area_error_small",
+            Self::Class => "class_area",
+            Self::Nees => "plane_nees",
+            Self::OffsetSigma => "plane_offset_sigma_m",
+        }
+    }
+
+    /// What it asks for.
+    pub const fn bar(self) -> Bar {
+        match self {
+            Self::Coverage | Self::Wholeness => Bar::EachAtLeast(0.9),
+            Self::Impurity | Self::ImpurityOfLarge => Bar::EachAtMost(0.05),
+            Self::RandIndex | Self::Class => Bar::EachAtLeast(0.95),
+            Self::Angle => Bar::EachAtMost(0.5),
+            Self::Offset => Bar::EachAtMost(0.01),
+            Self::AreaOfLarge => Bar::EachAtMost(0.1),
+            Self::AreaOfSmall => Bar::EachAtMost(0.25),
+            Self::Nees => Bar::MeanWithin(1.5, 6.0, 200),
+            Self::OffsetSigma => Bar::MedianAtMost(0.005),
+        }
+    }
+
+    /// What a value is multiplied with to be shown, the digits behind the point, and the unit.
+    pub(super) const fn shown(self) -> (f64, usize, &'static str) {
+        match self {
+            Self::RandIndex => (1.0, 3, ""),
+            Self::Angle => (1.0, 2, " deg"),
+            Self::Offset | Self::OffsetSigma => (1e3, 1, " mm"),
+            Self::Nees => (1.0, 2, ""),
+            _ => (100.0, 1, " %"),
+        }
+    }
+
+    /// A value with its unit; an infinite one says that there was nothing to measure where something should be.
+    pub fn show(self, value: f64) -> String {
+        let (factor, digits, unit) = self.shown();
+        if value.is_infinite() { "none".to_owned() } else { format!("{:.digits$}{unit}", value * factor) }
+    }
+
+    /// The values that a run gives; empty where the method does not compute such a thing. An infinite value stands for a
+    /// surface that no cluster, or one without this description, holds.
+    pub fn values(self, quality: &Quality) -> Vec<f64> {
+        let Quality { surfaces, clusters, computes, .. } = quality;
+        let is_large = |surface: &&SurfaceScore| surface.seen_area >= LARGE;
+        let large = || surfaces.iter().filter(is_large);
+        let planes = || large().filter(|surface| surface.has_plane);
+        let of = |surface: &SurfaceScore, value: fn(&Described) -> Option<f64>| {
+            surface.described.as_ref().and_then(value).map_or(f64::INFINITY, f64::abs)
+        };
+        match self {
+            Self::Coverage => share(
+                surfaces.iter().map(|surface| f64::from(surface.clustered)),
+                surfaces.iter().map(|surface| f64::from(surface.scored)),
+            ),
+            Self::Wholeness => surfaces.iter().map(SurfaceScore::wholeness).collect(),
+            Self::Impurity => {
+                clusters.iter().filter(|cluster| cluster.of_seen).map(ClusterScore::impurity).collect()
+            }
+            Self::ImpurityOfLarge => {
+                clusters.iter().filter(|cluster| cluster.is_large()).map(ClusterScore::impurity).collect()
+            }
+            Self::RandIndex => vec![quality.rand_index],
+            Self::Angle => planes().map(|surface| of(surface, |found| found.angle)).collect(),
+            Self::Offset => planes().map(|surface| of(surface, |found| found.offset)).collect(),
+            Self::AreaOfLarge if computes.area => {
+                large().map(|surface| of(surface, |found| found.area_error)).collect()
+            }
+            Self::AreaOfSmall if computes.area => {
+                let small = surfaces.iter().filter(|surface| !is_large(surface));
+                small.map(|surface| of(surface, |found| found.area_error)).collect()
+            }
+            Self::Class if computes.class => share(
+                surfaces.iter().filter_map(|surface| surface.described?.class_right),
+                surfaces.iter().map(|surface| surface.seen_area),
+            ),
+            Self::AreaOfLarge | Self::AreaOfSmall | Self::Class => Vec::new(),
+            Self::Nees => surfaces.iter().filter_map(|surface| surface.described?.nees).collect(),
+            Self::OffsetSigma => {
+                surfaces.iter().filter_map(|surface| surface.described?.offset_sigma).collect()
+            }
+        }
+    }
+}
+
+/// The sum of some over the sum of all; nothing where there is nothing.
+fn share(some: impl Iterator<Item = f64>, all: impl Iterator<Item = f64>) -> Vec<f64> {
+    let all: f64 = all.sum();
+    if all > 0.0 { vec![some.sum::<f64>() / all] } else { Vec::new() }
+}
+
+impl Bar {
+    /// Whether a single value is good.
+    pub fn holds_for(self, value: f64) -> bool {
+        match self {
+            Self::EachAtLeast(least) => value >= least,
+            Self::EachAtMost(most) | Self::MedianAtMost(most) => value <= most,
+            Self::MeanWithin(least, most, _) => (least..=most).contains(&value),
+        }
+    }
+}

@@ -1,0 +1,138 @@
+//! The methods that are scored, behind one trait.
+
+use std::collections::BTreeMap;
+
+use nalgebra::{Point3, Vector3};
+
+use super::found::{Found, FoundCluster, FoundPlane};
+use super::plane::Plane;
+use crate::engine::consistent::Consistent;
+use crate::engine::paper::Cfodi;
+use crate::engine::paper::statics::StaticMap;
+use crate::engine::{ClusterId, Params, Scan, Snapshot, SurfaceClass, VoxelKey};
+use crate::sim::truth::Class;
+
+/// A map that takes in scans and is asked at the end what it has found.
+pub trait Method {
+    /// Takes in a scan.
+    fn insert(&mut self, scan: &Scan);
+
+    /// What it has found, once by each name under which its map is scored.
+    fn found(&self) -> Vec<(&'static str, Found)>;
+}
+
+/// All methods with empty maps, in the order of the table. One that is added here is in every table.
+pub fn methods(params: &Params) -> Vec<Box<dyn Method>> {
+    vec![Box::new(Paper(Cfodi::new(*params))), Box::new(Right(Consistent::new(*params)))]
+}
+
+/// The consistent engine.
+struct Right(Consistent);
+
+impl Method for Right {
+    fn insert(&mut self, scan: &Scan) {
+        self.0.insert(scan);
+    }
+
+    fn found(&self) -> Vec<(&'static str, Found)> {
+        let snapshot = self.0.snapshot();
+        let voxels = snapshot.voxels.iter().map(|voxel| (voxel.key, voxel.cluster.map(ClusterId::get)));
+        let clusters = snapshot.clusters.iter().map(|cluster| {
+            let plane = Plane::through(&cluster.centroid, &cluster.normal);
+            let pose = cluster.pose;
+            let certainty = cluster.plane_covariance.map(|covariance| FoundPlane { pose, covariance });
+            let (area, class) = (cluster.area, Some(class_of(cluster.class)));
+            (cluster.id.get(), FoundCluster { plane, area, class, certainty })
+        });
+        vec![("consistent", Found { voxels: voxels.collect(), clusters: clusters.collect() })]
+    }
+}
+
+const fn class_of(class: SurfaceClass) -> Class {
+    match class {
+        SurfaceClass::Unknown => Class::Other,
+        SurfaceClass::Floor => Class::Floor,
+        SurfaceClass::Ceiling => Class::Ceiling,
+        SurfaceClass::Wall => Class::Wall,
+        SurfaceClass::Horizontal => Class::Horizontal,
+        SurfaceClass::Slope => Class::Slope,
+        SurfaceClass::Curved => Class::Curved,
+        SurfaceClass::Door => Class::Door,
+    }
+}
+
+/// CFODI to the letter of the paper, and what STATIC makes of the same map when the last scan is in.
+struct Paper(Cfodi);
+
+impl Method for Paper {
+    fn insert(&mut self, scan: &Scan) {
+        self.0.insert(scan);
+    }
+
+    fn found(&self) -> Vec<(&'static str, Found)> {
+        let snapshot = self.0.snapshot();
+        let statics = found_by_static(&self.0.static_map(), &snapshot);
+        vec![("CFODI", found_by_cfodi(&snapshot)), ("STATIC", statics)]
+    }
+}
+
+/// A cluster's plane goes through its centroid.
+fn found_by_cfodi(snapshot: &Snapshot) -> Found {
+    let voxels = snapshot.voxels.iter().map(|voxel| (voxel.key, voxel.cluster.map(ClusterId::get)));
+    let clusters = snapshot
+        .clusters
+        .iter()
+        .map(|cluster| (cluster.id.get(), plane_alone(&cluster.centroid, &cluster.normal)));
+    Found { voxels: voxels.collect(), clusters: clusters.collect() }
+}
+
+/// A cluster's plane goes through the mean of its voxels' centres, which STATIC has in common with the engine.
+fn found_by_static(map: &StaticMap, snapshot: &Snapshot) -> Found {
+    let centres: BTreeMap<VoxelKey, Point3<f64>> =
+        snapshot.voxels.iter().map(|voxel| (voxel.key, voxel.centre)).collect();
+    let mut sums = vec![(Vector3::zeros(), 0.0); map.cluster_normals.len()];
+    for voxel in &map.voxels {
+        if let Some((cluster, centre)) = voxel.cluster.zip(centres.get(&voxel.key)) {
+            let (sum, count) = &mut sums[cluster as usize];
+            *sum += centre.coords;
+            *count += 1.0;
+        }
+    }
+    let voxels = map.voxels.iter().map(|voxel| (voxel.key, voxel.cluster.map(u64::from)));
+    let clusters = sums.iter().zip(&map.cluster_normals);
+    let clusters = clusters.map(|((sum, count), normal)| plane_alone(&Point3::from(sum / *count), normal));
+    Found { voxels: voxels.collect(), clusters: (0..).zip(clusters).collect() }
+}
+
+fn plane_alone(point: &Point3<f64>, normal: &Vector3<f64>) -> FoundCluster {
+    FoundCluster { plane: Plane::through(point, normal), area: None, class: None, certainty: None }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Isometry3;
+
+    use super::*;
+    use crate::engine::{Points, Stamp};
+
+    #[test]
+    fn both_find_the_floor_with_its_plane() {
+        let points =
+            (0..40_000).map(|i| [(i % 200) as f32 * 0.01 + 0.001, (i / 200) as f32 * 0.01 + 0.001, -0.99]);
+        let fixed_from_sensor = Isometry3::translation(0.0, 0.0, 1.0);
+        let (stamp, points) = (Stamp::from_nanos(1), Points::F32(points.collect()));
+        let mut paper = methods(&Params::default()).swap_remove(0);
+        paper.insert(&Scan { stamp, fixed_from_sensor, points });
+        for (name, found) in paper.found() {
+            assert_eq!((found.voxels.len(), found.clusters.len()), (625, 1), "{name}");
+            let (number, floor) = found.clusters.first_key_value().unwrap();
+            assert!(found.voxels.iter().all(|(_, cluster)| cluster.as_ref() == Some(number)), "{name}");
+            assert!(
+                floor.plane.normal.z > 0.999 && (floor.plane.offset + 0.01).abs() < 1e-4,
+                "{name}: {floor:?}"
+            );
+        }
+        let names: Vec<_> = paper.found().into_iter().map(|(name, _)| name).collect();
+        assert_eq!(names, ["CFODI", "STATIC"]);
+    }
+}

@@ -1,0 +1,38 @@
+//! How good a clustering is, held against the simulator's truth.
+//!
+//! One way: labelled scans -> [`TruthMap`] -> [`Truth`] (the true surfaces, and which voxels are scored) -> with what a
+//! method [`Found`] -> [`Quality`] of one run -> [`Pooled`] over several runs -> a table.
+//!
+//! **A true surface** is a 6-connected component of the dense voxels most of whose points belong to it; rectangles that
+//! touch within half a voxel of one plane count as one. It is *seen* when 0.5 m^2 of its 2 cm cells were hit by a
+//! noise-free ray in range. **Scored** are voxels with 80 % or more of their points on one surface and the mean of the
+//! points within 2 sigma of it. A scored voxel that is in no cluster is a cluster of its own.
+//!
+//! Pure; lengths are metres, angles degrees where a field says so. The truth costs O(points) a scan and O(voxels + cells)
+//! at the end, a score O(voxels) for each method.
+
+mod failures;
+mod found;
+mod laboratory;
+mod measure;
+mod methods;
+mod pieces;
+mod plane;
+mod pooled;
+mod score;
+mod table;
+#[cfg(test)]
+mod tests;
+mod touching;
+mod truth;
+
+pub use found::{Found, FoundCluster, FoundPlane};
+pub use laboratory::{Laboratory, Scored};
+pub use measure::{Bar, Measure};
+pub use methods::{Method, methods};
+pub use pieces::{SEEN_AREA, TrueSurface, Truth};
+pub use plane::Plane;
+pub use pooled::{Line, Pooled};
+pub use score::{ClusterScore, Computes, Described, Quality, SurfaceScore};
+pub use table::{JUDGED, Table};
+pub use truth::{SeenPart, TruthMap};

@@ -1,0 +1,189 @@
+//! The voxels of labelled scans, each with how many of its points belong to which surface.
+//!
+//! Bins exactly as the engine does (key = floor((R x + t) / size) in `f64`), so that the dense voxels are the same. Costs
+//! O(points) a scan; consecutive points of one voxel and surface are added up before the voxel is looked for.
+
+use std::ops::RangeInclusive;
+
+use nalgebra::{Matrix3, Point3, Vector3};
+use rustc_hash::FxHashMap;
+
+use super::pieces::Truth;
+use super::touching::Groups;
+use crate::engine::{Params, Points, Scan, VoxelKey};
+use crate::sim::{Scene, Surface};
+
+/// Depths along the optical axis that count (m); the defaults of `min_range` and `max_range`.
+pub(super) const RANGE: RangeInclusive<f64> = 0.4..=6.0;
+
+/// Counts the points of labelled scans by voxel and surface.
+#[derive(Clone, Debug)]
+pub struct TruthMap {
+    pub(super) voxel_size: f64,
+    pub(super) min_points: u32,
+    pub(super) surfaces: Vec<Surface>,
+    pub(super) groups: Groups,
+    index: FxHashMap<VoxelKey, u32>,
+    voxels: Vec<TruthVoxel>,
+}
+
+/// The seen part of a surface.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SeenPart {
+    /// Middles of its 2 cm cells, in the fixed frame.
+    pub cells: Vec<Point3<f64>>,
+    /// Area of them all (m^2); cells at an edge count for what lies on the surface.
+    pub area: f64,
+}
+
+/// What is known of a voxel.
+#[derive(Clone, Debug)]
+pub(super) struct TruthVoxel {
+    pub(super) key: VoxelKey,
+    /// Points by group of surfaces; `None` = on no surface. A handful, in the order they came.
+    pub(super) counts: Vec<(Option<u32>, u32)>,
+    /// Sum of the points (m).
+    sum: Vector3<f64>,
+    /// Sum of the variances of their depths (m^2).
+    variances: f64,
+}
+
+impl TruthVoxel {
+    /// Number of points.
+    pub(super) fn count(&self) -> u32 {
+        self.counts.iter().map(|(_, count)| count).sum()
+    }
+
+    /// The group with the most points and how many they are; the lower group where two have as many, and `None` where
+    /// most are on no surface.
+    pub(super) fn majority(&self) -> Option<(u32, u32)> {
+        let most = self.counts.iter().max_by_key(|(group, count)| (*count, std::cmp::Reverse(*group)))?;
+        most.0.map(|group| (group, most.1))
+    }
+
+    pub(super) fn mean(&self) -> Point3<f64> {
+        Point3::from(self.sum / f64::from(self.count()))
+    }
+
+    /// Root mean square of the points' sigma (m).
+    pub(super) fn sigma(&self) -> f64 {
+        (self.variances / f64::from(self.count())).sqrt()
+    }
+}
+
+/// Consecutive points of one voxel and group.
+struct Run {
+    index: [i32; 3],
+    group: Option<u32>,
+    count: u32,
+    sum: Vector3<f64>,
+    variances: f64,
+}
+
+impl Run {
+    const fn begin(index: [i32; 3], group: Option<u32>) -> Self {
+        Self { index, group, count: 0, sum: Vector3::new(0.0, 0.0, 0.0), variances: 0.0 }
+    }
+}
+
+impl TruthMap {
+    /// An empty map of a scene, with voxels as the engine of these parameters has them. A surface that moves is taken where
+    /// it is at the start.
+    pub fn new(scene: &Scene, params: &Params) -> Self {
+        Self {
+            voxel_size: params.voxel_size(),
+            min_points: params.min_points(),
+            groups: Groups::new(scene.surfaces(), params.voxel_size()),
+            surfaces: scene.surfaces().to_vec(),
+            index: FxHashMap::default(),
+            voxels: Vec::new(),
+        }
+    }
+
+    /// Takes in a scan in the optical frame and the label of each of its points, 0 = on no surface. Points whose depth is
+    /// out of range, or that lie beyond the grid, count nowhere.
+    ///
+    /// # Panics
+    /// When there are not as many labels as points.
+    pub fn insert(&mut self, scan: &Scan, labels: &[u32]) {
+        assert_eq!(scan.points.len(), labels.len(), "a label for each point");
+        match &scan.points {
+            Points::F32(points) => self.bin(points, scan, labels),
+            Points::F64(points) => self.bin(points, scan, labels),
+        }
+    }
+
+    fn bin<T: Copy + Into<f64>>(&mut self, points: &[[T; 3]], scan: &Scan, labels: &[u32]) {
+        let rotation: Matrix3<f64> = scan.fixed_from_sensor.rotation.to_rotation_matrix().into_inner();
+        let translation = scan.fixed_from_sensor.translation.vector;
+        let mut run = Run::begin([0; 3], None);
+        for (point, &label) in points.iter().zip(labels) {
+            let sensed = point.map(Into::into);
+            if !RANGE.contains(&sensed[2]) {
+                continue;
+            }
+            let point = map(&rotation, &translation, sensed);
+            let index = voxel_index(&point, self.voxel_size);
+            let group = self.groups.of_label(label);
+            if index != run.index || group != run.group {
+                self.flush(&run);
+                run = Run::begin(index, group);
+            }
+            run.count += 1;
+            run.sum += point;
+            run.variances += sigma(sensed[2]).powi(2);
+        }
+        self.flush(&run);
+    }
+
+    fn flush(&mut self, run: &Run) {
+        let [ix, iy, iz] = run.index;
+        let Some(key) = VoxelKey::new(ix, iy, iz).filter(|_| run.count > 0) else { return };
+        let next = self.voxels.len() as u32;
+        let found = *self.index.entry(key).or_insert(next);
+        if found == next {
+            let (counts, sum) = (Vec::new(), Vector3::zeros());
+            self.voxels.push(TruthVoxel { key, counts, sum, variances: 0.0 });
+        }
+        let voxel = &mut self.voxels[found as usize];
+        match voxel.counts.iter_mut().find(|(group, _)| *group == run.group) {
+            Some((_, count)) => *count += run.count,
+            None => voxel.counts.push((run.group, run.count)),
+        }
+        voxel.sum += run.sum;
+        voxel.variances += run.variances;
+    }
+
+    /// The dense voxels by ascending key.
+    pub(super) fn dense(&self) -> Vec<&TruthVoxel> {
+        let mut dense: Vec<_> = self.voxels.iter().filter(|voxel| voxel.count() >= self.min_points).collect();
+        dense.sort_by_key(|voxel| voxel.key);
+        dense
+    }
+
+    /// The true surfaces as they are now. `seen` tells what a noise-free ray has hit of the surface with a label.
+    pub fn truth(&self, seen: impl Fn(u32) -> SeenPart) -> Truth {
+        Truth::new(self, seen)
+    }
+}
+
+/// p = R x + t, rounded as the engine does it.
+fn map(rotation: &Matrix3<f64>, translation: &Vector3<f64>, [x, y, z]: [f64; 3]) -> Vector3<f64> {
+    let axis = |i: usize| rotation[(i, 0)] * x + rotation[(i, 1)] * y + rotation[(i, 2)] * z + translation[i];
+    Vector3::new(axis(0), axis(1), axis(2))
+}
+
+/// Indices of the voxel that holds a point; far outside the grid they saturate there.
+pub(super) fn voxel_index(point: &Vector3<f64>, voxel_size: f64) -> [i32; 3] {
+    let scaled: [f64; 3] = (point / voxel_size).into();
+    // `f64::floor` is a call on plain x86-64.
+    scaled.map(|value| {
+        let truncated = value as i32;
+        truncated.saturating_sub(i32::from(value < f64::from(truncated)))
+    })
+}
+
+/// Standard deviation of a depth (m), Nguyen et al. 2012.
+fn sigma(depth: f64) -> f64 {
+    0.0012 + 0.0019 * (depth - 0.4) * (depth - 0.4)
+}

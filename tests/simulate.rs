@@ -1,0 +1,171 @@
+//! `cfodi simulate` as a program: a recording with its truth, and what a replay makes of it.
+#![cfg(feature = "node")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test that cannot go on has failed"
+)]
+
+use std::fs;
+use std::path::PathBuf;
+use std::process::{Command, Output};
+
+use byteorder::LittleEndian;
+use cfodi::engine::Stamp;
+use cfodi::msg::ros::PointCloud2;
+use cfodi::sim::{Drive, Scene};
+use nalgebra::{Point3, Vector3};
+use serde_json::Value;
+
+/// A folder of the test's own, removed at its end.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new(test: &str) -> Self {
+        let path = std::env::temp_dir().join(format!("cfodi-simulate-{test}-{}", std::process::id()));
+        fs::create_dir_all(&path).unwrap();
+        Self(path)
+    }
+
+    fn path(&self, name: &str) -> String {
+        self.0.join(name).to_str().unwrap().to_owned()
+    }
+
+    fn names(&self) -> Vec<String> {
+        let entries = fs::read_dir(&self.0).unwrap();
+        let mut names: Vec<_> =
+            entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = fs::remove_dir_all(&self.0);
+    }
+}
+
+fn cfodi(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_cfodi")).args(arguments).output().unwrap()
+}
+
+fn json(path: &str) -> Value {
+    serde_json::from_str(&fs::read_to_string(path).unwrap()).unwrap()
+}
+
+fn clouds(path: &str) -> Vec<PointCloud2> {
+    let bytes = fs::read(path).unwrap();
+    let messages = mcap::MessageStream::new(&bytes).unwrap().map(Result::unwrap);
+    let clouds = messages.filter(|message| message.channel.topic == "/camera/depth/points");
+    clouds.map(|message| cdr_encoding::from_bytes::<_, LittleEndian>(&message.data[4..]).unwrap().0).collect()
+}
+
+#[test]
+fn a_simulated_drive_is_replayed_and_its_labels_are_those_of_the_truth() {
+    let folder = Folder::new("lab");
+    let [bag, truth, summary] = ["lab.mcap", "truth.json", "summary.json"].map(|name| folder.path(name));
+    let seed = "9007199254740993";
+    let made = cfodi(&["simulate", "--out", &bag, "--seconds", "0.5", "--seed", seed, "--truth", &truth]);
+    assert_eq!(made.status.code(), Some(0), "{}", String::from_utf8_lossy(&made.stderr));
+    assert_eq!(folder.names(), ["lab.mcap", "truth.json"]);
+
+    let replayed = cfodi(&["replay", &bag, "--summary", &summary]);
+    assert_eq!(replayed.status.code(), Some(0), "{}", String::from_utf8_lossy(&replayed.stderr));
+    assert_eq!(json(&summary)["scans"], 15);
+
+    let truth = json(&truth);
+    assert_eq!(
+        (&truth["scene"], &truth["seed"], &truth["seconds"]),
+        (&"lab".into(), &seed.into(), &0.5.into())
+    );
+    let surfaces = truth["surfaces"].as_array().unwrap();
+    let (start, scene) = (Stamp::from_nanos(1_700_000_000_000_000_000), Scene::named("lab").unwrap());
+    let drive = Drive::new(scene, seed.parse().unwrap(), start);
+    let clouds = clouds(&bag);
+    assert_eq!(clouds.len(), 15);
+    assert!(clouds[7] == drive.step(7).cloud);
+    let pose = drive.fixed_from_optical(7);
+    let mut on_planes = 0;
+    for point in clouds[7].data.chunks_exact(16) {
+        let [x, y, z] =
+            [0, 4, 8].map(|at| f64::from(f32::from_le_bytes(point[at..at + 4].try_into().unwrap())));
+        let label = u32::from_le_bytes(point[12..].try_into().unwrap()) as usize;
+        assert_eq!(label == 0, z.is_nan());
+        let Some(surface) = label.checked_sub(1).map(|index| &surfaces[index]) else { continue };
+        assert_eq!(surface["label"], label);
+        let Some(plane) = surface["plane"].as_array() else { continue };
+        let [a, b, c, d] = [0, 1, 2, 3].map(|i| plane[i].as_f64().unwrap());
+        let off = Vector3::new(a, b, c).dot(&(pose * Point3::new(x, y, z)).coords) + d;
+        assert!(off.abs() < 0.012 * z * z + 0.01, "{off} m off {}", surface["name"]);
+        on_planes += 1;
+    }
+    assert!(on_planes > 150_000, "{on_planes}");
+}
+
+#[test]
+fn outlines_lie_in_their_planes_and_moving_things_tell_their_times() {
+    let folder = Folder::new("moving");
+    let [bag, truth] = ["m.mcap", "t.json"].map(|name| folder.path(name));
+    let arguments = ["--scene", "moving", "--seconds", "0.05", "--pose-noise", "0.02,0.005"];
+    let made = cfodi(&[&["simulate", "--out", &bag, "--truth", &truth][..], &arguments].concat());
+    assert_eq!(made.status.code(), Some(0), "{}", String::from_utf8_lossy(&made.stderr));
+    assert_eq!(clouds(&bag).len(), 2);
+    let truth = json(&truth);
+    let mut kinds = Vec::new();
+    for surface in truth["surfaces"].as_array().unwrap() {
+        kinds.extend(surface["motion"]["kind"].as_str());
+        let Some(plane) = surface["plane"].as_array() else {
+            assert!(surface["shape"]["radius"].as_f64().unwrap() > 0.0);
+            continue;
+        };
+        let [a, b, c, d] = [0, 1, 2, 3].map(|i| plane[i].as_f64().unwrap());
+        let outline = surface["polygon"].as_array().unwrap();
+        let corners = outline.iter().map(|p| Vector3::from([0, 1, 2].map(|i| p[i].as_f64().unwrap())));
+        let corners: Vec<_> = corners.collect();
+        let normal = Vector3::new(a, b, c);
+        let area: Vector3<f64> =
+            (0..corners.len()).map(|i| corners[i].cross(&corners[(i + 1) % corners.len()])).sum();
+        assert!(area.dot(&normal) > 0.0, "{} is counter-clockwise", surface["name"]);
+        assert!(corners.iter().all(|corner| (normal.dot(corner) + d).abs() < 1e-9), "{}", surface["name"]);
+    }
+    kinds.dedup();
+    assert_eq!(kinds, ["walk", "swing", "taken_away"]);
+    let away = truth["surfaces"].as_array().unwrap().iter().find(|surface| surface["name"] == "box/top");
+    assert_eq!(away.unwrap()["motion"]["at"], 12.0);
+}
+
+#[test]
+fn the_same_arguments_give_the_same_bytes() {
+    let folder = Folder::new("same");
+    let paths = ["a.mcap", "b.mcap"].map(|name| folder.path(name));
+    for path in &paths {
+        let made = cfodi(&["simulate", "--out", path, "--scene", "clutter", "--seconds", "0.1"]);
+        assert_eq!(made.status.code(), Some(0));
+    }
+    assert!(fs::read(&paths[0]).unwrap() == fs::read(&paths[1]).unwrap());
+}
+
+#[test]
+fn wrong_arguments_are_named_with_status_2_and_leave_no_file() {
+    let folder = Folder::new("wrong");
+    let out = folder.path("a.mcap");
+    let wrong: [(&[&str], &str); 5] = [
+        (&["--scene", "kitchen"], "room, lab, corridor, stairs, clutter, moving"),
+        (&["--seconds", "0"], "0 is not above 0"),
+        (&["--pose-noise", "0.1"], "two numbers are meant"),
+        (&["--pose-noise", "0.1,-2"], "-2 is not from 0 to 1"),
+        (&["--truth", &out], "two outputs"),
+    ];
+    for (arguments, said) in wrong {
+        let ended = cfodi(&[&["simulate", "--out", &out], arguments].concat());
+        let errors = String::from_utf8_lossy(&ended.stderr);
+        assert_eq!(ended.status.code(), Some(2), "{arguments:?}: {errors}");
+        assert!(errors.contains(said), "{arguments:?}: {errors}");
+        assert!(folder.names().is_empty());
+    }
+    let ended = cfodi(&["simulate", "--out", "/nowhere/at/all.mcap"]);
+    assert_eq!(ended.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&ended.stderr).contains("/nowhere/at/all.mcap"));
+}

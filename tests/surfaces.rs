@@ -1,0 +1,197 @@
+//! What the consistent mode makes of real recordings, and of a robot that stands still.
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
+
+mod support;
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use cfodi::engine::consistent::{Consistent, Partition};
+use cfodi::engine::paper::Cfodi;
+use cfodi::engine::rand_index::adjusted_rand_index;
+use cfodi::engine::{ClusterId, Params, Snapshot, VoxelKey};
+use nalgebra::{Point3, Vector3};
+
+/// A true plane: name, n and d of n . x + d = 0 with |n| = 1.
+type Plane = (String, Vector3<f64>, f64);
+
+fn true_planes(recording: &support::Recording) -> Vec<Plane> {
+    let text = recording.read("truth_planes.json");
+    let plane = |entry: &str| {
+        let name = entry.split('"').next().unwrap().to_owned();
+        let list = entry.split("\"plane\": [").nth(1).unwrap().split(']').next().unwrap();
+        let plane: Vec<f64> = list.split(',').map(|number| number.trim().parse().unwrap()).collect();
+        let normal = Vector3::new(plane[0], plane[1], plane[2]);
+        (name, normal.normalize(), plane[3] / normal.norm())
+    };
+    text.split("{\"name\": \"").skip(1).map(plane).collect()
+}
+
+/// The face of the box on the floor that a voxel's centre lies on: within 3 cm of it, and away from all others. The floor
+/// is the first of the planes, the others are those of the box.
+fn face(planes: &[Plane], centre: &Point3<f64>) -> Option<usize> {
+    let heights: Vec<_> = planes.iter().map(|(_, normal, d)| normal.dot(&centre.coords) + d).collect();
+    let beside = heights[2..].iter().any(|&height| height > 0.06);
+    if heights[0].abs() < 0.03 && beside {
+        return Some(0);
+    }
+    let within = |face: usize| (1..planes.len()).all(|other| other == face || heights[other] < -0.02);
+    (1..planes.len()).find(|&face| heights[face].abs() < 0.03 && within(face) && heights[0] > 0.04)
+}
+
+#[test]
+fn the_six_faces_of_the_cabinet_are_six_clusters() {
+    let Some(recording) = support::recording("tum_fr3_cabinet58", "the_six_faces_of_the_cabinet") else {
+        return;
+    };
+    let planes = true_planes(&recording);
+    for (voxel_size, limit) in [(0.08, 3.0), (0.05, 1.5)] {
+        let mut map = Consistent::new(Params::default().with_voxel_size(voxel_size).unwrap());
+        recording.scans(1).for_each(|scan| drop(map.insert(&scan)));
+        let snapshot = map.snapshot();
+        let mut votes: Vec<BTreeMap<Option<ClusterId>, u32>> = vec![BTreeMap::new(); planes.len()];
+        for voxel in &snapshot.voxels {
+            if let Some(face) = face(&planes, &voxel.centre) {
+                *votes[face].entry(voxel.cluster).or_default() += 1;
+            }
+        }
+        let mut found = BTreeSet::new();
+        for ((name, normal, d), votes) in planes.iter().zip(votes) {
+            let all: u32 = votes.values().sum();
+            let (id, most) = votes.into_iter().max_by_key(|(_, count)| *count).unwrap();
+            let cluster = snapshot.clusters.iter().find(|cluster| Some(cluster.id) == id).unwrap();
+            let angle = cluster.normal.angle(normal).to_degrees();
+            let off = (normal.dot(&cluster.pose.translation.vector) + d).abs();
+            let share = f64::from(most) / f64::from(all);
+            eprintln!("{voxel_size} m, {name}: {share:.3} of {all} voxels, {angle:.2} degrees, {off:.4} m");
+            assert!(share >= 0.85, "{name} at {voxel_size} m: {share} of {all} voxels");
+            assert!(angle <= limit, "{name} at {voxel_size} m: {angle} degrees");
+            assert!(off <= 0.025, "{name} at {voxel_size} m: {off} m");
+            found.insert(cluster.id);
+        }
+        assert_eq!(found.len(), 6, "{voxel_size} m: a cluster for each face");
+    }
+}
+
+/// Numbers that name the clusters by their first voxel.
+fn canonical(partition: &Partition) -> Vec<(VoxelKey, Option<usize>)> {
+    let mut first = BTreeMap::new();
+    let number = |(place, &(key, cluster)): (usize, &(VoxelKey, Option<u32>))| {
+        (key, cluster.map(|cluster| *first.entry(cluster).or_insert(place)))
+    };
+    partition.iter().enumerate().map(number).collect()
+}
+
+#[test]
+fn on_recordings_the_map_is_that_of_its_definition() {
+    for (name, step) in [("tum_fr3_cabinet58", 1), ("tum_rpy179", 3)] {
+        let Some(recording) = support::recording(name, "on_recordings_the_map_is_that_of_its_definition")
+        else {
+            return;
+        };
+        for voxel_size in [0.08, 0.05] {
+            let mut map = Consistent::new(Params::default().with_voxel_size(voxel_size).unwrap());
+            for (number, scan) in (1..).zip(recording.scans(step)) {
+                map.insert(&scan);
+                if number % 10 == 0 {
+                    assert_eq!(canonical(&map.partition()), canonical(&map.scratch()), "scan {number}");
+                }
+            }
+            // What waits for being published makes little difference. A voxel in no cluster is one by itself.
+            let all: BTreeMap<_, _> = map.scratch_of_all().into_iter().collect();
+            let label = |place: usize, cluster: Option<u32>| cluster.ok_or(place);
+            let pairs: Vec<_> = map
+                .partition()
+                .into_iter()
+                .enumerate()
+                .map(|(place, (key, cluster))| (label(place, cluster), label(place, all[&key])))
+                .collect();
+            let index = adjusted_rand_index(&pairs);
+            eprintln!("{name}, {voxel_size} m: {index:.4} against all voxels as they are now");
+            assert!(index > 0.8, "{index}");
+        }
+    }
+}
+
+/// Clusters of one voxel, and mean angle (rad) between the normals of voxels and of their clusters, with the share of the
+/// dense voxels that have both.
+fn fragments(snapshot: &Snapshot) -> (usize, f64, f64) {
+    let normals: BTreeMap<_, _> =
+        snapshot.clusters.iter().map(|cluster| (cluster.id, cluster.normal)).collect();
+    let angles: Vec<f64> = snapshot
+        .voxels
+        .iter()
+        .filter_map(|voxel| {
+            Some(normals[&voxel.cluster?].dot(&voxel.normal?.into_inner()).abs().min(1.0).acos())
+        })
+        .collect();
+    let single = snapshot.clusters.iter().filter(|cluster| cluster.voxel_count == 1).count();
+    let share = angles.len() as f64 / snapshot.voxels.len() as f64;
+    (single, angles.iter().sum::<f64>() / angles.len() as f64, share)
+}
+
+#[test]
+fn on_recordings_no_fragment_floods_the_message_and_normals_are_nearer_than_statics() {
+    for (name, step) in [("tum_fr3_cabinet58", 1), ("tum_rpy179", 3)] {
+        let Some(recording) = support::recording(name, "on_recordings_no_fragment_floods_the_message") else {
+            return;
+        };
+        for voxel_size in [0.08, 0.05] {
+            let with = |params: Params| params.with_voxel_size(voxel_size).unwrap();
+            let mut map = Consistent::new(with(Params::default()));
+            let mut paper = Cfodi::new(with(Params::paper()));
+            for scan in recording.scans(step) {
+                map.insert(&scan);
+                paper.insert(&scan);
+            }
+            let (single, error, share) = fragments(&map.snapshot());
+            let letter = fragments(&paper.snapshot()).0;
+            let statics = paper.static_map();
+            let of_static: Vec<f64> = statics
+                .voxels
+                .iter()
+                .filter_map(|voxel| {
+                    let cluster = statics.cluster_normals[voxel.cluster? as usize];
+                    Some(cluster.dot(&voxel.normal?.into_inner()).abs().min(1.0).acos())
+                })
+                .collect();
+            let of_static = of_static.iter().sum::<f64>() / of_static.len() as f64;
+            eprintln!(
+                "{name}, {voxel_size} m: {single} single voxels (the letter {letter}), normals {error:.3} rad at \
+                 {share:.3} (STATIC {of_static:.3})"
+            );
+            assert!(10 * single <= letter);
+            assert!(error < of_static, "{error} rad, STATIC {of_static}");
+        }
+    }
+}
+
+#[cfg(feature = "sim")]
+#[test]
+fn standing_still_changes_few_labels() {
+    use cfodi::engine::Stamp;
+    use cfodi::sim::{Drive, Scene};
+
+    let mut map = Consistent::new(Params::default());
+    let mut before: BTreeMap<VoxelKey, Option<ClusterId>> = BTreeMap::new();
+    let (mut gone, mut worst, mut changed, mut voxels) = (0, 0.0_f64, 0, 0);
+    for number in 0..300_u32 {
+        // The same place again and again, with other noise.
+        let start = Stamp::from_nanos(i64::from(number) * 33_333_333);
+        let update = map.insert(&Drive::new(Scene::room(), u64::from(number), start).labelled_scan(0).scan);
+        let now: BTreeMap<_, _> =
+            map.snapshot().voxels.into_iter().map(|voxel| (voxel.key, voxel.cluster)).collect();
+        if number >= 10 {
+            gone += update.removed.len();
+            let other = before
+                .iter()
+                .filter(|(key, cluster)| now.get(key).is_some_and(|now| now != *cluster))
+                .count();
+            worst = worst.max(other as f64 / before.len() as f64);
+            (changed, voxels) = (changed + other, voxels + before.len());
+        }
+        before = now;
+    }
+    let share = changed as f64 / voxels as f64;
+    eprintln!("{gone} ids gone, {:.4} % of the labels a scan, at most {:.3} %", 100.0 * share, 100.0 * worst);
+    assert!(share < 0.01, "{share}");
+}
