@@ -9,24 +9,23 @@
 //! Identity: the voxels that were in a cluster before vote for the one they are in now. A cluster's id goes where most of its
 //! voxels went; of several that come together the oldest stays.
 
+mod identify;
+mod tell;
+
 use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::Vector3;
 
-use super::cluster::{Cluster, Identity, content};
-use super::describe::{self, Surroundings};
+use super::cluster::Cluster;
 use super::exact::Exact;
-use super::footprint::{Axis, Footprint};
 use super::graph::{Batch, ComponentId, End, Graph, NodeId, Outcome};
-use super::grid::{BlockIndex, BlockKey, Cell, EDGE, Grid, offset_of};
-use super::layer::{EMPTY, Loose, PatchId, Segmented, are_joined, contacts, owner_of, patch, sharper};
+use super::grid::{BlockIndex, EDGE, Grid, offset_of};
+use super::layer::{Loose, PatchId, Segmented, are_joined, contacts, owner_of, patch, sharper};
 use super::patches::LOOSE;
 use super::rules::Rules;
 use super::state::State;
 use crate::engine::key::{ClusterId, VoxelKey};
-use crate::engine::params::Params;
 use crate::engine::scan::Stamp;
-use crate::engine::snapshot::{self, ChangedCluster};
 
 /// The scan that is being taken in.
 #[derive(Clone, Copy, Debug)]
@@ -57,18 +56,6 @@ pub(super) struct Surfaces {
     clustered: u32,
 }
 
-/// Votes of voxels: how many of a component are now in another.
-type Votes = BTreeMap<(ComponentId, ComponentId), u64>;
-
-/// Voxels from which on a cluster is told of, and below which it no longer is.
-const TOLD: u32 = 10;
-const NO_LONGER_TOLD: u32 = 7;
-
-/// Every cluster is described anew at least once in so many scans, a second of a Kinect's.
-const ROUND: u64 = 30;
-/// Area from which on a level surface that faces up can be the floor (m^2).
-const FLOOR_AREA: f64 = 1.0;
-
 impl Surfaces {
     pub(super) fn new(rules: Rules) -> Self {
         Self {
@@ -92,101 +79,6 @@ impl Surfaces {
 
     pub(super) fn segmented(&self) -> &[Segmented] {
         &self.segmented
-    }
-
-    /// The clusters that are told of, by ascending id, each as it was told of last.
-    pub(super) fn told(&self) -> Vec<&snapshot::Cluster> {
-        let mut told: Vec<_> =
-            self.clusters.iter().flatten().filter_map(|cluster| cluster.told.as_ref()).collect();
-        told.sort_unstable_by_key(|cluster| cluster.id);
-        told
-    }
-
-    /// Notes that the sensor put points into these blocks (ascending).
-    pub(super) fn note_seen(&mut self, blocks: &[BlockIndex], now: Now) {
-        for block in blocks {
-            let Some(nodes) = self.nodes.get(block.0 as usize) else { continue };
-            for &node in nodes {
-                let component = self.graph.component(node).0 as usize;
-                if let Some(cluster) = self.clusters[component].as_mut() {
-                    cluster.identity.last_seen = now.stamp;
-                }
-            }
-        }
-    }
-
-    /// Describes anew what has changed and, so that states, classes and times do not grow old, one cluster in so many of the
-    /// others; returns those that are told of differently than before, by ascending id.
-    pub(super) fn describe(&mut self, params: &Params, sensor_height: f64, now: Now) -> Vec<ChangedCluster> {
-        let mut due: BTreeSet<_> = self.changed.clone();
-        let turn = |component: &u32| u64::from(*component) % ROUND == now.sequence % ROUND;
-        due.extend((0..self.clusters.len() as u32).filter(turn).map(ComponentId));
-        for &component in &due {
-            let changed = self.changed.contains(&component);
-            self.describe_shape(component, changed, params, now);
-        }
-        let told = self.told();
-        let is_floor = |cluster: &&&snapshot::Cluster| {
-            cluster.normal.z > 0.97 && cluster.area.is_some_and(|area| area >= FLOOR_AREA)
-        };
-        let floor = told.iter().filter(is_floor).map(|cluster| cluster.centroid.z).min_by(f64::total_cmp);
-        let surroundings = Surroundings { floor, sensor: sensor_height };
-        let mut classes = Vec::new();
-        for &component in &due {
-            let Some(cluster) = self.clusters[component.0 as usize].as_deref() else { continue };
-            let (Some(shape), Some(plane)) = (&cluster.told, cluster.plane()) else { continue };
-            let rms = plane.normal.dot(&(plane.covariance * plane.normal.into_inner())).max(0.0).sqrt();
-            let others = told.iter().copied();
-            classes.push((component, describe::class(shape, rms, others, surroundings, params.voxel_size())));
-        }
-        for (component, (class, confidence)) in classes {
-            if let Some(told) = self.clusters[component.0 as usize].as_mut().and_then(|c| c.told.as_mut()) {
-                (told.class, told.class_confidence) = (class, confidence);
-            }
-        }
-        self.finish(&due)
-    }
-
-    fn describe_shape(&mut self, component: ComponentId, changed: bool, params: &Params, now: Now) {
-        let Some(cluster) = self.clusters[component.0 as usize].as_deref_mut() else { return };
-        let Some(id) = cluster.identity.id else {
-            cluster.told = None;
-            return;
-        };
-        if changed || cluster.told.is_none() {
-            cluster.before = cluster.told.take();
-            cluster.told = describe::describe(cluster, id, params);
-        } else {
-            cluster.before.clone_from(&cluster.told);
-        }
-        let state = describe::state(cluster, params, now);
-        let last_seen = cluster.identity.last_seen;
-        if let Some(told) = &mut cluster.told {
-            (told.state, told.last_seen) = (state, last_seen);
-        }
-    }
-
-    /// Counts the revisions of what is told of differently.
-    fn finish(&mut self, due: &BTreeSet<ComponentId>) -> Vec<ChangedCluster> {
-        let mut changed = Vec::new();
-        for component in due {
-            let Some(cluster) = self.clusters[component.0 as usize].as_deref_mut() else { continue };
-            let before = cluster.before.take();
-            let merged_from = std::mem::take(&mut cluster.identity.merged_from);
-            let Some(told) = cluster.told.as_mut().filter(|told| before.as_ref() != Some(*told)) else {
-                continue;
-            };
-            cluster.identity.revision += 1;
-            told.revision = cluster.identity.revision;
-            changed.push(ChangedCluster { cluster: told.clone(), merged_from });
-        }
-        changed.sort_unstable_by_key(|changed| changed.cluster.id);
-        changed
-    }
-
-    /// Ids that are gone by this scan, ascending.
-    pub(super) fn removed(&self) -> Vec<ClusterId> {
-        self.removed.iter().copied().collect()
     }
 
     pub(super) fn component(&self, node: NodeId) -> u32 {
@@ -416,77 +308,6 @@ impl Surfaces {
         }
     }
 
-    /// Where the voxels of each component that was touched are now.
-    fn votes(&self, blocks: &[BlockIndex], old: &[Old], outcome: &Outcome) -> Votes {
-        let mut votes = Votes::new();
-        for flow in &outcome.flows {
-            *votes.entry((flow.from, flow.to)).or_default() += flow.weight;
-        }
-        for (&block, old) in blocks.iter().zip(old) {
-            let new = &self.segmented[block.0 as usize];
-            for state in &old.segmented.states {
-                let [before, now] =
-                    [old.segmented.labels[state.cell.index()], new.labels[state.cell.index()]];
-                if [before, now].iter().any(|label| *label == LOOSE || *label == EMPTY) {
-                    continue;
-                }
-                let node = self.nodes[block.0 as usize][usize::from(now)];
-                let pair = (old.components[usize::from(before)], self.graph.component(node));
-                *votes.entry(pair).or_default() += 1;
-            }
-        }
-        votes
-    }
-
-    /// Gives every component that was touched the identity that most of its voxels vote for, or a new one.
-    fn identify(&mut self, votes: &Votes, outcome: &Outcome, now: Now) {
-        let touched: BTreeSet<_> = outcome
-            .flows
-            .iter()
-            .map(|flow| flow.to)
-            .chain(outcome.added.iter().map(|(_, component)| *component))
-            .chain(outcome.created.iter().copied())
-            .collect();
-        let mut before: BTreeSet<_> = outcome.gone.iter().map(|(_, component)| *component).collect();
-        before.extend(outcome.flows.iter().map(|flow| flow.from));
-        let mut identities: BTreeMap<ComponentId, Identity> = BTreeMap::new();
-        for component in before {
-            if let Some(cluster) = self.clusters[component.0 as usize].as_mut() {
-                identities
-                    .insert(component, std::mem::replace(&mut cluster.identity, Identity::new(now.stamp)));
-            }
-        }
-        let mut claims: BTreeMap<ComponentId, Vec<Identity>> = BTreeMap::new();
-        for (from, identity) in identities {
-            let candidates = votes.range((from, ComponentId(0))..=(from, ComponentId(u32::MAX)));
-            let most = candidates.max_by_key(|((_, to), votes)| (**votes, std::cmp::Reverse(*to)));
-            match most {
-                Some(((_, to), _)) => claims.entry(*to).or_default().push(identity),
-                None => self.removed.extend(identity.id),
-            }
-        }
-        for component in touched {
-            let mut claimants = claims.remove(&component).unwrap_or_default();
-            // The oldest id first; those without one come last, by when they were first seen.
-            claimants.sort_by_key(|identity| (identity.id.is_none(), identity.id, identity.first_seen));
-            let mut claimants = claimants.into_iter();
-            let mut identity = claimants.next().unwrap_or_else(|| Identity::new(now.stamp));
-            for other in claimants {
-                identity.take_in(&other);
-                self.removed.extend(other.id);
-            }
-            let place = component.0 as usize;
-            if self.clusters.len() <= place {
-                self.clusters.resize_with(place + 1, || None);
-            }
-            match &mut self.clusters[place] {
-                Some(cluster) => cluster.identity = identity,
-                none => *none = Some(Box::new(Cluster::new(identity))),
-            }
-            self.changed.insert(component);
-        }
-    }
-
     /// Moves a patch and the loose voxels beside it to another cluster.
     fn transfer(&mut self, grid: &Grid, node: NodeId, from: ComponentId, to: ComponentId) {
         let Some(id) = self.patches[node.0 as usize] else { return };
@@ -557,80 +378,6 @@ impl Surfaces {
         }
         self.changed.insert(component);
         self.segmented[block.0 as usize].loose[number].owner = Some(node);
-    }
-
-    /// Projects a cluster along another axis where its normal now leans towards that. Costs its voxels, once in a while.
-    fn turn_footprints(&mut self, grid: &Grid) {
-        for component in self.changed.clone() {
-            let Some(cluster) = self.clusters[component.0 as usize].as_deref() else { continue };
-            let Some(axis) = cluster.plane().map(|plane| Axis::dominant(&plane.normal)) else { continue };
-            if axis != cluster.footprint.axis() {
-                let footprint = self.footprint(grid, component, axis);
-                if let Some(cluster) = self.clusters[component.0 as usize].as_mut() {
-                    cluster.footprint = footprint;
-                }
-            }
-        }
-    }
-
-    /// The footprint of a component from its voxels.
-    fn footprint(&self, grid: &Grid, component: ComponentId, axis: Axis) -> Footprint {
-        let mut footprint = Footprint::new(axis);
-        for &node in self.graph.nodes(component) {
-            let Some(id) = self.patches[node.0 as usize] else { continue };
-            let here = &self.segmented[id.block.0 as usize];
-            let mut enter = |block: BlockIndex, state: &State| {
-                if let Some(key) = grid.block(block).voxel_key(state.cell) {
-                    footprint.add(axis.column(key), content(state, axis));
-                }
-            };
-            let cells = &here.patches[usize::from(id.number)].cells;
-            cells.iter().filter_map(|&cell| here.state(cell)).for_each(|state| enter(id.block, state));
-            for block in grid.block(id.block).around.iter().flatten() {
-                let there = &self.segmented[block.0 as usize];
-                let beside = there.loose.iter().filter(|loose| loose.owner == Some(node));
-                beside.for_each(|loose| enter(*block, &there.states[usize::from(loose.place)]));
-            }
-        }
-        footprint
-    }
-
-    /// Gives ids to clusters that have become large enough, and takes them from those that no longer are.
-    fn tell(&mut self, grid: &Grid, now: Now) {
-        let mut new = Vec::new();
-        for &component in &self.changed {
-            let Some(cluster) = self.clusters[component.0 as usize].as_deref_mut() else { continue };
-            let voxels = cluster.voxels;
-            let identity = &mut cluster.identity;
-            if voxels > identity.most_voxels {
-                (identity.most_voxels, identity.grown) = (voxels, now.sequence);
-            }
-            if identity.id.is_none() && voxels >= TOLD {
-                new.push(component);
-            } else if voxels < NO_LONGER_TOLD {
-                self.removed.extend(identity.id.take());
-            }
-        }
-        // The order of components is that of the points within the scan, which must not decide.
-        new.sort_by_cached_key(|&component| self.first_voxel(grid, component));
-        for component in new {
-            self.ids_given += 1;
-            if let Some(cluster) = self.clusters[component.0 as usize].as_deref_mut() {
-                cluster.identity.id = ClusterId::new(self.ids_given);
-            }
-        }
-        for component in &self.changed {
-            let Some(cluster) = self.clusters[component.0 as usize].as_deref_mut() else { continue };
-            let counted = if cluster.identity.id.is_some() { cluster.voxels } else { 0 };
-            self.clustered = self.clustered + counted - std::mem::replace(&mut cluster.counted, counted);
-        }
-    }
-
-    /// The first voxel of a component's patches, by block and cell.
-    fn first_voxel(&self, grid: &Grid, component: ComponentId) -> Option<(BlockKey, Cell)> {
-        let ids = self.graph.nodes(component).iter().filter_map(|node| self.patches[node.0 as usize]);
-        ids.filter_map(|id| Some((grid.block(id.block).key, *patch(&self.segmented, id).cells.first()?)))
-            .min()
     }
 }
 
