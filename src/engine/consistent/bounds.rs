@@ -15,7 +15,8 @@ use std::collections::BTreeSet;
 
 use nalgebra::{Point3, Vector3};
 
-use super::grid::{Block, BlockIndex, EDGE, Grid};
+use super::block::{Block, BlockIndex, EDGE};
+use super::grid::Grid;
 use crate::engine::params::Params;
 
 /// Blocks that a scan looks at, in turn, for being too far away.

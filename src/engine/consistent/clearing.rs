@@ -11,7 +11,8 @@
 
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
-use super::grid::{Block, BlockIndex, BlockKey, Cell, EDGE, Grid, Voxel};
+use super::block::{Block, BlockIndex, BlockKey, Cell, EDGE, Voxel};
+use super::grid::Grid;
 use super::noise::NoiseModel;
 use super::view::{RangeGrid, Sight, half_extents};
 use crate::engine::scan::Scan;

@@ -4,8 +4,9 @@ use std::collections::BTreeMap;
 
 use nalgebra::Vector3;
 
+use super::block::{Around, Block, BlockIndex, CELLS, Cell, EDGE, offset_of};
 use super::graph::NodeId;
-use super::grid::{Around, Block, BlockIndex, CELLS, Cell, EDGE, Grid, offset_of};
+use super::grid::Grid;
 use super::patch::{Contact, Patch};
 use super::patches::{LOOSE, segment};
 use super::rules::Rules;

@@ -6,7 +6,7 @@
 //! 1. A voxel holds exact sums of its points: count, means, squares, and the directions towards the sensor, each scan
 //!    weighed by its noise (`sums`, `noise`). Its **state** is what these were when its block of 8 x 8 x 8 voxels was
 //!    published last. A block is published when a quarter of its dense voxels are new or have doubled their weight, but not
-//!    more often than every fourth scan; when the sensor has turned away; at once when a dense voxel is gone (`grid`).
+//!    more often than every fourth scan; when the sensor has turned away; at once when a dense voxel is gone (`block`).
 //! 2. The dense voxels of a block form planar **patches**, grown from the flattest places, a voxel belonging to the plane
 //!    that its points lie on as well as their noise lets them; what fits none is **loose** (`patches`).
 //! 3. Two patches that touch, in a block or across its border, are **joined** when their planes agree in direction and
@@ -45,6 +45,8 @@
 //! `rim`, `simplify`), class (`class`). What the sensor looks through loses its points (`clearing`, `view`), what is too
 //! far or too much is forgotten (`bounds`).
 
+mod bin;
+mod block;
 mod bounds;
 mod class;
 mod clearing;

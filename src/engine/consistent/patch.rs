@@ -4,7 +4,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::grid::Cell;
+use super::block::Cell;
 use super::region::{Fit, Region};
 use super::rules::Rules;
 use super::state::{Plane, State};

@@ -8,7 +8,7 @@
 //!
 //! Costs some 30 us for a block with one surface's edge in it.
 
-use super::grid::{CELLS, Cell, EDGE};
+use super::block::{CELLS, Cell, EDGE};
 use super::region::{Fit, Region};
 use super::rules::Rules;
 use super::state::{Plane, State};

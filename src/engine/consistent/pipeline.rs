@@ -2,10 +2,12 @@
 
 use nalgebra::{Point3, UnitVector3};
 
+use super::bin::Binned;
+use super::block::{Block, BlockIndex, Voxel};
 use super::bounds::Bounds;
 use super::clearing::Clearing;
 use super::graph::NodeId;
-use super::grid::{Binned, Block, BlockIndex, Grid, Voxel};
+use super::grid::Grid;
 use super::layer::Segmented;
 use super::region::Region;
 use super::rules::Rules;
@@ -220,7 +222,7 @@ impl Consistent {
 
     /// Mean of a dense voxel's points (m).
     pub fn centre(&self, key: VoxelKey) -> Option<Point3<f64>> {
-        let (block, cell) = super::grid::place(key);
+        let (block, cell) = super::block::place(key);
         let block = self.grid.block(self.grid.find(block)?);
         Some(self.grid.centre(block, block.voxel(cell)?))
     }

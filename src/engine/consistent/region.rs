@@ -6,7 +6,7 @@
 
 use nalgebra::{Matrix3, SymmetricEigen, UnitVector3, Vector3};
 
-use super::grid::Cell;
+use super::block::Cell;
 use super::state::{Plane, State};
 
 #[derive(Clone, Copy, Debug, Default)]

@@ -4,7 +4,8 @@
 
 use nalgebra::{Matrix3, UnitVector3, Vector3};
 
-use super::grid::{Block, Cell, Grid, Voxel};
+use super::block::{Block, Cell, Voxel};
+use super::grid::Grid;
 
 /// What a voxel's mean is off by however many points it has, in voxels: the sensor's distortion, the cut at the border.
 const BIAS: f64 = 0.03;

@@ -16,10 +16,11 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::Vector3;
 
+use super::block::{BlockIndex, EDGE, offset_of};
 use super::cluster::Cluster;
 use super::exact::Exact;
 use super::graph::{Batch, ComponentId, End, Graph, NodeId, Outcome};
-use super::grid::{BlockIndex, EDGE, Grid, offset_of};
+use super::grid::Grid;
 use super::layer::{Loose, PatchId, Segmented, are_joined, contacts, owner_of, patch, sharper};
 use super::patches::LOOSE;
 use super::rules::Rules;

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use rustc_hash::FxHashMap;
 
 use super::*;
-use crate::engine::consistent::grid::Binned;
+use crate::engine::consistent::bin::Binned;
 use crate::engine::params::Params;
 use crate::engine::scan::{Points, Stamp};
 use crate::sim::{Drive, Scene, Shape};

@@ -3,9 +3,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::{Now, Old, Surfaces};
+use crate::engine::consistent::block::BlockIndex;
 use crate::engine::consistent::cluster::{Cluster, Identity};
 use crate::engine::consistent::graph::{ComponentId, Outcome};
-use crate::engine::consistent::grid::BlockIndex;
 use crate::engine::consistent::layer::EMPTY;
 use crate::engine::consistent::patches::LOOSE;
 

@@ -3,11 +3,12 @@
 use std::collections::BTreeSet;
 
 use super::{Now, Surfaces};
+use crate::engine::consistent::block::{BlockIndex, BlockKey, Cell};
 use crate::engine::consistent::cluster::content;
 use crate::engine::consistent::describe::{self, Surroundings};
 use crate::engine::consistent::footprint::{Axis, Footprint};
 use crate::engine::consistent::graph::ComponentId;
-use crate::engine::consistent::grid::{BlockIndex, BlockKey, Cell, Grid};
+use crate::engine::consistent::grid::Grid;
 use crate::engine::consistent::layer::patch;
 use crate::engine::consistent::state::State;
 use crate::engine::key::ClusterId;

@@ -1,0 +1,182 @@
+//! A block of 8 x 8 x 8 voxels: what each voxel has counted, and when the block's states are to be published.
+
+use super::sums::Sums;
+use super::view::Clearance;
+use crate::engine::key::VoxelKey;
+
+/// Voxels along the edge of a block.
+pub(super) const EDGE: i32 = 8;
+/// Voxels of a block.
+pub(super) const CELLS: usize = 512;
+
+/// Place of a block in the grid's list.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub(super) struct BlockIndex(pub(super) u32);
+
+/// Place of a voxel in its block: (x * 8 + y) * 8 + z.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Cell(pub(super) u16);
+
+impl Cell {
+    /// The cell at these coordinates, each 0 to 7.
+    pub(super) const fn at([x, y, z]: [i32; 3]) -> Self {
+        Self(((x * EDGE + y) * EDGE + z) as u16)
+    }
+
+    /// Coordinates within the block, each 0 to 7.
+    pub(super) const fn coordinates(self) -> [i32; 3] {
+        let cell = self.0 as i32;
+        [cell / (EDGE * EDGE), cell / EDGE % EDGE, cell % EDGE]
+    }
+
+    pub(super) const fn index(self) -> usize {
+        self.0 as usize
+    }
+}
+
+/// Integer place of a block: voxel indices divided by 8, rounded down.
+pub(super) type BlockKey = [i32; 3];
+
+/// The block of a voxel and its cell there.
+pub(super) fn place(key: VoxelKey) -> (BlockKey, Cell) {
+    let indices = key.indices();
+    (indices.map(|i| i.div_euclid(EDGE)), Cell::at(indices.map(|i| i.rem_euclid(EDGE))))
+}
+
+#[derive(Clone, Debug)]
+pub(super) struct Voxel {
+    pub(super) cell: Cell,
+    /// Points counted since it was last cleared.
+    pub(super) count: u32,
+    pub(super) sums: Sums,
+    /// Weight of the sums when the block was published last.
+    pub(super) published_weight: u64,
+    /// Place among the voxels touched by the scan that is being taken in.
+    pub(super) touched: u32,
+    /// Scan that put a point here last.
+    pub(super) hit: u64,
+    /// How often it was seen through.
+    pub(super) clearance: Clearance,
+}
+
+pub(super) const UNTOUCHED: u32 = u32::MAX;
+pub(super) const NO_VOXEL: u16 = u16::MAX;
+
+/// The 26 blocks around a block and itself, by (dx + 1) * 9 + (dy + 1) * 3 + dz + 1.
+pub(super) type Around = [Option<BlockIndex>; 27];
+
+#[derive(Clone, Debug)]
+pub(super) struct Block {
+    pub(super) key: BlockKey,
+    pub(super) around: Around,
+    pub(super) places: Box<[u16; CELLS]>,
+    pub(super) voxels: Vec<Voxel>,
+    /// Number of dense voxels.
+    pub(super) dense: u32,
+    /// Voxels that have become dense since the block was published.
+    pub(super) renewed: u32,
+    /// A dense voxel has gone: its place must not be told of any longer.
+    pub(super) lost: bool,
+    /// Dense voxels whose weight has doubled since then.
+    pub(super) outgrown: u32,
+    /// The scan in which it was published last; 0 = never.
+    published: u64,
+    /// The scan that put a point here last.
+    pub(super) seen: u64,
+}
+
+/// Scans between two publications of a block.
+const PUBLICATION_INTERVAL: u64 = 4;
+/// Scans without a point after which a block is published whatever has changed in it.
+const LEFT_ALONE: u64 = 15;
+
+impl Block {
+    /// A block without a place in space.
+    pub(super) fn new() -> Self {
+        Self {
+            key: [0; 3],
+            around: [None; 27],
+            places: Box::new([NO_VOXEL; CELLS]),
+            voxels: Vec::new(),
+            dense: 0,
+            renewed: 0,
+            lost: false,
+            outgrown: 0,
+            published: 0,
+            seen: 0,
+        }
+    }
+
+    /// Begins anew, at this place.
+    pub(super) fn begin(&mut self, key: BlockKey) {
+        (self.key, self.published, self.outgrown) = (key, 0, 0);
+        (self.renewed, self.lost) = (0, false);
+    }
+
+    /// Whether its states are to be published: at once where a dense voxel has gone; where a quarter of the dense voxels are
+    /// new or have doubled their weight; and where the sensor has turned away, whatever has changed. A sensor that stands
+    /// still so changes nothing in the end, though noise makes a voxel dense now and then.
+    pub(super) const fn is_due(&self, sequence: u64) -> bool {
+        let waited = self.published == 0 || sequence - self.published >= PUBLICATION_INTERVAL;
+        let much = (self.renewed + self.outgrown) * 4 > self.dense;
+        let left = sequence - self.seen >= LEFT_ALONE;
+        self.lost || self.is_stale() && (waited && much || left)
+    }
+
+    /// Whether anything has changed since its states were published.
+    pub(super) const fn is_stale(&self) -> bool {
+        self.lost || self.renewed > 0 || self.outgrown > 0
+    }
+
+    /// Notes that its states are published as they are now.
+    pub(super) fn note_published(&mut self, sequence: u64) {
+        self.voxels.iter_mut().for_each(|voxel| voxel.published_weight = voxel.sums.weight);
+        (self.renewed, self.lost, self.outgrown, self.published) = (0, false, 0, sequence);
+    }
+
+    /// The voxels that hold a point, in the order of their first points.
+    pub(super) fn voxels(&self) -> &[Voxel] {
+        &self.voxels
+    }
+
+    pub(super) fn voxel(&self, cell: Cell) -> Option<&Voxel> {
+        self.voxels.get(usize::from(self.places[cell.index()]))
+    }
+
+    /// The voxel key of a cell.
+    pub(super) fn voxel_key(&self, cell: Cell) -> Option<VoxelKey> {
+        let [x, y, z] = cell.coordinates();
+        VoxelKey::new(self.key[0] * EDGE + x, self.key[1] * EDGE + y, self.key[2] * EDGE + z)
+    }
+
+    /// Index of the first voxel along each axis.
+    pub(super) fn corner(&self) -> [i32; 3] {
+        self.key.map(|i| i * EDGE)
+    }
+
+    /// Takes a voxel out with all its points.
+    pub(super) fn remove(&mut self, cell: Cell) -> Option<Voxel> {
+        let place = std::mem::replace(&mut self.places[cell.index()], NO_VOXEL);
+        if place == NO_VOXEL {
+            return None;
+        }
+        let removed = self.voxels.swap_remove(usize::from(place));
+        if let Some(moved) = self.voxels.get(usize::from(place)) {
+            self.places[moved.cell.index()] = place;
+        }
+        Some(removed)
+    }
+
+    /// Takes all voxels out.
+    pub(super) fn empty(&mut self) -> Vec<Voxel> {
+        let voxels = std::mem::take(&mut self.voxels);
+        voxels.iter().for_each(|voxel| self.places[voxel.cell.index()] = NO_VOXEL);
+        voxels
+    }
+}
+
+/// The direction of a place in [`Around`].
+pub(super) const fn offset_of(place: usize) -> [i32; 3] {
+    let place = place as i32;
+    [place / 9 - 1, place / 3 % 3 - 1, place % 3 - 1]
+}
