@@ -7,6 +7,7 @@ use nalgebra::{Isometry3, Point3, Vector3};
 
 use super::block::{BlockIndex, Cell, NO_VOXEL, UNTOUCHED, Voxel, place};
 use super::grid::Grid;
+use super::published::Published;
 use super::sums::{ScanSums, Sums, UNITS};
 use super::view::Clearance;
 use crate::engine::binning::{floor, map};
@@ -104,7 +105,7 @@ impl Grid {
                 cell,
                 count: 0,
                 sums: Sums::default(),
-                published_weight: 0,
+                published: Published::default(),
                 touched: UNTOUCHED,
                 hit: 0,
                 clearance: Clearance::default(),
@@ -131,8 +132,6 @@ impl Grid {
         // The depth axis of a depth camera is the dominant one of every ray it has, whichever way its frame is turned.
         let weight = self.noise.weight(in_sensor.coords.amax());
         let towards = (fixed_from_sensor.translation.vector - mean).try_normalize(0.0);
-        let doubled = |voxel: &Voxel| voxel.sums.weight >= 2 * voxel.published_weight;
-        let was_doubled = doubled(voxel);
         voxel.sums.fold(&touched.sums, weight, &towards.unwrap_or_default());
         let was_dense = voxel.count >= self.min_points;
         voxel.count = voxel.count.saturating_add(touched.sums.count).min(MAX_POINTS);
@@ -143,10 +142,18 @@ impl Grid {
         } else {
             voxel.clearance.received_strays();
         }
-        touched.newly_dense = !was_dense && voxel.count >= self.min_points;
-        block.outgrown += u32::from(was_dense && !was_doubled && doubled(voxel));
+        let is_dense = voxel.count >= self.min_points;
+        touched.newly_dense = is_dense && !was_dense;
+        let doubled = is_dense && voxel.published.is_doubled(&voxel.sums);
+        let known = voxel.published.is_known();
+        let drifts = known && doubled && voxel.published.has_begun_to_drift(&voxel.sums);
+        block.note_seen(sequence);
+        block.changed |= doubled;
+        block.drifted += u32::from(drifts);
         block.dense += u32::from(touched.newly_dense);
-        block.renewed += u32::from(touched.newly_dense);
-        block.seen = sequence;
+        if is_dense {
+            block.points += touched.sums.count;
+            block.unknown += if known { 0 } else { touched.sums.count };
+        }
     }
 }

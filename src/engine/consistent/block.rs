@@ -1,5 +1,6 @@
 //! A block of 8 x 8 x 8 voxels: what each voxel has counted, and when the block's states are to be published.
 
+use super::published::Published;
 use super::sums::Sums;
 use super::view::Clearance;
 use crate::engine::key::VoxelKey;
@@ -49,8 +50,7 @@ pub(super) struct Voxel {
     /// Points counted since it was last cleared.
     pub(super) count: u32,
     pub(super) sums: Sums,
-    /// Weight of the sums when the block was published last.
-    pub(super) published_weight: u64,
+    pub(super) published: Published,
     /// Place among the voxels touched by the scan that is being taken in.
     pub(super) touched: u32,
     /// Scan that put a point here last.
@@ -73,14 +73,19 @@ pub(super) struct Block {
     pub(super) voxels: Vec<Voxel>,
     /// Number of dense voxels.
     pub(super) dense: u32,
-    /// Voxels that have become dense since the block was published.
-    pub(super) renewed: u32,
+    /// Whether a voxel has become dense, or has doubled its weight, since the block was published.
+    pub(super) changed: bool,
     /// A dense voxel has gone: its place must not be told of any longer.
     pub(super) lost: bool,
-    /// Dense voxels whose weight has doubled since then.
-    pub(super) outgrown: u32,
+    /// Published voxels that have drifted since then.
+    pub(super) drifted: u32,
+    /// Points that the newest scan put into dense voxels, and those of them that are in voxels that were not published.
+    pub(super) points: u32,
+    pub(super) unknown: u32,
     /// The scan in which it was published last; 0 = never.
     published: u64,
+    /// The scan in which it was published first since the sensor turned to it.
+    begun: u64,
     /// The scan that put a point here last.
     pub(super) seen: u64,
 }
@@ -99,39 +104,57 @@ impl Block {
             places: Box::new([NO_VOXEL; CELLS]),
             voxels: Vec::new(),
             dense: 0,
-            renewed: 0,
+            changed: false,
             lost: false,
-            outgrown: 0,
+            drifted: 0,
+            points: 0,
+            unknown: 0,
             published: 0,
+            begun: 0,
             seen: 0,
         }
     }
 
     /// Begins anew, at this place.
     pub(super) fn begin(&mut self, key: BlockKey) {
-        (self.key, self.published, self.outgrown) = (key, 0, 0);
-        (self.renewed, self.lost) = (0, false);
+        (self.key, self.published, self.begun, self.drifted) = (key, 0, 0, 0);
+        (self.changed, self.lost) = (false, false);
     }
 
-    /// Whether its states are to be published: at once where a dense voxel has gone; where a quarter of the dense voxels are
-    /// new or have doubled their weight; and where the sensor has turned away, whatever has changed. A sensor that stands
-    /// still so changes nothing in the end, though noise makes a voxel dense now and then.
+    /// Whether its states are to be published: at once where a dense voxel has gone; with whatever has changed while it is
+    /// young, and when the sensor has turned away; and where more than a quarter of what a scan puts into it lies in voxels
+    /// that are not known, or a quarter of those that are have drifted. A sensor that stands still so changes nothing in the
+    /// end, though its noise goes on making voxels dense.
     pub(super) const fn is_due(&self, sequence: u64) -> bool {
-        let waited = self.published == 0 || sequence - self.published >= PUBLICATION_INTERVAL;
-        let much = (self.renewed + self.outgrown) * 4 > self.dense;
-        let left = sequence - self.seen >= LEFT_ALONE;
-        self.lost || self.is_stale() && (waited && much || left)
+        let since = sequence - self.published;
+        let is_young = self.published <= self.begun + PUBLICATION_INTERVAL;
+        let much = is_young || self.unknown * 4 > self.points || self.drifted * 4 > self.dense;
+        let waited = self.published == 0 || since >= PUBLICATION_INTERVAL;
+        self.lost || self.is_stale() && (waited && much || sequence - self.seen >= LEFT_ALONE)
     }
 
     /// Whether anything has changed since its states were published.
     pub(super) const fn is_stale(&self) -> bool {
-        self.lost || self.renewed > 0 || self.outgrown > 0
+        self.lost || self.changed
+    }
+
+    /// Begins to count what a scan puts into it.
+    pub(super) const fn note_seen(&mut self, sequence: u64) {
+        if self.seen != sequence {
+            (self.seen, self.points, self.unknown) = (sequence, 0, 0);
+        }
     }
 
     /// Notes that its states are published as they are now.
-    pub(super) fn note_published(&mut self, sequence: u64) {
-        self.voxels.iter_mut().for_each(|voxel| voxel.published_weight = voxel.sums.weight);
-        (self.renewed, self.lost, self.outgrown, self.published) = (0, false, 0, sequence);
+    pub(super) fn note_published(&mut self, sequence: u64, min_points: u32) {
+        let turned_away = sequence - self.seen >= LEFT_ALONE;
+        if self.published == 0 || turned_away {
+            self.begun = sequence;
+        }
+        let dense = |voxel: &&mut Voxel| voxel.count >= min_points;
+        self.voxels.iter_mut().filter(dense).for_each(|voxel| voxel.published = Published::of(&voxel.sums));
+        (self.changed, self.lost, self.drifted, self.published) = (false, false, 0, sequence);
+        (self.points, self.unknown) = (0, 0);
     }
 
     /// The voxels that hold a point, in the order of their first points.

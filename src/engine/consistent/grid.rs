@@ -88,7 +88,7 @@ impl Grid {
     }
 
     pub(super) fn note_published(&mut self, block: BlockIndex, sequence: u64) {
-        self.blocks[block.0 as usize].note_published(sequence);
+        self.blocks[block.0 as usize].note_published(sequence, self.min_points);
     }
 
     pub(super) fn find(&self, key: BlockKey) -> Option<BlockIndex> {

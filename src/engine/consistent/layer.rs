@@ -76,6 +76,18 @@ impl Segmented {
         self.states.binary_search_by_key(&cell, |state| state.cell).ok().map(|place| &self.states[place])
     }
 
+    /// Takes in a voxel that has become dense since; it is loose until the block is published. Returns its place among the
+    /// loose ones; `None` where it is known already.
+    pub(super) fn admit(&mut self, state: State) -> Option<usize> {
+        let place = self.states.binary_search_by_key(&state.cell, |state| state.cell).err()?;
+        let number = self.loose.partition_point(|loose| usize::from(loose.place) < place);
+        self.loose[number..].iter_mut().for_each(|loose| loose.place += 1);
+        self.loose.insert(number, Loose { place: place as u16, owner: None });
+        self.labels[state.cell.index()] = LOOSE;
+        self.states.insert(place, state);
+        Some(number)
+    }
+
     /// An empty block.
     pub(super) fn empty() -> Self {
         Self {

@@ -5,10 +5,13 @@
 //!
 //! 1. A voxel holds exact sums of its points: count, means, squares, and the directions towards the sensor, each scan
 //!    weighed by its noise (`sums`, `noise`). Its **state** is what these were when its block of 8 x 8 x 8 voxels was
-//!    published last. A block is published when a quarter of its dense voxels are new or have doubled their weight, but not
-//!    more often than every fourth scan; when the sensor has turned away; at once when a dense voxel is gone (`block`).
+//!    published last, or when it became dense after that. A block is published with whatever has changed while it is young and
+//!    when the sensor has turned away; in between, not more often than every fourth scan, when a quarter of a scan's points
+//!    fall into voxels that were not published or a quarter of the voxels have drifted; at once when a dense voxel is gone
+//!    (`block`, `published`). So a sensor that stands still does not move what is told of, however much its noise adds.
 //! 2. The dense voxels of a block form planar **patches**, grown from the flattest places, a voxel belonging to the plane
-//!    that its points lie on as well as their noise lets them; what fits none is **loose** (`patches`).
+//!    that its points lie on as well as their noise lets them; what fits none is **loose** (`patches`), and so is what has
+//!    become dense since the block was published.
 //! 3. Two patches that touch, in a block or across its border, are **joined** when their planes agree in direction and
 //!    where they meet, as far as both are known (`patch`). A noisy patch that is no one's equal but lies within its noise
 //!    on the plane of a much sharper one is a slice of its scatter: it is joined to that one and to nothing else, so that
@@ -62,6 +65,7 @@ mod outline;
 mod patch;
 mod patches;
 mod pipeline;
+mod published;
 mod region;
 mod rim;
 mod rules;

@@ -68,7 +68,9 @@ impl Consistent {
         let mut thinned = self.clear(scan);
         thinned.extend(self.bounds.forget(&mut self.grid, &seen, &scan.sensor_origin(), now.sequence));
         let due = self.due(&seen, &thinned);
-        self.surfaces.publish(&self.grid, &due, now);
+        let dense = self.binned.touched.iter().filter(|touched| touched.newly_dense);
+        let dense = dense.map(|touched| (touched.block, touched.cell));
+        self.surfaces.publish(&self.grid, &due, dense, now);
         due.iter().for_each(|&block| self.grid.note_published(block, now.sequence));
         thinned.iter().for_each(|&block| self.grid.release(block));
         done(PipelineStep::Partials);

@@ -16,7 +16,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::Vector3;
 
-use super::block::{BlockIndex, EDGE, offset_of};
+use super::block::{BlockIndex, Cell, EDGE, offset_of};
 use super::cluster::Cluster;
 use super::exact::Exact;
 use super::graph::{Batch, ComponentId, End, Graph, NodeId, Outcome};
@@ -114,8 +114,15 @@ impl Surfaces {
         self.removed.clear();
     }
 
-    /// Takes over the states of these blocks (ascending) as they are now.
-    pub(super) fn publish(&mut self, grid: &Grid, blocks: &[BlockIndex], now: Now) {
+    /// Takes over the states of these blocks (ascending) as they are now, and of other blocks those voxels that have become
+    /// dense.
+    pub(super) fn publish(
+        &mut self,
+        grid: &Grid,
+        blocks: &[BlockIndex],
+        dense: impl Iterator<Item = (BlockIndex, Cell)>,
+        now: Now,
+    ) {
         self.make_room(grid);
         let beside = self.beside(grid, blocks);
         for &(block, place) in &beside {
@@ -145,8 +152,20 @@ impl Surfaces {
             let counted = self.clusters[gone.0 as usize].take().map_or(0, |cluster| cluster.counted);
             self.clustered -= counted;
         }
+        for (block, cell) in dense {
+            self.admit(grid, block, cell);
+        }
         self.turn_footprints(grid);
         self.tell(grid, now);
+    }
+
+    /// Puts a voxel that has become dense beside the patches that are there, until its block is published.
+    fn admit(&mut self, grid: &Grid, block: BlockIndex, cell: Cell) {
+        let Some(voxel) = grid.block(block).voxel(cell) else { return };
+        let admitted = self.segmented[block.0 as usize].admit(State::new(grid, voxel));
+        if let Some(number) = admitted {
+            self.enter_loose(grid, block, number);
+        }
     }
 
     fn make_room(&mut self, grid: &Grid) {
