@@ -160,6 +160,7 @@ fn on_recordings_no_fragment_floods_the_message_and_normals_are_nearer_than_stat
                  {share:.3} (STATIC {of_static:.3})"
             );
             assert!(10 * single <= letter);
+            assert!(share >= 0.9, "{name}, {voxel_size} m: normals of {share}");
             assert!(error < of_static, "{error} rad, STATIC {of_static}");
         }
     }

@@ -8,7 +8,7 @@ use super::block::{Around, Block, BlockIndex, CELLS, Cell, EDGE, offset_of};
 use super::graph::NodeId;
 use super::grid::Grid;
 use super::patch::{Contact, Patch};
-use super::patches::{LOOSE, segment};
+use super::patches::{LOOSE, Patches, segment};
 use super::rules::Rules;
 use super::state::{State, states};
 
@@ -53,7 +53,7 @@ pub(super) const EMPTY: u8 = LOOSE - 1;
 impl Segmented {
     pub(super) fn new(grid: &Grid, block: &Block, rules: &Rules) -> Self {
         let states = states(grid, block);
-        let owner = segment(&states, rules);
+        let Patches { owner, flat } = segment(&states, rules);
         let corner = Vector3::from(block.corner()).map(f64::from);
         let mut labels = Box::new([EMPTY; CELLS]);
         let mut members: Vec<Vec<&State>> = Vec::new();
@@ -64,7 +64,9 @@ impl Segmented {
                 members[usize::from(number)].push(state);
             }
         }
-        let patches: Vec<_> = members.iter().filter_map(|states| Patch::new(states, &corner)).collect();
+        let patches =
+            (0..).zip(&members).filter_map(|(number, states)| Patch::new(states, &corner, number >= flat));
+        let patches: Vec<_> = patches.collect();
         let loose = (0..).zip(&owner).filter(|(_, number)| **number == LOOSE);
         let loose = loose.map(|(place, _)| Loose { place, owner: None }).collect();
         let (contacts, slice_of) = (vec![Contacts::new(); patches.len()], vec![None; patches.len()]);
@@ -105,11 +107,11 @@ pub(super) fn patch(segmented: &[Segmented], id: PatchId) -> &Patch {
     &segmented[id.block.0 as usize].patches[usize::from(id.number)]
 }
 
-/// The patch of much less noise that a patch is a slice of: of those it meets, the one its points fit best. A patch that
+/// The patch of much less noise that a patch is a slice of: of those it meets, the one its points fit best. A flat patch that
 /// joins one with less noise as its equal is no slice.
 pub(super) fn sharper(segmented: &[Segmented], id: PatchId, rules: &Rules) -> Option<PatchId> {
     let own = patch(segmented, id);
-    if !own.is_noisy(rules) {
+    if !own.may_be_slice(rules) {
         return None;
     }
     let contacts = &segmented[id.block.0 as usize].contacts[usize::from(id.number)];
@@ -117,7 +119,7 @@ pub(super) fn sharper(segmented: &[Segmented], id: PatchId, rules: &Rules) -> Op
         let other = patch(segmented, *other);
         other.has_less_noise(own) && own.joins(other, contact, rules)
     };
-    if contacts.iter().any(is_equal) {
+    if !own.is_rough() && contacts.iter().any(is_equal) {
         return None;
     }
     let candidates = contacts

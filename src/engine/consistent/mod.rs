@@ -10,12 +10,12 @@
 //!    fall into voxels that were not published or a quarter of the voxels have drifted; at once when a dense voxel is gone
 //!    (`block`, `published`). So a sensor that stands still does not move what is told of, however much its noise adds.
 //! 2. The dense voxels of a block form planar **patches**, grown from the flattest places, a voxel belonging to the plane
-//!    that its points lie on as well as their noise lets them; what fits none is **loose** (`patches`), and so is what has
-//!    become dense since the block was published.
+//!    that its points lie on as well as their noise lets them; from what is left, **rough** patches with half a voxel's
+//!    tolerance. What fits none is **loose** (`patches`), and so is what has become dense since the block was published.
 //! 3. Two patches that touch, in a block or across its border, are **joined** when their planes agree in direction and
-//!    where they meet, as far as both are known (`patch`). A noisy patch that is no one's equal but lies within its noise
-//!    on the plane of a much sharper one is a slice of its scatter: it is joined to that one and to nothing else, so that
-//!    it ties no two surfaces together (`layer`).
+//!    where they meet, as far as both are known; rough ones with each other alone (`patch`). A noisy patch that is no one's
+//!    equal but lies within its noise on the plane of a much sharper one is a slice of its scatter: it is joined to that one
+//!    and to nothing else, so that it ties no two surfaces together (`layer`).
 //! 4. A **cluster** is a component of joined patches, with the loose voxels within three voxels of a patch whose plane their
 //!    points fit.
 //!
@@ -37,6 +37,11 @@
 //! | voxels weighed alike in a plane, whatever they scatter | 0.88 | 13 of 23 |
 //! | no excuse for the cut of a block's border within the scatter | 0.87 | 15 of 24 |
 //! | slices also where a patch is a sharper one's equal | 0.87 | 15 of 24 |
+//! | narrow facets joined up to 50 degrees: the pillar is whole at 8 cm, but legs and edges of furniture join too | 0.97 | 20 of 23 |
+//! | a loose voxel to the best patch within three voxels instead of the nearest | 0.97 | 20 of 23 |
+//!
+//! Without rough patches 81 to 90 % of the voxels of real recordings are in clusters, with them 94 to 99 %, and their normals
+//! lie nearer to those of their clusters.
 //!
 //! Angles of 8 to 13 degrees, tolerances of 2 to 2.5 sigma, and of the slices' turn of 20 to 34 degrees change the index
 //! by less than 0.01. Contacts over a gap of one voxel tie floors together that doors have parted.

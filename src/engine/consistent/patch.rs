@@ -19,6 +19,8 @@ pub(super) struct Patch {
     square: Matrix3<f64>,
     /// Variance of its points along its normal that is noise.
     noise: f64,
+    /// It is of the second growth: its points lie on its plane only roughly.
+    is_rough: bool,
     /// Variance of the plane's tilt about its most uncertain axis (rad^2).
     tilt_variance: f64,
     /// Variance of the plane's place at its middle, along the normal.
@@ -43,7 +45,7 @@ const MAX_JOIN_ANGLE: f64 = 0.35;
 
 impl Patch {
     /// `None` where the states span no plane; `corner` is that of their block.
-    pub(super) fn new(states: &[&State], corner: &Vector3<f64>) -> Option<Self> {
+    pub(super) fn new(states: &[&State], corner: &Vector3<f64>, is_rough: bool) -> Option<Self> {
         let region = Region::of(states.iter().copied());
         let Fit { plane, variances } = region.fit()?;
         let count = states.len() as f64;
@@ -58,26 +60,36 @@ impl Patch {
             noise: states.iter().map(|state| state.noise_along(&plane.normal)).sum::<f64>() / count,
             cells: states.iter().map(|state| state.cell).collect(),
             plane: Plane { point: plane.point + corner, ..plane },
+            is_rough,
             tilt_variance: 1.0 / (region.weight() * variances[1]),
             offset_variance: 1.0 / region.weight(),
         })
     }
 
-    /// Whether its points scatter so much that what it shows may be a slice of another's noise.
-    pub(super) fn is_noisy(&self, rules: &Rules) -> bool {
-        self.noise > rules.noisy * rules.noisy
+    /// Whether what it shows may be a slice of another's noise: its points scatter much, or lie on no plane.
+    pub(super) fn may_be_slice(&self, rules: &Rules) -> bool {
+        self.is_rough || self.noise > rules.noisy * rules.noisy
     }
 
     pub(super) fn has_less_noise(&self, other: &Self) -> bool {
         self.noise < other.noise
     }
 
-    /// How well its points lie on the plane of a patch with much less noise whose scatter it may be, up to 1; `None` where it
-    /// is no such slice.
+    pub(super) const fn is_rough(&self) -> bool {
+        self.is_rough
+    }
+
+    /// How well its points lie on the plane of a patch with much less noise whose scatter it may be, or of a flat one whose
+    /// rim a rough one may be, up to 1; `None` where it is no such slice.
     pub(super) fn slice_of(&self, other: &Self, rules: &Rules) -> Option<f64> {
         let (a, b) = (&self.plane, &other.plane);
-        let sharper = other.noise <= rules.sharper * rules.sharper * self.noise;
-        if !self.is_noisy(rules) || !sharper || a.normal.dot(&b.normal) < rules.slice_angle.cos() {
+        let sharper = if self.is_rough {
+            !other.is_rough
+        } else {
+            other.noise <= rules.sharper * rules.sharper * self.noise
+                && a.normal.dot(&b.normal) >= rules.slice_angle.cos()
+        };
+        if !self.may_be_slice(rules) || !sharper || a.normal.dot(&b.normal) <= 0.0 {
             return None;
         }
         let off = b.normal.dot(&(self.mean - b.point));
@@ -87,15 +99,20 @@ impl Patch {
         Some(misfit).filter(|misfit| *misfit <= 1.0)
     }
 
-    /// Whether two patches that meet so are one surface. Free of order.
+    /// Whether two patches that meet so are one surface; a rough one is none with a flat one. Free of order.
     pub(super) fn joins(&self, other: &Self, contact: &Contact, rules: &Rules) -> bool {
-        if contact.pairs < MIN_PAIRS {
+        if contact.pairs < MIN_PAIRS || self.is_rough != other.is_rough {
             return false;
         }
+        let (most_angle, most_offset) = if self.is_rough {
+            (rules.rough_angle, rules.rough_offset)
+        } else {
+            (rules.join_angle, rules.join_offset)
+        };
         let (a, b) = (&self.plane, &other.plane);
         let angle = a.normal.dot(&b.normal).clamp(-1.0, 1.0).acos();
         let tilt_sigma = (self.tilt_variance + other.tilt_variance).sqrt();
-        if angle > (JOIN_SIGMAS * tilt_sigma).clamp(rules.join_angle, MAX_JOIN_ANGLE) {
+        if angle > (JOIN_SIGMAS * tilt_sigma).clamp(most_angle, MAX_JOIN_ANGLE.max(most_angle)) {
             return false;
         }
         let meeting = contact.sum / (2.0 * f64::from(contact.pairs));
@@ -105,7 +122,7 @@ impl Patch {
         let variance = self.offset_variance + other.offset_variance + lever(self) + lever(other);
         // Where a block ends within the scatter, each of the two sees one side of it.
         let cut = rules.cut * (self.noise.sqrt() + other.noise.sqrt());
-        let allowed = (JOIN_SIGMAS * variance.sqrt()).clamp(rules.join_offset, 2.0 * rules.join_offset) + cut;
+        let allowed = (JOIN_SIGMAS * variance.sqrt()).clamp(most_offset, 2.0 * most_offset) + cut;
         (heights[0] - heights[1]).abs() <= allowed
     }
 }

@@ -12,6 +12,8 @@ pub(super) struct Rules {
     pub(super) noise_factor: f64,
     /// What they may be off besides.
     pub(super) flatness: f64,
+    /// The same where no flat patch has a place.
+    pub(super) rough_flatness: f64,
     /// The same for a voxel beside a patch.
     pub(super) rim_noise_factor: f64,
     pub(super) rim_flatness: f64,
@@ -21,6 +23,9 @@ pub(super) struct Rules {
     pub(super) join_offset: f64,
     /// What each of them adds to that, in standard deviations of its noise.
     pub(super) cut: f64,
+    /// The same two of rough patches.
+    pub(super) rough_angle: f64,
+    pub(super) rough_offset: f64,
     /// Standard deviation of noise from which on a patch may be a slice of another's scatter.
     pub(super) noisy: f64,
     /// Part of its noise, at most, that the other one has.
@@ -39,16 +44,24 @@ impl Rules {
         Self {
             noise_factor: 2.0,
             flatness: 0.1 + bias,
+            rough_flatness: 0.5,
             rim_noise_factor: 3.0,
             rim_flatness: 0.4,
             join_angle: 0.2_f64.min(params.max_normal_angle()),
             join_offset: 0.4,
             cut: 0.8,
+            rough_angle: 0.4_f64.min(params.max_normal_angle()),
+            rough_offset: 0.8,
             noisy: 0.25,
             sharper: 0.6,
             slice_angle: 0.6,
             contact_reach: 1,
             rim_reach: 3,
         }
+    }
+
+    /// Those that rough patches grow by.
+    pub(super) const fn rough(&self) -> Self {
+        Self { flatness: self.rough_flatness, ..*self }
     }
 }

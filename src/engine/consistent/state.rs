@@ -6,6 +6,7 @@ use nalgebra::{Matrix3, UnitVector3, Vector3};
 
 use super::block::{Block, Cell, Voxel};
 use super::grid::Grid;
+use super::rules::Rules;
 
 /// What a voxel's mean is off by however many points it has, in voxels: the sensor's distortion, the cut at the border.
 const BIAS: f64 = 0.03;
@@ -73,6 +74,11 @@ impl State {
     pub(super) fn misfit(&self, plane: &Plane, noise_factor: f64, flatness: f64) -> f64 {
         let allowed = noise_factor * noise_factor * self.noise_along(&plane.normal) + flatness * flatness;
         self.square_distance(plane) / allowed
+    }
+
+    /// Whether it may belong to a patch beside it: its points lie on the plane, as far as noise and half a voxel let them.
+    pub(super) fn is_beside(&self, plane: &Plane, rules: &Rules) -> bool {
+        self.is_seen_from(plane) && self.misfit(plane, rules.rim_noise_factor, rules.rim_flatness) <= 1.0
     }
 
     /// Whether it was seen from the side that the plane's normal points to.

@@ -310,7 +310,7 @@ impl Surfaces {
         let around = blocks.iter().flat_map(|&block| grid.block(block).around.into_iter().flatten());
         let others: BTreeSet<_> = around.filter(|other| blocks.binary_search(other).is_err()).collect();
         let ids = others.into_iter().flat_map(|other| self.ids(other));
-        ids.filter(|&id| patch(&self.segmented, id).is_noisy(&self.rules)).collect()
+        ids.filter(|&id| patch(&self.segmented, id).may_be_slice(&self.rules)).collect()
     }
 
     /// Writes down which nodes the new patches have got.
