@@ -9,7 +9,8 @@
 //!   are no ghosts: the wall is in their box, from wherever it is looked at;
 //! - they may be several surfaces with a gap at the mean: [`SPREAD`] of their deviation;
 //! - a surface seen edge-on (a table from afar) is thin in the image, is often not measured, and a pose that is off by its
-//!   thickness sees past it. So a body that is thin across the ray is padded, by up to a voxel and two cells;
+//!   thickness sees past it. So a body that is thin across the ray is padded, by up to half a voxel and a cell, as much
+//!   as if the whole cube were looked at. More would keep points that strayed beside edges;
 //! - in any case there are [`LEAST`] of the depth, three quarters of a cell: the pose, and points beside a border.
 
 use nalgebra::{Matrix3, Point3, Vector3};
@@ -24,9 +25,9 @@ const SPREAD: f64 = 0.5;
 /// Least half of the box in shares of its depth.
 pub(super) const LEAST: f64 = 0.006;
 /// Padding of what has no thickness, in voxels.
-const PADDING: f64 = 1.0;
-/// The same in shares of the depth: two cells of a [`RangeGrid`](super::super::view::RangeGrid).
-const PADDING_OF_DEPTH: f64 = 1.0 / 64.0;
+const PADDING: f64 = 0.5;
+/// The same in shares of the depth: a cell of a [`RangeGrid`](super::super::view::RangeGrid).
+const PADDING_OF_DEPTH: f64 = 1.0 / 128.0;
 
 /// Half extents along the sensor's axes (m) of the box around the `mean` of a voxel's points, which is in its frame.
 ///
