@@ -1,7 +1,7 @@
 //! What one scan proves to be empty.
 //!
 //! A [`RangeGrid`] keeps, for every direction from the sensor, the smallest depth that was measured there. A voxel is
-//! seen through when all directions towards it, and those beside it, were measured and end beyond it. What was not
+//! seen through when all directions towards it, and those beside it that are asked for, were measured and end beyond it. What was not
 //! measured proves nothing. [`RangeGrid::blocks_in_view`] names the blocks in which such voxels may lie, and
 //! [`Clearance`] says when one has been seen through often enough to lose its points.
 //!
@@ -13,8 +13,9 @@
 //! beyond the voxel, however shallow the angle. So it is at the edge of a table: the voxel that holds the last few
 //! millimetres has the table itself in the directions beside it.
 //!
-//! The price: what stood on a floor stays in the layer of the floor and in the one or two above, up to 15 cm, as long as
-//! it is seen from 1.5 m or more; the rays beside it end on the floor, too near behind it to tell.
+//! Any box can be looked at. With the cubes of voxels, what stood on a floor would stay up to 15 cm above it, as long as
+//! it is seen from 1.5 m or more: the rays beside it end on the floor, too near behind the cubes to tell. `clearing`
+//! therefore looks at where a voxel's points are.
 //!
 //! **Directions.** The sensor may look along any axis, or all round. So the directions lie on a cube around it: the axis
 //! of the largest coordinate picks one of six faces, the two other coordinates divided by it a cell. Depth is that
@@ -45,8 +46,8 @@ mod tests_on_scans;
 /// Cells along the edge of a face.
 ///
 /// A cell is 1/128 of the depth wide: 0.45 degrees, 4 x 4 of a Kinect's pixels. At 6 m it is as wide as a voxel of 5 cm, at
-/// 1 m a voxel of 8 cm covers 10 x 10. Larger cells would blur what stands on a floor with the floor (a voxel is looked
-/// at with one cell more on each side, 3 cm at 4 m); smaller ones hold too few points to say that a direction was measured.
+/// 1 m a voxel of 8 cm covers 10 x 10. Larger cells would blur what stands on a floor with the floor (3 cm
+/// at 4 m); smaller ones hold too few points to say that a direction was measured.
 const CELLS: usize = 1 << CELL_BITS;
 const CELL_BITS: u32 = 8;
 const FACE_CELLS: usize = CELLS * CELLS;
@@ -66,7 +67,7 @@ const BATCH: usize = 256;
 pub(crate) enum Sight {
     /// Nothing: not measured, out of view, or hidden in whole or in part.
     Unknown,
-    /// Every ray towards it and beside it ends beyond it.
+    /// Every ray towards it, and beside it as far as asked for, ends beyond it.
     Through,
     /// The rays towards its centre end at its depth.
     Hit,
@@ -168,8 +169,14 @@ impl RangeGrid {
     /// Whether a voxel, or any box, was seen through.
     ///
     /// `centre` is its centre; `half` the box's reach from there along the sensor's axes, see [`half_extents`]. `margin`
-    /// is how far beyond its far side a ray must end: some standard deviations of a depth there and half a voxel.
-    pub(crate) fn sees_through(&self, centre: &Point3<f64>, half: &Vector3<f64>, margin: f64) -> Sight {
+    /// is how far beyond its far side a ray must end. `border` is the number of cells beside it that are looked at as well.
+    pub(crate) fn sees_through(
+        &self,
+        centre: &Point3<f64>,
+        half: &Vector3<f64>,
+        margin: f64,
+        border: usize,
+    ) -> Sight {
         let [x, y, z] = [centre.x, centre.y, centre.z].map(|coordinate| coordinate as f32);
         let (index, depth) = cell_and_depth([x, y, z]);
         let face = Face::new(index as usize / FACE_CELLS);
@@ -183,10 +190,17 @@ impl RangeGrid {
             return Sight::Hit;
         }
         let clear = Face::all().all(|face| {
-            Patch::new(face, centre, half, [CELLS, 1])
+            Patch::new(face, centre, half, [CELLS, border])
                 .is_none_or(|patch| self.ends_beyond(face, &patch, margin))
         });
         if clear { Sight::Through } else { Sight::Unknown }
+    }
+
+    /// Whether the direction of a point was measured and ends beyond it by `margin`.
+    pub(crate) fn ends_past(&self, point: &Point3<f64>, margin: f64) -> bool {
+        let (index, depth) = cell_and_depth([point.x, point.y, point.z].map(|coordinate| coordinate as f32));
+        let cell = self.cells[index as usize];
+        cell.count >= self.min_count && cell.nearest > depth + margin as f32
     }
 
     /// Whether all cells of a patch were measured and end beyond the box by `margin`.
@@ -213,8 +227,8 @@ const fn split(index: usize) -> (usize, usize, usize) {
 
 /// The cell in which a point lies and its depth there.
 ///
-/// Without a branch or a sum that is checked, so that several points are done at once. Rounding may put a point on a border into the cell beside it, which is why voxels are looked at with
-/// one cell more on each side.
+/// Without a branch or a sum that is checked, so that several points are done at once. Rounding may put a point on a border into the cell beside it, so a box is looked at with
+/// a border or a padding.
 #[inline]
 #[expect(clippy::needless_bitwise_bool, reason = "a lazy operator is a branch")]
 fn cell_and_depth([x, y, z]: [f32; 3]) -> (u32, f32) {

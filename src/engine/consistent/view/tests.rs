@@ -86,7 +86,7 @@ impl Sensor {
 
     fn look(&self, grid: &RangeGrid, key: [i32; 3], edge: f64, margin: impl Fn(f64) -> f64) -> Sight {
         let (centre, half) = self.voxel(key, edge);
-        grid.sees_through(&centre, &half, margin(centre.coords.norm()))
+        grid.sees_through(&centre, &half, margin(centre.coords.norm()), 1)
     }
 }
 
@@ -438,7 +438,7 @@ fn times() {
         let centres: Vec<_> = keys.iter().map(|&key| sensor.voxel(key, 0.08).0).collect();
         let mut through = 0;
         let time = best_of(keys.len(), || {
-            let looks = centres.iter().map(|centre| grid.sees_through(centre, &half, 0.1));
+            let looks = centres.iter().map(|centre| grid.sees_through(centre, &half, 0.1, 1));
             through = looks.filter(|&sight| sight == Sight::Through).count();
         });
         println!("look at {name}: {time:.1} ns a voxel; {through} of {} seen through", keys.len());
