@@ -1,18 +1,15 @@
 //! From what is kept of a cluster to the value that leaves the engine. Costs O(rim) a cluster.
 
-use nalgebra::{
-    Isometry3, Matrix2, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, UnitVector3, Vector2,
-    Vector3,
-};
+use nalgebra::{Isometry3, Matrix2, Matrix3, Point3, Vector3};
 
 use super::class::{Evidence, Neighbour, classify};
 use super::cluster::{Cluster, PlaneFit};
 use super::outline::{self, Detail, Outline};
-use super::surfaces::Now;
 use crate::engine::class::SurfaceClass;
 use crate::engine::key::ClusterId;
+use crate::engine::now::Now;
 use crate::engine::params::Params;
-use crate::engine::rectangle::smallest_rectangle;
+use crate::engine::rectangle::rectangle_around;
 use crate::engine::snapshot::{self, ClusterState};
 
 /// What is systematically wrong about a plane (m), about its place and at its half extent about its tilt: the sensor's
@@ -39,7 +36,7 @@ pub(super) fn describe(cluster: &Cluster, id: ClusterId, params: &Params) -> Opt
     let outline = Outline::new(&cluster.footprint, &outline::Plane { normal, d: offset }, size, &detail)?;
     let covariance = (plane.covariance + cluster.sums.spread()) * (size * size);
     let rms_error = normal.dot(&(covariance * normal.into_inner())).max(0.0).sqrt();
-    let (pose, sides) = bounding_box(&normal, &point, &outline.boundary);
+    let (pose, sides) = rectangle_around(&outline.boundary, &point, &normal);
     Some(snapshot::Cluster {
         id,
         revision: cluster.identity.revision,
@@ -76,26 +73,6 @@ pub(super) fn state(cluster: &Cluster, params: &Params, now: Now) -> ClusterStat
     } else {
         ClusterState::Complete
     }
-}
-
-/// The smallest rectangle around the boundary, as a pose (+z = normal, +x = the long side) and its sides (m).
-fn bounding_box(
-    normal: &UnitVector3<f64>,
-    point: &Point3<f64>,
-    boundary: &[Point3<f64>],
-) -> (Isometry3<f64>, [f64; 2]) {
-    let z = normal.into_inner();
-    let across = if z.x.abs() < 0.6 { Vector3::x() } else { Vector3::y() };
-    let u = (across - z * z.dot(&across)).normalize();
-    let v = z.cross(&u);
-    let flat: Vec<_> =
-        boundary.iter().map(|p| p - point).map(|d| Vector2::new(u.dot(&d), v.dot(&d))).collect();
-    let rectangle = smallest_rectangle(&flat);
-    let in_space = |flat: Vector2<f64>| u * flat.x + v * flat.y;
-    let x = in_space(rectangle.along);
-    let turn = Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[x, z.cross(&x), z]));
-    let middle = Translation3::from(point + in_space(rectangle.middle));
-    (Isometry3::from_parts(middle, UnitQuaternion::from_rotation_matrix(&turn)), rectangle.sides)
 }
 
 /// Covariance of (turn about pose x, turn about pose y, place along pose z at its origin): the inverse of the information in

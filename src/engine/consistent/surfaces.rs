@@ -26,15 +26,7 @@ use super::patches::LOOSE;
 use super::rules::Rules;
 use super::state::State;
 use crate::engine::key::{ClusterId, VoxelKey};
-use crate::engine::scan::Stamp;
-
-/// The scan that is being taken in.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Now {
-    /// Its number, from 1.
-    pub(super) sequence: u64,
-    pub(super) stamp: Stamp,
-}
+use crate::engine::now::Now;
 
 #[derive(Clone, Debug)]
 pub(super) struct Surfaces {

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use super::{Now, Surfaces};
+use super::Surfaces;
 use crate::engine::consistent::block::{BlockIndex, BlockKey, Cell};
 use crate::engine::consistent::cluster::content;
 use crate::engine::consistent::describe::{self, Surroundings};
@@ -12,6 +12,7 @@ use crate::engine::consistent::grid::Grid;
 use crate::engine::consistent::layer::patch;
 use crate::engine::consistent::state::State;
 use crate::engine::key::ClusterId;
+use crate::engine::now::Now;
 use crate::engine::params::Params;
 use crate::engine::snapshot::{self, ChangedCluster};
 
