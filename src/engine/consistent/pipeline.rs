@@ -221,3 +221,7 @@ impl Consistent {
         Some(self.grid.centre(block, block.voxel(cell)?))
     }
 }
+
+#[cfg(test)]
+#[cfg(feature = "sim")]
+mod tests;

@@ -10,12 +10,14 @@
 //! voxels went; of several that come together the oldest stays.
 
 mod identify;
+mod landmarks;
 mod tell;
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::Vector3;
 
+use self::landmarks::Landmarks;
 use super::block::{BlockIndex, EDGE, offset_of};
 use super::cluster::Cluster;
 use super::exact::Exact;
@@ -40,6 +42,7 @@ pub(super) struct Surfaces {
     graph: Graph,
     /// By component.
     clusters: Vec<Option<Box<Cluster>>>,
+    landmarks: Landmarks,
     ids_given: u64,
     /// Components that this scan changed.
     changed: BTreeSet<ComponentId>,
@@ -58,6 +61,7 @@ impl Surfaces {
             patches: Vec::new(),
             graph: Graph::default(),
             clusters: Vec::new(),
+            landmarks: Landmarks::default(),
             ids_given: 0,
             changed: BTreeSet::new(),
             removed: BTreeSet::new(),
@@ -136,6 +140,7 @@ impl Surfaces {
             // What it was has been taken over by another cluster, or is gone with its voxels.
             let counted = self.clusters[gone.0 as usize].take().map_or(0, |cluster| cluster.counted);
             self.clustered -= counted;
+            self.landmarks.set(*gone, None);
         }
         self.turn_footprints(grid);
         self.tell(grid, now);
