@@ -8,7 +8,6 @@
 )]
 
 use std::fs;
-use std::path::PathBuf;
 use std::process::{Command, Output};
 
 use byteorder::LittleEndian;
@@ -17,33 +16,26 @@ use cfodi::msg::ros::PointCloud2;
 use cfodi::sim::{Drive, Scene};
 use nalgebra::{Point3, Vector3};
 use serde_json::Value;
+use tempfile::TempDir;
 
 /// A folder of the test's own, removed at its end.
-struct Folder(PathBuf);
+struct Folder(TempDir);
 
 impl Folder {
-    fn new(test: &str) -> Self {
-        let path = std::env::temp_dir().join(format!("cfodi-simulate-{test}-{}", std::process::id()));
-        fs::create_dir_all(&path).unwrap();
-        Self(path)
+    fn new() -> Self {
+        Self(tempfile::tempdir().unwrap())
     }
 
     fn path(&self, name: &str) -> String {
-        self.0.join(name).to_str().unwrap().to_owned()
+        self.0.path().join(name).to_str().unwrap().to_owned()
     }
 
     fn names(&self) -> Vec<String> {
-        let entries = fs::read_dir(&self.0).unwrap();
+        let entries = fs::read_dir(self.0.path()).unwrap();
         let mut names: Vec<_> =
             entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
         names.sort();
         names
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = fs::remove_dir_all(&self.0);
     }
 }
 
@@ -64,7 +56,7 @@ fn clouds(path: &str) -> Vec<PointCloud2> {
 
 #[test]
 fn a_simulated_drive_is_replayed_and_its_labels_are_those_of_the_truth() {
-    let folder = Folder::new("lab");
+    let folder = Folder::new();
     let [bag, truth, summary] = ["lab.mcap", "truth.json", "summary.json"].map(|name| folder.path(name));
     let seed = "9007199254740993";
     let made = cfodi(&["simulate", "--out", &bag, "--seconds", "0.5", "--seed", seed, "--truth", &truth]);
@@ -106,7 +98,7 @@ fn a_simulated_drive_is_replayed_and_its_labels_are_those_of_the_truth() {
 
 #[test]
 fn outlines_lie_in_their_planes_and_moving_things_tell_their_times() {
-    let folder = Folder::new("moving");
+    let folder = Folder::new();
     let [bag, truth] = ["m.mcap", "t.json"].map(|name| folder.path(name));
     let arguments = ["--scene", "moving", "--seconds", "0.05", "--pose-noise", "0.02,0.005"];
     let made = cfodi(&[&["simulate", "--out", &bag, "--truth", &truth][..], &arguments].concat());
@@ -138,7 +130,7 @@ fn outlines_lie_in_their_planes_and_moving_things_tell_their_times() {
 
 #[test]
 fn the_same_arguments_give_the_same_bytes() {
-    let folder = Folder::new("same");
+    let folder = Folder::new();
     let paths = ["a.mcap", "b.mcap"].map(|name| folder.path(name));
     for path in &paths {
         let made = cfodi(&["simulate", "--out", path, "--scene", "clutter", "--seconds", "0.1"]);
@@ -149,7 +141,7 @@ fn the_same_arguments_give_the_same_bytes() {
 
 #[test]
 fn wrong_arguments_are_named_with_status_2_and_leave_no_file() {
-    let folder = Folder::new("wrong");
+    let folder = Folder::new();
     let out = folder.path("a.mcap");
     let wrong: [(&[&str], &str); 5] = [
         (&["--scene", "kitchen"], "room, lab, corridor, stairs, clutter, moving"),
