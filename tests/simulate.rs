@@ -8,7 +8,8 @@
 )]
 
 use std::fs;
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
+use std::time::Duration;
 
 use byteorder::LittleEndian;
 use cfodi::engine::Stamp;
@@ -137,6 +138,52 @@ fn the_same_arguments_give_the_same_bytes() {
         assert_eq!(made.status.code(), Some(0));
     }
     assert!(fs::read(&paths[0]).unwrap() == fs::read(&paths[1]).unwrap());
+}
+
+#[test]
+fn after_a_signal_the_scans_so_far_can_be_read_and_the_status_is_1() {
+    for signal in ["INT", "TERM"] {
+        let folder = Folder::new();
+        let [bag, truth] = ["a.mcap", "t.json"].map(|name| folder.path(name));
+        let arguments = ["simulate", "--out", &bag, "--seconds", "3600", "--truth", &truth];
+        let drive = Command::new(env!("CARGO_BIN_EXE_cfodi")).args(arguments).stderr(Stdio::piped()).spawn();
+        let mut drive = drive.unwrap();
+        // With the first chunk there are scans, and the listener to signals has stood for long.
+        let under_way = || fs::read_dir(folder.0.path()).unwrap().next().map(|entry| entry.unwrap().path());
+        while under_way().is_none_or(|path| fs::metadata(path).unwrap().len() < 1_000_000) {
+            assert!(drive.try_wait().unwrap().is_none(), "it has ended by itself");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        let sent = Command::new("kill").args(["-s", signal, &drive.id().to_string()]).status().unwrap();
+        assert!(sent.success());
+        let ended = drive.wait_with_output().unwrap();
+        let errors = String::from_utf8_lossy(&ended.stderr);
+        assert_eq!(ended.status.code(), Some(1), "{errors}");
+        assert!(errors.contains("stopped by a signal before the end of the drive"), "{errors}");
+        assert_eq!(folder.names(), ["a.mcap", "t.json"]);
+        let clouds = clouds(&bag).len();
+        assert!(clouds > 0 && errors.contains(&format!("{clouds} scans of scene lab")), "{clouds}: {errors}");
+        let seconds = json(&truth)["seconds"].as_f64().unwrap();
+        assert!((seconds * 30.0 - clouds as f64).abs() < 1e-6, "{seconds}");
+    }
+}
+
+#[test]
+fn wrong_arguments_of_the_laboratory_are_named_with_status_2_and_leave_no_file() {
+    let folder = Folder::new();
+    let out = folder.path("lab");
+    let wrong: [(&[&str], &str); 3] = [
+        (&["--voxel-size", "0.05", "--voxel-size", "0.08", "--voxel-size", "0.050"], "0.05 is given twice"),
+        (&["--voxel-size", "0"], "voxel_size is 0 m"),
+        (&["--seeds", "0"], "0 is not in 1..=1000"),
+    ];
+    for (arguments, said) in wrong {
+        let ended = cfodi(&[&["experiment", "--scene", "room", "--out", &out], arguments].concat());
+        let errors = String::from_utf8_lossy(&ended.stderr);
+        assert_eq!(ended.status.code(), Some(2), "{arguments:?}: {errors}");
+        assert!(errors.contains(said), "{arguments:?}: {errors}");
+        assert!(folder.names().is_empty());
+    }
 }
 
 #[test]
