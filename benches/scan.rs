@@ -2,7 +2,9 @@
 //!
 //! On the cabinet recording where there is one (`CFODI_DATA`), on the simulated room otherwise. A group holds: `read`,
 //! the yardstick: summing the bytes of one cloud after the other; `decode`, `PointCloud2` bytes to points; `insert`, a
-//! whole drive from an empty map on, divided by its scans; `STATIC`, one re-clustering of the whole map; `snapshot`.
+//! whole drive from an empty map on, divided by its scans, in mode `paper` and in mode `consistent`, and the ratio of the
+//! two; `STATIC`, one re-clustering of the whole map; `snapshot`. The group `sim` is the simulator on one of its scenes
+//! after the other: `labelled_scan` and, what scores are measured by, `true_hits`.
 #![allow(
     missing_docs,
     clippy::unwrap_used,
@@ -19,9 +21,13 @@ use std::time::{Duration, Instant};
 
 use cfodi::cloud::{Cloud, CloudFilter, Optical, decode};
 use cfodi::engine::paper::Cfodi;
-use cfodi::engine::{Isometry3, Params, Scan};
+use cfodi::engine::{Engine, Isometry3, Params, Scan, Stamp};
 use cfodi::msg::ros::PointCloud2;
-use criterion::{Criterion, criterion_group, criterion_main};
+use cfodi::sim::{Drive, Scene};
+use criterion::measurement::WallTime;
+use criterion::{BenchmarkGroup, Criterion, criterion_group, criterion_main};
+
+type Group<'a> = BenchmarkGroup<'a, WallTime>;
 
 const FILTER: CloudFilter =
     CloudFilter { min_range: 0.4, max_range: 6.0, optical: Optical::Auto, max_points: 4_000_000 };
@@ -32,7 +38,7 @@ fn drive() -> (&'static str, Vec<(PointCloud2, Isometry3<f64>)>) {
         let rows = recording.rows().iter();
         return ("cabinet", rows.map(|row| (recording.message(row), row.map_from_optical)).collect());
     }
-    let drive = cfodi::sim::Drive::new(cfodi::sim::Scene::room(), 1, cfodi::engine::Stamp::from_nanos(0));
+    let drive = Drive::new(Scene::room(), 1, Stamp::from_nanos(0));
     ("room", (0..60).map(|i| (drive.step(10 * i).cloud, drive.fixed_from_optical(10 * i))).collect())
 }
 
@@ -62,22 +68,56 @@ fn bench(criterion: &mut Criterion) {
     });
     for (label, voxel_size) in [("8 cm", 0.08), ("5 cm", 0.05)] {
         let params = Params::paper().with_voxel_size(voxel_size).unwrap();
-        group.bench_function(format!("insert {label}, a scan"), |b| {
-            b.iter_custom(|iterations| {
-                let mut total = Duration::ZERO;
-                for _ in 0..iterations {
-                    let mut engine = Cfodi::new(params);
-                    let begin = Instant::now();
-                    scans.iter().for_each(|scan| drop(black_box(engine.insert(scan))));
-                    total += begin.elapsed() / scans.len() as u32;
-                }
-                total
-            });
-        });
+        insert(&mut group, label, &scans, params);
         let mut engine = Cfodi::new(params);
         scans.iter().for_each(|scan| drop(engine.insert(scan)));
         group.bench_function(format!("STATIC {label}, a map"), |b| b.iter(|| engine.static_partition()));
         group.bench_function(format!("snapshot {label}"), |b| b.iter(|| engine.snapshot()));
+    }
+    group.finish();
+    simulator(criterion);
+}
+
+/// A scan of each mode, and how many times as long the second takes; nothing of it where a filter leaves one out.
+fn insert(group: &mut Group, label: &str, scans: &[Scan], paper: Params) {
+    let consistent = Params::default().with_voxel_size(paper.voxel_size()).unwrap();
+    let shortest = [("paper", paper), ("consistent", consistent)].map(|(mode, params)| {
+        let mut shortest: Option<Duration> = None;
+        group.bench_function(format!("insert {label}, a scan, {mode}"), |b| {
+            b.iter_custom(|iterations| {
+                let drives: Vec<_> = (0..iterations).map(|_| time_of_a_scan(scans, params)).collect();
+                shortest = shortest.into_iter().chain(drives.iter().copied()).min();
+                drives.iter().sum()
+            });
+        });
+        shortest
+    });
+    if let [Some(paper), Some(consistent)] = shortest {
+        let ratio = consistent.div_duration_f64(paper);
+        println!("insert {label}: consistent takes {ratio:.2} times as long as paper (shortest drives)\n");
+    }
+}
+
+/// Mean over a drive from an empty map on.
+fn time_of_a_scan(scans: &[Scan], params: Params) -> Duration {
+    let mut engine = Engine::new(params);
+    let begin = Instant::now();
+    scans.iter().for_each(|scan| drop(black_box(engine.insert(scan))));
+    begin.elapsed() / scans.len() as u32
+}
+
+fn simulator(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("sim");
+    group.sample_size(10);
+    for name in Scene::NAMES {
+        let drive = Drive::new(Scene::named(name).unwrap(), 3, Stamp::from_nanos(0));
+        let mut next = (0..2000).step_by(40).cycle();
+        group.bench_function(format!("labelled_scan {name}"), |b| {
+            b.iter(|| drive.labelled_scan(next.next().unwrap()));
+        });
+        group.bench_function(format!("true_hits {name}, each second pixel"), |b| {
+            b.iter(|| drive.true_hits(next.next().unwrap(), 2).count());
+        });
     }
     group.finish();
 }

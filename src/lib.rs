@@ -1,5 +1,5 @@
-//! Surfaces from a moving Kinect, live: the paper "Revealing cluster formation over huge volatile robotic data" as a
-//! ROS 2 node.
+//! Surfaces from a moving Kinect, live: a ROS 2 node after the paper "Revealing cluster formation over huge volatile robotic
+//! data", to its letter or with clusters that are right after every scan.
 //!
 //! Data flows one way: bytes -> message -> [`engine::Scan`] -> [`engine::Engine`] -> [`engine::Snapshot`] -> message
 //! -> bytes; imports point inwards. `ARCHITECTURE.md` draws the graph. Without default features the engine, the

@@ -44,10 +44,9 @@ fn the_cabinet_gives_the_acceptance_values_and_bears_out_the_papers_conclusions(
     let above = cfodi.normal_error_above_static_rad.unwrap();
     assert!((0.0..0.12).contains(&above), "{above} rad");
 
-    let folder = std::env::temp_dir().join(format!("cfodi-experiment-{}", std::process::id()));
-    results.write(&folder).unwrap();
-    let effects = std::fs::read_to_string(folder.join("effects.csv")).unwrap();
-    std::fs::remove_dir_all(&folder).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    results.write(folder.path()).unwrap();
+    let effects = std::fs::read_to_string(folder.path().join("effects.csv")).unwrap();
     let errors = column(&effects, "depth", "normal_error_rad");
     assert!(errors[0] > errors[3] && errors[3] > errors[7], "{errors:?}");
     let by_angle = column(&effects, "max_normal_angle", "clusters");

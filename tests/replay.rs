@@ -16,27 +16,20 @@ use std::process::{Command, Output};
 
 use bags::{BagWriter, Layout, OPTICAL, POINTS, drive, drive_along, ends_of_clouds, stamp, wall};
 use serde_json::Value;
+use tempfile::TempDir;
 
 /// A folder of the test's own, removed at its end.
-struct Folder(PathBuf);
+struct Folder(TempDir);
 
 impl Folder {
-    fn new(test: &str) -> Self {
-        let path = std::env::temp_dir().join(format!("cfodi-replay-{test}-{}", std::process::id()));
-        fs::create_dir_all(&path).unwrap();
-        Self(path)
+    fn new() -> Self {
+        Self(tempfile::tempdir().unwrap())
     }
 
     fn put(&self, name: &str, bytes: &[u8]) -> PathBuf {
-        let path = self.0.join(name);
+        let path = self.0.path().join(name);
         fs::write(&path, bytes).unwrap();
         path
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = fs::remove_dir_all(&self.0);
     }
 }
 
@@ -53,8 +46,8 @@ fn cfodi(arguments: &[&str]) -> Output {
 
 /// Replays into a folder that is new each time.
 fn replay(bag: &Path, more: &[&str]) -> Replayed {
-    let out = Folder::new(&format!("out-{}", bag.file_name().unwrap().to_string_lossy()));
-    let (summary, voxels) = (out.0.join("s.json"), out.0.join("v.csv"));
+    let out = Folder::new();
+    let (summary, voxels) = (out.0.path().join("s.json"), out.0.path().join("v.csv"));
     let mut arguments = vec!["replay", bag.to_str().unwrap(), "--summary", summary.to_str().unwrap()];
     arguments.extend(["--voxels", voxels.to_str().unwrap()]);
     arguments.extend(more);
@@ -75,7 +68,7 @@ impl Replayed {
 
 #[test]
 fn every_compression_gives_the_same_map() {
-    let folder = Folder::new("compressions");
+    let folder = Folder::new();
     let layouts = [Layout::Plain, Layout::Chunks, Layout::Zstd, Layout::Lz4].map(BagWriter::new);
     let mut messages = BagWriter::new(Layout::Chunks);
     messages.compress_messages = true;
@@ -104,7 +97,7 @@ fn cuts(length: usize, number: usize) -> impl Iterator<Item = usize> {
 
 #[test]
 fn a_bag_cut_at_any_byte_gives_every_scan_before_the_cut_and_status_1() {
-    let folder = Folder::new("cuts");
+    let folder = Folder::new();
     for (name, layout) in [("plain", Layout::Plain), ("chunks", Layout::Chunks)] {
         let bag = drive(BagWriter::new(layout), 20);
         let ends = ends_of_clouds(&bag);
@@ -125,7 +118,7 @@ fn a_bag_cut_at_any_byte_gives_every_scan_before_the_cut_and_status_1() {
 
 #[test]
 fn a_compressed_bag_cut_at_any_byte_gives_at_least_the_whole_chunks() {
-    let folder = Folder::new("zstd-cuts");
+    let folder = Folder::new();
     let (in_chunks, plain) =
         (drive(BagWriter::new(Layout::Zstd), 20), drive(BagWriter::new(Layout::Plain), 20));
     let as_a_whole = zstd::encode_all(&plain[..], 3).unwrap();
@@ -161,7 +154,7 @@ fn ends_of_chunks(bag: &[u8]) -> Vec<usize> {
 
 #[test]
 fn a_static_transform_may_come_last_and_a_cloud_before_its_transform() {
-    let folder = Folder::new("late");
+    let folder = Folder::new();
     let mut writer = BagWriter::new(Layout::Chunks);
     for i in 0..30 {
         writer.cloud(POINTS, stamp(i), &wall(i));
@@ -176,7 +169,7 @@ fn a_static_transform_may_come_last_and_a_cloud_before_its_transform() {
 
 #[test]
 fn the_default_frame_is_taken_where_the_bag_has_it_and_the_root_is_named_where_not() {
-    let folder = Folder::new("frames");
+    let folder = Folder::new();
     let mut writer = BagWriter::new(Layout::Plain);
     writer.tf("/tf_static", stamp(0), "camera_link", OPTICAL, 0.0);
     for i in 0..12 {
@@ -194,7 +187,7 @@ fn the_default_frame_is_taken_where_the_bag_has_it_and_the_root_is_named_where_n
 
 #[test]
 fn without_any_transform_the_sensor_stands_still_and_that_is_said() {
-    let folder = Folder::new("still");
+    let folder = Folder::new();
     let mut writer = BagWriter::new(Layout::Plain);
     (0..3).for_each(|i| writer.cloud(POINTS, stamp(i), &wall(i)));
     let found = replay(&folder.put("still.mcap", &writer.finish()), &[]);
@@ -204,7 +197,7 @@ fn without_any_transform_the_sensor_stands_still_and_that_is_said() {
 
 #[test]
 fn a_frame_that_is_not_there_skips_every_scan_with_the_reason() {
-    let folder = Folder::new("nowhere");
+    let folder = Folder::new();
     let bag = folder.put("a.mcap", &drive(BagWriter::new(Layout::Plain), 20));
     let found = replay(&bag, &["--ros-args", "-p", "fixed_frame:=world"]);
     assert_eq!((found.status, found.number("scans")), (0, 0));
@@ -218,7 +211,7 @@ fn a_frame_that_is_not_there_skips_every_scan_with_the_reason() {
 
 #[test]
 fn two_sensors_fill_one_map() {
-    let folder = Folder::new("two");
+    let folder = Folder::new();
     let mut writer = BagWriter::new(Layout::Plain);
     writer.tf("/tf_static", stamp(0), "map", OPTICAL, 0.0);
     for i in 0..4 {
@@ -236,7 +229,7 @@ fn two_sensors_fill_one_map() {
 
 #[test]
 fn stamps_that_jump_back_begin_a_session() {
-    let folder = Folder::new("loop");
+    let folder = Folder::new();
     let laps = drive_along(BagWriter::new(Layout::Plain), (0..60).chain(0..3));
     let looped = replay(&folder.put("loop.mcap", &laps), &[]);
     let once = replay(&folder.put("once.mcap", &drive(BagWriter::new(Layout::Plain), 3)), &[]);
@@ -246,7 +239,7 @@ fn stamps_that_jump_back_begin_a_session() {
 
 #[test]
 fn other_recordings_are_refused_with_the_command_that_converts_them() {
-    let folder = Folder::new("others");
+    let folder = Folder::new();
     for (name, begin) in [("a.bag", &b"#ROSBAG V2.0\nxyz"[..]), ("a.db3", b"SQLite format 3\0abc")] {
         let found = replay(&folder.put(name, begin), &[]);
         assert_eq!((found.status, found.summary), (2, None));
@@ -265,7 +258,7 @@ fn other_recordings_are_refused_with_the_command_that_converts_them() {
 
 #[test]
 fn bytes_after_the_end_and_damaged_chunks_are_said() {
-    let folder = Folder::new("damage");
+    let folder = Folder::new();
     let mut bag = drive(BagWriter::new(Layout::Chunks), 5);
     let whole = bag.len();
     bag.extend(b"more");
@@ -281,23 +274,24 @@ fn bytes_after_the_end_and_damaged_chunks_are_said() {
 
 #[test]
 fn an_output_that_cannot_be_written_is_named_and_nothing_is_left() {
-    let folder = Folder::new("unwritable");
+    let folder = Folder::new();
     let bag = folder.put("a.mcap", &drive(BagWriter::new(Layout::Plain), 2));
     let found = replay(&bag, &["--out", "/nowhere/out.mcap"]);
     assert!(found.status == 1 && found.errors.contains("/nowhere/out.mcap"), "{}", found.errors);
     assert!(found.summary.is_none());
     let cut = folder.put("b.mcap", &drive(BagWriter::new(Layout::Plain), 2)[..30_000]);
-    let out = folder.0.join("out.mcap");
+    let out = folder.0.path().join("out.mcap");
     assert_eq!(replay(&cut, &["--out", out.to_str().unwrap()]).status, 1);
     let result = mcap::Summary::read(&fs::read(&out).unwrap()).unwrap().unwrap();
     assert_eq!(result.channels.len(), 6);
-    let names: Vec<_> = fs::read_dir(&folder.0).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    let names: Vec<_> =
+        fs::read_dir(folder.0.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
     assert!(!names.iter().any(|name| name.to_string_lossy().contains(".part")), "{names:?}");
 }
 
 #[test]
 fn a_static_transform_that_comes_late_shows_the_frame_too() {
-    let folder = Folder::new("late-root");
+    let folder = Folder::new();
     let mut writer = BagWriter::new(Layout::Plain);
     for i in 0..30 {
         writer.tf("/tf", stamp(i), "map", "camera_link", 0.1 * i as f64);
@@ -306,7 +300,8 @@ fn a_static_transform_that_comes_late_shows_the_frame_too() {
             writer.tf("/tf_static", stamp(i), "camera_link", OPTICAL, 0.0);
         }
     }
-    let late = replay(&folder.put("late.mcap", &writer.finish()), &["--report", folder.0.to_str().unwrap()]);
+    let late =
+        replay(&folder.put("late.mcap", &writer.finish()), &["--report", folder.0.path().to_str().unwrap()]);
     let early = replay(&folder.put("early.mcap", &drive(BagWriter::new(Layout::Plain), 30)), &[]);
     assert_eq!((late.status, late.number("scans")), (0, 30), "{}", late.errors);
     assert!(
@@ -319,7 +314,7 @@ fn a_static_transform_that_comes_late_shows_the_frame_too() {
 
 #[test]
 fn a_default_frame_that_begins_late_is_still_the_default() {
-    let folder = Folder::new("late-odom");
+    let folder = Folder::new();
     let mut writer = BagWriter::new(Layout::Chunks);
     writer.tf("/tf_static", stamp(0), "camera_link", OPTICAL, 0.0);
     for i in 0..30 {
@@ -337,7 +332,7 @@ fn a_default_frame_that_begins_late_is_still_the_default() {
 
 #[test]
 fn a_sensor_that_lags_behind_another_begins_no_session() {
-    let folder = Folder::new("lag");
+    let folder = Folder::new();
     let mut writer = BagWriter::new(Layout::Plain);
     writer.tf("/tf_static", stamp(0), "map", OPTICAL, 0.0);
     let other = "other_optical_frame";
@@ -354,9 +349,9 @@ fn a_sensor_that_lags_behind_another_begins_no_session() {
 
 #[test]
 fn each_lap_is_a_session_of_its_own_in_the_result_bag_and_plays_after_the_one_before() {
-    let folder = Folder::new("laps");
+    let folder = Folder::new();
     let laps = drive_along(BagWriter::new(Layout::Plain), (0..60).chain(0..60));
-    let (bag, out) = (folder.put("laps.mcap", &laps), folder.0.join("out.mcap"));
+    let (bag, out) = (folder.put("laps.mcap", &laps), folder.0.path().join("out.mcap"));
     let found = replay(&bag, &["--out", out.to_str().unwrap()]);
     assert_eq!((found.status, found.number("sessions")), (0, 2), "{}", found.errors);
     let result = fs::read(&out).unwrap();
@@ -376,7 +371,7 @@ fn each_lap_is_a_session_of_its_own_in_the_result_bag_and_plays_after_the_one_be
 
 #[test]
 fn a_damaged_file_of_several_costs_only_its_own_scans() {
-    let folder = Folder::new("several");
+    let folder = Folder::new();
     let whole = drive(BagWriter::new(Layout::Plain), 10);
     folder.put("run_2.mcap", &whole);
     let mut writer = BagWriter::new(Layout::Plain);
@@ -385,7 +380,7 @@ fn a_damaged_file_of_several_costs_only_its_own_scans() {
         writer.cloud(POINTS, stamp(i), &wall(i));
     }
     folder.put("run_10.mcap", &writer.finish());
-    let found = replay(&folder.0, &[]);
+    let found = replay(folder.0.path(), &[]);
     assert_eq!(
         (found.status, found.number("scans"), found.number("sessions")),
         (0, 20, 1),
@@ -393,33 +388,33 @@ fn a_damaged_file_of_several_costs_only_its_own_scans() {
         found.errors
     );
     folder.put("run_2.mcap", &whole[..ends_of_clouds(&whole)[3]]);
-    let found = replay(&folder.0, &[]);
+    let found = replay(folder.0.path(), &[]);
     assert_eq!((found.status, found.number("scans")), (1, 14), "{}", found.errors);
     assert!(found.errors.contains("run_2.mcap is cut"), "{}", found.errors);
 }
 
 #[test]
 fn no_output_replaces_a_part_of_the_input_and_none_is_begun_when_one_cannot_be_made() {
-    let folder = Folder::new("guard");
+    let folder = Folder::new();
     folder.put("a.mcap", &drive(BagWriter::new(Layout::Plain), 2));
     let text = "rosbag2_bagfile_information: {storage_identifier: mcap, relative_file_paths: [a.mcap]}";
     let metadata = folder.put("metadata.yaml", text.as_bytes());
-    let found = replay(&folder.0, &["--ply", metadata.to_str().unwrap()]);
+    let found = replay(folder.0.path(), &["--ply", metadata.to_str().unwrap()]);
     assert_eq!(
         (found.status, fs::read_to_string(&metadata).unwrap().as_str()),
         (2, text),
         "{}",
         found.errors
     );
-    let out = folder.0.join("out.mcap");
-    let found = replay(&folder.0, &["--out", out.to_str().unwrap(), "--clusters", "/nowhere/c.json"]);
+    let out = folder.0.path().join("out.mcap");
+    let found = replay(folder.0.path(), &["--out", out.to_str().unwrap(), "--clusters", "/nowhere/c.json"]);
     assert!(found.status == 1 && found.errors.contains("/nowhere/c.json"), "{}", found.errors);
     assert!(found.summary.is_none() && !out.exists());
 }
 
 #[test]
 fn what_cannot_be_decoded_is_said_once_and_counted() {
-    let folder = Folder::new("garbled");
+    let folder = Folder::new();
     let mut writer = BagWriter::new(Layout::Plain);
     writer.tf("/tf_static", stamp(0), "map", OPTICAL, 0.0);
     for i in 0..5 {
@@ -434,7 +429,7 @@ fn what_cannot_be_decoded_is_said_once_and_counted() {
 
 #[test]
 fn a_chain_of_frames_that_grows_is_read_twice_at_most() {
-    let folder = Folder::new("chain");
+    let folder = Folder::new();
     let mut writer = BagWriter::new(Layout::Plain);
     (0..10).for_each(|i| writer.cloud(POINTS, stamp(i), &wall(i)));
     for i in 0..100 {
@@ -450,7 +445,7 @@ fn a_chain_of_frames_that_grows_is_read_twice_at_most() {
 
 #[test]
 fn frames_that_change_places_for_ever_are_read_twice_at_most() {
-    let folder = Folder::new("flip");
+    let folder = Folder::new();
     let mut writer = BagWriter::new(Layout::Plain);
     for i in 0..10 {
         writer.tf("/tf", stamp(600 + i), "a", OPTICAL, 0.0);
@@ -470,11 +465,11 @@ fn frames_that_change_places_for_ever_are_read_twice_at_most() {
 
 #[test]
 fn files_that_are_no_bag_cost_only_their_own_scans_and_all_are_counted() {
-    let folder = Folder::new("zeros");
+    let folder = Folder::new();
     folder.put("run_0.mcap", &[0; 5000]);
     folder.put("run_1.mcap", &drive(BagWriter::new(Layout::Plain), 5));
     folder.put("run_2.mcap", b"");
-    let found = replay(&folder.0, &[]);
+    let found = replay(folder.0.path(), &[]);
     assert_eq!((found.status, found.number("scans")), (1, 5), "{}", found.errors);
     assert!(
         found.errors.contains("run_0.mcap") && found.errors.contains("1 more of its files"),
@@ -485,7 +480,7 @@ fn files_that_are_no_bag_cost_only_their_own_scans_and_all_are_counted() {
 
 #[test]
 fn endless_new_names_of_frames_take_no_memory() {
-    let folder = Folder::new("names");
+    let folder = Folder::new();
     let mut writer = BagWriter::new(Layout::Zstd);
     for i in 0..50 {
         let name = format!("{i}{}", "x".repeat(100_000));
@@ -498,9 +493,9 @@ fn endless_new_names_of_frames_take_no_memory() {
 
 #[test]
 fn the_transforms_of_each_lap_are_played_with_its_clusters() {
-    let folder = Folder::new("laps-tf");
+    let folder = Folder::new();
     let laps = drive_along(BagWriter::new(Layout::Plain), (0..60).chain(0..60));
-    let (bag, out) = (folder.put("laps.mcap", &laps), folder.0.join("out.mcap"));
+    let (bag, out) = (folder.put("laps.mcap", &laps), folder.0.path().join("out.mcap"));
     assert_eq!(replay(&bag, &["--out", out.to_str().unwrap()]).status, 0);
     let result = fs::read(&out).unwrap();
     let times = |topic: &str| -> Vec<u64> {
@@ -514,7 +509,7 @@ fn the_transforms_of_each_lap_are_played_with_its_clusters() {
 
 #[test]
 fn points_beyond_the_grid_are_said_and_counted() {
-    let folder = Folder::new("beyond");
+    let folder = Folder::new();
     let mut writer = BagWriter::new(Layout::Plain);
     // The grid of 8 cm reaches 83 km.
     writer.tf("/tf_static", stamp(0), "map", OPTICAL, 100_000.0);
@@ -526,12 +521,12 @@ fn points_beyond_the_grid_are_said_and_counted() {
 
 #[test]
 fn a_topic_of_the_input_that_the_result_has_itself_is_said_not_to_be_copied() {
-    let folder = Folder::new("own");
+    let folder = Folder::new();
     let mut writer = BagWriter::new(Layout::Plain);
     writer.tf("/tf_static", stamp(0), "map", OPTICAL, 0.0);
     (0..2).for_each(|i| writer.cloud(POINTS, stamp(i), &wall(i)));
     writer.cloud("/cfodi/points_labelled", stamp(1), &wall(1));
-    let (bag, out) = (folder.put("own.mcap", &writer.finish()), folder.0.join("out.mcap"));
+    let (bag, out) = (folder.put("own.mcap", &writer.finish()), folder.0.path().join("out.mcap"));
     let found = replay(&bag, &["--with-input", "--out", out.to_str().unwrap()]);
     assert_eq!((found.status, found.number("scans")), (0, 2), "{}", found.errors);
     assert!(found.errors.contains("/cfodi/points_labelled of the input is not copied"), "{}", found.errors);

@@ -8,8 +8,8 @@
 )]
 
 use std::fs;
-use std::path::PathBuf;
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
+use std::time::Duration;
 
 use byteorder::LittleEndian;
 use cfodi::engine::Stamp;
@@ -17,33 +17,26 @@ use cfodi::msg::ros::PointCloud2;
 use cfodi::sim::{Drive, Scene};
 use nalgebra::{Point3, Vector3};
 use serde_json::Value;
+use tempfile::TempDir;
 
 /// A folder of the test's own, removed at its end.
-struct Folder(PathBuf);
+struct Folder(TempDir);
 
 impl Folder {
-    fn new(test: &str) -> Self {
-        let path = std::env::temp_dir().join(format!("cfodi-simulate-{test}-{}", std::process::id()));
-        fs::create_dir_all(&path).unwrap();
-        Self(path)
+    fn new() -> Self {
+        Self(tempfile::tempdir().unwrap())
     }
 
     fn path(&self, name: &str) -> String {
-        self.0.join(name).to_str().unwrap().to_owned()
+        self.0.path().join(name).to_str().unwrap().to_owned()
     }
 
     fn names(&self) -> Vec<String> {
-        let entries = fs::read_dir(&self.0).unwrap();
+        let entries = fs::read_dir(self.0.path()).unwrap();
         let mut names: Vec<_> =
             entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
         names.sort();
         names
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = fs::remove_dir_all(&self.0);
     }
 }
 
@@ -64,7 +57,7 @@ fn clouds(path: &str) -> Vec<PointCloud2> {
 
 #[test]
 fn a_simulated_drive_is_replayed_and_its_labels_are_those_of_the_truth() {
-    let folder = Folder::new("lab");
+    let folder = Folder::new();
     let [bag, truth, summary] = ["lab.mcap", "truth.json", "summary.json"].map(|name| folder.path(name));
     let seed = "9007199254740993";
     let made = cfodi(&["simulate", "--out", &bag, "--seconds", "0.5", "--seed", seed, "--truth", &truth]);
@@ -106,7 +99,7 @@ fn a_simulated_drive_is_replayed_and_its_labels_are_those_of_the_truth() {
 
 #[test]
 fn outlines_lie_in_their_planes_and_moving_things_tell_their_times() {
-    let folder = Folder::new("moving");
+    let folder = Folder::new();
     let [bag, truth] = ["m.mcap", "t.json"].map(|name| folder.path(name));
     let arguments = ["--scene", "moving", "--seconds", "0.05", "--pose-noise", "0.02,0.005"];
     let made = cfodi(&[&["simulate", "--out", &bag, "--truth", &truth][..], &arguments].concat());
@@ -138,7 +131,7 @@ fn outlines_lie_in_their_planes_and_moving_things_tell_their_times() {
 
 #[test]
 fn the_same_arguments_give_the_same_bytes() {
-    let folder = Folder::new("same");
+    let folder = Folder::new();
     let paths = ["a.mcap", "b.mcap"].map(|name| folder.path(name));
     for path in &paths {
         let made = cfodi(&["simulate", "--out", path, "--scene", "clutter", "--seconds", "0.1"]);
@@ -148,8 +141,54 @@ fn the_same_arguments_give_the_same_bytes() {
 }
 
 #[test]
+fn after_a_signal_the_scans_so_far_can_be_read_and_the_status_is_1() {
+    for signal in ["INT", "TERM"] {
+        let folder = Folder::new();
+        let [bag, truth] = ["a.mcap", "t.json"].map(|name| folder.path(name));
+        let arguments = ["simulate", "--out", &bag, "--seconds", "3600", "--truth", &truth];
+        let drive = Command::new(env!("CARGO_BIN_EXE_cfodi")).args(arguments).stderr(Stdio::piped()).spawn();
+        let mut drive = drive.unwrap();
+        // With the first chunk there are scans, and the listener to signals has stood for long.
+        let under_way = || fs::read_dir(folder.0.path()).unwrap().next().map(|entry| entry.unwrap().path());
+        while under_way().is_none_or(|path| fs::metadata(path).unwrap().len() < 1_000_000) {
+            assert!(drive.try_wait().unwrap().is_none(), "it has ended by itself");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        let sent = Command::new("kill").args(["-s", signal, &drive.id().to_string()]).status().unwrap();
+        assert!(sent.success());
+        let ended = drive.wait_with_output().unwrap();
+        let errors = String::from_utf8_lossy(&ended.stderr);
+        assert_eq!(ended.status.code(), Some(1), "{errors}");
+        assert!(errors.contains("stopped by a signal before the end of the drive"), "{errors}");
+        assert_eq!(folder.names(), ["a.mcap", "t.json"]);
+        let clouds = clouds(&bag).len();
+        assert!(clouds > 0 && errors.contains(&format!("{clouds} scans of scene lab")), "{clouds}: {errors}");
+        let seconds = json(&truth)["seconds"].as_f64().unwrap();
+        assert!((seconds * 30.0 - clouds as f64).abs() < 1e-6, "{seconds}");
+    }
+}
+
+#[test]
+fn wrong_arguments_of_the_laboratory_are_named_with_status_2_and_leave_no_file() {
+    let folder = Folder::new();
+    let out = folder.path("lab");
+    let wrong: [(&[&str], &str); 3] = [
+        (&["--voxel-size", "0.05", "--voxel-size", "0.08", "--voxel-size", "0.050"], "0.05 is given twice"),
+        (&["--voxel-size", "0"], "voxel_size is 0 m"),
+        (&["--seeds", "0"], "0 is not in 1..=1000"),
+    ];
+    for (arguments, said) in wrong {
+        let ended = cfodi(&[&["experiment", "--scene", "room", "--out", &out], arguments].concat());
+        let errors = String::from_utf8_lossy(&ended.stderr);
+        assert_eq!(ended.status.code(), Some(2), "{arguments:?}: {errors}");
+        assert!(errors.contains(said), "{arguments:?}: {errors}");
+        assert!(folder.names().is_empty());
+    }
+}
+
+#[test]
 fn wrong_arguments_are_named_with_status_2_and_leave_no_file() {
-    let folder = Folder::new("wrong");
+    let folder = Folder::new();
     let out = folder.path("a.mcap");
     let wrong: [(&[&str], &str); 5] = [
         (&["--scene", "kitchen"], "room, lab, corridor, stairs, clutter, moving"),

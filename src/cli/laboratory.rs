@@ -17,6 +17,7 @@ use cfodi::node::Setup;
 use cfodi::sim::Scene;
 
 use super::progress::Bar;
+use super::replay::WRONG;
 
 /// Most runs that are made at once: each holds all maps of its methods.
 const MOST_AT_ONCE: usize = 2;
@@ -53,11 +54,21 @@ fn metres(text: &str) -> Result<f64, String> {
     Params::default().with_voxel_size(metres).map(|_| metres).map_err(|error| error.to_string())
 }
 
+/// A value that is there more than once.
+fn given_twice(sizes: &[f64]) -> Option<f64> {
+    let twice = sizes.iter().enumerate().find(|&(place, size)| sizes[..place].contains(size));
+    twice.map(|(_, size)| *size)
+}
+
 /// Makes the runs, writes `quality.md` and `quality.csv` and prints the table.
 pub(crate) fn laboratory(setup: &Setup, options: &Simulation, out: &Path) -> anyhow::Result<ExitCode> {
     let name = options.scene.as_deref().unwrap_or_default();
     let scene = Scene::named(name).with_context(|| format!("there is no scene {name}"))?;
     let Simulation { seeds, seconds, scan_step, voxel_size, .. } = options;
+    if let Some(size) = given_twice(voxel_size) {
+        eprintln!("cfodi: --voxel-size {size} is given twice: its runs would be counted twice");
+        return Ok(ExitCode::from(WRONG));
+    }
     let laboratory = Laboratory::new(scene, *seconds, *scan_step, &setup.config.engine, voxel_size)?;
     std::fs::create_dir_all(out).with_context(|| format!("cannot make {}", out.display()))?;
     let mut table = Table::default();

@@ -85,37 +85,36 @@ pub(crate) fn simulate(options: &Options) -> anyhow::Result<ExitCode> {
         None => drive,
     };
     let scans = ((options.seconds * f64::from(SCANS_PER_SECOND)).round() as u32).max(1);
-    if !record(&drive, scans, options)? {
-        eprintln!("cfodi: stopped by a signal: nothing is written");
-        return Ok(ExitCode::FAILURE);
-    }
+    let written = record(&drive, scans, options)?;
     if let Some(path) = &options.truth {
-        let truth =
-            truth(&options.scene, options.seed, f64::from(scans) / f64::from(SCANS_PER_SECOND), &drive);
+        let seconds = f64::from(written) / f64::from(SCANS_PER_SECOND);
+        let truth = truth(&options.scene, options.seed, seconds, &drive);
         write_whole(path, |out| writeln!(out, "{truth:#}"))?;
     }
-    eprintln!("{scans} scans of scene {} in {}", options.scene, options.out.display());
+    eprintln!("{written} scans of scene {} in {}", options.scene, options.out.display());
+    if written < scans {
+        eprintln!("cfodi: stopped by a signal before the end of the drive, which has {scans} scans");
+        return Ok(ExitCode::FAILURE);
+    }
     Ok(ExitCode::SUCCESS)
 }
 
-/// Whether all scans were written; a signal ends the drive and leaves no file.
-fn record(drive: &Drive, scans: u32, options: &Options) -> anyhow::Result<bool> {
+/// The number of scans written: all, or those before a signal. The bag is whole either way.
+fn record(drive: &Drive, scans: u32, options: &Options) -> anyhow::Result<u32> {
     let failed = || format!("cannot write {}", options.out.display());
     let stop = stop::flag();
     let mut bag = SensorBag::new(WholeFile::create(&options.out)?, POINTS).with_context(failed)?;
     bag.transforms(&drive.static_transforms(), true).with_context(failed)?;
     let bar = Bar::of_scans(u64::from(scans));
-    for index in 0..scans {
-        if stop.load(Ordering::Relaxed) {
-            bar.finish();
-            return Ok(false);
-        }
-        let step = drive.step(index);
+    let mut written = 0;
+    while written < scans && !stop.load(Ordering::Relaxed) {
+        let step = drive.step(written);
         bag.transforms(&step.tf, false).with_context(failed)?;
         bag.points(&step.cloud).with_context(failed)?;
         bar.advance();
+        written += 1;
     }
     bar.finish();
     bag.finish().with_context(failed)?.commit()?;
-    Ok(true)
+    Ok(written)
 }

@@ -1,4 +1,4 @@
-//! SIGINT and SIGTERM end a replay early: what has been read is still written.
+//! SIGINT and SIGTERM end a replay or a simulated drive early: what came before is still written.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, LazyLock, Once};

@@ -46,13 +46,17 @@ pub(super) const TABLE: &[Declared] = &[
     ),
     ("voxel_size", || Value::Double(0.08), "edge of a voxel, the paper's xi [m], above 0"),
     ("min_points", || Value::Integer(15), "points that make a voxel dense, the paper's tau, 1 or more"),
-    ("depth", || Value::Integer(4), "steps that a neighbourhood reaches, the paper's d, 1 to 8"),
+    ("depth", || Value::Integer(4), "steps that a neighbourhood reaches, in mode `paper`: its d, 1 to 8"),
     (
         "max_normal_angle",
         || Value::Double(0.53),
-        "largest angle between similar normals, theta [rad], 0 to pi/2",
+        "largest angle between similar normals, theta [rad], 0 to pi/2; in mode `consistent` 0.2 at most",
     ),
-    ("min_vicinity", || Value::Integer(1), "least vicinity of an absorption, minUnits [pairs], 1 or more"),
+    (
+        "min_vicinity",
+        || Value::Integer(1),
+        "least vicinity of an absorption, in mode `paper`: its minUnits [pairs], 1 or more",
+    ),
     ("expansion_interval", || Value::Integer(10), "scans without growth until complete, delta; 0 = never"),
     (
         "noise_model",

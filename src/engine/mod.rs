@@ -28,6 +28,7 @@ mod class;
 pub mod consistent;
 mod key;
 mod map;
+mod now;
 pub mod paper;
 mod params;
 mod plane;

@@ -1,20 +1,42 @@
 //! The smallest rectangle around some points in a plane.
 
-use nalgebra::Vector2;
+use nalgebra::{
+    Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, UnitVector3, Vector2, Vector3,
+};
 
 /// A rectangle of any turn.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Rectangle {
-    pub(crate) middle: Vector2<f64>,
+struct Rectangle {
+    middle: Vector2<f64>,
     /// Unit direction of the longer side.
-    pub(crate) along: Vector2<f64>,
+    along: Vector2<f64>,
     /// The longer and the shorter side.
-    pub(crate) sides: [f64; 2],
+    sides: [f64; 2],
+}
+
+/// The smallest rectangle around what `points` are seen along the normal, in the plane through `place`: a pose (+z = normal,
+/// +x = the longer side) at its middle, and its sides (m).
+pub(crate) fn rectangle_around(
+    points: &[Point3<f64>],
+    place: &Point3<f64>,
+    normal: &UnitVector3<f64>,
+) -> (Isometry3<f64>, [f64; 2]) {
+    let z = normal.into_inner();
+    let across = if z.x.abs() < 0.6 { Vector3::x() } else { Vector3::y() };
+    let u = (across - z * z.dot(&across)).normalize();
+    let v = z.cross(&u);
+    let flat: Vec<_> = points.iter().map(|p| p - place).map(|d| Vector2::new(u.dot(&d), v.dot(&d))).collect();
+    let rectangle = smallest_rectangle(&flat);
+    let in_space = |flat: Vector2<f64>| u * flat.x + v * flat.y;
+    let x = in_space(rectangle.along);
+    let turn = Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[x, z.cross(&x), z]));
+    let middle = Translation3::from(place + in_space(rectangle.middle));
+    (Isometry3::from_parts(middle, UnitQuaternion::from_rotation_matrix(&turn)), rectangle.sides)
 }
 
 /// The rectangle of least area around `points`; one of its sides lies along an edge of their convex hull (Freeman and
 /// Shapira, CACM 18, 1975). Costs O(n log n + h^2) for h points on the hull.
-pub(crate) fn smallest_rectangle(points: &[Vector2<f64>]) -> Rectangle {
+fn smallest_rectangle(points: &[Vector2<f64>]) -> Rectangle {
     let hull = convex_hull(points);
     let edges = hull.iter().zip(hull.iter().cycle().skip(1)).filter_map(|(a, b)| (b - a).try_normalize(0.0));
     let rectangles = edges.map(|along| around(&hull, along));

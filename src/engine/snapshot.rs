@@ -11,13 +11,13 @@ use super::scan::Stamp;
 pub enum ClusterState {
     /// Too small or too new to be relied on; in `paper`, fewer voxels than [`super::MIN_RELIABLE_VOXELS`].
     Tentative,
-    /// Still considered for expansion.
+    /// Still considered for expansion (`paper`), or grown within the last `expansion_interval` scans.
     Active,
-    /// Not expanded for `expansion_interval` scans (the paper's "complete object").
+    /// Not grown for `expansion_interval` scans (the paper's "complete object"); in `consistent` it may grow again.
     Complete,
 }
 
-/// One global cluster. Geometry is in the fixed frame, SI units.
+/// One cluster, global in the paper's words. Geometry is in the fixed frame, SI units.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cluster {
     /// Lasting id.
@@ -30,18 +30,19 @@ pub struct Cluster {
     pub first_seen: Stamp,
     /// Newest stamp of the scans that put a point into one of its voxels.
     pub last_seen: Stamp,
-    /// What it is to a robot; the letter does not say.
+    /// What it is to a robot; always unknown in `paper`.
     pub class: SurfaceClass,
     /// Probability that the class is right, 0 to 1.
     pub class_confidence: f32,
-    /// The cluster's normal (Definition 5), towards the side it was seen from.
+    /// The cluster's normal (Definition 5 in `paper`, that of the plane through its points in `consistent`), towards the
+    /// side it was seen from.
     pub normal: UnitVector3<f64>,
     /// The plane's d (m): normal . x + d = 0.
     pub offset: f64,
     /// Covariance of the plane: turn about the pose's x, turn about its y, place along its z at its origin (rad^2, rad m,
     /// m^2); `None` where it is not known.
     pub plane_covariance: Option<Matrix3<f64>>,
-    /// Mean of the members' centres (m).
+    /// Mean of the members' centres (m); in `consistent` weighed by how well each is known.
     pub centroid: Point3<f64>,
     /// Covariance of the members: of their centres (`paper`), or of their points (m^2).
     pub covariance: Matrix3<f64>,
@@ -54,7 +55,7 @@ pub struct Cluster {
     pub boundary: Vec<Point3<f64>>,
     /// Holes in it, clockwise.
     pub holes: Vec<Vec<Point3<f64>>>,
-    /// Middle of the box around the members' centres; +z = normal, +x = the long side.
+    /// Middle of the box around the members' centres (`paper`) or the boundary; +z = normal, +x = the long side.
     pub pose: Isometry3<f64>,
     /// Full extents of that box along the pose's axes (m).
     pub size: Vector3<f64>,
@@ -73,11 +74,13 @@ pub struct DenseVoxel {
     pub count: u32,
     /// Mean of its points (m), fixed frame.
     pub centre: Point3<f64>,
-    /// Its normal (Definition 3), `None` where its neighbourhood spans no plane.
+    /// Its normal (Definition 3 in `paper`, that of its patch in `consistent`), `None` where its neighbourhood spans no
+    /// plane.
     pub normal: Option<UnitVector3<f64>>,
-    /// Smallest eigenvalue over the sum, of the fit that gave the normal; 0 (flat) to 1/3; NaN without a normal.
+    /// Smallest eigenvalue over the sum, of the fit that gave the normal (`paper`), 0 (flat) to 1/3; the part of its own
+    /// points' variance that is along the normal (`consistent`), 0 to 1; NaN without a normal.
     pub curvature: f32,
-    /// The global cluster it belongs to.
+    /// The cluster it belongs to.
     pub cluster: Option<ClusterId>,
 }
 

@@ -5,10 +5,10 @@
 pub enum PipelineStep {
     /// Each point has been counted in its voxel.
     Binned,
-    /// Newly dense voxels have their normals.
+    /// Newly dense voxels have their normals; in `paper` alone.
     Normals,
-    /// They are grown into partial clusters.
+    /// They are grown into partial clusters; in `consistent`, what is due is published and the clusters are those of it.
     Partials,
-    /// Those are merged into the global ones.
+    /// Those are merged into the global ones; in `consistent`, what changed is described.
     Globals,
 }

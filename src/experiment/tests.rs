@@ -4,29 +4,30 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use tempfile::TempDir;
+
 use super::*;
 use crate::engine::{Isometry3, Points, Stamp};
 
 /// A folder of the test's own, removed at its end.
-struct Folder(PathBuf);
+struct Folder(TempDir);
 
 impl Folder {
-    fn new(test: &str) -> Self {
-        Self(std::env::temp_dir().join(format!("cfodi-experiment-{test}-{}", std::process::id())))
+    fn new() -> Self {
+        Self(tempfile::tempdir().unwrap())
+    }
+
+    /// For an experiment to make.
+    fn place(&self) -> PathBuf {
+        self.0.path().join("figures")
     }
 
     fn names(&self) -> Vec<String> {
-        let entries = fs::read_dir(&self.0).unwrap();
+        let entries = fs::read_dir(self.place()).unwrap();
         let mut names: Vec<_> =
             entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
         names.sort();
         names
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = fs::remove_dir_all(&self.0);
     }
 }
 
@@ -120,16 +121,16 @@ fn a_simulated_drive_gives_all_files_well_formed_and_the_same_on_a_second_run() 
         Scan { stamp: cloud.stamp, fixed_from_sensor, points: cloud.points }
     };
     let scans: Vec<_> = (0..5).map(|i| scan(20 * i)).collect();
-    let folders = [Folder::new("first"), Folder::new("second")];
+    let folders = [Folder::new(), Folder::new()];
     for folder in &folders {
-        results(scans.iter().cloned()).write(&folder.0).unwrap();
+        results(scans.iter().cloned()).write(&folder.place()).unwrap();
         assert_eq!(folder.names(), sorted(&[&TABLES, &CHARTS, &EFFECTS, &PICTURES]));
     }
-    let read = |folder: &Folder, name: &str| fs::read(folder.0.join(name)).unwrap();
+    let read = |folder: &Folder, name: &str| fs::read(folder.place().join(name)).unwrap();
     for name in folders[0].names() {
         assert!(read(&folders[0], &name) == read(&folders[1], &name), "{name}");
     }
-    let path = |name: &str| folders[0].0.join(name);
+    let path = |name: &str| folders[0].place().join(name);
     for name in [&CHARTS[..], &EFFECTS].concat() {
         let svg = fs::read_to_string(path(name)).unwrap();
         assert_well_formed(&svg);
@@ -179,22 +180,22 @@ fn times_are_those_of_the_clock_and_stream_time_that_of_the_stamps() {
 
 #[test]
 fn without_a_scan_every_figure_says_so_and_there_is_no_picture() {
-    let folder = Folder::new("empty");
+    let folder = Folder::new();
     let results = results([]);
-    results.write(&folder.0).unwrap();
+    results.write(&folder.place()).unwrap();
     assert_eq!(folder.names(), sorted(&[&TABLES, &CHARTS, &EFFECTS]));
     for name in CHARTS {
-        let svg = fs::read_to_string(folder.0.join(name)).unwrap();
+        let svg = fs::read_to_string(folder.place().join(name)).unwrap();
         assert_well_formed(&svg);
         assert!(svg.contains("no data"), "{name}");
     }
     for figure in results.figures() {
         assert!(!figure.svg.contains("NaN") && !figure.caption.contains("NaN"), "{}", figure.name);
     }
-    assert_is_table(&folder.0.join("scans.csv"), 0);
+    assert_is_table(&folder.place().join("scans.csv"), 0);
     let summary = results.summary();
     assert_eq!((summary.scans, summary.methods[0].ms_mean, summary.recorded_s), (0, None, None));
-    let text = fs::read_to_string(folder.0.join("summary.json")).unwrap();
+    let text = fs::read_to_string(folder.place().join("summary.json")).unwrap();
     assert!(text.contains("\"clusters_last\": null"));
 }
 
@@ -218,11 +219,11 @@ fn scans_without_points_have_times_but_no_clusters_and_no_error() {
 
 #[test]
 fn what_an_earlier_experiment_left_is_removed() {
-    let folder = Folder::new("earlier");
-    results((0..5).map(floor)).write(&folder.0).unwrap();
+    let folder = Folder::new();
+    results((0..5).map(floor)).write(&folder.place()).unwrap();
     assert_eq!(folder.names(), sorted(&[&TABLES, &CHARTS, &EFFECTS, &PICTURES]));
     let mut short = Experiment::new(Params::paper(), scripted_clock()).without_effects();
     short.scan(&floor(0));
-    short.finish().write(&folder.0).unwrap();
+    short.finish().write(&folder.place()).unwrap();
     assert_eq!(folder.names(), sorted(&[&TABLES, &CHARTS, &PICTURES[..1]]));
 }

@@ -119,20 +119,20 @@ fn temporary(target: &Path) -> io::Result<(File, Option<(PathBuf, PathBuf)>)> {
 
 #[cfg(test)]
 mod tests {
+    use tempfile::TempDir;
+
     use super::*;
 
     /// A folder of the test's own, removed at its end.
-    struct Folder(PathBuf);
+    struct Folder(TempDir);
 
     impl Folder {
-        fn new(test: &str) -> Self {
-            let path = std::env::temp_dir().join(format!("cfodi-{test}-{}", std::process::id()));
-            fs::create_dir_all(&path).unwrap();
-            Self(path)
+        fn new() -> Self {
+            Self(tempfile::tempdir().unwrap())
         }
 
         fn names(&self) -> Vec<String> {
-            let entries = fs::read_dir(&self.0).unwrap();
+            let entries = fs::read_dir(self.0.path()).unwrap();
             let mut names: Vec<_> =
                 entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
             names.sort();
@@ -140,16 +140,10 @@ mod tests {
         }
     }
 
-    impl Drop for Folder {
-        fn drop(&mut self) {
-            let _ = fs::remove_dir_all(&self.0);
-        }
-    }
-
     #[test]
     fn a_file_is_made_and_replaced() {
-        let folder = Folder::new("made");
-        let path = folder.0.join("a.ply");
+        let folder = Folder::new();
+        let path = folder.0.path().join("a.ply");
         for text in ["a longer text", "short"] {
             write_whole(&path, |out| out.write_all(text.as_bytes())).unwrap();
             assert_eq!(fs::read_to_string(&path).unwrap(), text);
@@ -159,8 +153,8 @@ mod tests {
 
     #[test]
     fn after_an_error_the_file_is_as_it_was_and_nothing_else_is_left() {
-        let folder = Folder::new("error");
-        let path = folder.0.join("a.ply");
+        let folder = Folder::new();
+        let path = folder.0.path().join("a.ply");
         fs::write(&path, "before").unwrap();
         let error = write_whole(&path, |out| {
             out.write_all(&vec![0; 100_000])?;
@@ -184,8 +178,8 @@ mod tests {
     #[cfg(unix)]
     #[test]
     fn a_link_stays_a_link_and_its_target_is_replaced() {
-        let folder = Folder::new("link");
-        let (target, link) = (folder.0.join("target"), folder.0.join("link"));
+        let folder = Folder::new();
+        let (target, link) = (folder.0.path().join("target"), folder.0.path().join("link"));
         fs::write(&target, "before").unwrap();
         std::os::unix::fs::symlink(&target, &link).unwrap();
         write_whole(&link, |out| out.write_all(b"after")).unwrap();
@@ -205,8 +199,8 @@ mod tests {
 
     #[test]
     fn a_folder_is_not_written_to() {
-        let folder = Folder::new("folder");
-        assert!(write_whole(&folder.0, |_| Ok(())).is_err());
+        let folder = Folder::new();
+        assert!(write_whole(folder.0.path(), |_| Ok(())).is_err());
         assert_eq!(folder.names(), [""; 0]);
     }
 }

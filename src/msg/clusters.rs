@@ -1,6 +1,6 @@
 //! `cfodi_msgs`: surface clusters as a planner reads them.
 //!
-//! Fields that are not computed yet carry the "unknown" value that `SurfaceCluster.msg` documents.
+//! Fields that are not known, as some never are in mode `paper`, carry the value that `SurfaceCluster.msg` documents.
 
 use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};

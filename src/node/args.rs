@@ -213,16 +213,14 @@ mod tests {
 
     #[test]
     fn files_count_in_order_and_p_after_them() {
-        let folder = std::env::temp_dir().join(format!("cfodi-args-{}", std::process::id()));
-        std::fs::create_dir_all(&folder).unwrap();
-        let file = folder.join("params.yaml");
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("params.yaml");
         let text = "/**:\n  ros__parameters:\n    depth: 3\n    voxel_size: 1\n/other:\n  ros__parameters:\n    depth: 8\n";
         std::fs::write(&file, text).unwrap();
         let setup = parse(&format!("--ros-args -p depth:=2 --params-file {}", file.display())).unwrap();
         assert_eq!(setup.config.engine.depth(), 2);
         assert!((setup.config.engine.voxel_size() - 1.0).abs() < f64::EPSILON);
         assert!(setup.parameters.contains(&("voxel_size", Value::Double(1.0))));
-        std::fs::remove_dir_all(&folder).unwrap();
     }
 
     #[test]

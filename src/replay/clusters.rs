@@ -12,7 +12,7 @@ const WIDE: [&str; 3] = ["id", "point_count", "merged_from"];
 
 /// Writes the clusters as a list of objects, with the fields of `SurfaceCluster.msg`.
 ///
-/// `uint64` are texts; what is not computed yet (NaN in the message) is `null`.
+/// `uint64` are texts; what is not known (NaN in the message) is `null`.
 ///
 /// # Errors
 ///

@@ -436,24 +436,4 @@ mod tests {
         assert_eq!(noisy.labelled_scan(700).scan.fixed_from_sensor, noisy.fixed_from_optical(700));
         assert!(wrong.tf == drive(3).with_pose_noise(0.03, 0.01).step(700).tf, "the same again");
     }
-
-    #[test]
-    #[ignore = "measures time"]
-    fn how_long_a_labelled_scan_takes() {
-        for name in Scene::NAMES {
-            let drive = Drive::new(Scene::named(name).unwrap(), 3, START);
-            let begin = std::time::Instant::now();
-            let points: usize =
-                (0..2000).step_by(40).map(|index| drive.labelled_scan(index).labels.len()).sum();
-            let each = begin.elapsed().as_secs_f64() * 1e3 / 50.0;
-            let begin = std::time::Instant::now();
-            let hits: usize = (0..2000).step_by(40).map(|index| drive.true_hits(index, 2).count()).sum();
-            let cast = begin.elapsed().as_secs_f64() * 1e3 / 50.0;
-            println!(
-                "{name}: {each:.1} ms and {} points a scan; {cast:.1} ms and {} true hits",
-                points / 50,
-                hits / 50
-            );
-        }
-    }
 }

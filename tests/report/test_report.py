@@ -7,7 +7,7 @@ import os
 import pathlib
 
 TOP = pathlib.Path(__file__).resolve().parents[2]
-NOT_YET = "not computed yet"
+NOT_KNOWN = "not known"
 
 # As WebDriver names them. Selenium is not imported here, so that the tests can say without it that they are left out.
 LEFT, HOME, END = "\ue012", "\ue011", "\ue010"
@@ -41,7 +41,7 @@ def test_a_click_on_a_surface_shows_its_fields(page):
 def test_what_is_unknown_says_so(page):
     page.click(*page.a_place_of()[:2])
     unknown = page.run("return [...document.querySelectorAll('#chosen .unknown')].map((field) => field.textContent)")
-    assert set(unknown) <= {NOT_YET}
+    assert set(unknown) <= {NOT_KNOWN}
     texts = page.run("return [...document.querySelectorAll('#chosen dd')].map((field) => field.textContent)")
     assert not any(wrong in text for text in texts for wrong in ("NaN", "null", "undefined"))
 

@@ -52,8 +52,9 @@ mod calibration {
 }
 use calibration as c;
 
-/// A larger upright cluster that touches an upright one or stands within 0.3 m of its edge.
-#[derive(Clone, Copy, Debug)]
+/// A larger upright cluster whose outline ends 0.3 m beyond an upright one's edge at most, which is 1 m off its plane at
+/// most.
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Neighbour {
     /// Towards the side it was seen from.
     pub(crate) normal: UnitVector3<f64>,

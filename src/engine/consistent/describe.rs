@@ -1,18 +1,15 @@
 //! From what is kept of a cluster to the value that leaves the engine. Costs O(rim) a cluster.
 
-use nalgebra::{
-    Isometry3, Matrix2, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, UnitVector3, Vector2,
-    Vector3,
-};
+use nalgebra::{Isometry3, Matrix2, Matrix3, Point3, Vector3};
 
 use super::class::{Evidence, Neighbour, classify};
 use super::cluster::{Cluster, PlaneFit};
 use super::outline::{self, Detail, Outline};
-use super::surfaces::Now;
 use crate::engine::class::SurfaceClass;
 use crate::engine::key::ClusterId;
+use crate::engine::now::Now;
 use crate::engine::params::Params;
-use crate::engine::rectangle::smallest_rectangle;
+use crate::engine::rectangle::rectangle_around;
 use crate::engine::snapshot::{self, ClusterState};
 
 /// What is systematically wrong about a plane (m), about its place and at its half extent about its tilt: the sensor's
@@ -39,7 +36,7 @@ pub(super) fn describe(cluster: &Cluster, id: ClusterId, params: &Params) -> Opt
     let outline = Outline::new(&cluster.footprint, &outline::Plane { normal, d: offset }, size, &detail)?;
     let covariance = (plane.covariance + cluster.sums.spread()) * (size * size);
     let rms_error = normal.dot(&(covariance * normal.into_inner())).max(0.0).sqrt();
-    let (pose, sides) = bounding_box(&normal, &point, &outline.boundary);
+    let (pose, sides) = rectangle_around(&outline.boundary, &point, &normal);
     Some(snapshot::Cluster {
         id,
         revision: cluster.identity.revision,
@@ -76,26 +73,6 @@ pub(super) fn state(cluster: &Cluster, params: &Params, now: Now) -> ClusterStat
     } else {
         ClusterState::Complete
     }
-}
-
-/// The smallest rectangle around the boundary, as a pose (+z = normal, +x = the long side) and its sides (m).
-fn bounding_box(
-    normal: &UnitVector3<f64>,
-    point: &Point3<f64>,
-    boundary: &[Point3<f64>],
-) -> (Isometry3<f64>, [f64; 2]) {
-    let z = normal.into_inner();
-    let across = if z.x.abs() < 0.6 { Vector3::x() } else { Vector3::y() };
-    let u = (across - z * z.dot(&across)).normalize();
-    let v = z.cross(&u);
-    let flat: Vec<_> =
-        boundary.iter().map(|p| p - point).map(|d| Vector2::new(u.dot(&d), v.dot(&d))).collect();
-    let rectangle = smallest_rectangle(&flat);
-    let in_space = |flat: Vector2<f64>| u * flat.x + v * flat.y;
-    let x = in_space(rectangle.along);
-    let turn = Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[x, z.cross(&x), z]));
-    let middle = Translation3::from(point + in_space(rectangle.middle));
-    (Isometry3::from_parts(middle, UnitQuaternion::from_rotation_matrix(&turn)), rectangle.sides)
 }
 
 /// Covariance of (turn about pose x, turn about pose y, place along pose z at its origin): the inverse of the information in
@@ -135,26 +112,18 @@ pub(super) struct Surroundings {
     pub(super) sensor: f64,
 }
 
-/// Class and confidence of a cluster among the others.
-pub(super) fn class<'a>(
+/// Class and confidence of a cluster among its neighbours.
+pub(super) fn class(
     cluster: &snapshot::Cluster,
     planarity: f64,
-    others: impl Iterator<Item = &'a snapshot::Cluster>,
+    neighbours: &[Neighbour],
     surroundings: Surroundings,
     voxel_size: f64,
 ) -> (SurfaceClass, f32) {
     let n = cluster.normal;
-    let level = n.cross(&Vector3::z()).try_normalize(1e-6).unwrap_or_else(Vector3::x);
-    let extent = |axis: &Vector3<f64>| {
-        let along = cluster.boundary.iter().map(|point| axis.dot(&point.coords));
-        along.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), at| (low.min(at), high.max(at)))
-    };
-    let (width, height, upright) = (extent(&level), extent(&n.cross(&level)), extent(&Vector3::z()));
-    let neighbours: Vec<_> = if n.z.abs() < 0.5 {
-        others.filter_map(|other| neighbour(cluster, &level, width, other)).collect()
-    } else {
-        Vec::new()
-    };
+    let level = level(cluster);
+    let (width, height) = (extent(cluster, &level), extent(cluster, &n.cross(&level)));
+    let upright = extent(cluster, &Vector3::z());
     classify(&Evidence {
         normal: n,
         tilt_covariance: tilt_covariance(cluster),
@@ -169,7 +138,7 @@ pub(super) fn class<'a>(
         tolerance: PLANAR,
         floor: surroundings.floor,
         sensor: surroundings.sensor,
-        neighbours: &neighbours,
+        neighbours,
     })
 }
 
@@ -181,28 +150,60 @@ fn tilt_covariance(cluster: &snapshot::Cluster) -> Matrix2<f64> {
 
 /// How far beyond an upright surface's edge another may begin and still be beside it (m).
 const BESIDE: f64 = 0.3;
+/// How far its edge may be off the other's plane (m). A hinge is within 0.3 m of it, and so is the middle of a shut leaf,
+/// whose edges then are within 0.5 m: what is farther off makes no door of a cluster.
+const ACROSS: f64 = 1.0;
 
-/// Another upright, larger cluster as a neighbour of this one; `None` where it is not beside it.
-fn neighbour(
-    cluster: &snapshot::Cluster,
-    level: &Vector3<f64>,
-    width: (f64, f64),
-    other: &snapshot::Cluster,
-) -> Option<Neighbour> {
-    if other.id == cluster.id || other.normal.z.abs() > 0.34 || other.area < cluster.area {
+/// Half extents, along the axes of its pose, of the box in which the edges of others are beside an upright cluster (m).
+pub(super) fn reach(upright: &snapshot::Cluster) -> Vector3<f64> {
+    Vector3::new(0.5 * upright.size.x + BESIDE, 0.5 * upright.size.y + BESIDE, ACROSS)
+}
+
+/// Whether others can stand beside it.
+pub(super) fn is_upright(cluster: &snapshot::Cluster) -> bool {
+    cluster.normal.z.abs() <= 0.34
+}
+
+/// The upright edges of a cluster, at the height of its middle; `None` where it leans too much for a door.
+pub(super) fn edges(cluster: &snapshot::Cluster) -> Option<[Point3<f64>; 2]> {
+    if cluster.normal.z.abs() >= 0.5 {
         return None;
     }
-    let middle = cluster.pose.translation.vector;
+    let (level, middle) = (level(cluster), cluster.pose.translation.vector);
+    let (left, right) = extent(cluster, &level);
     let along = level.dot(&middle);
-    let edges = [width.0, width.1].map(|edge| middle + level * (edge - along));
-    let half = other.size * 0.5 + Vector3::repeat(BESIDE);
-    let is_beside = |point: &Vector3<f64>| {
-        let local = other.pose.inverse_transform_point(&Point3::from(*point));
-        local.x.abs() <= half.x && local.y.abs() <= half.y
+    Some([left, right].map(|edge| Point3::from(middle + level * (edge - along))))
+}
+
+/// The horizontal direction in a cluster's plane; x where all are.
+fn level(cluster: &snapshot::Cluster) -> Vector3<f64> {
+    cluster.normal.cross(&Vector3::z()).try_normalize(1e-6).unwrap_or_else(Vector3::x)
+}
+
+/// From where to where a cluster reaches along an axis (m).
+fn extent(cluster: &snapshot::Cluster, axis: &Vector3<f64>) -> (f64, f64) {
+    let along = cluster.boundary.iter().map(|point| axis.dot(&point.coords));
+    along.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), at| (low.min(at), high.max(at)))
+}
+
+/// Another upright, larger cluster as a neighbour of the one with these edges; `None` where it is not beside it.
+pub(super) fn neighbour(
+    cluster: &snapshot::Cluster,
+    edges: &[Point3<f64>; 2],
+    other: &snapshot::Cluster,
+) -> Option<Neighbour> {
+    if other.id == cluster.id || !is_upright(other) || other.area < cluster.area {
+        return None;
+    }
+    let half = reach(other);
+    let is_beside = |point: &&Point3<f64>| {
+        let local = other.pose.inverse_transform_point(point);
+        (0..3).all(|axis| local[axis].abs() <= half[axis])
     };
-    let height_above = |point: &Vector3<f64>| other.normal.dot(point) + other.offset;
-    let nearest = edges.iter().filter(|edge| is_beside(edge)).map(height_above);
+    let height_above = |point: &Point3<f64>| other.normal.dot(&point.coords) + other.offset;
+    let nearest = edges.iter().filter(is_beside).map(height_above);
     let hinge_offset = nearest.min_by(|a, b| a.abs().total_cmp(&b.abs()))?;
+    let plane_offset = height_above(&Point3::from(cluster.pose.translation.vector));
     let highest = other.boundary.iter().map(|point| point.z).fold(f64::NEG_INFINITY, f64::max);
-    Some(Neighbour { normal: other.normal, hinge_offset, plane_offset: height_above(&middle), highest })
+    Some(Neighbour { normal: other.normal, hinge_offset, plane_offset, highest })
 }

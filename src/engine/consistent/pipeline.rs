@@ -13,10 +13,11 @@ use super::region::Region;
 use super::rules::Rules;
 use super::scratch;
 use super::state::states;
-use super::surfaces::{Now, Surfaces};
+use super::surfaces::Surfaces;
 use crate::engine::key::VoxelKey;
+use crate::engine::now::Taken;
 use crate::engine::params::Params;
-use crate::engine::scan::{Scan, Stamp};
+use crate::engine::scan::Scan;
 use crate::engine::snapshot::{DenseVoxel, Snapshot, Update};
 use crate::engine::step::PipelineStep;
 
@@ -32,10 +33,7 @@ pub struct Consistent {
     bounds: Bounds,
     /// Blocks that wait for being published, ascending.
     stale: Vec<BlockIndex>,
-    /// Number of scans taken in.
-    sequence: u64,
-    /// Newest stamp taken in.
-    stamp: Option<Stamp>,
+    taken: Taken,
 }
 
 impl Consistent {
@@ -48,8 +46,7 @@ impl Consistent {
             clearing: params.clearing().then(Clearing::new),
             bounds: Bounds::new(&params),
             stale: Vec::new(),
-            sequence: 0,
-            stamp: None,
+            taken: Taken::default(),
             params,
         }
     }
@@ -61,7 +58,8 @@ impl Consistent {
 
     /// As [`Self::insert`]; `done` is called at the end of each step, for those who have a clock.
     pub fn insert_observed(&mut self, scan: &Scan, mut done: impl FnMut(PipelineStep)) -> Update {
-        let now = self.begin(scan);
+        let now = self.taken.begin(scan.stamp);
+        self.surfaces.begin();
         self.grid.bin(scan, now.sequence, &mut self.binned);
         done(PipelineStep::Binned);
         let seen = self.seen();
@@ -102,21 +100,13 @@ impl Consistent {
     /// The whole map as it is now. Costs O(map).
     pub fn snapshot(&self) -> Snapshot {
         Snapshot {
-            sequence: self.sequence,
-            stamp: self.stamp,
+            sequence: self.taken.sequence,
+            stamp: self.taken.stamp,
             voxel_size: self.params.voxel_size(),
             clusters: self.surfaces.told().into_iter().cloned().collect(),
             voxels: self.voxels(),
             unclustered_voxels: self.unclustered(),
         }
-    }
-
-    fn begin(&mut self, scan: &Scan) -> Now {
-        self.sequence += 1;
-        let stamp = self.stamp.map_or(scan.stamp, |newest| newest.max(scan.stamp));
-        self.stamp = Some(stamp);
-        self.surfaces.begin();
-        Now { sequence: self.sequence, stamp }
     }
 
     /// The blocks that the scan put points into, ascending.
@@ -130,7 +120,11 @@ impl Consistent {
     /// Takes out what the scan has seen through; returns the blocks that have lost voxels by it.
     fn clear(&mut self, scan: &Scan) -> Vec<BlockIndex> {
         let Some(clearing) = &mut self.clearing else { return Vec::new() };
-        clearing.clear(&mut self.grid, scan, self.sequence).into_iter().map(|(block, _)| block).collect()
+        clearing
+            .clear(&mut self.grid, scan, self.taken.sequence)
+            .into_iter()
+            .map(|(block, _)| block)
+            .collect()
     }
 
     /// The blocks to be published now, ascending; the other stale ones go on waiting. What has changed is in those that
@@ -141,7 +135,7 @@ impl Consistent {
         self.stale.sort_unstable();
         self.stale.dedup();
         let (due, stale) =
-            self.stale.iter().copied().partition(|&block| grid.block(block).is_due(self.sequence));
+            self.stale.iter().copied().partition(|&block| grid.block(block).is_due(self.taken.sequence));
         self.stale = stale;
         due
     }
@@ -229,3 +223,7 @@ impl Consistent {
         Some(self.grid.centre(block, block.voxel(cell)?))
     }
 }
+
+#[cfg(test)]
+#[cfg(feature = "sim")]
+mod tests;

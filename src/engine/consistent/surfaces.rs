@@ -10,12 +10,14 @@
 //! voxels went; of several that come together the oldest stays.
 
 mod identify;
+mod landmarks;
 mod tell;
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::Vector3;
 
+use self::landmarks::Landmarks;
 use super::block::{BlockIndex, Cell, EDGE, offset_of};
 use super::cluster::Cluster;
 use super::exact::Exact;
@@ -26,15 +28,7 @@ use super::patches::LOOSE;
 use super::rules::Rules;
 use super::state::State;
 use crate::engine::key::{ClusterId, VoxelKey};
-use crate::engine::scan::Stamp;
-
-/// The scan that is being taken in.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Now {
-    /// Its number, from 1.
-    pub(super) sequence: u64,
-    pub(super) stamp: Stamp,
-}
+use crate::engine::now::Now;
 
 #[derive(Clone, Debug)]
 pub(super) struct Surfaces {
@@ -48,6 +42,7 @@ pub(super) struct Surfaces {
     graph: Graph,
     /// By component.
     clusters: Vec<Option<Box<Cluster>>>,
+    landmarks: Landmarks,
     ids_given: u64,
     /// Components that this scan changed.
     changed: BTreeSet<ComponentId>,
@@ -66,6 +61,7 @@ impl Surfaces {
             patches: Vec::new(),
             graph: Graph::default(),
             clusters: Vec::new(),
+            landmarks: Landmarks::default(),
             ids_given: 0,
             changed: BTreeSet::new(),
             removed: BTreeSet::new(),
@@ -151,6 +147,7 @@ impl Surfaces {
             // What it was has been taken over by another cluster, or is gone with its voxels.
             let counted = self.clusters[gone.0 as usize].take().map_or(0, |cluster| cluster.counted);
             self.clustered -= counted;
+            self.landmarks.set(*gone, None);
         }
         for (block, cell) in dense {
             self.admit(grid, block, cell);

@@ -1,14 +1,13 @@
 //! From a cluster's sums to the value that leaves the engine. Costs O(1) a cluster.
 
-use nalgebra::{
-    Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, UnitVector3, Vector2, Vector3,
-};
+use nalgebra::{Isometry3, Point3, UnitVector3, Vector3};
 
-use super::globals::{Global, Now, is_active};
+use super::globals::{Global, is_active};
 use super::grid::Grid;
 use crate::engine::class::SurfaceClass;
+use crate::engine::now::Now;
 use crate::engine::params::Params;
-use crate::engine::rectangle::smallest_rectangle;
+use crate::engine::rectangle::rectangle_around;
 use crate::engine::snapshot::{Cluster, ClusterState};
 
 pub(crate) fn describe(global: &Global, grid: &Grid, params: &Params, now: Now) -> Cluster {
@@ -63,26 +62,17 @@ fn bounding_box(
     centroid: &Point3<f64>,
     points: &[Point3<f64>],
 ) -> (Isometry3<f64>, Vector3<f64>) {
-    let z = normal.into_inner();
-    let across = if z.x.abs() < 0.6 { Vector3::x() } else { Vector3::y() };
-    let u = (across - z * z.dot(&across)).normalize();
-    let v = z.cross(&u);
-    let flat: Vec<_> =
-        points.iter().map(|p| p - centroid).map(|d| Vector2::new(u.dot(&d), v.dot(&d))).collect();
-    let rectangle = smallest_rectangle(&flat);
-    let heights = points.iter().map(|point| z.dot(&(point - centroid)));
+    let (pose, [length, width]) = rectangle_around(points, centroid, normal);
+    let heights = points.iter().map(|point| normal.dot(&(point - centroid)));
     let (low, high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), a| (l.min(a), h.max(a)));
-    let in_space = |flat: Vector2<f64>| u * flat.x + v * flat.y;
-    let x = in_space(rectangle.along);
-    let middle = centroid + in_space(rectangle.middle) + z * f64::midpoint(low, high);
-    let turn = Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[x, z.cross(&x), z]));
-    let turn = UnitQuaternion::from_rotation_matrix(&turn);
-    let [length, width] = rectangle.sides;
-    (Isometry3::from_parts(Translation3::from(middle), turn), Vector3::new(length, width, high - low))
+    let middle = pose.translation.vector + normal.into_inner() * f64::midpoint(low, high);
+    (Isometry3::from_parts(middle.into(), pose.rotation), Vector3::new(length, width, high - low))
 }
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::UnitQuaternion;
+
     use super::*;
 
     #[test]

@@ -13,17 +13,10 @@ use super::grid::{Grid, Label, Touched};
 use super::moments::Moments;
 use super::partial::Partial;
 use crate::engine::key::ClusterId;
+use crate::engine::now::Now;
 use crate::engine::params::Params;
 use crate::engine::plane::{PlaneFit, turned};
 use crate::engine::scan::Stamp;
-
-/// The scan that is being taken in.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Now {
-    /// Its number, from 1.
-    pub(crate) sequence: u64,
-    pub(crate) stamp: Stamp,
-}
 
 #[derive(Clone, Debug)]
 pub(crate) struct Global {

@@ -3,12 +3,13 @@
 use nalgebra::Point3;
 
 use super::describe::describe;
-use super::globals::{Globals, Now};
+use super::globals::Globals;
 use super::grid::{Binned, Grid};
 use super::neighbourhood::Neighbourhood;
 use super::{normals, partial, statics};
+use crate::engine::now::{Now, Taken};
 use crate::engine::params::Params;
-use crate::engine::scan::{Scan, Stamp};
+use crate::engine::scan::Scan;
 use crate::engine::snapshot::{ChangedCluster, DenseVoxel, Snapshot, Update};
 use crate::engine::step::PipelineStep;
 
@@ -19,10 +20,7 @@ pub struct Cfodi {
     grid: Grid,
     globals: Globals,
     search: Neighbourhood,
-    /// Number of scans taken in.
-    sequence: u64,
-    /// Newest stamp taken in.
-    stamp: Option<Stamp>,
+    taken: Taken,
     /// Where the newest scan was taken from.
     sensor: Point3<f64>,
 }
@@ -34,8 +32,7 @@ impl Cfodi {
             grid: Grid::new(params.voxel_size(), params.min_points()),
             globals: Globals::default(),
             search: Neighbourhood::default(),
-            sequence: 0,
-            stamp: None,
+            taken: Taken::default(),
             sensor: Point3::origin(),
             params,
         }
@@ -48,7 +45,9 @@ impl Cfodi {
 
     /// As [`Self::insert`]; `done` is called at the end of each step, for those who have a clock.
     pub fn insert_observed(&mut self, scan: &Scan, mut done: impl FnMut(PipelineStep)) -> Update {
-        let now = self.begin(scan);
+        let now = self.taken.begin(scan.stamp);
+        self.sensor = scan.sensor_origin();
+        self.globals.begin();
         let binned = self.grid.bin(scan, now.sequence);
         done(PipelineStep::Binned);
         self.globals.follow(&self.grid, &binned.touched, now);
@@ -78,12 +77,12 @@ impl Cfodi {
 
     /// The whole map as it is now. Costs O(map).
     pub fn snapshot(&self) -> Snapshot {
-        let now = Now { sequence: self.sequence, stamp: self.stamp.unwrap_or_default() };
+        let now = self.taken.now();
         let clusters =
             self.globals.living().map(|global| describe(global, &self.grid, &self.params, now)).collect();
         Snapshot {
-            sequence: self.sequence,
-            stamp: self.stamp,
+            sequence: self.taken.sequence,
+            stamp: self.taken.stamp,
             voxel_size: self.params.voxel_size(),
             clusters,
             voxels: self.voxels(),
@@ -99,15 +98,6 @@ impl Cfodi {
     /// As [`Self::static_partition`], with the normals of voxels and clusters.
     pub fn static_map(&self) -> statics::StaticMap {
         statics::map(&self.grid, &self.params, &self.sensor)
-    }
-
-    fn begin(&mut self, scan: &Scan) -> Now {
-        self.sequence += 1;
-        let stamp = self.stamp.map_or(scan.stamp, |newest| newest.max(scan.stamp));
-        self.stamp = Some(stamp);
-        self.sensor = scan.sensor_origin();
-        self.globals.begin();
-        Now { sequence: self.sequence, stamp }
     }
 
     fn update(&self, binned: &Binned, now: Now) -> Update {

@@ -114,31 +114,9 @@ mod tests {
     use super::super::measure::Measure;
     use super::*;
 
-    fn number(name: &str, otherwise: f64) -> f64 {
-        std::env::var(name).map_or(otherwise, |text| text.parse().expect("a number"))
-    }
-
     fn room(sizes: &[f64]) -> Result<Laboratory, ParamsError> {
         let (scene, step) = (Scene::named("room").unwrap(), NonZeroU32::new(10).unwrap());
         Laboratory::new(scene, 1.0, step, &Params::default(), sizes)
-    }
-
-    /// How the methods do in the laboratory; `SECONDS`, `STEP`, `SEEDS`, `VOXEL` and `SCENE` say how much of it.
-    #[test]
-    #[ignore = "takes minutes; prints a table to tune by"]
-    fn laboratory() {
-        let name = std::env::var("SCENE").unwrap_or_else(|_| "lab".to_owned());
-        let scene = Scene::named(&name).expect("a scene");
-        let (seconds, step) = (number("SECONDS", 75.0), NonZeroU32::new(number("STEP", 6.0) as u32).unwrap());
-        let sizes = std::env::var("VOXEL").map_or(vec![0.05, 0.08], |text| vec![text.parse().unwrap()]);
-        let laboratory = Laboratory::new(scene, seconds, step, &Params::default(), &sizes).unwrap();
-        let mut table = Table::default();
-        for seed in 1..=number("SEEDS", 1.0) as u64 {
-            let begin = std::time::Instant::now();
-            table.add_run(seed, &laboratory.run(seed, || {}));
-            println!("seed {seed}: {} scans, {:.1} s", laboratory.scans(), begin.elapsed().as_secs_f64());
-        }
-        println!("{}{}", table.markdown(), table.failures());
     }
 
     #[test]

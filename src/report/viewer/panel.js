@@ -3,7 +3,7 @@
 const STATES = ["tentative", "active", "complete"];
 const CLASSES = ["unknown", "floor", "ceiling", "wall", "horizontal", "slope", "curved", "door"];
 const LISTED = 100;
-const UNKNOWN = "not computed yet";
+const UNKNOWN = "not known";
 
 function element(name, properties = {}, ...children) {
   const made = Object.assign(document.createElement(name), properties);

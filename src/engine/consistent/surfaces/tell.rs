@@ -2,8 +2,9 @@
 
 use std::collections::BTreeSet;
 
-use super::{Now, Surfaces};
+use super::Surfaces;
 use crate::engine::consistent::block::{BlockIndex, BlockKey, Cell};
+use crate::engine::consistent::class::Neighbour;
 use crate::engine::consistent::cluster::content;
 use crate::engine::consistent::describe::{self, Surroundings};
 use crate::engine::consistent::footprint::{Axis, Footprint};
@@ -12,6 +13,7 @@ use crate::engine::consistent::grid::Grid;
 use crate::engine::consistent::layer::patch;
 use crate::engine::consistent::state::State;
 use crate::engine::key::ClusterId;
+use crate::engine::now::Now;
 use crate::engine::params::Params;
 use crate::engine::snapshot::{self, ChangedCluster};
 
@@ -21,8 +23,6 @@ const NO_LONGER_TOLD: u32 = 7;
 
 /// Every cluster is described anew at least once in so many scans, a second of a Kinect's.
 const ROUND: u64 = 30;
-/// Area from which on a level surface that faces up can be the floor (m^2).
-const FLOOR_AREA: f64 = 1.0;
 
 impl Surfaces {
     /// The clusters that are told of, by ascending id, each as it was told of last.
@@ -60,25 +60,21 @@ impl Surfaces {
         now: Now,
     ) -> Vec<ChangedCluster> {
         let mut due: BTreeSet<_> = self.changed.clone();
-        let turn = |component: &u32| u64::from(*component) % ROUND == now.sequence % ROUND;
-        due.extend((0..self.clusters.len() as u32).filter(turn).map(ComponentId));
+        let turn = (now.sequence % ROUND) as u32..self.clusters.len() as u32;
+        due.extend(turn.step_by(ROUND as usize).map(ComponentId));
         for &component in &due {
             let changed = self.changed.contains(&component);
             self.describe_shape(component, changed, params, now);
         }
-        let told = self.told();
-        let is_floor = |cluster: &&&snapshot::Cluster| {
-            cluster.normal.z > 0.97 && cluster.area.is_some_and(|area| area >= FLOOR_AREA)
-        };
-        let floor = told.iter().filter(is_floor).map(|cluster| cluster.centroid.z).min_by(f64::total_cmp);
-        let surroundings = Surroundings { floor, sensor: sensor_height };
+        let surroundings = Surroundings { floor: self.landmarks.floor(), sensor: sensor_height };
         let mut classes = Vec::new();
         for &component in &due {
             let Some(cluster) = self.clusters[component.0 as usize].as_deref() else { continue };
             let (Some(shape), Some(plane)) = (&cluster.told, cluster.plane()) else { continue };
             let rms = plane.normal.dot(&(plane.covariance * plane.normal.into_inner())).max(0.0).sqrt();
-            let others = told.iter().copied();
-            classes.push((component, describe::class(shape, rms, others, surroundings, params.voxel_size())));
+            let beside = self.neighbours(shape);
+            classes
+                .push((component, describe::class(shape, rms, &beside, surroundings, params.voxel_size())));
         }
         for (component, (class, confidence)) in classes {
             if let Some(told) = self.clusters[component.0 as usize].as_mut().and_then(|c| c.told.as_mut()) {
@@ -86,6 +82,14 @@ impl Surfaces {
             }
         }
         self.finish(&due)
+    }
+
+    /// The larger upright clusters that this one stands beside.
+    pub(super) fn neighbours(&self, cluster: &snapshot::Cluster) -> Vec<Neighbour> {
+        let Some(edges) = describe::edges(cluster) else { return Vec::new() };
+        let near = self.landmarks.near(&edges).into_iter();
+        let told = near.filter_map(|other| self.clusters[other.0 as usize].as_ref()?.told.as_ref());
+        told.filter_map(|other| describe::neighbour(cluster, &edges, other)).collect()
     }
 
     pub(super) fn describe_shape(
@@ -98,11 +102,13 @@ impl Surfaces {
         let Some(cluster) = self.clusters[component.0 as usize].as_deref_mut() else { return };
         let Some(id) = cluster.identity.id else {
             cluster.told = None;
+            self.landmarks.set(component, None);
             return;
         };
         if changed || cluster.told.is_none() {
             cluster.before = cluster.told.take();
             cluster.told = describe::describe(cluster, id, params);
+            self.landmarks.set(component, cluster.told.as_ref());
         } else {
             cluster.before.clone_from(&cluster.told);
         }

@@ -1,6 +1,5 @@
 use std::collections::BTreeSet;
 use std::f64::consts::TAU;
-use std::time::Instant;
 
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 use proptest::prelude::*;
@@ -399,51 +398,4 @@ fn no_block_is_in_view_of_an_empty_scan_or_behind_the_wall() {
     assert!(blocks.iter().all(|&[x, ..]| (0..=4).contains(&x)), "{blocks:?}");
     grid.blocks_in_view(&sensor.fixed_from_sensor, 0.64, 2.0, |_| true, &mut blocks);
     assert!(blocks.iter().all(|&[x, ..]| (0..=3).contains(&x)), "{blocks:?}");
-}
-
-/// The best of some runs, per item (ns).
-fn best_of(items: usize, mut run: impl FnMut()) -> f64 {
-    let time = |_| {
-        let start = Instant::now();
-        run();
-        start.elapsed().as_secs_f64() * 1e9 / items as f64
-    };
-    (0..50).map(time).fold(f64::INFINITY, f64::min)
-}
-
-#[test]
-#[ignore = "prints times; run it in release"]
-fn times() {
-    let sensor = Sensor::kinect(looking_along_x([0.0, 0.0, 1.0], 0.26), 1);
-    let scene = [floor(), wall_at(5.5), Solid::new([2.0, -0.5, 0.0], [2.5, 0.5, 0.8])];
-    let points = sensor.measure(&scene, kinect_noise(1));
-    let mut grid = RangeGrid::new();
-    println!("fill: {:.2} ns a point of {}", best_of(points.len(), || grid.fill(&points)), points.len());
-    let doubles = Points::F64(single(&points).iter().map(|point| point.map(f64::from)).collect());
-    println!("fill, f64: {:.2} ns a point", best_of(points.len(), || grid.fill(&doubles)));
-    let mut shuffled = single(&points).to_vec();
-    shuffled.sort_by_key(|point| uniform(u64::from(point[0].to_bits() ^ point[1].to_bits())).to_bits());
-    let shuffled = Points::F32(shuffled);
-    println!("fill, without order: {:.2} ns a point", best_of(points.len(), || grid.fill(&shuffled)));
-    grid.fill(&points);
-    let mut blocks = Vec::new();
-    for edge in [0.64, 0.4] {
-        let time = best_of(1000, || {
-            grid.blocks_in_view(&sensor.fixed_from_sensor, edge, 6.0, |_| true, &mut blocks);
-        });
-        println!("blocks of {edge} m: {time:.1} us for {} in view", blocks.len());
-    }
-    let (_, half) = sensor.voxel([0; 3], 0.08);
-    let report = |name: &str, keys: &[[i32; 3]]| {
-        let centres: Vec<_> = keys.iter().map(|&key| sensor.voxel(key, 0.08).0).collect();
-        let mut through = 0;
-        let time = best_of(keys.len(), || {
-            let looks = centres.iter().map(|centre| grid.sees_through(centre, &half, 0.1, 1));
-            through = looks.filter(|&sight| sight == Sight::Through).count();
-        });
-        println!("look at {name}: {time:.1} ns a voxel; {through} of {} seen through", keys.len());
-    };
-    report("floor", &voxels([1.6, -1.0, 0.0], [5.0, 1.0, 0.08], 0.08));
-    report("air at 1 m", &voxels([0.9, -0.3, 0.5], [1.1, 0.3, 0.9], 0.08));
-    report("air at 3 m", &voxels([3.0, -1.0, 1.0], [4.0, 1.0, 1.5], 0.08));
 }

@@ -1,0 +1,138 @@
+//! The clusters that others are judged by: level ones that can be the floor, by height, and upright ones, by where they are
+//! beside others.
+//!
+//! **Kept true.** They are those of the clusters as they are told of: [`Landmarks::set`] is called wherever that changes.
+//!
+//! **Cost.** To look costs O(log) and what is within [`CELL`] m in plan; to set follows the area of the cluster. Neither
+//! follows the map.
+
+use std::cmp::Ordering;
+use std::collections::{BTreeMap, BTreeSet};
+
+use nalgebra::{Point3, Vector3};
+
+use crate::engine::consistent::describe::{is_upright, reach};
+use crate::engine::consistent::graph::ComponentId;
+use crate::engine::snapshot::Cluster;
+
+/// Area from which on a level surface that faces up can be the floor (m^2).
+const FLOOR_AREA: f64 = 1.0;
+/// Edge of a cell of the plan (m): a few of them cover a wall, and a few walls are in each.
+const CELL: f64 = 2.0;
+/// For the rounding of poses (m).
+const SLACK: f64 = 1e-3;
+
+/// Integer place of a cell: x and y divided by [`CELL`], rounded down.
+type CellKey = [i32; 2];
+
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Landmarks {
+    floors: BTreeSet<(Height, ComponentId)>,
+    uprights: BTreeSet<(CellKey, ComponentId)>,
+    /// What the sets hold of each component; nothing of most.
+    marks: BTreeMap<ComponentId, Mark>,
+}
+
+#[derive(Clone, Debug, Default, PartialEq)]
+struct Mark {
+    floor: Option<Height>,
+    /// Ascending.
+    cells: Vec<CellKey>,
+}
+
+/// z (m), in total order.
+#[derive(Clone, Copy, Debug)]
+struct Height(f64);
+
+impl Ord for Height {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.0.total_cmp(&other.0)
+    }
+}
+
+impl PartialOrd for Height {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl PartialEq for Height {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other).is_eq()
+    }
+}
+
+impl Eq for Height {}
+
+impl Landmarks {
+    /// Notes what a component is told to be now, `None` where it is not told of.
+    pub(super) fn set(&mut self, component: ComponentId, told: Option<&Cluster>) {
+        let mark = told.map(Mark::of).unwrap_or_default();
+        let before = self.marks.remove(&component).unwrap_or_default();
+        if mark != before {
+            if let Some(height) = before.floor {
+                self.floors.remove(&(height, component));
+            }
+            for cell in before.cells {
+                self.uprights.remove(&(cell, component));
+            }
+            self.floors.extend(mark.floor.map(|height| (height, component)));
+            self.uprights.extend(mark.cells.iter().map(|&cell| (cell, component)));
+        }
+        if mark != Mark::default() {
+            self.marks.insert(component, mark);
+        }
+    }
+
+    /// z of the lowest large surface that faces up (m).
+    pub(super) fn floor(&self) -> Option<f64> {
+        self.floors.first().map(|(height, _)| height.0)
+    }
+
+    /// Upright components, among them all that one of these points can be beside.
+    pub(super) fn near(&self, points: &[Point3<f64>]) -> BTreeSet<ComponentId> {
+        let of_cell = |cell| self.uprights.range((cell, ComponentId(0))..=(cell, ComponentId(u32::MAX)));
+        let cells = points.iter().map(|point| [point.x, point.y].map(index));
+        cells.flat_map(of_cell).map(|(_, component)| *component).collect()
+    }
+}
+
+impl Mark {
+    fn of(cluster: &Cluster) -> Self {
+        let is_floor = cluster.normal.z > 0.97 && cluster.area.is_some_and(|area| area >= FLOOR_AREA);
+        Self {
+            floor: is_floor.then_some(Height(cluster.centroid.z)),
+            cells: if is_upright(cluster) { cells(cluster) } else { Vec::new() },
+        }
+    }
+}
+
+fn index(metres: f64) -> i32 {
+    (metres / CELL).floor() as i32
+}
+
+/// The cells that the box with the places beside a cluster reaches, ascending. The box is taken in pieces: that around a
+/// long wall at a slant would hold half of the house.
+fn cells(cluster: &Cluster) -> Vec<CellKey> {
+    let half = reach(cluster);
+    let [along, upwards] = [half.x, half.y].map(|half| (2.0 * half / CELL).ceil().max(1.0) as i32);
+    let piece = Vector3::new(half.x / f64::from(along), half.y / f64::from(upwards), half.z);
+    let turn = cluster.pose.rotation.to_rotation_matrix().into_inner();
+    let extent = turn.abs() * piece;
+    let mut cells = Vec::new();
+    for (i, j) in (0..along).flat_map(|i| (0..upwards).map(move |j| (i, j))) {
+        let middle = [2 * i + 1 - along, 2 * j + 1 - upwards].map(f64::from);
+        let middle = cluster.pose * Point3::new(middle[0] * piece.x, middle[1] * piece.y, 0.0);
+        let [xs, ys] = [0, 1].map(|axis| {
+            let (at, to) = (middle[axis], extent[axis] + SLACK);
+            index(at - to)..=index(at + to)
+        });
+        cells.extend(xs.flat_map(|x| ys.clone().map(move |y| [x, y])));
+    }
+    cells.sort_unstable();
+    cells.dedup();
+    cells
+}
+
+#[cfg(test)]
+mod tests;

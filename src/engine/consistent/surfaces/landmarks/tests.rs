@@ -1,0 +1,131 @@
+//! What landmarks find is what a scan of all clusters finds.
+
+use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, UnitVector3};
+use proptest::prelude::*;
+
+use super::*;
+use crate::engine::consistent::class::Neighbour;
+use crate::engine::consistent::describe::{edges, neighbour};
+use crate::engine::consistent::surfaces::Surfaces;
+use crate::engine::{ClusterId, ClusterState, Stamp, SurfaceClass};
+
+/// The clusters that are told of, by component.
+type Told<'a> = BTreeMap<ComponentId, &'a Cluster>;
+
+/// The lowest large surface that faces up, looked for among all clusters.
+fn plain_floor(told: &Told) -> Option<f64> {
+    let is_floor =
+        |cluster: &&&Cluster| cluster.normal.z > 0.97 && cluster.area.is_some_and(|area| area >= FLOOR_AREA);
+    told.values().filter(is_floor).map(|cluster| cluster.centroid.z).min_by(f64::total_cmp)
+}
+
+/// The neighbours of a cluster, looked for among all others.
+fn plain_neighbours(cluster: &Cluster, told: &Told) -> Vec<Neighbour> {
+    let Some(edges) = edges(cluster) else { return Vec::new() };
+    told.values().filter_map(|other| neighbour(cluster, &edges, other)).collect()
+}
+
+impl Surfaces {
+    /// Asserts that floor and neighbours are found as by a scan of all clusters; returns how many neighbours there are.
+    pub(in crate::engine::consistent) fn check_landmarks(&self) -> usize {
+        let clusters = (0..).map(ComponentId).zip(&self.clusters);
+        let told: Told =
+            clusters.filter_map(|(id, cluster)| Some((id, cluster.as_ref()?.told.as_ref()?))).collect();
+        let mut anew = Landmarks::default();
+        told.iter().for_each(|(&component, cluster)| anew.set(component, Some(cluster)));
+        assert_eq!(self.landmarks, anew);
+        assert_eq!(self.landmarks.floor(), plain_floor(&told));
+        let neighbours = told.values().map(|cluster| {
+            let found = self.neighbours(cluster);
+            assert_eq!(found, plain_neighbours(cluster, &told), "beside {:?}", cluster.id);
+            found.len()
+        });
+        neighbours.sum()
+    }
+}
+
+/// A rectangle somewhere: what of a cluster the landmarks depend on, the rest as it may be.
+fn rectangle(place: [f64; 3], [yaw, pitch, roll]: [f64; 3], sides: [f64; 2]) -> Cluster {
+    let pose = Isometry3::from_parts(
+        Translation3::from(Vector3::from(place)),
+        UnitQuaternion::from_euler_angles(roll, pitch, yaw),
+    );
+    let normal = UnitVector3::new_normalize(pose * Vector3::z());
+    let corner = |[x, y]: [f64; 2]| pose * Point3::new(0.5 * x * sides[0], 0.5 * y * sides[1], 0.0);
+    Cluster {
+        id: ClusterId::new(1).unwrap(),
+        revision: 0,
+        state: ClusterState::Active,
+        first_seen: Stamp::default(),
+        last_seen: Stamp::default(),
+        class: SurfaceClass::Unknown,
+        class_confidence: 0.0,
+        normal,
+        offset: -normal.dot(&pose.translation.vector),
+        plane_covariance: None,
+        centroid: Point3::from(pose.translation.vector),
+        covariance: Matrix3::identity(),
+        rms_error: 0.0,
+        area: Some(sides[0] * sides[1]),
+        boundary: [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(corner).to_vec(),
+        holes: Vec::new(),
+        pose,
+        size: Vector3::new(sides[0], sides[1], 0.02),
+        voxel_count: 10,
+        point_count: 100,
+    }
+}
+
+/// Upright, level and sloped rectangles, from a leaf of a door to a long wall.
+fn any_cluster() -> impl Strategy<Value = Cluster> {
+    let place = [-6.0..6.0, -6.0..6.0, -0.5..2.5];
+    let half_pi = std::f64::consts::FRAC_PI_2;
+    let roll = prop_oneof![
+        4 => Just(half_pi),
+        4 => half_pi - 0.4..half_pi + 0.4,
+        2 => Just(0.0),
+        1 => -3.0..3.0,
+    ];
+    let yaw = prop_oneof![Just(0.0), Just(half_pi), -3.2..3.2];
+    let sides = (prop_oneof![0.3..1.5, 1.0..25.0], 0.1..3.0);
+    (place, yaw, prop_oneof![Just(0.0), -0.4..0.4], roll, sides).prop_map(
+        |(place, yaw, pitch, roll, (long, short))| rectangle(place, [yaw, pitch, roll], [long, short]),
+    )
+}
+
+proptest! {
+    #[test]
+    fn what_is_told_last_is_found_as_by_a_scan_of_all(
+        steps in prop::collection::vec((0_u32..20, prop::option::weighted(0.8, any_cluster())), 1..80),
+    ) {
+        let mut landmarks = Landmarks::default();
+        let mut told = BTreeMap::new();
+        for (component, cluster) in steps {
+            let component = ComponentId(component);
+            landmarks.set(component, cluster.as_ref());
+            told.remove(&component);
+            let id = ClusterId::new(u64::from(component.0) + 1).unwrap();
+            told.extend(cluster.map(|cluster| (component, Cluster { id, ..cluster })));
+        }
+        let told: Told = told.iter().map(|(component, cluster)| (*component, cluster)).collect();
+        prop_assert_eq!(landmarks.floor(), plain_floor(&told));
+        for cluster in told.values() {
+            let Some(edges) = edges(cluster) else { continue };
+            let near = landmarks.near(&edges);
+            let found: Vec<_> = near.iter().filter_map(|other| neighbour(cluster, &edges, told[other])).collect();
+            prop_assert_eq!(found, plain_neighbours(cluster, &told));
+        }
+    }
+}
+
+#[test]
+fn a_wall_at_a_slant_is_in_the_cells_along_it_and_not_in_those_of_the_square_around_it() {
+    let half_pi = std::f64::consts::FRAC_PI_2;
+    let mut landmarks = Landmarks::default();
+    landmarks.set(ComponentId(0), Some(&rectangle([0.0; 3], [0.5 * half_pi, 0.0, half_pi], [80.0, 2.5])));
+    assert!(landmarks.uprights.len() < 200, "{}", landmarks.uprights.len());
+    let is_near = |x, y| !landmarks.near(&[Point3::new(x, y, 0.0)]).is_empty();
+    assert!(is_near(20.0, 20.0) && is_near(-28.0, -28.0) && !is_near(20.0, -20.0));
+    landmarks.set(ComponentId(0), None);
+    assert_eq!(landmarks, Landmarks::default());
+}

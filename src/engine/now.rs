@@ -1,0 +1,51 @@
+//! How far a map has come: the number of scans that it has taken in, and the newest of their stamps.
+
+use super::scan::Stamp;
+
+/// The scan that is being taken in.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Now {
+    /// Its number, from 1.
+    pub(crate) sequence: u64,
+    /// The newest stamp so far, which a scan that comes late does not turn back.
+    pub(crate) stamp: Stamp,
+}
+
+/// The scans that a map has taken in.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Taken {
+    /// Number of scans.
+    pub(crate) sequence: u64,
+    /// Newest stamp; `None` before the first scan.
+    pub(crate) stamp: Option<Stamp>,
+}
+
+impl Taken {
+    /// Counts the next scan.
+    pub(crate) fn begin(&mut self, stamp: Stamp) -> Now {
+        self.sequence += 1;
+        let stamp = self.stamp.map_or(stamp, |newest| newest.max(stamp));
+        self.stamp = Some(stamp);
+        Now { sequence: self.sequence, stamp }
+    }
+
+    /// As it was when the newest scan was taken in.
+    pub(crate) fn now(&self) -> Now {
+        Now { sequence: self.sequence, stamp: self.stamp.unwrap_or_default() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_scan_that_comes_late_counts_and_does_not_turn_the_stamp_back() {
+        let mut taken = Taken::default();
+        let nows = [5, 9, 7].map(|nanos| taken.begin(Stamp::from_nanos(nanos)));
+        assert_eq!(nows.map(|now| now.sequence), [1, 2, 3]);
+        assert_eq!(nows.map(|now| now.stamp.nanos()), [5, 9, 9]);
+        assert_eq!((taken.sequence, taken.stamp), (3, Some(Stamp::from_nanos(9))));
+        assert_eq!(taken.now().stamp, nows[2].stamp);
+    }
+}
