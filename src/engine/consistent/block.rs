@@ -91,7 +91,7 @@ pub(super) struct Block {
 }
 
 /// Scans between two publications of a block.
-const PUBLICATION_INTERVAL: u64 = 4;
+const PUBLICATION_INTERVAL: u64 = 3;
 /// Scans without a point after which a block is published whatever has changed in it.
 const LEFT_ALONE: u64 = 15;
 
@@ -122,13 +122,13 @@ impl Block {
     }
 
     /// Whether its states are to be published: at once where a dense voxel has gone; with whatever has changed while it is
-    /// young, and when the sensor has turned away; and where more than a quarter of what a scan puts into it lies in voxels
+    /// young, and when the sensor has turned away; and where more than a third of what a scan puts into it lies in voxels
     /// that are not known, or a quarter of those that are have drifted. A sensor that stands still so changes nothing in the
     /// end, though its noise goes on making voxels dense.
     pub(super) const fn is_due(&self, sequence: u64) -> bool {
         let since = sequence - self.published;
         let is_young = self.published <= self.begun + PUBLICATION_INTERVAL;
-        let much = is_young || self.unknown * 4 > self.points || self.drifted * 4 > self.dense;
+        let much = is_young || self.unknown * 3 > self.points || self.drifted * 4 > self.dense;
         let waited = self.published == 0 || since >= PUBLICATION_INTERVAL;
         self.lost || self.is_stale() && (waited && much || sequence - self.seen >= LEFT_ALONE)
     }
