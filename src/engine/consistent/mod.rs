@@ -6,9 +6,10 @@
 //! 1. A voxel holds exact sums of its points: count, means, squares, and the directions towards the sensor, each scan
 //!    weighed by its noise (`sums`, `noise`). Its **state** is what these were when its block of 8 x 8 x 8 voxels was
 //!    published last, or when it became dense after that. A block is published with whatever has changed while it is young and
-//!    when the sensor has turned away; in between, not more often than every third scan, when a third of a scan's points
+//!    when the sensor has turned away; in between, not more often than every third scan, when a quarter of a scan's points
 //!    fall into voxels that were not published or a quarter of the voxels have drifted; at once when a dense voxel is gone
-//!    (`block`, `published`). So a sensor that stands still does not move what is told of, however much its noise adds.
+//!    (`block`, `published`). While the sensor stands still, half of a scan's points must (`standpoint`): its noise adds to
+//!    the map for long, and moves next to nothing of what is told of.
 //! 2. The dense voxels of a block form planar **patches**, grown from the flattest places, a voxel belonging to the plane
 //!    that its points lie on as well as their noise lets them; from what is left, **rough** patches with half a voxel's
 //!    tolerance. What fits none is **loose** (`patches`), and so is what has become dense since the block was published.
@@ -77,6 +78,7 @@ mod rim;
 mod rules;
 mod scratch;
 mod simplify;
+mod standpoint;
 mod state;
 mod sums;
 mod surfaces;

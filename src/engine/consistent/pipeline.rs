@@ -12,6 +12,7 @@ use super::layer::Segmented;
 use super::region::Region;
 use super::rules::Rules;
 use super::scratch;
+use super::standpoint::Standpoint;
 use super::state::states;
 use super::surfaces::Surfaces;
 use crate::engine::key::VoxelKey;
@@ -31,6 +32,7 @@ pub struct Consistent {
     /// `None` where nothing is to be cleared.
     clearing: Option<Clearing>,
     bounds: Bounds,
+    standpoint: Standpoint,
     /// Blocks that wait for being published, ascending.
     stale: Vec<BlockIndex>,
     taken: Taken,
@@ -45,6 +47,7 @@ impl Consistent {
             binned: Binned::default(),
             clearing: params.clearing().then(Clearing::new),
             bounds: Bounds::new(&params),
+            standpoint: Standpoint::new(),
             stale: Vec::new(),
             taken: Taken::default(),
             params,
@@ -65,6 +68,7 @@ impl Consistent {
         let seen = self.seen();
         let mut thinned = self.clear(scan);
         thinned.extend(self.bounds.forget(&mut self.grid, &seen, &scan.sensor_origin(), now.sequence));
+        self.standpoint.follow(&scan.fixed_from_sensor, self.params.voxel_size(), now.sequence);
         let due = self.due(&seen, &thinned);
         let dense = self.binned.touched.iter().filter(|touched| touched.newly_dense);
         let dense = dense.map(|touched| (touched.block, touched.cell));
@@ -134,8 +138,9 @@ impl Consistent {
         self.stale.extend(seen.iter().chain(thinned).filter(|&&block| grid.block(block).is_stale()));
         self.stale.sort_unstable();
         self.stale.dedup();
+        let (sequence, since) = (self.taken.sequence, self.standpoint.since());
         let (due, stale) =
-            self.stale.iter().copied().partition(|&block| grid.block(block).is_due(self.taken.sequence));
+            self.stale.iter().copied().partition(|&block| grid.block(block).is_due(sequence, since));
         self.stale = stale;
         due
     }
