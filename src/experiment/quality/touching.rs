@@ -2,16 +2,14 @@
 //! matter: what closes one is part of the same plane, or is too far from it.
 //!
 //! Two rectangles are joined when they face the same way to within 15 degrees, one lies within half a voxel of the other's
-//! plane, and the gap between them along that plane is at most 1 cm. Were the gap taken in space, the half voxel would
-//! say nothing. Back to back is not joined: the two sides of a board are seen from different places. Joining is
+//! plane, and the gap between them along that plane is at most a voxel, so that no empty voxel fits into it: their voxels
+//! touch. Were the gap taken in space, the half voxel would say nothing. Back to back is not joined: the two sides of a board are seen from different places. Joining is
 //! transitive. Costs O(n^2) for n rectangles, once.
 
 use nalgebra::{Isometry3, Point2, Point3, Vector2, Vector3};
 
 use crate::sim::{Shape, Surface};
 
-/// Largest gap along the plane (m).
-const GAP: f64 = 0.01;
 /// Largest angle between the normals (rad), 15 degrees: what a narrow jamb may be turned from the leaf beside it.
 const ANGLE: f64 = std::f64::consts::PI / 12.0;
 
@@ -54,7 +52,7 @@ impl Groups {
             for b in &rectangles[..place] {
                 let (of_a, of_b) = (group[a.index], group[b.index]);
                 let (high, low) = (of_a.max(of_b), of_a.min(of_b));
-                if high != low && are_one(a, b, 0.5 * voxel_size) {
+                if high != low && are_one(a, b, voxel_size) {
                     group.iter_mut().filter(|group| **group == high).for_each(|group| *group = low);
                 }
             }
@@ -73,9 +71,11 @@ impl Groups {
     }
 }
 
-fn are_one(a: &Rectangle, b: &Rectangle, reach: f64) -> bool {
+fn are_one(a: &Rectangle, b: &Rectangle, voxel_size: f64) -> bool {
     let parallel = a.normal().angle(&b.normal()) <= ANGLE;
-    parallel && (within(a, b, reach) || within(b, a, reach)) && gap(a, b) <= GAP
+    let half = 0.5 * voxel_size;
+    // 1e-9 m: a gap of exactly a voxel, however it was rounded.
+    parallel && (within(a, b, half) || within(b, a, half)) && gap(a, b) <= voxel_size + 1e-9
 }
 
 /// Whether all of `b` lies within `reach` of the plane of `a`.
@@ -149,15 +149,15 @@ mod tests {
     #[test]
     fn rectangles_are_one_that_touch_within_half_a_voxel_of_one_plane() {
         assert!(joined([2.0, 0.0, 0.0], 0.0), "side by side");
-        assert!(joined([2.009, 0.3, 0.0], 0.0), "a gap of 9 mm");
-        assert!(!joined([2.011, 0.3, 0.0], 0.0), "a gap of 11 mm");
+        assert!(joined([2.08, 0.3, 0.0], 0.0), "a gap of a voxel");
+        assert!(!joined([2.081, 0.3, 0.0], 0.0), "a gap of more");
         assert!(joined([2.0, 0.0, 0.04], 0.0), "a step of half a voxel");
         assert!(!joined([2.0, 0.0, 0.041], 0.0), "a step of more");
         assert!(joined([0.3, 0.2, 0.03], 0.0), "one above the other");
         assert!(!joined([0.3, 0.2, 0.0], std::f64::consts::PI), "back to back");
         assert!(joined([0.0, 1.0, 0.0], 0.079), "turned, and within half a voxel");
         assert!(!joined([0.0, 1.0, 0.0], 0.081), "turned further");
-        assert!(!joined([2.008, 1.008, 0.0], 0.0), "11 mm from corner to corner");
+        assert!(!joined([2.06, 1.06, 0.0], 0.0), "85 mm from corner to corner");
     }
 
     #[test]
