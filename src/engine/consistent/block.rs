@@ -64,6 +64,8 @@ pub(super) const NO_VOXEL: u16 = u16::MAX;
 
 /// The 26 blocks around a block and itself, by (dx + 1) * 9 + (dy + 1) * 3 + dz + 1.
 pub(super) type Around = [Option<BlockIndex>; 27];
+/// The place of a block among those around it.
+pub(super) const OWN: usize = 13;
 
 #[derive(Clone, Debug)]
 pub(super) struct Block {

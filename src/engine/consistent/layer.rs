@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::Vector3;
 
-use super::block::{Around, Block, BlockIndex, CELLS, Cell, EDGE, offset_of};
+use super::block::{Around, Block, BlockIndex, CELLS, Cell, EDGE, OWN, offset_of};
 use super::graph::NodeId;
 use super::grid::Grid;
 use super::patch::{Contact, Patch};
@@ -31,14 +31,14 @@ pub(super) struct Segmented {
     pub(super) contacts: Vec<Contacts>,
     /// The sharper patch that each patch is a slice of.
     pub(super) slice_of: Vec<Option<PatchId>>,
-    /// Dense voxels in no patch.
+    /// Dense voxels whose patch is found by what lies around them: those in none, and those of cut patches.
     pub(super) loose: Vec<Loose>,
 }
 
 /// The patches that a patch meets.
 pub(super) type Contacts = BTreeMap<PatchId, Contact>;
 
-/// A dense voxel in no patch.
+/// A dense voxel in no patch, or in one that is cut.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Loose {
     /// Its place among the states.
@@ -67,10 +67,17 @@ impl Segmented {
         let patches =
             (0..).zip(&members).filter_map(|(number, states)| Patch::new(states, &corner, number >= flat));
         let patches: Vec<_> = patches.collect();
-        let loose = (0..).zip(&owner).filter(|(_, number)| **number == LOOSE);
+        let is_loose =
+            |number: u8| patches.get(usize::from(number)).is_none_or(|patch: &Patch| patch.is_cut());
+        let loose = (0..).zip(&owner).filter(|(_, number)| is_loose(**number));
         let loose = loose.map(|(place, _)| Loose { place, owner: None }).collect();
         let (contacts, slice_of) = (vec![Contacts::new(); patches.len()], vec![None; patches.len()]);
         Self { states, labels, patches, contacts, slice_of, loose }
+    }
+
+    /// Whether the patch of a dense voxel with this label is found by what lies around it.
+    pub(super) fn is_loose(&self, label: u8) -> bool {
+        self.patches.get(usize::from(label)).is_none_or(Patch::is_cut)
     }
 
     /// The state of a cell that is dense.
@@ -195,7 +202,8 @@ fn cells_near(at: [i32; 3], direction: [i32; 3], reach: i32) -> impl Iterator<It
     })
 }
 
-/// The patch that a loose voxel belongs to: the nearest that its points fit, as far as noise and half a voxel let them.
+/// The patch that a loose voxel of a block belongs to: the nearest that its points fit, as far as noise and half a voxel let
+/// them. One of a cut patch stays there, unless it fits the nearest whole one better.
 pub(super) fn owner_of(
     state: &State,
     around: &Around,
@@ -203,17 +211,46 @@ pub(super) fn owner_of(
     segmented: &[Segmented],
     rules: &Rules,
 ) -> Option<PatchId> {
+    let misfit = |id: PatchId, noise_factor: f64, flatness: f64| {
+        let mut plane = patch(segmented, id).plane;
+        plane.point -= corner;
+        let misfit = state.misfit(&plane, noise_factor, flatness);
+        (state.is_seen_from(&plane) && misfit <= 1.0).then_some(misfit)
+    };
+    let Some(own) = cut_patch_of(state, around, segmented) else {
+        let beside = |id| misfit(id, rules.rim_noise_factor, rules.rim_flatness);
+        return nearest(state, around, segmented, rules, beside).map(|(_, id)| id);
+    };
+    let is_whole = |id: PatchId| {
+        let patch = patch(segmented, id);
+        !patch.is_cut() && !patch.is_rough()
+    };
+    let within = |id| misfit(id, rules.noise_factor, rules.flatness);
+    let whole = nearest(state, around, segmented, rules, |id| within(id).filter(|_| is_whole(id)));
+    let better = |(misfit, _): &(f64, PatchId)| within(own).is_none_or(|own| *misfit < own);
+    Some(whole.filter(better).map_or(own, |(_, id)| id))
+}
+
+fn cut_patch_of(state: &State, around: &Around, segmented: &[Segmented]) -> Option<PatchId> {
+    let block = around[OWN]?;
+    let number = segmented[block.0 as usize].labels[state.cell.index()];
+    (number != LOOSE).then_some(PatchId { block, number })
+}
+
+/// The patch that fits best of those with the nearest voxels, with its misfit; `fits` says how well one does.
+fn nearest(
+    state: &State,
+    around: &Around,
+    segmented: &[Segmented],
+    rules: &Rules,
+    fits: impl Fn(PatchId) -> Option<f64>,
+) -> Option<(f64, PatchId)> {
     (1..=rules.rim_reach).find_map(|reach| {
         let mut near: Vec<PatchId> = patches_near(state.cell, around, reach, segmented).collect();
         near.sort_unstable();
         near.dedup();
-        let fitting = near.into_iter().filter_map(|id| {
-            let mut plane = segmented[id.block.0 as usize].patches[usize::from(id.number)].plane;
-            plane.point -= corner;
-            let misfit = state.misfit(&plane, rules.rim_noise_factor, rules.rim_flatness);
-            (state.is_seen_from(&plane) && misfit <= 1.0).then_some((misfit, id))
-        });
-        fitting.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, id)| id)
+        let fitting = near.into_iter().filter_map(|id| Some((fits(id)?, id)));
+        fitting.min_by(|a, b| a.0.total_cmp(&b.0))
     })
 }
 

@@ -4,7 +4,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::block::Cell;
+use super::block::{Cell, EDGE};
 use super::region::{Fit, Region};
 use super::rules::Rules;
 use super::state::{Plane, State};
@@ -21,6 +21,9 @@ pub(super) struct Patch {
     noise: f64,
     /// It is of the second growth: its points lie on its plane only roughly.
     is_rough: bool,
+    /// It reaches no further into its block than two rows: its plane may be the cut that the block makes of another one's
+    /// scatter.
+    is_cut: bool,
     /// Variance of the plane's tilt about its most uncertain axis (rad^2).
     tilt_variance: f64,
     /// Variance of the plane's place at its middle, along the normal.
@@ -35,6 +38,9 @@ pub(super) struct Contact {
     /// Sum of the cells' middles over the pairs' voxels, two a pair.
     pub(super) sum: Vector3<f64>,
 }
+
+/// Rows of voxels at a face of a block that a whole surface is not known by.
+const CUT: i32 = 2;
 
 /// Pairs of voxels that make a contact.
 const MIN_PAIRS: u32 = 3;
@@ -61,6 +67,7 @@ impl Patch {
             cells: states.iter().map(|state| state.cell).collect(),
             plane: Plane { point: plane.point + corner, ..plane },
             is_rough,
+            is_cut: is_cut(states),
             tilt_variance: 1.0 / (region.weight() * variances[1]),
             offset_variance: 1.0 / region.weight(),
         })
@@ -77,6 +84,10 @@ impl Patch {
 
     pub(super) const fn is_rough(&self) -> bool {
         self.is_rough
+    }
+
+    pub(super) const fn is_cut(&self) -> bool {
+        self.is_cut
     }
 
     /// How well its points lie on the plane of a patch with much less noise whose scatter it may be, or of a flat one whose
@@ -125,4 +136,11 @@ impl Patch {
         let allowed = (JOIN_SIGMAS * variance.sqrt()).clamp(most_offset, 2.0 * most_offset) + cut;
         (heights[0] - heights[1]).abs() <= allowed
     }
+}
+
+fn is_cut(states: &[&State]) -> bool {
+    (0..3).any(|axis| {
+        let mut rows = states.iter().map(|state| state.cell.coordinates()[axis]);
+        rows.clone().all(|row| row < CUT) || rows.all(|row| row >= EDGE - CUT)
+    })
 }

@@ -9,7 +9,6 @@ use nalgebra::Vector3;
 
 use super::grid::Grid;
 use super::layer::{Contacts, PatchId, Segmented, are_joined, contacts, owner_of, sharper};
-use super::patches::LOOSE;
 use super::rules::Rules;
 use crate::engine::key::VoxelKey;
 
@@ -27,7 +26,7 @@ pub(super) fn partition(grid: &Grid, segmented: &[Segmented], rules: &Rules) -> 
         let corner = Vector3::from(block.corner()).map(f64::from);
         for state in &here.states {
             let label = here.labels[state.cell.index()];
-            let patch = if label == LOOSE {
+            let patch = if here.is_loose(label) {
                 owner_of(state, &block.around, &corner, &segmented, rules)
             } else {
                 Some(PatchId { block: index, number: label })

@@ -24,7 +24,6 @@ use super::exact::Exact;
 use super::graph::{Batch, ComponentId, End, Graph, NodeId, Outcome};
 use super::grid::Grid;
 use super::layer::{Loose, PatchId, Segmented, are_joined, contacts, owner_of, patch, sharper};
-use super::patches::LOOSE;
 use super::rules::Rules;
 use super::state::State;
 use crate::engine::key::{ClusterId, VoxelKey};
@@ -91,7 +90,7 @@ impl Surfaces {
         let Some(here) = self.segmented.get(block.0 as usize) else { return Vec::new() };
         let mut loose = here.loose.iter();
         let node = |state: &State| match here.labels[state.cell.index()] {
-            LOOSE => loose.next().and_then(|loose| loose.owner),
+            label if here.is_loose(label) => loose.next().and_then(|loose| loose.owner),
             number => Some(self.nodes[block.0 as usize][usize::from(number)]),
         };
         let nodes: Vec<_> = here.states.iter().map(node).collect();
@@ -210,6 +209,10 @@ impl Surfaces {
             return;
         };
         cluster.remove(key, state);
+        let label = here.labels[state.cell.index()];
+        if self.nodes[block.0 as usize].get(usize::from(label)) == Some(&owner) {
+            cluster.sums.remove(&Exact::of(state, grid.block(block).corner()));
+        }
         self.changed.insert(component);
     }
 
@@ -223,7 +226,7 @@ impl Surfaces {
         let components: Vec<_> = nodes.iter().map(|&node| self.graph.component(node)).collect();
         for state in &segmented.states {
             let label = segmented.labels[state.cell.index()];
-            if label == LOOSE {
+            if segmented.is_loose(label) {
                 continue;
             }
             let component = components[usize::from(label)];
@@ -342,7 +345,8 @@ impl Surfaces {
             }
         };
         let here = &self.segmented[id.block.0 as usize];
-        for &cell in &here.patches[usize::from(id.number)].cells {
+        let patch = &here.patches[usize::from(id.number)];
+        for &cell in patch.cells.iter().filter(|_| !patch.is_cut()) {
             if let Some(state) = here.state(cell) {
                 carry(grid.block(id.block).voxel_key(cell), state, true);
             }
@@ -351,7 +355,8 @@ impl Surfaces {
             let there = &self.segmented[block.0 as usize];
             for loose in there.loose.iter().filter(|loose| loose.owner == Some(node)) {
                 let state = &there.states[usize::from(loose.place)];
-                carry(grid.block(*block).voxel_key(state.cell), state, false);
+                let is_own = *block == id.block && there.labels[state.cell.index()] == id.number;
+                carry(grid.block(*block).voxel_key(state.cell), state, is_own);
             }
         }
         self.clusters[from.0 as usize] = lost;
@@ -365,7 +370,7 @@ impl Surfaces {
         let corner = grid.block(block).corner();
         for state in &here.states {
             let label = here.labels[state.cell.index()];
-            if label == LOOSE {
+            if here.is_loose(label) {
                 continue;
             }
             let component = self.graph.component(self.nodes[block.0 as usize][usize::from(label)]);
@@ -392,6 +397,9 @@ impl Surfaces {
             (self.clusters[component.0 as usize].as_mut(), grid.block(block).voxel_key(state.cell))
         {
             cluster.add(key, state);
+            if owner == (PatchId { block, number: here.labels[state.cell.index()] }) {
+                cluster.sums.add(&Exact::of(state, grid.block(block).corner()));
+            }
         }
         self.changed.insert(component);
         self.segmented[block.0 as usize].loose[number].owner = Some(node);

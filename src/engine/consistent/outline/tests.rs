@@ -229,7 +229,8 @@ proptest! {
         let outline = seen.outline();
         check(&seen, &outline)?;
         prop_assert!((outline.area / truth - 1.0).abs() < 0.25);
-        prop_assert_eq!(outline.area_left_out, 0.0);
+        // At most a corner's column, which touches the others along an edge alone.
+        prop_assert!(outline.area_left_out <= 0.01 * truth, "{} of {truth} m2", outline.area_left_out);
     }
 }
 

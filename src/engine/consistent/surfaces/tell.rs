@@ -162,8 +162,9 @@ impl Surfaces {
                     footprint.add(axis.column(key), content(state, axis));
                 }
             };
-            let cells = &here.patches[usize::from(id.number)].cells;
-            cells.iter().filter_map(|&cell| here.state(cell)).for_each(|state| enter(id.block, state));
+            let patch = &here.patches[usize::from(id.number)];
+            let whole = patch.cells.iter().filter(|_| !patch.is_cut());
+            whole.filter_map(|&cell| here.state(cell)).for_each(|state| enter(id.block, state));
             for block in grid.block(id.block).around.iter().flatten() {
                 let there = &self.segmented[block.0 as usize];
                 let beside = there.loose.iter().filter(|loose| loose.owner == Some(node));
