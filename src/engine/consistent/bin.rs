@@ -8,9 +8,9 @@ use nalgebra::{Isometry3, Point3, Vector3};
 use super::block::{BlockIndex, Cell, NO_VOXEL, UNTOUCHED, Voxel, place};
 use super::grid::Grid;
 use super::published::Published;
-use super::sums::{ScanSums, Sums, UNITS};
+use super::sums::{ScanSums, Sums};
 use super::view::Clearance;
-use crate::engine::binning::{floor, map};
+use crate::engine::binning::{BATCH, Fixed, UNITS};
 use crate::engine::key::VoxelKey;
 use crate::engine::params::MAX_POINTS;
 use crate::engine::scan::{Points, Scan};
@@ -37,16 +37,23 @@ pub(super) struct Binned {
 
 /// Consecutive points of one voxel, summed before they are looked up.
 struct Run {
-    index: [i32; 3],
+    /// Place of one of them, in units.
+    at: [i64; 3],
     /// `None` beyond the grid's reach.
     key: Option<VoxelKey>,
     sums: ScanSums,
 }
 
 impl Run {
-    fn begin(index: [i32; 3]) -> Self {
-        let [ix, iy, iz] = index;
-        Self { index, key: VoxelKey::new(ix, iy, iz), sums: ScanSums::default() }
+    fn begin(at: [i64; 3]) -> Self {
+        let [ix, iy, iz] = at.map(|units| (units >> UNITS.ilog2()) as i32);
+        Self { at, key: VoxelKey::new(ix, iy, iz), sums: ScanSums::default() }
+    }
+
+    /// Whether a point lies in the same voxel: it differs in the bits of the offset alone.
+    const fn holds(&self, [x, y, z]: [i64; 3]) -> bool {
+        let [own_x, own_y, own_z] = self.at;
+        ((x ^ own_x) | (y ^ own_y) | (z ^ own_z)) & !(UNITS - 1) == 0
     }
 }
 
@@ -75,20 +82,20 @@ impl Grid {
     ) {
         let rotation = fixed_from_sensor.rotation.to_rotation_matrix().into_inner();
         let translation = fixed_from_sensor.translation.vector;
+        let mut fixed = Fixed::new(rotation, translation, self.voxel_size);
         let mut run = Run::begin([0; 3]);
-        for &point in points {
-            let point = map(&rotation, &translation, point.map(Into::into)) / self.voxel_size;
-            let index = [floor(point.x), floor(point.y), floor(point.z)];
-            if index != run.index {
-                self.flush(&run, binned);
-                run = Run::begin(index);
+        for batch in points.chunks(BATCH) {
+            for at in fixed.place(batch) {
+                if !run.holds(at) {
+                    self.flush(&run, binned);
+                    run = Run::begin(at);
+                }
+                if run.key.is_none() {
+                    binned.beyond += 1;
+                    continue;
+                }
+                run.sums.add(at.map(|units| (units & (UNITS - 1)) as u64));
             }
-            if run.key.is_none() {
-                binned.beyond += 1;
-                continue;
-            }
-            let offset = |axis: usize| ((point[axis] - f64::from(index[axis])) * UNITS) as u64;
-            run.sums.add([offset(0), offset(1), offset(2)]);
         }
         self.flush(&run, binned);
     }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::Vector3;
 
-use super::block::{Around, Block, BlockIndex, CELLS, Cell, EDGE, OWN, offset_of};
+use super::block::{Around, Block, BlockIndex, CELLS, Cell, EDGE, OWN, offset_of, place_of};
 use super::graph::NodeId;
 use super::grid::Grid;
 use super::patch::{Contact, Patch};
@@ -203,7 +203,7 @@ fn cells_near(at: [i32; 3], direction: [i32; 3], reach: i32) -> impl Iterator<It
 }
 
 /// The patch that a loose voxel of a block belongs to: the nearest that its points fit, as far as noise and half a voxel let
-/// them. One of a cut patch stays there, unless it fits the nearest whole one better.
+/// them. One of a cut patch stays there, unless it fits a whole one better that this meets in a block as near.
 pub(super) fn owner_of(
     state: &State,
     around: &Around,
@@ -219,16 +219,32 @@ pub(super) fn owner_of(
     };
     let Some(own) = cut_patch_of(state, around, segmented) else {
         let beside = |id| misfit(id, rules.rim_noise_factor, rules.rim_flatness);
-        return nearest(state, around, segmented, rules, beside).map(|(_, id)| id);
+        return nearest(state, around, segmented, rules, beside);
     };
     let is_whole = |id: PatchId| {
         let patch = patch(segmented, id);
         !patch.is_cut() && !patch.is_rough()
     };
     let within = |id| misfit(id, rules.noise_factor, rules.flatness);
-    let whole = nearest(state, around, segmented, rules, |id| within(id).filter(|_| is_whole(id)));
+    let met = segmented[own.block.0 as usize].contacts[usize::from(own.number)].keys().copied();
+    let is_near = |id: PatchId| {
+        let place = around.iter().position(|block| *block == Some(id.block));
+        place.is_some_and(|place| lies_within(state.cell, offset_of(place), rules.rim_reach))
+    };
+    let whole = met.filter(|&id| is_whole(id) && is_near(id)).filter_map(|id| Some((within(id)?, id)));
+    let best = whole.min_by(|a, b| a.0.total_cmp(&b.0));
     let better = |(misfit, _): &(f64, PatchId)| within(own).is_none_or(|own| *misfit < own);
-    Some(whole.filter(better).map_or(own, |(_, id)| id))
+    Some(best.filter(better).map_or(own, |(_, id)| id))
+}
+
+/// Whether a cell lies within `reach` of the block in this direction.
+pub(super) fn lies_within(cell: Cell, direction: [i32; 3], reach: i32) -> bool {
+    let at = cell.coordinates();
+    (0..3).all(|i| match direction[i] {
+        -1 => at[i] < reach,
+        1 => at[i] >= EDGE - reach,
+        _ => true,
+    })
 }
 
 fn cut_patch_of(state: &State, around: &Around, segmented: &[Segmented]) -> Option<PatchId> {
@@ -237,36 +253,44 @@ fn cut_patch_of(state: &State, around: &Around, segmented: &[Segmented]) -> Opti
     (number != LOOSE).then_some(PatchId { block, number })
 }
 
-/// The patch that fits best of those with the nearest voxels, with its misfit; `fits` says how well one does.
+/// The patch that fits best of those with the nearest voxels; `misfit` says how well one does.
 fn nearest(
     state: &State,
     around: &Around,
     segmented: &[Segmented],
     rules: &Rules,
-    fits: impl Fn(PatchId) -> Option<f64>,
-) -> Option<(f64, PatchId)> {
+    misfit: impl Fn(PatchId) -> Option<f64>,
+) -> Option<PatchId> {
+    let mut near = Vec::new();
     (1..=rules.rim_reach).find_map(|reach| {
-        let mut near: Vec<PatchId> = patches_near(state.cell, around, reach, segmented).collect();
-        near.sort_unstable();
-        near.dedup();
-        let fitting = near.into_iter().filter_map(|id| Some((fits(id)?, id)));
-        fitting.min_by(|a, b| a.0.total_cmp(&b.0))
+        let known = near.len();
+        find_near(&mut near, state.cell, around, reach, segmented);
+        let fitting = near[known..].iter().filter_map(|&id| Some((misfit(id)?, id)));
+        fitting.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))).map(|(_, id)| id)
     })
 }
 
-fn patches_near(
-    cell: Cell,
-    around: &Around,
-    reach: i32,
-    segmented: &[Segmented],
-) -> impl Iterator<Item = PatchId> {
+/// Adds the patches with a voxel within `reach` that are not there yet.
+fn find_near(near: &mut Vec<PatchId>, cell: Cell, around: &Around, reach: i32, segmented: &[Segmented]) {
     let at = cell.coordinates();
-    let blocks = around.iter().enumerate().filter_map(|(place, block)| Some((place, (*block)?)));
-    blocks.flat_map(move |(place, block)| {
+    let sides = |i: usize| -i32::from(at[i] < reach)..=i32::from(at[i] >= EDGE - reach);
+    for direction in sides(0).flat_map(|x| sides(1).flat_map(move |y| sides(2).map(move |z| [x, y, z]))) {
+        let Some(block) = around[place_of(direction)] else { continue };
         let there = &segmented[block.0 as usize];
-        cells_near(at, offset_of(place), reach)
-            .map(|cell| there.labels[cell.index()])
-            .filter(|&label| label != EMPTY && label != LOOSE)
-            .map(move |number| PatchId { block, number })
-    })
+        if there.patches.is_empty() {
+            continue;
+        }
+        let mut last = LOOSE;
+        for other in cells_near(at, direction, reach) {
+            let number = there.labels[other.index()];
+            if number == EMPTY || number == LOOSE || number == last {
+                continue;
+            }
+            last = number;
+            let id = PatchId { block, number };
+            if !near.contains(&id) {
+                near.push(id);
+            }
+        }
+    }
 }

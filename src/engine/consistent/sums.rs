@@ -10,8 +10,10 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use crate::engine::binning;
+
 /// Units of an offset in a voxel's edge.
-pub(super) const UNITS: f64 = 4096.0;
+pub(super) const UNITS: f64 = binning::UNITS as f64;
 /// Weight from which on the sums of a voxel are halved.
 const AGED_WEIGHT: u64 = 1 << 33;
 
@@ -25,6 +27,7 @@ pub(super) struct ScanSums {
 }
 
 impl ScanSums {
+    #[inline]
     pub(super) fn add(&mut self, [x, y, z]: [u64; 3]) {
         self.count += 1;
         for (sum, offset) in self.sum.iter_mut().zip([x, y, z]) {

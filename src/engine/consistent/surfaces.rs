@@ -18,12 +18,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use nalgebra::Vector3;
 
 use self::landmarks::Landmarks;
-use super::block::{BlockIndex, Cell, EDGE, offset_of};
+use super::block::{BlockIndex, Cell, offset_of};
 use super::cluster::Cluster;
 use super::exact::Exact;
 use super::graph::{Batch, ComponentId, End, Graph, NodeId, Outcome};
 use super::grid::Grid;
-use super::layer::{Loose, PatchId, Segmented, are_joined, contacts, owner_of, patch, sharper};
+use super::layer::{Loose, PatchId, Segmented, are_joined, contacts, lies_within, owner_of, patch, sharper};
 use super::rules::Rules;
 use super::state::State;
 use crate::engine::key::{ClusterId, VoxelKey};
@@ -121,7 +121,9 @@ impl Surfaces {
         self.make_room(grid);
         let beside = self.beside(grid, blocks);
         for &(block, place) in &beside {
-            self.withdraw_loose(grid, block, place);
+            if self.belongs_to(block, place, blocks) {
+                self.withdraw_loose(grid, block, place);
+            }
         }
         let mut batch = Batch::default();
         let old: Vec<_> = blocks.iter().map(|&block| self.withdraw(grid, block, &mut batch)).collect();
@@ -140,7 +142,7 @@ impl Surfaces {
             self.enter(grid, block);
         }
         for (block, place) in beside {
-            self.enter_loose(grid, block, place);
+            self.settle_loose(grid, block, place);
         }
         for gone in &outcome.removed {
             // What it was has been taken over by another cluster, or is gone with its voxels.
@@ -181,12 +183,8 @@ impl Surfaces {
                 let there = &self.segmented[other.0 as usize];
                 let towards = offset_of(26 - place);
                 let within = |loose: &Loose| {
-                    let at = there.states[usize::from(loose.place)].cell.coordinates();
-                    (0..3).all(|i| match towards[i] {
-                        -1 => at[i] < self.rules.rim_reach,
-                        1 => at[i] >= EDGE - self.rules.rim_reach,
-                        _ => true,
-                    })
+                    let cell = there.states[usize::from(loose.place)].cell;
+                    lies_within(cell, towards, self.rules.rim_reach)
                 };
                 let near = there.loose.iter().enumerate().filter(|(_, loose)| within(loose));
                 beside.extend(near.map(|(number, _)| (other, number)));
@@ -195,6 +193,13 @@ impl Surfaces {
         beside.sort_unstable();
         beside.dedup();
         beside
+    }
+
+    /// Whether a loose voxel belongs to a patch of these blocks (ascending).
+    fn belongs_to(&self, block: BlockIndex, number: usize, blocks: &[BlockIndex]) -> bool {
+        let owner = self.segmented[block.0 as usize].loose[number].owner;
+        let patch = owner.and_then(|owner| self.patches[owner.0 as usize]);
+        patch.is_some_and(|patch| blocks.binary_search(&patch.block).is_ok())
     }
 
     fn withdraw_loose(&mut self, grid: &Grid, block: BlockIndex, number: usize) {
@@ -386,11 +391,34 @@ impl Surfaces {
     }
 
     fn enter_loose(&mut self, grid: &Grid, block: BlockIndex, number: usize) {
+        if let Some(owner) = self.owner(grid, block, number) {
+            self.give_loose(grid, block, number, owner);
+        }
+    }
+
+    /// As [`Self::enter_loose`] where it may be in a cluster; nothing is done where it stays with its patch.
+    fn settle_loose(&mut self, grid: &Grid, block: BlockIndex, number: usize) {
+        let owner = self.owner(grid, block, number);
+        let node = owner.map(|owner| self.nodes[owner.block.0 as usize][usize::from(owner.number)]);
+        if node != self.segmented[block.0 as usize].loose[number].owner {
+            self.withdraw_loose(grid, block, number);
+            if let Some(owner) = owner {
+                self.give_loose(grid, block, number, owner);
+            }
+        }
+    }
+
+    /// The patch that a loose voxel belongs to.
+    fn owner(&self, grid: &Grid, block: BlockIndex, number: usize) -> Option<PatchId> {
         let here = &self.segmented[block.0 as usize];
         let state = &here.states[usize::from(here.loose[number].place)];
         let corner = Vector3::from(grid.block(block).corner()).map(f64::from);
-        let owner = owner_of(state, &grid.block(block).around, &corner, &self.segmented, &self.rules);
-        let Some(owner) = owner else { return };
+        owner_of(state, &grid.block(block).around, &corner, &self.segmented, &self.rules)
+    }
+
+    fn give_loose(&mut self, grid: &Grid, block: BlockIndex, number: usize, owner: PatchId) {
+        let here = &self.segmented[block.0 as usize];
+        let state = &here.states[usize::from(here.loose[number].place)];
         let node = self.nodes[owner.block.0 as usize][usize::from(owner.number)];
         let component = self.graph.component(node);
         if let (Some(cluster), Some(key)) =
