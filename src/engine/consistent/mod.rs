@@ -68,6 +68,7 @@ mod class;
 mod clearing;
 mod cluster;
 mod describe;
+mod eigen;
 mod exact;
 mod footprint;
 mod graph;

@@ -4,9 +4,10 @@
 //! does not, so that beyond some points all voxels count the same. Fitting means instead of points keeps the scatter along
 //! the ray, which is seldom along the normal, out of the fit.
 
-use nalgebra::{Matrix3, SymmetricEigen, UnitVector3, Vector3};
+use nalgebra::{Matrix3, UnitVector3, Vector3};
 
 use super::block::Cell;
+use super::eigen::Spread;
 use super::state::{Plane, State};
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -61,12 +62,10 @@ impl Region {
             return None;
         }
         let point = self.sum / self.weight;
-        let eigen = SymmetricEigen::new(self.outer / self.weight - point * point.transpose());
-        let mut order = [0, 1, 2];
-        order.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
-        let normal = eigen.eigenvectors.column(order[0]).into_owned();
+        let Spread { variances, normal } =
+            Spread::of(&(self.outer / self.weight - point * point.transpose()));
         let normal = if normal.dot(&self.towards) < 0.0 { -normal } else { normal };
-        let variances = order.map(|i| eigen.eigenvalues[i].max(0.0));
+        let variances = variances.map(|variance| variance.max(0.0));
         Some(Fit { plane: Plane { point, normal: UnitVector3::new_normalize(normal) }, variances })
     }
 }
