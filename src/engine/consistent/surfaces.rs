@@ -2,7 +2,7 @@
 //!
 //! After every [`Surfaces::publish`] the partition is the one that `scratch` finds on the same published states. A block
 //! that is published takes its patches and its voxels out of their clusters, is segmented anew, and puts them in again;
-//! joins change only at its own patches, and loose voxels look for their patch anew within two voxels of it. The graph
+//! joins change only at its own patches, and loose voxels look for their patch anew within three voxels of it (`loose`). The graph
 //! says which clusters that merged or split; whole patches then move, those of the smaller sides. So the work follows the
 //! blocks that are published, their neighbours and the smaller side of what splits or merges.
 //!
@@ -11,19 +11,18 @@
 
 mod identify;
 mod landmarks;
+mod loose;
 mod tell;
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use nalgebra::Vector3;
-
 use self::landmarks::Landmarks;
-use super::block::{BlockIndex, Cell, offset_of};
+use super::block::{BlockIndex, Cell};
 use super::cluster::Cluster;
 use super::exact::Exact;
 use super::graph::{Batch, ComponentId, End, Graph, NodeId, Outcome};
 use super::grid::Grid;
-use super::layer::{Loose, PatchId, Segmented, are_joined, contacts, lies_within, owner_of, patch, sharper};
+use super::layer::{PatchId, Segmented, are_joined, contacts, patch, sharper};
 use super::rules::Rules;
 use super::state::State;
 use crate::engine::key::{ClusterId, VoxelKey};
@@ -157,68 +156,10 @@ impl Surfaces {
         self.tell(grid, now);
     }
 
-    /// Puts a voxel that has become dense beside the patches that are there, until its block is published.
-    fn admit(&mut self, grid: &Grid, block: BlockIndex, cell: Cell) {
-        let Some(voxel) = grid.block(block).voxel(cell) else { return };
-        let admitted = self.segmented[block.0 as usize].admit(State::new(grid, voxel));
-        if let Some(number) = admitted {
-            self.enter_loose(grid, block, number);
-        }
-    }
-
     fn make_room(&mut self, grid: &Grid) {
         let blocks = grid.slots();
         self.segmented.resize_with(blocks, Segmented::empty);
         self.nodes.resize_with(blocks, Vec::new);
-    }
-
-    /// Loose voxels of other blocks within reach of these: (block, place in its list of loose ones), ascending.
-    fn beside(&self, grid: &Grid, blocks: &[BlockIndex]) -> Vec<(BlockIndex, usize)> {
-        let mut beside = Vec::new();
-        for &block in blocks {
-            for (place, other) in grid.block(block).around.iter().enumerate() {
-                let Some(other) = other.filter(|other| blocks.binary_search(other).is_err()) else {
-                    continue;
-                };
-                let there = &self.segmented[other.0 as usize];
-                let towards = offset_of(26 - place);
-                let within = |loose: &Loose| {
-                    let cell = there.states[usize::from(loose.place)].cell;
-                    lies_within(cell, towards, self.rules.rim_reach)
-                };
-                let near = there.loose.iter().enumerate().filter(|(_, loose)| within(loose));
-                beside.extend(near.map(|(number, _)| (other, number)));
-            }
-        }
-        beside.sort_unstable();
-        beside.dedup();
-        beside
-    }
-
-    /// Whether a loose voxel belongs to a patch of these blocks (ascending).
-    fn belongs_to(&self, block: BlockIndex, number: usize, blocks: &[BlockIndex]) -> bool {
-        let owner = self.segmented[block.0 as usize].loose[number].owner;
-        let patch = owner.and_then(|owner| self.patches[owner.0 as usize]);
-        patch.is_some_and(|patch| blocks.binary_search(&patch.block).is_ok())
-    }
-
-    fn withdraw_loose(&mut self, grid: &Grid, block: BlockIndex, number: usize) {
-        let here = &mut self.segmented[block.0 as usize];
-        let loose = &mut here.loose[number];
-        let Some(owner) = loose.owner.take() else { return };
-        let state = &here.states[usize::from(loose.place)];
-        let component = self.graph.component(owner);
-        let (Some(cluster), Some(key)) =
-            (self.clusters[component.0 as usize].as_mut(), grid.block(block).voxel_key(state.cell))
-        else {
-            return;
-        };
-        cluster.remove(key, state);
-        let label = here.labels[state.cell.index()];
-        if self.nodes[block.0 as usize].get(usize::from(label)) == Some(&owner) {
-            cluster.sums.remove(&Exact::of(state, grid.block(block).corner()));
-        }
-        self.changed.insert(component);
     }
 
     /// Takes all voxels of a block out of their clusters, and its nodes out of the graph; returns what it was.
@@ -388,49 +329,6 @@ impl Surfaces {
         }
         (0..self.segmented[block.0 as usize].loose.len())
             .for_each(|number| self.enter_loose(grid, block, number));
-    }
-
-    fn enter_loose(&mut self, grid: &Grid, block: BlockIndex, number: usize) {
-        if let Some(owner) = self.owner(grid, block, number) {
-            self.give_loose(grid, block, number, owner);
-        }
-    }
-
-    /// As [`Self::enter_loose`] where it may be in a cluster; nothing is done where it stays with its patch.
-    fn settle_loose(&mut self, grid: &Grid, block: BlockIndex, number: usize) {
-        let owner = self.owner(grid, block, number);
-        let node = owner.map(|owner| self.nodes[owner.block.0 as usize][usize::from(owner.number)]);
-        if node != self.segmented[block.0 as usize].loose[number].owner {
-            self.withdraw_loose(grid, block, number);
-            if let Some(owner) = owner {
-                self.give_loose(grid, block, number, owner);
-            }
-        }
-    }
-
-    /// The patch that a loose voxel belongs to.
-    fn owner(&self, grid: &Grid, block: BlockIndex, number: usize) -> Option<PatchId> {
-        let here = &self.segmented[block.0 as usize];
-        let state = &here.states[usize::from(here.loose[number].place)];
-        let corner = Vector3::from(grid.block(block).corner()).map(f64::from);
-        owner_of(state, &grid.block(block).around, &corner, &self.segmented, &self.rules)
-    }
-
-    fn give_loose(&mut self, grid: &Grid, block: BlockIndex, number: usize, owner: PatchId) {
-        let here = &self.segmented[block.0 as usize];
-        let state = &here.states[usize::from(here.loose[number].place)];
-        let node = self.nodes[owner.block.0 as usize][usize::from(owner.number)];
-        let component = self.graph.component(node);
-        if let (Some(cluster), Some(key)) =
-            (self.clusters[component.0 as usize].as_mut(), grid.block(block).voxel_key(state.cell))
-        {
-            cluster.add(key, state);
-            if owner == (PatchId { block, number: here.labels[state.cell.index()] }) {
-                cluster.sums.add(&Exact::of(state, grid.block(block).corner()));
-            }
-        }
-        self.changed.insert(component);
-        self.segmented[block.0 as usize].loose[number].owner = Some(node);
     }
 }
 

@@ -1,0 +1,115 @@
+//! Loose voxels, whose patch is found by what lies around them: those in no patch, and those of cut patches.
+//!
+//! They look for it anew when a block around them is published, and are moved only where it is another one.
+
+use nalgebra::Vector3;
+
+use super::Surfaces;
+use crate::engine::consistent::block::{BlockIndex, Cell, offset_of};
+use crate::engine::consistent::exact::Exact;
+use crate::engine::consistent::grid::Grid;
+use crate::engine::consistent::layer::{Loose, PatchId, lies_within, owner_of};
+use crate::engine::consistent::state::State;
+
+impl Surfaces {
+    /// Puts a voxel that has become dense beside the patches that are there, until its block is published.
+    pub(super) fn admit(&mut self, grid: &Grid, block: BlockIndex, cell: Cell) {
+        let Some(voxel) = grid.block(block).voxel(cell) else { return };
+        let admitted = self.segmented[block.0 as usize].admit(State::new(grid, voxel));
+        if let Some(number) = admitted {
+            self.enter_loose(grid, block, number);
+        }
+    }
+
+    /// Loose voxels of other blocks within reach of these: (block, place in its list of loose ones), ascending.
+    pub(super) fn beside(&self, grid: &Grid, blocks: &[BlockIndex]) -> Vec<(BlockIndex, usize)> {
+        let mut beside = Vec::new();
+        for &block in blocks {
+            for (place, other) in grid.block(block).around.iter().enumerate() {
+                let Some(other) = other.filter(|other| blocks.binary_search(other).is_err()) else {
+                    continue;
+                };
+                let there = &self.segmented[other.0 as usize];
+                let towards = offset_of(26 - place);
+                let within = |loose: &Loose| {
+                    let cell = there.states[usize::from(loose.place)].cell;
+                    lies_within(cell, towards, self.rules.rim_reach)
+                };
+                let near = there.loose.iter().enumerate().filter(|(_, loose)| within(loose));
+                beside.extend(near.map(|(number, _)| (other, number)));
+            }
+        }
+        beside.sort_unstable();
+        beside.dedup();
+        beside
+    }
+
+    /// Whether a loose voxel belongs to a patch of these blocks (ascending).
+    pub(super) fn belongs_to(&self, block: BlockIndex, number: usize, blocks: &[BlockIndex]) -> bool {
+        let owner = self.segmented[block.0 as usize].loose[number].owner;
+        let patch = owner.and_then(|owner| self.patches[owner.0 as usize]);
+        patch.is_some_and(|patch| blocks.binary_search(&patch.block).is_ok())
+    }
+
+    pub(super) fn withdraw_loose(&mut self, grid: &Grid, block: BlockIndex, number: usize) {
+        let here = &mut self.segmented[block.0 as usize];
+        let loose = &mut here.loose[number];
+        let Some(owner) = loose.owner.take() else { return };
+        let state = &here.states[usize::from(loose.place)];
+        let component = self.graph.component(owner);
+        let (Some(cluster), Some(key)) =
+            (self.clusters[component.0 as usize].as_mut(), grid.block(block).voxel_key(state.cell))
+        else {
+            return;
+        };
+        cluster.remove(key, state);
+        let label = here.labels[state.cell.index()];
+        if self.nodes[block.0 as usize].get(usize::from(label)) == Some(&owner) {
+            cluster.sums.remove(&Exact::of(state, grid.block(block).corner()));
+        }
+        self.changed.insert(component);
+    }
+
+    pub(super) fn enter_loose(&mut self, grid: &Grid, block: BlockIndex, number: usize) {
+        if let Some(owner) = self.owner(grid, block, number) {
+            self.give_loose(grid, block, number, owner);
+        }
+    }
+
+    /// As [`Self::enter_loose`] where it may be in a cluster; nothing is done where it stays with its patch.
+    pub(super) fn settle_loose(&mut self, grid: &Grid, block: BlockIndex, number: usize) {
+        let owner = self.owner(grid, block, number);
+        let node = owner.map(|owner| self.nodes[owner.block.0 as usize][usize::from(owner.number)]);
+        if node != self.segmented[block.0 as usize].loose[number].owner {
+            self.withdraw_loose(grid, block, number);
+            if let Some(owner) = owner {
+                self.give_loose(grid, block, number, owner);
+            }
+        }
+    }
+
+    /// The patch that a loose voxel belongs to.
+    pub(super) fn owner(&self, grid: &Grid, block: BlockIndex, number: usize) -> Option<PatchId> {
+        let here = &self.segmented[block.0 as usize];
+        let state = &here.states[usize::from(here.loose[number].place)];
+        let corner = Vector3::from(grid.block(block).corner()).map(f64::from);
+        owner_of(state, &grid.block(block).around, &corner, &self.segmented, &self.rules)
+    }
+
+    pub(super) fn give_loose(&mut self, grid: &Grid, block: BlockIndex, number: usize, owner: PatchId) {
+        let here = &self.segmented[block.0 as usize];
+        let state = &here.states[usize::from(here.loose[number].place)];
+        let node = self.nodes[owner.block.0 as usize][usize::from(owner.number)];
+        let component = self.graph.component(node);
+        if let (Some(cluster), Some(key)) =
+            (self.clusters[component.0 as usize].as_mut(), grid.block(block).voxel_key(state.cell))
+        {
+            cluster.add(key, state);
+            if owner == (PatchId { block, number: here.labels[state.cell.index()] }) {
+                cluster.sums.add(&Exact::of(state, grid.block(block).corner()));
+            }
+        }
+        self.changed.insert(component);
+        self.segmented[block.0 as usize].loose[number].owner = Some(node);
+    }
+}
