@@ -115,24 +115,24 @@ pub(super) fn patch(segmented: &[Segmented], id: PatchId) -> &Patch {
 }
 
 /// The patch of much less noise that a patch is a slice of: of those it meets, the one its points fit best. A flat patch that
-/// joins one with less noise as its equal is no slice.
+/// joins one with less noise as its equal, and fits that better, is no slice.
 pub(super) fn sharper(segmented: &[Segmented], id: PatchId, rules: &Rules) -> Option<PatchId> {
     let own = patch(segmented, id);
     if !own.may_be_slice(rules) {
         return None;
     }
     let contacts = &segmented[id.block.0 as usize].contacts[usize::from(id.number)];
-    let is_equal = |(other, contact): (&PatchId, &Contact)| {
+    let equal = |(other, contact): (&PatchId, &Contact)| {
         let other = patch(segmented, *other);
-        other.has_less_noise(own) && own.joins(other, contact, rules)
+        let is_equal = !own.is_rough() && other.has_less_noise(own) && own.joins(other, contact, rules);
+        is_equal.then(|| own.misfit(other, rules))
     };
-    if !own.is_rough() && contacts.iter().any(is_equal) {
-        return None;
-    }
+    let equal = contacts.iter().filter_map(equal).fold(f64::INFINITY, f64::min);
     let candidates = contacts
         .keys()
         .filter_map(|&other| own.slice_of(patch(segmented, other), rules).map(|misfit| (misfit, other)));
-    candidates.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, other)| other)
+    let best = candidates.min_by(|a, b| a.0.total_cmp(&b.0));
+    best.filter(|(misfit, _)| *misfit < equal).map(|(_, other)| other)
 }
 
 /// Whether two patches that meet so are joined: a slice is with its sharper patch and with no other.

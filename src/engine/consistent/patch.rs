@@ -103,11 +103,16 @@ impl Patch {
         if !self.may_be_slice(rules) || !sharper || a.normal.dot(&b.normal) <= 0.0 {
             return None;
         }
-        let off = b.normal.dot(&(self.mean - b.point));
-        let square = off * off + b.normal.dot(&(self.square * b.normal.into_inner()));
+        Some(self.misfit(other, rules)).filter(|misfit| *misfit <= 1.0)
+    }
+
+    /// How far its points are off the plane of another, by what is allowed of a slice.
+    pub(super) fn misfit(&self, other: &Self, rules: &Rules) -> f64 {
+        let normal = &other.plane.normal;
+        let off = normal.dot(&(self.mean - other.plane.point));
+        let square = off * off + normal.dot(&(self.square * normal.into_inner()));
         let flatness = rules.rim_flatness * rules.rim_flatness;
-        let misfit = square / (rules.rim_noise_factor * rules.rim_noise_factor * self.noise + flatness);
-        Some(misfit).filter(|misfit| *misfit <= 1.0)
+        square / (rules.rim_noise_factor * rules.rim_noise_factor * self.noise + flatness)
     }
 
     /// Whether two patches that meet so are one surface; a rough one is none with a flat one. Free of order.
