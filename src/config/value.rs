@@ -50,7 +50,7 @@ pub(super) const TABLE: &[Declared] = &[
     (
         "max_normal_angle",
         || Value::Double(0.53),
-        "largest angle between similar normals, theta [rad], 0 to pi/2; in mode `consistent` 0.2 at most",
+        "largest angle between similar normals, theta [rad], 0 to pi/2; in mode `consistent` 0.17 at most",
     ),
     (
         "min_vicinity",

@@ -47,7 +47,7 @@ impl Rules {
             rough_flatness: 0.5,
             rim_noise_factor: 3.0,
             rim_flatness: 0.4,
-            join_angle: 0.14_f64.min(params.max_normal_angle()),
+            join_angle: 0.17_f64.min(params.max_normal_angle()),
             join_offset: 0.4,
             cut: 0.8,
             rough_angle: 0.4_f64.min(params.max_normal_angle()),
