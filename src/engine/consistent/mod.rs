@@ -44,7 +44,7 @@
 //! | voxels of cut patches to a whole one though their own fits them somewhat (4 times) better: worse at 8 cm | 0.98 | 21 of 23 |
 //! | voxels weighed alike in a plane, whatever they scatter | 0.88 | 13 of 23 |
 //! | no excuse for the cut of a block's border within the scatter | 0.87 | 15 of 24 |
-//! | slices also where a patch is a sharper one's equal | 0.87 | 15 of 24 |
+//! | slices also where a patch fits an equal better | 0.87 | 15 of 24 |
 //! | narrow facets joined up to 50 degrees: the pillar is whole at 8 cm, but legs and edges of furniture join too | 0.97 | 20 of 23 |
 //! | a loose voxel to the best patch within three voxels instead of the nearest | 0.97 | 20 of 23 |
 //!
