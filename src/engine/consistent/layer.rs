@@ -203,7 +203,7 @@ fn cells_near(at: [i32; 3], direction: [i32; 3], reach: i32) -> impl Iterator<It
 }
 
 /// The patch that a loose voxel of a block belongs to: the nearest that its points fit, as far as noise and half a voxel let
-/// them. One of a cut patch stays there, unless it fits a whole one better that this meets in a block as near.
+/// them. One of a cut patch stays there, unless it fits a whole one better that this meets in a block within reach.
 pub(super) fn owner_of(
     state: &State,
     around: &Around,
