@@ -50,7 +50,8 @@ pub(super) const TABLE: &[Declared] = &[
     (
         "max_normal_angle",
         || Value::Double(0.53),
-        "largest angle between similar normals, theta [rad], 0 to pi/2; in mode `consistent` 0.17 at most",
+        "largest angle between similar normals, theta [rad], 0 to pi/2; mode `consistent` takes 0.17 at most, and 0.4 for \
+         what is rough or badly known",
     ),
     (
         "min_vicinity",

@@ -84,6 +84,15 @@ mod tests {
         assert_eq!([whole(f64::MAX), whole(f64::NEG_INFINITY)], [1 << 42, -(1 << 42)]);
     }
 
+    #[test]
+    fn a_point_on_a_border_lies_in_the_voxel_above_it() {
+        let mut fixed = Fixed::new(Matrix3::identity(), Vector3::zeros(), 0.125);
+        let below = 0.125_f32.next_down();
+        let points = [[0.0, 0.125, -0.125], [-0.0, -f32::MIN_POSITIVE, below], [f32::MAX, -f32::MAX, 1e6]];
+        let indices: Vec<_> = fixed.place(&points).map(|units| units.map(|units| units >> 12)).collect();
+        assert_eq!(indices, [[0, 1, -1], [0, -1, 0], [1 << 30, -(1 << 30), 8_000_000]]);
+    }
+
     proptest! {
         #[test]
         fn fixed_places_are_those_of_the_plain_arithmetic_to_the_last_bit(

@@ -67,12 +67,11 @@ impl Segmented {
         let patches =
             (0..).zip(&members).filter_map(|(number, states)| Patch::new(states, &corner, number >= flat));
         let patches: Vec<_> = patches.collect();
-        let is_loose =
-            |number: u8| patches.get(usize::from(number)).is_none_or(|patch: &Patch| patch.is_cut());
-        let loose = (0..).zip(&owner).filter(|(_, number)| is_loose(**number));
-        let loose = loose.map(|(place, _)| Loose { place, owner: None }).collect();
         let (contacts, slice_of) = (vec![Contacts::new(); patches.len()], vec![None; patches.len()]);
-        Self { states, labels, patches, contacts, slice_of, loose }
+        let mut segmented = Self { states, labels, patches, contacts, slice_of, loose: Vec::new() };
+        let loose = (0..).zip(&owner).filter(|(_, number)| segmented.is_loose(**number));
+        segmented.loose = loose.map(|(place, _)| Loose { place, owner: None }).collect();
+        segmented
     }
 
     /// Whether the patch of a dense voxel with this label is found by what lies around it.
@@ -211,21 +210,19 @@ pub(super) fn owner_of(
     segmented: &[Segmented],
     rules: &Rules,
 ) -> Option<PatchId> {
-    let misfit = |id: PatchId, noise_factor: f64, flatness: f64| {
+    let plane = |id: PatchId| {
         let mut plane = patch(segmented, id).plane;
         plane.point -= corner;
-        let misfit = state.misfit(&plane, noise_factor, flatness);
-        (state.is_seen_from(&plane) && misfit <= 1.0).then_some(misfit)
+        plane
     };
     let Some(own) = cut_patch_of(state, around, segmented) else {
-        let beside = |id| misfit(id, rules.rim_noise_factor, rules.rim_flatness);
-        return nearest(state, around, segmented, rules, beside);
+        return nearest(state, around, segmented, rules, |id| state.beside(&plane(id), rules));
     };
     let is_whole = |id: PatchId| {
         let patch = patch(segmented, id);
         !patch.is_cut() && !patch.is_rough()
     };
-    let within = |id| misfit(id, rules.noise_factor, rules.flatness);
+    let within = |id| state.within(&plane(id), rules);
     let met = segmented[own.block.0 as usize].contacts[usize::from(own.number)].keys().copied();
     let is_near = |id: PatchId| {
         let place = around.iter().position(|block| *block == Some(id.block));

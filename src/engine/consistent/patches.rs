@@ -37,7 +37,7 @@ pub(super) fn segment(states: &[State], rules: &Rules) -> Patches {
     let mut owner = Segmentation::new(states, rules).run();
     let flat = count(&owner);
     let planes = planes(states, &owner, flat);
-    let is_taken = |state: &State| planes.iter().any(|plane| state.is_beside(plane, rules));
+    let is_taken = |state: &State| planes.iter().any(|plane| state.beside(plane, rules).is_some());
     let rest = (0..states.len()).filter(|&state| owner[state] == FREE && !is_taken(&states[state]));
     let rest: Vec<_> = rest.collect();
     if rest.len() >= MIN_VOXELS {
@@ -98,7 +98,7 @@ impl<'a> Segmentation<'a> {
     }
 
     fn belongs(&self, state: &State, plane: &Plane) -> bool {
-        state.is_seen_from(plane) && self.misfit(state, plane) <= 1.0
+        state.within(plane, self.rules).is_some()
     }
 
     fn run(mut self) -> Vec<u8> {
@@ -220,9 +220,8 @@ impl<'a> Segmentation<'a> {
         near.sort_unstable();
         near.dedup();
         let candidates = near.into_iter().filter(|&patch| patch != FREE);
-        let fitting = candidates
-            .map(|patch| (self.misfit(own, &self.planes[usize::from(patch)]), patch))
-            .filter(|&(misfit, patch)| misfit <= 1.0 && own.is_seen_from(&self.planes[usize::from(patch)]));
+        let within = |patch: u8| own.within(&self.planes[usize::from(patch)], self.rules);
+        let fitting = candidates.filter_map(|patch| Some((within(patch)?, patch)));
         fitting.min_by(|a, b| a.0.total_cmp(&b.0)).map_or(FREE, |(_, patch)| patch)
     }
 

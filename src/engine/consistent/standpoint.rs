@@ -1,4 +1,6 @@
 //! Where the sensor stands, and since when. While it stands still it sees nothing from elsewhere, only more noise.
+//!
+//! Two sensors that take turns at one map never count as standing still.
 
 use nalgebra::Isometry3;
 

@@ -76,9 +76,20 @@ impl State {
         self.square_distance(plane) / allowed
     }
 
-    /// Whether it may belong to a patch beside it: its points lie on the plane, as far as noise and half a voxel let them.
-    pub(super) fn is_beside(&self, plane: &Plane, rules: &Rules) -> bool {
-        self.is_seen_from(plane) && self.misfit(plane, rules.rim_noise_factor, rules.rim_flatness) <= 1.0
+    /// How well its points lie on the plane of a patch, as far as their noise lets them, up to 1; `None` where it is none of
+    /// the patch's.
+    pub(super) fn within(&self, plane: &Plane, rules: &Rules) -> Option<f64> {
+        self.fits(plane, rules.noise_factor, rules.flatness)
+    }
+
+    /// The same of a patch beside it, as far as noise and half a voxel let them.
+    pub(super) fn beside(&self, plane: &Plane, rules: &Rules) -> Option<f64> {
+        self.fits(plane, rules.rim_noise_factor, rules.rim_flatness)
+    }
+
+    fn fits(&self, plane: &Plane, noise_factor: f64, flatness: f64) -> Option<f64> {
+        let fits = self.is_seen_from(plane).then(|| self.misfit(plane, noise_factor, flatness));
+        fits.filter(|misfit| *misfit <= 1.0)
     }
 
     /// Whether it was seen from the side that the plane's normal points to.
