@@ -33,15 +33,26 @@ impl Spread {
         let angle = half.acos() / 3.0;
         let most = middle + 2.0 * scale * angle.cos();
         let least = middle + 2.0 * scale * (angle + std::f64::consts::TAU / 3.0).cos();
-        let between = 3.0 * middle - most - least;
-        if between - least <= LEAST_GAP * scale {
+        if 3.0 * middle - most - 2.0 * least <= LEAST_GAP * scale {
             return None;
         }
         let left = covariance - Matrix3::from_diagonal_element(least);
         let [x, y, z] = [0, 1, 2].map(|row| left.row(row).transpose());
         let candidates = [x.cross(&y), x.cross(&z), y.cross(&z)];
         let longest = candidates.into_iter().max_by(|a, b| a.norm_squared().total_cmp(&b.norm_squared()))?;
-        Some(Self { variances: [least, between, most], normal: longest.try_normalize(0.0)? })
+        Some(Self::along(covariance, longest.try_normalize(0.0)?))
+    }
+
+    /// The variances where the normal is known: where the other two are nearly one, the arc cosine leaves half the digits of
+    /// them, and those of the plane all.
+    fn along(covariance: &Matrix3<f64>, normal: Vector3<f64>) -> Self {
+        let across = normal.cross(&Vector3::ith(normal.iamin(), 1.0)).normalize();
+        let [u, v] = [across, normal.cross(&across)];
+        let [on_u, on_v] = [covariance * u, covariance * v];
+        let (mean, half) = (0.5 * (u.dot(&on_u) + v.dot(&on_v)), 0.5 * (u.dot(&on_u) - v.dot(&on_v)));
+        let radius = half.hypot(v.dot(&on_u));
+        let variances = [normal.dot(&(covariance * normal)), mean - radius, mean + radius];
+        Self { variances, normal }
     }
 
     fn iterated(covariance: &Matrix3<f64>) -> Self {
