@@ -1,4 +1,4 @@
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{Rotation3, Vector3};
 use proptest::prelude::*;
@@ -204,6 +204,21 @@ fn crossings(rings: &[Vec<Vector2<f64>>]) -> usize {
     (0..edges.len()).map(|i| edges[..i].iter().filter(|&&other| cross(edges[i], other)).count()).sum()
 }
 
+/// Number of sets of columns that touch, along an edge or at a corner.
+fn parts(footprint: &Footprint) -> usize {
+    let mut seen = BTreeSet::new();
+    let mut parts = 0;
+    for start in footprint.rim() {
+        let mut open = vec![start];
+        parts += usize::from(seen.insert(start));
+        while let Some([x, y]) = open.pop() {
+            let around = (-1..=1).flat_map(|dx| (-1..=1).map(move |dy| [x + dx, y + dy]));
+            open.extend(around.filter(|&next| footprint.contains(next) && seen.insert(next)));
+        }
+    }
+    parts
+}
+
 /// Everything that is promised of an outline.
 fn check(seen: &Seen, outline: &Outline) -> Result<(), TestCaseError> {
     let rings: Vec<_> = std::iter::once(&outline.boundary).chain(&outline.holes).collect();
@@ -229,8 +244,9 @@ proptest! {
         let outline = seen.outline();
         check(&seen, &outline)?;
         prop_assert!((outline.area / truth - 1.0).abs() < 0.25);
-        // At most a corner's column, which touches the others along an edge alone.
-        prop_assert!(outline.area_left_out <= 0.01 * truth, "{} of {truth} m2", outline.area_left_out);
+        // Where a scan has few points, a row of voxels may not be dense, and the surface is in parts.
+        prop_assert_eq!(outline.area_left_out == 0.0, parts(&seen.footprint) == 1);
+        prop_assert!(((outline.area + outline.area_left_out) / truth - 1.0).abs() < 0.25);
     }
 }
 
