@@ -5,7 +5,7 @@
 //! run of consecutive points in the same voxel.
 
 use hashbrown::HashMap;
-use nalgebra::UnitVector3;
+use nalgebra::{UnitVector3, Vector3};
 use rustc_hash::FxBuildHasher;
 
 use super::moments::Centre;
@@ -55,6 +55,14 @@ pub(crate) struct Voxel {
 impl Voxel {
     pub(crate) fn centre(&self) -> Centre {
         Centre::new(self.key, self.sum, self.count)
+    }
+
+    /// The centre from the corner of voxel `origin`, in voxels, as exact as the sums are: a normal of voxels that lie nearly
+    /// on a line turns by a thousand times what a centre is rounded by.
+    pub(crate) fn offset_from(&self, origin: VoxelKey) -> Vector3<f64> {
+        let (own, other) = (self.key.indices(), origin.indices());
+        let mean = |i: usize| self.sum[i] as f64 / f64::from(self.count) / TWO_POW_32;
+        Vector3::from_fn(|i, _| f64::from(own[i] - other[i]) + mean(i))
     }
 }
 
@@ -192,7 +200,7 @@ impl Grid {
             }
             run.count += 1;
             for axis in 0..3 {
-                run.sum[axis] += ((point[axis] - f64::from(index[axis])) * TWO_POW_32) as u64;
+                run.sum[axis] += ((point[axis] - f64::from(index[axis])) * TWO_POW_32).round_ties_even() as u64;
             }
         }
         self.flush(&run, sequence, binned);

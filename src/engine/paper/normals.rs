@@ -75,7 +75,7 @@ fn fit(
     let origin = grid[voxel].key;
     let (mut sum, mut outer) = (Vector3::zeros(), Matrix3::zeros());
     for &(neighbour, _) in around {
-        let offset = grid[neighbour].centre().offset_from(origin);
+        let offset = grid[neighbour].offset_from(origin);
         sum += offset;
         outer += offset * offset.transpose();
     }
