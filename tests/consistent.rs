@@ -11,7 +11,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use cfodi::engine::consistent::Consistent;
 use cfodi::engine::{
-    Cluster, ClusterId, Isometry3, NoiseModel, Params, Points, Scan, Snapshot, Stamp, Update, VoxelKey,
+    Cluster, ClusterId, Engine, Isometry3, Mode, NoiseModel, Params, Points, Scan, Snapshot, Stamp, Update,
+    VoxelKey,
 };
 use nalgebra::{Point3, Translation3, UnitQuaternion, Vector3};
 use proptest::prelude::*;
@@ -234,6 +235,27 @@ proptest! {
             prop_assert_eq!(format!("{:?}", updates[0]), format!("{:?}", updates[1]));
             prop_assert_eq!(format!("{:?}", a.snapshot()), format!("{:?}", b.snapshot()));
         }
+    }
+
+    #[test]
+    fn a_map_that_was_saved_and_restored_goes_on_as_if_it_had_not_stopped(
+        params in params(), stream in stream(24), paper in any::<bool>(), stops in prop::collection::vec(0..24_usize, 1..4),
+    ) {
+        let params = if paper { params.with_mode(Mode::Paper) } else { params };
+        let (mut unbroken, mut resumed) = (Engine::new(params), Engine::new(params));
+        for number in 0..stream.poses.len() {
+            if stops.contains(&number) {
+                let saved = resumed.save();
+                resumed = Engine::restore(params, &saved).unwrap();
+                prop_assert_eq!(saved, resumed.save());
+                prop_assert_eq!(format!("{:?}", unbroken.snapshot()), format!("{:?}", resumed.snapshot()));
+            }
+            let scan = stream.scan(number);
+            let updates = [unbroken.insert(&scan), resumed.insert(&scan)];
+            prop_assert_eq!(format!("{:?}", updates[0]), format!("{:?}", updates[1]));
+        }
+        prop_assert_eq!(format!("{:?}", unbroken.snapshot()), format!("{:?}", resumed.snapshot()));
+        prop_assert_eq!(unbroken.save(), resumed.save());
     }
 
     #[test]

@@ -1,7 +1,9 @@
 //! What a surface is to a robot.
 
+use serde::{Deserialize, Serialize};
+
 /// The class of a cluster, numbered as in `SurfaceCluster.msg`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[repr(u8)]
 pub enum SurfaceClass {
     /// Not computed, or none of the others.

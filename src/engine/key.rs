@@ -3,6 +3,8 @@
 use std::fmt;
 use std::num::NonZeroU64;
 
+use serde::{Deserialize, Serialize};
+
 /// Index of a voxel (the paper's "unit"): voxel `ix` covers `[ix, ix + 1) * voxel_size` along x, likewise y and z.
 ///
 /// Ordered by (ix, iy, iz). Each index lies in `-2^20 .. 2^20`, so that a key packs into 63 bits and every sum over
@@ -44,7 +46,7 @@ impl VoxelKey {
 }
 
 /// Lasting name of a global cluster: counts up from 1 within a session and is never used again.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct ClusterId(NonZeroU64);
 
 impl ClusterId {

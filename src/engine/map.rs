@@ -1,8 +1,10 @@
 //! The engine of a session: one of the two methods, behind one interface.
 
 use super::consistent::Consistent;
+use super::now::Taken;
 use super::paper::Cfodi;
 use super::params::{Mode, Params};
+use super::saved::{self, RestoreError, SavedMap, Shape};
 use super::scan::Scan;
 use super::snapshot::{Snapshot, Update};
 use super::step::PipelineStep;
@@ -37,6 +39,39 @@ impl Engine {
             Method::Paper(map) => map.insert_observed(scan, done),
             Method::Consistent(map) => map.insert_observed(scan, done),
         }
+    }
+
+    /// All that it needs to go on as if it had never stopped. Costs O(map).
+    pub fn save(&self) -> SavedMap {
+        let (taken, method) = match &self.0 {
+            Method::Paper(map) => (map.taken(), saved::Method::Paper(Box::new(map.save()))),
+            Method::Consistent(map) => (map.taken(), saved::Method::Consistent(Box::new(map.save()))),
+        };
+        let taken = Taken { is_resumed: false, ..*taken };
+        SavedMap { shape: Shape::of(self.params()), taken, method }
+    }
+
+    /// The engine that was saved: its next scan gives what it would have given without a stop. Bounds, clearing and
+    /// `expansion_interval` may be others. Costs O(map).
+    ///
+    /// # Errors
+    /// When the map was made with other parameters, or is none that an engine saves.
+    pub fn restore(params: Params, map: &SavedMap) -> Result<Self, RestoreError> {
+        map.check(&params)?;
+        let taken = Taken { is_resumed: true, ..map.taken };
+        Ok(Self(match (&map.method, params.mode()) {
+            (saved::Method::Paper(map), Mode::Paper) => {
+                Method::Paper(Box::new(Cfodi::restore(params, taken, map)?))
+            }
+            (saved::Method::Consistent(map), Mode::Consistent) => {
+                Method::Consistent(Box::new(Consistent::restore(params, taken, map)?))
+            }
+            (_, mode) => {
+                return Err(RestoreError::Contradiction(format!(
+                    "it is said to be of mode {mode:?}, and is not"
+                )));
+            }
+        }))
     }
 
     /// The parameters it works with.

@@ -1,5 +1,7 @@
 //! How far a map has come: the number of scans that it has taken in, and the newest of their stamps.
 
+use serde::{Deserialize, Serialize};
+
 use super::scan::Stamp;
 
 /// The scan that is being taken in.
@@ -12,19 +14,23 @@ pub(crate) struct Now {
 }
 
 /// The scans that a map has taken in.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Taken {
     /// Number of scans.
     pub(crate) sequence: u64,
     /// Newest stamp; `None` before the first scan.
     pub(crate) stamp: Option<Stamp>,
+    /// The next scan's stamp counts, even one before: the map was restored, and the clock may be another.
+    #[serde(skip)]
+    pub(crate) is_resumed: bool,
 }
 
 impl Taken {
     /// Counts the next scan.
     pub(crate) fn begin(&mut self, stamp: Stamp) -> Now {
         self.sequence += 1;
-        let stamp = self.stamp.map_or(stamp, |newest| newest.max(stamp));
+        let newest = self.stamp.filter(|_| !std::mem::take(&mut self.is_resumed));
+        let stamp = newest.map_or(stamp, |newest| newest.max(stamp));
         self.stamp = Some(stamp);
         Now { sequence: self.sequence, stamp }
     }
@@ -47,5 +53,12 @@ mod tests {
         assert_eq!(nows.map(|now| now.stamp.nanos()), [5, 9, 9]);
         assert_eq!((taken.sequence, taken.stamp), (3, Some(Stamp::from_nanos(9))));
         assert_eq!(taken.now().stamp, nows[2].stamp);
+    }
+
+    #[test]
+    fn after_a_restart_the_first_stamp_counts_whatever_was_before() {
+        let mut taken = Taken { sequence: 7, stamp: Some(Stamp::from_nanos(100)), is_resumed: true };
+        let nows = [5, 9, 7].map(|nanos| taken.begin(Stamp::from_nanos(nanos)));
+        assert_eq!(nows.map(|now| (now.sequence, now.stamp.nanos())), [(8, 5), (9, 9), (10, 9)]);
     }
 }

@@ -2,12 +2,13 @@
 
 use std::f64::consts::FRAC_PI_2;
 
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::consistent::NoiseModel;
 
 /// How points become clusters.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Mode {
     /// CFODI to the letter.
     Paper,

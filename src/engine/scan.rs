@@ -1,9 +1,10 @@
 //! What one sensor message contributes: its valid points, in the sensor's frame, and where the sensor stood.
 
 use nalgebra::{Isometry3, Point3};
+use serde::{Deserialize, Serialize};
 
 /// Time of acquisition: nanoseconds since the Unix epoch, taken from a message header and never from a clock.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct Stamp(i64);
 
 impl Stamp {

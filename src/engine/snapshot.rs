@@ -2,12 +2,14 @@
 
 use nalgebra::{Isometry3, Matrix3, Point3, UnitVector3, Vector3};
 
+use serde::{Deserialize, Serialize};
+
 use super::class::SurfaceClass;
 use super::key::{ClusterId, VoxelKey};
 use super::scan::Stamp;
 
 /// How far a cluster can be relied on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum ClusterState {
     /// Too small or too new to be relied on; in `paper`, fewer voxels than [`super::MIN_RELIABLE_VOXELS`].
     Tentative,

@@ -1,5 +1,7 @@
 //! A block of 8 x 8 x 8 voxels: what each voxel has counted, and when the block's states are to be published.
 
+use serde::{Deserialize, Serialize};
+
 use super::published::Published;
 use super::sums::Sums;
 use super::view::Clearance;
@@ -15,7 +17,7 @@ pub(super) const CELLS: usize = 512;
 pub(super) struct BlockIndex(pub(super) u32);
 
 /// Place of a voxel in its block: (x * 8 + y) * 8 + z.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub(super) struct Cell(pub(super) u16);
 
 impl Cell {
@@ -162,6 +164,19 @@ impl Block {
         self.voxels.iter_mut().filter(dense).for_each(|voxel| voxel.published = Published::of(&voxel.sums));
         (self.changed, self.lost, self.drifted, self.published) = (false, false, 0, sequence);
         (self.points, self.unknown) = (0, 0);
+    }
+
+    /// The scan in which it was published last, and that in which it was so first since the sensor turned to it.
+    pub(super) const fn published(&self) -> u64 {
+        self.published
+    }
+
+    pub(super) const fn begun(&self) -> u64 {
+        self.begun
+    }
+
+    pub(super) const fn note_begun(&mut self, begun: u64, published: u64) {
+        (self.begun, self.published) = (begun, published);
     }
 
     /// The voxels that hold a point, in the order of their first points.

@@ -18,6 +18,7 @@ use nalgebra::{Point3, Vector3};
 use super::block::{Block, BlockIndex, EDGE};
 use super::grid::Grid;
 use crate::engine::params::Params;
+use crate::engine::saved::RestoreError;
 
 /// Blocks that a scan looks at, in turn, for being too far away.
 const LOOKS: usize = 512;
@@ -46,6 +47,25 @@ impl Bounds {
             last_seen: Vec::new(),
             next: 0,
         }
+    }
+
+    /// The block that is looked at next.
+    pub(super) const fn next(&self) -> u64 {
+        self.next as u64
+    }
+
+    /// As they were when the blocks of `grid` were saved, or with other bounds.
+    pub(super) fn restore(params: &Params, grid: &Grid, next: u64) -> Result<Self, RestoreError> {
+        let next = usize::try_from(next).ok().filter(|&next| next <= grid.slots());
+        let next =
+            next.ok_or_else(|| RestoreError::Contradiction("a next block that is not there".to_owned()))?;
+        let mut bounds = Self { next, ..Self::new(params) };
+        if bounds.max_voxels > 0 {
+            for (slot, block) in grid.blocks().filter(|(_, block)| !block.voxels().is_empty()) {
+                bounds.note_seen(&[slot], block.seen);
+            }
+        }
+        Ok(bounds)
     }
 
     /// Empties blocks until the bounds hold; `seen` are those that the scan put points into. Returns what it emptied.

@@ -2,6 +2,8 @@
 
 use nalgebra::{Matrix3, SymmetricEigen, UnitVector3, Vector3};
 
+use serde::{Deserialize, Serialize};
+
 use super::exact::Exact;
 use super::footprint::{Axis, Content, Footprint};
 use super::state::State;
@@ -28,7 +30,7 @@ pub(super) struct Cluster {
 }
 
 /// What a cluster keeps when its voxels are others.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Identity {
     /// `None` while it is too small to be told of.
     pub(super) id: Option<ClusterId>,

@@ -49,6 +49,11 @@ impl Axis {
         })
     }
 
+    /// The axis of this index; `None` above 2.
+    pub(crate) fn of(index: u8) -> Option<Self> {
+        (index < 3).then_some(Self(usize::from(index)))
+    }
+
     /// 0 to 2.
     pub(crate) const fn index(self) -> usize {
         self.0

@@ -51,11 +51,13 @@
 
 mod assign;
 mod local;
+mod restore;
 mod search;
 #[cfg(test)]
 mod tests;
 
 use self::local::Local;
+pub(crate) use self::restore::Slots;
 
 /// A node's slot; given again after its removal, from the next batch on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]

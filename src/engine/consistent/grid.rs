@@ -15,6 +15,7 @@ use super::bin::Binned;
 use super::block::{Around, Block, BlockIndex, BlockKey, Cell, Voxel, offset_of};
 use super::noise::NoiseModel;
 use crate::engine::params::Params;
+use crate::engine::saved::{RestoreError, ensure};
 
 #[derive(Clone, Debug)]
 pub(super) struct Grid {
@@ -50,6 +51,37 @@ impl Grid {
             dense: 0,
             voxels: 0,
         }
+    }
+
+    /// Of these blocks in their slots; `free` are those that no block has, in the order in which they are given last to first.
+    pub(super) fn of(
+        params: &Params,
+        blocks: Vec<Option<Block>>,
+        free: &[u32],
+    ) -> Result<Self, RestoreError> {
+        let (taken, empty): (Vec<_>, Vec<_>) =
+            (0..blocks.len() as u32).partition(|&slot| blocks[slot as usize].is_some());
+        let mut given = free.to_vec();
+        given.sort_unstable();
+        ensure(given == empty, || format!("{} free slots, {} without a block", given.len(), empty.len()))?;
+        let mut grid = Self::new(params);
+        grid.free = free.iter().copied().map(BlockIndex).collect();
+        grid.blocks = blocks.into_iter().map(|block| block.unwrap_or_else(Block::new)).collect();
+        for slot in taken.into_iter().map(BlockIndex) {
+            let block = grid.block(slot);
+            let (key, dense, voxels) = (block.key, block.dense, block.voxels.len());
+            grid.dense += dense;
+            grid.voxels += voxels;
+            let before = grid.index.insert(key, slot);
+            ensure(before.is_none(), || format!("two blocks at {key:?}"))?;
+            grid.link(key, slot);
+        }
+        Ok(grid)
+    }
+
+    /// Places of the list that no block has.
+    pub(super) fn free(&self) -> &[BlockIndex] {
+        &self.free
     }
 
     pub(super) const fn voxel_size(&self) -> f64 {

@@ -45,6 +45,8 @@ pub(super) struct Loose {
     pub(super) place: u16,
     /// The patch beside it that it belongs to.
     pub(super) owner: Option<NodeId>,
+    /// It has become dense since the block was published.
+    pub(super) admitted: bool,
 }
 
 /// Not dense.
@@ -52,9 +54,13 @@ pub(super) const EMPTY: u8 = LOOSE - 1;
 
 impl Segmented {
     pub(super) fn new(grid: &Grid, block: &Block, rules: &Rules) -> Self {
-        let states = states(grid, block);
+        Self::of(states(grid, block), block.corner(), rules)
+    }
+
+    /// Of these states, ascending, in the block with this corner.
+    pub(super) fn of(states: Vec<State>, corner: [i32; 3], rules: &Rules) -> Self {
         let Patches { owner, flat } = segment(&states, rules);
-        let corner = Vector3::from(block.corner()).map(f64::from);
+        let corner = Vector3::from(corner).map(f64::from);
         let mut labels = Box::new([EMPTY; CELLS]);
         let mut members: Vec<Vec<&State>> = Vec::new();
         for (state, &number) in states.iter().zip(&owner) {
@@ -70,7 +76,7 @@ impl Segmented {
         let (contacts, slice_of) = (vec![Contacts::new(); patches.len()], vec![None; patches.len()]);
         let mut segmented = Self { states, labels, patches, contacts, slice_of, loose: Vec::new() };
         let loose = (0..).zip(&owner).filter(|(_, number)| segmented.is_loose(**number));
-        segmented.loose = loose.map(|(place, _)| Loose { place, owner: None }).collect();
+        segmented.loose = loose.map(|(place, _)| Loose { place, owner: None, admitted: false }).collect();
         segmented
     }
 
@@ -90,7 +96,7 @@ impl Segmented {
         let place = self.states.binary_search_by_key(&state.cell, |state| state.cell).err()?;
         let number = self.loose.partition_point(|loose| usize::from(loose.place) < place);
         self.loose[number..].iter_mut().for_each(|loose| loose.place += 1);
-        self.loose.insert(number, Loose { place: place as u16, owner: None });
+        self.loose.insert(number, Loose { place: place as u16, owner: None, admitted: true });
         self.labels[state.cell.index()] = LOOSE;
         self.states.insert(place, state);
         Some(number)

@@ -86,6 +86,7 @@ mod published;
 mod region;
 mod rim;
 mod rules;
+mod saved;
 mod scratch;
 mod simplify;
 mod standpoint;
@@ -97,3 +98,4 @@ mod view;
 
 pub use noise::NoiseModel;
 pub use pipeline::{Consistent, Partition};
+pub(super) use saved::SavedConsistent;

@@ -3,8 +3,10 @@
 //! A point weighs 1 / sigma^2, as an integer so that sums stay exact. All points that one scan puts into a voxel weigh
 //! the same, by the depth of their mean: sums do not depend on the order of the points.
 
+use serde::{Deserialize, Serialize};
+
 /// How the depth measurements of a sensor scatter.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum NoiseModel {
     /// The first Kinect, after Nguyen, Izadi and Lovell, "Modeling Kinect Sensor Noise for Improved 3D Reconstruction
     /// and Tracking", 2012: sigma = 1.2 mm + 1.9 mm (z - 0.4)^2 along z, about 0.8 pixels across it.

@@ -11,6 +11,7 @@ use super::grid::Grid;
 use super::layer::Segmented;
 use super::region::Region;
 use super::rules::Rules;
+use super::saved::{SavedConsistent, SavedGrid};
 use super::scratch;
 use super::standpoint::Standpoint;
 use super::state::states;
@@ -18,6 +19,7 @@ use super::surfaces::Surfaces;
 use crate::engine::key::VoxelKey;
 use crate::engine::now::Taken;
 use crate::engine::params::Params;
+use crate::engine::saved::RestoreError;
 use crate::engine::scan::Scan;
 use crate::engine::snapshot::{DenseVoxel, Snapshot, Update};
 use crate::engine::step::PipelineStep;
@@ -89,6 +91,37 @@ impl Consistent {
         };
         done(PipelineStep::Globals);
         update
+    }
+
+    pub(crate) const fn taken(&self) -> &Taken {
+        &self.taken
+    }
+
+    pub(crate) fn save(&self) -> SavedConsistent {
+        let states = |block| self.surfaces.save_states(&self.grid, block);
+        SavedConsistent {
+            grid: SavedGrid::of(&self.grid, states),
+            surfaces: self.surfaces.save(),
+            standpoint: self.standpoint.save(),
+            next: self.bounds.next(),
+        }
+    }
+
+    /// The engine that was saved, after the scans that it had `taken` in.
+    pub(crate) fn restore(params: Params, taken: Taken, map: &SavedConsistent) -> Result<Self, RestoreError> {
+        let sequence = taken.sequence;
+        let grid = map.grid.restore(&params, sequence)?;
+        let surfaces = Surfaces::restore(&map.surfaces, &map.grid.blocks, &grid, &params, sequence)?;
+        let stale = grid.blocks().filter(|(_, block)| block.is_stale()).map(|(slot, _)| slot).collect();
+        Ok(Self {
+            bounds: Bounds::restore(&params, &grid, map.next)?,
+            standpoint: Standpoint::restore(&map.standpoint, sequence)?,
+            grid,
+            surfaces,
+            stale,
+            taken,
+            ..Self::new(params)
+        })
     }
 
     /// The parameters it works with.

@@ -4,10 +4,12 @@
 //! moved, or when nearer views have made its noise less; it is looked at each time its weight has doubled, so that this
 //! costs next to nothing.
 
+use serde::{Deserialize, Serialize};
+
 use super::sums::Sums;
 
 /// What a voxel was when its block was published last; all zero while it never was.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Published {
     /// Mean of its points from its corner, in 1/65536 of its edge.
     mean: [u16; 3],
@@ -28,6 +30,12 @@ impl Published {
     pub(super) fn of(sums: &Sums) -> Self {
         let mean = sums.mean().map(|offset| (offset * 65536.0) as u16).into();
         Self { mean, points: sums.points, weight: sums.weight, looked_at: sums.weight, drifted: false }
+    }
+
+    /// Whether it can have been noted.
+    pub(super) const fn is_possible(&self) -> bool {
+        let most = 1 << 40;
+        self.points <= self.weight && self.weight <= most && self.looked_at <= most
     }
 
     /// Whether it was published as a dense voxel.

@@ -40,7 +40,7 @@ pub(super) fn partition(grid: &Grid, segmented: &[Segmented], rules: &Rules) -> 
 }
 
 /// Finds all contacts and slices; returns all patches.
-fn meet(grid: &Grid, segmented: &mut [Segmented], rules: &Rules) -> Vec<PatchId> {
+pub(super) fn meet(grid: &Grid, segmented: &mut [Segmented], rules: &Rules) -> Vec<PatchId> {
     let mut ids = Vec::new();
     for (index, block) in grid.blocks() {
         let mut met = vec![Contacts::new(); segmented[index.0 as usize].patches.len()];

@@ -4,6 +4,8 @@
 
 use nalgebra::Isometry3;
 
+use crate::engine::saved::{RestoreError, ensure};
+
 /// Turn from which on the sensor no longer stands still (rad).
 const TURN: f64 = 0.01;
 /// The same way, in voxels.
@@ -20,6 +22,19 @@ pub(super) struct Standpoint {
 impl Standpoint {
     pub(super) fn new() -> Self {
         Self { pose: Isometry3::identity(), since: 0 }
+    }
+
+    pub(super) const fn save(&self) -> (Isometry3<f64>, u64) {
+        (self.pose, self.since)
+    }
+
+    pub(super) fn restore(saved: &(Isometry3<f64>, u64), sequence: u64) -> Result<Self, RestoreError> {
+        let (pose, since) = *saved;
+        let possible = pose.translation.vector.iter().all(|c| c.is_finite())
+            && (pose.rotation.quaternion().norm() - 1.0).abs() < 1e-6
+            && since <= sequence;
+        ensure(possible, || format!("the sensor stands at {pose} since scan {since} of {sequence}"))?;
+        Ok(Self { pose, since })
     }
 
     pub(super) const fn since(&self) -> u64 {

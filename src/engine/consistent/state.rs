@@ -4,6 +4,8 @@
 
 use nalgebra::{Matrix3, UnitVector3, Vector3};
 
+use serde::{Deserialize, Serialize};
+
 use super::block::{Block, Cell, Voxel};
 use super::grid::Grid;
 use super::rules::Rules;
@@ -20,7 +22,7 @@ fn mean_weight(depth_variance: f64, points: f64) -> f64 {
 }
 
 /// A dense voxel, published.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct State {
     pub(super) cell: Cell,
     /// Number of points.
@@ -54,6 +56,21 @@ impl State {
             lateral_variance: grid.noise().lateral_variance(depth_variance) / metres_squared,
             towards: sums.towards(),
         }
+    }
+
+    /// Whether it can be that of a voxel's points: numbers within the bounds that they have there.
+    pub(super) fn is_possible(&self) -> bool {
+        let offsets = self.mean - Vector3::from(self.cell.coordinates()).map(f64::from);
+        let within = |value: f64, low: f64, high: f64| (low..=high).contains(&value);
+        self.count > 0
+            && offsets.iter().all(|&offset| within(offset, 0.0, 1.0))
+            && self.spread.iter().all(|&entry| within(entry, -1.0, 1.0))
+            && self.spread == self.spread.transpose()
+            && self.mean_weight > 0.0
+            && self.mean_weight <= 1.0 / (BIAS * BIAS)
+            && within(self.depth_variance, 0.0, 1e9)
+            && within(self.lateral_variance, 0.0, 1e9)
+            && self.towards.iter().all(|&part| within(part, -1.01, 1.01))
     }
 
     /// Variance that noise alone gives its points along `normal`.

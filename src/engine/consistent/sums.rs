@@ -10,6 +10,8 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use serde::{Deserialize, Serialize};
+
 use crate::engine::binning;
 
 /// Units of an offset in a voxel's edge.
@@ -51,7 +53,7 @@ impl ScanSums {
 }
 
 /// Everything a voxel knows of its points.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Sums {
     /// Number of points, halved when the sums are.
     pub(super) points: u64,
@@ -63,6 +65,20 @@ pub(super) struct Sums {
 }
 
 impl Sums {
+    /// Whether points can have these sums.
+    pub(super) fn is_possible(&self) -> bool {
+        let edge = binning::UNITS as u64;
+        let most = self.weight.saturating_mul(edge);
+        let directions = (self.points as i64).saturating_mul(1025);
+        // Halved, each sum is rounded down on its own.
+        self.points > 0
+            && self.points <= self.weight
+            && self.weight <= AGED_WEIGHT
+            && self.sum.iter().all(|&sum| sum <= most)
+            && self.squares.iter().all(|&square| square <= most * edge)
+            && self.towards.iter().all(|towards| (-directions..=directions).contains(towards))
+    }
+
     /// Adds a scan's points, each of this weight and seen from this direction (of unit length).
     pub(super) fn fold(&mut self, scan: &ScanSums, weight: u64, towards: &Vector3<f64>) {
         let count = u64::from(scan.count);

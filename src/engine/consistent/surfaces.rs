@@ -12,11 +12,13 @@
 mod identify;
 mod landmarks;
 mod loose;
+mod saved;
 mod tell;
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use self::landmarks::Landmarks;
+pub(super) use self::saved::SavedSurfaces;
 use super::block::{BlockIndex, Cell};
 use super::cluster::Cluster;
 use super::exact::Exact;

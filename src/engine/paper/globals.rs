@@ -8,6 +8,9 @@ use std::collections::VecDeque;
 
 use nalgebra::UnitVector3;
 
+mod saved;
+
+pub(crate) use self::saved::SavedGlobals;
 use super::extremes::Extremes;
 use super::grid::{Grid, Label, Touched};
 use super::moments::Moments;

@@ -45,9 +45,9 @@ pub(crate) struct Voxel {
     pub(crate) key: VoxelKey,
     pub(crate) count: u32,
     /// Offsets from the corner, summed per axis, in units of `voxel_size / 2^32`.
-    sum: [u64; 3],
+    pub(super) sum: [u64; 3],
     /// The newest scan that put a point here.
-    touched: u64,
+    pub(super) touched: u64,
     pub(crate) surface: Option<Surface>,
     pub(crate) label: Label,
 }
@@ -114,6 +114,18 @@ impl Run {
 impl Grid {
     pub(crate) fn new(voxel_size: f64, min_points: u32) -> Self {
         Self { voxel_size, min_points, index: HashMap::default(), voxels: Vec::new(), dense: 0 }
+    }
+
+    /// Of these voxels, each of another key, in the order of the list.
+    pub(super) fn of(voxel_size: f64, min_points: u32, voxels: Vec<Voxel>) -> Self {
+        let index = (0..).map(VoxelIndex).zip(&voxels).map(|(index, voxel)| (voxel.key, index)).collect();
+        let dense = voxels.iter().filter(|voxel| voxel.count >= min_points).count() as u32;
+        Self { voxel_size, min_points, index, voxels, dense }
+    }
+
+    /// All voxels, in the order of the list.
+    pub(super) fn voxels(&self) -> &[Voxel] {
+        &self.voxels
     }
 
     pub(crate) const fn voxel_size(&self) -> f64 {
@@ -200,7 +212,8 @@ impl Grid {
             }
             run.count += 1;
             for axis in 0..3 {
-                run.sum[axis] += ((point[axis] - f64::from(index[axis])) * TWO_POW_32).round_ties_even() as u64;
+                run.sum[axis] +=
+                    ((point[axis] - f64::from(index[axis])) * TWO_POW_32).round_ties_even() as u64;
             }
         }
         self.flush(&run, sequence, binned);

@@ -19,6 +19,8 @@ mod normals;
 pub mod oracle;
 mod partial;
 mod pipeline;
+mod saved;
 pub mod statics;
 
 pub use pipeline::Cfodi;
+pub(crate) use saved::SavedCfodi;

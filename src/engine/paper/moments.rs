@@ -6,7 +6,7 @@
 //! sign ([`crate::engine::GRID_REACH`]), so a coordinate stays below 2^50 units, its square below 2^100, and a map of 2^27
 //! voxels within 2^127. Adding, removing and merging cost O(1).
 
-use nalgebra::{Matrix3, Point3, Vector3};
+use nalgebra::{Matrix3, Point3};
 
 use crate::engine::key::VoxelKey;
 
@@ -31,12 +31,6 @@ impl Centre {
     /// In metres.
     pub(crate) fn metres(self, voxel_size: f64) -> Point3<f64> {
         Point3::from(self.0.map(|c| c as f64 / UNITS as f64 * voxel_size))
-    }
-
-    /// From the corner of voxel `origin`, in voxels: short, so that products of it keep their digits.
-    pub(crate) fn offset_from(self, origin: VoxelKey) -> Vector3<f64> {
-        let corner = origin.indices();
-        Vector3::from_fn(|i, _| (self.0[i] - i64::from(corner[i]) * UNITS) as f64 / UNITS as f64)
     }
 }
 
@@ -201,6 +195,5 @@ mod tests {
         let centre = Centre::new(key, [1 << 32, 3 << 31, 0], 3);
         let metres = centre.metres(0.3);
         assert!((metres - Point3::new((-2.0 + 1.0 / 3.0) * 0.3, 0.15, 1.5)).norm() < 1e-9);
-        assert!((centre.offset_from(key) - Vector3::new(1.0 / 3.0, 0.5, 0.0)).norm() < 1e-9);
     }
 }

@@ -6,9 +6,11 @@ use super::describe::describe;
 use super::globals::Globals;
 use super::grid::{Binned, Grid};
 use super::neighbourhood::Neighbourhood;
+use super::saved::{self, SavedCfodi, SavedVoxel};
 use super::{normals, partial, statics};
 use crate::engine::now::{Now, Taken};
 use crate::engine::params::Params;
+use crate::engine::saved::{RestoreError, ensure};
 use crate::engine::scan::Scan;
 use crate::engine::snapshot::{ChangedCluster, DenseVoxel, Snapshot, Update};
 use crate::engine::step::PipelineStep;
@@ -63,6 +65,26 @@ impl Cfodi {
         let update = self.update(&binned, now);
         done(PipelineStep::Globals);
         update
+    }
+
+    pub(crate) const fn taken(&self) -> &Taken {
+        &self.taken
+    }
+
+    pub(crate) fn save(&self) -> SavedCfodi {
+        SavedCfodi {
+            voxels: self.grid.voxels().iter().map(SavedVoxel::of).collect(),
+            globals: self.globals.save(),
+            sensor: self.sensor,
+        }
+    }
+
+    /// The engine that was saved, after the scans that it had `taken` in.
+    pub(crate) fn restore(params: Params, taken: Taken, map: &SavedCfodi) -> Result<Self, RestoreError> {
+        ensure(map.sensor.iter().all(|c| c.is_finite()), || format!("the sensor is at {}", map.sensor))?;
+        let grid = saved::grid(&map.voxels, map.globals.slots(), &params, taken.sequence)?;
+        let globals = Globals::restore(&map.globals, &grid, taken.sequence)?;
+        Ok(Self { grid, globals, search: Neighbourhood::default(), taken, sensor: map.sensor, params })
     }
 
     /// The parameters it works with.

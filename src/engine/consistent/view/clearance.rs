@@ -1,5 +1,7 @@
 //! When a voxel has been seen through often enough.
 
+use serde::{Deserialize, Serialize};
+
 /// How often a voxel has been seen through, less what speaks for it.
 ///
 /// One look is no proof: a depth scatters, a pose lags behind. So the points of a voxel are dropped when it was seen through
@@ -10,7 +12,7 @@
 /// Yet the last millimetres of a table may have no more than one or two in a scan. So they take back one vote: a ghost
 /// stays only if points stray into it as often as it is looked at, and a thin thing that is hit as often as it is missed
 /// stays, though the directions beside it should prevent that it is seen through at all.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Clearance(u8);
 
 impl Clearance {

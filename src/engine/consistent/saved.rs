@@ -1,0 +1,191 @@
+//! A map of this engine as plain data, and back.
+//!
+//! Voxels with their exact sums and what was published of them, the slots of blocks, patches and clusters, and who the
+//! clusters are. Patches, joins, sums, footprints and outlines follow from these and are found again.
+
+use std::collections::BTreeSet;
+
+use nalgebra::Isometry3;
+use serde::{Deserialize, Serialize};
+
+use super::block::{Block, BlockIndex, BlockKey, CELLS, Cell, EDGE, NO_VOXEL, UNTOUCHED, Voxel};
+use super::grid::Grid;
+use super::published::Published;
+use super::state::State;
+use super::sums::Sums;
+use super::surfaces::SavedSurfaces;
+use super::view::Clearance;
+use crate::engine::key::GRID_REACH;
+use crate::engine::params::{MAX_POINTS, Params};
+use crate::engine::saved::{RestoreError, ensure};
+
+/// All of a [`Consistent`](super::Consistent) but its parameters and the scans that it has taken in.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct SavedConsistent {
+    pub(super) grid: SavedGrid,
+    pub(super) surfaces: SavedSurfaces,
+    /// Where the sensor stands, and since which scan.
+    pub(super) standpoint: (Isometry3<f64>, u64),
+    /// The block at which forgetting goes on.
+    pub(super) next: u64,
+}
+
+/// The blocks, in their slots.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct SavedGrid {
+    pub(super) blocks: Vec<Option<SavedBlock>>,
+    free: Vec<u32>,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct SavedBlock {
+    key: BlockKey,
+    voxels: Vec<SavedVoxel>,
+    changed: bool,
+    drifted: u32,
+    points: u32,
+    unknown: u32,
+    published: u64,
+    begun: u64,
+    seen: u64,
+    /// Of its dense voxels, by ascending cell.
+    pub(super) states: Vec<SavedState>,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct SavedVoxel {
+    cell: Cell,
+    count: u32,
+    sums: Sums,
+    published: Published,
+    hit: u64,
+    clearance: Clearance,
+}
+
+/// A dense voxel as the surfaces know it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct SavedState {
+    cell: Cell,
+    /// It has become dense since its block was published.
+    pub(super) admitted: bool,
+    /// `None` where it is as it would be published now.
+    state: Option<State>,
+}
+
+impl SavedState {
+    pub(super) fn of(grid: &Grid, block: &Block, state: &State, admitted: bool) -> Self {
+        let now = block.voxel(state.cell).map(|voxel| State::new(grid, voxel));
+        let is_other = now.as_ref() != Some(state);
+        Self { cell: state.cell, admitted, state: is_other.then(|| state.clone()) }
+    }
+
+    /// The state of a dense voxel of this block.
+    pub(super) fn restore(&self, grid: &Grid, block: &Block) -> Result<State, RestoreError> {
+        let voxel = if self.cell.index() < CELLS { block.voxel(self.cell) } else { None };
+        let voxel = voxel.filter(|voxel| grid.is_dense(voxel));
+        let Some(voxel) = voxel else {
+            return Err(RestoreError::Contradiction(format!(
+                "{:?} of {:?} is not dense",
+                self.cell, block.key
+            )));
+        };
+        let Some(state) = &self.state else { return Ok(State::new(grid, voxel)) };
+        ensure(state.cell == self.cell && state.is_possible(), || format!("an impossible state: {state:?}"))?;
+        Ok(state.clone())
+    }
+}
+
+impl SavedGrid {
+    /// `states` gives what the surfaces know of a block.
+    pub(super) fn of(grid: &Grid, states: impl Fn(BlockIndex) -> Vec<SavedState>) -> Self {
+        let free: BTreeSet<_> = grid.free().iter().copied().collect();
+        let saved = |(slot, block)| (!free.contains(&slot)).then(|| SavedBlock::of(block, states(slot)));
+        Self {
+            blocks: grid.blocks().map(saved).collect(),
+            free: grid.free().iter().map(|free| free.0).collect(),
+        }
+    }
+
+    pub(super) fn restore(&self, params: &Params, sequence: u64) -> Result<Grid, RestoreError> {
+        let blocks = self.blocks.iter().map(|block| match block {
+            Some(block) => block.restore(params, sequence).map(Some),
+            None => Ok(None),
+        });
+        Grid::of(params, blocks.collect::<Result<_, _>>()?, &self.free)
+    }
+}
+
+impl SavedBlock {
+    fn of(block: &Block, states: Vec<SavedState>) -> Self {
+        let voxel = |voxel: &Voxel| SavedVoxel {
+            cell: voxel.cell,
+            count: voxel.count,
+            sums: voxel.sums,
+            published: voxel.published,
+            hit: voxel.hit,
+            clearance: voxel.clearance,
+        };
+        Self {
+            key: block.key,
+            voxels: block.voxels.iter().map(voxel).collect(),
+            changed: block.changed,
+            drifted: block.drifted,
+            points: block.points,
+            unknown: block.unknown,
+            published: block.published(),
+            begun: block.begun(),
+            seen: block.seen,
+            states,
+        }
+    }
+
+    fn restore(&self, params: &Params, sequence: u64) -> Result<Block, RestoreError> {
+        let key = self.key;
+        let reach = GRID_REACH / EDGE;
+        ensure(key.iter().all(|i| (-reach..reach).contains(i)), || format!("block {key:?} is out of reach"))?;
+        let scans = [self.published, self.begun, self.seen];
+        let few =
+            self.drifted as usize <= CELLS && self.unknown <= self.points && self.points <= MAX_POINTS / 4;
+        ensure(few && scans.iter().all(|&scan| scan <= sequence), || {
+            format!(
+                "block {key:?} counts what cannot be: scans {scans:?}, {} drifted, {} of {} points unknown",
+                self.drifted, self.unknown, self.points
+            )
+        })?;
+        let mut block = Block::new();
+        block.begin(key);
+        for voxel in &self.voxels {
+            let is_new = voxel.cell.index() < CELLS && block.places[voxel.cell.index()] == NO_VOXEL;
+            ensure(is_new, || format!("{:?} of block {key:?} is there twice or outside", voxel.cell))?;
+            block.places[voxel.cell.index()] = block.voxels.len() as u16;
+            block.voxels.push(voxel.restore(sequence)?);
+        }
+        block.dense = block.voxels.iter().filter(|voxel| voxel.count >= params.min_points()).count() as u32;
+        (block.changed, block.drifted, block.seen) = (self.changed, self.drifted, self.seen);
+        (block.points, block.unknown) = (self.points, self.unknown);
+        block.note_begun(self.begun, self.published);
+        ensure(self.states.len() == block.dense as usize, || {
+            format!("block {key:?} has {} dense voxels and states of {}", block.dense, self.states.len())
+        })?;
+        Ok(block)
+    }
+}
+
+impl SavedVoxel {
+    fn restore(&self, sequence: u64) -> Result<Voxel, RestoreError> {
+        let possible = (1..=MAX_POINTS).contains(&self.count)
+            && self.sums.is_possible()
+            && self.published.is_possible()
+            && self.hit <= sequence;
+        ensure(possible, || format!("an impossible voxel after {sequence} scans: {self:?}"))?;
+        Ok(Voxel {
+            cell: self.cell,
+            count: self.count,
+            sums: self.sums,
+            published: self.published,
+            touched: UNTOUCHED,
+            hit: self.hit,
+            clearance: self.clearance,
+        })
+    }
+}

@@ -1,0 +1,223 @@
+//! The clusters as plain data, and back: every patch, contact, join and sum is found anew.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use serde::{Deserialize, Serialize};
+
+use super::Surfaces;
+use crate::engine::class::SurfaceClass;
+use crate::engine::consistent::block::{BlockIndex, CELLS};
+use crate::engine::consistent::cluster::{Cluster, Identity};
+use crate::engine::consistent::describe;
+use crate::engine::consistent::footprint::{Axis, Footprint};
+use crate::engine::consistent::graph::{ComponentId, Graph, NodeId, Slots};
+use crate::engine::consistent::grid::Grid;
+use crate::engine::consistent::layer::{PatchId, Segmented, are_joined, patch};
+use crate::engine::consistent::rules::Rules;
+use crate::engine::consistent::saved::{SavedBlock, SavedState};
+use crate::engine::consistent::scratch;
+use crate::engine::params::Params;
+use crate::engine::saved::{RestoreError, ensure, ensure_counted};
+use crate::engine::scan::Stamp;
+use crate::engine::snapshot::ClusterState;
+
+/// All of [`Surfaces`] that does not follow from the states of the voxels.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(in super::super) struct SavedSurfaces {
+    /// By block: the nodes of its patches, by number.
+    nodes: Vec<Vec<u32>>,
+    slots: Slots,
+    /// By component.
+    clusters: Vec<Option<SavedCluster>>,
+    ids_given: u64,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct SavedCluster {
+    identity: Identity,
+    /// That along which its footprint is projected.
+    axis: u8,
+    told: Option<SavedTold>,
+}
+
+/// What was told of a cluster that does not follow from its voxels.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct SavedTold {
+    state: ClusterState,
+    class: SurfaceClass,
+    class_confidence: f32,
+    last_seen: Stamp,
+}
+
+impl Surfaces {
+    pub(in super::super) fn save(&self) -> SavedSurfaces {
+        let told = |cluster: &Cluster| {
+            cluster.told.as_ref().map(|told| SavedTold {
+                state: told.state,
+                class: told.class,
+                class_confidence: told.class_confidence,
+                last_seen: told.last_seen,
+            })
+        };
+        let saved = |cluster: &Cluster| SavedCluster {
+            identity: cluster.identity.clone(),
+            axis: cluster.footprint.axis().index() as u8,
+            told: told(cluster),
+        };
+        SavedSurfaces {
+            nodes: self.nodes.iter().map(|nodes| nodes.iter().map(|node| node.0).collect()).collect(),
+            slots: self.graph.slots_taken(),
+            clusters: self.clusters.iter().map(|cluster| cluster.as_deref().map(saved)).collect(),
+            ids_given: self.ids_given,
+        }
+    }
+
+    /// The states of a block, as they are to be saved.
+    pub(in super::super) fn save_states(&self, grid: &Grid, block: BlockIndex) -> Vec<SavedState> {
+        let Some(here) = self.segmented.get(block.0 as usize) else { return Vec::new() };
+        let admitted: BTreeSet<_> =
+            here.loose.iter().filter(|loose| loose.admitted).map(|loose| loose.place).collect();
+        let states = (0..).zip(&here.states);
+        let block = grid.block(block);
+        states.map(|(place, state)| SavedState::of(grid, block, state, admitted.contains(&place))).collect()
+    }
+
+    /// The clusters of the voxels of `grid`; `blocks` say what they were published as.
+    pub(in super::super) fn restore(
+        map: &SavedSurfaces,
+        blocks: &[Option<SavedBlock>],
+        grid: &Grid,
+        params: &Params,
+        sequence: u64,
+    ) -> Result<Self, RestoreError> {
+        ensure_counted("the number of ids given", map.ids_given)?;
+        let mut surfaces = Self::new(Rules::new(params));
+        surfaces.ids_given = map.ids_given;
+        for (slot, block) in (0..).map(BlockIndex).zip(blocks) {
+            let states = block.as_ref().map_or(&[][..], |block| &block.states);
+            surfaces.segmented.push(segmented(states, grid, slot, &surfaces.rules)?);
+        }
+        let ids = scratch::meet(grid, &mut surfaces.segmented, &surfaces.rules);
+        surfaces.restore_nodes(map, &ids)?;
+        surfaces.restore_graph(map, &ids)?;
+        surfaces.restore_clusters(map, sequence)?;
+        (0..blocks.len() as u32).for_each(|block| surfaces.enter(grid, BlockIndex(block)));
+        surfaces.restore_told(map, params)?;
+        Ok(surfaces)
+    }
+
+    fn restore_nodes(&mut self, map: &SavedSurfaces, ids: &[PatchId]) -> Result<(), RestoreError> {
+        let patches = self.segmented.iter().map(|segmented| segmented.patches.len());
+        ensure(map.nodes.iter().map(Vec::len).eq(patches), || {
+            format!("{} patches, {} nodes", ids.len(), map.nodes.iter().map(Vec::len).sum::<usize>())
+        })?;
+        let nodes = map.nodes.iter().map(|nodes| nodes.iter().copied().map(NodeId).collect());
+        self.nodes = nodes.collect();
+        Ok(())
+    }
+
+    fn node(&self, id: PatchId) -> NodeId {
+        self.nodes[id.block.0 as usize][usize::from(id.number)]
+    }
+
+    fn restore_graph(&mut self, map: &SavedSurfaces, ids: &[PatchId]) -> Result<(), RestoreError> {
+        let weight = |&id: &PatchId| (self.node(id), patch(&self.segmented, id).cells.len() as u32);
+        let weights: BTreeMap<_, _> = ids.iter().map(weight).collect();
+        ensure(weights.len() == ids.len(), || format!("{} patches at {} nodes", ids.len(), weights.len()))?;
+        let mut edges = Vec::new();
+        for &id in ids {
+            for (&other, contact) in &self.segmented[id.block.0 as usize].contacts[usize::from(id.number)] {
+                if are_joined(&self.segmented, id, other, contact, &self.rules) {
+                    edges.push((self.node(id), self.node(other)));
+                }
+            }
+        }
+        self.graph = Graph::restore(&map.slots, &weights, &edges)?;
+        self.patches = vec![None; self.graph.node_slots()];
+        ids.iter().for_each(|&id| {
+            let node = self.node(id);
+            self.patches[node.0 as usize] = Some(id);
+        });
+        Ok(())
+    }
+
+    fn restore_clusters(&mut self, map: &SavedSurfaces, sequence: u64) -> Result<(), RestoreError> {
+        ensure(map.clusters.len() == map.slots.components(), || {
+            format!("{} clusters in {} slots", map.clusters.len(), map.slots.components())
+        })?;
+        let mut ids = BTreeSet::new();
+        for (component, saved) in (0..).map(ComponentId).zip(&map.clusters) {
+            ensure(saved.is_some() != self.graph.nodes(component).is_empty(), || {
+                format!("{component:?} has {} patches: {saved:?}", self.graph.nodes(component).len())
+            })?;
+            let Some(saved) = saved else {
+                self.clusters.push(None);
+                continue;
+            };
+            let identity = &saved.identity;
+            let is_new = identity.id.is_none_or(|id| id.get() <= map.ids_given && ids.insert(id));
+            let possible = is_new && identity.grown <= sequence && identity.merged_from.is_empty();
+            let axis = Axis::of(saved.axis).filter(|_| possible);
+            let axis = axis.ok_or_else(|| {
+                RestoreError::Contradiction(format!(
+                    "an impossible cluster after {sequence} scans: {saved:?}"
+                ))
+            })?;
+            let mut cluster = Cluster::new(identity.clone());
+            cluster.footprint = Footprint::new(axis);
+            self.clusters.push(Some(Box::new(cluster)));
+        }
+        Ok(())
+    }
+
+    fn restore_told(&mut self, map: &SavedSurfaces, params: &Params) -> Result<(), RestoreError> {
+        for (component, saved) in (0..).map(ComponentId).zip(&map.clusters) {
+            let (Some(cluster), Some(saved)) = (self.clusters[component.0 as usize].as_deref_mut(), saved)
+            else {
+                continue;
+            };
+            let told = cluster.identity.id.and_then(|id| describe::describe(cluster, id, params));
+            ensure(told.is_some() == saved.told.is_some(), || {
+                format!("{component:?} can be told of: {}, and was: {:?}", told.is_some(), saved.told)
+            })?;
+            cluster.told = told;
+            if let (Some(told), Some(saved)) = (&mut cluster.told, &saved.told) {
+                ensure((0.0..=1.0).contains(&saved.class_confidence), || format!("confidence of {saved:?}"))?;
+                (told.state, told.last_seen) = (saved.state, saved.last_seen);
+                (told.class, told.class_confidence) = (saved.class, saved.class_confidence);
+            }
+            cluster.counted = if cluster.identity.id.is_some() { cluster.voxels } else { 0 };
+            self.clustered += cluster.counted;
+            self.landmarks.set(component, cluster.told.as_ref());
+        }
+        // What was entered is no news.
+        self.changed.clear();
+        Ok(())
+    }
+}
+
+/// A block as it was published last, with what has become dense since.
+fn segmented(
+    states: &[SavedState],
+    grid: &Grid,
+    block: BlockIndex,
+    rules: &Rules,
+) -> Result<Segmented, RestoreError> {
+    let here = grid.block(block);
+    let (mut published, mut admitted) = (Vec::new(), Vec::new());
+    for saved in states {
+        let state = saved.restore(grid, here)?;
+        if saved.admitted { admitted.push(state) } else { published.push(state) }
+    }
+    ensure(published.is_sorted_by(|a, b| a.cell < b.cell), || {
+        format!("states of block {:?} are out of order, of {CELLS} cells", here.key)
+    })?;
+    let mut segmented = Segmented::of(published, here.corner(), rules);
+    for state in admitted {
+        let cell = state.cell;
+        ensure(segmented.admit(state).is_some(), || {
+            format!("{cell:?} of block {:?} is there twice", here.key)
+        })?;
+    }
+    Ok(segmented)
+}

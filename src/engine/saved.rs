@@ -1,0 +1,124 @@
+//! A whole map as plain data: all that an engine needs to go on as if it had never stopped.
+//!
+//! What can be found again is not in it: patches, joins, outlines and sums of clusters follow from the voxels and come out
+//! the same to the last bit. So nothing in a restored map can contradict its voxels, and what is read is checked where it is
+//! taken in: sums and counts within their bounds, places within the grid, clusters that hang together.
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use super::consistent::NoiseModel;
+use super::now::Taken;
+use super::params::{Mode, Params};
+use super::{consistent, paper};
+
+/// A map as it was after a scan; see [`Engine::save`](super::Engine::save).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SavedMap {
+    pub(super) shape: Shape,
+    pub(super) taken: Taken,
+    pub(super) method: Method,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) enum Method {
+    Paper(Box<paper::SavedCfodi>),
+    Consistent(Box<consistent::SavedConsistent>),
+}
+
+/// The parameters without which a map is another one.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Shape {
+    mode: Mode,
+    voxel_size: f64,
+    min_points: u32,
+    depth: u8,
+    max_normal_angle: f64,
+    min_vicinity: u32,
+    noise_model: NoiseModel,
+}
+
+/// A saved map that cannot be gone on with.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum RestoreError {
+    /// It was made with another parameter.
+    #[error("the map was made with {name} {saved}, now it is {now}")]
+    Parameter {
+        /// The parameter.
+        name: &'static str,
+        /// Its value then.
+        saved: String,
+        /// Its value now.
+        now: String,
+    },
+    /// It is not what an engine saves.
+    #[error("the map contradicts itself: {0}")]
+    Contradiction(String),
+}
+
+/// A contradiction where `holds` is false; `what` says which, with its numbers.
+pub(super) fn ensure(holds: bool, what: impl FnOnce() -> String) -> Result<(), RestoreError> {
+    if holds { Ok(()) } else { Err(RestoreError::Contradiction(what())) }
+}
+
+/// Scans, and ids given, beyond which no map has got: they go on counting up from there.
+const MOST_COUNTED: u64 = 1 << 60;
+
+/// Checks a count that goes on.
+pub(super) fn ensure_counted(name: &str, count: u64) -> Result<(), RestoreError> {
+    ensure(count <= MOST_COUNTED, || format!("{name} is {count}, more than {MOST_COUNTED}"))
+}
+
+impl SavedMap {
+    /// Number of scans taken in so far.
+    pub const fn sequence(&self) -> u64 {
+        self.taken.sequence
+    }
+
+    /// Checks the parts that both methods have.
+    pub(super) fn check(&self, params: &Params) -> Result<(), RestoreError> {
+        self.shape.check(params)?;
+        ensure_counted("the number of scans", self.taken.sequence)?;
+        ensure(self.taken.stamp.is_some() == (self.taken.sequence > 0), || {
+            format!("stamp {:?} after {} scans", self.taken.stamp, self.taken.sequence)
+        })
+    }
+}
+
+impl Shape {
+    pub(super) const fn of(params: &Params) -> Self {
+        Self {
+            mode: params.mode(),
+            voxel_size: params.voxel_size(),
+            min_points: params.min_points(),
+            depth: params.depth(),
+            max_normal_angle: params.max_normal_angle(),
+            min_vicinity: params.min_vicinity(),
+            noise_model: params.noise_model(),
+        }
+    }
+
+    /// The parameters by name. `consistent` asks for neither depth nor vicinity, `paper` for no noise.
+    fn values(&self) -> Vec<(&'static str, String)> {
+        let both = [
+            ("mode", format!("{:?}", self.mode).to_lowercase()),
+            ("voxel_size", self.voxel_size.to_string()),
+            ("min_points", self.min_points.to_string()),
+            ("max_normal_angle", self.max_normal_angle.to_string()),
+        ];
+        let own = match self.mode {
+            Mode::Paper => {
+                vec![("depth", self.depth.to_string()), ("min_vicinity", self.min_vicinity.to_string())]
+            }
+            Mode::Consistent => vec![("noise_model", format!("{:?}", self.noise_model))],
+        };
+        both.into_iter().chain(own).collect()
+    }
+
+    fn check(&self, params: &Params) -> Result<(), RestoreError> {
+        let pairs = self.values().into_iter().zip(Self::of(params).values());
+        let mut others = pairs.filter(|(saved, now)| saved != now);
+        let Some(((name, saved), (_, now))) = others.next() else { return Ok(()) };
+        Err(RestoreError::Parameter { name, saved, now })
+    }
+}
