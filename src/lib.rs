@@ -24,6 +24,8 @@ pub mod replay;
 pub mod report;
 #[cfg(feature = "sim")]
 pub mod sim;
+#[cfg(feature = "store")]
+pub mod store;
 #[cfg(feature = "frames")]
 pub mod tf;
 pub mod worker;

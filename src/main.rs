@@ -25,7 +25,7 @@ struct Cli {
 #[derive(Debug, Subcommand)]
 enum Verb {
     /// The live ROS 2 node: clouds in, surface clusters out
-    Run,
+    Run(run::Options),
     /// A recorded bag through the same engine: every scan, in order, as fast as the processor allows
     Replay(replay::Options),
     /// The paper's figures and tables on a recording, CFODI beside STATIC; with --scene, scores against a simulator's truth
@@ -49,7 +49,7 @@ fn main() -> ExitCode {
     let cli = Cli::parse_from(rest);
     cli::start_log(setup.log_level.as_deref());
     let done = match cli.verb {
-        Verb::Run => run::run(&setup).map(|()| ExitCode::SUCCESS),
+        Verb::Run(options) => run::run(&setup, &options),
         Verb::Replay(options) => replay::replay(&setup, &options),
         Verb::Experiment(options) => experiment::experiment(&setup, &options),
         Verb::Demo(options) => demo::demo(&setup, &options).map(|()| ExitCode::SUCCESS),

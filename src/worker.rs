@@ -9,7 +9,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 
-use crate::engine::{Engine, Params, Scan, Snapshot, Update};
+use crate::engine::{Engine, SavedMap, Scan, Snapshot, Update};
 
 /// What the worker has to say.
 #[derive(Clone, Debug)]
@@ -28,6 +28,13 @@ pub enum Output {
         /// The map.
         snapshot: Arc<Snapshot>,
     },
+    /// All of the map, as asked for by [`Worker::request_save`].
+    Saved {
+        /// The session it belongs to.
+        session: u64,
+        /// The map.
+        map: Box<SavedMap>,
+    },
     /// The engine has panicked; nothing more will come.
     Died(String),
 }
@@ -43,6 +50,7 @@ struct Pending {
     /// Oldest first.
     scans: VecDeque<Scan>,
     snapshot: bool,
+    save: bool,
     stop: bool,
 }
 
@@ -51,6 +59,7 @@ struct Task {
     session: Option<u64>,
     scan: Option<Scan>,
     snapshot: bool,
+    save: bool,
     stop: bool,
 }
 
@@ -79,31 +88,34 @@ impl Mailbox {
     }
 
     fn take(&self) -> Task {
-        let empty = |p: &mut Pending| p.session.is_none() && p.scans.is_empty() && !p.snapshot && !p.stop;
+        let empty =
+            |p: &mut Pending| p.session.is_none() && p.scans.is_empty() && !p.snapshot && !p.save && !p.stop;
         let waited = self.filled.wait_while(self.lock(), empty);
         let mut pending = waited.unwrap_or_else(PoisonError::into_inner);
         let scan = pending.scans.pop_front();
         // The end comes after all scans and with the whole map; a snapshot in between must not wait for a pause.
         let stop = pending.stop && pending.scans.is_empty();
-        let snapshot = (stop || !pending.stop) && std::mem::take(&mut pending.snapshot);
-        Task { session: pending.session.take(), scan, snapshot, stop }
+        let is_time = stop || !pending.stop;
+        let snapshot = is_time && std::mem::take(&mut pending.snapshot);
+        let save = is_time && std::mem::take(&mut pending.save);
+        Task { session: pending.session.take(), scan, snapshot, save, stop }
     }
 }
 
 impl Worker {
-    /// Starts the thread `cfodi-engine` with an empty map under the id `session`; `sink` is called on that thread.
+    /// Starts the thread `cfodi-engine` with the map of `engine` under the id `session`; `sink` is called on that thread.
     ///
     /// # Errors
     /// When the system gives no thread.
     pub fn start(
-        params: Params,
+        engine: Engine,
         session: u64,
         sink: impl FnMut(Output) + Send + 'static,
     ) -> std::io::Result<Self> {
         let mailbox = Arc::new(Mailbox::default());
         let thread = std::thread::Builder::new().name("cfodi-engine".to_owned()).spawn({
             let mailbox = Arc::clone(&mailbox);
-            move || guard(&mailbox, params, session, sink)
+            move || guard(&mailbox, engine, session, sink)
         })?;
         Ok(Self { mailbox, thread: Some(thread) })
     }
@@ -120,6 +132,11 @@ impl Worker {
     /// Asks for the map: after the next scan where one waits, and after all scans when the worker is about to end.
     pub fn request_snapshot(&self) {
         self.mailbox.put(|pending| pending.snapshot = true);
+    }
+
+    /// Asks for all of the map, to save it; when, as with [`Self::request_snapshot`].
+    pub fn request_save(&self) {
+        self.mailbox.put(|pending| pending.save = true);
     }
 
     /// Begins a new session with an empty map; returns how many scans that were still waiting were thrown away.
@@ -142,8 +159,8 @@ impl Drop for Worker {
     }
 }
 
-fn guard(mailbox: &Mailbox, params: Params, session: u64, mut sink: impl FnMut(Output)) {
-    let work = AssertUnwindSafe(|| work(mailbox, params, session, &mut sink));
+fn guard(mailbox: &Mailbox, engine: Engine, session: u64, mut sink: impl FnMut(Output)) {
+    let work = AssertUnwindSafe(|| work(mailbox, engine, session, &mut sink));
     if let Err(panic) = catch_unwind(work) {
         let text = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
         let text = text.or_else(|| panic.downcast_ref::<String>().cloned());
@@ -151,19 +168,21 @@ fn guard(mailbox: &Mailbox, params: Params, session: u64, mut sink: impl FnMut(O
     }
 }
 
-fn work(mailbox: &Mailbox, params: Params, mut session: u64, sink: &mut impl FnMut(Output)) {
-    let mut engine = Engine::new(params);
+fn work(mailbox: &Mailbox, mut engine: Engine, mut session: u64, sink: &mut impl FnMut(Output)) {
     loop {
         let task = mailbox.take();
         if let Some(new) = task.session {
             session = new;
-            engine = Engine::new(params);
+            engine = Engine::new(*engine.params());
         }
         if let Some(scan) = task.scan {
             sink(Output::Scan { session, update: engine.insert(&scan) });
         }
         if task.snapshot {
             sink(Output::Snapshot { session, snapshot: Arc::new(engine.snapshot()) });
+        }
+        if task.save {
+            sink(Output::Saved { session, map: Box::new(engine.save()) });
         }
         if task.stop {
             return;
@@ -177,7 +196,7 @@ mod tests {
     use std::time::Duration;
 
     use super::*;
-    use crate::engine::{Isometry3, Points, Stamp};
+    use crate::engine::{Isometry3, Params, Points, Stamp};
 
     const PATIENCE: Duration = Duration::from_secs(60);
 
@@ -189,9 +208,13 @@ mod tests {
         }
     }
 
+    fn engine() -> Engine {
+        Engine::new(Params::paper())
+    }
+
     fn started() -> (Worker, Receiver<Output>) {
         let (sender, receiver) = channel();
-        (Worker::start(Params::paper(), 1, move |output| drop(sender.send(output))).unwrap(), receiver)
+        (Worker::start(engine(), 1, move |output| drop(sender.send(output))).unwrap(), receiver)
     }
 
     #[test]
@@ -199,7 +222,7 @@ mod tests {
         let (entered, enter) = channel();
         let (leave, left) = channel::<()>();
         let (sender, receiver) = channel();
-        let worker = Worker::start(Params::paper(), 1, move |output| {
+        let worker = Worker::start(engine(), 1, move |output| {
             entered.send(()).unwrap();
             left.recv().unwrap();
             sender.send(output).unwrap();
@@ -235,9 +258,21 @@ mod tests {
     }
 
     #[test]
+    fn a_saved_map_has_all_scans_that_were_waiting_when_the_worker_ends() {
+        let (worker, outputs) = started();
+        (1..=5).for_each(|stamp| assert!(!worker.submit(scan(stamp))));
+        worker.request_save();
+        drop(worker);
+        let last = outputs.iter().filter_map(|output| {
+            if let Output::Saved { session, map } = output { Some((session, map.sequence())) } else { None }
+        });
+        assert_eq!(last.last(), Some((1, 5)));
+    }
+
+    #[test]
     fn a_panic_on_the_thread_is_reported_and_not_silent() {
         let (sender, receiver) = channel();
-        let worker = Worker::start(Params::paper(), 1, move |output| {
+        let worker = Worker::start(engine(), 1, move |output| {
             assert!(!matches!(output, Output::Scan { .. }), "no room");
             drop(sender.send(output));
         });

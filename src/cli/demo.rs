@@ -19,6 +19,7 @@ use cfodi::node::Setup;
 use cfodi::node::dds::{Events, Robot};
 use cfodi::node::process::{live_node, receive_buffer};
 use cfodi::node::record::Record;
+use cfodi::node::saving::begin;
 use cfodi::node::transport::{Event, Input};
 use cfodi::sim::drive::SCANS_PER_SECOND;
 use cfodi::sim::{Drive, Scene};
@@ -65,6 +66,7 @@ pub(crate) fn demo(setup: &Setup, options: &Options) -> anyhow::Result<()> {
     let arrived = Arc::new(AtomicBool::new(false));
     let map = live_node(
         setup,
+        begin(&setup.config, false)?,
         Some(record.clone()),
         |events| {
             let journey = Journey {

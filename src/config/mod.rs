@@ -6,6 +6,7 @@
 mod value;
 
 use std::net::IpAddr;
+use std::path::PathBuf;
 use std::time::Duration;
 
 use thiserror::Error;
@@ -34,6 +35,10 @@ pub struct Config {
     pub receive_buffer: usize,
     /// Whether `/clock` gives the time.
     pub use_sim_time: bool,
+    /// The file that the map is saved in; `None` where it is not.
+    pub snapshot_path: Option<PathBuf>,
+    /// Time between two savings.
+    pub snapshot_period: Duration,
 }
 
 /// A parameter that is unknown, or whose value cannot be.
@@ -97,6 +102,14 @@ impl Config {
             network_interfaces: given.addresses("network_interfaces")?,
             receive_buffer: given.integer("receive_buffer", 4096, 1 << 30)? as usize,
             use_sim_time: given.boolean("use_sim_time")?,
+            snapshot_path: Some(given.text("snapshot_path")?)
+                .filter(|path| !path.is_empty())
+                .map(PathBuf::from),
+            snapshot_period: Duration::from_secs_f64(given.within(
+                "snapshot_period",
+                (0.1, 86_400.0),
+                "s",
+            )?),
         })
     }
 

@@ -95,6 +95,12 @@ pub(super) const TABLE: &[Declared] = &[
     ),
     ("tf_timeout", || Value::Double(0.2), "how long a cloud waits for its transform [s], 0 to 60"),
     ("publish_rate", || Value::Double(2.0), "snapshots, markers and labelled points [Hz], 0.01 to 100"),
+    (
+        "snapshot_path",
+        || Value::Text(String::new()),
+        "file that `run` saves the map in, at its end too; empty = none",
+    ),
+    ("snapshot_period", || Value::Double(60.0), "time between two savings of the map [s], 0.1 to 86400"),
     ("use_sim_time", || Value::Boolean(false), "whether /clock gives the time"),
 ];
 

@@ -25,7 +25,7 @@ use tokio::task::JoinSet;
 
 use super::args::{ArgsError, Setup};
 use super::record::Record;
-use super::transport::{Event, Inputs, Outgoing, SendError, Source, Transport};
+use super::transport::{Event, Inputs, Outgoing, SendError, Service, Source, Transport};
 use crate::config::Value;
 use crate::msg::clusters::SurfaceClusterArray;
 use crate::msg::ros::{MarkerArray, PointCloud2, TfMessage, TriggerRequest, TriggerResponse};
@@ -176,6 +176,7 @@ pub struct Dds {
     markers: Publisher<MarkerArray>,
     labelled: Publisher<PointCloud2>,
     reset: Rc<Server<TriggerRequest, TriggerResponse>>,
+    save: Rc<Server<TriggerRequest, TriggerResponse>>,
     /// What reads; none of these ends by itself.
     readers: Mutex<Readers>,
     node: Node,
@@ -210,16 +211,26 @@ impl Dds {
                 ("~/points_labelled", "sensor_msgs", "PointCloud2"),
                 &QosProfile::subscription_default(),
             )?,
-            reset: Rc::new(opener.server("~/reset")?),
+            reset: Rc::new(opener.server(Service::Reset.name())?),
+            save: Rc::new(opener.server(Service::Save.name())?),
             inputs: read::inputs(setup)?,
             participant: opener.participant.clone(),
             readers: Mutex::new(read::listen(&mut opener, &events)?),
             node: opener.node,
             record,
         };
-        let serving = read::serve_reset(Rc::clone(&dds.reset), events.clone());
-        dds.readers.try_lock().map_err(opening("~/reset"))?.spawn_local(serving);
+        for service in [Service::Reset, Service::Save] {
+            let serving = read::serve(service, Rc::clone(dds.server(service)), events.clone());
+            dds.readers.try_lock().map_err(opening(service.name()))?.spawn_local(serving);
+        }
         Ok((dds, events, receiver))
+    }
+
+    const fn server(&self, service: Service) -> &Rc<Server<TriggerRequest, TriggerResponse>> {
+        match service {
+            Service::Reset => &self.reset,
+            Service::Save => &self.save,
+        }
     }
 
     /// Takes the node off the network. Drop what this returns after the [`tokio::task::LocalSet`]: readers sign off
@@ -251,8 +262,14 @@ impl Transport for Dds {
         sent.map_err(SendError)
     }
 
-    async fn answer_reset(&self, request: RmwRequestId, response: TriggerResponse) -> Result<(), SendError> {
-        self.reset.async_send_response(request, response).await.map_err(|error| SendError(error.to_string()))
+    async fn answer(
+        &self,
+        service: Service,
+        request: RmwRequestId,
+        response: TriggerResponse,
+    ) -> Result<(), SendError> {
+        let sent = self.server(service).async_send_response(request, response).await;
+        sent.map_err(|error| SendError(error.to_string()))
     }
 
     fn inputs(&self) -> &Inputs {

@@ -9,7 +9,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use thiserror::Error;
-use tokio::sync::mpsc;
+use tokio::sync::mpsc::{self, UnboundedReceiver};
 use tokio::task::JoinHandle;
 use tokio::time::MissedTickBehavior;
 use tracing::{debug, info, warn};
@@ -17,13 +17,15 @@ use tracing::{debug, info, warn};
 use super::counts::Counts;
 use super::inputs;
 use super::publish::{Ended, publish};
+use super::saving::{self, Saving, Written};
 use super::throttle::Throttle;
-use super::transport::{Event, Input, Transport};
+use super::transport::{Event, Input, Service, Transport};
 use crate::cloud::{Camera, Cloud, CloudError};
 use crate::config::Config;
-use crate::engine::{Snapshot, Stamp};
+use crate::engine::{Engine, Snapshot, Stamp};
 use crate::join::{Join, Joined, Jump};
 use crate::msg::ros::{TfMessage, TriggerResponse};
+use crate::store::StoreError;
 use crate::tf::{Inserted, JUMP_BACK, Waited};
 use crate::worker::{Output, Worker};
 
@@ -54,14 +56,19 @@ pub enum LiveError {
     /// The node cannot hear any more.
     #[error("the node is deaf: {0}")]
     Deaf(String),
+    /// The map of the node's end is lost.
+    #[error("the map was not saved at the end: {0}")]
+    NotSaved(StoreError),
 }
 
-/// Runs the node until `shutdown` resolves and returns the map of that moment; `counts` says where every cloud went.
+/// Runs the node with the map of `engine` until `shutdown` resolves and returns the map of that moment, which is saved where
+/// `snapshot_path` says; `counts` says where every cloud went.
 ///
 /// # Errors
-/// When the engine's thread dies or the middleware stops.
+/// When the engine's thread dies, the middleware stops, or the last map cannot be saved.
 pub async fn run<T: Transport>(
     config: &Config,
+    engine: Engine,
     transport: Rc<T>,
     mut events: mpsc::Receiver<Event<T::Request>>,
     counts: Rc<RefCell<Counts>>,
@@ -70,12 +77,18 @@ pub async fn run<T: Transport>(
     let (outputs, receiver) = mpsc::channel::<Output>(OUTPUTS);
     let sink = move |output| drop(outputs.blocking_send(output));
     let session = new_session(0);
-    let worker = Worker::start(config.engine, session, sink).map_err(LiveError::Start)?;
-    let publishing = publish(Rc::clone(&transport), receiver, Rc::clone(&counts), config.fixed_frame.clone());
+    let worker = Worker::start(engine, session, sink).map_err(LiveError::Start)?;
+    let saver = config.snapshot_path.clone().map(saving::start).transpose().map_err(LiveError::Start)?;
+    let (saver, mut written) = saver.unzip();
+    let frame_id = config.fixed_frame.clone();
+    let publishing = publish(Rc::clone(&transport), receiver, Rc::clone(&counts), frame_id, saver);
     let mut publishing = tokio::task::spawn_local(publishing);
     let mut live = Live::new(config, Rc::clone(&transport), worker, session, counts);
     let mut tick = interval(TICK);
     let mut snapshots = interval(config.publish_period);
+    let mut savings = interval(config.snapshot_period);
+    // The first is due at once, and nothing has been learned.
+    savings.reset();
     let (mut shutdown, mut failed) = (pin!(shutdown), pin!(transport.failed()));
     let broken = loop {
         tokio::select! {
@@ -88,14 +101,24 @@ pub async fn run<T: Transport>(
             },
             _ = tick.tick() => live.tick(),
             _ = snapshots.tick() => live.worker.request_snapshot(),
+            _ = savings.tick(), if written.is_some() => live.save(None),
+            Some(result) = next(&mut written) => live.written(&result).await,
         }
     };
     events.close();
     while let Ok(event) = events.try_recv() {
         live.count_unused(&event);
     }
-    let map = live.finish(publishing).await?;
+    let map = live.finish(publishing, written).await?;
     broken.map_or(Ok(map), Err)
+}
+
+/// The next map that has been written; never where none is.
+async fn next(written: &mut Option<UnboundedReceiver<Written>>) -> Option<Written> {
+    match written {
+        Some(written) => written.recv().await,
+        None => std::future::pending().await,
+    }
 }
 
 fn interval(period: Duration) -> tokio::time::Interval {
@@ -114,7 +137,7 @@ fn new_session(before: u64) -> u64 {
     u64::try_from(since_epoch.as_nanos()).unwrap_or(u64::MAX).max(before + 1)
 }
 
-struct Live<T> {
+struct Live<T: Transport> {
     transport: Rc<T>,
     worker: Worker,
     join: Join,
@@ -132,6 +155,8 @@ struct Live<T> {
     quiet_since: Instant,
     /// When it was said last that none comes.
     said_quiet: Option<Instant>,
+    /// `None` where the map is not saved.
+    saving: Option<Saving<T::Request>>,
 }
 
 impl<T: Transport> Live<T> {
@@ -157,6 +182,7 @@ impl<T: Transport> Live<T> {
             start,
             quiet_since: start,
             said_quiet: None,
+            saving: config.snapshot_path.as_ref().map(|_| Saving::default()),
         }
     }
 
@@ -168,7 +194,8 @@ impl<T: Transport> Live<T> {
             Event::Camera(camera) => self.camera(&camera),
             Event::Transforms { message, is_static } => self.transforms(&message, is_static),
             Event::Clock(stamp) => self.clock(stamp),
-            Event::Reset(request) => self.reset(request).await,
+            Event::Call(Service::Reset, request) => self.reset(request).await,
+            Event::Call(Service::Save, request) => self.save_for(request).await,
             Event::Garbled { topic, text } => self.warn(topic, format_args!("a message on {topic}: {text}")),
         }
     }
@@ -271,9 +298,42 @@ impl<T: Transport> Live<T> {
         self.join.begin_session(None);
         self.begin_session("~/reset was called");
         let message = format!("session {} begins with an empty map", self.session);
-        let response = TriggerResponse { success: true, message };
-        if let Err(failure) = self.transport.answer_reset(request, response).await {
-            self.warn("reset", format_args!("~/reset could not be answered: {failure}"));
+        self.answer(Service::Reset, request, TriggerResponse { success: true, message }).await;
+    }
+
+    async fn save_for(&mut self, request: T::Request) {
+        if self.saving.is_some() {
+            self.save(Some(request));
+            return;
+        }
+        let message = "the parameter snapshot_path names no file".to_owned();
+        self.answer(Service::Save, request, TriggerResponse { success: false, message }).await;
+    }
+
+    /// Asks for the map, to save it; `call` is answered when it is written.
+    fn save(&mut self, call: Option<T::Request>) {
+        if self.saving.as_mut().is_some_and(|saving| saving.begin(call)) {
+            self.worker.request_save();
+        }
+    }
+
+    /// A map has been written, or was not.
+    async fn written(&mut self, result: &Written) {
+        saving::log(result);
+        let Some(saving) = &mut self.saving else { return };
+        let (calls, goes_on) = saving.end();
+        if goes_on {
+            self.worker.request_save();
+        }
+        for call in calls {
+            self.answer(Service::Save, call, saving::response(result)).await;
+        }
+    }
+
+    async fn answer(&mut self, service: Service, request: T::Request, response: TriggerResponse) {
+        if let Err(failure) = self.transport.answer(service, request, response).await {
+            let name = service.name();
+            self.warn(name, format_args!("{name} could not be answered: {failure}"));
         }
     }
 
@@ -360,19 +420,51 @@ impl<T: Transport> Live<T> {
         }
     }
 
-    /// Lets the worker take in what waits, and everything be sent; the last thing sent is the whole map.
-    async fn finish(mut self, publishing: JoinHandle<Ended>) -> Result<Arc<Snapshot>, LiveError> {
+    /// Lets the worker take in what waits, and everything be sent and saved; the last thing sent is the whole map.
+    async fn finish(
+        mut self,
+        publishing: JoinHandle<Ended>,
+        written: Option<UnboundedReceiver<Written>>,
+    ) -> Result<Arc<Snapshot>, LiveError> {
         let waiting = self.join.give_up(self.start.elapsed());
         waiting.iter().for_each(|_| self.counts.borrow_mut().skip("shutdown"));
-        let Self { worker, .. } = self;
+        let Self { worker, transport, saving, .. } = self;
         worker.request_snapshot();
+        if saving.is_some() {
+            worker.request_save();
+        }
         // The worker may wait for a place among the outputs, which this thread empties.
         drop(tokio::task::spawn_blocking(move || drop(worker)).await);
-        match publishing.await {
-            Ok(Ended { map: Some(map), died: None }) => Ok(map),
+        let ended = publishing.await;
+        let saved = match written {
+            Some(written) => last_written(written, saving, &*transport).await,
+            None => Ok(()),
+        };
+        match ended {
+            Ok(Ended { map: Some(map), died: None }) => saved.map(|()| map).map_err(LiveError::NotSaved),
             ended => Err(death(ended.ok())),
         }
     }
+}
+
+/// Waits for the map of the node's end; whoever still waits for one is told how that went.
+async fn last_written<T: Transport>(
+    mut written: UnboundedReceiver<Written>,
+    saving: Option<Saving<T::Request>>,
+    transport: &T,
+) -> Result<(), StoreError> {
+    let mut last = None;
+    while let Some(result) = written.recv().await {
+        saving::log(&result);
+        last = Some(result);
+    }
+    let Some(last) = last else { return Ok(()) };
+    for call in saving.into_iter().flat_map(Saving::into_calls) {
+        if let Err(failure) = transport.answer(Service::Save, call, saving::response(&last)).await {
+            warn!("{} could not be answered: {failure}", Service::Save.name());
+        }
+    }
+    last.map(drop)
 }
 
 #[cfg(test)]

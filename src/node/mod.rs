@@ -13,6 +13,7 @@ pub mod live;
 pub mod process;
 mod publish;
 pub mod record;
+pub mod saving;
 mod throttle;
 pub mod transport;
 

@@ -16,7 +16,7 @@ use super::dds::{Dds, DdsError, Events};
 use super::live::{self, LiveError};
 use super::record::Record;
 use super::transport::{Inputs, Transport};
-use crate::engine::Snapshot;
+use crate::engine::{Engine, Snapshot};
 
 /// The process has to end with a failure.
 #[derive(Debug, Error)]
@@ -65,13 +65,14 @@ fn say_receive_buffer(setup: &Setup) {
     }
 }
 
-/// Runs the live node until a signal comes or `done` says so, and returns its map; what it sends goes into `record` too,
+/// Runs the live node with the map of `engine` until a signal comes or `done` says so, and returns its map; what it sends goes into `record` too,
 /// `begin` is called once it listens.
 ///
 /// # Errors
 /// When the network cannot be joined, or the node fails.
 pub fn live_node(
     setup: &Setup,
+    engine: Engine,
     record: Option<Record>,
     begin: impl FnOnce(Events) -> Result<(), DdsError>,
     done: impl Fn() -> bool,
@@ -91,7 +92,9 @@ pub fn live_node(
             setup.domain
         );
         begin(events)?;
-        let map = live::run(&setup.config, Rc::clone(&dds), receiver, Rc::clone(&counts), ending(done)).await;
+        let map =
+            live::run(&setup.config, engine, Rc::clone(&dds), receiver, Rc::clone(&counts), ending(done))
+                .await;
         let network = match Rc::into_inner(dds) {
             Some(dds) => Some(dds.close().await),
             None => None,

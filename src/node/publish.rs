@@ -3,13 +3,14 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 use std::sync::Arc;
+use std::sync::mpsc::Sender;
 
 use tokio::sync::mpsc;
 use tracing::{error, warn};
 
 use super::counts::Counts;
 use super::transport::{Outgoing, Transport};
-use crate::engine::{Snapshot, Update};
+use crate::engine::{SavedMap, Snapshot, Update};
 use crate::msg::caps::Caps;
 use crate::msg::clusters::{Session, SurfaceClusterArray};
 use crate::msg::labelled::labelled_points;
@@ -31,6 +32,7 @@ pub(super) async fn publish(
     mut outputs: mpsc::Receiver<Output>,
     counts: Rc<RefCell<Counts>>,
     frame_id: String,
+    saver: Option<Sender<Box<SavedMap>>>,
 ) -> Ended {
     let mut ended = Ended::default();
     let mut publisher = Publisher {
@@ -53,6 +55,11 @@ pub(super) async fn publish(
                 let session = publisher.session(session);
                 publisher.snapshot(&session, &snapshot).await;
                 ended.map = Some(snapshot);
+            }
+            Output::Saved { map, .. } => {
+                if let Some(Err(_)) = saver.as_ref().map(|saver| saver.send(map)) {
+                    error!("a map was not saved: the thread that writes it has ended");
+                }
             }
             Output::Died(text) => ended.died = Some(text),
         }

@@ -43,6 +43,25 @@ impl Inputs {
     }
 }
 
+/// What can be called; each is a `std_srvs/Trigger`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Service {
+    /// Begins a session with an empty map.
+    Reset,
+    /// Saves the map.
+    Save,
+}
+
+impl Service {
+    /// Its name, below the node's.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Reset => "~/reset",
+            Self::Save => "~/save",
+        }
+    }
+}
+
 /// Something that came in.
 #[derive(Debug)]
 pub enum Event<Request> {
@@ -61,8 +80,8 @@ pub enum Event<Request> {
     },
     /// The simulated time on `/clock`.
     Clock(Stamp),
-    /// A call of `~/reset`.
-    Reset(Request),
+    /// A call of a service.
+    Call(Service, Request),
     /// A message of another topic that could not be decoded.
     Garbled {
         /// The topic.
@@ -112,9 +131,10 @@ pub trait Transport: 'static {
     /// Sends a message.
     fn publish(&self, message: Outgoing) -> impl Future<Output = Result<(), SendError>>;
 
-    /// Answers a call of `~/reset`.
-    fn answer_reset(
+    /// Answers a call of a service.
+    fn answer(
         &self,
+        service: Service,
         request: Self::Request,
         response: TriggerResponse,
     ) -> impl Future<Output = Result<(), SendError>>;

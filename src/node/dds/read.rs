@@ -17,7 +17,7 @@ use crate::cloud::{Camera, Cloud, CloudError, CloudFilter, CloudSeed, Compressed
 use crate::msg::ros::{CameraInfo, Clock, TriggerRequest, TriggerResponse};
 use crate::node::args::{ArgsError, Setup};
 use crate::node::inputs::COMPRESSED_DEPTH;
-use crate::node::transport::{Event, Input, Inputs};
+use crate::node::transport::{Event, Input, Inputs, Service};
 
 /// What a seed makes of a message.
 type Decoded = Result<Cloud, CloudError>;
@@ -238,17 +238,18 @@ async fn read<M: DeserializeOwned + 'static>(
     topic
 }
 
-pub(super) async fn serve_reset(
-    reset: Rc<Server<TriggerRequest, TriggerResponse>>,
+pub(super) async fn serve(
+    service: Service,
+    server: Rc<Server<TriggerRequest, TriggerResponse>>,
     events: Events,
 ) -> &'static str {
     loop {
-        let event = match reset.async_receive_request().await {
-            Ok((request, _)) => Event::Reset(request),
-            Err(error) => Event::Garbled { topic: "~/reset", text: error.to_string() },
+        let event = match server.async_receive_request().await {
+            Ok((request, _)) => Event::Call(service, request),
+            Err(error) => Event::Garbled { topic: service.name(), text: error.to_string() },
         };
         if events.send(event).await.is_err() {
-            return "~/reset";
+            return service.name();
         }
     }
 }

@@ -5,10 +5,12 @@ use tokio::sync::oneshot;
 use tokio::task::LocalSet;
 
 use super::*;
-use crate::engine::Points;
+use crate::config::Value;
+use crate::engine::{Params, Points};
 use crate::msg::clusters::SurfaceClusterArray;
 use crate::msg::ros::{Header, Quaternion, Transform, TransformStamped, Vector3};
 use crate::node::transport::{Inputs, Outgoing, SendError, Source};
+use crate::store;
 
 /// Keeps what is published; fails when told to.
 struct Fake {
@@ -41,7 +43,7 @@ impl Transport for Fake {
         Ok(())
     }
 
-    async fn answer_reset(&self, (): (), response: TriggerResponse) -> Result<(), SendError> {
+    async fn answer(&self, _: Service, (): (), response: TriggerResponse) -> Result<(), SendError> {
         self.replies.borrow_mut().push(response);
         Ok(())
     }
@@ -84,7 +86,15 @@ fn transform(stamp: Stamp, is_static: bool) -> Event<()> {
 
 /// Runs a node on these events until `taken_in` scans are in, and a little longer; with 0 it ends at once.
 fn node(transport: Fake, events: Vec<Event<()>>, taken_in: u64) -> (Result<(), LiveError>, Counts, Rc<Fake>) {
-    let config = Config::new([]).unwrap();
+    node_with(&Config::new([]).unwrap(), transport, events, taken_in)
+}
+
+fn node_with(
+    config: &Config,
+    transport: Fake,
+    events: Vec<Event<()>>,
+    taken_in: u64,
+) -> (Result<(), LiveError>, Counts, Rc<Fake>) {
     let counts = Rc::new(RefCell::new(Counts::default()));
     let transport = Rc::new(transport);
     let (sender, receiver) = mpsc::channel(100);
@@ -102,7 +112,8 @@ fn node(transport: Fake, events: Vec<Event<()>>, taken_in: u64) -> (Result<(), L
         }
     };
     let runtime = Builder::new_current_thread().enable_time().build().unwrap();
-    let live = run(&config, Rc::clone(&transport), receiver, Rc::clone(&counts), enough);
+    let engine = saving::begin(config, config.snapshot_path.is_some()).unwrap();
+    let live = run(config, engine, Rc::clone(&transport), receiver, Rc::clone(&counts), enough);
     let ended = LocalSet::new().block_on(&runtime, live);
     drop(sender);
     (ended.map(drop), counts.borrow().clone(), transport)
@@ -143,7 +154,7 @@ fn a_scan_that_jumps_back_begins_a_session_and_a_stray_stamp_without_transform_d
         transform(at(0.0), true),
         cloud(at(20.0), "camera"),
         cloud(at(20.1), "camera"),
-        Event::Reset(()),
+        Event::Call(Service::Reset, ()),
         cloud(at(20.2), "camera"),
         cloud(at(5.0), "camera"),
     ];
@@ -195,4 +206,80 @@ fn the_first_input_that_sends_a_good_scan_is_the_only_one_taken() {
     let (_, counts, _) = node(Fake::default(), events, 2);
     assert_eq!((counts.received, counts.taken_in, counts.lost), (6, 2, 2));
     assert_eq!(counts.skipped.into_iter().collect::<Vec<_>>(), [("no_camera_info", 1), ("other_input", 3)]);
+}
+
+/// Saves its map as `map` in this folder, every 0.1 s.
+fn saving_in(folder: &std::path::Path) -> Config {
+    let path = Value::Text(folder.join("map").display().to_string());
+    let given = [("snapshot_path", path), ("snapshot_period", Value::Double(0.1))];
+    Config::new(given.map(|(name, value)| (name.to_owned(), value))).unwrap()
+}
+
+#[test]
+fn a_map_is_saved_when_asked_and_at_the_end_and_the_next_node_goes_on_with_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = saving_in(folder.path());
+    for (scans, before) in [(3, 0), (2, 3)] {
+        let clouds = (0..scans).map(|i| cloud(at(10.0 + i as f64 / 30.0), "camera"));
+        let mut events: Vec<_> = [transform(at(0.0), true)].into_iter().chain(clouds).collect();
+        events.push(Event::Call(Service::Save, ()));
+        let (ended, _, transport) = node_with(&config, Fake::default(), events, scans);
+        ended.unwrap();
+        let first = &transport.deltas.borrow()[0];
+        assert_eq!((first.base_sequence, first.sequence), (before, before + 1));
+        let replies = transport.replies.borrow();
+        assert!(replies.len() == 1 && replies[0].success, "{replies:?}");
+        let map = store::read(&folder.path().join("map")).unwrap();
+        assert_eq!(map.sequence(), before + scans);
+    }
+}
+
+#[test]
+fn without_a_file_a_call_to_save_is_told_so() {
+    let events = vec![Event::Call(Service::Save, ()), transform(at(0.0), true), cloud(at(10.0), "camera")];
+    let (_, _, transport) = node(Fake::default(), events, 1);
+    let replies = transport.replies.borrow();
+    assert_eq!(replies[0].message, "the parameter snapshot_path names no file");
+    assert!(replies.len() == 1 && !replies[0].success);
+}
+
+#[test]
+fn a_node_whose_last_map_cannot_be_saved_says_so_and_fails() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = saving_in(folder.path());
+    std::fs::create_dir(folder.path().join("map.part")).unwrap();
+    let events = vec![transform(at(0.0), true), cloud(at(10.0), "camera"), Event::Call(Service::Save, ())];
+    let (ended, counts, transport) = node_with(&config, Fake::default(), events, 1);
+    let error = ended.unwrap_err().to_string();
+    assert!(error.starts_with("the map was not saved at the end: ") && error.contains("map: "), "{error}");
+    assert_eq!(counts.taken_in, 1);
+    let replies = transport.replies.borrow();
+    assert!(replies.len() == 1 && !replies[0].success, "{replies:?}");
+}
+
+#[test]
+fn what_cannot_be_resumed_is_kept_aside_and_what_contradicts_the_parameters_is_left_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("map");
+    let config = saving_in(folder.path());
+    let names = || {
+        let mut names: Vec<_> = folder.path().read_dir().unwrap().map(|e| e.unwrap().file_name()).collect();
+        names.sort();
+        names
+    };
+    assert_eq!(saving::begin(&config, true).unwrap().voxel_count(), 0, "nothing to resume is no failure");
+    std::fs::write(&path, "damaged").unwrap();
+    assert_eq!(saving::begin(&config, true).unwrap().voxel_count(), 0);
+    assert_eq!(names(), ["map.refused-1"]);
+    store::write(&path, &Engine::new(Params::paper()).save()).unwrap();
+    let error = saving::begin(&config, true).unwrap_err().to_string();
+    assert!(error.contains("made with mode paper, now it is consistent"), "{error}");
+    assert_eq!(names(), ["map", "map.refused-1"]);
+    saving::begin(&config, false).unwrap();
+    assert_eq!(names(), ["map.before-1", "map.refused-1"]);
+    let nowhere = Value::Text(folder.path().join("none/map").display().to_string());
+    let nowhere = Config::new([("snapshot_path".to_owned(), nowhere)]).unwrap();
+    assert!(saving::begin(&nowhere, false).unwrap_err().to_string().contains("a folder that exists"));
+    let error = saving::begin(&Config::new([]).unwrap(), true).unwrap_err().to_string();
+    assert_eq!(error, "--resume needs the parameter snapshot_path: the file of the map");
 }

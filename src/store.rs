@@ -1,0 +1,220 @@
+//! A map in a file: what a session has learned, for the next one.
+//!
+//! **Kept true.** Under the name there is at all times a whole map, the one before or the new one, whenever the process or
+//! the machine ends: a map is written beside it, brought to the disk, and then given the name. What is read is whole and
+//! undamaged, or refused with its reason; nothing is allocated by a length that the file does not bear out.
+//!
+//! # Format
+//!
+//! All numbers are little-endian.
+//!
+//! | bytes | what |
+//! |---|---|
+//! | 8 | `cfodimap` |
+//! | 4 | version of the format, [`VERSION`] |
+//! | 8 | length of the map, unpacked |
+//! | 8 | length of the map, packed |
+//! | 4 | CRC-32 of all before and of the packed map |
+//! | ... | the map: [`SavedMap`] in postcard's encoding, packed by zstd |
+
+use std::ffi::OsString;
+use std::fs::{self, File};
+use std::io::{self, Read as _, Write as _};
+use std::path::{Path, PathBuf};
+
+use thiserror::Error;
+
+use crate::engine::{RestoreError, SavedMap};
+
+/// The version of the format that is written, and the newest that can be read.
+pub const VERSION: u32 = 1;
+
+const MAGIC: &[u8; 8] = b"cfodimap";
+const HEADER: usize = 32;
+/// Where the checksum begins.
+const CHECKED: usize = 28;
+/// How many times as long as the packed map the unpacked one is at most; a real one is some 2 to 5 times as long.
+const MOST_UNPACKED: u64 = 256;
+/// zstd's level: 1 packs a map in a tenth of the time of its default and makes it a few per cent larger.
+const LEVEL: i32 = 1;
+
+/// A map that cannot be written or read.
+#[derive(Debug, Error)]
+pub enum StoreError {
+    /// The system refused it.
+    #[error("{path}: {error}")]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// The system's words.
+        error: io::Error,
+    },
+    /// The file is none of ours, or damaged.
+    #[error("{path} holds no whole map: {what}")]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong, with its numbers.
+        what: String,
+    },
+    /// A later program has written it.
+    #[error("{path} is of version {version}; this program reads up to {VERSION}")]
+    Newer {
+        /// The file.
+        path: PathBuf,
+        /// Its version.
+        version: u32,
+    },
+    /// The map in it cannot be gone on with.
+    #[error("{path}: {error}")]
+    Map {
+        /// The file.
+        path: PathBuf,
+        /// Why not.
+        error: RestoreError,
+    },
+}
+
+impl StoreError {
+    /// Whether there is no such file.
+    pub fn is_missing(&self) -> bool {
+        matches!(self, Self::Io { error, .. } if error.kind() == io::ErrorKind::NotFound)
+    }
+}
+
+/// Writes a map under this name, in place of the one before; returns the bytes of the file.
+///
+/// # Errors
+/// When the system refuses it; the one before is then as it was.
+pub fn write(path: &Path, map: &SavedMap) -> Result<u64, StoreError> {
+    let refused = |error| StoreError::Io { path: path.to_owned(), error };
+    let bytes = pack(map).map_err(refused)?;
+    let beside = beside(path, "part");
+    let written = write_whole(&beside, &bytes).and_then(|()| fs::rename(&beside, path));
+    if let Err(error) = written {
+        // What is there of it is of no use; that it cannot be removed either, the error says already.
+        drop(fs::remove_file(&beside));
+        return Err(refused(error));
+    }
+    // The name is on the disk when its folder is.
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    File::open(folder).and_then(|folder| folder.sync_all()).map_err(refused)?;
+    Ok(bytes.len() as u64)
+}
+
+/// Reads the map of this name.
+///
+/// # Errors
+/// When there is none, or it is damaged or newer.
+pub fn read(path: &Path) -> Result<SavedMap, StoreError> {
+    let bytes = fs::read(path).map_err(|error| StoreError::Io { path: path.to_owned(), error })?;
+    match unpack(&bytes) {
+        Ok(map) => Ok(map),
+        Err(Flaw::Newer(version)) => Err(StoreError::Newer { path: path.to_owned(), version }),
+        Err(Flaw::Damaged(what)) => Err(StoreError::Damaged { path: path.to_owned(), what }),
+    }
+}
+
+/// Gives a file another name beside its own that no file has, `NAME.WHY-1` or a later number, and returns it.
+///
+/// # Errors
+/// When the system refuses it.
+pub fn set_aside(path: &Path, why: &str) -> io::Result<PathBuf> {
+    let names = (1..=u32::MAX).map(|number| beside(path, &format!("{why}-{number}")));
+    let free = names.filter(|name| name.symlink_metadata().is_err()).take(1);
+    let name = free.last().ok_or(io::ErrorKind::AlreadyExists)?;
+    fs::rename(path, &name)?;
+    Ok(name)
+}
+
+fn beside(path: &Path, end: &str) -> PathBuf {
+    let mut name: OsString = path.as_os_str().to_owned();
+    name.push(".");
+    name.push(end);
+    name.into()
+}
+
+fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let mut file = File::create(path)?;
+    file.write_all(bytes)?;
+    file.sync_all()
+}
+
+/// Why bytes are no map.
+#[derive(Debug, PartialEq, Eq)]
+enum Flaw {
+    Newer(u32),
+    Damaged(String),
+}
+
+fn pack(map: &SavedMap) -> io::Result<Vec<u8>> {
+    let plain = postcard::to_stdvec(map).map_err(io::Error::other)?;
+    let packed = zstd::encode_all(&plain[..], LEVEL)?;
+    let mut bytes = Vec::with_capacity(HEADER + packed.len());
+    bytes.extend(MAGIC);
+    bytes.extend(VERSION.to_le_bytes());
+    bytes.extend((plain.len() as u64).to_le_bytes());
+    bytes.extend((packed.len() as u64).to_le_bytes());
+    bytes.extend(checksum(&bytes, &packed).to_le_bytes());
+    bytes.extend(packed);
+    Ok(bytes)
+}
+
+fn checksum(header: &[u8], packed: &[u8]) -> u32 {
+    let mut hasher = crc32fast::Hasher::new();
+    hasher.update(header);
+    hasher.update(packed);
+    hasher.finalize()
+}
+
+fn unpack(bytes: &[u8]) -> Result<SavedMap, Flaw> {
+    let damaged = |what: String| Err(Flaw::Damaged(what));
+    let Some((header, packed)) = bytes.split_at_checked(HEADER) else {
+        return damaged(format!("{} bytes, fewer than the {HEADER} of its header", bytes.len()));
+    };
+    if &header[..8] != MAGIC {
+        return damaged("it does not begin with `cfodimap`".to_owned());
+    }
+    let version = u32::from_le_bytes([header[8], header[9], header[10], header[11]]);
+    if version > VERSION {
+        return Err(Flaw::Newer(version));
+    }
+    let [plain_length, packed_length] = [12, 20].map(|at| number(&header[at..at + 8]));
+    if version == 0 || packed_length != packed.len() as u64 {
+        return damaged(format!(
+            "version {version}, {packed_length} bytes after the header, and there are {}",
+            packed.len()
+        ));
+    }
+    let (said, found) = (number(&header[CHECKED..]) as u32, checksum(&header[..CHECKED], packed));
+    if said != found {
+        return damaged(format!("its checksum is {said:08x}, that of its bytes {found:08x}"));
+    }
+    if plain_length > packed_length.saturating_mul(MOST_UNPACKED) {
+        return damaged(format!("{packed_length} bytes that claim to be {plain_length}"));
+    }
+    let plain = inflate(packed, plain_length).map_err(|error| Flaw::Damaged(error.to_string()))?;
+    if plain.len() as u64 != plain_length {
+        return damaged(format!("{} bytes of map or more, and it says {plain_length}", plain.len()));
+    }
+    match postcard::take_from_bytes(&plain) {
+        Ok((map, [])) => Ok(map),
+        Ok((_, rest)) => damaged(format!("{} bytes after the map", rest.len())),
+        Err(error) => damaged(error.to_string()),
+    }
+}
+
+/// The unpacked bytes, and one more where there are more than `length`.
+fn inflate(packed: &[u8], length: u64) -> io::Result<Vec<u8>> {
+    let mut plain = Vec::new();
+    zstd::Decoder::new(packed)?.take(length + 1).read_to_end(&mut plain)?;
+    Ok(plain)
+}
+
+/// A number of up to 8 bytes.
+fn number(bytes: &[u8]) -> u64 {
+    bytes.iter().rev().fold(0, |number, &byte| number << 8 | u64::from(byte))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,130 @@
+use tempfile::tempdir;
+
+use super::*;
+use crate::engine::{Engine, Isometry3, Params, Points, Scan, Stamp};
+
+/// A floor of 0.8 x 0.8 m after `scans` scans.
+fn engine(params: Params, scans: usize) -> Engine {
+    let points = (0..6400).map(|i| [(i % 80) as f32 * 0.01 + 0.001, (i / 80) as f32 * 0.01 + 0.001, -0.99]);
+    let points = Points::F32(points.collect());
+    let fixed_from_sensor = Isometry3::translation(0.0, 0.0, 1.0);
+    let mut engine = Engine::new(params);
+    for number in 0..scans as i64 {
+        let stamp = Stamp::from_nanos(number * 33_333_333);
+        engine.insert(&Scan { stamp, fixed_from_sensor, points: points.clone() });
+    }
+    engine
+}
+
+fn packed() -> Vec<u8> {
+    pack(&engine(Params::default(), 2).save()).unwrap()
+}
+
+fn damage(bytes: &[u8]) -> String {
+    match unpack(bytes) {
+        Err(Flaw::Damaged(what)) => what,
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn what_is_read_is_what_was_written_and_goes_on() {
+    let folder = tempdir().unwrap();
+    let path = folder.path().join("map");
+    for params in [Params::default(), Params::paper()] {
+        for scans in [0, 1, 5] {
+            let engine = engine(params, scans);
+            let bytes = write(&path, &engine.save()).unwrap();
+            assert_eq!(bytes, path.metadata().unwrap().len());
+            let map = read(&path).unwrap();
+            assert_eq!((&map, map.sequence()), (&engine.save(), scans as u64));
+            let restored = Engine::restore(params, &map).unwrap();
+            assert_eq!(format!("{:?}", restored.snapshot()), format!("{:?}", engine.snapshot()));
+        }
+    }
+    assert_eq!(folder.path().read_dir().unwrap().count(), 1, "nothing beside the map");
+}
+
+#[test]
+fn each_byte_that_is_another_and_each_cut_is_refused() {
+    let whole = packed();
+    assert!(unpack(&whole).is_ok());
+    for at in 0..whole.len() {
+        let mut bytes = whole.clone();
+        bytes[at] ^= 0x10;
+        assert!(unpack(&bytes).is_err(), "byte {at}");
+        assert!(unpack(&whole[..at]).is_err(), "cut at {at}");
+    }
+    assert!(unpack(&[&whole[..], b"x"].concat()).is_err());
+}
+
+#[test]
+fn a_newer_file_is_told_from_a_damaged_one() {
+    let mut bytes = packed();
+    bytes[8] = 7;
+    assert_eq!(unpack(&bytes).unwrap_err(), Flaw::Newer(7));
+    bytes[8] = 0;
+    assert!(damage(&bytes).starts_with("version 0, "));
+    assert_eq!(damage(&bytes[..31]), "31 bytes, fewer than the 32 of its header");
+    assert_eq!(damage(&[b'x'; 99]), "it does not begin with `cfodimap`");
+}
+
+/// The header of a map that claims these lengths, with a checksum that holds.
+fn claiming(plain: u64, packed: &[u8]) -> Vec<u8> {
+    let mut bytes = [&MAGIC[..], &VERSION.to_le_bytes(), &plain.to_le_bytes()].concat();
+    bytes.extend((packed.len() as u64).to_le_bytes());
+    bytes.extend(checksum(&bytes, packed).to_le_bytes());
+    bytes.extend(packed);
+    bytes
+}
+
+#[test]
+fn lengths_that_the_file_does_not_bear_out_are_refused_before_anything_is_allocated() {
+    assert_eq!(damage(&claiming(u64::MAX, b"small")), format!("5 bytes that claim to be {}", u64::MAX));
+    let bomb = zstd::encode_all(&vec![0; 1 << 24][..], 1).unwrap();
+    assert!(damage(&claiming(1000, &bomb)).starts_with("1001 bytes of map or more"));
+    let long = postcard::to_stdvec(&engine(Params::default(), 1).save()).unwrap();
+    let trailing = [&long[..], &[0; 3]].concat();
+    let packed = zstd::encode_all(&trailing[..], 1).unwrap();
+    assert_eq!(damage(&claiming(trailing.len() as u64, &packed)), "3 bytes after the map");
+}
+
+#[test]
+fn a_map_of_other_parameters_is_refused_by_name_and_values() {
+    let map = engine(Params::default(), 2).save();
+    let other = Params::default().with_voxel_size(0.05).unwrap();
+    let error = Engine::restore(other, &map).unwrap_err();
+    assert_eq!(error.to_string(), "the map was made with voxel_size 0.08, now it is 0.05");
+    let error = Engine::restore(Params::paper(), &map).unwrap_err();
+    assert_eq!(error.to_string(), "the map was made with mode consistent, now it is paper");
+    let bounded = Params::default().with_max_voxels(1000).unwrap().with_clearing(false);
+    assert!(Engine::restore(bounded, &map).is_ok(), "bounds and clearing may be others");
+}
+
+#[test]
+fn where_a_map_cannot_be_written_the_one_before_stays() {
+    let folder = tempdir().unwrap();
+    let path = folder.path().join("map");
+    let before = engine(Params::default(), 1).save();
+    write(&path, &before).unwrap();
+    // In the way of what is written beside it.
+    std::fs::create_dir(folder.path().join("map.part")).unwrap();
+    let error = write(&path, &engine(Params::default(), 2).save()).unwrap_err();
+    assert!(error.to_string().contains("map: "), "{error}");
+    assert_eq!(read(&path).unwrap(), before);
+    assert!(read(&folder.path().join("none")).unwrap_err().is_missing());
+}
+
+#[test]
+fn what_is_set_aside_takes_no_name_that_is_taken() {
+    let folder = tempdir().unwrap();
+    let path = folder.path().join("map");
+    for number in 1..=3 {
+        std::fs::write(&path, number.to_string()).unwrap();
+        let aside = set_aside(&path, "refused").unwrap();
+        assert_eq!(aside, folder.path().join(format!("map.refused-{number}")));
+        assert_eq!(std::fs::read_to_string(aside).unwrap(), number.to_string());
+        assert!(!path.exists());
+    }
+    assert!(set_aside(&path, "refused").is_err());
+}
