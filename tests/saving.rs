@@ -1,6 +1,6 @@
 //! A map is saved whole or not at all, whenever its process is killed.
 //!
-//! The test starts itself anew as the process that saves; `CFODI_KILLS` is how often it is killed (1,000).
+//! The test starts itself anew as the process that saves; `CFODI_KILLS` is how often it is killed (300).
 #![cfg(feature = "store")]
 #![allow(
     clippy::unwrap_used,
@@ -71,7 +71,7 @@ fn last_words(out: impl std::io::Read) -> [u64; 2] {
 
 #[test]
 fn whenever_it_is_killed_the_map_is_the_one_before_or_the_one_after_and_ids_go_on() {
-    let kills: u64 = std::env::var("CFODI_KILLS").map_or(1000, |kills| kills.parse().unwrap());
+    let kills: u64 = std::env::var("CFODI_KILLS").map_or(300, |kills| kills.parse().unwrap());
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("map");
     // The same scans without a stop.

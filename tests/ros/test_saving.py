@@ -1,0 +1,104 @@
+"""What has been learned survives: `~/save`, savings now and then and at the end, `--resume`."""
+
+import signal
+import time
+
+from peer import wait_until
+from std_srvs.srv import Trigger
+from test_inputs import begin, take_in
+
+
+def saving(path, **more):
+    return {"snapshot_path": str(path), "snapshot_period": 3600.0} | more
+
+
+def resumed(start, peer, parameters):
+    """The node, gone on with its map, its first snapshot, and a camera that it hears."""
+    node = start(parameters, options=["--resume"]).ready()
+    peer.record_node()
+    snapshot = peer.clusters.wait("a first snapshot")
+    camera = peer.camera()
+    camera.meet()
+    return node, snapshot, camera
+
+
+def test_after_a_crash_it_goes_on_with_the_saved_map_and_its_ids_under_a_new_session(tmp_path, start, peer, new_peer):
+    path = tmp_path / "map.cfodi"
+    node, camera = begin(start, peer, **saving(path))
+    deltas = [take_in(camera, peer.deltas) for _ in range(4)]
+    reply = peer.call(Trigger, "/cfodi/save", Trigger.Request())
+    assert reply.success and "4 scans" in reply.message, reply.message
+    before = peer.clusters.wait("a snapshot of all", lambda m: m.sequence == 4)
+    node.process.send_signal(signal.SIGKILL)
+    node.wait()
+    other = new_peer("after")
+    _, after, camera = resumed(start, other, saving(path))
+    assert after.sequence == 4 and after.session_id != before.session_id
+    assert [c.id for c in after.clusters] == [c.id for c in before.clusters] != []
+    assert [c.voxel_count for c in after.clusters] == [c.voxel_count for c in before.clusters]
+    delta = take_in(camera, other.deltas)
+    assert (delta.base_sequence, delta.sequence) == (4, 5)
+    assert {c.id for c in delta.clusters} <= {c.id for d in deltas for c in d.clusters}
+
+
+def test_sigterm_while_it_saves_loses_no_scan(tmp_path, start, new_peer):
+    """Saved every 0.1 s; whatever the moment, the map has all scans that were taken in, and nothing is left beside it."""
+    path, scans = tmp_path / "map.cfodi", 0
+    for turn in range(3):
+        peer = new_peer(f"turn_{turn}")
+        node, snapshot, camera = resumed(start, peer, saving(path, snapshot_period=0.1))
+        assert snapshot.sequence == scans
+        for _ in range(5):
+            take_in(camera, peer.deltas)
+        wait_until("a first saving", path.exists)
+        time.sleep(0.037 * turn)
+        scans += node.stop(signal.SIGTERM)["taken_in"]
+        assert [p.name for p in tmp_path.iterdir()] == ["map.cfodi"]
+    assert scans >= 15
+
+
+def test_on_a_full_disk_a_call_is_told_so_the_node_goes_on_and_its_end_is_a_failure(tmp_path, start, peer):
+    """A file system of one page, in a mount namespace of the node's own."""
+    mount = ["unshare", "-m", "sh", "-c", f'mount -t tmpfs -o size=4k none "{tmp_path}" && exec "$@"', "sh"]
+    node = start(saving(tmp_path / "map.cfodi"), prefix=mount).ready()
+    peer.record_node()
+    camera = peer.camera()
+    camera.meet()
+    take_in(camera, peer.deltas)
+    reply = peer.call(Trigger, "/cfodi/save", Trigger.Request())
+    assert not reply.success and "map.cfodi" in reply.message and "space" in reply.message, reply.message
+    take_in(camera, peer.deltas)
+    node.process.send_signal(signal.SIGTERM)
+    assert node.wait() == 1
+    assert [line for line in node.lines if "not saved at the end" in line and "map.cfodi" in line], node.lines[-5:]
+
+
+def test_a_damaged_map_is_kept_aside_and_said_and_the_node_begins_empty(tmp_path, start, peer):
+    path = tmp_path / "map.cfodi"
+    path.write_bytes(b"cfodimap" + bytes(100))
+    node, snapshot, camera = resumed(start, peer, saving(path))
+    assert snapshot.sequence == 0 and not snapshot.clusters
+    node.line_with("not resumed", "map.cfodi.refused-1")
+    assert (tmp_path / "map.cfodi.refused-1").read_bytes() == b"cfodimap" + bytes(100)
+    take_in(camera, peer.deltas)
+    node.stop()
+    assert path.exists()
+
+
+def test_a_map_of_another_voxel_size_ends_it_with_status_2(tmp_path, start, peer):
+    path = tmp_path / "map.cfodi"
+    node, camera = begin(start, peer, **saving(path))
+    take_in(camera, peer.deltas)
+    node.stop()
+    whole = path.read_bytes()
+    node = start(saving(path, voxel_size=0.05), options=["--resume"])
+    assert node.wait(10) == 2
+    assert [line for line in node.lines if "voxel_size 0.08" in line and "0.05" in line], node.lines
+    assert path.read_bytes() == whole
+
+
+def test_without_a_file_it_says_what_is_missing(start, peer):
+    assert start(options=["--resume"]).wait(10) == 2
+    start().ready()
+    reply = peer.call(Trigger, "/cfodi/save", Trigger.Request())
+    assert not reply.success and "snapshot_path" in reply.message
