@@ -3,7 +3,7 @@
 //! On the cabinet recording where there is one (`CFODI_DATA`), on the simulated room otherwise. A group holds: `read`,
 //! the yardstick: summing the bytes of one cloud after the other; `decode`, `PointCloud2` bytes to points; `insert`, a
 //! whole drive from an empty map on, divided by its scans, in mode `paper` and in mode `consistent`, and the ratio of the
-//! two; `STATIC`, one re-clustering of the whole map; `snapshot`. The group `sim` is the simulator on one of its scenes
+//! two; `STATIC`, one re-clustering of the whole map; `snapshot`; `save`, the map to the bytes of a file and back. The group `sim` is the simulator on one of its scenes
 //! after the other: `labelled_scan` and, what scores are measured by, `true_hits`.
 #![allow(
     missing_docs,
@@ -21,9 +21,10 @@ use std::time::{Duration, Instant};
 
 use cfodi::cloud::{Cloud, CloudFilter, Optical, decode};
 use cfodi::engine::paper::Cfodi;
-use cfodi::engine::{Engine, Isometry3, Params, Scan, Stamp};
+use cfodi::engine::{Engine, Isometry3, Mode, Params, Scan, Stamp};
 use cfodi::msg::ros::PointCloud2;
 use cfodi::sim::{Drive, Scene};
+use cfodi::store::{pack, unpack};
 use criterion::measurement::WallTime;
 use criterion::{BenchmarkGroup, Criterion, criterion_group, criterion_main};
 
@@ -73,9 +74,23 @@ fn bench(criterion: &mut Criterion) {
         scans.iter().for_each(|scan| drop(engine.insert(scan)));
         group.bench_function(format!("STATIC {label}, a map"), |b| b.iter(|| engine.static_partition()));
         group.bench_function(format!("snapshot {label}"), |b| b.iter(|| engine.snapshot()));
+        save(&mut group, label, &scans, params.with_mode(Mode::Consistent));
     }
     group.finish();
     simulator(criterion);
+}
+
+/// What a map costs on its way into a file and back, without the disk.
+fn save(group: &mut Group, label: &str, scans: &[Scan], params: Params) {
+    let mut engine = Engine::new(params);
+    scans.iter().for_each(|scan| drop(engine.insert(scan)));
+    let map = engine.save();
+    let bytes = pack(&map).unwrap();
+    println!("save {label}: {} voxels, {} bytes", engine.voxel_count(), bytes.len());
+    group.bench_function(format!("save {label}, engine"), |b| b.iter(|| engine.save()));
+    group.bench_function(format!("save {label}, pack"), |b| b.iter(|| pack(&map)));
+    group.bench_function(format!("save {label}, unpack"), |b| b.iter(|| unpack(&bytes)));
+    group.bench_function(format!("save {label}, restore"), |b| b.iter(|| Engine::restore(params, &map)));
 }
 
 /// A scan of each mode, and how many times as long the second takes; nothing of it where a filter leaves one out.

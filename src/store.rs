@@ -142,12 +142,18 @@ fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
 
 /// Why bytes are no map.
 #[derive(Debug, PartialEq, Eq)]
-enum Flaw {
+pub enum Flaw {
+    /// They are of this later version.
     Newer(u32),
+    /// What is wrong, with its numbers.
     Damaged(String),
 }
 
-fn pack(map: &SavedMap) -> io::Result<Vec<u8>> {
+/// The bytes of a file.
+///
+/// # Errors
+/// When the encoder finds no memory.
+pub fn pack(map: &SavedMap) -> io::Result<Vec<u8>> {
     let plain = postcard::to_stdvec(map).map_err(io::Error::other)?;
     let packed = zstd::encode_all(&plain[..], LEVEL)?;
     let mut bytes = Vec::with_capacity(HEADER + packed.len());
@@ -167,7 +173,11 @@ fn checksum(header: &[u8], packed: &[u8]) -> u32 {
     hasher.finalize()
 }
 
-fn unpack(bytes: &[u8]) -> Result<SavedMap, Flaw> {
+/// The map in the bytes of a file.
+///
+/// # Errors
+/// When they hold none, or one of a later version.
+pub fn unpack(bytes: &[u8]) -> Result<SavedMap, Flaw> {
     let damaged = |what: String| Err(Flaw::Damaged(what));
     let Some((header, packed)) = bytes.split_at_checked(HEADER) else {
         return damaged(format!("{} bytes, fewer than the {HEADER} of its header", bytes.len()));

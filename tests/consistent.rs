@@ -11,8 +11,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use cfodi::engine::consistent::Consistent;
 use cfodi::engine::{
-    Cluster, ClusterId, Engine, Isometry3, Mode, NoiseModel, Params, Points, Scan, Snapshot, Stamp, Update,
-    VoxelKey,
+    Cluster, ClusterId, DenseVoxel, Engine, Isometry3, Mode, NoiseModel, Params, Points, Scan, Snapshot,
+    Stamp, Update, VoxelKey,
 };
 use nalgebra::{Point3, Translation3, UnitQuaternion, Vector3};
 use proptest::prelude::*;
@@ -160,6 +160,40 @@ fn canonical(partition: Vec<(VoxelKey, Option<u32>)>, moved: [i32; 3]) -> Vec<([
     named.collect()
 }
 
+/// Two maps are the same, `there` moved by these blocks: places to 1e-5 m (a coordinate at 10 km has 2e-12 m, an offset in a
+/// voxel, where it rounds the other way, 6e-5 m by the number of points), directions to 1e-5 rad.
+fn same_but_moved(
+    here: &Snapshot,
+    there: &Snapshot,
+    blocks: [i32; 3],
+    by: &Vector3<f64>,
+) -> Result<(), TestCaseError> {
+    let keys = |map: &Snapshot, blocks: [i32; 3]| {
+        let moved = |voxel: &DenseVoxel| {
+            let key = voxel.key.indices();
+            ([0, 1, 2].map(|i| key[i] - 8 * blocks[i]), voxel.count, voxel.cluster)
+        };
+        map.voxels.iter().map(moved).collect::<Vec<_>>()
+    };
+    prop_assert_eq!(keys(here, [0; 3]), keys(there, blocks));
+    for (a, b) in here.voxels.iter().zip(&there.voxels) {
+        prop_assert!((a.centre + by - b.centre).norm() < 1e-5, "{:?} and {:?}", a, b);
+        let turn = a.normal.zip(b.normal).map_or(0.0, |(a, b)| a.angle(&b));
+        prop_assert!(a.normal.is_some() == b.normal.is_some() && turn < 1e-5, "{:?} and {:?}", a, b);
+    }
+    prop_assert_eq!(here.clusters.len(), there.clusters.len());
+    for (a, b) in here.clusters.iter().zip(&there.clusters) {
+        prop_assert_eq!((a.id, a.voxel_count, a.class), (b.id, b.voxel_count, b.class));
+        prop_assert!((a.centroid + by - b.centroid).norm() < 1e-5, "{:?} and {:?}", a, b);
+        prop_assert!(a.normal.angle(&b.normal) < 1e-5, "{:?} and {:?}", a, b);
+        // The plane passes the same side of its own centroid.
+        let off = |cluster: &Cluster| cluster.normal.dot(&cluster.centroid.coords) + cluster.offset;
+        prop_assert!((off(a) - off(b)).abs() < 1e-5, "{} and {}", off(a), off(b));
+        prop_assert!((a.covariance - b.covariance).norm() < 1e-5, "{:?} and {:?}", a, b);
+    }
+    Ok(())
+}
+
 /// What a reader makes of the updates that has only those.
 #[derive(Default)]
 struct Reader {
@@ -273,6 +307,23 @@ proptest! {
             there.insert(&Scan { fixed_from_sensor: by * scan.fixed_from_sensor, ..scan });
             prop_assert_eq!(canonical(here.partition(), [0; 3]), canonical(there.partition(), moved));
         }
+    }
+
+    #[test]
+    fn ten_kilometres_away_centres_normals_and_planes_are_as_good_as_at_the_origin(
+        params in params(), stream in stream(12), paper in any::<bool>(), far in prop::array::uniform3(-1..2_i32),
+    ) {
+        let params = if paper { params.with_mode(Mode::Paper) } else { params };
+        // 5,001 blocks of 2 m: a multiple of three, as above.
+        let blocks = far.map(|sign| 5001 * sign);
+        let by = Vector3::from(blocks).map(|i| f64::from(8 * i) * VOXEL);
+        let (mut here, mut there) = (Engine::new(params), Engine::new(params));
+        for number in 0..stream.poses.len() {
+            let scan = stream.scan(number);
+            here.insert(&scan);
+            there.insert(&Scan { fixed_from_sensor: Translation3::from(by) * scan.fixed_from_sensor, ..scan });
+        }
+        same_but_moved(&here.snapshot(), &there.snapshot(), blocks, &by)?;
     }
 
     #[test]

@@ -64,6 +64,9 @@ pub(super) fn ensure(holds: bool, what: impl FnOnce() -> String) -> Result<(), R
 /// Scans, and ids given, beyond which no map has got: they go on counting up from there.
 const MOST_COUNTED: u64 = 1 << 60;
 
+/// The same of the revisions of a cluster: one more at most with each scan.
+pub(super) const MOST_REVISIONS: u32 = 1 << 31;
+
 /// Checks a count that goes on.
 pub(super) fn ensure_counted(name: &str, count: u64) -> Result<(), RestoreError> {
     ensure(count <= MOST_COUNTED, || format!("{name} is {count}, more than {MOST_COUNTED}"))

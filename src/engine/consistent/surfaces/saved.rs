@@ -17,7 +17,7 @@ use crate::engine::consistent::rules::Rules;
 use crate::engine::consistent::saved::{SavedBlock, SavedState};
 use crate::engine::consistent::scratch;
 use crate::engine::params::Params;
-use crate::engine::saved::{RestoreError, ensure, ensure_counted};
+use crate::engine::saved::{MOST_REVISIONS, RestoreError, ensure, ensure_counted};
 use crate::engine::scan::Stamp;
 use crate::engine::snapshot::ClusterState;
 
@@ -156,7 +156,10 @@ impl Surfaces {
             };
             let identity = &saved.identity;
             let is_new = identity.id.is_none_or(|id| id.get() <= map.ids_given && ids.insert(id));
-            let possible = is_new && identity.grown <= sequence && identity.merged_from.is_empty();
+            let possible = is_new
+                && identity.grown <= sequence
+                && identity.revision <= MOST_REVISIONS
+                && identity.merged_from.is_empty();
             let axis = Axis::of(saved.axis).filter(|_| possible);
             let axis = axis.ok_or_else(|| {
                 RestoreError::Contradiction(format!(

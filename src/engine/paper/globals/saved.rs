@@ -8,7 +8,7 @@ use crate::engine::key::{ClusterId, VoxelKey};
 use crate::engine::paper::extremes::Extremes;
 use crate::engine::paper::grid::{Grid, Label};
 use crate::engine::paper::saved::is_unit;
-use crate::engine::saved::{RestoreError, ensure};
+use crate::engine::saved::{MOST_REVISIONS, RestoreError, ensure};
 use crate::engine::scan::Stamp;
 
 /// All of [`Globals`] that does not follow from the voxels.
@@ -46,7 +46,9 @@ impl SavedGlobals {
             })?;
         }
         for global in self.slots.iter().flatten() {
-            let possible = is_unit(&global.normal) && global.grown.max(global.changed) <= sequence;
+            let possible = is_unit(&global.normal)
+                && global.grown.max(global.changed) <= sequence
+                && global.revision <= MOST_REVISIONS;
             ensure(possible, || format!("an impossible cluster after {sequence} scans: {global:?}"))?;
         }
         ensure(self.growths.is_sorted_by_key(|(scan, _)| *scan), || "growths are out of order".to_owned())?;
