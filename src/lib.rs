@@ -15,6 +15,7 @@ pub mod experiment;
 pub mod export;
 #[cfg(feature = "frames")]
 pub mod join;
+pub mod line;
 pub mod msg;
 #[cfg(feature = "node")]
 pub mod node;
@@ -29,3 +30,5 @@ pub mod store;
 #[cfg(feature = "frames")]
 pub mod tf;
 pub mod worker;
+#[cfg(feature = "bag")]
+pub mod yaml;

@@ -37,8 +37,7 @@ enum Verb {
 }
 
 fn main() -> ExitCode {
-    let args: Vec<String> = std::env::args().collect();
-    let (setup, rest) = match cli::setup(&args) {
+    let (setup, rest) = match cli::arguments().and_then(|args| Ok(cli::setup(&args)?)) {
         Ok(parsed) => parsed,
         Err(error) => {
             eprintln!("cfodi: {error}");

@@ -5,6 +5,7 @@ use std::fmt::Write;
 use thiserror::Error;
 
 use super::topic::Topic;
+use crate::line::one_line;
 
 /// What a sensor's messages are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -122,7 +123,8 @@ fn named<'a>(topics: &'a [Topic], wanted: &[String]) -> Result<Vec<Candidate<'a>
         };
         let usable = of_name.iter().find_map(|topic| Some((*topic, kind_by_type(topic)?)));
         let Some(usable) = usable else {
-            let (type_name, encoding) = (first.type_name.clone(), first.encoding.clone());
+            let [type_name, encoding] =
+                [&first.type_name, &first.encoding].map(|text| one_line(text).into_owned());
             return Err(ChoiceError::NoScans {
                 topic: name.clone(),
                 type_name,
@@ -142,7 +144,7 @@ fn hint(topics: &[Topic], name: &str) -> String {
     let usable = topics.iter().filter(|topic| kind_by_type(topic).is_some());
     let distances = usable.map(|topic| (strsim::damerau_levenshtein(&topic.name, name), &topic.name));
     match distances.min() {
-        Some((distance, near)) if 2 * distance < name.len() => format!(" (is {near} meant?)"),
+        Some((distance, near)) if 2 * distance < name.len() => format!(" (is {} meant?)", one_line(near)),
         _ => String::new(),
     }
 }
@@ -158,7 +160,7 @@ fn only<'a>(
             [] => {}
             [one] => return Ok((vec![one], others.iter().map(|(topic, _)| topic.name.clone()).collect())),
             _ => {
-                let words = of_kind.iter().map(|(topic, _)| format!("--topic {}", topic.name));
+                let words = of_kind.iter().map(|(topic, _)| format!("--topic {}", one_line(&topic.name)));
                 let choices = words.collect::<Vec<_>>().join(" or ");
                 return Err(ChoiceError::Several { choices, held: held(topics) });
             }
@@ -226,7 +228,8 @@ fn info_topic(
                 " on {sibling}, or where -r depth/camera_info:=TOPIC says ({} in the bag)",
                 infos.len()
             );
-            Err(ChoiceError::NoCameraInfo { topic: image.name.clone(), hint, held: held(topics) })
+            let (topic, hint) = (one_line(&image.name).into_owned(), one_line(&hint).into_owned());
+            Err(ChoiceError::NoCameraInfo { topic, hint, held: held(topics) })
         }
     }
 }
@@ -240,8 +243,9 @@ fn held(topics: &[Topic]) -> String {
         let count = topic.messages.map_or_else(|| "?".to_owned(), |count| count.to_string());
         let kind = if topic.type_name.is_empty() { "a type it does not tell" } else { &topic.type_name };
         let encoding = if topic.encoding == "cdr" { String::new() } else { format!(" ({})", topic.encoding) };
+        let line = format!("{} {count} x {kind}{encoding}", topic.name);
         // Writing to a text does not fail.
-        let _ = write!(list, "\n  {} {count} x {kind}{encoding}", topic.name);
+        let _ = write!(list, "\n  {}", one_line(&line));
         list
     })
 }

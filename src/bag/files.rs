@@ -10,6 +10,7 @@ use super::part::{Part, reading, sqlite};
 use super::read::Messages;
 use super::survey::survey;
 use super::topic::{Survey, Topic};
+use crate::yaml;
 
 /// What a recorder says of a folder.
 const METADATA: &str = "metadata.yaml";
@@ -32,7 +33,7 @@ impl Bag {
         if !about.is_dir() {
             return Ok(Self { files: vec![Part::open(path)?], listed: Vec::new() });
         }
-        let (paths, listed) = match fs::read_to_string(path.join(METADATA)) {
+        let (paths, listed) = match yaml::read(&path.join(METADATA)) {
             Ok(text) => {
                 let metadata = metadata::parse(path, &text)?;
                 if metadata.storage == "sqlite3" {

@@ -1,11 +1,12 @@
 //! `metadata.yaml` of a rosbag2 folder: its files and topics.
 
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
-use yaml_rust2::{Yaml, YamlLoader};
+use yaml_rust2::Yaml;
 
 use super::error::BagError;
 use super::topic::Topic;
+use crate::yaml;
 
 /// What a `metadata.yaml` says.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -21,13 +22,20 @@ pub(super) struct Metadata {
 /// Reads the text of `folder`/metadata.yaml.
 pub(super) fn parse(folder: &Path, text: &str) -> Result<Metadata, BagError> {
     let refuse = |what: String| BagError::Metadata { path: folder.join("metadata.yaml"), what };
-    let documents = YamlLoader::load_from_str(text).map_err(|error| refuse(error.to_string()))?;
+    let documents = yaml::load(text).map_err(|error| refuse(error.to_string()))?;
     let root = documents.first().unwrap_or(&Yaml::BadValue);
     let about = &root["rosbag2_bagfile_information"];
     let paths = about["relative_file_paths"].as_vec().map_or(&[][..], Vec::as_slice);
     let files: Vec<PathBuf> = paths.iter().filter_map(Yaml::as_str).map(|name| folder.join(name)).collect();
     if files.is_empty() {
         return Err(refuse("rosbag2_bagfile_information/relative_file_paths names no file".to_owned()));
+    }
+    let is_inside = |name: &&str| {
+        let parts = || Path::new(name).components();
+        parts().all(|part| matches!(part, Component::Normal(_) | Component::CurDir))
+    };
+    if let Some(outside) = paths.iter().filter_map(Yaml::as_str).find(|name| !is_inside(name)) {
+        return Err(refuse(format!("it names the file {outside:?}, which is not in the folder")));
     }
     let listed = about["topics_with_message_count"].as_vec().map_or(&[][..], Vec::as_slice);
     Ok(Metadata {
@@ -71,6 +79,37 @@ mod tests {
         assert_eq!(metadata.storage, "mcap");
         let [topic] = &metadata.topics[..] else { panic!() };
         assert_eq!((topic.name.as_str(), topic.messages), ("/tf", Some(58)));
+    }
+
+    #[test]
+    fn files_outside_of_the_folder_are_refused() {
+        for name in ["/etc/passwd", "../secret.mcap", "a/../../b.mcap"] {
+            let text = format!("rosbag2_bagfile_information: {{relative_file_paths: [\"{name}\"]}}");
+            let error = parse(Path::new("/bags/a"), &text).unwrap_err().to_string();
+            assert!(error.contains(&format!("it names the file {name:?}")), "{error}");
+        }
+        let inside = "rosbag2_bagfile_information: {relative_file_paths: [./b/a.mcap]}";
+        assert_eq!(parse(Path::new("/bags/a"), inside).unwrap().files, [PathBuf::from("/bags/a/b/a.mcap")]);
+    }
+
+    #[test]
+    fn what_is_nested_or_repeated_without_end_is_refused() {
+        for text in ["- ".repeat(100_000), "[".repeat(100)] {
+            let error = parse(Path::new("/bags/a"), &text).unwrap_err().to_string();
+            assert!(error.contains("nested deeper"), "{error}");
+        }
+        let laughs = (1..12).fold("a0: &a0 [1, 1, 1]\n".to_owned(), |text, i| {
+            text + &format!("a{i}: &a{i} [{}]\n", vec![format!("*a{}", i - 1); 9].join(", "))
+        });
+        assert!(parse(Path::new("/bags/a"), &laughs).is_err());
+    }
+
+    #[test]
+    fn numbers_that_cannot_be_are_no_numbers() {
+        for count in ["-1", "1e99", "99999999999999999999", "many"] {
+            let metadata = parse(Path::new("/bags/a"), &TEXT.replace("58", count)).unwrap();
+            assert_eq!(metadata.topics[0].messages, None, "{count}");
+        }
     }
 
     #[test]

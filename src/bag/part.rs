@@ -1,6 +1,6 @@
 //! One file of a bag, told apart by how it begins.
 
-use std::fs::File;
+use std::fs::{File, Metadata};
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
@@ -29,10 +29,18 @@ impl Part {
         Self { path: path.to_owned(), size, is_compressed: false }
     }
 
+    /// Refuses what is no regular file: opening a pipe would wait for its writer, and a device has no end.
+    pub(super) fn check_regular(path: &Path) -> Result<Metadata, BagError> {
+        let about = path.metadata().map_err(|source| reading(path, source))?;
+        let refused = || reading(path, io::Error::new(io::ErrorKind::InvalidInput, "it is no regular file"));
+        if about.is_file() { Ok(about) } else { Err(refused()) }
+    }
+
     pub(super) fn open(path: &Path) -> Result<Self, BagError> {
         let failed = |source| reading(path, source);
+        let about = Self::check_regular(path)?;
         let file = File::open(path).map_err(failed)?;
-        let size = file.metadata().map_err(failed)?.len();
+        let size = about.len();
         let mut begin = Vec::new();
         file.take(16).read_to_end(&mut begin).map_err(failed)?;
         // What is too short to tell is a cut file, which reading it will say.

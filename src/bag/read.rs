@@ -134,6 +134,7 @@ impl Iterator for Messages {
 impl Part {
     fn reader(&self, bytes: &Arc<AtomicU64>) -> Result<mcap::io::MessageReader<Source>, BagError> {
         let failed = |source| reading(&self.path, source);
+        Self::check_regular(&self.path)?;
         let file = File::open(&self.path).map_err(failed)?;
         let file = BufReader::with_capacity(BUFFER, Counted { file, bytes: Arc::clone(bytes) });
         // A record's length is an unchecked number, and memory is taken by it: a small file has no giant ones.

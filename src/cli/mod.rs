@@ -10,15 +10,25 @@ pub(crate) mod simulate;
 mod stop;
 mod truth;
 
+use std::ffi::OsString;
 use std::io::{self, IsTerminal};
 
 use cfodi::node::Setup;
 use cfodi::node::args::ArgsError;
 use tracing_subscriber::EnvFilter;
 
+/// The command line as text.
+pub(crate) fn arguments() -> anyhow::Result<Vec<String>> {
+    let text = |argument: OsString| {
+        argument.into_string().map_err(|argument| anyhow::anyhow!("the argument {argument:?} is no text"))
+    };
+    std::env::args_os().map(text).collect()
+}
+
 /// Splits the ROS arguments off the command line and checks them.
 pub(crate) fn setup(args: &[String]) -> Result<(Setup, Vec<String>), ArgsError> {
-    let domain = std::env::var("ROS_DOMAIN_ID").ok();
+    // What is no text is no number either, and is refused as such.
+    let domain = std::env::var_os("ROS_DOMAIN_ID").map(|domain| domain.to_string_lossy().into_owned());
     Setup::parse(args, domain.as_deref(), "cfodi")
 }
 

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use cfodi::line::one_line;
 use cfodi::replay::Progress;
 use indicatif::{ProgressBar, ProgressStyle};
 
@@ -50,7 +51,7 @@ impl Bar {
 
     /// Writes a line to stderr, above the bar.
     pub(crate) fn say(&self, line: &str) {
-        self.0.suspend(|| eprintln!("{line}"));
+        self.0.suspend(|| eprintln!("{}", one_line(line)));
     }
 
     pub(crate) fn finish(&self) {

@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use anyhow::Context as _;
 use cfodi::bag::{Bag, Choice, Decoder, OutputTopics, Survey, choose};
 use cfodi::export::write_whole;
+use cfodi::line::one_line;
 use cfodi::node::Setup;
 use cfodi::node::args::ArgsError;
 use cfodi::replay::{
@@ -224,7 +225,7 @@ fn say_choice(choice: &Choice) {
         format!(" (not {}: choose with --topic)", choice.passed_over.join(", "))
     };
     if !read.is_empty() {
-        eprintln!("reading {}{others}", read.join(" and "));
+        eprintln!("{}", one_line(&format!("reading {}{others}", read.join(" and "))));
     }
 }
 
@@ -269,7 +270,7 @@ fn account(summary: &Summary) {
         "{} scans in {:.1} s ({rate:.0} a second) in frame {}: {} of {} points used, {} dense voxels, {} clusters, {} of them active",
         summary.tally.scans,
         summary.wall.as_secs_f64(),
-        summary.fixed_frame,
+        one_line(&summary.fixed_frame),
         summary.tally.points_valid - summary.points_beyond_grid,
         summary.tally.points,
         summary.dense_voxels,

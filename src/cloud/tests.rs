@@ -4,6 +4,7 @@ mod camera;
 #[cfg(feature = "png")]
 mod compressed;
 mod depth;
+mod hostile;
 mod properties;
 
 use byteorder::{BigEndian, LittleEndian};

@@ -144,6 +144,9 @@ fn engine(given: &Given) -> Result<Params, ConfigError> {
         .with_expansion_interval(whole("expansion_interval")?)?)
 }
 
+/// No depth sensor sends more, and the sums of a voxel hold as many points of one scan (`engine::consistent`).
+const MAX_SCAN_POINTS: i64 = 1 << 24;
+
 /// No depth sensor sees further [m].
 const FARTHEST: f64 = 1e6;
 
@@ -163,7 +166,7 @@ fn filter(given: &Given) -> Result<CloudFilter, ConfigError> {
             return Err(ConfigError::Impossible { name: "optical", value, must });
         }
     };
-    let max_points = given.integer("max_points", 1, i64::from(u32::MAX))? as u32;
+    let max_points = given.integer("max_points", 1, MAX_SCAN_POINTS)? as u32;
     Ok(CloudFilter { min_range, max_range, optical, max_points })
 }
 
@@ -265,7 +268,7 @@ mod tests {
         );
         assert_eq!(
             line("fixed_frame", Value::Text("/".into())),
-            "fixed_frame is \"/\"; it must be the name of a frame"
+            "fixed_frame is \"/\"; it must be the name of a frame, of at most 256 bytes"
         );
         assert_eq!(
             line("mode", Value::Text("fast".into())),
@@ -285,6 +288,35 @@ mod tests {
         );
         let addresses = Value::TextList(vec!["127.0.0.1".into(), "eth0".into()]);
         assert!(line("network_interfaces", addresses).contains("IP addresses"));
+    }
+
+    #[test]
+    fn every_parameter_takes_values_of_every_type_and_size_without_a_panic() {
+        let text = |text: &str| Value::Text(text.to_owned());
+        let mut values = vec![Value::Boolean(true), Value::TextList(Vec::new()), text(""), text("\0\u{1b}[31m")];
+        values.extend([text(&"x".repeat(1 << 20)), Value::TextList(vec![String::new(); 1000])]);
+        values.extend([i64::MIN, -1, 0, 1, 1 << 31, 1 << 32, i64::MAX].map(Value::Integer));
+        let ends = [0.0, -0.0, f64::MIN_POSITIVE / 2.0, 1e-9, 1.0, 1e300, f64::MAX, f64::INFINITY, f64::NAN];
+        values.extend(ends.into_iter().flat_map(|x| [x, -x]).map(Value::Double));
+        for parameter in parameters() {
+            let taken = values.iter().filter(|value| with(parameter.name, (*value).clone()).is_ok());
+            for value in taken {
+                let refused = matches!(value, Value::Double(x) if !x.is_finite());
+                assert!(!refused, "{} takes {value}", parameter.name);
+            }
+        }
+    }
+
+    #[test]
+    fn bounds_of_memory_cannot_be_given_away() {
+        assert_eq!(
+            line("max_points", Value::Integer(1 << 25)),
+            "max_points is 33554432; it must be from 1 to 16777216"
+        );
+        let long = line("fixed_frame", Value::Text("x".repeat(257)));
+        assert!(long.ends_with("it must be the name of a frame, of at most 256 bytes"), "{long}");
+        assert!(line("receive_buffer", Value::Integer((1 << 30) + 1)).contains("from 4096 to 1073741824"));
+        assert!(line("tf_timeout", Value::Double(1e9)).contains("from 0 to 60 s"));
     }
 
     #[test]

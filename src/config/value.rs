@@ -6,6 +6,7 @@ use std::net::IpAddr;
 
 use super::ConfigError;
 use crate::engine::{Mode, NoiseModel};
+use crate::msg::ros::MAX_FRAME_ID_BYTES;
 
 /// A parameter's value, of the ROS parameter types that are used here.
 #[derive(Clone, Debug, PartialEq)]
@@ -82,7 +83,7 @@ pub(super) const TABLE: &[Declared] = &[
         || Value::Text("auto".to_owned()),
         "whether clouds have optical axes: `auto` (by frame id), `yes`, `no`",
     ),
-    ("max_points", || Value::Integer(4_000_000), "most points of one scan; a larger one is refused"),
+    ("max_points", || Value::Integer(4_000_000), "most points of one scan, 1 to 2^24; a larger one is refused"),
     (
         "network_interfaces",
         || Value::TextList(Vec::new()),
@@ -188,7 +189,10 @@ impl Given {
 
     pub(super) fn frame(&self, name: &'static str) -> Result<String, ConfigError> {
         let frame = self.text(name)?.trim_start_matches('/');
-        if frame.is_empty() { self.refuse(name, "the name of a frame") } else { Ok(frame.to_owned()) }
+        if frame.is_empty() || frame.len() > MAX_FRAME_ID_BYTES {
+            return self.refuse(name, format!("the name of a frame, of at most {MAX_FRAME_ID_BYTES} bytes"));
+        }
+        Ok(frame.to_owned())
     }
 
     pub(super) fn addresses(&self, name: &'static str) -> Result<Vec<IpAddr>, ConfigError> {

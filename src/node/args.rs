@@ -3,11 +3,13 @@
 use std::collections::BTreeSet;
 
 use ros2args::names::{build_node_fqn, expand_topic_name};
-use ros2args::{ParamAssignment, Ros2Args, Ros2ArgsError, match_wildcard_pattern, parse_param_file};
+use ros2args::{ParamAssignment, Ros2Args, Ros2ArgsError, match_wildcard_pattern};
 use thiserror::Error;
 use yaml_rust2::Yaml;
 
+use super::params_file::assignments;
 use crate::config::{Config, ConfigError, Value};
+use crate::yaml::{self, YamlError};
 
 /// Everything that the command line and the environment say about the node.
 #[derive(Clone, Debug)]
@@ -46,6 +48,14 @@ pub enum ArgsError {
         /// As given.
         value: String,
     },
+    /// A value that is more than is read.
+    #[error("the value of {name} is refused: {bound}")]
+    Value {
+        /// What stands before `:=`.
+        name: String,
+        /// Why.
+        bound: YamlError,
+    },
     /// `ROS_DOMAIN_ID` out of range.
     #[error("ROS_DOMAIN_ID is {0:?}; it must be from 0 to 232")]
     Domain(String),
@@ -67,6 +77,7 @@ impl Setup {
         domain: Option<&str>,
         default_name: &str,
     ) -> Result<(Self, Vec<String>), ArgsError> {
+        args.iter().try_for_each(|arg| check_value(arg))?;
         let (ros, rest) = ros2args::parse_ros2_args(args)?;
         let renamed = |special: &[&str]| {
             let rules = ros.remap_rules.iter().filter(|rule| rule.applies_to_node(default_name));
@@ -135,6 +146,16 @@ fn absolute(namespace: String) -> String {
     if namespace.starts_with('/') { namespace } else { format!("/{namespace}") }
 }
 
+/// A value on the command line is YAML: what is more than is read never reaches the library.
+fn check_value(arg: &str) -> Result<(), ArgsError> {
+    let Some((name, value)) = arg.split_once(":=") else { return Ok(()) };
+    match yaml::check(value) {
+        // What is no YAML may be no parameter either; where it is one, it is said below.
+        Ok(()) | Err(YamlError::Form(_)) => Ok(()),
+        Err(bound) => Err(ArgsError::Value { name: name.to_owned(), bound }),
+    }
+}
+
 fn parse_domain(domain: Option<&str>) -> Result<u16, ArgsError> {
     let Some(text) = domain.filter(|text| !text.is_empty()) else { return Ok(0) };
     let number = text.parse().ok().filter(|number| *number <= 232);
@@ -148,7 +169,7 @@ fn given_parameters(ros: &Ros2Args, namespace: &str, name: &str) -> Result<Vec<(
         let for_node = |param: &ParamAssignment| {
             param.node_name.as_ref().is_none_or(|pattern| match_wildcard_pattern(pattern, &node))
         };
-        assigned.extend(parse_param_file(file)?.into_iter().filter(for_node));
+        assigned.extend(assignments(file)?.into_iter().filter(for_node));
     }
     assigned.extend(ros.param_assignments.iter().filter(|param| param.applies_to_node(name)).cloned());
     let mut values = Vec::new();
@@ -237,6 +258,92 @@ mod tests {
         let domain = Setup::parse(&[], Some("233"), "cfodi").unwrap_err().to_string();
         assert_eq!(domain, "ROS_DOMAIN_ID is \"233\"; it must be from 0 to 232");
         assert_eq!(Setup::parse(&[], Some("7"), "cfodi").unwrap().0.domain, 7);
+    }
+
+    /// What is said of a parameter file of this text.
+    fn of_file(text: &[u8]) -> Result<Setup, ArgsError> {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("params.yaml");
+        std::fs::write(&file, text).unwrap();
+        parse(&format!("--ros-args --params-file {}", file.display()))
+    }
+
+    #[test]
+    fn a_parameter_file_that_is_nested_without_end_is_refused() {
+        let deep = format!("/**:\n  ros__parameters:\n    depth:\n      {}", "- ".repeat(100_000));
+        let flow = format!("/**: {}", "{a: ".repeat(100));
+        for text in [deep, flow] {
+            let error = of_file(text.as_bytes()).unwrap_err().to_string();
+            assert!(error.contains("nested deeper than 64"), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_parameter_file_of_a_billion_laughs_is_refused() {
+        let mut text = "a0: &a0 [ha, ha, ha, ha, ha, ha, ha, ha, ha]\n".to_owned();
+        for i in 1..10 {
+            text += &format!("a{i}: &a{i} [{}]\n", vec![format!("*a{}", i - 1); 9].join(", "));
+        }
+        let error = of_file(text.as_bytes()).unwrap_err().to_string();
+        assert!(error.contains("more than 100000 nodes"), "{error}");
+    }
+
+    #[test]
+    fn a_parameter_file_that_is_none_is_refused_with_its_name() {
+        let long_name = format!("{}:\n  ros__parameters: {{depth: 3}}\n", "/**".repeat(10_000));
+        let texts: [&[u8]; 8] = [
+            b"\xff\xfe\x00",
+            b"- 1\n- 2\n",
+            b"7: {ros__parameters: {depth: 3}}",
+            b"a: {b: 3}",
+            b"a: {ros__parameters: 3}",
+            b"a: {ros__parameters: {3: 4}}",
+            b"a: b: c",
+            long_name.as_bytes(),
+        ];
+        for text in texts {
+            let error = of_file(text).unwrap_err().to_string();
+            assert!(error.contains("params.yaml"), "{error}");
+        }
+        let endless = parse("--ros-args --params-file /dev/zero").unwrap_err().to_string();
+        assert!(endless.contains("more than 1048576 bytes"), "{endless}");
+        assert!(of_file(b"").is_ok());
+    }
+
+    #[test]
+    fn a_value_on_the_command_line_is_bounded_like_one_in_a_file() {
+        let value = |value: &str| {
+            let args = ["--ros-args", "-p", value].map(str::to_owned);
+            Setup::parse(&args, None, "cfodi").map(|(setup, _)| setup)
+        };
+        let error = value(&format!("depth:={}", "[".repeat(200))).unwrap_err().to_string();
+        assert_eq!(error, "the value of depth is refused: YAML nested deeper than 64");
+        for bad in ["depth:=", "depth:=*x", "depth:=[", ":=", "depth:=3:=4", "a:b:depth:=3", "depth:={a: 1}", "depth:=~"] {
+            assert!(value(bad).is_err(), "{bad}");
+        }
+        let nan = value("tf_timeout:=.nan").unwrap_err().to_string();
+        assert_eq!(nan, "tf_timeout is NaN; it must be from 0 to 60 s");
+    }
+
+    #[test]
+    fn names_that_cannot_be_are_refused() {
+        for rule in ["__node:=a/b", "__node:=", "__node:=7up", "__node:=\u{1b}[2J"] {
+            let args = ["--ros-args", "-r", rule].map(str::to_owned);
+            assert!(Setup::parse(&args, None, "cfodi").is_err(), "{rule}");
+        }
+        for name in ["points:=/a//b", "points:=a b", "points:=/ä"] {
+            let args = ["--ros-args", "-r", name].map(str::to_owned);
+            let (setup, _) = Setup::parse(&args, None, "cfodi").unwrap();
+            assert!(setup.resolve("points").is_err(), "{name}");
+        }
+    }
+
+    #[test]
+    fn a_domain_that_is_none_is_refused() {
+        for domain in ["-1", "233", "1e2", "0x1", "99999999999999999999", " 1", "\u{fffd}"] {
+            assert!(Setup::parse(&[], Some(domain), "cfodi").is_err(), "{domain}");
+        }
+        assert_eq!(Setup::parse(&[], Some(""), "cfodi").unwrap().0.domain, 0);
     }
 
     #[test]

@@ -19,6 +19,11 @@ pub struct Counts {
 }
 
 impl Counts {
+    /// Counts clouds that never arrived: so many that the sum saturates where somebody makes up numbers.
+    pub fn lose(&mut self, clouds: u64) {
+        self.lost = self.lost.saturating_add(clouds);
+    }
+
     /// Counts a cloud that could not be used.
     pub fn skip(&mut self, reason: &'static str) {
         *self.skipped.entry(reason).or_default() += 1;

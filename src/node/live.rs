@@ -24,6 +24,7 @@ use crate::cloud::{Camera, Cloud, CloudError};
 use crate::config::Config;
 use crate::engine::{Engine, Snapshot, Stamp};
 use crate::join::{Join, Joined, Jump};
+use crate::line::one_line;
 use crate::msg::ros::{TfMessage, TriggerResponse};
 use crate::store::StoreError;
 use crate::tf::{Inserted, JUMP_BACK, Waited};
@@ -264,7 +265,7 @@ impl<T: Transport> Live<T> {
     }
 
     fn lost(&mut self, input: Input, number: u64) {
-        self.counts.borrow_mut().lost += number;
+        self.counts.borrow_mut().lose(number);
         if !self.takes(input) {
             return;
         }
@@ -361,7 +362,7 @@ impl<T: Transport> Live<T> {
                 counts.received += 1;
                 counts.skip(cloud.as_ref().map_or_else(CloudError::reason, |_| "shutdown"));
             }
-            Event::Lost(_, number) => counts.lost += number,
+            Event::Lost(_, number) => counts.lose(*number),
             _ => {}
         }
     }
@@ -409,10 +410,13 @@ impl<T: Transport> Live<T> {
         }
         self.said_quiet = Some(now);
         let sources = self.transport.sources();
-        warn!("{}", inputs::why_quiet(self.transport.inputs(), self.chosen, &sources, QUIET));
+        let line = inputs::why_quiet(self.transport.inputs(), self.chosen, &sources, QUIET);
+        warn!("{}", one_line(&line));
     }
 
     fn warn(&mut self, kind: &'static str, line: std::fmt::Arguments<'_>) {
+        let line = line.to_string();
+        let line = one_line(&line);
         if self.throttle.allows(kind, Instant::now()) {
             warn!("{line}");
         } else {

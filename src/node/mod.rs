@@ -10,6 +10,7 @@ pub mod counts;
 pub mod dds;
 mod inputs;
 pub mod live;
+mod params_file;
 pub mod process;
 mod publish;
 pub mod record;

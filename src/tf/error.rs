@@ -79,6 +79,22 @@ pub enum FrameError {
         /// [`MAX_FRAMES`](super::MAX_FRAMES).
         max: usize,
     },
+    /// Too many samples, of one frame or of all, within the time that is kept.
+    #[error("no room for a transform of {child}: {max} are kept at once")]
+    TooManySamples {
+        /// The frame that came last.
+        child: String,
+        /// [`MAX_FRAME_SAMPLES`](super::MAX_FRAME_SAMPLES) or [`MAX_SAMPLES`](super::MAX_SAMPLES).
+        max: usize,
+    },
+    /// Too many frames above it.
+    #[error("frame {child} has more than {max} frames above it")]
+    TooDeep {
+        /// The frame.
+        child: String,
+        /// [`MAX_DEPTH`](super::MAX_DEPTH).
+        max: usize,
+    },
     /// The registry has a reason that is not among the others.
     #[error("transform {child} to {parent} refused: {reason}")]
     Refused {
@@ -103,6 +119,8 @@ impl FrameError {
             Self::BadNorm { .. } => "bad_norm",
             Self::BadStamp { .. } => "bad_stamp",
             Self::TooManyFrames { .. } => "too_many_frames",
+            Self::TooManySamples { .. } => "too_many_samples",
+            Self::TooDeep { .. } => "too_deep",
             Self::Refused { .. } => "refused",
         }
     }
@@ -199,6 +217,21 @@ pub enum LookupError {
         /// The range of its samples.
         covered: Span,
     },
+    /// One of the frames has too much above it.
+    #[error(
+        "no transform from {sensor} into {fixed} at {}: one of the two has more than {max} frames above it",
+        Seconds(*at)
+    )]
+    TooDeep {
+        /// Fixed frame.
+        fixed: String,
+        /// Sensor's frame.
+        sensor: String,
+        /// Time asked for.
+        at: Stamp,
+        /// [`MAX_DEPTH`](super::MAX_DEPTH).
+        max: usize,
+    },
     /// The chain is there, but its numbers cannot be composed.
     #[error("no transform from {sensor} into {fixed} at {}: {reason}", Seconds(*at))]
     Numeric {
@@ -221,6 +254,7 @@ impl LookupError {
             Self::NotConnected { .. } => "tf_not_connected",
             Self::TooEarly { .. } => "tf_too_early",
             Self::TooLate { .. } => "tf_too_late",
+            Self::TooDeep { .. } => "tf_too_deep",
             Self::Numeric { .. } => "tf_numeric",
         }
     }

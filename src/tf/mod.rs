@@ -1,13 +1,15 @@
 //! Where the sensor stood: the tree of coordinate frames from `/tf` and `/tf_static`.
 //!
 //! Keeps true: a transform is checked where it comes in and changes nothing when it is refused; a lookup interpolates
-//! between two samples and never extrapolates; memory is bounded in time ([`MAX_AGE`]) and in frames ([`MAX_FRAMES`]).
+//! between two samples and never extrapolates; memory is bounded in time ([`MAX_AGE`]), in frames ([`MAX_FRAMES`]) and in
+//! samples ([`MAX_SAMPLES`]), the work of a lookup by [`MAX_DEPTH`].
 //! The arithmetic is that of the `transforms` crate; the rules around it are those that tf2's users expect. Metres,
 //! unit quaternions, and times from the messages.
 //!
 //! [`WaitingQueue`] holds scans until the transform at their stamp has come.
 
 mod error;
+mod kept;
 mod sample;
 mod waiting;
 
@@ -30,6 +32,7 @@ pub use error::{FrameError, LookupError, Span};
 pub use sample::{MAX_NAME_BYTES, NORM_TOLERANCE};
 pub use waiting::{Waited, WaitingQueue};
 
+use kept::Kept;
 use sample::{Sample, instant, stamp_of};
 
 /// Dynamic samples older than this against their frame's newest are forgotten; tf2's cache time.
@@ -37,6 +40,15 @@ pub const MAX_AGE: Duration = Duration::from_secs(10);
 
 /// Most child frames that are kept.
 pub const MAX_FRAMES: usize = 10_000;
+
+/// Most samples of one dynamic frame: those of [`MAX_AGE`] at 1000 Hz, and as many again.
+pub const MAX_FRAME_SAMPLES: usize = 20_000;
+
+/// Most samples of all dynamic frames, about 100 bytes each.
+pub const MAX_SAMPLES: usize = 500_000;
+
+/// Most frames between one and its root; robots have ten to thirty.
+pub const MAX_DEPTH: usize = 256;
 
 /// A stamp that lies further back than this is a clock that jumped, not a late message (s).
 pub const JUMP_BACK: f64 = 1.0;
@@ -49,13 +61,27 @@ pub struct Frames {
     registry: Registry,
     /// One edge a child frame, as in `registry`, which does not tell its own.
     edges: BTreeMap<String, Edge>,
+    /// Bound of all samples that are kept.
+    samples: usize,
+    /// The time at which the tree was full and looked through for what is out of date.
+    looked: Option<Stamp>,
 }
 
 #[derive(Debug)]
 struct Edge {
     parent: String,
-    /// Newest stamp of a dynamic edge, `None` for a static one.
-    newest: Option<Stamp>,
+    /// The samples of a dynamic edge, `None` for a static one.
+    kept: Option<Kept>,
+}
+
+impl Edge {
+    fn newest(&self) -> Option<Stamp> {
+        self.kept.map(|kept| kept.newest())
+    }
+
+    fn samples(&self) -> usize {
+        self.kept.map_or(0, |kept| kept.bound())
+    }
 }
 
 /// What an accepted transform did beside being stored.
@@ -81,7 +107,8 @@ impl Default for Frames {
 impl Frames {
     /// An empty tree.
     pub fn new() -> Self {
-        Self { registry: Registry::with_max_age(MAX_AGE), edges: BTreeMap::new() }
+        let registry = Registry::with_max_age(MAX_AGE);
+        Self { registry, edges: BTreeMap::new(), samples: 0, looked: None }
     }
 
     /// Takes in one transform of `/tf_static` (`is_static`) or `/tf`; the stamp of a static one is not looked at.
@@ -98,39 +125,78 @@ impl Frames {
         if jumped_back {
             self.clear_dynamic();
         }
+        self.make_room(&sample)?;
         let inserted = self.store(&sample)?;
         Ok(if jumped_back { Inserted::JumpedBack } else { inserted })
     }
 
     fn jumps_back(&self, sample: &Sample<'_>) -> bool {
-        let newest = self.edges.get(sample.child).and_then(|edge| edge.newest);
+        let newest = self.edges.get(sample.child).and_then(Edge::newest);
         newest.zip(sample.stamp).is_some_and(|(newest, stamp)| newest.seconds_since(stamp) > JUMP_BACK)
     }
 
-    /// Whether the tree has a place for the sample's edge: no cycle, and room.
+    /// Whether the tree has a place for the sample's edge: no cycle, and not too deep.
     fn check_place(&self, sample: &Sample<'_>, only_statics_stay: bool) -> Result<(), FrameError> {
         let known = self.edges.get(sample.child);
         if known.is_some_and(|edge| edge.parent == sample.parent) {
             return Ok(());
         }
-        let stays = |edge: &&Edge| !only_statics_stay || edge.newest.is_none();
+        let stays = |edge: &&Edge| !only_statics_stay || edge.kept.is_none();
         let mut frame = sample.parent;
+        let mut depth = 1;
         while let Some(edge) = self.edges.get(frame).filter(stays) {
             frame = &edge.parent;
             if frame == sample.child {
                 return Err(FrameError::Cycle { parent: sample.parent.into(), child: sample.child.into() });
             }
-        }
-        if known.is_none() && self.edges.len() >= MAX_FRAMES {
-            return Err(FrameError::TooManyFrames { child: sample.child.into(), max: MAX_FRAMES });
+            depth += 1;
+            if depth > MAX_DEPTH {
+                return Err(FrameError::TooDeep { child: sample.child.into(), max: MAX_DEPTH });
+            }
         }
         Ok(())
+    }
+
+    /// Refuses a sample where too much is kept, once what is out of date is forgotten.
+    fn make_room(&mut self, sample: &Sample<'_>) -> Result<(), FrameError> {
+        let kept = self.edges.get(sample.child).map(|edge| edge.kept);
+        let is_full = |frames: &Self| {
+            let no_frame = kept.is_none() && frames.edges.len() >= MAX_FRAMES;
+            (no_frame, sample.stamp.is_some() && frames.samples >= MAX_SAMPLES)
+        };
+        if is_full(self) != (false, false) {
+            self.forget_stale(sample.stamp);
+        }
+        let child = || sample.child.to_owned();
+        match is_full(self) {
+            (true, _) => return Err(FrameError::TooManyFrames { child: child(), max: MAX_FRAMES }),
+            (_, true) => return Err(FrameError::TooManySamples { child: child(), max: MAX_SAMPLES }),
+            _ => {}
+        }
+        let grown = kept.flatten().zip(sample.stamp).map_or(0, |(kept, stamp)| kept.with(stamp).bound());
+        if grown > MAX_FRAME_SAMPLES {
+            return Err(FrameError::TooManySamples { child: child(), max: MAX_FRAME_SAMPLES });
+        }
+        Ok(())
+    }
+
+    /// Forgets the dynamic frames of another time than `stamp` (or the newest there is): nothing is looked up there.
+    fn forget_stale(&mut self, stamp: Option<Stamp>) {
+        let newest = || self.edges.values().filter_map(Edge::newest).max();
+        let Some(now) = stamp.or_else(newest) else { return };
+        let is_far = |other: Stamp, seconds: f64| other.seconds_since(now).abs() > seconds;
+        // Looking through all takes time, and a sender of ever new names would have it done for each.
+        if self.looked.is_some_and(|looked| !is_far(looked, 1.0)) {
+            return;
+        }
+        self.looked = Some(now);
+        self.retain(|edge| !edge.newest().is_some_and(|newest| is_far(newest, MAX_AGE.as_secs_f64())));
     }
 
     /// Stores a sample that has a place.
     fn store(&mut self, sample: &Sample<'_>) -> Result<Inserted, FrameError> {
         let inserted = match self.edges.get(sample.child) {
-            Some(edge) if edge.newest.is_none() != sample.stamp.is_none() => Inserted::KindChanged,
+            Some(edge) if edge.kept.is_none() != sample.stamp.is_none() => Inserted::KindChanged,
             Some(edge) if edge.parent != sample.parent => Inserted::Reparented,
             _ => Inserted::Stored,
         };
@@ -145,29 +211,43 @@ impl Frames {
         };
         let transform = sample.transform().map_err(|error| refused(error.to_string()))?;
         self.registry.add_transform(transform).map_err(|error| refused(error.to_string()))?;
+        self.count(sample);
+        Ok(inserted)
+    }
+
+    /// Notes a sample that the registry has taken.
+    fn count(&mut self, sample: &Sample<'_>) {
         if let Some(edge) = self.edges.get_mut(sample.child) {
-            edge.newest = edge.newest.max(sample.stamp);
+            self.samples -= edge.samples();
+            edge.kept = edge.kept.zip(sample.stamp).map(|(kept, stamp)| kept.with(stamp));
+            self.samples += edge.samples();
         } else {
-            let edge = Edge { parent: sample.parent.into(), newest: sample.stamp };
+            let edge = Edge { parent: sample.parent.into(), kept: sample.stamp.map(Kept::first) };
+            self.samples += edge.samples();
             self.edges.insert(sample.child.into(), edge);
         }
-        Ok(inserted)
     }
 
     fn remove(&mut self, child: &str) {
         self.registry.remove_frame(child);
-        self.edges.remove(child);
+        self.samples -= self.edges.remove(child).map_or(0, |edge| edge.samples());
+    }
+
+    fn retain(&mut self, stays: impl Fn(&Edge) -> bool) {
+        let Self { registry, edges, samples, .. } = self;
+        edges.retain(|child, edge| {
+            let stays = stays(edge);
+            if !stays {
+                registry.remove_frame(child);
+                *samples -= edge.samples();
+            }
+            stays
+        });
     }
 
     /// Forgets all dynamic transforms and keeps the static ones.
     pub fn clear_dynamic(&mut self) {
-        let Self { registry, edges } = self;
-        edges.retain(|child, edge| {
-            if edge.newest.is_some() {
-                registry.remove_frame(child);
-            }
-            edge.newest.is_none()
-        });
+        self.retain(|edge| edge.kept.is_none());
     }
 
     /// Forgets all dynamic transforms if the newest of them lies more than [`JUMP_BACK`] after `stamp`; says whether
@@ -176,7 +256,7 @@ impl Frames {
     /// For a scan whose stamp jumped back: the transforms may still be of the time before the jump, or already of
     /// the time after it.
     pub fn forget_after(&mut self, stamp: Stamp) -> bool {
-        let newest = self.edges.values().filter_map(|edge| edge.newest).max();
+        let newest = self.edges.values().filter_map(Edge::newest).max();
         let forget = newest.is_some_and(|newest| newest.seconds_since(stamp) > JUMP_BACK);
         if forget {
             self.clear_dynamic();
@@ -196,6 +276,10 @@ impl Frames {
         if fixed == sensor {
             return Ok(Isometry3::identity());
         }
+        if self.is_deep(fixed) || self.is_deep(sensor) {
+            let (fixed, sensor) = (fixed.to_owned(), sensor.to_owned());
+            return Err(LookupError::TooDeep { fixed, sensor, at: stamp, max: MAX_DEPTH });
+        }
         let found = self.registry.get_transform(fixed, sensor, instant(stamp));
         let transform = found.map_err(|error| self.explain(fixed, sensor, stamp, error))?;
         isometry(&transform).ok_or_else(|| LookupError::Numeric {
@@ -204,6 +288,12 @@ impl Frames {
             at: stamp,
             reason: "the composed transform is not finite".into(),
         })
+    }
+
+    /// Whether a frame has more above it than is followed: a part of the tree can be put under another one.
+    fn is_deep(&self, frame: &str) -> bool {
+        let above = |edge: &&Edge| self.edges.get(&edge.parent);
+        std::iter::successors(self.edges.get(frame), above).nth(MAX_DEPTH).is_some()
     }
 
     /// What a failed lookup lacks. The registry reports a gap in time even where the frames are not connected, so

@@ -1,5 +1,7 @@
 //! Each rule of the adapter by name, and lookups against composition by hand.
 
+mod hostile;
+
 use nalgebra::{Point3, Translation3, Vector3};
 use proptest::prelude::*;
 
@@ -53,9 +55,10 @@ impl Frames {
     /// Our edges and the registry's are the same.
     fn sanity_check(&self) {
         for (child, edge) in &self.edges {
-            let stamp = edge.newest.unwrap_or_default();
+            let stamp = edge.newest().unwrap_or_default();
             assert!(self.registry.get_transform(&edge.parent, child, instant(stamp)).is_ok(), "{child}");
         }
+        assert_eq!(self.samples, self.edges.values().map(Edge::samples).sum::<usize>());
     }
 }
 

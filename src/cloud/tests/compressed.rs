@@ -202,3 +202,35 @@ proptest! {
         let _ = png_taken(&message(format, data), camera(3, 2));
     }
 }
+
+/// A chunk of a PNG.
+fn chunk(kind: [u8; 4], data: &[u8]) -> Vec<u8> {
+    let sum = crc32(&[&kind, data].concat());
+    [&(data.len() as u32).to_be_bytes()[..], &kind, data, &sum.to_be_bytes()].concat()
+}
+
+#[test]
+fn what_a_png_packs_beside_its_pixels_is_not_unpacked() {
+    // Sixteen million zeros in some thousand bytes.
+    let mut bomb = png_of((4096, 4096), ColorType::Grayscale, BitDepth::Eight, &vec![0; 1 << 24]);
+    let start = bomb.windows(4).position(|kind| kind == b"IDAT").unwrap();
+    let packed = bomb.split_off(start + 4);
+    let good = png16(3, &DEPTHS);
+    for (kind, head) in [(*b"zTXt", &b"k\0\0"[..]), (*b"iCCP", b"k\0\0"), (*b"iTXt", b"k\0\x01\0\0\0")] {
+        let extra = chunk(kind, &[head, &packed[..]].concat());
+        // Behind IHDR, which ends at byte 33.
+        let image = message("png", [&good[..33], &extra.repeat(50), &good[33..]].concat());
+        let told = png_taken(&image, camera(3, 2)).map(|cloud| cloud.total).map_err(|error| error.reason());
+        assert!(told == Ok(6) || told == Err("png"), "{told:?}");
+    }
+}
+
+#[test]
+fn an_image_that_unpacks_to_more_than_its_camera_s_is_cut_to_it_or_refused() {
+    let mut png = png16(3, &DEPTHS.repeat(1000));
+    png[20..24].copy_from_slice(&2_u32.to_be_bytes());
+    let sum = crc32(&png[12..29]);
+    png[29..33].copy_from_slice(&sum.to_be_bytes());
+    let told = png_taken(&message("png", png), camera(3, 2)).map(|cloud| cloud.total);
+    assert!(told == Ok(6) || told.as_ref().is_err_and(|error| error.reason() == "png"), "{told:?}");
+}

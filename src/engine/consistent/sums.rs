@@ -4,7 +4,7 @@
 //! weight first ([`ScanSums`]) and folded into the voxel with one weight for all of them ([`Sums`]). Sums are integers, so
 //! neither the order of points nor of voxels matters, and what is taken out leaves no trace.
 //!
-//! Nothing overflows: a square has 24 bits, a weight 15, a scan at most 2^22 points, which is 2^61 a scan; where the
+//! Nothing overflows: a square has 24 bits, a weight 15, a scan at most 2^24 points, which is 2^63 a scan; where the
 //! weights of a voxel exceed 2^33 all its sums are halved ([`Sums::fold`]), so that a sum of squares stays below 2^57 between
 //! scans. Halving also lets old scans fade where a voxel has been seen for long. For the sums of a cluster see `exact`.
 
@@ -115,5 +115,25 @@ impl Sums {
     /// Mean direction towards the sensor; its length is 1 where all points were seen from one side.
     pub(super) fn towards(&self) -> Vector3<f64> {
         Vector3::from(self.towards.map(|sum| sum as f64)) / (self.points as f64 * 1024.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::noise::MAX_WEIGHT;
+    use super::*;
+
+    #[test]
+    fn as_many_points_of_the_greatest_weight_as_a_scan_may_have_overflow_nothing() {
+        // All in the last place of a voxel, of as many points as the parameter `max_points` lets through.
+        let (count, place) = (1_u32 << 24, u64::from(UNITS as u32 - 1));
+        let many = u64::from(count);
+        let scan = ScanSums { count, sum: [many * place; 3], squares: [many * place * place; 6] };
+        let mut sums = Sums::default();
+        for _ in 0..1000 {
+            sums.fold(&scan, MAX_WEIGHT, &Vector3::new(0.0, 0.0, 1.0));
+            assert!((sums.mean() * UNITS - Vector3::repeat(place as f64)).amax() < 1e-3, "{:?}", sums.mean());
+            assert!(sums.covariance().amax() < 1e-6 && sums.towards().norm() < 1.001);
+        }
     }
 }

@@ -1,5 +1,7 @@
 //! The live node on a middleware made of channels.
 
+mod hostile;
+
 use tokio::runtime::Builder;
 use tokio::sync::oneshot;
 use tokio::task::LocalSet;
