@@ -46,7 +46,7 @@ fn main() -> ExitCode {
     };
     // Clap ends the program with status 2 and says what is wrong.
     let cli = Cli::parse_from(rest);
-    cli::start_log(setup.log_level.as_deref());
+    cli::log::start(setup.log_level.as_deref());
     let done = match cli.verb {
         Verb::Run(options) => run::run(&setup, &options),
         Verb::Replay(options) => replay::replay(&setup, &options),

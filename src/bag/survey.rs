@@ -57,6 +57,7 @@ fn topic(channel: &mcap::Channel<'_>, messages: Option<u64>) -> Topic {
 }
 
 fn read_summary(part: &Part) -> Option<mcap::Summary> {
+    Part::check_regular(&part.path).ok()?;
     let mut file = File::open(&part.path).ok()?;
     let options =
         SummaryReaderOptions::default().with_file_size(part.size).with_record_length_limit(MAX_MESSAGE_BYTES);

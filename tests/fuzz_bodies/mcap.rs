@@ -1,0 +1,90 @@
+//! A bag: any bytes as a file, plain or compressed as a whole, or as the `metadata.yaml` beside one.
+
+use std::cell::OnceCell;
+use std::fs;
+use std::path::Path;
+use std::time::Duration;
+
+use cfodi::bag::{Bag, Decoder, Recorded, choose};
+use cfodi::cloud::{CloudFilter, Optical};
+use cfodi::join::Join;
+use tempfile::TempDir;
+
+use super::bytes::Bytes;
+use super::cloud::check;
+
+const FILTER: CloudFilter =
+    CloudFilter { min_range: 0.4, max_range: 6.0, optical: Optical::Auto, max_points: 1 << 16 };
+
+thread_local! {
+    static FOLDER: OnceCell<TempDir> = const { OnceCell::new() };
+}
+
+/// Runs with a folder of this thread's own, in memory where the system has such a place.
+pub fn with_folder(run: impl FnOnce(&Path)) {
+    FOLDER.with(|cell| {
+        let memory = Path::new("/dev/shm");
+        let make = || if memory.is_dir() { TempDir::new_in(memory) } else { TempDir::new() };
+        run(cell.get_or_init(|| make().expect("a folder")).path());
+    });
+}
+
+/// The first byte says what the others are.
+pub fn run(bytes: &[u8]) {
+    let mut bytes = Bytes::new(bytes);
+    let what = bytes.below(8);
+    with_folder(|folder| {
+        let (bag, metadata) = (folder.join("a.mcap"), folder.join("metadata.yaml"));
+        if what == 0 {
+            let rest = bytes.rest();
+            let split = rest.iter().position(|byte| *byte == 0).unwrap_or(rest.len());
+            fs::write(&metadata, &rest[..split]).expect("written");
+            fs::write(&bag, &rest[split..]).expect("written");
+            read(folder);
+        } else {
+            fs::write(&bag, bytes.rest()).expect("written");
+            read(&bag);
+        }
+    });
+}
+
+fn read(path: &Path) {
+    let bag = match Bag::open(path) {
+        Ok(bag) => bag,
+        Err(error) => return assert!(error.to_string().len() < 10_000),
+    };
+    let survey = bag.survey();
+    let everything: Vec<_> = survey.topics.iter().map(|topic| topic.name.clone()).collect();
+    let choices = [choose(&survey.topics, &[], None), choose(&survey.topics, &everything[..everything.len().min(1)], None)];
+    let sensors = choices.into_iter().flatten().next().map_or_else(Vec::new, |choice| choice.sensors);
+    let mut decoder = Decoder::new(sensors, FILTER);
+    let mut join = Join::new(4);
+    for message in bag.messages().take(10_000) {
+        let Ok(message) = message else { break };
+        for recorded in decoder.decode(&message) {
+            take(recorded, &mut join);
+        }
+    }
+    decoder.finish().into_iter().for_each(|recorded| take(recorded, &mut join));
+    assert!(join.waiting() <= 4 && join.frames_seen().len() < 10_000);
+}
+
+fn take(recorded: Recorded, join: &mut Join) {
+    match recorded {
+        Recorded::Cloud(cloud) => {
+            check(cloud.clone(), &FILTER, 1 << 16);
+            if let Ok(cloud) = cloud {
+                drop(join.cloud(cloud, Duration::ZERO));
+                for joined in join.ready("map") {
+                    assert!(joined.scan.sensor_origin().iter().all(|value| value.is_finite()));
+                }
+            }
+        }
+        Recorded::Transforms { message, is_static } => {
+            for transform in &message.transforms {
+                drop(join.transform(transform, is_static));
+            }
+        }
+        Recorded::Distorted { .. } | Recorded::Undecodable { .. } => {}
+    }
+}

@@ -1,0 +1,310 @@
+//! Files, arguments and an environment made to harm: each is refused or read in part, with its reason, within bounds of
+//! memory, and never with a panic.
+#![cfg(feature = "node")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test that cannot go on has failed"
+)]
+
+#[path = "support/bags.rs"]
+mod bags;
+#[path = "support/mcap_bytes.rs"]
+mod mcap_bytes;
+
+use std::ffi::OsStr;
+use std::fs;
+use std::io::{Read as _, repeat};
+use std::os::unix::ffi::OsStrExt as _;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+use bags::{BagWriter, Layout, OPTICAL, POINTS, drive, stamp, wall};
+use cfodi::bag::{Bag, BagError, Message};
+use mcap_bytes::{MAGIC, channel, chunk, footer, header, message, record, whole};
+use tempfile::TempDir;
+
+/// Kibibytes of address space that a replay of anything small has enough of.
+const ENOUGH: u64 = 2 << 20;
+
+fn folder() -> TempDir {
+    tempfile::tempdir().unwrap()
+}
+
+fn put(folder: &TempDir, name: &str, bytes: &[u8]) -> PathBuf {
+    let path = folder.path().join(name);
+    fs::write(&path, bytes).unwrap();
+    path
+}
+
+/// All that can be read of a bag of these bytes, and what is said at its end.
+fn read(bytes: &[u8]) -> (Vec<Message>, Option<BagError>) {
+    let folder = folder();
+    let bag = Bag::open(&put(&folder, "a.mcap", bytes)).unwrap();
+    let survey = bag.survey();
+    assert!(survey.topics.len() <= 100);
+    let (mut messages, mut failure) = (Vec::new(), None);
+    for item in bag.messages() {
+        assert!(failure.is_none(), "the failure comes last");
+        match item {
+            Ok(message) => messages.push(message),
+            Err(error) => failure = Some(error),
+        }
+    }
+    (messages, failure)
+}
+
+/// Replays with no more than [`ENOUGH`] of memory.
+fn replay_within(bag: &Path, more: &[&str]) -> Output {
+    let mut command = Command::new("sh");
+    command.args(["-c", &format!("ulimit -v {ENOUGH}; exec \"$0\" replay \"$@\""), env!("CARGO_BIN_EXE_cfodi")]);
+    command.arg(bag).args(more).stdin(Stdio::null()).output().unwrap()
+}
+
+fn errors(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// It ends by itself, with that status and words, within bounds of memory.
+fn ends(bag: &Path, more: &[&str], status: i32, said: &str) {
+    let output = replay_within(bag, more);
+    let errors = errors(&output);
+    assert_eq!(output.status.code(), Some(status), "{}: {errors}", bag.display());
+    assert!(errors.contains(said) && !errors.contains("panicked"), "{}: {errors}", bag.display());
+}
+
+fn good_message(i: usize) -> Vec<u8> {
+    let mut data = vec![0, 1, 0, 0];
+    data.extend(
+        cdr_encoding::to_vec::<_, byteorder::LittleEndian>(&bags::cloud(stamp(i), OPTICAL, &wall(i))).unwrap(),
+    );
+    data
+}
+
+#[test]
+fn a_record_that_claims_two_to_the_63_bytes_ends_the_bag_and_takes_no_memory() {
+    for length in [1_u64 << 63, u64::MAX, u64::MAX - 8, 1 << 40, 1 << 30] {
+        for opcode in [0x03, 0x04, 0x05, 0x06, 0x09, 0x0c, 0x7f] {
+            let claims = [&[opcode][..], &length.to_le_bytes(), &[0; 100]].concat();
+            let bytes = [MAGIC, &header(), &channel(1, POINTS), &message(1, 7, b"abcd"), &claims].concat();
+            let (messages, failure) = read(&bytes);
+            assert_eq!(messages.len(), 1, "{opcode} of {length}");
+            assert!(matches!(failure, Some(BagError::Cut { .. })), "{opcode} of {length}: {failure:?}");
+        }
+    }
+}
+
+#[test]
+fn a_chunk_that_claims_to_unpack_to_any_size_is_read_by_what_it_holds() {
+    let inside = [channel(1, POINTS), message(1, 7, b"abcd")].concat();
+    for compression in ["", "zstd", "lz4", "brotli", "\u{1b}[2J"] {
+        for size in [0, 1, 1 << 20, 1 << 63, u64::MAX] {
+            let packed = if compression == "zstd" { zstd::encode_all(&inside[..], 1).unwrap() } else { inside.clone() };
+            let bytes = [MAGIC, &header(), &chunk(compression, size, &packed), &footer(0), MAGIC].concat();
+            let (messages, failure) = read(&bytes);
+            // What is there may be read, where the way to unpack it is known.
+            let is_known = ["", "zstd", "lz4"].contains(&compression);
+            assert!(messages.len() <= usize::from(is_known), "{compression} {size}");
+            // A chunk that says that nothing is in it is passed over.
+            assert!(failure.is_some() || messages.len() == 1 || size == 0, "{compression} {size}");
+        }
+    }
+}
+
+#[test]
+fn a_message_that_unpacks_to_a_gigabyte_is_cut_off_within_bounds() {
+    let folder = folder();
+    let zeros = zstd::encode_all(repeat(0).take(1 << 30), 1).unwrap();
+    assert!(zeros.len() < 100_000);
+    let bag = whole(&[channel(1, POINTS), message(1, 7, &zeros)].concat());
+    ends(&put(&folder, "a.mcap", &bag), &[], 1, "more than 536870912 bytes");
+}
+
+#[test]
+fn a_chunk_that_unpacks_to_a_gigabyte_is_read_as_a_stream() {
+    let folder = folder();
+    // A thousand messages of a megabyte of zeros each.
+    let mut inside = channel(1, POINTS);
+    let one = message(1, 7, &vec![0; 1 << 20]);
+    (0..1000).for_each(|_| inside.extend(&one));
+    let packed = zstd::encode_all(&inside[..], 1).unwrap();
+    assert!(packed.len() < 1 << 20);
+    let bytes = whole(&chunk("zstd", inside.len() as u64, &packed));
+    ends(&put(&folder, "a.mcap", &bytes), &["--ros-args", "-p", "fixed_frame:=map"], 0, "empty_frame_id 1000");
+}
+
+#[test]
+fn a_file_that_unpacks_to_any_number_of_empty_records_is_read_as_a_stream() {
+    let folder = folder();
+    let endless = MAGIC.chain(repeat(0).take(200 << 20));
+    let path = put(&folder, "a.mcap.zstd", &zstd::encode_all(endless, 1).unwrap());
+    assert!(path.metadata().unwrap().len() < 1 << 20);
+    ends(&path, &[], 1, "not all of the bag was read");
+}
+
+#[test]
+fn a_footer_that_points_anywhere_costs_the_summary_only() {
+    let inside = [channel(1, POINTS), message(1, 7, &good_message(0))].concat();
+    for start in [1, 8, 9, 100, inside.len() as u64, u64::MAX / 2, u64::MAX] {
+        let bytes = [MAGIC, &header(), &inside, &record(0x0f, &[0; 4]), &footer(start), MAGIC].concat();
+        let (messages, _) = read(&bytes);
+        assert_eq!(messages.len(), 1, "{start}");
+    }
+}
+
+#[test]
+fn messages_of_unknown_channels_and_channels_of_unknown_schemas_end_the_bag_with_a_reason() {
+    let stranger = whole(&[channel(1, POINTS), message(1, 7, b"abcd"), message(9, 8, b"abcd")].concat());
+    let (messages, failure) = read(&stranger);
+    assert!(messages.len() == 1 && failure.is_some());
+    let no_schema = record(0x04, &mcap_bytes::channel_body(1, 77, POINTS, "cdr"));
+    assert!(read(&whole(&no_schema)).1.is_some());
+}
+
+#[test]
+fn a_channel_that_changes_its_meaning_ends_the_bag_with_a_reason() {
+    let (messages, failure) =
+        read(&whole(&[channel(1, POINTS), message(1, 7, b"abcd"), channel(1, "/other"), message(1, 8, b"abcd")].concat()));
+    assert!(messages.len() == 1 && failure.is_some(), "{failure:?}");
+}
+
+#[test]
+fn lengths_inside_of_records_that_exceed_them_end_the_bag_with_a_reason() {
+    for opcode in [0x01, 0x03, 0x04, 0x06] {
+        for length in [0xff_u8, 0x7f, 0x10] {
+            let body = [&[1, 0][..], &[length; 12], b"abc"].concat();
+            let (messages, failure) = read(&whole(&record(opcode, &body)));
+            assert!(messages.is_empty() && failure.is_some(), "{opcode} {length}");
+        }
+    }
+}
+
+#[test]
+fn times_at_the_ends_of_the_clock_are_copied_and_break_nothing() {
+    let folder = folder();
+    let out = folder.path().join("out.mcap");
+    let mut inside = channel(1, POINTS);
+    for (i, time) in [0, u64::MAX, 1, 1 << 63, u64::MAX - 1].into_iter().enumerate() {
+        inside.extend(message(1, time, &good_message(i)));
+    }
+    let bag = put(&folder, "a.mcap", &whole(&inside));
+    ends(&bag, &["--with-input", "--out", out.to_str().unwrap()], 0, "5 scans");
+    assert_eq!(Bag::open(&out).unwrap().messages().filter(|m| m.as_ref().unwrap().topic() == POINTS).count(), 5);
+}
+
+#[test]
+fn stamps_from_1901_to_2038_are_replayed_into_every_output() {
+    let folder = folder();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let mut writer = BagWriter::new(Layout::Plain);
+    writer.tf("/tf_static", stamp(0), "map", OPTICAL, 0.0);
+    for (i, sec) in [i64::from(i32::MIN), -1, 0, i64::from(i32::MAX)].into_iter().enumerate() {
+        writer.put(POINTS, "sensor_msgs/msg/PointCloud2", 7, &bags::cloud(sec * 1_000_000_000, OPTICAL, &wall(i)));
+    }
+    let bag = put(&folder, "a.mcap", &writer.finish());
+    let (out, report, clusters) = (path("out.mcap"), path("report"), path("c.json"));
+    ends(&bag, &["--out", &out, "--report", &report, "--clusters", &clusters], 0, "4 scans");
+}
+
+#[test]
+fn names_in_a_bag_do_not_speak_to_the_terminal() {
+    let folder = folder();
+    let evil = "/depth\u{1b}]0;owned\u{7}\ncfodi: all is well\r";
+    let mut writer = BagWriter::new(Layout::Plain);
+    writer.put_bytes(evil, "sensor_msgs/msg/PointCloud2", 7, &good_message(0));
+    writer.put_bytes("/tf", "tf2_msgs/msg/TFMessage", 7, &[0, 1, 0, 0, 9, 9, 9, 9]);
+    writer.tf("/tf_static", stamp(0), "evil\u{1b}[31m\nroot", OPTICAL, 0.0);
+    let bag = put(&folder, "a.mcap", &writer.finish());
+    for more in [&[][..], &["--topic", "/nope"], &["--topic", "/tf"]] {
+        let said = errors(&replay_within(&bag, more));
+        assert!(!said.contains(['\u{1b}', '\u{7}', '\r']), "{said:?}");
+        assert!(said.lines().all(|line| !line.starts_with("cfodi: all") && !line.starts_with("root")), "{said:?}");
+    }
+}
+
+#[test]
+fn a_pipe_a_device_and_a_folder_are_no_bags_and_nobody_waits_for_them() {
+    let folder = folder();
+    let pipe = folder.path().join("pipe.mcap");
+    assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    ends(&pipe, &[], 1, "it is no regular file");
+    ends(Path::new("/dev/zero"), &[], 1, "it is no regular file");
+    fs::create_dir(folder.path().join("dir.mcap")).unwrap();
+    ends(&folder.path().join("dir.mcap"), &[], 2, "holds neither");
+    // Listed beside a good file they cost only themselves.
+    put(&folder, "good.mcap", &drive(BagWriter::new(Layout::Plain), 3));
+    let listed = "rosbag2_bagfile_information: {relative_file_paths: [pipe.mcap, dir.mcap, good.mcap]}";
+    put(&folder, "metadata.yaml", listed.as_bytes());
+    ends(folder.path(), &[], 1, "3 scans");
+}
+
+#[test]
+fn a_metadata_without_bounds_is_refused() {
+    let laughs = (1..12).fold("a0: &a0 [1, 1, 1]\n".to_owned(), |text, i| {
+        text + &format!("a{i}: &a{i} [{}]\n", vec![format!("*a{}", i - 1); 9].join(", "))
+    });
+    for text in [laughs.into_bytes(), "- ".repeat(300_000).into_bytes(), vec![b' '; 4 << 20], vec![0xff; 100]] {
+        let folder = folder();
+        put(&folder, "metadata.yaml", &text);
+        ends(folder.path(), &[], 1, "metadata.yaml");
+    }
+    let folder = folder();
+    std::os::unix::fs::symlink("/dev/zero", folder.path().join("metadata.yaml")).unwrap();
+    ends(folder.path(), &[], 1, "metadata.yaml");
+}
+
+#[test]
+fn a_metadata_that_leads_out_of_its_folder_is_refused() {
+    let folder = folder();
+    let text = "rosbag2_bagfile_information: {relative_file_paths: [../../../../etc/hostname]}";
+    put(&folder, "metadata.yaml", text.as_bytes());
+    ends(folder.path(), &[], 1, "which is not in the folder");
+}
+
+#[test]
+fn arguments_that_are_no_text_are_refused_with_status_2() {
+    let not_text = OsStr::from_bytes(b"\xff\xfe.mcap");
+    let output = Command::new(env!("CARGO_BIN_EXE_cfodi")).arg("replay").arg(not_text).output().unwrap();
+    let errors = errors(&output);
+    assert_eq!(output.status.code(), Some(2), "{errors}");
+    assert!(errors.contains("is no text") && !errors.contains("panicked"), "{errors}");
+}
+
+#[test]
+fn an_environment_of_nonsense_is_refused_or_without_effect() {
+    let folder = folder();
+    let bag = put(&folder, "a.mcap", &drive(BagWriter::new(Layout::Plain), 2));
+    let run = |name: &str, value: &[u8]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_cfodi"));
+        command.arg("replay").arg(&bag).env(name, OsStr::from_bytes(value)).output().unwrap()
+    };
+    for domain in [&b"\xff\xff"[..], b"233", b"-1", b"many"] {
+        let output = run("ROS_DOMAIN_ID", domain);
+        assert_eq!(output.status.code(), Some(2), "{}", errors(&output));
+        assert!(errors(&output).contains("it must be from 0 to 232"), "{}", errors(&output));
+    }
+    for log in [&b"[[["[..], b"\xff", b"trace=trace=trace", b","] {
+        let output = run("RUST_LOG", log);
+        assert_eq!(output.status.code(), Some(0), "{}", errors(&output));
+    }
+}
+
+#[test]
+fn what_a_library_says_of_each_bad_message_does_not_fill_the_log() {
+    let folder = folder();
+    let mut inside = channel(1, POINTS);
+    // A name without the zero that ends it, of which the library for CDR says so each time.
+    (0..1000).for_each(|_| inside.extend(message(1, 7, &[&[0, 1, 0, 0][..], &[0; 60]].concat())));
+    let said = errors(&replay_within(&put(&folder, "a.mcap", &whole(&inside)), &[]));
+    assert!(said.lines().count() < 20 && said.contains("empty_frame_id 1000"), "{said}");
+}
+
+#[test]
+fn a_bag_of_a_thousand_topics_is_listed_and_refused() {
+    let folder = folder();
+    let mut inside = Vec::new();
+    (0..1000).for_each(|i| inside.extend(channel(i, &format!("/depth{i}/points"))));
+    (0..1000).for_each(|i| inside.extend(message(i, 7, b"abcd")));
+    ends(&put(&folder, "a.mcap", &whole(&inside)), &[], 2, "several topics could be meant");
+}
