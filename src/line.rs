@@ -26,10 +26,7 @@ mod tests {
     #[test]
     fn names_from_outside_neither_end_a_line_nor_steer_a_terminal() {
         let text = "a\ncounts {}\r\x1b[2J\u{9b}31m\0\u{2028}\u{202e}b";
-        assert_eq!(
-            one_line(text),
-            "a\\ncounts {}\\r\\u{1b}[2J\\u{9b}31m\\u{0}\\u{2028}\\u{202e}b"
-        );
+        assert_eq!(one_line(text), "a\\ncounts {}\\r\\u{1b}[2J\\u{9b}31m\\u{0}\\u{2028}\\u{202e}b");
     }
 
     #[test]

@@ -163,7 +163,13 @@ mod tests {
             format!("{}1", "{a: ".repeat(200)),
             "? ".repeat(100_000),
             // Forty deep, twice one within the other.
-            format!("a: &x {}1{}\nb: {}*x{}\n", "[".repeat(40), "]".repeat(40), "[".repeat(40), "]".repeat(40)),
+            format!(
+                "a: &x {}1{}\nb: {}*x{}\n",
+                "[".repeat(40),
+                "]".repeat(40),
+                "[".repeat(40),
+                "]".repeat(40)
+            ),
         ];
         for text in deep {
             let error = load(&text).unwrap_err().to_string();

@@ -22,17 +22,18 @@ use std::path::{Path, PathBuf};
 use proptest::prelude::*;
 use proptest::test_runner::{Config, RngAlgorithm, TestRng, TestRunner};
 
-use fuzz_bodies::{cloud, depth, engine, mcap, params};
+use fuzz_bodies::{cloud, depth, engine, mcap, params, snapshot};
 
 type Body = fn(&[u8]);
 
 /// Every target: its name, its body, and how many random inputs it gets here.
-const TARGETS: [(&str, Body, u32); 5] = [
+const TARGETS: [(&str, Body, u32); 6] = [
     ("cloud", cloud::run, 100_000),
     ("depth", depth::run, 100_000),
     ("mcap", mcap::run, 6_000),
     ("params", params::run, 30_000),
     ("engine", engine::run, 600),
+    ("snapshot", snapshot::run, 20_000),
 ];
 
 fn folder(target: &str) -> PathBuf {
@@ -61,7 +62,8 @@ enum Change {
 
 fn change() -> impl Strategy<Value = Change> {
     let at = any::<prop::sample::Index>;
-    let ends = prop::sample::select(vec![0, 1, 0x7f, 0xff, 0xffff, 1 << 31, u64::from(u32::MAX), 1 << 63, u64::MAX]);
+    let ends =
+        prop::sample::select(vec![0, 1, 0x7f, 0xff, 0xffff, 1 << 31, u64::from(u32::MAX), 1 << 63, u64::MAX]);
     prop_oneof![
         4 => (at(), any::<u8>()).prop_map(|(at, byte)| Change::Set(at, byte)),
         1 => (at(), prop::collection::vec(any::<u8>(), 1..9)).prop_map(|(at, bytes)| Change::Put(at, bytes)),
@@ -148,15 +150,23 @@ fn scans_of_any_bytes() {
 }
 
 #[test]
+fn saved_maps_of_any_bytes() {
+    bounded("snapshot");
+}
+
+#[test]
 fn the_seeds_are_small_and_each_has_a_target() {
-    let folders = fs::read_dir(folder("")).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
+    let folders =
+        fs::read_dir(folder("")).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
     let mut names: Vec<_> = folders.collect();
     names.sort();
     let mut targets = TARGETS.map(|(name, ..)| name);
     targets.sort_unstable();
     assert_eq!(names, targets);
     for target in targets {
-        assert!(Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("fuzz/fuzz_targets/{target}.rs")).is_file());
+        assert!(
+            Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("fuzz/fuzz_targets/{target}.rs")).is_file()
+        );
         let seeds = committed(target);
         assert!(seeds.len() <= 40, "{target} has {} seeds", seeds.len());
         assert!(seeds.iter().all(|(name, bytes)| bytes.len() <= 8192 && !name.starts_with('.')));

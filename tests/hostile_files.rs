@@ -58,7 +58,11 @@ fn read(bytes: &[u8]) -> (Vec<Message>, Option<BagError>) {
 /// Replays with no more than [`ENOUGH`] of memory.
 fn replay_within(bag: &Path, more: &[&str]) -> Output {
     let mut command = Command::new("sh");
-    command.args(["-c", &format!("ulimit -v {ENOUGH}; exec \"$0\" replay \"$@\""), env!("CARGO_BIN_EXE_cfodi")]);
+    command.args([
+        "-c",
+        &format!("ulimit -v {ENOUGH}; exec \"$0\" replay \"$@\""),
+        env!("CARGO_BIN_EXE_cfodi"),
+    ]);
     command.arg(bag).args(more).stdin(Stdio::null()).output().unwrap()
 }
 
@@ -77,7 +81,8 @@ fn ends(bag: &Path, more: &[&str], status: i32, said: &str) {
 fn good_message(i: usize) -> Vec<u8> {
     let mut data = vec![0, 1, 0, 0];
     data.extend(
-        cdr_encoding::to_vec::<_, byteorder::LittleEndian>(&bags::cloud(stamp(i), OPTICAL, &wall(i))).unwrap(),
+        cdr_encoding::to_vec::<_, byteorder::LittleEndian>(&bags::cloud(stamp(i), OPTICAL, &wall(i)))
+            .unwrap(),
     );
     data
 }
@@ -100,7 +105,11 @@ fn a_chunk_that_claims_to_unpack_to_any_size_is_read_by_what_it_holds() {
     let inside = [channel(1, POINTS), message(1, 7, b"abcd")].concat();
     for compression in ["", "zstd", "lz4", "brotli", "\u{1b}[2J"] {
         for size in [0, 1, 1 << 20, 1 << 63, u64::MAX] {
-            let packed = if compression == "zstd" { zstd::encode_all(&inside[..], 1).unwrap() } else { inside.clone() };
+            let packed = if compression == "zstd" {
+                zstd::encode_all(&inside[..], 1).unwrap()
+            } else {
+                inside.clone()
+            };
             let bytes = [MAGIC, &header(), &chunk(compression, size, &packed), &footer(0), MAGIC].concat();
             let (messages, failure) = read(&bytes);
             // What is there may be read, where the way to unpack it is known.
@@ -131,7 +140,12 @@ fn a_chunk_that_unpacks_to_a_gigabyte_is_read_as_a_stream() {
     let packed = zstd::encode_all(&inside[..], 1).unwrap();
     assert!(packed.len() < 1 << 20);
     let bytes = whole(&chunk("zstd", inside.len() as u64, &packed));
-    ends(&put(&folder, "a.mcap", &bytes), &["--ros-args", "-p", "fixed_frame:=map"], 0, "empty_frame_id 1000");
+    ends(
+        &put(&folder, "a.mcap", &bytes),
+        &["--ros-args", "-p", "fixed_frame:=map"],
+        0,
+        "empty_frame_id 1000",
+    );
 }
 
 #[test]
@@ -164,8 +178,9 @@ fn messages_of_unknown_channels_and_channels_of_unknown_schemas_end_the_bag_with
 
 #[test]
 fn a_channel_that_changes_its_meaning_ends_the_bag_with_a_reason() {
-    let (messages, failure) =
-        read(&whole(&[channel(1, POINTS), message(1, 7, b"abcd"), channel(1, "/other"), message(1, 8, b"abcd")].concat()));
+    let (messages, failure) = read(&whole(
+        &[channel(1, POINTS), message(1, 7, b"abcd"), channel(1, "/other"), message(1, 8, b"abcd")].concat(),
+    ));
     assert!(messages.len() == 1 && failure.is_some(), "{failure:?}");
 }
 
@@ -190,7 +205,10 @@ fn times_at_the_ends_of_the_clock_are_copied_and_break_nothing() {
     }
     let bag = put(&folder, "a.mcap", &whole(&inside));
     ends(&bag, &["--with-input", "--out", out.to_str().unwrap()], 0, "5 scans");
-    assert_eq!(Bag::open(&out).unwrap().messages().filter(|m| m.as_ref().unwrap().topic() == POINTS).count(), 5);
+    assert_eq!(
+        Bag::open(&out).unwrap().messages().filter(|m| m.as_ref().unwrap().topic() == POINTS).count(),
+        5
+    );
 }
 
 #[test]
@@ -200,7 +218,12 @@ fn stamps_from_1901_to_2038_are_replayed_into_every_output() {
     let mut writer = BagWriter::new(Layout::Plain);
     writer.tf("/tf_static", stamp(0), "map", OPTICAL, 0.0);
     for (i, sec) in [i64::from(i32::MIN), -1, 0, i64::from(i32::MAX)].into_iter().enumerate() {
-        writer.put(POINTS, "sensor_msgs/msg/PointCloud2", 7, &bags::cloud(sec * 1_000_000_000, OPTICAL, &wall(i)));
+        writer.put(
+            POINTS,
+            "sensor_msgs/msg/PointCloud2",
+            7,
+            &bags::cloud(sec * 1_000_000_000, OPTICAL, &wall(i)),
+        );
     }
     let bag = put(&folder, "a.mcap", &writer.finish());
     let (out, report, clusters) = (path("out.mcap"), path("report"), path("c.json"));
@@ -219,7 +242,10 @@ fn names_in_a_bag_do_not_speak_to_the_terminal() {
     for more in [&[][..], &["--topic", "/nope"], &["--topic", "/tf"]] {
         let said = errors(&replay_within(&bag, more));
         assert!(!said.contains(['\u{1b}', '\u{7}', '\r']), "{said:?}");
-        assert!(said.lines().all(|line| !line.starts_with("cfodi: all") && !line.starts_with("root")), "{said:?}");
+        assert!(
+            said.lines().all(|line| !line.starts_with("cfodi: all") && !line.starts_with("root")),
+            "{said:?}"
+        );
     }
 }
 
@@ -244,7 +270,8 @@ fn a_metadata_without_bounds_is_refused() {
     let laughs = (1..12).fold("a0: &a0 [1, 1, 1]\n".to_owned(), |text, i| {
         text + &format!("a{i}: &a{i} [{}]\n", vec![format!("*a{}", i - 1); 9].join(", "))
     });
-    for text in [laughs.into_bytes(), "- ".repeat(300_000).into_bytes(), vec![b' '; 4 << 20], vec![0xff; 100]] {
+    for text in [laughs.into_bytes(), "- ".repeat(300_000).into_bytes(), vec![b' '; 4 << 20], vec![0xff; 100]]
+    {
         let folder = folder();
         put(&folder, "metadata.yaml", &text);
         ends(folder.path(), &[], 1, "metadata.yaml");

@@ -24,7 +24,8 @@ fn root() -> &'static Path {
 
 /// A row of the table: number, what comes in, what must happen, tests as `file::name` in code marks.
 fn row(line: &str) -> Option<Row> {
-    let cells: Vec<_> = line.strip_prefix('|')?.trim_end().strip_suffix('|')?.split('|').map(str::trim).collect();
+    let cells: Vec<_> =
+        line.strip_prefix('|')?.trim_end().strip_suffix('|')?.split('|').map(str::trim).collect();
     let number = cells.first()?.parse().ok()?;
     assert_eq!(cells.len(), 4, "{line}");
     assert!(cells.iter().all(|cell| !cell.is_empty()), "{line}");
@@ -48,7 +49,8 @@ fn has_test(file: &str, name: &str) -> bool {
     let lines: Vec<_> = text.lines().map(str::trim).collect();
     let is_it = |line: &&str| line.starts_with(&format!("fn {name}("));
     let Some(at) = lines.iter().position(|line| is_it(&line)) else { return false };
-    let attributes = lines[..at].iter().rev().take_while(|line| line.starts_with("#[") || line.starts_with("//"));
+    let attributes =
+        lines[..at].iter().rev().take_while(|line| line.starts_with("#[") || line.starts_with("//"));
     attributes.into_iter().any(|line| *line == "#[test]")
 }
 
@@ -73,8 +75,9 @@ fn every_row_names_tests_that_are_there() {
 fn every_fuzz_target_stands_in_the_text() {
     let text = fs::read_to_string(root().join("THREATS.md")).unwrap();
     let targets = fs::read_dir(root().join("fuzz/fuzz_targets")).unwrap();
-    let names: BTreeSet<_> =
-        targets.map(|target| target.unwrap().path().file_stem().unwrap().to_str().unwrap().to_owned()).collect();
+    let names: BTreeSet<_> = targets
+        .map(|target| target.unwrap().path().file_stem().unwrap().to_str().unwrap().to_owned())
+        .collect();
     assert!(!names.is_empty() && names.iter().all(|name| text.contains(&format!("`{name}`"))), "{names:?}");
 }
 

@@ -27,7 +27,8 @@ pub(crate) fn start(level: Option<&str>) {
     let bound = Bound::default();
     let within = DynFilterFn::new(move |about, _| !is_bounded || bound.allows(about, Instant::now()));
     let colours = io::stderr().is_terminal();
-    let lines = fmt::layer().with_target(false).with_ansi(colours).with_writer(io::stderr).with_filter(within);
+    let lines =
+        fmt::layer().with_target(false).with_ansi(colours).with_writer(io::stderr).with_filter(within);
     tracing_subscriber::registry().with(lines).with(filter).init();
 }
 

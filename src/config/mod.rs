@@ -293,7 +293,8 @@ mod tests {
     #[test]
     fn every_parameter_takes_values_of_every_type_and_size_without_a_panic() {
         let text = |text: &str| Value::Text(text.to_owned());
-        let mut values = vec![Value::Boolean(true), Value::TextList(Vec::new()), text(""), text("\0\u{1b}[31m")];
+        let mut values =
+            vec![Value::Boolean(true), Value::TextList(Vec::new()), text(""), text("\0\u{1b}[31m")];
         values.extend([text(&"x".repeat(1 << 20)), Value::TextList(vec![String::new(); 1000])]);
         values.extend([i64::MIN, -1, 0, 1, 1 << 31, 1 << 32, i64::MAX].map(Value::Integer));
         let ends = [0.0, -0.0, f64::MIN_POSITIVE / 2.0, 1e-9, 1.0, 1e300, f64::MAX, f64::INFINITY, f64::NAN];

@@ -83,7 +83,11 @@ pub(super) const TABLE: &[Declared] = &[
         || Value::Text("auto".to_owned()),
         "whether clouds have optical axes: `auto` (by frame id), `yes`, `no`",
     ),
-    ("max_points", || Value::Integer(4_000_000), "most points of one scan, 1 to 2^24; a larger one is refused"),
+    (
+        "max_points",
+        || Value::Integer(4_000_000),
+        "most points of one scan, 1 to 2^24; a larger one is refused",
+    ),
     (
         "network_interfaces",
         || Value::TextList(Vec::new()),

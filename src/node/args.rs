@@ -318,7 +318,16 @@ mod tests {
         };
         let error = value(&format!("depth:={}", "[".repeat(200))).unwrap_err().to_string();
         assert_eq!(error, "the value of depth is refused: YAML nested deeper than 64");
-        for bad in ["depth:=", "depth:=*x", "depth:=[", ":=", "depth:=3:=4", "a:b:depth:=3", "depth:={a: 1}", "depth:=~"] {
+        for bad in [
+            "depth:=",
+            "depth:=*x",
+            "depth:=[",
+            ":=",
+            "depth:=3:=4",
+            "a:b:depth:=3",
+            "depth:={a: 1}",
+            "depth:=~",
+        ] {
             assert!(value(bad).is_err(), "{bad}");
         }
         let nan = value("tf_timeout:=.nan").unwrap_err().to_string();

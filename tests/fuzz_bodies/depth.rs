@@ -3,7 +3,8 @@
 use byteorder::LittleEndian;
 use cdr_encoding::{CdrDeserializer, from_bytes};
 use cfodi::cloud::{
-    Camera, Cloud, CloudError, CloudFilter, CompressedSeed, DepthSeed, Optical, decode_compressed, decode_depth,
+    Camera, Cloud, CloudError, CloudFilter, CompressedSeed, DepthSeed, Optical, decode_compressed,
+    decode_depth,
 };
 use cfodi::msg::ros::{CameraInfo, CompressedImage, Header, Image, Time};
 use serde::de::DeserializeSeed as _;
@@ -56,12 +57,14 @@ fn camera(bytes: &mut Bytes<'_>) -> Option<Camera> {
 
 fn raw_cdr(cdr: &[u8], camera: Camera) {
     let seeded = DepthSeed::new(camera, FILTER).deserialize(&mut CdrDeserializer::<LittleEndian>::new(cdr));
-    let owned = from_bytes::<Image, LittleEndian>(cdr).map(|(image, _)| decode_depth(&image, &camera, &FILTER));
+    let owned =
+        from_bytes::<Image, LittleEndian>(cdr).map(|(image, _)| decode_depth(&image, &camera, &FILTER));
     agree(seeded, owned, cdr.len());
 }
 
 fn compressed_cdr(cdr: &[u8], camera: Camera) {
-    let seeded = CompressedSeed::new(camera, FILTER).deserialize(&mut CdrDeserializer::<LittleEndian>::new(cdr));
+    let seeded =
+        CompressedSeed::new(camera, FILTER).deserialize(&mut CdrDeserializer::<LittleEndian>::new(cdr));
     let owned = from_bytes::<CompressedImage, LittleEndian>(cdr);
     agree(seeded, owned.map(|(image, _)| decode_compressed(&image, &camera, &FILTER)), 1 << 16);
 }

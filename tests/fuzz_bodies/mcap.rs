@@ -55,7 +55,10 @@ fn read(path: &Path) {
     };
     let survey = bag.survey();
     let everything: Vec<_> = survey.topics.iter().map(|topic| topic.name.clone()).collect();
-    let choices = [choose(&survey.topics, &[], None), choose(&survey.topics, &everything[..everything.len().min(1)], None)];
+    let choices = [
+        choose(&survey.topics, &[], None),
+        choose(&survey.topics, &everything[..everything.len().min(1)], None),
+    ];
     let sensors = choices.into_iter().flatten().next().map_or_else(Vec::new, |choice| choice.sensors);
     let mut decoder = Decoder::new(sensors, FILTER);
     let mut join = Join::new(4);

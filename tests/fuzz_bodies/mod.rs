@@ -11,3 +11,4 @@ pub mod mcap;
 pub mod params;
 pub mod reader;
 pub mod scans;
+pub mod snapshot;

@@ -12,6 +12,13 @@ pub struct Reader {
 }
 
 impl Reader {
+    /// One that begins with a snapshot.
+    pub fn of(snapshot: &Snapshot) -> Self {
+        let clusters: BTreeMap<_, _> = snapshot.clusters.iter().map(|c| (c.id, c.clone())).collect();
+        let newest = clusters.keys().next_back().copied();
+        Self { clusters, newest, sequence: snapshot.sequence }
+    }
+
     pub fn apply(&mut self, update: &Update) {
         self.sequence += 1;
         assert_eq!(update.sequence, self.sequence);
@@ -70,6 +77,9 @@ fn check(cluster: &Cluster) {
     assert!(numbers.iter().all(|numbers| numbers.iter().all(|number| number.is_finite())), "{cluster:?}");
     let rings = std::iter::once(&cluster.boundary).chain(&cluster.holes);
     assert!(rings.flatten().all(|point| point.iter().all(|number| number.is_finite())), "{cluster:?}");
-    assert!((cluster.normal.norm() - 1.0).abs() < 1e-6 && cluster.size.iter().all(|side| *side >= 0.0), "{cluster:?}");
+    assert!(
+        (cluster.normal.norm() - 1.0).abs() < 1e-6 && cluster.size.iter().all(|side| *side >= 0.0),
+        "{cluster:?}"
+    );
     assert!(cluster.voxel_count > 0 && cluster.point_count > 0 && cluster.rms_error >= 0.0, "{cluster:?}");
 }

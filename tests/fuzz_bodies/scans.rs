@@ -92,7 +92,8 @@ fn pose(bytes: &mut Bytes<'_>, stray: Stray) -> Isometry3<f64> {
 fn patch(bytes: &mut Bytes<'_>, jitter: &mut Jitter, pose: &Isometry3<f64>, points: &mut Vec<[f64; 3]>) {
     let corner = Vector3::from([(); 3].map(|()| bytes.within(-1.0, 1.0)));
     let quarter = f64::from(bytes.below(4)) * std::f64::consts::FRAC_PI_2;
-    let turn = UnitQuaternion::from_euler_angles(quarter + bytes.within(-0.6, 0.6), bytes.within(-0.6, 0.6), 0.0);
+    let turn =
+        UnitQuaternion::from_euler_angles(quarter + bytes.within(-0.6, 0.6), bytes.within(-0.6, 0.6), 0.0);
     let sides = [(); 2].map(|()| bytes.within(0.05, 1.2));
     for _ in 0..4 * usize::from(bytes.byte()) {
         let flat = Vector3::new(jitter.next() * sides[0], jitter.next() * sides[1], jitter.next() * 0.02);

@@ -21,12 +21,16 @@ pub fn channel_body(id: u16, schema: u16, topic: &str, encoding: &str) -> Vec<u8
 
 /// A channel of point clouds, with its schema before it.
 pub fn channel(id: u16, topic: &str) -> Vec<u8> {
-    let schema = [&1_u16.to_le_bytes()[..], &text("sensor_msgs/msg/PointCloud2"), &text("ros2msg"), &[0; 4]].concat();
+    let schema =
+        [&1_u16.to_le_bytes()[..], &text("sensor_msgs/msg/PointCloud2"), &text("ros2msg"), &[0; 4]].concat();
     [record(0x03, &schema), record(0x04, &channel_body(id, 1, topic, "cdr"))].concat()
 }
 
 pub fn message(channel: u16, time: u64, data: &[u8]) -> Vec<u8> {
-    record(0x05, &[&channel.to_le_bytes()[..], &[0; 4], &time.to_le_bytes(), &time.to_le_bytes(), data].concat())
+    record(
+        0x05,
+        &[&channel.to_le_bytes()[..], &[0; 4], &time.to_le_bytes(), &time.to_le_bytes(), data].concat(),
+    )
 }
 
 /// A chunk that claims to unpack to `size` bytes.

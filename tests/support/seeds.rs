@@ -1,16 +1,19 @@
 //! The seeds of the fuzz targets: small inputs that reach what lies behind the first checks.
 
 use byteorder::{BigEndian, LittleEndian};
+use cfodi::engine::{Engine, Isometry3, Mode, Points, Scan, Stamp};
 use cfodi::msg::ros::{CameraInfo, CompressedImage, Image, PointCloud2, PointField};
+use cfodi::store;
 use serde::Serialize;
 
 use super::bags::{self, BagWriter, Layout, OPTICAL, POINTS, header, stamp};
+use super::fuzz_bodies::snapshot::params;
 use super::mcap_bytes::{MAGIC, channel, chunk, message, whole};
 
 type Seed = (&'static str, String, Vec<u8>);
 
 pub(crate) fn all() -> Vec<Seed> {
-    [clouds(), images(), recordings(), parameters(), streams()].concat()
+    [clouds(), images(), recordings(), parameters(), streams(), maps()].concat()
 }
 
 fn le(message: &impl Serialize) -> Vec<u8> {
@@ -21,20 +24,37 @@ fn clouds() -> Vec<Seed> {
     let points = [[0.5, 0.25, 1.0], [f32::NAN, 0.0, 1.0], [0.0, 0.0, 9.0], [1.5, -0.5, 2.5]];
     let plain = bags::cloud(stamp(0), OPTICAL, &points);
     let doubles = PointCloud2 {
-        fields: ["x", "y", "z"].iter().zip([0, 8, 16]).map(|(name, at)| PointField::single(name, at, 8)).collect(),
+        fields: ["x", "y", "z"]
+            .iter()
+            .zip([0, 8, 16])
+            .map(|(name, at)| PointField::single(name, at, 8))
+            .collect(),
         point_step: 24,
         row_step: 48,
         width: 2,
-        data: [[1.0_f64, 0.5, 2.0], [1e300, 0.0, 1.0]].iter().flatten().flat_map(|v| v.to_le_bytes()).collect(),
+        data: [[1.0_f64, 0.5, 2.0], [1e300, 0.0, 1.0]]
+            .iter()
+            .flatten()
+            .flat_map(|v| v.to_le_bytes())
+            .collect(),
         ..plain.clone()
     };
     let rows = PointCloud2 { height: 2, width: 2, row_step: 24, ..plain.clone() };
     let padded = PointCloud2 { row_step: 60, data: [&plain.data[..], &[0xff; 12]].concat(), ..plain.clone() };
     let big = PointCloud2 { is_bigendian: true, ..plain.clone() };
     let empty = PointCloud2 { width: 0, row_step: 0, data: Vec::new(), ..plain.clone() };
-    let named = [("plain", &plain), ("doubles", &doubles), ("rows", &rows), ("padded", &padded), ("big", &big), ("empty", &empty)];
-    let mut seeds: Vec<Seed> =
-        named.iter().map(|(name, cloud)| ("cloud", (*name).to_owned(), [&[0, 0][..], &le(cloud)].concat())).collect();
+    let named = [
+        ("plain", &plain),
+        ("doubles", &doubles),
+        ("rows", &rows),
+        ("padded", &padded),
+        ("big", &big),
+        ("empty", &empty),
+    ];
+    let mut seeds: Vec<Seed> = named
+        .iter()
+        .map(|(name, cloud)| ("cloud", (*name).to_owned(), [&[0, 0][..], &le(cloud)].concat()))
+        .collect();
     let swapped = cdr_encoding::to_vec::<_, BigEndian>(&plain).unwrap();
     seeds.push(("cloud", "big_endian_cdr".to_owned(), [&[1, 2][..], &swapped].concat()));
     seeds
@@ -65,7 +85,11 @@ fn images() -> Vec<Seed> {
     let png = png16(3, 2);
     let inverse = [&[0; 4][..], &10100.0_f32.to_le_bytes(), &(-1009.0_f32).to_le_bytes(), &png].concat();
     let compressed = |format: &str, data: &[u8]| {
-        le(&CompressedImage { header: header(stamp(0), OPTICAL), format: format.to_owned(), data: data.to_vec() })
+        le(&CompressedImage {
+            header: header(stamp(0), OPTICAL),
+            format: format.to_owned(),
+            data: data.to_vec(),
+        })
     };
     let k = [500.0, 0.0, 1.0, 0.0, 500.0, 1.0, 0.0, 0.0, 1.0];
     let info = le(&CameraInfo { width: 3, height: 2, k, ..CameraInfo::default() });
@@ -81,7 +105,10 @@ fn images() -> Vec<Seed> {
         ("raw_floats", [&small[..], &[2, 1, 0, 0], &pixels, &pixels].concat()),
         ("png", [&small[..], &[3, 4], &png].concat()),
         ("inverse_png", [&small[..], &[3, 1], &inverse].concat()),
-        ("rvl", [&small[..], &[3, 5], &[0; 12][..], &6_u32.to_le_bytes(), &[0x11, 0x7a, 0x13, 0x55]].concat()),
+        (
+            "rvl",
+            [&small[..], &[3, 5], &[0; 12][..], &6_u32.to_le_bytes(), &[0x11, 0x7a, 0x13, 0x55]].concat(),
+        ),
     ];
     parts.into_iter().map(|(name, bytes)| ("depth", name.to_owned(), bytes)).collect()
 }
@@ -110,7 +137,8 @@ fn recordings() -> Vec<Seed> {
     let inside = [channel(1, POINTS), message(1, 7, b"\0\x01\0\0abcd")].concat();
     seeds.push(("no_crc".to_owned(), [&[1][..], &whole(&chunk("", inside.len() as u64, &inside))].concat()));
     seeds.push(("begin".to_owned(), [&[1][..], MAGIC].concat()));
-    let listed = b"rosbag2_bagfile_information:\n  storage_identifier: mcap\n  relative_file_paths: [a.mcap]\n  \
+    let listed =
+        b"rosbag2_bagfile_information:\n  storage_identifier: mcap\n  relative_file_paths: [a.mcap]\n  \
         topics_with_message_count:\n  - message_count: 1\n    topic_metadata: {name: /depth/points, type: \
         sensor_msgs/msg/PointCloud2, serialization_format: cdr}\n\0";
     seeds.push(("metadata".to_owned(), [&[0][..], &listed[..], &bare].concat()));
@@ -124,13 +152,46 @@ fn parameters() -> Vec<Seed> {
     let seeds = [
         ("file", 0, file),
         ("nested", 0, "a:\n  b:\n    ros__parameters:\n      sensors: {points: {kind: cloud}}\n"),
-        ("quoted", 0, "/**: {ros__parameters: {fixed_frame: \"a\\u0000b\", optical: 'yes', tf_timeout: .inf}}"),
+        (
+            "quoted",
+            0,
+            "/**: {ros__parameters: {fixed_frame: \"a\\u0000b\", optical: 'yes', tf_timeout: .inf}}",
+        ),
         ("value", 1, "voxel_size:=1e-3"),
         ("list", 1, "cfodi:network_interfaces:=[\"127.0.0.1\", ::1]"),
         ("domain", 2, "42"),
         ("line", 3, line),
     ];
-    seeds.map(|(name, first, text)| ("params", name.to_owned(), [&[first][..], text.as_bytes()].concat())).into()
+    seeds
+        .map(|(name, first, text)| ("params", name.to_owned(), [&[first][..], text.as_bytes()].concat()))
+        .into()
+}
+
+/// Saved maps of a few voxels: each as a file, and as what is within one.
+fn maps() -> Vec<Seed> {
+    let mut seeds = Vec::new();
+    for (name, mode, params) in
+        [("consistent", 0_u8, params()), ("paper", 1, params().with_mode(Mode::Paper))]
+    {
+        let mut engine = Engine::new(params);
+        for scans in 0..3 {
+            let map = engine.save();
+            let first = [vec![mode], vec![17; 64]].concat();
+            let plain = postcard::to_stdvec(&map).unwrap();
+            let of = |kind: u8, bytes: &[u8]| [&[kind], &first[..], bytes].concat();
+            seeds.push(("snapshot", format!("{name}_{scans}_file"), of(1, &store::pack(&map).unwrap())));
+            seeds.push(("snapshot", format!("{name}_{scans}_map"), of(0, &plain)));
+            let corner =
+                (0..80).map(|i| [[i % 8, i / 8, 10], [10, i / 8, i % 8]][i % 2].map(|c| c as f32 * 0.1));
+            let scan = Scan {
+                stamp: Stamp::from_nanos(scans * 33_333_333),
+                fixed_from_sensor: Isometry3::translation(0.01, 0.02, 0.03),
+                points: Points::F32(corner.collect()),
+            };
+            engine.insert(&scan);
+        }
+    }
+    seeds
 }
 
 /// Bytes without a meaning of their own: each makes another stream of scans.

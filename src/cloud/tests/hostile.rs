@@ -58,7 +58,8 @@ fn stamps_of_every_second_on_the_wire_are_taken_as_they_are() {
 #[test]
 fn the_greatest_and_the_smallest_numbers_are_judged_like_any() {
     let (most, least) = (f64::from(f32::MAX), f64::from(f32::from_bits(1)));
-    let points = [[most, most, most], [-most, 0.0, 0.0], [least, least, least], [0.0, least, 1.0], [most, 0.0, 1.0]];
+    let points =
+        [[most, most, most], [-most, 0.0, 0.0], [least, least, least], [0.0, least, 1.0], [most, 0.0, 1.0]];
     let base = taken(&Form::xyz(16).message("base_link", 1, &points), &KINECT).unwrap();
     assert_eq!((base.points.len(), base.invalid, base.out_of_range), (1, 0, 4));
     // Of an optical frame the depth alone counts: what lies beside it is for the grid to leave out, point by point.
@@ -91,15 +92,23 @@ fn any_info() -> impl Strategy<Value = CameraInfo> {
     let corners = prop::sample::select(vec![0, 1, 2, 640, i32::MAX as u32, u32::MAX - 1, u32::MAX]);
     let number = prop_oneof![corners, any::<u32>()];
     (prop::array::uniform8(number), any::<[f64; 9]>(), any::<[f64; 12]>()).prop_map(
-        |([height, width, binning_x, binning_y, x_offset, y_offset, roi_height, roi_width], k, p)| CameraInfo {
-            height,
-            width,
-            binning_x,
-            binning_y,
-            roi: RegionOfInterest { x_offset, y_offset, height: roi_height, width: roi_width, do_rectify: true },
-            k,
-            p,
-            ..info(1, 1)
+        |([height, width, binning_x, binning_y, x_offset, y_offset, roi_height, roi_width], k, p)| {
+            CameraInfo {
+                height,
+                width,
+                binning_x,
+                binning_y,
+                roi: RegionOfInterest {
+                    x_offset,
+                    y_offset,
+                    height: roi_height,
+                    width: roi_width,
+                    do_rectify: true,
+                },
+                k,
+                p,
+                ..info(1, 1)
+            }
         },
     )
 }

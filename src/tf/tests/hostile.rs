@@ -49,7 +49,10 @@ fn translations_without_an_end_are_refused_and_the_greatest_numbers_are_an_error
     frames.dynamic("odom", "base_link", 3.0, -f64::MAX);
     frames.dynamic("odom", "base_link", 3.1, f64::MAX);
     // Between the two lies no number that could be computed, or a finite one.
-    assert!(frames.x("odom", "camera", 3.05).is_ok_and(f64::is_finite) || frames.x("odom", "camera", 3.05).is_err());
+    assert!(
+        frames.x("odom", "camera", 3.05).is_ok_and(f64::is_finite)
+            || frames.x("odom", "camera", 3.05).is_err()
+    );
     frames.dynamic("odom", "base_link", 4.0, 1.0);
     assert_eq!(frames.x("odom", "camera", 4.0), Ok(1.5));
 }

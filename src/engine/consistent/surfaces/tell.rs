@@ -195,7 +195,7 @@ impl Surfaces {
         for component in new {
             self.ids_given += 1;
             if let Some(cluster) = self.clusters[component.0 as usize].as_deref_mut() {
-                cluster.identity.id = ClusterId::new(self.ids_given);
+                (cluster.identity.id, cluster.identity.revision) = (ClusterId::new(self.ids_given), 0);
             }
         }
         for component in &self.changed {

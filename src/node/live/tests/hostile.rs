@@ -70,7 +70,8 @@ fn clouds_of_ever_new_frames_are_bounded_by_the_queue_and_counted() {
 fn stamps_at_both_ends_of_the_wire_are_scans_like_any_and_the_next_good_one_is_taken_in() {
     let stamp = |sec, nanosec| Time { sec, nanosec }.stamp().unwrap();
     let (first, last) = (stamp(i32::MIN, 0), stamp(i32::MAX, 999_999_999));
-    let hostile = vec![transform(first, false), cloud(first, "camera"), transform(last, false), cloud(last, "camera")];
+    let hostile =
+        vec![transform(first, false), cloud(first, "camera"), transform(last, false), cloud(last, "camera")];
     let good = [transform(at(1.7e9), false), cloud(at(1.7e9), "camera")];
     let (ended, counts, transport) = node(Fake::default(), hostile.into_iter().chain(good).collect(), 1);
     ended.unwrap();
@@ -91,7 +92,7 @@ fn a_clock_that_jumps_to_and_fro_begins_sessions_and_nothing_else() {
 
 #[test]
 fn a_flood_of_calls_is_answered_one_by_one_and_the_next_cloud_is_taken_in() {
-    let (_, transport) = survives((0..90).map(|_| Event::Reset(())).collect(), 10.0, 1);
+    let (_, transport) = survives((0..90).map(|_| Event::Call(Service::Reset, ())).collect(), 10.0, 1);
     let replies = transport.replies.borrow();
     assert!(replies.len() == 90 && replies.iter().all(|reply| reply.success));
 }
