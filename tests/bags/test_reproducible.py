@@ -37,7 +37,7 @@ def outputs(binary, bag, folder, parameters, alone=False):
 
 
 def simulate(binary, bag):
-    subprocess.run([str(binary), "simulate", "--out", str(bag), "--scene", "moving", "--seconds", "2", "--seed", "5"],
+    subprocess.run([str(binary), "simulate", "--out", str(bag), "--scene", "moving", "--seconds", "1", "--seed", "5"],
                    check=True, capture_output=True, timeout=300)
     return bag
 
