@@ -19,7 +19,7 @@ use cfodi::node::Setup;
 use cfodi::node::dds::{Events, Robot};
 use cfodi::node::process::{live_node, receive_buffer};
 use cfodi::node::record::Record;
-use cfodi::node::saving::begin;
+use cfodi::node::resume::begin;
 use cfodi::node::transport::{Event, Input};
 use cfodi::sim::drive::SCANS_PER_SECOND;
 use cfodi::sim::{Drive, Scene};

@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use cfodi::node::Setup;
 use cfodi::node::process::live_node;
-use cfodi::node::saving::begin;
+use cfodi::node::resume::begin;
 use clap::Args;
 
 #[derive(Debug, Args)]

@@ -1,6 +1,8 @@
 //! The live node: joins clouds (those that depth images became too) with their transforms, hands scans to the worker,
 //! answers calls.
 
+mod calls;
+
 use std::cell::RefCell;
 use std::future::Future;
 use std::pin::pin;
@@ -14,6 +16,7 @@ use tokio::task::JoinHandle;
 use tokio::time::MissedTickBehavior;
 use tracing::{debug, info, warn};
 
+use self::calls::{last_written, next};
 use super::counts::Counts;
 use super::inputs;
 use super::publish::{Ended, publish};
@@ -112,14 +115,6 @@ pub async fn run<T: Transport>(
     }
     let map = live.finish(publishing, written).await?;
     broken.map_or(Ok(map), Err)
-}
-
-/// The next map that has been written; never where none is.
-async fn next(written: &mut Option<UnboundedReceiver<Written>>) -> Option<Written> {
-    match written {
-        Some(written) => written.recv().await,
-        None => std::future::pending().await,
-    }
 }
 
 fn interval(period: Duration) -> tokio::time::Interval {
@@ -298,44 +293,10 @@ impl<T: Transport> Live<T> {
     async fn reset(&mut self, request: T::Request) {
         self.join.begin_session(None);
         self.begin_session("~/reset was called");
+        // What is to be forgotten must not come back after a crash.
+        self.save(None);
         let message = format!("session {} begins with an empty map", self.session);
         self.answer(Service::Reset, request, TriggerResponse { success: true, message }).await;
-    }
-
-    async fn save_for(&mut self, request: T::Request) {
-        if self.saving.is_some() {
-            self.save(Some(request));
-            return;
-        }
-        let message = "the parameter snapshot_path names no file".to_owned();
-        self.answer(Service::Save, request, TriggerResponse { success: false, message }).await;
-    }
-
-    /// Asks for the map, to save it; `call` is answered when it is written.
-    fn save(&mut self, call: Option<T::Request>) {
-        if self.saving.as_mut().is_some_and(|saving| saving.begin(call)) {
-            self.worker.request_save();
-        }
-    }
-
-    /// A map has been written, or was not.
-    async fn written(&mut self, result: &Written) {
-        saving::log(result);
-        let Some(saving) = &mut self.saving else { return };
-        let (calls, goes_on) = saving.end();
-        if goes_on {
-            self.worker.request_save();
-        }
-        for call in calls {
-            self.answer(Service::Save, call, saving::response(result)).await;
-        }
-    }
-
-    async fn answer(&mut self, service: Service, request: T::Request, response: TriggerResponse) {
-        if let Err(failure) = self.transport.answer(service, request, response).await {
-            let name = service.name();
-            self.warn(name, format_args!("{name} could not be answered: {failure}"));
-        }
     }
 
     fn submit_ready(&mut self) {
@@ -449,26 +410,6 @@ impl<T: Transport> Live<T> {
             ended => Err(death(ended.ok())),
         }
     }
-}
-
-/// Waits for the map of the node's end; whoever still waits for one is told how that went.
-async fn last_written<T: Transport>(
-    mut written: UnboundedReceiver<Written>,
-    saving: Option<Saving<T::Request>>,
-    transport: &T,
-) -> Result<(), StoreError> {
-    let mut last = None;
-    while let Some(result) = written.recv().await {
-        saving::log(&result);
-        last = Some(result);
-    }
-    let Some(last) = last else { return Ok(()) };
-    for call in saving.into_iter().flat_map(Saving::into_calls) {
-        if let Err(failure) = transport.answer(Service::Save, call, saving::response(&last)).await {
-            warn!("{} could not be answered: {failure}", Service::Save.name());
-        }
-    }
-    last.map(drop)
 }
 
 #[cfg(test)]

@@ -14,7 +14,8 @@ mod params_file;
 pub mod process;
 mod publish;
 pub mod record;
-pub mod saving;
+pub mod resume;
+mod saving;
 mod throttle;
 pub mod transport;
 

@@ -4,10 +4,9 @@ use std::path::PathBuf;
 use std::sync::mpsc::{Sender, channel};
 
 use tokio::sync::mpsc::{UnboundedReceiver, unbounded_channel};
-use tracing::{debug, info, warn};
+use tracing::{debug, warn};
 
-use crate::config::Config;
-use crate::engine::{Engine, RestoreError, SavedMap};
+use crate::engine::SavedMap;
 use crate::msg::ros::TriggerResponse;
 use crate::store::{self, StoreError};
 
@@ -77,85 +76,6 @@ pub(super) fn response(written: &Written) -> TriggerResponse {
         }
         Err(error) => TriggerResponse { success: false, message: error.to_string() },
     }
-}
-
-/// The engine that a session begins with: with the map of `snapshot_path` where it is to be resumed and there is one. What
-/// cannot be used is set aside, never written over: a damaged or newer file, and one that is not to be resumed.
-///
-/// # Errors
-/// When there is no path, the map was made with other parameters, or a file cannot be set aside.
-pub fn begin(config: &Config, resume: bool) -> Result<Engine, BeginError> {
-    let empty = || Engine::new(config.engine);
-    let Some(path) = config.snapshot_path.as_deref() else {
-        return if resume { Err(BeginError::NoPath) } else { Ok(empty()) };
-    };
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
-    if folder.is_some_and(|folder| !folder.is_dir()) || path.is_dir() {
-        return Err(BeginError::NoFolder(path.to_owned()));
-    }
-    let set_aside =
-        |why| store::set_aside(path, why).map_err(|error| BeginError::Kept { path: path.to_owned(), error });
-    if !resume {
-        if path.exists() {
-            let kept = set_aside("before")?;
-            info!("not resumed: the map that was saved is kept as {}", kept.display());
-        }
-        return Ok(empty());
-    }
-    let restored = store::read(path).and_then(|map| {
-        let error = |error| StoreError::Map { path: path.to_owned(), error };
-        Engine::restore(config.engine, &map).map(|engine| (engine, map.sequence())).map_err(error)
-    });
-    match restored {
-        Ok((engine, scans)) => {
-            info!("resumed: {} voxels of {scans} scans from {}", engine.voxel_count(), path.display());
-            Ok(engine)
-        }
-        Err(error) if error.is_missing() => {
-            info!("nothing to resume: there is no {} yet", path.display());
-            Ok(empty())
-        }
-        Err(StoreError::Map { error: error @ RestoreError::Parameter { .. }, .. }) => {
-            Err(BeginError::Parameter { path: path.to_owned(), error })
-        }
-        // The file may be whole, and the disk is not to be trusted with a new name for it.
-        Err(error @ StoreError::Io { .. }) => Err(BeginError::Unreadable(error)),
-        Err(error) => {
-            let kept = set_aside("refused")?;
-            warn!("not resumed: {error}; it is kept as {}", kept.display());
-            Ok(empty())
-        }
-    }
-}
-
-/// A session cannot begin with what is in `snapshot_path`.
-#[derive(Debug, thiserror::Error)]
-pub enum BeginError {
-    /// There is nothing to resume from.
-    #[error("--resume needs the parameter snapshot_path: the file of the map")]
-    NoPath,
-    /// It cannot be written later.
-    #[error("snapshot_path is {0}; it must be a file in a folder that exists")]
-    NoFolder(PathBuf),
-    /// It is another map.
-    #[error("{path}: {error}; start with that, or without --resume")]
-    Parameter {
-        /// The file.
-        path: PathBuf,
-        /// What is other.
-        error: RestoreError,
-    },
-    /// It is there and cannot be read.
-    #[error("cannot resume: {0}")]
-    Unreadable(StoreError),
-    /// The file would be written over.
-    #[error("{path} cannot be set aside: {error}")]
-    Kept {
-        /// The file.
-        path: PathBuf,
-        /// The system's words.
-        error: std::io::Error,
-    },
 }
 
 /// Says how a map was written that nobody has called for.

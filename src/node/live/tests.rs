@@ -11,6 +11,7 @@ use crate::config::Value;
 use crate::engine::{Params, Points};
 use crate::msg::clusters::SurfaceClusterArray;
 use crate::msg::ros::{Header, Quaternion, Transform, TransformStamped, Vector3};
+use crate::node::resume::begin;
 use crate::node::transport::{Inputs, Outgoing, SendError, Source};
 use crate::store;
 
@@ -114,7 +115,7 @@ fn node_with(
         }
     };
     let runtime = Builder::new_current_thread().enable_time().build().unwrap();
-    let engine = saving::begin(config, config.snapshot_path.is_some()).unwrap();
+    let engine = begin(config, config.snapshot_path.is_some()).unwrap();
     let live = run(config, engine, Rc::clone(&transport), receiver, Rc::clone(&counts), enough);
     let ended = LocalSet::new().block_on(&runtime, live);
     drop(sender);
@@ -269,19 +270,19 @@ fn what_cannot_be_resumed_is_kept_aside_and_what_contradicts_the_parameters_is_l
         names.sort();
         names
     };
-    assert_eq!(saving::begin(&config, true).unwrap().voxel_count(), 0, "nothing to resume is no failure");
+    assert_eq!(begin(&config, true).unwrap().voxel_count(), 0, "nothing to resume is no failure");
     std::fs::write(&path, "damaged").unwrap();
-    assert_eq!(saving::begin(&config, true).unwrap().voxel_count(), 0);
+    assert_eq!(begin(&config, true).unwrap().voxel_count(), 0);
     assert_eq!(names(), ["map.refused-1"]);
     store::write(&path, &Engine::new(Params::paper()).save()).unwrap();
-    let error = saving::begin(&config, true).unwrap_err().to_string();
+    let error = begin(&config, true).unwrap_err().to_string();
     assert!(error.contains("made with mode paper, now it is consistent"), "{error}");
     assert_eq!(names(), ["map", "map.refused-1"]);
-    saving::begin(&config, false).unwrap();
+    begin(&config, false).unwrap();
     assert_eq!(names(), ["map.before-1", "map.refused-1"]);
     let nowhere = Value::Text(folder.path().join("none/map").display().to_string());
     let nowhere = Config::new([("snapshot_path".to_owned(), nowhere)]).unwrap();
-    assert!(saving::begin(&nowhere, false).unwrap_err().to_string().contains("a folder that exists"));
-    let error = saving::begin(&Config::new([]).unwrap(), true).unwrap_err().to_string();
+    assert!(begin(&nowhere, false).unwrap_err().to_string().contains("a folder that exists"));
+    let error = begin(&Config::new([]).unwrap(), true).unwrap_err().to_string();
     assert_eq!(error, "--resume needs the parameter snapshot_path: the file of the map");
 }

@@ -1,0 +1,76 @@
+//! Calls of services, and the map on its way into its file.
+
+use tokio::sync::mpsc::UnboundedReceiver;
+use tracing::warn;
+
+use super::Live;
+use crate::msg::ros::TriggerResponse;
+use crate::node::saving::{self, Saving, Written};
+use crate::node::transport::{Service, Transport};
+use crate::store::StoreError;
+
+impl<T: Transport> Live<T> {
+    pub(super) async fn save_for(&mut self, request: T::Request) {
+        if self.saving.is_some() {
+            self.save(Some(request));
+            return;
+        }
+        let message = "the parameter snapshot_path names no file".to_owned();
+        self.answer(Service::Save, request, TriggerResponse { success: false, message }).await;
+    }
+
+    /// Asks for the map, to save it; `call` is answered when it is written.
+    pub(super) fn save(&mut self, call: Option<T::Request>) {
+        if self.saving.as_mut().is_some_and(|saving| saving.begin(call)) {
+            self.worker.request_save();
+        }
+    }
+
+    /// A map has been written, or was not.
+    pub(super) async fn written(&mut self, result: &Written) {
+        saving::log(result);
+        let Some(saving) = &mut self.saving else { return };
+        let (calls, goes_on) = saving.end();
+        if goes_on {
+            self.worker.request_save();
+        }
+        for call in calls {
+            self.answer(Service::Save, call, saving::response(result)).await;
+        }
+    }
+
+    pub(super) async fn answer(&mut self, service: Service, request: T::Request, response: TriggerResponse) {
+        if let Err(failure) = self.transport.answer(service, request, response).await {
+            let name = service.name();
+            self.warn(name, format_args!("{name} could not be answered: {failure}"));
+        }
+    }
+}
+
+/// The next map that has been written; never where none is.
+pub(super) async fn next(written: &mut Option<UnboundedReceiver<Written>>) -> Option<Written> {
+    match written {
+        Some(written) => written.recv().await,
+        None => std::future::pending().await,
+    }
+}
+
+/// Waits for the map of the node's end; whoever still waits for one is told how that went.
+pub(super) async fn last_written<T: Transport>(
+    mut written: UnboundedReceiver<Written>,
+    saving: Option<Saving<T::Request>>,
+    transport: &T,
+) -> Result<(), StoreError> {
+    let mut last = None;
+    while let Some(result) = written.recv().await {
+        saving::log(&result);
+        last = Some(result);
+    }
+    let Some(last) = last else { return Ok(()) };
+    for call in saving.into_iter().flat_map(Saving::into_calls) {
+        if let Err(failure) = transport.answer(Service::Save, call, saving::response(&last)).await {
+            warn!("{} could not be answered: {failure}", Service::Save.name());
+        }
+    }
+    last.map(drop)
+}
