@@ -54,6 +54,22 @@ impl Heard {
 mod tests {
     use super::*;
 
+    /// Publishers of different names.
+    fn publisher(number: u32) -> Gid {
+        let mut name = [0; 16];
+        name[..4].copy_from_slice(&number.to_le_bytes());
+        cdr_encoding::from_bytes::<Gid, byteorder::LittleEndian>(&name).unwrap().0
+    }
+
+    #[test]
+    fn ever_new_publishers_are_not_remembered_for_ever() {
+        let mut heard = Heard::default();
+        for number in 0..10_000 {
+            assert!(heard.takes(publisher(number), 1, false));
+            assert!(heard.publishers.len() <= Heard::PUBLISHERS);
+        }
+    }
+
     #[test]
     fn a_sample_is_taken_once_and_reliably_where_it_can_be() {
         let (mut heard, publisher) = (Heard::default(), Gid::default());

@@ -258,6 +258,25 @@ pub(super) async fn serve(
 mod tests {
     use super::*;
 
+    /// Publishers of different names.
+    fn publisher(number: u32) -> Gid {
+        let mut name = [0; 16];
+        name[..4].copy_from_slice(&number.to_le_bytes());
+        cdr_encoding::from_bytes::<Gid, byteorder::LittleEndian>(&name).unwrap().0
+    }
+
+    #[test]
+    fn made_up_numbers_and_ever_new_publishers_neither_overflow_nor_grow() {
+        let mut gaps = Gaps::default();
+        for number in [i64::MIN, i64::MAX, 0, -1, i64::MAX, i64::MIN] {
+            assert!(gaps.lost_before(publisher(0), number) <= i64::MAX as u64);
+        }
+        for number in 0..10_000 {
+            assert_eq!(gaps.lost_before(publisher(number), i64::from(number)), 0);
+            assert!(gaps.newest.len() <= Gaps::PUBLISHERS);
+        }
+    }
+
     #[test]
     fn a_gap_in_the_numbers_is_a_loss_unless_garbled_samples_explain_it() {
         let (mut gaps, publisher) = (Gaps::default(), Gid::default());
