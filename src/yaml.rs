@@ -12,14 +12,14 @@ use thiserror::Error;
 use yaml_rust2::parser::{Event, Parser};
 use yaml_rust2::{ScanError, Yaml, YamlLoader};
 
-/// Longest text (bytes): the `metadata.yaml` of a bag with a thousand topics has some hundred thousand.
-pub const MAX_BYTES: usize = 1 << 20;
+/// Longest text (bytes): the `metadata.yaml` of a bag of a week in files of a minute has two million.
+pub const MAX_BYTES: usize = 8 << 20;
 
 /// Deepest nesting.
 pub const MAX_DEPTH: usize = 64;
 
 /// Most nodes, those that an alias stands for counted each time.
-pub const MAX_NODES: usize = 100_000;
+pub const MAX_NODES: usize = 1_000_000;
 
 /// A text that is no YAML, or more than is read.
 #[derive(Debug, Error)]

@@ -2,6 +2,7 @@
 
 use std::fs::File;
 use std::io::{self, BufReader, Read};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -115,9 +116,9 @@ impl Iterator for Messages {
                 }
                 continue;
             };
-            let message = match reader.messages.next() {
+            let message = match reader.advance() {
                 Some(Ok(message)) => reader.message(message, &self.bytes),
-                Some(Err(error)) => Err(reader.cut(reason(&error), &self.bytes)),
+                Some(Err(reason)) => Err(reader.cut(reason, &self.bytes)),
                 None => {
                     self.current = None;
                     continue;
@@ -154,6 +155,16 @@ impl Part {
 }
 
 impl Reader {
+    /// The next message, or what is wrong. Where overflow is checked, the library panics on a record that is longer than
+    /// its chunk; where it is not, it reads on to the end of the file.
+    fn advance(&mut self) -> Option<Result<mcap::Message<'static>, String>> {
+        let next = catch_unwind(AssertUnwindSafe(|| self.messages.next()));
+        match next {
+            Ok(next) => next.map(|message| message.map_err(|error| reason(&error))),
+            Err(_) => Some(Err("a record does not fit its chunk".to_owned())),
+        }
+    }
+
     fn cut(&self, reason: String, bytes: &AtomicU64) -> BagError {
         if self.part.size == 0 {
             return BagError::Empty { path: self.part.path.clone() };
