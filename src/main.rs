@@ -1,12 +1,13 @@
 //! The `cfodi` binary: one verb a file below `cli/`.
 //!
-//! Exit status: 0 when all went well, 1 when something failed or an input was not read in full, 2 for wrong arguments or
-//! parameters.
+//! Exit status: 0 when all went well, 1 when something failed or an input was not read in full, 2 for wrong arguments,
+//! parameters or keys.
 
 mod cli;
 
 use std::process::ExitCode;
 
+use cfodi::node::process::ProcessError;
 use clap::{Parser, Subcommand};
 
 use crate::cli::{demo, experiment, replay, run, simulate};
@@ -15,7 +16,8 @@ use crate::cli::{demo, experiment, replay, run, simulate};
 #[derive(Debug, Parser)]
 #[command(
     version,
-    after_help = "ROS arguments follow --ros-args: -r from:=to, -p name:=value, --params-file FILE, --log-level LEVEL"
+    after_help = "ROS arguments follow --ros-args: -r from:=to, -p name:=value, --params-file FILE, --log-level LEVEL, \
+                  --enclave NAME"
 )]
 struct Cli {
     #[command(subcommand)]
@@ -48,7 +50,7 @@ fn main() -> ExitCode {
     let cli = Cli::parse_from(rest);
     cli::log::start(setup.log_level.as_deref());
     let done = match cli.verb {
-        Verb::Run(options) => run::run(&setup, &options),
+        Verb::Run(options) => run::run(&setup, &options).map(|()| ExitCode::SUCCESS),
         Verb::Replay(options) => replay::replay(&setup, &options),
         Verb::Experiment(options) => experiment::experiment(&setup, &options),
         Verb::Demo(options) => demo::demo(&setup, &options).map(|()| ExitCode::SUCCESS),
@@ -58,7 +60,9 @@ fn main() -> ExitCode {
         Ok(status) => status,
         Err(error) => {
             eprintln!("cfodi: {error:#}");
-            ExitCode::FAILURE
+            let is_configuration =
+                error.downcast_ref::<ProcessError>().is_some_and(ProcessError::is_configuration);
+            if is_configuration { ExitCode::from(2) } else { ExitCode::FAILURE }
         }
     }
 }

@@ -281,11 +281,7 @@ fn a_metadata_without_bounds_is_refused() {
     let laughs = (1..12).fold("a0: &a0 [1, 1, 1]\n".to_owned(), |text, i| {
         text + &format!("a{i}: &a{i} [{}]\n", vec![format!("*a{}", i - 1); 9].join(", "))
     });
-<<<<<<< HEAD
-    for text in [laughs.into_bytes(), "- ".repeat(300_000).into_bytes(), vec![b' '; 4 << 20], vec![0xff; 100]]
-=======
     for text in [laughs.into_bytes(), "- ".repeat(300_000).into_bytes(), vec![b' '; 9 << 20], vec![0xff; 100]]
->>>>>>> 4155dcc (A record that is longer than its chunk ends the bag with a reason: a find of the fuzzer, kept as a test and a seed)
     {
         let folder = folder();
         put(&folder, "metadata.yaml", &text);

@@ -7,7 +7,8 @@ top=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 CFODI_DATA=$(realpath -m "${CFODI_DATA:-$top/../shared/data}")
 CFODI_BIN=$(realpath -m "${CFODI_BIN:-${CARGO_TARGET_DIR:-$top/target}/release/cfodi}")
 CFODI_TOOLS=$(realpath -m "${CFODI_TOOLS:-$top/../shared/tools}")
-export CFODI_DATA CFODI_TOOLS CFODI_BIN
+CFODI_SECURED=$(realpath -m "${CFODI_SECURED:-${CARGO_TARGET_DIR:-$top/target}/secured}")
+export CFODI_DATA CFODI_TOOLS CFODI_BIN CFODI_SECURED
 cd "$top"
 CFODI_LEFT_OUT=$(mktemp)
 export CFODI_LEFT_OUT
@@ -59,7 +60,18 @@ raise_socket_buffer() {
   fi
 }
 
+# With the feature `security`, into CFODI_SECURED. The system's OpenSSL, where it can be built against, saves minutes.
+build_secured() {
+  if pkg-config --atleast-version=1.1.1 openssl 2>/dev/null; then export OPENSSL_NO_VENDOR=1; fi
+  optional clippy cargo clippy --lib --features security -- -D warnings
+  run cargo build --release --features security --bin cfodi --example clusters --example robot
+  local built=${CARGO_TARGET_DIR:-$top/target}/release
+  mkdir -p "$CFODI_SECURED"
+  cp "$built/cfodi" "$built/examples/clusters" "$built/examples/robot" "$CFODI_SECURED"
+}
+
 optional fmt cargo fmt --check
+run bash tests/deny.sh
 optional clippy cargo clippy --all-targets -- -D warnings
 RUSTDOCFLAGS="-D warnings" run cargo doc --no-deps
 run cargo check --lib --no-default-features   # the wall around the engine
@@ -71,6 +83,7 @@ else
 fi
 run cargo test --doc
 run cargo bench --bench '*' -- --test   # each benchmark once: that it runs, not how fast
+build_secured   # before the build without, which is the one to stay
 run cargo build --release
 step "ROS tests: sockets"
 raise_socket_buffer

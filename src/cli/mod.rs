@@ -14,7 +14,7 @@ mod truth;
 use std::ffi::OsString;
 
 use cfodi::node::Setup;
-use cfodi::node::args::ArgsError;
+use cfodi::node::args::{ArgsError, Environment};
 
 /// The command line as text.
 pub(crate) fn arguments() -> anyhow::Result<Vec<String>> {
@@ -26,7 +26,5 @@ pub(crate) fn arguments() -> anyhow::Result<Vec<String>> {
 
 /// Splits the ROS arguments off the command line and checks them.
 pub(crate) fn setup(args: &[String]) -> Result<(Setup, Vec<String>), ArgsError> {
-    // What is no text is no number either, and is refused as such.
-    let domain = std::env::var_os("ROS_DOMAIN_ID").map(|domain| domain.to_string_lossy().into_owned());
-    Setup::parse(args, domain.as_deref(), "cfodi")
+    Setup::parse(args, &Environment::of_process(), "cfodi")
 }

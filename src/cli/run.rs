@@ -1,9 +1,7 @@
 //! `cfodi run`: the live node beside a robot's driver.
 
-use std::process::ExitCode;
-
 use cfodi::node::Setup;
-use cfodi::node::process::live_node;
+use cfodi::node::process::{ProcessError, live_node};
 use cfodi::node::resume::begin;
 use clap::Args;
 
@@ -14,14 +12,10 @@ pub(crate) struct Options {
     resume: bool,
 }
 
-pub(crate) fn run(setup: &Setup, options: &Options) -> anyhow::Result<ExitCode> {
-    let engine = match begin(&setup.config, options.resume) {
-        Ok(engine) => engine,
-        Err(error) => {
-            eprintln!("cfodi: {error}");
-            return Ok(ExitCode::from(2));
-        }
-    };
+pub(crate) fn run(setup: &Setup, options: &Options) -> anyhow::Result<()> {
+    // Before a map is set aside for a node that cannot start.
+    setup.security().map_err(ProcessError::from)?;
+    let engine = begin(&setup.config, options.resume).map_err(ProcessError::from)?;
     live_node(setup, engine, None, |_| Ok(()), || false)?;
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }

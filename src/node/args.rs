@@ -1,6 +1,7 @@
 //! A ROS command line -> who the node is, what it listens to, and its checked configuration.
 
 use std::collections::BTreeSet;
+use std::path::Path;
 
 use ros2args::names::{build_node_fqn, expand_topic_name};
 use ros2args::{ParamAssignment, Ros2Args, Ros2ArgsError, match_wildcard_pattern};
@@ -8,8 +9,27 @@ use thiserror::Error;
 use yaml_rust2::Yaml;
 
 use super::params_file::assignments;
+use super::security::{Asked, BUILT_IN, Security, SecurityError};
 use crate::config::{Config, ConfigError, Value};
 use crate::yaml::{self, YamlError};
+
+/// What the environment says about the node.
+#[derive(Clone, Debug, Default)]
+pub struct Environment {
+    /// `ROS_DOMAIN_ID`.
+    pub domain: Option<String>,
+    /// The variables of DDS Security.
+    pub security: Asked,
+}
+
+impl Environment {
+    /// That of this process.
+    pub fn of_process() -> Self {
+        // What is no text is no number either, and is refused as such.
+        let domain = std::env::var_os("ROS_DOMAIN_ID").map(|domain| domain.to_string_lossy().into_owned());
+        Self { domain, security: Asked::of_process() }
+    }
+}
 
 /// Everything that the command line and the environment say about the node.
 #[derive(Clone, Debug)]
@@ -26,6 +46,7 @@ pub struct Setup {
     pub parameters: Vec<(&'static str, Value)>,
     /// Level of the log, as `--log-level` gives it.
     pub log_level: Option<String>,
+    security: Asked,
     remaps: Vec<(String, String)>,
     /// Names of the parameters that were given a value.
     given: BTreeSet<String>,
@@ -65,8 +86,8 @@ pub enum ArgsError {
 }
 
 impl Setup {
-    /// Reads `--ros-args` sections out of `args`; returns the other arguments too. `domain` is the text of
-    /// `ROS_DOMAIN_ID`, `None` where it is not set; `default_name` is the node's name without `__node`.
+    /// Reads `--ros-args` sections out of `args`; returns the other arguments too. `default_name` is the node's name
+    /// without `__node`.
     ///
     /// Parameter files count in their order, `-p` after them.
     ///
@@ -74,7 +95,7 @@ impl Setup {
     /// At the first thing that cannot be, with its name and value.
     pub fn parse(
         args: &[String],
-        domain: Option<&str>,
+        environment: &Environment,
         default_name: &str,
     ) -> Result<(Self, Vec<String>), ArgsError> {
         args.iter().try_for_each(|arg| check_value(arg))?;
@@ -92,13 +113,22 @@ impl Setup {
             given: given.iter().map(|(name, _)| name.clone()).collect(),
             config: Config::new(given.clone())?,
             parameters: Config::values(given)?,
-            domain: parse_domain(domain)?,
+            domain: parse_domain(environment.domain.as_deref())?,
+            security: Asked { enclave: ros.enclave.clone(), ..environment.security.clone() },
             log_level: ros.log_levels.last().map(|assigned| assigned.level.as_str().to_lowercase()),
             remaps: remaps.map(|rule| (rule.from.clone(), rule.to.clone())).collect(),
             name,
             namespace,
         };
         Ok((setup, rest))
+    }
+
+    /// What the node does about DDS Security, by what is there now.
+    ///
+    /// # Errors
+    /// When the node must not open a socket.
+    pub fn security(&self) -> Result<Security, SecurityError> {
+        self.security.decide(BUILT_IN, Path::exists)
     }
 
     /// The fully qualified name of a topic or service: expanded, then remapped.
@@ -211,7 +241,7 @@ mod tests {
 
     fn parse(line: &str) -> Result<Setup, ArgsError> {
         let args: Vec<_> = line.split_whitespace().map(str::to_owned).collect();
-        Setup::parse(&args, None, "cfodi").map(|(setup, _)| setup)
+        Setup::parse(&args, &Environment::default(), "cfodi").map(|(setup, _)| setup)
     }
 
     #[test]
@@ -255,9 +285,26 @@ mod tests {
                 .to_string()
                 .contains("/no/such.yaml")
         );
-        let domain = Setup::parse(&[], Some("233"), "cfodi").unwrap_err().to_string();
+        let domain = in_domain("233").unwrap_err().to_string();
         assert_eq!(domain, "ROS_DOMAIN_ID is \"233\"; it must be from 0 to 232");
-        assert_eq!(Setup::parse(&[], Some("7"), "cfodi").unwrap().0.domain, 7);
+        assert_eq!(in_domain("7").unwrap(), 7);
+    }
+
+    fn in_domain(text: &str) -> Result<u16, ArgsError> {
+        let environment = Environment { domain: Some(text.to_owned()), ..Environment::default() };
+        Setup::parse(&[], &environment, "cfodi").map(|(setup, _)| setup.domain)
+    }
+
+    #[test]
+    fn the_enclave_is_that_of_the_command_line() {
+        let environment = Environment {
+            security: Asked { enable: Some("true".to_owned()), ..Asked::default() },
+            ..Environment::default()
+        };
+        let args = ["run", "--ros-args", "--enclave", "robot"].map(str::to_owned);
+        let (setup, rest) = Setup::parse(&args, &environment, "cfodi").unwrap();
+        assert_eq!(rest, ["run"]);
+        assert!(setup.security().unwrap_err().to_string().starts_with("--enclave is \"robot\""));
     }
 
     /// What is said of a parameter file of this text.
@@ -314,7 +361,7 @@ mod tests {
     fn a_value_on_the_command_line_is_bounded_like_one_in_a_file() {
         let value = |value: &str| {
             let args = ["--ros-args", "-p", value].map(str::to_owned);
-            Setup::parse(&args, None, "cfodi").map(|(setup, _)| setup)
+            Setup::parse(&args, &Environment::default(), "cfodi").map(|(setup, _)| setup)
         };
         let error = value(&format!("depth:={}", "[".repeat(200))).unwrap_err().to_string();
         assert_eq!(error, "the value of depth is refused: YAML nested deeper than 64");
@@ -338,11 +385,11 @@ mod tests {
     fn names_that_cannot_be_are_refused() {
         for rule in ["__node:=a/b", "__node:=", "__node:=7up", "__node:=\u{1b}[2J"] {
             let args = ["--ros-args", "-r", rule].map(str::to_owned);
-            assert!(Setup::parse(&args, None, "cfodi").is_err(), "{rule}");
+            assert!(Setup::parse(&args, &Environment::default(), "cfodi").is_err(), "{rule}");
         }
         for name in ["points:=/a//b", "points:=a b", "points:=/ä"] {
             let args = ["--ros-args", "-r", name].map(str::to_owned);
-            let (setup, _) = Setup::parse(&args, None, "cfodi").unwrap();
+            let (setup, _) = Setup::parse(&args, &Environment::default(), "cfodi").unwrap();
             assert!(setup.resolve("points").is_err(), "{name}");
         }
     }
@@ -350,9 +397,9 @@ mod tests {
     #[test]
     fn a_domain_that_is_none_is_refused() {
         for domain in ["-1", "233", "1e2", "0x1", "99999999999999999999", " 1", "\u{fffd}"] {
-            assert!(Setup::parse(&[], Some(domain), "cfodi").is_err(), "{domain}");
+            assert!(in_domain(domain).is_err(), "{domain}");
         }
-        assert_eq!(Setup::parse(&[], Some(""), "cfodi").unwrap().0.domain, 0);
+        assert_eq!(in_domain("").unwrap(), 0);
     }
 
     #[test]

@@ -5,7 +5,9 @@
 //! when it is full: what the middleware then drops shows as a gap in the publisher's sequence numbers.
 
 mod heard;
+mod map_reader;
 mod read;
+mod secure;
 
 use std::collections::BTreeMap;
 use std::net::IpAddr;
@@ -23,8 +25,10 @@ use thiserror::Error;
 use tokio::sync::{Mutex, mpsc};
 use tokio::task::JoinSet;
 
+pub use self::map_reader::MapReader;
 use super::args::{ArgsError, Setup};
 use super::record::Record;
+use super::security::{Security, SecurityError};
 use super::transport::{Event, Inputs, Outgoing, SendError, Service, Source, Transport};
 use crate::config::Value;
 use crate::msg::clusters::SurfaceClusterArray;
@@ -41,9 +45,18 @@ pub enum DdsError {
         /// The middleware's words.
         text: String,
     },
+    /// A message cannot be read.
+    #[error("cannot read the map: {text}")]
+    Read {
+        /// The middleware's words.
+        text: String,
+    },
     /// A name that cannot be resolved.
     #[error(transparent)]
     Name(#[from] ArgsError),
+    /// DDS Security was asked for and cannot be had; no socket was opened.
+    #[error(transparent)]
+    Security(#[from] SecurityError),
 }
 
 /// Events that wait for the node; a cloud that finds no place waits in the middleware.
@@ -141,7 +154,10 @@ fn participant(setup: &Setup) -> Result<DomainParticipant, DdsError> {
         .socket_send_buffer_size(setup.config.receive_buffer);
     let only: &[IpAddr] = &setup.config.network_interfaces;
     let builder = if only.is_empty() { builder } else { builder.with_only_networks(only.iter().copied()) };
-    builder.build().map_err(opening("a DDS participant"))
+    match setup.security()? {
+        Security::Off | Security::Unsecured(_) => builder.build().map_err(opening("a DDS participant")),
+        Security::Keys(enclave) => secure::build(builder, enclave),
+    }
 }
 
 fn parameter(value: &Value) -> ParameterValue {

@@ -1,9 +1,10 @@
 //! The live node: the only place with ROS, async and a clock.
 //!
-//! [`args`] turns a ROS command line into a checked [`Setup`]; [`transport`] is what the node needs of a middleware;
-//! [`dds`] is that over ROS 2's DDS, and the only module that imports `ros2_client`; [`live`] joins clouds with their
-//! transforms and hands scans to the worker; `inputs` finds the words about what is heard and what could be;
-//! [`process`] is all of it as a process; `publish` turns the worker's outputs into messages; [`record`] keeps them.
+//! [`args`] turns a ROS command line into a checked [`Setup`]; [`security`] says with which keys, if any, it may open a
+//! socket; [`transport`] is what the node needs of a middleware; [`dds`] is that over ROS 2's DDS, and the only module
+//! that imports `ros2_client`; [`live`] joins clouds with their transforms and hands scans to the worker; `inputs` finds
+//! the words about what is heard and what could be; [`process`] is all of it as a process; `publish` turns the worker's
+//! outputs into messages; [`record`] keeps them.
 
 pub mod args;
 pub mod counts;
@@ -16,6 +17,7 @@ mod publish;
 pub mod record;
 pub mod resume;
 mod saving;
+pub mod security;
 mod throttle;
 pub mod transport;
 

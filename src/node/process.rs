@@ -15,6 +15,8 @@ use super::counts::Counts;
 use super::dds::{Dds, DdsError, Events};
 use super::live::{self, LiveError};
 use super::record::Record;
+use super::resume::BeginError;
+use super::security::{Security, SecurityError};
 use super::transport::{Inputs, Transport};
 use crate::engine::{Engine, Snapshot};
 
@@ -27,9 +29,22 @@ pub enum ProcessError {
     /// The network cannot be joined.
     #[error("cannot join the ROS network: {0}")]
     Network(#[from] DdsError),
+    /// The network must not be joined.
+    #[error(transparent)]
+    Security(#[from] SecurityError),
+    /// What was saved cannot be begun with.
+    #[error(transparent)]
+    Begin(#[from] BeginError),
     /// The node failed.
     #[error(transparent)]
     Live(#[from] LiveError),
+}
+
+impl ProcessError {
+    /// Whether it is wrong how the node was started: nothing was opened, and starting it again will not help.
+    pub fn is_configuration(&self) -> bool {
+        matches!(self, Self::Security(_) | Self::Begin(_) | Self::Network(DdsError::Security(_)))
+    }
 }
 
 /// Bytes of the receive buffer that the node's sockets have: the system cuts a larger wish short without a word, so a
@@ -65,6 +80,18 @@ fn say_receive_buffer(setup: &Setup) {
     }
 }
 
+fn say_security(security: &Security) {
+    match security {
+        Security::Off => {}
+        Security::Unsecured(why) => {
+            warn!("DDS is not secured, which ROS_SECURITY_STRATEGY permits: {why}");
+        }
+        Security::Keys(enclave) => {
+            info!("DDS is secured with the keys in {} of enclave {}", enclave.folder.display(), enclave.name);
+        }
+    }
+}
+
 /// Runs the live node with the map of `engine` until a signal comes or `done` says so, and returns its map; what it sends goes into `record` too,
 /// `begin` is called once it listens.
 ///
@@ -77,6 +104,7 @@ pub fn live_node(
     begin: impl FnOnce(Events) -> Result<(), DdsError>,
     done: impl Fn() -> bool,
 ) -> Result<Arc<Snapshot>, ProcessError> {
+    let security = setup.security()?;
     let runtime =
         tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(ProcessError::Runtime)?;
     let counts = Rc::new(RefCell::new(Counts::default()));
@@ -84,6 +112,7 @@ pub fn live_node(
     let ended = tasks.block_on(&runtime, async {
         say_receive_buffer(setup);
         let (dds, events, receiver) = Dds::open(setup, record)?;
+        say_security(&security);
         let dds = Rc::new(dds);
         let node = setup.fully_qualified_name();
         let Inputs { points, image, camera_info, compressed } = dds.inputs();

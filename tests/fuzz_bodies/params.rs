@@ -3,6 +3,7 @@
 use std::fs;
 
 use cfodi::node::Setup;
+use cfodi::node::args::Environment;
 
 use super::bytes::Bytes;
 use super::mcap::with_folder;
@@ -34,7 +35,8 @@ pub fn run(bytes: &[u8]) {
 
 /// What holds of whatever was taken.
 fn check(args: &[String], domain: Option<&str>) {
-    let setup = match Setup::parse(args, domain, "cfodi") {
+    let environment = Environment { domain: domain.map(str::to_owned), ..Environment::default() };
+    let setup = match Setup::parse(args, &environment, "cfodi") {
         Ok((setup, _)) => setup,
         Err(error) => return assert!(!error.to_string().is_empty()),
     };

@@ -15,8 +15,8 @@ REPOSITORY = pathlib.Path(__file__).resolve().parents[2]
 class Cfodi:
     """`cfodi run OPTIONS --ros-args ...` with `parameters` (-p), `remaps` (-r) and further `arguments`, after `prefix`."""
 
-    def __init__(self, parameters=None, remaps=None, arguments=(), environment=None, options=(), prefix=()):
-        binary = os.environ.get("CFODI_BIN") or REPOSITORY / "target" / "release" / "cfodi"
+    def __init__(self, parameters=None, remaps=None, arguments=(), environment=None, options=(), prefix=(), binary=None):
+        binary = binary or os.environ.get("CFODI_BIN") or REPOSITORY / "target" / "release" / "cfodi"
         command = [*prefix, str(binary), "run", *options, "--ros-args", *arguments]
         for name, value in (remaps or {}).items():
             command += ["-r", f"{name}:={value}"]

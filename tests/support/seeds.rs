@@ -165,7 +165,6 @@ fn parameters() -> Vec<Seed> {
     seeds
         .map(|(name, first, text)| ("params", name.to_owned(), [&[first][..], text.as_bytes()].concat()))
         .into()
-<<<<<<< HEAD
 }
 
 /// Saved maps of a few voxels: each as a file, and as what is within one.
@@ -193,8 +192,6 @@ fn maps() -> Vec<Seed> {
         }
     }
     seeds
-=======
->>>>>>> 4155dcc (A record that is longer than its chunk ends the bag with a reason: a find of the fuzzer, kept as a test and a seed)
 }
 
 /// Bytes without a meaning of their own: each makes another stream of scans.

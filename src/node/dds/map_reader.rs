@@ -1,0 +1,41 @@
+//! The other side: what a planner reads.
+
+use ros2_client::qos::Durability;
+use ros2_client::{Node, Subscription};
+use rustdds::DomainParticipant;
+
+use super::{DdsError, Opener, reliable};
+use crate::msg::clusters::SurfaceClusterArray;
+use crate::node::Setup;
+
+/// Reads the snapshots that a node publishes.
+pub struct MapReader {
+    snapshots: Subscription<SurfaceClusterArray>,
+    // Kept so that the subscription stays on the network, and dropped in this order.
+    _network: (Node, DomainParticipant),
+}
+
+impl MapReader {
+    /// Opens the node of `setup`, without parameters, and reads `/cfodi/clusters`, which remappings give another name.
+    ///
+    /// # Errors
+    /// When the middleware refuses something.
+    pub fn open(setup: &Setup) -> Result<Self, DdsError> {
+        let setup = setup.for_node(&setup.name);
+        let mut opener = Opener::new(&setup)?;
+        let latched = (&reliable(1, Durability::TransientLocal)).into();
+        let topic = ("/cfodi/clusters", "cfodi_msgs", "SurfaceClusterArray");
+        let snapshots = opener.subscribe(topic, &latched)?;
+        Ok(Self { snapshots, _network: (opener.node, opener.participant) })
+    }
+
+    /// The next snapshot.
+    ///
+    /// # Errors
+    /// When it cannot be read.
+    pub async fn next(&self) -> Result<SurfaceClusterArray, DdsError> {
+        let taken = self.snapshots.async_take().await;
+        let (snapshot, _) = taken.map_err(|error| DdsError::Read { text: error.to_string() })?;
+        Ok(snapshot)
+    }
+}
