@@ -130,12 +130,12 @@ impl Asked {
         is_there: impl Fn(&Path) -> bool,
     ) -> Result<Security, SecurityError> {
         let wrong = |name, value: &str, must| SecurityError::Value { name, value: value.to_owned(), must };
-        match text(&self.enable) {
+        match text(self.enable.as_ref()) {
             "true" => {}
             "" | "false" => return Ok(Security::Off),
             other => return Err(wrong("ROS_SECURITY_ENABLE", other, "`true` or `false`")),
         }
-        let enforce = match text(&self.strategy) {
+        let enforce = match text(self.strategy.as_ref()) {
             "Enforce" => true,
             "" | "Permissive" => false,
             other => return Err(wrong("ROS_SECURITY_STRATEGY", other, "`Enforce` or `Permissive`")),
@@ -157,7 +157,7 @@ impl Asked {
 
     /// The enclave's name, after where it comes from.
     fn enclave_name(&self) -> (&'static str, &str) {
-        match (text(&self.enclave_override), text(&self.enclave)) {
+        match (text(self.enclave_override.as_ref()), text(self.enclave.as_ref())) {
             ("", "") => ("--enclave", "/"),
             ("", enclave) => ("--enclave", enclave),
             (instead, _) => ("ROS_SECURITY_ENCLAVE_OVERRIDE", instead),
@@ -173,7 +173,7 @@ impl Asked {
         if !built_in {
             return Err(SecurityError::NotBuiltIn);
         }
-        let keystore = text(&self.keystore);
+        let keystore = text(self.keystore.as_ref());
         if keystore.is_empty() {
             return Err(SecurityError::NoKeystore);
         }
@@ -211,8 +211,8 @@ pub fn data_protection(governance: &str) -> DataProtection {
     }
 }
 
-fn text(value: &Option<String>) -> &str {
-    value.as_deref().unwrap_or_default()
+fn text(value: Option<&String>) -> &str {
+    value.map_or("", String::as_str)
 }
 
 /// As ROS has it, which keeps it inside the keystore.

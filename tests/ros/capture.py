@@ -5,6 +5,7 @@ import pathlib
 import re
 import socket
 import threading
+import time
 
 ALL_PROTOCOLS = 3
 
@@ -18,21 +19,20 @@ class Capture:
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 8 << 20)
         self._socket.bind(("lo", 0))
         self._socket.settimeout(0.1)
-        self._stopped = threading.Event()
+        self._end = None
         self._thread = threading.Thread(target=self._listen, daemon=True)
         self._thread.start()
 
     def _listen(self):
-        while True:
+        while self._end is None or time.monotonic() < self._end:
             try:
                 self.packets.append(self._socket.recv(1 << 16))
             except TimeoutError:
-                if self._stopped.is_set():
-                    return
+                pass
 
     def stop(self):
-        """The packets, once none has come for a moment."""
-        self._stopped.set()
+        """The packets, those that still wait in the socket included."""
+        self._end = time.monotonic() + 0.5
         self._thread.join(60)
         self._socket.close()
         return self.packets
