@@ -185,7 +185,7 @@ mod tests {
         let mut text = "a0: &a0 [ha, ha, ha, ha, ha, ha, ha, ha, ha]\n".to_owned();
         for i in 1..10 {
             let line: Vec<_> = (0..9).map(|_| format!("*a{}", i - 1)).collect();
-            text += &format!("a{i}: &a{i} [{}]\n", line.join(", "));
+            text.extend([format!("a{i}: &a{i} ["), line.join(", "), "]\n".to_owned()]);
         }
         let error = load(&text).unwrap_err();
         assert!(matches!(error, YamlError::Many), "{error}");

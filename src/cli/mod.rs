@@ -19,7 +19,9 @@ use cfodi::node::args::{ArgsError, Environment};
 /// The command line as text.
 pub(crate) fn arguments() -> anyhow::Result<Vec<String>> {
     let text = |argument: OsString| {
-        argument.into_string().map_err(|argument| anyhow::anyhow!("the argument {argument:?} is no text"))
+        argument
+            .into_string()
+            .map_err(|argument| anyhow::anyhow!("the argument {} is no text", argument.display()))
     };
     std::env::args_os().map(text).collect()
 }

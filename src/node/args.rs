@@ -329,7 +329,8 @@ mod tests {
     fn a_parameter_file_of_a_billion_laughs_is_refused() {
         let mut text = "a0: &a0 [ha, ha, ha, ha, ha, ha, ha, ha, ha]\n".to_owned();
         for i in 1..10 {
-            text += &format!("a{i}: &a{i} [{}]\n", vec![format!("*a{}", i - 1); 9].join(", "));
+            let line = vec![format!("*a{}", i - 1); 9].join(", ");
+            text.extend([format!("a{i}: &a{i} ["), line, "]\n".to_owned()]);
         }
         let error = of_file(text.as_bytes()).unwrap_err().to_string();
         assert!(error.contains("more than 1000000 nodes"), "{error}");

@@ -65,7 +65,7 @@ impl Reader {
 /// Numbers that a robot would steer by are numbers.
 fn check(cluster: &Cluster) {
     let numbers = [
-        &cluster.normal.as_slice()[..],
+        cluster.normal.as_slice(),
         cluster.centroid.coords.as_slice(),
         cluster.covariance.as_slice(),
         cluster.pose.translation.vector.as_slice(),
