@@ -48,7 +48,7 @@ fn has_test(file: &str, name: &str) -> bool {
     }
     let lines: Vec<_> = text.lines().map(str::trim).collect();
     let is_it = |line: &&str| line.starts_with(&format!("fn {name}("));
-    let Some(at) = lines.iter().position(|line| is_it(&line)) else { return false };
+    let Some(at) = lines.iter().position(is_it) else { return false };
     let attributes =
         lines[..at].iter().rev().take_while(|line| line.starts_with("#[") || line.starts_with("//"));
     attributes.into_iter().any(|line| *line == "#[test]")
