@@ -176,6 +176,8 @@ fn work(mailbox: &Mailbox, mut engine: Engine, mut session: u64, sink: &mut impl
             engine = Engine::new(*engine.params());
         }
         if let Some(scan) = task.scan {
+            #[cfg(test)]
+            assert_ne!(scan.stamp, tests::DEADLY, "a panic for the test");
             sink(Output::Scan { session, update: engine.insert(&scan) });
         }
         if task.snapshot {
@@ -191,12 +193,15 @@ fn work(mailbox: &Mailbox, mut engine: Engine, mut session: u64, sink: &mut impl
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use std::sync::mpsc::{Receiver, channel};
     use std::time::Duration;
 
     use super::*;
     use crate::engine::{Isometry3, Params, Points, Stamp};
+
+    /// The engine of a test panics at a scan of this stamp.
+    pub(crate) const DEADLY: Stamp = Stamp::from_nanos(13_131_313_131_313);
 
     const PATIENCE: Duration = Duration::from_secs(60);
 

@@ -10,10 +10,10 @@ use tracing_subscriber::fmt;
 use tracing_subscriber::layer::{Layer as _, SubscriberExt as _};
 use tracing_subscriber::util::SubscriberInitExt as _;
 
-/// The middleware's own chatter stays out below errors; its listener calls it an error to leave a network without
-/// multicast, and what matters of it comes back as a failure to open. With DDS Security whoever has no keys could fill the
-/// log by knocking. What cannot be decoded is said by the node.
-const QUIET: &str = "rustdds=error,ros2_client=error,rustdds::network::udp_listener=off,\
+/// The middleware's own chatter stays out below errors. Its listener calls it an error to leave a network without multicast,
+/// and its topics that they cannot sign off where the network is joined anew; what matters of both comes back as a failure
+/// to open. With DDS Security whoever has no keys could fill the log by knocking. What cannot be decoded is said by the node.
+const QUIET: &str = "rustdds=error,ros2_client=error,rustdds::network::udp_listener=off,rustdds::dds::pubsub=off,\
                      rustdds::rtps::message_receiver=off,rustdds::security=off,cdr_encoding=off";
 
 /// Logs to stderr; `RUST_LOG` decides where it is set, and then says all.

@@ -6,9 +6,12 @@
 
 mod heard;
 mod map_reader;
+mod network;
 mod read;
 mod secure;
+mod threads;
 
+use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::net::IpAddr;
 use std::rc::Rc;
@@ -19,20 +22,23 @@ use ros2_client::{
     Context, MessageTypeName, Name, Node, NodeName, NodeOptions, ParameterValue, Publisher, QosProfile,
     RmwRequestId, Server, ServiceMapping, ServiceTypeName, Subscription,
 };
-use rustdds::{DomainParticipant, DomainParticipantBuilder, Topic, TopicKind};
+use rustdds::policy::ResourceLimits;
+use rustdds::{DomainParticipant, DomainParticipantBuilder, QosPolicyBuilder, Topic, TopicKind};
 use serde::Serialize;
 use thiserror::Error;
-use tokio::sync::{Mutex, mpsc};
+use tokio::sync::mpsc;
 use tokio::task::JoinSet;
+use tracing::warn;
 
 pub use self::map_reader::MapReader;
+use self::network::Network;
+use self::read::Memory;
 use super::args::{ArgsError, Setup};
 use super::record::Record;
 use super::security::{Security, SecurityError};
 use super::transport::{Event, Inputs, Outgoing, SendError, Service, Source, Transport};
 use crate::config::Value;
-use crate::msg::clusters::SurfaceClusterArray;
-use crate::msg::ros::{MarkerArray, PointCloud2, TfMessage, TriggerRequest, TriggerResponse};
+use crate::msg::ros::{PointCloud2, TfMessage, TriggerRequest, TriggerResponse};
 
 /// The middleware refused something.
 #[derive(Debug, Error)]
@@ -132,9 +138,9 @@ impl<'a> Opener<'a> {
     fn publisher<M: Serialize>(
         &mut self,
         (name, package, kind): (&str, &str, &str),
-        qos: &QosProfile,
+        qos: &rustdds::QosPolicies,
     ) -> Result<Publisher<M>, DdsError> {
-        let topic = self.topic(name, package, kind, &qos.into())?;
+        let topic = self.topic(name, package, kind, qos)?;
         self.node.create_publisher(&topic, None).map_err(opening(name))
     }
 
@@ -170,9 +176,10 @@ fn parameter(value: &Value) -> ParameterValue {
     }
 }
 
+/// A reader that acknowledges nothing must not hold up the others: where too much waits for it, a message fails at once.
 fn reliable(depth: usize, durability: Durability) -> QosProfile {
     QosProfile::publisher_default()
-        .reliability_reliable(WhenFull::DEFAULT)
+        .reliability_reliable(WhenFull::Fail)
         .history(History::KeepLast { depth })
         .durability(durability)
 }
@@ -180,23 +187,22 @@ fn reliable(depth: usize, durability: Durability) -> QosProfile {
 /// For what we send reliably. A snapshot outgrows the socket buffer of a reader on a stock kernel, and RustDDS repairs
 /// what was lost in rounds of 8 KB: 10 ms apart, slower than we publish, or a fifth of the deadline, 1 ms at the least.
 /// An offered deadline binds no reader that asks for none, and ROS readers ask for none.
-fn reliable_output(depth: usize, durability: Durability) -> QosProfile {
-    reliable(depth, durability).deadline(Some(Duration::from_millis(5)))
+///
+/// RustDDS forgets what every reader has acknowledged: where there is none, or one that acknowledges nothing, it would keep
+/// some thousand messages. `most` bounds them, and what may wait for one reader.
+fn reliable_output(depth: usize, durability: Durability, most: i32) -> rustdds::QosPolicies {
+    let profile = reliable(depth, durability).deadline(Some(Duration::from_millis(5)));
+    let limits = ResourceLimits { max_samples: most, max_instances: 1, max_samples_per_instance: most };
+    rustdds::QosPolicies::from(&profile).modify_by(&QosPolicyBuilder::new().resource_limits(limits).build())
 }
 
-/// The node's topics and services on DDS.
+/// The node on DDS, for as long as it runs: where a thread of the middleware ends, the network is joined anew under the
+/// same name, and nothing that is known is forgotten.
 pub struct Dds {
-    // Fields are dropped in this order: publishers and the service before the node, the node before the participant.
-    clusters: Publisher<SurfaceClusterArray>,
-    delta: Publisher<SurfaceClusterArray>,
-    markers: Publisher<MarkerArray>,
-    labelled: Publisher<PointCloud2>,
-    reset: Rc<Server<TriggerRequest, TriggerResponse>>,
-    save: Rc<Server<TriggerRequest, TriggerResponse>>,
-    /// What reads; none of these ends by itself.
-    readers: Mutex<Readers>,
-    node: Node,
-    participant: DomainParticipant,
+    setup: Setup,
+    events: Events,
+    memory: Memory,
+    network: RefCell<Rc<Network>>,
     inputs: Inputs,
     /// What is sent goes there too.
     record: Option<Record>,
@@ -212,51 +218,40 @@ impl Dds {
         setup: &Setup,
         record: Option<Record>,
     ) -> Result<(Self, Events, mpsc::Receiver<Event<RmwRequestId>>), DdsError> {
-        let mut opener = Opener::new(setup)?;
         let (events, receiver) = mpsc::channel(EVENTS);
-        let array = "SurfaceClusterArray";
-        let latched = &reliable_output(1, Durability::TransientLocal);
+        let memory = Memory::default();
+        let network = Network::open(setup, &memory, &events)?;
         let dds = Self {
-            clusters: opener.publisher(("~/clusters", "cfodi_msgs", array), latched)?,
-            delta: opener.publisher(
-                ("~/clusters_delta", "cfodi_msgs", array),
-                &reliable_output(20, Durability::Volatile),
-            )?,
-            markers: opener.publisher(("~/markers", "visualization_msgs", "MarkerArray"), latched)?,
-            labelled: opener.publisher(
-                ("~/points_labelled", "sensor_msgs", "PointCloud2"),
-                &QosProfile::subscription_default(),
-            )?,
-            reset: Rc::new(opener.server(Service::Reset.name())?),
-            save: Rc::new(opener.server(Service::Save.name())?),
+            setup: setup.clone(),
+            events: events.clone(),
+            memory,
+            network: RefCell::new(Rc::new(network)),
             inputs: read::inputs(setup)?,
-            participant: opener.participant.clone(),
-            readers: Mutex::new(read::listen(&mut opener, &events)?),
-            node: opener.node,
             record,
         };
-        for service in [Service::Reset, Service::Save] {
-            let serving = read::serve(service, Rc::clone(dds.server(service)), events.clone());
-            dds.readers.try_lock().map_err(opening(service.name()))?.spawn_local(serving);
-        }
         Ok((dds, events, receiver))
-    }
-
-    const fn server(&self, service: Service) -> &Rc<Server<TriggerRequest, TriggerResponse>> {
-        match service {
-            Service::Reset => &self.reset,
-            Service::Save => &self.save,
-        }
     }
 
     /// Takes the node off the network. Drop what this returns after the [`tokio::task::LocalSet`]: readers sign off
     /// at the participant, which must still be there.
     pub async fn close(self) -> impl Sized {
-        let Self { node, participant, readers, .. } = self;
-        drop(node);
-        // The library's own task ends when it runs next.
-        tokio::task::yield_now().await;
-        (readers, participant)
+        match Rc::into_inner(self.network.into_inner()) {
+            Some(network) => Some(network.close().await),
+            None => None,
+        }
+    }
+
+    fn network(&self) -> Rc<Network> {
+        Rc::clone(&self.network.borrow())
+    }
+
+    /// The network before is left without a farewell, which needs the thread that has ended.
+    async fn join_anew(&self) -> Result<(), DdsError> {
+        warn!("a thread of the middleware has ended: the network is joined anew, the map stays");
+        let anew = Network::open(&self.setup, &self.memory, &self.events)?;
+        let before = self.network.replace(Rc::new(anew));
+        before.deafen().await;
+        Ok(())
     }
 }
 
@@ -267,15 +262,7 @@ impl Transport for Dds {
         if let Some(record) = &self.record {
             record.outgoing(&message);
         }
-        let sent = match message {
-            Outgoing::Clusters(array) => self.clusters.async_publish(array).await.map_err(|e| e.to_string()),
-            Outgoing::Delta(array) => self.delta.async_publish(array).await.map_err(|e| e.to_string()),
-            Outgoing::Markers(markers) => {
-                self.markers.async_publish(markers).await.map_err(|e| e.to_string())
-            }
-            Outgoing::Labelled(cloud) => self.labelled.async_publish(cloud).await.map_err(|e| e.to_string()),
-        };
-        sent.map_err(SendError)
+        self.network().publish(message).await
     }
 
     async fn answer(
@@ -284,8 +271,7 @@ impl Transport for Dds {
         request: RmwRequestId,
         response: TriggerResponse,
     ) -> Result<(), SendError> {
-        let sent = self.server(service).async_send_response(request, response).await;
-        sent.map_err(|error| SendError(error.to_string()))
+        self.network().answer(service, request, response).await
     }
 
     fn inputs(&self) -> &Inputs {
@@ -293,25 +279,20 @@ impl Transport for Dds {
     }
 
     fn sources(&self) -> Vec<Source> {
-        let writers = self.participant.discovered_writers();
-        let mut sources: Vec<_> = writers
-            .iter()
-            .filter_map(|writer| {
-                let data = &writer.publication_topic_data;
-                let topic = data.topic_name.strip_prefix("rt/")?;
-                Some(Source { topic: format!("/{topic}"), type_name: ros_type(&data.type_name) })
-            })
-            .collect();
-        sources.sort();
-        sources.dedup();
-        sources
+        self.network().sources()
     }
 
     async fn failed(&self) -> String {
-        match self.readers.lock().await.join_next().await {
-            Some(Ok(topic)) => format!("reading {topic} has ended"),
-            Some(Err(failure)) => failure.to_string(),
-            None => "nothing reads".to_owned(),
+        loop {
+            let network = self.network();
+            tokio::select! {
+                reason = network.reader_ended() => return reason,
+                () = network.thread_ended() => {}
+            }
+            drop(network);
+            if let Err(error) = self.join_anew().await {
+                return error.to_string();
+            }
         }
     }
 }
@@ -340,10 +321,10 @@ impl Robot {
         let setup = setup.for_node("simulated_robot");
         let mut opener = Opener::new(&setup)?;
         let tf = |name| (name, "tf2_msgs", "TFMessage");
-        let points = opener
-            .publisher(("points", "sensor_msgs", "PointCloud2"), &QosProfile::subscription_default())?;
-        let dynamic = opener.publisher(tf("/tf"), &reliable(100, Durability::Volatile))?;
-        let latched = opener.publisher(tf("/tf_static"), &reliable(1, Durability::TransientLocal))?;
+        let best_effort = &QosProfile::subscription_default().into();
+        let points = opener.publisher(("points", "sensor_msgs", "PointCloud2"), best_effort)?;
+        let dynamic = opener.publisher(tf("/tf"), &reliable(100, Durability::Volatile).into())?;
+        let latched = opener.publisher(tf("/tf_static"), &reliable(1, Durability::TransientLocal).into())?;
         let network = (opener.node, opener.participant);
         Ok(Self { points, tf: dynamic, tf_static: latched, _network: network })
     }

@@ -97,7 +97,10 @@ pub async fn run<T: Transport>(
     let broken = loop {
         tokio::select! {
             () = &mut shutdown => break None,
-            ended = &mut publishing => return Err(death(ended.ok())),
+            ended = &mut publishing => {
+                count_buried(&live.counts);
+                return Err(death(ended.ok()));
+            }
             reason = &mut failed => break Some(LiveError::Deaf(reason)),
             event = events.recv() => match event {
                 Some(event) => live.event(event).await,
@@ -121,6 +124,13 @@ fn interval(period: Duration) -> tokio::time::Interval {
     let mut interval = tokio::time::interval(period);
     interval.set_missed_tick_behavior(MissedTickBehavior::Delay);
     interval
+}
+
+/// Counts what was under way when the engine died.
+fn count_buried(counts: &RefCell<Counts>) {
+    let mut counts = counts.borrow_mut();
+    let known = counts.taken_in + counts.replaced + counts.skipped.values().sum::<u64>();
+    (known..counts.received).for_each(|_| counts.skip("engine_died"));
 }
 
 fn death(ended: Option<Ended>) -> LiveError {
@@ -393,7 +403,7 @@ impl<T: Transport> Live<T> {
     ) -> Result<Arc<Snapshot>, LiveError> {
         let waiting = self.join.give_up(self.start.elapsed());
         waiting.iter().for_each(|_| self.counts.borrow_mut().skip("shutdown"));
-        let Self { worker, transport, saving, .. } = self;
+        let Self { worker, transport, saving, counts, .. } = self;
         worker.request_snapshot();
         if saving.is_some() {
             worker.request_save();
@@ -407,7 +417,10 @@ impl<T: Transport> Live<T> {
         };
         match ended {
             Ok(Ended { map: Some(map), died: None }) => saved.map(|()| map).map_err(LiveError::NotSaved),
-            ended => Err(death(ended.ok())),
+            ended => {
+                count_buried(&counts);
+                Err(death(ended.ok()))
+            }
         }
     }
 }

@@ -4,11 +4,13 @@ use std::cell::RefCell;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::mpsc::Sender;
+use std::time::Instant;
 
 use tokio::sync::mpsc;
 use tracing::{error, warn};
 
 use super::counts::Counts;
+use super::throttle::Throttle;
 use super::transport::{Outgoing, Transport};
 use crate::engine::{SavedMap, Snapshot, Update};
 use crate::msg::caps::Caps;
@@ -41,6 +43,7 @@ pub(super) async fn publish(
         session: 0,
         caps: Caps::default(),
         said_beyond: false,
+        throttle: Throttle::default(),
         frame_id,
     };
     while let Some(output) = outputs.recv().await {
@@ -75,6 +78,7 @@ struct Publisher<T> {
     /// What has been said in this session.
     caps: Caps,
     said_beyond: bool,
+    throttle: Throttle,
     frame_id: String,
 }
 
@@ -106,8 +110,10 @@ impl<T: Transport> Publisher<T> {
         }
     }
 
-    async fn send(&self, message: Outgoing) {
-        if let Err(failure) = self.transport.publish(message).await {
+    async fn send(&mut self, message: Outgoing) {
+        if let Err(failure) = self.transport.publish(message).await
+            && self.throttle.allows("send", Instant::now())
+        {
             error!("a message could not be sent: {failure}");
         }
     }

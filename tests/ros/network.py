@@ -21,8 +21,17 @@ def own_network():
 
 def loopback_up():
     """What `ip link set lo up` does, on machines without `ip` too."""
+    _loopback(IFF_UP | IFF_RUNNING)
+
+
+def loopback_down():
+    """What `ip link set lo down` does."""
+    _loopback(0)
+
+
+def _loopback(flags):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as any_socket:
-        fcntl.ioctl(any_socket, SIOCSIFFLAGS, struct.pack("16sH22x", b"lo", IFF_UP | IFF_RUNNING))
+        fcntl.ioctl(any_socket, SIOCSIFFLAGS, struct.pack("16sH22x", b"lo", flags))
 
 
 def granted_buffer(size=LARGE_BUFFER):

@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use std::rc::Rc;
 
 use futures::{StreamExt, pin_mut};
-use ros2_client::qos::Durability;
-use ros2_client::{Gid, ParameterValue, QosProfile, RmwRequestId, Server, Subscription};
+use ros2_client::qos::{Durability, History};
+use ros2_client::{Gid, MessageInfo, ParameterValue, QosProfile, RmwRequestId, Server, Subscription};
 use rustdds::QosPolicyBuilder;
 use rustdds::policy::{self, ResourceLimits};
 use serde::de::{DeserializeOwned, DeserializeSeed, Deserializer};
@@ -22,25 +22,74 @@ use crate::node::transport::{Event, Input, Inputs, Service};
 /// What a seed makes of a message.
 type Decoded = Result<Cloud, CloudError>;
 
+/// What was heard, for readers that come after: a publisher's numbers go on when the network is joined anew.
+#[derive(Clone, Default)]
+pub(super) struct Memory {
+    camera: LatestCamera,
+    points: Publishers,
+    images: Publishers,
+    compressed: Publishers,
+    transforms: Rc<RefCell<Newest>>,
+}
+
+/// The publishers of one topic.
+type Publishers = Rc<RefCell<Known>>;
+
+#[derive(Default)]
+struct Known {
+    heard: Heard,
+    gaps: Gaps,
+}
+
+impl Known {
+    /// A scan that is to be taken, and how many were lost before it.
+    fn tell<E: ToString>(
+        &mut self,
+        sample: Result<(Decoded, MessageInfo), E>,
+        reliably: bool,
+    ) -> Option<(Decoded, u64)> {
+        match sample {
+            Ok((scan, info)) => {
+                let (publisher, number) = (info.publisher_gid(), info.sequence_number());
+                let takes = self.heard.takes(publisher, number, reliably);
+                takes.then(|| (scan, self.gaps.lost_before(publisher, number)))
+            }
+            Err(error) => {
+                let tells = self.heard.tells_garbled(reliably);
+                self.gaps.undecodable += u64::from(tells);
+                tells.then(|| (Err(CloudError::Undecodable(error.to_string())), 0))
+            }
+        }
+    }
+}
+
 /// Starts the tasks that read topics.
-pub(super) fn listen(opener: &mut Opener<'_>, events: &Events) -> Result<Readers, DdsError> {
+pub(super) fn listen(opener: &mut Opener<'_>, memory: &Memory, events: &Events) -> Result<Readers, DdsError> {
     let mut readers = Readers::new();
     let tf = |durability| (&reliable(100, durability)).into();
-    listen_to_scans(opener, &mut readers, events)?;
-    let dynamic = opener.subscribe(("/tf", "tf2_msgs", "TFMessage"), &tf(Durability::Volatile))?;
-    let transforms = |is_static| move |message| Event::Transforms { message, is_static };
-    readers.spawn_local(read("/tf", dynamic, events.clone(), transforms(false)));
+    listen_to_scans(opener, &mut readers, memory, events)?;
+    // The reliable reader takes nothing of a publisher before its heartbeat, up to 3 s; the other one at once.
+    let at_once = (&QosProfile::subscription_default().history(History::KeepLast { depth: 100 })).into();
+    for qos in [at_once, tf(Durability::Volatile)] {
+        let dynamic = opener.subscribe(("/tf", "tf2_msgs", "TFMessage"), &qos)?;
+        let newest = Rc::clone(&memory.transforms);
+        let transforms = move |message, info: &MessageInfo| {
+            let takes = newest.borrow_mut().takes(info.publisher_gid(), info.sequence_number());
+            takes.then_some(Event::Transforms { message, is_static: false })
+        };
+        readers.spawn_local(read("/tf", dynamic, events.clone(), transforms));
+    }
+    let transforms = |message, _: &MessageInfo| Some(Event::Transforms { message, is_static: true });
     let latched =
         opener.subscribe(("/tf_static", "tf2_msgs", "TFMessage"), &tf(Durability::TransientLocal))?;
-    readers.spawn_local(read("/tf_static", latched, events.clone(), transforms(true)));
+    readers.spawn_local(read("/tf_static", latched, events.clone(), transforms));
     if opener.setup.config.use_sim_time {
         let qos = (&QosProfile::subscription_default()).into();
         let clock = opener.subscribe(("/clock", "rosgraph_msgs", "Clock"), &qos)?;
-        let time = |clock: Clock| match clock.clock.stamp() {
-            Some(stamp) => Event::Clock(stamp),
-            None => {
-                Event::Garbled { topic: "/clock", text: format!("{} ns in a second", clock.clock.nanosec) }
-            }
+        let time = |clock: Clock, _: &MessageInfo| {
+            let bad = || format!("{} ns in a second", clock.clock.nanosec);
+            let stamp = clock.clock.stamp().map(Event::Clock);
+            Some(stamp.unwrap_or_else(|| Event::Garbled { topic: "/clock", text: bad() }))
         };
         readers.spawn_local(read("/clock", clock, events.clone(), time));
     }
@@ -55,35 +104,35 @@ pub(super) fn listen(opener: &mut Opener<'_>, events: &Events) -> Result<Readers
 }
 
 /// Clouds, and depth images with their camera.
-fn listen_to_scans(opener: &mut Opener<'_>, readers: &mut Readers, events: &Events) -> Result<(), DdsError> {
+fn listen_to_scans(
+    opener: &mut Opener<'_>,
+    readers: &mut Readers,
+    memory: &Memory,
+    events: &Events,
+) -> Result<(), DdsError> {
     let best_effort = policy::Reliability::BestEffort;
     let (qos, filter) = (scan_qos(best_effort), opener.setup.config.filter);
     let points = opener.subscribe(("points", "sensor_msgs", "PointCloud2"), &qos)?;
-    let seed = CloudSeed::new(filter);
-    readers.spawn_local(read_scans((Input::Points, "points"), points, seed, alone(), events.clone()));
-    let camera = LatestCamera::new(RefCell::new(Err(CloudError::NoCameraInfo)));
+    let (seed, known) = (CloudSeed::new(filter), (Rc::clone(&memory.points), false));
+    readers.spawn_local(read_scans((Input::Points, "points"), points, seed, known, events.clone()));
+    let camera = &memory.camera;
     let infos = opener.subscribe(("depth/camera_info", "sensor_msgs", "CameraInfo"), &qos)?;
-    readers.spawn_local(read_cameras(infos, Rc::clone(&camera), events.clone()));
-    let heard = Rc::new(RefCell::new(Heard::default()));
+    readers.spawn_local(read_cameras(infos, camera.clone(), events.clone()));
     let repaired = policy::Reliability::Reliable { max_blocking_time: rustdds::Duration::from_millis(100) };
     for (reliability, reliably) in [(best_effort, false), (repaired, true)] {
         let qos = scan_qos(reliability);
         let images = opener.subscribe(("depth/image", "sensor_msgs", "Image"), &qos)?;
-        let seed = WithCamera { camera: Rc::clone(&camera), filter, seed: DepthSeed::new };
-        let heard = (Rc::clone(&heard), reliably);
-        readers.spawn_local(read_scans((Input::Depth, "depth/image"), images, seed, heard, events.clone()));
+        let seed = WithCamera { camera: camera.clone(), filter, seed: DepthSeed::new };
+        let known = (Rc::clone(&memory.images), reliably);
+        readers.spawn_local(read_scans((Input::Depth, "depth/image"), images, seed, known, events.clone()));
     }
     let name = compressed_name(opener.setup)?;
     let images = opener.subscribe((&name, "sensor_msgs", "CompressedImage"), &qos)?;
-    let seed = WithCamera { camera, filter, seed: CompressedSeed::new };
+    let seed = WithCamera { camera: camera.clone(), filter, seed: CompressedSeed::new };
     let which = (Input::CompressedDepth, "compressedDepth");
-    readers.spawn_local(read_scans(which, images, seed, alone(), events.clone()));
+    let known = (Rc::clone(&memory.compressed), false);
+    readers.spawn_local(read_scans(which, images, seed, known, events.clone()));
     Ok(())
-}
-
-/// A reader that shares its topic with no other.
-fn alone() -> (Rc<RefCell<Heard>>, bool) {
-    (Rc::default(), false)
 }
 
 /// The topics that [`listen`] reads scans from.
@@ -102,7 +151,14 @@ fn compressed_name(setup: &Setup) -> Result<String, ArgsError> {
 }
 
 /// The camera of the newest `CameraInfo`, or why there is none.
-type LatestCamera = Rc<RefCell<Result<Camera, CloudError>>>;
+#[derive(Clone)]
+struct LatestCamera(Rc<RefCell<Result<Camera, CloudError>>>);
+
+impl Default for LatestCamera {
+    fn default() -> Self {
+        Self(Rc::new(RefCell::new(Err(CloudError::NoCameraInfo))))
+    }
+}
 
 /// A seed made for the camera that is known when an image comes.
 #[derive(Clone)]
@@ -116,7 +172,7 @@ impl<'de, S: DeserializeSeed<'de, Value = Decoded>> DeserializeSeed<'de> for Wit
     type Value = Decoded;
 
     fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Decoded, D::Error> {
-        let camera = self.camera.borrow().clone();
+        let camera = self.camera.0.borrow().clone();
         match camera {
             Ok(camera) => (self.seed)(camera, self.filter).deserialize(deserializer),
             Err(error) => Ok(Err(error)),
@@ -157,13 +213,31 @@ impl Gaps {
     }
 }
 
-/// Reads scans until the node ends; `name` is the topic's, `seed` decodes; `heard` is shared with the topic's other reader,
+/// The newest message of each publisher, where two readers have the same.
+#[derive(Default)]
+struct Newest(BTreeMap<Gid, i64>);
+
+impl Newest {
+    /// Whether a message is newer than all that were taken: what comes late has been overtaken, and to take it would be to
+    /// go back in time.
+    fn takes(&mut self, publisher: Gid, number: i64) -> bool {
+        if self.0.len() >= Gaps::PUBLISHERS {
+            self.0.clear();
+        }
+        let newest = self.0.entry(publisher).or_insert(i64::MIN);
+        let takes = number > *newest;
+        *newest = number.max(*newest);
+        takes
+    }
+}
+
+/// Reads scans until the node ends; `name` is the topic's, `seed` decodes; `known` is shared with the topic's other readers,
 /// with whether this one is reliable.
 async fn read_scans<S>(
     (input, name): (Input, &'static str),
     subscription: Subscription<Decoded>,
     seed: S,
-    (heard, reliably): (Rc<RefCell<Heard>>, bool),
+    (known, reliably): (Publishers, bool),
     events: Events,
 ) -> &'static str
 where
@@ -171,22 +245,8 @@ where
 {
     let scans = subscription.async_stream_seed(seed);
     pin_mut!(scans);
-    let mut gaps = Gaps::default();
     while let Some(sample) = scans.next().await {
-        let (scan, lost) = match sample {
-            Ok((scan, info)) => {
-                let (publisher, number) = (info.publisher_gid(), info.sequence_number());
-                if !heard.borrow_mut().takes(publisher, number, reliably) {
-                    continue;
-                }
-                (scan, gaps.lost_before(publisher, number))
-            }
-            Err(_) if !heard.borrow_mut().tells_garbled(reliably) => continue,
-            Err(error) => {
-                gaps.undecodable += 1;
-                (Err(CloudError::Undecodable(error.to_string())), 0)
-            }
-        };
+        let Some((scan, lost)) = known.borrow_mut().tell(sample, reliably) else { continue };
         if lost > 0 && events.send(Event::Lost(input, lost)).await.is_err() {
             break;
         }
@@ -204,9 +264,9 @@ async fn read_cameras(infos: Subscription<CameraInfo>, camera: LatestCamera, eve
     pin_mut!(infos);
     while let Some(info) = infos.next().await {
         let event = match info.map(|(info, _)| Camera::from_info(&info)) {
-            Ok(newest) if *camera.borrow() == newest => continue,
+            Ok(newest) if *camera.0.borrow() == newest => continue,
             Ok(newest) => {
-                camera.borrow_mut().clone_from(&newest);
+                camera.0.borrow_mut().clone_from(&newest);
                 Event::Camera(newest)
             }
             Err(error) => Event::Garbled { topic: name, text: error.to_string() },
@@ -222,15 +282,16 @@ async fn read<M: DeserializeOwned + 'static>(
     topic: &'static str,
     subscription: Subscription<M>,
     events: Events,
-    event: impl Fn(M) -> Event<RmwRequestId>,
+    event: impl Fn(M, &MessageInfo) -> Option<Event<RmwRequestId>>,
 ) -> &'static str {
     let messages = subscription.async_stream();
     pin_mut!(messages);
     while let Some(message) = messages.next().await {
         let event = match message {
-            Ok((message, _)) => event(message),
-            Err(error) => Event::Garbled { topic, text: error.to_string() },
+            Ok((message, info)) => event(message, &info),
+            Err(error) => Some(Event::Garbled { topic, text: error.to_string() }),
         };
+        let Some(event) = event else { continue };
         if events.send(event).await.is_err() {
             break;
         }
@@ -275,6 +336,14 @@ mod tests {
             assert_eq!(gaps.lost_before(publisher(number), i64::from(number)), 0);
             assert!(gaps.newest.len() <= Gaps::PUBLISHERS);
         }
+    }
+
+    #[test]
+    fn of_two_readers_of_a_topic_the_one_that_is_first_is_taken() {
+        let (mut newest, publisher) = (Newest::default(), Gid::default());
+        assert!([4, 5, 7].into_iter().all(|number| newest.takes(publisher, number)));
+        assert!(![3, 4, 5, 6, 7].into_iter().any(|number| newest.takes(publisher, number)));
+        assert!(newest.takes(publisher, 8));
     }
 
     #[test]

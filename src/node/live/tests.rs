@@ -14,6 +14,7 @@ use crate::msg::ros::{Header, Quaternion, Transform, TransformStamped, Vector3};
 use crate::node::resume::begin;
 use crate::node::transport::{Inputs, Outgoing, SendError, Source};
 use crate::store;
+use crate::worker::tests::DEADLY;
 
 /// Keeps what is published; fails when told to.
 struct Fake {
@@ -178,6 +179,19 @@ fn counts_close_when_the_node_ends_with_clouds_on_their_way() {
     let skipped: u64 = counts.skipped.values().sum();
     assert_eq!((counts.received, counts.lost), (40, 3));
     assert_eq!(counts.taken_in + counts.replaced + skipped, 40);
+}
+
+#[test]
+fn a_panic_of_the_engine_ends_the_node_with_an_error_and_the_counts_close() {
+    let clouds = (-1..3).map(|later| cloud(Stamp::from_nanos(DEADLY.nanos() + later), "camera"));
+    let events = [transform(at(0.0), true)].into_iter().chain(clouds);
+    let (ended, counts, _) = node(Fake::default(), events.collect(), u64::MAX);
+    let error = ended.unwrap_err().to_string();
+    assert!(
+        error.starts_with("the engine's thread has died: ") && error.contains("a panic for the test"),
+        "{error}"
+    );
+    assert_eq!((counts.received, counts.taken_in, counts.skipped.get("engine_died")), (4, 1, Some(&3)));
 }
 
 #[test]

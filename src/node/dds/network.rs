@@ -1,0 +1,153 @@
+//! The node's topics and services on one participant of DDS.
+
+use std::rc::Rc;
+use std::time::Duration;
+
+use ros2_client::qos::Durability;
+use ros2_client::{Node, Publisher, QosProfile, RmwRequestId, Server};
+use rustdds::DomainParticipant;
+use tokio::sync::Mutex;
+
+use super::read::{self, Memory};
+use super::threads::Threads;
+use super::{DdsError, Events, Opener, Readers, opening, reliable_output, ros_type};
+use crate::msg::clusters::SurfaceClusterArray;
+use crate::msg::ros::{MarkerArray, PointCloud2, TriggerRequest, TriggerResponse};
+use crate::node::args::Setup;
+use crate::node::transport::{Outgoing, SendError, Service, Source};
+
+/// Most deltas that are kept for a reader that does not acknowledge them: more than 20 s of them, after which ROS readers
+/// that have died are forgotten.
+const DELTAS: i32 = 1024;
+
+/// Most snapshots, which replace each other.
+const SNAPSHOTS: i32 = 16;
+
+/// Most messages of markers, the largest of all.
+const MARKERS: i32 = 4;
+
+/// Time between two looks at the middleware's threads.
+const LOOK: Duration = Duration::from_millis(250);
+
+pub(super) struct Network {
+    // Fields are dropped in this order: publishers and the service before the node, the node before the participant.
+    clusters: Publisher<SurfaceClusterArray>,
+    delta: Publisher<SurfaceClusterArray>,
+    markers: Publisher<MarkerArray>,
+    labelled: Publisher<PointCloud2>,
+    reset: Rc<Server<TriggerRequest, TriggerResponse>>,
+    save: Rc<Server<TriggerRequest, TriggerResponse>>,
+    /// What reads; none of these ends by itself.
+    readers: Mutex<Readers>,
+    node: Node,
+    participant: DomainParticipant,
+    threads: Threads,
+}
+
+impl Network {
+    /// Opens the node and starts reading.
+    pub(super) fn open(setup: &Setup, memory: &Memory, events: &Events) -> Result<Self, DdsError> {
+        let (opener, threads) = Threads::started_by(|| Opener::new(setup));
+        let mut opener = opener?;
+        let array = "SurfaceClusterArray";
+        let latched = |most| reliable_output(1, Durability::TransientLocal, most);
+        let network = Self {
+            clusters: opener.publisher(("~/clusters", "cfodi_msgs", array), &latched(SNAPSHOTS))?,
+            delta: opener.publisher(
+                ("~/clusters_delta", "cfodi_msgs", array),
+                &reliable_output(20, Durability::Volatile, DELTAS),
+            )?,
+            markers: opener
+                .publisher(("~/markers", "visualization_msgs", "MarkerArray"), &latched(MARKERS))?,
+            labelled: opener.publisher(
+                ("~/points_labelled", "sensor_msgs", "PointCloud2"),
+                &QosProfile::subscription_default().into(),
+            )?,
+            reset: Rc::new(opener.server(Service::Reset.name())?),
+            save: Rc::new(opener.server(Service::Save.name())?),
+            participant: opener.participant.clone(),
+            readers: Mutex::new(read::listen(&mut opener, memory, events)?),
+            node: opener.node,
+            threads,
+        };
+        for service in [Service::Reset, Service::Save] {
+            let serving = read::serve(service, Rc::clone(network.server(service)), events.clone());
+            network.readers.try_lock().map_err(opening(service.name()))?.spawn_local(serving);
+        }
+        Ok(network)
+    }
+
+    /// Takes the node off the network; see [`super::Dds::close`].
+    pub(super) async fn close(self) -> impl Sized {
+        let Self { node, participant, readers, .. } = self;
+        drop(node);
+        // The library's own task ends when it runs next.
+        tokio::task::yield_now().await;
+        (readers, participant)
+    }
+
+    /// Reads no more.
+    pub(super) async fn deafen(&self) {
+        self.readers.lock().await.shutdown().await;
+    }
+
+    pub(super) async fn publish(&self, message: Outgoing) -> Result<(), SendError> {
+        let sent = match message {
+            Outgoing::Clusters(array) => self.clusters.async_publish(array).await.map_err(|e| e.to_string()),
+            Outgoing::Delta(array) => self.delta.async_publish(array).await.map_err(|e| e.to_string()),
+            Outgoing::Markers(markers) => {
+                self.markers.async_publish(markers).await.map_err(|e| e.to_string())
+            }
+            Outgoing::Labelled(cloud) => self.labelled.async_publish(cloud).await.map_err(|e| e.to_string()),
+        };
+        sent.map_err(SendError)
+    }
+
+    const fn server(&self, service: Service) -> &Rc<Server<TriggerRequest, TriggerResponse>> {
+        match service {
+            Service::Reset => &self.reset,
+            Service::Save => &self.save,
+        }
+    }
+
+    pub(super) async fn answer(
+        &self,
+        service: Service,
+        request: RmwRequestId,
+        response: TriggerResponse,
+    ) -> Result<(), SendError> {
+        let sent = self.server(service).async_send_response(request, response).await;
+        sent.map_err(|error| SendError(error.to_string()))
+    }
+
+    pub(super) fn sources(&self) -> Vec<Source> {
+        let writers = self.participant.discovered_writers();
+        let mut sources: Vec<_> = writers
+            .iter()
+            .filter_map(|writer| {
+                let data = &writer.publication_topic_data;
+                let topic = data.topic_name.strip_prefix("rt/")?;
+                Some(Source { topic: format!("/{topic}"), type_name: ros_type(&data.type_name) })
+            })
+            .collect();
+        sources.sort();
+        sources.dedup();
+        sources
+    }
+
+    /// Resolves with a reason when something that reads has ended.
+    pub(super) async fn reader_ended(&self) -> String {
+        match self.readers.lock().await.join_next().await {
+            Some(Ok(topic)) => format!("reading {topic} has ended"),
+            Some(Err(failure)) => failure.to_string(),
+            None => "nothing reads".to_owned(),
+        }
+    }
+
+    /// Resolves when a thread of the middleware has ended.
+    pub(super) async fn thread_ended(&self) {
+        while self.threads.live() {
+            tokio::time::sleep(LOOK).await;
+        }
+    }
+}

@@ -1,0 +1,83 @@
+"""Disks that fill and disks that are read-only: the program says which file and why, and leaves nothing half-written."""
+
+import os
+import subprocess
+
+import pytest
+from cfodi_node import REPOSITORY
+
+BINARY = str(os.environ.get("CFODI_BIN") or REPOSITORY / "target" / "release" / "cfodi")
+FULL, READ_ONLY = "No space left on device", "Read-only file system"
+SIZE = "size=512k"
+
+# Mounts a small disk on $1 in a mount namespace of its own, runs the rest, and lists what is left there.
+ON_A_DISK = """
+set -e
+folder=$1 options=$2; shift 2
+mount -t tmpfs -o "$options" cfodi "$folder"
+[ "$options" = "${options#*,ro}" ] || mount -o remount,ro "$folder"
+status=0
+"$@" || status=$?
+cd "$folder"
+find . -type f -size +0 -o -type f -name '.*' >&3
+exit $status
+"""
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory):
+    """A second of a drive, recorded."""
+    bag = tmp_path_factory.mktemp("bag") / "room.mcap"
+    subprocess.run([BINARY, "simulate", "--scene=room", "--seconds=1", "--out", bag], check=True, timeout=120)
+    return bag
+
+
+def on_a_disk(tmp_path, options, *command):
+    """Runs the program with `{}` in its arguments replaced by a folder on such a disk: status, log, files left."""
+    folder, listed = tmp_path / "disk", tmp_path / "listed"
+    folder.mkdir()
+    command = [BINARY] + [argument.format(folder) for argument in map(str, command)]
+    script = f"exec 3>{listed}\n{ON_A_DISK}"
+    done = subprocess.run(["unshare", "-m", "bash", "-c", script, "bash", str(folder), options, *command],
+                          capture_output=True, text=True, timeout=180)
+    print(done.stdout, done.stderr)
+    return done.returncode, done.stderr, listed.read_text().split()
+
+
+def says(log, cause, name):
+    """The last line is an error that names the file and the cause."""
+    last = log.strip().splitlines()[-1]
+    return last.startswith("cfodi: cannot ") and name in last and last.endswith(f"{cause} (os error {ERRORS[cause]})")
+
+
+ERRORS = {FULL: 28, READ_ONLY: 30}
+DISKS = pytest.mark.parametrize("cause, options", [(FULL, SIZE), (READ_ONLY, SIZE + ",ro")], ids=["full", "read-only"])
+
+
+@DISKS
+def test_a_simulation_that_cannot_write_its_bag_says_so_and_leaves_none(cause, options, tmp_path):
+    """Exit status 1, a last line with the file and the cause, and neither a bag nor a part of one."""
+    status, log, left = on_a_disk(tmp_path, options, "simulate", "--scene=room", "--seconds=1", "--out", "{}/a.mcap")
+    assert status == 1 and says(log, cause, "a.mcap") and not left
+
+
+@DISKS
+@pytest.mark.parametrize("output, name", [
+    ("--out", "result.mcap"), ("--voxels", "v.csv"), ("--clusters", "c.json"), ("--ply", "p.ply"), ("--report", "report"),
+])
+def test_a_replay_that_cannot_write_an_output_says_so_and_leaves_none(output, name, cause, options, bag, tmp_path):
+    """Exit status 1, a last line with the file and the cause, and nothing under the final name."""
+    if cause == FULL:
+        options = "size=16k"
+    status, log, left = on_a_disk(tmp_path, options, "replay", bag, output, f"{{}}/{name}")
+    assert status == 1 and says(log, cause, name) and not left
+
+
+@DISKS
+def test_a_demo_that_cannot_write_says_so_and_leaves_no_half_file(cause, options, tmp_path):
+    """On a read-only disk it does not begin to drive. On a full one the robot drives on, its results go out, and at the
+    end it says which file could not be written; what is there is whole."""
+    status, log, left = on_a_disk(tmp_path, options, "demo", "--seconds=2", "--out", "{}/demo")
+    assert status == 1 and says(log, cause, "demo")
+    assert ("counts {" in log) == (cause == FULL)
+    assert not [name for name in left if name.endswith(".part") or "result" in name], left
