@@ -45,13 +45,15 @@ impl Graph {
         weights: &BTreeMap<NodeId, u32>,
         edges: &[(NodeId, NodeId)],
     ) -> Result<Self, RestoreError> {
-        ensure_all("nodes", weights.keys().map(|node| node.0), &slots.free_nodes)?;
+        let nodes = weights.len() + slots.free_nodes.len();
+        ensure_all("nodes", nodes, weights.keys().map(|node| node.0), &slots.free_nodes)?;
         let living = (0..).zip(&slots.components).filter(|(_, nodes)| !nodes.is_empty());
-        ensure_all("components", living.map(|(slot, _)| slot), &slots.free_components)?;
+        let living = living.map(|(slot, _)| slot);
+        ensure_all("components", slots.components.len(), living, &slots.free_components)?;
         let free =
             Node { weight: 0, component: None, place: 0, element: None, walk: None, neighbours: vec![] };
         let mut graph = Self {
-            nodes: vec![free; weights.len() + slots.free_nodes.len()],
+            nodes: vec![free; nodes],
             components: vec![Component::default(); slots.components.len()],
             free_nodes: slots.free_nodes.iter().copied().map(NodeId).collect(),
             free_components: slots.free_components.iter().copied().map(ComponentId).collect(),
@@ -107,12 +109,66 @@ impl Graph {
     }
 }
 
-/// Slots that are taken and free ones are all slots from 0 on, each once.
-fn ensure_all(name: &str, taken: impl Iterator<Item = u32>, free: &[u32]) -> Result<(), RestoreError> {
+/// Slots that are taken and free ones are all that there are, each once.
+fn ensure_all(
+    name: &str,
+    slots: usize,
+    taken: impl Iterator<Item = u32>,
+    free: &[u32],
+) -> Result<(), RestoreError> {
     let mut all: Vec<_> = taken.chain(free.iter().copied()).collect();
     all.sort_unstable();
-    let each_once = (0..).zip(&all).all(|(slot, &taken): (u32, _)| slot == taken);
+    let each_once = all.len() == slots && (0..).zip(&all).all(|(slot, &taken): (u32, _)| slot == taken);
     ensure(each_once, || {
-        format!("{} slots of {name}, {} of them free, overlap or leave gaps", all.len(), free.len())
+        format!(
+            "{} of {slots} slots of {name}, {} of them free, overlap or leave gaps",
+            all.len(),
+            free.len()
+        )
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Three nodes, two of them joined, in slots 0, 1 and 3; slot 2 is free, as is component 1.
+    fn slots() -> Slots {
+        Slots { free_nodes: vec![2], components: vec![vec![3], vec![], vec![1, 0]], free_components: vec![1] }
+    }
+
+    fn restore(slots: &Slots, edges: &[(u32, u32)]) -> Result<Graph, RestoreError> {
+        let weights = [0, 1, 3].map(|node| (NodeId(node), 5)).into();
+        let edges: Vec<_> = edges.iter().map(|&(a, b)| (NodeId(a), NodeId(b))).collect();
+        Graph::restore(slots, &weights, &edges)
+    }
+
+    #[test]
+    fn a_graph_has_the_slots_that_it_had() {
+        let graph = restore(&slots(), &[(0, 1), (1, 0)]).unwrap();
+        assert_eq!(graph.slots_taken(), slots());
+        assert_eq!(graph.neighbours(NodeId(0)), [NodeId(1)]);
+        assert_eq!((graph.component(NodeId(3)), graph.weight(ComponentId(2))), (ComponentId(0), 10));
+    }
+
+    #[test]
+    fn slots_that_contradict_the_nodes_or_each_other_are_refused() {
+        let other = |change: &dyn Fn(&mut Slots)| {
+            let mut slots = slots();
+            change(&mut slots);
+            restore(&slots, &[(0, 1)]).unwrap_err()
+        };
+        other(&|slots| slots.free_nodes = vec![]);
+        other(&|slots| slots.free_nodes = vec![2, 2]);
+        other(&|slots| slots.free_nodes = vec![2, 4, 6]);
+        other(&|slots| slots.free_components = vec![]);
+        // A find of the fuzzer: the free slot was beyond the list.
+        other(&|slots| slots.free_components = vec![1, 3]);
+        other(&|slots| slots.components[0] = vec![2]);
+        other(&|slots| slots.components[0] = vec![3, 3]);
+        other(&|slots| slots.components[0] = vec![9]);
+        other(&|slots| slots.components[2] = vec![1]);
+        assert!(restore(&slots(), &[]).is_err(), "it does not hang together");
+        assert!(restore(&slots(), &[(0, 1), (1, 3)]).is_err(), "an edge leads out");
+    }
 }
