@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Hours of driving, with a table at the end and status 1 where something is wrong:
 #   bash tests/soak.sh live [--seconds 1800] [--rate 30] [--fault-every 20] [--max-voxels 8000] [--help]
-#   bash tests/soak.sh accelerated [--hours 1] [--max-voxels 8000] [--help]
+#   bash tests/soak.sh accelerated [--hours 1] [--max-voxels 100000] [--help]
 # `live`: the node (CFODI_BIN, else target/release/cfodi) beside a real ROS 2 driver that plays the cabinet recording
 # (CFODI_DATA) or a made-up room in a loop, with faults. `accelerated`: the engine alone, on simulated drives, as fast as it goes.
 set -euo pipefail

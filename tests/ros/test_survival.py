@@ -184,10 +184,13 @@ def test_a_driver_that_stalls_for_5_s_costs_no_scan(start, peer, drive):
     one_map(peer, counts)
 
 
-def resident(node):
-    """MB of memory that a process has."""
-    pages = int(pathlib.Path(f"/proc/{node.process.pid}/statm").read_text().split()[1])
-    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+def most_resident(node, seconds):
+    """The most memory (MB) that a process has in so many seconds: what is forgotten goes in rounds of some seconds."""
+    statm, most, end = pathlib.Path(f"/proc/{node.process.pid}/statm"), 0, time.monotonic() + seconds
+    while time.monotonic() < end:
+        most = max(most, int(statm.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6)
+        time.sleep(0.1)
+    return most
 
 
 def test_where_nobody_reads_the_snapshots_memory_stays_level(start, drive):
@@ -195,9 +198,7 @@ def test_where_nobody_reads_the_snapshots_memory_stays_level(start, drive):
     markers of a room, 20 times a second, are some megabytes each second."""
     node = start({"publish_rate": 20.0}).ready()
     driver = drive("--scans=room", "--size", 320, 240)
-    driver.sends(300)
-    before = resident(node)
-    driver.sends(450)
-    after = resident(node)
-    assert node.stop()["taken_in"] >= 600
-    assert after < before + 25, f"{before:.1f} MB, then {after:.1f} MB"
+    driver.sends(240)
+    before, after = most_resident(node, 8), most_resident(node, 8)
+    assert node.stop()["taken_in"] >= 500
+    assert after < before + 30, f"{before:.1f} MB, then {after:.1f} MB"

@@ -32,7 +32,9 @@ class Robot:
 
     def __init__(self, arguments, scans):
         self.rate, self._scans = arguments.rate, scans
-        self.node = Cfodi({"fixed_frame": "map", "max_voxels": arguments.max_voxels}, {"points": TOPIC}).ready()
+        # As launch_scripts/kinect.sh does.
+        self.node = Cfodi({"fixed_frame": "map", "max_voxels": arguments.max_voxels}, {"points": TOPIC},
+                          environment={"MALLOC_MMAP_THRESHOLD_": str(1 << 17)}).ready()
         self.listener = Listener(self.node.process.pid)
         self.stranger = hostile.Stranger(TOPIC)
         self.drivers = [self._driver()]

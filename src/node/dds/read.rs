@@ -287,13 +287,14 @@ async fn read<M: DeserializeOwned + 'static>(
     let messages = subscription.async_stream();
     pin_mut!(messages);
     while let Some(message) = messages.next().await {
+        // A place first: another reader of the topic must not come between the decision and the sending.
+        let Ok(place) = events.reserve().await else { break };
         let event = match message {
             Ok((message, info)) => event(message, &info),
             Err(error) => Some(Event::Garbled { topic, text: error.to_string() }),
         };
-        let Some(event) = event else { continue };
-        if events.send(event).await.is_err() {
-            break;
+        if let Some(event) = event {
+            place.send(event);
         }
     }
     topic
