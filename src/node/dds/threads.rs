@@ -15,7 +15,8 @@ const NAME: &str = "RustDDS";
 pub(super) struct Threads(BTreeSet<u32>);
 
 impl Threads {
-    /// The threads of the middleware that `open` starts, which nobody else may do meanwhile.
+    /// The threads of the middleware that `open` starts, which nobody else may do meanwhile, and that have begun when it
+    /// returns: each gives itself its name.
     pub(super) fn started_by<T>(open: impl FnOnce() -> T) -> (T, Self) {
         let before = running().unwrap_or_default();
         let opened = open();
@@ -54,7 +55,14 @@ mod tests {
     fn a_thread_that_has_ended_is_missed_and_others_are_none_of_its_concern() {
         let start = |name: &str| {
             let (end, ended) = channel::<()>();
-            let thread = Builder::new().name(name.to_owned()).spawn(move || ended.recv().is_err()).unwrap();
+            let (begin, begun) = channel();
+            let body = move || {
+                begin.send(()).unwrap();
+                ended.recv().is_err()
+            };
+            let thread = Builder::new().name(name.to_owned()).spawn(body).unwrap();
+            // A thread gives itself its name, before its body begins.
+            begun.recv().unwrap();
             (end, thread)
         };
         let ((end, thread), threads) = Threads::started_by(|| start("RustDDS test"));
