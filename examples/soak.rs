@@ -21,7 +21,7 @@ use nalgebra::{Translation3, Vector3};
 const LOOK: u64 = 300;
 
 /// Scans after which memory is to be level: the map has reached its bound.
-const SETTLED: u64 = 1800;
+const SETTLED: u64 = 900;
 
 /// Violations that are told.
 const TOLD: usize = 20;
@@ -80,7 +80,7 @@ fn main() -> anyhow::Result<ExitCode> {
         }
     }
     let growth = level.map_or(0.0, |level| (resident_mb() - rendered - level) / (rendered + level) * 100.0);
-    println!("memory since the first minute: {growth:+.1} % of the process");
+    println!("memory since it had settled: {growth:+.1} % of the process");
     reader.violations.iter().take(TOLD).for_each(|violation| println!("WRONG: {violation}"));
     let grows = options.max_voxels > 0 && growth > options.growth;
     if grows {

@@ -85,6 +85,7 @@ run cargo test --doc
 run cargo bench --bench '*' -- --test   # each benchmark once: that it runs, not how fast
 build_secured   # before the build without, which is the one to stay
 run cargo build --release
+run bash tests/soak.sh accelerated --hours 0.015 --views 30
 step "ROS tests: sockets"
 raise_socket_buffer
 run bash tests/ros/python.sh -m pytest tests/ros

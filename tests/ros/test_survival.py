@@ -167,6 +167,7 @@ def test_a_node_that_stalls_for_5_s_goes_on_in_the_same_map(start, peer, drive):
     print(len(sent), counts)
     add_up(counts)
     assert accounted(counts) == len(sent), counts
+    assert not any("JumpedBack" in line for line in node.lines), "transforms were taken in a wrong order"
     one_map(peer, counts, gaps=1)
 
 

@@ -5,7 +5,6 @@ import statistics
 import time
 
 BEFORE, AFTER = 0.5e9, 1.0e9  # ns before a fault and after the recovery in which a scan may still be the fault's
-LEVEL = 10  # s that a level of memory is the median of
 
 
 @dataclasses.dataclass
@@ -48,13 +47,14 @@ class Account:
         return by_fault
 
     def _levels(self, robot):
-        """MB when it has settled, at most from then on, and at the end."""
-        settled = self._begin + self.arguments.settle
-        memory = [(at, mb) for at, mb in robot.listener.memory if at >= settled]
+        """MB when it has settled, at most from then on, and at the end. A level is the median of as long as it had to
+        settle: from one moment to the next memory differs by some clouds."""
+        long = self.arguments.settle
+        memory = [(at, mb) for at, mb in robot.listener.memory if at >= self._begin + long]
         if not memory:
             return None
-        first = statistics.median(mb for at, mb in memory if at < settled + LEVEL)
-        last = statistics.median(mb for at, mb in memory if at >= memory[-1][0] - LEVEL)
+        first = statistics.median(mb for at, mb in memory if at < self._begin + 2 * long)
+        last = statistics.median(mb for at, mb in memory if at >= memory[-1][0] - long)
         return first, max(mb for _, mb in memory), last
 
     def _unaccounted(self, robot):
@@ -68,7 +68,7 @@ class Account:
         follower, counts = robot.listener.follower, self.counts
         wrong = list(follower.violations[:20])
         outside = self._not_taken_in(robot).get(None, [])
-        if outside:
+        if len(outside) > self.arguments.allowed:
             first = (outside[0] * 1e-9 - self._begin)
             wrong.append(f"{len(outside)} scans were not taken in outside of faults, the first after {first:.1f} s")
         if counts["received"] != counts["taken_in"] + counts["replaced"] + sum(counts["skipped"].values()):

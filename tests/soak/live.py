@@ -154,6 +154,7 @@ def main():
     parser.add_argument("--scans", choices=["cabinet", "room"], help="the recording where it is there, else the room")
     parser.add_argument("--size", type=int, nargs=2, default=[640, 480], help="of the room's images")
     parser.add_argument("--settle", type=float, default=60, help="seconds after which memory is to be level")
+    parser.add_argument("--allowed", type=int, default=0, help="scans that may be missing outside of faults")
     parser.add_argument("--trace", type=pathlib.Path, help="a CSV of the node's memory, every second")
     parser.add_argument("--growth", type=float, default=5, help="by how much it may then grow, in %%")
     arguments = parser.parse_args()

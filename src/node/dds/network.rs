@@ -4,8 +4,9 @@ use std::rc::Rc;
 use std::time::Duration;
 
 use ros2_client::qos::Durability;
-use ros2_client::{Node, Publisher, QosProfile, RmwRequestId, Server};
+use ros2_client::{Node, Publisher, QosProfile, RmwRequestId, Server, WriteError};
 use rustdds::DomainParticipant;
+use serde::Serialize;
 use tokio::sync::Mutex;
 
 use super::read::{self, Memory};
@@ -92,15 +93,12 @@ impl Network {
     }
 
     pub(super) async fn publish(&self, message: Outgoing) -> Result<(), SendError> {
-        let sent = match message {
-            Outgoing::Clusters(array) => self.clusters.async_publish(array).await.map_err(|e| e.to_string()),
-            Outgoing::Delta(array) => self.delta.async_publish(array).await.map_err(|e| e.to_string()),
-            Outgoing::Markers(markers) => {
-                self.markers.async_publish(markers).await.map_err(|e| e.to_string())
-            }
-            Outgoing::Labelled(cloud) => self.labelled.async_publish(cloud).await.map_err(|e| e.to_string()),
-        };
-        sent.map_err(SendError)
+        match message {
+            Outgoing::Clusters(array) => send(&self.clusters, "~/clusters", array).await,
+            Outgoing::Delta(array) => send(&self.delta, "~/clusters_delta", array).await,
+            Outgoing::Markers(markers) => send(&self.markers, "~/markers", markers).await,
+            Outgoing::Labelled(cloud) => send(&self.labelled, "~/points_labelled", cloud).await,
+        }
     }
 
     const fn server(&self, service: Service) -> &Rc<Server<TriggerRequest, TriggerResponse>> {
@@ -150,4 +148,13 @@ impl Network {
             tokio::time::sleep(LOOK).await;
         }
     }
+}
+
+async fn send<M: Serialize>(publisher: &Publisher<M>, topic: &str, message: M) -> Result<(), SendError> {
+    publisher.async_publish(message).await.map_err(|error| match error {
+        WriteError::WouldBlock { .. } => {
+            SendError(format!("on {topic}: a reader has not acknowledged those before, and no more are kept"))
+        }
+        other => SendError(format!("on {topic}: {other}")),
+    })
 }
