@@ -17,6 +17,7 @@ use crate::cloud::{Camera, Cloud, CloudError, CloudFilter, CloudSeed, Compressed
 use crate::msg::ros::{CameraInfo, Clock, TriggerRequest, TriggerResponse};
 use crate::node::args::{ArgsError, Setup};
 use crate::node::inputs::COMPRESSED_DEPTH;
+use crate::node::security::Security;
 use crate::node::transport::{Event, Input, Inputs, Service};
 
 /// What a seed makes of a message.
@@ -68,9 +69,12 @@ pub(super) fn listen(opener: &mut Opener<'_>, memory: &Memory, events: &Events) 
     let mut readers = Readers::new();
     let tf = |durability| (&reliable(100, durability)).into();
     listen_to_scans(opener, &mut readers, memory, events)?;
-    // The reliable reader takes nothing of a publisher before its heartbeat, up to 3 s; the other one at once.
+    // The reliable reader takes nothing of a publisher before its heartbeat, up to 3 s; the other one at once. With DDS Security
+    // there is the reliable one alone: RustDDS does not exchange the keys of two readers of a topic.
     let at_once = (&QosProfile::subscription_default().history(History::KeepLast { depth: 100 })).into();
-    for qos in [at_once, tf(Durability::Volatile)] {
+    let is_secured = matches!(opener.setup.security()?, Security::Keys(_));
+    let at_once = (!is_secured).then_some(at_once);
+    for qos in at_once.into_iter().chain([tf(Durability::Volatile)]) {
         let dynamic = opener.subscribe(("/tf", "tf2_msgs", "TFMessage"), &qos)?;
         let newest = Rc::clone(&memory.transforms);
         let transforms = move |message, info: &MessageInfo| {
