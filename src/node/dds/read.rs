@@ -222,15 +222,21 @@ impl Gaps {
 struct Newest(BTreeMap<Gid, i64>);
 
 impl Newest {
+    /// By how many messages one may be overtaken: twice what the readers keep.
+    const LATE: i64 = 200;
+
     /// Whether a message is newer than all that were taken: what comes late has been overtaken, and to take it would be to
     /// go back in time.
     fn takes(&mut self, publisher: Gid, number: i64) -> bool {
         if self.0.len() >= Gaps::PUBLISHERS {
             self.0.clear();
         }
-        let newest = self.0.entry(publisher).or_insert(i64::MIN);
-        let takes = number > *newest;
-        *newest = number.max(*newest);
+        let newest = self.0.entry(publisher).or_insert(number.saturating_sub(1));
+        // One number that was made up must not silence a publisher for ever.
+        let takes = number > *newest || newest.saturating_sub(number) > Self::LATE;
+        if takes {
+            *newest = number;
+        }
         takes
     }
 }
@@ -349,6 +355,11 @@ mod tests {
         assert!([4, 5, 7].into_iter().all(|number| newest.takes(publisher, number)));
         assert!(![3, 4, 5, 6, 7].into_iter().any(|number| newest.takes(publisher, number)));
         assert!(newest.takes(publisher, 8));
+        assert!(
+            newest.takes(publisher, i64::MAX) && newest.takes(publisher, 9),
+            "made up, and the next true one"
+        );
+        assert!(!newest.takes(publisher, 9) && newest.takes(publisher, 10));
     }
 
     #[test]
