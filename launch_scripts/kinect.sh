@@ -6,6 +6,4 @@ here=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 topic=/camera/depth/points
 if [ $# -gt 0 ] && [ "${1#-}" = "$1" ]; then topic=$1; shift; fi
 cfodi=$(command -v cfodi || echo "$here/target/release/cfodi")
-# The C library else keeps what clouds took, 64 MB for each thread that ever received one, long after they are gone.
-export MALLOC_MMAP_THRESHOLD_=${MALLOC_MMAP_THRESHOLD_:-131072}
 exec "$cfodi" run --ros-args --params-file "$here/config/kinect.yaml" -r "points:=$topic" "$@"

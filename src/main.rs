@@ -12,6 +12,11 @@ use clap::{Parser, Subcommand};
 
 use crate::cli::{demo, experiment, replay, run, simulate};
 
+/// Clouds are megabytes, taken by one thread and given back by another, for weeks: the C library's allocator keeps some 64 MB
+/// for each thread that ever had one, or maps and clears every cloud's pages anew.
+#[global_allocator]
+static ALLOCATOR: tikv_jemallocator::Jemalloc = tikv_jemallocator::Jemalloc;
+
 /// Surfaces from a moving Kinect, live.
 #[derive(Debug, Parser)]
 #[command(

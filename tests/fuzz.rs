@@ -16,6 +16,7 @@ mod mcap_bytes;
 #[path = "support/seeds.rs"]
 mod seeds;
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -173,12 +174,25 @@ fn the_seeds_are_small_and_each_has_a_target() {
     }
 }
 
-/// Makes the seeds anew: `cargo test --test fuzz -- --ignored write_the_seeds`.
+/// `CFODI_BLESS=1` writes them anew. Seeds that the fuzzer has found are kept beside them, as `found_*`.
 #[test]
-#[ignore = "writes into the repository"]
-fn write_the_seeds() {
+fn the_committed_seeds_are_those_that_are_made() {
+    let blesses = std::env::var_os("CFODI_BLESS").is_some();
+    let mut made = BTreeSet::new();
     for (target, name, bytes) in seeds::all() {
-        fs::create_dir_all(folder(target)).unwrap();
-        fs::write(folder(target).join(name), bytes).unwrap();
+        let file = folder(target).join(&name);
+        if blesses {
+            fs::create_dir_all(folder(target)).unwrap();
+            fs::write(&file, &bytes).unwrap();
+        }
+        let committed = fs::read(&file).unwrap_or_default();
+        assert!(committed == bytes, "{target}/{name} is another seed; CFODI_BLESS=1 writes it anew");
+        made.insert(file);
+    }
+    for (target, ..) in TARGETS {
+        for (name, _) in committed(target) {
+            let known = name.starts_with("found_") || made.contains(&folder(target).join(&name));
+            assert!(known, "{target}/{name} is made by nothing");
+        }
     }
 }

@@ -21,6 +21,9 @@ use cfodi::store;
 /// In the process that saves: the file of the map.
 const CHILD: &str = "CFODI_SAVES_INTO";
 
+/// The name of the test, which starts itself anew.
+const THIS: &str = "whenever_it_is_killed_the_map_is_the_one_before_or_the_one_after_and_ids_go_on";
+
 /// A wall at x = 2 m that grows along y with each scan, and each fifth scan a plate before it.
 fn scan(number: u64) -> Scan {
     let (first, plate) = (number as f32 * 0.05, number.is_multiple_of(5));
@@ -43,17 +46,14 @@ fn resumed(path: &Path) -> Engine {
 }
 
 /// Goes on with the map for ever: says which scan it is about to save, and that it has.
-#[test]
-#[ignore = "the process that is killed; the test below starts it"]
-fn the_process_that_saves() {
-    let Some(path) = std::env::var_os(CHILD) else { return };
-    let mut engine = resumed(path.as_ref());
+fn save_until_killed(path: &Path) -> ! {
+    let mut engine = resumed(path);
     let mut out = std::io::stdout();
     loop {
         let sequence = engine.save().sequence();
         engine.insert(&scan(sequence));
         writeln!(out, "\nbegin {}", sequence + 1).unwrap();
-        store::write(path.as_ref(), &engine.save()).unwrap();
+        store::write(path, &engine.save()).unwrap();
         writeln!(out, "\nsaved {}", sequence + 1).unwrap();
     }
 }
@@ -71,6 +71,9 @@ fn last_words(out: impl std::io::Read) -> [u64; 2] {
 
 #[test]
 fn whenever_it_is_killed_the_map_is_the_one_before_or_the_one_after_and_ids_go_on() {
+    if let Some(path) = std::env::var_os(CHILD) {
+        save_until_killed(path.as_ref());
+    }
     let kills: u64 = std::env::var("CFODI_KILLS").map_or(300, |kills| kills.parse().unwrap());
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("map");
@@ -79,7 +82,7 @@ fn whenever_it_is_killed_the_map_is_the_one_before_or_the_one_after_and_ids_go_o
     let (mut before, mut in_between) = (0, 0);
     for kill in 0..kills {
         let mut child = Command::new(std::env::current_exe().unwrap())
-            .args(["--exact", "the_process_that_saves", "--ignored", "--nocapture"])
+            .args(["--exact", THIS, "--nocapture"])
             .env(CHILD, &path)
             .stdout(Stdio::piped())
             .spawn()

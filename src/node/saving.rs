@@ -35,6 +35,8 @@ pub(super) fn start(path: PathBuf) -> std::io::Result<(Sender<Box<SavedMap>>, Un
 #[derive(Debug)]
 pub(super) struct Saving<Request> {
     is_under_way: bool,
+    /// Another was asked for since.
+    is_due: bool,
     /// Calls that the map under way answers.
     asked: Vec<Request>,
     /// Calls that came after it was asked for.
@@ -43,22 +45,24 @@ pub(super) struct Saving<Request> {
 
 impl<Request> Default for Saving<Request> {
     fn default() -> Self {
-        Self { is_under_way: false, asked: Vec::new(), waiting: Vec::new() }
+        Self { is_under_way: false, is_due: false, asked: Vec::new(), waiting: Vec::new() }
     }
 }
 
 impl<Request> Saving<Request> {
     /// Whether a map is to be asked for now; `call` waits for it, or for the next one.
     pub(super) fn begin(&mut self, call: Option<Request>) -> bool {
-        let calls = if self.is_under_way { &mut self.waiting } else { &mut self.asked };
+        let begins = !std::mem::replace(&mut self.is_under_way, true);
+        let calls = if begins { &mut self.asked } else { &mut self.waiting };
         calls.extend(call);
-        !std::mem::replace(&mut self.is_under_way, true)
+        self.is_due |= !begins;
+        begins
     }
 
     /// The calls that are answered by a map that has been written; whether the next is to be asked for.
     pub(super) fn end(&mut self) -> (Vec<Request>, bool) {
         let answered = std::mem::replace(&mut self.asked, std::mem::take(&mut self.waiting));
-        self.is_under_way = !self.asked.is_empty();
+        self.is_under_way = std::mem::take(&mut self.is_due);
         (answered, self.is_under_way)
     }
 
@@ -83,5 +87,24 @@ pub(super) fn log(written: &Written) {
     match written {
         Ok((scans, bytes)) => debug!("map of {scans} scans saved, {bytes} bytes"),
         Err(error) => warn!("the map was not saved: {error}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_asked_for_while_a_map_is_written_gets_the_next_one_called_for_or_not() {
+        let mut saving = Saving::default();
+        assert!(saving.begin(Some(1)) && !saving.begin(Some(2)) && !saving.begin(None));
+        assert_eq!(saving.end(), (vec![1], true));
+        assert_eq!(saving.end(), (vec![2], false));
+        assert!(saving.begin(None), "a reset, say");
+        assert!(!saving.begin(None), "and one more, which is in the map under way or not");
+        assert_eq!(saving.end(), (vec![], true));
+        assert_eq!(saving.end(), (vec![], false));
+        assert!(saving.begin(Some(3)) && !saving.begin(Some(4)));
+        assert!(saving.into_calls().eq([3, 4]));
     }
 }

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use cfodi::engine::{Cluster, ClusterId, Snapshot, Update};
 
 #[derive(Default)]
-pub struct Reader {
+pub(crate) struct Reader {
     clusters: BTreeMap<ClusterId, Cluster>,
     newest: Option<ClusterId>,
     sequence: u64,
@@ -13,13 +13,13 @@ pub struct Reader {
 
 impl Reader {
     /// One that begins with a snapshot.
-    pub fn of(snapshot: &Snapshot) -> Self {
+    pub(crate) fn of(snapshot: &Snapshot) -> Self {
         let clusters: BTreeMap<_, _> = snapshot.clusters.iter().map(|c| (c.id, c.clone())).collect();
         let newest = clusters.keys().next_back().copied();
         Self { clusters, newest, sequence: snapshot.sequence }
     }
 
-    pub fn apply(&mut self, update: &Update) {
+    pub(crate) fn apply(&mut self, update: &Update) {
         self.sequence += 1;
         assert_eq!(update.sequence, self.sequence);
         for id in &update.removed {
@@ -42,7 +42,7 @@ impl Reader {
     }
 
     /// The changes put together are the whole map, and its parts agree with each other.
-    pub fn agrees(&self, update: &Update, snapshot: &Snapshot) {
+    pub(crate) fn agrees(&self, update: &Update, snapshot: &Snapshot) {
         let (added_up, whole): (Vec<_>, Vec<_>) =
             (self.clusters.values().collect(), snapshot.clusters.iter().collect());
         // What is not known is NaN, which equals nothing: compared as text.

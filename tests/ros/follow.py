@@ -17,9 +17,14 @@ class Follower:
         self.session = self.version = None
         self._clusters = {}  # id -> the cluster, packed
         self._revisions, self._gone, self._ahead = {}, set(), {}
+        self._heard = 0  # sequence of the newest delta that came while there was no snapshot to begin from
 
     def delta(self, message):
-        if not self._in_session(message) or self.version is None or message.sequence <= self.version:
+        if not self._in_session(message):
+            return
+        if self.version is None:
+            self._heard = max(self._heard, message.sequence)
+        if self.version is None or message.sequence <= self.version:
             return
         where = f"delta {message.sequence}"
         self._hold(message.sequence == message.base_sequence + 1, f"{where}: its base is {message.base_sequence}")
@@ -45,6 +50,8 @@ class Follower:
     def snapshot(self, message):
         if not self._in_session(message):
             return
+        if self.version is None and message.sequence < self._heard:
+            return  # the deltas from it to those that came are missing
         if self.version is None:
             self._begin(message)
         elif message.sequence == self.version:
@@ -58,17 +65,16 @@ class Follower:
             return False
         if message.session_id != self.session:
             self.session, self.version, self.sessions = message.session_id, None, self.sessions + 1
-            self._clusters, self._revisions, self._gone, self._ahead = {}, {}, set(), {}
+            self._clusters, self._revisions, self._gone, self._ahead, self._heard = {}, {}, set(), {}, 0
         return True
 
     def _gap(self, message):
-        """Goes on from the newest snapshot that has come, or waits for the next."""
+        """Goes on from the newest snapshot that has come, where it covers what is missing, or waits for one that does."""
         self.gaps += 1
-        self.version = None
-        ahead, self._ahead = self._ahead, {}
-        if ahead:
+        self.version, ahead, self._ahead = None, self._ahead, {}
+        if max(ahead, default=-1) >= message.base_sequence:
             self._begin(ahead[max(ahead)])
-            self.delta(message)
+        self.delta(message)
 
     def _begin(self, snapshot):
         where = f"snapshot {snapshot.sequence}"

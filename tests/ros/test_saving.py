@@ -2,6 +2,7 @@
 
 import signal
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 from peer import wait_until
 from std_srvs.srv import Trigger
@@ -39,6 +40,23 @@ def test_after_a_crash_it_goes_on_with_the_saved_map_and_its_ids_under_a_new_ses
     delta = take_in(camera, other.deltas)
     assert (delta.base_sequence, delta.sequence) == (4, 5)
     assert {c.id for c in delta.clusters} <= {c.id for d in deltas for c in d.clusters}
+
+
+def test_what_was_forgotten_by_a_reset_does_not_come_back_after_a_crash(tmp_path, start, peer, new_peer):
+    """Nobody waits for the saving that follows a reset, and the one before it is still under way."""
+    path = tmp_path / "map.cfodi"
+    node, camera = begin(start, peer, **saving(path))
+    take_in(camera, peer.deltas)
+    assert "1 scans" in peer.call(Trigger, "/cfodi/save", Trigger.Request()).message
+    with ThreadPoolExecutor() as calls:
+        saved = calls.submit(peer.call, Trigger, "/cfodi/save", Trigger.Request())
+        assert peer.call(Trigger, "/cfodi/reset", Trigger.Request()).success
+        assert saved.result().success
+    time.sleep(2)
+    node.process.send_signal(signal.SIGKILL)
+    node.wait()
+    _, after, _ = resumed(start, new_peer("after"), saving(path))
+    assert after.sequence == 0 and not after.clusters
 
 
 def test_sigterm_while_it_saves_loses_no_scan(tmp_path, start, new_peer):

@@ -55,6 +55,16 @@ def one_map(peer, counts, gaps=0):
     assert peer.clusters[len(peer.clusters) - 1].clusters
 
 
+def stop(node, driver):
+    """Ends both when the driver has sent its last: every scan is in the counts, which are returned."""
+    sent = driver.finish()
+    counts = node.stop()
+    print(len(sent), counts)
+    add_up(counts)
+    assert accounted(counts) == len(sent), counts
+    return counts
+
+
 def add_up(counts):
     assert counts["received"] == counts["taken_in"] + counts["replaced"] + skipped(counts), counts
 
@@ -110,11 +120,8 @@ def test_when_the_network_comes_back_the_scans_do_in_the_same_map(seconds, start
         up = time.time_ns()
     flows_again(peer, up)
     driver.sends(30)
-    sent = driver.finish()
-    counts = node.stop()
-    add_up(counts)
-    assert accounted(counts) == len(sent), counts
-    assert counts["lost"] + skipped(counts) <= sum(down - 10**8 <= stamp <= up + 10**9 for stamp in sent), counts
+    counts = stop(node, driver)
+    assert counts["lost"] + skipped(counts) <= sum(down - 10**8 <= stamp <= up + 10**9 for stamp in driver.sent), counts
     one_map(peer, counts)
 
 
@@ -129,11 +136,7 @@ def test_a_burst_at_90_hz_costs_what_is_counted_and_nothing_else(start, peer, dr
     driver.sends(20)
     over = time.time_ns()
     flows_again(peer, over)
-    sent = driver.finish()
-    counts = node.stop()
-    print(len(sent), counts)
-    add_up(counts)
-    assert accounted(counts) == len(sent), counts
+    counts = stop(node, driver)
     one_map(peer, counts)
 
 
@@ -144,11 +147,7 @@ def test_beside_two_hogs_on_the_cores_every_scan_is_taken_in_or_counted(start, p
     with hogs():
         driver.sends(150)
         flows_again(peer, time.time_ns())
-    sent = driver.finish()
-    counts = node.stop()
-    print(len(sent), counts)
-    add_up(counts)
-    assert accounted(counts) == len(sent), counts
+    counts = stop(node, driver)
     one_map(peer, counts)
 
 
@@ -162,11 +161,7 @@ def test_a_node_that_stalls_for_5_s_goes_on_in_the_same_map(start, peer, drive):
     stall(node.process, STALL)
     flows_again(peer, time.time_ns())
     driver.sends(30)
-    sent = driver.finish()
-    counts = node.stop()
-    print(len(sent), counts)
-    add_up(counts)
-    assert accounted(counts) == len(sent), counts
+    counts = stop(node, driver)
     assert not any("JumpedBack" in line for line in node.lines), "transforms were taken in a wrong order"
     one_map(peer, counts, gaps=1)
 
@@ -177,10 +172,7 @@ def test_a_driver_that_stalls_for_5_s_costs_no_scan(start, peer, drive):
     driver.sends(30)
     stall(driver.process, STALL)
     flows_again(peer, time.time_ns())
-    sent = driver.finish()
-    counts = node.stop()
-    add_up(counts)
-    assert accounted(counts) == len(sent), counts
+    counts = stop(node, driver)
     assert counts["lost"] == counts["replaced"] == 0, counts
     one_map(peer, counts)
 

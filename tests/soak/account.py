@@ -4,7 +4,7 @@ import dataclasses
 import statistics
 import time
 
-BEFORE, AFTER = 0.5e9, 1.0e9  # ns before a fault and after the recovery in which a scan may still be the fault's
+BEFORE = 0.5e9  # ns before a fault in which a scan may still be on its way, and so the fault's
 
 
 @dataclasses.dataclass
@@ -17,10 +17,10 @@ class Window:
     recovered: int = 0
 
     def has(self, stamp):
-        return self.begin - BEFORE <= stamp <= self.recovered + AFTER
+        return self.begin - BEFORE <= stamp <= self.recovered
 
     def took(self):
-        """Seconds from its end to the first scan that was sent after it and taken in."""
+        """Seconds from its end to the first of the scans that were sent after it and taken in without a break."""
         return (self.recovered - self.over) * 1e-9
 
 

@@ -3,6 +3,7 @@ something is wrong. Run it by `tests/soak.sh live`, which gives it a network of 
 
 import argparse
 import contextlib
+import itertools
 import os
 import pathlib
 import subprocess
@@ -25,6 +26,7 @@ from peer import Peer, wait_until
 TOPIC = "/camera/depth/points"
 QUIET_AT_THE_END = 8  # s without faults, so that the last has an end
 PATIENCE = 60  # s
+STEADY = 1e9  # ns without a loss, after which a fault is over
 
 
 class Robot:
@@ -32,9 +34,7 @@ class Robot:
 
     def __init__(self, arguments, scans):
         self.rate, self._scans = arguments.rate, scans
-        # As launch_scripts/kinect.sh does.
-        self.node = Cfodi({"fixed_frame": "map", "max_voxels": arguments.max_voxels}, {"points": TOPIC},
-                          environment={"MALLOC_MMAP_THRESHOLD_": str(1 << 17)}).ready()
+        self.node = Cfodi({"fixed_frame": "map", "max_voxels": arguments.max_voxels}, {"points": TOPIC}).ready()
         self.listener = Listener(self.node.process.pid)
         self.stranger = hostile.Stranger(TOPIC)
         self.drivers = [self._driver()]
@@ -130,7 +130,7 @@ def soak(robot, arguments, account):
 
 
 def injected(robot, fault):
-    """Injects it and waits until a scan is taken in that was sent when it was over."""
+    """Injects it and waits until all scans of a second are taken in that were sent when it was over."""
     window = Window(fault.__name__.replace("_", " "), time.time_ns())
     fault(robot)
     window.over = time.time_ns()
@@ -138,11 +138,22 @@ def injected(robot, fault):
     def flows():
         robot.listener.look()
         assert robot.node.process.poll() is None, f"{window.name}: the node has ended"
-        return robot.listener.newest > window.over
+        window.recovered = unbroken_since(robot, window.over)
+        return robot.listener.newest > window.recovered + STEADY
 
     wait_until(f"scans are taken in again after: {window.name}", flows, PATIENCE)
-    window.recovered = time.time_ns()
     return window
+
+
+def unbroken_since(robot, over):
+    """The stamp after `over` (ns) from which on every scan is taken in that is not newer than the newest."""
+    since = None
+    for stamp in itertools.takewhile(lambda stamp: stamp > over, reversed(robot.driver.sent)):
+        if stamp in robot.listener.taken:
+            since = stamp
+        elif stamp < robot.listener.newest:
+            break
+    return since or time.time_ns()
 
 
 def main():

@@ -1,18 +1,71 @@
-//! One publisher, two readers: reliable where it offers that, best effort where not.
+//! What the numbers of samples tell: which came already by another reader of the topic, which never came.
 //!
 //! A raw depth image is ten datagrams sent at once, and a stock socket buffer holds six. What is lost of them comes again
 //! only to a reliable reader, which a best-effort publisher does not serve. So both kinds of reader are open, and what the
 //! reliable one has of a publisher is not taken twice.
+//!
+//! Anyone on the network can make numbers up: none may silence a publisher for ever.
 
 use std::collections::BTreeMap;
 
-use ros2_client::Gid;
+use ros2_client::{Gid, MessageInfo};
+
+use crate::cloud::{Cloud, CloudError};
+
+/// Publishers to remember; a driver that restarts is a new one each time.
+const PUBLISHERS: usize = 1000;
+
+/// By how many samples one may be overtaken: twice what any reader keeps. What is older still has a number that was not made
+/// by the publisher of the newest.
+const LATE: i64 = 200;
+
+/// Whether a sample is one that was taken already, or was overtaken by one that was.
+fn is_old(number: i64, newest: i64) -> bool {
+    number <= newest && newest.saturating_sub(number) <= LATE
+}
+
+/// What an entry of a publisher is, with those of many others forgotten.
+fn of<T: Default>(publishers: &mut BTreeMap<Gid, T>, publisher: Gid) -> &mut T {
+    if publishers.len() >= PUBLISHERS {
+        publishers.clear();
+    }
+    publishers.entry(publisher).or_default()
+}
+
+/// The publishers of one topic of scans.
+#[derive(Debug, Default)]
+pub(super) struct Known {
+    heard: Heard,
+    gaps: Gaps,
+}
+
+impl Known {
+    /// A scan that is to be taken, and how many were lost before it.
+    pub(super) fn tell<E: ToString>(
+        &mut self,
+        sample: Result<(Result<Cloud, CloudError>, MessageInfo), E>,
+        reliably: bool,
+    ) -> Option<(Result<Cloud, CloudError>, u64)> {
+        match sample {
+            Ok((scan, info)) => {
+                let (publisher, number) = (info.publisher_gid(), info.sequence_number());
+                let takes = self.heard.takes(publisher, number, reliably);
+                takes.then(|| (scan, self.gaps.lost_before(publisher, number)))
+            }
+            Err(error) => {
+                let tells = self.heard.tells_garbled(reliably);
+                self.gaps.undecodable += u64::from(tells);
+                tells.then(|| (Err(CloudError::Undecodable(error.to_string())), 0))
+            }
+        }
+    }
+}
 
 /// What has been heard of each publisher.
 #[derive(Debug, Default)]
-pub(super) struct Heard {
+struct Heard {
     publishers: BTreeMap<Gid, Publisher>,
-    /// A sample that cannot be decoded came reliably; it does not tell its publisher.
+    /// A sample without so much as a header came reliably; it does not tell its publisher.
     garbled_reliably: bool,
 }
 
@@ -24,29 +77,60 @@ struct Publisher {
 }
 
 impl Heard {
-    /// Publishers to remember; a driver that restarts is a new one each time.
-    const PUBLISHERS: usize = 1000;
-
-    /// Notes a sample that cannot be decoded; says whether it is to be told: once, where both readers have it.
-    pub(super) fn tells_garbled(&mut self, reliably: bool) -> bool {
+    /// Notes a sample that tells no publisher; says whether it is to be told: once, where both readers have it.
+    fn tells_garbled(&mut self, reliably: bool) -> bool {
         self.garbled_reliably |= reliably;
         reliably || !(self.garbled_reliably || self.publishers.values().any(|publisher| publisher.reliably))
     }
 
     /// Whether a sample of this number is to be taken from the reader, `reliably` or not, that has it.
-    pub(super) fn takes(&mut self, publisher: Gid, number: i64, reliably: bool) -> bool {
-        if self.publishers.len() >= Self::PUBLISHERS {
-            self.publishers.clear();
-        }
-        let heard = self.publishers.entry(publisher).or_default();
+    fn takes(&mut self, publisher: Gid, number: i64, reliably: bool) -> bool {
+        let heard = of(&mut self.publishers, publisher);
         if reliably {
             heard.reliably = true;
-            return heard.newest.is_none_or(|newest| number > newest);
+            return heard.newest.is_none_or(|newest| !is_old(number, newest));
         }
         if !heard.reliably {
             heard.newest = heard.newest.max(Some(number));
         }
         !heard.reliably
+    }
+}
+
+/// What a publisher's numbers tell about scans that never arrived.
+#[derive(Debug, Default)]
+struct Gaps {
+    newest: BTreeMap<Gid, Option<i64>>,
+    /// Samples that arrived since the last good one and told no publisher: their numbers look like a gap.
+    undecodable: u64,
+}
+
+impl Gaps {
+    fn lost_before(&mut self, publisher: Gid, number: i64) -> u64 {
+        let entry = of(&mut self.newest, publisher);
+        let newest = *entry.get_or_insert(number);
+        let gap = number.saturating_sub(newest).saturating_sub(1).max(0);
+        if !is_old(number, newest) {
+            *entry = Some(number);
+        }
+        gap.unsigned_abs().saturating_sub(std::mem::take(&mut self.undecodable))
+    }
+}
+
+/// The newest message of each publisher, where two readers have the same.
+#[derive(Debug, Default)]
+pub(super) struct Newest(BTreeMap<Gid, Option<i64>>);
+
+impl Newest {
+    /// Whether a message is newer than all that were taken: what comes late has been overtaken, and to take it would be to
+    /// go back in time.
+    pub(super) fn takes(&mut self, publisher: Gid, number: i64) -> bool {
+        let newest = of(&mut self.0, publisher);
+        let takes = newest.is_none_or(|newest| !is_old(number, newest));
+        if takes {
+            *newest = Some(number);
+        }
+        takes
     }
 }
 
@@ -63,10 +147,11 @@ mod tests {
 
     #[test]
     fn ever_new_publishers_are_not_remembered_for_ever() {
-        let mut heard = Heard::default();
+        let (mut heard, mut gaps, mut newest) = (Heard::default(), Gaps::default(), Newest::default());
         for number in 0..10_000 {
-            assert!(heard.takes(publisher(number), 1, false));
-            assert!(heard.publishers.len() <= Heard::PUBLISHERS);
+            assert!(heard.takes(publisher(number), 1, false) && newest.takes(publisher(number), 1));
+            assert_eq!(gaps.lost_before(publisher(number), i64::from(number)), 0);
+            assert!(heard.publishers.len().max(gaps.newest.len()).max(newest.0.len()) <= PUBLISHERS);
         }
     }
 
@@ -82,8 +167,54 @@ mod tests {
     }
 
     #[test]
+    fn a_made_up_number_by_best_effort_does_not_silence_the_reliable_publisher() {
+        let (mut heard, publisher) = (Heard::default(), Gid::default());
+        assert!(heard.takes(publisher, 1, false) && heard.takes(publisher, i64::MAX, false));
+        assert!((2..500).all(|number| heard.takes(publisher, number, true)));
+    }
+
+    #[test]
     fn without_a_reliable_reader_every_sample_is_taken() {
         let (mut heard, publisher) = (Heard::default(), Gid::default());
         assert!([5, 7, 6].into_iter().all(|number| heard.takes(publisher, number, false)));
+    }
+
+    #[test]
+    fn made_up_numbers_neither_overflow_nor_hide_losses() {
+        let mut gaps = Gaps::default();
+        for number in [i64::MIN, i64::MAX, 0, -1, i64::MAX, i64::MIN, 0] {
+            assert!(i64::try_from(gaps.lost_before(publisher(0), number)).is_ok());
+        }
+        gaps.lost_before(publisher(0), i64::MAX);
+        gaps.lost_before(publisher(0), 1);
+        assert_eq!(gaps.lost_before(publisher(0), 4), 2, "losses are counted again after one");
+    }
+
+    #[test]
+    fn of_two_readers_of_a_topic_the_one_that_is_first_is_taken() {
+        let (mut newest, publisher) = (Newest::default(), Gid::default());
+        assert!([4, 5, 7].into_iter().all(|number| newest.takes(publisher, number)));
+        assert!(![3, 4, 5, 6, 7].into_iter().any(|number| newest.takes(publisher, number)));
+        assert!(newest.takes(publisher, 8));
+        assert!(
+            newest.takes(publisher, i64::MAX) && newest.takes(publisher, 9),
+            "made up, and the next true one"
+        );
+        assert!(!newest.takes(publisher, 9) && newest.takes(publisher, 10));
+    }
+
+    #[test]
+    fn a_gap_in_the_numbers_is_a_loss_unless_garbled_samples_explain_it() {
+        let (mut gaps, publisher) = (Gaps::default(), Gid::default());
+        assert_eq!(gaps.lost_before(publisher, 7), 0);
+        assert_eq!(gaps.lost_before(publisher, 8), 0);
+        assert_eq!(gaps.lost_before(publisher, 11), 2);
+        gaps.undecodable = 1;
+        assert_eq!(gaps.lost_before(publisher, 14), 1);
+        assert_eq!(gaps.lost_before(publisher, 13), 0);
+        assert_eq!(gaps.lost_before(publisher, 15), 0);
+        gaps.undecodable = 1;
+        assert_eq!(gaps.lost_before(publisher, 16), 0);
+        assert_eq!(gaps.lost_before(publisher, 18), 1);
     }
 }

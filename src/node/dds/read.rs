@@ -1,17 +1,16 @@
 //! The tasks that read topics: each hands events to one bounded channel.
 
 use std::cell::RefCell;
-use std::collections::BTreeMap;
 use std::rc::Rc;
 
 use futures::{StreamExt, pin_mut};
 use ros2_client::qos::{Durability, History};
-use ros2_client::{Gid, MessageInfo, ParameterValue, QosProfile, RmwRequestId, Server, Subscription};
+use ros2_client::{MessageInfo, ParameterValue, QosProfile, RmwRequestId, Server, Subscription};
 use rustdds::QosPolicyBuilder;
 use rustdds::policy::{self, ResourceLimits};
 use serde::de::{DeserializeOwned, DeserializeSeed, Deserializer};
 
-use super::heard::Heard;
+use super::heard::{Known, Newest};
 use super::{DdsError, Events, Opener, Readers, opening, reliable};
 use crate::cloud::{Camera, Cloud, CloudError, CloudFilter, CloudSeed, CompressedSeed, DepthSeed};
 use crate::msg::ros::{CameraInfo, Clock, TriggerRequest, TriggerResponse};
@@ -36,44 +35,14 @@ pub(super) struct Memory {
 /// The publishers of one topic.
 type Publishers = Rc<RefCell<Known>>;
 
-#[derive(Default)]
-struct Known {
-    heard: Heard,
-    gaps: Gaps,
-}
-
-impl Known {
-    /// A scan that is to be taken, and how many were lost before it.
-    fn tell<E: ToString>(
-        &mut self,
-        sample: Result<(Decoded, MessageInfo), E>,
-        reliably: bool,
-    ) -> Option<(Decoded, u64)> {
-        match sample {
-            Ok((scan, info)) => {
-                let (publisher, number) = (info.publisher_gid(), info.sequence_number());
-                let takes = self.heard.takes(publisher, number, reliably);
-                takes.then(|| (scan, self.gaps.lost_before(publisher, number)))
-            }
-            Err(error) => {
-                let tells = self.heard.tells_garbled(reliably);
-                self.gaps.undecodable += u64::from(tells);
-                tells.then(|| (Err(CloudError::Undecodable(error.to_string())), 0))
-            }
-        }
-    }
-}
-
 /// Starts the tasks that read topics.
 pub(super) fn listen(opener: &mut Opener<'_>, memory: &Memory, events: &Events) -> Result<Readers, DdsError> {
     let mut readers = Readers::new();
     let tf = |durability| (&reliable(100, durability)).into();
     listen_to_scans(opener, &mut readers, memory, events)?;
-    // The reliable reader takes nothing of a publisher before its heartbeat, up to 3 s; the other one at once. With DDS Security
-    // there is the reliable one alone: RustDDS does not exchange the keys of two readers of a topic.
+    // The reliable reader takes nothing of a publisher before its heartbeat, up to 3 s; the other one at once.
     let at_once = (&QosProfile::subscription_default().history(History::KeepLast { depth: 100 })).into();
-    let is_secured = matches!(opener.setup.security()?, Security::Keys(_));
-    let at_once = (!is_secured).then_some(at_once);
+    let at_once = (!has_keys(opener)?).then_some(at_once);
     for qos in at_once.into_iter().chain([tf(Durability::Volatile)]) {
         let dynamic = opener.subscribe(("/tf", "tf2_msgs", "TFMessage"), &qos)?;
         let newest = Rc::clone(&memory.transforms);
@@ -107,6 +76,11 @@ pub(super) fn listen(opener: &mut Opener<'_>, memory: &Memory, events: &Events) 
     Ok(readers)
 }
 
+/// Whether messages come by DDS Security. Then there is one reader a topic: with two of `/tf`, transforms did not always come.
+fn has_keys(opener: &Opener<'_>) -> Result<bool, DdsError> {
+    Ok(matches!(opener.setup.security()?, Security::Keys(_)))
+}
+
 /// Clouds, and depth images with their camera.
 fn listen_to_scans(
     opener: &mut Opener<'_>,
@@ -123,7 +97,8 @@ fn listen_to_scans(
     let infos = opener.subscribe(("depth/camera_info", "sensor_msgs", "CameraInfo"), &qos)?;
     readers.spawn_local(read_cameras(infos, camera.clone(), events.clone()));
     let repaired = policy::Reliability::Reliable { max_blocking_time: rustdds::Duration::from_millis(100) };
-    for (reliability, reliably) in [(best_effort, false), (repaired, true)] {
+    let repaired = (!has_keys(opener)?).then_some((repaired, true));
+    for (reliability, reliably) in [(best_effort, false)].into_iter().chain(repaired) {
         let qos = scan_qos(reliability);
         let images = opener.subscribe(("depth/image", "sensor_msgs", "Image"), &qos)?;
         let seed = WithCamera { camera: camera.clone(), filter, seed: DepthSeed::new };
@@ -184,6 +159,19 @@ impl<'de, S: DeserializeSeed<'de, Value = Decoded>> DeserializeSeed<'de> for Wit
     }
 }
 
+/// A seed that makes an error of what cannot be decoded: so its publisher and number stay known.
+#[derive(Clone)]
+struct Told<S>(S);
+
+impl<'de, S: DeserializeSeed<'de, Value = Decoded>> DeserializeSeed<'de> for Told<S> {
+    type Value = Decoded;
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Decoded, D::Error> {
+        let decoded = self.0.deserialize(deserializer);
+        Ok(decoded.unwrap_or_else(|error| Err(CloudError::Undecodable(error.to_string()))))
+    }
+}
+
 /// Volatile, and few samples kept: a cloud is megabytes, and an old one is of no use.
 fn scan_qos(reliability: policy::Reliability) -> rustdds::QosPolicies {
     QosPolicyBuilder::new()
@@ -192,53 +180,6 @@ fn scan_qos(reliability: policy::Reliability) -> rustdds::QosPolicies {
         .history(policy::History::KeepLast { depth: 2 })
         .resource_limits(ResourceLimits { max_samples: 2, max_instances: 1, max_samples_per_instance: 2 })
         .build()
-}
-
-/// What a publisher's sequence numbers tell about clouds that never arrived.
-#[derive(Default)]
-struct Gaps {
-    newest: BTreeMap<Gid, i64>,
-    /// Samples that arrived since the last good one and could not be decoded: their numbers look like a gap.
-    undecodable: u64,
-}
-
-impl Gaps {
-    /// Publishers to remember; a driver that restarts is a new one each time.
-    const PUBLISHERS: usize = 1000;
-
-    fn lost_before(&mut self, publisher: Gid, number: i64) -> u64 {
-        if self.newest.len() >= Self::PUBLISHERS {
-            self.newest.clear();
-        }
-        let newest = self.newest.entry(publisher).or_insert(number);
-        let gap = number.saturating_sub(*newest).saturating_sub(1).max(0);
-        *newest = number.max(*newest);
-        gap.unsigned_abs().saturating_sub(std::mem::take(&mut self.undecodable))
-    }
-}
-
-/// The newest message of each publisher, where two readers have the same.
-#[derive(Default)]
-struct Newest(BTreeMap<Gid, i64>);
-
-impl Newest {
-    /// By how many messages one may be overtaken: twice what the readers keep.
-    const LATE: i64 = 200;
-
-    /// Whether a message is newer than all that were taken: what comes late has been overtaken, and to take it would be to
-    /// go back in time.
-    fn takes(&mut self, publisher: Gid, number: i64) -> bool {
-        if self.0.len() >= Gaps::PUBLISHERS {
-            self.0.clear();
-        }
-        let newest = self.0.entry(publisher).or_insert(number.saturating_sub(1));
-        // One number that was made up must not silence a publisher for ever.
-        let takes = number > *newest || newest.saturating_sub(number) > Self::LATE;
-        if takes {
-            *newest = number;
-        }
-        takes
-    }
 }
 
 /// Reads scans until the node ends; `name` is the topic's, `seed` decodes; `known` is shared with the topic's other readers,
@@ -253,7 +194,7 @@ async fn read_scans<S>(
 where
     S: for<'de> DeserializeSeed<'de, Value = Decoded> + Clone,
 {
-    let scans = subscription.async_stream_seed(seed);
+    let scans = subscription.async_stream_seed(Told(seed));
     pin_mut!(scans);
     while let Some(sample) = scans.next().await {
         let Some((scan, lost)) = known.borrow_mut().tell(sample, reliably) else { continue };
@@ -323,57 +264,5 @@ pub(super) async fn serve(
         if events.send(event).await.is_err() {
             return service.name();
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Publishers of different names.
-    fn publisher(number: u32) -> Gid {
-        let mut name = [0; 16];
-        name[..4].copy_from_slice(&number.to_le_bytes());
-        cdr_encoding::from_bytes::<Gid, byteorder::LittleEndian>(&name).unwrap().0
-    }
-
-    #[test]
-    fn made_up_numbers_and_ever_new_publishers_neither_overflow_nor_grow() {
-        let mut gaps = Gaps::default();
-        for number in [i64::MIN, i64::MAX, 0, -1, i64::MAX, i64::MIN] {
-            assert!(i64::try_from(gaps.lost_before(publisher(0), number)).is_ok());
-        }
-        for number in 0..10_000 {
-            assert_eq!(gaps.lost_before(publisher(number), i64::from(number)), 0);
-            assert!(gaps.newest.len() <= Gaps::PUBLISHERS);
-        }
-    }
-
-    #[test]
-    fn of_two_readers_of_a_topic_the_one_that_is_first_is_taken() {
-        let (mut newest, publisher) = (Newest::default(), Gid::default());
-        assert!([4, 5, 7].into_iter().all(|number| newest.takes(publisher, number)));
-        assert!(![3, 4, 5, 6, 7].into_iter().any(|number| newest.takes(publisher, number)));
-        assert!(newest.takes(publisher, 8));
-        assert!(
-            newest.takes(publisher, i64::MAX) && newest.takes(publisher, 9),
-            "made up, and the next true one"
-        );
-        assert!(!newest.takes(publisher, 9) && newest.takes(publisher, 10));
-    }
-
-    #[test]
-    fn a_gap_in_the_numbers_is_a_loss_unless_garbled_samples_explain_it() {
-        let (mut gaps, publisher) = (Gaps::default(), Gid::default());
-        assert_eq!(gaps.lost_before(publisher, 7), 0);
-        assert_eq!(gaps.lost_before(publisher, 8), 0);
-        assert_eq!(gaps.lost_before(publisher, 11), 2);
-        gaps.undecodable = 1;
-        assert_eq!(gaps.lost_before(publisher, 14), 1);
-        assert_eq!(gaps.lost_before(publisher, 13), 0);
-        assert_eq!(gaps.lost_before(publisher, 15), 0);
-        gaps.undecodable = 1;
-        assert_eq!(gaps.lost_before(publisher, 16), 0);
-        assert_eq!(gaps.lost_before(publisher, 18), 1);
     }
 }
