@@ -24,7 +24,7 @@ use cfodi::engine::paper::Cfodi;
 use cfodi::engine::{Engine, Isometry3, Mode, Params, Scan, Stamp};
 use cfodi::msg::ros::PointCloud2;
 use cfodi::sim::{Drive, Scene};
-use cfodi::store::{pack, unpack};
+use cfodi::store::{Stored, pack, unpack};
 use criterion::measurement::WallTime;
 use criterion::{BenchmarkGroup, Criterion, criterion_group, criterion_main};
 
@@ -84,13 +84,15 @@ fn bench(criterion: &mut Criterion) {
 fn save(group: &mut Group, label: &str, scans: &[Scan], params: Params) {
     let mut engine = Engine::new(params);
     scans.iter().for_each(|scan| drop(engine.insert(scan)));
-    let map = engine.save();
-    let bytes = pack(&map).unwrap();
+    let stored = Stored { frame_id: "map".to_owned(), map: engine.save() };
+    let bytes = pack(&stored).unwrap();
     println!("save {label}: {} voxels, {} bytes", engine.voxel_count(), bytes.len());
     group.bench_function(format!("save {label}, engine"), |b| b.iter(|| engine.save()));
-    group.bench_function(format!("save {label}, pack"), |b| b.iter(|| pack(&map)));
+    group.bench_function(format!("save {label}, pack"), |b| b.iter(|| pack(&stored)));
     group.bench_function(format!("save {label}, unpack"), |b| b.iter(|| unpack(&bytes)));
-    group.bench_function(format!("save {label}, restore"), |b| b.iter(|| Engine::restore(params, &map)));
+    group.bench_function(format!("save {label}, restore"), |b| {
+        b.iter(|| Engine::restore(params, &stored.map))
+    });
 }
 
 /// A scan of each mode, and how many times as long the second takes; nothing of it where a filter leaves one out.

@@ -104,6 +104,11 @@ impl Join {
         self.frames.insert(transform, is_static)
     }
 
+    /// Whether a transform that was overtaken is still of use; see [`Frames::is_of_use`].
+    pub fn is_of_use(&self, transform: &TransformStamped) -> bool {
+        self.frames.is_of_use(transform)
+    }
+
     /// Lets a cloud wait for its transform; gives the one that has waited longest where there was no place.
     pub fn cloud(&mut self, cloud: Cloud, now: Duration) -> Option<Waited<Cloud>> {
         let (stamp, frame) = (cloud.stamp, cloud.frame_id.clone());

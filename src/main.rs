@@ -7,6 +7,7 @@ mod cli;
 
 use std::process::ExitCode;
 
+use cfodi::line::one_line;
 use cfodi::node::process::ProcessError;
 use clap::{Parser, Subcommand};
 
@@ -47,7 +48,7 @@ fn main() -> ExitCode {
     let (setup, rest) = match cli::arguments().and_then(|args| Ok(cli::setup(&args)?)) {
         Ok(parsed) => parsed,
         Err(error) => {
-            eprintln!("cfodi: {error}");
+            eprintln!("cfodi: {}", one_line(&error.to_string()));
             return ExitCode::from(2);
         }
     };
@@ -64,7 +65,7 @@ fn main() -> ExitCode {
     match done {
         Ok(status) => status,
         Err(error) => {
-            eprintln!("cfodi: {error:#}");
+            eprintln!("cfodi: {}", one_line(&format!("{error:#}")));
             let is_configuration =
                 error.downcast_ref::<ProcessError>().is_some_and(ProcessError::is_configuration);
             if is_configuration { ExitCode::from(2) } else { ExitCode::FAILURE }

@@ -15,16 +15,26 @@
 //! | 8 | length of the map, unpacked |
 //! | 8 | length of the map, packed |
 //! | 4 | CRC-32 of all before and of the packed map |
-//! | ... | the map: [`SavedMap`] in postcard's encoding, packed by zstd |
+//! | ... | a [`Stored`] in postcard's encoding, packed by zstd |
 
 use std::ffi::OsString;
-use std::fs::{self, File};
+use std::fs::{self, File, TryLockError};
 use std::io::{self, Read as _, Write as _};
 use std::path::{Path, PathBuf};
 
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::engine::{RestoreError, SavedMap};
+
+/// What a file holds.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Stored {
+    /// The fixed frame of the map.
+    pub frame_id: String,
+    /// The map.
+    pub map: SavedMap,
+}
 
 /// The version of the format that is written, and the newest that can be read.
 pub const VERSION: u32 = 1;
@@ -33,8 +43,9 @@ const MAGIC: &[u8; 8] = b"cfodimap";
 const HEADER: usize = 32;
 /// Where the checksum begins.
 const CHECKED: usize = 28;
-/// How many times as long as the packed map the unpacked one is at most; a real one is some 2 to 5 times as long.
-const MOST_UNPACKED: u64 = 256;
+/// How many times as long as the packed map the unpacked one is at most; a real one is some 2 to 5 times as long. What it
+/// takes in memory follows its unpacked length: nothing in it is worth more than some tens of its bytes.
+const MOST_UNPACKED: u64 = 32;
 /// zstd's level: 1 packs a map in a tenth of the time of its default and makes it a few per cent larger.
 const LEVEL: i32 = 1;
 
@@ -48,6 +59,20 @@ pub enum StoreError {
         path: PathBuf,
         /// The system's words.
         error: io::Error,
+    },
+    /// The new map has the name, and a failure of power may yet take it back.
+    #[error("{path} is written, but it is not sure that this outlasts a failure of power: {error}")]
+    Unsure {
+        /// The file.
+        path: PathBuf,
+        /// The system's words.
+        error: io::Error,
+    },
+    /// Another process saves its map there.
+    #[error("{path} is in use by another process")]
+    InUse {
+        /// The file.
+        path: PathBuf,
     },
     /// The file is none of ours, or damaged.
     #[error("{path} holds no whole map: {what}")]
@@ -82,13 +107,33 @@ impl StoreError {
     }
 }
 
+/// The right to save under a name, until it is dropped.
+#[derive(Debug)]
+pub struct Lock(#[expect(dead_code, reason = "closing it gives the right back")] File);
+
+/// Takes the right to save under this name, by a lock on the file `NAME.lock`, which stays.
+///
+/// # Errors
+/// When another process has it, or the system refuses it.
+pub fn lock(path: &Path) -> Result<Lock, StoreError> {
+    let refused = |error| StoreError::Io { path: beside(path, "lock"), error };
+    let file = File::create(beside(path, "lock")).map_err(refused)?;
+    match file.try_lock() {
+        Ok(()) => Ok(Lock(file)),
+        Err(TryLockError::WouldBlock) => Err(StoreError::InUse { path: path.to_owned() }),
+        Err(TryLockError::Error(error)) => Err(refused(error)),
+    }
+}
+
 /// Writes a map under this name, in place of the one before; returns the bytes of the file.
 ///
 /// # Errors
-/// When the system refuses it; the one before is then as it was.
-pub fn write(path: &Path, map: &SavedMap) -> Result<u64, StoreError> {
+/// When the system refuses it; the one before is then as it was, unless it is [`StoreError::Unsure`].
+pub fn write(path: &Path, stored: &Stored) -> Result<u64, StoreError> {
     let refused = |error| StoreError::Io { path: path.to_owned(), error };
-    let bytes = pack(map).map_err(refused)?;
+    let bytes = pack(stored).map_err(refused)?;
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folder = File::open(folder).map_err(refused)?;
     let beside = beside(path, "part");
     let written = write_whole(&beside, &bytes).and_then(|()| fs::rename(&beside, path));
     if let Err(error) = written {
@@ -97,8 +142,7 @@ pub fn write(path: &Path, map: &SavedMap) -> Result<u64, StoreError> {
         return Err(refused(error));
     }
     // The name is on the disk when its folder is.
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    File::open(folder).and_then(|folder| folder.sync_all()).map_err(refused)?;
+    folder.sync_all().map_err(|error| StoreError::Unsure { path: path.to_owned(), error })?;
     Ok(bytes.len() as u64)
 }
 
@@ -106,10 +150,22 @@ pub fn write(path: &Path, map: &SavedMap) -> Result<u64, StoreError> {
 ///
 /// # Errors
 /// When there is none, or it is damaged or newer.
-pub fn read(path: &Path) -> Result<SavedMap, StoreError> {
-    let bytes = fs::read(path).map_err(|error| StoreError::Io { path: path.to_owned(), error })?;
+pub fn read(path: &Path) -> Result<Stored, StoreError> {
+    let refused = |error| StoreError::Io { path: path.to_owned(), error };
+    // Opening what is no file, a pipe, might never end.
+    if !path.metadata().map_err(refused)?.is_file() {
+        return Err(StoreError::Damaged { path: path.to_owned(), what: "it is no file".to_owned() });
+    }
+    let mut file = File::open(path).map_err(refused)?;
+    let mut bytes = Vec::new();
+    io::Read::by_ref(&mut file).take(HEADER as u64).read_to_end(&mut bytes).map_err(refused)?;
+    // No more than the header says is read, and one byte that shows that there is more; `unpack` looks at it again.
+    if let Ok(header) = Header::read(&bytes) {
+        let rest = header.packed_length.saturating_add(1);
+        file.take(rest).read_to_end(&mut bytes).map_err(refused)?;
+    }
     match unpack(&bytes) {
-        Ok(map) => Ok(map),
+        Ok(stored) => Ok(stored),
         Err(Flaw::Newer(version)) => Err(StoreError::Newer { path: path.to_owned(), version }),
         Err(Flaw::Damaged(what)) => Err(StoreError::Damaged { path: path.to_owned(), what }),
     }
@@ -153,8 +209,8 @@ pub enum Flaw {
 ///
 /// # Errors
 /// When the encoder finds no memory.
-pub fn pack(map: &SavedMap) -> io::Result<Vec<u8>> {
-    let plain = postcard::to_stdvec(map).map_err(io::Error::other)?;
+pub fn pack(stored: &Stored) -> io::Result<Vec<u8>> {
+    let plain = postcard::to_stdvec(stored).map_err(io::Error::other)?;
     let packed = zstd::encode_all(&plain[..], LEVEL)?;
     let mut bytes = Vec::with_capacity(HEADER + packed.len());
     bytes.extend(MAGIC);
@@ -173,42 +229,63 @@ fn checksum(header: &[u8], packed: &[u8]) -> u32 {
     hasher.finalize()
 }
 
+/// What the header says.
+struct Header {
+    plain_length: u64,
+    packed_length: u64,
+    checksum: u32,
+}
+
+impl Header {
+    /// The first bytes of a file.
+    fn read(bytes: &[u8]) -> Result<Self, Flaw> {
+        let damaged = |what: String| Err(Flaw::Damaged(what));
+        let Some(header) = bytes.get(..HEADER) else {
+            return damaged(format!("{} bytes, fewer than the {HEADER} of its header", bytes.len()));
+        };
+        if &header[..8] != MAGIC {
+            return damaged("it does not begin with `cfodimap`".to_owned());
+        }
+        let version = number(&header[8..12]) as u32;
+        if version > VERSION {
+            return Err(Flaw::Newer(version));
+        }
+        if version == 0 {
+            return damaged("it is of version 0, which there is not".to_owned());
+        }
+        let [plain_length, packed_length] = [12, 20].map(|at| number(&header[at..at + 8]));
+        if plain_length > packed_length.saturating_mul(MOST_UNPACKED) {
+            return damaged(format!("{packed_length} bytes that claim to be {plain_length}"));
+        }
+        Ok(Self { plain_length, packed_length, checksum: number(&header[CHECKED..]) as u32 })
+    }
+}
+
 /// The map in the bytes of a file.
 ///
 /// # Errors
 /// When they hold none, or one of a later version.
-pub fn unpack(bytes: &[u8]) -> Result<SavedMap, Flaw> {
+pub fn unpack(bytes: &[u8]) -> Result<Stored, Flaw> {
     let damaged = |what: String| Err(Flaw::Damaged(what));
-    let Some((header, packed)) = bytes.split_at_checked(HEADER) else {
-        return damaged(format!("{} bytes, fewer than the {HEADER} of its header", bytes.len()));
-    };
-    if &header[..8] != MAGIC {
-        return damaged("it does not begin with `cfodimap`".to_owned());
-    }
-    let version = u32::from_le_bytes([header[8], header[9], header[10], header[11]]);
-    if version > VERSION {
-        return Err(Flaw::Newer(version));
-    }
-    let [plain_length, packed_length] = [12, 20].map(|at| number(&header[at..at + 8]));
-    if version == 0 || packed_length != packed.len() as u64 {
+    let header = Header::read(bytes)?;
+    let (begin, packed) = bytes.split_at(HEADER);
+    if header.packed_length != packed.len() as u64 {
         return damaged(format!(
-            "version {version}, {packed_length} bytes after the header, and there are {}",
+            "{} bytes after the header, and there are {}",
+            header.packed_length,
             packed.len()
         ));
     }
-    let (said, found) = (number(&header[CHECKED..]) as u32, checksum(&header[..CHECKED], packed));
-    if said != found {
-        return damaged(format!("its checksum is {said:08x}, that of its bytes {found:08x}"));
+    let found = checksum(&begin[..CHECKED], packed);
+    if header.checksum != found {
+        return damaged(format!("its checksum is {:08x}, that of its bytes {found:08x}", header.checksum));
     }
-    if plain_length > packed_length.saturating_mul(MOST_UNPACKED) {
-        return damaged(format!("{packed_length} bytes that claim to be {plain_length}"));
-    }
-    let plain = inflate(packed, plain_length).map_err(|error| Flaw::Damaged(error.to_string()))?;
-    if plain.len() as u64 != plain_length {
-        return damaged(format!("{} bytes of map or more, and it says {plain_length}", plain.len()));
+    let plain = inflate(packed, header.plain_length).map_err(|error| Flaw::Damaged(error.to_string()))?;
+    if plain.len() as u64 != header.plain_length {
+        return damaged(format!("{} bytes of map or more, and it says {}", plain.len(), header.plain_length));
     }
     match postcard::take_from_bytes(&plain) {
-        Ok((map, [])) => Ok(map),
+        Ok((stored, [])) => Ok(stored),
         Ok((_, rest)) => damaged(format!("{} bytes after the map", rest.len())),
         Err(error) => damaged(error.to_string()),
     }

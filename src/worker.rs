@@ -77,7 +77,7 @@ pub struct Worker {
 
 impl Mailbox {
     fn lock(&self) -> MutexGuard<'_, Pending> {
-        // Each change of the mailbox is one assignment: a panic elsewhere leaves nothing half done.
+        // No change of the mailbox can panic on its way: a panic elsewhere leaves nothing half done.
         self.pending.lock().unwrap_or_else(PoisonError::into_inner)
     }
 

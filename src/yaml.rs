@@ -1,7 +1,7 @@
 //! YAML from outside, read within bounds: the library follows nesting by recursion and copies what an alias names.
 //!
-//! Keeps true: nothing is loaded before its nesting, its size and the size of all that its aliases stand for are known to
-//! be within bounds, and a file is read no further than they reach.
+//! Keeps true: nothing is loaded before its nesting, its nodes and its text are known to be within bounds, all that its
+//! aliases stand for among them, and a file is read no further than they reach.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -9,7 +9,7 @@ use std::io::{self, Read};
 use std::path::Path;
 
 use thiserror::Error;
-use yaml_rust2::parser::{Event, Parser};
+use yaml_rust2::parser::{Event, Parser, Tag};
 use yaml_rust2::{ScanError, Yaml, YamlLoader};
 
 /// Longest text (bytes): the `metadata.yaml` of a bag of a week in files of a minute has two million.
@@ -20,6 +20,9 @@ pub const MAX_DEPTH: usize = 64;
 
 /// Most nodes, those that an alias stands for counted each time.
 pub const MAX_NODES: usize = 1_000_000;
+
+/// Most text in scalars and tags (bytes), that which an alias stands for counted each time: one node may have all of a file.
+pub const MAX_TEXT_BYTES: usize = 64 << 20;
 
 /// A text that is no YAML, or more than is read.
 #[derive(Debug, Error)]
@@ -33,6 +36,9 @@ pub enum YamlError {
     /// Too much in it, perhaps by aliases of aliases.
     #[error("more than {MAX_NODES} nodes of YAML, aliases written out")]
     Many,
+    /// Too much text in it, perhaps one long text by many aliases: so many bytes up to where that was seen.
+    #[error("{0} bytes of text in YAML and more, aliases written out; at most {MAX_TEXT_BYTES} are read")]
+    Heavy(usize),
     /// Not YAML.
     #[error(transparent)]
     Form(#[from] ScanError),
@@ -80,17 +86,27 @@ pub fn check(text: &str) -> Result<(), YamlError> {
     }
 }
 
-/// How many nodes a part of a document has, and how deep it is.
+/// How many nodes and bytes of text a part of a document has, and how deep it is.
 #[derive(Clone, Copy, Default)]
 struct Size {
     nodes: usize,
+    bytes: usize,
     depth: usize,
+}
+
+impl Size {
+    /// That of a single node; a tag stands for the prefix that the document declares for it.
+    fn of(text: &str, tag: Option<&Tag>) -> Self {
+        let tag = tag.map_or(0, |tag| tag.handle.len() + tag.suffix.len());
+        Self { nodes: 1, bytes: text.len() + tag, depth: 1 }
+    }
 }
 
 /// What has been met so far.
 #[derive(Default)]
 struct Extent {
     nodes: usize,
+    bytes: usize,
     /// Sequences and mappings that are open, each with its anchor (0: none).
     open: Vec<(usize, Size)>,
     anchored: BTreeMap<usize, Size>,
@@ -99,23 +115,25 @@ struct Extent {
 impl Extent {
     fn take(&mut self, event: &Event) -> Result<(), YamlError> {
         match event {
-            Event::SequenceStart(anchor, _) | Event::MappingStart(anchor, _) => {
-                self.open.push((*anchor, Size { nodes: 1, depth: 1 }));
-                self.grow(1)?;
+            Event::SequenceStart(anchor, tag) | Event::MappingStart(anchor, tag) => {
+                let size = Size::of("", tag.as_ref());
+                self.open.push((*anchor, size));
+                self.grow(size)?;
             }
             Event::SequenceEnd | Event::MappingEnd => {
                 if let Some((anchor, size)) = self.open.pop() {
                     self.close(anchor, size)?;
                 }
             }
-            Event::Scalar(_, _, anchor, _) => {
-                self.grow(1)?;
-                self.close(*anchor, Size { nodes: 1, depth: 1 })?;
+            Event::Scalar(text, _, anchor, tag) => {
+                let size = Size::of(text, tag.as_ref());
+                self.grow(size)?;
+                self.close(*anchor, size)?;
             }
             Event::Alias(anchor) => {
                 // One that names nothing closed stands for nothing.
-                let size = self.anchored.get(anchor).copied().unwrap_or(Size { nodes: 1, depth: 1 });
-                self.grow(size.nodes)?;
+                let size = self.anchored.get(anchor).copied().unwrap_or(Size::of("", None));
+                self.grow(size)?;
                 self.close(0, size)?;
             }
             _ => {}
@@ -123,20 +141,25 @@ impl Extent {
         if self.open.len() > MAX_DEPTH { Err(YamlError::Deep) } else { Ok(()) }
     }
 
-    fn grow(&mut self, nodes: usize) -> Result<(), YamlError> {
-        self.nodes += nodes;
-        if self.nodes > MAX_NODES { Err(YamlError::Many) } else { Ok(()) }
+    fn grow(&mut self, size: Size) -> Result<(), YamlError> {
+        self.nodes += size.nodes;
+        self.bytes += size.bytes;
+        if self.nodes > MAX_NODES {
+            return Err(YamlError::Many);
+        }
+        if self.bytes > MAX_TEXT_BYTES { Err(YamlError::Heavy(self.bytes)) } else { Ok(()) }
     }
 
     /// Adds a part that is whole to the one around it.
     fn close(&mut self, anchor: usize, size: Size) -> Result<(), YamlError> {
         if anchor > 0 {
             // The library copies what has a name.
-            self.grow(size.nodes)?;
+            self.grow(size)?;
             self.anchored.insert(anchor, size);
         }
         if let Some((_, around)) = self.open.last_mut() {
             around.nodes += size.nodes;
+            around.bytes += size.bytes;
             around.depth = around.depth.max(1 + size.depth);
         }
         if self.open.len() + size.depth > MAX_DEPTH { Err(YamlError::Deep) } else { Ok(()) }
@@ -189,6 +212,23 @@ mod tests {
         }
         let error = load(&text).unwrap_err();
         assert!(matches!(error, YamlError::Many), "{error}");
+    }
+
+    #[test]
+    fn a_long_text_by_many_aliases_is_refused_before_it_is_loaded() {
+        let text = |bytes, aliases| {
+            format!("a: &x \"{}\"\nb: [{}]\n", "y".repeat(bytes), vec!["*x"; aliases].join(", "))
+        };
+        assert!(check(&text(1 << 20, 61)).is_ok());
+        // Twice four MiB for a text with a name, fourteen times for its aliases, and two keys; all would be a terabyte.
+        let error = load(&text(4 << 20, 300_000)).unwrap_err().to_string();
+        assert_eq!(
+            error,
+            "67108866 bytes of text in YAML and more, aliases written out; at most 67108864 are read"
+        );
+        // The prefix of a tag is copied for each node as well.
+        let tags = format!("%TAG !e! tag:{}\n---\n[{}1]\n", "y".repeat(1 << 20), "!e!a 1, ".repeat(1000));
+        assert!(matches!(load(&tags), Err(YamlError::Heavy(_))));
     }
 
     #[test]

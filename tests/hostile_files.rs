@@ -216,10 +216,10 @@ fn times_at_the_ends_of_the_clock_are_copied_and_break_nothing() {
     }
     let bag = put(&folder, "a.mcap", &whole(&inside));
     ends(&bag, &["--with-input", "--out", out.to_str().unwrap()], 0, "5 scans");
-    assert_eq!(
-        Bag::open(&out).unwrap().messages().filter(|m| m.as_ref().unwrap().topic() == POINTS).count(),
-        5
-    );
+    let messages = Bag::open(&out).unwrap().messages().map(Result::unwrap);
+    let times: Vec<_> =
+        messages.filter(|message| message.topic() == POINTS).map(|message| message.log_time).collect();
+    assert_eq!(times, [0, u64::MAX, 1, 1 << 63, u64::MAX - 1]);
 }
 
 #[test]
@@ -251,13 +251,40 @@ fn names_in_a_bag_do_not_speak_to_the_terminal() {
     writer.tf("/tf_static", stamp(0), "evil\u{1b}[31m\nroot", OPTICAL, 0.0);
     let bag = put(&folder, "a.mcap", &writer.finish());
     for more in [&[][..], &["--topic", "/nope"], &["--topic", "/tf"]] {
-        let said = errors(&replay_within(&bag, more));
-        assert!(!said.contains(['\u{1b}', '\u{7}', '\r']), "{said:?}");
-        assert!(
-            said.lines().all(|line| !line.starts_with("cfodi: all") && !line.starts_with("root")),
-            "{said:?}"
-        );
+        says_nothing_raw(&replay_within(&bag, more));
     }
+}
+
+/// No name steers the terminal or begins a line; gives what is said.
+fn says_nothing_raw(output: &Output) -> String {
+    let said = errors(output);
+    assert!(!said.contains(['\u{1b}', '\u{7}', '\r']), "{said:?}");
+    let is_of_a_name = |line: &str| line.starts_with("cfodi: all") || line.starts_with("root");
+    assert!(!said.lines().any(is_of_a_name), "{said:?}");
+    said
+}
+
+#[test]
+fn names_of_files_channels_and_parameters_do_not_speak_to_the_terminal() {
+    let folder = folder();
+    let written_out = r"\u{1b}[2J\ncfodi: all is well\r";
+    put(&folder, "good.mcap", &drive(BagWriter::new(Layout::Plain), 3));
+    // Alone it is no bag; beside a good file it is what was not read.
+    let evil = r#""\e[2J\ncfodi: all is well\r""#;
+    for files in [evil.to_owned(), format!("{evil}, good.mcap")] {
+        let listed = format!("rosbag2_bagfile_information: {{relative_file_paths: [{files}]}}");
+        put(&folder, "metadata.yaml", listed.as_bytes());
+        let said = says_nothing_raw(&replay_within(folder.path(), &[]));
+        assert!(said.contains(written_out), "{said:?}");
+    }
+    let records =
+        [channel(1, POINTS), message(1, 7, &good_message(0)), channel(1, "\u{1b}[2J\ncfodi: all is well\r")];
+    let said = says_nothing_raw(&replay_within(&put(&folder, "a.mcap", &whole(&records.concat())), &[]));
+    assert!(said.contains(&format!("Channel `{written_out}`")), "{said:?}");
+    let params = put(&folder, "params.yaml", format!("/**: {{ros__parameters: {{{evil}: 3}}}}").as_bytes());
+    let ros_args = ["--ros-args", "--params-file", params.to_str().unwrap()];
+    let said = says_nothing_raw(&replay_within(folder.path(), &ros_args));
+    assert!(said.contains(&format!("unknown parameter `{written_out}`")), "{said:?}");
 }
 
 #[test]
@@ -281,15 +308,22 @@ fn a_metadata_without_bounds_is_refused() {
     let laughs = (1..12).fold("a0: &a0 [1, 1, 1]\n".to_owned(), |text, i| {
         text + &format!("a{i}: &a{i} [{}]\n", vec![format!("*a{}", i - 1); 9].join(", "))
     });
-    for text in [laughs.into_bytes(), "- ".repeat(300_000).into_bytes(), vec![b' '; 9 << 20], vec![0xff; 100]]
+    let heavy = format!("a: &x \"{}\"\nb: [{}]\n", "y".repeat(4 << 20), vec!["*x"; 300_000].join(", "));
+    let deep = "- ".repeat(300_000);
+    for text in
+        [laughs.into_bytes(), heavy.into_bytes(), deep.into_bytes(), vec![b' '; 9 << 20], vec![0xff; 100]]
     {
         let folder = folder();
         put(&folder, "metadata.yaml", &text);
         ends(folder.path(), &[], 1, "metadata.yaml");
     }
     let folder = folder();
-    std::os::unix::fs::symlink("/dev/zero", folder.path().join("metadata.yaml")).unwrap();
-    ends(folder.path(), &[], 1, "metadata.yaml");
+    let metadata = folder.path().join("metadata.yaml");
+    std::os::unix::fs::symlink("/dev/zero", &metadata).unwrap();
+    ends(folder.path(), &[], 1, "metadata.yaml: it is no regular file");
+    fs::remove_file(&metadata).unwrap();
+    assert!(Command::new("mkfifo").arg(&metadata).status().unwrap().success());
+    ends(folder.path(), &[], 1, "metadata.yaml: it is no regular file");
 }
 
 #[test]
@@ -322,7 +356,7 @@ fn an_environment_of_nonsense_is_refused_or_without_effect() {
         assert_eq!(output.status.code(), Some(2), "{}", errors(&output));
         assert!(errors(&output).contains("it must be from 0 to 232"), "{}", errors(&output));
     }
-    for log in [&b"[[["[..], b"\xff", b"trace=trace=trace", b","] {
+    for log in [&b"[[["[..], b"\xff", b"trace=trace=trace", b",", b"", "\u{2003}ab=info".as_bytes()] {
         let output = run("RUST_LOG", log);
         assert_eq!(output.status.code(), Some(0), "{}", errors(&output));
     }

@@ -16,7 +16,7 @@ use std::process::{Command, Stdio};
 use std::time::Duration;
 
 use cfodi::engine::{Engine, Isometry3, Params, Points, Scan, Stamp};
-use cfodi::store;
+use cfodi::store::{self, Stored};
 
 /// In the process that saves: the file of the map.
 const CHILD: &str = "CFODI_SAVES_INTO";
@@ -39,7 +39,7 @@ fn scan(number: u64) -> Scan {
 
 fn resumed(path: &Path) -> Engine {
     match store::read(path) {
-        Ok(map) => Engine::restore(Params::default(), &map).unwrap(),
+        Ok(Stored { map, .. }) => Engine::restore(Params::default(), &map).unwrap(),
         Err(error) if error.is_missing() => Engine::new(Params::default()),
         Err(error) => panic!("{error}"),
     }
@@ -53,7 +53,7 @@ fn save_until_killed(path: &Path) -> ! {
         let sequence = engine.save().sequence();
         engine.insert(&scan(sequence));
         writeln!(out, "\nbegin {}", sequence + 1).unwrap();
-        store::write(path, &engine.save()).unwrap();
+        store::write(path, &Stored { frame_id: "odom".to_owned(), map: engine.save() }).unwrap();
         writeln!(out, "\nsaved {}", sequence + 1).unwrap();
     }
 }

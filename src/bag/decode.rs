@@ -40,6 +40,12 @@ pub enum Recorded {
 /// Images that may wait for their intrinsics: drivers send both together, in either order.
 const IMAGES: usize = 8;
 
+/// Bytes of images that may wait, those of all sensors together: eight of 1920 x 1080 pixels in floating point have 63 MiB.
+const WAITING_BYTES: usize = 64 << 20;
+
+/// What becomes of an image that has waited in vain.
+const NO_CAMERA_INFO: Recorded = Recorded::Cloud(Err(CloudError::NoCameraInfo));
+
 /// Reads the messages of the chosen sensors, and all transforms.
 #[derive(Clone, Debug)]
 pub struct Decoder {
@@ -54,12 +60,16 @@ struct Input {
     camera: Option<Result<Camera, CloudError>>,
     /// Images that came before their intrinsics.
     waiting: VecDeque<Vec<u8>>,
+    /// The most that they may have together (bytes).
+    room: usize,
 }
 
 impl Decoder {
     /// Reads these sensors.
     pub fn new(sensors: Vec<Sensor>, filter: CloudFilter) -> Self {
-        let input = |sensor| Input { sensor, camera: None, waiting: VecDeque::new() };
+        let cameras = sensors.iter().filter(|sensor| sensor.info_topic.is_some()).count();
+        let room = WAITING_BYTES / cameras.max(1);
+        let input = |sensor| Input { sensor, camera: None, waiting: VecDeque::new(), room };
         Self { filter, sensors: sensors.into_iter().map(input).collect() }
     }
 
@@ -81,14 +91,14 @@ impl Decoder {
     /// The images whose intrinsics have not come.
     pub fn finish(&mut self) -> Vec<Recorded> {
         let waiting = self.sensors.iter_mut().flat_map(|input| std::mem::take(&mut input.waiting));
-        waiting.map(|_| Recorded::Cloud(Err(CloudError::NoCameraInfo))).collect()
+        waiting.map(|_| NO_CAMERA_INFO).collect()
     }
 }
 
 impl Input {
     fn decode(&mut self, message: &Message, filter: &CloudFilter) -> Vec<Recorded> {
         if message.topic() == self.sensor.topic {
-            return self.scan(&message.data, filter).into_iter().collect();
+            return self.scan(&message.data, filter);
         }
         if self.sensor.info_topic.as_deref() == Some(message.topic()) {
             return self.intrinsics(message, filter);
@@ -104,32 +114,44 @@ impl Input {
                 let told = (before.is_none() && is_distorted)
                     .then(|| Recorded::Distorted { topic: message.topic().to_owned() });
                 let waiting = std::mem::take(&mut self.waiting);
-                let scans = waiting.iter().filter_map(|image| self.scan(image, filter));
+                let scans = waiting.iter().flat_map(|image| self.scan(image, filter));
                 told.into_iter().chain(scans).collect()
             }
             Err(text) => vec![Recorded::Undecodable { topic: message.topic().to_owned(), text }],
         }
     }
 
-    fn scan(&mut self, data: &[u8], filter: &CloudFilter) -> Option<Recorded> {
+    /// The scan in a message; one that has to wait is none yet, and may push out others.
+    fn scan(&mut self, data: &[u8], filter: &CloudFilter) -> Vec<Recorded> {
         let seeded = match (self.sensor.kind, &self.camera) {
             (SensorKind::Cloud, _) => read_with(data, CloudSeed::new(*filter)),
-            (_, Some(Err(error))) => return Some(Recorded::Cloud(Err(error.clone()))),
+            (_, Some(Err(error))) => return vec![Recorded::Cloud(Err(error.clone()))],
             (SensorKind::Depth, Some(Ok(camera))) => read_with(data, DepthSeed::new(*camera, *filter)),
             (SensorKind::CompressedDepth, Some(Ok(camera))) => {
                 read_with(data, CompressedSeed::new(*camera, *filter))
             }
-            (_, None) => return self.wait(data.to_owned()),
+            (_, None) => return self.wait(data),
         };
         let cloud = seeded.unwrap_or_else(|text| Err(CloudError::Undecodable(text)));
-        Some(Recorded::Cloud(cloud))
+        vec![Recorded::Cloud(cloud)]
     }
 
-    /// Keeps an image; the oldest is given up where too many wait.
-    fn wait(&mut self, image: Vec<u8>) -> Option<Recorded> {
-        self.waiting.push_back(image);
-        let too_many = self.waiting.len() > IMAGES;
-        too_many.then(|| self.waiting.pop_front())?.map(|_| Recorded::Cloud(Err(CloudError::NoCameraInfo)))
+    /// Keeps an image; the oldest are given up where too many wait or have too many bytes, and one that is too large alone.
+    fn wait(&mut self, image: &[u8]) -> Vec<Recorded> {
+        if image.len() > self.room {
+            return vec![NO_CAMERA_INFO];
+        }
+        let mut given_up = Vec::new();
+        while self.waiting.len() >= IMAGES || self.waiting_bytes() + image.len() > self.room {
+            self.waiting.pop_front();
+            given_up.push(NO_CAMERA_INFO);
+        }
+        self.waiting.push_back(image.to_owned());
+        given_up
+    }
+
+    fn waiting_bytes(&self) -> usize {
+        self.waiting.iter().map(Vec::len).sum()
     }
 }
 
@@ -165,4 +187,55 @@ fn read_with<'de, S: DeserializeSeed<'de>>(data: &'de [u8], seed: S) -> Result<S
         }
     };
     read.map_err(|error| error.to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+    use std::sync::Arc;
+
+    use super::*;
+
+    /// Reads the depth images of `/0`, `/1` and so on, whose intrinsics do not come.
+    fn decoder(sensors: usize) -> Decoder {
+        let sensor = |i| Sensor {
+            topic: format!("/{i}"),
+            kind: SensorKind::Depth,
+            info_topic: Some(format!("/{i}/camera_info")),
+        };
+        let filter = CloudFilter { min_range: 0.4, max_range: 6.0, optical: Optical::Auto, max_points: 1 };
+        Decoder::new((0..sensors).map(sensor).collect(), filter)
+    }
+
+    /// How many images are given up when one of so many bytes comes on `/0`.
+    fn given_up(decoder: &mut Decoder, bytes: usize) -> usize {
+        let channel = mcap::Channel {
+            id: 0,
+            topic: "/0".to_owned(),
+            schema: None,
+            message_encoding: "cdr".to_owned(),
+            metadata: BTreeMap::new(),
+        };
+        let said = decoder.decode(&Message { channel: Arc::new(channel), log_time: 0, data: vec![0; bytes] });
+        assert!(said.iter().all(|recorded| *recorded == NO_CAMERA_INFO), "{said:?}");
+        said.len()
+    }
+
+    #[test]
+    fn eight_images_wait_for_their_camera_and_the_oldest_is_given_up() {
+        let mut decoder = decoder(1);
+        assert_eq!([100; 10].map(|bytes| given_up(&mut decoder, bytes)), [0, 0, 0, 0, 0, 0, 0, 0, 1, 1]);
+        assert_eq!(decoder.finish().len(), 8);
+    }
+
+    #[test]
+    fn no_more_than_64_mib_of_images_wait_for_their_cameras() {
+        let mut decoder_of_one = decoder(1);
+        let mebibytes = [20, 20, 20, 20, 30, 65, 60, 4];
+        let counts = mebibytes.map(|size: usize| given_up(&mut decoder_of_one, size << 20));
+        assert_eq!(counts, [0, 0, 0, 1, 2, 1, 2, 0]);
+        assert_eq!(decoder_of_one.finish().len(), 2);
+        // Two sensors have half of it each.
+        assert_eq!([32, 33].map(|size: usize| given_up(&mut decoder(2), size << 20)), [0, 1]);
+    }
 }

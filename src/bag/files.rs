@@ -33,16 +33,15 @@ impl Bag {
         if !about.is_dir() {
             return Ok(Self { files: vec![Part::open(path)?], listed: Vec::new() });
         }
-        let (paths, listed) = match yaml::read(&path.join(METADATA)) {
-            Ok(text) => {
+        let (paths, listed) = match description(path)? {
+            Some(text) => {
                 let metadata = metadata::parse(path, &text)?;
                 if metadata.storage == "sqlite3" {
                     return Err(sqlite(path, path));
                 }
                 (metadata.files, metadata.topics)
             }
-            Err(error) if error.kind() == io::ErrorKind::NotFound => (mcap_files(path)?, Vec::new()),
-            Err(source) => return Err(reading(&path.join(METADATA), source)),
+            None => (mcap_files(path)?, Vec::new()),
         };
         let opened: Vec<_> = paths.iter().map(|path| Part::open(path)).collect();
         let mut files = Vec::new();
@@ -80,6 +79,17 @@ impl Bag {
     /// All messages in the order of the file.
     pub fn messages(&self) -> Messages {
         Messages::new(self.files.clone())
+    }
+}
+
+/// What a recorder says of a folder; `None` where it says nothing.
+fn description(folder: &Path) -> Result<Option<String>, BagError> {
+    let path = folder.join(METADATA);
+    let read = || yaml::read(&path).map_err(|source| reading(&path, source));
+    match Part::check_regular(&path).and_then(|_| read()) {
+        Ok(text) => Ok(Some(text)),
+        Err(BagError::Io { source, .. }) if source.kind() == io::ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(error),
     }
 }
 

@@ -22,7 +22,8 @@ pub(super) fn survey(files: &[Part], listed: &[Topic]) -> Survey {
     let mut topics = BTreeMap::<(String, String, String), Option<u64>>::new();
     for topic in found {
         let known = topics.entry((topic.name, topic.type_name, topic.encoding)).or_insert(Some(0));
-        *known = known.zip(topic.messages).map(|(a, b)| a + b);
+        // A sum that 64 bits do not hold is of numbers that are not true.
+        *known = known.zip(topic.messages).and_then(|(a, b)| a.checked_add(b));
     }
     let topic = |((name, type_name, encoding), messages)| Topic { name, type_name, encoding, messages };
     Survey { topics: topics.into_iter().map(topic).collect(), is_complete }
@@ -85,4 +86,28 @@ fn of_messages(files: &[Part]) -> (Vec<Topic>, bool) {
         known.messages = known.messages.map(|count| count + 1);
     }
     (topics.into_values().collect(), true)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+
+    #[test]
+    fn numbers_whose_sum_overflows_are_no_number() {
+        let topic = |messages| Topic {
+            name: "/tf".to_owned(),
+            type_name: "tf2_msgs/msg/TFMessage".to_owned(),
+            encoding: "cdr".to_owned(),
+            messages: Some(messages),
+        };
+        let sum = |counts: [u64; 2]| {
+            // Without a summary it is the list that counts.
+            let files = [Part::unopened(Path::new("/no/such.mcap"))];
+            survey(&files, &counts.map(topic)).topics[0].messages
+        };
+        assert_eq!(sum([u64::MAX - 1, 1]), Some(u64::MAX));
+        assert_eq!(sum([u64::MAX, 1]), None);
+    }
 }

@@ -189,6 +189,10 @@ impl<W: Write> ResultBag<W> {
 
     /// When a message of the input is logged: where its times jump back with the stamps, after what was before.
     fn input_time(&mut self, log_time: u64) -> u64 {
+        // A clock of ROS has 63 bits: a time beyond them is copied as it is, and does not move what comes behind it.
+        if i64::try_from(log_time).is_err() {
+            return log_time;
+        }
         let shifted = log_time.saturating_add(self.input_ahead);
         let back = self.input_newest.saturating_sub(shifted);
         if back as f64 * 1e-9 > JUMP_BACK {

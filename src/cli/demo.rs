@@ -69,9 +69,10 @@ pub(crate) fn demo(setup: &Setup, options: &Options) -> anyhow::Result<()> {
     let mut travelling: Option<JoinHandle<Result<(), String>>> = None;
     let over = Arc::new(AtomicBool::new(false));
     let arrived = Arc::new(AtomicBool::new(false));
+    let (engine, _lock) = begin(&setup.config, false).map_err(ProcessError::from)?;
     let map = live_node(
         setup,
-        begin(&setup.config, false).map_err(ProcessError::from)?,
+        engine,
         Some(record.clone()),
         |events| {
             let journey = Journey {

@@ -1,5 +1,6 @@
 //! The log on stderr.
 
+use std::env;
 use std::io::{self, IsTerminal};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -16,22 +17,36 @@ use tracing_subscriber::util::SubscriberInitExt as _;
 const QUIET: &str = "rustdds=error,ros2_client=error,rustdds::network::udp_listener=off,rustdds::dds::pubsub=off,\
                      rustdds::rtps::message_receiver=off,rustdds::security=off,cdr_encoding=off";
 
-/// Logs to stderr; `RUST_LOG` decides where it is set, and then says all.
+/// Logs to stderr; `RUST_LOG` decides where it asks for something, and then says all.
 pub(crate) fn start(level: Option<&str>) {
-    let level = match level {
-        Some("fatal") => "error",
-        Some(level) => level,
-        None => "info",
-    };
-    let asked = EnvFilter::try_from_default_env().ok();
-    let is_bounded = asked.is_none();
-    let filter = asked.unwrap_or_else(|| EnvFilter::new(format!("{level},{QUIET}")));
+    let variable = env::var(EnvFilter::DEFAULT_ENV).ok();
+    let (filter, is_bounded) = filter(variable.as_deref(), level);
     let bound = Bound::default();
     let within = DynFilterFn::new(move |about, _| !is_bounded || bound.allows(about, Instant::now()));
     let colours = io::stderr().is_terminal();
     let lines =
         fmt::layer().with_target(false).with_ansi(colours).with_writer(io::stderr).with_filter(within);
     tracing_subscriber::registry().with(lines).with(filter).init();
+}
+
+/// What is logged, and whether the lines of the libraries are bounded.
+fn filter(variable: Option<&str>, level: Option<&str>) -> (EnvFilter, bool) {
+    let level = match level {
+        Some("fatal") => "error",
+        Some(level) => level,
+        None => "info",
+    };
+    match variable.and_then(asked) {
+        Some(filter) => (filter, false),
+        None => (EnvFilter::new(format!("{level},{QUIET}")), true),
+    }
+}
+
+/// What the value of `RUST_LOG` asks for. One without a directive would be a filter that lets nothing pass, and is as good as
+/// none; blanks around a directive make the library read another one.
+fn asked(value: &str) -> Option<EnvFilter> {
+    let directives: Vec<_> = value.split(',').map(str::trim).filter(|one| !one.is_empty()).collect();
+    if directives.is_empty() { None } else { EnvFilter::try_new(directives.join(",")).ok() }
 }
 
 /// Lines of the libraries: they say one for each bad packet, and a sender could fill the disk with them.
@@ -57,7 +72,28 @@ impl Bound {
 
 #[cfg(test)]
 mod tests {
+    use tracing_subscriber::filter::LevelFilter;
+
     use super::*;
+
+    #[test]
+    fn a_rust_log_that_asks_for_nothing_is_as_good_as_none() {
+        let default = filter(None, None).0.to_string();
+        assert!(default.contains("rustdds"), "{default}");
+        for nothing in ["", ",", " , ,\t", "[[[", "trace=trace=trace"] {
+            let (filter, is_bounded) = filter(Some(nothing), None);
+            assert_eq!((filter.to_string(), is_bounded), (default.clone(), true), "{nothing:?}");
+        }
+    }
+
+    #[test]
+    fn a_rust_log_that_asks_for_something_says_all() {
+        let (told, is_bounded) = filter(Some(",\u{2003}warn ,"), Some("debug"));
+        assert_eq!((told.max_level_hint(), is_bounded), (Some(LevelFilter::WARN), false));
+        // A bare word that is no level is the target of a library, or of nobody.
+        assert!(asked("nonsense").is_some());
+        assert_eq!(filter(None, Some("fatal")).0.max_level_hint(), Some(LevelFilter::ERROR));
+    }
 
     #[test]
     fn libraries_have_so_many_lines_in_five_seconds_and_then_again() {

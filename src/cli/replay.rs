@@ -181,7 +181,7 @@ pub(crate) fn open(setup: &Setup, path: &Path, wanted: &[String]) -> anyhow::Res
     let bag = match Bag::open(path) {
         Ok(bag) => bag,
         Err(error) => {
-            eprintln!("cfodi: {error}");
+            eprintln!("cfodi: {}", one_line(&error.to_string()));
             let status = if error.is_wrong_argument() { ExitCode::from(WRONG) } else { ExitCode::FAILURE };
             return Ok(Err(status));
         }
@@ -199,7 +199,8 @@ pub(crate) fn open(setup: &Setup, path: &Path, wanted: &[String]) -> anyhow::Res
     let choice = match choose(&topics, wanted, Some(&info)) {
         Ok(choice) => choice,
         Err(error) => {
-            eprintln!("cfodi: {}: {error}", path.display());
+            // The error itself has several lines: what the bag holds.
+            eprintln!("cfodi: {}: {error}", one_line(&path.display().to_string()));
             // What is not in a bag that is cut may have been behind the cut: nothing can be read, but nobody was wrong.
             if is_complete || !error.is_for_lack() {
                 return Ok(Err(ExitCode::from(WRONG)));
@@ -288,7 +289,7 @@ pub(crate) fn say_skipped(summary: &Summary) -> ExitCode {
         eprintln!("{skipped} scans skipped: {}", reasons.join(", "));
     }
     if let Some(unread) = &summary.unread {
-        eprintln!("cfodi: not all of the bag was read: {unread}");
+        eprintln!("cfodi: not all of the bag was read: {}", one_line(unread));
     }
     if summary.stopped {
         eprintln!("cfodi: stopped by a signal before the end of the bag");

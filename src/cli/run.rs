@@ -1,6 +1,7 @@
 //! `cfodi run`: the live node beside a robot's driver.
 
 use cfodi::node::Setup;
+use cfodi::node::dds::check_names;
 use cfodi::node::process::{ProcessError, live_node};
 use cfodi::node::resume::begin;
 use clap::Args;
@@ -14,8 +15,9 @@ pub(crate) struct Options {
 
 pub(crate) fn run(setup: &Setup, options: &Options) -> anyhow::Result<()> {
     // Before a map is set aside for a node that cannot start.
+    check_names(setup).map_err(ProcessError::from)?;
     setup.security().map_err(ProcessError::from)?;
-    let engine = begin(&setup.config, options.resume).map_err(ProcessError::from)?;
+    let (engine, _lock) = begin(&setup.config, options.resume).map_err(ProcessError::from)?;
     live_node(setup, engine, None, |_| Ok(()), || false)?;
     Ok(())
 }

@@ -61,6 +61,24 @@ pub(super) fn ensure(holds: bool, what: impl FnOnce() -> String) -> Result<(), R
     if holds { Ok(()) } else { Err(RestoreError::Contradiction(what())) }
 }
 
+/// What was saved with its slot, by slot; there are so many of them.
+pub(super) fn in_slots<'a, T>(
+    what: &str,
+    saved: &'a [(u32, T)],
+    slots: usize,
+) -> Result<Vec<Option<&'a T>>, RestoreError> {
+    let mut places = vec![None; slots];
+    for (slot, item) in saved {
+        let place = places.get_mut(*slot as usize).filter(|place| place.is_none());
+        let Some(place) = place else {
+            let text = format!("{what} {slot} is there twice, or not among {slots}");
+            return Err(RestoreError::Contradiction(text));
+        };
+        *place = Some(item);
+    }
+    Ok(places)
+}
+
 /// Scans, and ids given, beyond which no map has got: they go on counting up from there.
 const MOST_COUNTED: u64 = 1 << 60;
 

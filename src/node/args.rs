@@ -6,9 +6,8 @@ use std::path::Path;
 use ros2args::names::{build_node_fqn, expand_topic_name};
 use ros2args::{ParamAssignment, Ros2Args, Ros2ArgsError, match_wildcard_pattern};
 use thiserror::Error;
-use yaml_rust2::Yaml;
 
-use super::params_file::assignments;
+use super::params_file::{MAX_NAME_BYTES, assignments, flatten};
 use super::security::{Asked, BUILT_IN, Security, SecurityError};
 use crate::config::{Config, ConfigError, Value};
 use crate::yaml::{self, YamlError};
@@ -69,6 +68,14 @@ pub enum ArgsError {
         /// As given.
         value: String,
     },
+    /// A name that is too long, perhaps joined from those of nested maps.
+    #[error("the name of the parameter `{begin}...` has {bytes} bytes; at most {MAX_NAME_BYTES} are read")]
+    LongName {
+        /// How it begins.
+        begin: String,
+        /// Its length.
+        bytes: usize,
+    },
     /// A value that is more than is read.
     #[error("the value of {name} is refused: {bound}")]
     Value {
@@ -128,7 +135,7 @@ impl Setup {
     /// # Errors
     /// When the node must not open a socket.
     pub fn security(&self) -> Result<Security, SecurityError> {
-        self.security.decide(BUILT_IN, Path::exists)
+        self.security.decide(BUILT_IN, Path::try_exists)
     }
 
     /// The fully qualified name of a topic or service: expanded, then remapped.
@@ -207,32 +214,6 @@ fn given_parameters(ros: &Ros2Args, namespace: &str, name: &str) -> Result<Vec<(
         flatten(param.name, &param.value, &mut values)?;
     }
     Ok(values)
-}
-
-/// A nested map stands for names joined by dots.
-fn flatten(name: String, value: &Yaml, values: &mut Vec<(String, Value)>) -> Result<(), ArgsError> {
-    let value = match value {
-        Yaml::Boolean(value) => Value::Boolean(*value),
-        Yaml::Integer(value) => Value::Integer(*value),
-        Yaml::Real(text) => match value.as_f64() {
-            Some(value) => Value::Double(value),
-            None => Value::Text(text.clone()),
-        },
-        Yaml::String(value) => Value::Text(value.clone()),
-        Yaml::Array(list) => Value::TextList(list.iter().map(text_of).collect()),
-        Yaml::Hash(map) => {
-            return map
-                .iter()
-                .try_for_each(|(key, value)| flatten(format!("{name}.{}", text_of(key)), value, values));
-        }
-        other => return Err(ArgsError::Type { name, value: format!("{other:?}") }),
-    };
-    values.push((name, value));
-    Ok(())
-}
-
-fn text_of(yaml: &Yaml) -> String {
-    yaml.as_str().map_or_else(|| format!("{yaml:?}"), str::to_owned)
 }
 
 #[cfg(test)]

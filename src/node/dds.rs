@@ -8,12 +8,13 @@ mod heard;
 mod map_reader;
 mod network;
 mod read;
+mod robot;
 mod secure;
 mod threads;
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
-use std::net::IpAddr;
+use std::net::{IpAddr, UdpSocket};
 use std::rc::Rc;
 use std::time::Duration;
 
@@ -33,12 +34,13 @@ use tracing::warn;
 pub use self::map_reader::MapReader;
 use self::network::Network;
 use self::read::Memory;
+pub use self::robot::Robot;
 use super::args::{ArgsError, Setup};
 use super::record::Record;
 use super::security::{Security, SecurityError};
 use super::transport::{Event, Inputs, Outgoing, SendError, Service, Source, Transport};
 use crate::config::Value;
-use crate::msg::ros::{PointCloud2, TfMessage, TriggerRequest, TriggerResponse};
+use crate::msg::ros::{TriggerRequest, TriggerResponse};
 
 /// The middleware refused something.
 #[derive(Debug, Error)]
@@ -55,6 +57,14 @@ pub enum DdsError {
     #[error("cannot read the map: {text}")]
     Read {
         /// The middleware's words.
+        text: String,
+    },
+    /// An address that cannot be used.
+    #[error("network_interfaces has {address}: {text}")]
+    Interface {
+        /// As given.
+        address: IpAddr,
+        /// Why not.
         text: String,
     },
     /// A name that cannot be resolved.
@@ -84,13 +94,15 @@ fn opening<E: std::fmt::Display>(what: &str) -> impl FnOnce(E) -> DdsError {
 /// A node on the network, before it has topics.
 struct Opener<'a> {
     setup: &'a Setup,
+    security: &'a Security,
     participant: DomainParticipant,
     node: Node,
 }
 
 impl<'a> Opener<'a> {
-    fn new(setup: &'a Setup) -> Result<Self, DdsError> {
-        let participant = participant(setup)?;
+    /// `security` is decided once: keys that are gone by now must not open the node to everyone.
+    fn new(setup: &'a Setup, security: &'a Security) -> Result<Self, DdsError> {
+        let participant = participant(setup, security)?;
         let context =
             Context::from_domain_participant(participant.clone()).map_err(opening("a ROS context"))?;
         let name = NodeName::new(&setup.namespace, &setup.name).map_err(opening("the node"))?;
@@ -110,7 +122,7 @@ impl<'a> Opener<'a> {
             if same { Ok(()) } else { Err(why()) }
         };
         let node = context.new_node(name, options.parameter_validator(Box::new(fixed)));
-        Ok(Self { setup, participant, node: node.map_err(opening("the node"))? })
+        Ok(Self { setup, security, participant, node: node.map_err(opening("the node"))? })
     }
 
     fn topic(
@@ -148,22 +160,54 @@ impl<'a> Opener<'a> {
         let resolved = self.setup.resolve(name)?;
         let service = Name::parse(&resolved).map_err(opening(&resolved))?;
         let kind = ServiceTypeName::new("std_srvs", "Trigger");
-        let qos = QosProfile::publisher_default().history(History::KeepLast { depth: 10 });
+        let qos = reliable(10, Durability::Volatile);
         let mapping = ServiceMapping::Enhanced;
         self.node.create_server(mapping, &service, &kind, qos.clone(), qos).map_err(opening(&resolved))
     }
 }
 
-fn participant(setup: &Setup) -> Result<DomainParticipant, DdsError> {
+fn participant(setup: &Setup, security: &Security) -> Result<DomainParticipant, DdsError> {
     let builder = DomainParticipantBuilder::new(setup.domain)
         .socket_receive_buffer_size(setup.config.receive_buffer)
         .socket_send_buffer_size(setup.config.receive_buffer);
     let only: &[IpAddr] = &setup.config.network_interfaces;
+    only.iter().copied().try_for_each(check_interface)?;
     let builder = if only.is_empty() { builder } else { builder.with_only_networks(only.iter().copied()) };
-    match setup.security()? {
+    match security {
         Security::Off | Security::Unsecured(_) => builder.build().map_err(opening("a DDS participant")),
-        Security::Keys(enclave) => secure::build(builder, enclave),
+        Security::Keys(enclave) => secure::build(builder, enclave.clone()),
     }
+}
+
+/// `RustDDS` takes any address, and is deaf where the machine does not have it.
+fn check_interface(address: IpAddr) -> Result<(), DdsError> {
+    let refused = |text| DdsError::Interface { address, text };
+    if address.is_ipv6() {
+        return Err(refused("only IPv4 is spoken".to_owned()));
+    }
+    UdpSocket::bind((address, 0)).map(drop).map_err(|error| refused(error.to_string()))
+}
+
+/// Whether all names can be, before anything is done.
+///
+/// # Errors
+/// At the first that cannot.
+pub fn check_names(setup: &Setup) -> Result<(), DdsError> {
+    ros2args::names::validate_namespace(&setup.namespace).map_err(ArgsError::from)?;
+    read::inputs(setup)?;
+    for name in [
+        "~/clusters",
+        "~/clusters_delta",
+        "~/markers",
+        "~/points_labelled",
+        "~/reset",
+        "~/save",
+        "/tf",
+        "/tf_static",
+    ] {
+        setup.resolve(name)?;
+    }
+    Ok(())
 }
 
 fn parameter(value: &Value) -> ParameterValue {
@@ -200,6 +244,7 @@ fn reliable_output(depth: usize, durability: Durability, most: i32) -> rustdds::
 /// same name, and nothing that is known is forgotten.
 pub struct Dds {
     setup: Setup,
+    security: Security,
     events: Events,
     memory: Memory,
     network: RefCell<Rc<Network>>,
@@ -216,13 +261,15 @@ impl Dds {
     /// When the middleware refuses something, with what it was.
     pub fn open(
         setup: &Setup,
+        security: Security,
         record: Option<Record>,
     ) -> Result<(Self, Events, mpsc::Receiver<Event<RmwRequestId>>), DdsError> {
         let (events, receiver) = mpsc::channel(EVENTS);
         let memory = Memory::default();
-        let network = Network::open(setup, &memory, &events)?;
+        let network = Network::open(setup, &security, &memory, &events)?;
         let dds = Self {
             setup: setup.clone(),
+            security,
             events: events.clone(),
             memory,
             network: RefCell::new(Rc::new(network)),
@@ -248,7 +295,7 @@ impl Dds {
     /// The network before is left without a farewell, which needs the thread that has ended.
     async fn join_anew(&self) -> Result<(), DdsError> {
         warn!("a thread of the middleware has ended: the network is joined anew, the map stays");
-        let anew = Network::open(&self.setup, &self.memory, &self.events)?;
+        let anew = Network::open(&self.setup, &self.security, &self.memory, &self.events)?;
         let before = self.network.replace(Rc::new(anew));
         before.deafen().await;
         Ok(())
@@ -303,53 +350,34 @@ fn ros_type(dds: &str) -> String {
     plain.trim_end_matches('_').replace("::", "/")
 }
 
-/// Publishers of a simulated robot: its own participant, so that its clouds really cross the network stack.
-pub struct Robot {
-    points: Publisher<PointCloud2>,
-    tf: Publisher<TfMessage>,
-    tf_static: Publisher<TfMessage>,
-    // Kept so that the publishers stay on the network, and dropped in this order.
-    _network: (Node, DomainParticipant),
-}
-
-impl Robot {
-    /// Opens a node `simulated_robot` that publishes `points`, `/tf` and `/tf_static` in the domain of `setup`.
-    ///
-    /// # Errors
-    /// When the middleware refuses something.
-    pub fn open(setup: &Setup) -> Result<Self, DdsError> {
-        let setup = setup.for_node("simulated_robot");
-        let mut opener = Opener::new(&setup)?;
-        let tf = |name| (name, "tf2_msgs", "TFMessage");
-        let best_effort = &QosProfile::subscription_default().into();
-        let points = opener.publisher(("points", "sensor_msgs", "PointCloud2"), best_effort)?;
-        let dynamic = opener.publisher(tf("/tf"), &reliable(100, Durability::Volatile).into())?;
-        let latched = opener.publisher(tf("/tf_static"), &reliable(1, Durability::TransientLocal).into())?;
-        let network = (opener.node, opener.participant);
-        Ok(Self { points, tf: dynamic, tf_static: latched, _network: network })
-    }
-
-    /// Sends a cloud.
-    ///
-    /// # Errors
-    /// When the middleware refuses it.
-    pub fn send_cloud(&self, cloud: PointCloud2) -> Result<(), SendError> {
-        self.points.publish(cloud).map_err(|error| SendError(error.to_string()))
-    }
-
-    /// Sends transforms on `/tf`, or on `/tf_static`.
-    ///
-    /// # Errors
-    /// When the middleware refuses them.
-    pub fn send_transforms(&self, message: TfMessage, is_static: bool) -> Result<(), SendError> {
-        let publisher = if is_static { &self.tf_static } else { &self.tf };
-        publisher.publish(message).map_err(|error| SendError(error.to_string()))
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::node::args::Environment;
+
+    #[test]
+    fn an_address_that_the_machine_does_not_have_is_refused_and_so_is_ipv6() {
+        check_interface(IpAddr::from([127, 0, 0, 1])).unwrap();
+        let error = check_interface(IpAddr::from([192, 0, 2, 1])).unwrap_err().to_string();
+        assert!(error.starts_with("network_interfaces has 192.0.2.1: "), "{error}");
+        let error = check_interface(IpAddr::from([0, 0, 0, 0, 0, 0, 0, 1])).unwrap_err().to_string();
+        assert_eq!(error, "network_interfaces has ::1: only IPv4 is spoken");
+    }
+
+    #[test]
+    fn names_that_cannot_be_are_refused_before_anything_is_done() {
+        let check = |rule: &str| {
+            let args = ["cfodi", "run", "--ros-args", "-r", rule].map(str::to_owned);
+            check_names(&Setup::parse(&args, &Environment::default(), "cfodi").unwrap().0)
+        };
+        check("points:=/a/b").unwrap();
+        assert!(matches!(check("points:=/a//b"), Err(DdsError::Name(_))));
+        assert!(matches!(check("/tf:=a b"), Err(DdsError::Name(_))));
+        assert!(matches!(check("~/save:=1"), Err(DdsError::Name(_))));
+        for namespace in ["__ns:=/a//b", "__ns:=/a/", "__ns:=/1"] {
+            assert!(matches!(check(namespace), Err(DdsError::Name(_))), "{namespace}");
+        }
+    }
 
     #[test]
     fn a_dds_type_name_reads_as_in_ros() {

@@ -2,35 +2,36 @@
 //! answers calls.
 
 mod calls;
+mod say;
 
 use std::cell::RefCell;
 use std::future::Future;
 use std::pin::pin;
 use std::rc::Rc;
 use std::sync::Arc;
+use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use thiserror::Error;
 use tokio::sync::mpsc::{self, UnboundedReceiver};
 use tokio::task::JoinHandle;
 use tokio::time::MissedTickBehavior;
-use tracing::{debug, info, warn};
+use tracing::info;
 
 use self::calls::{last_written, next};
 use super::counts::Counts;
 use super::inputs;
 use super::publish::{Ended, publish};
-use super::saving::{self, Saving, Written};
+use super::saving::{self, Saving, Task, Written};
 use super::throttle::Throttle;
 use super::transport::{Event, Input, Service, Transport};
-use crate::cloud::{Camera, Cloud, CloudError};
+use crate::cloud::{Cloud, CloudError};
 use crate::config::Config;
 use crate::engine::{Engine, Snapshot, Stamp};
 use crate::join::{Join, Joined, Jump};
-use crate::line::one_line;
-use crate::msg::ros::{TfMessage, TriggerResponse};
+use crate::msg::ros::{TfMessage, TransformStamped, TriggerResponse};
 use crate::store::StoreError;
-use crate::tf::{Inserted, JUMP_BACK, Waited};
+use crate::tf::{Inserted, JUMP_BACK};
 use crate::worker::{Output, Worker};
 
 /// Clouds that may wait for their transform: as many as a Kinect sends within `tf_timeout`, within bounds of memory.
@@ -51,15 +52,23 @@ const TICK: Duration = Duration::from_millis(20);
 /// The node has to end.
 #[derive(Debug, Error)]
 pub enum LiveError {
-    /// The engine's thread could not be started.
-    #[error("cannot start the engine's thread: {0}")]
-    Start(std::io::Error),
+    /// A thread could not be started.
+    #[error("cannot start {thread}: {error}")]
+    Start {
+        /// Which.
+        thread: &'static str,
+        /// The system's words.
+        error: std::io::Error,
+    },
     /// The engine's thread has ended by itself.
     #[error("the engine's thread has died: {0}")]
     Died(String),
     /// The node cannot hear any more.
     #[error("the node is deaf: {0}")]
     Deaf(String),
+    /// The thread that writes maps has ended by itself.
+    #[error("the thread that saves the map has died")]
+    SaverDied,
     /// The map of the node's end is lost.
     #[error("the map was not saved at the end: {0}")]
     NotSaved(StoreError),
@@ -81,13 +90,15 @@ pub async fn run<T: Transport>(
     let (outputs, receiver) = mpsc::channel::<Output>(OUTPUTS);
     let sink = move |output| drop(outputs.blocking_send(output));
     let session = new_session(0);
-    let worker = Worker::start(engine, session, sink).map_err(LiveError::Start)?;
-    let saver = config.snapshot_path.clone().map(saving::start).transpose().map_err(LiveError::Start)?;
-    let (saver, mut written) = saver.unzip();
+    let failed = |thread| move |error| LiveError::Start { thread, error };
+    let worker = Worker::start(engine, session, sink).map_err(failed("the engine's thread"))?;
+    let start = |path| saving::start(path, config.fixed_frame.clone());
+    let saver = config.snapshot_path.clone().map(start).transpose();
+    let (saver, mut written) = saver.map_err(failed("the thread that saves the map"))?.unzip();
     let frame_id = config.fixed_frame.clone();
-    let publishing = publish(Rc::clone(&transport), receiver, Rc::clone(&counts), frame_id, saver);
+    let publishing = publish(Rc::clone(&transport), receiver, Rc::clone(&counts), frame_id, saver.clone());
     let mut publishing = tokio::task::spawn_local(publishing);
-    let mut live = Live::new(config, Rc::clone(&transport), worker, session, counts);
+    let mut live = Live::new(config, Rc::clone(&transport), worker, saver, session, counts);
     let mut tick = interval(TICK);
     let mut snapshots = interval(config.publish_period);
     let mut savings = interval(config.snapshot_period);
@@ -109,12 +120,15 @@ pub async fn run<T: Transport>(
             _ = tick.tick() => live.tick(),
             _ = snapshots.tick() => live.worker.request_snapshot(),
             _ = savings.tick(), if written.is_some() => live.save(None),
-            Some(result) = next(&mut written) => live.written(&result).await,
+            result = next(&mut written) => match result {
+                Some(result) => live.written(&result).await,
+                None => break Some(LiveError::SaverDied),
+            },
         }
     };
     events.close();
     while let Ok(event) = events.try_recv() {
-        live.count_unused(&event);
+        live.put_away(event);
     }
     let map = live.finish(publishing, written).await?;
     broken.map_or(Ok(map), Err)
@@ -146,6 +160,7 @@ fn new_session(before: u64) -> u64 {
 struct Live<T: Transport> {
     transport: Rc<T>,
     worker: Worker,
+    saver: Option<Sender<Task>>,
     join: Join,
     counts: Rc<RefCell<Counts>>,
     throttle: Throttle,
@@ -170,6 +185,7 @@ impl<T: Transport> Live<T> {
         config: &Config,
         transport: Rc<T>,
         worker: Worker,
+        saver: Option<Sender<Task>>,
         session: u64,
         counts: Rc<RefCell<Counts>>,
     ) -> Self {
@@ -177,6 +193,7 @@ impl<T: Transport> Live<T> {
         Self {
             transport,
             worker,
+            saver,
             join: Join::new(places(config.tf_timeout)),
             counts,
             throttle: Throttle::default(),
@@ -198,7 +215,11 @@ impl<T: Transport> Live<T> {
             Event::Cloud(input, _) => self.skip_other(input),
             Event::Lost(input, number) => self.lost(input, number),
             Event::Camera(camera) => self.camera(&camera),
-            Event::Transforms { message, is_static } => self.transforms(&message, is_static),
+            Event::Transforms { message, is_static } => self.transforms(&message.transforms, is_static),
+            Event::LateTransforms(TfMessage { mut transforms }) => {
+                transforms.retain(|transform| self.join.is_of_use(transform));
+                self.transforms(&transforms, false);
+            }
             Event::Clock(stamp) => self.clock(stamp),
             Event::Call(Service::Reset, request) => self.reset(request).await,
             Event::Call(Service::Save, request) => self.save_for(request).await,
@@ -231,21 +252,6 @@ impl<T: Transport> Live<T> {
         }
     }
 
-    /// Says when next to nothing of a cloud is of use: its unit, frame or range may be others than assumed.
-    fn look_at(&mut self, cloud: &Cloud) {
-        let Cloud { total, invalid, out_of_range, .. } = *cloud;
-        let used = cloud.points.len();
-        if total > 0 && used * 10 < total as usize {
-            self.warn(
-                "hardly_used",
-                format_args!(
-                    "of {total} points only {used} are used: {invalid} are invalid, {out_of_range} out of range (see \
-                     min_range, max_range, optical)"
-                ),
-            );
-        }
-    }
-
     /// Counts a scan of an input that another one forestalled.
     fn skip_other(&mut self, input: Input) {
         self.counts.borrow_mut().received += 1;
@@ -253,20 +259,6 @@ impl<T: Transport> Live<T> {
         let chosen = self.chosen.unwrap_or(input);
         let line = inputs::how_to_choose(self.transport.inputs(), chosen, input);
         self.warn("other_input", format_args!("{line}"));
-    }
-
-    fn camera(&mut self, camera: &Result<Camera, CloudError>) {
-        let topic = self.transport.inputs().camera_info.clone();
-        match camera {
-            Ok(camera) if camera.is_distorted() => self.warn(
-                "distorted",
-                format_args!(
-                    "{topic} tells of lens distortion: depth images are taken as rectified, and are off by it"
-                ),
-            ),
-            Ok(camera) => debug!("{topic}: {}x{} pixels", camera.width(), camera.height()),
-            Err(error) => self.warn(error.reason(), format_args!("{topic}: {error}")),
-        }
     }
 
     fn lost(&mut self, input: Input, number: u64) {
@@ -278,8 +270,8 @@ impl<T: Transport> Live<T> {
         self.warn("lost", format_args!("{total} clouds were sent and never arrived (see receive_buffer)"));
     }
 
-    fn transforms(&mut self, message: &TfMessage, is_static: bool) {
-        for transform in &message.transforms {
+    fn transforms(&mut self, transforms: &[TransformStamped], is_static: bool) {
+        for transform in transforms {
             match self.join.transform(transform, is_static) {
                 Ok(Inserted::Stored) => {}
                 Ok(other) => self.warn("tf", format_args!("{}: {other:?}", transform.child_frame_id)),
@@ -294,7 +286,7 @@ impl<T: Transport> Live<T> {
             self.newest_clock.map(|newest| newest.seconds_since(stamp)).filter(|back| *back > JUMP_BACK);
         if let Some(back) = back {
             self.join.begin_session(Some(stamp));
-            self.begin_session(&format!("/clock has jumped back by {back:.3} s"));
+            self.begin_session(&format!("/clock has jumped back by {back:.3} s"), true);
             self.newest_clock = None;
         }
         self.newest_clock = self.newest_clock.max(Some(stamp));
@@ -302,9 +294,7 @@ impl<T: Transport> Live<T> {
 
     async fn reset(&mut self, request: T::Request) {
         self.join.begin_session(None);
-        self.begin_session("~/reset was called");
-        // What is to be forgotten must not come back after a crash.
-        self.save(None);
+        self.begin_session("~/reset was called", false);
         let message = format!("session {} begins with an empty map", self.session);
         self.answer(Service::Reset, request, TriggerResponse { success: true, message }).await;
     }
@@ -313,7 +303,10 @@ impl<T: Transport> Live<T> {
         for Joined { scan, jumped_back, .. } in self.join.ready(&self.fixed_frame) {
             if let Some(Jump { seconds, given_up }) = jumped_back {
                 (0..given_up).for_each(|_| self.counts.borrow_mut().skip("session_ended"));
-                self.start_session(&format!("the stamps of the scans have jumped back by {seconds:.3} s"));
+                self.start_session(
+                    &format!("the stamps of the scans have jumped back by {seconds:.3} s"),
+                    true,
+                );
             }
             if self.worker.submit(scan) {
                 self.counts.borrow_mut().replaced += 1;
@@ -325,15 +318,20 @@ impl<T: Transport> Live<T> {
         }
     }
 
-    /// Counts what came and will not be used any more.
-    fn count_unused(&self, event: &Event<T::Request>) {
+    /// Counts what came and will not be used any more; a call to save is answered by the last map.
+    fn put_away(&mut self, event: Event<T::Request>) {
         let mut counts = self.counts.borrow_mut();
         match event {
             Event::Cloud(_, cloud) => {
                 counts.received += 1;
                 counts.skip(cloud.as_ref().map_or_else(CloudError::reason, |_| "shutdown"));
             }
-            Event::Lost(_, number) => counts.lose(*number),
+            Event::Lost(_, number) => counts.lose(number),
+            Event::Call(Service::Save, call) => {
+                if let Some(saving) = &mut self.saving {
+                    saving.wait(call);
+                }
+            }
             _ => {}
         }
     }
@@ -345,54 +343,25 @@ impl<T: Transport> Live<T> {
         self.say_when_quiet(Instant::now());
     }
 
-    fn skip(&mut self, waited: &Waited<Cloud>, reason: &'static str) {
-        self.counts.borrow_mut().skip(reason);
-        let why = waited.last_error.as_ref().map_or_else(String::new, ToString::to_string);
-        let line = format!(
-            "a cloud was skipped after {:.2} s without a transform from `{}` to `{}`: {why}; {}",
-            waited.waited.as_secs_f64(),
-            waited.frame_id,
-            self.fixed_frame,
-            self.join.frames_seen(),
-        );
-        self.warn(reason, format_args!("{line}"));
-    }
-
     /// Begins a session that no scan has asked for: what waits is given up.
-    fn begin_session(&mut self, why: &str) {
+    fn begin_session(&mut self, why: &str, keeps: bool) {
         for _ in self.join.give_up(self.start.elapsed()) {
             self.counts.borrow_mut().skip("session_ended");
         }
-        self.start_session(why);
+        self.start_session(why, keeps);
     }
 
-    fn start_session(&mut self, why: &str) {
+    /// Begins a session; `keeps` the file of the map that is given up.
+    fn start_session(&mut self, why: &str, keeps: bool) {
         self.session = new_session(self.session);
         (0..self.worker.reset(self.session)).for_each(|_| self.counts.borrow_mut().skip("session_ended"));
         info!("{why}: session {} begins with an empty map", self.session);
         self.worker.request_snapshot();
-    }
-
-    /// Says why no cloud comes, as far as it can be known.
-    fn say_when_quiet(&mut self, now: Instant) {
-        let said = self.said_quiet.is_some_and(|said| now.duration_since(said) < QUIET_AGAIN);
-        if now.duration_since(self.quiet_since) < QUIET || said {
-            return;
+        if keeps {
+            drop(self.saver.as_ref().map(|saver| saver.send(Task::Keep)));
         }
-        self.said_quiet = Some(now);
-        let sources = self.transport.sources();
-        let line = inputs::why_quiet(self.transport.inputs(), self.chosen, &sources, QUIET);
-        warn!("{}", one_line(&line));
-    }
-
-    fn warn(&mut self, kind: &'static str, line: std::fmt::Arguments<'_>) {
-        let line = line.to_string();
-        let line = one_line(&line);
-        if self.throttle.allows(kind, Instant::now()) {
-            warn!("{line}");
-        } else {
-            debug!("{line}");
-        }
+        // What is given up must not come back after a crash.
+        self.save(None);
     }
 
     /// Lets the worker take in what waits, and everything be sent and saved; the last thing sent is the whole map.
@@ -403,7 +372,8 @@ impl<T: Transport> Live<T> {
     ) -> Result<Arc<Snapshot>, LiveError> {
         let waiting = self.join.give_up(self.start.elapsed());
         waiting.iter().for_each(|_| self.counts.borrow_mut().skip("shutdown"));
-        let Self { worker, transport, saving, counts, .. } = self;
+        let Self { worker, transport, saver, saving, counts, .. } = self;
+        drop(saver);
         worker.request_snapshot();
         if saving.is_some() {
             worker.request_save();
@@ -416,7 +386,7 @@ impl<T: Transport> Live<T> {
             None => Ok(()),
         };
         match ended {
-            Ok(Ended { map: Some(map), died: None }) => saved.map(|()| map).map_err(LiveError::NotSaved),
+            Ok(Ended { map: Some(map), died: None }) => saved.map(|()| map),
             ended => {
                 count_buried(&counts);
                 Err(death(ended.ok()))

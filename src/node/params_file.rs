@@ -1,10 +1,20 @@
-//! A parameter file of ROS 2: node names (or patterns), `ros__parameters` below each, names and values below that.
+//! A parameter file of ROS 2: node names (or patterns), `ros__parameters` below each, names and values below that; and what
+//! a nested value stands for, in a file or behind `-p`.
 
 use std::path::Path;
 
 use ros2args::{ParamAssignment, Ros2ArgsError};
+use yaml_rust2::Yaml;
 
+use super::args::ArgsError;
+use crate::config::Value;
 use crate::yaml;
+
+/// Longest name of a parameter, and of a node or its pattern (bytes): it is copied for each value below it.
+pub(super) const MAX_NAME_BYTES: usize = 256;
+
+/// Letters that are said of a name that is too long.
+const SHOWN: usize = 32;
 
 /// Most parts of a pattern of node names: matching follows them by recursion.
 const MAX_PARTS: usize = 32;
@@ -12,17 +22,26 @@ const MAX_PARTS: usize = 32;
 /// What a file assigns, in its order.
 ///
 /// # Errors
-/// Where the file cannot be read, is no YAML within bounds, or has another shape.
+/// Where the file cannot be read, is no YAML within bounds, has several documents, or another shape.
 pub(super) fn assignments(path: &Path) -> Result<Vec<ParamAssignment>, Ros2ArgsError> {
     let refused = |what: String| Ros2ArgsError::ParamFileParseError(path.to_owned(), what);
     let text = yaml::read(path).map_err(|error| refused(error.to_string()))?;
     let documents = yaml::load(&text).map_err(|error| refused(error.to_string()))?;
-    let Some(document) = documents.first() else { return Ok(Vec::new()) };
+    let document = match &documents[..] {
+        [] => return Ok(Vec::new()),
+        [document] => document,
+        more => return Err(refused(format!("it has {} documents of YAML; one is read", more.len()))),
+    };
     let must = |what: &str| refused(what.to_owned());
     let nodes = document.as_hash().ok_or_else(|| must("it must hold names of nodes"))?;
     let mut assigned = Vec::new();
     for (node, about) in nodes {
         let node = node.as_str().ok_or_else(|| must("the name of a node must be a text"))?;
+        if node.len() > MAX_NAME_BYTES {
+            let bytes = node.len();
+            let words = format!("the name of a node has {bytes} bytes; at most {MAX_NAME_BYTES} are read");
+            return Err(refused(words));
+        }
         if node.split('/').count() > MAX_PARTS {
             return Err(refused(format!("the name of a node has more than {MAX_PARTS} parts")));
         }
@@ -35,4 +54,96 @@ pub(super) fn assignments(path: &Path) -> Result<Vec<ParamAssignment>, Ros2ArgsE
         }
     }
     Ok(assigned)
+}
+
+/// Adds a value under its name; a nested map stands for names joined by dots.
+///
+/// # Errors
+/// At a name that is too long, and at a value of a type that no parameter has.
+pub(super) fn flatten(
+    name: String,
+    value: &Yaml,
+    values: &mut Vec<(String, Value)>,
+) -> Result<(), ArgsError> {
+    if name.len() > MAX_NAME_BYTES {
+        return Err(ArgsError::LongName { begin: name.chars().take(SHOWN).collect(), bytes: name.len() });
+    }
+    let value = match value {
+        Yaml::Boolean(value) => Value::Boolean(*value),
+        Yaml::Integer(value) => Value::Integer(*value),
+        Yaml::Real(text) => match value.as_f64() {
+            Some(value) => Value::Double(value),
+            None => Value::Text(text.clone()),
+        },
+        Yaml::String(value) => Value::Text(value.clone()),
+        Yaml::Array(list) => Value::TextList(list.iter().map(text_of).collect()),
+        Yaml::Hash(map) => {
+            return map
+                .iter()
+                .try_for_each(|(key, value)| flatten(format!("{name}.{}", text_of(key)), value, values));
+        }
+        other => return Err(ArgsError::Type { name, value: format!("{other:?}") }),
+    };
+    values.push((name, value));
+    Ok(())
+}
+
+fn text_of(yaml: &Yaml) -> String {
+    yaml.as_str().map_or_else(|| format!("{yaml:?}"), str::to_owned)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What a file of this text assigns.
+    fn of_text(text: &str) -> Result<Vec<ParamAssignment>, String> {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("params.yaml");
+        std::fs::write(&file, text).unwrap();
+        assignments(&file).map_err(|error| error.to_string())
+    }
+
+    /// What a value of this text stands for as the parameter `a`.
+    fn flat(text: &str) -> Result<Vec<(String, Value)>, String> {
+        let mut values = Vec::new();
+        let flattened = flatten("a".to_owned(), &yaml::load(text).unwrap()[0], &mut values);
+        flattened.map(|()| values).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn a_second_document_is_refused_with_their_number() {
+        let one = "/**: {ros__parameters: {depth: 3}}\n";
+        assert_eq!(of_text(&format!("---\n{one}")).unwrap().len(), 1);
+        let error = of_text(&format!("{one}---\n{one}---\n{one}")).unwrap_err();
+        assert!(error.ends_with("it has 3 documents of YAML; one is read"), "{error}");
+    }
+
+    #[test]
+    fn a_node_of_a_long_name_or_of_many_parts_is_refused() {
+        let of_node = |name: &str| of_text(&format!("{name}: {{ros__parameters: {{a: 1, b: 2}}}}\n"));
+        assert_eq!(of_node(&"y".repeat(256)).unwrap().len(), 2);
+        let error = of_node(&"y".repeat(257)).unwrap_err();
+        assert!(error.ends_with("the name of a node has 257 bytes; at most 256 are read"), "{error}");
+        let error = of_node(&"/**".repeat(32)).unwrap_err();
+        assert!(error.ends_with("has more than 32 parts"), "{error}");
+    }
+
+    #[test]
+    fn the_names_of_nested_maps_are_joined_up_to_a_bound() {
+        let key = "y".repeat(250);
+        let joined = flat(&format!("{key}: {{zzz: 1}}")).unwrap();
+        assert_eq!(joined, [(format!("a.{key}.zzz"), Value::Integer(1))]);
+        let error = flat(&format!("{key}: {{zzzz: 1}}")).unwrap_err();
+        let begin = format!("a.{}", &key[..30]);
+        let words = format!("the name of the parameter `{begin}...` has 257 bytes; at most 256 are read");
+        assert_eq!(error, words);
+    }
+
+    #[test]
+    fn a_key_of_megabytes_is_not_copied_for_all_the_names_below_it() {
+        let below: Vec<_> = (0..100_000).map(|i| format!("k{i}: 1")).collect();
+        let error = flat(&format!("? {}\n: {{{}}}\n", "y".repeat(4 << 20), below.join(", "))).unwrap_err();
+        assert!(error.contains("has 4194306 bytes"), "{error}");
+    }
 }

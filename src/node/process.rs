@@ -43,7 +43,14 @@ pub enum ProcessError {
 impl ProcessError {
     /// Whether it is wrong how the node was started: nothing was opened, and starting it again will not help.
     pub fn is_configuration(&self) -> bool {
-        matches!(self, Self::Security(_) | Self::Begin(_) | Self::Network(DdsError::Security(_)))
+        match self {
+            Self::Begin(error) => error.is_configuration(),
+            Self::Security(_) => true,
+            Self::Network(error) => {
+                matches!(error, DdsError::Security(_) | DdsError::Name(_))
+            }
+            _ => false,
+        }
     }
 }
 
@@ -111,7 +118,7 @@ pub fn live_node(
     let tasks = LocalSet::new();
     let ended = tasks.block_on(&runtime, async {
         say_receive_buffer(setup);
-        let (dds, events, receiver) = Dds::open(setup, record)?;
+        let (dds, events, receiver) = Dds::open(setup, security.clone(), record)?;
         say_security(&security);
         let dds = Rc::new(dds);
         let node = setup.fully_qualified_name();

@@ -10,9 +10,10 @@ use tokio::sync::mpsc;
 use tracing::{error, warn};
 
 use super::counts::Counts;
+use super::saving::Task;
 use super::throttle::Throttle;
 use super::transport::{Outgoing, Transport};
-use crate::engine::{SavedMap, Snapshot, Update};
+use crate::engine::{Snapshot, Update};
 use crate::msg::caps::Caps;
 use crate::msg::clusters::{Session, SurfaceClusterArray};
 use crate::msg::labelled::labelled_points;
@@ -34,7 +35,7 @@ pub(super) async fn publish(
     mut outputs: mpsc::Receiver<Output>,
     counts: Rc<RefCell<Counts>>,
     frame_id: String,
-    saver: Option<Sender<Box<SavedMap>>>,
+    saver: Option<Sender<Task>>,
 ) -> Ended {
     let mut ended = Ended::default();
     let mut publisher = Publisher {
@@ -60,9 +61,8 @@ pub(super) async fn publish(
                 ended.map = Some(snapshot);
             }
             Output::Saved { map, .. } => {
-                if let Some(Err(_)) = saver.as_ref().map(|saver| saver.send(map)) {
-                    error!("a map was not saved: the thread that writes it has ended");
-                }
+                // Where that thread has died, the node learns so by itself.
+                drop(saver.as_ref().map(|saver| saver.send(Task::Write(map))));
             }
             Output::Died(text) => ended.died = Some(text),
         }

@@ -7,34 +7,38 @@ use thiserror::Error;
 use tracing::{info, warn};
 
 use crate::config::Config;
-use crate::engine::{Engine, Params, RestoreError};
-use crate::store::{self, StoreError};
+use crate::engine::{Engine, RestoreError};
+use crate::store::{self, Lock, StoreError, Stored};
 
 /// The engine that a session begins with: with the map of `snapshot_path` where it is to be resumed and there is one. What
-/// cannot be used is set aside, never written over: a damaged or newer file, and one that is not to be resumed.
+/// cannot be used is set aside, never written over: a damaged or newer file, and one that is not to be resumed. The lock is
+/// the right to save there, to be kept as long as the node runs.
 ///
 /// # Errors
-/// When there is no path, the map was made with other parameters, or a file cannot be read or set aside.
-pub fn begin(config: &Config, resume: bool) -> Result<Engine, BeginError> {
+/// When there is no path, another process saves there, the map was made with other parameters, or a file cannot be read or
+/// set aside.
+pub fn begin(config: &Config, resume: bool) -> Result<(Engine, Option<Lock>), BeginError> {
     let Some(path) = config.snapshot_path.as_deref() else {
-        return if resume { Err(BeginError::NoPath) } else { Ok(Engine::new(config.engine)) };
+        return if resume { Err(BeginError::NoPath) } else { Ok((Engine::new(config.engine), None)) };
     };
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
     if folder.is_some_and(|folder| !folder.is_dir()) || path.is_dir() {
         return Err(BeginError::NoFolder(path.to_owned()));
     }
+    let lock = store::lock(path).map_err(BeginError::Locked)?;
     if resume {
-        return resumed(config.engine, path);
+        return Ok((resumed(config, path)?, Some(lock)));
     }
     if path.exists() {
         let kept = set_aside(path, "before")?;
         info!("not resumed: the map that was saved is kept as {}", kept.display());
     }
-    Ok(Engine::new(config.engine))
+    Ok((Engine::new(config.engine), Some(lock)))
 }
 
-fn resumed(params: Params, path: &Path) -> Result<Engine, BeginError> {
-    match read(params, path) {
+fn resumed(config: &Config, path: &Path) -> Result<Engine, BeginError> {
+    let params = config.engine;
+    match read(config, path) {
         Ok((engine, scans)) => {
             info!("resumed: {} voxels of {scans} scans from {}", engine.voxel_count(), path.display());
             Ok(engine)
@@ -57,11 +61,14 @@ fn resumed(params: Params, path: &Path) -> Result<Engine, BeginError> {
 }
 
 /// The engine of a file, and how many scans it has taken in.
-fn read(params: Params, path: &Path) -> Result<(Engine, u64), StoreError> {
-    let map = store::read(path)?;
-    let engine = Engine::restore(params, &map);
-    let engine = engine.map_err(|error| StoreError::Map { path: path.to_owned(), error })?;
-    Ok((engine, map.sequence()))
+fn read(config: &Config, path: &Path) -> Result<(Engine, u64), StoreError> {
+    let Stored { frame_id, map } = store::read(path)?;
+    let refused = |error| StoreError::Map { path: path.to_owned(), error };
+    if frame_id != config.fixed_frame {
+        let (name, now) = ("fixed_frame", config.fixed_frame.clone());
+        return Err(refused(RestoreError::Parameter { name, saved: frame_id, now }));
+    }
+    Ok((Engine::restore(config.engine, &map).map_err(refused)?, map.sequence()))
 }
 
 fn set_aside(path: &Path, why: &str) -> Result<PathBuf, BeginError> {
@@ -85,6 +92,9 @@ pub enum BeginError {
         /// What is other.
         error: RestoreError,
     },
+    /// Another process saves there, or it cannot be known.
+    #[error(transparent)]
+    Locked(StoreError),
     /// It is there and cannot be read.
     #[error("cannot resume: {0}")]
     Unreadable(StoreError),
@@ -96,4 +106,11 @@ pub enum BeginError {
         /// The system's words.
         error: io::Error,
     },
+}
+
+impl BeginError {
+    /// Whether starting the node in the same way will fail again.
+    pub const fn is_configuration(&self) -> bool {
+        matches!(self, Self::NoPath | Self::NoFolder(_) | Self::Parameter { .. })
+    }
 }

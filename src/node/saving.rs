@@ -1,6 +1,6 @@
 //! Maps on their way into a file, on a thread of its own: a slow disk holds up neither the engine nor the network.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Sender, channel};
 
 use tokio::sync::mpsc::{UnboundedReceiver, unbounded_channel};
@@ -8,27 +8,59 @@ use tracing::{debug, warn};
 
 use crate::engine::SavedMap;
 use crate::msg::ros::TriggerResponse;
-use crate::store::{self, StoreError};
+use crate::store::{self, StoreError, Stored};
 
 /// A map that has been written: its number of scans and its bytes.
 pub(super) type Written = Result<(u64, u64), StoreError>;
 
-/// Starts the thread `cfodi-saver`, which writes what it is sent, one map after the other, and ends when the sender is gone.
+/// What the thread that writes is told.
+#[derive(Debug)]
+pub(super) enum Task {
+    /// Write a map, in place of the one before.
+    Write(Box<SavedMap>),
+    /// Keep the file under another name: what comes has nothing to do with it, and nobody has asked for that. Done once:
+    /// a robot whose clock jumps for ever must not fill its disk.
+    Keep,
+}
+
+/// Starts the thread `cfodi-saver`, which does what it is sent, one after the other, and ends when the senders are gone.
 ///
 /// # Errors
 /// When the system gives no thread.
-pub(super) fn start(path: PathBuf) -> std::io::Result<(Sender<Box<SavedMap>>, UnboundedReceiver<Written>)> {
-    let (maps, waiting) = channel::<Box<SavedMap>>();
+pub(super) fn start(
+    path: PathBuf,
+    frame_id: String,
+) -> std::io::Result<(Sender<Task>, UnboundedReceiver<Written>)> {
+    let (tasks, waiting) = channel::<Task>();
     let (written, results) = unbounded_channel();
     std::thread::Builder::new().name("cfodi-saver".to_owned()).spawn(move || {
-        for map in waiting {
-            let result = store::write(&path, &map).map(|bytes| (map.sequence(), bytes));
-            if written.send(result).is_err() {
-                return;
+        let mut kept = false;
+        for task in waiting {
+            match task {
+                Task::Keep => keep(&path, &mut kept),
+                Task::Write(map) => {
+                    let sequence = map.sequence();
+                    let stored = Stored { frame_id: frame_id.clone(), map: *map };
+                    let result = store::write(&path, &stored).map(|bytes| (sequence, bytes));
+                    if written.send(result).is_err() {
+                        return;
+                    }
+                }
             }
         }
     })?;
-    Ok((maps, results))
+    Ok((tasks, results))
+}
+
+fn keep(path: &Path, kept: &mut bool) {
+    if *kept || !path.exists() {
+        return;
+    }
+    match store::set_aside(path, "before") {
+        Ok(name) => warn!("the map that was saved is kept as {}", name.display()),
+        Err(error) => warn!("the map that was saved will be written over, it cannot be set aside: {error}"),
+    }
+    *kept = true;
 }
 
 /// Who waits for a map to be written. At most one is under way, so that none piles up before a slow disk.
@@ -50,6 +82,19 @@ impl<Request> Default for Saving<Request> {
 }
 
 impl<Request> Saving<Request> {
+    /// Most calls that wait for the next map, where a disk does not answer.
+    pub(super) const MOST_CALLS: usize = 64;
+
+    /// Whether no more calls may wait.
+    pub(super) fn is_full(&self) -> bool {
+        self.waiting.len() >= Self::MOST_CALLS
+    }
+
+    /// Lets a call wait for the map of the node's end.
+    pub(super) fn wait(&mut self, call: Request) {
+        self.waiting.push(call);
+    }
+
     /// Whether a map is to be asked for now; `call` waits for it, or for the next one.
     pub(super) fn begin(&mut self, call: Option<Request>) -> bool {
         let begins = !std::mem::replace(&mut self.is_under_way, true);
@@ -95,6 +140,20 @@ mod tests {
     use super::*;
 
     #[test]
+    fn where_a_disk_does_not_answer_calls_are_bounded() {
+        let mut saving = Saving::default();
+        let taken = (0..1000)
+            .filter(|&call| {
+                !saving.is_full() && {
+                    saving.begin(Some(call));
+                    true
+                }
+            })
+            .count();
+        assert_eq!(taken, 1 + Saving::<i32>::MOST_CALLS);
+    }
+
+    #[test]
     fn what_is_asked_for_while_a_map_is_written_gets_the_next_one_called_for_or_not() {
         let mut saving = Saving::default();
         assert!(saving.begin(Some(1)) && !saving.begin(Some(2)) && !saving.begin(None));
@@ -105,6 +164,7 @@ mod tests {
         assert_eq!(saving.end(), (vec![], true));
         assert_eq!(saving.end(), (vec![], false));
         assert!(saving.begin(Some(3)) && !saving.begin(Some(4)));
-        assert!(saving.into_calls().eq([3, 4]));
+        saving.wait(5);
+        assert!(saving.into_calls().eq([3, 4, 5]));
     }
 }

@@ -5,6 +5,7 @@
 //! `ROS_SECURITY_STRATEGY` switches security off without a word; here it is an error. Keys lie in
 //! `KEYSTORE/enclaves/ENCLAVE`; whether they are good is for the middleware to say.
 
+use std::io;
 use std::path::{Path, PathBuf};
 
 use thiserror::Error;
@@ -123,11 +124,12 @@ impl Asked {
     /// is there.
     ///
     /// # Errors
-    /// When a value cannot be; with the strategy `Enforce` also when security cannot be had.
+    /// When a value cannot be, or keys may be there and cannot be looked at; with the strategy `Enforce` also when security
+    /// cannot be had.
     pub fn decide(
         &self,
         built_in: bool,
-        is_there: impl Fn(&Path) -> bool,
+        is_there: impl Fn(&Path) -> io::Result<bool>,
     ) -> Result<Security, SecurityError> {
         let wrong = |name, value: &str, must| SecurityError::Value { name, value: value.to_owned(), must };
         match text(self.enable.as_ref()) {
@@ -150,6 +152,7 @@ impl Asked {
         }
         match self.look_up(name, built_in, is_there) {
             Ok(enclave) => Ok(Security::Keys(enclave)),
+            Err(why @ SecurityError::Refused { .. }) => Err(why),
             Err(why) if enforce => Err(why),
             Err(why) => Ok(Security::Unsecured(why)),
         }
@@ -168,7 +171,7 @@ impl Asked {
         &self,
         name: &str,
         built_in: bool,
-        is_there: impl Fn(&Path) -> bool,
+        is_there: impl Fn(&Path) -> io::Result<bool>,
     ) -> Result<Enclave, SecurityError> {
         if !built_in {
             return Err(SecurityError::NotBuiltIn);
@@ -180,10 +183,22 @@ impl Asked {
         let mut folder = Path::new(keystore).join("enclaves");
         folder.extend(name.split('/').filter(|part| !part.is_empty()));
         let enclave = Enclave { name: name.to_owned(), folder };
-        if !is_there(&enclave.folder) {
+        // What cannot be looked at may be there.
+        let look = |path: &Path| {
+            is_there(path).map_err(|error| {
+                let (enclave, text) = (enclave.clone(), format!("{}: {error}", path.display()));
+                SecurityError::Refused { enclave, text }
+            })
+        };
+        if !look(&enclave.folder)? {
             return Err(SecurityError::NoFolder(enclave));
         }
-        let files: Vec<_> = FILES.into_iter().filter(|file| !is_there(&enclave.folder.join(file))).collect();
+        let mut files = Vec::new();
+        for file in FILES {
+            if !look(&enclave.folder.join(file))? {
+                files.push(file);
+            }
+        }
         if files.is_empty() { Ok(enclave) } else { Err(SecurityError::NoFiles { enclave, files }) }
     }
 }
@@ -244,14 +259,17 @@ mod tests {
     /// With a keystore `/k` that holds the enclaves `/` and `/robot/cfodi`, and `/half` without its keys.
     fn decide(line: &str, built_in: bool) -> String {
         let is_there = |path: &Path| {
-            let Ok(inside) = path.strip_prefix("/k/enclaves") else { return false };
+            if path.ends_with("locked") {
+                return Err(io::ErrorKind::PermissionDenied.into());
+            }
+            let Ok(inside) = path.strip_prefix("/k/enclaves") else { return Ok(false) };
             let folder = if inside.extension().is_some() { inside.parent().unwrap() } else { inside };
             let is_key = path.ends_with("key.pem") || path.ends_with("cert.pem");
-            match folder.to_str().unwrap() {
+            Ok(match folder.to_str().unwrap() {
                 "" | "robot/cfodi" => true,
                 "half" => !is_key,
                 _ => false,
-            }
+            })
         };
         match asked(line).decide(built_in, is_there) {
             Ok(Security::Off) => "off".to_owned(),
@@ -307,6 +325,15 @@ mod tests {
                     "{rest}: {permitted}"
                 );
             }
+        }
+    }
+
+    #[test]
+    fn keys_that_cannot_be_looked_at_are_refused_whatever_the_strategy() {
+        for strategy in ["Enforce", "Permissive", "-"] {
+            let refused = decide(&format!("true {strategy} /k - /locked"), true);
+            let why = "refused: the keys in /k/enclaves/locked of enclave /locked were refused: /k/enclaves/locked: ";
+            assert!(refused.starts_with(why), "{refused}");
         }
     }
 

@@ -78,6 +78,8 @@ pub enum Event<Request> {
         /// Whether they hold for all time.
         is_static: bool,
     },
+    /// Of `/tf`, overtaken by others of the same publisher.
+    LateTransforms(TfMessage),
     /// The simulated time on `/clock`.
     Clock(Stamp),
     /// A call of a service.

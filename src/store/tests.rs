@@ -1,7 +1,7 @@
 use tempfile::tempdir;
 
 use super::*;
-use crate::engine::{Engine, Isometry3, Params, Points, Scan, Stamp};
+use crate::engine::{ClusterState, Engine, Isometry3, Params, Points, Scan, Stamp};
 
 /// A floor of 0.8 x 0.8 m after `scans` scans.
 fn engine(params: Params, scans: usize) -> Engine {
@@ -16,8 +16,12 @@ fn engine(params: Params, scans: usize) -> Engine {
     engine
 }
 
+fn stored(engine: &Engine) -> Stored {
+    Stored { frame_id: "odom".to_owned(), map: engine.save() }
+}
+
 fn packed() -> Vec<u8> {
-    pack(&engine(Params::default(), 2).save()).unwrap()
+    pack(&stored(&engine(Params::default(), 2))).unwrap()
 }
 
 fn damage(bytes: &[u8]) -> String {
@@ -28,17 +32,17 @@ fn damage(bytes: &[u8]) -> String {
 }
 
 #[test]
-fn what_is_read_is_what_was_written_and_goes_on() {
+fn what_is_read_is_what_was_written() {
     let folder = tempdir().unwrap();
     let path = folder.path().join("map");
     for params in [Params::default(), Params::paper()] {
         for scans in [0, 1, 5] {
             let engine = engine(params, scans);
-            let bytes = write(&path, &engine.save()).unwrap();
+            let bytes = write(&path, &stored(&engine)).unwrap();
             assert_eq!(bytes, path.metadata().unwrap().len());
-            let map = read(&path).unwrap();
-            assert_eq!((&map, map.sequence()), (&engine.save(), scans as u64));
-            let restored = Engine::restore(params, &map).unwrap();
+            let read = read(&path).unwrap();
+            assert_eq!((&read, read.map.sequence()), (&stored(&engine), scans as u64));
+            let restored = Engine::restore(params, &read.map).unwrap();
             assert_eq!(format!("{:?}", restored.snapshot()), format!("{:?}", engine.snapshot()));
         }
     }
@@ -64,7 +68,7 @@ fn a_newer_file_is_told_from_a_damaged_one() {
     bytes[8] = 7;
     assert_eq!(unpack(&bytes).unwrap_err(), Flaw::Newer(7));
     bytes[8] = 0;
-    assert!(damage(&bytes).starts_with("version 0, "));
+    assert_eq!(damage(&bytes), "it is of version 0, which there is not");
     assert_eq!(damage(&bytes[..31]), "31 bytes, fewer than the 32 of its header");
     assert_eq!(damage(&[b'x'; 99]), "it does not begin with `cfodimap`");
 }
@@ -83,7 +87,9 @@ fn lengths_that_the_file_does_not_bear_out_are_refused_before_anything_is_alloca
     assert_eq!(damage(&claiming(u64::MAX, b"small")), format!("5 bytes that claim to be {}", u64::MAX));
     let bomb = zstd::encode_all(&vec![0; 1 << 24][..], 1).unwrap();
     assert!(damage(&claiming(1000, &bomb)).starts_with("1001 bytes of map or more"));
-    let long = postcard::to_stdvec(&engine(Params::default(), 1).save()).unwrap();
+    let honest = claiming(1 << 24, &bomb);
+    assert_eq!(damage(&honest), format!("{} bytes that claim to be {}", bomb.len(), 1 << 24));
+    let long = postcard::to_stdvec(&stored(&engine(Params::default(), 1))).unwrap();
     let trailing = [&long[..], &[0; 3]].concat();
     let packed = zstd::encode_all(&trailing[..], 1).unwrap();
     assert_eq!(damage(&claiming(trailing.len() as u64, &packed)), "3 bytes after the map");
@@ -105,11 +111,11 @@ fn a_map_of_other_parameters_is_refused_by_name_and_values() {
 fn where_a_map_cannot_be_written_the_one_before_stays() {
     let folder = tempdir().unwrap();
     let path = folder.path().join("map");
-    let before = engine(Params::default(), 1).save();
+    let before = stored(&engine(Params::default(), 1));
     write(&path, &before).unwrap();
     // In the way of what is written beside it.
     std::fs::create_dir(folder.path().join("map.part")).unwrap();
-    let error = write(&path, &engine(Params::default(), 2).save()).unwrap_err();
+    let error = write(&path, &stored(&engine(Params::default(), 2))).unwrap_err();
     assert!(error.to_string().contains("map: "), "{error}");
     assert_eq!(read(&path).unwrap(), before);
     assert!(read(&folder.path().join("none")).unwrap_err().is_missing());
@@ -127,4 +133,56 @@ fn what_is_set_aside_takes_no_name_that_is_taken() {
         assert!(!path.exists());
     }
     assert!(set_aside(&path, "refused").is_err());
+}
+
+#[test]
+fn one_process_at_a_time_may_save_under_a_name() {
+    let folder = tempdir().unwrap();
+    let path = folder.path().join("map");
+    let held = lock(&path).unwrap();
+    let error = lock(&path).unwrap_err().to_string();
+    assert_eq!(error, format!("{} is in use by another process", path.display()));
+    assert!(lock(&folder.path().join("other")).is_ok());
+    drop(held);
+    assert!(lock(&path).is_ok());
+}
+
+#[test]
+fn what_is_no_file_is_not_opened_and_no_more_is_read_than_the_header_says() {
+    let folder = tempdir().unwrap();
+    let pipe = folder.path().join("pipe");
+    assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    assert!(read(&pipe).unwrap_err().to_string().ends_with("holds no whole map: it is no file"));
+    // As long as a disk, and nearly all of it a hole.
+    let path = folder.path().join("map");
+    std::fs::write(&path, packed()).unwrap();
+    File::options().write(true).open(&path).unwrap().set_len(1 << 40).unwrap();
+    let error = read(&path).unwrap_err().to_string();
+    let length = packed().len() - HEADER;
+    assert!(
+        error.contains(&format!("{length} bytes after the header, and there are {}", length + 1)),
+        "{error}"
+    );
+}
+
+/// A robot without a clock of its own begins in 1970 at each start.
+#[test]
+fn under_an_earlier_clock_what_was_known_stays_known() {
+    for params in [Params::default(), Params::paper()] {
+        let before = engine(params, 30);
+        assert!(before.snapshot().clusters.iter().all(|cluster| cluster.state != ClusterState::Tentative));
+        let mut restored = Engine::restore(params, &before.save()).unwrap();
+        let earlier = Stamp::from_nanos(-1_000_000_000_000);
+        let points = (0..6400).map(|i| [(i % 80) as f32 * 0.01, (i / 80) as f32 * 0.01, -0.99]);
+        restored.insert(&Scan {
+            stamp: earlier,
+            fixed_from_sensor: Isometry3::translation(0.0, 0.0, 1.0),
+            points: Points::F32(points.collect()),
+        });
+        let clusters = restored.snapshot().clusters;
+        assert!(!clusters.is_empty());
+        for cluster in &clusters {
+            assert_ne!(cluster.state, ClusterState::Tentative, "{cluster:?}");
+        }
+    }
 }

@@ -130,6 +130,15 @@ impl Frames {
         Ok(if jumped_back { Inserted::JumpedBack } else { inserted })
     }
 
+    /// Whether a transform of `/tf` that was overtaken by others is still of use: it is about the frame as it is, and taking it
+    /// in is no jump back in time. One that is refused by [`Self::insert`] is of use to it, which says why.
+    pub fn is_of_use(&self, message: &TransformStamped) -> bool {
+        let Ok(sample) = Sample::check(message, false) else { return true };
+        let edge = self.edges.get(sample.child);
+        edge.is_none_or(|edge| edge.parent == sample.parent && edge.kept.is_some())
+            && !self.jumps_back(&sample)
+    }
+
     fn jumps_back(&self, sample: &Sample<'_>) -> bool {
         let newest = self.edges.get(sample.child).and_then(Edge::newest);
         newest.zip(sample.stamp).is_some_and(|(newest, stamp)| newest.seconds_since(stamp) > JUMP_BACK)

@@ -19,8 +19,11 @@ pub fn run(bytes: &[u8]) {
     let (is_file, is_paper) = (bytes.yes(), bytes.yes());
     let params = if is_paper { params().with_mode(cfodi::engine::Mode::Paper) } else { params() };
     let scans = bytes.take(64);
-    let map =
-        if is_file { store::unpack(bytes.rest()).ok() } else { postcard::from_bytes(bytes.rest()).ok() };
+    let map = if is_file {
+        store::unpack(bytes.rest()).ok().map(|stored| stored.map)
+    } else {
+        postcard::from_bytes(bytes.rest()).ok()
+    };
     if let Some(map) = map {
         go_on(params, &map, &mut Bytes::new(scans));
     }

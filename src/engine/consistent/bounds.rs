@@ -56,9 +56,10 @@ impl Bounds {
 
     /// As they were when the blocks of `grid` were saved, or with other bounds.
     pub(super) fn restore(params: &Params, grid: &Grid, next: u64) -> Result<Self, RestoreError> {
-        let next = usize::try_from(next).ok().filter(|&next| next <= grid.slots());
-        let next =
-            next.ok_or_else(|| RestoreError::Contradiction("a next block that is not there".to_owned()))?;
+        let slots = grid.slots();
+        let next = usize::try_from(next).ok().filter(|&next| next <= slots).ok_or_else(|| {
+            RestoreError::Contradiction(format!("forgetting goes on at block {next} of {slots}"))
+        })?;
         let mut bounds = Self { next, ..Self::new(params) };
         if bounds.max_voxels > 0 {
             for (slot, block) in grid.blocks().filter(|(_, block)| !block.voxels().is_empty()) {

@@ -66,7 +66,9 @@ pub(super) fn describe(cluster: &Cluster, id: ClusterId, params: &Params) -> Opt
 pub(super) fn state(cluster: &Cluster, params: &Params, now: Now) -> ClusterState {
     let identity = &cluster.identity;
     let interval = u64::from(params.expansion_interval());
-    if cluster.voxels < RELIABLE_VOXELS || now.stamp.seconds_since(identity.first_seen) < RELIABLE_SECONDS {
+    // Seen first by a later clock: before a restart, and so for long.
+    let is_new = (0.0..RELIABLE_SECONDS).contains(&now.stamp.seconds_since(identity.first_seen));
+    if cluster.voxels < RELIABLE_VOXELS || is_new {
         ClusterState::Tentative
     } else if interval == 0 || now.sequence - identity.grown <= interval {
         ClusterState::Active

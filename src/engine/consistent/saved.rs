@@ -17,7 +17,7 @@ use super::surfaces::SavedSurfaces;
 use super::view::Clearance;
 use crate::engine::key::GRID_REACH;
 use crate::engine::params::{MAX_POINTS, Params};
-use crate::engine::saved::{RestoreError, ensure};
+use crate::engine::saved::{RestoreError, ensure, in_slots};
 
 /// All of a [`Consistent`](super::Consistent) but its parameters and the scans that it has taken in.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -30,10 +30,10 @@ pub(crate) struct SavedConsistent {
     pub(super) next: u64,
 }
 
-/// The blocks, in their slots.
+/// The blocks with their slots, and the slots without a block.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct SavedGrid {
-    pub(super) blocks: Vec<Option<SavedBlock>>,
+    pub(super) blocks: Vec<(u32, SavedBlock)>,
     free: Vec<u32>,
 }
 
@@ -99,18 +99,17 @@ impl SavedGrid {
     /// `states` gives what the surfaces know of a block.
     pub(super) fn of(grid: &Grid, states: impl Fn(BlockIndex) -> Vec<SavedState>) -> Self {
         let free: BTreeSet<_> = grid.free().iter().copied().collect();
-        let saved = |(slot, block)| (!free.contains(&slot)).then(|| SavedBlock::of(block, states(slot)));
+        let taken = grid.blocks().filter(|(slot, _)| !free.contains(slot));
         Self {
-            blocks: grid.blocks().map(saved).collect(),
+            blocks: taken.map(|(slot, block)| (slot.0, SavedBlock::of(block, states(slot)))).collect(),
             free: grid.free().iter().map(|free| free.0).collect(),
         }
     }
 
     pub(super) fn restore(&self, params: &Params, sequence: u64) -> Result<Grid, RestoreError> {
-        let blocks = self.blocks.iter().map(|block| match block {
-            Some(block) => block.restore(params, sequence).map(Some),
-            None => Ok(None),
-        });
+        let slots = in_slots("block", &self.blocks, self.blocks.len() + self.free.len())?;
+        let blocks =
+            slots.into_iter().map(|block| block.map(|block| block.restore(params, sequence)).transpose());
         Grid::of(params, blocks.collect::<Result<_, _>>()?, &self.free)
     }
 }

@@ -103,7 +103,7 @@ impl Globals {
             let Some(global) = self.change(slot, now) else { continue };
             global.moments.replace(before, voxel.centre());
             global.point_count += u64::from(voxel.count - touched.count_before);
-            global.last_seen = global.last_seen.max(now.stamp);
+            global.last_seen = now.stamp;
         }
     }
 
@@ -236,7 +236,7 @@ impl Globals {
         global.moments.merge(&partial.moments);
         global.point_count += points;
         global.extremes.merge(&extremes);
-        global.last_seen = global.last_seen.max(now.stamp);
+        global.last_seen = now.stamp;
     }
 
     fn merge_if_similar(&mut self, a: u32, b: u32, params: &Params, now: Now) {

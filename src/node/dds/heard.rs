@@ -15,13 +15,13 @@ use crate::cloud::{Cloud, CloudError};
 /// Publishers to remember; a driver that restarts is a new one each time.
 const PUBLISHERS: usize = 1000;
 
-/// By how many samples one may be overtaken: twice what any reader keeps. What is older still has a number that was not made
+/// By how many samples one may be overtaken: more than any reader keeps. What is older still has a number that was not made
 /// by the publisher of the newest.
-const LATE: i64 = 200;
+const LATE: i64 = 128;
 
-/// Whether a sample is one that was taken already, or was overtaken by one that was.
-fn is_old(number: i64, newest: i64) -> bool {
-    number <= newest && newest.saturating_sub(number) <= LATE
+/// Whether two samples are near enough to each other to be of one publisher at one time.
+const fn are_near(a: i64, b: i64) -> bool {
+    a.abs_diff(b) <= LATE.unsigned_abs()
 }
 
 /// What an entry of a publisher is, with those of many others forgotten.
@@ -71,29 +71,39 @@ struct Heard {
 
 #[derive(Debug, Default)]
 struct Publisher {
-    reliably: bool,
-    /// Newest number that came by best effort before the reliable reader was heard.
-    newest: Option<i64>,
+    /// The newest number that came reliably.
+    reliable: Option<i64>,
+    /// The newest number that was taken from the best-effort reader.
+    taken: Option<i64>,
 }
 
 impl Heard {
     /// Notes a sample that tells no publisher; says whether it is to be told: once, where both readers have it.
     fn tells_garbled(&mut self, reliably: bool) -> bool {
         self.garbled_reliably |= reliably;
-        reliably || !(self.garbled_reliably || self.publishers.values().any(|publisher| publisher.reliably))
+        reliably
+            || !(self.garbled_reliably
+                || self.publishers.values().any(|publisher| publisher.reliable.is_some()))
     }
 
-    /// Whether a sample of this number is to be taken from the reader, `reliably` or not, that has it.
+    /// Whether a sample of this number is to be taken from the reader, `reliably` or not, that has it. Where the reliable one
+    /// is heard, the other is not needed, unless that one stays behind or is elsewhere: a forged heartbeat silences it.
     fn takes(&mut self, publisher: Gid, number: i64, reliably: bool) -> bool {
         let heard = of(&mut self.publishers, publisher);
         if reliably {
-            heard.reliably = true;
-            return heard.newest.is_none_or(|newest| !is_old(number, newest));
+            heard.reliable = Some(number);
+            return heard.taken.is_none_or(|taken| number > taken || !are_near(number, taken));
         }
-        if !heard.reliably {
-            heard.newest = heard.newest.max(Some(number));
+        let takes = heard.reliable.is_none_or(|reliable| !are_near(number, reliable));
+        if takes {
+            heard.taken = Some(
+                heard
+                    .taken
+                    .filter(|&taken| are_near(number, taken))
+                    .map_or(number, |taken| taken.max(number)),
+            );
         }
-        !heard.reliably
+        takes
     }
 }
 
@@ -110,27 +120,54 @@ impl Gaps {
         let entry = of(&mut self.newest, publisher);
         let newest = *entry.get_or_insert(number);
         let gap = number.saturating_sub(newest).saturating_sub(1).max(0);
-        if !is_old(number, newest) {
+        if number > newest || !are_near(number, newest) {
             *entry = Some(number);
         }
         gap.unsigned_abs().saturating_sub(std::mem::take(&mut self.undecodable))
     }
 }
 
-/// The newest message of each publisher, where two readers have the same.
-#[derive(Debug, Default)]
-pub(super) struct Newest(BTreeMap<Gid, Option<i64>>);
+/// How a message lies to those that were taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Order {
+    /// After all of them.
+    New,
+    /// It was overtaken: it was lost on the way and sent again.
+    Late,
+    /// It is one of them.
+    Known,
+}
 
-impl Newest {
-    /// Whether a message is newer than all that were taken: what comes late has been overtaken, and to take it would be to
-    /// go back in time.
-    pub(super) fn takes(&mut self, publisher: Gid, number: i64) -> bool {
-        let newest = of(&mut self.0, publisher);
-        let takes = newest.is_none_or(|newest| !is_old(number, newest));
-        if takes {
-            *newest = Some(number);
+/// The messages that were taken of each publisher, where two readers have the same.
+#[derive(Debug, Default)]
+pub(super) struct Taken(BTreeMap<Gid, Option<Newest>>);
+
+#[derive(Clone, Copy, Debug)]
+struct Newest {
+    number: i64,
+    /// Which of the [`LATE`] numbers before were taken, or came before the first: the last bit is that of the one before.
+    before: u128,
+}
+
+impl Taken {
+    /// Notes a message.
+    pub(super) fn note(&mut self, publisher: Gid, number: i64) -> Order {
+        let entry = of(&mut self.0, publisher);
+        let newest = entry.get_or_insert(Newest { number: number.saturating_sub(1), before: u128::MAX });
+        if !are_near(number, newest.number) {
+            *newest = Newest { number, before: 0 };
+            return Order::New;
         }
-        takes
+        let ahead = number - newest.number;
+        if ahead > 0 {
+            let shifted = newest.before.checked_shl(ahead as u32).unwrap_or(0);
+            *newest = Newest { number, before: shifted | 1 << (ahead - 1) };
+            return Order::New;
+        }
+        let bit = if ahead == 0 { 0 } else { 1 << (-ahead - 1) };
+        let is_known = bit == 0 || newest.before & bit != 0;
+        newest.before |= bit;
+        if is_known { Order::Known } else { Order::Late }
     }
 }
 
@@ -147,11 +184,12 @@ mod tests {
 
     #[test]
     fn ever_new_publishers_are_not_remembered_for_ever() {
-        let (mut heard, mut gaps, mut newest) = (Heard::default(), Gaps::default(), Newest::default());
+        let (mut heard, mut gaps, mut taken) = (Heard::default(), Gaps::default(), Taken::default());
         for number in 0..10_000 {
-            assert!(heard.takes(publisher(number), 1, false) && newest.takes(publisher(number), 1));
+            assert!(heard.takes(publisher(number), 1, false));
+            assert_eq!(taken.note(publisher(number), 1), Order::New);
             assert_eq!(gaps.lost_before(publisher(number), i64::from(number)), 0);
-            assert!(heard.publishers.len().max(gaps.newest.len()).max(newest.0.len()) <= PUBLISHERS);
+            assert!(heard.publishers.len().max(gaps.newest.len()).max(taken.0.len()) <= PUBLISHERS);
         }
     }
 
@@ -191,16 +229,29 @@ mod tests {
     }
 
     #[test]
+    fn where_the_reliable_reader_is_silenced_the_other_is_heard_again() {
+        let (mut heard, publisher) = (Heard::default(), Gid::default());
+        assert!(heard.takes(publisher, 1, true));
+        let taken = (2..500).filter(|&number| heard.takes(publisher, number, false)).count();
+        assert_eq!(taken as i64, 498 - LATE, "it stays behind");
+        assert!(!heard.takes(publisher, 450, true) && heard.takes(publisher, 500, true));
+        assert!(!heard.takes(publisher, 501, false) && heard.takes(publisher, 501, true));
+        assert!(heard.takes(publisher, 1 << 62, true));
+        assert!((502..600).all(|number| heard.takes(publisher, number, false)), "it is elsewhere");
+    }
+
+    #[test]
     fn of_two_readers_of_a_topic_the_one_that_is_first_is_taken() {
-        let (mut newest, publisher) = (Newest::default(), Gid::default());
-        assert!([4, 5, 7].into_iter().all(|number| newest.takes(publisher, number)));
-        assert!(![3, 4, 5, 6, 7].into_iter().any(|number| newest.takes(publisher, number)));
-        assert!(newest.takes(publisher, 8));
-        assert!(
-            newest.takes(publisher, i64::MAX) && newest.takes(publisher, 9),
-            "made up, and the next true one"
-        );
-        assert!(!newest.takes(publisher, 9) && newest.takes(publisher, 10));
+        let (mut taken, publisher) = (Taken::default(), Gid::default());
+        let mut notes = |numbers: &[i64]| -> Vec<_> {
+            numbers.iter().map(|&number| taken.note(publisher, number)).collect()
+        };
+        assert_eq!(notes(&[4, 5, 7]), [Order::New; 3]);
+        assert_eq!(notes(&[3, 4, 5, 7]), [Order::Known; 4]);
+        assert_eq!(notes(&[6, 6, 8]), [Order::Late, Order::Known, Order::New]);
+        assert_eq!(notes(&[i64::MAX, 9, 10, 10]), [Order::New, Order::New, Order::New, Order::Known]);
+        assert_eq!(notes(&[8, 138, 10, 11]), [Order::Late, Order::New, Order::Known, Order::Late]);
+        assert_eq!(notes(&[i64::MIN, i64::MAX]), [Order::New; 2]);
     }
 
     #[test]

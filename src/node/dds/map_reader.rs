@@ -22,7 +22,8 @@ impl MapReader {
     /// When the middleware refuses something.
     pub fn open(setup: &Setup) -> Result<Self, DdsError> {
         let setup = setup.for_node(&setup.name);
-        let mut opener = Opener::new(&setup)?;
+        let security = setup.security()?;
+        let mut opener = Opener::new(&setup, &security)?;
         let latched = (&reliable(1, Durability::TransientLocal)).into();
         let topic = ("/cfodi/clusters", "cfodi_msgs", "SurfaceClusterArray");
         let snapshots = opener.subscribe(topic, &latched)?;

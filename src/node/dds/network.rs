@@ -15,6 +15,7 @@ use super::{DdsError, Events, Opener, Readers, opening, reliable_output, ros_typ
 use crate::msg::clusters::SurfaceClusterArray;
 use crate::msg::ros::{MarkerArray, PointCloud2, TriggerRequest, TriggerResponse};
 use crate::node::args::Setup;
+use crate::node::security::Security;
 use crate::node::transport::{Outgoing, SendError, Service, Source};
 
 /// Most deltas that are kept for a reader that does not acknowledge them: more than 20 s of them, after which ROS readers
@@ -47,8 +48,13 @@ pub(super) struct Network {
 
 impl Network {
     /// Opens the node and starts reading.
-    pub(super) fn open(setup: &Setup, memory: &Memory, events: &Events) -> Result<Self, DdsError> {
-        let (opener, threads) = Threads::started_by(|| Opener::new(setup));
+    pub(super) fn open(
+        setup: &Setup,
+        security: &Security,
+        memory: &Memory,
+        events: &Events,
+    ) -> Result<Self, DdsError> {
+        let (opener, threads) = Threads::started_by(|| Opener::new(setup, security));
         let mut opener = opener?;
         let array = "SurfaceClusterArray";
         let latched = |most| reliable_output(1, Durability::TransientLocal, most);

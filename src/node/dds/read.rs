@@ -10,7 +10,7 @@ use rustdds::QosPolicyBuilder;
 use rustdds::policy::{self, ResourceLimits};
 use serde::de::{DeserializeOwned, DeserializeSeed, Deserializer};
 
-use super::heard::{Known, Newest};
+use super::heard::{Known, Order, Taken};
 use super::{DdsError, Events, Opener, Readers, opening, reliable};
 use crate::cloud::{Camera, Cloud, CloudError, CloudFilter, CloudSeed, CompressedSeed, DepthSeed};
 use crate::msg::ros::{CameraInfo, Clock, TriggerRequest, TriggerResponse};
@@ -29,7 +29,7 @@ pub(super) struct Memory {
     points: Publishers,
     images: Publishers,
     compressed: Publishers,
-    transforms: Rc<RefCell<Newest>>,
+    transforms: Rc<RefCell<Taken>>,
 }
 
 /// The publishers of one topic.
@@ -42,13 +42,17 @@ pub(super) fn listen(opener: &mut Opener<'_>, memory: &Memory, events: &Events) 
     listen_to_scans(opener, &mut readers, memory, events)?;
     // The reliable reader takes nothing of a publisher before its heartbeat, up to 3 s; the other one at once.
     let at_once = (&QosProfile::subscription_default().history(History::KeepLast { depth: 100 })).into();
-    let at_once = (!has_keys(opener)?).then_some(at_once);
+    let at_once = (!has_keys(opener)).then_some(at_once);
     for qos in at_once.into_iter().chain([tf(Durability::Volatile)]) {
         let dynamic = opener.subscribe(("/tf", "tf2_msgs", "TFMessage"), &qos)?;
-        let newest = Rc::clone(&memory.transforms);
-        let transforms = move |message, info: &MessageInfo| {
-            let takes = newest.borrow_mut().takes(info.publisher_gid(), info.sequence_number());
-            takes.then_some(Event::Transforms { message, is_static: false })
+        let taken = Rc::clone(&memory.transforms);
+        let transforms = move |message, info: &MessageInfo| match taken
+            .borrow_mut()
+            .note(info.publisher_gid(), info.sequence_number())
+        {
+            Order::New => Some(Event::Transforms { message, is_static: false }),
+            Order::Late => Some(Event::LateTransforms(message)),
+            Order::Known => None,
         };
         readers.spawn_local(read("/tf", dynamic, events.clone(), transforms));
     }
@@ -77,8 +81,8 @@ pub(super) fn listen(opener: &mut Opener<'_>, memory: &Memory, events: &Events) 
 }
 
 /// Whether messages come by DDS Security. Then there is one reader a topic: with two of `/tf`, transforms did not always come.
-fn has_keys(opener: &Opener<'_>) -> Result<bool, DdsError> {
-    Ok(matches!(opener.setup.security()?, Security::Keys(_)))
+const fn has_keys(opener: &Opener<'_>) -> bool {
+    matches!(opener.security, Security::Keys(_))
 }
 
 /// Clouds, and depth images with their camera.
@@ -97,7 +101,7 @@ fn listen_to_scans(
     let infos = opener.subscribe(("depth/camera_info", "sensor_msgs", "CameraInfo"), &qos)?;
     readers.spawn_local(read_cameras(infos, camera.clone(), events.clone()));
     let repaired = policy::Reliability::Reliable { max_blocking_time: rustdds::Duration::from_millis(100) };
-    let repaired = (!has_keys(opener)?).then_some((repaired, true));
+    let repaired = (!has_keys(opener)).then_some((repaired, true));
     for (reliability, reliably) in [(best_effort, false)].into_iter().chain(repaired) {
         let qos = scan_qos(reliability);
         let images = opener.subscribe(("depth/image", "sensor_msgs", "Image"), &qos)?;

@@ -3,19 +3,20 @@
 use tokio::sync::mpsc::UnboundedReceiver;
 use tracing::warn;
 
-use super::Live;
+use super::{Live, LiveError};
 use crate::msg::ros::TriggerResponse;
 use crate::node::saving::{self, Saving, Written};
 use crate::node::transport::{Service, Transport};
-use crate::store::StoreError;
 
 impl<T: Transport> Live<T> {
     pub(super) async fn save_for(&mut self, request: T::Request) {
-        if self.saving.is_some() {
-            self.save(Some(request));
-            return;
-        }
-        let message = "the parameter snapshot_path names no file".to_owned();
+        let message = match &self.saving {
+            Some(saving) if saving.is_full() => {
+                format!("{} calls wait for a map to be written", Saving::<T::Request>::MOST_CALLS)
+            }
+            Some(_) => return self.save(Some(request)),
+            None => "the parameter snapshot_path names no file".to_owned(),
+        };
         self.answer(Service::Save, request, TriggerResponse { success: false, message }).await;
     }
 
@@ -60,17 +61,17 @@ pub(super) async fn last_written<T: Transport>(
     mut written: UnboundedReceiver<Written>,
     saving: Option<Saving<T::Request>>,
     transport: &T,
-) -> Result<(), StoreError> {
+) -> Result<(), LiveError> {
     let mut last = None;
     while let Some(result) = written.recv().await {
         saving::log(&result);
         last = Some(result);
     }
-    let Some(last) = last else { return Ok(()) };
+    let last = last.ok_or(LiveError::SaverDied)?;
     for call in saving.into_iter().flat_map(Saving::into_calls) {
         if let Err(failure) = transport.answer(Service::Save, call, saving::response(&last)).await {
             warn!("{} could not be answered: {failure}", Service::Save.name());
         }
     }
-    last.map(drop)
+    last.map(drop).map_err(LiveError::NotSaved)
 }

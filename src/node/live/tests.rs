@@ -13,7 +13,7 @@ use crate::msg::clusters::SurfaceClusterArray;
 use crate::msg::ros::{Header, Quaternion, Transform, TransformStamped, Vector3};
 use crate::node::resume::begin;
 use crate::node::transport::{Inputs, Outgoing, SendError, Source};
-use crate::store;
+use crate::store::{self, Stored};
 use crate::worker::tests::DEADLY;
 
 /// Keeps what is published; fails when told to.
@@ -116,7 +116,7 @@ fn node_with(
         }
     };
     let runtime = Builder::new_current_thread().enable_time().build().unwrap();
-    let engine = begin(config, config.snapshot_path.is_some()).unwrap();
+    let (engine, _lock) = begin(config, config.snapshot_path.is_some()).unwrap();
     let live = run(config, engine, Rc::clone(&transport), receiver, Rc::clone(&counts), enough);
     let ended = LocalSet::new().block_on(&runtime, live);
     drop(sender);
@@ -131,6 +131,16 @@ fn a_cloud_waits_for_its_transform_and_one_without_is_skipped_with_its_reason() 
     assert_eq!((counts.received, counts.taken_in), (2, 1));
     assert_eq!(counts.skipped.get("transform_timeout"), Some(&1));
     assert_eq!(transport.deltas.borrow().len(), 1);
+}
+
+#[test]
+fn a_transform_that_was_overtaken_counts_unless_it_would_be_a_jump_back() {
+    let late = |seconds: f64| {
+        let Event::Transforms { message, .. } = transform(at(seconds), false) else { unreachable!() };
+        Event::LateTransforms(message)
+    };
+    let events = vec![transform(at(10.0), false), late(5.0), late(9.5), cloud(at(9.8), "camera")];
+    assert_eq!(node(Fake::default(), events, 1).1.taken_in, 1);
 }
 
 #[test]
@@ -246,8 +256,28 @@ fn a_map_is_saved_when_asked_and_at_the_end_and_the_next_node_goes_on_with_it() 
         assert_eq!((first.base_sequence, first.sequence), (before, before + 1));
         let replies = transport.replies.borrow();
         assert!(replies.len() == 1 && replies[0].success, "{replies:?}");
-        let map = store::read(&folder.path().join("map")).unwrap();
-        assert_eq!(map.sequence(), before + scans);
+        let stored = store::read(&folder.path().join("map")).unwrap();
+        assert_eq!(stored.map.sequence(), before + scans);
+    }
+}
+
+#[test]
+fn a_jump_that_nobody_asked_for_keeps_the_file_of_the_map_that_it_ends_and_a_reset_does_not() {
+    for (jump, kept) in [(cloud(at(10.0), "camera"), true), (Event::Call(Service::Reset, ()), false)] {
+        let folder = tempfile::tempdir().unwrap();
+        let config = saving_in(folder.path());
+        let events = vec![transform(at(0.0), true), cloud(at(100.0), "camera")];
+        node_with(&config, Fake::default(), events, 1).0.unwrap();
+        let last = cloud(at(11.0), "camera");
+        let events = vec![transform(at(0.0), true), cloud(at(100.1), "camera"), jump, last];
+        let scans = if kept { 2 } else { 1 };
+        node_with(&config, Fake::default(), events, scans).0.unwrap();
+        let sequence =
+            |name: &str| store::read(&folder.path().join(name)).ok().map(|saved| saved.map.sequence());
+        assert_eq!(sequence("map"), Some(scans));
+        // The scan before the jump may have been saved, or was still waiting.
+        assert_eq!(sequence("map.before-1").is_some_and(|scans| scans >= 1), kept);
+        assert!(!folder.path().join("map.before-2").exists());
     }
 }
 
@@ -284,16 +314,21 @@ fn what_cannot_be_resumed_is_kept_aside_and_what_contradicts_the_parameters_is_l
         names.sort();
         names
     };
-    assert_eq!(begin(&config, true).unwrap().voxel_count(), 0, "nothing to resume is no failure");
+    assert_eq!(begin(&config, true).unwrap().0.voxel_count(), 0, "nothing to resume is no failure");
     std::fs::write(&path, "damaged").unwrap();
-    assert_eq!(begin(&config, true).unwrap().voxel_count(), 0);
-    assert_eq!(names(), ["map.refused-1"]);
-    store::write(&path, &Engine::new(Params::paper()).save()).unwrap();
+    assert_eq!(begin(&config, true).unwrap().0.voxel_count(), 0);
+    assert_eq!(names(), ["map.lock", "map.refused-1"]);
+    let stored =
+        |frame_id: &str, params| Stored { frame_id: frame_id.to_owned(), map: Engine::new(params).save() };
+    store::write(&path, &stored("map", config.engine)).unwrap();
+    let error = begin(&config, true).unwrap_err().to_string();
+    assert!(error.contains("made with fixed_frame map, now it is odom"), "{error}");
+    store::write(&path, &stored("odom", Params::paper())).unwrap();
     let error = begin(&config, true).unwrap_err().to_string();
     assert!(error.contains("made with mode paper, now it is consistent"), "{error}");
-    assert_eq!(names(), ["map", "map.refused-1"]);
+    assert_eq!(names(), ["map", "map.lock", "map.refused-1"]);
     begin(&config, false).unwrap();
-    assert_eq!(names(), ["map.before-1", "map.refused-1"]);
+    assert_eq!(names(), ["map.before-1", "map.lock", "map.refused-1"]);
     let nowhere = Value::Text(folder.path().join("none/map").display().to_string());
     let nowhere = Config::new([("snapshot_path".to_owned(), nowhere)]).unwrap();
     assert!(begin(&nowhere, false).unwrap_err().to_string().contains("a folder that exists"));

@@ -17,7 +17,7 @@ use crate::engine::consistent::rules::Rules;
 use crate::engine::consistent::saved::{SavedBlock, SavedState};
 use crate::engine::consistent::scratch;
 use crate::engine::params::Params;
-use crate::engine::saved::{MOST_REVISIONS, RestoreError, ensure, ensure_counted};
+use crate::engine::saved::{MOST_REVISIONS, RestoreError, ensure, ensure_counted, in_slots};
 use crate::engine::scan::Stamp;
 use crate::engine::snapshot::ClusterState;
 
@@ -27,8 +27,8 @@ pub(in super::super) struct SavedSurfaces {
     /// By block: the nodes of its patches, by number.
     nodes: Vec<Vec<u32>>,
     slots: Slots,
-    /// By component.
-    clusters: Vec<Option<SavedCluster>>,
+    /// With their components.
+    clusters: Vec<(u32, SavedCluster)>,
     ids_given: u64,
 }
 
@@ -67,7 +67,10 @@ impl Surfaces {
         SavedSurfaces {
             nodes: self.nodes.iter().map(|nodes| nodes.iter().map(|node| node.0).collect()).collect(),
             slots: self.graph.slots_taken(),
-            clusters: self.clusters.iter().map(|cluster| cluster.as_deref().map(saved)).collect(),
+            clusters: (0..)
+                .zip(&self.clusters)
+                .filter_map(|(component, cluster)| Some((component, saved(cluster.as_deref()?))))
+                .collect(),
             ids_given: self.ids_given,
         }
     }
@@ -85,7 +88,7 @@ impl Surfaces {
     /// The clusters of the voxels of `grid`; `blocks` say what they were published as.
     pub(in super::super) fn restore(
         map: &SavedSurfaces,
-        blocks: &[Option<SavedBlock>],
+        blocks: &[(u32, SavedBlock)],
         grid: &Grid,
         params: &Params,
         sequence: u64,
@@ -93,16 +96,17 @@ impl Surfaces {
         ensure_counted("the number of ids given", map.ids_given)?;
         let mut surfaces = Self::new(Rules::new(params));
         surfaces.ids_given = map.ids_given;
-        for (slot, block) in (0..).map(BlockIndex).zip(blocks) {
-            let states = block.as_ref().map_or(&[][..], |block| &block.states);
+        for (slot, block) in (0..).map(BlockIndex).zip(in_slots("block", blocks, grid.slots())?) {
+            let states = block.map_or(&[][..], |block| &block.states);
             surfaces.segmented.push(segmented(states, grid, slot, &surfaces.rules)?);
         }
         let ids = scratch::meet(grid, &mut surfaces.segmented, &surfaces.rules);
         surfaces.restore_nodes(map, &ids)?;
         surfaces.restore_graph(map, &ids)?;
-        surfaces.restore_clusters(map, sequence)?;
-        (0..blocks.len() as u32).for_each(|block| surfaces.enter(grid, BlockIndex(block)));
-        surfaces.restore_told(map, params)?;
+        let clusters = in_slots("cluster", &map.clusters, map.slots.components())?;
+        surfaces.restore_clusters(&clusters, map.ids_given, sequence)?;
+        (0..grid.slots() as u32).for_each(|block| surfaces.enter(grid, BlockIndex(block)));
+        surfaces.restore_told(&clusters, params)?;
         Ok(surfaces)
     }
 
@@ -141,12 +145,15 @@ impl Surfaces {
         Ok(())
     }
 
-    fn restore_clusters(&mut self, map: &SavedSurfaces, sequence: u64) -> Result<(), RestoreError> {
-        ensure(map.clusters.len() == map.slots.components(), || {
-            format!("{} clusters in {} slots", map.clusters.len(), map.slots.components())
-        })?;
+    /// `clusters` by component.
+    fn restore_clusters(
+        &mut self,
+        clusters: &[Option<&SavedCluster>],
+        ids_given: u64,
+        sequence: u64,
+    ) -> Result<(), RestoreError> {
         let mut ids = BTreeSet::new();
-        for (component, saved) in (0..).map(ComponentId).zip(&map.clusters) {
+        for (component, saved) in (0..).map(ComponentId).zip(clusters) {
             ensure(saved.is_some() != self.graph.nodes(component).is_empty(), || {
                 format!("{component:?} has {} patches: {saved:?}", self.graph.nodes(component).len())
             })?;
@@ -155,7 +162,7 @@ impl Surfaces {
                 continue;
             };
             let identity = &saved.identity;
-            let is_new = identity.id.is_none_or(|id| id.get() <= map.ids_given && ids.insert(id));
+            let is_new = identity.id.is_none_or(|id| id.get() <= ids_given && ids.insert(id));
             let possible = is_new
                 && identity.grown <= sequence
                 && identity.revision <= MOST_REVISIONS
@@ -173,8 +180,12 @@ impl Surfaces {
         Ok(())
     }
 
-    fn restore_told(&mut self, map: &SavedSurfaces, params: &Params) -> Result<(), RestoreError> {
-        for (component, saved) in (0..).map(ComponentId).zip(&map.clusters) {
+    fn restore_told(
+        &mut self,
+        clusters: &[Option<&SavedCluster>],
+        params: &Params,
+    ) -> Result<(), RestoreError> {
+        for (component, saved) in (0..).map(ComponentId).zip(clusters) {
             let (Some(cluster), Some(saved)) = (self.clusters[component.0 as usize].as_deref_mut(), saved)
             else {
                 continue;

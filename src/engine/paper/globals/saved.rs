@@ -8,13 +8,15 @@ use crate::engine::key::{ClusterId, VoxelKey};
 use crate::engine::paper::extremes::Extremes;
 use crate::engine::paper::grid::{Grid, Label};
 use crate::engine::paper::saved::is_unit;
-use crate::engine::saved::{MOST_REVISIONS, RestoreError, ensure};
+use crate::engine::saved::{MOST_REVISIONS, RestoreError, ensure, in_slots};
 use crate::engine::scan::Stamp;
 
 /// All of [`Globals`] that does not follow from the voxels.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct SavedGlobals {
-    slots: Vec<Option<SavedGlobal>>,
+    /// Those that live, with their slots.
+    living: Vec<(u32, SavedGlobal)>,
+    /// By slot: the slot that it has been merged into, or its own.
     parents: Vec<u32>,
     growths: Vec<(u64, u32)>,
 }
@@ -31,29 +33,36 @@ struct SavedGlobal {
 
 impl SavedGlobals {
     pub(crate) const fn slots(&self) -> usize {
-        self.slots.len()
+        self.parents.len()
     }
 
     /// What chains of slots and of growths rely on.
     fn check(&self, sequence: u64) -> Result<(), RestoreError> {
-        let slots = self.slots.len();
-        ensure(self.parents.len() == slots && u32::try_from(slots).is_ok(), || {
-            format!("{slots} clusters with {} places", self.parents.len())
-        })?;
-        for ((slot, &parent), global) in (0..).zip(&self.parents).zip(&self.slots) {
+        let slots = self.slots();
+        ensure(u32::try_from(slots).is_ok(), || format!("{slots} clusters"))?;
+        for ((slot, &parent), global) in (0..).zip(&self.parents).zip(self.by_slot()?) {
             ensure(parent <= slot && (parent == slot) == global.is_some(), || {
                 format!("cluster {slot} has been merged into {parent}: {global:?}")
             })?;
         }
-        for global in self.slots.iter().flatten() {
+        for (_, global) in &self.living {
             let possible = is_unit(&global.normal)
                 && global.grown.max(global.changed) <= sequence
                 && global.revision <= MOST_REVISIONS;
             ensure(possible, || format!("an impossible cluster after {sequence} scans: {global:?}"))?;
         }
-        ensure(self.growths.is_sorted_by_key(|(scan, _)| *scan), || "growths are out of order".to_owned())?;
-        let possible = |&(scan, slot): &(u64, u32)| scan <= sequence && (slot as usize) < slots;
-        ensure(self.growths.iter().all(possible), || "a growth of no cluster or scan".to_owned())
+        let mut before = 0;
+        for &(scan, slot) in &self.growths {
+            ensure((before..=sequence).contains(&scan) && (slot as usize) < slots, || {
+                format!("cluster {slot} of {slots} grew in scan {scan}, after one in {before} of {sequence}")
+            })?;
+            before = scan;
+        }
+        Ok(())
+    }
+
+    fn by_slot(&self) -> Result<Vec<Option<&SavedGlobal>>, RestoreError> {
+        in_slots("cluster", &self.living, self.slots())
     }
 }
 
@@ -68,7 +77,10 @@ impl Globals {
             changed: global.changed,
         };
         SavedGlobals {
-            slots: self.slots.iter().map(|slot| slot.as_deref().map(saved)).collect(),
+            living: (0..)
+                .zip(&self.slots)
+                .filter_map(|(slot, global)| Some((slot, saved(global.as_deref()?))))
+                .collect(),
             parents: self.parents.clone(),
             growths: self.growths.iter().copied().collect(),
         }
@@ -79,8 +91,8 @@ impl Globals {
         map.check(sequence)?;
         // Until the first voxel comes.
         let origin = VoxelKey::new(0, 0, 0).unwrap_or_else(|| unreachable!("the origin is within reach"));
-        let globals = (1..).zip(&map.slots).map(|(number, saved)| {
-            let (id, saved) = (ClusterId::new(number)?, saved.as_ref()?);
+        let globals = (1..).zip(map.by_slot()?).map(|(number, saved)| {
+            let (id, saved) = (ClusterId::new(number)?, saved?);
             Some(Box::new(Global {
                 id,
                 revision: saved.revision,

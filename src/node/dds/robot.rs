@@ -1,0 +1,55 @@
+//! The robot of demonstrations and tests.
+
+use ros2_client::qos::Durability;
+use ros2_client::{Node, Publisher, QosProfile};
+use rustdds::DomainParticipant;
+
+use super::{DdsError, Opener, reliable};
+use crate::msg::ros::{PointCloud2, TfMessage};
+use crate::node::args::Setup;
+use crate::node::transport::SendError;
+
+/// Publishers of a simulated robot: its own participant, so that its clouds really cross the network stack.
+pub struct Robot {
+    points: Publisher<PointCloud2>,
+    tf: Publisher<TfMessage>,
+    tf_static: Publisher<TfMessage>,
+    // Kept so that the publishers stay on the network, and dropped in this order.
+    _network: (Node, DomainParticipant),
+}
+
+impl Robot {
+    /// Opens a node `simulated_robot` that publishes `points`, `/tf` and `/tf_static` in the domain of `setup`.
+    ///
+    /// # Errors
+    /// When the middleware refuses something.
+    pub fn open(setup: &Setup) -> Result<Self, DdsError> {
+        let setup = setup.for_node("simulated_robot");
+        let security = setup.security()?;
+        let mut opener = Opener::new(&setup, &security)?;
+        let tf = |name| (name, "tf2_msgs", "TFMessage");
+        let best_effort = &QosProfile::subscription_default().into();
+        let points = opener.publisher(("points", "sensor_msgs", "PointCloud2"), best_effort)?;
+        let dynamic = opener.publisher(tf("/tf"), &reliable(100, Durability::Volatile).into())?;
+        let latched = opener.publisher(tf("/tf_static"), &reliable(1, Durability::TransientLocal).into())?;
+        let network = (opener.node, opener.participant);
+        Ok(Self { points, tf: dynamic, tf_static: latched, _network: network })
+    }
+
+    /// Sends a cloud.
+    ///
+    /// # Errors
+    /// When the middleware refuses it.
+    pub fn send_cloud(&self, cloud: PointCloud2) -> Result<(), SendError> {
+        self.points.publish(cloud).map_err(|error| SendError(error.to_string()))
+    }
+
+    /// Sends transforms on `/tf`, or on `/tf_static`.
+    ///
+    /// # Errors
+    /// When the middleware refuses them.
+    pub fn send_transforms(&self, message: TfMessage, is_static: bool) -> Result<(), SendError> {
+        let publisher = if is_static { &self.tf_static } else { &self.tf };
+        publisher.publish(message).map_err(|error| SendError(error.to_string()))
+    }
+}

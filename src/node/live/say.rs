@@ -1,0 +1,82 @@
+//! What the log says of what comes and of what does not.
+
+use std::time::Instant;
+
+use tracing::{debug, warn};
+
+use super::{Live, QUIET, QUIET_AGAIN};
+use crate::cloud::{Camera, Cloud, CloudError};
+use crate::line::one_line;
+use crate::node::inputs;
+use crate::node::transport::Transport;
+use crate::tf::Waited;
+
+impl<T: Transport> Live<T> {
+    /// Says when next to nothing of a cloud is of use: its unit, frame or range may be others than assumed.
+    pub(super) fn look_at(&mut self, cloud: &Cloud) {
+        let Cloud { total, invalid, out_of_range, .. } = *cloud;
+        let used = cloud.points.len();
+        if total > 0 && used * 10 < total as usize {
+            self.warn(
+                "hardly_used",
+                format_args!(
+                    "of {total} points only {used} are used: {invalid} are invalid, {out_of_range} out of range (see \
+                     min_range, max_range, optical)"
+                ),
+            );
+        }
+    }
+
+    pub(super) fn camera(&mut self, camera: &Result<Camera, CloudError>) {
+        let topic = self.transport.inputs().camera_info.clone();
+        match camera {
+            Ok(camera) if camera.is_distorted() => self.warn(
+                "distorted",
+                format_args!(
+                    "{topic} tells of lens distortion: depth images are taken as rectified, and are off by it"
+                ),
+            ),
+            Ok(camera) => debug!("{topic}: {}x{} pixels", camera.width(), camera.height()),
+            Err(error) => self.warn(error.reason(), format_args!("{topic}: {error}")),
+        }
+    }
+
+    /// Counts a cloud that got no transform in time, and says which frames there were.
+    pub(super) fn skip(&mut self, waited: &Waited<Cloud>, reason: &'static str) {
+        self.counts.borrow_mut().skip(reason);
+        let why = waited.last_error.as_ref().map_or_else(String::new, ToString::to_string);
+        let (seconds, frame_id, fixed_frame) =
+            (waited.waited.as_secs_f64(), &waited.frame_id, &self.fixed_frame);
+        let line = format!(
+            "a cloud was skipped after {seconds:.2} s without a transform from `{frame_id}` to `{fixed_frame}`: {why}"
+        );
+        // Thousands of frames take longer to list than a cloud to skip.
+        if self.throttle.allows(reason, Instant::now()) {
+            warn!("{}", one_line(&format!("{line}; {}", self.join.frames_seen())));
+        } else {
+            debug!("{}", one_line(&line));
+        }
+    }
+
+    /// Says why no cloud comes, as far as it can be known.
+    pub(super) fn say_when_quiet(&mut self, now: Instant) {
+        let said = self.said_quiet.is_some_and(|said| now.duration_since(said) < QUIET_AGAIN);
+        if now.duration_since(self.quiet_since) < QUIET || said {
+            return;
+        }
+        self.said_quiet = Some(now);
+        let sources = self.transport.sources();
+        let line = inputs::why_quiet(self.transport.inputs(), self.chosen, &sources, QUIET);
+        warn!("{}", one_line(&line));
+    }
+
+    pub(super) fn warn(&mut self, kind: &'static str, line: std::fmt::Arguments<'_>) {
+        let line = line.to_string();
+        let line = one_line(&line);
+        if self.throttle.allows(kind, Instant::now()) {
+            warn!("{line}");
+        } else {
+            debug!("{line}");
+        }
+    }
+}
