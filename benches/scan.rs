@@ -91,7 +91,7 @@ fn save(group: &mut Group, label: &str, scans: &[Scan], params: Params) {
     group.bench_function(format!("save {label}, pack"), |b| b.iter(|| pack(&stored)));
     group.bench_function(format!("save {label}, unpack"), |b| b.iter(|| unpack(&bytes)));
     group.bench_function(format!("save {label}, restore"), |b| {
-        b.iter(|| Engine::restore(params, &stored.map))
+        b.iter(|| Engine::restore(params, &stored.map));
     });
 }
 
