@@ -347,6 +347,7 @@ fn drive_the_laboratory(params: Params, holds: impl Fn(&Consistent, &Snapshot, &
         let update = map.insert(&scan);
         removed += update.removed.len();
         let snapshot = map.snapshot();
+        assert!(snapshot.clusters.iter().all(|cluster| !update.removed.contains(&cluster.id)));
         match &mut late {
             Some(reader) => reader.apply(&update),
             // One that comes late begins with a snapshot.

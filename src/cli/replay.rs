@@ -9,6 +9,7 @@ use cfodi::export::write_whole;
 use cfodi::line::one_line;
 use cfodi::node::Setup;
 use cfodi::node::args::ArgsError;
+use cfodi::node::transport::Outgoing;
 use cfodi::replay::{
     Ended, Feed, Finished, FixedFrame, MapFiles, Outputs, Progress, Replay, ResultFile, Settings, Summary,
     feed,
@@ -233,10 +234,10 @@ fn say_choice(choice: &Choice) {
 pub(crate) fn output_topics(setup: &Setup) -> anyhow::Result<OutputTopics> {
     let name = |name| setup.resolve(name).context("an output's name");
     Ok(OutputTopics {
-        clusters: name("~/clusters")?,
-        clusters_delta: name("~/clusters_delta")?,
-        markers: name("~/markers")?,
-        points_labelled: name("~/points_labelled")?,
+        clusters: name(Outgoing::CLUSTERS)?,
+        clusters_delta: name(Outgoing::DELTA)?,
+        markers: name(Outgoing::MARKERS)?,
+        points_labelled: name(Outgoing::LABELLED)?,
     })
 }
 

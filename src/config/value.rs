@@ -91,7 +91,7 @@ pub(super) const TABLE: &[Declared] = &[
     (
         "network_interfaces",
         || Value::TextList(Vec::new()),
-        "IP addresses of the interfaces to use; empty = all",
+        "own IPv4 addresses to be found under; empty = all",
     ),
     (
         "receive_buffer",

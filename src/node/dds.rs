@@ -78,6 +78,9 @@ pub enum DdsError {
 /// Events that wait for the node; a cloud that finds no place waits in the middleware.
 const EVENTS: usize = 16;
 
+/// Time until the network is joined again where an address was not there.
+const AGAIN: Duration = Duration::from_secs(5);
+
 /// Tasks that read; each ends with the name of what it read.
 type Readers = JoinSet<&'static str>;
 
@@ -195,16 +198,8 @@ fn check_interface(address: IpAddr) -> Result<(), DdsError> {
 pub fn check_names(setup: &Setup) -> Result<(), DdsError> {
     ros2args::names::validate_namespace(&setup.namespace).map_err(ArgsError::from)?;
     read::inputs(setup)?;
-    for name in [
-        "~/clusters",
-        "~/clusters_delta",
-        "~/markers",
-        "~/points_labelled",
-        "~/reset",
-        "~/save",
-        "/tf",
-        "/tf_static",
-    ] {
+    let others = [Service::Reset.name(), Service::Save.name(), "/tf", "/tf_static"];
+    for name in Outgoing::TOPICS.into_iter().chain(others) {
         setup.resolve(name)?;
     }
     Ok(())
@@ -337,8 +332,14 @@ impl Transport for Dds {
                 () = network.thread_ended() => {}
             }
             drop(network);
-            if let Err(error) = self.join_anew().await {
-                return error.to_string();
+            match self.join_anew().await {
+                Ok(()) => {}
+                // After a sleep a wireless interface comes back late.
+                Err(error @ DdsError::Interface { .. }) => {
+                    warn!("{error}; it is tried again in {} s", AGAIN.as_secs());
+                    tokio::time::sleep(AGAIN).await;
+                }
+                Err(error) => return error.to_string(),
             }
         }
     }

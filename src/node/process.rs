@@ -27,7 +27,7 @@ pub enum ProcessError {
     #[error("cannot start: {0}")]
     Runtime(std::io::Error),
     /// The network cannot be joined.
-    #[error("cannot join the ROS network: {0}")]
+    #[error("cannot join the ROS network")]
     Network(#[from] DdsError),
     /// The network must not be joined.
     #[error(transparent)]

@@ -106,6 +106,19 @@ pub enum Outgoing {
     Labelled(PointCloud2),
 }
 
+impl Outgoing {
+    /// Name of the topic of [`Self::Clusters`].
+    pub const CLUSTERS: &str = "~/clusters";
+    /// Of [`Self::Delta`].
+    pub const DELTA: &str = "~/clusters_delta";
+    /// Of [`Self::Markers`].
+    pub const MARKERS: &str = "~/markers";
+    /// Of [`Self::Labelled`].
+    pub const LABELLED: &str = "~/points_labelled";
+    /// Of all.
+    pub const TOPICS: [&str; 4] = [Self::CLUSTERS, Self::DELTA, Self::MARKERS, Self::LABELLED];
+}
+
 /// A topic that somebody publishes.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Source {

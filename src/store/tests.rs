@@ -165,6 +165,31 @@ fn what_is_no_file_is_not_opened_and_no_more_is_read_than_the_header_says() {
     );
 }
 
+/// Nothing packs better than a map that was large and is not any more: its free places remain.
+#[test]
+fn a_map_of_which_nearly_all_was_forgotten_can_be_read() {
+    let params = Params::default().with_keep_radius(5.0).unwrap();
+    let mut engine = Engine::new(params);
+    let scan = |number: i64, x: f64, points| Scan {
+        stamp: Stamp::from_nanos(number * 33_333_333),
+        fixed_from_sensor: Isometry3::translation(x, 0.0, 0.0),
+        points: Points::F32(points),
+    };
+    // A block each.
+    let far = (0..20_000).map(|i| [i % 27, i / 27 % 27, i / 729].map(|steps| steps as f32 * 0.7));
+    engine.insert(&scan(0, 0.0, far.collect()));
+    for number in 1..1000 {
+        engine.insert(&scan(number, 1000.0, vec![[0.0, 0.0, 1.0]]));
+        if engine.voxel_count() == 1 {
+            break;
+        }
+    }
+    assert_eq!(engine.voxel_count(), 1);
+    let bytes = pack(&stored(&engine)).unwrap();
+    assert!(bytes.len() > 1000, "{} bytes: the free places are not in it", bytes.len());
+    assert_eq!(unpack(&bytes).unwrap(), stored(&engine));
+}
+
 /// A robot without a clock of its own begins in 1970 at each start.
 #[test]
 fn under_an_earlier_clock_what_was_known_stays_known() {

@@ -59,15 +59,15 @@ impl Network {
         let array = "SurfaceClusterArray";
         let latched = |most| reliable_output(1, Durability::TransientLocal, most);
         let network = Self {
-            clusters: opener.publisher(("~/clusters", "cfodi_msgs", array), &latched(SNAPSHOTS))?,
+            clusters: opener.publisher((Outgoing::CLUSTERS, "cfodi_msgs", array), &latched(SNAPSHOTS))?,
             delta: opener.publisher(
-                ("~/clusters_delta", "cfodi_msgs", array),
+                (Outgoing::DELTA, "cfodi_msgs", array),
                 &reliable_output(20, Durability::Volatile, DELTAS),
             )?,
             markers: opener
-                .publisher(("~/markers", "visualization_msgs", "MarkerArray"), &latched(MARKERS))?,
+                .publisher((Outgoing::MARKERS, "visualization_msgs", "MarkerArray"), &latched(MARKERS))?,
             labelled: opener.publisher(
-                ("~/points_labelled", "sensor_msgs", "PointCloud2"),
+                (Outgoing::LABELLED, "sensor_msgs", "PointCloud2"),
                 &QosProfile::subscription_default().into(),
             )?,
             reset: Rc::new(opener.server(Service::Reset.name())?),
@@ -100,10 +100,10 @@ impl Network {
 
     pub(super) async fn publish(&self, message: Outgoing) -> Result<(), SendError> {
         match message {
-            Outgoing::Clusters(array) => send(&self.clusters, "~/clusters", array).await,
-            Outgoing::Delta(array) => send(&self.delta, "~/clusters_delta", array).await,
-            Outgoing::Markers(markers) => send(&self.markers, "~/markers", markers).await,
-            Outgoing::Labelled(cloud) => send(&self.labelled, "~/points_labelled", cloud).await,
+            Outgoing::Clusters(array) => send(&self.clusters, Outgoing::CLUSTERS, array).await,
+            Outgoing::Delta(array) => send(&self.delta, Outgoing::DELTA, array).await,
+            Outgoing::Markers(markers) => send(&self.markers, Outgoing::MARKERS, markers).await,
+            Outgoing::Labelled(cloud) => send(&self.labelled, Outgoing::LABELLED, cloud).await,
         }
     }
 
