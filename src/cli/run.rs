@@ -1,10 +1,18 @@
 //! `cfodi run`: the live node beside a robot's driver.
 
+use std::env;
+use std::ffi::OsString;
+use std::io;
+use std::os::unix::process::CommandExt as _;
+use std::process::Command;
+
 use cfodi::node::Setup;
 use cfodi::node::dds::check_names;
+use cfodi::node::live::LiveError;
 use cfodi::node::process::{ProcessError, live_node};
 use cfodi::node::resume::begin;
 use clap::Args;
+use tracing::warn;
 
 #[derive(Debug, Args)]
 pub(crate) struct Options {
@@ -13,11 +21,52 @@ pub(crate) struct Options {
     resume: bool,
 }
 
+const RESUME: &str = "--resume";
+
 pub(crate) fn run(setup: &Setup, options: &Options) -> anyhow::Result<()> {
     // Before a map is set aside for a node that cannot start.
     check_names(setup).map_err(ProcessError::from)?;
     setup.security().map_err(ProcessError::from)?;
     let (engine, _lock) = begin(&setup.config, options.resume).map_err(ProcessError::from)?;
-    live_node(setup, engine, None, |_| Ok(()), || false)?;
-    Ok(())
+    match live_node(setup, engine, None, |_| Ok(()), || false) {
+        Err(ProcessError::Live(LiveError::Deaf(why))) => {
+            let saves = setup.config.snapshot_path.is_some();
+            let map = if saves { "the saved map" } else { "an empty map (see snapshot_path)" };
+            warn!("{why}: the process begins anew in its place, with {map}");
+            Err(ProcessError::Anew(begin_anew(saves && !options.resume)).into())
+        }
+        ended => Ok(ended.map(drop)?),
+    }
+}
+
+/// Puts this program in its own place, under the same process id: nothing else ends a thread of the middleware that does not
+/// come back, or frees what it holds. Returns only where that fails.
+fn begin_anew(adds_resume: bool) -> io::Error {
+    let program = match env::current_exe() {
+        Ok(program) => program,
+        Err(error) => return error,
+    };
+    let args = env::args_os().skip(1).collect();
+    Command::new(program).args(if adds_resume { resuming(args) } else { args }).exec()
+}
+
+/// The option belongs behind the verb: what follows may be ROS arguments.
+fn resuming(mut args: Vec<OsString>) -> Vec<OsString> {
+    let verb = args.iter().position(|arg| arg == "run").map_or(0, |verb| verb + 1);
+    args.insert(verb, RESUME.into());
+    args
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn who_begins_anew_resumes_with_the_arguments_it_had() {
+        let words = |line: &str| line.split(' ').map(OsString::from).collect::<Vec<_>>();
+        let resumed = resuming(words("run --ros-args -p snapshot_path:=map"));
+        assert_eq!(resumed, words("run --resume --ros-args -p snapshot_path:=map"));
+        let resumed = resuming(words("--ros-args -p a:=1 -- run"));
+        assert_eq!(resumed, words("--ros-args -p a:=1 -- run --resume"));
+    }
 }

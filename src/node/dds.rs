@@ -7,6 +7,7 @@
 mod heard;
 mod map_reader;
 mod network;
+mod pulse;
 mod read;
 mod robot;
 mod secure;
@@ -198,7 +199,7 @@ fn check_interface(address: IpAddr) -> Result<(), DdsError> {
 pub fn check_names(setup: &Setup) -> Result<(), DdsError> {
     ros2args::names::validate_namespace(&setup.namespace).map_err(ArgsError::from)?;
     read::inputs(setup)?;
-    let others = [Service::Reset.name(), Service::Save.name(), "/tf", "/tf_static"];
+    let others = [Service::Reset.name(), Service::Save.name(), "/tf", "/tf_static", pulse::TOPIC];
     for name in Outgoing::TOPICS.into_iter().chain(others) {
         setup.resolve(name)?;
     }
@@ -283,6 +284,11 @@ impl Dds {
         }
     }
 
+    /// Whether the middleware still does anything; where it does not, [`Self::close`] does not return.
+    pub async fn answers(&self) -> bool {
+        self.network().answers().await
+    }
+
     fn network(&self) -> Rc<Network> {
         Rc::clone(&self.network.borrow())
     }
@@ -329,6 +335,7 @@ impl Transport for Dds {
             let network = self.network();
             tokio::select! {
                 reason = network.reader_ended() => return reason,
+                () = network.held() => return "the middleware does not answer any more".to_owned(),
                 () = network.thread_ended() => {}
             }
             drop(network);

@@ -130,8 +130,8 @@ pub async fn run<T: Transport>(
     while let Ok(event) = events.try_recv() {
         live.put_away(event);
     }
-    let map = live.finish(publishing, written).await?;
-    broken.map_or(Ok(map), Err)
+    let map = live.finish(publishing, written).await;
+    broken.map_or(map, Err)
 }
 
 fn interval(period: Duration) -> tokio::time::Interval {

@@ -38,6 +38,9 @@ pub enum ProcessError {
     /// The node failed.
     #[error(transparent)]
     Live(#[from] LiveError),
+    /// The process was to begin anew in its place and cannot.
+    #[error("the node is deaf, and the process cannot begin anew: {0}")]
+    Anew(std::io::Error),
 }
 
 impl ProcessError {
@@ -99,8 +102,8 @@ fn say_security(security: &Security) {
     }
 }
 
-/// Runs the live node with the map of `engine` until a signal comes or `done` says so, and returns its map; what it sends goes into `record` too,
-/// `begin` is called once it listens.
+/// Runs the live node with the map of `engine` until a signal comes or `done` says so, and returns its map; what it sends
+/// goes into `record` too, `begin` is called once it listens.
 ///
 /// # Errors
 /// When the network cannot be joined, or the node fails.
@@ -131,19 +134,26 @@ pub fn live_node(
         let map =
             live::run(&setup.config, engine, Rc::clone(&dds), receiver, Rc::clone(&counts), ending(done))
                 .await;
-        let network = match Rc::into_inner(dds) {
-            Some(dds) => Some(dds.close().await),
-            None => None,
-        };
-        Ok::<_, ProcessError>((map?, network))
+        Ok::<_, ProcessError>((map, leave(dds).await))
     });
-    drop(tasks);
-    let map = ended.map(|(map, network)| {
-        drop(network);
-        map
+    let map = ended.and_then(|(map, network)| {
+        match network {
+            Some(network) => drop((tasks, network)),
+            None => std::mem::forget(tasks),
+        }
+        Ok(map?)
     });
     eprintln!("counts {}", counts.borrow());
     map
+}
+
+/// Takes the node off the network. A middleware that does not answer is left as it is, for good: it would be waited for.
+async fn leave(dds: Rc<Dds>) -> Option<impl Sized> {
+    if !dds.answers().await {
+        std::mem::forget(dds);
+        return None;
+    }
+    Some(Rc::into_inner(dds)?.close().await)
 }
 
 /// Resolves at SIGINT or SIGTERM.

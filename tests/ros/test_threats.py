@@ -286,3 +286,45 @@ def test_datagrams_of_garbage_leave_the_node_alive(start, peer):
     assert node.process.poll() is None
     assert not any("panicked" in line for line in node.lines), node.lines
     node.stop()
+
+
+def heartbeats(packets):
+    """Header and `HEARTBEAT` (DDSI-RTPS 2.5, 8.3.8.6) of each writer: what the last such packet of it has."""
+    found = {}
+    for packet in packets:
+        at = 20
+        while at + 4 <= len(packet):
+            kind, flags = packet[at], packet[at + 1]
+            length = struct.unpack_from("<H" if flags & 1 else ">H", packet, at + 2)[0]
+            if kind == 7 and flags & 1 and length == 28:
+                found[packet[8:20] + packet[at + 8:at + 12]] = packet[:20], packet[at:at + 32]
+            if length == 0:
+                break
+            at += 4 + length
+    return found.values()
+
+
+def forged(header, heartbeat, last, count=1 << 20):
+    """The same, where the writer has messages up to the number `last`."""
+    return header + heartbeat[:20] + struct.pack("<iIi", last >> 32, last & 0xffffffff, count)
+
+
+@pytest.mark.timeout(300)
+def test_a_forged_heartbeat_that_holds_the_middleware_costs_seconds_and_no_map(start, peer, tmp_path):
+    nobody = ports()
+    node, camera = begin(start, peer, parameters={"snapshot_path": tmp_path / "map"})
+    packets = sniff(3, lambda: camera.publish(clouds.cloud(clouds.wall(side=20)), time.time_ns(), clouds.still_transform()))
+    take_in(camera, peer)
+    before = peer.clusters.wait("a snapshot", lambda m: m.clusters)
+    process, seen = node.process.pid, len(peer.clusters)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
+        for header, heartbeat in heartbeats(packets):
+            for port in ports() - nobody:
+                out.sendto(forged(header, heartbeat, 1 << 62), ("127.0.0.1", port))
+    node.line_with("begins anew in its place, with the saved map")
+    node.line_with("resumed: ")
+    take_in(camera, peer)
+    after = peer.clusters.wait("the map that was saved", lambda m: m.session_id != before.session_id and m.clusters, 20, seen)
+    assert {cluster.id for cluster in before.clusters} <= {cluster.id for cluster in after.clusters}
+    assert node.process.poll() is None and node.process.pid == process
+    node.stop()

@@ -69,8 +69,8 @@ class Account:
         wrong = list(follower.violations[:20])
         outside = self._not_taken_in(robot).get(None, [])
         if len(outside) > self.arguments.allowed:
-            first = (outside[0] * 1e-9 - self._begin)
-            wrong.append(f"{len(outside)} scans were not taken in outside of faults, the first after {first:.1f} s")
+            when = ", ".join(f"{stamp * 1e-9 - self._begin:.2f}" for stamp in outside[:20])
+            wrong.append(f"{len(outside)} scans were not taken in outside of faults, after {when} s")
         if counts["received"] != counts["taken_in"] + counts["replaced"] + sum(counts["skipped"].values()):
             wrong.append(f"the counts do not add up: {counts}")
         met = sum(stamp < min(robot.listener.taken) for stamp in robot.sent())

@@ -8,7 +8,9 @@ use ros2_client::{Node, Publisher, QosProfile, RmwRequestId, Server, WriteError}
 use rustdds::DomainParticipant;
 use serde::Serialize;
 use tokio::sync::Mutex;
+use tracing::warn;
 
+use super::pulse::Pulse;
 use super::read::{self, Memory};
 use super::threads::Threads;
 use super::{DdsError, Events, Opener, Readers, opening, reliable_output, ros_type};
@@ -41,6 +43,8 @@ pub(super) struct Network {
     save: Rc<Server<TriggerRequest, TriggerResponse>>,
     /// What reads; none of these ends by itself.
     readers: Mutex<Readers>,
+    /// `None` where the keys do not permit it.
+    pulse: Option<Pulse>,
     node: Node,
     participant: DomainParticipant,
     threads: Threads,
@@ -72,6 +76,7 @@ impl Network {
             )?,
             reset: Rc::new(opener.server(Service::Reset.name())?),
             save: Rc::new(opener.server(Service::Save.name())?),
+            pulse: pulse(&opener),
             participant: opener.participant.clone(),
             readers: Mutex::new(read::listen(&mut opener, memory, events)?),
             node: opener.node,
@@ -148,12 +153,34 @@ impl Network {
         }
     }
 
+    /// Whether the middleware takes up what is written, as far as it can be known.
+    pub(super) async fn answers(&self) -> bool {
+        match &self.pulse {
+            Some(pulse) => pulse.beats().await,
+            None => true,
+        }
+    }
+
+    /// Resolves when a thread of the middleware does not come back from what it does.
+    pub(super) async fn held(&self) {
+        match &self.pulse {
+            Some(pulse) => pulse.stops().await,
+            None => std::future::pending().await,
+        }
+    }
+
     /// Resolves when a thread of the middleware has ended.
     pub(super) async fn thread_ended(&self) {
         while self.threads.live() {
             tokio::time::sleep(LOOK).await;
         }
     }
+}
+
+fn pulse(opener: &Opener) -> Option<Pulse> {
+    let watched = Pulse::open(opener);
+    let unwatched = |error: &DdsError| warn!("it will not be noticed when the middleware hangs: {error}");
+    watched.inspect_err(unwatched).ok()
 }
 
 async fn send<M: Serialize>(publisher: &Publisher<M>, topic: &str, message: M) -> Result<(), SendError> {
