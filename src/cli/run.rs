@@ -8,7 +8,6 @@ use std::process::Command;
 
 use cfodi::node::Setup;
 use cfodi::node::dds::check_names;
-use cfodi::node::live::LiveError;
 use cfodi::node::process::{ProcessError, live_node};
 use cfodi::node::resume::begin;
 use clap::Args;
@@ -29,11 +28,14 @@ pub(crate) fn run(setup: &Setup, options: &Options) -> anyhow::Result<()> {
     setup.security().map_err(ProcessError::from)?;
     let (engine, _lock) = begin(&setup.config, options.resume).map_err(ProcessError::from)?;
     match live_node(setup, engine, None, |_| Ok(()), || false) {
-        Err(ProcessError::Live(LiveError::Deaf(why))) => {
-            let saves = setup.config.snapshot_path.is_some();
-            let map = if saves { "the saved map" } else { "an empty map (see snapshot_path)" };
+        Err(ProcessError::Deaf(why)) => {
+            let path = setup.config.snapshot_path.as_deref();
+            let map = path.map_or_else(
+                || "an empty map, for snapshot_path names none".to_owned(),
+                |path| format!("the map of {}", path.display()),
+            );
             warn!("{why}: the process begins anew in its place, with {map}");
-            Err(ProcessError::Anew(begin_anew(saves && !options.resume)).into())
+            Err(ProcessError::Anew(begin_anew(path.is_some() && !options.resume)).into())
         }
         ended => Ok(ended.map(drop)?),
     }

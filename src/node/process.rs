@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use socket2::{Domain, Socket, Type};
 use thiserror::Error;
+use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::task::LocalSet;
 use tracing::{info, warn};
 
@@ -38,6 +39,9 @@ pub enum ProcessError {
     /// The node failed.
     #[error(transparent)]
     Live(#[from] LiveError),
+    /// Nobody has asked for the node's end, and nothing but that of the process gives it ears again.
+    #[error("the node is deaf: {0}")]
+    Deaf(String),
     /// The process was to begin anew in its place and cannot.
     #[error("the node is deaf, and the process cannot begin anew: {0}")]
     Anew(std::io::Error),
@@ -90,6 +94,15 @@ fn say_receive_buffer(setup: &Setup) {
     }
 }
 
+fn say_ready(setup: &Setup, inputs: &Inputs) {
+    let Inputs { points, image, camera_info, compressed } = inputs;
+    let (node, domain) = (setup.fully_qualified_name(), setup.domain);
+    info!("ready: {node} reads {points}, or {image} or {compressed} with {camera_info}, in domain {domain}");
+}
+
+/// Time between the end of a deaf node and the next: what fails at once must not begin anew as fast as it can, for ever.
+const PAUSE: Duration = Duration::from_secs(1);
+
 fn say_security(security: &Security) {
     match security {
         Security::Off => {}
@@ -124,16 +137,25 @@ pub fn live_node(
         let (dds, events, receiver) = Dds::open(setup, security.clone(), record)?;
         say_security(&security);
         let dds = Rc::new(dds);
-        let node = setup.fully_qualified_name();
-        let Inputs { points, image, camera_info, compressed } = dds.inputs();
-        info!(
-            "ready: {node} reads {points}, or {image} or {compressed} with {camera_info}, in domain {}",
-            setup.domain
-        );
+        say_ready(setup, dds.inputs());
         begin(events)?;
-        let map =
-            live::run(&setup.config, engine, Rc::clone(&dds), receiver, Rc::clone(&counts), ending(done))
-                .await;
+        let signals = Signals::new();
+        let map = live::run(
+            &setup.config,
+            engine,
+            Rc::clone(&dds),
+            receiver,
+            Rc::clone(&counts),
+            ending(Signals::new(), done),
+        )
+        .await;
+        let map = match map {
+            Err(LiveError::Deaf(why)) => {
+                std::mem::forget(dds);
+                return Ok((Err(deaf(why, signals).await), None));
+            }
+            map => map.map_err(ProcessError::from),
+        };
         Ok::<_, ProcessError>((map, leave(dds).await))
     });
     let map = ended.and_then(|(map, network)| {
@@ -141,10 +163,18 @@ pub fn live_node(
             Some(network) => drop((tasks, network)),
             None => std::mem::forget(tasks),
         }
-        Ok(map?)
+        map
     });
     eprintln!("counts {}", counts.borrow());
     map
+}
+
+/// Whether the process is to begin anew: not where it was asked to end meanwhile.
+async fn deaf(why: String, mut signals: Signals) -> ProcessError {
+    match tokio::time::timeout(PAUSE, signals.any()).await {
+        Ok(()) => LiveError::Deaf(why).into(),
+        Err(_) => ProcessError::Deaf(why),
+    }
 }
 
 /// Takes the node off the network. A middleware that does not answer is left as it is, for good: it would be waited for.
@@ -156,30 +186,39 @@ async fn leave(dds: Rc<Dds>) -> Option<impl Sized> {
     Some(Rc::into_inner(dds)?.close().await)
 }
 
-/// Resolves at SIGINT or SIGTERM.
-async fn signalled() {
-    use tokio::signal::unix::{SignalKind, signal};
-    let (Ok(mut interrupt), Ok(mut terminate)) =
-        (signal(SignalKind::interrupt()), signal(SignalKind::terminate()))
-    else {
-        warn!("signals cannot be caught: peers may see this node for a while after its end");
-        return std::future::pending().await;
-    };
-    tokio::select! {
-        _ = interrupt.recv() => {}
-        _ = terminate.recv() => {}
+/// SIGINT and SIGTERM from the moment on that this is made; `None` where the system does not give them.
+struct Signals(Option<(Signal, Signal)>);
+
+impl Signals {
+    fn new() -> Self {
+        let both = signal(SignalKind::interrupt()).ok().zip(signal(SignalKind::terminate()).ok());
+        if both.is_none() {
+            warn!("signals cannot be caught: peers may see this node for a while after its end");
+        }
+        Self(both)
+    }
+
+    /// Resolves at either.
+    async fn any(&mut self) {
+        let Some((interrupt, terminate)) = &mut self.0 else {
+            return std::future::pending().await;
+        };
+        tokio::select! {
+            _ = interrupt.recv() => {}
+            _ = terminate.recv() => {}
+        }
     }
 }
 
 /// Resolves at a signal or when `done` says so.
-async fn ending(done: impl Fn() -> bool) {
+async fn ending(mut signals: Signals, done: impl Fn() -> bool) {
     let done = async {
         while !done() {
             tokio::time::sleep(Duration::from_millis(50)).await;
         }
     };
     tokio::select! {
-        () = signalled() => {}
+        () = signals.any() => {}
         () = done => {}
     }
 }

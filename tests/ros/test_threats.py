@@ -1,6 +1,8 @@
 """What any process in the domain can send: the node lives through it, and takes in the next good cloud."""
 
+import pathlib
 import random
+import re
 import socket
 import struct
 import time
@@ -321,10 +323,13 @@ def test_a_forged_heartbeat_that_holds_the_middleware_costs_seconds_and_no_map(s
         for header, heartbeat in heartbeats(packets):
             for port in ports() - nobody:
                 out.sendto(forged(header, heartbeat, 1 << 62), ("127.0.0.1", port))
-    node.line_with("begins anew in its place, with the saved map")
-    node.line_with("resumed: ")
-    take_in(camera, peer)
-    after = peer.clusters.wait("the map that was saved", lambda m: m.session_id != before.session_id and m.clusters, 20, seen)
+    node.line_with("the middleware does not answer any more: the process begins anew in its place, with the map of")
+    assert re.search(r" resumed: [1-9]\d* voxels", node.line_with("resumed: "))
+    after = peer.clusters.wait("the map that was saved", lambda m: m.session_id != before.session_id, 20, seen)
+    assert after.sequence >= before.sequence > 0
     assert {cluster.id for cluster in before.clusters} <= {cluster.id for cluster in after.clusters}
+    take_in(camera, peer)
     assert node.process.poll() is None and node.process.pid == process
+    resident = re.search(r"VmRSS:\s+(\d+) kB", pathlib.Path(f"/proc/{process}/status").read_text())
+    assert int(resident[1]) < 300_000, "what the middleware took is not given back"
     node.stop()

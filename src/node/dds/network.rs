@@ -156,7 +156,7 @@ impl Network {
     /// Whether the middleware takes up what is written, as far as it can be known.
     pub(super) async fn answers(&self) -> bool {
         match &self.pulse {
-            Some(pulse) => pulse.beats().await,
+            Some(pulse) => pulse.is_there().await,
             None => true,
         }
     }
