@@ -20,8 +20,6 @@ pub(crate) struct Options {
     resume: bool,
 }
 
-const RESUME: &str = "--resume";
-
 pub(crate) fn run(setup: &Setup, options: &Options) -> anyhow::Result<()> {
     // Before a map is set aside for a node that cannot start.
     check_names(setup).map_err(ProcessError::from)?;
@@ -55,7 +53,7 @@ fn begin_anew(adds_resume: bool) -> io::Error {
 /// The option belongs behind the verb: what follows may be ROS arguments.
 fn resuming(mut args: Vec<OsString>) -> Vec<OsString> {
     let verb = args.iter().position(|arg| arg == "run").map_or(0, |verb| verb + 1);
-    args.insert(verb, RESUME.into());
+    args.insert(verb, "--resume".into());
     args
 }
 

@@ -335,7 +335,7 @@ impl Transport for Dds {
             let network = self.network();
             tokio::select! {
                 reason = network.reader_ended() => return reason,
-                () = network.held() => return "the middleware does not answer any more".to_owned(),
+                reason = network.held() => return reason,
                 () = network.thread_ended() => {}
             }
             drop(network);

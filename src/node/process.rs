@@ -149,14 +149,12 @@ pub fn live_node(
             ending(Signals::new(), done),
         )
         .await;
+        let network = leave(dds).await;
         let map = match map {
-            Err(LiveError::Deaf(why)) => {
-                std::mem::forget(dds);
-                return Ok((Err(deaf(why, signals).await), None));
-            }
+            Err(LiveError::Deaf(why)) => Err(deaf(why, signals).await),
             map => map.map_err(ProcessError::from),
         };
-        Ok::<_, ProcessError>((map, leave(dds).await))
+        Ok::<_, ProcessError>((map, network))
     });
     let map = ended.and_then(|(map, network)| {
         match network {

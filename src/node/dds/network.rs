@@ -161,10 +161,13 @@ impl Network {
         }
     }
 
-    /// Resolves when a thread of the middleware does not come back from what it does.
-    pub(super) async fn held(&self) {
+    /// Resolves with a reason when a thread of the middleware does not come back from what it does.
+    pub(super) async fn held(&self) -> String {
         match &self.pulse {
-            Some(pulse) => pulse.stops().await,
+            Some(pulse) => {
+                let waited = pulse.stops().await;
+                format!("the middleware has not answered for {} s", waited.as_secs())
+            }
             None => std::future::pending().await,
         }
     }

@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use rustdds::no_key::DataWriter;
 use rustdds::policy::{History, Ownership, Reliability, ResourceLimits};
-use rustdds::{DomainParticipant, QosPolicyBuilder, Topic, WriteOptionsBuilder};
+use rustdds::{QosPolicyBuilder, WriteOptionsBuilder};
 use tokio::time::{sleep, timeout};
 
 use super::{DdsError, Opener, opening};
@@ -35,16 +35,8 @@ impl Pulse {
             .resource_limits(ResourceLimits { max_samples: 1, max_instances: 1, max_samples_per_instance: 1 })
             .build();
         let topic = opener.topic(TOPIC, "std_msgs", "Empty", &qos)?;
-        Self::write_to(&opener.participant, &topic, &qos)
-    }
-
-    fn write_to(
-        participant: &DomainParticipant,
-        topic: &Topic,
-        qos: &rustdds::QosPolicies,
-    ) -> Result<Self, DdsError> {
-        let publisher = participant.create_publisher(qos).map_err(opening(TOPIC))?;
-        publisher.create_datawriter_no_key_cdr(topic, None).map(Self).map_err(opening(TOPIC))
+        let publisher = opener.participant.create_publisher(&qos).map_err(opening(TOPIC))?;
+        publisher.create_datawriter_no_key_cdr(&topic, None).map(Self).map_err(opening(TOPIC))
     }
 
     /// Whether the message before is taken up within [`BEAT`].
@@ -58,9 +50,9 @@ impl Pulse {
         self.beats().await && self.beats().await
     }
 
-    /// Resolves when it has stopped. Beats are counted and no clock is read: while the process is stopped, or its machine
+    /// Resolves when it has stopped, with how long it was waited for. Beats are counted and no clock is read: while the process is stopped, or its machine
     /// sleeps, time goes by for both sides.
-    pub(super) async fn stops(&self) {
+    pub(super) async fn stops(&self) -> Duration {
         let mut missed = 0;
         while missed < MISSED {
             if self.beats().await {
@@ -70,5 +62,6 @@ impl Pulse {
                 missed += 1;
             }
         }
+        missed * BEAT
     }
 }
