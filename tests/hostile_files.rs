@@ -195,15 +195,68 @@ fn a_channel_that_changes_its_meaning_ends_the_bag_with_a_reason() {
     assert!(messages.len() == 1 && failure.is_some(), "{failure:?}");
 }
 
+/// Bodies of a header, a schema and channels in which a string, or what is to be a map of strings, claims 4 GB.
+fn claims_of_four_gigabytes() -> Vec<(u8, Vec<u8>)> {
+    let (much, none, id) = ([0xff; 4], [0; 4], [1, 0]);
+    let bodies = [
+        (0x01, [&much[..], b"abc"].concat()),
+        (0x01, [&none[..], &much, b"abc"].concat()),
+        (0x03, [&id[..], &much, b"abc"].concat()),
+        (0x03, [&id[..], &none, &much, b"abc"].concat()),
+        (0x03, [&id[..], &none, &none, &much, b"abc"].concat()),
+        (0x04, [&id[..], &[0; 2], &much, b"abc"].concat()),
+        (0x04, [&id[..], &[0; 2], &none, &much, b"abc"].concat()),
+        (0x04, [&id[..], &[0; 2], &none, &none, &much, b"abc"].concat()),
+        (0x04, [&id[..], &[0; 2], &none, &none, &[7, 0, 0, 0], &much, b"abc"].concat()),
+    ];
+    bodies.to_vec()
+}
+
 #[test]
 fn lengths_inside_of_records_that_exceed_them_end_the_bag_with_a_reason() {
-    for opcode in [0x01, 0x03, 0x04, 0x06] {
-        for length in [0xff_u8, 0x7f, 0x10] {
-            let body = [&[1, 0][..], &[length; 12], b"abc"].concat();
-            let (messages, failure) = read(&whole(&record(opcode, &body)));
-            assert!(messages.is_empty() && failure.is_some(), "{opcode} {length}");
-        }
+    let any = [0x01, 0x03, 0x04, 0x06].into_iter().flat_map(|opcode| {
+        [0xff, 0x7f, 0x10].map(|length| (opcode, [&[1, 0][..], &[length; 12], b"abc"].concat()))
+    });
+    let folder = folder();
+    for (opcode, body) in any.chain(claims_of_four_gigabytes()) {
+        let bytes = whole(&record(opcode, &body));
+        let (messages, failure) = read(&bytes);
+        assert!(messages.is_empty() && failure.is_some(), "{opcode} {body:?}");
+        ends(&put(&folder, "a.mcap", &bytes), &[], 1, "not all of the bag was read");
     }
+}
+
+#[test]
+fn lengths_in_the_summary_that_exceed_its_records_cost_the_summary_only() {
+    let folder = folder();
+    let inside = [channel(1, POINTS), message(1, 7, &good_message(0))].concat();
+    let data = [MAGIC, &header(), &inside, &record(0x0f, &[0; 4])].concat();
+    for (opcode, body) in claims_of_four_gigabytes() {
+        let bytes = [&data[..], &record(opcode, &body), &footer(data.len() as u64), MAGIC].concat();
+        let (messages, failure) = read(&bytes);
+        assert!(messages.len() == 1 && failure.is_some(), "{opcode} {body:?}");
+        ends(&put(&folder, "a.mcap", &bytes), &[], 1, "42949672");
+    }
+    // A footer whose place is taken by another record, too.
+    let [opcode, rest @ ..] = &record(0x03, &[[0xff; 20], [0; 20]].concat()[..20])[..] else {
+        unreachable!()
+    };
+    let bytes = [&data[..], &[*opcode], rest, MAGIC].concat();
+    assert_eq!(read(&bytes).0.len(), 1);
+    ends(&put(&folder, "a.mcap", &bytes), &[], 1, "42949672");
+}
+
+#[test]
+fn a_summary_that_contradicts_the_data_costs_no_message() {
+    let inside = [channel(1, POINTS), message(1, 7, b"abcd")].concat();
+    let data = [MAGIC, &header(), &inside, &record(0x0f, &[0; 4])].concat();
+    let contradicts = channel(1, "/other");
+    let end = [&footer(data.len() as u64)[..], MAGIC].concat();
+    let (messages, failure) = read(&[&data[..], &contradicts, &end].concat());
+    assert!(messages.len() == 1 && failure.is_none(), "{failure:?}");
+    // But where the data was not over after all, nobody knows what that message is.
+    let (messages, failure) = read(&[&data[..], &contradicts, &message(1, 8, b"abcd"), &end].concat());
+    assert!(messages.len() == 1 && failure.is_some(), "{failure:?}");
 }
 
 #[test]

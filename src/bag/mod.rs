@@ -5,6 +5,7 @@
 //! cut, and then says so. Reading is the crate `mcap`; what stands here is which files a bag is made of, which of its topics
 //! are sensors, and what its messages say. Times are those of the message headers, never the clock's.
 
+mod channels;
 mod choose;
 mod decode;
 mod error;
@@ -12,6 +13,7 @@ mod files;
 mod metadata;
 mod part;
 mod read;
+mod records;
 mod schemas;
 mod sensor;
 mod survey;

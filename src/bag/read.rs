@@ -2,14 +2,15 @@
 
 use std::fs::File;
 use std::io::{self, BufReader, Read};
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use mcap::sans_io::LinearReaderOptions;
 
+use super::channels::Channels;
 use super::error::BagError;
 use super::part::{Part, ZSTD, reading};
+use super::records::Records;
 
 /// The largest message that is read (bytes): a cloud of 4,000,000 points in double precision with colour has 160 MB.
 pub const MAX_MESSAGE_BYTES: usize = 512 << 20;
@@ -62,7 +63,8 @@ pub struct Messages {
 type Source = Box<dyn Read + Send>;
 
 struct Reader {
-    messages: mcap::io::MessageReader<Source>,
+    records: Records<Source>,
+    channels: Channels,
     part: Part,
     /// Bytes read of the files before.
     before: u64,
@@ -83,7 +85,8 @@ impl Messages {
         let part = self.files.get(self.next).cloned()?;
         self.next += 1;
         let before = self.bytes.load(Ordering::Relaxed);
-        Some(part.reader(&self.bytes).map(|messages| Reader { messages, part, before }))
+        let records = part.records(&self.bytes);
+        Some(records.map(|records| Reader { records, channels: Channels::default(), part, before }))
     }
 
     /// What is to be said at the end.
@@ -116,24 +119,20 @@ impl Iterator for Messages {
                 }
                 continue;
             };
-            let message = match reader.advance() {
-                Some(Ok(message)) => reader.message(message, &self.bytes),
-                Some(Err(reason)) => Err(reader.cut(reason, &self.bytes)),
-                None => {
-                    self.current = None;
-                    continue;
+            match reader.advance() {
+                Some(Ok(message)) => return Some(Ok(message)),
+                Some(Err(reason)) => {
+                    let error = reader.cut(reason, &self.bytes);
+                    self.fail(error);
                 }
-            };
-            match message {
-                Ok(message) => return Some(Ok(message)),
-                Err(error) => self.fail(error),
+                None => self.current = None,
             }
         }
     }
 }
 
 impl Part {
-    fn reader(&self, bytes: &Arc<AtomicU64>) -> Result<mcap::io::MessageReader<Source>, BagError> {
+    fn records(&self, bytes: &Arc<AtomicU64>) -> Result<Records<Source>, BagError> {
         let failed = |source| reading(&self.path, source);
         Self::check_regular(&self.path)?;
         let file = File::open(&self.path).map_err(failed)?;
@@ -150,19 +149,20 @@ impl Part {
         } else {
             Box::new(file)
         };
-        Ok(mcap::io::MessageReader::new_with_options(source, options))
+        Ok(Records::new(source, options))
     }
 }
 
 impl Reader {
-    /// The next message, or what is wrong. Where overflow is checked, the library panics on a record that is longer than
-    /// its chunk; where it is not, it reads on to the end of the file.
-    fn advance(&mut self) -> Option<Result<mcap::Message<'static>, String>> {
-        let next = catch_unwind(AssertUnwindSafe(|| self.messages.next()));
-        match next {
-            Ok(next) => next.map(|message| message.map_err(|error| reason(&error))),
-            Err(_) => Some(Err("a record does not fit its chunk".to_owned())),
+    /// The next message, or what is wrong.
+    fn advance(&mut self) -> Option<Result<Message, String>> {
+        for record in self.records.by_ref() {
+            let message = record.and_then(|record| self.channels.take(record));
+            if let Some(message) = message.transpose() {
+                return Some(message.and_then(decompressed));
+            }
         }
+        None
     }
 
     fn cut(&self, reason: String, bytes: &AtomicU64) -> BagError {
@@ -172,23 +172,14 @@ impl Reader {
         let bytes = bytes.load(Ordering::Relaxed) - self.before;
         BagError::Cut { path: self.part.path.clone(), bytes, size: self.part.size, reason }
     }
-
-    /// Undoes the compression of single messages, which no record tells: their channel still says `cdr`.
-    fn message(&self, message: mcap::Message<'static>, bytes: &AtomicU64) -> Result<Message, BagError> {
-        let data = message.data.into_owned();
-        let data = if data.starts_with(ZSTD) {
-            decompress(&data).map_err(|error| self.cut(format!("a compressed message: {error}"), bytes))?
-        } else {
-            data
-        };
-        Ok(Message { channel: message.channel, log_time: message.log_time, data })
-    }
 }
 
-/// An error with what it comes from, which its own words leave out.
-fn reason(error: &mcap::McapError) -> String {
-    let source = std::error::Error::source(error);
-    source.map_or_else(|| error.to_string(), |source| format!("{error}: {source}"))
+/// Undoes the compression of single messages, which no record tells: their channel still says `cdr`.
+fn decompressed(mut message: Message) -> Result<Message, String> {
+    if message.data.starts_with(ZSTD) {
+        message.data = decompress(&message.data).map_err(|error| format!("a compressed message: {error}"))?;
+    }
+    Ok(message)
 }
 
 /// The size that the frame claims is not believed: memory is doubled as long as something really comes out, and never taken

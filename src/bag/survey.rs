@@ -1,13 +1,16 @@
 //! Which topics a bag holds.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
-use std::io::{Read, Seek};
+use std::io::{BufReader, Read as _, Seek as _, SeekFrom};
 
-use mcap::sans_io::{SummaryReadEvent, SummaryReader, SummaryReaderOptions};
+use mcap::records::op;
+use mcap::sans_io::LinearReaderOptions;
 
+use super::channels::Channels;
 use super::part::Part;
 use super::read::{MAX_MESSAGE_BYTES, Messages};
+use super::records::{Record, Records};
 use super::topic::{Survey, Topic};
 
 /// From the summaries where each file has one, else from `listed`, else by reading all.
@@ -34,15 +37,24 @@ fn of_summary(part: &Part) -> Option<Vec<Topic>> {
     if part.is_compressed {
         return None;
     }
-    let summary = read_summary(part)?;
-    // An empty list of counts is one that was not made.
-    let counts = summary.stats.as_ref().map(|stats| &stats.channel_message_counts);
-    let counts = counts.filter(|counts| !counts.is_empty());
-    let mut topics: Vec<_> = summary
-        .channels
-        .values()
-        .map(|channel| topic(channel, counts.map(|counts| counts.get(&channel.id).copied().unwrap_or(0))))
-        .collect();
+    let (mut channels, mut ids, mut counts) = (Channels::default(), BTreeSet::new(), None);
+    for record in summary(part)? {
+        match record.ok()? {
+            // An empty list of counts is one that was not made.
+            Record::Statistics(all) => {
+                counts = Some(all.channel_message_counts).filter(|counts| !counts.is_empty());
+            }
+            record => {
+                if let Record::Channel(channel) = &record {
+                    ids.insert(channel.id);
+                }
+                channels.take(record).ok()?;
+            }
+        }
+    }
+    let count = |id| counts.as_ref().map(|counts| counts.get(&id).copied().unwrap_or(0));
+    let mut topics: Vec<_> =
+        channels.of(ids).iter().map(|channel| topic(channel, count(channel.id))).collect();
     topics.sort();
     // A summary may leave channels out: it then tells nothing.
     (!topics.is_empty()).then_some(topics)
@@ -57,22 +69,32 @@ fn topic(channel: &mcap::Channel<'_>, messages: Option<u64>) -> Topic {
     }
 }
 
-fn read_summary(part: &Part) -> Option<mcap::Summary> {
+/// The records of the summary, from where the footer says that it begins.
+fn summary(part: &Part) -> Option<Records<BufReader<File>>> {
     Part::check_regular(&part.path).ok()?;
-    let mut file = File::open(&part.path).ok()?;
-    let options =
-        SummaryReaderOptions::default().with_file_size(part.size).with_record_length_limit(MAX_MESSAGE_BYTES);
-    let mut reader = SummaryReader::new_with_options(options);
-    while let Some(event) = reader.next_event() {
-        match event.ok()? {
-            SummaryReadEvent::ReadRequest(wanted) => {
-                let read = file.read(reader.insert(wanted)).ok()?;
-                reader.notify_read(read);
-            }
-            SummaryReadEvent::SeekRequest(to) => reader.notify_seeked(file.seek(to).ok()?),
-        }
-    }
-    reader.finish()
+    let mut file = BufReader::new(File::open(&part.path).ok()?);
+    let start = summary_start(&mut file, part.size)?;
+    // No record is longer than what is left of the file, whatever it claims.
+    let left = usize::try_from(part.size.checked_sub(start)?).unwrap_or(usize::MAX);
+    file.seek(SeekFrom::Start(start)).ok()?;
+    let options = LinearReaderOptions::default()
+        .with_skip_start_magic(true)
+        .with_record_length_limit(left.min(MAX_MESSAGE_BYTES));
+    Some(Records::new(file, options))
+}
+
+fn summary_start(file: &mut BufReader<File>, size: u64) -> Option<u64> {
+    /// Opcode and length.
+    const PREFIX: usize = 9;
+    /// Where the summary begins, where its offsets begin, and a checksum.
+    const FOOTER: usize = 20;
+    let mut end = [0; PREFIX + FOOTER + mcap::MAGIC.len()];
+    file.seek(SeekFrom::Start(size.checked_sub(end.len() as u64)?)).ok()?;
+    file.read_exact(&mut end).ok()?;
+    let (record, magic) = end.split_at(PREFIX + FOOTER);
+    let (start, _) = record[PREFIX..].split_first_chunk()?;
+    let start = u64::from_le_bytes(*start);
+    (record[0] == op::FOOTER && magic == mcap::MAGIC && start > 0).then_some(start)
 }
 
 /// By reading all of it: a cut bag has no summary, and one that is compressed as a whole cannot be sought.
