@@ -15,7 +15,7 @@ mod mcap_bytes;
 
 use std::ffi::OsStr;
 use std::fs;
-use std::io::{Read as _, repeat};
+use std::io::{Read as _, Write as _, repeat};
 use std::os::unix::ffi::OsStrExt as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
@@ -237,13 +237,41 @@ fn lengths_in_the_summary_that_exceed_its_records_cost_the_summary_only() {
         assert!(messages.len() == 1 && failure.is_some(), "{opcode} {body:?}");
         ends(&put(&folder, "a.mcap", &bytes), &[], 1, "42949672");
     }
-    // A footer whose place is taken by another record, too.
-    let [opcode, rest @ ..] = &record(0x03, &[[0xff; 20], [0; 20]].concat()[..20])[..] else {
-        unreachable!()
-    };
-    let bytes = [&data[..], &[*opcode], rest, MAGIC].concat();
+    // Where a footer is to be stands another record, whose string claims as much.
+    let bytes = [&data[..], &record(0x03, &[0xff; 20]), MAGIC].concat();
     assert_eq!(read(&bytes).0.len(), 1);
     ends(&put(&folder, "a.mcap", &bytes), &[], 1, "42949672");
+}
+
+/// A bag of one chunk with so many records, made one by one.
+fn bag_of_many(count: u16, opcode: u8, body: impl Fn(u16) -> Vec<u8>) -> Vec<u8> {
+    let mut size = 0;
+    let mut packed = zstd::Encoder::new(Vec::new(), 1).unwrap();
+    for id in 1..=count {
+        let one = record(opcode, &body(id));
+        size += one.len() as u64;
+        packed.write_all(&one).unwrap();
+    }
+    whole(&chunk("zstd", size, &packed.finish().unwrap()))
+}
+
+/// Each is small when packed, and all of them would be kept until the end of the file.
+#[test]
+fn schemas_and_channels_of_gigabytes_end_the_bag_within_bounds() {
+    let text = |length: usize| [&(length as u32).to_le_bytes()[..], &vec![b'x'; length]].concat();
+    let schema = |id: u16, length| [&id.to_le_bytes()[..], &text(1), &text(1), &text(length)].concat();
+    let pair = |i: u32| [&5_u32.to_le_bytes()[..], format!("{i:05}").as_bytes(), &[0; 4]].concat();
+    let pairs: Vec<_> = (0..80_000).flat_map(pair).collect();
+    let pairs = [&(pairs.len() as u32).to_le_bytes()[..], &pairs].concat();
+    let channel = |id: u16| [&id.to_le_bytes()[..], &[0; 2], &text(1), &text(1), &pairs].concat();
+    let folder = folder();
+    for (bytes, said) in [
+        (bag_of_many(2500, 0x03, |id| schema(id, 1_000_000)), "33554432 are kept"),
+        (bag_of_many(500, 0x04, channel), "33554432 are kept"),
+        (bag_of_many(1, 0x03, |id| schema(id, 40 << 20)), "1048576 are read"),
+    ] {
+        ends(&put(&folder, "a.mcap", &bytes), &[], 1, said);
+    }
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! Which channel a message belongs to, and which schema a channel.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use mcap::McapError;
@@ -9,10 +10,20 @@ use mcap::records::MessageHeader;
 use super::read::Message;
 use super::records::{Record, reason};
 
+/// Bytes of schemas and channels that are kept: a thousand of each have 10 MB.
+const MAX_KEPT: usize = 32 << 20;
+
+/// What a pair of a channel's metadata takes beside its text (bytes).
+const PAIR: usize = 128;
+
 /// What a file has said of its channels so far.
 #[derive(Default)]
 pub(super) struct Channels {
     known: ChannelAccumulator<'static>,
+    schema_ids: BTreeSet<u16>,
+    channel_ids: BTreeSet<u16>,
+    /// Bytes of both.
+    kept: usize,
     is_data_over: bool,
     /// What the records behind the data say otherwise than those before.
     contradiction: Option<String>,
@@ -20,8 +31,10 @@ pub(super) struct Channels {
 
 impl Channels {
     /// Takes a record up; gives the message, where it is one. A channel or a schema that changes its meaning is an error. Behind
-    /// the data, where the summary repeats them, it is one only if a message follows.
+    /// the data, where the summary repeats them, it is one only if a message follows: whether a record that ends the data
+    /// stands in a chunk, where it ends nothing, the library does not tell.
     pub(super) fn take(&mut self, record: Record) -> Result<Option<Message>, String> {
+        self.keep(&record)?;
         let known = match record {
             Record::Schema { header, data } => self.known.add_schema(header, data),
             Record::Channel(channel) => self.known.add_channel(channel),
@@ -39,6 +52,29 @@ impl Channels {
         Ok(None)
     }
 
+    /// Accounts for what is kept of a schema or a channel that is new. A file of 50 kB can hold gigabytes of them.
+    fn keep(&mut self, record: &Record) -> Result<(), String> {
+        let size = match record {
+            Record::Schema { header, data } if self.schema_ids.insert(header.id) => {
+                header.name.len() + header.encoding.len() + data.len()
+            }
+            Record::Channel(channel) if self.channel_ids.insert(channel.id) => {
+                let pairs = channel.metadata.iter().map(|(key, value)| PAIR + key.len() + value.len());
+                channel.topic.len() + channel.message_encoding.len() + pairs.sum::<usize>()
+            }
+            _ => return Ok(()),
+        };
+        self.kept += size;
+        if self.kept > MAX_KEPT {
+            let (schemas, channels) = (self.schema_ids.len(), self.channel_ids.len());
+            return Err(format!(
+                "{schemas} schemas and {channels} channels of {} bytes: at most {MAX_KEPT} are kept",
+                self.kept
+            ));
+        }
+        Ok(())
+    }
+
     fn message(&mut self, header: MessageHeader, data: Vec<u8>) -> Result<Message, String> {
         if let Some(reason) = self.contradiction.take() {
             return Err(reason);
@@ -48,8 +84,8 @@ impl Channels {
         Ok(Message { channel, log_time: header.log_time, data })
     }
 
-    /// The channels of these numbers, as far as they are known.
-    pub(super) fn of(&self, ids: impl IntoIterator<Item = u16>) -> Vec<Arc<mcap::Channel<'static>>> {
-        ids.into_iter().filter_map(|id| self.known.get(id)).collect()
+    /// All of them.
+    pub(super) fn all(&self) -> impl Iterator<Item = Arc<mcap::Channel<'static>>> {
+        self.channel_ids.iter().filter_map(|id| self.known.get(*id))
     }
 }

@@ -3,7 +3,8 @@
 //! Keeps true: a bag is read once from its begin to its end, and memory is bounded by its largest chunk and message and by
 //! the images that wait for their camera, whatever the file's size; a bag that is cut short gives every message before the
 //! cut, and then says so. Reading is the crate `mcap`; what stands here is which files a bag is made of, which of its topics
-//! are sensors, and what its messages say. Times are those of the message headers, never the clock's.
+//! are sensors, what its messages say, and that no length in it is believed before it is held against what is there. Times are
+//! those of the message headers, never the clock's.
 
 mod channels;
 mod choose;

@@ -3,8 +3,20 @@
 use std::io::{ErrorKind, Read};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use mcap::records::op;
+use mcap::records::{DataEnd, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
+
+/// The longest header, schema or channel that is read (bytes): the definition of a large message has 100 kB.
+const MAX_DESCRIPTION: usize = 1 << 20;
+
+/// Bytes to read at once at most.
+const PIECE: usize = 256 << 10;
+
+/// Channel, sequence number and two times (bytes).
+const MESSAGE_HEADER: usize = 22;
+
+/// What stands before the counts of single channels (bytes).
+const STATISTICS_COUNTS: usize = 42;
 
 /// A record that says something of the bag's messages; it owns what it holds.
 pub(super) type Record = mcap::records::Record<'static>;
@@ -31,7 +43,8 @@ impl<R: Read> Records<R> {
                     None => continue,
                 },
             };
-            let read = match self.source.read(self.reader.insert(wanted)) {
+            // Memory follows what arrives, not what a length claims: what is wanted beyond that is asked for again.
+            let read = match self.source.read(self.reader.insert(wanted.min(PIECE))) {
                 Err(error) if error.kind() == ErrorKind::Interrupted => continue,
                 read => read.map_err(|error| reason(&error.into()))?,
             };
@@ -44,7 +57,7 @@ impl<R: Read> Iterator for Records<R> {
     type Item = Result<Record, String>;
 
     /// The next record, or what is wrong. Where overflow is checked, the library panics on a record that is longer than its
-    /// chunk; where it is not, it reads on to the end of the file.
+    /// chunk, if that is not compressed; where it is not, it reads on to the end of the file.
     fn next(&mut self) -> Option<Self::Item> {
         if self.is_done {
             return None;
@@ -58,48 +71,52 @@ impl<R: Read> Iterator for Records<R> {
 
 /// `None` for a record that says nothing of the messages: what is wrong inside of an attachment costs nothing.
 fn parse(opcode: u8, body: &[u8]) -> Result<Option<Record>, String> {
-    let strings = match opcode {
-        op::HEADER => Strings(body).skip(2),
-        op::SCHEMA => Strings(body).bytes(2).and_then(|rest| rest.skip(2)),
-        op::CHANNEL => Strings(body).bytes(4).and_then(|rest| rest.skip(2)).and_then(Strings::map),
-        op::MESSAGE | op::STATISTICS | op::DATA_END => Ok(Strings(body)),
+    let about = || format!("a record of {} bytes (opcode {opcode:#04x})", body.len());
+    let fields = Fields(body);
+    let rest = match opcode {
+        op::HEADER | op::SCHEMA | op::CHANNEL if body.len() > MAX_DESCRIPTION => {
+            return Err(format!("{}: at most {MAX_DESCRIPTION} are read", about()));
+        }
+        op::HEADER => fields.skip(2),
+        op::SCHEMA => fields.bytes(2).and_then(|rest| rest.skip(3)),
+        op::CHANNEL => fields.bytes(4).and_then(|rest| rest.skip(2)).and_then(Fields::map),
+        op::MESSAGE => fields.bytes(MESSAGE_HEADER),
+        op::STATISTICS => fields.bytes(STATISTICS_COUNTS).and_then(|rest| rest.skip(1)),
+        // The library has looked into it, but where it stands in a chunk, which it may not and where it means nothing.
+        op::DATA_END => return Ok(Some(Record::DataEnd(DataEnd { data_section_crc: 0 }))),
         _ => return Ok(None),
     };
-    let vetted = strings.map_err(|claimed| {
-        format!(
-            "a record of {} bytes (opcode {opcode:#04x}) claims to hold {claimed} more than it has",
-            body.len()
-        )
-    });
-    vetted?;
+    rest.map_err(|missing| format!("{}: {missing} bytes are missing", about()))?;
     mcap::parse_record(opcode, body).map(|record| Some(record.into_owned())).map_err(|error| reason(&error))
 }
 
-/// The rest of a record's body. The library takes memory for a string by the length that stands before it, up to 4 GB, and
-/// looks afterwards whether the record has so much: so the lengths are held against the record before the library sees them.
-struct Strings<'a>(&'a [u8]);
+/// What comes next of a record's body. The library takes memory for a string by the length that stands before it, up to 4 GB,
+/// and looks afterwards whether the record has so much: so the lengths are held against the record before the library sees
+/// them.
+struct Fields<'a>(&'a [u8]);
 
-/// By how many bytes a length exceeds what is there.
-type Excess = usize;
+/// How many bytes there are less than a field needs.
+type Missing = usize;
 
-impl Strings<'_> {
-    fn bytes(self, count: usize) -> Result<Self, Excess> {
+impl Fields<'_> {
+    fn bytes(self, count: usize) -> Result<Self, Missing> {
         self.0.get(count..).map(Self).ok_or_else(|| count - self.0.len())
     }
 
-    /// Length of what comes next, which is there.
-    fn length(self) -> Result<(Self, usize), Excess> {
+    /// The length that stands before a string, of which all is there.
+    fn length(self) -> Result<(Self, usize), Missing> {
         let (length, rest) = self.0.split_first_chunk().ok_or_else(|| 4 - self.0.len())?;
         let length = usize::try_from(u32::from_le_bytes(*length)).unwrap_or(usize::MAX);
         if length > rest.len() { Err(length - rest.len()) } else { Ok((Self(rest), length)) }
     }
 
-    fn skip(self, strings: usize) -> Result<Self, Excess> {
+    /// Strings and other bytes behind their length.
+    fn skip(self, strings: usize) -> Result<Self, Missing> {
         (0..strings).try_fold(self, |rest, _| rest.length().and_then(|(rest, length)| rest.bytes(length)))
     }
 
     /// Pairs of strings that fill a length in bytes.
-    fn map(self) -> Result<Self, Excess> {
+    fn map(self) -> Result<Self, Missing> {
         let (rest, length) = self.length()?;
         let (pairs, rest) = rest.0.split_at(length);
         let mut pairs = Self(pairs);
@@ -110,8 +127,11 @@ impl Strings<'_> {
     }
 }
 
-/// An error with what it comes from, which its own words leave out.
+/// An error with what it comes from, which its own words leave out, on one line.
 pub(super) fn reason(error: &mcap::McapError) -> String {
+    if let mcap::McapError::Parse(source) = error {
+        return format!("{error}: {}", source.root_cause());
+    }
     let source = std::error::Error::source(error);
     source.map_or_else(|| error.to_string(), |source| format!("{error}: {source}"))
 }
@@ -147,13 +167,44 @@ mod tests {
         let whole = channel(&["a", "b"].map(string).concat());
         for length in 0..whole.len() {
             let refused = parse(op::CHANNEL, &whole[..length]).unwrap_err();
-            assert!(refused.contains("more than it has"), "{length}: {refused}");
+            assert!(refused.contains("bytes are missing"), "{length}: {refused}");
         }
         for place in [4, 11, 18, 22, 27] {
             let mut lies = whole.clone();
             lies[place..place + 4].fill(0xff);
             let refused = parse(op::CHANNEL, &lies).unwrap_err();
-            assert!(refused.contains("claims to hold 42949672"), "{place}: {refused}");
+            assert!(refused.contains(": 42949672"), "{place}: {refused}");
         }
+    }
+
+    #[test]
+    fn what_cannot_be_parsed_is_said_on_one_line() {
+        let refused =
+            parse(op::CHANNEL, &channel(&[&string("a")[..], &[1, 0, 0, 0, 0xff]].concat())).unwrap_err();
+        assert!(refused.starts_with("Record parse failed: invalid utf-8 sequence"), "{refused}");
+        assert!(refused.len() < 100 && !refused.contains(['\n', '\u{1b}']), "{refused}");
+    }
+
+    /// What is read from it is one record that claims 60 MiB, and then nothing.
+    struct Claims {
+        begin: &'static [u8],
+        asked: usize,
+    }
+
+    impl Read for Claims {
+        fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+            self.asked = self.asked.max(buffer.len());
+            self.begin.read(buffer)
+        }
+    }
+
+    #[test]
+    fn no_more_is_asked_for_at_once_than_a_piece() {
+        let begin = b"\x89MCAP0\r\n\x05\0\0\xc0\x03\0\0\0\0abc";
+        let options = LinearReaderOptions::default().with_record_length_limit(64 << 20);
+        let mut records = Records::new(Claims { begin, asked: 0 }, options);
+        assert!(records.next().unwrap().unwrap_err().contains("ended in the middle of a record"));
+        assert!(records.next().is_none());
+        assert_eq!(records.source.asked, PIECE);
     }
 }

@@ -1,6 +1,6 @@
 //! Which topics a bag holds.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufReader, Read as _, Seek as _, SeekFrom};
 
@@ -37,24 +37,18 @@ fn of_summary(part: &Part) -> Option<Vec<Topic>> {
     if part.is_compressed {
         return None;
     }
-    let (mut channels, mut ids, mut counts) = (Channels::default(), BTreeSet::new(), None);
+    let (mut channels, mut counts) = (Channels::default(), None);
     for record in summary(part)? {
         match record.ok()? {
             // An empty list of counts is one that was not made.
             Record::Statistics(all) => {
                 counts = Some(all.channel_message_counts).filter(|counts| !counts.is_empty());
             }
-            record => {
-                if let Record::Channel(channel) = &record {
-                    ids.insert(channel.id);
-                }
-                channels.take(record).ok()?;
-            }
+            record => drop(channels.take(record).ok()?),
         }
     }
     let count = |id| counts.as_ref().map(|counts| counts.get(&id).copied().unwrap_or(0));
-    let mut topics: Vec<_> =
-        channels.of(ids).iter().map(|channel| topic(channel, count(channel.id))).collect();
+    let mut topics: Vec<_> = channels.all().map(|channel| topic(&channel, count(channel.id))).collect();
     topics.sort();
     // A summary may leave channels out: it then tells nothing.
     (!topics.is_empty()).then_some(topics)
