@@ -17,6 +17,8 @@
 //! | 4 | CRC-32 of all before and of the packed map |
 //! | ... | a [`Stored`] in postcard's encoding, packed by zstd |
 
+mod aside;
+
 use std::ffi::OsString;
 use std::fs::{self, File, TryLockError};
 use std::io::{self, Read as _, Write as _};
@@ -25,6 +27,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+pub use self::aside::{MOST_ASIDE, set_aside, too_many_aside};
 use crate::engine::{RestoreError, SavedMap};
 
 /// What a file holds.
@@ -132,8 +135,7 @@ pub fn lock(path: &Path) -> Result<Lock, StoreError> {
 pub fn write(path: &Path, stored: &Stored) -> Result<u64, StoreError> {
     let refused = |error| StoreError::Io { path: path.to_owned(), error };
     let bytes = pack(stored).map_err(refused)?;
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let folder = File::open(folder).map_err(refused)?;
+    let folder = File::open(folder(path)).map_err(refused)?;
     let beside = beside(path, "part");
     let written = write_whole(&beside, &bytes).and_then(|()| fs::rename(&beside, path));
     if let Err(error) = written {
@@ -171,16 +173,8 @@ pub fn read(path: &Path) -> Result<Stored, StoreError> {
     }
 }
 
-/// Gives a file another name beside its own that no file has, `NAME.WHY-1` or a later number, and returns it.
-///
-/// # Errors
-/// When the system refuses it.
-pub fn set_aside(path: &Path, why: &str) -> io::Result<PathBuf> {
-    let names = (1..=u32::MAX).map(|number| beside(path, &format!("{why}-{number}")));
-    let free = names.filter(|name| name.symlink_metadata().is_err()).take(1);
-    let name = free.last().ok_or(io::ErrorKind::AlreadyExists)?;
-    fs::rename(path, &name)?;
-    Ok(name)
+fn folder(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
 fn beside(path: &Path, end: &str) -> PathBuf {

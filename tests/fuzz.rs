@@ -1,5 +1,5 @@
 //! What the fuzzer runs, without the fuzzer: each target on its seeds, and on so many changes of them and random bytes, the
-//! same on every run. Without nightly this is what CI has of it; what cargo-fuzz has found stands below as tests by name.
+//! same on every run. Without nightly this is what CI has of it; what cargo-fuzz has found stands by name where it was mended.
 #![cfg(feature = "node")]
 #![allow(
     clippy::unwrap_used,

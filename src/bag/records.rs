@@ -1,7 +1,8 @@
 //! The records of an MCAP file that tell something of its messages, in the order of the file.
 
+use std::any::Any;
 use std::io::{ErrorKind, Read};
-use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 
 use mcap::records::{DataEnd, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
@@ -62,11 +63,20 @@ impl<R: Read> Iterator for Records<R> {
         if self.is_done {
             return None;
         }
-        let record = catch_unwind(AssertUnwindSafe(|| self.advance()))
-            .unwrap_or_else(|_| Err("a record does not fit its chunk".to_owned()));
+        let record = catch_unwind(AssertUnwindSafe(|| self.advance())).unwrap_or_else(|panic| {
+            if is_overflow(&*panic) {
+                Err("a record does not fit its chunk".to_owned())
+            } else {
+                resume_unwind(panic)
+            }
+        });
         self.is_done = !matches!(record, Ok(Some(_)));
         record.transpose()
     }
+}
+
+fn is_overflow(panic: &(dyn Any + Send)) -> bool {
+    panic.downcast_ref::<&str>().is_some_and(|text| *text == "attempt to subtract with overflow")
 }
 
 /// `None` for a record that says nothing of the messages: what is wrong inside of an attachment costs nothing.

@@ -9,7 +9,6 @@ use std::future::Future;
 use std::pin::pin;
 use std::rc::Rc;
 use std::sync::Arc;
-use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use thiserror::Error;
@@ -22,7 +21,7 @@ use self::calls::{last_written, next};
 use super::counts::Counts;
 use super::inputs;
 use super::publish::{Ended, publish};
-use super::saving::{self, Saving, Task, Written};
+use super::saving::{self, Saver, Saving, Written};
 use super::throttle::Throttle;
 use super::transport::{Event, Input, Service, Transport};
 use crate::cloud::{Cloud, CloudError};
@@ -160,7 +159,7 @@ fn new_session(before: u64) -> u64 {
 struct Live<T: Transport> {
     transport: Rc<T>,
     worker: Worker,
-    saver: Option<Sender<Task>>,
+    saver: Option<Saver>,
     join: Join,
     counts: Rc<RefCell<Counts>>,
     throttle: Throttle,
@@ -185,7 +184,7 @@ impl<T: Transport> Live<T> {
         config: &Config,
         transport: Rc<T>,
         worker: Worker,
-        saver: Option<Sender<Task>>,
+        saver: Option<Saver>,
         session: u64,
         counts: Rc<RefCell<Counts>>,
     ) -> Self {
@@ -357,8 +356,8 @@ impl<T: Transport> Live<T> {
         (0..self.worker.reset(self.session)).for_each(|_| self.counts.borrow_mut().skip("session_ended"));
         info!("{why}: session {} begins with an empty map", self.session);
         self.worker.request_snapshot();
-        if keeps {
-            drop(self.saver.as_ref().map(|saver| saver.send(Task::Keep)));
+        if keeps && let Some(saver) = &self.saver {
+            saver.keep();
         }
         // What is given up must not come back after a crash.
         self.save(None);

@@ -3,14 +3,13 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 use std::sync::Arc;
-use std::sync::mpsc::Sender;
 use std::time::Instant;
 
 use tokio::sync::mpsc;
 use tracing::{error, warn};
 
 use super::counts::Counts;
-use super::saving::Task;
+use super::saving::Saver;
 use super::throttle::Throttle;
 use super::transport::{Outgoing, Transport};
 use crate::engine::{Snapshot, Update};
@@ -35,7 +34,7 @@ pub(super) async fn publish(
     mut outputs: mpsc::Receiver<Output>,
     counts: Rc<RefCell<Counts>>,
     frame_id: String,
-    saver: Option<Sender<Task>>,
+    saver: Option<Saver>,
 ) -> Ended {
     let mut ended = Ended::default();
     let mut publisher = Publisher {
@@ -61,8 +60,9 @@ pub(super) async fn publish(
                 ended.map = Some(snapshot);
             }
             Output::Saved { map, .. } => {
-                // Where that thread has died, the node learns so by itself.
-                drop(saver.as_ref().map(|saver| saver.send(Task::Write(map))));
+                if let Some(saver) = &saver {
+                    saver.write(map);
+                }
             }
             Output::Died(text) => ended.died = Some(text),
         }

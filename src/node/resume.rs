@@ -1,7 +1,7 @@
 //! What a session begins with: an empty map, or the one that was saved.
 
-use std::io;
 use std::path::{Path, PathBuf};
+use std::{fs, io};
 
 use thiserror::Error;
 use tracing::{info, warn};
@@ -11,8 +11,9 @@ use crate::engine::{Engine, RestoreError};
 use crate::store::{self, Lock, StoreError, Stored};
 
 /// The engine that a session begins with: with the map of `snapshot_path` where it is to be resumed and there is one. What
-/// cannot be used is set aside, never written over: a damaged or newer file, and one that is not to be resumed. The lock is
-/// the right to save there, to be kept as long as the node runs.
+/// cannot be used is set aside, never written over: a damaged or newer file, and one that is not to be resumed. Of what was
+/// set aside the newest [`store::MOST_ASIDE`] of each kind are kept, and the largest. The lock is the right to save there, to be
+/// kept as long as the node runs.
 ///
 /// # Errors
 /// When there is no path, another process saves there, the map was made with other parameters, or a file cannot be read or
@@ -30,7 +31,7 @@ pub fn begin(config: &Config, resume: bool) -> Result<(Engine, Option<Lock>), Be
         return Ok((resumed(config, path)?, Some(lock)));
     }
     if path.exists() {
-        let kept = set_aside(path, "before")?;
+        let kept = kept_aside(path, "before")?;
         info!("not resumed: the map that was saved is kept as {}", kept.display());
     }
     Ok((Engine::new(config.engine), Some(lock)))
@@ -53,7 +54,7 @@ fn resumed(config: &Config, path: &Path) -> Result<Engine, BeginError> {
         // The file may be whole, and such a disk is not to be trusted with another name for it.
         Err(error @ StoreError::Io { .. }) => Err(BeginError::Unreadable(error)),
         Err(error) => {
-            let kept = set_aside(path, "refused")?;
+            let kept = kept_aside(path, "refused")?;
             warn!("not resumed: {error}; it is kept as {}", kept.display());
             Ok(Engine::new(params))
         }
@@ -71,8 +72,41 @@ fn read(config: &Config, path: &Path) -> Result<(Engine, u64), StoreError> {
     Ok((Engine::restore(config.engine, &map).map_err(refused)?, map.sequence()))
 }
 
-fn set_aside(path: &Path, why: &str) -> Result<PathBuf, BeginError> {
-    store::set_aside(path, why).map_err(|error| BeginError::Kept { path: path.to_owned(), error })
+fn kept_aside(path: &Path, why: &str) -> Result<PathBuf, BeginError> {
+    set_aside(path, why).map_err(|error| BeginError::Kept { path: path.to_owned(), error })
+}
+
+/// Gives the file of a map another name beside its own; the oldest such files go where there are too many, which is said.
+///
+/// # Errors
+/// When the file cannot have another name. One that cannot be removed is said, and stays.
+pub(super) fn set_aside(path: &Path, why: &str) -> io::Result<PathBuf> {
+    let kept = store::set_aside(path, why)?;
+    for line in remove_oldest(path, why) {
+        warn!("{line}");
+    }
+    Ok(kept)
+}
+
+/// Gives what there is to say.
+fn remove_oldest(path: &Path, why: &str) -> Vec<String> {
+    let oldest = match store::too_many_aside(path, why) {
+        Ok(oldest) => oldest,
+        Err(error) => return vec![format!("what is kept beside {} is not known: {error}", path.display())],
+    };
+    let most = store::MOST_ASIDE;
+    let remove = |name: PathBuf| match fs::remove_file(&name) {
+        Ok(()) => {
+            format!("{} is removed: of its kind the newest {most} and the largest are kept", name.display())
+        }
+        Err(error) => {
+            let name = name.display();
+            format!(
+                "{name} stays, though of its kind the newest {most} and the largest are to be kept: {error}"
+            )
+        }
+    };
+    oldest.into_iter().map(remove).collect()
 }
 
 /// A session cannot begin with what is in `snapshot_path`.
@@ -112,5 +146,69 @@ impl BeginError {
     /// Whether starting the node in the same way will fail again.
     pub const fn is_configuration(&self) -> bool {
         matches!(self, Self::NoPath | Self::NoFolder(_) | Self::Parameter { .. })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::Value;
+
+    fn names(folder: &Path) -> Vec<String> {
+        let names = folder.read_dir().unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
+        let mut names: Vec<_> = names.collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn starts_again_and_again_keep_the_newest_eight_files_of_each_kind_and_the_largest_and_touch_no_other() {
+        let folder = tempfile::tempdir().unwrap();
+        let [path, other] = ["map", "map.before-1.mine"].map(|name| folder.path().join(name));
+        let given = [("snapshot_path".to_owned(), Value::Text(path.display().to_string()))];
+        let config = Config::new(given).unwrap();
+        fs::write(&other, "mine").unwrap();
+        for number in 1..=20 {
+            for resume in [false, true] {
+                // Without `--resume` it is not looked at, with it refused.
+                fs::write(&path, if number == 3 { "a larger map".to_owned() } else { number.to_string() })
+                    .unwrap();
+                begin(&config, resume).unwrap();
+            }
+        }
+        let kept = ["before", "refused"]
+            .into_iter()
+            .flat_map(|why| [3].into_iter().chain(13..=20).map(move |n| format!("map.{why}-{n}")));
+        let others = ["map.before-1.mine", "map.lock"].map(str::to_owned);
+        let mut expected: Vec<_> = kept.chain(others).collect();
+        expected.sort();
+        assert_eq!(names(folder.path()), expected);
+        for why in ["before", "refused"] {
+            for number in 13..=20 {
+                let kept = fs::read_to_string(folder.path().join(format!("map.{why}-{number}"))).unwrap();
+                assert_eq!(kept, number.to_string());
+            }
+        }
+        assert_eq!(fs::read_to_string(other).unwrap(), "mine");
+    }
+
+    #[test]
+    fn each_file_that_is_removed_for_another_is_said() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("map");
+        for number in 1..=10 {
+            fs::write(folder.path().join(format!("map.refused-{number}")), "x".repeat(number)).unwrap();
+        }
+        let line = |number| {
+            format!(
+                "{}.refused-{number} is removed: of its kind the newest 8 and the largest are kept",
+                path.display()
+            )
+        };
+        assert_eq!(remove_oldest(&path, "refused"), [line(1), line(2)]);
+        assert_eq!(names(folder.path()).len(), 8);
+        assert!(remove_oldest(&path, "refused").is_empty());
+        let said = remove_oldest(&folder.path().join("none/map"), "refused");
+        assert!(said.len() == 1 && said[0].contains("none/map is not known: "), "{said:?}");
     }
 }

@@ -1,11 +1,14 @@
 //! Maps on their way into a file, on a thread of its own: a slow disk holds up neither the engine nor the network.
 
+use std::cell::Cell;
 use std::path::{Path, PathBuf};
-use std::sync::mpsc::{Sender, channel};
+use std::rc::Rc;
+use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 
 use tokio::sync::mpsc::{UnboundedReceiver, unbounded_channel};
 use tracing::{debug, warn};
 
+use super::resume::set_aside;
 use crate::engine::SavedMap;
 use crate::msg::ros::TriggerResponse;
 use crate::store::{self, StoreError, Stored};
@@ -15,7 +18,7 @@ pub(super) type Written = Result<(u64, u64), StoreError>;
 
 /// What the thread that writes is told.
 #[derive(Debug)]
-pub(super) enum Task {
+enum Task {
     /// Write a map, in place of the one before.
     Write(Box<SavedMap>),
     /// Keep the file under another name: what comes has nothing to do with it, and nobody has asked for that. Done once:
@@ -23,15 +26,55 @@ pub(super) enum Task {
     Keep,
 }
 
+/// Most that waits for the thread. [`Saving`] lets one map be under way, and the node's end asks for one more; before,
+/// between and after them a [`Task::Keep`] has its place.
+const PLACES: usize = 5;
+
+/// The way to the thread that writes. Nobody waits here, however long the disk does not answer.
+#[derive(Clone, Debug)]
+pub(super) struct Saver {
+    tasks: SyncSender<Task>,
+    /// The newest task is a [`Task::Keep`].
+    keeps: Rc<Cell<bool>>,
+}
+
+impl Saver {
+    /// Has a map written, in place of the one before.
+    pub(super) fn write(&self, map: Box<SavedMap>) {
+        self.send(Task::Write(map));
+        self.keeps.set(false);
+    }
+
+    /// Has the file kept under another name. Where no map was sent since this was asked for last, there is nothing more to
+    /// keep: a clock that jumps for ever piles nothing up before a disk that does not answer.
+    pub(super) fn keep(&self) {
+        if !self.keeps.replace(true) {
+            self.send(Task::Keep);
+        }
+    }
+
+    fn send(&self, task: Task) {
+        match self.tasks.try_send(task) {
+            // Where that thread has died, the node learns so by itself.
+            Ok(()) | Err(TrySendError::Disconnected(_)) => {}
+            Err(TrySendError::Full(_)) => {
+                warn!("the disk does not answer: {PLACES} tasks wait for it, and one more is given up");
+            }
+        }
+    }
+}
+
+fn queue() -> (Saver, Receiver<Task>) {
+    let (tasks, waiting) = sync_channel(PLACES);
+    (Saver { tasks, keeps: Rc::default() }, waiting)
+}
+
 /// Starts the thread `cfodi-saver`, which does what it is sent, one after the other, and ends when the senders are gone.
 ///
 /// # Errors
 /// When the system gives no thread.
-pub(super) fn start(
-    path: PathBuf,
-    frame_id: String,
-) -> std::io::Result<(Sender<Task>, UnboundedReceiver<Written>)> {
-    let (tasks, waiting) = channel::<Task>();
+pub(super) fn start(path: PathBuf, frame_id: String) -> std::io::Result<(Saver, UnboundedReceiver<Written>)> {
+    let (saver, waiting) = queue();
     let (written, results) = unbounded_channel();
     std::thread::Builder::new().name("cfodi-saver".to_owned()).spawn(move || {
         let mut kept = false;
@@ -49,14 +92,14 @@ pub(super) fn start(
             }
         }
     })?;
-    Ok((tasks, results))
+    Ok((saver, results))
 }
 
 fn keep(path: &Path, kept: &mut bool) {
     if *kept || !path.exists() {
         return;
     }
-    match store::set_aside(path, "before") {
+    match set_aside(path, "before") {
         Ok(name) => warn!("the map that was saved is kept as {}", name.display()),
         Err(error) => warn!("the map that was saved will be written over, it cannot be set aside: {error}"),
     }
@@ -138,6 +181,26 @@ pub(super) fn log(written: &Written) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::engine::{Engine, Params};
+
+    #[test]
+    fn before_a_disk_that_does_not_answer_two_maps_wait_with_one_task_to_keep_around_each() {
+        let (saver, waiting) = queue();
+        let write = || saver.write(Box::new(Engine::new(Params::default()).save()));
+        let jump = || (0..1000).for_each(|_| saver.keep());
+        jump();
+        write();
+        jump();
+        write();
+        jump();
+        // Nothing sends more; if it did, it would not wait.
+        (0..1000).for_each(|_| write());
+        let keeps: Vec<_> = waiting.try_iter().map(|task| matches!(task, Task::Keep)).collect();
+        assert_eq!(keeps, [true, false, true, false, true]);
+        write();
+        jump();
+        assert_eq!(waiting.try_iter().count(), 2, "there is room again");
+    }
 
     #[test]
     fn where_a_disk_does_not_answer_calls_are_bounded() {

@@ -136,6 +136,41 @@ fn what_is_set_aside_takes_no_name_that_is_taken() {
 }
 
 #[test]
+fn what_is_set_aside_later_has_a_greater_number_though_smaller_ones_are_free() {
+    let folder = tempdir().unwrap();
+    let path = folder.path().join("map");
+    let named = |number: u32| folder.path().join(format!("map.before-{number}"));
+    std::fs::write(named(9), "").unwrap();
+    std::fs::write(&path, "").unwrap();
+    assert_eq!(set_aside(&path, "before").unwrap(), named(10));
+    std::fs::write(named(u32::MAX), "the last").unwrap();
+    std::fs::write(&path, "").unwrap();
+    assert!(set_aside(&path, "before").is_err() && path.exists());
+    assert_eq!(std::fs::read_to_string(named(u32::MAX)).unwrap(), "the last");
+}
+
+#[test]
+fn of_what_is_set_aside_the_oldest_beyond_eight_are_too_many_and_nobody_else_s_files_are() {
+    let folder = tempdir().unwrap();
+    let path = folder.path().join("map");
+    let ends = ["", "0", "01", "+1", " 1", "1.bak", "1x", "-1", "99999999999"]
+        .map(|end| format!("map.before-{end}"));
+    let others =
+        ["map", "map.lock", "map.part", "map.before", "map.refused-1", "map.before.1", "map2.before-1"];
+    for other in ends.iter().map(String::as_str).chain(others) {
+        std::fs::write(folder.path().join(other), "").unwrap();
+    }
+    let named = |number: u32| folder.path().join(format!("map.before-{number}"));
+    // By number, not by the letters of the name: 10 comes after 9. A folder is nobody's map.
+    (2..=10).for_each(|number| std::fs::write(named(number), "").unwrap());
+    std::fs::create_dir(named(1)).unwrap();
+    assert_eq!(too_many_aside(&path, "before").unwrap(), [named(2)]);
+    std::fs::write(named(11), "").unwrap();
+    assert_eq!(too_many_aside(&path, "before").unwrap(), [named(2), named(3)]);
+    assert!(too_many_aside(&path, "refused").unwrap().is_empty());
+}
+
+#[test]
 fn one_process_at_a_time_may_save_under_a_name() {
     let folder = tempdir().unwrap();
     let path = folder.path().join("map");

@@ -1,8 +1,11 @@
 """What has been learned survives: `~/save`, savings now and then and at the end, `--resume`."""
 
+import pathlib
 import signal
+import subprocess
 import time
 
+import pytest
 from peer import wait_until
 from std_srvs.srv import Trigger
 from test_inputs import begin, take_in
@@ -72,29 +75,78 @@ def test_sigterm_while_it_saves_loses_no_scan(tmp_path, start, new_peer):
     assert scans >= 15
 
 
+def on_a_disk(folder, options):
+    """What to start the node with, so that it has a small file system there, in a mount namespace of its own."""
+    return ["unshare", "-m", "sh", "-c", f'mount -t tmpfs -o {options} none "{folder}" && exec "$@"', "sh"]
+
+
+def make_read_only(node, folder):
+    """The lock is open for writing, so that the file system itself stays as it is; what is opened from now on is not."""
+    script = 'mount --bind "$0" "$0" && mount -o remount,ro,bind "$0"'
+    subprocess.run(["nsenter", "-t", str(node.process.pid), "-m", "sh", "-c", script, str(folder)], check=True)
+
+
+def save_fails(peer, cause):
+    reply = peer.call(Trigger, "/cfodi/save", Trigger.Request())
+    assert not reply.success and "map.cfodi" in reply.message and cause in reply.message, reply.message
+
+
+def end_fails(node, cause):
+    node.process.send_signal(signal.SIGTERM)
+    assert node.wait() == 1
+    parts = ("not saved at the end", "map.cfodi", cause)
+    assert [line for line in node.lines if all(part in line for part in parts)], node.lines[-5:]
+
+
 def test_on_a_full_disk_a_call_is_told_so_the_node_goes_on_and_its_end_is_a_failure(tmp_path, start, peer):
-    """A file system of one page, in a mount namespace of the node's own."""
-    mount = ["unshare", "-m", "sh", "-c", f'mount -t tmpfs -o size=4k none "{tmp_path}" && exec "$@"', "sh"]
-    node = start(saving(tmp_path / "map.cfodi"), prefix=mount).ready()
+    """A file system of one page."""
+    cause = "No space left on device"
+    node = start(saving(tmp_path / "map.cfodi"), prefix=on_a_disk(tmp_path, "size=4k")).ready()
     peer.record_node()
     camera = peer.camera()
     camera.meet()
     take_in(camera, peer.deltas)
-    reply = peer.call(Trigger, "/cfodi/save", Trigger.Request())
-    assert not reply.success and "map.cfodi" in reply.message and "space" in reply.message, reply.message
+    save_fails(peer, cause)
     take_in(camera, peer.deltas)
-    node.process.send_signal(signal.SIGTERM)
+    end_fails(node, cause)
+
+
+def test_on_a_disk_that_becomes_read_only_the_map_before_stays_and_the_node_goes_on(tmp_path, start, peer):
+    """As Linux makes it of a disk with errors. A call is told so, clusters go on, and the end is a failure."""
+    cause = "Read-only file system"
+    node = start(saving(tmp_path / "map.cfodi"), prefix=on_a_disk(tmp_path, "size=1m")).ready()
+    peer.record_node()
+    camera = peer.camera()
+    camera.meet()
+    take_in(camera, peer.deltas)
+    assert peer.call(Trigger, "/cfodi/save", Trigger.Request()).success
+    saved = pathlib.Path(f"/proc/{node.process.pid}/root{tmp_path}/map.cfodi")
+    whole = saved.read_bytes()
+    make_read_only(node, tmp_path)
+    for _ in range(3):
+        take_in(camera, peer.deltas)
+        save_fails(peer, cause)
+    node.line_with("the map was not saved", "map.cfodi", cause)
+    assert saved.read_bytes() == whole
+    take_in(camera, peer.deltas)
+    end_fails(node, cause)
+
+
+def test_a_place_that_is_read_only_from_the_start_ends_it_at_once_with_the_reason(tmp_path, start):
+    node = start(saving(tmp_path / "map.cfodi"), prefix=on_a_disk(tmp_path, "ro"))
     assert node.wait() == 1
-    assert [line for line in node.lines if "not saved at the end" in line and "map.cfodi" in line], node.lines[-5:]
+    assert [line for line in node.lines if "map.cfodi" in line and "Read-only file system" in line], node.lines
 
 
-def test_a_damaged_map_is_kept_aside_and_said_and_the_node_begins_empty(tmp_path, start, peer):
-    path = tmp_path / "map.cfodi"
-    path.write_bytes(b"cfodimap" + bytes(100))
+@pytest.mark.parametrize("version, why", [(0, "holds no whole map"), (99, "is of version 99")],
+                         ids=["damaged", "newer"])
+def test_a_damaged_or_newer_map_is_kept_aside_and_said_and_the_node_begins_empty(version, why, tmp_path, start, peer):
+    path, written = tmp_path / "map.cfodi", b"cfodimap" + version.to_bytes(4, "little") + bytes(96)
+    path.write_bytes(written)
     node, snapshot, camera = resumed(start, peer, saving(path))
     assert snapshot.sequence == 0 and not snapshot.clusters
-    node.line_with("not resumed", "map.cfodi.refused-1")
-    assert (tmp_path / "map.cfodi.refused-1").read_bytes() == b"cfodimap" + bytes(100)
+    node.line_with("not resumed", why, "map.cfodi.refused-1")
+    assert (tmp_path / "map.cfodi.refused-1").read_bytes() == written
     take_in(camera, peer.deltas)
     node.stop()
     assert path.exists()

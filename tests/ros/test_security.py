@@ -211,9 +211,12 @@ def test_who_has_keys_without_the_permission_gets_nothing_and_who_looks_on_reads
     assert not [word for word in PLAIN if any(word in packet for packet in packets)]
 
 
-@pytest.mark.parametrize("domain", [0, 7])
-def test_no_port_but_those_of_dds_is_opened(domain, start, peer):
-    node = start(environment={"ROS_DOMAIN_ID": str(domain)}).ready()
+@pytest.mark.parametrize("domain, secured", [(0, False), (7, False), (0, True)])
+def test_no_port_but_those_of_dds_is_opened(domain, secured, start, peer, keys):
+    if secured:
+        node = start(arguments=ENCLAVE, environment=keys.variables(), binary=SECURED / "cfodi").ready()
+    else:
+        node = start(environment={"ROS_DOMAIN_ID": str(domain)}).ready()
     base = 7400 + 250 * domain
     discovery, ours = {base, base + 1}, set(range(base + 10, base + 250))
     opened = sockets(node.process.pid)

@@ -19,6 +19,10 @@ use crate::engine::key::GRID_REACH;
 use crate::engine::params::{MAX_POINTS, Params};
 use crate::engine::saved::{RestoreError, ensure, in_slots};
 
+/// Slots of blocks beyond the number of voxels. A slot takes 2 KB and a few bytes of a file, so that files would be worth a
+/// thousand times their length; a map that had so many blocks at once (100,000 square metres at 8 cm) still has as many voxels.
+const MOST_SPARE: usize = 1 << 18;
+
 /// All of a [`Consistent`](super::Consistent) but its parameters and the scans that it has taken in.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct SavedConsistent {
@@ -107,7 +111,12 @@ impl SavedGrid {
     }
 
     pub(super) fn restore(&self, params: &Params, sequence: u64) -> Result<Grid, RestoreError> {
-        let slots = in_slots("block", &self.blocks, self.blocks.len() + self.free.len())?;
+        let slots = self.blocks.len() + self.free.len();
+        let voxels = self.blocks.iter().map(|(_, block)| block.voxels.len()).sum::<usize>();
+        ensure(slots <= MOST_SPARE + voxels, || {
+            format!("{slots} slots of blocks for {voxels} voxels: at most {MOST_SPARE} more")
+        })?;
+        let slots = in_slots("block", &self.blocks, slots)?;
         let blocks =
             slots.into_iter().map(|block| block.map(|block| block.restore(params, sequence)).transpose());
         Grid::of(params, blocks.collect::<Result<_, _>>()?, &self.free)
@@ -186,5 +195,17 @@ impl SavedVoxel {
             hit: self.hit,
             clearance: self.clearance,
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn slots_that_no_voxel_is_worth_are_refused_before_memory_is_taken() {
+        let grid = SavedGrid { blocks: Vec::new(), free: (0..=MOST_SPARE as u32).collect() };
+        let refused = grid.restore(&Params::default(), 1).unwrap_err().to_string();
+        assert!(refused.ends_with("262145 slots of blocks for 0 voxels: at most 262144 more"), "{refused}");
     }
 }

@@ -1,4 +1,4 @@
-//! The definition, from scratch: every block segmented, every contact looked at, components found by plain search.
+//! The definition, from scratch: every contact of segmented blocks looked at, components found by plain search.
 //!
 //! What the incremental layer is held to. It shares the local rules with it (what a patch is, when two join, where a loose
 //! voxel belongs) and nothing of how the whole is kept.

@@ -1,5 +1,6 @@
 //! The live node on a middleware made of channels.
 
+mod ending;
 mod hostile;
 
 use tokio::runtime::Builder;
@@ -88,33 +89,38 @@ fn transform(stamp: Stamp, is_static: bool) -> Event<()> {
     Event::Transforms { message: TfMessage { transforms: vec![transform] }, is_static }
 }
 
+/// How a node ended, what it counted, and its middleware.
+type Ran = (Result<(), LiveError>, Counts, Rc<Fake>);
+
 /// Runs a node on these events until `taken_in` scans are in, and a little longer; with 0 it ends at once.
-fn node(transport: Fake, events: Vec<Event<()>>, taken_in: u64) -> (Result<(), LiveError>, Counts, Rc<Fake>) {
+fn node(transport: Fake, events: Vec<Event<()>>, taken_in: u64) -> Ran {
     node_with(&Config::new([]).unwrap(), transport, events, taken_in)
 }
 
-fn node_with(
+fn node_with(config: &Config, transport: Fake, events: Vec<Event<()>>, taken_in: u64) -> Ran {
+    let patience = Instant::now();
+    node_until(config, transport, events, move |_, counts| async move {
+        while counts.borrow().taken_in < taken_in && patience.elapsed() < Duration::from_secs(60) {
+            tokio::time::sleep(TICK).await;
+        }
+        if taken_in > 0 {
+            tokio::time::sleep(Duration::from_millis(400)).await;
+        }
+    })
+}
+
+/// Runs a node on these events until `stop` resolves, which may send more and see what was counted.
+fn node_until<Stop: Future<Output = ()>>(
     config: &Config,
     transport: Fake,
     events: Vec<Event<()>>,
-    taken_in: u64,
-) -> (Result<(), LiveError>, Counts, Rc<Fake>) {
+    stop: impl FnOnce(mpsc::Sender<Event<()>>, Rc<RefCell<Counts>>) -> Stop,
+) -> Ran {
     let counts = Rc::new(RefCell::new(Counts::default()));
     let transport = Rc::new(transport);
     let (sender, receiver) = mpsc::channel(100);
     events.into_iter().for_each(|event| sender.try_send(event).unwrap());
-    let patience = Instant::now();
-    let enough = {
-        let counts = Rc::clone(&counts);
-        async move {
-            while counts.borrow().taken_in < taken_in && patience.elapsed() < Duration::from_secs(60) {
-                tokio::time::sleep(TICK).await;
-            }
-            if taken_in > 0 {
-                tokio::time::sleep(Duration::from_millis(400)).await;
-            }
-        }
-    };
+    let enough = stop(sender.clone(), Rc::clone(&counts));
     let runtime = Builder::new_current_thread().enable_time().build().unwrap();
     let (engine, _lock) = begin(config, config.snapshot_path.is_some()).unwrap();
     let live = run(config, engine, Rc::clone(&transport), receiver, Rc::clone(&counts), enough);
@@ -302,6 +308,31 @@ fn a_node_whose_last_map_cannot_be_saved_says_so_and_fails() {
     assert_eq!(counts.taken_in, 1);
     let replies = transport.replies.borrow();
     assert!(replies.len() == 1 && !replies[0].success, "{replies:?}");
+}
+
+#[test]
+fn a_map_of_a_newer_version_is_refused_with_its_reason_and_kept_aside_and_the_node_begins_empty() {
+    let folder = tempfile::tempdir().unwrap();
+    let [path, refused] = ["map", "map.refused-1"].map(|name| folder.path().join(name));
+    let config = saving_in(folder.path());
+    let run = || {
+        let events = vec![transform(at(0.0), true), cloud(at(10.0), "camera")];
+        let (ended, _, transport) = node_with(&config, Fake::default(), events, 1);
+        ended.unwrap();
+        let first = &transport.deltas.borrow()[0];
+        (first.base_sequence, first.sequence)
+    };
+    assert_eq!(run(), (0, 1));
+    let mut newer = std::fs::read(&path).unwrap();
+    newer[8] = store::VERSION as u8 + 1;
+    std::fs::write(&path, &newer).unwrap();
+    let reason = store::read(&path).unwrap_err().to_string();
+    let (version, newest) = (store::VERSION + 1, store::VERSION);
+    let expected = format!("{} is of version {version}; this program reads up to {newest}", path.display());
+    assert_eq!(reason, expected);
+    assert_eq!(run(), (0, 1), "it went on with a map that it cannot read");
+    assert_eq!(std::fs::read(refused).unwrap(), newer);
+    assert_eq!(store::read(&path).unwrap().map.sequence(), 1);
 }
 
 #[test]

@@ -1,0 +1,97 @@
+//! The node's end while its disk takes its time.
+
+use std::fs::File;
+use std::io::Read as _;
+use std::path::PathBuf;
+use std::process::Command;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, channel};
+use std::thread;
+
+use tokio::time::{sleep, timeout};
+
+use super::*;
+
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// A cloud whose map is longer than a pipe holds: about a voxel a point, and places in it that do not pack.
+fn large_cloud(stamp: Stamp) -> Event<()> {
+    let total = 32_000;
+    let point = |i: u32| {
+        let voxel = [i % 40, i / 40 % 40, i / 1600].map(|steps| f64::from(steps) * 0.08);
+        let within = [0.754_878, 0.569_841, 0.438_579].map(|step: f64| (f64::from(i) * step).fract() * 0.08);
+        std::array::from_fn(|axis| (0.5 + voxel[axis] + within[axis]) as f32)
+    };
+    let points = Points::F32((0..total).map(point).collect());
+    let frame_id = "camera".to_owned();
+    Event::Cloud(Input::Points, Ok(Cloud { stamp, frame_id, points, total, invalid: 0, out_of_range: 0 }))
+}
+
+/// What was seen half a second after the node was told to end.
+struct Seen {
+    had_ended: bool,
+    /// The file of the map.
+    file: Vec<u8>,
+    /// What was being written.
+    under_way: Vec<u8>,
+}
+
+/// A disk that says when a map is being written under the name `part`, a pipe, and goes on with it only half a second after
+/// the node was told to end.
+fn slow_disk(
+    part: PathBuf,
+    opened: oneshot::Sender<()>,
+    told: Receiver<()>,
+    has_ended: Arc<AtomicBool>,
+) -> thread::JoinHandle<Seen> {
+    thread::spawn(move || {
+        // It opens when the one who writes is there too, who then fills it and waits.
+        let mut pipe = File::open(&part).unwrap();
+        opened.send(()).unwrap();
+        told.recv_timeout(PATIENCE).unwrap();
+        thread::sleep(Duration::from_millis(500));
+        let had_ended = has_ended.load(Ordering::SeqCst);
+        let file = std::fs::read(part.with_extension("")).unwrap();
+        let mut under_way = Vec::new();
+        pipe.read_to_end(&mut under_way).unwrap();
+        Seen { had_ended, file, under_way }
+    })
+}
+
+/// A pipe cannot be synchronized: the saving under way fails once it has gone on, and leaves the name to that of the end.
+#[test]
+fn an_end_in_the_middle_of_a_saving_waits_for_it_and_saves_what_came_since() {
+    let folder = tempfile::tempdir().unwrap();
+    let [path, part] = ["map", "map.part"].map(|name| folder.path().join(name));
+    let given = Value::Text(path.display().to_string());
+    let config = Config::new([("snapshot_path".to_owned(), given)]).unwrap();
+    let events = vec![transform(at(0.0), true), cloud(at(10.0), "camera")];
+    node_with(&config, Fake::default(), events, 1).0.unwrap();
+    let before = std::fs::read(&path).unwrap();
+    assert!(Command::new("mkfifo").arg(&part).status().unwrap().success());
+    let has_ended = Arc::new(AtomicBool::new(false));
+    let ((opened, is_open), (tell, told)) = (oneshot::channel(), channel());
+    let disk = slow_disk(part.clone(), opened, told, Arc::clone(&has_ended));
+    let events = vec![transform(at(0.0), true), large_cloud(at(10.1)), Event::Call(Service::Save, ())];
+    let stop = move |sender: mpsc::Sender<_>, counts: Rc<RefCell<Counts>>| async move {
+        timeout(PATIENCE, is_open).await.unwrap().unwrap();
+        sender.send(cloud(at(10.2), "camera")).await.unwrap();
+        while counts.borrow().taken_in < 2 {
+            sleep(TICK).await;
+        }
+        tell.send(()).unwrap();
+    };
+    let (ended, _, transport) = node_until(&config, Fake::default(), events, stop);
+    has_ended.store(true, Ordering::SeqCst);
+    ended.unwrap();
+    let Seen { had_ended, file, under_way } = disk.join().unwrap();
+    assert!(!had_ended, "it did not wait");
+    assert!(file == before, "the file is not the one before");
+    assert!(under_way.len() > 1 << 16, "{} bytes fit into a pipe", under_way.len());
+    let scans = |stored: Stored| stored.map.sequence();
+    assert_eq!(scans(store::unpack(&under_way).unwrap()), 2);
+    assert_eq!(scans(store::read(&path).unwrap()), 3);
+    assert!(!part.exists());
+    let replies = transport.replies.borrow();
+    assert!(replies.len() == 1 && replies[0].success, "{replies:?}");
+}

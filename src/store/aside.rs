@@ -1,0 +1,78 @@
+//! Maps that are set aside: kept beside the one that is saved, as `NAME.WHY-1`, `NAME.WHY-2` and so on.
+//!
+//! **Kept true.** No file is written over. Of two of a kind the one with the greater number was set aside later: no clock is
+//! asked, for a robot's may begin in 1970. What has not exactly such a name is never named as one too many.
+
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
+use std::{fs, io};
+
+use super::{beside, folder};
+
+/// Most files of a kind that are to be kept: a node that starts again and again must not fill its disk.
+pub const MOST_ASIDE: usize = 8;
+
+/// Gives a file another name beside its own, `NAME.WHY-1` or one with a number above all that there are, and returns it.
+///
+/// # Errors
+/// When the system refuses it, or there is no greater number.
+pub fn set_aside(path: &Path, why: &str) -> io::Result<PathBuf> {
+    let last = asides(path, why)?.last().map_or(0, |aside| aside.number);
+    let number = last.checked_add(1).ok_or(io::ErrorKind::AlreadyExists)?;
+    let name = name(path, why, number);
+    fs::rename(path, &name)?;
+    Ok(name)
+}
+
+/// The files of a kind beyond the newest [`MOST_ASIDE`], the oldest first; the largest of all is none of them: after a row
+/// of short starts it is what a robot has learned. A folder is none, whatever its name.
+///
+/// # Errors
+/// When the system does not list them.
+pub fn too_many_aside(path: &Path, why: &str) -> io::Result<Vec<PathBuf>> {
+    let mut files = asides(path, why)?;
+    files.retain(|aside| aside.is_file);
+    let largest = files.iter().max_by_key(|aside| aside.size).map(|aside| aside.number);
+    files.truncate(files.len().saturating_sub(MOST_ASIDE));
+    files.retain(|aside| Some(aside.number) != largest);
+    Ok(files.into_iter().map(|aside| name(path, why, aside.number)).collect())
+}
+
+/// What has a name that [`set_aside`] gives.
+struct Aside {
+    number: u32,
+    /// No folder.
+    is_file: bool,
+    /// Bytes.
+    size: u64,
+}
+
+/// By ascending number.
+fn asides(path: &Path, why: &str) -> io::Result<Vec<Aside>> {
+    let start = beside(path, &format!("{why}-"));
+    let start = start.file_name().unwrap_or_default();
+    let mut asides = Vec::new();
+    for entry in fs::read_dir(folder(path))? {
+        let entry = entry?;
+        if let Some(number) = number(&entry.file_name(), start) {
+            // What it is may have gone untold; it is then not to be removed.
+            let is_file = entry.file_type().is_ok_and(|kind| !kind.is_dir());
+            let size = entry.metadata().map_or(0, |about| about.len());
+            asides.push(Aside { number, is_file, size });
+        }
+    }
+    asides.sort_unstable_by_key(|aside| aside.number);
+    Ok(asides)
+}
+
+/// The number at the end of a name; `None` for `NAME.WHY-0`, `NAME.WHY-01` or `NAME.WHY-1.bak`, which are somebody else's.
+fn number(name: &OsStr, start: &OsStr) -> Option<u32> {
+    let digits = name.as_encoded_bytes().strip_prefix(start.as_encoded_bytes())?;
+    let digits = str::from_utf8(digits).ok()?;
+    let number = digits.parse::<u32>().ok().filter(|&number| number > 0)?;
+    (number.to_string() == digits).then_some(number)
+}
+
+fn name(path: &Path, why: &str, number: u32) -> PathBuf {
+    beside(path, &format!("{why}-{number}"))
+}
