@@ -15,9 +15,9 @@ from std_srvs.srv import Trigger
 SECOND = 10**9
 
 
-def begin(start, peer, **parameters):
+def begin(start, peer, prefix=(), **parameters):
     """The node, recorded, and a camera that it hears."""
-    node = start(parameters).ready()
+    node = start(parameters, prefix=prefix).ready()
     peer.record_node()
     camera = peer.camera()
     camera.meet()

@@ -101,10 +101,7 @@ def end_fails(node, cause):
 def test_on_a_full_disk_a_call_is_told_so_the_node_goes_on_and_its_end_is_a_failure(tmp_path, start, peer):
     """A file system of one page."""
     cause = "No space left on device"
-    node = start(saving(tmp_path / "map.cfodi"), prefix=on_a_disk(tmp_path, "size=4k")).ready()
-    peer.record_node()
-    camera = peer.camera()
-    camera.meet()
+    node, camera = begin(start, peer, on_a_disk(tmp_path, "size=4k"), **saving(tmp_path / "map.cfodi"))
     take_in(camera, peer.deltas)
     save_fails(peer, cause)
     take_in(camera, peer.deltas)
@@ -114,10 +111,7 @@ def test_on_a_full_disk_a_call_is_told_so_the_node_goes_on_and_its_end_is_a_fail
 def test_on_a_disk_that_becomes_read_only_the_map_before_stays_and_the_node_goes_on(tmp_path, start, peer):
     """As Linux makes it of a disk with errors. A call is told so, clusters go on, and the end is a failure."""
     cause = "Read-only file system"
-    node = start(saving(tmp_path / "map.cfodi"), prefix=on_a_disk(tmp_path, "size=1m")).ready()
-    peer.record_node()
-    camera = peer.camera()
-    camera.meet()
+    node, camera = begin(start, peer, on_a_disk(tmp_path, "size=1m"), **saving(tmp_path / "map.cfodi"))
     take_in(camera, peer.deltas)
     assert peer.call(Trigger, "/cfodi/save", Trigger.Request()).success
     saved = pathlib.Path(f"/proc/{node.process.pid}/root{tmp_path}/map.cfodi")

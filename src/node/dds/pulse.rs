@@ -50,8 +50,8 @@ impl Pulse {
         self.beats().await && self.beats().await
     }
 
-    /// Resolves when it has stopped, with how long it was waited for. Beats are counted and no clock is read: while the process is stopped, or its machine
-    /// sleeps, time goes by for both sides.
+    /// Resolves when it has stopped, with how long it was waited for. Beats are counted and no clock is read: while the
+    /// process is stopped, or its machine sleeps, time goes by for both sides.
     pub(super) async fn stops(&self) -> Duration {
         let mut missed = 0;
         while missed < MISSED {
