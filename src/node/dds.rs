@@ -7,6 +7,7 @@
 mod heard;
 mod map_reader;
 mod network;
+mod outlet;
 mod pulse;
 mod read;
 mod robot;
@@ -293,9 +294,9 @@ impl Dds {
         Rc::clone(&self.network.borrow())
     }
 
-    /// The network before is left without a farewell, which needs the thread that has ended.
-    async fn join_anew(&self) -> Result<(), DdsError> {
-        warn!("a thread of the middleware has ended: the network is joined anew, the map stays");
+    /// The network before is left without a farewell, which needs the middleware's threads.
+    async fn join_anew(&self, reason: &str) -> Result<(), DdsError> {
+        warn!("{reason}: the network is joined anew, the map stays");
         let anew = Network::open(&self.setup, &self.security, &self.memory, &self.events)?;
         let before = self.network.replace(Rc::new(anew));
         before.deafen().await;
@@ -333,13 +334,13 @@ impl Transport for Dds {
     async fn failed(&self) -> String {
         loop {
             let network = self.network();
-            tokio::select! {
+            let reason = tokio::select! {
                 reason = network.reader_ended() => return reason,
                 reason = network.held() => return reason,
-                () = network.thread_ended() => {}
-            }
+                reason = network.worn_out() => reason,
+            };
             drop(network);
-            match self.join_anew().await {
+            match self.join_anew(&reason).await {
                 Ok(()) => {}
                 // After a sleep a wireless interface comes back late.
                 Err(error @ DdsError::Interface { .. }) => {

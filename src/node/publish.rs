@@ -5,7 +5,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Instant;
 
-use tokio::sync::mpsc;
+use tokio::sync::{mpsc, watch};
 use tracing::{error, warn};
 
 use super::counts::Counts;
@@ -28,35 +28,42 @@ pub(super) struct Ended {
     pub(super) died: Option<String>,
 }
 
-/// Publishes until the worker has ended or died.
+/// Publishes until the worker has ended or died. A map that waits for its readers holds up no delta, and is replaced by
+/// the next one.
 pub(super) async fn publish(
     transport: Rc<impl Transport>,
-    mut outputs: mpsc::Receiver<Output>,
+    outputs: mpsc::Receiver<Output>,
     counts: Rc<RefCell<Counts>>,
     frame_id: String,
     saver: Option<Saver>,
 ) -> Ended {
+    let (newest, maps) = watch::channel(None);
+    let wire = Wire { transport, throttle: RefCell::default(), frame_id };
+    let (ended, ()) = tokio::join!(take(outputs, &wire, newest, counts, saver), publish_maps(maps, &wire));
+    ended
+}
+
+/// A map and its session.
+type Newest = Option<(u64, Arc<Snapshot>)>;
+
+async fn take(
+    mut outputs: mpsc::Receiver<Output>,
+    wire: &Wire<impl Transport>,
+    newest: watch::Sender<Newest>,
+    counts: Rc<RefCell<Counts>>,
+    saver: Option<Saver>,
+) -> Ended {
     let mut ended = Ended::default();
-    let mut publisher = Publisher {
-        transport,
-        markers: Markers::default(),
-        session: 0,
-        caps: Caps::default(),
-        said_beyond: false,
-        throttle: Throttle::default(),
-        frame_id,
-    };
+    let mut beyond = Beyond::default();
     while let Some(output) = outputs.recv().await {
         match output {
             Output::Scan { session, update } => {
                 counts.borrow_mut().taken_in += 1;
-                let session = publisher.session(session);
-                publisher.say_beyond(&update);
-                publisher.send(Outgoing::Delta(SurfaceClusterArray::delta(&session, &update))).await;
+                beyond.say(session, &update);
+                wire.send(Outgoing::Delta(SurfaceClusterArray::delta(&wire.session(session), &update))).await;
             }
             Output::Snapshot { session, snapshot } => {
-                let session = publisher.session(session);
-                publisher.snapshot(&session, &snapshot).await;
+                newest.send_replace(Some((session, Arc::clone(&snapshot))));
                 ended.map = Some(snapshot);
             }
             Output::Saved { map, .. } => {
@@ -70,51 +77,74 @@ pub(super) async fn publish(
     ended
 }
 
-struct Publisher<T> {
+async fn publish_maps(mut newest: watch::Receiver<Newest>, wire: &Wire<impl Transport>) {
+    let mut publisher = Maps::default();
+    while newest.changed().await.is_ok() {
+        let map = newest.borrow_and_update().clone();
+        if let Some((session, snapshot)) = map {
+            publisher.send(session, &snapshot, wire).await;
+        }
+    }
+}
+
+/// Where messages go out.
+struct Wire<T> {
     transport: Rc<T>,
-    markers: Markers,
-    /// Of the newest output.
-    session: u64,
-    /// What has been said in this session.
-    caps: Caps,
-    said_beyond: bool,
-    throttle: Throttle,
+    throttle: RefCell<Throttle>,
     frame_id: String,
 }
 
-impl<T: Transport> Publisher<T> {
-    fn session(&mut self, id: u64) -> Session {
-        if std::mem::replace(&mut self.session, id) != id {
-            self.markers.reset();
-            self.caps = Caps::default();
-            self.said_beyond = false;
-        }
+impl<T: Transport> Wire<T> {
+    fn session(&self, id: u64) -> Session {
         Session { id, frame_id: self.frame_id.clone() }
     }
 
-    async fn snapshot(&mut self, session: &Session, snapshot: &Snapshot) {
-        for line in self.caps.reached(snapshot.voxels.len()) {
-            warn!("{line}");
-        }
-        self.send(Outgoing::Clusters(SurfaceClusterArray::snapshot(session, snapshot))).await;
-        self.send(Outgoing::Labelled(labelled_points(session, snapshot))).await;
-        let markers = self.markers.update(session, snapshot);
-        self.send(Outgoing::Markers(markers)).await;
-    }
-
-    /// Points that lie beyond the grid are in no map: said once a session.
-    fn say_beyond(&mut self, update: &Update) {
-        let beyond = update.points_beyond_grid;
-        if beyond > 0 && !std::mem::replace(&mut self.said_beyond, true) {
-            warn!("{beyond} points of a scan lie beyond the grid's reach and are left out");
-        }
-    }
-
-    async fn send(&mut self, message: Outgoing) {
+    async fn send(&self, message: Outgoing) {
         if let Err(failure) = self.transport.publish(message).await
-            && self.throttle.allows("send", Instant::now())
+            && self.throttle.borrow_mut().allows("send", Instant::now())
         {
             error!("a message could not be sent: {failure}");
         }
+    }
+}
+
+/// Points that lie beyond the grid are in no map: said once a session.
+#[derive(Default)]
+struct Beyond {
+    /// The session in which it was said last.
+    said: Option<u64>,
+}
+
+impl Beyond {
+    fn say(&mut self, session: u64, update: &Update) {
+        let beyond = update.points_beyond_grid;
+        if beyond > 0 && self.said.replace(session) != Some(session) {
+            warn!("{beyond} points of a scan lie beyond the grid's reach and are left out");
+        }
+    }
+}
+
+#[derive(Default)]
+struct Maps {
+    /// Of the newest map.
+    session: u64,
+    markers: Markers,
+    /// What has been said in this session.
+    caps: Caps,
+}
+
+impl Maps {
+    async fn send(&mut self, session: u64, snapshot: &Snapshot, wire: &Wire<impl Transport>) {
+        if std::mem::replace(&mut self.session, session) != session {
+            self.markers.reset();
+            self.caps = Caps::default();
+        }
+        for line in self.caps.reached(snapshot.voxels.len()) {
+            warn!("{line}");
+        }
+        let session = wire.session(session);
+        wire.send(Outgoing::Clusters(SurfaceClusterArray::snapshot(&session, snapshot))).await;
+        wire.send(Outgoing::Labelled(labelled_points(&session, snapshot))).await;
+        wire.send(Outgoing::Markers(self.markers.update(&session, snapshot))).await;
     }
 }

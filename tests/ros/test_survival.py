@@ -1,16 +1,21 @@
 """What goes wrong on a robot, and what is expected of the node then: each test says it first."""
 
+import contextlib
 import os
 import pathlib
+import subprocess
+import sys
 import time
 
 import compare
 import pytest
-from cfodi_node import accounted, skipped
-from faults import Driver, hogs, no_network, stall
+from cfodi_node import REPOSITORY, accounted, skipped
+from faults import Driver, hogs, no_network, stall, stopped
 from follow import follow
 
 STALL = 5  # s
+HASTE = 200  # Hz
+MOST_DELTAS = 1024  # that the node keeps for a reader that acknowledges none
 SENT_UNSEEN = 3  # scans that a killed driver may have sent without saying so, or said and not sent to the end
 
 
@@ -175,6 +180,46 @@ def test_a_driver_that_stalls_for_5_s_costs_no_scan(start, peer, drive):
     counts = stop(node, driver)
     assert counts["lost"] == counts["replaced"] == 0, counts
     one_map(peer, counts)
+
+
+@contextlib.contextmanager
+def other_reader():
+    """A planner of another process, which has a map."""
+    reader = subprocess.Popen([sys.executable, "-u", REPOSITORY / "examples" / "map_reader.py"],
+                              stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    try:
+        assert any("version" in line for line in reader.stderr), "it has ended"
+        yield reader
+    finally:
+        reader.kill()
+        reader.communicate()
+
+
+def test_readers_that_join_and_are_killed_cost_the_others_nothing(start, peer, drive):
+    """The middleware takes no message while a reader has not acknowledged the last so many, and who has just been found
+    has acknowledged none. The node waits for it, and no delta is lost to those that were there before."""
+    node, driver = begin(start, peer, drive, "--rate", HASTE)
+    driver.sends(MOST_DELTAS + 100)
+    for _ in range(5):
+        with other_reader():
+            driver.sends(HASTE // 4)
+    one_map(peer, stop(node, driver))
+
+
+def test_a_reader_that_stands_still_silences_the_node_for_nobody_else(start, peer, drive):
+    """A reader that was stopped acknowledges nothing, and is believed to be there for 20 s. When as much waits for it as is
+    kept, the node opens the topic anew, and the others go on; of the deltas they may miss some, once for each beginning."""
+    node, driver = begin(start, peer, drive, "--rate", HASTE, publish_rate=4.0)
+    driver.sends(MOST_DELTAS)
+    with other_reader() as reader, stopped(reader):
+        for _ in range(4):
+            deltas, maps = len(peer.deltas), len(peer.clusters)
+            driver.sends(3 * HASTE)
+            assert len(peer.deltas) > deltas + 2 * HASTE, "it has fallen silent"
+            assert len(peer.clusters) > maps + 2, "no map comes"
+    node.line_with("of ~/clusters_delta acknowledges nothing: the topic is opened anew")
+    counts = stop(node, driver)
+    one_map(peer, counts, gaps=2)
 
 
 def most_resident(node, seconds):

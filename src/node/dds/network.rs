@@ -1,15 +1,17 @@
 //! The node's topics and services on one participant of DDS.
 
+use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 use std::time::Duration;
 
 use ros2_client::qos::Durability;
-use ros2_client::{Node, Publisher, QosProfile, RmwRequestId, Server, WriteError};
+use ros2_client::{Node, Publisher, QosProfile, RmwRequestId, Server};
 use rustdds::DomainParticipant;
 use serde::Serialize;
 use tokio::sync::Mutex;
 use tracing::warn;
 
+use super::outlet::Outlet;
 use super::pulse::Pulse;
 use super::read::{self, Memory};
 use super::threads::Threads;
@@ -33,11 +35,15 @@ const MARKERS: i32 = 4;
 /// Time between two looks at the middleware's threads.
 const LOOK: Duration = Duration::from_millis(250);
 
+/// Topics that are opened anew until the network is joined anew: what the library tells others of the node names those
+/// before too. With a reader that never acknowledges, some hours.
+const MOST_REOPENED: u32 = 1000;
+
 pub(super) struct Network {
     // Fields are dropped in this order: publishers and the service before the node, the node before the participant.
-    clusters: Publisher<SurfaceClusterArray>,
-    delta: Publisher<SurfaceClusterArray>,
-    markers: Publisher<MarkerArray>,
+    clusters: Outlet<SurfaceClusterArray>,
+    delta: Outlet<SurfaceClusterArray>,
+    markers: Outlet<MarkerArray>,
     labelled: Publisher<PointCloud2>,
     reset: Rc<Server<TriggerRequest, TriggerResponse>>,
     save: Rc<Server<TriggerRequest, TriggerResponse>>,
@@ -45,9 +51,11 @@ pub(super) struct Network {
     readers: Mutex<Readers>,
     /// `None` where the keys do not permit it.
     pulse: Option<Pulse>,
-    node: Node,
+    node: RefCell<Node>,
     participant: DomainParticipant,
     threads: Threads,
+    /// How often a topic was opened anew.
+    reopened: Cell<u32>,
 }
 
 impl Network {
@@ -63,13 +71,21 @@ impl Network {
         let array = "SurfaceClusterArray";
         let latched = |most| reliable_output(1, Durability::TransientLocal, most);
         let network = Self {
-            clusters: opener.publisher((Outgoing::CLUSTERS, "cfodi_msgs", array), &latched(SNAPSHOTS))?,
-            delta: opener.publisher(
+            clusters: Outlet::open(
+                &mut opener,
+                (Outgoing::CLUSTERS, "cfodi_msgs", array),
+                &latched(SNAPSHOTS),
+            )?,
+            delta: Outlet::open(
+                &mut opener,
                 (Outgoing::DELTA, "cfodi_msgs", array),
                 &reliable_output(20, Durability::Volatile, DELTAS),
             )?,
-            markers: opener
-                .publisher((Outgoing::MARKERS, "visualization_msgs", "MarkerArray"), &latched(MARKERS))?,
+            markers: Outlet::open(
+                &mut opener,
+                (Outgoing::MARKERS, "visualization_msgs", "MarkerArray"),
+                &latched(MARKERS),
+            )?,
             labelled: opener.publisher(
                 (Outgoing::LABELLED, "sensor_msgs", "PointCloud2"),
                 &QosProfile::subscription_default().into(),
@@ -79,8 +95,9 @@ impl Network {
             pulse: pulse(&opener),
             participant: opener.participant.clone(),
             readers: Mutex::new(read::listen(&mut opener, memory, events)?),
-            node: opener.node,
+            node: RefCell::new(opener.node),
             threads,
+            reopened: Cell::new(0),
         };
         for service in [Service::Reset, Service::Save] {
             let serving = read::serve(service, Rc::clone(network.server(service)), events.clone());
@@ -105,11 +122,27 @@ impl Network {
 
     pub(super) async fn publish(&self, message: Outgoing) -> Result<(), SendError> {
         match message {
-            Outgoing::Clusters(array) => send(&self.clusters, Outgoing::CLUSTERS, array).await,
-            Outgoing::Delta(array) => send(&self.delta, Outgoing::DELTA, array).await,
-            Outgoing::Markers(markers) => send(&self.markers, Outgoing::MARKERS, markers).await,
-            Outgoing::Labelled(cloud) => send(&self.labelled, Outgoing::LABELLED, cloud).await,
+            Outgoing::Clusters(array) => self.send(&self.clusters, array).await,
+            Outgoing::Delta(array) => self.send(&self.delta, array).await,
+            Outgoing::Markers(markers) => self.send(&self.markers, markers).await,
+            Outgoing::Labelled(cloud) => {
+                let sent = self.labelled.async_publish(cloud).await;
+                sent.map_err(|error| SendError(format!("on {}: {error}", Outgoing::LABELLED)))
+            }
         }
+    }
+
+    async fn send<M: Serialize>(&self, outlet: &Outlet<M>, message: M) -> Result<(), SendError> {
+        let Some(message) = outlet.send(message).await? else { return Ok(()) };
+        // Where the middleware is held it would hold whoever asks it for a topic.
+        if outlet.has_rested() && self.answers().await {
+            outlet.reopen(&mut self.node.borrow_mut())?;
+            self.reopened.set(self.reopened.get() + 1);
+            if outlet.send(message).await?.is_none() {
+                return Ok(());
+            }
+        }
+        Err(outlet.refusal())
     }
 
     const fn server(&self, service: Service) -> &Rc<Server<TriggerRequest, TriggerResponse>> {
@@ -172,9 +205,15 @@ impl Network {
         }
     }
 
-    /// Resolves when a thread of the middleware has ended.
-    pub(super) async fn thread_ended(&self) {
-        while self.threads.live() {
+    /// Resolves when the network is to be joined anew, with the reason.
+    pub(super) async fn worn_out(&self) -> String {
+        loop {
+            if !self.threads.live() {
+                return "a thread of the middleware has ended".to_owned();
+            }
+            if self.reopened.get() >= MOST_REOPENED {
+                return format!("topics were opened anew {MOST_REOPENED} times");
+            }
             tokio::time::sleep(LOOK).await;
         }
     }
@@ -184,13 +223,4 @@ fn pulse(opener: &Opener) -> Option<Pulse> {
     let watched = Pulse::open(opener);
     let unwatched = |error: &DdsError| warn!("it will not be noticed when the middleware hangs: {error}");
     watched.inspect_err(unwatched).ok()
-}
-
-async fn send<M: Serialize>(publisher: &Publisher<M>, topic: &str, message: M) -> Result<(), SendError> {
-    publisher.async_publish(message).await.map_err(|error| match error {
-        WriteError::WouldBlock { .. } => {
-            SendError(format!("on {topic}: a reader has not acknowledged those before, and no more are kept"))
-        }
-        other => SendError(format!("on {topic}: {other}")),
-    })
 }
