@@ -1,6 +1,8 @@
 //! The robot of demonstrations and tests.
 
-use ros2_client::qos::Durability;
+use std::time::Duration;
+
+use ros2_client::qos::{Durability, WhenFull};
 use ros2_client::{Node, Publisher, QosProfile};
 use rustdds::DomainParticipant;
 
@@ -8,6 +10,10 @@ use super::{DdsError, Opener, reliable};
 use crate::msg::ros::{PointCloud2, TfMessage};
 use crate::node::args::Setup;
 use crate::node::transport::SendError;
+
+/// Who begins to read `/tf` when some thousand messages have been sent counts as one that has acknowledged none of them,
+/// for some milliseconds.
+const PATIENCE: WhenFull = WhenFull::Wait(Duration::from_millis(500));
 
 /// Publishers of a simulated robot: its own participant, so that its clouds really cross the network stack.
 pub struct Robot {
@@ -30,8 +36,10 @@ impl Robot {
         let tf = |name| (name, "tf2_msgs", "TFMessage");
         let best_effort = &QosProfile::subscription_default().into();
         let points = opener.publisher(("points", "sensor_msgs", "PointCloud2"), best_effort)?;
-        let dynamic = opener.publisher(tf("/tf"), &reliable(100, Durability::Volatile).into())?;
-        let latched = opener.publisher(tf("/tf_static"), &reliable(1, Durability::TransientLocal).into())?;
+        let patient =
+            |depth, durability| (&reliable(depth, durability).reliability_reliable(PATIENCE)).into();
+        let dynamic = opener.publisher(tf("/tf"), &patient(100, Durability::Volatile))?;
+        let latched = opener.publisher(tf("/tf_static"), &patient(1, Durability::TransientLocal))?;
         let network = (opener.node, opener.participant);
         Ok(Self { points, tf: dynamic, tf_static: latched, _network: network })
     }
