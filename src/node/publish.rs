@@ -22,7 +22,7 @@ use crate::worker::Output;
 /// How publishing ended.
 #[derive(Debug, Default)]
 pub(super) struct Ended {
-    /// The newest map that was published.
+    /// The newest map that came.
     pub(super) map: Option<Arc<Snapshot>>,
     /// What the worker died of.
     pub(super) died: Option<String>,
@@ -146,5 +146,91 @@ impl Maps {
         wire.send(Outgoing::Clusters(SurfaceClusterArray::snapshot(&session, snapshot))).await;
         wire.send(Outgoing::Labelled(labelled_points(&session, snapshot))).await;
         wire.send(Outgoing::Markers(self.markers.update(&session, snapshot))).await;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use tokio::sync::Semaphore;
+
+    use super::*;
+    use crate::engine::{Engine, Isometry3, Params, Points, Scan, Stamp};
+    use crate::msg::ros::TriggerResponse;
+    use crate::node::transport::{Inputs, SendError, Service, Source};
+
+    /// Maps wait for being let through; what is sent is kept, with its number.
+    struct Slow {
+        sent: RefCell<Vec<(&'static str, u64)>>,
+        through: Semaphore,
+    }
+
+    impl Transport for Slow {
+        type Request = ();
+
+        async fn publish(&self, message: Outgoing) -> Result<(), SendError> {
+            let sent = match message {
+                Outgoing::Delta(delta) => ("delta", delta.sequence),
+                Outgoing::Clusters(map) => {
+                    self.through.acquire().await.unwrap().forget();
+                    ("map", map.sequence)
+                }
+                Outgoing::Labelled(_) | Outgoing::Markers(_) => return Ok(()),
+            };
+            self.sent.borrow_mut().push(sent);
+            Ok(())
+        }
+
+        async fn answer(&self, _: Service, (): (), _: TriggerResponse) -> Result<(), SendError> {
+            Ok(())
+        }
+
+        fn inputs(&self) -> &Inputs {
+            unreachable!("nothing is read")
+        }
+
+        fn sources(&self) -> Vec<Source> {
+            Vec::new()
+        }
+
+        async fn failed(&self) -> String {
+            std::future::pending().await
+        }
+    }
+
+    /// What a worker gives that takes in this many scans, with the map after each.
+    fn outputs(scans: i64) -> Vec<Output> {
+        let mut engine = Engine::new(Params::default());
+        let mut outputs = Vec::new();
+        for number in 0..scans {
+            let update = engine.insert(&Scan {
+                stamp: Stamp::from_nanos(number),
+                fixed_from_sensor: Isometry3::identity(),
+                points: Points::F32(vec![[0.0, 0.0, 1.0]; 20]),
+            });
+            let snapshot = Arc::new(engine.snapshot());
+            outputs.extend([Output::Scan { session: 1, update }, Output::Snapshot { session: 1, snapshot }]);
+        }
+        outputs
+    }
+
+    #[tokio::test]
+    async fn a_map_that_waits_holds_up_no_delta_and_is_followed_by_the_newest() {
+        let slow = Rc::new(Slow { sent: RefCell::default(), through: Semaphore::new(0) });
+        let (sender, receiver) = mpsc::channel(1);
+        let publishing = publish(Rc::clone(&slow), receiver, Rc::default(), "map".to_owned(), None);
+        let worker = async {
+            for output in outputs(4) {
+                sender.send(output).await.unwrap();
+            }
+            while sender.capacity() == 0 {
+                tokio::task::yield_now().await;
+            }
+            drop(sender);
+            assert_eq!(*slow.sent.borrow(), [1, 2, 3, 4].map(|number| ("delta", number)));
+            slow.through.add_permits(4);
+        };
+        let (ended, ()) = tokio::join!(publishing, worker);
+        assert_eq!(slow.sent.borrow()[4..], [("map", 1), ("map", 4)]);
+        assert_eq!(ended.map.map(|map| map.sequence), Some(4));
     }
 }

@@ -35,8 +35,8 @@ const MARKERS: i32 = 4;
 /// Time between two looks at the middleware's threads.
 const LOOK: Duration = Duration::from_millis(250);
 
-/// Topics that are opened anew until the network is joined anew: what the library tells others of the node names those
-/// before too. With a reader that never acknowledges, some hours.
+/// Topics that are opened anew until the network is joined anew: what the libraries tell others of the node names those
+/// before too. With a reader of all topics that never acknowledges, an hour.
 const MOST_REOPENED: u32 = 1000;
 
 pub(super) struct Network {

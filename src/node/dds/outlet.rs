@@ -1,10 +1,10 @@
-//! A topic that is published reliably, and that no reader keeps from the others.
+//! A topic that is published reliably, and that no reader takes from the others for long.
 //!
 //! RustDDS 0.15.1 takes no message while some reader has not acknowledged the last so many. One that it has just found
 //! counts as if it had acknowledged none of all that were ever sent, until its first `ACKNACK` some milliseconds later: it
-//! is waited for. One that is stopped, or behind a wall, stays so for as long as it is believed to be there: the topic is
-//! opened anew, which all readers find at once. Those that keep up may miss the deltas in between, as when one is lost,
-//! and go on from the next snapshot.
+//! is waited for. One that is stopped, behind a wall, or slower than what is sent, stays so: the topic is opened anew, which
+//! all readers find at once. Those that keep up may miss the deltas in between, as when one is lost, and go on from the next
+//! snapshot.
 
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
@@ -19,11 +19,12 @@ use tracing::warn;
 use super::{DdsError, Opener, opening};
 use crate::node::transport::SendError;
 
-/// What a reader that has just been found is given for its first acknowledgement.
+/// What readers are waited for, in any [`REST`]: whatever they do, the engine's outputs find room meanwhile.
 const PATIENCE: Duration = Duration::from_millis(500);
 
-/// Time between two tries.
-const AGAIN: Duration = Duration::from_millis(5);
+/// Time until a message is offered again; then twice as long, up to the most: it is encoded anew each time.
+const AGAIN: Duration = Duration::from_millis(2);
+const SELDOM: Duration = Duration::from_millis(64);
 
 /// A topic is not opened anew more often.
 const REST: Duration = Duration::from_secs(5);
@@ -33,8 +34,26 @@ pub(super) struct Outlet<M: Serialize> {
     topic: Topic,
     publisher: RefCell<Rc<Publisher<M>>>,
     opened: Cell<Instant>,
-    /// The message before was not taken: the readers have had their time.
-    full: Cell<bool>,
+    patience: RefCell<Patience>,
+}
+
+/// How long is waited, in all.
+struct Patience {
+    since: Instant,
+    spent: Duration,
+}
+
+impl Patience {
+    fn new() -> Self {
+        Self { since: Instant::now(), spent: Duration::ZERO }
+    }
+
+    fn left(&mut self) -> Duration {
+        if self.since.elapsed() >= REST {
+            *self = Self::new();
+        }
+        PATIENCE.saturating_sub(self.spent)
+    }
 }
 
 impl<M: Serialize> Outlet<M> {
@@ -50,22 +69,23 @@ impl<M: Serialize> Outlet<M> {
             topic,
             publisher: RefCell::new(Rc::new(publisher)),
             opened: Cell::new(Instant::now()),
-            full: Cell::new(false),
+            patience: RefCell::new(Patience::new()),
         })
     }
 
     /// Gives the message back where a reader keeps it from being sent, and has had time for acknowledging.
     pub(super) async fn send(&self, mut message: M) -> Result<Option<M>, SendError> {
-        let end = Instant::now() + PATIENCE;
+        let mut pause = AGAIN;
         while let Some(refused) = self.offer(message).await? {
-            if self.full.get() || Instant::now() >= end {
-                self.full.set(true);
+            pause = pause.min(self.patience.borrow_mut().left());
+            if pause.is_zero() {
                 return Ok(Some(refused));
             }
+            sleep(pause).await;
+            self.patience.borrow_mut().spent += pause;
             message = refused;
-            sleep(AGAIN).await;
+            pause = (2 * pause).min(SELDOM);
         }
-        self.full.set(false);
         Ok(None)
     }
 
@@ -84,11 +104,14 @@ impl<M: Serialize> Outlet<M> {
     }
 
     pub(super) fn reopen(&self, node: &mut Node) -> Result<(), SendError> {
-        warn!("a reader of {} acknowledges nothing: the topic is opened anew for the others", self.name);
-        let failed = |error| SendError(format!("on {}, opened anew: {error}", self.name));
+        self.opened.set(Instant::now());
+        let failed = |error| SendError(format!("on {}, which cannot be opened anew: {error}", self.name));
         let anew = node.create_publisher(&self.topic, None).map_err(failed)?;
         self.publisher.replace(Rc::new(anew));
-        self.opened.set(Instant::now());
+        warn!(
+            "a reader of {} does not acknowledge what is sent: the topic was opened anew for the others",
+            self.name
+        );
         Ok(())
     }
 
