@@ -237,8 +237,8 @@ fn reliable_output(depth: usize, durability: Durability, most: i32) -> rustdds::
     rustdds::QosPolicies::from(&profile).modify_by(&QosPolicyBuilder::new().resource_limits(limits).build())
 }
 
-/// The node on DDS, for as long as it runs: where a thread of the middleware ends, the network is joined anew under the
-/// same name, and nothing that is known is forgotten.
+/// The node on DDS, for as long as it runs: where a thread of the middleware ends, or topics were opened anew too often, the
+/// network is joined anew under the same name, and nothing that is known is forgotten.
 pub struct Dds {
     setup: Setup,
     security: Security,
@@ -294,7 +294,7 @@ impl Dds {
         Rc::clone(&self.network.borrow())
     }
 
-    /// The network before is left without a farewell, which needs the middleware's threads.
+    /// The network before is left without a farewell, for which its threads may be gone.
     async fn join_anew(&self, reason: &str) -> Result<(), DdsError> {
         warn!("{reason}: the network is joined anew, the map stays");
         let anew = Network::open(&self.setup, &self.security, &self.memory, &self.events)?;

@@ -1,6 +1,7 @@
 //! From the worker's outputs to messages on the wire.
 
 use std::cell::RefCell;
+use std::collections::BTreeMap;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Instant;
@@ -11,7 +12,7 @@ use tracing::{error, warn};
 use super::counts::Counts;
 use super::saving::Saver;
 use super::throttle::Throttle;
-use super::transport::{Outgoing, Transport};
+use super::transport::{Outgoing, SendError, Transport};
 use crate::engine::{Snapshot, Update};
 use crate::msg::caps::Caps;
 use crate::msg::clusters::{Session, SurfaceClusterArray};
@@ -38,7 +39,7 @@ pub(super) async fn publish(
     saver: Option<Saver>,
 ) -> Ended {
     let (newest, maps) = watch::channel(None);
-    let wire = Wire { transport, throttle: RefCell::default(), frame_id };
+    let wire = Wire { transport, unsent: RefCell::default(), frame_id };
     let (ended, ()) = tokio::join!(take(outputs, &wire, newest, counts, saver), publish_maps(maps, &wire));
     ended
 }
@@ -90,8 +91,25 @@ async fn publish_maps(mut newest: watch::Receiver<Newest>, wire: &Wire<impl Tran
 /// Where messages go out.
 struct Wire<T> {
     transport: Rc<T>,
-    throttle: RefCell<Throttle>,
+    unsent: RefCell<Unsent>,
     frame_id: String,
+}
+
+/// Messages that could not be sent, by topic.
+#[derive(Default)]
+struct Unsent {
+    counts: BTreeMap<&'static str, u64>,
+    throttle: Throttle,
+}
+
+impl Unsent {
+    fn note(&mut self, topic: &'static str, failure: &SendError) {
+        let count = self.counts.entry(topic).or_default();
+        *count += 1;
+        if self.throttle.allows(topic, Instant::now()) {
+            error!("a message could not be sent, {count} so far: {failure}");
+        }
+    }
 }
 
 impl<T: Transport> Wire<T> {
@@ -100,10 +118,9 @@ impl<T: Transport> Wire<T> {
     }
 
     async fn send(&self, message: Outgoing) {
-        if let Err(failure) = self.transport.publish(message).await
-            && self.throttle.borrow_mut().allows("send", Instant::now())
-        {
-            error!("a message could not be sent: {failure}");
+        let topic = message.topic();
+        if let Err(failure) = self.transport.publish(message).await {
+            self.unsent.borrow_mut().note(topic, &failure);
         }
     }
 }
@@ -156,7 +173,7 @@ mod tests {
     use super::*;
     use crate::engine::{Engine, Isometry3, Params, Points, Scan, Stamp};
     use crate::msg::ros::TriggerResponse;
-    use crate::node::transport::{Inputs, SendError, Service, Source};
+    use crate::node::transport::{Inputs, Service, Source};
 
     /// Maps wait for being let through; what is sent is kept, with its number.
     struct Slow {

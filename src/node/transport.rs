@@ -117,6 +117,16 @@ impl Outgoing {
     pub const LABELLED: &str = "~/points_labelled";
     /// Of all.
     pub const TOPICS: [&str; 4] = [Self::CLUSTERS, Self::DELTA, Self::MARKERS, Self::LABELLED];
+
+    /// Name of its topic.
+    pub const fn topic(&self) -> &'static str {
+        match self {
+            Self::Clusters(_) => Self::CLUSTERS,
+            Self::Delta(_) => Self::DELTA,
+            Self::Markers(_) => Self::MARKERS,
+            Self::Labelled(_) => Self::LABELLED,
+        }
+    }
 }
 
 /// A topic that somebody publishes.

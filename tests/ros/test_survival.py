@@ -219,7 +219,7 @@ def test_a_reader_that_stands_still_silences_the_node_for_nobody_else(start, pee
             driver.sends(3 * HASTE)
             assert len(peer.deltas) > deltas + 2 * HASTE, "it has fallen silent"
             assert len(peer.clusters) > maps + 2, "no map comes"
-    node.line_with("a reader of ~/clusters_delta does not acknowledge what is sent: the topic was opened anew")
+    node.line_with(f"a reader of ~/clusters_delta has not acknowledged the last {MOST_DELTAS}: the topic was opened anew")
     one_map(peer, stop(node, driver), gaps=2)
 
 

@@ -15,7 +15,7 @@ use super::outlet::Outlet;
 use super::pulse::Pulse;
 use super::read::{self, Memory};
 use super::threads::Threads;
-use super::{DdsError, Events, Opener, Readers, opening, reliable_output, ros_type};
+use super::{DdsError, Events, Opener, Readers, opening, ros_type};
 use crate::msg::clusters::SurfaceClusterArray;
 use crate::msg::ros::{MarkerArray, PointCloud2, TriggerRequest, TriggerResponse};
 use crate::node::args::Setup;
@@ -69,23 +69,17 @@ impl Network {
         let (opener, threads) = Threads::started_by(|| Opener::new(setup, security));
         let mut opener = opener?;
         let array = "SurfaceClusterArray";
-        let latched = |most| reliable_output(1, Durability::TransientLocal, most);
+        let latched = |most| (1, Durability::TransientLocal, most);
+        let deltas = (20, Durability::Volatile, DELTAS);
+        let markers = (Outgoing::MARKERS, "visualization_msgs", "MarkerArray");
         let network = Self {
             clusters: Outlet::open(
                 &mut opener,
                 (Outgoing::CLUSTERS, "cfodi_msgs", array),
-                &latched(SNAPSHOTS),
+                latched(SNAPSHOTS),
             )?,
-            delta: Outlet::open(
-                &mut opener,
-                (Outgoing::DELTA, "cfodi_msgs", array),
-                &reliable_output(20, Durability::Volatile, DELTAS),
-            )?,
-            markers: Outlet::open(
-                &mut opener,
-                (Outgoing::MARKERS, "visualization_msgs", "MarkerArray"),
-                &latched(MARKERS),
-            )?,
+            delta: Outlet::open(&mut opener, (Outgoing::DELTA, "cfodi_msgs", array), deltas)?,
+            markers: Outlet::open(&mut opener, markers, latched(MARKERS))?,
             labelled: opener.publisher(
                 (Outgoing::LABELLED, "sensor_msgs", "PointCloud2"),
                 &QosProfile::subscription_default().into(),

@@ -10,13 +10,14 @@ use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 use std::time::Duration;
 
+use ros2_client::qos::Durability;
 use ros2_client::{Node, Publisher, WriteError};
-use rustdds::{QosPolicies, Topic};
+use rustdds::Topic;
 use serde::Serialize;
 use tokio::time::{Instant, sleep};
 use tracing::warn;
 
-use super::{DdsError, Opener, opening};
+use super::{DdsError, Opener, opening, reliable_output};
 use crate::node::transport::SendError;
 
 /// What readers are waited for, in any [`REST`]: whatever they do, the engine's outputs find room meanwhile.
@@ -32,6 +33,8 @@ const REST: Duration = Duration::from_secs(5);
 pub(super) struct Outlet<M: Serialize> {
     name: &'static str,
     topic: Topic,
+    /// Messages that are kept for a reader that does not acknowledge them.
+    most: i32,
     publisher: RefCell<Rc<Publisher<M>>>,
     opened: Cell<Instant>,
     patience: RefCell<Patience>,
@@ -60,13 +63,14 @@ impl<M: Serialize> Outlet<M> {
     pub(super) fn open(
         opener: &mut Opener<'_>,
         (name, package, kind): (&'static str, &str, &str),
-        qos: &QosPolicies,
+        (depth, durability, most): (usize, Durability, i32),
     ) -> Result<Self, DdsError> {
-        let topic = opener.topic(name, package, kind, qos)?;
+        let topic = opener.topic(name, package, kind, &reliable_output(depth, durability, most))?;
         let publisher = opener.node.create_publisher(&topic, None).map_err(opening(name))?;
         Ok(Self {
             name,
             topic,
+            most,
             publisher: RefCell::new(Rc::new(publisher)),
             opened: Cell::new(Instant::now()),
             patience: RefCell::new(Patience::new()),
@@ -108,17 +112,32 @@ impl<M: Serialize> Outlet<M> {
         let failed = |error| SendError(format!("on {}, which cannot be opened anew: {error}", self.name));
         let anew = node.create_publisher(&self.topic, None).map_err(failed)?;
         self.publisher.replace(Rc::new(anew));
+        let Self { name, most, .. } = self;
         warn!(
-            "a reader of {} does not acknowledge what is sent: the topic was opened anew for the others",
-            self.name
+            "a reader of {name} has not acknowledged the last {most}: the topic was opened anew for the others"
         );
         Ok(())
     }
 
     pub(super) fn refusal(&self) -> SendError {
-        SendError(format!(
-            "on {}: a reader has not acknowledged those before, and no more are kept",
-            self.name
-        ))
+        let Self { name, most, .. } = self;
+        SendError(format!("on {name}: a reader has not acknowledged the {most} before, and no more are kept"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn readers_are_waited_for_so_long_in_any_rest_and_no_longer() {
+        let mut patience = Patience::new();
+        assert_eq!(patience.left(), PATIENCE);
+        patience.spent = PATIENCE / 2;
+        assert_eq!(patience.left(), PATIENCE / 2);
+        patience.spent = 2 * PATIENCE;
+        assert_eq!(patience.left(), Duration::ZERO);
+        patience.since -= REST;
+        assert_eq!(patience.left(), PATIENCE);
     }
 }
