@@ -1,6 +1,7 @@
 //! From a `sensor_msgs/CameraInfo` to intrinsics that are known to project.
 
 use super::CloudError;
+use crate::engine::Rays;
 use crate::msg::ros::CameraInfo;
 
 /// A pinhole camera: focal lengths, principal point and size of the images it sends (px).
@@ -52,7 +53,7 @@ impl Camera {
     /// Asked of the single-precision numbers that are used: 1e-60 is above 0, and 0 as `f32`.
     fn projects(&self) -> bool {
         let lengths = [self.fx, self.fy].iter().all(|length| length.is_finite() && *length > 0.0);
-        lengths && self.cx.is_finite() && self.cy.is_finite()
+        lengths && self.cx.is_finite() && self.cy.is_finite() && self.widest().is_finite()
     }
 
     /// Pixels in a row.
@@ -80,9 +81,22 @@ impl Camera {
         }
     }
 
-    /// What pixel (u, v) sees at depth `z` (m), in the optical frame.
-    #[inline]
-    pub(super) fn point(&self, u: f32, v: f32, z: f32) -> [f32; 3] {
-        [(u - self.cx) * z / self.fx, (v - self.cy) * z / self.fy, z]
+    /// Where pixel (u, v) looks: x / z and y / z.
+    pub(super) fn ray(&self, u: f32, v: f32) -> [f32; 2] {
+        [(u - self.cx) / self.fx, (v - self.cy) / self.fy]
+    }
+
+    /// Where all its pixels look.
+    pub(super) fn rays(&self) -> Rays {
+        Rays {
+            x: (0..self.width).map(|u| self.ray(u as f32, 0.0)[0]).collect(),
+            y: (0..self.height).map(|v| self.ray(0.0, v as f32)[1]).collect(),
+        }
+    }
+
+    /// The greatest x / z or y / z of its pixels, or 1.
+    pub(super) fn widest(&self) -> f32 {
+        let corners = [self.ray(0.0, 0.0), self.ray(self.width as f32, self.height as f32)];
+        corners.iter().flatten().fold(1.0, |widest, ray| ray.abs().max(widest))
     }
 }

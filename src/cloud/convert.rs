@@ -1,11 +1,12 @@
 //! The one loop over the points: read, judge, keep.
 
 use super::CloudFilter;
+use super::pinhole;
 use super::layout::{Coordinate, Layout, Precision};
 use crate::engine::Points;
 
 /// What a message came down to.
-#[derive(Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub(super) struct Converted {
     pub(super) points: Points,
     pub(super) invalid: u32,
@@ -39,6 +40,29 @@ impl Gate {
         Self { min_range: filter.min_range, max_range: filter.max_range, optical }
     }
 
+    pub(super) const fn is_optical(&self) -> bool {
+        self.optical
+    }
+
+    /// The nearest and the farthest that it keeps (m).
+    pub(super) const fn range(&self) -> [f64; 2] {
+        [self.min_range, self.max_range]
+    }
+
+    /// The nearest and the farthest depth in single precision that it keeps.
+    pub(super) fn depths(&self) -> [f32; 2] {
+        let [nearest, farthest] = [self.min_range, self.max_range].map(|range| range as f32);
+        [
+            if f64::from(nearest) < self.min_range { nearest.next_up() } else { nearest },
+            if f64::from(farthest) > self.max_range { farthest.next_down() } else { farthest },
+        ]
+    }
+
+    /// Whether a measured depth is in range.
+    pub(super) fn keeps(&self, depth: f64) -> bool {
+        self.min_range <= depth && depth <= self.max_range
+    }
+
     /// A sensor marks "no measurement" as NaN or as the origin; in an optical frame nothing lies at or behind z = 0.
     #[inline]
     pub(super) fn judge(&self, [x, y, z]: [f64; 3]) -> Verdict {
@@ -62,9 +86,14 @@ pub(super) fn convert_fast(layout: &Layout, data: &[u8], gate: &Gate) -> Option<
     if layout.is_bigendian || !all_single(layout) {
         return None;
     }
+    pinhole::depths(layout, data, gate).or_else(|| Some(convert_list(layout, data, gate)))
+}
+
+/// The same as a list of points.
+pub(super) fn convert_list(layout: &Layout, data: &[u8], gate: &Gate) -> Converted {
     let [x, y, z] = layout.coordinates.map(|coordinate| coordinate.offset);
     let gathered = gather(layout, data, gate, |point| [f32_at(point, x), f32_at(point, y), f32_at(point, z)]);
-    Some(gathered.into_converted(Points::F32))
+    gathered.into_converted(Points::F32)
 }
 
 /// Any layout.

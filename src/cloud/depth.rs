@@ -5,12 +5,15 @@
 //! depth in millimetres is compared before it is rounded, so that 6000 mm is not beyond 6 m.
 
 use std::fmt;
+use std::sync::Arc;
 
+use pulp::{Arch, Simd, WithSimd};
 use serde::de::{DeserializeSeed, Deserializer, SeqAccess, Visitor};
 
-use super::convert::{Converted, Gate, Gathered};
+use super::convert::{Converted, Gate};
 use super::seed::{lent, next};
 use super::{Camera, Cloud, CloudError, CloudFilter, layout};
+use crate::engine::{Depths, Points};
 use crate::msg::ros::{Header, Image};
 
 const FIELDS: &[&str] = &["header", "height", "width", "encoding", "is_bigendian", "step", "data"];
@@ -126,33 +129,29 @@ pub(super) enum Coding {
     Inverse { a: f32, b: f32 },
 }
 
-/// A depth and the number its range is judged by; NaN where there was no measurement.
-#[derive(Clone, Copy, Debug)]
-struct Depth {
-    z: f32,
-    exact: f64,
+/// Millimetres in metres; NaN where there was no measurement (0 is told by its depth).
+#[inline(always)]
+fn from_millimetres(number: u16) -> f32 {
+    if number == u16::MAX { f32::NAN } else { f32::from(number) * 0.001 }
 }
 
-impl Depth {
-    const NONE: Self = Self { z: f32::NAN, exact: f64::NAN };
+#[inline(always)]
+fn from_inverse(number: u16, a: f32, b: f32) -> f32 {
+    if number == 0 { f32::NAN } else { a / (f32::from(number) - b) }
+}
 
-    #[inline]
-    fn from_millimetres(number: u16) -> Self {
-        if number == u16::MAX {
-            return Self::NONE;
-        }
-        Self { z: f32::from(number) * 0.001, exact: f64::from(number) / 1000.0 }
+/// The depths in range: of whole millimetres those whose number is, before it is rounded to single precision.
+fn range(coding: Coding, gate: &Gate) -> [f32; 2] {
+    if coding != Coding::Millimetres {
+        return gate.depths();
     }
-
-    #[inline]
-    fn from_metres(z: f32) -> Self {
-        Self { z, exact: f64::from(z) }
-    }
-
-    #[inline]
-    fn from_inverse(number: u16, a: f32, b: f32) -> Self {
-        if number == 0 { Self::NONE } else { Self::from_metres(a / (f32::from(number) - b)) }
-    }
+    let is_kept = |number: &u16| gate.keeps(f64::from(*number) / 1000.0);
+    let [first, last] = gate.range().map(|range| {
+        let near = (range * 1000.0) as u16;
+        near.saturating_sub(1).max(1)..=near.saturating_add(1).min(u16::MAX - 1)
+    });
+    [first.into_iter().find(is_kept), last.into_iter().rev().find(is_kept)]
+        .map(|number| number.map_or(f32::NAN, from_millimetres))
 }
 
 /// How an image says its pixels lie, unchecked.
@@ -179,18 +178,20 @@ impl Pixels {
             return Ok(Converted::default());
         }
         let grid = Grid { row_bytes: self.check_bytes(data.len())?, step: self.step as usize, data };
-        let sight = Sight { camera, gate: Gate::new(filter, true), rows: self.height as usize };
-        let millimetres = Depth::from_millimetres;
+        let mut range = range(self.coding, &Gate::new(filter, true));
+        // Farther away x or y would be no number.
+        range[1] = range[1].min(f32::MAX / camera.widest());
+        let sight = Sight { camera, range, rows: self.height as usize };
         Ok(match (self.coding, self.is_bigendian) {
-            (Coding::Millimetres, false) => sight.of(&grid, |b| millimetres(u16::from_le_bytes(b))),
-            (Coding::Millimetres, true) => sight.of(&grid, |b| millimetres(u16::from_be_bytes(b))),
-            (Coding::Metres, false) => sight.of(&grid, |b| Depth::from_metres(f32::from_le_bytes(b))),
-            (Coding::Metres, true) => sight.of(&grid, |b| Depth::from_metres(f32::from_be_bytes(b))),
+            (Coding::Millimetres, false) => sight.of(&grid, |b| from_millimetres(u16::from_le_bytes(b))),
+            (Coding::Millimetres, true) => sight.of(&grid, |b| from_millimetres(u16::from_be_bytes(b))),
+            (Coding::Metres, false) => sight.of(&grid, f32::from_le_bytes),
+            (Coding::Metres, true) => sight.of(&grid, f32::from_be_bytes),
             (Coding::Inverse { a, b }, false) => {
-                sight.of(&grid, |bytes| Depth::from_inverse(u16::from_le_bytes(bytes), a, b))
+                sight.of(&grid, |bytes| from_inverse(u16::from_le_bytes(bytes), a, b))
             }
             (Coding::Inverse { a, b }, true) => {
-                sight.of(&grid, |bytes| Depth::from_inverse(u16::from_be_bytes(bytes), a, b))
+                sight.of(&grid, |bytes| from_inverse(u16::from_be_bytes(bytes), a, b))
             }
         })
     }
@@ -232,27 +233,59 @@ struct Grid<'a> {
     data: &'a [u8],
 }
 
-/// Who looks, how far, and at how many rows.
+/// Who looks, from where to where (m), and at how many rows.
 struct Sight<'a> {
     camera: &'a Camera,
-    gate: Gate,
+    range: [f32; 2],
     rows: usize,
 }
 
 impl Sight<'_> {
     /// Takes every pixel of N bytes through `read` and the gate.
     #[inline]
-    fn of<const N: usize>(&self, grid: &Grid<'_>, read: impl Fn([u8; N]) -> Depth) -> Converted {
-        // The image fits its data, so this is at most six times the message.
-        let mut gathered = Gathered::with_capacity(self.rows * (grid.row_bytes / N));
-        for (v, row) in grid.data.chunks_exact(grid.step).take(self.rows).enumerate() {
-            for (u, bytes) in row[..grid.row_bytes].chunks_exact(N).enumerate() {
-                let depth = bytes.first_chunk().copied().map_or(Depth::NONE, &read);
-                let point = self.camera.point(u as f32, v as f32, depth.z);
-                let [x, y, _] = point.map(f64::from);
-                gathered.take(point, self.gate.judge([x, y, depth.exact]));
-            }
+    fn of<const N: usize>(&self, grid: &Grid<'_>, read: impl Fn([u8; N]) -> f32) -> Converted {
+        // The image fits its data, so this is at most twice the message.
+        let mut depths = Vec::with_capacity(self.rows * (grid.row_bytes / N));
+        let reading = Reading { sight: self, grid, read, depths: &mut depths };
+        let [measured, kept] = Arch::new().dispatch(reading);
+        let invalid = depths.len() as u32 - measured;
+        let depths = Depths::new(Arc::new(self.camera.rays()), depths);
+        debug_assert!(depths.is_some(), "the image has the camera's size");
+        depths.map_or_else(Converted::default, |depths| Converted {
+            points: Points::Depths(depths),
+            invalid,
+            out_of_range: measured - kept,
+        })
+    }
+}
+
+/// All rows of an image, in code for the processor at hand.
+struct Reading<'a, const N: usize, R: Fn([u8; N]) -> f32> {
+    sight: &'a Sight<'a>,
+    grid: &'a Grid<'a>,
+    read: R,
+    depths: &'a mut Vec<f32>,
+}
+
+impl<const N: usize, R: Fn([u8; N]) -> f32> WithSimd for Reading<'_, N, R> {
+    /// How many were measured, and how many of them are in range.
+    type Output = [u32; 2];
+
+    #[inline(always)]
+    #[expect(clippy::needless_bitwise_bool, reason = "a lazy operator is a branch")]
+    fn with_simd<S: Simd>(self, _: S) -> [u32; 2] {
+        let (mut measured, mut kept) = (0, 0);
+        let [nearest, farthest] = self.sight.range;
+        for row in self.grid.data.chunks_exact(self.grid.step).take(self.sight.rows) {
+            self.depths.extend(row[..self.grid.row_bytes].as_chunks().0.iter().map(|bytes| {
+                let depth = (self.read)(*bytes);
+                let is_measured = (depth > 0.0) & (depth < f32::INFINITY);
+                let is_kept = is_measured & (depth >= nearest) & (depth <= farthest);
+                measured += u32::from(is_measured);
+                kept += u32::from(is_kept);
+                if is_kept { depth } else { f32::INFINITY }
+            }));
         }
-        gathered.into_converted(crate::engine::Points::F32)
+        [measured, kept]
     }
 }

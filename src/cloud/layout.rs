@@ -157,6 +157,11 @@ impl Layout {
         }))
     }
 
+    /// Points in a row, and rows.
+    pub(super) fn size(&self) -> [usize; 2] {
+        [self.row_bytes / self.point_step, self.height]
+    }
+
     /// The number of points.
     pub(super) fn len(&self) -> usize {
         self.height * (self.row_bytes / self.point_step)

@@ -16,6 +16,7 @@ mod convert;
 mod depth;
 mod error;
 mod layout;
+mod pinhole;
 mod seed;
 
 #[cfg(test)]

@@ -5,6 +5,7 @@ mod camera;
 mod compressed;
 mod depth;
 mod hostile;
+mod pinhole;
 mod properties;
 
 use byteorder::{BigEndian, LittleEndian};
@@ -110,6 +111,7 @@ fn wide(points: &Points) -> Vec<[f64; 3]> {
     match points {
         Points::F32(points) => points.iter().map(|point| point.map(f64::from)).collect(),
         Points::F64(points) => points.clone(),
+        Points::Depths(depths) => depths.list().iter().map(|point| point.map(f64::from)).collect(),
     }
 }
 

@@ -56,10 +56,16 @@ impl Fixed {
     }
 }
 
+/// At 1.5 * 2^52 the last bit of a number is 1, so that adding this rounds, and the bits hold the whole number.
+const ROUNDING: f64 = 6_755_399_441_055_744.0;
+
+/// The nearest whole number of a value within 2^51. (`f64::round` is a call on plain x86-64.)
+pub(crate) fn nearest(value: f64) -> i64 {
+    (value + ROUNDING).to_bits() as i64 - ROUNDING.to_bits() as i64
+}
+
 /// The floor; beyond 2^42 it stays there.
 fn whole(value: f64) -> i64 {
-    // At 1.5 * 2^52 the last bit of a number is 1, so that adding this rounds, and the bits hold the whole number.
-    const ROUNDING: f64 = 6_755_399_441_055_744.0;
     const MOST: f64 = (1_u64 << 42) as f64;
     let value = value.clamp(-MOST, MOST);
     let nearest = (value + ROUNDING) - ROUNDING;

@@ -32,6 +32,7 @@ mod now;
 pub mod paper;
 mod params;
 mod plane;
+mod points;
 pub mod rand_index;
 mod rectangle;
 mod saved;
@@ -45,8 +46,9 @@ pub use key::{ClusterId, DIRECTIONS, GRID_REACH, VoxelKey};
 pub use map::Engine;
 pub use nalgebra::Isometry3;
 pub use params::{Mode, Params, ParamsError};
+pub use points::{Depths, Points, Rays};
 pub use saved::{RestoreError, SavedMap};
-pub use scan::{Points, Scan, Stamp};
+pub use scan::{Scan, Stamp};
 pub use snapshot::{ChangedCluster, Cluster, ClusterState, DenseVoxel, Snapshot, Update};
 pub use step::PipelineStep;
 

@@ -3,6 +3,8 @@
 use nalgebra::{Isometry3, Point3};
 use serde::{Deserialize, Serialize};
 
+use super::points::Points;
+
 /// Time of acquisition: nanoseconds since the Unix epoch, taken from a message header and never from a clock.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct Stamp(i64);
@@ -21,30 +23,6 @@ impl Stamp {
     /// Seconds from `earlier` to `self`; negative when `self` is the earlier one.
     pub fn seconds_since(self, earlier: Self) -> f64 {
         self.0.saturating_sub(earlier.0) as f64 * 1e-9
-    }
-}
-
-/// Coordinates as the sensor sent them (m), without a conversion that would lose digits.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Points {
-    /// Single precision: what every Kinect driver sends.
-    F32(Vec<[f32; 3]>),
-    /// Double precision: clouds that somebody has already put into a far-away frame.
-    F64(Vec<[f64; 3]>),
-}
-
-impl Points {
-    /// The number of points.
-    pub fn len(&self) -> usize {
-        match self {
-            Self::F32(points) => points.len(),
-            Self::F64(points) => points.len(),
-        }
-    }
-
-    /// Whether there is no point at all; such a scan is taken in like any other.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
     }
 }
 

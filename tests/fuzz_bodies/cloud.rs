@@ -48,5 +48,10 @@ pub fn check(decoded: Result<Cloud, CloudError>, filter: &CloudFilter, bytes: us
     match &cloud.points {
         Points::F32(points) => assert!(points.iter().flatten().all(|value| value.is_finite())),
         Points::F64(points) => assert!(points.iter().flatten().all(|value| value.is_finite())),
+        Points::Depths(depths) => {
+            let list = depths.list();
+            assert_eq!(list.len(), depths.len());
+            assert!(list.iter().flatten().all(|value| value.is_finite()));
+        }
     }
 }

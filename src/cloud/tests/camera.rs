@@ -19,8 +19,10 @@ pub(super) fn info(width: u32, height: u32) -> CameraInfo {
     }
 }
 
+/// What a pixel sees at a depth of 2 m.
 fn sees(info: &CameraInfo, u: f32, v: f32) -> [f32; 3] {
-    Camera::from_info(info).unwrap().point(u, v, 2.0)
+    let [x, y] = Camera::from_info(info).unwrap().ray(u, v);
+    [2.0 * x, 2.0 * y, 2.0]
 }
 
 #[test]
@@ -41,9 +43,9 @@ fn the_region_of_interest_moves_the_principal_point_and_binning_scales_what_is_l
     (part.binning_x, part.binning_y) = (2, 4);
     let camera = Camera::from_info(&part).unwrap();
     assert_eq!((camera.width(), camera.height()), (200, 75));
-    let (whole, z) = (Camera::from_info(&info(640, 480)).unwrap(), 1.5);
+    let whole = Camera::from_info(&info(640, 480)).unwrap();
     for (u, v) in [(0_u8, 0_u8), (7, 70), (199, 74)].map(|(u, v)| (f32::from(u), f32::from(v))) {
-        let (binned, full) = (camera.point(u, v, z), whole.point(2.0 * u + 100.0, 4.0 * v + 40.0, z));
+        let (binned, full) = (camera.ray(u, v), whole.ray(2.0 * u + 100.0, 4.0 * v + 40.0));
         assert!(binned.iter().zip(full).all(|(a, b)| (a - b).abs() < 1e-6), "{binned:?}, {full:?}");
     }
     part.roi = RegionOfInterest::default();

@@ -53,15 +53,26 @@ pub(super) struct Voxel {
     pub(super) count: u32,
     pub(super) sums: Sums,
     pub(super) published: Published,
-    /// Place among the voxels touched by the scan that is being taken in.
-    pub(super) touched: u32,
     /// Scan that put a point here last.
     pub(super) hit: u64,
     /// How often it was seen through.
     pub(super) clearance: Clearance,
 }
 
-pub(super) const UNTOUCHED: u32 = u32::MAX;
+impl Voxel {
+    /// A voxel without points.
+    pub(super) fn new(cell: Cell) -> Self {
+        Self {
+            cell,
+            count: 0,
+            sums: Sums::default(),
+            published: Published::default(),
+            hit: 0,
+            clearance: Clearance::default(),
+        }
+    }
+}
+
 pub(super) const NO_VOXEL: u16 = u16::MAX;
 
 /// The 26 blocks around a block and itself, by (dx + 1) * 9 + (dy + 1) * 3 + dz + 1.

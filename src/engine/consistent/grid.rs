@@ -11,7 +11,6 @@ use hashbrown::HashMap;
 use nalgebra::{Point3, Vector3};
 use rustc_hash::FxBuildHasher;
 
-use super::bin::Binned;
 use super::block::{Around, Block, BlockIndex, BlockKey, Cell, Voxel, offset_of};
 use super::noise::NoiseModel;
 use crate::engine::params::Params;
@@ -26,8 +25,6 @@ pub(super) struct Grid {
     pub(super) blocks: Vec<Block>,
     /// Places of the list that no block has.
     free: Vec<BlockIndex>,
-    /// Blocks that the scan brought which is being binned, in the order of their first points.
-    new: Vec<BlockIndex>,
     /// Points of one scan that prove a voxel to be occupied.
     pub(super) proof: u32,
     pub(super) dense: u32,
@@ -46,7 +43,6 @@ impl Grid {
             index: HashMap::default(),
             blocks: Vec::new(),
             free: Vec::new(),
-            new: Vec::new(),
             proof: (params.min_points() / 4).clamp(1, MOST_STRAYS),
             dense: 0,
             voxels: 0,
@@ -189,7 +185,6 @@ impl Grid {
             }
             self.blocks[next.0 as usize].begin(key);
             self.link(key, next);
-            self.new.push(next);
         }
         found
     }
@@ -207,33 +202,5 @@ impl Grid {
             }
         }
         self.blocks[index.0 as usize].around = around;
-    }
-
-    /// Gives the places of the blocks that this scan brought to them by ascending key, so that the order of its points
-    /// does not matter.
-    pub(super) fn number_new(&mut self, binned: &mut Binned) {
-        let key = |grid: &Self, block: BlockIndex| grid.blocks[block.0 as usize].key;
-        let mut by_key = std::mem::take(&mut self.new);
-        let mut places = by_key.clone();
-        places.sort_unstable();
-        by_key.sort_unstable_by_key(|&block| key(self, block));
-        if places != by_key {
-            let moved: HashMap<_, _, FxBuildHasher> =
-                by_key.iter().copied().zip(places.iter().copied()).collect();
-            let blocks: Vec<_> = by_key
-                .iter()
-                .map(|block| std::mem::replace(&mut self.blocks[block.0 as usize], Block::new()))
-                .collect();
-            for (&place, block) in places.iter().zip(blocks) {
-                self.index.insert(block.key, place);
-                self.blocks[place.0 as usize] = block;
-            }
-            places.iter().for_each(|&place| self.link(key(self, place), place));
-            for touched in &mut binned.touched {
-                touched.block = moved.get(&touched.block).copied().unwrap_or(touched.block);
-            }
-        }
-        by_key.clear();
-        self.new = by_key;
     }
 }

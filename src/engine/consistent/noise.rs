@@ -5,6 +5,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::engine::binning::nearest;
+
 /// How the depth measurements of a sensor scatter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum NoiseModel {
@@ -36,7 +38,7 @@ impl NoiseModel {
         match self {
             Self::KinectV1 => {
                 let ratio = UNIT_SIGMA / self.depth_sigma(depth);
-                ((ratio * ratio).round() as u64).clamp(1, MAX_WEIGHT)
+                (nearest((ratio * ratio).min(MAX_WEIGHT as f64)) as u64).max(1)
             }
             Self::None => 1,
         }

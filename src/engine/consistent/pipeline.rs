@@ -67,25 +67,22 @@ impl Consistent {
         self.surfaces.begin();
         self.grid.bin(scan, now.sequence, &mut self.binned);
         done(PipelineStep::Binned);
-        let seen = self.seen();
         let mut thinned = self.clear(scan);
-        thinned.extend(self.bounds.forget(&mut self.grid, &seen, &scan.sensor_origin(), now.sequence));
+        thinned.extend(self.bounds.forget(&mut self.grid, &self.binned.seen, &scan.sensor_origin(), now.sequence));
         self.standpoint.follow(&scan.fixed_from_sensor, self.params.voxel_size(), now.sequence);
-        let due = self.due(&seen, &thinned);
-        let dense = self.binned.touched.iter().filter(|touched| touched.newly_dense);
-        let dense = dense.map(|touched| (touched.block, touched.cell));
-        self.surfaces.publish(&self.grid, &due, dense, now);
+        let due = self.due(&thinned);
+        self.surfaces.publish(&self.grid, &due, self.binned.dense.iter().copied(), now);
         due.iter().for_each(|&block| self.grid.note_published(block, now.sequence));
         thinned.iter().for_each(|&block| self.grid.release(block));
         done(PipelineStep::Partials);
-        self.surfaces.note_seen(&seen, now);
+        self.surfaces.note_seen(&self.binned.seen, now);
         let changed = self.surfaces.describe(&self.params, scan.sensor_origin().z, now);
         let update = Update {
             sequence: now.sequence,
             stamp: now.stamp,
             changed,
             removed: self.surfaces.removed(),
-            newly_dense: self.binned.newly_dense,
+            newly_dense: self.binned.dense.len() as u32,
             points_beyond_grid: self.binned.beyond,
             unclustered_voxels: self.unclustered(),
         };
@@ -146,14 +143,6 @@ impl Consistent {
         }
     }
 
-    /// The blocks that the scan put points into, ascending.
-    fn seen(&self) -> Vec<BlockIndex> {
-        let mut seen: Vec<_> = self.binned.touched.iter().map(|touched| touched.block).collect();
-        seen.sort_unstable();
-        seen.dedup();
-        seen
-    }
-
     /// Takes out what the scan has seen through; returns the blocks that have lost voxels by it.
     fn clear(&mut self, scan: &Scan) -> Vec<BlockIndex> {
         let Some(clearing) = &mut self.clearing else { return Vec::new() };
@@ -166,9 +155,9 @@ impl Consistent {
 
     /// The blocks to be published now, ascending; the other stale ones go on waiting. What has changed is in those that
     /// the scan put points into and those that have lost voxels.
-    fn due(&mut self, seen: &[BlockIndex], thinned: &[BlockIndex]) -> Vec<BlockIndex> {
+    fn due(&mut self, thinned: &[BlockIndex]) -> Vec<BlockIndex> {
         let grid = &self.grid;
-        self.stale.extend(seen.iter().chain(thinned).filter(|&&block| grid.block(block).is_stale()));
+        self.stale.extend(self.binned.seen.iter().chain(thinned).filter(|&&block| grid.block(block).is_stale()));
         self.stale.sort_unstable();
         self.stale.dedup();
         let (sequence, since) = (self.taken.sequence, self.standpoint.since());

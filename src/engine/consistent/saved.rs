@@ -8,7 +8,7 @@ use std::collections::BTreeSet;
 use nalgebra::Isometry3;
 use serde::{Deserialize, Serialize};
 
-use super::block::{Block, BlockIndex, BlockKey, CELLS, Cell, EDGE, NO_VOXEL, UNTOUCHED, Voxel};
+use super::block::{Block, BlockIndex, BlockKey, CELLS, Cell, EDGE, NO_VOXEL, Voxel};
 use super::grid::Grid;
 use super::published::Published;
 use super::state::State;
@@ -191,7 +191,6 @@ impl SavedVoxel {
             count: self.count,
             sums: self.sums,
             published: self.published,
-            touched: UNTOUCHED,
             hit: self.hit,
             clearance: self.clearance,
         })

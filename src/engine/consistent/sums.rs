@@ -12,7 +12,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use serde::{Deserialize, Serialize};
 
-use crate::engine::binning;
+use crate::engine::binning::{self, nearest};
 
 /// Units of an offset in a voxel's edge.
 pub(super) const UNITS: f64 = binning::UNITS as f64;
@@ -20,7 +20,7 @@ pub(super) const UNITS: f64 = binning::UNITS as f64;
 const AGED_WEIGHT: u64 = 1 << 33;
 
 /// What one scan puts into a voxel; offsets in 1/4096 of its edge.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct ScanSums {
     pub(super) count: u32,
     pub(super) sum: [u64; 3],
@@ -86,7 +86,7 @@ impl Sums {
         self.weight += weight * count;
         (0..3).for_each(|i| self.sum[i] += weight * scan.sum[i]);
         (0..6).for_each(|i| self.squares[i] += weight * scan.squares[i]);
-        (0..3).for_each(|i| self.towards[i] += (towards[i] * 1024.0).round() as i64 * i64::from(scan.count));
+        (0..3).for_each(|i| self.towards[i] += nearest(towards[i] * 1024.0) * i64::from(scan.count));
         self.age();
     }
 

@@ -31,12 +31,13 @@ use nalgebra::{Point3, Rotation3, Vector3};
 
 pub(crate) use clearance::Clearance;
 
-use crate::engine::scan::Points;
+use crate::engine::points::Points;
 use patch::{Face, Patch};
 
 mod blocks;
 mod clearance;
 mod patch;
+mod pixels;
 #[cfg(test)]
 mod tests;
 #[cfg(test)]
@@ -127,6 +128,7 @@ impl RangeGrid {
                     self.fill_batch(&converted[..batch.len()]);
                 }
             }
+            Points::Depths(depths) => self.fill_pixels(depths),
         }
         self.finish(points.len());
     }

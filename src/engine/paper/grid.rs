@@ -12,7 +12,8 @@ use super::moments::Centre;
 use crate::engine::binning::{floor, map};
 use crate::engine::key::{DIRECTIONS, VoxelKey};
 use crate::engine::params::MAX_POINTS;
-use crate::engine::scan::{Points, Scan};
+use crate::engine::points::Points;
+use crate::engine::scan::Scan;
 
 /// Place of a voxel in the grid's list; it never changes, since nothing is taken out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -178,6 +179,7 @@ impl Grid {
         match &scan.points {
             Points::F32(points) => self.bin_points(points, scan, sequence, &mut binned),
             Points::F64(points) => self.bin_points(points, scan, sequence, &mut binned),
+            Points::Depths(depths) => self.bin_points(&depths.list(), scan, sequence, &mut binned),
         }
         for touched in &binned.touched {
             if touched.count_before < self.min_points && self.is_dense(touched.voxel) {

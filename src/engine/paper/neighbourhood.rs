@@ -77,7 +77,8 @@ mod tests {
 
     use super::*;
     use crate::engine::key::VoxelKey;
-    use crate::engine::scan::{Points, Scan, Stamp};
+    use crate::engine::points::Points;
+    use crate::engine::scan::{Scan, Stamp};
 
     fn grid(cells: &[[i32; 3]]) -> Grid {
         let points = cells.iter().map(|cell| cell.map(|i| f64::from(i) + 0.5)).collect();

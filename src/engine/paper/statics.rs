@@ -124,7 +124,8 @@ mod tests {
 
     use super::*;
     use crate::engine::paper::Cfodi;
-    use crate::engine::scan::{Points, Stamp};
+    use crate::engine::points::Points;
+    use crate::engine::scan::Stamp;
 
     /// A floor below the sensor, and from the second scan on a wall beside it; a point in each voxel of 10 cm.
     fn scan(number: u8) -> Scan {

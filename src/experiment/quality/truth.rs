@@ -110,6 +110,7 @@ impl TruthMap {
         match &scan.points {
             Points::F32(points) => self.bin(points, scan, labels),
             Points::F64(points) => self.bin(points, scan, labels),
+            Points::Depths(depths) => self.bin(&depths.list(), scan, labels),
         }
     }
 

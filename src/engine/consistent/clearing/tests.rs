@@ -7,7 +7,8 @@ use rustc_hash::FxHashMap;
 use super::*;
 use crate::engine::consistent::bin::Binned;
 use crate::engine::params::Params;
-use crate::engine::scan::{Points, Stamp};
+use crate::engine::points::Points;
+use crate::engine::scan::Stamp;
 use crate::sim::{Drive, Scene, Shape};
 
 /// Labels of the points in a voxel, each with their number.
@@ -57,10 +58,11 @@ impl Bench {
                 None => labels.push((label, 1)),
             }
         }
-        for touched in &self.binned.touched {
-            let block = self.grid.block(touched.block);
-            if block.voxel(touched.cell).is_some_and(|voxel| self.grid.is_dense(voxel)) {
-                let key = block.voxel_key(touched.cell).unwrap().indices();
+        for &slot in &self.binned.seen {
+            let block = self.grid.block(slot);
+            let hit = block.voxels().iter().filter(|voxel| voxel.hit == self.sequence);
+            for voxel in hit.filter(|voxel| self.grid.is_dense(voxel)) {
+                let key = block.voxel_key(voxel.cell).unwrap().indices();
                 self.dense.entry(majority(&self.labels[&key])).or_default().insert(key);
             }
         }

@@ -83,6 +83,7 @@ impl Oracle {
         let points: Vec<Vector3<f64>> = match &scan.points {
             Points::F32(points) => points.iter().map(|p| Vector3::from(p.map(f64::from))).collect(),
             Points::F64(points) => points.iter().map(|&p| Vector3::from(p)).collect(),
+            Points::Depths(depths) => depths.list().iter().map(|p| Vector3::from(p.map(f64::from))).collect(),
         };
         let rotation = scan.fixed_from_sensor.rotation.to_rotation_matrix();
         let mut newly_dense = BTreeSet::new();

@@ -1,0 +1,107 @@
+//! The points of one sensor message, in the sensor's frame (m).
+
+use std::sync::Arc;
+
+/// Points as the sensor sent them, without a conversion that would lose digits.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Points {
+    /// Single precision.
+    F32(Vec<[f32; 3]>),
+    /// Double precision: clouds that somebody has already put into a far-away frame.
+    F64(Vec<[f64; 3]>),
+    /// The depths of a camera's pixels: what a Kinect measures, whether it comes as a depth image or as a cloud.
+    Depths(Depths),
+}
+
+impl Points {
+    /// The number of points.
+    pub fn len(&self) -> usize {
+        match self {
+            Self::F32(points) => points.len(),
+            Self::F64(points) => points.len(),
+            Self::Depths(depths) => depths.len(),
+        }
+    }
+
+    /// Whether there is no point at all; such a scan is taken in like any other.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
+
+/// One depth for each pixel of a pinhole camera, in its optical frame (z forward, x right, y down; REP 103).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Depths {
+    rays: Arc<Rays>,
+    depths: Vec<f32>,
+    measured: usize,
+}
+
+impl Depths {
+    /// Row by row the depths (m) along these rays; [`f32::INFINITY`] where nothing was measured. `None` where there is not one
+    /// for each pixel.
+    pub fn new(rays: Arc<Rays>, depths: Vec<f32>) -> Option<Self> {
+        let measured = depths.iter().filter(|depth| depth.is_finite()).count();
+        (depths.len() == rays.x.len() * rays.y.len()).then_some(Self { rays, depths, measured })
+    }
+
+    /// The number of pixels with a measurement.
+    pub const fn len(&self) -> usize {
+        self.measured
+    }
+
+    /// Whether no pixel has a measurement.
+    pub const fn is_empty(&self) -> bool {
+        self.measured == 0
+    }
+
+    /// Where its pixels look.
+    pub fn rays(&self) -> &Rays {
+        &self.rays
+    }
+
+    /// The depths of each row (m).
+    pub fn rows(&self) -> impl Iterator<Item = &[f32]> {
+        self.depths.chunks_exact(self.rays.x.len().max(1))
+    }
+
+    /// The measured points, row by row.
+    pub fn list(&self) -> Vec<[f32; 3]> {
+        let mut list = Vec::with_capacity(self.measured);
+        for (row, y) in self.rows().zip(&self.rays.y) {
+            let pixels = row.iter().zip(&self.rays.x).filter(|(z, _)| z.is_finite());
+            list.extend(pixels.map(|(z, x)| [z * x, z * y, *z]));
+        }
+        list
+    }
+}
+
+/// Where the pixels of a pinhole camera look: x / z of each column and y / z of each row.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rays {
+    /// x / z, by column.
+    pub x: Vec<f32>,
+    /// y / z, by row.
+    pub y: Vec<f32>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_list_holds_what_was_measured_row_by_row() {
+        let rays = Arc::new(Rays { x: vec![-0.5, 0.0, 0.5], y: vec![0.25, -0.25] });
+        let none = f32::INFINITY;
+        let depths = Depths::new(Arc::clone(&rays), vec![none, 2.0, 4.0, 1.0, none, none]).unwrap();
+        assert_eq!(depths.list(), [[0.0, 0.5, 2.0], [2.0, 1.0, 4.0], [-0.5, -0.25, 1.0]]);
+        assert_eq!((depths.len(), depths.is_empty()), (3, false));
+        assert_eq!(Depths::new(rays, vec![1.0; 5]), None, "five depths of six pixels");
+    }
+
+    #[test]
+    fn a_camera_without_pixels_has_no_rows() {
+        let depths = Depths::new(Arc::new(Rays { x: vec![], y: vec![0.0; 3] }), vec![]).unwrap();
+        assert_eq!((depths.rows().count(), depths.list().len()), (0, 0));
+    }
+}
