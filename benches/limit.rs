@@ -1,5 +1,8 @@
 //! scratch version
 #![allow(missing_docs, clippy::unwrap_used, clippy::print_stdout)]
+#[global_allocator]
+static ALLOCATOR: tikv_jemallocator::Jemalloc = tikv_jemallocator::Jemalloc;
+
 #[path = "../tests/support/mod.rs"]
 mod support;
 use std::hint::black_box;

@@ -14,7 +14,7 @@ as_root() {
 apt() { as_root env DEBIAN_FRONTEND=noninteractive apt-get -q -o DPkg::Lock::Timeout=300 "$@"; }
 
 updated=
-update_lists() { [ -n "$updated" ] || apt update; updated=yes; }
+update_lists() { [ -n "$updated" ] || apt update || true; updated=yes; }
 
 # Installs those that are absent. Where that fails, PEER goes without.
 packages() {  # PEER PACKAGE...
@@ -25,33 +25,39 @@ packages() {  # PEER PACKAGE...
   done
   [ ${#absent[@]} != 0 ] || return 0
   echo "installing ${absent[*]}" >&2
-  { update_lists && apt install -y --no-install-recommends "${absent[@]}"; } > "$log" 2>&1 ||
+  # Where the lists cannot be had, the old ones may do.
+  { update_lists; apt install -y --no-install-recommends "${absent[@]}"; } > "$log" 2>&1 ||
     { missing "$peer" "packages ${absent[*]}: $(tail -n 1 "$log")"; return 1; }
 }
 
-# The -dev packages bring VTK, Qt and MPI, 400 packages, for what is but headers here: these are unpacked beside the rest.
+# The -dev packages bring VTK, Qt and MPI, 400 packages, for what is but headers here: those are unpacked in $cache.
 pcl_headers() {
   local headers=$cache/headers
   if [ -e "$headers/usr/include/pcl-$pcl" ] && [ -e "$headers/usr/include/flann" ]; then return; fi
   rm -rf "$headers" "$headers.part"
   mkdir -p "$headers.part"
-  ( cd "$headers.part"
-    apt-get -q download libpcl-dev libflann-dev || { update_lists && apt-get -q download libpcl-dev libflann-dev; }
-    for deb in ./*.deb; do dpkg -x "$deb" .; done
-    rm ./*.deb
-  ) > "$log" 2>&1 && mv "$headers.part" "$headers" || { missing PCL "headers: $(tail -n 1 "$log")"; return 1; }
+  if unpack "$headers.part" libpcl-dev libflann-dev > "$log" 2>&1; then mv "$headers.part" "$headers"
+  else missing PCL "headers: $(tail -n 1 "$log")"; return 1
+  fi
 }
 
-# -march=native: a program is for this processor alone, so the folder's name follows from what it is. NDEBUG, as in ours.
+unpack() (  # FOLDER PACKAGE...
+  cd "$1" || exit
+  shift
+  apt-get -q download "$@" || { update_lists; apt-get -q download "$@"; } || exit
+  for deb in ./*.deb; do dpkg -x "$deb" . && rm "$deb" || exit; done
+)
+
+# -march=native: a program is for this processor alone, so the folder's name follows from that. NDEBUG, as in ours.
 programs() {
-  packages PCL g++ || { missing OctoMap "there is no g++ either"; return 0; }
+  command -v g++ >/dev/null || packages PCL g++ || { missing OctoMap "there is no g++ either"; return 0; }
   local native key
   native=$(g++ -march=native -Q --help=target)
-  key=$({ echo "$native"; g++ --version; cd "$here"; sha256sum install.sh ./*.cpp ./*.hpp; } | sha256sum | cut -c 1-16)
+  key=$({ echo "$native"; g++ --version; cat "$here"/{install.sh,*.cpp,*.hpp}; } | sha256sum | cut -c 1-16)
   bin=$cache/programs-$key
   mkdir -p "$bin"
   if packages OctoMap liboctomap-dev; then compile OctoMap octomap -loctomap -loctomath; fi
-  # Without the limit Eigen would align in this program to 64 bytes, in libpcl_common to 16.
+  # Without the limit Eigen would align to 64 bytes in this program and to 16 in libpcl_common.
   if packages PCL "libpcl-common$pcl" libeigen3-dev libboost-dev liblz4-dev && pcl_headers; then
     compile PCL pcl -DPCL_NO_PRECOMPILE -DEIGEN_MAX_ALIGN_BYTES=16 -isystem /usr/include/eigen3 \
       -isystem "$cache/headers/usr/include/pcl-$pcl" -isystem "$cache/headers/usr/include" \
@@ -78,9 +84,11 @@ libraries() {
 
 # Sets `python`. The folder's name follows from the interpreter and the pins; one that lacks a pin is made anew.
 environment() {
-  local found= candidate key pin
+  local found='' candidate key pin
   for candidate in python3.11 python3; do
-    if "$candidate" -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' 2>/dev/null; then found=$candidate; break; fi
+    if "$candidate" -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' 2>/dev/null
+    then found=$candidate; break
+    fi
   done
   [ -n "$found" ] || die "needs CPython 3.11 (the pins are for it): no python3.11 here"
   found=$("$found" -c 'import sys; print(sys.executable)')

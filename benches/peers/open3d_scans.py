@@ -1,8 +1,8 @@
 """Open3D over each scan alone:  python open3d_scans.py SCANS STEP
 
 Voxels, normals from ten neighbours, and one of two clusterings: `cluster_dbscan`, which tells things apart by the gaps
-between them and no surfaces (on the cabinet recording: one cluster a scan), and `detect_planar_patches`, which does find
-surfaces. Of its two interfaces the older one is taken: the voxels of the tensor one take ten times as long on one core.
+between them and no surfaces (on the cabinet recording: one cluster a scan), and `detect_planar_patches`, which finds
+surfaces. Of its two interfaces the older one is taken: the tensor one's voxels take ten times as long on one core.
 """
 
 import itertools

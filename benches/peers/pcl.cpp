@@ -1,14 +1,14 @@
 // PCL: surfaces by voxels, normals and region growing, of each scan alone and of the whole map:  pcl SCANS STEP REPEATS
 //
-// The fastest of what PCL offers for it: VoxelGrid over valid points only (an organised cloud with NaN takes 6 % longer);
-// a kd-tree that leaves neighbours unsorted (sorted, normals take a third more; by its octree, both steps twice as long);
-// normals from a radius of two voxels; ten neighbours for the growth. Planes of the organised cloud's every pixel
-// (IntegralImageNormalEstimation, OrganizedMultiPlaneSegmentation) take seven times as long. The thresholds decide what
-// comes out and hardly the time: nine tenths of a scan's voxels are in clusters, a third of the map's, whose noise of
-// many views lies several voxels thick. A scan is segmented in the sensor's frame.
+// The fastest of what PCL offers for it: VoxelGrid over valid points only (an organised cloud with NaN takes 6 % more);
+// a kd-tree that leaves neighbours unsorted (sorted, normals take a third more; an octree takes twice as long for both
+// steps); normals from a radius of two voxels; ten neighbours for the growth. Planes of every pixel of an organised
+// cloud (IntegralImageNormalEstimation, OrganizedMultiPlaneSegmentation) take seven times as long. The thresholds decide
+// what comes out and hardly the time: nine tenths of a scan's voxels are in clusters, a third of the map's at 8 cm, whose
+// noise from many views lies several voxels thick. A scan is segmented in the sensor's frame.
 //
-// To be built with PCL_NO_PRECOMPILE: else the templates come from Debian's library, made for any x86-64, two fifths
-// slower, and beside -march=native they crash, since Eigen then aligns in another way than the library does.
+// To be built with PCL_NO_PRECOMPILE: else the templates come from Debian's library, made for any x86-64, which takes
+// two fifths more, and which crashes in a program built with -march=native.
 
 #include <pcl/features/normal_3d.h>
 #include <pcl/filters/voxel_grid.h>

@@ -37,7 +37,7 @@ cd "$top"
 exec 9>"$cache/lock"
 flock -n 9 || die "another run is using $cache"
 : > "$results"
-missing() { echo "missing $1: $2" | tee -a "$results" >&2; }
+missing() { echo "missing $1: ${2:0:200}" | tee -a "$results" >&2; }
 note() { echo "note $*" >> "$results"; }
 version() { echo "version $*" >> "$results"; }
 
@@ -57,7 +57,7 @@ peer() {  # NAME PROGRAM ARGUMENT...
   local name=$1 status=0
   shift
   [ -x "$1" ] || return 0
-  pinned "$@" >> "$results" 2> "$log" || status=$?
+  pinned timeout 600 "$@" >> "$results" 2> "$log" || status=$?
   [ "$status" = 0 ] || missing "$name" "ended with status $status: $(tail -n 1 "$log")"
 }
 
@@ -76,7 +76,8 @@ versions() {
   for name in libpcl-common1.13 liboctomap-dev; do
     version "$name $(dpkg-query -W -f '${Version}' "$name" 2>/dev/null || echo 'not installed')"
   done
-  version "$("$python" --version), $(grep -E '^(open3d|river|capymoa|incdbscan)' "$here/requirements.txt" | paste -sd ' ')"
+  version "$("$python" --version)"
+  for name in open3d-cpu river capymoa incdbscan; do version "$(grep "^$name==" "$here/requirements.txt")"; done
   version "$(java -version 2>&1 | head -n 1)"
 }
 
@@ -100,10 +101,10 @@ echo "stream methods" >&2
 peer "stream methods" "$python" "$here/streams.py" "$scans" "$seconds"
 
 [ -z "$quick" ] || note "a quick run: one round, every 8th scan for the peers, a second for each stream method"
-note "times are medians over scans, then over rounds (here $rounds); a ratio is the median of those to the runs of ours" \
-  "right before and after, to our cloud"
-note "ours begins with a message's bytes and ends with the clusters of the whole map; the peers begin with valid points" \
-  "in memory, and neither bringing them into the fixed frame nor making PCL's map is in their time"
-note "Bonxai is left out: it is in none of the package registries that this script installs from"
+note "times are medians over scans, then over rounds (here $rounds); a ratio is the median of those to the runs" \
+  "of ours, cloud, right before and after"
+note "ours begins with a message's bytes and ends with the clusters of the whole map; the peers begin with valid" \
+  "points in memory, and neither bringing them into the fixed frame nor making PCL's map is in their time"
+note "Bonxai is left out: neither Debian nor PyPI has it (PyPI's bonxai is something else)"
 versions
 pinned "$python" "$here/table.py" "$results"

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use nalgebra::Vector3;
 
 use super::block::{Around, Block, BlockIndex, CELLS, Cell, EDGE, OWN, offset_of, place_of};
+use super::cells::Cells;
 use super::graph::NodeId;
 use super::grid::Grid;
 use super::patch::{Contact, Patch};
@@ -26,6 +27,8 @@ pub(super) struct Segmented {
     pub(super) states: Vec<State>,
     /// For each cell the number of its patch, [`LOOSE`] or [`EMPTY`].
     pub(super) labels: Box<[u8; CELLS]>,
+    /// The cells that are in a patch.
+    cells: Cells,
     pub(super) patches: Vec<Patch>,
     /// Where each patch meets others, of this block or another.
     pub(super) contacts: Vec<Contacts>,
@@ -62,19 +65,21 @@ impl Segmented {
         let Patches { owner, flat } = segment(&states, rules);
         let corner = Vector3::from(corner).map(f64::from);
         let mut labels = Box::new([EMPTY; CELLS]);
+        let mut cells = Cells::default();
         let mut members: Vec<Vec<&State>> = Vec::new();
         for (state, &number) in states.iter().zip(&owner) {
             labels[state.cell.index()] = number;
             if number != LOOSE {
                 members.resize(members.len().max(usize::from(number) + 1), Vec::new());
                 members[usize::from(number)].push(state);
+                cells.insert(state.cell);
             }
         }
         let patches =
             (0..).zip(&members).filter_map(|(number, states)| Patch::new(states, &corner, number >= flat));
         let patches: Vec<_> = patches.collect();
         let (contacts, slice_of) = (vec![Contacts::new(); patches.len()], vec![None; patches.len()]);
-        let mut segmented = Self { states, labels, patches, contacts, slice_of, loose: Vec::new() };
+        let mut segmented = Self { states, labels, cells, patches, contacts, slice_of, loose: Vec::new() };
         let loose = (0..).zip(&owner).filter(|(_, number)| segmented.is_loose(**number));
         segmented.loose = loose.map(|(place, _)| Loose { place, owner: None, admitted: false }).collect();
         segmented
@@ -107,6 +112,7 @@ impl Segmented {
         Self {
             states: Vec::new(),
             labels: Box::new([EMPTY; CELLS]),
+            cells: Cells::default(),
             patches: Vec::new(),
             contacts: Vec::new(),
             slice_of: Vec::new(),
@@ -170,9 +176,9 @@ pub(super) fn contacts(
     for (number, patch) in (0..).zip(&here.patches) {
         for &cell in &patch.cells {
             let at = cell.coordinates();
-            for other in cells_near(at, direction, reach) {
+            for other in there.cells.near(seen_from(at, direction), reach) {
                 let label = there.labels[other.index()];
-                if label == EMPTY || label == LOOSE || (direction == [0; 3] && label <= number) {
+                if direction == [0; 3] && label <= number {
                     continue;
                 }
                 let pair = (number, label);
@@ -194,17 +200,9 @@ pub(super) fn contacts(
     contacts
 }
 
-/// The cells of the block in `direction` that lie within `reach` of a cell of this one.
-fn cells_near(at: [i32; 3], direction: [i32; 3], reach: i32) -> impl Iterator<Item = Cell> {
-    let range = |axis: usize| {
-        let centre = at[axis] - EDGE * direction[axis];
-        (centre - reach).max(0)..(centre + reach + 1).min(EDGE)
-    };
-    let [xs, ys, zs] = [range(0), range(1), range(2)];
-    xs.flat_map(move |x| {
-        let zs = zs.clone();
-        ys.clone().flat_map(move |y| zs.clone().map(move |z| Cell::at([x, y, z])))
-    })
+/// Coordinates of a cell as the block in `direction` counts them.
+fn seen_from(at: [i32; 3], direction: [i32; 3]) -> [i32; 3] {
+    [0, 1, 2].map(|axis| at[axis] - EDGE * direction[axis])
 }
 
 /// The patch that a loose voxel of a block belongs to: the nearest that its points fit, as far as noise and half a voxel let
@@ -284,9 +282,9 @@ fn find_near(near: &mut Vec<PatchId>, cell: Cell, around: &Around, reach: i32, s
             continue;
         }
         let mut last = LOOSE;
-        for other in cells_near(at, direction, reach) {
+        for other in there.cells.near(seen_from(at, direction), reach) {
             let number = there.labels[other.index()];
-            if number == EMPTY || number == LOOSE || number == last {
+            if number == last {
                 continue;
             }
             last = number;

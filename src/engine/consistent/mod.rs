@@ -67,6 +67,7 @@
 mod bin;
 mod block;
 mod bounds;
+mod cells;
 mod class;
 mod clearing;
 mod cluster;

@@ -11,7 +11,8 @@
 //!
 //! Costs some 30 us for a block with one surface's edge in it.
 
-use super::block::{CELLS, Cell, EDGE};
+use super::block::{CELLS, Cell};
+use super::cells::Cells;
 use super::region::{Fit, Region};
 use super::rules::Rules;
 use super::state::{Plane, State};
@@ -76,6 +77,8 @@ struct Segmentation<'a> {
     rules: &'a Rules,
     /// State of each cell.
     places: [u16; CELLS],
+    /// The cells that have one.
+    cells: Cells,
     owner: Vec<u8>,
     planes: Vec<Plane>,
 }
@@ -90,7 +93,8 @@ impl<'a> Segmentation<'a> {
     fn new(states: &'a [State], rules: &'a Rules) -> Self {
         let mut places = [NO_STATE; CELLS];
         (0..).zip(states).for_each(|(place, state)| places[state.cell.index()] = place);
-        Self { states, rules, places, owner: vec![FREE; states.len()], planes: Vec::new() }
+        let cells = states.iter().map(|state| state.cell).collect();
+        Self { states, rules, places, cells, owner: vec![FREE; states.len()], planes: Vec::new() }
     }
 
     fn misfit(&self, state: &State, plane: &Plane) -> f64 {
@@ -136,11 +140,18 @@ impl<'a> Segmentation<'a> {
         let own = &self.states[state];
         let same_side =
             |&other: &usize| self.owner[other] == FREE && self.states[other].towards.dot(&own.towards) > 0.0;
-        let around: Vec<_> = self.around(state, 1).filter(same_side).collect();
-        let members = || around.iter().map(|&other| &self.states[other]).chain([own]);
-        let fit = Region::of(members()).fit().filter(|fit| is_broad(fit) && own.is_seen_from(&fit.plane))?;
-        let misfits: f64 = members().map(|state| self.misfit(state, &fit.plane)).sum();
-        let count = around.len() as f64 + 1.0;
+        let mut members = [own; 27];
+        let mut count = 0;
+        for other in self.around(state).filter(same_side) {
+            members[count] = &self.states[other];
+            count += 1;
+        }
+        // Its own place comes last.
+        let members = &members[..=count];
+        let fit = Region::of(members.iter().copied()).fit();
+        let fit = fit.filter(|fit| is_broad(fit) && own.is_seen_from(&fit.plane))?;
+        let misfits: f64 = members.iter().map(|state| self.misfit(state, &fit.plane)).sum();
+        let count = members.len() as f64;
         Some((fit, misfits / count)).filter(|_| count >= 4.0)
     }
 
@@ -181,17 +192,17 @@ impl<'a> Segmentation<'a> {
     /// time they have become half as many again.
     fn reach(&self, seed: usize, plane: &Plane) -> Vec<usize> {
         let mut plane = *plane;
-        let mut seen = vec![false; self.states.len()];
-        seen[seed] = true;
+        let mut free: Cells = self.free().collect();
+        free.remove(self.states[seed].cell);
         let mut members = vec![seed];
         let mut region = Region::of([&self.states[seed]]);
         let (mut next, mut refit_at) = (0, 12);
         while next < members.len() {
-            for other in self.around(members[next], 1) {
-                if seen[other] || self.owner[other] != FREE || !self.belongs(&self.states[other], &plane) {
+            for other in self.among(free, members[next]) {
+                if !self.belongs(&self.states[other], &plane) {
                     continue;
                 }
-                seen[other] = true;
+                free.remove(self.states[other].cell);
                 members.push(other);
                 region.add(&self.states[other]);
             }
@@ -205,6 +216,12 @@ impl<'a> Segmentation<'a> {
         members
     }
 
+    /// The cells of the voxels that are in no patch.
+    fn free(&self) -> impl Iterator<Item = Cell> {
+        let free = self.states.iter().zip(&self.owner).filter(|(_, owner)| **owner == FREE);
+        free.map(|(state, _)| state.cell)
+    }
+
     /// Gives every voxel to the patch in its neighbourhood that fits it best, twice.
     fn settle(&mut self) {
         for _ in 0..2 {
@@ -216,10 +233,9 @@ impl<'a> Segmentation<'a> {
 
     fn best_owner(&self, state: usize) -> u8 {
         let own = &self.states[state];
-        let mut near: Vec<u8> = self.around(state, 1).chain([state]).map(|other| self.owner[other]).collect();
-        near.sort_unstable();
-        near.dedup();
-        let candidates = near.into_iter().filter(|&patch| patch != FREE);
+        let owners = self.around(state).chain([state]).map(|other| self.owner[other]);
+        let near = owners.filter(|&owner| owner != FREE).fold(0_u128, |near, owner| near | 1 << owner);
+        let candidates = (0..self.planes.len() as u8).filter(|patch| near >> patch & 1 == 1);
         let within = |patch: u8| own.within(&self.planes[usize::from(patch)], self.rules);
         let fitting = candidates.filter_map(|patch| Some((within(patch)?, patch)));
         fitting.min_by(|a, b| a.0.total_cmp(&b.0)).map_or(FREE, |(_, patch)| patch)
@@ -260,7 +276,7 @@ impl<'a> Segmentation<'a> {
         seen[first] = true;
         let mut next = 0;
         while next < members.len() {
-            for other in self.around(members[next], 1) {
+            for other in self.around(members[next]) {
                 if !seen[other] && owner[other] == owner[first] {
                     seen[other] = true;
                     members.push(other);
@@ -271,15 +287,16 @@ impl<'a> Segmentation<'a> {
         members
     }
 
-    /// The states around one, at most `reach` cells away along each axis.
-    fn around(&self, state: usize, reach: i32) -> impl Iterator<Item = usize> {
-        let [x, y, z] = self.states[state].cell.coordinates();
-        let range = move |at: i32| (at - reach).max(0)..=(at + reach).min(EDGE - 1);
-        range(x)
-            .flat_map(move |x| range(y).flat_map(move |y| range(z).map(move |z| Cell::at([x, y, z]))))
-            .map(|cell| self.places[cell.index()])
-            .filter(move |&place| place != NO_STATE && usize::from(place) != state)
-            .map(usize::from)
+    /// The states of the cells around that of one, ascending.
+    fn around(&self, state: usize) -> impl Iterator<Item = usize> {
+        self.among(self.cells, state)
+    }
+
+    /// Those of these cells.
+    fn among(&self, mut cells: Cells, state: usize) -> impl Iterator<Item = usize> {
+        let cell = self.states[state].cell;
+        cells.remove(cell);
+        cells.near(cell.coordinates(), 1).map(|cell| usize::from(self.places[cell.index()]))
     }
 }
 

@@ -33,20 +33,28 @@ struct Collapse {
     moved: f64,
 }
 
-/// Of edges that move the ring equally far, the first one counts.
-type Ranked = Reverse<(u64, usize, u32)>;
+/// How far an edge would move the ring, then the edge, then its version: of edges that move it equally far, the first one
+/// counts.
+type Ranked = Reverse<(u64, u32, u32)>;
 
-/// A ring in which every vertex knows its neighbours; edge `i` runs from vertex `i` to `next[i]`.
+/// A vertex, and the edge from there to the next.
+struct Vertex {
+    at: Vector2<f64>,
+    before: u32,
+    next: u32,
+    /// Counts what happened to the edge's surroundings, so that older proposals are known.
+    version: u32,
+    /// How far the edge may lie from the ring as it was.
+    moved: f64,
+    /// The newest proposal for the edge.
+    proposal: Collapse,
+}
+
+const GONE: u32 = u32::MAX;
+
+/// A ring in which every vertex knows its neighbours.
 struct Collapsing {
-    vertices: Vec<Vector2<f64>>,
-    before: Vec<usize>,
-    next: Vec<usize>,
-    /// How far an edge may lie from the ring as it was.
-    moved: Vec<f64>,
-    /// The newest proposal for an edge.
-    place: Vec<Collapse>,
-    /// Counts what happened to an edge's surroundings, so that older proposals are known.
-    version: Vec<u32>,
+    vertices: Vec<Vertex>,
     queue: BinaryHeap<Ranked>,
     left: usize,
     tolerance: f64,
@@ -54,67 +62,68 @@ struct Collapsing {
 
 impl Collapsing {
     fn new(ring: &[Vector2<f64>], tolerance: f64) -> Self {
-        let n = ring.len();
-        let mut new = Self {
-            vertices: ring.to_vec(),
-            before: (0..n).map(|i| (i + n - 1) % n).collect(),
-            next: (0..n).map(|i| (i + 1) % n).collect(),
-            moved: vec![0.0; n],
-            place: vec![Collapse { at: Vector2::zeros(), moved: f64::INFINITY }; n],
-            version: vec![0; n],
-            queue: BinaryHeap::with_capacity(2 * n),
-            left: n,
-            tolerance,
+        let n = ring.len() as u32;
+        let none = Collapse { at: Vector2::zeros(), moved: f64::INFINITY };
+        let vertex = |(i, at): (u32, &Vector2<f64>)| Vertex {
+            at: *at,
+            before: (i + n - 1) % n,
+            next: (i + 1) % n,
+            version: 0,
+            moved: 0.0,
+            proposal: none,
         };
-        (0..n).for_each(|edge| new.propose(edge));
+        let vertices: Vec<_> = (0..).zip(ring).map(vertex).collect();
+        let mut new = Self { vertices, queue: BinaryHeap::new(), left: ring.len(), tolerance };
+        let proposals: Vec<_> = (0..n).filter_map(|edge| new.propose(edge)).collect();
+        new.queue = BinaryHeap::from(proposals);
         new
     }
 
-    fn propose(&mut self, edge: usize) {
-        if let Some(collapse) = self.collapse(edge)
-            && collapse.moved <= self.tolerance
-        {
-            self.place[edge] = collapse;
-            // Floats that are not negative have the order of their bits.
-            self.queue.push(Reverse((collapse.moved.to_bits(), edge, self.version[edge])));
-        }
+    fn vertex(&self, index: u32) -> &Vertex {
+        &self.vertices[index as usize]
     }
 
-    fn collapse(&self, edge: usize) -> Option<Collapse> {
-        let [i, k] = [self.before[edge], self.next[edge]];
-        let l = self.next[k];
-        let [a, b, c, d] = [i, edge, k, l].map(|index| self.vertices[index]);
-        let at = replacement(a, b, c, d)?;
-        let of_old = |p| squared_distance(p, a, at).min(squared_distance(p, at, d));
-        let of_new =
-            squared_distance(at, a, b).min(squared_distance(at, b, c)).min(squared_distance(at, c, d));
-        let step = of_old(b).max(of_old(c)).max(of_new).sqrt();
-        let before = self.moved[i].max(self.moved[edge]).max(self.moved[k]);
+    /// Notes what may be done to an edge and returns its rank; `None` where it would move the ring too far.
+    fn propose(&mut self, edge: u32) -> Option<Ranked> {
+        let collapse = self.collapse(edge)?;
+        let here = &mut self.vertices[edge as usize];
+        here.proposal = collapse;
+        // Floats that are not negative have the order of their bits.
+        Some(Reverse((collapse.moved.to_bits(), edge, here.version)))
+    }
+
+    fn collapse(&self, edge: u32) -> Option<Collapse> {
+        let b = self.vertex(edge);
+        let [a, c] = [b.before, b.next].map(|index| self.vertex(index));
         // The new edges run through the middle of the old ones, so that moves add up to less than their sum.
-        let moved = 0.5 * before + step;
-        moved.is_finite().then_some(Collapse { at, moved })
+        let before = 0.5 * a.moved.max(b.moved).max(c.moved);
+        let left = self.tolerance - before;
+        let (at, step) = replacement([a.at, b.at, c.at, self.vertex(c.next).at], left)?;
+        let moved = before + step;
+        (moved <= self.tolerance).then_some(Collapse { at, moved })
     }
 
     /// Does the best proposal that still holds; false when there is none.
     fn step(&mut self) -> bool {
         while let Some(Reverse((_, edge, version))) = self.queue.pop() {
-            if version != self.version[edge] {
+            let here = &mut self.vertices[edge as usize];
+            if version != here.version {
                 continue;
             }
-            let Collapse { at, moved } = self.place[edge];
-            let [i, k] = [self.before[edge], self.next[edge]];
-            let l = self.next[k];
-            self.vertices[edge] = at;
-            self.next[edge] = l;
-            self.before[l] = edge;
+            let (Collapse { at, moved }, i, k) = (here.proposal, here.before, here.next);
             // Vertex k is gone, and its edge with it.
-            self.version[k] = u32::MAX;
-            self.moved[i] = moved;
-            self.moved[edge] = moved;
+            let gone = &mut self.vertices[k as usize];
+            gone.version = GONE;
+            let l = gone.next;
+            let here = &mut self.vertices[edge as usize];
+            (here.at, here.next, here.moved) = (at, l, moved);
+            self.vertices[l as usize].before = edge;
+            self.vertices[i as usize].moved = moved;
             self.left -= 1;
-            for near in [self.before[i], i, edge, l] {
-                self.version[near] += 1;
-                self.propose(near);
+            for near in [self.vertex(i).before, i, edge, l] {
+                self.vertices[near as usize].version += 1;
+                let ranked = self.propose(near);
+                self.queue.extend(ranked);
             }
             return true;
         }
@@ -123,9 +132,8 @@ impl Collapsing {
 
     /// The vertices that are left, without repetitions.
     fn finish(self) -> Vec<Vector2<f64>> {
-        let gone = |index: &usize| self.version[*index] == u32::MAX;
-        let mut ring: Vec<_> =
-            (0..self.vertices.len()).filter(|i| !gone(i)).map(|i| self.vertices[i]).collect();
+        let left = self.vertices.into_iter().filter(|vertex| vertex.version != GONE);
+        let mut ring: Vec<_> = left.map(|vertex| vertex.at).collect();
         let is_same = |a: &mut Vector2<f64>, b: &mut Vector2<f64>| (*a - *b).norm() < 1e-9;
         ring.dedup_by(is_same);
         if let [first, .., last] = &mut ring[..]
@@ -137,20 +145,36 @@ impl Collapsing {
     }
 }
 
-/// The vertex that takes the place of `b` and `c` between `a` and `d` without a change of area.
-fn replacement(a: Vector2<f64>, b: Vector2<f64>, c: Vector2<f64>, d: Vector2<f64>) -> Option<Vector2<f64>> {
+/// The vertex that takes the place of `b` and `c` between `a` and `d` without a change of area, and how far the line then
+/// lies from where it was, at most; `None` where that is more than `left`.
+fn replacement([a, b, c, d]: [Vector2<f64>; 4], left: f64) -> Option<(Vector2<f64>, f64)> {
     let base = d - a;
     let [height_b, height_c] = [(b - a).perp(&base), (c - a).perp(&base)];
     // Twice the area of a, b, c, d, with the sign of these heights.
     let area = (b - a).perp(&(c - a)) + (c - a).perp(&base);
     let on_ab =
         if height_b * height_c >= 0.0 { height_b.abs() > height_c.abs() } else { area * height_b > 0.0 };
-    let (from, to, height) = if on_ab { (a, b, height_b) } else { (d, c, height_c) };
-    if height == 0.0 {
+    // From here on the vertex lies on the line from a through b: the other way round is the same.
+    let ([a, b, c, d], height) = if on_ab { ([a, b, c, d], height_b) } else { ([d, c, b, a], height_c) };
+    let part = if height == 0.0 {
         // All four lie on a line.
-        return (area == 0.0).then_some(b);
+        (area == 0.0).then_some(1.0)?
+    } else {
+        area / height
+    };
+    let at = a + (b - a) * part;
+    let of_c = squared_distance(c, a, at).min(squared_distance(c, at, d));
+    if !(of_c <= left * left) {
+        return None;
     }
-    Some(from + (to - from) * (area / height))
+    // Where it lies beyond b, b lies on the new line; where it lies before b, it lies on the old one.
+    let of_b = if part >= 1.0 { 0.0 } else { squared_distance(b, a, at).min(squared_distance(b, at, d)) };
+    let of_new = if (0.0..=1.0).contains(&part) {
+        0.0
+    } else {
+        squared_distance(at, a, b).min(squared_distance(at, b, c)).min(squared_distance(at, c, d))
+    };
+    Some((at, of_c.max(of_b).max(of_new).sqrt()))
 }
 
 /// From a point to the line from `a` to `b`, its ends included.

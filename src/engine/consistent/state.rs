@@ -75,8 +75,8 @@ impl State {
 
     /// Variance that noise alone gives its points along `normal`.
     pub(super) fn noise_along(&self, normal: &Vector3<f64>) -> f64 {
-        let cosine = self.towards.dot(normal) / self.towards.norm().max(1e-9);
-        let along = cosine * cosine;
+        let cosine = self.towards.dot(normal);
+        let along = cosine * cosine / self.towards.norm_squared().max(1e-18);
         self.depth_variance * along + self.lateral_variance * (1.0 - along)
     }
 

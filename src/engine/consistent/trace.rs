@@ -45,37 +45,52 @@ struct Tracer<'a> {
     footprint: &'a Footprint,
     origin: Column,
     min_points: f64,
-    /// Of the rim.
-    cuts: HashMap<Column, Cut, FxBuildHasher>,
-    /// Columns of the rim that count as outside.
-    outside: HashSet<Column, FxBuildHasher>,
+    rim: HashMap<Column, OfRim, FxBuildHasher>,
+}
+
+/// A column of the rim.
+struct OfRim {
+    cut: Cut,
+    /// It counts as outside.
+    is_outside: bool,
+    /// It took over what one that counts as outside covers, and stays inside.
+    is_kept: bool,
 }
 
 impl<'a> Tracer<'a> {
     fn new(footprint: &'a Footprint, origin: Column, min_points: u32) -> Self {
-        let cuts = footprint.rim().filter_map(|column| Some((column, footprint.cut(column)?))).collect();
-        let mut tracer =
-            Self { footprint, origin, min_points: f64::from(min_points), cuts, outside: HashSet::default() };
-        let mut kept = HashSet::<Column, FxBuildHasher>::default();
+        let of_rim = |column| {
+            let cut = footprint.cut(column)?;
+            Some((column, OfRim { cut, is_outside: false, is_kept: false }))
+        };
+        let rim = footprint.rim().filter_map(of_rim).collect();
+        let mut tracer = Self { footprint, origin, min_points: f64::from(min_points), rim };
         for column in footprint.rim() {
-            if let Some(neighbour) = tracer.may_lie_outside(column)
-                && !kept.contains(&column)
-            {
-                tracer.outside.insert(column);
-                kept.insert(neighbour);
+            if let Some(neighbour) = tracer.may_lie_outside(column) {
+                if let Some(here) = tracer.rim.get_mut(&column) {
+                    here.is_outside = true;
+                }
+                // One that has all its neighbours never counts as outside.
+                if let Some(neighbour) = tracer.rim.get_mut(&neighbour) {
+                    neighbour.is_kept = true;
+                }
             }
         }
         tracer
     }
 
     fn is_inside(&self, column: Column) -> bool {
-        self.footprint.contains(column) && !self.outside.contains(&column)
+        self.rim.get(&column).map_or_else(|| self.footprint.contains(column), |here| !here.is_outside)
+    }
+
+    fn cut(&self, column: Column) -> Option<&Cut> {
+        self.rim.get(&column).map(|here| &here.cut)
     }
 
     /// The neighbour that takes over a column's covered part, where that is less than half and can be taken over.
     fn may_lie_outside(&self, column: Column) -> Option<Column> {
-        let cut = self.cuts.get(&column)?;
-        if cut.fraction >= 0.5 {
+        let OfRim { cut, is_kept, .. } = self.rim.get(&column)?;
+        if *is_kept || cut.fraction >= 0.5 {
             return None;
         }
         let shrunk = |&side: &usize| cut.is_open(side) && !cut.is_open(side ^ 2) && cut.reach[side] < 0.5;
@@ -95,7 +110,7 @@ impl<'a> Tracer<'a> {
     /// Every edge once at least, in the order of the rim.
     fn starts(&self) -> impl Iterator<Item = Edge> {
         let of_column = move |column: Column| {
-            let is_outside = self.outside.contains(&column);
+            let is_outside = self.rim.get(&column).is_some_and(|here| here.is_outside);
             (0..4u8).filter_map(move |side| {
                 let other = beyond(column, usize::from(side));
                 match (is_outside, self.is_inside(other)) {
@@ -153,8 +168,8 @@ impl<'a> Tracer<'a> {
     fn vertex(&self, (column, side): Edge) -> Vector2<f64> {
         let side = usize::from(side);
         let outer = beyond(column, side);
-        let mine = self.cuts.get(&column);
-        let along = match self.cuts.get(&outer).filter(|_| self.outside.contains(&outer)) {
+        let mine = self.cut(column);
+        let along = match self.rim.get(&outer).filter(|outer| outer.is_outside).map(|outer| &outer.cut) {
             Some(theirs) if theirs.is_open(side) => 0.5 + theirs.reach[side],
             // The end runs along both columns: it passes the line between their middles where half is covered.
             Some(theirs) => {

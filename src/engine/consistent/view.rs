@@ -96,6 +96,7 @@ pub(crate) struct RangeGrid {
     faces: [bool; 6],
     /// Fewest points with which a cell says something.
     min_count: u32,
+    line: pixels::Line,
 }
 
 impl RangeGrid {
@@ -107,6 +108,7 @@ impl RangeGrid {
             tiles: vec![0.0; 6 * TILES * TILES],
             faces: [false; 6],
             min_count: 1,
+            line: pixels::Line::default(),
         }
     }
 

@@ -2,41 +2,46 @@
 //!
 //! So what is nearest is found down the columns first, several of them in one instruction, and along a row of cells once.
 
-use super::{BATCH, Cell, RangeGrid, cell_and_depth};
+use pulp::{Arch, Simd, WithSimd};
+
+use super::{BATCH, CELLS, RangeGrid, cell_and_depth};
 use crate::engine::points::{Depths, Rays};
 
-/// What the rows of pixels in one row of cells have so far, by column.
-struct Line {
+/// What the rows of pixels in one row of cells have so far, by column of pixels; its memory stays for the next scan.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Line {
     nearest: Vec<f32>,
     count: Vec<u32>,
+    /// For each column of cells with pixels the cell and the number of pixels.
+    columns: Vec<(u32, usize)>,
 }
 
 impl RangeGrid {
     /// Takes in a camera's pixels.
     pub(super) fn fill_pixels(&mut self, depths: &Depths) {
-        let rays = depths.rays();
-        if !is_ahead(rays) {
+        if is_ahead(depths.rays()) {
+            let mut line = std::mem::take(&mut self.line);
+            line.begin(&depths.rays().x);
+            Arch::new().dispatch(Filling { grid: self, line: &mut line, depths });
+            self.line = line;
+        } else {
             depths.list().chunks(BATCH).for_each(|batch| self.fill_batch(batch));
-            return;
-        }
-        let columns: Vec<u32> = rays.x.iter().map(|&x| cell_of([x, 0.0])).collect();
-        let mut line = Line { nearest: vec![f32::INFINITY; columns.len()], count: vec![0; columns.len()] };
-        let mut rows = depths.rows().zip(&rays.y).map(|(row, &y)| (row, cell_of([0.0, y]))).peekable();
-        while let Some((row, cell)) = rows.next() {
-            line.take(row);
-            if rows.peek().is_none_or(|(_, next)| *next != cell) {
-                self.put(&mut line, &columns, cell);
-            }
         }
     }
 
-    /// Puts a line into its row of cells and empties it.
-    fn put(&mut self, line: &mut Line, columns: &[u32], row: u32) {
-        let row = row - row % super::CELLS as u32;
-        let pixels = line.nearest.iter().zip(&line.count).zip(columns);
-        for ((&nearest, &count), column) in pixels.filter(|((_, count), _)| **count > 0) {
-            let index = row + column % super::CELLS as u32;
-            let cell: &mut Cell = &mut self.cells[index as usize];
+    /// Puts a line into its row of cells, and empties it.
+    fn put(&mut self, line: &mut Line, row: u32) {
+        let mut first = 0;
+        for &(column, pixels) in &line.columns {
+            let range = first..first + pixels;
+            first += pixels;
+            let count: u32 = line.count[range.clone()].iter().sum();
+            if count == 0 {
+                continue;
+            }
+            let nearest = line.nearest[range].iter().copied().fold(f32::INFINITY, f32::min);
+            let index = row + column;
+            let cell = &mut self.cells[index as usize];
             if cell.count == 0 {
                 self.occupied.push(index);
             }
@@ -49,10 +54,53 @@ impl RangeGrid {
 }
 
 impl Line {
+    fn begin(&mut self, rays: &[f32]) {
+        self.nearest.clear();
+        self.nearest.resize(rays.len(), f32::INFINITY);
+        self.count.clear();
+        self.count.resize(rays.len(), 0);
+        self.columns.clear();
+        for &x in rays {
+            let column = cell_of([x, 0.0]) % CELLS as u32;
+            match self.columns.last_mut() {
+                Some((last, pixels)) if *last == column => *pixels += 1,
+                _ => self.columns.push((column, 1)),
+            }
+        }
+    }
+
+    #[inline(always)]
     fn take(&mut self, row: &[f32]) {
         for ((nearest, count), &depth) in self.nearest.iter_mut().zip(&mut self.count).zip(row) {
             *nearest = if depth < *nearest { depth } else { *nearest };
             *count += u32::from(depth < f32::INFINITY);
+        }
+    }
+}
+
+/// All rows of an image, in code for the processor at hand.
+struct Filling<'a> {
+    grid: &'a mut RangeGrid,
+    line: &'a mut Line,
+    depths: &'a Depths,
+}
+
+impl WithSimd for Filling<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let row_of = |y: f32| {
+            let cell = cell_of([0.0, y]);
+            cell - cell % CELLS as u32
+        };
+        let rows = self.depths.rows().zip(&self.depths.rays().y);
+        let mut rows = rows.map(|(row, &y)| (row, row_of(y))).peekable();
+        while let Some((row, cells)) = rows.next() {
+            self.line.take(row);
+            if rows.peek().is_none_or(|(_, next)| *next != cells) {
+                self.grid.put(self.line, cells);
+            }
         }
     }
 }
@@ -65,4 +113,45 @@ fn is_ahead(rays: &Rays) -> bool {
 /// The cell of a direction ahead.
 fn cell_of([x, y]: [f32; 2]) -> u32 {
     cell_and_depth([x, y, 1.0]).0
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::engine::points::Points;
+
+    /// The occupied cells, each with what it holds.
+    fn cells(grid: &RangeGrid) -> Vec<(u32, u32, u32)> {
+        let mut cells: Vec<_> = grid.occupied.iter().copied().collect();
+        cells.sort_unstable();
+        let cell = |index: u32| grid.cells[index as usize];
+        cells.into_iter().map(|index| (index, cell(index).nearest.to_bits(), cell(index).count)).collect()
+    }
+
+    proptest! {
+        /// Rays in the middle between the borders of cells, so that rounding moves no point into the cell beside.
+        #[test]
+        fn pixels_fill_the_cells_that_their_points_fill(
+            width in 1..30_usize, scale in 1..9_usize,
+            depths in prop::collection::vec(prop_oneof![1 => Just(f32::INFINITY), 4 => 0.4_f32..6.0], 1..200),
+        ) {
+            let rays = |count: usize| -> Vec<f32> {
+                (0..count).map(|i| (0.5 + ((i * scale / 4) as f32 - count as f32).floor()) / 128.0).collect()
+            };
+            let height = depths.len() / width;
+            let depths = depths[..width * height].to_vec();
+            let depths = Depths::new(Arc::new(Rays { x: rays(width), y: rays(height) }), depths).unwrap();
+            let [mut pixels, mut points] = [RangeGrid::new(), RangeGrid::new()];
+            points.fill(&Points::F32(depths.list()));
+            // What a scan before has left behind must not matter.
+            pixels.fill(&Points::F32(vec![[0.1, 0.2, 1.0]; 9]));
+            pixels.fill(&Points::Depths(depths));
+            prop_assert_eq!(cells(&pixels), cells(&points));
+            prop_assert_eq!((&pixels.tiles, pixels.min_count), (&points.tiles, points.min_count));
+        }
+    }
 }
