@@ -1,8 +1,8 @@
 //! The one loop over the points: read, judge, keep.
 
 use super::CloudFilter;
-use super::pinhole;
 use super::layout::{Coordinate, Layout, Precision};
+use super::pinhole;
 use crate::engine::Points;
 
 /// What a message came down to.

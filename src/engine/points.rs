@@ -33,7 +33,7 @@ impl Points {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Depths {
     rays: Arc<Rays>,
-    depths: Vec<f32>,
+    pixels: Vec<f32>,
     measured: usize,
 }
 
@@ -42,7 +42,7 @@ impl Depths {
     /// for each pixel.
     pub fn new(rays: Arc<Rays>, depths: Vec<f32>) -> Option<Self> {
         let measured = depths.iter().filter(|depth| depth.is_finite()).count();
-        (depths.len() == rays.x.len() * rays.y.len()).then_some(Self { rays, depths, measured })
+        (depths.len() == rays.x.len() * rays.y.len()).then_some(Self { rays, pixels: depths, measured })
     }
 
     /// The number of pixels with a measurement.
@@ -62,7 +62,7 @@ impl Depths {
 
     /// The depths of each row (m).
     pub fn rows(&self) -> impl Iterator<Item = &[f32]> {
-        self.depths.chunks_exact(self.rays.x.len().max(1))
+        self.pixels.chunks_exact(self.rays.x.len().max(1))
     }
 
     /// The measured points, row by row.

@@ -50,7 +50,14 @@ impl Grid {
     }
 
     /// Adds what a scan put into a voxel to what it had; whether it became dense by it.
-    fn fold(&mut self, slot: BlockIndex, cell: Cell, scan: &ScanSums, weighing: &Weighing, sequence: u64) -> bool {
+    fn fold(
+        &mut self,
+        slot: BlockIndex,
+        cell: Cell,
+        scan: &ScanSums,
+        weighing: &Weighing,
+        sequence: u64,
+    ) -> bool {
         let block = &mut self.blocks[slot.0 as usize];
         let corner = Vector3::from(block.corner()) + Vector3::from(cell.coordinates());
         if block.places[cell.index()] == NO_VOXEL {
@@ -96,7 +103,10 @@ struct Weighing {
 impl Weighing {
     fn new(fixed_from_sensor: &Isometry3<f64>) -> Self {
         let rotation = fixed_from_sensor.rotation.to_rotation_matrix();
-        Self { sensor_from_fixed: rotation.matrix().transpose(), sensor: fixed_from_sensor.translation.vector }
+        Self {
+            sensor_from_fixed: rotation.matrix().transpose(),
+            sensor: fixed_from_sensor.translation.vector,
+        }
     }
 
     /// The depth of a place and the direction from there to the sensor.

@@ -68,7 +68,12 @@ impl Consistent {
         self.grid.bin(scan, now.sequence, &mut self.binned);
         done(PipelineStep::Binned);
         let mut thinned = self.clear(scan);
-        thinned.extend(self.bounds.forget(&mut self.grid, &self.binned.seen, &scan.sensor_origin(), now.sequence));
+        thinned.extend(self.bounds.forget(
+            &mut self.grid,
+            &self.binned.seen,
+            &scan.sensor_origin(),
+            now.sequence,
+        ));
         self.standpoint.follow(&scan.fixed_from_sensor, self.params.voxel_size(), now.sequence);
         let due = self.due(&thinned);
         self.surfaces.publish(&self.grid, &due, self.binned.dense.iter().copied(), now);
@@ -157,7 +162,8 @@ impl Consistent {
     /// the scan put points into and those that have lost voxels.
     fn due(&mut self, thinned: &[BlockIndex]) -> Vec<BlockIndex> {
         let grid = &self.grid;
-        self.stale.extend(self.binned.seen.iter().chain(thinned).filter(|&&block| grid.block(block).is_stale()));
+        self.stale
+            .extend(self.binned.seen.iter().chain(thinned).filter(|&&block| grid.block(block).is_stale()));
         self.stale.sort_unstable();
         self.stale.dedup();
         let (sequence, since) = (self.taken.sequence, self.standpoint.since());

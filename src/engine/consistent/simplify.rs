@@ -164,7 +164,8 @@ fn replacement([a, b, c, d]: [Vector2<f64>; 4], left: f64) -> Option<(Vector2<f6
     };
     let at = a + (b - a) * part;
     let of_c = squared_distance(c, a, at).min(squared_distance(c, at, d));
-    if !(of_c <= left * left) {
+    let is_near = of_c <= left * left;
+    if !is_near {
         return None;
     }
     // Where it lies beyond b, b lies on the new line; where it lies before b, it lies on the old one.

@@ -57,7 +57,8 @@ fn naive(scan: &Scan, voxel_size: f64) -> Naive {
 fn received(scan: &Scan, voxel_size: f64) -> (Naive, u32) {
     let mut received = Received::default();
     // What a scan before has left behind must not matter.
-    received.take(&Scan { fixed_from_sensor: Isometry3::translation(0.1, 0.0, 0.0), ..scan.clone() }, voxel_size);
+    received
+        .take(&Scan { fixed_from_sensor: Isometry3::translation(0.1, 0.0, 0.0), ..scan.clone() }, voxel_size);
     let beyond = received.take(scan, voxel_size);
     let ranks: Vec<_> = received.order.iter().map(|(rank, _)| *rank).collect();
     assert!(ranks.is_sorted_by(|a, b| a < b), "each voxel once, in order");
@@ -128,7 +129,8 @@ proptest! {
 #[test]
 fn points_beyond_the_region_are_placed_in_double_precision() {
     let points = vec![[1.0, 0.0, 0.0], [60.0, 0.0, 0.0], [-200.0, 3.0, 1.0], [2e5, 0.0, 0.0], [f32::MAX; 3]];
-    let (sums, beyond) = received(&scan(Points::F32(points), Isometry3::translation(0.025, 0.025, 0.025)), 0.05);
+    let (sums, beyond) =
+        received(&scan(Points::F32(points), Isometry3::translation(0.025, 0.025, 0.025)), 0.05);
     let voxels: Vec<_> = sums.keys().map(|&rank| place_of(rank)).collect();
     let key = |x, y, z| place(VoxelKey::new(x, y, z).unwrap());
     assert_eq!(voxels, [key(-4000, 60, 20), key(20, 0, 0), key(1200, 0, 0)]);
