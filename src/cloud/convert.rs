@@ -21,11 +21,14 @@ impl Default for Converted {
 
 /// What becomes of a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Verdict {
+enum Verdict {
     Kept,
     Invalid,
     OutOfRange,
 }
+
+/// Points that are kept together before they are added to the others.
+const BATCH: usize = 256;
 
 /// The filter, settled for the frame at hand.
 #[derive(Clone, Copy, Debug)]
@@ -65,14 +68,18 @@ impl Gate {
 
     /// A sensor marks "no measurement" as NaN or as the origin; in an optical frame nothing lies at or behind z = 0.
     #[inline]
-    pub(super) fn judge(&self, [x, y, z]: [f64; 3]) -> Verdict {
-        let finite = x.is_finite() && y.is_finite() && z.is_finite();
-        let at_origin = x == 0.0 && y == 0.0 && z == 0.0;
-        if !finite || at_origin || (self.optical && z <= 0.0) {
-            return Verdict::Invalid;
-        }
+    #[expect(clippy::needless_bitwise_bool, reason = "a lazy operator is a branch")]
+    fn judge(&self, [x, y, z]: [f64; 3]) -> Verdict {
+        let is_finite = x.is_finite() & y.is_finite() & z.is_finite();
+        let at_origin = (x == 0.0) & (y == 0.0) & (z == 0.0);
+        let is_valid = is_finite & !at_origin & (!self.optical | (z > 0.0));
         let range = if self.optical { z } else { (x * x + y * y + z * z).sqrt() };
-        if self.min_range <= range && range <= self.max_range { Verdict::Kept } else { Verdict::OutOfRange }
+        let is_in_range = (self.min_range <= range) & (range <= self.max_range);
+        match (is_valid, is_in_range) {
+            (false, _) => Verdict::Invalid,
+            (true, false) => Verdict::OutOfRange,
+            (true, true) => Verdict::Kept,
+        }
     }
 }
 
@@ -91,71 +98,76 @@ pub(super) fn convert_fast(layout: &Layout, data: &[u8], gate: &Gate) -> Option<
 
 /// The same as a list of points.
 pub(super) fn convert_list(layout: &Layout, data: &[u8], gate: &Gate) -> Converted {
-    let [x, y, z] = layout.coordinates.map(|coordinate| coordinate.offset);
-    let gathered = gather(layout, data, gate, |point| [f32_at(point, x), f32_at(point, y), f32_at(point, z)]);
-    gathered.into_converted(Points::F32)
+    match (layout.is_at_front(), layout.point_step) {
+        (true, 16) => list_of::<16>(layout, data, gate),
+        (true, 32) => list_of::<32>(layout, data, gate),
+        _ => {
+            let [x, y, z] = layout.coordinates.map(|coordinate| coordinate.offset);
+            let read = |point: &[u8]| [f32_at(point, x), f32_at(point, y), f32_at(point, z)];
+            gather(layout.points(data).map(read), layout.len(), gate, Points::F32)
+        }
+    }
+}
+
+/// The same of points of N bytes, x, y and z first: what is known when it is compiled need not be asked of each point.
+fn list_of<const N: usize>(layout: &Layout, data: &[u8], gate: &Gate) -> Converted {
+    let points = layout.rows(data).flat_map(|row| row.as_chunks::<N>().0).map(front);
+    gather(points, layout.len(), gate, Points::F32)
 }
 
 /// Any layout.
 pub(super) fn convert_plain(layout: &Layout, data: &[u8], gate: &Gate) -> Converted {
     let read =
         |point: &[u8]| layout.coordinates.map(|coordinate| coordinate.read(point, layout.is_bigendian));
+    let points = layout.points(data).map(read);
     if all_single(layout) {
         // Widened by `read`, so narrowing gives the sender's own bits back.
-        gather(layout, data, gate, |point| read(point).map(|value| value as f32)).into_converted(Points::F32)
+        let points = points.map(|point| point.map(|value| value as f32));
+        gather(points, layout.len(), gate, Points::F32)
     } else {
-        gather(layout, data, gate, read).into_converted(Points::F64)
+        gather(points, layout.len(), gate, Points::F64)
     }
+}
+
+/// The first three numbers of a point; NaN, and so invalid, past its end.
+#[inline(always)]
+pub(super) fn front<const N: usize>(point: &[u8; N]) -> [f32; 3] {
+    [0, 4, 8].map(|at| {
+        let bytes = point.get(at..).and_then(|bytes| bytes.first_chunk());
+        bytes.map_or(f32::NAN, |bytes| f32::from_le_bytes(*bytes))
+    })
 }
 
 fn all_single(layout: &Layout) -> bool {
     layout.coordinates.iter().all(|coordinate| coordinate.precision == Precision::Single)
 }
 
-/// [`Converted`] before its precision is forgotten.
-pub(super) struct Gathered<T> {
-    points: Vec<[T; 3]>,
-    invalid: u32,
-    out_of_range: u32,
-}
-
-impl<T> Gathered<T> {
-    /// None yet, with room for `points`.
-    pub(super) fn with_capacity(points: usize) -> Self {
-        Self { points: Vec::with_capacity(points), invalid: 0, out_of_range: 0 }
-    }
-
-    #[inline]
-    pub(super) fn take(&mut self, point: [T; 3], verdict: Verdict) {
-        match verdict {
-            Verdict::Kept => self.points.push(point),
-            Verdict::Invalid => self.invalid += 1,
-            Verdict::OutOfRange => self.out_of_range += 1,
-        }
-    }
-
-    pub(super) fn into_converted(self, wrap: impl Fn(Vec<[T; 3]>) -> Points) -> Converted {
-        Converted { points: wrap(self.points), invalid: self.invalid, out_of_range: self.out_of_range }
-    }
-}
-
-/// Takes every point of `data` through `read` and the gate.
-#[inline]
-fn gather<T: Copy + Into<f64>>(
-    layout: &Layout,
-    data: &[u8],
+/// Takes `count` points, or fewer, through the gate.
+#[inline(always)]
+fn gather<T: Copy + Default + Into<f64>>(
+    points: impl Iterator<Item = [T; 3]>,
+    count: usize,
     gate: &Gate,
-    read: impl Fn(&[u8]) -> [T; 3],
-) -> Gathered<T> {
+    wrap: impl Fn(Vec<[T; 3]>) -> Points,
+) -> Converted {
     // The layout fits the data, so this is at most three times the message.
-    let mut gathered = Gathered::with_capacity(layout.len());
-    for row in layout.rows(data) {
-        for bytes in row.chunks_exact(layout.point_step) {
-            let point = read(bytes);
-            gathered.take(point, gate.judge(point.map(Into::into)));
+    let mut all = Vec::with_capacity(count);
+    let (mut invalid, mut out_of_range) = (0, 0);
+    let (mut batch, mut kept) = ([[T::default(); 3]; BATCH], 0);
+    points.for_each(|point| {
+        let verdict = gate.judge(point.map(Into::into));
+        // Written without asking, and overwritten where it is not kept: a branch costs more.
+        batch[kept] = point;
+        kept += usize::from(verdict == Verdict::Kept);
+        invalid += u32::from(verdict == Verdict::Invalid);
+        out_of_range += u32::from(verdict == Verdict::OutOfRange);
+        if kept == BATCH {
+            all.extend_from_slice(&batch);
+            kept = 0;
         }
-    }
-    gathered
+    });
+    all.extend_from_slice(&batch[..kept]);
+    Converted { points: wrap(all), invalid, out_of_range }
 }
 
 impl Coordinate {

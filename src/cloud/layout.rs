@@ -167,6 +167,20 @@ impl Layout {
         self.height * (self.row_bytes / self.point_step)
     }
 
+    /// Whether x, y and z stand first in a point, in single precision.
+    pub(super) fn is_at_front(&self) -> bool {
+        let is_at = |(coordinate, at): (&Coordinate, usize)| {
+            coordinate.offset == at && coordinate.precision == Precision::Single
+        };
+        self.coordinates.iter().zip([0, 4, 8]).all(is_at)
+    }
+
+    /// The bytes of each point.
+    pub(super) fn points<'a>(&self, data: &'a [u8]) -> impl Iterator<Item = &'a [u8]> {
+        let point_step = self.point_step;
+        self.rows(data).flat_map(move |row| row.chunks_exact(point_step))
+    }
+
     /// The rows of `data` without their padding; each is a whole number of points.
     pub(super) fn rows<'a>(&self, data: &'a [u8]) -> impl Iterator<Item = &'a [u8]> {
         let row_bytes = self.row_bytes;

@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::convert::{Converted, Gate};
+use super::convert::{Converted, Gate, front};
 use super::layout::Layout;
 use crate::engine::{Depths, Points, Rays};
 
@@ -24,8 +24,7 @@ const TOLERANCE: f32 = 1e-6;
 /// The depths of an organized cloud in an optical frame; `None` where it is no pinhole camera's.
 pub(super) fn depths(layout: &Layout, data: &[u8], gate: &Gate) -> Option<Converted> {
     let [width, height] = layout.size();
-    let is_at_front = layout.coordinates.iter().map(|coordinate| coordinate.offset).eq([0, 4, 8]);
-    if !gate.is_optical() || !is_at_front || width < LEAST_SIDE || height < LEAST_SIDE {
+    if !gate.is_optical() || !layout.is_at_front() || width < LEAST_SIDE || height < LEAST_SIDE {
         return None;
     }
     match layout.point_step {
@@ -106,7 +105,7 @@ impl<const N: usize> WithSimd for Reading<'_, N> {
             let begin = self.depths.len();
             self.depths.extend(points.iter().zip(&mut xs).zip(&mut ys).map(|((point, x), y)| {
                 let z;
-                [*x, *y, z] = coordinates(point);
+                [*x, *y, z] = front(point);
                 z
             }));
             let tally = self.judge.row([&xs, &ys], &mut self.depths[begin..], row_ray);
@@ -120,21 +119,13 @@ impl<const N: usize> WithSimd for Reading<'_, N> {
     }
 }
 
-#[inline(always)]
-fn coordinates<const N: usize>(point: &[u8; N]) -> [f32; 3] {
-    [0, 4, 8].map(|at| {
-        let bytes = point.get(at..).and_then(|bytes| bytes.first_chunk());
-        bytes.map_or(f32::NAN, |bytes| f32::from_le_bytes(*bytes))
-    })
-}
-
 /// The line x / z over the column and the line y / z over the row that some of the points lie on.
 fn find_rays<const N: usize>(layout: &Layout, data: &[u8]) -> Option<Rays> {
     let (mut xs, mut ys) = (Line::default(), Line::default());
     let [width, height] = layout.size();
     for (v, row) in layout.rows(data).enumerate().step_by(height / SAMPLED) {
         for (u, point) in row.as_chunks::<N>().0.iter().enumerate().step_by(width / SAMPLED) {
-            let [x, y, z] = coordinates(point).map(f64::from);
+            let [x, y, z] = front(point).map(f64::from);
             if x.is_finite() && y.is_finite() && z.is_finite() && z > 0.0 {
                 xs.add(u as f64, x / z);
                 ys.add(v as f64, y / z);

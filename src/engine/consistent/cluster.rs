@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::exact::Exact;
 use super::footprint::{Axis, Content, Footprint};
 use super::state::State;
+use crate::engine::binning::nearest;
 use crate::engine::key::{ClusterId, VoxelKey};
 use crate::engine::scan::Stamp;
 use crate::engine::snapshot;
@@ -125,7 +126,7 @@ pub(super) fn content(state: &State, axis: Axis) -> Content {
     let units = f64::from(super::footprint::UNITS);
     let moments = axis.others().map(|i| {
         let square = state.spread[(i, i)].max(0.0) + within[i] * within[i];
-        [POINTS * units * within[i], POINTS * units * units * square].map(|sum| sum.max(0.0).round() as u64)
+        [POINTS * units * within[i], POINTS * units * units * square].map(|sum| nearest(sum.max(0.0)) as u64)
     });
     Content {
         voxels: 1,

@@ -7,6 +7,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::state::State;
+use crate::engine::binning::nearest;
 
 /// Units of a mean in a voxel.
 const UNITS: f64 = 1_048_576.0;
@@ -36,8 +37,8 @@ fn symmetric([xx, xy, xz, yy, yz, zz]: [f64; 6]) -> Matrix3<f64> {
 impl Exact {
     /// Of one voxel; `corner` is that of its block.
     pub(super) fn of(state: &State, corner: [i32; 3]) -> Self {
-        let weight = (state.mean_weight * WEIGHT_UNITS).round().max(1.0) as i128;
-        let whole = |value: f64| (value * UNITS).round() as i128;
+        let weight = i128::from(nearest(state.mean_weight * WEIGHT_UNITS).max(1));
+        let whole = |value: f64| i128::from(nearest(value * UNITS));
         let mean: [i128; 3] =
             std::array::from_fn(|axis| whole(state.mean[axis]) + (i128::from(corner[axis]) << 20));
         let [x, y, z] = mean;

@@ -28,6 +28,7 @@
 //! Units are metres, in the sensor's frame where nothing else is said.
 
 use nalgebra::{Point3, Rotation3, Vector3};
+use pulp::{Arch, Simd, WithSimd};
 
 pub(crate) use clearance::Clearance;
 
@@ -116,23 +117,18 @@ impl RangeGrid {
     pub(crate) fn fill(&mut self, points: &Points) {
         self.clear();
         match points {
-            Points::F32(points) => {
-                for batch in points.chunks(BATCH) {
-                    self.fill_batch(batch);
-                }
-            }
+            Points::F32(points) => self.fill_list(points),
             Points::F64(points) => {
-                let mut converted = [[0.0; 3]; BATCH];
-                for batch in points.chunks(BATCH) {
-                    for (to, from) in converted.iter_mut().zip(batch) {
-                        *to = from.map(|coordinate| coordinate as f32);
-                    }
-                    self.fill_batch(&converted[..batch.len()]);
-                }
+                let points: Vec<_> = points.iter().map(|point| point.map(|c| c as f32)).collect();
+                self.fill_list(&points);
             }
             Points::Depths(depths) => self.fill_pixels(depths),
         }
         self.finish(points.len());
+    }
+
+    fn fill_list(&mut self, points: &[[f32; 3]]) {
+        Arch::new().dispatch(Filling { grid: self, points });
     }
 
     fn clear(&mut self) {
@@ -143,6 +139,7 @@ impl RangeGrid {
         self.faces = [false; 6];
     }
 
+    #[inline(always)]
     fn fill_batch(&mut self, batch: &[[f32; 3]]) {
         let (mut cells, mut depths) = ([0_u32; BATCH], [0.0_f32; BATCH]);
         for ((cell, depth), &point) in cells.iter_mut().zip(&mut depths).zip(batch) {
@@ -218,6 +215,21 @@ impl RangeGrid {
     }
 }
 
+/// A list of points, in code for the processor at hand.
+struct Filling<'a> {
+    grid: &'a mut RangeGrid,
+    points: &'a [[f32; 3]],
+}
+
+impl WithSimd for Filling<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        self.points.chunks(BATCH).for_each(|batch| self.grid.fill_batch(batch));
+    }
+}
+
 /// How far a cube with this edge, parallel to the axes of the fixed frame, reaches from its centre along those of the
 /// sensor's frame: from half an edge to half a diagonal. The same for all voxels of a scan.
 pub(crate) fn half_extents(sensor_from_fixed: &Rotation3<f64>, edge: f64) -> Vector3<f64> {
@@ -233,7 +245,7 @@ const fn split(index: usize) -> (usize, usize, usize) {
 ///
 /// Without a branch or a sum that is checked, so that several points are done at once. Rounding may put a point on a border into the cell beside it, so a box is looked at with
 /// a border or a padding.
-#[inline]
+#[inline(always)]
 #[expect(clippy::needless_bitwise_bool, reason = "a lazy operator is a branch")]
 fn cell_and_depth([x, y, z]: [f32; 3]) -> (u32, f32) {
     let (ax, ay, az) = (x.abs(), y.abs(), z.abs());
@@ -263,7 +275,7 @@ fn cell_and_depth([x, y, z]: [f32; 3]) -> (u32, f32) {
 }
 
 /// The cell of a coordinate at depth 1, which is in -1 ..= 1.
-#[inline]
+#[inline(always)]
 fn whole_cell(tangent: f32) -> u32 {
     /// Floats from here to twice this are the whole numbers, and their last bits are those numbers.
     const WHOLE: f32 = 8_388_608.0;

@@ -4,7 +4,7 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::{BATCH, CELLS, RangeGrid, cell_and_depth};
+use super::{CELLS, RangeGrid, cell_and_depth};
 use crate::engine::points::{Depths, Rays};
 
 /// What the rows of pixels in one row of cells have so far, by column of pixels; its memory stays for the next scan.
@@ -25,7 +25,7 @@ impl RangeGrid {
             Arch::new().dispatch(Filling { grid: self, line: &mut line, depths });
             self.line = line;
         } else {
-            depths.list().chunks(BATCH).for_each(|batch| self.fill_batch(batch));
+            self.fill_list(&depths.list());
         }
     }
 
