@@ -1,0 +1,217 @@
+//! What a scan and the map cost against the size of the map, up to 10 million dense voxels of 8 cm.
+//!
+//! A building of storeys, rooms and a corridor each (`scale/building`) grows by eighteen views of each place in turn. At each
+//! size a depth camera drives into two rooms that the map has known since its beginning, and into the next two that it does
+//! not: a hundred scans each, always on the same way, whose median and 99th percentile are told, and the resident memory by
+//! dense voxel. One room of the two is shut, so that its surfaces are the same at every size; through the door of the other its
+//! floor is one with that of the storey, and a cluster costs its rim where it changes.
+//!
+//! Then the longest scan while the map grew, step by step beside what is usual for the same view elsewhere, and the longest
+//! binning: in it the lists of blocks double. Takes minutes and 8 GB; with `--test` seconds. A path as argument is where the
+//! figure goes, `target/scale.svg` else.
+#![allow(missing_docs, clippy::unwrap_used, clippy::print_stdout, reason = "a benchmark")]
+
+#[path = "scale/building.rs"]
+mod building;
+#[path = "scale/camera.rs"]
+mod camera;
+#[path = "scale/figure.rs"]
+mod figure;
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::time::Instant;
+
+use cfodi::engine::{ClusterId, Engine, Params, Update};
+
+use crate::building::{Place, View};
+use crate::camera::Camera;
+
+// As the node does.
+#[global_allocator]
+static ALLOCATOR: tikv_jemallocator::Jemalloc = tikv_jemallocator::Jemalloc;
+
+const SIZES: [u32; 5] = [10_000, 100_000, 1_000_000, 3_000_000, 10_000_000];
+/// Scans of a drive before those that count: what the views before have left to be published has been by then.
+const LEAD: usize = 30;
+const COUNTED: usize = 100;
+/// What the last line is about.
+const BEYOND: f64 = 1e8;
+
+/// Of the scans of a drive (ms).
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Times {
+    pub(crate) median: f64,
+    pub(crate) p99: f64,
+}
+
+/// The map at one size.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Row {
+    /// Dense ones.
+    pub(crate) voxels: u32,
+    pub(crate) bytes: f64,
+    /// In rooms seen before, with a shut and with an open door, and in new ones.
+    pub(crate) times: [Times; 4],
+}
+
+/// A scan by which the map grew.
+#[derive(Clone, Debug)]
+struct Growing {
+    /// The same for like views of like places.
+    kind: usize,
+    voxels: u32,
+    steps: Steps,
+}
+
+/// What binning, clustering and describing took (ms).
+type Steps = [f64; 3];
+
+struct Bench {
+    engine: Engine,
+    camera: Camera,
+    /// Voxels by cluster, as one knows them who hears the updates.
+    told: BTreeMap<ClusterId, u32>,
+    dense: u32,
+    /// Bytes before the map.
+    before: f64,
+    /// The next view by which the map grows.
+    next: usize,
+    growing: Vec<Growing>,
+}
+
+fn main() {
+    let arguments: Vec<_> = std::env::args().skip(1).collect();
+    let is_test = arguments.iter().any(|argument| argument == "--test");
+    let path = arguments.iter().find(|argument| !argument.starts_with("--"));
+    let path = path
+        .map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("target/scale.svg"), PathBuf::from);
+    let sizes: &[u32] = if is_test { &[10_000, 60_000] } else { &SIZES };
+    let counted = if is_test { 10 } else { COUNTED };
+    let mut bench = Bench::new();
+    for room in Place::rooms(0) {
+        bench.drive(room, counted);
+    }
+    println!(
+        "a scan, median and p99 (ms), of rooms seen before with the door shut, open; of new ones, shut, open"
+    );
+    println!("{:>12} {:>12} {:>8} {:>6} {:>8}", "dense voxels", "with points", "clusters", "MB", "B/voxel");
+    let rows: Vec<_> = sizes.iter().map(|&size| bench.row(size, counted)).collect();
+    tell_ratios(&rows[0], &rows[rows.len() - 1]);
+    bench.tell_longest("scan", |steps| steps.iter().sum());
+    bench.tell_longest("binning", |steps| steps[0]);
+    tell_beyond(&rows[rows.len() - 1]);
+    if is_test {
+        assert_eq!(bench.engine.snapshot().voxels.len(), bench.dense as usize, "the updates tell all");
+    }
+    figure::draw(&rows, &path).unwrap();
+    println!("{}", path.display());
+}
+
+impl Bench {
+    fn new() -> Self {
+        let mut camera = Camera::new();
+        drop(camera.scan(&Place(0).view(0)));
+        let engine = Engine::new(Params::default());
+        let (told, growing) = (BTreeMap::new(), Vec::new());
+        Self { engine, camera, told, dense: 0, before: resident(), next: 0, growing }
+    }
+
+    /// Grows to this size and drives.
+    fn row(&mut self, size: u32, counted: usize) -> Row {
+        while self.dense < size {
+            self.grow();
+        }
+        let voxels = self.dense;
+        let bytes = resident() - self.before;
+        print!("{voxels:12} {:12} {:8}", self.engine.voxel_count(), self.told.len());
+        print!(" {:6.0} {:8.0}", bytes / 1e6, bytes / f64::from(voxels));
+        let next = self.next.div_ceil(Place::KINDS * Place::VIEWS).max(1);
+        let [[a, b], [c, d]] = [0, next].map(Place::rooms);
+        let times = [a, b, c, d].map(|room| self.drive(room, counted));
+        times.iter().for_each(|times| print!(" {:8.2} {:6.2}", times.median, times.p99));
+        println!();
+        Row { voxels, bytes, times }
+    }
+
+    fn drive(&mut self, room: Place, counted: usize) -> Times {
+        let scans = (0..LEAD + counted).map(|image| self.insert(&room.drive(image)).iter().sum());
+        let mut times: Vec<f64> = scans.skip(LEAD).collect();
+        times.sort_by(f64::total_cmp);
+        Times { median: times[times.len() / 2], p99: times[(times.len() * 99).div_ceil(100) - 1] }
+    }
+
+    fn grow(&mut self) {
+        let view = Place(self.next / Place::VIEWS).view(self.next % Place::VIEWS);
+        let steps = self.insert(&view);
+        let kind = self.next % (Place::KINDS * Place::VIEWS);
+        self.growing.push(Growing { kind, voxels: self.dense, steps });
+        self.next += 1;
+    }
+
+    fn insert(&mut self, view: &View) -> Steps {
+        let scan = self.camera.scan(view);
+        let mut last = Instant::now();
+        let mut steps = Vec::with_capacity(3);
+        let update = self.engine.insert_observed(&scan, |_| {
+            let begin = std::mem::replace(&mut last, Instant::now());
+            steps.push((last - begin).as_secs_f64() * 1e3);
+        });
+        self.follow(&update);
+        steps.try_into().unwrap()
+    }
+
+    fn follow(&mut self, update: &Update) {
+        for id in &update.removed {
+            self.told.remove(id);
+        }
+        let told = update.changed.iter().map(|changed| (changed.cluster.id, changed.cluster.voxel_count));
+        self.told.extend(told);
+        self.dense = self.told.values().sum::<u32>() + update.unclustered_voxels;
+    }
+
+    /// The scan by which the map grew that `took` longest, beside what is usual for its view.
+    fn tell_longest(&self, of: &str, took: impl Fn(&Steps) -> f64) {
+        let longest = self.growing.iter().max_by(|a, b| took(&a.steps).total_cmp(&took(&b.steps)));
+        let Some(longest) = longest else { return };
+        let like: Vec<_> = self.growing.iter().filter(|growing| growing.kind == longest.kind).collect();
+        let median = |took: &dyn Fn(&Steps) -> f64| {
+            let mut times: Vec<_> = like.iter().map(|growing| took(&growing.steps)).collect();
+            times.sort_by(f64::total_cmp);
+            times[times.len() / 2]
+        };
+        let (most, usual) = (took(&longest.steps), median(&took));
+        let more = 100.0 * (1.0 - usual / most);
+        println!(
+            "longest {of} while growing: {most:.1} ms, {more:.0} % of it beyond what is usual, at {} voxels, of {} scans",
+            longest.voxels,
+            self.growing.len()
+        );
+        for (step, name) in ["binning", "clustering", "describing"].into_iter().enumerate() {
+            println!("  {name} {:.1} ms, usually {:.1}", longest.steps[step], median(&|steps| steps[step]));
+        }
+    }
+}
+
+fn tell_ratios(first: &Row, last: &Row) {
+    let ratios: Vec<_> =
+        (0..4).map(|drive| format!("{:.2}", last.times[drive].median / first.times[drive].median)).collect();
+    println!("medians at {} by those at {}: {}", last.voxels, first.voxels, ratios.join(", "));
+}
+
+fn tell_beyond(row: &Row) {
+    let bytes = row.bytes / f64::from(row.voxels);
+    println!(
+        "100 million would need {:.0} GB; u32 numbers voxels, blocks and patches up to 4.29 billion, and a single surface \
+         may have 2^27 voxels",
+        bytes * BEYOND / 1e9
+    );
+}
+
+/// Bytes that the process has in memory; 0 where the system does not tell.
+fn resident() -> f64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
+    let kilobytes: Option<f64> = line.and_then(|line| line.trim().trim_end_matches(" kB").parse().ok());
+    kilobytes.unwrap_or(0.0) * 1024.0
+}
