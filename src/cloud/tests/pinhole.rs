@@ -65,7 +65,7 @@ proptest! {
         message.data[at..at + 4].copy_from_slice(&moved.to_le_bytes());
         let [any, list] = both(&message);
         // Far beyond the range a millimetre may lie within the tolerance.
-        if depths[(at / 16) as usize] < 6.0 {
+        if depths[at / 16] < 6.0 {
             prop_assert_eq!(any, list);
         }
     }

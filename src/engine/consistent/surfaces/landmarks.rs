@@ -3,8 +3,8 @@
 //!
 //! **Kept true.** They are those of the clusters as they are told of: [`Landmarks::set`] is called wherever that changes.
 //!
-//! **Cost.** To look costs O(log) and what is within [`CELL`] m in plan; to set follows the area of the cluster. Neither
-//! follows the map.
+//! **Cost.** To look costs O(log) and what is within [`CELL`] m; to set follows the area of the cluster. Neither follows the
+//! map, nor the storeys of a house.
 
 use std::cmp::Ordering;
 use std::collections::{BTreeMap, BTreeSet};
@@ -17,13 +17,13 @@ use crate::engine::snapshot::Cluster;
 
 /// Area from which on a level surface that faces up can be the floor (m^2).
 const FLOOR_AREA: f64 = 1.0;
-/// Edge of a cell of the plan (m): a few of them cover a wall, and a few walls are in each.
+/// Edge of a cell (m): a few of them cover a wall, and a few walls are in each.
 const CELL: f64 = 2.0;
 /// For the rounding of poses (m).
 const SLACK: f64 = 1e-3;
 
-/// Integer place of a cell: x and y divided by [`CELL`], rounded down.
-type CellKey = [i32; 2];
+/// Integer place of a cell: x, y and z divided by [`CELL`], rounded down.
+type CellKey = [i32; 3];
 
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Landmarks {
@@ -92,7 +92,7 @@ impl Landmarks {
     /// Upright components, among them all that one of these points can be beside.
     pub(super) fn near(&self, points: &[Point3<f64>]) -> BTreeSet<ComponentId> {
         let of_cell = |cell| self.uprights.range((cell, ComponentId(0))..=(cell, ComponentId(u32::MAX)));
-        let cells = points.iter().map(|point| [point.x, point.y].map(index));
+        let cells = points.iter().map(|point| [point.x, point.y, point.z].map(index));
         cells.flat_map(of_cell).map(|(_, component)| *component).collect()
     }
 }
@@ -123,11 +123,13 @@ fn cells(cluster: &Cluster) -> Vec<CellKey> {
     for (i, j) in (0..along).flat_map(|i| (0..upwards).map(move |j| (i, j))) {
         let middle = [2 * i + 1 - along, 2 * j + 1 - upwards].map(f64::from);
         let middle = cluster.pose * Point3::new(middle[0] * piece.x, middle[1] * piece.y, 0.0);
-        let [xs, ys] = [0, 1].map(|axis| {
+        let [xs, ys, zs] = [0, 1, 2].map(|axis| {
             let (at, to) = (middle[axis], extent[axis] + SLACK);
             index(at - to)..=index(at + to)
         });
-        cells.extend(xs.flat_map(|x| ys.clone().map(move |y| [x, y])));
+        for x in xs {
+            cells.extend(ys.clone().flat_map(|y| zs.clone().map(move |z| [x, y, z])));
+        }
     }
     cells.sort_unstable();
     cells.dedup();

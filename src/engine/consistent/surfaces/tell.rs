@@ -21,8 +21,10 @@ use crate::engine::snapshot::{self, ChangedCluster};
 const TOLD: u32 = 10;
 const NO_LONGER_TOLD: u32 = 7;
 
-/// Every cluster is described anew at least once in so many scans, a second of a Kinect's.
-const ROUND: u64 = 30;
+/// Every cluster is looked at again once in so many scans, a second of a Kinect's; in a large map in more scans, for no
+/// scan looks at more than [`LOOKS`].
+const ROUND: usize = 30;
+const LOOKS: usize = 16;
 
 impl Surfaces {
     /// The clusters that are told of, by ascending id, each as it was told of last.
@@ -60,8 +62,7 @@ impl Surfaces {
         now: Now,
     ) -> Vec<ChangedCluster> {
         let mut due: BTreeSet<_> = self.changed.clone();
-        let turn = (now.sequence % ROUND) as u32..self.clusters.len() as u32;
-        due.extend(turn.step_by(ROUND as usize).map(ComponentId));
+        due.extend(self.in_turn(now));
         for &component in &due {
             let changed = self.changed.contains(&component);
             self.describe_shape(component, changed, params, now);
@@ -82,6 +83,14 @@ impl Surfaces {
             }
         }
         self.finish(&due)
+    }
+
+    /// The clusters whose turn it is to be looked at though nothing has changed.
+    fn in_turn(&self, now: Now) -> impl Iterator<Item = ComponentId> + use<> {
+        let all = self.clusters.len() as u64;
+        let looks = self.clusters.len().div_ceil(ROUND).min(LOOKS) as u64;
+        let first = now.sequence * looks;
+        (first..first + looks).map(move |look| ComponentId((look % all) as u32))
     }
 
     /// The larger upright clusters that this one stands beside.

@@ -126,7 +126,7 @@ mod tests {
 
     /// The occupied cells, each with what it holds.
     fn cells(grid: &RangeGrid) -> Vec<(u32, u32, u32)> {
-        let mut cells: Vec<_> = grid.occupied.iter().copied().collect();
+        let mut cells = grid.occupied.clone();
         cells.sort_unstable();
         let cell = |index: u32| grid.cells[index as usize];
         cells.into_iter().map(|index| (index, cell(index).nearest.to_bits(), cell(index).count)).collect()

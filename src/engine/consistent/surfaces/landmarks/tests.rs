@@ -123,9 +123,11 @@ fn a_wall_at_a_slant_is_in_the_cells_along_it_and_not_in_those_of_the_square_aro
     let half_pi = std::f64::consts::FRAC_PI_2;
     let mut landmarks = Landmarks::default();
     landmarks.set(ComponentId(0), Some(&rectangle([0.0; 3], [0.5 * half_pi, 0.0, half_pi], [80.0, 2.5])));
-    assert!(landmarks.uprights.len() < 200, "{}", landmarks.uprights.len());
-    let is_near = |x, y| !landmarks.near(&[Point3::new(x, y, 0.0)]).is_empty();
-    assert!(is_near(20.0, 20.0) && is_near(-28.0, -28.0) && !is_near(20.0, -20.0));
+    let plan: BTreeSet<_> = landmarks.uprights.iter().map(|([x, y, _], _)| [x, y]).collect();
+    assert!(plan.len() < 200, "{}", plan.len());
+    let is_near = |x, y, z| !landmarks.near(&[Point3::new(x, y, z)]).is_empty();
+    assert!(is_near(20.0, 20.0, 0.0) && is_near(-28.0, -28.0, 0.0) && !is_near(20.0, -20.0, 0.0));
+    assert!(!is_near(20.0, 20.0, 9.0), "three storeys above");
     landmarks.set(ComponentId(0), None);
     assert_eq!(landmarks, Landmarks::default());
 }
