@@ -1,8 +1,8 @@
 //! The sparse grid: voxels in blocks of 8 x 8 x 8.
 //!
-//! A block is found by one hash look-up a run of points that stay in one voxel; neighbouring blocks know each other, so
-//! that walks over the neighbourhood need none. Sums are exact and free of order (see `sums`), and so are the places of
-//! blocks: those that a scan brings are numbered by their keys.
+//! A block is found by one hash look-up a scan; neighbouring blocks know each other, so that walks over the neighbourhood
+//! need none. Sums are exact and free of order (see `sums`), and so are the places of blocks: those that a scan brings are
+//! numbered in the order of their keys.
 //!
 //! A block that has lost all its voxels gives its memory back and its place to the next block that comes
 //! ([`Grid::release`]); it keeps 1.5 KB until then, so memory follows the most blocks that were there at once.
