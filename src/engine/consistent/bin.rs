@@ -2,6 +2,7 @@
 //!
 //! What a voxel received (`received`) is folded into its sums at the end, with one weight, so that the order of points does
 //! not matter. Voxels come in the order of their blocks, so a block is looked up once.
+
 use nalgebra::{Isometry3, Matrix3, Vector3};
 
 use super::block::{BlockIndex, Cell, NO_VOXEL, Voxel};
