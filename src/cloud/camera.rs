@@ -29,7 +29,8 @@ impl Camera {
     ///
     /// # Errors
     ///
-    /// [`CloudError::BadIntrinsics`] where a focal length is not above 0 or a number is not finite.
+    /// [`CloudError::BadIntrinsics`] where a focal length is not above 0, or a number or the direction of a pixel is not
+    /// finite.
     pub fn from_info(info: &CameraInfo) -> Result<Self, CloudError> {
         let (k, p, roi) = (&info.k, &info.p, &info.roi);
         let [fx, fy, cx, cy] = if p[0] == 0.0 { [k[0], k[4], k[2], k[5]] } else { [p[0], p[5], p[2], p[6]] };

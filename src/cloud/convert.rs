@@ -93,7 +93,7 @@ pub(super) fn convert_fast(layout: &Layout, data: &[u8], gate: &Gate) -> Option<
     if layout.is_bigendian || !all_single(layout) {
         return None;
     }
-    pinhole::depths(layout, data, gate).or_else(|| Some(convert_list(layout, data, gate)))
+    Some(pinhole::depths(layout, data, gate).unwrap_or_else(|| convert_list(layout, data, gate)))
 }
 
 /// The same as a list of points.

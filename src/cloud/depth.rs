@@ -249,7 +249,7 @@ impl Sight<'_> {
         let reading = Reading { sight: self, grid, read, depths: &mut depths };
         let [measured, kept] = Arch::new().dispatch(reading);
         let invalid = depths.len() as u32 - measured;
-        let depths = Depths::new(Arc::new(self.camera.rays()), depths);
+        let depths = Depths::counted(Arc::new(self.camera.rays()), depths, kept as usize);
         debug_assert!(depths.is_some(), "the image has the camera's size");
         depths.map_or_else(Converted::default, |depths| Converted {
             points: Points::Depths(depths),

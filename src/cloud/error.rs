@@ -90,7 +90,9 @@ pub enum CloudError {
         got: usize,
     },
     /// A `sensor_msgs/CameraInfo` that projects nothing.
-    #[error("camera_info has fx {fx}, fy {fy}, cx {cx}, cy {cy}; all must be finite, fx and fy above 0")]
+    #[error(
+        "camera_info has fx {fx}, fy {fy}, cx {cx}, cy {cy}; all must be finite, fx and fy above 0 and not so small that a pixel looks nowhere"
+    )]
     BadIntrinsics {
         /// Focal length (px).
         fx: f64,

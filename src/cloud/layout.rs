@@ -2,7 +2,7 @@
 
 use super::CloudError;
 use crate::engine::Stamp;
-use crate::msg::ros::{Header, MAX_FRAME_ID_BYTES, PointField};
+use crate::msg::ros::{Header, MAX_FRAME_ID_BYTES, PointCloud2, PointField};
 
 /// Most fields of a point; drivers send 3 to 9.
 pub const MAX_FIELDS: usize = 64;
@@ -42,7 +42,21 @@ pub(super) fn frame_id(header: &Header) -> Result<&str, CloudError> {
     }
 }
 
-impl Description<'_> {
+impl<'a> Description<'a> {
+    /// That of a message in memory.
+    pub(super) fn of(message: &'a PointCloud2) -> Self {
+        Self {
+            header: &message.header,
+            height: message.height,
+            width: message.width,
+            fields: &message.fields,
+            field_count: message.fields.len(),
+            is_bigendian: message.is_bigendian,
+            point_step: message.point_step,
+            row_step: message.row_step,
+        }
+    }
+
     /// Where the coordinate `field` lies in a point.
     fn coordinate(&self, field: &'static str) -> Result<Coordinate, CloudError> {
         let mut found = self.fields.iter().filter(|candidate| candidate.name == field);

@@ -104,17 +104,7 @@ impl Optical {
 ///
 /// A [`CloudError`] where the message contradicts itself or exceeds a bound; never [`CloudError::Undecodable`].
 pub fn decode(message: &PointCloud2, filter: &CloudFilter) -> Result<Cloud, CloudError> {
-    let description = Description {
-        header: &message.header,
-        height: message.height,
-        width: message.width,
-        fields: &message.fields,
-        field_count: message.fields.len(),
-        is_bigendian: message.is_bigendian,
-        point_step: message.point_step,
-        row_step: message.row_step,
-    };
-    cloud_from(&description, &message.data, filter)
+    cloud_from(&Description::of(message), &message.data, filter)
 }
 
 /// What both ways in come down to.

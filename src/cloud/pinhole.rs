@@ -44,7 +44,7 @@ fn depths_of<const N: usize>(layout: &Layout, data: &[u8], gate: &Gate) -> Optio
     let reading = Reading::<N> { layout, data, judge: &judge, depths: &mut depths };
     let tally = Arch::new().dispatch(reading)?;
     let invalid = depths.len() as u32 - tally.measured;
-    let points = Points::Depths(Depths::new(Arc::new(rays), depths)?);
+    let points = Points::Depths(Depths::counted(Arc::new(rays), depths, tally.kept as usize)?);
     Some(Converted { points, invalid, out_of_range: tally.measured - tally.kept })
 }
 

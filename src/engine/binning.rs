@@ -60,6 +60,7 @@ impl Fixed {
 const ROUNDING: f64 = 6_755_399_441_055_744.0;
 
 /// The nearest whole number of a value within 2^51. (`f64::round` is a call on plain x86-64.)
+#[inline(always)]
 pub(crate) fn nearest(value: f64) -> i64 {
     (value + ROUNDING).to_bits() as i64 - ROUNDING.to_bits() as i64
 }

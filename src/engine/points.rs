@@ -2,14 +2,15 @@
 
 use std::sync::Arc;
 
-/// Points as the sensor sent them, without a conversion that would lose digits.
+/// Points as the sensor sent them, in the precision they came in.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Points {
     /// Single precision.
     F32(Vec<[f32; 3]>),
     /// Double precision: clouds that somebody has already put into a far-away frame.
     F64(Vec<[f64; 3]>),
-    /// The depths of a camera's pixels: what a Kinect measures, whether it comes as a depth image or as a cloud.
+    /// The depths of a camera's pixels: what a Kinect measures, whether it comes as a depth image or as a cloud. x and y
+    /// follow from the depth, to a millionth of it.
     Depths(Depths),
 }
 
@@ -42,6 +43,12 @@ impl Depths {
     /// for each pixel.
     pub fn new(rays: Arc<Rays>, depths: Vec<f32>) -> Option<Self> {
         let measured = depths.iter().filter(|depth| depth.is_finite()).count();
+        Self::counted(rays, depths, measured)
+    }
+
+    /// The same where it is known how many were measured.
+    pub(crate) fn counted(rays: Arc<Rays>, depths: Vec<f32>, measured: usize) -> Option<Self> {
+        debug_assert_eq!(measured, depths.iter().filter(|depth| depth.is_finite()).count());
         (depths.len() == rays.x.len() * rays.y.len()).then_some(Self { rays, pixels: depths, measured })
     }
 

@@ -21,17 +21,7 @@ fn cloud_of(depths: &[f32], step: u32) -> PointCloud2 {
 
 /// By the way for any cloud and by the way for lists.
 fn both(message: &PointCloud2) -> [Converted; 2] {
-    let description = Description {
-        header: &message.header,
-        height: message.height,
-        width: message.width,
-        fields: &message.fields,
-        field_count: message.fields.len(),
-        is_bigendian: false,
-        point_step: message.point_step,
-        row_step: message.row_step,
-    };
-    let layout = Layout::check(&description, message.data.len(), u32::MAX).unwrap().unwrap();
+    let layout = Layout::check(&Description::of(message), message.data.len(), u32::MAX).unwrap().unwrap();
     let gate = Gate::new(&KINECT, true);
     [convert_fast(&layout, &message.data, &gate).unwrap(), convert_list(&layout, &message.data, &gate)]
 }

@@ -85,11 +85,7 @@ proptest! {
         }
         message.is_bigendian = false;
         message.data = bytes;
-        let description = Description {
-            header: &message.header, height, width, fields: &message.fields, field_count: 3,
-            is_bigendian: false, point_step: message.point_step, row_step: message.row_step,
-        };
-        let layout = Layout::check(&description, message.data.len(), u32::MAX).unwrap().unwrap();
+        let layout = Layout::check(&Description::of(&message), message.data.len(), u32::MAX).unwrap().unwrap();
         let everything = CloudFilter { min_range: 0.0, max_range: f64::MAX, ..KINECT };
         let gate = Gate::new(&everything, optical);
         let fast = convert_fast(&layout, &message.data, &gate).unwrap();

@@ -10,9 +10,9 @@
 //!
 //! **Delay.** A block is looked at in every third scan, so five looks take 13 to 15 scans, half a second of a Kinect's.
 //!
-//! **Cost.** A fifth of a nanosecond a pixel of a camera for the ranges, or 2 to 3 a point of a list, and one ray for each voxel with points in a third of the blocks in view; the
-//! body is asked for only where that ray ends beyond the mean. It follows the scan and the view, which ends at
-//! [`FARTHEST`].
+//! **Cost.** A fifth of a nanosecond a pixel of a camera for the ranges, or 2 to 3 a point of a list, and one ray for each
+//! voxel with points in a third of the blocks in view; the body is asked for only where that ray ends beyond the mean. It
+//! follows the scan and the view, which ends at [`FARTHEST`].
 
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 

@@ -8,7 +8,7 @@
 
 use nalgebra::Isometry3;
 
-use crate::engine::binning::UNITS;
+use crate::engine::binning::{UNITS, nearest};
 use crate::engine::key::{GRID_REACH, VoxelKey};
 
 /// Voxels of the region to each side of the sensor.
@@ -19,8 +19,6 @@ const UNIT_BITS: u32 = UNITS.ilog2();
 const END: u32 = 1 << (AXIS_BITS + UNIT_BITS);
 /// What makes the nearest whole number the one below.
 const DOWN: f64 = 0.5 - 1.0 / (1 << 24) as f64;
-/// 1.5 * 2^52: a number that was added to this has its nearest whole number in its last bits.
-const WHOLE: f64 = 6_755_399_441_055_744.0;
 
 /// Place of a voxel in the region: ten bits for each axis, x lowest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,6 +27,13 @@ pub(super) struct LocalKey(pub(super) i32);
 impl LocalKey {
     /// What lies in no voxel of the region; above all others.
     pub(super) const NONE: Self = Self(i32::MAX);
+
+    /// Voxels along each axis from the region's corner.
+    #[inline(always)]
+    pub(super) const fn indices(self) -> [i32; 3] {
+        let last = 2 * REACH - 1;
+        [self.0 & last, self.0 >> AXIS_BITS & last, self.0 >> (2 * AXIS_BITS) & last]
+    }
 }
 
 /// The region and the pose of one scan.
@@ -70,7 +75,7 @@ impl Local {
         // The comparisons are those that a processor has one instruction for.
         let place = if place > LEAST { place } else { LEAST };
         let place = if place < MOST { place } else { MOST };
-        ((place + WHOLE).to_bits() as i64 - WHOLE.to_bits() as i64) as i32
+        nearest(place) as i32
     }
 
     /// The voxel that places along the three axes are in.
@@ -87,8 +92,8 @@ impl Local {
     }
 
     /// The voxel in the grid; `None` beyond it.
-    pub(super) fn voxel(&self, LocalKey(key): LocalKey) -> Option<VoxelKey> {
-        let index = |axis: u32| self.corner[axis as usize] + (key >> (axis * AXIS_BITS) & (2 * REACH - 1));
-        VoxelKey::new(index(0), index(1), index(2))
+    pub(super) fn voxel(&self, key: LocalKey) -> Option<VoxelKey> {
+        let [x, y, z] = key.indices();
+        VoxelKey::new(self.corner[0] + x, self.corner[1] + y, self.corner[2] + z)
     }
 }

@@ -3,14 +3,15 @@
 //! Points are taken in tiles of 64 (`tile`), and what a tile has put into a voxel is added to what the scan has put there so
 //! far; that is found in a small table by the voxel's place (`recent`), and in a map only when the table does not hold it.
 //!
-//! The loops are compiled for what x86-64 has always had and for AVX2, and the processor is asked which to take (`pulp`).
+//! The loops are compiled for what x86-64 has always had, for AVX2 and for AVX-512, and the processor is asked which to take
+//! (`pulp`).
 
 use hashbrown::HashMap;
 use nalgebra::Isometry3;
 use pulp::{Arch, Simd, WithSimd};
 use rustc_hash::FxBuildHasher;
 
-use super::block::{BlockKey, Cell, place};
+use super::block::{BlockKey, Cell, EDGE, place};
 use super::local::{Local, LocalKey};
 use super::recent::Recent;
 use super::sums::ScanSums;
@@ -20,7 +21,7 @@ use crate::engine::key::{GRID_REACH, VoxelKey};
 use crate::engine::points::{Depths, Points};
 use crate::engine::scan::Scan;
 
-/// The voxels that received points and what they did; its memory stays for the next scan.
+/// The voxels that received points, each with the sums of these; its memory stays for the next scan.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Received {
     sums: Vec<ScanSums>,
@@ -37,7 +38,7 @@ pub(super) struct Received {
 const CELL_BITS: u32 = 9;
 const BLOCK_BITS: u32 = 18;
 /// What makes the indices of blocks positive.
-const FIRST_BLOCK: i32 = GRID_REACH / 8;
+const FIRST_BLOCK: i32 = GRID_REACH / EDGE;
 
 /// Place of a voxel in the order of all: by the key of its block, then by its cell.
 fn rank(key: VoxelKey) -> u64 {
@@ -89,7 +90,7 @@ impl Received {
         })
     }
 
-    /// Points placed in double precision.
+    /// Points that lie anywhere in the grid or beyond it.
     fn take_far<T: Copy + Into<f64>>(&mut self, points: &[[T; 3]], pose: &Isometry3<f64>, voxel_size: f64) {
         let rotation = pose.rotation.to_rotation_matrix().into_inner();
         let mut fixed = Fixed::new(rotation, pose.translation.vector, voxel_size);

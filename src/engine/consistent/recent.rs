@@ -1,4 +1,4 @@
-//! Which voxels a scan has touched lately: a table by the voxel's place that forgets.
+//! Where the sums of the voxels are that a scan came to lately: a table by the voxel's place that forgets.
 //!
 //! One place for each voxel of a cube with an edge of 16, so that voxels near each other never share one.
 
@@ -29,18 +29,18 @@ impl Recent {
     /// What was put here for this voxel, unless another has come since.
     #[inline(always)]
     pub(super) fn get(&self, key: LocalKey) -> Option<u32> {
-        let (known, touched) = self.entries[place(key)];
-        (known == key).then_some(touched)
+        let (known, sums) = self.entries[place(key)];
+        (known == key).then_some(sums)
     }
 
-    pub(super) fn put(&mut self, key: LocalKey, touched: u32) {
-        self.entries[place(key)] = (key, touched);
+    pub(super) fn put(&mut self, key: LocalKey, sums: u32) {
+        self.entries[place(key)] = (key, sums);
     }
 }
 
 /// The lowest bits along each axis.
 #[inline(always)]
-const fn place(LocalKey(key): LocalKey) -> usize {
-    let low = (1 << BITS) - 1;
-    (key & low | (key >> 10 & low) << BITS | (key >> 20 & low) << (2 * BITS)) as usize
+const fn place(key: LocalKey) -> usize {
+    let ([x, y, z], low) = (key.indices(), (1 << BITS) - 1);
+    (x & low | (y & low) << BITS | (z & low) << (2 * BITS)) as usize
 }

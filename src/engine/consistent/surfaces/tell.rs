@@ -21,8 +21,8 @@ use crate::engine::snapshot::{self, ChangedCluster};
 const TOLD: u32 = 10;
 const NO_LONGER_TOLD: u32 = 7;
 
-/// Every cluster is looked at again once in so many scans, a second of a Kinect's; in a large map in more scans, for no
-/// scan looks at more than [`LOOKS`].
+/// Every cluster is looked at again once in so many scans, a second of a Kinect's; in twice, four times, ... as many where a
+/// scan would else look at more than [`LOOKS`].
 const ROUND: usize = 30;
 const LOOKS: usize = 16;
 
@@ -85,12 +85,13 @@ impl Surfaces {
         self.finish(&due)
     }
 
-    /// The clusters whose turn it is to be looked at though nothing has changed.
+    /// The clusters whose turn it is to be looked at though nothing has changed. It stays the same turn while others come.
     fn in_turn(&self, now: Now) -> impl Iterator<Item = ComponentId> + use<> {
-        let all = self.clusters.len() as u64;
-        let looks = self.clusters.len().div_ceil(ROUND).min(LOOKS) as u64;
-        let first = now.sequence * looks;
-        (first..first + looks).map(move |look| ComponentId((look % all) as u32))
+        let all = self.clusters.len();
+        let rounds = all.div_ceil(ROUND * LOOKS).next_power_of_two();
+        let round = ROUND * rounds;
+        let first = (now.sequence % round as u64) as u32;
+        (first..all as u32).step_by(round).map(ComponentId)
     }
 
     /// The larger upright clusters that this one stands beside.
