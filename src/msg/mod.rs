@@ -7,4 +7,5 @@ pub mod caps;
 pub mod clusters;
 pub mod labelled;
 pub mod markers;
+pub mod reports;
 pub mod ros;

@@ -13,12 +13,16 @@ use super::counts::Counts;
 use super::saving::Saver;
 use super::throttle::Throttle;
 use super::transport::{Outgoing, SendError, Transport};
+use super::vitals::{MapSize, Vitals};
 use crate::engine::{Snapshot, Update};
 use crate::msg::caps::Caps;
 use crate::msg::clusters::{Session, SurfaceClusterArray};
 use crate::msg::labelled::labelled_points;
 use crate::msg::markers::Markers;
 use crate::worker::Output;
+
+/// Where every cloud went, and how the engine and its map are.
+pub(super) type Seen = (Rc<RefCell<Counts>>, Rc<RefCell<Vitals>>);
 
 /// How publishing ended.
 #[derive(Debug, Default)]
@@ -34,13 +38,13 @@ pub(super) struct Ended {
 pub(super) async fn publish(
     transport: Rc<impl Transport>,
     outputs: mpsc::Receiver<Output>,
-    counts: Rc<RefCell<Counts>>,
+    seen: Seen,
     frame_id: String,
     saver: Option<Saver>,
 ) -> Ended {
     let (newest, maps) = watch::channel(None);
     let wire = Wire { transport, unsent: RefCell::default(), frame_id };
-    let (ended, ()) = tokio::join!(take(outputs, &wire, newest, counts, saver), publish_maps(maps, &wire));
+    let (ended, ()) = tokio::join!(take(outputs, &wire, newest, seen, saver), publish_maps(maps, &wire));
     ended
 }
 
@@ -51,19 +55,21 @@ async fn take(
     mut outputs: mpsc::Receiver<Output>,
     wire: &Wire<impl Transport>,
     newest: watch::Sender<Newest>,
-    counts: Rc<RefCell<Counts>>,
+    (counts, vitals): Seen,
     saver: Option<Saver>,
 ) -> Ended {
     let mut ended = Ended::default();
     let mut beyond = Beyond::default();
     while let Some(output) = outputs.recv().await {
         match output {
-            Output::Scan { session, update } => {
+            Output::Scan { session, update, took } => {
                 counts.borrow_mut().taken_in += 1;
+                vitals.borrow_mut().took.push(took);
                 beyond.say(session, &update);
                 wire.send(Outgoing::Delta(SurfaceClusterArray::delta(&wire.session(session), &update))).await;
             }
             Output::Snapshot { session, snapshot } => {
+                vitals.borrow_mut().map = Some(MapSize::of(session, &snapshot));
                 newest.send_replace(Some((session, Arc::clone(&snapshot))));
                 ended.map = Some(snapshot);
             }
@@ -168,12 +174,14 @@ impl Maps {
 
 #[cfg(test)]
 mod tests {
+    use std::time::Duration;
+
     use tokio::sync::Semaphore;
 
     use super::*;
     use crate::engine::{Engine, Isometry3, Params, Points, Scan, Stamp};
     use crate::msg::ros::TriggerResponse;
-    use crate::node::transport::{Inputs, Service, Source};
+    use crate::node::transport::{Network, SensorTopics, Service, Source};
 
     /// Maps wait for being let through; what is sent is kept, with its number.
     struct Slow {
@@ -191,7 +199,7 @@ mod tests {
                     self.through.acquire().await.unwrap().forget();
                     ("map", map.sequence)
                 }
-                Outgoing::Labelled(_) | Outgoing::Markers(_) => return Ok(()),
+                _ => return Ok(()),
             };
             self.sent.borrow_mut().push(sent);
             Ok(())
@@ -201,12 +209,20 @@ mod tests {
             Ok(())
         }
 
-        fn inputs(&self) -> &Inputs {
+        fn inputs(&self) -> &[SensorTopics] {
             unreachable!("nothing is read")
         }
 
         fn sources(&self) -> Vec<Source> {
             Vec::new()
+        }
+
+        fn node_name(&self) -> &str {
+            "/cfodi"
+        }
+
+        fn network(&self) -> Network {
+            Network::default()
         }
 
         async fn failed(&self) -> String {
@@ -225,7 +241,10 @@ mod tests {
                 points: Points::F32(vec![[0.0, 0.0, 1.0]; 20]),
             });
             let snapshot = Arc::new(engine.snapshot());
-            outputs.extend([Output::Scan { session: 1, update }, Output::Snapshot { session: 1, snapshot }]);
+            outputs.extend([
+                Output::Scan { session: 1, update, took: Duration::ZERO },
+                Output::Snapshot { session: 1, snapshot },
+            ]);
         }
         outputs
     }
@@ -234,7 +253,7 @@ mod tests {
     async fn a_map_that_waits_holds_up_no_delta_and_is_followed_by_the_newest() {
         let slow = Rc::new(Slow { sent: RefCell::default(), through: Semaphore::new(0) });
         let (sender, receiver) = mpsc::channel(1);
-        let publishing = publish(Rc::clone(&slow), receiver, Rc::default(), "map".to_owned(), None);
+        let publishing = publish(Rc::clone(&slow), receiver, Seen::default(), "map".to_owned(), None);
         let worker = async {
             for output in outputs(4) {
                 sender.send(output).await.unwrap();

@@ -28,7 +28,7 @@ impl Record {
         Ok(Self { path: path.to_owned(), bag: Arc::new(Mutex::new(Ok(bag))) })
     }
 
-    /// Adds what the node sends.
+    /// Adds what the node sends of the map.
     pub fn outgoing(&self, message: &Outgoing) {
         self.put(|bag| match message {
             Outgoing::Clusters(array) => bag.clusters(array),
@@ -37,6 +37,7 @@ impl Record {
             Outgoing::Markers(markers) => {
                 markers.markers.first().map_or(Ok(()), |first| bag.markers(&first.header, markers))
             }
+            Outgoing::Diagnostics(_) | Outgoing::Log(_) => Ok(()),
         });
     }
 
