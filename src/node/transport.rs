@@ -7,6 +7,7 @@ use crate::cloud::{Camera, Cloud, CloudError};
 use crate::engine::Stamp;
 use crate::msg::clusters::SurfaceClusterArray;
 use crate::msg::ros::{MarkerArray, PointCloud2, TfMessage, TriggerResponse};
+use crate::msg::twins::{Detection3DArray, PolygonInstanceStamped};
 
 /// What scans are made of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -104,6 +105,10 @@ pub enum Outgoing {
     Markers(MarkerArray),
     /// On `~/points_labelled`.
     Labelled(PointCloud2),
+    /// On `~/detections`.
+    Detections(Detection3DArray),
+    /// On `~/polygons`.
+    Polygon(PolygonInstanceStamped),
 }
 
 impl Outgoing {
@@ -115,8 +120,13 @@ impl Outgoing {
     pub const MARKERS: &str = "~/markers";
     /// Of [`Self::Labelled`].
     pub const LABELLED: &str = "~/points_labelled";
+    /// Of [`Self::Detections`].
+    pub const DETECTIONS: &str = "~/detections";
+    /// Of [`Self::Polygon`].
+    pub const POLYGONS: &str = "~/polygons";
     /// Of all.
-    pub const TOPICS: [&str; 4] = [Self::CLUSTERS, Self::DELTA, Self::MARKERS, Self::LABELLED];
+    pub const TOPICS: [&str; 6] =
+        [Self::CLUSTERS, Self::DELTA, Self::MARKERS, Self::LABELLED, Self::DETECTIONS, Self::POLYGONS];
 
     /// Name of its topic.
     pub const fn topic(&self) -> &'static str {
@@ -125,6 +135,8 @@ impl Outgoing {
             Self::Delta(_) => Self::DELTA,
             Self::Markers(_) => Self::MARKERS,
             Self::Labelled(_) => Self::LABELLED,
+            Self::Detections(_) => Self::DETECTIONS,
+            Self::Polygon(_) => Self::POLYGONS,
         }
     }
 }

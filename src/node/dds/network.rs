@@ -18,6 +18,7 @@ use super::threads::Threads;
 use super::{DdsError, Events, Opener, Readers, opening, ros_type};
 use crate::msg::clusters::SurfaceClusterArray;
 use crate::msg::ros::{MarkerArray, PointCloud2, TriggerRequest, TriggerResponse};
+use crate::msg::twins::{Detection3DArray, PolygonInstanceStamped};
 use crate::node::args::Setup;
 use crate::node::security::Security;
 use crate::node::transport::{Outgoing, SendError, Service, Source};
@@ -32,6 +33,9 @@ const SNAPSHOTS: i32 = 16;
 /// Most messages of markers, the largest of all.
 const MARKERS: i32 = 4;
 
+/// Most polygons, one a cluster, and the history of their topic: none is to push out another of the same map.
+const POLYGONS: i32 = 4096;
+
 /// Time between two looks at the middleware's threads.
 const LOOK: Duration = Duration::from_millis(250);
 
@@ -45,6 +49,9 @@ pub(super) struct Network {
     delta: Outlet<SurfaceClusterArray>,
     markers: Outlet<MarkerArray>,
     labelled: Publisher<PointCloud2>,
+    /// `None` where no parameter asks for them.
+    detections: Option<Outlet<Detection3DArray>>,
+    polygons: Option<Outlet<PolygonInstanceStamped>>,
     reset: Rc<Server<TriggerRequest, TriggerResponse>>,
     save: Rc<Server<TriggerRequest, TriggerResponse>>,
     /// What reads; none of these ends by itself.
@@ -84,6 +91,8 @@ impl Network {
                 (Outgoing::LABELLED, "sensor_msgs", "PointCloud2"),
                 &QosProfile::subscription_default().into(),
             )?,
+            detections: detections(setup, &mut opener, latched(SNAPSHOTS))?,
+            polygons: polygons(setup, &mut opener)?,
             reset: Rc::new(opener.server(Service::Reset.name())?),
             save: Rc::new(opener.server(Service::Save.name())?),
             pulse: pulse(&opener),
@@ -123,6 +132,16 @@ impl Network {
                 let sent = self.labelled.async_publish(cloud).await;
                 sent.map_err(|error| SendError(format!("on {}: {error}", Outgoing::LABELLED)))
             }
+            Outgoing::Detections(array) => self.send_twin(self.detections.as_ref(), array).await,
+            Outgoing::Polygon(polygon) => self.send_twin(self.polygons.as_ref(), polygon).await,
+        }
+    }
+
+    /// A twin that nobody has asked for has no topic.
+    async fn send_twin<M: Serialize>(&self, outlet: Option<&Outlet<M>>, message: M) -> Result<(), SendError> {
+        match outlet {
+            Some(outlet) => self.send(outlet, message).await,
+            None => Ok(()),
         }
     }
 
@@ -211,6 +230,25 @@ impl Network {
             tokio::time::sleep(LOOK).await;
         }
     }
+}
+
+fn detections(
+    setup: &Setup,
+    opener: &mut Opener<'_>,
+    latched: (usize, Durability, i32),
+) -> Result<Option<Outlet<Detection3DArray>>, DdsError> {
+    let topic = (Outgoing::DETECTIONS, "vision_msgs", "Detection3DArray");
+    setup.config.twins.detections.then(|| Outlet::open(opener, topic, latched)).transpose()
+}
+
+/// Not latched: only the last polygon would be.
+fn polygons(
+    setup: &Setup,
+    opener: &mut Opener<'_>,
+) -> Result<Option<Outlet<PolygonInstanceStamped>>, DdsError> {
+    let topic = (Outgoing::POLYGONS, "geometry_msgs", "PolygonInstanceStamped");
+    let each = (POLYGONS as usize, Durability::Volatile, POLYGONS);
+    setup.config.twins.polygons.then(|| Outlet::open(opener, topic, each)).transpose()
 }
 
 fn pulse(opener: &Opener) -> Option<Pulse> {
