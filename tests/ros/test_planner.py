@@ -10,6 +10,7 @@ import threading
 import time
 
 import clouds
+import cpp
 import depth_images
 import numpy as np
 import pytest
@@ -22,8 +23,8 @@ from sensor_msgs.msg import PointCloud2, PointField
 from shape_msgs.msg import Plane
 from tf2_msgs.msg import TFMessage
 
-EXAMPLES = pathlib.Path(__file__).resolve().parents[2] / "examples"
-HERE = (0.0, 0.0, 0.1, 0.0)  # a base frame 10 cm above the ground, looking along x
+HERE = pathlib.Path(__file__).resolve().parent
+BASE = (0.0, 0.0, 0.1, 0.0)  # a base frame 10 cm above the ground, looking along x
 FLOOR, HORIZONTAL, WALL = (SurfaceCluster.CLASS_FLOOR, SurfaceCluster.CLASS_HORIZONTAL, SurfaceCluster.CLASS_WALL)
 
 
@@ -49,7 +50,7 @@ def planner(*clusters):
     return known, ground
 
 
-def free(*clusters, robot=HERE):
+def free(*clusters, robot=BASE):
     known, ground = planner(*clusters)
     return known.free_ahead(ground, robot)
 
@@ -68,9 +69,9 @@ def test_outlines_within_the_robots_width_and_height_are_in_its_way_and_others_a
 def test_voxels_without_an_outline_are_in_its_way_too():
     known, ground = planner()
     known.points(clouds_of([(1.5, 0.1, 0.4, 0), (0.7, 0.0, 0.0, 1), (0.6, 0.0, 0.3, 1), (0.5, 0.4, 0.3, 0), (1.2, 0.0, 1.5, 0)]))
-    assert known.free_ahead(ground, HERE) == pytest.approx(1.5), "an outline holds those of cluster 1"
+    assert known.free_ahead(ground, BASE) == pytest.approx(1.5), "an outline holds those of cluster 1"
     known.points(clouds_of([(0.8, 0.0, 0.3, 77)]))
-    assert known.free_ahead(ground, HERE) == pytest.approx(0.8), "no outline holds those of a cluster that has none"
+    assert known.free_ahead(ground, BASE) == pytest.approx(0.8), "no outline holds those of a cluster that has none"
 
 
 def clouds_of(points):
@@ -85,18 +86,34 @@ def test_the_ground_is_what_the_robot_stands_on_and_the_table_is_the_nearest_to_
     shelf, desk = (level(id, HORIZONTAL, z, (1.0, 2.0), (0.0, 1.0)) for id, z in ((3, 1.1), (4, 0.7)))
     new = level(5, HORIZONTAL, 0.76, (1.0, 2.0), (0.0, 1.0), state=SurfaceCluster.STATE_TENTATIVE)
     known, ground = planner(lower, shelf, desk, new)
-    assert known.ground(HERE).id == 1
+    assert known.ground(BASE).id == 1
     assert known.ground((0.0, 0.0, 5.0, 0.0)) is None
     assert [known.table(ground, height)[1].id for height in (0.75, 1.0)] == [4, 3]
     assert known.table(ground, 0.75)[0] == pytest.approx(0.7)
     assert planner()[0].table(ground, 0.75) is None
 
 
+def test_the_planner_in_cpp_compiles_against_the_generated_headers_and_does_the_same(tmp_path):
+    cpp.run(HERE / "planner_test.cpp", tmp_path)
+
+
+def test_the_node_in_cpp_is_sound_as_far_as_it_can_be_told_without_rclcpp():
+    cpp.compile(cpp.EXAMPLES / "planner.cpp", "-fsyntax-only", includes=[HERE / "rclcpp_stand_in"])
+
+
+def test_the_code_in_the_documentation_is_that_of_the_example():
+    text = (cpp.EXAMPLES.parent / "docs" / "planner.md").read_text()
+    snippets, code = re.findall(r"```python\n(.*?)```", text, re.DOTALL), (cpp.EXAMPLES / "planner.py").read_text()
+    assert len(snippets) >= 3
+    for snippet in snippets:
+        assert snippet in code
+
+
 class Robot:
     """Says on /tf where it is, ten times a second, and hears `cmd_vel`."""
 
     def __init__(self, peer, frame="map"):
-        self.frame, self.pose, self.over = frame, HERE, threading.Event()
+        self.frame, self.pose, self.over = frame, BASE, threading.Event()
         self.commands = peer.record("/cmd_vel", Twist, qos(10))
         self._tf = peer.node.create_publisher(TFMessage, "/tf", qos(100))
         self._thread = threading.Thread(target=self._tell, daemon=True)
@@ -137,9 +154,9 @@ def drive(own_network):
 
     def drive(**parameters):
         given = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
-        command = [sys.executable, str(EXAMPLES / "planner.py"), "--ros-args", *given]
+        command = [sys.executable, str(cpp.EXAMPLES / "planner.py"), "--ros-args", *given]
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-                                   env=os.environ | {"PYTHONPATH": f"{EXAMPLES}:{os.environ['PYTHONPATH']}"})
+                                   env=os.environ | {"PYTHONPATH": f"{cpp.EXAMPLES}:{os.environ['PYTHONPATH']}"})
         lines = []
         threading.Thread(target=lambda: lines.extend(process.stdout), daemon=True).start()
         started.append(process)
