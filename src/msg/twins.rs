@@ -26,7 +26,7 @@ pub struct Twins {
 pub struct PoseWithCovariance {
     /// The pose.
     pub pose: Pose,
-    /// 6x6, row major: x, y, z [m], turns about x, y, z of the frame [rad]; all 0 where it is not known.
+    /// 6x6, row major: x, y, z (m), turns about x, y, z of the frame (rad); all 0 where it is not known.
     #[serde(with = "six_by_six")]
     pub covariance: [f64; 36],
 }
@@ -53,7 +53,7 @@ pub struct ObjectHypothesisWithPose {
 pub struct BoundingBox3D {
     /// Its middle and axes.
     pub center: Pose,
-    /// Full extents along them [m].
+    /// Full extents along them (m).
     pub size: Vector3,
 }
 

@@ -196,7 +196,7 @@ def test_it_finds_the_cabinets_top_and_stops_before_its_side(recordings, start, 
 def test_it_stands_where_the_map_grows_old_or_there_is_no_ground(start, peer, robot, drive):
     start().ready()
     peer.record_node()
-    drive(speed=0.2, stop_before=0.3, wished_height=scene.TABLE["height"])
+    drive(speed=0.2, stop_before=0.3, max_age=3.0)
     camera = peer.camera()
     camera.meet()
     robot.expect("no speed without a map", lambda speed: speed == 0.0)
