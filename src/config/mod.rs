@@ -18,6 +18,7 @@ pub use self::value::Value;
 use self::value::{Declared, Given};
 use crate::cloud::{CloudFilter, Optical};
 use crate::engine::{Params, ParamsError};
+use crate::msg::twins::Twins;
 
 /// Everything the node can be told, checked.
 #[derive(Clone, Debug, PartialEq)]
@@ -44,6 +45,8 @@ pub struct Config {
     pub snapshot_path: Option<PathBuf>,
     /// Time between two savings.
     pub snapshot_period: Duration,
+    /// What the clusters are published as, beside our own messages.
+    pub twins: Twins,
 }
 
 /// A parameter that is unknown, or whose value cannot be.
@@ -116,6 +119,7 @@ impl Config {
                 (0.1, 86_400.0),
                 "s",
             )?),
+            twins: given.twins()?,
         })
     }
 
@@ -298,6 +302,34 @@ mod tests {
         );
         let addresses = Value::TextList(vec!["127.0.0.1".into(), "eth0".into()]);
         assert!(line("network_interfaces", addresses).contains("IP addresses"));
+    }
+
+    #[test]
+    fn twins_are_sent_where_asked_and_a_misspelt_one_gets_the_nearest() {
+        let twins = |names: &[&str]| Value::TextList(names.iter().copied().map(str::to_owned).collect());
+        assert_eq!(Config::new([]).unwrap().twins, Twins::default());
+        assert_eq!(with("twins", Value::Text(String::new())).unwrap().twins, Twins::default());
+        let both = with("twins", twins(&["polygons", "detections"])).unwrap().twins;
+        assert_eq!(both, Twins { detections: true, polygons: true });
+        assert_eq!(
+            line("twins", twins(&["detection"])),
+            "twins is [\"detection\"]; it must be out of `detections` and `polygons`; the nearest to \"detection\" is \
+             `detections`"
+        );
+        assert_eq!(
+            line("twins", Value::Text("polygons".into())),
+            "twins is \"polygons\"; it must be a list of texts, as [\"detections\"]"
+        );
+        let paper = |names| {
+            let given = [("mode", Value::Text("paper".into())), ("twins", twins(names))];
+            Config::new(given.map(|(name, value)| (name.to_owned(), value)))
+        };
+        assert!(paper(&["detections"]).unwrap().twins.detections);
+        let refused = paper(&["polygons"]).unwrap_err().to_string();
+        assert!(
+            refused.ends_with("without `polygons` where mode is `paper`: it knows no outlines"),
+            "{refused}"
+        );
     }
 
     #[test]

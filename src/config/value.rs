@@ -8,6 +8,7 @@ use super::ConfigError;
 use super::sensors::{self, Sensor};
 use crate::engine::{Mode, NoiseModel};
 use crate::msg::ros::MAX_FRAME_ID_BYTES;
+use crate::msg::twins::Twins;
 
 /// A parameter's value, of the ROS parameter types that are used here.
 #[derive(Clone, Debug, PartialEq)]
@@ -101,6 +102,11 @@ pub(super) const TABLE: &[Declared] = &[
     ),
     ("tf_timeout", || Value::Double(0.2), "how long a cloud waits for its transform [s], 0 to 60"),
     ("publish_rate", || Value::Double(2.0), "snapshots, markers and labelled points [Hz], 0.01 to 100"),
+    (
+        "twins",
+        || Value::TextList(Vec::new()),
+        "what the clusters are published as beside: `detections`, `polygons`",
+    ),
     (
         "snapshot_path",
         || Value::Text(String::new()),
@@ -260,6 +266,33 @@ impl Given {
         addresses.map_or_else(|| self.refuse(name, "a list of IP addresses, as [\"192.168.1.5\"]"), Ok)
     }
 
+    pub(super) fn twins(&self) -> Result<Twins, ConfigError> {
+        let names = match self.get("twins") {
+            Value::TextList(names) => names.as_slice(),
+            // As with addresses.
+            Value::Text(text) if text.is_empty() => &[],
+            _ => return self.refuse("twins", "a list of texts, as [\"detections\"]"),
+        };
+        let mut twins = Twins::default();
+        for name in names {
+            match name.as_str() {
+                "detections" => twins.detections = true,
+                "polygons" => twins.polygons = true,
+                _ => {
+                    let nearest = nearest_of(["detections", "polygons"], name).unwrap_or_default();
+                    return self.refuse(
+                        "twins",
+                        format!("out of `detections` and `polygons`; the nearest to {name:?} is `{nearest}`"),
+                    );
+                }
+            }
+        }
+        if twins.polygons && self.mode()? == Mode::Paper {
+            return self.refuse("twins", "without `polygons` where mode is `paper`: it knows no outlines");
+        }
+        Ok(twins)
+    }
+
     pub(super) fn mode(&self) -> Result<Mode, ConfigError> {
         match self.text("mode")? {
             "consistent" => Ok(Mode::Consistent),
@@ -323,6 +356,9 @@ fn declared(name: &str) -> Option<Value> {
 fn nearest(name: &str, list: &[String]) -> String {
     let of_sensors =
         list.iter().flat_map(|sensor| ["kind", "noise_model"].map(|what| format!("{sensor}.{what}")));
-    let names = TABLE.iter().map(|declared| declared.0.to_owned()).chain(of_sensors);
-    names.min_by_key(|known| strsim::damerau_levenshtein(known, name)).unwrap_or_default()
+    nearest_of(TABLE.iter().map(|declared| declared.0.to_owned()).chain(of_sensors), name).unwrap_or_default()
+}
+
+fn nearest_of<T: AsRef<str>>(known: impl IntoIterator<Item = T>, name: &str) -> Option<T> {
+    known.into_iter().min_by_key(|known| strsim::damerau_levenshtein(known.as_ref(), name))
 }

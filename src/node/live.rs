@@ -131,10 +131,9 @@ async fn drive<T: Transport>(
     let start = |path| saving::start(path, config.fixed_frame.clone());
     let saver = config.snapshot_path.clone().map(start).transpose();
     let (saver, mut written) = saver.map_err(failed("the thread that saves the map"))?.unzip();
-    let frame_id = config.fixed_frame.clone();
     let vitals: Rc<RefCell<Vitals>> = Rc::default();
     let seen = (Rc::clone(&counts), Rc::clone(&vitals));
-    let publishing = publish(Rc::clone(&transport), receiver, seen, frame_id, saver.clone());
+    let publishing = publish(Rc::clone(&transport), receiver, seen, config.clone(), saver.clone());
     let mut publishing = tokio::task::spawn_local(publishing);
     let mut live =
         Live::new(config, Rc::clone(&transport), (worker, saver, session), (counts, vitals), reports);

@@ -4,9 +4,10 @@ use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::rc::Rc;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use tokio::sync::{mpsc, watch};
+use tokio::time::sleep_until;
 use tracing::{error, warn};
 
 use super::counts::Counts;
@@ -14,12 +15,21 @@ use super::saving::Saver;
 use super::throttle::Throttle;
 use super::transport::{Outgoing, SendError, Transport};
 use super::vitals::{MapSize, Vitals};
+use crate::config::Config;
 use crate::engine::{Snapshot, Update};
 use crate::msg::caps::Caps;
 use crate::msg::clusters::{Session, SurfaceClusterArray};
 use crate::msg::labelled::labelled_points;
 use crate::msg::markers::Markers;
+use crate::msg::twins::{PolygonInstanceStamped, Twins, detections, polygons};
 use crate::worker::Output;
+
+/// Between two polygons: nav2's collision monitor keeps the last five that it has not yet taken, and would have no others of
+/// a map that comes at once.
+const PAUSE: Duration = Duration::from_millis(10);
+
+/// Over which the polygons of a map go out at most: what is newer waits behind them.
+const SPREAD: Duration = Duration::from_millis(250);
 
 /// Where every cloud went, and how the engine and its map are.
 pub(super) type Seen = (Rc<RefCell<Counts>>, Rc<RefCell<Vitals>>);
@@ -39,12 +49,15 @@ pub(super) async fn publish(
     transport: Rc<impl Transport>,
     outputs: mpsc::Receiver<Output>,
     seen: Seen,
-    frame_id: String,
+    config: Config,
     saver: Option<Saver>,
 ) -> Ended {
     let (newest, maps) = watch::channel(None);
-    let wire = Wire { transport, unsent: RefCell::default(), frame_id };
-    let (ended, ()) = tokio::join!(take(outputs, &wire, newest, seen, saver), publish_maps(maps, &wire));
+    let wire = Wire { transport, unsent: RefCell::default(), frame_id: config.fixed_frame };
+    let spread = (config.publish_period / 2).min(SPREAD);
+    let publisher = Maps { twins: config.twins, spread, ..Maps::default() };
+    let (ended, ()) =
+        tokio::join!(take(outputs, &wire, newest, seen, saver), publish_maps(maps, publisher, &wire));
     ended
 }
 
@@ -84,8 +97,7 @@ async fn take(
     ended
 }
 
-async fn publish_maps(mut newest: watch::Receiver<Newest>, wire: &Wire<impl Transport>) {
-    let mut publisher = Maps::default();
+async fn publish_maps(mut newest: watch::Receiver<Newest>, mut publisher: Maps, wire: &Wire<impl Transport>) {
     while newest.changed().await.is_ok() {
         let map = newest.borrow_and_update().clone();
         if let Some((session, snapshot)) = map {
@@ -154,6 +166,9 @@ struct Maps {
     markers: Markers,
     /// What has been said in this session.
     caps: Caps,
+    twins: Twins,
+    /// Over which the polygons of a map go out.
+    spread: Duration,
 }
 
 impl Maps {
@@ -169,6 +184,23 @@ impl Maps {
         wire.send(Outgoing::Clusters(SurfaceClusterArray::snapshot(&session, snapshot))).await;
         wire.send(Outgoing::Labelled(labelled_points(&session, snapshot))).await;
         wire.send(Outgoing::Markers(self.markers.update(&session, snapshot))).await;
+        if self.twins.detections {
+            wire.send(Outgoing::Detections(detections(&session, snapshot))).await;
+        }
+        if self.twins.polygons {
+            let polygons = polygons(&session, snapshot).collect();
+            self.send_polygons(polygons, wire).await;
+        }
+    }
+
+    async fn send_polygons(&self, polygons: Vec<PolygonInstanceStamped>, wire: &Wire<impl Transport>) {
+        let pause = PAUSE.min(self.spread / u32::try_from(polygons.len().max(1)).unwrap_or(u32::MAX));
+        let mut due = tokio::time::Instant::now();
+        for polygon in polygons {
+            sleep_until(due).await;
+            wire.send(Outgoing::Polygon(polygon)).await;
+            due += pause;
+        }
     }
 }
 
@@ -253,7 +285,7 @@ mod tests {
     async fn a_map_that_waits_holds_up_no_delta_and_is_followed_by_the_newest() {
         let slow = Rc::new(Slow { sent: RefCell::default(), through: Semaphore::new(0) });
         let (sender, receiver) = mpsc::channel(1);
-        let publishing = publish(Rc::clone(&slow), receiver, Seen::default(), "map".to_owned(), None);
+        let publishing = publish(Rc::clone(&slow), receiver, Seen::default(), Config::new([]).unwrap(), None);
         let worker = async {
             for output in outputs(4) {
                 sender.send(output).await.unwrap();

@@ -34,6 +34,8 @@ impl Record {
             Outgoing::Clusters(array) => bag.clusters(array),
             Outgoing::Delta(array) => bag.clusters_delta(array),
             Outgoing::Labelled(cloud) => bag.points_labelled(cloud),
+            Outgoing::Detections(array) => bag.detections(array),
+            Outgoing::Polygon(polygon) => bag.polygon(polygon),
             Outgoing::Markers(markers) => {
                 markers.markers.first().map_or(Ok(()), |first| bag.markers(&first.header, markers))
             }

@@ -9,6 +9,7 @@ use crate::engine::Stamp;
 use crate::msg::clusters::SurfaceClusterArray;
 use crate::msg::reports::{DiagnosticArray, Log};
 use crate::msg::ros::{MarkerArray, PointCloud2, TfMessage, TriggerResponse};
+use crate::msg::twins::{Detection3DArray, PolygonInstanceStamped};
 
 /// In which form a sensor's scans come.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -144,6 +145,10 @@ pub enum Outgoing {
     Diagnostics(DiagnosticArray),
     /// On `/rosout`.
     Log(Log),
+    /// On `~/detections`.
+    Detections(Detection3DArray),
+    /// On `~/polygons`.
+    Polygon(PolygonInstanceStamped),
 }
 
 impl Outgoing {
@@ -159,9 +164,21 @@ impl Outgoing {
     pub const DIAGNOSTICS: &str = "/diagnostics";
     /// Of [`Self::Log`].
     pub const LOG: &str = "/rosout";
+    /// Of [`Self::Detections`].
+    pub const DETECTIONS: &str = "~/detections";
+    /// Of [`Self::Polygon`].
+    pub const POLYGONS: &str = "~/polygons";
     /// Of all.
-    pub const TOPICS: [&str; 6] =
-        [Self::CLUSTERS, Self::DELTA, Self::MARKERS, Self::LABELLED, Self::DIAGNOSTICS, Self::LOG];
+    pub const TOPICS: [&str; 8] = [
+        Self::CLUSTERS,
+        Self::DELTA,
+        Self::MARKERS,
+        Self::LABELLED,
+        Self::DETECTIONS,
+        Self::POLYGONS,
+        Self::DIAGNOSTICS,
+        Self::LOG,
+    ];
 
     /// Name of its topic.
     pub const fn topic(&self) -> &'static str {
@@ -172,6 +189,8 @@ impl Outgoing {
             Self::Labelled(_) => Self::LABELLED,
             Self::Diagnostics(_) => Self::DIAGNOSTICS,
             Self::Log(_) => Self::LOG,
+            Self::Detections(_) => Self::DETECTIONS,
+            Self::Polygon(_) => Self::POLYGONS,
         }
     }
 }

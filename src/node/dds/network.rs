@@ -21,6 +21,7 @@ use super::{DdsError, Events, Opener, Readers, opening, ros_type};
 use crate::msg::clusters::SurfaceClusterArray;
 use crate::msg::reports::{DiagnosticArray, Log};
 use crate::msg::ros::{MarkerArray, PointCloud2, TriggerRequest, TriggerResponse};
+use crate::msg::twins::{Detection3DArray, PolygonInstanceStamped};
 use crate::node::args::Setup;
 use crate::node::security::Security;
 use crate::node::transport::{Outgoing, SendError, Service, Source};
@@ -37,6 +38,8 @@ const MARKERS: i32 = 4;
 
 /// Most reports, and most lines of the log.
 const REPORTS: i32 = 256;
+/// Most polygons, one a cluster, and the history of their topic: none is to push out another of the same map.
+const POLYGONS: i32 = 4096;
 
 /// Time between two looks at the middleware's threads.
 const LOOK: Duration = Duration::from_millis(250);
@@ -55,6 +58,9 @@ pub(super) struct Network {
     diagnostics: Option<Outlet<DiagnosticArray>>,
     /// The same.
     log: Option<Outlet<Log>>,
+    /// `None` where no parameter asks for them.
+    detections: Option<Outlet<Detection3DArray>>,
+    polygons: Option<Outlet<PolygonInstanceStamped>>,
     reset: Rc<Server<TriggerRequest, TriggerResponse>>,
     save: Rc<Server<TriggerRequest, TriggerResponse>>,
     /// What reads; none of these ends by itself.
@@ -106,6 +112,8 @@ impl Network {
                 (Outgoing::LOG, "rcl_interfaces", "Log"),
                 (100, Durability::TransientLocal, REPORTS),
             )),
+            detections: detections(setup, &mut opener, latched(SNAPSHOTS))?,
+            polygons: polygons(setup, &mut opener)?,
             reset: Rc::new(opener.server(Service::Reset.name())?),
             save: Rc::new(opener.server(Service::Save.name())?),
             pulse: pulse(&opener),
@@ -149,6 +157,16 @@ impl Network {
                 let sent = self.labelled.async_publish(cloud).await;
                 sent.map_err(|error| SendError(format!("on {}: {error}", Outgoing::LABELLED)))
             }
+            Outgoing::Detections(array) => self.send_twin(self.detections.as_ref(), array).await,
+            Outgoing::Polygon(polygon) => self.send_twin(self.polygons.as_ref(), polygon).await,
+        }
+    }
+
+    /// A twin that nobody has asked for has no topic.
+    async fn send_twin<M: Serialize>(&self, outlet: Option<&Outlet<M>>, message: M) -> Result<(), SendError> {
+        match outlet {
+            Some(outlet) => self.send(outlet, message).await,
+            None => Ok(()),
         }
     }
 
@@ -270,6 +288,25 @@ fn statics(opener: &Opener<'_>, events: &Events) -> Result<Statics, DdsError> {
 /// What is of use and not needed: where it cannot be opened the node does without, and says so.
 fn permitted<M: Serialize>(outlet: Result<Outlet<M>, DdsError>) -> Option<Outlet<M>> {
     outlet.inspect_err(|error| warn!("what the node says of itself is not sent: {error}")).ok()
+}
+
+fn detections(
+    setup: &Setup,
+    opener: &mut Opener<'_>,
+    latched: (usize, Durability, i32),
+) -> Result<Option<Outlet<Detection3DArray>>, DdsError> {
+    let topic = (Outgoing::DETECTIONS, "vision_msgs", "Detection3DArray");
+    setup.config.twins.detections.then(|| Outlet::open(opener, topic, latched)).transpose()
+}
+
+/// Not latched: only the last polygon would be.
+fn polygons(
+    setup: &Setup,
+    opener: &mut Opener<'_>,
+) -> Result<Option<Outlet<PolygonInstanceStamped>>, DdsError> {
+    let topic = (Outgoing::POLYGONS, "geometry_msgs", "PolygonInstanceStamped");
+    let each = (POLYGONS as usize, Durability::Volatile, POLYGONS);
+    setup.config.twins.polygons.then(|| Outlet::open(opener, topic, each)).transpose()
 }
 
 fn pulse(opener: &Opener) -> Option<Pulse> {
