@@ -9,7 +9,7 @@ use thiserror::Error;
 
 use super::params_file::{MAX_NAME_BYTES, assignments, flatten};
 use super::security::{Asked, BUILT_IN, Security, SecurityError};
-use crate::config::{Config, ConfigError, Value};
+use crate::config::{Config, ConfigError, Value, as_meant};
 use crate::yaml::{self, YamlError};
 
 /// What the environment says about the node.
@@ -42,7 +42,7 @@ pub struct Setup {
     /// The checked configuration.
     pub config: Config,
     /// Values of all parameters, as the parameter services show them.
-    pub parameters: Vec<(&'static str, Value)>,
+    pub parameters: Vec<(String, Value)>,
     /// Level of the log, as `--log-level` gives it.
     pub log_level: Option<String>,
     security: Asked,
@@ -201,20 +201,24 @@ fn parse_domain(domain: Option<&str>) -> Result<u16, ArgsError> {
 
 fn given_parameters(ros: &Ros2Args, namespace: &str, name: &str) -> Result<Vec<(String, Value)>, ArgsError> {
     let node = build_node_fqn(namespace, name);
+    let is_for_node = |param: &ParamAssignment| {
+        param.node_name.as_ref().is_none_or(|pattern| match_wildcard_pattern(pattern, &node))
+    };
     let mut assigned: Vec<ParamAssignment> = Vec::new();
     for file in &ros.param_files {
-        let for_node = |param: &ParamAssignment| {
-            param.node_name.as_ref().is_none_or(|pattern| match_wildcard_pattern(pattern, &node))
-        };
-        assigned.extend(assignments(file)?.into_iter().filter(for_node));
+        assigned.extend(assignments(file)?.into_iter().filter(is_for_node));
     }
-    assigned.extend(ros.param_assignments.iter().filter(|param| param.applies_to_node(name)).cloned());
+    assigned.extend(ros.param_assignments.iter().filter(|param| is_for_node(param)).cloned());
     let mut values = Vec::new();
     for param in assigned {
         flatten(param.name, &param.value, &mut values)?;
     }
-    Ok(values)
+    let meant = |(name, value): (String, Value)| (as_meant(&name, value), name);
+    Ok(values.into_iter().map(meant).map(|(value, name)| (name, value)).collect())
 }
+
+#[cfg(test)]
+mod tests_on_files;
 
 #[cfg(test)]
 mod tests {
@@ -252,7 +256,7 @@ mod tests {
         let setup = parse(&format!("--ros-args -p depth:=2 --params-file {}", file.display())).unwrap();
         assert_eq!(setup.config.engine.depth(), 2);
         assert!((setup.config.engine.voxel_size() - 1.0).abs() < f64::EPSILON);
-        assert!(setup.parameters.contains(&("voxel_size", Value::Double(1.0))));
+        assert!(setup.parameters.contains(&("voxel_size".to_owned(), Value::Double(1.0))));
     }
 
     #[test]

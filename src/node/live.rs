@@ -2,6 +2,7 @@
 //! answers calls.
 
 mod calls;
+mod change;
 mod say;
 
 use std::cell::RefCell;
@@ -14,10 +15,10 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use thiserror::Error;
 use tokio::sync::mpsc::{self, UnboundedReceiver};
 use tokio::task::JoinHandle;
-use tokio::time::MissedTickBehavior;
 use tracing::info;
 
 use self::calls::{last_written, next};
+use self::change::{Timers, interval};
 use super::counts::Counts;
 use super::inputs;
 use super::publish::{Ended, publish};
@@ -99,10 +100,6 @@ pub async fn run<T: Transport>(
     let mut publishing = tokio::task::spawn_local(publishing);
     let mut live = Live::new(config, Rc::clone(&transport), worker, saver, session, counts);
     let mut tick = interval(TICK);
-    let mut snapshots = interval(config.publish_period);
-    let mut savings = interval(config.snapshot_period);
-    // The first is due at once, and nothing has been learned.
-    savings.reset();
     let (mut shutdown, mut failed) = (pin!(shutdown), pin!(transport.failed()));
     let broken = loop {
         tokio::select! {
@@ -117,8 +114,8 @@ pub async fn run<T: Transport>(
                 None => break Some(LiveError::Deaf("no more events".to_owned())),
             },
             _ = tick.tick() => live.tick(),
-            _ = snapshots.tick() => live.worker.request_snapshot(),
-            _ = savings.tick(), if written.is_some() => live.save(None),
+            _ = live.timers.snapshots.tick() => live.worker.request_snapshot(),
+            _ = live.timers.savings.tick(), if written.is_some() => live.save(None),
             result = next(&mut written) => match result {
                 Some(result) => live.written(&result).await,
                 None => break Some(LiveError::SaverDied),
@@ -131,12 +128,6 @@ pub async fn run<T: Transport>(
     }
     let map = live.finish(publishing, written).await;
     broken.map_or(map, Err)
-}
-
-fn interval(period: Duration) -> tokio::time::Interval {
-    let mut interval = tokio::time::interval(period);
-    interval.set_missed_tick_behavior(MissedTickBehavior::Delay);
-    interval
 }
 
 /// Counts what was under way when the engine died.
@@ -161,6 +152,7 @@ struct Live<T: Transport> {
     worker: Worker,
     saver: Option<Saver>,
     join: Join,
+    timers: Timers,
     counts: Rc<RefCell<Counts>>,
     throttle: Throttle,
     session: u64,
@@ -194,6 +186,7 @@ impl<T: Transport> Live<T> {
             worker,
             saver,
             join: Join::new(places(config.tf_timeout)),
+            timers: Timers::new(config),
             counts,
             throttle: Throttle::default(),
             session,
@@ -220,6 +213,7 @@ impl<T: Transport> Live<T> {
                 self.transforms(&transforms, false);
             }
             Event::Clock(stamp) => self.clock(stamp),
+            Event::Changed(config) => self.change(&config),
             Event::Call(Service::Reset, request) => self.reset(request).await,
             Event::Call(Service::Save, request) => self.save_for(request).await,
             Event::Garbled { topic, text } => self.warn(topic, format_args!("a message on {topic}: {text}")),

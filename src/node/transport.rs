@@ -4,6 +4,7 @@ use std::fmt;
 use std::future::Future;
 
 use crate::cloud::{Camera, Cloud, CloudError};
+use crate::config::Config;
 use crate::engine::Stamp;
 use crate::msg::clusters::SurfaceClusterArray;
 use crate::msg::ros::{MarkerArray, PointCloud2, TfMessage, TriggerResponse};
@@ -84,6 +85,8 @@ pub enum Event<Request> {
     Clock(Stamp),
     /// A call of a service.
     Call(Service, Request),
+    /// Parameters have changed: what they stand for now.
+    Changed(Box<Config>),
     /// A message of another topic that could not be decoded.
     Garbled {
         /// The topic.

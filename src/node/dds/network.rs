@@ -19,6 +19,7 @@ use super::{DdsError, Events, Opener, Readers, opening, ros_type};
 use crate::msg::clusters::SurfaceClusterArray;
 use crate::msg::ros::{MarkerArray, PointCloud2, TriggerRequest, TriggerResponse};
 use crate::node::args::Setup;
+use crate::node::parameters::Parameters;
 use crate::node::security::Security;
 use crate::node::transport::{Outgoing, SendError, Service, Source};
 
@@ -31,6 +32,10 @@ const SNAPSHOTS: i32 = 16;
 
 /// Most messages of markers, the largest of all.
 const MARKERS: i32 = 4;
+
+/// Type of the node's own services, and how many calls may wait.
+const TRIGGER: (&str, &str) = ("std_srvs", "Trigger");
+const CALLS: usize = 10;
 
 /// Time between two looks at the middleware's threads.
 const LOOK: Duration = Duration::from_millis(250);
@@ -64,6 +69,7 @@ impl Network {
         setup: &Setup,
         security: &Security,
         memory: &Memory,
+        parameters: &Rc<Parameters>,
         events: &Events,
     ) -> Result<Self, DdsError> {
         let (opener, threads) = Threads::started_by(|| Opener::new(setup, security));
@@ -84,11 +90,11 @@ impl Network {
                 (Outgoing::LABELLED, "sensor_msgs", "PointCloud2"),
                 &QosProfile::subscription_default().into(),
             )?,
-            reset: Rc::new(opener.server(Service::Reset.name())?),
-            save: Rc::new(opener.server(Service::Save.name())?),
+            reset: Rc::new(opener.server(Service::Reset.name(), TRIGGER, CALLS)?),
+            save: Rc::new(opener.server(Service::Save.name(), TRIGGER, CALLS)?),
             pulse: pulse(&opener),
             participant: opener.participant.clone(),
-            readers: Mutex::new(read::listen(&mut opener, memory, events)?),
+            readers: Mutex::new(read::listen(&mut opener, memory, parameters, events)?),
             node: RefCell::new(opener.node),
             threads,
             reopened: Cell::new(0),

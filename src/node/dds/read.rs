@@ -5,17 +5,18 @@ use std::rc::Rc;
 
 use futures::{StreamExt, pin_mut};
 use ros2_client::qos::{Durability, History};
-use ros2_client::{MessageInfo, ParameterValue, QosProfile, RmwRequestId, Server, Subscription};
+use ros2_client::{MessageInfo, QosProfile, RmwRequestId, Server, Subscription};
 use rustdds::QosPolicyBuilder;
 use rustdds::policy::{self, ResourceLimits};
 use serde::de::{DeserializeOwned, DeserializeSeed, Deserializer};
 
 use super::heard::{Known, Order, Taken};
-use super::{DdsError, Events, Opener, Readers, opening, reliable};
+use super::{DdsError, Events, Opener, Readers, opening, parameters, reliable};
 use crate::cloud::{Camera, Cloud, CloudError, CloudFilter, CloudSeed, CompressedSeed, DepthSeed};
 use crate::msg::ros::{CameraInfo, Clock, TriggerRequest, TriggerResponse};
 use crate::node::args::{ArgsError, Setup};
 use crate::node::inputs::COMPRESSED_DEPTH;
+use crate::node::parameters::Parameters;
 use crate::node::security::Security;
 use crate::node::transport::{Event, Input, Inputs, Service};
 
@@ -36,10 +37,15 @@ pub(super) struct Memory {
 type Publishers = Rc<RefCell<Known>>;
 
 /// Starts the tasks that read topics.
-pub(super) fn listen(opener: &mut Opener<'_>, memory: &Memory, events: &Events) -> Result<Readers, DdsError> {
+pub(super) fn listen(
+    opener: &mut Opener<'_>,
+    memory: &Memory,
+    parameters: &Rc<Parameters>,
+    events: &Events,
+) -> Result<Readers, DdsError> {
     let mut readers = Readers::new();
     let tf = |durability| (&reliable(100, durability)).into();
-    listen_to_scans(opener, &mut readers, memory, events)?;
+    listen_to_scans(opener, &mut readers, memory, parameters, events)?;
     // The reliable reader takes nothing of a publisher before its heartbeat, up to 3 s; the other one at once.
     let at_once = (&QosProfile::subscription_default().history(History::KeepLast { depth: 100 })).into();
     let at_once = (!has_keys(opener)).then_some(at_once);
@@ -63,19 +69,19 @@ pub(super) fn listen(opener: &mut Opener<'_>, memory: &Memory, events: &Events) 
     if opener.setup.config.use_sim_time {
         let qos = (&QosProfile::subscription_default()).into();
         let clock = opener.subscribe(("/clock", "rosgraph_msgs", "Clock"), &qos)?;
-        let time = |clock: Clock, _: &MessageInfo| {
+        let parameters = Rc::clone(parameters);
+        let time = move |clock: Clock, _: &MessageInfo| {
             let bad = || format!("{} ns in a second", clock.clock.nanosec);
-            let stamp = clock.clock.stamp().map(Event::Clock);
+            let stamp = clock.clock.stamp().inspect(|stamp| parameters.note_clock(*stamp)).map(Event::Clock);
             Some(stamp.unwrap_or_else(|| Event::Garbled { topic: "/clock", text: bad() }))
         };
         readers.spawn_local(read("/clock", clock, events.clone(), time));
     }
-    let use_sim_time = ParameterValue::Boolean(opener.setup.config.use_sim_time);
-    opener.node.set_parameter("use_sim_time", use_sim_time).map_err(opening("use_sim_time"))?;
-    let spinner = opener.node.spinner().map_err(opening("the parameter services"))?;
+    parameters::serve(opener, &mut readers, parameters, events)?;
+    let spinner = opener.node.spinner().map_err(opening("the graph"))?;
     readers.spawn_local(async {
         drop(spinner.spin().await);
-        "the parameter services"
+        "the graph"
     });
     Ok(readers)
 }
@@ -90,12 +96,14 @@ fn listen_to_scans(
     opener: &mut Opener<'_>,
     readers: &mut Readers,
     memory: &Memory,
+    parameters: &Rc<Parameters>,
     events: &Events,
 ) -> Result<(), DdsError> {
     let best_effort = policy::Reliability::BestEffort;
-    let (qos, filter) = (scan_qos(best_effort), opener.setup.config.filter);
+    let qos = scan_qos(best_effort);
     let points = opener.subscribe(("points", "sensor_msgs", "PointCloud2"), &qos)?;
-    let (seed, known) = (CloudSeed::new(filter), (Rc::clone(&memory.points), false));
+    let seed = WithFilter(Rc::clone(parameters), CloudSeed::new);
+    let known = (Rc::clone(&memory.points), false);
     readers.spawn_local(read_scans((Input::Points, "points"), points, seed, known, events.clone()));
     let camera = &memory.camera;
     let infos = opener.subscribe(("depth/camera_info", "sensor_msgs", "CameraInfo"), &qos)?;
@@ -105,13 +113,15 @@ fn listen_to_scans(
     for (reliability, reliably) in [(best_effort, false)].into_iter().chain(repaired) {
         let qos = scan_qos(reliability);
         let images = opener.subscribe(("depth/image", "sensor_msgs", "Image"), &qos)?;
-        let seed = WithCamera { camera: camera.clone(), filter, seed: DepthSeed::new };
+        let seed =
+            WithCamera { camera: camera.clone(), parameters: Rc::clone(parameters), seed: DepthSeed::new };
         let known = (Rc::clone(&memory.images), reliably);
         readers.spawn_local(read_scans((Input::Depth, "depth/image"), images, seed, known, events.clone()));
     }
     let name = compressed_name(opener.setup)?;
     let images = opener.subscribe((&name, "sensor_msgs", "CompressedImage"), &qos)?;
-    let seed = WithCamera { camera: camera.clone(), filter, seed: CompressedSeed::new };
+    let seed =
+        WithCamera { camera: camera.clone(), parameters: Rc::clone(parameters), seed: CompressedSeed::new };
     let which = (Input::CompressedDepth, "compressedDepth");
     let known = (Rc::clone(&memory.compressed), false);
     readers.spawn_local(read_scans(which, images, seed, known, events.clone()));
@@ -143,11 +153,23 @@ impl Default for LatestCamera {
     }
 }
 
-/// A seed made for the camera that is known when an image comes.
+/// A seed made for the filter that holds when a cloud comes.
+#[derive(Clone)]
+struct WithFilter<S>(Rc<Parameters>, fn(CloudFilter) -> S);
+
+impl<'de, S: DeserializeSeed<'de, Value = Decoded>> DeserializeSeed<'de> for WithFilter<S> {
+    type Value = Decoded;
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Decoded, D::Error> {
+        (self.1)(self.0.filter()).deserialize(deserializer)
+    }
+}
+
+/// A seed made for the camera that is known and the filter that holds when an image comes.
 #[derive(Clone)]
 struct WithCamera<S> {
     camera: LatestCamera,
-    filter: CloudFilter,
+    parameters: Rc<Parameters>,
     seed: fn(Camera, CloudFilter) -> S,
 }
 
@@ -157,7 +179,7 @@ impl<'de, S: DeserializeSeed<'de, Value = Decoded>> DeserializeSeed<'de> for Wit
     fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Decoded, D::Error> {
         let camera = self.camera.0.borrow().clone();
         match camera {
-            Ok(camera) => (self.seed)(camera, self.filter).deserialize(deserializer),
+            Ok(camera) => (self.seed)(camera, self.parameters.filter()).deserialize(deserializer),
             Err(error) => Ok(Err(error)),
         }
     }
