@@ -72,6 +72,11 @@ impl Join {
         }
     }
 
+    /// Lets at most `places` clouds wait from now on; see [`WaitingQueue::set_capacity`].
+    pub const fn set_places(&mut self, places: usize) {
+        self.waiting.set_capacity(places);
+    }
+
     /// The tree of frames.
     pub const fn frames(&self) -> &Frames {
         &self.frames

@@ -10,7 +10,7 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use crate::engine::{Engine, SavedMap, Scan, Snapshot, Update};
+use crate::engine::{Engine, Params, SavedMap, Scan, Snapshot, Update};
 
 /// What the worker has to say.
 #[derive(Clone, Debug)]
@@ -50,6 +50,8 @@ pub const PLACES: usize = 8;
 struct Pending {
     /// The id of a session to begin with an empty map, before anything else.
     session: Option<u64>,
+    /// What the engine is to go on with, before the next scan.
+    params: Option<Params>,
     /// Oldest first.
     scans: VecDeque<Scan>,
     snapshot: bool,
@@ -60,6 +62,7 @@ struct Pending {
 /// What the worker does next, in this order.
 struct Task {
     session: Option<u64>,
+    params: Option<Params>,
     scan: Option<Scan>,
     snapshot: bool,
     save: bool,
@@ -91,8 +94,8 @@ impl Mailbox {
     }
 
     fn take(&self) -> Task {
-        let empty =
-            |p: &mut Pending| p.session.is_none() && p.scans.is_empty() && !p.snapshot && !p.save && !p.stop;
+        let idle = |p: &Pending| p.session.is_none() && p.params.is_none() && p.scans.is_empty();
+        let empty = |p: &mut Pending| idle(p) && !p.snapshot && !p.save && !p.stop;
         let waited = self.filled.wait_while(self.lock(), empty);
         let mut pending = waited.unwrap_or_else(PoisonError::into_inner);
         let scan = pending.scans.pop_front();
@@ -101,7 +104,8 @@ impl Mailbox {
         let is_time = stop || !pending.stop;
         let snapshot = is_time && std::mem::take(&mut pending.snapshot);
         let save = is_time && std::mem::take(&mut pending.save);
-        Task { session: pending.session.take(), scan, snapshot, save, stop }
+        let (session, params) = (pending.session.take(), pending.params.take());
+        Task { session, params, scan, snapshot, save, stop }
     }
 }
 
@@ -142,6 +146,11 @@ impl Worker {
         self.mailbox.put(|pending| pending.save = true);
     }
 
+    /// Lets the engine go on by these parameters from the next scan on; see [`Engine::tune`].
+    pub fn tune(&self, params: Params) {
+        self.mailbox.put(|pending| pending.params = Some(params));
+    }
+
     /// Begins a new session with an empty map; returns how many scans that were still waiting were thrown away.
     #[must_use = "scans thrown away are to be counted"]
     pub fn reset(&self, session: u64) -> usize {
@@ -177,6 +186,9 @@ fn work(mailbox: &Mailbox, mut engine: Engine, mut session: u64, sink: &mut impl
         if let Some(new) = task.session {
             session = new;
             engine = Engine::new(*engine.params());
+        }
+        if let Some(params) = task.params {
+            engine.tune(&params);
         }
         if let Some(scan) = task.scan {
             #[cfg(test)]

@@ -1,17 +1,13 @@
 //! The sensors that one map is made from: `sensors`, and of each its `<name>.kind` and `<name>.noise_model`.
 
-use std::collections::BTreeMap;
-
-use super::{ConfigError, Value};
-
 /// Sensors of one node at most.
-const MOST: usize = 16;
+pub(super) const MOST_SENSORS: usize = 16;
 
 /// Bytes of a sensor's name at most.
-const MAX_NAME_BYTES: usize = 64;
+pub(super) const MAX_SENSOR_NAME_BYTES: usize = 64;
 
 /// Name of the sensor that there is when none is named.
-const DEFAULT: &str = "points";
+pub(super) const DEFAULT: &str = "points";
 
 /// What a sensor sends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -69,60 +65,22 @@ impl Sensor {
     }
 }
 
-/// Splits what belongs to a sensor off: `front.kind` is the `kind` of `front`.
-pub(super) fn of_sensor(parameter: &str) -> Option<(&str, &str)> {
-    parameter.rsplit_once('.').filter(|(_, what)| ["kind", "noise_model"].contains(what))
-}
-
-/// The sensors of this list; `given` holds the values of `<name>.kind`.
-pub(super) fn sensors(list: &[String], given: &BTreeMap<String, Value>) -> Result<Vec<Sensor>, ConfigError> {
-    let refused = |must: String| ConfigError::Impossible {
-        name: "sensors".into(),
-        value: Value::TextList(list.to_vec()),
-        must,
-    };
-    if list.is_empty() || list.len() > MOST {
-        return Err(refused(format!("a list of 1 to {MOST} names")));
-    }
-    for (index, name) in list.iter().enumerate() {
-        if !is_name(name) {
-            let must = "of names that begin with a letter and have letters, digits and underscores";
-            return Err(refused(format!("{must}, {MAX_NAME_BYTES} bytes at most: `{name}` is none")));
-        }
-        if list[..index].contains(name) {
-            return Err(refused(format!("of names that differ: `{name}` stands there twice")));
-        }
-    }
-    let kind = |name: &String| kind(name, list.len() == 1, given.get(&format!("{name}.kind")));
-    list.iter().map(|name| Ok(Sensor { name: name.clone(), kind: kind(name)? })).collect()
+/// Whether these can be the names of the sensors.
+pub(super) fn can_be(list: &[String]) -> bool {
+    let differ = (1..list.len()).all(|index| !list[..index].contains(&list[index]));
+    (1..=MOST_SENSORS).contains(&list.len()) && differ && list.iter().all(|name| is_name(name))
 }
 
 fn is_name(name: &str) -> bool {
-    name.len() <= MAX_NAME_BYTES
+    name.len() <= MAX_SENSOR_NAME_BYTES
         && name.starts_with(|first: char| first.is_ascii_alphabetic())
         && name.chars().all(|letter| letter.is_ascii_alphanumeric() || letter == '_')
-}
-
-fn kind(name: &str, is_alone: bool, given: Option<&Value>) -> Result<Kind, ConfigError> {
-    let Some(value) = given else {
-        return Ok(if is_alone && name == DEFAULT { Kind::Auto } else { Kind::Cloud });
-    };
-    match value {
-        Value::Text(kind) if kind == "cloud" => Ok(Kind::Cloud),
-        Value::Text(kind) if kind == "depth" => Ok(Kind::Depth),
-        Value::Text(kind) if kind == "auto" && is_alone => Ok(Kind::Auto),
-        value => Err(ConfigError::Impossible {
-            name: format!("{name}.kind").into(),
-            value: value.clone(),
-            must: "`cloud` or `depth`, or `auto` where it is the only sensor".to_owned(),
-        }),
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::Config;
+    use crate::config::{Config, Value};
     use crate::engine::NoiseModel;
 
     fn text(text: &str) -> Value {
@@ -156,14 +114,18 @@ mod tests {
     #[test]
     fn sensors_that_cannot_be_are_refused_with_what_they_must_be() {
         let line = |list: &[&str], more: &[(&str, &str)]| config(list, more).unwrap_err();
-        assert_eq!(line(&[], &[]), "sensors is []; it must be a list of 1 to 16 names");
-        assert!(line(&["a/b"], &[]).contains("`a/b` is none"));
-        assert!(line(&[""], &[]).contains("`` is none"));
-        assert!(line(&["a", "b", "a"], &[]).contains("`a` stands there twice"));
-        assert!(line(&["x"; 17], &[]).contains("1 to 16"));
+        let long = "x".repeat(MAX_SENSOR_NAME_BYTES + 1);
+        for list in [&[][..], &["a/b"], &[""], &["1a"], &["ä"], &[&long], &["a", "b", "a"], &["x"; 17]] {
+            let said = line(list, &[]);
+            assert!(said.contains("it must be a list of 1 to 16 names that differ"), "{said}");
+        }
         assert_eq!(
             line(&["a", "b"], &[("a.kind", "auto")]),
-            "a.kind is \"auto\"; it must be `cloud` or `depth`, or `auto` where it is the only sensor"
+            "a.kind is \"auto\"; it must be `auto` only for a sensor that is alone"
+        );
+        assert_eq!(
+            line(&["a"], &[("a.kind", "lidar")]),
+            "a.kind is \"lidar\"; it must be `cloud`, `depth` or `auto`"
         );
         assert_eq!(
             line(&["front"], &[("fornt.kind", "depth")]),
@@ -181,8 +143,7 @@ mod tests {
         assert_eq!(model(&both), Ok(NoiseModel::None));
         assert_eq!(
             model(&both[1..]).unwrap_err(),
-            "b.noise_model is \"none\"; it must be the same as noise_model, which is \"kinect_v1\": one map weighs its \
-             points in one way"
+            "b.noise_model is \"none\"; it must be the same for all sensors: one map weighs its points in one way"
         );
         assert!(model(&[("a.noise_model", "lidar")]).unwrap_err().starts_with("a.noise_model is \"lidar\""));
     }

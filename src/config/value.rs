@@ -1,11 +1,12 @@
-//! Values of parameters, their declaration, and typed access to what was given.
+//! Values of parameters, and typed access to what was given.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::net::IpAddr;
 
 use super::ConfigError;
-use super::sensors::{self, Sensor};
+use super::sensors::{self, Kind, Sensor};
+use super::table::{Row, TABLE};
 use crate::engine::{Mode, NoiseModel};
 use crate::msg::ros::MAX_FRAME_ID_BYTES;
 use crate::msg::twins::Twins;
@@ -37,328 +38,238 @@ impl fmt::Display for Value {
     }
 }
 
-/// Name, default, and meaning with unit and range.
-pub(super) type Declared = (&'static str, fn() -> Value, &'static str);
+/// What YAML 1.1 takes for booleans, as ROS reads it.
+const TRUE: [&str; 11] = ["y", "Y", "yes", "Yes", "YES", "true", "True", "TRUE", "on", "On", "ON"];
+const FALSE: [&str; 11] = ["n", "N", "no", "No", "NO", "false", "False", "FALSE", "off", "Off", "OFF"];
 
-pub(super) const TABLE: &[Declared] = &[
-    ("fixed_frame", || Value::Text("odom".to_owned()), "frame in which the map lives"),
-    (
-        "mode",
-        || Value::Text("consistent".to_owned()),
-        "`consistent`: clusters as one definition has them, whatever the order of the scans; `paper`: CFODI to the letter",
-    ),
-    ("voxel_size", || Value::Double(0.08), "edge of a voxel, the paper's xi [m], above 0"),
-    ("min_points", || Value::Integer(15), "points that make a voxel dense, the paper's tau, 1 or more"),
-    ("depth", || Value::Integer(4), "steps that a neighbourhood reaches, in mode `paper`: its d, 1 to 8"),
-    (
-        "max_normal_angle",
-        || Value::Double(0.53),
-        "largest angle between similar normals, theta [rad], 0 to pi/2; mode `consistent` takes 0.17 at most, and 0.4 for \
-         what is rough or badly known",
-    ),
-    (
-        "min_vicinity",
-        || Value::Integer(1),
-        "least vicinity of an absorption, in mode `paper`: its minUnits [pairs], 1 or more",
-    ),
-    ("expansion_interval", || Value::Integer(10), "scans without growth until complete, delta; 0 = never"),
-    (
-        "noise_model",
-        || Value::Text("kinect_v1".to_owned()),
-        "what depths scatter by, in mode `consistent`: `kinect_v1`, `none`",
-    ),
-    (
-        "clearing",
-        || Value::Boolean(true),
-        "whether what the sensor looks through is forgotten; always false in mode `paper`",
-    ),
-    ("max_voxels", || Value::Integer(0), "most voxels that hold points, in mode `consistent`; 0 = no bound"),
-    (
-        "keep_radius",
-        || Value::Double(0.0),
-        "how far from the sensor voxels are kept [m], in mode `consistent`; 0 = no bound",
-    ),
-    ("max_range", || Value::Double(6.0), "furthest point [m]: depth in an optical frame, else distance"),
-    ("min_range", || Value::Double(0.4), "nearest point [m]: depth in an optical frame, else distance"),
-    (
-        "optical",
-        || Value::Text("auto".to_owned()),
-        "whether clouds have optical axes: `auto` (by frame id), `yes`, `no`",
-    ),
-    (
-        "max_points",
-        || Value::Integer(4_000_000),
-        "most points of one scan, 1 to 2^24; a larger one is refused",
-    ),
-    (
-        "network_interfaces",
-        || Value::TextList(Vec::new()),
-        "own IPv4 addresses to be found under; empty = all",
-    ),
-    (
-        "receive_buffer",
-        || Value::Integer(32 << 20),
-        "receive buffer to ask of the system [bytes], 4096 to 2^30",
-    ),
-    ("tf_timeout", || Value::Double(0.2), "how long a cloud waits for its transform [s], 0 to 60"),
-    ("publish_rate", || Value::Double(2.0), "snapshots, markers and labelled points [Hz], 0.01 to 100"),
-    (
-        "twins",
-        || Value::TextList(Vec::new()),
-        "what the clusters are published as beside: `detections`, `polygons`",
-    ),
-    (
-        "snapshot_path",
-        || Value::Text(String::new()),
-        "file that `run` saves the map in, at its end too; empty = none",
-    ),
-    ("snapshot_period", || Value::Double(60.0), "time between two savings of the map [s], 0.1 to 86400"),
-    (
-        "sensors",
-        || Value::TextList(vec!["points".to_owned()]),
-        "what the map is made from, 1 to 16 names; `<name>.kind` is `cloud` (on the topic `<name>`) or `depth` (on \
-         `<name>/image` and `<name>/camera_info`), and for `points` alone `auto`: clouds on `points` or depth images on \
-         `depth/image`, whichever come first; `<name>.noise_model` is as `noise_model`, and the same for all",
-    ),
-    ("use_sim_time", || Value::Boolean(false), "whether /clock gives the time"),
-];
+/// The value of a parameter as it stands in a file or on a command line: `on` is a boolean where the parameter is one, and
+/// stays a text where it is not.
+pub fn as_meant(name: &str, value: Value) -> Value {
+    let is_boolean = TABLE.iter().any(|row| row.name == name && row.is_boolean());
+    match value {
+        Value::Text(text) if is_boolean && TRUE.contains(&text.as_str()) => Value::Boolean(true),
+        Value::Text(text) if is_boolean && FALSE.contains(&text.as_str()) => Value::Boolean(false),
+        value => value,
+    }
+}
 
 /// The value of each parameter, given or default; names are known, types are not yet checked.
-pub(super) struct Given {
-    values: BTreeMap<&'static str, Value>,
-    /// What was given of single sensors, by full name.
-    of_sensors: BTreeMap<String, Value>,
-}
+pub(super) struct Given(BTreeMap<String, (Value, &'static Row)>);
 
 impl Given {
     pub(super) fn new(values: impl IntoIterator<Item = (String, Value)>) -> Result<Self, ConfigError> {
-        let mut given: BTreeMap<_, _> = TABLE.iter().map(|(name, default, _)| (*name, default())).collect();
-        let mut of_sensors = BTreeMap::new();
-        let mut cleared = false;
+        let values: Vec<_> = values.into_iter().collect();
+        let declared = super::parameters(&listed(&values)).into_iter();
+        let mut given: BTreeMap<_, _> =
+            declared.map(|parameter| (parameter.name, (parameter.row.default(), parameter.row))).collect();
+        let mut told = BTreeSet::new();
         for (name, value) in values {
-            if sensors::of_sensor(&name).is_some() {
-                of_sensors.insert(name, value);
-                continue;
-            }
-            let known = given.get_key_value(name.as_str()).map(|(known, _)| *known);
-            let Some(known) = known else {
-                return Err(ConfigError::Unknown { nearest: nearest(&name, &[]), name, value });
+            let Some((known, row)) = given.get_mut(&name) else {
+                let nearest = nearest(&name, given.into_keys());
+                return Err(ConfigError::Unknown { nearest, name, value });
             };
-            cleared |= known == "clearing";
-            given.insert(known, value);
+            *known = row.as_declared(value);
+            told.insert(name);
         }
-        if !cleared && given["mode"] == Value::Text("paper".to_owned()) {
-            given.insert("clearing", Value::Boolean(false));
-        }
-        let given = Self { values: given, of_sensors };
-        given.check_names_of_sensors()?;
+        let mut given = Self(given);
+        given.derive(&told);
         Ok(given)
     }
 
-    /// That only sensors which are listed have parameters.
-    fn check_names_of_sensors(&self) -> Result<(), ConfigError> {
-        let Value::TextList(list) = self.get("sensors") else { return Ok(()) };
-        let is_listed = |name: &str| {
-            sensors::of_sensor(name).is_some_and(|(sensor, _)| list.iter().any(|listed| listed == sensor))
-        };
-        match self.of_sensors.iter().find(|(name, _)| !is_listed(name)) {
-            None => Ok(()),
-            Some((name, value)) => Err(ConfigError::Unknown {
-                nearest: nearest(name, list),
-                name: name.clone(),
-                value: value.clone(),
-            }),
+    /// Gives a value to what was not told and follows from what was.
+    fn derive(&mut self, told: &BTreeSet<String>) {
+        let mut derived = Vec::new();
+        if *self.get("mode") == Value::Text("paper".to_owned()) {
+            derived.push(("clearing".to_owned(), Value::Boolean(false)));
+        }
+        let names = names(self.get("sensors"));
+        let kind = if names == [sensors::DEFAULT] { Kind::Auto } else { Kind::Cloud };
+        for name in names {
+            derived.push((format!("{name}.kind"), Value::Text(kind.as_str().to_owned())));
+            derived.push((format!("{name}.noise_model"), self.get("noise_model").clone()));
+        }
+        for (name, derived) in derived.into_iter().filter(|(name, _)| !told.contains(name)) {
+            self.0.entry(name).and_modify(|(value, _)| *value = derived);
         }
     }
 
-    pub(super) fn into_values(self) -> Result<Vec<(String, Value)>, ConfigError> {
-        let noise_model = self.get("noise_model").clone();
-        let mut values = Vec::new();
-        for Sensor { name, kind } in self.sensors()? {
-            let of_sensor = |what: &str| self.of_sensors.get(&format!("{name}.{what}")).cloned();
-            let kind = of_sensor("kind").unwrap_or_else(|| Value::Text(kind.as_str().to_owned()));
-            let noise_model = of_sensor("noise_model").unwrap_or_else(|| noise_model.clone());
-            values.extend([(format!("{name}.kind"), kind), (format!("{name}.noise_model"), noise_model)]);
-        }
-        let as_declared = |(name, value): (&'static str, Value)| match (declared(name), value) {
-            (Some(Value::Double(_)), Value::Integer(value)) => (name.to_owned(), Value::Double(value as f64)),
-            (_, value) => (name.to_owned(), value),
-        };
-        values.extend(self.values.into_iter().map(as_declared));
-        Ok(values)
+    pub(super) fn into_values(self) -> Vec<(String, Value)> {
+        self.0.into_iter().map(|(name, (value, _))| (name, value)).collect()
     }
 
-    pub(super) fn sensors(&self) -> Result<Vec<Sensor>, ConfigError> {
-        match self.get("sensors") {
-            Value::TextList(list) => sensors::sensors(list, &self.of_sensors),
-            _ => self.refuse("sensors", "a list of names, as [\"front\", \"rear\"]"),
-        }
+    fn get(&self, name: &str) -> &Value {
+        // Only declared names are asked for.
+        &self.0[name].0
     }
 
-    fn get(&self, name: &'static str) -> &Value {
-        // Only names of the table are asked for.
-        &self.values[name]
+    fn refuse<T>(&self, name: &str, must: impl Into<String>) -> Result<T, ConfigError> {
+        let value = self.get(name).clone();
+        Err(ConfigError::Impossible { name: name.to_owned(), value, must: must.into() })
     }
 
-    fn refuse<T>(&self, name: &'static str, must: impl Into<String>) -> Result<T, ConfigError> {
-        Err(ConfigError::Impossible { name: name.into(), value: self.get(name).clone(), must: must.into() })
+    /// The value, of the parameter's type and within its bounds.
+    fn checked(&self, name: &str) -> Result<&Value, ConfigError> {
+        let (value, row) = &self.0[name];
+        row.refusal(Some(value)).map_or(Ok(value), |must| self.refuse(name, must))
     }
 
-    pub(super) fn boolean(&self, name: &'static str) -> Result<bool, ConfigError> {
-        if let Value::Boolean(value) = self.get(name) {
-            Ok(*value)
-        } else {
-            self.refuse(name, "true or false")
+    /// What the bounds in words are about.
+    fn refuse_by_row<T>(&self, name: &str) -> Result<T, ConfigError> {
+        self.refuse(name, self.0[name].1.must())
+    }
+
+    pub(super) fn refuse_beside<T>(&self, name: &str) -> Result<T, ConfigError> {
+        self.refuse(name, self.0[name].1.also)
+    }
+
+    pub(super) fn boolean(&self, name: &str) -> Result<bool, ConfigError> {
+        match self.checked(name)? {
+            Value::Boolean(value) => Ok(*value),
+            _ => self.refuse_by_row(name),
         }
     }
 
-    pub(super) fn integer(&self, name: &'static str, least: i64, most: i64) -> Result<i64, ConfigError> {
-        match *self.get(name) {
-            Value::Integer(value) if (least..=most).contains(&value) => Ok(value),
-            Value::Integer(_) => self.refuse(name, format!("from {least} to {most}")),
-            _ => self.refuse(name, "an integer"),
+    pub(super) fn integer(&self, name: &str) -> Result<i64, ConfigError> {
+        match self.checked(name)? {
+            Value::Integer(value) => Ok(*value),
+            _ => self.refuse_by_row(name),
         }
     }
 
-    pub(super) fn double(&self, name: &'static str) -> Result<f64, ConfigError> {
-        match *self.get(name) {
-            Value::Double(value) => Ok(value),
-            // A number without a point is an integer to YAML, and meant as a double here.
-            Value::Integer(value) => Ok(value as f64),
-            _ => self.refuse(name, "a number"),
+    pub(super) fn number(&self, name: &str) -> Result<f64, ConfigError> {
+        match self.checked(name)? {
+            Value::Double(value) => Ok(*value),
+            _ => self.refuse_by_row(name),
         }
     }
 
-    /// A double within bounds; `unit` stands in what is said when it is not.
-    pub(super) fn within(
-        &self,
-        name: &'static str,
-        (least, most): (f64, f64),
-        unit: &str,
-    ) -> Result<f64, ConfigError> {
-        let value = self.double(name)?;
-        if (least..=most).contains(&value) {
-            Ok(value)
-        } else {
-            self.refuse(name, format!("from {least} to {most} {unit}"))
+    pub(super) fn text(&self, name: &str) -> Result<&str, ConfigError> {
+        match self.checked(name)? {
+            Value::Text(value) => Ok(value),
+            _ => self.refuse_by_row(name),
         }
     }
 
-    pub(super) fn text(&self, name: &'static str) -> Result<&str, ConfigError> {
-        if let Value::Text(value) = self.get(name) { Ok(value) } else { self.refuse(name, "a text") }
-    }
-
-    pub(super) fn frame(&self, name: &'static str) -> Result<String, ConfigError> {
+    pub(super) fn frame(&self, name: &str) -> Result<String, ConfigError> {
         let frame = self.text(name)?.trim_start_matches('/');
         if frame.is_empty() || frame.len() > MAX_FRAME_ID_BYTES {
-            return self.refuse(name, format!("the name of a frame, of at most {MAX_FRAME_ID_BYTES} bytes"));
+            return self.refuse_by_row(name);
         }
         Ok(frame.to_owned())
     }
 
-    pub(super) fn addresses(&self, name: &'static str) -> Result<Vec<IpAddr>, ConfigError> {
-        let addresses = match self.get(name) {
-            Value::TextList(list) => list.iter().map(|text| text.parse()).collect::<Result<_, _>>().ok(),
-            // What an empty list looks like where its type cannot be told.
-            Value::Text(text) if text.is_empty() => Some(Vec::new()),
-            _ => None,
+    pub(super) fn addresses(&self, name: &str) -> Result<Vec<IpAddr>, ConfigError> {
+        let Value::TextList(list) = self.checked(name)? else { return self.refuse_by_row(name) };
+        let addresses: Result<_, _> = list.iter().map(|text| text.parse()).collect();
+        addresses.or_else(|_| self.refuse_by_row(name))
+    }
+
+    pub(super) fn mode(&self) -> Result<Mode, ConfigError> {
+        match self.text("mode")? {
+            "paper" => Ok(Mode::Paper),
+            _ => Ok(Mode::Consistent),
+        }
+    }
+
+    /// That of all sensors: the map's weights mean one thing.
+    pub(super) fn noise_model(&self) -> Result<NoiseModel, ConfigError> {
+        let model = self.text("noise_model")?;
+        let of_sensors = self.sensors()?.into_iter().map(|sensor| sensor.name + ".noise_model");
+        let mut of_all = None;
+        for name in of_sensors {
+            let own = self.text(&name)?;
+            if *of_all.get_or_insert(own) != own {
+                return self.refuse_beside(&name);
+            }
+        }
+        match of_all.unwrap_or(model) {
+            "none" => Ok(NoiseModel::None),
+            _ => Ok(NoiseModel::KinectV1),
+        }
+    }
+
+    pub(super) fn sensors(&self) -> Result<Vec<Sensor>, ConfigError> {
+        let Value::TextList(list) = self.checked("sensors")? else { return self.refuse_by_row("sensors") };
+        if !sensors::can_be(list) {
+            return self.refuse_by_row("sensors");
+        }
+        let sensor = |name: &String| {
+            let key = format!("{name}.kind");
+            let kind = match self.text(&key)? {
+                "auto" if list.len() > 1 => return self.refuse_beside(&key),
+                "auto" => Kind::Auto,
+                "depth" => Kind::Depth,
+                _ => Kind::Cloud,
+            };
+            Ok(Sensor { name: name.clone(), kind })
         };
-        addresses.map_or_else(|| self.refuse(name, "a list of IP addresses, as [\"192.168.1.5\"]"), Ok)
+        list.iter().map(sensor).collect()
     }
 
     pub(super) fn twins(&self) -> Result<Twins, ConfigError> {
-        let names = match self.get("twins") {
-            Value::TextList(names) => names.as_slice(),
-            // As with addresses.
-            Value::Text(text) if text.is_empty() => &[],
-            _ => return self.refuse("twins", "a list of texts, as [\"detections\"]"),
-        };
+        let Value::TextList(names) = self.checked("twins")? else { return self.refuse_by_row("twins") };
         let mut twins = Twins::default();
         for name in names {
             match name.as_str() {
                 "detections" => twins.detections = true,
                 "polygons" => twins.polygons = true,
                 _ => {
-                    let nearest = nearest_of(["detections", "polygons"], name).unwrap_or_default();
-                    return self.refuse(
-                        "twins",
-                        format!("out of `detections` and `polygons`; the nearest to {name:?} is `{nearest}`"),
-                    );
+                    let nearest = nearest(name, ["detections", "polygons"].map(str::to_owned).into_iter());
+                    let must = "out of `detections` and `polygons`; the nearest to";
+                    return self.refuse("twins", format!("{must} {name:?} is `{nearest}`"));
                 }
             }
         }
         if twins.polygons && self.mode()? == Mode::Paper {
-            return self.refuse("twins", "without `polygons` where mode is `paper`: it knows no outlines");
+            return self.refuse_beside("twins");
         }
         Ok(twins)
-    }
-
-    pub(super) fn mode(&self) -> Result<Mode, ConfigError> {
-        match self.text("mode")? {
-            "consistent" => Ok(Mode::Consistent),
-            "paper" => Ok(Mode::Paper),
-            _ => self.refuse("mode", "`consistent` or `paper`"),
-        }
-    }
-
-    /// That of all sensors: the map's weights mean one thing.
-    pub(super) fn noise_model(&self) -> Result<NoiseModel, ConfigError> {
-        let of_all = ("noise_model".to_owned(), self.get("noise_model"));
-        let of_sensor = |sensor: Sensor| {
-            let name = sensor.name + ".noise_model";
-            self.of_sensors.get(&name).map_or_else(|| of_all.clone(), |value| (name, value))
-        };
-        let mut models = self.sensors()?.into_iter().map(of_sensor);
-        let (first, value) = models.next().unwrap_or_else(|| of_all.clone());
-        let model = one_noise_model(&first, value)?;
-        for (name, other) in models {
-            if one_noise_model(&name, other)? != model {
-                let must =
-                    format!("the same as {first}, which is {value}: one map weighs its points in one way");
-                return Err(ConfigError::Impossible { name: name.into(), value: other.clone(), must });
-            }
-        }
-        one_noise_model(&of_all.0, of_all.1).map(|_| model)
     }
 
     pub(super) fn clearing(&self) -> Result<bool, ConfigError> {
         let clearing = self.boolean("clearing")?;
         if clearing && self.mode()? == Mode::Paper {
-            return self.refuse("clearing", "false where mode is `paper`: the letter forgets nothing");
+            return self.refuse_beside("clearing");
         }
         Ok(clearing)
     }
 
-    /// A bound that only the mode `consistent` has: 0 in the other.
-    pub(super) fn check_no_bound(&self, name: &'static str) -> Result<(), ConfigError> {
-        if self.mode()? == Mode::Paper && self.double(name)? > 0.0 {
-            return self.refuse(name, "0 where mode is `paper`: the letter forgets nothing");
+    /// Bounds that only the mode `consistent` has: 0 in the other.
+    pub(super) fn check_no_bounds(&self) -> Result<(), ConfigError> {
+        if self.mode()? == Mode::Paper {
+            if self.integer("max_voxels")? > 0 {
+                return self.refuse_beside("max_voxels");
+            }
+            if self.number("keep_radius")? > 0.0 {
+                return self.refuse_beside("keep_radius");
+            }
+        }
+        Ok(())
+    }
+
+    pub(super) fn check_ranges(&self) -> Result<(), ConfigError> {
+        let (least, most) = (self.number("min_range")?, self.number("max_range")?);
+        if most < least {
+            return self.refuse("max_range", format!("{}, which is {least} m", self.0["max_range"].1.also));
         }
         Ok(())
     }
 }
 
-fn one_noise_model(name: &str, value: &Value) -> Result<NoiseModel, ConfigError> {
-    let must = match value {
-        Value::Text(model) if model == "kinect_v1" => return Ok(NoiseModel::KinectV1),
-        Value::Text(model) if model == "none" => return Ok(NoiseModel::None),
-        Value::Text(_) => "`kinect_v1` or `none`",
-        _ => "a text",
-    };
-    Err(ConfigError::Impossible { name: name.to_owned().into(), value: value.clone(), must: must.to_owned() })
+/// The sensors that are named by what is given, as far as they can be; the last list counts.
+fn listed(values: &[(String, Value)]) -> Vec<String> {
+    let last = values.iter().rev().find(|(name, _)| name == "sensors");
+    last.map_or_else(|| vec![sensors::DEFAULT.to_owned()], |(_, list)| names(list))
 }
 
-fn declared(name: &str) -> Option<Value> {
-    TABLE.iter().find(|declared| declared.0 == name).map(|declared| declared.1())
+fn names(list: &Value) -> Vec<String> {
+    match list {
+        Value::TextList(list) if sensors::can_be(list) => list.clone(),
+        _ => Vec::new(),
+    }
 }
 
-/// The known name that differs least; `list` are the sensors.
-fn nearest(name: &str, list: &[String]) -> String {
-    let of_sensors =
-        list.iter().flat_map(|sensor| ["kind", "noise_model"].map(|what| format!("{sensor}.{what}")));
-    nearest_of(TABLE.iter().map(|declared| declared.0.to_owned()).chain(of_sensors), name).unwrap_or_default()
-}
-
-fn nearest_of<T: AsRef<str>>(known: impl IntoIterator<Item = T>, name: &str) -> Option<T> {
-    known.into_iter().min_by_key(|known| strsim::damerau_levenshtein(known.as_ref(), name))
+/// The known name that differs least.
+pub(super) fn nearest(name: &str, known: impl Iterator<Item = String>) -> String {
+    known.min_by_key(|known| strsim::damerau_levenshtein(known, name)).unwrap_or_default()
 }

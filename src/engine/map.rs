@@ -74,6 +74,14 @@ impl Engine {
         }))
     }
 
+    /// Goes on by those of `params` that [`Params::tuned`] names, from the next scan on, as a map does that was saved and
+    /// restored with them; the letter keeps its own. Costs O(map) where `max_voxels` begins to hold, O(1) elsewhere.
+    pub fn tune(&mut self, params: &Params) {
+        if let Method::Consistent(map) = &mut self.0 {
+            map.tune(params);
+        }
+    }
+
     /// The parameters it works with.
     pub const fn params(&self) -> &Params {
         match &self.0 {

@@ -45,6 +45,7 @@ pub use consistent::NoiseModel;
 pub use key::{ClusterId, DIRECTIONS, GRID_REACH, VoxelKey};
 pub use map::Engine;
 pub use nalgebra::Isometry3;
+pub(crate) use params::{MAX_DEPTH, MAX_POINTS};
 pub use params::{Mode, Params, ParamsError};
 pub use points::{Depths, Points, Rays};
 pub use saved::{RestoreError, SavedMap};

@@ -156,6 +156,14 @@ impl Params {
         self.keep_radius
     }
 
+    /// These with those of `other` that a map can go on with, as they do not shape what it holds: `clearing`, `max_voxels`,
+    /// `keep_radius` and `expansion_interval`.
+    #[must_use]
+    pub const fn tuned(self, other: &Self) -> Self {
+        let Self { clearing, max_voxels, keep_radius, expansion_interval, .. } = *other;
+        Self { clearing, max_voxels, keep_radius, expansion_interval, ..self }
+    }
+
     /// Sets whether voxels that the sensor looks through lose their points, in [`Mode::Consistent`].
     #[must_use]
     pub const fn with_clearing(self, clearing: bool) -> Self {

@@ -9,7 +9,7 @@ use thiserror::Error;
 
 use super::params_file::{MAX_NAME_BYTES, assignments, flatten};
 use super::security::{Asked, BUILT_IN, Security, SecurityError};
-use crate::config::{Config, ConfigError, Value};
+use crate::config::{Config, ConfigError, Value, as_meant};
 use crate::yaml::{self, YamlError};
 
 /// What the environment says about the node.
@@ -201,20 +201,24 @@ fn parse_domain(domain: Option<&str>) -> Result<u16, ArgsError> {
 
 fn given_parameters(ros: &Ros2Args, namespace: &str, name: &str) -> Result<Vec<(String, Value)>, ArgsError> {
     let node = build_node_fqn(namespace, name);
+    let is_for_node = |param: &ParamAssignment| {
+        param.node_name.as_ref().is_none_or(|pattern| match_wildcard_pattern(pattern, &node))
+    };
     let mut assigned: Vec<ParamAssignment> = Vec::new();
     for file in &ros.param_files {
-        let for_node = |param: &ParamAssignment| {
-            param.node_name.as_ref().is_none_or(|pattern| match_wildcard_pattern(pattern, &node))
-        };
-        assigned.extend(assignments(file)?.into_iter().filter(for_node));
+        assigned.extend(assignments(file)?.into_iter().filter(is_for_node));
     }
-    assigned.extend(ros.param_assignments.iter().filter(|param| param.applies_to_node(name)).cloned());
+    assigned.extend(ros.param_assignments.iter().filter(|param| is_for_node(param)).cloned());
     let mut values = Vec::new();
     for param in assigned {
         flatten(param.name, &param.value, &mut values)?;
     }
-    Ok(values)
+    let meant = |(name, value): (String, Value)| (as_meant(&name, value), name);
+    Ok(values.into_iter().map(meant).map(|(value, name)| (name, value)).collect())
 }
+
+#[cfg(test)]
+mod tests_on_files;
 
 #[cfg(test)]
 mod tests {

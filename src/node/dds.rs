@@ -9,6 +9,7 @@ mod map_reader;
 mod mismatch;
 mod network;
 mod outlet;
+mod parameters;
 mod pulse;
 mod read;
 mod robot;
@@ -18,15 +19,14 @@ mod threads;
 
 use std::borrow::Cow;
 use std::cell::RefCell;
-use std::collections::BTreeMap;
 use std::net::{IpAddr, UdpSocket};
 use std::rc::Rc;
 use std::time::Duration;
 
 use ros2_client::qos::{Durability, History, WhenFull};
 use ros2_client::{
-    Context, MessageTypeName, Name, Node, NodeName, NodeOptions, ParameterValue, Publisher, QosProfile,
-    RmwRequestId, Server, ServiceMapping, ServiceTypeName, Subscription,
+    Context, MessageTypeName, Name, Node, NodeName, NodeOptions, Publisher, QosProfile, RmwRequestId, Server,
+    ServiceMapping, ServiceTypeName, Subscription,
 };
 use rustdds::policy::ResourceLimits;
 use rustdds::{
@@ -44,11 +44,11 @@ use self::network::Network;
 use self::read::Memory;
 pub use self::robot::Robot;
 use super::args::{ArgsError, Setup};
+use super::parameters::Parameters;
 use super::process::receive_buffer;
 use super::record::Record;
 use super::security::{Security, SecurityError};
 use super::transport::{self, Event, Outgoing, SendError, SensorTopics, Service, Source, Transport};
-use crate::config::Value;
 use crate::msg::ros::{TriggerRequest, TriggerResponse};
 
 /// The middleware refused something.
@@ -119,30 +119,10 @@ impl<'a> Opener<'a> {
         let context =
             Context::from_domain_participant(participant.clone()).map_err(opening("a ROS context"))?;
         let name = NodeName::new(&setup.namespace, &setup.name).map_err(opening("the node"))?;
-        // What the node says goes where readers cannot hold it up.
-        let mut options = NodeOptions::new().enable_rosout(false);
-        for (name, value) in &setup.parameters {
-            // The library declares this one itself; it is set below.
-            if *name != "use_sim_time" {
-                options = options.declare_parameter(name, parameter(value));
-            }
-        }
-        let begun_with: BTreeMap<_, _> =
-            setup.parameters.iter().map(|(name, value)| (name.clone(), parameter(value))).collect();
-        // The library also asks when a parameter is declared.
-        let fixed = move |name: &str, value: &ParameterValue| {
-            let same = begun_with.get(name) == Some(value) || name == "use_sim_time" && begun_with.is_empty();
-            let why = || format!("{name} is read when the node starts: start it again with -p {name}:=...");
-            if same { Ok(()) } else { Err(why()) }
-        };
-        let node = context.new_node(name, options.parameter_validator(Box::new(fixed)));
-        Ok(Self {
-            setup,
-            security,
-            participant,
-            node: node.map_err(opening("the node"))?,
-            ends: Ends::default(),
-        })
+        // The parameter services are those of `parameters`; what the node says goes where readers cannot hold it up.
+        let options = NodeOptions::new().start_parameter_services(false).enable_rosout(false);
+        let node = context.new_node(name, options).map_err(opening("the node"))?;
+        Ok(Self { setup, security, participant, node, ends: Ends::default() })
     }
 
     fn topic(
@@ -178,11 +158,16 @@ impl<'a> Opener<'a> {
         self.node.create_publisher(&topic, None).map_err(opening(name))
     }
 
-    fn server(&mut self, name: &str) -> Result<Server<TriggerRequest, TriggerResponse>, DdsError> {
+    fn server<Q: ros2_client::Message + Clone + 'static, A: ros2_client::Message + 'static>(
+        &mut self,
+        name: &str,
+        (package, kind): (&str, &str),
+        depth: usize,
+    ) -> Result<Server<Q, A>, DdsError> {
         let resolved = self.setup.resolve(name)?;
         let service = Name::parse(&resolved).map_err(opening(&resolved))?;
-        let kind = ServiceTypeName::new("std_srvs", "Trigger");
-        let qos = reliable(10, Durability::Volatile);
+        let kind = ServiceTypeName::new(package, kind);
+        let qos = reliable(depth, Durability::Volatile);
         let mapping = ServiceMapping::Enhanced;
         self.node.create_server(mapping, &service, &kind, qos.clone(), qos).map_err(opening(&resolved))
     }
@@ -218,20 +203,11 @@ pub fn check_names(setup: &Setup) -> Result<(), DdsError> {
     ros2args::names::validate_namespace(&setup.namespace).map_err(ArgsError::from)?;
     read::inputs(setup)?;
     let others = [Service::Reset.name(), Service::Save.name(), "/tf", "/tf_static", pulse::TOPIC];
-    for name in Outgoing::TOPICS.into_iter().chain(others) {
+    let services = parameters::SERVICES.map(|(name, _)| name);
+    for name in Outgoing::TOPICS.into_iter().chain(others).chain(services) {
         setup.resolve(name)?;
     }
     Ok(())
-}
-
-fn parameter(value: &Value) -> ParameterValue {
-    match value.clone() {
-        Value::Boolean(value) => ParameterValue::Boolean(value),
-        Value::Integer(value) => ParameterValue::Integer(value),
-        Value::Double(value) => ParameterValue::Double(value),
-        Value::Text(value) => ParameterValue::String(value),
-        Value::TextList(value) => ParameterValue::StringArray(value),
-    }
 }
 
 /// A reader that acknowledges nothing must not hold up the others: where too much waits for it, a message fails at once.
@@ -261,6 +237,7 @@ pub struct Dds {
     security: Security,
     events: Events,
     memory: Memory,
+    parameters: Rc<Parameters>,
     network: RefCell<Rc<Network>>,
     inputs: Vec<SensorTopics>,
     /// Fully qualified.
@@ -284,12 +261,15 @@ impl Dds {
     ) -> Result<(Self, Events, mpsc::Receiver<Event<RmwRequestId>>), DdsError> {
         let (events, receiver) = mpsc::channel(EVENTS);
         let memory = Memory::default();
-        let network = Network::open(setup, &security, &memory, &events)?;
+        let begun_with = Parameters::new(setup.fully_qualified_name(), setup.parameters.clone());
+        let parameters = Rc::new(begun_with.map_err(ArgsError::from)?);
+        let network = Network::open(setup, &security, &memory, &parameters, &events)?;
         let dds = Self {
             setup: setup.clone(),
             security,
             events: events.clone(),
             memory,
+            parameters,
             network: RefCell::new(Rc::new(network)),
             inputs: read::inputs(setup)?,
             name: setup.fully_qualified_name(),
@@ -320,7 +300,7 @@ impl Dds {
     /// The network before is left without a farewell, for which its threads may be gone.
     async fn join_anew(&self, reason: &str) -> Result<(), DdsError> {
         warn!("{reason}: the network is joined anew, the map stays");
-        let anew = Network::open(&self.setup, &self.security, &self.memory, &self.events)?;
+        let anew = Network::open(&self.setup, &self.security, &self.memory, &self.parameters, &self.events)?;
         let before = self.network.replace(Rc::new(anew));
         before.deafen().await;
         Ok(())

@@ -2,6 +2,7 @@
 //! answers calls.
 
 mod calls;
+mod change;
 mod heard;
 mod report;
 mod say;
@@ -16,10 +17,10 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use thiserror::Error;
 use tokio::sync::mpsc::{self, UnboundedReceiver};
 use tokio::task::JoinHandle;
-use tokio::time::MissedTickBehavior;
 use tracing::info;
 
 use self::calls::{last_written, next};
+use self::change::{Timers, interval};
 use self::heard::Heard;
 use self::report::Before;
 use super::counts::Counts;
@@ -140,10 +141,6 @@ async fn drive<T: Transport>(
     let mut diagnoses = interval(REPORTS);
     diagnoses.reset();
     let mut tick = interval(TICK);
-    let mut snapshots = interval(config.publish_period);
-    let mut savings = interval(config.snapshot_period);
-    // The first is due at once, and nothing has been learned.
-    savings.reset();
     let (mut shutdown, mut failed) = (pin!(shutdown), pin!(transport.failed()));
     let broken = loop {
         tokio::select! {
@@ -158,9 +155,9 @@ async fn drive<T: Transport>(
                 None => break Some(LiveError::Deaf("no more events".to_owned())),
             },
             _ = tick.tick() => live.tick(),
-            _ = snapshots.tick() => live.worker.request_snapshot(),
+            _ = live.timers.snapshots.tick() => live.worker.request_snapshot(),
+            _ = live.timers.savings.tick(), if written.is_some() => live.save(None),
             _ = diagnoses.tick() => live.report(),
-            _ = savings.tick(), if written.is_some() => live.save(None),
             result = next(&mut written) => match result {
                 Some(result) => live.written(&result).await,
                 None => break Some(LiveError::SaverDied),
@@ -173,12 +170,6 @@ async fn drive<T: Transport>(
     }
     let map = live.finish(publishing, written).await;
     broken.map_or(map, Err)
-}
-
-fn interval(period: Duration) -> tokio::time::Interval {
-    let mut interval = tokio::time::interval(period);
-    interval.set_missed_tick_behavior(MissedTickBehavior::Delay);
-    interval
 }
 
 /// Counts what was under way when the engine died.
@@ -203,6 +194,7 @@ struct Live<T: Transport> {
     worker: Worker,
     saver: Option<Saver>,
     join: Join,
+    timers: Timers,
     counts: Rc<RefCell<Counts>>,
     vitals: Rc<RefCell<Vitals>>,
     reports: mpsc::Sender<DiagnosticArray>,
@@ -238,6 +230,7 @@ impl<T: Transport> Live<T> {
             worker,
             saver,
             join: Join::new(places(config.tf_timeout)),
+            timers: Timers::new(config),
             counts,
             vitals,
             reports,
@@ -265,6 +258,7 @@ impl<T: Transport> Live<T> {
                 self.transforms(&transforms, false);
             }
             Event::Clock(stamp) => self.clock(stamp),
+            Event::Changed(config) => self.change(&config),
             Event::Call(Service::Reset, request) => self.reset(request).await,
             Event::Call(Service::Save, request) => self.save_for(request).await,
             Event::Garbled { topic, text } => {

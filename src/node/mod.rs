@@ -4,13 +4,14 @@
 //! socket; [`transport`] is what the node needs of a middleware; [`dds`] is that over ROS 2's DDS, and the only module
 //! that imports `ros2_client`; [`live`] joins clouds with their transforms and hands scans to the worker; `inputs` finds
 //! the words about what is heard and what could be; [`process`] is all of it as a process; `publish` turns the worker's
-//! outputs into messages; [`record`] keeps them.
+//! outputs into messages; [`record`] keeps them; `parameters` answers the parameter services.
 
 pub mod args;
 pub mod counts;
 pub mod dds;
 mod inputs;
 pub mod live;
+mod parameters;
 mod params_file;
 pub mod process;
 mod publish;

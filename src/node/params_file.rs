@@ -1,5 +1,5 @@
-//! A parameter file of ROS 2: node names (or patterns), `ros__parameters` below each, names and values below that; and what
-//! a nested value stands for, in a file or behind `-p`.
+//! A parameter file of ROS 2: node names (or patterns), perhaps below their namespaces, `ros__parameters` below each, names
+//! and values below that; and what a nested value stands for, in a file or behind `-p`.
 
 use std::path::Path;
 
@@ -12,6 +12,9 @@ use crate::yaml;
 
 /// Longest name of a parameter, and of a node or its pattern (bytes): it is copied for each value below it.
 pub(super) const MAX_NAME_BYTES: usize = 256;
+
+/// Key of the parameters below a node's name.
+const PARAMETERS: &str = "ros__parameters";
 
 /// Letters that are said of a name that is too long.
 const SHOWN: usize = 32;
@@ -32,28 +35,50 @@ pub(super) fn assignments(path: &Path) -> Result<Vec<ParamAssignment>, Ros2ArgsE
         [document] => document,
         more => return Err(refused(format!("it has {} documents of YAML; one is read", more.len()))),
     };
-    let must = |what: &str| refused(what.to_owned());
-    let nodes = document.as_hash().ok_or_else(|| must("it must hold names of nodes"))?;
+    let nodes = document.as_hash().ok_or_else(|| refused("it must hold names of nodes".to_owned()))?;
     let mut assigned = Vec::new();
-    for (node, about) in nodes {
-        let node = node.as_str().ok_or_else(|| must("the name of a node must be a text"))?;
-        if node.len() > MAX_NAME_BYTES {
-            let bytes = node.len();
-            let words = format!("the name of a node has {bytes} bytes; at most {MAX_NAME_BYTES} are read");
-            return Err(refused(words));
-        }
-        if node.split('/').count() > MAX_PARTS {
-            return Err(refused(format!("the name of a node has more than {MAX_PARTS} parts")));
-        }
-        let parameters = about["ros__parameters"].as_hash();
-        let parameters =
-            parameters.ok_or_else(|| refused(format!("node `{node}` must have a map `ros__parameters`")))?;
-        for (name, value) in parameters {
-            let name = name.as_str().ok_or_else(|| must("the name of a parameter must be a text"))?;
-            assigned.push(ParamAssignment::new_node_specific(node.into(), name.into(), value.clone()));
-        }
+    for (key, about) in nodes {
+        read_node("", key, about, &mut assigned).map_err(refused)?;
     }
     Ok(assigned)
+}
+
+/// Reads what stands below a key that names a node, or a namespace with further names below it.
+fn read_node(
+    namespace: &str,
+    key: &Yaml,
+    about: &Yaml,
+    assigned: &mut Vec<ParamAssignment>,
+) -> Result<(), String> {
+    let key = key.as_str().ok_or("the name of a node must be a text")?;
+    let node = if namespace.is_empty() { key.to_owned() } else { format!("{namespace}/{key}") };
+    if node.len() > MAX_NAME_BYTES {
+        let bytes = node.len();
+        return Err(format!("the name of a node has {bytes} bytes; at most {MAX_NAME_BYTES} are read"));
+    }
+    if node.split('/').count() > MAX_PARTS {
+        return Err(format!("the name of a node has more than {MAX_PARTS} parts"));
+    }
+    let below = about.as_hash().filter(|below| !below.is_empty());
+    let below = below.ok_or_else(|| format!("node `{node}` must have a map `{PARAMETERS}`"))?;
+    for (key, about) in below {
+        if key.as_str() == Some(PARAMETERS) {
+            read_parameters(&node, about, assigned)?;
+        } else {
+            read_node(&node, key, about, assigned)?;
+        }
+    }
+    Ok(())
+}
+
+fn read_parameters(node: &str, about: &Yaml, assigned: &mut Vec<ParamAssignment>) -> Result<(), String> {
+    let parameters = about.as_hash();
+    let parameters = parameters.ok_or_else(|| format!("node `{node}` must have a map `{PARAMETERS}`"))?;
+    for (name, value) in parameters {
+        let name = name.as_str().ok_or("the name of a parameter must be a text")?;
+        assigned.push(ParamAssignment::new_node_specific(node.into(), name.into(), value.clone()));
+    }
+    Ok(())
 }
 
 /// Adds a value under its name; a nested map stands for names joined by dots.
@@ -117,6 +142,32 @@ mod tests {
         assert_eq!(of_text(&format!("---\n{one}")).unwrap().len(), 1);
         let error = of_text(&format!("{one}---\n{one}---\n{one}")).unwrap_err();
         assert!(error.ends_with("it has 3 documents of YAML; one is read"), "{error}");
+    }
+
+    #[test]
+    fn names_below_namespaces_are_joined_to_those_of_nodes() {
+        let of = |text: &str| -> Vec<_> {
+            let assigned = of_text(text).unwrap().into_iter();
+            assigned.map(|param| format!("{}:{}", param.node_name.unwrap_or_default(), param.name)).collect()
+        };
+        let table: [(&str, &[&str]); 5] = [
+            ("cfodi: {ros__parameters: {a: 1, b: 2}}", &["cfodi:a", "cfodi:b"]),
+            ("robot: {cfodi: {ros__parameters: {a: 1}}}", &["robot/cfodi:a"]),
+            ("/robot: {left: {cfodi: {ros__parameters: {a: 1}}}}", &["/robot/left/cfodi:a"]),
+            ("/**: {cfodi: {ros__parameters: {a: 1}}, ros__parameters: {b: 1}}", &["/**/cfodi:a", "/**:b"]),
+            ("cfodi: {ros__parameters: {}}", &[]),
+        ];
+        for (text, assigned) in table {
+            assert_eq!(of(text), assigned, "{text}");
+        }
+        for text in
+            ["a: {b: 3}", "a: {b: {}}", "a: {b: {c: [ros__parameters]}}", "a: {3: {ros__parameters: {}}}"]
+        {
+            assert!(of_text(text).is_err(), "{text}");
+        }
+        let error =
+            of_text(&format!("{}: {{{}: {{ros__parameters: {{a: 1}}}}}}", "x".repeat(200), "y".repeat(56)));
+        assert!(error.unwrap_err().ends_with("has 257 bytes; at most 256 are read"));
     }
 
     #[test]

@@ -5,6 +5,7 @@ use std::fmt;
 use std::future::Future;
 
 use crate::cloud::{Camera, Cloud, CloudError};
+use crate::config::Config;
 use crate::engine::Stamp;
 use crate::msg::clusters::SurfaceClusterArray;
 use crate::msg::reports::{DiagnosticArray, Log};
@@ -121,6 +122,8 @@ pub enum Event<Request> {
     Clock(Stamp),
     /// A call of a service.
     Call(Service, Request),
+    /// Parameters have changed: what they stand for now.
+    Changed(Box<Config>),
     /// A message of another topic that could not be decoded.
     Garbled {
         /// The topic.

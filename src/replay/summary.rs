@@ -105,7 +105,7 @@ impl Summary {
             &self.tally;
         let ingest = *decoding + self.binning;
         let mut parameters: Map<String, Json> =
-            self.parameters.iter().map(|(name, value)| ((*name).to_owned(), parameter(value))).collect();
+            self.parameters.iter().map(|(name, value)| (name.clone(), parameter(value))).collect();
         parameters.insert("fixed_frame".to_owned(), json!(self.fixed_frame));
         let at = |share| percentile(&self.engine_ms, share);
         json!({
@@ -139,7 +139,7 @@ impl Summary {
             let jumps = self.sessions - 1;
             format!("The stamps jumped back ({jumps} times); what is shown is what came after the last jump.")
         });
-        let values = self.parameters.iter().filter(|(name, _)| *name != "fixed_frame");
+        let values = self.parameters.iter().filter(|(name, _)| name != "fixed_frame");
         let reasons = self.tally.skipped.iter().chain(&self.tally.transforms_refused);
         let undecodable: u64 = self.tally.undecodable.values().sum();
         let mut skipped: BTreeMap<String, u64> = BTreeMap::new();
@@ -150,7 +150,7 @@ impl Summary {
         Facts {
             title: title.to_owned(),
             fixed_frame: self.fixed_frame.clone(),
-            parameters: values.map(|(name, value)| ((*name).to_owned(), value.to_string())).collect(),
+            parameters: values.map(|(name, value)| (name.clone(), value.to_string())).collect(),
             scans: self.tally.scans,
             skipped,
             points: self.tally.points_valid,

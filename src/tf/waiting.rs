@@ -1,7 +1,7 @@
 //! Scans that wait for the transform at their stamp.
 //!
 //! A cloud usually comes some milliseconds before the transform for its stamp, so it is never dropped on the first
-//! miss. Keeps true: at most `capacity` items; every item leaves exactly once, as ready, pushed out, expired or
+//! miss. Keeps true: at most `capacity` items, or as many as when it was lowered; every item leaves exactly once, as ready, pushed out, expired or
 //! taken with the rest. Time is an argument: a monotonic `Duration` since whatever moment the caller chose.
 
 use std::collections::VecDeque;
@@ -46,6 +46,12 @@ impl<T, E> WaitingQueue<T, E> {
     /// An empty queue for `capacity` items.
     pub fn new(capacity: usize) -> Self {
         Self { capacity, entries: VecDeque::new() }
+    }
+
+    /// Lets so many items wait; where more do, a new one takes the place of the one that has waited longest until others
+    /// have left.
+    pub const fn set_capacity(&mut self, capacity: usize) {
+        self.capacity = capacity;
     }
 
     /// The number of items that wait.

@@ -206,7 +206,7 @@ def value(kind, **fields):
 def test_no_value_of_any_type_changes_a_parameter(start, peer):
     node, camera = begin(start, peer)
     listed = peer.call(ListParameters, "/cfodi/list_parameters", ListParameters.Request()).result.names
-    names = [name for name in listed if name != "use_sim_time"]  # the middleware's own, see THREATS.md
+    names = list(listed)
     before = peer.call(GetParameters, "/cfodi/get_parameters", GetParameters.Request(names=names)).values
     t = ParameterType
     values = [

@@ -62,11 +62,25 @@ impl Bounds {
         })?;
         let mut bounds = Self { next, ..Self::new(params) };
         if bounds.max_voxels > 0 {
-            for (slot, block) in grid.blocks().filter(|(_, block)| !block.voxels().is_empty()) {
-                bounds.note_seen(&[slot], block.seen);
-            }
+            bounds.note_all(grid);
         }
         Ok(bounds)
+    }
+
+    /// Other bounds, which hold after the next scan.
+    pub(super) fn tune(&mut self, params: &Params, grid: &Grid) {
+        let held = std::mem::replace(&mut self.max_voxels, params.max_voxels()) > 0;
+        self.keep_radius = params.keep_radius();
+        if !held && self.max_voxels > 0 {
+            self.note_all(grid);
+        }
+    }
+
+    /// Notes when the blocks were seen last.
+    fn note_all(&mut self, grid: &Grid) {
+        for (slot, block) in grid.blocks().filter(|(_, block)| !block.voxels().is_empty()) {
+            self.note_seen(&[slot], block.seen);
+        }
     }
 
     /// Empties blocks until the bounds hold; `seen` are those that the scan put points into. Returns what it emptied.

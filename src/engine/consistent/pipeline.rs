@@ -99,6 +99,14 @@ impl Consistent {
         &self.taken
     }
 
+    /// See [`Engine::tune`](crate::engine::Engine::tune).
+    pub(crate) fn tune(&mut self, params: &Params) {
+        self.params = self.params.tuned(params);
+        let clearing = self.clearing.take();
+        self.clearing = self.params.clearing().then(|| clearing.unwrap_or_else(Clearing::new));
+        self.bounds.tune(&self.params, &self.grid);
+    }
+
     pub(crate) fn save(&self) -> SavedConsistent {
         let states = |block| self.surfaces.save_states(&self.grid, block);
         SavedConsistent {

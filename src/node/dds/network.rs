@@ -23,6 +23,7 @@ use crate::msg::reports::{DiagnosticArray, Log};
 use crate::msg::ros::{MarkerArray, PointCloud2, TriggerRequest, TriggerResponse};
 use crate::msg::twins::{Detection3DArray, PolygonInstanceStamped};
 use crate::node::args::Setup;
+use crate::node::parameters::Parameters;
 use crate::node::security::Security;
 use crate::node::transport::{Outgoing, SendError, Service, Source};
 
@@ -40,6 +41,10 @@ const MARKERS: i32 = 4;
 const REPORTS: i32 = 256;
 /// Most polygons, one a cluster, and the history of their topic: none is to push out another of the same map.
 const POLYGONS: i32 = 4096;
+
+/// Type of the node's own services, and how many calls may wait.
+const TRIGGER: (&str, &str) = ("std_srvs", "Trigger");
+const CALLS: usize = 10;
 
 /// Time between two looks at the middleware's threads.
 const LOOK: Duration = Duration::from_millis(250);
@@ -82,6 +87,7 @@ impl Network {
         setup: &Setup,
         security: &Security,
         memory: &Memory,
+        parameters: &Rc<Parameters>,
         events: &Events,
     ) -> Result<Self, DdsError> {
         let (opener, threads) = Threads::started_by(|| Opener::new(setup, security));
@@ -114,12 +120,12 @@ impl Network {
             )),
             detections: detections(setup, &mut opener, latched(SNAPSHOTS))?,
             polygons: polygons(setup, &mut opener)?,
-            reset: Rc::new(opener.server(Service::Reset.name())?),
-            save: Rc::new(opener.server(Service::Save.name())?),
+            reset: Rc::new(opener.server(Service::Reset.name(), TRIGGER, CALLS)?),
+            save: Rc::new(opener.server(Service::Save.name(), TRIGGER, CALLS)?),
             pulse: pulse(&opener),
             statics: statics(&opener, events)?,
             participant: opener.participant.clone(),
-            readers: Mutex::new(read::listen(&mut opener, memory, events)?),
+            readers: Mutex::new(read::listen(&mut opener, memory, parameters, events)?),
             ends: opener.ends,
             node: RefCell::new(opener.node),
             threads,

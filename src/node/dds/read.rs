@@ -7,18 +7,19 @@ use std::rc::Rc;
 
 use futures::{StreamExt, pin_mut};
 use ros2_client::qos::{Durability, History};
-use ros2_client::{MessageInfo, ParameterValue, QosProfile, RmwRequestId, Server, Subscription};
+use ros2_client::{MessageInfo, QosProfile, RmwRequestId, Server, Subscription};
 use rustdds::QosPolicyBuilder;
 use rustdds::policy::{self, ResourceLimits};
 use serde::de::{DeserializeOwned, DeserializeSeed, Deserializer};
 
 use super::heard::{Known, Order, Taken};
-use super::{DdsError, Events, Opener, Readers, opening, reliable};
+use super::{DdsError, Events, Opener, Readers, opening, parameters, reliable};
 use crate::cloud::{Camera, Cloud, CloudError, CloudFilter, CloudSeed, CompressedSeed, DepthSeed};
 use crate::config::Sensor;
 use crate::msg::ros::{CameraInfo, Clock, TfMessage, TriggerRequest, TriggerResponse};
 use crate::node::args::{ArgsError, Setup};
 use crate::node::inputs::COMPRESSED_DEPTH;
+use crate::node::parameters::Parameters;
 use crate::node::security::Security;
 use crate::node::transport::{DepthTopics, Event, Form, Input, SensorTopics, Service, TopicName};
 
@@ -46,10 +47,15 @@ struct Scans {
 type Publishers = Rc<RefCell<Known>>;
 
 /// Starts the tasks that read topics.
-pub(super) fn listen(opener: &mut Opener<'_>, memory: &Memory, events: &Events) -> Result<Readers, DdsError> {
+pub(super) fn listen(
+    opener: &mut Opener<'_>,
+    memory: &Memory,
+    parameters: &Rc<Parameters>,
+    events: &Events,
+) -> Result<Readers, DdsError> {
     let mut readers = Readers::new();
     let tf = |durability| (&reliable(100, durability)).into();
-    listen_to_scans(opener, &mut readers, memory, events)?;
+    listen_to_scans(opener, &mut readers, memory, parameters, events)?;
     // The reliable reader takes nothing of a publisher before its heartbeat, up to 3 s; the other one at once.
     let at_once = (&QosProfile::subscription_default().history(History::KeepLast { depth: 100 })).into();
     let at_once = (!has_keys(opener)).then_some(at_once);
@@ -71,19 +77,19 @@ pub(super) fn listen(opener: &mut Opener<'_>, memory: &Memory, events: &Events) 
     if opener.setup.config.use_sim_time {
         let qos = (&QosProfile::subscription_default()).into();
         let clock = opener.subscribe(("/clock", "rosgraph_msgs", "Clock"), &qos)?;
-        let time = |clock: Clock, _: &MessageInfo| {
+        let parameters = Rc::clone(parameters);
+        let time = move |clock: Clock, _: &MessageInfo| {
             let bad = || format!("{} ns in a second", clock.clock.nanosec);
-            let stamp = clock.clock.stamp().map(Event::Clock);
+            let stamp = clock.clock.stamp().inspect(|stamp| parameters.note_clock(*stamp)).map(Event::Clock);
             Some(stamp.unwrap_or_else(|| Event::Garbled { topic: "/clock".into(), text: bad() }))
         };
         readers.spawn_local(read("/clock", clock, events.clone(), time));
     }
-    let use_sim_time = ParameterValue::Boolean(opener.setup.config.use_sim_time);
-    opener.node.set_parameter("use_sim_time", use_sim_time).map_err(opening("use_sim_time"))?;
-    let spinner = opener.node.spinner().map_err(opening("the parameter services"))?;
+    parameters::serve(opener, &mut readers, parameters, events)?;
+    let spinner = opener.node.spinner().map_err(opening("the graph"))?;
     readers.spawn_local(async {
         drop(spinner.spin().await);
-        "the parameter services".into()
+        "the graph".into()
     });
     Ok(readers)
 }
@@ -132,11 +138,12 @@ fn listen_to_scans(
     opener: &mut Opener<'_>,
     readers: &mut Readers,
     memory: &Memory,
+    parameters: &Rc<Parameters>,
     events: &Events,
 ) -> Result<(), DdsError> {
     for (number, sensor) in inputs(opener.setup)?.into_iter().enumerate() {
         let heard = memory.scans.borrow_mut().entry(number).or_default().clone();
-        let mut listening = Listening { opener, readers, events, number, heard };
+        let mut listening = Listening { opener, readers, parameters, events, number, heard };
         if let Some(points) = sensor.points {
             listening.to_clouds(points.resolved)?;
         }
@@ -151,6 +158,7 @@ fn listen_to_scans(
 struct Listening<'a, 'b> {
     opener: &'a mut Opener<'b>,
     readers: &'a mut Readers,
+    parameters: &'a Rc<Parameters>,
     events: &'a Events,
     number: usize,
     heard: Scans,
@@ -160,8 +168,9 @@ impl Listening<'_, '_> {
     fn to_clouds(&mut self, topic: String) -> Result<(), DdsError> {
         let qos = scan_qos(policy::Reliability::BestEffort);
         let clouds = self.opener.subscribe((&topic, "sensor_msgs", "PointCloud2"), &qos)?;
-        let (seed, known) = (CloudSeed::new(self.opener.setup.config.filter), Rc::clone(&self.heard.points));
-        self.read((Form::Points, topic), clouds, seed, (known, false));
+        let seed = WithFilter(Rc::clone(self.parameters), CloudSeed::new);
+        let known = (Rc::clone(&self.heard.points), false);
+        self.read((Form::Points, topic), clouds, seed, known);
         Ok(())
     }
 
@@ -169,8 +178,7 @@ impl Listening<'_, '_> {
     fn to_images(&mut self, topics: DepthTopics) -> Result<(), DdsError> {
         let DepthTopics { image, camera_info, compressed } = topics;
         let best_effort = policy::Reliability::BestEffort;
-        let (qos, filter, camera) =
-            (scan_qos(best_effort), self.opener.setup.config.filter, self.heard.camera.clone());
+        let (qos, camera) = (scan_qos(best_effort), self.heard.camera.clone());
         let name = camera_info.resolved;
         let infos = self.opener.subscribe((&name, "sensor_msgs", "CameraInfo"), &qos)?;
         self.readers.spawn_local(read_cameras(
@@ -185,12 +193,14 @@ impl Listening<'_, '_> {
         for (reliability, reliably) in [(best_effort, false)].into_iter().chain(repaired) {
             let qos = scan_qos(reliability);
             let images = self.opener.subscribe((&image.resolved, "sensor_msgs", "Image"), &qos)?;
-            let seed = WithCamera { camera: camera.clone(), filter, seed: DepthSeed::new };
+            let parameters = Rc::clone(self.parameters);
+            let seed = WithCamera { camera: camera.clone(), parameters, seed: DepthSeed::new };
             let known = (Rc::clone(&self.heard.images), reliably);
             self.read((Form::Depth, image.resolved.clone()), images, seed, known);
         }
         let images = self.opener.subscribe((&compressed, "sensor_msgs", "CompressedImage"), &qos)?;
-        let seed = WithCamera { camera, filter, seed: CompressedSeed::new };
+        let parameters = Rc::clone(self.parameters);
+        let seed = WithCamera { camera, parameters, seed: CompressedSeed::new };
         let known = (Rc::clone(&self.heard.compressed), false);
         self.read((Form::CompressedDepth, compressed), images, seed, known);
         Ok(())
@@ -220,11 +230,23 @@ impl Default for LatestCamera {
     }
 }
 
-/// A seed made for the camera that is known when an image comes.
+/// A seed made for the filter that holds when a cloud comes.
+#[derive(Clone)]
+struct WithFilter<S>(Rc<Parameters>, fn(CloudFilter) -> S);
+
+impl<'de, S: DeserializeSeed<'de, Value = Decoded>> DeserializeSeed<'de> for WithFilter<S> {
+    type Value = Decoded;
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Decoded, D::Error> {
+        (self.1)(self.0.filter()).deserialize(deserializer)
+    }
+}
+
+/// A seed made for the camera that is known and the filter that holds when an image comes.
 #[derive(Clone)]
 struct WithCamera<S> {
     camera: LatestCamera,
-    filter: CloudFilter,
+    parameters: Rc<Parameters>,
     seed: fn(Camera, CloudFilter) -> S,
 }
 
@@ -234,7 +256,7 @@ impl<'de, S: DeserializeSeed<'de, Value = Decoded>> DeserializeSeed<'de> for Wit
     fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Decoded, D::Error> {
         let camera = self.camera.0.borrow().clone();
         match camera {
-            Ok(camera) => (self.seed)(camera, self.filter).deserialize(deserializer),
+            Ok(camera) => (self.seed)(camera, self.parameters.filter()).deserialize(deserializer),
             Err(error) => Ok(Err(error)),
         }
     }

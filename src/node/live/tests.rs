@@ -1,5 +1,6 @@
 //! The live node on a middleware made of channels.
 
+mod changes;
 mod ending;
 mod hostile;
 mod reports;

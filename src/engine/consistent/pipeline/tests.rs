@@ -1,5 +1,6 @@
 use super::*;
 use crate::engine::scan::Stamp;
+use crate::engine::{ClusterState, Engine, Isometry3, Points};
 use crate::sim::{Drive, Scene};
 
 /// Drives through a scene and checks after every scan that what clusters are judged by is found as by a scan of all.
@@ -23,4 +24,72 @@ fn floor_and_neighbours_are_those_of_all_clusters_while_things_come_and_go() {
 fn floor_and_neighbours_are_those_of_all_clusters_where_what_is_far_is_forgotten() {
     let params = Params::default().with_keep_radius(3.0).unwrap();
     drive_and_check("lab", params, (0..1600).step_by(40));
+}
+
+/// One scan of a drive through the laboratory after the other.
+fn laboratory() -> impl FnMut() -> Scan {
+    let drive = Drive::new(Scene::named("lab").unwrap(), 1, Stamp::from_nanos(0)).with_max_range(6.0);
+    let mut indices = (0..).step_by(20);
+    move || drive.labelled_scan(indices.next().unwrap()).scan
+}
+
+#[test]
+fn a_map_that_is_tuned_goes_on_as_one_that_was_saved_and_restored_with_the_other_parameters() {
+    let mut next = laboratory();
+    let of =
+        |voxels, radius| Params::default().with_max_voxels(voxels).unwrap().with_keep_radius(radius).unwrap();
+    let stages = [
+        of(3000, 0.0),
+        of(1500, 0.0),
+        of(0, 2.5),
+        of(0, 0.0).with_clearing(false),
+        of(2000, 3.0).with_clearing(true),
+        of(0, 0.0),
+    ];
+    let mut tuned = Engine::new(Params::default());
+    (0..8).for_each(|_| drop(tuned.insert(&next())));
+    for params in stages {
+        let mut restored = Engine::restore(params, &tuned.save()).unwrap();
+        tuned.tune(&params);
+        assert_eq!(tuned.params(), &params);
+        for _ in 0..6 {
+            let scan = next();
+            tuned.insert(&scan);
+            restored.insert(&scan);
+            assert_eq!(tuned.save(), restored.save());
+        }
+        assert!(params.max_voxels() == 0 || tuned.voxel_count() as u64 <= params.max_voxels());
+    }
+}
+
+#[test]
+fn what_shapes_a_map_is_not_tuned_and_the_letter_keeps_its_own() {
+    let other = Params::default().with_voxel_size(0.3).unwrap().with_expansion_interval(3).unwrap();
+    let mut engine = Engine::new(Params::default());
+    engine.tune(&other);
+    assert_eq!(engine.params(), &Params::default().with_expansion_interval(3).unwrap());
+    let mut letter = Engine::new(Params::paper());
+    letter.tune(&other);
+    assert_eq!(letter.params(), &Params::paper());
+}
+
+#[test]
+fn a_shorter_expansion_interval_completes_what_has_not_grown_for_so_long() {
+    let mut next = laboratory();
+    let mut engine = Engine::new(Params::default().with_expansion_interval(0).unwrap());
+    (0..20).for_each(|_| drop(engine.insert(&next())));
+    let mut stamp = 0;
+    let mut rest = |engine: &mut Engine| {
+        for _ in 0..300 {
+            stamp += 1_000_000_000_000;
+            let points = Points::F32(Vec::new());
+            let fixed_from_sensor = Isometry3::identity();
+            engine.insert(&Scan { stamp: Stamp::from_nanos(stamp), fixed_from_sensor, points });
+        }
+        let states = engine.snapshot().clusters.into_iter().map(|cluster| cluster.state);
+        states.filter(|state| *state == ClusterState::Active).count()
+    };
+    assert!(rest(&mut engine) > 3);
+    engine.tune(&Params::default().with_expansion_interval(5).unwrap());
+    assert_eq!(rest(&mut engine), 0);
 }

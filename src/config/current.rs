@@ -1,0 +1,193 @@
+//! The parameters of a running node: what they are now, and what may change them.
+
+use std::collections::BTreeMap;
+
+use super::table::{Change, Row};
+use super::value::{Given, nearest};
+use super::{Config, ConfigError, Parameter, Value, parameters};
+use crate::engine::Mode;
+
+/// The parameters as they are now; every state of it is a possible configuration.
+#[derive(Clone, Debug)]
+pub struct Current {
+    declared: BTreeMap<String, Parameter>,
+    values: BTreeMap<String, Value>,
+    config: Config,
+}
+
+/// A parameter that has another value than before.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Changed {
+    /// Its name.
+    pub name: String,
+    /// Its value before.
+    pub before: Value,
+    /// Its value now.
+    pub now: Value,
+}
+
+impl Current {
+    /// The parameters that a node starts with.
+    ///
+    /// # Errors
+    /// As [`Config::new`].
+    pub fn new(given: Vec<(String, Value)>) -> Result<Self, ConfigError> {
+        let values = Given::new(given.clone())?.into_values().into_iter().collect();
+        let config = Config::new(given)?;
+        let sensors: Vec<_> = config.sensors.iter().map(|sensor| sensor.name.clone()).collect();
+        let declared = parameters(&sensors).into_iter().map(|parameter| (parameter.name.clone(), parameter));
+        Ok(Self { declared: declared.collect(), values, config })
+    }
+
+    /// What the values stand for.
+    pub const fn config(&self) -> &Config {
+        &self.config
+    }
+
+    /// All names, ascending.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.values.keys().map(String::as_str)
+    }
+
+    /// A parameter and its value; `None` where none has this name.
+    pub fn get(&self, name: &str) -> Option<(&Parameter, &Value)> {
+        self.declared.get(name).zip(self.values.get(name))
+    }
+
+    /// Why a parameter keeps its value while the node runs; `None` where it can change.
+    pub fn is_fixed(&self, parameter: &Parameter) -> Option<&'static str> {
+        match parameter.row.change {
+            Change::Live => None,
+            Change::LiveInConsistent if self.config.engine.mode() == Mode::Consistent => None,
+            Change::LiveInConsistent => Some("where mode is `paper`"),
+            Change::AtStart(because) => Some(because),
+        }
+    }
+
+    /// Gives parameters other values, all of them or none; returns those that are other ones now. What a value can be is
+    /// checked as at the start.
+    ///
+    /// # Errors
+    /// At the first that is unknown, cannot be, or cannot change.
+    pub fn change(&mut self, wanted: Vec<(String, Value)>) -> Result<Vec<Changed>, ConfigError> {
+        let mut values = self.values.clone();
+        for (name, value) in wanted {
+            let Some((parameter, now)) = self.get(&name) else {
+                let nearest = nearest(&name, self.values.keys().cloned());
+                return Err(ConfigError::Unknown { nearest, name, value });
+            };
+            let value = parameter.row.as_declared(value);
+            if let Some(must) = parameter.row.refusal(Some(&value)) {
+                return Err(ConfigError::Impossible { name, value, must });
+            }
+            if let Some(because) = self.is_fixed(parameter).filter(|_| value != *now) {
+                // What could never be is told so.
+                Config::new([(name.clone(), value)])?;
+                return Err(ConfigError::Fixed { name, value: now.clone(), because });
+            }
+            values.insert(name, value);
+        }
+        self.config = Config::new(values.clone())?;
+        let before = std::mem::replace(&mut self.values, values);
+        let pairs = before.into_iter().zip(self.values.values());
+        let changed = pairs.filter(|((_, before), now)| before != *now);
+        Ok(changed.map(|((name, before), now)| Changed { name, before, now: now.clone() }).collect())
+    }
+
+    /// What is said of a value of a type that no parameter has, `kind`.
+    pub fn refuse_type(&self, name: &str, kind: &'static str) -> ConfigError {
+        let must = |row: &Row| row.refusal(None).unwrap_or_default();
+        match self.get(name) {
+            Some((parameter, _)) => {
+                ConfigError::Type { name: name.to_owned(), kind, must: must(parameter.row) }
+            }
+            None => ConfigError::Unknown {
+                nearest: nearest(name, self.values.keys().cloned()),
+                name: name.to_owned(),
+                value: Value::Text(kind.to_owned()),
+            },
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn change(current: &mut Current, values: &[(&str, Value)]) -> Result<Vec<String>, String> {
+        let wanted = values.iter().map(|(name, value)| ((*name).to_owned(), value.clone())).collect();
+        let changed = current.change(wanted).map_err(|error| error.to_string())?;
+        let line = |Changed { name, before, now }| format!("{name}: {before} -> {now}");
+        Ok(changed.into_iter().map(line).collect())
+    }
+
+    fn begin() -> Current {
+        Current::new(Vec::new()).unwrap()
+    }
+
+    #[test]
+    fn a_change_shows_in_the_values_and_in_what_they_stand_for() {
+        let mut current = begin();
+        let changed = change(&mut current, &[("max_range", Value::Integer(5)), ("depth", Value::Integer(4))]);
+        assert_eq!(changed.unwrap(), ["max_range: 6 -> 5"]);
+        assert_eq!(current.config().filter.max_range, 5.0);
+        assert_eq!(current.get("max_range").unwrap().1, &Value::Double(5.0));
+    }
+
+    #[test]
+    fn of_several_values_all_are_taken_or_none() {
+        let mut current = begin();
+        let wanted = [("min_range", Value::Double(1.0)), ("publish_rate", Value::Double(0.0))];
+        let error = change(&mut current, &wanted).unwrap_err();
+        assert_eq!(error, "publish_rate is 0; it must be from 0.01 to 100 Hz");
+        assert_eq!(current.config(), begin().config());
+        let both = [("min_range", Value::Double(7.0)), ("max_range", Value::Double(9.0))];
+        assert_eq!(change(&mut current, &both).unwrap().len(), 2);
+    }
+
+    #[test]
+    fn what_contradicts_another_parameter_is_refused_in_the_words_of_the_start() {
+        let mut current = begin();
+        let error = change(&mut current, &[("max_range", Value::Double(0.1))]).unwrap_err();
+        assert_eq!(error, "max_range is 0.1; it must be at least min_range, which is 0.4 m");
+        let given = vec![("max_range".to_owned(), Value::Double(0.1))];
+        assert_eq!(Config::new(given).unwrap_err().to_string(), error);
+    }
+
+    #[test]
+    fn what_is_read_at_the_start_stays_and_its_reason_says_what_to_do() {
+        let mut current = begin();
+        let error = change(&mut current, &[("voxel_size", Value::Double(0.05))]).unwrap_err();
+        assert_eq!(
+            error,
+            "voxel_size is 0.08 while the node runs, the map is made with it: start it again with -p voxel_size:=..."
+        );
+        assert!(change(&mut current, &[("voxel_size", Value::Double(0.08))]).unwrap().is_empty());
+        let error = change(&mut current, &[("voxel_size", Value::Double(-1.0))]).unwrap_err();
+        assert!(error.contains("must be finite and above 0 m"), "{error}");
+        let error = change(&mut current, &[("fixed_frame", Value::Text("/".into()))]).unwrap_err();
+        assert!(error.contains("must be the name of a frame"), "{error}");
+        let error = change(&mut current, &[("mode", Value::Text("paper".into()))]).unwrap_err();
+        assert!(error.starts_with("mode is \"consistent\" while the node runs"), "{error}");
+    }
+
+    #[test]
+    fn the_letter_lets_nothing_change_that_its_clusters_hang_on() {
+        let mut current = Current::new(vec![("mode".to_owned(), Value::Text("paper".into()))]).unwrap();
+        for (name, value) in [("expansion_interval", Value::Integer(9)), ("clearing", Value::Boolean(true))] {
+            let error = change(&mut current, &[(name, value)]).unwrap_err();
+            assert!(error.contains("where mode is `paper`"), "{error}");
+        }
+        assert_eq!(change(&mut current, &[("publish_rate", Value::Double(1.0))]).unwrap().len(), 1);
+        assert_eq!(change(&mut begin(), &[("clearing", Value::Boolean(false))]).unwrap().len(), 1);
+    }
+
+    #[test]
+    fn unknown_names_get_the_nearest_and_foreign_types_what_they_must_be() {
+        let mut current = begin();
+        let error = change(&mut current, &[("max_rage", Value::Double(1.0))]).unwrap_err();
+        assert!(error.contains("the nearest known one is `max_range`"), "{error}");
+        let error = current.refuse_type("max_range", "a list of numbers").to_string();
+        assert_eq!(error, "max_range cannot be a list of numbers; it must be a number");
+    }
+}

@@ -1,0 +1,337 @@
+//! The one table of parameters: default, bounds, unit, meaning, and whether a value can change while the node runs.
+//!
+//! What is checked, what is said of a wrong value and what the parameter services describe all come from here.
+
+use std::f64::consts::FRAC_PI_2;
+
+use super::Value;
+use super::sensors::{MAX_SENSOR_NAME_BYTES, MOST_SENSORS};
+use crate::engine::{MAX_DEPTH, MAX_POINTS};
+use crate::msg::ros::MAX_FRAME_ID_BYTES;
+
+/// What a value can be beside its type; both ends are possible.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Bounds {
+    /// Whatever the type holds.
+    Any,
+    /// Integers from ... to ...
+    Integers(i64, i64),
+    /// Numbers from ... to ...
+    Numbers(f64, f64),
+    /// Finite numbers above this one.
+    Above(f64),
+    /// One of these texts.
+    OneOf(&'static [&'static str]),
+    /// What these words say; checked where the value is read.
+    Words(&'static str),
+}
+
+/// When a parameter takes a value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Change {
+    /// At any time.
+    Live,
+    /// At any time in mode `consistent`.
+    LiveInConsistent,
+    /// When the node starts; why not later.
+    AtStart(&'static str),
+}
+
+/// Default values, in a form that a constant can have.
+#[derive(Clone, Copy, Debug)]
+enum Default {
+    Boolean(bool),
+    Integer(i64),
+    Double(f64),
+    Text(&'static str),
+    Texts(&'static [&'static str]),
+}
+
+/// A line of the table.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Row {
+    pub(super) name: &'static str,
+    default: Default,
+    pub(super) bounds: Bounds,
+    unit: &'static str,
+    /// What 0 stands for.
+    zero: &'static str,
+    about: &'static str,
+    /// What its value must be beside that of another parameter.
+    pub(super) also: &'static str,
+    pub(super) change: Change,
+}
+
+/// A declared parameter.
+#[derive(Clone, Debug)]
+pub struct Parameter {
+    /// Its name.
+    pub name: String,
+    pub(super) row: &'static Row,
+}
+
+impl Parameter {
+    /// Its value when none is given, which tells its type.
+    pub fn default(&self) -> Value {
+        self.row.default()
+    }
+
+    /// Meaning and unit.
+    pub fn description(&self) -> String {
+        match self.row.unit {
+            "" => self.row.about.to_owned(),
+            unit => format!("{} [{unit}]", self.row.about),
+        }
+    }
+
+    /// What its value can be.
+    pub const fn bounds(&self) -> Bounds {
+        self.row.bounds
+    }
+
+    /// What [`Self::bounds`] cannot say of its value by two numbers; may be empty.
+    pub fn constraints(&self) -> String {
+        let Row { bounds, zero, also, .. } = self.row;
+        let zero = if zero.is_empty() { String::new() } else { format!("0 = {zero}") };
+        let words = match bounds {
+            Bounds::Above(_) | Bounds::OneOf(_) | Bounds::Words(_) => self.row.must(),
+            Bounds::Any | Bounds::Integers(..) | Bounds::Numbers(..) => zero,
+        };
+        [words.as_str(), also].into_iter().filter(|words| !words.is_empty()).collect::<Vec<_>>().join("; ")
+    }
+}
+
+impl Row {
+    const fn new(name: &'static str, default: Default, bounds: Bounds) -> Self {
+        let change = Change::AtStart("");
+        Self { name, default, bounds, unit: "", zero: "", about: "", also: "", change }
+    }
+
+    const fn integer(name: &'static str, default: i64, least: i64, most: i64) -> Self {
+        Self::new(name, Default::Integer(default), Bounds::Integers(least, most))
+    }
+
+    const fn number(name: &'static str, default: f64, bounds: Bounds) -> Self {
+        Self::new(name, Default::Double(default), bounds)
+    }
+
+    const fn boolean(name: &'static str, default: bool) -> Self {
+        Self::new(name, Default::Boolean(default), Bounds::Any)
+    }
+
+    const fn text(name: &'static str, default: &'static str, bounds: Bounds) -> Self {
+        Self::new(name, Default::Text(default), bounds)
+    }
+
+    const fn unit(self, unit: &'static str) -> Self {
+        Self { unit, ..self }
+    }
+
+    const fn zero(self, zero: &'static str) -> Self {
+        Self { zero, ..self }
+    }
+
+    const fn also(self, also: &'static str) -> Self {
+        Self { also, ..self }
+    }
+
+    /// What it means; the last word of a line of the table.
+    const fn means(self, about: &'static str, change: Change) -> Self {
+        Self { about, change, ..self }
+    }
+
+    pub(super) fn default(&self) -> Value {
+        match self.default {
+            Default::Boolean(value) => Value::Boolean(value),
+            Default::Integer(value) => Value::Integer(value),
+            Default::Double(value) => Value::Double(value),
+            Default::Text(value) => Value::Text(value.to_owned()),
+            Default::Texts(texts) => Value::TextList(texts.iter().map(|text| (*text).to_owned()).collect()),
+        }
+    }
+
+    /// The value as one of the parameter's type, where it is meant as one: a number without a point is an integer to YAML,
+    /// and an empty list is told by nothing but its type.
+    pub(super) fn as_declared(&self, value: Value) -> Value {
+        match (self.default, value) {
+            (Default::Double(_), Value::Integer(value)) => Value::Double(value as f64),
+            (Default::Texts(_), Value::Text(text)) if text.is_empty() => Value::TextList(Vec::new()),
+            (_, value) => value,
+        }
+    }
+
+    pub(super) const fn is_boolean(&self) -> bool {
+        matches!(self.default, Default::Boolean(_))
+    }
+
+    /// What the value must be, where the given one is `value`: its type first.
+    pub(super) fn refusal(&self, value: Option<&Value>) -> Option<String> {
+        let type_must = |words: &str| Some(words.to_owned());
+        match (self.default, value) {
+            (Default::Boolean(_), Some(Value::Boolean(_))) => None,
+            (Default::Integer(_), Some(Value::Integer(value))) => {
+                let Bounds::Integers(least, most) = self.bounds else { return None };
+                (!(least..=most).contains(value)).then(|| self.must())
+            }
+            (Default::Double(_), Some(Value::Double(value))) => {
+                let possible = match self.bounds {
+                    Bounds::Numbers(least, most) => (least..=most).contains(value),
+                    Bounds::Above(least) => value.is_finite() && *value > least,
+                    _ => true,
+                };
+                (!possible).then(|| self.must())
+            }
+            (Default::Text(_), Some(Value::Text(value))) => {
+                let Bounds::OneOf(texts) = self.bounds else { return None };
+                (!texts.contains(&value.as_str())).then(|| self.must())
+            }
+            (Default::Texts(_), Some(Value::TextList(_))) => None,
+            (Default::Boolean(_), _) => type_must("true or false"),
+            (Default::Integer(_), _) => type_must("an integer"),
+            (Default::Double(_), _) => type_must("a number"),
+            (Default::Text(_), _) if self.bounds == Bounds::Any => type_must("a text"),
+            (Default::Text(_) | Default::Texts(_), _) => Some(self.must()),
+        }
+    }
+
+    /// The bounds in words.
+    pub(super) fn must(&self) -> String {
+        let unit = if self.unit.is_empty() { String::new() } else { format!(" {}", self.unit) };
+        let zero = if self.zero.is_empty() { String::new() } else { format!(" ({})", self.zero) };
+        match self.bounds {
+            Bounds::Any => String::new(),
+            Bounds::Integers(least, i64::MAX) => format!("{least}{unit}{zero} or more"),
+            Bounds::Integers(least, most) => format!("from {least}{zero} to {most}{unit}"),
+            Bounds::Numbers(least, f64::MAX) => format!("finite and {least}{unit}{zero} or more"),
+            Bounds::Numbers(least, FRAC_PI_2) => format!("from {least}{zero} to pi/2{unit}"),
+            Bounds::Numbers(least, most) => format!("from {least}{zero} to {most}{unit}"),
+            Bounds::Above(least) => format!("finite and above {least}{unit}"),
+            Bounds::OneOf(texts) => match texts {
+                [rest @ .., last] if !rest.is_empty() => format!("`{}` or `{last}`", rest.join("`, `")),
+                _ => format!("`{}`", texts.join("`")),
+            },
+            Bounds::Words(words) => words.to_owned(),
+        }
+    }
+}
+
+/// No depth sensor sends more, and the sums of a voxel hold as many points of one scan (`engine::consistent`).
+const MAX_SCAN_POINTS: i64 = 1 << 24;
+
+/// No depth sensor sees further [m].
+const FARTHEST: f64 = 1e6;
+
+const MAP: Change = Change::AtStart("the map is made with it");
+const NETWORK: Change = Change::AtStart("the network is joined with it");
+
+const FORGETS_NOTHING: &str = "0 where mode is `paper`: the letter forgets nothing";
+
+const FRAME: Bounds = {
+    assert!(MAX_FRAME_ID_BYTES == 256, "the words below say so");
+    Bounds::Words("the name of a frame, of at most 256 bytes")
+};
+
+const SENSORS: Bounds = {
+    assert!(MOST_SENSORS == 16 && MAX_SENSOR_NAME_BYTES == 64, "the words below say so");
+    Bounds::Words(
+        "a list of 1 to 16 names that differ, each a letter and then letters, digits and underscores, 64 at most, as \
+         [\"front\", \"rear\"]",
+    )
+};
+
+/// Of each sensor, below its name; what is not given follows from the others.
+pub(super) const OF_SENSOR: &[Row] = &[
+    Row::text("kind", "cloud", Bounds::OneOf(&["cloud", "depth", "auto"]))
+        .also("`auto` only for a sensor that is alone")
+        .means(
+            "what it sends: `cloud` on `<name>`, `depth` on `<name>/image` with `<name>/camera_info`, `auto` either of \
+             clouds on `<name>` and depth images on `depth/image`, whichever come first",
+            NETWORK,
+        ),
+    Row::text("noise_model", "kinect_v1", Bounds::OneOf(NOISE_MODELS))
+        .also("the same for all sensors: one map weighs its points in one way")
+        .means("what its depths scatter by, in mode `consistent`; as `noise_model` where not given", MAP),
+];
+
+const NOISE_MODELS: &[&str] = &["kinect_v1", "none"];
+
+/// In the order of the documentation.
+pub(super) const TABLE: &[Row] = &[
+    Row::text("fixed_frame", "odom", FRAME).means("frame in which the map lives", MAP),
+    Row::text("mode", "consistent", Bounds::OneOf(&["consistent", "paper"])).means(
+        "`consistent`: clusters as one definition has them, whatever the order of the scans; `paper`: CFODI to the letter",
+        MAP,
+    ),
+    Row::number("voxel_size", 0.08, Bounds::Above(0.0)).unit("m").means("edge of a voxel, the paper's xi", MAP),
+    Row::integer("min_points", 15, 1, MAX_POINTS as i64)
+        .means("points that make a voxel dense, the paper's tau", MAP),
+    Row::integer("depth", 4, 1, MAX_DEPTH as i64)
+        .means("steps that a neighbourhood reaches, in mode `paper`: its d", MAP),
+    Row::number("max_normal_angle", 0.53, Bounds::Numbers(0.0, FRAC_PI_2)).unit("rad").means(
+        "largest angle between similar normals, theta; mode `consistent` takes 0.17 at most, and 0.4 for what is rough or \
+         badly known",
+        MAP,
+    ),
+    Row::integer("min_vicinity", 1, 1, u32::MAX as i64)
+        .unit("pairs")
+        .means("least vicinity of an absorption, in mode `paper`: its minUnits", MAP),
+    Row::integer("expansion_interval", 10, 0, u32::MAX as i64)
+        .unit("scans")
+        .zero("never complete")
+        .means("time without growth until a cluster is complete, delta", Change::LiveInConsistent),
+    Row::text("noise_model", "kinect_v1", Bounds::OneOf(NOISE_MODELS))
+        .means("what depths scatter by, in mode `consistent`", MAP),
+    Row::boolean("clearing", true)
+        .also("false where mode is `paper`: the letter forgets nothing")
+        .means("whether what the sensor looks through is forgotten", Change::LiveInConsistent),
+    Row::integer("max_voxels", 0, 0, i64::MAX)
+        .zero("no bound")
+        .also(FORGETS_NOTHING)
+        .means("most voxels that hold points, in mode `consistent`", Change::LiveInConsistent),
+    Row::number("keep_radius", 0.0, Bounds::Numbers(0.0, f64::MAX))
+        .unit("m")
+        .zero("no bound")
+        .also(FORGETS_NOTHING)
+        .means("how far from the sensor voxels are kept, in mode `consistent`", Change::LiveInConsistent),
+    Row::number("max_range", 6.0, Bounds::Numbers(0.0, FARTHEST))
+        .unit("m")
+        .also("at least min_range")
+        .means("furthest point: depth in an optical frame, else distance", Change::Live),
+    Row::number("min_range", 0.4, Bounds::Numbers(0.0, FARTHEST))
+        .unit("m")
+        .also("at most max_range")
+        .means("nearest point: depth in an optical frame, else distance", Change::Live),
+    Row::text("optical", "auto", Bounds::OneOf(&["auto", "yes", "no"]))
+        .means("whether clouds have optical axes; `auto`: their frame's name tells", Change::Live),
+    Row::integer("max_points", 4_000_000, 1, MAX_SCAN_POINTS)
+        .means("most points of one scan; a larger one is refused", Change::Live),
+    Row::new(
+        "network_interfaces",
+        Default::Texts(&[]),
+        Bounds::Words("a list of IP addresses, as [\"192.168.1.5\"]"),
+    )
+    .means("own IPv4 addresses to be found under; empty = all", NETWORK),
+    Row::integer("receive_buffer", 32 << 20, 4096, 1 << 30)
+        .unit("bytes")
+        .means("receive buffer to ask of the system", NETWORK),
+    Row::number("tf_timeout", 0.2, Bounds::Numbers(0.0, 60.0))
+        .unit("s")
+        .means("how long a cloud waits for its transform", Change::Live),
+    Row::number("publish_rate", 2.0, Bounds::Numbers(0.01, 100.0))
+        .unit("Hz")
+        .means("how often snapshots, markers and labelled points are sent", Change::Live),
+    Row::new("twins", Default::Texts(&[]), Bounds::Words("a list of texts, as [\"detections\"]"))
+        .also("without `polygons` where mode is `paper`: it knows no outlines")
+        .means("what the clusters are published as beside: `detections`, `polygons`; empty = none", NETWORK),
+    Row::text("snapshot_path", "", Bounds::Any).means(
+        "file that `run` saves the map in, at its end too; empty = none",
+        Change::AtStart("the file is locked with it"),
+    ),
+    Row::number("snapshot_period", 60.0, Bounds::Numbers(0.1, 86_400.0))
+        .unit("s")
+        .means("time between two savings of the map", Change::Live),
+    Row::new("sensors", Default::Texts(&["points"]), SENSORS)
+        .means("names of what the map is made from; each has `<name>.kind` and `<name>.noise_model`", NETWORK),
+    Row::boolean("use_sim_time", false)
+        .means("whether /clock gives the time", Change::AtStart("/clock is subscribed with it")),
+];

@@ -1,0 +1,75 @@
+//! For which node a parameter is, and which of several values counts.
+
+use super::*;
+
+fn parse(line: &str) -> Result<Setup, ArgsError> {
+    let args: Vec<_> = line.split_whitespace().map(str::to_owned).collect();
+    Setup::parse(&args, &Environment::default(), "cfodi").map(|(setup, _)| setup)
+}
+
+/// The `depth` of the node with these arguments and a file of this text; the default is 4.
+fn depth(arguments: &str, text: &str) -> u8 {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("params.yaml");
+    std::fs::write(&file, text).unwrap();
+    let line = format!("--ros-args {arguments} --params-file {}", file.display());
+    parse(&line).unwrap().config.engine.depth()
+}
+
+#[test]
+fn a_file_is_for_the_nodes_that_its_names_match() {
+    let table = [
+        ("", "/**", 3),
+        ("", "/*", 3),
+        ("", "cfodi", 3),
+        ("", "/cfodi", 3),
+        ("", "/**/cfodi", 3),
+        ("", "other", 4),
+        ("", "/robot/cfodi", 4),
+        ("", "/*/cfodi", 4),
+        ("-r __ns:=/robot", "/**", 3),
+        ("-r __ns:=/robot", "/*", 4),
+        ("-r __ns:=/robot", "/robot/*", 3),
+        ("-r __ns:=/robot", "/*/cfodi", 3),
+        ("-r __ns:=/robot", "robot/cfodi", 3),
+        ("-r __ns:=/robot", "cfodi", 4),
+        ("-r __ns:=/a/b", "/a/*", 4),
+        ("-r __ns:=/a/b", "/a/**", 3),
+        ("-r __node:=eyes", "eyes", 3),
+        ("-r __node:=eyes", "cfodi", 4),
+    ];
+    for (arguments, key, expected) in table {
+        let found = depth(arguments, &format!("{key}: {{ros__parameters: {{depth: 3}}}}"));
+        assert_eq!(found, expected, "{arguments} {key}");
+    }
+    assert_eq!(depth("-r __ns:=/robot", "robot: {cfodi: {ros__parameters: {depth: 3}}}"), 3);
+    assert_eq!(depth("-r __ns:=/robot", "/**: {cfodi: {ros__parameters: {depth: 3}}}"), 3);
+}
+
+#[test]
+fn later_values_count_and_those_for_another_node_do_not() {
+    let file = "/**: {ros__parameters: {depth: 3}}\ncfodi: {ros__parameters: {depth: 5}}";
+    assert_eq!(depth("", file), 5);
+    for (arguments, expected) in [
+        ("-p depth:=2", 2),
+        ("-p depth:=2 -p depth:=6", 6),
+        ("-p cfodi:depth:=2", 2),
+        ("-p other:depth:=2", 5),
+        ("-r __node:=eyes -p eyes:depth:=2", 2),
+        ("-r __ns:=/robot -p cfodi:depth:=2", 3),
+    ] {
+        assert_eq!(depth(arguments, file), expected, "{arguments}");
+    }
+}
+
+#[test]
+fn words_and_numbers_are_read_as_ros_reads_them() {
+    let setup =
+        parse("--ros-args -p clearing:=off -p use_sim_time:=Yes -p optical:=no -p keep_radius:=3").unwrap();
+    assert!(!setup.config.engine.clearing() && setup.config.use_sim_time);
+    assert_eq!(setup.config.filter.optical, crate::cloud::Optical::No);
+    assert_eq!(setup.config.engine.keep_radius(), 3.0);
+    for wrong in ["clearing:=1", "clearing:=oN", "depth:=3.0", "depth:=yes", "fixed_frame:=5", "mode:=true"] {
+        assert!(parse(&format!("--ros-args -p {wrong}")).is_err(), "{wrong}");
+    }
+}

@@ -1,0 +1,41 @@
+//! Parameters that change while the node runs.
+
+use super::*;
+
+fn config(name: &str, value: f64) -> Config {
+    Config::new([(name.to_owned(), Value::Double(value))]).unwrap()
+}
+
+#[test]
+fn a_shorter_tf_timeout_holds_for_clouds_that_wait_already() {
+    let patience = Instant::now();
+    let events = vec![cloud(at(10.0), "nowhere"), Event::Changed(Box::new(config("tf_timeout", 0.0)))];
+    let given_up = |counts: &RefCell<Counts>| counts.borrow().skipped.contains_key("transform_timeout");
+    let (ended, counts, _) =
+        node_until(&config("tf_timeout", 60.0), Fake::default(), events, move |_, counts| async move {
+            while !given_up(&counts) && patience.elapsed() < Duration::from_secs(50) {
+                tokio::time::sleep(TICK).await;
+            }
+        });
+    ended.unwrap();
+    assert_eq!(counts.skipped.into_iter().collect::<Vec<_>>(), [("transform_timeout", 1)]);
+}
+
+#[test]
+fn what_the_engine_goes_on_by_reaches_it_before_the_next_scan() {
+    let bounded = Config::new([("max_voxels".to_owned(), Value::Integer(1))]).unwrap();
+    let wide = |seconds| match cloud(at(seconds), "camera") {
+        Event::Cloud(input, Ok(cloud)) => {
+            let point = |i: u16| [f32::from(i / 20) * 0.5, 0.01, 1.01];
+            Event::Cloud(input, Ok(Cloud { points: Points::F32((0..80).map(point).collect()), ..cloud }))
+        }
+        other => other,
+    };
+    let before = vec![transform(at(0.0), true), wide(10.0)];
+    let after = vec![transform(at(0.0), true), Event::Changed(Box::new(bounded)), wide(10.0)];
+    for (events, voxels) in [(before, 4), (after, 1)] {
+        let (_, counts, transport) = node(Fake::default(), events, 1);
+        assert_eq!(counts.taken_in, 1);
+        assert_eq!(transport.deltas.borrow()[0].unclustered_voxels, voxels);
+    }
+}
