@@ -1,7 +1,7 @@
 //! Triangles that fill a cluster's boundary less its holes.
 //!
-//! Found anew for every message: the ears of a floor of 500 vertices are cut in less time than its message takes to be
-//! serialised, so nothing is kept between messages.
+//! Found anew for every message: a floor of 500 vertices and 20 holes takes 0.2 ms (`benches/markers.rs`), which nothing that
+//! is kept between messages would repay.
 
 use earcut::Earcut;
 use nalgebra::{Point3, Vector2};

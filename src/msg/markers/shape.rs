@@ -1,4 +1,8 @@
 //! A marker for each thing that is shown.
+//!
+//! What one can look through is drawn by viewers after all else, from the farthest to the nearest by the places of the markers'
+//! poses; so a polygon's pose is the middle of its box, and its points are given from there. That keeps its shape too where
+//! the map is far from its origin, for viewers reckon in 32 bits.
 
 use nalgebra::Point3;
 
@@ -9,8 +13,8 @@ use crate::export::colour::cluster_colour;
 use crate::msg::clusters::point;
 use crate::msg::ros::{ColorRgba, Header, Marker, Point, Vector3};
 
-/// Opacity of a surface: what is behind it stays visible. Paler where it cannot be relied on yet.
-const OPAQUE: f32 = 0.7;
+/// Opacity of surfaces: what is behind one stays visible. Paler where it cannot be relied on yet.
+const RELIABLE: f32 = 0.7;
 const TENTATIVE: f32 = 0.25;
 
 /// Length of a cluster's normal, in voxels.
@@ -30,14 +34,13 @@ impl Style<'_> {
         cluster: &Cluster,
         triangles: &[[Point3<f64>; 3]],
     ) -> Option<Marker> {
-        let is_tentative = cluster.state == ClusterState::Tentative;
         (!triangles.is_empty()).then(|| Marker {
             scale: Vector3 { x: 1.0, y: 1.0, z: 1.0 },
-            color: colour(Some(cluster.id), if is_tentative { TENTATIVE } else { OPAQUE }),
-            points: triangles.as_flattened().iter().map(point).collect(),
+            color: colour(Some(cluster.id), opacity(cluster)),
+            points: triangles.as_flattened().iter().map(|corner| from_middle(cluster, corner)).collect(),
             // Shown by no viewer, and read by those who look for a cluster.
             text: cluster.id.to_string(),
-            ..marker(self.header, SURFACES, slot, Marker::TRIANGLE_LIST)
+            ..self.around(cluster, SURFACES, slot, Marker::TRIANGLE_LIST)
         })
     }
 
@@ -49,23 +52,30 @@ impl Style<'_> {
         Marker {
             scale: Vector3 { x: 0.2 * self.voxel_size, y: 0.0, z: 0.0 },
             color: colour(Some(cluster.id), if is_tentative { 2.0 * TENTATIVE } else { 1.0 }),
-            points: edges.flat_map(|(from, to)| [point(from), point(to)]).collect(),
-            ..marker(self.header, OUTLINES, slot, Marker::LINE_LIST)
+            points: edges.flat_map(|(from, to)| [from, to].map(|end| from_middle(cluster, end))).collect(),
+            ..self.around(cluster, OUTLINES, slot, Marker::LINE_LIST)
         }
     }
 
-    /// Id and class, in front of the surface on the side it was seen from; `None` of a cluster that cannot be relied on:
-    /// there are many of these, small and short-lived.
+    /// A marker with its points given from the middle of the cluster's box.
+    fn around(&self, cluster: &Cluster, ns: &str, slot: i32, kind: i32) -> Marker {
+        let mut marker = marker(self.header, ns, slot, kind);
+        marker.pose.position = point(&cluster.pose.translation.vector.into());
+        marker
+    }
+
+    /// Id and class, before the tip of its normal; `None` of a cluster that cannot be relied on: there are many of these,
+    /// small and short-lived.
     pub(super) fn name(&self, slot: i32, cluster: &Cluster) -> Option<Marker> {
         if cluster.state == ClusterState::Tentative {
             return None;
         }
         let mut name = marker(self.header, NAMES, slot, Marker::TEXT_VIEW_FACING);
-        let before = cluster.normal.into_inner() * (2.0 * self.voxel_size);
+        let before = cluster.normal.into_inner() * ((NORMAL + 1.0) * self.voxel_size);
         name.pose.position = point(&(cluster.centroid + before));
         name.scale.z = self.height(cluster);
         name.color = ColorRgba { r: 1.0, g: 1.0, b: 1.0, a: 1.0 };
-        name.text = [cluster.id.to_string().as_str(), word(cluster.class)].join(" ").trim_end().to_owned();
+        name.text = format!("{} {}", cluster.id, word(cluster.class)).trim_end().into();
         Some(name)
     }
 
@@ -112,7 +122,7 @@ impl Style<'_> {
         let points: Vec<Point> = segments.flatten().collect();
         (!points.is_empty()).then(|| Marker {
             scale: Vector3 { x: 0.1 * self.voxel_size, y: 0.0, z: 0.0 },
-            color: ColorRgba { r: 1.0, g: 1.0, b: 1.0, a: 0.6 },
+            color: ColorRgba { r: 1.0, g: 1.0, b: 1.0, a: 1.0 },
             points,
             ..marker(self.header, NORMALS, 0, Marker::LINE_LIST)
         })
@@ -123,6 +133,10 @@ pub(super) fn marker(header: &Header, ns: &str, id: i32, kind: i32) -> Marker {
     Marker { header: header.clone(), ns: ns.to_owned(), id, kind, action: Marker::ADD, ..Marker::default() }
 }
 
+fn from_middle(cluster: &Cluster, corner: &Point3<f64>) -> Point {
+    point(&(corner - cluster.pose.translation.vector))
+}
+
 fn segment(from: &Point3<f64>, along: nalgebra::Vector3<f64>) -> [Point; 2] {
     [point(from), point(&(from + along))]
 }
@@ -130,6 +144,16 @@ fn segment(from: &Point3<f64>, along: nalgebra::Vector3<f64>) -> [Point; 2] {
 fn colour(id: Option<ClusterId>, a: f32) -> ColorRgba {
     let [r, g, b] = cluster_colour(id).map(|c| f32::from(c) / 255.0);
     ColorRgba { r, g, b, a }
+}
+
+/// Opacity of a surface. A floor hides nothing of interest; but its middle can be nearer than that of the table above it,
+/// through which it would then be seen.
+fn opacity(cluster: &Cluster) -> f32 {
+    match (cluster.state, cluster.class) {
+        (ClusterState::Tentative, _) => TENTATIVE,
+        (_, SurfaceClass::Floor) => 1.0,
+        _ => RELIABLE,
+    }
 }
 
 /// A class as a person reads it; empty where it is not known.

@@ -29,7 +29,7 @@ const DELTAS: i32 = 1024;
 /// Most snapshots, which replace each other.
 const SNAPSHOTS: i32 = 16;
 
-/// Most messages of markers, the largest of all.
+/// Most messages of markers, which can be the largest of all.
 const MARKERS: i32 = 4;
 
 /// Time between two looks at the middleware's threads.

@@ -25,6 +25,34 @@ fn a_cluster_with_a_boundary_is_a_filled_polygon_with_its_edges_and_its_name() {
 }
 
 #[test]
+fn what_is_behind_a_surface_shows_through_unless_it_is_a_floor() {
+    let wall = Cluster { class: SurfaceClass::Wall, ..square(1) };
+    let opacity = |cluster| shown(&map(vec![cluster], 0)).get(SURFACES, 0).color.a;
+    assert!(opacity(wall) < 1.0);
+    assert_eq!(opacity(square(1)), 1.0);
+}
+
+#[test]
+fn far_from_the_origin_points_are_given_from_the_middle_of_the_surface() {
+    let away = Vector3::new(2e6, -1e6, 30.0);
+    let near = square(1);
+    let far = Cluster {
+        boundary: near.boundary.iter().map(|corner| corner + away).collect(),
+        pose: Isometry3::translation(away.x, away.y, away.z),
+        centroid: near.centroid + away,
+        ..near.clone()
+    };
+    let [near, far] = [near, far].map(|cluster| shown(&map(vec![cluster], 0)));
+    for ns in [SURFACES, OUTLINES] {
+        let (near, far) = (near.get(ns, 0), far.get(ns, 0));
+        assert_eq!(near.points, far.points);
+        let place = far.pose.position;
+        assert_eq!([place.x, place.y, place.z], <[f64; 3]>::from(away));
+        assert_eq!(far.pose.orientation, near.pose.orientation);
+    }
+}
+
+#[test]
 fn a_cluster_without_a_boundary_is_its_voxels() {
     let viewer = shown(&map(vec![heap(12)], 0));
     assert_eq!(viewer.identities(), [(CLUSTERS, 0), (NAMES, 0), (NORMALS, 0)]);
