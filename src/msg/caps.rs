@@ -1,23 +1,21 @@
 //! What an output leaves out, said once a session.
 
-use super::labelled::MAX_LABELLED;
-use super::markers::MAX_CUBES;
+use super::{labelled, markers};
+use crate::engine::Snapshot;
 
 /// Keeps track of which caps have been told.
 #[derive(Clone, Debug, Default)]
-pub struct Caps([bool; 2]);
+pub struct Caps([bool; 3]);
 
 impl Caps {
-    /// A sentence for each output whose cap a map of so many dense voxels reaches for the first time.
-    pub fn reached(&mut self, voxels: usize) -> Vec<String> {
-        let caps = [("~/markers", MAX_CUBES), ("~/points_labelled", MAX_LABELLED)];
-        let mut lines = Vec::new();
-        for ((topic, cap), told) in caps.into_iter().zip(&mut self.0) {
-            if voxels > cap && !std::mem::replace(told, true) {
-                lines.push(format!("{topic} shows the first {cap} of {voxels} dense voxels"));
-            }
-        }
-        lines
+    /// A sentence for each output whose cap this map exceeds for the first time.
+    pub fn reached(&mut self, snapshot: &Snapshot) -> Vec<String> {
+        let [surfaces, cubes] = markers::left_out(snapshot);
+        let sentences = [surfaces, cubes, labelled::left_out(snapshot.voxels.len())];
+        let is_new = |(sentence, told): (Option<String>, &mut bool)| {
+            sentence.filter(|_| !std::mem::replace(told, true))
+        };
+        sentences.into_iter().zip(&mut self.0).filter_map(is_new).collect()
     }
 }
 
@@ -25,12 +23,24 @@ impl Caps {
 mod tests {
     use super::*;
 
+    /// A map of which only the number of voxels in no cluster is known.
+    fn map(unclustered_voxels: usize) -> Snapshot {
+        Snapshot {
+            sequence: 1,
+            stamp: None,
+            voxel_size: 0.1,
+            clusters: Vec::new(),
+            voxels: Vec::new(),
+            unclustered_voxels: unclustered_voxels as u32,
+        }
+    }
+
     #[test]
     fn a_cap_is_told_once_and_only_when_it_is_exceeded() {
         let mut caps = Caps::default();
-        assert!(caps.reached(MAX_CUBES).is_empty());
-        assert_eq!(caps.reached(MAX_CUBES + 1), ["~/markers shows the first 20000 of 20001 dense voxels"]);
-        assert!(caps.reached(MAX_CUBES + 2).is_empty());
-        assert_eq!(caps.reached(MAX_LABELLED + 1).len(), 1);
+        assert!(caps.reached(&map(markers::MAX_CUBES)).is_empty());
+        let told = caps.reached(&map(markers::MAX_CUBES + 1));
+        assert_eq!(told, ["~/markers shows the first 20000 of 20001 voxels as cubes"]);
+        assert!(caps.reached(&map(markers::MAX_CUBES + 2)).is_empty());
     }
 }

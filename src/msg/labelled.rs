@@ -32,6 +32,12 @@ pub fn labelled_points(session: &Session, snapshot: &Snapshot) -> PointCloud2 {
     }
 }
 
+/// A sentence where some of so many dense voxels are left out.
+pub(super) fn left_out(voxels: usize) -> Option<String> {
+    let sentence = || format!("~/points_labelled shows the first {MAX_LABELLED} of {voxels} dense voxels");
+    (voxels > MAX_LABELLED).then(sentence)
+}
+
 fn point(voxel: &DenseVoxel) -> [u8; STEP as usize] {
     let [nx, ny, nz] = voxel.normal.map_or([f64::NAN; 3], |normal| [normal.x, normal.y, normal.z]);
     let centre = voxel.centre;
@@ -52,6 +58,13 @@ mod tests {
 
     use super::*;
     use crate::engine::{ClusterId, VoxelKey};
+
+    #[test]
+    fn what_is_left_out_is_said() {
+        assert_eq!(left_out(MAX_LABELLED), None);
+        let sentence = left_out(MAX_LABELLED + 1).unwrap();
+        assert_eq!(sentence, "~/points_labelled shows the first 1000000 of 1000001 dense voxels");
+    }
 
     #[test]
     fn a_voxel_lies_where_its_fields_say() {

@@ -315,6 +315,8 @@ impl Marker {
     pub const LINE_LIST: i32 = 5;
     /// `type` of a list of cubes.
     pub const CUBE_LIST: i32 = 6;
+    /// `type` of a list of triangles, three points each.
+    pub const TRIANGLE_LIST: i32 = 11;
     /// `type` of a text that faces the viewer.
     pub const TEXT_VIEW_FACING: i32 = 9;
     /// `action` that adds or modifies.

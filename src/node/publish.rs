@@ -177,7 +177,7 @@ impl Maps {
             self.markers.reset();
             self.caps = Caps::default();
         }
-        for line in self.caps.reached(snapshot.voxels.len()) {
+        for line in self.caps.reached(snapshot) {
             warn!("{line}");
         }
         let session = wire.session(session);

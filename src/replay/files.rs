@@ -111,7 +111,7 @@ impl Outputs<'_> {
 
     pub(super) fn snapshot(&mut self, session: &Session, snapshot: &Snapshot) -> Result<(), WriteError> {
         let Some(bag) = &mut self.bag else { return Ok(()) };
-        bag.caps.reached(snapshot.voxels.len()).iter().for_each(|line| (self.say)(line));
+        bag.caps.reached(snapshot).iter().for_each(|line| (self.say)(line));
         bag.snapshot(session, snapshot)
     }
 

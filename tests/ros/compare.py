@@ -81,14 +81,37 @@ def labels_agree(snapshot, message):
     assert count == said
 
 
-def markers_agree(snapshot, message, cap):
-    """Each cluster has a cube list that bears its id and holds its voxels; all lists together hold at most `cap` cubes."""
-    cubes = [m for m in message.markers if m.ns == "clusters" and m.action == Marker.ADD]
-    assert all(m.type == Marker.CUBE_LIST for m in cubes)
-    assert len({m.id for m in cubes}) == len(cubes), "two markers with one identity"
-    shown = {int(m.text): len(m.points) for m in cubes}
-    voxels = {cluster.id: cluster.voxel_count for cluster in snapshot.clusters}
-    if sum(voxels.values()) + snapshot.unclustered_voxels <= cap:
-        assert shown == voxels
-    else:
-        assert sum(shown.values()) <= cap and all(shown[i] <= voxels[i] for i in shown)
+def markers_agree(snapshot, message, max_points=100_000, max_cubes=20_000):
+    """Each cluster has a surface that bears its id and covers its boundary less its holes, and their edges; voxels in
+    no cluster are cubes. So within the bounds; beyond them, what is shown keeps to them."""
+    shown = [m for m in message.markers if m.action == Marker.ADD]
+    assert len({(m.ns, m.id) for m in message.markers}) == len(message.markers), "two markers with one identity"
+    surfaces = {int(m.text): m for m in shown if m.ns == "surfaces"}
+    outlines = {m.id: m for m in shown if m.ns == "outlines"}
+    unclustered = sum(len(m.points) for m in shown if m.ns == "unclustered")
+    assert all(m.type == Marker.TRIANGLE_LIST for m in surfaces.values())
+    assert unclustered == min(snapshot.unclustered_voxels, max_cubes)
+    points = sum(len(m.points) for m in [*surfaces.values(), *outlines.values()])
+    clusters = {cluster.id: cluster for cluster in snapshot.clusters}
+    assert surfaces.keys() <= clusters.keys() and points <= max_points
+    if points < 0.9 * max_points:
+        assert surfaces.keys() == clusters.keys()
+    for i, surface in surfaces.items():
+        rings = [clusters[i].boundary.points, *(hole.points for hole in clusters[i].holes)]
+        assert len(outlines[surface.id].points) == 2 * sum(map(len, rings))
+        corners = positions(surface.points).reshape(-1, 3, 3)
+        doubled = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        covered = np.linalg.norm(doubled, axis=1).sum() / 2
+        # Holes turn the other way and take away; outlines are rounded to 32 bits.
+        enclosed = np.linalg.norm(sum(turned_area(positions(ring)) for ring in rings))
+        assert abs(covered - enclosed) < 1e-3 * enclosed + 1e-6, f"cluster {i}: {covered} of {enclosed} m^2"
+
+
+def positions(points):
+    return np.array([(p.x, p.y, p.z) for p in points])
+
+
+def turned_area(ring):
+    """The area that a plane ring encloses, along its normal."""
+    ring = ring - ring[0]
+    return np.cross(ring, np.roll(ring, -1, axis=0)).sum(0) / 2

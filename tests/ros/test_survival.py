@@ -234,8 +234,8 @@ def most_resident(node, seconds):
 
 def test_where_nobody_reads_the_snapshots_memory_stays_level(start, drive):
     """The middleware keeps what a reader may still ask for; where there is none, the newest few and no more. Snapshots and
-    markers of a room, 20 times a second, are some megabytes each second."""
-    node = start({"publish_rate": 20.0}).ready()
+    markers of a room, 20 times a second, are some megabytes each second in mode `paper`, which shows voxels."""
+    node = start({"publish_rate": 20.0, "mode": "paper"}).ready()
     driver = drive("--scans=room", "--size", 320, 240)
     driver.sends(240)
     before, after = most_resident(node, 8), most_resident(node, 8)

@@ -34,7 +34,7 @@ const DELTAS: i32 = 1024;
 /// Most snapshots, which replace each other.
 const SNAPSHOTS: i32 = 16;
 
-/// Most messages of markers, the largest of all.
+/// Most messages of markers, which can be the largest of all.
 const MARKERS: i32 = 4;
 
 /// Most reports, and most lines of the log.

@@ -1,0 +1,116 @@
+//! The map as `visualization_msgs/MarkerArray`, in the way RViz likes it.
+//!
+//! A cluster with a boundary is a filled polygon (ns `surfaces`), its edges (`outlines`) and, where it can be relied on, its
+//! id and class (`names`); one without, as in mode `paper`, is its voxels as cubes (`clusters`). All normals are one
+//! marker (`normals`), and so are the voxels in no cluster (`unclustered`): obstacles that no surface shows.
+//!
+//! A marker's identity is (ns, id), and an id has 32 bits: cluster ids are mapped to slots ([`slots`]), which are used
+//! again when a cluster has gone. Each message holds all that is to be seen, since one who joins late gets no other;
+//! markers are updated in place and deleted only when there is nothing more to show for them. No identity is twice
+//! in a message, which RViz calls an error. A viewer keeps only the newest message and may miss one, so deletions are
+//! said several times.
+
+mod fill;
+mod shape;
+mod shown;
+mod slots;
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use earcut::Earcut;
+
+use super::clusters::Session;
+use super::ros::{Header, Marker, MarkerArray};
+use crate::engine::Snapshot;
+use shape::Style;
+use shown::Shown;
+pub(super) use shown::left_out;
+pub use shown::{MAX_CUBES, MAX_POINTS};
+use slots::Slots;
+
+/// Namespaces of the markers.
+const SURFACES: &str = "surfaces";
+const OUTLINES: &str = "outlines";
+const NAMES: &str = "names";
+const CLUSTERS: &str = "clusters";
+const UNCLUSTERED: &str = "unclustered";
+const NORMALS: &str = "normals";
+
+/// How many messages say a deletion.
+const REPEATS: u8 = 5;
+
+/// What a marker is known by.
+type Identity = (String, i32);
+
+/// Keeps track of what a viewer has been shown.
+#[derive(Default)]
+pub struct Markers {
+    slots: Slots,
+    /// What the newest message shows.
+    shown: BTreeSet<Identity>,
+    /// What has gone, with the number of messages that have said so; forgotten when enough have.
+    gone: BTreeMap<Identity, u8>,
+    /// Messages sent in this session; the first ones tell viewers to delete what was there before.
+    sent: u8,
+    /// Its buffers serve all clusters.
+    earcut: Earcut<f64>,
+}
+
+impl Markers {
+    /// The markers of this map, and the deletions since the calls before.
+    pub fn update(&mut self, session: &Session, snapshot: &Snapshot) -> MarkerArray {
+        let header = session.header(snapshot.stamp);
+        let additions = self.additions(&header, snapshot);
+        let mut markers = self.deletions(&header, &additions);
+        markers.extend(additions);
+        MarkerArray { markers }
+    }
+
+    /// Begins anew, as after a reset: viewers are told to delete everything.
+    pub fn reset(&mut self) {
+        *self = Self::default();
+    }
+
+    fn additions(&mut self, header: &Header, snapshot: &Snapshot) -> Vec<Marker> {
+        let shown = Shown::of(snapshot);
+        let style = Style { header, voxel_size: snapshot.voxel_size };
+        self.slots.keep(&snapshot.clusters);
+        let mut markers = Vec::new();
+        for cluster in &shown.polygons {
+            let slot = self.slots.of(cluster.id);
+            let triangles = fill::triangles(&mut self.earcut, cluster);
+            markers.extend(style.surface(slot, cluster, &triangles));
+            markers.push(style.outline(slot, cluster));
+            markers.extend(style.name(slot, cluster));
+        }
+        for (cluster, voxels) in &shown.heaps {
+            let slot = self.slots.of(cluster.id);
+            markers.push(style.cubes(slot, cluster.id, voxels));
+            markers.extend(style.name(slot, cluster));
+        }
+        markers.extend(style.unclustered(&shown.unclustered));
+        markers.extend(style.normals(&shown));
+        markers
+    }
+
+    /// What is to be deleted before `additions` are added.
+    fn deletions(&mut self, header: &Header, additions: &[Marker]) -> Vec<Marker> {
+        let now: BTreeSet<Identity> = additions.iter().map(|marker| (marker.ns.clone(), marker.id)).collect();
+        let before = std::mem::replace(&mut self.shown, now);
+        self.gone.extend(before.into_iter().map(|identity| (identity, 0)));
+        self.gone.retain(|identity, said| *said < REPEATS && !self.shown.contains(identity));
+        let mut deletions = Vec::new();
+        if self.sent < REPEATS {
+            self.sent += 1;
+            deletions.push(Marker { header: header.clone(), action: Marker::DELETEALL, ..Marker::default() });
+        }
+        for ((ns, slot), said) in &mut self.gone {
+            *said += 1;
+            deletions.push(Marker { action: Marker::DELETE, ..shape::marker(header, ns, *slot, 0) });
+        }
+        deletions
+    }
+}
+
+#[cfg(test)]
+mod tests;
