@@ -22,3 +22,6 @@ mod throttle;
 pub mod transport;
 
 pub use self::args::Setup;
+
+#[cfg(not(any(feature = "humble", feature = "jazzy")))]
+compile_error!("feature `node` needs the ROS 2 distribution that it talks to: feature `jazzy` or `humble`");
