@@ -137,16 +137,17 @@ pub fn live_node(
         let (dds, events, receiver) = Dds::open(setup, security.clone(), record)?;
         say_security(&security);
         let dds = Rc::new(dds);
+        // Whoever reads that it is ready may end it at once.
+        let (asked, signals) = (Signals::new(), Signals::new());
         say_ready(setup, dds.inputs());
         begin(events)?;
-        let signals = Signals::new();
         let map = live::run(
             &setup.config,
             engine,
             Rc::clone(&dds),
             receiver,
             Rc::clone(&counts),
-            ending(Signals::new(), done),
+            ending(asked, done),
         )
         .await;
         let network = leave(dds).await;
