@@ -102,6 +102,7 @@ step "ROS tests: sockets"
 raise_socket_buffer
 raise_readers_buffer
 run bash tests/ros/python.sh -m pytest tests/ros
+run bash tests/colcon/python.sh -m pytest tests/colcon
 run bash tests/bags/python.sh -m pytest tests/bags
 step "report: a browser"
 bash tests/report/browser.sh
