@@ -22,6 +22,7 @@ class MapReader {
     if (version_ && message.session_id == session_id_ && message.sequence <= *version_) return;  // the deltas were faster
     session_id_ = message.session_id;  // ids mean nothing beyond their session
     version_ = message.sequence;
+    header_ = message.header;
     clusters_.clear();
     for (const auto& cluster : message.clusters) clusters_[cluster.id] = cluster;
     catch_up();
@@ -36,6 +37,7 @@ class MapReader {
   const std::map<std::uint64_t, cfodi_msgs::msg::SurfaceCluster>& clusters() const { return clusters_; }
   std::optional<std::uint64_t> version() const { return version_; }  // `sequence` of the map; none before a snapshot
   std::uint64_t session_id() const { return session_id_; }
+  const std_msgs::msg::Header& header() const { return header_; }  // frame of the map, stamp of the newest scan in it
 
  private:
   void catch_up() {
@@ -47,12 +49,14 @@ class MapReader {
         for (auto gone : message.removed) clusters_.erase(gone);
         for (const auto& cluster : message.clusters) clusters_[cluster.id] = cluster;
         version_ = message.sequence;
+        header_ = message.header;
       }
     }
   }
 
   std::uint64_t session_id_ = 0;
   std::optional<std::uint64_t> version_;
+  std_msgs::msg::Header header_;
   std::map<std::uint64_t, cfodi_msgs::msg::SurfaceCluster> clusters_;
   std::deque<Array> deltas_;
   std::size_t most_deltas_;

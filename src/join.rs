@@ -35,6 +35,7 @@ pub struct Join {
 struct Arrived {
     cloud: Cloud,
     lap: u64,
+    at: Duration,
 }
 
 /// A cloud whose transform is known.
@@ -42,6 +43,8 @@ struct Arrived {
 pub struct Joined {
     /// For the engine.
     pub scan: Scan,
+    /// When its cloud came, by the clock of [`Join::cloud`].
+    pub at: Duration,
     /// Points in the message, valid or not.
     pub total: u32,
     /// Where its stamp has jumped back: a new session begins with it.
@@ -118,7 +121,7 @@ impl Join {
         // Clouds before a jump and after it must not be sorted together, and the stamps alone do not tell them apart.
         let before = self.arrived.insert(frame.clone(), stamp);
         self.lap += u64::from(before.is_some_and(|before| before.seconds_since(stamp) > JUMP_BACK));
-        let arrived = Arrived { cloud, lap: self.lap };
+        let arrived = Arrived { cloud, lap: self.lap, at: now };
         self.waiting.push(arrived, stamp, frame, now).map(plain)
     }
 
@@ -127,11 +130,11 @@ impl Join {
         let Self { frames, waiting, .. } = self;
         let mut ready = waiting.take_ready(|sensor, stamp| frames.lookup(fixed_frame, sensor, stamp));
         ready.sort_by_key(|(arrived, _)| arrived.lap);
-        let joined = ready.into_iter().map(|(Arrived { cloud, lap }, fixed_from_sensor)| {
+        let joined = ready.into_iter().map(|(Arrived { cloud, lap, at }, fixed_from_sensor)| {
             // Only a scan with a transform tells the time: a stray stamp has none.
             let jumped_back = self.jumped_back(&cloud, lap);
             let scan = Scan { stamp: cloud.stamp, fixed_from_sensor, points: cloud.points };
-            Joined { scan, total: cloud.total, jumped_back }
+            Joined { scan, at, total: cloud.total, jumped_back }
         });
         joined.collect()
     }

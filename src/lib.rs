@@ -16,6 +16,8 @@ pub mod export;
 #[cfg(feature = "frames")]
 pub mod join;
 pub mod line;
+#[cfg(feature = "bag")]
+mod memory;
 pub mod msg;
 #[cfg(feature = "node")]
 pub mod node;

@@ -8,6 +8,7 @@ use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
 
 use crate::engine::{Engine, SavedMap, Scan, Snapshot, Update};
 
@@ -20,6 +21,8 @@ pub enum Output {
         session: u64,
         /// What it changed.
         update: Update,
+        /// How long the engine worked on it.
+        took: Duration,
     },
     /// The map, as asked for by [`Worker::request_snapshot`].
     Snapshot {
@@ -178,7 +181,9 @@ fn work(mailbox: &Mailbox, mut engine: Engine, mut session: u64, sink: &mut impl
         if let Some(scan) = task.scan {
             #[cfg(test)]
             assert_ne!(scan.stamp, tests::DEADLY, "a panic for the test");
-            sink(Output::Scan { session, update: engine.insert(&scan) });
+            let start = Instant::now();
+            let update = engine.insert(&scan);
+            sink(Output::Scan { session, update, took: start.elapsed() });
         }
         if task.snapshot {
             sink(Output::Snapshot { session, snapshot: Arc::new(engine.snapshot()) });

@@ -14,6 +14,7 @@ use cfodi::msg::ros::{
     CameraInfo, Clock, CompressedImage, Image, MarkerArray, PointCloud2, TfMessage, TriggerRequest,
     TriggerResponse,
 };
+use cfodi::msg::twins::{Detection3DArray, PolygonInstanceStamped};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
@@ -89,6 +90,12 @@ fn images_and_cameras_are_those_of_real_ros() {
     hold::<Image>("image.cdr");
     hold::<CameraInfo>("camera_info.cdr");
     hold::<CompressedImage>("compressed_image.cdr");
+}
+
+#[test]
+fn the_twins_of_clusters_are_those_of_real_ros() {
+    hold::<Detection3DArray>("detection3d_array.cdr");
+    hold::<PolygonInstanceStamped>("polygon_instance_stamped.cdr");
 }
 
 #[test]

@@ -15,6 +15,12 @@ const DEFINITIONS: &[(&str, &str)] = &[
     ("geometry_msgs/Quaternion", "float64 x 0\nfloat64 y 0\nfloat64 z 0\nfloat64 w 1\n"),
     ("geometry_msgs/Pose", "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation\n"),
     ("geometry_msgs/Polygon", "geometry_msgs/Point32[] points\n"),
+    ("geometry_msgs/PolygonInstance", "geometry_msgs/Polygon polygon\nint64 id\n"),
+    (
+        "geometry_msgs/PolygonInstanceStamped",
+        "std_msgs/Header header\ngeometry_msgs/PolygonInstance polygon\n",
+    ),
+    ("geometry_msgs/PoseWithCovariance", "geometry_msgs/Pose pose\nfloat64[36] covariance\n"),
     ("geometry_msgs/Transform", "geometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation\n"),
     (
         "geometry_msgs/TransformStamped",
@@ -56,6 +62,18 @@ const DEFINITIONS: &[(&str, &str)] = &[
          string mesh_resource\nvisualization_msgs/MeshFile mesh_file\nbool mesh_use_embedded_materials\n",
     ),
     ("visualization_msgs/MarkerArray", "visualization_msgs/Marker[] markers\n"),
+    ("vision_msgs/ObjectHypothesis", "string class_id\nfloat64 score\n"),
+    (
+        "vision_msgs/ObjectHypothesisWithPose",
+        "vision_msgs/ObjectHypothesis hypothesis\ngeometry_msgs/PoseWithCovariance pose\n",
+    ),
+    ("vision_msgs/BoundingBox3D", "geometry_msgs/Pose center\ngeometry_msgs/Vector3 size\n"),
+    (
+        "vision_msgs/Detection3D",
+        "std_msgs/Header header\nvision_msgs/ObjectHypothesisWithPose[] results\nvision_msgs/BoundingBox3D bbox\n\
+         string id\n",
+    ),
+    ("vision_msgs/Detection3DArray", "std_msgs/Header header\nvision_msgs/Detection3D[] detections\n"),
     ("cfodi_msgs/SurfaceCluster", include_str!("../../msg/SurfaceCluster.msg")),
     ("cfodi_msgs/SurfaceClusterArray", include_str!("../../msg/SurfaceClusterArray.msg")),
 ];

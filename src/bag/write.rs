@@ -17,6 +17,7 @@ use super::read::Message;
 use super::schemas::definition;
 use crate::msg::clusters::SurfaceClusterArray;
 use crate::msg::ros::{Header, MarkerArray, PointCloud2, TfMessage};
+use crate::msg::twins::{Detection3DArray, PolygonInstanceStamped, Twins};
 use crate::tf::JUMP_BACK;
 
 /// Names of the topics that a result bag holds, remappings applied.
@@ -27,6 +28,22 @@ pub struct OutputTopics {
     pub clusters_delta: String,
     pub markers: String,
     pub points_labelled: String,
+    /// `None` where it is not wanted.
+    pub detections: Option<String>,
+    /// As `detections`.
+    pub polygons: Option<String>,
+}
+
+impl OutputTopics {
+    fn names(&self) -> impl Iterator<Item = &String> {
+        let always = [&self.clusters, &self.clusters_delta, &self.markers, &self.points_labelled];
+        always.into_iter().chain(&self.detections).chain(&self.polygons)
+    }
+
+    /// The twins that are wanted.
+    pub fn twins(&self) -> Twins {
+        Twins { detections: self.detections.is_some(), polygons: self.polygons.is_some() }
+    }
 }
 
 /// What begins a message in CDR, little-endian.
@@ -58,8 +75,10 @@ pub struct ResultBag<W: Write> {
     delta: Channel,
     markers: Channel,
     labelled: Channel,
+    detections: Option<Channel>,
+    polygons: Option<Channel>,
     /// Names of the channels above: input of the same name is not copied.
-    own: [String; 4],
+    own: Vec<String>,
     /// Of the input: by topic and type.
     copied: BTreeMap<(String, String), Channel>,
     with_input: bool,
@@ -82,14 +101,24 @@ impl<W: Write> ResultBag<W> {
         let latched = offered_qos("transient_local", "reliable", 1);
         let each = offered_qos("volatile", "reliable", 20);
         let may_be_lost = offered_qos("volatile", "best_effort", 10);
+        let many = offered_qos("volatile", "reliable", 1000);
         let mut open = |topic: &str, kind: &str, qos: &str| channel(&mut writer, topic, kind, qos);
         Ok(Self {
             clusters: open(&topics.clusters, array, &latched)?,
             delta: open(&topics.clusters_delta, array, &each)?,
             markers: open(&topics.markers, "visualization_msgs/msg/MarkerArray", &latched)?,
             labelled: open(&topics.points_labelled, "sensor_msgs/msg/PointCloud2", &may_be_lost)?,
-            own: [&topics.clusters, &topics.clusters_delta, &topics.markers, &topics.points_labelled]
-                .map(Clone::clone),
+            detections: topics
+                .detections
+                .as_ref()
+                .map(|topic| open(topic, "vision_msgs/msg/Detection3DArray", &latched))
+                .transpose()?,
+            polygons: topics
+                .polygons
+                .as_ref()
+                .map(|topic| open(topic, "geometry_msgs/msg/PolygonInstanceStamped", &many))
+                .transpose()?,
+            own: topics.names().cloned().collect(),
             writer,
             copied: BTreeMap::new(),
             with_input,
@@ -140,6 +169,24 @@ impl<W: Write> ResultBag<W> {
     pub fn markers(&mut self, header: &Header, message: &MarkerArray) -> io::Result<()> {
         let Self { writer, scratch, markers, ahead, .. } = self;
         put(writer, scratch, markers, (header, *ahead), message)
+    }
+
+    /// Adds a message of `~/detections`, where it is wanted.
+    ///
+    /// # Errors
+    /// Those of the output.
+    pub fn detections(&mut self, message: &Detection3DArray) -> io::Result<()> {
+        let Self { writer, scratch, detections: Some(channel), ahead, .. } = self else { return Ok(()) };
+        put(writer, scratch, channel, (&message.header, *ahead), message)
+    }
+
+    /// Adds a message of `~/polygons`, where it is wanted.
+    ///
+    /// # Errors
+    /// Those of the output.
+    pub fn polygon(&mut self, message: &PolygonInstanceStamped) -> io::Result<()> {
+        let Self { writer, scratch, polygons: Some(channel), ahead, .. } = self else { return Ok(()) };
+        put(writer, scratch, channel, (&message.header, *ahead), message)
     }
 
     /// Adds transforms of `/tf`, or of `/tf_static`, at the time of the first of them.

@@ -20,8 +20,9 @@ use cfodi::node::dds::{Events, Robot};
 use cfodi::node::process::{ProcessError, live_node, receive_buffer};
 use cfodi::node::record::Record;
 use cfodi::node::resume::begin;
+use cfodi::node::rosout::Lines;
 use cfodi::node::security::Security;
-use cfodi::node::transport::{Event, Input};
+use cfodi::node::transport::{Event, Form};
 use cfodi::sim::drive::SCANS_PER_SECOND;
 use cfodi::sim::{Drive, Scene};
 use tokio::sync::mpsc::Sender;
@@ -51,7 +52,7 @@ pub(crate) struct Options {
     seed: u64,
 }
 
-pub(crate) fn demo(setup: &Setup, options: &Options) -> anyhow::Result<()> {
+pub(crate) fn demo(setup: &Setup, options: &Options, lines: Lines) -> anyhow::Result<()> {
     let secured = matches!(setup.security().map_err(ProcessError::from)?, Security::Keys(_));
     std::fs::create_dir_all(&options.out)
         .with_context(|| format!("cannot make {}", options.out.display()))?;
@@ -74,6 +75,7 @@ pub(crate) fn demo(setup: &Setup, options: &Options) -> anyhow::Result<()> {
         setup,
         engine,
         Some(record.clone()),
+        lines,
         |events| {
             let journey = Journey {
                 robot: Robot::open(setup)?,
@@ -153,7 +155,7 @@ impl Journey {
             self.transforms(step.tf, false)?;
             match &self.inside {
                 Some((events, filter)) => {
-                    self.hand_over(events, Event::Cloud(Input::Points, decode(&step.cloud, filter)));
+                    self.hand_over(events, Event::Cloud(Form::Points.of(0), decode(&step.cloud, filter)));
                 }
                 None => self.robot.send_cloud(step.cloud).map_err(|failure| failure.to_string())?,
             }

@@ -98,7 +98,7 @@ fn letter(setup: &Setup) -> Settings {
     let mut settings = settings(setup);
     settings.engine = settings.engine.with_mode(Mode::Paper).with_clearing(false);
     for (name, value) in &mut settings.parameters {
-        match *name {
+        match name.as_str() {
             "mode" => *value = Value::Text("paper".to_owned()),
             "clearing" => *value = Value::Boolean(false),
             "max_voxels" => *value = Value::Integer(0),

@@ -5,6 +5,7 @@ use std::io::{self, IsTerminal};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
+use cfodi::node::rosout::{Lines, listen};
 use tracing::Metadata;
 use tracing_subscriber::filter::{DynFilterFn, EnvFilter};
 use tracing_subscriber::fmt;
@@ -17,8 +18,8 @@ use tracing_subscriber::util::SubscriberInitExt as _;
 const QUIET: &str = "rustdds=error,ros2_client=error,rustdds::network::udp_listener=off,rustdds::dds::pubsub=off,\
                      rustdds::rtps::message_receiver=off,rustdds::security=off,cdr_encoding=off";
 
-/// Logs to stderr; `RUST_LOG` decides where it asks for something, and then says all.
-pub(crate) fn start(level: Option<&str>) {
+/// Logs to stderr, and what a node says to the others too; `RUST_LOG` decides where it asks for something, and then says all.
+pub(crate) fn start(level: Option<&str>) -> Lines {
     let variable = env::var(EnvFilter::DEFAULT_ENV).ok();
     let (filter, is_bounded) = filter(variable.as_deref(), level);
     let bound = Bound::default();
@@ -26,7 +27,9 @@ pub(crate) fn start(level: Option<&str>) {
     let colours = io::stderr().is_terminal();
     let lines =
         fmt::layer().with_target(false).with_ansi(colours).with_writer(io::stderr).with_filter(within);
-    tracing_subscriber::registry().with(lines).with(filter).init();
+    let (listener, said) = listen();
+    tracing_subscriber::registry().with(lines).with(listener).with(filter).init();
+    said
 }
 
 /// What is logged, and whether the lines of the libraries are bounded.

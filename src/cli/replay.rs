@@ -238,6 +238,8 @@ pub(crate) fn output_topics(setup: &Setup) -> anyhow::Result<OutputTopics> {
         clusters_delta: name(Outgoing::DELTA)?,
         markers: name(Outgoing::MARKERS)?,
         points_labelled: name(Outgoing::LABELLED)?,
+        detections: setup.config.twins.detections.then(|| name(Outgoing::DETECTIONS)).transpose()?,
+        polygons: setup.config.twins.polygons.then(|| name(Outgoing::POLYGONS)).transpose()?,
     })
 }
 

@@ -10,6 +10,7 @@ use cfodi::node::Setup;
 use cfodi::node::dds::check_names;
 use cfodi::node::process::{ProcessError, live_node};
 use cfodi::node::resume::begin;
+use cfodi::node::rosout::Lines;
 use clap::Args;
 use tracing::warn;
 
@@ -20,12 +21,12 @@ pub(crate) struct Options {
     resume: bool,
 }
 
-pub(crate) fn run(setup: &Setup, options: &Options) -> anyhow::Result<()> {
+pub(crate) fn run(setup: &Setup, options: &Options, lines: Lines) -> anyhow::Result<()> {
     // Before a map is set aside for a node that cannot start.
     check_names(setup).map_err(ProcessError::from)?;
     setup.security().map_err(ProcessError::from)?;
     let (engine, _lock) = begin(&setup.config, options.resume).map_err(ProcessError::from)?;
-    match live_node(setup, engine, None, |_| Ok(()), || false) {
+    match live_node(setup, engine, None, lines, |_| Ok(()), || false) {
         Err(ProcessError::Deaf(why)) => {
             let path = setup.config.snapshot_path.as_deref();
             let map = path.map_or_else(

@@ -3,24 +3,30 @@
 //! [`parameters`] declares each with its default, unit and range; [`Config::new`] turns given values into a [`Config`]
 //! or says which one cannot be, with its value and what it must be. Nothing is repaired in silence.
 
+mod sensors;
 mod value;
 
+use std::borrow::Cow;
 use std::net::IpAddr;
 use std::path::PathBuf;
 use std::time::Duration;
 
 use thiserror::Error;
 
+pub use self::sensors::{Kind, Sensor};
 pub use self::value::Value;
 use self::value::{Declared, Given};
 use crate::cloud::{CloudFilter, Optical};
 use crate::engine::{Params, ParamsError};
+use crate::msg::twins::Twins;
 
 /// Everything the node can be told, checked.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Config {
     /// The frame in which the map lives.
     pub fixed_frame: String,
+    /// What the map is made from; one at least.
+    pub sensors: Vec<Sensor>,
     /// Parameters of the engine.
     pub engine: Params,
     /// Which points of a cloud are taken in.
@@ -39,6 +45,8 @@ pub struct Config {
     pub snapshot_path: Option<PathBuf>,
     /// Time between two savings.
     pub snapshot_period: Duration,
+    /// What the clusters are published as, beside our own messages.
+    pub twins: Twins,
 }
 
 /// A parameter that is unknown, or whose value cannot be.
@@ -52,13 +60,13 @@ pub enum ConfigError {
         /// As given.
         value: Value,
         /// The known name that differs least.
-        nearest: &'static str,
+        nearest: String,
     },
     /// A value of another type than the parameter's.
     #[error("{name} is {value}; it must be {must}")]
     Impossible {
         /// The parameter.
-        name: &'static str,
+        name: Cow<'static, str>,
         /// As given.
         value: Value,
         /// The values it can have.
@@ -95,6 +103,7 @@ impl Config {
         let given = Given::new(values)?;
         Ok(Self {
             fixed_frame: given.frame("fixed_frame")?,
+            sensors: given.sensors()?,
             engine: engine(&given)?,
             filter: filter(&given)?,
             tf_timeout: Duration::from_secs_f64(given.within("tf_timeout", (0.0, 60.0), "s")?),
@@ -110,6 +119,7 @@ impl Config {
                 (0.1, 86_400.0),
                 "s",
             )?),
+            twins: given.twins()?,
         })
     }
 
@@ -119,8 +129,8 @@ impl Config {
     /// As [`Self::new`].
     pub fn values(
         given: impl IntoIterator<Item = (String, Value)>,
-    ) -> Result<Vec<(&'static str, Value)>, ConfigError> {
-        Ok(Given::new(given)?.into_values())
+    ) -> Result<Vec<(String, Value)>, ConfigError> {
+        Given::new(given)?.into_values()
     }
 }
 
@@ -155,7 +165,11 @@ fn filter(given: &Given) -> Result<CloudFilter, ConfigError> {
     let max_range = given.within("max_range", (0.0, FARTHEST), "m")?;
     if max_range < min_range {
         let must = format!("at least min_range, which is {min_range} m");
-        return Err(ConfigError::Impossible { name: "max_range", value: Value::Double(max_range), must });
+        return Err(ConfigError::Impossible {
+            name: "max_range".into(),
+            value: Value::Double(max_range),
+            must,
+        });
     }
     let optical = match given.text("optical")? {
         "auto" => Optical::Auto,
@@ -163,7 +177,7 @@ fn filter(given: &Given) -> Result<CloudFilter, ConfigError> {
         "no" => Optical::No,
         other => {
             let (value, must) = (Value::Text(other.to_owned()), "`auto`, `yes` or `no`".to_owned());
-            return Err(ConfigError::Impossible { name: "optical", value, must });
+            return Err(ConfigError::Impossible { name: "optical".into(), value, must });
         }
     };
     let max_points = given.integer("max_points", 1, MAX_SCAN_POINTS)? as u32;
@@ -201,7 +215,7 @@ mod tests {
             Config::new(given.into_iter().map(|(name, value)| (name.to_owned(), value)))
         };
         let values = Config::values([("mode".to_owned(), Value::Text("paper".into()))]).unwrap();
-        assert!(values.contains(&("clearing", Value::Boolean(false))));
+        assert!(values.contains(&("clearing".to_owned(), Value::Boolean(false))));
         assert_eq!(with(&[]).unwrap().engine, Params::paper());
         assert!(with(&[("clearing", Value::Boolean(false))]).is_ok());
         let refused = |more: (&str, Value)| with(&[more]).unwrap_err().to_string();
@@ -288,6 +302,34 @@ mod tests {
         );
         let addresses = Value::TextList(vec!["127.0.0.1".into(), "eth0".into()]);
         assert!(line("network_interfaces", addresses).contains("IP addresses"));
+    }
+
+    #[test]
+    fn twins_are_sent_where_asked_and_a_misspelt_one_gets_the_nearest() {
+        let twins = |names: &[&str]| Value::TextList(names.iter().copied().map(str::to_owned).collect());
+        assert_eq!(Config::new([]).unwrap().twins, Twins::default());
+        assert_eq!(with("twins", Value::Text(String::new())).unwrap().twins, Twins::default());
+        let both = with("twins", twins(&["polygons", "detections"])).unwrap().twins;
+        assert_eq!(both, Twins { detections: true, polygons: true });
+        assert_eq!(
+            line("twins", twins(&["detection"])),
+            "twins is [\"detection\"]; it must be out of `detections` and `polygons`; the nearest to \"detection\" is \
+             `detections`"
+        );
+        assert_eq!(
+            line("twins", Value::Text("polygons".into())),
+            "twins is \"polygons\"; it must be a list of texts, as [\"detections\"]"
+        );
+        let paper = |names| {
+            let given = [("mode", Value::Text("paper".into())), ("twins", twins(names))];
+            Config::new(given.map(|(name, value)| (name.to_owned(), value)))
+        };
+        assert!(paper(&["detections"]).unwrap().twins.detections);
+        let refused = paper(&["polygons"]).unwrap_err().to_string();
+        assert!(
+            refused.ends_with("without `polygons` where mode is `paper`: it knows no outlines"),
+            "{refused}"
+        );
     }
 
     #[test]

@@ -143,12 +143,12 @@ impl From<&Cluster> for SurfaceCluster {
     }
 }
 
-fn polygon(points: &[nalgebra::Point3<f64>]) -> Polygon {
+pub(super) fn polygon(points: &[nalgebra::Point3<f64>]) -> Polygon {
     let point = |p: &nalgebra::Point3<f64>| Point32 { x: p.x as f32, y: p.y as f32, z: p.z as f32 };
     Polygon { points: points.iter().map(point).collect() }
 }
 
-fn pose(cluster: &Cluster) -> Pose {
+pub(super) fn pose(cluster: &Cluster) -> Pose {
     let turn = cluster.pose.rotation.coords;
     Pose {
         position: point(&cluster.pose.translation.vector.into()),

@@ -1,10 +1,13 @@
 //! Messages: wire types, and the engine's values as messages.
 //!
 //! Pure functions from values to values; a field order here is the order on the wire. [`ros`] holds the types of the
-//! ROS packages, [`clusters`] those of `cfodi_msgs` (in the folder `msg/`).
+//! ROS packages, [`clusters`] those of `cfodi_msgs` (in the folder `msg/`),
+//! [`twins`] the clusters in messages of others.
 
 pub mod caps;
 pub mod clusters;
 pub mod labelled;
 pub mod markers;
+pub mod reports;
 pub mod ros;
+pub mod twins;

@@ -42,7 +42,7 @@ pub struct Setup {
     /// The checked configuration.
     pub config: Config,
     /// Values of all parameters, as the parameter services show them.
-    pub parameters: Vec<(&'static str, Value)>,
+    pub parameters: Vec<(String, Value)>,
     /// Level of the log, as `--log-level` gives it.
     pub log_level: Option<String>,
     security: Asked,
@@ -252,7 +252,7 @@ mod tests {
         let setup = parse(&format!("--ros-args -p depth:=2 --params-file {}", file.display())).unwrap();
         assert_eq!(setup.config.engine.depth(), 2);
         assert!((setup.config.engine.voxel_size() - 1.0).abs() < f64::EPSILON);
-        assert!(setup.parameters.contains(&("voxel_size", Value::Double(1.0))));
+        assert!(setup.parameters.contains(&("voxel_size".to_owned(), Value::Double(1.0))));
     }
 
     #[test]

@@ -6,14 +6,17 @@
 
 mod heard;
 mod map_reader;
+mod mismatch;
 mod network;
 mod outlet;
 mod pulse;
 mod read;
 mod robot;
 mod secure;
+mod statics;
 mod threads;
 
+use std::borrow::Cow;
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::net::{IpAddr, UdpSocket};
@@ -26,7 +29,9 @@ use ros2_client::{
     RmwRequestId, Server, ServiceMapping, ServiceTypeName, Subscription,
 };
 use rustdds::policy::ResourceLimits;
-use rustdds::{DomainParticipant, DomainParticipantBuilder, QosPolicyBuilder, Topic, TopicKind};
+use rustdds::{
+    DomainParticipant, DomainParticipantBuilder, QosPolicyBuilder, Topic, TopicDescription as _, TopicKind,
+};
 use serde::Serialize;
 use thiserror::Error;
 use tokio::sync::mpsc;
@@ -34,13 +39,15 @@ use tokio::task::JoinSet;
 use tracing::warn;
 
 pub use self::map_reader::MapReader;
+use self::mismatch::Ends;
 use self::network::Network;
 use self::read::Memory;
 pub use self::robot::Robot;
 use super::args::{ArgsError, Setup};
+use super::process::receive_buffer;
 use super::record::Record;
 use super::security::{Security, SecurityError};
-use super::transport::{Event, Inputs, Outgoing, SendError, Service, Source, Transport};
+use super::transport::{self, Event, Outgoing, SendError, SensorTopics, Service, Source, Transport};
 use crate::config::Value;
 use crate::msg::ros::{TriggerRequest, TriggerResponse};
 
@@ -84,7 +91,7 @@ const EVENTS: usize = 16;
 const AGAIN: Duration = Duration::from_secs(5);
 
 /// Tasks that read; each ends with the name of what it read.
-type Readers = JoinSet<&'static str>;
+type Readers = JoinSet<Cow<'static, str>>;
 
 /// Adds events to those of the network.
 pub type Events = mpsc::Sender<Event<RmwRequestId>>;
@@ -102,6 +109,7 @@ struct Opener<'a> {
     security: &'a Security,
     participant: DomainParticipant,
     node: Node,
+    ends: Ends,
 }
 
 impl<'a> Opener<'a> {
@@ -111,7 +119,8 @@ impl<'a> Opener<'a> {
         let context =
             Context::from_domain_participant(participant.clone()).map_err(opening("a ROS context"))?;
         let name = NodeName::new(&setup.namespace, &setup.name).map_err(opening("the node"))?;
-        let mut options = NodeOptions::new();
+        // What the node says goes where readers cannot hold it up.
+        let mut options = NodeOptions::new().enable_rosout(false);
         for (name, value) in &setup.parameters {
             // The library declares this one itself; it is set below.
             if *name != "use_sim_time" {
@@ -119,7 +128,7 @@ impl<'a> Opener<'a> {
             }
         }
         let begun_with: BTreeMap<_, _> =
-            setup.parameters.iter().map(|(name, value)| (*name, parameter(value))).collect();
+            setup.parameters.iter().map(|(name, value)| (name.clone(), parameter(value))).collect();
         // The library also asks when a parameter is declared.
         let fixed = move |name: &str, value: &ParameterValue| {
             let same = begun_with.get(name) == Some(value) || name == "use_sim_time" && begun_with.is_empty();
@@ -127,7 +136,13 @@ impl<'a> Opener<'a> {
             if same { Ok(()) } else { Err(why()) }
         };
         let node = context.new_node(name, options.parameter_validator(Box::new(fixed)));
-        Ok(Self { setup, security, participant, node: node.map_err(opening("the node"))? })
+        Ok(Self {
+            setup,
+            security,
+            participant,
+            node: node.map_err(opening("the node"))?,
+            ends: Ends::default(),
+        })
     }
 
     fn topic(
@@ -149,6 +164,7 @@ impl<'a> Opener<'a> {
         qos: &rustdds::QosPolicies,
     ) -> Result<Subscription<M>, DdsError> {
         let topic = self.topic(name, package, kind, qos)?;
+        self.ends.reads(topic.name(), qos.clone());
         self.node.create_subscription(&topic, None).map_err(opening(name))
     }
 
@@ -158,6 +174,7 @@ impl<'a> Opener<'a> {
         qos: &rustdds::QosPolicies,
     ) -> Result<Publisher<M>, DdsError> {
         let topic = self.topic(name, package, kind, qos)?;
+        self.ends.publishes(topic.name(), qos.clone());
         self.node.create_publisher(&topic, None).map_err(opening(name))
     }
 
@@ -245,7 +262,11 @@ pub struct Dds {
     events: Events,
     memory: Memory,
     network: RefCell<Rc<Network>>,
-    inputs: Inputs,
+    inputs: Vec<SensorTopics>,
+    /// Fully qualified.
+    name: String,
+    /// Of its sockets (bytes).
+    receive_buffer: usize,
     /// What is sent goes there too.
     record: Option<Record>,
 }
@@ -271,6 +292,8 @@ impl Dds {
             memory,
             network: RefCell::new(Rc::new(network)),
             inputs: read::inputs(setup)?,
+            name: setup.fully_qualified_name(),
+            receive_buffer: receive_buffer(setup),
             record,
         };
         Ok((dds, events, receiver))
@@ -323,12 +346,20 @@ impl Transport for Dds {
         self.network().answer(service, request, response).await
     }
 
-    fn inputs(&self) -> &Inputs {
+    fn inputs(&self) -> &[SensorTopics] {
         &self.inputs
     }
 
     fn sources(&self) -> Vec<Source> {
         self.network().sources()
+    }
+
+    fn node_name(&self) -> &str {
+        &self.name
+    }
+
+    fn network(&self) -> transport::Network {
+        transport::Network { receive_buffer: self.receive_buffer, mismatches: self.network().mismatches() }
     }
 
     async fn failed(&self) -> String {

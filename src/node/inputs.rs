@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use super::transport::{Input, Inputs, Source};
+use super::transport::{DepthTopics, Form, SensorTopics, Source, TopicName};
 
 const CLOUD: &str = "sensor_msgs/msg/PointCloud2";
 const IMAGE: &str = "sensor_msgs/msg/Image";
@@ -11,7 +11,7 @@ const COMPRESSED: &str = "sensor_msgs/msg/CompressedImage";
 /// What `image_transport` appends to the name of an image.
 pub(super) const COMPRESSED_DEPTH: &str = "/compressedDepth";
 
-impl Input {
+impl Form {
     const ALL: [Self; 3] = [Self::Points, Self::Depth, Self::CompressedDepth];
 
     const fn type_name(self) -> &'static str {
@@ -23,64 +23,95 @@ impl Input {
     }
 }
 
+/// The topics that a sensor is read from, for a person.
+pub(super) fn reads(sensor: &SensorTopics) -> String {
+    let depth = sensor.depth.as_ref().map(|depth| {
+        let DepthTopics { image, camera_info, compressed } = depth;
+        format!("{} or {compressed} with {}", image.resolved, camera_info.resolved)
+    });
+    let points = sensor.points.as_ref().map(|points| points.resolved.clone());
+    points.into_iter().chain(depth).collect::<Vec<_>>().join(", or ")
+}
+
 /// Why scans of `other` are skipped, and how to have them instead of those of `chosen`.
-pub(super) fn how_to_choose(inputs: &Inputs, chosen: Input, other: Input) -> String {
+pub(super) fn how_to_choose(sensor: &SensorTopics, chosen: Form, other: Form) -> String {
+    let plain = |topic: Option<&TopicName>| topic.map(|topic| topic.plain.clone()).unwrap_or_default();
+    let points = plain(sensor.points.as_ref());
+    let image = plain(sensor.depth.as_ref().map(|depth| &depth.image));
+    let compressed = sensor.topic(Form::CompressedDepth).unwrap_or_default();
     let words = match (chosen, other) {
-        (Input::Points, _) => "-r points:=/unused".to_owned(),
-        (Input::CompressedDepth, Input::Depth) => format!("-r {}:=/unused", inputs.compressed),
-        (Input::Depth, Input::CompressedDepth) => {
-            format!("-r depth/image:=/unused -r /unused{COMPRESSED_DEPTH}:={}", inputs.compressed)
+        (Form::Points, _) => format!("-r {points}:=/unused"),
+        (Form::CompressedDepth, Form::Depth) => format!("-r {compressed}:=/unused"),
+        (Form::Depth, Form::CompressedDepth) => {
+            format!("-r {image}:=/unused -r /unused{COMPRESSED_DEPTH}:={compressed}")
         }
-        (Input::Depth | Input::CompressedDepth, _) => "-r depth/image:=/unused".to_owned(),
+        (Form::Depth | Form::CompressedDepth, _) => format!("-r {image}:=/unused"),
     };
-    let (chosen, other) = (inputs.topic(chosen), inputs.topic(other));
+    let (chosen, other) = (sensor.topic(chosen).unwrap_or_default(), sensor.topic(other).unwrap_or_default());
     format!(
         "{other} is skipped, for {chosen} was first and one sensor must not fill the map twice (to take {other} \
          instead: {words})"
     )
 }
 
-/// Why no scan has come for `quiet`, as far as it can be known; after `chosen` only that input counts.
+/// Why no scan of a sensor has come for `quiet`, as far as it can be known; after `chosen` only that form counts.
 pub(super) fn why_quiet(
-    inputs: &Inputs,
-    chosen: Option<Input>,
+    sensor: &SensorTopics,
+    chosen: Option<Form>,
     sources: &[Source],
     quiet: Duration,
 ) -> String {
-    let wanted = || Input::ALL.into_iter().filter(|input| chosen.is_none_or(|chosen| chosen == *input));
-    let on = |input: Input| sources.iter().filter(move |source| source.topic == inputs.topic(input));
-    let is_right = |input: Input| on(input).any(|source| source.type_name == input.type_name());
-    if let Some(silent) = wanted().find(|input| is_right(*input)) {
+    let is_wanted = |form: &Form| chosen.is_none_or(|chosen| chosen == *form);
+    let wanted: Vec<_> = Form::ALL
+        .into_iter()
+        .filter(is_wanted)
+        .filter_map(|form| Some((form, sensor.topic(form)?)))
+        .collect();
+    let carries = |source: &Source, form: Form| source.type_name == form.type_name();
+    let on = |form, topic: &str| sources.iter().find(|source| source.topic == topic && carries(source, form));
+    if let Some((_, silent)) = wanted.iter().find(|(form, topic)| on(*form, topic).is_some()) {
         return format!(
-            "{} has a publisher, but no cloud has come for {} s: either it is silent, or its messages are too large \
+            "{silent} has a publisher, but no cloud has come for {} s: either it is silent, or its messages are too large \
              for the socket receive buffer (see above), or it sends by shared memory only",
-            inputs.topic(silent),
             quiet.as_secs()
         );
     }
-    if let Some((input, source)) = wanted().find_map(|input| Some((input, on(input).next()?))) {
+    let other = |topic: &str| sources.iter().find(|source| source.topic == topic);
+    if let Some((form, source)) = wanted.iter().find_map(|(form, topic)| Some((form, other(topic)?))) {
         let Source { topic, type_name } = source;
-        return format!("{topic} carries {type_name}, not {}; {}", input.type_name(), choices(sources));
+        return format!(
+            "{topic} carries {type_name}, not {}; {}",
+            form.type_name(),
+            choices(sensor, sources)
+        );
     }
-    let topics: Vec<_> = wanted().map(|input| inputs.topic(input)).collect();
-    format!("nobody publishes on {}; {}", topics.join(" or "), choices(sources))
+    let topics: Vec<_> = wanted.into_iter().map(|(_, topic)| topic).collect();
+    format!("nobody publishes on {}; {}", topics.join(" or "), choices(sensor, sources))
 }
 
-/// What could be listened to.
-fn choices(sources: &[Source]) -> String {
+/// What a sensor could be read from instead.
+fn choices(sensor: &SensorTopics, sources: &[Source]) -> String {
     let of_type = |kind: &'static str| sources.iter().filter(move |source| source.type_name == kind);
     let topics = |kind| of_type(kind).map(|source| source.topic.as_str());
-    let clouds: Vec<_> = topics(CLOUD).map(|topic| format!("-r points:={topic}")).collect();
+    let as_points =
+        |points: &TopicName| topics(CLOUD).map(|topic| format!("-r {}:={topic}", points.plain)).collect();
+    let clouds: Vec<_> = sensor.points.as_ref().map(as_points).unwrap_or_default();
     let raw = topics(IMAGE);
     let compressed = topics(COMPRESSED).filter_map(|topic| topic.strip_suffix(COMPRESSED_DEPTH));
     let (mut depth, other): (Vec<_>, Vec<_>) =
         raw.chain(compressed).partition(|topic| topic.to_lowercase().contains("depth"));
     depth.sort_unstable();
     depth.dedup();
-    let images: Vec<_> = depth.iter().map(|image| image_words(image)).collect();
+    let as_depth = |names: &DepthTopics| depth.iter().map(|image| image_words(names, image)).collect();
+    let images: Vec<_> = sensor.depth.as_ref().map(as_depth).unwrap_or_default();
     let mut parts = Vec::new();
     if clouds.is_empty() && images.is_empty() {
-        parts.push("there is no PointCloud2 and no depth image on the network".to_owned());
+        let of_use = match (&sensor.points, &sensor.depth) {
+            (Some(_), None) => "no PointCloud2",
+            (None, Some(_)) => "no depth image",
+            _ => "no PointCloud2 and no depth image",
+        };
+        parts.push(format!("there is {of_use} on the network"));
     }
     if !clouds.is_empty() {
         parts.push(format!("PointCloud2 topics: use {}", clouds.join(" or ")));
@@ -95,9 +126,10 @@ fn choices(sources: &[Source]) -> String {
 }
 
 /// A camera's info stands beside its image.
-fn image_words(image: &str) -> String {
+fn image_words(names: &DepthTopics, image: &str) -> String {
     let folder = image.rsplit_once('/').map_or("", |(folder, _)| folder);
-    format!("-r depth/image:={image} -r depth/camera_info:={folder}/camera_info")
+    let DepthTopics { image: as_image, camera_info, .. } = names;
+    format!("-r {}:={image} -r {}:={folder}/camera_info", as_image.plain, camera_info.plain)
 }
 
 #[cfg(test)]
@@ -110,12 +142,20 @@ mod tests {
         Source { topic: topic.to_owned(), type_name: format!("sensor_msgs/msg/{kind}") }
     }
 
-    fn inputs(points: &str, image: &str) -> Inputs {
-        Inputs {
-            points: points.to_owned(),
-            image: image.to_owned(),
-            camera_info: "/info".to_owned(),
-            compressed: format!("{image}{COMPRESSED_DEPTH}"),
+    /// A sensor that clouds or depth images come from, whichever are first.
+    fn sensor(points: &str, image: &str) -> SensorTopics {
+        let topic = |plain: &str, resolved: &str| TopicName {
+            plain: plain.to_owned(),
+            resolved: resolved.to_owned(),
+        };
+        SensorTopics {
+            name: "points".to_owned(),
+            points: Some(topic("points", points)),
+            depth: Some(DepthTopics {
+                image: topic("depth/image", image),
+                camera_info: topic("depth/camera_info", "/info"),
+                compressed: format!("{image}{COMPRESSED_DEPTH}"),
+            }),
         }
     }
 
@@ -130,19 +170,29 @@ mod tests {
             source("/other/Depth/compressedDepth", "CompressedImage"),
             source("/rgb/image/compressed", "CompressedImage"),
         ];
+        let both = sensor("/x", "/y");
         assert_eq!(
-            choices(&sources),
+            choices(&both, &sources),
             "PointCloud2 topics: use -r points:=/a/points; depth images: use -r depth/image:=/cam/depth/image_raw \
              -r depth/camera_info:=/cam/depth/camera_info or -r depth/image:=/other/Depth \
              -r depth/camera_info:=/other/camera_info; other Image topics: /b"
         );
-        assert!(choices(&[]).contains("no PointCloud2 and no depth image"));
+        assert!(choices(&both, &[]).contains("no PointCloud2 and no depth image"));
+        let clouds = SensorTopics { depth: None, ..both.clone() };
+        assert_eq!(
+            choices(&clouds, &sources[..2]),
+            "PointCloud2 topics: use -r points:=/a/points; other Image topics: /b"
+        );
+        assert_eq!(
+            choices(&SensorTopics { points: None, ..both }, &sources[..1]),
+            "there is no depth image on the network"
+        );
     }
 
     #[test]
-    fn silence_is_explained_for_each_input_and_after_the_choice_for_the_chosen_one() {
+    fn silence_is_explained_for_each_form_and_after_the_choice_for_the_chosen_one() {
         let sources = [source("/a/points", "PointCloud2"), source("/b", "Image")];
-        let why = |points, image, chosen| why_quiet(&inputs(points, image), chosen, &sources, QUIET);
+        let why = |points, image, chosen| why_quiet(&sensor(points, image), chosen, &sources, QUIET);
         assert!(why("/x", "/y", None).contains("nobody publishes on /x or /y or /y/compressedDepth; "));
         assert!(
             why("/b", "/y", None)
@@ -152,21 +202,21 @@ mod tests {
             why("/a/points", "/y", None).contains("/a/points has a publisher, but no cloud has come for 3 s")
         );
         assert!(why("/x", "/b", None).contains("/b has a publisher"));
-        assert!(why("/a/points", "/y", Some(Input::Depth)).contains("nobody publishes on /y; "));
+        assert!(why("/a/points", "/y", Some(Form::Depth)).contains("nobody publishes on /y; "));
     }
 
     #[test]
-    fn another_input_is_offered_in_exact_words() {
-        let inputs = inputs("/p", "/d");
-        let words = |chosen, other| how_to_choose(&inputs, chosen, other);
+    fn another_form_is_offered_in_exact_words() {
+        let sensor = sensor("/p", "/d");
+        let words = |chosen, other| how_to_choose(&sensor, chosen, other);
         let lines = [
-            (Input::Points, Input::Depth, "(to take /d instead: -r points:=/unused)"),
-            (Input::Depth, Input::Points, "(to take /p instead: -r depth/image:=/unused)"),
-            (Input::CompressedDepth, Input::Points, "(to take /p instead: -r depth/image:=/unused)"),
-            (Input::CompressedDepth, Input::Depth, "(to take /d instead: -r /d/compressedDepth:=/unused)"),
+            (Form::Points, Form::Depth, "(to take /d instead: -r points:=/unused)"),
+            (Form::Depth, Form::Points, "(to take /p instead: -r depth/image:=/unused)"),
+            (Form::CompressedDepth, Form::Points, "(to take /p instead: -r depth/image:=/unused)"),
+            (Form::CompressedDepth, Form::Depth, "(to take /d instead: -r /d/compressedDepth:=/unused)"),
             (
-                Input::Depth,
-                Input::CompressedDepth,
+                Form::Depth,
+                Form::CompressedDepth,
                 "(to take /d/compressedDepth instead: -r depth/image:=/unused -r \
                  /unused/compressedDepth:=/d/compressedDepth)",
             ),
@@ -174,5 +224,12 @@ mod tests {
         for (chosen, other, expected) in lines {
             assert!(words(chosen, other).ends_with(expected), "{}", words(chosen, other));
         }
+    }
+
+    #[test]
+    fn what_a_sensor_is_read_from_is_said() {
+        let both = sensor("/p", "/d");
+        assert_eq!(reads(&both), "/p, or /d or /d/compressedDepth with /info");
+        assert_eq!(reads(&SensorTopics { depth: None, ..both }), "/p");
     }
 }

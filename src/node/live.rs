@@ -2,6 +2,8 @@
 //! answers calls.
 
 mod calls;
+mod heard;
+mod report;
 mod say;
 
 use std::cell::RefCell;
@@ -18,16 +20,21 @@ use tokio::time::MissedTickBehavior;
 use tracing::info;
 
 use self::calls::{last_written, next};
+use self::heard::Heard;
+use self::report::Before;
 use super::counts::Counts;
-use super::inputs;
-use super::publish::{Ended, publish};
+use super::publish::{Ended, Seen, publish};
+use super::rosout::Lines;
 use super::saving::{self, Saver, Saving, Written};
+use super::speak::speak;
 use super::throttle::Throttle;
-use super::transport::{Event, Input, Service, Transport};
+use super::transport::{Event, Service, Transport};
+use super::vitals::Vitals;
 use crate::cloud::{Cloud, CloudError};
 use crate::config::Config;
 use crate::engine::{Engine, Snapshot, Stamp};
 use crate::join::{Join, Joined, Jump};
+use crate::msg::reports::DiagnosticArray;
 use crate::msg::ros::{TfMessage, TransformStamped, TriggerResponse};
 use crate::store::StoreError;
 use crate::tf::{Inserted, JUMP_BACK};
@@ -47,6 +54,15 @@ const QUIET_AGAIN: Duration = Duration::from_secs(30);
 
 /// Time between two looks at clouds whose transform does not come.
 const TICK: Duration = Duration::from_millis(20);
+
+/// Time between two reports.
+const REPORTS: Duration = Duration::from_secs(1);
+
+/// Reports that may wait to be sent.
+const WAITING_REPORTS: usize = 2;
+
+/// How long the last lines of the log have for going out.
+const LAST_WORDS: Duration = Duration::from_secs(1);
 
 /// The node has to end.
 #[derive(Debug, Error)]
@@ -74,7 +90,7 @@ pub enum LiveError {
 }
 
 /// Runs the node with the map of `engine` until `shutdown` resolves and returns the map of that moment, which is saved where
-/// `snapshot_path` says; `counts` says where every cloud went.
+/// `snapshot_path` says; `counts` says where every cloud went; `lines` are those of the log, for `/rosout`.
 ///
 /// # Errors
 /// When the engine's thread dies, the middleware stops, or the last map cannot be saved.
@@ -82,8 +98,29 @@ pub async fn run<T: Transport>(
     config: &Config,
     engine: Engine,
     transport: Rc<T>,
+    events: mpsc::Receiver<Event<T::Request>>,
+    counts: Rc<RefCell<Counts>>,
+    lines: Lines,
+    shutdown: impl Future<Output = ()>,
+) -> Result<Arc<Snapshot>, LiveError> {
+    let (reports, receiver) = mpsc::channel(WAITING_REPORTS);
+    let mut speaking = tokio::task::spawn_local(speak(Rc::clone(&transport), receiver, lines));
+    let ended = drive(config, engine, transport, events, counts, reports, shutdown).await;
+    if tokio::time::timeout(LAST_WORDS, &mut speaking).await.is_err() {
+        speaking.abort();
+        drop(speaking.await);
+    }
+    ended
+}
+
+/// Until the node's end.
+async fn drive<T: Transport>(
+    config: &Config,
+    engine: Engine,
+    transport: Rc<T>,
     mut events: mpsc::Receiver<Event<T::Request>>,
     counts: Rc<RefCell<Counts>>,
+    reports: mpsc::Sender<DiagnosticArray>,
     shutdown: impl Future<Output = ()>,
 ) -> Result<Arc<Snapshot>, LiveError> {
     let (outputs, receiver) = mpsc::channel::<Output>(OUTPUTS);
@@ -94,10 +131,14 @@ pub async fn run<T: Transport>(
     let start = |path| saving::start(path, config.fixed_frame.clone());
     let saver = config.snapshot_path.clone().map(start).transpose();
     let (saver, mut written) = saver.map_err(failed("the thread that saves the map"))?.unzip();
-    let frame_id = config.fixed_frame.clone();
-    let publishing = publish(Rc::clone(&transport), receiver, Rc::clone(&counts), frame_id, saver.clone());
+    let vitals: Rc<RefCell<Vitals>> = Rc::default();
+    let seen = (Rc::clone(&counts), Rc::clone(&vitals));
+    let publishing = publish(Rc::clone(&transport), receiver, seen, config.clone(), saver.clone());
     let mut publishing = tokio::task::spawn_local(publishing);
-    let mut live = Live::new(config, Rc::clone(&transport), worker, saver, session, counts);
+    let mut live =
+        Live::new(config, Rc::clone(&transport), (worker, saver, session), (counts, vitals), reports);
+    let mut diagnoses = interval(REPORTS);
+    diagnoses.reset();
     let mut tick = interval(TICK);
     let mut snapshots = interval(config.publish_period);
     let mut savings = interval(config.snapshot_period);
@@ -118,6 +159,7 @@ pub async fn run<T: Transport>(
             },
             _ = tick.tick() => live.tick(),
             _ = snapshots.tick() => live.worker.request_snapshot(),
+            _ = diagnoses.tick() => live.report(),
             _ = savings.tick(), if written.is_some() => live.save(None),
             result = next(&mut written) => match result {
                 Some(result) => live.written(&result).await,
@@ -162,19 +204,21 @@ struct Live<T: Transport> {
     saver: Option<Saver>,
     join: Join,
     counts: Rc<RefCell<Counts>>,
+    vitals: Rc<RefCell<Vitals>>,
+    reports: mpsc::Sender<DiagnosticArray>,
+    /// What was before the last report.
+    before: Before,
+    /// What was asked for (bytes).
+    receive_buffer: usize,
     throttle: Throttle,
     session: u64,
     /// Newest stamp of the simulated clock.
     newest_clock: Option<Stamp>,
-    /// The first input that sent a good scan: two of one sensor must not fill the map twice.
-    chosen: Option<Input>,
+    /// By sensor.
+    heard: Vec<Heard>,
     fixed_frame: String,
     tf_timeout: Duration,
     start: Instant,
-    /// When the newest cloud came.
-    quiet_since: Instant,
-    /// When it was said last that none comes.
-    said_quiet: Option<Instant>,
     /// `None` where the map is not saved.
     saving: Option<Saving<T::Request>>,
 }
@@ -183,37 +227,38 @@ impl<T: Transport> Live<T> {
     fn new(
         config: &Config,
         transport: Rc<T>,
-        worker: Worker,
-        saver: Option<Saver>,
-        session: u64,
-        counts: Rc<RefCell<Counts>>,
+        (worker, saver, session): (Worker, Option<Saver>, u64),
+        (counts, vitals): Seen,
+        reports: mpsc::Sender<DiagnosticArray>,
     ) -> Self {
         let start = Instant::now();
+        let heard = vec![Heard::new(start); transport.inputs().len()];
         Self {
             transport,
             worker,
             saver,
             join: Join::new(places(config.tf_timeout)),
             counts,
+            vitals,
+            reports,
+            before: Before::new(start),
+            receive_buffer: config.receive_buffer,
             throttle: Throttle::default(),
             session,
             newest_clock: None,
-            chosen: None,
+            heard,
             fixed_frame: config.fixed_frame.clone(),
             tf_timeout: config.tf_timeout,
             start,
-            quiet_since: start,
-            said_quiet: None,
             saving: config.snapshot_path.as_ref().map(|_| Saving::default()),
         }
     }
 
     async fn event(&mut self, event: Event<T::Request>) {
         match event {
-            Event::Cloud(input, cloud) if self.takes(input) => self.cloud(input, cloud),
-            Event::Cloud(input, _) => self.skip_other(input),
+            Event::Cloud(input, cloud) => self.scan(input, cloud),
             Event::Lost(input, number) => self.lost(input, number),
-            Event::Camera(camera) => self.camera(&camera),
+            Event::Camera(sensor, camera) => self.camera(sensor, &camera),
             Event::Transforms { message, is_static } => self.transforms(&message.transforms, is_static),
             Event::LateTransforms(TfMessage { mut transforms }) => {
                 transforms.retain(|transform| self.join.is_of_use(transform));
@@ -222,22 +267,16 @@ impl<T: Transport> Live<T> {
             Event::Clock(stamp) => self.clock(stamp),
             Event::Call(Service::Reset, request) => self.reset(request).await,
             Event::Call(Service::Save, request) => self.save_for(request).await,
-            Event::Garbled { topic, text } => self.warn(topic, format_args!("a message on {topic}: {text}")),
+            Event::Garbled { topic, text } => {
+                self.warn(topic.clone(), format_args!("a message on {topic}: {text}"));
+            }
         }
     }
 
-    fn takes(&self, input: Input) -> bool {
-        self.chosen.is_none_or(|chosen| chosen == input)
-    }
-
-    fn cloud(&mut self, input: Input, cloud: Result<Cloud, CloudError>) {
-        self.quiet_since = Instant::now();
+    fn cloud(&mut self, cloud: Result<Cloud, CloudError>) {
         self.counts.borrow_mut().received += 1;
         match cloud {
             Ok(cloud) => {
-                if self.chosen.replace(input).is_none() {
-                    info!("scans are made of {}", self.transport.inputs().topic(input));
-                }
                 self.look_at(&cloud);
                 if let Some(pushed_out) = self.join.cloud(cloud, self.start.elapsed()) {
                     self.skip(&pushed_out, "waiting_queue_full");
@@ -249,24 +288,6 @@ impl<T: Transport> Live<T> {
                 self.warn(error.reason(), format_args!("a cloud was skipped: {error}"));
             }
         }
-    }
-
-    /// Counts a scan of an input that another one forestalled.
-    fn skip_other(&mut self, input: Input) {
-        self.counts.borrow_mut().received += 1;
-        self.counts.borrow_mut().skip("other_input");
-        let chosen = self.chosen.unwrap_or(input);
-        let line = inputs::how_to_choose(self.transport.inputs(), chosen, input);
-        self.warn("other_input", format_args!("{line}"));
-    }
-
-    fn lost(&mut self, input: Input, number: u64) {
-        self.counts.borrow_mut().lose(number);
-        if !self.takes(input) {
-            return;
-        }
-        let total = self.counts.borrow().lost;
-        self.warn("lost", format_args!("{total} clouds were sent and never arrived (see receive_buffer)"));
     }
 
     fn transforms(&mut self, transforms: &[TransformStamped], is_static: bool) {
@@ -299,7 +320,9 @@ impl<T: Transport> Live<T> {
     }
 
     fn submit_ready(&mut self) {
-        for Joined { scan, jumped_back, .. } in self.join.ready(&self.fixed_frame) {
+        for Joined { scan, at, jumped_back, .. } in self.join.ready(&self.fixed_frame) {
+            let waited = self.start.elapsed().saturating_sub(at);
+            self.before.longest_wait = self.before.longest_wait.max(waited);
             if let Some(Jump { seconds, given_up }) = jumped_back {
                 (0..given_up).for_each(|_| self.counts.borrow_mut().skip("session_ended"));
                 self.start_session(

@@ -16,10 +16,13 @@ pub mod process;
 mod publish;
 pub mod record;
 pub mod resume;
+pub mod rosout;
 mod saving;
 pub mod security;
+mod speak;
 mod throttle;
 pub mod transport;
+mod vitals;
 
 pub use self::args::Setup;
 

@@ -14,11 +14,13 @@ use tracing::{info, warn};
 use super::Setup;
 use super::counts::Counts;
 use super::dds::{Dds, DdsError, Events};
+use super::inputs::reads;
 use super::live::{self, LiveError};
 use super::record::Record;
 use super::resume::BeginError;
+use super::rosout::Lines;
 use super::security::{Security, SecurityError};
-use super::transport::{Inputs, Transport};
+use super::transport::{SensorTopics, Transport};
 use crate::engine::{Engine, Snapshot};
 
 /// The process has to end with a failure.
@@ -94,10 +96,10 @@ fn say_receive_buffer(setup: &Setup) {
     }
 }
 
-fn say_ready(setup: &Setup, inputs: &Inputs) {
-    let Inputs { points, image, camera_info, compressed } = inputs;
+fn say_ready(setup: &Setup, sensors: &[SensorTopics]) {
     let (node, domain) = (setup.fully_qualified_name(), setup.domain);
-    info!("ready: {node} reads {points}, or {image} or {compressed} with {camera_info}, in domain {domain}");
+    let reads: Vec<_> = sensors.iter().map(reads).collect();
+    info!("ready: {node} reads {}, in domain {domain}", reads.join("; "));
 }
 
 /// Time between the end of a deaf node and the next: what fails at once must not begin anew as fast as it can, for ever.
@@ -116,7 +118,7 @@ fn say_security(security: &Security) {
 }
 
 /// Runs the live node with the map of `engine` until a signal comes or `done` says so, and returns its map; what it sends
-/// goes into `record` too, `begin` is called once it listens.
+/// goes into `record` too, `lines` are those of its log; `begin` is called once it listens.
 ///
 /// # Errors
 /// When the network cannot be joined, or the node fails.
@@ -124,6 +126,7 @@ pub fn live_node(
     setup: &Setup,
     engine: Engine,
     record: Option<Record>,
+    lines: Lines,
     begin: impl FnOnce(Events) -> Result<(), DdsError>,
     done: impl Fn() -> bool,
 ) -> Result<Arc<Snapshot>, ProcessError> {
@@ -147,6 +150,7 @@ pub fn live_node(
             Rc::clone(&dds),
             receiver,
             Rc::clone(&counts),
+            lines,
             ending(asked, done),
         )
         .await;

@@ -4,21 +4,35 @@ use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::rc::Rc;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use tokio::sync::{mpsc, watch};
+use tokio::time::sleep_until;
 use tracing::{error, warn};
 
 use super::counts::Counts;
 use super::saving::Saver;
 use super::throttle::Throttle;
 use super::transport::{Outgoing, SendError, Transport};
+use super::vitals::{MapSize, Vitals};
+use crate::config::Config;
 use crate::engine::{Snapshot, Update};
 use crate::msg::caps::Caps;
 use crate::msg::clusters::{Session, SurfaceClusterArray};
 use crate::msg::labelled::labelled_points;
 use crate::msg::markers::Markers;
+use crate::msg::twins::{PolygonInstanceStamped, Twins, detections, polygons};
 use crate::worker::Output;
+
+/// Between two polygons: nav2's collision monitor keeps the last five that it has not yet taken, and would have no others of
+/// a map that comes at once.
+const PAUSE: Duration = Duration::from_millis(10);
+
+/// Over which the polygons of a map go out at most: what is newer waits behind them.
+const SPREAD: Duration = Duration::from_millis(250);
+
+/// Where every cloud went, and how the engine and its map are.
+pub(super) type Seen = (Rc<RefCell<Counts>>, Rc<RefCell<Vitals>>);
 
 /// How publishing ended.
 #[derive(Debug, Default)]
@@ -34,13 +48,16 @@ pub(super) struct Ended {
 pub(super) async fn publish(
     transport: Rc<impl Transport>,
     outputs: mpsc::Receiver<Output>,
-    counts: Rc<RefCell<Counts>>,
-    frame_id: String,
+    seen: Seen,
+    config: Config,
     saver: Option<Saver>,
 ) -> Ended {
     let (newest, maps) = watch::channel(None);
-    let wire = Wire { transport, unsent: RefCell::default(), frame_id };
-    let (ended, ()) = tokio::join!(take(outputs, &wire, newest, counts, saver), publish_maps(maps, &wire));
+    let wire = Wire { transport, unsent: RefCell::default(), frame_id: config.fixed_frame };
+    let spread = (config.publish_period / 2).min(SPREAD);
+    let publisher = Maps { twins: config.twins, spread, ..Maps::default() };
+    let (ended, ()) =
+        tokio::join!(take(outputs, &wire, newest, seen, saver), publish_maps(maps, publisher, &wire));
     ended
 }
 
@@ -51,19 +68,21 @@ async fn take(
     mut outputs: mpsc::Receiver<Output>,
     wire: &Wire<impl Transport>,
     newest: watch::Sender<Newest>,
-    counts: Rc<RefCell<Counts>>,
+    (counts, vitals): Seen,
     saver: Option<Saver>,
 ) -> Ended {
     let mut ended = Ended::default();
     let mut beyond = Beyond::default();
     while let Some(output) = outputs.recv().await {
         match output {
-            Output::Scan { session, update } => {
+            Output::Scan { session, update, took } => {
                 counts.borrow_mut().taken_in += 1;
+                vitals.borrow_mut().took.push(took);
                 beyond.say(session, &update);
                 wire.send(Outgoing::Delta(SurfaceClusterArray::delta(&wire.session(session), &update))).await;
             }
             Output::Snapshot { session, snapshot } => {
+                vitals.borrow_mut().map = Some(MapSize::of(session, &snapshot));
                 newest.send_replace(Some((session, Arc::clone(&snapshot))));
                 ended.map = Some(snapshot);
             }
@@ -78,8 +97,7 @@ async fn take(
     ended
 }
 
-async fn publish_maps(mut newest: watch::Receiver<Newest>, wire: &Wire<impl Transport>) {
-    let mut publisher = Maps::default();
+async fn publish_maps(mut newest: watch::Receiver<Newest>, mut publisher: Maps, wire: &Wire<impl Transport>) {
     while newest.changed().await.is_ok() {
         let map = newest.borrow_and_update().clone();
         if let Some((session, snapshot)) = map {
@@ -148,6 +166,9 @@ struct Maps {
     markers: Markers,
     /// What has been said in this session.
     caps: Caps,
+    twins: Twins,
+    /// Over which the polygons of a map go out.
+    spread: Duration,
 }
 
 impl Maps {
@@ -163,17 +184,36 @@ impl Maps {
         wire.send(Outgoing::Clusters(SurfaceClusterArray::snapshot(&session, snapshot))).await;
         wire.send(Outgoing::Labelled(labelled_points(&session, snapshot))).await;
         wire.send(Outgoing::Markers(self.markers.update(&session, snapshot))).await;
+        if self.twins.detections {
+            wire.send(Outgoing::Detections(detections(&session, snapshot))).await;
+        }
+        if self.twins.polygons {
+            let polygons = polygons(&session, snapshot).collect();
+            self.send_polygons(polygons, wire).await;
+        }
+    }
+
+    async fn send_polygons(&self, polygons: Vec<PolygonInstanceStamped>, wire: &Wire<impl Transport>) {
+        let pause = PAUSE.min(self.spread / u32::try_from(polygons.len().max(1)).unwrap_or(u32::MAX));
+        let mut due = tokio::time::Instant::now();
+        for polygon in polygons {
+            sleep_until(due).await;
+            wire.send(Outgoing::Polygon(polygon)).await;
+            due += pause;
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::time::Duration;
+
     use tokio::sync::Semaphore;
 
     use super::*;
     use crate::engine::{Engine, Isometry3, Params, Points, Scan, Stamp};
     use crate::msg::ros::TriggerResponse;
-    use crate::node::transport::{Inputs, Service, Source};
+    use crate::node::transport::{Network, SensorTopics, Service, Source};
 
     /// Maps wait for being let through; what is sent is kept, with its number.
     struct Slow {
@@ -191,7 +231,7 @@ mod tests {
                     self.through.acquire().await.unwrap().forget();
                     ("map", map.sequence)
                 }
-                Outgoing::Labelled(_) | Outgoing::Markers(_) => return Ok(()),
+                _ => return Ok(()),
             };
             self.sent.borrow_mut().push(sent);
             Ok(())
@@ -201,12 +241,20 @@ mod tests {
             Ok(())
         }
 
-        fn inputs(&self) -> &Inputs {
+        fn inputs(&self) -> &[SensorTopics] {
             unreachable!("nothing is read")
         }
 
         fn sources(&self) -> Vec<Source> {
             Vec::new()
+        }
+
+        fn node_name(&self) -> &str {
+            "/cfodi"
+        }
+
+        fn network(&self) -> Network {
+            Network::default()
         }
 
         async fn failed(&self) -> String {
@@ -225,7 +273,10 @@ mod tests {
                 points: Points::F32(vec![[0.0, 0.0, 1.0]; 20]),
             });
             let snapshot = Arc::new(engine.snapshot());
-            outputs.extend([Output::Scan { session: 1, update }, Output::Snapshot { session: 1, snapshot }]);
+            outputs.extend([
+                Output::Scan { session: 1, update, took: Duration::ZERO },
+                Output::Snapshot { session: 1, snapshot },
+            ]);
         }
         outputs
     }
@@ -234,7 +285,7 @@ mod tests {
     async fn a_map_that_waits_holds_up_no_delta_and_is_followed_by_the_newest() {
         let slow = Rc::new(Slow { sent: RefCell::default(), through: Semaphore::new(0) });
         let (sender, receiver) = mpsc::channel(1);
-        let publishing = publish(Rc::clone(&slow), receiver, Rc::default(), "map".to_owned(), None);
+        let publishing = publish(Rc::clone(&slow), receiver, Seen::default(), Config::new([]).unwrap(), None);
         let worker = async {
             for output in outputs(4) {
                 sender.send(output).await.unwrap();

@@ -28,15 +28,18 @@ impl Record {
         Ok(Self { path: path.to_owned(), bag: Arc::new(Mutex::new(Ok(bag))) })
     }
 
-    /// Adds what the node sends.
+    /// Adds what the node sends of the map.
     pub fn outgoing(&self, message: &Outgoing) {
         self.put(|bag| match message {
             Outgoing::Clusters(array) => bag.clusters(array),
             Outgoing::Delta(array) => bag.clusters_delta(array),
             Outgoing::Labelled(cloud) => bag.points_labelled(cloud),
+            Outgoing::Detections(array) => bag.detections(array),
+            Outgoing::Polygon(polygon) => bag.polygon(polygon),
             Outgoing::Markers(markers) => {
                 markers.markers.first().map_or(Ok(()), |first| bag.markers(&first.header, markers))
             }
+            Outgoing::Diagnostics(_) | Outgoing::Log(_) => Ok(()),
         });
     }
 

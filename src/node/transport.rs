@@ -1,44 +1,81 @@
 //! What the node needs of a middleware: events in, messages out. No type of a middleware passes this line.
 
+use std::borrow::Cow;
 use std::fmt;
 use std::future::Future;
 
 use crate::cloud::{Camera, Cloud, CloudError};
 use crate::engine::Stamp;
 use crate::msg::clusters::SurfaceClusterArray;
+use crate::msg::reports::{DiagnosticArray, Log};
 use crate::msg::ros::{MarkerArray, PointCloud2, TfMessage, TriggerResponse};
+use crate::msg::twins::{Detection3DArray, PolygonInstanceStamped};
 
-/// What scans are made of.
+/// In which form a sensor's scans come.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Input {
-    /// `sensor_msgs/PointCloud2` on `points`.
+pub enum Form {
+    /// `sensor_msgs/PointCloud2`.
     Points,
-    /// `sensor_msgs/Image` on `depth/image`.
+    /// `sensor_msgs/Image`.
     Depth,
-    /// `sensor_msgs/CompressedImage` beside `depth/image`.
+    /// `sensor_msgs/CompressedImage` beside the images.
     CompressedDepth,
 }
 
-/// Fully qualified names of the topics that scans come from, remappings applied.
+impl Form {
+    /// What the sensor of this number sends in this form.
+    pub const fn of(self, sensor: usize) -> Input {
+        Input { sensor, form: self }
+    }
+}
+
+/// What scans are made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Input {
+    /// Number of the sensor, as in [`Transport::inputs`].
+    pub sensor: usize,
+    /// Its form.
+    pub form: Form,
+}
+
+/// A topic that is read.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Inputs {
-    /// `points`.
-    pub points: String,
-    /// `depth/image`.
-    pub image: String,
-    /// `depth/camera_info`, which both kinds of depth image need.
-    pub camera_info: String,
-    /// `compressedDepth` below `depth/image`.
+pub struct TopicName {
+    /// As a remapping names it: `points`.
+    pub plain: String,
+    /// Fully qualified, remappings applied.
+    pub resolved: String,
+}
+
+/// The topics that one sensor's scans come from.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SensorTopics {
+    /// The sensor's name.
+    pub name: String,
+    /// Its clouds.
+    pub points: Option<TopicName>,
+    /// Its depth images.
+    pub depth: Option<DepthTopics>,
+}
+
+/// The topics of depth images.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct DepthTopics {
+    /// The images.
+    pub image: TopicName,
+    /// The camera's intrinsics, which both kinds of depth image need.
+    pub camera_info: TopicName,
+    /// Fully qualified; `compressedDepth` below the images.
     pub compressed: String,
 }
 
-impl Inputs {
-    /// The topic of an input.
-    pub fn topic(&self, input: Input) -> &str {
-        match input {
-            Input::Points => &self.points,
-            Input::Depth => &self.image,
-            Input::CompressedDepth => &self.compressed,
+impl SensorTopics {
+    /// The topic of a form, where the sensor is read in it.
+    pub fn topic(&self, form: Form) -> Option<&str> {
+        match form {
+            Form::Points => self.points.as_ref().map(|points| points.resolved.as_str()),
+            Form::Depth => self.depth.as_ref().map(|depth| depth.image.resolved.as_str()),
+            Form::CompressedDepth => self.depth.as_ref().map(|depth| depth.compressed.as_str()),
         }
     }
 }
@@ -69,8 +106,8 @@ pub enum Event<Request> {
     Cloud(Input, Result<Cloud, CloudError>),
     /// Clouds that a publisher sent and that never arrived, by the gap in its sequence numbers.
     Lost(Input, u64),
-    /// What `depth/camera_info` says, when it has changed.
-    Camera(Result<Camera, CloudError>),
+    /// What the intrinsics of the sensor of this number are, when they have changed.
+    Camera(usize, Result<Camera, CloudError>),
     /// Transforms on `/tf` or `/tf_static`.
     Transforms {
         /// The message.
@@ -87,7 +124,7 @@ pub enum Event<Request> {
     /// A message of another topic that could not be decoded.
     Garbled {
         /// The topic.
-        topic: &'static str,
+        topic: Cow<'static, str>,
         /// What was wrong.
         text: String,
     },
@@ -104,6 +141,14 @@ pub enum Outgoing {
     Markers(MarkerArray),
     /// On `~/points_labelled`.
     Labelled(PointCloud2),
+    /// On `/diagnostics`.
+    Diagnostics(DiagnosticArray),
+    /// On `/rosout`.
+    Log(Log),
+    /// On `~/detections`.
+    Detections(Detection3DArray),
+    /// On `~/polygons`.
+    Polygon(PolygonInstanceStamped),
 }
 
 impl Outgoing {
@@ -115,8 +160,25 @@ impl Outgoing {
     pub const MARKERS: &str = "~/markers";
     /// Of [`Self::Labelled`].
     pub const LABELLED: &str = "~/points_labelled";
+    /// Of [`Self::Diagnostics`].
+    pub const DIAGNOSTICS: &str = "/diagnostics";
+    /// Of [`Self::Log`].
+    pub const LOG: &str = "/rosout";
+    /// Of [`Self::Detections`].
+    pub const DETECTIONS: &str = "~/detections";
+    /// Of [`Self::Polygon`].
+    pub const POLYGONS: &str = "~/polygons";
     /// Of all.
-    pub const TOPICS: [&str; 4] = [Self::CLUSTERS, Self::DELTA, Self::MARKERS, Self::LABELLED];
+    pub const TOPICS: [&str; 8] = [
+        Self::CLUSTERS,
+        Self::DELTA,
+        Self::MARKERS,
+        Self::LABELLED,
+        Self::DETECTIONS,
+        Self::POLYGONS,
+        Self::DIAGNOSTICS,
+        Self::LOG,
+    ];
 
     /// Name of its topic.
     pub const fn topic(&self) -> &'static str {
@@ -125,6 +187,10 @@ impl Outgoing {
             Self::Delta(_) => Self::DELTA,
             Self::Markers(_) => Self::MARKERS,
             Self::Labelled(_) => Self::LABELLED,
+            Self::Diagnostics(_) => Self::DIAGNOSTICS,
+            Self::Log(_) => Self::LOG,
+            Self::Detections(_) => Self::DETECTIONS,
+            Self::Polygon(_) => Self::POLYGONS,
         }
     }
 }
@@ -136,6 +202,15 @@ pub struct Source {
     pub topic: String,
     /// As `sensor_msgs/msg/PointCloud2`.
     pub type_name: String,
+}
+
+/// What can be known of the network, beyond who publishes.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Network {
+    /// Bytes of the socket receive buffer.
+    pub receive_buffer: usize,
+    /// Where a publisher and a reader do not fit, so that nothing passes: the topic, and why.
+    pub mismatches: Vec<(String, String)>,
 }
 
 /// A message could not be sent.
@@ -164,11 +239,17 @@ pub trait Transport: 'static {
         response: TriggerResponse,
     ) -> impl Future<Output = Result<(), SendError>>;
 
-    /// The topics that scans come from.
-    fn inputs(&self) -> &Inputs;
+    /// Namespace and name, as in `/robot/cfodi`.
+    fn node_name(&self) -> &str;
+
+    /// The topics that scans come from, by sensor.
+    fn inputs(&self) -> &[SensorTopics];
 
     /// Every topic that has a publisher now, by name.
     fn sources(&self) -> Vec<Source>;
+
+    /// What can be known of the network now.
+    fn network(&self) -> Network;
 
     /// Resolves, with a reason, when something that reads has ended: the node would be alive and deaf.
     fn failed(&self) -> impl Future<Output = String>;

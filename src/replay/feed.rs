@@ -323,7 +323,7 @@ impl<V: Visitor> Feeder<'_, V> {
             return Ok(());
         }
         let mut ready = self.join.ready(fixed_frame).into_iter();
-        while let Some(Joined { scan, total, jumped_back }) = ready.next() {
+        while let Some(Joined { scan, total, jumped_back, .. }) = ready.next() {
             if let Some(Jump { seconds, given_up }) = jumped_back {
                 self.tally.skip_all("session_ended", given_up);
                 if self.visitor.jumped_back(seconds)? == Go::Home {

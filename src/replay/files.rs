@@ -12,6 +12,7 @@ use crate::msg::caps::Caps;
 use crate::msg::clusters::{Session, SurfaceClusterArray};
 use crate::msg::labelled::labelled_points;
 use crate::msg::markers::Markers;
+use crate::msg::twins::{Twins, detections, polygons};
 use crate::report::Story;
 
 /// A result bag under way.
@@ -20,6 +21,7 @@ pub struct ResultFile {
     bag: ResultBag<WholeFile>,
     markers: Markers,
     caps: Caps,
+    twins: Twins,
     /// Whether it has been said that a topic of the input is not copied.
     said_own: bool,
     is_direct: bool,
@@ -54,6 +56,7 @@ impl ResultFile {
             bag,
             markers: Markers::default(),
             caps: Caps::default(),
+            twins: topics.twins(),
             said_own: false,
             session: 0,
             published: None,
@@ -83,7 +86,17 @@ impl ResultFile {
         let written = self.bag.clusters(&clusters);
         let written = written.and_then(|()| self.bag.points_labelled(&labelled_points(session, snapshot)));
         let markers = self.markers.update(session, snapshot);
-        written.and_then(|()| self.bag.markers(&clusters.header, &markers)).map_err(failed(&self.path))
+        let written = written.and_then(|()| self.bag.markers(&clusters.header, &markers));
+        written.and_then(|()| self.write_twins(session, snapshot)).map_err(failed(&self.path))
+    }
+
+    fn write_twins(&mut self, session: &Session, snapshot: &Snapshot) -> io::Result<()> {
+        let Twins { detections: with_detections, polygons: with_polygons } = self.twins;
+        if with_detections {
+            self.bag.detections(&detections(session, snapshot))?;
+        }
+        let mut polygons = polygons(session, snapshot).filter(|_| with_polygons);
+        polygons.try_for_each(|polygon| self.bag.polygon(&polygon))
     }
 
     fn finish(self) -> Result<(), WriteError> {

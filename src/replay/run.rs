@@ -20,7 +20,7 @@ pub struct Settings {
     /// Time between two snapshots, in the time of the stamps.
     pub publish_period: Duration,
     /// All parameters, for the account.
-    pub parameters: Vec<(&'static str, Value)>,
+    pub parameters: Vec<(String, Value)>,
 }
 
 /// What a replay ends with.

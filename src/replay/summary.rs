@@ -6,6 +6,7 @@ use std::time::Duration;
 use serde_json::{Map, Value as Json, json};
 
 use crate::config::Value;
+use crate::memory::peak_resident_mb;
 use crate::report::Facts;
 
 /// Where every cloud of a bag went.
@@ -88,7 +89,7 @@ pub struct Summary {
     /// Time for all of it.
     pub wall: Duration,
     /// The parameters it was made with.
-    pub parameters: Vec<(&'static str, Value)>,
+    pub parameters: Vec<(String, Value)>,
     /// What of the bag could not be read.
     pub unread: Option<String>,
     /// Whether it was stopped before the end of the bag.
@@ -123,7 +124,7 @@ impl Summary {
             "engine_ms": { "p50": at(0.5), "p90": at(0.9), "p99": at(0.99), "max": at(1.0) },
             "ingest_ns_per_point": (*points > 0).then(|| ingest.as_nanos() as f64 / *points as f64),
             "wall_s": self.wall.as_secs_f64(),
-            "peak_rss_mb": peak_rss_mb(),
+            "peak_rss_mb": peak_resident_mb(),
             "unread": self.unread,
             "stopped": self.stopped,
             "parameters": parameters,
@@ -174,14 +175,6 @@ fn parameter(value: &Value) -> Json {
 fn percentile(ascending: &[f32], share: f64) -> Option<f32> {
     let rank = (share * ascending.len() as f64).ceil() as usize;
     ascending.get(rank.max(1) - 1).copied()
-}
-
-/// The most memory that this process has had (MB); `None` where the system does not tell.
-fn peak_rss_mb() -> Option<f64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
-    let kib: f64 = line.trim().trim_end_matches("kB").trim().parse().ok()?;
-    Some(kib * 1024.0 / 1e6)
 }
 
 #[cfg(test)]

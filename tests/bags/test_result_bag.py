@@ -148,6 +148,29 @@ def test_the_labelled_points_are_the_dense_voxels(result, run):
     assert labels == Counter(voxel.cluster for voxel in run.voxels().values())
 
 
+def test_the_twins_are_in_it_where_they_are_asked_for_and_say_what_the_snapshots_say(result, recording, tmp_path):
+    assert not {"/cfodi/detections", "/cfodi/polygons"} & set(result.schemas)
+    run = Replay(recording("cabinet").folder(), tmp_path, outputs=("out",), parameters={"twins": '["detections", "polygons"]'})
+    bag = ResultBag(run.path("out"))
+    snapshots, detections = bag.on("/cfodi/clusters"), bag.on("/cfodi/detections")
+    assert {message.type for message in detections} == {"vision_msgs/msg/Detection3DArray"}
+    assert [message.log_time for message in detections] == [message.log_time for message in snapshots]
+    for message, snapshot in zip(detections, snapshots):
+        clusters = {str(cluster.id): cluster for cluster in snapshot.value.clusters}
+        assert [detection.id for detection in message.value.detections] == list(clusters)
+        for detection in message.value.detections:
+            assert plain(detection.bbox.center) == plain(clusters[detection.id].pose)
+    polygons = bag.on("/cfodi/polygons")
+    assert {message.type for message in polygons} == {"geometry_msgs/msg/PolygonInstanceStamped"}
+    last = [message.value.polygon for message in polygons if message.log_time == snapshots[-1].log_time]
+    floor_and_ceiling = (1, 2)
+    outlines = [(c.id, plain(c.boundary)) for c in snapshots[-1].value.clusters
+                if c.surface_class not in floor_and_ceiling and c.boundary.points]
+    assert len(outlines) > 10 and [(polygon.id, plain(polygon.polygon)) for polygon in last] == outlines
+    folder = bags.convert(run.path("out"), tmp_path / "again")
+    assert len(list(bags.messages(folder, "/cfodi/polygons"))) == len(polygons), "rosbags knows its definition"
+
+
 def test_rosbags_reads_it_and_converts_it(result, run, tmp_path):
     folder = bags.convert(run.path("out"), tmp_path / "again")
     again = Counter(topic for topic, _, _ in bags.messages(folder))

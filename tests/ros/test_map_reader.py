@@ -1,10 +1,8 @@
 """The readers in examples/, which planners copy."""
 
-import os
 import pathlib
-import shutil
-import subprocess
 
+import cpp
 from cfodi_msgs.msg import SurfaceCluster, SurfaceClusterArray
 
 from map_reader import MapReader
@@ -58,11 +56,4 @@ def test_a_new_session_begins_a_new_map():
 
 
 def test_the_reader_in_cpp_compiles_against_the_generated_headers_and_does_the_same(tmp_path):
-    includes = [f"-I{package}" for prefix in os.environ["AMENT_PREFIX_PATH"].split(":")
-                for package in sorted(pathlib.Path(prefix, "include").iterdir()) if package.is_dir()]
-    compiler = shutil.which(os.environ.get("CXX", "c++"))
-    assert compiler, "no C++ compiler (the ROS environment needs one too)"
-    program = tmp_path / "map_reader_test"
-    subprocess.run([compiler, "-std=c++17", "-Wall", "-Wextra", "-Werror", *includes, f"-I{HERE.parents[1] / 'examples'}",
-                    str(HERE / "map_reader_test.cpp"), "-o", str(program)], check=True)
-    subprocess.run([str(program)], check=True)
+    cpp.run(HERE / "map_reader_test.cpp", tmp_path)

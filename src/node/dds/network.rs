@@ -6,18 +6,22 @@ use std::time::Duration;
 
 use ros2_client::qos::Durability;
 use ros2_client::{Node, Publisher, QosProfile, RmwRequestId, Server};
-use rustdds::DomainParticipant;
+use rustdds::{DomainParticipant, TopicDescription as _};
 use serde::Serialize;
 use tokio::sync::Mutex;
 use tracing::warn;
 
+use super::mismatch::Ends;
 use super::outlet::Outlet;
 use super::pulse::Pulse;
-use super::read::{self, Memory};
+use super::read::{self, Memory, STATICS, statics_qos};
+use super::statics::Statics;
 use super::threads::Threads;
 use super::{DdsError, Events, Opener, Readers, opening, ros_type};
 use crate::msg::clusters::SurfaceClusterArray;
+use crate::msg::reports::{DiagnosticArray, Log};
 use crate::msg::ros::{MarkerArray, PointCloud2, TriggerRequest, TriggerResponse};
+use crate::msg::twins::{Detection3DArray, PolygonInstanceStamped};
 use crate::node::args::Setup;
 use crate::node::security::Security;
 use crate::node::transport::{Outgoing, SendError, Service, Source};
@@ -32,6 +36,11 @@ const SNAPSHOTS: i32 = 16;
 /// Most messages of markers, the largest of all.
 const MARKERS: i32 = 4;
 
+/// Most reports, and most lines of the log.
+const REPORTS: i32 = 256;
+/// Most polygons, one a cluster, and the history of their topic: none is to push out another of the same map.
+const POLYGONS: i32 = 4096;
+
 /// Time between two looks at the middleware's threads.
 const LOOK: Duration = Duration::from_millis(250);
 
@@ -45,12 +54,21 @@ pub(super) struct Network {
     delta: Outlet<SurfaceClusterArray>,
     markers: Outlet<MarkerArray>,
     labelled: Publisher<PointCloud2>,
+    /// `None` where the keys do not permit it.
+    diagnostics: Option<Outlet<DiagnosticArray>>,
+    /// The same.
+    log: Option<Outlet<Log>>,
+    /// `None` where no parameter asks for them.
+    detections: Option<Outlet<Detection3DArray>>,
+    polygons: Option<Outlet<PolygonInstanceStamped>>,
     reset: Rc<Server<TriggerRequest, TriggerResponse>>,
     save: Rc<Server<TriggerRequest, TriggerResponse>>,
     /// What reads; none of these ends by itself.
     readers: Mutex<Readers>,
     /// `None` where the keys do not permit it.
     pulse: Option<Pulse>,
+    statics: Statics,
+    ends: Ends,
     node: RefCell<Node>,
     participant: DomainParticipant,
     threads: Threads,
@@ -84,11 +102,25 @@ impl Network {
                 (Outgoing::LABELLED, "sensor_msgs", "PointCloud2"),
                 &QosProfile::subscription_default().into(),
             )?,
+            diagnostics: permitted(Outlet::open(
+                &mut opener,
+                (Outgoing::DIAGNOSTICS, "diagnostic_msgs", "DiagnosticArray"),
+                (10, Durability::Volatile, REPORTS),
+            )),
+            log: permitted(Outlet::open(
+                &mut opener,
+                (Outgoing::LOG, "rcl_interfaces", "Log"),
+                (100, Durability::TransientLocal, REPORTS),
+            )),
+            detections: detections(setup, &mut opener, latched(SNAPSHOTS))?,
+            polygons: polygons(setup, &mut opener)?,
             reset: Rc::new(opener.server(Service::Reset.name())?),
             save: Rc::new(opener.server(Service::Save.name())?),
             pulse: pulse(&opener),
+            statics: statics(&opener, events)?,
             participant: opener.participant.clone(),
             readers: Mutex::new(read::listen(&mut opener, memory, events)?),
+            ends: opener.ends,
             node: RefCell::new(opener.node),
             threads,
             reopened: Cell::new(0),
@@ -119,10 +151,29 @@ impl Network {
             Outgoing::Clusters(array) => self.send(&self.clusters, array).await,
             Outgoing::Delta(array) => self.send(&self.delta, array).await,
             Outgoing::Markers(markers) => self.send(&self.markers, markers).await,
+            Outgoing::Diagnostics(report) => self.tell(self.diagnostics.as_ref(), report).await,
+            Outgoing::Log(line) => self.tell(self.log.as_ref(), line).await,
             Outgoing::Labelled(cloud) => {
                 let sent = self.labelled.async_publish(cloud).await;
                 sent.map_err(|error| SendError(format!("on {}: {error}", Outgoing::LABELLED)))
             }
+            Outgoing::Detections(array) => self.send_twin(self.detections.as_ref(), array).await,
+            Outgoing::Polygon(polygon) => self.send_twin(self.polygons.as_ref(), polygon).await,
+        }
+    }
+
+    /// A twin that nobody has asked for has no topic.
+    async fn send_twin<M: Serialize>(&self, outlet: Option<&Outlet<M>>, message: M) -> Result<(), SendError> {
+        match outlet {
+            Some(outlet) => self.send(outlet, message).await,
+            None => Ok(()),
+        }
+    }
+
+    async fn tell<M: Serialize>(&self, outlet: Option<&Outlet<M>>, message: M) -> Result<(), SendError> {
+        match outlet {
+            Some(outlet) => self.send(outlet, message).await,
+            None => Ok(()),
         }
     }
 
@@ -171,6 +222,12 @@ impl Network {
         sources
     }
 
+    /// The topics of the node on which a peer asks for more than is offered, or offers less than is asked for.
+    pub(super) fn mismatches(&self) -> Vec<(String, String)> {
+        // Where one of its threads has died, what they share may not be readable any more.
+        if self.threads.live() { self.ends.mismatches(&self.participant) } else { Vec::new() }
+    }
+
     /// Resolves with a reason when something that reads has ended.
     pub(super) async fn reader_ended(&self) -> String {
         match self.readers.lock().await.join_next().await {
@@ -199,6 +256,14 @@ impl Network {
         }
     }
 
+    fn hear_new_statics(&self) {
+        match self.statics.hear_new(&self.participant, &mut self.node.borrow_mut()) {
+            Ok(true) => self.reopened.set(self.reopened.get() + 1),
+            Ok(false) => {}
+            Err(error) => warn!("latched transforms may come some seconds late: {error}"),
+        }
+    }
+
     /// Resolves when the network is to be joined anew, with the reason.
     pub(super) async fn worn_out(&self) -> String {
         loop {
@@ -208,9 +273,40 @@ impl Network {
             if self.reopened.get() >= MOST_REOPENED {
                 return format!("topics were opened anew {MOST_REOPENED} times");
             }
+            self.hear_new_statics();
             tokio::time::sleep(LOOK).await;
         }
     }
+}
+
+fn statics(opener: &Opener<'_>, events: &Events) -> Result<Statics, DdsError> {
+    let topic = opener.topic(STATICS.0, STATICS.1, STATICS.2, &statics_qos())?;
+    let name = topic.name();
+    Ok(Statics::new(topic, name, events.clone()))
+}
+
+/// What is of use and not needed: where it cannot be opened the node does without, and says so.
+fn permitted<M: Serialize>(outlet: Result<Outlet<M>, DdsError>) -> Option<Outlet<M>> {
+    outlet.inspect_err(|error| warn!("what the node says of itself is not sent: {error}")).ok()
+}
+
+fn detections(
+    setup: &Setup,
+    opener: &mut Opener<'_>,
+    latched: (usize, Durability, i32),
+) -> Result<Option<Outlet<Detection3DArray>>, DdsError> {
+    let topic = (Outgoing::DETECTIONS, "vision_msgs", "Detection3DArray");
+    setup.config.twins.detections.then(|| Outlet::open(opener, topic, latched)).transpose()
+}
+
+/// Not latched: only the last polygon would be.
+fn polygons(
+    setup: &Setup,
+    opener: &mut Opener<'_>,
+) -> Result<Option<Outlet<PolygonInstanceStamped>>, DdsError> {
+    let topic = (Outgoing::POLYGONS, "geometry_msgs", "PolygonInstanceStamped");
+    let each = (POLYGONS as usize, Durability::Volatile, POLYGONS);
+    setup.config.twins.polygons.then(|| Outlet::open(opener, topic, each)).transpose()
 }
 
 fn pulse(opener: &Opener) -> Option<Pulse> {

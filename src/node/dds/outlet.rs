@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use ros2_client::qos::Durability;
 use ros2_client::{Node, Publisher, WriteError};
-use rustdds::Topic;
+use rustdds::{Topic, TopicDescription as _};
 use serde::Serialize;
 use tokio::time::{Instant, sleep};
 use tracing::warn;
@@ -65,7 +65,9 @@ impl<M: Serialize> Outlet<M> {
         (name, package, kind): (&'static str, &str, &str),
         (depth, durability, most): (usize, Durability, i32),
     ) -> Result<Self, DdsError> {
-        let topic = opener.topic(name, package, kind, &reliable_output(depth, durability, most))?;
+        let qos = reliable_output(depth, durability, most);
+        let topic = opener.topic(name, package, kind, &qos)?;
+        opener.ends.publishes(topic.name(), qos);
         let publisher = opener.node.create_publisher(&topic, None).map_err(opening(name))?;
         Ok(Self {
             name,

@@ -1,6 +1,8 @@
 //! The tasks that read topics: each hands events to one bounded channel.
 
+use std::borrow::Cow;
 use std::cell::RefCell;
+use std::collections::BTreeMap;
 use std::rc::Rc;
 
 use futures::{StreamExt, pin_mut};
@@ -13,11 +15,12 @@ use serde::de::{DeserializeOwned, DeserializeSeed, Deserializer};
 use super::heard::{Known, Order, Taken};
 use super::{DdsError, Events, Opener, Readers, opening, reliable};
 use crate::cloud::{Camera, Cloud, CloudError, CloudFilter, CloudSeed, CompressedSeed, DepthSeed};
-use crate::msg::ros::{CameraInfo, Clock, TriggerRequest, TriggerResponse};
+use crate::config::Sensor;
+use crate::msg::ros::{CameraInfo, Clock, TfMessage, TriggerRequest, TriggerResponse};
 use crate::node::args::{ArgsError, Setup};
 use crate::node::inputs::COMPRESSED_DEPTH;
 use crate::node::security::Security;
-use crate::node::transport::{Event, Input, Inputs, Service};
+use crate::node::transport::{DepthTopics, Event, Form, Input, SensorTopics, Service, TopicName};
 
 /// What a seed makes of a message.
 type Decoded = Result<Cloud, CloudError>;
@@ -25,11 +28,18 @@ type Decoded = Result<Cloud, CloudError>;
 /// What was heard, for readers that come after: a publisher's numbers go on when the network is joined anew.
 #[derive(Clone, Default)]
 pub(super) struct Memory {
+    /// By sensor.
+    scans: Rc<RefCell<BTreeMap<usize, Scans>>>,
+    transforms: Rc<RefCell<Taken>>,
+}
+
+/// What was heard of a sensor.
+#[derive(Clone, Default)]
+struct Scans {
     camera: LatestCamera,
     points: Publishers,
     images: Publishers,
     compressed: Publishers,
-    transforms: Rc<RefCell<Taken>>,
 }
 
 /// The publishers of one topic.
@@ -56,17 +66,15 @@ pub(super) fn listen(opener: &mut Opener<'_>, memory: &Memory, events: &Events) 
         };
         readers.spawn_local(read("/tf", dynamic, events.clone(), transforms));
     }
-    let transforms = |message, _: &MessageInfo| Some(Event::Transforms { message, is_static: true });
-    let latched =
-        opener.subscribe(("/tf_static", "tf2_msgs", "TFMessage"), &tf(Durability::TransientLocal))?;
-    readers.spawn_local(read("/tf_static", latched, events.clone(), transforms));
+    let latched = opener.subscribe(STATICS, &statics_qos())?;
+    readers.spawn_local(read_statics(latched, events.clone()));
     if opener.setup.config.use_sim_time {
         let qos = (&QosProfile::subscription_default()).into();
         let clock = opener.subscribe(("/clock", "rosgraph_msgs", "Clock"), &qos)?;
         let time = |clock: Clock, _: &MessageInfo| {
             let bad = || format!("{} ns in a second", clock.clock.nanosec);
             let stamp = clock.clock.stamp().map(Event::Clock);
-            Some(stamp.unwrap_or_else(|| Event::Garbled { topic: "/clock", text: bad() }))
+            Some(stamp.unwrap_or_else(|| Event::Garbled { topic: "/clock".into(), text: bad() }))
         };
         readers.spawn_local(read("/clock", clock, events.clone(), time));
     }
@@ -75,9 +83,21 @@ pub(super) fn listen(opener: &mut Opener<'_>, memory: &Memory, events: &Events) 
     let spinner = opener.node.spinner().map_err(opening("the parameter services"))?;
     readers.spawn_local(async {
         drop(spinner.spin().await);
-        "the parameter services"
+        "the parameter services".into()
     });
     Ok(readers)
+}
+
+/// The topic of transforms that hold for all time.
+pub(super) const STATICS: (&str, &str, &str) = ("/tf_static", "tf2_msgs", "TFMessage");
+
+pub(super) fn statics_qos() -> rustdds::QosPolicies {
+    (&reliable(100, Durability::TransientLocal)).into()
+}
+
+pub(super) async fn read_statics(subscription: Subscription<TfMessage>, events: Events) -> Cow<'static, str> {
+    let transforms = |message, _: &MessageInfo| Some(Event::Transforms { message, is_static: true });
+    read(STATICS.0, subscription, events, transforms).await
 }
 
 /// Whether messages come by DDS Security. Then there is one reader a topic: with two of `/tf`, transforms did not always come.
@@ -85,52 +105,109 @@ const fn has_keys(opener: &Opener<'_>) -> bool {
     matches!(opener.security, Security::Keys(_))
 }
 
-/// Clouds, and depth images with their camera.
+/// The topics that [`listen`] reads scans from, by sensor.
+pub(super) fn inputs(setup: &Setup) -> Result<Vec<SensorTopics>, ArgsError> {
+    setup.config.sensors.iter().map(|sensor| topics(setup, sensor)).collect()
+}
+
+fn topics(setup: &Setup, sensor: &Sensor) -> Result<SensorTopics, ArgsError> {
+    let named = |plain: &str| -> Result<_, ArgsError> {
+        Ok(TopicName { resolved: setup.resolve(plain)?, plain: plain.to_owned() })
+    };
+    let depth = |(image, camera_info): (String, String)| -> Result<_, ArgsError> {
+        let image = named(&image)?;
+        // `image_transport` puts it below the image, whatever that is remapped to; it can be remapped again.
+        let compressed = setup.resolve(&(image.resolved.clone() + COMPRESSED_DEPTH))?;
+        Ok(DepthTopics { image, camera_info: named(&camera_info)?, compressed })
+    };
+    Ok(SensorTopics {
+        name: sensor.name.clone(),
+        points: sensor.points().map(named).transpose()?,
+        depth: sensor.image().zip(sensor.camera_info()).map(depth).transpose()?,
+    })
+}
+
+/// The scans of all sensors.
 fn listen_to_scans(
     opener: &mut Opener<'_>,
     readers: &mut Readers,
     memory: &Memory,
     events: &Events,
 ) -> Result<(), DdsError> {
-    let best_effort = policy::Reliability::BestEffort;
-    let (qos, filter) = (scan_qos(best_effort), opener.setup.config.filter);
-    let points = opener.subscribe(("points", "sensor_msgs", "PointCloud2"), &qos)?;
-    let (seed, known) = (CloudSeed::new(filter), (Rc::clone(&memory.points), false));
-    readers.spawn_local(read_scans((Input::Points, "points"), points, seed, known, events.clone()));
-    let camera = &memory.camera;
-    let infos = opener.subscribe(("depth/camera_info", "sensor_msgs", "CameraInfo"), &qos)?;
-    readers.spawn_local(read_cameras(infos, camera.clone(), events.clone()));
-    let repaired = policy::Reliability::Reliable { max_blocking_time: rustdds::Duration::from_millis(100) };
-    let repaired = (!has_keys(opener)).then_some((repaired, true));
-    for (reliability, reliably) in [(best_effort, false)].into_iter().chain(repaired) {
-        let qos = scan_qos(reliability);
-        let images = opener.subscribe(("depth/image", "sensor_msgs", "Image"), &qos)?;
-        let seed = WithCamera { camera: camera.clone(), filter, seed: DepthSeed::new };
-        let known = (Rc::clone(&memory.images), reliably);
-        readers.spawn_local(read_scans((Input::Depth, "depth/image"), images, seed, known, events.clone()));
+    for (number, sensor) in inputs(opener.setup)?.into_iter().enumerate() {
+        let heard = memory.scans.borrow_mut().entry(number).or_default().clone();
+        let mut listening = Listening { opener, readers, events, number, heard };
+        if let Some(points) = sensor.points {
+            listening.to_clouds(points.resolved)?;
+        }
+        if let Some(depth) = sensor.depth {
+            listening.to_images(depth)?;
+        }
     }
-    let name = compressed_name(opener.setup)?;
-    let images = opener.subscribe((&name, "sensor_msgs", "CompressedImage"), &qos)?;
-    let seed = WithCamera { camera: camera.clone(), filter, seed: CompressedSeed::new };
-    let which = (Input::CompressedDepth, "compressedDepth");
-    let known = (Rc::clone(&memory.compressed), false);
-    readers.spawn_local(read_scans(which, images, seed, known, events.clone()));
     Ok(())
 }
 
-/// The topics that [`listen`] reads scans from.
-pub(super) fn inputs(setup: &Setup) -> Result<Inputs, ArgsError> {
-    Ok(Inputs {
-        points: setup.resolve("points")?,
-        image: setup.resolve("depth/image")?,
-        camera_info: setup.resolve("depth/camera_info")?,
-        compressed: setup.resolve(&compressed_name(setup)?)?,
-    })
+/// Begins to read one sensor.
+struct Listening<'a, 'b> {
+    opener: &'a mut Opener<'b>,
+    readers: &'a mut Readers,
+    events: &'a Events,
+    number: usize,
+    heard: Scans,
 }
 
-/// `image_transport` puts it below the image, whatever that is remapped to; it can be remapped again.
-fn compressed_name(setup: &Setup) -> Result<String, ArgsError> {
-    Ok(setup.resolve("depth/image")? + COMPRESSED_DEPTH)
+impl Listening<'_, '_> {
+    fn to_clouds(&mut self, topic: String) -> Result<(), DdsError> {
+        let qos = scan_qos(policy::Reliability::BestEffort);
+        let clouds = self.opener.subscribe((&topic, "sensor_msgs", "PointCloud2"), &qos)?;
+        let (seed, known) = (CloudSeed::new(self.opener.setup.config.filter), Rc::clone(&self.heard.points));
+        self.read((Form::Points, topic), clouds, seed, (known, false));
+        Ok(())
+    }
+
+    /// Depth images with their camera.
+    fn to_images(&mut self, topics: DepthTopics) -> Result<(), DdsError> {
+        let DepthTopics { image, camera_info, compressed } = topics;
+        let best_effort = policy::Reliability::BestEffort;
+        let (qos, filter, camera) =
+            (scan_qos(best_effort), self.opener.setup.config.filter, self.heard.camera.clone());
+        let name = camera_info.resolved;
+        let infos = self.opener.subscribe((&name, "sensor_msgs", "CameraInfo"), &qos)?;
+        self.readers.spawn_local(read_cameras(
+            (self.number, name),
+            infos,
+            camera.clone(),
+            self.events.clone(),
+        ));
+        let repaired =
+            policy::Reliability::Reliable { max_blocking_time: rustdds::Duration::from_millis(100) };
+        let repaired = (!has_keys(self.opener)).then_some((repaired, true));
+        for (reliability, reliably) in [(best_effort, false)].into_iter().chain(repaired) {
+            let qos = scan_qos(reliability);
+            let images = self.opener.subscribe((&image.resolved, "sensor_msgs", "Image"), &qos)?;
+            let seed = WithCamera { camera: camera.clone(), filter, seed: DepthSeed::new };
+            let known = (Rc::clone(&self.heard.images), reliably);
+            self.read((Form::Depth, image.resolved.clone()), images, seed, known);
+        }
+        let images = self.opener.subscribe((&compressed, "sensor_msgs", "CompressedImage"), &qos)?;
+        let seed = WithCamera { camera, filter, seed: CompressedSeed::new };
+        let known = (Rc::clone(&self.heard.compressed), false);
+        self.read((Form::CompressedDepth, compressed), images, seed, known);
+        Ok(())
+    }
+
+    fn read<S>(
+        &mut self,
+        (form, topic): (Form, String),
+        subscription: Subscription<Decoded>,
+        seed: S,
+        known: (Publishers, bool),
+    ) where
+        S: for<'de> DeserializeSeed<'de, Value = Decoded> + Clone + 'static,
+    {
+        let input = form.of(self.number);
+        self.readers.spawn_local(read_scans((input, topic), subscription, seed, known, self.events.clone()));
+    }
 }
 
 /// The camera of the newest `CameraInfo`, or why there is none.
@@ -189,12 +266,12 @@ fn scan_qos(reliability: policy::Reliability) -> rustdds::QosPolicies {
 /// Reads scans until the node ends; `name` is the topic's, `seed` decodes; `known` is shared with the topic's other readers,
 /// with whether this one is reliable.
 async fn read_scans<S>(
-    (input, name): (Input, &'static str),
+    (input, name): (Input, String),
     subscription: Subscription<Decoded>,
     seed: S,
     (known, reliably): (Publishers, bool),
     events: Events,
-) -> &'static str
+) -> Cow<'static, str>
 where
     S: for<'de> DeserializeSeed<'de, Value = Decoded> + Clone,
 {
@@ -209,12 +286,16 @@ where
             break;
         }
     }
-    name
+    name.into()
 }
 
 /// Keeps the newest camera for the seeds; tells the node of one that differs from the one before.
-async fn read_cameras(infos: Subscription<CameraInfo>, camera: LatestCamera, events: Events) -> &'static str {
-    let name = "depth/camera_info";
+async fn read_cameras(
+    (sensor, topic): (usize, String),
+    infos: Subscription<CameraInfo>,
+    camera: LatestCamera,
+    events: Events,
+) -> Cow<'static, str> {
     let infos = infos.async_stream();
     pin_mut!(infos);
     while let Some(info) = infos.next().await {
@@ -222,15 +303,15 @@ async fn read_cameras(infos: Subscription<CameraInfo>, camera: LatestCamera, eve
             Ok(newest) if *camera.0.borrow() == newest => continue,
             Ok(newest) => {
                 camera.0.borrow_mut().clone_from(&newest);
-                Event::Camera(newest)
+                Event::Camera(sensor, newest)
             }
-            Err(error) => Event::Garbled { topic: name, text: error.to_string() },
+            Err(error) => Event::Garbled { topic: topic.clone().into(), text: error.to_string() },
         };
         if events.send(event).await.is_err() {
             break;
         }
     }
-    name
+    topic.into()
 }
 
 async fn read<M: DeserializeOwned + 'static>(
@@ -238,7 +319,7 @@ async fn read<M: DeserializeOwned + 'static>(
     subscription: Subscription<M>,
     events: Events,
     event: impl Fn(M, &MessageInfo) -> Option<Event<RmwRequestId>>,
-) -> &'static str {
+) -> Cow<'static, str> {
     let messages = subscription.async_stream();
     pin_mut!(messages);
     while let Some(message) = messages.next().await {
@@ -246,27 +327,27 @@ async fn read<M: DeserializeOwned + 'static>(
         let Ok(place) = events.reserve().await else { break };
         let event = match message {
             Ok((message, info)) => event(message, &info),
-            Err(error) => Some(Event::Garbled { topic, text: error.to_string() }),
+            Err(error) => Some(Event::Garbled { topic: topic.into(), text: error.to_string() }),
         };
         if let Some(event) = event {
             place.send(event);
         }
     }
-    topic
+    topic.into()
 }
 
 pub(super) async fn serve(
     service: Service,
     server: Rc<Server<TriggerRequest, TriggerResponse>>,
     events: Events,
-) -> &'static str {
+) -> Cow<'static, str> {
     loop {
         let event = match server.async_receive_request().await {
             Ok((request, _)) => Event::Call(service, request),
-            Err(error) => Event::Garbled { topic: service.name(), text: error.to_string() },
+            Err(error) => Event::Garbled { topic: service.name().into(), text: error.to_string() },
         };
         if events.send(event).await.is_err() {
-            return service.name();
+            return service.name().into();
         }
     }
 }

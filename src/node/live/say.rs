@@ -1,13 +1,13 @@
 //! What the log says of what comes and of what does not.
 
+use std::borrow::Cow;
 use std::time::Instant;
 
 use tracing::{debug, warn};
 
-use super::{Live, QUIET, QUIET_AGAIN};
+use super::Live;
 use crate::cloud::{Camera, Cloud, CloudError};
 use crate::line::one_line;
-use crate::node::inputs;
 use crate::node::transport::Transport;
 use crate::tf::Waited;
 
@@ -27,8 +27,9 @@ impl<T: Transport> Live<T> {
         }
     }
 
-    pub(super) fn camera(&mut self, camera: &Result<Camera, CloudError>) {
-        let topic = self.transport.inputs().camera_info.clone();
+    pub(super) fn camera(&mut self, sensor: usize, camera: &Result<Camera, CloudError>) {
+        let depth = self.transport.inputs()[sensor].depth.as_ref();
+        let topic = depth.map(|depth| depth.camera_info.resolved.clone()).unwrap_or_default();
         match camera {
             Ok(camera) if camera.is_distorted() => self.warn(
                 "distorted",
@@ -50,6 +51,7 @@ impl<T: Transport> Live<T> {
         let line = format!(
             "a cloud was skipped after {seconds:.2} s without a transform from `{frame_id}` to `{fixed_frame}`: {why}"
         );
+        self.before.without_transform = Some(line.clone());
         // Thousands of frames take longer to list than a cloud to skip.
         if self.throttle.allows(reason, Instant::now()) {
             warn!("{}", one_line(&format!("{line}; {}", self.join.frames_seen())));
@@ -58,19 +60,7 @@ impl<T: Transport> Live<T> {
         }
     }
 
-    /// Says why no cloud comes, as far as it can be known.
-    pub(super) fn say_when_quiet(&mut self, now: Instant) {
-        let said = self.said_quiet.is_some_and(|said| now.duration_since(said) < QUIET_AGAIN);
-        if now.duration_since(self.quiet_since) < QUIET || said {
-            return;
-        }
-        self.said_quiet = Some(now);
-        let sources = self.transport.sources();
-        let line = inputs::why_quiet(self.transport.inputs(), self.chosen, &sources, QUIET);
-        warn!("{}", one_line(&line));
-    }
-
-    pub(super) fn warn(&mut self, kind: &'static str, line: std::fmt::Arguments<'_>) {
+    pub(super) fn warn(&mut self, kind: impl Into<Cow<'static, str>>, line: std::fmt::Arguments<'_>) {
         let line = line.to_string();
         let line = one_line(&line);
         if self.throttle.allows(kind, Instant::now()) {

@@ -2,6 +2,7 @@
 
 mod ending;
 mod hostile;
+mod reports;
 
 use tokio::runtime::Builder;
 use tokio::sync::oneshot;
@@ -13,28 +14,43 @@ use crate::engine::{Params, Points};
 use crate::msg::clusters::SurfaceClusterArray;
 use crate::msg::ros::{Header, Quaternion, Transform, TransformStamped, Vector3};
 use crate::node::resume::begin;
-use crate::node::transport::{Inputs, Outgoing, SendError, Source};
+use crate::node::rosout::listen;
+use crate::node::transport::{
+    DepthTopics, Form, Network, Outgoing, SendError, SensorTopics, Source, TopicName,
+};
 use crate::store::{self, Stored};
 use crate::worker::tests::DEADLY;
 
 /// Keeps what is published; fails when told to.
 struct Fake {
-    inputs: Inputs,
+    inputs: Vec<SensorTopics>,
+    network: Network,
     deltas: RefCell<Vec<SurfaceClusterArray>>,
+    reports: RefCell<Vec<DiagnosticArray>>,
     replies: RefCell<Vec<TriggerResponse>>,
     failure: RefCell<Option<oneshot::Receiver<String>>>,
 }
 
 impl Default for Fake {
     fn default() -> Self {
-        let name = str::to_owned;
-        let inputs = Inputs {
-            points: name("/points"),
-            image: name("/depth/image"),
-            camera_info: name("/depth/camera_info"),
-            compressed: name("/depth/image/compressedDepth"),
-        };
-        Self { inputs, deltas: RefCell::default(), replies: RefCell::default(), failure: RefCell::default() }
+        let name = |name: &str| TopicName { plain: name.to_owned(), resolved: format!("/{name}") };
+        let inputs = vec![SensorTopics {
+            name: "points".to_owned(),
+            points: Some(name("points")),
+            depth: Some(DepthTopics {
+                image: name("depth/image"),
+                camera_info: name("depth/camera_info"),
+                compressed: "/depth/image/compressedDepth".to_owned(),
+            }),
+        }];
+        Self {
+            inputs,
+            network: Network::default(),
+            deltas: RefCell::default(),
+            reports: RefCell::default(),
+            replies: RefCell::default(),
+            failure: RefCell::default(),
+        }
     }
 }
 
@@ -42,8 +58,10 @@ impl Transport for Fake {
     type Request = ();
 
     async fn publish(&self, message: Outgoing) -> Result<(), SendError> {
-        if let Outgoing::Delta(delta) = message {
-            self.deltas.borrow_mut().push(delta);
+        match message {
+            Outgoing::Delta(delta) => self.deltas.borrow_mut().push(delta),
+            Outgoing::Diagnostics(report) => self.reports.borrow_mut().push(report),
+            _ => {}
         }
         Ok(())
     }
@@ -53,12 +71,20 @@ impl Transport for Fake {
         Ok(())
     }
 
-    fn inputs(&self) -> &Inputs {
+    fn inputs(&self) -> &[SensorTopics] {
         &self.inputs
     }
 
     fn sources(&self) -> Vec<Source> {
         Vec::new()
+    }
+
+    fn node_name(&self) -> &str {
+        "/robot/cfodi"
+    }
+
+    fn network(&self) -> Network {
+        self.network.clone()
     }
 
     async fn failed(&self) -> String {
@@ -77,7 +103,10 @@ fn at(seconds: f64) -> Stamp {
 fn cloud(stamp: Stamp, frame_id: &str) -> Event<()> {
     let points = Points::F32(vec![[0.0, 0.0, 1.0]; 20]);
     let frame_id = frame_id.to_owned();
-    Event::Cloud(Input::Points, Ok(Cloud { stamp, frame_id, points, total: 20, invalid: 0, out_of_range: 0 }))
+    Event::Cloud(
+        Form::Points.of(0),
+        Ok(Cloud { stamp, frame_id, points, total: 20, invalid: 0, out_of_range: 0 }),
+    )
 }
 
 fn transform(stamp: Stamp, is_static: bool) -> Event<()> {
@@ -123,7 +152,7 @@ fn node_until<Stop: Future<Output = ()>>(
     let enough = stop(sender.clone(), Rc::clone(&counts));
     let runtime = Builder::new_current_thread().enable_time().build().unwrap();
     let (engine, _lock) = begin(config, config.snapshot_path.is_some()).unwrap();
-    let live = run(config, engine, Rc::clone(&transport), receiver, Rc::clone(&counts), enough);
+    let live = run(config, engine, Rc::clone(&transport), receiver, Rc::clone(&counts), listen().1, enough);
     let ended = LocalSet::new().block_on(&runtime, live);
     drop(sender);
     (ended.map(drop), counts.borrow().clone(), transport)
@@ -190,7 +219,7 @@ fn a_scan_that_jumps_back_begins_a_session_and_a_stray_stamp_without_transform_d
 fn counts_close_when_the_node_ends_with_clouds_on_their_way() {
     let clouds = (0..40).map(|i| cloud(at(10.0 + f64::from(i) / 30.0), "camera"));
     let mut events: Vec<_> = [transform(at(0.0), true)].into_iter().chain(clouds).collect();
-    events.push(Event::Lost(Input::Points, 3));
+    events.push(Event::Lost(Form::Points.of(0), 3));
     let (_, counts, _) = node(Fake::default(), events, 0);
     let skipped: u64 = counts.skipped.values().sum();
     assert_eq!((counts.received, counts.lost), (40, 3));
@@ -227,14 +256,14 @@ fn the_first_input_that_sends_a_good_scan_is_the_only_one_taken() {
     };
     let events = vec![
         transform(at(0.0), true),
-        Event::Cloud(Input::Depth, Err(CloudError::NoCameraInfo)),
-        Event::Camera(Err(CloudError::BadIntrinsics { fx: 0.0, fy: 0.0, cx: 0.0, cy: 0.0 })),
-        of(Input::CompressedDepth, 10.0),
-        of(Input::Depth, 10.0),
-        Event::Cloud(Input::Points, Err(CloudError::EmptyFrameId)),
-        of(Input::CompressedDepth, 10.1),
-        of(Input::Points, 10.1),
-        Event::Lost(Input::Points, 2),
+        Event::Cloud(Form::Depth.of(0), Err(CloudError::NoCameraInfo)),
+        Event::Camera(0, Err(CloudError::BadIntrinsics { fx: 0.0, fy: 0.0, cx: 0.0, cy: 0.0 })),
+        of(Form::CompressedDepth.of(0), 10.0),
+        of(Form::Depth.of(0), 10.0),
+        Event::Cloud(Form::Points.of(0), Err(CloudError::EmptyFrameId)),
+        of(Form::CompressedDepth.of(0), 10.1),
+        of(Form::Points.of(0), 10.1),
+        Event::Lost(Form::Points.of(0), 2),
     ];
     let (_, counts, _) = node(Fake::default(), events, 2);
     assert_eq!((counts.received, counts.taken_in, counts.lost), (6, 2, 2));

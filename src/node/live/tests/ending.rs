@@ -24,7 +24,10 @@ fn large_cloud(stamp: Stamp) -> Event<()> {
     };
     let points = Points::F32((0..total).map(point).collect());
     let frame_id = "camera".to_owned();
-    Event::Cloud(Input::Points, Ok(Cloud { stamp, frame_id, points, total, invalid: 0, out_of_range: 0 }))
+    Event::Cloud(
+        Form::Points.of(0),
+        Ok(Cloud { stamp, frame_id, points, total, invalid: 0, out_of_range: 0 }),
+    )
 }
 
 /// What was seen half a second after the node was told to end.

@@ -14,7 +14,7 @@ fn survives(hostile: Vec<Event<()>>, seconds: f64, taken_in: u64) -> (Counts, Rc
 }
 
 fn bad_cloud(error: CloudError) -> Event<()> {
-    Event::Cloud(Input::Points, Err(error))
+    Event::Cloud(Form::Points.of(0), Err(error))
 }
 
 fn changed(change: impl FnOnce(&mut TransformStamped)) -> Event<()> {
@@ -85,7 +85,7 @@ fn stamps_at_both_ends_of_the_wire_are_scans_like_any_and_the_next_good_one_is_t
 #[test]
 fn a_clock_that_jumps_to_and_fro_begins_sessions_and_nothing_else() {
     let clock = |sec| Event::Clock(Time { sec, nanosec: 0 }.stamp().unwrap());
-    let garbled = || Event::Garbled { topic: "/clock", text: "4294967295 ns in a second".to_owned() };
+    let garbled = || Event::Garbled { topic: "/clock".into(), text: "4294967295 ns in a second".to_owned() };
     let hostile = (0..20).flat_map(|_| [clock(i32::MAX), clock(i32::MIN), clock(0), garbled()]).collect();
     survives(hostile, 10.0, 1);
 }
@@ -99,7 +99,7 @@ fn a_flood_of_calls_is_answered_one_by_one_and_the_next_cloud_is_taken_in() {
 
 #[test]
 fn losses_by_made_up_numbers_do_not_overflow() {
-    let lost = || Event::Lost(Input::Points, i64::MAX as u64);
+    let lost = || Event::Lost(Form::Points.of(0), i64::MAX as u64);
     let (counts, _) = survives(vec![lost(), lost(), lost()], 10.0, 1);
     assert_eq!(counts.lost, u64::MAX);
 }

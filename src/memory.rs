@@ -1,0 +1,18 @@
+//! The memory of this process, where the system tells (Linux).
+
+/// What it has in memory now (MB).
+pub(crate) fn resident_mb() -> Option<f64> {
+    of_status("VmRSS:")
+}
+
+/// The most that it has had (MB).
+pub(crate) fn peak_resident_mb() -> Option<f64> {
+    of_status("VmHWM:")
+}
+
+fn of_status(field: &str) -> Option<f64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix(field))?;
+    let kib: f64 = line.trim().trim_end_matches("kB").trim().parse().ok()?;
+    Some(kib * 1024.0 / 1e6)
+}

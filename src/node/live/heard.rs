@@ -1,0 +1,121 @@
+//! What is heard of each sensor, and in which of its forms it is taken.
+
+use std::time::Instant;
+
+use tracing::info;
+
+use super::report::AHEAD;
+use super::{Live, QUIET, QUIET_AGAIN};
+use crate::cloud::{Cloud, CloudError};
+use crate::engine::Stamp;
+use crate::node::inputs;
+use crate::node::transport::{Form, Input, Transport};
+
+/// One sensor, as far as it was heard.
+#[derive(Clone, Debug)]
+pub(super) struct Heard {
+    /// The first form that a good scan came in: two of one sensor must not fill the map twice.
+    pub(super) chosen: Option<Form>,
+    /// When the newest scan came.
+    pub(super) since: Instant,
+    /// When it was said last that none comes.
+    said_quiet: Option<Instant>,
+    /// The stamp of the newest good scan.
+    pub(super) newest: Option<Stamp>,
+    /// Since the last report: scans that came, those of them that could not be used, and those that never arrived.
+    pub(super) received: u64,
+    pub(super) skipped: u64,
+    pub(super) lost: u64,
+}
+
+impl Heard {
+    pub(super) const fn new(start: Instant) -> Self {
+        Self { chosen: None, since: start, said_quiet: None, newest: None, received: 0, skipped: 0, lost: 0 }
+    }
+
+    pub(super) const fn begin_second(&mut self) {
+        (self.received, self.skipped, self.lost) = (0, 0, 0);
+    }
+
+    pub(super) fn takes(&self, form: Form) -> bool {
+        self.chosen.is_none_or(|chosen| chosen == form)
+    }
+}
+
+impl<T: Transport> Live<T> {
+    /// Takes in a scan of a sensor, or counts it where the sensor is taken in another form.
+    pub(super) fn scan(&mut self, input: Input, cloud: Result<Cloud, CloudError>) {
+        let Input { sensor, form } = input;
+        let clock = self.clock_now();
+        let heard = &mut self.heard[sensor];
+        if !heard.takes(form) {
+            return self.skip_other(input);
+        }
+        heard.since = Instant::now();
+        heard.received += 1;
+        match &cloud {
+            Ok(Cloud { stamp, .. }) => {
+                heard.newest = Some(*stamp);
+                if heard.chosen.replace(form).is_none() {
+                    self.say_chosen(input);
+                }
+                self.say_when_ahead(sensor, stamp.seconds_since(clock));
+            }
+            Err(_) => heard.skipped += 1,
+        }
+        self.cloud(cloud);
+    }
+
+    /// A scan from the future is taken in, where its transform is from there too: clocks of two machines may differ.
+    fn say_when_ahead(&mut self, sensor: usize, ahead: f64) {
+        if ahead > AHEAD {
+            let name = self.transport.inputs()[sensor].name.clone();
+            let line = format_args!("the stamps of the sensor {name} are {ahead:.1} s ahead of the clock");
+            self.warn("ahead", line);
+        }
+    }
+
+    fn say_chosen(&self, Input { sensor, form }: Input) {
+        let topics = &self.transport.inputs()[sensor];
+        let topic = topics.topic(form).unwrap_or_default();
+        match self.heard.len() {
+            1 => info!("scans are made of {topic}"),
+            _ => info!("scans of the sensor {} are made of {topic}", topics.name),
+        }
+    }
+
+    /// Counts a scan of a form that another one forestalled.
+    fn skip_other(&mut self, Input { sensor, form }: Input) {
+        self.counts.borrow_mut().received += 1;
+        self.counts.borrow_mut().skip("other_input");
+        let chosen = self.heard[sensor].chosen.unwrap_or(form);
+        let line = inputs::how_to_choose(&self.transport.inputs()[sensor], chosen, form);
+        self.warn("other_input", format_args!("{line}"));
+    }
+
+    pub(super) fn lost(&mut self, Input { sensor, form }: Input, number: u64) {
+        self.counts.borrow_mut().lose(number);
+        let heard = &mut self.heard[sensor];
+        if !heard.takes(form) {
+            return;
+        }
+        heard.lost = heard.lost.saturating_add(number);
+        let total = self.counts.borrow().lost;
+        self.warn("lost", format_args!("{total} clouds were sent and never arrived (see receive_buffer)"));
+    }
+
+    /// Says why no scan of a sensor comes, as far as it can be known.
+    pub(super) fn say_when_quiet(&mut self, now: Instant) {
+        for sensor in 0..self.heard.len() {
+            let heard = &mut self.heard[sensor];
+            let said = heard.said_quiet.is_some_and(|said| now.duration_since(said) < QUIET_AGAIN);
+            if now.duration_since(heard.since) < QUIET || said {
+                continue;
+            }
+            heard.said_quiet = Some(now);
+            let (topics, sources) = (&self.transport.inputs()[sensor], self.transport.sources());
+            let line = inputs::why_quiet(topics, heard.chosen, &sources, QUIET);
+            self.warn(format!("quiet {}", topics.name.clone()), format_args!("{line}"));
+        }
+    }
+}

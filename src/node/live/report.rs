@@ -1,0 +1,212 @@
+//! What the node reports of itself once a second on `/diagnostics`.
+
+use std::fmt::Display;
+use std::time::{Duration, Instant};
+
+use super::{Live, QUIET};
+use crate::engine::Stamp;
+use crate::line::one_line;
+use crate::memory::resident_mb;
+use crate::msg::reports::{DiagnosticArray, DiagnosticStatus, KeyValue, Level};
+use crate::msg::ros::Header;
+use crate::node::counts::Counts;
+use crate::node::inputs;
+use crate::node::rosout::now;
+use crate::node::transport::Transport;
+
+/// Stamps may be so far ahead of the clock until it is said.
+pub(super) const AHEAD: f64 = 1.0;
+
+/// And so far behind it: the path from the sensor takes no such time.
+const BEHIND: f64 = 10.0;
+
+/// What has been so far, for the next report to be about the time since.
+#[derive(Debug)]
+pub(super) struct Before {
+    at: Instant,
+    counts: Counts,
+    /// The longest that a scan has waited for its transform since.
+    pub(super) longest_wait: Duration,
+    /// What the newest cloud without a transform lacked.
+    pub(super) without_transform: Option<String>,
+}
+
+impl Before {
+    pub(super) fn new(at: Instant) -> Self {
+        Self { at, counts: Counts::default(), longest_wait: Duration::ZERO, without_transform: None }
+    }
+}
+
+/// A part of the node, with the worst that is to be said of it.
+struct Part {
+    status: DiagnosticStatus,
+    level: Level,
+}
+
+impl Part {
+    fn new(node: &str, part: &str, fine: impl Into<String>) -> Self {
+        let name = format!("{}: {part}", node.trim_start_matches('/'));
+        Self {
+            status: DiagnosticStatus { name, message: fine.into(), ..Default::default() },
+            level: Level::Ok,
+        }
+    }
+
+    fn value(&mut self, key: impl Into<String>, value: impl Display) -> &mut Self {
+        self.status.values.push(KeyValue { key: key.into(), value: value.to_string() });
+        self
+    }
+
+    /// Says this where nothing as bad was said before.
+    fn raise(&mut self, level: Level, line: impl AsRef<str>) {
+        if level > self.level {
+            self.level = level;
+            self.status.message = one_line(line.as_ref()).into_owned();
+        }
+    }
+
+    fn finish(mut self) -> DiagnosticStatus {
+        self.status.level = self.level as u8;
+        self.status
+    }
+}
+
+impl<T: Transport> Live<T> {
+    /// Sends a report about the time since the last one.
+    pub(super) fn report(&mut self) {
+        let clock = self.clock_now();
+        let seconds = self.before.at.elapsed().as_secs_f64().max(1e-3);
+        let mut status: Vec<_> =
+            (0..self.heard.len()).map(|sensor| self.of_sensor(sensor, seconds, clock)).collect();
+        status.extend([self.of_transforms(), self.of_engine(seconds), self.of_map(), self.of_network()]);
+        for heard in &mut self.heard {
+            heard.begin_second();
+        }
+        self.before = Before::new(Instant::now());
+        self.before.counts = self.counts.borrow().clone();
+        let report = DiagnosticArray { header: Header { stamp: clock.into(), ..Header::default() }, status };
+        // A reader that takes none of them must not hold up the node: the next one says the same or better.
+        drop(self.reports.try_send(report));
+    }
+
+    /// The simulated time where that is what counts.
+    pub(super) fn clock_now(&self) -> Stamp {
+        self.newest_clock.unwrap_or_else(now)
+    }
+
+    fn part(&self, part: &str, fine: impl Into<String>) -> Part {
+        Part::new(self.transport.node_name(), part, fine)
+    }
+
+    fn of_sensor(&self, sensor: usize, seconds: f64, clock: Stamp) -> DiagnosticStatus {
+        let (heard, topics) = (&self.heard[sensor], &self.transport.inputs()[sensor]);
+        let topic = heard.chosen.and_then(|form| topics.topic(form)).map(str::to_owned);
+        let topic = topic.unwrap_or_else(|| inputs::reads(topics));
+        let rate = heard.received as f64 / seconds;
+        let mut part = self.part(&format!("sensor {}", topics.name), format!("{rate:.1} scans/s on {topic}"));
+        part.value("topic", &topic).value("rate [Hz]", format!("{rate:.2}"));
+        part.value("lost", heard.lost).value("skipped", heard.skipped);
+        if heard.since.elapsed() >= QUIET {
+            let why = inputs::why_quiet(topics, heard.chosen, &self.transport.sources(), QUIET);
+            part.raise(Level::Error, why);
+        }
+        let bad = heard.lost.saturating_add(heard.skipped);
+        let sent = heard.received.saturating_add(heard.lost);
+        if bad.saturating_mul(10) > sent {
+            part.raise(Level::Warn, format!("{bad} of {sent} scans were lost or cannot be used"));
+        }
+        if let Some(stamp) = heard.newest {
+            let age = clock.seconds_since(stamp);
+            part.value("age of the newest [s]", format!("{age:.3}"));
+            if age < -AHEAD {
+                part.raise(Level::Warn, format!("its stamps are {:.1} s ahead of the clock", -age));
+            } else if age > BEHIND {
+                part.raise(
+                    Level::Warn,
+                    format!("its stamps are {age:.1} s behind the clock (a bag is played with --clock and use_sim_time)"),
+                );
+            }
+        }
+        part.finish()
+    }
+
+    fn since_before(&self, reason: &str) -> u64 {
+        let skipped = |counts: &Counts| counts.skipped.get(reason).copied().unwrap_or_default();
+        skipped(&self.counts.borrow()) - skipped(&self.before.counts)
+    }
+
+    fn of_transforms(&self) -> DiagnosticStatus {
+        let Self { before, join, fixed_frame, .. } = self;
+        let mut part = self.part("transforms", format!("every scan has its way to `{fixed_frame}`"));
+        let given_up = self.since_before("transform_timeout") + self.since_before("waiting_queue_full");
+        part.value("scans that wait", join.waiting());
+        part.value("longest wait [s]", format!("{:.3}", before.longest_wait.as_secs_f64()));
+        part.value("given up", given_up);
+        if given_up > 0 {
+            let taken_in = self.counts.borrow().taken_in > before.counts.taken_in;
+            let level = if taken_in { Level::Warn } else { Level::Error };
+            part.raise(level, before.without_transform.clone().unwrap_or_default());
+        }
+        part.finish()
+    }
+
+    fn of_engine(&self, seconds: f64) -> DiagnosticStatus {
+        let mut took = std::mem::take(&mut self.vitals.borrow_mut().took);
+        took.sort_unstable();
+        let ms =
+            |took: Option<&Duration>| format!("{:.2}", took.map_or(0.0, |took| took.as_secs_f64() * 1e3));
+        let (counts, before) = (self.counts.borrow(), &self.before.counts);
+        let replaced = counts.replaced - before.replaced;
+        let rate = (counts.taken_in - before.taken_in) as f64 / seconds;
+        let mut part = self.part("engine", format!("{rate:.1} scans/s taken in"));
+        part.value("rate [Hz]", format!("{rate:.2}"));
+        part.value("engine, median [ms]", ms(took.get(took.len() / 2)));
+        part.value("engine, longest [ms]", ms(took.last()));
+        part.value("received in all", counts.received).value("taken in in all", counts.taken_in);
+        part.value("replaced in all", counts.replaced).value("lost in all", counts.lost);
+        for (reason, number) in &counts.skipped {
+            part.value(format!("skipped in all, {reason}"), number);
+        }
+        if replaced > 0 {
+            part.raise(
+                Level::Warn,
+                format!("slower than the sensors: {replaced} scans were replaced by newer ones"),
+            );
+        }
+        part.finish()
+    }
+
+    fn of_map(&self) -> DiagnosticStatus {
+        let mut part = self.part("map", "empty");
+        if let Some(map) = self.vitals.borrow().map.filter(|map| map.session == self.session) {
+            let (clusters, voxels) = (map.clusters, map.dense_voxels);
+            part.status.message = format!("clusters: {clusters}; dense voxels: {voxels}");
+            part.value("clusters", clusters).value("dense voxels", voxels);
+            part.value("unclustered voxels", map.unclustered_voxels).value("sequence", map.sequence);
+        }
+        part.value("session", self.session);
+        if let Some(memory) = resident_mb() {
+            part.value("memory [MB]", format!("{memory:.1}"));
+        }
+        part.finish()
+    }
+
+    fn of_network(&mut self) -> DiagnosticStatus {
+        let network = self.transport.network();
+        let (got, wish) = (network.receive_buffer, self.receive_buffer);
+        let mut part = self.part("network", "every reader and publisher fits");
+        part.value("socket receive buffer [bytes]", got);
+        for (topic, why) in network.mismatches {
+            part.value(topic.clone(), &why);
+            part.raise(Level::Warn, format!("{topic}: {why}"));
+            self.warn(format!("quality of service {topic}"), format_args!("{topic}: {why}"));
+        }
+        if got < wish {
+            part.raise(
+                Level::Warn,
+                format!("the socket receive buffer has {got} bytes instead of {wish}: sudo sysctl -w net.core.rmem_max={wish}"),
+            );
+        }
+        part.finish()
+    }
+}

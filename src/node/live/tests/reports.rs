@@ -1,0 +1,67 @@
+//! What is reported of a node on a middleware made of channels.
+
+use super::*;
+use crate::msg::reports::DiagnosticStatus;
+
+/// What the last report says of a part.
+fn last(transport: &Fake, part: &str) -> DiagnosticStatus {
+    let reports = transport.reports.borrow();
+    let name = format!("robot/cfodi: {part}");
+    let status = reports.last().unwrap().status.iter().find(|status| status.name == name);
+    status.unwrap_or_else(|| panic!("no {name} in {reports:?}")).clone()
+}
+
+fn value(status: &DiagnosticStatus, key: &str) -> String {
+    status.values.iter().find(|value| value.key == key).unwrap().value.clone()
+}
+
+/// Runs a node on these events until it has reported.
+fn reported(transport: Fake, events: Vec<Event<()>>) -> Rc<Fake> {
+    let (ended, _, transport) = node_until(&Config::new([]).unwrap(), transport, events, |_, _| async {
+        tokio::time::sleep(Duration::from_millis(1800)).await;
+    });
+    ended.unwrap();
+    transport
+}
+
+#[test]
+fn a_report_has_the_figures_of_each_part() {
+    let stamp = new_session(0) as f64 / 1e9;
+    let events =
+        vec![transform(at(stamp), true), cloud(at(stamp), "camera"), Event::Lost(Form::Points.of(0), 9)];
+    let transport = reported(Fake::default(), events);
+    let sensor = last(&transport, "sensor points");
+    assert_eq!(value(&sensor, "lost"), "9");
+    assert_eq!((sensor.level, sensor.message.as_str()), (1, "9 of 10 scans were lost or cannot be used"));
+    assert_eq!(value(&last(&transport, "engine"), "taken in in all"), "1");
+    assert_eq!(value(&last(&transport, "map"), "sequence"), "1");
+    assert_eq!(last(&transport, "transforms").level, 0);
+}
+
+#[test]
+fn a_scan_without_a_transform_is_an_error_while_none_is_taken_in() {
+    let transport = reported(Fake::default(), vec![cloud(at(10.0), "nowhere")]);
+    let transforms = last(&transport, "transforms");
+    assert_eq!((transforms.level, value(&transforms, "given up").as_str()), (2, "1"));
+    assert!(transforms.message.contains("`nowhere`") && transforms.message.contains("`odom`"));
+}
+
+#[test]
+fn who_does_not_fit_and_a_buffer_cut_short_are_warnings() {
+    let network = |receive_buffer| Network {
+        receive_buffer,
+        mismatches: vec![("/tf_static".to_owned(), "a publisher offers less".to_owned())],
+    };
+    let transport = reported(Fake { network: network(32 << 20), ..Fake::default() }, Vec::new());
+    let said = last(&transport, "network");
+    assert_eq!((said.level, said.message.as_str()), (1, "/tf_static: a publisher offers less"));
+    let transport = reported(
+        Fake { network: Network { mismatches: vec![], ..network(212_992) }, ..Fake::default() },
+        Vec::new(),
+    );
+    let said = last(&transport, "network");
+    assert!(
+        said.level == 1 && said.message.ends_with("sudo sysctl -w net.core.rmem_max=33554432"),
+        "{said:?}"
+    );
+}

@@ -1,0 +1,220 @@
+"""examples/planner.py: what it makes of a map, and a robot that it drives."""
+
+import math
+import os
+import pathlib
+import re
+import subprocess
+import sys
+import threading
+import time
+
+import clouds
+import cpp
+import depth_images
+import numpy as np
+import pytest
+import scene
+from cfodi_msgs.msg import SurfaceCluster, SurfaceClusterArray
+from geometry_msgs.msg import Point, Point32, Polygon, Pose, Twist
+from peer import qos, wait_until
+from planner import Planner
+from sensor_msgs.msg import PointCloud2, PointField
+from shape_msgs.msg import Plane
+from tf2_msgs.msg import TFMessage
+
+HERE = pathlib.Path(__file__).resolve().parent
+BASE = (0.0, 0.0, 0.1, 0.0)  # a base frame 10 cm above the ground, looking along x
+FLOOR, HORIZONTAL, WALL = (SurfaceCluster.CLASS_FLOOR, SurfaceCluster.CLASS_HORIZONTAL, SurfaceCluster.CLASS_WALL)
+
+
+def surface(id, surface_class, corners, normal=(0.0, 0.0, 1.0), area=1.0, state=SurfaceCluster.STATE_ACTIVE):
+    """A cluster with this outline, its pose in the middle of the corners."""
+    middle = [sum(c[i] for c in corners) / len(corners) for i in range(3)]
+    offset = -sum(n * m for n, m in zip(normal, middle))
+    x, y, z = middle
+    return SurfaceCluster(
+        id=id, surface_class=surface_class, state=state, area=area, plane=Plane(coef=[*normal, offset]),
+        pose=Pose(position=Point(x=x, y=y, z=z)),
+        boundary=Polygon(points=[Point32(x=float(x), y=float(y), z=float(z)) for x, y, z in corners]))
+
+
+def level(id, surface_class, z, x, y, **more):
+    return surface(id, surface_class, [(x[0], y[0], z), (x[1], y[0], z), (x[1], y[1], z), (x[0], y[1], z)], **more)
+
+
+def planner(*clusters):
+    known = Planner(width=0.5, height=1.2)
+    ground = level(1, FLOOR, 0.0, (-5.0, 5.0), (-5.0, 5.0), area=100.0)
+    known.map.snapshot(SurfaceClusterArray(session_id=1, sequence=1, clusters=[ground, *clusters]))
+    return known, ground
+
+
+def free(*clusters, robot=BASE):
+    known, ground = planner(*clusters)
+    return known.free_ahead(ground, robot)
+
+
+def test_outlines_within_the_robots_width_and_height_are_in_its_way_and_others_are_not():
+    wall = surface(2, WALL, [(2.0, -3.0, 0.0), (2.0, 3.0, 0.0), (2.0, 3.0, 2.5), (2.0, -3.0, 2.5)], (-1.0, 0.0, 0.0))
+    assert free(wall) == pytest.approx(2.0)
+    assert free(wall, robot=(1.0, 1.0, 0.1, 0.0)) == pytest.approx(1.0)
+    assert free(wall, robot=(0.0, 0.0, 0.1, math.pi)) == math.inf, "it is behind"
+    assert free(level(3, HORIZONTAL, 0.7, (1.0, 1.8), (-0.2, 0.6))) == pytest.approx(1.0)
+    assert free(level(3, HORIZONTAL, 0.7, (1.0, 1.8), (0.3, 0.6))) == math.inf, "it stands beside the robot's way"
+    assert free(level(3, HORIZONTAL, 1.3, (1.0, 1.8), (-0.2, 0.6))) == math.inf, "the robot goes under it"
+    assert free(level(3, HORIZONTAL, 0.05, (1.0, 1.8), (-0.2, 0.6))) == math.inf, "it is the noise of the ground"
+
+
+def test_voxels_without_an_outline_are_in_its_way_too():
+    known, ground = planner()
+    known.points(clouds_of([(1.5, 0.1, 0.4, 0), (0.7, 0.0, 0.0, 1), (0.6, 0.0, 0.3, 1), (0.5, 0.4, 0.3, 0), (1.2, 0.0, 1.5, 0)]))
+    assert known.free_ahead(ground, BASE) == pytest.approx(1.5), "an outline holds those of cluster 1"
+    known.points(clouds_of([(0.8, 0.0, 0.3, 77)]))
+    assert known.free_ahead(ground, BASE) == pytest.approx(0.8), "no outline holds those of a cluster that has none"
+
+
+def clouds_of(points):
+    """As ~/points_labelled, of x, y, z, label."""
+    data = np.array(points, dtype=[("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("label", "<u4")])
+    fields = [PointField(name=n, offset=4 * i, datatype=6 if n == "label" else 7, count=1) for i, n in enumerate(data.dtype.names)]
+    return PointCloud2(height=1, width=len(points), fields=fields, point_step=16, row_step=16 * len(points), data=data.tobytes())
+
+
+def test_the_ground_is_what_the_robot_stands_on_and_the_table_is_the_nearest_to_the_wished_height():
+    lower = level(2, FLOOR, -0.8, (-9.0, 9.0), (-9.0, 9.0), area=300.0)
+    shelf, desk = (level(id, HORIZONTAL, z, (1.0, 2.0), (0.0, 1.0)) for id, z in ((3, 1.1), (4, 0.7)))
+    new = level(5, HORIZONTAL, 0.76, (1.0, 2.0), (0.0, 1.0), state=SurfaceCluster.STATE_TENTATIVE)
+    known, ground = planner(lower, shelf, desk, new)
+    assert known.ground(BASE).id == 1
+    assert known.ground((0.0, 0.0, 5.0, 0.0)) is None
+    assert [known.table(ground, height)[1].id for height in (0.75, 1.0)] == [4, 3]
+    assert known.table(ground, 0.75)[0] == pytest.approx(0.7)
+    assert planner()[0].table(ground, 0.75) is None
+
+
+def test_the_planner_in_cpp_compiles_against_the_generated_headers_and_does_the_same(tmp_path):
+    cpp.run(HERE / "planner_test.cpp", tmp_path)
+
+
+def test_the_node_in_cpp_is_sound_as_far_as_it_can_be_told_without_rclcpp():
+    cpp.compile(cpp.EXAMPLES / "planner.cpp", "-fsyntax-only", includes=[HERE / "rclcpp_stand_in"])
+
+
+def test_the_code_in_the_documentation_is_that_of_the_example():
+    text = (cpp.EXAMPLES.parent / "docs" / "planner.md").read_text()
+    snippets, code = re.findall(r"```python\n(.*?)```", text, re.DOTALL), (cpp.EXAMPLES / "planner.py").read_text()
+    assert len(snippets) >= 3
+    for snippet in snippets:
+        assert snippet in code
+
+
+class Robot:
+    """Says on /tf where it is, ten times a second, and hears `cmd_vel`."""
+
+    def __init__(self, peer, frame="map"):
+        self.frame, self.pose, self.over = frame, BASE, threading.Event()
+        self.commands = peer.record("/cmd_vel", Twist, qos(10))
+        self._tf = peer.node.create_publisher(TFMessage, "/tf", qos(100))
+        self._thread = threading.Thread(target=self._tell, daemon=True)
+        self._thread.start()
+
+    def _tell(self):
+        while not self.over.wait(0.1):
+            x, y, z, yaw = self.pose
+            turn = (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2))
+            transform = clouds.transform(self.frame, "base_link", (x, y, z), turn)
+            self._tf.publish(clouds.stamped(transform, clouds.TF_STAMP, time.time_ns()))
+
+    def stands(self, x, y, yaw, z=0.1):
+        self.pose = (x, y, z, yaw)
+
+    def expect(self, what, condition, steadily=5, timeout=20):
+        """Waits until so many commands in a row meet the condition on the speed."""
+        begin = len(self.commands)
+        wait_until(what, lambda: len(self.commands) >= begin + steadily and all(
+            condition(self.commands[-i].linear.x) for i in range(1, steadily + 1)), timeout)
+
+    def close(self):
+        self.over.set()
+        self._thread.join()
+
+
+@pytest.fixture
+def robot(peer):
+    robot = Robot(peer)
+    yield robot
+    robot.close()
+
+
+@pytest.fixture
+def drive(own_network):
+    """Starts the example; its log is what it gives."""
+    started = []
+
+    def drive(**parameters):
+        given = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
+        command = [sys.executable, str(cpp.EXAMPLES / "planner.py"), "--ros-args", *given]
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+                                   env=os.environ | {"PYTHONPATH": f"{cpp.EXAMPLES}:{os.environ['PYTHONPATH']}"})
+        lines = []
+        threading.Thread(target=lambda: lines.extend(process.stdout), daemon=True).start()
+        started.append(process)
+        return lines
+
+    yield drive
+    for process in started:
+        process.kill()
+        process.wait()
+
+
+def test_it_finds_the_cabinets_top_and_stops_before_its_side(recordings, start, peer, robot, drive):
+    remaps = {"depth/image": "/camera/depth/image_raw", "depth/camera_info": "/camera/depth/camera_info"}
+    start(points=None, remaps=remaps).ready()
+    peer.record_node()
+    lines = drive(wished_height=0.6, max_age=600.0)
+    camera = peer.depth_camera(depth_images.cabinet_info(recordings), "/compressedDepth")
+    camera.meet()
+    for scan in depth_images.cabinet(recordings, depth_images.compressed):
+        before, stamp = len(peer.deltas), time.time_ns()
+        camera.publish(scan.cloud, stamp, scan.transform)
+        peer.deltas.wait("the scan's delta", lambda m: m.header.stamp.nanosec == stamp % 10**9, after=before)
+    robot.stands(-2.3, 0.45, math.pi)
+    robot.expect("full speed away from the cabinet", lambda speed: speed == pytest.approx(0.3))
+    robot.stands(-3.0, 0.45, 0.0)
+    robot.expect("less speed a metre before its side", lambda speed: speed == pytest.approx(0.17, abs=0.02))
+    robot.stands(-2.3, 0.45, 0.0)
+    robot.expect("no speed before its side", lambda speed: speed == 0.0)
+    robot.stands(-2.3, 0.45, math.pi)
+    robot.expect("full speed again", lambda speed: speed == pytest.approx(0.3))
+    said = wait_until("the table", lambda: [re.search(r"table \d+: ([\d.]+) m high, ([\d.]+) x ([\d.]+) m", line) for line in lines])
+    height, length, width = map(float, said[-1].groups())
+    assert height == pytest.approx(0.55, abs=0.04), "as its owners measured it"
+    assert (length, width) == (pytest.approx(0.79, abs=0.08), pytest.approx(0.45, abs=0.08)), "within a voxel"
+
+
+def test_it_stands_where_the_map_grows_old_or_there_is_no_ground(start, peer, robot, drive):
+    start().ready()
+    peer.record_node()
+    drive(speed=0.2, stop_before=0.3, max_age=3.0)
+    camera = peer.camera()
+    camera.meet()
+    robot.expect("no speed without a map", lambda speed: speed == 0.0)
+    over = threading.Event()
+
+    def keep_showing():
+        while not over.wait(0.1):
+            camera.publish(scene.room(), time.time_ns(), clouds.still_transform())
+
+    shown = threading.Thread(target=keep_showing, daemon=True)
+    shown.start()
+    try:
+        robot.expect("some speed towards the table", lambda speed: 0.1 < speed <= 0.2)
+        robot.stands(0.0, 0.0, 0.0, z=3.0)
+        robot.expect("no speed without ground", lambda speed: speed == 0.0)
+        robot.stands(0.0, 0.0, 0.0)
+        robot.expect("some speed again", lambda speed: 0.1 < speed <= 0.2)
+    finally:
+        over.set()
+        shown.join()
+    robot.expect("no speed when the map is old", lambda speed: speed == 0.0)
