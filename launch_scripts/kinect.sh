@@ -5,5 +5,8 @@ set -euo pipefail
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 topic=/camera/depth/points
 if [ $# -gt 0 ] && [ "${1#-}" = "$1" ]; then topic=$1; shift; fi
-cfodi=$(command -v cfodi || echo "$here/target/release/cfodi")
+# Installed by cargo, built here, or installed by colcon.
+for cfodi in cfodi "$here/target/release/cfodi" "$here/../../lib/cfodi/cfodi"; do
+  if command -v "$cfodi" >/dev/null; then break; fi
+done
 exec "$cfodi" run --ros-args --params-file "$here/config/kinect.yaml" -r "points:=$topic" "$@"

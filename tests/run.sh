@@ -87,6 +87,7 @@ optional clippy cargo clippy --all-targets -- -D warnings
 RUSTDOCFLAGS="-D warnings" run cargo doc --no-deps
 run cargo check --lib --no-default-features   # the wall around the engine
 optional clippy cargo clippy --lib --no-default-features -- -D warnings
+run cargo check --bin cfodi --no-default-features --features node,humble
 if cargo nextest --version >/dev/null 2>&1; then
   run cargo nextest run --no-fail-fast
 else
@@ -101,6 +102,7 @@ step "ROS tests: sockets"
 raise_socket_buffer
 raise_readers_buffer
 run bash tests/ros/python.sh -m pytest tests/ros
+run bash tests/colcon/python.sh -m pytest tests/colcon
 run bash tests/bags/python.sh -m pytest tests/bags
 step "report: a browser"
 bash tests/report/browser.sh

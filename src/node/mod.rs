@@ -26,3 +26,6 @@ pub mod transport;
 mod vitals;
 
 pub use self::args::Setup;
+
+#[cfg(not(any(feature = "humble", feature = "jazzy")))]
+compile_error!("feature `node` needs the ROS 2 distribution that it talks to: feature `jazzy` or `humble`");

@@ -140,9 +140,10 @@ pub fn live_node(
         let (dds, events, receiver) = Dds::open(setup, security.clone(), record)?;
         say_security(&security);
         let dds = Rc::new(dds);
+        // Whoever reads that it is ready may end it at once.
+        let (asked, signals) = (Signals::new(), Signals::new());
         say_ready(setup, dds.inputs());
         begin(events)?;
-        let signals = Signals::new();
         let map = live::run(
             &setup.config,
             engine,
@@ -150,7 +151,7 @@ pub fn live_node(
             receiver,
             Rc::clone(&counts),
             lines,
-            ending(Signals::new(), done),
+            ending(asked, done),
         )
         .await;
         let network = leave(dds).await;

@@ -12,12 +12,16 @@ from peer import wait_until
 REPOSITORY = pathlib.Path(__file__).resolve().parents[2]
 
 
+def program():
+    """The executable under test."""
+    return os.environ.get("CFODI_BIN") or REPOSITORY / "target" / "release" / "cfodi"
+
+
 class Cfodi:
     """`cfodi run OPTIONS --ros-args ...` with `parameters` (-p), `remaps` (-r) and further `arguments`, after `prefix`."""
 
     def __init__(self, parameters=None, remaps=None, arguments=(), environment=None, options=(), prefix=(), binary=None):
-        binary = binary or os.environ.get("CFODI_BIN") or REPOSITORY / "target" / "release" / "cfodi"
-        command = [*prefix, str(binary), "run", *options, "--ros-args", *arguments]
+        command = [*prefix, str(binary or program()), "run", *options, "--ros-args", *arguments]
         for name, value in (remaps or {}).items():
             command += ["-r", f"{name}:={value}"]
         for name, value in (parameters or {}).items():

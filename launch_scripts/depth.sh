@@ -1,0 +1,13 @@
+#!/usr/bin/env bash
+# Runs cfodi beside a driver that publishes depth images, each with its camera info beside it.
+# usage: launch_scripts/depth.sh [IMAGE_TOPIC] [more ROS arguments, as -p voxel_size:=0.05]
+set -euo pipefail
+here=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+topic=/depth/image_raw
+if [ $# -gt 0 ] && [ "${1#-}" = "$1" ]; then topic=$1; shift; fi
+# Installed by cargo, built here, or installed by colcon.
+for cfodi in cfodi "$here/target/release/cfodi" "$here/../../lib/cfodi/cfodi"; do
+  if command -v "$cfodi" >/dev/null; then break; fi
+done
+exec "$cfodi" run --ros-args --params-file "$here/config/kinect.yaml" \
+  -r "depth/image:=$topic" -r "depth/camera_info:=${topic%/*}/camera_info" "$@"
