@@ -8,6 +8,7 @@ mod heard;
 mod map_reader;
 mod mismatch;
 mod network;
+mod opener;
 mod outlet;
 mod parameters;
 mod pulse;
@@ -19,28 +20,19 @@ mod threads;
 
 use std::borrow::Cow;
 use std::cell::RefCell;
-use std::net::{IpAddr, UdpSocket};
+use std::net::IpAddr;
 use std::rc::Rc;
 use std::time::Duration;
 
-use ros2_client::qos::{Durability, History, WhenFull};
-use ros2_client::{
-    Context, MessageTypeName, Name, Node, NodeName, NodeOptions, Publisher, QosProfile, RmwRequestId, Server,
-    ServiceMapping, ServiceTypeName, Subscription,
-};
-use rustdds::policy::ResourceLimits;
-use rustdds::{
-    DomainParticipant, DomainParticipantBuilder, QosPolicyBuilder, Topic, TopicDescription as _, TopicKind,
-};
-use serde::Serialize;
+use ros2_client::RmwRequestId;
 use thiserror::Error;
 use tokio::sync::mpsc;
 use tokio::task::JoinSet;
 use tracing::warn;
 
 pub use self::map_reader::MapReader;
-use self::mismatch::Ends;
 use self::network::Network;
+use self::opener::{Opener, reliable, reliable_output};
 use self::read::Memory;
 pub use self::robot::Robot;
 use super::args::{ArgsError, Setup};
@@ -103,98 +95,6 @@ fn opening<E: std::fmt::Display>(what: &str) -> impl FnOnce(E) -> DdsError {
     move |error| DdsError::Open { what: what.to_owned(), text: error.to_string() }
 }
 
-/// A node on the network, before it has topics.
-struct Opener<'a> {
-    setup: &'a Setup,
-    security: &'a Security,
-    participant: DomainParticipant,
-    node: Node,
-    ends: Ends,
-}
-
-impl<'a> Opener<'a> {
-    /// `security` is decided once: keys that are gone by now must not open the node to everyone.
-    fn new(setup: &'a Setup, security: &'a Security) -> Result<Self, DdsError> {
-        let participant = participant(setup, security)?;
-        let context =
-            Context::from_domain_participant(participant.clone()).map_err(opening("a ROS context"))?;
-        let name = NodeName::new(&setup.namespace, &setup.name).map_err(opening("the node"))?;
-        // The parameter services are those of `parameters`; what the node says goes where readers cannot hold it up.
-        let options = NodeOptions::new().start_parameter_services(false).enable_rosout(false);
-        let node = context.new_node(name, options).map_err(opening("the node"))?;
-        Ok(Self { setup, security, participant, node, ends: Ends::default() })
-    }
-
-    fn topic(
-        &self,
-        name: &str,
-        package: &str,
-        kind: &str,
-        qos: &rustdds::QosPolicies,
-    ) -> Result<Topic, DdsError> {
-        let resolved = self.setup.resolve(name)?;
-        let kind = MessageTypeName::new(package, kind).dds_msg_type();
-        let topic = self.participant.create_topic(format!("rt{resolved}"), kind, qos, TopicKind::NoKey);
-        topic.map_err(opening(&resolved))
-    }
-
-    fn subscribe<M: 'static>(
-        &mut self,
-        (name, package, kind): (&str, &str, &str),
-        qos: &rustdds::QosPolicies,
-    ) -> Result<Subscription<M>, DdsError> {
-        let topic = self.topic(name, package, kind, qos)?;
-        self.ends.reads(topic.name(), qos.clone());
-        self.node.create_subscription(&topic, None).map_err(opening(name))
-    }
-
-    fn publisher<M: Serialize>(
-        &mut self,
-        (name, package, kind): (&str, &str, &str),
-        qos: &rustdds::QosPolicies,
-    ) -> Result<Publisher<M>, DdsError> {
-        let topic = self.topic(name, package, kind, qos)?;
-        self.ends.publishes(topic.name(), qos.clone());
-        self.node.create_publisher(&topic, None).map_err(opening(name))
-    }
-
-    fn server<Q: ros2_client::Message + Clone + 'static, A: ros2_client::Message + 'static>(
-        &mut self,
-        name: &str,
-        (package, kind): (&str, &str),
-        depth: usize,
-    ) -> Result<Server<Q, A>, DdsError> {
-        let resolved = self.setup.resolve(name)?;
-        let service = Name::parse(&resolved).map_err(opening(&resolved))?;
-        let kind = ServiceTypeName::new(package, kind);
-        let qos = reliable(depth, Durability::Volatile);
-        let mapping = ServiceMapping::Enhanced;
-        self.node.create_server(mapping, &service, &kind, qos.clone(), qos).map_err(opening(&resolved))
-    }
-}
-
-fn participant(setup: &Setup, security: &Security) -> Result<DomainParticipant, DdsError> {
-    let builder = DomainParticipantBuilder::new(setup.domain)
-        .socket_receive_buffer_size(setup.config.receive_buffer)
-        .socket_send_buffer_size(setup.config.receive_buffer);
-    let only: &[IpAddr] = &setup.config.network_interfaces;
-    only.iter().copied().try_for_each(check_interface)?;
-    let builder = if only.is_empty() { builder } else { builder.with_only_networks(only.iter().copied()) };
-    match security {
-        Security::Off | Security::Unsecured(_) => builder.build().map_err(opening("a DDS participant")),
-        Security::Keys(enclave) => secure::build(builder, enclave.clone()),
-    }
-}
-
-/// `RustDDS` takes any address, and is deaf where the machine does not have it.
-fn check_interface(address: IpAddr) -> Result<(), DdsError> {
-    let refused = |text| DdsError::Interface { address, text };
-    if address.is_ipv6() {
-        return Err(refused("only IPv4 is spoken".to_owned()));
-    }
-    UdpSocket::bind((address, 0)).map(drop).map_err(|error| refused(error.to_string()))
-}
-
 /// Whether all names can be, before anything is done.
 ///
 /// # Errors
@@ -208,26 +108,6 @@ pub fn check_names(setup: &Setup) -> Result<(), DdsError> {
         setup.resolve(name)?;
     }
     Ok(())
-}
-
-/// A reader that acknowledges nothing must not hold up the others: where too much waits for it, a message fails at once.
-fn reliable(depth: usize, durability: Durability) -> QosProfile {
-    QosProfile::publisher_default()
-        .reliability_reliable(WhenFull::Fail)
-        .history(History::KeepLast { depth })
-        .durability(durability)
-}
-
-/// For what we send reliably. A snapshot outgrows the socket buffer of a reader on a stock kernel, and RustDDS repairs
-/// what was lost in rounds of 8 KB: 10 ms apart, slower than we publish, or a fifth of the deadline, 1 ms at the least.
-/// An offered deadline binds no reader that asks for none, and ROS readers ask for none.
-///
-/// RustDDS forgets what every reader has acknowledged: where there is none, or one that acknowledges nothing, it would keep
-/// some thousand messages. `most` bounds them, and what may wait for one reader.
-fn reliable_output(depth: usize, durability: Durability, most: i32) -> rustdds::QosPolicies {
-    let profile = reliable(depth, durability).deadline(Some(Duration::from_millis(5)));
-    let limits = ResourceLimits { max_samples: most, max_instances: 1, max_samples_per_instance: most };
-    rustdds::QosPolicies::from(&profile).modify_by(&QosPolicyBuilder::new().resource_limits(limits).build())
 }
 
 /// The node on DDS, for as long as it runs: where a thread of the middleware ends, or topics were opened anew too often, the
@@ -374,15 +254,6 @@ fn ros_type(dds: &str) -> String {
 mod tests {
     use super::*;
     use crate::node::args::Environment;
-
-    #[test]
-    fn an_address_that_the_machine_does_not_have_is_refused_and_so_is_ipv6() {
-        check_interface(IpAddr::from([127, 0, 0, 1])).unwrap();
-        let error = check_interface(IpAddr::from([192, 0, 2, 1])).unwrap_err().to_string();
-        assert!(error.starts_with("network_interfaces has 192.0.2.1: "), "{error}");
-        let error = check_interface(IpAddr::from([0, 0, 0, 0, 0, 0, 0, 1])).unwrap_err().to_string();
-        assert_eq!(error, "network_interfaces has ::1: only IPv4 is spoken");
-    }
 
     #[test]
     fn names_that_cannot_be_are_refused_before_anything_is_done() {

@@ -3,30 +3,32 @@
 
 mod calls;
 mod change;
+mod ending;
 mod heard;
 mod report;
 mod say;
+mod session;
 
 use std::cell::RefCell;
 use std::future::Future;
 use std::pin::pin;
 use std::rc::Rc;
 use std::sync::Arc;
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant};
 
 use thiserror::Error;
-use tokio::sync::mpsc::{self, UnboundedReceiver};
-use tokio::task::JoinHandle;
-use tracing::info;
+use tokio::sync::mpsc;
 
-use self::calls::{last_written, next};
+use self::calls::next;
 use self::change::{Timers, interval};
+use self::ending::{count_buried, death};
 use self::heard::Heard;
 use self::report::Before;
+use self::session::new_session;
 use super::counts::Counts;
-use super::publish::{Ended, Seen, publish};
+use super::publish::{Seen, publish};
 use super::rosout::Lines;
-use super::saving::{self, Saver, Saving, Written};
+use super::saving::{self, Saver, Saving};
 use super::speak::speak;
 use super::throttle::Throttle;
 use super::transport::{Event, Service, Transport};
@@ -36,9 +38,9 @@ use crate::config::Config;
 use crate::engine::{Engine, Snapshot, Stamp};
 use crate::join::{Join, Joined, Jump};
 use crate::msg::reports::DiagnosticArray;
-use crate::msg::ros::{TfMessage, TransformStamped, TriggerResponse};
+use crate::msg::ros::{TfMessage, TransformStamped};
 use crate::store::StoreError;
-use crate::tf::{Inserted, JUMP_BACK};
+use crate::tf::Inserted;
 use crate::worker::{Output, Worker};
 
 /// Clouds that may wait for their transform: as many as a Kinect sends within `tf_timeout`, within bounds of memory.
@@ -172,23 +174,6 @@ async fn drive<T: Transport>(
     broken.map_or(map, Err)
 }
 
-/// Counts what was under way when the engine died.
-fn count_buried(counts: &RefCell<Counts>) {
-    let mut counts = counts.borrow_mut();
-    let known = counts.taken_in + counts.replaced + counts.skipped.values().sum::<u64>();
-    (known..counts.received).for_each(|_| counts.skip("engine_died"));
-}
-
-fn death(ended: Option<Ended>) -> LiveError {
-    LiveError::Died(ended.and_then(|ended| ended.died).unwrap_or_else(|| "it has ended".to_owned()))
-}
-
-/// A session id that was not used before: the time of day in ns, or one more than the one before.
-fn new_session(before: u64) -> u64 {
-    let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-    u64::try_from(since_epoch.as_nanos()).unwrap_or(u64::MAX).max(before + 1)
-}
-
 struct Live<T: Transport> {
     transport: Rc<T>,
     worker: Worker,
@@ -295,24 +280,6 @@ impl<T: Transport> Live<T> {
         self.submit_ready();
     }
 
-    fn clock(&mut self, stamp: Stamp) {
-        let back =
-            self.newest_clock.map(|newest| newest.seconds_since(stamp)).filter(|back| *back > JUMP_BACK);
-        if let Some(back) = back {
-            self.join.begin_session(Some(stamp));
-            self.begin_session(&format!("/clock has jumped back by {back:.3} s"), true);
-            self.newest_clock = None;
-        }
-        self.newest_clock = self.newest_clock.max(Some(stamp));
-    }
-
-    async fn reset(&mut self, request: T::Request) {
-        self.join.begin_session(None);
-        self.begin_session("~/reset was called", false);
-        let message = format!("session {} begins with an empty map", self.session);
-        self.answer(Service::Reset, request, TriggerResponse { success: true, message }).await;
-    }
-
     fn submit_ready(&mut self) {
         for Joined { scan, at, jumped_back, .. } in self.join.ready(&self.fixed_frame) {
             let waited = self.start.elapsed().saturating_sub(at);
@@ -334,80 +301,11 @@ impl<T: Transport> Live<T> {
         }
     }
 
-    /// Counts what came and will not be used any more; a call to save is answered by the last map.
-    fn put_away(&mut self, event: Event<T::Request>) {
-        let mut counts = self.counts.borrow_mut();
-        match event {
-            Event::Cloud(_, cloud) => {
-                counts.received += 1;
-                counts.skip(cloud.as_ref().map_or_else(CloudError::reason, |_| "shutdown"));
-            }
-            Event::Lost(_, number) => counts.lose(number),
-            Event::Call(Service::Save, call) => {
-                if let Some(saving) = &mut self.saving {
-                    saving.wait(call);
-                }
-            }
-            _ => {}
-        }
-    }
-
     fn tick(&mut self) {
         for waited in self.join.expired(self.start.elapsed(), self.tf_timeout) {
             self.skip(&waited, "transform_timeout");
         }
         self.say_when_quiet(Instant::now());
-    }
-
-    /// Begins a session that no scan has asked for: what waits is given up.
-    fn begin_session(&mut self, why: &str, keeps: bool) {
-        for _ in self.join.give_up(self.start.elapsed()) {
-            self.counts.borrow_mut().skip("session_ended");
-        }
-        self.start_session(why, keeps);
-    }
-
-    /// Begins a session; `keeps` the file of the map that is given up.
-    fn start_session(&mut self, why: &str, keeps: bool) {
-        self.session = new_session(self.session);
-        (0..self.worker.reset(self.session)).for_each(|_| self.counts.borrow_mut().skip("session_ended"));
-        info!("{why}: session {} begins with an empty map", self.session);
-        self.worker.request_snapshot();
-        if keeps && let Some(saver) = &self.saver {
-            saver.keep();
-        }
-        // What is given up must not come back after a crash.
-        self.save(None);
-    }
-
-    /// Lets the worker take in what waits, and everything be sent and saved; the last thing sent is the whole map.
-    async fn finish(
-        mut self,
-        publishing: JoinHandle<Ended>,
-        written: Option<UnboundedReceiver<Written>>,
-    ) -> Result<Arc<Snapshot>, LiveError> {
-        let waiting = self.join.give_up(self.start.elapsed());
-        waiting.iter().for_each(|_| self.counts.borrow_mut().skip("shutdown"));
-        let Self { worker, transport, saver, saving, counts, .. } = self;
-        drop(saver);
-        worker.request_snapshot();
-        if saving.is_some() {
-            worker.request_save();
-        }
-        // The worker may wait for a place among the outputs, which this thread empties.
-        drop(tokio::task::spawn_blocking(move || drop(worker)).await);
-        let ended = publishing.await;
-        let saved = match written {
-            Some(written) => last_written(written, saving, &*transport).await,
-            None => Ok(()),
-        };
-        match ended {
-            Ok(Ended { map: Some(map), died: None }) => saved.map(|()| map),
-            ended => {
-                count_buried(&counts);
-                Err(death(ended.ok()))
-            }
-        }
     }
 }
 

@@ -9,11 +9,12 @@ use tokio::runtime::Builder;
 use tokio::sync::oneshot;
 use tokio::task::LocalSet;
 
+use super::session::new_session;
 use super::*;
 use crate::config::Value;
 use crate::engine::{Params, Points};
 use crate::msg::clusters::SurfaceClusterArray;
-use crate::msg::ros::{Header, Quaternion, Transform, TransformStamped, Vector3};
+use crate::msg::ros::{Header, Quaternion, Transform, TransformStamped, TriggerResponse, Vector3};
 use crate::node::resume::begin;
 use crate::node::rosout::listen;
 use crate::node::transport::{

@@ -1,0 +1,77 @@
+//! The node's end: what is under way is taken in, sent, saved or counted.
+
+use std::cell::RefCell;
+use std::sync::Arc;
+
+use tokio::sync::mpsc::UnboundedReceiver;
+use tokio::task::JoinHandle;
+
+use super::calls::last_written;
+use super::{Live, LiveError};
+use crate::cloud::CloudError;
+use crate::engine::Snapshot;
+use crate::node::counts::Counts;
+use crate::node::publish::Ended;
+use crate::node::saving::Written;
+use crate::node::transport::{Event, Service, Transport};
+
+/// Counts what was under way when the engine died.
+pub(super) fn count_buried(counts: &RefCell<Counts>) {
+    let mut counts = counts.borrow_mut();
+    let known = counts.taken_in + counts.replaced + counts.skipped.values().sum::<u64>();
+    (known..counts.received).for_each(|_| counts.skip("engine_died"));
+}
+
+pub(super) fn death(ended: Option<Ended>) -> LiveError {
+    LiveError::Died(ended.and_then(|ended| ended.died).unwrap_or_else(|| "it has ended".to_owned()))
+}
+
+impl<T: Transport> Live<T> {
+    /// Counts what came and will not be used any more; a call to save is answered by the last map.
+    pub(super) fn put_away(&mut self, event: Event<T::Request>) {
+        let mut counts = self.counts.borrow_mut();
+        match event {
+            Event::Cloud(_, cloud) => {
+                counts.received += 1;
+                counts.skip(cloud.as_ref().map_or_else(CloudError::reason, |_| "shutdown"));
+            }
+            Event::Lost(_, number) => counts.lose(number),
+            Event::Call(Service::Save, call) => {
+                if let Some(saving) = &mut self.saving {
+                    saving.wait(call);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// Lets the worker take in what waits, and everything be sent and saved; the last thing sent is the whole map.
+    pub(super) async fn finish(
+        mut self,
+        publishing: JoinHandle<Ended>,
+        written: Option<UnboundedReceiver<Written>>,
+    ) -> Result<Arc<Snapshot>, LiveError> {
+        let waiting = self.join.give_up(self.start.elapsed());
+        waiting.iter().for_each(|_| self.counts.borrow_mut().skip("shutdown"));
+        let Self { worker, transport, saver, saving, counts, .. } = self;
+        drop(saver);
+        worker.request_snapshot();
+        if saving.is_some() {
+            worker.request_save();
+        }
+        // The worker may wait for a place among the outputs, which this thread empties.
+        drop(tokio::task::spawn_blocking(move || drop(worker)).await);
+        let ended = publishing.await;
+        let saved = match written {
+            Some(written) => last_written(written, saving, &*transport).await,
+            None => Ok(()),
+        };
+        match ended {
+            Ok(Ended { map: Some(map), died: None }) => saved.map(|()| map),
+            ended => {
+                count_buried(&counts);
+                Err(death(ended.ok()))
+            }
+        }
+    }
+}

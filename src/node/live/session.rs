@@ -1,0 +1,58 @@
+//! Sessions: a map, until a clock jumps back or somebody asks for an empty one.
+
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use tracing::info;
+
+use super::Live;
+use crate::engine::Stamp;
+use crate::msg::ros::TriggerResponse;
+use crate::node::transport::{Service, Transport};
+use crate::tf::JUMP_BACK;
+
+/// A session id that was not used before: the time of day in ns, or one more than the one before.
+pub(super) fn new_session(before: u64) -> u64 {
+    let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    u64::try_from(since_epoch.as_nanos()).unwrap_or(u64::MAX).max(before + 1)
+}
+
+impl<T: Transport> Live<T> {
+    pub(super) fn clock(&mut self, stamp: Stamp) {
+        let back =
+            self.newest_clock.map(|newest| newest.seconds_since(stamp)).filter(|back| *back > JUMP_BACK);
+        if let Some(back) = back {
+            self.join.begin_session(Some(stamp));
+            self.begin_session(&format!("/clock has jumped back by {back:.3} s"), true);
+            self.newest_clock = None;
+        }
+        self.newest_clock = self.newest_clock.max(Some(stamp));
+    }
+
+    pub(super) async fn reset(&mut self, request: T::Request) {
+        self.join.begin_session(None);
+        self.begin_session("~/reset was called", false);
+        let message = format!("session {} begins with an empty map", self.session);
+        self.answer(Service::Reset, request, TriggerResponse { success: true, message }).await;
+    }
+
+    /// Begins a session that no scan has asked for: what waits is given up.
+    pub(super) fn begin_session(&mut self, why: &str, keeps: bool) {
+        for _ in self.join.give_up(self.start.elapsed()) {
+            self.counts.borrow_mut().skip("session_ended");
+        }
+        self.start_session(why, keeps);
+    }
+
+    /// Begins a session; `keeps` the file of the map that is given up.
+    pub(super) fn start_session(&mut self, why: &str, keeps: bool) {
+        self.session = new_session(self.session);
+        (0..self.worker.reset(self.session)).for_each(|_| self.counts.borrow_mut().skip("session_ended"));
+        info!("{why}: session {} begins with an empty map", self.session);
+        self.worker.request_snapshot();
+        if keeps && let Some(saver) = &self.saver {
+            saver.keep();
+        }
+        // What is given up must not come back after a crash.
+        self.save(None);
+    }
+}
