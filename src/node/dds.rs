@@ -101,6 +101,7 @@ struct Opener<'a> {
     setup: &'a Setup,
     security: &'a Security,
     participant: DomainParticipant,
+    context: Context,
     node: Node,
 }
 
@@ -113,7 +114,7 @@ impl<'a> Opener<'a> {
         let name = NodeName::new(&setup.namespace, &setup.name).map_err(opening("the node"))?;
         // The services of the node are those of `parameters`.
         let node = context.new_node(name, NodeOptions::new().start_parameter_services(false));
-        Ok(Self { setup, security, participant, node: node.map_err(opening("the node"))? })
+        Ok(Self { setup, security, participant, context, node: node.map_err(opening("the node"))? })
     }
 
     fn topic(
