@@ -164,11 +164,12 @@ impl Row {
         matches!(self.default, Default::Boolean(_))
     }
 
-    /// What the value must be, where the given one is `value`: its type first.
+    /// What the value must be, where `value` is not: its type first. `None` is a value of a type that no parameter has.
     pub(super) fn refusal(&self, value: Option<&Value>) -> Option<String> {
         let type_must = |words: &str| Some(words.to_owned());
         match (self.default, value) {
-            (Default::Boolean(_), Some(Value::Boolean(_))) => None,
+            (Default::Boolean(_), Some(Value::Boolean(_)))
+            | (Default::Texts(_), Some(Value::TextList(_))) => None,
             (Default::Integer(_), Some(Value::Integer(value))) => {
                 let Bounds::Integers(least, most) = self.bounds else { return None };
                 (!(least..=most).contains(value)).then(|| self.must())
@@ -185,7 +186,6 @@ impl Row {
                 let Bounds::OneOf(texts) = self.bounds else { return None };
                 (!texts.contains(&value.as_str())).then(|| self.must())
             }
-            (Default::Texts(_), Some(Value::TextList(_))) => None,
             (Default::Boolean(_), _) => type_must("true or false"),
             (Default::Integer(_), _) => type_must("an integer"),
             (Default::Double(_), _) => type_must("a number"),

@@ -160,8 +160,8 @@ impl Params {
     /// `keep_radius` and `expansion_interval`.
     #[must_use]
     pub const fn tuned(self, other: &Self) -> Self {
-        let Self { clearing, max_voxels, keep_radius, expansion_interval, .. } = *other;
-        Self { clearing, max_voxels, keep_radius, expansion_interval, ..self }
+        let Self { expansion_interval, clearing, max_voxels, keep_radius, .. } = *other;
+        Self { expansion_interval, clearing, max_voxels, keep_radius, ..self }
     }
 
     /// Sets whether voxels that the sensor looks through lose their points, in [`Mode::Consistent`].

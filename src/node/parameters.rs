@@ -21,6 +21,9 @@ use crate::msg::parameters::{
 /// What stands between the parts of a parameter's name.
 const SEPARATOR: char = '.';
 
+/// Letters of a reason, about.
+const MAX_REASON: usize = 400;
+
 /// The parameters as they are now.
 pub(super) struct Parameters {
     /// Fully qualified name of the node.
@@ -93,7 +96,7 @@ impl Parameters {
                 (SetParametersResult { successful: true, reason: String::new() }, self.event(changed))
             }
             Err(error) => {
-                let reason = one_line(&error.to_string()).into_owned();
+                let reason = shortened(&one_line(&error.to_string()));
                 debug!("{reason}");
                 (SetParametersResult { successful: false, reason }, None)
             }
@@ -133,6 +136,16 @@ impl Parameters {
         let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         Stamp::from_nanos(i64::try_from(since_epoch.as_nanos()).unwrap_or(i64::MAX))
     }
+}
+
+/// The text with its middle left out where it is long: a value comes from anyone, and is in the reason.
+fn shortened(text: &str) -> String {
+    let letters = text.chars().count();
+    if letters <= MAX_REASON {
+        return text.to_owned();
+    }
+    let (begin, end) = (text.chars().take(MAX_REASON / 2), text.chars().skip(letters - MAX_REASON / 2));
+    begin.chain(" ... ".chars()).chain(end).collect()
 }
 
 fn is_listed(name: &str, asked: &ListRequest) -> bool {
@@ -269,6 +282,14 @@ mod tests {
         assert_eq!(reason("depth", kind::NOT_SET), "depth cannot be removed; it must be an integer");
         assert!(reason("\u{1b}[2J\n", 77).contains("unknown parameter"));
         assert!(!reason("\u{1b}[2J\n", 77).contains('\u{1b}'));
+    }
+
+    #[test]
+    fn the_reason_is_short_however_long_the_value_is_and_still_says_what_it_must_be() {
+        let long = Value::Text("ä".repeat(10_000));
+        let reason = parameters(&[]).set(wanted(&[("optical", long)])).0.reason;
+        assert!(reason.starts_with("optical is ") && reason.ends_with("it must be `auto`, `yes` or `no`"));
+        assert!(reason.len() < 1000, "{}", reason.len());
     }
 
     #[test]

@@ -181,11 +181,14 @@ def test_a_reader_that_listens_already_takes_the_new_range(start, peer):
 def test_max_voxels_takes_effect_with_the_next_scan(start, peer):
     _, camera = begin(start, peer)
     take_in(camera, peer.deltas)
-    full = peer.labelled.wait("voxels", lambda m: m.width > 100).width
+
+    def voxels(snapshot):
+        return sum(cluster.voxel_count for cluster in snapshot.clusters) + snapshot.unclustered_voxels
+
+    peer.clusters.wait("many voxels", lambda m: voxels(m) > 100, timeout=60)
     assert set_one(peer, "max_voxels", 50).successful
-    after = len(peer.labelled)
     take_in(camera, peer.deltas)
-    peer.labelled.wait(f"fewer voxels than {full}", lambda m: m.width <= 50, after=after)
+    peer.clusters.wait("few voxels", lambda m: m.sequence == 2 and voxels(m) <= 50, timeout=60)
 
 
 @pytest.mark.timeout(120)

@@ -5,7 +5,7 @@ use std::rc::Rc;
 use std::time::Duration;
 
 use ros2_client::qos::Durability;
-use ros2_client::{Node, Publisher, QosProfile, RmwRequestId, Server};
+use ros2_client::{Context, Node, Publisher, QosProfile, RmwRequestId, Server};
 use rustdds::{DomainParticipant, TopicDescription as _};
 use serde::Serialize;
 use tokio::sync::Mutex;
@@ -49,6 +49,9 @@ const CALLS: usize = 10;
 /// Time between two looks at the middleware's threads.
 const LOOK: Duration = Duration::from_millis(250);
 
+/// Time for telling that the node has gone: who has just found it may have to ask for that again.
+const FAREWELL: Duration = Duration::from_millis(100);
+
 /// Topics that are opened anew until the network is joined anew: what the libraries tell others of the node names those
 /// before too. With a reader of all topics that never acknowledges, an hour.
 const MOST_REOPENED: u32 = 1000;
@@ -75,6 +78,8 @@ pub(super) struct Network {
     statics: Statics,
     ends: Ends,
     node: RefCell<Node>,
+    /// Tells others of the node, and that it has gone.
+    context: Context,
     participant: DomainParticipant,
     threads: Threads,
     /// How often a topic was opened anew.
@@ -128,6 +133,7 @@ impl Network {
             readers: Mutex::new(read::listen(&mut opener, memory, parameters, events)?),
             ends: opener.ends,
             node: RefCell::new(opener.node),
+            context: opener.context,
             threads,
             reopened: Cell::new(0),
         };
@@ -140,10 +146,11 @@ impl Network {
 
     /// Takes the node off the network; see [`super::Dds::close`].
     pub(super) async fn close(self) -> impl Sized {
-        let Self { node, participant, readers, .. } = self;
+        let Self { node, context, participant, readers, .. } = self;
         drop(node);
         // The library's own task ends when it runs next.
-        tokio::task::yield_now().await;
+        tokio::time::sleep(FAREWELL).await;
+        drop(context);
         (readers, participant)
     }
 

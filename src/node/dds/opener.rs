@@ -24,6 +24,7 @@ pub(super) struct Opener<'a> {
     pub(super) setup: &'a Setup,
     pub(super) security: &'a Security,
     pub(super) participant: DomainParticipant,
+    pub(super) context: Context,
     pub(super) node: Node,
     pub(super) ends: Ends,
 }
@@ -38,7 +39,7 @@ impl<'a> Opener<'a> {
         // The parameter services are those of `parameters`; what the node says goes where readers cannot hold it up.
         let options = NodeOptions::new().start_parameter_services(false).enable_rosout(false);
         let node = context.new_node(name, options).map_err(opening("the node"))?;
-        Ok(Self { setup, security, participant, node, ends: Ends::default() })
+        Ok(Self { setup, security, participant, context, node, ends: Ends::default() })
     }
 
     pub(super) fn topic(

@@ -26,7 +26,7 @@ fn what_the_engine_goes_on_by_reaches_it_before_the_next_scan() {
     let bounded = Config::new([("max_voxels".to_owned(), Value::Integer(1))]).unwrap();
     let wide = |seconds| match cloud(at(seconds), "camera") {
         Event::Cloud(input, Ok(cloud)) => {
-            let point = |i: u16| [f32::from(i / 20) * 0.5, 0.01, 1.01];
+            let point = |i: u16| [f32::from(i / 20), 0.01, 1.01];
             Event::Cloud(input, Ok(Cloud { points: Points::F32((0..80).map(point).collect()), ..cloud }))
         }
         other => other,
