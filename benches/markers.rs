@@ -30,7 +30,7 @@ fn floor(room: &Snapshot) -> Snapshot {
     let largest = room.clusters.iter().max_by(|a, b| a.area.unwrap().total_cmp(&b.area.unwrap())).unwrap();
     let on_plane = |x: f64, y: f64| largest.pose.transform_point(&Point3::new(x, y, 0.0));
     let jagged = |i: u32| {
-        let (turn, radius) = (TAU * f64::from(i) / 340.0, if i % 2 == 0 { 5.0 } else { 4.6 });
+        let (turn, radius) = (TAU * f64::from(i) / 340.0, if i.is_multiple_of(2) { 5.0 } else { 4.6 });
         on_plane(radius * turn.cos(), radius * turn.sin())
     };
     let hole = |i: u32| {

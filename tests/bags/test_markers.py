@@ -8,7 +8,7 @@ from draw_markers import BACKGROUND, Viewer, draw, points_of, rgb
 from replay import Replay, cfodi
 from result import ResultBag
 
-SECONDS = 2
+SECONDS = 3
 HERE = types.SimpleNamespace(position=types.SimpleNamespace(x=0, y=0, z=0), orientation=types.SimpleNamespace(w=1))
 
 

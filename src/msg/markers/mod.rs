@@ -4,7 +4,7 @@
 //! id and class (`names`); one without, as in mode `paper`, is its voxels as cubes (`clusters`). All normals are one
 //! marker (`normals`), and so are the voxels in no cluster (`unclustered`): obstacles that no surface shows.
 //!
-//! A marker's identity is (ns, id), and an id has 32 bits: cluster ids are mapped to slots ([`slots`]), which are used
+//! A marker's identity is (ns, id), and an id has 32 bits: cluster ids are mapped to slots, which are used
 //! again when a cluster has gone. Each message holds all that is to be seen, since one who joins late gets no other;
 //! markers are updated in place and deleted only when there is nothing more to show for them. No identity is twice
 //! in a message, which RViz calls an error. A viewer keeps only the newest message and may miss one, so deletions are

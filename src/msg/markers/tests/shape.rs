@@ -19,7 +19,10 @@ fn a_cluster_with_a_boundary_is_a_filled_polygon_with_its_edges_and_its_name() {
     assert_eq!((surface.points.len(), outline.points.len(), normals.points.len()), (6, 8, 2));
     assert_eq!(name.text, "12 floor");
     assert!(name.pose.position.z > 0.0 && name.scale.z >= 0.1);
-    assert_eq!((surface.header.frame_id.as_str(), surface.lifetime), ("odom", Default::default()));
+    assert_eq!(
+        (surface.header.frame_id.as_str(), surface.lifetime),
+        ("odom", crate::msg::ros::Duration::default())
+    );
     // A scale of 0 hides all points of a list of triangles.
     assert_eq!(surface.scale, crate::msg::ros::Vector3 { x: 1.0, y: 1.0, z: 1.0 });
 }
