@@ -5,6 +5,7 @@ use std::process::ExitCode;
 
 use anyhow::Context as _;
 use cfodi::bag::{Bag, Choice, Decoder, OutputTopics, Survey, choose};
+use cfodi::config::Sensor;
 use cfodi::export::write_whole;
 use cfodi::line::one_line;
 use cfodi::node::Setup;
@@ -190,13 +191,10 @@ pub(crate) fn open(setup: &Setup, path: &Path, wanted: &[String]) -> anyhow::Res
     let Survey { topics, is_complete } = bag.survey();
     let has = |name: &str| topics.iter().any(|topic| topic.name == name);
     // What the node would listen to is meant: where it was remapped in any case, else where the bag has it.
-    let listened = ["points", "depth/image"].map(|name| Ok((setup.resolve(name)?, setup.is_remapped(name))));
-    let listened = listened.into_iter().collect::<Result<Vec<_>, ArgsError>>()?;
-    let remapped = listened.iter().find(|(_, is_remapped)| *is_remapped);
-    let meant = remapped.or_else(|| listened.iter().find(|(name, _)| has(name)));
-    let meant: Vec<_> = meant.map(|(name, _)| name.clone()).into_iter().collect();
+    let meant = if setup.is_given("sensors") { of_sensors(setup)? } else { of_default(setup, has)? };
     let wanted = if wanted.is_empty() { &meant } else { wanted };
-    let info = setup.resolve("depth/camera_info")?;
+    let info = setup.config.sensors.iter().find_map(Sensor::camera_info);
+    let info = setup.resolve(info.as_deref().unwrap_or("depth/camera_info"))?;
     let choice = match choose(&topics, wanted, Some(&info)) {
         Ok(choice) => choice,
         Err(error) => {
@@ -217,6 +215,21 @@ pub(crate) fn open(setup: &Setup, path: &Path, wanted: &[String]) -> anyhow::Res
     };
     let decoder = Decoder::new(choice.sensors, setup.config.filter);
     Ok(Ok(Input { bag, decoder, fixed_frame }))
+}
+
+/// The topics of the sensors that are listed.
+fn of_sensors(setup: &Setup) -> Result<Vec<String>, ArgsError> {
+    let topic = |sensor: &Sensor| sensor.points().map(str::to_owned).or_else(|| sensor.image());
+    setup.config.sensors.iter().filter_map(topic).map(|topic| setup.resolve(&topic)).collect()
+}
+
+/// The topic that the node would listen to without a list, where it is meant or there.
+fn of_default(setup: &Setup, has: impl Fn(&str) -> bool) -> Result<Vec<String>, ArgsError> {
+    let listened = ["points", "depth/image"].map(|name| Ok((setup.resolve(name)?, setup.is_remapped(name))));
+    let listened = listened.into_iter().collect::<Result<Vec<_>, ArgsError>>()?;
+    let remapped = listened.iter().find(|(_, is_remapped)| *is_remapped);
+    let meant = remapped.or_else(|| listened.iter().find(|(name, _)| has(name)));
+    Ok(meant.map(|(name, _)| name.clone()).into_iter().collect())
 }
 
 fn say_choice(choice: &Choice) {

@@ -82,7 +82,9 @@ impl Current {
             }
             if let Some(because) = self.is_fixed(parameter).filter(|_| value != *now) {
                 // What could never be is told so.
-                Config::new([(name.clone(), value)])?;
+                let listed =
+                    self.values.get_key_value("sensors").map(|(name, list)| (name.clone(), list.clone()));
+                Config::new(listed.into_iter().chain([(name.clone(), value)]))?;
                 return Err(ConfigError::Fixed { name, value: now.clone(), because });
             }
             values.insert(name, value);
@@ -169,6 +171,19 @@ mod tests {
         assert!(error.contains("must be the name of a frame"), "{error}");
         let error = change(&mut current, &[("mode", Value::Text("paper".into()))]).unwrap_err();
         assert!(error.starts_with("mode is \"consistent\" while the node runs"), "{error}");
+    }
+
+    #[test]
+    fn what_belongs_to_a_sensor_is_known_by_its_name_and_stays() {
+        let sensors = ("sensors".to_owned(), Value::TextList(vec!["front".to_owned()]));
+        let mut current = Current::new(vec![sensors]).unwrap();
+        let mut line =
+            |name, value: &str| change(&mut current, &[(name, Value::Text(value.into()))]).unwrap_err();
+        assert!(line("front.kind", "depth").starts_with("front.kind is \"cloud\" while the node runs"));
+        assert!(line("front.noise_model", "none").starts_with("front.noise_model is \"kinect_v1\" while"));
+        assert!(line("noise_model", "none").starts_with("noise_model is \"kinect_v1\" while"));
+        assert!(line("front.kind", "lidar").contains("must be `cloud`, `depth` or `auto`"));
+        assert!(line("points.kind", "depth").contains("unknown parameter `points.kind`"));
     }
 
     #[test]

@@ -1,5 +1,7 @@
 //! The sensors that one map is made from: `sensors`, and of each its `<name>.kind` and `<name>.noise_model`.
 
+use super::table::TABLE;
+
 /// Sensors of one node at most.
 pub(super) const MOST_SENSORS: usize = 16;
 
@@ -67,12 +69,14 @@ impl Sensor {
 
 /// Whether these can be the names of the sensors.
 pub(super) fn can_be(list: &[String]) -> bool {
-    let differ = (1..list.len()).all(|index| !list[..index].contains(&list[index]));
-    (1..=MOST_SENSORS).contains(&list.len()) && differ && list.iter().all(|name| is_name(name))
+    // Their number first: whoever asks may name a million.
+    let differ = || (1..list.len()).all(|index| !list[..index].contains(&list[index]));
+    (1..=MOST_SENSORS).contains(&list.len()) && list.iter().all(|name| is_name(name)) && differ()
 }
 
 fn is_name(name: &str) -> bool {
     name.len() <= MAX_SENSOR_NAME_BYTES
+        && TABLE.iter().all(|row| row.name != name)
         && name.starts_with(|first: char| first.is_ascii_alphabetic())
         && name.chars().all(|letter| letter.is_ascii_alphanumeric() || letter == '_')
 }
@@ -115,7 +119,9 @@ mod tests {
     fn sensors_that_cannot_be_are_refused_with_what_they_must_be() {
         let line = |list: &[&str], more: &[(&str, &str)]| config(list, more).unwrap_err();
         let long = "x".repeat(MAX_SENSOR_NAME_BYTES + 1);
-        for list in [&[][..], &["a/b"], &[""], &["1a"], &["ä"], &[&long], &["a", "b", "a"], &["x"; 17]] {
+        for list in
+            [&[][..], &["a/b"], &[""], &["1a"], &["depth"], &["ä"], &[&long], &["a", "b", "a"], &["x"; 17]]
+        {
             let said = line(list, &[]);
             assert!(said.contains("it must be a list of 1 to 16 names that differ"), "{said}");
         }
@@ -141,9 +147,10 @@ mod tests {
         assert_eq!(model(&[("noise_model", "none")]), Ok(NoiseModel::None));
         let both = [("a.noise_model", "none"), ("b.noise_model", "none")];
         assert_eq!(model(&both), Ok(NoiseModel::None));
+        assert_eq!(model(&both[..1]), Ok(NoiseModel::None));
         assert_eq!(
-            model(&both[1..]).unwrap_err(),
-            "b.noise_model is \"none\"; it must be the same for all sensors: one map weighs its points in one way"
+            model(&[("noise_model", "kinect_v1"), ("b.noise_model", "none")]).unwrap_err(),
+            "b.noise_model is \"none\"; it must be as `noise_model` and the same for all sensors: one map weighs its points in one way"
         );
         assert!(model(&[("a.noise_model", "lidar")]).unwrap_err().starts_with("a.noise_model is \"lidar\""));
     }

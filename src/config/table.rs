@@ -155,9 +155,17 @@ impl Row {
     pub(super) fn as_declared(&self, value: Value) -> Value {
         match (self.default, value) {
             (Default::Double(_), Value::Integer(value)) => Value::Double(value as f64),
+            // What ROS's own tools make of `yes`.
+            (Default::Text(_), Value::Boolean(is)) if self.takes_yes() => {
+                Value::Text(if is { "yes" } else { "no" }.to_owned())
+            }
             (Default::Texts(_), Value::Text(text)) if text.is_empty() => Value::TextList(Vec::new()),
             (_, value) => value,
         }
+    }
+
+    fn takes_yes(&self) -> bool {
+        matches!(self.bounds, Bounds::OneOf(texts) if texts.contains(&"yes"))
     }
 
     pub(super) const fn is_boolean(&self) -> bool {
@@ -234,8 +242,8 @@ const FRAME: Bounds = {
 const SENSORS: Bounds = {
     assert!(MOST_SENSORS == 16 && MAX_SENSOR_NAME_BYTES == 64, "the words below say so");
     Bounds::Words(
-        "a list of 1 to 16 names that differ, each a letter and then letters, digits and underscores, 64 at most, as \
-         [\"front\", \"rear\"]",
+        "a list of 1 to 16 names that differ, from each other and from those of parameters, each a letter and then letters, \
+         digits and underscores, 64 at most, as [\"front\", \"rear\"]",
     )
 };
 
@@ -249,8 +257,8 @@ pub(super) const OF_SENSOR: &[Row] = &[
             NETWORK,
         ),
     Row::text("noise_model", "kinect_v1", Bounds::OneOf(NOISE_MODELS))
-        .also("the same for all sensors: one map weighs its points in one way")
-        .means("what its depths scatter by, in mode `consistent`; as `noise_model` where not given", MAP),
+        .also("as `noise_model` and the same for all sensors: one map weighs its points in one way")
+        .means("what its depths scatter by, in mode `consistent`; as `noise_model`, which follows it where not given", MAP),
 ];
 
 const NOISE_MODELS: &[&str] = &["kinect_v1", "none"];

@@ -83,11 +83,23 @@ impl Given {
             derived.push(("clearing".to_owned(), Value::Boolean(false)));
         }
         let names = names(self.get("sensors"));
-        let kind = if names == [sensors::DEFAULT] { Kind::Auto } else { Kind::Cloud };
-        for name in names {
-            derived.push((format!("{name}.kind"), Value::Text(kind.as_str().to_owned())));
-            derived.push((format!("{name}.noise_model"), self.get("noise_model").clone()));
+        // That of the sensors is that of the map.
+        let mut of_sensors = names.iter().map(|name| format!("{name}.noise_model"));
+        if let Some(of_sensor) = of_sensors.find(|name| told.contains(name)) {
+            derived.push(("noise_model".to_owned(), self.get(&of_sensor).clone()));
         }
+        let kind = if names == [sensors::DEFAULT] { Kind::Auto } else { Kind::Cloud };
+        for name in &names {
+            derived.push((format!("{name}.kind"), Value::Text(kind.as_str().to_owned())));
+        }
+        self.put(derived, told);
+        let of_all = self.get("noise_model").clone();
+        let of_sensors = names.iter().map(|name| (format!("{name}.noise_model"), of_all.clone())).collect();
+        self.put(of_sensors, told);
+    }
+
+    /// Gives these values to what was not told.
+    fn put(&mut self, derived: Vec<(String, Value)>, told: &BTreeSet<String>) {
         for (name, derived) in derived.into_iter().filter(|(name, _)| !told.contains(name)) {
             self.0.entry(name).and_modify(|(value, _)| *value = derived);
         }
@@ -173,16 +185,13 @@ impl Given {
 
     /// That of all sensors: the map's weights mean one thing.
     pub(super) fn noise_model(&self) -> Result<NoiseModel, ConfigError> {
-        let model = self.text("noise_model")?;
-        let of_sensors = self.sensors()?.into_iter().map(|sensor| sensor.name + ".noise_model");
-        let mut of_all = None;
-        for name in of_sensors {
+        for name in self.sensors()?.into_iter().map(|sensor| sensor.name + ".noise_model") {
             let own = self.text(&name)?;
-            if *of_all.get_or_insert(own) != own {
+            if own != self.text("noise_model")? {
                 return self.refuse_beside(&name);
             }
         }
-        match of_all.unwrap_or(model) {
+        match self.text("noise_model")? {
             "none" => Ok(NoiseModel::None),
             _ => Ok(NoiseModel::KinectV1),
         }
@@ -269,7 +278,12 @@ fn names(list: &Value) -> Vec<String> {
     }
 }
 
+/// Letters of a name that are compared with those of known ones.
+const MAX_COMPARED: usize = 256;
+
 /// The known name that differs least.
 pub(super) fn nearest(name: &str, known: impl Iterator<Item = String>) -> String {
-    known.min_by_key(|known| strsim::damerau_levenshtein(known, name)).unwrap_or_default()
+    // A name of a megabyte is near to none, and takes long to compare.
+    let begin: String = name.chars().take(MAX_COMPARED).collect();
+    known.min_by_key(|known| strsim::damerau_levenshtein(known, &begin)).unwrap_or_default()
 }

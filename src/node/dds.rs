@@ -15,7 +15,6 @@ mod pulse;
 mod read;
 mod robot;
 mod secure;
-mod statics;
 mod threads;
 
 use std::borrow::Cow;
@@ -102,7 +101,15 @@ fn opening<E: std::fmt::Display>(what: &str) -> impl FnOnce(E) -> DdsError {
 pub fn check_names(setup: &Setup) -> Result<(), DdsError> {
     ros2args::names::validate_namespace(&setup.namespace).map_err(ArgsError::from)?;
     read::inputs(setup)?;
-    let others = [Service::Reset.name(), Service::Save.name(), "/tf", "/tf_static", pulse::TOPIC];
+    let others = [
+        Service::Reset.name(),
+        Service::Save.name(),
+        "/tf",
+        "/tf_static",
+        "/clock",
+        "/parameter_events",
+        pulse::TOPIC,
+    ];
     let services = parameters::SERVICES.map(|(name, _)| name);
     for name in Outgoing::TOPICS.into_iter().chain(others).chain(services) {
         setup.resolve(name)?;

@@ -8,6 +8,9 @@ const CLOUD: &str = "sensor_msgs/msg/PointCloud2";
 const IMAGE: &str = "sensor_msgs/msg/Image";
 const COMPRESSED: &str = "sensor_msgs/msg/CompressedImage";
 
+/// Topics of one type that are named at most: somebody may publish thousands.
+const NAMED: usize = 20;
+
 /// What `image_transport` appends to the name of an image.
 pub(super) const COMPRESSED_DEPTH: &str = "/compressedDepth";
 
@@ -72,7 +75,7 @@ pub(super) fn why_quiet(
     if let Some((_, silent)) = wanted.iter().find(|(form, topic)| on(*form, topic).is_some()) {
         return format!(
             "{silent} has a publisher, but no cloud has come for {} s: either it is silent, or its messages are too large \
-             for the socket receive buffer (see above), or it sends by shared memory only",
+             for the socket receive buffer, or it sends by shared memory only",
             quiet.as_secs()
         );
     }
@@ -92,7 +95,7 @@ pub(super) fn why_quiet(
 /// What a sensor could be read from instead.
 fn choices(sensor: &SensorTopics, sources: &[Source]) -> String {
     let of_type = |kind: &'static str| sources.iter().filter(move |source| source.type_name == kind);
-    let topics = |kind| of_type(kind).map(|source| source.topic.as_str());
+    let topics = |kind| of_type(kind).map(|source| source.topic.as_str()).take(NAMED);
     let as_points =
         |points: &TopicName| topics(CLOUD).map(|topic| format!("-r {}:={topic}", points.plain)).collect();
     let clouds: Vec<_> = sensor.points.as_ref().map(as_points).unwrap_or_default();

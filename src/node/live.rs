@@ -43,9 +43,10 @@ use crate::store::StoreError;
 use crate::tf::Inserted;
 use crate::worker::{Output, Worker};
 
-/// Clouds that may wait for their transform: as many as a Kinect sends within `tf_timeout`, within bounds of memory.
-fn places(tf_timeout: Duration) -> usize {
-    ((tf_timeout.as_secs_f64() * 30.0) as usize + 2).clamp(8, 64)
+/// Clouds that may wait for their transform: as many as Kinects send within `tf_timeout`, within bounds of memory.
+fn places(config: &Config) -> usize {
+    let of_each = (config.tf_timeout.as_secs_f64() * 30.0) as usize + 2;
+    (of_each.max(8) * config.sensors.len()).min(64)
 }
 
 /// Outputs of the worker that wait to be sent; when full, the worker waits too, and newer scans replace older ones.
@@ -214,7 +215,7 @@ impl<T: Transport> Live<T> {
             transport,
             worker,
             saver,
-            join: Join::new(places(config.tf_timeout)),
+            join: Join::new(places(config)),
             timers: Timers::new(config),
             counts,
             vitals,

@@ -18,6 +18,9 @@ use crate::msg::parameters::{
     SetRequest, TypesResponse, kind,
 };
 
+/// Names that one request may have: there are not as many parameters.
+const MOST_NAMES: usize = 256;
+
 /// What stands between the parts of a parameter's name.
 const SEPARATOR: char = '.';
 
@@ -71,6 +74,9 @@ impl Parameters {
     /// Something of each parameter; of none where one of them is unknown, as rclcpp has it.
     fn of_each<T>(&self, asked: &Names, of: impl Fn(&Current, (&config::Parameter, &Value)) -> T) -> Vec<T> {
         let current = self.current.borrow();
+        if asked.names.len() > MOST_NAMES {
+            return Vec::new();
+        }
         let found = asked.names.iter().map(|name| current.get(name).map(|found| of(&current, found)));
         found.collect::<Option<_>>().unwrap_or_default()
     }

@@ -249,7 +249,7 @@ mod tests {
             Vec::new()
         }
 
-        fn node_name(&self) -> &str {
+        fn node_name(&self) -> &'static str {
             "/cfodi"
         }
 

@@ -28,6 +28,7 @@ DEFAULTS = {
     "keep_radius": 0.0, "max_range": 6.0, "min_range": 0.4, "optical": "auto",
     "max_points": 4_000_000, "network_interfaces": [], "receive_buffer": 32 << 20, "tf_timeout": 0.2, "publish_rate": 2.0,
     "use_sim_time": False, "snapshot_path": "", "snapshot_period": 60.0, "twins": [],
+    "sensors": ["points"], "points.kind": "auto", "points.noise_model": "kinect_v1",
 }
 FIELD = {ParameterType.PARAMETER_BOOL: "bool_value", ParameterType.PARAMETER_INTEGER: "integer_value",
          ParameterType.PARAMETER_DOUBLE: "double_value", ParameterType.PARAMETER_STRING: "string_value",

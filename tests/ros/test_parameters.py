@@ -42,12 +42,17 @@ TABLE = {
     "snapshot_path": (None, None, None, None),
     "snapshot_period": ((0.1, 86400.0), 9.0, 0.0, "from 0.1 to 86400 s"),
     "use_sim_time": (None, None, None, None),
+    "twins": (None, None, None, None),
+    "sensors": (None, None, ["a", "a"], "a list of 1 to 16 names"),
+    "points.kind": (None, None, "lidar", "`cloud`, `depth` or `auto`"),
+    "points.noise_model": (None, None, "kinect_v2", "`kinect_v1` or `none`"),
 }
 # Another value of what is read when the node starts.
 FIXED = {
     "fixed_frame": "map", "mode": "paper", "voxel_size": 0.1, "min_points": 9, "depth": 3, "max_normal_angle": 0.4,
     "min_vicinity": 2, "noise_model": "none", "network_interfaces": ["127.0.0.1"], "receive_buffer": 65536,
-    "snapshot_path": "/tmp/map", "use_sim_time": True,
+    "snapshot_path": "/tmp/map", "use_sim_time": True, "twins": ["detections"], "sensors": ["front"], "points.kind": "cloud",
+    "points.noise_model": "none",
 }
 
 

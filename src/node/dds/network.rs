@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use ros2_client::qos::Durability;
 use ros2_client::{Context, Node, Publisher, QosProfile, RmwRequestId, Server};
-use rustdds::{DomainParticipant, TopicDescription as _};
+use rustdds::DomainParticipant;
 use serde::Serialize;
 use tokio::sync::Mutex;
 use tracing::warn;
@@ -14,8 +14,7 @@ use tracing::warn;
 use super::mismatch::Ends;
 use super::outlet::Outlet;
 use super::pulse::Pulse;
-use super::read::{self, Memory, STATICS, statics_qos};
-use super::statics::Statics;
+use super::read::{self, Memory};
 use super::threads::Threads;
 use super::{DdsError, Events, Opener, Readers, opening, ros_type};
 use crate::msg::clusters::SurfaceClusterArray;
@@ -75,7 +74,6 @@ pub(super) struct Network {
     readers: Mutex<Readers>,
     /// `None` where the keys do not permit it.
     pulse: Option<Pulse>,
-    statics: Statics,
     ends: Ends,
     node: RefCell<Node>,
     /// Tells others of the node, and that it has gone.
@@ -128,7 +126,6 @@ impl Network {
             reset: Rc::new(opener.server(Service::Reset.name(), TRIGGER, CALLS)?),
             save: Rc::new(opener.server(Service::Save.name(), TRIGGER, CALLS)?),
             pulse: pulse(&opener),
-            statics: statics(&opener, events)?,
             participant: opener.participant.clone(),
             readers: Mutex::new(read::listen(&mut opener, memory, parameters, events)?),
             ends: opener.ends,
@@ -170,19 +167,12 @@ impl Network {
                 let sent = self.labelled.async_publish(cloud).await;
                 sent.map_err(|error| SendError(format!("on {}: {error}", Outgoing::LABELLED)))
             }
-            Outgoing::Detections(array) => self.send_twin(self.detections.as_ref(), array).await,
-            Outgoing::Polygon(polygon) => self.send_twin(self.polygons.as_ref(), polygon).await,
+            Outgoing::Detections(array) => self.tell(self.detections.as_ref(), array).await,
+            Outgoing::Polygon(polygon) => self.tell(self.polygons.as_ref(), polygon).await,
         }
     }
 
-    /// A twin that nobody has asked for has no topic.
-    async fn send_twin<M: Serialize>(&self, outlet: Option<&Outlet<M>>, message: M) -> Result<(), SendError> {
-        match outlet {
-            Some(outlet) => self.send(outlet, message).await,
-            None => Ok(()),
-        }
-    }
-
+    /// Sends where there is a topic: not for what nobody has asked for, or the keys do not permit.
     async fn tell<M: Serialize>(&self, outlet: Option<&Outlet<M>>, message: M) -> Result<(), SendError> {
         match outlet {
             Some(outlet) => self.send(outlet, message).await,
@@ -221,6 +211,10 @@ impl Network {
     }
 
     pub(super) fn sources(&self) -> Vec<Source> {
+        // As in `mismatches`.
+        if !self.threads.live() {
+            return Vec::new();
+        }
         let writers = self.participant.discovered_writers();
         let mut sources: Vec<_> = writers
             .iter()
@@ -269,14 +263,6 @@ impl Network {
         }
     }
 
-    fn hear_new_statics(&self) {
-        match self.statics.hear_new(&self.participant, &mut self.node.borrow_mut()) {
-            Ok(true) => self.reopened.set(self.reopened.get() + 1),
-            Ok(false) => {}
-            Err(error) => warn!("latched transforms may come some seconds late: {error}"),
-        }
-    }
-
     /// Resolves when the network is to be joined anew, with the reason.
     pub(super) async fn worn_out(&self) -> String {
         loop {
@@ -286,16 +272,9 @@ impl Network {
             if self.reopened.get() >= MOST_REOPENED {
                 return format!("topics were opened anew {MOST_REOPENED} times");
             }
-            self.hear_new_statics();
             tokio::time::sleep(LOOK).await;
         }
     }
-}
-
-fn statics(opener: &Opener<'_>, events: &Events) -> Result<Statics, DdsError> {
-    let topic = opener.topic(STATICS.0, STATICS.1, STATICS.2, &statics_qos())?;
-    let name = topic.name();
-    Ok(Statics::new(topic, name, events.clone()))
 }
 
 /// What is of use and not needed: where it cannot be opened the node does without, and says so.

@@ -61,6 +61,7 @@ pub(super) fn serve(
     spawn(opener, readers, events, set, async move |wanted: SetRequest| {
         let mut results = Vec::new();
         for parameter in wanted.parameters {
+            tokio::task::yield_now().await;
             results.push(each.set(SetRequest { parameters: vec![parameter] }).await);
         }
         SetResponse { results }
@@ -86,10 +87,14 @@ impl Setter {
     }
 
     async fn set(&self, wanted: SetRequest) -> SetParametersResult {
+        // A place first: what is stored is carried out, whatever ends this task.
+        let place = self.events.reserve().await;
         let (result, change) = self.parameters.set(wanted);
         if let Some(change) = change {
             // Where the node has ended, nobody is left to be told.
-            drop(self.events.send(Event::Changed(Box::new(self.parameters.config()))).await);
+            if let Ok(place) = place {
+                place.send(Event::Changed(Box::new(self.parameters.config())));
+            }
             if let Err(error) = self.changes.async_publish(change).await {
                 warn!("a change of parameters could not be told on {EVENTS}: {error}");
             }
@@ -119,6 +124,8 @@ async fn answer_all<Q: Message + 'static, A: Message + 'static>(
     loop {
         match server.async_receive_request().await {
             Ok((caller, request)) => {
+                // A flood of calls must not be all that is done.
+                tokio::task::yield_now().await;
                 let response = answer(request).await;
                 if let Err(error) = server.async_send_response(caller, response).await {
                     warn!("{name} could not be answered: {error}");

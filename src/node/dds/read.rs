@@ -16,7 +16,7 @@ use super::heard::{Known, Order, Taken};
 use super::{DdsError, Events, Opener, Readers, opening, parameters, reliable};
 use crate::cloud::{Camera, Cloud, CloudError, CloudFilter, CloudSeed, CompressedSeed, DepthSeed};
 use crate::config::Sensor;
-use crate::msg::ros::{CameraInfo, Clock, TfMessage, TriggerRequest, TriggerResponse};
+use crate::msg::ros::{CameraInfo, Clock, TriggerRequest, TriggerResponse};
 use crate::node::args::{ArgsError, Setup};
 use crate::node::inputs::COMPRESSED_DEPTH;
 use crate::node::parameters::Parameters;
@@ -72,8 +72,10 @@ pub(super) fn listen(
         };
         readers.spawn_local(read("/tf", dynamic, events.clone(), transforms));
     }
-    let latched = opener.subscribe(STATICS, &statics_qos())?;
-    readers.spawn_local(read_statics(latched, events.clone()));
+    let transforms = |message, _: &MessageInfo| Some(Event::Transforms { message, is_static: true });
+    let latched =
+        opener.subscribe(("/tf_static", "tf2_msgs", "TFMessage"), &tf(Durability::TransientLocal))?;
+    readers.spawn_local(read("/tf_static", latched, events.clone(), transforms));
     if opener.setup.config.use_sim_time {
         let qos = (&QosProfile::subscription_default()).into();
         let clock = opener.subscribe(("/clock", "rosgraph_msgs", "Clock"), &qos)?;
@@ -92,18 +94,6 @@ pub(super) fn listen(
         "the graph".into()
     });
     Ok(readers)
-}
-
-/// The topic of transforms that hold for all time.
-pub(super) const STATICS: (&str, &str, &str) = ("/tf_static", "tf2_msgs", "TFMessage");
-
-pub(super) fn statics_qos() -> rustdds::QosPolicies {
-    (&reliable(100, Durability::TransientLocal)).into()
-}
-
-pub(super) async fn read_statics(subscription: Subscription<TfMessage>, events: Events) -> Cow<'static, str> {
-    let transforms = |message, _: &MessageInfo| Some(Event::Transforms { message, is_static: true });
-    read(STATICS.0, subscription, events, transforms).await
 }
 
 /// Whether messages come by DDS Security. Then there is one reader a topic: with two of `/tf`, transforms did not always come.
@@ -145,10 +135,10 @@ fn listen_to_scans(
         let heard = memory.scans.borrow_mut().entry(number).or_default().clone();
         let mut listening = Listening { opener, readers, parameters, events, number, heard };
         if let Some(points) = sensor.points {
-            listening.to_clouds(points.resolved)?;
+            listening.clouds(points.resolved)?;
         }
         if let Some(depth) = sensor.depth {
-            listening.to_images(depth)?;
+            listening.images(depth)?;
         }
     }
     Ok(())
@@ -165,7 +155,7 @@ struct Listening<'a, 'b> {
 }
 
 impl Listening<'_, '_> {
-    fn to_clouds(&mut self, topic: String) -> Result<(), DdsError> {
+    fn clouds(&mut self, topic: String) -> Result<(), DdsError> {
         let qos = scan_qos(policy::Reliability::BestEffort);
         let clouds = self.opener.subscribe((&topic, "sensor_msgs", "PointCloud2"), &qos)?;
         let seed = WithFilter(Rc::clone(self.parameters), CloudSeed::new);
@@ -175,7 +165,7 @@ impl Listening<'_, '_> {
     }
 
     /// Depth images with their camera.
-    fn to_images(&mut self, topics: DepthTopics) -> Result<(), DdsError> {
+    fn images(&mut self, topics: DepthTopics) -> Result<(), DdsError> {
         let DepthTopics { image, camera_info, compressed } = topics;
         let best_effort = policy::Reliability::BestEffort;
         let (qos, camera) = (scan_qos(best_effort), self.heard.camera.clone());

@@ -35,12 +35,14 @@ impl<T: Transport> Live<T> {
         let Timers { snapshots, savings } = &mut self.timers;
         if snapshots.period() != config.publish_period {
             *snapshots = interval(config.publish_period);
+            snapshots.reset();
         }
         if savings.period() != config.snapshot_period {
             *savings = interval(config.snapshot_period);
+            savings.reset();
         }
         self.tf_timeout = config.tf_timeout;
-        self.join.set_places(places(config.tf_timeout));
+        self.join.set_places(places(config));
         self.worker.tune(config.engine);
     }
 }

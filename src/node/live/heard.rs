@@ -78,9 +78,10 @@ impl<T: Transport> Live<T> {
     fn say_chosen(&self, Input { sensor, form }: Input) {
         let topics = &self.transport.inputs()[sensor];
         let topic = topics.topic(form).unwrap_or_default();
-        match self.heard.len() {
-            1 => info!("scans are made of {topic}"),
-            _ => info!("scans of the sensor {} are made of {topic}", topics.name),
+        if self.heard.len() == 1 {
+            info!("scans are made of {topic}");
+        } else {
+            info!("scans of the sensor {} are made of {topic}", topics.name);
         }
     }
 
@@ -115,7 +116,7 @@ impl<T: Transport> Live<T> {
             heard.said_quiet = Some(now);
             let (topics, sources) = (&self.transport.inputs()[sensor], self.transport.sources());
             let line = inputs::why_quiet(topics, heard.chosen, &sources, QUIET);
-            self.warn(format!("quiet {}", topics.name.clone()), format_args!("{line}"));
+            self.warn(format!("quiet {}", topics.name), format_args!("{line}"));
         }
     }
 }

@@ -12,7 +12,7 @@ use crate::msg::ros::Header;
 use crate::node::counts::Counts;
 use crate::node::inputs;
 use crate::node::rosout::now;
-use crate::node::transport::Transport;
+use crate::node::transport::{Source, Transport};
 
 /// Stamps may be so far ahead of the clock until it is said.
 pub(super) const AHEAD: f64 = 1.0;
@@ -74,10 +74,14 @@ impl Part {
 impl<T: Transport> Live<T> {
     /// Sends a report about the time since the last one.
     pub(super) fn report(&mut self) {
+        // A reader that takes none of them must not hold up the node: what is not reported now is in the next one.
+        let Ok(place) = self.reports.clone().try_reserve_owned() else { return };
         let clock = self.clock_now();
         let seconds = self.before.at.elapsed().as_secs_f64().max(1e-3);
+        let is_quiet = self.heard.iter().any(|heard| heard.since.elapsed() >= QUIET);
+        let sources = if is_quiet { self.transport.sources() } else { Vec::new() };
         let mut status: Vec<_> =
-            (0..self.heard.len()).map(|sensor| self.of_sensor(sensor, seconds, clock)).collect();
+            (0..self.heard.len()).map(|sensor| self.of_sensor(sensor, (seconds, clock), &sources)).collect();
         status.extend([self.of_transforms(), self.of_engine(seconds), self.of_map(), self.of_network()]);
         for heard in &mut self.heard {
             heard.begin_second();
@@ -85,8 +89,7 @@ impl<T: Transport> Live<T> {
         self.before = Before::new(Instant::now());
         self.before.counts = self.counts.borrow().clone();
         let report = DiagnosticArray { header: Header { stamp: clock.into(), ..Header::default() }, status };
-        // A reader that takes none of them must not hold up the node: the next one says the same or better.
-        drop(self.reports.try_send(report));
+        place.send(report);
     }
 
     /// The simulated time where that is what counts.
@@ -98,7 +101,12 @@ impl<T: Transport> Live<T> {
         Part::new(self.transport.node_name(), part, fine)
     }
 
-    fn of_sensor(&self, sensor: usize, seconds: f64, clock: Stamp) -> DiagnosticStatus {
+    fn of_sensor(
+        &self,
+        sensor: usize,
+        (seconds, clock): (f64, Stamp),
+        sources: &[Source],
+    ) -> DiagnosticStatus {
         let (heard, topics) = (&self.heard[sensor], &self.transport.inputs()[sensor]);
         let topic = heard.chosen.and_then(|form| topics.topic(form)).map(str::to_owned);
         let topic = topic.unwrap_or_else(|| inputs::reads(topics));
@@ -107,7 +115,7 @@ impl<T: Transport> Live<T> {
         part.value("topic", &topic).value("rate [Hz]", format!("{rate:.2}"));
         part.value("lost", heard.lost).value("skipped", heard.skipped);
         if heard.since.elapsed() >= QUIET {
-            let why = inputs::why_quiet(topics, heard.chosen, &self.transport.sources(), QUIET);
+            let why = inputs::why_quiet(topics, heard.chosen, sources, QUIET);
             part.raise(Level::Error, why);
         }
         let bad = heard.lost.saturating_add(heard.skipped);
@@ -199,7 +207,7 @@ impl<T: Transport> Live<T> {
         for (topic, why) in network.mismatches {
             part.value(topic.clone(), &why);
             part.raise(Level::Warn, format!("{topic}: {why}"));
-            self.warn(format!("quality of service {topic}"), format_args!("{topic}: {why}"));
+            self.warn(format!("{topic}: {why}"), format_args!("{topic}: {why}"));
         }
         if got < wish {
             part.raise(

@@ -81,7 +81,7 @@ impl Transport for Fake {
         Vec::new()
     }
 
-    fn node_name(&self) -> &str {
+    fn node_name(&self) -> &'static str {
         "/robot/cfodi"
     }
 
