@@ -1,0 +1,63 @@
+"""docs/tune.md has every parameter and every picture; what docs/trouble.md quotes is what the program says."""
+
+import pathlib
+import re
+
+from bags import REPOSITORY
+
+SRC, DOCS = REPOSITORY / "src", REPOSITORY / "docs"
+ROW = re.compile(r'Row::(?:text|integer|number|boolean|new)\(\s*"(\w+)"')
+# What else can hold a quotation mark is passed over: comments, characters, raw texts.
+LITERAL = re.compile(r'''//[^\n]*|'(?:[^'\\]|\\.)'|r(#+)".*?"\1|"((?:[^"\\]|\\.)*)"''', re.DOTALL)
+PLACE = re.compile(r"\{[^{}]*\}")
+
+
+def rows():
+    """Name of a parameter -> its line of the table; those of a sensor as `<name>.kind`."""
+    of_sensor, table = (SRC / "config" / "table.rs").read_text().split("const OF_SENSOR")[1].split("const TABLE")
+    found = {}
+    for text, prefix in ((of_sensor, "<name>."), (table, "")):
+        begins = list(ROW.finditer(text)) + [None]
+        for row, after in zip(begins, begins[1:]):
+            found[prefix + row[1]] = text[row.end():after.start() if after else None]
+    assert len(found) > 20, "the table is written in another way"
+    return found
+
+
+def literals():
+    """All texts of the program but those of its tests, where each value stands as NUL."""
+    for path in SRC.rglob("*.rs"):
+        if "tests" in path.parts or path.name.startswith("tests"):
+            continue
+        code, *_ = re.split(r"\n#\[cfg\(test\)\]\nmod \w+ \{", path.read_text())
+        for _, literal in LITERAL.findall(code):
+            yield PLACE.sub("\0", re.sub(r"\\\n\s*", "", literal).replace('\\"', '"'))
+
+
+def test_every_parameter_is_a_heading_of_the_page_and_those_that_change_live_are_listed():
+    page = (DOCS / "tune.md").read_text()
+    headings = " ".join(re.findall(r"^### .*$", page, re.MULTILINE))
+    named = re.findall(r"`([^`]+)`", headings)
+    assert sorted(named) == sorted(rows())
+    live = re.search(r"^At any time: (.*?)\.$", page, re.MULTILINE | re.DOTALL)[1]
+    assert set(re.findall(r"`(\w+)`", live)) == {name for name, row in rows().items() if "Change::Live" in row}
+
+
+def test_every_picture_is_shown_and_all_are_small():
+    pictures = {path for path in (DOCS / "tune").iterdir() if path.suffix in (".png", ".svg")}
+    shown = re.findall(r"!\[[^\]]+\]\((tune/[^)]+)\)", (DOCS / "tune.md").read_text())
+    assert {DOCS / pathlib.Path(path) for path in shown} == pictures
+    assert sum(path.stat().st_size for path in pictures) < 400_000
+
+
+def test_what_the_page_quotes_is_said_by_the_program():
+    said = "\n".join(literals())
+    quoted = re.findall(r"^( *)```log\n(.*?)^\1```$", (DOCS / "trouble.md").read_text(), re.MULTILINE | re.DOTALL)
+    lines = [line.strip() for _, block in quoted for line in block.splitlines()]
+    assert len(lines) > 50
+    for line in lines:
+        # A line may be put together from several texts, with `: ` or `; ` between.
+        parts = [part.strip() for part in re.split(r"\.\.\.|[:;] ", line)]
+        assert max(map(len, parts)) >= 8, f"nothing to find it by: {line}"
+        missing = [part for part in parts if part not in said]
+        assert not missing, f"{line}\nThe program never says {missing}."
