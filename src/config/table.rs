@@ -155,17 +155,9 @@ impl Row {
     pub(super) fn as_declared(&self, value: Value) -> Value {
         match (self.default, value) {
             (Default::Double(_), Value::Integer(value)) => Value::Double(value as f64),
-            // What ROS's own tools make of `yes`.
-            (Default::Text(_), Value::Boolean(is)) if self.takes_yes() => {
-                Value::Text(if is { "yes" } else { "no" }.to_owned())
-            }
             (Default::Texts(_), Value::Text(text)) if text.is_empty() => Value::TextList(Vec::new()),
             (_, value) => value,
         }
-    }
-
-    fn takes_yes(&self) -> bool {
-        matches!(self.bounds, Bounds::OneOf(texts) if texts.contains(&"yes"))
     }
 
     pub(super) const fn is_boolean(&self) -> bool {

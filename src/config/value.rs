@@ -85,7 +85,7 @@ impl Given {
         let names = names(self.get("sensors"));
         // That of the sensors is that of the map.
         let mut of_sensors = names.iter().map(|name| format!("{name}.noise_model"));
-        if let Some(of_sensor) = of_sensors.find(|name| told.contains(name)) {
+        if let Some(of_sensor) = of_sensors.find(|name| told.contains(name) && self.checked(name).is_ok()) {
             derived.push(("noise_model".to_owned(), self.get(&of_sensor).clone()));
         }
         let kind = if names == [sensors::DEFAULT] { Kind::Auto } else { Kind::Cloud };
@@ -185,13 +185,13 @@ impl Given {
 
     /// That of all sensors: the map's weights mean one thing.
     pub(super) fn noise_model(&self) -> Result<NoiseModel, ConfigError> {
+        let model = self.text("noise_model")?;
         for name in self.sensors()?.into_iter().map(|sensor| sensor.name + ".noise_model") {
-            let own = self.text(&name)?;
-            if own != self.text("noise_model")? {
+            if self.text(&name)? != model {
                 return self.refuse_beside(&name);
             }
         }
-        match self.text("noise_model")? {
+        match model {
             "none" => Ok(NoiseModel::None),
             _ => Ok(NoiseModel::KinectV1),
         }

@@ -30,4 +30,18 @@ impl SurfaceClass {
     pub const fn number(self) -> u8 {
         self as u8
     }
+
+    /// The class as a person reads it, and other messages name it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Unknown => "unknown",
+            Self::Floor => "floor",
+            Self::Ceiling => "ceiling",
+            Self::Wall => "wall",
+            Self::Horizontal => "horizontal",
+            Self::Slope => "slope",
+            Self::Curved => "curved",
+            Self::Door => "door",
+        }
+    }
 }

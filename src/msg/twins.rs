@@ -107,7 +107,7 @@ pub fn detections(session: &Session, snapshot: &Snapshot) -> Detection3DArray {
 fn detection(header: &Header, cluster: &Cluster) -> Detection3D {
     let center = pose(cluster);
     let hypothesis = ObjectHypothesis {
-        class_id: class_name(cluster.class).to_owned(),
+        class_id: cluster.class.name().to_owned(),
         score: f64::from(cluster.class_confidence),
     };
     let pose = PoseWithCovariance { pose: center, covariance: pose_covariance(cluster) };
@@ -147,19 +147,6 @@ pub fn polygons<'a>(
         header: header.clone(),
         polygon: PolygonInstance { polygon: polygon(&cluster.boundary), id: cluster.id.get().cast_signed() },
     })
-}
-
-const fn class_name(class: SurfaceClass) -> &'static str {
-    match class {
-        SurfaceClass::Unknown => "unknown",
-        SurfaceClass::Floor => "floor",
-        SurfaceClass::Ceiling => "ceiling",
-        SurfaceClass::Wall => "wall",
-        SurfaceClass::Horizontal => "horizontal",
-        SurfaceClass::Slope => "slope",
-        SurfaceClass::Curved => "curved",
-        SurfaceClass::Door => "door",
-    }
 }
 
 /// serde has no arrays of 36; six rows of 6 are the same bytes in CDR, the only form that is read.

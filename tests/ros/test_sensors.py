@@ -62,7 +62,7 @@ def test_a_sensor_that_is_silent_is_named_while_the_other_is_heard(start, peer):
     ({"sensors": "[a/b]"}, "a list of 1 to 16 names that differ"),
     ({"front.kind": "depth"}, "unknown parameter `front.kind`"),
     ({"sensors": "[front]", "front.kind": "lidar"}, "front.kind is \"lidar\""),
-    ({"sensors": "[front, rear]", "rear.noise_model": "none"}, "one map weighs its points in one way"),
+    ({"sensors": "[front, rear]", "noise_model": "kinect_v1", "rear.noise_model": "none"}, "one map weighs its points in one way"),
 ])
 def test_sensors_that_cannot_be_end_it_with_status_2_and_why(start, parameters, words):
     node = start(parameters)

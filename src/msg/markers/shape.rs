@@ -75,7 +75,10 @@ impl Style<'_> {
         name.pose.position = point(&(cluster.centroid + before));
         name.scale.z = self.height(cluster);
         name.color = ColorRgba { r: 1.0, g: 1.0, b: 1.0, a: 1.0 };
-        name.text = format!("{} {}", cluster.id, word(cluster.class)).trim_end().into();
+        name.text = match cluster.class {
+            SurfaceClass::Unknown => cluster.id.to_string(),
+            class => format!("{} {}", cluster.id, class.name()),
+        };
         Some(name)
     }
 
@@ -153,19 +156,5 @@ fn opacity(cluster: &Cluster) -> f32 {
         (ClusterState::Tentative, _) => TENTATIVE,
         (_, SurfaceClass::Floor) => 1.0,
         _ => RELIABLE,
-    }
-}
-
-/// A class as a person reads it; empty where it is not known.
-fn word(class: SurfaceClass) -> &'static str {
-    match class {
-        SurfaceClass::Unknown => "",
-        SurfaceClass::Floor => "floor",
-        SurfaceClass::Ceiling => "ceiling",
-        SurfaceClass::Wall => "wall",
-        SurfaceClass::Horizontal => "horizontal",
-        SurfaceClass::Slope => "slope",
-        SurfaceClass::Curved => "curved",
-        SurfaceClass::Door => "door",
     }
 }
