@@ -1,7 +1,7 @@
 //! The named thread that owns the engine: newest scan in, immutable values out.
 //!
 //! The mailbox has few places: when it is full, a new scan replaces the oldest one, and the caller is told so, that it
-//! can count it. One place would do for a sensor alone; but a transform that comes at 10 Hz releases three scans at once,
+//! can count it. One place would do for a sensor; but a transform that comes at 10 Hz releases three scans at once,
 //! and all but one of them would be lost each time. The engine waits for nothing but the sink that takes its outputs.
 
 use std::collections::VecDeque;
@@ -42,8 +42,11 @@ pub enum Output {
     Died(String),
 }
 
-/// Scans that may wait for the engine: about a quarter of a second of them.
-pub const PLACES: usize = 8;
+/// Scans of one sensor that may wait for the engine: about a quarter of a second of them.
+const PLACES: usize = 8;
+
+/// Scans that may wait, however many sensors there are: each is megabytes.
+const MOST_PLACES: usize = 64;
 
 /// What waits for the worker.
 #[derive(Default)]
@@ -77,6 +80,8 @@ struct Mailbox {
 
 /// Handle to the worker thread; dropping it lets the thread take in what waits and end.
 pub struct Worker {
+    /// Scans that may wait.
+    places: usize,
     mailbox: Arc<Mailbox>,
     thread: Option<JoinHandle<()>>,
 }
@@ -110,13 +115,15 @@ impl Mailbox {
 }
 
 impl Worker {
-    /// Starts the thread `cfodi-engine` with the map of `engine` under the id `session`; `sink` is called on that thread.
+    /// Starts the thread `cfodi-engine` with the map of `engine` under the id `session`, for scans of so many
+    /// sensors; `sink` is called on that thread.
     ///
     /// # Errors
     /// When the system gives no thread.
     pub fn start(
         engine: Engine,
         session: u64,
+        sensors: usize,
         sink: impl FnMut(Output) + Send + 'static,
     ) -> std::io::Result<Self> {
         let mailbox = Arc::new(Mailbox::default());
@@ -124,7 +131,7 @@ impl Worker {
             let mailbox = Arc::clone(&mailbox);
             move || guard(&mailbox, engine, session, sink)
         })?;
-        Ok(Self { mailbox, thread: Some(thread) })
+        Ok(Self { places: (PLACES * sensors).min(MOST_PLACES), mailbox, thread: Some(thread) })
     }
 
     /// Hands over a scan; returns whether it replaced the oldest of those that were still waiting.
@@ -132,7 +139,7 @@ impl Worker {
     pub fn submit(&self, scan: Scan) -> bool {
         self.mailbox.put(|pending| {
             pending.scans.push_back(scan);
-            pending.scans.len() > PLACES && pending.scans.pop_front().is_some()
+            pending.scans.len() > self.places && pending.scans.pop_front().is_some()
         })
     }
 
@@ -236,7 +243,13 @@ pub(crate) mod tests {
 
     fn started() -> (Worker, Receiver<Output>) {
         let (sender, receiver) = channel();
-        (Worker::start(engine(), 1, move |output| drop(sender.send(output))).unwrap(), receiver)
+        (Worker::start(engine(), 1, 1, move |output| drop(sender.send(output))).unwrap(), receiver)
+    }
+
+    #[test]
+    fn scans_of_several_sensors_have_as_many_places_each_within_a_bound() {
+        let places = |sensors| Worker::start(engine(), 1, sensors, |_| {}).unwrap().places;
+        assert_eq!([1, 2, 4, 16].map(places), [8, 16, 32, 64]);
     }
 
     #[test]
@@ -244,7 +257,7 @@ pub(crate) mod tests {
         let (entered, enter) = channel();
         let (leave, left) = channel::<()>();
         let (sender, receiver) = channel();
-        let worker = Worker::start(engine(), 1, move |output| {
+        let worker = Worker::start(engine(), 1, 1, move |output| {
             entered.send(()).unwrap();
             left.recv().unwrap();
             sender.send(output).unwrap();
@@ -294,7 +307,7 @@ pub(crate) mod tests {
     #[test]
     fn a_panic_on_the_thread_is_reported_and_not_silent() {
         let (sender, receiver) = channel();
-        let worker = Worker::start(engine(), 1, move |output| {
+        let worker = Worker::start(engine(), 1, 1, move |output| {
             assert!(!matches!(output, Output::Scan { .. }), "no room");
             drop(sender.send(output));
         });

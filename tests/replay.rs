@@ -225,6 +225,14 @@ fn two_sensors_fill_one_map() {
     assert_eq!(replay(&bag, &["--topic", "/left"]).number("scans"), 4);
     assert_eq!(replay(&bag, &["--topic", "/left", "--topic", "/right"]).number("scans"), 8);
     assert_eq!(replay(&bag, &["--ros-args", "-r", "points:=/right"]).number("scans"), 4);
+    let listed = |more: &[&str]| {
+        let options = ["--ros-args", "-p", "sensors:=[left, rear]"].into_iter().chain(more.iter().copied());
+        replay(&bag, &options.collect::<Vec<_>>())
+    };
+    assert_eq!(listed(&["-r", "rear:=/right"]).number("scans"), 8);
+    let missing = listed(&[]);
+    assert_eq!(missing.status, 2);
+    assert!(missing.errors.contains("/rear"), "{}", missing.errors);
 }
 
 #[test]

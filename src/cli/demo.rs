@@ -54,7 +54,7 @@ pub(crate) struct Options {
 
 pub(crate) fn demo(setup: &Setup, options: &Options, lines: Lines) -> anyhow::Result<()> {
     if setup.is_given("sensors") {
-        anyhow::bail!("sensors was given, and the simulated robot has one sensor");
+        return Err(ProcessError::Sensors.into());
     }
     let secured = matches!(setup.security().map_err(ProcessError::from)?, Security::Keys(_));
     std::fs::create_dir_all(&options.out)

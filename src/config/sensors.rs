@@ -141,6 +141,12 @@ mod tests {
     }
 
     #[test]
+    fn a_million_names_are_refused_before_they_are_compared() {
+        let list: Vec<_> = (0..1_000_000).map(|number| format!("a{number}")).collect();
+        assert!(!can_be(&list));
+    }
+
+    #[test]
     fn one_map_has_one_noise_model() {
         let model =
             |more: &[(&str, &str)]| config(&["a", "b"], more).map(|config| config.engine.noise_model());

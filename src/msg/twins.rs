@@ -171,7 +171,8 @@ mod tests {
     use nalgebra::{Isometry3, Matrix3, Point3, Translation3, UnitQuaternion, Vector3};
 
     use super::*;
-    use crate::engine::{ClusterId, ClusterState, Stamp};
+    use crate::engine::Stamp;
+    use crate::msg::markers::tests::square;
 
     fn snapshot(clusters: Vec<Cluster>) -> Snapshot {
         let stamp = Some(Stamp::from_nanos(2_500_000_000));
@@ -181,31 +182,17 @@ mod tests {
     /// 1 m to the right, upright, its normal along the frame's x.
     fn cluster(id: u64, class: SurfaceClass) -> Cluster {
         let turn = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), std::f64::consts::FRAC_PI_2);
+        let corner = |y, z| Point3::new(1.0, y, z);
         Cluster {
-            id: ClusterId::new(id).unwrap(),
-            revision: 1,
-            state: ClusterState::Active,
-            first_seen: Stamp::default(),
-            last_seen: Stamp::default(),
             class,
             class_confidence: 0.75,
             normal: Vector3::x_axis(),
             offset: -1.0,
             plane_covariance: Some(Matrix3::from_diagonal(&Vector3::new(0.01, 0.02, 0.03))),
-            centroid: Point3::new(1.0, 0.0, 0.0),
-            covariance: Matrix3::zeros(),
-            rms_error: 0.0,
-            area: Some(2.0),
-            boundary: vec![
-                Point3::new(1.0, -1.0, 0.0),
-                Point3::new(1.0, 1.0, 0.0),
-                Point3::new(1.0, 1.0, 1.0),
-            ],
-            holes: Vec::new(),
+            boundary: vec![corner(-1.0, 0.0), corner(1.0, 0.0), corner(1.0, 1.0)],
             pose: Isometry3::from_parts(Translation3::new(1.0, 0.0, 0.5), turn),
             size: Vector3::new(2.0, 1.0, 0.1),
-            voxel_count: 100,
-            point_count: 2000,
+            ..square(id)
         }
     }
 

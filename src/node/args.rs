@@ -1,15 +1,17 @@
 //! A ROS command line -> who the node is, what it listens to, and its checked configuration.
 
+mod error;
+
 use std::collections::BTreeSet;
 use std::path::Path;
 
 use ros2args::names::{build_node_fqn, expand_topic_name};
-use ros2args::{ParamAssignment, Ros2Args, Ros2ArgsError, match_wildcard_pattern};
-use thiserror::Error;
+use ros2args::{ParamAssignment, Ros2Args, match_wildcard_pattern};
 
-use super::params_file::{MAX_NAME_BYTES, assignments, flatten};
+pub use self::error::ArgsError;
+use super::params_file::{assignments, flatten};
 use super::security::{Asked, BUILT_IN, Security, SecurityError};
-use crate::config::{Config, ConfigError, Value, as_meant};
+use crate::config::{Config, Value, as_meant};
 use crate::yaml::{self, YamlError};
 
 /// What the environment says about the node.
@@ -49,47 +51,6 @@ pub struct Setup {
     remaps: Vec<(String, String)>,
     /// Names of the parameters that were given a value.
     given: BTreeSet<String>,
-}
-
-/// A command line that cannot be.
-#[derive(Debug, Error)]
-pub enum ArgsError {
-    /// Not in the form of ROS arguments.
-    #[error(transparent)]
-    Form(#[from] Ros2ArgsError),
-    /// A parameter that cannot be.
-    #[error(transparent)]
-    Config(#[from] ConfigError),
-    /// A parameter of a type that no parameter has.
-    #[error("{name} is {value}; it must be a boolean, a number, a text or a list of texts")]
-    Type {
-        /// The parameter.
-        name: String,
-        /// As given.
-        value: String,
-    },
-    /// A name that is too long, perhaps joined from those of nested maps.
-    #[error("the name of the parameter `{begin}...` has {bytes} bytes; at most {MAX_NAME_BYTES} are read")]
-    LongName {
-        /// How it begins.
-        begin: String,
-        /// Its length.
-        bytes: usize,
-    },
-    /// A value that is more than is read.
-    #[error("the value of {name} is refused: {bound}")]
-    Value {
-        /// What stands before `:=`.
-        name: String,
-        /// Why.
-        bound: YamlError,
-    },
-    /// `ROS_DOMAIN_ID` out of range.
-    #[error("ROS_DOMAIN_ID is {0:?}; it must be from 0 to 232")]
-    Domain(String),
-    /// A name that cannot be resolved.
-    #[error("the name `{0}` cannot be resolved: {1}")]
-    Name(String, Ros2ArgsError),
 }
 
 impl Setup {

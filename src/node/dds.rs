@@ -39,7 +39,7 @@ use super::parameters::Parameters;
 use super::process::receive_buffer;
 use super::record::Record;
 use super::security::{Security, SecurityError};
-use super::transport::{self, Event, Outgoing, SendError, SensorTopics, Service, Source, Transport};
+use super::transport::{Event, NetworkState, Outgoing, SendError, SensorTopics, Service, Source, Transport};
 use crate::msg::ros::{TriggerRequest, TriggerResponse};
 
 /// The middleware refused something.
@@ -225,8 +225,8 @@ impl Transport for Dds {
         &self.name
     }
 
-    fn network(&self) -> transport::Network {
-        transport::Network { receive_buffer: self.receive_buffer, mismatches: self.network().mismatches() }
+    fn network_state(&self) -> NetworkState {
+        NetworkState { receive_buffer: self.receive_buffer, mismatches: self.network().mismatches() }
     }
 
     async fn failed(&self) -> String {
@@ -275,6 +275,20 @@ mod tests {
         for namespace in ["__ns:=/a//b", "__ns:=/a/", "__ns:=/1"] {
             assert!(matches!(check(namespace), Err(DdsError::Name(_))), "{namespace}");
         }
+    }
+
+    #[test]
+    fn two_sensors_on_one_topic_are_refused_by_their_names() {
+        let check = |more: &[&str]| {
+            let args = ["cfodi", "run", "--ros-args", "-p", "sensors:=[front, rear]"];
+            let args: Vec<_> = args.iter().chain(more).map(|&arg| arg.to_owned()).collect();
+            check_names(&Setup::parse(&args, &Environment::default(), "cfodi").unwrap().0)
+        };
+        check(&[]).unwrap();
+        let error = check(&["-r", "rear:=/front"]).unwrap_err().to_string();
+        assert!(error.starts_with("the sensors front and rear are both read from /front"), "{error}");
+        let images = ["-p", "front.kind:=depth", "-p", "rear.kind:=depth", "-r", "rear/image:=/front/image"];
+        assert!(matches!(check(&images), Err(DdsError::Name(ArgsError::SameTopic { .. }))));
     }
 
     #[test]

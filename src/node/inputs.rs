@@ -15,7 +15,7 @@ const NAMED: usize = 20;
 pub(super) const COMPRESSED_DEPTH: &str = "/compressedDepth";
 
 impl Form {
-    const ALL: [Self; 3] = [Self::Points, Self::Depth, Self::CompressedDepth];
+    pub(super) const ALL: [Self; 3] = [Self::Points, Self::Depth, Self::CompressedDepth];
 
     const fn type_name(self) -> &'static str {
         match self {

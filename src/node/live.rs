@@ -4,7 +4,7 @@
 mod calls;
 mod change;
 mod ending;
-mod heard;
+mod intake;
 mod report;
 mod say;
 mod session;
@@ -22,7 +22,7 @@ use tokio::sync::mpsc;
 use self::calls::next;
 use self::change::{Timers, interval};
 use self::ending::{count_buried, death};
-use self::heard::Heard;
+use self::intake::Intake;
 use self::report::Before;
 use self::session::new_session;
 use super::counts::Counts;
@@ -131,7 +131,8 @@ async fn drive<T: Transport>(
     let sink = move |output| drop(outputs.blocking_send(output));
     let session = new_session(0);
     let failed = |thread| move |error| LiveError::Start { thread, error };
-    let worker = Worker::start(engine, session, sink).map_err(failed("the engine's thread"))?;
+    let worker =
+        Worker::start(engine, session, config.sensors.len(), sink).map_err(failed("the engine's thread"))?;
     let start = |path| saving::start(path, config.fixed_frame.clone());
     let saver = config.snapshot_path.clone().map(start).transpose();
     let (saver, mut written) = saver.map_err(failed("the thread that saves the map"))?.unzip();
@@ -193,7 +194,7 @@ struct Live<T: Transport> {
     /// Newest stamp of the simulated clock.
     newest_clock: Option<Stamp>,
     /// By sensor.
-    heard: Vec<Heard>,
+    intakes: Vec<Intake>,
     fixed_frame: String,
     tf_timeout: Duration,
     start: Instant,
@@ -210,7 +211,7 @@ impl<T: Transport> Live<T> {
         reports: mpsc::Sender<DiagnosticArray>,
     ) -> Self {
         let start = Instant::now();
-        let heard = vec![Heard::new(start); transport.inputs().len()];
+        let intakes = vec![Intake::new(start); transport.inputs().len()];
         Self {
             transport,
             worker,
@@ -225,7 +226,7 @@ impl<T: Transport> Live<T> {
             throttle: Throttle::default(),
             session,
             newest_clock: None,
-            heard,
+            intakes,
             fixed_frame: config.fixed_frame.clone(),
             tf_timeout: config.tf_timeout,
             start,

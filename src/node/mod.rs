@@ -7,6 +7,7 @@
 //! outputs into messages; [`record`] keeps them; `parameters` answers the parameter services.
 
 pub mod args;
+mod clock;
 pub mod counts;
 pub mod dds;
 mod inputs;

@@ -4,10 +4,12 @@
 //! reasons, which say more.
 
 use std::cell::{Cell, RefCell};
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::time::Instant;
 
 use tracing::{debug, info};
 
+use super::clock;
+use super::throttle::Throttle;
 use crate::cloud::CloudFilter;
 use crate::config::{self, Bounds, Changed, Config, ConfigError, Current, Value};
 use crate::engine::Stamp;
@@ -34,12 +36,14 @@ pub(super) struct Parameters {
     current: RefCell<Current>,
     /// Newest simulated time.
     clock: Cell<Option<Stamp>>,
+    throttle: RefCell<Throttle>,
 }
 
 impl Parameters {
     /// Those that the node `node` starts with.
     pub(super) fn new(node: String, given: Vec<(String, Value)>) -> Result<Self, ConfigError> {
-        Ok(Self { node, current: RefCell::new(Current::new(given)?), clock: Cell::new(None) })
+        let current = RefCell::new(Current::new(given)?);
+        Ok(Self { node, current, clock: Cell::new(None), throttle: RefCell::default() })
     }
 
     /// What they stand for.
@@ -118,7 +122,13 @@ impl Parameters {
         let values = values.collect::<Result<_, _>>()?;
         let changed = current.change(values)?;
         for Changed { name, before, now } in &changed {
-            info!("{name} is {now} from now on, it was {before}");
+            let line = format!("{name} is {now} from now on, it was {before}");
+            // Somebody may change it a thousand times a second.
+            if self.throttle.borrow_mut().allows(name.clone(), Instant::now()) {
+                info!("{line}");
+            } else {
+                debug!("{line}");
+            }
         }
         Ok(changed)
     }
@@ -139,8 +149,7 @@ impl Parameters {
         if self.current.borrow().config().use_sim_time {
             return self.clock.get().unwrap_or(Stamp::from_nanos(0));
         }
-        let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-        Stamp::from_nanos(i64::try_from(since_epoch.as_nanos()).unwrap_or(i64::MAX))
+        clock::now()
     }
 }
 

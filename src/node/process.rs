@@ -35,6 +35,9 @@ pub enum ProcessError {
     /// The network must not be joined.
     #[error(transparent)]
     Security(#[from] SecurityError),
+    /// Sensors were named where there is one.
+    #[error("sensors was given, and the simulated robot has one sensor, on the topic `points`")]
+    Sensors,
     /// What was saved cannot be begun with.
     #[error(transparent)]
     Begin(#[from] BeginError),
@@ -54,7 +57,7 @@ impl ProcessError {
     pub fn is_configuration(&self) -> bool {
         match self {
             Self::Begin(error) => error.is_configuration(),
-            Self::Security(_) => true,
+            Self::Security(_) | Self::Sensors => true,
             Self::Network(error) => {
                 matches!(error, DdsError::Security(_) | DdsError::Name(_))
             }

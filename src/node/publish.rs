@@ -213,7 +213,7 @@ mod tests {
     use super::*;
     use crate::engine::{Engine, Isometry3, Params, Points, Scan, Stamp};
     use crate::msg::ros::TriggerResponse;
-    use crate::node::transport::{Network, SensorTopics, Service, Source};
+    use crate::node::transport::{NetworkState, SensorTopics, Service, Source};
 
     /// Maps wait for being let through; what is sent is kept, with its number.
     struct Slow {
@@ -253,8 +253,8 @@ mod tests {
             "/cfodi"
         }
 
-        fn network(&self) -> Network {
-            Network::default()
+        fn network_state(&self) -> NetworkState {
+            NetworkState::default()
         }
 
         async fn failed(&self) -> String {

@@ -1,7 +1,6 @@
 //! The lines of the log, for `/rosout`: what stands on stderr is heard by those too who did not start the node.
 
 use std::fmt::{Debug, Write as _};
-use std::time::{SystemTime, UNIX_EPOCH};
 
 use tokio::sync::mpsc;
 use tracing::field::{Field, Visit};
@@ -9,7 +8,7 @@ use tracing::{Event, Level, Subscriber};
 use tracing_subscriber::Layer;
 use tracing_subscriber::layer::Context;
 
-use crate::engine::Stamp;
+use super::clock::now;
 use crate::msg::reports::Log;
 
 /// Lines that may wait until they are sent; what finds no place stands on stderr alone.
@@ -53,12 +52,6 @@ impl<S: Subscriber> Layer<S> for Listener {
         };
         drop(self.0.try_send(log));
     }
-}
-
-/// The time of day.
-pub(super) fn now() -> Stamp {
-    let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-    Stamp::from_nanos(i64::try_from(since_epoch.as_nanos()).unwrap_or(i64::MAX))
 }
 
 #[derive(Default)]

@@ -209,7 +209,7 @@ pub struct Source {
 
 /// What can be known of the network, beyond who publishes.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Network {
+pub struct NetworkState {
     /// Bytes of the socket receive buffer.
     pub receive_buffer: usize,
     /// Where a publisher and a reader do not fit, so that nothing passes: the topic, and why.
@@ -252,7 +252,7 @@ pub trait Transport: 'static {
     fn sources(&self) -> Vec<Source>;
 
     /// What can be known of the network now.
-    fn network(&self) -> Network;
+    fn network_state(&self) -> NetworkState;
 
     /// Resolves, with a reason, when something that reads has ended: the node would be alive and deaf.
     fn failed(&self) -> impl Future<Output = String>;

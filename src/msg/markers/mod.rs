@@ -113,4 +113,4 @@ impl Markers {
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

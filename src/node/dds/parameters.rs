@@ -3,6 +3,7 @@
 
 use std::borrow::Cow;
 use std::rc::Rc;
+use std::time::Instant;
 
 use ros2_client::qos::Durability;
 use ros2_client::{Message, Publisher, Server};
@@ -14,6 +15,7 @@ use crate::msg::parameters::{
     SetParametersResult, SetRequest, SetResponse, TypesResponse,
 };
 use crate::node::parameters::Parameters;
+use crate::node::throttle::Throttle;
 use crate::node::transport::Event;
 
 impl Message for Names {}
@@ -121,13 +123,16 @@ async fn answer_all<Q: Message + 'static, A: Message + 'static>(
     answer: impl AsyncFn(Q) -> A,
     events: Events,
 ) -> Cow<'static, str> {
+    let mut throttle = Throttle::default();
     loop {
         match server.async_receive_request().await {
             Ok((caller, request)) => {
                 // A flood of calls must not be all that is done.
                 tokio::task::yield_now().await;
                 let response = answer(request).await;
-                if let Err(error) = server.async_send_response(caller, response).await {
+                if let Err(error) = server.async_send_response(caller, response).await
+                    && throttle.allows(name, Instant::now())
+                {
                     warn!("{name} could not be answered: {error}");
                 }
             }

@@ -103,7 +103,18 @@ const fn has_keys(opener: &Opener<'_>) -> bool {
 
 /// The topics that [`listen`] reads scans from, by sensor.
 pub(super) fn inputs(setup: &Setup) -> Result<Vec<SensorTopics>, ArgsError> {
-    setup.config.sensors.iter().map(|sensor| topics(setup, sensor)).collect()
+    let sensors: Vec<_> =
+        setup.config.sensors.iter().map(|sensor| topics(setup, sensor)).collect::<Result<_, _>>()?;
+    let mut read = BTreeMap::new();
+    for sensor in &sensors {
+        for topic in Form::ALL.into_iter().filter_map(|form| sensor.topic(form)) {
+            if let Some(first) = read.insert(topic, &sensor.name) {
+                let [first, second, topic] = [first, &sensor.name, topic].map(str::to_owned);
+                return Err(ArgsError::SameTopic { first, second, topic });
+            }
+        }
+    }
+    Ok(sensors)
 }
 
 fn topics(setup: &Setup, sensor: &Sensor) -> Result<SensorTopics, ArgsError> {

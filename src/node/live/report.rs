@@ -9,9 +9,9 @@ use crate::line::one_line;
 use crate::memory::resident_mb;
 use crate::msg::reports::{DiagnosticArray, DiagnosticStatus, KeyValue, Level};
 use crate::msg::ros::Header;
+use crate::node::clock::now;
 use crate::node::counts::Counts;
 use crate::node::inputs;
-use crate::node::rosout::now;
 use crate::node::transport::{Source, Transport};
 
 /// Stamps may be so far ahead of the clock until it is said.
@@ -78,13 +78,14 @@ impl<T: Transport> Live<T> {
         let Ok(place) = self.reports.clone().try_reserve_owned() else { return };
         let clock = self.clock_now();
         let seconds = self.before.at.elapsed().as_secs_f64().max(1e-3);
-        let is_quiet = self.heard.iter().any(|heard| heard.since.elapsed() >= QUIET);
+        let is_quiet = self.intakes.iter().any(|intake| intake.since.elapsed() >= QUIET);
         let sources = if is_quiet { self.transport.sources() } else { Vec::new() };
-        let mut status: Vec<_> =
-            (0..self.heard.len()).map(|sensor| self.of_sensor(sensor, (seconds, clock), &sources)).collect();
+        let mut status: Vec<_> = (0..self.intakes.len())
+            .map(|sensor| self.of_sensor(sensor, (seconds, clock), &sources))
+            .collect();
         status.extend([self.of_transforms(), self.of_engine(seconds), self.of_map(), self.of_network()]);
-        for heard in &mut self.heard {
-            heard.begin_second();
+        for intake in &mut self.intakes {
+            intake.begin_second();
         }
         self.before = Before::new(Instant::now());
         self.before.counts = self.counts.borrow().clone();
@@ -107,23 +108,23 @@ impl<T: Transport> Live<T> {
         (seconds, clock): (f64, Stamp),
         sources: &[Source],
     ) -> DiagnosticStatus {
-        let (heard, topics) = (&self.heard[sensor], &self.transport.inputs()[sensor]);
-        let topic = heard.chosen.and_then(|form| topics.topic(form)).map(str::to_owned);
+        let (intake, topics) = (&self.intakes[sensor], &self.transport.inputs()[sensor]);
+        let topic = intake.chosen.and_then(|form| topics.topic(form)).map(str::to_owned);
         let topic = topic.unwrap_or_else(|| inputs::reads(topics));
-        let rate = heard.received as f64 / seconds;
+        let rate = intake.received as f64 / seconds;
         let mut part = self.part(&format!("sensor {}", topics.name), format!("{rate:.1} scans/s on {topic}"));
         part.value("topic", &topic).value("rate [Hz]", format!("{rate:.2}"));
-        part.value("lost", heard.lost).value("skipped", heard.skipped);
-        if heard.since.elapsed() >= QUIET {
-            let why = inputs::why_quiet(topics, heard.chosen, sources, QUIET);
+        part.value("lost", intake.lost).value("skipped", intake.skipped);
+        if intake.since.elapsed() >= QUIET {
+            let why = inputs::why_quiet(topics, intake.chosen, sources, QUIET);
             part.raise(Level::Error, why);
         }
-        let bad = heard.lost.saturating_add(heard.skipped);
-        let sent = heard.received.saturating_add(heard.lost);
+        let bad = intake.lost.saturating_add(intake.skipped);
+        let sent = intake.received.saturating_add(intake.lost);
         if bad.saturating_mul(10) > sent {
             part.raise(Level::Warn, format!("{bad} of {sent} scans were lost or cannot be used"));
         }
-        if let Some(stamp) = heard.newest {
+        if let Some(stamp) = intake.newest {
             let age = clock.seconds_since(stamp);
             part.value("age of the newest [s]", format!("{age:.3}"));
             if age < -AHEAD {
@@ -200,7 +201,7 @@ impl<T: Transport> Live<T> {
     }
 
     fn of_network(&mut self) -> DiagnosticStatus {
-        let network = self.transport.network();
+        let network = self.transport.network_state();
         let (got, wish) = (network.receive_buffer, self.receive_buffer);
         let mut part = self.part("network", "every reader and publisher fits");
         part.value("socket receive buffer [bytes]", got);

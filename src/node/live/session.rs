@@ -1,19 +1,17 @@
 //! Sessions: a map, until a clock jumps back or somebody asks for an empty one.
 
-use std::time::{SystemTime, UNIX_EPOCH};
-
 use tracing::info;
 
 use super::Live;
 use crate::engine::Stamp;
 use crate::msg::ros::TriggerResponse;
+use crate::node::clock::now;
 use crate::node::transport::{Service, Transport};
 use crate::tf::JUMP_BACK;
 
 /// A session id that was not used before: the time of day in ns, or one more than the one before.
 pub(super) fn new_session(before: u64) -> u64 {
-    let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-    u64::try_from(since_epoch.as_nanos()).unwrap_or(u64::MAX).max(before + 1)
+    now().nanos().cast_unsigned().max(before + 1)
 }
 
 impl<T: Transport> Live<T> {

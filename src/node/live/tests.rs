@@ -18,7 +18,7 @@ use crate::msg::ros::{Header, Quaternion, Transform, TransformStamped, TriggerRe
 use crate::node::resume::begin;
 use crate::node::rosout::listen;
 use crate::node::transport::{
-    DepthTopics, Form, Network, Outgoing, SendError, SensorTopics, Source, TopicName,
+    DepthTopics, Form, NetworkState, Outgoing, SendError, SensorTopics, Source, TopicName,
 };
 use crate::store::{self, Stored};
 use crate::worker::tests::DEADLY;
@@ -26,7 +26,7 @@ use crate::worker::tests::DEADLY;
 /// Keeps what is published; fails when told to.
 struct Fake {
     inputs: Vec<SensorTopics>,
-    network: Network,
+    network: NetworkState,
     deltas: RefCell<Vec<SurfaceClusterArray>>,
     reports: RefCell<Vec<DiagnosticArray>>,
     replies: RefCell<Vec<TriggerResponse>>,
@@ -47,7 +47,7 @@ impl Default for Fake {
         }];
         Self {
             inputs,
-            network: Network::default(),
+            network: NetworkState::default(),
             deltas: RefCell::default(),
             reports: RefCell::default(),
             replies: RefCell::default(),
@@ -85,7 +85,7 @@ impl Transport for Fake {
         "/robot/cfodi"
     }
 
-    fn network(&self) -> Network {
+    fn network_state(&self) -> NetworkState {
         self.network.clone()
     }
 

@@ -16,7 +16,7 @@ fn session() -> Session {
 }
 
 /// A square of 1 m by 1 m with its middle at the origin, seen from above.
-fn square(id: u64) -> Cluster {
+pub(in crate::msg) fn square(id: u64) -> Cluster {
     let corner = |x, y| Point3::new(x, y, 0.0);
     Cluster {
         id: ClusterId::new(id).unwrap(),

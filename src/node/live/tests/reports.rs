@@ -48,7 +48,7 @@ fn a_scan_without_a_transform_is_an_error_while_none_is_taken_in() {
 
 #[test]
 fn who_does_not_fit_and_a_buffer_cut_short_are_warnings() {
-    let network = |receive_buffer| Network {
+    let network = |receive_buffer| NetworkState {
         receive_buffer,
         mismatches: vec![("/tf_static".to_owned(), "a publisher offers less".to_owned())],
     };
@@ -56,7 +56,7 @@ fn who_does_not_fit_and_a_buffer_cut_short_are_warnings() {
     let said = last(&transport, "network");
     assert_eq!((said.level, said.message.as_str()), (1, "/tf_static: a publisher offers less"));
     let transport = reported(
-        Fake { network: Network { mismatches: vec![], ..network(212_992) }, ..Fake::default() },
+        Fake { network: NetworkState { mismatches: vec![], ..network(212_992) }, ..Fake::default() },
         Vec::new(),
     );
     let said = last(&transport, "network");

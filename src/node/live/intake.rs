@@ -13,7 +13,7 @@ use crate::node::transport::{Form, Input, Transport};
 
 /// One sensor, as far as it was heard.
 #[derive(Clone, Debug)]
-pub(super) struct Heard {
+pub(super) struct Intake {
     /// The first form that a good scan came in: two of one sensor must not fill the map twice.
     pub(super) chosen: Option<Form>,
     /// When the newest scan came.
@@ -28,7 +28,7 @@ pub(super) struct Heard {
     pub(super) lost: u64,
 }
 
-impl Heard {
+impl Intake {
     pub(super) const fn new(start: Instant) -> Self {
         Self { chosen: None, since: start, said_quiet: None, newest: None, received: 0, skipped: 0, lost: 0 }
     }
@@ -47,21 +47,21 @@ impl<T: Transport> Live<T> {
     pub(super) fn scan(&mut self, input: Input, cloud: Result<Cloud, CloudError>) {
         let Input { sensor, form } = input;
         let clock = self.clock_now();
-        let heard = &mut self.heard[sensor];
-        if !heard.takes(form) {
+        let intake = &mut self.intakes[sensor];
+        if !intake.takes(form) {
             return self.skip_other(input);
         }
-        heard.since = Instant::now();
-        heard.received += 1;
+        intake.since = Instant::now();
+        intake.received += 1;
         match &cloud {
             Ok(Cloud { stamp, .. }) => {
-                heard.newest = Some(*stamp);
-                if heard.chosen.replace(form).is_none() {
+                intake.newest = Some(*stamp);
+                if intake.chosen.replace(form).is_none() {
                     self.say_chosen(input);
                 }
                 self.say_when_ahead(sensor, stamp.seconds_since(clock));
             }
-            Err(_) => heard.skipped += 1,
+            Err(_) => intake.skipped += 1,
         }
         self.cloud(cloud);
     }
@@ -78,7 +78,7 @@ impl<T: Transport> Live<T> {
     fn say_chosen(&self, Input { sensor, form }: Input) {
         let topics = &self.transport.inputs()[sensor];
         let topic = topics.topic(form).unwrap_or_default();
-        if self.heard.len() == 1 {
+        if self.intakes.len() == 1 {
             info!("scans are made of {topic}");
         } else {
             info!("scans of the sensor {} are made of {topic}", topics.name);
@@ -89,33 +89,33 @@ impl<T: Transport> Live<T> {
     fn skip_other(&mut self, Input { sensor, form }: Input) {
         self.counts.borrow_mut().received += 1;
         self.counts.borrow_mut().skip("other_input");
-        let chosen = self.heard[sensor].chosen.unwrap_or(form);
+        let chosen = self.intakes[sensor].chosen.unwrap_or(form);
         let line = inputs::how_to_choose(&self.transport.inputs()[sensor], chosen, form);
         self.warn("other_input", format_args!("{line}"));
     }
 
     pub(super) fn lost(&mut self, Input { sensor, form }: Input, number: u64) {
         self.counts.borrow_mut().lose(number);
-        let heard = &mut self.heard[sensor];
-        if !heard.takes(form) {
+        let intake = &mut self.intakes[sensor];
+        if !intake.takes(form) {
             return;
         }
-        heard.lost = heard.lost.saturating_add(number);
+        intake.lost = intake.lost.saturating_add(number);
         let total = self.counts.borrow().lost;
         self.warn("lost", format_args!("{total} clouds were sent and never arrived (see receive_buffer)"));
     }
 
     /// Says why no scan of a sensor comes, as far as it can be known.
     pub(super) fn say_when_quiet(&mut self, now: Instant) {
-        for sensor in 0..self.heard.len() {
-            let heard = &mut self.heard[sensor];
-            let said = heard.said_quiet.is_some_and(|said| now.duration_since(said) < QUIET_AGAIN);
-            if now.duration_since(heard.since) < QUIET || said {
+        for sensor in 0..self.intakes.len() {
+            let intake = &mut self.intakes[sensor];
+            let said = intake.said_quiet.is_some_and(|said| now.duration_since(said) < QUIET_AGAIN);
+            if now.duration_since(intake.since) < QUIET || said {
                 continue;
             }
-            heard.said_quiet = Some(now);
+            intake.said_quiet = Some(now);
             let (topics, sources) = (&self.transport.inputs()[sensor], self.transport.sources());
-            let line = inputs::why_quiet(topics, heard.chosen, &sources, QUIET);
+            let line = inputs::why_quiet(topics, intake.chosen, &sources, QUIET);
             self.warn(format!("quiet {}", topics.name), format_args!("{line}"));
         }
     }

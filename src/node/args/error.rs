@@ -1,0 +1,61 @@
+//! Why a command line was refused.
+
+use ros2args::Ros2ArgsError;
+use thiserror::Error;
+
+use crate::config::ConfigError;
+use crate::node::params_file::MAX_NAME_BYTES;
+use crate::yaml::YamlError;
+
+/// A command line that cannot be.
+#[derive(Debug, Error)]
+pub enum ArgsError {
+    /// Not in the form of ROS arguments.
+    #[error(transparent)]
+    Form(#[from] Ros2ArgsError),
+    /// A parameter that cannot be.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// A parameter of a type that no parameter has.
+    #[error("{name} is {value}; it must be a boolean, a number, a text or a list of texts")]
+    Type {
+        /// The parameter.
+        name: String,
+        /// As given.
+        value: String,
+    },
+    /// A name that is too long, perhaps joined from those of nested maps.
+    #[error("the name of the parameter `{begin}...` has {bytes} bytes; at most {MAX_NAME_BYTES} are read")]
+    LongName {
+        /// How it begins.
+        begin: String,
+        /// Its length.
+        bytes: usize,
+    },
+    /// A value that is more than is read.
+    #[error("the value of {name} is refused: {bound}")]
+    Value {
+        /// What stands before `:=`.
+        name: String,
+        /// Why.
+        bound: YamlError,
+    },
+    /// `ROS_DOMAIN_ID` out of range.
+    #[error("ROS_DOMAIN_ID is {0:?}; it must be from 0 to 232")]
+    Domain(String),
+    /// Two sensors that would be read from one topic.
+    #[error(
+        "the sensors {first} and {second} are both read from {topic}, which would fill the map twice; give one of them another topic with -r"
+    )]
+    SameTopic {
+        /// A sensor.
+        first: String,
+        /// Another.
+        second: String,
+        /// Fully qualified.
+        topic: String,
+    },
+    /// A name that cannot be resolved.
+    #[error("the name `{0}` cannot be resolved: {1}")]
+    Name(String, Ros2ArgsError),
+}
