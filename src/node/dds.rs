@@ -5,6 +5,7 @@
 //! when it is full: what the middleware then drops shows as a gap in the publisher's sequence numbers.
 
 mod heard;
+mod latched;
 mod map_reader;
 mod mismatch;
 mod network;

@@ -22,6 +22,7 @@ use super::rosout::Lines;
 use super::security::{Security, SecurityError};
 use super::transport::{SensorTopics, Transport};
 use crate::engine::{Engine, Snapshot};
+use crate::memory::prefault;
 
 /// The process has to end with a failure.
 #[derive(Debug, Error)]
@@ -99,6 +100,14 @@ fn say_receive_buffer(setup: &Setup) {
     }
 }
 
+/// Receive buffers to have memory for before anything is received. RustDDS 0.15.1 empties a socket before it works on what was
+/// in it: where that takes fresh memory more slowly than a publisher on the same machine sends, it never ends, and
+/// the node is deaf.
+const BURSTS: usize = 2;
+
+/// More than that of them (bytes) is asked for to be safe, and no memory.
+const LARGEST_BURST: usize = 64 << 20;
+
 fn say_ready(setup: &Setup, sensors: &[SensorTopics]) {
     let (node, domain) = (setup.fully_qualified_name(), setup.domain);
     let reads: Vec<_> = sensors.iter().map(reads).collect();
@@ -140,6 +149,7 @@ pub fn live_node(
     let tasks = LocalSet::new();
     let ended = tasks.block_on(&runtime, async {
         say_receive_buffer(setup);
+        prefault(BURSTS * setup.config.receive_buffer.min(LARGEST_BURST));
         let (dds, events, receiver) = Dds::open(setup, security.clone(), record)?;
         say_security(&security);
         let dds = Rc::new(dds);

@@ -107,15 +107,28 @@ def flows_after(camera, deltas, seconds=20):
     return time.monotonic() - begin
 
 
-def test_data_flows_again_whichever_starts_anew(start, new_peer):
-    watcher = new_peer("watcher")
-    deltas = watcher.record("/cfodi/clusters_delta", SurfaceClusterArray, qos(2000))
-    node = start().ready()
+def restarts(start, new_peer, deltas, attempt):
+    """How long it takes until data flows after: a first driver, the node, another driver, the node [s]."""
+    node, took = start().ready(), []
     for number in range(2):
-        driver = new_peer(f"driver_{number}")
+        driver = new_peer(f"driver_{attempt}_{number}")
         camera = driver.camera()
-        of_driver = flows_after(camera, deltas)
+        took.append(flows_after(camera, deltas))
         node.stop()
         node = start().ready()
-        print("data flows again [s]: after the driver", of_driver, "after the node", flows_after(camera, deltas))
+        took.append(flows_after(camera, deltas))
         driver.close()
+    node.stop()
+    return took
+
+
+def test_data_flows_again_within_2_s_whichever_starts_anew(start, new_peer):
+    """In one of three attempts, for the machine may be busy; a transform that waits for a heartbeat takes 2.7 s, mostly."""
+    watcher = new_peer("watcher")
+    deltas = watcher.record("/cfodi/clusters_delta", SurfaceClusterArray, qos(2000))
+    for attempt in range(3):
+        took = restarts(start, new_peer, deltas, attempt)
+        print("data flows again after the driver, the node, the driver, the node [s]:", took)
+        if max(took) < 2:
+            return
+    pytest.fail(f"it took {took} s")

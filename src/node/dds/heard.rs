@@ -150,6 +150,11 @@ struct Newest {
 }
 
 impl Taken {
+    /// Whether anything was taken of a publisher.
+    pub(super) fn knows(&self, publisher: Gid) -> bool {
+        self.0.contains_key(&publisher)
+    }
+
     /// Notes a message.
     pub(super) fn note(&mut self, publisher: Gid, number: i64) -> Order {
         let entry = of(&mut self.0, publisher);
@@ -172,11 +177,11 @@ impl Taken {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
 
     /// Publishers of different names.
-    fn publisher(number: u32) -> Gid {
+    pub(in crate::node::dds) fn publisher(number: u32) -> Gid {
         let mut name = [0; 16];
         name[..4].copy_from_slice(&number.to_le_bytes());
         cdr_encoding::from_bytes::<Gid, byteorder::LittleEndian>(&name).unwrap().0

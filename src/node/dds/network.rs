@@ -6,11 +6,12 @@ use std::time::Duration;
 
 use ros2_client::qos::Durability;
 use ros2_client::{Context, Node, Publisher, QosProfile, RmwRequestId, Server};
-use rustdds::DomainParticipant;
+use rustdds::{DomainParticipant, Topic};
 use serde::Serialize;
 use tokio::sync::Mutex;
 use tracing::warn;
 
+use super::latched::{self, Latched};
 use super::mismatch::Ends;
 use super::outlet::Outlet;
 use super::pulse::Pulse;
@@ -73,13 +74,13 @@ pub(super) struct Network {
     /// What reads; none of these ends by itself.
     readers: Mutex<Readers>,
     /// `None` where the keys do not permit it.
-    pulse: Option<Pulse>,
+    pulse: Option<Rc<Pulse>>,
     ends: Ends,
     node: RefCell<Node>,
     /// Tells others of the node, and that it has gone.
     context: Context,
     participant: DomainParticipant,
-    threads: Threads,
+    threads: Rc<Threads>,
     /// How often a topic was opened anew.
     reopened: Cell<u32>,
 }
@@ -95,6 +96,7 @@ impl Network {
     ) -> Result<Self, DdsError> {
         let (opener, threads) = Threads::started_by(|| Opener::new(setup, security));
         let mut opener = opener?;
+        let transforms = opener.topic(latched::TOPIC, "tf2_msgs", "TFMessage", &read::latched_qos())?;
         let array = "SurfaceClusterArray";
         let latched = |most| (1, Durability::TransientLocal, most);
         let deltas = (20, Durability::Volatile, DELTAS);
@@ -131,14 +133,38 @@ impl Network {
             ends: opener.ends,
             node: RefCell::new(opener.node),
             context: opener.context,
-            threads,
+            threads: Rc::new(threads),
             reopened: Cell::new(0),
         };
-        for service in [Service::Reset, Service::Save] {
-            let serving = read::serve(service, Rc::clone(network.server(service)), events.clone());
-            network.readers.try_lock().map_err(opening(service.name()))?.spawn_local(serving);
+        network.listen_to_calls(events)?;
+        if !read::has_keys(security) {
+            network.listen_to_found(transforms, memory, events)?;
         }
         Ok(network)
+    }
+
+    fn listen_to_calls(&self, events: &Events) -> Result<(), DdsError> {
+        for service in [Service::Reset, Service::Save] {
+            let serving = read::serve(service, Rc::clone(self.server(service)), events.clone());
+            self.readers.try_lock().map_err(opening(service.name()))?.spawn_local(serving);
+        }
+        Ok(())
+    }
+
+    /// Takes what is latched as soon as its publisher is found.
+    fn listen_to_found(&self, topic: Topic, memory: &Memory, events: &Events) -> Result<(), DdsError> {
+        let Some(news) = self.node.borrow().status_receiver() else { return Ok(()) };
+        let latched = Latched {
+            participant: self.participant.clone(),
+            threads: Rc::clone(&self.threads),
+            pulse: self.pulse.clone(),
+            topic,
+            qos: read::latched_qos(),
+            taken: Rc::clone(&memory.latched),
+            events: events.clone(),
+        };
+        self.readers.try_lock().map_err(opening(latched::TOPIC))?.spawn_local(latched.read(news));
+        Ok(())
     }
 
     /// Takes the node off the network; see [`super::Dds::close`].
@@ -301,8 +327,8 @@ fn polygons(
     setup.config.twins.polygons.then(|| Outlet::open(opener, topic, each)).transpose()
 }
 
-fn pulse(opener: &Opener) -> Option<Pulse> {
+fn pulse(opener: &Opener) -> Option<Rc<Pulse>> {
     let watched = Pulse::open(opener);
     let unwatched = |error: &DdsError| warn!("it will not be noticed when the middleware hangs: {error}");
-    watched.inspect_err(unwatched).ok()
+    watched.inspect_err(unwatched).ok().map(Rc::new)
 }

@@ -13,7 +13,7 @@ use rustdds::policy::{self, ResourceLimits};
 use serde::de::{DeserializeOwned, DeserializeSeed, Deserializer};
 
 use super::heard::{Known, Order, Taken};
-use super::{DdsError, Events, Opener, Readers, opening, parameters, reliable};
+use super::{DdsError, Events, Opener, Readers, latched, opening, parameters, reliable};
 use crate::cloud::{Camera, Cloud, CloudError, CloudFilter, CloudSeed, CompressedSeed, DepthSeed};
 use crate::config::Sensor;
 use crate::msg::ros::{CameraInfo, Clock, TriggerRequest, TriggerResponse};
@@ -22,6 +22,9 @@ use crate::node::inputs::COMPRESSED_DEPTH;
 use crate::node::parameters::Parameters;
 use crate::node::security::Security;
 use crate::node::transport::{DepthTopics, Event, Form, Input, SensorTopics, Service, TopicName};
+
+/// Messages of transforms that may wait.
+const TRANSFORMS: usize = 100;
 
 /// What a seed makes of a message.
 type Decoded = Result<Cloud, CloudError>;
@@ -32,6 +35,7 @@ pub(super) struct Memory {
     /// By sensor.
     scans: Rc<RefCell<BTreeMap<usize, Scans>>>,
     transforms: Rc<RefCell<Taken>>,
+    pub(super) latched: Rc<RefCell<Taken>>,
 }
 
 /// What was heard of a sensor.
@@ -54,12 +58,13 @@ pub(super) fn listen(
     events: &Events,
 ) -> Result<Readers, DdsError> {
     let mut readers = Readers::new();
-    let tf = |durability| (&reliable(100, durability)).into();
     listen_to_scans(opener, &mut readers, memory, parameters, events)?;
     // The reliable reader takes nothing of a publisher before its heartbeat, up to 3 s; the other one at once.
-    let at_once = (&QosProfile::subscription_default().history(History::KeepLast { depth: 100 })).into();
-    let at_once = (!has_keys(opener)).then_some(at_once);
-    for qos in at_once.into_iter().chain([tf(Durability::Volatile)]) {
+    let at_once =
+        (&QosProfile::subscription_default().history(History::KeepLast { depth: TRANSFORMS })).into();
+    let at_once = (!has_keys(opener.security)).then_some(at_once);
+    let repaired = (&reliable(TRANSFORMS, Durability::Volatile)).into();
+    for qos in at_once.into_iter().chain([repaired]) {
         let dynamic = opener.subscribe(("/tf", "tf2_msgs", "TFMessage"), &qos)?;
         let taken = Rc::clone(&memory.transforms);
         let transforms = move |message, info: &MessageInfo| match taken
@@ -72,10 +77,10 @@ pub(super) fn listen(
         };
         readers.spawn_local(read("/tf", dynamic, events.clone(), transforms));
     }
-    let transforms = |message, _: &MessageInfo| Some(Event::Transforms { message, is_static: true });
-    let latched =
-        opener.subscribe(("/tf_static", "tf2_msgs", "TFMessage"), &tf(Durability::TransientLocal))?;
-    readers.spawn_local(read("/tf_static", latched, events.clone(), transforms));
+    let taken = Rc::clone(&memory.latched);
+    let transforms = move |message, info: &MessageInfo| latched::event(&taken, message, info);
+    let latched = opener.subscribe((latched::TOPIC, "tf2_msgs", "TFMessage"), &latched_qos())?;
+    readers.spawn_local(read(latched::TOPIC, latched, events.clone(), transforms));
     if opener.setup.config.use_sim_time {
         let qos = (&QosProfile::subscription_default()).into();
         let clock = opener.subscribe(("/clock", "rosgraph_msgs", "Clock"), &qos)?;
@@ -96,9 +101,14 @@ pub(super) fn listen(
     Ok(readers)
 }
 
+/// Of the readers of latched transforms.
+pub(super) fn latched_qos() -> rustdds::QosPolicies {
+    (&reliable(TRANSFORMS, Durability::TransientLocal)).into()
+}
+
 /// Whether messages come by DDS Security. Then there is one reader a topic: with two of `/tf`, transforms did not always come.
-const fn has_keys(opener: &Opener<'_>) -> bool {
-    matches!(opener.security, Security::Keys(_))
+pub(super) const fn has_keys(security: &Security) -> bool {
+    matches!(security, Security::Keys(_))
 }
 
 /// The topics that [`listen`] reads scans from, by sensor.
@@ -190,7 +200,7 @@ impl Listening<'_, '_> {
         ));
         let repaired =
             policy::Reliability::Reliable { max_blocking_time: rustdds::Duration::from_millis(100) };
-        let repaired = (!has_keys(self.opener)).then_some((repaired, true));
+        let repaired = (!has_keys(self.opener.security)).then_some((repaired, true));
         for (reliability, reliably) in [(best_effort, false)].into_iter().chain(repaired) {
             let qos = scan_qos(reliability);
             let images = self.opener.subscribe((&image.resolved, "sensor_msgs", "Image"), &qos)?;
