@@ -103,6 +103,9 @@ pub enum CloudError {
         /// Principal point (px).
         cy: f64,
     },
+    /// A stamp of zero where the clock is the system's.
+    #[error("its stamp is zero: the driver does not say when it was taken")]
+    NoStamp,
     /// A depth image before the first `sensor_msgs/CameraInfo`.
     #[error("a depth image, and no camera_info has come yet")]
     NoCameraInfo,
@@ -181,6 +184,7 @@ impl CloudError {
             Self::ShortRowStep { .. } => "short_row_step",
             Self::ShortData { .. } => "short_data",
             Self::BadIntrinsics { .. } => "bad_intrinsics",
+            Self::NoStamp => "no_stamp",
             Self::NoCameraInfo => "no_camera_info",
             Self::ImageSize { .. } => "image_size",
             Self::UnknownEncoding { .. } => "unknown_encoding",

@@ -281,6 +281,7 @@ fn every_refusal_has_its_own_reason() {
         CloudError::ShortRowStep { row_step: 1, needed: 1 },
         CloudError::ShortData { needed: 1, got: 1 },
         CloudError::BadIntrinsics { fx: 0.0, fy: 1.0, cx: 0.0, cy: 0.0 },
+        CloudError::NoStamp,
         CloudError::NoCameraInfo,
         CloudError::ImageSize { width: 1, height: 1, camera_width: 2, camera_height: 2 },
         CloudError::UnknownEncoding { encoding: String::new() },

@@ -8,6 +8,7 @@ mod heard;
 mod latched;
 mod map_reader;
 mod mismatch;
+mod namesakes;
 mod network;
 mod opener;
 mod outlet;
@@ -227,7 +228,12 @@ impl Transport for Dds {
     }
 
     fn network_state(&self) -> NetworkState {
-        NetworkState { receive_buffer: self.receive_buffer, mismatches: self.network().mismatches() }
+        let network = self.network();
+        NetworkState {
+            receive_buffer: self.receive_buffer,
+            mismatches: network.mismatches(),
+            namesakes: network.namesakes(&self.memory),
+        }
     }
 
     async fn failed(&self) -> String {

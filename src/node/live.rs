@@ -191,6 +191,8 @@ struct Live<T: Transport> {
     receive_buffer: usize,
     throttle: Throttle,
     session: u64,
+    /// Whether the time is simulated.
+    simulated: bool,
     /// Newest stamp of the simulated clock.
     newest_clock: Option<Stamp>,
     /// By sensor.
@@ -225,6 +227,7 @@ impl<T: Transport> Live<T> {
             receive_buffer: config.receive_buffer,
             throttle: Throttle::default(),
             session,
+            simulated: config.use_sim_time,
             newest_clock: None,
             intakes,
             fixed_frame: config.fixed_frame.clone(),

@@ -214,6 +214,8 @@ pub struct NetworkState {
     pub receive_buffer: usize,
     /// Where a publisher and a reader do not fit, so that nothing passes: the topic, and why.
     pub mismatches: Vec<(String, String)>,
+    /// Other nodes of this node's name.
+    pub namesakes: usize,
 }
 
 /// A message could not be sent.

@@ -61,6 +61,7 @@ const SENTENCES: &[(&str, &str)] = &[
     ("long_name", "A transform’s frame has too long a name."),
     ("missing_field", "The cloud has no x, y or z."),
     ("no_camera_info", "No camera info came for the depth image."),
+    ("no_stamp", "The header’s stamp is zero."),
     ("non_finite", "A transform holds a number that is not finite."),
     ("other_input", "Another input of the same sensor had been taken."),
     ("png", "The PNG of the depth image cannot be read."),

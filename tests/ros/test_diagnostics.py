@@ -88,6 +88,30 @@ def test_what_is_not_right_is_said_by_its_part(start, peer, reports, log):
     node.stop()
 
 
+def test_scans_without_a_stamp_are_refused_and_that_is_said(start, peer, reports):
+    node = start().ready()
+    camera = peer.camera()
+    camera.meet()
+    cloud = clouds.cloud(clouds.wall())
+    for _ in range(40):
+        camera.publish(cloud, 0, clouds.still_transform())
+        time.sleep(1 / 20)
+    wait_for(reports, "sensor points", WARN, "were lost or cannot be used", after=0)
+    node.line_with("a cloud was skipped: its stamp is zero")
+    counts = node.stop()
+    assert counts["taken_in"] == 0 and counts["skipped"]["no_stamp"] == counts["received"] > 0, counts
+
+
+def test_another_node_of_its_name_is_told_of_while_it_is_there(start, reports):
+    nodes = [start().ready(), start().ready()]
+    for node in nodes:
+        node.line_with("another node is named /cfodi too")
+    nodes[1].process.kill()
+    reports.wait("no namesake, once the one that was killed is forgotten", lambda report: part(report, "network").level == OK,
+                 timeout=60, after=len(reports))
+    nodes[0].stop()
+
+
 def test_a_reader_that_asks_for_more_than_is_offered_is_named(start, peer, reports, log):
     node = start().ready()
     peer.record("/cfodi/clusters_delta", SurfaceClusterArray, qos(10, latched=True))

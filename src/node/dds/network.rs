@@ -13,6 +13,7 @@ use tracing::warn;
 
 use super::latched::{self, Latched};
 use super::mismatch::Ends;
+use super::namesakes;
 use super::outlet::Outlet;
 use super::pulse::Pulse;
 use super::read::{self, Memory};
@@ -137,6 +138,7 @@ impl Network {
             reopened: Cell::new(0),
         };
         network.listen_to_calls(events)?;
+        network.listen_to_namesakes(setup.fully_qualified_name(), memory)?;
         if !read::has_keys(security) {
             network.listen_to_found(transforms, memory, events)?;
         }
@@ -147,6 +149,19 @@ impl Network {
         for service in [Service::Reset, Service::Save] {
             let serving = read::serve(service, Rc::clone(self.server(service)), events.clone());
             self.readers.try_lock().map_err(opening(service.name()))?.spawn_local(serving);
+        }
+        Ok(())
+    }
+
+    /// Notes other nodes of this node's name; where the keys do not permit it the node does without.
+    fn listen_to_namesakes(&self, name: String, memory: &Memory) -> Result<(), DdsError> {
+        let namesakes = Rc::clone(&memory.namesakes);
+        match namesakes.open(&self.participant) {
+            Ok(reader) => {
+                let reading = namesakes::read(reader, namesakes, name);
+                self.readers.try_lock().map_err(opening("the names of nodes"))?.spawn_local(reading);
+            }
+            Err(error) => warn!("it will not be noticed when another node has this name: {error}"),
         }
         Ok(())
     }
@@ -259,6 +274,16 @@ impl Network {
     pub(super) fn mismatches(&self) -> Vec<(String, String)> {
         // Where one of its threads has died, what they share may not be readable any more.
         if self.threads.live() { self.ends.mismatches(&self.participant) } else { Vec::new() }
+    }
+
+    /// Other nodes of this node's name.
+    pub(super) fn namesakes(&self, memory: &Memory) -> usize {
+        // As in `mismatches`.
+        if !self.threads.live() {
+            return 0;
+        }
+        let writers = self.participant.discovered_writers();
+        memory.namesakes.among(writers.iter().map(|writer| writer.publication_topic_data.key))
     }
 
     /// Resolves with a reason when something that reads has ended.

@@ -13,6 +13,7 @@ use rustdds::policy::{self, ResourceLimits};
 use serde::de::{DeserializeOwned, DeserializeSeed, Deserializer};
 
 use super::heard::{Known, Order, Taken};
+use super::namesakes::Namesakes;
 use super::{DdsError, Events, Opener, Readers, latched, opening, parameters, reliable};
 use crate::cloud::{Camera, Cloud, CloudError, CloudFilter, CloudSeed, CompressedSeed, DepthSeed};
 use crate::config::Sensor;
@@ -36,6 +37,7 @@ pub(super) struct Memory {
     scans: Rc<RefCell<BTreeMap<usize, Scans>>>,
     transforms: Rc<RefCell<Taken>>,
     pub(super) latched: Rc<RefCell<Taken>>,
+    pub(super) namesakes: Rc<Namesakes>,
 }
 
 /// What was heard of a sensor.

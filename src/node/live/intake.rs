@@ -53,6 +53,10 @@ impl<T: Transport> Live<T> {
         }
         intake.since = Instant::now();
         intake.received += 1;
+        // A moving sensor cannot be placed at the time when its scan happens to come. A simulation begins at zero.
+        let has_stamp = |cloud: &Cloud| self.simulated || cloud.stamp.nanos() != 0;
+        let cloud =
+            cloud.and_then(|cloud| if has_stamp(&cloud) { Ok(cloud) } else { Err(CloudError::NoStamp) });
         match &cloud {
             Ok(Cloud { stamp, .. }) => {
                 intake.newest = Some(*stamp);

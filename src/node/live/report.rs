@@ -210,6 +210,12 @@ impl<T: Transport> Live<T> {
             part.raise(Level::Warn, format!("{topic}: {why}"));
             self.warn(format!("{topic}: {why}"), format_args!("{topic}: {why}"));
         }
+        if network.namesakes > 0 {
+            let line = namesakes(self.transport.node_name(), network.namesakes);
+            part.value("other nodes of its name", network.namesakes);
+            part.raise(Level::Warn, &line);
+            self.warn("namesakes", format_args!("{line}"));
+        }
         if got < wish {
             part.raise(
                 Level::Warn,
@@ -218,4 +224,13 @@ impl<T: Transport> Live<T> {
         }
         part.finish()
     }
+}
+
+/// What is to be said of other nodes of this node's name. Both work, which is what ROS has them do.
+fn namesakes(name: &str, number: usize) -> String {
+    let others = if number == 1 { "another node is".to_owned() } else { format!("{number} other nodes are") };
+    format!(
+        "{others} named {name} too: who calls its services or sets its parameters reaches any of them \
+         (-r __node:=... renames)"
+    )
 }

@@ -3,6 +3,7 @@
 mod changes;
 mod ending;
 mod hostile;
+mod intake;
 mod reports;
 
 use tokio::runtime::Builder;
@@ -194,7 +195,7 @@ fn a_scan_that_jumps_back_begins_a_session_and_a_stray_stamp_without_transform_d
     let events = vec![
         transform(at(20.0), false),
         cloud(at(20.0), "camera"),
-        cloud(at(0.0), "camera"),
+        cloud(at(1.0), "camera"),
         transform(at(20.1), false),
         cloud(at(20.1), "camera"),
     ];
@@ -248,28 +249,6 @@ fn a_reader_that_has_ended_ends_the_node_with_an_error() {
     sender.send("reading /points has ended".to_owned()).unwrap();
     let (ended, _, _) = node(transport, Vec::new(), u64::MAX);
     assert_eq!(ended.unwrap_err().to_string(), "the node is deaf: reading /points has ended");
-}
-
-#[test]
-fn the_first_input_that_sends_a_good_scan_is_the_only_one_taken() {
-    let of = |input, seconds| match cloud(at(seconds), "camera") {
-        Event::Cloud(_, cloud) => Event::Cloud(input, cloud),
-        other => other,
-    };
-    let events = vec![
-        transform(at(0.0), true),
-        Event::Cloud(Form::Depth.of(0), Err(CloudError::NoCameraInfo)),
-        Event::Camera(0, Err(CloudError::BadIntrinsics { fx: 0.0, fy: 0.0, cx: 0.0, cy: 0.0 })),
-        of(Form::CompressedDepth.of(0), 10.0),
-        of(Form::Depth.of(0), 10.0),
-        Event::Cloud(Form::Points.of(0), Err(CloudError::EmptyFrameId)),
-        of(Form::CompressedDepth.of(0), 10.1),
-        of(Form::Points.of(0), 10.1),
-        Event::Lost(Form::Points.of(0), 2),
-    ];
-    let (_, counts, _) = node(Fake::default(), events, 2);
-    assert_eq!((counts.received, counts.taken_in, counts.lost), (6, 2, 2));
-    assert_eq!(counts.skipped.into_iter().collect::<Vec<_>>(), [("no_camera_info", 1), ("other_input", 3)]);
 }
 
 /// Saves its map as `map` in this folder, every 0.1 s.

@@ -51,6 +51,7 @@ fn who_does_not_fit_and_a_buffer_cut_short_are_warnings() {
     let network = |receive_buffer| NetworkState {
         receive_buffer,
         mismatches: vec![("/tf_static".to_owned(), "a publisher offers less".to_owned())],
+        namesakes: 0,
     };
     let transport = reported(Fake { network: network(32 << 20), ..Fake::default() }, Vec::new());
     let said = last(&transport, "network");
@@ -64,4 +65,17 @@ fn who_does_not_fit_and_a_buffer_cut_short_are_warnings() {
         said.level == 1 && said.message.ends_with("sudo sysctl -w net.core.rmem_max=33554432"),
         "{said:?}"
     );
+}
+
+#[test]
+fn other_nodes_of_its_name_are_a_warning_with_their_number() {
+    for (namesakes, words) in
+        [(1, "another node is named /cfodi too"), (2, "2 other nodes are named /cfodi too")]
+    {
+        let network = NetworkState { receive_buffer: 32 << 20, mismatches: Vec::new(), namesakes };
+        let transport = reported(Fake { network, ..Fake::default() }, Vec::new());
+        let said = last(&transport, "network");
+        assert!(said.level == 1 && said.message.starts_with(words), "{said:?}");
+        assert_eq!(value(&said, "other nodes of its name"), namesakes.to_string());
+    }
 }

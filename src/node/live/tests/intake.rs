@@ -1,0 +1,36 @@
+//! Which scans a node on a middleware made of channels takes.
+
+use super::*;
+
+#[test]
+fn the_first_input_that_sends_a_good_scan_is_the_only_one_taken() {
+    let of = |input, seconds| match cloud(at(seconds), "camera") {
+        Event::Cloud(_, cloud) => Event::Cloud(input, cloud),
+        other => other,
+    };
+    let events = vec![
+        transform(at(0.0), true),
+        Event::Cloud(Form::Depth.of(0), Err(CloudError::NoCameraInfo)),
+        Event::Camera(0, Err(CloudError::BadIntrinsics { fx: 0.0, fy: 0.0, cx: 0.0, cy: 0.0 })),
+        of(Form::CompressedDepth.of(0), 10.0),
+        of(Form::Depth.of(0), 10.0),
+        Event::Cloud(Form::Points.of(0), Err(CloudError::EmptyFrameId)),
+        of(Form::CompressedDepth.of(0), 10.1),
+        of(Form::Points.of(0), 10.1),
+        Event::Lost(Form::Points.of(0), 2),
+    ];
+    let (_, counts, _) = node(Fake::default(), events, 2);
+    assert_eq!((counts.received, counts.taken_in, counts.lost), (6, 2, 2));
+    assert_eq!(counts.skipped.into_iter().collect::<Vec<_>>(), [("no_camera_info", 1), ("other_input", 3)]);
+}
+
+#[test]
+fn a_scan_without_a_stamp_is_refused_but_where_time_may_begin_at_zero() {
+    for (simulated, taken_in, skipped) in [(false, 1, vec![("no_stamp", 1)]), (true, 2, vec![])] {
+        let given = [("use_sim_time".to_owned(), Value::Boolean(simulated))];
+        let events = vec![transform(at(0.0), true), cloud(at(0.0), "camera"), cloud(at(0.1), "camera")];
+        let (_, counts, _) = node_with(&Config::new(given).unwrap(), Fake::default(), events, taken_in);
+        assert_eq!((counts.received, counts.taken_in), (2, taken_in));
+        assert_eq!(counts.skipped.into_iter().collect::<Vec<_>>(), skipped);
+    }
+}
