@@ -10,8 +10,10 @@ pub mod args;
 mod clock;
 pub mod counts;
 pub mod dds;
+mod heard;
 mod inputs;
 pub mod live;
+pub mod middleware;
 mod parameters;
 mod params_file;
 pub mod process;
@@ -21,10 +23,14 @@ pub mod resume;
 pub mod rosout;
 mod saving;
 pub mod security;
+mod seeds;
 mod speak;
 mod throttle;
+mod topics;
 pub mod transport;
 mod vitals;
+#[cfg(feature = "zenoh")]
+pub mod zenoh;
 
 pub use self::args::Setup;
 

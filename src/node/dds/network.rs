@@ -16,7 +16,7 @@ use super::outlet::Outlet;
 use super::pulse::Pulse;
 use super::read::{self, Memory};
 use super::threads::Threads;
-use super::{DdsError, Events, Opener, Readers, opening, ros_type};
+use super::{Events, Opener, Readers, opening, ros_type};
 use crate::msg::clusters::SurfaceClusterArray;
 use crate::msg::reports::{DiagnosticArray, Log};
 use crate::msg::ros::{MarkerArray, PointCloud2, TriggerRequest, TriggerResponse};
@@ -25,6 +25,7 @@ use crate::node::args::Setup;
 use crate::node::parameters::Parameters;
 use crate::node::security::Security;
 use crate::node::transport::{Outgoing, SendError, Service, Source};
+use crate::node::middleware::OpenError;
 
 /// Most deltas that are kept for a reader that does not acknowledge them: more than 20 s of them, after which ROS readers
 /// that have died are forgotten.
@@ -92,7 +93,7 @@ impl Network {
         memory: &Memory,
         parameters: &Rc<Parameters>,
         events: &Events,
-    ) -> Result<Self, DdsError> {
+    ) -> Result<Self, OpenError> {
         let (opener, threads) = Threads::started_by(|| Opener::new(setup, security));
         let mut opener = opener?;
         let array = "SurfaceClusterArray";
@@ -278,7 +279,7 @@ impl Network {
 }
 
 /// What is of use and not needed: where it cannot be opened the node does without, and says so.
-fn permitted<M: Serialize>(outlet: Result<Outlet<M>, DdsError>) -> Option<Outlet<M>> {
+fn permitted<M: Serialize>(outlet: Result<Outlet<M>, OpenError>) -> Option<Outlet<M>> {
     outlet.inspect_err(|error| warn!("what the node says of itself is not sent: {error}")).ok()
 }
 
@@ -286,7 +287,7 @@ fn detections(
     setup: &Setup,
     opener: &mut Opener<'_>,
     latched: (usize, Durability, i32),
-) -> Result<Option<Outlet<Detection3DArray>>, DdsError> {
+) -> Result<Option<Outlet<Detection3DArray>>, OpenError> {
     let topic = (Outgoing::DETECTIONS, "vision_msgs", "Detection3DArray");
     setup.config.twins.detections.then(|| Outlet::open(opener, topic, latched)).transpose()
 }
@@ -295,7 +296,7 @@ fn detections(
 fn polygons(
     setup: &Setup,
     opener: &mut Opener<'_>,
-) -> Result<Option<Outlet<PolygonInstanceStamped>>, DdsError> {
+) -> Result<Option<Outlet<PolygonInstanceStamped>>, OpenError> {
     let topic = (Outgoing::POLYGONS, "geometry_msgs", "PolygonInstanceStamped");
     let each = (POLYGONS as usize, Durability::Volatile, POLYGONS);
     setup.config.twins.polygons.then(|| Outlet::open(opener, topic, each)).transpose()
@@ -303,6 +304,6 @@ fn polygons(
 
 fn pulse(opener: &Opener) -> Option<Pulse> {
     let watched = Pulse::open(opener);
-    let unwatched = |error: &DdsError| warn!("it will not be noticed when the middleware hangs: {error}");
+    let unwatched = |error: &OpenError| warn!("it will not be noticed when the middleware hangs: {error}");
     watched.inspect_err(unwatched).ok()
 }

@@ -6,10 +6,11 @@ use ros2_client::qos::{Durability, WhenFull};
 use ros2_client::{Node, Publisher, QosProfile};
 use rustdds::DomainParticipant;
 
-use super::{DdsError, Opener, reliable};
+use super::{Opener, reliable};
 use crate::msg::ros::{PointCloud2, TfMessage};
 use crate::node::args::Setup;
 use crate::node::transport::SendError;
+use crate::node::middleware::OpenError;
 
 /// Who begins to read `/tf` when some thousand messages have been sent counts as one that has acknowledged none of them,
 /// for some milliseconds.
@@ -29,7 +30,7 @@ impl Robot {
     ///
     /// # Errors
     /// When the middleware refuses something.
-    pub fn open(setup: &Setup) -> Result<Self, DdsError> {
+    pub fn open(setup: &Setup) -> Result<Self, OpenError> {
         let setup = setup.for_node("simulated_robot");
         let security = setup.security()?;
         let mut opener = Opener::new(&setup, &security)?;

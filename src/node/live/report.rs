@@ -202,15 +202,17 @@ impl<T: Transport> Live<T> {
 
     fn of_network(&mut self) -> DiagnosticStatus {
         let network = self.transport.network_state();
-        let (got, wish) = (network.receive_buffer, self.receive_buffer);
+        let wish = self.receive_buffer;
         let mut part = self.part("network", "every reader and publisher fits");
-        part.value("socket receive buffer [bytes]", got);
+        if let Some(got) = network.receive_buffer {
+            part.value("socket receive buffer [bytes]", got);
+        }
         for (topic, why) in network.mismatches {
             part.value(topic.clone(), &why);
             part.raise(Level::Warn, format!("{topic}: {why}"));
             self.warn(format!("{topic}: {why}"), format_args!("{topic}: {why}"));
         }
-        if got < wish {
+        if let Some(got) = network.receive_buffer.filter(|&got| got < wish) {
             part.raise(
                 Level::Warn,
                 format!("the socket receive buffer has {got} bytes instead of {wish}: sudo sysctl -w net.core.rmem_max={wish}"),

@@ -49,7 +49,7 @@ fn a_scan_without_a_transform_is_an_error_while_none_is_taken_in() {
 #[test]
 fn who_does_not_fit_and_a_buffer_cut_short_are_warnings() {
     let network = |receive_buffer| NetworkState {
-        receive_buffer,
+        receive_buffer: Some(receive_buffer),
         mismatches: vec![("/tf_static".to_owned(), "a publisher offers less".to_owned())],
     };
     let transport = reported(Fake { network: network(32 << 20), ..Fake::default() }, Vec::new());
