@@ -158,6 +158,9 @@ mod tests {
         let error = Rmw::named("rmw_zenoh_cpp", false).unwrap_err().to_string();
         assert!(error.ends_with("build with `cargo install --path . --features zenoh`"), "{error}");
         let error = Rmw::named("rmw_zenoh", true).unwrap_err().to_string();
-        assert!(error.starts_with("RMW_IMPLEMENTATION is \"rmw_zenoh\"; it must be `rmw_zenoh_cpp`"), "{error}");
+        assert!(
+            error.starts_with("RMW_IMPLEMENTATION is \"rmw_zenoh\"; it must be `rmw_zenoh_cpp`"),
+            "{error}"
+        );
     }
 }

@@ -118,7 +118,11 @@ fn say_security(middleware: &str, security: &Security) {
             warn!("{middleware} is not secured, which ROS_SECURITY_STRATEGY permits: {why}");
         }
         Security::Keys(enclave) => {
-            info!("{middleware} is secured with the keys in {} of enclave {}", enclave.folder.display(), enclave.name);
+            info!(
+                "{middleware} is secured with the keys in {} of enclave {}",
+                enclave.folder.display(),
+                enclave.name
+            );
         }
     }
 }

@@ -22,10 +22,10 @@ use crate::msg::reports::{DiagnosticArray, Log};
 use crate::msg::ros::{MarkerArray, PointCloud2, TriggerRequest, TriggerResponse};
 use crate::msg::twins::{Detection3DArray, PolygonInstanceStamped};
 use crate::node::args::Setup;
+use crate::node::middleware::OpenError;
 use crate::node::parameters::Parameters;
 use crate::node::security::Security;
 use crate::node::transport::{Outgoing, SendError, Service, Source};
-use crate::node::middleware::OpenError;
 
 /// Most deltas that are kept for a reader that does not acknowledge them: more than 20 s of them, after which ROS readers
 /// that have died are forgotten.

@@ -18,8 +18,8 @@ use tokio::time::{Instant, sleep};
 use tracing::warn;
 
 use super::{Opener, opening, reliable_output};
-use crate::node::transport::SendError;
 use crate::node::middleware::OpenError;
+use crate::node::transport::SendError;
 
 /// What readers are waited for, in any [`REST`]: whatever they do, the engine's outputs find room meanwhile.
 const PATIENCE: Duration = Duration::from_millis(500);

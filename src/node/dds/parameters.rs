@@ -70,7 +70,11 @@ struct Setter {
 }
 
 impl Setter {
-    fn open(opener: &mut Opener<'_>, parameters: &Rc<Parameters>, events: &Events) -> Result<Self, OpenError> {
+    fn open(
+        opener: &mut Opener<'_>,
+        parameters: &Rc<Parameters>,
+        events: &Events,
+    ) -> Result<Self, OpenError> {
         let qos = reliable_output(DEPTH, Durability::Volatile, DEPTH as i32);
         let changes = opener.publisher((EVENTS, "rcl_interfaces", "ParameterEvent"), &qos)?;
         Ok(Self { parameters: Rc::clone(parameters), changes: Rc::new(changes), events: events.clone() })

@@ -204,7 +204,9 @@ where
     let scans = subscription.async_stream_seed(Told(seed));
     pin_mut!(scans);
     while let Some(sample) = scans.next().await {
-        let Some((scan, lost)) = known.borrow_mut().tell(sample.map(of_publisher), reliably) else { continue };
+        let Some((scan, lost)) = known.borrow_mut().tell(sample.map(of_publisher), reliably) else {
+            continue;
+        };
         if lost > 0 && events.send(Event::Lost(input, lost)).await.is_err() {
             break;
         }

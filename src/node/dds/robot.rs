@@ -9,8 +9,8 @@ use rustdds::DomainParticipant;
 use super::{Opener, reliable};
 use crate::msg::ros::{PointCloud2, TfMessage};
 use crate::node::args::Setup;
-use crate::node::transport::SendError;
 use crate::node::middleware::OpenError;
+use crate::node::transport::SendError;
 
 /// Who begins to read `/tf` when some thousand messages have been sent counts as one that has acknowledged none of them,
 /// for some milliseconds.

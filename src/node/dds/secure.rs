@@ -2,8 +2,8 @@
 
 use rustdds::{DomainParticipant, DomainParticipantBuilder};
 
-use crate::node::security::{Enclave, SecurityError};
 use crate::node::middleware::OpenError;
+use crate::node::security::{Enclave, SecurityError};
 
 #[cfg(not(feature = "security"))]
 pub(super) fn build(_: DomainParticipantBuilder, _: Enclave) -> Result<DomainParticipant, OpenError> {

@@ -65,7 +65,9 @@ fn build(file: &str, changes: &str) -> Result<Config, OpenError> {
     let mut config = if file.is_empty() {
         let mut config = Config::default();
         for (key, value) in DEFAULT {
-            config.insert_json5(key, value).map_err(|error| wrong("the default configuration", key, error))?;
+            config
+                .insert_json5(key, value)
+                .map_err(|error| wrong("the default configuration", key, error))?;
         }
         config
     } else {

@@ -182,11 +182,8 @@ impl Calls {
         let attachment = attachment.ok_or("a call without who calls and its number")?;
         let request = cdr::read(&query.payload().ok_or("a call without a request")?.to_bytes())?;
         // An answer goes by one key.
-        let key = if query.key_expr().is_wild() {
-            self.key.clone()
-        } else {
-            query.key_expr().as_str().to_owned()
-        };
+        let key =
+            if query.key_expr().is_wild() { self.key.clone() } else { query.key_expr().as_str().to_owned() };
         Ok((Call { query, key, attachment }, request))
     }
 }

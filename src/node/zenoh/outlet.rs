@@ -49,7 +49,20 @@ pub(super) fn open(opener: &Opener<'_>) -> Result<BTreeMap<&'static str, Outlet>
 enum Sender {
     Live(Publisher<'static>),
     /// Keeps the newest for late readers.
-    Latched(AdvancedPublisher<'static>),
+    Latched(Aside<AdvancedPublisher<'static>>),
+}
+
+/// Something that is waited for where it is dropped: Zenoh panics where it is waited for within a runtime of one thread.
+struct Aside<T: Send + 'static>(Option<T>);
+
+impl<T: Send + 'static> Drop for Aside<T> {
+    fn drop(&mut self) {
+        let inside = self.0.take();
+        let dropping = std::thread::Builder::new().name("cfodi-zenoh".to_owned()).spawn(move || drop(inside));
+        if let Ok(dropping) = dropping {
+            drop(dropping.join());
+        }
+    }
 }
 
 /// A topic that is published.
@@ -74,7 +87,7 @@ impl Outlet {
             let latched = publisher.cache(CacheConfig::default().max_samples(qos.depth));
             let missed = MissDetectionConfig::default().sporadic_heartbeat(HEARTBEAT);
             let latched = latched.publisher_detection().sample_miss_detection(missed);
-            Sender::Latched(latched.wait().map_err(opening(&resolved))?)
+            Sender::Latched(Aside(Some(latched.wait().map_err(opening(&resolved))?)))
         } else {
             Sender::Live(publisher.wait().map_err(opening(&resolved))?)
         };
@@ -90,7 +103,10 @@ impl Outlet {
             Attachment { number: self.sent.get(), stamp: clock::now().nanos(), publisher: self.id };
         let sent = match &self.sender {
             Sender::Live(publisher) => publisher.put(message).attachment(attachment.bytes()).wait(),
-            Sender::Latched(publisher) => publisher.put(message).attachment(attachment.bytes()).wait(),
+            Sender::Latched(Aside(Some(publisher))) => {
+                publisher.put(message).attachment(attachment.bytes()).wait()
+            }
+            Sender::Latched(Aside(None)) => Ok(()),
         };
         sent.map_err(|error| refused(&error))
     }

@@ -1,0 +1,259 @@
+"""The node on Zenoh, beside a real router and a real peer by the conventions of rmw_zenoh."""
+
+import json
+import os
+import pathlib
+import struct
+import time
+
+import clouds
+import depth_images
+import network
+import pytest
+from cfodi_node import REPOSITORY, accounted, program
+from peer import wait_until
+from zenoh_ros2_sdk.qos import QosDurability, QosProfile
+
+import zenoh_peer
+from zenoh_peer import ARRAY, CLOUD, IMAGE, INFO, MARKERS, TF
+
+HASHES = REPOSITORY / "src" / "node" / "zenoh" / "type_hashes.txt"
+BINARY = pathlib.Path(os.environ.get("CFODI_SECURED") or REPOSITORY / "target" / "secured") / "cfodi"
+LATCHED = QosProfile(durability=QosDurability.TRANSIENT_LOCAL, history_depth=1)
+ZENOH = {"RMW_IMPLEMENTATION": "rmw_zenoh_cpp"}
+
+
+@pytest.fixture(scope="module")
+def own_network():
+    """One for all of these tests: Zenoh's threads live as long as Python, in the network that they began in."""
+    network.own_network()
+
+
+@pytest.fixture(scope="module")
+def definitions(tmp_path_factory):
+    return zenoh_peer.definitions(tmp_path_factory.mktemp("definitions"))
+
+
+@pytest.fixture
+def new_router(own_network):
+    routers = []
+
+    def start():
+        routers.append(zenoh_peer.Router())
+        return routers[-1]
+
+    yield start
+    for router in routers:
+        router.end()
+
+
+@pytest.fixture
+def router(new_router):
+    return new_router()
+
+
+@pytest.fixture
+def robot(router, definitions):
+    robot = zenoh_peer.Robot(definitions)
+    yield robot
+    robot.close()
+
+
+@pytest.fixture
+def zenoh_node(start):
+    def begin(*arguments, environment=None, **more):
+        return start(*arguments, binary=BINARY, environment=ZENOH | (environment or {}), **more)
+    return begin
+
+
+def has_wall(snapshot):
+    return any(abs(cluster.centroid.x - 2.04) < 0.05 for cluster in snapshot.clusters)
+
+
+def test_clouds_come_in_and_clusters_deltas_and_markers_go_out(zenoh_node, robot):
+    node = zenoh_node().ready()
+    clusters, deltas = robot.read("/cfodi/clusters", ARRAY), robot.read("/cfodi/clusters_delta", ARRAY)
+    markers = robot.read("/cfodi/markers", MARKERS)
+    robot.drive()
+    clusters.wait("a map with a wall", has_wall)
+    wait_until("a delta for each scan", lambda: len(deltas) == robot.sent)
+    markers.wait("markers of a surface", lambda array: any(len(marker.points) > 0 for marker in array.markers))
+    late = robot.read("/cfodi/clusters", ARRAY, qos=LATCHED)
+    assert has_wall(late.wait("what is kept for late readers", timeout=5))
+    counts = node.stop()
+    assert counts["taken_in"] == robot.sent == accounted(counts), counts
+
+
+def test_depth_images_with_their_camera_come_in(zenoh_node, robot):
+    remaps = {"depth/image": "/camera/depth/image_raw", "depth/camera_info": "/camera/depth/camera_info"}
+    node = zenoh_node(remaps=remaps, points=None).ready()
+    clusters = robot.read("/cfodi/clusters", ARRAY)
+    image, info = depth_images.image(depth_images.wall()), depth_images.wall_info()
+    for _ in range(20):
+        stamp = time.time_ns()
+        robot.publish("/tf", TF, clouds.stamped(clouds.static_transform(), clouds.TF_STAMP, stamp))
+        robot.publish("/tf", TF, clouds.stamped(clouds.still_transform(), clouds.TF_STAMP, stamp))
+        robot.publish("/camera/depth/camera_info", INFO, clouds.stamped(info, clouds.CLOUD_STAMP, stamp))
+        time.sleep(0.02)
+        robot.publish("/camera/depth/image_raw", IMAGE, clouds.stamped(image, clouds.CLOUD_STAMP, stamp))
+        time.sleep(0.03)
+    clusters.wait("a map with a wall", has_wall)
+    counts = node.stop()
+    assert counts["taken_in"] == 20 == accounted(counts), counts
+
+
+def test_static_transforms_from_before_the_node_are_asked_for(zenoh_node, robot):
+    publisher = robot.publisher("/tf_static", TF)
+    kept = robot.latch(publisher, clouds.static_transform())
+    node = zenoh_node().ready()
+    clusters = robot.read("/cfodi/clusters", ARRAY)
+    cloud, still = clouds.cloud(clouds.wall()), clouds.still_transform()
+    for _ in range(20):
+        stamp = time.time_ns()
+        robot.publish("/tf", TF, clouds.stamped(still, clouds.TF_STAMP, stamp))
+        robot.publish("/camera/depth/points", CLOUD, clouds.stamped(cloud, clouds.CLOUD_STAMP, stamp))
+        time.sleep(0.05)
+    clusters.wait("a map with a wall", has_wall)
+    counts = node.stop()
+    assert counts["taken_in"] == 20 == accounted(counts), counts
+    kept.undeclare()
+
+
+def test_reset_is_called_and_answered(zenoh_node, robot):
+    node = zenoh_node().ready()
+    clusters = robot.read("/cfodi/clusters", ARRAY)
+    robot.drive()
+    session = clusters.wait("a map with a wall", has_wall).session_id
+    answer = robot.call("/cfodi/reset", "std_srvs/srv/Trigger")
+    assert answer.success, answer
+    clusters.wait("another session", lambda snapshot: snapshot.session_id != session and not len(snapshot.clusters))
+    answer = robot.call("/cfodi/save", "std_srvs/srv/Trigger")
+    assert not answer.success and "snapshot_path" in answer.message
+    node.stop()
+
+
+def test_two_robots_on_one_router_do_not_hear_each_other(zenoh_node, robot):
+    nodes = {}
+    for name in ("a", "b"):
+        nodes[name] = zenoh_node(points="points", arguments=["-r", f"__ns:=/{name}"]).ready(f"/{name}/cfodi")
+    maps = {name: robot.read(f"/{name}/cfodi/clusters", ARRAY) for name in nodes}
+    robot.drive("/a/points", count=12)
+    maps["a"].wait("a map of a", has_wall)
+    robot.call("/b/cfodi/reset", "std_srvs/srv/Trigger")
+    robot.drive("/b/points", count=7)
+    maps["b"].wait("a map of b", has_wall)
+    assert [nodes[name].stop()["taken_in"] for name in nodes] == [12, 7]
+    assert len({snapshot.session_id for snapshot in maps["a"]}) == 1
+
+
+def test_a_router_that_comes_late_and_one_that_starts_anew_are_found(zenoh_node, new_router, definitions):
+    node = zenoh_node().ready()
+    node.line_with("no Zenoh router is there yet")
+    for number in range(2):
+        router = new_router()
+        node.line_with("a Zenoh router is there")
+        robot = zenoh_peer.Robot(definitions)
+        try:
+            deltas = robot.read("/cfodi/clusters_delta", ARRAY)
+            end = time.monotonic() + 20
+            while not deltas:
+                assert time.monotonic() < end, f"no delta by router {number}"
+                robot.drive(count=1)
+        finally:
+            robot.close()
+        router.end()
+        node.line_with("the Zenoh router has gone")
+        node.lines.clear()
+    node.process.terminate()
+    assert node.wait() == 0
+
+
+def test_what_is_no_message_is_counted_and_the_next_good_one_is_taken_in(zenoh_node, robot):
+    node = zenoh_node().ready()
+    cloud = clouds.cloud(clouds.wall())
+    attachment = struct.pack("<qqB16s", 2**63 - 1, -1, 16, b"\xff" * 16)
+    bad = [b"", b"\0\1\0\0", b"\xff" * 100, cloud[:-1], bytes(4) + b"\xff" * 60]
+    robot.publisher("/camera/depth/points", CLOUD)
+    time.sleep(1)
+    for data in bad:
+        for beside in (None, b"", b"\xff" * 33, attachment, b"\0" * 2**16):
+            robot.put("/camera/depth/points", CLOUD, data, beside)
+            robot.put("/tf", TF, data, beside)
+            robot.put("/tf_static", TF, data, beside)
+            time.sleep(0.02)
+    session = robot.session.session
+    for data in bad:
+        key = "0/cfodi/reset/std_srvs::srv::dds_::Trigger_/any"
+        list(session.get(key, payload=data, timeout=0.3))
+        list(session.get(key, payload=data, attachment=attachment, timeout=0.3))
+    node.line_with("/tf_static")
+    clusters = robot.read("/cfodi/clusters", ARRAY)
+    robot.drive()
+    clusters.wait("a map with a wall", has_wall)
+    counts = node.stop()
+    assert counts["taken_in"] == robot.sent, counts
+    assert sum(counts["skipped"].values()) == 25, counts
+
+
+def test_a_flood_is_bounded_and_what_is_lost_by_it_is_counted(zenoh_node, robot):
+    node = zenoh_node().ready()
+    large = clouds.cloud(clouds.wall(side=700))
+    robot.drive(count=5)
+    before = memory(node)
+    for _ in range(100):
+        robot.publish("/camera/depth/points", CLOUD, clouds.stamped(large, clouds.CLOUD_STAMP, time.time_ns()))
+    robot.drive(count=5)
+    time.sleep(2)
+    most = memory(node)
+    counts = node.stop()
+    print("memory [MB]", before, most, counts)
+    assert accounted(counts) == robot.sent + 100, counts
+    assert most - before < 400
+
+
+def memory(node):
+    """The most that it had (MB)."""
+    status = pathlib.Path(f"/proc/{node.process.pid}/status").read_text()
+    return int(next(line for line in status.splitlines() if line.startswith("VmHWM")).split()[1]) / 1024
+
+
+def test_parameters_are_got_and_set_as_over_dds(zenoh_node, robot):
+    node = zenoh_node().ready()
+    listed = robot.call("/cfodi/list_parameters", "rcl_interfaces/srv/ListParameters")
+    assert "voxel_size" in listed.result.names
+    node.stop()
+
+
+def test_who_publishes_something_else_is_named(zenoh_node, robot):
+    node = zenoh_node().ready()
+    robot.publisher("/other/points", CLOUD)
+    node.line_with("/other/points", "-r points:=/other/points")
+    node.stop()
+
+
+@pytest.mark.parametrize("environment, words", [
+    ({"RMW_IMPLEMENTATION": "rmw_zenoh"}, "it must be `rmw_zenoh_cpp`, or for DDS one of rmw_fastrtps_cpp"),
+    (ZENOH | {"ROS_SECURITY_ENABLE": "true", "ROS_SECURITY_STRATEGY": "Enforce"}, "gives to DDS alone"),
+    (ZENOH | {"ZENOH_CONFIG_OVERRIDE": "mode"}, "ZENOH_CONFIG_OVERRIDE is \"mode\""),
+    (ZENOH | {"ZENOH_SESSION_CONFIG_URI": "/no/such.json5"}, "ZENOH_SESSION_CONFIG_URI is \"/no/such.json5\""),
+    (ZENOH | {"ZENOH_ROUTER_CHECK_ATTEMPTS": "one"}, "ZENOH_ROUTER_CHECK_ATTEMPTS is \"one\""),
+])
+def test_an_environment_that_cannot_be_ends_it_with_status_2_and_why(start, environment, words):
+    node = start(binary=BINARY, environment=environment)
+    assert node.wait(20) == 2 and words in node.lines[-1], node.lines
+
+
+def test_without_the_feature_it_refuses_where_its_peers_would_not_hear_it(start):
+    node = start(binary=program(), environment=ZENOH)
+    assert node.wait(20) == 2 and "--features zenoh" in node.lines[-1], node.lines
+
+
+def test_the_committed_hashes_are_those_that_ros_2_computes():
+    for line in HASHES.read_text().splitlines():
+        name, committed = line.split(" ")
+        package, rest = name.split("/", 1)
+        files = (pathlib.Path(prefix) / "share" / package / f"{rest}.json"
+                 for prefix in os.environ["AMENT_PREFIX_PATH"].split(":"))
+        description = json.loads(next(file for file in files if file.exists()).read_text())
+        computed = {entry["type_name"]: entry["hash_string"] for entry in description["type_hashes"]}
+        assert computed[name] == committed, name
