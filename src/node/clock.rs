@@ -14,7 +14,7 @@ pub(super) fn now() -> Stamp {
 }
 
 /// What a message on `/clock` says.
-pub(super) fn event<R>(clock: &Clock, parameters: &Parameters) -> Event<R> {
+pub(super) fn event<R>(clock: Clock, parameters: &Parameters) -> Event<R> {
     let Some(stamp) = clock.clock.stamp() else {
         let text = format!("{} ns in a second", clock.clock.nanosec);
         return Event::Garbled { topic: "/clock".into(), text };

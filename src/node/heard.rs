@@ -8,7 +8,8 @@
 
 use std::collections::BTreeMap;
 
-use crate::cloud::{Cloud, CloudError};
+use super::seeds::Decoded;
+use crate::cloud::CloudError;
 
 /// A publisher, as the middleware names it.
 pub(super) type PublisherId = [u8; 16];
@@ -44,9 +45,9 @@ impl Known {
     /// A scan that is to be taken, and how many were lost before it; a sample comes with its publisher and number.
     pub(super) fn tell<E: ToString>(
         &mut self,
-        sample: Result<(Result<Cloud, CloudError>, (PublisherId, i64)), E>,
+        sample: Result<(Decoded, (PublisherId, i64)), E>,
         reliably: bool,
-    ) -> Option<(Result<Cloud, CloudError>, u64)> {
+    ) -> Option<(Decoded, u64)> {
         match sample {
             Ok((scan, (publisher, number))) => {
                 let takes = self.heard.takes(publisher, number, reliably);

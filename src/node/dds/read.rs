@@ -77,7 +77,7 @@ pub(super) fn listen(
         let qos = (&QosProfile::subscription_default()).into();
         let times = opener.subscribe(("/clock", "rosgraph_msgs", "Clock"), &qos)?;
         let parameters = Rc::clone(parameters);
-        let time = move |clock: Clock, _: &MessageInfo| Some(clock::event(&clock, &parameters));
+        let time = move |clock: Clock, _: &MessageInfo| Some(clock::event(clock, &parameters));
         readers.spawn_local(read("/clock", times, events.clone(), time));
     }
     parameters::serve(opener, &mut readers, parameters, events)?;

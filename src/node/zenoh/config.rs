@@ -57,7 +57,7 @@ fn checks(text: &str) -> Result<Option<u64>, OpenError> {
     match number {
         Ok(0) => Ok(Some(u64::MAX)),
         Ok(number) => Ok(u64::try_from(number).ok()),
-        Err(error) => Err(wrong(ATTEMPTS, text, error)),
+        Err(error) => Err(wrong(ATTEMPTS, text, &error)),
     }
 }
 
@@ -67,22 +67,22 @@ fn build(file: &str, changes: &str) -> Result<Config, OpenError> {
         for (key, value) in DEFAULT {
             config
                 .insert_json5(key, value)
-                .map_err(|error| wrong("the default configuration", key, error))?;
+                .map_err(|error| wrong("the default configuration", key, &error))?;
         }
         config
     } else {
-        Config::from_file(file).map_err(|error| wrong(FILE, file, error))?
+        Config::from_file(file).map_err(|error| wrong(FILE, file, &error))?
     };
     for change in changes.split(';').map(str::trim).filter(|change| !change.is_empty()) {
         let (key, value) =
-            change.split_once('=').ok_or_else(|| wrong(OVERRIDE, change, "it must be key=value"))?;
+            change.split_once('=').ok_or_else(|| wrong(OVERRIDE, change, &"it must be key=value"))?;
         let inserted = config.insert_json5(key.trim(), value.trim());
-        inserted.map_err(|error| wrong(OVERRIDE, change, error))?;
+        inserted.map_err(|error| wrong(OVERRIDE, change, &error))?;
     }
     Ok(config)
 }
 
-fn wrong(name: &'static str, value: &str, text: impl ToString) -> OpenError {
+fn wrong(name: &'static str, value: &str, text: &impl ToString) -> OpenError {
     OpenError::Variable { name, value: value.to_owned(), text: text.to_string() }
 }
 

@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+use zenoh::bytes::ZBytes;
 use zenoh::liveliness::LivelinessToken;
 use zenoh::pubsub::Subscriber;
 use zenoh::query::{Query, Queryable};
@@ -112,7 +113,7 @@ impl<'a> Opener<'a> {
         let mailbox = Arc::new(Mailbox::new(room));
         let there = Arc::clone(&mailbox);
         let put = move |query: Query| {
-            let bytes = query.payload().map_or(0, |payload| payload.len());
+            let bytes = query.payload().map_or(0, ZBytes::len);
             there.put(query, bytes);
         };
         let key = named.key_of_any(self.setup.domain);

@@ -54,7 +54,7 @@ pub(super) fn listen(
     if opener.setup.config.use_sim_time {
         let clocks = opener.subscribe(("/clock", "rosgraph_msgs/msg/Clock"), SENSOR, CLOCKS)?;
         let parameters = Rc::clone(parameters);
-        let event = move |clock: Clock| clock::event(&clock, &parameters);
+        let event = move |clock: Clock| clock::event(clock, &parameters);
         readers.spawn_local(read("/clock", clocks, events.clone(), event));
     }
     for service in [Service::Reset, Service::Save] {
