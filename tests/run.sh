@@ -89,7 +89,7 @@ optional clippy cargo clippy --all-targets -- -D warnings
 RUSTDOCFLAGS="-D warnings" run cargo doc --no-deps
 run cargo check --lib --no-default-features   # the wall around the engine
 optional clippy cargo clippy --lib --no-default-features -- -D warnings
-run cargo check --bin cfodi --no-default-features --features node,humble
+run cargo check --bin cfodi --no-default-features --features node,humble,zenoh
 if cargo nextest --version >/dev/null 2>&1; then
   run cargo nextest run --no-fail-fast
 else

@@ -19,8 +19,8 @@ use crate::node::parameters::Parameters;
 use crate::node::seeds::{Decoded, LatestCamera, Told, WithCamera, WithFilter};
 use crate::node::transport::{DepthTopics, Event, Form, Input, Service};
 
-/// Few: a cloud is megabytes, and an old one is of no use. One of the greatest is a fourth of it.
-const SCANS: Room = Room { messages: 2, bytes: 1 << 30 };
+/// As many as wait for the engine; of bytes, two of the greatest clouds.
+const SCANS: Room = Room { messages: 8, bytes: 1 << 29 };
 const CAMERAS: Room = Room { messages: 2, bytes: 1 << 20 };
 const TRANSFORMS: Room = Room { messages: 100, bytes: 16 << 20 };
 const CLOCKS: Room = Room { messages: 10, bytes: 1 << 16 };
