@@ -63,11 +63,13 @@ raise_socket_buffer() {
   fi
 }
 
-# With the feature `security`, into CFODI_SECURED. The system's OpenSSL, where it can be built against, saves minutes.
+# With the features `security` and `zenoh`, into CFODI_SECURED: one build for both. The system's OpenSSL, where it can be built
+# against, saves minutes.
 build_secured() {
   if pkg-config --atleast-version=1.1.1 openssl 2>/dev/null; then export OPENSSL_NO_VENDOR=1; fi
-  optional clippy cargo clippy --lib --features security -- -D warnings
-  run cargo build --release --features security --bin cfodi --example clusters --example robot
+  optional clippy cargo clippy --lib --bin cfodi --features security,zenoh -- -D warnings
+  run cargo test --release --lib --features security,zenoh zenoh   # of what is compiled only so; with the crates of the build below
+  run cargo build --release --features security,zenoh --bin cfodi --example clusters --example robot
   local built=${CARGO_TARGET_DIR:-$top/target}/release
   mkdir -p "$CFODI_SECURED"
   cp "$built/cfodi" "$built/examples/clusters" "$built/examples/robot" "$CFODI_SECURED"
@@ -87,7 +89,7 @@ optional clippy cargo clippy --all-targets -- -D warnings
 RUSTDOCFLAGS="-D warnings" run cargo doc --no-deps
 run cargo check --lib --no-default-features   # the wall around the engine
 optional clippy cargo clippy --lib --no-default-features -- -D warnings
-run cargo check --bin cfodi --no-default-features --features node,humble
+run cargo check --bin cfodi --no-default-features --features node,humble,zenoh
 if cargo nextest --version >/dev/null 2>&1; then
   run cargo nextest run --no-fail-fast
 else

@@ -2,10 +2,7 @@
 
 use std::collections::VecDeque;
 
-use byteorder::{BigEndian, LittleEndian};
-use cdr_encoding::CdrDeserializer;
-use serde::de::{DeserializeOwned, DeserializeSeed};
-
+use super::cdr::{read, read_with};
 use super::choose::{Sensor, SensorKind};
 use super::read::Message;
 use crate::cloud::{Camera, Cloud, CloudError, CloudFilter, CloudSeed, CompressedSeed, DepthSeed, Optical};
@@ -170,23 +167,6 @@ fn transforms(message: &Message) -> Option<Recorded> {
         Ok(message) => Recorded::Transforms { message, is_static },
         Err(text) => Recorded::Undecodable { topic: message.topic().to_owned(), text },
     })
-}
-
-fn read<T: DeserializeOwned>(data: &[u8]) -> Result<T, String> {
-    read_with(data, std::marker::PhantomData)
-}
-
-/// Reads CDR: four bytes that tell the order of bytes, then the message.
-fn read_with<'de, S: DeserializeSeed<'de>>(data: &'de [u8], seed: S) -> Result<S::Value, String> {
-    let read = match data {
-        [0, 1, _, _, body @ ..] => seed.deserialize(&mut CdrDeserializer::<LittleEndian>::new(body)),
-        [0, 0, _, _, body @ ..] => seed.deserialize(&mut CdrDeserializer::<BigEndian>::new(body)),
-        _ => {
-            let begin = data[..data.len().min(4)].escape_ascii();
-            return Err(format!("{} bytes that begin with \"{begin}\" are no message in CDR", data.len()));
-        }
-    };
-    read.map_err(|error| error.to_string())
 }
 
 #[cfg(test)]

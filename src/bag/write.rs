@@ -6,12 +6,12 @@ use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::sync::Arc;
 
-use byteorder::LittleEndian;
 use mcap::records::MessageHeader;
 use mcap::write::NoSeek;
 use mcap::{WriteOptions, Writer};
 use serde::Serialize;
 
+use super::cdr;
 use super::decode::is_transforms;
 use super::read::Message;
 use super::schemas::definition;
@@ -45,9 +45,6 @@ impl OutputTopics {
         Twins { detections: self.detections.is_some(), polygons: self.polygons.is_some() }
     }
 }
-
-/// What begins a message in CDR, little-endian.
-const CDR_LE: [u8; 4] = [0, 1, 0, 0];
 
 /// How a topic was offered, as `rosbag2` writes it: a player offers it again so, and readers want every field.
 pub(super) fn offered_qos(durability: &str, reliability: &str, depth: u32) -> String {
@@ -317,8 +314,7 @@ pub(super) fn put<W: Write>(
     message: &impl Serialize,
 ) -> io::Result<()> {
     scratch.clear();
-    scratch.extend(CDR_LE);
-    cdr_encoding::to_writer::<_, LittleEndian, _>(&mut *scratch, message).map_err(io::Error::other)?;
+    cdr::write(scratch, message).map_err(io::Error::other)?;
     let stamp = header.stamp.stamp().map_or(0, |stamp| u64::try_from(stamp.nanos()).unwrap_or(0));
     write(writer, channel, stamp.saturating_add(ahead), scratch)
 }

@@ -1,7 +1,7 @@
 //! `cfodi demo`: a simulated robot drives through a room while the live node clusters what its Kinect sees.
 //!
 //! Clouds and transforms cross DDS like those of a real driver. Where the system's socket buffer is too small to carry
-//! clouds, they are handed to the node inside the process instead; the results go out over DDS in both cases.
+//! clouds, and over Zenoh, they are handed to the node inside the process instead; the results go out in all cases.
 #![expect(clippy::print_stdout, reason = "the table is what the demo is for")]
 
 use std::path::PathBuf;
@@ -16,13 +16,18 @@ use cfodi::engine::{Snapshot, Stamp};
 use cfodi::export::{View, draw, write_ply, write_whole};
 use cfodi::msg::ros::TfMessage;
 use cfodi::node::Setup;
-use cfodi::node::dds::{Events, Robot};
+use cfodi::node::dds::{Dds, Robot};
+#[cfg(not(feature = "zenoh"))]
+use cfodi::node::middleware::RmwError;
+use cfodi::node::middleware::{Adding, Middleware, OpenError, Rmw};
 use cfodi::node::process::{ProcessError, live_node, receive_buffer};
 use cfodi::node::record::Record;
 use cfodi::node::resume::begin;
 use cfodi::node::rosout::Lines;
 use cfodi::node::security::Security;
 use cfodi::node::transport::{Event, Form};
+#[cfg(feature = "zenoh")]
+use cfodi::node::zenoh::Zenoh;
 use cfodi::sim::drive::SCANS_PER_SECOND;
 use cfodi::sim::{Drive, Scene};
 use tokio::sync::mpsc::Sender;
@@ -56,36 +61,65 @@ pub(crate) fn demo(setup: &Setup, options: &Options, lines: Lines) -> anyhow::Re
     if setup.is_given("sensors") {
         return Err(ProcessError::Sensors.into());
     }
-    let secured = matches!(setup.security().map_err(ProcessError::from)?, Security::Keys(_));
-    std::fs::create_dir_all(&options.out)
-        .with_context(|| format!("cannot make {}", options.out.display()))?;
+    match setup.rmw().map_err(ProcessError::from)? {
+        Rmw::Dds => {
+            let over_dds = carries_clouds(setup)?;
+            drive::<Dds>(setup, options, lines, over_dds, |setup| Robot::open(setup).map(Some))
+        }
+        #[cfg(feature = "zenoh")]
+        Rmw::Zenoh => {
+            info!("scans are handed over inside the process, results go out over Zenoh");
+            drive::<Zenoh>(setup, options, lines, false, |_| Ok(None))
+        }
+        #[cfg(not(feature = "zenoh"))]
+        Rmw::Zenoh => Err(ProcessError::from(RmwError::NotBuiltIn).into()),
+    }
+}
+
+/// Whether clouds can cross DDS; where not, it is said why.
+fn carries_clouds(setup: &Setup) -> Result<bool, ProcessError> {
     // Clouds at 30 Hz take more encrypting than a core has, in both participants of this process.
-    let over_dds = receive_buffer(setup) >= ENOUGH && !secured;
+    let secured = matches!(setup.security()?, Security::Keys(_));
+    let has_room = receive_buffer(setup) >= ENOUGH;
     if secured {
         info!("with DDS Security: scans are handed over inside the process, results go out over DDS");
-    } else if !over_dds {
+    } else if !has_room {
         info!(
             "the socket buffer is below four clouds ({ENOUGH} bytes): scans are handed over inside the process, \
              results go out over DDS"
         );
     }
+    Ok(has_room && !secured)
+}
+
+/// `over_network` says whether clouds cross it, by what `open_robot` gives.
+fn drive<T: Middleware>(
+    setup: &Setup,
+    options: &Options,
+    lines: Lines,
+    over_network: bool,
+    open_robot: impl FnOnce(&Setup) -> Result<Option<Robot>, OpenError>,
+) -> anyhow::Result<()> {
+    T::security(setup).map_err(ProcessError::from)?;
+    std::fs::create_dir_all(&options.out)
+        .with_context(|| format!("cannot make {}", options.out.display()))?;
     let record = Record::create(&options.out.join(RESULT), &output_topics(setup)?)?;
     let mut travelling: Option<JoinHandle<Result<(), String>>> = None;
     let over = Arc::new(AtomicBool::new(false));
     let arrived = Arc::new(AtomicBool::new(false));
     let (engine, _lock) = begin(&setup.config, false).map_err(ProcessError::from)?;
-    let map = live_node(
+    let map = live_node::<T>(
         setup,
         engine,
         Some(record.clone()),
         lines,
-        |events| {
+        |events: Adding<T>| {
             let journey = Journey {
-                robot: Robot::open(setup)?,
+                robot: open_robot(setup)?,
                 drive: Drive::new(Scene::room(), options.seed, now()),
                 steps: options.seconds * SCANS_PER_SECOND,
                 record: record.clone(),
-                inside: (!over_dds).then_some((events, setup.config.filter)),
+                inside: (!over_network).then_some((events, setup.config.filter)),
                 over: Arc::clone(&over),
             };
             let arrived = Arrived(Arc::clone(&arrived));
@@ -130,19 +164,20 @@ impl Drop for Arrived {
 }
 
 /// The robot's thread: what its driver would do.
-struct Journey {
-    robot: Robot,
+struct Journey<R> {
+    /// Publishes what a driver would, where the middleware has one for it.
+    robot: Option<Robot>,
     drive: Drive,
     steps: u32,
     /// Gets the transforms.
     record: Record,
-    /// Where clouds go that DDS cannot carry.
-    inside: Option<(Events, CloudFilter)>,
+    /// Where clouds go that the network cannot carry.
+    inside: Option<(Sender<Event<R>>, CloudFilter)>,
     /// Set when the node has ended.
     over: Arc<AtomicBool>,
 }
 
-impl Journey {
+impl<R> Journey<R> {
     fn travel(&self) -> Result<(), String> {
         let begin = Instant::now();
         self.transforms(self.drive.static_transforms(), true)?;
@@ -156,11 +191,12 @@ impl Journey {
             }
             let step = self.drive.step(index);
             self.transforms(step.tf, false)?;
-            match &self.inside {
-                Some((events, filter)) => {
+            match (&self.inside, &self.robot) {
+                (Some((events, filter)), _) => {
                     self.hand_over(events, Event::Cloud(Form::Points.of(0), decode(&step.cloud, filter)));
                 }
-                None => self.robot.send_cloud(step.cloud).map_err(|failure| failure.to_string())?,
+                (None, Some(robot)) => robot.send_cloud(step.cloud).map_err(|failure| failure.to_string())?,
+                (None, None) => {}
             }
         }
         // Time for the last clouds on their way.
@@ -173,11 +209,12 @@ impl Journey {
         if let Some((events, _)) = &self.inside {
             self.hand_over(events, Event::Transforms { message: message.clone(), is_static });
         }
-        self.robot.send_transforms(message, is_static).map_err(|failure| failure.to_string())
+        let Some(robot) = &self.robot else { return Ok(()) };
+        robot.send_transforms(message, is_static).map_err(|failure| failure.to_string())
     }
 
     /// A node that has ended takes nothing more, and that ends the journey too.
-    fn hand_over<R>(&self, events: &Sender<Event<R>>, event: Event<R>) {
+    fn hand_over(&self, events: &Sender<Event<R>>, event: Event<R>) {
         if events.blocking_send(event).is_err() {
             self.over.store(true, Ordering::Release);
         }

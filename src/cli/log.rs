@@ -16,7 +16,7 @@ use tracing_subscriber::util::SubscriberInitExt as _;
 /// and its topics that they cannot sign off where the network is joined anew; what matters of both comes back as a failure
 /// to open. With DDS Security whoever has no keys could fill the log by knocking. What cannot be decoded is said by the node.
 const QUIET: &str = "rustdds=error,ros2_client=error,rustdds::network::udp_listener=off,rustdds::dds::pubsub=off,\
-                     rustdds::rtps::message_receiver=off,rustdds::security=off,cdr_encoding=off";
+                     rustdds::rtps::message_receiver=off,rustdds::security=off,cdr_encoding=off,zenoh=error";
 
 /// Logs to stderr, and what a node says to the others too; `RUST_LOG` decides where it asks for something, and then says all.
 pub(crate) fn start(level: Option<&str>) -> Lines {

@@ -7,10 +7,15 @@ use std::os::unix::process::CommandExt as _;
 use std::process::Command;
 
 use cfodi::node::Setup;
-use cfodi::node::dds::check_names;
+use cfodi::node::dds::Dds;
+#[cfg(not(feature = "zenoh"))]
+use cfodi::node::middleware::RmwError;
+use cfodi::node::middleware::{Middleware, Rmw};
 use cfodi::node::process::{ProcessError, live_node};
 use cfodi::node::resume::begin;
 use cfodi::node::rosout::Lines;
+#[cfg(feature = "zenoh")]
+use cfodi::node::zenoh::Zenoh;
 use clap::Args;
 use tracing::warn;
 
@@ -22,11 +27,21 @@ pub(crate) struct Options {
 }
 
 pub(crate) fn run(setup: &Setup, options: &Options, lines: Lines) -> anyhow::Result<()> {
+    match setup.rmw().map_err(ProcessError::from)? {
+        Rmw::Dds => run_over::<Dds>(setup, options, lines),
+        #[cfg(feature = "zenoh")]
+        Rmw::Zenoh => run_over::<Zenoh>(setup, options, lines),
+        #[cfg(not(feature = "zenoh"))]
+        Rmw::Zenoh => Err(ProcessError::from(RmwError::NotBuiltIn).into()),
+    }
+}
+
+fn run_over<T: Middleware>(setup: &Setup, options: &Options, lines: Lines) -> anyhow::Result<()> {
     // Before a map is set aside for a node that cannot start.
-    check_names(setup).map_err(ProcessError::from)?;
-    setup.security().map_err(ProcessError::from)?;
+    setup.check_names().map_err(|error| ProcessError::Network(error.into()))?;
+    T::security(setup).map_err(ProcessError::from)?;
     let (engine, _lock) = begin(&setup.config, options.resume).map_err(ProcessError::from)?;
-    match live_node(setup, engine, None, lines, |_| Ok(()), || false) {
+    match live_node::<T>(setup, engine, None, lines, |_| Ok(()), || false) {
         Err(ProcessError::Deaf(why)) => {
             let path = setup.config.snapshot_path.as_deref();
             let map = path.map_or_else(

@@ -9,6 +9,7 @@ use ros2args::names::{build_node_fqn, expand_topic_name};
 use ros2args::{ParamAssignment, Ros2Args, match_wildcard_pattern};
 
 pub use self::error::ArgsError;
+use super::middleware::{Rmw, RmwError, ZENOH_BUILT_IN};
 use super::params_file::{assignments, flatten};
 use super::security::{Asked, BUILT_IN, Security, SecurityError};
 use crate::config::{Config, Value, as_meant};
@@ -19,6 +20,8 @@ use crate::yaml::{self, YamlError};
 pub struct Environment {
     /// `ROS_DOMAIN_ID`.
     pub domain: Option<String>,
+    /// `RMW_IMPLEMENTATION`.
+    pub rmw: Option<String>,
     /// The variables of DDS Security.
     pub security: Asked,
 }
@@ -26,9 +29,13 @@ pub struct Environment {
 impl Environment {
     /// That of this process.
     pub fn of_process() -> Self {
-        // What is no text is no number either, and is refused as such.
-        let domain = std::env::var_os("ROS_DOMAIN_ID").map(|domain| domain.to_string_lossy().into_owned());
-        Self { domain, security: Asked::of_process() }
+        // What is no text is no number either, nor the name of a middleware, and is refused as such.
+        let variable = |name| std::env::var_os(name).map(|value| value.to_string_lossy().into_owned());
+        Self {
+            domain: variable("ROS_DOMAIN_ID"),
+            rmw: variable("RMW_IMPLEMENTATION"),
+            security: Asked::of_process(),
+        }
     }
 }
 
@@ -39,7 +46,7 @@ pub struct Setup {
     pub name: String,
     /// Its namespace, with a leading slash.
     pub namespace: String,
-    /// DDS domain.
+    /// Domain of DDS; over Zenoh what all its names begin with.
     pub domain: u16,
     /// The checked configuration.
     pub config: Config,
@@ -47,6 +54,7 @@ pub struct Setup {
     pub parameters: Vec<(String, Value)>,
     /// Level of the log, as `--log-level` gives it.
     pub log_level: Option<String>,
+    rmw: String,
     security: Asked,
     remaps: Vec<(String, String)>,
     /// Names of the parameters that were given a value.
@@ -82,6 +90,7 @@ impl Setup {
             config: Config::new(given.clone())?,
             parameters: Config::values(given)?,
             domain: parse_domain(environment.domain.as_deref())?,
+            rmw: environment.rmw.clone().unwrap_or_default(),
             security: Asked { enclave: ros.enclave.clone(), ..environment.security.clone() },
             log_level: ros.log_levels.last().map(|assigned| assigned.level.as_str().to_lowercase()),
             remaps: remaps.map(|rule| (rule.from.clone(), rule.to.clone())).collect(),
@@ -89,6 +98,22 @@ impl Setup {
             namespace,
         };
         Ok((setup, rest))
+    }
+
+    /// The middleware that the node talks over.
+    ///
+    /// # Errors
+    /// When it cannot be had.
+    pub fn rmw(&self) -> Result<Rmw, RmwError> {
+        Rmw::named(&self.rmw, ZENOH_BUILT_IN)
+    }
+
+    /// What the node does about security over Zenoh, which has none that `ros2 security` could set up.
+    ///
+    /// # Errors
+    /// When the node must not open a socket.
+    pub fn security_over_zenoh(&self) -> Result<Security, SecurityError> {
+        self.security.decide_over_zenoh()
     }
 
     /// What the node does about DDS Security, by what is there now.

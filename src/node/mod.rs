@@ -2,16 +2,19 @@
 //!
 //! [`args`] turns a ROS command line into a checked [`Setup`]; [`security`] says with which keys, if any, it may open a
 //! socket; [`transport`] is what the node needs of a middleware; [`dds`] is that over ROS 2's DDS, and the only module
-//! that imports `ros2_client`; [`live`] joins clouds with their transforms and hands scans to the worker; `inputs` finds
-//! the words about what is heard and what could be; [`process`] is all of it as a process; `publish` turns the worker's
-//! outputs into messages; [`record`] keeps them; `parameters` answers the parameter services.
+//! that imports `ros2_client`; `zenoh`, with the feature of that name, is it over Zenoh, and [`middleware`] chooses;
+//! [`live`] joins clouds with their transforms and hands scans to the worker; `inputs` finds the words about what is heard
+//! and what could be; [`process`] is all of it as a process; `publish` turns the worker's outputs into messages;
+//! [`record`] keeps them; `parameters` answers the parameter services.
 
 pub mod args;
 mod clock;
 pub mod counts;
 pub mod dds;
+mod heard;
 mod inputs;
 pub mod live;
+pub mod middleware;
 mod parameters;
 mod params_file;
 pub mod process;
@@ -21,10 +24,14 @@ pub mod resume;
 pub mod rosout;
 mod saving;
 pub mod security;
+mod seeds;
 mod speak;
 mod throttle;
+mod topics;
 pub mod transport;
 mod vitals;
+#[cfg(feature = "zenoh")]
+pub mod zenoh;
 
 pub use self::args::Setup;
 

@@ -6,10 +6,12 @@
 use std::cell::{Cell, RefCell};
 use std::time::Instant;
 
+use tokio::sync::mpsc::Sender;
 use tracing::{debug, info};
 
 use super::clock;
 use super::throttle::Throttle;
+use super::transport::Event;
 use crate::cloud::CloudFilter;
 use crate::config::{self, Bounds, Changed, Config, ConfigError, Current, Value};
 use crate::engine::Stamp;
@@ -28,6 +30,19 @@ const SEPARATOR: char = '.';
 
 /// Letters of a reason, about.
 const MAX_REASON: usize = 400;
+
+/// Topic of the changes.
+pub(super) const EVENTS: &str = "/parameter_events";
+
+/// Names of the services, with their types in `rcl_interfaces`.
+pub(super) const SERVICES: [(&str, &str); 6] = [
+    ("~/get_parameters", "GetParameters"),
+    ("~/get_parameter_types", "GetParameterTypes"),
+    ("~/describe_parameters", "DescribeParameters"),
+    ("~/list_parameters", "ListParameters"),
+    ("~/set_parameters", "SetParameters"),
+    ("~/set_parameters_atomically", "SetParametersAtomically"),
+];
 
 /// The parameters as they are now.
 pub(super) struct Parameters {
@@ -111,6 +126,22 @@ impl Parameters {
                 (SetParametersResult { successful: false, reason }, None)
             }
         }
+    }
+
+    /// The same; what has changed is told to the node.
+    pub(super) async fn set_and_tell<R>(
+        &self,
+        wanted: SetRequest,
+        events: &Sender<Event<R>>,
+    ) -> (SetParametersResult, Option<ParameterEvent>) {
+        // A place first: what is stored is carried out, whatever ends this task.
+        let place = events.reserve().await;
+        let (result, change) = self.set(wanted);
+        // Where the node has ended, nobody is left to be told.
+        if let (Some(_), Ok(place)) = (&change, place) {
+            place.send(Event::Changed(Box::new(self.config())));
+        }
+        (result, change)
     }
 
     fn change(&self, wanted: SetRequest) -> Result<Vec<Changed>, ConfigError> {

@@ -13,16 +13,15 @@ use tracing::{info, warn};
 
 use super::Setup;
 use super::counts::Counts;
-use super::dds::{Dds, DdsError, Events};
 use super::inputs::reads;
 use super::live::{self, LiveError};
+use super::middleware::{Adding, Middleware, OpenError, RmwError};
 use super::record::Record;
 use super::resume::BeginError;
 use super::rosout::Lines;
 use super::security::{Security, SecurityError};
-use super::transport::{SensorTopics, Transport};
+use super::transport::SensorTopics;
 use crate::engine::{Engine, Snapshot};
-use crate::memory::prefault;
 
 /// The process has to end with a failure.
 #[derive(Debug, Error)]
@@ -32,7 +31,10 @@ pub enum ProcessError {
     Runtime(std::io::Error),
     /// The network cannot be joined.
     #[error("cannot join the ROS network")]
-    Network(#[from] DdsError),
+    Network(#[from] OpenError),
+    /// The middleware that was asked for cannot be had.
+    #[error(transparent)]
+    Rmw(#[from] RmwError),
     /// The network must not be joined.
     #[error(transparent)]
     Security(#[from] SecurityError),
@@ -58,9 +60,9 @@ impl ProcessError {
     pub fn is_configuration(&self) -> bool {
         match self {
             Self::Begin(error) => error.is_configuration(),
-            Self::Security(_) | Self::Sensors => true,
+            Self::Security(_) | Self::Rmw(_) | Self::Sensors => true,
             Self::Network(error) => {
-                matches!(error, DdsError::Security(_) | DdsError::Name(_))
+                matches!(error, OpenError::Security(_) | OpenError::Name(_) | OpenError::Variable { .. })
             }
             _ => false,
         }
@@ -83,7 +85,7 @@ pub fn receive_buffer(setup: &Setup) -> usize {
 /// A buffer of fewer bytes does not hold the ten datagrams of such an image, which are sent faster than they are read.
 const RAW_DEPTH_IMAGE: usize = 400_000;
 
-fn say_receive_buffer(setup: &Setup) {
+pub(super) fn say_receive_buffer(setup: &Setup) {
     let (wish, got) = (setup.config.receive_buffer, receive_buffer(setup));
     if got < wish {
         let what = if got < RAW_DEPTH_IMAGE {
@@ -100,14 +102,6 @@ fn say_receive_buffer(setup: &Setup) {
     }
 }
 
-/// Receive buffers to have memory for before anything is received. RustDDS 0.15.1 empties a socket before it works on what was
-/// in it: where that takes fresh memory more slowly than a publisher on the same machine sends, it never ends, and
-/// the node is deaf.
-const BURSTS: usize = 2;
-
-/// More than that of them (bytes) is asked for to be safe, and no memory.
-const LARGEST_BURST: usize = 64 << 20;
-
 fn say_ready(setup: &Setup, sensors: &[SensorTopics]) {
     let (node, domain) = (setup.fully_qualified_name(), setup.domain);
     let reads: Vec<_> = sensors.iter().map(reads).collect();
@@ -117,14 +111,18 @@ fn say_ready(setup: &Setup, sensors: &[SensorTopics]) {
 /// Time between the end of a deaf node and the next: what fails at once must not begin anew as fast as it can, for ever.
 const PAUSE: Duration = Duration::from_secs(1);
 
-fn say_security(security: &Security) {
+fn say_security(middleware: &str, security: &Security) {
     match security {
         Security::Off => {}
         Security::Unsecured(why) => {
-            warn!("DDS is not secured, which ROS_SECURITY_STRATEGY permits: {why}");
+            warn!("{middleware} is not secured, which ROS_SECURITY_STRATEGY permits: {why}");
         }
         Security::Keys(enclave) => {
-            info!("DDS is secured with the keys in {} of enclave {}", enclave.folder.display(), enclave.name);
+            info!(
+                "{middleware} is secured with the keys in {} of enclave {}",
+                enclave.folder.display(),
+                enclave.name
+            );
         }
     }
 }
@@ -134,40 +132,39 @@ fn say_security(security: &Security) {
 ///
 /// # Errors
 /// When the network cannot be joined, or the node fails.
-pub fn live_node(
+pub fn live_node<T: Middleware>(
     setup: &Setup,
     engine: Engine,
     record: Option<Record>,
     lines: Lines,
-    begin: impl FnOnce(Events) -> Result<(), DdsError>,
+    begin: impl FnOnce(Adding<T>) -> Result<(), OpenError>,
     done: impl Fn() -> bool,
 ) -> Result<Arc<Snapshot>, ProcessError> {
-    let security = setup.security()?;
+    let security = T::security(setup)?;
     let runtime =
         tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(ProcessError::Runtime)?;
     let counts = Rc::new(RefCell::new(Counts::default()));
     let tasks = LocalSet::new();
     let ended = tasks.block_on(&runtime, async {
-        say_receive_buffer(setup);
-        prefault(BURSTS * setup.config.receive_buffer.min(LARGEST_BURST));
-        let (dds, events, receiver) = Dds::open(setup, security.clone(), record)?;
-        say_security(&security);
-        let dds = Rc::new(dds);
+        T::say_system(setup);
+        let (transport, events, receiver) = T::open(setup, security.clone(), record).await?;
+        say_security(T::NAME, &security);
+        let transport = Rc::new(transport);
         // Whoever reads that it is ready may end it at once.
         let (asked, signals) = (Signals::new(), Signals::new());
-        say_ready(setup, dds.inputs());
+        say_ready(setup, transport.inputs());
         begin(events)?;
         let map = live::run(
             &setup.config,
             engine,
-            Rc::clone(&dds),
+            Rc::clone(&transport),
             receiver,
             Rc::clone(&counts),
             lines,
             ending(asked, done),
         )
         .await;
-        let network = leave(dds).await;
+        let network = leave(transport).await;
         let map = match map {
             Err(LiveError::Deaf(why)) => Err(deaf(why, signals).await),
             map => map.map_err(ProcessError::from),
@@ -194,12 +191,12 @@ async fn deaf(why: String, mut signals: Signals) -> ProcessError {
 }
 
 /// Takes the node off the network. A middleware that does not answer is left as it is, for good: it would be waited for.
-async fn leave(dds: Rc<Dds>) -> Option<impl Sized> {
-    if !dds.answers().await {
-        std::mem::forget(dds);
+async fn leave<T: Middleware>(transport: Rc<T>) -> Option<impl Sized> {
+    if !transport.answers().await {
+        std::mem::forget(transport);
         return None;
     }
-    Some(Rc::into_inner(dds)?.close().await)
+    Some(Rc::into_inner(transport)?.close().await)
 }
 
 /// SIGINT and SIGTERM from the moment on that this is made; `None` where the system does not give them.

@@ -77,6 +77,12 @@ pub enum SecurityError {
          --features security`"
     )]
     NotBuiltIn,
+    /// It was asked for where the middleware is Zenoh.
+    #[error(
+        "ROS_SECURITY_ENABLE asks for security, which `ros2 security` gives to DDS alone, and RMW_IMPLEMENTATION is \
+         rmw_zenoh_cpp"
+    )]
+    OverZenoh,
     /// No keystore.
     #[error(
         "ROS_SECURITY_ENABLE asks for DDS Security, and ROS_SECURITY_KEYSTORE is not set; it must be a keystore's folder"
@@ -131,17 +137,7 @@ impl Asked {
         built_in: bool,
         is_there: impl Fn(&Path) -> io::Result<bool>,
     ) -> Result<Security, SecurityError> {
-        let wrong = |name, value: &str, must| SecurityError::Value { name, value: value.to_owned(), must };
-        match text(self.enable.as_ref()) {
-            "true" => {}
-            "" | "false" => return Ok(Security::Off),
-            other => return Err(wrong("ROS_SECURITY_ENABLE", other, "`true` or `false`")),
-        }
-        let enforce = match text(self.strategy.as_ref()) {
-            "Enforce" => true,
-            "" | "Permissive" => false,
-            other => return Err(wrong("ROS_SECURITY_STRATEGY", other, "`Enforce` or `Permissive`")),
-        };
+        let Some(enforce) = self.enforces()? else { return Ok(Security::Off) };
         let (source, name) = self.enclave_name();
         if !is_enclave(name) {
             return Err(wrong(
@@ -155,6 +151,32 @@ impl Asked {
             Err(why @ SecurityError::Refused { .. }) => Err(why),
             Err(why) if enforce => Err(why),
             Err(why) => Ok(Security::Unsecured(why)),
+        }
+    }
+
+    /// What the node does about it over Zenoh, for which there are no keys.
+    ///
+    /// # Errors
+    /// When a value cannot be, and with the strategy `Enforce`: nothing is said in clear that was to be secured.
+    pub fn decide_over_zenoh(&self) -> Result<Security, SecurityError> {
+        match self.enforces()? {
+            None => Ok(Security::Off),
+            Some(true) => Err(SecurityError::OverZenoh),
+            Some(false) => Ok(Security::Unsecured(SecurityError::OverZenoh)),
+        }
+    }
+
+    /// Whether there must be security; nothing where nobody asked for it.
+    fn enforces(&self) -> Result<Option<bool>, SecurityError> {
+        match text(self.enable.as_ref()) {
+            "true" => {}
+            "" | "false" => return Ok(None),
+            other => return Err(wrong("ROS_SECURITY_ENABLE", other, "`true` or `false`")),
+        }
+        match text(self.strategy.as_ref()) {
+            "Enforce" => Ok(Some(true)),
+            "" | "Permissive" => Ok(Some(false)),
+            other => Err(wrong("ROS_SECURITY_STRATEGY", other, "`Enforce` or `Permissive`")),
         }
     }
 
@@ -224,6 +246,10 @@ pub fn data_protection(governance: &str) -> DataProtection {
         (true, true) => DataProtection::OfSome,
         (true, false) => DataProtection::OfAll,
     }
+}
+
+fn wrong(name: &'static str, value: &str, must: &'static str) -> SecurityError {
+    SecurityError::Value { name, value: value.to_owned(), must }
 }
 
 fn text(value: Option<&String>) -> &str {

@@ -183,6 +183,18 @@ impl Outgoing {
         Self::LOG,
     ];
 
+    /// The types of all.
+    pub const TYPES: [(&str, &str); 8] = [
+        (Self::CLUSTERS, "cfodi_msgs/msg/SurfaceClusterArray"),
+        (Self::DELTA, "cfodi_msgs/msg/SurfaceClusterArray"),
+        (Self::MARKERS, "visualization_msgs/msg/MarkerArray"),
+        (Self::LABELLED, "sensor_msgs/msg/PointCloud2"),
+        (Self::DETECTIONS, "vision_msgs/msg/Detection3DArray"),
+        (Self::POLYGONS, "geometry_msgs/msg/PolygonInstanceStamped"),
+        (Self::DIAGNOSTICS, "diagnostic_msgs/msg/DiagnosticArray"),
+        (Self::LOG, "rcl_interfaces/msg/Log"),
+    ];
+
     /// Name of its topic.
     pub const fn topic(&self) -> &'static str {
         match self {
@@ -210,8 +222,8 @@ pub struct Source {
 /// What can be known of the network, beyond who publishes.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct NetworkState {
-    /// Bytes of the socket receive buffer.
-    pub receive_buffer: usize,
+    /// Bytes of the socket receive buffer, where the middleware takes datagrams.
+    pub receive_buffer: Option<usize>,
     /// Where a publisher and a reader do not fit, so that nothing passes: the topic, and why.
     pub mismatches: Vec<(String, String)>,
     /// Other nodes of this node's name.

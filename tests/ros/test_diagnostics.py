@@ -105,7 +105,7 @@ def test_scans_without_a_stamp_are_refused_and_that_is_said(start, peer, reports
 def test_another_node_of_its_name_is_told_of_while_it_is_there(start, reports):
     nodes = [start().ready(), start().ready()]
     for node in nodes:
-        node.line_with("another node is named /cfodi too")
+        node.line_with("nodes of the name /cfodi beside this one: 1")
     nodes[1].process.kill()
     reports.wait("no namesake, once the one that was killed is forgotten", lambda report: part(report, "network").level == OK,
                  timeout=60, after=len(reports))

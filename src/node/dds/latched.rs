@@ -20,11 +20,12 @@ use tokio::task::JoinSet;
 use tokio::time::sleep;
 use tracing::warn;
 
-use super::heard::{Order, Taken};
 use super::pulse::Pulse;
 use super::threads::Threads;
-use super::{DdsError, Events, opening};
+use super::{Events, opening};
 use crate::msg::ros::TfMessage;
+use crate::node::heard::{Order, PublisherId, Taken};
+use crate::node::middleware::OpenError;
 use crate::node::transport::Event;
 
 /// The topic.
@@ -45,17 +46,17 @@ pub(super) fn event<Request>(
     message: TfMessage,
     info: &MessageInfo,
 ) -> Option<Event<Request>> {
-    let order = taken.borrow_mut().note(info.publisher_gid(), info.sequence_number());
+    let order = taken.borrow_mut().note(info.publisher_gid().to_bytes16(), info.sequence_number());
     (order != Order::Known).then_some(Event::Transforms { message, is_static: true })
 }
 
 /// The publishers that are there, and how many readers may still be opened for each.
 #[derive(Debug, Default)]
-struct Waited(BTreeMap<Gid, u32>);
+struct Waited(BTreeMap<PublisherId, u32>);
 
 impl Waited {
     /// Notes who is there now; says whether one of them is still to be heard.
-    fn note(&mut self, there: BTreeSet<Gid>, is_heard: impl Fn(Gid) -> bool) -> bool {
+    fn note(&mut self, there: BTreeSet<PublisherId>, is_heard: impl Fn(PublisherId) -> bool) -> bool {
         self.0.retain(|publisher, _| there.contains(publisher));
         for publisher in there {
             let left = self.0.entry(publisher).or_insert(TRIES);
@@ -120,7 +121,7 @@ impl Latched {
     }
 
     /// Those that latch.
-    fn publishers(&self) -> BTreeSet<Gid> {
+    fn publishers(&self) -> BTreeSet<PublisherId> {
         // What its threads share may not be readable where one has died.
         if !self.threads.live() {
             return BTreeSet::new();
@@ -129,10 +130,10 @@ impl Latched {
         let of_topic = writers.iter().map(|writer| &writer.publication_topic_data).filter(|writer| {
             writer.topic_name == self.topic.name() && writer.durability == Some(Durability::TransientLocal)
         });
-        of_topic.map(|writer| writer.key.into()).collect()
+        of_topic.map(|writer| Gid::from(writer.key).to_bytes16()).collect()
     }
 
-    fn open(&self) -> Result<SimpleDataReaderCdr<TfMessage>, DdsError> {
+    fn open(&self) -> Result<SimpleDataReaderCdr<TfMessage>, OpenError> {
         // Not as one of the node's: what the libraries tell others of the node would name those before too.
         let subscriber = self.participant.create_subscriber(&self.qos).map_err(opening(TOPIC))?;
         subscriber
@@ -156,8 +157,8 @@ async fn take(reader: SimpleDataReaderCdr<TfMessage>, taken: Rc<RefCell<Taken>>,
 
 #[cfg(test)]
 mod tests {
-    use super::super::heard::tests::publisher;
     use super::*;
+    use crate::node::heard::tests::publisher;
 
     #[test]
     fn who_is_heard_is_not_waited_for_nor_is_who_has_nothing_to_tell_for_ever() {
@@ -181,7 +182,7 @@ mod tests {
     fn what_two_readers_have_of_a_publisher_is_taken_once() {
         let taken = RefCell::new(Taken::default());
         let tell = |number, sequence| {
-            let info = MessageInfo::new(None, None, sequence, publisher(number), None);
+            let info = MessageInfo::new(None, None, sequence, publisher(number).into(), None);
             event::<()>(&taken, TfMessage::default(), &info).is_some()
         };
         assert!(tell(1, 1) && tell(1, 2) && tell(2, 1), "by the reader that is always open");

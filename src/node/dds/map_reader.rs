@@ -4,9 +4,10 @@ use ros2_client::qos::Durability;
 use ros2_client::{Node, Subscription};
 use rustdds::DomainParticipant;
 
-use super::{DdsError, Opener, reliable};
+use super::{Opener, reliable};
 use crate::msg::clusters::SurfaceClusterArray;
 use crate::node::Setup;
+use crate::node::middleware::OpenError;
 
 /// Reads the snapshots that a node publishes.
 pub struct MapReader {
@@ -20,7 +21,7 @@ impl MapReader {
     ///
     /// # Errors
     /// When the middleware refuses something.
-    pub fn open(setup: &Setup) -> Result<Self, DdsError> {
+    pub fn open(setup: &Setup) -> Result<Self, OpenError> {
         let setup = setup.for_node(&setup.name);
         let security = setup.security()?;
         let mut opener = Opener::new(&setup, &security)?;
@@ -34,9 +35,9 @@ impl MapReader {
     ///
     /// # Errors
     /// When it cannot be read.
-    pub async fn next(&self) -> Result<SurfaceClusterArray, DdsError> {
+    pub async fn next(&self) -> Result<SurfaceClusterArray, OpenError> {
         let taken = self.snapshots.async_take().await;
-        let (snapshot, _) = taken.map_err(|error| DdsError::Read { text: error.to_string() })?;
+        let (snapshot, _) = taken.map_err(|error| OpenError::Read { text: error.to_string() })?;
         Ok(snapshot)
     }
 }

@@ -12,7 +12,8 @@ use ros2_client::qos::Durability;
 use rustdds::no_key::SimpleDataReaderCdr;
 use rustdds::{DomainParticipant, GUID, RTPSEntity as _, TopicKind};
 
-use super::{DdsError, opening, reliable};
+use super::{opening, reliable};
+use crate::node::middleware::OpenError;
 
 /// On which each participant tells of its nodes; no topic of ROS, and not renamed like those.
 const TOPIC: &str = "ros_discovery_info";
@@ -36,7 +37,7 @@ impl Namesakes {
     pub(super) fn open(
         &self,
         participant: &DomainParticipant,
-    ) -> Result<SimpleDataReaderCdr<ParticipantEntitiesInfo>, DdsError> {
+    ) -> Result<SimpleDataReaderCdr<ParticipantEntitiesInfo>, OpenError> {
         self.own.borrow_mut().insert(participant.guid().into());
         let qos = (&reliable(WAITING, Durability::TransientLocal)).into();
         let kind = "rmw_dds_common::msg::dds_::ParticipantEntitiesInfo_".to_owned();
@@ -93,8 +94,12 @@ mod tests {
     use ros2_client::NodeName;
     use ros2_client::entities_info::NodeEntitiesInfo;
 
-    use super::super::heard::tests::publisher;
     use super::*;
+    use crate::node::heard::tests;
+
+    fn publisher(number: u32) -> Gid {
+        tests::publisher(number).into()
+    }
 
     fn info(participant: u32, names: &[&str]) -> ParticipantEntitiesInfo {
         let node = |name: &&str| NodeEntitiesInfo::new(NodeName::new("/robot", name).unwrap());

@@ -18,12 +18,13 @@ use super::outlet::Outlet;
 use super::pulse::Pulse;
 use super::read::{self, Memory};
 use super::threads::Threads;
-use super::{DdsError, Events, Opener, Readers, opening, ros_type};
+use super::{Events, Opener, Readers, opening, ros_type};
 use crate::msg::clusters::SurfaceClusterArray;
 use crate::msg::reports::{DiagnosticArray, Log};
 use crate::msg::ros::{MarkerArray, PointCloud2, TriggerRequest, TriggerResponse};
 use crate::msg::twins::{Detection3DArray, PolygonInstanceStamped};
 use crate::node::args::Setup;
+use crate::node::middleware::OpenError;
 use crate::node::parameters::Parameters;
 use crate::node::security::Security;
 use crate::node::transport::{Outgoing, SendError, Service, Source};
@@ -94,7 +95,7 @@ impl Network {
         memory: &Memory,
         parameters: &Rc<Parameters>,
         events: &Events,
-    ) -> Result<Self, DdsError> {
+    ) -> Result<Self, OpenError> {
         let (opener, threads) = Threads::started_by(|| Opener::new(setup, security));
         let mut opener = opener?;
         let transforms = opener.topic(latched::TOPIC, "tf2_msgs", "TFMessage", &read::latched_qos())?;
@@ -145,7 +146,7 @@ impl Network {
         Ok(network)
     }
 
-    fn listen_to_calls(&self, events: &Events) -> Result<(), DdsError> {
+    fn listen_to_calls(&self, events: &Events) -> Result<(), OpenError> {
         for service in [Service::Reset, Service::Save] {
             let serving = read::serve(service, Rc::clone(self.server(service)), events.clone());
             self.readers.try_lock().map_err(opening(service.name()))?.spawn_local(serving);
@@ -154,7 +155,7 @@ impl Network {
     }
 
     /// Notes other nodes of this node's name; where the keys do not permit it the node does without.
-    fn listen_to_namesakes(&self, name: String, memory: &Memory) -> Result<(), DdsError> {
+    fn listen_to_namesakes(&self, name: String, memory: &Memory) -> Result<(), OpenError> {
         let namesakes = Rc::clone(&memory.namesakes);
         match namesakes.open(&self.participant) {
             Ok(reader) => {
@@ -167,7 +168,7 @@ impl Network {
     }
 
     /// Takes what is latched as soon as its publisher is found.
-    fn listen_to_found(&self, topic: Topic, memory: &Memory, events: &Events) -> Result<(), DdsError> {
+    fn listen_to_found(&self, topic: Topic, memory: &Memory, events: &Events) -> Result<(), OpenError> {
         let Some(news) = self.node.borrow().status_receiver() else { return Ok(()) };
         let latched = Latched {
             participant: self.participant.clone(),
@@ -329,7 +330,7 @@ impl Network {
 }
 
 /// What is of use and not needed: where it cannot be opened the node does without, and says so.
-fn permitted<M: Serialize>(outlet: Result<Outlet<M>, DdsError>) -> Option<Outlet<M>> {
+fn permitted<M: Serialize>(outlet: Result<Outlet<M>, OpenError>) -> Option<Outlet<M>> {
     outlet.inspect_err(|error| warn!("what the node says of itself is not sent: {error}")).ok()
 }
 
@@ -337,7 +338,7 @@ fn detections(
     setup: &Setup,
     opener: &mut Opener<'_>,
     latched: (usize, Durability, i32),
-) -> Result<Option<Outlet<Detection3DArray>>, DdsError> {
+) -> Result<Option<Outlet<Detection3DArray>>, OpenError> {
     let topic = (Outgoing::DETECTIONS, "vision_msgs", "Detection3DArray");
     setup.config.twins.detections.then(|| Outlet::open(opener, topic, latched)).transpose()
 }
@@ -346,7 +347,7 @@ fn detections(
 fn polygons(
     setup: &Setup,
     opener: &mut Opener<'_>,
-) -> Result<Option<Outlet<PolygonInstanceStamped>>, DdsError> {
+) -> Result<Option<Outlet<PolygonInstanceStamped>>, OpenError> {
     let topic = (Outgoing::POLYGONS, "geometry_msgs", "PolygonInstanceStamped");
     let each = (POLYGONS as usize, Durability::Volatile, POLYGONS);
     setup.config.twins.polygons.then(|| Outlet::open(opener, topic, each)).transpose()
@@ -354,6 +355,6 @@ fn polygons(
 
 fn pulse(opener: &Opener) -> Option<Rc<Pulse>> {
     let watched = Pulse::open(opener);
-    let unwatched = |error: &DdsError| warn!("it will not be noticed when the middleware hangs: {error}");
+    let unwatched = |error: &OpenError| warn!("it will not be noticed when the middleware hangs: {error}");
     watched.inspect_err(unwatched).ok().map(Rc::new)
 }

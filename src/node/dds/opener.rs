@@ -15,8 +15,9 @@ use rustdds::{
 use serde::Serialize;
 
 use super::mismatch::Ends;
-use super::{DdsError, opening, secure};
+use super::{opening, secure};
 use crate::node::Setup;
+use crate::node::middleware::OpenError;
 use crate::node::security::Security;
 
 /// A node on the network, before it has topics.
@@ -31,7 +32,7 @@ pub(super) struct Opener<'a> {
 
 impl<'a> Opener<'a> {
     /// `security` is decided once: keys that are gone by now must not open the node to everyone.
-    pub(super) fn new(setup: &'a Setup, security: &'a Security) -> Result<Self, DdsError> {
+    pub(super) fn new(setup: &'a Setup, security: &'a Security) -> Result<Self, OpenError> {
         let participant = participant(setup, security)?;
         let context =
             Context::from_domain_participant(participant.clone()).map_err(opening("a ROS context"))?;
@@ -48,7 +49,7 @@ impl<'a> Opener<'a> {
         package: &str,
         kind: &str,
         qos: &rustdds::QosPolicies,
-    ) -> Result<Topic, DdsError> {
+    ) -> Result<Topic, OpenError> {
         let resolved = self.setup.resolve(name)?;
         let kind = MessageTypeName::new(package, kind).dds_msg_type();
         let topic = self.participant.create_topic(format!("rt{resolved}"), kind, qos, TopicKind::NoKey);
@@ -59,7 +60,7 @@ impl<'a> Opener<'a> {
         &mut self,
         (name, package, kind): (&str, &str, &str),
         qos: &rustdds::QosPolicies,
-    ) -> Result<Subscription<M>, DdsError> {
+    ) -> Result<Subscription<M>, OpenError> {
         let topic = self.topic(name, package, kind, qos)?;
         self.ends.reads(topic.name(), qos.clone());
         self.node.create_subscription(&topic, None).map_err(opening(name))
@@ -69,7 +70,7 @@ impl<'a> Opener<'a> {
         &mut self,
         (name, package, kind): (&str, &str, &str),
         qos: &rustdds::QosPolicies,
-    ) -> Result<Publisher<M>, DdsError> {
+    ) -> Result<Publisher<M>, OpenError> {
         let topic = self.topic(name, package, kind, qos)?;
         self.ends.publishes(topic.name(), qos.clone());
         self.node.create_publisher(&topic, None).map_err(opening(name))
@@ -80,7 +81,7 @@ impl<'a> Opener<'a> {
         name: &str,
         (package, kind): (&str, &str),
         depth: usize,
-    ) -> Result<Server<Q, A>, DdsError> {
+    ) -> Result<Server<Q, A>, OpenError> {
         let resolved = self.setup.resolve(name)?;
         let service = Name::parse(&resolved).map_err(opening(&resolved))?;
         let kind = ServiceTypeName::new(package, kind);
@@ -90,7 +91,7 @@ impl<'a> Opener<'a> {
     }
 }
 
-pub(super) fn participant(setup: &Setup, security: &Security) -> Result<DomainParticipant, DdsError> {
+pub(super) fn participant(setup: &Setup, security: &Security) -> Result<DomainParticipant, OpenError> {
     let builder = DomainParticipantBuilder::new(setup.domain)
         .socket_receive_buffer_size(setup.config.receive_buffer)
         .socket_send_buffer_size(setup.config.receive_buffer);
@@ -104,8 +105,8 @@ pub(super) fn participant(setup: &Setup, security: &Security) -> Result<DomainPa
 }
 
 /// `RustDDS` takes any address, and is deaf where the machine does not have it.
-pub(super) fn check_interface(address: IpAddr) -> Result<(), DdsError> {
-    let refused = |text| DdsError::Interface { address, text };
+pub(super) fn check_interface(address: IpAddr) -> Result<(), OpenError> {
+    let refused = |text| OpenError::Interface { address, text };
     if address.is_ipv6() {
         return Err(refused("only IPv4 is spoken".to_owned()));
     }

@@ -17,7 +17,8 @@ use serde::Serialize;
 use tokio::time::{Instant, sleep};
 use tracing::warn;
 
-use super::{DdsError, Opener, opening, reliable_output};
+use super::{Opener, opening, reliable_output};
+use crate::node::middleware::OpenError;
 use crate::node::transport::SendError;
 
 /// What readers are waited for, in any [`REST`]: whatever they do, the engine's outputs find room meanwhile.
@@ -64,7 +65,7 @@ impl<M: Serialize> Outlet<M> {
         opener: &mut Opener<'_>,
         (name, package, kind): (&'static str, &str, &str),
         (depth, durability, most): (usize, Durability, i32),
-    ) -> Result<Self, DdsError> {
+    ) -> Result<Self, OpenError> {
         let qos = reliable_output(depth, durability, most);
         let topic = opener.topic(name, package, kind, &qos)?;
         opener.ends.publishes(topic.name(), qos);

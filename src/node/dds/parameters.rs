@@ -9,12 +9,13 @@ use ros2_client::qos::Durability;
 use ros2_client::{Message, Publisher, Server};
 use tracing::warn;
 
-use super::{DdsError, Events, Opener, Readers, reliable_output};
+use super::{Events, Opener, Readers, reliable_output};
 use crate::msg::parameters::{
     DescribeResponse, GetResponse, ListRequest, ListResponse, Names, ParameterEvent, SetAtomicallyResponse,
     SetParametersResult, SetRequest, SetResponse, TypesResponse,
 };
-use crate::node::parameters::Parameters;
+use crate::node::middleware::OpenError;
+use crate::node::parameters::{EVENTS, Parameters, SERVICES};
 use crate::node::throttle::Throttle;
 use crate::node::transport::Event;
 
@@ -31,26 +32,13 @@ impl Message for SetAtomicallyResponse {}
 /// Requests that may wait, as in ROS.
 const DEPTH: usize = 1000;
 
-/// Topic of the changes.
-const EVENTS: &str = "/parameter_events";
-
-/// Names of the services, with their types in `rcl_interfaces`.
-pub(super) const SERVICES: [(&str, &str); 6] = [
-    ("~/get_parameters", "GetParameters"),
-    ("~/get_parameter_types", "GetParameterTypes"),
-    ("~/describe_parameters", "DescribeParameters"),
-    ("~/list_parameters", "ListParameters"),
-    ("~/set_parameters", "SetParameters"),
-    ("~/set_parameters_atomically", "SetParametersAtomically"),
-];
-
 /// Opens the services and starts answering.
 pub(super) fn serve(
     opener: &mut Opener<'_>,
     readers: &mut Readers,
     parameters: &Rc<Parameters>,
     events: &Events,
-) -> Result<(), DdsError> {
+) -> Result<(), OpenError> {
     let setter = Setter::open(opener, parameters, events)?;
     let [get, types, describe, list, set, set_atomically] = SERVICES;
     let here = || Rc::clone(parameters);
@@ -82,24 +70,22 @@ struct Setter {
 }
 
 impl Setter {
-    fn open(opener: &mut Opener<'_>, parameters: &Rc<Parameters>, events: &Events) -> Result<Self, DdsError> {
+    fn open(
+        opener: &mut Opener<'_>,
+        parameters: &Rc<Parameters>,
+        events: &Events,
+    ) -> Result<Self, OpenError> {
         let qos = reliable_output(DEPTH, Durability::Volatile, DEPTH as i32);
         let changes = opener.publisher((EVENTS, "rcl_interfaces", "ParameterEvent"), &qos)?;
         Ok(Self { parameters: Rc::clone(parameters), changes: Rc::new(changes), events: events.clone() })
     }
 
     async fn set(&self, wanted: SetRequest) -> SetParametersResult {
-        // A place first: what is stored is carried out, whatever ends this task.
-        let place = self.events.reserve().await;
-        let (result, change) = self.parameters.set(wanted);
-        if let Some(change) = change {
-            // Where the node has ended, nobody is left to be told.
-            if let Ok(place) = place {
-                place.send(Event::Changed(Box::new(self.parameters.config())));
-            }
-            if let Err(error) = self.changes.async_publish(change).await {
-                warn!("a change of parameters could not be told on {EVENTS}: {error}");
-            }
+        let (result, change) = self.parameters.set_and_tell(wanted, &self.events).await;
+        if let Some(change) = change
+            && let Err(error) = self.changes.async_publish(change).await
+        {
+            warn!("a change of parameters could not be told on {EVENTS}: {error}");
         }
         result
     }
@@ -111,7 +97,7 @@ fn spawn<Q: Message + Clone + 'static, A: Message + 'static>(
     events: &Events,
     (name, kind): (&'static str, &str),
     answer: impl AsyncFn(Q) -> A + 'static,
-) -> Result<(), DdsError> {
+) -> Result<(), OpenError> {
     let server = opener.server(name, ("rcl_interfaces", kind), DEPTH)?;
     readers.spawn_local(answer_all(name, server, answer, events.clone()));
     Ok(())

@@ -11,7 +11,9 @@ use rustdds::policy::{History, Ownership, Reliability, ResourceLimits};
 use rustdds::{QosPolicyBuilder, WriteOptionsBuilder};
 use tokio::time::{sleep, timeout};
 
-use super::{DdsError, Opener, opening};
+use super::{Opener, opening};
+use crate::node::middleware::OpenError;
+use crate::node::topics::PULSE;
 
 /// Time between two messages, and that is waited for one to be taken up.
 const BEAT: Duration = Duration::from_secs(1);
@@ -19,13 +21,10 @@ const BEAT: Duration = Duration::from_secs(1);
 /// So many in a row that are not taken up are no stall.
 const MISSED: u32 = 5;
 
-/// A topic that nobody reads.
-pub(super) const TOPIC: &str = "~/_pulse";
-
 pub(super) struct Pulse(DataWriter<u8>);
 
 impl Pulse {
-    pub(super) fn open(opener: &Opener) -> Result<Self, DdsError> {
+    pub(super) fn open(opener: &Opener) -> Result<Self, OpenError> {
         let qos = QosPolicyBuilder::new()
             .reliability(Reliability::BestEffort)
             .history(History::KeepLast { depth: 1 })
@@ -34,9 +33,9 @@ impl Pulse {
             // One that is not yet taken up leaves no room for the next.
             .resource_limits(ResourceLimits { max_samples: 1, max_instances: 1, max_samples_per_instance: 1 })
             .build();
-        let topic = opener.topic(TOPIC, "std_msgs", "Empty", &qos)?;
-        let publisher = opener.participant.create_publisher(&qos).map_err(opening(TOPIC))?;
-        publisher.create_datawriter_no_key_cdr(&topic, None).map(Self).map_err(opening(TOPIC))
+        let topic = opener.topic(PULSE, "std_msgs", "Empty", &qos)?;
+        let publisher = opener.participant.create_publisher(&qos).map_err(opening(PULSE))?;
+        publisher.create_datawriter_no_key_cdr(&topic, None).map(Self).map_err(opening(PULSE))
     }
 
     /// Whether the message before is taken up within [`BEAT`].

@@ -10,25 +10,22 @@ use ros2_client::qos::{Durability, History};
 use ros2_client::{MessageInfo, QosProfile, RmwRequestId, Server, Subscription};
 use rustdds::QosPolicyBuilder;
 use rustdds::policy::{self, ResourceLimits};
-use serde::de::{DeserializeOwned, DeserializeSeed, Deserializer};
+use serde::de::{DeserializeOwned, DeserializeSeed};
 
-use super::heard::{Known, Order, Taken};
 use super::namesakes::Namesakes;
-use super::{DdsError, Events, Opener, Readers, latched, opening, parameters, reliable};
-use crate::cloud::{Camera, Cloud, CloudError, CloudFilter, CloudSeed, CompressedSeed, DepthSeed};
-use crate::config::Sensor;
+use super::{Events, Opener, Readers, latched, opening, parameters, reliable};
+use crate::cloud::{CloudSeed, CompressedSeed, DepthSeed};
 use crate::msg::ros::{CameraInfo, Clock, TriggerRequest, TriggerResponse};
-use crate::node::args::{ArgsError, Setup};
-use crate::node::inputs::COMPRESSED_DEPTH;
+use crate::node::clock;
+use crate::node::heard::{Known, Order, PublisherId, Taken};
+use crate::node::middleware::OpenError;
 use crate::node::parameters::Parameters;
 use crate::node::security::Security;
-use crate::node::transport::{DepthTopics, Event, Form, Input, SensorTopics, Service, TopicName};
+use crate::node::seeds::{Decoded, LatestCamera, Told, WithCamera, WithFilter};
+use crate::node::transport::{DepthTopics, Event, Form, Input, Service};
 
 /// Messages of transforms that may wait.
 const TRANSFORMS: usize = 100;
-
-/// What a seed makes of a message.
-type Decoded = Result<Cloud, CloudError>;
 
 /// What was heard, for readers that come after: a publisher's numbers go on when the network is joined anew.
 #[derive(Clone, Default)]
@@ -58,7 +55,7 @@ pub(super) fn listen(
     memory: &Memory,
     parameters: &Rc<Parameters>,
     events: &Events,
-) -> Result<Readers, DdsError> {
+) -> Result<Readers, OpenError> {
     let mut readers = Readers::new();
     listen_to_scans(opener, &mut readers, memory, parameters, events)?;
     // The reliable reader takes nothing of a publisher before its heartbeat, up to 3 s; the other one at once.
@@ -71,7 +68,7 @@ pub(super) fn listen(
         let taken = Rc::clone(&memory.transforms);
         let transforms = move |message, info: &MessageInfo| match taken
             .borrow_mut()
-            .note(info.publisher_gid(), info.sequence_number())
+            .note(info.publisher_gid().to_bytes16(), info.sequence_number())
         {
             Order::New => Some(Event::Transforms { message, is_static: false }),
             Order::Late => Some(Event::LateTransforms(message)),
@@ -85,14 +82,10 @@ pub(super) fn listen(
     readers.spawn_local(read(latched::TOPIC, latched, events.clone(), transforms));
     if opener.setup.config.use_sim_time {
         let qos = (&QosProfile::subscription_default()).into();
-        let clock = opener.subscribe(("/clock", "rosgraph_msgs", "Clock"), &qos)?;
+        let times = opener.subscribe(("/clock", "rosgraph_msgs", "Clock"), &qos)?;
         let parameters = Rc::clone(parameters);
-        let time = move |clock: Clock, _: &MessageInfo| {
-            let bad = || format!("{} ns in a second", clock.clock.nanosec);
-            let stamp = clock.clock.stamp().inspect(|stamp| parameters.note_clock(*stamp)).map(Event::Clock);
-            Some(stamp.unwrap_or_else(|| Event::Garbled { topic: "/clock".into(), text: bad() }))
-        };
-        readers.spawn_local(read("/clock", clock, events.clone(), time));
+        let time = move |clock: Clock, _: &MessageInfo| Some(clock::event(clock, &parameters));
+        readers.spawn_local(read("/clock", times, events.clone(), time));
     }
     parameters::serve(opener, &mut readers, parameters, events)?;
     let spinner = opener.node.spinner().map_err(opening("the graph"))?;
@@ -113,39 +106,6 @@ pub(super) const fn has_keys(security: &Security) -> bool {
     matches!(security, Security::Keys(_))
 }
 
-/// The topics that [`listen`] reads scans from, by sensor.
-pub(super) fn inputs(setup: &Setup) -> Result<Vec<SensorTopics>, ArgsError> {
-    let sensors: Vec<_> =
-        setup.config.sensors.iter().map(|sensor| topics(setup, sensor)).collect::<Result<_, _>>()?;
-    let mut read = BTreeMap::new();
-    for sensor in &sensors {
-        for topic in Form::ALL.into_iter().filter_map(|form| sensor.topic(form)) {
-            if let Some(first) = read.insert(topic, &sensor.name) {
-                let [first, second, topic] = [first, &sensor.name, topic].map(str::to_owned);
-                return Err(ArgsError::SameTopic { first, second, topic });
-            }
-        }
-    }
-    Ok(sensors)
-}
-
-fn topics(setup: &Setup, sensor: &Sensor) -> Result<SensorTopics, ArgsError> {
-    let named = |plain: &str| -> Result<_, ArgsError> {
-        Ok(TopicName { resolved: setup.resolve(plain)?, plain: plain.to_owned() })
-    };
-    let depth = |(image, camera_info): (String, String)| -> Result<_, ArgsError> {
-        let image = named(&image)?;
-        // `image_transport` puts it below the image, whatever that is remapped to; it can be remapped again.
-        let compressed = setup.resolve(&(image.resolved.clone() + COMPRESSED_DEPTH))?;
-        Ok(DepthTopics { image, camera_info: named(&camera_info)?, compressed })
-    };
-    Ok(SensorTopics {
-        name: sensor.name.clone(),
-        points: sensor.points().map(named).transpose()?,
-        depth: sensor.image().zip(sensor.camera_info()).map(depth).transpose()?,
-    })
-}
-
 /// The scans of all sensors.
 fn listen_to_scans(
     opener: &mut Opener<'_>,
@@ -153,8 +113,8 @@ fn listen_to_scans(
     memory: &Memory,
     parameters: &Rc<Parameters>,
     events: &Events,
-) -> Result<(), DdsError> {
-    for (number, sensor) in inputs(opener.setup)?.into_iter().enumerate() {
+) -> Result<(), OpenError> {
+    for (number, sensor) in opener.setup.inputs()?.into_iter().enumerate() {
         let heard = memory.scans.borrow_mut().entry(number).or_default().clone();
         let mut listening = Listening { opener, readers, parameters, events, number, heard };
         if let Some(points) = sensor.points {
@@ -178,17 +138,17 @@ struct Listening<'a, 'b> {
 }
 
 impl Listening<'_, '_> {
-    fn clouds(&mut self, topic: String) -> Result<(), DdsError> {
+    fn clouds(&mut self, topic: String) -> Result<(), OpenError> {
         let qos = scan_qos(policy::Reliability::BestEffort);
         let clouds = self.opener.subscribe((&topic, "sensor_msgs", "PointCloud2"), &qos)?;
-        let seed = WithFilter(Rc::clone(self.parameters), CloudSeed::new);
+        let seed = WithFilter::new(self.parameters, CloudSeed::new);
         let known = (Rc::clone(&self.heard.points), false);
         self.read((Form::Points, topic), clouds, seed, known);
         Ok(())
     }
 
     /// Depth images with their camera.
-    fn images(&mut self, topics: DepthTopics) -> Result<(), DdsError> {
+    fn images(&mut self, topics: DepthTopics) -> Result<(), OpenError> {
         let DepthTopics { image, camera_info, compressed } = topics;
         let best_effort = policy::Reliability::BestEffort;
         let (qos, camera) = (scan_qos(best_effort), self.heard.camera.clone());
@@ -206,14 +166,12 @@ impl Listening<'_, '_> {
         for (reliability, reliably) in [(best_effort, false)].into_iter().chain(repaired) {
             let qos = scan_qos(reliability);
             let images = self.opener.subscribe((&image.resolved, "sensor_msgs", "Image"), &qos)?;
-            let parameters = Rc::clone(self.parameters);
-            let seed = WithCamera { camera: camera.clone(), parameters, seed: DepthSeed::new };
+            let seed = WithCamera::new(&camera, self.parameters, DepthSeed::new);
             let known = (Rc::clone(&self.heard.images), reliably);
             self.read((Form::Depth, image.resolved.clone()), images, seed, known);
         }
         let images = self.opener.subscribe((&compressed, "sensor_msgs", "CompressedImage"), &qos)?;
-        let parameters = Rc::clone(self.parameters);
-        let seed = WithCamera { camera, parameters, seed: CompressedSeed::new };
+        let seed = WithCamera::new(&camera, self.parameters, CompressedSeed::new);
         let known = (Rc::clone(&self.heard.compressed), false);
         self.read((Form::CompressedDepth, compressed), images, seed, known);
         Ok(())
@@ -230,61 +188,6 @@ impl Listening<'_, '_> {
     {
         let input = form.of(self.number);
         self.readers.spawn_local(read_scans((input, topic), subscription, seed, known, self.events.clone()));
-    }
-}
-
-/// The camera of the newest `CameraInfo`, or why there is none.
-#[derive(Clone)]
-struct LatestCamera(Rc<RefCell<Result<Camera, CloudError>>>);
-
-impl Default for LatestCamera {
-    fn default() -> Self {
-        Self(Rc::new(RefCell::new(Err(CloudError::NoCameraInfo))))
-    }
-}
-
-/// A seed made for the filter that holds when a cloud comes.
-#[derive(Clone)]
-struct WithFilter<S>(Rc<Parameters>, fn(CloudFilter) -> S);
-
-impl<'de, S: DeserializeSeed<'de, Value = Decoded>> DeserializeSeed<'de> for WithFilter<S> {
-    type Value = Decoded;
-
-    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Decoded, D::Error> {
-        (self.1)(self.0.filter()).deserialize(deserializer)
-    }
-}
-
-/// A seed made for the camera that is known and the filter that holds when an image comes.
-#[derive(Clone)]
-struct WithCamera<S> {
-    camera: LatestCamera,
-    parameters: Rc<Parameters>,
-    seed: fn(Camera, CloudFilter) -> S,
-}
-
-impl<'de, S: DeserializeSeed<'de, Value = Decoded>> DeserializeSeed<'de> for WithCamera<S> {
-    type Value = Decoded;
-
-    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Decoded, D::Error> {
-        let camera = self.camera.0.borrow().clone();
-        match camera {
-            Ok(camera) => (self.seed)(camera, self.parameters.filter()).deserialize(deserializer),
-            Err(error) => Ok(Err(error)),
-        }
-    }
-}
-
-/// A seed that makes an error of what cannot be decoded: so its publisher and number stay known.
-#[derive(Clone)]
-struct Told<S>(S);
-
-impl<'de, S: DeserializeSeed<'de, Value = Decoded>> DeserializeSeed<'de> for Told<S> {
-    type Value = Decoded;
-
-    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Decoded, D::Error> {
-        let decoded = self.0.deserialize(deserializer);
-        Ok(decoded.unwrap_or_else(|error| Err(CloudError::Undecodable(error.to_string()))))
     }
 }
 
@@ -313,7 +216,9 @@ where
     let scans = subscription.async_stream_seed(Told(seed));
     pin_mut!(scans);
     while let Some(sample) = scans.next().await {
-        let Some((scan, lost)) = known.borrow_mut().tell(sample, reliably) else { continue };
+        let Some((scan, lost)) = known.borrow_mut().tell(sample.map(of_publisher), reliably) else {
+            continue;
+        };
         if lost > 0 && events.send(Event::Lost(input, lost)).await.is_err() {
             break;
         }
@@ -322,6 +227,11 @@ where
         }
     }
     name.into()
+}
+
+/// A scan with its publisher and number.
+fn of_publisher((scan, info): (Decoded, MessageInfo)) -> (Decoded, (PublisherId, i64)) {
+    (scan, (info.publisher_gid().to_bytes16(), info.sequence_number()))
 }
 
 /// Keeps the newest camera for the seeds; tells the node of one that differs from the one before.
@@ -334,14 +244,8 @@ async fn read_cameras(
     let infos = infos.async_stream();
     pin_mut!(infos);
     while let Some(info) = infos.next().await {
-        let event = match info.map(|(info, _)| Camera::from_info(&info)) {
-            Ok(newest) if *camera.0.borrow() == newest => continue,
-            Ok(newest) => {
-                camera.0.borrow_mut().clone_from(&newest);
-                Event::Camera(sensor, newest)
-            }
-            Err(error) => Event::Garbled { topic: topic.clone().into(), text: error.to_string() },
-        };
+        let info = info.map(|(info, _)| info).map_err(|error| error.to_string());
+        let Some(event) = camera.event((sensor, &topic), info) else { continue };
         if events.send(event).await.is_err() {
             break;
         }

@@ -6,9 +6,10 @@ use ros2_client::qos::{Durability, WhenFull};
 use ros2_client::{Node, Publisher, QosProfile};
 use rustdds::DomainParticipant;
 
-use super::{DdsError, Opener, reliable};
+use super::{Opener, reliable};
 use crate::msg::ros::{PointCloud2, TfMessage};
 use crate::node::args::Setup;
+use crate::node::middleware::OpenError;
 use crate::node::transport::SendError;
 
 /// Who begins to read `/tf` when some thousand messages have been sent counts as one that has acknowledged none of them,
@@ -29,7 +30,7 @@ impl Robot {
     ///
     /// # Errors
     /// When the middleware refuses something.
-    pub fn open(setup: &Setup) -> Result<Self, DdsError> {
+    pub fn open(setup: &Setup) -> Result<Self, OpenError> {
         let setup = setup.for_node("simulated_robot");
         let security = setup.security()?;
         let mut opener = Opener::new(&setup, &security)?;

@@ -2,11 +2,11 @@
 
 use rustdds::{DomainParticipant, DomainParticipantBuilder};
 
-use super::DdsError;
+use crate::node::middleware::OpenError;
 use crate::node::security::{Enclave, SecurityError};
 
 #[cfg(not(feature = "security"))]
-pub(super) fn build(_: DomainParticipantBuilder, _: Enclave) -> Result<DomainParticipant, DdsError> {
+pub(super) fn build(_: DomainParticipantBuilder, _: Enclave) -> Result<DomainParticipant, OpenError> {
     Err(SecurityError::NotBuiltIn.into())
 }
 
@@ -14,7 +14,7 @@ pub(super) fn build(_: DomainParticipantBuilder, _: Enclave) -> Result<DomainPar
 pub(super) fn build(
     builder: DomainParticipantBuilder,
     enclave: Enclave,
-) -> Result<DomainParticipant, DdsError> {
+) -> Result<DomainParticipant, OpenError> {
     use rustdds::DomainParticipantSecurityConfigFiles;
     use rustdds::dds::CreateError;
 

@@ -202,9 +202,11 @@ impl<T: Transport> Live<T> {
 
     fn of_network(&mut self) -> DiagnosticStatus {
         let network = self.transport.network_state();
-        let (got, wish) = (network.receive_buffer, self.receive_buffer);
+        let wish = self.receive_buffer;
         let mut part = self.part("network", "every reader and publisher fits");
-        part.value("socket receive buffer [bytes]", got);
+        if let Some(got) = network.receive_buffer {
+            part.value("socket receive buffer [bytes]", got);
+        }
         for (topic, why) in network.mismatches {
             part.value(topic.clone(), &why);
             part.raise(Level::Warn, format!("{topic}: {why}"));
@@ -216,7 +218,7 @@ impl<T: Transport> Live<T> {
             part.raise(Level::Warn, &line);
             self.warn("namesakes", format_args!("{line}"));
         }
-        if got < wish {
+        if let Some(got) = network.receive_buffer.filter(|&got| got < wish) {
             part.raise(
                 Level::Warn,
                 format!("the socket receive buffer has {got} bytes instead of {wish}: sudo sysctl -w net.core.rmem_max={wish}"),
@@ -228,9 +230,8 @@ impl<T: Transport> Live<T> {
 
 /// What is to be said of other nodes of this node's name. Both work, which is what ROS has them do.
 fn namesakes(name: &str, number: usize) -> String {
-    let others = if number == 1 { "another node is".to_owned() } else { format!("{number} other nodes are") };
     format!(
-        "{others} named {name} too: who calls its services or sets its parameters reaches any of them \
+        "nodes of the name {name} beside this one: {number}; who calls its services or sets its parameters reaches any of them \
          (-r __node:=... renames)"
     )
 }

@@ -8,9 +8,11 @@
 
 use std::collections::BTreeMap;
 
-use ros2_client::{Gid, MessageInfo};
+use super::seeds::Decoded;
+use crate::cloud::CloudError;
 
-use crate::cloud::{Cloud, CloudError};
+/// A publisher, as the middleware names it.
+pub(super) type PublisherId = [u8; 16];
 
 /// Publishers to remember; a driver that restarts is a new one each time.
 const PUBLISHERS: usize = 1000;
@@ -25,7 +27,7 @@ const fn are_near(a: i64, b: i64) -> bool {
 }
 
 /// What an entry of a publisher is, with those of many others forgotten.
-fn of<T: Default>(publishers: &mut BTreeMap<Gid, T>, publisher: Gid) -> &mut T {
+fn of<T: Default>(publishers: &mut BTreeMap<PublisherId, T>, publisher: PublisherId) -> &mut T {
     if publishers.len() >= PUBLISHERS {
         publishers.clear();
     }
@@ -40,15 +42,14 @@ pub(super) struct Known {
 }
 
 impl Known {
-    /// A scan that is to be taken, and how many were lost before it.
+    /// A scan that is to be taken, and how many were lost before it; a sample comes with its publisher and number.
     pub(super) fn tell<E: ToString>(
         &mut self,
-        sample: Result<(Result<Cloud, CloudError>, MessageInfo), E>,
+        sample: Result<(Decoded, (PublisherId, i64)), E>,
         reliably: bool,
-    ) -> Option<(Result<Cloud, CloudError>, u64)> {
+    ) -> Option<(Decoded, u64)> {
         match sample {
-            Ok((scan, info)) => {
-                let (publisher, number) = (info.publisher_gid(), info.sequence_number());
+            Ok((scan, (publisher, number))) => {
                 let takes = self.heard.takes(publisher, number, reliably);
                 takes.then(|| (scan, self.gaps.lost_before(publisher, number)))
             }
@@ -64,7 +65,7 @@ impl Known {
 /// What has been heard of each publisher.
 #[derive(Debug, Default)]
 struct Heard {
-    publishers: BTreeMap<Gid, Publisher>,
+    publishers: BTreeMap<PublisherId, Publisher>,
     /// A sample without so much as a header came reliably; it does not tell its publisher.
     garbled_reliably: bool,
 }
@@ -88,7 +89,7 @@ impl Heard {
 
     /// Whether a sample of this number is to be taken from the reader, `reliably` or not, that has it. Where the reliable one
     /// is heard, the other is not needed, unless that one stays behind or is elsewhere: a forged heartbeat silences it.
-    fn takes(&mut self, publisher: Gid, number: i64, reliably: bool) -> bool {
+    fn takes(&mut self, publisher: PublisherId, number: i64, reliably: bool) -> bool {
         let heard = of(&mut self.publishers, publisher);
         if reliably {
             heard.reliable = Some(number);
@@ -110,13 +111,13 @@ impl Heard {
 /// What a publisher's numbers tell about scans that never arrived.
 #[derive(Debug, Default)]
 struct Gaps {
-    newest: BTreeMap<Gid, Option<i64>>,
+    newest: BTreeMap<PublisherId, Option<i64>>,
     /// Samples that arrived since the last good one and told no publisher: their numbers look like a gap.
     undecodable: u64,
 }
 
 impl Gaps {
-    fn lost_before(&mut self, publisher: Gid, number: i64) -> u64 {
+    fn lost_before(&mut self, publisher: PublisherId, number: i64) -> u64 {
         let entry = of(&mut self.newest, publisher);
         let newest = *entry.get_or_insert(number);
         let gap = number.saturating_sub(newest).saturating_sub(1).max(0);
@@ -140,7 +141,7 @@ pub(super) enum Order {
 
 /// The messages that were taken of each publisher, where two readers have the same.
 #[derive(Debug, Default)]
-pub(super) struct Taken(BTreeMap<Gid, Option<Newest>>);
+pub(super) struct Taken(BTreeMap<PublisherId, Option<Newest>>);
 
 #[derive(Clone, Copy, Debug)]
 struct Newest {
@@ -151,12 +152,12 @@ struct Newest {
 
 impl Taken {
     /// Whether anything was taken of a publisher.
-    pub(super) fn knows(&self, publisher: Gid) -> bool {
+    pub(super) fn knows(&self, publisher: PublisherId) -> bool {
         self.0.contains_key(&publisher)
     }
 
     /// Notes a message.
-    pub(super) fn note(&mut self, publisher: Gid, number: i64) -> Order {
+    pub(super) fn note(&mut self, publisher: PublisherId, number: i64) -> Order {
         let entry = of(&mut self.0, publisher);
         let newest = entry.get_or_insert(Newest { number: number.saturating_sub(1), before: u128::MAX });
         if !are_near(number, newest.number) {
@@ -181,10 +182,10 @@ pub(super) mod tests {
     use super::*;
 
     /// Publishers of different names.
-    pub(in crate::node::dds) fn publisher(number: u32) -> Gid {
+    pub(in crate::node) fn publisher(number: u32) -> PublisherId {
         let mut name = [0; 16];
         name[..4].copy_from_slice(&number.to_le_bytes());
-        cdr_encoding::from_bytes::<Gid, byteorder::LittleEndian>(&name).unwrap().0
+        name
     }
 
     #[test]
@@ -200,7 +201,7 @@ pub(super) mod tests {
 
     #[test]
     fn a_sample_is_taken_once_and_reliably_where_it_can_be() {
-        let (mut heard, publisher) = (Heard::default(), Gid::default());
+        let (mut heard, publisher) = (Heard::default(), PublisherId::default());
         assert!(heard.takes(publisher, 1, false));
         assert!(heard.takes(publisher, 2, false));
         assert!(!heard.takes(publisher, 1, true) && !heard.takes(publisher, 2, true));
@@ -211,14 +212,14 @@ pub(super) mod tests {
 
     #[test]
     fn a_made_up_number_by_best_effort_does_not_silence_the_reliable_publisher() {
-        let (mut heard, publisher) = (Heard::default(), Gid::default());
+        let (mut heard, publisher) = (Heard::default(), PublisherId::default());
         assert!(heard.takes(publisher, 1, false) && heard.takes(publisher, i64::MAX, false));
         assert!((2..500).all(|number| heard.takes(publisher, number, true)));
     }
 
     #[test]
     fn without_a_reliable_reader_every_sample_is_taken() {
-        let (mut heard, publisher) = (Heard::default(), Gid::default());
+        let (mut heard, publisher) = (Heard::default(), PublisherId::default());
         assert!([5, 7, 6].into_iter().all(|number| heard.takes(publisher, number, false)));
     }
 
@@ -235,7 +236,7 @@ pub(super) mod tests {
 
     #[test]
     fn where_the_reliable_reader_is_silenced_the_other_is_heard_again() {
-        let (mut heard, publisher) = (Heard::default(), Gid::default());
+        let (mut heard, publisher) = (Heard::default(), PublisherId::default());
         assert!(heard.takes(publisher, 1, true));
         let taken = (2..500).filter(|&number| heard.takes(publisher, number, false)).count();
         assert_eq!(taken as i64, 498 - LATE, "it stays behind");
@@ -247,7 +248,7 @@ pub(super) mod tests {
 
     #[test]
     fn of_two_readers_of_a_topic_the_one_that_is_first_is_taken() {
-        let (mut taken, publisher) = (Taken::default(), Gid::default());
+        let (mut taken, publisher) = (Taken::default(), PublisherId::default());
         let mut notes = |numbers: &[i64]| -> Vec<_> {
             numbers.iter().map(|&number| taken.note(publisher, number)).collect()
         };
@@ -261,7 +262,7 @@ pub(super) mod tests {
 
     #[test]
     fn a_gap_in_the_numbers_is_a_loss_unless_garbled_samples_explain_it() {
-        let (mut gaps, publisher) = (Gaps::default(), Gid::default());
+        let (mut gaps, publisher) = (Gaps::default(), PublisherId::default());
         assert_eq!(gaps.lost_before(publisher, 7), 0);
         assert_eq!(gaps.lost_before(publisher, 8), 0);
         assert_eq!(gaps.lost_before(publisher, 11), 2);

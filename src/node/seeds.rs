@@ -1,0 +1,103 @@
+//! What makes a scan of a message, by what holds when it comes: the filter that parameters may change, the newest camera.
+
+use std::cell::RefCell;
+use std::rc::Rc;
+
+use serde::de::{DeserializeSeed, Deserializer};
+
+use super::parameters::Parameters;
+use super::transport::Event;
+use crate::cloud::{Camera, Cloud, CloudError, CloudFilter};
+use crate::msg::ros::CameraInfo;
+
+/// What a seed makes of a message.
+pub(super) type Decoded = Result<Cloud, CloudError>;
+
+/// The camera of the newest `CameraInfo`, or why there is none.
+#[derive(Clone)]
+pub(super) struct LatestCamera(Rc<RefCell<Result<Camera, CloudError>>>);
+
+impl Default for LatestCamera {
+    fn default() -> Self {
+        Self(Rc::new(RefCell::new(Err(CloudError::NoCameraInfo))))
+    }
+}
+
+impl LatestCamera {
+    /// Keeps the camera of a message, or what is wrong with it; what to tell the node, where it differs from the one before.
+    pub(super) fn event<R>(
+        &self,
+        (sensor, topic): (usize, &str),
+        info: Result<CameraInfo, String>,
+    ) -> Option<Event<R>> {
+        match info.map(|info| Camera::from_info(&info)) {
+            Ok(newest) if *self.0.borrow() == newest => None,
+            Ok(newest) => {
+                self.0.borrow_mut().clone_from(&newest);
+                Some(Event::Camera(sensor, newest))
+            }
+            Err(text) => Some(Event::Garbled { topic: topic.to_owned().into(), text }),
+        }
+    }
+}
+
+/// A seed made for the filter that holds when a cloud comes.
+#[derive(Clone)]
+pub(super) struct WithFilter<S>(Rc<Parameters>, fn(CloudFilter) -> S);
+
+impl<S> WithFilter<S> {
+    pub(super) fn new(parameters: &Rc<Parameters>, seed: fn(CloudFilter) -> S) -> Self {
+        Self(Rc::clone(parameters), seed)
+    }
+}
+
+impl<'de, S: DeserializeSeed<'de, Value = Decoded>> DeserializeSeed<'de> for WithFilter<S> {
+    type Value = Decoded;
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Decoded, D::Error> {
+        (self.1)(self.0.filter()).deserialize(deserializer)
+    }
+}
+
+/// A seed made for the camera that is known and the filter that holds when an image comes.
+#[derive(Clone)]
+pub(super) struct WithCamera<S> {
+    camera: LatestCamera,
+    parameters: Rc<Parameters>,
+    seed: fn(Camera, CloudFilter) -> S,
+}
+
+impl<S> WithCamera<S> {
+    pub(super) fn new(
+        camera: &LatestCamera,
+        parameters: &Rc<Parameters>,
+        seed: fn(Camera, CloudFilter) -> S,
+    ) -> Self {
+        Self { camera: camera.clone(), parameters: Rc::clone(parameters), seed }
+    }
+}
+
+impl<'de, S: DeserializeSeed<'de, Value = Decoded>> DeserializeSeed<'de> for WithCamera<S> {
+    type Value = Decoded;
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Decoded, D::Error> {
+        let camera = self.camera.0.borrow().clone();
+        match camera {
+            Ok(camera) => (self.seed)(camera, self.parameters.filter()).deserialize(deserializer),
+            Err(error) => Ok(Err(error)),
+        }
+    }
+}
+
+/// A seed that makes an error of what cannot be decoded: so its publisher and number stay known.
+#[derive(Clone)]
+pub(super) struct Told<S>(pub(super) S);
+
+impl<'de, S: DeserializeSeed<'de, Value = Decoded>> DeserializeSeed<'de> for Told<S> {
+    type Value = Decoded;
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Decoded, D::Error> {
+        let decoded = self.0.deserialize(deserializer);
+        Ok(decoded.unwrap_or_else(|error| Err(CloudError::Undecodable(error.to_string()))))
+    }
+}

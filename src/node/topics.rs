@@ -1,0 +1,105 @@
+//! The names of what the node reads, sends and serves, over whatever middleware.
+
+use std::collections::BTreeMap;
+
+use super::args::{ArgsError, Setup};
+use super::inputs::COMPRESSED_DEPTH;
+use super::parameters;
+use super::transport::{DepthTopics, Form, Outgoing, SensorTopics, Service, TopicName};
+use crate::config::Sensor;
+
+/// A topic that nobody reads.
+pub(super) const PULSE: &str = "~/_pulse";
+
+impl Setup {
+    /// Whether all names can be, before anything is done.
+    ///
+    /// # Errors
+    /// At the first that cannot.
+    pub fn check_names(&self) -> Result<(), ArgsError> {
+        ros2args::names::validate_namespace(&self.namespace)?;
+        self.inputs()?;
+        let others = [
+            Service::Reset.name(),
+            Service::Save.name(),
+            "/tf",
+            "/tf_static",
+            "/clock",
+            parameters::EVENTS,
+            PULSE,
+        ];
+        let services = parameters::SERVICES.map(|(name, _)| name);
+        for name in Outgoing::TOPICS.into_iter().chain(others).chain(services) {
+            self.resolve(name)?;
+        }
+        Ok(())
+    }
+
+    /// The topics that scans are read from, by sensor.
+    pub(super) fn inputs(&self) -> Result<Vec<SensorTopics>, ArgsError> {
+        let sensors: Vec<_> =
+            self.config.sensors.iter().map(|sensor| topics(self, sensor)).collect::<Result<_, _>>()?;
+        let mut read = BTreeMap::new();
+        for sensor in &sensors {
+            for topic in Form::ALL.into_iter().filter_map(|form| sensor.topic(form)) {
+                if let Some(first) = read.insert(topic, &sensor.name) {
+                    let [first, second, topic] = [first, &sensor.name, topic].map(str::to_owned);
+                    return Err(ArgsError::SameTopic { first, second, topic });
+                }
+            }
+        }
+        Ok(sensors)
+    }
+}
+
+fn topics(setup: &Setup, sensor: &Sensor) -> Result<SensorTopics, ArgsError> {
+    let named = |plain: &str| -> Result<_, ArgsError> {
+        Ok(TopicName { resolved: setup.resolve(plain)?, plain: plain.to_owned() })
+    };
+    let depth = |(image, camera_info): (String, String)| -> Result<_, ArgsError> {
+        let image = named(&image)?;
+        // `image_transport` puts it below the image, whatever that is remapped to; it can be remapped again.
+        let compressed = setup.resolve(&(image.resolved.clone() + COMPRESSED_DEPTH))?;
+        Ok(DepthTopics { image, camera_info: named(&camera_info)?, compressed })
+    };
+    Ok(SensorTopics {
+        name: sensor.name.clone(),
+        points: sensor.points().map(named).transpose()?,
+        depth: sensor.image().zip(sensor.camera_info()).map(depth).transpose()?,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::node::args::Environment;
+
+    #[test]
+    fn names_that_cannot_be_are_refused_before_anything_is_done() {
+        let check = |rule: &str| {
+            let args = ["cfodi", "run", "--ros-args", "-r", rule].map(str::to_owned);
+            Setup::parse(&args, &Environment::default(), "cfodi").unwrap().0.check_names()
+        };
+        check("points:=/a/b").unwrap();
+        assert!(matches!(check("points:=/a//b"), Err(ArgsError::Name(..) | ArgsError::Form(_))));
+        assert!(matches!(check("/tf:=a b"), Err(ArgsError::Name(..) | ArgsError::Form(_))));
+        assert!(matches!(check("~/save:=1"), Err(ArgsError::Name(..) | ArgsError::Form(_))));
+        for namespace in ["__ns:=/a//b", "__ns:=/a/", "__ns:=/1"] {
+            assert!(matches!(check(namespace), Err(ArgsError::Name(..) | ArgsError::Form(_))), "{namespace}");
+        }
+    }
+
+    #[test]
+    fn two_sensors_on_one_topic_are_refused_by_their_names() {
+        let check = |more: &[&str]| {
+            let args = ["cfodi", "run", "--ros-args", "-p", "sensors:=[front, rear]"];
+            let args: Vec<_> = args.iter().chain(more).map(|&arg| arg.to_owned()).collect();
+            Setup::parse(&args, &Environment::default(), "cfodi").unwrap().0.check_names()
+        };
+        check(&[]).unwrap();
+        let error = check(&["-r", "rear:=/front"]).unwrap_err().to_string();
+        assert!(error.starts_with("the sensors front and rear are both read from /front"), "{error}");
+        let images = ["-p", "front.kind:=depth", "-p", "rear.kind:=depth", "-r", "rear/image:=/front/image"];
+        assert!(matches!(check(&images), Err(ArgsError::SameTopic { .. })));
+    }
+}

@@ -1,0 +1,304 @@
+//! [`Transport`] over Zenoh, by the conventions of `rmw_zenoh`. The only module that imports `zenoh`.
+//!
+//! Zenoh's threads put what they receive into bounded mailboxes and never wait; tasks on the node's thread take it out, decode
+//! it and hand events to one bounded channel. The Zenoh of `ros2_client` 0.12.1 is not used: it knows the hashes of no type
+//! that the node sends, so that no reader of `rmw_zenoh` would match, keeps nothing for late readers and asks nobody for what
+//! it missed, waits in Zenoh's threads where a queue is full, and brings every transport that Zenoh has.
+
+mod config;
+mod mailbox;
+mod names;
+mod opener;
+mod outlet;
+mod parameters;
+mod read;
+
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::rc::Rc;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use tokio::sync::{mpsc, oneshot};
+use tokio::task::JoinSet;
+use tracing::{info, warn};
+use zenoh::pubsub::Subscriber;
+use zenoh::sample::SampleKind;
+use zenoh::{Session, Wait as _};
+
+pub use self::opener::Call;
+use self::opener::{Opener, Tokens};
+use self::outlet::Outlet;
+use super::args::{ArgsError, Setup};
+use super::middleware::{Adding, Middleware, OpenError, Opened};
+use super::parameters::Parameters;
+use super::record::Record;
+use super::security::{Security, SecurityError};
+use super::transport::{NetworkState, Outgoing, SendError, SensorTopics, Service, Source, Transport};
+use crate::bag::cdr;
+use crate::msg::ros::TriggerResponse;
+
+/// Events that wait for the node; a cloud that finds no place waits in its mailbox.
+const EVENTS: usize = 16;
+
+/// Time between two looks for a router, and at whether the session is open.
+const LOOK: Duration = Duration::from_secs(1);
+
+/// Publishers of others that are remembered: anyone may declare as many as it likes.
+const SOURCES: usize = 4096;
+
+/// Tasks that read; each ends with the name of what it read.
+type Readers = JoinSet<Cow<'static, str>>;
+
+/// Adds events to those of the network.
+type Events = Adding<Zenoh>;
+
+/// Publishers by their tokens' keys.
+type Graph = Arc<Mutex<BTreeMap<String, Source>>>;
+
+fn opening<E: ToString>(what: &str) -> impl FnOnce(E) -> OpenError {
+    move |error| OpenError::Open { what: what.to_owned(), text: error.to_string() }
+}
+
+/// Runs what waits for Zenoh on a thread of its own: Zenoh panics where it is waited for within a runtime of one thread.
+async fn aside<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> Result<T, OpenError> {
+    let (done, result) = oneshot::channel();
+    let thread = std::thread::Builder::new().name("cfodi-zenoh".to_owned());
+    thread.spawn(move || drop(done.send(work()))).map_err(opening("a thread"))?;
+    result.await.map_err(opening("Zenoh"))
+}
+
+/// The node on Zenoh.
+pub struct Zenoh {
+    // Fields are dropped in this order; the session is closed by `close` alone.
+    outlets: BTreeMap<&'static str, Outlet>,
+    readers: tokio::sync::Mutex<Readers>,
+    graph: Graph,
+    _graph_reader: Subscriber<()>,
+    _tokens: Tokens,
+    session: Session,
+    inputs: Vec<SensorTopics>,
+    /// Fully qualified.
+    name: String,
+    /// What is sent goes there too.
+    record: Option<Record>,
+}
+
+impl Zenoh {
+    /// The node's ends on a session.
+    fn on(
+        session: &Session,
+        setup: &Setup,
+        record: Option<Record>,
+        events: &Events,
+    ) -> Result<Self, OpenError> {
+        let begun_with = Parameters::new(setup.fully_qualified_name(), setup.parameters.clone());
+        let parameters = Rc::new(begun_with.map_err(ArgsError::from)?);
+        let opener = Opener::new(setup, session)?;
+        let outlets = outlet::open(&opener)?;
+        let mut readers = read::listen(&opener, &parameters, events)?;
+        parameters::serve(&opener, &mut readers, &parameters, events)?;
+        let graph = Graph::default();
+        Ok(Self {
+            outlets,
+            readers: tokio::sync::Mutex::new(readers),
+            _graph_reader: read_graph(session, setup.domain, Arc::clone(&graph))?,
+            graph,
+            _tokens: opener.into_tokens(),
+            session: session.clone(),
+            inputs: setup.inputs()?,
+            name: setup.fully_qualified_name(),
+            record,
+        })
+    }
+
+    /// Resolves when something that reads has ended.
+    async fn reader_ended(&self) -> String {
+        match self.readers.lock().await.join_next().await {
+            Some(Ok(topic)) => format!("reading {topic} has ended"),
+            Some(Err(failure)) => failure.to_string(),
+            None => "nothing reads".to_owned(),
+        }
+    }
+
+    /// Resolves when the session is closed; says meanwhile when a router is found and lost.
+    async fn closed(&self) -> String {
+        let mut has_router = None;
+        loop {
+            if self.session.is_closed() {
+                return "the Zenoh session is closed".to_owned();
+            }
+            match routers(&self.session).await {
+                Ok(0) if has_router == Some(true) => {
+                    warn!("the Zenoh router has gone; it is connected to again when it is there");
+                    has_router = Some(false);
+                }
+                Ok(0) => has_router = Some(false),
+                Ok(_) => {
+                    if has_router == Some(false) {
+                        info!("a Zenoh router is there");
+                    }
+                    has_router = Some(true);
+                }
+                Err(error) => return error.to_string(),
+            }
+            tokio::time::sleep(LOOK).await;
+        }
+    }
+}
+
+/// How many routers the session is connected to.
+async fn routers(session: &Session) -> Result<usize, OpenError> {
+    let session = session.clone();
+    aside(move || session.info().routers_zid().wait().count()).await
+}
+
+/// Waits for a router for so many looks, and says where there is none.
+async fn find_router(session: &Session, looks: u64) -> Result<(), OpenError> {
+    for look in 0..looks {
+        if look > 0 {
+            tokio::time::sleep(LOOK).await;
+        }
+        if routers(session).await? > 0 {
+            return Ok(());
+        }
+        if look % 10 == 0 {
+            warn!(
+                "no Zenoh router is there yet, and without one others are not found: ros2 run rmw_zenoh_cpp rmw_zenohd"
+            );
+        }
+    }
+    Ok(())
+}
+
+/// Keeps the publishers of the domain.
+fn read_graph(session: &Session, domain: u16, graph: Graph) -> Result<Subscriber<()>, OpenError> {
+    let note = move |sample: zenoh::sample::Sample| {
+        let key = sample.key_expr().as_str();
+        let mut graph = graph.lock().unwrap_or_else(PoisonError::into_inner);
+        match (sample.kind(), names::source(key)) {
+            (SampleKind::Put, Some(source)) if graph.len() < SOURCES => {
+                graph.insert(key.to_owned(), source);
+            }
+            (SampleKind::Put, _) => {}
+            (SampleKind::Delete, _) => {
+                graph.remove(key);
+            }
+        }
+    };
+    let liveliness = session.liveliness();
+    let declared = liveliness.declare_subscriber(names::tokens(domain)).history(true).callback(note).wait();
+    declared.map_err(opening("the graph"))
+}
+
+/// Closes a session, however many ends it had.
+async fn close(session: Session) {
+    let closed = aside(move || {
+        let closed = session.close().wait();
+        drop(session);
+        closed.map_err(|error| error.to_string())
+    });
+    if let Ok(Err(text)) | Err(OpenError::Open { text, .. }) = closed.await {
+        warn!("the Zenoh session could not be closed: {text}");
+    }
+}
+
+impl Middleware for Zenoh {
+    const NAME: &str = "Zenoh";
+
+    fn security(setup: &Setup) -> Result<Security, SecurityError> {
+        setup.security_over_zenoh()
+    }
+
+    fn say_system(_: &Setup) {}
+
+    async fn open(setup: &Setup, _: Security, record: Option<Record>) -> Result<Opened<Self>, OpenError> {
+        let (config, looks) = (config::of_process()?, config::router_checks()?);
+        let opened = aside(move || zenoh::open(config).wait().map_err(opening("a Zenoh session")));
+        let session = opened.await??;
+        let (events, receiver) = mpsc::channel(EVENTS);
+        let found = find_router(&session, looks.unwrap_or(0)).await;
+        match found.and_then(|()| Self::on(&session, setup, record, &events)) {
+            Ok(node) => {
+                // Not the last one: dropping that waits.
+                drop(session);
+                Ok((node, events, receiver))
+            }
+            Err(error) => {
+                close(session).await;
+                Err(error)
+            }
+        }
+    }
+
+    async fn answers(&self) -> bool {
+        true
+    }
+
+    async fn close(self) -> impl Sized {
+        self.readers.lock().await.shutdown().await;
+        let session = self.session.clone();
+        drop(self);
+        close(session).await;
+    }
+}
+
+impl Transport for Zenoh {
+    type Request = Call;
+
+    async fn publish(&self, message: Outgoing) -> Result<(), SendError> {
+        if let Some(record) = &self.record {
+            record.outgoing(&message);
+        }
+        match self.outlets.get(message.topic()) {
+            Some(outlet) => outlet.send(encoded(&message)),
+            None => Ok(()),
+        }
+    }
+
+    async fn answer(&self, _: Service, call: Call, response: TriggerResponse) -> Result<(), SendError> {
+        call.answer(&response)
+    }
+
+    fn inputs(&self) -> &[SensorTopics] {
+        &self.inputs
+    }
+
+    fn sources(&self) -> Vec<Source> {
+        let graph = self.graph.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut sources: Vec<_> = graph.values().cloned().collect();
+        sources.sort();
+        sources.dedup();
+        sources
+    }
+
+    fn node_name(&self) -> &str {
+        &self.name
+    }
+
+    fn network_state(&self) -> NetworkState {
+        NetworkState::default()
+    }
+
+    async fn failed(&self) -> String {
+        tokio::select! {
+            reason = self.reader_ended() => reason,
+            reason = self.closed() => reason,
+        }
+    }
+}
+
+/// A message in CDR.
+fn encoded(message: &Outgoing) -> Result<Vec<u8>, cdr_encoding::Error> {
+    let mut bytes = Vec::new();
+    match message {
+        Outgoing::Clusters(message) | Outgoing::Delta(message) => cdr::write(&mut bytes, message),
+        Outgoing::Markers(message) => cdr::write(&mut bytes, message),
+        Outgoing::Labelled(message) => cdr::write(&mut bytes, message),
+        Outgoing::Diagnostics(message) => cdr::write(&mut bytes, message),
+        Outgoing::Log(message) => cdr::write(&mut bytes, message),
+        Outgoing::Detections(message) => cdr::write(&mut bytes, message),
+        Outgoing::Polygon(message) => cdr::write(&mut bytes, message),
+    }?;
+    Ok(bytes)
+}

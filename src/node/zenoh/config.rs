@@ -1,0 +1,127 @@
+//! The session's configuration, from where `rmw_zenoh` takes it: a file that `ZENOH_SESSION_CONFIG_URI` names, or what is below;
+//! then what `ZENOH_CONFIG_OVERRIDE` says.
+
+use std::env;
+
+use zenoh::Config;
+
+use crate::node::middleware::OpenError;
+
+const FILE: &str = "ZENOH_SESSION_CONFIG_URI";
+const OVERRIDE: &str = "ZENOH_CONFIG_OVERRIDE";
+const ATTEMPTS: &str = "ZENOH_ROUTER_CHECK_ATTEMPTS";
+
+/// What `rmw_zenoh` has by default, where it is not Zenoh's own default; the last one is ours: a message that is larger is none
+/// that the node could read, and each neighbour could make it hold one.
+const DEFAULT: [(&str, &str); 15] = [
+    ("mode", r#""peer""#),
+    ("connect/endpoints", r#"["tcp/localhost:7447"]"#),
+    ("connect/timeout_ms", "{router: -1, peer: -1, client: 0}"),
+    ("connect/exit_on_failure", "{router: false, peer: false, client: true}"),
+    ("listen/endpoints", r#"["tcp/localhost:0"]"#),
+    ("scouting/multicast/enabled", "false"),
+    ("scouting/gossip/target", r#"{router: ["router", "peer"], peer: ["router"]}"#),
+    ("timestamping/enabled", "{router: true, peer: true, client: true}"),
+    ("queries_default_timeout", "600000"),
+    ("transport/unicast/open_timeout", "60000"),
+    ("transport/unicast/accept_timeout", "60000"),
+    ("transport/unicast/accept_pending", "10000"),
+    ("transport/link/tx/lease", "60000"),
+    ("transport/link/tx/keep_alive", "2"),
+    ("transport/link/rx/max_message_size", "536870912"),
+];
+
+/// That of this process.
+///
+/// # Errors
+/// When a variable cannot be, with its name and value.
+pub(super) fn of_process() -> Result<Config, OpenError> {
+    build(&variable(FILE), &variable(OVERRIDE))
+}
+
+/// How often to look for a router before the node goes on without; nothing where it does not look. As in ROS, 0 is for ever.
+///
+/// # Errors
+/// When it is no number.
+pub(super) fn router_checks() -> Result<Option<u64>, OpenError> {
+    checks(&variable(ATTEMPTS))
+}
+
+/// What is no text is no value either, and is refused as such.
+fn variable(name: &str) -> String {
+    env::var_os(name).map(|value| value.to_string_lossy().trim().to_owned()).unwrap_or_default()
+}
+
+fn checks(text: &str) -> Result<Option<u64>, OpenError> {
+    let number = if text.is_empty() { Ok(1) } else { text.parse::<i64>() };
+    match number {
+        Ok(0) => Ok(Some(u64::MAX)),
+        Ok(number) => Ok(u64::try_from(number).ok()),
+        Err(error) => Err(wrong(ATTEMPTS, text, &error)),
+    }
+}
+
+fn build(file: &str, changes: &str) -> Result<Config, OpenError> {
+    let mut config = if file.is_empty() {
+        let mut config = Config::default();
+        for (key, value) in DEFAULT {
+            config
+                .insert_json5(key, value)
+                .map_err(|error| wrong("the default configuration", key, &error))?;
+        }
+        config
+    } else {
+        Config::from_file(file).map_err(|error| wrong(FILE, file, &error))?
+    };
+    for change in changes.split(';').map(str::trim).filter(|change| !change.is_empty()) {
+        let (key, value) =
+            change.split_once('=').ok_or_else(|| wrong(OVERRIDE, change, &"it must be key=value"))?;
+        let inserted = config.insert_json5(key.trim(), value.trim());
+        inserted.map_err(|error| wrong(OVERRIDE, change, &error))?;
+    }
+    Ok(config)
+}
+
+fn wrong(name: &'static str, value: &str, text: &impl ToString) -> OpenError {
+    OpenError::Variable { name, value: value.to_owned(), text: text.to_string() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn without_variables_it_is_a_peer_of_the_router_on_this_machine() {
+        let config = build("", "").unwrap();
+        assert!(config.get_json("connect/endpoints").unwrap().contains("tcp/localhost:7447"));
+        assert_eq!(config.get_json("scouting/multicast/enabled").unwrap(), "false");
+    }
+
+    #[test]
+    fn what_is_overridden_goes_before_the_file_and_the_default() {
+        let config = build("", r#" mode="client" ; connect/endpoints=["tcp/10.0.0.1:7447"];"#).unwrap();
+        assert_eq!(config.get_json("mode").unwrap(), r#""client""#);
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("session.json5");
+        std::fs::write(&file, "{mode: 'router'}").unwrap();
+        let file = file.to_str().unwrap();
+        assert_eq!(build(file, "").unwrap().get_json("mode").unwrap(), r#""router""#);
+        assert_eq!(build(file, "mode='peer'").unwrap().get_json("mode").unwrap(), r#""peer""#);
+    }
+
+    #[test]
+    fn what_cannot_be_is_refused_with_name_and_value() {
+        for (file, changes, words) in [
+            ("/no/such.json5", "", "ZENOH_SESSION_CONFIG_URI is \"/no/such.json5\": "),
+            ("", "mode", "ZENOH_CONFIG_OVERRIDE is \"mode\": it must be key=value"),
+            ("", "mode=nothing", "ZENOH_CONFIG_OVERRIDE is \"mode=nothing\": "),
+            ("", "no/such/key=1", "ZENOH_CONFIG_OVERRIDE is \"no/such/key=1\": "),
+        ] {
+            let error = build(file, changes).err().map(|error| error.to_string()).unwrap_or_default();
+            assert!(error.starts_with(words), "{error}");
+        }
+        let checked = |text| checks(text).map_err(|error| error.to_string());
+        assert_eq!([checked(""), checked("0"), checked("-1")], [Ok(Some(1)), Ok(Some(u64::MAX)), Ok(None)]);
+        assert!(checked("one").unwrap_err().starts_with("ZENOH_ROUTER_CHECK_ATTEMPTS is \"one\": "));
+    }
+}

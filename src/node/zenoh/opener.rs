@@ -1,0 +1,215 @@
+//! The node's ends on a session: what it listens to, what it sends, what it serves, each with its token.
+
+use std::cell::{Cell, RefCell};
+use std::fmt;
+use std::sync::Arc;
+use std::time::Duration;
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use zenoh::bytes::ZBytes;
+use zenoh::liveliness::LivelinessToken;
+use zenoh::pubsub::Subscriber;
+use zenoh::query::{Query, Queryable};
+use zenoh::sample::{Sample, SampleKind};
+use zenoh::{Session, Wait as _};
+use zenoh_ext::{AdvancedSubscriber, AdvancedSubscriberBuilderExt as _, HistoryConfig};
+
+use super::mailbox::{Mailbox, Room};
+use super::names::{Attachment, Kind, Named, NodeToken, Qos, publisher_id};
+use super::opening;
+use crate::bag::cdr;
+use crate::node::args::Setup;
+use crate::node::clock;
+use crate::node::heard::PublisherId;
+use crate::node::middleware::OpenError;
+use crate::node::transport::SendError;
+
+/// What a service is declared with, as in ROS.
+const SERVICES: Qos = Qos { reliable: true, latched: false, depth: 10 };
+
+/// Time for a publisher to send what it keeps for late readers.
+const HISTORY: Duration = Duration::from_secs(10);
+
+/// By which others see the node while they are kept.
+pub(super) type Tokens = Vec<LivelinessToken>;
+
+/// A node on a session, before it has ends.
+pub(super) struct Opener<'a> {
+    pub(super) setup: &'a Setup,
+    pub(super) session: &'a Session,
+    node: NodeToken,
+    ends: Cell<u64>,
+    tokens: RefCell<Tokens>,
+}
+
+impl<'a> Opener<'a> {
+    pub(super) fn new(setup: &'a Setup, session: &'a Session) -> Result<Self, OpenError> {
+        let Setup { domain, namespace, name, .. } = setup;
+        let (namespace, name) = (namespace.clone(), name.clone());
+        let node = NodeToken { domain: *domain, id: session.zid().to_string(), namespace, name };
+        let opener = Self { setup, session, node, ends: Cell::new(0), tokens: RefCell::default() };
+        opener.declare(opener.node.key())?;
+        Ok(opener)
+    }
+
+    pub(super) fn into_tokens(self) -> Tokens {
+        self.tokens.into_inner()
+    }
+
+    fn declare(&self, key: String) -> Result<(), OpenError> {
+        let token = self.session.liveliness().declare_token(key).wait().map_err(opening("a token"))?;
+        self.tokens.borrow_mut().push(token);
+        Ok(())
+    }
+
+    /// Tells others of an end; what names it in its messages.
+    pub(super) fn tell(&self, kind: Kind, named: Named<'_>, qos: Qos) -> Result<PublisherId, OpenError> {
+        self.ends.set(self.ends.get() + 1);
+        let key = self.node.key_of(self.ends.get(), kind, named, qos);
+        let id = publisher_id(&key);
+        self.declare(key)?;
+        Ok(id)
+    }
+
+    /// Listens to a topic; what is kept of a latched one for late readers is asked for.
+    pub(super) fn subscribe(
+        &self,
+        (name, type_name): (&str, &str),
+        qos: Qos,
+        room: Room,
+    ) -> Result<Inbox, OpenError> {
+        let resolved = self.setup.resolve(name)?;
+        let named = Named { name: &resolved, type_name };
+        let mailbox = Arc::new(Mailbox::new(room));
+        let there = Arc::clone(&mailbox);
+        let put = move |sample: Sample| {
+            if sample.kind() == SampleKind::Put {
+                let bytes = sample.payload().len();
+                there.put(sample, bytes);
+            }
+        };
+        let key = named.key_of_any(self.setup.domain);
+        let subscriber = self.session.declare_subscriber(key).callback(put);
+        let reader = if qos.latched {
+            let history = HistoryConfig::default().detect_late_publishers().max_samples(qos.depth);
+            let subscriber = subscriber.history(history).query_timeout(HISTORY).subscriber_detection();
+            Reader::Latched(subscriber.wait().map_err(opening(&resolved))?)
+        } else {
+            Reader::Live(subscriber.wait().map_err(opening(&resolved))?)
+        };
+        self.tell(Kind::Subscription, named, qos)?;
+        Ok(Inbox { name: resolved, mailbox, _reader: reader })
+    }
+
+    /// Serves calls.
+    pub(super) fn serve(
+        &self,
+        (name, type_name): (&'static str, &str),
+        room: Room,
+    ) -> Result<Calls, OpenError> {
+        let resolved = self.setup.resolve(name)?;
+        let named = Named { name: &resolved, type_name };
+        let mailbox = Arc::new(Mailbox::new(room));
+        let there = Arc::clone(&mailbox);
+        let put = move |query: Query| {
+            let bytes = query.payload().map_or(0, ZBytes::len);
+            there.put(query, bytes);
+        };
+        let key = named.key_of_any(self.setup.domain);
+        let queryable = self.session.declare_queryable(key).complete(true).callback(put).wait();
+        let queryable = queryable.map_err(opening(&resolved))?;
+        self.tell(Kind::Service, named, SERVICES)?;
+        let key = named.key(self.setup.domain);
+        Ok(Calls { name, key, mailbox, _queryable: queryable })
+    }
+}
+
+/// Kept while it is listened.
+enum Reader {
+    Live(#[expect(dead_code, reason = "its end is that of the listening")] Subscriber<()>),
+    Latched(#[expect(dead_code, reason = "the same")] AdvancedSubscriber<()>),
+}
+
+/// The messages of a topic.
+pub(super) struct Inbox {
+    /// Fully qualified.
+    pub(super) name: String,
+    mailbox: Arc<Mailbox<Sample>>,
+    _reader: Reader,
+}
+
+/// A message as it came.
+pub(super) struct Received {
+    sample: Sample,
+    /// Messages before it that found no room.
+    pub(super) dropped: u64,
+}
+
+impl Inbox {
+    pub(super) async fn take(&self) -> Received {
+        let (sample, dropped) = self.mailbox.take().await;
+        Received { sample, dropped }
+    }
+}
+
+impl Received {
+    /// The message; copied where Zenoh has it in pieces.
+    pub(super) fn bytes(&self) -> std::borrow::Cow<'_, [u8]> {
+        self.sample.payload().to_bytes()
+    }
+
+    /// Who sent it, and its number, where it tells.
+    pub(super) fn origin(&self) -> Option<(PublisherId, i64)> {
+        let attachment = Attachment::read(&self.sample.attachment()?.to_bytes())?;
+        Some((attachment.publisher, attachment.number))
+    }
+}
+
+/// The calls of a service.
+pub(super) struct Calls {
+    pub(super) name: &'static str,
+    /// That an answer goes by.
+    key: String,
+    mailbox: Arc<Mailbox<Query>>,
+    _queryable: Queryable<()>,
+}
+
+impl Calls {
+    /// The next one, or why it is none.
+    pub(super) async fn take<Q: DeserializeOwned>(&self) -> Result<(Call, Q), String> {
+        let (query, _) = self.mailbox.take().await;
+        let attachment = query.attachment().and_then(|attachment| Attachment::read(&attachment.to_bytes()));
+        let attachment = attachment.ok_or("a call without who calls and its number")?;
+        let request = cdr::read(&query.payload().ok_or("a call without a request")?.to_bytes())?;
+        // An answer goes by one key.
+        let key =
+            if query.key_expr().is_wild() { self.key.clone() } else { query.key_expr().as_str().to_owned() };
+        Ok((Call { query, key, attachment }, request))
+    }
+}
+
+/// A call to answer.
+pub struct Call {
+    query: Query,
+    key: String,
+    attachment: Attachment,
+}
+
+impl fmt::Debug for Call {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Call").field("key", &self.key).finish_non_exhaustive()
+    }
+}
+
+impl Call {
+    pub(super) fn answer(self, response: &impl Serialize) -> Result<(), SendError> {
+        let refused = |error: &dyn fmt::Display| SendError(error.to_string());
+        let mut bytes = Vec::new();
+        cdr::write(&mut bytes, response).map_err(|error| refused(&error))?;
+        // Its number and who called go back as they came.
+        let attachment = Attachment { stamp: clock::now().nanos(), ..self.attachment };
+        let reply = self.query.reply(self.key, bytes).attachment(attachment.bytes());
+        reply.wait().map_err(|error| refused(&error))
+    }
+}

@@ -1,0 +1,113 @@
+//! What the node sends. A reader that is slow, or behind a link that is, holds nothing up: Zenoh drops for it what it cannot
+//! pass on within some milliseconds.
+
+use std::cell::Cell;
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use zenoh::Wait as _;
+use zenoh::pubsub::Publisher;
+use zenoh::qos::CongestionControl;
+use zenoh_ext::{AdvancedPublisher, AdvancedPublisherBuilderExt as _, CacheConfig, MissDetectionConfig};
+
+use super::names::{Attachment, Kind, Named, Qos};
+use super::opener::Opener;
+use super::opening;
+use crate::node::clock;
+use crate::node::heard::PublisherId;
+use crate::node::middleware::OpenError;
+use crate::node::transport::{Outgoing, SendError};
+
+/// Time until a reader is told the number of the newest message, by which it sees that it has missed it.
+const HEARTBEAT: Duration = Duration::from_millis(500);
+
+/// The qualities of service that readers of DDS find too.
+fn qos(topic: &str) -> Qos {
+    let (reliable, latched, depth) = match topic {
+        Outgoing::CLUSTERS | Outgoing::MARKERS | Outgoing::DETECTIONS => (true, true, 1),
+        Outgoing::LOG => (true, true, 100),
+        Outgoing::DELTA => (true, false, 20),
+        Outgoing::POLYGONS => (true, false, 4096),
+        Outgoing::LABELLED => (false, false, 10),
+        _ => (true, false, 10),
+    };
+    Qos { reliable, latched, depth }
+}
+
+/// Opens all topics that parameters ask for, by their names.
+pub(super) fn open(opener: &Opener<'_>) -> Result<BTreeMap<&'static str, Outlet>, OpenError> {
+    let twins = &opener.setup.config.twins;
+    let is_asked_for = |name: &str| match name {
+        Outgoing::DETECTIONS => twins.detections,
+        Outgoing::POLYGONS => twins.polygons,
+        _ => true,
+    };
+    let topics = Outgoing::TYPES.into_iter().filter(|(name, _)| is_asked_for(name));
+    topics.map(|(name, kind)| Ok((name, Outlet::open(opener, (name, kind), qos(name))?))).collect()
+}
+
+enum Sender {
+    Live(Publisher<'static>),
+    /// Keeps the newest for late readers.
+    Latched(Aside<AdvancedPublisher<'static>>),
+}
+
+/// Something that is waited for where it is dropped: Zenoh panics where it is waited for within a runtime of one thread.
+struct Aside<T: Send + 'static>(Option<T>);
+
+impl<T: Send + 'static> Drop for Aside<T> {
+    fn drop(&mut self) {
+        let inside = self.0.take();
+        let dropping = std::thread::Builder::new().name("cfodi-zenoh".to_owned()).spawn(move || drop(inside));
+        if let Ok(dropping) = dropping {
+            drop(dropping.join());
+        }
+    }
+}
+
+/// A topic that is published.
+pub(super) struct Outlet {
+    name: &'static str,
+    sender: Sender,
+    id: PublisherId,
+    sent: Cell<i64>,
+}
+
+impl Outlet {
+    pub(super) fn open(
+        opener: &Opener<'_>,
+        (name, type_name): (&'static str, &str),
+        qos: Qos,
+    ) -> Result<Self, OpenError> {
+        let resolved = opener.setup.resolve(name)?;
+        let named = Named { name: &resolved, type_name };
+        let publisher = opener.session.declare_publisher(named.key(opener.setup.domain));
+        let publisher = publisher.congestion_control(CongestionControl::Drop);
+        let sender = if qos.latched {
+            let latched = publisher.cache(CacheConfig::default().max_samples(qos.depth));
+            let missed = MissDetectionConfig::default().sporadic_heartbeat(HEARTBEAT);
+            let latched = latched.publisher_detection().sample_miss_detection(missed);
+            Sender::Latched(Aside(Some(latched.wait().map_err(opening(&resolved))?)))
+        } else {
+            Sender::Live(publisher.wait().map_err(opening(&resolved))?)
+        };
+        Ok(Self { name, sender, id: opener.tell(Kind::Publisher, named, qos)?, sent: Cell::new(0) })
+    }
+
+    /// Sends a message in CDR.
+    pub(super) fn send(&self, message: Result<Vec<u8>, cdr_encoding::Error>) -> Result<(), SendError> {
+        let refused = |error: &dyn std::fmt::Display| SendError(format!("on {}: {error}", self.name));
+        let message = message.map_err(|error| refused(&error))?;
+        self.sent.set(self.sent.get() + 1);
+        let attachment =
+            Attachment { number: self.sent.get(), stamp: clock::now().nanos(), publisher: self.id };
+        let sent = match &self.sender {
+            Sender::Live(publisher) => publisher.put(message).attachment(attachment.bytes()).wait(),
+            Sender::Latched(Aside(Some(publisher))) => {
+                publisher.put(message).attachment(attachment.bytes()).wait()
+            }
+            Sender::Latched(Aside(None)) => Ok(()),
+        };
+        sent.map_err(|error| refused(&error))
+    }
+}

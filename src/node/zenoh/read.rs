@@ -1,0 +1,178 @@
+//! The tasks that read topics: each hands events to one bounded channel.
+
+use std::borrow::Cow;
+use std::rc::Rc;
+
+use serde::de::{DeserializeOwned, DeserializeSeed};
+
+use super::mailbox::Room;
+use super::names::Qos;
+use super::opener::{Call, Calls, Inbox, Opener};
+use super::{Events, Readers};
+use crate::bag::cdr;
+use crate::cloud::{CloudError, CloudSeed, CompressedSeed, DepthSeed};
+use crate::msg::ros::{Clock, TriggerRequest};
+use crate::node::clock;
+use crate::node::heard::Known;
+use crate::node::middleware::OpenError;
+use crate::node::parameters::Parameters;
+use crate::node::seeds::{Decoded, LatestCamera, Told, WithCamera, WithFilter};
+use crate::node::transport::{DepthTopics, Event, Form, Input, Service};
+
+/// As many as wait for the engine; of bytes, two of the greatest clouds.
+const SCANS: Room = Room { messages: 8, bytes: 1 << 29 };
+const CAMERAS: Room = Room { messages: 2, bytes: 1 << 20 };
+const TRANSFORMS: Room = Room { messages: 100, bytes: 16 << 20 };
+const CLOCKS: Room = Room { messages: 10, bytes: 1 << 16 };
+const CALLS: Room = Room { messages: 10, bytes: 1 << 16 };
+
+/// What sensors are read with, and the clock.
+const SENSOR: Qos = Qos { reliable: false, latched: false, depth: 2 };
+
+/// Starts the tasks that read topics and calls.
+pub(super) fn listen(
+    opener: &Opener<'_>,
+    parameters: &Rc<Parameters>,
+    events: &Events,
+) -> Result<Readers, OpenError> {
+    let mut readers = Readers::new();
+    for (number, sensor) in opener.setup.inputs()?.into_iter().enumerate() {
+        let mut listening = Listening { opener, readers: &mut readers, parameters, events, number };
+        if let Some(points) = sensor.points {
+            listening.clouds(&points.resolved)?;
+        }
+        if let Some(depth) = sensor.depth {
+            listening.images(&depth)?;
+        }
+    }
+    for (topic, is_static) in [("/tf", false), ("/tf_static", true)] {
+        let qos = Qos { reliable: true, latched: is_static, depth: 100 };
+        let transforms = opener.subscribe((topic, "tf2_msgs/msg/TFMessage"), qos, TRANSFORMS)?;
+        let event = move |message| Event::Transforms { message, is_static };
+        readers.spawn_local(read(topic, transforms, events.clone(), event));
+    }
+    if opener.setup.config.use_sim_time {
+        let clocks = opener.subscribe(("/clock", "rosgraph_msgs/msg/Clock"), SENSOR, CLOCKS)?;
+        let parameters = Rc::clone(parameters);
+        let event = move |clock: Clock| clock::event(clock, &parameters);
+        readers.spawn_local(read("/clock", clocks, events.clone(), event));
+    }
+    for service in [Service::Reset, Service::Save] {
+        let calls = opener.serve((service.name(), "std_srvs/srv/Trigger"), CALLS)?;
+        readers.spawn_local(serve(service, calls, events.clone()));
+    }
+    Ok(readers)
+}
+
+/// Begins to read one sensor.
+struct Listening<'a, 'b> {
+    opener: &'a Opener<'b>,
+    readers: &'a mut Readers,
+    parameters: &'a Rc<Parameters>,
+    events: &'a Events,
+    number: usize,
+}
+
+impl Listening<'_, '_> {
+    fn clouds(&mut self, topic: &str) -> Result<(), OpenError> {
+        let seed = WithFilter::new(self.parameters, CloudSeed::new);
+        self.read(Form::Points, (topic, "sensor_msgs/msg/PointCloud2"), seed)
+    }
+
+    /// Depth images with their camera.
+    fn images(&mut self, topics: &DepthTopics) -> Result<(), OpenError> {
+        let camera = LatestCamera::default();
+        let infos = (topics.camera_info.resolved.as_str(), "sensor_msgs/msg/CameraInfo");
+        let infos = self.opener.subscribe(infos, SENSOR, CAMERAS)?;
+        self.readers.spawn_local(read_cameras(self.number, infos, camera.clone(), self.events.clone()));
+        let seed = WithCamera::new(&camera, self.parameters, DepthSeed::new);
+        self.read(Form::Depth, (&topics.image.resolved, "sensor_msgs/msg/Image"), seed)?;
+        let seed = WithCamera::new(&camera, self.parameters, CompressedSeed::new);
+        self.read(Form::CompressedDepth, (&topics.compressed, "sensor_msgs/msg/CompressedImage"), seed)
+    }
+
+    fn read<S>(&mut self, form: Form, topic: (&str, &str), seed: S) -> Result<(), OpenError>
+    where
+        S: for<'de> DeserializeSeed<'de, Value = Decoded> + Clone + 'static,
+    {
+        let scans = self.opener.subscribe(topic, SENSOR, SCANS)?;
+        self.readers.spawn_local(read_scans(form.of(self.number), scans, seed, self.events.clone()));
+        Ok(())
+    }
+}
+
+/// Reads scans until the node ends.
+async fn read_scans<S>(input: Input, scans: Inbox, seed: S, events: Events) -> Cow<'static, str>
+where
+    S: for<'de> DeserializeSeed<'de, Value = Decoded> + Clone,
+{
+    let mut known = Known::default();
+    loop {
+        let received = scans.take().await;
+        let decoded = cdr::read_with(&received.bytes(), Told(seed.clone()));
+        let scan = decoded.unwrap_or_else(|text| Err(CloudError::Undecodable(text)));
+        // Where messages have numbers, what was dropped here is a gap in them.
+        let told = match received.origin() {
+            Some(origin) => known.tell(Ok::<_, String>((scan, origin)), false),
+            None => Some((scan, received.dropped)),
+        };
+        let Some((scan, lost)) = told else { continue };
+        // Nobody keeps a message while the node is busy.
+        drop(received);
+        if lost > 0 && events.send(Event::Lost(input, lost)).await.is_err() {
+            break;
+        }
+        if events.send(Event::Cloud(input, scan)).await.is_err() {
+            break;
+        }
+    }
+    scans.name.into()
+}
+
+/// Keeps the newest camera for the seeds; tells the node of one that differs from the one before.
+async fn read_cameras(
+    sensor: usize,
+    infos: Inbox,
+    camera: LatestCamera,
+    events: Events,
+) -> Cow<'static, str> {
+    loop {
+        let info = cdr::read(&infos.take().await.bytes());
+        let Some(event) = camera.event((sensor, &infos.name), info) else { continue };
+        if events.send(event).await.is_err() {
+            return infos.name.into();
+        }
+    }
+}
+
+async fn read<M: DeserializeOwned>(
+    topic: &'static str,
+    messages: Inbox,
+    events: Events,
+    event: impl Fn(M) -> Event<Call>,
+) -> Cow<'static, str> {
+    let garbled = |text| Event::Garbled { topic: topic.into(), text };
+    loop {
+        let received = messages.take().await;
+        let dropped = (received.dropped > 0)
+            .then(|| garbled(format!("{} came faster than they were read, and are lost", received.dropped)));
+        let message = cdr::read(&received.bytes()).map_or_else(garbled, &event);
+        for event in dropped.into_iter().chain([message]) {
+            if events.send(event).await.is_err() {
+                return topic.into();
+            }
+        }
+    }
+}
+
+async fn serve(service: Service, calls: Calls, events: Events) -> Cow<'static, str> {
+    loop {
+        let event = match calls.take::<TriggerRequest>().await {
+            Ok((call, _)) => Event::Call(service, call),
+            Err(text) => Event::Garbled { topic: service.name().into(), text },
+        };
+        if events.send(event).await.is_err() {
+            return service.name().into();
+        }
+    }
+}
