@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use super::transport::{DepthTopics, Form, SensorTopics, Source, TopicName};
+use super::transport::{DepthTopics, Form, Outgoing, SensorTopics, Source, TopicName};
 
 const CLOUD: &str = "sensor_msgs/msg/PointCloud2";
 const IMAGE: &str = "sensor_msgs/msg/Image";
@@ -94,7 +94,10 @@ pub(super) fn why_quiet(
 
 /// What a sensor could be read from instead.
 fn choices(sensor: &SensorTopics, sources: &[Source]) -> String {
-    let of_type = |kind: &'static str| sources.iter().filter(move |source| source.type_name == kind);
+    // What another node made of clouds is no sensor's.
+    let of_nodes = Outgoing::LABELLED.trim_start_matches('~');
+    let of_sensors = || sources.iter().filter(|source| !source.topic.ends_with(of_nodes));
+    let of_type = |kind: &'static str| of_sensors().filter(move |source| source.type_name == kind);
     let topics = |kind| of_type(kind).map(|source| source.topic.as_str()).take(NAMED);
     let as_points =
         |points: &TopicName| topics(CLOUD).map(|topic| format!("-r {}:={topic}", points.plain)).collect();
@@ -167,6 +170,7 @@ mod tests {
         let sources = [
             source("/a/points", "PointCloud2"),
             source("/b", "Image"),
+            source("/other/cfodi/points_labelled", "PointCloud2"),
             source("/c", "CameraInfo"),
             source("/cam/depth/image_raw", "Image"),
             source("/cam/depth/image_raw/compressedDepth", "CompressedImage"),
@@ -183,7 +187,7 @@ mod tests {
         assert!(choices(&both, &[]).contains("no PointCloud2 and no depth image"));
         let clouds = SensorTopics { depth: None, ..both.clone() };
         assert_eq!(
-            choices(&clouds, &sources[..2]),
+            choices(&clouds, &sources[..3]),
             "PointCloud2 topics: use -r points:=/a/points; other Image topics: /b"
         );
         assert_eq!(

@@ -54,8 +54,7 @@ pub(super) async fn publish(
 ) -> Ended {
     let (newest, maps) = watch::channel(None);
     let wire = Wire { transport, unsent: RefCell::default(), frame_id: config.fixed_frame };
-    let spread = (config.publish_period / 2).min(SPREAD);
-    let publisher = Maps { twins: config.twins, spread, ..Maps::default() };
+    let publisher = Maps { twins: config.twins, ..Maps::default() };
     let (ended, ()) =
         tokio::join!(take(outputs, &wire, newest, seen, saver), publish_maps(maps, publisher, &wire));
     ended
@@ -167,12 +166,14 @@ struct Maps {
     /// What has been said in this session.
     caps: Caps,
     twins: Twins,
-    /// Over which the polygons of a map go out.
-    spread: Duration,
+    /// When the newest map came: the rate may be changed while the node runs.
+    came: Option<tokio::time::Instant>,
 }
 
 impl Maps {
     async fn send(&mut self, session: u64, snapshot: &Snapshot, wire: &Wire<impl Transport>) {
+        let now = tokio::time::Instant::now();
+        let period = self.came.replace(now).map_or(SPREAD, |before| now - before);
         if std::mem::replace(&mut self.session, session) != session {
             self.markers.reset();
             self.caps = Caps::default();
@@ -189,18 +190,19 @@ impl Maps {
         }
         if self.twins.polygons {
             let polygons = polygons(&session, snapshot).collect();
-            self.send_polygons(polygons, wire).await;
+            send_polygons(polygons, SPREAD.min(period / 2), wire).await;
         }
     }
+}
 
-    async fn send_polygons(&self, polygons: Vec<PolygonInstanceStamped>, wire: &Wire<impl Transport>) {
-        let pause = PAUSE.min(self.spread / u32::try_from(polygons.len().max(1)).unwrap_or(u32::MAX));
-        let mut due = tokio::time::Instant::now();
-        for polygon in polygons {
-            sleep_until(due).await;
-            wire.send(Outgoing::Polygon(polygon)).await;
-            due += pause;
-        }
+/// Sends the polygons of a map, evenly over this time where they are many.
+async fn send_polygons(polygons: Vec<PolygonInstanceStamped>, spread: Duration, wire: &Wire<impl Transport>) {
+    let pause = PAUSE.min(spread / u32::try_from(polygons.len().max(1)).unwrap_or(u32::MAX));
+    let mut due = tokio::time::Instant::now();
+    for polygon in polygons {
+        sleep_until(due).await;
+        wire.send(Outgoing::Polygon(polygon)).await;
+        due += pause;
     }
 }
 
