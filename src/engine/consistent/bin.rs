@@ -5,7 +5,7 @@
 
 use nalgebra::{Isometry3, Matrix3, Vector3};
 
-use super::block::{BlockIndex, Cell, NO_VOXEL, Voxel};
+use super::block::{BlockIndex, Cell};
 use super::grid::Grid;
 use super::received::Received;
 use super::sums::ScanSums;
@@ -61,18 +61,15 @@ impl Grid {
     ) -> bool {
         let block = &mut self.blocks[slot.0 as usize];
         let corner = Vector3::from(block.corner()) + Vector3::from(cell.coordinates());
-        if block.places[cell.index()] == NO_VOXEL {
-            block.places[cell.index()] = block.voxels.len() as u16;
-            block.voxels.push(Voxel::new(cell));
-            self.voxels += 1;
-        }
-        let voxel = &mut block.voxels[usize::from(block.places[cell.index()])];
+        let (voxel, is_new) = block.voxel_at(cell);
+        self.voxels += usize::from(is_new);
         let mean = (corner.map(f64::from) + scan.mean()) * self.voxel_size;
         let (depth, towards) = weighing.of(&mean);
-        voxel.sums.fold(scan, self.noise.weight(depth), &towards);
+        let halvings = voxel.sums.fold(scan, self.noise.weight(depth), &towards);
+        voxel.published.note_halved(halvings);
         let was_dense = voxel.count >= self.min_points;
         voxel.count = voxel.count.saturating_add(scan.count).min(MAX_POINTS);
-        voxel.hit = sequence;
+        voxel.hit = sequence as u32;
         if scan.count >= self.proof {
             voxel.clearance.received_points();
         } else {

@@ -1,7 +1,9 @@
 //! A block of 8 x 8 x 8 voxels: what each voxel has counted, and when the block's states are to be published.
 
+use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
+use super::cells::Cells;
 use super::published::Published;
 use super::sums::Sums;
 use super::view::Clearance;
@@ -32,6 +34,11 @@ impl Cell {
         [cell / (EDGE * EDGE), cell / EDGE % EDGE, cell % EDGE]
     }
 
+    /// Its lower corner from that of the block, in voxels.
+    pub(super) fn corner(self) -> Vector3<f64> {
+        Vector3::from(self.coordinates()).map(f64::from)
+    }
+
     pub(super) const fn index(self) -> usize {
         self.0 as usize
     }
@@ -53,8 +60,8 @@ pub(super) struct Voxel {
     pub(super) count: u32,
     pub(super) sums: Sums,
     pub(super) published: Published,
-    /// Scan that put a point here last.
-    pub(super) hit: u64,
+    /// Scan that put a point here last, modulo 2^32.
+    pub(super) hit: u32,
     /// How often it was seen through.
     pub(super) clearance: Clearance,
 }
@@ -73,8 +80,6 @@ impl Voxel {
     }
 }
 
-pub(super) const NO_VOXEL: u16 = u16::MAX;
-
 /// The 26 blocks around a block and itself, by (dx + 1) * 9 + (dy + 1) * 3 + dz + 1.
 pub(super) type Around = [Option<BlockIndex>; 27];
 /// The place of a block among those around it.
@@ -84,7 +89,9 @@ pub(super) const OWN: usize = 13;
 pub(super) struct Block {
     pub(super) key: BlockKey,
     pub(super) around: Around,
-    pub(super) places: Box<[u16; CELLS]>,
+    /// The cells that have a voxel.
+    cells: Cells,
+    /// By ascending cell.
     pub(super) voxels: Vec<Voxel>,
     /// Number of dense voxels.
     pub(super) dense: u32,
@@ -116,7 +123,7 @@ impl Block {
         Self {
             key: [0; 3],
             around: [None; 27],
-            places: Box::new([NO_VOXEL; CELLS]),
+            cells: Cells::default(),
             voxels: Vec::new(),
             dense: 0,
             changed: false,
@@ -151,6 +158,12 @@ impl Block {
         let waited = self.published == 0 || sequence - self.published >= PUBLICATION_INTERVAL;
         let turned_away = sequence - self.seen >= LEFT_ALONE;
         self.lost || self.is_stale() && (waited && (is_young || is_other) || turned_away)
+    }
+
+    /// Whether its states, where they are due, are to be published in this very scan: nothing may be told of what is gone,
+    /// nothing is told yet of what was never published, and what the sensor sees from where it stands (`since`) is soon whole.
+    pub(super) const fn is_urgent(&self, since: u64) -> bool {
+        self.lost || self.published == 0 || self.published >= since
     }
 
     /// Whether anything has changed since its states were published.
@@ -190,13 +203,23 @@ impl Block {
         (self.begun, self.published) = (begun, published);
     }
 
-    /// The voxels that hold a point, in the order of their first points.
+    /// The voxels that hold a point, by ascending cell.
     pub(super) fn voxels(&self) -> &[Voxel] {
         &self.voxels
     }
 
     pub(super) fn voxel(&self, cell: Cell) -> Option<&Voxel> {
-        self.voxels.get(usize::from(self.places[cell.index()]))
+        self.voxels.get(self.place(cell)?)
+    }
+
+    pub(super) fn voxel_mut(&mut self, cell: Cell) -> Option<&mut Voxel> {
+        let place = self.place(cell)?;
+        self.voxels.get_mut(place)
+    }
+
+    /// The place of a cell's voxel in the list.
+    fn place(&self, cell: Cell) -> Option<usize> {
+        self.cells.contains(cell).then(|| self.cells.rank(cell))
     }
 
     /// The voxel key of a cell.
@@ -210,24 +233,44 @@ impl Block {
         self.key.map(|i| i * EDGE)
     }
 
+    /// The voxel of a cell, and whether it was begun, without points, for there was none.
+    pub(super) fn voxel_at(&mut self, cell: Cell) -> (&mut Voxel, bool) {
+        let (place, is_new) = (self.cells.rank(cell), !self.cells.contains(cell));
+        if is_new {
+            self.insert(place, Voxel::new(cell));
+        }
+        (&mut self.voxels[place], is_new)
+    }
+
+    /// Puts a voxel where none is; `false` where one is.
+    pub(super) fn restore(&mut self, voxel: Voxel) -> bool {
+        let is_new = !self.cells.contains(voxel.cell);
+        if is_new {
+            self.insert(self.cells.rank(voxel.cell), voxel);
+        }
+        is_new
+    }
+
+    /// Room is made by quarters: by doubling, a third of it would lie idle.
+    fn insert(&mut self, place: usize, voxel: Voxel) {
+        if self.voxels.len() == self.voxels.capacity() {
+            self.voxels.reserve_exact((self.voxels.len() / 4).max(8));
+        }
+        self.cells.insert(voxel.cell);
+        self.voxels.insert(place, voxel);
+    }
+
     /// Takes a voxel out with all its points.
     pub(super) fn remove(&mut self, cell: Cell) -> Option<Voxel> {
-        let place = std::mem::replace(&mut self.places[cell.index()], NO_VOXEL);
-        if place == NO_VOXEL {
-            return None;
-        }
-        let removed = self.voxels.swap_remove(usize::from(place));
-        if let Some(moved) = self.voxels.get(usize::from(place)) {
-            self.places[moved.cell.index()] = place;
-        }
-        Some(removed)
+        let place = self.place(cell)?;
+        self.cells.remove(cell);
+        Some(self.voxels.remove(place))
     }
 
     /// Takes all voxels out.
     pub(super) fn empty(&mut self) -> Vec<Voxel> {
-        let voxels = std::mem::take(&mut self.voxels);
-        voxels.iter().for_each(|voxel| self.places[voxel.cell.index()] = NO_VOXEL);
-        voxels
+        self.cells = Cells::default();
+        std::mem::take(&mut self.voxels)
     }
 }
 

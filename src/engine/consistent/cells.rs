@@ -30,17 +30,90 @@ impl Cells {
         self.0[cell.index() / 64] &= !(1 << (cell.index() % 64));
     }
 
+    pub(super) const fn contains(&self, cell: Cell) -> bool {
+        self.0[cell.index() / 64] >> (cell.index() % 64) & 1 == 1
+    }
+
     /// The cells of the set that lie within `reach` of these coordinates along each axis, which may lie outside of the
     /// block; ascending.
     pub(super) fn near(&self, at: [i32; 3], reach: i32) -> impl Iterator<Item = Cell> + use<> {
-        let range = |axis: usize| ((at[axis] - reach).max(0), (at[axis] + reach + 1).min(EDGE));
-        let [(from, to), (y_from, y_to), (z_from, z_to)] = [range(0), range(1), range(2)];
-        let is_empty = from >= to || y_from >= y_to || z_from >= z_to;
-        let mask = if is_empty { 0 } else { bytes(y_from, y_to) & (bits(z_from, z_to) * EACH_BYTE) };
+        let (from, to, mask) = window(at, reach);
         let words = self.0;
-        let range = if is_empty { 0..0 } else { from..to };
-        range.flat_map(move |x| Ones(words[x as usize] & mask).map(move |bit| Cell((x * 64) as u16 + bit)))
+        (from..to).flat_map(move |x| Ones(words[x] & mask).map(move |bit| Cell((x * 64) as u16 + bit)))
     }
+}
+
+impl Cells {
+    /// The cells that lie within `reach` of the block in this direction, each part of which is -1, 0 or 1.
+    pub(super) const fn border([x, y, z]: [i32; 3], reach: i32) -> Self {
+        let (x_from, x_to) = side(x, reach);
+        let (y_from, y_to) = side(y, reach);
+        let (z_from, z_to) = side(z, reach);
+        let mask = bytes(y_from, y_to) & (bits(z_from, z_to) * EACH_BYTE);
+        let mut words = [0; EDGE as usize];
+        let mut at = x_from;
+        while at < x_to {
+            words[at as usize] = mask;
+            at += 1;
+        }
+        Self(words)
+    }
+
+    /// Whether one of the cells lies within `reach` of these coordinates, as in [`Self::near`].
+    pub(super) fn any_near(&self, at: [i32; 3], reach: i32) -> bool {
+        let (from, to, mask) = window(at, reach);
+        self.0[from..to].iter().any(|word| word & mask != 0)
+    }
+
+    /// The cells that are in both sets.
+    pub(super) fn and(&self, other: &Self) -> Self {
+        Self(std::array::from_fn(|x| self.0[x] & other.0[x]))
+    }
+
+    /// Takes in another set.
+    pub(super) fn extend(&mut self, other: &Self) {
+        self.0.iter_mut().zip(other.0).for_each(|(word, other)| *word |= other);
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.0.iter().map(|word| word.count_ones() as usize).sum()
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.0 == [0; EDGE as usize]
+    }
+
+    /// Ascending.
+    pub(super) fn iter(&self) -> impl Iterator<Item = Cell> + use<> {
+        (0..).zip(self.0).flat_map(|(x, word)| Ones(word).map(move |bit| Cell(x * 64 + bit)))
+    }
+
+    /// Number of cells of the set below this one.
+    #[inline]
+    pub(super) fn rank(&self, cell: Cell) -> usize {
+        let (word, bit) = (cell.index() / 64, cell.index() % 64);
+        let below: u32 = self.0[..word].iter().map(|word| word.count_ones()).sum();
+        (below + (self.0[word] & ((1 << bit) - 1)).count_ones()) as usize
+    }
+}
+
+/// The cells along one axis that lie within `reach` of what is in this direction.
+const fn side(direction: i32, reach: i32) -> (i32, i32) {
+    match direction {
+        -1 => (0, reach),
+        1 => (EDGE - reach, EDGE),
+        _ => (0, EDGE),
+    }
+}
+
+/// The words from one to before another, and in each of them the bits, of what lies within `reach` of these coordinates.
+fn window(at: [i32; 3], reach: i32) -> (usize, usize, u64) {
+    let range = |axis: usize| ((at[axis] - reach).max(0), (at[axis] + reach + 1).min(EDGE));
+    let [(from, to), (y_from, y_to), (z_from, z_to)] = [range(0), range(1), range(2)];
+    if from >= to || y_from >= y_to || z_from >= z_to {
+        return (0, 0, 0);
+    }
+    (from as usize, to as usize, bytes(y_from, y_to) & (bits(z_from, z_to) * EACH_BYTE))
 }
 
 impl FromIterator<Cell> for Cells {
@@ -84,7 +157,34 @@ mod tests {
                 (0..3).all(|i| (to[i] - at[i]).abs() <= reach)
             };
             let walk = cells.into_iter().filter(|cell| *cell != gone).map(Cell).filter(is_near);
-            prop_assert_eq!(set.near(at, reach).collect::<Vec<_>>(), walk.collect::<Vec<_>>());
+            let near: Vec<_> = set.near(at, reach).collect();
+            prop_assert_eq!(set.any_near(at, reach), !near.is_empty());
+            prop_assert_eq!(near, walk.collect::<Vec<_>>());
+        }
+
+        #[test]
+        fn borders_and_ranks_are_those_of_a_list(
+            cells in prop::collection::btree_set(0_u16..512, 0..80),
+            direction in prop::array::uniform3(-1..2_i32), reach in 1..4_i32,
+        ) {
+            let set: Cells = cells.iter().copied().map(Cell).collect();
+            prop_assert_eq!((set.len(), set.is_empty()), (cells.len(), cells.is_empty()));
+            prop_assert!(set.iter().enumerate().all(|(rank, cell)| set.rank(cell) == rank));
+            prop_assert!((0..512).all(|cell| set.contains(Cell(cell)) == cells.contains(&cell)));
+            let is_at_border = |cell: &Cell| {
+                let at = cell.coordinates();
+                (0..3).all(|i| match direction[i] {
+                    -1 => at[i] < reach,
+                    1 => at[i] >= EDGE - reach,
+                    _ => true,
+                })
+            };
+            let border = set.and(&Cells::border(direction, reach));
+            let walk = cells.iter().copied().map(Cell).filter(is_at_border);
+            prop_assert_eq!(border.iter().collect::<Vec<_>>(), walk.collect::<Vec<_>>());
+            let mut both = border;
+            both.extend(&set);
+            prop_assert_eq!(both, set);
         }
     }
 }

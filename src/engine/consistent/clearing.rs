@@ -72,7 +72,7 @@ impl Clearing {
         for block in self.blocks.iter().filter_map(|&key| grid.find(key)) {
             let here = grid.block(block);
             let corner = view.corner(here);
-            for voxel in here.voxels().iter().filter(|voxel| voxel.hit != sequence) {
+            for voxel in here.voxels().iter().filter(|voxel| voxel.hit != sequence as u32) {
                 let mean = corner + view.to_mean(voxel);
                 let margin = view.margin(&mean);
                 if self.ranges.ends_past(&mean, margin + View::least(&mean))

@@ -122,10 +122,10 @@ const POINTS: f64 = 1024.0;
 
 /// What a voxel contributes to its column: moments of [`POINTS`] points with its mean and variance.
 pub(super) fn content(state: &State, axis: Axis) -> Content {
-    let within = state.mean - Vector3::from(state.cell.coordinates()).map(f64::from);
+    let (within, spread) = (state.offset(), state.spread());
     let units = f64::from(super::footprint::UNITS);
     let moments = axis.others().map(|i| {
-        let square = state.spread[(i, i)].max(0.0) + within[i] * within[i];
+        let square = spread[(i, i)].max(0.0) + within[i] * within[i];
         [POINTS * units * within[i], POINTS * units * units * square].map(|sum| nearest(sum.max(0.0)) as u64)
     });
     Content {

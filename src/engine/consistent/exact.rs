@@ -7,6 +7,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::state::State;
+use super::symmetric::{symmetric, upper};
 use crate::engine::binning::nearest;
 
 /// Units of a mean in a voxel.
@@ -26,28 +27,21 @@ pub(super) struct Exact {
     towards: [i128; 3],
 }
 
-fn upper(matrix: &Matrix3<f64>) -> [f64; 6] {
-    [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].map(|at| matrix[at])
-}
-
-fn symmetric([xx, xy, xz, yy, yz, zz]: [f64; 6]) -> Matrix3<f64> {
-    Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
-}
-
 impl Exact {
     /// Of one voxel; `corner` is that of its block.
     pub(super) fn of(state: &State, corner: [i32; 3]) -> Self {
-        let weight = i128::from(nearest(state.mean_weight * WEIGHT_UNITS).max(1));
+        let weight = i128::from(nearest(state.mean_weight() * WEIGHT_UNITS).max(1));
         let whole = |value: f64| i128::from(nearest(value * UNITS));
+        let (mean, towards) = (state.mean(), state.towards());
         let mean: [i128; 3] =
-            std::array::from_fn(|axis| whole(state.mean[axis]) + (i128::from(corner[axis]) << 20));
+            std::array::from_fn(|axis| whole(mean[axis]) + (i128::from(corner[axis]) << 20));
         let [x, y, z] = mean;
         Self {
             weight,
             sum: mean.map(|mean| weight * mean),
             squares: [x * x, x * y, x * z, y * y, y * z, z * z].map(|square| weight * square),
-            spread: upper(&state.spread).map(|spread| weight * whole(spread)),
-            towards: [0, 1, 2].map(|axis| whole(state.towards[axis])),
+            spread: upper(&state.spread()).map(|spread| weight * whole(spread)),
+            towards: [0, 1, 2].map(|axis| whole(towards[axis])),
         }
     }
 

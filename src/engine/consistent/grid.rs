@@ -171,8 +171,7 @@ impl Grid {
 
     /// Notes that a voxel was seen through; whether it is to be cleared.
     pub(super) fn seen_through(&mut self, block: BlockIndex, cell: Cell) -> bool {
-        let block = &mut self.blocks[block.0 as usize];
-        let voxel = block.voxels.get_mut(usize::from(block.places[cell.index()]));
+        let voxel = self.blocks[block.0 as usize].voxel_mut(cell);
         voxel.is_some_and(|voxel| voxel.clearance.seen_through())
     }
 

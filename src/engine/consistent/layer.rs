@@ -36,6 +36,8 @@ pub(super) struct Segmented {
     pub(super) slice_of: Vec<Option<PatchId>>,
     /// Dense voxels whose patch is found by what lies around them: those in none, and those of cut patches.
     pub(super) loose: Vec<Loose>,
+    /// Their cells, in the same order.
+    pub(super) loose_cells: Cells,
 }
 
 /// The patches that a patch meets.
@@ -79,9 +81,11 @@ impl Segmented {
             (0..).zip(&members).filter_map(|(number, states)| Patch::new(states, &corner, number >= flat));
         let patches: Vec<_> = patches.collect();
         let (contacts, slice_of) = (vec![Contacts::new(); patches.len()], vec![None; patches.len()]);
-        let mut segmented = Self { states, labels, cells, patches, contacts, slice_of, loose: Vec::new() };
+        let mut segmented = Self { states, labels, cells, patches, contacts, slice_of, ..Self::empty() };
         let loose = (0..).zip(&owner).filter(|(_, number)| segmented.is_loose(**number));
         segmented.loose = loose.map(|(place, _)| Loose { place, owner: None, admitted: false }).collect();
+        let cell_of = |loose: &Loose| segmented.states[usize::from(loose.place)].cell;
+        segmented.loose_cells = segmented.loose.iter().map(cell_of).collect();
         segmented
     }
 
@@ -103,6 +107,7 @@ impl Segmented {
         self.loose[number..].iter_mut().for_each(|loose| loose.place += 1);
         self.loose.insert(number, Loose { place: place as u16, owner: None, admitted: true });
         self.labels[state.cell.index()] = LOOSE;
+        self.loose_cells.insert(state.cell);
         self.states.insert(place, state);
         Some(number)
     }
@@ -117,6 +122,7 @@ impl Segmented {
             contacts: Vec::new(),
             slice_of: Vec::new(),
             loose: Vec::new(),
+            loose_cells: Cells::default(),
         }
     }
 }
@@ -170,31 +176,32 @@ pub(super) fn contacts(
     reach: i32,
 ) -> Vec<((u8, u8), Contact)> {
     let direction = offset_of(place);
+    let is_own = direction == [0; 3];
     // Few pairs of patches meet, and one pair meets many times in a row.
     let mut contacts: Vec<((u8, u8), Contact)> = Vec::new();
+    if there.patches.len() < 1 + usize::from(is_own) {
+        return contacts;
+    }
     let mut last = 0;
-    for (number, patch) in (0..).zip(&here.patches) {
-        for &cell in &patch.cells {
-            let at = cell.coordinates();
-            for other in there.cells.near(seen_from(at, direction), reach) {
-                let label = there.labels[other.index()];
-                if direction == [0; 3] && label <= number {
-                    continue;
-                }
-                let pair = (number, label);
-                if contacts.get(last).is_none_or(|(met, _)| *met != pair) {
-                    last = contacts.iter().position(|(met, _)| *met == pair).unwrap_or_else(|| {
-                        contacts.push((pair, Contact::default()));
-                        contacts.len() - 1
-                    });
-                }
-                let contact = &mut contacts[last].1;
-                contact.pairs += 1;
-                let to = other.coordinates();
-                contact.sum += Vector3::from_fn(|i, _| {
-                    f64::from(2 * corner[i] + at[i] + to[i] + EDGE * direction[i]) + 1.0
+    for cell in here.cells.and(&Cells::border(direction, reach)).iter() {
+        let (at, number) = (cell.coordinates(), here.labels[cell.index()]);
+        for other in there.cells.near(seen_from(at, direction), reach) {
+            let label = there.labels[other.index()];
+            if is_own && label <= number {
+                continue;
+            }
+            let pair = (number, label);
+            if contacts.get(last).is_none_or(|(met, _)| *met != pair) {
+                last = contacts.iter().position(|(met, _)| *met == pair).unwrap_or_else(|| {
+                    contacts.push((pair, Contact::default()));
+                    contacts.len() - 1
                 });
             }
+            let contact = &mut contacts[last].1;
+            contact.pairs += 1;
+            let to = other.coordinates();
+            contact.sum +=
+                Vector3::from_fn(|i, _| f64::from(2 * corner[i] + at[i] + to[i] + EDGE * direction[i]) + 1.0);
         }
     }
     contacts
@@ -262,36 +269,26 @@ fn nearest(
     rules: &Rules,
     misfit: impl Fn(PatchId) -> Option<f64>,
 ) -> Option<PatchId> {
-    let mut near = Vec::new();
     (1..=rules.rim_reach).find_map(|reach| {
-        let known = near.len();
-        find_near(&mut near, state.cell, around, reach, segmented);
-        let fitting = near[known..].iter().filter_map(|&id| Some((misfit(id)?, id)));
+        let near = near(state.cell, around, reach, segmented);
+        let fitting = near.filter_map(|id| Some((misfit(id)?, id)));
         fitting.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))).map(|(_, id)| id)
     })
 }
 
-/// Adds the patches with a voxel within `reach` that are not there yet.
-fn find_near(near: &mut Vec<PatchId>, cell: Cell, around: &Around, reach: i32, segmented: &[Segmented]) {
+/// The patches with a voxel within `reach` and none nearer.
+fn near(cell: Cell, around: &Around, reach: i32, segmented: &[Segmented]) -> impl Iterator<Item = PatchId> {
     let at = cell.coordinates();
-    let sides = |i: usize| -i32::from(at[i] < reach)..=i32::from(at[i] >= EDGE - reach);
-    for direction in sides(0).flat_map(|x| sides(1).flat_map(move |y| sides(2).map(move |z| [x, y, z]))) {
-        let Some(block) = around[place_of(direction)] else { continue };
-        let there = &segmented[block.0 as usize];
-        if there.patches.is_empty() {
-            continue;
-        }
-        let mut last = LOOSE;
-        for other in there.cells.near(seen_from(at, direction), reach) {
-            let number = there.labels[other.index()];
-            if number == last {
-                continue;
-            }
-            last = number;
-            let id = PatchId { block, number };
-            if !near.contains(&id) {
-                near.push(id);
-            }
-        }
-    }
+    let sides = move |i: usize| -i32::from(at[i] < reach)..=i32::from(at[i] >= EDGE - reach);
+    let directions = sides(0).flat_map(move |x| sides(1).flat_map(move |y| sides(2).map(move |z| [x, y, z])));
+    directions.flat_map(move |direction| {
+        let block = around[place_of(direction)];
+        let patches = block.map(|block| segmented[block.0 as usize].patches.as_slice()).unwrap_or_default();
+        let at = seen_from(at, direction);
+        let is_near = move |patch: &Patch| {
+            patch.cells.any_near(at, reach) && !(reach > 1 && patch.cells.any_near(at, reach - 1))
+        };
+        let ids = (0..).zip(patches).filter(move |(_, patch)| is_near(patch));
+        ids.filter_map(move |(number, _)| Some(PatchId { block: block?, number }))
+    })
 }

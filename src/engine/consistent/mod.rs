@@ -97,6 +97,7 @@ mod standpoint;
 mod state;
 mod sums;
 mod surfaces;
+mod symmetric;
 mod tile;
 mod trace;
 mod view;

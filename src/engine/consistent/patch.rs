@@ -4,15 +4,16 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::block::{Cell, EDGE};
+use super::block::EDGE;
+use super::cells::Cells;
 use super::region::{Fit, Region};
 use super::rules::Rules;
 use super::state::{Plane, State};
 
 #[derive(Clone, Debug)]
 pub(super) struct Patch {
-    /// Its voxels, ascending.
-    pub(super) cells: Vec<Cell>,
+    /// Its voxels.
+    pub(super) cells: Cells,
     pub(super) plane: Plane,
     /// Mean and mean square of its points' places, every voxel counting the same.
     mean: Vector3<f64>,
@@ -55,10 +56,10 @@ impl Patch {
         let region = Region::of(states.iter().copied());
         let Fit { plane, variances } = region.fit()?;
         let count = states.len() as f64;
-        let mean = states.iter().map(|state| state.mean).sum::<Vector3<f64>>() / count;
+        let mean = states.iter().map(|state| state.mean()).sum::<Vector3<f64>>() / count;
         let apart = |state: &&&State| {
-            let from_mean = state.mean - mean;
-            state.spread + from_mean * from_mean.transpose()
+            let from_mean = state.mean() - mean;
+            state.spread() + from_mean * from_mean.transpose()
         };
         Some(Self {
             mean: mean + corner,

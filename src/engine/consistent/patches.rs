@@ -13,7 +13,7 @@
 
 use super::block::{CELLS, Cell};
 use super::cells::Cells;
-use super::region::{Fit, Region};
+use super::region::{Fit, Region, Scatter};
 use super::rules::Rules;
 use super::state::{Plane, State};
 
@@ -35,36 +35,21 @@ pub(super) struct Patches {
 
 /// Finds the flat patches, and then the rough ones among what none of these takes beside it.
 pub(super) fn segment(states: &[State], rules: &Rules) -> Patches {
-    let mut owner = Segmentation::new(states, rules).run();
-    let flat = count(&owner);
-    let planes = planes(states, &owner, flat);
-    let is_taken = |state: &State| planes.iter().any(|plane| state.beside(plane, rules).is_some());
-    let rest = (0..states.len()).filter(|&state| owner[state] == FREE && !is_taken(&states[state]));
-    let rest: Vec<_> = rest.collect();
+    let mut segmentation = Segmentation::new(states, rules);
+    segmentation.run();
+    let flat = segmentation.count();
+    let rest = segmentation.left_over(flat);
+    let mut owner = segmentation.owner;
     if rest.len() >= MIN_VOXELS {
         let rough: Vec<_> = rest.iter().map(|&state| states[state].clone()).collect();
-        let again = Segmentation::new(&rough, &rules.rough()).run();
-        for (state, number) in rest.into_iter().zip(again).filter(|(_, number)| *number != FREE) {
+        let rules = rules.rough();
+        let mut again = Segmentation::new(&rough, &rules);
+        again.run();
+        for (state, number) in rest.into_iter().zip(again.owner).filter(|(_, number)| *number != FREE) {
             owner[state] = flat + number;
         }
     }
     Patches { owner, flat }
-}
-
-/// Number of patches.
-fn count(owner: &[u8]) -> u8 {
-    owner.iter().filter(|number| **number != FREE).max().map_or(0, |number| number + 1)
-}
-
-/// Their planes.
-fn planes(states: &[State], owner: &[u8], patches: u8) -> Vec<Plane> {
-    let mut regions = vec![Region::default(); usize::from(patches)];
-    for (state, &owner) in states.iter().zip(owner) {
-        if let Some(region) = regions.get_mut(usize::from(owner)) {
-            region.add(state);
-        }
-    }
-    regions.iter().filter_map(|region| Some(region.fit()?.plane)).collect()
 }
 
 /// In no patch.
@@ -74,6 +59,10 @@ const MAX_PATCHES: usize = 100;
 
 struct Segmentation<'a> {
     states: &'a [State],
+    /// What each of them adds to a fit.
+    shares: Vec<(Region, Scatter)>,
+    /// All were seen from one side, whichever two are compared.
+    is_one_side: bool,
     rules: &'a Rules,
     /// State of each cell.
     places: [u16; CELLS],
@@ -94,30 +83,72 @@ impl<'a> Segmentation<'a> {
         let mut places = [NO_STATE; CELLS];
         (0..).zip(states).for_each(|(place, state)| places[state.cell.index()] = place);
         let cells = states.iter().map(|state| state.cell).collect();
-        Self { states, rules, places, cells, owner: vec![FREE; states.len()], planes: Vec::new() }
+        let shares = states.iter().map(|state| (Region::one(state), Scatter::one(state))).collect();
+        let (owner, is_one_side) = (vec![FREE; states.len()], is_one_side(states));
+        Self { states, shares, is_one_side, rules, places, cells, owner, planes: Vec::new() }
     }
 
-    fn misfit(&self, state: &State, plane: &Plane) -> f64 {
-        state.misfit(plane, self.rules.noise_factor, self.rules.flatness)
+    fn region(&self, states: impl Iterator<Item = usize>) -> Region {
+        let mut region = Region::default();
+        states.for_each(|state| region.join(&self.shares[state].0));
+        region
     }
 
-    fn belongs(&self, state: &State, plane: &Plane) -> bool {
-        state.within(plane, self.rules).is_some()
+    /// As [`State::within`].
+    fn within(&self, state: usize, plane: &Plane) -> Option<f64> {
+        let (region, scatter) = &self.shares[state];
+        let is_seen = region.is_seen_from(plane);
+        let misfit = is_seen.then(|| scatter.misfit(plane, self.rules.noise_factor, self.rules.flatness));
+        misfit.filter(|misfit| *misfit <= 1.0)
     }
 
-    fn run(mut self) -> Vec<u8> {
+    fn belongs(&self, state: usize, plane: &Plane) -> bool {
+        self.within(state, plane).is_some()
+    }
+
+    fn run(&mut self) {
         if !self.is_one_plane() {
             self.grow_all();
             self.settle();
         }
         self.drop_fragments();
-        self.owner
+    }
+
+    /// Number of patches.
+    fn count(&self) -> u8 {
+        let numbers = self.owner.iter().filter(|number| **number != FREE);
+        numbers.max().map_or(0, |number| number + 1)
+    }
+
+    /// The regions of so many patches, by number.
+    fn regions(&self, patches: usize) -> Vec<Region> {
+        let mut regions = vec![Region::default(); patches];
+        for ((share, _), &owner) in self.shares.iter().zip(&self.owner) {
+            if let Some(region) = regions.get_mut(usize::from(owner)) {
+                region.join(share);
+            }
+        }
+        regions
+    }
+
+    /// The states in none of so many patches that fit none of these beside it.
+    fn left_over(&self, patches: u8) -> Vec<usize> {
+        let regions = self.regions(usize::from(patches));
+        let planes: Vec<_> = regions.iter().filter_map(|region| Some(region.fit()?.plane)).collect();
+        let (noise_factor, flatness) = (self.rules.rim_noise_factor, self.rules.rim_flatness);
+        let is_left = |&state: &usize| {
+            let (region, scatter) = &self.shares[state];
+            let fits =
+                |plane| region.is_seen_from(plane) && scatter.misfit(plane, noise_factor, flatness) <= 1.0;
+            self.owner[state] == FREE && !planes.iter().any(fits)
+        };
+        (0..self.states.len()).filter(is_left).collect()
     }
 
     /// Whether one plane passes through all; then they are patch 0.
     fn is_one_plane(&mut self) -> bool {
-        let Some(fit) = Region::of(self.states).fit().filter(is_broad) else { return false };
-        let one = self.states.iter().all(|state| self.belongs(state, &fit.plane));
+        let Some(fit) = self.region(0..self.states.len()).fit().filter(is_broad) else { return false };
+        let one = (0..self.states.len()).all(|state| self.belongs(state, &fit.plane));
         if one {
             self.owner.fill(0);
             self.planes.push(fit.plane);
@@ -137,22 +168,21 @@ impl<'a> Segmentation<'a> {
 
     /// The plane of a voxel and its free neighbours, and how well they lie on it.
     fn window(&self, state: usize) -> Option<(Fit, f64)> {
-        let own = &self.states[state];
-        let same_side =
-            |&other: &usize| self.owner[other] == FREE && self.states[other].towards.dot(&own.towards) > 0.0;
-        let mut members = [own; 27];
-        let mut count = 0;
-        for other in self.around(state).filter(same_side) {
-            members[count] = &self.states[other];
-            count += 1;
+        let towards = self.states[state].towards();
+        let same_side = |other: usize| self.is_one_side || self.states[other].towards().dot(&towards) > 0.0;
+        let (mut region, mut scatter) = self.shares[state];
+        for other in self.around(state) {
+            if self.owner[other] == FREE && same_side(other) {
+                region.join(&self.shares[other].0);
+                scatter.join(&self.shares[other].1);
+            }
         }
-        // Its own place comes last.
-        let members = &members[..=count];
-        let fit = Region::of(members.iter().copied()).fit();
-        let fit = fit.filter(|fit| is_broad(fit) && own.is_seen_from(&fit.plane))?;
-        let misfits: f64 = members.iter().map(|state| self.misfit(state, &fit.plane)).sum();
-        let count = members.len() as f64;
-        Some((fit, misfits / count)).filter(|_| count >= 4.0)
+        if region.voxels() < 4.0 {
+            return None;
+        }
+        let fit =
+            region.fit().filter(|fit| is_broad(fit) && self.shares[state].0.is_seen_from(&fit.plane))?;
+        Some((fit, scatter.misfit(&fit.plane, self.rules.noise_factor, self.rules.flatness)))
     }
 
     fn seed(&self, state: usize) -> Option<Seed> {
@@ -161,16 +191,15 @@ impl<'a> Segmentation<'a> {
 
     fn grow(&mut self, seed: usize) {
         let Some((fit, misfit)) = self.window(seed) else { return };
-        if misfit > 1.0 || !self.belongs(&self.states[seed], &fit.plane) {
+        if misfit > 1.0 || !self.belongs(seed, &fit.plane) {
             return;
         }
         let mut plane = fit.plane;
         let mut members = self.reach(seed, &plane);
         // The second fit sees the whole patch, the third what that one reaches.
         for _ in 0..3 {
-            let region = Region::of(members.iter().map(|&member| &self.states[member]));
-            let Some(fit) = region.fit().filter(is_broad) else { break };
-            if !self.belongs(&self.states[seed], &fit.plane) {
+            let Some(fit) = self.region(members.iter().copied()).fit().filter(is_broad) else { break };
+            if !self.belongs(seed, &fit.plane) {
                 break;
             }
             plane = fit.plane;
@@ -195,16 +224,16 @@ impl<'a> Segmentation<'a> {
         let mut free: Cells = self.free().collect();
         free.remove(self.states[seed].cell);
         let mut members = vec![seed];
-        let mut region = Region::of([&self.states[seed]]);
+        let mut region = self.shares[seed].0;
         let (mut next, mut refit_at) = (0, 12);
         while next < members.len() {
             for other in self.among(free, members[next]) {
-                if !self.belongs(&self.states[other], &plane) {
+                if !self.belongs(other, &plane) {
                     continue;
                 }
                 free.remove(self.states[other].cell);
                 members.push(other);
-                region.add(&self.states[other]);
+                region.join(&self.shares[other].0);
             }
             next += 1;
             if members.len() >= refit_at {
@@ -232,22 +261,16 @@ impl<'a> Segmentation<'a> {
     }
 
     fn best_owner(&self, state: usize) -> u8 {
-        let own = &self.states[state];
         let owners = self.around(state).chain([state]).map(|other| self.owner[other]);
         let near = owners.filter(|&owner| owner != FREE).fold(0_u128, |near, owner| near | 1 << owner);
         let candidates = (0..self.planes.len() as u8).filter(|patch| near >> patch & 1 == 1);
-        let within = |patch: u8| own.within(&self.planes[usize::from(patch)], self.rules);
+        let within = |patch: u8| self.within(state, &self.planes[usize::from(patch)]);
         let fitting = candidates.filter_map(|patch| Some((within(patch)?, patch)));
         fitting.min_by(|a, b| a.0.total_cmp(&b.0)).map_or(FREE, |(_, patch)| patch)
     }
 
     fn refit(&mut self) {
-        let mut regions = vec![Region::default(); self.planes.len()];
-        for (state, &owner) in self.states.iter().zip(&self.owner) {
-            if let Some(region) = regions.get_mut(usize::from(owner)) {
-                region.add(state);
-            }
-        }
+        let regions = self.regions(self.planes.len());
         for (plane, region) in self.planes.iter_mut().zip(regions) {
             *plane = region.fit().filter(is_broad).map_or(*plane, |fit| fit.plane);
         }
@@ -263,7 +286,7 @@ impl<'a> Segmentation<'a> {
                 continue;
             }
             let members = self.connected(first, &before, &mut seen);
-            let fit = Region::of(members.iter().map(|&member| &self.states[member])).fit();
+            let fit = self.region(members.iter().copied()).fit();
             if members.len() >= MIN_VOXELS && fit.is_some_and(|fit| is_broad(&fit)) && patches < MAX_PATCHES {
                 members.iter().for_each(|&member| self.owner[member] = patches as u8);
                 patches += 1;
@@ -302,4 +325,16 @@ impl<'a> Segmentation<'a> {
 
 fn is_broad(fit: &Fit) -> bool {
     fit.variances[1] >= MIN_BREADTH
+}
+
+/// Whether any two of these directions towards the sensor differ by less than a right angle, for all differ from the first
+/// by less than half of one.
+fn is_one_side(states: &[State]) -> bool {
+    let Some(first) = states.first().map(State::towards) else { return true };
+    let is_near = |state: &State| {
+        let towards = state.towards();
+        let along = first.dot(&towards);
+        along > 0.0 && 2.0 * along * along > first.norm_squared() * towards.norm_squared()
+    };
+    states.iter().all(is_near)
 }

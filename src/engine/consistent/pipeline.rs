@@ -40,6 +40,12 @@ pub struct Consistent {
     taken: Taken,
 }
 
+/// Area of the dense voxels that one scan publishes anew (m^2): what a Kinect's scan does at most while it moves as robots do.
+/// So hardly any scan takes longer than others; what waits, waits for some scans.
+const SHARE: f64 = 3.0;
+/// Where more is due, this part of it.
+const PART: u32 = 8;
+
 impl Consistent {
     /// A map without a scan.
     pub fn new(params: Params) -> Self {
@@ -178,7 +184,29 @@ impl Consistent {
         let (due, stale) =
             self.stale.iter().copied().partition(|&block| grid.block(block).is_due(sequence, since));
         self.stale = stale;
-        due
+        self.first_of(due)
+    }
+
+    /// Those of the blocks that are due (ascending) which are published in this scan: all that cannot wait, and of the
+    /// others, the longest published first, as many as have [`SHARE`] m^2 of voxels, or one in [`PART`] where more wait.
+    fn first_of(&mut self, due: Vec<BlockIndex>) -> Vec<BlockIndex> {
+        let voxels = |&block: &BlockIndex| self.grid.block(block).dense;
+        let (mut first, mut others): (Vec<_>, Vec<_>) =
+            due.into_iter().partition(|&block| self.grid.block(block).is_urgent(self.standpoint.since()));
+        let size = self.params.voxel_size();
+        let share = ((SHARE / (size * size)) as u32).saturating_sub(first.iter().map(voxels).sum());
+        let most = share.max(others.iter().map(voxels).sum::<u32>() / PART);
+        others.sort_by_key(|&block| self.grid.block(block).published());
+        let mut taken = 0;
+        let later = others.iter().position(|block| {
+            let is_over = taken >= most;
+            taken += voxels(block);
+            is_over
+        });
+        self.stale.extend(others.drain(later.unwrap_or(others.len())..));
+        first.extend(others);
+        first.sort_unstable();
+        first
     }
 
     fn unclustered(&self) -> u32 {

@@ -9,16 +9,17 @@ use nalgebra::{Matrix3, UnitVector3, Vector3};
 use super::block::Cell;
 use super::eigen::Spread;
 use super::state::{Plane, State};
+use super::symmetric::{symmetric, upper};
 
+/// What is summed, one after another: weight, weighted means, their weighted products (xx, xy, xz, yy, yz, zz), directions
+/// towards the sensor, voxels. One array, so that several are added in one instruction.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Region {
-    pub(super) voxels: u32,
-    weight: f64,
-    sum: Vector3<f64>,
-    outer: Matrix3<f64>,
-    /// Sum of the voxels' directions towards the sensor.
-    towards: Vector3<f64>,
-}
+pub(super) struct Region([f64; 16]);
+
+const SUM: usize = 1;
+const OUTER: usize = 4;
+const TOWARDS: usize = 10;
+const VOXELS: usize = 13;
 
 /// The plane of a region and how far its voxels spread.
 #[derive(Clone, Copy, Debug)]
@@ -42,30 +43,94 @@ impl Region {
         Self::of(states.iter().filter(is_near))
     }
 
+    /// Of one voxel.
+    pub(super) fn one(state: &State) -> Self {
+        let (weight, [x, y, z]) = (state.mean_weight(), state.mean().into());
+        let [wx, wy, wz] = [x, y, z].map(|at: f64| weight * at);
+        let [tx, ty, tz] = state.towards().into();
+        Self([weight, wx, wy, wz, wx * x, wx * y, wx * z, wy * y, wy * z, wz * z, tx, ty, tz, 1.0, 0.0, 0.0])
+    }
+
     pub(super) fn add(&mut self, state: &State) {
-        let weight = state.mean_weight;
-        self.voxels += 1;
-        self.weight += weight;
-        self.sum += weight * state.mean;
-        self.outer += weight * state.mean * state.mean.transpose();
-        self.towards += state.towards;
+        self.join(&Self::one(state));
+    }
+
+    /// Takes in the voxels of another one.
+    #[inline]
+    pub(super) fn join(&mut self, other: &Self) {
+        self.0.iter_mut().zip(&other.0).for_each(|(sum, other)| *sum += other);
+    }
+
+    pub(super) const fn voxels(&self) -> f64 {
+        self.0[VOXELS]
     }
 
     /// Inverse variance of the plane at its middle, in voxels^-2.
     pub(super) const fn weight(&self) -> f64 {
-        self.weight
+        self.0[0]
+    }
+
+    /// Whether it was seen from the side that the plane's normal points to.
+    pub(super) fn is_seen_from(&self, plane: &Plane) -> bool {
+        self.vector(TOWARDS).dot(&plane.normal) > 0.0
+    }
+
+    fn vector(&self, first: usize) -> Vector3<f64> {
+        Vector3::from_column_slice(&self.0[first..first + 3])
     }
 
     /// `None` for fewer than three voxels.
     pub(super) fn fit(&self) -> Option<Fit> {
-        if self.voxels < 3 {
+        if self.voxels() < 3.0 {
             return None;
         }
-        let point = self.sum / self.weight;
-        let Spread { variances, normal } =
-            Spread::of(&(self.outer / self.weight - point * point.transpose()));
-        let normal = if normal.dot(&self.towards) < 0.0 { -normal } else { normal };
+        let point = self.vector(SUM) / self.weight();
+        let outer = matrix(&self.0, OUTER) / self.weight();
+        let Spread { variances, normal } = Spread::of(&(outer - point * point.transpose()));
+        let normal = if normal.dot(&self.vector(TOWARDS)) < 0.0 { -normal } else { normal };
         let variances = variances.map(|variance| variance.max(0.0));
         Some(Fit { plane: Plane { point, normal: UnitVector3::new_normalize(normal) }, variances })
     }
+}
+
+/// What says how far the points of voxels are off a plane, summed: means, second moments of the points about the block's
+/// corner and noise (both xx, xy, xz, yy, yz, zz), voxels.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Scatter([f64; 16]);
+
+const SQUARE: usize = 3;
+const NOISE: usize = 9;
+const COUNT: usize = 15;
+
+impl Scatter {
+    /// Of one voxel.
+    pub(super) fn one(state: &State) -> Self {
+        let mut sums = [0.0; 16];
+        let mean = state.mean();
+        sums[..SQUARE].copy_from_slice(mean.as_slice());
+        sums[SQUARE..NOISE].copy_from_slice(&upper(&(state.spread() + mean * mean.transpose())));
+        sums[NOISE..COUNT].copy_from_slice(&upper(&state.noise()));
+        sums[COUNT] = 1.0;
+        Self(sums)
+    }
+
+    /// Takes in the voxels of another one.
+    #[inline]
+    pub(super) fn join(&mut self, other: &Self) {
+        self.0.iter_mut().zip(&other.0).for_each(|(sum, other)| *sum += other);
+    }
+
+    /// Mean square distance of the points to a plane by what is allowed of them on the mean; 1 is just allowed.
+    pub(super) fn misfit(&self, plane: &Plane, noise_factor: f64, flatness: f64) -> f64 {
+        let normal = plane.normal.into_inner();
+        let along = |first: usize| normal.dot(&(matrix(&self.0, first) * normal));
+        let (count, height) = (self.0[COUNT], normal.dot(&plane.point));
+        let sum = normal.x * self.0[0] + normal.y * self.0[1] + normal.z * self.0[2];
+        let off = along(SQUARE) - height * (2.0 * sum - height * count);
+        off / (noise_factor * noise_factor * along(NOISE) + flatness * flatness * count)
+    }
+}
+
+fn matrix(sums: &[f64; 16], first: usize) -> Matrix3<f64> {
+    symmetric(std::array::from_fn(|place| sums[first + place]))
 }

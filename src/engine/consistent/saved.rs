@@ -8,10 +8,10 @@ use std::collections::BTreeSet;
 use nalgebra::Isometry3;
 use serde::{Deserialize, Serialize};
 
-use super::block::{Block, BlockIndex, BlockKey, CELLS, Cell, EDGE, NO_VOXEL, Voxel};
+use super::block::{Block, BlockIndex, BlockKey, CELLS, Cell, EDGE, Voxel};
 use super::grid::Grid;
 use super::published::Published;
-use super::state::State;
+use super::state::{Plain, State};
 use super::sums::Sums;
 use super::surfaces::SavedSurfaces;
 use super::view::Clearance;
@@ -73,14 +73,14 @@ pub(super) struct SavedState {
     /// It has become dense since its block was published.
     pub(super) admitted: bool,
     /// `None` where it is as it would be published now.
-    state: Option<State>,
+    state: Option<Plain>,
 }
 
 impl SavedState {
     pub(super) fn of(grid: &Grid, block: &Block, state: &State, admitted: bool) -> Self {
         let now = block.voxel(state.cell).map(|voxel| State::new(grid, voxel));
         let is_other = now.as_ref() != Some(state);
-        Self { cell: state.cell, admitted, state: is_other.then(|| state.clone()) }
+        Self { cell: state.cell, admitted, state: is_other.then(|| state.plain()) }
     }
 
     /// The state of a dense voxel of this block.
@@ -95,7 +95,7 @@ impl SavedState {
         };
         let Some(state) = &self.state else { return Ok(State::new(grid, voxel)) };
         ensure(state.cell == self.cell && state.is_possible(), || format!("an impossible state: {state:?}"))?;
-        Ok(state.clone())
+        Ok(State::of(state))
     }
 }
 
@@ -130,7 +130,7 @@ impl SavedBlock {
             count: voxel.count,
             sums: voxel.sums,
             published: voxel.published,
-            hit: voxel.hit,
+            hit: voxel.hit.into(),
             clearance: voxel.clearance,
         };
         Self {
@@ -163,10 +163,8 @@ impl SavedBlock {
         let mut block = Block::new();
         block.begin(key);
         for voxel in &self.voxels {
-            let is_new = voxel.cell.index() < CELLS && block.places[voxel.cell.index()] == NO_VOXEL;
+            let is_new = voxel.cell.index() < CELLS && block.restore(voxel.restore(sequence)?);
             ensure(is_new, || format!("{:?} of block {key:?} is there twice or outside", voxel.cell))?;
-            block.places[voxel.cell.index()] = block.voxels.len() as u16;
-            block.voxels.push(voxel.restore(sequence)?);
         }
         block.dense = block.voxels.iter().filter(|voxel| voxel.count >= params.min_points()).count() as u32;
         (block.changed, block.drifted, block.seen) = (self.changed, self.drifted, self.seen);
@@ -191,7 +189,7 @@ impl SavedVoxel {
             count: self.count,
             sums: self.sums,
             published: self.published,
-            hit: self.hit,
+            hit: self.hit as u32,
             clearance: self.clearance,
         })
     }

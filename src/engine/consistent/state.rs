@@ -8,7 +8,10 @@ use serde::{Deserialize, Serialize};
 
 use super::block::{Block, Cell, Voxel};
 use super::grid::Grid;
+use super::published::{PARTS, in_parts};
 use super::rules::Rules;
+use super::symmetric::{symmetric, upper};
+use crate::engine::binning::nearest;
 
 /// What a voxel's mean is off by however many points it has, in voxels: the sensor's distortion, the cut at the border.
 const BIAS: f64 = 0.03;
@@ -21,70 +24,118 @@ fn mean_weight(depth_variance: f64, points: f64) -> f64 {
     1.0 / (depth_variance * ALIKE / points + BIAS * BIAS)
 }
 
-/// A dense voxel, published.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// Units of what is kept of a covariance, in voxels^2, and of a direction.
+const SPREAD_UNITS: f64 = 65536.0;
+const DIRECTION_UNITS: f64 = 16384.0;
+
+/// A dense voxel, published: the definition knows it to a 65536th of a voxel.
+#[derive(Clone, Debug, PartialEq)]
 pub(super) struct State {
     pub(super) cell: Cell,
     /// Number of points.
     pub(super) count: u32,
-    /// Weighted mean of its points.
-    pub(super) mean: Vector3<f64>,
-    /// Weighted covariance of its points.
-    pub(super) spread: Matrix3<f64>,
-    /// What its mean counts in a fit.
-    pub(super) mean_weight: f64,
-    /// Mean variance of its points' depths.
-    depth_variance: f64,
-    /// Mean variance across their depth axis.
-    lateral_variance: f64,
+    /// Weighted mean of its points from its corner, in [`PARTS`] of its edge.
+    mean: [u16; 3],
+    /// Weighted covariance of its points: xx, xy, xz, yy, yz, zz.
+    spread: [i16; 6],
     /// Mean direction towards the sensor, of length 1 at most.
-    pub(super) towards: Vector3<f64>,
+    towards: [i16; 3],
+    /// What its mean counts in a fit.
+    mean_weight: f32,
+    /// Mean variance of its points' depths.
+    depth_variance: f32,
+    /// Mean variance across their depth axis.
+    lateral_variance: f32,
 }
 
 impl State {
     pub(super) fn new(grid: &Grid, voxel: &Voxel) -> Self {
         let sums = &voxel.sums;
         let metres_squared = grid.voxel_size() * grid.voxel_size();
-        let depth_variance = grid.noise().depth_variance(sums.points as f64, sums.weight as f64);
-        Self {
+        let depth_variance = grid.noise().depth_variance(sums.points.into(), sums.weight.into());
+        let lateral_variance = grid.noise().lateral_variance(depth_variance);
+        Self::of(&Plain {
             cell: voxel.cell,
             count: voxel.count,
-            mean: Vector3::from(voxel.cell.coordinates()).map(f64::from) + sums.mean(),
+            mean: sums.mean() + voxel.cell.corner(),
             spread: sums.covariance(),
-            mean_weight: mean_weight(depth_variance / metres_squared, sums.points as f64),
+            mean_weight: mean_weight(depth_variance / metres_squared, sums.points.into()),
             depth_variance: depth_variance / metres_squared,
-            lateral_variance: grid.noise().lateral_variance(depth_variance) / metres_squared,
+            lateral_variance: lateral_variance / metres_squared,
             towards: sums.towards(),
+        })
+    }
+
+    /// Rounded to what is kept.
+    pub(super) fn of(plain: &Plain) -> Self {
+        let whole = |value: f64| nearest(value) as i16;
+        Self {
+            cell: plain.cell,
+            count: plain.count,
+            mean: (plain.mean - plain.cell.corner()).map(in_parts).into(),
+            spread: upper(&plain.spread).map(|spread| whole(spread * SPREAD_UNITS)),
+            towards: plain.towards.map(|part| whole(part * DIRECTION_UNITS)).into(),
+            mean_weight: plain.mean_weight as f32,
+            depth_variance: plain.depth_variance as f32,
+            lateral_variance: plain.lateral_variance as f32,
         }
     }
 
-    /// Whether it can be that of a voxel's points: numbers within the bounds that they have there.
-    pub(super) fn is_possible(&self) -> bool {
-        let offsets = self.mean - Vector3::from(self.cell.coordinates()).map(f64::from);
-        let within = |value: f64, low: f64, high: f64| (low..=high).contains(&value);
-        self.count > 0
-            && offsets.iter().all(|&offset| within(offset, 0.0, 1.0))
-            && self.spread.iter().all(|&entry| within(entry, -1.0, 1.0))
-            && self.spread == self.spread.transpose()
-            && self.mean_weight > 0.0
-            && self.mean_weight <= 1.0 / (BIAS * BIAS)
-            && within(self.depth_variance, 0.0, 1e9)
-            && within(self.lateral_variance, 0.0, 1e9)
-            && self.towards.iter().all(|&part| within(part, -1.01, 1.01))
+    pub(super) fn plain(&self) -> Plain {
+        Plain {
+            cell: self.cell,
+            count: self.count,
+            mean: self.mean(),
+            spread: self.spread(),
+            mean_weight: self.mean_weight(),
+            depth_variance: self.depth_variance.into(),
+            lateral_variance: self.lateral_variance.into(),
+            towards: self.towards(),
+        }
+    }
+
+    /// Weighted mean of its points.
+    pub(super) fn mean(&self) -> Vector3<f64> {
+        self.cell.corner() + self.offset()
+    }
+
+    /// The same from the voxel's corner.
+    pub(super) fn offset(&self) -> Vector3<f64> {
+        Vector3::from(self.mean.map(|part| f64::from(part) / PARTS))
+    }
+
+    /// Weighted covariance of its points.
+    pub(super) fn spread(&self) -> Matrix3<f64> {
+        symmetric(self.spread.map(|spread| f64::from(spread) / SPREAD_UNITS))
+    }
+
+    /// What its mean counts in a fit.
+    pub(super) fn mean_weight(&self) -> f64 {
+        self.mean_weight.into()
+    }
+
+    /// Mean direction towards the sensor, of length 1 at most.
+    pub(super) fn towards(&self) -> Vector3<f64> {
+        Vector3::from(self.towards.map(|part| f64::from(part) / DIRECTION_UNITS))
     }
 
     /// Variance that noise alone gives its points along `normal`.
     pub(super) fn noise_along(&self, normal: &Vector3<f64>) -> f64 {
-        let cosine = self.towards.dot(normal);
-        let along = cosine * cosine / self.towards.norm_squared().max(1e-18);
-        self.depth_variance * along + self.lateral_variance * (1.0 - along)
+        normal.dot(&(self.noise() * normal))
+    }
+
+    /// Covariance that noise alone gives its points: n . (this n) is [`Self::noise_along`] n.
+    pub(super) fn noise(&self) -> Matrix3<f64> {
+        let (towards, lateral) = (self.towards(), f64::from(self.lateral_variance));
+        let deep = (f64::from(self.depth_variance) - lateral) / towards.norm_squared().max(1e-18);
+        towards * towards.transpose() * deep + Matrix3::from_diagonal_element(lateral)
     }
 
     /// Mean square distance of its points to a plane.
     fn square_distance(&self, plane: &Plane) -> f64 {
         let normal = &plane.normal;
-        let off = normal.dot(&(self.mean - plane.point));
-        off * off + normal.dot(&(self.spread * normal.into_inner())).max(0.0)
+        let off = normal.dot(&(self.mean() - plane.point));
+        off * off + normal.dot(&(self.spread() * normal.into_inner())).max(0.0)
     }
 
     /// How far its points are off a plane, by what is allowed; 1 is just allowed.
@@ -111,7 +162,37 @@ impl State {
 
     /// Whether it was seen from the side that the plane's normal points to.
     pub(super) fn is_seen_from(&self, plane: &Plane) -> bool {
-        self.towards.dot(&plane.normal) > 0.0
+        self.towards().dot(&plane.normal) > 0.0
+    }
+}
+
+/// A state in numbers, as it is saved.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Plain {
+    pub(super) cell: Cell,
+    count: u32,
+    mean: Vector3<f64>,
+    spread: Matrix3<f64>,
+    mean_weight: f64,
+    depth_variance: f64,
+    lateral_variance: f64,
+    towards: Vector3<f64>,
+}
+
+impl Plain {
+    /// Whether it can be that of a voxel's points: numbers within the bounds that they have there.
+    pub(super) fn is_possible(&self) -> bool {
+        let offsets = self.mean - self.cell.corner();
+        let within = |value: f64, low: f64, high: f64| (low..=high).contains(&value);
+        self.count > 0
+            && offsets.iter().all(|&offset| within(offset, 0.0, 1.0))
+            && self.spread.iter().all(|&entry| within(entry, -1.0, 1.0))
+            && self.spread == self.spread.transpose()
+            && self.mean_weight > 0.0
+            && self.mean_weight <= (1.0 / (BIAS * BIAS)).next_up()
+            && within(self.depth_variance, 0.0, 1e9)
+            && within(self.lateral_variance, 0.0, 1e9)
+            && self.towards.iter().all(|&part| within(part, -1.01, 1.01))
     }
 }
 
@@ -126,7 +207,7 @@ pub(super) struct Plane {
 /// The dense voxels of a block as they are now, by ascending cell.
 pub(super) fn states(grid: &Grid, block: &Block) -> Vec<State> {
     let dense = block.voxels().iter().filter(|voxel| grid.is_dense(voxel));
-    let mut states: Vec<_> = dense.map(|voxel| State::new(grid, voxel)).collect();
-    states.sort_unstable_by_key(|state| state.cell);
+    let mut states = Vec::with_capacity(block.dense as usize);
+    states.extend(dense.map(|voxel| State::new(grid, voxel)));
     states
 }

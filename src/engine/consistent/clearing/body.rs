@@ -54,7 +54,7 @@ pub(super) fn half_extents(
 
 /// How far from where they were measured the points may belong, along the sensor's axes (m).
 fn scatter(sensor_from_fixed: &Matrix3<f64>, noise: NoiseModel, sums: &Sums) -> Vector3<f64> {
-    let reach = SCATTER * noise.depth_variance(sums.points as f64, sums.weight as f64).sqrt();
+    let reach = SCATTER * noise.depth_variance(sums.points.into(), sums.weight.into()).sqrt();
     let towards = sums.towards();
     // Seen from several sides, they may belong to either side of any.
     let other_ways = (1.0 - towards.norm_squared()).max(0.0).sqrt();

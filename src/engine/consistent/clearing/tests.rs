@@ -60,7 +60,7 @@ impl Bench {
         }
         for &slot in &self.binned.seen {
             let block = self.grid.block(slot);
-            let hit = block.voxels().iter().filter(|voxel| voxel.hit == self.sequence);
+            let hit = block.voxels().iter().filter(|voxel| voxel.hit == self.sequence as u32);
             for voxel in hit.filter(|voxel| self.grid.is_dense(voxel)) {
                 let key = block.voxel_key(voxel.cell).unwrap().indices();
                 self.dense.entry(majority(&self.labels[&key])).or_default().insert(key);

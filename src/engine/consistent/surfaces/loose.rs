@@ -2,13 +2,16 @@
 //!
 //! They look for it anew when a block around them is published, and are moved only where it is another one.
 
+use std::collections::BTreeMap;
+
 use nalgebra::Vector3;
 
 use super::Surfaces;
 use crate::engine::consistent::block::{BlockIndex, Cell, offset_of};
+use crate::engine::consistent::cells::Cells;
 use crate::engine::consistent::exact::Exact;
 use crate::engine::consistent::grid::Grid;
-use crate::engine::consistent::layer::{Loose, PatchId, lies_within, owner_of};
+use crate::engine::consistent::layer::{PatchId, owner_of};
 use crate::engine::consistent::state::State;
 
 impl Surfaces {
@@ -23,25 +26,24 @@ impl Surfaces {
 
     /// Loose voxels of other blocks within reach of these: (block, place in its list of loose ones), ascending.
     pub(super) fn beside(&self, grid: &Grid, blocks: &[BlockIndex]) -> Vec<(BlockIndex, usize)> {
-        let mut beside = Vec::new();
+        let mut near = BTreeMap::<BlockIndex, Cells>::new();
         for &block in blocks {
             for (place, other) in grid.block(block).around.iter().enumerate() {
                 let Some(other) = other.filter(|other| blocks.binary_search(other).is_err()) else {
                     continue;
                 };
-                let there = &self.segmented[other.0 as usize];
-                let towards = offset_of(26 - place);
-                let within = |loose: &Loose| {
-                    let cell = there.states[usize::from(loose.place)].cell;
-                    lies_within(cell, towards, self.rules.rim_reach)
-                };
-                let near = there.loose.iter().enumerate().filter(|(_, loose)| within(loose));
-                beside.extend(near.map(|(number, _)| (other, number)));
+                let loose = &self.segmented[other.0 as usize].loose_cells;
+                let border = loose.and(&Cells::border(offset_of(26 - place), self.rules.rim_reach));
+                if !border.is_empty() {
+                    near.entry(other).or_default().extend(&border);
+                }
             }
         }
-        beside.sort_unstable();
-        beside.dedup();
-        beside
+        let places = near.into_iter().flat_map(|(block, cells)| {
+            let loose = self.segmented[block.0 as usize].loose_cells;
+            cells.iter().map(move |cell| (block, loose.rank(cell)))
+        });
+        places.collect()
     }
 
     /// Whether a loose voxel belongs to a patch of these blocks (ascending).

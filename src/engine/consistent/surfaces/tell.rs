@@ -174,7 +174,7 @@ impl Surfaces {
             };
             let patch = &here.patches[usize::from(id.number)];
             let whole = patch.cells.iter().filter(|_| !patch.is_cut());
-            whole.filter_map(|&cell| here.state(cell)).for_each(|state| enter(id.block, state));
+            whole.filter_map(|cell| here.state(cell)).for_each(|state| enter(id.block, state));
             for block in grid.block(id.block).around.iter().flatten() {
                 let there = &self.segmented[block.0 as usize];
                 let beside = there.loose.iter().filter(|loose| loose.owner == Some(node));
@@ -218,7 +218,7 @@ impl Surfaces {
     /// The first voxel of a component's patches, by block and cell.
     pub(super) fn first_voxel(&self, grid: &Grid, component: ComponentId) -> Option<(BlockKey, Cell)> {
         let ids = self.graph.nodes(component).iter().filter_map(|node| self.patches[node.0 as usize]);
-        ids.filter_map(|id| Some((grid.block(id.block).key, *patch(&self.segmented, id).cells.first()?)))
+        ids.filter_map(|id| Some((grid.block(id.block).key, patch(&self.segmented, id).cells.iter().next()?)))
             .min()
     }
 }
