@@ -47,7 +47,7 @@ impl OfRim {
     fn is_simple(&self) -> bool {
         const SIDES: u8 = 0b0101_0101;
         let next = self.inside.rotate_right(1) | self.inside.rotate_right(2);
-        (!self.inside & next & SIDES).count_ones() == 1
+        (!self.inside & next & SIDES).is_power_of_two()
     }
 }
 
@@ -78,8 +78,8 @@ pub(crate) fn find(footprint: &Footprint, rows: &mut Vec<Row>, rim: &mut Vec<OfR
         for (from, line, directions) in
             [(after, x + 1, [7, 0, 1]), (before, x - 1, [5, 4, 3]), (here.saturating_sub(1), x, [6, 8, 2])]
         {
-            for place in from..(from + 3).min(rim.len()) {
-                let [other, along] = rim[place].column;
+            for (place, of_rim) in rim.iter().enumerate().skip(from).take(3) {
+                let [other, along] = of_rim.column;
                 let direction = directions.get((along - y + 1) as usize).filter(|_| other == line);
                 if let Some(near) = direction.and_then(|&direction| near.get_mut(direction)) {
                     *near = place as u32;

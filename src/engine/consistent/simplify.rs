@@ -228,7 +228,7 @@ impl Points {
     }
 
     /// `self` where it holds, else `other`.
-    fn or(&self, other: &Self, holds: &[bool; LANES]) -> Self {
+    fn or(&self, other: &Self, holds: [bool; LANES]) -> Self {
         let pick = |a: &Lanes, b: &Lanes| each(|i| if holds[i] { a[i] } else { b[i] });
         Self { x: pick(&self.x, &other.x), y: pick(&self.y, &other.y) }
     }
@@ -253,17 +253,17 @@ fn replacements(vertices: &[Vector2<f64>; LANES + 3]) -> Replacements {
     let area = each(|i| of_abc[i] + of_c[i]);
     let on_ab: [bool; LANES] = std::array::from_fn(|i| {
         let is_same_side = of_b[i] * of_c[i] >= 0.0;
-        is_same_side & (of_b[i].abs() > of_c[i].abs()) | !is_same_side & (area[i] * of_b[i] > 0.0)
+        if is_same_side { of_b[i].abs() > of_c[i].abs() } else { area[i] * of_b[i] > 0.0 }
     });
     // From here on the vertex lies on the line from a through b: the other way round is the same.
     let height = each(|i| if on_ab[i] { of_b[i] } else { of_c[i] });
-    let [a, b, c, d] = [a.or(&d, &on_ab), b.or(&c, &on_ab), c.or(&b, &on_ab), d.or(&a, &on_ab)];
+    let [a, b, c, d] = [a.or(&d, on_ab), b.or(&c, on_ab), c.or(&b, on_ab), d.or(&a, on_ab)];
     // Of no height where all four lie on a line, or else there is no such vertex.
     let part = each(|i| if height[i] == 0.0 { 1.0 } else { area[i] / height[i] });
     let ab = b.minus(&a);
     let at = a.plus(&ab, &part);
     let off = farthest(&[a, b, c, d], &at, &part);
-    let is_none: [bool; LANES] = std::array::from_fn(|i| (height[i] == 0.0) & (area[i] != 0.0));
+    let is_none: [bool; LANES] = std::array::from_fn(|i| height[i] == 0.0 && area[i] != 0.0);
     Replacements { at, farthest: each(|i| if is_none[i] { f64::INFINITY } else { off[i] }) }
 }
 
@@ -278,9 +278,9 @@ fn farthest([a, b, c, d]: &[Points; 4], at: &Points, part: &Lanes) -> Lanes {
         let is_before = part[i] < 0.0;
         // Where it lies beyond b, b lies on the new line; where it lies before b, it lies on the old one.
         let b = if part[i] > 1.0 { 0.0 } else { of_b[i] };
-        let b = if is_before & (to_a[i] < b) { to_a[i] } else { b };
-        let new = if (part[i] > 1.0) | is_before { of_new[i] } else { 0.0 };
-        let new = if is_before & (from_a[i] < new) { from_a[i] } else { new };
+        let b = if is_before && to_a[i] < b { to_a[i] } else { b };
+        let new = if part[i] > 1.0 || is_before { of_new[i] } else { 0.0 };
+        let new = if is_before && from_a[i] < new { from_a[i] } else { new };
         of_c[i].max(b).max(new)
     })
 }
