@@ -26,7 +26,7 @@ pub(crate) fn rectangle_around(
     let u = (across - z * z.dot(&across)).normalize();
     let v = z.cross(&u);
     let flat: Vec<_> = points.iter().map(|p| p - place).map(|d| Vector2::new(u.dot(&d), v.dot(&d))).collect();
-    let rectangle = smallest_rectangle(&flat);
+    let rectangle = smallest_rectangle(flat);
     let in_space = |flat: Vector2<f64>| u * flat.x + v * flat.y;
     let x = in_space(rectangle.along);
     let turn = Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[x, z.cross(&x), z]));
@@ -36,7 +36,7 @@ pub(crate) fn rectangle_around(
 
 /// The rectangle of least area around `points`; one of its sides lies along an edge of their convex hull (Freeman and
 /// Shapira, CACM 18, 1975). Costs O(n log n + h^2) for h points on the hull.
-fn smallest_rectangle(points: &[Vector2<f64>]) -> Rectangle {
+fn smallest_rectangle(points: Vec<Vector2<f64>>) -> Rectangle {
     let hull = convex_hull(points);
     let edges = hull.iter().zip(hull.iter().cycle().skip(1)).filter_map(|(a, b)| (b - a).try_normalize(0.0));
     let rectangles = edges.map(|along| around(&hull, along));
@@ -61,20 +61,20 @@ fn around(points: &[Vector2<f64>], along: Vector2<f64>) -> Rectangle {
 }
 
 /// Counter-clockwise, by Andrew's monotone chain.
-fn convex_hull(points: &[Vector2<f64>]) -> Vec<Vector2<f64>> {
-    let mut points = points.to_vec();
-    points.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
+fn convex_hull(mut points: Vec<Vector2<f64>>) -> Vec<Vector2<f64>> {
+    points.sort_unstable_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
     points.dedup();
-    let mut hull = half_hull(points.iter());
-    hull.extend(half_hull(points.iter().rev()));
+    let mut hull = Vec::with_capacity(points.len() + 1);
+    half_hull(points.iter(), &mut hull);
+    half_hull(points.iter().rev(), &mut hull);
     if hull.is_empty() { points } else { hull }
 }
 
-/// One half without its last point, with which the other half begins.
-fn half_hull<'a>(points: impl Iterator<Item = &'a Vector2<f64>>) -> Vec<Vector2<f64>> {
-    let mut hull: Vec<Vector2<f64>> = Vec::new();
+/// Adds one half without its last point, with which the other half begins.
+fn half_hull<'a>(points: impl Iterator<Item = &'a Vector2<f64>>, hull: &mut Vec<Vector2<f64>>) {
+    let begin = hull.len();
     for &point in points {
-        while let [.., a, b] = hull[..]
+        while let [.., a, b] = hull[begin..]
             && (b - a).perp(&(point - a)) <= 0.0
         {
             hull.pop();
@@ -82,7 +82,6 @@ fn half_hull<'a>(points: impl Iterator<Item = &'a Vector2<f64>>) -> Vec<Vector2<
         hull.push(point);
     }
     hull.pop();
-    hull
 }
 
 #[cfg(test)]
@@ -97,7 +96,7 @@ mod tests {
             points in proptest::collection::vec((-5.0..5.0, -5.0..5.0), 1..27),
         ) {
             let points: Vec<_> = points.into_iter().map(|(x, y)| Vector2::new(x, y)).collect();
-            let found = smallest_rectangle(&points);
+            let found = smallest_rectangle(points.clone());
             let across = Vector2::new(-found.along.y, found.along.x);
             for point in &points {
                 let from_middle = point - found.middle;
@@ -115,8 +114,8 @@ mod tests {
     #[test]
     fn a_point_and_a_line_have_boxes_too() {
         let a = Vector2::new(1.0, 2.0);
-        assert_eq!(smallest_rectangle(&[a, a]).sides, [0.0, 0.0]);
-        let line = smallest_rectangle(&[a, a + Vector2::new(3.0, 4.0), a + Vector2::new(1.5, 2.0)]);
+        assert_eq!(smallest_rectangle(vec![a, a]).sides, [0.0, 0.0]);
+        let line = smallest_rectangle(vec![a, a + Vector2::new(3.0, 4.0), a + Vector2::new(1.5, 2.0)]);
         assert!((line.sides[0] - 5.0).abs() < 1e-12 && line.sides[1] < 1e-12);
     }
 }

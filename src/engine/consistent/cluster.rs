@@ -8,9 +8,10 @@ use super::exact::Exact;
 use super::footprint::{Axis, Content, Footprint};
 use super::state::State;
 use crate::engine::binning::nearest;
+use crate::engine::class::SurfaceClass;
 use crate::engine::key::{ClusterId, VoxelKey};
 use crate::engine::scan::Stamp;
-use crate::engine::snapshot;
+use crate::engine::snapshot::{self, ClusterState};
 
 /// One component of patches, and the loose voxels beside them.
 #[derive(Clone, Debug)]
@@ -22,12 +23,51 @@ pub(super) struct Cluster {
     pub(super) voxels: u32,
     pub(super) points: u64,
     pub(super) footprint: Footprint,
+    /// The plane through its patches, as [`Cluster::refit`] found it last.
+    pub(super) plane: Option<PlaneFit>,
     /// Its part of the voxels in clusters that are told of.
     pub(super) counted: u32,
     /// As it was told of last.
     pub(super) told: Option<snapshot::Cluster>,
     /// As it was told of before this scan; while it is described.
-    pub(super) before: Option<snapshot::Cluster>,
+    pub(super) before: Before,
+}
+
+/// How a cluster was told of before the scan that it is described after.
+#[derive(Clone, Debug, Default)]
+pub(super) enum Before {
+    #[default]
+    New,
+    /// Its shape is the same.
+    Standing(Standing),
+    Other(Box<snapshot::Cluster>),
+}
+
+/// What is told of a cluster that may change while its voxels do not.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Standing {
+    state: ClusterState,
+    last_seen: Stamp,
+    class: SurfaceClass,
+    class_confidence: f32,
+}
+
+impl Standing {
+    pub(super) const fn of(told: &snapshot::Cluster) -> Self {
+        let snapshot::Cluster { state, last_seen, class, class_confidence, .. } = *told;
+        Self { state, last_seen, class, class_confidence }
+    }
+}
+
+impl Before {
+    /// Whether it was told of just like this.
+    pub(super) fn is(&self, told: &snapshot::Cluster) -> bool {
+        match self {
+            Self::New => false,
+            Self::Standing(before) => *before == Standing::of(told),
+            Self::Other(before) => **before == *told,
+        }
+    }
 }
 
 /// What a cluster keeps when its voxels are others.
@@ -85,14 +125,20 @@ impl Cluster {
             voxels: 0,
             points: 0,
             footprint,
+            plane: None,
             counted: 0,
             told: None,
-            before: None,
+            before: Before::New,
         }
     }
 
+    /// Finds its plane after its voxels have changed.
+    pub(super) fn refit(&mut self) {
+        self.plane = self.fit();
+    }
+
     /// The plane through its patches; `None` where there is none.
-    pub(super) fn plane(&self) -> Option<PlaneFit> {
+    fn fit(&self) -> Option<PlaneFit> {
         if self.sums.is_empty() {
             return None;
         }
@@ -107,13 +153,13 @@ impl Cluster {
     pub(super) fn add(&mut self, key: VoxelKey, state: &State) {
         self.voxels += 1;
         self.points += u64::from(state.count);
-        self.footprint.add(self.footprint.axis().column(key), content(state, self.footprint.axis()));
+        self.footprint.add(self.footprint.axis().column(key), &content(state, self.footprint.axis()));
     }
 
     pub(super) fn remove(&mut self, key: VoxelKey, state: &State) {
         self.voxels -= 1;
         self.points -= u64::from(state.count);
-        self.footprint.remove(self.footprint.axis().column(key), content(state, self.footprint.axis()));
+        self.footprint.remove(self.footprint.axis().column(key), &content(state, self.footprint.axis()));
     }
 }
 

@@ -4,7 +4,7 @@ use nalgebra::{Isometry3, Matrix2, Matrix3, Point3, Vector3};
 
 use super::class::{Evidence, Neighbour, classify};
 use super::cluster::{Cluster, PlaneFit};
-use super::outline::{self, Detail, Outline};
+use super::outline::{self, Detail, Drawing, Outline};
 use crate::engine::class::SurfaceClass;
 use crate::engine::key::ClusterId;
 use crate::engine::now::Now;
@@ -26,14 +26,20 @@ const RELIABLE_VOXELS: u32 = 20;
 const RELIABLE_SECONDS: f64 = 0.3;
 
 /// Everything but class and state.
-pub(super) fn describe(cluster: &Cluster, id: ClusterId, params: &Params) -> Option<snapshot::Cluster> {
+pub(super) fn describe(
+    cluster: &Cluster,
+    id: ClusterId,
+    params: &Params,
+    drawing: &mut Drawing,
+) -> Option<snapshot::Cluster> {
     let size = params.voxel_size();
-    let plane = cluster.plane()?;
+    let plane = cluster.plane.as_ref()?;
     let point = Point3::from(plane.point * size);
     let normal = plane.normal;
     let offset = -normal.dot(&point.coords);
     let detail = Detail { min_points: params.min_points(), ..Detail::default() };
-    let outline = Outline::new(&cluster.footprint, &outline::Plane { normal, d: offset }, size, &detail)?;
+    let on = outline::Plane { normal, d: offset };
+    let outline = Outline::new(&cluster.footprint, &on, size, &detail, drawing)?;
     let covariance = (plane.covariance + cluster.sums.spread()) * (size * size);
     let rms_error = normal.dot(&(covariance * normal.into_inner())).max(0.0).sqrt();
     let (pose, sides) = rectangle_around(&outline.boundary, &point, &normal);
@@ -47,7 +53,7 @@ pub(super) fn describe(cluster: &Cluster, id: ClusterId, params: &Params) -> Opt
         class_confidence: 0.0,
         normal,
         offset,
-        plane_covariance: plane_covariance(&plane, &pose, sides, outline.area, size),
+        plane_covariance: plane_covariance(plane, &pose, sides, outline.area, size),
         centroid: point,
         covariance,
         rms_error,

@@ -1,18 +1,20 @@
 //! The columns that a planar cluster covers when its voxels are projected along an axis.
 //!
 //! A column is the pair of a voxel's two other indices. Its content is summed as integers, so that a footprint depends
-//! on what is in it and on nothing else: neither on the order of changes nor on what has been there before. The rim,
-//! the columns that lack one of their four neighbours, is kept in order, so that the outline is found without a look at
-//! the columns within. A change costs four look-ups, and O(log rim) where a column appears or is gone.
+//! on what is in it and on nothing else: neither on the order of changes nor on what has been there before. Columns lie in
+//! tiles of 8 x 8, one bit each for being covered and their contents one after another: 24 bytes for a column and
+//! some 60 for a tile. A change costs a look at its tile, which is the one of the change before as long as the
+//! voxels of a block come together. The rim, the columns that lack one of their four neighbours, is found from the bits of
+//! a tile at once; that costs O(tiles + rim).
 
-use std::collections::BTreeSet;
-use std::ops::{AddAssign, SubAssign};
+mod columns;
 
-use hashbrown::HashMap;
+use std::collections::BTreeMap;
+
 use nalgebra::UnitVector3;
-use rustc_hash::FxBuildHasher;
 
-use super::rim::Cut;
+pub(crate) use self::columns::{Content, Row};
+use self::columns::{EDGE, Kept, Tile, bit_of, column_of, tile_of};
 use crate::engine::key::VoxelKey;
 
 /// The two indices of a column, by ascending axis.
@@ -23,9 +25,6 @@ pub(crate) const UNITS: u32 = 4096;
 
 /// The sides of a column, counter-clockwise: side `s` lies opposite to `s ^ 2`.
 pub(crate) const SIDES: [Column; 4] = [[1, 0], [0, 1], [-1, 0], [0, -1]];
-
-/// All four sides, as bits.
-const ALL: u8 = 0b1111;
 
 /// The column beyond a side.
 pub(crate) const fn beyond(column: Column, side: usize) -> Column {
@@ -70,73 +69,23 @@ impl Axis {
     }
 }
 
-/// What lies in a column: voxels, and the moments of their points along the two other axes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Content {
-    /// Number of member voxels.
-    pub(crate) voxels: u32,
-    /// Number of their points, below 2^40.
-    pub(crate) points: u64,
-    /// Offsets of the points from the column's lower corner, summed, in `voxel_size / 4096`.
-    pub(crate) sum: [u64; 2],
-    /// Squares of these offsets, summed.
-    pub(crate) squares: [u64; 2],
-}
-
-impl Content {
-    /// Counts a point; its offsets from the column's lower corner are below [`UNITS`].
-    #[cfg(test)]
-    pub(crate) fn add_point(&mut self, offset: [u32; 2]) {
-        self.points += 1;
-        for (axis, offset) in offset.map(u64::from).into_iter().enumerate() {
-            self.sum[axis] += offset;
-            self.squares[axis] += offset * offset;
-        }
-    }
-}
-
-impl AddAssign for Content {
-    fn add_assign(&mut self, other: Self) {
-        self.voxels += other.voxels;
-        self.points += other.points;
-        for axis in 0..2 {
-            self.sum[axis] += other.sum[axis];
-            self.squares[axis] += other.squares[axis];
-        }
-    }
-}
-
-impl SubAssign for Content {
-    fn sub_assign(&mut self, other: Self) {
-        self.voxels -= other.voxels;
-        self.points -= other.points;
-        for axis in 0..2 {
-            self.sum[axis] -= other.sum[axis];
-            self.squares[axis] -= other.squares[axis];
-        }
-    }
-}
-
-/// A column that holds at least one voxel.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-struct Covered {
-    content: Content,
-    /// Bit `s` is set where the column beyond side `s` is covered as well.
-    joined: u8,
-}
-
 /// The columns of a cluster.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub(crate) struct Footprint {
     axis: Axis,
-    columns: HashMap<Column, Covered, FxBuildHasher>,
-    rim: BTreeSet<Column>,
+    tiles: Vec<Tile>,
+    /// Where the tiles are in that list.
+    places: BTreeMap<Column, u32>,
+    /// The tile that was looked at last.
+    last: usize,
+    /// Some tile may hold nothing.
+    has_empty: bool,
 }
 
 impl Footprint {
     /// Of no voxel.
-    pub(crate) fn new(axis: Axis) -> Self {
-        Self { axis, columns: HashMap::default(), rim: BTreeSet::new() }
+    pub(crate) const fn new(axis: Axis) -> Self {
+        Self { axis, tiles: Vec::new(), places: BTreeMap::new(), last: 0, has_empty: false }
     }
 
     /// The axis along which its voxels were projected.
@@ -144,171 +93,157 @@ impl Footprint {
         self.axis
     }
 
-    /// Number of columns.
-    #[cfg(test)]
-    pub(crate) fn len(&self) -> usize {
-        self.columns.len()
-    }
-
-    /// The columns that lack a neighbour, ascending.
-    pub(crate) fn rim(&self) -> impl Iterator<Item = Column> {
-        self.rim.iter().copied()
-    }
-
-    /// Whether a member lies in this column.
-    pub(crate) fn contains(&self, column: Column) -> bool {
-        self.columns.contains_key(&column)
-    }
-
-    /// What lies in this column.
-    #[cfg(test)]
-    pub(crate) fn content(&self, column: Column) -> Option<Content> {
-        self.columns.get(&column).map(|covered| covered.content)
-    }
-
-    /// How a column is cut by the cluster's end; `None` where it holds nothing.
-    pub(crate) fn cut(&self, column: Column) -> Option<Cut> {
-        self.columns.get(&column).map(|covered| Cut::new(&covered.content, covered.joined))
-    }
-
     /// Adds voxels, points or both; points alone only where a voxel is.
-    pub(crate) fn add(&mut self, column: Column, content: Content) {
-        let covered = self.columns.entry(column).or_default();
-        let is_new = covered.content.voxels == 0;
-        covered.content += content;
-        debug_assert!(covered.content.voxels > 0, "points without a voxel in {column:?}");
-        if is_new {
-            self.appear(column);
+    pub(crate) fn add(&mut self, column: Column, content: &Content) {
+        self.add_kept(column, Kept::of(content));
+    }
+
+    fn add_kept(&mut self, column: Column, kept: Kept) {
+        let key = tile_of(column);
+        if self.find(key).is_none() {
+            self.last = self.tiles.len();
+            self.places.insert(key, self.last as u32);
+            if self.tiles.len() == self.tiles.capacity() {
+                // A small cluster has few tiles.
+                self.tiles.reserve_exact(1 + self.tiles.len() / 4);
+            }
+            self.tiles.push(Tile { key, covered: 0, contents: Vec::new() });
         }
+        self.tiles[self.last].add(bit_of(column), kept);
     }
 
     /// Takes out what was added before; the points of a voxel go at the latest with it.
-    pub(crate) fn remove(&mut self, column: Column, content: Content) {
-        let Some(covered) = self.columns.get_mut(&column) else {
+    pub(crate) fn remove(&mut self, column: Column, content: &Content) {
+        let Some(tile) = self.find(tile_of(column)) else {
             debug_assert!(false, "nothing in {column:?}");
             return;
         };
-        covered.content -= content;
-        if covered.content.voxels == 0 {
-            debug_assert_eq!(covered.content, Content::default(), "points without a voxel in {column:?}");
-            self.columns.remove(&column);
-            self.vanish(column);
-        }
+        tile.remove(bit_of(column), Kept::of(content));
+        self.has_empty |= tile.covered == 0;
     }
 
-    /// Takes in another cluster's columns along the same axis; O(the smaller of the two).
-    #[cfg(test)]
-    pub(crate) fn merge(&mut self, mut other: Self) {
-        debug_assert_eq!(self.axis, other.axis);
-        if other.len() > self.len() {
-            std::mem::swap(self, &mut other);
+    fn find(&mut self, key: Column) -> Option<&mut Tile> {
+        if self.tiles.get(self.last).is_none_or(|tile| tile.key != key) {
+            self.last = *self.places.get(&key)? as usize;
         }
-        other.columns.into_iter().for_each(|(column, covered)| self.add(column, covered.content));
+        self.tiles.get_mut(self.last)
     }
 
-    fn appear(&mut self, column: Column) {
-        let mut joined = 0;
-        for side in 0..4 {
-            let Some(other) = self.columns.get_mut(&beyond(column, side)) else { continue };
-            joined |= 1 << side;
-            other.joined |= 1 << (side ^ 2);
-            if other.joined == ALL {
-                self.rim.remove(&beyond(column, side));
+    /// Frees the memory of tiles that hold nothing, which are kept for what may come until then.
+    pub(crate) fn tidy(&mut self) {
+        if !std::mem::take(&mut self.has_empty) {
+            return;
+        }
+        for place in (0..self.tiles.len()).rev() {
+            if self.tiles[place].covered != 0 {
+                continue;
+            }
+            self.places.remove(&self.tiles.swap_remove(place).key);
+            if let Some(moved) = self.tiles.get(place) {
+                self.places.insert(moved.key, place as u32);
             }
         }
-        if let Some(covered) = self.columns.get_mut(&column) {
-            covered.joined = joined;
-        }
-        if joined != ALL {
-            self.rim.insert(column);
+    }
+
+    /// The columns that lack a neighbour, ascending; `rows` is memory to work in.
+    pub(crate) fn rim(&self, rows: &mut Vec<Row>, mut each: impl FnMut(Column, u8, &Content)) {
+        self.rows(rows);
+        let mut begin = 0;
+        while let Some(first) = rows.get(begin) {
+            let end = begin + rows[begin..].partition_point(|row| row.key[0] == first.key[0]);
+            for line in 0..1 << EDGE {
+                for row in &rows[begin..end] {
+                    let mut bits = row.rim & 0xFF << (line << EDGE);
+                    while bits != 0 {
+                        let (at, bit) = (bits.trailing_zeros(), bits & bits.wrapping_neg());
+                        bits ^= bit;
+                        let tile = &self.tiles[row.place as usize];
+                        each(
+                            column_of(row.key, at),
+                            row.joined(bit),
+                            &tile.contents[tile.place(bit)].content(),
+                        );
+                    }
+                }
+            }
+            begin = end;
         }
     }
 
-    fn vanish(&mut self, column: Column) {
-        self.rim.remove(&column);
-        for side in 0..4 {
-            let Some(other) = self.columns.get_mut(&beyond(column, side)) else { continue };
-            if other.joined == ALL {
-                self.rim.insert(beyond(column, side));
-            }
-            other.joined &= !(1 << (side ^ 2));
+    /// What the tiles' columns lack, in the order of the tiles' keys.
+    fn rows(&self, rows: &mut Vec<Row>) {
+        rows.clear();
+        let row = |(&key, &place): (&Column, &u32)| {
+            let covered = self.tiles[place as usize].covered;
+            (covered != 0).then_some(Row { key, place, covered, rim: 0, beside: [0; 4] })
+        };
+        rows.extend(self.places.iter().filter_map(row));
+        let (mut before, mut after) = (0, 0);
+        for here in 0..rows.len() {
+            let [x, y] = rows[here].key;
+            let seek =
+                |from: usize, key: Column| from + rows[from..].iter().take_while(|row| row.key < key).count();
+            (before, after) = (seek(before, [x - 1, y]), seek(after, [x + 1, y]));
+            let of = |place: Option<usize>, key: Column| {
+                let row = place.and_then(|place| rows.get(place)).filter(|row| row.key == key);
+                row.map_or(0, |row| row.covered)
+            };
+            let others = [
+                of(Some(after), [x + 1, y]),
+                of(Some(here + 1), [x, y + 1]),
+                of(Some(before), [x - 1, y]),
+                of(here.checked_sub(1), [x, y - 1]),
+            ];
+            rows[here].meet(others);
         }
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use proptest::prelude::*;
-
-    use super::*;
-
-    fn content() -> impl Strategy<Value = Content> {
-        proptest::collection::vec(proptest::array::uniform2(0..UNITS), 0..6).prop_map(|points| {
-            let mut content = Content { voxels: 1, ..Content::default() };
-            points.into_iter().for_each(|point| content.add_point(point));
-            content
-        })
+impl Footprint {
+    /// Whether a member lies in this column.
+    pub(crate) fn contains(&self, column: Column) -> bool {
+        self.content(column).is_some()
     }
 
-    fn voxels() -> impl Strategy<Value = Vec<(Column, Content)>> {
-        proptest::collection::vec((proptest::array::uniform2(-4..4), content()), 0..90)
+    /// What lies in this column.
+    pub(crate) fn content(&self, column: Column) -> Option<Content> {
+        let tile = &self.tiles[*self.places.get(&tile_of(column))? as usize];
+        let bit = bit_of(column);
+        (tile.covered & bit != 0).then(|| tile.contents[tile.place(bit)].content())
     }
 
-    fn of(voxels: &[(Column, Content)]) -> Footprint {
-        let mut footprint = Footprint::new(Axis(2));
-        voxels.iter().for_each(|&(column, content)| footprint.add(column, content));
-        footprint
+    /// The columns of the rim, ascending.
+    pub(crate) fn rim_columns(&self) -> Vec<Column> {
+        let mut columns = Vec::new();
+        self.rim(&mut Vec::new(), |column, _, _| columns.push(column));
+        columns
     }
 
-    /// The rim by its definition.
-    fn naive_rim(voxels: &[(Column, Content)]) -> Vec<Column> {
-        let columns: BTreeSet<Column> = voxels.iter().map(|&(column, _)| column).collect();
-        let lacks = |&column: &Column| (0..4).any(|side| !columns.contains(&beyond(column, side)));
-        columns.iter().copied().filter(lacks).collect()
-    }
-
-    proptest! {
-        #[test]
-        fn it_depends_on_what_is_in_it_and_not_on_order_or_history(
-            stay in voxels(), go in voxels(), turn in 0usize..90,
-        ) {
-            let whole = of(&stay);
-            prop_assert_eq!(whole.rim().collect::<Vec<_>>(), naive_rim(&stay));
-
-            let mut mixed: Vec<_> = stay.iter().chain(&go).copied().collect();
-            let middle = turn.min(mixed.len());
-            mixed.rotate_left(middle);
-            let mut running = of(&mixed);
-            go.iter().rev().for_each(|&(column, content)| running.remove(column, content));
-            prop_assert_eq!(&running, &whole);
-
-            let at = turn.min(stay.len());
-            let mut halves = of(&stay[..at]);
-            halves.merge(of(&stay[at..]));
-            prop_assert_eq!(&halves, &whole);
+    /// All columns, ascending.
+    fn columns(&self) -> Vec<(Column, Kept)> {
+        let mut columns = Vec::new();
+        for tile in self.places.values().map(|&place| &self.tiles[place as usize]) {
+            let bits = (0..64).filter(|bit| tile.covered >> bit & 1 == 1);
+            columns.extend(bits.map(|bit| column_of(tile.key, bit)).zip(tile.contents.iter().copied()));
         }
+        columns.sort_unstable_by_key(|(column, _)| *column);
+        columns
     }
 
-    #[test]
-    fn more_points_in_a_member_change_its_content_alone() {
-        let mut footprint = of(&[([0, 0], Content { voxels: 1, ..Content::default() })]);
-        let mut more = Content::default();
-        more.add_point([5, 7]);
-        footprint.add([0, 0], more);
-        assert_eq!(footprint.content([0, 0]).unwrap().squares, [25, 49]);
-        footprint.remove([0, 0], more);
-        assert_eq!(footprint, of(&[([0, 0], Content { voxels: 1, ..Content::default() })]));
-    }
-
-    #[test]
-    fn the_axis_is_that_of_the_longest_part_of_the_normal_and_the_lowest_of_equals() {
-        let of =
-            |x, y, z| Axis::dominant(&UnitVector3::new_normalize(nalgebra::Vector3::new(x, y, z))).index();
-        assert_eq!(
-            [of(0.1, -0.9, 0.3), of(0.0, 0.0, -1.0), of(1.0, 1.0, 1.0), of(0.1, -1.0, 1.0)],
-            [1, 2, 0, 1]
-        );
-        let key = VoxelKey::new(3, 4, 5).unwrap();
-        assert_eq!([0, 1, 2].map(|axis| Axis(axis).column(key)), [[4, 5], [3, 5], [3, 4]]);
+    /// Takes in another cluster's columns along the same axis.
+    pub(crate) fn merge(&mut self, other: &Self) {
+        debug_assert_eq!(self.axis, other.axis);
+        other.columns().into_iter().for_each(|(column, kept)| self.add_kept(column, kept));
     }
 }
+
+#[cfg(test)]
+impl PartialEq for Footprint {
+    fn eq(&self, other: &Self) -> bool {
+        self.axis == other.axis && self.columns() == other.columns()
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -61,11 +61,12 @@
 //!
 //! A cluster keeps exact sums (`exact`), its footprint (`footprint`) and its identity (`cluster`) while voxels come and
 //! go; `describe` makes of them what leaves the engine: plane and covariance, outline with holes (`outline`, `trace`,
-//! `rim`, `simplify`), class (`class`). What the sensor looks through loses its points (`clearing`, `view`), what is too
+//! `border`, `rim`, `simplify`), class (`class`). What the sensor looks through loses its points (`clearing`, `view`), what is too
 //! far or too much is forgotten (`bounds`).
 
 mod bin;
 mod block;
+mod border;
 mod bounds;
 mod cells;
 mod class;
@@ -89,6 +90,7 @@ mod received;
 mod recent;
 mod region;
 mod rim;
+mod rings;
 mod rules;
 mod saved;
 mod scratch;

@@ -8,8 +8,9 @@
 use nalgebra::{Point3, UnitVector3, Vector2};
 
 use super::footprint::{Column, Footprint};
-use super::simplify::{doubled_area, simplified};
-use super::trace::{Ring, rings};
+use super::rings::{Rings, doubled_area, edges, lies_within};
+use super::simplify::Simplifying;
+use super::trace::{Tracing, rings};
 
 /// How often the tolerance is halved before a ring is left as it was traced.
 const ATTEMPTS: usize = 3;
@@ -52,6 +53,19 @@ pub(crate) struct Outline {
     pub(crate) area_left_out: f64,
 }
 
+/// Memory to draw outlines in, one after another.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Drawing {
+    tracing: Tracing,
+    traced: Rings,
+    /// The traced rings of the outline, the boundary first.
+    kept: Vec<usize>,
+    simplifying: Simplifying,
+    /// The kept ones with few vertices.
+    fewer: Rings,
+    edges: Vec<Edge>,
+}
+
 impl Outline {
     /// The outline of `footprint` on `plane`, which does not hold the footprint's axis; `None` of no columns.
     pub(crate) fn new(
@@ -59,37 +73,72 @@ impl Outline {
         plane: &Plane,
         voxel_size: f64,
         detail: &Detail,
+        drawing: &mut Drawing,
     ) -> Option<Self> {
-        let origin = footprint.rim().next()?;
-        let (holes, mut parts): (Vec<Ring>, Vec<Ring>) =
-            rings(footprint, origin, detail.min_points).into_iter().partition(|ring| ring.columns < 0);
-        let areas: Vec<f64> = parts.iter().map(|ring| 0.5 * doubled_area(&ring.vertices)).collect();
-        // Of equal parts the first.
-        let largest = (0..parts.len()).rev().max_by(|&a, &b| areas[a].total_cmp(&areas[b]))?;
-        let boundary = parts.swap_remove(largest);
-        let mut kept = vec![boundary.vertices];
-        for hole in holes {
-            let counts = hole.columns.unsigned_abs() >= u64::from(detail.least_hole);
-            // A part may stand in a hole of the boundary and have holes of its own.
-            let is_in = |ring: &Vec<Vector2<f64>>| lies_within(hole.vertices[0], ring);
-            if counts
-                && (parts.is_empty() || is_in(&kept[0]) && !parts.iter().any(|part| is_in(&part.vertices)))
-            {
-                kept.push(hole.vertices);
-            }
-        }
-        let kept = with_few_vertices(kept, detail.tolerance);
-
+        let origin = rings(footprint, detail.min_points, &mut drawing.tracing, &mut drawing.traced)?;
+        let area_left_out = drawing.keep(detail.least_hole)?;
+        drawing.simplify(detail.tolerance);
         let lift = Lift::new(footprint, plane, voxel_size, origin);
-        let area: f64 = kept.iter().map(|ring| 0.5 * doubled_area(ring)).sum();
-        let all: f64 = areas.iter().sum();
-        let mut rings = kept.iter().map(|ring| lift.ring(ring));
+        let area: f64 = drawing.fewer.iter().map(|ring| 0.5 * doubled_area(ring)).sum();
+        let mut rings = drawing.fewer.iter().map(|ring| lift.ring(ring));
         Some(Self {
             boundary: rings.next()?,
             holes: rings.collect(),
             area: area * lift.area,
-            area_left_out: (all - areas[largest]) * lift.area,
+            area_left_out: area_left_out * lift.area,
         })
+    }
+}
+
+impl Drawing {
+    /// Chooses the largest part as the boundary, and its holes; returns the area of the other parts, in columns.
+    fn keep(&mut self, least_hole: u32) -> Option<f64> {
+        let Self { traced, kept, .. } = self;
+        let is_part = |&number: &usize| traced.columns(number) >= 0;
+        let area = |number: usize| 0.5 * doubled_area(traced.ring(number));
+        let (mut all, mut largest) = (0.0, None);
+        for part in (0..traced.len()).filter(is_part) {
+            let area = area(part);
+            all += area;
+            // Of equal parts the first.
+            if largest.is_none_or(|(_, most)| area > most) {
+                largest = Some((part, area));
+            }
+        }
+        let (boundary, area) = largest?;
+        kept.clear();
+        kept.push(boundary);
+        let others = (0..traced.len()).filter(is_part).filter(|part| *part != boundary);
+        let is_alone = others.clone().next().is_none();
+        let is_large = |&number: &usize| traced.columns(number) <= -i64::from(least_hole);
+        for hole in (0..traced.len()).filter(|number| !is_part(number)).filter(is_large) {
+            // A part may stand in a hole of the boundary and have holes of its own.
+            let is_in = |ring: usize| lies_within(traced.ring(hole)[0], traced.ring(ring));
+            if is_alone || is_in(boundary) && !others.clone().any(is_in) {
+                kept.push(hole);
+            }
+        }
+        Some(all - area)
+    }
+
+    /// Draws the kept rings with as few vertices as `tolerance` allows without one that crosses itself or another.
+    fn simplify(&mut self, mut tolerance: f64) {
+        for _ in 0..ATTEMPTS {
+            self.fewer.clear();
+            for &number in &self.kept {
+                self.simplifying.draw(self.traced.ring(number), tolerance, &mut self.fewer);
+                self.fewer.end(self.traced.columns(number));
+            }
+            if are_apart(&self.fewer, &mut self.edges) {
+                return;
+            }
+            tolerance *= 0.5;
+        }
+        self.fewer.clear();
+        for &number in &self.kept {
+            self.traced.ring(number).iter().for_each(|vertex| self.fewer.push(*vertex));
+            self.fewer.end(self.traced.columns(number));
+        }
     }
 }
 
@@ -136,42 +185,26 @@ impl Lift {
     }
 }
 
-/// Rings with as few vertices as `tolerance` allows without one that crosses itself or another.
-fn with_few_vertices(rings: Vec<Vec<Vector2<f64>>>, tolerance: f64) -> Vec<Vec<Vector2<f64>>> {
-    let mut tolerance = tolerance;
-    for _ in 0..ATTEMPTS {
-        let fewer: Vec<_> = rings.iter().map(|ring| simplified(ring, tolerance)).collect();
-        if are_apart(&fewer) {
-            return fewer;
-        }
-        tolerance *= 0.5;
-    }
-    rings
-}
-
 /// Whether no edge of these rings meets another but at its ends, and all rings lie within the first.
-pub(super) fn are_apart(rings: &[Vec<Vector2<f64>>]) -> bool {
-    let mut edges = Vec::new();
+fn are_apart(rings: &Rings, memory: &mut Vec<Edge>) -> bool {
+    memory.clear();
     for (ring, vertices) in rings.iter().enumerate() {
-        let n = vertices.len();
-        edges.extend((0..n).map(|i| Edge {
-            ring,
-            place: i,
-            of: n,
-            ends: [vertices[i], vertices[(i + 1) % n]],
-        }));
+        let of = vertices.len();
+        let edge = |(place, (&a, &b))| Edge { ring, place, of, ends: [a, b] };
+        memory.extend(edges(vertices).enumerate().map(edge));
     }
-    edges.sort_by(|a, b| a.least().total_cmp(&b.least()));
-    for (i, edge) in edges.iter().enumerate() {
+    memory.sort_unstable_by(|a, b| a.least().total_cmp(&b.least()));
+    for (i, edge) in memory.iter().enumerate() {
         let most = edge.ends[0].x.max(edge.ends[1].x);
-        if edges[i + 1..].iter().take_while(|other| other.least() <= most).any(|other| edge.meets(other)) {
+        if memory[i + 1..].iter().take_while(|other| other.least() <= most).any(|other| edge.meets(other)) {
             return false;
         }
     }
-    rings.iter().skip(1).all(|hole| lies_within(hole[0], &rings[0]))
+    rings.iter().skip(1).all(|hole| lies_within(hole[0], rings.ring(0)))
 }
 
 /// One edge of several rings.
+#[derive(Clone, Debug)]
 struct Edge {
     ring: usize,
     /// Its number in the ring, and how many there are.
@@ -207,15 +240,6 @@ impl Edge {
             && side(a, b, c) * side(a, b, d) <= 0.0
             && side(c, d, a) * side(c, d, b) <= 0.0
     }
-}
-
-/// Whether a point lies within a ring (even-odd).
-pub(super) fn lies_within(point: Vector2<f64>, ring: &[Vector2<f64>]) -> bool {
-    let next = ring.iter().cycle().skip(1);
-    let crosses = |(a, b): &(&Vector2<f64>, &Vector2<f64>)| {
-        (a.y > point.y) != (b.y > point.y) && point.x < a.x + (point.y - a.y) / (b.y - a.y) * (b.x - a.x)
-    };
-    ring.iter().zip(next).filter(crosses).count() % 2 == 1
 }
 
 #[cfg(test)]

@@ -25,6 +25,7 @@ use super::exact::Exact;
 use super::graph::{Batch, ComponentId, End, Graph, NodeId, Outcome};
 use super::grid::Grid;
 use super::layer::{PatchId, Segmented, are_joined, contacts, patch, sharper};
+use super::outline::Drawing;
 use super::rules::Rules;
 use super::state::State;
 use crate::engine::key::{ClusterId, VoxelKey};
@@ -43,6 +44,8 @@ pub(super) struct Surfaces {
     /// By component.
     clusters: Vec<Option<Box<Cluster>>>,
     landmarks: Landmarks,
+    /// Memory to draw outlines in.
+    drawing: Drawing,
     ids_given: u64,
     /// Components that this scan changed.
     changed: BTreeSet<ComponentId>,
@@ -62,6 +65,7 @@ impl Surfaces {
             graph: Graph::default(),
             clusters: Vec::new(),
             landmarks: Landmarks::default(),
+            drawing: Drawing::default(),
             ids_given: 0,
             changed: BTreeSet::new(),
             removed: BTreeSet::new(),
@@ -154,7 +158,7 @@ impl Surfaces {
         for (block, cell) in dense {
             self.admit(grid, block, cell);
         }
-        self.turn_footprints(grid);
+        self.refit(grid);
         self.tell(grid, now);
     }
 

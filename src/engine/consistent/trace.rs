@@ -4,155 +4,150 @@
 //! and a neighbour outside, strictly between, one on each such pair; columns that touch at a corner are joined there.
 //! Therefore no ring crosses itself or another, whatever the points say of where it lies. A column of the rim of which
 //! less than half is covered counts as outside, so that the ring may pass through it below its middle, unless that would
-//! tear the columns apart or leave nothing of a thin part. Costs O(rim).
+//! tear the columns apart or leave nothing of a thin part. Each column of the rim knows its neighbours, which are found by
+//! going along three lines of columns at once, so that nothing is looked up. Costs O(tiles + rim).
 
-use hashbrown::{HashMap, HashSet};
 use nalgebra::Vector2;
-use rustc_hash::FxBuildHasher;
 
-use super::footprint::{Column, Footprint, beyond};
+use super::border::{self, NONE, OfRim};
+use super::footprint::{Column, Footprint, Row, beyond};
 use super::rim::Cut;
+use super::rings::Rings;
 
 /// A vertex keeps this distance from the middles of columns, in columns.
 const CLEARANCE: f64 = 0.02;
 
-/// A closed line around columns, the last vertex joins the first.
-#[derive(Clone, Debug)]
-pub(crate) struct Ring {
-    /// In columns, from the lower corner of the column that was handed in as the origin.
-    pub(crate) vertices: Vec<Vector2<f64>>,
-    /// Number of columns within; below 0 that of a hole, around which the ring runs clockwise.
-    pub(crate) columns: i64,
+/// Memory to trace in.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Tracing {
+    rows: Vec<Row>,
+    rim: Vec<OfRim>,
 }
 
-/// All rings of a footprint, in the order of their first columns.
-pub(crate) fn rings(footprint: &Footprint, origin: Column, min_points: u32) -> Vec<Ring> {
-    let tracer = Tracer::new(footprint, origin, min_points);
-    let mut visited = HashSet::with_capacity_and_hasher(footprint.rim().count() * 2, FxBuildHasher);
-    let mut rings = Vec::new();
-    for start in tracer.starts() {
-        if !visited.contains(&start) {
-            rings.push(tracer.ring(start, &mut visited));
+/// All rings of a footprint, in the order of their first columns, in columns from the lower corner of the first column
+/// of the rim, which is returned; `None` of no columns.
+///
+/// Each has the number of columns within; below 0 that of a hole, around which the ring runs clockwise.
+pub(crate) fn rings(
+    footprint: &Footprint,
+    min_points: u32,
+    memory: &mut Tracing,
+    rings: &mut Rings,
+) -> Option<Column> {
+    rings.clear();
+    let Tracing { rows, rim } = memory;
+    border::find(footprint, rows, rim);
+    let origin = rim.first()?.column;
+    let mut tracer = Tracer { origin, min_points: f64::from(min_points), rim };
+    tracer.leave_out();
+    for at in 0..tracer.rim.len() as u32 {
+        for side in 0..4 {
+            if let Some(edge) = tracer.edge(at, side).filter(|edge| !tracer.is_visited(edge)) {
+                let columns = tracer.follow(edge, rings);
+                rings.end(columns);
+            }
         }
     }
-    rings
+    Some(origin)
 }
 
-/// A column inside and the side beyond which lies one outside.
-type Edge = (Column, u8);
+/// A column inside and the side beyond which lies one outside. One of the two at least is at the rim.
+#[derive(Clone, Copy, PartialEq)]
+struct Edge {
+    column: Column,
+    side: usize,
+    /// Places of the two at the rim, or [`NONE`]; that of the one outside only where it is covered.
+    inner: u32,
+    outer: u32,
+}
 
 struct Tracer<'a> {
-    footprint: &'a Footprint,
     origin: Column,
     min_points: f64,
-    rim: HashMap<Column, OfRim, FxBuildHasher>,
+    rim: &'a mut [OfRim],
 }
 
-/// A column of the rim.
-struct OfRim {
-    cut: Cut,
-    /// It counts as outside.
-    is_outside: bool,
-    /// It took over what one that counts as outside covers, and stays inside.
-    is_kept: bool,
-}
-
-impl<'a> Tracer<'a> {
-    fn new(footprint: &'a Footprint, origin: Column, min_points: u32) -> Self {
-        let of_rim = |column| {
-            let cut = footprint.cut(column)?;
-            Some((column, OfRim { cut, is_outside: false, is_kept: false }))
-        };
-        let rim = footprint.rim().filter_map(of_rim).collect();
-        let mut tracer = Self { footprint, origin, min_points: f64::from(min_points), rim };
-        for column in footprint.rim() {
-            if let Some(neighbour) = tracer.may_lie_outside(column) {
-                if let Some(here) = tracer.rim.get_mut(&column) {
-                    here.is_outside = true;
-                }
-                // One that has all its neighbours never counts as outside.
-                if let Some(neighbour) = tracer.rim.get_mut(&neighbour) {
-                    neighbour.is_kept = true;
-                }
+impl Tracer<'_> {
+    /// Counts columns as outside of which less than half is covered.
+    fn leave_out(&mut self) {
+        for at in 0..self.rim.len() {
+            let Some(side) = self.rim[at].may_lie_outside() else { continue };
+            self.rim[at].is_outside = true;
+            let near = self.rim[at].near;
+            for (towards, &near) in near.iter().enumerate().filter(|(_, near)| **near != NONE) {
+                self.rim[near as usize].inside &= !(1 << (towards ^ 4));
+            }
+            // It took over what the other covers; one that has all its neighbours never counts as outside.
+            if let Some(neighbour) = self.rim.get_mut(near[2 * side] as usize) {
+                neighbour.is_kept = true;
             }
         }
-        tracer
     }
 
-    fn is_inside(&self, column: Column) -> bool {
-        self.rim.get(&column).map_or_else(|| self.footprint.contains(column), |here| !here.is_outside)
-    }
-
-    fn cut(&self, column: Column) -> Option<&Cut> {
-        self.rim.get(&column).map(|here| &here.cut)
-    }
-
-    /// The neighbour that takes over a column's covered part, where that is less than half and can be taken over.
-    fn may_lie_outside(&self, column: Column) -> Option<Column> {
-        let OfRim { cut, is_kept, .. } = self.rim.get(&column)?;
-        if *is_kept || cut.fraction >= 0.5 {
-            return None;
+    /// The edge between a column of the rim and what is beyond that side, if there is one.
+    fn edge(&self, at: u32, side: usize) -> Option<Edge> {
+        let here = &self.rim[at as usize];
+        let other = here.near[2 * side];
+        match (here.is_outside, here.is_inside(2 * side)) {
+            (false, false) => Some(Edge { column: here.column, side, inner: at, outer: other }),
+            (true, true) => {
+                Some(Edge { column: beyond(here.column, side), side: side ^ 2, inner: other, outer: at })
+            }
+            _ => None,
         }
-        let shrunk = |&side: &usize| cut.is_open(side) && !cut.is_open(side ^ 2) && cut.reach[side] < 0.5;
-        let inner =
-            (0..4).filter(shrunk).map(|side| beyond(column, side ^ 2)).find(|&c| self.is_inside(c))?;
-        self.is_simple(column).then_some(inner)
     }
 
-    /// Whether the columns inside around `column` hang together without it (Hilditch's crossing number is 1).
-    fn is_simple(&self, column: Column) -> bool {
-        const AROUND: [Column; 8] = [[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1]];
-        let ring = AROUND.map(|step| self.is_inside([column[0] + step[0], column[1] + step[1]]));
-        let crossings = (0..4).filter(|k| !ring[2 * k] && (ring[2 * k + 1] || ring[(2 * k + 2) % 8]));
-        crossings.count() == 1
+    /// Where and as which bit it is noted that a ring runs over an edge.
+    fn note(edge: &Edge) -> (usize, u8) {
+        if edge.inner == NONE {
+            (edge.outer as usize, 1 << (4 + edge.side))
+        } else {
+            (edge.inner as usize, 1 << edge.side)
+        }
     }
 
-    /// Every edge once at least, in the order of the rim.
-    fn starts(&self) -> impl Iterator<Item = Edge> {
-        let of_column = move |column: Column| {
-            let is_outside = self.rim.get(&column).is_some_and(|here| here.is_outside);
-            (0..4u8).filter_map(move |side| {
-                let other = beyond(column, usize::from(side));
-                match (is_outside, self.is_inside(other)) {
-                    (false, false) => Some((column, side)),
-                    (true, true) => Some((other, side ^ 2)),
-                    _ => None,
-                }
-            })
-        };
-        self.footprint.rim().flat_map(of_column)
+    fn is_visited(&self, edge: &Edge) -> bool {
+        let (at, bit) = Self::note(edge);
+        self.rim[at].visited & bit != 0
     }
 
-    /// Follows the edges counter-clockwise around the columns inside.
-    fn ring(&self, start: Edge, visited: &mut HashSet<Edge, FxBuildHasher>) -> Ring {
-        let mut ring = Ring { vertices: Vec::new(), columns: 0 };
+    /// Follows the edges counter-clockwise around the columns inside; returns their number.
+    fn follow(&mut self, start: Edge, rings: &mut Rings) -> i64 {
+        let mut columns = 0;
         let mut edge = start;
         loop {
-            visited.insert(edge);
-            ring.vertices.push(self.vertex(edge));
-            let (column, side) = edge;
-            ring.columns += match side {
-                0 => i64::from(column[0] - self.origin[0]) + 1,
-                2 => -i64::from(column[0] - self.origin[0]),
+            let (at, bit) = Self::note(&edge);
+            self.rim[at].visited |= bit;
+            rings.push(self.vertex(&edge));
+            columns += match edge.side {
+                0 => i64::from(edge.column[0] - self.origin[0]) + 1,
+                2 => -i64::from(edge.column[0] - self.origin[0]),
                 _ => 0,
             };
-            edge = self.next(edge);
+            edge = self.next(&edge);
             if edge == start {
-                return ring;
+                return columns;
             }
         }
     }
 
-    fn next(&self, (column, side): Edge) -> Edge {
+    fn next(&self, edge: &Edge) -> Edge {
+        let Edge { column, side, inner, outer } = *edge;
         let left = (side + 1) % 4;
-        let ahead = beyond(column, usize::from(left));
-        let diagonal = beyond(ahead, usize::from(side));
-        if self.is_inside(diagonal) {
-            (diagonal, left ^ 2)
-        } else if self.is_inside(ahead) {
-            (ahead, side)
+        // The diagonal neighbour and the one ahead, as seen from the column of the two that is at the rim.
+        let (here, [diagonal, ahead]) = if inner == NONE {
+            (&self.rim[outer as usize], [2 * left, (2 * left + 1) % 8])
         } else {
-            (column, left)
+            (&self.rim[inner as usize], [(2 * left + 7) % 8, 2 * left])
+        };
+        let in_front = beyond(column, left);
+        if here.is_inside(diagonal) {
+            let column = beyond(in_front, side);
+            Edge { column, side: left ^ 2, inner: here.near[diagonal], outer }
+        } else if here.is_inside(ahead) {
+            Edge { column: in_front, side, inner: here.near[ahead], outer: here.near[diagonal] }
+        } else {
+            Edge { column, side: left, inner, outer: here.near[ahead] }
         }
     }
 
@@ -165,11 +160,11 @@ impl<'a> Tracer<'a> {
     }
 
     /// Where the points end between the middles of the column inside and the one outside.
-    fn vertex(&self, (column, side): Edge) -> Vector2<f64> {
-        let side = usize::from(side);
-        let outer = beyond(column, side);
-        let mine = self.cut(column);
-        let along = match self.rim.get(&outer).filter(|outer| outer.is_outside).map(|outer| &outer.cut) {
+    fn vertex(&self, edge: &Edge) -> Vector2<f64> {
+        let Edge { column, side, .. } = *edge;
+        let cut = |place: u32| self.rim.get(place as usize).map(|here| &here.cut);
+        let mine = cut(edge.inner);
+        let along = match cut(edge.outer) {
             Some(theirs) if theirs.is_open(side) => 0.5 + theirs.reach[side],
             // The end runs along both columns: it passes the line between their middles where half is covered.
             Some(theirs) => {

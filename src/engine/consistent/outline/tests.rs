@@ -141,14 +141,19 @@ fn binned(points: &[Vector3<f64>], plane: &Plane, voxel_size: f64) -> Footprint 
     }
     let mut footprint = Footprint::new(axis);
     for (key, content) in voxels.into_iter().filter(|(_, content)| content.points >= 15) {
-        footprint.add(axis.column(key), Content { voxels: 1, ..content });
+        footprint.add(axis.column(key), &Content { voxels: 1, ..content });
     }
     footprint
 }
 
 impl Seen {
     fn outline(&self) -> Outline {
-        Outline::new(&self.footprint, &self.plane, self.voxel_size, &Detail::default()).unwrap()
+        self.outline_with(&Detail::default()).unwrap()
+    }
+
+    fn outline_with(&self, detail: &Detail) -> Option<Outline> {
+        let drawing = &mut Drawing::default();
+        Outline::new(&self.footprint, &self.plane, self.voxel_size, detail, drawing)
     }
 }
 
@@ -173,7 +178,7 @@ fn any_footprint() -> impl Strategy<Value = Seen> {
         for (column, points) in columns {
             let mut content = Content { voxels: 1, ..Content::default() };
             points.into_iter().for_each(|point| content.add_point(point));
-            footprint.add(column, content);
+            footprint.add(column, &content);
         }
         Seen { footprint, plane: Plane { normal, d }, voxel_size: 0.05 }
     })
@@ -208,7 +213,7 @@ fn crossings(rings: &[Vec<Vector2<f64>>]) -> usize {
 fn parts(footprint: &Footprint) -> usize {
     let mut seen = BTreeSet::new();
     let mut parts = 0;
-    for start in footprint.rim() {
+    for start in footprint.rim_columns() {
         let mut open = vec![start];
         parts += usize::from(seen.insert(start));
         while let Some([x, y]) = open.pop() {
@@ -255,17 +260,20 @@ proptest! {
     fn an_outline_is_simple_whatever_the_points_say(seen in any_footprint(), least_hole in 1u32..6) {
         for tolerance in [0.0, 0.5, 2.0] {
             let detail = Detail { least_hole, tolerance, ..Detail::default() };
-            let outline = Outline::new(&seen.footprint, &seen.plane, seen.voxel_size, &detail).unwrap();
+            let outline = seen.outline_with(&detail).unwrap();
             check(&seen, &outline)?;
         }
     }
 
     #[test]
     fn fewer_vertices_leave_the_area_as_it_is(seen in any_footprint()) {
-        for ring in rings(&seen.footprint, [0, 0], 15) {
-            let few = simplified(&ring.vertices, 0.5);
-            prop_assert!(few.len() <= ring.vertices.len());
-            prop_assert!((doubled_area(&few) - doubled_area(&ring.vertices)).abs() < 1e-9);
+        let mut traced = Rings::default();
+        rings(&seen.footprint, 15, &mut Tracing::default(), &mut traced).unwrap();
+        for ring in traced.iter() {
+            let mut few = Rings::default();
+            Simplifying::default().draw(ring, 0.5, &mut few);
+            prop_assert!(few.drawn().len() <= ring.len());
+            prop_assert!((doubled_area(few.drawn()) - doubled_area(ring)).abs() < 1e-9);
         }
     }
 }
@@ -352,7 +360,7 @@ fn full(columns: &[Column]) -> Seen {
     let mut footprint = Footprint::new(Axis::dominant(&plane.normal));
     let mut content = Content { voxels: 1, ..Content::default() };
     (0..1024).for_each(|i| content.add_point([i % 32 * 128 + 64, i / 32 * 128 + 64]));
-    columns.iter().for_each(|&column| footprint.add(column, content));
+    columns.iter().for_each(|&column| footprint.add(column, &content));
     Seen { footprint, plane, voxel_size: 1.0 }
 }
 
@@ -391,7 +399,7 @@ fn holes_of_fewer_columns_than_asked_for_are_filled() {
     let seen = full(&holed);
     let of = |least_hole| {
         let detail = Detail { least_hole, ..Detail::default() };
-        Outline::new(&seen.footprint, &seen.plane, seen.voxel_size, &detail).unwrap()
+        seen.outline_with(&detail).unwrap()
     };
     assert_eq!((of(4).holes.len(), of(5).holes.len()), (1, 0));
     assert!((of(5).area - of(4).area - 4.0).abs() < 1.0);
@@ -399,7 +407,7 @@ fn holes_of_fewer_columns_than_asked_for_are_filled() {
 
 #[test]
 fn no_columns_have_no_outline_and_one_column_has_one() {
-    assert_eq!(Outline::new(&full(&[]).footprint, &full(&[]).plane, 1.0, &Detail::default()), None);
+    assert_eq!(full(&[]).outline_with(&Detail::default()), None);
     let one = full(&[[3, -4]]).outline();
     assert!(one.area > 0.4 && one.area < 1.1 && one.boundary.len() == 4, "{one:?}");
 }

@@ -89,11 +89,14 @@ impl Landmarks {
         self.floors.first().map(|(height, _)| height.0)
     }
 
-    /// Upright components, among them all that one of these points can be beside.
-    pub(super) fn near(&self, points: &[Point3<f64>]) -> BTreeSet<ComponentId> {
+    /// Upright components, among them all that one of these points can be beside, ascending.
+    pub(super) fn near(&self, points: &[Point3<f64>]) -> Vec<ComponentId> {
         let of_cell = |cell| self.uprights.range((cell, ComponentId(0))..=(cell, ComponentId(u32::MAX)));
         let cells = points.iter().map(|point| [point.x, point.y, point.z].map(index));
-        cells.flat_map(of_cell).map(|(_, component)| *component).collect()
+        let mut near: Vec<_> = cells.flat_map(of_cell).map(|(_, component)| *component).collect();
+        near.sort_unstable();
+        near.dedup();
+        near
     }
 }
 

@@ -190,7 +190,9 @@ impl Surfaces {
             else {
                 continue;
             };
-            let told = cluster.identity.id.and_then(|id| describe::describe(cluster, id, params));
+            cluster.refit();
+            let drawing = &mut self.drawing;
+            let told = cluster.identity.id.and_then(|id| describe::describe(cluster, id, params, drawing));
             ensure(told.is_some() == saved.told.is_some(), || {
                 format!("{component:?} can be told of: {}, and was: {:?}", told.is_some(), saved.told)
             })?;

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use super::Surfaces;
 use crate::engine::consistent::block::{BlockIndex, BlockKey, Cell};
 use crate::engine::consistent::class::Neighbour;
-use crate::engine::consistent::cluster::content;
+use crate::engine::consistent::cluster::{Before, Standing, content};
 use crate::engine::consistent::describe::{self, Surroundings};
 use crate::engine::consistent::footprint::{Axis, Footprint};
 use crate::engine::consistent::graph::ComponentId;
@@ -71,7 +71,7 @@ impl Surfaces {
         let mut classes = Vec::new();
         for &component in &due {
             let Some(cluster) = self.clusters[component.0 as usize].as_deref() else { continue };
-            let (Some(shape), Some(plane)) = (&cluster.told, cluster.plane()) else { continue };
+            let (Some(shape), Some(plane)) = (&cluster.told, &cluster.plane) else { continue };
             let rms = plane.normal.dot(&(plane.covariance * plane.normal.into_inner())).max(0.0).sqrt();
             let beside = self.neighbours(shape);
             classes
@@ -115,12 +115,14 @@ impl Surfaces {
             self.landmarks.set(component, None);
             return;
         };
-        if changed || cluster.told.is_none() {
-            cluster.before = cluster.told.take();
-            cluster.told = describe::describe(cluster, id, params);
-            self.landmarks.set(component, cluster.told.as_ref());
+        let before = cluster.told.take();
+        if let Some(told) = before.as_ref().filter(|_| !changed) {
+            cluster.before = Before::Standing(Standing::of(told));
+            cluster.told = before;
         } else {
-            cluster.before.clone_from(&cluster.told);
+            cluster.before = before.map_or(Before::New, |told| Before::Other(Box::new(told)));
+            cluster.told = describe::describe(cluster, id, params, &mut self.drawing);
+            self.landmarks.set(component, cluster.told.as_ref());
         }
         let state = describe::state(cluster, params, now);
         let last_seen = cluster.identity.last_seen;
@@ -134,9 +136,9 @@ impl Surfaces {
         let mut changed = Vec::new();
         for component in due {
             let Some(cluster) = self.clusters[component.0 as usize].as_deref_mut() else { continue };
-            let before = cluster.before.take();
+            let before = std::mem::take(&mut cluster.before);
             let merged_from = std::mem::take(&mut cluster.identity.merged_from);
-            let Some(told) = cluster.told.as_mut().filter(|told| before.as_ref() != Some(*told)) else {
+            let Some(told) = cluster.told.as_mut().filter(|told| !before.is(told)) else {
                 continue;
             };
             cluster.identity.revision += 1;
@@ -147,11 +149,16 @@ impl Surfaces {
         changed
     }
 
-    /// Projects a cluster along another axis where its normal now leans towards that. Costs its voxels, once in a while.
-    pub(super) fn turn_footprints(&mut self, grid: &Grid) {
+    /// Finds the planes of what has changed, and projects a cluster along another axis where its normal now leans towards
+    /// that, which costs its voxels, once in a while.
+    pub(super) fn refit(&mut self, grid: &Grid) {
         for component in self.changed.clone() {
-            let Some(cluster) = self.clusters[component.0 as usize].as_deref() else { continue };
-            let Some(axis) = cluster.plane().map(|plane| Axis::dominant(&plane.normal)) else { continue };
+            let Some(cluster) = self.clusters[component.0 as usize].as_deref_mut() else { continue };
+            cluster.refit();
+            cluster.footprint.tidy();
+            let Some(axis) = cluster.plane.as_ref().map(|plane| Axis::dominant(&plane.normal)) else {
+                continue;
+            };
             if axis != cluster.footprint.axis() {
                 let footprint = self.footprint(grid, component, axis);
                 if let Some(cluster) = self.clusters[component.0 as usize].as_mut() {
@@ -169,7 +176,7 @@ impl Surfaces {
             let here = &self.segmented[id.block.0 as usize];
             let mut enter = |block: BlockIndex, state: &State| {
                 if let Some(key) = grid.block(block).voxel_key(state.cell) {
-                    footprint.add(axis.column(key), content(state, axis));
+                    footprint.add(axis.column(key), &content(state, axis));
                 }
             };
             let patch = &here.patches[usize::from(id.number)];

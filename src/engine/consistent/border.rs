@@ -1,0 +1,114 @@
+//! The columns at the rim of a footprint, each with those around it.
+//!
+//! The eight directions around a column are counted counter-clockwise, `2 * s` towards its side `s`; opposite to `d` is
+//! `d ^ 4`.
+
+use super::footprint::{Column, Footprint, Row};
+use super::rim::Cut;
+
+/// In place of a column that is not at the rim.
+pub(crate) const NONE: u32 = u32::MAX;
+
+/// A column of the rim.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct OfRim {
+    pub(crate) column: Column,
+    pub(crate) cut: Cut,
+    /// By direction: the place of the neighbour at the rim, or [`NONE`].
+    pub(crate) near: [u32; 8],
+    /// Bit `d` is set where the neighbour in direction `d` counts as inside.
+    pub(crate) inside: u8,
+    /// It counts as outside.
+    pub(crate) is_outside: bool,
+    /// It took over what one that counts as outside covers, and stays inside.
+    pub(crate) is_kept: bool,
+    /// Edges that a ring was followed over: bit `s` where this column is inside and the one beyond side `s` outside, bit
+    /// `4 + s` where it is the one outside.
+    pub(crate) visited: u8,
+}
+
+impl OfRim {
+    pub(crate) const fn is_inside(&self, direction: usize) -> bool {
+        self.inside >> direction & 1 == 1
+    }
+
+    /// The side on which the neighbour takes over the covered part, where that is less than half and can be taken over.
+    pub(crate) fn may_lie_outside(&self) -> Option<usize> {
+        let cut = &self.cut;
+        if self.is_kept || cut.fraction >= 0.5 {
+            return None;
+        }
+        let shrunk = |&side: &usize| cut.is_open(side) && !cut.is_open(side ^ 2) && cut.reach[side] < 0.5;
+        let inner = (0..4).filter(shrunk).map(|side| side ^ 2).find(|side| self.is_inside(2 * side))?;
+        self.is_simple().then_some(inner)
+    }
+
+    /// Whether the columns inside around it hang together without it (Hilditch's crossing number is 1).
+    fn is_simple(&self) -> bool {
+        const SIDES: u8 = 0b0101_0101;
+        let next = self.inside.rotate_right(1) | self.inside.rotate_right(2);
+        (!self.inside & next & SIDES).is_power_of_two()
+    }
+}
+
+/// Finds the rim of a footprint, ascending, every column of the footprint inside.
+pub(crate) fn find(footprint: &Footprint, rows: &mut Vec<Row>, rim: &mut Vec<OfRim>) {
+    rim.clear();
+    footprint.rim(rows, |column, joined, content| {
+        rim.push(OfRim {
+            column,
+            cut: Cut::new(content, joined),
+            near: [NONE; 8],
+            inside: 0,
+            is_outside: false,
+            is_kept: false,
+            visited: 0,
+        });
+    });
+    let (mut before, mut after) = (0, 0);
+    for here in 0..rim.len() {
+        let [x, y] = rim[here].column;
+        while rim[before].column < [x - 1, y - 1] {
+            before += 1;
+        }
+        while rim.get(after).is_some_and(|other| other.column < [x + 1, y - 1]) {
+            after += 1;
+        }
+        let mut near = [NONE; 8];
+        for (from, line, directions) in
+            [(after, x + 1, [7, 0, 1]), (before, x - 1, [5, 4, 3]), (here.saturating_sub(1), x, [6, 8, 2])]
+        {
+            for (place, of_rim) in rim.iter().enumerate().skip(from).take(3) {
+                let [other, along] = of_rim.column;
+                let direction = directions.get((along - y + 1) as usize).filter(|_| other == line);
+                if let Some(near) = direction.and_then(|&direction| near.get_mut(direction)) {
+                    *near = place as u32;
+                }
+            }
+        }
+        rim[here].near = near;
+    }
+    (0..rim.len()).for_each(|here| rim[here].inside = inside(rim, here));
+}
+
+/// Which neighbours are covered. A covered one that is not at the rim has all its neighbours.
+fn inside(rim: &[OfRim], here: usize) -> u8 {
+    let OfRim { near, cut, .. } = &rim[here];
+    let mut inside = 0;
+    for side in 0..4 {
+        if cut.is_open(side) {
+            continue;
+        }
+        inside |= 1 << (2 * side);
+        // The two beside that one.
+        for (turn, direction) in [(side + 1, 2 * side + 1), (side + 3, 2 * side + 7)] {
+            let beyond = rim.get(near[2 * side] as usize);
+            if beyond.is_none_or(|beyond| !beyond.cut.is_open(turn % 4)) {
+                inside |= 1 << (direction % 8);
+            }
+        }
+    }
+    (0..8)
+        .filter(|&direction| near[direction] != NONE)
+        .fold(inside, |inside, direction| inside | 1 << direction)
+}

@@ -1,0 +1,86 @@
+use std::collections::BTreeSet;
+
+use proptest::prelude::*;
+
+use super::*;
+
+fn content() -> impl Strategy<Value = Content> {
+    proptest::collection::vec(proptest::array::uniform2(0..UNITS), 0..6).prop_map(|points| {
+        let mut content = Content { voxels: 1, ..Content::default() };
+        points.into_iter().for_each(|point| content.add_point(point));
+        content
+    })
+}
+
+fn voxels() -> impl Strategy<Value = Vec<(Column, Content)>> {
+    proptest::collection::vec((proptest::array::uniform2(-4..4), content()), 0..90)
+}
+
+fn of(voxels: &[(Column, Content)]) -> Footprint {
+    let mut footprint = Footprint::new(Axis(2));
+    voxels.iter().for_each(|&(column, content)| footprint.add(column, &content));
+    footprint
+}
+
+/// The rim by its definition.
+fn naive_rim(voxels: &[(Column, Content)]) -> Vec<Column> {
+    let columns: BTreeSet<Column> = voxels.iter().map(|&(column, _)| column).collect();
+    let lacks = |&column: &Column| (0..4).any(|side| !columns.contains(&beyond(column, side)));
+    columns.iter().copied().filter(lacks).collect()
+}
+
+proptest! {
+    #[test]
+    fn it_depends_on_what_is_in_it_and_not_on_order_or_history(
+        stay in voxels(), go in voxels(), turn in 0usize..90,
+    ) {
+        let whole = of(&stay);
+        prop_assert_eq!(whole.rim_columns(), naive_rim(&stay));
+
+        let mut mixed: Vec<_> = stay.iter().chain(&go).copied().collect();
+        let middle = turn.min(mixed.len());
+        mixed.rotate_left(middle);
+        let mut running = of(&mixed);
+        go.iter().rev().for_each(|&(column, content)| running.remove(column, &content));
+        prop_assert_eq!(&running, &whole);
+
+        let at = turn.min(stay.len());
+        let mut halves = of(&stay[..at]);
+        halves.merge(&of(&stay[at..]));
+        prop_assert_eq!(&halves, &whole);
+    }
+}
+
+#[test]
+fn the_rim_of_columns_over_many_tiles_is_that_of_its_definition() {
+    let is_hole = |x: i32, y: i32| (x * 7 + y * 13) % 29 == 0 || (x > 3 && y > 12);
+    let columns = (-21..19).flat_map(|x| (-18..23).map(move |y| (x, y))).filter(|&(x, y)| !is_hole(x, y));
+    let voxels: Vec<_> =
+        columns.map(|(x, y)| ([x, y], Content { voxels: 1, ..Content::default() })).collect();
+    let mut footprint = of(&voxels);
+    assert_eq!(footprint.rim_columns(), naive_rim(&voxels));
+    let (gone, left): (Vec<_>, Vec<_>) = voxels.iter().partition(|([x, _], _)| *x < -5);
+    gone.iter().for_each(|(column, content)| footprint.remove(*column, content));
+    footprint.tidy();
+    assert_eq!(footprint, of(&left));
+    assert_eq!(footprint.rim_columns(), naive_rim(&left));
+}
+
+#[test]
+fn more_points_in_a_member_change_its_content_alone() {
+    let mut footprint = of(&[([0, 0], Content { voxels: 1, ..Content::default() })]);
+    let mut more = Content::default();
+    more.add_point([512, 1024]);
+    footprint.add([0, 0], &more);
+    assert_eq!(footprint.content([0, 0]).unwrap().squares, [1 << 18, 1 << 20]);
+    footprint.remove([0, 0], &more);
+    assert_eq!(footprint, of(&[([0, 0], Content { voxels: 1, ..Content::default() })]));
+}
+
+#[test]
+fn the_axis_is_that_of_the_longest_part_of_the_normal_and_the_lowest_of_equals() {
+    let of = |x, y, z| Axis::dominant(&UnitVector3::new_normalize(nalgebra::Vector3::new(x, y, z))).index();
+    assert_eq!([of(0.1, -0.9, 0.3), of(0.0, 0.0, -1.0), of(1.0, 1.0, 1.0), of(0.1, -1.0, 1.0)], [1, 2, 0, 1]);
+    let key = VoxelKey::new(3, 4, 5).unwrap();
+    assert_eq!([0, 1, 2].map(|axis| Axis(axis).column(key)), [[4, 5], [3, 5], [3, 4]]);
+}
