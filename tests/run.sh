@@ -96,7 +96,7 @@ else
   run cargo test --lib --bins --tests --no-fail-fast
 fi
 run cargo test --doc
-run cargo bench --bench '*' -- --test   # each benchmark once: that it runs, not how fast
+run cargo bench --profile test --bench '*' -- --test   # each benchmark once: that it runs, not how fast
 build_secured   # before the build without, which is the one to stay
 run cargo build --release
 run bash tests/soak.sh accelerated --hours 0.015 --views 30
