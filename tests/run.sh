@@ -96,14 +96,15 @@ else
   run cargo test --lib --bins --tests --no-fail-fast
 fi
 run cargo test --doc
-run cargo bench --bench '*' -- --test   # each benchmark once: that it runs, not how fast
+run cargo bench --profile test --bench '*' -- --test   # each benchmark once: that it runs, not how fast
 build_secured   # before the build without, which is the one to stay
 run cargo build --release
 run bash tests/soak.sh accelerated --hours 0.015 --views 30
 step "ROS tests: sockets"
 raise_socket_buffer
 raise_readers_buffer
-run bash tests/ros/python.sh -m pytest tests/ros
+run bash tests/ros/python.sh -m pytest tests/ros -m alone
+run bash tests/ros/python.sh -m pytest tests/ros -m "not alone" --numprocesses 3 --dist loadfile   # they mostly wait
 run bash tests/colcon/python.sh -m pytest tests/colcon
 run bash tests/bags/python.sh -m pytest tests/bags
 step "report: a browser"

@@ -12,6 +12,11 @@ import pytest
 import network
 
 
+def pytest_configure(config):
+    if hasattr(config, "workerinput"):  # pytest-xdist: workers do not share what they begin in either
+        network.own_network()
+
+
 @pytest.fixture(autouse=True)
 def own_network():
     network.own_network()

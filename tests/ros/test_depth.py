@@ -36,6 +36,7 @@ def take_in(camera, peer, image):
     return peer.deltas.wait("the delta of a good image", lambda m: compare.stamp(m) == stamp, after=before)
 
 
+@pytest.mark.alone
 @pytest.mark.timeout(400)
 @pytest.mark.parametrize("kind, buffer", [
     (["--kind=compressed"], STOCK_BUFFER),

@@ -30,6 +30,7 @@ def play(point_step, recordings, node):
     return played, counts
 
 
+@pytest.mark.alone
 @pytest.mark.timeout(600)
 @pytest.mark.parametrize("point_step", [16, 32])
 def test_at_30_hz_99_percent_are_taken_in_and_a_reader_rebuilds_the_map(

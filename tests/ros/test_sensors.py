@@ -122,6 +122,7 @@ def restarts(start, new_peer, deltas, attempt):
     return took
 
 
+@pytest.mark.alone
 def test_data_flows_again_within_2_s_whichever_starts_anew(start, new_peer):
     """In one of three attempts, for the machine may be busy; a transform that waits for a heartbeat takes 2.7 s, mostly."""
     watcher = new_peer("watcher")

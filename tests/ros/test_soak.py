@@ -64,6 +64,7 @@ def test_a_fault_that_may_cost_nothing_excuses_no_scan_of_its_own_time():
     assert not wrong(afterwards, lost=[203], allowed=1), "by chance"
 
 
+@pytest.mark.alone
 @pytest.mark.timeout(300)
 def test_a_minute_with_every_fault_once_leaves_nothing_wrong(large_buffers):
     """Clouds of 1.2 MB at 30 Hz: every scan is taken in that no fault may cost (but for a few, on a machine that others use

@@ -131,6 +131,7 @@ def test_when_the_network_comes_back_the_scans_do_in_the_same_map(seconds, start
     one_map(peer, counts)
 
 
+@pytest.mark.alone
 def test_a_burst_at_90_hz_costs_what_is_counted_and_nothing_else(start, peer, drive, large_buffers):
     """Three times a Kinect's rate in clouds of 2.5 MB: what the engine has no time for is counted as replaced, what the
     network had no room for as lost. Every scan is one of taken in, replaced, lost or skipped, and when the burst is over
@@ -146,6 +147,7 @@ def test_a_burst_at_90_hz_costs_what_is_counted_and_nothing_else(start, peer, dr
     one_map(peer, counts)
 
 
+@pytest.mark.alone
 def test_beside_two_hogs_on_the_cores_every_scan_is_taken_in_or_counted(start, peer, drive):
     """Two processes that take all the time they get leave the node a third or so of a core. It goes on, and what it had
     no time for is counted."""
@@ -172,6 +174,7 @@ def test_a_node_that_stalls_for_5_s_goes_on_in_the_same_map(start, peer, drive):
     one_map(peer, counts, gaps=1)
 
 
+@pytest.mark.alone
 def test_a_driver_that_stalls_for_5_s_costs_no_scan(start, peer, drive):
     """While no scan comes there is nothing to lose: all that were sent are taken in, before and after, in one map."""
     node, driver = begin(start, peer, drive)
@@ -196,6 +199,7 @@ def other_reader():
         reader.communicate()
 
 
+@pytest.mark.alone
 def test_readers_that_join_and_are_killed_cost_the_others_nothing(start, peer, drive):
     """The middleware takes no message while a reader has not acknowledged the last so many, and who has just been found
     has acknowledged none. The node waits for it, and no delta is lost to those that were there before."""
@@ -208,6 +212,7 @@ def test_readers_that_join_and_are_killed_cost_the_others_nothing(start, peer, d
     one_map(peer, stop(node, driver))
 
 
+@pytest.mark.alone
 def test_a_reader_that_stands_still_silences_the_node_for_nobody_else(start, peer, drive):
     """A reader that was stopped acknowledges nothing, and is believed to be there for 20 s. When as much waits for it as is
     kept, the node opens the topic anew, and the others go on; of the deltas they may miss some, once for each beginning."""
@@ -232,6 +237,7 @@ def most_resident(node, seconds):
     return most
 
 
+@pytest.mark.alone
 def test_where_nobody_reads_the_snapshots_memory_stays_level(start, drive):
     """The middleware keeps what a reader may still ask for; where there is none, the newest few and no more. Snapshots and
     markers of a room, 100 times a second, are 2.7 MB each second: 32 MB from one look to the next."""

@@ -311,6 +311,7 @@ def forged(header, heartbeat, last, count=1 << 20):
     return header + heartbeat[:20] + struct.pack("<iIi", last >> 32, last & 0xffffffff, count)
 
 
+@pytest.mark.alone
 @pytest.mark.timeout(300)
 def test_a_forged_heartbeat_that_holds_the_middleware_costs_seconds_and_no_map(start, peer, tmp_path):
     nobody = ports()
