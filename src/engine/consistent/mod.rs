@@ -9,7 +9,9 @@
 //!    when the sensor has turned away; in between, not more often than every third scan, when a quarter of a scan's points
 //!    fall into voxels that were not published or a quarter of the voxels have drifted; at once when a dense voxel is gone
 //!    (`block`, `published`). While the sensor stands still, half of a scan's points must (`standpoint`): its noise adds to
-//!    the map for long, and moves next to nothing of what is told of.
+//!    the map for long, and moves next to nothing of what is told of. While it moves, a scan publishes 3 m^2 of known voxels
+//!    anew, or an eighth of what is due; the others wait for the next (`pipeline`), so that hardly a scan takes twice the
+//!    usual time. States are rounded to parts of a voxel that no surface is known to (`state`), a third of the memory.
 //! 2. The dense voxels of a block form planar **patches**, grown from the flattest places, a voxel belonging to the plane
 //!    that its points lie on as well as their noise lets them; from what is left, **rough** patches with half a voxel's
 //!    tolerance. What fits none is **loose** (`patches`), and so is what has become dense since the block was published.

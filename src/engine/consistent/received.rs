@@ -187,10 +187,20 @@ impl WithSimd for OfDepths<'_> {
             column.clear();
             column.extend(rays.x.iter().map(|&ray| x * f64::from(ray) + z));
         }
-        let rows: Vec<_> = self.depths.rows().zip(&rays.y).collect();
-        for rows in rows.chunks(SIDE) {
+        let depths = self.depths;
+        let mut rows = depths.rows().zip(&rays.y);
+        let mut strip: [(&[f32], &f32); SIDE] = [(&[], &0.0); SIDE];
+        loop {
+            let mut count = 0;
+            for (place, row) in strip.iter_mut().zip(&mut rows) {
+                *place = row;
+                count += 1;
+            }
             for first in (0..rays.x.len()).step_by(SIDE) {
-                self.tile(rows, &columns, first);
+                self.tile(&strip[..count], &columns, first);
+            }
+            if count < SIDE {
+                break;
             }
         }
         self.receiver.received.columns = columns;

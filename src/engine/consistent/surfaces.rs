@@ -49,6 +49,8 @@ pub(super) struct Surfaces {
     ids_given: u64,
     /// Components that this scan changed.
     changed: BTreeSet<ComponentId>,
+    /// Components that this scan looks at, ascending; its memory stays for the next.
+    due: Vec<ComponentId>,
     /// Ids that are gone by this scan.
     removed: BTreeSet<ClusterId>,
     /// Voxels in clusters that have an id.
@@ -68,6 +70,7 @@ impl Surfaces {
             drawing: Drawing::default(),
             ids_given: 0,
             changed: BTreeSet::new(),
+            due: Vec::new(),
             removed: BTreeSet::new(),
             clustered: 0,
         }

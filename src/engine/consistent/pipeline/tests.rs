@@ -93,3 +93,22 @@ fn a_shorter_expansion_interval_completes_what_has_not_grown_for_so_long() {
     engine.tune(&Params::default().with_expansion_interval(5).unwrap());
     assert_eq!(rest(&mut engine), 0);
 }
+
+#[test]
+fn what_a_moving_sensor_leaves_to_later_scans_is_published_soon_after_it_stands() {
+    let mut next = laboratory();
+    let mut engine = Consistent::new(Params::default().with_voxel_size(0.05).unwrap());
+    let waiting = |engine: &Consistent| {
+        let (sequence, since) = (engine.taken.sequence, engine.standpoint.since());
+        engine.stale.iter().filter(|&&block| engine.grid.block(block).is_due(sequence, since)).count()
+    };
+    let mut most = 0;
+    for _ in 0..40 {
+        engine.insert(&next());
+        most = most.max(waiting(&engine));
+    }
+    assert!(most > 10, "{most} blocks waited at most");
+    let last = next();
+    (0..40).for_each(|_| drop(engine.insert(&last)));
+    assert_eq!(waiting(&engine), 0);
+}

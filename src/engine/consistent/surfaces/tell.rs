@@ -1,7 +1,5 @@
 //! What leaves the engine of the clusters: ids for those that are large enough, and descriptions, each as it was told of last.
 
-use std::collections::BTreeSet;
-
 use super::Surfaces;
 use crate::engine::consistent::block::{BlockIndex, BlockKey, Cell};
 use crate::engine::consistent::class::Neighbour;
@@ -61,8 +59,11 @@ impl Surfaces {
         sensor_height: f64,
         now: Now,
     ) -> Vec<ChangedCluster> {
-        let mut due: BTreeSet<_> = self.changed.clone();
-        due.extend(self.in_turn(now));
+        let mut due = std::mem::take(&mut self.due);
+        due.clear();
+        due.extend(&self.changed);
+        due.extend(self.in_turn(now).filter(|component| !self.changed.contains(component)));
+        due.sort_unstable();
         for &component in &due {
             let changed = self.changed.contains(&component);
             self.describe_shape(component, changed, params, now);
@@ -82,7 +83,9 @@ impl Surfaces {
                 (told.class, told.class_confidence) = (class, confidence);
             }
         }
-        self.finish(&due)
+        let changed = self.finish(&due);
+        self.due = due;
+        changed
     }
 
     /// The clusters whose turn it is to be looked at though nothing has changed. It stays the same turn while others come.
@@ -132,7 +135,7 @@ impl Surfaces {
     }
 
     /// Counts the revisions of what is told of differently.
-    pub(super) fn finish(&mut self, due: &BTreeSet<ComponentId>) -> Vec<ChangedCluster> {
+    pub(super) fn finish(&mut self, due: &[ComponentId]) -> Vec<ChangedCluster> {
         let mut changed = Vec::new();
         for component in due {
             let Some(cluster) = self.clusters[component.0 as usize].as_deref_mut() else { continue };
