@@ -89,11 +89,12 @@ def main():
     parser.add_argument("--recordings", type=pathlib.Path)
     parser.add_argument("--prepare", type=pathlib.Path, help="only write the scans to a file, to begin faster from it")
     parser.add_argument("--size", type=int, nargs=2, default=[640, 480], help="of the room's images")
+    parser.add_argument("--point-step", type=int, choices=[16, 32], default=16, help="bytes of a point of the cabinet")
     parser.add_argument("--rate", type=float, default=30)
     parser.add_argument("--at-once", action="store_true", help="send before anybody listens, as drivers do")
     arguments = parser.parse_args()
     made = {"wall": walls, "room": lambda: room(60, *arguments.size),
-            "cabinet": lambda: clouds.cabinet(arguments.recordings)}.get(arguments.scans)
+            "cabinet": lambda: clouds.cabinet(arguments.recordings, arguments.point_step)}.get(arguments.scans)
     scans = list(made()) if made else pickle.loads(pathlib.Path(arguments.scans).read_bytes())
     if arguments.prepare:
         arguments.prepare.write_bytes(pickle.dumps(scans))

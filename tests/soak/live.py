@@ -126,6 +126,7 @@ def prepared(arguments, folder):
     scans = arguments.scans or ("cabinet" if recordings else "room")
     file = pathlib.Path(folder) / "scans"
     subprocess.run([sys.executable, faults.DRIVER, "--scans", scans, "--prepare", file, "--size", *map(str, arguments.size),
+                    "--point-step", str(arguments.point_step),
                     *(["--recordings", recordings] if scans == "cabinet" else [])], check=True)
     return scans, file
 
@@ -182,6 +183,8 @@ def main():
     parser.add_argument("--max-voxels", type=int, default=8000, help="0 = no bound")
     parser.add_argument("--scans", choices=["cabinet", "room"], help="the recording where it is there, else the room")
     parser.add_argument("--size", type=int, nargs=2, default=[640, 480], help="of the room's images")
+    parser.add_argument("--point-step", type=int, choices=[16, 32], default=16,
+                        help="bytes of a point of the recording: clouds of 4.9 or 9.8 MB")
     parser.add_argument("--settle", type=float, default=60, help="seconds after which memory is to be level")
     parser.add_argument("--allowed", type=int, default=0, help="scans that may be missing and no fault excuses")
     parser.add_argument("--trace", type=pathlib.Path, help="a CSV of the node's memory, every second")
