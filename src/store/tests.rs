@@ -246,3 +246,17 @@ fn under_an_earlier_clock_what_was_known_stays_known() {
         }
     }
 }
+
+/// Saved by a program that kept sums in wider numbers and states unrounded.
+#[test]
+fn a_map_that_was_saved_before_voxels_became_smaller_goes_on() {
+    let stored = unpack(include_bytes!("tests/wide_sums.map")).unwrap();
+    let params =
+        Params::default().with_voxel_size(0.25).and_then(|params| params.with_min_points(2)).unwrap();
+    let engine = Engine::restore(params, &stored.map).unwrap();
+    let dense = engine.snapshot().voxels.len();
+    assert!(dense > 0);
+    let again = Engine::restore(params, &engine.save()).unwrap();
+    assert_eq!(again.save(), engine.save());
+    assert_eq!(again.snapshot().voxels.len(), dense);
+}

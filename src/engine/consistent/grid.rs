@@ -5,7 +5,7 @@
 //! numbered in the order of their keys.
 //!
 //! A block that has lost all its voxels gives its memory back and its place to the next block that comes
-//! ([`Grid::release`]); it keeps 1.5 KB until then, so memory follows the most blocks that were there at once.
+//! ([`Grid::release`]); it keeps 1.2 KB until then, so memory follows the most blocks that were there at once.
 
 use hashbrown::HashMap;
 use nalgebra::{Point3, Vector3};
