@@ -64,6 +64,15 @@ def test_colours_tell_clusters_apart(seen):
     assert len(set(colours)) == len(colours)
 
 
+def before(surface):
+    """Where to stand to see an upright surface from the front: from elsewhere it may be a line."""
+    if surface.ns != "surfaces":
+        return {}
+    one, two, three = points_of(surface).reshape(-1, 3, 3).transpose(1, 0, 2)
+    x, y, z = np.cross(two - one, three - one).sum(0)
+    return {"yaw": np.degrees(np.arctan2(y, x))} if np.hypot(x, y) > abs(z) else {}
+
+
 def test_what_is_drawn_has_the_colour_of_every_cluster(seen):
     picture = np.asarray(draw(seen.viewer, (300, 200))).reshape(-1, 3)
     assert (np.abs(picture.astype(int) - BACKGROUND).max(1) > 10).mean() > 0.2, "hardly anything is drawn"
@@ -72,7 +81,7 @@ def test_what_is_drawn_has_the_colour_of_every_cluster(seen):
             continue
         alone = Viewer()
         alone.markers = {identity: marker}
-        drawn = np.asarray(draw(alone, (90, 60))).reshape(-1, 3).astype(float)
+        drawn = np.asarray(draw(alone, (90, 60), **before(marker))).reshape(-1, 3).astype(float)
         # Lit by half at least, and mixed with the background.
         a = marker.color.a
         darkest, lightest = ((1 - a) * np.array(BACKGROUND) + a * light * rgb(marker) for light in (0.5, 1.0))
