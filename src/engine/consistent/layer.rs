@@ -81,7 +81,8 @@ impl Segmented {
             (0..).zip(&members).filter_map(|(number, states)| Patch::new(states, &corner, number >= flat));
         let patches: Vec<_> = patches.collect();
         let (contacts, slice_of) = (vec![Contacts::new(); patches.len()], vec![None; patches.len()]);
-        let mut segmented = Self { states, labels, cells, patches, contacts, slice_of, ..Self::empty() };
+        let (loose, loose_cells) = (Vec::new(), Cells::default());
+        let mut segmented = Self { states, labels, cells, patches, contacts, slice_of, loose, loose_cells };
         let loose = (0..).zip(&owner).filter(|(_, number)| segmented.is_loose(**number));
         segmented.loose = loose.map(|(place, _)| Loose { place, owner: None, admitted: false }).collect();
         let cell_of = |loose: &Loose| segmented.states[usize::from(loose.place)].cell;
@@ -237,22 +238,12 @@ pub(super) fn owner_of(
     let met = segmented[own.block.0 as usize].contacts[usize::from(own.number)].keys().copied();
     let is_near = |id: PatchId| {
         let place = around.iter().position(|block| *block == Some(id.block));
-        place.is_some_and(|place| lies_within(state.cell, offset_of(place), rules.rim_reach))
+        place.is_some_and(|place| Cells::border(offset_of(place), rules.rim_reach).contains(state.cell))
     };
     let whole = met.filter(|&id| is_whole(id) && is_near(id)).filter_map(|id| Some((within(id)?, id)));
     let best = whole.min_by(|a, b| a.0.total_cmp(&b.0));
     let better = |(misfit, _): &(f64, PatchId)| within(own).is_none_or(|own| *misfit < own);
     Some(best.filter(better).map_or(own, |(_, id)| id))
-}
-
-/// Whether a cell lies within `reach` of the block in this direction.
-pub(super) fn lies_within(cell: Cell, direction: [i32; 3], reach: i32) -> bool {
-    let at = cell.coordinates();
-    (0..3).all(|i| match direction[i] {
-        -1 => at[i] < reach,
-        1 => at[i] >= EDGE - reach,
-        _ => true,
-    })
 }
 
 fn cut_patch_of(state: &State, around: &Around, segmented: &[Segmented]) -> Option<PatchId> {

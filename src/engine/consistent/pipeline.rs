@@ -181,9 +181,7 @@ impl Consistent {
         self.stale.sort_unstable();
         self.stale.dedup();
         let (sequence, since) = (self.taken.sequence, self.standpoint.since());
-        let is_due = |block: &BlockIndex| grid.block(*block).is_due(sequence, since);
-        let due = self.stale.iter().copied().filter(is_due).collect();
-        self.stale.retain(|block| !is_due(block));
+        let due = self.stale.extract_if(.., |block| grid.block(*block).is_due(sequence, since)).collect();
         self.first_of(due)
     }
 

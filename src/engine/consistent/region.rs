@@ -16,6 +16,7 @@ use super::symmetric::{symmetric, upper};
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Region([f64; 16]);
 
+const WEIGHT: usize = 0;
 const SUM: usize = 1;
 const OUTER: usize = 4;
 const TOWARDS: usize = 10;
@@ -58,7 +59,7 @@ impl Region {
     /// Takes in the voxels of another one.
     #[inline]
     pub(super) fn join(&mut self, other: &Self) {
-        self.0.iter_mut().zip(&other.0).for_each(|(sum, other)| *sum += other);
+        add(&mut self.0, &other.0);
     }
 
     pub(super) const fn voxels(&self) -> f64 {
@@ -67,16 +68,12 @@ impl Region {
 
     /// Inverse variance of the plane at its middle, in voxels^-2.
     pub(super) const fn weight(&self) -> f64 {
-        self.0[0]
+        self.0[WEIGHT]
     }
 
     /// Whether it was seen from the side that the plane's normal points to.
     pub(super) fn is_seen_from(&self, plane: &Plane) -> bool {
-        self.vector(TOWARDS).dot(&plane.normal) > 0.0
-    }
-
-    fn vector(&self, first: usize) -> Vector3<f64> {
-        Vector3::from_column_slice(&self.0[first..first + 3])
+        vector(&self.0, TOWARDS).dot(&plane.normal) > 0.0
     }
 
     /// `None` for fewer than three voxels.
@@ -84,10 +81,10 @@ impl Region {
         if self.voxels() < 3.0 {
             return None;
         }
-        let point = self.vector(SUM) / self.weight();
+        let point = vector(&self.0, SUM) / self.weight();
         let outer = matrix(&self.0, OUTER) / self.weight();
         let Spread { variances, normal } = Spread::of(&(outer - point * point.transpose()));
-        let normal = if normal.dot(&self.vector(TOWARDS)) < 0.0 { -normal } else { normal };
+        let normal = if normal.dot(&vector(&self.0, TOWARDS)) < 0.0 { -normal } else { normal };
         let variances = variances.map(|variance| variance.max(0.0));
         Some(Fit { plane: Plane { point, normal: UnitVector3::new_normalize(normal) }, variances })
     }
@@ -98,6 +95,7 @@ impl Region {
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Scatter([f64; 16]);
 
+const MEAN: usize = 0;
 const SQUARE: usize = 3;
 const NOISE: usize = 9;
 const COUNT: usize = 15;
@@ -107,7 +105,7 @@ impl Scatter {
     pub(super) fn one(state: &State) -> Self {
         let mut sums = [0.0; 16];
         let mean = state.mean();
-        sums[..SQUARE].copy_from_slice(mean.as_slice());
+        sums[MEAN..SQUARE].copy_from_slice(mean.as_slice());
         sums[SQUARE..NOISE].copy_from_slice(&upper(&(state.spread() + mean * mean.transpose())));
         sums[NOISE..COUNT].copy_from_slice(&upper(&state.noise()));
         sums[COUNT] = 1.0;
@@ -117,7 +115,7 @@ impl Scatter {
     /// Takes in the voxels of another one.
     #[inline]
     pub(super) fn join(&mut self, other: &Self) {
-        self.0.iter_mut().zip(&other.0).for_each(|(sum, other)| *sum += other);
+        add(&mut self.0, &other.0);
     }
 
     /// Mean square distance of the points to a plane by what is allowed of them on the mean; 1 is just allowed.
@@ -125,12 +123,59 @@ impl Scatter {
         let normal = plane.normal.into_inner();
         let along = |first: usize| normal.dot(&(matrix(&self.0, first) * normal));
         let (count, height) = (self.0[COUNT], normal.dot(&plane.point));
-        let sum = normal.x * self.0[0] + normal.y * self.0[1] + normal.z * self.0[2];
+        let sum = normal.dot(&vector(&self.0, MEAN));
         let off = along(SQUARE) - height * (2.0 * sum - height * count);
         off / (noise_factor * noise_factor * along(NOISE) + flatness * flatness * count)
     }
 }
 
+#[inline]
+fn add(sums: &mut [f64; 16], others: &[f64; 16]) {
+    sums.iter_mut().zip(others).for_each(|(sum, other)| *sum += other);
+}
+
+fn vector(sums: &[f64; 16], first: usize) -> Vector3<f64> {
+    Vector3::from_column_slice(&sums[first..first + 3])
+}
+
 fn matrix(sums: &[f64; 16], first: usize) -> Matrix3<f64> {
     symmetric(std::array::from_fn(|place| sums[first + place]))
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::super::block::Voxel;
+    use super::super::grid::Grid;
+    use super::super::sums::ScanSums;
+    use super::*;
+    use crate::engine::params::Params;
+
+    /// A voxel with these points, in 1/4096 of its edge, each seen from this direction at this weight.
+    fn state(cell: u16, points: &[[u64; 3]], towards: [f64; 3], weight: u64) -> State {
+        let mut scan = ScanSums::default();
+        points.iter().for_each(|&point| scan.add(point));
+        let mut voxel = Voxel::new(Cell(cell));
+        voxel.count = scan.count;
+        voxel.sums.fold(&scan, weight, &Vector3::from(towards).normalize());
+        State::new(&Grid::new(&Params::default()), &voxel)
+    }
+
+    proptest! {
+        #[test]
+        fn a_misfit_by_sums_is_that_of_the_voxel(
+            cell in 0_u16..512, points in prop::collection::vec(prop::array::uniform3(0_u64..4096), 1..40),
+            towards in prop::array::uniform3(0.1..1.0), weight in 1_u64..10_000,
+            normal in prop::array::uniform3(0.1..1.0), point in prop::array::uniform3(-1.0..9.0),
+        ) {
+            let state = state(cell, &points, towards, weight);
+            let normal = UnitVector3::new_normalize(Vector3::from(normal));
+            let plane = Plane { point: Vector3::from(point), normal };
+            let [one, other] =
+                [Scatter::one(&state).misfit(&plane, 2.0, 0.2), state.misfit(&plane, 2.0, 0.2)];
+            prop_assert!((one - other).abs() <= 1e-9 * (1.0 + other), "{one} {other}");
+            prop_assert_eq!(Region::one(&state).is_seen_from(&plane), state.is_seen_from(&plane));
+        }
+    }
 }

@@ -27,6 +27,8 @@ fn mean_weight(depth_variance: f64, points: f64) -> f64 {
 /// Units of what is kept of a covariance, in voxels^2, and of a direction.
 const SPREAD_UNITS: f64 = 65536.0;
 const DIRECTION_UNITS: f64 = 16384.0;
+/// Points within a voxel vary by a quarter of its edge squared at most; for what rounding adds.
+const MOST_SPREAD: f64 = 0.26;
 
 /// A dense voxel, published: the definition knows it to a 65536th of a voxel.
 #[derive(Clone, Debug, PartialEq)]
@@ -186,9 +188,9 @@ impl Plain {
         let within = |value: f64, low: f64, high: f64| (low..=high).contains(&value);
         self.count > 0
             && offsets.iter().all(|&offset| within(offset, 0.0, 1.0))
-            && self.spread.iter().all(|&entry| within(entry, -1.0, 1.0))
+            && self.spread.iter().all(|&entry| within(entry, -MOST_SPREAD, MOST_SPREAD))
             && self.spread == self.spread.transpose()
-            && self.mean_weight > 0.0
+            && self.mean_weight >= f32::MIN_POSITIVE.into()
             && self.mean_weight <= (1.0 / (BIAS * BIAS)).next_up()
             && within(self.depth_variance, 0.0, 1e9)
             && within(self.lateral_variance, 0.0, 1e9)

@@ -18,7 +18,7 @@ pub(crate) struct Content {
 }
 
 impl Content {
-    /// Counts a point; its offsets from the column's lower corner are below [`UNITS`].
+    /// Counts a point; its offsets from the column's lower corner are below [`UNITS`](super::UNITS).
     #[cfg(test)]
     pub(crate) fn add_point(&mut self, offset: [u32; 2]) {
         self.points += 1;
