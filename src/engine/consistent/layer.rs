@@ -92,7 +92,7 @@ impl Segmented {
 
     /// Whether the patch of a dense voxel with this label is found by what lies around it.
     pub(super) fn is_loose(&self, label: u8) -> bool {
-        self.patches.get(usize::from(label)).is_none_or(Patch::is_cut)
+        self.patches.get(usize::from(label)).is_none_or(Patch::is_frayed)
     }
 
     /// The state of a cell that is dense.
@@ -153,7 +153,8 @@ pub(super) fn sharper(segmented: &[Segmented], id: PatchId, rules: &Rules) -> Op
     best.filter(|(misfit, _)| *misfit < equal).map(|(_, other)| other)
 }
 
-/// Whether two patches that meet so are joined: a slice is with its sharper patch and with no other.
+/// Whether two patches that meet so are joined. A slice is with its sharper patch, and else with what lies on that one's plane
+/// too.
 pub(super) fn are_joined(
     segmented: &[Segmented],
     a: PatchId,
@@ -162,10 +163,14 @@ pub(super) fn are_joined(
     rules: &Rules,
 ) -> bool {
     let slice_of = |id: PatchId| segmented[id.block.0 as usize].slice_of[usize::from(id.number)];
-    match (slice_of(a), slice_of(b)) {
-        (None, None) => patch(segmented, a).joins(patch(segmented, b), contact, rules),
-        (of_a, of_b) => of_a == Some(b) || of_b == Some(a),
+    let [of_a, of_b] = [a, b].map(slice_of);
+    if of_a == Some(b) || of_b == Some(a) {
+        return true;
     }
+    let [here, there] = [a, b].map(|id| patch(segmented, id));
+    let lies_on =
+        |own: &Patch, of: Option<PatchId>| of.is_none_or(|of| own.lies_on(patch(segmented, of), rules));
+    here.joins(there, contact, rules) && lies_on(there, of_a) && lies_on(here, of_b)
 }
 
 /// Contacts between the patches of a block and those of the block in direction `place` (of [`Around`]), by their numbers.
@@ -232,7 +237,7 @@ pub(super) fn owner_of(
     };
     let is_whole = |id: PatchId| {
         let patch = patch(segmented, id);
-        !patch.is_cut() && !patch.is_rough()
+        !patch.is_frayed() && !patch.is_rough()
     };
     let within = |id| state.within(&plane(id), rules);
     let met = segmented[own.block.0 as usize].contacts[usize::from(own.number)].keys().copied();

@@ -25,6 +25,8 @@ pub(super) struct Patch {
     /// It reaches no further into its block than two rows: its plane may be the cut that the block makes of another one's
     /// scatter.
     is_cut: bool,
+    /// Variance of its voxels across its narrow side, in voxels^2.
+    breadth: f64,
     /// Variance of the plane's tilt about its most uncertain axis (rad^2).
     tilt_variance: f64,
     /// Variance of the plane's place at its middle, along the normal.
@@ -43,6 +45,10 @@ pub(super) struct Contact {
 /// Rows of voxels at a face of a block that a whole surface is not known by.
 const CUT: i32 = 2;
 
+/// Variance across its narrow side, in voxels^2, below which a patch is narrow: three rows and a half.
+const NARROW: f64 = 1.0;
+/// A patch is much broader whose variance is so many times that.
+const BROADER: f64 = 2.0;
 /// Pairs of voxels that make a contact.
 const MIN_PAIRS: u32 = 3;
 /// Standard deviations by which planes that are badly known may differ more.
@@ -69,14 +75,24 @@ impl Patch {
             plane: Plane { point: plane.point + corner, ..plane },
             is_rough,
             is_cut: is_cut(states),
+            breadth: variances[1],
             tilt_variance: 1.0 / (region.weight() * variances[1]),
             offset_variance: 1.0 / region.weight(),
         })
     }
 
-    /// Whether what it shows may be a slice of another's noise: its points scatter much, or lie on no plane.
+    /// Whether what it shows may be a slice of another one: its points scatter much or lie on no plane, or it is too narrow
+    /// for its plane to be known by its own voxels.
     pub(super) fn may_be_slice(&self, rules: &Rules) -> bool {
-        self.is_rough || self.noise > rules.noisy * rules.noisy
+        self.is_rough || self.is_noisy(rules) || self.is_narrow()
+    }
+
+    fn is_noisy(&self, rules: &Rules) -> bool {
+        self.noise > rules.noisy * rules.noisy
+    }
+
+    fn is_narrow(&self) -> bool {
+        self.breadth < NARROW
     }
 
     pub(super) fn has_less_noise(&self, other: &Self) -> bool {
@@ -87,24 +103,32 @@ impl Patch {
         self.is_rough
     }
 
-    pub(super) const fn is_cut(&self) -> bool {
-        self.is_cut
+    /// Whether each of its voxels may as well be another one's: it is cut or narrow.
+    pub(super) fn is_frayed(&self) -> bool {
+        self.is_cut || self.is_narrow()
     }
 
-    /// How well its points lie on the plane of a patch with much less noise whose scatter it may be, or of a flat one whose
-    /// rim a rough one may be, up to 1; `None` where it is no such slice.
+    /// How well its points lie on the plane of a patch whose slice it may be, up to 1: of a flat one where it is rough, of one
+    /// with much less noise where it is noisy, of a much broader one where it is narrow. `None` where it is no such slice.
     pub(super) fn slice_of(&self, other: &Self, rules: &Rules) -> Option<f64> {
-        let (a, b) = (&self.plane, &other.plane);
-        let sharper = if self.is_rough {
-            !other.is_rough
+        let turn = self.plane.normal.dot(&other.plane.normal);
+        let is_sharper = other.noise <= rules.sharper * rules.sharper * self.noise;
+        let may_be = if self.is_rough {
+            turn > 0.0
         } else {
-            other.noise <= rules.sharper * rules.sharper * self.noise
-                && a.normal.dot(&b.normal) >= rules.slice_angle.cos()
+            self.is_noisy(rules) && is_sharper && turn >= rules.slice_angle.cos()
+                || self.is_narrow()
+                    && other.breadth >= BROADER * self.breadth
+                    && turn >= rules.narrow_angle.cos()
         };
-        if !self.may_be_slice(rules) || !sharper || a.normal.dot(&b.normal) <= 0.0 {
-            return None;
-        }
-        Some(self.misfit(other, rules)).filter(|misfit| *misfit <= 1.0)
+        let may_be = may_be && !other.is_rough;
+        may_be.then(|| self.misfit(other, rules)).filter(|misfit| *misfit <= 1.0)
+    }
+
+    /// Whether its points lie on the plane of another that it need not meet, as far as a slice's do.
+    pub(super) fn lies_on(&self, other: &Self, rules: &Rules) -> bool {
+        self.plane.normal.dot(&other.plane.normal) >= rules.beside_angle.cos()
+            && self.misfit(other, rules) <= 1.0
     }
 
     /// How far its points are off the plane of another, by what is allowed of a slice.
@@ -149,4 +173,51 @@ fn is_cut(states: &[&State]) -> bool {
         let mut rows = states.iter().map(|state| state.cell.coordinates()[axis]);
         rows.clone().all(|row| row < CUT) || rows.all(|row| row >= EDGE - CUT)
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::FRAC_PI_4;
+
+    use super::super::block::{Cell, Voxel};
+    use super::super::grid::Grid;
+    use super::super::sums::ScanSums;
+    use super::*;
+    use crate::engine::params::Params;
+
+    /// Rows of eight voxels along x, each with points on the surface z = `height`(y) that is seen from above.
+    fn rows(rows: std::ops::Range<i32>, height: impl Fn(f64) -> f64) -> Patch {
+        let params = Params::default();
+        let grid = Grid::new(&params);
+        let mut states = Vec::new();
+        for (x, y) in rows.flat_map(|y| (0..8).map(move |x| (x, y))) {
+            let middle = f64::from(y) + 0.5;
+            let z = height(middle).floor();
+            let mut scan = ScanSums::default();
+            for (a, b) in (0..8_u64).flat_map(|a| (0..8_u64).map(move |b| (a, b))) {
+                let up = height(f64::from(y) + (b as f64 + 0.5) / 8.0) - z;
+                scan.add([a * 512 + 256, b * 512 + 256, (up.clamp(0.0, 0.999) * 4096.0) as u64]);
+            }
+            let mut voxel = Voxel::new(Cell::at([x, y, z as i32]));
+            voxel.count = scan.count;
+            voxel.sums.fold(&scan, 10_000, &Vector3::z());
+            states.push(State::new(&grid, &voxel));
+        }
+        Patch::new(&states.iter().collect::<Vec<_>>(), &Vector3::zeros(), false).unwrap()
+    }
+
+    #[test]
+    fn a_narrow_patch_on_a_broad_one_s_plane_is_a_slice_of_it_whatever_its_normal() {
+        let rules = Rules::new(&Params::default());
+        let floor = rows(0..5, |_| 2.3);
+        let strip = rows(5..7, |y| 2.3 + 0.3 * (y - 6.0));
+        let angle = floor.plane.normal.angle(&strip.plane.normal);
+        assert!(angle > rules.join_angle, "{angle}");
+        assert!(strip.may_be_slice(&rules) && strip.is_frayed());
+        assert!(strip.slice_of(&floor, &rules).is_some());
+        // Neither the other way round, nor of one that is no broader, nor where it rises from the floor.
+        assert!(!floor.may_be_slice(&rules) && floor.slice_of(&strip, &rules).is_none());
+        assert_eq!(strip.slice_of(&rows(3..5, |_| 2.3), &rules), None);
+        assert_eq!(rows(5..7, |y| 3.3 + FRAC_PI_4.tan() * (y - 6.0)).slice_of(&floor, &rules), None);
+    }
 }

@@ -1,10 +1,11 @@
 //! The planar patches of one block: a function of the states of its dense voxels alone.
 //!
 //! Where one plane passes through all dense voxels, they are one patch. Else patches grow from seeds, the flattest
-//! neighbourhood first: a voxel joins while the points in it lie on the plane, as far as their noise lets them, and face the
-//! same side; the plane is fitted anew each time the patch has grown by half. In the end every voxel goes to the patch
-//! beside it that fits it best, so that no patch keeps what it took at an edge by being first. Patches too narrow to have a
-//! plane are none.
+//! neighbourhood first, which is what was seen from near: a voxel joins while the points in it lie on the plane, as far as
+//! their noise lets them, and face the same side; the plane is fitted anew each time the patch has grown by half. Along an
+//! edge, where no neighbourhood is flat, that of the voxels on the plane of one's own points is: two rows between a lintel and
+//! a ceiling are a seed. In the end every voxel goes to the patch beside it that fits it best, so that no patch keeps what it
+//! took at an edge by being first. Patches too narrow to have a plane are none.
 //!
 //! From what is left, and lies beside no plane either, **rough** patches grow in the same way with half a voxel's tolerance:
 //! plants, cables, shelves full of things. What then is left are loose voxels.
@@ -72,10 +73,17 @@ struct Segmentation<'a> {
     planes: Vec<Plane>,
 }
 
+/// A voxel and those around it that lie on one plane.
+struct Window {
+    plane: Plane,
+    /// Mean square distance of their points to it, in voxels^2.
+    distance: f64,
+}
+
 struct Seed {
     state: usize,
-    /// Mean misfit of the neighbourhood; less is better.
-    misfit: f64,
+    /// That of its window; what is seen from near is flatter than what noise has spread.
+    distance: f64,
 }
 
 impl<'a> Segmentation<'a> {
@@ -158,7 +166,7 @@ impl<'a> Segmentation<'a> {
 
     fn grow_all(&mut self) {
         let mut seeds: Vec<_> = (0..self.states.len()).filter_map(|state| self.seed(state)).collect();
-        seeds.sort_by(|a, b| a.misfit.total_cmp(&b.misfit).then(a.state.cmp(&b.state)));
+        seeds.sort_by(|a, b| a.distance.total_cmp(&b.distance).then(a.state.cmp(&b.state)));
         for seed in seeds {
             if self.owner[seed.state] == FREE && self.planes.len() < MAX_PATCHES {
                 self.grow(seed.state);
@@ -166,35 +174,41 @@ impl<'a> Segmentation<'a> {
         }
     }
 
-    /// The plane of a voxel and its free neighbours, and how well they lie on it.
-    fn window(&self, state: usize) -> Option<(Fit, f64)> {
+    /// The plane of a voxel and its free neighbours. Where they lie on none, as along an edge, that of the neighbours which
+    /// lie on the plane of the voxel's own points.
+    fn window(&self, state: usize) -> Option<Window> {
         let towards = self.states[state].towards();
         let same_side = |other: usize| self.is_one_side || self.states[other].towards().dot(&towards) > 0.0;
+        self.window_of(state, same_side).or_else(|| {
+            let own = self.states[state].own_plane()?;
+            self.window_of(state, |other| self.belongs(other, &own))
+        })
+    }
+
+    fn window_of(&self, state: usize, is_in: impl Fn(usize) -> bool) -> Option<Window> {
         let (mut region, mut scatter) = self.shares[state];
-        for other in self.around(state) {
-            if self.owner[other] == FREE && same_side(other) {
-                region.join(&self.shares[other].0);
-                scatter.join(&self.shares[other].1);
-            }
+        for other in self.around(state).filter(|&other| self.owner[other] == FREE && is_in(other)) {
+            region.join(&self.shares[other].0);
+            scatter.join(&self.shares[other].1);
         }
         if region.voxels() < 4.0 {
             return None;
         }
-        let fit =
-            region.fit().filter(|fit| is_broad(fit) && self.shares[state].0.is_seen_from(&fit.plane))?;
-        Some((fit, scatter.misfit(&fit.plane, self.rules.noise_factor, self.rules.flatness)))
+        let plane = region.fit().filter(is_broad)?.plane;
+        let fits = self.shares[state].0.is_seen_from(&plane)
+            && scatter.misfit(&plane, self.rules.noise_factor, self.rules.flatness) <= 1.0;
+        fits.then(|| Window { plane, distance: scatter.square_distance(&plane) })
     }
 
     fn seed(&self, state: usize) -> Option<Seed> {
-        self.window(state).filter(|(_, misfit)| *misfit <= 1.0).map(|(_, misfit)| Seed { state, misfit })
+        self.window(state).map(|window| Seed { state, distance: window.distance })
     }
 
     fn grow(&mut self, seed: usize) {
-        let Some((fit, misfit)) = self.window(seed) else { return };
-        if misfit > 1.0 || !self.belongs(seed, &fit.plane) {
+        let Some(mut plane) = self.window(seed).map(|window| window.plane) else { return };
+        if !self.belongs(seed, &plane) {
             return;
         }
-        let mut plane = fit.plane;
         let mut members = self.reach(seed, &plane);
         // The second fit sees the whole patch, the third what that one reaches.
         for _ in 0..3 {

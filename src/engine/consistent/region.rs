@@ -106,7 +106,7 @@ impl Scatter {
         let mut sums = [0.0; 16];
         let mean = state.mean();
         sums[MEAN..SQUARE].copy_from_slice(mean.as_slice());
-        sums[SQUARE..NOISE].copy_from_slice(&upper(&(state.spread() + mean * mean.transpose())));
+        sums[SQUARE..NOISE].copy_from_slice(&upper(&(state.thickness() + mean * mean.transpose())));
         sums[NOISE..COUNT].copy_from_slice(&upper(&state.noise()));
         sums[COUNT] = 1.0;
         Self(sums)
@@ -120,12 +120,20 @@ impl Scatter {
 
     /// Mean square distance of the points to a plane by what is allowed of them on the mean; 1 is just allowed.
     pub(super) fn misfit(&self, plane: &Plane, noise_factor: f64, flatness: f64) -> f64 {
-        let normal = plane.normal.into_inner();
-        let along = |first: usize| normal.dot(&(matrix(&self.0, first) * normal));
-        let (count, height) = (self.0[COUNT], normal.dot(&plane.point));
-        let sum = normal.dot(&vector(&self.0, MEAN));
-        let off = along(SQUARE) - height * (2.0 * sum - height * count);
-        off / (noise_factor * noise_factor * along(NOISE) + flatness * flatness * count)
+        let noise = self.along(&plane.normal, NOISE) / self.0[COUNT];
+        self.square_distance(plane) / (noise_factor * noise_factor * noise + flatness * flatness)
+    }
+
+    /// Mean square distance of the points to a plane.
+    pub(super) fn square_distance(&self, plane: &Plane) -> f64 {
+        let (count, height) = (self.0[COUNT], plane.normal.dot(&plane.point));
+        let sum = plane.normal.dot(&vector(&self.0, MEAN));
+        self.along(&plane.normal, SQUARE) / count - height * (2.0 * sum / count - height)
+    }
+
+    /// What is summed of a moment along a direction.
+    fn along(&self, direction: &Vector3<f64>, first: usize) -> f64 {
+        direction.dot(&(matrix(&self.0, first) * direction))
     }
 }
 

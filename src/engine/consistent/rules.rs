@@ -32,6 +32,10 @@ pub(super) struct Rules {
     pub(super) sharper: f64,
     /// Angle between their normals, at most (rad).
     pub(super) slice_angle: f64,
+    /// The same of a narrow patch and a broader one.
+    pub(super) narrow_angle: f64,
+    /// The same of what joins a slice and the one that this is a slice of.
+    pub(super) beside_angle: f64,
     /// How far the voxels of two patches that meet may lie apart, along each axis.
     pub(super) contact_reach: i32,
     /// How far a voxel beside a patch may lie from it.
@@ -53,8 +57,10 @@ impl Rules {
             rough_angle: 0.4_f64.min(params.max_normal_angle()),
             rough_offset: 0.8,
             noisy: 0.25,
-            sharper: 0.6,
+            sharper: 0.75,
             slice_angle: 0.6,
+            narrow_angle: 1.0,
+            beside_angle: 0.4,
             contact_reach: 1,
             rim_reach: 3,
         }

@@ -301,7 +301,7 @@ impl Surfaces {
         };
         let here = &self.segmented[id.block.0 as usize];
         let patch = &here.patches[usize::from(id.number)];
-        for cell in patch.cells.iter().filter(|_| !patch.is_cut()) {
+        for cell in patch.cells.iter().filter(|_| !patch.is_frayed()) {
             if let Some(state) = here.state(cell) {
                 carry(grid.block(id.block).voxel_key(cell), state, true);
             }

@@ -183,7 +183,7 @@ impl Surfaces {
                 }
             };
             let patch = &here.patches[usize::from(id.number)];
-            let whole = patch.cells.iter().filter(|_| !patch.is_cut());
+            let whole = patch.cells.iter().filter(|_| !patch.is_frayed());
             whole.filter_map(|cell| here.state(cell)).for_each(|state| enter(id.block, state));
             for block in grid.block(id.block).around.iter().flatten() {
                 let there = &self.segmented[block.0 as usize];

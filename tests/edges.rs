@@ -1,0 +1,76 @@
+//! Where surfaces are narrow: what belongs to them there, on a scene whose points are given.
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use cfodi::engine::consistent::Consistent;
+use cfodi::engine::{ClusterId, Isometry3, Params, Points, Scan, Snapshot, Stamp};
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
+
+/// Between points of a surface (m).
+const STEP: f64 = 0.01;
+
+/// The points of a rectangle: a corner, and its two sides with their lengths (m).
+fn rectangle(corner: [f64; 3], sides: [[f64; 3]; 2], lengths: [f64; 2]) -> Vec<Vector3<f64>> {
+    let sides = sides.map(|side| Vector3::from(side).normalize());
+    let along = |length: f64| (0..(length / STEP) as u32).map(|i| (f64::from(i) + 0.5) * STEP);
+    let points = along(lengths[0]).flat_map(|a| along(lengths[1]).map(move |b| (a, b)));
+    points.map(|(a, b)| Vector3::from(corner) + sides[0] * a + sides[1] * b).collect()
+}
+
+/// What is found of these points, seen from a place in the direction of +x.
+fn found(points: &[Vector3<f64>], from: [f64; 3], voxel_size: f64) -> Snapshot {
+    // Optical axes: x to the right, y down, z forwards.
+    let axes = Matrix3::new(0.0, 0.0, 1.0, -1.0, 0.0, 0.0, 0.0, -1.0, 0.0);
+    let rotation = UnitQuaternion::from(Rotation3::from_matrix_unchecked(axes));
+    let fixed_from_sensor = Isometry3::from_parts(Vector3::from(from).into(), rotation);
+    let sensed = points.iter().map(|point| fixed_from_sensor.inverse() * nalgebra::Point3::from(*point));
+    let points = Points::F64(sensed.map(|point| point.coords.into()).collect());
+    let mut map = Consistent::new(Params::default().with_voxel_size(voxel_size).unwrap());
+    map.insert(&Scan { stamp: Stamp::from_nanos(1), fixed_from_sensor, points });
+    map.snapshot()
+}
+
+/// Number of voxels by cluster, of those whose points have their mean within these bounds (m); 0 = in no cluster.
+fn clusters_in(snapshot: &Snapshot, bounds: &[Range<f64>; 3]) -> BTreeMap<u64, usize> {
+    let mut clusters = BTreeMap::new();
+    let is_in = |centre: &[f64; 3]| bounds.iter().zip(centre).all(|(range, at)| range.contains(at));
+    for voxel in snapshot.voxels.iter().filter(|voxel| is_in(&voxel.centre.coords.into())) {
+        *clusters.entry(voxel.cluster.map_or(0, ClusterId::get)).or_default() += 1;
+    }
+    clusters
+}
+
+const X: [f64; 3] = [1.0, 0.0, 0.0];
+const Y: [f64; 3] = [0.0, 1.0, 0.0];
+const Z: [f64; 3] = [0.0, 0.0, 1.0];
+
+/// A wall from `x` on with a doorway up to `lintel`, below a ceiling 0.24 m above that (m).
+fn doorway(x: f64, lintel: f64) -> Vec<Vector3<f64>> {
+    let ceiling = lintel + 0.24;
+    let mut points = Vec::new();
+    for (y, z, lengths) in
+        [(-2.5, 0.0, [2.0, ceiling]), (0.5, 0.0, [2.0, ceiling]), (-0.5, lintel, [1.0, 0.24])]
+    {
+        points.extend(rectangle([x, y, z], [Y, Z], lengths));
+    }
+    // The lintel's lower side, a jamb, the ceiling on this side.
+    points.extend(rectangle([x, -0.5, lintel], [Y, X], [1.0, 0.12]));
+    points.extend(rectangle([x, -0.5, 0.0], [Z, X], [lintel, 0.12]));
+    points.extend(rectangle([x - 1.5, -2.5, ceiling], [Y, X], [5.0, 1.5]));
+    points
+}
+
+#[test]
+fn two_halves_of_a_wall_are_one_by_the_strip_above_a_doorway() {
+    // The strip is two or three voxels high, wherever the voxels' borders are.
+    for (i, j) in (0..8).flat_map(|i| (0..8).map(move |j| (i, j))) {
+        let (x, lintel) = (2.0 + 0.01 * f64::from(i), 2.03 + 0.01 * f64::from(j));
+        let snapshot = found(&doorway(x, lintel), [0.0, 0.1, 1.1], 0.08);
+        let wall = clusters_in(&snapshot, &[x - 0.02..x + 0.02, -2.5..2.5, 0.1..2.0]);
+        let most = wall.iter().filter(|(id, _)| **id != 0).map(|(_, voxels)| *voxels).max().unwrap_or(0);
+        let all: usize = wall.values().sum();
+        assert!(most as f64 >= 0.95 * all as f64, "wall at {x} m, lintel at {lintel} m: {wall:?}");
+    }
+}
