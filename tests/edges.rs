@@ -8,13 +8,10 @@ use cfodi::engine::consistent::Consistent;
 use cfodi::engine::{ClusterId, Isometry3, Params, Points, Scan, Snapshot, Stamp};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
-/// Between points of a surface (m).
-const STEP: f64 = 0.01;
-
-/// The points of a rectangle: a corner, and its two sides with their lengths (m).
-fn rectangle(corner: [f64; 3], sides: [[f64; 3]; 2], lengths: [f64; 2]) -> Vec<Vector3<f64>> {
+/// The points of a rectangle, a `step` from each other (m): a corner, and its two sides with their lengths (m).
+fn rectangle(corner: [f64; 3], sides: [[f64; 3]; 2], lengths: [f64; 2], step: f64) -> Vec<Vector3<f64>> {
     let sides = sides.map(|side| Vector3::from(side).normalize());
-    let along = |length: f64| (0..(length / STEP) as u32).map(|i| (f64::from(i) + 0.5) * STEP);
+    let along = |length: f64| (0..(length / step) as u32).map(move |i| (f64::from(i) + 0.5) * step);
     let points = along(lengths[0]).flat_map(|a| along(lengths[1]).map(move |b| (a, b)));
     points.map(|(a, b)| Vector3::from(corner) + sides[0] * a + sides[1] * b).collect()
 }
@@ -49,6 +46,7 @@ const Z: [f64; 3] = [0.0, 0.0, 1.0];
 /// A wall from `x` on with a doorway up to `lintel`, below a ceiling 0.24 m above that (m).
 fn doorway(x: f64, lintel: f64) -> Vec<Vector3<f64>> {
     let ceiling = lintel + 0.24;
+    let rectangle = |corner, sides, lengths| rectangle(corner, sides, lengths, 0.01);
     let mut points = Vec::new();
     for (y, z, lengths) in
         [(-2.5, 0.0, [2.0, ceiling]), (0.5, 0.0, [2.0, ceiling]), (-0.5, lintel, [1.0, 0.24])]
@@ -72,5 +70,20 @@ fn two_halves_of_a_wall_are_one_by_the_strip_above_a_doorway() {
         let most = wall.iter().filter(|(id, _)| **id != 0).map(|(_, voxels)| *voxels).max().unwrap_or(0);
         let all: usize = wall.values().sum();
         assert!(most as f64 >= 0.95 * all as f64, "wall at {x} m, lintel at {lintel} m: {wall:?}");
+    }
+}
+
+#[test]
+fn a_surface_that_crosses_a_corner_of_a_block_in_one_row_of_voxels_is_whole() {
+    // A block of eight voxels ends at x = 2.4 m and at y = 0, and the surface goes by that edge at different distances.
+    for (i, degrees) in (0..8).flat_map(|i| [22.0_f64, 30.0, 40.0, 50.0].map(|degrees| (i, degrees))) {
+        let x = 2.09 + 0.01 * f64::from(i);
+        let (sin, cos) = degrees.to_radians().sin_cos();
+        let points = rectangle([x, -0.49, 0.0], [Z, [sin, cos, 0.0]], [2.05, 0.92], 0.005);
+        let snapshot = found(&points, [0.0, 0.1, 1.1], 0.05);
+        let leaf = clusters_in(&snapshot, &[0.0..5.0, -1.0..1.0, 0.0..3.0]);
+        let most = leaf.iter().filter(|(id, _)| **id != 0).map(|(_, voxels)| *voxels).max().unwrap_or(0);
+        let all: usize = leaf.values().sum();
+        assert!(most as f64 >= 0.98 * all as f64, "from {x} m at {degrees} degrees: {leaf:?}");
     }
 }

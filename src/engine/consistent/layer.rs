@@ -64,7 +64,7 @@ impl Segmented {
 
     /// Of these states, ascending, in the block with this corner.
     pub(super) fn of(states: Vec<State>, corner: [i32; 3], rules: &Rules) -> Self {
-        let Patches { owner, flat } = segment(&states, rules);
+        let Patches { owner, kinds } = segment(&states, rules);
         let corner = Vector3::from(corner).map(f64::from);
         let mut labels = Box::new([EMPTY; CELLS]);
         let mut cells = Cells::default();
@@ -78,7 +78,7 @@ impl Segmented {
             }
         }
         let patches =
-            (0..).zip(&members).filter_map(|(number, states)| Patch::new(states, &corner, number >= flat));
+            members.iter().zip(kinds).filter_map(|(states, kind)| Patch::new(states, &corner, kind));
         let patches: Vec<_> = patches.collect();
         let (contacts, slice_of) = (vec![Contacts::new(); patches.len()], vec![None; patches.len()]);
         let (loose, loose_cells) = (Vec::new(), Cells::default());

@@ -10,6 +10,35 @@ use super::region::{Fit, Region};
 use super::rules::Rules;
 use super::state::{Plane, State};
 
+/// How a patch was grown.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// Its voxels' means lie on a plane.
+    Flat,
+    /// The points of its voxels do, of which there may be one row.
+    Strip,
+    /// Its points lie on its plane only roughly.
+    Rough,
+}
+
+impl Kind {
+    /// What a voxel adds to the fit of a plane.
+    pub(super) fn share(self, state: &State) -> Region {
+        if self == Self::Strip { Region::points(state) } else { Region::one(state) }
+    }
+
+    /// Least variance across its narrow side that a plane is known by, in voxels^2: the means of two rows of voxels have
+    /// 0.25, the points of one have 0.08.
+    pub(super) const fn least_breadth(self) -> f64 {
+        if matches!(self, Self::Strip) { 0.05 } else { 0.2 }
+    }
+
+    /// Least number of voxels that a seed's plane is fitted to.
+    pub(super) const fn least_window(self) -> f64 {
+        if matches!(self, Self::Strip) { 3.0 } else { 4.0 }
+    }
+}
+
 #[derive(Clone, Debug)]
 pub(super) struct Patch {
     /// Its voxels.
@@ -20,7 +49,7 @@ pub(super) struct Patch {
     square: Matrix3<f64>,
     /// Variance of its points along its normal that is noise.
     noise: f64,
-    /// It is of the second growth: its points lie on its plane only roughly.
+    /// Its points lie on its plane only roughly.
     is_rough: bool,
     /// It reaches no further into its block than two rows: its plane may be the cut that the block makes of another one's
     /// scatter.
@@ -58,8 +87,8 @@ const MAX_JOIN_ANGLE: f64 = 0.35;
 
 impl Patch {
     /// `None` where the states span no plane; `corner` is that of their block.
-    pub(super) fn new(states: &[&State], corner: &Vector3<f64>, is_rough: bool) -> Option<Self> {
-        let region = Region::of(states.iter().copied());
+    pub(super) fn new(states: &[&State], corner: &Vector3<f64>, kind: Kind) -> Option<Self> {
+        let region = Region::sum(states.iter().map(|state| kind.share(state)));
         let Fit { plane, variances } = region.fit()?;
         let count = states.len() as f64;
         let mean = states.iter().map(|state| state.mean()).sum::<Vector3<f64>>() / count;
@@ -73,7 +102,7 @@ impl Patch {
             noise: states.iter().map(|state| state.noise_along(&plane.normal)).sum::<f64>() / count,
             cells: states.iter().map(|state| state.cell).collect(),
             plane: Plane { point: plane.point + corner, ..plane },
-            is_rough,
+            is_rough: kind == Kind::Rough,
             is_cut: is_cut(states),
             breadth: variances[1],
             tilt_variance: 1.0 / (region.weight() * variances[1]),
@@ -203,7 +232,7 @@ mod tests {
             voxel.sums.fold(&scan, 10_000, &Vector3::z());
             states.push(State::new(&grid, &voxel));
         }
-        Patch::new(&states.iter().collect::<Vec<_>>(), &Vector3::zeros(), false).unwrap()
+        Patch::new(&states.iter().collect::<Vec<_>>(), &Vector3::zeros(), Kind::Flat).unwrap()
     }
 
     #[test]

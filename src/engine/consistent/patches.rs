@@ -7,21 +7,21 @@
 //! a ceiling are a seed. In the end every voxel goes to the patch beside it that fits it best, so that no patch keeps what it
 //! took at an edge by being first. Patches too narrow to have a plane are none.
 //!
-//! From what is left, and lies beside no plane either, **rough** patches grow in the same way with half a voxel's tolerance:
-//! plants, cables, shelves full of things. What then is left are loose voxels.
+//! From what is left, and lies beside no plane either, **strips** grow: sharp voxels whose own points have the breadth that
+//! a row of means has not, as where a surface crosses a corner of the block, or ends behind another. Then **rough** patches
+//! grow in the same way with half a voxel's tolerance: plants, cables, shelves full of things. What then is left are loose voxels.
 //!
 //! Costs some 30 us for a block with one surface's edge in it.
 
 use super::block::{CELLS, Cell};
 use super::cells::Cells;
-use super::region::{Fit, Region, Scatter};
+use super::patch::Kind;
+use super::region::{Region, Scatter};
 use super::rules::Rules;
 use super::state::{Plane, State};
 
 /// Least number of voxels of a patch.
 const MIN_VOXELS: usize = 5;
-/// Least variance of a patch's means across its narrow side, in voxels^2: two rows of voxels have 0.25.
-const MIN_BREADTH: f64 = 0.2;
 
 const NO_STATE: u16 = u16::MAX;
 const FREE: u8 = u8::MAX;
@@ -30,33 +30,45 @@ const FREE: u8 = u8::MAX;
 pub(super) struct Patches {
     /// For each state the number of its patch, from 0; [`LOOSE`] = in none.
     pub(super) owner: Vec<u8>,
-    /// The number from which on they are rough.
-    pub(super) flat: u8,
+    /// How each was grown.
+    pub(super) kinds: Vec<Kind>,
 }
 
-/// Finds the flat patches, and then the rough ones among what none of these takes beside it.
+/// Finds the flat patches, then the strips and the rough ones among what none of these takes beside it.
 pub(super) fn segment(states: &[State], rules: &Rules) -> Patches {
-    let mut segmentation = Segmentation::new(states, rules);
-    segmentation.run();
-    let flat = segmentation.count();
-    let rest = segmentation.left_over(flat);
-    let mut owner = segmentation.owner;
-    if rest.len() >= MIN_VOXELS {
-        let rough: Vec<_> = rest.iter().map(|&state| states[state].clone()).collect();
-        let rules = rules.rough();
-        let mut again = Segmentation::new(&rough, &rules);
-        again.run();
-        for (state, number) in rest.into_iter().zip(again.owner).filter(|(_, number)| *number != FREE) {
-            owner[state] = flat + number;
+    let mut flat = Segmentation::new(states, rules, Kind::Flat);
+    flat.run();
+    let kinds = vec![Kind::Flat; usize::from(flat.count())];
+    let mut rest = flat.left_over(flat.count());
+    let mut patches = Patches { owner: flat.owner, kinds };
+    let is_sharp = |state: &usize| states[*state].own_plane().is_some();
+    let sharp: Vec<_> = rest.iter().copied().filter(is_sharp).collect();
+    patches.grow(Kind::Strip, states, &sharp, rules);
+    rest.retain(|&state| patches.owner[state] == FREE);
+    patches.grow(Kind::Rough, states, &rest, &rules.rough());
+    patches
+}
+
+impl Patches {
+    /// Grows patches of a kind among some of the states, which are in none.
+    fn grow(&mut self, kind: Kind, states: &[State], some: &[usize], rules: &Rules) {
+        if some.len() < MIN_VOXELS {
+            return;
         }
+        let picked: Vec<_> = some.iter().map(|&state| states[state].clone()).collect();
+        let mut segmentation = Segmentation::new(&picked, rules, kind);
+        segmentation.run();
+        let first = self.kinds.len() as u8;
+        let found = some.iter().zip(&segmentation.owner).filter(|(_, number)| **number != FREE);
+        found.for_each(|(&state, number)| self.owner[state] = first + number);
+        self.kinds.resize(self.kinds.len() + usize::from(segmentation.count()), kind);
     }
-    Patches { owner, flat }
 }
 
 /// In no patch.
 pub(super) const LOOSE: u8 = FREE;
 /// Most patches of a block, of each kind; what lies beyond is loose.
-const MAX_PATCHES: usize = 100;
+const MAX_PATCHES: usize = 80;
 
 struct Segmentation<'a> {
     states: &'a [State],
@@ -65,6 +77,7 @@ struct Segmentation<'a> {
     /// All were seen from one side, whichever two are compared.
     is_one_side: bool,
     rules: &'a Rules,
+    kind: Kind,
     /// State of each cell.
     places: [u16; CELLS],
     /// The cells that have one.
@@ -87,13 +100,13 @@ struct Seed {
 }
 
 impl<'a> Segmentation<'a> {
-    fn new(states: &'a [State], rules: &'a Rules) -> Self {
+    fn new(states: &'a [State], rules: &'a Rules, kind: Kind) -> Self {
         let mut places = [NO_STATE; CELLS];
         (0..).zip(states).for_each(|(place, state)| places[state.cell.index()] = place);
         let cells = states.iter().map(|state| state.cell).collect();
-        let shares = states.iter().map(|state| (Region::one(state), Scatter::one(state))).collect();
+        let shares = states.iter().map(|state| (kind.share(state), Scatter::one(state))).collect();
         let (owner, is_one_side) = (vec![FREE; states.len()], is_one_side(states));
-        Self { states, shares, is_one_side, rules, places, cells, owner, planes: Vec::new() }
+        Self { states, shares, is_one_side, rules, kind, places, cells, owner, planes: Vec::new() }
     }
 
     fn region(&self, states: impl Iterator<Item = usize>) -> Region {
@@ -155,11 +168,11 @@ impl<'a> Segmentation<'a> {
 
     /// Whether one plane passes through all; then they are patch 0.
     fn is_one_plane(&mut self) -> bool {
-        let Some(fit) = self.region(0..self.states.len()).fit().filter(is_broad) else { return false };
-        let one = (0..self.states.len()).all(|state| self.belongs(state, &fit.plane));
+        let Some(plane) = self.plane_of(&self.region(0..self.states.len())) else { return false };
+        let one = (0..self.states.len()).all(|state| self.belongs(state, &plane));
         if one {
             self.owner.fill(0);
-            self.planes.push(fit.plane);
+            self.planes.push(plane);
         }
         one
     }
@@ -191,10 +204,10 @@ impl<'a> Segmentation<'a> {
             region.join(&self.shares[other].0);
             scatter.join(&self.shares[other].1);
         }
-        if region.voxels() < 4.0 {
+        if region.voxels() < self.kind.least_window() {
             return None;
         }
-        let plane = region.fit().filter(is_broad)?.plane;
+        let plane = self.plane_of(&region)?;
         let fits = self.shares[state].0.is_seen_from(&plane)
             && scatter.misfit(&plane, self.rules.noise_factor, self.rules.flatness) <= 1.0;
         fits.then(|| Window { plane, distance: scatter.square_distance(&plane) })
@@ -212,11 +225,9 @@ impl<'a> Segmentation<'a> {
         let mut members = self.reach(seed, &plane);
         // The second fit sees the whole patch, the third what that one reaches.
         for _ in 0..3 {
-            let Some(fit) = self.region(members.iter().copied()).fit().filter(is_broad) else { break };
-            if !self.belongs(seed, &fit.plane) {
-                break;
-            }
-            plane = fit.plane;
+            let fitted = self.plane_of(&self.region(members.iter().copied()));
+            let Some(fitted) = fitted.filter(|plane| self.belongs(seed, plane)) else { break };
+            plane = fitted;
             let reached = self.reach(seed, &plane);
             if reached == members {
                 break;
@@ -252,7 +263,7 @@ impl<'a> Segmentation<'a> {
             next += 1;
             if members.len() >= refit_at {
                 refit_at = members.len() * 3 / 2;
-                plane = region.fit().filter(is_broad).map_or(plane, |fit| fit.plane);
+                plane = self.plane_of(&region).unwrap_or(plane);
             }
         }
         members.sort_unstable();
@@ -284,10 +295,8 @@ impl<'a> Segmentation<'a> {
     }
 
     fn refit(&mut self) {
-        let regions = self.regions(self.planes.len());
-        for (plane, region) in self.planes.iter_mut().zip(regions) {
-            *plane = region.fit().filter(is_broad).map_or(*plane, |fit| fit.plane);
-        }
+        let planes = self.regions(self.planes.len()).into_iter().zip(&self.planes);
+        self.planes = planes.map(|(region, plane)| self.plane_of(&region).unwrap_or(*plane)).collect();
     }
 
     /// Splits patches that are not connected, and sets loose what is too small to have a plane.
@@ -300,8 +309,8 @@ impl<'a> Segmentation<'a> {
                 continue;
             }
             let members = self.connected(first, &before, &mut seen);
-            let fit = self.region(members.iter().copied()).fit();
-            if members.len() >= MIN_VOXELS && fit.is_some_and(|fit| is_broad(&fit)) && patches < MAX_PATCHES {
+            let plane = self.plane_of(&self.region(members.iter().copied()));
+            if members.len() >= MIN_VOXELS && plane.is_some() && patches < MAX_PATCHES {
                 members.iter().for_each(|&member| self.owner[member] = patches as u8);
                 patches += 1;
             }
@@ -324,6 +333,11 @@ impl<'a> Segmentation<'a> {
         members
     }
 
+    /// The plane of a region that is broad enough to have one.
+    fn plane_of(&self, region: &Region) -> Option<Plane> {
+        region.fit().filter(|fit| fit.variances[1] >= self.kind.least_breadth()).map(|fit| fit.plane)
+    }
+
     /// The states of the cells around that of one, ascending.
     fn around(&self, state: usize) -> impl Iterator<Item = usize> {
         self.among(self.cells, state)
@@ -335,10 +349,6 @@ impl<'a> Segmentation<'a> {
         cells.remove(cell);
         cells.near(cell.coordinates(), 1).map(|cell| usize::from(self.places[cell.index()]))
     }
-}
-
-fn is_broad(fit: &Fit) -> bool {
-    fit.variances[1] >= MIN_BREADTH
 }
 
 /// Whether any two of these directions towards the sensor differ by less than a right angle, for all differ from the first

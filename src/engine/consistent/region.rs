@@ -32,9 +32,13 @@ pub(super) struct Fit {
 
 impl Region {
     pub(super) fn of<'a>(states: impl IntoIterator<Item = &'a State>) -> Self {
-        let mut region = Self::default();
-        states.into_iter().for_each(|state| region.add(state));
-        region
+        Self::sum(states.into_iter().map(Self::one))
+    }
+
+    pub(super) fn sum(regions: impl IntoIterator<Item = Self>) -> Self {
+        let mut sum = Self::default();
+        regions.into_iter().for_each(|region| sum.join(&region));
+        sum
     }
 
     /// The states of a block (ascending) around a cell, itself included.
@@ -52,8 +56,12 @@ impl Region {
         Self([weight, wx, wy, wz, wx * x, wx * y, wx * z, wy * y, wy * z, wz * z, tx, ty, tz, 1.0, 0.0, 0.0])
     }
 
-    pub(super) fn add(&mut self, state: &State) {
-        self.join(&Self::one(state));
+    /// Of one voxel, by where its points lie instead of their mean.
+    pub(super) fn points(state: &State) -> Self {
+        let mut region = Self::one(state);
+        let spread = upper(&state.spread()).map(|spread| spread * state.mean_weight());
+        region.0[OUTER..TOWARDS].iter_mut().zip(spread).for_each(|(sum, spread)| *sum += spread);
+        region
     }
 
     /// Takes in the voxels of another one.
