@@ -3,13 +3,14 @@
 //! Where one plane passes through all dense voxels, they are one patch. Else patches grow from seeds, the flattest
 //! neighbourhood first, which is what was seen from near: a voxel joins while the points in it lie on the plane, as far as
 //! their noise lets them, and face the same side; the plane is fitted anew each time the patch has grown by half. Along an
-//! edge, where no neighbourhood is flat, that of the voxels on the plane of one's own points is: two rows between a lintel and
-//! a ceiling are a seed. In the end every voxel goes to the patch beside it that fits it best, so that no patch keeps what it
+//! edge, where no neighbourhood is flat, those in it that lie on the plane of one voxel's own points are: two rows between a
+//! lintel and a ceiling are a seed. In the end every voxel goes to the patch beside it that fits it best, so that no patch keeps what it
 //! took at an edge by being first. Patches too narrow to have a plane are none.
 //!
 //! From what is left, and lies beside no plane either, **strips** grow: sharp voxels whose own points have the breadth that
 //! a row of means has not, as where a surface crosses a corner of the block, or ends behind another. Then **rough** patches
-//! grow in the same way with half a voxel's tolerance: plants, cables, shelves full of things. What then is left are loose voxels.
+//! grow in the same way with half a voxel's tolerance: plants, cables, shelves full of things. What then is left are loose
+//! voxels.
 //!
 //! Costs some 30 us for a block with one surface's edge in it.
 
