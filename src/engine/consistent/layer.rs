@@ -34,7 +34,7 @@ pub(super) struct Segmented {
     pub(super) contacts: Vec<Contacts>,
     /// The sharper patch that each patch is a slice of.
     pub(super) slice_of: Vec<Option<PatchId>>,
-    /// Dense voxels whose patch is found by what lies around them: those in none, and those of cut patches.
+    /// Dense voxels whose patch is found by what lies around them: those in none, and those of frayed patches.
     pub(super) loose: Vec<Loose>,
     /// Their cells, in the same order.
     pub(super) loose_cells: Cells,
@@ -43,7 +43,7 @@ pub(super) struct Segmented {
 /// The patches that a patch meets.
 pub(super) type Contacts = BTreeMap<PatchId, Contact>;
 
-/// A dense voxel in no patch, or in one that is cut.
+/// A dense voxel in no patch, or in one that is frayed.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Loose {
     /// Its place among the states.
@@ -132,7 +132,7 @@ pub(super) fn patch(segmented: &[Segmented], id: PatchId) -> &Patch {
     &segmented[id.block.0 as usize].patches[usize::from(id.number)]
 }
 
-/// The patch of much less noise that a patch is a slice of: of those it meets, the one its points fit best. A flat patch that
+/// The sharper or broader patch that a patch is a slice of: of those it meets, the one its points fit best. A flat patch that
 /// joins one with less noise as its equal, and fits that better, is no slice.
 pub(super) fn sharper(segmented: &[Segmented], id: PatchId, rules: &Rules) -> Option<PatchId> {
     let own = patch(segmented, id);
@@ -219,7 +219,7 @@ fn seen_from(at: [i32; 3], direction: [i32; 3]) -> [i32; 3] {
 }
 
 /// The patch that a loose voxel of a block belongs to: the nearest that its points fit, as far as noise and half a voxel let
-/// them. One of a cut patch stays there, unless it fits a whole one better that this meets in a block within reach.
+/// them. One of a frayed patch stays there, unless it fits a whole one better that this meets in a block within reach.
 pub(super) fn owner_of(
     state: &State,
     around: &Around,
@@ -232,7 +232,7 @@ pub(super) fn owner_of(
         plane.point -= corner;
         plane
     };
-    let Some(own) = cut_patch_of(state, around, segmented) else {
+    let Some(own) = frayed_patch_of(state, around, segmented) else {
         return nearest(state, around, segmented, rules, |id| state.beside(&plane(id), rules));
     };
     let is_whole = |id: PatchId| {
@@ -251,7 +251,7 @@ pub(super) fn owner_of(
     Some(best.filter(better).map_or(own, |(_, id)| id))
 }
 
-fn cut_patch_of(state: &State, around: &Around, segmented: &[Segmented]) -> Option<PatchId> {
+fn frayed_patch_of(state: &State, around: &Around, segmented: &[Segmented]) -> Option<PatchId> {
     let block = around[OWN]?;
     let number = segmented[block.0 as usize].labels[state.cell.index()];
     (number != LOOSE).then_some(PatchId { block, number })

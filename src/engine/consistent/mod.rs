@@ -14,9 +14,9 @@
 //!    usual time. States are rounded to parts of a voxel that no surface is known to (`state`), a third of the memory.
 //! 2. The dense voxels of a block form planar **patches**, grown from the flattest places, a voxel belonging to the plane
 //!    that its points lie on as well as their noise lets them; from what is left, **strips** of sharp voxels that may be one
-//!    row, and **rough** patches with half a voxel's tolerance. What fits none is **loose** (`patches`), and so is what has become dense since the block was published. A
-//!    voxel whose sharp points show a sheet belongs to no plane across that sheet (`state`), so that two rows of a wall and
-//!    two of a ceiling are no bevel.
+//!    row, and **rough** patches with half a voxel's tolerance. What fits none is **loose** (`patches`), and so is what has
+//!    become dense since the block was published. A voxel whose sharp points show a sheet belongs to no plane across that
+//!    sheet (`state`), so that two rows of a wall and two of a ceiling are no bevel.
 //! 3. Two patches that touch, in a block or across its border, are **joined** when their planes agree in direction and
 //!    where they meet, as far as both are known; rough ones with each other alone (`patch`). A noisy patch that lies within
 //!    its noise on the plane of a sharper one, and fits no equal better, is a **slice** of its scatter; so is one that is
@@ -24,7 +24,7 @@
 //!    only to what lies on that one's plane too, so that it ties no two surfaces together (`layer`).
 //! 4. A patch of two rows at a face of its block is **cut**: where a surface ends just across the border, or scatters over
 //!    it, its plane may be any. It ties together what it ties together, but each of its voxels, as of a narrow patch, goes to
-//!    a whole patch of another block that it fits better (`layer::owner_of`).
+//!    a whole patch beside it that it fits better (`layer::owner_of`).
 //! 5. A **cluster** is a component of joined patches, with the loose voxels within three voxels of a patch whose plane their
 //!    points fit.
 //!

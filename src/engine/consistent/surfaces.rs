@@ -208,14 +208,14 @@ impl Surfaces {
             );
         }
         blocks.iter().for_each(|&block| self.meet(grid, block));
-        let noisy = self.noisy_beside(grid, blocks);
+        let slices = self.slices_beside(grid, blocks);
         let new = blocks.iter().flat_map(|&block| self.ids(block));
-        let anew: Vec<_> = new.chain(noisy.iter().copied()).collect();
+        let anew: Vec<_> = new.chain(slices.iter().copied()).collect();
         for &id in &anew {
             self.segmented[id.block.0 as usize].slice_of[usize::from(id.number)] =
                 sharper(&self.segmented, id, &self.rules);
         }
-        for id in noisy {
+        for id in slices {
             let node = self.nodes[id.block.0 as usize][usize::from(id.number)];
             batch.disconnect.extend(self.graph.neighbours(node).iter().map(|&other| (node, other)));
         }
@@ -260,8 +260,8 @@ impl Surfaces {
         }
     }
 
-    /// Noisy patches of other blocks around these.
-    fn noisy_beside(&self, grid: &Grid, blocks: &[BlockIndex]) -> BTreeSet<PatchId> {
+    /// Patches of other blocks around these that may be slices.
+    fn slices_beside(&self, grid: &Grid, blocks: &[BlockIndex]) -> BTreeSet<PatchId> {
         let around = blocks.iter().flat_map(|&block| grid.block(block).around.into_iter().flatten());
         let others: BTreeSet<_> = around.filter(|other| blocks.binary_search(other).is_err()).collect();
         let ids = others.into_iter().flat_map(|other| self.ids(other));
