@@ -37,9 +37,9 @@ impl Cells {
     /// The cells of the set that lie within `reach` of these coordinates along each axis, which may lie outside of the
     /// block; ascending.
     pub(super) fn near(&self, at: [i32; 3], reach: i32) -> impl Iterator<Item = Cell> + use<> {
-        let (from, to, mask) = window(at, reach);
-        let words = self.0;
-        (from..to).flat_map(move |x| Ones(words[x] & mask).map(move |bit| Cell((x * 64) as u16 + bit)))
+        let (window, words) = (Window::around(at, reach), self.0);
+        let ones = move |x: usize| Ones(words[x] & window.mask).map(move |bit| Cell((x * 64) as u16 + bit));
+        (window.from..window.to).flat_map(ones)
     }
 }
 
@@ -59,10 +59,10 @@ impl Cells {
         Self(words)
     }
 
-    /// Whether one of the cells lies within `reach` of these coordinates, as in [`Self::near`].
-    pub(super) fn any_near(&self, at: [i32; 3], reach: i32) -> bool {
-        let (from, to, mask) = window(at, reach);
-        self.0[from..to].iter().any(|word| word & mask != 0)
+    /// Whether one of the cells lies in a window.
+    #[inline]
+    pub(super) fn any_in(&self, window: &Window) -> bool {
+        self.0[window.from..window.to].iter().any(|word| word & window.mask != 0)
     }
 
     /// The cells that are in both sets.
@@ -106,14 +106,25 @@ const fn side(direction: i32, reach: i32) -> (i32, i32) {
     }
 }
 
-/// The words from one to before another, and in each of them the bits, of what lies within `reach` of these coordinates.
-fn window(at: [i32; 3], reach: i32) -> (usize, usize, u64) {
-    let range = |axis: usize| ((at[axis] - reach).max(0), (at[axis] + reach + 1).min(EDGE));
-    let [(from, to), (y_from, y_to), (z_from, z_to)] = [range(0), range(1), range(2)];
-    if from >= to || y_from >= y_to || z_from >= z_to {
-        return (0, 0, 0);
+/// A box of cells: some words, and in each of them the same bits.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Window {
+    from: usize,
+    to: usize,
+    mask: u64,
+}
+
+impl Window {
+    /// What lies within `reach` of these coordinates, which may lie outside of the block, along each axis.
+    pub(super) fn around(at: [i32; 3], reach: i32) -> Self {
+        let range = |axis: usize| ((at[axis] - reach).max(0), (at[axis] + reach + 1).min(EDGE));
+        let [(from, to), (y_from, y_to), (z_from, z_to)] = [range(0), range(1), range(2)];
+        if from >= to || y_from >= y_to || z_from >= z_to {
+            return Self { from: 0, to: 0, mask: 0 };
+        }
+        let mask = bytes(y_from, y_to) & (bits(z_from, z_to) * EACH_BYTE);
+        Self { from: from as usize, to: to as usize, mask }
     }
-    (from as usize, to as usize, bytes(y_from, y_to) & (bits(z_from, z_to) * EACH_BYTE))
 }
 
 impl FromIterator<Cell> for Cells {
@@ -158,7 +169,7 @@ mod tests {
             };
             let walk = cells.into_iter().filter(|cell| *cell != gone).map(Cell).filter(is_near);
             let near: Vec<_> = set.near(at, reach).collect();
-            prop_assert_eq!(set.any_near(at, reach), !near.is_empty());
+            prop_assert_eq!(set.any_in(&Window::around(at, reach)), !near.is_empty());
             prop_assert_eq!(near, walk.collect::<Vec<_>>());
         }
 

@@ -30,9 +30,10 @@ impl Spread {
             return None;
         }
         let half = (0.5 * (rest / scale).determinant()).clamp(-1.0, 1.0);
-        let angle = half.acos() / 3.0;
-        let most = middle + 2.0 * scale * angle.cos();
-        let least = middle + 2.0 * scale * (angle + std::f64::consts::TAU / 3.0).cos();
+        let cosine = (half.acos() / 3.0).cos();
+        // That of an angle larger by a third of a turn; the angle is no more than a sixth of one.
+        let later = -0.5 * cosine - (0.75 * (1.0 - cosine * cosine)).max(0.0).sqrt();
+        let [most, least] = [cosine, later].map(|cosine| middle + 2.0 * scale * cosine);
         if 3.0 * middle - most - 2.0 * least <= LEAST_GAP * scale {
             return None;
         }
@@ -50,7 +51,8 @@ impl Spread {
         let [u, v] = [across, normal.cross(&across)];
         let [on_u, on_v] = [covariance * u, covariance * v];
         let (mean, half) = (0.5 * (u.dot(&on_u) + v.dot(&on_v)), 0.5 * (u.dot(&on_u) - v.dot(&on_v)));
-        let radius = half.hypot(v.dot(&on_u));
+        let beside = v.dot(&on_u);
+        let radius = (half * half + beside * beside).sqrt();
         let variances = [normal.dot(&(covariance * normal)), mean - radius, mean + radius];
         Self { variances, normal }
     }

@@ -1,11 +1,11 @@
-//! The patches of all blocks, where they meet, and which loose voxels lie beside them.
+//! The patches of all blocks, and where they meet.
 
 use std::collections::BTreeMap;
 
 use nalgebra::Vector3;
 
-use super::block::{Around, Block, BlockIndex, CELLS, Cell, EDGE, OWN, offset_of, place_of};
-use super::cells::Cells;
+use super::block::{Block, BlockIndex, CELLS, Cell, EDGE, offset_of};
+use super::cells::{Cells, Window};
 use super::graph::NodeId;
 use super::grid::Grid;
 use super::patch::{Contact, Patch};
@@ -93,6 +93,11 @@ impl Segmented {
     /// Whether the patch of a dense voxel with this label is found by what lies around it.
     pub(super) fn is_loose(&self, label: u8) -> bool {
         self.patches.get(usize::from(label)).is_none_or(Patch::is_frayed)
+    }
+
+    /// Whether a patch has a voxel in a window.
+    pub(super) fn is_any_patch_in(&self, window: &Window) -> bool {
+        self.cells.any_in(window)
     }
 
     /// The state of a cell that is dense.
@@ -214,77 +219,6 @@ pub(super) fn contacts(
 }
 
 /// Coordinates of a cell as the block in `direction` counts them.
-fn seen_from(at: [i32; 3], direction: [i32; 3]) -> [i32; 3] {
+pub(super) fn seen_from(at: [i32; 3], direction: [i32; 3]) -> [i32; 3] {
     [0, 1, 2].map(|axis| at[axis] - EDGE * direction[axis])
-}
-
-/// The patch that a loose voxel of a block belongs to: the nearest that its points fit, as far as noise and half a voxel let
-/// them. One of a frayed patch stays there, unless it fits a whole one better that this meets in a block within reach.
-pub(super) fn owner_of(
-    state: &State,
-    around: &Around,
-    corner: &Vector3<f64>,
-    segmented: &[Segmented],
-    rules: &Rules,
-) -> Option<PatchId> {
-    let plane = |id: PatchId| {
-        let mut plane = patch(segmented, id).plane;
-        plane.point -= corner;
-        plane
-    };
-    let Some(own) = frayed_patch_of(state, around, segmented) else {
-        return nearest(state, around, segmented, rules, |id| state.beside(&plane(id), rules));
-    };
-    let is_whole = |id: PatchId| {
-        let patch = patch(segmented, id);
-        !patch.is_frayed() && !patch.is_rough()
-    };
-    let within = |id| state.within(&plane(id), rules);
-    let met = segmented[own.block.0 as usize].contacts[usize::from(own.number)].keys().copied();
-    let is_near = |id: PatchId| {
-        let place = around.iter().position(|block| *block == Some(id.block));
-        place.is_some_and(|place| Cells::border(offset_of(place), rules.rim_reach).contains(state.cell))
-    };
-    let whole = met.filter(|&id| is_whole(id) && is_near(id)).filter_map(|id| Some((within(id)?, id)));
-    let best = whole.min_by(|a, b| a.0.total_cmp(&b.0));
-    let better = |(misfit, _): &(f64, PatchId)| within(own).is_none_or(|own| *misfit < own);
-    Some(best.filter(better).map_or(own, |(_, id)| id))
-}
-
-fn frayed_patch_of(state: &State, around: &Around, segmented: &[Segmented]) -> Option<PatchId> {
-    let block = around[OWN]?;
-    let number = segmented[block.0 as usize].labels[state.cell.index()];
-    (number != LOOSE).then_some(PatchId { block, number })
-}
-
-/// The patch that fits best of those with the nearest voxels; `misfit` says how well one does.
-fn nearest(
-    state: &State,
-    around: &Around,
-    segmented: &[Segmented],
-    rules: &Rules,
-    misfit: impl Fn(PatchId) -> Option<f64>,
-) -> Option<PatchId> {
-    (1..=rules.rim_reach).find_map(|reach| {
-        let near = near(state.cell, around, reach, segmented);
-        let fitting = near.filter_map(|id| Some((misfit(id)?, id)));
-        fitting.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))).map(|(_, id)| id)
-    })
-}
-
-/// The patches with a voxel within `reach` and none nearer.
-fn near(cell: Cell, around: &Around, reach: i32, segmented: &[Segmented]) -> impl Iterator<Item = PatchId> {
-    let at = cell.coordinates();
-    let sides = move |i: usize| -i32::from(at[i] < reach)..=i32::from(at[i] >= EDGE - reach);
-    let directions = sides(0).flat_map(move |x| sides(1).flat_map(move |y| sides(2).map(move |z| [x, y, z])));
-    directions.flat_map(move |direction| {
-        let block = around[place_of(direction)];
-        let patches = block.map(|block| segmented[block.0 as usize].patches.as_slice()).unwrap_or_default();
-        let at = seen_from(at, direction);
-        let is_near = move |patch: &Patch| {
-            patch.cells.any_near(at, reach) && !(reach > 1 && patch.cells.any_near(at, reach - 1))
-        };
-        let ids = (0..).zip(patches).filter(move |(_, patch)| is_near(patch));
-        ids.filter_map(move |(number, _)| Some(PatchId { block: block?, number }))
-    })
 }

@@ -5,10 +5,9 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::Vector3;
-
 use super::grid::Grid;
-use super::layer::{Contacts, PatchId, Segmented, are_joined, contacts, owner_of, sharper};
+use super::layer::{Contacts, PatchId, Segmented, are_joined, contacts, sharper};
+use super::owner::Owners;
 use super::rules::Rules;
 use crate::engine::key::VoxelKey;
 
@@ -23,11 +22,11 @@ pub(super) fn partition(grid: &Grid, segmented: &[Segmented], rules: &Rules) -> 
     let mut partition = Partition::new();
     for (index, block) in grid.blocks() {
         let here = &segmented[index.0 as usize];
-        let corner = Vector3::from(block.corner()).map(f64::from);
+        let mut owners = Owners::new(block, &segmented, rules);
         for state in &here.states {
             let label = here.labels[state.cell.index()];
             let patch = if here.is_loose(label) {
-                owner_of(state, &block.around, &corner, &segmented, rules)
+                owners.of(state)
             } else {
                 Some(PatchId { block: index, number: label })
             };

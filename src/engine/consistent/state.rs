@@ -131,14 +131,21 @@ impl State {
 
     /// Variance that noise alone gives its points along `normal`.
     pub(super) fn noise_along(&self, normal: &Vector3<f64>) -> f64 {
-        normal.dot(&(self.noise() * normal))
+        let (towards, lateral) = (self.towards(), f64::from(self.lateral_variance));
+        let along = towards.dot(normal);
+        self.deep(&towards) * along * along + lateral * normal.norm_squared()
     }
 
     /// Covariance that noise alone gives its points: n . (this n) is [`Self::noise_along`] n.
     pub(super) fn noise(&self) -> Matrix3<f64> {
         let (towards, lateral) = (self.towards(), f64::from(self.lateral_variance));
-        let deep = (f64::from(self.depth_variance) - lateral) / towards.norm_squared().max(1e-18);
-        towards * towards.transpose() * deep + Matrix3::from_diagonal_element(lateral)
+        towards * towards.transpose() * self.deep(&towards) + Matrix3::from_diagonal_element(lateral)
+    }
+
+    /// What the variance of depths is more than that across them, for the direction to the sensor squared.
+    fn deep(&self, towards: &Vector3<f64>) -> f64 {
+        (f64::from(self.depth_variance) - f64::from(self.lateral_variance))
+            / towards.norm_squared().max(1e-18)
     }
 
     /// The plane of its own points, where they lie on one.
@@ -149,11 +156,14 @@ impl State {
         is_flat.then(|| Plane { point: self.mean(), normal: UnitVector3::new_normalize(normal) })
     }
 
+    fn is_sharp(&self) -> bool {
+        f64::from(self.depth_variance) <= SHARP
+    }
+
     /// How its points spread about a plane, which counts more where they are sharp: a voxel in which a surface shows as a
     /// sheet lies on no plane across that sheet, even where its mean does.
     pub(super) fn thickness(&self) -> Matrix3<f64> {
-        let is_sharp = f64::from(self.depth_variance) <= SHARP;
-        self.spread() * if is_sharp { SHEET } else { 1.0 }
+        self.spread() * if self.is_sharp() { SHEET } else { 1.0 }
     }
 
     /// Mean square distance of its points to a plane.

@@ -149,8 +149,8 @@ impl Surfaces {
         for &block in blocks {
             self.enter(grid, block);
         }
-        for (block, place) in beside {
-            self.settle_loose(grid, block, place);
+        for beside in beside.chunk_by(|a, b| a.0 == b.0) {
+            self.settle_loose(grid, beside[0].0, beside.iter().map(|(_, number)| *number));
         }
         for gone in &outcome.removed {
             // What it was has been taken over by another cluster, or is gone with its voxels.
@@ -336,8 +336,7 @@ impl Surfaces {
                 cluster.sums.add(&Exact::of(state, corner));
             }
         }
-        (0..self.segmented[block.0 as usize].loose.len())
-            .for_each(|number| self.enter_loose(grid, block, number));
+        self.enter_loose(grid, block, 0..self.segmented[block.0 as usize].loose.len());
     }
 }
 

@@ -4,14 +4,13 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::Vector3;
-
 use super::Surfaces;
 use crate::engine::consistent::block::{BlockIndex, Cell, offset_of};
 use crate::engine::consistent::cells::Cells;
 use crate::engine::consistent::exact::Exact;
 use crate::engine::consistent::grid::Grid;
-use crate::engine::consistent::layer::{PatchId, owner_of};
+use crate::engine::consistent::layer::PatchId;
+use crate::engine::consistent::owner::Owners;
 use crate::engine::consistent::state::State;
 
 impl Surfaces {
@@ -20,7 +19,7 @@ impl Surfaces {
         let Some(voxel) = grid.block(block).voxel(cell) else { return };
         let admitted = self.segmented[block.0 as usize].admit(State::new(grid, voxel));
         if let Some(number) = admitted {
-            self.enter_loose(grid, block, number);
+            self.enter_loose(grid, block, [number].into_iter());
         }
     }
 
@@ -72,17 +71,32 @@ impl Surfaces {
         self.changed.insert(component);
     }
 
-    pub(super) fn enter_loose(&mut self, grid: &Grid, block: BlockIndex, number: usize) {
-        if let Some(owner) = self.owner(grid, block, number) {
-            self.give_loose(grid, block, number, owner);
+    /// Puts loose voxels of a block, by their places in its list, beside the patches that they belong to.
+    pub(super) fn enter_loose(
+        &mut self,
+        grid: &Grid,
+        block: BlockIndex,
+        numbers: impl Iterator<Item = usize> + Clone,
+    ) {
+        for (number, owner) in numbers.clone().zip(self.owners(grid, block, numbers)) {
+            if let Some(owner) = owner {
+                self.give_loose(grid, block, number, owner);
+            }
         }
     }
 
-    /// As [`Self::enter_loose`] where it may be in a cluster; nothing is done where it stays with its patch.
-    pub(super) fn settle_loose(&mut self, grid: &Grid, block: BlockIndex, number: usize) {
-        let owner = self.owner(grid, block, number);
-        let node = owner.map(|owner| self.nodes[owner.block.0 as usize][usize::from(owner.number)]);
-        if node != self.segmented[block.0 as usize].loose[number].owner {
+    /// As [`Self::enter_loose`] where they may be in a cluster; nothing is done where one stays with its patch.
+    pub(super) fn settle_loose(
+        &mut self,
+        grid: &Grid,
+        block: BlockIndex,
+        numbers: impl Iterator<Item = usize> + Clone,
+    ) {
+        for (number, owner) in numbers.clone().zip(self.owners(grid, block, numbers)) {
+            let node = owner.map(|owner| self.nodes[owner.block.0 as usize][usize::from(owner.number)]);
+            if node == self.segmented[block.0 as usize].loose[number].owner {
+                continue;
+            }
             self.withdraw_loose(grid, block, number);
             if let Some(owner) = owner {
                 self.give_loose(grid, block, number, owner);
@@ -90,12 +104,16 @@ impl Surfaces {
         }
     }
 
-    /// The patch that a loose voxel belongs to.
-    pub(super) fn owner(&self, grid: &Grid, block: BlockIndex, number: usize) -> Option<PatchId> {
+    /// The patches that loose voxels of a block belong to.
+    fn owners(
+        &self,
+        grid: &Grid,
+        block: BlockIndex,
+        numbers: impl Iterator<Item = usize>,
+    ) -> Vec<Option<PatchId>> {
         let here = &self.segmented[block.0 as usize];
-        let state = &here.states[usize::from(here.loose[number].place)];
-        let corner = Vector3::from(grid.block(block).corner()).map(f64::from);
-        owner_of(state, &grid.block(block).around, &corner, &self.segmented, &self.rules)
+        let mut owners = Owners::new(grid.block(block), &self.segmented, &self.rules);
+        numbers.map(|number| owners.of(&here.states[usize::from(here.loose[number].place)])).collect()
     }
 
     pub(super) fn give_loose(&mut self, grid: &Grid, block: BlockIndex, number: usize, owner: PatchId) {
