@@ -18,7 +18,8 @@
 //!    become dense since the block was published. A voxel whose sharp points show a sheet belongs to no plane across that
 //!    sheet (`state`), so that two rows of a wall and two of a ceiling are no bevel.
 //! 3. Two patches that touch, in a block or across its border, are **joined** when their planes agree in direction and
-//!    where they meet, as far as both are known; rough ones with each other alone (`patch`). A noisy patch that lies within
+//!    where they meet, as far as both are known, or, where both are noisy, each lies well on the other's plane; rough ones
+//!    with each other alone (`patch`). A noisy patch that lies within
 //!    its noise on the plane of a sharper one, and fits no equal better, is a **slice** of its scatter; so is one that is
 //!    narrow, of a broader one whose plane it lies on, for its own normal may be any. A slice is joined to that one, and else
 //!    only to what lies on that one's plane too, so that it ties no two surfaces together (`layer`).
@@ -64,6 +65,7 @@
 //! | no strips: a surface that crosses a corner of a block in one row of voxels falls apart | 168, 168 | 0.976, 0.976 |
 //! | strips of noisy voxels too: they come and go while the sensor stands (four seeds, doubled) | 166, 176 | 0.976, 0.977 |
 //! | planes of noisy patches excused by their noise over their breadth: one seed joins a wall with a door | 168, 168 | 0.960, 0.976 |
+//! | noisy patches joined by their angle alone; a ninth seed's north wall falls in two then | 167, 168 | 0.976, 0.976 |
 //! | noisy patches that a sharper one of their block explains dissolved in it | no change | |
 //! | voxels wider across a plane than noise and a tenth of a voxel make them kept out of it (four seeds, doubled) | 166, 174 | 0.977, 0.976 |
 //!

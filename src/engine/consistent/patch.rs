@@ -84,6 +84,8 @@ const MIN_PAIRS: u32 = 3;
 const JOIN_SIGMAS: f64 = 3.0;
 /// What a badly known plane excuses at most (rad): 20 degrees.
 const MAX_JOIN_ANGLE: f64 = 0.35;
+/// Part of what is allowed of a slice that two scatters may be off each other.
+const WELL: f64 = 0.5;
 
 impl Patch {
     /// `None` where the states span no plane; `corner` is that of their block.
@@ -169,6 +171,15 @@ impl Patch {
         square / (rules.rim_noise_factor * rules.rim_noise_factor * self.noise + flatness)
     }
 
+    /// Whether two noisy patches lie each on the plane of the other, well within their noise. Where a block cuts a scatter, its
+    /// planes are turned by more than their voxels say.
+    fn is_one_scatter(&self, other: &Self, rules: &Rules) -> bool {
+        let is_noisy_and_flat = |patch: &Self| !patch.is_rough && patch.is_noisy(rules);
+        is_noisy_and_flat(self)
+            && is_noisy_and_flat(other)
+            && self.misfit(other, rules).max(other.misfit(self, rules)) <= WELL
+    }
+
     /// Whether two patches that meet so are one surface; a rough one is none with a flat one. Free of order.
     pub(super) fn joins(&self, other: &Self, contact: &Contact, rules: &Rules) -> bool {
         if contact.pairs < MIN_PAIRS || self.is_rough != other.is_rough {
@@ -182,7 +193,8 @@ impl Patch {
         let (a, b) = (&self.plane, &other.plane);
         let angle = a.normal.dot(&b.normal).clamp(-1.0, 1.0).acos();
         let tilt_sigma = (self.tilt_variance + other.tilt_variance).sqrt();
-        if angle > (JOIN_SIGMAS * tilt_sigma).clamp(most_angle, MAX_JOIN_ANGLE.max(most_angle)) {
+        let is_near = angle <= (JOIN_SIGMAS * tilt_sigma).clamp(most_angle, MAX_JOIN_ANGLE.max(most_angle));
+        if !is_near && (angle > MAX_JOIN_ANGLE || !self.is_one_scatter(other, rules)) {
             return false;
         }
         let meeting = contact.sum / (2.0 * f64::from(contact.pairs));
@@ -214,6 +226,11 @@ mod tests {
 
     /// Rows of eight voxels along x, each with points on the surface z = `height`(y) that is seen from above.
     fn rows(rows: std::ops::Range<i32>, height: impl Fn(f64) -> f64) -> Patch {
+        rows_from(1.0, rows, height)
+    }
+
+    /// The same with the noise of a sensor at this distance (m).
+    fn rows_from(distance: f64, rows: std::ops::Range<i32>, height: impl Fn(f64) -> f64) -> Patch {
         let params = Params::default();
         let grid = Grid::new(&params);
         let mut states = Vec::new();
@@ -221,13 +238,13 @@ mod tests {
             let middle = f64::from(y) + 0.5;
             let z = height(middle).floor();
             let mut scan = ScanSums::default();
-            for (a, b) in (0..8_u64).flat_map(|a| (0..8_u64).map(move |b| (a, b))) {
-                let up = height(f64::from(y) + (b as f64 + 0.5) / 8.0) - z;
-                scan.add([a * 512 + 256, b * 512 + 256, (up.clamp(0.0, 0.999) * 4096.0) as u64]);
+            for (a, b) in (0..64_u64).flat_map(|a| (0..64_u64).map(move |b| (a, b))) {
+                let up = height(f64::from(y) + (b as f64 + 0.5) / 64.0) - z;
+                scan.add([a * 64 + 32, b * 64 + 32, (up.clamp(0.0, 0.999) * 4096.0) as u64]);
             }
             let mut voxel = Voxel::new(Cell::at([x, y, z as i32]));
             voxel.count = scan.count;
-            voxel.sums.fold(&scan, 10_000, &Vector3::z());
+            voxel.sums.fold(&scan, grid.noise().weight(distance), &Vector3::z());
             states.push(State::new(&grid, &voxel));
         }
         Patch::new(&states.iter().collect::<Vec<_>>(), &Vector3::zeros(), Kind::Flat).unwrap()
@@ -246,5 +263,21 @@ mod tests {
         assert!(!floor.may_be_slice(&rules) && floor.slice_of(&strip, &rules).is_none());
         assert_eq!(strip.slice_of(&rows(3..5, |_| 2.3), &rules), None);
         assert_eq!(rows(5..7, |y| 2.3 + (y - 5.0)).slice_of(&floor, &rules), None);
+    }
+
+    #[test]
+    fn planes_of_one_scatter_may_be_turned_by_more_than_their_voxels_say() {
+        let rules = Rules::new(&Params::default());
+        let meeting = Contact { pairs: 8, sum: Vector3::new(4.0, 4.0, 2.3) * 16.0 };
+        let turned = |distance: f64, slope: f64| {
+            let here = rows_from(distance, 0..4, |_| 2.3);
+            let there = rows_from(distance, 4..8, |y| 2.3 + slope * (y - 4.0));
+            assert_eq!(here.joins(&there, &meeting, &rules), there.joins(&here, &meeting, &rules));
+            here.joins(&there, &meeting, &rules)
+        };
+        assert!(turned(5.0, 0.3));
+        // What is sharp is turned indeed, and so is what is turned by more than 20 degrees.
+        assert!(!turned(1.0, 0.3) && !turned(5.0, 0.4));
+        assert!(turned(1.0, 0.1));
     }
 }
