@@ -19,10 +19,10 @@
 //!    sheet (`state`), so that two rows of a wall and two of a ceiling are no bevel.
 //! 3. Two patches that touch, in a block or across its border, are **joined** when their planes agree in direction and
 //!    where they meet, as far as both are known, or, where both are noisy, each lies well on the other's plane; rough ones
-//!    with each other alone (`patch`). A noisy patch that lies within
-//!    its noise on the plane of a sharper one, and fits no equal better, is a **slice** of its scatter; so is one that is
-//!    narrow, of a broader one whose plane it lies on, for its own normal may be any. A slice is joined to that one, and else
-//!    only to what lies on that one's plane too, so that it ties no two surfaces together (`layer`).
+//!    with each other alone (`patch`). A noisy patch that lies within its noise on the plane of a sharper one, and fits no
+//!    equal better, is a **slice** of its scatter; so is one that is narrow, of a broader one whose plane it lies on, for its
+//!    own normal may be any. A slice is joined to that one, and else only to what lies on that one's plane too, so that it
+//!    ties no two surfaces together (`layer`).
 //! 4. A patch of two rows at a face of its block is **cut**: where a surface ends just across the border, or scatters over
 //!    it, its plane may be any. It ties together what it ties together, but each of its voxels, as of a narrow patch, goes to
 //!    a whole patch beside it that it fits better (`owner`).

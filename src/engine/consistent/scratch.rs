@@ -22,11 +22,11 @@ pub(super) fn partition(grid: &Grid, segmented: &[Segmented], rules: &Rules) -> 
     let mut partition = Partition::new();
     for (index, block) in grid.blocks() {
         let here = &segmented[index.0 as usize];
-        let mut owners = Owners::new(block, &segmented, rules);
         for state in &here.states {
             let label = here.labels[state.cell.index()];
             let patch = if here.is_loose(label) {
-                owners.of(state)
+                // Anew for each, so that nothing that is kept for the others can be wrong in both.
+                Owners::new(block, &segmented, rules).of(state)
             } else {
                 Some(PatchId { block: index, number: label })
             };

@@ -19,7 +19,7 @@ impl Surfaces {
         let Some(voxel) = grid.block(block).voxel(cell) else { return };
         let admitted = self.segmented[block.0 as usize].admit(State::new(grid, voxel));
         if let Some(number) = admitted {
-            self.enter_loose(grid, block, [number].into_iter());
+            self.enter_loose(grid, block, std::iter::once(number));
         }
     }
 
@@ -76,9 +76,9 @@ impl Surfaces {
         &mut self,
         grid: &Grid,
         block: BlockIndex,
-        numbers: impl Iterator<Item = usize> + Clone,
+        numbers: impl Iterator<Item = usize>,
     ) {
-        for (number, owner) in numbers.clone().zip(self.owners(grid, block, numbers)) {
+        for (number, owner) in self.owners(grid, block, numbers) {
             if let Some(owner) = owner {
                 self.give_loose(grid, block, number, owner);
             }
@@ -90,9 +90,9 @@ impl Surfaces {
         &mut self,
         grid: &Grid,
         block: BlockIndex,
-        numbers: impl Iterator<Item = usize> + Clone,
+        numbers: impl Iterator<Item = usize>,
     ) {
-        for (number, owner) in numbers.clone().zip(self.owners(grid, block, numbers)) {
+        for (number, owner) in self.owners(grid, block, numbers) {
             let node = owner.map(|owner| self.nodes[owner.block.0 as usize][usize::from(owner.number)]);
             if node == self.segmented[block.0 as usize].loose[number].owner {
                 continue;
@@ -104,16 +104,17 @@ impl Surfaces {
         }
     }
 
-    /// The patches that loose voxels of a block belong to.
+    /// Loose voxels of a block, each with the patch that it belongs to.
     fn owners(
         &self,
         grid: &Grid,
         block: BlockIndex,
         numbers: impl Iterator<Item = usize>,
-    ) -> Vec<Option<PatchId>> {
+    ) -> Vec<(usize, Option<PatchId>)> {
         let here = &self.segmented[block.0 as usize];
         let mut owners = Owners::new(grid.block(block), &self.segmented, &self.rules);
-        numbers.map(|number| owners.of(&here.states[usize::from(here.loose[number].place)])).collect()
+        let mut owner = |number: usize| owners.of(&here.states[usize::from(here.loose[number].place)]);
+        numbers.map(|number| (number, owner(number))).collect()
     }
 
     pub(super) fn give_loose(&mut self, grid: &Grid, block: BlockIndex, number: usize, owner: PatchId) {
