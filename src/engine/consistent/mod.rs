@@ -104,6 +104,7 @@ mod exact;
 mod footprint;
 mod graph;
 mod grid;
+mod join;
 mod layer;
 mod local;
 mod noise;

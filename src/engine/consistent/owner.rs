@@ -15,37 +15,50 @@ pub(super) struct Owners<'a> {
     corner: Vector3<f64>,
     segmented: &'a [Segmented],
     rules: &'a Rules,
-    /// For each frayed patch of the block, once asked for.
-    rivals: Vec<Option<Vec<Rival>>>,
+    /// What the voxels of frayed patches may go to; found once asked for.
+    rivals: Option<Vec<Rival<'a>>>,
 }
 
-/// A whole patch that some voxels of a frayed one may fit better.
-struct Rival {
+/// A patch that some voxels of a narrow or a cut one may fit better.
+struct Rival<'a> {
     id: PatchId,
     plane: Plane,
-    /// The cells that are within reach of its block.
+    cells: &'a Cells,
+    /// The direction of its block, and the cells that are within reach of it.
+    direction: [i32; 3],
     near: Cells,
 }
+
+/// How far a rival may lie from a voxel.
+const RIVAL_REACH: i32 = 2;
+/// How many times as well a voxel must fit a narrow patch as another one: the plane of a narrow one follows its voxels.
+const NARROW_HANDICAP: f64 = 2.0;
 
 impl<'a> Owners<'a> {
     pub(super) fn new(block: &'a Block, segmented: &'a [Segmented], rules: &'a Rules) -> Self {
         let corner = Vector3::from(block.corner()).map(f64::from);
-        Self { around: &block.around, corner, segmented, rules, rivals: Vec::new() }
+        Self { around: &block.around, corner, segmented, rules, rivals: None }
     }
 
     /// The patch that a loose voxel of the block belongs to: the nearest that its points fit, as far as noise and half a
-    /// voxel let them. One of a frayed patch stays there, unless it fits a whole one better that this meets in a block
-    /// within reach.
+    /// voxel let them. One of a frayed patch stays there, unless it fits a broader one within two voxels better.
     pub(super) fn of(&mut self, state: &State) -> Option<PatchId> {
         let Some(own) = self.frayed_patch_of(state) else { return self.nearest(state) };
-        let plane = self.plane(own);
+        let handicap = if patch(self.segmented, own).is_narrow() { NARROW_HANDICAP } else { 1.0 };
+        let misfit = state.within(&self.plane(own), self.rules).map(|misfit| handicap * misfit);
+        let is_better = |rival: &(f64, PatchId)| misfit.is_none_or(|own| rival.0 < own);
+        Some(self.best_rival(state).filter(is_better).map_or(own, |(_, id)| id))
+    }
+
+    /// The rival that a voxel fits best, and how well.
+    fn best_rival(&mut self, state: &State) -> Option<(f64, PatchId)> {
         let rules = self.rules;
-        let fitting = self.rivals(own).iter().filter(|rival| rival.near.contains(state.cell));
-        let fitting = fitting.filter_map(|rival| Some((state.within(&rival.plane, rules)?, rival.id)));
-        let best = fitting.min_by(|a, b| a.0.total_cmp(&b.0));
-        let better =
-            |(misfit, _): &(f64, PatchId)| state.within(&plane, rules).is_none_or(|own| *misfit < own);
-        Some(best.filter(better).map_or(own, |(_, id)| id))
+        let at = state.cell.coordinates();
+        let rivals = self.rivals().iter().filter(|rival| rival.near.contains(state.cell));
+        let near = rivals
+            .filter(|rival| rival.cells.any_in(&Window::around(seen_from(at, rival.direction), RIVAL_REACH)));
+        let fitting = near.filter_map(|rival| Some((state.within(&rival.plane, rules)?, rival.id)));
+        fitting.min_by(|a, b| a.0.total_cmp(&b.0))
     }
 
     fn frayed_patch_of(&self, state: &State) -> Option<PatchId> {
@@ -60,26 +73,25 @@ impl<'a> Owners<'a> {
         Plane { point: plane.point - self.corner, ..plane }
     }
 
-    /// The whole patches that a frayed one of the block meets in blocks within reach, ascending.
-    fn rivals(&mut self, of: PatchId) -> &[Rival] {
-        let number = usize::from(of.number);
-        if self.rivals.get(number).is_none_or(Option::is_none) {
-            let met = self.segmented[of.block.0 as usize].contacts[number].keys();
-            let rivals = met.filter_map(|&id| self.rival(id)).collect();
-            self.rivals.resize_with(self.rivals.len().max(number + 1), || None);
-            self.rivals[number] = Some(rivals);
+    /// The patches in and around the block that have planes of their own, in a fixed order.
+    fn rivals(&mut self) -> &[Rival<'a>] {
+        if self.rivals.is_none() {
+            let blocks = self.around.iter().enumerate();
+            let blocks = blocks.filter_map(|(place, block)| Some((offset_of(place), (*block)?)));
+            self.rivals =
+                Some(blocks.flat_map(|(direction, block)| self.rivals_in(direction, block)).collect());
         }
-        self.rivals[number].as_deref().unwrap_or_default()
+        self.rivals.as_deref().unwrap_or_default()
     }
 
-    fn rival(&self, id: PatchId) -> Option<Rival> {
-        let patch = patch(self.segmented, id);
-        if patch.is_frayed() || patch.is_rough() {
-            return None;
-        }
-        let place = self.around.iter().position(|block| *block == Some(id.block))?;
-        let near = Cells::border(offset_of(place), self.rules.rim_reach);
-        Some(Rival { id, plane: self.plane(id), near })
+    fn rivals_in(&self, direction: [i32; 3], block: BlockIndex) -> impl Iterator<Item = Rival<'a>> {
+        let near = Cells::border(direction, RIVAL_REACH);
+        let patches = (0..).zip(&self.segmented[block.0 as usize].patches);
+        let patches = patches.filter(|(_, patch)| !patch.is_narrow() && !patch.is_rough());
+        patches.map(move |(number, patch)| {
+            let id = PatchId { block, number };
+            Rival { id, plane: self.plane(id), cells: &patch.cells, direction, near }
+        })
     }
 
     /// The patch that fits best of those with the nearest voxels.

@@ -1,4 +1,4 @@
-//! A patch: the planar piece of a surface that lies in one block, and when two of them are one surface.
+//! A patch: the planar piece of a surface that lies in one block, and when it is a slice of another.
 //!
 //! Positions are in voxels from the corner of voxel (0, 0, 0).
 
@@ -45,30 +45,25 @@ pub(super) struct Patch {
     pub(super) cells: Cells,
     pub(super) plane: Plane,
     /// Mean and mean square of its points' places, every voxel counting the same.
-    mean: Vector3<f64>,
+    pub(super) mean: Vector3<f64>,
     square: Matrix3<f64>,
     /// Variance of its points along its normal that is noise.
-    noise: f64,
+    pub(super) noise: f64,
+    /// Covariance that noise gives its points.
+    blur: Matrix3<f64>,
+    /// Mean direction towards the sensor.
+    towards: Vector3<f64>,
     /// Its points lie on its plane only roughly.
     is_rough: bool,
     /// It reaches no further into its block than two rows: its plane may be the cut that the block makes of another one's
     /// scatter.
     is_cut: bool,
     /// Variance of its voxels across its narrow side, in voxels^2.
-    breadth: f64,
+    pub(super) breadth: f64,
     /// Variance of the plane's tilt about its most uncertain axis (rad^2).
-    tilt_variance: f64,
+    pub(super) tilt_variance: f64,
     /// Variance of the plane's place at its middle, along the normal.
-    offset_variance: f64,
-}
-
-/// Where two patches come within two voxels of each other.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Contact {
-    /// Number of pairs of voxels.
-    pub(super) pairs: u32,
-    /// Sum of the cells' middles over the pairs' voxels, two a pair.
-    pub(super) sum: Vector3<f64>,
+    pub(super) offset_variance: f64,
 }
 
 /// Rows of voxels at a face of a block that a whole surface is not known by.
@@ -78,14 +73,6 @@ const CUT: i32 = 2;
 const NARROW: f64 = 1.0;
 /// A patch is much broader whose variance is so many times that.
 const BROADER: f64 = 2.0;
-/// Pairs of voxels that make a contact.
-const MIN_PAIRS: u32 = 3;
-/// Standard deviations by which planes that are badly known may differ more.
-const JOIN_SIGMAS: f64 = 3.0;
-/// What a badly known plane excuses at most (rad): 20 degrees.
-const MAX_JOIN_ANGLE: f64 = 0.35;
-/// Part of what is allowed of a slice that two scatters may be off each other.
-const WELL: f64 = 0.5;
 
 impl Patch {
     /// `None` where the states span no plane; `corner` is that of their block.
@@ -94,6 +81,7 @@ impl Patch {
         let Fit { plane, variances } = region.fit()?;
         let count = states.len() as f64;
         let mean = states.iter().map(|state| state.mean()).sum::<Vector3<f64>>() / count;
+        let blur = states.iter().map(|state| state.noise()).sum::<Matrix3<f64>>() / count;
         let apart = |state: &&&State| {
             let from_mean = state.mean() - mean;
             state.spread() + from_mean * from_mean.transpose()
@@ -101,7 +89,9 @@ impl Patch {
         Some(Self {
             mean: mean + corner,
             square: states.iter().map(|state| apart(&state)).sum::<Matrix3<f64>>() / count,
-            noise: states.iter().map(|state| state.noise_along(&plane.normal)).sum::<f64>() / count,
+            noise: plane.normal.dot(&(blur * plane.normal.into_inner())),
+            blur,
+            towards: states.iter().map(|state| state.towards()).sum::<Vector3<f64>>() / count,
             cells: states.iter().map(|state| state.cell).collect(),
             plane: Plane { point: plane.point + corner, ..plane },
             is_rough: kind == Kind::Rough,
@@ -118,11 +108,11 @@ impl Patch {
         self.is_rough || self.is_noisy(rules) || self.is_narrow()
     }
 
-    fn is_noisy(&self, rules: &Rules) -> bool {
+    pub(super) fn is_noisy(&self, rules: &Rules) -> bool {
         self.noise > rules.noisy * rules.noisy
     }
 
-    fn is_narrow(&self) -> bool {
+    pub(super) fn is_narrow(&self) -> bool {
         self.breadth < NARROW
     }
 
@@ -140,7 +130,8 @@ impl Patch {
     }
 
     /// How well its points lie on the plane of a patch whose slice it may be, up to 1: of a flat one where it is rough, of one
-    /// with less noise where it is noisy, of a much broader one where it is narrow. `None` where it is no such slice.
+    /// with less noise where it is noisy, of a much broader one where it is narrow, for its own normal may be any then. `None`
+    /// where it is no such slice.
     pub(super) fn slice_of(&self, other: &Self, rules: &Rules) -> Option<f64> {
         let turn = self.plane.normal.dot(&other.plane.normal);
         let is_sharper = other.noise <= rules.sharper * rules.sharper * self.noise;
@@ -150,7 +141,7 @@ impl Patch {
             self.is_noisy(rules) && is_sharper && turn >= rules.slice_angle.cos()
                 || self.is_narrow()
                     && other.breadth >= BROADER * self.breadth
-                    && turn >= rules.narrow_angle.cos()
+                    && self.towards.dot(&other.plane.normal) > 0.0
         };
         let may_be = may_be && !other.is_rough;
         may_be.then(|| self.misfit(other, rules)).filter(|misfit| *misfit <= 1.0)
@@ -167,45 +158,9 @@ impl Patch {
         let normal = &other.plane.normal;
         let off = normal.dot(&(self.mean - other.plane.point));
         let square = off * off + normal.dot(&(self.square * normal.into_inner()));
+        let noise = normal.dot(&(self.blur * normal.into_inner()));
         let flatness = rules.rim_flatness * rules.rim_flatness;
-        square / (rules.rim_noise_factor * rules.rim_noise_factor * self.noise + flatness)
-    }
-
-    /// Whether two noisy patches lie each on the plane of the other, well within their noise. Where a block cuts a scatter, its
-    /// planes are turned by more than their voxels say.
-    fn is_one_scatter(&self, other: &Self, rules: &Rules) -> bool {
-        let is_noisy_and_flat = |patch: &Self| !patch.is_rough && patch.is_noisy(rules);
-        is_noisy_and_flat(self)
-            && is_noisy_and_flat(other)
-            && self.misfit(other, rules).max(other.misfit(self, rules)) <= WELL
-    }
-
-    /// Whether two patches that meet so are one surface; a rough one is none with a flat one. Free of order.
-    pub(super) fn joins(&self, other: &Self, contact: &Contact, rules: &Rules) -> bool {
-        if contact.pairs < MIN_PAIRS || self.is_rough != other.is_rough {
-            return false;
-        }
-        let (most_angle, most_offset) = if self.is_rough {
-            (rules.rough_angle, rules.rough_offset)
-        } else {
-            (rules.join_angle, rules.join_offset)
-        };
-        let (a, b) = (&self.plane, &other.plane);
-        let angle = a.normal.dot(&b.normal).clamp(-1.0, 1.0).acos();
-        let tilt_sigma = (self.tilt_variance + other.tilt_variance).sqrt();
-        let is_near = angle <= (JOIN_SIGMAS * tilt_sigma).clamp(most_angle, MAX_JOIN_ANGLE.max(most_angle));
-        if !is_near && (angle > MAX_JOIN_ANGLE || !self.is_one_scatter(other, rules)) {
-            return false;
-        }
-        let meeting = contact.sum / (2.0 * f64::from(contact.pairs));
-        // The meeting lies within a voxel of both planes; the heights of the planes above it are compared.
-        let heights = [a, b].map(|plane| plane.normal.dot(&(meeting - plane.point)));
-        let lever = |patch: &Self| (meeting - patch.plane.point).norm_squared() * patch.tilt_variance;
-        let variance = self.offset_variance + other.offset_variance + lever(self) + lever(other);
-        // Where a block ends within the scatter, each of the two sees one side of it.
-        let cut = rules.cut * (self.noise.sqrt() + other.noise.sqrt());
-        let allowed = (JOIN_SIGMAS * variance.sqrt()).clamp(most_offset, 2.0 * most_offset) + cut;
-        (heights[0] - heights[1]).abs() <= allowed
+        square / (rules.rim_noise_factor * rules.rim_noise_factor * noise + flatness)
     }
 }
 
@@ -216,8 +171,9 @@ fn is_cut(states: &[&State]) -> bool {
     })
 }
 
+/// Patches of known surfaces, for tests.
 #[cfg(test)]
-mod tests {
+pub(super) mod examples {
     use super::super::block::{Cell, Voxel};
     use super::super::grid::Grid;
     use super::super::sums::ScanSums;
@@ -225,12 +181,16 @@ mod tests {
     use crate::engine::params::Params;
 
     /// Rows of eight voxels along x, each with points on the surface z = `height`(y) that is seen from above.
-    fn rows(rows: std::ops::Range<i32>, height: impl Fn(f64) -> f64) -> Patch {
+    pub(in super::super) fn rows(rows: std::ops::Range<i32>, height: impl Fn(f64) -> f64) -> Patch {
         rows_from(1.0, rows, height)
     }
 
     /// The same with the noise of a sensor at this distance (m).
-    fn rows_from(distance: f64, rows: std::ops::Range<i32>, height: impl Fn(f64) -> f64) -> Patch {
+    pub(in super::super) fn rows_from(
+        distance: f64,
+        rows: std::ops::Range<i32>,
+        height: impl Fn(f64) -> f64,
+    ) -> Patch {
         let params = Params::default();
         let grid = Grid::new(&params);
         let mut states = Vec::new();
@@ -249,6 +209,13 @@ mod tests {
         }
         Patch::new(&states.iter().collect::<Vec<_>>(), &Vector3::zeros(), Kind::Flat).unwrap()
     }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::examples::rows;
+    use super::*;
+    use crate::engine::params::Params;
 
     #[test]
     fn a_narrow_patch_on_a_broad_one_s_plane_is_a_slice_of_it_whatever_its_normal() {
@@ -263,21 +230,5 @@ mod tests {
         assert!(!floor.may_be_slice(&rules) && floor.slice_of(&strip, &rules).is_none());
         assert_eq!(strip.slice_of(&rows(3..5, |_| 2.3), &rules), None);
         assert_eq!(rows(5..7, |y| 2.3 + (y - 5.0)).slice_of(&floor, &rules), None);
-    }
-
-    #[test]
-    fn planes_of_one_scatter_may_be_turned_by_more_than_their_voxels_say() {
-        let rules = Rules::new(&Params::default());
-        let meeting = Contact { pairs: 8, sum: Vector3::new(4.0, 4.0, 2.3) * 16.0 };
-        let turned = |distance: f64, slope: f64| {
-            let here = rows_from(distance, 0..4, |_| 2.3);
-            let there = rows_from(distance, 4..8, |y| 2.3 + slope * (y - 4.0));
-            assert_eq!(here.joins(&there, &meeting, &rules), there.joins(&here, &meeting, &rules));
-            here.joins(&there, &meeting, &rules)
-        };
-        assert!(turned(5.0, 0.3));
-        // What is sharp is turned indeed, and so is what is turned by more than 20 degrees.
-        assert!(!turned(1.0, 0.3) && !turned(5.0, 0.4));
-        assert!(turned(1.0, 0.1));
     }
 }

@@ -7,6 +7,8 @@
 //! lintel and a ceiling are a seed. In the end every voxel goes to the patch beside it that fits it best, so that no patch keeps what it
 //! took at an edge by being first. Patches too narrow to have a plane are none.
 //!
+//! What reaches no further along the line of sight than its noise spreads it is no patch, for its plane is that of the sight.
+//!
 //! From what is left, and lies beside no plane either, **strips** grow: sharp voxels whose own points have the breadth that
 //! a row of means has not, as where a surface crosses a corner of the block, or ends behind another. Then **rough** patches
 //! grow in the same way with half a voxel's tolerance: plants, cables, shelves full of things. What then is left are loose
@@ -23,6 +25,9 @@ use super::state::{Plane, State};
 
 /// Least number of voxels of a patch.
 const MIN_VOXELS: usize = 5;
+
+/// How many times its noise a patch must spread along the line of sight, as variances.
+const STREAK: f64 = 1.5;
 
 const NO_STATE: u16 = u16::MAX;
 const FREE: u8 = u8::MAX;
@@ -42,7 +47,7 @@ pub(super) fn segment(states: &[State], rules: &Rules) -> Patches {
     let kinds = vec![Kind::Flat; usize::from(flat.count())];
     let mut rest = flat.left_over(flat.count());
     let mut patches = Patches { owner: flat.owner, kinds };
-    let is_sharp = |state: &usize| states[*state].own_plane().is_some();
+    let is_sharp = |state: &usize| states[*state].is_sheet();
     let sharp: Vec<_> = rest.iter().copied().filter(is_sharp).collect();
     patches.grow(Kind::Strip, states, &sharp, rules);
     rest.retain(|&state| patches.owner[state] == FREE);
@@ -235,7 +240,7 @@ impl<'a> Segmentation<'a> {
             }
             members = reached;
         }
-        if members.len() < MIN_VOXELS {
+        if members.len() < MIN_VOXELS || self.is_streak(&members, &plane) {
             return;
         }
         let number = self.planes.len() as u8;
@@ -311,11 +316,23 @@ impl<'a> Segmentation<'a> {
             }
             let members = self.connected(first, &before, &mut seen);
             let plane = self.plane_of(&self.region(members.iter().copied()));
-            if members.len() >= MIN_VOXELS && plane.is_some() && patches < MAX_PATCHES {
+            let is_patch = plane.is_some_and(|plane| !self.is_streak(&members, &plane));
+            if members.len() >= MIN_VOXELS && is_patch && patches < MAX_PATCHES {
                 members.iter().for_each(|&member| self.owner[member] = patches as u8);
                 patches += 1;
             }
         }
+    }
+
+    /// Whether the voxels reach no further along the line of sight, within their plane, than noise spreads them. Such a plane
+    /// is the one of the sight, and what scatters there is of another.
+    fn is_streak(&self, members: &[usize], plane: &Plane) -> bool {
+        let region = self.region(members.iter().copied());
+        let mut scatter = Scatter::default();
+        members.iter().for_each(|&member| scatter.join(&self.shares[member].1));
+        region
+            .sight_in(plane)
+            .is_some_and(|sight| region.variance_along(&sight) < STREAK * scatter.noise_along(&sight))
     }
 
     fn connected(&self, first: usize, owner: &[u8], seen: &mut [bool]) -> Vec<usize> {

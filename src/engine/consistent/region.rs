@@ -84,17 +84,38 @@ impl Region {
         vector(&self.0, TOWARDS).dot(&plane.normal) > 0.0
     }
 
+    /// The direction towards the sensor within a plane; `None` where the plane faces it.
+    pub(super) fn sight_in(&self, plane: &Plane) -> Option<Vector3<f64>> {
+        let (towards, normal) = (vector(&self.0, TOWARDS), &plane.normal);
+        (towards - normal.into_inner() * normal.dot(&towards)).try_normalize(1e-9)
+    }
+
+    /// Variance of its voxels' means along a direction, in voxels^2.
+    pub(super) fn variance_along(&self, direction: &Vector3<f64>) -> f64 {
+        direction.dot(&(self.covariance() * direction))
+    }
+
+    fn covariance(&self) -> Matrix3<f64> {
+        let point = self.middle();
+        matrix(&self.0, OUTER) / self.weight() - point * point.transpose()
+    }
+
+    fn middle(&self) -> Vector3<f64> {
+        vector(&self.0, SUM) / self.weight()
+    }
+
     /// `None` for fewer than three voxels.
     pub(super) fn fit(&self) -> Option<Fit> {
         if self.voxels() < 3.0 {
             return None;
         }
-        let point = vector(&self.0, SUM) / self.weight();
-        let outer = matrix(&self.0, OUTER) / self.weight();
-        let Spread { variances, normal } = Spread::of(&(outer - point * point.transpose()));
+        let Spread { variances, normal } = Spread::of(&self.covariance());
         let normal = if normal.dot(&vector(&self.0, TOWARDS)) < 0.0 { -normal } else { normal };
         let variances = variances.map(|variance| variance.max(0.0));
-        Some(Fit { plane: Plane { point, normal: UnitVector3::new_normalize(normal) }, variances })
+        Some(Fit {
+            plane: Plane { point: self.middle(), normal: UnitVector3::new_normalize(normal) },
+            variances,
+        })
     }
 }
 
@@ -128,7 +149,7 @@ impl Scatter {
 
     /// Mean square distance of the points to a plane by what is allowed of them on the mean; 1 is just allowed.
     pub(super) fn misfit(&self, plane: &Plane, noise_factor: f64, flatness: f64) -> f64 {
-        let noise = self.along(&plane.normal, NOISE) / self.0[COUNT];
+        let noise = self.noise_along(&plane.normal);
         self.square_distance(plane) / (noise_factor * noise_factor * noise + flatness * flatness)
     }
 
@@ -137,6 +158,11 @@ impl Scatter {
         let (count, height) = (self.0[COUNT], plane.normal.dot(&plane.point));
         let sum = plane.normal.dot(&vector(&self.0, MEAN));
         self.along(&plane.normal, SQUARE) / count - height * (2.0 * sum / count - height)
+    }
+
+    /// Variance that noise gives the points along a direction, on the mean.
+    pub(super) fn noise_along(&self, direction: &Vector3<f64>) -> f64 {
+        self.along(direction, NOISE) / self.0[COUNT]
     }
 
     /// What is summed of a moment along a direction.

@@ -32,8 +32,6 @@ pub(super) struct Rules {
     pub(super) sharper: f64,
     /// Angle between their normals, at most (rad).
     pub(super) slice_angle: f64,
-    /// The same of a narrow patch and a broader one.
-    pub(super) narrow_angle: f64,
     /// The same of what joins a slice and the one that this is a slice of.
     pub(super) beside_angle: f64,
     /// How far the voxels of two patches that meet may lie apart, along each axis.
@@ -59,7 +57,6 @@ impl Rules {
             noisy: 0.25,
             sharper: 0.75,
             slice_angle: 0.6,
-            narrow_angle: 1.0,
             beside_angle: 0.4,
             contact_reach: 1,
             rim_reach: 3,

@@ -28,6 +28,9 @@ fn mean_weight(depth_variance: f64, points: f64) -> f64 {
 /// Least variance of a voxel's points across the narrow side of their plane, in voxels^2, and most along its normal by that.
 const OWN_BREADTH: f64 = 0.03;
 const OWN_FLATNESS: f64 = 0.1;
+/// The same of a voxel in a strip.
+const SHEET_BREADTH: f64 = 0.02;
+const SHEET_FLATNESS: f64 = 0.15;
 /// Variance of noise up to which a voxel is sharp, in voxels^2: seen from 2 m at 5 cm.
 const SHARP: f64 = 0.02;
 /// How many times its spread counts then.
@@ -154,6 +157,12 @@ impl State {
         let is_flat = variances[1] >= OWN_BREADTH && variances[0] <= OWN_FLATNESS * variances[1];
         let normal = if normal.dot(&self.towards()) < 0.0 { -normal } else { normal };
         is_flat.then(|| Plane { point: self.mean(), normal: UnitVector3::new_normalize(normal) })
+    }
+
+    /// Whether its points lie on a plane, be it of half a row.
+    pub(super) fn is_sheet(&self) -> bool {
+        let Spread { variances, .. } = Spread::of(&self.spread());
+        variances[1] >= SHEET_BREADTH && variances[0] <= SHEET_FLATNESS * variances[1]
     }
 
     fn is_sharp(&self) -> bool {

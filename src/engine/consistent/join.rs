@@ -1,0 +1,116 @@
+//! When two patches that meet are one surface.
+
+use nalgebra::Vector3;
+
+use super::patch::Patch;
+use super::rules::Rules;
+
+/// Where two patches come within two voxels of each other.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Contact {
+    /// Number of pairs of voxels.
+    pub(super) pairs: u32,
+    /// Sum of the cells' middles over the pairs' voxels, two a pair.
+    pub(super) sum: Vector3<f64>,
+}
+
+/// Pairs of voxels that make a contact.
+const MIN_PAIRS: u32 = 3;
+/// Part of what is allowed of a slice that two narrow patches are off each other at most where fewer pairs are one: rows of
+/// one voxel, end to end, have a single pair.
+const ALIGNED: f64 = 0.05;
+/// Standard deviations by which planes that are badly known may differ more.
+const JOIN_SIGMAS: f64 = 3.0;
+/// What a badly known plane excuses at most (rad): 20 degrees.
+const MAX_JOIN_ANGLE: f64 = 0.35;
+/// Part of what is allowed of a slice that two scatters may be off each other.
+const WELL: f64 = 0.5;
+/// Angle between the facets of a bend, at most (rad).
+const BEND_ANGLE: f64 = 1.0;
+/// Radius of a bend, at least, in voxels: what is bent more is an edge.
+const BEND_RADIUS: f64 = 2.0;
+/// Voxels of a facet, at least: three rows through a block.
+const FACET: usize = 24;
+
+impl Patch {
+    /// Whether two patches that meet so are one surface; a rough one is none with a flat one. Free of order.
+    pub(super) fn joins(&self, other: &Self, contact: &Contact, rules: &Rules) -> bool {
+        self.is_rough() == other.is_rough()
+            && (contact.pairs >= MIN_PAIRS || self.is_in_line_with(other, rules))
+            && self.has_direction_of(other, rules)
+            && self.is_level_with(other, contact, rules)
+    }
+
+    /// Whether two narrow patches lie each on the plane of the other as if they were one.
+    fn is_in_line_with(&self, other: &Self, rules: &Rules) -> bool {
+        self.is_narrow() && other.is_narrow() && self.mutual_misfit(other, rules) <= ALIGNED
+    }
+
+    fn mutual_misfit(&self, other: &Self, rules: &Rules) -> f64 {
+        self.misfit(other, rules).max(other.misfit(self, rules))
+    }
+
+    /// Whether their planes have the same direction, as far as both are known, or else are of one scatter or one bend.
+    fn has_direction_of(&self, other: &Self, rules: &Rules) -> bool {
+        let most = if self.is_rough() { rules.rough_angle } else { rules.join_angle };
+        let angle = self.plane.normal.dot(&other.plane.normal).clamp(-1.0, 1.0).acos();
+        let tilt_sigma = (self.tilt_variance + other.tilt_variance).sqrt();
+        angle <= (JOIN_SIGMAS * tilt_sigma).clamp(most, MAX_JOIN_ANGLE.max(most))
+            || angle <= MAX_JOIN_ANGLE && self.is_one_scatter(other, rules)
+            || angle <= BEND_ANGLE && self.is_one_bend(other, angle)
+    }
+
+    /// Whether two noisy patches lie each on the plane of the other, well within their noise. Where a block cuts a scatter, its
+    /// planes are turned by more than their voxels say.
+    fn is_one_scatter(&self, other: &Self, rules: &Rules) -> bool {
+        let is_noisy_and_flat = |patch: &Self| !patch.is_rough() && patch.is_noisy(rules);
+        is_noisy_and_flat(self) && is_noisy_and_flat(other) && self.mutual_misfit(other, rules) <= WELL
+    }
+
+    /// Whether two narrow patches, turned by this angle, are facets of one bend, as of a pillar: each is seen in several rows,
+    /// and what is bent by that angle over their distance is no edge.
+    fn is_one_bend(&self, other: &Self, angle: f64) -> bool {
+        let is_facet = |patch: &Self| !patch.is_rough() && patch.is_narrow() && patch.cells.len() >= FACET;
+        let axis = self.plane.normal.cross(&other.plane.normal).normalize();
+        let apart = other.mean - self.mean;
+        let chord = (apart - axis * axis.dot(&apart)).norm();
+        is_facet(self) && is_facet(other) && chord >= 2.0 * BEND_RADIUS * (0.5 * angle).sin()
+    }
+
+    /// Whether their planes are at one height where they meet, as far as both are known.
+    fn is_level_with(&self, other: &Self, contact: &Contact, rules: &Rules) -> bool {
+        let most = if self.is_rough() { rules.rough_offset } else { rules.join_offset };
+        let meeting = contact.sum / (2.0 * f64::from(contact.pairs));
+        // The meeting lies within a voxel of both planes; the heights of the planes above it are compared.
+        let heights = [self, other].map(|patch| patch.plane.normal.dot(&(meeting - patch.plane.point)));
+        let lever = |patch: &Self| (meeting - patch.plane.point).norm_squared() * patch.tilt_variance;
+        let variance = self.offset_variance + other.offset_variance + lever(self) + lever(other);
+        // Where a block ends within the scatter, each of the two sees one side of it.
+        let cut = rules.cut * (self.noise.sqrt() + other.noise.sqrt());
+        let allowed = (JOIN_SIGMAS * variance.sqrt()).clamp(most, 2.0 * most) + cut;
+        (heights[0] - heights[1]).abs() <= allowed
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::engine::consistent::patch::examples::{rows, rows_from};
+    use crate::engine::params::Params;
+
+    #[test]
+    fn planes_of_one_scatter_may_be_turned_by_more_than_their_voxels_say() {
+        let rules = Rules::new(&Params::default());
+        let meeting = Contact { pairs: 8, sum: Vector3::new(4.0, 4.0, 2.3) * 16.0 };
+        let turned = |distance: f64, slope: f64| {
+            let here = rows_from(distance, 0..4, |_| 2.3);
+            let there = rows_from(distance, 4..8, |y| 2.3 + slope * (y - 4.0));
+            assert_eq!(here.joins(&there, &meeting, &rules), there.joins(&here, &meeting, &rules));
+            here.joins(&there, &meeting, &rules)
+        };
+        assert!(turned(5.0, 0.3));
+        // What is sharp is turned indeed, and so is what is turned by more than 20 degrees.
+        assert!(!turned(1.0, 0.3) && !turned(5.0, 0.4));
+        assert!(turned(1.0, 0.1));
+    }
+}
