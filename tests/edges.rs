@@ -87,3 +87,61 @@ fn a_surface_that_crosses_a_corner_of_a_block_in_one_row_of_voxels_is_whole() {
         assert!(most as f64 >= 0.98 * all as f64, "from {x} m at {degrees} degrees: {leaf:?}");
     }
 }
+
+/// Share of the voxels within these bounds (m) that the largest of the clusters there has, and how many clusters there are.
+fn wholeness(snapshot: &Snapshot, bounds: &[Range<f64>; 3]) -> (f64, usize) {
+    let clusters = clusters_in(snapshot, bounds);
+    let all: usize = clusters.values().sum();
+    let found = clusters.iter().filter(|(id, _)| **id != 0);
+    let most = found.clone().map(|(_, voxels)| *voxels).max().unwrap_or(0);
+    (most as f64 / all as f64, found.count())
+}
+
+const EVERYWHERE: [Range<f64>; 3] = [0.0..9.0, -3.0..3.0, 0.0..3.0];
+
+#[test]
+fn the_faces_of_a_post_are_surfaces_of_their_own() {
+    for (i, voxel_size) in (0..8).flat_map(|i| [0.05, 0.08].map(|voxel_size| (i, voxel_size))) {
+        let (x, y) = (2.0 + 0.03 * f64::from(i), 0.02 * f64::from(i));
+        let face = |side| rectangle([x, y, 0.0], [Z, side], [2.0, 0.4], 0.005);
+        let mut post = face([1.0, 1.0, 0.0]);
+        post.extend(face([1.0, -1.0, 0.0]));
+        let (share, count) = wholeness(&found(&post, [0.0, y, 1.1], voxel_size), &EVERYWHERE);
+        assert!(share <= 0.7 && count >= 2, "at {x}, {y} m, voxels of {voxel_size} m: {share} of {count}");
+    }
+}
+
+#[test]
+fn a_strip_of_one_row_of_voxels_is_whole() {
+    // Between two doors: nowhere more than a row of voxels, in some of them little of it.
+    for i in 0..16 {
+        let y = 0.01 * f64::from(i);
+        let strip = rectangle([2.03, y, 0.0], [Z, [0.1, 1.0, 0.0]], [2.0, 0.1], 0.005);
+        let (share, _) = wholeness(&found(&strip, [0.0, 0.1, 1.1], 0.08), &EVERYWHERE);
+        assert!(share >= 0.9, "strip from {y} m on: {share}");
+    }
+}
+
+#[test]
+fn the_scatter_of_a_far_wall_is_no_plane_along_the_sight() {
+    // The noise of a Kinect at 5.8 m (m).
+    const SIGMA: f64 = 0.06;
+    let from = [0.0, 2.0, 1.1];
+    let mut seed = 1_u64;
+    let mut uniform = || {
+        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (seed >> 11) as f64 / (1_u64 << 53) as f64
+    };
+    // The last rows of the wall lie in blocks of their own, which end at y = 0.4 m.
+    for i in 0..8 {
+        let end = 0.42 + 0.02 * f64::from(i);
+        let wall = rectangle([5.6, end - 1.4, 0.02], [Y, Z], [1.4, 2.0], 0.005);
+        let scattered = (0..5).flat_map(|_| wall.clone()).map(|point| {
+            // Of twelve uniform numbers the sum has a variance of one.
+            let scatter = SIGMA * ((0..12).map(|_| uniform()).sum::<f64>() - 6.0);
+            point + (point - Vector3::from(from)).normalize() * scatter
+        });
+        let (share, _) = wholeness(&found(&scattered.collect::<Vec<_>>(), from, 0.05), &EVERYWHERE);
+        assert!(share >= 0.998, "wall up to {end} m: {share}");
+    }
+}

@@ -25,12 +25,14 @@ const JOIN_SIGMAS: f64 = 3.0;
 const MAX_JOIN_ANGLE: f64 = 0.35;
 /// Part of what is allowed of a slice that two scatters may be off each other.
 const WELL: f64 = 0.5;
-/// Angle between the facets of a bend, at most (rad).
-const BEND_ANGLE: f64 = 1.0;
+/// Angle between the facets of a bend, at most (rad): 75 degrees.
+const BEND_ANGLE: f64 = 1.3;
 /// Radius of a bend, at least, in voxels: what is bent more is an edge.
 const BEND_RADIUS: f64 = 2.0;
-/// Voxels of a facet, at least: three rows through a block.
-const FACET: usize = 24;
+/// How far two facets may be off one circle, in voxels.
+const BEND_SKEW: f64 = 1.0;
+/// Voxels of a facet, at least: a row and a half through a block.
+const FACET: usize = 12;
 
 impl Patch {
     /// Whether two patches that meet so are one surface; a rough one is none with a flat one. Free of order.
@@ -67,14 +69,18 @@ impl Patch {
         is_noisy_and_flat(self) && is_noisy_and_flat(other) && self.mutual_misfit(other, rules) <= WELL
     }
 
-    /// Whether two narrow patches, turned by this angle, are facets of one bend, as of a pillar: each is seen in several rows,
-    /// and what is bent by that angle over their distance is no edge.
+    /// Whether two narrow patches, turned by this angle, are facets of one bend, as of a pillar: each has some voxels, both lie
+    /// on one circle, and what is bent by that angle over their distance is no edge.
     fn is_one_bend(&self, other: &Self, angle: f64) -> bool {
         let is_facet = |patch: &Self| !patch.is_rough() && patch.is_narrow() && patch.cells.len() >= FACET;
-        let axis = self.plane.normal.cross(&other.plane.normal).normalize();
+        let (a, b) = (self.plane.normal.into_inner(), other.plane.normal.into_inner());
+        let (axis, middle) = (a.cross(&b).normalize(), (a + b).normalize());
         let apart = other.mean - self.mean;
         let chord = (apart - axis * axis.dot(&apart)).norm();
-        is_facet(self) && is_facet(other) && chord >= 2.0 * BEND_RADIUS * (0.5 * angle).sin()
+        is_facet(self)
+            && is_facet(other)
+            && chord >= 2.0 * BEND_RADIUS * (0.5 * angle).sin()
+            && middle.dot(&apart).abs() <= BEND_SKEW
     }
 
     /// Whether their planes are at one height where they meet, as far as both are known.
@@ -112,5 +118,23 @@ mod tests {
         // What is sharp is turned indeed, and so is what is turned by more than 20 degrees.
         assert!(!turned(1.0, 0.3) && !turned(5.0, 0.4));
         assert!(turned(1.0, 0.1));
+    }
+
+    #[test]
+    fn narrow_facets_of_a_bend_are_one_surface_and_those_of_an_edge_are_not() {
+        let rules = Rules::new(&Params::default());
+        // A roof: so many rows to either side of its ridge, which is 2.6 voxels high.
+        let bent = |rows_each: i32, slope: f64| {
+            let ridge = f64::from(rows_each);
+            let height = |y: f64| 2.6 - slope * (y - ridge).abs();
+            let [here, there] = [rows(0..rows_each, height), rows(rows_each..2 * rows_each, height)];
+            let meeting = Contact { pairs: 22, sum: Vector3::new(4.0, ridge, 2.6) * 44.0 };
+            assert!(here.plane.normal.angle(&there.plane.normal) > MAX_JOIN_ANGLE);
+            assert_eq!(here.joins(&there, &meeting, &rules), there.joins(&here, &meeting, &rules));
+            here.joins(&there, &meeting, &rules)
+        };
+        assert!(bent(3, 0.3), "a radius of five voxels");
+        assert!(!bent(2, 0.65), "a radius of less than two");
+        assert!(!bent(4, 0.3), "too broad for facets: two slopes of a roof");
     }
 }

@@ -44,21 +44,21 @@ impl<'a> Owners<'a> {
     /// voxel let them. One of a frayed patch stays there, unless it fits a broader one within two voxels better.
     pub(super) fn of(&mut self, state: &State) -> Option<PatchId> {
         let Some(own) = self.frayed_patch_of(state) else { return self.nearest(state) };
+        let Some((rival, misfit)) = self.best_rival(state, own) else { return Some(own) };
         let handicap = if patch(self.segmented, own).is_narrow() { NARROW_HANDICAP } else { 1.0 };
-        let misfit = state.within(&self.plane(own), self.rules).map(|misfit| handicap * misfit);
-        let is_better = |rival: &(f64, PatchId)| misfit.is_none_or(|own| rival.0 < own);
-        Some(self.best_rival(state).filter(is_better).map_or(own, |(_, id)| id))
+        let stays = state.within(&self.plane(own), self.rules).is_some_and(|own| handicap * own <= misfit);
+        Some(if stays { own } else { rival })
     }
 
-    /// The rival that a voxel fits best, and how well.
-    fn best_rival(&mut self, state: &State) -> Option<(f64, PatchId)> {
+    /// The rival of its own patch that a voxel fits best, and how well.
+    fn best_rival(&mut self, state: &State, own: PatchId) -> Option<(PatchId, f64)> {
         let rules = self.rules;
         let at = state.cell.coordinates();
-        let rivals = self.rivals().iter().filter(|rival| rival.near.contains(state.cell));
+        let rivals = self.rivals().iter().filter(|rival| rival.near.contains(state.cell) && rival.id != own);
         let near = rivals
             .filter(|rival| rival.cells.any_in(&Window::around(seen_from(at, rival.direction), RIVAL_REACH)));
-        let fitting = near.filter_map(|rival| Some((state.within(&rival.plane, rules)?, rival.id)));
-        fitting.min_by(|a, b| a.0.total_cmp(&b.0))
+        let fitting = near.filter_map(|rival| Some((rival.id, state.within(&rival.plane, rules)?)));
+        fitting.min_by(|a, b| a.1.total_cmp(&b.1))
     }
 
     fn frayed_patch_of(&self, state: &State) -> Option<PatchId> {

@@ -71,6 +71,9 @@ const CUT: i32 = 2;
 
 /// Variance across its narrow side, in voxels^2, below which a patch is narrow: three rows and a half.
 const NARROW: f64 = 1.0;
+/// Misfit of a slice, at most: scatters of a pillar seen from 6 m have 1.1 on the nearer ones' planes, and from 1.25 on a
+/// wall takes in a door that stands ajar.
+const SLICE: f64 = 1.1;
 /// A patch is much broader whose variance is so many times that.
 const BROADER: f64 = 2.0;
 
@@ -144,7 +147,7 @@ impl Patch {
                     && self.towards.dot(&other.plane.normal) > 0.0
         };
         let may_be = may_be && !other.is_rough;
-        may_be.then(|| self.misfit(other, rules)).filter(|misfit| *misfit <= 1.0)
+        may_be.then(|| self.misfit(other, rules)).filter(|misfit| *misfit <= SLICE)
     }
 
     /// Whether its points lie on the plane of another that it need not meet, as far as a slice's do.

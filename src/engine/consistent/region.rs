@@ -9,7 +9,7 @@ use nalgebra::{Matrix3, UnitVector3, Vector3};
 use super::block::Cell;
 use super::eigen::Spread;
 use super::state::{Plane, State};
-use super::symmetric::{symmetric, upper};
+use super::symmetric::{along, symmetric, upper};
 
 /// What is summed, one after another: weight, weighted means, their weighted products (xx, xy, xz, yy, yz, zz), directions
 /// towards the sensor, voxels. One array, so that several are added in one instruction.
@@ -167,7 +167,7 @@ impl Scatter {
 
     /// What is summed of a moment along a direction.
     fn along(&self, direction: &Vector3<f64>, first: usize) -> f64 {
-        direction.dot(&(matrix(&self.0, first) * direction))
+        along(std::array::from_fn(|place| self.0[first + place]), direction)
     }
 }
 

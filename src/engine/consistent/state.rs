@@ -11,7 +11,7 @@ use super::eigen::Spread;
 use super::grid::Grid;
 use super::published::{PARTS, in_parts};
 use super::rules::Rules;
-use super::symmetric::{symmetric, upper};
+use super::symmetric::{along, symmetric, upper};
 use crate::engine::binning::nearest;
 
 /// What a voxel's mean is off by however many points it has, in voxels: the sensor's distortion, the cut at the border.
@@ -119,7 +119,11 @@ impl State {
 
     /// Weighted covariance of its points.
     pub(super) fn spread(&self) -> Matrix3<f64> {
-        symmetric(self.spread.map(|spread| f64::from(spread) / SPREAD_UNITS))
+        symmetric(self.spread_entries())
+    }
+
+    fn spread_entries(&self) -> [f64; 6] {
+        self.spread.map(|spread| f64::from(spread) / SPREAD_UNITS)
     }
 
     /// What its mean counts in a fit.
@@ -172,20 +176,32 @@ impl State {
     /// How its points spread about a plane, which counts more where they are sharp: a voxel in which a surface shows as a
     /// sheet lies on no plane across that sheet, even where its mean does.
     pub(super) fn thickness(&self) -> Matrix3<f64> {
-        self.spread() * if self.is_sharp() { SHEET } else { 1.0 }
+        self.spread() * self.sheet_factor()
     }
 
-    /// Mean square distance of its points to a plane.
-    fn square_distance(&self, plane: &Plane) -> f64 {
-        let normal = &plane.normal;
-        let off = normal.dot(&(self.mean() - plane.point));
-        off * off + normal.dot(&(self.thickness() * normal.into_inner())).max(0.0)
+    fn sheet_factor(&self) -> f64 {
+        if self.is_sharp() { SHEET } else { 1.0 }
     }
 
     /// How far its points are off a plane, by what is allowed; 1 is just allowed.
+    #[cfg(test)]
     pub(super) fn misfit(&self, plane: &Plane, noise_factor: f64, flatness: f64) -> f64 {
-        let allowed = noise_factor * noise_factor * self.noise_along(&plane.normal) + flatness * flatness;
-        self.square_distance(plane) / allowed
+        let off = self.height(plane);
+        (off * off + self.thickness_along(&plane.normal)) / self.allowed(plane, noise_factor, flatness)
+    }
+
+    /// What the mean square distance of its points to a plane may be.
+    fn allowed(&self, plane: &Plane, noise_factor: f64, flatness: f64) -> f64 {
+        noise_factor * noise_factor * self.noise_along(&plane.normal) + flatness * flatness
+    }
+
+    /// Of its mean above a plane.
+    fn height(&self, plane: &Plane) -> f64 {
+        plane.normal.dot(&(self.mean() - plane.point))
+    }
+
+    fn thickness_along(&self, normal: &Vector3<f64>) -> f64 {
+        along(self.spread_entries(), normal).max(0.0) * self.sheet_factor()
     }
 
     /// How well its points lie on the plane of a patch, as far as their noise lets them, up to 1; `None` where it is none of
@@ -200,8 +216,14 @@ impl State {
     }
 
     fn fits(&self, plane: &Plane, noise_factor: f64, flatness: f64) -> Option<f64> {
-        let fits = self.is_seen_from(plane).then(|| self.misfit(plane, noise_factor, flatness));
-        fits.filter(|misfit| *misfit <= 1.0)
+        if !self.is_seen_from(plane) {
+            return None;
+        }
+        let (off, allowed) = (self.height(plane), self.allowed(plane, noise_factor, flatness));
+        // Most planes pass it by.
+        let is_near = off * off <= allowed;
+        let misfit = is_near.then(|| (off * off + self.thickness_along(&plane.normal)) / allowed);
+        misfit.filter(|misfit| *misfit <= 1.0)
     }
 
     /// Whether it was seen from the side that the plane's normal points to.

@@ -1,9 +1,14 @@
 //! Symmetric 3 x 3 matrices by the six entries that differ: xx, xy, xz, yy, yz, zz.
 
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, Vector3};
 
 pub(super) fn upper(matrix: &Matrix3<f64>) -> [f64; 6] {
     [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].map(|at| matrix[at])
+}
+
+/// n . (matrix n).
+pub(super) fn along([xx, xy, xz, yy, yz, zz]: [f64; 6], n: &Vector3<f64>) -> f64 {
+    n.x * (xx * n.x + 2.0 * (xy * n.y + xz * n.z)) + n.y * (yy * n.y + 2.0 * yz * n.z) + zz * n.z * n.z
 }
 
 pub(super) fn symmetric([xx, xy, xz, yy, yz, zz]: [f64; 6]) -> Matrix3<f64> {
