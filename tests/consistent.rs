@@ -386,3 +386,21 @@ fn nothing_is_kept_beyond_keep_radius() {
         }
     });
 }
+
+/// Voxels far smaller than the noise: patches lose all their voxels to broader ones, and what they were had been told of.
+#[cfg(feature = "sim")]
+#[test]
+fn updates_add_up_to_the_map_where_voxels_are_smaller_than_the_noise() {
+    use cfodi::sim::{Drive, Scene};
+    let drive = Drive::new(Scene::named("room").unwrap(), 1, Stamp::from_nanos(0));
+    let params =
+        Params::default().with_voxel_size(0.02).and_then(|params| params.with_max_voxels(200_000)).unwrap();
+    let (mut map, mut reader) = (Consistent::new(params), Reader::default());
+    for number in 0..120 {
+        let update = map.insert(&drive.labelled_scan(2 * number).scan);
+        reader.apply(&update);
+        if number % 10 == 9 {
+            reader.agrees(&update, &map.snapshot());
+        }
+    }
+}

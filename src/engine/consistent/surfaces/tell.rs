@@ -194,19 +194,21 @@ impl Surfaces {
         footprint
     }
 
-    /// Gives ids to clusters that have become large enough, and takes them from those that no longer are.
+    /// Gives ids to clusters that have become large enough and have a plane, and takes them from those that no longer are or
+    /// have.
     pub(super) fn tell(&mut self, grid: &Grid, now: Now) {
         let mut new = Vec::new();
         for &component in &self.changed {
             let Some(cluster) = self.clusters[component.0 as usize].as_deref_mut() else { continue };
-            let voxels = cluster.voxels;
+            // Where all voxels of a patch have gone to broader ones, what lies beside it has no plane.
+            let (voxels, has_plane) = (cluster.voxels, cluster.plane.is_some());
             let identity = &mut cluster.identity;
             if voxels > identity.most_voxels {
                 (identity.most_voxels, identity.grown) = (voxels, now.sequence);
             }
-            if identity.id.is_none() && voxels >= TOLD {
+            if identity.id.is_none() && voxels >= TOLD && has_plane {
                 new.push(component);
-            } else if voxels < NO_LONGER_TOLD {
+            } else if voxels < NO_LONGER_TOLD || !has_plane {
                 self.removed.extend(identity.id.take());
             }
         }
