@@ -201,7 +201,7 @@ impl State {
     }
 
     fn thickness_along(&self, normal: &Vector3<f64>) -> f64 {
-        along(self.spread_entries(), normal).max(0.0) * self.sheet_factor()
+        along(self.spread_entries(), normal) * self.sheet_factor()
     }
 
     /// How well its points lie on the plane of a patch, as far as their noise lets them, up to 1; `None` where it is none of
