@@ -387,7 +387,8 @@ fn nothing_is_kept_beyond_keep_radius() {
     });
 }
 
-/// Voxels far smaller than the noise: patches lose all their voxels to broader ones, and what they were had been told of.
+/// In voxels far smaller than the noise some patches lose all their voxels to broader ones: what hangs on them has no plane,
+/// and was never told of.
 #[cfg(feature = "sim")]
 #[test]
 fn updates_add_up_to_the_map_where_voxels_are_smaller_than_the_noise() {

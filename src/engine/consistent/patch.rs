@@ -92,7 +92,7 @@ impl Patch {
         Some(Self {
             mean: mean + corner,
             square: states.iter().map(|state| apart(&state)).sum::<Matrix3<f64>>() / count,
-            noise: plane.normal.dot(&(blur * plane.normal.into_inner())),
+            noise: quadratic(&blur, &plane.normal),
             blur,
             towards: states.iter().map(|state| state.towards()).sum::<Vector3<f64>>() / count,
             cells: states.iter().map(|state| state.cell).collect(),
@@ -160,11 +160,16 @@ impl Patch {
     pub(super) fn misfit(&self, other: &Self, rules: &Rules) -> f64 {
         let normal = &other.plane.normal;
         let off = normal.dot(&(self.mean - other.plane.point));
-        let square = off * off + normal.dot(&(self.square * normal.into_inner()));
-        let noise = normal.dot(&(self.blur * normal.into_inner()));
+        let square = off * off + quadratic(&self.square, normal);
+        let noise = quadratic(&self.blur, normal);
         let flatness = rules.rim_flatness * rules.rim_flatness;
         square / (rules.rim_noise_factor * rules.rim_noise_factor * noise + flatness)
     }
+}
+
+/// n . (matrix n).
+fn quadratic(matrix: &Matrix3<f64>, n: &Vector3<f64>) -> f64 {
+    n.dot(&(matrix * n))
 }
 
 fn is_cut(states: &[&State]) -> bool {

@@ -240,7 +240,8 @@ impl<'a> Segmentation<'a> {
             }
             members = reached;
         }
-        if members.len() < MIN_VOXELS || self.is_streak(&members, &plane) {
+        let region = self.region(members.iter().copied());
+        if members.len() < MIN_VOXELS || self.is_streak(&members, &region, &plane) {
             return;
         }
         let number = self.planes.len() as u8;
@@ -315,8 +316,9 @@ impl<'a> Segmentation<'a> {
                 continue;
             }
             let members = self.connected(first, &before, &mut seen);
-            let plane = self.plane_of(&self.region(members.iter().copied()));
-            let is_patch = plane.is_some_and(|plane| !self.is_streak(&members, &plane));
+            let region = self.region(members.iter().copied());
+            let is_patch =
+                self.plane_of(&region).is_some_and(|plane| !self.is_streak(&members, &region, &plane));
             if members.len() >= MIN_VOXELS && is_patch && patches < MAX_PATCHES {
                 members.iter().for_each(|&member| self.owner[member] = patches as u8);
                 patches += 1;
@@ -324,10 +326,9 @@ impl<'a> Segmentation<'a> {
         }
     }
 
-    /// Whether the voxels reach no further along the line of sight, within their plane, than noise spreads them. Such a plane
-    /// is the one of the sight, and what scatters there is of another.
-    fn is_streak(&self, members: &[usize], plane: &Plane) -> bool {
-        let region = self.region(members.iter().copied());
+    /// Whether the voxels of a region reach no further along the line of sight, within their plane, than noise spreads them.
+    /// Such a plane is the one of the sight, and what scatters there is of another.
+    fn is_streak(&self, members: &[usize], region: &Region, plane: &Plane) -> bool {
         let mut scatter = Scatter::default();
         members.iter().for_each(|&member| scatter.join(&self.shares[member].1));
         region

@@ -183,25 +183,17 @@ impl State {
         if self.is_sharp() { SHEET } else { 1.0 }
     }
 
-    /// How far its points are off a plane, by what is allowed; 1 is just allowed.
-    #[cfg(test)]
-    pub(super) fn misfit(&self, plane: &Plane, noise_factor: f64, flatness: f64) -> f64 {
-        let off = self.height(plane);
-        (off * off + self.thickness_along(&plane.normal)) / self.allowed(plane, noise_factor, flatness)
-    }
-
-    /// What the mean square distance of its points to a plane may be.
-    fn allowed(&self, plane: &Plane, noise_factor: f64, flatness: f64) -> f64 {
-        noise_factor * noise_factor * self.noise_along(&plane.normal) + flatness * flatness
-    }
-
-    /// Of its mean above a plane.
-    fn height(&self, plane: &Plane) -> f64 {
-        plane.normal.dot(&(self.mean() - plane.point))
-    }
-
-    fn thickness_along(&self, normal: &Vector3<f64>) -> f64 {
-        along(self.spread_entries(), normal) * self.sheet_factor()
+    /// How far its points are off a plane, by what is allowed; 1 is just allowed. `None` where that is more than `most`.
+    pub(super) fn misfit(&self, plane: &Plane, noise_factor: f64, flatness: f64, most: f64) -> Option<f64> {
+        let normal = &plane.normal;
+        let allowed = noise_factor * noise_factor * self.noise_along(normal) + flatness * flatness;
+        let off = normal.dot(&(self.mean() - plane.point));
+        // Most planes pass it by.
+        if off * off > most * allowed {
+            return None;
+        }
+        let thickness = along(self.spread_entries(), normal) * self.sheet_factor();
+        Some((off * off + thickness) / allowed).filter(|misfit| *misfit <= most)
     }
 
     /// How well its points lie on the plane of a patch, as far as their noise lets them, up to 1; `None` where it is none of
@@ -216,14 +208,7 @@ impl State {
     }
 
     fn fits(&self, plane: &Plane, noise_factor: f64, flatness: f64) -> Option<f64> {
-        if !self.is_seen_from(plane) {
-            return None;
-        }
-        let (off, allowed) = (self.height(plane), self.allowed(plane, noise_factor, flatness));
-        // Most planes pass it by.
-        let is_near = off * off <= allowed;
-        let misfit = is_near.then(|| (off * off + self.thickness_along(&plane.normal)) / allowed);
-        misfit.filter(|misfit| *misfit <= 1.0)
+        if self.is_seen_from(plane) { self.misfit(plane, noise_factor, flatness, 1.0) } else { None }
     }
 
     /// Whether it was seen from the side that the plane's normal points to.
