@@ -141,3 +141,17 @@ fn the_scatter_of_a_far_wall_is_no_plane_along_the_sight() {
         assert!(share >= 0.998, "wall up to {end} m: {share}");
     }
 }
+
+#[test]
+fn the_edge_of_a_board_does_not_tilt_its_top() {
+    // The edge faces the sensor and has sixteen times the points of the top, which it sees at a grazing angle.
+    for (i, voxel_size) in (0..16).flat_map(|i| [0.05, 0.08].map(|voxel_size| (i, voxel_size))) {
+        let (x, z) = (2.0 + 0.013 * f64::from(i), 0.717 + 0.005 * f64::from(i));
+        let mut board = rectangle([x, -0.6, z], [X, Y], [0.7, 1.2], 0.01);
+        board.extend(rectangle([x, -0.6, z - 0.025], [Y, Z], [1.2, 0.025], 0.0025));
+        let snapshot = found(&board, [0.0, 0.1, 1.1], voxel_size);
+        let top = snapshot.clusters.iter().max_by_key(|cluster| cluster.voxel_count).unwrap();
+        let tilt = top.normal.z.acos().to_degrees();
+        assert!(tilt < 1.0, "board at {x}, {z} m, voxels of {voxel_size} m: {tilt} degrees");
+    }
+}

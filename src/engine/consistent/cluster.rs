@@ -95,6 +95,13 @@ pub(super) struct PlaneFit {
     pub(super) covariance: Matrix3<f64>,
 }
 
+impl PlaneFit {
+    /// Of the distances of the voxels' means to the plane.
+    pub(super) fn mean_square(&self) -> f64 {
+        self.normal.dot(&(self.covariance * self.normal.into_inner())).max(0.0)
+    }
+}
+
 impl Identity {
     pub(super) fn new(stamp: Stamp) -> Self {
         Self {

@@ -12,13 +12,15 @@ use crate::engine::params::Params;
 use crate::engine::rectangle::rectangle_around;
 use crate::engine::snapshot::{self, ClusterState};
 
-/// What is systematically wrong about a plane (m), about its place and at its half extent about its tilt: the sensor's
-/// distortion and rounding, the cut at the borders of voxels. Noise averages away, this does not.
-const BIAS: f64 = 0.001;
-/// The same where the surface has [`SMALL`] m^2 or less, by the square of a voxel's edge (1/m), falling with the area beyond:
-/// what rim voxels hold of the surfaces beside lies off by a part of a voxel, and the larger the voxels, the more of them are
-/// at the rim. Both calibrated on the simulated laboratory at 5 and 8 cm.
-const RIM_BIAS: f64 = 1.6;
+/// What is systematically wrong about a plane, about its place and at its half extent about its tilt, where it has [`SMALL`]
+/// m^2 or less. Noise averages away, this does not. Both parts were calibrated on the simulated laboratory at 5 and 8 cm.
+///
+/// By the root mean square distance of its voxels' means: what bends a surface in the map bends its plane. Falls with the
+/// root of the area beyond, for the more there is of a surface, the more of it is bent otherwise.
+const WAVES: f64 = 0.1;
+/// By the square of a voxel's edge (1/m), falling with the area beyond: what rim voxels hold of the surfaces beside lies off
+/// by a part of a voxel, and the larger the voxels, the more of them are at the rim.
+const RIM_BIAS: f64 = 1.1;
 const SMALL: f64 = 0.5;
 /// Root mean square distance of a planar cluster's means from its plane, at most, in voxels.
 const PLANAR: f64 = 0.6;
@@ -107,9 +109,11 @@ fn plane_covariance(
         my, -mx, 1.0,
     ) * (plane.weight / (size * size));
     let noise = information.try_inverse()?;
-    let bias = BIAS + RIM_BIAS * size * size * (SMALL / area.max(SMALL));
-    let tilt = |side: f64| (bias / (0.5 * side).max(size)).powi(2);
-    Some(noise + Matrix3::from_diagonal(&Vector3::new(tilt(sides[1]), tilt(sides[0]), bias * bias)))
+    let part = SMALL / area.max(SMALL);
+    let waves = WAVES * WAVES * plane.mean_square() * size * size * part;
+    let variance = waves + (RIM_BIAS * size * size * part).powi(2);
+    let tilt = |side: f64| variance / (0.5 * side).max(size).powi(2);
+    Some(noise + Matrix3::from_diagonal(&Vector3::new(tilt(sides[1]), tilt(sides[0]), variance)))
 }
 
 /// What a class depends on beside the cluster itself.

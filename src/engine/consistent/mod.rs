@@ -123,6 +123,7 @@ mod exact;
 mod footprint;
 mod graph;
 mod grid;
+mod held;
 mod join;
 mod layer;
 mod local;

@@ -3,8 +3,10 @@
 use nalgebra::Vector3;
 
 use super::block::{Around, Block, BlockIndex, Cell, EDGE, OWN, offset_of, place_of};
-use super::cells::{Cells, Window};
+use super::cells::Window;
+use super::held::Held;
 use super::layer::{PatchId, Segmented, patch, seen_from};
+use super::patch::Patch;
 use super::patches::LOOSE;
 use super::rules::Rules;
 use super::state::{Plane, State};
@@ -15,21 +17,12 @@ pub(super) struct Owners<'a> {
     corner: Vector3<f64>,
     segmented: &'a [Segmented],
     rules: &'a Rules,
-    /// What the voxels of frayed patches may go to; found once asked for.
-    rivals: Option<Vec<Rival<'a>>>,
 }
 
-/// A patch that some voxels of a narrow or a cut one may fit better.
-struct Rival<'a> {
-    id: PatchId,
-    plane: Plane,
-    cells: &'a Cells,
-    /// The direction of its block, and the cells that are within reach of it.
-    direction: [i32; 3],
-    near: Cells,
-}
+/// A block with the coordinates of a voxel as that block counts them.
+type Seen = (BlockIndex, [i32; 3]);
 
-/// How far a rival may lie from a voxel.
+/// How far a rival of its own patch may lie from a voxel.
 const RIVAL_REACH: i32 = 2;
 /// How many times as well a voxel must fit a narrow patch as another one: the plane of a narrow one follows its voxels.
 const NARROW_HANDICAP: f64 = 2.0;
@@ -37,72 +30,86 @@ const NARROW_HANDICAP: f64 = 2.0;
 impl<'a> Owners<'a> {
     pub(super) fn new(block: &'a Block, segmented: &'a [Segmented], rules: &'a Rules) -> Self {
         let corner = Vector3::from(block.corner()).map(f64::from);
-        Self { around: &block.around, corner, segmented, rules, rivals: None }
+        Self { around: &block.around, corner, segmented, rules }
     }
 
     /// The patch that a loose voxel of the block belongs to: the nearest that its points fit, as far as noise and half a
     /// voxel let them. One of a frayed patch stays there, unless it fits a broader one within two voxels better.
-    pub(super) fn of(&mut self, state: &State) -> Option<PatchId> {
-        let Some(own) = self.frayed_patch_of(state) else { return self.nearest(state) };
-        let Some((rival, misfit)) = self.best_rival(state, own) else { return Some(own) };
-        let handicap = if patch(self.segmented, own).is_narrow() { NARROW_HANDICAP } else { 1.0 };
-        let stays = state.within(&self.plane(own), self.rules).is_some_and(|own| handicap * own <= misfit);
-        Some(if stays { own } else { rival })
+    pub(super) fn of(&self, state: &State) -> Option<PatchId> {
+        let held = Held::new(state);
+        match self.frayed_patch_of(state.cell) {
+            Some(own) => self.best_rival(state.cell, &held, own).or(Some(own)),
+            None => self.nearest(state.cell, &held),
+        }
     }
 
-    /// The rival of its own patch that a voxel fits best, and how well.
-    fn best_rival(&mut self, state: &State, own: PatchId) -> Option<(PatchId, f64)> {
-        let rules = self.rules;
-        let at = state.cell.coordinates();
-        let rivals = self.rivals().iter().filter(|rival| rival.near.contains(state.cell) && rival.id != own);
-        let near = rivals
-            .filter(|rival| rival.cells.any_in(&Window::around(seen_from(at, rival.direction), RIVAL_REACH)));
-        let fitting = near.filter_map(|rival| Some((rival.id, state.within(&rival.plane, rules)?)));
-        fitting.min_by(|a, b| a.1.total_cmp(&b.1))
+    /// Whether a loose voxel still belongs to the patch that it belonged to (`None` = to none) before the blocks at these
+    /// places around its own were segmented anew, which that patch is in none of. It may where this says no.
+    pub(super) fn stays(&self, state: &State, with: Option<PatchId>, anew: &[usize]) -> bool {
+        let (held, at) = (Held::new(state), state.cell.coordinates());
+        let seen = |&place: &usize| Some((self.around[place]?, seen_from(at, offset_of(place))));
+        let mut anew = anew.iter().filter_map(seen);
+        match (self.frayed_patch_of(state.cell), with) {
+            (Some(own), Some(with)) => {
+                let most = self.claim(&held, own, with).min(1.0);
+                let is_better = |rival: &Patch| self.within(&held, rival, most).is_some();
+                !anew.any(|there| self.rivals(there).any(|(_, rival)| is_better(rival)))
+            }
+            (Some(_), None) => false,
+            (None, with) => {
+                let (reach, misfit) =
+                    with.map_or((self.rules.rim_reach, 1.0), |with| self.hold(at, &held, with));
+                !anew.any(|there| self.is_beside(&held, there, reach, misfit))
+            }
+        }
     }
 
-    fn frayed_patch_of(&self, state: &State) -> Option<PatchId> {
+    /// What a rival's misfit must be below to take a voxel of its own patch from the one that it is with.
+    fn claim(&self, held: &Held, own: PatchId, with: PatchId) -> f64 {
+        let patch = patch(self.segmented, with);
+        let handicap = if own == with && patch.is_narrow() { NARROW_HANDICAP } else { 1.0 };
+        self.within(held, patch, 1.0).map_or(f64::INFINITY, |misfit| handicap * misfit)
+    }
+
+    /// The rival of its own patch that a voxel fits best; `None` where it fits none better than that.
+    fn best_rival(&self, cell: Cell, held: &Held, own: PatchId) -> Option<PatchId> {
+        let (mut best, mut most) = (None, self.claim(held, own, own));
+        for there in self.blocks_near(cell, RIVAL_REACH) {
+            for (id, rival) in self.rivals(there).filter(|(id, _)| *id != own) {
+                if let Some(misfit) = self.within(held, rival, most.min(1.0)).filter(|misfit| *misfit < most)
+                {
+                    (best, most) = (Some(id), misfit);
+                }
+            }
+        }
+        best
+    }
+
+    /// The patches of a block near a voxel that have planes of their own.
+    fn rivals(&self, (block, at): Seen) -> impl Iterator<Item = (PatchId, &'a Patch)> {
+        let near = Window::around(at, RIVAL_REACH);
+        let there = &self.segmented[block.0 as usize];
+        let patches = (0..).zip(if there.is_any_patch_in(&near) { &there.patches[..] } else { &[] });
+        patches
+            .filter(move |(_, patch)| !patch.is_narrow() && !patch.is_rough() && patch.cells.any_in(&near))
+            .map(move |(number, patch)| (PatchId { block, number }, patch))
+    }
+
+    fn frayed_patch_of(&self, cell: Cell) -> Option<PatchId> {
         let block = self.around[OWN]?;
-        let number = self.segmented[block.0 as usize].labels[state.cell.index()];
+        let number = self.segmented[block.0 as usize].labels[cell.index()];
         (number != LOOSE).then_some(PatchId { block, number })
     }
 
-    /// The plane of a patch, from the corner of the block.
-    fn plane(&self, id: PatchId) -> Plane {
-        let plane = patch(self.segmented, id).plane;
-        Plane { point: plane.point - self.corner, ..plane }
-    }
-
-    /// The patches in and around the block that have planes of their own, in a fixed order.
-    fn rivals(&mut self) -> &[Rival<'a>] {
-        if self.rivals.is_none() {
-            let blocks = self.around.iter().enumerate();
-            let blocks = blocks.filter_map(|(place, block)| Some((offset_of(place), (*block)?)));
-            self.rivals =
-                Some(blocks.flat_map(|(direction, block)| self.rivals_in(direction, block)).collect());
-        }
-        self.rivals.as_deref().unwrap_or_default()
-    }
-
-    fn rivals_in(&self, direction: [i32; 3], block: BlockIndex) -> impl Iterator<Item = Rival<'a>> {
-        let near = Cells::border(direction, RIVAL_REACH);
-        let patches = (0..).zip(&self.segmented[block.0 as usize].patches);
-        let patches = patches.filter(|(_, patch)| !patch.is_narrow() && !patch.is_rough());
-        patches.map(move |(number, patch)| {
-            let id = PatchId { block, number };
-            Rival { id, plane: self.plane(id), cells: &patch.cells, direction, near }
-        })
-    }
-
     /// The patch that fits best of those with the nearest voxels.
-    fn nearest(&self, state: &State) -> Option<PatchId> {
-        (1..=self.rules.rim_reach).find_map(|reach| self.best_at(state, reach))
+    fn nearest(&self, cell: Cell, held: &Held) -> Option<PatchId> {
+        (1..=self.rules.rim_reach).find_map(|reach| self.best_at(cell, held, reach))
     }
 
     /// The patch that fits best of those with a voxel within `reach` and none nearer.
-    fn best_at(&self, state: &State, reach: i32) -> Option<PatchId> {
+    fn best_at(&self, cell: Cell, held: &Held, reach: i32) -> Option<PatchId> {
         let mut best: Option<(f64, PatchId)> = None;
-        for (block, at) in self.blocks_near(state.cell, reach) {
+        for (block, at) in self.blocks_near(cell, reach) {
             let there = &self.segmented[block.0 as usize];
             let near = Window::around(at, reach);
             if !there.is_any_patch_in(&near) {
@@ -114,7 +121,7 @@ impl<'a> Owners<'a> {
                     continue;
                 }
                 let id = PatchId { block, number };
-                let Some(misfit) = state.beside(&self.plane(id), self.rules) else { continue };
+                let Some(misfit) = self.beside(held, patch, 1.0) else { continue };
                 if best.is_none_or(|(least, of)| misfit < least || misfit == least && id < of) {
                     best = Some((misfit, id));
                 }
@@ -123,13 +130,51 @@ impl<'a> Owners<'a> {
         best.map(|(_, id)| id)
     }
 
-    /// The blocks within `reach` of a cell, each with the cell's coordinates as that block counts them.
-    fn blocks_near(&self, cell: Cell, reach: i32) -> impl Iterator<Item = (BlockIndex, [i32; 3])> {
+    /// How far the patch that a voxel at these coordinates is beside lies from it, and how well it fits there.
+    fn hold(&self, at: [i32; 3], held: &Held, with: PatchId) -> (i32, f64) {
+        let most = self.rules.rim_reach;
+        let place = self.around.iter().position(|block| *block == Some(with.block));
+        let Some(at) = place.map(|place| seen_from(at, offset_of(place))) else { return (most, 1.0) };
+        let patch = patch(self.segmented, with);
+        let reach = (1..most).find(|reach| patch.cells.any_in(&Window::around(at, *reach)));
+        (reach.unwrap_or(most), self.beside(held, patch, 1.0).unwrap_or(1.0))
+    }
+
+    /// Whether a voxel fits a patch of a block nearer than `reach`, or there by `misfit`.
+    fn is_beside(&self, held: &Held, (block, at): Seen, reach: i32, misfit: f64) -> bool {
+        let (near, nearer) = (Window::around(at, reach), Window::around(at, reach - 1));
+        let there = &self.segmented[block.0 as usize];
+        let fits = |patch: &Patch| {
+            let most = if reach > 1 && patch.cells.any_in(&nearer) { 1.0 } else { misfit };
+            patch.cells.any_in(&near) && self.beside(held, patch, most).is_some()
+        };
+        there.is_any_patch_in(&near) && there.patches.iter().any(fits)
+    }
+
+    /// How well a voxel's points lie on the plane of a patch, as far as their noise lets them; `None` beyond `most`.
+    fn within(&self, held: &Held, patch: &Patch, most: f64) -> Option<f64> {
+        held.misfit(&self.local(&patch.plane), self.rules.noise_factor, self.rules.flatness, most)
+    }
+
+    /// The same of a patch beside it, as far as noise and half a voxel let them.
+    fn beside(&self, held: &Held, patch: &Patch, most: f64) -> Option<f64> {
+        held.misfit(&self.local(&patch.plane), self.rules.rim_noise_factor, self.rules.rim_flatness, most)
+    }
+
+    /// A plane with its point from the corner of the block.
+    fn local(&self, plane: &Plane) -> Plane {
+        Plane { point: plane.point - self.corner, ..*plane }
+    }
+
+    /// The blocks within `reach`, less than half an edge, of a cell: its own, and those beyond the faces that it is near.
+    fn blocks_near(&self, cell: Cell, reach: i32) -> impl Iterator<Item = Seen> {
         let at = cell.coordinates();
-        let sides = move |i: usize| -i32::from(at[i] < reach)..=i32::from(at[i] >= EDGE - reach);
-        let directions =
-            sides(0).flat_map(move |x| sides(1).flat_map(move |y| sides(2).map(move |z| [x, y, z])));
-        directions
+        let side = at.map(|along| i32::from(along >= EDGE - reach) - i32::from(along < reach));
+        // A bit for each axis along which there is another block.
+        let has = |bits: u8, axis: usize| bits >> axis & 1 == 1;
+        let some = (0..8_u8).filter(move |bits| (0..3).all(|axis| !has(*bits, axis) || side[axis] != 0));
+        let direction = move |bits| [0, 1, 2].map(|axis| if has(bits, axis) { side[axis] } else { 0 });
+        some.map(direction)
             .filter_map(move |direction| Some((self.around[place_of(direction)]?, seen_from(at, direction))))
     }
 }

@@ -10,8 +10,7 @@ use super::block::{Block, Cell, Voxel};
 use super::eigen::Spread;
 use super::grid::Grid;
 use super::published::{PARTS, in_parts};
-use super::rules::Rules;
-use super::symmetric::{along, symmetric, upper};
+use super::symmetric::{area_across, symmetric, upper};
 use crate::engine::binning::nearest;
 
 /// What a voxel's mean is off by however many points it has, in voxels: the sensor's distortion, the cut at the border.
@@ -24,6 +23,9 @@ const ALIKE: f64 = 100.0;
 fn mean_weight(depth_variance: f64, points: f64) -> f64 {
     1.0 / (depth_variance * ALIKE / points + BIAS * BIAS)
 }
+
+/// One over the product of the variances along two sides of a square of 1 that points cover evenly.
+const FULL: f64 = 144.0;
 
 /// Least variance of a voxel's points across the narrow side of their plane, in voxels^2, and most along its normal by that.
 const OWN_BREADTH: f64 = 0.03;
@@ -131,28 +133,32 @@ impl State {
         self.mean_weight.into()
     }
 
+    /// The same in a fit of a surface with this normal, the less the less of the voxel's cross section its points cover: at
+    /// the rim of a surface they may be of the edge of a board.
+    pub(super) fn weight_on(&self, normal: &Vector3<f64>) -> f64 {
+        let covered = (FULL * area_across(self.spread_entries(), normal)).clamp(0.0, 1.0);
+        self.mean_weight() * covered * covered
+    }
+
     /// Mean direction towards the sensor, of length 1 at most.
     pub(super) fn towards(&self) -> Vector3<f64> {
         Vector3::from(self.towards.map(|part| f64::from(part) / DIRECTION_UNITS))
     }
 
-    /// Variance that noise alone gives its points along `normal`.
-    pub(super) fn noise_along(&self, normal: &Vector3<f64>) -> f64 {
-        let (towards, lateral) = (self.towards(), f64::from(self.lateral_variance));
-        let along = towards.dot(normal);
-        self.deep(&towards) * along * along + lateral * normal.norm_squared()
-    }
-
-    /// Covariance that noise alone gives its points: n . (this n) is [`Self::noise_along`] n.
+    /// Covariance that noise alone gives its points.
     pub(super) fn noise(&self) -> Matrix3<f64> {
-        let (towards, lateral) = (self.towards(), f64::from(self.lateral_variance));
-        towards * towards.transpose() * self.deep(&towards) + Matrix3::from_diagonal_element(lateral)
+        let towards = self.towards();
+        towards * towards.transpose() * self.deep(&towards) + Matrix3::from_diagonal_element(self.lateral())
     }
 
     /// What the variance of depths is more than that across them, for the direction to the sensor squared.
-    fn deep(&self, towards: &Vector3<f64>) -> f64 {
-        (f64::from(self.depth_variance) - f64::from(self.lateral_variance))
-            / towards.norm_squared().max(1e-18)
+    pub(super) fn deep(&self, towards: &Vector3<f64>) -> f64 {
+        (f64::from(self.depth_variance) - self.lateral()) / towards.norm_squared().max(1e-18)
+    }
+
+    /// Mean variance across the depth axis.
+    pub(super) fn lateral(&self) -> f64 {
+        self.lateral_variance.into()
     }
 
     /// The plane of its own points, where they lie on one.
@@ -176,44 +182,7 @@ impl State {
     /// How its points spread about a plane, which counts more where they are sharp: a voxel in which a surface shows as a
     /// sheet lies on no plane across that sheet, even where its mean does.
     pub(super) fn thickness(&self) -> Matrix3<f64> {
-        self.spread() * self.sheet_factor()
-    }
-
-    fn sheet_factor(&self) -> f64 {
-        if self.is_sharp() { SHEET } else { 1.0 }
-    }
-
-    /// How far its points are off a plane, by what is allowed; 1 is just allowed. `None` where that is more than `most`.
-    pub(super) fn misfit(&self, plane: &Plane, noise_factor: f64, flatness: f64, most: f64) -> Option<f64> {
-        let normal = &plane.normal;
-        let allowed = noise_factor * noise_factor * self.noise_along(normal) + flatness * flatness;
-        let off = normal.dot(&(self.mean() - plane.point));
-        // Most planes pass it by.
-        if off * off > most * allowed {
-            return None;
-        }
-        let thickness = along(self.spread_entries(), normal) * self.sheet_factor();
-        Some((off * off + thickness) / allowed).filter(|misfit| *misfit <= most)
-    }
-
-    /// How well its points lie on the plane of a patch, as far as their noise lets them, up to 1; `None` where it is none of
-    /// the patch's.
-    pub(super) fn within(&self, plane: &Plane, rules: &Rules) -> Option<f64> {
-        self.fits(plane, rules.noise_factor, rules.flatness)
-    }
-
-    /// The same of a patch beside it, as far as noise and half a voxel let them.
-    pub(super) fn beside(&self, plane: &Plane, rules: &Rules) -> Option<f64> {
-        self.fits(plane, rules.rim_noise_factor, rules.rim_flatness)
-    }
-
-    fn fits(&self, plane: &Plane, noise_factor: f64, flatness: f64) -> Option<f64> {
-        if self.is_seen_from(plane) { self.misfit(plane, noise_factor, flatness, 1.0) } else { None }
-    }
-
-    /// Whether it was seen from the side that the plane's normal points to.
-    pub(super) fn is_seen_from(&self, plane: &Plane) -> bool {
-        self.towards().dot(&plane.normal) > 0.0
+        self.spread() * if self.is_sharp() { SHEET } else { 1.0 }
     }
 }
 

@@ -128,11 +128,7 @@ impl Surfaces {
     ) {
         self.make_room(grid);
         let beside = self.beside(grid, blocks);
-        for &(block, place) in &beside {
-            if self.belongs_to(block, place, blocks) {
-                self.withdraw_loose(grid, block, place);
-            }
-        }
+        beside.iter().filter(|it| it.is_free).for_each(|it| self.withdraw_loose(grid, it.block, it.number));
         let mut batch = Batch::default();
         let old: Vec<_> = blocks.iter().map(|&block| self.withdraw(grid, block, &mut batch)).collect();
         for &block in blocks {
@@ -149,9 +145,7 @@ impl Surfaces {
         for &block in blocks {
             self.enter(grid, block);
         }
-        for beside in beside.chunk_by(|a, b| a.0 == b.0) {
-            self.settle_loose(grid, beside[0].0, beside.iter().map(|(_, number)| *number));
-        }
+        beside.chunk_by(|a, b| a.block == b.block).for_each(|beside| self.settle_loose(grid, beside, blocks));
         for gone in &outcome.removed {
             // What it was has been taken over by another cluster, or is gone with its voxels.
             let counted = self.clusters[gone.0 as usize].take().map_or(0, |cluster| cluster.counted);
@@ -189,7 +183,8 @@ impl Surfaces {
                 (self.clusters[component.0 as usize].as_mut(), grid.block(block).voxel_key(state.cell))
             {
                 cluster.remove(key, state);
-                cluster.sums.remove(&Exact::of(state, corner));
+                let normal = &segmented.patches[usize::from(label)].plane.normal;
+                cluster.sums.remove(&Exact::of(state, corner, normal));
                 self.changed.insert(component);
             }
         }
@@ -288,19 +283,19 @@ impl Surfaces {
         let Some(id) = self.patches[node.0 as usize] else { return };
         let (mut lost, mut gained) =
             (self.clusters[from.0 as usize].take(), self.clusters[to.0 as usize].take());
-        let corner = grid.block(id.block).corner();
+        let here = &self.segmented[id.block.0 as usize];
+        let patch = &here.patches[usize::from(id.number)];
+        let (corner, normal) = (grid.block(id.block).corner(), &patch.plane.normal);
         let mut carry = |key: Option<VoxelKey>, state: &State, of_patch: bool| {
             let (Some(key), Some(lost), Some(gained)) = (key, lost.as_mut(), gained.as_mut()) else { return };
             lost.remove(key, state);
             gained.add(key, state);
             if of_patch {
-                let sums = Exact::of(state, corner);
+                let sums = Exact::of(state, corner, normal);
                 lost.sums.remove(&sums);
                 gained.sums.add(&sums);
             }
         };
-        let here = &self.segmented[id.block.0 as usize];
-        let patch = &here.patches[usize::from(id.number)];
         for cell in patch.cells.iter().filter(|_| !patch.is_frayed()) {
             if let Some(state) = here.state(cell) {
                 carry(grid.block(id.block).voxel_key(cell), state, true);
@@ -333,7 +328,8 @@ impl Surfaces {
                 (self.clusters[component.0 as usize].as_mut(), grid.block(block).voxel_key(state.cell))
             {
                 cluster.add(key, state);
-                cluster.sums.add(&Exact::of(state, corner));
+                let normal = &here.patches[usize::from(label)].plane.normal;
+                cluster.sums.add(&Exact::of(state, corner, normal));
             }
         }
         self.enter_loose(grid, block, 0..self.segmented[block.0 as usize].loose.len());

@@ -11,6 +11,19 @@ pub(super) fn along([xx, xy, xz, yy, yz, zz]: [f64; 6], n: &Vector3<f64>) -> f64
     n.x * (xx * n.x + 2.0 * (xy * n.y + xz * n.z)) + n.y * (yy * n.y + 2.0 * yz * n.z) + zz * n.z * n.z
 }
 
+/// The product of the two variances across n: n . (adj(matrix) n).
+pub(super) fn area_across([xx, xy, xz, yy, yz, zz]: [f64; 6], n: &Vector3<f64>) -> f64 {
+    let adjugate = [
+        yy * zz - yz * yz,
+        xz * yz - xy * zz,
+        xy * yz - xz * yy,
+        xx * zz - xz * xz,
+        xy * xz - xx * yz,
+        xx * yy - xy * xy,
+    ];
+    along(adjugate, n)
+}
+
 pub(super) fn symmetric([xx, xy, xz, yy, yz, zz]: [f64; 6]) -> Matrix3<f64> {
     Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
 }

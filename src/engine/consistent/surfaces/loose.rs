@@ -13,6 +13,16 @@ use crate::engine::consistent::layer::PatchId;
 use crate::engine::consistent::owner::Owners;
 use crate::engine::consistent::state::State;
 
+/// A loose voxel beside blocks that are published.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Beside {
+    pub(super) block: BlockIndex,
+    /// Its place in the block's list of loose ones.
+    pub(super) number: usize,
+    /// It belongs to a patch of these blocks.
+    pub(super) is_free: bool,
+}
+
 impl Surfaces {
     /// Puts a voxel that has become dense beside the patches that are there, until its block is published.
     pub(super) fn admit(&mut self, grid: &Grid, block: BlockIndex, cell: Cell) {
@@ -23,8 +33,8 @@ impl Surfaces {
         }
     }
 
-    /// Loose voxels of other blocks within reach of these: (block, place in its list of loose ones), ascending.
-    pub(super) fn beside(&self, grid: &Grid, blocks: &[BlockIndex]) -> Vec<(BlockIndex, usize)> {
+    /// Loose voxels of other blocks within reach of these (ascending), by ascending block and number.
+    pub(super) fn beside(&self, grid: &Grid, blocks: &[BlockIndex]) -> Vec<Beside> {
         let mut near = BTreeMap::<BlockIndex, Cells>::new();
         for &block in blocks {
             for (place, other) in grid.block(block).around.iter().enumerate() {
@@ -42,11 +52,13 @@ impl Surfaces {
             let loose = self.segmented[block.0 as usize].loose_cells;
             cells.iter().map(move |cell| (block, loose.rank(cell)))
         });
-        places.collect()
+        let of_them =
+            |(block, number)| Beside { block, number, is_free: self.belongs_to(block, number, blocks) };
+        places.map(of_them).collect()
     }
 
     /// Whether a loose voxel belongs to a patch of these blocks (ascending).
-    pub(super) fn belongs_to(&self, block: BlockIndex, number: usize, blocks: &[BlockIndex]) -> bool {
+    fn belongs_to(&self, block: BlockIndex, number: usize, blocks: &[BlockIndex]) -> bool {
         let owner = self.segmented[block.0 as usize].loose[number].owner;
         let patch = owner.and_then(|owner| self.patches[owner.0 as usize]);
         patch.is_some_and(|patch| blocks.binary_search(&patch.block).is_ok())
@@ -66,7 +78,8 @@ impl Surfaces {
         cluster.remove(key, state);
         let label = here.labels[state.cell.index()];
         if self.nodes[block.0 as usize].get(usize::from(label)) == Some(&owner) {
-            cluster.sums.remove(&Exact::of(state, grid.block(block).corner()));
+            let normal = &here.patches[usize::from(label)].plane.normal;
+            cluster.sums.remove(&Exact::of(state, grid.block(block).corner(), normal));
         }
         self.changed.insert(component);
     }
@@ -85,14 +98,23 @@ impl Surfaces {
         }
     }
 
-    /// As [`Self::enter_loose`] where they may be in a cluster; nothing is done where one stays with its patch.
-    pub(super) fn settle_loose(
-        &mut self,
-        grid: &Grid,
-        block: BlockIndex,
-        numbers: impl Iterator<Item = usize>,
-    ) {
-        for (number, owner) in self.owners(grid, block, numbers) {
+    /// As [`Self::enter_loose`] for those of one block where blocks around it (ascending) were published; nothing is done
+    /// where one stays with its patch.
+    pub(super) fn settle_loose(&mut self, grid: &Grid, beside: &[Beside], published: &[BlockIndex]) {
+        let Some(&Beside { block, .. }) = beside.first() else { return };
+        let around = grid.block(block).around.iter().enumerate();
+        let is_new =
+            |other: &Option<BlockIndex>| other.is_some_and(|it| published.binary_search(&it).is_ok());
+        let anew: Vec<_> = around.filter(|(_, other)| is_new(other)).map(|(place, _)| place).collect();
+        let here = &self.segmented[block.0 as usize];
+        let owners = Owners::new(grid.block(block), &self.segmented, &self.rules);
+        let stays = |number: usize| {
+            let loose = here.loose[number];
+            let with = loose.owner.and_then(|owner| self.patches[owner.0 as usize]);
+            owners.stays(&here.states[usize::from(loose.place)], with, &anew)
+        };
+        let moving = beside.iter().filter(|it| it.is_free || !stays(it.number)).map(|it| it.number);
+        for (number, owner) in self.owners(grid, block, moving) {
             let node = owner.map(|owner| self.nodes[owner.block.0 as usize][usize::from(owner.number)]);
             if node == self.segmented[block.0 as usize].loose[number].owner {
                 continue;
@@ -112,8 +134,8 @@ impl Surfaces {
         numbers: impl Iterator<Item = usize>,
     ) -> Vec<(usize, Option<PatchId>)> {
         let here = &self.segmented[block.0 as usize];
-        let mut owners = Owners::new(grid.block(block), &self.segmented, &self.rules);
-        let mut owner = |number: usize| owners.of(&here.states[usize::from(here.loose[number].place)]);
+        let owners = Owners::new(grid.block(block), &self.segmented, &self.rules);
+        let owner = |number: usize| owners.of(&here.states[usize::from(here.loose[number].place)]);
         numbers.map(|number| (number, owner(number))).collect()
     }
 
@@ -126,8 +148,10 @@ impl Surfaces {
             (self.clusters[component.0 as usize].as_mut(), grid.block(block).voxel_key(state.cell))
         {
             cluster.add(key, state);
-            if owner == (PatchId { block, number: here.labels[state.cell.index()] }) {
-                cluster.sums.add(&Exact::of(state, grid.block(block).corner()));
+            let label = here.labels[state.cell.index()];
+            if owner == (PatchId { block, number: label }) {
+                let normal = &here.patches[usize::from(label)].plane.normal;
+                cluster.sums.add(&Exact::of(state, grid.block(block).corner(), normal));
             }
         }
         self.changed.insert(component);

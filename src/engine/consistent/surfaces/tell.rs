@@ -73,7 +73,7 @@ impl Surfaces {
         for &component in &due {
             let Some(cluster) = self.clusters[component.0 as usize].as_deref() else { continue };
             let (Some(shape), Some(plane)) = (&cluster.told, &cluster.plane) else { continue };
-            let rms = plane.normal.dot(&(plane.covariance * plane.normal.into_inner())).max(0.0).sqrt();
+            let rms = plane.mean_square().sqrt();
             let beside = self.neighbours(shape);
             classes
                 .push((component, describe::class(shape, rms, &beside, surroundings, params.voxel_size())));
