@@ -23,7 +23,7 @@ const WAVES: f64 = 0.1;
 const RIM_BIAS: f64 = 1.1;
 const SMALL: f64 = 0.5;
 /// Root mean square distance of a planar cluster's means from its plane, at most, in voxels.
-const PLANAR: f64 = 0.6;
+const PLANAR: f64 = 0.5;
 /// Voxels, and seconds since it was first seen, from which on a cluster can be relied on.
 const RELIABLE_VOXELS: u32 = 20;
 const RELIABLE_SECONDS: f64 = 0.3;

@@ -105,7 +105,8 @@
 //! # What becomes of it
 //!
 //! A cluster keeps exact sums (`exact`), its footprint (`footprint`) and its identity (`cluster`) while voxels come and
-//! go; `describe` makes of them what leaves the engine: plane and covariance, outline with holes (`outline`, `trace`,
+//! go. In the sums a voxel counts by how much of its cross section its points cover, so that the edge of a board, a sliver in
+//! its voxels, does not tilt the plane of its top (`state`); `describe` makes of them what leaves the engine: plane and covariance, outline with holes (`outline`, `trace`,
 //! `border`, `rim`, `simplify`), class (`class`). What the sensor looks through loses its points (`clearing`, `view`), what is too
 //! far or too much is forgotten (`bounds`).
 

@@ -27,3 +27,24 @@ pub(super) fn area_across([xx, xy, xz, yy, yz, zz]: [f64; 6], n: &Vector3<f64>) 
 pub(super) fn symmetric([xx, xy, xz, yy, yz, zz]: [f64; 6]) -> Matrix3<f64> {
     Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Matrix2, Matrix3x2};
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn the_area_across_is_the_determinant_of_what_is_across(
+            entries in prop::array::uniform6(-1.0..1.0), n in prop::array::uniform3(0.1..1.0),
+        ) {
+            let n = Vector3::from(n).normalize();
+            let u = n.cross(&Vector3::x()).normalize();
+            let across = Matrix3x2::from_columns(&[u, n.cross(&u)]);
+            let seen: Matrix2<f64> = across.transpose() * symmetric(entries) * across;
+            prop_assert!((area_across(entries, &n) - seen.determinant()).abs() < 1e-12);
+        }
+    }
+}
