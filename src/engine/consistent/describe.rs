@@ -22,7 +22,8 @@ const WAVES: f64 = 0.1;
 /// by a part of a voxel, and the larger the voxels, the more of them are at the rim.
 const RIM_BIAS: f64 = 1.1;
 const SMALL: f64 = 0.5;
-/// Root mean square distance of a planar cluster's means from its plane, at most, in voxels.
+/// Root mean square distance of a planar cluster's means from its plane, at most, in voxels: walls of the laboratory have up
+/// to 0.37, its pillar has 0.52 in voxels of 8 cm.
 const PLANAR: f64 = 0.5;
 /// Voxels, and seconds since it was first seen, from which on a cluster can be relied on.
 const RELIABLE_VOXELS: u32 = 20;

@@ -104,11 +104,23 @@
 //!
 //! # What becomes of it
 //!
-//! A cluster keeps exact sums (`exact`), its footprint (`footprint`) and its identity (`cluster`) while voxels come and
-//! go. In the sums a voxel counts by how much of its cross section its points cover, so that the edge of a board, a sliver in
-//! its voxels, does not tilt the plane of its top (`state`); `describe` makes of them what leaves the engine: plane and covariance, outline with holes (`outline`, `trace`,
-//! `border`, `rim`, `simplify`), class (`class`). What the sensor looks through loses its points (`clearing`, `view`), what is too
-//! far or too much is forgotten (`bounds`).
+//! A cluster keeps exact sums (`exact`), its footprint (`footprint`) and its identity (`cluster`) while voxels come and go.
+//! In the sums a voxel counts by how much of its cross section its points cover, so that the edge of a board, a sliver in
+//! its voxels, does not tilt the plane of its top (`state`); `describe` makes of them what leaves the engine: plane and
+//! covariance, outline with holes (`outline`, `trace`, `border`, `rim`, `simplify`), class (`class`). What the sensor looks
+//! through loses its points (`clearing`, `view`), what is too far or too much is forgotten (`bounds`).
+//!
+//! How far the laboratory's two table tops are turned (mrad, four seeds, 5 cm and 8 cm), and the worst of the recorded
+//! cabinet's faces at 8 cm (degrees), by what a voxel counts:
+//!
+//! | | 5 cm | 8 cm | face |
+//! |---|---|---|---|
+//! | as it is: the fourth power of the part of its cross section that its points cover | 8, 8 | 3, 5 | 1.8 |
+//! | the square of that | 17, 17 | 9, 11 | 1.9 |
+//! | nothing of that | 34, 45 | 47, 26 | 2.2 |
+//! | less where its points spread further along the normal than noise: recorded poses drift, so that all do | 0, 4 | 1, 0 | 3.8 |
+//!
+//! Patches whose own planes are fitted so join a wall with a door in one seed of four.
 
 mod bin;
 mod block;
