@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::exact::Exact;
 use super::footprint::{Axis, Content, Footprint};
 use super::state::State;
+use super::symmetric::quadratic;
 use crate::engine::binning::nearest;
 use crate::engine::class::SurfaceClass;
 use crate::engine::key::{ClusterId, VoxelKey};
@@ -98,7 +99,7 @@ pub(super) struct PlaneFit {
 impl PlaneFit {
     /// Of the distances of the voxels' means to the plane.
     pub(super) fn mean_square(&self) -> f64 {
-        self.normal.dot(&(self.covariance * self.normal.into_inner())).max(0.0)
+        quadratic(&self.covariance, &self.normal).max(0.0)
     }
 }
 

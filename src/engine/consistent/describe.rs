@@ -5,6 +5,7 @@ use nalgebra::{Isometry3, Matrix2, Matrix3, Point3, Vector3};
 use super::class::{Evidence, Neighbour, classify};
 use super::cluster::{Cluster, PlaneFit};
 use super::outline::{self, Detail, Drawing, Outline};
+use super::symmetric::quadratic;
 use crate::engine::class::SurfaceClass;
 use crate::engine::key::ClusterId;
 use crate::engine::now::Now;
@@ -45,7 +46,7 @@ pub(super) fn describe(
     let on = outline::Plane { normal, d: offset };
     let outline = Outline::new(&cluster.footprint, &on, size, &detail, drawing)?;
     let covariance = (plane.covariance + cluster.sums.spread()) * (size * size);
-    let rms_error = normal.dot(&(covariance * normal.into_inner())).max(0.0).sqrt();
+    let rms_error = quadratic(&covariance, &normal).max(0.0).sqrt();
     let (pose, sides) = rectangle_around(&outline.boundary, &point, &normal);
     Some(snapshot::Cluster {
         id,

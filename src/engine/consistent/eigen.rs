@@ -7,6 +7,8 @@
 
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 
+use super::symmetric::quadratic;
+
 /// Share of the spread by which the smallest eigenvalue must differ from the next.
 const LEAST_GAP: f64 = 1e-4;
 
@@ -53,7 +55,7 @@ impl Spread {
         let (mean, half) = (0.5 * (u.dot(&on_u) + v.dot(&on_v)), 0.5 * (u.dot(&on_u) - v.dot(&on_v)));
         let beside = v.dot(&on_u);
         let radius = (half * half + beside * beside).sqrt();
-        let variances = [normal.dot(&(covariance * normal)), mean - radius, mean + radius];
+        let variances = [quadratic(covariance, &normal), mean - radius, mean + radius];
         Self { variances, normal }
     }
 

@@ -6,6 +6,7 @@ use nalgebra::Vector3;
 
 use super::block::{Block, BlockIndex, CELLS, Cell, EDGE, offset_of};
 use super::cells::{Cells, Window};
+use super::exact::Exact;
 use super::graph::NodeId;
 use super::grid::Grid;
 use super::join::Contact;
@@ -99,6 +100,12 @@ impl Segmented {
     /// Whether a patch has a voxel in a window.
     pub(super) fn is_any_patch_in(&self, window: &Window) -> bool {
         self.cells.any_in(window)
+    }
+
+    /// What a voxel adds to the sums of a cluster as one of its own patch; `corner` is that of the block.
+    pub(super) fn share(&self, state: &State, corner: [i32; 3]) -> Exact {
+        let patch = &self.patches[usize::from(self.labels[state.cell.index()])];
+        Exact::of(state, corner, &patch.plane.normal)
     }
 
     /// The state of a cell that is dense.

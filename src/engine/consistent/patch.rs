@@ -9,6 +9,7 @@ use super::cells::Cells;
 use super::region::{Fit, Region};
 use super::rules::Rules;
 use super::state::{Plane, State};
+use super::symmetric::quadratic;
 
 /// How a patch was grown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -165,11 +166,6 @@ impl Patch {
         let flatness = rules.rim_flatness * rules.rim_flatness;
         square / (rules.rim_noise_factor * rules.rim_noise_factor * noise + flatness)
     }
-}
-
-/// n . (matrix n).
-fn quadratic(matrix: &Matrix3<f64>, n: &Vector3<f64>) -> f64 {
-    n.dot(&(matrix * n))
 }
 
 fn is_cut(states: &[&State]) -> bool {

@@ -16,6 +16,7 @@ use super::scratch;
 use super::standpoint::Standpoint;
 use super::state::states;
 use super::surfaces::Surfaces;
+use super::symmetric::quadratic;
 use crate::engine::key::VoxelKey;
 use crate::engine::now::Taken;
 use crate::engine::params::Params;
@@ -239,9 +240,8 @@ impl Consistent {
     ) -> Option<DenseVoxel> {
         let cluster = node.and_then(|node| self.surfaces.cluster_of_node(node));
         let spread = voxel.sums.covariance();
-        let curvature = |normal: UnitVector3<f64>| {
-            (normal.dot(&(spread * normal.into_inner())) / spread.trace()).clamp(0.0, 1.0) as f32
-        };
+        let curvature =
+            |normal: UnitVector3<f64>| (quadratic(&spread, &normal) / spread.trace()).clamp(0.0, 1.0) as f32;
         Some(DenseVoxel {
             key: block.voxel_key(voxel.cell)?,
             count: voxel.count,

@@ -9,7 +9,7 @@ use nalgebra::{Matrix3, UnitVector3, Vector3};
 use super::block::Cell;
 use super::eigen::Spread;
 use super::state::{Plane, State};
-use super::symmetric::{along, symmetric, upper};
+use super::symmetric::{along, quadratic, symmetric, upper};
 
 /// What is summed, one after another: weight, weighted means, their weighted products (xx, xy, xz, yy, yz, zz), directions
 /// towards the sensor, voxels. One array, so that several are added in one instruction.
@@ -92,7 +92,7 @@ impl Region {
 
     /// Variance of its voxels' means along a direction, in voxels^2.
     pub(super) fn variance_along(&self, direction: &Vector3<f64>) -> f64 {
-        direction.dot(&(self.covariance() * direction))
+        quadratic(&self.covariance(), direction)
     }
 
     fn covariance(&self) -> Matrix3<f64> {

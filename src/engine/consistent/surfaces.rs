@@ -21,7 +21,6 @@ use self::landmarks::Landmarks;
 pub(super) use self::saved::SavedSurfaces;
 use super::block::{BlockIndex, Cell};
 use super::cluster::Cluster;
-use super::exact::Exact;
 use super::graph::{Batch, ComponentId, End, Graph, NodeId, Outcome};
 use super::grid::Grid;
 use super::layer::{PatchId, Segmented, are_joined, contacts, patch, sharper};
@@ -128,7 +127,7 @@ impl Surfaces {
     ) {
         self.make_room(grid);
         let beside = self.beside(grid, blocks);
-        beside.iter().filter(|it| it.is_free).for_each(|it| self.withdraw_loose(grid, it.block, it.number));
+        beside.iter().filter(|it| it.is_theirs).for_each(|it| self.withdraw_loose(grid, it.block, it.number));
         let mut batch = Batch::default();
         let old: Vec<_> = blocks.iter().map(|&block| self.withdraw(grid, block, &mut batch)).collect();
         for &block in blocks {
@@ -183,8 +182,7 @@ impl Surfaces {
                 (self.clusters[component.0 as usize].as_mut(), grid.block(block).voxel_key(state.cell))
             {
                 cluster.remove(key, state);
-                let normal = &segmented.patches[usize::from(label)].plane.normal;
-                cluster.sums.remove(&Exact::of(state, corner, normal));
+                cluster.sums.remove(&segmented.share(state, corner));
                 self.changed.insert(component);
             }
         }
@@ -284,18 +282,18 @@ impl Surfaces {
         let (mut lost, mut gained) =
             (self.clusters[from.0 as usize].take(), self.clusters[to.0 as usize].take());
         let here = &self.segmented[id.block.0 as usize];
-        let patch = &here.patches[usize::from(id.number)];
-        let (corner, normal) = (grid.block(id.block).corner(), &patch.plane.normal);
+        let corner = grid.block(id.block).corner();
         let mut carry = |key: Option<VoxelKey>, state: &State, of_patch: bool| {
             let (Some(key), Some(lost), Some(gained)) = (key, lost.as_mut(), gained.as_mut()) else { return };
             lost.remove(key, state);
             gained.add(key, state);
             if of_patch {
-                let sums = Exact::of(state, corner, normal);
+                let sums = here.share(state, corner);
                 lost.sums.remove(&sums);
                 gained.sums.add(&sums);
             }
         };
+        let patch = &here.patches[usize::from(id.number)];
         for cell in patch.cells.iter().filter(|_| !patch.is_frayed()) {
             if let Some(state) = here.state(cell) {
                 carry(grid.block(id.block).voxel_key(cell), state, true);
@@ -328,8 +326,7 @@ impl Surfaces {
                 (self.clusters[component.0 as usize].as_mut(), grid.block(block).voxel_key(state.cell))
             {
                 cluster.add(key, state);
-                let normal = &here.patches[usize::from(label)].plane.normal;
-                cluster.sums.add(&Exact::of(state, corner, normal));
+                cluster.sums.add(&here.share(state, corner));
             }
         }
         self.enter_loose(grid, block, 0..self.segmented[block.0 as usize].loose.len());

@@ -7,7 +7,6 @@ use std::collections::BTreeMap;
 use super::Surfaces;
 use crate::engine::consistent::block::{BlockIndex, Cell, offset_of};
 use crate::engine::consistent::cells::Cells;
-use crate::engine::consistent::exact::Exact;
 use crate::engine::consistent::grid::Grid;
 use crate::engine::consistent::layer::PatchId;
 use crate::engine::consistent::owner::Owners;
@@ -19,8 +18,8 @@ pub(super) struct Beside {
     pub(super) block: BlockIndex,
     /// Its place in the block's list of loose ones.
     pub(super) number: usize,
-    /// It belongs to a patch of these blocks.
-    pub(super) is_free: bool,
+    /// It belongs to a patch of theirs.
+    pub(super) is_theirs: bool,
 }
 
 impl Surfaces {
@@ -53,7 +52,7 @@ impl Surfaces {
             cells.iter().map(move |cell| (block, loose.rank(cell)))
         });
         let of_them =
-            |(block, number)| Beside { block, number, is_free: self.belongs_to(block, number, blocks) };
+            |(block, number)| Beside { block, number, is_theirs: self.belongs_to(block, number, blocks) };
         places.map(of_them).collect()
     }
 
@@ -78,8 +77,7 @@ impl Surfaces {
         cluster.remove(key, state);
         let label = here.labels[state.cell.index()];
         if self.nodes[block.0 as usize].get(usize::from(label)) == Some(&owner) {
-            let normal = &here.patches[usize::from(label)].plane.normal;
-            cluster.sums.remove(&Exact::of(state, grid.block(block).corner(), normal));
+            cluster.sums.remove(&here.share(state, grid.block(block).corner()));
         }
         self.changed.insert(component);
     }
@@ -113,7 +111,7 @@ impl Surfaces {
             let with = loose.owner.and_then(|owner| self.patches[owner.0 as usize]);
             owners.stays(&here.states[usize::from(loose.place)], with, &anew)
         };
-        let moving = beside.iter().filter(|it| it.is_free || !stays(it.number)).map(|it| it.number);
+        let moving = beside.iter().filter(|it| it.is_theirs || !stays(it.number)).map(|it| it.number);
         for (number, owner) in self.owners(grid, block, moving) {
             let node = owner.map(|owner| self.nodes[owner.block.0 as usize][usize::from(owner.number)]);
             if node == self.segmented[block.0 as usize].loose[number].owner {
@@ -148,10 +146,8 @@ impl Surfaces {
             (self.clusters[component.0 as usize].as_mut(), grid.block(block).voxel_key(state.cell))
         {
             cluster.add(key, state);
-            let label = here.labels[state.cell.index()];
-            if owner == (PatchId { block, number: label }) {
-                let normal = &here.patches[usize::from(label)].plane.normal;
-                cluster.sums.add(&Exact::of(state, grid.block(block).corner(), normal));
+            if owner == (PatchId { block, number: here.labels[state.cell.index()] }) {
+                cluster.sums.add(&here.share(state, grid.block(block).corner()));
             }
         }
         self.changed.insert(component);
