@@ -1,11 +1,10 @@
 //! The patches of all blocks, and where they meet.
 
-use std::collections::BTreeMap;
-
 use nalgebra::Vector3;
 
 use super::block::{Block, BlockIndex, CELLS, Cell, EDGE, offset_of};
 use super::cells::{Cells, Window};
+use super::contacts::Contacts;
 use super::exact::Exact;
 use super::graph::NodeId;
 use super::grid::Grid;
@@ -41,9 +40,6 @@ pub(super) struct Segmented {
     /// Their cells, in the same order.
     pub(super) loose_cells: Cells,
 }
-
-/// The patches that a patch meets.
-pub(super) type Contacts = BTreeMap<PatchId, Contact>;
 
 /// A dense voxel in no patch, or in one that is frayed.
 #[derive(Clone, Copy, Debug)]
@@ -82,13 +78,16 @@ impl Segmented {
         let patches =
             members.iter().zip(kinds).filter_map(|(states, kind)| Patch::new(states, &corner, kind));
         let patches: Vec<_> = patches.collect();
-        let (contacts, slice_of) = (vec![Contacts::new(); patches.len()], vec![None; patches.len()]);
+        let (contacts, slice_of) = (vec![Contacts::default(); patches.len()], vec![None; patches.len()]);
         let (loose, loose_cells) = (Vec::new(), Cells::default());
         let mut segmented = Self { states, labels, cells, patches, contacts, slice_of, loose, loose_cells };
-        let loose = (0..).zip(&owner).filter(|(_, number)| segmented.is_loose(**number));
-        segmented.loose = loose.map(|(place, _)| Loose { place, owner: None, admitted: false }).collect();
-        let cell_of = |loose: &Loose| segmented.states[usize::from(loose.place)].cell;
-        segmented.loose_cells = segmented.loose.iter().map(cell_of).collect();
+        // Made of a list, it has no room to spare.
+        let is_loose = |(place, number): (u16, &u8)| segmented.is_loose(*number).then_some(place);
+        let loose: Vec<_> = (0..).zip(&owner).filter_map(is_loose).collect();
+        let cell_of = |place: &u16| segmented.states[usize::from(*place)].cell;
+        segmented.loose_cells = loose.iter().map(cell_of).collect();
+        let begin = |place| Loose { place, owner: None, admitted: false };
+        segmented.loose = loose.into_iter().map(begin).collect();
         segmented
     }
 
@@ -145,6 +144,11 @@ pub(super) fn patch(segmented: &[Segmented], id: PatchId) -> &Patch {
     &segmented[id.block.0 as usize].patches[usize::from(id.number)]
 }
 
+/// Where a patch meets others.
+pub(super) fn contacts_of(segmented: &[Segmented], id: PatchId) -> &Contacts {
+    &segmented[id.block.0 as usize].contacts[usize::from(id.number)]
+}
+
 /// The sharper or broader patch that a patch is a slice of: of those it meets, the one its points fit best. A flat patch that
 /// joins one with less noise as its equal, and fits that better, is no slice.
 pub(super) fn sharper(segmented: &[Segmented], id: PatchId, rules: &Rules) -> Option<PatchId> {
@@ -152,16 +156,16 @@ pub(super) fn sharper(segmented: &[Segmented], id: PatchId, rules: &Rules) -> Op
     if !own.may_be_slice(rules) {
         return None;
     }
-    let contacts = &segmented[id.block.0 as usize].contacts[usize::from(id.number)];
-    let equal = |(other, contact): (&PatchId, &Contact)| {
-        let other = patch(segmented, *other);
+    let contacts = contacts_of(segmented, id);
+    let equal = |(other, contact): (PatchId, &Contact)| {
+        let other = patch(segmented, other);
         let is_equal = !own.is_rough() && other.has_less_noise(own) && own.joins(other, contact, rules);
         is_equal.then(|| own.misfit(other, rules))
     };
     let equal = contacts.iter().filter_map(equal).fold(f64::INFINITY, f64::min);
     let candidates = contacts
-        .keys()
-        .filter_map(|&other| own.slice_of(patch(segmented, other), rules).map(|misfit| (misfit, other)));
+        .iter()
+        .filter_map(|(other, _)| own.slice_of(patch(segmented, other), rules).map(|misfit| (misfit, other)));
     let best = candidates.min_by(|a, b| a.0.total_cmp(&b.0));
     best.filter(|(misfit, _)| *misfit < equal).map(|(_, other)| other)
 }

@@ -130,6 +130,7 @@ mod cells;
 mod class;
 mod clearing;
 mod cluster;
+mod contacts;
 mod describe;
 mod eigen;
 mod exact;

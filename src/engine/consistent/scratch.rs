@@ -5,8 +5,9 @@
 
 use std::collections::BTreeMap;
 
+use super::contacts::Contacts;
 use super::grid::Grid;
-use super::layer::{Contacts, PatchId, Segmented, are_joined, contacts, sharper};
+use super::layer::{PatchId, Segmented, are_joined, contacts, contacts_of, sharper};
 use super::owner::Owners;
 use super::rules::Rules;
 use crate::engine::key::VoxelKey;
@@ -42,7 +43,7 @@ pub(super) fn partition(grid: &Grid, segmented: &[Segmented], rules: &Rules) -> 
 pub(super) fn meet(grid: &Grid, segmented: &mut [Segmented], rules: &Rules) -> Vec<PatchId> {
     let mut ids = Vec::new();
     for (index, block) in grid.blocks() {
-        let mut met = vec![Contacts::new(); segmented[index.0 as usize].patches.len()];
+        let mut met = vec![Contacts::default(); segmented[index.0 as usize].patches.len()];
         for (place, other) in block.around.iter().enumerate() {
             let Some(other) = *other else { continue };
             let [here, there] = [index, other].map(|block| &segmented[block.0 as usize]);
@@ -67,7 +68,7 @@ pub(super) fn meet(grid: &Grid, segmented: &mut [Segmented], rules: &Rules) -> V
 fn components(ids: &[PatchId], segmented: &[Segmented], rules: &Rules) -> BTreeMap<PatchId, u32> {
     let mut neighbours: BTreeMap<PatchId, Vec<PatchId>> = ids.iter().map(|&id| (id, Vec::new())).collect();
     for &id in ids {
-        for (&other, contact) in &segmented[id.block.0 as usize].contacts[usize::from(id.number)] {
+        for (other, contact) in contacts_of(segmented, id).iter() {
             if are_joined(segmented, id, other, contact, rules) {
                 neighbours.entry(id).or_default().push(other);
                 neighbours.entry(other).or_default().push(id);

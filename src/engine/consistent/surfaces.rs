@@ -23,7 +23,7 @@ use super::block::{BlockIndex, Cell};
 use super::cluster::Cluster;
 use super::graph::{Batch, ComponentId, End, Graph, NodeId, Outcome};
 use super::grid::Grid;
-use super::layer::{PatchId, Segmented, are_joined, contacts, patch, sharper};
+use super::layer::{PatchId, Segmented, are_joined, contacts, contacts_of, patch, sharper};
 use super::outline::Drawing;
 use super::rules::Rules;
 use super::state::State;
@@ -220,7 +220,7 @@ impl Surfaces {
             None => End::Old(self.nodes[id.block.0 as usize][usize::from(id.number)]),
         };
         for id in anew {
-            for (&other, contact) in &self.segmented[id.block.0 as usize].contacts[usize::from(id.number)] {
+            for (other, contact) in contacts_of(&self.segmented, id).iter() {
                 if are_joined(&self.segmented, id, other, contact, &self.rules) {
                     batch.connect.push((end(id), end(other)));
                 }
@@ -239,9 +239,8 @@ impl Surfaces {
             let Some(other) = *other else { continue };
             if other != block {
                 // They met what this block was before.
-                for contacts in &mut self.segmented[other.0 as usize].contacts {
-                    contacts.retain(|id, _| id.block != block);
-                }
+                let met = &mut self.segmented[other.0 as usize].contacts;
+                met.iter_mut().for_each(|contacts| contacts.forget(block));
             }
             let [here, there] = [block, other].map(|block| &self.segmented[block.0 as usize]);
             let met = contacts(here, there, place, grid.block(block).corner(), self.rules.contact_reach);

@@ -12,7 +12,7 @@ use crate::engine::consistent::describe;
 use crate::engine::consistent::footprint::{Axis, Footprint};
 use crate::engine::consistent::graph::{ComponentId, Graph, NodeId, Slots};
 use crate::engine::consistent::grid::Grid;
-use crate::engine::consistent::layer::{PatchId, Segmented, are_joined, patch};
+use crate::engine::consistent::layer::{PatchId, Segmented, are_joined, contacts_of, patch};
 use crate::engine::consistent::rules::Rules;
 use crate::engine::consistent::saved::{SavedBlock, SavedState};
 use crate::engine::consistent::scratch;
@@ -130,7 +130,7 @@ impl Surfaces {
         ensure(weights.len() == ids.len(), || format!("{} patches at {} nodes", ids.len(), weights.len()))?;
         let mut edges = Vec::new();
         for &id in ids {
-            for (&other, contact) in &self.segmented[id.block.0 as usize].contacts[usize::from(id.number)] {
+            for (other, contact) in contacts_of(&self.segmented, id).iter() {
                 if are_joined(&self.segmented, id, other, contact, &self.rules) {
                     edges.push((self.node(id), self.node(other)));
                 }
