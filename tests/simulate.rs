@@ -190,9 +190,10 @@ fn wrong_arguments_of_the_laboratory_are_named_with_status_2_and_leave_no_file()
 fn wrong_arguments_are_named_with_status_2_and_leave_no_file() {
     let folder = Folder::new();
     let out = folder.path("a.mcap");
-    let wrong: [(&[&str], &str); 5] = [
+    let wrong: [(&[&str], &str); 6] = [
         (&["--scene", "kitchen"], "room, lab, corridor, stairs, clutter, moving"),
         (&["--seconds", "0"], "0 is not above 0"),
+        (&["--seconds", "-1"], "-1 is not above 0"),
         (&["--pose-noise", "0.1"], "two numbers are meant"),
         (&["--pose-noise", "0.1,-2"], "-2 is not from 0 to 1"),
         (&["--truth", &out], "two outputs"),

@@ -10,7 +10,7 @@ mod table;
 mod tests;
 mod value;
 
-use std::net::IpAddr;
+use std::net::Ipv4Addr;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -41,7 +41,7 @@ pub struct Config {
     /// Time between two snapshots.
     pub publish_period: Duration,
     /// Addresses of the network interfaces to use; empty = all.
-    pub network_interfaces: Vec<IpAddr>,
+    pub network_interfaces: Vec<Ipv4Addr>,
     /// Bytes to ask for as the socket's receive buffer.
     pub receive_buffer: usize,
     /// Whether `/clock` gives the time.

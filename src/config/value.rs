@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
-use std::net::IpAddr;
+use std::net::Ipv4Addr;
 
 use super::ConfigError;
 use super::sensors::{self, Kind, Sensor};
@@ -170,7 +170,7 @@ impl Given {
         Ok(frame.to_owned())
     }
 
-    pub(super) fn addresses(&self, name: &str) -> Result<Vec<IpAddr>, ConfigError> {
+    pub(super) fn addresses(&self, name: &str) -> Result<Vec<Ipv4Addr>, ConfigError> {
         let Value::TextList(list) = self.checked(name)? else { return self.refuse_by_row(name) };
         let addresses: Result<_, _> = list.iter().map(|text| text.parse()).collect();
         addresses.or_else(|_| self.refuse_by_row(name))

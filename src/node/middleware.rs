@@ -1,7 +1,7 @@
 //! Which middleware the node talks over, as ROS chooses it, and what a process does with one.
 
 use std::future::Future;
-use std::net::IpAddr;
+use std::net::Ipv4Addr;
 
 use thiserror::Error;
 use tokio::sync::mpsc::{Receiver, Sender};
@@ -85,7 +85,7 @@ pub enum OpenError {
     #[error("network_interfaces has {address}: {text}")]
     Interface {
         /// As given.
-        address: IpAddr,
+        address: Ipv4Addr,
         /// Why not.
         text: String,
     },

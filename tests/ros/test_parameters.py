@@ -35,7 +35,7 @@ TABLE = {
     "min_range": ((0.0, 1e6), 0.5, -1.0, "from 0 to 1000000 m"),
     "optical": (None, "yes", "perhaps", "`auto`, `yes` or `no`"),
     "max_points": ((1, 2**24), 1000, 0, "from 1 to 16777216"),
-    "network_interfaces": (None, None, ["lo0"], "a list of IP addresses"),
+    "network_interfaces": (None, None, ["lo0"], "a list of IPv4 addresses"),
     "receive_buffer": ((4096, 2**30), None, 1, "from 4096 to 1073741824 bytes"),
     "tf_timeout": ((0.0, 60.0), 0.5, 61.0, "from 0 to 60 s"),
     "publish_rate": ((0.01, 100.0), 4.0, 0.0, "from 0.01 to 100 Hz"),

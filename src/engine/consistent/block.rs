@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::cells::Cells;
 use super::published::Published;
+use super::room;
 use super::sums::Sums;
 use super::view::Clearance;
 use crate::engine::key::VoxelKey;
@@ -251,13 +252,9 @@ impl Block {
         is_new
     }
 
-    /// Room is made by quarters: by doubling, a third of it would lie idle.
     fn insert(&mut self, place: usize, voxel: Voxel) {
-        if self.voxels.len() == self.voxels.capacity() {
-            self.voxels.reserve_exact((self.voxels.len() / 4).max(8));
-        }
         self.cells.insert(voxel.cell);
-        self.voxels.insert(place, voxel);
+        room::insert(&mut self.voxels, place, voxel);
     }
 
     /// Takes a voxel out with all its points.

@@ -54,8 +54,16 @@ impl Clearing {
     pub(super) fn clear(&mut self, grid: &mut Grid, scan: &Scan, sequence: u64) -> Vec<(BlockIndex, Voxel)> {
         self.ranges.fill(&scan.points);
         let wanted = |key| is_its_turn(key, sequence) && grid.find(key).is_some();
+        let known = grid.keys();
         let block_edge = grid.voxel_size() * f64::from(EDGE);
-        self.ranges.blocks_in_view(&scan.fixed_from_sensor, block_edge, FARTHEST, wanted, &mut self.blocks);
+        self.ranges.blocks_in_view(
+            &scan.fixed_from_sensor,
+            block_edge,
+            FARTHEST,
+            known,
+            wanted,
+            &mut self.blocks,
+        );
         self.look(grid, &scan.fixed_from_sensor, sequence);
         let mut cleared = Vec::new();
         for (block, cell) in self.through.drain(..) {

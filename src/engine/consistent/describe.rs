@@ -62,7 +62,7 @@ pub(super) fn describe(
         centroid: point,
         covariance,
         rms_error,
-        area: Some(outline.area + outline.area_left_out),
+        area: Some(outline.area),
         boundary: outline.boundary,
         holes: outline.holes,
         pose,

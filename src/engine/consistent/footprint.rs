@@ -201,11 +201,6 @@ impl Footprint {
 
 #[cfg(test)]
 impl Footprint {
-    /// Whether a member lies in this column.
-    pub(crate) fn contains(&self, column: Column) -> bool {
-        self.content(column).is_some()
-    }
-
     /// What lies in this column.
     pub(crate) fn content(&self, column: Column) -> Option<Content> {
         let tile = &self.tiles[*self.places.get(&tile_of(column))? as usize];

@@ -119,6 +119,11 @@ impl Grid {
         self.blocks[block.0 as usize].note_published(sequence, self.min_points);
     }
 
+    /// The places of all blocks, in no order.
+    pub(super) fn keys(&self) -> impl ExactSizeIterator<Item = BlockKey> {
+        self.index.keys().copied()
+    }
+
     pub(super) fn find(&self, key: BlockKey) -> Option<BlockIndex> {
         self.index.get(&key).copied()
     }

@@ -11,6 +11,7 @@ use super::grid::Grid;
 use super::join::Contact;
 use super::patch::Patch;
 use super::patches::{LOOSE, Patches, segment};
+use super::room;
 use super::rules::Rules;
 use super::state::{State, states};
 
@@ -118,10 +119,11 @@ impl Segmented {
         let place = self.states.binary_search_by_key(&state.cell, |state| state.cell).err()?;
         let number = self.loose.partition_point(|loose| usize::from(loose.place) < place);
         self.loose[number..].iter_mut().for_each(|loose| loose.place += 1);
-        self.loose.insert(number, Loose { place: place as u16, owner: None, admitted: true });
+        let loose = Loose { place: place as u16, owner: None, admitted: true };
+        room::insert(&mut self.loose, number, loose);
         self.labels[state.cell.index()] = LOOSE;
         self.loose_cells.insert(state.cell);
-        self.states.insert(place, state);
+        room::insert(&mut self.states, place, state);
         Some(number)
     }
 

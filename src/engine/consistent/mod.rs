@@ -153,6 +153,7 @@ mod recent;
 mod region;
 mod rim;
 mod rings;
+mod room;
 mod rules;
 mod saved;
 mod scratch;

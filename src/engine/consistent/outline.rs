@@ -49,8 +49,6 @@ pub(crate) struct Outline {
     pub(crate) holes: Vec<Vec<Point3<f64>>>,
     /// Of the boundary less its holes (m^2).
     pub(crate) area: f64,
-    /// Of the other parts (m^2), their holes not taken off; 0 where the boundary goes around all.
-    pub(crate) area_left_out: f64,
 }
 
 /// Memory to draw outlines in, one after another.
@@ -76,36 +74,30 @@ impl Outline {
         drawing: &mut Drawing,
     ) -> Option<Self> {
         let origin = rings(footprint, detail.min_points, &mut drawing.tracing, &mut drawing.traced)?;
-        let area_left_out = drawing.keep(detail.least_hole)?;
+        drawing.keep(detail.least_hole)?;
         drawing.simplify(detail.tolerance);
         let lift = Lift::new(footprint, plane, voxel_size, origin);
         let area: f64 = drawing.fewer.iter().map(|ring| 0.5 * doubled_area(ring)).sum();
         let mut rings = drawing.fewer.iter().map(|ring| lift.ring(ring));
-        Some(Self {
-            boundary: rings.next()?,
-            holes: rings.collect(),
-            area: area * lift.area,
-            area_left_out: area_left_out * lift.area,
-        })
+        Some(Self { boundary: rings.next()?, holes: rings.collect(), area: area * lift.area })
     }
 }
 
 impl Drawing {
-    /// Chooses the largest part as the boundary, and its holes; returns the area of the other parts, in columns.
-    fn keep(&mut self, least_hole: u32) -> Option<f64> {
+    /// Chooses the largest part as the boundary, and its holes; `None` where there is no part.
+    fn keep(&mut self, least_hole: u32) -> Option<()> {
         let Self { traced, kept, .. } = self;
         let is_part = |&number: &usize| traced.columns(number) >= 0;
         let area = |number: usize| 0.5 * doubled_area(traced.ring(number));
-        let (mut all, mut largest) = (0.0, None);
+        let mut largest = None;
         for part in (0..traced.len()).filter(is_part) {
             let area = area(part);
-            all += area;
             // Of equal parts the first.
             if largest.is_none_or(|(_, most)| area > most) {
                 largest = Some((part, area));
             }
         }
-        let (boundary, area) = largest?;
+        let (boundary, _) = largest?;
         kept.clear();
         kept.push(boundary);
         let others = (0..traced.len()).filter(is_part).filter(|part| *part != boundary);
@@ -118,7 +110,7 @@ impl Drawing {
                 kept.push(hole);
             }
         }
-        Some(all - area)
+        Some(())
     }
 
     /// Draws the kept rings with as few vertices as `tolerance` allows without one that crosses itself or another.

@@ -11,13 +11,15 @@ impl RangeGrid {
     /// Block `[bx, by, bz]` covers `[bx, bx + 1) * block_edge` along x of the fixed frame, likewise y and z. None is left
     /// out that lies in part in a measured direction, before the point measured there, and nearer than `max_depth`.
     ///
-    /// Only those that are `wanted` are projected and listed. Costs one such question for each block in the box around the
-    /// view, some thousand for a Kinect, and one projection for each that is wanted.
+    /// Only those of the `known` blocks that are `wanted` are projected and listed. Costs one such question for each block in
+    /// the box around the view, some thousand for a Kinect, or for each known one where these are fewer, be the blocks ever so
+    /// small, and one projection for each that is wanted.
     pub(crate) fn blocks_in_view(
         &self,
         fixed_from_sensor: &Isometry3<f64>,
         block_edge: f64,
         max_depth: f64,
+        known: impl ExactSizeIterator<Item = [i32; 3]>,
         wanted: impl Fn([i32; 3]) -> bool,
         blocks: &mut Vec<[i32; 3]>,
     ) {
@@ -27,20 +29,22 @@ impl RangeGrid {
         let sensor_from_fixed = fixed_from_sensor.inverse();
         let rotation = sensor_from_fixed.rotation.to_rotation_matrix();
         let half = half_extents(&rotation, block_edge);
-        for bx in low.x..=high.x {
-            for by in low.y..=high.y {
-                for bz in low.z..=high.z {
-                    if !wanted([bx, by, bz]) {
-                        continue;
-                    }
-                    let middle = Vector3::new(bx, by, bz).map(|b| (f64::from(b) + 0.5) * block_edge);
-                    let centre = rotation * Point3::from(middle) + sensor_from_fixed.translation.vector;
-                    if self.may_see_into(&centre, &half, max_depth) {
-                        blocks.push([bx, by, bz]);
-                    }
-                }
-            }
+        let is_in_view = |key: &[i32; 3]| {
+            let middle = Vector3::from(*key).map(|b| (f64::from(b) + 0.5) * block_edge);
+            let centre = rotation * Point3::from(middle) + sensor_from_fixed.translation.vector;
+            self.may_see_into(&centre, &half, max_depth)
+        };
+        let in_box: f64 = (high.map(f64::from) - low.map(f64::from)).add_scalar(1.0).product();
+        if (known.len() as f64) < in_box {
+            let is_in_box = |key: &[i32; 3]| (0..3).all(|axis| (low[axis]..=high[axis]).contains(&key[axis]));
+            blocks.extend(known.filter(|key| is_in_box(key) && wanted(*key) && is_in_view(key)));
+            blocks.sort_unstable();
+            return;
         }
+        let beside = |bx: i32| (low.y..=high.y).map(move |by| [bx, by]);
+        let columns = (low.x..=high.x).flat_map(beside);
+        let keys = columns.flat_map(|[bx, by]| (low.z..=high.z).map(move |bz| [bx, by, bz]));
+        blocks.extend(keys.filter(|key| wanted(*key) && is_in_view(key)));
     }
 
     /// Whether a box lies in part in a measured direction, before the point measured there, and nearer than `max_depth`.

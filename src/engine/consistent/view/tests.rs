@@ -1,4 +1,5 @@
-use std::collections::BTreeSet;
+mod blocks;
+
 use std::f64::consts::TAU;
 
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
@@ -364,38 +365,4 @@ proptest! {
             prop_assert!(!points.iter().any(|point| inside(&point)), "a point in {:?}", key);
         }
     }
-
-    #[test]
-    fn all_blocks_with_a_voxel_seen_through_are_listed_once_in_order(
-        sensor in sensor(), solids in solids(), seed in 0..1000_u64, edge in 0.05..0.1_f64,
-    ) {
-        let grid = filled(&sensor.measure(&solids, kinect_noise(seed)));
-        let mut listed = vec![[7; 3]];
-        grid.blocks_in_view(&sensor.fixed_from_sensor, 8.0 * edge, 6.0, |_| true, &mut listed);
-        prop_assert!(listed.is_sorted_by(|a, b| a < b));
-        let (even, mut wanted) = (|key: [i32; 3]| key[0] % 2 == 0, vec![[7; 3]]);
-        grid.blocks_in_view(&sensor.fixed_from_sensor, 8.0 * edge, 6.0, even, &mut wanted);
-        let expected: Vec<_> = listed.iter().copied().filter(|&key| even(key)).collect();
-        prop_assert_eq!(wanted, expected);
-        let through = voxels([-1.0, -4.0, -1.5], [5.5, 4.0, 2.5], edge).into_iter().step_by(7);
-        let through = through.filter(|&key| sensor.look(&grid, key, edge, |_| 0.0) == Sight::Through);
-        for block in through.map(|key| key.map(|i| i.div_euclid(8))).collect::<BTreeSet<_>>() {
-            prop_assert!(listed.binary_search(&block).is_ok(), "{:?}", block);
-        }
-    }
-}
-
-#[test]
-fn no_block_is_in_view_of_an_empty_scan_or_behind_the_wall() {
-    let sensor = Sensor::kinect(looking_along_x([0.0, 0.0, 1.0], 0.0), 2);
-    let mut grid = RangeGrid::new();
-    let mut blocks = vec![[0; 3]];
-    grid.blocks_in_view(&sensor.fixed_from_sensor, 0.64, 6.0, |_| true, &mut blocks);
-    assert!(blocks.is_empty());
-    grid.fill(&sensor.measure(&[wall_at(3.0)], |_, _| 0.0));
-    grid.blocks_in_view(&sensor.fixed_from_sensor, 0.64, 6.0, |_| true, &mut blocks);
-    assert!(blocks.contains(&[3, 0, 1]));
-    assert!(blocks.iter().all(|&[x, ..]| (0..=4).contains(&x)), "{blocks:?}");
-    grid.blocks_in_view(&sensor.fixed_from_sensor, 0.64, 2.0, |_| true, &mut blocks);
-    assert!(blocks.iter().all(|&[x, ..]| (0..=3).contains(&x)), "{blocks:?}");
 }
