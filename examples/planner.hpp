@@ -29,15 +29,12 @@ class Planner {
 
   MapReader map;  // feed it from ~/clusters and ~/clusters_delta
 
-  // Takes a message of ~/points_labelled: voxels that no outline holds are as hard as those that one does.
+  // Takes a message of ~/points_labelled: an outline does not hold all voxels, see docs/planner.md.
   void points(const sensor_msgs::msg::PointCloud2& cloud) {
-    loose_.clear();
+    voxels_.clear();
     sensor_msgs::PointCloud2ConstIterator<float> at(cloud, "x");
     sensor_msgs::PointCloud2ConstIterator<std::uint32_t> label(cloud, "label");
-    for (; at != at.end(); ++at, ++label) {
-      auto found = map.clusters().find(*label);
-      if (found == map.clusters().end() || found->second.boundary.points.empty()) loose_.push_back({at[0], at[1], at[2]});
-    }
+    for (; at != at.end(); ++at, ++label) voxels_.push_back({{at[0], at[1], at[2]}, *label});
   }
 
   // What the robot stands on: the largest of the level surfaces under its base frame, or none.
@@ -66,9 +63,9 @@ class Planner {
   // How far from its base frame the robot can drive straight on [m]; infinite where nothing stands there.
   double free_ahead(const Cluster& ground, const Robot& robot) const {
     double free = std::numeric_limits<double>::infinity();
-    for (const auto& point : loose_) {
-      double height = above(ground, point);
-      if (height > kLow && height < height_) free = std::min(free, ahead(point, robot));
+    for (const auto& voxel : voxels_) {
+      double height = above(ground, voxel.centre);
+      if (voxel.label != ground.id && height > kLow && height < height_) free = std::min(free, ahead(voxel.centre, robot));
     }
     for (const auto& [id, cluster] : map.clusters()) {
       double lowest = std::numeric_limits<double>::infinity(), highest = -lowest;
@@ -83,6 +80,8 @@ class Planner {
   }
 
  private:
+  struct Voxel { Point centre; std::uint32_t label; };
+
   template <typename P>
   static Point xyz(const P& point) { return {point.x, point.y, point.z}; }
 
@@ -114,5 +113,5 @@ class Planner {
   }
 
   double width_, height_;
-  std::vector<Point> loose_;
+  std::vector<Voxel> voxels_;
 };

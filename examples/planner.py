@@ -20,15 +20,14 @@ class Planner:
 
     def __init__(self, width, height):
         self.map, self.width, self.height = MapReader(), width, height
-        self.loose = np.empty((0, 3))  # dense voxels that no outline holds: as hard as those that one does
+        self.voxels, self.labels = np.empty((0, 3)), np.empty(0)  # an outline does not hold all of them, see docs/planner.md
 
     def points(self, cloud):
         """Takes a message of ~/points_labelled."""
         names, at = ["x", "y", "z", "label"], {field.name: field.offset for field in cloud.fields}
         points = np.frombuffer(cloud.data, np.dtype({"names": names, "formats": ["<f4", "<f4", "<f4", "<u4"],
                                                      "offsets": [at[name] for name in names], "itemsize": cloud.point_step}))
-        points = points[~np.isin(points["label"], [id for id, c in self.map.clusters.items() if c.boundary.points])]
-        self.loose = np.stack([points["x"], points["y"], points["z"]], axis=-1)
+        self.voxels, self.labels = np.stack([points["x"], points["y"], points["z"]], axis=-1), points["label"]
 
     def ground(self, robot):
         """What the robot stands on: the largest of the level surfaces under its base frame, or None."""
@@ -44,8 +43,8 @@ class Planner:
 
     def free_ahead(self, ground, robot):
         """How far from its base frame the robot can drive straight on [m]; inf where nothing stands there."""
-        heights = above(ground, self.loose)
-        things = [self.loose[(heights > LOW) & (heights < self.height)]]
+        heights = above(ground, self.voxels)
+        things = [self.voxels[(self.labels != ground.id) & (heights > LOW) & (heights < self.height)]]
         for outline in (along(c.boundary) for c in self.map.clusters.values() if c.boundary.points):
             heights = above(ground, outline)
             if heights.max() > LOW and heights.min() < self.height:  # a wall is in the way though it ends above the robot

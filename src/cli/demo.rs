@@ -50,7 +50,8 @@ pub(crate) struct Options {
     #[arg(long, default_value = "cfodi-demo")]
     out: PathBuf,
     /// How long the robot drives (s)
-    #[arg(long, default_value_t = 30, allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..=3600))]
+    #[arg(long, default_value_t = 30, allow_negative_numbers = true)]
+    #[arg(value_parser = clap::value_parser!(u32).range(1..=3600))]
     seconds: u32,
     /// Decides the sensor's noise
     #[arg(long, default_value_t = 1)]

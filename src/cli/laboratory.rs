@@ -33,7 +33,8 @@ pub(crate) struct Simulation {
     #[arg(value_parser = clap::value_parser!(u64).range(1..=1000))]
     seeds: u64,
     /// How long the robot drives [s]
-    #[arg(long, default_value_t = 217.0, conflicts_with = "input", allow_negative_numbers = true, value_parser = seconds)]
+    #[arg(long, default_value_t = 217.0, conflicts_with = "input")]
+    #[arg(allow_negative_numbers = true, value_parser = seconds)]
     seconds: f64,
     /// Takes every n-th of the 30 scans a second
     #[arg(long, default_value_t = NonZeroU32::MIN, conflicts_with = "input")]

@@ -92,13 +92,15 @@ sensor_msgs::msg::PointCloud2 cloud(std::initializer_list<Labelled> points) {
   return cloud;
 }
 
-void loose_voxels() {
-  Planner known = planner({});
+void voxels() {
+  Planner known = planner({level(2, Cluster::CLASS_HORIZONTAL, 0.7, 2.0, 2.8, -0.2, 0.6)});
   const Cluster& ground = *known.ground(kHere);
   known.points(cloud({{1.5, 0.1, 0.4, 0}, {0.7, 0.0, 0.0, 1}, {0.6, 0.0, 0.3, 1}, {0.5, 0.4, 0.3, 0}, {1.2, 0.0, 1.5, 0}}));
-  expect("an outline holds those of cluster 1", known.free_ahead(ground, kHere), 1.5);
+  expect("those of cluster 1 are ground", known.free_ahead(ground, kHere), 1.5);
   known.points(cloud({{0.8, 0.0, 0.3, 77}}));
-  expect("no outline holds those of a cluster that has none", known.free_ahead(ground, kHere), 0.8);
+  expect("those of a cluster without an outline are in the way", known.free_ahead(ground, kHere), 0.8);
+  known.points(cloud({{1.0, 0.0, 0.7, 2}}));
+  expect("and those of one whose outline is that of another part", known.free_ahead(ground, kHere), 1.0);
 }
 
 void ground_and_table() {
@@ -120,6 +122,6 @@ void ground_and_table() {
 
 int main() {
   outlines();
-  loose_voxels();
+  voxels();
   ground_and_table();
 }

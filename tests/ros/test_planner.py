@@ -66,12 +66,14 @@ def test_outlines_within_the_robots_width_and_height_are_in_its_way_and_others_a
     assert free(level(3, HORIZONTAL, 0.05, (1.0, 1.8), (-0.2, 0.6))) == math.inf, "it is the noise of the ground"
 
 
-def test_voxels_without_an_outline_are_in_its_way_too():
-    known, ground = planner()
+def test_voxels_are_in_its_way_too_but_for_the_grounds():
+    known, ground = planner(level(2, HORIZONTAL, 0.7, (2.0, 2.8), (-0.2, 0.6)))
     known.points(clouds_of([(1.5, 0.1, 0.4, 0), (0.7, 0.0, 0.0, 1), (0.6, 0.0, 0.3, 1), (0.5, 0.4, 0.3, 0), (1.2, 0.0, 1.5, 0)]))
-    assert known.free_ahead(ground, BASE) == pytest.approx(1.5), "an outline holds those of cluster 1"
+    assert known.free_ahead(ground, BASE) == pytest.approx(1.5), "those of cluster 1 are ground"
     known.points(clouds_of([(0.8, 0.0, 0.3, 77)]))
-    assert known.free_ahead(ground, BASE) == pytest.approx(0.8), "no outline holds those of a cluster that has none"
+    assert known.free_ahead(ground, BASE) == pytest.approx(0.8), "of a cluster without an outline"
+    known.points(clouds_of([(1.0, 0.0, 0.7, 2)]))
+    assert known.free_ahead(ground, BASE) == pytest.approx(1.0), "of a cluster whose outline is that of another part"
 
 
 def clouds_of(points):

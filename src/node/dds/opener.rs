@@ -139,7 +139,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_address_that_the_machine_does_not_have_is_refused_and_so_is_ipv6() {
+    fn an_address_that_the_machine_does_not_have_is_refused() {
         check_interface(Ipv4Addr::LOCALHOST).unwrap();
         let error = check_interface(Ipv4Addr::new(192, 0, 2, 1)).unwrap_err().to_string();
         assert!(error.starts_with("network_interfaces has 192.0.2.1: "), "{error}");
