@@ -4,7 +4,7 @@ use super::block::BlockIndex;
 use super::join::Contact;
 use super::layer::PatchId;
 
-/// The patches that a patch meets, ascending, and where: a handful, which a list holds in a third of the memory of a map.
+/// The patches that a patch meets, ascending, and where: a handful, for which a tree's nodes would mostly be empty.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Contacts(Vec<(PatchId, Contact)>);
 

@@ -18,7 +18,7 @@ use crate::engine::snapshot::{self, ClusterState};
 ///
 /// By the root mean square distance of its voxels' means: what bends a surface in the map bends its plane. Falls with the
 /// root of the area beyond, for the more there is of a surface, the more of it is bent otherwise.
-const WAVES: f64 = 0.1;
+const WAVES: f64 = 0.12;
 /// By the square of a voxel's edge (1/m), falling with the area beyond: what rim voxels hold of the surfaces beside lies off
 /// by a part of a voxel, and the larger the voxels, the more of them are at the rim.
 const RIM_BIAS: f64 = 1.1;

@@ -28,9 +28,9 @@ pub(super) struct Exact {
 }
 
 impl Exact {
-    /// Of one voxel of a patch with this normal; `corner` is that of its block.
-    pub(super) fn of(state: &State, corner: [i32; 3], normal: &Vector3<f64>) -> Self {
-        let weight = i128::from(nearest(state.weight_on(normal) * WEIGHT_UNITS).max(1));
+    /// Of one voxel that counts so much; `corner` is that of its block.
+    pub(super) fn of(state: &State, corner: [i32; 3], weight: f64) -> Self {
+        let weight = i128::from(nearest(weight * WEIGHT_UNITS).max(1));
         let whole = |value: f64| i128::from(nearest(value * UNITS));
         let (mean, towards) = (state.mean(), state.towards());
         let mean: [i128; 3] =

@@ -105,7 +105,7 @@ impl Segmented {
     /// What a voxel adds to the sums of a cluster as one of its own patch; `corner` is that of the block.
     pub(super) fn share(&self, state: &State, corner: [i32; 3]) -> Exact {
         let patch = &self.patches[usize::from(self.labels[state.cell.index()])];
-        Exact::of(state, corner, &patch.plane.normal)
+        Exact::of(state, corner, patch.weight_of(state))
     }
 
     /// The state of a cell that is dense.

@@ -102,11 +102,15 @@
 //! Tolerances of 2 to 2.5 sigma, and of the slices' turn of 20 to 34 degrees, change the index by less than 0.01. Contacts
 //! over a gap of one voxel tie floors together that doors have parted.
 //!
+//! With every scan of 30 a second instead of every sixth, what is seen for longer has broader patches: the pillar is whole at
+//! 5 cm from bends of facets whose breadth varies by 1.7 on, and from 1.3 on one seed of two joins two walls over a corner.
+//!
 //! # What becomes of it
 //!
 //! A cluster keeps exact sums (`exact`), its footprint (`footprint`) and its identity (`cluster`) while voxels come and go.
 //! In the sums a voxel counts by how much of its cross section its points cover, so that the edge of a board, a sliver in
-//! its voxels, does not tilt the plane of its top (`state`); `describe` makes of them what leaves the engine: plane and
+//! its voxels, does not tilt the plane of its top (`state`), and little where its patch is rough, so that a door leaf is not
+//! turned by the voxels that it shares with its jamb (`patch`); `describe` makes of them what leaves the engine: plane and
 //! covariance, outline with holes (`outline`, `trace`, `border`, `rim`, `simplify`), class (`class`). What the sensor looks
 //! through loses its points (`clearing`, `view`), what is too far or too much is forgotten (`bounds`).
 //!

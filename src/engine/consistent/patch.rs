@@ -75,6 +75,9 @@ const NARROW: f64 = 1.0;
 /// Misfit of a slice, at most: scatters of a pillar seen from 6 m have 1.1 on the nearer ones' planes, and from 1.25 on a
 /// wall takes in a door that stands ajar.
 const SLICE: f64 = 1.1;
+/// What a voxel of a rough patch counts in a plane by one of a flat patch: where a jamb meets the leaf of its door, voxels hold
+/// both, and turned the leaf's plane by 3 degrees.
+const ROUGH: f64 = 0.1;
 /// A patch is much broader whose variance is so many times that.
 const BROADER: f64 = 2.0;
 
@@ -126,6 +129,11 @@ impl Patch {
 
     pub(super) const fn is_rough(&self) -> bool {
         self.is_rough
+    }
+
+    /// What one of its voxels counts in the plane of its cluster.
+    pub(super) fn weight_of(&self, state: &State) -> f64 {
+        state.weight_on(&self.plane.normal) * if self.is_rough { ROUGH } else { 1.0 }
     }
 
     /// Whether each of its voxels may as well be another one's: it is cut or narrow.
@@ -195,6 +203,16 @@ pub(super) mod examples {
         rows: std::ops::Range<i32>,
         height: impl Fn(f64) -> f64,
     ) -> Patch {
+        let states = states(distance, rows, height);
+        Patch::new(&states.iter().collect::<Vec<_>>(), &Vector3::zeros(), Kind::Flat).unwrap()
+    }
+
+    /// The voxels of such rows.
+    pub(in super::super) fn states(
+        distance: f64,
+        rows: std::ops::Range<i32>,
+        height: impl Fn(f64) -> f64,
+    ) -> Vec<State> {
         let params = Params::default();
         let grid = Grid::new(&params);
         let mut states = Vec::new();
@@ -211,15 +229,25 @@ pub(super) mod examples {
             voxel.sums.fold(&scan, grid.noise().weight(distance), &Vector3::z());
             states.push(State::new(&grid, &voxel));
         }
-        Patch::new(&states.iter().collect::<Vec<_>>(), &Vector3::zeros(), Kind::Flat).unwrap()
+        states
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::examples::rows;
+    use super::examples::{rows, states};
     use super::*;
     use crate::engine::params::Params;
+
+    #[test]
+    fn a_voxel_of_a_patch_that_lies_on_no_plane_says_little_about_that_of_its_cluster() {
+        let flat = rows(0..4, |_| 2.3);
+        let rough = Patch { is_rough: true, ..flat.clone() };
+        for state in states(1.0, 0..4, |_| 2.3) {
+            let [sure, unsure] = [&flat, &rough].map(|patch| patch.weight_of(&state));
+            assert!(unsure > 0.0 && unsure <= 0.2 * sure, "{unsure} of {sure}");
+        }
+    }
 
     #[test]
     fn a_narrow_patch_on_a_broad_one_s_plane_is_a_slice_of_it_whatever_its_normal() {
