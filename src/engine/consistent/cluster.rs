@@ -23,6 +23,8 @@ pub(super) struct Cluster {
     /// Voxels of its patches and those beside them.
     pub(super) voxels: u32,
     pub(super) points: u64,
+    /// Voxels of its footprint.
+    pub(super) outlined: u32,
     pub(super) footprint: Footprint,
     /// The plane through its patches, as [`Cluster::refit`] found it last.
     pub(super) plane: Option<PlaneFit>,
@@ -132,6 +134,7 @@ impl Cluster {
             sums: Exact::default(),
             voxels: 0,
             points: 0,
+            outlined: 0,
             footprint,
             plane: None,
             counted: 0,
@@ -158,16 +161,28 @@ impl Cluster {
         Some(PlaneFit { point: self.sums.mean(), normal, weight: self.sums.weight(), covariance })
     }
 
-    pub(super) fn add(&mut self, key: VoxelKey, state: &State) {
+    /// A voxel that is thin is no part of the footprint.
+    pub(super) fn add(&mut self, key: VoxelKey, state: &State, is_thin: bool) {
         self.voxels += 1;
         self.points += u64::from(state.count);
-        self.footprint.add(self.footprint.axis().column(key), &content(state, self.footprint.axis()));
+        if !is_thin {
+            self.outlined += 1;
+            self.footprint.add(self.footprint.axis().column(key), &content(state, self.footprint.axis()));
+        }
     }
 
-    pub(super) fn remove(&mut self, key: VoxelKey, state: &State) {
+    pub(super) fn remove(&mut self, key: VoxelKey, state: &State, is_thin: bool) {
         self.voxels -= 1;
         self.points -= u64::from(state.count);
-        self.footprint.remove(self.footprint.axis().column(key), &content(state, self.footprint.axis()));
+        if !is_thin {
+            self.outlined -= 1;
+            self.footprint.remove(self.footprint.axis().column(key), &content(state, self.footprint.axis()));
+        }
+    }
+
+    /// Whether it can be described: it has a plane, and voxels to draw an outline around.
+    pub(super) const fn has_shape(&self) -> bool {
+        self.plane.is_some() && self.outlined > 0
     }
 }
 

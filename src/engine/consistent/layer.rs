@@ -40,7 +40,15 @@ pub(super) struct Segmented {
     pub(super) loose: Vec<Loose>,
     /// Their cells, in the same order.
     pub(super) loose_cells: Cells,
+    /// Most points of a voxel.
+    most_points: u32,
 }
+
+/// Points below which a voxel may be thin; a surface that comes into view soon has more.
+const THIN: u32 = 100;
+/// One in so many of those of the voxel with the most points in its block: fewer are thin. An edge that covers as little of its
+/// voxel moves the outline by less than that part of one.
+const PART_OF_THIN: u64 = 300;
 
 /// A dense voxel in no patch, or in one that is frayed.
 #[derive(Clone, Copy, Debug)]
@@ -81,7 +89,9 @@ impl Segmented {
         let patches: Vec<_> = patches.collect();
         let (contacts, slice_of) = (vec![Contacts::default(); patches.len()], vec![None; patches.len()]);
         let (loose, loose_cells) = (Vec::new(), Cells::default());
-        let mut segmented = Self { states, labels, cells, patches, contacts, slice_of, loose, loose_cells };
+        let most_points = states.iter().map(|state| state.count).max().unwrap_or(0);
+        let mut segmented =
+            Self { states, labels, cells, patches, contacts, slice_of, loose, loose_cells, most_points };
         // Made of a list, it has no room to spare.
         let is_loose = |(place, number): (u16, &u8)| segmented.is_loose(*number).then_some(place);
         let loose: Vec<_> = (0..).zip(&owner).filter_map(is_loose).collect();
@@ -95,6 +105,12 @@ impl Segmented {
     /// Whether the patch of a dense voxel with this label is found by what lies around it.
     pub(super) fn is_loose(&self, label: u8) -> bool {
         self.patches.get(usize::from(label)).is_none_or(Patch::is_frayed)
+    }
+
+    /// Whether so few of the points hereabouts are in a voxel that it is no part of an outline: where a surface was looked at
+    /// for long, what scatters beyond its edges becomes dense too.
+    pub(super) fn is_thin(&self, state: &State) -> bool {
+        state.count < THIN && u64::from(state.count) * PART_OF_THIN < u64::from(self.most_points)
     }
 
     /// Whether a patch has a voxel in a window.
@@ -138,6 +154,7 @@ impl Segmented {
             slice_of: Vec::new(),
             loose: Vec::new(),
             loose_cells: Cells::default(),
+            most_points: 0,
         }
     }
 }

@@ -111,8 +111,9 @@
 //! In the sums a voxel counts by how much of its cross section its points cover, so that the edge of a board, a sliver in
 //! its voxels, does not tilt the plane of its top (`state`), and little where its patch is rough, so that a door leaf is not
 //! turned by the voxels that it shares with its jamb (`patch`); `describe` makes of them what leaves the engine: plane and
-//! covariance, outline with holes (`outline`, `trace`, `border`, `rim`, `simplify`), class (`class`). What the sensor looks
-//! through loses its points (`clearing`, `view`), what is too far or too much is forgotten (`bounds`).
+//! covariance, outline with holes (`outline`, `trace`, `border`, `rim`, `simplify`), class (`class`). A voxel with hardly any
+//! of the points hereabouts, where noise beyond an edge has become dense, is no part of the outline (`layer`). What the sensor
+//! looks through loses its points (`clearing`, `view`), what is too far or too much is forgotten (`bounds`).
 //!
 //! How far the laboratory's two table tops are turned (mrad, four seeds, 5 cm and 8 cm), and the worst of the recorded
 //! cabinet's faces at 8 cm (degrees), by what a voxel counts:

@@ -27,7 +27,7 @@ use super::layer::{PatchId, Segmented, are_joined, contacts, contacts_of, patch,
 use super::outline::Drawing;
 use super::rules::Rules;
 use super::state::State;
-use crate::engine::key::{ClusterId, VoxelKey};
+use crate::engine::key::ClusterId;
 use crate::engine::now::Now;
 
 #[derive(Clone, Debug)]
@@ -181,7 +181,7 @@ impl Surfaces {
             if let (Some(cluster), Some(key)) =
                 (self.clusters[component.0 as usize].as_mut(), grid.block(block).voxel_key(state.cell))
             {
-                cluster.remove(key, state);
+                cluster.remove(key, state, segmented.is_thin(state));
                 cluster.sums.remove(&segmented.share(state, corner));
                 self.changed.insert(component);
             }
@@ -282,10 +282,12 @@ impl Surfaces {
             (self.clusters[from.0 as usize].take(), self.clusters[to.0 as usize].take());
         let here = &self.segmented[id.block.0 as usize];
         let corner = grid.block(id.block).corner();
-        let mut carry = |key: Option<VoxelKey>, state: &State, of_patch: bool| {
+        let mut carry = |block: BlockIndex, state: &State, of_patch: bool| {
+            let key = grid.block(block).voxel_key(state.cell);
             let (Some(key), Some(lost), Some(gained)) = (key, lost.as_mut(), gained.as_mut()) else { return };
-            lost.remove(key, state);
-            gained.add(key, state);
+            let is_thin = self.segmented[block.0 as usize].is_thin(state);
+            lost.remove(key, state, is_thin);
+            gained.add(key, state, is_thin);
             if of_patch {
                 let sums = here.share(state, corner);
                 lost.sums.remove(&sums);
@@ -295,7 +297,7 @@ impl Surfaces {
         let patch = &here.patches[usize::from(id.number)];
         for cell in patch.cells.iter().filter(|_| !patch.is_frayed()) {
             if let Some(state) = here.state(cell) {
-                carry(grid.block(id.block).voxel_key(cell), state, true);
+                carry(id.block, state, true);
             }
         }
         for block in grid.block(id.block).around.iter().flatten() {
@@ -303,7 +305,7 @@ impl Surfaces {
             for loose in there.loose.iter().filter(|loose| loose.owner == Some(node)) {
                 let state = &there.states[usize::from(loose.place)];
                 let is_own = *block == id.block && there.labels[state.cell.index()] == id.number;
-                carry(grid.block(*block).voxel_key(state.cell), state, is_own);
+                carry(*block, state, is_own);
             }
         }
         self.clusters[from.0 as usize] = lost;
@@ -324,7 +326,7 @@ impl Surfaces {
             if let (Some(cluster), Some(key)) =
                 (self.clusters[component.0 as usize].as_mut(), grid.block(block).voxel_key(state.cell))
             {
-                cluster.add(key, state);
+                cluster.add(key, state, here.is_thin(state));
                 cluster.sums.add(&here.share(state, corner));
             }
         }

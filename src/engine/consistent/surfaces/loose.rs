@@ -74,7 +74,8 @@ impl Surfaces {
         else {
             return;
         };
-        cluster.remove(key, state);
+        let is_thin = here.is_thin(state);
+        cluster.remove(key, state, is_thin);
         let label = here.labels[state.cell.index()];
         if self.nodes[block.0 as usize].get(usize::from(label)) == Some(&owner) {
             cluster.sums.remove(&here.share(state, grid.block(block).corner()));
@@ -145,7 +146,7 @@ impl Surfaces {
         if let (Some(cluster), Some(key)) =
             (self.clusters[component.0 as usize].as_mut(), grid.block(block).voxel_key(state.cell))
         {
-            cluster.add(key, state);
+            cluster.add(key, state, here.is_thin(state));
             if owner == (PatchId { block, number: here.labels[state.cell.index()] }) {
                 cluster.sums.add(&here.share(state, grid.block(block).corner()));
             }

@@ -178,7 +178,8 @@ impl Surfaces {
             let Some(id) = self.patches[node.0 as usize] else { continue };
             let here = &self.segmented[id.block.0 as usize];
             let mut enter = |block: BlockIndex, state: &State| {
-                if let Some(key) = grid.block(block).voxel_key(state.cell) {
+                let is_thin = self.segmented[block.0 as usize].is_thin(state);
+                if let Some(key) = grid.block(block).voxel_key(state.cell).filter(|_| !is_thin) {
                     footprint.add(axis.column(key), &content(state, axis));
                 }
             };
@@ -201,14 +202,14 @@ impl Surfaces {
         for &component in &self.changed {
             let Some(cluster) = self.clusters[component.0 as usize].as_deref_mut() else { continue };
             // Where all voxels of a patch have gone to broader ones, what lies beside it has no plane.
-            let (voxels, has_plane) = (cluster.voxels, cluster.plane.is_some());
+            let (voxels, has_shape) = (cluster.voxels, cluster.has_shape());
             let identity = &mut cluster.identity;
             if voxels > identity.most_voxels {
                 (identity.most_voxels, identity.grown) = (voxels, now.sequence);
             }
-            if identity.id.is_none() && voxels >= TOLD && has_plane {
+            if identity.id.is_none() && voxels >= TOLD && has_shape {
                 new.push(component);
-            } else if voxels < NO_LONGER_TOLD || !has_plane {
+            } else if voxels < NO_LONGER_TOLD || !has_shape {
                 self.removed.extend(identity.id.take());
             }
         }
