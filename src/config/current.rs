@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::table::{Change, Row};
-use super::value::{Given, nearest};
+use super::value::{Given, unknown};
 use super::{Config, ConfigError, Parameter, Value, parameters};
 use crate::engine::Mode;
 
@@ -73,8 +73,7 @@ impl Current {
         let mut values = self.values.clone();
         for (name, value) in wanted {
             let Some((parameter, now)) = self.get(&name) else {
-                let nearest = nearest(&name, self.values.keys().cloned());
-                return Err(ConfigError::Unknown { nearest, name, value });
+                return Err(unknown(name, value, self.values.keys().cloned()));
             };
             let value = parameter.row.as_declared(value);
             if let Some(must) = parameter.row.refusal(Some(&value)) {
@@ -103,11 +102,7 @@ impl Current {
             Some((parameter, _)) => {
                 ConfigError::Type { name: name.to_owned(), kind, must: must(parameter.row) }
             }
-            None => ConfigError::Unknown {
-                nearest: nearest(name, self.values.keys().cloned()),
-                name: name.to_owned(),
-                value: Value::Text(kind.to_owned()),
-            },
+            None => unknown(name.to_owned(), Value::Text(kind.to_owned()), self.values.keys().cloned()),
         }
     }
 }

@@ -67,6 +67,12 @@ pub enum ConfigError {
         /// The known name that differs least.
         nearest: String,
     },
+    /// A topic that was given as if it were a parameter.
+    #[error("{name} is a topic and no parameter: have it read another one with -r {name}:=...")]
+    Topic {
+        /// Its name.
+        name: String,
+    },
     /// A value that the parameter cannot have.
     #[error("{name} is {value}; it must be {must}")]
     Impossible {

@@ -42,6 +42,19 @@ pub struct Sensor {
     pub kind: Kind,
 }
 
+/// Whether this is a topic, before remapping, of a sensor of which there are such `parameters`.
+pub(super) fn have_topic(mut parameters: impl Iterator<Item = String>, name: &str) -> bool {
+    let of = |sensor: Sensor| {
+        let points = sensor.points() == Some(name);
+        points || [sensor.image(), sensor.camera_info()].iter().flatten().any(|topic| topic == name)
+    };
+    parameters.any(|parameter| {
+        let sensor = parameter.strip_suffix(".kind").map(str::to_owned);
+        let kinds = [Kind::Auto, Kind::Cloud, Kind::Depth].into_iter();
+        sensor.is_some_and(|sensor| kinds.map(|kind| Sensor { name: sensor.clone(), kind }).any(of))
+    })
+}
+
 impl Sensor {
     /// The topic of its clouds, before remapping: `<name>`.
     pub fn points(&self) -> Option<&str> {
@@ -113,6 +126,23 @@ mod tests {
         assert_eq!(topics(&config(&["points"], &[("points.kind", "cloud")]).unwrap()), [["points"]]);
         let mixed = config(&["front", "rear"], &[("rear.kind", "depth")]).unwrap();
         assert_eq!(topics(&mixed), [["front"].as_slice(), &["rear/image", "rear/camera_info"]]);
+    }
+
+    #[test]
+    fn a_topic_that_is_given_as_a_parameter_is_told_so() {
+        let line = |list: &[&str], name| config(list, &[(name, "/camera")]).unwrap_err();
+        for (list, name) in [
+            (&["points"][..], "points"),
+            (&["points"], "depth/image"),
+            (&["points"], "depth/camera_info"),
+            (&["front", "rear"], "rear"),
+            (&["front", "rear"], "rear/image"),
+        ] {
+            let expected =
+                format!("{name} is a topic and no parameter: have it read another one with -r {name}:=...");
+            assert_eq!(line(list, name), expected);
+        }
+        assert!(line(&["front", "rear"], "points").starts_with("unknown parameter `points`"));
     }
 
     #[test]

@@ -65,8 +65,7 @@ impl Given {
         let mut told = BTreeSet::new();
         for (name, value) in values {
             let Some((known, row)) = given.get_mut(&name) else {
-                let nearest = nearest(&name, given.into_keys());
-                return Err(ConfigError::Unknown { nearest, name, value });
+                return Err(unknown(name, value, given.keys().cloned()));
             };
             *known = row.as_declared(value);
             told.insert(name);
@@ -281,8 +280,21 @@ fn names(list: &Value) -> Vec<String> {
 /// Letters of a name that are compared with those of known ones.
 const MAX_COMPARED: usize = 256;
 
+/// What is said of a value whose name is none of the `known` parameters'.
+pub(super) fn unknown(
+    name: String,
+    value: Value,
+    known: impl Iterator<Item = String> + Clone,
+) -> ConfigError {
+    if sensors::have_topic(known.clone(), &name) {
+        return ConfigError::Topic { name };
+    }
+    let nearest = nearest(&name, known);
+    ConfigError::Unknown { nearest, name, value }
+}
+
 /// The known name that differs least.
-pub(super) fn nearest(name: &str, known: impl Iterator<Item = String>) -> String {
+fn nearest(name: &str, known: impl Iterator<Item = String>) -> String {
     // A name of a megabyte is near to none, and takes long to compare.
     let begin: String = name.chars().take(MAX_COMPARED).collect();
     known.min_by_key(|known| strsim::damerau_levenshtein(known, &begin)).unwrap_or_default()
