@@ -158,9 +158,9 @@ fn the_edge_of_a_board_does_not_tilt_its_top() {
 
 #[test]
 fn what_scatters_beyond_an_edge_is_no_part_of_the_outline() {
-    // Within one block of eight voxels; those beyond the edge have 25 points each, the wall's 10,000 or 64.
+    // Within one block of eight voxels; those beyond the edge have 25 points each, the wall's 20,000 or 64.
     let beyond = rectangle([2.03, 0.48, 0.0], [Y, Z], [0.08, 0.56], 0.016);
-    for (step, width) in [(0.0008, 0.48), (0.01, 0.56)] {
+    for (step, width) in [(0.00056, 0.48), (0.01, 0.56)] {
         let mut points = rectangle([2.03, 0.0, 0.0], [Y, Z], [0.48, 0.56], step);
         points.extend(&beyond);
         let snapshot = found(&points, [0.0, 0.25, 0.3], 0.08);

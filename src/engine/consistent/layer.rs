@@ -45,10 +45,10 @@ pub(super) struct Segmented {
 }
 
 /// Points below which a voxel may be thin; a surface that comes into view soon has more.
-const THIN: u32 = 100;
+const THIN: u32 = 200;
 /// One in so many of those of the voxel with the most points in its block: fewer are thin. An edge that covers as little of its
 /// voxel moves the outline by less than that part of one.
-const PART_OF_THIN: u64 = 300;
+const PART_OF_THIN: u64 = 600;
 
 /// A dense voxel in no patch, or in one that is frayed.
 #[derive(Clone, Copy, Debug)]
