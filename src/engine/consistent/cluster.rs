@@ -76,7 +76,7 @@ impl Before {
 /// What a cluster keeps when its voxels are others.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Identity {
-    /// `None` while it is too small to be told of.
+    /// `None` while it is too small to be told of, or has no shape.
     pub(super) id: Option<ClusterId>,
     pub(super) revision: u32,
     pub(super) first_seen: Stamp,

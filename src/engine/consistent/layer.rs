@@ -48,6 +48,10 @@ pub(super) struct Segmented {
 const THIN: u32 = 200;
 /// One in so many of those of the voxel with the most points in its block: fewer are thin. An edge that covers as little of its
 /// voxel moves the outline by less than that part of one.
+///
+/// On the laboratory at 30 scans a second all areas from 2 m^2 on are within 10 % by it. With one in 300, but below 100 points,
+/// two of 26 are not, at 8 cm; from one in 200 on, whatever the points, a table's top loses a quarter of itself in some seeds
+/// (every sixth scan, 8 cm). Where thin voxels are kept out of patches too, walls, doors and cupboards join.
 const PART_OF_THIN: u64 = 600;
 
 /// A dense voxel in no patch, or in one that is frayed.
