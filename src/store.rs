@@ -28,7 +28,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 pub use self::aside::{MOST_ASIDE, set_aside, too_many_aside};
-use crate::engine::{RestoreError, SavedMap};
+use crate::engine::{RestoreError, SavedMap, SavedMapOfVersion1};
 
 /// What a file holds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -39,8 +39,21 @@ pub struct Stored {
     pub map: SavedMap,
 }
 
-/// The version of the format that is written, and the newest that can be read.
-pub const VERSION: u32 = 1;
+/// A file of version 1, in which voxels had sums instead of means and covariances.
+#[derive(Deserialize)]
+struct StoredOfVersion1 {
+    frame_id: String,
+    map: SavedMapOfVersion1,
+}
+
+impl From<StoredOfVersion1> for Stored {
+    fn from(StoredOfVersion1 { frame_id, map }: StoredOfVersion1) -> Self {
+        Self { frame_id, map: map.into() }
+    }
+}
+
+/// The version of the format that is written, and the newest that can be read; all before it can.
+pub const VERSION: u32 = 2;
 
 const MAGIC: &[u8; 8] = b"cfodimap";
 const HEADER: usize = 32;
@@ -225,6 +238,7 @@ fn checksum(header: &[u8], packed: &[u8]) -> u32 {
 
 /// What the header says.
 struct Header {
+    version: u32,
     plain_length: u64,
     packed_length: u64,
     checksum: u32,
@@ -251,7 +265,7 @@ impl Header {
         if plain_length > packed_length.saturating_mul(MOST_UNPACKED) {
             return damaged(format!("{packed_length} bytes that claim to be {plain_length}"));
         }
-        Ok(Self { plain_length, packed_length, checksum: number(&header[CHECKED..]) as u32 })
+        Ok(Self { version, plain_length, packed_length, checksum: number(&header[CHECKED..]) as u32 })
     }
 }
 
@@ -278,10 +292,18 @@ pub fn unpack(bytes: &[u8]) -> Result<Stored, Flaw> {
     if plain.len() as u64 != header.plain_length {
         return damaged(format!("{} bytes of map or more, and it says {}", plain.len(), header.plain_length));
     }
-    match postcard::take_from_bytes(&plain) {
+    match header.version {
+        1 => decode::<StoredOfVersion1>(&plain).map(Stored::from),
+        _ => decode(&plain),
+    }
+}
+
+/// What all of these bytes are.
+fn decode<'a, T: Deserialize<'a>>(plain: &'a [u8]) -> Result<T, Flaw> {
+    match postcard::take_from_bytes(plain) {
         Ok((stored, [])) => Ok(stored),
-        Ok((_, rest)) => damaged(format!("{} bytes after the map", rest.len())),
-        Err(error) => damaged(error.to_string()),
+        Ok((_, rest)) => Err(Flaw::Damaged(format!("{} bytes after the map", rest.len()))),
+        Err(error) => Err(Flaw::Damaged(error.to_string())),
     }
 }
 

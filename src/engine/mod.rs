@@ -48,7 +48,7 @@ pub use nalgebra::Isometry3;
 pub(crate) use params::{MAX_DEPTH, MAX_POINTS};
 pub use params::{Mode, Params, ParamsError};
 pub use points::{Depths, Points, Rays};
-pub use saved::{RestoreError, SavedMap};
+pub use saved::{RestoreError, SavedMap, SavedMapOfVersion1};
 pub use scan::{Scan, Stamp};
 pub use snapshot::{ChangedCluster, Cluster, ClusterState, DenseVoxel, Snapshot, Update};
 pub use step::PipelineStep;

@@ -65,7 +65,7 @@ impl Grid {
         self.voxels += usize::from(is_new);
         let mean = (corner.map(f64::from) + scan.mean()) * self.voxel_size;
         let (depth, towards) = weighing.of(&mean);
-        let halvings = voxel.sums.fold(scan, self.noise.weight(depth), &towards);
+        let halvings = voxel.moments.fold(scan, self.noise.weight(depth), &towards);
         voxel.published.note_halved(halvings);
         let was_dense = voxel.count >= self.min_points;
         voxel.count = voxel.count.saturating_add(scan.count).min(MAX_POINTS);
@@ -77,9 +77,9 @@ impl Grid {
         }
         let is_dense = voxel.count >= self.min_points;
         let newly_dense = is_dense && !was_dense;
-        let doubled = is_dense && voxel.published.is_doubled(&voxel.sums);
+        let doubled = is_dense && voxel.published.is_doubled(&voxel.moments);
         let known = voxel.published.is_known();
-        let drifts = known && doubled && voxel.published.has_begun_to_drift(&voxel.sums);
+        let drifts = known && doubled && voxel.published.has_begun_to_drift(&voxel.moments);
         block.note_seen(sequence);
         block.changed |= doubled;
         block.drifted += u32::from(drifts);

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::cells::Cells;
 use super::published::Published;
 use super::room;
-use super::sums::Sums;
+use super::sums::Moments;
 use super::view::Clearance;
 use crate::engine::key::VoxelKey;
 
@@ -59,7 +59,7 @@ pub(super) struct Voxel {
     pub(super) cell: Cell,
     /// Points counted since it was last cleared.
     pub(super) count: u32,
-    pub(super) sums: Sums,
+    pub(super) moments: Moments,
     pub(super) published: Published,
     /// Scan that put a point here last, modulo 2^32.
     pub(super) hit: u32,
@@ -73,7 +73,7 @@ impl Voxel {
         Self {
             cell,
             count: 0,
-            sums: Sums::default(),
+            moments: Moments::default(),
             published: Published::default(),
             hit: 0,
             clearance: Clearance::default(),
@@ -186,7 +186,10 @@ impl Block {
             self.begun = sequence;
         }
         let dense = |voxel: &&mut Voxel| voxel.count >= min_points;
-        self.voxels.iter_mut().filter(dense).for_each(|voxel| voxel.published = Published::of(&voxel.sums));
+        self.voxels
+            .iter_mut()
+            .filter(dense)
+            .for_each(|voxel| voxel.published = Published::of(&voxel.moments));
         (self.changed, self.lost, self.drifted, self.published) = (false, false, 0, sequence);
         (self.points, self.unknown) = (0, 0);
     }

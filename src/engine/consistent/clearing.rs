@@ -19,7 +19,7 @@ use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 use super::block::{Block, BlockIndex, BlockKey, Cell, EDGE, Voxel};
 use super::grid::Grid;
 use super::noise::NoiseModel;
-use super::sums::Sums;
+use super::sums::Moments;
 use super::view::{RangeGrid, Sight};
 use crate::engine::scan::Scan;
 
@@ -84,7 +84,7 @@ impl Clearing {
                 let mean = corner + view.to_mean(voxel);
                 let margin = view.margin(&mean);
                 if self.ranges.ends_past(&mean, margin + View::least(&mean))
-                    && self.ranges.sees_through(&mean, &view.body(&voxel.sums, &mean), margin, 0)
+                    && self.ranges.sees_through(&mean, &view.body(&voxel.moments, &mean), margin, 0)
                         == Sight::Through
                 {
                     self.through.push((block, voxel.cell));
@@ -133,11 +133,11 @@ impl View {
 
     /// From there to the mean of a voxel's points.
     fn to_mean(&self, voxel: &Voxel) -> Vector3<f64> {
-        self.steps * (Vector3::from(voxel.cell.coordinates()).map(f64::from) + voxel.sums.mean())
+        self.steps * (Vector3::from(voxel.cell.coordinates()).map(f64::from) + voxel.moments.mean())
     }
 
-    fn body(&self, sums: &Sums, mean: &Point3<f64>) -> Vector3<f64> {
-        body::half_extents(&self.steps, self.voxel_size, self.noise, sums, mean)
+    fn body(&self, moments: &Moments, mean: &Point3<f64>) -> Vector3<f64> {
+        body::half_extents(&self.steps, self.voxel_size, self.noise, moments, mean)
     }
 
     /// Least half extent of a body.

@@ -7,7 +7,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::state::State;
-use super::symmetric::{symmetric, upper};
+use super::symmetric::{PAIRS, symmetric, upper};
 use crate::engine::binning::nearest;
 
 /// Units of a mean in a voxel.
@@ -78,10 +78,9 @@ impl Exact {
     /// Weighted covariance of the voxels' means, in voxels^2.
     pub(super) fn covariance(&self) -> Matrix3<f64> {
         let about = self.sum.map(|sum| sum / self.weight);
-        let pairs = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
         let rest = self.sum.map(|sum| (sum % self.weight) as f64 / self.weight as f64);
         symmetric(std::array::from_fn(|k| {
-            let (i, j) = pairs[k];
+            let (i, j) = PAIRS[k];
             let centred = self.squares[k]
                 .wrapping_sub(about[i].wrapping_mul(self.sum[j]))
                 .wrapping_sub(about[j].wrapping_mul(self.sum[i]))

@@ -1,8 +1,8 @@
 //! The sparse grid: voxels in blocks of 8 x 8 x 8.
 //!
 //! A block is found by one hash look-up a scan; neighbouring blocks know each other, so that walks over the neighbourhood
-//! need none. Sums are exact and free of order (see `sums`), and so are the places of blocks: those that a scan brings are
-//! numbered in the order of their keys.
+//! need none. What a voxel knows does not depend on the order of the points within a scan (see `sums`), nor do the places of
+//! blocks: those that a scan brings are numbered in the order of their keys.
 //!
 //! A block that has lost all its voxels gives its memory back and its place to the next block that comes
 //! ([`Grid::release`]); it keeps 1.2 KB until then, so memory follows the most blocks that were there at once.
@@ -131,7 +131,7 @@ impl Grid {
     /// Mean of a voxel's points (m), fixed frame.
     pub(super) fn centre(&self, block: &Block, voxel: &Voxel) -> Point3<f64> {
         let corner = Vector3::from(block.corner()) + Vector3::from(voxel.cell.coordinates());
-        Point3::from((corner.map(f64::from) + voxel.sums.mean()) * self.voxel_size)
+        Point3::from((corner.map(f64::from) + voxel.moments.mean()) * self.voxel_size)
     }
 
     /// Takes a voxel out with all its points.

@@ -174,4 +174,4 @@ mod view;
 
 pub use noise::NoiseModel;
 pub use pipeline::{Consistent, Partition};
-pub(super) use saved::SavedConsistent;
+pub(super) use saved::{SavedConsistent, version1};

@@ -1,7 +1,7 @@
 //! What a sensor's depths scatter by, and the weight that points get from it.
 //!
-//! A point weighs 1 / sigma^2, as an integer so that sums stay exact. All points that one scan puts into a voxel weigh
-//! the same, by the depth of their mean: sums do not depend on the order of the points.
+//! A point weighs 1 / sigma^2, as a whole number. All points that one scan puts into a voxel weigh the same, by the depth of
+//! their mean: what a voxel knows does not depend on their order.
 
 use serde::{Deserialize, Serialize};
 
@@ -21,7 +21,7 @@ pub enum NoiseModel {
 /// The sigma (m) at which a point weighs 1: a Kinect's at 9 m. The least sigma of a Kinect, 1.2 mm, gives 2^14.
 const UNIT_SIGMA: f64 = 0.1536;
 
-/// Greatest weight of a point; see the module `sums` for why.
+/// Greatest weight of a point.
 pub(super) const MAX_WEIGHT: u64 = 1 << 14;
 
 impl NoiseModel {

@@ -226,7 +226,7 @@ pub(super) mod examples {
             }
             let mut voxel = Voxel::new(Cell::at([x, y, z as i32]));
             voxel.count = scan.count;
-            voxel.sums.fold(&scan, grid.noise().weight(distance), &Vector3::z());
+            voxel.moments.fold(&scan, grid.noise().weight(distance), &Vector3::z());
             states.push(State::new(&grid, &voxel));
         }
         states

@@ -239,7 +239,7 @@ impl Consistent {
         node: Option<NodeId>,
     ) -> Option<DenseVoxel> {
         let cluster = node.and_then(|node| self.surfaces.cluster_of_node(node));
-        let spread = voxel.sums.covariance();
+        let spread = voxel.moments.covariance();
         let curvature =
             |normal: UnitVector3<f64>| (quadratic(&spread, &normal) / spread.trace()).clamp(0.0, 1.0) as f32;
         Some(DenseVoxel {

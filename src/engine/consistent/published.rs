@@ -6,44 +6,26 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::sums::Sums;
+use super::saved::version1;
+use super::sums::Moments;
 
 /// What a voxel was when its block was published last; all zero while it never was.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(from = "Wide")]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Published {
     /// Mean of its points from its corner, in [`PARTS`] of its edge.
     mean: [u16; 3],
-    points: u32,
-    weight: u32,
-    /// Weight at which it was last looked at whether it has drifted.
-    looked_at: u32,
     /// It has drifted.
     drifted: bool,
-}
-
-/// The same as it may have been saved, when sums were halved later.
-#[derive(Deserialize)]
-struct Wide {
-    mean: [u16; 3],
-    points: u64,
-    weight: u64,
-    looked_at: u64,
-    drifted: bool,
-}
-
-impl From<Wide> for Published {
-    fn from(Wide { mean, points, weight, looked_at, drifted }: Wide) -> Self {
-        let beyond = (weight | points | looked_at).max(1).ilog2().saturating_sub(u32::BITS - 1);
-        let [points, weight, looked_at] = [points, weight, looked_at].map(|sum| (sum >> beyond) as u32);
-        Self { mean, points, weight, looked_at, drifted }
-    }
+    /// Its points by their weight: the mean variance of their noise, in that of a point of weight 1.
+    noise: f32,
+    /// Weight at which it was last looked at whether it has drifted.
+    looked_at: u32,
 }
 
 /// How far the mean of a voxel's points moves before it has drifted, in voxels.
 const DRIFT: f64 = 0.1;
 /// Part of its published noise (as a variance) below which it has drifted as well.
-const SHARPER: f64 = 0.6;
+const SHARPER: f32 = 0.6;
 
 /// Parts of a voxel's edge in which the places of means are kept.
 pub(super) const PARTS: f64 = 65536.0;
@@ -53,39 +35,53 @@ pub(super) fn in_parts(offset: f64) -> u16 {
     (offset * PARTS) as u16
 }
 
+/// Points by weight; above 0, for there is a point.
+fn noise_of(moments: &Moments) -> f32 {
+    moments.points as f32 / moments.weight as f32
+}
+
+/// As it was saved; weights may not have been halved yet.
+impl From<&version1::Noted> for Published {
+    fn from(noted: &version1::Noted) -> Self {
+        let version1::Noted { mean, points, weight, looked_at, drifted } = *noted;
+        let beyond = (weight | looked_at).max(1).ilog2().saturating_sub(u32::BITS - 1);
+        let noise = if weight > 0 { points as f32 / weight as f32 } else { 0.0 };
+        Self { mean, drifted, noise, looked_at: (looked_at >> beyond) as u32 }
+    }
+}
+
 impl Published {
-    pub(super) fn of(sums: &Sums) -> Self {
-        let mean = sums.mean().map(in_parts).into();
-        Self { mean, points: sums.points, weight: sums.weight, looked_at: sums.weight, drifted: false }
+    pub(super) fn of(moments: &Moments) -> Self {
+        let mean = moments.mean().map(in_parts).into();
+        Self { mean, drifted: false, noise: noise_of(moments), looked_at: moments.weight }
     }
 
     /// Whether it can have been noted.
-    pub(super) const fn is_possible(&self) -> bool {
-        self.points <= self.weight
+    pub(super) fn is_possible(&self) -> bool {
+        (0.0..=1.0).contains(&self.noise)
     }
 
     /// Whether it was published as a dense voxel.
     pub(super) const fn is_known(&self) -> bool {
-        self.weight > 0
+        self.noise > 0.0
     }
 
     /// Whether the weight has doubled since it was looked at last.
-    pub(super) const fn is_doubled(&self, sums: &Sums) -> bool {
-        sums.weight / 2 >= self.looked_at
+    pub(super) const fn is_doubled(&self, moments: &Moments) -> bool {
+        moments.weight / 2 >= self.looked_at
     }
 
-    /// The voxel's sums have been halved so often: what they have doubled since is to be seen nevertheless.
+    /// The voxel's weight has been halved so often: what it has doubled since is to be seen nevertheless.
     pub(super) const fn note_halved(&mut self, halvings: u32) {
         self.looked_at = if halvings < u32::BITS { self.looked_at >> halvings } else { 0 };
     }
 
     /// Looks whether its points have moved, or are known much better; `true` the first time they are.
-    pub(super) fn has_begun_to_drift(&mut self, sums: &Sums) -> bool {
-        self.looked_at = sums.weight;
-        let mean = sums.mean();
+    pub(super) fn has_begun_to_drift(&mut self, moments: &Moments) -> bool {
+        self.looked_at = moments.weight;
+        let mean = moments.mean();
         let moved = (0..3).any(|i| (mean[i] - f64::from(self.mean[i]) / PARTS).abs() > DRIFT);
-        let noise = |points: u32, weight: u32| f64::from(points) / f64::from(weight);
-        let sharper = noise(sums.points, sums.weight) < SHARPER * noise(self.points, self.weight);
+        let sharper = noise_of(moments) < SHARPER * self.noise;
         let begins = !self.drifted && (moved || sharper);
         self.drifted |= begins;
         begins

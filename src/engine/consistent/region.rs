@@ -201,7 +201,7 @@ mod tests {
         points.iter().for_each(|&point| scan.add(point));
         let mut voxel = Voxel::new(Cell(cell));
         voxel.count = scan.count;
-        voxel.sums.fold(&scan, weight, &Vector3::from(towards).normalize());
+        voxel.moments.fold(&scan, weight, &Vector3::from(towards).normalize());
         State::new(&Grid::new(&Params::default()), &voxel)
     }
 

@@ -1,7 +1,9 @@
 //! A map of this engine as plain data, and back.
 //!
-//! Voxels with their exact sums and what was published of them, the slots of blocks, patches and clusters, and who the
+//! Voxels with their moments and what was published of them, the slots of blocks, patches and clusters, and who the
 //! clusters are. Patches, joins, sums, footprints and outlines follow from these and are found again.
+
+pub(crate) mod version1;
 
 use std::collections::BTreeSet;
 
@@ -12,7 +14,7 @@ use super::block::{Block, BlockIndex, BlockKey, CELLS, Cell, EDGE, Voxel};
 use super::grid::Grid;
 use super::published::Published;
 use super::state::{Plain, State};
-use super::sums::Sums;
+use super::sums::Moments;
 use super::surfaces::SavedSurfaces;
 use super::view::Clearance;
 use crate::engine::key::GRID_REACH;
@@ -25,8 +27,8 @@ const MOST_SPARE: usize = 1 << 18;
 
 /// All of a [`Consistent`](super::Consistent) but its parameters and the scans that it has taken in.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct SavedConsistent {
-    pub(super) grid: SavedGrid,
+pub(crate) struct SavedConsistent<V = SavedVoxel> {
+    pub(super) grid: SavedGrid<V>,
     pub(super) surfaces: SavedSurfaces,
     /// Where the sensor stands, and since which scan.
     pub(super) standpoint: (Isometry3<f64>, u64),
@@ -36,15 +38,15 @@ pub(crate) struct SavedConsistent {
 
 /// The blocks with their slots, and the slots without a block.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct SavedGrid {
-    pub(super) blocks: Vec<(u32, SavedBlock)>,
+pub(super) struct SavedGrid<V = SavedVoxel> {
+    pub(super) blocks: Vec<(u32, SavedBlock<V>)>,
     free: Vec<u32>,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct SavedBlock {
+pub(super) struct SavedBlock<V = SavedVoxel> {
     key: BlockKey,
-    voxels: Vec<SavedVoxel>,
+    voxels: Vec<V>,
     changed: bool,
     drifted: u32,
     points: u32,
@@ -57,10 +59,10 @@ pub(super) struct SavedBlock {
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct SavedVoxel {
+pub(crate) struct SavedVoxel {
     cell: Cell,
     count: u32,
-    sums: Sums,
+    moments: Moments,
     published: Published,
     hit: u64,
     clearance: Clearance,
@@ -128,7 +130,7 @@ impl SavedBlock {
         let voxel = |voxel: &Voxel| SavedVoxel {
             cell: voxel.cell,
             count: voxel.count,
-            sums: voxel.sums,
+            moments: voxel.moments,
             published: voxel.published,
             hit: voxel.hit.into(),
             clearance: voxel.clearance,
@@ -180,14 +182,14 @@ impl SavedBlock {
 impl SavedVoxel {
     fn restore(&self, sequence: u64) -> Result<Voxel, RestoreError> {
         let possible = (1..=MAX_POINTS).contains(&self.count)
-            && self.sums.is_possible()
+            && self.moments.is_possible()
             && self.published.is_possible()
             && self.hit <= sequence;
         ensure(possible, || format!("an impossible voxel after {sequence} scans: {self:?}"))?;
         Ok(Voxel {
             cell: self.cell,
             count: self.count,
-            sums: self.sums,
+            moments: self.moments,
             published: self.published,
             hit: self.hit as u32,
             clearance: self.clearance,

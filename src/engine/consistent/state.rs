@@ -10,6 +10,7 @@ use super::block::{Block, Cell, Voxel};
 use super::eigen::Spread;
 use super::grid::Grid;
 use super::published::{PARTS, in_parts};
+use super::sums::{MOST_COVARIANCE, MOST_TOWARDS};
 use super::symmetric::{area_across, symmetric, upper};
 use crate::engine::binning::nearest;
 
@@ -40,8 +41,6 @@ const SHEET: f64 = 2.0;
 /// Units of what is kept of a covariance, in voxels^2, and of a direction.
 const SPREAD_UNITS: f64 = 65536.0;
 const DIRECTION_UNITS: f64 = 16384.0;
-/// Points within a voxel vary by a quarter of its edge squared at most; for what rounding adds.
-const MOST_SPREAD: f64 = 0.26;
 
 /// A dense voxel, published: the definition knows it to a 65536th of a voxel.
 #[derive(Clone, Debug, PartialEq)]
@@ -65,19 +64,19 @@ pub(super) struct State {
 
 impl State {
     pub(super) fn new(grid: &Grid, voxel: &Voxel) -> Self {
-        let sums = &voxel.sums;
+        let moments = &voxel.moments;
         let metres_squared = grid.voxel_size() * grid.voxel_size();
-        let depth_variance = grid.noise().depth_variance(sums.points.into(), sums.weight.into());
+        let depth_variance = grid.noise().depth_variance(moments.points.into(), moments.weight.into());
         let lateral_variance = grid.noise().lateral_variance(depth_variance);
         Self::of(&Plain {
             cell: voxel.cell,
             count: voxel.count,
-            mean: sums.mean() + voxel.cell.corner(),
-            spread: sums.covariance(),
-            mean_weight: mean_weight(depth_variance / metres_squared, sums.points.into()),
+            mean: moments.mean() + voxel.cell.corner(),
+            spread: moments.covariance(),
+            mean_weight: mean_weight(depth_variance / metres_squared, moments.points.into()),
             depth_variance: depth_variance / metres_squared,
             lateral_variance: lateral_variance / metres_squared,
-            towards: sums.towards(),
+            towards: moments.towards(),
         })
     }
 
@@ -206,13 +205,13 @@ impl Plain {
         let within = |value: f64, low: f64, high: f64| (low..=high).contains(&value);
         self.count > 0
             && offsets.iter().all(|&offset| within(offset, 0.0, 1.0))
-            && self.spread.iter().all(|&entry| within(entry, -MOST_SPREAD, MOST_SPREAD))
+            && self.spread.iter().all(|&entry| within(entry, -MOST_COVARIANCE, MOST_COVARIANCE))
             && self.spread == self.spread.transpose()
             && self.mean_weight >= f32::MIN_POSITIVE.into()
             && self.mean_weight <= (1.0 / (BIAS * BIAS)).next_up()
             && within(self.depth_variance, 0.0, 1e9)
             && within(self.lateral_variance, 0.0, 1e9)
-            && self.towards.iter().all(|&part| within(part, -1.01, 1.01))
+            && self.towards.iter().all(|&part| within(part, -MOST_TOWARDS, MOST_TOWARDS))
     }
 }
 

@@ -1,23 +1,29 @@
-//! Exact sums over the points of a voxel.
+//! What is kept of the points of a voxel.
 //!
 //! Offsets from the voxel's corner are whole 1/4096 of its edge (20 um at 8 cm). A scan's points are summed without a
-//! weight first ([`ScanSums`]) and folded into the voxel with one weight for all of them ([`Sums`]). Sums are integers, so
-//! neither the order of points nor of voxels matters, and what is taken out leaves no trace.
+//! weight first ([`ScanSums`]), as integers, so that neither their order nor how many are done at once matters, and are then
+//! folded into the voxel with one weight for all of them ([`Moments`]).
 //!
-//! Nothing overflows: a square has 24 bits, a weight 15, a scan at most 2^24 points, which is 2^63 a scan; where the weights
-//! of a voxel exceed 2^32 or its points 2^20, all its sums are halved ([`Sums::fold`]), so that a sum of squares stays below
-//! 2^56 between scans and one of directions below 2^31. Halving also lets old scans fade where a voxel has been seen for
-//! long. For the sums of a cluster see `exact`.
+//! Of all its points a voxel keeps mean and covariance instead of sums: these need no more than 24 bits however many points
+//! there are, where sums of squares need 56, and a voxel is looked at far more often than its points' number matters. A fold
+//! rounds a mean by 2^-25 of the edge at most.
+//!
+//! Nothing overflows: a square has 24 bits and a scan at most 2^24 points. Where the weights of a voxel exceed 2^32 or its
+//! points 2^20, both are halved ([`Moments::fold`]), by which old scans fade where a voxel has been seen for long. For the sums
+//! of a cluster see `exact`.
+
+use std::ops::RangeInclusive;
 
 use nalgebra::{Matrix3, Vector3};
-
 use serde::{Deserialize, Serialize};
 
-use crate::engine::binning::{self, nearest};
+use super::saved::version1;
+use super::symmetric::{PAIRS, symmetric, upper};
+use crate::engine::binning;
 
 /// Units of an offset in a voxel's edge.
 pub(super) const UNITS: f64 = binning::UNITS as f64;
-/// Most weight and most points of a voxel; beyond either its sums are halved.
+/// Most weight and most points of a voxel; beyond either both are halved.
 const MOST_WEIGHT: u64 = u32::MAX as u64;
 const MOST_POINTS: u64 = 1 << 20;
 
@@ -52,93 +58,106 @@ impl ScanSums {
     pub(super) fn mean(&self) -> Vector3<f64> {
         Vector3::from(self.sum.map(|sum| sum as f64)) / (f64::from(self.count) * UNITS)
     }
+
+    /// Mean products of these offsets, in voxels^2: xx, xy, xz, yy, yz, zz.
+    fn products(&self) -> [f64; 6] {
+        let scale = 1.0 / (f64::from(self.count) * UNITS * UNITS);
+        self.squares.map(|square| square as f64 * scale)
+    }
 }
 
 /// Everything a voxel knows of its points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(from = "Wide")]
-pub(super) struct Sums {
-    /// Number of points, halved when the sums are.
+pub(super) struct Moments {
+    /// Number of points, halved with the weight.
     pub(super) points: u32,
     pub(super) weight: u32,
-    sum: [u64; 3],
-    squares: [u64; 6],
-    /// Unit directions towards the sensor times 1024, one a point, summed.
-    towards: [i32; 3],
+    /// Weighted mean offset from the corner, in voxels.
+    mean: [f32; 3],
+    /// Weighted covariance, in voxels^2: xx, xy, xz, yy, yz, zz.
+    covariance: [f32; 6],
+    /// Mean of the unit directions towards the sensor, one a point.
+    towards: [f32; 3],
 }
 
-/// Sums as they may have been saved, when they were halved later: in the file whole numbers have no width.
-#[derive(Deserialize)]
-struct Wide {
-    points: u64,
-    weight: u64,
-    sum: [u64; 3],
-    squares: [u64; 6],
-    towards: [i64; 3],
-}
+/// Points within a voxel vary by a quarter of its edge squared at most; for what rounding adds.
+pub(super) const MOST_COVARIANCE: f64 = 0.26;
+/// The same for the length of a mean of directions.
+pub(super) const MOST_TOWARDS: f64 = 1.01;
 
-impl From<Wide> for Sums {
-    fn from(wide: Wide) -> Self {
-        let halvings = halvings(wide.weight, MOST_WEIGHT).max(halvings(wide.points, MOST_POINTS));
-        let most = i64::from(i32::MAX);
-        Self {
-            points: (wide.points >> halvings) as u32,
-            weight: (wide.weight >> halvings) as u32,
-            sum: wide.sum.map(|sum| sum >> halvings),
-            squares: wide.squares.map(|square| square >> halvings),
-            towards: wide.towards.map(|towards| (towards >> halvings).clamp(-most, most) as i32),
-        }
-    }
-}
-
-impl Sums {
-    /// Whether points can have these sums.
+impl Moments {
+    /// Whether points can have these.
     pub(super) fn is_possible(&self) -> bool {
-        let edge = binning::UNITS as u64;
-        let most = u64::from(self.weight) * edge;
-        let directions = i64::from(self.points) * 1025;
-        // Halved, each sum is rounded down on its own.
+        let within = |values: &[f32], range: RangeInclusive<f64>| {
+            values.iter().all(|&value| range.contains(&f64::from(value)))
+        };
         self.points > 0
             && self.points <= self.weight
             && u64::from(self.points) <= MOST_POINTS
-            && self.sum.iter().all(|&sum| sum <= most)
-            && self.squares.iter().all(|&square| square <= most * edge)
-            && self.towards.iter().all(|&towards| i64::from(towards).abs() <= directions)
+            && within(&self.mean, 0.0..=1.0)
+            && within(&self.covariance, -MOST_COVARIANCE..=MOST_COVARIANCE)
+            && within(&self.towards, -MOST_TOWARDS..=MOST_TOWARDS)
     }
 
-    /// Adds a scan's points, each of this weight and seen from this direction (of unit length); returns how often the sums
-    /// were halved.
+    /// Adds a scan's points, each of this weight and seen from this direction (of unit length); returns how often the weight
+    /// was halved.
     pub(super) fn fold(&mut self, scan: &ScanSums, weight: u64, towards: &Vector3<f64>) -> u32 {
         let count = u64::from(scan.count);
         let points = u64::from(self.points) + count;
         let weights = u64::from(self.weight) + weight * count;
+        self.take_in(scan, (weight * count) as f64 / weights as f64);
+        let part = count as f64 / points as f64;
+        let seen = self.towards();
+        self.towards = (seen + (towards - seen) * part).map(|along| along as f32).into();
         let halvings = halvings(weights, MOST_WEIGHT).max(halvings(points, MOST_POINTS));
         (self.points, self.weight) = (((points >> halvings).max(1)) as u32, (weights >> halvings) as u32);
-        (0..3).for_each(|i| self.sum[i] = (self.sum[i] + weight * scan.sum[i]) >> halvings);
-        (0..6).for_each(|i| self.squares[i] = (self.squares[i] + weight * scan.squares[i]) >> halvings);
-        for (sum, towards) in self.towards.iter_mut().zip(towards.iter()) {
-            let directions = i64::from(*sum) + nearest(towards * 1024.0) * i64::from(scan.count);
-            *sum = (directions >> halvings) as i32;
-        }
         halvings
+    }
+
+    /// Moves mean and covariance towards those of a scan that has this part of all the weight.
+    fn take_in(&mut self, scan: &ScanSums, part: f64) {
+        let (before, there) = (self.mean(), scan.mean());
+        let way = there - before;
+        let products = scan.products();
+        for (k, (i, j)) in PAIRS.into_iter().enumerate() {
+            let here = f64::from(self.covariance[k]);
+            let change = products[k] - there[i] * there[j] - here + (1.0 - part) * way[i] * way[j];
+            self.covariance[k] = (here + part * change) as f32;
+        }
+        self.mean = (before + way * part).map(|offset| offset as f32).into();
     }
 
     /// Weighted mean offset from the corner, in voxels.
     pub(super) fn mean(&self) -> Vector3<f64> {
-        Vector3::from(self.sum.map(|sum| sum as f64)) / (f64::from(self.weight) * UNITS)
+        Vector3::from(self.mean.map(f64::from))
     }
 
     /// Weighted covariance, in voxels^2.
     pub(super) fn covariance(&self) -> Matrix3<f64> {
-        let scale = 1.0 / (f64::from(self.weight) * UNITS * UNITS);
-        let [xx, xy, xz, yy, yz, zz] = self.squares.map(|sum| sum as f64 * scale);
-        let mean = self.mean();
-        Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz) - mean * mean.transpose()
+        symmetric(self.covariance.map(f64::from))
     }
 
     /// Mean direction towards the sensor; its length is 1 where all points were seen from one side.
     pub(super) fn towards(&self) -> Vector3<f64> {
-        Vector3::from(self.towards.map(f64::from)) / (f64::from(self.points) * 1024.0)
+        Vector3::from(self.towards.map(f64::from))
+    }
+}
+
+/// The same of sums that were saved. They may not have been halved yet: in a file whole numbers have no width.
+impl From<&version1::Sums> for Moments {
+    fn from(sums: &version1::Sums) -> Self {
+        let (weight, points) = (sums.weight as f64, sums.points as f64);
+        let mean = Vector3::from(sums.sum.map(|sum| sum as f64)) / (weight * UNITS);
+        let products = sums.squares.map(|square| square as f64 / (weight * UNITS * UNITS));
+        let covariance = upper(&(symmetric(products) - mean * mean.transpose()));
+        let halvings = halvings(sums.weight, MOST_WEIGHT).max(halvings(sums.points, MOST_POINTS));
+        Self {
+            points: (sums.points >> halvings) as u32,
+            weight: (sums.weight >> halvings) as u32,
+            mean: mean.map(|offset| offset as f32).into(),
+            covariance: covariance.map(|entry| entry as f32),
+            towards: sums.towards.map(|sum| (sum as f64 / (points * 1024.0)) as f32),
+        }
     }
 }
 
@@ -153,25 +172,52 @@ const fn halvings(number: u64, most: u64) -> u32 {
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::super::noise::MAX_WEIGHT;
     use super::*;
 
-    #[test]
-    fn what_was_saved_with_wider_sums_is_halved() {
-        let wide = Wide {
-            points: 1 << 22,
-            weight: 1 << 33,
-            sum: [1 << 44; 3],
-            squares: [1 << 56; 6],
-            towards: [-1 << 32, 0, 1 << 20],
-        };
-        let sums = Sums::from(wide);
-        assert_eq!((sums.points, sums.weight), (1 << 20, 1 << 31));
-        assert_eq!(
-            (sums.sum, sums.squares, sums.towards),
-            ([1 << 42; 3], [1 << 54; 6], [-1 << 30, 0, 1 << 18])
-        );
-        assert!(sums.is_possible());
+    /// A scan of some points in one voxel: these, their weight and where they were seen from.
+    type Seen = (Vec<[u64; 3]>, u64, [f64; 3]);
+
+    fn scans() -> impl Strategy<Value = Vec<Seen>> {
+        let point = prop::array::uniform3(0..binning::UNITS as u64);
+        let towards = prop::array::uniform3(0.1..1.0);
+        prop::collection::vec((prop::collection::vec(point, 1..40), 1..=MAX_WEIGHT, towards), 1..60)
+    }
+
+    /// Mean, covariance and mean direction of all points of all scans, found at once.
+    fn naive(scans: &[Seen]) -> (Vector3<f64>, Matrix3<f64>, Vector3<f64>) {
+        let points = scans.iter().flat_map(|(points, weight, towards)| {
+            let point = |point: &[u64; 3]| Vector3::from(point.map(|offset| offset as f64 / UNITS));
+            points.iter().map(move |at| (point(at), *weight as f64, Vector3::from(*towards).normalize()))
+        });
+        let points: Vec<_> = points.collect();
+        let weight: f64 = points.iter().map(|(_, weight, _)| weight).sum();
+        let mean = points.iter().map(|(at, weight, _)| at * *weight).sum::<Vector3<f64>>() / weight;
+        let square =
+            |(at, weight, _): &(Vector3<f64>, f64, _)| (at - mean) * (at - mean).transpose() * *weight;
+        let covariance = points.iter().map(square).sum::<Matrix3<f64>>() / weight;
+        let towards = points.iter().map(|(_, _, towards)| towards).sum::<Vector3<f64>>();
+        (mean, covariance, towards / points.len() as f64)
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_folded_scan_by_scan_is_that_of_all_points_at_once(scans in scans()) {
+            let mut moments = Moments::default();
+            for (points, weight, towards) in &scans {
+                let mut scan = ScanSums::default();
+                points.iter().for_each(|&point| scan.add(point));
+                prop_assert_eq!(moments.fold(&scan, *weight, &Vector3::from(*towards).normalize()), 0);
+            }
+            let (mean, covariance, towards) = naive(&scans);
+            prop_assert!((moments.mean() - mean).amax() < 1e-6, "{} {mean}", moments.mean());
+            prop_assert!((moments.covariance() - covariance).amax() < 1e-6, "{} {covariance}", moments.covariance());
+            prop_assert!((moments.towards() - towards).amax() < 1e-6, "{} {towards}", moments.towards());
+            prop_assert_eq!(moments.points as usize, scans.iter().map(|(points, ..)| points.len()).sum::<usize>());
+            prop_assert!(moments.is_possible(), "{moments:?}");
+        }
     }
 
     #[test]
@@ -180,11 +226,51 @@ mod tests {
         let (count, place) = (1_u32 << 24, u64::from(UNITS as u32 - 1));
         let many = u64::from(count);
         let scan = ScanSums { count, sum: [many * place; 3], squares: [many * place * place; 6] };
-        let mut sums = Sums::default();
+        let mut moments = Moments::default();
         for _ in 0..1000 {
-            sums.fold(&scan, MAX_WEIGHT, &Vector3::new(0.0, 0.0, 1.0));
-            assert!((sums.mean() * UNITS - Vector3::repeat(place as f64)).amax() < 1e-3, "{:?}", sums.mean());
-            assert!(sums.covariance().amax() < 1e-6 && sums.towards().norm() < 1.001);
+            moments.fold(&scan, MAX_WEIGHT, &Vector3::new(0.0, 0.0, 1.0));
+            assert!(
+                (moments.mean() * UNITS - Vector3::repeat(place as f64)).amax() < 1e-3,
+                "{:?}",
+                moments.mean()
+            );
+            assert!(
+                moments.covariance().amax() < 1e-6
+                    && moments.towards().norm() < 1.001
+                    && moments.is_possible()
+            );
         }
+    }
+
+    #[test]
+    fn sums_that_were_saved_wider_are_halved_and_have_the_same_moments() {
+        let unit = UNITS as u64;
+        let square = unit * unit;
+        let wide = version1::Sums {
+            points: 1 << 22,
+            weight: 1 << 33,
+            sum: [unit << 32, unit << 31, 0],
+            squares: [square << 32, square << 30, 0, square << 32, 0, 0],
+            towards: [-1 << 32, 0, 1 << 31],
+        };
+        let moments = Moments::from(&wide);
+        assert_eq!((moments.points, moments.weight), (1 << 20, 1 << 31));
+        assert_eq!((moments.mean, moments.towards), ([0.5, 0.25, 0.0], [-1.0, 0.0, 0.5]));
+        assert_eq!(moments.covariance, [0.25, 0.0, 0.0, 0.4375, 0.0, 0.0]);
+    }
+
+    #[test]
+    fn where_a_voxel_was_seen_for_long_new_points_still_count() {
+        let seen = |place: u64| {
+            let mut scan = ScanSums::default();
+            (0..1000).for_each(|_| scan.add([place; 3]));
+            scan
+        };
+        let mut moments = Moments::default();
+        let halvings = (0..5000).map(|_| moments.fold(&seen(1024), 1, &Vector3::x())).sum::<u32>();
+        assert!(halvings > 0 && u64::from(moments.points) <= MOST_POINTS, "{halvings} {moments:?}");
+        // Half a million points or more against as many: they have moved the mean at least half of the way.
+        (0..1000).for_each(|_| _ = moments.fold(&seen(3072), 1, &Vector3::x()));
+        assert!(moments.mean().min() > 0.5, "{}", moments.mean());
     }
 }

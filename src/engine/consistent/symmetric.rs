@@ -2,8 +2,11 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+/// Row and column of each entry.
+pub(super) const PAIRS: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
+
 pub(super) fn upper(matrix: &Matrix3<f64>) -> [f64; 6] {
-    [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].map(|at| matrix[at])
+    PAIRS.map(|at| matrix[at])
 }
 
 /// n . (matrix n).

@@ -16,7 +16,7 @@
 use nalgebra::{Matrix3, Point3, Vector3};
 
 use crate::engine::consistent::noise::NoiseModel;
-use crate::engine::consistent::sums::Sums;
+use crate::engine::consistent::sums::Moments;
 
 /// Standard deviations by which points may have been measured off what they lie on.
 const SCATTER: f64 = 2.5;
@@ -36,11 +36,11 @@ pub(super) fn half_extents(
     steps: &Matrix3<f64>,
     voxel_size: f64,
     noise: NoiseModel,
-    sums: &Sums,
+    moments: &Moments,
     mean: &Point3<f64>,
 ) -> Vector3<f64> {
     let spread =
-        (steps * sums.covariance() * steps.transpose()).diagonal().map(|square| square.max(0.0).sqrt());
+        (steps * moments.covariance() * steps.transpose()).diagonal().map(|square| square.max(0.0).sqrt());
     let axis = mean.coords.iamax();
     let depth = mean[axis].abs();
     // The deviation across a voxel that is filled from side to side.
@@ -48,14 +48,14 @@ pub(super) fn half_extents(
     let mut thinness = spread.map(|spread| (1.0 - spread / full).max(0.0));
     thinness[axis] = 0.0;
     let padding = thinness * (PADDING * voxel_size + PADDING_OF_DEPTH * depth);
-    let half = scatter(&(steps / voxel_size), noise, sums) + spread * SPREAD + padding;
+    let half = scatter(&(steps / voxel_size), noise, moments) + spread * SPREAD + padding;
     half.sup(&Vector3::repeat(LEAST * depth))
 }
 
 /// How far from where they were measured the points may belong, along the sensor's axes (m).
-fn scatter(sensor_from_fixed: &Matrix3<f64>, noise: NoiseModel, sums: &Sums) -> Vector3<f64> {
-    let reach = SCATTER * noise.depth_variance(sums.points.into(), sums.weight.into()).sqrt();
-    let towards = sums.towards();
+fn scatter(sensor_from_fixed: &Matrix3<f64>, noise: NoiseModel, moments: &Moments) -> Vector3<f64> {
+    let reach = SCATTER * noise.depth_variance(moments.points.into(), moments.weight.into()).sqrt();
+    let towards = moments.towards();
     // Seen from several sides, they may belong to either side of any.
     let other_ways = (1.0 - towards.norm_squared()).max(0.0).sqrt();
     ((sensor_from_fixed * towards).abs().add_scalar(other_ways)) * reach
