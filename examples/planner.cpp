@@ -45,7 +45,8 @@ class PlannerNode : public rclcpp::Node {
     const auto& map = planner_.map.header();
     auto pose = poses_.find(map.frame_id);
     // A robot that sees nothing, or does not know where it is, stands.
-    if (pose == poses_.end() || !is_fresh(map) || !is_fresh(pose->second.header)) return 0.0;
+    if (pose == poses_.end() || !is_fresh(pose->second.header)) return 0.0;
+    if (!is_fresh(map) || !is_fresh(planner_.voxels_header())) return 0.0;
     const auto& at = pose->second.transform.translation;
     const auto& q = pose->second.transform.rotation;
     Planner::Robot robot{at.x, at.y, at.z, std::atan2(2 * (q.w * q.z + q.x * q.y), 1 - 2 * (q.y * q.y + q.z * q.z))};

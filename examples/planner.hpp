@@ -32,10 +32,14 @@ class Planner {
   // Takes a message of ~/points_labelled: an outline does not hold all voxels, see docs/planner.md.
   void points(const sensor_msgs::msg::PointCloud2& cloud) {
     voxels_.clear();
+    header_ = cloud.header;
     sensor_msgs::PointCloud2ConstIterator<float> at(cloud, "x");
     sensor_msgs::PointCloud2ConstIterator<std::uint32_t> label(cloud, "label");
     for (; at != at.end(); ++at, ++label) voxels_.push_back({{at[0], at[1], at[2]}, *label});
   }
+
+  // Of the newest cloud of voxels; its stamp is 0 before there is one.
+  const std_msgs::msg::Header& voxels_header() const { return header_; }
 
   // What the robot stands on: the largest of the level surfaces under its base frame, or none.
   const Cluster* ground(const Robot& robot) const {
@@ -114,4 +118,5 @@ class Planner {
 
   double width_, height_;
   std::vector<Voxel> voxels_;
+  std_msgs::msg::Header header_;
 };

@@ -20,13 +20,14 @@ class Planner:
 
     def __init__(self, width, height):
         self.map, self.width, self.height = MapReader(), width, height
-        self.voxels, self.labels = np.empty((0, 3)), np.empty(0)  # an outline does not hold all of them, see docs/planner.md
+        self.voxels, self.labels, self.cloud = np.empty((0, 3)), np.empty(0), None  # outlines do not hold all, see docs/planner.md
 
     def points(self, cloud):
         """Takes a message of ~/points_labelled."""
         names, at = ["x", "y", "z", "label"], {field.name: field.offset for field in cloud.fields}
         points = np.frombuffer(cloud.data, np.dtype({"names": names, "formats": ["<f4", "<f4", "<f4", "<u4"],
                                                      "offsets": [at[name] for name in names], "itemsize": cloud.point_step}))
+        self.cloud = cloud
         self.voxels, self.labels = np.stack([points["x"], points["y"], points["z"]], axis=-1), points["label"]
 
     def ground(self, robot):
@@ -96,7 +97,7 @@ def main():
     def speed():
         latest = planner.map.latest
         pose = poses.get(latest.header.frame_id) if latest else None
-        if not (is_fresh(latest) and is_fresh(pose)):
+        if not (is_fresh(latest) and is_fresh(planner.cloud) and is_fresh(pose)):
             return 0.0  # a robot that sees nothing, or does not know where it is, stands
         q = pose.transform.rotation
         yaw = math.atan2(2 * (q.w * q.z + q.x * q.y), 1 - 2 * (q.y * q.y + q.z * q.z))

@@ -29,6 +29,15 @@ pub struct Sensor {
     pub info_topic: Option<String>,
 }
 
+/// A topic that somebody has named.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Wanted {
+    /// Its name.
+    pub topic: String,
+    /// Where the intrinsics of its images come from before all others, where the bag has it.
+    pub info: Option<String>,
+}
+
 /// The sensors of a bag.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Choice {
@@ -98,45 +107,41 @@ impl ChoiceError {
 const CAMERA_INFO: &str = "sensor_msgs/msg/CameraInfo";
 
 /// The sensors to read: those `wanted`, each by its name; where none is, the only point cloud, else the only depth image.
-/// `info` names the topic of the intrinsics where it is not the image's sibling.
+/// `info` names the topic of the intrinsics of images for which no other is wanted, where it is not their sibling.
 ///
 /// # Errors
 /// A [`ChoiceError`] that lists what the bag holds.
-pub fn choose(topics: &[Topic], wanted: &[String], info: Option<&str>) -> Result<Choice, ChoiceError> {
-    let candidates: Vec<_> = topics.iter().filter_map(|topic| Some((topic, kind(topic)?))).collect();
-    let (chosen, passed_over) =
-        if wanted.is_empty() { only(topics, &candidates)? } else { (named(topics, wanted)?, Vec::new()) };
-    let sensors = chosen.into_iter().map(|(topic, kind)| sensor(topics, topic, kind, info));
-    Ok(Choice { sensors: sensors.collect::<Result<_, _>>()?, passed_over })
+pub fn choose(topics: &[Topic], wanted: &[Wanted], info: Option<&str>) -> Result<Choice, ChoiceError> {
+    if wanted.is_empty() {
+        let candidates: Vec<_> = topics.iter().filter_map(|topic| Some((topic, kind(topic)?))).collect();
+        let (chosen, passed_over) = only(topics, &candidates)?;
+        return Ok(Choice { sensors: vec![sensor(topics, chosen, info)?], passed_over });
+    }
+    let mut sensors: Vec<Sensor> = Vec::new();
+    for wanted in wanted {
+        let candidate = named(topics, &wanted.topic)?;
+        if sensors.iter().all(|chosen| chosen.topic != candidate.0.name) {
+            sensors.push(sensor(topics, candidate, wanted.info.as_deref().or(info))?);
+        }
+    }
+    Ok(Choice { sensors, passed_over: Vec::new() })
 }
 
 type Candidate<'a> = (&'a Topic, SensorKind);
 
-fn named<'a>(topics: &'a [Topic], wanted: &[String]) -> Result<Vec<Candidate<'a>>, ChoiceError> {
-    let mut chosen: Vec<Candidate<'a>> = Vec::new();
-    for name in wanted {
-        let same = |topic: &&Topic| topic.name.trim_start_matches('/') == name.trim_start_matches('/');
-        let of_name: Vec<&Topic> = topics.iter().filter(same).collect();
-        let Some(first) = of_name.first() else {
-            let hint = hint(topics, name);
-            return Err(ChoiceError::NoTopic { topic: name.clone(), hint, held: held(topics) });
-        };
-        let usable = of_name.iter().find_map(|topic| Some((*topic, kind_by_type(topic)?)));
-        let Some(usable) = usable else {
-            let [type_name, encoding] =
-                [&first.type_name, &first.encoding].map(|text| one_line(text).into_owned());
-            return Err(ChoiceError::NoScans {
-                topic: name.clone(),
-                type_name,
-                encoding,
-                held: held(topics),
-            });
-        };
-        if !chosen.contains(&usable) {
-            chosen.push(usable);
-        }
-    }
-    Ok(chosen)
+fn named<'a>(topics: &'a [Topic], name: &str) -> Result<Candidate<'a>, ChoiceError> {
+    let same = |topic: &&Topic| topic.name.trim_start_matches('/') == name.trim_start_matches('/');
+    let of_name: Vec<&Topic> = topics.iter().filter(same).collect();
+    let Some(first) = of_name.first() else {
+        let hint = hint(topics, name);
+        return Err(ChoiceError::NoTopic { topic: name.to_owned(), hint, held: held(topics) });
+    };
+    let usable = of_name.iter().find_map(|topic| Some((*topic, kind_by_type(topic)?)));
+    usable.ok_or_else(|| {
+        let [type_name, encoding] =
+            [&first.type_name, &first.encoding].map(|text| one_line(text).into_owned());
+        ChoiceError::NoScans { topic: name.to_owned(), type_name, encoding, held: held(topics) }
+    })
 }
 
 /// The topic with scans whose name is nearest, where that is near enough to be meant.
@@ -152,13 +157,13 @@ fn hint(topics: &[Topic], name: &str) -> String {
 fn only<'a>(
     topics: &[Topic],
     candidates: &[Candidate<'a>],
-) -> Result<(Vec<Candidate<'a>>, Vec<String>), ChoiceError> {
+) -> Result<(Candidate<'a>, Vec<String>), ChoiceError> {
     for wanted in [SensorKind::Cloud, SensorKind::Depth, SensorKind::CompressedDepth] {
         let (of_kind, others): (Vec<_>, Vec<_>) =
             candidates.iter().copied().partition(|candidate: &Candidate<'_>| candidate.1 == wanted);
         match of_kind[..] {
             [] => {}
-            [one] => return Ok((vec![one], others.iter().map(|(topic, _)| topic.name.clone()).collect())),
+            [one] => return Ok((one, others.iter().map(|(topic, _)| topic.name.clone()).collect())),
             _ => {
                 let words = of_kind.iter().map(|(topic, _)| format!("--topic {}", one_line(&topic.name)));
                 let choices = words.collect::<Vec<_>>().join(" or ");
@@ -193,12 +198,7 @@ fn kind_by_type(topic: &Topic) -> Option<SensorKind> {
     }
 }
 
-fn sensor(
-    topics: &[Topic],
-    topic: &Topic,
-    kind: SensorKind,
-    info: Option<&str>,
-) -> Result<Sensor, ChoiceError> {
+fn sensor(topics: &[Topic], (topic, kind): Candidate<'_>, info: Option<&str>) -> Result<Sensor, ChoiceError> {
     let info_topic = match kind {
         SensorKind::Cloud => None,
         SensorKind::Depth | SensorKind::CompressedDepth => Some(info_topic(topics, topic, kind, info)?),
@@ -275,6 +275,10 @@ mod tests {
         ])
     }
 
+    fn wanted(topic: &str) -> Wanted {
+        Wanted { topic: topic.to_owned(), info: None }
+    }
+
     fn names(choice: &Choice) -> Vec<&str> {
         choice.sensors.iter().map(|sensor| sensor.topic.as_str()).collect()
     }
@@ -313,10 +317,34 @@ mod tests {
 
     #[test]
     fn several_sensors_can_be_named_and_a_slash_is_not_needed() {
-        let wanted = ["camera/depth/points".to_owned(), "/camera/rgb/image_color".to_owned()];
+        let wanted = ["camera/depth/points", "/camera/rgb/image_color"].map(wanted);
         assert_eq!(
             names(&choose(&kinect(), &wanted, None).unwrap()),
-            wanted.map(|n| format!("/{}", n.trim_start_matches('/')))
+            wanted.map(|wanted| format!("/{}", wanted.topic.trim_start_matches('/')))
+        );
+    }
+
+    #[test]
+    fn each_image_has_the_intrinsics_that_are_wanted_for_it_then_its_own_whatever_there_is_for_others() {
+        let topics = topics(&[
+            ("/front/image", "Image"),
+            ("/front/camera_info", "CameraInfo"),
+            ("/rear/image", "Image"),
+            ("/rear/camera_info", "CameraInfo"),
+            ("/depth/camera_info", "CameraInfo"),
+        ]);
+        let infos = |wanted: &[Wanted], info: Option<&str>| -> Vec<_> {
+            let sensors = choose(&topics, wanted, info).unwrap().sensors.into_iter();
+            sensors.map(|sensor| sensor.info_topic.unwrap()).collect()
+        };
+        let both = ["/front/image", "/rear/image"].map(wanted);
+        assert_eq!(infos(&both, None), ["/front/camera_info", "/rear/camera_info"]);
+        assert_eq!(infos(&both, Some("/depth/camera_info")), ["/depth/camera_info"; 2]);
+        let info = Some("/depth/camera_info".to_owned());
+        let rear = Wanted { info, ..wanted("/rear/image") };
+        assert_eq!(
+            infos(&[wanted("/front/image"), rear], None),
+            ["/front/camera_info", "/depth/camera_info"]
         );
     }
 
@@ -330,7 +358,7 @@ mod tests {
 
     #[test]
     fn what_does_not_fit_is_said_with_what_is_there() {
-        let text = |wanted: &str| choose(&kinect(), &[wanted.to_owned()], None).unwrap_err().to_string();
+        let text = |name: &str| choose(&kinect(), &[wanted(name)], None).unwrap_err().to_string();
         assert!(text("/camera/depth/point").contains("is /camera/depth/points meant?"));
         assert!(text("/camera/depth/camera_info").contains("carries sensor_msgs/msg/CameraInfo"));
         assert_eq!(choose(&[], &[], None).unwrap_err(), ChoiceError::Nothing(" nothing".to_owned()));

@@ -22,7 +22,7 @@ mod survey;
 mod topic;
 mod write;
 
-pub use choose::{Choice, ChoiceError, Sensor, SensorKind, choose};
+pub use choose::{Choice, ChoiceError, Sensor, SensorKind, Wanted, choose};
 pub use decode::{Decoder, Recorded};
 pub use error::BagError;
 pub use files::Bag;

@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-use anyhow::Context as _;
 use cfodi::bag::Message;
 use cfodi::config::Value;
 use cfodi::engine::{Mode, Scan};
@@ -17,7 +16,7 @@ use cfodi::report::{self, Story};
 
 use super::laboratory;
 use super::progress::Bar;
-use super::replay::{BEGINS_AGAIN, Input, PAGE, open, say_skipped, settings, write_page};
+use super::replay::{BEGINS_AGAIN, Input, PAGE, begin_page, open, say_skipped, settings, write_page};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Options {
@@ -49,8 +48,7 @@ fn on_recording(setup: &Setup, options: &Options, path: &Path) -> anyhow::Result
         Ok(input) => input,
         Err(status) => return Ok(status),
     };
-    std::fs::create_dir_all(&options.out)
-        .with_context(|| format!("cannot make {}", options.out.display()))?;
+    let page = begin_page(&options.out)?;
     let bar = Bar::new(input.bag.size());
     let mut say = |line: &str| bar.say(line);
     let (results, finished) = run(setup, &input, options, &bar, &mut say)?;
@@ -59,7 +57,7 @@ fn on_recording(setup: &Setup, options: &Options, path: &Path) -> anyhow::Result
     let figure =
         |figure: Figure| report::Figure { title: figure.title, svg: figure.svg, caption: figure.caption };
     let figures = results.figures().into_iter().map(figure).collect();
-    write_page(&options.out, path, &finished, figures)?;
+    write_page(page, path, &finished, figures)?;
     println!("{}", table(&results.summary()));
     println!(
         "figures and tables: {}, to look at: {}",

@@ -30,17 +30,18 @@ pub(crate) struct Simulation {
     scene: Option<String>,
     /// Runs, each with noise of its own
     #[arg(long, default_value_t = 8, conflicts_with = "input")]
-    #[arg(value_parser = clap::value_parser!(u64).range(1..=1000))]
+    #[arg(allow_negative_numbers = true, value_parser = clap::value_parser!(u64).range(1..=1000))]
     seeds: u64,
     /// How long the robot drives [s]
     #[arg(long, default_value_t = 217.0, conflicts_with = "input")]
     #[arg(allow_negative_numbers = true, value_parser = seconds)]
     seconds: f64,
     /// Takes every n-th of the 30 scans a second
-    #[arg(long, default_value_t = NonZeroU32::MIN, conflicts_with = "input")]
+    #[arg(long, default_value_t = NonZeroU32::MIN, conflicts_with = "input", allow_negative_numbers = true)]
     scan_step: NonZeroU32,
     /// Edge of a voxel [m], again for another; in place of the parameter of that name
-    #[arg(long, default_values_t = [0.05, 0.08], conflicts_with = "input", value_parser = metres)]
+    #[arg(long, default_values_t = [0.05, 0.08], conflicts_with = "input")]
+    #[arg(allow_negative_numbers = true, value_parser = metres)]
     voxel_size: Vec<f64>,
 }
 

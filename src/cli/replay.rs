@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::Context as _;
-use cfodi::bag::{Bag, Choice, Decoder, OutputTopics, Survey, choose};
+use cfodi::bag::{self, Bag, Choice, Decoder, OutputTopics, Survey, Wanted, choose};
 use cfodi::config::Sensor;
-use cfodi::export::write_whole;
+use cfodi::export::{WholeFile, WriteError};
 use cfodi::line::one_line;
 use cfodi::node::Setup;
 use cfodi::node::args::ArgsError;
@@ -99,14 +99,12 @@ pub(crate) fn replay(setup: &Setup, options: &Options) -> anyhow::Result<ExitCod
         Ok(input) => input,
         Err(status) => return Ok(status),
     };
-    if let Some(folder) = &options.report {
-        std::fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
-    }
     if let Some(clash) = clash(&options.outputs(), &input.bag.paths()) {
         eprintln!("cfodi: {clash}");
         return Ok(ExitCode::from(WRONG));
     }
     let files = options.map_files().create()?;
+    let page = options.report.as_deref().map(begin_page).transpose()?;
     let bar = Bar::new(input.bag.size());
     let mut say = |line: &str| bar.say(line);
     let topics = output_topics(setup)?;
@@ -117,11 +115,11 @@ pub(crate) fn replay(setup: &Setup, options: &Options) -> anyhow::Result<ExitCod
     let finished = run(setup, &input, options.out.is_some(), &bar, make, &mut say)?;
     bar.finish();
     let Finished { map, session, summary, .. } = &finished;
-    files.write(session, map, summary)?;
-    if let Some(folder) = &options.report {
-        write_page(folder, &options.input, &finished, Vec::new())?;
-    }
+    // What can be written is, whatever becomes of the others.
+    let written = files.write(session, map, summary);
+    let told = page.map_or(Ok(()), |page| write_page(page, &options.input, &finished, Vec::new()));
     account(summary);
+    written.and(told)?;
     Ok(say_skipped(summary))
 }
 
@@ -165,18 +163,29 @@ pub(crate) fn settings(setup: &Setup) -> Settings {
     }
 }
 
+/// Begins the report in its folder, before the work shows what it tells.
+pub(crate) fn begin_page(folder: &Path) -> anyhow::Result<WholeFile> {
+    std::fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
+    Ok(WholeFile::create(&folder.join(PAGE))?)
+}
+
 /// Writes the report of a replay that has told a story.
 pub(crate) fn write_page(
-    folder: &Path,
+    mut page: WholeFile,
     input: &Path,
     finished: &Finished,
     figures: Vec<Figure>,
-) -> anyhow::Result<()> {
+) -> Result<(), WriteError> {
     let Some(story) = &finished.story else { return Ok(()) };
     let title = input.file_name().unwrap_or(input.as_os_str()).to_string_lossy();
     let facts = Facts { figures, ..finished.summary.facts(&title) };
-    Ok(write_whole(&folder.join(PAGE), |out| write_report(out, story, &facts))?)
+    let written = write_report(&mut page, story, &facts);
+    written.map_err(|source| WriteError { path: page.path().to_owned(), source })?;
+    page.commit()
 }
+
+/// The topic of a camera's intrinsics without a list of sensors, before remapping.
+const INFO: &str = "depth/camera_info";
 
 /// Opens the bag and chooses its sensors; gives the exit status where that is not possible.
 pub(crate) fn open(setup: &Setup, path: &Path, wanted: &[String]) -> anyhow::Result<Result<Input, ExitCode>> {
@@ -192,10 +201,11 @@ pub(crate) fn open(setup: &Setup, path: &Path, wanted: &[String]) -> anyhow::Res
     let has = |name: &str| topics.iter().any(|topic| topic.name == name);
     // What the node would listen to is meant: where it was remapped in any case, else where the bag has it.
     let meant = if setup.is_given("sensors") { of_sensors(setup)? } else { of_default(setup, has)? };
-    let wanted = if wanted.is_empty() { &meant } else { wanted };
-    let info = setup.config.sensors.iter().find_map(Sensor::camera_info);
-    let info = setup.resolve(info.as_deref().unwrap_or("depth/camera_info"))?;
-    let choice = match choose(&topics, wanted, Some(&info)) {
+    let named = wanted.iter().map(|topic| Wanted { topic: topic.clone(), info: None });
+    let wanted = if wanted.is_empty() { meant } else { named.collect() };
+    // Who has given the intrinsics another name means these; else each image has its own.
+    let info = setup.is_remapped(INFO).then(|| setup.resolve(INFO)).transpose()?;
+    let choice = match choose(&topics, &wanted, info.as_deref()) {
         Ok(choice) => choice,
         Err(error) => {
             // The error itself has several lines: what the bag holds.
@@ -218,22 +228,33 @@ pub(crate) fn open(setup: &Setup, path: &Path, wanted: &[String]) -> anyhow::Res
 }
 
 /// The topics of the sensors that are listed.
-fn of_sensors(setup: &Setup) -> Result<Vec<String>, ArgsError> {
-    let topic = |sensor: &Sensor| sensor.points().map(str::to_owned).or_else(|| sensor.image());
-    setup.config.sensors.iter().filter_map(topic).map(|topic| setup.resolve(&topic)).collect()
+fn of_sensors(setup: &Setup) -> Result<Vec<Wanted>, ArgsError> {
+    let of_sensor = |sensor: &Sensor| {
+        let topic = sensor.points().map(str::to_owned).or_else(|| sensor.image())?;
+        Some((topic, sensor.camera_info()))
+    };
+    let wanted = |(topic, info): (String, Option<String>)| {
+        let info = info.map(|info| setup.resolve(&info)).transpose()?;
+        Ok(Wanted { topic: setup.resolve(&topic)?, info })
+    };
+    setup.config.sensors.iter().filter_map(of_sensor).map(wanted).collect()
 }
 
 /// The topic that the node would listen to without a list, where it is meant or there.
-fn of_default(setup: &Setup, has: impl Fn(&str) -> bool) -> Result<Vec<String>, ArgsError> {
+fn of_default(setup: &Setup, has: impl Fn(&str) -> bool) -> Result<Vec<Wanted>, ArgsError> {
     let listened = ["points", "depth/image"].map(|name| Ok((setup.resolve(name)?, setup.is_remapped(name))));
     let listened = listened.into_iter().collect::<Result<Vec<_>, ArgsError>>()?;
     let remapped = listened.iter().find(|(_, is_remapped)| *is_remapped);
     let meant = remapped.or_else(|| listened.iter().find(|(name, _)| has(name)));
-    Ok(meant.map(|(name, _)| name.clone()).into_iter().collect())
+    Ok(meant.map(|(name, _)| Wanted { topic: name.clone(), info: None }).into_iter().collect())
 }
 
 fn say_choice(choice: &Choice) {
-    let read: Vec<_> = choice.sensors.iter().map(|sensor| sensor.topic.as_str()).collect();
+    let with_info = |sensor: &bag::Sensor| match &sensor.info_topic {
+        Some(info) => format!("{} with {info}", sensor.topic),
+        None => sensor.topic.clone(),
+    };
+    let read: Vec<_> = choice.sensors.iter().map(with_info).collect();
     let others = if choice.passed_over.is_empty() {
         String::new()
     } else {

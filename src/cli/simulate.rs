@@ -35,13 +35,13 @@ pub(crate) struct Options {
     #[arg(long, default_value = "30", value_name = "S", allow_negative_numbers = true, value_parser = seconds)]
     seconds: f64,
     /// Decides the noise of sensor and pose
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
     seed: u64,
     /// The truth: every surface with label, name, class and place
     #[arg(long, value_name = "T.json")]
     truth: Option<PathBuf>,
     /// By how much the poses told are wrong: standard deviations of each coordinate (m) and about each axis (rad)
-    #[arg(long, value_name = "M,RAD", value_parser = pose_noise)]
+    #[arg(long, value_name = "M,RAD", allow_hyphen_values = true, value_parser = pose_noise)]
     pose_noise: Option<PoseNoise>,
 }
 

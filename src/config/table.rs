@@ -187,6 +187,10 @@ impl Row {
                 (!texts.contains(&value.as_str())).then(|| self.must())
             }
             (Default::Boolean(_), _) => type_must("true or false"),
+            // YAML reads an integer that fits in no 64 bits as a number.
+            (Default::Integer(_), Some(Value::Double(value))) if value.abs() >= i64::MAX as f64 => {
+                Some(self.must())
+            }
             (Default::Integer(_), _) => type_must("an integer"),
             (Default::Double(_), _) => type_must("a number"),
             (Default::Text(_), _) if self.bounds == Bounds::Any => type_must("a text"),

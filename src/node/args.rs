@@ -75,6 +75,7 @@ impl Setup {
         default_name: &str,
     ) -> Result<(Self, Vec<String>), ArgsError> {
         args.iter().try_for_each(|arg| check_value(arg))?;
+        args.windows(2).try_for_each(|pair| check_given(&pair[0], &pair[1]))?;
         let (ros, rest) = ros2args::parse_ros2_args(args)?;
         let renamed = |special: &[&str]| {
             let rules = ros.remap_rules.iter().filter(|rule| rule.applies_to_node(default_name));
@@ -83,6 +84,7 @@ impl Setup {
         let name = renamed(&["__node", "__name"]).unwrap_or_else(|| default_name.to_owned());
         let namespace = absolute(renamed(&["__ns"]).unwrap_or_default());
         ros2args::names::validate_node_name(&name)?;
+        ros2args::names::validate_namespace(&namespace)?;
         let given = given_parameters(&ros, &namespace, &name)?;
         let remaps = ros.remap_rules.iter().filter(|rule| rule.applies_to_node(&name));
         let setup = Self {
@@ -177,6 +179,12 @@ fn check_value(arg: &str) -> Result<(), ArgsError> {
         Ok(()) | Err(YamlError::Form(_)) => Ok(()),
         Err(bound) => Err(ArgsError::Value { name: name.to_owned(), bound }),
     }
+}
+
+/// The library says of a parameter without a value neither its name nor what to write.
+fn check_given(option: &str, arg: &str) -> Result<(), ArgsError> {
+    let empty = arg.strip_suffix(":=").filter(|_| ["-p", "--param"].contains(&option));
+    empty.map_or(Ok(()), |name| Err(ArgsError::Empty { name: name.to_owned() }))
 }
 
 fn parse_domain(domain: Option<&str>) -> Result<u16, ArgsError> {
@@ -337,6 +345,12 @@ mod tests {
         };
         let error = value(&format!("depth:={}", "[".repeat(200))).unwrap_err().to_string();
         assert_eq!(error, "the value of depth is refused: YAML nested deeper than 64");
+        let error = value("fixed_frame:=").unwrap_err().to_string();
+        assert_eq!(error, "fixed_frame is given no value; an empty text is -p \"fixed_frame:=''\"");
+        assert!(value("snapshot_path:=''").is_ok());
+        let error = value("sensors:=[front, 3, 1.5, ~]").unwrap_err().to_string();
+        let must = "it must be a boolean, a number, a text or a list of texts";
+        assert_eq!(error, format!("sensors is [\"front\", 3, 1.5, null]; {must}"));
         for bad in [
             "depth:=",
             "depth:=*x",
@@ -355,7 +369,9 @@ mod tests {
 
     #[test]
     fn names_that_cannot_be_are_refused() {
-        for rule in ["__node:=a/b", "__node:=", "__node:=7up", "__node:=\u{1b}[2J"] {
+        for rule in
+            ["__node:=a/b", "__node:=", "__node:=7up", "__node:=\u{1b}[2J", "__ns:=bad//x", "__ns:=/a/"]
+        {
             let args = ["--ros-args", "-r", rule].map(str::to_owned);
             assert!(Setup::parse(&args, &Environment::default(), "cfodi").is_err(), "{rule}");
         }

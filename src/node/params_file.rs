@@ -101,20 +101,41 @@ pub(super) fn flatten(
             None => Value::Text(text.clone()),
         },
         Yaml::String(value) => Value::Text(value.clone()),
-        Yaml::Array(list) => Value::TextList(list.iter().map(text_of).collect()),
+        Yaml::Array(list) => match list.iter().map(|text| text.as_str().map(str::to_owned)).collect() {
+            Some(texts) => Value::TextList(texts),
+            None => return Err(ArgsError::Type { name, value: shown(value) }),
+        },
         Yaml::Hash(map) => {
-            return map
-                .iter()
-                .try_for_each(|(key, value)| flatten(format!("{name}.{}", text_of(key)), value, values));
+            return map.iter().try_for_each(|(key, value)| {
+                let key = key.as_str().map_or_else(|| shown(key), str::to_owned);
+                flatten(format!("{name}.{key}"), value, values)
+            });
         }
-        other => return Err(ArgsError::Type { name, value: format!("{other:?}") }),
+        other => return Err(ArgsError::Type { name, value: shown(other) }),
     };
     values.push((name, value));
     Ok(())
 }
 
-fn text_of(yaml: &Yaml) -> String {
-    yaml.as_str().map_or_else(|| format!("{yaml:?}"), str::to_owned)
+/// Elements of a list that are said of a value that cannot be.
+const SHOWN_ELEMENTS: usize = 8;
+
+/// A value as YAML writes it, or as much of it as can be read in an error.
+fn shown(value: &Yaml) -> String {
+    match value {
+        Yaml::Real(text) => text.clone(),
+        Yaml::Integer(value) => value.to_string(),
+        Yaml::Boolean(value) => value.to_string(),
+        Yaml::String(text) => format!("{text:?}"),
+        Yaml::Null => "null".to_owned(),
+        Yaml::Array(list) => {
+            let mut elements: Vec<_> = list.iter().take(SHOWN_ELEMENTS).map(shown).collect();
+            elements.extend((list.len() > SHOWN_ELEMENTS).then(|| "...".to_owned()));
+            format!("[{}]", elements.join(", "))
+        }
+        Yaml::Hash(_) => "{...}".to_owned(),
+        Yaml::Alias(_) | Yaml::BadValue => "no value".to_owned(),
+    }
 }
 
 #[cfg(test)]

@@ -154,8 +154,9 @@ def drive(own_network):
     """Starts the example; its log is what it gives."""
     started = []
 
-    def drive(**parameters):
+    def drive(remap=(), **parameters):
         given = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
+        given += [word for rule in remap for word in ("-r", rule)]
         command = [sys.executable, str(cpp.EXAMPLES / "planner.py"), "--ros-args", *given]
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
                                    env=os.environ | {"PYTHONPATH": f"{cpp.EXAMPLES}:{os.environ['PYTHONPATH']}"})
@@ -193,6 +194,20 @@ def test_it_finds_the_cabinets_top_and_stops_before_its_side(recordings, start, 
     height, length, width = map(float, said[-1].groups())
     assert height == pytest.approx(0.55, abs=0.04), "as its owners measured it"
     assert (length, width) == (pytest.approx(0.79, abs=0.08), pytest.approx(0.45, abs=0.08)), "within a voxel"
+
+
+def test_it_stands_while_it_does_not_see_the_voxels(start, peer, robot, drive):
+    start().ready()
+    peer.record_node()
+    drive(speed=0.2, stop_before=0.3, max_age=600.0, remap=["/cfodi/points_labelled:=/nowhere"])
+    camera = peer.camera()
+    camera.meet()
+    for _ in range(3):
+        camera.publish(scene.room(), time.time_ns(), clouds.still_transform())
+    peer.deltas.wait("the ground", lambda m: m.clusters)
+    robot.expect("no speed without the voxels", lambda speed: speed == 0.0, steadily=20)
+    drive(speed=0.2, stop_before=0.3, max_age=600.0)
+    robot.expect("some speed with them", lambda speed: speed > 0.1, steadily=1)
 
 
 def test_it_stands_where_the_map_grows_old_or_there_is_no_ground(start, peer, robot, drive):

@@ -17,7 +17,7 @@ use crate::engine::scan::Scan;
 pub(super) struct Binned {
     /// The blocks that received points, ascending.
     pub(super) seen: Vec<BlockIndex>,
-    /// The voxels that became dense, by the keys of their blocks and by their cells.
+    /// The voxels that became dense, in the order of their blocks' keys and of their cells.
     pub(super) dense: Vec<(BlockIndex, Cell)>,
     /// Points beyond the grid's reach.
     pub(super) beyond: u32,

@@ -24,6 +24,12 @@ pub enum ArgsError {
         /// As given.
         value: String,
     },
+    /// A parameter without a value.
+    #[error("{name} is given no value; an empty text is -p \"{name}:=''\"")]
+    Empty {
+        /// The parameter.
+        name: String,
+    },
     /// A name that is too long, perhaps joined from those of nested maps.
     #[error("the name of the parameter `{begin}...` has {bytes} bytes; at most {MAX_NAME_BYTES} are read")]
     LongName {
