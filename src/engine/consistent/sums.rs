@@ -5,8 +5,7 @@
 //! folded into the voxel with one weight for all of them ([`Moments`]).
 //!
 //! Of all its points a voxel keeps mean and covariance instead of sums: these need no more than 24 bits however many points
-//! there are, where sums of squares need 56, and a voxel is looked at far more often than its points' number matters. A fold
-//! rounds a mean by 2^-25 of the edge at most.
+//! there are, where sums of squares need 56. A fold rounds a mean by 2^-25 of the edge at most.
 //!
 //! Nothing overflows: a square has 24 bits and a scan at most 2^24 points. Where the weights of a voxel exceed 2^32 or its
 //! points 2^20, both are halved ([`Moments::fold`]), by which old scans fade where a voxel has been seen for long. For the sums
