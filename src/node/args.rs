@@ -369,11 +369,14 @@ mod tests {
 
     #[test]
     fn names_that_cannot_be_are_refused() {
-        for rule in
-            ["__node:=a/b", "__node:=", "__node:=7up", "__node:=\u{1b}[2J", "__ns:=bad//x", "__ns:=/a/"]
-        {
-            let args = ["--ros-args", "-r", rule].map(str::to_owned);
-            assert!(Setup::parse(&args, &Environment::default(), "cfodi").is_err(), "{rule}");
+        for node in ["__node:=a/b", "__node:=", "__node:=7up", "__node:=\u{1b}[2J"] {
+            let args = ["--ros-args", "-r", node].map(str::to_owned);
+            assert!(Setup::parse(&args, &Environment::default(), "cfodi").is_err(), "{node}");
+        }
+        for namespace in ["__ns:=/a//b", "__ns:=bad//x", "__ns:=/a/", "__ns:=/1"] {
+            let args = ["--ros-args", "-r", namespace].map(str::to_owned);
+            let error = Setup::parse(&args, &Environment::default(), "cfodi").unwrap_err();
+            assert!(matches!(error, ArgsError::Name(..) | ArgsError::Form(_)), "{namespace}: {error}");
         }
         for name in ["points:=/a//b", "points:=a b", "points:=/ä"] {
             let args = ["--ros-args", "-r", name].map(str::to_owned);
