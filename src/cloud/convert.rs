@@ -1,5 +1,7 @@
 //! The one loop over the points: read, judge, keep.
 
+use pulp::{Arch, Simd, WithSimd};
+
 use super::CloudFilter;
 use super::layout::{Coordinate, Layout, Precision};
 use super::pinhole;
@@ -19,15 +21,7 @@ impl Default for Converted {
     }
 }
 
-/// What becomes of a point.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Verdict {
-    Kept,
-    Invalid,
-    OutOfRange,
-}
-
-/// Points that are kept together before they are added to the others.
+/// Points that are judged together.
 const BATCH: usize = 256;
 
 /// The filter, settled for the frame at hand.
@@ -66,20 +60,16 @@ impl Gate {
         self.min_range <= depth && depth <= self.max_range
     }
 
-    /// A sensor marks "no measurement" as NaN or as the origin; in an optical frame nothing lies at or behind z = 0.
-    #[inline]
+    /// Whether a point is one, and whether it is in range if so. A sensor marks "no measurement" as NaN or as the origin; in
+    /// an optical frame nothing lies at or behind z = 0.
+    #[inline(always)]
     #[expect(clippy::needless_bitwise_bool, reason = "a lazy operator is a branch")]
-    fn judge(&self, [x, y, z]: [f64; 3]) -> Verdict {
+    fn judge(&self, [x, y, z]: [f64; 3]) -> (bool, bool) {
         let is_finite = x.is_finite() & y.is_finite() & z.is_finite();
         let at_origin = (x == 0.0) & (y == 0.0) & (z == 0.0);
         let is_valid = is_finite & !at_origin & (!self.optical | (z > 0.0));
         let range = if self.optical { z } else { (x * x + y * y + z * z).sqrt() };
-        let is_in_range = (self.min_range <= range) & (range <= self.max_range);
-        match (is_valid, is_in_range) {
-            (false, _) => Verdict::Invalid,
-            (true, false) => Verdict::OutOfRange,
-            (true, true) => Verdict::Kept,
-        }
+        (is_valid, (self.min_range <= range) & (range <= self.max_range))
     }
 }
 
@@ -104,28 +94,28 @@ pub(super) fn convert_list(layout: &Layout, data: &[u8], gate: &Gate) -> Convert
         _ => {
             let [x, y, z] = layout.coordinates.map(|coordinate| coordinate.offset);
             let read = |point: &[u8]| [f32_at(point, x), f32_at(point, y), f32_at(point, z)];
-            gather(layout.points(data).map(read), layout.len(), gate, Points::F32)
+            gather(layout.points(data).map(|row| row.map(read)), layout.len(), gate, Points::F32)
         }
     }
 }
 
 /// The same of points of N bytes, x, y and z first: what is known when it is compiled need not be asked of each point.
 fn list_of<const N: usize>(layout: &Layout, data: &[u8], gate: &Gate) -> Converted {
-    let points = layout.rows(data).flat_map(|row| row.as_chunks::<N>().0).map(front);
-    gather(points, layout.len(), gate, Points::F32)
+    let rows = layout.rows(data).map(|row| row.as_chunks::<N>().0.iter().map(front));
+    gather(rows, layout.len(), gate, Points::F32)
 }
 
 /// Any layout.
 pub(super) fn convert_plain(layout: &Layout, data: &[u8], gate: &Gate) -> Converted {
     let read =
         |point: &[u8]| layout.coordinates.map(|coordinate| coordinate.read(point, layout.is_bigendian));
-    let points = layout.points(data).map(read);
+    let rows = layout.points(data);
     if all_single(layout) {
         // Widened by `read`, so narrowing gives the sender's own bits back.
-        let points = points.map(|point| point.map(|value| value as f32));
-        gather(points, layout.len(), gate, Points::F32)
+        let narrow = |point: &[u8]| read(point).map(|value| value as f32);
+        gather(rows.map(|row| row.map(narrow)), layout.len(), gate, Points::F32)
     } else {
-        gather(points, layout.len(), gate, Points::F64)
+        gather(rows.map(|row| row.map(read)), layout.len(), gate, Points::F64)
     }
 }
 
@@ -142,32 +132,85 @@ fn all_single(layout: &Layout) -> bool {
     layout.coordinates.iter().all(|coordinate| coordinate.precision == Precision::Single)
 }
 
-/// Takes `count` points, or fewer, through the gate.
-#[inline(always)]
-fn gather<T: Copy + Default + Into<f64>>(
-    points: impl Iterator<Item = [T; 3]>,
+/// Takes rows of `count` points in all, or fewer, through the gate.
+fn gather<T: Copy + Default + Into<f64>, R: Iterator<Item = [T; 3]>>(
+    rows: impl Iterator<Item = R>,
     count: usize,
     gate: &Gate,
     wrap: impl Fn(Vec<[T; 3]>) -> Points,
 ) -> Converted {
     // The layout fits the data, so this is at most three times the message.
-    let mut all = Vec::with_capacity(count);
-    let (mut invalid, mut out_of_range) = (0, 0);
-    let (mut batch, mut kept) = ([[T::default(); 3]; BATCH], 0);
-    points.for_each(|point| {
-        let verdict = gate.judge(point.map(Into::into));
-        // Written without asking, and overwritten where it is not kept: a branch costs more.
-        batch[kept] = point;
-        kept += usize::from(verdict == Verdict::Kept);
-        invalid += u32::from(verdict == Verdict::Invalid);
-        out_of_range += u32::from(verdict == Verdict::OutOfRange);
-        if kept == BATCH {
-            all.extend_from_slice(&batch);
-            kept = 0;
+    let gathered = Gathered { gate, kept: Vec::with_capacity(count), invalid: 0, out_of_range: 0 };
+    let Gathered { kept, invalid, out_of_range, .. } = Arch::new().dispatch(Gathering { rows, gathered });
+    Converted { points: wrap(kept), invalid, out_of_range }
+}
+
+/// Points on their way through the gate, in code for the processor at hand.
+struct Gathering<'a, I, T> {
+    rows: I,
+    gathered: Gathered<'a, T>,
+}
+
+impl<'a, I, R, T> WithSimd for Gathering<'a, I, T>
+where
+    I: Iterator<Item = R>,
+    R: Iterator<Item = [T; 3]>,
+    T: Copy + Default + Into<f64>,
+{
+    type Output = Gathered<'a, T>;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> Gathered<'a, T> {
+        let mut gathered = self.gathered;
+        let mut batch = [[T::default(); BATCH]; 3];
+        // Loops, for what is handed to an iterator's method is not compiled for the processor at hand.
+        for mut row in self.rows {
+            loop {
+                let [xs, ys, zs] = &mut batch;
+                let mut count = 0;
+                for (((x, y), z), point) in xs.iter_mut().zip(ys).zip(zs).zip(&mut row) {
+                    [*x, *y, *z] = point;
+                    count += 1;
+                }
+                if count == 0 {
+                    break;
+                }
+                gathered.judge(&batch, count);
+            }
         }
-    });
-    all.extend_from_slice(&batch[..kept]);
-    Converted { points: wrap(all), invalid, out_of_range }
+        gathered
+    }
+}
+
+struct Gathered<'a, T> {
+    gate: &'a Gate,
+    kept: Vec<[T; 3]>,
+    invalid: u32,
+    out_of_range: u32,
+}
+
+impl<T: Copy + Default + Into<f64>> Gathered<'_, T> {
+    /// Takes over those of the first `count` points of a batch that are to be kept.
+    #[inline(always)]
+    fn judge(&mut self, [xs, ys, zs]: &[[T; BATCH]; 3], count: usize) {
+        let mut keeps = [0_u32; BATCH];
+        let (mut valid, mut all) = (0, 0);
+        for i in 0..count.min(BATCH) {
+            let (is_valid, is_in_range) = self.gate.judge([xs[i], ys[i], zs[i]].map(Into::into));
+            keeps[i] = u32::from(is_valid & is_in_range);
+            valid += u32::from(is_valid);
+            all += keeps[i];
+        }
+        let (mut kept, mut next) = ([[T::default(); 3]; BATCH], 0);
+        for i in 0..count.min(BATCH) {
+            // Written without asking, and overwritten where it is not kept: a branch costs more.
+            kept[next] = [xs[i], ys[i], zs[i]];
+            next += keeps[i] as usize;
+        }
+        self.kept.extend_from_slice(&kept[..next]);
+        self.invalid += count as u32 - valid;
+        self.out_of_range += valid - all;
+    }
 }
 
 impl Coordinate {

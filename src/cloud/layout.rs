@@ -1,5 +1,7 @@
 //! From what a message says about its points to a layout that is known to lie inside the data.
 
+use std::slice::ChunksExact;
+
 use super::CloudError;
 use crate::engine::Stamp;
 use crate::msg::ros::{Header, MAX_FRAME_ID_BYTES, PointCloud2, PointField};
@@ -189,10 +191,10 @@ impl Layout {
         self.coordinates.iter().zip([0, 4, 8]).all(is_at)
     }
 
-    /// The bytes of each point.
-    pub(super) fn points<'a>(&self, data: &'a [u8]) -> impl Iterator<Item = &'a [u8]> {
+    /// Of each row the bytes of its points.
+    pub(super) fn points<'a>(&self, data: &'a [u8]) -> impl Iterator<Item = ChunksExact<'a, u8>> {
         let point_step = self.point_step;
-        self.rows(data).flat_map(move |row| row.chunks_exact(point_step))
+        self.rows(data).map(move |row| row.chunks_exact(point_step))
     }
 
     /// The rows of `data` without their padding; each is a whole number of points.
