@@ -35,8 +35,8 @@ impl Kind {
     }
 
     /// Least number of voxels that a seed's plane is fitted to.
-    pub(super) const fn least_window(self) -> f64 {
-        if matches!(self, Self::Strip) { 3.0 } else { 4.0 }
+    pub(super) const fn least_window(self) -> usize {
+        if matches!(self, Self::Strip) { 3 } else { 4 }
     }
 }
 

@@ -16,7 +16,7 @@
 //!
 //! Costs some 30 us for a block with one surface's edge in it.
 
-use super::block::{CELLS, Cell};
+use super::block::CELLS;
 use super::cells::Cells;
 use super::patch::Kind;
 use super::region::{Region, Scatter};
@@ -28,6 +28,9 @@ const MIN_VOXELS: usize = 5;
 
 /// How many times its noise a patch must spread along the line of sight, as variances.
 const STREAK: f64 = 1.5;
+
+/// Cells around one.
+const AROUND: usize = 26;
 
 const NO_STATE: u16 = u16::MAX;
 const FREE: u8 = u8::MAX;
@@ -84,12 +87,39 @@ struct Segmentation<'a> {
     is_one_side: bool,
     rules: &'a Rules,
     kind: Kind,
-    /// State of each cell.
-    places: [u16; CELLS],
-    /// The cells that have one.
-    cells: Cells,
+    neighbours: Neighbours,
     owner: Vec<u8>,
     planes: Vec<Plane>,
+}
+
+/// For each state those of the cells around its own.
+struct Neighbours {
+    /// Where those of each state begin, and where the last end.
+    begins: Vec<u16>,
+    /// One state after another, ascending.
+    all: Vec<u16>,
+}
+
+impl Neighbours {
+    fn new(states: &[State]) -> Self {
+        let mut places = [NO_STATE; CELLS];
+        (0..).zip(states).for_each(|(place, state)| places[state.cell.index()] = place);
+        let mut others: Cells = states.iter().map(|state| state.cell).collect();
+        let (mut begins, mut all) = (Vec::with_capacity(states.len() + 1), Vec::new());
+        begins.push(0);
+        for state in states {
+            others.remove(state.cell);
+            others.near(state.cell.coordinates(), 1).for_each(|cell| all.push(places[cell.index()]));
+            others.insert(state.cell);
+            begins.push(all.len() as u16);
+        }
+        Self { begins, all }
+    }
+
+    fn of(&self, state: usize) -> impl Iterator<Item = usize> {
+        let [begin, end] = [0, 1].map(|next| usize::from(self.begins[state + next]));
+        self.all[begin..end].iter().map(|&other| usize::from(other))
+    }
 }
 
 /// A voxel and those around it that lie on one plane.
@@ -107,12 +137,10 @@ struct Seed {
 
 impl<'a> Segmentation<'a> {
     fn new(states: &'a [State], rules: &'a Rules, kind: Kind) -> Self {
-        let mut places = [NO_STATE; CELLS];
-        (0..).zip(states).for_each(|(place, state)| places[state.cell.index()] = place);
-        let cells = states.iter().map(|state| state.cell).collect();
         let shares = states.iter().map(|state| (kind.share(state), Scatter::one(state))).collect();
         let (owner, is_one_side) = (vec![FREE; states.len()], is_one_side(states));
-        Self { states, shares, is_one_side, rules, kind, places, cells, owner, planes: Vec::new() }
+        let neighbours = Neighbours::new(states);
+        Self { states, shares, is_one_side, rules, kind, neighbours, owner, planes: Vec::new() }
     }
 
     fn region(&self, states: impl Iterator<Item = usize>) -> Region {
@@ -205,14 +233,21 @@ impl<'a> Segmentation<'a> {
     }
 
     fn window_of(&self, state: usize, is_in: impl Fn(usize) -> bool) -> Option<Window> {
-        let (mut region, mut scatter) = self.shares[state];
-        for other in self.around(state).filter(|&other| self.owner[other] == FREE && is_in(other)) {
-            region.join(&self.shares[other].0);
-            scatter.join(&self.shares[other].1);
+        let is_in = |other: &usize| self.owner[*other] == FREE && is_in(*other);
+        let mut others = [0; AROUND];
+        let mut count = 0;
+        for other in self.neighbours.of(state).filter(is_in) {
+            others[count] = other;
+            count += 1;
         }
-        if region.voxels() < self.kind.least_window() {
+        let (mut region, mut scatter) = self.shares[state];
+        others[..count].iter().for_each(|&other| scatter.join(&self.shares[other].1));
+        if count + 1 < self.kind.least_window()
+            || scatter.fits_none(self.rules.noise_factor, self.rules.flatness)
+        {
             return None;
         }
+        others[..count].iter().for_each(|&other| region.join(&self.shares[other].0));
         let plane = self.plane_of(&region)?;
         let fits = self.shares[state].0.is_seen_from(&plane)
             && scatter.misfit(&plane, self.rules.noise_factor, self.rules.flatness) <= 1.0;
@@ -253,17 +288,17 @@ impl<'a> Segmentation<'a> {
     /// time they have become half as many again.
     fn reach(&self, seed: usize, plane: &Plane) -> Vec<usize> {
         let mut plane = *plane;
-        let mut free: Cells = self.free().collect();
-        free.remove(self.states[seed].cell);
+        let mut is_free: Vec<_> = self.owner.iter().map(|owner| *owner == FREE).collect();
+        is_free[seed] = false;
         let mut members = vec![seed];
         let mut region = self.shares[seed].0;
         let (mut next, mut refit_at) = (0, 12);
         while next < members.len() {
-            for other in self.among(free, members[next]) {
-                if !self.belongs(other, &plane) {
+            for other in self.neighbours.of(members[next]) {
+                if !is_free[other] || !self.belongs(other, &plane) {
                     continue;
                 }
-                free.remove(self.states[other].cell);
+                is_free[other] = false;
                 members.push(other);
                 region.join(&self.shares[other].0);
             }
@@ -277,12 +312,6 @@ impl<'a> Segmentation<'a> {
         members
     }
 
-    /// The cells of the voxels that are in no patch.
-    fn free(&self) -> impl Iterator<Item = Cell> {
-        let free = self.states.iter().zip(&self.owner).filter(|(_, owner)| **owner == FREE);
-        free.map(|(state, _)| state.cell)
-    }
-
     /// Gives every voxel to the patch in its neighbourhood that fits it best, twice.
     fn settle(&mut self) {
         for _ in 0..2 {
@@ -293,7 +322,7 @@ impl<'a> Segmentation<'a> {
     }
 
     fn best_owner(&self, state: usize) -> u8 {
-        let owners = self.around(state).chain([state]).map(|other| self.owner[other]);
+        let owners = self.neighbours.of(state).chain([state]).map(|other| self.owner[other]);
         let near = owners.filter(|&owner| owner != FREE).fold(0_u128, |near, owner| near | 1 << owner);
         let candidates = (0..self.planes.len() as u8).filter(|patch| near >> patch & 1 == 1);
         let within = |patch: u8| self.within(state, &self.planes[usize::from(patch)]);
@@ -341,7 +370,7 @@ impl<'a> Segmentation<'a> {
         seen[first] = true;
         let mut next = 0;
         while next < members.len() {
-            for other in self.around(members[next]) {
+            for other in self.neighbours.of(members[next]) {
                 if !seen[other] && owner[other] == owner[first] {
                     seen[other] = true;
                     members.push(other);
@@ -355,18 +384,6 @@ impl<'a> Segmentation<'a> {
     /// The plane of a region that is broad enough to have one.
     fn plane_of(&self, region: &Region) -> Option<Plane> {
         region.fit().filter(|fit| fit.variances[1] >= self.kind.least_breadth()).map(|fit| fit.plane)
-    }
-
-    /// The states of the cells around that of one, ascending.
-    fn around(&self, state: usize) -> impl Iterator<Item = usize> {
-        self.among(self.cells, state)
-    }
-
-    /// Those of these cells.
-    fn among(&self, mut cells: Cells, state: usize) -> impl Iterator<Item = usize> {
-        let cell = self.states[state].cell;
-        cells.remove(cell);
-        cells.near(cell.coordinates(), 1).map(|cell| usize::from(self.places[cell.index()]))
     }
 }
 

@@ -9,7 +9,7 @@ use nalgebra::{Matrix3, UnitVector3, Vector3};
 use super::block::Cell;
 use super::eigen::Spread;
 use super::state::{Plane, State};
-use super::symmetric::{along, quadratic, symmetric, upper};
+use super::symmetric::{along, least_at_least, quadratic, symmetric, upper};
 
 /// What is summed, one after another: weight, weighted means, their weighted products (xx, xy, xz, yy, yz, zz), directions
 /// towards the sensor, voxels. One array, so that several are added in one instruction.
@@ -160,6 +160,18 @@ impl Scatter {
         self.along(&plane.normal, SQUARE) / count - height * (2.0 * sum / count - height)
     }
 
+    /// Whether there is no plane whatever that [`Self::misfit`] would let pass. Most places that have none are told so without
+    /// a fit.
+    pub(super) fn fits_none(&self, noise_factor: f64, flatness: f64) -> bool {
+        let count = self.0[COUNT];
+        let mean = vector(&self.0, MEAN) / count;
+        let products = upper(&(mean * mean.transpose()));
+        let noise = [0, 3, 5].map(|place| self.0[NOISE + place]).iter().sum::<f64>() / count;
+        let spread = std::array::from_fn(|place| self.0[SQUARE + place] / count - products[place]);
+        // The part of it is for rounding.
+        least_at_least(spread) > (noise_factor * noise_factor * noise + flatness * flatness) * (1.0 + 1e-9)
+    }
+
     /// Variance that noise gives the points along a direction, on the mean.
     pub(super) fn noise_along(&self, direction: &Vector3<f64>) -> f64 {
         self.along(direction, NOISE) / self.0[COUNT]
@@ -219,6 +231,23 @@ mod tests {
             let other = Held::new(&state).misfit(&plane, 2.0, 0.2, f64::INFINITY);
             prop_assert_eq!(Region::one(&state).is_seen_from(&plane), other.is_some());
             prop_assert!(other.is_none_or(|other| (one - other).abs() <= 1e-9 * (1.0 + other)), "{one} {other:?}");
+        }
+
+        #[test]
+        fn where_it_is_told_at_once_that_no_plane_fits_the_best_one_does_not(
+            voxels in prop::collection::btree_map(0_u16..512, prop::collection::vec(prop::array::uniform3(0_u64..4096), 1..40), 1..9),
+            towards in prop::array::uniform3(0.1..1.0), weight in 1_u64..10_000, flatness in 0.1_f64..2.0,
+        ) {
+            let states: Vec<_> =
+                voxels.iter().map(|(&cell, points)| state(cell, points, towards, weight)).collect();
+            let mut scatter = Scatter::default();
+            states.iter().for_each(|state| scatter.join(&Scatter::one(state)));
+            // Every voxel as thick as it counts there, and all of them counting the same: the plane that lies nearest.
+            let spread = symmetric(std::array::from_fn(|place| scatter.0[SQUARE + place])) / scatter.0[COUNT];
+            let middle = vector(&scatter.0, MEAN) / scatter.0[COUNT];
+            let normal = Spread::of(&(spread - middle * middle.transpose())).normal;
+            let plane = Plane { point: middle, normal: UnitVector3::new_normalize(normal) };
+            prop_assert!(!scatter.fits_none(2.0, flatness) || scatter.misfit(&plane, 2.0, flatness) > 1.0);
         }
     }
 }

@@ -11,7 +11,7 @@ use super::eigen::Spread;
 use super::grid::Grid;
 use super::published::{PARTS, in_parts};
 use super::sums::{MOST_COVARIANCE, MOST_TOWARDS};
-use super::symmetric::{area_across, symmetric, upper};
+use super::symmetric::{area_across, least_at_least, symmetric, upper};
 use crate::engine::binning::nearest;
 
 /// What a voxel's mean is off by however many points it has, in voxels: the sensor's distortion, the cut at the border.
@@ -162,7 +162,7 @@ impl State {
 
     /// The plane of its own points, where they lie on one.
     pub(super) fn own_plane(&self) -> Option<Plane> {
-        let Spread { variances, normal } = Spread::of(&self.spread());
+        let Spread { variances, normal } = self.flat_spread(OWN_FLATNESS)?;
         let is_flat = variances[1] >= OWN_BREADTH && variances[0] <= OWN_FLATNESS * variances[1];
         let normal = if normal.dot(&self.towards()) < 0.0 { -normal } else { normal };
         is_flat.then(|| Plane { point: self.mean(), normal: UnitVector3::new_normalize(normal) })
@@ -170,8 +170,17 @@ impl State {
 
     /// Whether its points lie on a plane, be it of half a row.
     pub(super) fn is_sheet(&self) -> bool {
-        let Spread { variances, .. } = Spread::of(&self.spread());
-        variances[1] >= SHEET_BREADTH && variances[0] <= SHEET_FLATNESS * variances[1]
+        self.flat_spread(SHEET_FLATNESS).is_some_and(|Spread { variances, .. }| {
+            variances[1] >= SHEET_BREADTH && variances[0] <= SHEET_FLATNESS * variances[1]
+        })
+    }
+
+    /// How its points spread; `None` where it is seen at once that their least variance is more than that part of the next,
+    /// which is half of all at most.
+    fn flat_spread(&self, flatness: f64) -> Option<Spread> {
+        let entries = self.spread_entries();
+        let half = 0.5 * (entries[0] + entries[3] + entries[5]);
+        (least_at_least(entries) <= flatness * half).then(|| Spread::of(&symmetric(entries)))
     }
 
     fn is_sharp(&self) -> bool {

@@ -32,13 +32,26 @@ pub(super) fn area_across([xx, xy, xz, yy, yz, zz]: [f64; 6], n: &Vector3<f64>) 
     along(adjugate, n)
 }
 
+/// What the least eigenvalue of a matrix without negative ones is at least; near it where the other two are alike.
+///
+/// It is the determinant by the product of the others, and their product is at most the square of their mean.
+pub(super) fn least_at_least([xx, xy, xz, yy, yz, zz]: [f64; 6]) -> f64 {
+    let determinant = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz);
+    let trace = xx + yy + zz;
+    let bound = |least: f64| {
+        let others = 0.5 * (trace - least);
+        determinant / (others * others)
+    };
+    if determinant <= 0.0 { 0.0 } else { bound(bound(0.0)) }
+}
+
 pub(super) fn symmetric([xx, xy, xz, yy, yz, zz]: [f64; 6]) -> Matrix3<f64> {
     Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
 }
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::{Matrix2, Matrix3x2};
+    use nalgebra::{Matrix2, Matrix3x2, Rotation3};
     use proptest::prelude::*;
 
     use super::*;
@@ -54,5 +67,23 @@ mod tests {
             let seen: Matrix2<f64> = across.transpose() * symmetric(entries) * across;
             prop_assert!((area_across(entries, &n) - seen.determinant()).abs() < 1e-12);
         }
+
+        #[test]
+        fn the_least_eigenvalue_is_not_below_its_bound(
+            values in prop::array::uniform3(prop_oneof![Just(0.0), 1e-6..1.0]), turn in prop::array::uniform3(-3.0..3.0),
+        ) {
+            let turn = Rotation3::from_scaled_axis(turn.into()).into_inner();
+            let matrix = turn * Matrix3::from_diagonal(&values.into()) * turn.transpose();
+            let bound = least_at_least(upper(&matrix));
+            let least = values.into_iter().fold(f64::INFINITY, f64::min);
+            prop_assert!((0.0..=least + 1e-12).contains(&bound), "{bound} {values:?}");
+        }
+    }
+
+    #[test]
+    fn the_bound_is_the_least_eigenvalue_where_the_others_are_alike() {
+        let bound = least_at_least([2.0, 0.0, 0.0, 0.5, 0.0, 2.0]);
+        assert!((0.45..=0.5).contains(&bound), "{bound}");
+        assert_eq!(least_at_least([0.0; 6]), 0.0);
     }
 }
