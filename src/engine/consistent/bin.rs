@@ -31,18 +31,21 @@ impl Grid {
         binned.dense.clear();
         binned.beyond = binned.received.take(scan, self.voxel_size);
         let weighing = Weighing::new(&scan.fixed_from_sensor);
-        let mut block = None;
+        // The block at hand, and where in it the voxels begin that may still come.
+        let mut at = None;
         for (block_key, cell, sums) in binned.received.in_order() {
-            let slot = match block {
-                Some((key, slot)) if key == block_key => slot,
+            let (slot, from) = match at {
+                Some((key, slot, from)) if key == block_key => (slot, from),
                 _ => {
                     let slot = self.block_at(block_key);
                     binned.seen.push(slot);
-                    slot
+                    (slot, 0)
                 }
             };
-            block = Some((block_key, slot));
-            if self.fold(slot, cell, sums, &weighing, sequence) {
+            let (place, is_new) = self.blocks[slot.0 as usize].place_from(from, cell);
+            self.voxels += usize::from(is_new);
+            at = Some((block_key, slot, place));
+            if self.fold(slot, place, sums, &weighing, sequence) {
                 binned.dense.push((slot, cell));
             }
         }
@@ -54,15 +57,15 @@ impl Grid {
     fn fold(
         &mut self,
         slot: BlockIndex,
-        cell: Cell,
+        place: usize,
         scan: &ScanSums,
         weighing: &Weighing,
         sequence: u64,
     ) -> bool {
         let block = &mut self.blocks[slot.0 as usize];
-        let corner = Vector3::from(block.corner()) + Vector3::from(cell.coordinates());
-        let (voxel, is_new) = block.voxel_at(cell);
-        self.voxels += usize::from(is_new);
+        let corner = Vector3::from(block.corner());
+        let voxel = &mut block.voxels[place];
+        let corner = corner + Vector3::from(voxel.cell.coordinates());
         let mean = (corner.map(f64::from) + scan.mean()) * self.voxel_size;
         let (depth, towards) = weighing.of(&mean);
         let halvings = voxel.moments.fold(scan, self.noise.weight(depth), &towards);

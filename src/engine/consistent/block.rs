@@ -237,13 +237,16 @@ impl Block {
         self.key.map(|i| i * EDGE)
     }
 
-    /// The voxel of a cell, and whether it was begun, without points, for there was none.
-    pub(super) fn voxel_at(&mut self, cell: Cell) -> (&mut Voxel, bool) {
-        let (place, is_new) = (self.cells.rank(cell), !self.cells.contains(cell));
+    /// The place of a cell's voxel in the list, and whether it was begun, without points, for there was none. All voxels before
+    /// `from` have lower cells: who comes to cells in their order passes each voxel once.
+    pub(super) fn place_from(&mut self, from: usize, cell: Cell) -> (usize, bool) {
+        debug_assert!(from <= self.cells.rank(cell));
+        let place = from + self.voxels[from..].iter().take_while(|voxel| voxel.cell < cell).count();
+        let is_new = self.voxels.get(place).is_none_or(|voxel| voxel.cell != cell);
         if is_new {
             self.insert(place, Voxel::new(cell));
         }
-        (&mut self.voxels[place], is_new)
+        (place, is_new)
     }
 
     /// Puts a voxel where none is; `false` where one is.

@@ -51,10 +51,12 @@ impl OfRim {
     }
 }
 
-/// Finds the rim of a footprint, ascending, every column of the footprint inside.
-pub(crate) fn find(footprint: &Footprint, rows: &mut Vec<Row>, rim: &mut Vec<OfRim>) {
+/// Finds the rim of a footprint, ascending, every column of the footprint inside; `rows` and `ranks` are memory to work in.
+pub(crate) fn find(footprint: &Footprint, rows: &mut Vec<Row>, ranks: &mut Vec<u64>, rim: &mut Vec<OfRim>) {
     rim.clear();
+    ranks.clear();
     footprint.rim(rows, |column, joined, content| {
+        ranks.push(rank(column));
         rim.push(OfRim {
             column,
             cut: Cut::new(content, joined),
@@ -66,29 +68,34 @@ pub(crate) fn find(footprint: &Footprint, rows: &mut Vec<Row>, rim: &mut Vec<OfR
         });
     });
     let (mut before, mut after) = (0, 0);
-    for here in 0..rim.len() {
-        let [x, y] = rim[here].column;
-        while rim[before].column < [x - 1, y - 1] {
-            before += 1;
-        }
-        while rim.get(after).is_some_and(|other| other.column < [x + 1, y - 1]) {
-            after += 1;
-        }
-        let mut near = [NONE; 8];
-        for (from, line, directions) in
-            [(after, x + 1, [7, 0, 1]), (before, x - 1, [5, 4, 3]), (here.saturating_sub(1), x, [6, 8, 2])]
-        {
-            for (place, of_rim) in rim.iter().enumerate().skip(from).take(3) {
-                let [other, along] = of_rim.column;
-                let direction = directions.get((along - y + 1) as usize).filter(|_| other == line);
-                if let Some(near) = direction.and_then(|&direction| near.get_mut(direction)) {
+    let skip = |from: usize, to: u64| from + ranks[from..].iter().take_while(|rank| **rank < to).count();
+    for (here, (of_rim, &rank)) in rim.iter_mut().zip(&*ranks).enumerate() {
+        // The lowest of three in the line before, in that after and in its own.
+        let firsts = [rank - LINE - 1, rank + LINE - 1, rank - 1];
+        (before, after) = (skip(before, firsts[0]), skip(after, firsts[1]));
+        let from = [before, after, here.saturating_sub(1)];
+        let directions = [[5, 4, 3], [7, 0, 1], [6, ITSELF, 2]];
+        for ((first, from), directions) in firsts.into_iter().zip(from).zip(directions) {
+            for (place, other) in (from..).zip(ranks[from..].iter().take(3)) {
+                let direction = directions.get((other.wrapping_sub(first)) as usize).copied();
+                if let Some(near) = direction.and_then(|direction| of_rim.near.get_mut(direction)) {
                     *near = place as u32;
                 }
             }
         }
-        rim[here].near = near;
     }
     (0..rim.len()).for_each(|here| rim[here].inside = inside(rim, here));
+}
+
+/// In place of the direction of a column from itself.
+const ITSELF: usize = 8;
+/// What the rank of a column in the next line is more.
+const LINE: u64 = 1 << 32;
+
+/// Place of a column in the order of all; its neighbours have the ranks beside its own and those a line away.
+fn rank([x, y]: Column) -> u64 {
+    let positive = |along: i32| (i64::from(along) - i64::from(i32::MIN)) as u64;
+    positive(x) * LINE + positive(y)
 }
 
 /// Which neighbours are covered. A covered one that is not at the rim has all its neighbours.

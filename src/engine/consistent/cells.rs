@@ -9,16 +9,27 @@ pub(super) struct Cells([u64; EDGE as usize]);
 /// One bit in each byte.
 const EACH_BYTE: u64 = 0x0101_0101_0101_0101;
 
-/// The bits from one to before another of a byte.
-const fn bits(from: i32, to: i32) -> u64 {
-    ((1 << to) - 1) & !((1 << from) - 1)
+/// In each byte the bits below one, of which there are up to eight.
+const BITS_BELOW: [u64; 9] = below(1, EACH_BYTE);
+/// The bytes of a word below one.
+const BYTES_BELOW: [u64; 9] = below(8, 1);
+
+/// For 0 to 8 steps what lies below them in a word: so many times `step` bits, each time in every place of `places`.
+const fn below(step: u32, places: u64) -> [u64; 9] {
+    let (mut below, mut count) = ([0; 9], 1);
+    while count < below.len() {
+        let last = ((1 << step) - 1) << (step * (count as u32 - 1));
+        below[count] = below[count - 1] | (last * places);
+        count += 1;
+    }
+    below
 }
 
-/// The bytes from one to before another of a word.
-const fn bytes(from: i32, to: i32) -> u64 {
-    // Up to eight, of which the last is not below the others.
-    let below = ((1_u128 << (8 * to)) - 1) as u64;
-    below & !(((1_u128 << (8 * from)) - 1) as u64)
+/// The bits from one to before another in the bytes from one to before another.
+const fn mask([y_from, y_to]: [i32; 2], [z_from, z_to]: [i32; 2]) -> u64 {
+    let bytes = BYTES_BELOW[y_to as usize] & !BYTES_BELOW[y_from as usize];
+    let bits = BITS_BELOW[z_to as usize] & !BITS_BELOW[z_from as usize];
+    bytes & bits
 }
 
 impl Cells {
@@ -46,10 +57,8 @@ impl Cells {
 impl Cells {
     /// The cells that lie within `reach` of the block in this direction, each part of which is -1, 0 or 1.
     pub(super) const fn border([x, y, z]: [i32; 3], reach: i32) -> Self {
-        let (x_from, x_to) = side(x, reach);
-        let (y_from, y_to) = side(y, reach);
-        let (z_from, z_to) = side(z, reach);
-        let mask = bytes(y_from, y_to) & (bits(z_from, z_to) * EACH_BYTE);
+        let [x_from, x_to] = side(x, reach);
+        let mask = mask(side(y, reach), side(z, reach));
         let mut words = [0; EDGE as usize];
         let mut at = x_from;
         while at < x_to {
@@ -98,11 +107,11 @@ impl Cells {
 }
 
 /// The cells along one axis that lie within `reach` of what is in this direction.
-const fn side(direction: i32, reach: i32) -> (i32, i32) {
+const fn side(direction: i32, reach: i32) -> [i32; 2] {
     match direction {
-        -1 => (0, reach),
-        1 => (EDGE - reach, EDGE),
-        _ => (0, EDGE),
+        -1 => [0, reach],
+        1 => [EDGE - reach, EDGE],
+        _ => [0, EDGE],
     }
 }
 
@@ -117,12 +126,8 @@ pub(super) struct Window {
 impl Window {
     /// What lies within `reach` of these coordinates, which may lie outside of the block, along each axis.
     pub(super) fn around(at: [i32; 3], reach: i32) -> Self {
-        let range = |axis: usize| ((at[axis] - reach).max(0), (at[axis] + reach + 1).min(EDGE));
-        let [(from, to), (y_from, y_to), (z_from, z_to)] = [range(0), range(1), range(2)];
-        if from >= to || y_from >= y_to || z_from >= z_to {
-            return Self { from: 0, to: 0, mask: 0 };
-        }
-        let mask = bytes(y_from, y_to) & (bits(z_from, z_to) * EACH_BYTE);
+        let range = |axis: usize| [at[axis] - reach, at[axis] + reach + 1].map(|end| end.clamp(0, EDGE));
+        let ([from, to], mask) = (range(0), mask(range(1), range(2)));
         Self { from: from as usize, to: to as usize, mask }
     }
 }

@@ -231,10 +231,10 @@ pub(super) fn contacts(
     let mut last = 0;
     for cell in here.cells.and(&Cells::border(direction, reach)).iter() {
         let (at, number) = (cell.coordinates(), here.labels[cell.index()]);
-        for other in there.cells.near(seen_from(at, direction), reach) {
+        there.cells.near(seen_from(at, direction), reach).for_each(|other| {
             let label = there.labels[other.index()];
             if is_own && label <= number {
-                continue;
+                return;
             }
             let pair = (number, label);
             if contacts.get(last).is_none_or(|(met, _)| *met != pair) {
@@ -248,7 +248,7 @@ pub(super) fn contacts(
             let to = other.coordinates();
             contact.sum +=
                 Vector3::from_fn(|i, _| f64::from(2 * corner[i] + at[i] + to[i] + EDGE * direction[i]) + 1.0);
-        }
+        });
     }
     contacts
 }

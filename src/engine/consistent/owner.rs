@@ -172,7 +172,8 @@ impl<'a> Owners<'a> {
         let side = at.map(|along| i32::from(along >= EDGE - reach) - i32::from(along < reach));
         // A bit for each axis along which there is another block.
         let has = |bits: u8, axis: usize| bits >> axis & 1 == 1;
-        let some = (0..8_u8).filter(move |bits| (0..3).all(|axis| !has(*bits, axis) || side[axis] != 0));
+        let all = (0..3).fold(0, |all, axis| all | u8::from(side[axis] != 0) << axis);
+        let some = (0..8_u8).filter(move |bits| bits & !all == 0);
         let direction = move |bits| [0, 1, 2].map(|axis| if has(bits, axis) { side[axis] } else { 0 });
         some.map(direction)
             .filter_map(move |direction| Some((self.around[place_of(direction)]?, seen_from(at, direction))))

@@ -1,10 +1,10 @@
 //! Where the sums of the voxels are that a scan came to lately: a table by the voxel's place that forgets.
 //!
-//! One place for each voxel of a cube with an edge of 16, so that voxels near each other never share one.
+//! One place for each voxel of a cube with an edge of 32, so that voxels near each other never share one.
 
 use super::local::LocalKey;
 
-const BITS: u32 = 4;
+const BITS: u32 = 5;
 const PLACES: usize = 1 << (3 * BITS);
 
 #[derive(Clone, Debug)]

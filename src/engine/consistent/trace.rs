@@ -21,6 +21,7 @@ const CLEARANCE: f64 = 0.02;
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Tracing {
     rows: Vec<Row>,
+    ranks: Vec<u64>,
     rim: Vec<OfRim>,
 }
 
@@ -35,8 +36,8 @@ pub(crate) fn rings(
     rings: &mut Rings,
 ) -> Option<Column> {
     rings.clear();
-    let Tracing { rows, rim } = memory;
-    border::find(footprint, rows, rim);
+    let Tracing { rows, ranks, rim } = memory;
+    border::find(footprint, rows, ranks, rim);
     let origin = rim.first()?.column;
     let mut tracer = Tracer { origin, min_points: f64::from(min_points), rim };
     tracer.leave_out();

@@ -48,8 +48,8 @@ impl Surfaces {
             }
         }
         let places = near.into_iter().flat_map(|(block, cells)| {
-            let loose = self.segmented[block.0 as usize].loose_cells;
-            cells.iter().map(move |cell| (block, loose.rank(cell)))
+            let loose = self.segmented[block.0 as usize].loose_cells.iter().enumerate();
+            loose.filter(move |(_, cell)| cells.contains(*cell)).map(move |(number, _)| (block, number))
         });
         let of_them =
             |(block, number)| Beside { block, number, is_theirs: self.belongs_to(block, number, blocks) };
