@@ -162,22 +162,23 @@ where
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) -> Gathered<'a, T> {
         let mut gathered = self.gathered;
-        let mut batch = [[T::default(); BATCH]; 3];
-        // Loops, for what is handed to an iterator's method is not compiled for the processor at hand.
+        let (mut batch, mut count) = ([[T::default(); BATCH]; 3], 0);
+        // Loops, for what is handed to an iterator's method is not compiled for the processor at hand. Of a cloud of one column
+        // many rows make a batch.
         for mut row in self.rows {
             loop {
-                let [xs, ys, zs] = &mut batch;
-                let mut count = 0;
-                for (((x, y), z), point) in xs.iter_mut().zip(ys).zip(zs).zip(&mut row) {
+                let [xs, ys, zs] = batch.each_mut().map(|axis| axis[count..].iter_mut());
+                for (((x, y), z), point) in xs.zip(ys).zip(zs).zip(&mut row) {
                     [*x, *y, *z] = point;
                     count += 1;
                 }
-                if count == 0 {
+                if count < BATCH {
                     break;
                 }
-                gathered.judge(&batch, count);
+                gathered.judge(&batch, std::mem::take(&mut count));
             }
         }
+        gathered.judge(&batch, count);
         gathered
     }
 }

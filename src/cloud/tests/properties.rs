@@ -30,8 +30,10 @@ fn form() -> impl Strategy<Value = Form> {
     )
 }
 
+/// A few points, or more than are judged together, in few rows or in many.
 fn points() -> impl Strategy<Value = (u32, Vec<[f64; 3]>)> {
-    let sizes = (0..5_u32, 0..7_u32);
+    let sizes =
+        prop_oneof![8 => (0..5_u32, 0..7_u32), 1 => (1..3_u32, 200..600_u32), 1 => (200..600_u32, 1..3_u32)];
     sizes.prop_flat_map(|(height, width)| {
         let count = (height * width) as usize;
         (Just(height), prop::collection::vec(prop::array::uniform3(coordinate()), count))
