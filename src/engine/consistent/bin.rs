@@ -1,7 +1,7 @@
 //! Step 1: the points of a scan into their voxels (section III.B).
 //!
 //! What a voxel received (`received`) is folded into its sums at the end, with one weight, so that the order of points does
-//! not matter. Voxels come in the order of their blocks, so a block is looked up once.
+//! not matter. Voxels come block by block, so a block is looked up once.
 
 use nalgebra::{Isometry3, Matrix3, Vector3};
 
@@ -31,22 +31,17 @@ impl Grid {
         binned.dense.clear();
         binned.beyond = binned.received.take(scan, self.voxel_size);
         let weighing = Weighing::new(&scan.fixed_from_sensor);
-        // The block at hand, and where in it the voxels begin that may still come.
-        let mut at = None;
-        for (block_key, cell, sums) in binned.received.in_order() {
-            let (slot, from) = match at {
-                Some((key, slot, from)) if key == block_key => (slot, from),
-                _ => {
-                    let slot = self.block_at(block_key);
-                    binned.seen.push(slot);
-                    (slot, 0)
+        for (block_key, voxels) in binned.received.in_order() {
+            let slot = self.block_at(block_key);
+            binned.seen.push(slot);
+            let mut from = 0;
+            for (cell, sums) in voxels {
+                let (place, is_new) = self.blocks[slot.0 as usize].place_from(from, cell);
+                from = place;
+                self.voxels += usize::from(is_new);
+                if self.fold(slot, place, sums, &weighing, sequence) {
+                    binned.dense.push((slot, cell));
                 }
-            };
-            let (place, is_new) = self.blocks[slot.0 as usize].place_from(from, cell);
-            self.voxels += usize::from(is_new);
-            at = Some((block_key, slot, place));
-            if self.fold(slot, place, sums, &weighing, sequence) {
-                binned.dense.push((slot, cell));
             }
         }
         binned.seen.sort_unstable();

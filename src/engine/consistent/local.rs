@@ -1,13 +1,14 @@
 //! Where points lie in the grid: whole 1/4096 of a voxel's edge from the corner of a region around the sensor.
 //!
-//! The region is [`REACH`] voxels to each side, 25 m at 5 cm, and moves with the sensor by whole voxels, so that a place in it
-//! takes 22 bits. What lies beyond is placed by `binning`.
+//! The region is some [`REACH`] voxels to each side, 25 m at 5 cm, and moves with the sensor by whole blocks, so that a place in
+//! it takes 22 bits. What lies beyond is placed by `binning`.
 //!
 //! A place is rounded down, to within 2^-24 of a unit. Arithmetic is multiplication and addition, each rounded on its own,
 //! and gives the same on every processor however many points are done at once.
 
 use nalgebra::Isometry3;
 
+use super::block::{Cell, EDGE};
 use crate::engine::binning::{UNITS, nearest};
 use crate::engine::key::{GRID_REACH, VoxelKey};
 
@@ -34,12 +35,25 @@ impl LocalKey {
         let last = 2 * REACH - 1;
         [self.0 & last, self.0 >> AXIS_BITS & last, self.0 >> (2 * AXIS_BITS) & last]
     }
+
+    /// The first voxel of its block.
+    #[inline(always)]
+    pub(super) const fn block(self) -> Self {
+        const IN_BLOCK: i32 = EDGE - 1;
+        Self(self.0 & !(IN_BLOCK | IN_BLOCK << AXIS_BITS | IN_BLOCK << (2 * AXIS_BITS)))
+    }
+
+    /// Its place in its block.
+    #[inline(always)]
+    pub(super) fn cell(self) -> Cell {
+        Cell::at(self.indices().map(|index| index & (EDGE - 1)))
+    }
 }
 
 /// The region and the pose of one scan.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Local {
-    /// The region's first voxel.
+    /// The region's first voxel, which is the first of a block.
     corner: [i32; 3],
     /// For each axis the units that one metre along x, y and z of the sensor's frame makes.
     pub(super) units: [[f64; 3]; 3],
@@ -54,7 +68,7 @@ impl Local {
         if !sensor.iter().all(|index| index.abs() < f64::from(GRID_REACH)) {
             return None;
         }
-        let corner: [i32; 3] = sensor.map(|index| index.floor() as i32 - REACH).into();
+        let corner: [i32; 3] = sensor.map(|index| (index.floor() as i32 - REACH) & !(EDGE - 1)).into();
         let rotation = fixed_from_sensor.rotation.to_rotation_matrix();
         let scale = UNITS as f64 / voxel_size;
         let place = |axis: usize| (sensor[axis] - f64::from(corner[axis])) * UNITS as f64;

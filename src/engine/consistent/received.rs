@@ -1,7 +1,8 @@
 //! What a scan puts into each voxel.
 //!
 //! Points are taken in tiles of 64 (`tile`), and what a tile has put into a voxel is added to what the scan has put there so
-//! far; that is found in a small table by the voxel's place (`recent`), and in a map only when the table does not hold it.
+//! far. That is found by block and cell: the block in a small table by its place (`recent`), and in a map only when the table
+//! does not hold it; the cell in a list of the block's.
 //!
 //! The loops are compiled for what x86-64 has always had, for AVX2 and for AVX-512, and the processor is asked which to take
 //! (`pulp`).
@@ -11,13 +12,14 @@ use nalgebra::Isometry3;
 use pulp::{Arch, Simd, WithSimd};
 use rustc_hash::FxBuildHasher;
 
-use super::block::{BlockKey, Cell, EDGE, place};
+use super::block::{BlockKey, CELLS, Cell, place};
+use super::cells::Cells;
 use super::local::{Local, LocalKey};
 use super::recent::Recent;
 use super::sums::ScanSums;
 use super::tile::{Places, SIDE, TILE, sum_by_voxel};
 use crate::engine::binning::{BATCH, Fixed, UNITS};
-use crate::engine::key::{GRID_REACH, VoxelKey};
+use crate::engine::key::VoxelKey;
 use crate::engine::points::{Depths, Points};
 use crate::engine::scan::Scan;
 
@@ -25,9 +27,11 @@ use crate::engine::scan::Scan;
 #[derive(Clone, Debug, Default)]
 pub(super) struct Received {
     sums: Vec<ScanSums>,
-    /// By the order of the voxels (see [`rank`]), then their places in `sums`.
-    order: Vec<(u64, u32)>,
-    index: HashMap<u64, u32, FxBuildHasher>,
+    /// The blocks of these voxels first; the others are memory.
+    blocks: Vec<ReceivedBlock>,
+    /// The places of these blocks in that list, by ascending key when the scan is taken in.
+    order: Vec<u32>,
+    index: HashMap<BlockKey, u32, FxBuildHasher>,
     recent: Recent,
     /// Points beyond the grid.
     beyond: u32,
@@ -35,31 +39,38 @@ pub(super) struct Received {
     columns: [Vec<f64>; 3],
 }
 
-const CELL_BITS: u32 = 9;
-const BLOCK_BITS: u32 = 18;
-/// What makes the indices of blocks positive.
-const FIRST_BLOCK: i32 = GRID_REACH / EDGE;
-
-/// Place of a voxel in the order of all: by the key of its block, then by its cell.
-fn rank(key: VoxelKey) -> u64 {
-    let (block, cell) = place(key);
-    let block = block.iter().fold(0, |rank, &i| rank << BLOCK_BITS | (i + FIRST_BLOCK) as u64);
-    block << CELL_BITS | u64::from(cell.0)
+/// A block that received points.
+#[derive(Clone, Debug)]
+struct ReceivedBlock {
+    key: BlockKey,
+    /// The cells of its voxels that did.
+    cells: Cells,
+    /// By cell: where its sums are, or [`NONE`].
+    places: Box<[u32; CELLS]>,
 }
 
-/// The block and the cell of a rank.
-fn place_of(rank: u64) -> (BlockKey, Cell) {
-    let index = |axis: u32| {
-        let low = rank >> (CELL_BITS + (2 - axis) * BLOCK_BITS) & ((1 << BLOCK_BITS) - 1);
-        low as i32 - FIRST_BLOCK
-    };
-    ([index(0), index(1), index(2)], Cell((rank & ((1 << CELL_BITS) - 1)) as u16))
+/// In place of the sums of a voxel that has received no point.
+const NONE: u32 = u32::MAX;
+
+/// Blocks whose memory is kept for the next scan, 8 MB: a Kinect's view has some hundred to a thousand.
+const KEPT: usize = 4096;
+
+impl ReceivedBlock {
+    fn new() -> Self {
+        Self { key: [0; 3], cells: Cells::default(), places: Box::new([NONE; CELLS]) }
+    }
+
+    fn begin(&mut self, key: BlockKey) {
+        (self.key, self.cells) = (key, Cells::default());
+        self.places.fill(NONE);
+    }
 }
 
 impl Received {
     /// Takes in a scan in place of the one before; returns how many of its points lie beyond the grid.
     pub(super) fn take(&mut self, scan: &Scan, voxel_size: f64) -> u32 {
         self.sums.clear();
+        self.blocks.truncate(KEPT);
         self.order.clear();
         self.index.clear();
         self.recent.clear();
@@ -78,15 +89,18 @@ impl Received {
             (Points::F32(points), None) => self.take_far(points, pose, voxel_size),
             (Points::F64(points), _) => self.take_far(points, pose, voxel_size),
         }
-        self.order.sort_unstable();
+        self.order.sort_unstable_by_key(|&block| self.blocks[block as usize].key);
         self.beyond
     }
 
-    /// The voxels, by the keys of their blocks and by their cells.
-    pub(super) fn in_order(&self) -> impl Iterator<Item = (BlockKey, Cell, &ScanSums)> {
-        self.order.iter().map(|&(rank, place)| {
-            let (block, cell) = place_of(rank);
-            (block, cell, &self.sums[place as usize])
+    /// The blocks by ascending key, each with its voxels by ascending cell.
+    pub(super) fn in_order(
+        &self,
+    ) -> impl Iterator<Item = (BlockKey, impl Iterator<Item = (Cell, &ScanSums)>)> {
+        self.order.iter().map(|&block| {
+            let block = &self.blocks[block as usize];
+            let sums = |cell: Cell| &self.sums[block.places[cell.index()] as usize];
+            (block.key, block.cells.iter().map(move |cell| (cell, sums(cell))))
         })
     }
 
@@ -101,22 +115,38 @@ impl Received {
                     self.beyond += 1;
                     continue;
                 };
-                let place = self.find(key);
-                self.sums[place as usize].add(at.map(|units| (units & (UNITS - 1)) as u64));
+                let (block, cell) = place(key);
+                let block = self.block(block);
+                self.sums_of(block, cell).add(at.map(|units| (units & (UNITS - 1)) as u64));
             }
         }
     }
 
-    /// Where the sums of a voxel are; they are begun where it has none.
-    fn find(&mut self, key: VoxelKey) -> u32 {
-        let next = self.sums.len() as u32;
-        let rank = rank(key);
-        let found = *self.index.entry(rank).or_insert(next);
+    /// Where a block is; it is begun where it has not been yet.
+    fn block(&mut self, key: BlockKey) -> u32 {
+        let next = self.order.len() as u32;
+        let found = *self.index.entry(key).or_insert(next);
         if found == next {
-            self.order.push((rank, next));
-            self.sums.push(ScanSums::default());
+            self.order.push(next);
+            if self.blocks.len() < self.order.len() {
+                self.blocks.push(ReceivedBlock::new());
+            }
+            self.blocks[next as usize].begin(key);
         }
         found
+    }
+
+    /// The sums of a voxel; they are begun where it has none.
+    #[inline(always)]
+    fn sums_of(&mut self, block: u32, cell: Cell) -> &mut ScanSums {
+        let block = &mut self.blocks[block as usize];
+        let place = &mut block.places[cell.index()];
+        if *place == NONE {
+            *place = self.sums.len() as u32;
+            block.cells.insert(cell);
+            self.sums.push(ScanSums::default());
+        }
+        &mut self.sums[*place as usize]
     }
 }
 
@@ -131,22 +161,23 @@ struct Receiver<'a> {
 impl Receiver<'_> {
     #[inline(always)]
     fn add(&mut self, key: LocalKey, sums: &ScanSums) {
-        let place = match self.received.recent.get(key) {
-            Some(place) => place,
-            None => self.find(key),
+        let block = match self.received.recent.get(key.block()) {
+            Some(block) => block,
+            None => self.find(key.block()),
         };
-        match place {
+        match block {
             Recent::BEYOND => self.received.beyond += sums.count,
-            place => self.received.sums[place as usize].merge(sums),
+            block => self.received.sums_of(block, key.cell()).merge(sums),
         }
     }
 
+    /// The block with this first voxel; all of it lies within the grid or beyond.
     #[cold]
-    fn find(&mut self, key: LocalKey) -> u32 {
-        let voxel = self.local.voxel(key);
-        let place = voxel.map_or(Recent::BEYOND, |voxel| self.received.find(voxel));
-        self.received.recent.put(key, place);
-        place
+    fn find(&mut self, first: LocalKey) -> u32 {
+        let voxel = self.local.voxel(first);
+        let block = voxel.map_or(Recent::BEYOND, |voxel| self.received.block(place(voxel).0));
+        self.received.recent.put(first, block);
+        block
     }
 
     /// Takes in a tile; `point` gives those points of it that lie beyond the region.

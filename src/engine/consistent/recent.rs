@@ -1,10 +1,11 @@
-//! Where the sums of the voxels are that a scan came to lately: a table by the voxel's place that forgets.
+//! The blocks that a scan came to lately: a table by the block's place that forgets.
 //!
-//! One place for each voxel of a cube with an edge of 32, so that voxels near each other never share one.
+//! One place for each block of a cube with an edge of 16, so that blocks near each other never share one.
 
+use super::block::EDGE;
 use super::local::LocalKey;
 
-const BITS: u32 = 5;
+const BITS: u32 = 4;
 const PLACES: usize = 1 << (3 * BITS);
 
 #[derive(Clone, Debug)]
@@ -19,28 +20,28 @@ impl Default for Recent {
 }
 
 impl Recent {
-    /// Stands for a voxel beyond the grid.
+    /// Stands for a block beyond the grid.
     pub(super) const BEYOND: u32 = u32::MAX;
 
     pub(super) fn clear(&mut self) {
         self.entries.fill((LocalKey::NONE, 0));
     }
 
-    /// What was put here for this voxel, unless another has come since.
+    /// What was put here for the block with this first voxel, unless another has come since.
     #[inline(always)]
-    pub(super) fn get(&self, key: LocalKey) -> Option<u32> {
-        let (known, sums) = self.entries[place(key)];
-        (known == key).then_some(sums)
+    pub(super) fn get(&self, first: LocalKey) -> Option<u32> {
+        let (known, block) = self.entries[place(first)];
+        (known == first).then_some(block)
     }
 
-    pub(super) fn put(&mut self, key: LocalKey, sums: u32) {
-        self.entries[place(key)] = (key, sums);
+    pub(super) fn put(&mut self, first: LocalKey, block: u32) {
+        self.entries[place(first)] = (first, block);
     }
 }
 
-/// The lowest bits along each axis.
+/// The lowest bits of the block's index along each axis.
 #[inline(always)]
-const fn place(key: LocalKey) -> usize {
-    let ([x, y, z], low) = (key.indices(), (1 << BITS) - 1);
-    (x & low | (y & low) << BITS | (z & low) << (2 * BITS)) as usize
+fn place(first: LocalKey) -> usize {
+    let [x, y, z] = first.indices().map(|index| (index / EDGE) & ((1 << BITS) - 1));
+    (x | (y << BITS) | (z << (2 * BITS))) as usize
 }

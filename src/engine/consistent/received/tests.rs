@@ -10,7 +10,7 @@ use super::*;
 use crate::engine::points::Rays;
 use crate::engine::scan::Stamp;
 
-type Naive = BTreeMap<u64, ScanSums>;
+type Naive = BTreeMap<(BlockKey, Cell), ScanSums>;
 
 /// Adds a point whose places are known.
 fn add(naive: &mut Naive, local: &Local, places: [i32; 3]) -> bool {
@@ -18,7 +18,7 @@ fn add(naive: &mut Naive, local: &Local, places: [i32; 3]) -> bool {
     let voxel = local.voxel(key).filter(|_| key != LocalKey::NONE);
     if let Some(voxel) = voxel {
         let offsets = places.map(|place| u64::from(place as u32 % 4096));
-        naive.entry(rank(voxel)).or_default().add(offsets);
+        naive.entry(place(voxel)).or_default().add(offsets);
     }
     voxel.is_some()
 }
@@ -60,11 +60,12 @@ fn received(scan: &Scan, voxel_size: f64) -> (Naive, u32) {
     received
         .take(&Scan { fixed_from_sensor: Isometry3::translation(0.1, 0.0, 0.0), ..scan.clone() }, voxel_size);
     let beyond = received.take(scan, voxel_size);
-    let ranks: Vec<_> = received.order.iter().map(|(rank, _)| *rank).collect();
-    assert!(ranks.is_sorted_by(|a, b| a < b), "each voxel once, in order");
-    let places: Vec<_> = received.in_order().map(|(block, cell, _)| (block, cell)).collect();
-    assert!(ranks.iter().map(|&rank| place_of(rank)).eq(places));
-    (received.order.iter().map(|&(rank, place)| (rank, received.sums[place as usize])).collect(), beyond)
+    let in_order = received
+        .in_order()
+        .flat_map(|(block, voxels)| voxels.map(move |(cell, sums)| ((block, cell), *sums)));
+    let in_order: Vec<_> = in_order.collect();
+    assert!(in_order.is_sorted_by(|(a, _), (b, _)| a < b), "each voxel once, in order");
+    (in_order.into_iter().collect(), beyond)
 }
 
 fn pose() -> impl Strategy<Value = Isometry3<f64>> {
@@ -131,7 +132,7 @@ fn points_beyond_the_region_are_placed_in_double_precision() {
     let points = vec![[1.0, 0.0, 0.0], [60.0, 0.0, 0.0], [-200.0, 3.0, 1.0], [2e5, 0.0, 0.0], [f32::MAX; 3]];
     let (sums, beyond) =
         received(&scan(Points::F32(points), Isometry3::translation(0.025, 0.025, 0.025)), 0.05);
-    let voxels: Vec<_> = sums.keys().map(|&rank| place_of(rank)).collect();
+    let voxels: Vec<_> = sums.keys().copied().collect();
     let key = |x, y, z| place(VoxelKey::new(x, y, z).unwrap());
     assert_eq!(voxels, [key(-4000, 60, 20), key(20, 0, 0), key(1200, 0, 0)]);
     assert_eq!((beyond, sums.values().map(|sums| sums.count).sum::<u32>()), (2, 3));
@@ -145,9 +146,9 @@ fn a_sensor_beyond_the_grid_puts_nothing_into_it() {
 }
 
 #[test]
-fn voxels_that_share_a_place_among_the_recent_ones_are_kept_apart() {
-    // 16 voxels apart along x, in turn.
-    let points: Vec<_> = (0..640).map(|i| [0.05 + 1.6 * (i % 2) as f32, 0.05, 0.05]).collect();
+fn blocks_that_share_a_place_among_the_recent_ones_are_kept_apart() {
+    // 16 blocks of 8 voxels apart along x, in turn.
+    let points: Vec<_> = (0..640).map(|i| [0.05 + 12.8 * (i % 2) as f32, 0.05, 0.05]).collect();
     let (sums, _) = received(&scan(Points::F32(points), Isometry3::identity()), 0.1);
     assert_eq!(sums.values().map(|sums| sums.count).collect::<Vec<_>>(), [320, 320]);
 }
