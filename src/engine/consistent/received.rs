@@ -29,7 +29,7 @@ pub(super) struct Received {
     sums: Vec<ScanSums>,
     /// The blocks of these voxels first; the others are memory.
     blocks: Vec<ReceivedBlock>,
-    /// The places of these blocks in that list, by ascending key when the scan is taken in.
+    /// The places of these blocks in that list, by ascending key once the scan is taken in.
     order: Vec<u32>,
     index: HashMap<BlockKey, u32, FxBuildHasher>,
     recent: Recent,

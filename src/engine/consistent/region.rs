@@ -168,7 +168,7 @@ impl Scatter {
         let products = upper(&(mean * mean.transpose()));
         let noise = [0, 3, 5].map(|place| self.0[NOISE + place]).iter().sum::<f64>() / count;
         let spread = std::array::from_fn(|place| self.0[SQUARE + place] / count - products[place]);
-        // The part of it is for rounding.
+        // The sum of the noise's variances is no less than that along any normal; the last factor is for rounding.
         least_at_least(spread) > (noise_factor * noise_factor * noise + flatness * flatness) * (1.0 + 1e-9)
     }
 
@@ -235,7 +235,9 @@ mod tests {
 
         #[test]
         fn where_it_is_told_at_once_that_no_plane_fits_the_best_one_does_not(
-            voxels in prop::collection::btree_map(0_u16..512, prop::collection::vec(prop::array::uniform3(0_u64..4096), 1..40), 1..9),
+            voxels in prop::collection::btree_map(
+                0_u16..512, prop::collection::vec(prop::array::uniform3(0_u64..4096), 1..40), 1..9,
+            ),
             towards in prop::array::uniform3(0.1..1.0), weight in 1_u64..10_000, flatness in 0.1_f64..2.0,
         ) {
             let states: Vec<_> =
