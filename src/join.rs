@@ -47,6 +47,8 @@ pub struct Joined {
     pub at: Duration,
     /// Points in the message, valid or not.
     pub total: u32,
+    /// Those of them without a measurement.
+    pub invalid: u32,
     /// Where its stamp has jumped back: a new session begins with it.
     pub jumped_back: Option<Jump>,
 }
@@ -139,7 +141,7 @@ impl Join {
             // Only a scan with a transform tells the time: a stray stamp has none.
             let jumped_back = self.jumped_back(&cloud, lap);
             let scan = Scan { stamp: cloud.stamp, fixed_from_sensor, points: cloud.points };
-            Joined { scan, at, total: cloud.total, jumped_back }
+            Joined { scan, at, total: cloud.total, invalid: cloud.invalid, jumped_back }
         });
         joined.collect()
     }
@@ -238,7 +240,8 @@ mod tests {
         let pushed_out = join.cloud(cloud(2.0), Duration::ZERO).unwrap();
         assert_eq!((pushed_out.stamp, join.waiting()), (at(1.0), 1));
         let joined = join.ready("camera");
-        assert_eq!((joined.len(), joined[0].total, joined[0].scan.stamp), (1, 2, at(2.0)));
+        assert_eq!((joined.len(), joined[0].scan.stamp), (1, at(2.0)));
+        assert_eq!((joined[0].total, joined[0].invalid), (2, 1));
     }
 
     fn static_camera(join: &mut Join, name: &str) {

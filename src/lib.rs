@@ -25,6 +25,8 @@ pub mod node;
 pub mod replay;
 #[cfg(feature = "bag")]
 pub mod report;
+#[cfg(feature = "node")]
+pub mod say;
 #[cfg(feature = "sim")]
 pub mod sim;
 #[cfg(feature = "store")]

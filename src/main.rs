@@ -8,7 +8,9 @@ mod cli;
 use std::process::ExitCode;
 
 use cfodi::line::one_line;
+use cfodi::node::args::ArgsError;
 use cfodi::node::process::ProcessError;
+use cfodi::say::say;
 use clap::{Parser, Subcommand};
 
 use crate::cli::{demo, experiment, replay, run, simulate};
@@ -48,7 +50,7 @@ fn main() -> ExitCode {
     let (setup, rest) = match cli::arguments().and_then(|args| Ok(cli::setup(&args)?)) {
         Ok(parsed) => parsed,
         Err(error) => {
-            eprintln!("cfodi: {}", one_line(&error.to_string()));
+            say(format_args!("cfodi: {}", one_line(&error.to_string())));
             return ExitCode::from(2);
         }
     };
@@ -65,9 +67,9 @@ fn main() -> ExitCode {
     match done {
         Ok(status) => status,
         Err(error) => {
-            eprintln!("cfodi: {}", one_line(&format!("{error:#}")));
-            let is_configuration =
-                error.downcast_ref::<ProcessError>().is_some_and(ProcessError::is_configuration);
+            say(format_args!("cfodi: {}", one_line(&format!("{error:#}"))));
+            let is_configuration = error.is::<ArgsError>()
+                || error.downcast_ref::<ProcessError>().is_some_and(ProcessError::is_configuration);
             if is_configuration { ExitCode::from(2) } else { ExitCode::FAILURE }
         }
     }

@@ -64,7 +64,9 @@ pub fn read(path: &Path) -> io::Result<String> {
         // The cut may go through a letter.
         return Ok(String::from_utf8_lossy(&bytes).into_owned());
     }
-    String::from_utf8(bytes).map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error))
+    let text = String::from_utf8(bytes).map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error))?;
+    // YAML 1.2, 5.2: a byte order mark at its begin is no part of it. The parser takes it for a letter of the first key.
+    Ok(text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text))
 }
 
 /// Whether a text is within bounds; event by event, without a tree.
@@ -176,6 +178,14 @@ mod tests {
         assert_eq!(documents[0]["b"][1].as_i64(), Some(2));
         assert!(load("").unwrap().is_empty());
         assert!(load("a: [").is_err() && load("*unknown").is_err());
+    }
+
+    #[test]
+    fn a_byte_order_mark_is_no_part_of_the_first_key() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("of-an-editor.yaml");
+        std::fs::write(&path, "\u{feff}cfodi: 7\n").unwrap();
+        assert_eq!(load(&read(&path).unwrap()).unwrap()[0]["cfodi"].as_i64(), Some(7));
     }
 
     #[test]

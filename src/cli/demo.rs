@@ -2,9 +2,8 @@
 //!
 //! Clouds and transforms cross DDS like those of a real driver. Where the system's socket buffer is too small to carry
 //! clouds, and over Zenoh, they are handed to the node inside the process instead; the results go out in all cases.
-#![expect(clippy::print_stdout, reason = "the table is what the demo is for")]
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
@@ -13,7 +12,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use anyhow::Context as _;
 use cfodi::cloud::{CloudFilter, decode};
 use cfodi::engine::{Snapshot, Stamp};
-use cfodi::export::{View, draw, write_ply, write_whole};
+use cfodi::export::{View, WholeFile, WriteError, draw, write_ply};
 use cfodi::msg::ros::TfMessage;
 use cfodi::node::Setup;
 use cfodi::node::dds::{Dds, Robot};
@@ -28,6 +27,7 @@ use cfodi::node::security::Security;
 use cfodi::node::transport::{Event, Form};
 #[cfg(feature = "zenoh")]
 use cfodi::node::zenoh::Zenoh;
+use cfodi::say::tell;
 use cfodi::sim::drive::SCANS_PER_SECOND;
 use cfodi::sim::{Drive, Scene};
 use tokio::sync::mpsc::Sender;
@@ -105,6 +105,7 @@ fn drive<T: Middleware>(
     std::fs::create_dir_all(&options.out)
         .with_context(|| format!("cannot make {}", options.out.display()))?;
     let record = Record::create(&options.out.join(RESULT), &output_topics(setup)?)?;
+    let pictures = Pictures::create(&options.out)?;
     let mut travelling: Option<JoinHandle<Result<(), String>>> = None;
     let over = Arc::new(AtomicBool::new(false));
     let arrived = Arc::new(AtomicBool::new(false));
@@ -137,8 +138,13 @@ fn drive<T: Middleware>(
     let travelled = travelling.map(JoinHandle::join);
     let map = map?;
     came_home(travelled)?;
-    println!("{}", table(&map));
-    leave(&map, record, options)
+    record.finish()?;
+    let [ply, png] = pictures.complete(&map)?;
+    let result = options.out.join(RESULT);
+    let files =
+        format!("the map: {} and {}; all that was sent: {}", ply.display(), png.display(), result.display());
+    tell(format_args!("{}\n{files}", table(&map)))?;
+    Ok(())
 }
 
 /// What became of the robot's thread.
@@ -253,11 +259,23 @@ fn table(map: &Snapshot) -> String {
     lines.join("\n")
 }
 
-fn leave(map: &Snapshot, record: Record, options: &Options) -> anyhow::Result<()> {
-    record.finish()?;
-    let [ply, png, result] = ["map.ply", "map.png", RESULT].map(|name| options.out.join(name));
-    write_whole(&ply, |mut out| write_ply(&mut out, map))?;
-    write_whole(&png, |out| draw(map, &View::default()).write_png(out))?;
-    println!("the map: {} and {}; all that was sent: {}", ply.display(), png.display(), result.display());
-    Ok(())
+/// The files of the map, begun before the drive: what cannot be written is known before it.
+struct Pictures {
+    ply: WholeFile,
+    png: WholeFile,
+}
+
+impl Pictures {
+    fn create(folder: &Path) -> Result<Self, WriteError> {
+        let [ply, png] = ["map.ply", "map.png"].map(|name| WholeFile::create(&folder.join(name)));
+        Ok(Self { ply: ply?, png: png? })
+    }
+
+    /// Gives their names.
+    fn complete(self, map: &Snapshot) -> Result<[PathBuf; 2], WriteError> {
+        let names = [&self.ply, &self.png].map(|file| file.path().to_owned());
+        self.ply.complete(|out| write_ply(out, map))?;
+        self.png.complete(|out| draw(map, &View::default()).write_png(out))?;
+        Ok(names)
+    }
 }

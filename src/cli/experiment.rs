@@ -1,5 +1,4 @@
 //! `cfodi experiment`: the paper's figures on a recording, CFODI beside STATIC, or the scores in a simulated scene.
-#![expect(clippy::print_stdout, reason = "the table is what the experiment is for")]
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -13,6 +12,7 @@ use cfodi::export::WriteError;
 use cfodi::node::Setup;
 use cfodi::replay::{Ended, Finished, Go, Outputs, Replay, Settings, Visitor, feed};
 use cfodi::report::{self, Story};
+use cfodi::say::tell;
 
 use super::laboratory;
 use super::progress::Bar;
@@ -58,12 +58,12 @@ fn on_recording(setup: &Setup, options: &Options, path: &Path) -> anyhow::Result
         |figure: Figure| report::Figure { title: figure.title, svg: figure.svg, caption: figure.caption };
     let figures = results.figures().into_iter().map(figure).collect();
     write_page(page, path, &finished, figures)?;
-    println!("{}", table(&results.summary()));
-    println!(
+    tell(table(&results.summary()))?;
+    tell(format_args!(
         "figures and tables: {}, to look at: {}",
         options.out.display(),
         options.out.join(PAGE).display()
-    );
+    ))?;
     Ok(say_skipped(&finished.summary))
 }
 

@@ -1,5 +1,4 @@
 //! `cfodi experiment --scene`: every method driven through a simulated scene and scored against its truth.
-#![expect(clippy::print_stdout, reason = "the table is what the experiment is for")]
 
 use std::collections::BTreeMap;
 use std::num::NonZeroU32;
@@ -14,6 +13,7 @@ use cfodi::engine::Params;
 use cfodi::experiment::quality::{Laboratory, Scored, Table};
 use cfodi::export::write_whole;
 use cfodi::node::Setup;
+use cfodi::say::{say, tell};
 use cfodi::sim::Scene;
 
 use super::progress::Bar;
@@ -68,7 +68,7 @@ pub(crate) fn laboratory(setup: &Setup, options: &Simulation, out: &Path) -> any
     let scene = Scene::named(name).with_context(|| format!("there is no scene {name}"))?;
     let Simulation { seeds, seconds, scan_step, voxel_size, .. } = options;
     if let Some(size) = given_twice(voxel_size) {
-        eprintln!("cfodi: --voxel-size {size} is given twice: its runs would be counted twice");
+        say(format_args!("cfodi: --voxel-size {size} is given twice: its runs would be counted twice"));
         return Ok(ExitCode::from(WRONG));
     }
     let laboratory = Laboratory::new(scene, *seconds, *scan_step, &setup.config.engine, voxel_size)?;
@@ -85,7 +85,7 @@ pub(crate) fn laboratory(setup: &Setup, options: &Simulation, out: &Path) -> any
     );
     write_whole(&out.join("quality.md"), |file| file.write_all(title.as_bytes()))?;
     write_whole(&out.join("quality.csv"), |file| file.write_all(table.csv().as_bytes()))?;
-    println!("{tables}\nwhat does not hold: {}", out.join("quality.md").display());
+    tell(format_args!("{tables}\nwhat does not hold: {}", out.join("quality.md").display()))?;
     Ok(ExitCode::SUCCESS)
 }
 

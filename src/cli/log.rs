@@ -26,7 +26,8 @@ pub(crate) fn start(level: Option<&str>) -> Lines {
     let within = DynFilterFn::new(move |about, _| !is_bounded || bound.allows(about, Instant::now()));
     let colours = io::stderr().is_terminal();
     let lines =
-        fmt::layer().with_target(false).with_ansi(colours).with_writer(io::stderr).with_filter(within);
+        fmt::layer().with_target(false).with_ansi(colours).with_writer(io::stderr).log_internal_errors(false);
+    let lines = lines.with_filter(within);
     let (listener, said) = listen();
     tracing_subscriber::registry().with(lines).with(listener).with(filter).init();
     said

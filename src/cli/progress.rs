@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use cfodi::line::one_line;
 use cfodi::replay::Progress;
+use cfodi::say::say;
 use indicatif::{ProgressBar, ProgressStyle};
 
 /// How far a bag has been read, or a simulation has come, with the rate and the time that remains.
@@ -51,7 +52,7 @@ impl Bar {
 
     /// Writes a line to stderr, above the bar.
     pub(crate) fn say(&self, line: &str) {
-        self.0.suspend(|| eprintln!("{}", one_line(line)));
+        self.0.suspend(|| say(one_line(line)));
     }
 
     pub(crate) fn finish(&self) {

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use anyhow::Context as _;
 use cfodi::bag::{self, Bag, Choice, Decoder, OutputTopics, Survey, Wanted, choose};
-use cfodi::config::Sensor;
+use cfodi::config::{Kind, Sensor};
 use cfodi::export::{WholeFile, WriteError};
 use cfodi::line::one_line;
 use cfodi::node::Setup;
@@ -16,6 +16,7 @@ use cfodi::replay::{
     feed,
 };
 use cfodi::report::{Facts, Figure, Story, write_report};
+use cfodi::say::say;
 
 use super::progress::Bar;
 use super::stop;
@@ -100,7 +101,7 @@ pub(crate) fn replay(setup: &Setup, options: &Options) -> anyhow::Result<ExitCod
         Err(status) => return Ok(status),
     };
     if let Some(clash) = clash(&options.outputs(), &input.bag.paths()) {
-        eprintln!("cfodi: {clash}");
+        say(format_args!("cfodi: {clash}"));
         return Ok(ExitCode::from(WRONG));
     }
     let files = options.map_files().create()?;
@@ -171,7 +172,7 @@ pub(crate) fn begin_page(folder: &Path) -> anyhow::Result<WholeFile> {
 
 /// Writes the report of a replay that has told a story.
 pub(crate) fn write_page(
-    mut page: WholeFile,
+    page: WholeFile,
     input: &Path,
     finished: &Finished,
     figures: Vec<Figure>,
@@ -179,9 +180,7 @@ pub(crate) fn write_page(
     let Some(story) = &finished.story else { return Ok(()) };
     let title = input.file_name().unwrap_or(input.as_os_str()).to_string_lossy();
     let facts = Facts { figures, ..finished.summary.facts(&title) };
-    let written = write_report(&mut page, story, &facts);
-    written.map_err(|source| WriteError { path: page.path().to_owned(), source })?;
-    page.commit()
+    page.complete(|out| write_report(out, story, &facts))
 }
 
 /// The topic of a camera's intrinsics without a list of sensors, before remapping.
@@ -192,7 +191,7 @@ pub(crate) fn open(setup: &Setup, path: &Path, wanted: &[String]) -> anyhow::Res
     let bag = match Bag::open(path) {
         Ok(bag) => bag,
         Err(error) => {
-            eprintln!("cfodi: {}", one_line(&error.to_string()));
+            say(format_args!("cfodi: {}", one_line(&error.to_string())));
             let status = if error.is_wrong_argument() { ExitCode::from(WRONG) } else { ExitCode::FAILURE };
             return Ok(Err(status));
         }
@@ -200,7 +199,8 @@ pub(crate) fn open(setup: &Setup, path: &Path, wanted: &[String]) -> anyhow::Res
     let Survey { topics, is_complete } = bag.survey();
     let has = |name: &str| topics.iter().any(|topic| topic.name == name);
     // What the node would listen to is meant: where it was remapped in any case, else where the bag has it.
-    let meant = if setup.is_given("sensors") { of_sensors(setup)? } else { of_default(setup, has)? };
+    let is_told = setup.is_given("sensors") || setup.config.sensors.iter().any(|it| it.kind != Kind::Auto);
+    let meant = if is_told { of_sensors(setup)? } else { of_default(setup, has)? };
     let named = wanted.iter().map(|topic| Wanted { topic: topic.clone(), info: None });
     let wanted = if wanted.is_empty() { meant } else { named.collect() };
     // Who has given the intrinsics another name means these; else each image has its own.
@@ -209,7 +209,7 @@ pub(crate) fn open(setup: &Setup, path: &Path, wanted: &[String]) -> anyhow::Res
         Ok(choice) => choice,
         Err(error) => {
             // The error itself has several lines: what the bag holds.
-            eprintln!("cfodi: {}: {error}", one_line(&path.display().to_string()));
+            say(format_args!("cfodi: {}: {error}", one_line(&path.display().to_string())));
             // What is not in a bag that is cut may have been behind the cut: nothing can be read, but nobody was wrong.
             if is_complete || !error.is_for_lack() {
                 return Ok(Err(ExitCode::from(WRONG)));
@@ -261,7 +261,7 @@ fn say_choice(choice: &Choice) {
         format!(" (not {}: choose with --topic)", choice.passed_over.join(", "))
     };
     if !read.is_empty() {
-        eprintln!("{}", one_line(&format!("reading {}{others}", read.join(" and "))));
+        say(one_line(&format!("reading {}{others}", read.join(" and "))));
     }
 }
 
@@ -304,17 +304,19 @@ pub(crate) fn clash(outputs: &[PathBuf], inputs: &[PathBuf]) -> Option<String> {
 /// What came of it.
 fn account(summary: &Summary) {
     let rate = summary.tally.scans as f64 / summary.wall.as_secs_f64().max(1e-9);
-    eprintln!(
-        "{} scans in {:.1} s ({rate:.0} a second) in frame {}: {} of {} points used, {} dense voxels, {} clusters, {} of them active",
+    let unused = summary.points_unused();
+    let unused = if unused.is_empty() { unused } else { format!(" ({unused})") };
+    say(format_args!(
+        "{} scans in {:.1} s ({rate:.0} a second) in frame {}: {} of {} points used{unused}, {} dense voxels, {} clusters, {} of them active",
         summary.tally.scans,
         summary.wall.as_secs_f64(),
         one_line(&summary.fixed_frame),
-        summary.tally.points_valid - summary.points_beyond_grid,
+        summary.points_used(),
         summary.tally.points,
         summary.dense_voxels,
         summary.clusters,
         summary.clusters_active,
-    );
+    ));
 }
 
 /// The last word: what was not read, as an exit status too.
@@ -323,13 +325,13 @@ pub(crate) fn say_skipped(summary: &Summary) -> ExitCode {
     if skipped > 0 {
         let reasons: Vec<_> =
             summary.tally.skipped.iter().map(|(reason, count)| format!("{reason} {count}")).collect();
-        eprintln!("{skipped} scans skipped: {}", reasons.join(", "));
+        say(format_args!("{skipped} scans skipped: {}", reasons.join(", ")));
     }
     if let Some(unread) = &summary.unread {
-        eprintln!("cfodi: not all of the bag was read: {}", one_line(unread));
+        say(format_args!("cfodi: not all of the bag was read: {}", one_line(unread)));
     }
     if summary.stopped {
-        eprintln!("cfodi: stopped by a signal before the end of the bag");
+        say("cfodi: stopped by a signal before the end of the bag");
     }
     if summary.unread.is_some() || summary.stopped { ExitCode::FAILURE } else { ExitCode::SUCCESS }
 }

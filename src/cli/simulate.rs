@@ -1,5 +1,6 @@
 //! `cfodi simulate`: a drive through a built-in scene as a bag, with the truth about what was to be seen.
 
+use std::io::Write as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::atomic::Ordering;
@@ -7,7 +8,8 @@ use std::sync::atomic::Ordering;
 use anyhow::Context as _;
 use cfodi::bag::SensorBag;
 use cfodi::engine::Stamp;
-use cfodi::export::{WholeFile, write_whole};
+use cfodi::export::WholeFile;
+use cfodi::say::say;
 use cfodi::sim::drive::SCANS_PER_SECOND;
 use cfodi::sim::{Drive, Scene};
 use clap::builder::PossibleValuesParser;
@@ -75,7 +77,7 @@ pub(crate) fn simulate(options: &Options) -> anyhow::Result<ExitCode> {
     let outputs: Vec<_> =
         [Some(&options.out), options.truth.as_ref()].into_iter().flatten().cloned().collect();
     if let Some(clash) = clash(&outputs, &[]) {
-        eprintln!("cfodi: {clash}");
+        say(format_args!("cfodi: {clash}"));
         return Ok(ExitCode::from(WRONG));
     }
     let scene = Scene::named(&options.scene).context("the scene is not built in")?;
@@ -85,15 +87,17 @@ pub(crate) fn simulate(options: &Options) -> anyhow::Result<ExitCode> {
         None => drive,
     };
     let scans = ((options.seconds * f64::from(SCANS_PER_SECOND)).round() as u32).max(1);
+    // Before the drive: who has named a file that cannot be written is not to wait for it.
+    let truth_file = options.truth.as_deref().map(WholeFile::create).transpose()?;
     let written = record(&drive, scans, options)?;
-    if let Some(path) = &options.truth {
+    if let Some(file) = truth_file {
         let seconds = f64::from(written) / f64::from(SCANS_PER_SECOND);
         let truth = truth(&options.scene, options.seed, seconds, &drive);
-        write_whole(path, |out| writeln!(out, "{truth:#}"))?;
+        file.complete(|out| writeln!(out, "{truth:#}"))?;
     }
-    eprintln!("{written} scans of scene {} in {}", options.scene, options.out.display());
+    say(format_args!("{written} scans of scene {} in {}", options.scene, options.out.display()));
     if written < scans {
-        eprintln!("cfodi: stopped by a signal before the end of the drive, which has {scans} scans");
+        say(format_args!("cfodi: stopped by a signal before the end of the drive, which has {scans} scans"));
         return Ok(ExitCode::FAILURE);
     }
     Ok(ExitCode::SUCCESS)

@@ -54,6 +54,21 @@ pub struct Cloud {
     pub out_of_range: u32,
 }
 
+impl Cloud {
+    /// What is to be said where next to nothing of it is of use: its unit, frame or range may be others than assumed.
+    pub fn hardly_used(&self) -> Option<String> {
+        let Self { total, invalid, out_of_range, .. } = self;
+        let used = self.points.len();
+        let is_hardly = *total > 0 && used * 10 < *total as usize;
+        is_hardly.then(|| {
+            format!(
+                "of {total} points only {used} are used: {invalid} are invalid, {out_of_range} out of range (see \
+                 min_range, max_range, optical)"
+            )
+        })
+    }
+}
+
 /// Which points of a message are taken in; the configuration checks the values.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CloudFilter {

@@ -31,7 +31,8 @@ impl fmt::Display for Value {
         match self {
             Self::Boolean(value) => value.fmt(f),
             Self::Integer(value) => value.fmt(f),
-            Self::Double(value) => value.fmt(f),
+            // 15.0 is not 15, and 1e300 no 301 digits.
+            Self::Double(value) => write!(f, "{value:?}"),
             Self::Text(value) => write!(f, "{value:?}"),
             Self::TextList(value) => write!(f, "{value:?}"),
         }

@@ -98,6 +98,14 @@ impl Engine {
         }
     }
 
+    /// Number of dense voxels.
+    pub const fn dense_count(&self) -> usize {
+        match &self.0 {
+            Method::Paper(map) => map.dense_count(),
+            Method::Consistent(map) => map.dense_count(),
+        }
+    }
+
     /// The whole map as it is now. Costs O(map).
     pub fn snapshot(&self) -> Snapshot {
         match &self.0 {

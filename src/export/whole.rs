@@ -23,9 +23,7 @@ pub fn write_whole(
     path: &Path,
     write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
 ) -> Result<(), WriteError> {
-    let mut file = WholeFile::create(path)?;
-    write(&mut file).map_err(|source| WriteError { path: path.to_owned(), source })?;
-    file.commit()
+    WholeFile::create(path)?.complete(|file| write(file))
 }
 
 /// A file under a temporary name in the folder of the one it is to be; dropping it before [`WholeFile::commit`] leaves
@@ -58,6 +56,16 @@ impl WholeFile {
         };
         let (file, replaces) = opened.map_err(|source| WriteError { path: path.to_owned(), source })?;
         Ok(Self { path: path.to_owned(), replaces, out: BufWriter::new(file) })
+    }
+
+    /// Writes all of the file and lets it take its place.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::commit`].
+    pub fn complete(mut self, write: impl FnOnce(&mut Self) -> io::Result<()>) -> Result<(), WriteError> {
+        write(&mut self).map_err(|source| WriteError { path: self.path.clone(), source })?;
+        self.commit()
     }
 
     /// Lets the file take its place.

@@ -22,6 +22,7 @@ use super::rosout::Lines;
 use super::security::{Security, SecurityError};
 use super::transport::SensorTopics;
 use crate::engine::{Engine, Snapshot};
+use crate::say::say;
 
 /// The process has to end with a failure.
 #[derive(Debug, Error)]
@@ -178,7 +179,7 @@ pub fn live_node<T: Middleware>(
         }
         map
     });
-    eprintln!("counts {}", counts.borrow());
+    say(format_args!("counts {}", counts.borrow()));
     map
 }
 

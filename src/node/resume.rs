@@ -32,7 +32,7 @@ pub fn begin(config: &Config, resume: bool) -> Result<(Engine, Option<Lock>), Be
     }
     if path.exists() {
         let kept = kept_aside(path, "before")?;
-        info!("not resumed: the map that was saved is kept as {}", kept.display());
+        info!("not resumed: what was in {} is kept as {}", path.display(), kept.display());
     }
     Ok((Engine::new(config.engine), Some(lock)))
 }

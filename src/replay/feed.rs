@@ -248,6 +248,11 @@ impl<V: Visitor> Feeder<'_, V> {
     }
 
     fn cloud(&mut self, cloud: Cloud) -> Result<(), V::Error> {
+        if let Some(line) = cloud.hardly_used()
+            && self.tally.note_hardly_used()
+        {
+            self.visitor.say(&line);
+        }
         self.make_room()?;
         if let Some(pushed_out) = self.join.cloud(cloud, Duration::ZERO) {
             self.skip(&pushed_out);
@@ -323,7 +328,7 @@ impl<V: Visitor> Feeder<'_, V> {
             return Ok(());
         }
         let mut ready = self.join.ready(fixed_frame).into_iter();
-        while let Some(Joined { scan, total, jumped_back, .. }) = ready.next() {
+        while let Some(Joined { scan, total, invalid, jumped_back, .. }) = ready.next() {
             if let Some(Jump { seconds, given_up }) = jumped_back {
                 self.tally.skip_all("session_ended", given_up);
                 if self.visitor.jumped_back(seconds)? == Go::Home {
@@ -332,7 +337,7 @@ impl<V: Visitor> Feeder<'_, V> {
                     return Ok(());
                 }
             }
-            self.tally.take(total, scan.points.len());
+            self.tally.take(total, invalid, scan.points.len());
             self.visitor.scan(&scan, fixed_frame)?;
         }
         Ok(())

@@ -202,7 +202,5 @@ fn complete(
     file: Option<WholeFile>,
     write: impl FnOnce(&mut WholeFile) -> io::Result<()>,
 ) -> Result<(), WriteError> {
-    let Some(mut file) = file else { return Ok(()) };
-    write(&mut file).map_err(failed(file.path()))?;
-    file.commit()
+    file.map_or(Ok(()), |file| file.complete(write))
 }

@@ -92,8 +92,9 @@ impl<'a> Replay<'a> {
 
     fn tell(&mut self, scan: &Scan, update: &Update, engine_ms: f64) {
         let Some(story) = &mut self.outputs.story else { return };
-        let points = scan.points.len() as u64;
-        story.scan(update, &Taken { points, engine_ms, sensor: scan.sensor_origin() });
+        let points = scan.points.len() as u64 - u64::from(update.points_beyond_grid);
+        let (dense, sensor) = (self.engine.dense_count() as u64, scan.sensor_origin());
+        story.scan(update, &Taken { points, dense, engine_ms, sensor });
         if story.wants_moment() {
             story.moment(&self.engine.snapshot());
         }
@@ -139,9 +140,12 @@ impl<'a> Replay<'a> {
         if let Some(story) = &mut story {
             story.finish(&snapshot);
         }
+        // Without a scan there is no map, nor a stamp that it could stand under in a bag.
+        if let Some(session) = &self.session {
+            self.outputs.snapshot(session, &snapshot)?;
+        }
         let nothing = Session { id: 0, frame_id: fed.fixed_frame.clone() };
         let session = self.session.take().unwrap_or(nothing);
-        self.outputs.snapshot(&session, &snapshot)?;
         let active = |state| state == ClusterState::Active;
         self.engine_ms.sort_by(f32::total_cmp);
         let summary = Summary {

@@ -24,15 +24,31 @@ pub struct Tally {
     pub decoding: Duration,
     /// Points of the scans taken in, valid or not.
     pub points: u64,
+    /// Those of them without a measurement.
+    pub points_invalid: u64,
     /// Those that were valid and in range.
     pub points_valid: u64,
+    /// Clouds of which hardly a point is used.
+    pub hardly_used: u64,
 }
 
 impl Tally {
-    pub(super) fn take(&mut self, total: u32, valid: usize) {
+    /// Measured points that were too near or too far.
+    pub const fn points_out_of_range(&self) -> u64 {
+        self.points - self.points_invalid - self.points_valid
+    }
+
+    pub(super) fn take(&mut self, total: u32, invalid: u32, valid: usize) {
         self.scans += 1;
         self.points += u64::from(total);
+        self.points_invalid += u64::from(invalid);
         self.points_valid += valid as u64;
+    }
+
+    /// Counts a cloud of which hardly a point is used; says whether it is the first.
+    pub(super) const fn note_hardly_used(&mut self) -> bool {
+        self.hardly_used += 1;
+        self.hardly_used == 1
     }
 
     /// Counts a scan; says whether it is the first with this reason.
@@ -99,10 +115,27 @@ pub struct Summary {
 }
 
 impl Summary {
+    /// Points that were put into voxels.
+    pub const fn points_used(&self) -> u64 {
+        self.tally.points_valid - self.points_beyond_grid
+    }
+
+    /// What became of the others: the reasons there are.
+    pub fn points_unused(&self) -> String {
+        let Self { tally, points_beyond_grid, .. } = self;
+        let reasons = [
+            ("invalid", tally.points_invalid),
+            ("out of range", tally.points_out_of_range()),
+            ("beyond the grid", *points_beyond_grid),
+        ];
+        let there = reasons.iter().filter(|(_, points)| *points > 0);
+        there.map(|(reason, points)| format!("{points} {reason}")).collect::<Vec<_>>().join(", ")
+    }
+
     /// As the contract has it.
     pub fn json(&self) -> Json {
-        let Tally { scans, skipped, transforms_refused, undecodable, decoding, points, points_valid } =
-            &self.tally;
+        let tally = &self.tally;
+        let Tally { scans, skipped, transforms_refused, undecodable, decoding, points, .. } = tally;
         let ingest = *decoding + self.binning;
         let mut parameters: Map<String, Json> =
             self.parameters.iter().map(|(name, value)| (name.clone(), parameter(value))).collect();
@@ -115,7 +148,9 @@ impl Summary {
             "messages_undecodable": undecodable,
             "sessions": self.sessions,
             "points": points,
-            "points_valid": points_valid,
+            "points_valid": tally.points_valid,
+            "points_invalid": tally.points_invalid,
+            "points_out_of_range": tally.points_out_of_range(),
             "points_beyond_grid": self.points_beyond_grid,
             "voxels": self.voxels,
             "dense_voxels": self.dense_voxels,
@@ -153,7 +188,7 @@ impl Summary {
             parameters: values.map(|(name, value)| (name.clone(), value.to_string())).collect(),
             scans: self.tally.scans,
             skipped,
-            points: self.tally.points_valid,
+            points: self.points_used(),
             wall_seconds: self.wall.as_secs_f64(),
             notes: unread.chain(stopped).chain(begun).chain(self.notes.clone()).collect(),
             figures: Vec::new(),

@@ -87,7 +87,7 @@ fn summary(story: &Story, facts: &Facts) -> String {
     };
     add("scans taken in", &grouped(facts.scans), "");
     add("messages skipped", &grouped(facts.skipped.values().sum()), "");
-    add("valid points", &grouped(facts.points), "");
+    add("points used", &grouped(facts.points), "");
     if let Some(total) = story.series.total() {
         add("dense voxels", &grouped(total.dense), "");
         add("clusters", &grouped(total.clusters), "");

@@ -7,8 +7,10 @@ use crate::engine::Stamp;
 /// What the caller knows of a scan that went through the engine.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Taken {
-    /// Valid points.
+    /// Points that it put into voxels.
     pub points: u64,
+    /// Dense voxels after it.
+    pub dense: u64,
     /// Time that the engine took (ms).
     pub engine_ms: f64,
     /// Where the sensor stood, fixed frame (m).
@@ -22,7 +24,7 @@ pub(super) struct Column {
     pub(super) scans: u64,
     /// Stamp of the last.
     pub(super) stamp: Stamp,
-    /// Valid points of all.
+    /// Points that all put into voxels.
     pub(super) points: u64,
     /// Time in the engine of all (ms).
     pub(super) engine_ms: f64,

@@ -23,7 +23,6 @@ pub struct Story {
     scans: u64,
     /// `sequence` of the newest update.
     sequence: u64,
-    dense: u64,
     living: FxHashSet<ClusterId>,
     pub(super) voxel_size: f64,
     pub(super) latest: Latest,
@@ -60,7 +59,6 @@ impl Story {
             interval: 1,
             scans: 0,
             sequence: 0,
-            dense: 0,
             living: FxHashSet::default(),
             voxel_size: f64::NAN,
             latest: Latest::default(),
@@ -75,7 +73,6 @@ impl Story {
         if update.sequence <= self.sequence {
             // The engine began anew: nothing of the map before is left.
             self.living.clear();
-            self.dense = 0;
         }
         self.sequence = update.sequence;
         self.scans += 1;
@@ -83,7 +80,6 @@ impl Story {
         for id in &update.removed {
             self.living.remove(id);
         }
-        self.dense += u64::from(update.newly_dense);
         self.note_merges(update);
         self.series.push(Column {
             scans: 1,
@@ -93,7 +89,7 @@ impl Story {
             slowest_ms: taken.engine_ms,
             newly_dense: update.newly_dense.into(),
             clusters: self.living.len() as u64,
-            dense: self.dense,
+            dense: taken.dense,
             sensor: taken.sensor,
         });
     }
@@ -108,7 +104,6 @@ impl Story {
     /// Keeps the map as it is after the newest scan. Costs O(map).
     pub fn moment(&mut self, snapshot: &Snapshot) {
         self.voxel_size = snapshot.voxel_size;
-        self.dense = snapshot.voxels.len() as u64;
         let mut moment = self.latest.advance(snapshot, self.scans);
         if let Some(same) = self.moments.pop_if(|last| last.scan == self.scans) {
             moment.take_in(same);

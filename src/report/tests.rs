@@ -29,7 +29,8 @@ fn tell(story: &mut Story, engine: &mut Engine, scans: impl Iterator<Item = u32>
         let scan = scan(number);
         let update = engine.insert(&scan);
         let sensor = scan.sensor_origin();
-        story.scan(&update, &Taken { points: scan.points.len() as u64, engine_ms: 0.25, sensor });
+        let (points, dense) = (scan.points.len() as u64, engine.dense_count() as u64);
+        story.scan(&update, &Taken { points, dense, engine_ms: 0.25, sensor });
         if story.wants_moment() {
             story.moment(&engine.snapshot());
         }
@@ -139,7 +140,8 @@ fn a_moment_holds_only_what_differs_from_the_one_before() {
     assert!(story.moments[1].voxels.len() < dense / 2, "{} of {dense}", story.moments[1].voxels.len());
     // The same map after another scan: nothing to tell.
     let update = engine.insert(&Scan { points: Points::F32(Vec::new()), ..scan(2) });
-    story.scan(&update, &Taken { points: 0, engine_ms: 0.0, sensor: Point3::origin() });
+    let dense = engine.dense_count() as u64;
+    story.scan(&update, &Taken { points: 0, dense, engine_ms: 0.0, sensor: Point3::origin() });
     story.moment(&engine.snapshot());
     assert!(story.moments[2].voxels.is_empty() && story.moments[2].clusters.is_empty());
 }
@@ -155,6 +157,18 @@ fn after_a_reset_of_the_engine_nothing_of_the_map_before_is_left() {
     let last = story.series.columns.last().unwrap();
     assert_eq!((last.dense, last.clusters), (snapshot.voxels.len() as u64, snapshot.clusters.len() as u64));
     assert_eq!(scans_of(&story), (1..=8).collect::<Vec<_>>());
+}
+
+#[test]
+fn voxels_that_were_forgotten_are_counted_no_longer() {
+    let params = Params::default().with_max_voxels(200).unwrap();
+    let (mut story, mut engine) = (Story::of_moments(2), Engine::new(params));
+    tell(&mut story, &mut engine, 0..9);
+    // The newest scan is between two moments.
+    assert!(!story.moments.iter().any(|moment| moment.scan == 9) || story.moments.len() == 1);
+    let (last, dense) = (story.series.columns.last().unwrap(), engine.snapshot().voxels.len() as u64);
+    assert!(dense > 0 && story.series.total().unwrap().newly_dense > dense);
+    assert_eq!(last.dense, dense);
 }
 
 #[test]

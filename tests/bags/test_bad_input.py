@@ -7,6 +7,7 @@ import struct
 import bags
 import pytest
 import zstandard
+from mcap.reader import make_reader
 from replay import OUTPUTS, Replay, cfodi
 
 MESSAGE, CHUNK = 0x05, 0x06
@@ -184,3 +185,23 @@ def test_a_remap_is_not_ignored_in_silence(recordings):
     """As in the live node it chooses the sensor's topic, or it is refused."""
     done = cfodi("replay", recordings / "cabinet_cloud320_58.mcap", "--ros-args", "-r", "points:=/camera/nope")
     assert done.returncode == 2 and ("/camera/nope" in done.stderr or "--topic" in done.stderr)
+
+
+def test_a_name_that_cannot_be_a_topic_ends_it_with_2(recordings, tmp_path):
+    done = cfodi("replay", recordings / "cabinet_cloud320_58.mcap", "--out", tmp_path / "r.mcap", "--ros-args", "-r",
+                 "~/clusters:=9bad")
+    assert done.returncode == 2 and "9bad" in done.stderr
+
+
+def test_a_bag_without_a_usable_scan_leaves_a_result_of_no_other_time(recordings, tmp_path):
+    bag = recordings / "cabinet_cloud320_58.mcap"
+    done = cfodi("replay", bag, "--out", tmp_path / "r.mcap", "--ros-args", "-p", "fixed_frame:=nowhere")
+    assert done.returncode == 0 and "tf_" in done.stderr
+    with open(tmp_path / "r.mcap", "rb") as result:
+        times = [message.log_time for _, _, message in make_reader(result).iter_messages()]
+    assert times and min(times) > bags.SECOND * 1_000_000_000, "some of it is said to be of 1970"
+
+
+def test_the_truth_that_cannot_be_written_is_said_before_the_drive(tmp_path):
+    done = cfodi("simulate", "--out", tmp_path / "s.mcap", "--truth", tmp_path / "no" / "T.json")
+    assert done.returncode == 1 and "T.json" in done.stderr and not list(tmp_path.iterdir())

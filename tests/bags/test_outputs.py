@@ -2,10 +2,12 @@
 
 import json
 import math
+import os
+import subprocess
 
 import numpy as np
 import pytest
-from replay import Replay
+from replay import BINARY, Replay
 from scipy.spatial import cKDTree
 
 SUMMARY = {"scans", "scans_skipped", "points", "points_valid", "voxels", "dense_voxels", "clusters", "clusters_active",
@@ -109,3 +111,23 @@ def test_parameters_reach_the_engine(recording, tmp_path):
     coarse = {tuple(i // 2 for i in key) for key in recording("cabinet").replay().voxels()}
     inside = sum(key in coarse for key in run.voxels())
     assert 0 < len(run.voxels()) < len(coarse) and inside >= 0.9 * len(run.voxels())
+
+
+@pytest.mark.parametrize("stream", ["stdout", "stderr"])
+@pytest.mark.parametrize("verb", ["replay", "simulate", "experiment"])
+def test_a_reader_who_has_gone_takes_no_result_with_it(verb, stream, recording, tmp_path):
+    """`cfodi ... | head -1`: all that is said is said to nobody, and the files are there."""
+    bag = recording("cabinet").folder()
+    commands = {"replay": (["replay", bag, "--out", "r.mcap", "--summary", "s.json"], ["r.mcap", "s.json"]),
+                "simulate": (["simulate", "--seconds", "0.2", "--out", "s.mcap", "--truth", "t.json"], ["s.mcap", "t.json"]),
+                "experiment": (["experiment", "--scene", "room", "--seconds", "0.2", "--seeds", "1", "--out", "e"],
+                               ["e/quality.md", "e/quality.csv"])}
+    command, files = commands[verb]
+    reader, writer = os.pipe()
+    os.close(reader)
+    other = {"stdout": "stderr", "stderr": "stdout"}[stream]
+    done = subprocess.run([str(BINARY), *map(str, command)], cwd=tmp_path, stdin=subprocess.DEVNULL, timeout=120,
+                          **{stream: writer, other: subprocess.PIPE})
+    os.close(writer)
+    assert done.returncode == 0, done
+    assert all((tmp_path / file).stat().st_size > 100 for file in files)

@@ -95,6 +95,29 @@ def test_float_images_packed_by_their_inverse_are_unpacked(tmp_path):
     recount.assert_same_voxels(run.voxels(), recount.Voxels(clouds, bags.POINTS), allowed=1e-4)
 
 
+def test_the_sensor_is_that_of_its_kind(tmp_path):
+    """`points.kind` without a list of sensors, as the live node takes it: depth images of `points/image`."""
+    with Bag(tmp_path / "both") as bag:
+        bag.static(scene.START - bags.SECOND)
+        scene.moves(bag, "odom")
+        for scan, stamp in enumerate(scene.stamps()):
+            scene.cloud(bag, stamp, scan, topic="/points")
+            bag.info(stamp, scene.WIDTH, scene.HEIGHT, scene.FOCAL, topic="/points/camera_info")
+            bag.image(stamp, scene.depth(scan), topic="/points/image")
+    for kind, read in [("cloud", "reading /points\n"), ("depth", "reading /points/image with /points/camera_info")]:
+        run = Replay(tmp_path / "both", tmp_path, parameters=PAPER | {"points.kind": kind}, outputs=("summary",))
+        assert read in run.stderr and run.summary()["scans"] == scene.SCANS
+
+
+def test_why_hardly_a_point_is_used_is_said_and_counted(clouds, tmp_path):
+    run = Replay(clouds, tmp_path, parameters={"max_range": 0.5}, outputs=("summary",))
+    summary = run.summary()
+    assert summary["points_valid"] == 0 < summary["points_invalid"] < summary["points_out_of_range"]
+    assert summary["points_invalid"] + summary["points_out_of_range"] == summary["points"]
+    assert run.stderr.count("points only 0 are used") == 1 and "max_range" in run.stderr
+    assert f"({summary['points_invalid']} invalid, {summary['points_out_of_range']} out of range)" in run.stderr
+
+
 def test_static_transforms_that_come_after_five_clouds_hold_for_those_too(clouds, tmp_path):
     with Bag(tmp_path / "late") as bag:
         scene.moves(bag)

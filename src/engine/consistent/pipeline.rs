@@ -151,6 +151,11 @@ impl Consistent {
         self.grid.len()
     }
 
+    /// Number of dense voxels.
+    pub const fn dense_count(&self) -> usize {
+        self.grid.dense() as usize
+    }
+
     /// The whole map as it is now. Costs O(map).
     pub fn snapshot(&self) -> Snapshot {
         Snapshot {

@@ -97,6 +97,11 @@ impl Cfodi {
         self.grid.len()
     }
 
+    /// Number of dense voxels.
+    pub const fn dense_count(&self) -> usize {
+        self.grid.dense() as usize
+    }
+
     /// The whole map as it is now. Costs O(map).
     pub fn snapshot(&self) -> Snapshot {
         let now = self.taken.now();

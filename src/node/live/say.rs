@@ -14,16 +14,8 @@ use crate::tf::Waited;
 impl<T: Transport> Live<T> {
     /// Says when next to nothing of a cloud is of use: its unit, frame or range may be others than assumed.
     pub(super) fn look_at(&mut self, cloud: &Cloud) {
-        let Cloud { total, invalid, out_of_range, .. } = *cloud;
-        let used = cloud.points.len();
-        if total > 0 && used * 10 < total as usize {
-            self.warn(
-                "hardly_used",
-                format_args!(
-                    "of {total} points only {used} are used: {invalid} are invalid, {out_of_range} out of range (see \
-                     min_range, max_range, optical)"
-                ),
-            );
+        if let Some(line) = cloud.hardly_used() {
+            self.warn("hardly_used", format_args!("{line}"));
         }
     }
 
