@@ -11,6 +11,7 @@
 mod reader;
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
 
 use cfodi::engine::consistent::Consistent;
 use cfodi::engine::{
@@ -28,7 +29,7 @@ const VOXEL: f64 = 0.25;
 struct Solid {
     middle: Isometry3<f64>,
     half: Vector3<f64>,
-    there: std::ops::Range<usize>,
+    there: Range<usize>,
 }
 
 impl Solid {
@@ -323,17 +324,45 @@ fn a_block_that_is_taken_away_is_cleared() {
         half: Vector3::new(1.0, 9.0, 9.0),
         there: 0..100,
     };
-    let poses = vec![pose(Vector3::new(0.0, 0.0, 1.1), 0.0); 24];
+    let poses = vec![pose(Vector3::new(0.0, 0.0, 1.1), 0.0); 48];
     let stream = Stream { solids: vec![block, wall], poses, seed: 1 };
     let params = Params::default().with_voxel_size(VOXEL).unwrap();
-    for (clearing, left) in [(true, false), (false, true)] {
+    let near = |map: &Consistent| map.snapshot().voxels.iter().any(|voxel| voxel.centre.x < 4.0);
+    // Sensors take turns at one map: others, in rooms of their own, may send one, two or more scans in between.
+    for (clearing, others) in [(true, 0), (true, 1), (true, 2), (true, 5), (false, 0)] {
         let mut map = Consistent::new(params.with_clearing(clearing));
-        let near = |map: &Consistent| map.snapshot().voxels.iter().any(|voxel| voxel.centre.x < 4.0);
-        (0..6).for_each(|number| drop(map.insert(&stream.scan(number))));
-        assert!(near(&map));
-        (6..24).for_each(|number| drop(map.insert(&stream.scan(number))));
-        assert_eq!(near(&map), left, "clearing: {clearing}");
+        let mut insert = |numbers: Range<usize>| {
+            for number in numbers {
+                let scan = stream.scan(number);
+                let blind = Scan { points: Points::F32(Vec::new()), ..scan.clone() };
+                map.insert(&scan);
+                (0..others).for_each(|_| drop(map.insert(&blind)));
+            }
+            near(&map)
+        };
+        assert!(insert(0..6));
+        // 18 scans of a sensor that is alone; beside others it has its turns by chance.
+        assert_eq!(
+            insert(6..if others == 0 { 24 } else { 48 }),
+            !clearing,
+            "clearing: {clearing}, {others} others"
+        );
     }
+}
+
+#[test]
+fn points_of_one_place_have_a_curvature_where_there_is_a_normal() {
+    let params = Params::default().with_voxel_size(VOXEL).unwrap().with_min_points(1).unwrap();
+    let floor = (0..25).map(|i| [(i / 5) as f32, (i % 5) as f32, 0.0].map(|at| (at + 0.5) * VOXEL as f32));
+    let mut map = Consistent::new(params);
+    map.insert(&Scan {
+        stamp: Stamp::from_nanos(0),
+        fixed_from_sensor: Isometry3::translation(0.0, 0.0, 2.0),
+        points: Points::F32(floor.map(|[x, y, z]| [x, y, z - 2.0]).collect()),
+    });
+    let voxels = map.snapshot().voxels;
+    assert!(voxels.len() == 25 && voxels.iter().all(|voxel| voxel.normal.is_some()));
+    assert!(voxels.iter().all(|voxel| voxel.curvature == 0.0), "{voxels:?}");
 }
 
 /// The laboratory for 40 s, every 6th scan: what is in the map stays within its bounds and its updates add up to it.

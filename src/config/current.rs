@@ -126,7 +126,7 @@ mod tests {
     fn a_change_shows_in_the_values_and_in_what_they_stand_for() {
         let mut current = begin();
         let changed = change(&mut current, &[("max_range", Value::Integer(5)), ("depth", Value::Integer(4))]);
-        assert_eq!(changed.unwrap(), ["max_range: 6 -> 5"]);
+        assert_eq!(changed.unwrap(), ["max_range: 6.0 -> 5.0"]);
         assert_eq!(current.config().filter.max_range, 5.0);
         assert_eq!(current.get("max_range").unwrap().1, &Value::Double(5.0));
     }
@@ -136,7 +136,7 @@ mod tests {
         let mut current = begin();
         let wanted = [("min_range", Value::Double(1.0)), ("publish_rate", Value::Double(0.0))];
         let error = change(&mut current, &wanted).unwrap_err();
-        assert_eq!(error, "publish_rate is 0; it must be from 0.01 to 100 Hz");
+        assert_eq!(error, "publish_rate is 0.0; it must be from 0.01 to 100 Hz");
         assert_eq!(current.config(), begin().config());
         let both = [("min_range", Value::Double(7.0)), ("max_range", Value::Double(9.0))];
         assert_eq!(change(&mut current, &both).unwrap().len(), 2);

@@ -69,10 +69,13 @@ fn an_unknown_name_gets_the_nearest_known_one() {
 #[test]
 fn an_impossible_value_is_named_with_what_it_must_be() {
     assert_eq!(line("depth", Value::Integer(9)), "depth is 9; it must be from 1 to 8");
-    assert_eq!(line("voxel_size", Value::Double(-1.0)), "voxel_size is -1; it must be finite and above 0 m");
+    assert_eq!(
+        line("voxel_size", Value::Double(-1.0)),
+        "voxel_size is -1.0; it must be finite and above 0 m"
+    );
     assert_eq!(line("depth", Value::Text("deep".into())), "depth is \"deep\"; it must be an integer");
     assert_eq!(line("depth", Value::Double(2.5)), "depth is 2.5; it must be an integer");
-    assert_eq!(line("depth", Value::Double(1e20)), "depth is 100000000000000000000; it must be from 1 to 8");
+    assert_eq!(line("depth", Value::Double(1e20)), "depth is 1e20; it must be from 1 to 8");
     assert_eq!(line("use_sim_time", Value::Integer(1)), "use_sim_time is 1; it must be true or false");
     assert_eq!(
         line("optical", Value::Text("no!".into())),
@@ -82,7 +85,10 @@ fn an_impossible_value_is_named_with_what_it_must_be() {
         line("max_range", Value::Double(0.1)),
         "max_range is 0.1; it must be at least min_range, which is 0.4 m"
     );
-    assert_eq!(line("publish_rate", Value::Double(0.0)), "publish_rate is 0; it must be from 0.01 to 100 Hz");
+    assert_eq!(
+        line("publish_rate", Value::Double(0.0)),
+        "publish_rate is 0.0; it must be from 0.01 to 100 Hz"
+    );
     assert_eq!(line("tf_timeout", Value::Double(f64::NAN)), "tf_timeout is NaN; it must be from 0 to 60 s");
     assert_eq!(
         line("fixed_frame", Value::Text("/".into())),
@@ -99,7 +105,7 @@ fn an_impossible_value_is_named_with_what_it_must_be() {
     assert_eq!(line("max_voxels", Value::Integer(-1)), "max_voxels is -1; it must be 0 (no bound) or more");
     assert_eq!(
         line("keep_radius", Value::Integer(-1)),
-        "keep_radius is -1; it must be finite and 0 m (no bound) or more"
+        "keep_radius is -1.0; it must be finite and 0 m (no bound) or more"
     );
     for other in ["eth0", "::1"] {
         let addresses = Value::TextList(vec!["127.0.0.1".into(), other.into()]);

@@ -68,7 +68,7 @@ pub enum ParamsError {
 /// Largest `depth`.
 pub(crate) const MAX_DEPTH: u8 = 8;
 
-/// Most points that a voxel counts; further ones change neither its count nor its centre.
+/// Most points that a voxel counts; in `paper` further ones change neither its count nor its centre.
 ///
 /// A centre made of 2^31 points has long come to rest, and up to here the sums fit in 64 bits.
 pub(crate) const MAX_POINTS: u32 = 1 << 31;

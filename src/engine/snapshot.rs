@@ -30,7 +30,8 @@ pub struct Cluster {
     pub state: ClusterState,
     /// Stamp of the scan that created it.
     pub first_seen: Stamp,
-    /// Newest stamp of the scans that put a point into one of its voxels.
+    /// Newest stamp of the scans that put a point into one of its voxels; in `consistent`, into a block of 8 x 8 x 8 voxels
+    /// that it reaches into.
     pub last_seen: Stamp,
     /// What it is to a robot; always unknown in `paper`.
     pub class: SurfaceClass,

@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 use super::patch::Patch;
 use super::rules::Rules;
 
-/// Where two patches come within two voxels of each other.
+/// Where two patches meet: their voxels that touch.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Contact {
     /// Number of pairs of voxels.

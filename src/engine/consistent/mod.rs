@@ -3,8 +3,8 @@
 //!
 //! # The definition
 //!
-//! 1. A voxel holds exact sums of its points: count, means, squares, and the directions towards the sensor, each scan
-//!    weighed by its noise (`sums`, `noise`). Its **state** is what these were when its block of 8 x 8 x 8 voxels was
+//! 1. A voxel holds count, mean and covariance of its points and the mean of the directions towards the sensor, each scan
+//!    summed exactly and weighed by its noise (`sums`, `noise`). Its **state** is what these were when its block of 8 x 8 x 8 voxels was
 //!    published last, or when it became dense after that. A block is published with whatever has changed while it is young and
 //!    when the sensor has turned away; in between, not more often than every third scan, when a quarter of a scan's points
 //!    fall into voxels that were not published or a quarter of the voxels have drifted; at once when a dense voxel is gone

@@ -1,6 +1,6 @@
 //! The consistent engine itself: one scan in, what it changed out.
 
-use nalgebra::{Point3, UnitVector3};
+use nalgebra::UnitVector3;
 
 use super::bin::Binned;
 use super::block::{Block, BlockIndex, Voxel};
@@ -199,7 +199,8 @@ impl Consistent {
             due.into_iter().partition(|&block| self.grid.block(block).is_urgent(self.standpoint.since()));
         let size = self.params.voxel_size();
         let share = ((SHARE / (size * size)) as u32).saturating_sub(first.iter().map(voxels).sum());
-        let most = share.max(others.iter().map(voxels).sum::<u32>() / PART);
+        // One at least: a block whose turn never comes would wait for ever.
+        let most = share.max(others.iter().map(voxels).sum::<u32>() / PART).max(1);
         others.sort_by_key(|&block| self.grid.block(block).published());
         let mut taken = 0;
         let later = others.iter().position(|block| {
@@ -245,8 +246,9 @@ impl Consistent {
     ) -> Option<DenseVoxel> {
         let cluster = node.and_then(|node| self.surfaces.cluster_of_node(node));
         let spread = voxel.moments.covariance();
-        let curvature =
-            |normal: UnitVector3<f64>| (quadratic(&spread, &normal) / spread.trace()).clamp(0.0, 1.0) as f32;
+        let curvature = |normal: UnitVector3<f64>| {
+            (quadratic(&spread, &normal) / spread.trace().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0) as f32
+        };
         Some(DenseVoxel {
             key: block.voxel_key(voxel.cell)?,
             count: voxel.count,
@@ -286,13 +288,6 @@ impl Consistent {
         let segmented: Vec<_> =
             self.grid.blocks().map(|(_, block)| Segmented::new(&self.grid, block, rules)).collect();
         scratch::partition(&self.grid, &segmented, rules)
-    }
-
-    /// Mean of a dense voxel's points (m).
-    pub fn centre(&self, key: VoxelKey) -> Option<Point3<f64>> {
-        let (block, cell) = super::block::place(key);
-        let block = self.grid.block(self.grid.find(block)?);
-        Some(self.grid.centre(block, block.voxel(cell)?))
     }
 }
 

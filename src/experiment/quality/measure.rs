@@ -168,10 +168,16 @@ impl Measure {
                 surfaces.iter().filter_map(|surface| surface.described?.class_right),
                 surfaces.iter().map(|surface| surface.seen_area),
             ),
-            Self::AreaOfLarge | Self::AreaOfSmall | Self::Class => Vec::new(),
-            Self::Nees => surfaces.iter().filter_map(|surface| surface.described?.nees).collect(),
-            Self::OffsetSigma => {
-                surfaces.iter().filter_map(|surface| surface.described?.offset_sigma).collect()
+            Self::Nees if computes.certainty => {
+                let exact = surfaces.iter().filter(|surface| surface.is_one_plane);
+                exact.map(|surface| of(surface, |found| found.nees)).collect()
+            }
+            Self::OffsetSigma if computes.certainty => {
+                let flat = surfaces.iter().filter(|surface| surface.has_plane);
+                flat.map(|surface| of(surface, |found| found.offset_sigma)).collect()
+            }
+            Self::AreaOfLarge | Self::AreaOfSmall | Self::Class | Self::Nees | Self::OffsetSigma => {
+                Vec::new()
             }
         }
     }

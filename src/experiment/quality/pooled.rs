@@ -65,17 +65,6 @@ impl Pooled {
         self.failures.extend(quality.failures.iter().map(|failure| format!("{name}: {failure}")));
     }
 
-    /// Adds the runs of another pool behind those of this one.
-    pub fn merge(&mut self, other: Self) {
-        self.runs += other.runs;
-        self.seen += other.seen;
-        self.clusters += other.clusters;
-        for (measure, values) in other.values {
-            self.values.entry(measure).or_default().extend(values);
-        }
-        self.failures.extend(other.failures);
-    }
-
     /// What comes out for a measure; `None` without a value.
     pub fn line(&self, measure: Measure) -> Option<Line> {
         let values = self.values.get(&measure)?;

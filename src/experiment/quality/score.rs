@@ -44,6 +44,8 @@ pub struct SurfaceScore {
     pub seen_area: f64,
     /// Whether it has a plane to be found.
     pub has_plane: bool,
+    /// Whether it is that plane alone, not several close to it.
+    pub is_one_plane: bool,
     /// Number of scored voxels.
     pub scored: u32,
     /// Those of them that are in a cluster.
@@ -140,6 +142,7 @@ impl Truth {
                 name: surface.name.clone(),
                 seen_area: surface.seen_area,
                 has_plane: surface.plane.is_some(),
+                is_one_plane: surface.plane.is_some() && surface.is_one_plane,
                 scored: surface.scored,
                 clustered: holders.iter().map(|(_, count)| count).sum(),
                 described: cluster.map(|cluster| describe(surface, cluster)),

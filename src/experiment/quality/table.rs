@@ -204,6 +204,7 @@ mod tests {
             name: "wall".to_owned(),
             seen_area: 3.0,
             has_plane: true,
+            is_one_plane: true,
             scored: 100,
             clustered: held,
             holders: vec![(1, held)],

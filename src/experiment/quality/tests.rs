@@ -262,6 +262,18 @@ fn a_method_that_computes_no_areas_is_not_held_to_them() {
 }
 
 #[test]
+fn a_plane_whose_certainty_is_not_stated_is_no_calibrated_one() {
+    let truth = truth_of(corner());
+    let mut found = perfect(&truth);
+    found.clusters.get_mut(&1).unwrap().certainty = None;
+    let quality = truth.score(&found);
+    for measure in [Measure::Nees, Measure::OffsetSigma] {
+        let line = line(&quality, measure);
+        assert_eq!((line.of, line.worst), (2, f64::INFINITY), "{measure:?}");
+    }
+}
+
+#[test]
 fn nees_of_errors_drawn_from_the_stated_covariance_is_three_on_average() {
     let truth = truth_of(corner());
     let perfect = perfect(&truth);
@@ -307,12 +319,11 @@ fn nees_asks_for_two_hundred_cases_and_for_a_covariance() {
 fn runs_pool_their_values() {
     let truth = truth_of(corner());
     let (good, bad) = (truth.score(&perfect(&truth)), truth.score(&Found::default()));
-    let (mut one, mut other) = (Pooled::default(), Pooled::default());
-    one.add("seed 1", &good);
-    other.add("seed 2", &bad);
-    one.merge(other);
-    let coverage = one.line(Measure::Coverage).unwrap();
-    assert_eq!((one.runs, one.seen, coverage.held, coverage.of), (2, 4, 1, 2));
+    let mut pool = Pooled::default();
+    pool.add("seed 1", &good);
+    pool.add("seed 2", &bad);
+    let coverage = pool.line(Measure::Coverage).unwrap();
+    assert_eq!((pool.runs, pool.seen, coverage.held, coverage.of), (2, 4, 1, 2));
     assert_eq!((coverage.worst, coverage.median, coverage.holds), (0.0, 0.5, false));
-    assert!(one.failures.iter().all(|failure| failure.starts_with("seed 2: ")));
+    assert!(pool.failures.iter().all(|failure| failure.starts_with("seed 2: ")));
 }

@@ -21,6 +21,9 @@ use crate::engine::saved::{MOST_REVISIONS, RestoreError, ensure, ensure_counted,
 use crate::engine::scan::Stamp;
 use crate::engine::snapshot::ClusterState;
 
+/// Least part of a plane's unit normal along the axis that its outline is drawn along; the longest part is 0.57 or more.
+const LEAST_ALONG: f64 = 0.5;
+
 /// All of [`Surfaces`] that does not follow from the states of the voxels.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(in super::super) struct SavedSurfaces {
@@ -191,6 +194,10 @@ impl Surfaces {
                 continue;
             };
             cluster.refit();
+            // An outline is drawn along the axis: a plane that holds it has none.
+            let axis = usize::from(saved.axis);
+            let leans = cluster.plane.as_ref().is_none_or(|plane| plane.normal[axis].abs() >= LEAST_ALONG);
+            ensure(leans, || format!("{component:?} is drawn along axis {axis}, which lies in its plane"))?;
             let drawing = &mut self.drawing;
             let told = cluster.identity.id.and_then(|id| describe::describe(cluster, id, params, drawing));
             ensure(told.is_some() == saved.told.is_some(), || {
@@ -236,4 +243,36 @@ fn segmented(
         })?;
     }
     Ok(segmented)
+}
+
+#[cfg(test)]
+#[cfg(feature = "sim")]
+mod tests {
+    use crate::engine::class::SurfaceClass;
+    use crate::engine::consistent::pipeline::Consistent;
+    use crate::engine::params::Params;
+    use crate::engine::scan::Stamp;
+    use crate::sim::{Drive, Scene};
+
+    #[test]
+    fn an_axis_that_lies_in_the_plane_of_its_cluster_is_refused() {
+        let drive = Drive::new(Scene::room(), 1, Stamp::from_nanos(0));
+        let mut map = Consistent::new(Params::default());
+        (0..6).for_each(|index| drop(map.insert(&drive.labelled_scan(5 * index).scan)));
+        let saved = map.save();
+        let restored = |saved: &_| Consistent::restore(Params::default(), *map.taken(), saved);
+        assert!(restored(&saved).is_ok_and(|map| map.save() == saved));
+        let mut floors = 0;
+        for (place, (_, cluster)) in saved.surfaces.clusters.iter().enumerate() {
+            if cluster.told.as_ref().is_some_and(|told| told.class == SurfaceClass::Floor) {
+                let mut other = saved.clone();
+                other.surfaces.clusters[place].1.axis = 0;
+                // A map itself is too long a text.
+                let error = restored(&other).err().map(|error| error.to_string()).unwrap_or_default();
+                assert!(error.contains("axis 0, which lies in its plane"), "{error}");
+                floors += 1;
+            }
+        }
+        assert!(floors > 0);
+    }
 }

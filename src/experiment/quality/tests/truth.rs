@@ -56,7 +56,7 @@ fn rectangles_that_touch_in_one_plane_are_one_surface_with_the_areas_of_both_cla
     assert_eq!((surface.name.as_str(), surface.is_one_plane), ("wall", false));
     assert!((surface.areas[&Class::Wall] - 6.0).abs() < 1e-9);
     assert!((surface.areas[&Class::Door] - 2.0).abs() < 1e-9);
-    let found = Found { clusters: perfect(&truth).clusters, ..perfect(&truth) };
+    let found = perfect(&truth);
     let quality = truth.score(&found);
     assert!((line(&quality, Measure::Class).worst - 0.75).abs() < 1e-9);
     assert!(quality.surfaces[0].described.unwrap().nees.is_none());
