@@ -99,7 +99,7 @@ fi
 run cargo test --doc
 run cargo bench --profile test --bench '*' -- --test   # each benchmark once: that it runs, not how fast
 build_secured   # before the build without, which is the one to stay
-run cargo build --release
+run cargo build --release --bin cfodi --example soak   # in one: each alone has crates of other features
 run bash tests/soak.sh accelerated --hours 0.015 --views 30
 step "ROS tests: sockets"
 raise_socket_buffer
