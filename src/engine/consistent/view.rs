@@ -5,13 +5,14 @@
 //! measured proves nothing. [`RangeGrid::blocks_in_view`] names the blocks in which such voxels may lie, and
 //! [`Clearance`] says when one has been seen through often enough to lose its points.
 //!
-//! **Kept true.** A voxel with a measured point in it, or nearer than `margin` behind its far side, is never
-//! [`Sight::Through`]. The result does not depend on the order of the points.
+//! **Kept true.** A box with a measured point in it, or nearer than `margin` behind its far side, is never
+//! [`Sight::Through`] where it has a border or a padding: a point may be counted in the cell beside its own. The result does not
+//! depend on the order of the points.
 //!
 //! **Why floors are safe.** A ray just above a floor voxel ends far behind it, but the floor within the voxel lies in the
 //! voxel's own directions, and the floor before it in those just below: the smallest depth over all of them is not
 //! beyond the voxel, however shallow the angle. So it is at the edge of a table: the voxel that holds the last few
-//! millimetres has the table itself in the directions beside it.
+//! millimetres has the table itself in the directions beside it, which the padding of `clearing`'s boxes takes in.
 //!
 //! Any box can be looked at. With the cubes of voxels, what stood on a floor would stay up to 15 cm above it, as long as
 //! it is seen from 1.5 m or more: the rays beside it end on the floor, too near behind the cubes to tell. `clearing`

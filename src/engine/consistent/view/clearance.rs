@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 /// edge, points stray into the air behind it, and if each took all votes back, a ghost beside an edge would never go.
 /// Yet the last millimetres of a table may have no more than one or two in a scan. So they take back one vote: a ghost
 /// stays only if points stray into it as often as it is looked at, and a thin thing that is hit as often as it is missed
-/// stays, though the directions beside it should prevent that it is seen through at all.
+/// stays, though the padding of its box should prevent that it is seen through at all.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Clearance(u8);
 
