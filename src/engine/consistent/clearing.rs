@@ -106,7 +106,7 @@ const fn turn(sequence: u64) -> i64 {
     let (round, place) = (sequence / TURNS as u64, (sequence % TURNS as u64) as i64);
     // The upper half of a product with an odd number near 2^64 over the golden ratio (Knuth, 6.4): Fibonacci hashing.
     let hash = (round.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 32) as i64;
-    // Six orders: three begin with each of the three, forwards and backwards.
+    // Six orders: each of the three may be first, and the others follow forwards or backwards.
     let step = 1 + hash / TURNS % 2;
     (hash + place * step) % TURNS
 }

@@ -43,6 +43,10 @@ pub struct Consistent {
 
 /// Area of known dense voxels that one scan publishes anew (m^2); what is due beyond that waits. On the recordings the 99th
 /// percentile of a scan's time is twice the median with it, four times without.
+///
+/// Blocks with the most news first instead of those that wait longest: while the sensor walks round the cabinet (5 cm), the
+/// partition is nearer to that of all voxels as they are (adjusted Rand index 0.82 instead of 0.72), but clusters take 17 % longer;
+/// 4 m^2 or a sixth of the longest waiting gives 0.85 for 8 %.
 const SHARE: f64 = 3.0;
 /// Where more is due, this part of it: what waits is published within half a second or so.
 const PART: u32 = 8;
