@@ -20,7 +20,7 @@ use super::block::{Block, BlockIndex, BlockKey, Cell, EDGE, Voxel};
 use super::grid::Grid;
 use super::noise::NoiseModel;
 use super::sums::Moments;
-use super::view::{RangeGrid, Sight};
+use super::view::RangeGrid;
 use crate::engine::scan::Scan;
 
 mod body;
@@ -84,8 +84,7 @@ impl Clearing {
                 let mean = corner + view.to_mean(voxel);
                 let margin = view.margin(&mean);
                 if self.ranges.ends_past(&mean, margin + View::least(&mean))
-                    && self.ranges.sees_through(&mean, &view.body(&voxel.moments, &mean), margin, 0)
-                        == Sight::Through
+                    && self.ranges.sees_through(&mean, &view.body(&voxel.moments, &mean), margin)
                 {
                     self.through.push((block, voxel.cell));
                 }

@@ -1,13 +1,12 @@
 //! What one scan proves to be empty.
 //!
-//! A [`RangeGrid`] keeps, for every direction from the sensor, the smallest depth that was measured there. A voxel is
-//! seen through when all directions towards it, and those beside it that are asked for, were measured and end beyond it. What was not
-//! measured proves nothing. [`RangeGrid::blocks_in_view`] names the blocks in which such voxels may lie, and
-//! [`Clearance`] says when one has been seen through often enough to lose its points.
+//! A [`RangeGrid`] keeps, for every direction from the sensor, the smallest depth that was measured there. A box is seen
+//! through when all directions towards it were measured and end beyond it. What was not measured proves nothing.
+//! [`RangeGrid::blocks_in_view`] names the blocks in which such voxels may lie, and [`Clearance`] says when one has been
+//! seen through often enough to lose its points.
 //!
-//! **Kept true.** A box with a measured point in it, or nearer than `margin` behind its far side, is never
-//! [`Sight::Through`] where it has a border or a padding: a point may be counted in the cell beside its own. The result does not
-//! depend on the order of the points.
+//! **Kept true.** A box with a measured point in it, or nearer than `margin` behind its far side, is never seen through where it
+//! is padded: a point may be counted in the cell beside its own. The result does not depend on the order of the points.
 //!
 //! **Why floors are safe.** A ray just above a floor voxel ends far behind it, but the floor within the voxel lies in the
 //! voxel's own directions, and the floor before it in those just below: the smallest depth over all of them is not
@@ -64,17 +63,6 @@ const TILES: usize = CELLS / TILE_CELLS;
 const SPARSE: u32 = 8;
 /// Points whose cells are computed at once, so that the compiler can do several in one instruction.
 const BATCH: usize = 256;
-
-/// What a scan says about a voxel.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Sight {
-    /// Nothing: not measured, out of view, or hidden in whole or in part.
-    Unknown,
-    /// Every ray towards it, and beside it as far as asked for, ends beyond it.
-    Through,
-    /// The rays towards its centre end at its depth.
-    Hit,
-}
 
 /// A direction: how far the nearest point in it is, and how many there are.
 #[derive(Clone, Copy, Debug)]
@@ -168,34 +156,23 @@ impl RangeGrid {
         }
     }
 
-    /// Whether a voxel, or any box, was seen through.
+    /// Whether a box was seen through.
     ///
-    /// `centre` is its centre; `half` the box's reach from there along the sensor's axes, see [`half_extents`]. `margin`
-    /// is how far beyond its far side a ray must end. `border` is the number of cells beside it that are looked at as well.
-    pub(crate) fn sees_through(
-        &self,
-        centre: &Point3<f64>,
-        half: &Vector3<f64>,
-        margin: f64,
-        border: usize,
-    ) -> Sight {
+    /// `centre` is its centre; `half` its reach from there along the sensor's axes. `margin` is how far beyond its far side a
+    /// ray must end.
+    pub(crate) fn sees_through(&self, centre: &Point3<f64>, half: &Vector3<f64>, margin: f64) -> bool {
         let [x, y, z] = [centre.x, centre.y, centre.z].map(|coordinate| coordinate as f32);
         let (index, depth) = cell_and_depth([x, y, z]);
         let face = Face::new(index as usize / FACE_CELLS);
         let reach = (face.half_depth(half) + margin) as f32;
         let cell = self.cells[index as usize];
-        // The cell of the centre decides for most voxels: it is they that are measured.
-        if cell.count < self.min_count || cell.nearest < depth - reach {
-            return Sight::Unknown;
+        // The cell of the centre decides for most boxes: it is they that are measured.
+        if cell.count < self.min_count || cell.nearest <= depth + reach {
+            return false;
         }
-        if cell.nearest <= depth + reach {
-            return Sight::Hit;
-        }
-        let clear = Face::all().all(|face| {
-            Patch::new(face, centre, half, [CELLS, border])
-                .is_none_or(|patch| self.ends_beyond(face, &patch, margin))
-        });
-        if clear { Sight::Through } else { Sight::Unknown }
+        Face::all().all(|face| {
+            Patch::new(face, centre, half, CELLS).is_none_or(|patch| self.ends_beyond(face, &patch, margin))
+        })
     }
 
     /// Whether the direction of a point was measured and ends beyond it by `margin`.
@@ -244,8 +221,8 @@ const fn split(index: usize) -> (usize, usize, usize) {
 
 /// The cell in which a point lies and its depth there.
 ///
-/// Without a branch or a sum that is checked, so that several points are done at once. Rounding may put a point on a border into the cell beside it, so a box is looked at with
-/// a border or a padding.
+/// Without a branch or a sum that is checked, so that several points are done at once. Rounding may put a point on a border into
+/// the cell beside it, so boxes are padded.
 #[inline(always)]
 #[expect(clippy::needless_bitwise_bool, reason = "a lazy operator is a branch")]
 fn cell_and_depth([x, y, z]: [f32; 3]) -> (u32, f32) {

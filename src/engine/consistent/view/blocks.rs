@@ -52,7 +52,7 @@ impl RangeGrid {
     /// `centre` and `half` as in [`RangeGrid::sees_through`].
     fn may_see_into(&self, centre: &Point3<f64>, half: &Vector3<f64>, max_depth: f64) -> bool {
         Face::all().filter(|face| self.faces[face.index()]).any(|face| {
-            Patch::new(face, centre, half, [TILES, 0])
+            Patch::new(face, centre, half, TILES)
                 .is_some_and(|patch| patch.near < max_depth && self.any_tile_beyond(face, &patch))
         })
     }

@@ -69,16 +69,8 @@ pub(super) struct Patch {
 }
 
 impl Patch {
-    /// `None` where the box is not seen on this face, not even with `border` cells more on each side; `count` is the
-    /// number of cells along the face's edge.
-    ///
-    /// What of the border lies on the next face is in that face's patch.
-    pub(super) fn new(
-        face: Face,
-        centre: &Point3<f64>,
-        half: &Vector3<f64>,
-        [count, border]: [usize; 2],
-    ) -> Option<Self> {
+    /// `None` where the box is not seen on this face; `count` is the number of cells along the face's edge.
+    pub(super) fn new(face: Face, centre: &Point3<f64>, half: &Vector3<f64>, count: usize) -> Option<Self> {
         let (depth, reach) = (face.sign() * centre[face.axis()], face.half_depth(half));
         let (near, far) = ((depth - reach).max(0.0), depth + reach);
         if far <= 0.0 {
@@ -89,17 +81,17 @@ impl Patch {
             let (low, high) = (centre[axis] - half[axis], centre[axis] + half[axis]);
             let smallest = low / if low < 0.0 { near } else { far };
             let largest = high / if high <= 0.0 { far } else { near };
-            cells(smallest, largest, count as f64, border as f64)
+            cells(smallest, largest, count as f64)
         });
         (!columns.is_empty() && !rows.is_empty()).then_some(Self { columns, rows, near, far })
     }
 }
 
 /// The cells between two tangents; `count` of them from -1 to 1.
-fn cells(smallest: f64, largest: f64, count: f64, border: f64) -> Range<usize> {
+fn cells(smallest: f64, largest: f64, count: f64) -> Range<usize> {
     let cell = |tangent: f64| 0.5 * count * (tangent + 1.0);
     // A cast ends at 0 for what is less.
-    let start = (cell(smallest) - border) as usize;
-    let end = (cell(largest) + border + 1.0).min(count) as usize;
+    let start = cell(smallest) as usize;
+    let end = (cell(largest) + 1.0).min(count) as usize;
     start..end
 }

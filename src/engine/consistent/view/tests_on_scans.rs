@@ -6,6 +6,7 @@ use nalgebra::{Isometry3, Point3, Vector3};
 use rand::SeedableRng;
 use rand::rngs::Xoshiro256PlusPlus;
 
+use super::tests::padded;
 use super::*;
 use crate::sim::{Kinect, Robot, Scene};
 
@@ -84,7 +85,7 @@ fn drive(edge: f64, share: f64) -> Outcome {
             let centre = inverse * Point3::from(Vector3::from(*key).map(|i| (f64::from(i) + 0.5) * edge));
             if centre.z > 0.4 && centre.z < 6.0 {
                 outcome.looks += 1;
-                if grid.sees_through(&centre, &half, margin(centre.z, edge, share), 1) == Sight::Through {
+                if grid.sees_through(&centre, &padded(&centre, half), margin(centre.z, edge, share)) {
                     outcome.seen_through += 1;
                     votes.seen_through();
                     outcome.worst = outcome.worst.max(votes.votes());
