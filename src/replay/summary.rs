@@ -152,6 +152,7 @@ impl Summary {
             "points_invalid": tally.points_invalid,
             "points_out_of_range": tally.points_out_of_range(),
             "points_beyond_grid": self.points_beyond_grid,
+            "clouds_hardly_used": tally.hardly_used,
             "voxels": self.voxels,
             "dense_voxels": self.dense_voxels,
             "clusters": self.clusters,

@@ -15,7 +15,7 @@ pub struct Facts {
     pub scans: u64,
     /// Messages that could not be used, by reason.
     pub skipped: BTreeMap<String, u64>,
-    /// Valid points of all scans.
+    /// Points that all scans put into voxels.
     pub points: u64,
     /// Time that the replay took (s).
     pub wall_seconds: f64,

@@ -250,5 +250,5 @@ fn in_20_seconds_of_the_laboratory_what_stands_still_stays() {
         let labelled = drive.labelled_scan(index);
         benches.iter_mut().for_each(|bench| bench.insert(&labelled.scan, &labelled.labels));
     }
-    benches.iter().for_each(|bench| bench.check_surfaces(&scene, 1.0));
+    benches.iter().for_each(|bench| bench.check_surfaces(&scene, 0.02));
 }
