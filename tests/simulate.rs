@@ -7,9 +7,10 @@
     reason = "a test that cannot go on has failed"
 )]
 
-use std::fs;
-use std::process::{Command, Output, Stdio};
-use std::time::Duration;
+use std::fs::{self, DirEntry};
+use std::io::Read as _;
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
 
 use byteorder::LittleEndian;
 use cfodi::engine::Stamp;
@@ -31,12 +32,46 @@ impl Folder {
         self.0.path().join(name).to_str().unwrap().to_owned()
     }
 
+    fn entries(&self) -> impl Iterator<Item = DirEntry> {
+        fs::read_dir(self.0.path()).unwrap().map(Result::unwrap)
+    }
+
     fn names(&self) -> Vec<String> {
-        let entries = fs::read_dir(self.0.path()).unwrap();
         let mut names: Vec<_> =
-            entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+            self.entries().map(|entry| entry.file_name().into_string().unwrap()).collect();
         names.sort();
         names
+    }
+
+    /// The bytes of the largest file; 0 where there is none, or one just got its final name.
+    fn largest(&self) -> u64 {
+        self.entries().map(|entry| entry.metadata().map_or(0, |file| file.len())).max().unwrap_or(0)
+    }
+}
+
+/// A drive under way; a test that fails meanwhile leaves none behind.
+struct Running(Child);
+
+impl Running {
+    fn start(arguments: &[&str]) -> Self {
+        let command =
+            Command::new(env!("CARGO_BIN_EXE_cfodi")).args(arguments).stderr(Stdio::piped()).spawn();
+        Self(command.unwrap())
+    }
+
+    /// The status it ends with, and what it said.
+    fn end(mut self) -> (Option<i32>, String) {
+        let mut errors = String::new();
+        self.0.stderr.take().unwrap().read_to_string(&mut errors).unwrap();
+        (self.0.wait().unwrap().code(), errors)
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        // Where it has ended there is nothing to do.
+        let _ended = self.0.kill();
+        let _status = self.0.wait();
     }
 }
 
@@ -146,19 +181,18 @@ fn after_a_signal_the_scans_so_far_can_be_read_and_the_status_is_1() {
         let folder = Folder::new();
         let [bag, truth] = ["a.mcap", "t.json"].map(|name| folder.path(name));
         let arguments = ["simulate", "--out", &bag, "--seconds", "3600", "--truth", &truth];
-        let drive = Command::new(env!("CARGO_BIN_EXE_cfodi")).args(arguments).stderr(Stdio::piped()).spawn();
-        let mut drive = drive.unwrap();
+        let mut drive = Running::start(&arguments);
         // With the first chunk there are scans, and the listener to signals has stood for long.
-        let under_way = || fs::read_dir(folder.0.path()).unwrap().next().map(|entry| entry.unwrap().path());
-        while under_way().is_none_or(|path| fs::metadata(path).unwrap().len() < 1_000_000) {
-            assert!(drive.try_wait().unwrap().is_none(), "it has ended by itself");
+        let patience = Instant::now() + Duration::from_secs(120);
+        while folder.largest() < 1_000_000 {
+            assert!(drive.0.try_wait().unwrap().is_none(), "it has ended by itself");
+            assert!(Instant::now() < patience, "no chunk yet, in {:?}", folder.names());
             std::thread::sleep(Duration::from_millis(20));
         }
-        let sent = Command::new("kill").args(["-s", signal, &drive.id().to_string()]).status().unwrap();
+        let sent = Command::new("kill").args(["-s", signal, &drive.0.id().to_string()]).status().unwrap();
         assert!(sent.success());
-        let ended = drive.wait_with_output().unwrap();
-        let errors = String::from_utf8_lossy(&ended.stderr);
-        assert_eq!(ended.status.code(), Some(1), "{errors}");
+        let (code, errors) = drive.end();
+        assert_eq!(code, Some(1), "{errors}");
         assert!(errors.contains("stopped by a signal before the end of the drive"), "{errors}");
         assert_eq!(folder.names(), ["a.mcap", "t.json"]);
         let clouds = clouds(&bag).len();
