@@ -26,8 +26,17 @@ pub struct Join {
     arrived: BTreeMap<String, Stamp>,
     /// Counts the arrivals whose stamps jumped back.
     lap: u64,
-    /// Of each sensor's frame: newest stamp of a scan in this session.
-    newest: BTreeMap<String, Stamp>,
+    /// Of each sensor's frame: what this session has had of it.
+    sensors: BTreeMap<String, Sensor>,
+}
+
+/// A sensor that has had a scan in this session.
+#[derive(Debug)]
+struct Sensor {
+    /// The newest stamp.
+    newest: Stamp,
+    /// Its stamps have jumped back, and the transforms of before were forgotten for it: the next that fit count.
+    has_forgotten: bool,
 }
 
 /// A cloud, and the lap in which it arrived.
@@ -70,7 +79,7 @@ impl Join {
             waiting: WaitingQueue::new(places),
             arrived: BTreeMap::new(),
             lap: 0,
-            newest: BTreeMap::new(),
+            sensors: BTreeMap::new(),
         }
     }
 
@@ -134,33 +143,68 @@ impl Join {
 
     /// Takes the clouds whose way to `fixed_frame` is known now: those before a jump first, then by ascending stamp.
     pub fn ready(&mut self, fixed_frame: &str) -> Vec<Joined> {
+        let mut joined = Vec::new();
+        while self.join(fixed_frame, &mut joined) {}
+        joined
+    }
+
+    /// Joins what is ready. Says whether it has forgotten transforms meanwhile: what was ready by them waits again.
+    fn join(&mut self, fixed_frame: &str, joined: &mut Vec<Joined>) -> bool {
         let Self { frames, waiting, .. } = self;
         let mut ready = waiting.take_ready(|sensor, stamp| frames.lookup(fixed_frame, sensor, stamp));
         ready.sort_by_key(|(arrived, _)| arrived.lap);
-        let joined = ready.into_iter().map(|(Arrived { cloud, lap, at }, fixed_from_sensor)| {
+        let mut ready = ready.into_iter();
+        while let Some((arrived, fixed_from_sensor)) = ready.next() {
+            if self.forgets_for(&arrived.cloud) {
+                let rest = ready.map(|(arrived, _)| arrived);
+                for arrived in std::iter::once(arrived).chain(rest) {
+                    let (stamp, frame, at) =
+                        (arrived.cloud.stamp, arrived.cloud.frame_id.clone(), arrived.at);
+                    self.waiting.put_back(arrived, stamp, frame, at);
+                }
+                return true;
+            }
             // Only a scan with a transform tells the time: a stray stamp has none.
-            let jumped_back = self.jumped_back(&cloud, lap);
-            let scan = Scan { stamp: cloud.stamp, fixed_from_sensor, points: cloud.points };
-            Joined { scan, at, total: cloud.total, invalid: cloud.invalid, jumped_back }
-        });
-        joined.collect()
+            let jumped_back = self.jumped_back(&arrived.cloud, arrived.lap);
+            let Arrived { cloud: Cloud { stamp, points, total, invalid, .. }, at, .. } = arrived;
+            let scan = Scan { stamp, fixed_from_sensor, points };
+            joined.push(Joined { scan, at, total, invalid, jumped_back });
+        }
+        false
     }
 
-    /// Each sensor is held against itself: another may be late, or its clock off.
+    /// How far a cloud's stamp lies before its sensor's newest (s), where that is a jump. Each sensor is held against
+    /// itself: another may be late, or its clock off.
+    fn back(&self, cloud: &Cloud) -> Option<f64> {
+        let newest = self.sensors.get(&cloud.frame_id)?.newest;
+        Some(newest.seconds_since(cloud.stamp)).filter(|back| *back > JUMP_BACK)
+    }
+
+    /// Whether transforms had to be forgotten for a cloud that has jumped back: they go on beyond its stamp, and so are of
+    /// before the jump. Once a jump: where they are dated ahead, those of after it do so too.
+    fn forgets_for(&mut self, cloud: &Cloud) -> bool {
+        let has_jumped = self.back(cloud).is_some();
+        let sensor =
+            self.sensors.get_mut(&cloud.frame_id).filter(|sensor| has_jumped && !sensor.has_forgotten);
+        sensor.is_some_and(|sensor| {
+            sensor.has_forgotten = true;
+            self.frames.forget_after(cloud.stamp)
+        })
+    }
+
+    /// The jump that a cloud begins a session with; notes its stamp.
     fn jumped_back(&mut self, cloud: &Cloud, lap: u64) -> Option<Jump> {
-        let newest = self.newest.get(&cloud.frame_id).copied();
-        let back = newest.map(|newest| newest.seconds_since(cloud.stamp)).filter(|back| *back > JUMP_BACK);
-        let jump = back.map(|seconds| {
-            self.newest.clear();
-            self.frames.forget_after(cloud.stamp);
+        let jump = self.back(cloud).map(|seconds| {
+            self.sensors.clear();
             let before = self.waiting.take_if(Duration::ZERO, |arrived| arrived.lap < lap);
             Jump { seconds, given_up: before.len() }
         });
-        if self.newest.len() >= SENSORS {
-            self.newest.clear();
+        if self.sensors.len() >= SENSORS {
+            self.sensors.clear();
         }
-        let newest = self.newest.entry(cloud.frame_id.clone()).or_insert(cloud.stamp);
-        *newest = cloud.stamp.max(*newest);
+        let newest =
+            self.sensors.get(&cloud.frame_id).map_or(cloud.stamp, |sensor| sensor.newest.max(cloud.stamp));
+        self.sensors.insert(cloud.frame_id.clone(), Sensor { newest, has_forgotten: false });
         jump
     }
 
@@ -176,7 +220,7 @@ impl Join {
 
     /// Begins a session: stamps may be any again. Transforms after `stamp` are forgotten where one is given.
     pub fn begin_session(&mut self, stamp: Option<Stamp>) {
-        self.newest.clear();
+        self.sensors.clear();
         self.arrived.clear();
         if let Some(stamp) = stamp {
             self.frames.forget_after(stamp);
@@ -276,6 +320,60 @@ mod tests {
         let jumps: Vec<_> = ready.iter().map(|joined| joined.jumped_back).collect();
         assert_eq!(jumps, [None, None, Some(Jump { seconds: 5.5, given_up: 1 }), None]);
         assert_eq!(join.waiting(), 0);
+    }
+
+    /// The way of a robot, which drives 1 m a second, or where it was set down.
+    fn odometry(join: &mut Join, seconds: f64, x: f64) {
+        let header = Header { stamp: at(seconds).into(), frame_id: "odom".into() };
+        let mut transform = Transform::default();
+        transform.translation.x = x;
+        join.transform(&TransformStamped { header, child_frame_id: "camera".into(), transform }, false)
+            .unwrap();
+    }
+
+    /// Stamp and x of the scans that are ready, and how many of them begin a session.
+    fn places(join: &mut Join) -> (Vec<(Stamp, f64)>, usize) {
+        let ready = join.ready("odom");
+        let jumps = ready.iter().filter(|joined| joined.jumped_back.is_some()).count();
+        let place = |joined: &Joined| (joined.scan.stamp, joined.scan.fixed_from_sensor.translation.x);
+        (ready.iter().map(place).collect(), jumps)
+    }
+
+    #[test]
+    fn after_a_jump_back_the_transforms_of_before_count_no_more() {
+        let mut join = Join::new(8);
+        for tenth in 0..50 {
+            assert!(join.cloud(cloud(f64::from(tenth) * 0.1), Duration::ZERO).is_none());
+            odometry(&mut join, f64::from(tenth) * 0.1, 0.0);
+            assert_eq!(places(&mut join).0.len(), 1);
+        }
+        // The robot is elsewhere, and its clouds come before their transforms.
+        for tenth in 20..25 {
+            let seconds = f64::from(tenth) * 0.1;
+            assert!(join.cloud(cloud(seconds), Duration::ZERO).is_none());
+            assert_eq!(places(&mut join), (Vec::new(), 0), "at {seconds} s");
+            odometry(&mut join, seconds, 20.0);
+            assert_eq!(places(&mut join), (vec![(at(seconds), 20.0)], usize::from(tenth == 20)));
+        }
+    }
+
+    /// As localization does it, so that its transforms count until the next.
+    #[test]
+    fn transforms_that_are_dated_ahead_are_forgotten_once_a_jump() {
+        let mut join = Join::new(8);
+        let mut sessions = Vec::new();
+        for seconds in [8.0, 8.1, 8.2, 8.3, 3.0, 3.1, 3.2, 3.3] {
+            odometry(&mut join, seconds, 0.0);
+            let header = Header { stamp: at(seconds + 1.5).into(), frame_id: "map".into() };
+            let (child_frame_id, transform) = ("odom".to_owned(), Transform::default());
+            join.transform(&TransformStamped { header, child_frame_id, transform }, false).unwrap();
+            assert!(join.cloud(cloud(seconds), Duration::ZERO).is_none());
+            let ready = join.ready("odom").into_iter();
+            sessions.extend(ready.map(|joined| (joined.scan.stamp, joined.jumped_back.is_some())));
+        }
+        let expected =
+            [(8.0, false), (8.1, false), (8.2, false), (8.3, false), (3.1, true), (3.2, false), (3.3, false)];
+        assert_eq!(sessions, expected.map(|(seconds, begins)| (at(seconds), begins)));
     }
 
     #[test]

@@ -77,6 +77,12 @@ impl<T, E> WaitingQueue<T, E> {
         too_many.then(|| self.entries.pop_front())?.map(|entry| entry.waited(now))
     }
 
+    /// Lets an item wait on, which came at `since` and was taken too early; it has its place whatever the capacity.
+    pub fn put_back(&mut self, item: T, stamp: Stamp, frame_id: String, since: Duration) {
+        let place = self.entries.partition_point(|entry| entry.since <= since);
+        self.entries.insert(place, Entry { item, stamp, frame_id, since, last_error: None });
+    }
+
     /// Takes every item for which `lookup` now gives a transform, with that transform, by ascending stamp (of equal
     /// stamps the first to come first). The others keep waiting and remember the error.
     ///
@@ -192,6 +198,17 @@ mod tests {
         assert_eq!(summary, [('a', ms(300), Some("later")), ('b', ms(200), Some("later"))]);
         assert_eq!(queue.take_all(ms(300)).into_iter().map(|w| w.item).collect::<Vec<_>>(), ['c']);
         assert!(queue.is_empty());
+    }
+
+    #[test]
+    fn what_is_put_back_waits_since_it_came() {
+        let mut queue = queue(3, &[('a', 10), ('b', 20), ('c', 30)]);
+        assert_eq!(queue.take_ready(until(20)), [('a', 10), ('b', 20)]);
+        queue.set_capacity(1);
+        queue.put_back('b', Stamp::from_nanos(20), "camera".into(), ms(20));
+        queue.put_back('a', Stamp::from_nanos(10), "camera".into(), ms(10));
+        let expired: Vec<_> = queue.take_expired(ms(40), ms(20)).into_iter().map(|w| w.item).collect();
+        assert_eq!((expired, queue.len()), (vec!['a', 'b'], 1));
     }
 
     #[test]
