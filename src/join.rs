@@ -106,6 +106,11 @@ impl Join {
         self.waiting.len()
     }
 
+    /// How long the one has waited that has waited longest; 0 where none does.
+    pub fn longest_wait(&self, now: Duration) -> Duration {
+        self.waiting.longest_wait(now)
+    }
+
     /// The frame of the cloud that has waited longest, and what its transform lacks.
     pub fn oldest(&self) -> Option<(&str, Option<&LookupError>)> {
         self.waiting.oldest()

@@ -168,6 +168,44 @@ fn a_static_transform_may_come_last_and_a_cloud_before_its_transform() {
 }
 
 #[test]
+fn transforms_of_other_names_are_read_where_these_are_given_and_named_where_not() {
+    let folder = Folder::new();
+    let mut writer = BagWriter::new(Layout::Chunks);
+    writer.tf("/robot1/tf_static", stamp(0), "camera_link", OPTICAL, 0.0);
+    for i in 0..12 {
+        writer.tf("/robot1/tf", stamp(i), "map", "camera_link", 0.1 * i as f64);
+        writer.cloud("/robot1/points", stamp(i), &wall(i));
+    }
+    let bag = folder.put("fleet.mcap", &writer.finish());
+    let expected = replay(&folder.put("one.mcap", &drive(BagWriter::new(Layout::Plain), 12)), &[]);
+    let given = ["--ros-args", "-r", "__ns:=/robot1", "-r", "/tf:=tf", "-r", "/tf_static:=tf_static"];
+    let found = replay(&bag, &given);
+    assert_eq!((found.status, found.number("scans")), (0, 12), "{}", found.errors);
+    assert_eq!(found.voxels, expected.voxels);
+    assert!(!found.errors.contains("no transforms are read"), "{}", found.errors);
+    let not_given = replay(&bag, &[]);
+    let said = "neither /tf nor /tf_static is in the bag: no transforms are read from /robot1/tf and /robot1/tf_static";
+    assert!(not_given.errors.contains(said), "{}", not_given.errors);
+}
+
+#[test]
+fn clouds_of_many_sensors_wait_for_a_transform_that_is_seldom() {
+    let folder = Folder::new();
+    let mut writer = BagWriter::new(Layout::Chunks);
+    writer.tf("/tf_static", stamp(0), "camera_link", OPTICAL, 0.0);
+    let topics = ["/a", "/b", "/c", "/d"];
+    for i in 0..31 {
+        if i % 10 == 0 {
+            writer.tf("/tf", stamp(i), "map", "camera_link", 0.1 * i as f64);
+        }
+        topics.iter().for_each(|topic| writer.cloud(topic, stamp(i), &wall(i)));
+    }
+    let bag = folder.put("seldom.mcap", &writer.finish());
+    let found = replay(&bag, &topics.map(|topic| ["--topic", topic]).concat());
+    assert_eq!((found.status, found.number("scans")), (0, 4 * 31), "{}", found.errors);
+}
+
+#[test]
 fn the_default_frame_is_taken_where_the_bag_has_it_and_the_root_is_named_where_not() {
     let folder = Folder::new();
     let mut writer = BagWriter::new(Layout::Plain);
@@ -301,17 +339,17 @@ fn an_output_that_cannot_be_written_is_named_and_nothing_is_left() {
 fn a_static_transform_that_comes_late_shows_the_frame_too() {
     let folder = Folder::new();
     let mut writer = BagWriter::new(Layout::Plain);
-    for i in 0..30 {
+    for i in 0..60 {
         writer.tf("/tf", stamp(i), "map", "camera_link", 0.1 * i as f64);
         writer.cloud(POINTS, stamp(i), &wall(i));
-        if i == 15 {
+        if i == 45 {
             writer.tf("/tf_static", stamp(i), "camera_link", OPTICAL, 0.0);
         }
     }
     let late =
         replay(&folder.put("late.mcap", &writer.finish()), &["--report", folder.0.path().to_str().unwrap()]);
-    let early = replay(&folder.put("early.mcap", &drive(BagWriter::new(Layout::Plain), 30)), &[]);
-    assert_eq!((late.status, late.number("scans")), (0, 30), "{}", late.errors);
+    let early = replay(&folder.put("early.mcap", &drive(BagWriter::new(Layout::Plain), 60)), &[]);
+    assert_eq!((late.status, late.number("scans")), (0, 60), "{}", late.errors);
     assert!(
         late.errors.contains("reading begins again") && late.errors.contains("made in `map`"),
         "{}",
@@ -325,15 +363,15 @@ fn a_default_frame_that_begins_late_is_still_the_default() {
     let folder = Folder::new();
     let mut writer = BagWriter::new(Layout::Chunks);
     writer.tf("/tf_static", stamp(0), "camera_link", OPTICAL, 0.0);
-    for i in 0..30 {
-        if i >= 15 {
+    for i in 0..60 {
+        if i >= 40 {
             writer.tf("/tf", stamp(i), "odom", "camera_link", 0.1 * i as f64);
         }
         writer.cloud(POINTS, stamp(i), &wall(i));
     }
     let bag = folder.put("odom.mcap", &writer.finish());
     let (open, given) = (replay(&bag, &[]), replay(&bag, &["--ros-args", "-p", "fixed_frame:=odom"]));
-    assert_eq!((open.number("scans"), given.number("scans")), (15, 15), "{}", open.errors);
+    assert_eq!((open.number("scans"), given.number("scans")), (20, 20), "{}", open.errors);
     assert_eq!(open.voxels, given.voxels);
     assert!(!open.errors.contains("has no frame `odom`"), "{}", open.errors);
 }
@@ -439,14 +477,14 @@ fn what_cannot_be_decoded_is_said_once_and_counted() {
 fn a_chain_of_frames_that_grows_is_read_twice_at_most() {
     let folder = Folder::new();
     let mut writer = BagWriter::new(Layout::Plain);
-    (0..10).for_each(|i| writer.cloud(POINTS, stamp(i), &wall(i)));
+    (0..40).for_each(|i| writer.cloud(POINTS, stamp(i), &wall(i)));
     for i in 0..100 {
         let (parent, child) =
             (format!("f{}", i + 1), if i == 0 { OPTICAL.to_owned() } else { format!("f{i}") });
-        writer.tf("/tf_static", stamp(10), &parent, &child, 0.0);
+        writer.tf("/tf_static", stamp(40), &parent, &child, 0.0);
     }
     let found = replay(&folder.put("chain.mcap", &writer.finish()), &[]);
-    assert_eq!((found.status, found.number("scans")), (0, 10), "{}", found.errors);
+    assert_eq!((found.status, found.number("scans")), (0, 40), "{}", found.errors);
     assert_eq!(found.errors.matches("reading begins again").count(), 1, "{}", found.errors);
     assert!(found.errors.contains("made in `f100`"), "{}", found.errors);
 }
@@ -455,7 +493,7 @@ fn a_chain_of_frames_that_grows_is_read_twice_at_most() {
 fn frames_that_change_places_for_ever_are_read_twice_at_most() {
     let folder = Folder::new();
     let mut writer = BagWriter::new(Layout::Plain);
-    for i in 0..10 {
+    for i in 0..40 {
         writer.tf("/tf", stamp(600 + i), "a", OPTICAL, 0.0);
         writer.cloud(POINTS, stamp(600 + i), &wall(i));
     }

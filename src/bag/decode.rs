@@ -5,7 +5,8 @@ use std::collections::VecDeque;
 use super::cdr::{read, read_with};
 use super::choose::{Sensor, SensorKind};
 use super::read::Message;
-use crate::cloud::{Camera, Cloud, CloudError, CloudFilter, CloudSeed, CompressedSeed, DepthSeed, Optical};
+use super::topic::Topic;
+use crate::cloud::{Camera, Cloud, CloudError, CloudFilter, CloudSeed, CompressedSeed, DepthSeed};
 use crate::msg::ros::{CameraInfo, TfMessage};
 
 /// What a message says.
@@ -43,11 +44,48 @@ const WAITING_BYTES: usize = 64 << 20;
 /// What becomes of an image that has waited in vain.
 const NO_CAMERA_INFO: Recorded = Recorded::Cloud(Err(CloudError::NoCameraInfo));
 
-/// Reads the messages of the chosen sensors, and all transforms.
+/// The topics that transforms are read from, with or without the slash before them.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct TransformTopics {
+    /// Of those that change.
+    pub changing: String,
+    /// Of those that hold for all time.
+    pub lasting: String,
+}
+
+impl Default for TransformTopics {
+    fn default() -> Self {
+        Self { changing: "/tf".to_owned(), lasting: "/tf_static".to_owned() }
+    }
+}
+
+impl TransformTopics {
+    /// Whether those of a topic hold for all time; `None` where it is neither.
+    fn is_static(&self, topic: &str) -> Option<bool> {
+        let is = |name: &str| bare(name) == bare(topic);
+        if is(&self.lasting) { Some(true) } else { is(&self.changing).then_some(false) }
+    }
+
+    /// The topics of transforms in a bag, where none of them is read.
+    pub fn passed_over(&self, topics: &[Topic]) -> Vec<String> {
+        let of_transforms: Vec<_> = topics.iter().filter(|topic| is_transforms(&topic.type_name)).collect();
+        if of_transforms.iter().any(|topic| self.is_static(&topic.name).is_some()) {
+            return Vec::new();
+        }
+        of_transforms.into_iter().map(|topic| topic.name.clone()).collect()
+    }
+}
+
+fn bare(topic: &str) -> &str {
+    topic.trim_start_matches('/')
+}
+
+/// Reads the messages of the chosen sensors, and the transforms.
 #[derive(Clone, Debug)]
 pub struct Decoder {
     filter: CloudFilter,
     sensors: Vec<Input>,
+    transforms: TransformTopics,
 }
 
 #[derive(Clone, Debug)]
@@ -63,25 +101,24 @@ struct Input {
 
 impl Decoder {
     /// Reads these sensors.
-    pub fn new(sensors: Vec<Sensor>, filter: CloudFilter) -> Self {
+    pub fn new(sensors: Vec<Sensor>, filter: CloudFilter, transforms: TransformTopics) -> Self {
         let cameras = sensors.iter().filter(|sensor| sensor.info_topic.is_some()).count();
         let room = WAITING_BYTES / cameras.max(1);
         let input = |sensor| Input { sensor, camera: None, waiting: VecDeque::new(), room };
-        Self { filter, sensors: sensors.into_iter().map(input).collect() }
+        Self { filter, sensors: sensors.into_iter().map(input).collect(), transforms }
     }
 
-    /// Reads transforms alone.
-    pub fn transforms_only() -> Self {
-        let filter = CloudFilter { min_range: 0.0, max_range: 0.0, optical: Optical::Auto, max_points: 0 };
-        Self { filter, sensors: Vec::new() }
+    /// The same without the sensors.
+    pub fn of_transforms(&self) -> Self {
+        Self { filter: self.filter, sensors: Vec::new(), transforms: self.transforms.clone() }
     }
 
     /// What a message says; nothing where its topic is not read. An image can come out later, with its intrinsics.
     pub fn decode(&mut self, message: &Message) -> Vec<Recorded> {
         if is_transforms(message.type_name()) {
-            return transforms(message).into_iter().collect();
+            return self.transforms(message).into_iter().collect();
         }
-        let Self { filter, sensors } = self;
+        let Self { filter, sensors, .. } = self;
         sensors.iter_mut().flat_map(|input| input.decode(message, filter)).collect()
     }
 
@@ -89,6 +126,14 @@ impl Decoder {
     pub fn finish(&mut self) -> Vec<Recorded> {
         let waiting = self.sensors.iter_mut().flat_map(|input| std::mem::take(&mut input.waiting));
         waiting.map(|_| NO_CAMERA_INFO).collect()
+    }
+
+    fn transforms(&self, message: &Message) -> Option<Recorded> {
+        let is_static = self.transforms.is_static(message.topic())?;
+        Some(match read(&message.data) {
+            Ok(message) => Recorded::Transforms { message, is_static },
+            Err(text) => Recorded::Undecodable { topic: message.topic().to_owned(), text },
+        })
     }
 }
 
@@ -157,24 +202,13 @@ pub(super) fn is_transforms(type_name: &str) -> bool {
     matches!(type_name, "tf2_msgs/msg/TFMessage" | "tf/msg/tfMessage")
 }
 
-fn transforms(message: &Message) -> Option<Recorded> {
-    let is_static = match message.topic().trim_start_matches('/') {
-        "tf" => false,
-        "tf_static" => true,
-        _ => return None,
-    };
-    Some(match read(&message.data) {
-        Ok(message) => Recorded::Transforms { message, is_static },
-        Err(text) => Recorded::Undecodable { topic: message.topic().to_owned(), text },
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeMap;
     use std::sync::Arc;
 
     use super::*;
+    use crate::cloud::Optical;
 
     /// Reads the depth images of `/0`, `/1` and so on, whose intrinsics do not come.
     fn decoder(sensors: usize) -> Decoder {
@@ -184,7 +218,7 @@ mod tests {
             info_topic: Some(format!("/{i}/camera_info")),
         };
         let filter = CloudFilter { min_range: 0.4, max_range: 6.0, optical: Optical::Auto, max_points: 1 };
-        Decoder::new((0..sensors).map(sensor).collect(), filter)
+        Decoder::new((0..sensors).map(sensor).collect(), filter, TransformTopics::default())
     }
 
     /// How many images are given up when one of so many bytes comes on `/0`.

@@ -2,9 +2,10 @@
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::time::Duration;
 
 use anyhow::Context as _;
-use cfodi::bag::{self, Bag, Choice, Decoder, OutputTopics, Survey, Wanted, choose};
+use cfodi::bag::{self, Bag, Choice, Decoder, OutputTopics, Survey, TransformTopics, Wanted, choose};
 use cfodi::config::{Kind, Sensor};
 use cfodi::export::{WholeFile, WriteError};
 use cfodi::line::one_line;
@@ -72,6 +73,9 @@ impl Options {
 /// The file of a report, in its folder.
 pub(crate) const PAGE: &str = "index.html";
 
+/// How long a cloud waits for its transform at least, by the times at which messages were recorded: nobody waits for it.
+const PATIENCE: Duration = Duration::from_secs(1);
+
 /// Wrong arguments, as opposed to an input that fails.
 pub(crate) const WRONG: u8 = 2;
 
@@ -80,6 +84,7 @@ pub(crate) struct Input {
     pub(crate) bag: Bag,
     decoder: Decoder,
     pub(crate) fixed_frame: FixedFrame,
+    patience: Duration,
 }
 
 impl Input {
@@ -91,7 +96,7 @@ impl Input {
         progress: &'a mut dyn FnMut(Progress),
     ) -> Feed<'a> {
         let (bag, decoder, stop) = (&self.bag, self.decoder.clone(), stop::flag());
-        Feed { bag, decoder, fixed_frame, with_messages, stop, progress }
+        Feed { bag, decoder, fixed_frame, patience: self.patience, with_messages, stop, progress }
     }
 }
 
@@ -223,8 +228,24 @@ pub(crate) fn open(setup: &Setup, path: &Path, wanted: &[String]) -> anyhow::Res
     } else {
         FixedFrame::Open { default: setup.config.fixed_frame.clone() }
     };
-    let decoder = Decoder::new(choice.sensors, setup.config.filter);
-    Ok(Ok(Input { bag, decoder, fixed_frame }))
+    let transforms =
+        TransformTopics { changing: setup.resolve("/tf")?, lasting: setup.resolve("/tf_static")? };
+    say_unread(&transforms, &topics);
+    let decoder = Decoder::new(choice.sensors, setup.config.filter, transforms);
+    let patience = setup.config.tf_timeout.max(PATIENCE);
+    Ok(Ok(Input { bag, decoder, fixed_frame, patience }))
+}
+
+/// Says where the transforms are that nobody has asked for.
+fn say_unread(transforms: &TransformTopics, topics: &[bag::Topic]) {
+    let unread = transforms.passed_over(topics);
+    if !unread.is_empty() {
+        let TransformTopics { changing, lasting } = transforms;
+        say(one_line(&format!(
+            "neither {changing} nor {lasting} is in the bag: no transforms are read from {} (choose with -r /tf:=... -r /tf_static:=...)",
+            unread.join(" and ")
+        )));
+    }
 }
 
 /// The topics of the sensors that are listed.

@@ -17,8 +17,10 @@ use crate::join::{Join, Joined, Jump};
 use crate::msg::ros::{TfMessage, TransformStamped};
 use crate::tf::{LookupError, Waited};
 
-/// Clouds that wait for a transform at most; a replay has no other patience, since it has no clock.
-pub const PATIENCE: usize = 8;
+/// Clouds that wait for a transform however long it takes: where there are few in a second, transforms may be few as well.
+const FEW: usize = 8;
+/// Clouds that wait for a transform at most, whatever the patience: a bound of memory.
+const MOST: usize = 64;
 
 /// How long a bag may hold nothing to be read until it is looked whether to stop.
 const LOOK: Duration = Duration::from_millis(100);
@@ -82,6 +84,8 @@ pub struct Feed<'a> {
     pub decoder: Decoder,
     /// Where the map lives.
     pub fixed_frame: FixedFrame,
+    /// How long clouds wait for their transforms at least, by the times at which messages were recorded.
+    pub patience: Duration,
     /// Whether [`Visitor::message`] gets every message.
     pub with_messages: bool,
     /// Set from outside to end early.
@@ -143,7 +147,8 @@ enum Halt {
 /// # Errors
 /// When the visitor cannot go on. A bag that cannot be read to its end is no error: [`Fed::unread`] says so.
 pub fn feed<V: Visitor>(feed: Feed<'_>, visitor: &mut V) -> Result<Ended, FeedError<V::Error>> {
-    let Feed { bag, decoder, fixed_frame, with_messages, stop, progress } = feed;
+    let Feed { bag, decoder, fixed_frame, patience, with_messages, stop, progress } = feed;
+    let of_transforms = decoder.of_transforms();
     let messages = bag.messages();
     let bytes = messages.bytes_read();
     let (sender, receiver) = sync_channel(BETWEEN);
@@ -159,7 +164,10 @@ pub fn feed<V: Visitor>(feed: Feed<'_>, visitor: &mut V) -> Result<Ended, FeedEr
         bag,
         visitor,
         stop,
-        join: Join::new(PATIENCE),
+        of_transforms,
+        join: Join::new(FEW),
+        patience,
+        now: Duration::ZERO,
         fixed_frame,
         looked_ahead: false,
         enough: false,
@@ -182,7 +190,12 @@ struct Feeder<'a, V> {
     bag: &'a Bag,
     visitor: &'a mut V,
     stop: Arc<AtomicBool>,
+    /// Reads the transforms of the bag.
+    of_transforms: Decoder,
     join: Join,
+    patience: Duration,
+    /// When the newest message was recorded.
+    now: Duration,
     fixed_frame: FixedFrame,
     looked_ahead: bool,
     /// The visitor wants no more.
@@ -202,7 +215,10 @@ impl<V: Visitor> Feeder<'_, V> {
         loop {
             match receiver.recv_timeout(LOOK) {
                 Ok(Item::Message(message)) => self.visitor.message(&message)?,
-                Ok(Item::Recorded { recorded, decoding }) => self.recorded(recorded, decoding)?,
+                Ok(Item::Recorded { recorded, at, decoding }) => {
+                    self.now = at;
+                    self.recorded(recorded, decoding)?;
+                }
                 Ok(Item::Unread(error)) => return Ok(Halt::End(Some(error))),
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => return Ok(Halt::End(None)),
@@ -254,7 +270,8 @@ impl<V: Visitor> Feeder<'_, V> {
             self.visitor.say(&line);
         }
         self.make_room()?;
-        if let Some(pushed_out) = self.join.cloud(cloud, Duration::ZERO) {
+        self.join.set_places(self.places());
+        if let Some(pushed_out) = self.join.cloud(cloud, self.now) {
             self.skip(&pushed_out);
         }
         self.ready()
@@ -262,12 +279,17 @@ impl<V: Visitor> Feeder<'_, V> {
 
     /// Before a cloud is given up: whatever else could show the way from its frame.
     fn make_room(&mut self) -> Result<(), V::Error> {
-        if self.join.waiting() < PATIENCE {
+        if self.join.waiting() < self.places() {
             return Ok(());
         }
         self.guess();
         self.ready()?;
-        if self.join.waiting() == PATIENCE { self.look_ahead() } else { Ok(()) }
+        if self.join.waiting() < self.places() { Ok(()) } else { self.look_ahead() }
+    }
+
+    /// How many clouds may wait: more than a few where none has done so for long.
+    fn places(&self) -> usize {
+        if self.join.longest_wait(self.now) < self.patience { MOST } else { FEW }
     }
 
     fn guess(&mut self) {
@@ -296,7 +318,7 @@ impl<V: Visitor> Feeder<'_, V> {
 
     /// Those of the whole bag, in order, with whether they are static; up to a signal.
     fn all_transforms(&self) -> impl Iterator<Item = (TransformStamped, bool)> + use<V> {
-        let mut decoder = Decoder::transforms_only();
+        let mut decoder = self.of_transforms.clone();
         let stop = Arc::clone(&self.stop);
         let messages = self.bag.messages().map_while(Result::ok);
         let messages = messages.take_while(move |_| !stop.load(Ordering::Relaxed));
@@ -368,7 +390,7 @@ impl<V: Visitor> Feeder<'_, V> {
                 return Ok(self.wrong_frame());
             }
         }
-        for waited in self.join.give_up(Duration::ZERO) {
+        for waited in self.join.give_up(self.now) {
             if stopped {
                 self.tally.skip_all("shutdown", 1);
             } else if self.enough {

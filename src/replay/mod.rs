@@ -15,7 +15,7 @@ mod run;
 mod summary;
 
 pub use clusters::write_clusters;
-pub use feed::{Ended, Fed, Feed, FeedError, Go, PATIENCE, Progress, Visitor, feed};
+pub use feed::{Ended, Fed, Feed, FeedError, Go, Progress, Visitor, feed};
 pub use files::{MapFiles, OpenMapFiles, Outputs, ResultFile};
 pub use fixed_frame::FixedFrame;
 pub use run::{Finished, Replay, Settings};

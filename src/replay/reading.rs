@@ -9,7 +9,12 @@ use crate::bag::{BagError, Decoder, Message, Messages, Recorded};
 /// What the reading thread hands over.
 pub(super) enum Item {
     Message(Message),
-    Recorded { recorded: Recorded, decoding: Duration },
+    /// What a message says that was recorded at this time (since the epoch).
+    Recorded {
+        recorded: Recorded,
+        at: Duration,
+        decoding: Duration,
+    },
     Unread(BagError),
 }
 
@@ -21,6 +26,7 @@ pub(super) fn read(
     sender: &SyncSender<Item>,
     quit: &AtomicBool,
 ) {
+    let mut at = Duration::ZERO;
     for message in messages {
         if quit.load(Ordering::Relaxed) {
             return;
@@ -28,16 +34,17 @@ pub(super) fn read(
         let message = match message {
             Ok(message) => message,
             Err(error) => {
-                flush(&mut decoder, sender);
+                flush(&mut decoder, at, sender);
                 drop(sender.send(Item::Unread(error)));
                 return;
             }
         };
+        at = Duration::from_nanos(message.log_time);
         let begin = Instant::now();
         let decoded = decoder.decode(&message);
         let decoding = begin.elapsed() / decoded.len().max(1) as u32;
         for recorded in decoded {
-            if sender.send(Item::Recorded { recorded, decoding }).is_err() {
+            if sender.send(Item::Recorded { recorded, at, decoding }).is_err() {
                 return;
             }
         }
@@ -45,12 +52,12 @@ pub(super) fn read(
             return;
         }
     }
-    flush(&mut decoder, sender);
+    flush(&mut decoder, at, sender);
 }
 
-fn flush(decoder: &mut Decoder, sender: &SyncSender<Item>) {
+fn flush(decoder: &mut Decoder, at: Duration, sender: &SyncSender<Item>) {
     for recorded in decoder.finish() {
-        if sender.send(Item::Recorded { recorded, decoding: Duration::ZERO }).is_err() {
+        if sender.send(Item::Recorded { recorded, at, decoding: Duration::ZERO }).is_err() {
             return;
         }
     }

@@ -64,6 +64,11 @@ impl<T, E> WaitingQueue<T, E> {
         self.entries.is_empty()
     }
 
+    /// How long the item has waited that has waited longest; 0 where none does.
+    pub fn longest_wait(&self, now: Duration) -> Duration {
+        self.entries.front().map_or(Duration::ZERO, |entry| now.saturating_sub(entry.since))
+    }
+
     /// The frame of the item that has waited longest, and what its last lookup lacked.
     pub fn oldest(&self) -> Option<(&str, Option<&E>)> {
         self.entries.front().map(|entry| (entry.frame_id.as_str(), entry.last_error.as_ref()))
