@@ -553,6 +553,34 @@ fn the_transforms_of_each_lap_are_played_with_its_clusters() {
     assert!(tf.is_sorted() && tf.iter().zip(&deltas).all(|(tf, delta)| tf.abs_diff(*delta) < 50_000_000));
 }
 
+/// A simulator stamps by its own time, which the recorder did not know.
+#[test]
+fn what_was_recorded_by_another_clock_is_played_with_its_clusters() {
+    let folder = Folder::new();
+    let mut writer = BagWriter::new(Layout::Chunks);
+    let simulated = |i: usize| 10_000_000_000 + stamp(i) - stamp(0);
+    let put_transform =
+        |writer: &mut BagWriter, topic: &str, recorded: i64, stamp: i64, frames: [&str; 2], x: f64| {
+            let message = bags::transform(stamp, frames[0], frames[1], x);
+            writer.put(topic, "tf2_msgs/msg/TFMessage", recorded, &message);
+        };
+    put_transform(&mut writer, "/tf_static", stamp(0), 0, ["camera_link", OPTICAL], 0.0);
+    for i in 0..30 {
+        put_transform(&mut writer, "/tf", stamp(i), simulated(i), ["map", "camera_link"], 0.1 * i as f64);
+        // One stamp is a stray.
+        let stamped = if i == 0 { 0 } else { simulated(i) };
+        writer.put(POINTS, "sensor_msgs/msg/PointCloud2", stamp(i), &bags::cloud(stamped, OPTICAL, &wall(i)));
+    }
+    let (bag, out) = (folder.put("sim.mcap", &writer.finish()), folder.0.path().join("out.mcap"));
+    let found = replay(&bag, &["--out", out.to_str().unwrap(), "--with-input"]);
+    assert_eq!((found.status, found.number("scans")), (0, 29), "{}", found.errors);
+    let result = fs::read(&out).unwrap();
+    let messages = mcap::MessageStream::new(&result).unwrap().map(Result::unwrap);
+    let times: Vec<_> = messages.map(|message| (message.channel.topic.clone(), message.log_time)).collect();
+    assert!(times.iter().all(|(_, time)| (9_900_000_000..12_000_000_000).contains(time)), "{times:?}");
+    assert_eq!(times.iter().filter(|(topic, _)| topic == POINTS).count(), 30);
+}
+
 #[test]
 fn points_beyond_the_grid_are_said_and_counted() {
     let folder = Folder::new();

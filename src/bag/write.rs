@@ -82,7 +82,7 @@ pub struct ResultBag<W: Write> {
     /// Added to the stamps, as the time at which a message is logged (ns).
     ahead: u64,
     /// The same for the input's messages, by the newest of their own times.
-    input_ahead: u64,
+    input_ahead: i64,
     input_newest: u64,
     scratch: Vec<u8>,
 }
@@ -130,6 +130,11 @@ impl<W: Write> ResultBag<W> {
     /// jumped back, those of both sides would otherwise be played at once.
     pub fn shift(&mut self, seconds: f64) {
         self.ahead = self.ahead.saturating_add((seconds * 1e9) as u64);
+    }
+
+    /// From now on the input's messages are logged so many nanoseconds later than they were recorded, or earlier, more than before.
+    pub fn shift_input(&mut self, nanos: i64) {
+        self.input_ahead = self.input_ahead.saturating_add(nanos);
     }
 
     /// Adds a message of `~/clusters`.
@@ -237,12 +242,11 @@ impl<W: Write> ResultBag<W> {
         if i64::try_from(log_time).is_err() {
             return log_time;
         }
-        let shifted = log_time.saturating_add(self.input_ahead);
-        let back = self.input_newest.saturating_sub(shifted);
+        let back = self.input_newest.saturating_sub(log_time.saturating_add_signed(self.input_ahead));
         if back as f64 * 1e-9 > JUMP_BACK {
-            self.input_ahead = self.input_ahead.saturating_add(back);
+            self.shift_input(i64::try_from(back).unwrap_or(i64::MAX));
         }
-        let shifted = log_time.saturating_add(self.input_ahead);
+        let shifted = log_time.saturating_add_signed(self.input_ahead);
         self.input_newest = self.input_newest.max(shifted);
         shifted
     }

@@ -14,7 +14,7 @@ use cfodi::node::args::ArgsError;
 use cfodi::node::transport::Outgoing;
 use cfodi::replay::{
     Ended, Feed, Finished, FixedFrame, MapFiles, Outputs, Progress, Replay, ResultFile, Settings, Summary,
-    feed,
+    feed, stamps_after_recording,
 };
 use cfodi::report::{Facts, Figure, Story, write_report};
 use cfodi::say::say;
@@ -98,6 +98,10 @@ impl Input {
         let (bag, decoder, stop) = (&self.bag, self.decoder.clone(), stop::flag());
         Feed { bag, decoder, fixed_frame, patience: self.patience, with_messages, stop, progress }
     }
+
+    fn stamps_after_recording(&self) -> i64 {
+        stamps_after_recording(&self.bag, self.decoder.clone(), &stop::flag())
+    }
 }
 
 pub(crate) fn replay(setup: &Setup, options: &Options) -> anyhow::Result<ExitCode> {
@@ -114,8 +118,10 @@ pub(crate) fn replay(setup: &Setup, options: &Options) -> anyhow::Result<ExitCod
     let bar = Bar::new(input.bag.size());
     let mut say = |line: &str| bar.say(line);
     let topics = output_topics(setup)?;
+    let after = options.out.is_some().then(|| input.stamps_after_recording()).unwrap_or_default();
     let make = || {
-        let result = options.out.as_deref().map(|path| ResultFile::create(path, &topics, options.with_input));
+        let begin = |path| ResultFile::create(path, &topics, options.with_input, after);
+        let result = options.out.as_deref().map(begin);
         Ok((result.transpose()?, options.report.as_ref().map(|_| Story::new())))
     };
     let finished = run(setup, &input, options.out.is_some(), &bar, make, &mut say)?;

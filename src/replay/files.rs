@@ -42,14 +42,21 @@ pub struct Outputs<'a> {
 }
 
 impl ResultFile {
-    /// Begins a result bag; `with_input` adds the input's messages.
+    /// Begins a result bag; `with_input` adds the input's messages. These are logged so many nanoseconds after they were recorded:
+    /// see [`stamps_after_recording`](super::stamps_after_recording).
     ///
     /// # Errors
     /// When it cannot be made.
-    pub fn create(path: &Path, topics: &OutputTopics, with_input: bool) -> Result<Self, WriteError> {
+    pub fn create(
+        path: &Path,
+        topics: &OutputTopics,
+        with_input: bool,
+        after: i64,
+    ) -> Result<Self, WriteError> {
         let file = WholeFile::create(path)?;
         let is_direct = file.is_direct();
-        let bag = ResultBag::new(file, topics, with_input).map_err(failed(path))?;
+        let mut bag = ResultBag::new(file, topics, with_input).map_err(failed(path))?;
+        bag.shift_input(after);
         Ok(Self {
             path: path.to_owned(),
             is_direct,

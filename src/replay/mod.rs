@@ -6,6 +6,7 @@
 //!
 //! [`feed`] turns a bag into scans for a [`Visitor`]; [`Replay`] is the visitor that runs the engine and keeps account.
 
+mod clocks;
 mod clusters;
 mod feed;
 mod files;
@@ -14,6 +15,7 @@ mod reading;
 mod run;
 mod summary;
 
+pub use clocks::stamps_after_recording;
 pub use clusters::write_clusters;
 pub use feed::{Ended, Fed, Feed, FeedError, Go, Progress, Visitor, feed};
 pub use files::{MapFiles, OpenMapFiles, Outputs, ResultFile};
