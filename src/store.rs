@@ -1,7 +1,8 @@
 //! A map in a file: what a session has learned, for the next one.
 //!
 //! **Kept true.** Under the name there is at all times a whole map, the one before or the new one, whenever the process or
-//! the machine ends: a map is written beside it, brought to the disk, and then given the name. What is read is whole and
+//! the machine ends: a map is written beside it, brought to the disk, and then given the name; beside what a symbolic link
+//! leads to, for the link stays. What is read is whole and
 //! undamaged, or refused with its reason; nothing is allocated by a length that the file does not bear out.
 //!
 //! # Format
@@ -62,6 +63,8 @@ const CHECKED: usize = 28;
 /// How many times as long as the packed map the unpacked one is at most; a real one is some 2 to 5 times as long. What it
 /// takes in memory follows its unpacked length: nothing in it is worth more than some tens of its bytes.
 const MOST_UNPACKED: u64 = 32;
+/// Links that are followed one after the other, as by Linux.
+const MOST_LINKS: usize = 40;
 /// zstd's level: 1 packs a map in a tenth of the time of its default and makes it a few per cent larger.
 const LEVEL: i32 = 1;
 
@@ -132,8 +135,9 @@ pub struct Lock(#[expect(dead_code, reason = "closing it gives the right back")]
 /// # Errors
 /// When another process has it, or the system refuses it.
 pub fn lock(path: &Path) -> Result<Lock, StoreError> {
-    let refused = |error| StoreError::Io { path: beside(path, "lock"), error };
-    let file = File::create(beside(path, "lock")).map_err(refused)?;
+    let name = beside(&target(path), "lock");
+    let refused = |error| StoreError::Io { path: name.clone(), error };
+    let file = File::create(&name).map_err(refused)?;
     match file.try_lock() {
         Ok(()) => Ok(Lock(file)),
         Err(TryLockError::WouldBlock) => Err(StoreError::InUse { path: path.to_owned() }),
@@ -148,9 +152,10 @@ pub fn lock(path: &Path) -> Result<Lock, StoreError> {
 pub fn write(path: &Path, stored: &Stored) -> Result<u64, StoreError> {
     let refused = |error| StoreError::Io { path: path.to_owned(), error };
     let bytes = pack(stored).map_err(refused)?;
-    let folder = File::open(folder(path)).map_err(refused)?;
-    let beside = beside(path, "part");
-    let written = write_whole(&beside, &bytes).and_then(|()| fs::rename(&beside, path));
+    let target = target(path);
+    let folder = File::open(folder(&target)).map_err(refused)?;
+    let beside = beside(&target, "part");
+    let written = write_whole(&beside, &bytes).and_then(|()| fs::rename(&beside, &target));
     if let Err(error) = written {
         // What is there of it is of no use; that it cannot be removed either, the error says already.
         drop(fs::remove_file(&beside));
@@ -184,6 +189,16 @@ pub fn read(path: &Path) -> Result<Stored, StoreError> {
         Err(Flaw::Newer(version)) => Err(StoreError::Newer { path: path.to_owned(), version }),
         Err(Flaw::Damaged(what)) => Err(StoreError::Damaged { path: path.to_owned(), what }),
     }
+}
+
+/// What a name stands for: symbolic links stay, and what they lead to is replaced, there or not there yet.
+fn target(path: &Path) -> PathBuf {
+    let mut target = path.to_owned();
+    for _ in 0..MOST_LINKS {
+        let Ok(to) = fs::read_link(&target) else { break };
+        target = folder(&target).join(to);
+    }
+    target
 }
 
 fn folder(path: &Path) -> &Path {

@@ -85,9 +85,9 @@ async fn take(
                 newest.send_replace(Some((session, Arc::clone(&snapshot))));
                 ended.map = Some(snapshot);
             }
-            Output::Saved { map, .. } => {
+            Output::Saved { session, map } => {
                 if let Some(saver) = &saver {
-                    saver.write(map);
+                    saver.write(session, map);
                 }
             }
             Output::Died(text) => ended.died = Some(text),

@@ -19,11 +19,11 @@ pub(super) type Written = Result<(u64, u64), StoreError>;
 /// What the thread that writes is told.
 #[derive(Debug)]
 enum Task {
-    /// Write a map, in place of the one before.
-    Write(Box<SavedMap>),
-    /// Keep the file under another name: what comes has nothing to do with it, and nobody has asked for that. Done once:
-    /// a robot whose clock jumps for ever must not fill its disk.
-    Keep,
+    /// Write the map of a session, in place of the one before.
+    Write { session: u64, map: Box<SavedMap> },
+    /// Keep the file under another name before a map of this session or a later one is written: that has nothing to do with
+    /// it, and nobody has asked for that. Maps of earlier sessions may still be on their way.
+    Keep { before: u64 },
 }
 
 /// Most that waits for the thread. [`Saving`] lets one map be under way, and the node's end asks for one more; before,
@@ -39,17 +39,18 @@ pub(super) struct Saver {
 }
 
 impl Saver {
-    /// Has a map written, in place of the one before.
-    pub(super) fn write(&self, map: Box<SavedMap>) {
-        self.send(Task::Write(map));
+    /// Has the map of a session written, in place of the one before.
+    pub(super) fn write(&self, session: u64, map: Box<SavedMap>) {
+        self.send(Task::Write { session, map });
         self.keeps.set(false);
     }
 
-    /// Has the file kept under another name. Where no map was sent since this was asked for last, there is nothing more to
-    /// keep: a clock that jumps for ever piles nothing up before a disk that does not answer.
-    pub(super) fn keep(&self) {
+    /// Has the file kept under another name before the map of a session takes its place. Where no map was sent since this was
+    /// asked for last, there is nothing more to keep: a clock that jumps for ever piles nothing up before a disk that does not
+    /// answer.
+    pub(super) fn keep(&self, before: u64) {
         if !self.keeps.replace(true) {
-            self.send(Task::Keep);
+            self.send(Task::Keep { before });
         }
     }
 
@@ -77,11 +78,12 @@ pub(super) fn start(path: PathBuf, frame_id: String) -> std::io::Result<(Saver, 
     let (saver, waiting) = queue();
     let (written, results) = unbounded_channel();
     std::thread::Builder::new().name("cfodi-saver".to_owned()).spawn(move || {
-        let mut kept = false;
+        let mut keeping = Keeping::default();
         for task in waiting {
             match task {
-                Task::Keep => keep(&path, &mut kept),
-                Task::Write(map) => {
+                Task::Keep { before } => keeping.before = Some(before),
+                Task::Write { session, map } => {
+                    keeping.keep(&path, session);
                     let sequence = map.sequence();
                     let stored = Stored { frame_id: frame_id.clone(), map: *map };
                     let result = store::write(&path, &stored).map(|bytes| (sequence, bytes));
@@ -95,15 +97,27 @@ pub(super) fn start(path: PathBuf, frame_id: String) -> std::io::Result<(Saver, 
     Ok((saver, results))
 }
 
-fn keep(path: &Path, kept: &mut bool) {
-    if *kept || !path.exists() {
-        return;
+/// What is kept of files that are written over.
+#[derive(Debug, Default)]
+struct Keeping {
+    /// The file is to be kept before a map of this session takes its place.
+    before: Option<u64>,
+    /// One was kept. No more are: a robot whose clock jumps for ever must not fill its disk.
+    has_kept: bool,
+}
+
+impl Keeping {
+    /// Keeps the file where it is to be kept, for a map of this session is about to take its place.
+    fn keep(&mut self, path: &Path, session: u64) {
+        if self.before.take_if(|before| session >= *before).is_none() || self.has_kept || !path.exists() {
+            return;
+        }
+        match set_aside(path, "before") {
+            Ok(name) => warn!("the map that was saved is kept as {}", name.display()),
+            Err(error) => warn!("the map that was saved is written over, it cannot be set aside: {error}"),
+        }
+        self.has_kept = true;
     }
-    match set_aside(path, "before") {
-        Ok(name) => warn!("the map that was saved is kept as {}", name.display()),
-        Err(error) => warn!("the map that was saved will be written over, it cannot be set aside: {error}"),
-    }
-    *kept = true;
 }
 
 /// Who waits for a map to be written. At most one is under way, so that none piles up before a slow disk.
@@ -180,14 +194,16 @@ pub(super) fn log(written: &Written) {
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Isometry3;
+
     use super::*;
-    use crate::engine::{Engine, Params};
+    use crate::engine::{Engine, Params, Points, Scan, Stamp};
 
     #[test]
     fn before_a_disk_that_does_not_answer_two_maps_wait_with_one_task_to_keep_around_each() {
         let (saver, waiting) = queue();
-        let write = || saver.write(Box::new(Engine::new(Params::default()).save()));
-        let jump = || (0..1000).for_each(|_| saver.keep());
+        let write = || saver.write(1, Box::new(Engine::new(Params::default()).save()));
+        let jump = || (0..1000).for_each(|_| saver.keep(1));
         jump();
         write();
         jump();
@@ -195,11 +211,36 @@ mod tests {
         jump();
         // Nothing sends more; if it did, it would not wait.
         (0..1000).for_each(|_| write());
-        let keeps: Vec<_> = waiting.try_iter().map(|task| matches!(task, Task::Keep)).collect();
+        let keeps: Vec<_> = waiting.try_iter().map(|task| matches!(task, Task::Keep { .. })).collect();
         assert_eq!(keeps, [true, false, true, false, true]);
         write();
         jump();
         assert_eq!(waiting.try_iter().count(), 2, "there is room again");
+    }
+
+    #[test]
+    fn a_map_that_was_on_its_way_at_a_jump_is_kept_and_later_ones_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("map");
+        let (saver, mut results) = start(path.clone(), "map".to_owned()).unwrap();
+        let write = |session: u64, scans: u64| {
+            let mut engine = Engine::new(Params::default());
+            let (stamp, points) = (Stamp::default(), Points::F32(Vec::new()));
+            let scan = Scan { stamp, fixed_from_sensor: Isometry3::identity(), points };
+            (0..scans).for_each(|_| drop(engine.insert(&scan)));
+            saver.write(session, Box::new(engine.save()));
+        };
+        saver.keep(2);
+        write(1, 7);
+        write(2, 1);
+        saver.keep(3);
+        write(3, 2);
+        for expected in [7, 1, 2] {
+            assert_eq!(results.blocking_recv().unwrap().unwrap().0, expected);
+        }
+        let scans =
+            |name: &str| store::read(&folder.path().join(name)).map(|stored| stored.map.sequence()).ok();
+        assert_eq!(["map", "map.before-1", "map.before-2"].map(scans), [Some(2), Some(7), None]);
     }
 
     #[test]

@@ -225,6 +225,27 @@ fn a_map_of_which_nearly_all_was_forgotten_can_be_read() {
     assert_eq!(unpack(&bytes).unwrap(), stored(&engine));
 }
 
+#[cfg(unix)]
+#[test]
+fn a_symbolic_link_stays_and_what_it_leads_to_is_replaced_locked_and_set_aside() {
+    let folder = tempfile::tempdir().unwrap();
+    let [link, second, real] = ["link", "second", "disk/map"].map(|name| folder.path().join(name));
+    fs::create_dir(folder.path().join("disk")).unwrap();
+    std::os::unix::fs::symlink("disk/map", &link).unwrap();
+    std::os::unix::fs::symlink("link", &second).unwrap();
+    let engine = engine(Params::default(), 1);
+    for written in 1..3 {
+        write(&second, &stored(&engine)).unwrap();
+        assert!(fs::symlink_metadata(&real).unwrap().is_file() && link.is_symlink() && second.is_symlink());
+        assert_eq!(
+            set_aside(&link, "before").unwrap(),
+            folder.path().join(format!("disk/map.before-{written}"))
+        );
+    }
+    let _lock = lock(&link).unwrap();
+    assert!(matches!(lock(&real).unwrap_err(), StoreError::InUse { .. }));
+}
+
 /// A robot without a clock of its own begins in 1970 at each start.
 #[test]
 fn under_an_earlier_clock_what_was_known_stays_known() {

@@ -48,7 +48,7 @@ impl<T: Transport> Live<T> {
         info!("{why}: session {} begins with an empty map", self.session);
         self.worker.request_snapshot();
         if keeps && let Some(saver) = &self.saver {
-            saver.keep();
+            saver.keep(self.session);
         }
         // What is given up must not come back after a crash.
         self.save(None);
