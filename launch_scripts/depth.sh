@@ -9,5 +9,9 @@ if [ $# -gt 0 ] && [ "${1#-}" = "$1" ]; then topic=$1; shift; fi
 for cfodi in cfodi "$here/target/release/cfodi" "$here/../../lib/cfodi/cfodi"; do
   if command -v "$cfodi" >/dev/null; then break; fi
 done
+if ! command -v "$cfodi" >/dev/null; then
+  echo "$0: there is no cfodi: \`cargo install --path $here\` makes it" >&2
+  exit 1
+fi
 exec "$cfodi" run --ros-args --params-file "$here/config/kinect.yaml" \
   -r "depth/image:=$topic" -r "depth/camera_info:=${topic%/*}/camera_info" "$@"

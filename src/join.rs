@@ -327,7 +327,7 @@ mod tests {
         assert_eq!(join.waiting(), 0);
     }
 
-    /// The way of a robot, which drives 1 m a second, or where it was set down.
+    /// Takes in where the camera is at this time.
     fn odometry(join: &mut Join, seconds: f64, x: f64) {
         let header = Header { stamp: at(seconds).into(), frame_id: "odom".into() };
         let mut transform = Transform::default();

@@ -56,13 +56,13 @@ fn main() -> ExitCode {
     };
     // Clap ends the program with status 2 and says what is wrong.
     let cli = Cli::parse_from(rest);
-    let lines = cli::log::start(setup.log_level.as_deref());
+    let lines = cli::log::start(setup.log_level.as_deref(), setup.rosout);
     let done = match cli.verb {
         Verb::Run(options) => run::run(&setup, &options, lines).map(|()| ExitCode::SUCCESS),
         Verb::Replay(options) => replay::replay(&setup, &options),
         Verb::Experiment(options) => experiment::experiment(&setup, &options),
         Verb::Demo(options) => demo::demo(&setup, &options, lines).map(|()| ExitCode::SUCCESS),
-        Verb::Simulate(options) => simulate::simulate(&options),
+        Verb::Simulate(options) => simulate::simulate(&setup, &options),
     };
     match done {
         Ok(status) => status,

@@ -1,9 +1,9 @@
 //! A map in a file: what a session has learned, for the next one.
 //!
 //! **Kept true.** Under the name there is at all times a whole map, the one before or the new one, whenever the process or
-//! the machine ends: a map is written beside it, brought to the disk, and then given the name; beside what a symbolic link
-//! leads to, for the link stays. What is read is whole and
-//! undamaged, or refused with its reason; nothing is allocated by a length that the file does not bear out.
+//! the machine ends: a map is written beside it, brought to the disk, and then given the name. A symbolic link stays, and what
+//! it leads to is replaced. What is read is whole and undamaged, or refused with its reason; nothing is allocated by a length
+//! that the file does not bear out.
 //!
 //! # Format
 //!

@@ -582,6 +582,20 @@ fn what_was_recorded_by_another_clock_is_played_with_its_clusters() {
 }
 
 #[test]
+fn where_messages_lie_out_of_order_and_transforms_are_missing_for_it_that_is_said() {
+    let folder = Folder::new();
+    let mut writer = BagWriter::new(Layout::Chunks);
+    writer.tf("/tf_static", stamp(0), "camera_link", OPTICAL, 0.0);
+    let scans = 0..450;
+    scans.clone().for_each(|i| writer.tf("/tf", stamp(i), "odom", "camera_link", 0.01 * i as f64));
+    scans.step_by(30).for_each(|i| writer.cloud(POINTS, stamp(i), &wall(i)));
+    let found = replay(&folder.put("unsorted.mcap", &writer.finish()), &[]);
+    let skipped = found.summary.as_ref().unwrap()["scans_skipped"]["tf_too_early"].as_u64().unwrap();
+    assert_eq!((found.status, found.number("scans") + skipped), (0, 15), "{}", found.errors);
+    assert!(skipped > 0 && found.errors.contains("up to 14.8 s out of the order"), "{}", found.errors);
+}
+
+#[test]
 fn points_beyond_the_grid_are_said_and_counted() {
     let folder = Folder::new();
     let mut writer = BagWriter::new(Layout::Plain);

@@ -224,7 +224,9 @@ fn wrong_arguments_of_the_laboratory_are_named_with_status_2_and_leave_no_file()
 fn wrong_arguments_are_named_with_status_2_and_leave_no_file() {
     let folder = Folder::new();
     let out = folder.path("a.mcap");
-    let wrong: [(&[&str], &str); 6] = [
+    let wrong: [(&[&str], &str); 8] = [
+        (&["--ros-args", "-p", "voxel_size:=0.05"], "takes no parameters and no other names"),
+        (&["--ros-args", "-r", "points:=/a"], "takes no parameters and no other names"),
         (&["--scene", "kitchen"], "room, lab, corridor, stairs, clutter, moving"),
         (&["--seconds", "0"], "0 is not above 0"),
         (&["--seconds", "-1"], "-1 is not above 0"),

@@ -109,6 +109,7 @@ impl Decoder {
     }
 
     /// The same without the sensors.
+    #[must_use]
     pub fn of_transforms(&self) -> Self {
         Self { filter: self.filter, sensors: Vec::new(), transforms: self.transforms.clone() }
     }

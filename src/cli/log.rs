@@ -18,8 +18,9 @@ use tracing_subscriber::util::SubscriberInitExt as _;
 const QUIET: &str = "rustdds=error,ros2_client=error,rustdds::network::udp_listener=off,rustdds::dds::pubsub=off,\
                      rustdds::rtps::message_receiver=off,rustdds::security=off,cdr_encoding=off,zenoh=error";
 
-/// Logs to stderr, and what a node says to the others too; `RUST_LOG` decides where it asks for something, and then says all.
-pub(crate) fn start(level: Option<&str>) -> Lines {
+/// Logs to stderr, and where `rosout` says so, what a node says to the others too; `RUST_LOG` decides where it asks for
+/// something, and then says all.
+pub(crate) fn start(level: Option<&str>, rosout: bool) -> Lines {
     let variable = env::var(EnvFilter::DEFAULT_ENV).ok();
     let (filter, is_bounded) = filter(variable.as_deref(), level);
     let bound = Bound::default();
@@ -29,6 +30,7 @@ pub(crate) fn start(level: Option<&str>) -> Lines {
         fmt::layer().with_target(false).with_ansi(colours).with_writer(io::stderr).log_internal_errors(false);
     let lines = lines.with_filter(within);
     let (listener, said) = listen();
+    let listener = listener.with_filter(DynFilterFn::new(move |_, _| rosout));
     tracing_subscriber::registry().with(lines).with(listener).with(filter).init();
     said
 }

@@ -118,7 +118,7 @@ pub(crate) fn replay(setup: &Setup, options: &Options) -> anyhow::Result<ExitCod
     let bar = Bar::new(input.bag.size());
     let mut say = |line: &str| bar.say(line);
     let topics = output_topics(setup)?;
-    let after = options.out.is_some().then(|| input.stamps_after_recording()).unwrap_or_default();
+    let after = if options.out.is_some() { input.stamps_after_recording() } else { 0 };
     let make = || {
         let begin = |path| ResultFile::create(path, &topics, options.with_input, after);
         let result = options.out.as_deref().map(begin);
@@ -199,6 +199,9 @@ const INFO: &str = "depth/camera_info";
 
 /// Opens the bag and chooses its sensors; gives the exit status where that is not possible.
 pub(crate) fn open(setup: &Setup, path: &Path, wanted: &[String]) -> anyhow::Result<Result<Input, ExitCode>> {
+    if setup.config.snapshot_path.is_some() {
+        say("snapshot_path is not used: only `cfodi run` saves its map");
+    }
     let bag = match Bag::open(path) {
         Ok(bag) => bag,
         Err(error) => {

@@ -38,7 +38,7 @@ pub(crate) fn run(setup: &Setup, options: &Options, lines: Lines) -> anyhow::Res
 
 fn run_over<T: Middleware>(setup: &Setup, options: &Options, lines: Lines) -> anyhow::Result<()> {
     // Before a map is set aside for a node that cannot start.
-    setup.check_names().map_err(|error| ProcessError::Network(error.into()))?;
+    setup.check_names().map_err(ProcessError::from)?;
     T::security(setup).map_err(ProcessError::from)?;
     let (engine, _lock) = begin(&setup.config, options.resume).map_err(ProcessError::from)?;
     match live_node::<T>(setup, engine, None, lines, |_| Ok(()), || false) {

@@ -9,6 +9,7 @@ use anyhow::Context as _;
 use cfodi::bag::SensorBag;
 use cfodi::engine::Stamp;
 use cfodi::export::WholeFile;
+use cfodi::node::Setup;
 use cfodi::say::say;
 use cfodi::sim::drive::SCANS_PER_SECOND;
 use cfodi::sim::{Drive, Scene};
@@ -73,7 +74,11 @@ fn pose_noise(text: &str) -> Result<PoseNoise, String> {
     Ok(PoseNoise { sigma_m: sigma(m)?, sigma_rad: sigma(rad)? })
 }
 
-pub(crate) fn simulate(options: &Options) -> anyhow::Result<ExitCode> {
+pub(crate) fn simulate(setup: &Setup, options: &Options) -> anyhow::Result<ExitCode> {
+    if setup.is_adapted() {
+        say("cfodi: simulate takes no parameters and no other names: its options decide what is in the bag");
+        return Ok(ExitCode::from(WRONG));
+    }
     let outputs: Vec<_> =
         [Some(&options.out), options.truth.as_ref()].into_iter().flatten().cloned().collect();
     if let Some(clash) = clash(&outputs, &[]) {

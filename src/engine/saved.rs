@@ -155,7 +155,7 @@ impl Shape {
             Mode::Paper => {
                 vec![("depth", self.depth.to_string()), ("min_vicinity", self.min_vicinity.to_string())]
             }
-            Mode::Consistent => vec![("noise_model", format!("{:?}", self.noise_model))],
+            Mode::Consistent => vec![("noise_model", self.noise_model.to_string())],
         };
         both.into_iter().chain(own).collect()
     }

@@ -24,6 +24,8 @@ pub struct Environment {
     pub rmw: Option<String>,
     /// The variables of DDS Security.
     pub security: Asked,
+    /// Variables that narrow discovery in ROS's own middlewares, where they are set to do so.
+    pub narrowing: Vec<(&'static str, String)>,
 }
 
 impl Environment {
@@ -35,8 +37,20 @@ impl Environment {
             domain: variable("ROS_DOMAIN_ID"),
             rmw: variable("RMW_IMPLEMENTATION"),
             security: Asked::of_process(),
+            narrowing: narrowing(variable),
         }
     }
+}
+
+fn narrowing(variable: impl Fn(&'static str) -> Option<String>) -> Vec<(&'static str, String)> {
+    let as_ever: [(_, &[&str]); 3] = [
+        ("ROS_AUTOMATIC_DISCOVERY_RANGE", &["", "SUBNET", "SYSTEM_DEFAULT"]),
+        ("ROS_LOCALHOST_ONLY", &["", "0"]),
+        ("ROS_STATIC_PEERS", &[""]),
+    ];
+    let set = as_ever.into_iter().filter_map(|(name, as_ever)| Some((name, variable(name)?, as_ever)));
+    let narrows = set.filter(|(_, value, as_ever)| !as_ever.contains(&value.to_uppercase().as_str()));
+    narrows.map(|(name, value, _)| (name, value)).collect()
 }
 
 /// Everything that the command line and the environment say about the node.
@@ -54,7 +68,10 @@ pub struct Setup {
     pub parameters: Vec<(String, Value)>,
     /// Level of the log, as `--log-level` gives it.
     pub log_level: Option<String>,
+    /// Whether the lines of the log are sent to `/rosout`.
+    pub rosout: bool,
     rmw: String,
+    narrowing: Vec<(&'static str, String)>,
     security: Asked,
     remaps: Vec<(String, String)>,
     /// Names of the parameters that were given a value.
@@ -94,12 +111,24 @@ impl Setup {
             domain: parse_domain(environment.domain.as_deref())?,
             rmw: environment.rmw.clone().unwrap_or_default(),
             security: Asked { enclave: ros.enclave.clone(), ..environment.security.clone() },
-            log_level: ros.log_levels.last().map(|assigned| assigned.level.as_str().to_lowercase()),
+            log_level: log_level(&ros, &namespace, &name),
+            rosout: ros.logging_output.rosout != Some(false),
+            narrowing: environment.narrowing.clone(),
             remaps: remaps.map(|rule| (rule.from.clone(), rule.to.clone())).collect(),
             name,
             namespace,
         };
         Ok((setup, rest))
+    }
+
+    /// Variables of the environment that were set to narrow discovery, and do not.
+    pub fn ignored(&self) -> &[(&'static str, String)] {
+        &self.narrowing
+    }
+
+    /// Whether a parameter or another name was given.
+    pub fn is_adapted(&self) -> bool {
+        !self.given.is_empty() || !self.remaps.is_empty()
     }
 
     /// The middleware that the node talks over.
@@ -193,6 +222,15 @@ fn parse_domain(domain: Option<&str>) -> Result<u16, ArgsError> {
     number.ok_or_else(|| ArgsError::Domain(text.to_owned()))
 }
 
+/// The newest level that is given to all, or to this node's logger: `name`, or `namespace.name`.
+fn log_level(ros: &Ros2Args, namespace: &str, name: &str) -> Option<String> {
+    let own = format!("{namespace}/{name}").trim_start_matches('/').replace('/', ".");
+    let is_meant =
+        |logger: &Option<String>| logger.as_ref().is_none_or(|logger| logger == name || *logger == own);
+    let meant = ros.log_levels.iter().rfind(|assigned| is_meant(&assigned.logger_name))?;
+    Some(meant.level.as_str().to_lowercase())
+}
+
 fn given_parameters(ros: &Ros2Args, namespace: &str, name: &str) -> Result<Vec<(String, Value)>, ArgsError> {
     let node = build_node_fqn(namespace, name);
     let is_for_node = |param: &ParamAssignment| {
@@ -272,6 +310,31 @@ mod tests {
     fn in_domain(text: &str) -> Result<u16, ArgsError> {
         let environment = Environment { domain: Some(text.to_owned()), ..Environment::default() };
         Setup::parse(&[], &environment, "cfodi").map(|(setup, _)| setup.domain)
+    }
+
+    #[test]
+    fn variables_that_narrow_discovery_are_known_where_they_are_set_to_do_so() {
+        let set = |pairs: &'static [(&str, &str)]| {
+            narrowing(|name| pairs.iter().find(|pair| pair.0 == name).map(|pair| pair.1.to_owned()))
+        };
+        let range = "ROS_AUTOMATIC_DISCOVERY_RANGE";
+        assert_eq!(set(&[("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")]), [(range, "LOCALHOST".to_owned())]);
+        assert_eq!(set(&[("ROS_LOCALHOST_ONLY", "1"), ("ROS_STATIC_PEERS", "10.0.0.1")]).len(), 2);
+        let as_ever = [("ROS_AUTOMATIC_DISCOVERY_RANGE", "subnet"), ("ROS_LOCALHOST_ONLY", "0")];
+        assert!(
+            narrowing(|name| as_ever.iter().find(|pair| pair.0 == name).map(|pair| pair.1.to_owned()))
+                .is_empty()
+        );
+    }
+
+    #[test]
+    fn a_level_counts_that_is_given_to_all_or_to_this_node() {
+        let level = |line: &str| parse(&format!("--ros-args -r __ns:=/robot {line}")).unwrap().log_level;
+        assert_eq!(level("--log-level other:=fatal"), None);
+        assert_eq!(level("--log-level debug --log-level other:=fatal").as_deref(), Some("debug"));
+        assert_eq!(level("--log-level warn --log-level robot.cfodi:=error").as_deref(), Some("error"));
+        assert_eq!(level("--log-level cfodi:=debug").as_deref(), Some("debug"));
+        assert!(!parse("--ros-args --disable-rosout-logs").unwrap().rosout && parse("").unwrap().rosout);
     }
 
     #[test]

@@ -57,6 +57,15 @@ pub(super) fn how_to_choose(sensor: &SensorTopics, chosen: Form, other: Form) ->
     )
 }
 
+/// The sources that none but this sensor is read from: two must not be read from one.
+pub(super) fn free(sensor: usize, all: &[SensorTopics], sources: &[Source]) -> Vec<Source> {
+    let others = || all.iter().enumerate().filter(|(other, _)| *other != sensor);
+    let reads =
+        |other: &SensorTopics, topic: &str| Form::ALL.iter().any(|form| other.topic(*form) == Some(topic));
+    let is_free = |source: &&Source| !others().any(|(_, other)| reads(other, &source.topic));
+    sources.iter().filter(is_free).cloned().collect()
+}
+
 /// Why no scan of a sensor has come for `quiet`, as far as it can be known; after `chosen` only that form counts.
 pub(super) fn why_quiet(
     sensor: &SensorTopics,
@@ -210,6 +219,20 @@ mod tests {
         );
         assert!(why("/x", "/b", None).contains("/b has a publisher"));
         assert!(why("/a/points", "/y", Some(Form::Depth)).contains("nobody publishes on /y; "));
+    }
+
+    #[test]
+    fn what_another_sensor_is_read_from_is_not_offered() {
+        let sensors = [sensor("/a/points", "/a/depth"), sensor("/x", "/y")];
+        let sources = [source("/a/points", "PointCloud2"), source("/c/points", "PointCloud2")];
+        let offered = |sensor: usize| {
+            let free = free(sensor, &sensors, &sources);
+            free.into_iter().map(|source| source.topic).collect::<Vec<_>>()
+        };
+        assert_eq!(
+            (offered(0), offered(1)),
+            (vec!["/a/points".into(), "/c/points".into()], vec!["/c/points".into()])
+        );
     }
 
     #[test]

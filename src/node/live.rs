@@ -40,7 +40,6 @@ use crate::join::{Join, Joined, Jump};
 use crate::msg::reports::DiagnosticArray;
 use crate::msg::ros::{TfMessage, TransformStamped};
 use crate::store::StoreError;
-use crate::tf::Inserted;
 use crate::worker::{Output, Worker};
 
 /// Clouds that may wait for their transform: as many as Kinects send within `tf_timeout`, within bounds of memory.
@@ -277,8 +276,11 @@ impl<T: Transport> Live<T> {
     fn transforms(&mut self, transforms: &[TransformStamped], is_static: bool) {
         for transform in transforms {
             match self.join.transform(transform, is_static) {
-                Ok(Inserted::Stored) => {}
-                Ok(other) => self.warn("tf", format_args!("{}: {other:?}", transform.child_frame_id)),
+                Ok(inserted) => {
+                    if let Some(line) = inserted.about(transform) {
+                        self.warn("tf", format_args!("{line}"));
+                    }
+                }
                 Err(error) => self.warn(error.reason(), format_args!("a transform was refused: {error}")),
             }
         }

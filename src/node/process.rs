@@ -12,6 +12,7 @@ use tokio::task::LocalSet;
 use tracing::{info, warn};
 
 use super::Setup;
+use super::args::ArgsError;
 use super::counts::Counts;
 use super::inputs::reads;
 use super::live::{self, LiveError};
@@ -33,6 +34,9 @@ pub enum ProcessError {
     /// The network cannot be joined.
     #[error("cannot join the ROS network")]
     Network(#[from] OpenError),
+    /// A name cannot be meant.
+    #[error(transparent)]
+    Name(#[from] ArgsError),
     /// The middleware that was asked for cannot be had.
     #[error(transparent)]
     Rmw(#[from] RmwError),
@@ -61,7 +65,7 @@ impl ProcessError {
     pub fn is_configuration(&self) -> bool {
         match self {
             Self::Begin(error) => error.is_configuration(),
-            Self::Security(_) | Self::Rmw(_) | Self::Sensors => true,
+            Self::Security(_) | Self::Rmw(_) | Self::Sensors | Self::Name(_) => true,
             Self::Network(error) => {
                 matches!(error, OpenError::Security(_) | OpenError::Name(_) | OpenError::Variable { .. })
             }
@@ -100,6 +104,16 @@ pub(super) fn say_receive_buffer(setup: &Setup) {
         );
     } else {
         info!("socket receive buffer: {got} bytes");
+    }
+}
+
+/// Says which variables of the environment do not count that would keep others of this domain out.
+pub(super) fn say_ignored(setup: &Setup) {
+    for (name, value) in setup.ignored() {
+        warn!(
+            "{name} is {value:?}, which has no effect on this node: it hears, and is heard by, all that reach its ports (keep \
+             others out by a firewall, by ROS_DOMAIN_ID, or with keys)"
+        );
     }
 }
 

@@ -81,7 +81,7 @@ pub(super) fn start(path: PathBuf, frame_id: String) -> std::io::Result<(Saver, 
         let mut keeping = Keeping::default();
         for task in waiting {
             match task {
-                Task::Keep { before } => keeping.before = Some(before),
+                Task::Keep { before } => keeping.before.push(before),
                 Task::Write { session, map } => {
                     keeping.keep(&path, session);
                     let sequence = map.sequence();
@@ -100,8 +100,8 @@ pub(super) fn start(path: PathBuf, frame_id: String) -> std::io::Result<(Saver, 
 /// What is kept of files that are written over.
 #[derive(Debug, Default)]
 struct Keeping {
-    /// The file is to be kept before a map of this session takes its place.
-    before: Option<u64>,
+    /// The file is to be kept before a map of one of these sessions, or of a later one, takes its place.
+    before: Vec<u64>,
     /// One was kept. No more are: a robot whose clock jumps for ever must not fill its disk.
     has_kept: bool,
 }
@@ -109,7 +109,8 @@ struct Keeping {
 impl Keeping {
     /// Keeps the file where it is to be kept, for a map of this session is about to take its place.
     fn keep(&mut self, path: &Path, session: u64) {
-        if self.before.take_if(|before| session >= *before).is_none() || self.has_kept || !path.exists() {
+        let is_due = self.before.extract_if(.., |before| session >= *before).count() > 0;
+        if !is_due || self.has_kept || !path.exists() {
             return;
         }
         match set_aside(path, "before") {
@@ -232,8 +233,8 @@ mod tests {
         };
         saver.keep(2);
         write(1, 7);
-        write(2, 1);
         saver.keep(3);
+        write(2, 1);
         write(3, 2);
         for expected in [7, 1, 2] {
             assert_eq!(results.blocking_recv().unwrap().unwrap().0, expected);

@@ -22,6 +22,9 @@ const FEW: usize = 8;
 /// Clouds that wait for a transform at most, whatever the patience: a bound of memory.
 const MOST: usize = 64;
 
+/// How far out of order messages lie before it is said: clouds and transforms come some tenths of a second apart.
+const OUT_OF_ORDER: Duration = Duration::from_secs(1);
+
 /// How long a bag may hold nothing to be read until it is looked whether to stop.
 const LOOK: Duration = Duration::from_millis(100);
 
@@ -168,6 +171,7 @@ pub fn feed<V: Visitor>(feed: Feed<'_>, visitor: &mut V) -> Result<Ended, FeedEr
         join: Join::new(FEW),
         patience,
         now: Duration::ZERO,
+        back: Duration::ZERO,
         fixed_frame,
         looked_ahead: false,
         enough: false,
@@ -194,8 +198,10 @@ struct Feeder<'a, V> {
     of_transforms: Decoder,
     join: Join,
     patience: Duration,
-    /// When the newest message was recorded.
+    /// When the last message was recorded.
     now: Duration,
+    /// The most by which one was recorded before the one that it lies behind.
+    back: Duration,
     fixed_frame: FixedFrame,
     looked_ahead: bool,
     /// The visitor wants no more.
@@ -216,6 +222,7 @@ impl<V: Visitor> Feeder<'_, V> {
             match receiver.recv_timeout(LOOK) {
                 Ok(Item::Message(message)) => self.visitor.message(&message)?,
                 Ok(Item::Recorded { recorded, at, decoding }) => {
+                    self.back = self.back.max(self.now.saturating_sub(at));
                     self.now = at;
                     self.recorded(recorded, decoding)?;
                 }
@@ -398,6 +405,13 @@ impl<V: Visitor> Feeder<'_, V> {
             } else {
                 self.skip(&waited);
             }
+        }
+        if self.back > OUT_OF_ORDER && self.tally.lacks_transforms() {
+            self.visitor.say(&format!(
+                "messages lie in the bag up to {:.1} s out of the order in which they were recorded, and are read as they lie: where \
+                 transforms were missing for it, `mcap sort` helps",
+                self.back.as_secs_f64()
+            ));
         }
         if let Some(line) = self.fixed_frame.about(self.join.frames()) {
             self.visitor.say(&line);

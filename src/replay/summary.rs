@@ -62,6 +62,11 @@ impl Tally {
         }
     }
 
+    /// Whether scans were skipped for want of a transform at their time.
+    pub(super) fn lacks_transforms(&self) -> bool {
+        ["tf_too_early", "tf_too_late"].iter().any(|reason| self.skipped.contains_key(reason))
+    }
+
     pub(super) fn undecodable(&mut self, topic: &str) -> bool {
         let count = self.undecodable.entry(topic.to_owned()).or_default();
         *count += 1;

@@ -85,17 +85,40 @@ impl Edge {
 }
 
 /// What an accepted transform did beside being stored.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Inserted {
     /// Nothing.
     Stored,
     /// It moved its frame under another parent; the frame's past is gone.
-    Reparented,
+    Reparented {
+        /// The parent before.
+        before: String,
+    },
     /// It made a static frame dynamic or a dynamic one static; the frame's past is gone.
     KindChanged,
     /// Its stamp lies more than [`JUMP_BACK`] before its frame's newest, as when a bag loops: all other dynamic
     /// transforms are gone, the static ones stay.
     JumpedBack,
+}
+
+impl Inserted {
+    /// What to say of it, with the words that the transform has; `None` where nothing is to be said.
+    pub fn about(&self, transform: &TransformStamped) -> Option<String> {
+        let (child, parent) = (bare(&transform.child_frame_id), bare(&transform.header.frame_id));
+        match self {
+            Self::Stored => None,
+            Self::Reparented { before } => Some(format!(
+                "{child} was below {before} and is now below {parent}, and its past is forgotten: where this is said again, two \
+                 publishers contradict each other"
+            )),
+            Self::KindChanged => Some(format!(
+                "{child} is told of on /tf and on /tf_static: the newest counts, and its past is forgotten"
+            )),
+            Self::JumpedBack => Some(format!(
+                "the transforms of {child} have jumped back in time: all of /tf before are forgotten"
+            )),
+        }
+    }
 }
 
 impl Default for Frames {
@@ -206,7 +229,9 @@ impl Frames {
     fn store(&mut self, sample: &Sample<'_>) -> Result<Inserted, FrameError> {
         let inserted = match self.edges.get(sample.child) {
             Some(edge) if edge.kept.is_none() != sample.stamp.is_none() => Inserted::KindChanged,
-            Some(edge) if edge.parent != sample.parent => Inserted::Reparented,
+            Some(edge) if edge.parent != sample.parent => {
+                Inserted::Reparented { before: edge.parent.clone() }
+            }
             _ => Inserted::Stored,
         };
         if inserted != Inserted::Stored {

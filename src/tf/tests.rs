@@ -231,10 +231,13 @@ fn a_static_stamp_is_not_looked_at() {
 #[test]
 fn a_frame_can_move_under_another_parent_and_loses_its_past() {
     let mut frames = robot();
-    assert_eq!(frames.dynamic("map", "base_link", 2.0, 7.0), Inserted::Reparented);
+    let from = |before: &str| Inserted::Reparented { before: before.to_owned() };
+    assert_eq!(frames.dynamic("map", "base_link", 2.0, 7.0), from("odom"));
     assert_eq!(frames.x("map", "camera", 2.0), Ok(7.5));
     assert_eq!(frames.x("map", "camera", 1.0), Err("tf_too_early"));
-    assert_eq!(frames.fixed("odom", "camera", 3.0), Inserted::Reparented);
+    let told = from("odom").about(&message("map", "base_link", 2.0, &shift(7.0))).unwrap();
+    assert!(told.starts_with("base_link was below odom and is now below map"), "{told}");
+    assert_eq!(frames.fixed("odom", "camera", 3.0), from("base_link"));
     assert_eq!(frames.x("odom", "camera", 1.0), Ok(3.0));
 }
 

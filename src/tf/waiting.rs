@@ -1,8 +1,9 @@
 //! Scans that wait for the transform at their stamp.
 //!
 //! A cloud usually comes some milliseconds before the transform for its stamp, so it is never dropped on the first
-//! miss. Keeps true: at most `capacity` items, or as many as when it was lowered; every item leaves exactly once, as ready, pushed out, expired or
-//! taken with the rest. Time is an argument: a monotonic `Duration` since whatever moment the caller chose.
+//! miss. Keeps true: at most `capacity` items, or as many as when it was lowered or were put back; every item leaves exactly
+//! once, as ready, pushed out, expired or taken with the rest. Time is an argument: a monotonic `Duration` since whatever moment
+//! the caller chose.
 
 use std::collections::VecDeque;
 use std::time::Duration;

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::Path;
 use std::time::Duration;
 
-use cfodi::bag::{Bag, Decoder, Recorded, Wanted, choose};
+use cfodi::bag::{Bag, Decoder, Recorded, TransformTopics, Wanted, choose};
 use cfodi::cloud::{CloudFilter, Optical};
 use cfodi::join::Join;
 use tempfile::TempDir;
@@ -58,7 +58,7 @@ fn read(path: &Path) {
     let first: Vec<_> = first.into_iter().collect();
     let choices = [choose(&survey.topics, &[], None), choose(&survey.topics, &first, None)];
     let sensors = choices.into_iter().flatten().next().map_or_else(Vec::new, |choice| choice.sensors);
-    let mut decoder = Decoder::new(sensors, FILTER);
+    let mut decoder = Decoder::new(sensors, FILTER, TransformTopics::default());
     let mut join = Join::new(4);
     for message in bag.messages().take(10_000) {
         let Ok(message) = message else { break };

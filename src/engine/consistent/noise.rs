@@ -3,6 +3,8 @@
 //! A point weighs 1 / sigma^2, as a whole number. All points that one scan puts into a voxel weigh the same, by the depth of
 //! their mean: what a voxel knows does not depend on their order.
 
+use std::fmt;
+
 use serde::{Deserialize, Serialize};
 
 use crate::engine::binning::nearest;
@@ -23,6 +25,16 @@ const UNIT_SIGMA: f64 = 0.1536;
 
 /// Greatest weight of a point.
 pub(super) const MAX_WEIGHT: u64 = 1 << 14;
+
+impl fmt::Display for NoiseModel {
+    /// As the parameter names it.
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        out.write_str(match self {
+            Self::KinectV1 => "kinect_v1",
+            Self::None => "none",
+        })
+    }
+}
 
 impl NoiseModel {
     /// Standard deviation of a depth (m) at that depth (m).

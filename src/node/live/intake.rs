@@ -118,8 +118,10 @@ impl<T: Transport> Live<T> {
                 continue;
             }
             intake.said_quiet = Some(now);
-            let (topics, sources) = (&self.transport.inputs()[sensor], self.transport.sources());
-            let line = inputs::why_quiet(topics, intake.chosen, &sources, QUIET);
+            let (inputs, sources) = (self.transport.inputs(), self.transport.sources());
+            let topics = &inputs[sensor];
+            let line =
+                inputs::why_quiet(topics, intake.chosen, &inputs::free(sensor, inputs, &sources), QUIET);
             self.warn(format!("quiet {}", topics.name), format_args!("{line}"));
         }
     }

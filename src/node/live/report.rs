@@ -116,7 +116,8 @@ impl<T: Transport> Live<T> {
         part.value("topic", &topic).value("rate [Hz]", format!("{rate:.2}"));
         part.value("lost", intake.lost).value("skipped", intake.skipped);
         if intake.since.elapsed() >= QUIET {
-            let why = inputs::why_quiet(topics, intake.chosen, sources, QUIET);
+            let free = inputs::free(sensor, self.transport.inputs(), sources);
+            let why = inputs::why_quiet(topics, intake.chosen, &free, QUIET);
             part.raise(Level::Error, why);
         }
         let bad = intake.lost.saturating_add(intake.skipped);
