@@ -8,6 +8,7 @@ mod intake;
 mod report;
 mod say;
 mod session;
+mod stopwatch;
 
 use std::cell::RefCell;
 use std::future::Future;
@@ -25,6 +26,7 @@ use self::ending::{count_buried, death};
 use self::intake::Intake;
 use self::report::Before;
 use self::session::new_session;
+use self::stopwatch::Stopwatch;
 use super::counts::Counts;
 use super::publish::{Seen, publish};
 use super::rosout::Lines;
@@ -198,7 +200,8 @@ struct Live<T: Transport> {
     intakes: Vec<Intake>,
     fixed_frame: String,
     tf_timeout: Duration,
-    start: Instant,
+    /// How long clouds have waited.
+    stopwatch: Stopwatch,
     /// `None` where the map is not saved.
     saving: Option<Saving<T::Request>>,
 }
@@ -231,7 +234,7 @@ impl<T: Transport> Live<T> {
             intakes,
             fixed_frame: config.fixed_frame.clone(),
             tf_timeout: config.tf_timeout,
-            start,
+            stopwatch: Stopwatch::new(start),
             saving: config.snapshot_path.as_ref().map(|_| Saving::default()),
         }
     }
@@ -261,7 +264,7 @@ impl<T: Transport> Live<T> {
         match cloud {
             Ok(cloud) => {
                 self.look_at(&cloud);
-                if let Some(pushed_out) = self.join.cloud(cloud, self.start.elapsed()) {
+                if let Some(pushed_out) = self.join.cloud(cloud, self.elapsed()) {
                     self.skip(&pushed_out, "waiting_queue_full");
                 }
                 self.submit_ready();
@@ -289,7 +292,7 @@ impl<T: Transport> Live<T> {
 
     fn submit_ready(&mut self) {
         for Joined { scan, at, jumped_back, .. } in self.join.ready(&self.fixed_frame) {
-            let waited = self.start.elapsed().saturating_sub(at);
+            let waited = self.elapsed().saturating_sub(at);
             self.before.longest_wait = self.before.longest_wait.max(waited);
             if let Some(Jump { seconds, given_up }) = jumped_back {
                 (0..given_up).for_each(|_| self.counts.borrow_mut().skip("session_ended"));
@@ -308,8 +311,12 @@ impl<T: Transport> Live<T> {
         }
     }
 
+    fn elapsed(&self) -> Duration {
+        self.stopwatch.elapsed(Instant::now())
+    }
+
     fn tick(&mut self) {
-        for waited in self.join.expired(self.start.elapsed(), self.tf_timeout) {
+        for waited in self.join.expired(self.elapsed(), self.tf_timeout) {
             self.skip(&waited, "transform_timeout");
         }
         self.say_when_quiet(Instant::now());

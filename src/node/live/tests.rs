@@ -172,6 +172,24 @@ fn a_cloud_waits_for_its_transform_and_one_without_is_skipped_with_its_reason() 
 }
 
 #[test]
+fn under_a_slow_clock_a_cloud_waits_by_that_clock() {
+    let clock = |seconds: f64| Event::Clock(at(seconds));
+    let events = vec![clock(10.0), cloud(at(10.0), "camera"), clock(10.01)];
+    let (ended, counts, _) =
+        node_until(&Config::new([]).unwrap(), Fake::default(), events, |events, counts| async move {
+            // Three times as long as a cloud waits by the clock on the wall.
+            tokio::time::sleep(Duration::from_millis(600)).await;
+            events.try_send(transform(at(10.0), false)).unwrap();
+            let patience = Instant::now();
+            while counts.borrow().taken_in < 1 && patience.elapsed() < Duration::from_secs(60) {
+                tokio::time::sleep(TICK).await;
+            }
+        });
+    ended.unwrap();
+    assert_eq!((counts.taken_in, counts.skipped.len()), (1, 0));
+}
+
+#[test]
 fn a_transform_that_was_overtaken_counts_unless_it_would_be_a_jump_back() {
     let late = |seconds: f64| {
         let Event::Transforms { message, .. } = transform(at(seconds), false) else { unreachable!() };
