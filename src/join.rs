@@ -9,7 +9,7 @@ use std::time::Duration;
 use crate::cloud::Cloud;
 use crate::engine::{Scan, Stamp};
 use crate::msg::ros::TransformStamped;
-use crate::tf::{FrameError, Frames, Inserted, JUMP_BACK, LookupError, Waited, WaitingQueue};
+use crate::tf::{FrameError, Frames, Inserted, JUMP_BACK, LookupError, Moment, Waited, WaitingQueue};
 
 /// Sensors' frames that are remembered at most: a sender can make up ever new ones.
 const SENSORS: usize = 1000;
@@ -35,8 +35,14 @@ pub struct Join {
 struct Sensor {
     /// The newest stamp.
     newest: Stamp,
-    /// Its stamps have jumped back, and the transforms of before were forgotten for it: the next that fit count.
-    has_forgotten: bool,
+    /// How often transforms had jumped back then. A scan that jumps back has to wait until they have done so too: those that
+    /// go on beyond it are of before the jump.
+    jumps: u64,
+}
+
+/// Whether a stamp has jumped back behind the newest of its sensor.
+fn is_back(stamp: Stamp, newest: Stamp) -> bool {
+    newest.seconds_since(stamp) > JUMP_BACK
 }
 
 /// A cloud, and the lap in which it arrived.
@@ -44,7 +50,7 @@ struct Sensor {
 struct Arrived {
     cloud: Cloud,
     lap: u64,
-    at: Duration,
+    at: Moment,
 }
 
 /// A cloud whose transform is known.
@@ -52,8 +58,8 @@ struct Arrived {
 pub struct Joined {
     /// For the engine.
     pub scan: Scan,
-    /// When its cloud came, by the clock of [`Join::cloud`].
-    pub at: Duration,
+    /// When its cloud came, by the clocks of [`Join::cloud`].
+    pub at: Moment,
     /// Points in the message, valid or not.
     pub total: u32,
     /// Those of them without a measurement.
@@ -107,7 +113,7 @@ impl Join {
     }
 
     /// How long the one has waited that has waited longest; 0 where none does.
-    pub fn longest_wait(&self, now: Duration) -> Duration {
+    pub fn longest_wait(&self, now: impl Into<Moment>) -> Duration {
         self.waiting.longest_wait(now)
     }
 
@@ -134,8 +140,8 @@ impl Join {
     }
 
     /// Lets a cloud wait for its transform; gives the one that has waited longest where there was no place.
-    pub fn cloud(&mut self, cloud: Cloud, now: Duration) -> Option<Waited<Cloud>> {
-        let (stamp, frame) = (cloud.stamp, cloud.frame_id.clone());
+    pub fn cloud(&mut self, cloud: Cloud, now: impl Into<Moment>) -> Option<Waited<Cloud>> {
+        let (stamp, frame, now) = (cloud.stamp, cloud.frame_id.clone(), now.into());
         if self.arrived.len() >= SENSORS {
             self.arrived.clear();
         }
@@ -148,78 +154,53 @@ impl Join {
 
     /// Takes the clouds whose way to `fixed_frame` is known now: those before a jump first, then by ascending stamp.
     pub fn ready(&mut self, fixed_frame: &str) -> Vec<Joined> {
-        let mut joined = Vec::new();
-        while self.join(fixed_frame, &mut joined) {}
-        joined
-    }
-
-    /// Joins what is ready. Says whether it has forgotten transforms meanwhile: what was ready by them waits again.
-    fn join(&mut self, fixed_frame: &str, joined: &mut Vec<Joined>) -> bool {
-        let Self { frames, waiting, .. } = self;
-        let mut ready = waiting.take_ready(|sensor, stamp| frames.lookup(fixed_frame, sensor, stamp));
-        ready.sort_by_key(|(arrived, _)| arrived.lap);
-        let mut ready = ready.into_iter();
-        while let Some((arrived, fixed_from_sensor)) = ready.next() {
-            if self.forgets_for(&arrived.cloud) {
-                let rest = ready.map(|(arrived, _)| arrived);
-                for arrived in std::iter::once(arrived).chain(rest) {
-                    let (stamp, frame, at) =
-                        (arrived.cloud.stamp, arrived.cloud.frame_id.clone(), arrived.at);
-                    self.waiting.put_back(arrived, stamp, frame, at);
+        let Self { frames, waiting, sensors, .. } = self;
+        let mut ready = waiting.take_ready(|frame, at| {
+            let found = frames.lookup(fixed_frame, frame, at)?;
+            let jumped = sensors.get(frame).filter(|sensor| is_back(at, sensor.newest));
+            match jumped.filter(|sensor| sensor.jumps == frames.jumps() && frames.reach_beyond(at)) {
+                None => Ok(found),
+                Some(&Sensor { newest, .. }) => {
+                    let (fixed, sensor) = (fixed_frame.to_owned(), frame.to_owned());
+                    Err(LookupError::NotJumpedBack { fixed, sensor, at, newest })
                 }
-                return true;
             }
+        });
+        ready.sort_by_key(|(arrived, _)| arrived.lap);
+        let joined = ready.into_iter().map(|(Arrived { cloud, lap, at }, fixed_from_sensor)| {
             // Only a scan with a transform tells the time: a stray stamp has none.
-            let jumped_back = self.jumped_back(&arrived.cloud, arrived.lap);
-            let Arrived { cloud: Cloud { stamp, points, total, invalid, .. }, at, .. } = arrived;
-            let scan = Scan { stamp, fixed_from_sensor, points };
-            joined.push(Joined { scan, at, total, invalid, jumped_back });
-        }
-        false
+            let jumped_back = self.jumped_back(&cloud, lap);
+            let scan = Scan { stamp: cloud.stamp, fixed_from_sensor, points: cloud.points };
+            Joined { scan, at, total: cloud.total, invalid: cloud.invalid, jumped_back }
+        });
+        joined.collect()
     }
 
-    /// How far a cloud's stamp lies before its sensor's newest (s), where that is a jump. Each sensor is held against
-    /// itself: another may be late, or its clock off.
-    fn back(&self, cloud: &Cloud) -> Option<f64> {
-        let newest = self.sensors.get(&cloud.frame_id)?.newest;
-        Some(newest.seconds_since(cloud.stamp)).filter(|back| *back > JUMP_BACK)
-    }
-
-    /// Whether transforms had to be forgotten for a cloud that has jumped back: they go on beyond its stamp, and so are of
-    /// before the jump. Once a jump: where they are dated ahead, those of after it do so too.
-    fn forgets_for(&mut self, cloud: &Cloud) -> bool {
-        let has_jumped = self.back(cloud).is_some();
-        let sensor =
-            self.sensors.get_mut(&cloud.frame_id).filter(|sensor| has_jumped && !sensor.has_forgotten);
-        sensor.is_some_and(|sensor| {
-            sensor.has_forgotten = true;
-            self.frames.forget_after(cloud.stamp)
-        })
-    }
-
-    /// The jump that a cloud begins a session with; notes its stamp.
+    /// Notes a scan; the jump that it begins a session with. Each sensor is held against itself: another may be late, or
+    /// its clock off.
     fn jumped_back(&mut self, cloud: &Cloud, lap: u64) -> Option<Jump> {
-        let jump = self.back(cloud).map(|seconds| {
+        let newest = self.sensors.get(&cloud.frame_id).map(|sensor| sensor.newest);
+        let jump = newest.filter(|newest| is_back(cloud.stamp, *newest)).map(|newest| {
             self.sensors.clear();
-            let before = self.waiting.take_if(Duration::ZERO, |arrived| arrived.lap < lap);
-            Jump { seconds, given_up: before.len() }
+            let before = self.waiting.take_if(Moment::default(), |arrived| arrived.lap < lap);
+            Jump { seconds: newest.seconds_since(cloud.stamp), given_up: before.len() }
         });
         if self.sensors.len() >= SENSORS {
             self.sensors.clear();
         }
-        let newest =
-            self.sensors.get(&cloud.frame_id).map_or(cloud.stamp, |sensor| sensor.newest.max(cloud.stamp));
-        self.sensors.insert(cloud.frame_id.clone(), Sensor { newest, has_forgotten: false });
+        let newest = if jump.is_some() { None } else { newest };
+        let newest = newest.map_or(cloud.stamp, |newest| newest.max(cloud.stamp));
+        self.sensors.insert(cloud.frame_id.clone(), Sensor { newest, jumps: self.frames.jumps() });
         jump
     }
 
     /// Takes the clouds that have waited for `timeout` or longer.
-    pub fn expired(&mut self, now: Duration, timeout: Duration) -> Vec<Waited<Cloud>> {
+    pub fn expired(&mut self, now: impl Into<Moment>, timeout: Duration) -> Vec<Waited<Cloud>> {
         self.waiting.take_expired(now, timeout).into_iter().map(plain).collect()
     }
 
     /// Takes all clouds that wait: at the end, and for a new session.
-    pub fn give_up(&mut self, now: Duration) -> Vec<Waited<Cloud>> {
+    pub fn give_up(&mut self, now: impl Into<Moment>) -> Vec<Waited<Cloud>> {
         self.waiting.take_all(now).into_iter().map(plain).collect()
     }
 
@@ -364,7 +345,7 @@ mod tests {
 
     /// As localization does it, so that its transforms count until the next.
     #[test]
-    fn transforms_that_are_dated_ahead_are_forgotten_once_a_jump() {
+    fn transforms_that_are_dated_ahead_have_jumped_back_too() {
         let mut join = Join::new(8);
         let mut sessions = Vec::new();
         for seconds in [8.0, 8.1, 8.2, 8.3, 3.0, 3.1, 3.2, 3.3] {
@@ -374,11 +355,32 @@ mod tests {
             join.transform(&TransformStamped { header, child_frame_id, transform }, false).unwrap();
             assert!(join.cloud(cloud(seconds), Duration::ZERO).is_none());
             let ready = join.ready("odom").into_iter();
-            sessions.extend(ready.map(|joined| (joined.scan.stamp, joined.jumped_back.is_some())));
+            sessions.extend(ready.map(|joined| joined.jumped_back.is_some()));
         }
-        let expected =
-            [(8.0, false), (8.1, false), (8.2, false), (8.3, false), (3.1, true), (3.2, false), (3.3, false)];
-        assert_eq!(sessions, expected.map(|(seconds, begins)| (at(seconds), begins)));
+        assert_eq!(sessions, [false, false, false, false, true, false, false, false]);
+    }
+
+    #[test]
+    fn a_scan_that_comes_again_late_begins_no_session_and_costs_no_other() {
+        let mut join = Join::new(8);
+        let mut taken = 0;
+        for tenth in 0..100 {
+            let seconds = f64::from(tenth) * 0.1;
+            odometry(&mut join, seconds, 0.0);
+            assert!(join.cloud(cloud(seconds), Duration::ZERO).is_none());
+            if tenth == 50 {
+                assert!(join.cloud(cloud(2.0), Duration::ZERO).is_none());
+            }
+            let (places, jumps) = places(&mut join);
+            assert_eq!(jumps, 0);
+            taken += places.len();
+        }
+        assert_eq!((taken, join.waiting()), (100, 1));
+        let why = join.oldest().unwrap().1.unwrap().to_string();
+        assert!(
+            why.contains("7.800 s before that of the newest scan, and the transforms have not jumped back"),
+            "{why}"
+        );
     }
 
     #[test]

@@ -135,7 +135,8 @@ pub struct Lock(#[expect(dead_code, reason = "closing it gives the right back")]
 /// # Errors
 /// When another process has it, or the system refuses it.
 pub fn lock(path: &Path) -> Result<Lock, StoreError> {
-    let name = beside(&target(path), "lock");
+    let target = target(path).map_err(|error| StoreError::Io { path: path.to_owned(), error })?;
+    let name = beside(&target, "lock");
     let refused = |error| StoreError::Io { path: name.clone(), error };
     let file = File::create(&name).map_err(refused)?;
     match file.try_lock() {
@@ -152,7 +153,7 @@ pub fn lock(path: &Path) -> Result<Lock, StoreError> {
 pub fn write(path: &Path, stored: &Stored) -> Result<u64, StoreError> {
     let refused = |error| StoreError::Io { path: path.to_owned(), error };
     let bytes = pack(stored).map_err(refused)?;
-    let target = target(path);
+    let target = target(path).map_err(refused)?;
     let folder = File::open(folder(&target)).map_err(refused)?;
     let beside = beside(&target, "part");
     let written = write_whole(&beside, &bytes).and_then(|()| fs::rename(&beside, &target));
@@ -192,13 +193,16 @@ pub fn read(path: &Path) -> Result<Stored, StoreError> {
 }
 
 /// What a name stands for: symbolic links stay, and what they lead to is replaced, there or not there yet.
-fn target(path: &Path) -> PathBuf {
+///
+/// # Errors
+/// Where they lead in a circle.
+pub fn target(path: &Path) -> io::Result<PathBuf> {
     let mut target = path.to_owned();
     for _ in 0..MOST_LINKS {
-        let Ok(to) = fs::read_link(&target) else { break };
+        let Ok(to) = fs::read_link(&target) else { return Ok(target) };
         target = folder(&target).join(to);
     }
-    target
+    Err(io::Error::other("its symbolic links lead in a circle"))
 }
 
 fn folder(path: &Path) -> &Path {

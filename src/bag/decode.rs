@@ -1,6 +1,6 @@
 //! What the messages of a bag say: scans and transforms.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeSet, VecDeque};
 
 use super::cdr::{read, read_with};
 use super::choose::{Sensor, SensorKind};
@@ -66,13 +66,12 @@ impl TransformTopics {
         if is(&self.lasting) { Some(true) } else { is(&self.changing).then_some(false) }
     }
 
-    /// The topics of transforms in a bag, where none of them is read.
+    /// The topics of transforms in a bag that are not read, where one of those that are read is missing.
     pub fn passed_over(&self, topics: &[Topic]) -> Vec<String> {
-        let of_transforms: Vec<_> = topics.iter().filter(|topic| is_transforms(&topic.type_name)).collect();
-        if of_transforms.iter().any(|topic| self.is_static(&topic.name).is_some()) {
-            return Vec::new();
-        }
-        of_transforms.into_iter().map(|topic| topic.name.clone()).collect()
+        let of_transforms = || topics.iter().filter(|topic| is_transforms(&topic.type_name));
+        let kinds: BTreeSet<_> = of_transforms().filter_map(|topic| self.is_static(&topic.name)).collect();
+        let unread = of_transforms().filter(|topic| kinds.len() < 2 && self.is_static(&topic.name).is_none());
+        unread.map(|topic| topic.name.clone()).collect()
     }
 }
 

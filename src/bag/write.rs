@@ -5,6 +5,7 @@
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::sync::Arc;
+use std::time::Duration;
 
 use mcap::records::MessageHeader;
 use mcap::write::NoSeek;
@@ -15,6 +16,7 @@ use super::cdr;
 use super::decode::is_transforms;
 use super::read::Message;
 use super::schemas::definition;
+use crate::engine::Stamp;
 use crate::msg::clusters::SurfaceClusterArray;
 use crate::msg::ros::{Header, MarkerArray, PointCloud2, TfMessage};
 use crate::msg::twins::{Detection3DArray, PolygonInstanceStamped, Twins};
@@ -83,6 +85,8 @@ pub struct ResultBag<W: Write> {
     ahead: u64,
     /// The same for the input's messages, by the newest of their own times.
     input_ahead: i64,
+    /// The input was recorded by another clock than that of the stamps.
+    follows: bool,
     input_newest: u64,
     scratch: Vec<u8>,
 }
@@ -121,6 +125,7 @@ impl<W: Write> ResultBag<W> {
             with_input,
             ahead: 0,
             input_ahead: 0,
+            follows: false,
             input_newest: 0,
             scratch: Vec::new(),
         })
@@ -132,9 +137,20 @@ impl<W: Write> ResultBag<W> {
         self.ahead = self.ahead.saturating_add((seconds * 1e9) as u64);
     }
 
-    /// From now on the input's messages are logged so many nanoseconds later than they were recorded, or earlier, more than before.
-    pub fn shift_input(&mut self, nanos: i64) {
-        self.input_ahead = self.input_ahead.saturating_add(nanos);
+    /// The input's messages are logged by the clock of the stamps, which lies so many nanoseconds after the one by which they were
+    /// recorded; from the first [`Self::scan`] on as far as that shows, for the two may go at different speeds.
+    pub fn follow_stamps(&mut self, offset: i64) {
+        (self.follows, self.input_ahead) = (true, offset);
+    }
+
+    /// A scan of this stamp was recorded at this time.
+    pub fn scan(&mut self, stamp: Stamp, recorded: Duration) {
+        if self.follows
+            && let Ok(recorded) = i64::try_from(recorded.as_nanos())
+        {
+            let logged = stamp.nanos().saturating_add_unsigned(self.ahead);
+            self.input_ahead = logged.saturating_sub(recorded);
+        }
     }
 
     /// Adds a message of `~/clusters`.
@@ -244,7 +260,7 @@ impl<W: Write> ResultBag<W> {
         }
         let back = self.input_newest.saturating_sub(log_time.saturating_add_signed(self.input_ahead));
         if back as f64 * 1e-9 > JUMP_BACK {
-            self.shift_input(i64::try_from(back).unwrap_or(i64::MAX));
+            self.input_ahead = self.input_ahead.saturating_add_unsigned(back);
         }
         let shifted = log_time.saturating_add_signed(self.input_ahead);
         self.input_newest = self.input_newest.max(shifted);

@@ -116,9 +116,9 @@ struct Scans<'a, C> {
 impl<C: FnMut() -> Duration> Visitor for Scans<'_, C> {
     type Error = WriteError;
 
-    fn scan(&mut self, scan: &Scan, fixed_frame: &str) -> Result<(), WriteError> {
+    fn scan(&mut self, scan: &Scan, recorded: Duration, fixed_frame: &str) -> Result<(), WriteError> {
         self.experiment.scan(scan);
-        self.replay.scan(scan, fixed_frame)
+        self.replay.scan(scan, recorded, fixed_frame)
     }
 
     fn jumped_back(&mut self, seconds: f64) -> Result<Go, WriteError> {

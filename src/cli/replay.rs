@@ -14,7 +14,7 @@ use cfodi::node::args::ArgsError;
 use cfodi::node::transport::Outgoing;
 use cfodi::replay::{
     Ended, Feed, Finished, FixedFrame, MapFiles, Outputs, Progress, Replay, ResultFile, Settings, Summary,
-    feed, stamps_after_recording,
+    clock_offset, feed,
 };
 use cfodi::report::{Facts, Figure, Story, write_report};
 use cfodi::say::say;
@@ -99,8 +99,8 @@ impl Input {
         Feed { bag, decoder, fixed_frame, patience: self.patience, with_messages, stop, progress }
     }
 
-    fn stamps_after_recording(&self) -> i64 {
-        stamps_after_recording(&self.bag, self.decoder.clone(), &stop::flag())
+    fn clock_offset(&self) -> Option<i64> {
+        clock_offset(&self.bag, self.decoder.clone(), &stop::flag())
     }
 }
 
@@ -118,9 +118,9 @@ pub(crate) fn replay(setup: &Setup, options: &Options) -> anyhow::Result<ExitCod
     let bar = Bar::new(input.bag.size());
     let mut say = |line: &str| bar.say(line);
     let topics = output_topics(setup)?;
-    let after = if options.out.is_some() { input.stamps_after_recording() } else { 0 };
+    let offset = options.out.as_ref().and_then(|_| input.clock_offset());
     let make = || {
-        let begin = |path| ResultFile::create(path, &topics, options.with_input, after);
+        let begin = |path| ResultFile::create(path, &topics, options.with_input, offset);
         let result = options.out.as_deref().map(begin);
         Ok((result.transpose()?, options.report.as_ref().map(|_| Story::new())))
     };
@@ -251,7 +251,7 @@ fn say_unread(transforms: &TransformTopics, topics: &[bag::Topic]) {
     if !unread.is_empty() {
         let TransformTopics { changing, lasting } = transforms;
         say(one_line(&format!(
-            "neither {changing} nor {lasting} is in the bag: no transforms are read from {} (choose with -r /tf:=... -r /tf_static:=...)",
+            "transforms are read from {changing} and {lasting}, not from {} (choose with -r /tf:=... -r /tf_static:=...)",
             unread.join(" and ")
         )));
     }

@@ -24,8 +24,8 @@ pub struct Environment {
     pub rmw: Option<String>,
     /// The variables of DDS Security.
     pub security: Asked,
-    /// Variables that narrow discovery in ROS's own middlewares, where they are set to do so.
-    pub narrowing: Vec<(&'static str, String)>,
+    /// The variables of discovery that ROS's own middlewares go by, where they are set to change it.
+    pub discovery: Vec<(&'static str, String)>,
 }
 
 impl Environment {
@@ -37,20 +37,20 @@ impl Environment {
             domain: variable("ROS_DOMAIN_ID"),
             rmw: variable("RMW_IMPLEMENTATION"),
             security: Asked::of_process(),
-            narrowing: narrowing(variable),
+            discovery: discovery(variable),
         }
     }
 }
 
-fn narrowing(variable: impl Fn(&'static str) -> Option<String>) -> Vec<(&'static str, String)> {
+fn discovery(variable: impl Fn(&'static str) -> Option<String>) -> Vec<(&'static str, String)> {
     let as_ever: [(_, &[&str]); 3] = [
         ("ROS_AUTOMATIC_DISCOVERY_RANGE", &["", "SUBNET", "SYSTEM_DEFAULT"]),
         ("ROS_LOCALHOST_ONLY", &["", "0"]),
         ("ROS_STATIC_PEERS", &[""]),
     ];
     let set = as_ever.into_iter().filter_map(|(name, as_ever)| Some((name, variable(name)?, as_ever)));
-    let narrows = set.filter(|(_, value, as_ever)| !as_ever.contains(&value.to_uppercase().as_str()));
-    narrows.map(|(name, value, _)| (name, value)).collect()
+    let changes = set.filter(|(_, value, as_ever)| !as_ever.contains(&value.to_uppercase().as_str()));
+    changes.map(|(name, value, _)| (name, value)).collect()
 }
 
 /// Everything that the command line and the environment say about the node.
@@ -71,7 +71,7 @@ pub struct Setup {
     /// Whether the lines of the log are sent to `/rosout`.
     pub rosout: bool,
     rmw: String,
-    narrowing: Vec<(&'static str, String)>,
+    discovery: Vec<(&'static str, String)>,
     security: Asked,
     remaps: Vec<(String, String)>,
     /// Names of the parameters that were given a value.
@@ -113,7 +113,7 @@ impl Setup {
             security: Asked { enclave: ros.enclave.clone(), ..environment.security.clone() },
             log_level: log_level(&ros, &namespace, &name),
             rosout: ros.logging_output.rosout != Some(false),
-            narrowing: environment.narrowing.clone(),
+            discovery: environment.discovery.clone(),
             remaps: remaps.map(|rule| (rule.from.clone(), rule.to.clone())).collect(),
             name,
             namespace,
@@ -121,9 +121,9 @@ impl Setup {
         Ok((setup, rest))
     }
 
-    /// Variables of the environment that were set to narrow discovery, and do not.
-    pub fn ignored(&self) -> &[(&'static str, String)] {
-        &self.narrowing
+    /// Variables of the environment that were set to change discovery, and do not.
+    pub fn discovery(&self) -> &[(&'static str, String)] {
+        &self.discovery
     }
 
     /// Whether a parameter or another name was given.
@@ -222,13 +222,24 @@ fn parse_domain(domain: Option<&str>) -> Result<u16, ArgsError> {
     number.ok_or_else(|| ArgsError::Domain(text.to_owned()))
 }
 
-/// The newest level that is given to all, or to this node's logger: `name`, or `namespace.name`.
+/// The level that counts for this node's logger, `namespace.name`: of those given to it by name the newest, or to what it is
+/// part of; else the newest that is given to all.
 fn log_level(ros: &Ros2Args, namespace: &str, name: &str) -> Option<String> {
     let own = format!("{namespace}/{name}").trim_start_matches('/').replace('/', ".");
-    let is_meant =
-        |logger: &Option<String>| logger.as_ref().is_none_or(|logger| logger == name || *logger == own);
-    let meant = ros.log_levels.iter().rfind(|assigned| is_meant(&assigned.logger_name))?;
-    Some(meant.level.as_str().to_lowercase())
+    let closeness = |logger: Option<&str>| match logger {
+        None => Some(0),
+        Some(logger) if logger == name => Some(own.len()),
+        Some(logger) => {
+            let rest = own.strip_prefix(logger)?;
+            (rest.is_empty() || rest.starts_with('.')).then_some(logger.len())
+        }
+    };
+    let meant = ros
+        .log_levels
+        .iter()
+        .filter_map(|given| Some((closeness(given.logger_name.as_deref())?, given.level)));
+    let (_, level) = meant.max_by_key(|(closeness, _)| *closeness)?;
+    Some(level.as_str().to_lowercase())
 }
 
 fn given_parameters(ros: &Ros2Args, namespace: &str, name: &str) -> Result<Vec<(String, Value)>, ArgsError> {
@@ -313,16 +324,16 @@ mod tests {
     }
 
     #[test]
-    fn variables_that_narrow_discovery_are_known_where_they_are_set_to_do_so() {
+    fn variables_that_change_discovery_are_known_where_they_are_set_to_do_so() {
         let set = |pairs: &'static [(&str, &str)]| {
-            narrowing(|name| pairs.iter().find(|pair| pair.0 == name).map(|pair| pair.1.to_owned()))
+            discovery(|name| pairs.iter().find(|pair| pair.0 == name).map(|pair| pair.1.to_owned()))
         };
         let range = "ROS_AUTOMATIC_DISCOVERY_RANGE";
         assert_eq!(set(&[("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")]), [(range, "LOCALHOST".to_owned())]);
         assert_eq!(set(&[("ROS_LOCALHOST_ONLY", "1"), ("ROS_STATIC_PEERS", "10.0.0.1")]).len(), 2);
         let as_ever = [("ROS_AUTOMATIC_DISCOVERY_RANGE", "subnet"), ("ROS_LOCALHOST_ONLY", "0")];
         assert!(
-            narrowing(|name| as_ever.iter().find(|pair| pair.0 == name).map(|pair| pair.1.to_owned()))
+            discovery(|name| as_ever.iter().find(|pair| pair.0 == name).map(|pair| pair.1.to_owned()))
                 .is_empty()
         );
     }
@@ -333,7 +344,18 @@ mod tests {
         assert_eq!(level("--log-level other:=fatal"), None);
         assert_eq!(level("--log-level debug --log-level other:=fatal").as_deref(), Some("debug"));
         assert_eq!(level("--log-level warn --log-level robot.cfodi:=error").as_deref(), Some("error"));
-        assert_eq!(level("--log-level cfodi:=debug").as_deref(), Some("debug"));
+        assert_eq!(
+            level("--log-level cfodi:=debug --log-level warn").as_deref(),
+            Some("debug"),
+            "its own counts"
+        );
+        assert_eq!(
+            level("--log-level warn --log-level robot:=debug").as_deref(),
+            Some("debug"),
+            "it is a part of it"
+        );
+        assert_eq!(level("--log-level error --log-level warn").as_deref(), Some("warn"));
+        assert_eq!(level("--log-level rob:=debug"), None);
         assert!(!parse("--ros-args --disable-rosout-logs").unwrap().rosout && parse("").unwrap().rosout);
     }
 

@@ -36,7 +36,7 @@ pub use self::robot::Robot;
 use super::args::{ArgsError, Setup};
 use super::middleware::{Adding, Middleware, OpenError, Opened};
 use super::parameters::Parameters;
-use super::process::{receive_buffer, say_ignored, say_receive_buffer};
+use super::process::{receive_buffer, say_discovery, say_receive_buffer};
 use super::record::Record;
 use super::security::{Security, SecurityError};
 use super::transport::{NetworkState, Outgoing, SendError, SensorTopics, Service, Source, Transport};
@@ -112,7 +112,7 @@ impl Middleware for Dds {
 
     fn say_system(setup: &Setup) {
         say_receive_buffer(setup);
-        say_ignored(setup);
+        say_discovery(setup);
     }
 
     async fn open(

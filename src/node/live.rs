@@ -8,7 +8,6 @@ mod intake;
 mod report;
 mod say;
 mod session;
-mod stopwatch;
 
 use std::cell::RefCell;
 use std::future::Future;
@@ -26,7 +25,6 @@ use self::ending::{count_buried, death};
 use self::intake::Intake;
 use self::report::Before;
 use self::session::new_session;
-use self::stopwatch::Stopwatch;
 use super::counts::Counts;
 use super::publish::{Seen, publish};
 use super::rosout::Lines;
@@ -42,6 +40,7 @@ use crate::join::{Join, Joined, Jump};
 use crate::msg::reports::DiagnosticArray;
 use crate::msg::ros::{TfMessage, TransformStamped};
 use crate::store::StoreError;
+use crate::tf::Moment;
 use crate::worker::{Output, Worker};
 
 /// Clouds that may wait for their transform: as many as Kinects send within `tf_timeout`, within bounds of memory.
@@ -200,8 +199,7 @@ struct Live<T: Transport> {
     intakes: Vec<Intake>,
     fixed_frame: String,
     tf_timeout: Duration,
-    /// How long clouds have waited.
-    stopwatch: Stopwatch,
+    start: Instant,
     /// `None` where the map is not saved.
     saving: Option<Saving<T::Request>>,
 }
@@ -234,7 +232,7 @@ impl<T: Transport> Live<T> {
             intakes,
             fixed_frame: config.fixed_frame.clone(),
             tf_timeout: config.tf_timeout,
-            stopwatch: Stopwatch::new(start),
+            start,
             saving: config.snapshot_path.as_ref().map(|_| Saving::default()),
         }
     }
@@ -264,7 +262,7 @@ impl<T: Transport> Live<T> {
         match cloud {
             Ok(cloud) => {
                 self.look_at(&cloud);
-                if let Some(pushed_out) = self.join.cloud(cloud, self.elapsed()) {
+                if let Some(pushed_out) = self.join.cloud(cloud, self.moment()) {
                     self.skip(&pushed_out, "waiting_queue_full");
                 }
                 self.submit_ready();
@@ -292,7 +290,7 @@ impl<T: Transport> Live<T> {
 
     fn submit_ready(&mut self) {
         for Joined { scan, at, jumped_back, .. } in self.join.ready(&self.fixed_frame) {
-            let waited = self.elapsed().saturating_sub(at);
+            let waited = self.moment().since(at);
             self.before.longest_wait = self.before.longest_wait.max(waited);
             if let Some(Jump { seconds, given_up }) = jumped_back {
                 (0..given_up).for_each(|_| self.counts.borrow_mut().skip("session_ended"));
@@ -311,12 +309,13 @@ impl<T: Transport> Live<T> {
         }
     }
 
-    fn elapsed(&self) -> Duration {
-        self.stopwatch.elapsed(Instant::now())
+    /// By the clocks that clouds wait by.
+    fn moment(&self) -> Moment {
+        Moment { wall: self.start.elapsed(), simulated: self.newest_clock }
     }
 
     fn tick(&mut self) {
-        for waited in self.join.expired(self.elapsed(), self.tf_timeout) {
+        for waited in self.join.expired(self.moment(), self.tf_timeout) {
             self.skip(&waited, "transform_timeout");
         }
         self.say_when_quiet(Instant::now());

@@ -107,13 +107,15 @@ pub(super) fn say_receive_buffer(setup: &Setup) {
     }
 }
 
-/// Says which variables of the environment do not count that would keep others of this domain out.
-pub(super) fn say_ignored(setup: &Setup) {
-    for (name, value) in setup.ignored() {
-        warn!(
-            "{name} is {value:?}, which has no effect on this node: it hears, and is heard by, all that reach its ports (keep \
-             others out by a firewall, by ROS_DOMAIN_ID, or with keys)"
-        );
+/// Says which variables of the environment do not count that would change who finds whom.
+pub(super) fn say_discovery(setup: &Setup) {
+    for (name, value) in setup.discovery() {
+        let so = if *name == "ROS_STATIC_PEERS" {
+            "it looks for peers by multicast alone (across routers: docs/zenoh.md)"
+        } else {
+            "it hears, and is heard by, all that reach its ports (keep others out by a firewall, ROS_DOMAIN_ID, or keys)"
+        };
+        warn!("{name} is {value:?}, which has no effect on this node: {so}");
     }
 }
 

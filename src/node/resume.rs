@@ -22,7 +22,8 @@ pub fn begin(config: &Config, resume: bool) -> Result<(Engine, Option<Lock>), Be
     let Some(path) = config.snapshot_path.as_deref() else {
         return if resume { Err(BeginError::NoPath) } else { Ok((Engine::new(config.engine), None)) };
     };
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+    let Ok(target) = store::target(path) else { return Err(BeginError::NoFolder(path.to_owned())) };
+    let folder = target.parent().filter(|folder| !folder.as_os_str().is_empty());
     if folder.is_some_and(|folder| !folder.is_dir()) || path.is_dir() {
         return Err(BeginError::NoFolder(path.to_owned()));
     }

@@ -39,11 +39,11 @@ pub trait Visitor {
     /// Why it cannot go on.
     type Error;
 
-    /// A scan, in the frame `fixed_frame`.
+    /// A scan, recorded at this time (since the epoch), in the frame `fixed_frame`.
     ///
     /// # Errors
     /// Ends the feeding.
-    fn scan(&mut self, scan: &Scan, fixed_frame: &str) -> Result<(), Self::Error>;
+    fn scan(&mut self, scan: &Scan, recorded: Duration, fixed_frame: &str) -> Result<(), Self::Error>;
 
     /// Stamps have jumped back by this many seconds: the next scan begins a new session. Says whether it is wanted.
     ///
@@ -171,7 +171,7 @@ pub fn feed<V: Visitor>(feed: Feed<'_>, visitor: &mut V) -> Result<Ended, FeedEr
         join: Join::new(FEW),
         patience,
         now: Duration::ZERO,
-        back: Duration::ZERO,
+        disorder: Some(Duration::ZERO),
         fixed_frame,
         looked_ahead: false,
         enough: false,
@@ -200,8 +200,9 @@ struct Feeder<'a, V> {
     patience: Duration,
     /// When the last message was recorded.
     now: Duration,
-    /// The most by which one was recorded before the one that it lies behind.
-    back: Duration,
+    /// How long before the message that was read before it one was recorded, at most; `None` once stamps have jumped back, and
+    /// with them the times of recording.
+    disorder: Option<Duration>,
     fixed_frame: FixedFrame,
     looked_ahead: bool,
     /// The visitor wants no more.
@@ -222,7 +223,7 @@ impl<V: Visitor> Feeder<'_, V> {
             match receiver.recv_timeout(LOOK) {
                 Ok(Item::Message(message)) => self.visitor.message(&message)?,
                 Ok(Item::Recorded { recorded, at, decoding }) => {
-                    self.back = self.back.max(self.now.saturating_sub(at));
+                    self.disorder = self.disorder.map(|most| most.max(self.now.saturating_sub(at)));
                     self.now = at;
                     self.recorded(recorded, decoding)?;
                 }
@@ -357,8 +358,9 @@ impl<V: Visitor> Feeder<'_, V> {
             return Ok(());
         }
         let mut ready = self.join.ready(fixed_frame).into_iter();
-        while let Some(Joined { scan, total, invalid, jumped_back, .. }) = ready.next() {
+        while let Some(Joined { scan, at, total, invalid, jumped_back }) = ready.next() {
             if let Some(Jump { seconds, given_up }) = jumped_back {
+                self.disorder = None;
                 self.tally.skip_all("session_ended", given_up);
                 if self.visitor.jumped_back(seconds)? == Go::Home {
                     self.enough = true;
@@ -367,7 +369,7 @@ impl<V: Visitor> Feeder<'_, V> {
                 }
             }
             self.tally.take(total, invalid, scan.points.len());
-            self.visitor.scan(&scan, fixed_frame)?;
+            self.visitor.scan(&scan, at.wall, fixed_frame)?;
         }
         Ok(())
     }
@@ -406,11 +408,13 @@ impl<V: Visitor> Feeder<'_, V> {
                 self.skip(&waited);
             }
         }
-        if self.back > OUT_OF_ORDER && self.tally.lacks_transforms() {
+        if let Some(disorder) = self.disorder.filter(|most| *most > OUT_OF_ORDER)
+            && self.tally.lacks_transforms()
+        {
             self.visitor.say(&format!(
                 "messages lie in the bag up to {:.1} s out of the order in which they were recorded, and are read as they lie: where \
                  transforms were missing for it, `mcap sort` helps",
-                self.back.as_secs_f64()
+                disorder.as_secs_f64()
             ));
         }
         if let Some(line) = self.fixed_frame.about(self.join.frames()) {

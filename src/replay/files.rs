@@ -2,11 +2,12 @@
 
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use super::clusters::write_clusters;
 use super::summary::Summary;
 use crate::bag::{Message, OutputTopics, ResultBag};
-use crate::engine::{Snapshot, Update};
+use crate::engine::{Snapshot, Stamp, Update};
 use crate::export::{WholeFile, WriteError, write_ply, write_voxels};
 use crate::msg::caps::Caps;
 use crate::msg::clusters::{Session, SurfaceClusterArray};
@@ -42,8 +43,8 @@ pub struct Outputs<'a> {
 }
 
 impl ResultFile {
-    /// Begins a result bag; `with_input` adds the input's messages. These are logged so many nanoseconds after they were recorded:
-    /// see [`stamps_after_recording`](super::stamps_after_recording).
+    /// Begins a result bag; `with_input` adds the input's messages. `offset` is that of the input's clocks: see
+    /// [`clock_offset`](super::clock_offset).
     ///
     /// # Errors
     /// When it cannot be made.
@@ -51,12 +52,14 @@ impl ResultFile {
         path: &Path,
         topics: &OutputTopics,
         with_input: bool,
-        after: i64,
+        offset: Option<i64>,
     ) -> Result<Self, WriteError> {
         let file = WholeFile::create(path)?;
         let is_direct = file.is_direct();
         let mut bag = ResultBag::new(file, topics, with_input).map_err(failed(path))?;
-        bag.shift_input(after);
+        if let Some(offset) = offset {
+            bag.follow_stamps(offset);
+        }
         Ok(Self {
             path: path.to_owned(),
             is_direct,
@@ -129,6 +132,13 @@ impl Outputs<'_> {
         }
         if let Some(ResultFile { bag, .. }) = &mut self.bag {
             bag.shift(seconds);
+        }
+    }
+
+    /// A scan of this stamp was recorded at this time.
+    pub(super) fn scan(&mut self, stamp: Stamp, recorded: Duration) {
+        if let Some(ResultFile { bag, .. }) = &mut self.bag {
+            bag.scan(stamp, recorded);
         }
     }
 

@@ -15,7 +15,7 @@ mod reading;
 mod run;
 mod summary;
 
-pub use clocks::stamps_after_recording;
+pub use clocks::clock_offset;
 pub use clusters::write_clusters;
 pub use feed::{Ended, Fed, Feed, FeedError, Go, Progress, Visitor, feed};
 pub use files::{MapFiles, OpenMapFiles, Outputs, ResultFile};

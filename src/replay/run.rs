@@ -173,7 +173,8 @@ impl<'a> Replay<'a> {
 impl Visitor for Replay<'_> {
     type Error = WriteError;
 
-    fn scan(&mut self, scan: &Scan, fixed_frame: &str) -> Result<(), WriteError> {
+    fn scan(&mut self, scan: &Scan, recorded: Duration, fixed_frame: &str) -> Result<(), WriteError> {
+        self.outputs.scan(scan.stamp, recorded);
         let (update, ms) = self.insert(scan);
         self.sessions += u64::from(update.sequence == 1);
         self.count_beyond(update.points_beyond_grid);

@@ -75,6 +75,7 @@ const SENTENCES: &[(&str, &str)] = &[
     ("short_step", "The rows of the image are too short for their pixels."),
     ("shutdown", "The replay was stopped while the scan waited for its transform."),
     ("tf_not_connected", "No chain of transforms joins the sensor to the fixed frame."),
+    ("tf_not_jumped_back", "The stamps jumped back, and the transforms did not."),
     ("tf_not_looked_up", "No transform was looked for before the end."),
     ("tf_numeric", "The transforms to the fixed frame cannot be put together."),
     ("tf_too_early", "The cloud is older than the oldest transform."),

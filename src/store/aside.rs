@@ -17,7 +17,7 @@ pub const MOST_ASIDE: usize = 8;
 /// # Errors
 /// When the system refuses it, or there is no greater number.
 pub fn set_aside(path: &Path, why: &str) -> io::Result<PathBuf> {
-    let path = &target(path);
+    let path = &target(path)?;
     let last = asides(path, why)?.last().map_or(0, |aside| aside.number);
     let number = last.checked_add(1).ok_or(io::ErrorKind::AlreadyExists)?;
     let name = name(path, why, number);
@@ -31,7 +31,7 @@ pub fn set_aside(path: &Path, why: &str) -> io::Result<PathBuf> {
 /// # Errors
 /// When the system does not list them.
 pub fn too_many_aside(path: &Path, why: &str) -> io::Result<Vec<PathBuf>> {
-    let path = &target(path);
+    let path = &target(path)?;
     let mut files = asides(path, why)?;
     files.retain(|aside| aside.is_file);
     let largest = files.iter().max_by_key(|aside| aside.size).map(|aside| aside.number);

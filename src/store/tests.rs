@@ -243,6 +243,9 @@ fn a_symbolic_link_stays_and_what_it_leads_to_is_replaced_locked_and_set_aside()
         );
     }
     let _lock = lock(&link).unwrap();
+    let circle = folder.path().join("circle");
+    std::os::unix::fs::symlink("circle", &circle).unwrap();
+    assert!(write(&circle, &stored(&engine)).is_err() && lock(&circle).is_err() && circle.is_symlink());
     assert!(matches!(lock(&real).unwrap_err(), StoreError::InUse { .. }));
 }
 

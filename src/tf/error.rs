@@ -217,6 +217,22 @@ pub enum LookupError {
         /// The range of its samples.
         covered: Span,
     },
+    /// The stamps of the sensor have jumped back, and the transforms have not: those at this time are of before the jump.
+    #[error(
+        "no transform from {sensor} into {fixed} at {}: its stamp lies {:.3} s before that of the newest scan, and the \
+         transforms have not jumped back",
+        Seconds(*at), newest.seconds_since(*at)
+    )]
+    NotJumpedBack {
+        /// Fixed frame.
+        fixed: String,
+        /// Sensor's frame.
+        sensor: String,
+        /// Time asked for.
+        at: Stamp,
+        /// Stamp of the sensor's newest scan.
+        newest: Stamp,
+    },
     /// One of the frames has too much above it.
     #[error(
         "no transform from {sensor} into {fixed} at {}: one of the two has more than {max} frames above it",
@@ -254,6 +270,7 @@ impl LookupError {
             Self::NotConnected { .. } => "tf_not_connected",
             Self::TooEarly { .. } => "tf_too_early",
             Self::TooLate { .. } => "tf_too_late",
+            Self::NotJumpedBack { .. } => "tf_not_jumped_back",
             Self::TooDeep { .. } => "tf_too_deep",
             Self::Numeric { .. } => "tf_numeric",
         }

@@ -30,7 +30,7 @@ use crate::msg::ros::TransformStamped;
 
 pub use error::{FrameError, LookupError, Span};
 pub use sample::{MAX_NAME_BYTES, NORM_TOLERANCE};
-pub use waiting::{Waited, WaitingQueue};
+pub use waiting::{Moment, Waited, WaitingQueue};
 
 use kept::Kept;
 use sample::{Sample, instant, stamp_of};
@@ -65,6 +65,8 @@ pub struct Frames {
     samples: usize,
     /// The time at which the tree was full and looked through for what is out of date.
     looked: Option<Stamp>,
+    /// How often transforms have jumped back.
+    jumps: u64,
 }
 
 #[derive(Debug)]
@@ -112,10 +114,10 @@ impl Inserted {
                  publishers contradict each other"
             )),
             Self::KindChanged => Some(format!(
-                "{child} is told of on /tf and on /tf_static: the newest counts, and its past is forgotten"
+                "{child} comes with transforms that change and with static ones: the newest counts, and its past is forgotten"
             )),
             Self::JumpedBack => Some(format!(
-                "the transforms of {child} have jumped back in time: all of /tf before are forgotten"
+                "the transforms of {child} have jumped back in time: all before that change are forgotten"
             )),
         }
     }
@@ -131,7 +133,7 @@ impl Frames {
     /// An empty tree.
     pub fn new() -> Self {
         let registry = Registry::with_max_age(MAX_AGE);
-        Self { registry, edges: BTreeMap::new(), samples: 0, looked: None }
+        Self { registry, edges: BTreeMap::new(), samples: 0, looked: None, jumps: 0 }
     }
 
     /// Takes in one transform of `/tf_static` (`is_static`) or `/tf`; the stamp of a static one is not looked at.
@@ -146,6 +148,7 @@ impl Frames {
         let jumped_back = self.jumps_back(&sample);
         self.check_place(&sample, jumped_back)?;
         if jumped_back {
+            self.jumps += 1;
             self.clear_dynamic();
         }
         self.make_room(&sample)?;
@@ -287,15 +290,25 @@ impl Frames {
     /// Forgets all dynamic transforms if the newest of them lies more than [`JUMP_BACK`] after `stamp`; says whether
     /// it did.
     ///
-    /// For a scan whose stamp jumped back: the transforms may still be of the time before the jump, or already of
-    /// the time after it.
+    /// For a clock that has jumped back: the transforms may still be of the time before the jump, or already of the time
+    /// after it.
     pub fn forget_after(&mut self, stamp: Stamp) -> bool {
-        let newest = self.edges.values().filter_map(Edge::newest).max();
-        let forget = newest.is_some_and(|newest| newest.seconds_since(stamp) > JUMP_BACK);
+        let forget = self.reach_beyond(stamp);
         if forget {
             self.clear_dynamic();
         }
         forget
+    }
+
+    /// Whether the newest dynamic transform lies more than [`JUMP_BACK`] after `stamp`.
+    pub fn reach_beyond(&self, stamp: Stamp) -> bool {
+        let newest = self.edges.values().filter_map(Edge::newest).max();
+        newest.is_some_and(|newest| newest.seconds_since(stamp) > JUMP_BACK)
+    }
+
+    /// How often transforms have jumped back: see [`Inserted::JumpedBack`].
+    pub const fn jumps(&self) -> u64 {
+        self.jumps
     }
 
     /// The isometry that maps coordinates of the frame `sensor` into the frame `fixed` at `stamp`.

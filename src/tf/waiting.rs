@@ -1,15 +1,40 @@
 //! Scans that wait for the transform at their stamp.
 //!
 //! A cloud usually comes some milliseconds before the transform for its stamp, so it is never dropped on the first
-//! miss. Keeps true: at most `capacity` items, or as many as when it was lowered or were put back; every item leaves exactly
-//! once, as ready, pushed out, expired or taken with the rest. Time is an argument: a monotonic `Duration` since whatever moment
-//! the caller chose.
+//! miss. Keeps true: at most `capacity` items, or as many as when it was lowered; every item leaves exactly
+//! once, as ready, pushed out, expired or taken with the rest. Time is an argument, since whatever moment the caller chose.
 
 use std::collections::VecDeque;
 use std::time::Duration;
 
 use super::LookupError;
 use crate::engine::Stamp;
+
+/// When something happens: by the clock on the wall or the like, which goes on and never back, and by a simulated one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Moment {
+    /// Since whatever moment.
+    pub wall: Duration,
+    /// The simulated time, where there is one.
+    pub simulated: Option<Stamp>,
+}
+
+impl From<Duration> for Moment {
+    fn from(wall: Duration) -> Self {
+        Self { wall, simulated: None }
+    }
+}
+
+impl Moment {
+    /// How long after `earlier` it is, by the slower of the two clocks: what a simulator sends comes as slowly as its time
+    /// goes, or not at all while it is halted; where that goes faster, the network does not.
+    pub fn since(self, earlier: Self) -> Duration {
+        let wall = self.wall.saturating_sub(earlier.wall);
+        let simulated = self.simulated.zip(earlier.simulated).map(|(now, then)| now.seconds_since(then));
+        let simulated = simulated.and_then(|seconds| Duration::try_from_secs_f64(seconds.max(0.0)).ok());
+        simulated.map_or(wall, |simulated| simulated.min(wall))
+    }
+}
 
 /// A bounded queue of items that wait for a transform.
 #[derive(Debug)]
@@ -24,7 +49,7 @@ struct Entry<T, E> {
     item: T,
     stamp: Stamp,
     frame_id: String,
-    since: Duration,
+    since: Moment,
     last_error: Option<E>,
 }
 
@@ -66,8 +91,8 @@ impl<T, E> WaitingQueue<T, E> {
     }
 
     /// How long the item has waited that has waited longest; 0 where none does.
-    pub fn longest_wait(&self, now: Duration) -> Duration {
-        self.entries.front().map_or(Duration::ZERO, |entry| now.saturating_sub(entry.since))
+    pub fn longest_wait(&self, now: impl Into<Moment>) -> Duration {
+        self.entries.front().map_or(Duration::ZERO, |entry| now.into().since(entry.since))
     }
 
     /// The frame of the item that has waited longest, and what its last lookup lacked.
@@ -77,16 +102,17 @@ impl<T, E> WaitingQueue<T, E> {
 
     /// Lets `item` wait for the transform of `frame_id` at `stamp`. Gives the item that has waited longest where the
     /// queue was full.
-    pub fn push(&mut self, item: T, stamp: Stamp, frame_id: String, now: Duration) -> Option<Waited<T, E>> {
+    pub fn push(
+        &mut self,
+        item: T,
+        stamp: Stamp,
+        frame_id: String,
+        now: impl Into<Moment>,
+    ) -> Option<Waited<T, E>> {
+        let now = now.into();
         self.entries.push_back(Entry { item, stamp, frame_id, since: now, last_error: None });
         let too_many = self.entries.len() > self.capacity;
         too_many.then(|| self.entries.pop_front())?.map(|entry| entry.waited(now))
-    }
-
-    /// Lets an item wait on, which came at `since` and was taken too early; it has its place whatever the capacity.
-    pub fn put_back(&mut self, item: T, stamp: Stamp, frame_id: String, since: Duration) {
-        let place = self.entries.partition_point(|entry| entry.since <= since);
-        self.entries.insert(place, Entry { item, stamp, frame_id, since, last_error: None });
     }
 
     /// Takes every item for which `lookup` now gives a transform, with that transform, by ascending stamp (of equal
@@ -109,8 +135,9 @@ impl<T, E> WaitingQueue<T, E> {
     }
 
     /// Takes the items that have waited for `timeout` or longer, in the order in which they came.
-    pub fn take_expired(&mut self, now: Duration, timeout: Duration) -> Vec<Waited<T, E>> {
-        let expired = |entry: &Entry<T, E>| now.saturating_sub(entry.since) >= timeout;
+    pub fn take_expired(&mut self, now: impl Into<Moment>, timeout: Duration) -> Vec<Waited<T, E>> {
+        let now = now.into();
+        let expired = |entry: &Entry<T, E>| now.since(entry.since) >= timeout;
         let (gone, kept): (VecDeque<_>, VecDeque<_>) =
             std::mem::take(&mut self.entries).into_iter().partition(expired);
         self.entries = kept;
@@ -118,7 +145,8 @@ impl<T, E> WaitingQueue<T, E> {
     }
 
     /// Takes the items that `leaves` says, in the order in which they came.
-    pub fn take_if(&mut self, now: Duration, leaves: impl Fn(&T) -> bool) -> Vec<Waited<T, E>> {
+    pub fn take_if(&mut self, now: impl Into<Moment>, leaves: impl Fn(&T) -> bool) -> Vec<Waited<T, E>> {
+        let now = now.into();
         let (gone, kept): (VecDeque<_>, VecDeque<_>) =
             std::mem::take(&mut self.entries).into_iter().partition(|entry| leaves(&entry.item));
         self.entries = kept;
@@ -126,15 +154,16 @@ impl<T, E> WaitingQueue<T, E> {
     }
 
     /// Takes all items, in the order in which they came: for the end, and for a clock that jumped back.
-    pub fn take_all(&mut self, now: Duration) -> Vec<Waited<T, E>> {
+    pub fn take_all(&mut self, now: impl Into<Moment>) -> Vec<Waited<T, E>> {
+        let now = now.into();
         std::mem::take(&mut self.entries).into_iter().map(|entry| entry.waited(now)).collect()
     }
 }
 
 impl<T, E> Entry<T, E> {
-    fn waited(self, now: Duration) -> Waited<T, E> {
+    fn waited(self, now: Moment) -> Waited<T, E> {
         let Self { item, stamp, frame_id, since, last_error } = self;
-        Waited { item, stamp, frame_id, waited: now.saturating_sub(since), last_error }
+        Waited { item, stamp, frame_id, waited: now.since(since), last_error }
     }
 }
 
@@ -207,14 +236,16 @@ mod tests {
     }
 
     #[test]
-    fn what_is_put_back_waits_since_it_came() {
-        let mut queue = queue(3, &[('a', 10), ('b', 20), ('c', 30)]);
-        assert_eq!(queue.take_ready(until(20)), [('a', 10), ('b', 20)]);
-        queue.set_capacity(1);
-        queue.put_back('b', Stamp::from_nanos(20), "camera".into(), ms(20));
-        queue.put_back('a', Stamp::from_nanos(10), "camera".into(), ms(10));
-        let expired: Vec<_> = queue.take_expired(ms(40), ms(20)).into_iter().map(|w| w.item).collect();
-        assert_eq!((expired, queue.len()), (vec!['a', 'b'], 1));
+    fn what_came_just_before_a_step_of_the_simulated_clock_has_waited_by_the_other_one() {
+        let moment = |wall: u64, simulated: i64| {
+            let simulated = Some(Stamp::from_nanos(simulated * 1_000_000));
+            Moment { wall: ms(wall), simulated }
+        };
+        let before_a_step = moment(1001, 5000);
+        assert_eq!(moment(1040, 6000).since(before_a_step), ms(39));
+        assert_eq!(moment(9000, 5100).since(before_a_step), ms(100), "a slow simulator");
+        assert_eq!(moment(9000, 4000).since(before_a_step), ms(0), "one that was set back");
+        assert_eq!(Moment::from(ms(1500)).since(before_a_step), ms(499));
     }
 
     #[test]

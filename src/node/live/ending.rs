@@ -51,7 +51,7 @@ impl<T: Transport> Live<T> {
         publishing: JoinHandle<Ended>,
         written: Option<UnboundedReceiver<Written>>,
     ) -> Result<Arc<Snapshot>, LiveError> {
-        let waiting = self.join.give_up(self.elapsed());
+        let waiting = self.join.give_up(self.moment());
         waiting.iter().for_each(|_| self.counts.borrow_mut().skip("shutdown"));
         let Self { worker, transport, saver, saving, counts, .. } = self;
         drop(saver);

@@ -156,6 +156,11 @@ impl<T: Transport> Live<T> {
             let taken_in = self.counts.borrow().taken_in > before.counts.taken_in;
             let level = if taken_in { Level::Warn } else { Level::Error };
             part.raise(level, before.without_transform.clone().unwrap_or_default());
+        } else if join.longest_wait(self.start.elapsed()) >= QUIET.max(self.tf_timeout)
+            && let Some((_, Some(lacks))) = join.oldest()
+        {
+            // None is given up while a simulated clock is halted.
+            part.raise(Level::Warn, lacks.to_string());
         }
         part.finish()
     }

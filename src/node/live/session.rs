@@ -1,7 +1,5 @@
 //! Sessions: a map, until a clock jumps back or somebody asks for an empty one.
 
-use std::time::Instant;
-
 use tracing::info;
 
 use super::Live;
@@ -18,7 +16,6 @@ pub(super) fn new_session(before: u64) -> u64 {
 
 impl<T: Transport> Live<T> {
     pub(super) fn clock(&mut self, stamp: Stamp) {
-        self.stopwatch.clock(stamp, Instant::now());
         let back =
             self.newest_clock.map(|newest| newest.seconds_since(stamp)).filter(|back| *back > JUMP_BACK);
         if let Some(back) = back {
@@ -38,7 +35,7 @@ impl<T: Transport> Live<T> {
 
     /// Begins a session that no scan has asked for: what waits is given up.
     pub(super) fn begin_session(&mut self, why: &str, keeps: bool) {
-        for _ in self.join.give_up(self.elapsed()) {
+        for _ in self.join.give_up(self.moment()) {
             self.counts.borrow_mut().skip("session_ended");
         }
         self.start_session(why, keeps);
