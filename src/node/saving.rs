@@ -219,29 +219,39 @@ mod tests {
         assert_eq!(waiting.try_iter().count(), 2, "there is room again");
     }
 
+    fn map_of(scans: u64) -> SavedMap {
+        let mut engine = Engine::new(Params::default());
+        let (stamp, points) = (Stamp::default(), Points::F32(Vec::new()));
+        let scan = Scan { stamp, fixed_from_sensor: Isometry3::identity(), points };
+        (0..scans).for_each(|_| drop(engine.insert(&scan)));
+        engine.save()
+    }
+
     #[test]
-    fn a_map_that_was_on_its_way_at_a_jump_is_kept_and_later_ones_once() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("map");
-        let (saver, mut results) = start(path.clone(), "map".to_owned()).unwrap();
-        let write = |session: u64, scans: u64| {
-            let mut engine = Engine::new(Params::default());
-            let (stamp, points) = (Stamp::default(), Points::F32(Vec::new()));
-            let scan = Scan { stamp, fixed_from_sensor: Isometry3::identity(), points };
-            (0..scans).for_each(|_| drop(engine.insert(&scan)));
-            saver.write(session, Box::new(engine.save()));
-        };
-        saver.keep(2);
-        write(1, 7);
-        saver.keep(3);
-        write(2, 1);
-        write(3, 2);
-        for expected in [7, 1, 2] {
-            assert_eq!(results.blocking_recv().unwrap().unwrap().0, expected);
+    fn a_map_that_was_on_its_way_at_a_jump_is_kept_and_later_ones_are_not() {
+        // The second jump comes before the first map of the session that it ends, or after it.
+        for jumps_early in [true, false] {
+            let folder = tempfile::tempdir().unwrap();
+            let path = folder.path().join("map");
+            let (saver, mut results) = start(path, "map".to_owned()).unwrap();
+            saver.keep(2);
+            saver.write(1, Box::new(map_of(7)));
+            if jumps_early {
+                saver.keep(3);
+            }
+            saver.write(2, Box::new(map_of(1)));
+            if !jumps_early {
+                saver.keep(3);
+            }
+            saver.write(3, Box::new(map_of(2)));
+            for expected in [7, 1, 2] {
+                assert_eq!(results.blocking_recv().unwrap().unwrap().0, expected);
+            }
+            let read = |name: &str| store::read(&folder.path().join(name)).ok();
+            let scans = ["map", "map.before-1", "map.before-2"]
+                .map(|name| read(name).map(|stored| stored.map.sequence()));
+            assert_eq!(scans, [Some(2), Some(7), None]);
         }
-        let scans =
-            |name: &str| store::read(&folder.path().join(name)).map(|stored| stored.map.sequence()).ok();
-        assert_eq!(["map", "map.before-1", "map.before-2"].map(scans), [Some(2), Some(7), None]);
     }
 
     #[test]
