@@ -53,6 +53,8 @@ struct Stream {
     solids: Vec<Solid>,
     /// Where the sensor is in each scan, z forward.
     poses: Vec<Isometry3<f64>>,
+    /// Scans without a point, and before which scan they come: a while in which blocks go to rest.
+    blind: (usize, usize),
     seed: u64,
 }
 
@@ -83,8 +85,10 @@ fn solid(scans: usize) -> impl Strategy<Value = Solid> {
 fn stream(scans: usize) -> impl Strategy<Value = Stream> {
     let step = (prop::array::uniform3(-0.06..0.06), -0.04..0.04);
     let walls = (4.0..6.5, 0.0..0.3);
-    (prop::collection::vec(solid(scans), 1..7), prop::collection::vec(step, scans), walls, any::<u64>())
-        .prop_map(move |(mut solids, steps, (wall, turn), seed)| {
+    let blind = (prop_oneof![Just(0), 60..80_usize], 1..scans);
+    let solids = prop::collection::vec(solid(scans), 1..7);
+    (solids, prop::collection::vec(step, scans), walls, blind, any::<u64>()).prop_map(
+        move |(mut solids, steps, (wall, turn), blind, seed)| {
             let always = |middle, half| Solid { middle, half, there: 0..scans };
             let floor = Isometry3::translation(5.0, 0.0, -1.03);
             solids.push(always(floor, Vector3::new(9.0, 9.0, 1.0)));
@@ -96,8 +100,9 @@ fn stream(scans: usize) -> impl Strategy<Value = Stream> {
                 yaw += turn;
                 pose(place, yaw)
             });
-            Stream { solids, poses: poses.collect(), seed }
-        })
+            Stream { solids, poses: poses.collect(), blind, seed }
+        },
+    )
 }
 
 /// A number between 0 and 1, the same for the same index (splitmix64).
@@ -112,6 +117,17 @@ fn uniform(index: u64) -> f64 {
 const IMAGE: [usize; 2] = [96, 72];
 
 impl Stream {
+    /// All scans, the blind ones among them.
+    fn scans(&self) -> impl Iterator<Item = Scan> {
+        let (count, before) = self.blind;
+        (0..self.poses.len()).flat_map(move |number| {
+            let scan = self.scan(number);
+            let blind = Scan { points: Points::F32(Vec::new()), ..scan.clone() };
+            let blind = std::iter::repeat_n(blind, if number == before { count } else { 0 });
+            blind.chain([scan])
+        })
+    }
+
     fn scan(&self, number: usize) -> Scan {
         let fixed_from_sensor = self.poses[number];
         let origin = Point3::from(fixed_from_sensor.translation.vector);
@@ -205,8 +221,8 @@ proptest! {
     #[test]
     fn a_map_equals_its_definition_and_its_updates_add_up_to_it(params in params(), stream in stream(24)) {
         let (mut map, mut reader) = (Consistent::new(params), Reader::default());
-        for number in 0..stream.poses.len() {
-            let update = map.insert(&stream.scan(number));
+        for scan in stream.scans() {
+            let update = map.insert(&scan);
             prop_assert_eq!(canonical(map.partition(), [0; 3]), canonical(map.scratch(), [0; 3]));
             reader.apply(&update);
             reader.agrees(&update, &map.snapshot());
@@ -228,18 +244,17 @@ proptest! {
 
     #[test]
     fn a_map_that_was_saved_and_restored_goes_on_as_if_it_had_not_stopped(
-        params in params(), stream in stream(24), paper in any::<bool>(), stops in prop::collection::vec(0..24_usize, 1..4),
+        params in params(), stream in stream(24), paper in any::<bool>(), stops in prop::collection::vec(0..100_usize, 1..6),
     ) {
         let params = if paper { params.with_mode(Mode::Paper) } else { params };
         let (mut unbroken, mut resumed) = (Engine::new(params), Engine::new(params));
-        for number in 0..stream.poses.len() {
+        for (number, scan) in stream.scans().enumerate() {
             if stops.contains(&number) {
                 let saved = resumed.save();
                 resumed = Engine::restore(params, &saved).unwrap();
                 prop_assert_eq!(saved, resumed.save());
                 prop_assert_eq!(format!("{:?}", unbroken.snapshot()), format!("{:?}", resumed.snapshot()));
             }
-            let scan = stream.scan(number);
             let updates = [unbroken.insert(&scan), resumed.insert(&scan)];
             prop_assert_eq!(format!("{:?}", updates[0]), format!("{:?}", updates[1]));
         }
@@ -287,8 +302,7 @@ proptest! {
         let params = Params::default().with_voxel_size(VOXEL).and_then(|p| p.with_min_points(least)).unwrap();
         let mut map = Consistent::new(params.with_clearing(false).with_noise_model(noise));
         let mut voxels = BTreeMap::<[i32; 3], (u32, Vector3<f64>)>::new();
-        for number in 0..stream.poses.len() {
-            let scan = stream.scan(number);
+        for scan in stream.scans() {
             map.insert(&scan);
             let Points::F32(points) = &scan.points else { panic!("made in single precision") };
             for point in points {
@@ -325,7 +339,7 @@ fn a_block_that_is_taken_away_is_cleared() {
         there: 0..100,
     };
     let poses = vec![pose(Vector3::new(0.0, 0.0, 1.1), 0.0); 48];
-    let stream = Stream { solids: vec![block, wall], poses, seed: 1 };
+    let stream = Stream { solids: vec![block, wall], poses, blind: (0, 0), seed: 1 };
     let params = Params::default().with_voxel_size(VOXEL).unwrap();
     let near = |map: &Consistent| map.snapshot().voxels.iter().any(|voxel| voxel.centre.x < 4.0);
     // Sensors take turns at one map: others, in rooms of their own, may send one, two or more scans in between.

@@ -33,6 +33,7 @@ impl Grid {
         let weighing = Weighing::new(&scan.fixed_from_sensor);
         for (block_key, voxels) in binned.received.in_order() {
             let slot = self.block_at(block_key);
+            self.wake(slot);
             binned.seen.push(slot);
             let mut from = 0;
             for (cell, sums) in voxels {
@@ -59,7 +60,7 @@ impl Grid {
     ) -> bool {
         let block = &mut self.blocks[slot.0 as usize];
         let corner = Vector3::from(block.corner());
-        let voxel = &mut block.voxels[place];
+        let voxel = block.at(place);
         let corner = corner + Vector3::from(voxel.cell.coordinates());
         let mean = (corner.map(f64::from) + scan.mean()) * self.voxel_size;
         let (depth, towards) = weighing.of(&mean);
@@ -80,6 +81,7 @@ impl Grid {
         let drifts = known && doubled && voxel.published.has_begun_to_drift(&voxel.moments);
         block.note_seen(sequence);
         block.changed |= doubled;
+        block.touched |= is_dense;
         block.drifted += u32::from(drifts);
         block.dense += u32::from(newly_dense);
         if is_dense {

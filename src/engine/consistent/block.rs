@@ -1,11 +1,16 @@
 //! A block of 8 x 8 x 8 voxels: what each voxel has counted, and when the block's states are to be published.
 
+use std::borrow::Cow;
+use std::sync::Arc;
+
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use super::cells::Cells;
 use super::published::Published;
+use super::rest::{REST, Rest};
 use super::room;
+use super::state::State;
 use super::sums::Moments;
 use super::view::Clearance;
 use crate::engine::key::VoxelKey;
@@ -92,12 +97,16 @@ pub(super) struct Block {
     pub(super) around: Around,
     /// The cells that have a voxel.
     cells: Cells,
-    /// By ascending cell.
-    pub(super) voxels: Vec<Voxel>,
+    /// By ascending cell; while it rests, those that are not dense.
+    voxels: Vec<Voxel>,
+    /// The dense voxels of a block at rest.
+    rest: Option<Rest>,
     /// Number of dense voxels.
     pub(super) dense: u32,
     /// Whether a voxel has become dense, or has doubled its weight, since the block was published.
     pub(super) changed: bool,
+    /// Whether a scan has put points into a dense voxel since then.
+    pub(super) touched: bool,
     /// A dense voxel has gone: its place must not be told of any longer.
     pub(super) lost: bool,
     /// Published voxels that have drifted since then.
@@ -126,8 +135,10 @@ impl Block {
             around: [None; 27],
             cells: Cells::default(),
             voxels: Vec::new(),
+            rest: None,
             dense: 0,
             changed: false,
+            touched: false,
             lost: false,
             drifted: 0,
             points: 0,
@@ -141,7 +152,7 @@ impl Block {
     /// Begins anew, at this place.
     pub(super) fn begin(&mut self, key: BlockKey) {
         (self.key, self.published, self.begun, self.drifted) = (key, 0, 0, 0);
-        (self.changed, self.lost) = (false, false);
+        (self.changed, self.touched, self.lost) = (false, false, false);
     }
 
     /// Whether its states are to be published: at once where a dense voxel has gone; with whatever has changed while it is
@@ -190,7 +201,8 @@ impl Block {
             .iter_mut()
             .filter(dense)
             .for_each(|voxel| voxel.published = Published::of(&voxel.moments));
-        (self.changed, self.lost, self.drifted, self.published) = (false, false, 0, sequence);
+        (self.changed, self.touched, self.lost) = (false, false, false);
+        (self.drifted, self.published) = (0, sequence);
         (self.points, self.unknown) = (0, 0);
     }
 
@@ -207,16 +219,93 @@ impl Block {
         (self.begun, self.published) = (begun, published);
     }
 
-    /// The voxels that hold a point, by ascending cell.
-    pub(super) fn voxels(&self) -> &[Voxel] {
+    /// Notes that it is time to rest; whether there is something in it that is to be published first.
+    pub(super) const fn note_left(&mut self) -> bool {
+        self.changed |= self.touched;
+        self.is_stale()
+    }
+
+    /// Whether no scan has put a point into it for so long that it is to rest.
+    pub(super) const fn is_left(&self, sequence: u64) -> bool {
+        sequence - self.seen >= REST
+    }
+
+    /// Whether it is to be put to rest now.
+    pub(super) fn is_to_rest(&self, sequence: u64) -> bool {
+        let is_published = !self.is_stale() && !self.touched;
+        self.dense > 0 && !self.is_at_rest() && is_published && self.is_left(sequence)
+    }
+
+    /// Keeps its dense voxels as they were published, which was as they are now but for rounding; `states` are these.
+    pub(super) fn rest(&mut self, min_points: u32, states: Arc<Vec<State>>) {
+        debug_assert!(self.rest.is_none() && !self.is_stale() && !self.touched);
+        let (dense, others): (Vec<_>, _) =
+            std::mem::take(&mut self.voxels).into_iter().partition(|voxel| voxel.count >= min_points);
+        self.rest = Some(Rest::new(&dense, states));
+        self.voxels = others;
+        self.voxels.shrink_to_fit();
+    }
+
+    /// Ends its rest; whether it was at rest.
+    pub(super) fn wake(&mut self) -> bool {
+        let Some(voxels) = self.rested() else { return false };
+        self.voxels = voxels;
+        self.rest = None;
+        true
+    }
+
+    /// All voxels of a block at rest.
+    fn rested(&self) -> Option<Vec<Voxel>> {
+        let rest = self.rest.as_ref()?;
+        let mut voxels = Vec::with_capacity(self.voxels.len() + rest.len());
+        voxels.extend(self.voxels.iter().cloned().chain(rest.voxels(self.seen)));
+        voxels.sort_unstable_by_key(|voxel| voxel.cell);
+        Some(voxels)
+    }
+
+    pub(super) const fn is_at_rest(&self) -> bool {
+        self.rest.is_some()
+    }
+
+    /// Whether it has no voxel.
+    pub(super) fn is_empty(&self) -> bool {
+        self.cells.is_empty()
+    }
+
+    /// Whether the voxel of a cell holds a point.
+    pub(super) const fn contains(&self, cell: Cell) -> bool {
+        self.cells.contains(cell)
+    }
+
+    /// Number of voxels that hold a point.
+    pub(super) fn len(&self) -> usize {
+        self.cells.len()
+    }
+
+    /// The voxels that hold a point, by ascending cell. Of a block at rest they are made.
+    pub(super) fn voxels(&self) -> Cow<'_, [Voxel]> {
+        self.rested().map_or(Cow::Borrowed(&self.voxels), Cow::Owned)
+    }
+
+    /// The same of a block that is awake.
+    pub(super) fn awake(&self) -> &[Voxel] {
+        debug_assert!(!self.is_at_rest());
         &self.voxels
     }
 
+    /// The voxel of a cell in a block that is awake.
     pub(super) fn voxel(&self, cell: Cell) -> Option<&Voxel> {
-        self.voxels.get(self.place(cell)?)
+        self.awake().get(self.place(cell)?)
+    }
+
+    /// The voxel at a place of the list of a block that is awake.
+    pub(super) fn at(&mut self, place: usize) -> &mut Voxel {
+        debug_assert!(!self.is_at_rest());
+        &mut self.voxels[place]
     }
 
     pub(super) fn voxel_mut(&mut self, cell: Cell) -> Option<&mut Voxel> {
+        debug_assert!(!self.is_at_rest());
         let place = self.place(cell)?;
         self.voxels.get_mut(place)
     }
@@ -240,7 +329,7 @@ impl Block {
     /// The place of a cell's voxel in the list, and whether it was begun, without points, for there was none. All voxels before
     /// `from` have lower cells: who comes to cells in their order passes each voxel once.
     pub(super) fn place_from(&mut self, from: usize, cell: Cell) -> (usize, bool) {
-        debug_assert!(from <= self.cells.rank(cell));
+        debug_assert!(from <= self.cells.rank(cell) && !self.is_at_rest());
         let place = from + self.voxels[from..].iter().take_while(|voxel| voxel.cell < cell).count();
         let is_new = self.voxels.get(place).is_none_or(|voxel| voxel.cell != cell);
         if is_new {
@@ -263,7 +352,7 @@ impl Block {
         room::insert(&mut self.voxels, place, voxel);
     }
 
-    /// Takes a voxel out with all its points.
+    /// Takes a voxel out of a block that is awake, with all its points.
     pub(super) fn remove(&mut self, cell: Cell) -> Option<Voxel> {
         let place = self.place(cell)?;
         self.cells.remove(cell);
@@ -271,9 +360,8 @@ impl Block {
     }
 
     /// Takes all voxels out.
-    pub(super) fn empty(&mut self) -> Vec<Voxel> {
-        self.cells = Cells::default();
-        std::mem::take(&mut self.voxels)
+    pub(super) fn empty(&mut self) {
+        (self.cells, self.voxels, self.rest) = (Cells::default(), Vec::new(), None);
     }
 }
 

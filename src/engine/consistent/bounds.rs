@@ -78,7 +78,7 @@ impl Bounds {
 
     /// Notes when the blocks were seen last.
     fn note_all(&mut self, grid: &Grid) {
-        for (slot, block) in grid.blocks().filter(|(_, block)| !block.voxels().is_empty()) {
+        for (slot, block) in grid.blocks().filter(|(_, block)| !block.is_empty()) {
             self.note_seen(&[slot], block.seen);
         }
     }
@@ -113,7 +113,7 @@ impl Bounds {
         let in_turn = (0..LOOKS.min(slots)).map(|look| BlockIndex(((self.next + look) % slots) as u32));
         for block in in_turn.chain(seen.iter().copied()) {
             let here = grid.block(block);
-            if !here.voxels().is_empty() && distance(grid, here, sensor) > self.keep_radius {
+            if !here.is_empty() && distance(grid, here, sensor) > self.keep_radius {
                 grid.empty(block);
                 emptied.push(block);
             }
@@ -147,7 +147,7 @@ impl Bounds {
                     return;
                 }
                 self.by_last_seen.remove(&(oldest, block));
-                if !grid.block(block).voxels().is_empty() {
+                if !grid.block(block).is_empty() {
                     grid.empty(block);
                     emptied.push(block);
                 }

@@ -43,11 +43,13 @@ pub(super) struct Clearing {
     ranges: RangeGrid,
     blocks: Vec<BlockKey>,
     through: Vec<(BlockIndex, Cell)>,
+    /// The blocks that were at rest before this scan looked at them.
+    pub(super) woken: Vec<BlockIndex>,
 }
 
 impl Clearing {
     pub(super) fn new() -> Self {
-        Self { ranges: RangeGrid::new(), blocks: Vec::new(), through: Vec::new() }
+        Self { ranges: RangeGrid::new(), blocks: Vec::new(), through: Vec::new(), woken: Vec::new() }
     }
 
     /// Takes out what the scan, which has been binned, saw through often enough; returns what was taken out.
@@ -75,12 +77,17 @@ impl Clearing {
     }
 
     /// Lists the voxels of the blocks in view that were seen through.
-    fn look(&mut self, grid: &Grid, fixed_from_sensor: &Isometry3<f64>, sequence: u64) {
+    fn look(&mut self, grid: &mut Grid, fixed_from_sensor: &Isometry3<f64>, sequence: u64) {
         let view = View::new(fixed_from_sensor, grid);
-        for block in self.blocks.iter().filter_map(|&key| grid.find(key)) {
+        self.woken.clear();
+        for &key in &self.blocks {
+            let Some(block) = grid.find(key) else { continue };
+            if grid.wake(block) {
+                self.woken.push(block);
+            }
             let here = grid.block(block);
             let corner = view.corner(here);
-            for voxel in here.voxels().iter().filter(|voxel| voxel.hit != sequence as u32) {
+            for voxel in here.awake().iter().filter(|voxel| voxel.hit != sequence as u32) {
                 let mean = corner + view.to_mean(voxel);
                 let margin = view.margin(&mean);
                 if self.ranges.ends_past(&mean, margin + View::least(&mean))

@@ -7,12 +7,15 @@
 //! A block that has lost all its voxels gives its memory back and its place to the next block that comes
 //! ([`Grid::release`]); it keeps 1.2 KB until then, so memory follows the most blocks that were there at once.
 
+use std::sync::Arc;
+
 use hashbrown::HashMap;
 use nalgebra::{Point3, Vector3};
 use rustc_hash::FxBuildHasher;
 
 use super::block::{Around, Block, BlockIndex, BlockKey, Cell, Voxel, offset_of};
 use super::noise::NoiseModel;
+use super::state::State;
 use crate::engine::params::Params;
 use crate::engine::saved::{RestoreError, ensure};
 
@@ -65,7 +68,7 @@ impl Grid {
         grid.blocks = blocks.into_iter().map(|block| block.unwrap_or_else(Block::new)).collect();
         for slot in taken.into_iter().map(BlockIndex) {
             let block = grid.block(slot);
-            let (key, dense, voxels) = (block.key, block.dense, block.voxels.len());
+            let (key, dense, voxels) = (block.key, block.dense, block.len());
             grid.dense += dense;
             grid.voxels += voxels;
             let before = grid.index.insert(key, slot);
@@ -119,6 +122,26 @@ impl Grid {
         self.blocks[block.0 as usize].note_published(sequence, self.min_points);
     }
 
+    /// Notes that a block holds points in dense voxels that are not published.
+    pub(super) fn note_touched(&mut self, block: BlockIndex) {
+        self.blocks[block.0 as usize].touched = true;
+    }
+
+    /// Notes that it is time for a block to rest; whether there is something in it that is to be published first.
+    pub(super) fn note_left(&mut self, block: BlockIndex) -> bool {
+        self.blocks[block.0 as usize].note_left()
+    }
+
+    /// Puts a block to rest whose dense voxels were published as they are now: as these states.
+    pub(super) fn rest(&mut self, block: BlockIndex, states: Arc<Vec<State>>) {
+        self.blocks[block.0 as usize].rest(self.min_points, states);
+    }
+
+    /// Ends the rest of a block; whether it was at rest.
+    pub(super) fn wake(&mut self, block: BlockIndex) -> bool {
+        self.blocks[block.0 as usize].wake()
+    }
+
     /// The places of all blocks, in no order.
     pub(super) fn keys(&self) -> impl ExactSizeIterator<Item = BlockKey> {
         self.index.keys().copied()
@@ -150,7 +173,8 @@ impl Grid {
     /// Takes all voxels of a block out.
     pub(super) fn empty(&mut self, block: BlockIndex) {
         let block = &mut self.blocks[block.0 as usize];
-        self.voxels -= block.empty().len();
+        self.voxels -= block.len();
+        block.empty();
         self.dense -= block.dense;
         block.lost |= block.dense > 0;
         block.dense = 0;
@@ -160,11 +184,11 @@ impl Grid {
     /// published.
     pub(super) fn release(&mut self, index: BlockIndex) {
         let block = &mut self.blocks[index.0 as usize];
-        if !block.voxels.is_empty() || self.index.get(&block.key) != Some(&index) {
+        if !block.is_empty() || self.index.get(&block.key) != Some(&index) {
             return;
         }
         self.index.remove(&block.key);
-        block.voxels = Vec::new();
+        block.empty();
         let around = std::mem::take(&mut block.around);
         for (place, neighbour) in around.into_iter().enumerate() {
             if let Some(other) = neighbour {

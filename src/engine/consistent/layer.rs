@@ -1,5 +1,7 @@
 //! The patches of all blocks, and where they meet.
 
+use std::sync::Arc;
+
 use nalgebra::Vector3;
 
 use super::block::{Block, BlockIndex, CELLS, Cell, EDGE, offset_of};
@@ -25,8 +27,8 @@ pub(super) struct PatchId {
 /// A block as it was published last.
 #[derive(Clone, Debug)]
 pub(super) struct Segmented {
-    /// Its dense voxels by ascending cell.
-    pub(super) states: Vec<State>,
+    /// Its dense voxels by ascending cell; a block at rest has them too.
+    pub(super) states: Arc<Vec<State>>,
     /// For each cell the number of its patch, [`LOOSE`] or [`EMPTY`].
     pub(super) labels: Box<[u8; CELLS]>,
     /// The cells that are in a patch.
@@ -94,6 +96,7 @@ impl Segmented {
         let (contacts, slice_of) = (vec![Contacts::default(); patches.len()], vec![None; patches.len()]);
         let (loose, loose_cells) = (Vec::new(), Cells::default());
         let most_points = states.iter().map(|state| state.count).max().unwrap_or(0);
+        let states = Arc::new(states);
         let mut segmented =
             Self { states, labels, cells, patches, contacts, slice_of, loose, loose_cells, most_points };
         // Made of a list, it has no room to spare.
@@ -143,14 +146,14 @@ impl Segmented {
         room::insert(&mut self.loose, number, loose);
         self.labels[state.cell.index()] = LOOSE;
         self.loose_cells.insert(state.cell);
-        room::insert(&mut self.states, place, state);
+        room::insert(Arc::make_mut(&mut self.states), place, state);
         Some(number)
     }
 
     /// An empty block.
     pub(super) fn empty() -> Self {
         Self {
-            states: Vec::new(),
+            states: Arc::default(),
             labels: Box::new([EMPTY; CELLS]),
             cells: Cells::default(),
             patches: Vec::new(),

@@ -157,6 +157,7 @@ mod published;
 mod received;
 mod recent;
 mod region;
+mod rest;
 mod rim;
 mod rings;
 mod room;

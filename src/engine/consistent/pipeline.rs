@@ -1,15 +1,18 @@
 //! The consistent engine itself: one scan in, what it changed out.
 
+use std::sync::Arc;
+
 use nalgebra::UnitVector3;
 
 use super::bin::Binned;
-use super::block::{Block, BlockIndex, Voxel};
+use super::block::{Block, BlockIndex, Cell, Voxel};
 use super::bounds::Bounds;
 use super::clearing::Clearing;
 use super::graph::NodeId;
 use super::grid::Grid;
 use super::layer::Segmented;
 use super::region::Region;
+use super::rest::Leaving;
 use super::rules::Rules;
 use super::saved::{SavedConsistent, SavedGrid};
 use super::scratch;
@@ -38,6 +41,8 @@ pub struct Consistent {
     standpoint: Standpoint,
     /// Blocks that wait for being published, ascending.
     stale: Vec<BlockIndex>,
+    /// Blocks that are to rest.
+    leaving: Leaving,
     taken: Taken,
 }
 
@@ -62,6 +67,7 @@ impl Consistent {
             bounds: Bounds::new(&params),
             standpoint: Standpoint::new(),
             stale: Vec::new(),
+            leaving: Leaving::default(),
             taken: Taken::default(),
             params,
         }
@@ -86,9 +92,11 @@ impl Consistent {
             now.sequence,
         ));
         self.standpoint.follow(&scan.fixed_from_sensor, self.params.voxel_size(), now.sequence);
+        self.leave();
         let due = self.due(&thinned);
         self.surfaces.publish(&self.grid, &due, self.binned.dense.iter().copied(), now);
         due.iter().for_each(|&block| self.grid.note_published(block, now.sequence));
+        due.iter().for_each(|&block| self.rest(block));
         thinned.iter().for_each(|&block| self.grid.release(block));
         done(PipelineStep::Partials);
         self.surfaces.note_seen(&self.binned.seen, now);
@@ -98,7 +106,7 @@ impl Consistent {
             stamp: now.stamp,
             changed,
             removed: self.surfaces.removed(),
-            newly_dense: self.binned.dense.len() as u32,
+            newly_dense: self.newly_dense(),
             points_beyond_grid: self.binned.beyond,
             unclustered_voxels: self.unclustered(),
         };
@@ -134,7 +142,7 @@ impl Consistent {
         let grid = map.grid.restore(&params, sequence)?;
         let surfaces = Surfaces::restore(&map.surfaces, &map.grid.blocks, &grid, &params, sequence)?;
         let stale = grid.blocks().filter(|(_, block)| block.is_stale()).map(|(slot, _)| slot).collect();
-        Ok(Self {
+        let mut engine = Self {
             bounds: Bounds::restore(&params, &grid, map.next)?,
             standpoint: Standpoint::restore(&map.standpoint, sequence)?,
             grid,
@@ -142,7 +150,9 @@ impl Consistent {
             stale,
             taken,
             ..Self::new(params)
-        })
+        };
+        engine.restore_rest();
+        Ok(engine)
     }
 
     /// The parameters it works with.
@@ -182,6 +192,42 @@ impl Consistent {
             .collect()
     }
 
+    /// Which blocks are at rest follows from what they hold, and what of that is published.
+    fn restore_rest(&mut self) {
+        let sequence = self.taken.sequence;
+        for block in (0..self.grid.slots() as u32).map(BlockIndex) {
+            let here = self.grid.block(block);
+            if states(&self.grid, here) != **self.surfaces.states(block) {
+                self.grid.note_touched(block);
+            }
+            self.rest(block);
+        }
+        let awake = self.grid.blocks().filter(|(_, block)| !block.is_empty() && !block.is_at_rest());
+        self.leaving = Leaving::restore(awake.map(|(slot, block)| (block.seen, slot)), sequence);
+    }
+
+    /// Puts the blocks to rest that the sensor has left for long. Those that have changed are published first.
+    fn leave(&mut self) {
+        let sequence = self.taken.sequence;
+        let woken = self.clearing.as_ref().map_or(&[][..], |clearing| &clearing.woken);
+        self.leaving.follow(&self.binned.seen, woken, sequence);
+        while let Some(block) = self.leaving.pop(sequence) {
+            if self.grid.block(block).is_left(sequence) && self.grid.note_left(block) {
+                self.stale.push(block);
+            }
+            self.rest(block);
+        }
+    }
+
+    /// Puts a block to rest if that is due.
+    fn rest(&mut self, block: BlockIndex) {
+        let here = self.grid.block(block);
+        if here.is_to_rest(self.taken.sequence) {
+            debug_assert_eq!(states(&self.grid, here), **self.surfaces.states(block));
+            self.grid.rest(block, Arc::clone(self.surfaces.states(block)));
+        }
+    }
+
     /// The blocks to be published now, ascending; the other stale ones go on waiting. What has changed is in those that
     /// the scan put points into and those that have lost voxels.
     fn due(&mut self, thinned: &[BlockIndex]) -> Vec<BlockIndex> {
@@ -216,6 +262,12 @@ impl Consistent {
         first.extend(others);
         first.sort_unstable();
         first
+    }
+
+    /// Voxels that the scan made dense and that were not forgotten at once.
+    fn newly_dense(&self) -> u32 {
+        let is_there = |&&(block, cell): &&(BlockIndex, Cell)| self.grid.block(block).contains(cell);
+        self.binned.dense.iter().filter(is_there).count() as u32
     }
 
     fn unclustered(&self) -> u32 {

@@ -79,10 +79,9 @@ pub(super) struct SavedState {
 }
 
 impl SavedState {
-    pub(super) fn of(grid: &Grid, block: &Block, state: &State, admitted: bool) -> Self {
-        let now = block.voxel(state.cell).map(|voxel| State::new(grid, voxel));
-        let is_other = now.as_ref() != Some(state);
-        Self { cell: state.cell, admitted, state: is_other.then(|| state.plain()) }
+    /// `now` is what it would be published as.
+    pub(super) fn of(state: &State, now: &State, admitted: bool) -> Self {
+        Self { cell: state.cell, admitted, state: (now != state).then(|| state.plain()) }
     }
 
     /// The state of a dense voxel of this block.
@@ -137,7 +136,7 @@ impl SavedBlock {
         };
         Self {
             key: block.key,
-            voxels: block.voxels.iter().map(voxel).collect(),
+            voxels: block.voxels().iter().map(voxel).collect(),
             changed: block.changed,
             drifted: block.drifted,
             points: block.points,
@@ -168,7 +167,7 @@ impl SavedBlock {
             let is_new = voxel.cell.index() < CELLS && block.restore(voxel.restore(sequence)?);
             ensure(is_new, || format!("{:?} of block {key:?} is there twice or outside", voxel.cell))?;
         }
-        block.dense = block.voxels.iter().filter(|voxel| voxel.count >= params.min_points()).count() as u32;
+        block.dense = block.awake().iter().filter(|voxel| voxel.count >= params.min_points()).count() as u32;
         (block.changed, block.drifted, block.seen) = (self.changed, self.drifted, self.seen);
         (block.points, block.unknown) = (self.points, self.unknown);
         block.note_begun(self.begun, self.published);

@@ -23,7 +23,7 @@ pub(super) fn partition(grid: &Grid, segmented: &[Segmented], rules: &Rules) -> 
     let mut partition = Partition::new();
     for (index, block) in grid.blocks() {
         let here = &segmented[index.0 as usize];
-        for state in &here.states {
+        for state in here.states.iter() {
             let label = here.labels[state.cell.index()];
             let patch = if here.is_loose(label) {
                 // Anew for each, so that nothing that is kept for the others can be wrong in both.

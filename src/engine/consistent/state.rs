@@ -234,7 +234,8 @@ pub(super) struct Plane {
 
 /// The dense voxels of a block as they are now, by ascending cell.
 pub(super) fn states(grid: &Grid, block: &Block) -> Vec<State> {
-    let dense = block.voxels().iter().filter(|voxel| grid.is_dense(voxel));
+    let voxels = block.voxels();
+    let dense = voxels.iter().filter(|voxel| grid.is_dense(voxel));
     let mut states = Vec::with_capacity(block.dense as usize);
     states.extend(dense.map(|voxel| State::new(grid, voxel)));
     states

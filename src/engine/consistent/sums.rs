@@ -17,6 +17,7 @@ use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::saved::version1;
+use super::state::State;
 use super::symmetric::{PAIRS, symmetric, upper};
 use crate::engine::binning;
 
@@ -124,6 +125,18 @@ impl Moments {
             self.covariance[k] = (here + part * change) as f32;
         }
         self.mean = (before + way * part).map(|offset| offset as f32).into();
+    }
+
+    /// Those of a voxel whose state is this, of so many points and so much weight.
+    pub(super) fn of(state: &State, points: u32, weight: u32) -> Self {
+        let rounded = |exact: Vector3<f64>| exact.map(|part| part as f32).into();
+        Self {
+            points,
+            weight,
+            mean: rounded(state.offset()),
+            covariance: upper(&state.spread()).map(|entry| entry as f32),
+            towards: rounded(state.towards()),
+        }
     }
 
     /// Weighted mean offset from the corner, in voxels.

@@ -16,6 +16,7 @@ mod saved;
 mod tell;
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
 use self::landmarks::Landmarks;
 pub(super) use self::saved::SavedSurfaces;
@@ -104,6 +105,11 @@ impl Surfaces {
         here.states.iter().zip(nodes).collect()
     }
 
+    /// The dense voxels of a block as they were published, with those that have become dense since.
+    pub(super) fn states(&self, block: BlockIndex) -> &Arc<Vec<State>> {
+        &self.segmented[block.0 as usize].states
+    }
+
     /// The plane that a node's patch has, with its point in voxels.
     pub(super) fn patch(&self, node: NodeId) -> Option<&super::patch::Patch> {
         let id = self.patches[node.0 as usize]?;
@@ -172,7 +178,7 @@ impl Surfaces {
         let segmented = std::mem::replace(&mut self.segmented[block.0 as usize], Segmented::empty());
         let nodes = std::mem::take(&mut self.nodes[block.0 as usize]);
         let components: Vec<_> = nodes.iter().map(|&node| self.graph.component(node)).collect();
-        for state in &segmented.states {
+        for state in segmented.states.iter() {
             let label = segmented.labels[state.cell.index()];
             if segmented.is_loose(label) {
                 continue;
@@ -317,7 +323,7 @@ impl Surfaces {
     fn enter(&mut self, grid: &Grid, block: BlockIndex) {
         let here = &self.segmented[block.0 as usize];
         let corner = grid.block(block).corner();
-        for state in &here.states {
+        for state in here.states.iter() {
             let label = here.labels[state.cell.index()];
             if here.is_loose(label) {
                 continue;

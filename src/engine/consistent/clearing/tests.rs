@@ -60,7 +60,7 @@ impl Bench {
         }
         for &slot in &self.binned.seen {
             let block = self.grid.block(slot);
-            let hit = block.voxels().iter().filter(|voxel| voxel.hit == self.sequence as u32);
+            let hit = block.awake().iter().filter(|voxel| voxel.hit == self.sequence as u32);
             for voxel in hit.filter(|voxel| self.grid.is_dense(voxel)) {
                 let key = block.voxel_key(voxel.cell).unwrap().indices();
                 self.dense.entry(majority(&self.labels[&key])).or_default().insert(key);
@@ -80,7 +80,7 @@ impl Bench {
     /// The dense voxels with a majority of points of these surfaces.
     fn dense_of(&self, labels: &[u32]) -> Vec<[i32; 3]> {
         let voxels = self.grid.blocks().flat_map(|(_, block)| {
-            let dense = block.voxels().iter().filter(|voxel| self.grid.is_dense(voxel));
+            let dense = block.awake().iter().filter(|voxel| self.grid.is_dense(voxel));
             dense.map(|voxel| block.voxel_key(voxel.cell).unwrap().indices())
         });
         voxels.filter(|key| labels.contains(&majority(&self.labels[key]))).collect()

@@ -62,6 +62,34 @@ fn a_map_that_is_tuned_goes_on_as_one_that_was_saved_and_restored_with_the_other
     }
 }
 
+/// Blocks with dense voxels that are at rest, and that are not.
+fn at_rest(engine: &Consistent) -> [usize; 2] {
+    let dense = engine.grid.blocks().filter(|(_, block)| block.dense > 0);
+    let (rest, awake): (Vec<_>, Vec<_>) = dense.partition(|(_, block)| block.is_at_rest());
+    [rest.len(), awake.len()]
+}
+
+#[test]
+fn what_the_sensor_has_left_is_kept_once_and_is_the_same() {
+    let mut next = laboratory();
+    let mut engine = Consistent::new(Params::default());
+    let scans: Vec<_> = (0..20).map(|_| next()).collect();
+    scans.iter().for_each(|scan| drop(engine.insert(scan)));
+    let (before, [rest, blocks]) = (engine.snapshot(), at_rest(&engine));
+    assert!(rest == 0 && blocks > 100, "{rest} and {blocks}");
+    let blind = Scan { points: Points::F32(Vec::new()), ..scans[19].clone() };
+    (0..200).for_each(|_| drop(engine.insert(&blind)));
+    assert_eq!(at_rest(&engine), [blocks, 0]);
+    let after = engine.snapshot();
+    assert_eq!(before.voxels.len(), after.voxels.len());
+    for (a, b) in before.voxels.iter().zip(&after.voxels) {
+        assert!((a.key, a.count) == (b.key, b.count) && (a.centre - b.centre).norm() < 3e-5 * 0.08);
+    }
+    engine.insert(&scans[0]);
+    let [rest, awake] = at_rest(&engine);
+    assert!(rest > 10 && awake > 10, "{rest} and {awake}");
+}
+
 #[test]
 fn what_shapes_a_map_is_not_tuned_and_the_letter_keeps_its_own() {
     let other = Params::default().with_voxel_size(0.3).unwrap().with_expansion_interval(3).unwrap();

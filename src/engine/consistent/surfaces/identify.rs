@@ -21,7 +21,7 @@ impl Surfaces {
         }
         for (&block, old) in blocks.iter().zip(old) {
             let new = &self.segmented[block.0 as usize];
-            for state in &old.segmented.states {
+            for state in old.segmented.states.iter() {
                 let [before, now] =
                     [old.segmented.labels[state.cell.index()], new.labels[state.cell.index()]];
                 if [before, now].iter().any(|label| *label == LOOSE || *label == EMPTY) {

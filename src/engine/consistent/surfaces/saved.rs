@@ -16,6 +16,7 @@ use crate::engine::consistent::layer::{PatchId, Segmented, are_joined, contacts_
 use crate::engine::consistent::rules::Rules;
 use crate::engine::consistent::saved::{SavedBlock, SavedState};
 use crate::engine::consistent::scratch;
+use crate::engine::consistent::state::states;
 use crate::engine::params::Params;
 use crate::engine::saved::{MOST_REVISIONS, RestoreError, ensure, ensure_counted, in_slots};
 use crate::engine::scan::Stamp;
@@ -83,9 +84,10 @@ impl Surfaces {
         let Some(here) = self.segmented.get(block.0 as usize) else { return Vec::new() };
         let admitted: BTreeSet<_> =
             here.loose.iter().filter(|loose| loose.admitted).map(|loose| loose.place).collect();
-        let states = (0..).zip(&here.states);
-        let block = grid.block(block);
-        states.map(|(place, state)| SavedState::of(grid, block, state, admitted.contains(&place))).collect()
+        let now = states(grid, grid.block(block));
+        debug_assert!(now.iter().map(|now| now.cell).eq(here.states.iter().map(|state| state.cell)));
+        let places = (0..).zip(here.states.iter().zip(&now));
+        places.map(|(place, (state, now))| SavedState::of(state, now, admitted.contains(&place))).collect()
     }
 
     /// The clusters of the voxels of `grid`; `blocks` say what they were published as.
