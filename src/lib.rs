@@ -27,6 +27,8 @@ pub mod replay;
 pub mod report;
 #[cfg(feature = "node")]
 pub mod say;
+#[cfg(feature = "node")]
+pub mod signals;
 #[cfg(feature = "sim")]
 pub mod sim;
 #[cfg(feature = "store")]

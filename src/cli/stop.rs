@@ -1,9 +1,9 @@
-//! SIGINT and SIGTERM end a replay or a simulated drive early: what came before is still written.
+//! A signal ends a replay or a simulated drive early: what came before is still written.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, LazyLock, Once};
 
-use tokio::signal::unix::{SignalKind, signal};
+use cfodi::signals::Signals;
 
 static STOP: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
 
@@ -20,16 +20,9 @@ pub(crate) fn flag() -> Arc<AtomicBool> {
 fn listen() {
     let Ok(runtime) = tokio::runtime::Builder::new_current_thread().enable_io().build() else { return };
     runtime.block_on(async {
-        let (Ok(mut interrupt), Ok(mut terminate)) =
-            (signal(SignalKind::interrupt()), signal(SignalKind::terminate()))
-        else {
-            return;
-        };
+        let Ok(mut signals) = Signals::new() else { return };
         loop {
-            tokio::select! {
-                _ = interrupt.recv() => {}
-                _ = terminate.recv() => {}
-            }
+            signals.any().await;
             STOP.store(true, Ordering::Relaxed);
         }
     });

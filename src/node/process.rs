@@ -7,7 +7,6 @@ use std::time::Duration;
 
 use socket2::{Domain, Socket, Type};
 use thiserror::Error;
-use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::task::LocalSet;
 use tracing::{info, warn};
 
@@ -24,6 +23,7 @@ use super::security::{Security, SecurityError};
 use super::transport::SensorTopics;
 use crate::engine::{Engine, Snapshot};
 use crate::say::say;
+use crate::signals::Signals;
 
 /// The process has to end with a failure.
 #[derive(Debug, Error)]
@@ -168,7 +168,7 @@ pub fn live_node<T: Middleware>(
         say_security(T::NAME, &security);
         let transport = Rc::new(transport);
         // Whoever reads that it is ready may end it at once.
-        let (asked, signals) = (Signals::new(), Signals::new());
+        let (ends, signals) = (signals(), signals());
         say_ready(setup, transport.inputs());
         begin(events)?;
         let map = live::run(
@@ -178,7 +178,7 @@ pub fn live_node<T: Middleware>(
             receiver,
             Rc::clone(&counts),
             lines,
-            ending(asked, done),
+            ending(ends, done),
         )
         .await;
         let network = leave(transport).await;
@@ -200,8 +200,8 @@ pub fn live_node<T: Middleware>(
 }
 
 /// Whether the process is to begin anew: not where it was asked to end meanwhile.
-async fn deaf(why: String, mut signals: Signals) -> ProcessError {
-    match tokio::time::timeout(PAUSE, signals.any()).await {
+async fn deaf(why: String, mut signals: Option<Signals>) -> ProcessError {
+    match tokio::time::timeout(PAUSE, asked(&mut signals)).await {
         Ok(()) => LiveError::Deaf(why).into(),
         Err(_) => ProcessError::Deaf(why),
     }
@@ -216,39 +216,32 @@ async fn leave<T: Middleware>(transport: Rc<T>) -> Option<impl Sized> {
     Some(Rc::into_inner(transport)?.close().await)
 }
 
-/// SIGINT and SIGTERM from the moment on that this is made; `None` where the system does not give them.
-struct Signals(Option<(Signal, Signal)>);
-
-impl Signals {
-    fn new() -> Self {
-        let both = signal(SignalKind::interrupt()).ok().zip(signal(SignalKind::terminate()).ok());
-        if both.is_none() {
-            warn!("signals cannot be caught: peers may see this node for a while after its end");
-        }
-        Self(both)
+/// The signals that end it; `None` where the system does not give them.
+fn signals() -> Option<Signals> {
+    let signals = Signals::new().ok();
+    if signals.is_none() {
+        warn!("signals cannot be caught: peers may see this node for a while after its end");
     }
+    signals
+}
 
-    /// Resolves at either.
-    async fn any(&mut self) {
-        let Some((interrupt, terminate)) = &mut self.0 else {
-            return std::future::pending().await;
-        };
-        tokio::select! {
-            _ = interrupt.recv() => {}
-            _ = terminate.recv() => {}
-        }
+/// Resolves at one of them.
+async fn asked(signals: &mut Option<Signals>) {
+    match signals {
+        Some(signals) => signals.any().await,
+        None => std::future::pending().await,
     }
 }
 
 /// Resolves at a signal or when `done` says so.
-async fn ending(mut signals: Signals, done: impl Fn() -> bool) {
+async fn ending(mut signals: Option<Signals>, done: impl Fn() -> bool) {
     let done = async {
         while !done() {
             tokio::time::sleep(Duration::from_millis(50)).await;
         }
     };
     tokio::select! {
-        () = signals.any() => {}
+        () = asked(&mut signals) => {}
         () = done => {}
     }
 }

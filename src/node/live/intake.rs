@@ -120,8 +120,12 @@ impl<T: Transport> Live<T> {
             intake.said_quiet = Some(now);
             let (inputs, sources) = (self.transport.inputs(), self.transport.sources());
             let topics = &inputs[sensor];
-            let line =
-                inputs::why_quiet(topics, intake.chosen, &inputs::free(sensor, inputs, &sources), QUIET);
+            let line = inputs::why_quiet(
+                topics,
+                intake.chosen,
+                &inputs::free(sensor, inputs, &sources),
+                now - intake.since,
+            );
             self.warn(format!("quiet {}", topics.name), format_args!("{line}"));
         }
     }

@@ -117,7 +117,7 @@ impl<T: Transport> Live<T> {
         part.value("lost", intake.lost).value("skipped", intake.skipped);
         if intake.since.elapsed() >= QUIET {
             let free = inputs::free(sensor, self.transport.inputs(), sources);
-            let why = inputs::why_quiet(topics, intake.chosen, &free, QUIET);
+            let why = inputs::why_quiet(topics, intake.chosen, &free, intake.since.elapsed());
             part.raise(Level::Error, why);
         }
         let bad = intake.lost.saturating_add(intake.skipped);
