@@ -114,16 +114,10 @@ impl Keeping {
             return;
         }
         match set_aside(path, "before") {
-            Ok(name) => {
-                warn!("the map that was saved is kept as {}", name.display());
-                self.has_kept = true;
-            }
-            Err(error) => {
-                warn!("the map that was saved cannot be set aside before another takes its place: {error}");
-                // Where this one cannot be written either, it is still there for the next.
-                self.before.push(session);
-            }
+            Ok(name) => warn!("the map that was saved is kept as {}", name.display()),
+            Err(error) => warn!("the map that was saved is written over, it cannot be set aside: {error}"),
         }
+        self.has_kept = true;
     }
 }
 
