@@ -83,7 +83,8 @@ def test_a_driver_that_is_killed_and_restarted_goes_on_in_the_same_map(start, pe
     driver.sends(30)
     before = driver.kill()
     ids = {cluster.id for cluster in peer.clusters.wait("a snapshot with a cluster", lambda m: m.clusters).clusters}
-    node.line_with("but no cloud has come for", timeout=60)
+    quiet = node.line_with("no cloud has come for", timeout=60)
+    assert int(re.search(r"come for (\d+) s", quiet)[1]) >= 3, quiet
     successor = drive("--at-once")
     successor.sends()
     flows_again(peer, successor.sent[0])

@@ -12,7 +12,8 @@
 //!    scan's points must (`standpoint`): its noise adds to the map for long, and moves next to nothing of what is told
 //!    of. While it moves, a scan publishes 3 m^2 of known voxels anew, or an eighth of what is due; the others wait for
 //!    the next (`pipeline`), so that hardly a scan takes twice the usual time. States are rounded to parts of a voxel
-//!    that no surface is known to (`state`), a third of the memory.
+//!    that no surface is known to (`state`), a third of the memory. Where no scan has put a point for 64 scans, whatever was
+//!    put there is published, and the voxels keep no more than that until the next (`rest`).
 //! 2. The dense voxels of a block form planar **patches**, grown from the flattest places, a voxel belonging to the plane
 //!    that its points lie on as well as their noise lets them; from what is left, **strips** of sharp voxels that may be one
 //!    row, and **rough** patches with half a voxel's tolerance. What reaches no further along the line of sight than its
