@@ -88,12 +88,9 @@ pub(super) fn state(cluster: &Cluster, params: &Params, now: Now) -> ClusterStat
     }
 }
 
-/// Standard deviation of a turn beyond which a plane's covariance is not known (rad).
-const MOST_TURN: f64 = 1.0;
-
 /// Covariance of (turn about pose x, turn about pose y, place along pose z at its origin): the inverse of the information in
-/// the voxels' means, and what does not average away. `None` where a turn is not known to [`MOST_TURN`]: voxels in one row say
-/// nothing of the turn about it, and numbers that are all rounding would be taken for variances.
+/// the voxels' means, and what does not average away. `None` where rounding leaves nothing of it: voxels in one row
+/// say nothing of the turn about it, and variances came out negative.
 fn plane_covariance(
     plane: &PlaneFit,
     pose: &Isometry3<f64>,
@@ -115,9 +112,6 @@ fn plane_covariance(
         my, -mx, 1.0,
     ) * (plane.weight / (size * size));
     let noise = information.cholesky()?.inverse();
-    if noise[(0, 0)].max(noise[(1, 1)]) > MOST_TURN * MOST_TURN {
-        return None;
-    }
     let part = SMALL / area.max(SMALL);
     let waves = WAVES * WAVES * plane.mean_square() * size * size * part;
     let variance = waves + (RIM_BIAS * size * size * part).powi(2);
