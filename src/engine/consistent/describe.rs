@@ -223,3 +223,29 @@ pub(super) fn neighbour(
     let highest = other.boundary.iter().map(|point| point.z).fold(f64::NEG_INFINITY, f64::max);
     Some(Neighbour { normal: other.normal, hinge_offset, plane_offset, highest })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The covariance of a level plane whose voxels vary so along x and y (voxels^2).
+    fn covariance(x: f64, y: f64) -> Option<Matrix3<f64>> {
+        let plane = PlaneFit {
+            point: Vector3::zeros(),
+            normal: Vector3::z_axis(),
+            weight: 1e5,
+            covariance: Matrix3::from_diagonal(&Vector3::new(x, y, 0.0)),
+        };
+        plane_covariance(&plane, &Isometry3::identity(), [1.0, 0.1], 0.1, 0.05)
+    }
+
+    #[test]
+    fn a_turn_that_rounding_made_certain_to_less_than_nothing_is_not_known() {
+        let known = covariance(30.0, 0.1).unwrap();
+        assert!(known.cholesky().is_some() && known[(0, 0)] > known[(1, 1)], "{known}");
+        // The voxels of one row: what they vary by across it is rounding.
+        for across in [0.0, -1e-17] {
+            assert_eq!(covariance(30.0, across), None);
+        }
+    }
+}
