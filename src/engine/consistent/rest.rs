@@ -3,7 +3,7 @@
 //!
 //! A block is at rest [`REST`] scans after the last that put a point into it, once everything that was put there is
 //! published. The moments of its dense voxels are rounded to their states by that, to 2^-16 of a voxel. It wakes when a scan
-//! puts a point into it or looks through it, and holds the same then. So a map of three million voxels takes 165 bytes
+//! puts a point into it or looks through it, and holds the same then. So a map of ten million voxels takes 156 bytes
 //! for each, and the work follows the blocks that come into view and leave it.
 
 use std::collections::VecDeque;
