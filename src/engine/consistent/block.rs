@@ -97,9 +97,9 @@ pub(super) struct Block {
     pub(super) around: Around,
     /// The cells that have a voxel.
     cells: Cells,
-    /// By ascending cell; while it rests, those that are not dense.
+    /// By ascending cell; none while it rests.
     voxels: Vec<Voxel>,
-    /// The dense voxels of a block at rest.
+    /// The voxels of a block at rest.
     rest: Option<Rest>,
     /// Number of dense voxels.
     pub(super) dense: u32,
@@ -236,14 +236,10 @@ impl Block {
         self.dense > 0 && !self.is_at_rest() && is_published && self.is_left(sequence)
     }
 
-    /// Keeps its dense voxels as they were published, which was as they are now but for rounding; `states` are these.
-    pub(super) fn rest(&mut self, min_points: u32, states: Arc<Vec<State>>) {
+    /// Keeps its voxels as they are published, or would be; `states` are the dense ones.
+    pub(super) fn rest(&mut self, states: Arc<Vec<State>>) {
         debug_assert!(self.rest.is_none() && !self.is_stale() && !self.touched);
-        let (dense, others): (Vec<_>, _) =
-            std::mem::take(&mut self.voxels).into_iter().partition(|voxel| voxel.count >= min_points);
-        self.rest = Some(Rest::new(&dense, states));
-        self.voxels = others;
-        self.voxels.shrink_to_fit();
+        self.rest = Some(Rest::new(&std::mem::take(&mut self.voxels), states));
     }
 
     /// Ends its rest; whether it was at rest.
@@ -256,11 +252,7 @@ impl Block {
 
     /// All voxels of a block at rest.
     fn rested(&self) -> Option<Vec<Voxel>> {
-        let rest = self.rest.as_ref()?;
-        let mut voxels = Vec::with_capacity(self.voxels.len() + rest.len());
-        voxels.extend(self.voxels.iter().cloned().chain(rest.voxels(self.seen)));
-        voxels.sort_unstable_by_key(|voxel| voxel.cell);
-        Some(voxels)
+        self.rest.as_ref().map(|rest| rest.voxels(self.seen))
     }
 
     pub(super) const fn is_at_rest(&self) -> bool {

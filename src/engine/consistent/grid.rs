@@ -134,7 +134,7 @@ impl Grid {
 
     /// Puts a block to rest whose dense voxels were published as they are now: as these states.
     pub(super) fn rest(&mut self, block: BlockIndex, states: Arc<Vec<State>>) {
-        self.blocks[block.0 as usize].rest(self.min_points, states);
+        self.blocks[block.0 as usize].rest(states);
     }
 
     /// Ends the rest of a block; whether it was at rest.

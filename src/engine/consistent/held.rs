@@ -2,42 +2,33 @@
 
 use nalgebra::Vector3;
 
-use super::state::{Plane, State};
+use super::noise::Noise;
+use super::state::{Blur, Plane, State};
 use super::symmetric::{along, upper};
 
 /// What a state says of its points, in numbers that are ready to be used.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Held {
     mean: Vector3<f64>,
-    towards: Vector3<f64>,
-    /// Variance of noise along `towards`, by its length squared, less that across it.
-    deep: f64,
-    lateral: f64,
+    blur: Blur,
     /// How its points spread about a plane.
     thickness: [f64; 6],
 }
 
 impl Held {
-    pub(super) fn new(state: &State) -> Self {
-        let towards = state.towards();
-        Self {
-            mean: state.mean(),
-            towards,
-            deep: state.deep(&towards),
-            lateral: state.lateral(),
-            thickness: upper(&state.thickness()),
-        }
+    pub(super) fn new(state: &State, noise: &Noise) -> Self {
+        Self { mean: state.mean(), blur: state.blur(noise), thickness: upper(&state.thickness(noise)) }
     }
 
     /// How far its points are off a plane, by so many standard deviations of their noise and `flatness` (as variances); 1 is
     /// just allowed. `None` where it is more than `most`, or where the plane was seen from the other side.
     pub(super) fn misfit(&self, plane: &Plane, noise_factor: f64, flatness: f64, most: f64) -> Option<f64> {
         let normal = &plane.normal;
-        let sight = self.towards.dot(normal);
+        let sight = self.blur.towards.dot(normal);
         if sight <= 0.0 {
             return None;
         }
-        let noise = self.deep * sight * sight + self.lateral;
+        let noise = self.blur.deep * sight * sight + self.blur.lateral;
         let allowed = noise_factor * noise_factor * noise + flatness * flatness;
         let off = normal.dot(&(self.mean - plane.point));
         // Most planes pass it by.

@@ -83,15 +83,17 @@ impl Segmented {
         let mut cells = Cells::default();
         let mut members: Vec<Vec<&State>> = Vec::new();
         for (state, &number) in states.iter().zip(&owner) {
-            labels[state.cell.index()] = number;
+            labels[state.cell().index()] = number;
             if number != LOOSE {
                 members.resize(members.len().max(usize::from(number) + 1), Vec::new());
                 members[usize::from(number)].push(state);
-                cells.insert(state.cell);
+                cells.insert(state.cell());
             }
         }
-        let patches =
-            members.iter().zip(kinds).filter_map(|(states, kind)| Patch::new(states, &corner, kind));
+        let patches = members
+            .iter()
+            .zip(kinds)
+            .filter_map(|(states, kind)| Patch::new(states, &corner, kind, &rules.noise));
         let patches: Vec<_> = patches.collect();
         let (contacts, slice_of) = (vec![Contacts::default(); patches.len()], vec![None; patches.len()]);
         let (loose, loose_cells) = (Vec::new(), Cells::default());
@@ -102,7 +104,7 @@ impl Segmented {
         // Made of a list, it has no room to spare.
         let is_loose = |(place, number): (u16, &u8)| segmented.is_loose(*number).then_some(place);
         let loose: Vec<_> = (0..).zip(&owner).filter_map(is_loose).collect();
-        let cell_of = |place: &u16| segmented.states[usize::from(*place)].cell;
+        let cell_of = |place: &u16| segmented.states[usize::from(*place)].cell();
         segmented.loose_cells = loose.iter().map(cell_of).collect();
         let begin = |place| Loose { place, owner: None, admitted: false };
         segmented.loose = loose.into_iter().map(begin).collect();
@@ -126,26 +128,26 @@ impl Segmented {
     }
 
     /// What a voxel adds to the sums of a cluster as one of its own patch; `corner` is that of the block.
-    pub(super) fn share(&self, state: &State, corner: [i32; 3]) -> Exact {
-        let patch = &self.patches[usize::from(self.labels[state.cell.index()])];
-        Exact::of(state, corner, patch.weight_of(state))
+    pub(super) fn share(&self, state: &State, corner: [i32; 3], rules: &Rules) -> Exact {
+        let patch = &self.patches[usize::from(self.labels[state.cell().index()])];
+        Exact::of(state, corner, patch.weight_of(state, &rules.noise))
     }
 
     /// The state of a cell that is dense.
     pub(super) fn state(&self, cell: Cell) -> Option<&State> {
-        self.states.binary_search_by_key(&cell, |state| state.cell).ok().map(|place| &self.states[place])
+        self.states.binary_search_by_key(&cell, |state| state.cell()).ok().map(|place| &self.states[place])
     }
 
     /// Takes in a voxel that has become dense since; it is loose until the block is published. Returns its place among the
     /// loose ones; `None` where it is known already.
     pub(super) fn admit(&mut self, state: State) -> Option<usize> {
-        let place = self.states.binary_search_by_key(&state.cell, |state| state.cell).err()?;
+        let place = self.states.binary_search_by_key(&state.cell(), |state| state.cell()).err()?;
         let number = self.loose.partition_point(|loose| usize::from(loose.place) < place);
         self.loose[number..].iter_mut().for_each(|loose| loose.place += 1);
         let loose = Loose { place: place as u16, owner: None, admitted: true };
         room::insert(&mut self.loose, number, loose);
-        self.labels[state.cell.index()] = LOOSE;
-        self.loose_cells.insert(state.cell);
+        self.labels[state.cell().index()] = LOOSE;
+        self.loose_cells.insert(state.cell());
         room::insert(Arc::make_mut(&mut self.states), place, state);
         Some(number)
     }

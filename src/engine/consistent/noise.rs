@@ -26,6 +26,38 @@ const UNIT_SIGMA: f64 = 0.1536;
 /// Greatest weight of a point.
 pub(super) const MAX_WEIGHT: u64 = 1 << 14;
 
+/// The noise of points in voxels of one size.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Noise {
+    model: NoiseModel,
+    /// Square of a voxel's edge (m^2).
+    area: f64,
+}
+
+impl Noise {
+    pub(super) fn new(model: NoiseModel, voxel_size: f64) -> Self {
+        Self { model, area: voxel_size * voxel_size }
+    }
+
+    /// Mean variance of depth (voxels^2) of `points` points whose weights sum to `weight`.
+    pub(super) fn depth_variance(&self, points: u32, weight: u32) -> f64 {
+        self.model.depth_variance(points.into(), weight.into()) / self.area
+    }
+
+    /// Variance across the depth axis (voxels^2) where the depth varies by `depth_variance` (voxels^2).
+    pub(super) fn lateral_variance(&self, depth_variance: f64) -> f64 {
+        self.model.lateral_variance(depth_variance * self.area) / self.area
+    }
+
+    /// The weight of `points` points whose depth varies by `depth_variance` (voxels^2); as many as they are where none is known.
+    pub(super) fn weight_of(&self, points: f64, depth_variance: f64) -> f64 {
+        match self.model {
+            NoiseModel::KinectV1 => UNIT_SIGMA * UNIT_SIGMA * points / (depth_variance * self.area),
+            NoiseModel::None => points,
+        }
+    }
+}
+
 impl fmt::Display for NoiseModel {
     /// As the parameter names it.
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {

@@ -36,20 +36,20 @@ impl<'a> Owners<'a> {
     /// The patch that a loose voxel of the block belongs to: the nearest that its points fit, as far as noise and half a
     /// voxel let them. One of a frayed patch stays there, unless it fits a broader one within two voxels better.
     pub(super) fn of(&self, state: &State) -> Option<PatchId> {
-        let held = Held::new(state);
-        match self.frayed_patch_of(state.cell) {
-            Some(own) => self.best_rival(state.cell, &held, own).or(Some(own)),
-            None => self.nearest(state.cell, &held),
+        let held = Held::new(state, &self.rules.noise);
+        match self.frayed_patch_of(state.cell()) {
+            Some(own) => self.best_rival(state.cell(), &held, own).or(Some(own)),
+            None => self.nearest(state.cell(), &held),
         }
     }
 
     /// Whether a loose voxel still belongs to the patch that it belonged to (`None` = to none) before the blocks at these
     /// places around its own were segmented anew, which that patch is in none of. It may where this says no.
     pub(super) fn stays(&self, state: &State, with: Option<PatchId>, anew: &[usize]) -> bool {
-        let (held, at) = (Held::new(state), state.cell.coordinates());
+        let (held, at) = (Held::new(state, &self.rules.noise), state.cell().coordinates());
         let seen = |&place: &usize| Some((self.around[place]?, seen_from(at, offset_of(place))));
         let mut anew = anew.iter().filter_map(seen);
-        match (self.frayed_patch_of(state.cell), with) {
+        match (self.frayed_patch_of(state.cell()), with) {
             (Some(own), Some(with)) => {
                 let most = self.claim(&held, own, with).min(1.0);
                 let is_better = |rival: &Patch| self.within(&held, rival, most).is_some();

@@ -6,6 +6,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::block::EDGE;
 use super::cells::Cells;
+use super::noise::Noise;
 use super::region::{Fit, Region};
 use super::rules::Rules;
 use super::state::{Plane, State};
@@ -24,8 +25,8 @@ pub(super) enum Kind {
 
 impl Kind {
     /// What a voxel adds to the fit of a plane.
-    pub(super) fn share(self, state: &State) -> Region {
-        if self == Self::Strip { Region::points(state) } else { Region::one(state) }
+    pub(super) fn share(self, state: &State, noise: &Noise) -> Region {
+        if self == Self::Strip { Region::points(state, noise) } else { Region::one(state, noise) }
     }
 
     /// Least variance across its narrow side that a plane is known by, in voxels^2: the means of two rows of voxels have
@@ -83,12 +84,12 @@ const BROADER: f64 = 2.0;
 
 impl Patch {
     /// `None` where the states span no plane; `corner` is that of their block.
-    pub(super) fn new(states: &[&State], corner: &Vector3<f64>, kind: Kind) -> Option<Self> {
-        let region = Region::sum(states.iter().map(|state| kind.share(state)));
+    pub(super) fn new(states: &[&State], corner: &Vector3<f64>, kind: Kind, noise: &Noise) -> Option<Self> {
+        let region = Region::sum(states.iter().map(|state| kind.share(state, noise)));
         let Fit { plane, variances } = region.fit()?;
         let count = states.len() as f64;
         let mean = states.iter().map(|state| state.mean()).sum::<Vector3<f64>>() / count;
-        let blur = states.iter().map(|state| state.noise()).sum::<Matrix3<f64>>() / count;
+        let blur = states.iter().map(|state| state.blur(noise).covariance()).sum::<Matrix3<f64>>() / count;
         let apart = |state: &&&State| {
             let from_mean = state.mean() - mean;
             state.spread() + from_mean * from_mean.transpose()
@@ -99,7 +100,7 @@ impl Patch {
             noise: quadratic(&blur, &plane.normal),
             blur,
             towards: states.iter().map(|state| state.towards()).sum::<Vector3<f64>>() / count,
-            cells: states.iter().map(|state| state.cell).collect(),
+            cells: states.iter().map(|state| state.cell()).collect(),
             plane: Plane { point: plane.point + corner, ..plane },
             is_rough: kind == Kind::Rough,
             is_cut: is_cut(states),
@@ -132,8 +133,8 @@ impl Patch {
     }
 
     /// What one of its voxels counts in the plane of its cluster.
-    pub(super) fn weight_of(&self, state: &State) -> f64 {
-        state.weight_on(&self.plane.normal) * if self.is_rough { ROUGH } else { 1.0 }
+    pub(super) fn weight_of(&self, state: &State, noise: &Noise) -> f64 {
+        state.weight_on(&self.plane.normal, noise) * if self.is_rough { ROUGH } else { 1.0 }
     }
 
     /// Whether each of its voxels may as well be another one's: it is cut or narrow.
@@ -178,7 +179,7 @@ impl Patch {
 
 fn is_cut(states: &[&State]) -> bool {
     (0..3).any(|axis| {
-        let mut rows = states.iter().map(|state| state.cell.coordinates()[axis]);
+        let mut rows = states.iter().map(|state| state.cell().coordinates()[axis]);
         rows.clone().all(|row| row < CUT) || rows.all(|row| row >= EDGE - CUT)
     })
 }
@@ -187,7 +188,6 @@ fn is_cut(states: &[&State]) -> bool {
 #[cfg(test)]
 pub(super) mod examples {
     use super::super::block::{Cell, Voxel};
-    use super::super::grid::Grid;
     use super::super::sums::ScanSums;
     use super::*;
     use crate::engine::params::Params;
@@ -203,8 +203,9 @@ pub(super) mod examples {
         rows: std::ops::Range<i32>,
         height: impl Fn(f64) -> f64,
     ) -> Patch {
-        let states = states(distance, rows, height);
-        Patch::new(&states.iter().collect::<Vec<_>>(), &Vector3::zeros(), Kind::Flat).unwrap()
+        let (states, rules) = (states(distance, rows, height), Rules::new(&Params::default()));
+        let states: Vec<_> = states.iter().collect();
+        Patch::new(&states, &Vector3::zeros(), Kind::Flat, &rules.noise).unwrap()
     }
 
     /// The voxels of such rows.
@@ -213,8 +214,7 @@ pub(super) mod examples {
         rows: std::ops::Range<i32>,
         height: impl Fn(f64) -> f64,
     ) -> Vec<State> {
-        let params = Params::default();
-        let grid = Grid::new(&params);
+        let noise = Params::default().noise_model();
         let mut states = Vec::new();
         for (x, y) in rows.flat_map(|y| (0..8).map(move |x| (x, y))) {
             let middle = f64::from(y) + 0.5;
@@ -226,8 +226,8 @@ pub(super) mod examples {
             }
             let mut voxel = Voxel::new(Cell::at([x, y, z as i32]));
             voxel.count = scan.count;
-            voxel.moments.fold(&scan, grid.noise().weight(distance), &Vector3::z());
-            states.push(State::new(&grid, &voxel));
+            voxel.moments.fold(&scan, noise.weight(distance), &Vector3::z());
+            states.push(State::new(&voxel));
         }
         states
     }
@@ -243,8 +243,9 @@ mod tests {
     fn a_voxel_of_a_patch_that_lies_on_no_plane_says_little_about_that_of_its_cluster() {
         let flat = rows(0..4, |_| 2.3);
         let rough = Patch { is_rough: true, ..flat.clone() };
+        let noise = Rules::new(&Params::default()).noise;
         for state in states(1.0, 0..4, |_| 2.3) {
-            let [sure, unsure] = [&flat, &rough].map(|patch| patch.weight_of(&state));
+            let [sure, unsure] = [&flat, &rough].map(|patch| patch.weight_of(&state, &noise));
             assert!(unsure > 0.0 && unsure <= 0.2 * sure, "{unsure} of {sure}");
         }
     }

@@ -103,14 +103,14 @@ struct Neighbours {
 impl Neighbours {
     fn new(states: &[State]) -> Self {
         let mut places = [NO_STATE; CELLS];
-        (0..).zip(states).for_each(|(place, state)| places[state.cell.index()] = place);
-        let mut others: Cells = states.iter().map(|state| state.cell).collect();
+        (0..).zip(states).for_each(|(place, state)| places[state.cell().index()] = place);
+        let mut others: Cells = states.iter().map(|state| state.cell()).collect();
         let (mut begins, mut all) = (Vec::with_capacity(states.len() + 1), Vec::new());
         begins.push(0);
         for state in states {
-            others.remove(state.cell);
-            others.near(state.cell.coordinates(), 1).for_each(|cell| all.push(places[cell.index()]));
-            others.insert(state.cell);
+            others.remove(state.cell());
+            others.near(state.cell().coordinates(), 1).for_each(|cell| all.push(places[cell.index()]));
+            others.insert(state.cell());
             begins.push(all.len() as u16);
         }
         Self { begins, all }
@@ -137,7 +137,10 @@ struct Seed {
 
 impl<'a> Segmentation<'a> {
     fn new(states: &'a [State], rules: &'a Rules, kind: Kind) -> Self {
-        let shares = states.iter().map(|state| (kind.share(state), Scatter::one(state))).collect();
+        let shares = states
+            .iter()
+            .map(|state| (kind.share(state, &rules.noise), Scatter::one(state, &rules.noise)))
+            .collect();
         let (owner, is_one_side) = (vec![FREE; states.len()], is_one_side(states));
         let neighbours = Neighbours::new(states);
         Self { states, shares, is_one_side, rules, kind, neighbours, owner, planes: Vec::new() }

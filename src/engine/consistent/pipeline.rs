@@ -279,12 +279,13 @@ impl Consistent {
         for (index, block) in self.grid.blocks() {
             let published = self.surfaces.voxels(index);
             let now = states(&self.grid, block);
+            let noise = &self.surfaces.rules.noise;
             for voxel in block.voxels().iter().filter(|voxel| self.grid.is_dense(voxel)) {
-                let place = published.binary_search_by_key(&voxel.cell, |(state, _)| state.cell);
+                let place = published.binary_search_by_key(&voxel.cell, |(state, _)| state.cell());
                 let node = place.ok().and_then(|place| published[place].1);
                 let patch = node.and_then(|node| self.surfaces.patch(node)).map(|patch| patch.plane.normal);
-                let normal =
-                    patch.or_else(|| Region::around(&now, voxel.cell).fit().map(|fit| fit.plane.normal));
+                let normal = patch
+                    .or_else(|| Region::around(&now, voxel.cell, noise).fit().map(|fit| fit.plane.normal));
                 voxels.extend(self.voxel(block, voxel, normal, node));
             }
         }
@@ -326,7 +327,7 @@ impl Consistent {
         for (index, block) in self.grid.blocks() {
             for (state, node) in self.surfaces.voxels(index) {
                 let number = node.map(|node| self.surfaces.component(node));
-                partition.extend(block.voxel_key(state.cell).map(|key| (key, number)));
+                partition.extend(block.voxel_key(state.cell()).map(|key| (key, number)));
             }
         }
         partition.sort_unstable();

@@ -8,6 +8,7 @@ use nalgebra::{Matrix3, UnitVector3, Vector3};
 
 use super::block::Cell;
 use super::eigen::Spread;
+use super::noise::Noise;
 use super::state::{Plane, State};
 use super::symmetric::{along, least_at_least, quadratic, symmetric, upper};
 
@@ -31,8 +32,8 @@ pub(super) struct Fit {
 }
 
 impl Region {
-    pub(super) fn of<'a>(states: impl IntoIterator<Item = &'a State>) -> Self {
-        Self::sum(states.into_iter().map(Self::one))
+    pub(super) fn of<'a>(states: impl IntoIterator<Item = &'a State>, noise: &Noise) -> Self {
+        Self::sum(states.into_iter().map(|state| Self::one(state, noise)))
     }
 
     pub(super) fn sum(regions: impl IntoIterator<Item = Self>) -> Self {
@@ -42,24 +43,24 @@ impl Region {
     }
 
     /// The states of a block (ascending) around a cell, itself included.
-    pub(super) fn around(states: &[State], cell: Cell) -> Self {
+    pub(super) fn around(states: &[State], cell: Cell, noise: &Noise) -> Self {
         let at = cell.coordinates();
-        let is_near = |state: &&State| (0..3).all(|i| (state.cell.coordinates()[i] - at[i]).abs() <= 1);
-        Self::of(states.iter().filter(is_near))
+        let is_near = |state: &&State| (0..3).all(|i| (state.cell().coordinates()[i] - at[i]).abs() <= 1);
+        Self::of(states.iter().filter(is_near), noise)
     }
 
     /// Of one voxel.
-    pub(super) fn one(state: &State) -> Self {
-        let (weight, [x, y, z]) = (state.mean_weight(), state.mean().into());
+    pub(super) fn one(state: &State, noise: &Noise) -> Self {
+        let (weight, [x, y, z]) = (state.mean_weight(noise), state.mean().into());
         let [wx, wy, wz] = [x, y, z].map(|at: f64| weight * at);
         let [tx, ty, tz] = state.towards().into();
         Self([weight, wx, wy, wz, wx * x, wx * y, wx * z, wy * y, wy * z, wz * z, tx, ty, tz, 1.0, 0.0, 0.0])
     }
 
     /// Of one voxel, by where its points lie instead of their mean.
-    pub(super) fn points(state: &State) -> Self {
-        let mut region = Self::one(state);
-        let spread = upper(&state.spread()).map(|spread| spread * state.mean_weight());
+    pub(super) fn points(state: &State, noise: &Noise) -> Self {
+        let mut region = Self::one(state, noise);
+        let spread = upper(&state.spread()).map(|spread| spread * state.mean_weight(noise));
         region.0[OUTER..TOWARDS].iter_mut().zip(spread).for_each(|(sum, spread)| *sum += spread);
         region
     }
@@ -131,12 +132,12 @@ const COUNT: usize = 15;
 
 impl Scatter {
     /// Of one voxel.
-    pub(super) fn one(state: &State) -> Self {
+    pub(super) fn one(state: &State, noise: &Noise) -> Self {
         let mut sums = [0.0; 16];
         let mean = state.mean();
         sums[MEAN..SQUARE].copy_from_slice(mean.as_slice());
-        sums[SQUARE..NOISE].copy_from_slice(&upper(&(state.thickness() + mean * mean.transpose())));
-        sums[NOISE..COUNT].copy_from_slice(&upper(&state.noise()));
+        sums[SQUARE..NOISE].copy_from_slice(&upper(&(state.thickness(noise) + mean * mean.transpose())));
+        sums[NOISE..COUNT].copy_from_slice(&upper(&state.blur(noise).covariance()));
         sums[COUNT] = 1.0;
         Self(sums)
     }
@@ -201,11 +202,10 @@ mod tests {
     use proptest::prelude::*;
 
     use super::super::block::Voxel;
-    use super::super::grid::Grid;
     use super::super::held::Held;
+    use super::super::noise::NoiseModel;
     use super::super::sums::ScanSums;
     use super::*;
-    use crate::engine::params::Params;
 
     /// A voxel with these points, in 1/4096 of its edge, each seen from this direction at this weight.
     fn state(cell: u16, points: &[[u64; 3]], towards: [f64; 3], weight: u64) -> State {
@@ -214,7 +214,11 @@ mod tests {
         let mut voxel = Voxel::new(Cell(cell));
         voxel.count = scan.count;
         voxel.moments.fold(&scan, weight, &Vector3::from(towards).normalize());
-        State::new(&Grid::new(&Params::default()), &voxel)
+        State::new(&voxel)
+    }
+
+    fn noise() -> Noise {
+        Noise::new(NoiseModel::default(), 0.08)
     }
 
     proptest! {
@@ -227,9 +231,9 @@ mod tests {
             let state = state(cell, &points, towards, weight);
             let normal = UnitVector3::new_normalize(Vector3::from(normal));
             let plane = Plane { point: Vector3::from(point), normal };
-            let one = Scatter::one(&state).misfit(&plane, 2.0, 0.2);
-            let other = Held::new(&state).misfit(&plane, 2.0, 0.2, f64::INFINITY);
-            prop_assert_eq!(Region::one(&state).is_seen_from(&plane), other.is_some());
+            let one = Scatter::one(&state, &noise()).misfit(&plane, 2.0, 0.2);
+            let other = Held::new(&state, &noise()).misfit(&plane, 2.0, 0.2, f64::INFINITY);
+            prop_assert_eq!(Region::one(&state, &noise()).is_seen_from(&plane), other.is_some());
             prop_assert!(other.is_none_or(|other| (one - other).abs() <= 1e-9 * (1.0 + other)), "{one} {other:?}");
         }
 
@@ -243,7 +247,7 @@ mod tests {
             let states: Vec<_> =
                 voxels.iter().map(|(&cell, points)| state(cell, points, towards, weight)).collect();
             let mut scatter = Scatter::default();
-            states.iter().for_each(|state| scatter.join(&Scatter::one(state)));
+            states.iter().for_each(|state| scatter.join(&Scatter::one(state, &noise())));
             // Every voxel as thick as it counts there, and all of them counting the same: the plane that lies nearest.
             let spread = symmetric(std::array::from_fn(|place| scatter.0[SQUARE + place])) / scatter.0[COUNT];
             let middle = vector(&scatter.0, MEAN) / scatter.0[COUNT];

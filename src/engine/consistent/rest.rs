@@ -9,7 +9,7 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use super::block::{BlockIndex, Voxel};
+use super::block::{BlockIndex, Cell, Voxel};
 use super::published::Published;
 use super::state::State;
 use super::sums::Moments;
@@ -21,46 +21,54 @@ pub(super) const REST: u64 = 64;
 /// What a block at rest keeps of its dense voxels.
 #[derive(Clone, Debug)]
 pub(super) struct Rest {
-    /// As the surfaces have them.
-    states: Arc<Vec<State>>,
-    /// Points and weight of each.
-    weights: Box<[[u32; 2]]>,
-    /// Votes of those that were seen through, by their places.
-    votes: Box<[(u16, Clearance)]>,
+    /// The dense ones, as the surfaces have them.
+    dense: Arc<Vec<State>>,
+    /// The others.
+    others: Box<[State]>,
+    /// Votes of those that were seen through, ascending.
+    votes: Box<[(Cell, Clearance)]>,
 }
 
 impl Rest {
-    /// Of the dense voxels of a block, ascending; `states` are these as they would be published now.
-    pub(super) fn new(dense: &[Voxel], states: Arc<Vec<State>>) -> Self {
-        debug_assert!(dense.iter().map(|voxel| voxel.cell).eq(states.iter().map(|state| state.cell)));
-        let votes = (0..).zip(dense).map(|(place, voxel)| (place, voxel.clearance));
+    /// Of the voxels of a block, ascending; `dense` are the dense ones as they would be published now.
+    pub(super) fn new(voxels: &[Voxel], dense: Arc<Vec<State>>) -> Self {
+        let is_dense = |voxel: &Voxel| dense.binary_search_by_key(&voxel.cell, State::cell).is_ok();
+        let votes = voxels.iter().map(|voxel| (voxel.cell, voxel.clearance));
         Self {
-            states,
-            weights: dense.iter().map(|voxel| [voxel.moments.points, voxel.moments.weight]).collect(),
+            others: voxels.iter().filter(|voxel| !is_dense(voxel)).map(State::new).collect(),
             votes: votes.filter(|(_, votes)| *votes != Clearance::default()).collect(),
+            dense,
         }
     }
 
-    /// Number of voxels.
-    pub(super) fn len(&self) -> usize {
-        self.states.len()
-    }
-
     /// The voxels, ascending, in a block into which the scan `seen` put a point last.
-    pub(super) fn voxels(&self, seen: u64) -> impl Iterator<Item = Voxel> {
+    pub(super) fn voxels(&self, seen: u64) -> Vec<Voxel> {
+        let mut voxels = Vec::with_capacity(self.dense.len() + self.others.len());
+        voxels.extend(self.dense.iter().map(|state| published(state, seen)));
+        voxels.extend(self.others.iter().map(|state| voxel(state, seen)));
+        voxels.sort_unstable_by_key(|voxel| voxel.cell);
         let mut votes = self.votes.iter().peekable();
-        (0..).zip(self.states.iter().zip(&self.weights)).map(move |(place, (state, &[points, weight]))| {
-            let moments = Moments::of(state, points, weight);
-            Voxel {
-                cell: state.cell,
-                count: state.count,
-                published: Published::of(&moments),
-                moments,
-                hit: seen as u32,
-                clearance: votes.next_if(|(of, _)| *of == place).map_or(Clearance::default(), |vote| vote.1),
+        for voxel in &mut voxels {
+            if let Some((_, clearance)) = votes.next_if(|(cell, _)| *cell == voxel.cell) {
+                voxel.clearance = *clearance;
             }
-        })
+        }
+        voxels
     }
+}
+
+/// A voxel that was never published, in a block into which the scan `seen` put a point last.
+fn voxel(state: &State, seen: u64) -> Voxel {
+    let mut voxel = Voxel::new(state.cell());
+    (voxel.count, voxel.moments, voxel.hit) = (state.count, Moments::of(state), seen as u32);
+    voxel
+}
+
+/// The same of one that was published as it is.
+fn published(state: &State, seen: u64) -> Voxel {
+    let mut voxel = voxel(state, seen);
+    voxel.published = Published::of(&voxel.moments);
+    voxel
 }
 
 /// The blocks that the sensor has left, until they are to rest.

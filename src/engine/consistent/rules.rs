@@ -1,5 +1,6 @@
 //! The tolerances of the definition, in voxels, for one voxel size.
 
+use super::noise::Noise;
 use crate::engine::params::Params;
 
 /// What is systematically wrong about a depth or a pose, however many points there are (m).
@@ -8,6 +9,8 @@ const SENSOR_BIAS: f64 = 0.008;
 /// See each rule's use.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rules {
+    /// What points scatter by.
+    pub(super) noise: Noise,
     /// Standard deviations of noise that the points of a patch's voxel may be off its plane.
     pub(super) noise_factor: f64,
     /// What they may be off besides.
@@ -44,6 +47,7 @@ impl Rules {
     pub(super) fn new(params: &Params) -> Self {
         let bias = SENSOR_BIAS / params.voxel_size();
         Self {
+            noise: Noise::new(params.noise_model(), params.voxel_size()),
             noise_factor: 2.0,
             flatness: 0.1 + bias,
             rough_flatness: 0.5,

@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use super::block::{Block, BlockIndex, BlockKey, CELLS, Cell, EDGE, Voxel};
 use super::grid::Grid;
+use super::noise::Noise;
 use super::published::Published;
 use super::state::{Plain, State};
 use super::sums::Moments;
@@ -80,12 +81,12 @@ pub(super) struct SavedState {
 
 impl SavedState {
     /// `now` is what it would be published as.
-    pub(super) fn of(state: &State, now: &State, admitted: bool) -> Self {
-        Self { cell: state.cell, admitted, state: (now != state).then(|| state.plain()) }
+    pub(super) fn of(state: &State, now: &State, admitted: bool, noise: &Noise) -> Self {
+        Self { cell: state.cell(), admitted, state: (now != state).then(|| Plain::of(state, noise)) }
     }
 
     /// The state of a dense voxel of this block.
-    pub(super) fn restore(&self, grid: &Grid, block: &Block) -> Result<State, RestoreError> {
+    pub(super) fn restore(&self, grid: &Grid, block: &Block, noise: &Noise) -> Result<State, RestoreError> {
         let voxel = if self.cell.index() < CELLS { block.voxel(self.cell) } else { None };
         let voxel = voxel.filter(|voxel| grid.is_dense(voxel));
         let Some(voxel) = voxel else {
@@ -94,9 +95,9 @@ impl SavedState {
                 self.cell, block.key
             )));
         };
-        let Some(state) = &self.state else { return Ok(State::new(grid, voxel)) };
-        ensure(state.cell == self.cell && state.is_possible(), || format!("an impossible state: {state:?}"))?;
-        Ok(State::of(state))
+        let Some(state) = &self.state else { return Ok(State::new(voxel)) };
+        let restored = state.state(noise).filter(|_| state.cell == self.cell);
+        restored.ok_or_else(|| RestoreError::Contradiction(format!("an impossible state: {state:?}")))
     }
 }
 

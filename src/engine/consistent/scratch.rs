@@ -24,7 +24,7 @@ pub(super) fn partition(grid: &Grid, segmented: &[Segmented], rules: &Rules) -> 
     for (index, block) in grid.blocks() {
         let here = &segmented[index.0 as usize];
         for state in here.states.iter() {
-            let label = here.labels[state.cell.index()];
+            let label = here.labels[state.cell().index()];
             let patch = if here.is_loose(label) {
                 // Anew for each, so that nothing that is kept for the others can be wrong in both.
                 Owners::new(block, &segmented, rules).of(state)
@@ -32,7 +32,7 @@ pub(super) fn partition(grid: &Grid, segmented: &[Segmented], rules: &Rules) -> 
                 Some(PatchId { block: index, number: label })
             };
             let number = patch.map(|patch| numbers[&patch]);
-            partition.extend(block.voxel_key(state.cell).map(|key| (key, number)));
+            partition.extend(block.voxel_key(state.cell()).map(|key| (key, number)));
         }
     }
     partition.sort_unstable();

@@ -6,11 +6,12 @@ use nalgebra::{Matrix3, UnitVector3, Vector3};
 
 use serde::{Deserialize, Serialize};
 
-use super::block::{Block, Cell, Voxel};
+use super::block::{Block, CELLS, Cell, Voxel};
 use super::eigen::Spread;
 use super::grid::Grid;
+use super::noise::Noise;
 use super::published::{PARTS, in_parts};
-use super::sums::{MOST_COVARIANCE, MOST_TOWARDS};
+use super::sums::{MOST_COVARIANCE, MOST_POINTS, MOST_TOWARDS, MOST_WEIGHT};
 use super::symmetric::{area_across, least_at_least, symmetric, upper};
 use crate::engine::binning::nearest;
 
@@ -20,10 +21,6 @@ const BIAS: f64 = 0.03;
 /// Points of a voxel whose errors are one error: neighbouring pixels err alike, and where points scatter over several
 /// voxels, each holds a slice of them that counts by how many they are.
 const ALIKE: f64 = 100.0;
-
-fn mean_weight(depth_variance: f64, points: f64) -> f64 {
-    1.0 / (depth_variance * ALIKE / points + BIAS * BIAS)
-}
 
 /// One over the product of the variances along two sides of a square of 1 that points cover evenly.
 const FULL: f64 = 144.0;
@@ -45,72 +42,67 @@ const DIRECTION_UNITS: f64 = 16384.0;
 /// A dense voxel, published: the definition knows it to a 65536th of a voxel.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct State {
-    pub(super) cell: Cell,
+    /// Its cell in the lowest [`CELL_BITS`], above them the number of points that its moments count.
+    cell_and_points: u32,
     /// Number of points.
     pub(super) count: u32,
+    /// Weight of the points that its moments count.
+    weight: u32,
     /// Weighted mean of its points from its corner, in [`PARTS`] of its edge.
     mean: [u16; 3],
     /// Weighted covariance of its points: xx, xy, xz, yy, yz, zz.
     spread: [i16; 6],
     /// Mean direction towards the sensor, of length 1 at most.
     towards: [i16; 3],
-    /// What its mean counts in a fit.
-    mean_weight: f32,
-    /// Mean variance of its points' depths.
-    depth_variance: f32,
-    /// Mean variance across their depth axis.
-    lateral_variance: f32,
 }
 
+const CELL_BITS: u32 = CELLS.ilog2();
+
 impl State {
-    pub(super) fn new(grid: &Grid, voxel: &Voxel) -> Self {
+    pub(super) fn new(voxel: &Voxel) -> Self {
         let moments = &voxel.moments;
-        let metres_squared = grid.voxel_size() * grid.voxel_size();
-        let depth_variance = grid.noise().depth_variance(moments.points.into(), moments.weight.into());
-        let lateral_variance = grid.noise().lateral_variance(depth_variance);
-        Self::of(&Plain {
-            cell: voxel.cell,
-            count: voxel.count,
-            mean: moments.mean() + voxel.cell.corner(),
-            spread: moments.covariance(),
-            mean_weight: mean_weight(depth_variance / metres_squared, moments.points.into()),
-            depth_variance: depth_variance / metres_squared,
-            lateral_variance: lateral_variance / metres_squared,
-            towards: moments.towards(),
-        })
+        let counts = [voxel.count, moments.points, moments.weight];
+        Self::of(voxel.cell, counts, &moments.mean(), &moments.covariance(), &moments.towards())
     }
 
-    /// Rounded to what is kept.
-    pub(super) fn of(plain: &Plain) -> Self {
+    /// Rounded to what is kept. `counts` are its points, those that its moments count, and the weight of these; `mean` is from
+    /// the voxel's corner.
+    fn of(
+        cell: Cell,
+        counts: [u32; 3],
+        mean: &Vector3<f64>,
+        spread: &Matrix3<f64>,
+        towards: &Vector3<f64>,
+    ) -> Self {
         let whole = |value: f64| nearest(value) as i16;
+        let [count, points, weight] = counts;
         Self {
-            cell: plain.cell,
-            count: plain.count,
-            mean: (plain.mean - plain.cell.corner()).map(in_parts).into(),
-            spread: upper(&plain.spread).map(|spread| whole(spread * SPREAD_UNITS)),
-            towards: plain.towards.map(|part| whole(part * DIRECTION_UNITS)).into(),
-            mean_weight: plain.mean_weight as f32,
-            depth_variance: plain.depth_variance as f32,
-            lateral_variance: plain.lateral_variance as f32,
+            cell_and_points: points << CELL_BITS | u32::from(cell.0),
+            count,
+            weight,
+            mean: mean.map(in_parts).into(),
+            spread: upper(spread).map(|spread| whole(spread * SPREAD_UNITS)),
+            towards: towards.map(|part| whole(part * DIRECTION_UNITS)).into(),
         }
     }
 
-    pub(super) fn plain(&self) -> Plain {
-        Plain {
-            cell: self.cell,
-            count: self.count,
-            mean: self.mean(),
-            spread: self.spread(),
-            mean_weight: self.mean_weight(),
-            depth_variance: self.depth_variance.into(),
-            lateral_variance: self.lateral_variance.into(),
-            towards: self.towards(),
-        }
+    pub(super) const fn cell(&self) -> Cell {
+        Cell((self.cell_and_points & (CELLS as u32 - 1)) as u16)
+    }
+
+    /// Number of points that its moments count.
+    pub(super) const fn points(&self) -> u32 {
+        self.cell_and_points >> CELL_BITS
+    }
+
+    /// Their weight.
+    pub(super) const fn weight(&self) -> u32 {
+        self.weight
     }
 
     /// Weighted mean of its points.
     pub(super) fn mean(&self) -> Vector3<f64> {
-        self.cell.corner() + self.offset()
+        self.cell().corner() + self.offset()
     }
 
     /// The same from the voxel's corner.
@@ -128,15 +120,16 @@ impl State {
     }
 
     /// What its mean counts in a fit.
-    pub(super) fn mean_weight(&self) -> f64 {
-        self.mean_weight.into()
+    pub(super) fn mean_weight(&self, noise: &Noise) -> f64 {
+        let variance = self.depth_variance(noise) * ALIKE / f64::from(self.points());
+        1.0 / (variance + BIAS * BIAS)
     }
 
     /// The same in a fit of a surface with this normal, the less the less of the voxel's cross section its points cover: at
     /// the rim of a surface they may be of the edge of a board.
-    pub(super) fn weight_on(&self, normal: &Vector3<f64>) -> f64 {
+    pub(super) fn weight_on(&self, normal: &Vector3<f64>, noise: &Noise) -> f64 {
         let covered = (FULL * area_across(self.spread_entries(), normal)).clamp(0.0, 1.0);
-        self.mean_weight() * covered * covered
+        self.mean_weight(noise) * covered * covered
     }
 
     /// Mean direction towards the sensor, of length 1 at most.
@@ -144,20 +137,16 @@ impl State {
         Vector3::from(self.towards.map(|part| f64::from(part) / DIRECTION_UNITS))
     }
 
-    /// Covariance that noise alone gives its points.
-    pub(super) fn noise(&self) -> Matrix3<f64> {
-        let towards = self.towards();
-        towards * towards.transpose() * self.deep(&towards) + Matrix3::from_diagonal_element(self.lateral())
+    /// Mean variance of its points' depths.
+    fn depth_variance(&self, noise: &Noise) -> f64 {
+        noise.depth_variance(self.points(), self.weight)
     }
 
-    /// What the variance of depths is more than that across them, for the direction to the sensor squared.
-    pub(super) fn deep(&self, towards: &Vector3<f64>) -> f64 {
-        (f64::from(self.depth_variance) - self.lateral()) / towards.norm_squared().max(1e-18)
-    }
-
-    /// Mean variance across the depth axis.
-    pub(super) fn lateral(&self) -> f64 {
-        self.lateral_variance.into()
+    /// What noise alone scatters its points by.
+    pub(super) fn blur(&self, noise: &Noise) -> Blur {
+        let (towards, depth) = (self.towards(), self.depth_variance(noise));
+        let lateral = noise.lateral_variance(depth);
+        Blur { towards, deep: (depth - lateral) / towards.norm_squared().max(1e-18), lateral }
     }
 
     /// The plane of its own points, where they lie on one.
@@ -183,14 +172,28 @@ impl State {
         (least_at_least(entries) <= flatness * half).then(|| Spread::of(&symmetric(entries)))
     }
 
-    fn is_sharp(&self) -> bool {
-        f64::from(self.depth_variance) <= SHARP
-    }
-
     /// How its points spread about a plane, which counts more where they are sharp: a voxel in which a surface shows as a
     /// sheet lies on no plane across that sheet, even where its mean does.
-    pub(super) fn thickness(&self) -> Matrix3<f64> {
-        self.spread() * if self.is_sharp() { SHEET } else { 1.0 }
+    pub(super) fn thickness(&self, noise: &Noise) -> Matrix3<f64> {
+        let is_sharp = self.depth_variance(noise) <= SHARP;
+        self.spread() * if is_sharp { SHEET } else { 1.0 }
+    }
+}
+
+/// What noise scatters the points of a voxel by.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Blur {
+    /// Mean direction towards the sensor, of length 1 at most.
+    pub(super) towards: Vector3<f64>,
+    /// Variance along `towards` by its length squared, less that across it.
+    pub(super) deep: f64,
+    /// Mean variance across the depth axis.
+    pub(super) lateral: f64,
+}
+
+impl Blur {
+    pub(super) fn covariance(&self) -> Matrix3<f64> {
+        self.towards * self.towards.transpose() * self.deep + Matrix3::from_diagonal_element(self.lateral)
     }
 }
 
@@ -208,19 +211,46 @@ pub(super) struct Plain {
 }
 
 impl Plain {
-    /// Whether it can be that of a voxel's points: numbers within the bounds that they have there.
-    pub(super) fn is_possible(&self) -> bool {
-        let offsets = self.mean - self.cell.corner();
+    pub(super) fn of(state: &State, noise: &Noise) -> Self {
+        let depth_variance = state.depth_variance(noise);
+        Self {
+            cell: state.cell(),
+            count: state.count,
+            mean: state.mean(),
+            spread: state.spread(),
+            mean_weight: state.mean_weight(noise),
+            depth_variance,
+            lateral_variance: noise.lateral_variance(depth_variance),
+            towards: state.towards(),
+        }
+    }
+
+    /// `None` where it cannot be that of a voxel's points: where a number is not within the bounds that it has there.
+    pub(super) fn state(&self, noise: &Noise) -> Option<State> {
+        let offset = self.mean - self.cell.corner();
         let within = |value: f64, low: f64, high: f64| (low..=high).contains(&value);
-        self.count > 0
-            && offsets.iter().all(|&offset| within(offset, 0.0, 1.0))
+        let is_possible = self.count > 0
+            && offset.iter().all(|&offset| within(offset, 0.0, 1.0))
             && self.spread.iter().all(|&entry| within(entry, -MOST_COVARIANCE, MOST_COVARIANCE))
             && self.spread == self.spread.transpose()
-            && self.mean_weight >= f32::MIN_POSITIVE.into()
-            && self.mean_weight <= (1.0 / (BIAS * BIAS)).next_up()
-            && within(self.depth_variance, 0.0, 1e9)
-            && within(self.lateral_variance, 0.0, 1e9)
-            && self.towards.iter().all(|&part| within(part, -MOST_TOWARDS, MOST_TOWARDS))
+            && self.towards.iter().all(|&part| within(part, -MOST_TOWARDS, MOST_TOWARDS));
+        let counts = self.counts(noise).filter(|_| is_possible)?;
+        Some(State::of(self.cell, counts, &offset, &self.spread, &self.towards))
+    }
+
+    /// The points, those that the moments count, and their weight: of these follows what is saved, and they of it. Where no
+    /// noise is known, nothing follows of them.
+    fn counts(&self, noise: &Noise) -> Option<[u32; 3]> {
+        let variance = 1.0 / self.mean_weight - BIAS * BIAS;
+        let points = if self.depth_variance > 0.0 {
+            (ALIKE * self.depth_variance / variance).round()
+        } else {
+            f64::from(self.count).min(MOST_POINTS as f64)
+        };
+        let weight = noise.weight_of(points, self.depth_variance).round();
+        let is_possible =
+            (1.0..=MOST_POINTS as f64).contains(&points) && (1.0..=MOST_WEIGHT as f64).contains(&weight);
+        is_possible.then_some([self.count, points as u32, weight as u32])
     }
 }
 
@@ -237,6 +267,41 @@ pub(super) fn states(grid: &Grid, block: &Block) -> Vec<State> {
     let voxels = block.voxels();
     let dense = voxels.iter().filter(|voxel| grid.is_dense(voxel));
     let mut states = Vec::with_capacity(block.dense as usize);
-    states.extend(dense.map(|voxel| State::new(grid, voxel)));
+    states.extend(dense.map(State::new));
     states
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::super::noise::{MAX_WEIGHT, NoiseModel};
+    use super::super::sums::ScanSums;
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn what_is_saved_is_restored_to_the_bit(
+            cell in 0_u16..512, points in prop::collection::vec(prop::array::uniform3(0_u64..4096), 1..40),
+            towards in prop::array::uniform3(0.1..1.0), scans in prop::collection::vec(1..=MAX_WEIGHT, 1..60),
+            size in 0.001..1.0,
+        ) {
+            let mut scan = ScanSums::default();
+            points.iter().for_each(|&point| scan.add(point));
+            let mut voxel = Voxel::new(Cell(cell));
+            for weight in scans {
+                voxel.count += scan.count;
+                voxel.moments.fold(&scan, weight, &Vector3::from(towards).normalize());
+            }
+            let (state, noise) = (State::new(&voxel), Noise::new(NoiseModel::KinectV1, size));
+            prop_assert_eq!((state.cell(), state.points()), (voxel.cell, voxel.moments.points));
+            let restored = Plain::of(&state, &noise).state(&noise);
+            prop_assert_eq!(restored.as_ref(), Some(&state));
+            // Where no noise is known, what it says of the points is that.
+            let unknown = Noise::new(NoiseModel::None, size);
+            let plain = Plain::of(&state, &unknown);
+            let restored = plain.state(&unknown).map(|state| Plain::of(&state, &unknown));
+            prop_assert_eq!(restored, Some(plain));
+        }
+    }
 }

@@ -24,8 +24,8 @@ use crate::engine::binning;
 /// Units of an offset in a voxel's edge.
 pub(super) const UNITS: f64 = binning::UNITS as f64;
 /// Most weight and most points of a voxel; beyond either both are halved.
-const MOST_WEIGHT: u64 = u32::MAX as u64;
-const MOST_POINTS: u64 = 1 << 20;
+pub(super) const MOST_WEIGHT: u64 = u32::MAX as u64;
+pub(super) const MOST_POINTS: u64 = 1 << 20;
 
 /// What one scan puts into a voxel; offsets in 1/4096 of its edge.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -127,12 +127,12 @@ impl Moments {
         self.mean = (before + way * part).map(|offset| offset as f32).into();
     }
 
-    /// Those of a voxel whose state is this, of so many points and so much weight.
-    pub(super) fn of(state: &State, points: u32, weight: u32) -> Self {
+    /// Those of a voxel whose state is this.
+    pub(super) fn of(state: &State) -> Self {
         let rounded = |exact: Vector3<f64>| exact.map(|part| part as f32).into();
         Self {
-            points,
-            weight,
+            points: state.points(),
+            weight: state.weight(),
             mean: rounded(state.offset()),
             covariance: upper(&state.spread()).map(|entry| entry as f32),
             towards: rounded(state.towards()),

@@ -97,7 +97,7 @@ impl Surfaces {
     pub(super) fn voxels(&self, block: BlockIndex) -> Vec<(&State, Option<NodeId>)> {
         let Some(here) = self.segmented.get(block.0 as usize) else { return Vec::new() };
         let mut loose = here.loose.iter();
-        let node = |state: &State| match here.labels[state.cell.index()] {
+        let node = |state: &State| match here.labels[state.cell().index()] {
             label if here.is_loose(label) => loose.next().and_then(|loose| loose.owner),
             number => Some(self.nodes[block.0 as usize][usize::from(number)]),
         };
@@ -179,16 +179,16 @@ impl Surfaces {
         let nodes = std::mem::take(&mut self.nodes[block.0 as usize]);
         let components: Vec<_> = nodes.iter().map(|&node| self.graph.component(node)).collect();
         for state in segmented.states.iter() {
-            let label = segmented.labels[state.cell.index()];
+            let label = segmented.labels[state.cell().index()];
             if segmented.is_loose(label) {
                 continue;
             }
             let component = components[usize::from(label)];
             if let (Some(cluster), Some(key)) =
-                (self.clusters[component.0 as usize].as_mut(), grid.block(block).voxel_key(state.cell))
+                (self.clusters[component.0 as usize].as_mut(), grid.block(block).voxel_key(state.cell()))
             {
                 cluster.remove(key, state, segmented.is_thin(state));
-                cluster.sums.remove(&segmented.share(state, corner));
+                cluster.sums.remove(&segmented.share(state, corner, &self.rules));
                 self.changed.insert(component);
             }
         }
@@ -289,13 +289,13 @@ impl Surfaces {
         let here = &self.segmented[id.block.0 as usize];
         let corner = grid.block(id.block).corner();
         let mut carry = |block: BlockIndex, state: &State, of_patch: bool| {
-            let key = grid.block(block).voxel_key(state.cell);
+            let key = grid.block(block).voxel_key(state.cell());
             let (Some(key), Some(lost), Some(gained)) = (key, lost.as_mut(), gained.as_mut()) else { return };
             let is_thin = self.segmented[block.0 as usize].is_thin(state);
             lost.remove(key, state, is_thin);
             gained.add(key, state, is_thin);
             if of_patch {
-                let sums = here.share(state, corner);
+                let sums = here.share(state, corner, &self.rules);
                 lost.sums.remove(&sums);
                 gained.sums.add(&sums);
             }
@@ -310,7 +310,7 @@ impl Surfaces {
             let there = &self.segmented[block.0 as usize];
             for loose in there.loose.iter().filter(|loose| loose.owner == Some(node)) {
                 let state = &there.states[usize::from(loose.place)];
-                let is_own = *block == id.block && there.labels[state.cell.index()] == id.number;
+                let is_own = *block == id.block && there.labels[state.cell().index()] == id.number;
                 carry(*block, state, is_own);
             }
         }
@@ -324,16 +324,16 @@ impl Surfaces {
         let here = &self.segmented[block.0 as usize];
         let corner = grid.block(block).corner();
         for state in here.states.iter() {
-            let label = here.labels[state.cell.index()];
+            let label = here.labels[state.cell().index()];
             if here.is_loose(label) {
                 continue;
             }
             let component = self.graph.component(self.nodes[block.0 as usize][usize::from(label)]);
             if let (Some(cluster), Some(key)) =
-                (self.clusters[component.0 as usize].as_mut(), grid.block(block).voxel_key(state.cell))
+                (self.clusters[component.0 as usize].as_mut(), grid.block(block).voxel_key(state.cell()))
             {
                 cluster.add(key, state, here.is_thin(state));
-                cluster.sums.add(&here.share(state, corner));
+                cluster.sums.add(&here.share(state, corner, &self.rules));
             }
         }
         self.enter_loose(grid, block, 0..self.segmented[block.0 as usize].loose.len());

@@ -23,7 +23,7 @@ impl Surfaces {
             let new = &self.segmented[block.0 as usize];
             for state in old.segmented.states.iter() {
                 let [before, now] =
-                    [old.segmented.labels[state.cell.index()], new.labels[state.cell.index()]];
+                    [old.segmented.labels[state.cell().index()], new.labels[state.cell().index()]];
                 if [before, now].iter().any(|label| *label == LOOSE || *label == EMPTY) {
                     continue;
                 }

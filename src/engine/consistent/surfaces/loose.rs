@@ -26,7 +26,7 @@ impl Surfaces {
     /// Puts a voxel that has become dense beside the patches that are there, until its block is published.
     pub(super) fn admit(&mut self, grid: &Grid, block: BlockIndex, cell: Cell) {
         let Some(voxel) = grid.block(block).voxel(cell) else { return };
-        let admitted = self.segmented[block.0 as usize].admit(State::new(grid, voxel));
+        let admitted = self.segmented[block.0 as usize].admit(State::new(voxel));
         if let Some(number) = admitted {
             self.enter_loose(grid, block, std::iter::once(number));
         }
@@ -70,15 +70,15 @@ impl Surfaces {
         let state = &here.states[usize::from(loose.place)];
         let component = self.graph.component(owner);
         let (Some(cluster), Some(key)) =
-            (self.clusters[component.0 as usize].as_mut(), grid.block(block).voxel_key(state.cell))
+            (self.clusters[component.0 as usize].as_mut(), grid.block(block).voxel_key(state.cell()))
         else {
             return;
         };
         let is_thin = here.is_thin(state);
         cluster.remove(key, state, is_thin);
-        let label = here.labels[state.cell.index()];
+        let label = here.labels[state.cell().index()];
         if self.nodes[block.0 as usize].get(usize::from(label)) == Some(&owner) {
-            cluster.sums.remove(&here.share(state, grid.block(block).corner()));
+            cluster.sums.remove(&here.share(state, grid.block(block).corner(), &self.rules));
         }
         self.changed.insert(component);
     }
@@ -144,11 +144,11 @@ impl Surfaces {
         let node = self.nodes[owner.block.0 as usize][usize::from(owner.number)];
         let component = self.graph.component(node);
         if let (Some(cluster), Some(key)) =
-            (self.clusters[component.0 as usize].as_mut(), grid.block(block).voxel_key(state.cell))
+            (self.clusters[component.0 as usize].as_mut(), grid.block(block).voxel_key(state.cell()))
         {
             cluster.add(key, state, here.is_thin(state));
-            if owner == (PatchId { block, number: here.labels[state.cell.index()] }) {
-                cluster.sums.add(&here.share(state, grid.block(block).corner()));
+            if owner == (PatchId { block, number: here.labels[state.cell().index()] }) {
+                cluster.sums.add(&here.share(state, grid.block(block).corner(), &self.rules));
             }
         }
         self.changed.insert(component);

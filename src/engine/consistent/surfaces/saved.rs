@@ -85,9 +85,13 @@ impl Surfaces {
         let admitted: BTreeSet<_> =
             here.loose.iter().filter(|loose| loose.admitted).map(|loose| loose.place).collect();
         let now = states(grid, grid.block(block));
-        debug_assert!(now.iter().map(|now| now.cell).eq(here.states.iter().map(|state| state.cell)));
+        debug_assert!(now.iter().map(|now| now.cell()).eq(here.states.iter().map(|state| state.cell())));
         let places = (0..).zip(here.states.iter().zip(&now));
-        places.map(|(place, (state, now))| SavedState::of(state, now, admitted.contains(&place))).collect()
+        places
+            .map(|(place, (state, now))| {
+                SavedState::of(state, now, admitted.contains(&place), &self.rules.noise)
+            })
+            .collect()
     }
 
     /// The clusters of the voxels of `grid`; `blocks` say what they were published as.
@@ -231,15 +235,15 @@ fn segmented(
     let here = grid.block(block);
     let (mut published, mut admitted) = (Vec::new(), Vec::new());
     for saved in states {
-        let state = saved.restore(grid, here)?;
+        let state = saved.restore(grid, here, &rules.noise)?;
         if saved.admitted { admitted.push(state) } else { published.push(state) }
     }
-    ensure(published.is_sorted_by(|a, b| a.cell < b.cell), || {
+    ensure(published.is_sorted_by(|a, b| a.cell() < b.cell()), || {
         format!("states of block {:?} are out of order, of {CELLS} cells", here.key)
     })?;
     let mut segmented = Segmented::of(published, here.corner(), rules);
     for state in admitted {
-        let cell = state.cell;
+        let cell = state.cell();
         ensure(segmented.admit(state).is_some(), || {
             format!("{cell:?} of block {:?} is there twice", here.key)
         })?;

@@ -179,7 +179,7 @@ impl Surfaces {
             let here = &self.segmented[id.block.0 as usize];
             let mut enter = |block: BlockIndex, state: &State| {
                 let is_thin = self.segmented[block.0 as usize].is_thin(state);
-                if let Some(key) = grid.block(block).voxel_key(state.cell).filter(|_| !is_thin) {
+                if let Some(key) = grid.block(block).voxel_key(state.cell()).filter(|_| !is_thin) {
                     footprint.add(axis.column(key), &content(state, axis));
                 }
             };
