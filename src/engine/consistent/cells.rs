@@ -45,10 +45,14 @@ impl Cells {
         self.0[cell.index() / 64] >> (cell.index() % 64) & 1 == 1
     }
 
-    /// The cells of the set that lie within `reach` of these coordinates along each axis, which may lie outside of the
-    /// block; ascending.
-    pub(super) fn near(&self, at: [i32; 3], reach: i32) -> impl Iterator<Item = Cell> + use<> {
-        let (window, words) = (Window::around(at, reach), self.0);
+    /// The cells of the set at these coordinates and around them; ascending.
+    pub(super) fn near(&self, at: [i32; 3]) -> impl Iterator<Item = Cell> + use<> {
+        self.within(&Window::around(at, 1))
+    }
+
+    /// The cells of the set that lie in a window; ascending.
+    pub(super) fn within(&self, window: &Window) -> impl Iterator<Item = Cell> + use<> {
+        let (window, words) = (*window, self.0);
         let ones = move |x: usize| Ones(words[x] & window.mask).map(move |bit| Cell((x * 64) as u16 + bit));
         (window.from..window.to).flat_map(ones)
     }
@@ -173,8 +177,9 @@ mod tests {
                 (0..3).all(|i| (to[i] - at[i]).abs() <= reach)
             };
             let walk = cells.into_iter().filter(|cell| *cell != gone).map(Cell).filter(is_near);
-            let near: Vec<_> = set.near(at, reach).collect();
-            prop_assert_eq!(set.any_in(&Window::around(at, reach)), !near.is_empty());
+            let window = Window::around(at, reach);
+            let near: Vec<_> = set.within(&window).collect();
+            prop_assert_eq!(set.any_in(&window), !near.is_empty());
             prop_assert_eq!(near, walk.collect::<Vec<_>>());
         }
 

@@ -1,29 +1,81 @@
-//! The patches that a patch meets.
+//! Where the patches of a block meet others.
+
+use nalgebra::Vector3;
 
 use super::block::BlockIndex;
 use super::join::Contact;
 use super::layer::PatchId;
 
-/// The patches that a patch meets, ascending, and where: a handful, for which a tree's nodes would mostly be empty.
+/// Where each patch of a block meets others, of this block or another: a list of a handful for each patch, one after the
+/// other. Their sums are whole numbers, and are kept from the corner of the block.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Contacts(Vec<(PatchId, Contact)>);
+pub(super) struct Contacts {
+    corner: [i32; 3],
+    /// Ascending by patch of the block, block of the other, and its number there.
+    met: Vec<Met>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Met {
+    number: u8,
+    other: u8,
+    /// Of 512 voxels no more than 13,824 can touch.
+    pairs: u16,
+    block: BlockIndex,
+    /// Of the cells' middles, two a pair.
+    sum: [i32; 3],
+}
+
+impl Met {
+    const fn of(&self) -> (u8, PatchId) {
+        (self.number, PatchId { block: self.block, number: self.other })
+    }
+}
 
 impl Contacts {
-    /// Notes where a patch is met, in place of what was known of that.
-    pub(super) fn insert(&mut self, other: PatchId, contact: Contact) {
-        match self.0.binary_search_by_key(&other, |(id, _)| *id) {
-            Ok(place) => self.0[place].1 = contact,
-            Err(place) => self.0.insert(place, (other, contact)),
+    /// Of a block with this corner, which meets none.
+    pub(super) const fn new(corner: [i32; 3]) -> Self {
+        Self { corner, met: Vec::new() }
+    }
+
+    /// Notes where a patch meets another, in place of what was known of that.
+    pub(super) fn insert(&mut self, number: u8, other: PatchId, contact: &Contact) {
+        let from = self.corners(contact.pairs);
+        let sum: [f64; 3] = (contact.sum - from).into();
+        let met = Met {
+            number,
+            other: other.number,
+            pairs: contact.pairs as u16,
+            block: other.block,
+            sum: sum.map(|along| along as i32),
+        };
+        debug_assert_eq!(self.contact(&met), *contact);
+        match self.met.binary_search_by_key(&(number, other), Met::of) {
+            Ok(place) => self.met[place] = met,
+            Err(place) => self.met.insert(place, met),
         }
     }
 
-    /// Forgets the patches of a block.
+    /// Forgets the patches of another block.
     pub(super) fn forget(&mut self, block: BlockIndex) {
-        self.0.retain(|(id, _)| id.block != block);
+        self.met.retain(|met| met.block != block);
     }
 
-    pub(super) fn iter(&self) -> impl Iterator<Item = (PatchId, &Contact)> {
-        self.0.iter().map(|(id, contact)| (*id, contact))
+    /// The patches that a patch of the block meets, ascending.
+    pub(super) fn of(&self, number: u8) -> impl Iterator<Item = (PatchId, Contact)> {
+        let from = self.met.partition_point(|met| met.number < number);
+        let met = self.met[from..].iter().take_while(move |met| met.number == number);
+        met.map(|met| (met.of().1, self.contact(met)))
+    }
+
+    fn contact(&self, met: &Met) -> Contact {
+        let pairs = met.pairs.into();
+        Contact { pairs, sum: Vector3::from(met.sum).map(f64::from) + self.corners(pairs) }
+    }
+
+    /// What the corner of the block is of the sum of so many pairs.
+    fn corners(&self, pairs: u32) -> Vector3<f64> {
+        Vector3::from(self.corner).map(f64::from) * f64::from(2 * pairs)
     }
 }
 
@@ -34,14 +86,18 @@ mod tests {
     #[test]
     fn each_patch_is_met_once_in_order_until_its_block_is_forgotten() {
         let id = |block, number| PatchId { block: BlockIndex(block), number };
-        let met = |pairs| Contact { pairs, ..Contact::default() };
-        let mut contacts = Contacts::default();
-        for (other, pairs) in [(id(7, 1), 3), (id(2, 0), 4), (id(7, 0), 5), (id(7, 1), 6)] {
-            contacts.insert(other, met(pairs));
+        let met = |pairs| Contact { pairs, sum: Vector3::new(-8000.0, 7.0, 8e5) * f64::from(pairs) };
+        let mut contacts = Contacts::new([-4000, 0, 400_000]);
+        for (own, other, pairs) in
+            [(1, id(7, 1), 3), (1, id(2, 0), 4), (0, id(9, 0), 2), (1, id(7, 0), 5), (1, id(7, 1), 6)]
+        {
+            contacts.insert(own, other, &met(pairs));
         }
-        let seen = |contacts: &Contacts| contacts.iter().map(|(id, it)| (id, it.pairs)).collect::<Vec<_>>();
-        assert_eq!(seen(&contacts), [(id(2, 0), 4), (id(7, 0), 5), (id(7, 1), 6)]);
+        let seen = |contacts: &Contacts| contacts.of(1).collect::<Vec<_>>();
+        assert_eq!(seen(&contacts), [(id(2, 0), met(4)), (id(7, 0), met(5)), (id(7, 1), met(6))]);
         contacts.forget(BlockIndex(7));
-        assert_eq!(seen(&contacts), [(id(2, 0), 4)]);
+        assert_eq!(seen(&contacts), [(id(2, 0), met(4))]);
+        assert_eq!(contacts.of(0).collect::<Vec<_>>(), [(id(9, 0), met(2))]);
+        assert_eq!(contacts.of(2).count(), 0);
     }
 }

@@ -6,7 +6,7 @@ use super::patch::Patch;
 use super::rules::Rules;
 
 /// Where two patches meet: their voxels that touch.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Contact {
     /// Number of pairs of voxels.
     pub(super) pairs: u32,
@@ -55,8 +55,8 @@ impl Patch {
     /// Whether their planes have the same direction, as far as both are known, or else are of one scatter or one bend.
     fn has_direction_of(&self, other: &Self, rules: &Rules) -> bool {
         let most = if self.is_rough() { rules.rough_angle } else { rules.join_angle };
-        let angle = self.plane.normal.dot(&other.plane.normal).clamp(-1.0, 1.0).acos();
-        let tilt_sigma = (self.tilt_variance + other.tilt_variance).sqrt();
+        let angle = self.normal().dot(&other.normal()).clamp(-1.0, 1.0).acos();
+        let tilt_sigma = (self.tilt_variance() + other.tilt_variance()).sqrt();
         angle <= (JOIN_SIGMAS * tilt_sigma).clamp(most, MAX_JOIN_ANGLE.max(most))
             || angle <= MAX_JOIN_ANGLE && self.is_one_scatter(other, rules)
             || angle <= BEND_ANGLE && self.is_one_bend(other, angle)
@@ -73,9 +73,9 @@ impl Patch {
     /// on one circle, and what is bent by that angle over their distance is no edge.
     fn is_one_bend(&self, other: &Self, angle: f64) -> bool {
         let is_facet = |patch: &Self| !patch.is_rough() && patch.is_narrow() && patch.cells.len() >= FACET;
-        let (a, b) = (self.plane.normal.into_inner(), other.plane.normal.into_inner());
+        let (a, b) = (self.normal().into_inner(), other.normal().into_inner());
         let (axis, middle) = (a.cross(&b).normalize(), (a + b).normalize());
-        let apart = other.mean - self.mean;
+        let apart = other.mean() - self.mean();
         let chord = (apart - axis * axis.dot(&apart)).norm();
         is_facet(self)
             && is_facet(other)
@@ -88,11 +88,10 @@ impl Patch {
         let most = if self.is_rough() { rules.rough_offset } else { rules.join_offset };
         let meeting = contact.sum / (2.0 * f64::from(contact.pairs));
         // The meeting lies within a voxel of both planes; the heights of the planes above it are compared.
-        let heights = [self, other].map(|patch| patch.plane.normal.dot(&(meeting - patch.plane.point)));
-        let lever = |patch: &Self| (meeting - patch.plane.point).norm_squared() * patch.tilt_variance;
-        let variance = self.offset_variance + other.offset_variance + lever(self) + lever(other);
+        let heights = [self, other].map(|patch| patch.height_of(&meeting));
+        let variance = self.height_variance(&meeting) + other.height_variance(&meeting);
         // Where a block ends within the scatter, each of the two sees one side of it.
-        let cut = rules.cut * (self.noise.sqrt() + other.noise.sqrt());
+        let cut = rules.cut * (self.noise().sqrt() + other.noise().sqrt());
         let allowed = (JOIN_SIGMAS * variance.sqrt()).clamp(most, 2.0 * most) + cut;
         (heights[0] - heights[1]).abs() <= allowed
     }
@@ -129,7 +128,7 @@ mod tests {
             let height = |y: f64| 2.6 - slope * (y - ridge).abs();
             let [here, there] = [rows(0..rows_each, height), rows(rows_each..2 * rows_each, height)];
             let meeting = Contact { pairs: 22, sum: Vector3::new(4.0, ridge, 2.6) * 44.0 };
-            assert!(here.plane.normal.angle(&there.plane.normal) > MAX_JOIN_ANGLE);
+            assert!(here.normal().angle(&there.normal()) > MAX_JOIN_ANGLE);
             assert_eq!(here.joins(&there, &meeting, &rules), there.joins(&here, &meeting, &rules));
             here.joins(&there, &meeting, &rules)
         };

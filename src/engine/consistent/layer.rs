@@ -25,19 +25,14 @@ pub(super) struct PatchId {
 }
 
 /// A block as it was published last.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Segmented {
     /// Its dense voxels by ascending cell; a block at rest has them too.
     pub(super) states: Arc<Vec<State>>,
-    /// For each cell the number of its patch, [`LOOSE`] or [`EMPTY`].
-    pub(super) labels: Box<[u8; CELLS]>,
     /// The cells that are in a patch.
     cells: Cells,
     pub(super) patches: Vec<Patch>,
-    /// Where each patch meets others, of this block or another.
-    pub(super) contacts: Vec<Contacts>,
-    /// The sharper patch that each patch is a slice of.
-    pub(super) slice_of: Vec<Option<PatchId>>,
+    pub(super) contacts: Contacts,
     /// Dense voxels whose patch is found by what lies around them: those in none, and those of frayed patches.
     pub(super) loose: Vec<Loose>,
     /// Their cells, in the same order.
@@ -56,19 +51,44 @@ const THIN: u32 = 200;
 /// (every sixth scan, 8 cm). Where thin voxels are kept out of patches too, walls, doors and cupboards join.
 const PART_OF_THIN: u64 = 600;
 
-/// A dense voxel in no patch, or in one that is frayed.
+/// A dense voxel in no patch, or in one that is frayed. Most voxels of furniture are such: it has no room to spare.
 #[derive(Clone, Copy, Debug)]
+#[repr(Rust, packed(2))]
 pub(super) struct Loose {
-    /// Its place among the states.
-    pub(super) place: u16,
-    /// The patch beside it that it belongs to.
-    pub(super) owner: Option<NodeId>,
-    /// It has become dense since the block was published.
-    pub(super) admitted: bool,
+    /// Its place among the states; [`ADMITTED`] where it has become dense since the block was published.
+    place: u16,
+    /// The node of the patch beside it that it belongs to; [`NONE`] where there is none.
+    owner: u32,
 }
 
-/// Not dense.
-pub(super) const EMPTY: u8 = LOOSE - 1;
+const ADMITTED: u16 = 1 << 15;
+const NONE: u32 = u32::MAX;
+
+impl Loose {
+    const fn new(place: u16) -> Self {
+        Self { place, owner: NONE }
+    }
+
+    /// Its place among the states.
+    pub(super) const fn place(self) -> usize {
+        (self.place & !ADMITTED) as usize
+    }
+
+    /// Whether it has become dense since the block was published.
+    pub(super) const fn is_admitted(self) -> bool {
+        self.place & ADMITTED != 0
+    }
+
+    /// The patch beside it that it belongs to.
+    pub(super) fn owner(self) -> Option<NodeId> {
+        let owner = self.owner;
+        (owner != NONE).then_some(NodeId(owner))
+    }
+
+    pub(super) fn set_owner(&mut self, owner: Option<NodeId>) {
+        self.owner = owner.map_or(NONE, |owner| owner.0);
+    }
+}
 
 impl Segmented {
     pub(super) fn new(grid: &Grid, block: &Block, rules: &Rules) -> Self {
@@ -78,42 +98,51 @@ impl Segmented {
     /// Of these states, ascending, in the block with this corner.
     pub(super) fn of(states: Vec<State>, corner: [i32; 3], rules: &Rules) -> Self {
         let Patches { owner, kinds } = segment(&states, rules);
-        let corner = Vector3::from(corner).map(f64::from);
-        let mut labels = Box::new([EMPTY; CELLS]);
-        let mut cells = Cells::default();
-        let mut members: Vec<Vec<&State>> = Vec::new();
-        for (state, &number) in states.iter().zip(&owner) {
-            labels[state.cell().index()] = number;
-            if number != LOOSE {
-                members.resize(members.len().max(usize::from(number) + 1), Vec::new());
-                members[usize::from(number)].push(state);
-                cells.insert(state.cell());
-            }
+        let mut members: Vec<Vec<&State>> = vec![Vec::new(); kinds.len()];
+        for (state, &number) in states.iter().zip(&owner).filter(|(_, number)| **number != LOOSE) {
+            members[usize::from(number)].push(state);
         }
-        let patches = members
-            .iter()
-            .zip(kinds)
-            .filter_map(|(states, kind)| Patch::new(states, &corner, kind, &rules.noise));
-        let patches: Vec<_> = patches.collect();
-        let (contacts, slice_of) = (vec![Contacts::default(); patches.len()], vec![None; patches.len()]);
-        let (loose, loose_cells) = (Vec::new(), Cells::default());
-        let most_points = states.iter().map(|state| state.count).max().unwrap_or(0);
-        let states = Arc::new(states);
-        let mut segmented =
-            Self { states, labels, cells, patches, contacts, slice_of, loose, loose_cells, most_points };
+        let middle = Vector3::from(corner).map(f64::from);
+        let patch = |(states, kind): (&Vec<&State>, _)| Patch::new(states, &middle, kind, &rules.noise);
         // Made of a list, it has no room to spare.
-        let is_loose = |(place, number): (u16, &u8)| segmented.is_loose(*number).then_some(place);
-        let loose: Vec<_> = (0..).zip(&owner).filter_map(is_loose).collect();
-        let cell_of = |place: &u16| segmented.states[usize::from(*place)].cell();
-        segmented.loose_cells = loose.iter().map(cell_of).collect();
-        let begin = |place| Loose { place, owner: None, admitted: false };
-        segmented.loose = loose.into_iter().map(begin).collect();
-        segmented
+        let patches: Vec<_> = members.iter().zip(kinds).filter_map(patch).collect();
+        let is_loose = |number: u8| patches.get(usize::from(number)).is_none_or(Patch::is_frayed);
+        let loose: Vec<_> = (0..).zip(&owner).filter(|(_, number)| is_loose(**number)).collect();
+        let loose: Vec<_> = loose.into_iter().map(|(place, _)| Loose::new(place)).collect();
+        Self {
+            cells: patches.iter().flat_map(|patch| patch.cells.iter()).collect(),
+            loose_cells: loose.iter().map(|loose| states[loose.place()].cell()).collect(),
+            loose,
+            most_points: states.iter().map(|state| state.count).max().unwrap_or(0),
+            states: Arc::new(states),
+            patches,
+            contacts: Contacts::new(corner),
+        }
     }
 
-    /// Whether the patch of a dense voxel with this label is found by what lies around it.
-    pub(super) fn is_loose(&self, label: u8) -> bool {
-        self.patches.get(usize::from(label)).is_none_or(Patch::is_frayed)
+    /// The number of the patch that a cell is in.
+    pub(super) fn number_of(&self, cell: Cell) -> Option<u8> {
+        let number = self.patches.iter().position(|patch| patch.cells.contains(cell))?;
+        Some(number as u8)
+    }
+
+    /// For each cell the number of its patch, or [`LOOSE`]: for a walk over all of them.
+    pub(super) fn numbers(&self) -> [u8; CELLS] {
+        let mut numbers = [LOOSE; CELLS];
+        for (number, patch) in (0..).zip(&self.patches) {
+            patch.cells.iter().for_each(|cell| numbers[cell.index()] = number);
+        }
+        numbers
+    }
+
+    /// Whether the patch of a dense voxel with this number is found by what lies around it.
+    pub(super) fn is_loose(&self, number: u8) -> bool {
+        self.patches.get(usize::from(number)).is_none_or(Patch::is_frayed)
+    }
+
+    /// The loose voxel of this number.
+    pub(super) fn loose_state(&self, number: usize) -> &State {
+        &self.states[self.loose[number].place()]
     }
 
     /// Whether so few of the points hereabouts are in a voxel that it is no part of an outline: where a surface was looked at
@@ -127,10 +156,10 @@ impl Segmented {
         self.cells.any_in(window)
     }
 
-    /// What a voxel adds to the sums of a cluster as one of its own patch; `corner` is that of the block.
-    pub(super) fn share(&self, state: &State, corner: [i32; 3], rules: &Rules) -> Exact {
-        let patch = &self.patches[usize::from(self.labels[state.cell().index()])];
-        Exact::of(state, corner, patch.weight_of(state, &rules.noise))
+    /// What a voxel adds to the sums of a cluster as one of its own patch, of this number; `corner` is that of the block.
+    pub(super) fn share(&self, number: u8, state: &State, corner: [i32; 3], rules: &Rules) -> Exact {
+        let weight = self.patches[usize::from(number)].weight_of(state, &rules.noise);
+        Exact::of(state, corner, weight)
     }
 
     /// The state of a cell that is dense.
@@ -142,29 +171,12 @@ impl Segmented {
     /// loose ones; `None` where it is known already.
     pub(super) fn admit(&mut self, state: State) -> Option<usize> {
         let place = self.states.binary_search_by_key(&state.cell(), |state| state.cell()).err()?;
-        let number = self.loose.partition_point(|loose| usize::from(loose.place) < place);
+        let number = self.loose.partition_point(|loose| loose.place() < place);
         self.loose[number..].iter_mut().for_each(|loose| loose.place += 1);
-        let loose = Loose { place: place as u16, owner: None, admitted: true };
-        room::insert(&mut self.loose, number, loose);
-        self.labels[state.cell().index()] = LOOSE;
+        room::insert(&mut self.loose, number, Loose::new(place as u16 | ADMITTED));
         self.loose_cells.insert(state.cell());
         room::insert(Arc::make_mut(&mut self.states), place, state);
         Some(number)
-    }
-
-    /// An empty block.
-    pub(super) fn empty() -> Self {
-        Self {
-            states: Arc::default(),
-            labels: Box::new([EMPTY; CELLS]),
-            cells: Cells::default(),
-            patches: Vec::new(),
-            contacts: Vec::new(),
-            slice_of: Vec::new(),
-            loose: Vec::new(),
-            loose_cells: Cells::default(),
-            most_points: 0,
-        }
     }
 }
 
@@ -173,8 +185,8 @@ pub(super) fn patch(segmented: &[Segmented], id: PatchId) -> &Patch {
 }
 
 /// Where a patch meets others.
-pub(super) fn contacts_of(segmented: &[Segmented], id: PatchId) -> &Contacts {
-    &segmented[id.block.0 as usize].contacts[usize::from(id.number)]
+pub(super) fn contacts_of(segmented: &[Segmented], id: PatchId) -> impl Iterator<Item = (PatchId, Contact)> {
+    segmented[id.block.0 as usize].contacts.of(id.number)
 }
 
 /// The sharper or broader patch that a patch is a slice of: of those it meets, the one its points fit best. A flat patch that
@@ -184,15 +196,14 @@ pub(super) fn sharper(segmented: &[Segmented], id: PatchId, rules: &Rules) -> Op
     if !own.may_be_slice(rules) {
         return None;
     }
-    let contacts = contacts_of(segmented, id);
-    let equal = |(other, contact): (PatchId, &Contact)| {
+    let contacts = || contacts_of(segmented, id);
+    let equal = |(other, contact): (PatchId, Contact)| {
         let other = patch(segmented, other);
-        let is_equal = !own.is_rough() && other.has_less_noise(own) && own.joins(other, contact, rules);
+        let is_equal = !own.is_rough() && other.has_less_noise(own) && own.joins(other, &contact, rules);
         is_equal.then(|| own.misfit(other, rules))
     };
-    let equal = contacts.iter().filter_map(equal).fold(f64::INFINITY, f64::min);
-    let candidates = contacts
-        .iter()
+    let equal = contacts().filter_map(equal).fold(f64::INFINITY, f64::min);
+    let candidates = contacts()
         .filter_map(|(other, _)| own.slice_of(patch(segmented, other), rules).map(|misfit| (misfit, other)));
     let best = candidates.min_by(|a, b| a.0.total_cmp(&b.0));
     best.filter(|(misfit, _)| *misfit < equal).map(|(_, other)| other)
@@ -207,12 +218,11 @@ pub(super) fn are_joined(
     contact: &Contact,
     rules: &Rules,
 ) -> bool {
-    let slice_of = |id: PatchId| segmented[id.block.0 as usize].slice_of[usize::from(id.number)];
-    let [of_a, of_b] = [a, b].map(slice_of);
+    let [here, there] = [a, b].map(|id| patch(segmented, id));
+    let (of_a, of_b) = (here.slice_of, there.slice_of);
     if of_a == Some(b) || of_b == Some(a) {
         return true;
     }
-    let [here, there] = [a, b].map(|id| patch(segmented, id));
     let lies_on =
         |own: &Patch, of: Option<PatchId>| of.is_none_or(|of| own.lies_on(patch(segmented, of), rules));
     here.joins(there, contact, rules) && lies_on(there, of_a) && lies_on(here, of_b)
@@ -227,33 +237,31 @@ pub(super) fn contacts(
     reach: i32,
 ) -> Vec<((u8, u8), Contact)> {
     let direction = offset_of(place);
-    let is_own = direction == [0; 3];
-    // Few pairs of patches meet, and one pair meets many times in a row.
-    let mut contacts: Vec<((u8, u8), Contact)> = Vec::new();
-    if there.patches.len() < 1 + usize::from(is_own) {
-        return contacts;
-    }
-    let mut last = 0;
-    for cell in here.cells.and(&Cells::border(direction, reach)).iter() {
-        let (at, number) = (cell.coordinates(), here.labels[cell.index()]);
-        there.cells.near(seen_from(at, direction), reach).for_each(|other| {
-            let label = there.labels[other.index()];
-            if is_own && label <= number {
-                return;
+    let border = Cells::border(direction, reach);
+    let mut contacts = Vec::new();
+    for (number, own) in (0..).zip(&here.patches) {
+        // In its own block, each pair is met once.
+        let first = if direction == [0; 3] { usize::from(number) + 1 } else { 0 };
+        let others = there.patches.get(first..).unwrap_or_default();
+        let mut met = vec![Contact::default(); others.len()];
+        for cell in own.cells.and(&border).iter() {
+            let at = cell.coordinates();
+            let near = Window::around(seen_from(at, direction), reach);
+            if !there.is_any_patch_in(&near) {
+                continue;
             }
-            let pair = (number, label);
-            if contacts.get(last).is_none_or(|(met, _)| *met != pair) {
-                last = contacts.iter().position(|(met, _)| *met == pair).unwrap_or_else(|| {
-                    contacts.push((pair, Contact::default()));
-                    contacts.len() - 1
-                });
+            let middles = |to: [i32; 3]| {
+                Vector3::from_fn(|i, _| f64::from(2 * corner[i] + at[i] + to[i] + EDGE * direction[i]) + 1.0)
+            };
+            for (contact, other) in met.iter_mut().zip(others) {
+                for to in other.cells.within(&near) {
+                    contact.pairs += 1;
+                    contact.sum += middles(to.coordinates());
+                }
             }
-            let contact = &mut contacts[last].1;
-            contact.pairs += 1;
-            let to = other.coordinates();
-            contact.sum +=
-                Vector3::from_fn(|i, _| f64::from(2 * corner[i] + at[i] + to[i] + EDGE * direction[i]) + 1.0);
-        });
+        }
+        let met = (first as u8..).zip(met).filter(|(_, contact)| contact.pairs > 0);
+        contacts.extend(met.map(|(other, contact)| ((number, other), contact)));
     }
     contacts
 }

@@ -7,7 +7,6 @@ use super::cells::Window;
 use super::held::Held;
 use super::layer::{PatchId, Segmented, patch, seen_from};
 use super::patch::Patch;
-use super::patches::LOOSE;
 use super::rules::Rules;
 use super::state::{Plane, State};
 
@@ -97,8 +96,8 @@ impl<'a> Owners<'a> {
 
     fn frayed_patch_of(&self, cell: Cell) -> Option<PatchId> {
         let block = self.around[OWN]?;
-        let number = self.segmented[block.0 as usize].labels[cell.index()];
-        (number != LOOSE).then_some(PatchId { block, number })
+        let number = self.segmented[block.0 as usize].number_of(cell)?;
+        Some(PatchId { block, number })
     }
 
     /// The patch that fits best of those with the nearest voxels.
@@ -153,12 +152,12 @@ impl<'a> Owners<'a> {
 
     /// How well a voxel's points lie on the plane of a patch, as far as their noise lets them; `None` beyond `most`.
     fn within(&self, held: &Held, patch: &Patch, most: f64) -> Option<f64> {
-        held.misfit(&self.local(&patch.plane), self.rules.noise_factor, self.rules.flatness, most)
+        held.misfit(&self.local(&patch.plane()), self.rules.noise_factor, self.rules.flatness, most)
     }
 
     /// The same of a patch beside it, as far as noise and half a voxel let them.
     fn beside(&self, held: &Held, patch: &Patch, most: f64) -> Option<f64> {
-        held.misfit(&self.local(&patch.plane), self.rules.rim_noise_factor, self.rules.rim_flatness, most)
+        held.misfit(&self.local(&patch.plane()), self.rules.rim_noise_factor, self.rules.rim_flatness, most)
     }
 
     /// A plane with its point from the corner of the block.

@@ -2,15 +2,16 @@
 //!
 //! Positions are in voxels from the corner of voxel (0, 0, 0).
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, UnitVector3, Vector3};
 
 use super::block::EDGE;
 use super::cells::Cells;
+use super::layer::PatchId;
 use super::noise::Noise;
 use super::region::{Fit, Region};
 use super::rules::Rules;
 use super::state::{Plane, State};
-use super::symmetric::quadratic;
+use super::symmetric::{along, quadratic, upper};
 
 /// How a patch was grown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,31 +42,37 @@ impl Kind {
     }
 }
 
+/// A patch. Four of them stand in a block: but for its place, it is kept in single precision.
 #[derive(Clone, Debug)]
 pub(super) struct Patch {
     /// Its voxels.
     pub(super) cells: Cells,
-    pub(super) plane: Plane,
-    /// Mean and mean square of its points' places, every voxel counting the same.
-    pub(super) mean: Vector3<f64>,
-    square: Matrix3<f64>,
-    /// Variance of its points along its normal that is noise.
-    pub(super) noise: f64,
-    /// Covariance that noise gives its points.
-    blur: Matrix3<f64>,
+    /// A point of its plane.
+    point: Vector3<f64>,
+    normal: Vector3<f32>,
+    /// Mean of its points' places from that point, every voxel counting the same.
+    mean: Vector3<f32>,
+    /// Mean square of its points' places from their mean: xx, xy, xz, yy, yz, zz.
+    square: [f32; 6],
+    /// Covariance that noise gives its points: the same.
+    blur: [f32; 6],
     /// Mean direction towards the sensor.
-    towards: Vector3<f64>,
+    towards: Vector3<f32>,
+    /// Variance of its points along its normal that is noise.
+    noise: f32,
+    /// Variance of its voxels across its narrow side, in voxels^2.
+    breadth: f32,
+    /// Variance of the plane's tilt about its most uncertain axis (rad^2).
+    tilt_variance: f32,
+    /// Variance of the plane's place at its middle, along the normal.
+    offset_variance: f32,
     /// Its points lie on its plane only roughly.
     is_rough: bool,
     /// It reaches no further into its block than two rows: its plane may be the cut that the block makes of another one's
     /// scatter.
     is_cut: bool,
-    /// Variance of its voxels across its narrow side, in voxels^2.
-    pub(super) breadth: f64,
-    /// Variance of the plane's tilt about its most uncertain axis (rad^2).
-    pub(super) tilt_variance: f64,
-    /// Variance of the plane's place at its middle, along the normal.
-    pub(super) offset_variance: f64,
+    /// The sharper patch that it is a slice of.
+    pub(super) slice_of: Option<PatchId>,
 }
 
 /// Rows of voxels at a face of a block that a whole surface is not known by.
@@ -94,20 +101,57 @@ impl Patch {
             let from_mean = state.mean() - mean;
             state.spread() + from_mean * from_mean.transpose()
         };
+        let towards = states.iter().map(|state| state.towards()).sum::<Vector3<f64>>() / count;
+        let square = states.iter().map(|state| apart(&state)).sum::<Matrix3<f64>>() / count;
         Some(Self {
-            mean: mean + corner,
-            square: states.iter().map(|state| apart(&state)).sum::<Matrix3<f64>>() / count,
-            noise: quadratic(&blur, &plane.normal),
-            blur,
-            towards: states.iter().map(|state| state.towards()).sum::<Vector3<f64>>() / count,
             cells: states.iter().map(|state| state.cell()).collect(),
-            plane: Plane { point: plane.point + corner, ..plane },
+            point: plane.point + corner,
+            normal: plane.normal.cast().into_inner(),
+            mean: (mean - plane.point).cast(),
+            square: single(upper(&square)),
+            blur: single(upper(&blur)),
+            towards: towards.cast(),
+            noise: quadratic(&blur, &plane.normal) as f32,
+            breadth: variances[1] as f32,
+            tilt_variance: (1.0 / (region.weight() * variances[1])) as f32,
+            offset_variance: (1.0 / region.weight()) as f32,
             is_rough: kind == Kind::Rough,
             is_cut: is_cut(states),
-            breadth: variances[1],
-            tilt_variance: 1.0 / (region.weight() * variances[1]),
-            offset_variance: 1.0 / region.weight(),
+            slice_of: None,
         })
+    }
+
+    pub(super) fn plane(&self) -> Plane {
+        Plane { point: self.point, normal: self.normal() }
+    }
+
+    pub(super) fn normal(&self) -> UnitVector3<f64> {
+        UnitVector3::new_unchecked(self.normal.cast())
+    }
+
+    /// Mean of its points' places, every voxel counting the same.
+    pub(super) fn mean(&self) -> Vector3<f64> {
+        self.point + self.mean.cast()
+    }
+
+    /// Variance of its points along its normal that is noise.
+    pub(super) fn noise(&self) -> f64 {
+        self.noise.into()
+    }
+
+    /// Variance of the plane's tilt about its most uncertain axis (rad^2).
+    pub(super) fn tilt_variance(&self) -> f64 {
+        self.tilt_variance.into()
+    }
+
+    /// Variance of the plane's height above a place: that at its middle, and what its tilt makes of the way there.
+    pub(super) fn height_variance(&self, place: &Vector3<f64>) -> f64 {
+        f64::from(self.offset_variance) + (place - self.point).norm_squared() * self.tilt_variance()
+    }
+
+    /// How far a place lies above its plane.
+    pub(super) fn height_of(&self, place: &Vector3<f64>) -> f64 {
+        self.normal().dot(&(place - self.point))
     }
 
     /// Whether what it shows may be a slice of another one: its points scatter much or lie on no plane, or it is too narrow
@@ -117,11 +161,11 @@ impl Patch {
     }
 
     pub(super) fn is_noisy(&self, rules: &Rules) -> bool {
-        self.noise > rules.noisy * rules.noisy
+        self.noise() > rules.noisy * rules.noisy
     }
 
     pub(super) fn is_narrow(&self) -> bool {
-        self.breadth < NARROW
+        f64::from(self.breadth) < NARROW
     }
 
     pub(super) fn has_less_noise(&self, other: &Self) -> bool {
@@ -134,7 +178,7 @@ impl Patch {
 
     /// What one of its voxels counts in the plane of its cluster.
     pub(super) fn weight_of(&self, state: &State, noise: &Noise) -> f64 {
-        state.weight_on(&self.plane.normal, noise) * if self.is_rough { ROUGH } else { 1.0 }
+        state.weight_on(&self.normal(), noise) * if self.is_rough { ROUGH } else { 1.0 }
     }
 
     /// Whether each of its voxels may as well be another one's: it is cut or narrow.
@@ -146,15 +190,15 @@ impl Patch {
     /// with less noise where it is noisy, of a much broader one where it is narrow, for its own normal may be any then. `None`
     /// where it is no such slice.
     pub(super) fn slice_of(&self, other: &Self, rules: &Rules) -> Option<f64> {
-        let turn = self.plane.normal.dot(&other.plane.normal);
-        let is_sharper = other.noise <= rules.sharper * rules.sharper * self.noise;
+        let turn = self.normal().dot(&other.normal());
+        let is_sharper = other.noise() <= rules.sharper * rules.sharper * self.noise();
         let may_be = if self.is_rough {
             turn > 0.0
         } else {
             self.is_noisy(rules) && is_sharper && turn >= rules.slice_angle.cos()
                 || self.is_narrow()
-                    && other.breadth >= BROADER * self.breadth
-                    && self.towards.dot(&other.plane.normal) > 0.0
+                    && f64::from(other.breadth) >= BROADER * f64::from(self.breadth)
+                    && self.towards.dot(&other.normal) > 0.0
         };
         let may_be = may_be && !other.is_rough;
         may_be.then(|| self.misfit(other, rules)).filter(|misfit| *misfit <= SLICE)
@@ -162,19 +206,21 @@ impl Patch {
 
     /// Whether its points lie on the plane of another that it need not meet, as far as a slice's do.
     pub(super) fn lies_on(&self, other: &Self, rules: &Rules) -> bool {
-        self.plane.normal.dot(&other.plane.normal) >= rules.beside_angle.cos()
-            && self.misfit(other, rules) <= 1.0
+        self.normal().dot(&other.normal()) >= rules.beside_angle.cos() && self.misfit(other, rules) <= 1.0
     }
 
     /// How far its points are off the plane of another, by what is allowed of a slice.
     pub(super) fn misfit(&self, other: &Self, rules: &Rules) -> f64 {
-        let normal = &other.plane.normal;
-        let off = normal.dot(&(self.mean - other.plane.point));
-        let square = off * off + quadratic(&self.square, normal);
-        let noise = quadratic(&self.blur, normal);
+        let (normal, off) = (other.normal(), other.height_of(&self.mean()));
+        let square = off * off + along(self.square.map(f64::from), &normal);
+        let noise = along(self.blur.map(f64::from), &normal);
         let flatness = rules.rim_flatness * rules.rim_flatness;
         square / (rules.rim_noise_factor * rules.rim_noise_factor * noise + flatness)
     }
+}
+
+fn single(entries: [f64; 6]) -> [f32; 6] {
+    entries.map(|entry| entry as f32)
 }
 
 fn is_cut(states: &[&State]) -> bool {
@@ -255,7 +301,7 @@ mod tests {
         let rules = Rules::new(&Params::default());
         let floor = rows(0..5, |_| 2.3);
         let strip = rows(5..7, |y| 2.3 + 0.3 * (y - 6.0));
-        let angle = floor.plane.normal.angle(&strip.plane.normal);
+        let angle = floor.normal().angle(&strip.normal());
         assert!(angle > rules.join_angle, "{angle}");
         assert!(strip.may_be_slice(&rules) && strip.is_frayed());
         assert!(strip.slice_of(&floor, &rules).is_some());

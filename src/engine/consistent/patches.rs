@@ -109,7 +109,8 @@ impl Neighbours {
         begins.push(0);
         for state in states {
             others.remove(state.cell());
-            others.near(state.cell().coordinates(), 1).for_each(|cell| all.push(places[cell.index()]));
+            let near = others.near(state.cell().coordinates());
+            near.for_each(|cell| all.push(places[cell.index()]));
             others.insert(state.cell());
             begins.push(all.len() as u16);
         }

@@ -23,13 +23,14 @@ pub(super) fn partition(grid: &Grid, segmented: &[Segmented], rules: &Rules) -> 
     let mut partition = Partition::new();
     for (index, block) in grid.blocks() {
         let here = &segmented[index.0 as usize];
+        let patches = here.numbers();
         for state in here.states.iter() {
-            let label = here.labels[state.cell().index()];
-            let patch = if here.is_loose(label) {
+            let number = patches[state.cell().index()];
+            let patch = if here.is_loose(number) {
                 // Anew for each, so that nothing that is kept for the others can be wrong in both.
                 Owners::new(block, &segmented, rules).of(state)
             } else {
-                Some(PatchId { block: index, number: label })
+                Some(PatchId { block: index, number })
             };
             let number = patch.map(|patch| numbers[&patch]);
             partition.extend(block.voxel_key(state.cell()).map(|key| (key, number)));
@@ -43,23 +44,24 @@ pub(super) fn partition(grid: &Grid, segmented: &[Segmented], rules: &Rules) -> 
 pub(super) fn meet(grid: &Grid, segmented: &mut [Segmented], rules: &Rules) -> Vec<PatchId> {
     let mut ids = Vec::new();
     for (index, block) in grid.blocks() {
-        let mut met = vec![Contacts::default(); segmented[index.0 as usize].patches.len()];
+        let mut met = Contacts::new(block.corner());
         for (place, other) in block.around.iter().enumerate() {
             let Some(other) = *other else { continue };
             let [here, there] = [index, other].map(|block| &segmented[block.0 as usize]);
             for ((a, b), contact) in contacts(here, there, place, block.corner(), rules.contact_reach) {
-                met[usize::from(a)].insert(PatchId { block: other, number: b }, contact);
+                met.insert(a, PatchId { block: other, number: b }, &contact);
                 if other == index {
-                    met[usize::from(b)].insert(PatchId { block: index, number: a }, contact);
+                    met.insert(b, PatchId { block: index, number: a }, &contact);
                 }
             }
         }
-        ids.extend((0..met.len()).map(|number| PatchId { block: index, number: number as u8 }));
+        let count = segmented[index.0 as usize].patches.len();
+        ids.extend((0..count).map(|number| PatchId { block: index, number: number as u8 }));
         segmented[index.0 as usize].contacts = met;
     }
     let slices: Vec<_> = ids.iter().map(|&id| sharper(segmented, id, rules)).collect();
     for (id, slice) in ids.iter().zip(slices) {
-        segmented[id.block.0 as usize].slice_of[usize::from(id.number)] = slice;
+        segmented[id.block.0 as usize].patches[usize::from(id.number)].slice_of = slice;
     }
     ids
 }
@@ -68,8 +70,8 @@ pub(super) fn meet(grid: &Grid, segmented: &mut [Segmented], rules: &Rules) -> V
 fn components(ids: &[PatchId], segmented: &[Segmented], rules: &Rules) -> BTreeMap<PatchId, u32> {
     let mut neighbours: BTreeMap<PatchId, Vec<PatchId>> = ids.iter().map(|&id| (id, Vec::new())).collect();
     for &id in ids {
-        for (other, contact) in contacts_of(segmented, id).iter() {
-            if are_joined(segmented, id, other, contact, rules) {
+        for (other, contact) in contacts_of(segmented, id) {
+            if are_joined(segmented, id, other, &contact, rules) {
                 neighbours.entry(id).or_default().push(other);
                 neighbours.entry(other).or_default().push(id);
             }

@@ -97,8 +97,9 @@ impl Surfaces {
     pub(super) fn voxels(&self, block: BlockIndex) -> Vec<(&State, Option<NodeId>)> {
         let Some(here) = self.segmented.get(block.0 as usize) else { return Vec::new() };
         let mut loose = here.loose.iter();
-        let node = |state: &State| match here.labels[state.cell().index()] {
-            label if here.is_loose(label) => loose.next().and_then(|loose| loose.owner),
+        let numbers = here.numbers();
+        let node = |state: &State| match numbers[state.cell().index()] {
+            number if here.is_loose(number) => loose.next().and_then(|loose| loose.owner()),
             number => Some(self.nodes[block.0 as usize][usize::from(number)]),
         };
         let nodes: Vec<_> = here.states.iter().map(node).collect();
@@ -166,7 +167,7 @@ impl Surfaces {
 
     fn make_room(&mut self, grid: &Grid) {
         let blocks = grid.slots();
-        self.segmented.resize_with(blocks, Segmented::empty);
+        self.segmented.resize_with(blocks, Segmented::default);
         self.nodes.resize_with(blocks, Vec::new);
     }
 
@@ -175,20 +176,21 @@ impl Surfaces {
         let corner = grid.block(block).corner();
         (0..self.segmented[block.0 as usize].loose.len())
             .for_each(|number| self.withdraw_loose(grid, block, number));
-        let segmented = std::mem::replace(&mut self.segmented[block.0 as usize], Segmented::empty());
+        let segmented = std::mem::take(&mut self.segmented[block.0 as usize]);
         let nodes = std::mem::take(&mut self.nodes[block.0 as usize]);
         let components: Vec<_> = nodes.iter().map(|&node| self.graph.component(node)).collect();
+        let numbers = segmented.numbers();
         for state in segmented.states.iter() {
-            let label = segmented.labels[state.cell().index()];
-            if segmented.is_loose(label) {
+            let number = numbers[state.cell().index()];
+            if segmented.is_loose(number) {
                 continue;
             }
-            let component = components[usize::from(label)];
+            let component = components[usize::from(number)];
             if let (Some(cluster), Some(key)) =
                 (self.clusters[component.0 as usize].as_mut(), grid.block(block).voxel_key(state.cell()))
             {
                 cluster.remove(key, state, segmented.is_thin(state));
-                cluster.sums.remove(&segmented.share(state, corner, &self.rules));
+                cluster.sums.remove(&segmented.share(number, state, corner, &self.rules));
                 self.changed.insert(component);
             }
         }
@@ -211,8 +213,8 @@ impl Surfaces {
         let new = blocks.iter().flat_map(|&block| self.ids(block));
         let anew: Vec<_> = new.chain(slices.iter().copied()).collect();
         for &id in &anew {
-            self.segmented[id.block.0 as usize].slice_of[usize::from(id.number)] =
-                sharper(&self.segmented, id, &self.rules);
+            let slice_of = sharper(&self.segmented, id, &self.rules);
+            self.segmented[id.block.0 as usize].patches[usize::from(id.number)].slice_of = slice_of;
         }
         for id in slices {
             let node = self.nodes[id.block.0 as usize][usize::from(id.number)];
@@ -226,8 +228,8 @@ impl Surfaces {
             None => End::Old(self.nodes[id.block.0 as usize][usize::from(id.number)]),
         };
         for id in anew {
-            for (other, contact) in contacts_of(&self.segmented, id).iter() {
-                if are_joined(&self.segmented, id, other, contact, &self.rules) {
+            for (other, contact) in contacts_of(&self.segmented, id) {
+                if are_joined(&self.segmented, id, other, &contact, &self.rules) {
                     batch.connect.push((end(id), end(other)));
                 }
             }
@@ -245,15 +247,14 @@ impl Surfaces {
             let Some(other) = *other else { continue };
             if other != block {
                 // They met what this block was before.
-                let met = &mut self.segmented[other.0 as usize].contacts;
-                met.iter_mut().for_each(|contacts| contacts.forget(block));
+                self.segmented[other.0 as usize].contacts.forget(block);
             }
             let [here, there] = [block, other].map(|block| &self.segmented[block.0 as usize]);
             let met = contacts(here, there, place, grid.block(block).corner(), self.rules.contact_reach);
             for ((a, b), contact) in met {
                 let [a, b] = [PatchId { block, number: a }, PatchId { block: other, number: b }];
-                self.segmented[block.0 as usize].contacts[usize::from(a.number)].insert(b, contact);
-                self.segmented[other.0 as usize].contacts[usize::from(b.number)].insert(a, contact);
+                self.segmented[block.0 as usize].contacts.insert(a.number, b, &contact);
+                self.segmented[other.0 as usize].contacts.insert(b.number, a, &contact);
             }
         }
     }
@@ -295,7 +296,7 @@ impl Surfaces {
             lost.remove(key, state, is_thin);
             gained.add(key, state, is_thin);
             if of_patch {
-                let sums = here.share(state, corner, &self.rules);
+                let sums = here.share(id.number, state, corner, &self.rules);
                 lost.sums.remove(&sums);
                 gained.sums.add(&sums);
             }
@@ -308,9 +309,9 @@ impl Surfaces {
         }
         for block in grid.block(id.block).around.iter().flatten() {
             let there = &self.segmented[block.0 as usize];
-            for loose in there.loose.iter().filter(|loose| loose.owner == Some(node)) {
-                let state = &there.states[usize::from(loose.place)];
-                let is_own = *block == id.block && there.labels[state.cell().index()] == id.number;
+            for loose in there.loose.iter().filter(|loose| loose.owner() == Some(node)) {
+                let state = &there.states[loose.place()];
+                let is_own = *block == id.block && patch.cells.contains(state.cell());
                 carry(*block, state, is_own);
             }
         }
@@ -323,17 +324,18 @@ impl Surfaces {
     fn enter(&mut self, grid: &Grid, block: BlockIndex) {
         let here = &self.segmented[block.0 as usize];
         let corner = grid.block(block).corner();
+        let numbers = here.numbers();
         for state in here.states.iter() {
-            let label = here.labels[state.cell().index()];
-            if here.is_loose(label) {
+            let number = numbers[state.cell().index()];
+            if here.is_loose(number) {
                 continue;
             }
-            let component = self.graph.component(self.nodes[block.0 as usize][usize::from(label)]);
+            let component = self.graph.component(self.nodes[block.0 as usize][usize::from(number)]);
             if let (Some(cluster), Some(key)) =
                 (self.clusters[component.0 as usize].as_mut(), grid.block(block).voxel_key(state.cell()))
             {
                 cluster.add(key, state, here.is_thin(state));
-                cluster.sums.add(&here.share(state, corner, &self.rules));
+                cluster.sums.add(&here.share(number, state, corner, &self.rules));
             }
         }
         self.enter_loose(grid, block, 0..self.segmented[block.0 as usize].loose.len());

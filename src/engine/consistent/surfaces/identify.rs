@@ -6,7 +6,7 @@ use super::{Now, Old, Surfaces};
 use crate::engine::consistent::block::BlockIndex;
 use crate::engine::consistent::cluster::{Cluster, Identity};
 use crate::engine::consistent::graph::{ComponentId, Outcome};
-use crate::engine::consistent::layer::EMPTY;
+use crate::engine::consistent::layer::Segmented;
 use crate::engine::consistent::patches::LOOSE;
 
 /// Votes of voxels: how many of a component are now in another.
@@ -20,11 +20,10 @@ impl Surfaces {
             *votes.entry((flow.from, flow.to)).or_default() += flow.weight;
         }
         for (&block, old) in blocks.iter().zip(old) {
-            let new = &self.segmented[block.0 as usize];
+            let [before, now] = [&old.segmented, &self.segmented[block.0 as usize]].map(Segmented::numbers);
             for state in old.segmented.states.iter() {
-                let [before, now] =
-                    [old.segmented.labels[state.cell().index()], new.labels[state.cell().index()]];
-                if [before, now].iter().any(|label| *label == LOOSE || *label == EMPTY) {
+                let [before, now] = [before, now].map(|numbers| numbers[state.cell().index()]);
+                if before == LOOSE || now == LOOSE {
                     continue;
                 }
                 let node = self.nodes[block.0 as usize][usize::from(now)];

@@ -58,16 +58,16 @@ impl Surfaces {
 
     /// Whether a loose voxel belongs to a patch of these blocks (ascending).
     fn belongs_to(&self, block: BlockIndex, number: usize, blocks: &[BlockIndex]) -> bool {
-        let owner = self.segmented[block.0 as usize].loose[number].owner;
+        let owner = self.segmented[block.0 as usize].loose[number].owner();
         let patch = owner.and_then(|owner| self.patches[owner.0 as usize]);
         patch.is_some_and(|patch| blocks.binary_search(&patch.block).is_ok())
     }
 
     pub(super) fn withdraw_loose(&mut self, grid: &Grid, block: BlockIndex, number: usize) {
         let here = &mut self.segmented[block.0 as usize];
-        let loose = &mut here.loose[number];
-        let Some(owner) = loose.owner.take() else { return };
-        let state = &here.states[usize::from(loose.place)];
+        let Some(owner) = here.loose[number].owner() else { return };
+        here.loose[number].set_owner(None);
+        let state = here.loose_state(number);
         let component = self.graph.component(owner);
         let (Some(cluster), Some(key)) =
             (self.clusters[component.0 as usize].as_mut(), grid.block(block).voxel_key(state.cell()))
@@ -76,9 +76,10 @@ impl Surfaces {
         };
         let is_thin = here.is_thin(state);
         cluster.remove(key, state, is_thin);
-        let label = here.labels[state.cell().index()];
-        if self.nodes[block.0 as usize].get(usize::from(label)) == Some(&owner) {
-            cluster.sums.remove(&here.share(state, grid.block(block).corner(), &self.rules));
+        if let Some(number) = here.number_of(state.cell())
+            && self.nodes[block.0 as usize].get(usize::from(number)) == Some(&owner)
+        {
+            cluster.sums.remove(&here.share(number, state, grid.block(block).corner(), &self.rules));
         }
         self.changed.insert(component);
     }
@@ -108,14 +109,13 @@ impl Surfaces {
         let here = &self.segmented[block.0 as usize];
         let owners = Owners::new(grid.block(block), &self.segmented, &self.rules);
         let stays = |number: usize| {
-            let loose = here.loose[number];
-            let with = loose.owner.and_then(|owner| self.patches[owner.0 as usize]);
-            owners.stays(&here.states[usize::from(loose.place)], with, &anew)
+            let with = here.loose[number].owner().and_then(|owner| self.patches[owner.0 as usize]);
+            owners.stays(here.loose_state(number), with, &anew)
         };
         let moving = beside.iter().filter(|it| it.is_theirs || !stays(it.number)).map(|it| it.number);
         for (number, owner) in self.owners(grid, block, moving) {
             let node = owner.map(|owner| self.nodes[owner.block.0 as usize][usize::from(owner.number)]);
-            if node == self.segmented[block.0 as usize].loose[number].owner {
+            if node == self.segmented[block.0 as usize].loose[number].owner() {
                 continue;
             }
             self.withdraw_loose(grid, block, number);
@@ -134,24 +134,24 @@ impl Surfaces {
     ) -> Vec<(usize, Option<PatchId>)> {
         let here = &self.segmented[block.0 as usize];
         let owners = Owners::new(grid.block(block), &self.segmented, &self.rules);
-        let owner = |number: usize| owners.of(&here.states[usize::from(here.loose[number].place)]);
+        let owner = |number: usize| owners.of(here.loose_state(number));
         numbers.map(|number| (number, owner(number))).collect()
     }
 
     pub(super) fn give_loose(&mut self, grid: &Grid, block: BlockIndex, number: usize, owner: PatchId) {
         let here = &self.segmented[block.0 as usize];
-        let state = &here.states[usize::from(here.loose[number].place)];
+        let state = here.loose_state(number);
         let node = self.nodes[owner.block.0 as usize][usize::from(owner.number)];
         let component = self.graph.component(node);
         if let (Some(cluster), Some(key)) =
             (self.clusters[component.0 as usize].as_mut(), grid.block(block).voxel_key(state.cell()))
         {
             cluster.add(key, state, here.is_thin(state));
-            if owner == (PatchId { block, number: here.labels[state.cell().index()] }) {
-                cluster.sums.add(&here.share(state, grid.block(block).corner(), &self.rules));
+            if owner.block == block && here.number_of(state.cell()) == Some(owner.number) {
+                cluster.sums.add(&here.share(owner.number, state, grid.block(block).corner(), &self.rules));
             }
         }
         self.changed.insert(component);
-        self.segmented[block.0 as usize].loose[number].owner = Some(node);
+        self.segmented[block.0 as usize].loose[number].set_owner(Some(node));
     }
 }

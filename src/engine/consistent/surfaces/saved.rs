@@ -83,7 +83,7 @@ impl Surfaces {
     pub(in super::super) fn save_states(&self, grid: &Grid, block: BlockIndex) -> Vec<SavedState> {
         let Some(here) = self.segmented.get(block.0 as usize) else { return Vec::new() };
         let admitted: BTreeSet<_> =
-            here.loose.iter().filter(|loose| loose.admitted).map(|loose| loose.place).collect();
+            here.loose.iter().filter(|loose| loose.is_admitted()).map(|loose| loose.place()).collect();
         let now = states(grid, grid.block(block));
         debug_assert!(now.iter().map(|now| now.cell()).eq(here.states.iter().map(|state| state.cell())));
         let places = (0..).zip(here.states.iter().zip(&now));
@@ -139,8 +139,8 @@ impl Surfaces {
         ensure(weights.len() == ids.len(), || format!("{} patches at {} nodes", ids.len(), weights.len()))?;
         let mut edges = Vec::new();
         for &id in ids {
-            for (other, contact) in contacts_of(&self.segmented, id).iter() {
-                if are_joined(&self.segmented, id, other, contact, &self.rules) {
+            for (other, contact) in contacts_of(&self.segmented, id) {
+                if are_joined(&self.segmented, id, other, &contact, &self.rules) {
                     edges.push((self.node(id), self.node(other)));
                 }
             }

@@ -188,8 +188,8 @@ impl Surfaces {
             whole.filter_map(|cell| here.state(cell)).for_each(|state| enter(id.block, state));
             for block in grid.block(id.block).around.iter().flatten() {
                 let there = &self.segmented[block.0 as usize];
-                let beside = there.loose.iter().filter(|loose| loose.owner == Some(node));
-                beside.for_each(|loose| enter(*block, &there.states[usize::from(loose.place)]));
+                let beside = there.loose.iter().filter(|loose| loose.owner() == Some(node));
+                beside.for_each(|loose| enter(*block, &there.states[loose.place()]));
             }
         }
         footprint
