@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 #include <optional>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -22,8 +23,8 @@ class Planner {
   struct Table { double height; const Cluster* cluster; };
 
   static constexpr double kLow = 0.15;  // what stands out less from the ground is no obstacle [m]: a camera's noise
-  static constexpr double kAboveGround = 0.3;  // how high the origin of a base frame is at most [m]
-  static constexpr double kStep = 0.05;  // between two points along an outline [m]
+  static constexpr double kAboveGround[] = {-0.05, 0.3};  // how high the origin of a base frame is [m]: below 0 by noise, not by a step
+  static constexpr double kUnseen = 2.5;  // within this the ground may begin [m]: a level Kinect 1 m up sees none nearer
 
   Planner(double width, double height) : width_(width), height_(height) {}
 
@@ -41,15 +42,19 @@ class Planner {
   // Of the newest cloud of voxels; its stamp is 0 before there is one.
   const std_msgs::msg::Header& voxels_header() const { return header_; }
 
-  // What the robot stands on: the largest of the level surfaces under its base frame, or none.
+  // What the robot stands on: of the level surfaces at its height the one that it is over or comes to first, or none.
   const Cluster* ground(const Robot& robot) const {
-    const Cluster* largest = nullptr;
+    const Cluster* found = nullptr;
+    std::tuple<bool, double, double> least;  // whether it is tentative, how far ahead it begins, how far below the base it is
     for (const auto& [id, cluster] : map.clusters()) {
       bool level = cluster.surface_class == Cluster::CLASS_FLOOR || cluster.surface_class == Cluster::CLASS_HORIZONTAL;
-      if (!level || std::abs(above(cluster, {robot.x, robot.y, robot.z})) >= kAboveGround) continue;
-      if (!largest || cluster.area > largest->area) largest = &cluster;
+      double height = above(cluster, {robot.x, robot.y, robot.z});
+      if (!level || height <= kAboveGround[0] || height >= kAboveGround[1]) continue;
+      double begin = begins(cluster, cluster, robot, -kLow, kLow);
+      std::tuple<bool, double, double> place{cluster.state == Cluster::STATE_TENTATIVE, begin, height};
+      if (begin < kUnseen && (!found || place < least)) least = place, found = &cluster;
     }
-    return largest;
+    return found;
   }
 
   // The raised level surface that is nearest to a height above the ground, or none.
@@ -66,25 +71,22 @@ class Planner {
 
   // How far from its base frame the robot can drive straight on [m]; infinite where nothing stands there.
   double free_ahead(const Cluster& ground, const Robot& robot) const {
-    double free = std::numeric_limits<double>::infinity();
+    double free = kInfinite;
     for (const auto& voxel : voxels_) {
-      double height = above(ground, voxel.centre);
-      if (voxel.label != ground.id && height > kLow && height < height_) free = std::min(free, ahead(voxel.centre, robot));
+      auto [ahead, left, height] = from_robot(robot, ground, voxel.centre);
+      bool in_way = ahead > 0 && std::abs(left) < width_ / 2 && height > kLow && height < height_;
+      if (in_way && voxel.label != ground.id) free = std::min(free, ahead);
     }
     for (const auto& [id, cluster] : map.clusters()) {
-      double lowest = std::numeric_limits<double>::infinity(), highest = -lowest;
-      for (const auto& corner : cluster.boundary.points) {
-        lowest = std::min(lowest, above(ground, xyz(corner)));
-        highest = std::max(highest, above(ground, xyz(corner)));
-      }
-      if (highest <= kLow || lowest >= height_) continue;  // a wall is in the way though it ends above the robot
-      for (const auto& point : along(cluster.boundary)) free = std::min(free, ahead(point, robot));
+      if (id != ground.id) free = std::min(free, begins(cluster, ground, robot, kLow, height_));
     }
     return free;
   }
 
  private:
   struct Voxel { Point centre; std::uint32_t label; };
+  struct Piece { Point begin, end; };
+  static constexpr double kInfinite = std::numeric_limits<double>::infinity();
 
   template <typename P>
   static Point xyz(const P& point) { return {point.x, point.y, point.z}; }
@@ -95,25 +97,75 @@ class Planner {
     return plane[0] * point[0] + plane[1] * point[1] + plane[2] * point[2] + plane[3];
   }
 
-  static std::vector<Point> along(const geometry_msgs::msg::Polygon& boundary) {
-    std::vector<Point> points;
-    for (std::size_t i = 0; i < boundary.points.size(); ++i) {
-      Point from = xyz(boundary.points[i]), to = xyz(boundary.points[(i + 1) % boundary.points.size()]);
-      double length = std::hypot(to[0] - from[0], to[1] - from[1], to[2] - from[2]);
-      int steps = std::max(1, static_cast<int>(std::ceil(length / kStep)));
-      for (int step = 0; step < steps; ++step) {
-        double share = static_cast<double>(step) / steps;
-        points.push_back({from[0] + share * (to[0] - from[0]), from[1] + share * (to[1] - from[1]), from[2] + share * (to[2] - from[2])});
-      }
-    }
-    return points;
+  // How far ahead and left of the robot a point is, and how high above the ground.
+  static Point from_robot(const Robot& robot, const Cluster& ground, const Point& point) {
+    double x = point[0] - robot.x, y = point[1] - robot.y, cos = std::cos(robot.yaw), sin = std::sin(robot.yaw);
+    return {cos * x + sin * y, cos * y - sin * x, above(ground, point)};
   }
 
-  // How far ahead a point is within the robot's width; infinite where it is beside or behind.
-  double ahead(const Point& point, const Robot& robot) const {
-    double x = point[0] - robot.x, y = point[1] - robot.y;
-    double ahead = std::cos(robot.yaw) * x + std::sin(robot.yaw) * y, left = std::cos(robot.yaw) * y - std::sin(robot.yaw) * x;
-    return ahead > 0 && std::abs(left) < width_ / 2 ? ahead : std::numeric_limits<double>::infinity();
+  // How far ahead a cluster begins in the robot's lane between two heights above the ground [m]; infinite where it does not.
+  double begins(const Cluster& cluster, const Cluster& ground, const Robot& robot, double low, double high) const {
+    const Point least{0.0, -width_ / 2, low}, most{kInfinite, width_ / 2, high};
+    std::vector<Piece> pieces;
+    add_sides(cluster.boundary, ground, robot, pieces);
+    for (const auto& hole : cluster.holes) add_sides(hole, ground, robot, pieces);
+    const auto sides = pieces;
+    // A surface is flat: what of it is nearest is at its outline, or else where it meets an end or a side of the lane.
+    add_cut(sides, 0, least[0], pieces);
+    add_cut(sides, 1, least[1], pieces);
+    add_cut(sides, 1, most[1], pieces);
+    double first = kInfinite;
+    for (const auto& piece : pieces) first = std::min(first, nearest(piece, least, most));
+    return first;
+  }
+
+  // The sides of a ring, each from a corner to the next.
+  template <typename Ring>
+  static void add_sides(const Ring& ring, const Cluster& ground, const Robot& robot, std::vector<Piece>& to) {
+    for (std::size_t i = 0; i < ring.points.size(); ++i) {
+      const auto &corner = ring.points[i], &next = ring.points[(i + 1) % ring.points.size()];
+      to.push_back({from_robot(robot, ground, xyz(corner)), from_robot(robot, ground, xyz(next))});
+    }
+  }
+
+  // The pieces of what the sides enclose on the plane where this coordinate is `at`: a doorway is between two of them.
+  static void add_cut(const std::vector<Piece>& sides, int axis, double at, std::vector<Piece>& to) {
+    std::vector<Point> points;
+    for (const auto& [begin, end] : sides) {
+      if ((begin[axis] > at) == (end[axis] > at)) continue;
+      points.push_back(between(begin, end, (at - begin[axis]) / (end[axis] - begin[axis])));
+    }
+    if (points.empty()) return;
+    Point extent;
+    for (int i = 0; i < 3; ++i) {
+      auto [first, last] = std::minmax_element(points.begin(), points.end(), [i](auto& a, auto& b) { return a[i] < b[i]; });
+      extent[i] = (*last)[i] - (*first)[i];
+    }
+    // They lie on a line: a wall's go up, a table's ahead.
+    auto longest = std::max_element(extent.begin(), extent.end()) - extent.begin();
+    std::sort(points.begin(), points.end(), [longest](auto& a, auto& b) { return a[longest] < b[longest]; });
+    for (std::size_t i = 0; i + 1 < points.size(); i += 2) to.push_back({points[i], points[i + 1]});
+  }
+
+  // The least distance ahead of what of a piece is in a box; infinite where nothing is.
+  static double nearest(const Piece& piece, const Point& least, const Point& most) {
+    double enter = 0.0, leave = 1.0;  // where it comes into the box and leaves it, as shares of the way
+    for (int i = 0; i < 3; ++i) {
+      double way = piece.end[i] - piece.begin[i];
+      if (way == 0.0) way = 1e-12;  // no division by 0
+      // What is cut at the lane's sides is within it, rounded or not.
+      double one = (least[i] - 1e-9 - piece.begin[i]) / way, other = (most[i] + 1e-9 - piece.begin[i]) / way;
+      enter = std::max(enter, std::min(one, other));
+      leave = std::min(leave, std::max(one, other));
+    }
+    if (enter > leave) return kInfinite;
+    double first = between(piece.begin, piece.end, enter)[0], last = between(piece.begin, piece.end, leave)[0];
+    return std::max(0.0, std::min(first, last));
+  }
+
+  static Point between(const Point& begin, const Point& end, double share) {
+    auto at = [&](int i) { return begin[i] + share * (end[i] - begin[i]); };
+    return {at(0), at(1), at(2)};
   }
 
   double width_, height_;

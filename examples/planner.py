@@ -11,7 +11,8 @@ from cfodi_msgs.msg import SurfaceCluster, SurfaceClusterArray
 from map_reader import MapReader
 
 LOW = 0.15  # what stands out less from the ground is no obstacle [m]: more than a depth camera's noise
-ABOVE_GROUND = 0.3  # how high the origin of a base frame is at most [m]
+ABOVE_GROUND = (-0.05, 0.3)  # how high the origin of a base frame is [m]: below 0 by noise, not by a step
+UNSEEN = 2.5  # within this the ground may begin [m]: a level Kinect 1 m up sees none nearer
 LEVEL = (SurfaceCluster.CLASS_FLOOR, SurfaceCluster.CLASS_HORIZONTAL)
 
 
@@ -31,10 +32,11 @@ class Planner:
         self.voxels, self.labels = np.stack([points["x"], points["y"], points["z"]], axis=-1), points["label"]
 
     def ground(self, robot):
-        """What the robot stands on: the largest of the level surfaces under its base frame, or None."""
-        under = [c for c in self.map.clusters.values()
-                 if c.surface_class in LEVEL and abs(above(c, np.array(robot[:3]))) < ABOVE_GROUND]
-        return max(under, key=lambda c: c.area, default=None)
+        """What the robot stands on: of the level surfaces at its height the one that it is over or comes to first, or None."""
+        level = [(above(c, np.array(robot[:3])), c) for c in self.map.clusters.values() if c.surface_class in LEVEL]
+        found = [(c.state == SurfaceCluster.STATE_TENTATIVE, self.begins(c, c, robot, -LOW, LOW), height, c)
+                 for height, c in level if ABOVE_GROUND[0] < height < ABOVE_GROUND[1]]
+        return min((f for f in found if f[1] < UNSEEN), key=lambda f: f[:3], default=(None,))[-1]
 
     def table(self, ground, wished_height):
         """(height, cluster) of the raised level surface that is nearest to a height above the ground, or None."""
@@ -44,15 +46,18 @@ class Planner:
 
     def free_ahead(self, ground, robot):
         """How far from its base frame the robot can drive straight on [m]; inf where nothing stands there."""
-        heights = above(ground, self.voxels)
-        things = [self.voxels[(self.labels != ground.id) & (heights > LOW) & (heights < self.height)]]
-        for outline in (along(c.boundary) for c in self.map.clusters.values() if c.boundary.points):
-            heights = above(ground, outline)
-            if heights.max() > LOW and heights.min() < self.height:  # a wall is in the way though it ends above the robot
-                things.append(outline)
-        x, y = (np.concatenate(things)[:, :2] - robot[:2]).T
-        ahead, left = math.cos(robot[3]) * x + math.sin(robot[3]) * y, math.cos(robot[3]) * y - math.sin(robot[3]) * x
-        return ahead[(ahead > 0) & (abs(left) < self.width / 2)].min(initial=math.inf)
+        ahead, left, height = from_robot(robot, ground, self.voxels[self.labels != ground.id]).T
+        in_way = (ahead > 0) & (abs(left) < self.width / 2) & (height > LOW) & (height < self.height)
+        clusters = (c for c in self.map.clusters.values() if c.id != ground.id)
+        return min([ahead[in_way].min(initial=math.inf), *(self.begins(c, ground, robot, LOW, self.height) for c in clusters)])
+
+    def begins(self, cluster, ground, robot, low, high):
+        """How far ahead a cluster begins in the robot's lane between two heights above the ground [m]; inf where it does not."""
+        least, most = np.array([0.0, -self.width / 2, low]), np.array([math.inf, self.width / 2, high])
+        sides = from_robot(robot, ground, outline(cluster))
+        # A surface is flat: what of it is nearest is at its outline, or else where it meets an end or a side of the lane.
+        ends = [cut(sides, axis, at) for axis, at in ((0, least[0]), (1, least[1]), (1, most[1]))]
+        return nearest(np.concatenate([sides, *ends]), least, most)
 
 
 def xyz(point):
@@ -64,12 +69,38 @@ def above(cluster, points):
     return points @ cluster.plane.coef[:3] + cluster.plane.coef[3]
 
 
-def along(boundary, step=0.05):
-    """Points along an outline."""
-    corners = np.array([xyz(corner) for corner in boundary.points])
-    sides = np.roll(corners, -1, axis=0) - corners
-    return np.concatenate([corner + np.arange(0, 1, step / max(np.linalg.norm(side), step))[:, None] * side
-                           for corner, side in zip(corners, sides)])
+def from_robot(robot, ground, points):
+    """How far ahead and left of the robot points are, and how high above the ground."""
+    away, (x, y) = points[..., :2] - robot[:2], (math.cos(robot[3]), math.sin(robot[3]))
+    return np.stack([away @ (x, y), away @ (-y, x), above(ground, points)], axis=-1)
+
+
+def outline(cluster):
+    """The sides of boundary and holes, each from a corner to the next."""
+    rings = [np.array([xyz(corner) for corner in ring.points]).reshape(-1, 3) for ring in (cluster.boundary, *cluster.holes)]
+    return np.concatenate([np.stack([ring, np.roll(ring, -1, axis=0)], axis=1) for ring in rings])
+
+
+def cut(sides, axis, at):
+    """The pieces of what the sides enclose on the plane where this coordinate is `at`: a doorway is between two of them."""
+    crossing = sides[(sides[:, 0, axis] > at) != (sides[:, 1, axis] > at)]
+    if not len(crossing):
+        return crossing
+    begin, way = crossing[:, 0], crossing[:, 1] - crossing[:, 0]
+    points = begin + ((at - begin[:, axis]) / way[:, axis])[:, None] * way
+    order = np.argsort(points[:, np.ptp(points, axis=0).argmax()])  # they lie on a line: a wall's go up, a table's ahead
+    return points[order].reshape(-1, 2, 3)
+
+
+def nearest(pieces, least, most):
+    """The least distance ahead of what is in a box; a piece goes from one point to another."""
+    least, most = least - 1e-9, most + 1e-9  # what is cut at the lane's sides is within it, rounded or not
+    begin, way = pieces[:, 0], pieces[:, 1] - pieces[:, 0]
+    way = np.where(way == 0.0, 1e-12, way)  # no division by 0
+    one, other = (least - begin) / way, (most - begin) / way  # where it comes into the box and leaves it, as shares of the way
+    shares = np.stack([np.minimum(one, other).max(axis=1, initial=0.0), np.maximum(one, other).min(axis=1, initial=1.0)])
+    within = shares[0] <= shares[1]
+    return (begin[within, 0] + shares[:, within] * way[within, 0]).clip(0.0).min(initial=math.inf)
 
 
 def main():

@@ -4,16 +4,26 @@
 #include <cstdlib>
 #include <cstring>
 #include <initializer_list>
+#include <vector>
 
 #include "planner.hpp"
 
 using Cluster = Planner::Cluster;
-using Corners = std::initializer_list<std::array<float, 3>>;
+using Corners = std::vector<std::array<float, 3>>;
 
 const Planner::Robot kHere{0.0, 0.0, 0.1, 0.0};  // a base frame 10 cm above the ground, looking along x
 const double kFree = std::numeric_limits<double>::infinity();
 
-Cluster surface(std::uint64_t id, std::uint8_t surface_class, Corners corners, std::array<double, 3> normal = {0, 0, 1}) {
+template <typename Ring>
+void add_corners(const Corners& corners, Ring& ring) {
+  for (const auto& [x, y, z] : corners) {
+    ring.points.emplace_back();
+    auto& point = ring.points.back();
+    point.x = x, point.y = y, point.z = z;
+  }
+}
+
+Cluster surface(std::uint64_t id, std::uint8_t surface_class, const Corners& corners, std::array<double, 3> normal = {0, 0, 1}) {
   Cluster cluster;
   cluster.id = id;
   cluster.surface_class = surface_class;
@@ -22,28 +32,33 @@ Cluster surface(std::uint64_t id, std::uint8_t surface_class, Corners corners, s
   const auto& corner = *corners.begin();
   cluster.plane.coef = {normal[0], normal[1], normal[2], -(normal[0] * corner[0] + normal[1] * corner[1] + normal[2] * corner[2])};
   cluster.pose.position.z = corner[2];
-  for (const auto& [x, y, z] : corners) {
-    cluster.boundary.points.emplace_back();
-    auto& point = cluster.boundary.points.back();
-    point.x = x, point.y = y, point.z = z;
-  }
+  add_corners(corners, cluster.boundary);
   return cluster;
 }
+
+// 2 m ahead, across the robot's way.
+Cluster wall(const Corners& corners) { return surface(2, Cluster::CLASS_WALL, corners, {-1, 0, 0}); }
+
+Corners box(float y, float low, float high) { return {{2, -y, low}, {2, y, low}, {2, y, high}, {2, -y, high}}; }
 
 Cluster level(std::uint64_t id, std::uint8_t surface_class, float z, float x0, float x1, float y0, float y1) {
   return surface(id, surface_class, {{x0, y0, z}, {x1, y0, z}, {x1, y1, z}, {x0, y1, z}});
 }
 
-Planner planner(std::initializer_list<Cluster> clusters) {
+Planner seen(const std::vector<Cluster>& clusters) {
   Planner known(0.5, 1.2);
   MapReader::Array map;
   map.session_id = 1;
   map.header.frame_id = "odom";
-  map.clusters.assign(clusters);
-  map.clusters.push_back(level(1, Cluster::CLASS_FLOOR, 0, -5, 5, -5, 5));
-  map.clusters.back().area = 100.0;
+  map.clusters.assign(clusters.begin(), clusters.end());
   known.map.snapshot(map);
   return known;
+}
+
+Planner planner(std::vector<Cluster> clusters) {
+  clusters.push_back(level(1, Cluster::CLASS_FLOOR, 0, -5, 5, -5, 5));
+  clusters.back().area = 100.0;
+  return seen(clusters);
 }
 
 void expect(const char* sentence, bool holds) {
@@ -64,14 +79,54 @@ double free_ahead(std::initializer_list<Cluster> clusters, const Planner::Robot&
 }
 
 void outlines() {
-  auto wall = surface(2, Cluster::CLASS_WALL, {{2, -3, 0}, {2, 3, 0}, {2, 3, 2.5}, {2, -3, 2.5}}, {-1, 0, 0});
-  expect("a wall is in the way though it ends above the robot", free_ahead({wall}), 2.0);
-  expect("from nearer by it is nearer", free_ahead({wall}, {1.0, 1.0, 0.1, 0.0}), 1.0);
-  expect("behind it is not in the way", free_ahead({wall}, {0.0, 0.0, 0.1, M_PI}), kFree);
+  auto across = wall(box(3, 0, 2.5));
+  expect("a wall is in the way though it ends above the robot", free_ahead({across}), 2.0);
+  expect("from nearer by it is nearer", free_ahead({across}, {1.0, 1.0, 0.1, 0.0}), 1.0);
+  expect("behind it is not in the way", free_ahead({across}, {0.0, 0.0, 0.1, M_PI}), kFree);
   expect("a table is", free_ahead({level(3, Cluster::CLASS_HORIZONTAL, 0.7, 1.0, 1.8, -0.2, 0.6)}), 1.0);
   expect("beside the way it is not", free_ahead({level(3, Cluster::CLASS_HORIZONTAL, 0.7, 1.0, 1.8, 0.3, 0.6)}), kFree);
   expect("above the robot it is not", free_ahead({level(3, Cluster::CLASS_HORIZONTAL, 1.3, 1.0, 1.8, -0.2, 0.6)}), kFree);
   expect("the ground's noise is not", free_ahead({level(3, Cluster::CLASS_HORIZONTAL, 0.05, 1.0, 1.8, -0.2, 0.6)}), kFree);
+}
+
+void within_outlines() {
+  const double s = std::sqrt(0.5);
+  expect("a wall is in the way though its outline is all around", free_ahead({wall(box(3, -0.5, 2.5))}), 2.0);
+  auto top = level(3, Cluster::CLASS_HORIZONTAL, 0.7, 1, 2, -1.5, 1.5);
+  expect("so is a wide table", free_ahead({top}), 1.0);
+  expect("within it there is no way", free_ahead({top}, {1.5, 0.0, 0.1, 0.0}), 0.0);
+  auto slanting = surface(2, Cluster::CLASS_WALL, {{0, -2, 0}, {4, 2, 0}, {4, 2, 2.5}, {0, -2, 2.5}}, {-s, s, 0});
+  expect("a slanting wall is in the way where it comes into the lane", free_ahead({slanting}), 1.75);
+  auto ramp = surface(3, Cluster::CLASS_SLOPE, {{1, -2, 0}, {3, -2, 2}, {3, 2, 2}, {1, 2, 0}}, {-s, 0, s});
+  expect("a ramp is where it is no noise of the ground any more", free_ahead({ramp}), 1.15);
+  auto stairs_from_below = surface(3, Cluster::CLASS_SLOPE, {{1, -2, 2}, {3, -2, 0}, {3, 2, 0}, {1, 2, 2}}, {s, 0, s});
+  expect("stairs from below are where they are as low as the robot is high", free_ahead({stairs_from_below}), 1.8);
+}
+
+Cluster doorway(float side, float height) {
+  return wall({{2, -3, 0}, {2, -side, 0}, {2, -side, height}, {2, side, height}, {2, side, 0}, {2, 3, 0}, {2, 3, 2.5}, {2, -3, 2.5}});
+}
+
+Cluster opening(float side, float bottom, float top) {
+  auto around = wall(box(3, 0, 2.5));
+  around.holes.emplace_back();
+  add_corners({{2, -side, top}, {2, side, top}, {2, side, bottom}, {2, -side, bottom}}, around.holes.back());
+  return around;
+}
+
+void doors() {
+  expect("an open door is free", free_ahead({doorway(0.5, 2.0)}), kFree);
+  expect("one that is hardly wider than the robot is", free_ahead({doorway(0.26, 2.0)}), kFree);
+  expect("one that is narrower is not", free_ahead({doorway(0.24, 2.0)}), 2.0);
+  expect("one whose lintel is low is not", free_ahead({doorway(0.5, 1.1)}), 2.0);
+  expect("the robot would meet its side", free_ahead({doorway(0.5, 2.0)}, {0.0, 0.3, 0.1, 0.0}), 2.0);
+  expect("the wall beside it is in the way", free_ahead({doorway(0.5, 2.0)}, {0.0, 2.0, 0.1, 0.0}), 2.0);
+  expect("a lintel alone is not", free_ahead({wall(box(0.5, 2.0, 2.5))}), kFree);
+  expect("a hole from the floor up is free", free_ahead({opening(0.5, 0.08, 2.0)}), kFree);
+  expect("a narrow one is not", free_ahead({opening(0.2, 0.08, 2.0)}), 2.0);
+  expect("a window is not", free_ahead({opening(0.5, 0.9, 2.0)}), 2.0);
+  expect("nor is a wide one", free_ahead({opening(1.5, 0.9, 2.0)}), 2.0);
+  expect("nor is a hatch", free_ahead({opening(1.5, 0.08, 1.0)}), 2.0);
 }
 
 struct Labelled { float x, y, z; std::uint32_t label; };
@@ -120,8 +175,46 @@ void ground_and_table() {
   expect("the map's frame is that of its newest message", known.map.header().frame_id == "odom");
 }
 
+std::vector<Cluster> flight(float first, float up, std::vector<Cluster> clusters = {}) {
+  for (int n = 0; n < 4; ++n) {
+    clusters.push_back(level(10 + n, Cluster::CLASS_HORIZONTAL, first + up * 0.17f * n, 2.0f + 0.28f * n, 2.28f + 0.28f * n, -1, 1));
+  }
+  return clusters;
+}
+
+void steps() {
+  auto floor = level(1, Cluster::CLASS_FLOOR, 0, 1.3, 2, -0.5, 0.5);
+  floor.area = 0.5;
+  auto known = seen(flight(0.17, 1, {floor}));
+  expect("before steps the ground is the floor", known.ground(kHere) && known.ground(kHere)->id == 1);
+  expect("the steps are in the way", known.free_ahead(floor, kHere), 2.0);
+  expect("a step is no ground before the floor is seen", !seen(flight(0.17, 1)).ground(kHere));
+  auto landing = level(1, Cluster::CLASS_FLOOR, 1, -1, 2, -1, 1), lower = level(2, Cluster::CLASS_FLOOR, 0, -5, 9, -5, 5);
+  known = seen(flight(0.83, -1, {lower, landing}));
+  expect("on a landing it is the landing", known.ground({1.9, 0.0, 1.1, 0.0}) && known.ground({1.9, 0.0, 1.1, 0.0})->id == 1);
+  known = seen({lower, level(3, Cluster::CLASS_HORIZONTAL, 0.17, -1, 1, -1, 1)});
+  expect("of two that it is over it is the higher", known.ground({0.0, 0.0, 0.27, 0.0})->id == 3);
+}
+
+void unseen_ground() {
+  expect("the ground may begin ahead", seen({level(1, Cluster::CLASS_FLOOR, 0, 2.4, 4, -1, 1)}).ground(kHere));
+  expect("but not far ahead", !seen({level(1, Cluster::CLASS_FLOOR, 0, 2.6, 4, -1, 1)}).ground(kHere));
+  auto turned = level(1, Cluster::CLASS_FLOOR, 0, -4, 4, -4, 4);
+  turned.holes.emplace_back();
+  add_corners({{1.3, 1.3, 0}, {1.3, -1.3, 0}, {-1.3, -1.3, 0}, {-1.3, 1.3, 0}}, turned.holes.back());
+  expect("nor is it seen where the robot turned on the spot", seen({turned}).ground(kHere));
+  auto fresh = level(2, Cluster::CLASS_HORIZONTAL, 0.05, -1, 1, -1, 1);
+  fresh.state = Cluster::STATE_TENTATIVE;
+  expect("what is tentative is the ground", seen({fresh}).ground(kHere)->id == 2);
+  expect("but where there is another", seen({fresh, turned}).ground(kHere)->id == 1);
+}
+
 int main() {
   outlines();
+  within_outlines();
+  doors();
+  steps();
+  unseen_ground();
   voxels();
   ground_and_table();
 }

@@ -25,10 +25,12 @@ from tf2_msgs.msg import TFMessage
 
 HERE = pathlib.Path(__file__).resolve().parent
 BASE = (0.0, 0.0, 0.1, 0.0)  # a base frame 10 cm above the ground, looking along x
-FLOOR, HORIZONTAL, WALL = (SurfaceCluster.CLASS_FLOOR, SurfaceCluster.CLASS_HORIZONTAL, SurfaceCluster.CLASS_WALL)
+FLOOR, HORIZONTAL, WALL, SLOPE = (SurfaceCluster.CLASS_FLOOR, SurfaceCluster.CLASS_HORIZONTAL, SurfaceCluster.CLASS_WALL,
+                                  SurfaceCluster.CLASS_SLOPE)
+S = math.sqrt(0.5)
 
 
-def surface(id, surface_class, corners, normal=(0.0, 0.0, 1.0), area=1.0, state=SurfaceCluster.STATE_ACTIVE):
+def surface(id, surface_class, corners, normal=(0.0, 0.0, 1.0), area=1.0, state=SurfaceCluster.STATE_ACTIVE, holes=()):
     """A cluster with this outline, its pose in the middle of the corners."""
     middle = [sum(c[i] for c in corners) / len(corners) for i in range(3)]
     offset = -sum(n * m for n, m in zip(normal, middle))
@@ -36,7 +38,22 @@ def surface(id, surface_class, corners, normal=(0.0, 0.0, 1.0), area=1.0, state=
     return SurfaceCluster(
         id=id, surface_class=surface_class, state=state, area=area, plane=Plane(coef=[*normal, offset]),
         pose=Pose(position=Point(x=x, y=y, z=z)),
-        boundary=Polygon(points=[Point32(x=float(x), y=float(y), z=float(z)) for x, y, z in corners]))
+        boundary=ring(corners), holes=[ring(hole) for hole in holes])
+
+
+def ring(corners):
+    return Polygon(points=[Point32(x=float(x), y=float(y), z=float(z)) for x, y, z in corners])
+
+
+def wall(*corners, holes=(), x=2.0):
+    """Upright, across the robot's way; corners as y, z."""
+    outlines = [[(x, y, z) for y, z in outline] for outline in (corners, *holes)]
+    return surface(2, WALL, outlines[0], (-1.0, 0.0, 0.0), holes=outlines[1:])
+
+
+def box(y, z):
+    """The corners of a rectangle, as `wall` takes them."""
+    return [(y[0], z[0]), (y[1], z[0]), (y[1], z[1]), (y[0], z[1])]
 
 
 def level(id, surface_class, z, x, y, **more):
@@ -44,10 +61,14 @@ def level(id, surface_class, z, x, y, **more):
 
 
 def planner(*clusters):
-    known = Planner(width=0.5, height=1.2)
     ground = level(1, FLOOR, 0.0, (-5.0, 5.0), (-5.0, 5.0), area=100.0)
-    known.map.snapshot(SurfaceClusterArray(session_id=1, sequence=1, clusters=[ground, *clusters]))
-    return known, ground
+    return seen(ground, *clusters), ground
+
+
+def seen(*clusters):
+    known = Planner(width=0.5, height=1.2)
+    known.map.snapshot(SurfaceClusterArray(session_id=1, sequence=1, clusters=clusters))
+    return known
 
 
 def free(*clusters, robot=BASE):
@@ -56,14 +77,89 @@ def free(*clusters, robot=BASE):
 
 
 def test_outlines_within_the_robots_width_and_height_are_in_its_way_and_others_are_not():
-    wall = surface(2, WALL, [(2.0, -3.0, 0.0), (2.0, 3.0, 0.0), (2.0, 3.0, 2.5), (2.0, -3.0, 2.5)], (-1.0, 0.0, 0.0))
-    assert free(wall) == pytest.approx(2.0)
-    assert free(wall, robot=(1.0, 1.0, 0.1, 0.0)) == pytest.approx(1.0)
-    assert free(wall, robot=(0.0, 0.0, 0.1, math.pi)) == math.inf, "it is behind"
+    across = wall(*box((-3.0, 3.0), (0.0, 2.5)))
+    assert free(across) == pytest.approx(2.0)
+    assert free(across, robot=(1.0, 1.0, 0.1, 0.0)) == pytest.approx(1.0)
+    assert free(across, robot=(0.0, 0.0, 0.1, math.pi)) == math.inf, "it is behind"
     assert free(level(3, HORIZONTAL, 0.7, (1.0, 1.8), (-0.2, 0.6))) == pytest.approx(1.0)
     assert free(level(3, HORIZONTAL, 0.7, (1.0, 1.8), (0.3, 0.6))) == math.inf, "it stands beside the robot's way"
     assert free(level(3, HORIZONTAL, 1.3, (1.0, 1.8), (-0.2, 0.6))) == math.inf, "the robot goes under it"
     assert free(level(3, HORIZONTAL, 0.05, (1.0, 1.8), (-0.2, 0.6))) == math.inf, "it is the noise of the ground"
+
+
+def test_a_surface_is_in_its_way_where_its_outline_is_beside_above_and_below():
+    assert free(wall(*box((-3.0, 3.0), (-0.5, 2.5)))) == pytest.approx(2.0)
+    top = level(3, HORIZONTAL, 0.7, (1.0, 2.0), (-1.5, 1.5))
+    assert free(top) == pytest.approx(1.0)
+    assert free(top, robot=(1.5, 0.0, 0.1, 0.0)) == 0.0, "it is within it"
+    slanting = surface(2, WALL, [(0.0, -2.0, 0.0), (4.0, 2.0, 0.0), (4.0, 2.0, 2.5), (0.0, -2.0, 2.5)], (-S, S, 0.0))
+    assert free(slanting) == pytest.approx(1.75), "where it comes into the lane"
+    ramp = surface(3, SLOPE, [(1.0, -2.0, 0.0), (3.0, -2.0, 2.0), (3.0, 2.0, 2.0), (1.0, 2.0, 0.0)], (-S, 0.0, S))
+    assert free(ramp) == pytest.approx(1.15), "where it is no noise of the ground any more"
+    stairs_from_below = surface(3, SLOPE, [(1.0, -2.0, 2.0), (3.0, -2.0, 0.0), (3.0, 2.0, 0.0), (1.0, 2.0, 2.0)], (S, 0.0, S))
+    assert free(stairs_from_below) == pytest.approx(1.8), "where it is as low as the robot is high"
+
+
+def test_an_open_door_is_free_where_the_robot_fits_through_it():
+    def doorway(side, height):
+        return wall((-3, 0), (-side, 0), (-side, height), (side, height), (side, 0), (3, 0), (3, 2.5), (-3, 2.5))
+
+    assert free(doorway(0.5, 2.0)) == math.inf
+    assert free(doorway(0.26, 2.0)) == math.inf
+    assert free(doorway(0.24, 2.0)) == pytest.approx(2.0), "it is narrower than the robot"
+    assert free(doorway(0.1, 2.0)) == pytest.approx(2.0)
+    assert free(doorway(0.5, 1.1)) == pytest.approx(2.0), "its lintel is lower than the robot"
+    assert free(doorway(0.5, 2.0), robot=(0.0, 0.3, 0.1, 0.0)) == pytest.approx(2.0), "the robot would meet its side"
+    assert free(doorway(0.5, 2.0), robot=(0.0, 2.0, 0.1, 0.0)) == pytest.approx(2.0), "the robot is before the wall beside it"
+    assert free(wall(*box((-0.5, 0.5), (2.0, 2.5)))) == math.inf, "a lintel alone"
+    assert free(wall(*box((-0.5, 0.5), (1.1, 2.5)))) == pytest.approx(2.0), "a low one"
+
+
+def test_a_hole_of_an_outline_is_a_way_from_the_floor_up_and_a_window_is_none():
+    def opening(side, bottom, top):
+        return wall(*box((-3.0, 3.0), (0.0, 2.5)), holes=[box((-side, side), (bottom, top))[::-1]])
+
+    assert free(opening(0.5, 0.0, 2.0)) == math.inf
+    assert free(opening(0.5, 0.08, 2.0)) == math.inf, "a voxel above the ground"
+    assert free(opening(0.2, 0.08, 2.0)) == pytest.approx(2.0), "it is narrower than the robot"
+    assert free(opening(0.5, 0.9, 2.0)) == pytest.approx(2.0), "the wall below the window"
+    assert free(opening(1.5, 0.9, 2.0)) == pytest.approx(2.0), "wider than the robot's way"
+    assert free(opening(1.5, 0.08, 1.0)) == pytest.approx(2.0), "the wall above a hatch"
+
+
+def test_nothing_of_a_surface_is_nearer_than_is_told_and_something_is_there():
+    rng, step = np.random.default_rng(7), 0.02
+    told = []
+    for _ in range(150):
+        axes, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+        turns = np.sort(rng.uniform(0.0, 2 * math.pi, 9))
+        flat = (rng.uniform(0.2, 1.6, 9) * [np.cos(turns), np.sin(turns)]).T
+        place = rng.uniform([-0.5, -1.0, -0.5], [3.0, 1.0, 1.5])
+        crooked = surface(2, WALL, place + flat @ axes[:2], axes[2])
+        points = place + samples(flat, step) @ axes[:2]
+        told.append(free(crooked, robot=(0.0, 0.0, 0.0, 0.0)))
+        assert told[-1] <= nearest(points, -1e-5) + 1e-5
+        assert told[-1] >= nearest(points, 2 * step) - 2 * step
+    assert 50 < np.isfinite(told).sum() < 150
+
+
+def samples(corners, step):
+    """Points all over a polygon and its sides, seen flat."""
+    following = np.roll(corners, -1, axis=0)
+    sides = [a + np.arange(0.0, 1.0, step / 2)[:, None] * (b - a) for a, b in zip(corners, following)]
+    grid = np.stack(np.meshgrid(*[np.arange(-1.7, 1.7, step)] * 2), axis=-1).reshape(-1, 2)
+    within = np.zeros(len(grid), bool)
+    for a, b in zip(corners, following):
+        crosses = (a[1] > grid[:, 1]) != (b[1] > grid[:, 1])
+        within ^= crosses & (grid[:, 0] < a[0] + (grid[:, 1] - a[1]) / (b[1] - a[1]) * (b[0] - a[0]))
+    return np.concatenate([grid[within], *sides])
+
+
+def nearest(points, margin):
+    """How far ahead the nearest of them is in a lane that is wider on all sides by a margin."""
+    ahead, left, height = points.T
+    there = (ahead > -margin) & (abs(left) < 0.25 + margin) & (0.15 - margin < height) & (height < 1.2 + margin)
+    return max(ahead[there].min(initial=math.inf), 0.0)
 
 
 def test_voxels_are_in_its_way_too_but_for_the_grounds():
@@ -93,6 +189,43 @@ def test_the_ground_is_what_the_robot_stands_on_and_the_table_is_the_nearest_to_
     assert [known.table(ground, height)[1].id for height in (0.75, 1.0)] == [4, 3]
     assert known.table(ground, 0.75)[0] == pytest.approx(0.7)
     assert planner()[0].table(ground, 0.75) is None
+
+
+def flight(first, up):
+    """Four steps with this height of the first, 2 m ahead; with as large an area as a floor that is hardly seen yet."""
+    return [level(10 + n, HORIZONTAL, first + up * 0.17 * n, (2.0 + 0.28 * n, 2.28 + 0.28 * n), (-1.0, 1.0), area=0.6) for n in range(4)]
+
+
+def test_a_step_ahead_is_not_the_ground_and_is_in_the_way():
+    floor = level(1, FLOOR, 0.0, (1.3, 2.0), (-0.5, 0.5), area=0.5)
+    known = seen(floor, *flight(0.17, up=1))
+    assert known.ground(BASE).id == 1, "though it is not over it yet, for a Kinect does not see the floor before its wheels"
+    assert known.free_ahead(floor, BASE) == pytest.approx(2.0)
+    assert known.ground((1.5, 0.0, 0.1, 0.0)).id == 1
+    assert seen(*flight(0.17, up=1)).ground(BASE) is None, "before it has seen the floor"
+
+
+def test_on_a_landing_it_stands_on_the_landing():
+    landing = level(1, FLOOR, 1.0, (-1.0, 2.0), (-1.0, 1.0), area=0.5)
+    lower = level(2, FLOOR, 0.0, (-5.0, 9.0), (-5.0, 5.0), area=100.0)
+    known = seen(lower, landing, *flight(0.83, up=-1))
+    for robot in [(0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 1.1, 0.0), (1.9, 0.0, 1.1, 0.0), (-1.2, 0.0, 1.1, 0.0)]:
+        assert known.ground(robot).id == 1
+    platform = level(3, HORIZONTAL, 0.17, (-1.0, 1.0), (-1.0, 1.0))
+    assert seen(lower, platform).ground((0.0, 0.0, 0.27, 0.0)).id == 3, "the higher of two that it is over"
+    assert seen(lower, platform).ground((-2.0, 0.0, 0.0, 0.0)).id == 2
+
+
+def test_the_ground_may_begin_ahead_by_what_a_camera_does_not_see_of_it():
+    assert seen(level(1, FLOOR, 0.0, (2.4, 4.0), (-1.0, 1.0))).ground(BASE).id == 1
+    assert seen(level(1, FLOOR, 0.0, (2.6, 4.0), (-1.0, 1.0))).ground(BASE) is None
+    assert seen(level(1, FLOOR, 0.0, (1.0, 4.0), (0.5, 1.0))).ground(BASE) is None, "beside its way"
+    turned = level(1, FLOOR, 0.0, (-4.0, 4.0), (-4.0, 4.0))
+    turned.holes = [ring([(1.3, 1.3, 0.0), (1.3, -1.3, 0.0), (-1.3, -1.3, 0.0), (-1.3, 1.3, 0.0)])]
+    assert seen(turned).ground(BASE).id == 1, "not seen where it turned on the spot"
+    new = level(2, HORIZONTAL, 0.05, (-1.0, 1.0), (-1.0, 1.0), state=SurfaceCluster.STATE_TENTATIVE)
+    assert seen(new, turned).ground(BASE).id == 1, "the one that can be relied on"
+    assert seen(new).ground(BASE).id == 2, "there is no other"
 
 
 def test_the_planner_in_cpp_compiles_against_the_generated_headers_and_does_the_same(tmp_path):
