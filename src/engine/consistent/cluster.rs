@@ -8,7 +8,6 @@ use super::exact::Exact;
 use super::footprint::{Axis, Content, Footprint};
 use super::state::State;
 use super::symmetric::quadratic;
-use crate::engine::binning::nearest;
 use crate::engine::class::SurfaceClass;
 use crate::engine::key::{ClusterId, VoxelKey};
 use crate::engine::scan::Stamp;
@@ -186,21 +185,10 @@ impl Cluster {
     }
 }
 
-/// Every voxel counts the same in its column, however many points it has.
-const POINTS: f64 = 1024.0;
-
-/// What a voxel contributes to its column: moments of [`POINTS`] points with its mean and variance.
+/// What a voxel contributes to its column, however many points it has.
 pub(super) fn content(state: &State, axis: Axis) -> Content {
     let (within, spread) = (state.offset(), state.spread());
-    let units = f64::from(super::footprint::UNITS);
-    let moments = axis.others().map(|i| {
-        let square = spread[(i, i)].max(0.0) + within[i] * within[i];
-        [POINTS * units * within[i], POINTS * units * units * square].map(|sum| nearest(sum.max(0.0)) as u64)
-    });
-    Content {
-        voxels: 1,
-        points: POINTS as u64,
-        sum: moments.map(|[sum, _]| sum),
-        squares: moments.map(|[_, square]| square),
-    }
+    let others = axis.others();
+    let square = |i: usize| spread[(i, i)].max(0.0) + within[i] * within[i];
+    Content::of(others.map(|i| within[i]), others.map(square))
 }

@@ -42,9 +42,8 @@ pub(super) fn describe(
     let point = Point3::from(plane.point * size);
     let normal = plane.normal;
     let offset = -normal.dot(&point.coords);
-    let detail = Detail { min_points: params.min_points(), ..Detail::default() };
     let on = outline::Plane { normal, d: offset };
-    let outline = Outline::new(&cluster.footprint, &on, size, &detail, drawing)?;
+    let outline = Outline::new(&cluster.footprint, &on, size, &Detail::default(), drawing)?;
     let covariance = (plane.covariance + cluster.sums.spread()) * (size * size);
     let rms_error = quadratic(&covariance, &normal).max(0.0).sqrt();
     let (pose, sides) = rectangle_around(&outline.boundary, &point, &normal);

@@ -2,7 +2,7 @@
 //!
 //! A column is the pair of a voxel's two other indices. Its content is summed as integers, so that a footprint depends
 //! on what is in it and on nothing else: neither on the order of changes nor on what has been there before. Columns lie in
-//! tiles of 8 x 8, one bit each for being covered and their contents one after another: 24 bytes for a column and
+//! tiles of 8 x 8, one bit each for being covered and their contents one after another: 16 bytes for a column and
 //! some 60 for a tile. A change costs a look at its tile, which is the one of the change before as long as the
 //! voxels of a block come together. The rim, the columns that lack one of their four neighbours, is found from the bits of
 //! a tile at once; that costs O(tiles + rim).
@@ -19,9 +19,6 @@ use crate::engine::key::VoxelKey;
 
 /// The two indices of a column, by ascending axis.
 pub(crate) type Column = [i32; 2];
-
-/// Units of a column's edge in which offsets are counted.
-pub(crate) const UNITS: u32 = 4096;
 
 /// The sides of a column, counter-clockwise: side `s` lies opposite to `s ^ 2`.
 pub(crate) const SIDES: [Column; 4] = [[1, 0], [0, 1], [-1, 0], [0, -1]];
@@ -93,7 +90,7 @@ impl Footprint {
         self.axis
     }
 
-    /// Adds voxels, points or both; points alone only where a voxel is.
+    /// Adds a voxel.
     pub(crate) fn add(&mut self, column: Column, content: &Content) {
         self.add_kept(column, Kept::of(content));
     }
@@ -112,7 +109,7 @@ impl Footprint {
         self.tiles[self.last].add(bit_of(column), kept);
     }
 
-    /// Takes out what was added before; the points of a voxel go at the latest with it.
+    /// Takes out a voxel that was added before.
     pub(crate) fn remove(&mut self, column: Column, content: &Content) {
         let Some(tile) = self.find(tile_of(column)) else {
             debug_assert!(false, "nothing in {column:?}");

@@ -27,15 +27,13 @@ pub(crate) struct Plane {
 pub(crate) struct Detail {
     /// Holes of fewer columns are filled: a column or two within a surface are usually not yet dense.
     pub(crate) least_hole: u32,
-    /// Points from which on a voxel is dense: a surface reaches a little further than its dense voxels.
-    pub(crate) min_points: u32,
     /// How far a ring may be moved for the sake of fewer vertices, in voxels.
     pub(crate) tolerance: f64,
 }
 
 impl Default for Detail {
     fn default() -> Self {
-        Self { least_hole: 4, min_points: 15, tolerance: 0.5 }
+        Self { least_hole: 4, tolerance: 0.5 }
     }
 }
 
@@ -73,7 +71,7 @@ impl Outline {
         detail: &Detail,
         drawing: &mut Drawing,
     ) -> Option<Self> {
-        let origin = rings(footprint, detail.min_points, &mut drawing.tracing, &mut drawing.traced)?;
+        let origin = rings(footprint, &mut drawing.tracing, &mut drawing.traced)?;
         drawing.keep(detail.least_hole)?;
         drawing.simplify(detail.tolerance);
         let lift = Lift::new(footprint, plane, voxel_size, origin);

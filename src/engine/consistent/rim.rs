@@ -6,7 +6,10 @@
 //! (w0^2 + w0 w1 + w1^2) / (3 (w0 + w1)) and (w0 + 2 w1) / (3 (w0 + w1)). Where both sides of an axis lack a neighbour,
 //! the extent follows from mean and deviation: points spread evenly over (a, b) have the deviation (b - a) / sqrt(12).
 
-use super::footprint::{Content, UNITS};
+use super::footprint::Content;
+
+/// How far the mean of a column's points lies from its far side at least, in columns.
+const LEAST: f64 = 1.0 / 4096.0;
 
 /// How a column is cut by the end of its cluster.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,8 +21,6 @@ pub(crate) struct Cut {
     pub(crate) reach: [f64; 4],
     /// Bit `s` is set where the column has a neighbour beyond side `s`.
     pub(crate) joined: u8,
-    /// Number of its points.
-    pub(crate) points: f64,
 }
 
 /// Which sides of an axis have no neighbour.
@@ -34,12 +35,12 @@ enum Open {
 impl Cut {
     /// `joined` has bit `s` set where the column has a neighbour beyond side `s`.
     pub(crate) fn new(content: &Content, joined: u8) -> Self {
-        let mut cut = Self { fraction: 1.0, reach: [1.0; 4], joined, points: content.points as f64 };
-        if content.points == 0 || joined == 0b1111 {
+        let mut cut = Self { fraction: 1.0, reach: [1.0; 4], joined };
+        if joined == 0b1111 {
             return cut;
         }
         let open = [0, 1].map(|axis| cut.open(axis));
-        let means = [0, 1].map(|axis| content.sum[axis] as f64 / content.points as f64 / f64::from(UNITS));
+        let means = content.means();
         for axis in 0..2 {
             if open[axis] == Open::Both {
                 cut.cut_both(axis, means[axis], content);
@@ -76,12 +77,7 @@ impl Cut {
     }
 
     fn cut_both(&mut self, axis: usize, mean: f64, content: &Content) {
-        let n = content.points as f64;
-        let units = f64::from(UNITS);
-        let square = content.squares[axis] as f64 / n / (units * units);
-        // Of few points the mean square is too small by n / (n - 1).
-        let variance = (square - mean * mean).max(0.0) * (n / (n - 1.0).max(1.0));
-        let half = (3.0 * variance).sqrt();
+        let half = (3.0 * (content.squares()[axis] - mean * mean).max(0.0)).sqrt();
         self.reach[axis] = (mean + half).min(1.0);
         self.reach[axis + 2] = 1.0 - (mean - half).max(0.0);
         self.fraction *= (self.reach[axis] + self.reach[axis + 2] - 1.0).max(0.0);
@@ -92,7 +88,7 @@ impl Cut {
     /// nearer side.
     fn cut_off(&mut self, side: usize, across: Option<usize>, near: f64, other: f64) {
         // A mean on the far side itself leaves nothing, not an area of 0 / 0.
-        let near = near.max(1.0 / f64::from(UNITS));
+        let near = near.max(LEAST);
         let other = other.max(near);
         let [fraction, reach, reach_across] = if other < 1.0 / 3.0 {
             let [a, b] = [3.0 * near, 3.0 * other];
@@ -119,15 +115,9 @@ mod tests {
 
     /// A column whose points lie evenly where `holds`.
     fn column(joined: u8, holds: impl Fn(f64, f64) -> bool) -> Cut {
-        let mut content = Content { voxels: 1, ..Content::default() };
-        for i in 0..256 * 256 {
-            let offset = [i % 256 * 16 + 8, i / 256 * 16 + 8];
-            let [x, y] = offset.map(|c| f64::from(c) / f64::from(UNITS));
-            if holds(x, y) {
-                content.add_point(offset);
-            }
-        }
-        Cut::new(&content, joined)
+        let points = (0..256 * 256).map(|i| [i % 256, i / 256].map(|at| (f64::from(at) + 0.5) / 256.0));
+        let points: Vec<_> = points.filter(|[x, y]| holds(*x, *y)).collect();
+        Cut::new(&Content::of_points(&points), joined)
     }
 
     const RIGHT: usize = 0;
@@ -164,9 +154,8 @@ mod tests {
     }
 
     #[test]
-    fn towards_neighbours_and_without_points_nothing_is_cut_off() {
+    fn towards_neighbours_nothing_is_cut_off() {
         assert_eq!(column(0b1111, |x, _| x < 0.3).fraction, 1.0);
         assert_eq!(column(without(&[TOP]), |x, _| x > 0.3).reach, [1.0; 4]);
-        assert_eq!(column(0, |_, _| false).fraction, 1.0);
     }
 }

@@ -11,7 +11,6 @@ use nalgebra::Vector2;
 
 use super::border::{self, NONE, OfRim};
 use super::footprint::{Column, Footprint, Row, beyond};
-use super::rim::Cut;
 use super::rings::Rings;
 
 /// A vertex keeps this distance from the middles of columns, in columns.
@@ -29,17 +28,12 @@ pub(crate) struct Tracing {
 /// of the rim, which is returned; `None` of no columns.
 ///
 /// Each has the number of columns within; below 0 that of a hole, around which the ring runs clockwise.
-pub(crate) fn rings(
-    footprint: &Footprint,
-    min_points: u32,
-    memory: &mut Tracing,
-    rings: &mut Rings,
-) -> Option<Column> {
+pub(crate) fn rings(footprint: &Footprint, memory: &mut Tracing, rings: &mut Rings) -> Option<Column> {
     rings.clear();
     let Tracing { rows, ranks, rim } = memory;
     border::find(footprint, rows, ranks, rim);
     let origin = rim.first()?.column;
-    let mut tracer = Tracer { origin, min_points: f64::from(min_points), rim };
+    let mut tracer = Tracer { origin, rim };
     tracer.leave_out();
     for at in 0..tracer.rim.len() as u32 {
         for side in 0..4 {
@@ -64,7 +58,6 @@ struct Edge {
 
 struct Tracer<'a> {
     origin: Column,
-    min_points: f64,
     rim: &'a mut [OfRim],
 }
 
@@ -152,14 +145,6 @@ impl Tracer<'_> {
         }
     }
 
-    /// How far the surface is likely to reach into the column beyond an open side: where it reaches that side, it ends
-    /// somewhere before the column beyond would have points enough to be dense.
-    fn not_dense(&self, cut: &Cut, side: usize) -> f64 {
-        const SURE: f64 = 0.1;
-        let missing = (self.min_points * cut.fraction / cut.points.max(1.0)).min(1.0);
-        0.5 * missing * (1.0 - (1.0 - cut.reach[side]) / SURE).max(0.0)
-    }
-
     /// Where the points end between the middles of the column inside and the one outside.
     fn vertex(&self, edge: &Edge) -> Vector2<f64> {
         let Edge { column, side, .. } = *edge;
@@ -172,7 +157,7 @@ impl Tracer<'_> {
                 let mine = mine.map_or(1.0, |cut| cut.fraction);
                 (mine - 0.5) / (mine - theirs.fraction).max(1e-9)
             }
-            None => mine.map_or(1.0, |cut| cut.reach[side] + self.not_dense(cut, side)) - 0.5,
+            None => mine.map_or(1.0, |cut| cut.reach[side]) - 0.5,
         };
         let along = along.clamp(CLEARANCE, 1.0 - CLEARANCE);
         let step = beyond([0, 0], side);

@@ -3,71 +3,94 @@
 use std::ops::{AddAssign, SubAssign};
 
 use super::Column;
+use crate::engine::binning::nearest;
 
-/// What lies in a column: voxels, and the moments of their points along the two other axes.
+/// What lies in a column: its voxels, and moments of where their points lie along the two other axes, every voxel counting
+/// the same.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Content {
     /// Number of member voxels.
     pub(crate) voxels: u32,
-    /// Number of their points.
-    pub(crate) points: u64,
-    /// Offsets of the points from the column's lower corner, summed, in `voxel_size / 4096`.
-    pub(crate) sum: [u64; 2],
-    /// Squares of these offsets, summed.
-    pub(crate) squares: [u64; 2],
+    /// Mean offsets of their points from the column's lower corner, summed, in `voxel_size` / [`UNITS`].
+    sum: [u32; 2],
+    /// Means of the squares of these offsets, summed, in `voxel_size`^2 / [`UNITS`].
+    squares: [u32; 2],
 }
 
+/// Units of a column's edge in which offsets are counted.
+const UNITS: f64 = 1024.0;
+
 impl Content {
-    /// Counts a point; its offsets from the column's lower corner are below [`UNITS`](super::UNITS).
+    /// Of one voxel, by the means of its points' offsets and of their squares, each 0 to 1, in `voxel_size` and its square.
+    pub(crate) fn of(means: [f64; 2], squares: [f64; 2]) -> Self {
+        let whole = |mean: f64| nearest((mean * UNITS).max(0.0)) as u32;
+        Self { voxels: 1, sum: means.map(whole), squares: squares.map(whole) }
+    }
+
+    /// Of a voxel with these points: their offsets from the column's lower corner, 0 to 1.
     #[cfg(test)]
-    pub(crate) fn add_point(&mut self, offset: [u32; 2]) {
-        self.points += 1;
-        for (axis, offset) in offset.map(u64::from).into_iter().enumerate() {
-            self.sum[axis] += offset;
-            self.squares[axis] += offset * offset;
-        }
+    pub(crate) fn of_points(points: &[[f64; 2]]) -> Self {
+        let mean = |of: &dyn Fn(f64) -> f64| {
+            [0, 1].map(|axis| points.iter().map(|point| of(point[axis])).sum::<f64>() / points.len() as f64)
+        };
+        Self::of(mean(&|offset| offset), mean(&|offset| offset * offset))
+    }
+
+    /// Mean offsets of the points, in `voxel_size`; there is a voxel.
+    pub(crate) fn means(&self) -> [f64; 2] {
+        self.sum.map(|sum| f64::from(sum) / (UNITS * f64::from(self.voxels)))
+    }
+
+    /// Means of the squares of these offsets, in `voxel_size`^2.
+    pub(crate) fn squares(&self) -> [f64; 2] {
+        self.squares.map(|sum| f64::from(sum) / (UNITS * f64::from(self.voxels)))
     }
 }
 
-/// Bits of a sum, and of a sum of squares, that are not kept: of 1024 points each is still known to 2^-16 of a voxel.
-const SUM_BITS: u32 = 6;
-const SQUARE_BITS: u32 = 18;
+/// A number of three bytes, counted modulo 2^24.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Short([u8; 3]);
 
-/// A [`Content`] as it is kept. 2^16 voxels of 1024 points fit in; beyond, sums are too small by a multiple of 2^32 until
-/// voxels go again.
+impl Short {
+    fn get(self) -> u32 {
+        let [a, b, c] = self.0;
+        u32::from_le_bytes([a, b, c, 0])
+    }
+}
+
+impl From<u32> for Short {
+    fn from(number: u32) -> Self {
+        let [a, b, c, _] = number.to_le_bytes();
+        Self([a, b, c])
+    }
+}
+
+/// A [`Content`] as it is kept. 2^14 voxels fit in; beyond, sums are too small by a multiple of 2^24 until voxels go again.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Kept {
     voxels: u32,
-    points: u32,
-    sum: [u32; 2],
-    squares: [u32; 2],
+    sum: [Short; 2],
+    squares: [Short; 2],
 }
 
 impl Kept {
     pub(super) fn of(content: &Content) -> Self {
-        let rounded = |sum: u64, bits: u32| ((sum + (1 << (bits - 1))) >> bits) as u32;
         Self {
             voxels: content.voxels,
-            points: content.points as u32,
-            sum: content.sum.map(|sum| rounded(sum, SUM_BITS)),
-            squares: content.squares.map(|square| rounded(square, SQUARE_BITS)),
+            sum: content.sum.map(Short::from),
+            squares: content.squares.map(Short::from),
         }
     }
 
     pub(super) fn content(&self) -> Content {
-        Content {
-            voxels: self.voxels,
-            points: u64::from(self.points),
-            sum: self.sum.map(|sum| u64::from(sum) << SUM_BITS),
-            squares: self.squares.map(|square| u64::from(square) << SQUARE_BITS),
-        }
+        Content { voxels: self.voxels, sum: self.sum.map(Short::get), squares: self.squares.map(Short::get) }
     }
 
     fn combine(&mut self, other: &Self, by: impl Fn(u32, u32) -> u32) {
-        self.points = by(self.points, other.points);
+        let by = |own: &mut Short, other: Short| *own = by(own.get(), other.get()).into();
         for axis in 0..2 {
-            self.sum[axis] = by(self.sum[axis], other.sum[axis]);
-            self.squares[axis] = by(self.squares[axis], other.squares[axis]);
+            by(&mut self.sum[axis], other.sum[axis]);
+            by(&mut self.squares[axis], other.squares[axis]);
         }
     }
 }

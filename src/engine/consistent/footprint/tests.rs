@@ -5,11 +5,8 @@ use proptest::prelude::*;
 use super::*;
 
 fn content() -> impl Strategy<Value = Content> {
-    proptest::collection::vec(proptest::array::uniform2(0..UNITS), 0..6).prop_map(|points| {
-        let mut content = Content { voxels: 1, ..Content::default() };
-        points.into_iter().for_each(|point| content.add_point(point));
-        content
-    })
+    proptest::collection::vec(proptest::array::uniform2(0.0..1.0), 1..6)
+        .prop_map(|points| Content::of_points(&points))
 }
 
 fn voxels() -> impl Strategy<Value = Vec<(Column, Content)>> {
@@ -55,8 +52,7 @@ proptest! {
 fn the_rim_of_columns_over_many_tiles_is_that_of_its_definition() {
     let is_hole = |x: i32, y: i32| (x * 7 + y * 13) % 29 == 0 || (x > 3 && y > 12);
     let columns = (-21..19).flat_map(|x| (-18..23).map(move |y| (x, y))).filter(|&(x, y)| !is_hole(x, y));
-    let voxels: Vec<_> =
-        columns.map(|(x, y)| ([x, y], Content { voxels: 1, ..Content::default() })).collect();
+    let voxels: Vec<_> = columns.map(|(x, y)| ([x, y], Content::of([0.5; 2], [0.25; 2]))).collect();
     let mut footprint = of(&voxels);
     assert_eq!(footprint.rim_columns(), naive_rim(&voxels));
     let (gone, left): (Vec<_>, Vec<_>) = voxels.iter().partition(|([x, _], _)| *x < -5);
@@ -67,14 +63,16 @@ fn the_rim_of_columns_over_many_tiles_is_that_of_its_definition() {
 }
 
 #[test]
-fn more_points_in_a_member_change_its_content_alone() {
-    let mut footprint = of(&[([0, 0], Content { voxels: 1, ..Content::default() })]);
-    let mut more = Content::default();
-    more.add_point([512, 1024]);
-    footprint.add([0, 0], &more);
-    assert_eq!(footprint.content([0, 0]).unwrap().squares, [1 << 18, 1 << 20]);
-    footprint.remove([0, 0], &more);
-    assert_eq!(footprint, of(&[([0, 0], Content { voxels: 1, ..Content::default() })]));
+fn a_column_of_several_voxels_has_their_mean_however_many_there_are() {
+    let [low, high] = [[0.25, 0.5], [0.75, 1.0]].map(|point| Content::of_points(&[point]));
+    let column = |pairs: usize| of(&[([0, 0], low), ([0, 0], high)].repeat(pairs)).content([0, 0]).unwrap();
+    for pairs in [1, 1000, 8191] {
+        assert_eq!((column(pairs).voxels, column(pairs).means()), (2 * pairs as u32, [0.5, 0.75]));
+        assert_eq!(column(pairs).squares(), [0.3125, 0.625]);
+    }
+    let mut footprint = of(&[([0, 0], low), ([0, 0], high)].repeat(20_000));
+    (0..19_999).for_each(|_| [low, high].iter().for_each(|content| footprint.remove([0, 0], content)));
+    assert_eq!(footprint, of(&[([0, 0], low), ([0, 0], high)]), "what did not fit is whole again");
 }
 
 #[test]

@@ -4,7 +4,7 @@ use nalgebra::{Rotation3, Vector3};
 use proptest::prelude::*;
 
 use super::*;
-use crate::engine::consistent::footprint::{Axis, Content, UNITS};
+use crate::engine::consistent::footprint::{Axis, Content};
 use crate::engine::key::VoxelKey;
 
 /// A small generator of its own (xorshift64*), so that the shapes are the same on every run.
@@ -34,6 +34,8 @@ struct Shape {
 }
 
 const SPACING: f64 = 0.01;
+/// How far apart the points of a scan are: a voxel of 5 cm holds a hundred, and is dense from fifteen on.
+const APART: f64 = 0.5 * SPACING;
 
 impl Shape {
     fn holds(&self, x: f64, y: f64) -> bool {
@@ -41,16 +43,16 @@ impl Shape {
         self.parts.iter().any(within) && !self.hole.as_ref().is_some_and(within)
     }
 
-    fn grid(&self) -> Vec<[f64; 2]> {
+    fn grid(&self, apart: f64) -> Vec<[f64; 2]> {
         let [mut w, mut h] = [0.0f64; 2];
         self.parts.iter().for_each(|r| (w, h) = (w.max(r[2]), h.max(r[3])));
-        let steps = |length: f64| (0..(length / SPACING) as i32).map(|i| (f64::from(i) + 0.5) * SPACING);
+        let steps = |length: f64| (0..(length / apart).round() as i32).map(|i| (f64::from(i) + 0.5) * apart);
         steps(w).flat_map(|x| steps(h).map(move |y| [x, y])).filter(|&[x, y]| self.holds(x, y)).collect()
     }
 
     /// By counting points: exact, since all edges lie on whole centimetres.
     fn area(&self) -> f64 {
-        self.grid().len() as f64 * SPACING * SPACING
+        self.grid(SPACING).len() as f64 * SPACING * SPACING
     }
 
     fn rectangle(w: f64, h: f64) -> Self {
@@ -93,7 +95,7 @@ impl Pose {
         Plane { normal, d: -normal.dot(&self.shift) }
     }
 
-    /// A point each centimetre where `is_seen` holds of the first coordinate, with a noise of 5 mm along the normal.
+    /// Points where `is_seen` holds of the first coordinate, with a noise of 5 mm along the normal.
     fn scan(
         &self,
         shape: &Shape,
@@ -102,7 +104,7 @@ impl Pose {
         is_seen: impl Fn(f64) -> bool,
     ) -> Vec<Vector3<f64>> {
         let mut points = Vec::new();
-        for [x, y] in shape.grid() {
+        for [x, y] in shape.grid(APART) {
             let [x, y] = [x, y].map(|c| c + random.uniform(-jitter, jitter));
             let point = Vector3::new(x, y, 0.005 * random.gaussian());
             points.extend(is_seen(x).then(|| self.turn * point + self.shift));
@@ -123,7 +125,7 @@ fn seen(shape: &Shape, voxel_size: f64, scans: usize, random: &mut Random) -> Se
     let pose = Pose::random(random);
     let plane = pose.plane();
     // Every scan of several meets the surface elsewhere.
-    let jitter = if scans > 1 { 0.5 * SPACING } else { 0.0 };
+    let jitter = if scans > 1 { 0.5 * APART } else { 0.0 };
     let points: Vec<_> = (0..scans).flat_map(|_| pose.scan(shape, jitter, random, |_| true)).collect();
     Seen { footprint: binned(&points, &plane, voxel_size), plane, voxel_size }
 }
@@ -131,17 +133,16 @@ fn seen(shape: &Shape, voxel_size: f64, scans: usize, random: &mut Random) -> Se
 /// The footprint of the dense voxels.
 fn binned(points: &[Vector3<f64>], plane: &Plane, voxel_size: f64) -> Footprint {
     let axis = Axis::dominant(&plane.normal);
-    let mut voxels: BTreeMap<VoxelKey, Content> = BTreeMap::new();
+    let mut voxels: BTreeMap<VoxelKey, Vec<[f64; 2]>> = BTreeMap::new();
     for point in points {
         let scaled = point / voxel_size;
         let key = scaled.map(|c| c.floor() as i32);
-        let content = voxels.entry(VoxelKey::new(key.x, key.y, key.z).unwrap()).or_default();
-        let offset = |i: usize| ((scaled[i] - scaled[i].floor()) * f64::from(UNITS)) as u32;
-        content.add_point(axis.others().map(offset));
+        let points = voxels.entry(VoxelKey::new(key.x, key.y, key.z).unwrap()).or_default();
+        points.push(axis.others().map(|i| scaled[i] - scaled[i].floor()));
     }
     let mut footprint = Footprint::new(axis);
-    for (key, content) in voxels.into_iter().filter(|(_, content)| content.points >= 15) {
-        footprint.add(axis.column(key), &Content { voxels: 1, ..content });
+    for (key, points) in voxels.into_iter().filter(|(_, points)| points.len() >= 15) {
+        footprint.add(axis.column(key), &Content::of_points(&points));
     }
     footprint
 }
@@ -168,7 +169,7 @@ fn any_shape() -> impl Strategy<Value = (Seen, f64)> {
 
 /// A footprint of columns that are there or not, with points anywhere: nothing like a surface.
 fn any_footprint() -> impl Strategy<Value = Seen> {
-    let content = proptest::collection::vec(proptest::array::uniform2(0..UNITS), 1..4);
+    let content = proptest::collection::vec(proptest::array::uniform2(0.0..1.0), 1..4);
     let column = (proptest::array::uniform2(-6..6), content);
     let normal = proptest::array::uniform3(-1.0..1.0f64)
         .prop_filter("of no length", |n| Vector3::from(*n).norm() > 0.1);
@@ -176,9 +177,7 @@ fn any_footprint() -> impl Strategy<Value = Seen> {
         let normal = UnitVector3::new_normalize(Vector3::from(normal));
         let mut footprint = Footprint::new(Axis::dominant(&normal));
         for (column, points) in columns {
-            let mut content = Content { voxels: 1, ..Content::default() };
-            points.into_iter().for_each(|point| content.add_point(point));
-            footprint.add(column, &content);
+            footprint.add(column, &Content::of_points(&points));
         }
         Seen { footprint, plane: Plane { normal, d }, voxel_size: 0.05 }
     })
@@ -250,7 +249,7 @@ proptest! {
     #[test]
     fn fewer_vertices_leave_the_area_as_it_is(seen in any_footprint()) {
         let mut traced = Rings::default();
-        rings(&seen.footprint, 15, &mut Tracing::default(), &mut traced).unwrap();
+        rings(&seen.footprint, &mut Tracing::default(), &mut traced).unwrap();
         for ring in traced.iter() {
             let mut few = Rings::default();
             Simplifying::default().draw(ring, 0.5, &mut few);
@@ -326,7 +325,7 @@ fn a_strip_that_most_scans_miss_moves_the_area_by_less_than_two_percent() {
             let mut points = Vec::new();
             for scan in 0..6 {
                 let seen = |x: f64| scan < 2 || (missed..width - missed).contains(&x);
-                points.extend(pose.scan(&shape, 0.5 * SPACING, &mut random, seen));
+                points.extend(pose.scan(&shape, 0.5 * APART, &mut random, seen));
             }
             let footprint = binned(&points, &pose.plane(), voxel_size);
             let outline = Seen { footprint, plane: pose.plane(), voxel_size }.outline();
@@ -340,9 +339,8 @@ fn a_strip_that_most_scans_miss_moves_the_area_by_less_than_two_percent() {
 fn full(columns: &[Column]) -> Seen {
     let plane = Plane { normal: Vector3::z_axis(), d: 0.0 };
     let mut footprint = Footprint::new(Axis::dominant(&plane.normal));
-    let mut content = Content { voxels: 1, ..Content::default() };
-    (0..1024).for_each(|i| content.add_point([i % 32 * 128 + 64, i / 32 * 128 + 64]));
-    columns.iter().for_each(|&column| footprint.add(column, &content));
+    let points: Vec<_> = (0..1024).map(|i| [i % 32, i / 32].map(|at| (f64::from(at) + 0.5) / 32.0)).collect();
+    columns.iter().for_each(|&column| footprint.add(column, &Content::of_points(&points)));
     Seen { footprint, plane, voxel_size: 1.0 }
 }
 
