@@ -1,9 +1,10 @@
 //! A map in a file: what a session has learned, for the next one.
 //!
-//! **Kept true.** Under the name there is at all times a whole map, the one before or the new one, whenever the process or
-//! the machine ends: a map is written beside it, brought to the disk, and then given the name. A symbolic link stays, and what
-//! it leads to is replaced. What is read is whole and undamaged, or refused with its reason; nothing is allocated by a length
-//! that the file does not bear out.
+//! **Kept true.** While maps are written, there is at all times a whole one under the name, the one before or the new one,
+//! whenever the process or the machine ends: a map is written beside it, brought to the disk, and then given the name; one
+//! that is to outlast this is first given a second name ([`keep_aside`]). A symbolic link stays, and what it leads to is
+//! replaced. What is read is whole and undamaged, or refused with its reason; nothing is allocated by a length that the file
+//! does not bear out.
 //!
 //! # Format
 //!
@@ -28,7 +29,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-pub use self::aside::{MOST_ASIDE, set_aside, too_many_aside};
+pub use self::aside::{MOST_ASIDE, keep_aside, set_aside, too_many_aside};
 use crate::engine::{RestoreError, SavedMap, SavedMapOfVersion1};
 
 /// What a file holds.
@@ -82,6 +83,14 @@ pub enum StoreError {
     /// The new map has the name, and a failure of power may yet take it back.
     #[error("{path} is written, but it is not sure that this outlasts a failure of power: {error}")]
     Unsure {
+        /// The file.
+        path: PathBuf,
+        /// The system's words.
+        error: io::Error,
+    },
+    /// The map before could not be kept beside the name, and stays under it.
+    #[error("{path} stays, for it cannot be kept beside the map that would take its place: {error}")]
+    NotKept {
         /// The file.
         path: PathBuf,
         /// The system's words.

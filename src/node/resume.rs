@@ -73,20 +73,20 @@ fn read(config: &Config, path: &Path) -> Result<(Engine, u64), StoreError> {
     Ok((Engine::restore(config.engine, &map).map_err(refused)?, map.sequence()))
 }
 
+/// Gives the file of a map another name beside its own.
 fn kept_aside(path: &Path, why: &str) -> Result<PathBuf, BeginError> {
-    set_aside(path, why).map_err(|error| BeginError::Kept { path: path.to_owned(), error })
+    let kept =
+        store::set_aside(path, why).map_err(|error| BeginError::Kept { path: path.to_owned(), error })?;
+    say_removed(path, why);
+    Ok(kept)
 }
 
-/// Gives the file of a map another name beside its own; the oldest such files go where there are too many, which is said.
-///
-/// # Errors
-/// When the file cannot have another name. One that cannot be removed is said, and stays.
-pub(super) fn set_aside(path: &Path, why: &str) -> io::Result<PathBuf> {
-    let kept = store::set_aside(path, why)?;
+/// Removes the oldest files that were set aside where there are too many, and says so. One that cannot be removed is said,
+/// and stays.
+pub(super) fn say_removed(path: &Path, why: &str) {
     for line in remove_oldest(path, why) {
         warn!("{line}");
     }
-    Ok(kept)
 }
 
 /// Gives what there is to say.

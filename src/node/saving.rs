@@ -8,7 +8,7 @@ use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use tokio::sync::mpsc::{UnboundedReceiver, unbounded_channel};
 use tracing::{debug, warn};
 
-use super::resume::set_aside;
+use super::resume::say_removed;
 use crate::engine::SavedMap;
 use crate::msg::ros::TriggerResponse;
 use crate::store::{self, StoreError, Stored};
@@ -83,10 +83,10 @@ pub(super) fn start(path: PathBuf, frame_id: String) -> std::io::Result<(Saver, 
             match task {
                 Task::Keep { before } => keeping.before.push(before),
                 Task::Write { session, map } => {
-                    keeping.keep(&path, session);
                     let sequence = map.sequence();
                     let stored = Stored { frame_id: frame_id.clone(), map: *map };
-                    let result = store::write(&path, &stored).map(|bytes| (sequence, bytes));
+                    let result = keeping.keep(&path, session).and_then(|()| store::write(&path, &stored));
+                    let result = result.map(|bytes| (sequence, bytes));
                     if written.send(result).is_err() {
                         return;
                     }
@@ -108,16 +108,27 @@ struct Keeping {
 
 impl Keeping {
     /// Keeps the file where it is to be kept, for a map of this session is about to take its place.
-    fn keep(&mut self, path: &Path, session: u64) {
+    ///
+    /// # Errors
+    /// When it cannot be kept; it is then still to be, and must not be written over.
+    fn keep(&mut self, path: &Path, session: u64) -> Result<(), StoreError> {
         let is_due = self.before.extract_if(.., |before| session >= *before).count() > 0;
-        if !is_due || self.has_kept || !path.exists() {
-            return;
+        if !is_due || self.has_kept {
+            return Ok(());
         }
-        match set_aside(path, "before") {
-            Ok(name) => warn!("the map that was saved is kept as {}", name.display()),
-            Err(error) => warn!("the map that was saved is written over, it cannot be set aside: {error}"),
+        match store::keep_aside(path, "before") {
+            Ok(None) => {}
+            Ok(Some(name)) => {
+                warn!("the map that was saved is kept as {}", name.display());
+                say_removed(path, "before");
+                self.has_kept = true;
+            }
+            Err(error) => {
+                self.before.push(session);
+                return Err(StoreError::NotKept { path: path.to_owned(), error });
+            }
         }
-        self.has_kept = true;
+        Ok(())
     }
 }
 
@@ -252,6 +263,46 @@ mod tests {
                 .map(|name| read(name).map(|stored| stored.map.sequence()));
             assert_eq!(scans, [Some(2), Some(7), None]);
         }
+    }
+
+    #[test]
+    fn a_map_that_cannot_be_kept_at_a_jump_is_not_written_over_until_it_can() {
+        let folder = tempfile::tempdir().unwrap();
+        let [path, kept, in_the_way] =
+            ["map", "map.before-1", "map.before-4294967295"].map(|name| folder.path().join(name));
+        let scans = |path: &Path| store::read(path).ok().map(|stored| stored.map.sequence());
+        // No number is left above its own.
+        std::fs::write(&in_the_way, "").unwrap();
+        let (saver, mut results) = start(path.clone(), "map".to_owned()).unwrap();
+        let mut write = |session, scans| {
+            saver.write(session, Box::new(map_of(scans)));
+            results.blocking_recv().unwrap()
+        };
+        write(1, 7).unwrap();
+        saver.keep(2);
+        for scans_since in [1, 2] {
+            let refused = response(&write(2, scans_since));
+            let reason = format!("{} stays, for it cannot be kept beside the map", path.display());
+            assert!(!refused.success && refused.message.starts_with(&reason), "{refused:?}");
+            assert_eq!(scans(&path), Some(7), "the only map from before the jump is gone");
+        }
+        std::fs::remove_file(in_the_way).unwrap();
+        write(2, 3).unwrap();
+        assert_eq!((scans(&path), scans(&kept)), (Some(3), Some(7)));
+    }
+
+    #[test]
+    fn jumps_without_end_before_a_map_that_cannot_be_kept_pile_nothing_up() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("map");
+        std::fs::write(folder.path().join("map.before-4294967295"), "").unwrap();
+        std::fs::write(&path, "").unwrap();
+        let mut keeping = Keeping::default();
+        for session in 0..1000 {
+            keeping.before.push(session);
+            assert!(keeping.keep(&path, session).is_err());
+        }
+        assert_eq!(keeping.before, [999]);
     }
 
     #[test]

@@ -4,8 +4,9 @@
 //! asked, for a robot's may begin in 1970. What has not exactly such a name is never named as one too many.
 
 use std::ffi::OsStr;
+use std::fs::{self, File};
+use std::io;
 use std::path::{Path, PathBuf};
-use std::{fs, io};
 
 use super::{beside, folder, target};
 
@@ -18,11 +19,56 @@ pub const MOST_ASIDE: usize = 8;
 /// When the system refuses it, or there is no greater number.
 pub fn set_aside(path: &Path, why: &str) -> io::Result<PathBuf> {
     let path = &target(path)?;
-    let last = asides(path, why)?.last().map_or(0, |aside| aside.number);
-    let number = last.checked_add(1).ok_or(io::ErrorKind::AlreadyExists)?;
-    let name = name(path, why, number);
+    let name = next_name(path, why)?;
     fs::rename(path, &name)?;
     Ok(name)
+}
+
+/// Gives a file a second name, chosen as by [`set_aside`], under which it stays when another takes its own; `None` where
+/// there is no file.
+///
+/// # Errors
+/// When the system refuses it, or there is no greater number; no second name is then left.
+pub fn keep_aside(path: &Path, why: &str) -> io::Result<Option<PathBuf>> {
+    keep_aside_by(|path, name| fs::hard_link(path, name), path, why)
+}
+
+/// By this way to give a second name, or where there is none, as on FAT, by a copy.
+pub(super) fn keep_aside_by(
+    link: impl FnOnce(&Path, &Path) -> io::Result<()>,
+    path: &Path,
+    why: &str,
+) -> io::Result<Option<PathBuf>> {
+    let path = &target(path)?;
+    if !path.try_exists()? {
+        return Ok(None);
+    }
+    let name = next_name(path, why)?;
+    let folder = File::open(folder(path))?;
+    link(path, &name).or_else(|_| copy(path, &name))?;
+    // Of two changes of a folder the later one may be the first that is on the disk.
+    if let Err(error) = folder.sync_all() {
+        drop(fs::remove_file(&name));
+        return Err(error);
+    }
+    Ok(Some(name))
+}
+
+/// Copies a file that is whole under its name or not there.
+fn copy(path: &Path, name: &Path) -> io::Result<()> {
+    let part = beside(path, "part");
+    let copied = fs::copy(path, &part).and_then(|_| File::open(&part)?.sync_all());
+    let copied = copied.and_then(|()| fs::rename(&part, name));
+    if copied.is_err() {
+        drop(fs::remove_file(&part));
+    }
+    copied
+}
+
+fn next_name(path: &Path, why: &str) -> io::Result<PathBuf> {
+    let last = asides(path, why)?.last().map_or(0, |aside| aside.number);
+    let number = last.checked_add(1).ok_or(io::ErrorKind::AlreadyExists)?;
+    Ok(name(path, why, number))
 }
 
 /// The files of a kind beyond the newest [`MOST_ASIDE`], the oldest first; the largest of all is none of them: after a row

@@ -1,5 +1,6 @@
 use tempfile::tempdir;
 
+use super::aside::keep_aside_by;
 use super::*;
 use crate::engine::{ClusterState, Engine, Isometry3, Params, Points, Scan, Stamp};
 
@@ -133,6 +134,31 @@ fn what_is_set_aside_takes_no_name_that_is_taken() {
         assert!(!path.exists());
     }
     assert!(set_aside(&path, "refused").is_err());
+}
+
+#[test]
+fn what_is_kept_beside_its_name_keeps_its_name_too_where_files_can_be_linked_and_where_not() {
+    let no_links = |_: &Path, _: &Path| Err(io::ErrorKind::PermissionDenied.into());
+    for links in [true, false] {
+        let folder = tempdir().unwrap();
+        let path = folder.path().join("map");
+        let keep =
+            || if links { keep_aside(&path, "before") } else { keep_aside_by(no_links, &path, "before") };
+        assert_eq!(keep().unwrap(), None, "there is nothing yet");
+        for number in 1..=3 {
+            let before = stored(&engine(Params::default(), number));
+            write(&path, &before).unwrap();
+            let kept = keep().unwrap().unwrap();
+            assert_eq!(kept, folder.path().join(format!("map.before-{number}")));
+            assert_eq!(read(&path).unwrap(), before, "there was a moment without a map");
+            write(&path, &stored(&engine(Params::default(), 0))).unwrap();
+            assert_eq!(read(&kept).unwrap(), before);
+        }
+        assert_eq!(folder.path().read_dir().unwrap().count(), 4, "nothing beside the maps");
+        std::fs::create_dir(folder.path().join("map.part")).unwrap();
+        assert_eq!(keep().is_ok(), links, "no room for a copy");
+        assert!(path.exists() && folder.path().join("map.before-4").exists() == links);
+    }
 }
 
 #[test]
