@@ -28,6 +28,7 @@ use self::session::new_session;
 use super::counts::Counts;
 use super::publish::{Seen, publish};
 use super::rosout::Lines;
+use super::saved::Saved;
 use super::saving::{self, Saver, Saving};
 use super::speak::speak;
 use super::throttle::Throttle;
@@ -202,6 +203,8 @@ struct Live<T: Transport> {
     start: Instant,
     /// `None` where the map is not saved.
     saving: Option<Saving<T::Request>>,
+    /// How that goes.
+    saved: Saved,
 }
 
 impl<T: Transport> Live<T> {
@@ -234,6 +237,7 @@ impl<T: Transport> Live<T> {
             tf_timeout: config.tf_timeout,
             start,
             saving: config.snapshot_path.as_ref().map(|_| Saving::default()),
+            saved: Saved::default(),
         }
     }
 

@@ -22,6 +22,7 @@ mod publish;
 pub mod record;
 pub mod resume;
 pub mod rosout;
+mod saved;
 mod saving;
 pub mod security;
 mod seeds;

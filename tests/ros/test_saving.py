@@ -6,8 +6,10 @@ import subprocess
 import time
 
 import pytest
-from peer import wait_until
+from diagnostic_msgs.msg import DiagnosticArray
+from peer import qos, wait_until
 from std_srvs.srv import Trigger
+from test_diagnostics import OK, WARN, wait_for
 from test_inputs import begin, take_in
 
 
@@ -109,18 +111,23 @@ def test_on_a_full_disk_a_call_is_told_so_the_node_goes_on_and_its_end_is_a_fail
 
 
 def test_on_a_disk_that_becomes_read_only_the_map_before_stays_and_the_node_goes_on(tmp_path, start, peer):
-    """As Linux makes it of a disk with errors. A call is told so, clusters go on, and the end is a failure."""
+    """As Linux makes it of a disk with errors. A call is told so, and so are the diagnostics; clusters go on, and the end is
+    a failure."""
     cause = "Read-only file system"
+    reports = peer.record("/diagnostics", DiagnosticArray, qos(100))
     node, camera = begin(start, peer, on_a_disk(tmp_path, "size=1m"), **saving(tmp_path / "map.cfodi"))
     take_in(camera, peer.deltas)
     assert peer.call(Trigger, "/cfodi/save", Trigger.Request()).success
     saved = pathlib.Path(f"/proc/{node.process.pid}/root{tmp_path}/map.cfodi")
     whole = saved.read_bytes()
+    _, figures = wait_for(reports, "map", OK, "clusters: ")
+    assert 0 <= float(figures["age of the saved map [s]"]) < 60
     make_read_only(node, tmp_path)
     for _ in range(3):
         take_in(camera, peer.deltas)
         save_fails(peer, cause)
     node.line_with("the map was not saved", "map.cfodi", cause)
+    wait_for(reports, "map", WARN, "the map was not saved", "map.cfodi", cause)
     assert saved.read_bytes() == whole
     take_in(camera, peer.deltas)
     end_fails(node, cause)

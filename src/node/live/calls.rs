@@ -1,5 +1,7 @@
 //! Calls of services, and the map on its way into its file.
 
+use std::time::Instant;
+
 use tokio::sync::mpsc::UnboundedReceiver;
 use tracing::warn;
 
@@ -23,15 +25,21 @@ impl<T: Transport> Live<T> {
     /// Asks for the map, to save it; `call` is answered when it is written.
     pub(super) fn save(&mut self, call: Option<T::Request>) {
         if self.saving.as_mut().is_some_and(|saving| saving.begin(call)) {
+            self.saved.ask(Instant::now());
             self.worker.request_save();
         }
     }
 
     /// A map has been written, or was not.
     pub(super) async fn written(&mut self, result: &Written) {
-        saving::log(result);
+        match result {
+            Ok(_) => saving::log(result),
+            // Maps may be saved ten times a second.
+            Err(error) => self.warn("not_saved", format_args!("the map was not saved: {error}")),
+        }
         let Some(saving) = &mut self.saving else { return };
         let (calls, goes_on) = saving.end();
+        self.saved.note(result, goes_on, Instant::now());
         if goes_on {
             self.worker.request_save();
         }

@@ -200,6 +200,13 @@ impl<T: Transport> Live<T> {
             part.value("unclustered voxels", map.unclustered_voxels).value("sequence", map.sequence);
         }
         part.value("session", self.session);
+        let now = Instant::now();
+        if let Some(age) = self.saved.age(now) {
+            part.value("age of the saved map [s]", format!("{:.1}", age.as_secs_f64()));
+        }
+        if let Some(fault) = self.saved.fault(now) {
+            part.raise(Level::Warn, fault);
+        }
         if let Some(memory) = resident_mb() {
             part.value("memory [MB]", format!("{memory:.1}"));
         }

@@ -78,3 +78,26 @@ fn other_nodes_of_its_name_are_a_warning_with_their_number() {
         assert_eq!(value(&said, "other nodes of its name"), namesakes.to_string());
     }
 }
+
+#[test]
+fn a_map_that_is_not_saved_is_a_warning_with_the_reason_and_one_that_is_has_an_age() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = saving_in(folder.path());
+    let run = || {
+        let events = vec![transform(at(0.0), true), cloud(at(10.0), "camera")];
+        let (_, _, transport) = node_until(&config, Fake::default(), events, |_, _| async {
+            tokio::time::sleep(Duration::from_millis(1800)).await;
+        });
+        last(&transport, "map")
+    };
+    let in_the_way = folder.path().join("map.part");
+    std::fs::create_dir(&in_the_way).unwrap();
+    let said = run();
+    let words = format!("the map was not saved: {}: ", folder.path().join("map").display());
+    assert!(said.level == 1 && said.message.starts_with(&words), "{said:?}");
+    assert!(!said.values.iter().any(|value| value.key.starts_with("age")), "{said:?}");
+    std::fs::remove_dir(in_the_way).unwrap();
+    let said = run();
+    assert_eq!((said.level, said.message.as_str()), (0, "clusters: 0; dense voxels: 1"));
+    assert!(value(&said, "age of the saved map [s]").parse::<f64>().unwrap() < 1.0, "{said:?}");
+}

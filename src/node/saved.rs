@@ -1,0 +1,74 @@
+//! How saving goes, for the node's reports.
+
+use std::time::{Duration, Instant};
+
+use super::saving::Written;
+
+/// How long a map may be on its way before it is said: a gigabyte takes less.
+const PATIENCE: Duration = Duration::from_secs(30);
+
+/// What has become of the maps that were to be saved.
+#[derive(Debug, Default)]
+pub(super) struct Saved {
+    /// When the map that is on its way was asked for.
+    asked: Option<Instant>,
+    /// When the newest map in the file was written.
+    written: Option<Instant>,
+    /// Why the newest was not.
+    failure: Option<String>,
+}
+
+impl Saved {
+    /// A map was asked for.
+    pub(super) fn ask(&mut self, now: Instant) {
+        self.asked = Some(now);
+    }
+
+    /// A map was written, or was not; `next` says whether another is on its way.
+    pub(super) fn note(&mut self, written: &Written, next: bool, now: Instant) {
+        self.asked = next.then_some(now);
+        match written {
+            Ok(_) => (self.written, self.failure) = (Some(now), None),
+            Err(error) => self.failure = Some(error.to_string()),
+        }
+    }
+
+    /// The age of the map in the file; `None` where this process has written none.
+    pub(super) fn age(&self, now: Instant) -> Option<Duration> {
+        self.written.map(|written| now - written)
+    }
+
+    /// What is wrong.
+    pub(super) fn fault(&self, now: Instant) -> Option<String> {
+        if let Some(failure) = &self.failure {
+            return Some(format!("the map was not saved: {failure}"));
+        }
+        let waited = self.asked.map(|asked| now - asked).filter(|&waited| waited >= PATIENCE)?;
+        Some(format!(
+            "the map has been on its way into its file for {:.0} s, as where a disk does not answer",
+            waited.as_secs_f64()
+        ))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::StoreError;
+
+    #[test]
+    fn a_failure_is_a_fault_until_a_map_is_written_and_so_is_a_disk_that_does_not_answer() {
+        let (mut saved, start) = (Saved::default(), Instant::now());
+        let at = |seconds| start + Duration::from_secs(seconds);
+        let fault = |saved: &Saved, seconds| saved.fault(at(seconds)).unwrap_or_default();
+        assert_eq!((saved.fault(at(99)), saved.age(at(99))), (None, None), "nothing was asked for");
+        saved.ask(at(100));
+        assert_eq!(saved.fault(at(129)), None);
+        let stuck = "the map has been on its way into its file for 30 s, as where a disk does not answer";
+        assert_eq!(fault(&saved, 130), stuck);
+        saved.note(&Err(StoreError::InUse { path: "map".into() }), true, at(140));
+        assert_eq!(fault(&saved, 141), "the map was not saved: map is in use by another process");
+        saved.note(&Ok((1, 2)), false, at(150));
+        assert_eq!((saved.fault(at(999)), saved.age(at(155))), (None, Some(Duration::from_secs(5))));
+    }
+}
