@@ -19,6 +19,8 @@ pub enum Output {
     Scan {
         /// The session it belongs to.
         session: u64,
+        /// Its points.
+        points: usize,
         /// What it changed.
         update: Update,
         /// How long the engine worked on it.
@@ -202,7 +204,7 @@ fn work(mailbox: &Mailbox, mut engine: Engine, mut session: u64, sink: &mut impl
             assert_ne!(scan.stamp, tests::DEADLY, "a panic for the test");
             let start = Instant::now();
             let update = engine.insert(&scan);
-            sink(Output::Scan { session, update, took: start.elapsed() });
+            sink(Output::Scan { session, points: scan.points.len(), update, took: start.elapsed() });
         }
         if task.snapshot {
             sink(Output::Snapshot { session, snapshot: Arc::new(engine.snapshot()) });

@@ -33,7 +33,7 @@ use super::saving::{self, Saver, Saving};
 use super::speak::speak;
 use super::throttle::Throttle;
 use super::transport::{Event, Service, Transport};
-use super::vitals::Vitals;
+use super::vitals::{Reach, Vitals};
 use crate::cloud::{Cloud, CloudError};
 use crate::config::Config;
 use crate::engine::{Engine, Snapshot, Stamp};
@@ -205,6 +205,7 @@ struct Live<T: Transport> {
     saving: Option<Saving<T::Request>>,
     /// How that goes.
     saved: Saved,
+    reach: Reach,
 }
 
 impl<T: Transport> Live<T> {
@@ -238,6 +239,7 @@ impl<T: Transport> Live<T> {
             start,
             saving: config.snapshot_path.as_ref().map(|_| Saving::default()),
             saved: Saved::default(),
+            reach: Reach::of(config),
         }
     }
 

@@ -14,9 +14,9 @@ use super::counts::Counts;
 use super::saving::Saver;
 use super::throttle::Throttle;
 use super::transport::{Outgoing, SendError, Transport};
-use super::vitals::{MapSize, Vitals};
+use super::vitals::{MapSize, Points, Reach, Vitals};
 use crate::config::Config;
-use crate::engine::{Snapshot, Update};
+use crate::engine::Snapshot;
 use crate::msg::caps::Caps;
 use crate::msg::clusters::{Session, SurfaceClusterArray};
 use crate::msg::labelled::labelled_points;
@@ -53,10 +53,13 @@ pub(super) async fn publish(
     saver: Option<Saver>,
 ) -> Ended {
     let (newest, maps) = watch::channel(None);
+    let beyond = Beyond { reach: Reach::of(&config), said: None };
     let wire = Wire { transport, unsent: RefCell::default(), frame_id: config.fixed_frame };
     let publisher = Maps { twins: config.twins, ..Maps::default() };
-    let (ended, ()) =
-        tokio::join!(take(outputs, &wire, newest, seen, saver), publish_maps(maps, publisher, &wire));
+    let (ended, ()) = tokio::join!(
+        take(outputs, &wire, newest, seen, (saver, beyond)),
+        publish_maps(maps, publisher, &wire)
+    );
     ended
 }
 
@@ -68,16 +71,16 @@ async fn take(
     wire: &Wire<impl Transport>,
     newest: watch::Sender<Newest>,
     (counts, vitals): Seen,
-    saver: Option<Saver>,
+    (saver, mut beyond): (Option<Saver>, Beyond),
 ) -> Ended {
     let mut ended = Ended::default();
-    let mut beyond = Beyond::default();
     while let Some(output) = outputs.recv().await {
         match output {
-            Output::Scan { session, update, took } => {
+            Output::Scan { session, points, update, took } => {
                 counts.borrow_mut().taken_in += 1;
-                vitals.borrow_mut().took.push(took);
-                beyond.say(session, &update);
+                let points = Points { all: points as u64, beyond_grid: u64::from(update.points_beyond_grid) };
+                vitals.borrow_mut().note(took, points);
+                beyond.say(session, points);
                 wire.send(Outgoing::Delta(SurfaceClusterArray::delta(&wire.session(session), &update))).await;
             }
             Output::Snapshot { session, snapshot } => {
@@ -143,17 +146,16 @@ impl<T: Transport> Wire<T> {
 }
 
 /// Points that lie beyond the grid are in no map: said once a session.
-#[derive(Default)]
 struct Beyond {
+    reach: Reach,
     /// The session in which it was said last.
     said: Option<u64>,
 }
 
 impl Beyond {
-    fn say(&mut self, session: u64, update: &Update) {
-        let beyond = update.points_beyond_grid;
-        if beyond > 0 && self.said.replace(session) != Some(session) {
-            warn!("{beyond} points of a scan lie beyond the grid's reach and are left out");
+    fn say(&mut self, session: u64, points: Points) {
+        if points.beyond_grid > 0 && self.said.replace(session) != Some(session) {
+            warn!("of a scan {}", self.reach.line(points));
         }
     }
 }
@@ -213,7 +215,7 @@ mod tests {
     use tokio::sync::Semaphore;
 
     use super::*;
-    use crate::engine::{Engine, Isometry3, Params, Points, Scan, Stamp};
+    use crate::engine::{self, Engine, Isometry3, Params, Scan, Stamp};
     use crate::msg::ros::TriggerResponse;
     use crate::node::transport::{NetworkState, SensorTopics, Service, Source};
 
@@ -272,11 +274,11 @@ mod tests {
             let update = engine.insert(&Scan {
                 stamp: Stamp::from_nanos(number),
                 fixed_from_sensor: Isometry3::identity(),
-                points: Points::F32(vec![[0.0, 0.0, 1.0]; 20]),
+                points: engine::Points::F32(vec![[0.0, 0.0, 1.0]; 20]),
             });
             let snapshot = Arc::new(engine.snapshot());
             outputs.extend([
-                Output::Scan { session: 1, update, took: Duration::ZERO },
+                Output::Scan { session: 1, points: 20, update, took: Duration::ZERO },
                 Output::Snapshot { session: 1, snapshot },
             ]);
         }

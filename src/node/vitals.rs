@@ -2,15 +2,64 @@
 
 use std::time::Duration;
 
-use crate::engine::Snapshot;
+use crate::config::Config;
+use crate::engine::{GRID_REACH, Snapshot};
 
 /// Since the last report, and at last.
 #[derive(Debug, Default)]
 pub(super) struct Vitals {
     /// How long the engine worked on each scan since the last report.
     pub(super) took: Vec<Duration>,
+    /// Points of these scans, and how many of them lay beyond the grid.
+    pub(super) points: Points,
     /// The newest map that was seen.
     pub(super) map: Option<MapSize>,
+}
+
+impl Vitals {
+    /// A scan was taken in.
+    pub(super) fn note(&mut self, took: Duration, points: Points) {
+        self.took.push(took);
+        self.points.add(points);
+    }
+}
+
+/// Points that were handed to the engine.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Points {
+    pub(super) all: u64,
+    pub(super) beyond_grid: u64,
+}
+
+impl Points {
+    pub(super) const fn add(&mut self, other: Self) {
+        self.all += other.all;
+        self.beyond_grid += other.beyond_grid;
+    }
+}
+
+/// How far the map reaches, in words.
+#[derive(Clone, Debug)]
+pub(super) struct Reach {
+    frame_id: String,
+    /// From the origin (m).
+    metres: f64,
+}
+
+impl Reach {
+    pub(super) fn of(config: &Config) -> Self {
+        let metres = f64::from(GRID_REACH) * config.engine.voxel_size();
+        Self { frame_id: config.fixed_frame.clone(), metres }
+    }
+
+    /// What is to be said of points beyond it.
+    pub(super) fn line(&self, Points { all, beyond_grid }: Points) -> String {
+        let Self { frame_id, metres } = self;
+        format!(
+            "{beyond_grid} of {all} points lie beyond the grid, which reaches {metres:.0} m from the origin of \
+             `{frame_id}`, and are left out: take a fixed_frame that begins near the robot, as that of odometry does"
+        )
+    }
 }
 
 /// How much a map holds.

@@ -200,6 +200,11 @@ impl<T: Transport> Live<T> {
             part.value("unclustered voxels", map.unclustered_voxels).value("sequence", map.sequence);
         }
         part.value("session", self.session);
+        let points = std::mem::take(&mut self.vitals.borrow_mut().points);
+        part.value("points beyond the grid", points.beyond_grid);
+        if points.beyond_grid.saturating_mul(10) > points.all {
+            part.raise(Level::Warn, self.reach.line(points));
+        }
         let now = Instant::now();
         if let Some(age) = self.saved.age(now) {
             part.value("age of the saved map [s]", format!("{:.1}", age.as_secs_f64()));

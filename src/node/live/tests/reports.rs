@@ -79,6 +79,27 @@ fn other_nodes_of_its_name_are_a_warning_with_their_number() {
     }
 }
 
+/// A robot whose fixed frame is that of a national grid.
+#[test]
+fn points_beyond_the_grid_are_a_warning_with_their_number_and_what_to_do() {
+    let far = |metres: f64| {
+        let Event::Transforms { mut message, .. } = transform(at(0.0), true) else { unreachable!() };
+        message.transforms[0].transform.translation.x = metres;
+        Event::Transforms { message, is_static: true }
+    };
+    for (metres, beyond) in [(500_000.0, 20), (83_000.0, 0)] {
+        let transport = reported(Fake::default(), vec![far(metres), cloud(at(10.0), "camera")]);
+        let reports = transport.reports.borrow();
+        let maps: Vec<_> = reports.iter().map(|report| &report.status[3]).collect();
+        let figures: u64 =
+            maps.iter().map(|map| value(map, "points beyond the grid").parse::<u64>().unwrap()).sum();
+        let said = maps.into_iter().max_by_key(|map| map.level).unwrap();
+        assert_eq!((u64::from(said.level), figures), (u64::from(beyond > 0), beyond), "{said:?}");
+        let words = "20 of 20 points lie beyond the grid, which reaches 83886 m from the origin of `odom`";
+        assert_eq!(said.message.starts_with(words), beyond > 0, "{said:?}");
+    }
+}
+
 #[test]
 fn a_map_that_is_not_saved_is_a_warning_with_the_reason_and_one_that_is_has_an_age() {
     let folder = tempfile::tempdir().unwrap();
