@@ -3,10 +3,11 @@
 //! What is checked, what is said of a wrong value and what the parameter services describe all come from here.
 
 use std::f64::consts::FRAC_PI_2;
+use std::ops::RangeInclusive;
 
 use super::Value;
 use super::sensors::{MAX_SENSOR_NAME_BYTES, MOST_SENSORS};
-use crate::engine::{MAX_DEPTH, MAX_POINTS};
+use crate::engine;
 use crate::msg::ros::MAX_FRAME_ID_BYTES;
 
 /// What a value can be beside its type; both ends are possible.
@@ -18,8 +19,6 @@ pub enum Bounds {
     Integers(i64, i64),
     /// Numbers from ... to ...
     Numbers(f64, f64),
-    /// Finite numbers above this one.
-    Above(f64),
     /// One of these texts.
     OneOf(&'static [&'static str]),
     /// What these words say; checked where the value is read.
@@ -94,7 +93,7 @@ impl Parameter {
         let Row { bounds, zero, also, .. } = self.row;
         let zero = if zero.is_empty() { String::new() } else { format!("0 = {zero}") };
         let words = match bounds {
-            Bounds::Above(_) | Bounds::OneOf(_) | Bounds::Words(_) => self.row.must(),
+            Bounds::OneOf(_) | Bounds::Words(_) => self.row.must(),
             Bounds::Any | Bounds::Integers(..) | Bounds::Numbers(..) => zero,
         };
         [words.as_str(), also].into_iter().filter(|words| !words.is_empty()).collect::<Vec<_>>().join("; ")
@@ -107,12 +106,12 @@ impl Row {
         Self { name, default, bounds, unit: "", zero: "", about: "", also: "", change }
     }
 
-    const fn integer(name: &'static str, default: i64, least: i64, most: i64) -> Self {
-        Self::new(name, Default::Integer(default), Bounds::Integers(least, most))
+    const fn integer(name: &'static str, default: i64, bounds: &RangeInclusive<i64>) -> Self {
+        Self::new(name, Default::Integer(default), Bounds::Integers(*bounds.start(), *bounds.end()))
     }
 
-    const fn number(name: &'static str, default: f64, bounds: Bounds) -> Self {
-        Self::new(name, Default::Double(default), bounds)
+    const fn number(name: &'static str, default: f64, bounds: &RangeInclusive<f64>) -> Self {
+        Self::new(name, Default::Double(default), Bounds::Numbers(*bounds.start(), *bounds.end()))
     }
 
     const fn boolean(name: &'static str, default: bool) -> Self {
@@ -177,7 +176,6 @@ impl Row {
             (Default::Double(_), Some(Value::Double(value))) => {
                 let possible = match self.bounds {
                     Bounds::Numbers(least, most) => (least..=most).contains(value),
-                    Bounds::Above(least) => value.is_finite() && *value > least,
                     _ => true,
                 };
                 (!possible).then(|| self.must())
@@ -209,7 +207,6 @@ impl Row {
             Bounds::Numbers(least, f64::MAX) => format!("finite and {least}{unit}{zero} or more"),
             Bounds::Numbers(least, FRAC_PI_2) => format!("from {least}{zero} to pi/2{unit}"),
             Bounds::Numbers(least, most) => format!("from {least}{zero} to {most}{unit}"),
-            Bounds::Above(least) => format!("finite and above {least}{unit}"),
             Bounds::OneOf(texts) => match texts {
                 [rest @ .., last] if !rest.is_empty() => format!("`{}` or `{last}`", rest.join("`, `")),
                 _ => format!("`{}`", texts.join("`")),
@@ -266,20 +263,20 @@ pub(super) const TABLE: &[Row] = &[
         "`consistent`: clusters as one definition has them, whatever the order of the scans; `paper`: CFODI to the letter",
         MAP,
     ),
-    Row::number("voxel_size", 0.08, Bounds::Above(0.0)).unit("m").means("edge of a voxel, the paper's xi", MAP),
-    Row::integer("min_points", 15, 1, MAX_POINTS as i64)
+    Row::number("voxel_size", 0.08, &engine::VOXEL_SIZE).unit("m").means("edge of a voxel, the paper's xi", MAP),
+    Row::integer("min_points", 15, &engine::MIN_POINTS)
         .means("points that make a voxel dense, the paper's tau", MAP),
-    Row::integer("depth", 4, 1, MAX_DEPTH as i64)
+    Row::integer("depth", 4, &engine::DEPTH)
         .means("steps that a neighbourhood reaches, in mode `paper`: its d", MAP),
-    Row::number("max_normal_angle", 0.53, Bounds::Numbers(0.0, FRAC_PI_2)).unit("rad").means(
+    Row::number("max_normal_angle", 0.53, &engine::MAX_NORMAL_ANGLE).unit("rad").means(
         "largest angle between similar normals, theta; mode `consistent` takes 0.17 at most, and 0.4 for what is rough or \
          badly known",
         MAP,
     ),
-    Row::integer("min_vicinity", 1, 1, u32::MAX as i64)
+    Row::integer("min_vicinity", 1, &engine::MIN_VICINITY)
         .unit("pairs")
         .means("least vicinity of an absorption, in mode `paper`: its minUnits", MAP),
-    Row::integer("expansion_interval", 10, 0, u32::MAX as i64)
+    Row::integer("expansion_interval", 10, &engine::EXPANSION_INTERVAL)
         .unit("scans")
         .zero("never complete")
         .means("time without growth until a cluster is complete, delta", Change::LiveInConsistent),
@@ -288,26 +285,26 @@ pub(super) const TABLE: &[Row] = &[
     Row::boolean("clearing", true)
         .also("false where mode is `paper`: the letter forgets nothing")
         .means("whether what the sensor looks through is forgotten", Change::LiveInConsistent),
-    Row::integer("max_voxels", 0, 0, i64::MAX)
+    Row::integer("max_voxels", 0, &engine::MAX_VOXELS)
         .zero("no bound")
         .also(FORGETS_NOTHING)
         .means("most voxels that hold points, in mode `consistent`", Change::LiveInConsistent),
-    Row::number("keep_radius", 0.0, Bounds::Numbers(0.0, f64::MAX))
+    Row::number("keep_radius", 0.0, &engine::KEEP_RADIUS)
         .unit("m")
         .zero("no bound")
         .also(FORGETS_NOTHING)
         .means("how far from the sensor voxels are kept, in mode `consistent`", Change::LiveInConsistent),
-    Row::number("max_range", 6.0, Bounds::Numbers(0.0, FARTHEST))
+    Row::number("max_range", 6.0, &(0.0..=FARTHEST))
         .unit("m")
         .also("at least min_range")
         .means("furthest point: depth in an optical frame, else distance", Change::Live),
-    Row::number("min_range", 0.4, Bounds::Numbers(0.0, FARTHEST))
+    Row::number("min_range", 0.4, &(0.0..=FARTHEST))
         .unit("m")
         .also("at most max_range")
         .means("nearest point: depth in an optical frame, else distance", Change::Live),
     Row::text("optical", "auto", Bounds::OneOf(&["auto", "yes", "no"]))
         .means("whether clouds have optical axes; `auto`: their frame's name tells", Change::Live),
-    Row::integer("max_points", 4_000_000, 1, MAX_SCAN_POINTS)
+    Row::integer("max_points", 4_000_000, &(1..=MAX_SCAN_POINTS))
         .means("most points of one scan; a larger one is refused", Change::Live),
     Row::new(
         "network_interfaces",
@@ -315,13 +312,13 @@ pub(super) const TABLE: &[Row] = &[
         Bounds::Words("a list of IPv4 addresses, as [\"192.168.1.5\"]"),
     )
     .means("own IPv4 addresses to be found under; empty = all", NETWORK),
-    Row::integer("receive_buffer", 32 << 20, 4096, 1 << 30)
+    Row::integer("receive_buffer", 32 << 20, &(4096..=1 << 30))
         .unit("bytes")
         .means("receive buffer to ask of the system", NETWORK),
-    Row::number("tf_timeout", 0.2, Bounds::Numbers(0.0, 60.0))
+    Row::number("tf_timeout", 0.2, &(0.0..=60.0))
         .unit("s")
         .means("how long a cloud waits for its transform", Change::Live),
-    Row::number("publish_rate", 2.0, Bounds::Numbers(0.01, 100.0))
+    Row::number("publish_rate", 2.0, &(0.01..=100.0))
         .unit("Hz")
         .means("how often snapshots, markers and labelled points are sent", Change::Live),
     Row::new("twins", Default::Texts(&[]), Bounds::Words("a list of texts, as [\"detections\"]"))
@@ -331,7 +328,7 @@ pub(super) const TABLE: &[Row] = &[
         "file that `run` saves the map in, at its end too; empty = none",
         Change::AtStart("the file is locked with it"),
     ),
-    Row::number("snapshot_period", 60.0, Bounds::Numbers(0.1, 86_400.0))
+    Row::number("snapshot_period", 60.0, &(0.1..=86_400.0))
         .unit("s")
         .means("time between two savings of the map", Change::Live),
     Row::new("sensors", Default::Texts(&["points"]), SENSORS)

@@ -126,7 +126,7 @@ impl Given {
     }
 
     /// What the bounds in words are about.
-    fn refuse_by_row<T>(&self, name: &str) -> Result<T, ConfigError> {
+    pub(super) fn refuse_by_row<T>(&self, name: &str) -> Result<T, ConfigError> {
         self.refuse(name, self.0[name].1.must())
     }
 

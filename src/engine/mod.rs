@@ -45,7 +45,10 @@ pub use consistent::NoiseModel;
 pub use key::{ClusterId, DIRECTIONS, GRID_REACH, VoxelKey};
 pub use map::Engine;
 pub use nalgebra::Isometry3;
-pub(crate) use params::{MAX_DEPTH, MAX_POINTS};
+pub(crate) use params::{
+    DEPTH, EXPANSION_INTERVAL, KEEP_RADIUS, MAX_NORMAL_ANGLE, MAX_VOXELS, MIN_POINTS, MIN_VICINITY,
+    VOXEL_SIZE,
+};
 pub use params::{Mode, Params, ParamsError};
 pub use points::{Depths, Points, Rays};
 pub use saved::{RestoreError, SavedMap, SavedMapOfVersion1};

@@ -1,6 +1,7 @@
 //! The parameters of the method, checked once.
 
 use std::f64::consts::FRAC_PI_2;
+use std::ops::RangeInclusive;
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -39,23 +40,30 @@ pub struct Params {
 /// A parameter that cannot be: its name, the value and what it must be.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum ParamsError {
-    /// The edge of a voxel must be a positive length.
-    #[error("voxel_size is {0} m; it must be finite and above 0")]
+    /// The edge of a voxel: no sensor tells smaller ones apart, and a larger one holds a room.
+    #[error(
+        "voxel_size is {0} m; it must be from {least} to {most}",
+        least = VOXEL_SIZE.start(),
+        most = VOXEL_SIZE.end()
+    )]
     VoxelSize(f64),
     /// A voxel without points is no obstacle.
-    #[error("min_points is {0}; it must be from 1 to {max}", max = MAX_POINTS)]
+    #[error("min_points is {0}; it must be from 1 to {most}", most = MIN_POINTS.end())]
     MinPoints(i64),
     /// Depth of a neighbourhood.
-    #[error("depth is {0}; it must be from 1 to {MAX_DEPTH}")]
+    #[error("depth is {0}; it must be from 1 to {most}", most = DEPTH.end())]
     Depth(i64),
     /// Angle between normals.
     #[error("max_normal_angle is {0} rad; it must be from 0 to pi/2")]
     MaxNormalAngle(f64),
     /// Pairs of directly connected voxels.
-    #[error("min_vicinity is {0}; it must be from 1 to {max}", max = u32::MAX)]
+    #[error("min_vicinity is {0}; it must be from 1 to {most}", most = MIN_VICINITY.end())]
     MinVicinity(i64),
     /// Scans without expansion.
-    #[error("expansion_interval is {0}; it must be from 0 (never complete) to {max} scans", max = u32::MAX)]
+    #[error(
+        "expansion_interval is {0}; it must be from 0 (never complete) to {most} scans",
+        most = EXPANSION_INTERVAL.end()
+    )]
     ExpansionInterval(i64),
     /// Voxels that are kept.
     #[error("max_voxels is {0}; it must be 0 (no bound) or more")]
@@ -72,6 +80,16 @@ pub(crate) const MAX_DEPTH: u8 = 8;
 ///
 /// A centre made of 2^31 points has long come to rest, and up to here the sums fit in 64 bits.
 pub(crate) const MAX_POINTS: u32 = 1 << 31;
+
+/// What the parameters can be; here and nowhere else.
+pub(crate) const VOXEL_SIZE: RangeInclusive<f64> = 0.001..=10.0;
+pub(crate) const MIN_POINTS: RangeInclusive<i64> = 1..=MAX_POINTS as i64;
+pub(crate) const DEPTH: RangeInclusive<i64> = 1..=MAX_DEPTH as i64;
+pub(crate) const MAX_NORMAL_ANGLE: RangeInclusive<f64> = 0.0..=FRAC_PI_2;
+pub(crate) const MIN_VICINITY: RangeInclusive<i64> = 1..=u32::MAX as i64;
+pub(crate) const EXPANSION_INTERVAL: RangeInclusive<i64> = 0..=u32::MAX as i64;
+pub(crate) const MAX_VOXELS: RangeInclusive<i64> = 0..=i64::MAX;
+pub(crate) const KEEP_RADIUS: RangeInclusive<f64> = 0.0..=f64::MAX;
 
 impl Default for Params {
     fn default() -> Self {
@@ -91,8 +109,8 @@ impl Default for Params {
     }
 }
 
-fn checked<T: TryFrom<i64> + PartialOrd + Copy>(value: i64, least: T, most: T) -> Option<T> {
-    T::try_from(value).ok().filter(|value| *value >= least && *value <= most)
+fn within<T: TryFrom<i64>>(value: i64, bounds: &RangeInclusive<i64>) -> Option<T> {
+    T::try_from(value).ok().filter(|_| bounds.contains(&value))
 }
 
 impl Params {
@@ -106,7 +124,7 @@ impl Params {
         self.mode
     }
 
-    /// The paper's xi: edge of a voxel (m), above 0.
+    /// The paper's xi: edge of a voxel (m), 0.001 to 10.
     pub const fn voxel_size(&self) -> f64 {
         self.voxel_size
     }
@@ -175,7 +193,7 @@ impl Params {
     /// # Errors
     /// Below 0.
     pub fn with_max_voxels(self, value: i64) -> Result<Self, ParamsError> {
-        let max_voxels = u64::try_from(value).map_err(|_| ParamsError::MaxVoxels(value))?;
+        let max_voxels = within(value, &MAX_VOXELS).ok_or(ParamsError::MaxVoxels(value))?;
         Ok(Self { max_voxels, ..self })
     }
 
@@ -184,7 +202,7 @@ impl Params {
     /// # Errors
     /// When it is not a length.
     pub fn with_keep_radius(self, keep_radius: f64) -> Result<Self, ParamsError> {
-        let possible = keep_radius.is_finite() && keep_radius >= 0.0;
+        let possible = KEEP_RADIUS.contains(&keep_radius);
         possible.then_some(Self { keep_radius, ..self }).ok_or(ParamsError::KeepRadius(keep_radius))
     }
 
@@ -203,9 +221,9 @@ impl Params {
     /// Sets the edge of a voxel (m).
     ///
     /// # Errors
-    /// When it is not a positive length.
+    /// Outside 1 mm to 10 m.
     pub fn with_voxel_size(self, voxel_size: f64) -> Result<Self, ParamsError> {
-        let possible = voxel_size.is_finite() && voxel_size > 0.0;
+        let possible = VOXEL_SIZE.contains(&voxel_size);
         possible.then_some(Self { voxel_size, ..self }).ok_or(ParamsError::VoxelSize(voxel_size))
     }
 
@@ -214,7 +232,7 @@ impl Params {
     /// # Errors
     /// Below 1 or above 2^31.
     pub fn with_min_points(self, value: i64) -> Result<Self, ParamsError> {
-        let min_points = checked(value, 1, MAX_POINTS).ok_or(ParamsError::MinPoints(value))?;
+        let min_points = within(value, &MIN_POINTS).ok_or(ParamsError::MinPoints(value))?;
         Ok(Self { min_points, ..self })
     }
 
@@ -223,7 +241,7 @@ impl Params {
     /// # Errors
     /// Outside 1 to 8.
     pub fn with_depth(self, value: i64) -> Result<Self, ParamsError> {
-        let depth = checked(value, 1, MAX_DEPTH).ok_or(ParamsError::Depth(value))?;
+        let depth = within(value, &DEPTH).ok_or(ParamsError::Depth(value))?;
         Ok(Self { depth, ..self })
     }
 
@@ -232,7 +250,7 @@ impl Params {
     /// # Errors
     /// Outside 0 to pi/2.
     pub fn with_max_normal_angle(self, max_normal_angle: f64) -> Result<Self, ParamsError> {
-        let possible = (0.0..=FRAC_PI_2).contains(&max_normal_angle);
+        let possible = MAX_NORMAL_ANGLE.contains(&max_normal_angle);
         possible
             .then_some(Self { max_normal_angle, ..self })
             .ok_or(ParamsError::MaxNormalAngle(max_normal_angle))
@@ -243,7 +261,7 @@ impl Params {
     /// # Errors
     /// Below 1.
     pub fn with_min_vicinity(self, value: i64) -> Result<Self, ParamsError> {
-        let min_vicinity = checked(value, 1, u32::MAX).ok_or(ParamsError::MinVicinity(value))?;
+        let min_vicinity = within(value, &MIN_VICINITY).ok_or(ParamsError::MinVicinity(value))?;
         Ok(Self { min_vicinity, ..self })
     }
 
@@ -252,7 +270,8 @@ impl Params {
     /// # Errors
     /// Below 0.
     pub fn with_expansion_interval(self, value: i64) -> Result<Self, ParamsError> {
-        let expansion_interval = checked(value, 0, u32::MAX).ok_or(ParamsError::ExpansionInterval(value))?;
+        let expansion_interval =
+            within(value, &EXPANSION_INTERVAL).ok_or(ParamsError::ExpansionInterval(value))?;
         Ok(Self { expansion_interval, ..self })
     }
 
@@ -273,7 +292,11 @@ mod tests {
     fn impossible_parameters_are_refused_with_their_value() {
         let params = Params::default();
         assert_eq!(params.with_voxel_size(0.0), Err(ParamsError::VoxelSize(0.0)));
-        assert!(matches!(params.with_voxel_size(f64::NAN), Err(ParamsError::VoxelSize(_))));
+        for size in [-0.08, 1e-6, 10.5, 1e300, f64::INFINITY, f64::NAN] {
+            assert!(matches!(params.with_voxel_size(size), Err(ParamsError::VoxelSize(_))), "{size}");
+        }
+        let line = ParamsError::VoxelSize(80.0).to_string();
+        assert_eq!(line, "voxel_size is 80 m; it must be from 0.001 to 10");
         assert_eq!(params.with_min_points(0), Err(ParamsError::MinPoints(0)));
         assert_eq!(params.with_depth(9), Err(ParamsError::Depth(9)));
         assert_eq!(params.with_depth(256 + 4), Err(ParamsError::Depth(260)));

@@ -217,10 +217,6 @@ fn descriptor(current: &Current, parameter: &config::Parameter) -> ParameterDesc
         Bounds::Numbers(from_value, to_value) => {
             descriptor.floating_point_range.push(FloatingPointRange { from_value, to_value, step: 0.0 });
         }
-        Bounds::Above(least) => {
-            let (from_value, to_value) = (least.next_up(), f64::MAX);
-            descriptor.floating_point_range.push(FloatingPointRange { from_value, to_value, step: 0.0 });
-        }
         Bounds::Any | Bounds::OneOf(_) | Bounds::Words(_) => {}
     }
     descriptor
@@ -300,7 +296,7 @@ mod tests {
     #[test]
     fn what_is_described_has_its_range_or_its_words() {
         let parameters = parameters(&[]);
-        let asked = names(&["depth", "publish_rate", "optical", "voxel_size"]);
+        let asked = names(&["depth", "publish_rate", "optical", "max_voxels"]);
         let described = parameters.describe(&asked).descriptors;
         let range = described[0].integer_range[0];
         assert_eq!((range.from_value, range.to_value, described[0].read_only), (1, 8, true));
@@ -308,7 +304,10 @@ mod tests {
         assert_eq!((range.from_value, range.to_value, described[1].read_only), (0.01, 100.0, false));
         assert!(described[1].description.ends_with("[Hz]"));
         assert_eq!(described[2].additional_constraints, "`auto`, `yes` or `no`");
-        assert_eq!(described[3].additional_constraints, "finite and above 0 m");
+        assert_eq!(
+            described[3].additional_constraints,
+            "0 = no bound; 0 where mode is `paper`: the letter forgets nothing"
+        );
     }
 
     #[test]

@@ -49,7 +49,7 @@ impl Laboratory {
     /// scans a second, of which every `step`-th is taken.
     ///
     /// # Errors
-    /// When a voxel size is not a positive length.
+    /// When there can be no voxels of such a size.
     pub fn new(
         scene: Scene,
         seconds: f64,
