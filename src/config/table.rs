@@ -225,7 +225,7 @@ const FARTHEST: f64 = 1e6;
 const MAP: Change = Change::AtStart("the map is made with it");
 const NETWORK: Change = Change::AtStart("the network is joined with it");
 
-const FORGETS_NOTHING: &str = "0 where mode is `paper`: the letter forgets nothing";
+pub(super) const FORGETS_NOTHING: &str = "0 where mode is `paper`: the letter forgets nothing";
 
 const FRAME: Bounds = {
     assert!(MAX_FRAME_ID_BYTES == 256, "the words below say so");
@@ -292,7 +292,7 @@ pub(super) const TABLE: &[Row] = &[
     Row::number("keep_radius", 0.0, &engine::KEEP_RADIUS)
         .unit("m")
         .zero("no bound")
-        .also(FORGETS_NOTHING)
+        .also("at least min_range where it is not 0; 0 where mode is `paper`: the letter forgets nothing")
         .means("how far from the sensor voxels are kept, in mode `consistent`", Change::LiveInConsistent),
     Row::number("max_range", 6.0, &(0.0..=FARTHEST))
         .unit("m")

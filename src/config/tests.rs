@@ -196,6 +196,21 @@ fn both_ends_of_a_parameter_are_possible_and_what_is_beyond_is_refused_in_the_wo
 }
 
 #[test]
+fn a_radius_within_which_the_sensor_sees_nothing_is_refused_with_both_numbers() {
+    let with = |radius: f64, more: &[(&str, f64)]| {
+        let given = [&[("keep_radius", radius)], more].concat();
+        let given = given.into_iter().map(|(name, value)| (name.to_owned(), Value::Double(value)));
+        Config::new(given).map(drop).map_err(|error| error.to_string())
+    };
+    let words = "keep_radius is 0.3; it must be 0 (no bound) or at least min_range, which is 0.4 m";
+    assert_eq!(with(0.3, &[]), Err(words.to_owned()));
+    assert_eq!(with(0.3, &[("min_range", 0.2)]), Ok(()));
+    assert_eq!((with(0.4, &[]), with(0.0, &[])), (Ok(()), Ok(())));
+    let words = "keep_radius is 2.5; it must be 0 (no bound) or at least min_range, which is 3 m";
+    assert_eq!(with(2.5, &[("min_range", 3.0)]), Err(words.to_owned()));
+}
+
+#[test]
 fn words_of_yaml_are_booleans_where_the_parameter_is_one() {
     let meant = |name, text: &str| as_meant(name, Value::Text(text.to_owned()));
     for text in ["y", "Yes", "on", "TRUE"] {

@@ -6,7 +6,7 @@ use std::net::Ipv4Addr;
 
 use super::ConfigError;
 use super::sensors::{self, Kind, Sensor};
-use super::table::{Row, TABLE};
+use super::table::{FORGETS_NOTHING, Row, TABLE};
 use crate::engine::{Mode, NoiseModel};
 use crate::msg::ros::MAX_FRAME_ID_BYTES;
 use crate::msg::twins::Twins;
@@ -250,7 +250,7 @@ impl Given {
                 return self.refuse_beside("max_voxels");
             }
             if self.number("keep_radius")? > 0.0 {
-                return self.refuse_beside("keep_radius");
+                return self.refuse("keep_radius", FORGETS_NOTHING);
             }
         }
         Ok(())
@@ -260,6 +260,12 @@ impl Given {
         let (least, most) = (self.number("min_range")?, self.number("max_range")?);
         if most < least {
             return self.refuse("max_range", format!("{}, which is {least} m", self.0["max_range"].1.also));
+        }
+        // What is nearer is not taken in, and what is farther not kept.
+        let kept = self.number("keep_radius")?;
+        if kept > 0.0 && kept < least {
+            let must = format!("0 (no bound) or at least min_range, which is {least} m");
+            return self.refuse("keep_radius", must);
         }
         Ok(())
     }
