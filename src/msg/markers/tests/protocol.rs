@@ -56,6 +56,21 @@ proptest! {
     }
 
     #[test]
+    fn what_is_deleted_was_added_before(history in histories()) {
+        let (mut markers, mut added) = (Markers::default(), BTreeSet::new());
+        for snapshot in &history {
+            for marker in markers.update(&session(), snapshot).markers {
+                let identity = (marker.ns, marker.id);
+                match marker.action {
+                    Marker::ADD => drop(added.insert(identity)),
+                    Marker::DELETE => prop_assert!(added.contains(&identity), "{identity:?}"),
+                    _ => {}
+                }
+            }
+        }
+    }
+
+    #[test]
     fn a_cluster_keeps_its_slot_and_shares_it_with_none(history in histories()) {
         let mut markers = Markers::default();
         let (mut before, mut most) = (BTreeMap::new(), 0);
