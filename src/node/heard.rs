@@ -87,8 +87,9 @@ impl Heard {
                 || self.publishers.values().any(|publisher| publisher.reliable.is_some()))
     }
 
-    /// Whether a sample of this number is to be taken from the reader, `reliably` or not, that has it. Where the reliable one
-    /// is heard, the other is not needed, unless that one stays behind or is elsewhere: a forged heartbeat silences it.
+    /// Whether a sample is to be taken that the reliable reader (`reliably`) or the best-effort one has. What the best-effort
+    /// one has of a publisher is needed only while its numbers are far from those of the reliable one: a forged heartbeat can
+    /// make that one wait for ever, or go on at a number of its own.
     fn takes(&mut self, publisher: PublisherId, number: i64, reliably: bool) -> bool {
         let heard = of(&mut self.publishers, publisher);
         if reliably {

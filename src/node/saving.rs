@@ -21,8 +21,9 @@ pub(super) type Written = Result<(u64, u64), StoreError>;
 enum Task {
     /// Write the map of a session, in place of the one before.
     Write { session: u64, map: Box<SavedMap> },
-    /// Keep the file under another name before a map of this session or a later one is written: that has nothing to do with
-    /// it, and nobody has asked for that. Maps of earlier sessions may still be on their way.
+    /// Give the file a second name before a map of this session or a later one takes its place: nobody has asked for the old
+    /// map to be given up. Maps of earlier sessions that are still on their way are written first, and it is they that are
+    /// kept.
     Keep { before: u64 },
 }
 
