@@ -5,6 +5,8 @@
 //! -> bytes; imports point inwards. `ARCHITECTURE.md` draws the graph. Without default features the engine, the
 //! decoders, the messages and the configuration remain.
 
+#[cfg(feature = "node")]
+pub mod args;
 #[cfg(feature = "bag")]
 pub mod bag;
 pub mod cloud;

@@ -7,8 +7,8 @@ mod cli;
 
 use std::process::ExitCode;
 
+use cfodi::args::ArgsError;
 use cfodi::line::one_line;
-use cfodi::node::args::ArgsError;
 use cfodi::node::process::ProcessError;
 use cfodi::say::say;
 use clap::{Parser, Subcommand};

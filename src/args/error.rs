@@ -3,8 +3,8 @@
 use ros2args::Ros2ArgsError;
 use thiserror::Error;
 
+use super::params_file::MAX_NAME_BYTES;
 use crate::config::ConfigError;
-use crate::node::params_file::MAX_NAME_BYTES;
 use crate::yaml::YamlError;
 
 /// A command line that cannot be.

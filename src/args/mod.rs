@@ -1,6 +1,9 @@
 //! A ROS command line -> who the node is, what it listens to, and its checked configuration.
 
 mod error;
+mod params_file;
+mod rmw;
+pub mod security;
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -9,9 +12,9 @@ use ros2args::names::{build_node_fqn, expand_topic_name};
 use ros2args::{ParamAssignment, Ros2Args, match_wildcard_pattern};
 
 pub use self::error::ArgsError;
-use super::middleware::{Rmw, RmwError, ZENOH_BUILT_IN};
-use super::params_file::{assignments, flatten};
-use super::security::{Asked, BUILT_IN, Security, SecurityError};
+use self::params_file::{assignments, flatten};
+pub use self::rmw::{Rmw, RmwError, ZENOH_BUILT_IN};
+use self::security::{Asked, BUILT_IN, Security, SecurityError};
 use crate::config::{Config, Value, as_meant};
 use crate::yaml::{self, YamlError};
 

@@ -6,7 +6,7 @@ use std::path::Path;
 use ros2args::{ParamAssignment, Ros2ArgsError};
 use yaml_rust2::Yaml;
 
-use super::args::ArgsError;
+use super::ArgsError;
 use crate::config::Value;
 use crate::yaml;
 

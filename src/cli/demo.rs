@@ -10,20 +10,20 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use anyhow::Context as _;
+#[cfg(not(feature = "zenoh"))]
+use cfodi::args::RmwError;
+use cfodi::args::security::Security;
+use cfodi::args::{Rmw, Setup};
 use cfodi::cloud::{CloudFilter, decode};
 use cfodi::engine::{Snapshot, Stamp};
 use cfodi::export::{View, WholeFile, WriteError, draw, write_ply};
 use cfodi::msg::ros::TfMessage;
-use cfodi::node::Setup;
 use cfodi::node::dds::{Dds, Robot};
-#[cfg(not(feature = "zenoh"))]
-use cfodi::node::middleware::RmwError;
-use cfodi::node::middleware::{Adding, Middleware, OpenError, Rmw};
+use cfodi::node::middleware::{Adding, Middleware, OpenError};
 use cfodi::node::process::{ProcessError, live_node, receive_buffer};
 use cfodi::node::record::Record;
 use cfodi::node::resume::begin;
 use cfodi::node::rosout::Lines;
-use cfodi::node::security::Security;
 use cfodi::node::transport::{Event, Form};
 #[cfg(feature = "zenoh")]
 use cfodi::node::zenoh::Zenoh;

@@ -4,12 +4,12 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
+use cfodi::args::Setup;
 use cfodi::bag::Message;
 use cfodi::config::Value;
 use cfodi::engine::{Mode, Scan};
 use cfodi::experiment::{Experiment, Figure, Results, Summary};
 use cfodi::export::WriteError;
-use cfodi::node::Setup;
 use cfodi::replay::{Ended, Finished, Go, Outputs, Replay, Settings, Visitor, feed};
 use cfodi::report::{self, Story};
 use cfodi::say::tell;

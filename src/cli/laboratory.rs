@@ -9,10 +9,10 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread;
 
 use anyhow::{Context as _, anyhow};
+use cfodi::args::Setup;
 use cfodi::engine::Params;
 use cfodi::experiment::quality::{Laboratory, Scored, Table};
 use cfodi::export::write_whole;
-use cfodi::node::Setup;
 use cfodi::say::{say, tell};
 use cfodi::sim::Scene;
 

@@ -13,8 +13,7 @@ mod truth;
 
 use std::ffi::OsString;
 
-use cfodi::node::Setup;
-use cfodi::node::args::{ArgsError, Environment};
+use cfodi::args::{ArgsError, Environment, Setup};
 
 /// The command line as text.
 pub(crate) fn arguments() -> anyhow::Result<Vec<String>> {

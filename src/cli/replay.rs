@@ -5,12 +5,11 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use anyhow::Context as _;
+use cfodi::args::{ArgsError, Setup};
 use cfodi::bag::{self, Bag, Choice, Decoder, OutputTopics, Survey, TransformTopics, Wanted, choose};
 use cfodi::config::{Kind, Sensor};
 use cfodi::export::{WholeFile, WriteError};
 use cfodi::line::one_line;
-use cfodi::node::Setup;
-use cfodi::node::args::ArgsError;
 use cfodi::node::transport::Outgoing;
 use cfodi::replay::{
     Ended, Feed, Finished, FixedFrame, MapFiles, Outputs, Progress, Replay, ResultFile, Settings, Summary,

@@ -6,11 +6,11 @@ use std::io;
 use std::os::unix::process::CommandExt as _;
 use std::process::Command;
 
-use cfodi::node::Setup;
-use cfodi::node::dds::Dds;
 #[cfg(not(feature = "zenoh"))]
-use cfodi::node::middleware::RmwError;
-use cfodi::node::middleware::{Middleware, Rmw};
+use cfodi::args::RmwError;
+use cfodi::args::{Rmw, Setup};
+use cfodi::node::dds::Dds;
+use cfodi::node::middleware::Middleware;
 use cfodi::node::process::{ProcessError, live_node};
 use cfodi::node::resume::begin;
 use cfodi::node::rosout::Lines;

@@ -6,10 +6,10 @@ use std::process::ExitCode;
 use std::sync::atomic::Ordering;
 
 use anyhow::Context as _;
+use cfodi::args::Setup;
 use cfodi::bag::SensorBag;
 use cfodi::engine::Stamp;
 use cfodi::export::WholeFile;
-use cfodi::node::Setup;
 use cfodi::say::say;
 use cfodi::sim::drive::SCANS_PER_SECOND;
 use cfodi::sim::{Drive, Scene};

@@ -33,13 +33,13 @@ use self::network::Network;
 use self::opener::{Opener, reliable, reliable_output};
 use self::read::Memory;
 pub use self::robot::Robot;
-use super::args::{ArgsError, Setup};
 use super::middleware::{Adding, Middleware, OpenError, Opened};
 use super::parameters::Parameters;
 use super::process::{receive_buffer, say_discovery, say_receive_buffer};
 use super::record::Record;
-use super::security::{Security, SecurityError};
 use super::transport::{NetworkState, Outgoing, SendError, SensorTopics, Service, Source, Transport};
+use crate::args::security::{Security, SecurityError};
+use crate::args::{ArgsError, Setup};
 use crate::memory::prefault;
 use crate::msg::ros::{TriggerRequest, TriggerResponse};
 

@@ -1,4 +1,4 @@
-//! Which middleware the node talks over, as ROS chooses it, and what a process does with one.
+//! What a process does with a middleware.
 
 use std::future::Future;
 use std::net::Ipv4Addr;
@@ -6,63 +6,10 @@ use std::net::Ipv4Addr;
 use thiserror::Error;
 use tokio::sync::mpsc::{Receiver, Sender};
 
-use super::args::{ArgsError, Setup};
 use super::record::Record;
-use super::security::{Security, SecurityError};
 use super::transport::{Event, Transport};
-
-/// Whether Zenoh was built in.
-pub const ZENOH_BUILT_IN: bool = cfg!(feature = "zenoh");
-
-/// What ROS calls Zenoh.
-const ZENOH: &str = "rmw_zenoh_cpp";
-
-/// What ROS calls implementations of DDS, which all talk to each other.
-const DDS: [&str; 6] = [
-    "rmw_fastrtps_cpp",
-    "rmw_fastrtps_dynamic_cpp",
-    "rmw_cyclonedds_cpp",
-    "rmw_connextdds",
-    "rmw_connextddsmicro",
-    "rmw_gurumdds_cpp",
-];
-
-/// The middleware that the node talks over.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Rmw {
-    /// DDS.
-    Dds,
-    /// Zenoh.
-    Zenoh,
-}
-
-/// A middleware that was asked for and cannot be had: the node's peers would not hear it.
-#[derive(Clone, Debug, PartialEq, Eq, Error)]
-pub enum RmwError {
-    /// `RMW_IMPLEMENTATION` names none that is known.
-    #[error("RMW_IMPLEMENTATION is {0:?}; it must be `{ZENOH}`, or for DDS one of {list}", list = DDS.join(", "))]
-    Unknown(String),
-    /// The cargo feature `zenoh` is absent.
-    #[error(
-        "RMW_IMPLEMENTATION is {ZENOH}, and Zenoh was not built in: build with `cargo install --path . --features zenoh`"
-    )]
-    NotBuiltIn,
-}
-
-impl Rmw {
-    /// The one that `RMW_IMPLEMENTATION` names: DDS where it names none. `zenoh_built_in` says whether there is a choice.
-    ///
-    /// # Errors
-    /// When it cannot be had.
-    pub fn named(name: &str, zenoh_built_in: bool) -> Result<Self, RmwError> {
-        match name {
-            ZENOH if zenoh_built_in => Ok(Self::Zenoh),
-            ZENOH => Err(RmwError::NotBuiltIn),
-            name if name.is_empty() || DDS.contains(&name) => Ok(Self::Dds),
-            other => Err(RmwError::Unknown(other.to_owned())),
-        }
-    }
-}
+use crate::args::security::{Security, SecurityError};
+use crate::args::{ArgsError, Setup};
 
 /// The middleware refused something.
 #[derive(Debug, Error)]
@@ -143,24 +90,4 @@ pub trait Middleware: Transport<Request: Send> + Sized {
     /// Takes the node off the network. Drop what this returns after the [`tokio::task::LocalSet`]: readers sign off at
     /// what must still be there.
     fn close(self) -> impl Future<Output = impl Sized>;
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn rmw_implementation_chooses_as_in_ros_and_what_it_cannot_be_is_refused() {
-        for name in ["", "rmw_fastrtps_cpp", "rmw_cyclonedds_cpp"] {
-            assert_eq!((Rmw::named(name, true), Rmw::named(name, false)), (Ok(Rmw::Dds), Ok(Rmw::Dds)));
-        }
-        assert_eq!(Rmw::named("rmw_zenoh_cpp", true), Ok(Rmw::Zenoh));
-        let error = Rmw::named("rmw_zenoh_cpp", false).unwrap_err().to_string();
-        assert!(error.ends_with("build with `cargo install --path . --features zenoh`"), "{error}");
-        let error = Rmw::named("rmw_zenoh", true).unwrap_err().to_string();
-        assert!(
-            error.starts_with("RMW_IMPLEMENTATION is \"rmw_zenoh\"; it must be `rmw_zenoh_cpp`"),
-            "{error}"
-        );
-    }
 }

@@ -1,13 +1,11 @@
 //! The live node: the only place with ROS, async and a clock.
 //!
-//! [`args`] turns a ROS command line into a checked [`Setup`]; [`security`] says with which keys, if any, it may open a
-//! socket; [`transport`] is what the node needs of a middleware; [`dds`] is that over ROS 2's DDS, and the only module
-//! that imports `ros2_client`; `zenoh`, with the feature of that name, is it over Zenoh, and [`middleware`] chooses;
+//! It begins with a [`Setup`], which [`args`] has checked. [`transport`] is what it needs of a [`middleware`]; [`dds`] is that
+//! over ROS 2's DDS, and the only module that imports `ros2_client`; `zenoh`, with the feature of that name, is it over Zenoh;
 //! [`live`] joins clouds with their transforms and hands scans to the worker; `inputs` finds the words about what is heard
 //! and what could be; [`process`] is all of it as a process; `publish` turns the worker's outputs into messages;
 //! [`record`] keeps them; `parameters` answers the parameter services.
 
-pub mod args;
 mod clock;
 pub mod counts;
 pub mod dds;
@@ -16,7 +14,6 @@ mod inputs;
 pub mod live;
 pub mod middleware;
 mod parameters;
-mod params_file;
 pub mod process;
 mod publish;
 pub mod record;
@@ -24,7 +21,6 @@ pub mod resume;
 pub mod rosout;
 mod saved;
 mod saving;
-pub mod security;
 mod seeds;
 mod speak;
 mod throttle;
@@ -34,7 +30,7 @@ mod vitals;
 #[cfg(feature = "zenoh")]
 pub mod zenoh;
 
-pub use self::args::Setup;
+pub use crate::args::{self, Setup};
 
 #[cfg(not(any(feature = "humble", feature = "jazzy")))]
 compile_error!("feature `node` needs the ROS 2 distribution that it talks to: feature `jazzy` or `humble`");

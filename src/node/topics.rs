@@ -2,10 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use super::args::{ArgsError, Setup};
 use super::inputs::COMPRESSED_DEPTH;
 use super::parameters;
 use super::transport::{DepthTopics, Form, Outgoing, SensorTopics, Service, TopicName};
+use crate::args::{ArgsError, Setup};
 use crate::config::Sensor;
 
 /// A topic that nobody reads.
@@ -71,7 +71,7 @@ fn topics(setup: &Setup, sensor: &Sensor) -> Result<SensorTopics, ArgsError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::node::args::Environment;
+    use crate::args::Environment;
 
     #[test]
     fn names_that_cannot_be_are_refused_before_anything_is_done() {

@@ -29,12 +29,12 @@ use zenoh::{Session, Wait as _};
 pub use self::opener::Call;
 use self::opener::{Opener, Tokens};
 use self::outlet::Outlet;
-use super::args::{ArgsError, Setup};
 use super::middleware::{Adding, Middleware, OpenError, Opened};
 use super::parameters::Parameters;
 use super::record::Record;
-use super::security::{Security, SecurityError};
 use super::transport::{NetworkState, Outgoing, SendError, SensorTopics, Service, Source, Transport};
+use crate::args::security::{Security, SecurityError};
+use crate::args::{ArgsError, Setup};
 use crate::bag::cdr;
 use crate::msg::ros::TriggerResponse;
 

@@ -34,6 +34,33 @@ def literals():
             yield PLACE.sub("\0", re.sub(r"\\\n\s*", "", literal).replace('\\"', '"'))
 
 
+NAME = re.compile(r"\b\w+(?:/|\.rs)")
+TESTS = re.compile(r"\n#\[cfg\(test\)\]\n(?:#.*\n)?(?:pub\S* )?mod \w+ \{")
+
+
+def imports():
+    """Each module but the command line, as the graph calls it -> the others that it imports, but for its tests."""
+    names = {path.name: f"{path.name}/" for path in SRC.iterdir() if path.is_dir()}
+    names |= {path.stem: path.name for path in SRC.glob("*.rs")}
+    found = {}
+    for module in names.keys() - {"lib", "main", "cli"}:
+        files = [*SRC.glob(f"{module}.rs"), *SRC.glob(f"{module}/**/*.rs")]
+        files = [path for path in files if not any(part.startswith("tests") for part in path.relative_to(SRC).parts)]
+        code = [TESTS.split(path.read_text())[0] for path in files]
+        used = set(re.findall(r"^[^/\n]*\bcrate::(\w+)", "\n".join(code), re.MULTILINE))
+        found[names[module]] = {names[other] for other in used - {module} if other in names}
+    return found
+
+
+def test_the_graph_of_modules_has_the_imports_that_there_are():
+    graph = (REPOSITORY / "ARCHITECTURE.md").read_text().split("```\n")[1]
+    free = set(NAME.findall(re.search("^.*import nothing of the others", graph, re.MULTILINE)[0]))
+    drawn = {each: set() for each in free}
+    for begin, targets in re.findall("^(?:    ├──>|    └──>)?(.*) ──> (.*)$", graph, re.MULTILINE):
+        drawn |= {each: set(NAME.findall(targets)) - free for each in NAME.findall(begin)}
+    assert drawn == {each: others if each in free else others - free for each, others in imports().items()}
+
+
 def test_every_parameter_is_a_heading_of_the_page_and_those_that_change_live_are_listed():
     page = (DOCS / "tune.md").read_text()
     headings = " ".join(re.findall(r"^### .*$", page, re.MULTILINE))

@@ -2,8 +2,8 @@
 
 use std::fs;
 
-use cfodi::node::Setup;
-use cfodi::node::args::Environment;
+use cfodi::args::Environment;
+use cfodi::args::Setup;
 
 use super::bytes::Bytes;
 use super::mcap::with_folder;

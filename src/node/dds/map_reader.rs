@@ -5,8 +5,8 @@ use ros2_client::{Node, Subscription};
 use rustdds::DomainParticipant;
 
 use super::{Opener, reliable};
+use crate::args::Setup;
 use crate::msg::clusters::SurfaceClusterArray;
-use crate::node::Setup;
 use crate::node::middleware::OpenError;
 
 /// Reads the snapshots that a node publishes.

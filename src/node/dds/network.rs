@@ -19,14 +19,14 @@ use super::pulse::Pulse;
 use super::read::{self, Memory};
 use super::threads::Threads;
 use super::{Events, Opener, Readers, opening, ros_type};
+use crate::args::Setup;
+use crate::args::security::Security;
 use crate::msg::clusters::SurfaceClusterArray;
 use crate::msg::reports::{DiagnosticArray, Log};
 use crate::msg::ros::{MarkerArray, PointCloud2, TriggerRequest, TriggerResponse};
 use crate::msg::twins::{Detection3DArray, PolygonInstanceStamped};
-use crate::node::args::Setup;
 use crate::node::middleware::OpenError;
 use crate::node::parameters::Parameters;
-use crate::node::security::Security;
 use crate::node::transport::{Outgoing, SendError, Service, Source};
 
 /// Most deltas that are kept for a reader that does not acknowledge them: more than 20 s of them, after which ROS readers

@@ -16,9 +16,9 @@ use serde::Serialize;
 
 use super::mismatch::Ends;
 use super::{opening, secure};
-use crate::node::Setup;
+use crate::args::Setup;
+use crate::args::security::Security;
 use crate::node::middleware::OpenError;
-use crate::node::security::Security;
 
 /// A node on the network, before it has topics.
 pub(super) struct Opener<'a> {

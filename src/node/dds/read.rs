@@ -14,13 +14,13 @@ use serde::de::{DeserializeOwned, DeserializeSeed};
 
 use super::namesakes::Namesakes;
 use super::{Events, Opener, Readers, latched, opening, parameters, reliable};
+use crate::args::security::Security;
 use crate::cloud::{CloudSeed, CompressedSeed, DepthSeed};
 use crate::msg::ros::{CameraInfo, Clock, TriggerRequest, TriggerResponse};
 use crate::node::clock;
 use crate::node::heard::{Known, Order, PublisherId, Taken};
 use crate::node::middleware::OpenError;
 use crate::node::parameters::Parameters;
-use crate::node::security::Security;
 use crate::node::seeds::{Decoded, LatestCamera, Told, WithCamera, WithFilter};
 use crate::node::transport::{DepthTopics, Event, Form, Input, Service};
 

@@ -7,8 +7,8 @@ use ros2_client::{Node, Publisher, QosProfile};
 use rustdds::DomainParticipant;
 
 use super::{Opener, reliable};
+use crate::args::Setup;
 use crate::msg::ros::{PointCloud2, TfMessage};
-use crate::node::args::Setup;
 use crate::node::middleware::OpenError;
 use crate::node::transport::SendError;
 

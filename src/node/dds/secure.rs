@@ -2,8 +2,8 @@
 
 use rustdds::{DomainParticipant, DomainParticipantBuilder};
 
+use crate::args::security::{Enclave, SecurityError};
 use crate::node::middleware::OpenError;
-use crate::node::security::{Enclave, SecurityError};
 
 #[cfg(not(feature = "security"))]
 pub(super) fn build(_: DomainParticipantBuilder, _: Enclave) -> Result<DomainParticipant, OpenError> {
@@ -41,7 +41,7 @@ mod keys {
     use openssl::x509::X509;
     use tracing::warn;
 
-    use crate::node::security::{DataProtection, data_protection};
+    use crate::args::security::{DataProtection, data_protection};
 
     pub(super) fn check(folder: &Path) -> Result<(), String> {
         let read = |name: &str| std::fs::read(folder.join(name)).map_err(|error| format!("{name}: {error}"));

@@ -185,7 +185,7 @@ impl Attachment {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::node::args::{Environment, Setup};
+    use crate::args::{Environment, Setup};
     use crate::node::parameters;
     use crate::node::transport::Outgoing;
 

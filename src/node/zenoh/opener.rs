@@ -18,8 +18,8 @@ use zenoh_ext::{AdvancedSubscriber, AdvancedSubscriberBuilderExt as _, HistoryCo
 use super::mailbox::{Mailbox, Room};
 use super::names::{Attachment, Kind, Named, NodeToken, Qos, publisher_id};
 use super::opening;
+use crate::args::Setup;
 use crate::bag::cdr;
-use crate::node::args::Setup;
 use crate::node::clock;
 use crate::node::heard::PublisherId;
 use crate::node::middleware::OpenError;
