@@ -675,3 +675,18 @@ fn a_topic_of_the_input_that_the_result_has_itself_is_said_not_to_be_copied() {
     assert_eq!((found.status, found.number("scans")), (0, 2), "{}", found.errors);
     assert!(found.errors.contains("/cfodi/points_labelled of the input is not copied"), "{}", found.errors);
 }
+
+#[cfg(unix)]
+#[test]
+fn an_output_goes_through_a_link_to_what_is_not_there_yet_and_two_do_not_go_to_one_file() {
+    let folder = Folder::new();
+    let bag = folder.put("a.mcap", &drive(BagWriter::new(Layout::Plain), 2));
+    let [link, target] = ["link.json", "c.json"].map(|name| folder.0.path().join(name));
+    std::os::unix::fs::symlink("c.json", &link).unwrap();
+    let [link_text, target_text] = [&link, &target].map(|path| path.to_str().unwrap());
+    let both = replay(&bag, &["--clusters", link_text, "--ply", target_text]);
+    assert_eq!((both.status, target.exists()), (2, false), "{}", both.errors);
+    assert!(both.errors.contains("two outputs would be written to"), "{}", both.errors);
+    assert_eq!(replay(&bag, &["--clusters", link_text]).status, 0);
+    assert!(link.is_symlink() && fs::symlink_metadata(&target).unwrap().is_file());
+}
