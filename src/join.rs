@@ -35,8 +35,8 @@ pub struct Join {
 struct Sensor {
     /// The newest stamp.
     newest: Stamp,
-    /// How often transforms had jumped back then. A scan that jumps back has to wait until they have done so too: those that
-    /// go on beyond it are of before the jump.
+    /// How often the transforms had jumped back when it came. While this has not changed, they are of before a jump of the
+    /// sensor's stamps, and a scan that jumps back waits until they have jumped too.
     jumps: u64,
 }
 
