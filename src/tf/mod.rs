@@ -314,7 +314,8 @@ impl Frames {
 
     /// The isometry that maps coordinates of the frame `sensor` into the frame `fixed` at `stamp`.
     ///
-    /// Equal names give the identity, known or not: the answer holds either way.
+    /// Equal names give the identity, known or not: the answer holds either way. Between two samples the way is a straight line,
+    /// as in tf2, however far apart they are within [`MAX_AGE`], and whether or not others between them were refused.
     ///
     /// # Errors
     ///
