@@ -122,6 +122,12 @@ impl Join {
         self.waiting.oldest()
     }
 
+    /// The frames of the sensors that have sent a cloud in this session, that of the cloud that has waited longest first.
+    pub fn sensors(&self) -> impl Iterator<Item = &str> {
+        let oldest = self.oldest().map(|(frame, _)| frame);
+        oldest.into_iter().chain(self.arrived.keys().map(String::as_str))
+    }
+
     /// Takes in a transform.
     ///
     /// # Errors

@@ -390,6 +390,11 @@ impl Frames {
     }
 }
 
+/// Whether a transform is well formed by itself; whether the tree has a place for it is another question.
+pub(crate) fn check(message: &TransformStamped, is_static: bool) -> Result<(), FrameError> {
+    Sample::check(message, is_static).map(drop)
+}
+
 /// The name without leading slashes: ROS 1 put one, tf2 takes none.
 pub(crate) fn bare(name: &str) -> &str {
     name.trim_start_matches('/')

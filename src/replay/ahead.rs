@@ -1,0 +1,42 @@
+//! What a replay reads of its bag before its turn comes.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use crate::bag::{Bag, Decoder, Message, Recorded};
+use crate::msg::ros::TransformStamped;
+
+/// A bag to look ahead in, up to a signal; what cannot be read is said when its turn comes.
+pub(super) struct Ahead<'a> {
+    bag: &'a Bag,
+    decoder: Decoder,
+    stop: Arc<AtomicBool>,
+}
+
+impl<'a> Ahead<'a> {
+    pub(super) const fn new(bag: &'a Bag, decoder: Decoder, stop: Arc<AtomicBool>) -> Self {
+        Self { bag, decoder, stop }
+    }
+
+    /// Reads the sensors.
+    pub(super) fn decoder(&self) -> Decoder {
+        self.decoder.clone()
+    }
+
+    /// The transforms of the whole bag, in order, with whether they are static.
+    pub(super) fn transforms(&self) -> impl Iterator<Item = (TransformStamped, bool)> + use<> {
+        let mut decoder = self.decoder.of_transforms();
+        let messages = messages(self.bag, Arc::clone(&self.stop));
+        let recorded = messages.flat_map(move |message| decoder.decode(&message));
+        recorded.flat_map(|recorded| match recorded {
+            Recorded::Transforms { message, is_static } => {
+                message.transforms.into_iter().map(|transform| (transform, is_static)).collect()
+            }
+            _ => Vec::new(),
+        })
+    }
+}
+
+fn messages(bag: &Bag, stop: Arc<AtomicBool>) -> impl Iterator<Item = Message> + use<> {
+    bag.messages().map_while(Result::ok).take_while(move |_| !stop.load(Ordering::Relaxed))
+}
