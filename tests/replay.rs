@@ -773,3 +773,12 @@ fn a_refused_link_above_the_frame_in_which_the_sensor_moves_costs_nothing() {
     assert_eq!(found.number("scans"), 60, "{}", found.errors);
     assert!(found.errors.contains("in which no transform moves it"), "{}", found.errors);
 }
+
+#[test]
+fn two_publishers_that_contradict_each_other_are_said_in_a_replay_too_and_not_without_end() {
+    let folder = Folder::new();
+    let links = [("/tf", ["odom", OPTICAL], true), ("/tf", ["map", OPTICAL], true)];
+    let found = replay(&folder.put("two.mcap", &drive_with_links(links)), &[]);
+    let said = format!("{OPTICAL} was below odom and is now below map, and its past is forgotten");
+    assert_eq!(found.errors.matches(&said).count(), 2, "{}", found.errors);
+}

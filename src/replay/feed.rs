@@ -31,6 +31,9 @@ const OUT_OF_ORDER: Duration = Duration::from_secs(1);
 /// How long a bag may hold nothing to be read until it is looked whether to stop.
 const LOOK: Duration = Duration::from_millis(100);
 
+/// How often it is said that a frame has changed its parent: what is said again tells of two publishers.
+const TWICE: u32 = 2;
+
 /// Why scans are skipped that nobody wants.
 const AFTER_JUMP: &str = "after_jump";
 
@@ -217,7 +220,7 @@ struct Feeder<'a, V> {
     tally: Tally,
     /// Why scans of which frame were skipped.
     skips_said: Said,
-    /// What transforms were refused for.
+    /// What transforms have done or were refused for.
     transforms_said: Said,
 }
 
@@ -358,7 +361,7 @@ impl<V: Visitor> Feeder<'_, V> {
     fn transform(&mut self, transform: &TransformStamped, is_static: bool) -> Option<String> {
         let said = &mut self.transforms_said;
         match self.join.transform(transform, is_static) {
-            Ok(_) => None,
+            Ok(inserted) => inserted.about(transform).filter(|line| said.is_due(line, TWICE)),
             Err(error) => {
                 let reason = error.reason();
                 self.tally.refuse_transform(reason);
