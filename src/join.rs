@@ -6,7 +6,7 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use crate::cloud::Cloud;
+use crate::cloud::{Cloud, CloudError};
 use crate::engine::{Scan, Stamp};
 use crate::msg::ros::TransformStamped;
 use crate::tf::{FrameError, Frames, Inserted, JUMP_BACK, LookupError, Moment, Waited, WaitingQueue};
@@ -43,6 +43,15 @@ struct Sensor {
 /// Whether a stamp has jumped back behind the newest of its sensor.
 fn is_back(stamp: Stamp, newest: Stamp) -> bool {
     newest.seconds_since(stamp) > JUMP_BACK
+}
+
+/// A cloud whose stamp says when it was taken: a moving sensor cannot be placed at the time when its scan happens to come.
+/// Zero says nothing, but where the clock is a simulated one, which begins there.
+///
+/// # Errors
+/// [`CloudError::NoStamp`].
+pub fn with_stamp(cloud: Cloud, is_simulated: impl FnOnce() -> bool) -> Result<Cloud, CloudError> {
+    if cloud.stamp.nanos() != 0 || is_simulated() { Ok(cloud) } else { Err(CloudError::NoStamp) }
 }
 
 /// A cloud, and the lap in which it arrived.
@@ -253,6 +262,14 @@ mod tests {
         assert!(join.cloud(cloud(seconds), Duration::ZERO).is_none());
         let jumps = join.ready("map").into_iter().map(|joined| joined.jumped_back);
         jumps.map(|jump| jump.map(|jump| jump.seconds)).collect()
+    }
+
+    #[test]
+    fn a_stamp_of_zero_is_none_but_of_a_simulated_clock() {
+        assert_eq!(with_stamp(cloud(0.0), || false), Err(CloudError::NoStamp));
+        for (seconds, is_simulated) in [(0.0, true), (1e-9, false), (-1.0, false)] {
+            assert_eq!(with_stamp(cloud(seconds), || is_simulated), Ok(cloud(seconds)));
+        }
     }
 
     #[test]

@@ -782,3 +782,28 @@ fn two_publishers_that_contradict_each_other_are_said_in_a_replay_too_and_not_wi
     let said = format!("{OPTICAL} was below odom and is now below map, and its past is forgotten");
     assert_eq!(found.errors.matches(&said).count(), 2, "{}", found.errors);
 }
+
+/// Clouds of a sensor that stands still, at these stamps, one recorded each 33 ms.
+fn at_stamps(stamps: impl Iterator<Item = i64>) -> Vec<u8> {
+    let mut writer = BagWriter::new(Layout::Chunks);
+    writer.tf("/tf_static", stamp(0), "map", OPTICAL, 0.0);
+    for (i, stamped) in stamps.enumerate() {
+        writer.put(POINTS, "sensor_msgs/msg/PointCloud2", stamp(i), &bags::cloud(stamped, OPTICAL, &wall(i)));
+    }
+    writer.finish()
+}
+
+#[test]
+fn a_stamp_of_zero_is_refused_and_ends_no_session_but_where_time_begins_there() {
+    let folder = Folder::new();
+    let stray = (0..60).map(|i| if i == 40 { 0 } else { stamp(i) });
+    let found = replay(&folder.put("stray.mcap", &at_stamps(stray)), &[]);
+    assert_eq!((found.number("scans"), found.number("sessions")), (59, 1), "{}", found.errors);
+    assert_eq!(found.summary.as_ref().unwrap()["scans_skipped"]["no_stamp"], 1, "{}", found.errors);
+    assert!(found.errors.contains("a scan was skipped: its stamp is zero"), "{}", found.errors);
+    let none = replay(&folder.put("none.mcap", &at_stamps((0..5).map(|_| 0))), &[]);
+    assert_eq!(none.summary.as_ref().unwrap()["scans_skipped"]["no_stamp"], 5, "{}", none.errors);
+    let simulated = (0..60).chain(0..3).map(|i| stamp(i) - stamp(0));
+    let found = replay(&folder.put("simulated.mcap", &at_stamps(simulated)), &[]);
+    assert_eq!((found.number("scans"), found.number("sessions")), (63, 2), "{}", found.errors);
+}

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use super::clocks;
 use crate::bag::{Bag, Decoder, Message, Recorded};
 use crate::msg::ros::TransformStamped;
 
@@ -11,11 +12,13 @@ pub(super) struct Ahead<'a> {
     bag: &'a Bag,
     decoder: Decoder,
     stop: Arc<AtomicBool>,
+    /// Once it is known.
+    begins_at_zero: Option<bool>,
 }
 
 impl<'a> Ahead<'a> {
     pub(super) const fn new(bag: &'a Bag, decoder: Decoder, stop: Arc<AtomicBool>) -> Self {
-        Self { bag, decoder, stop }
+        Self { bag, decoder, stop, begins_at_zero: None }
     }
 
     /// Reads the sensors.
@@ -34,6 +37,12 @@ impl<'a> Ahead<'a> {
             }
             _ => Vec::new(),
         })
+    }
+
+    /// Whether a stamp of zero is a time like any other.
+    pub(super) fn begins_at_zero(&mut self) -> bool {
+        let Self { bag, decoder, stop, begins_at_zero } = self;
+        *begins_at_zero.get_or_insert_with(|| clocks::begins_at_zero(bag, decoder.clone(), stop))
     }
 }
 

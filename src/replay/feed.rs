@@ -16,7 +16,7 @@ use super::tree::Tree;
 use crate::bag::{Bag, BagError, Decoder, Message, Recorded};
 use crate::cloud::{Cloud, CloudError};
 use crate::engine::Scan;
-use crate::join::{Join, Joined, Jump};
+use crate::join::{Join, Joined, Jump, with_stamp};
 use crate::msg::ros::{TfMessage, TransformStamped};
 use crate::tf::{LookupError, Waited};
 
@@ -258,11 +258,15 @@ impl<V: Visitor> Feeder<'_, V> {
 
     fn recorded(&mut self, recorded: Recorded, decoding: Duration) -> Result<(), V::Error> {
         match recorded {
-            Recorded::Cloud(Ok(cloud)) => {
-                self.tally.decoding += decoding;
-                self.cloud(cloud)?;
+            Recorded::Cloud(cloud) => {
+                match cloud.and_then(|cloud| with_stamp(cloud, || self.ahead.begins_at_zero())) {
+                    Ok(cloud) => {
+                        self.tally.decoding += decoding;
+                        self.cloud(cloud)?;
+                    }
+                    Err(error) => self.refused(&error),
+                }
             }
-            Recorded::Cloud(Err(error)) => self.refused(&error),
             Recorded::Transforms { message, is_static } => self.transforms(&message, is_static)?,
             Recorded::Distorted { topic } => {
                 let line = format!("{topic} tells of lens distortion: depth images are taken as rectified");
