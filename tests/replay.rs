@@ -15,6 +15,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use bags::{BagWriter, Layout, OPTICAL, POINTS, drive, drive_along, ends_of_clouds, stamp, wall};
+use cfodi::msg::ros::{CameraInfo, Image};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -806,4 +807,42 @@ fn a_stamp_of_zero_is_refused_and_ends_no_session_but_where_time_begins_there() 
     let simulated = (0..60).chain(0..3).map(|i| stamp(i) - stamp(0));
     let found = replay(&folder.put("simulated.mcap", &at_stamps(simulated)), &[]);
     assert_eq!((found.number("scans"), found.number("sessions")), (63, 2), "{}", found.errors);
+}
+
+#[test]
+fn a_camera_info_that_comes_late_is_looked_for_ahead() {
+    let folder = Folder::new();
+    let record = |info_at: usize, is_readable: bool| {
+        let mut writer = BagWriter::new(Layout::Chunks);
+        writer.tf("/tf_static", stamp(0), "map", OPTICAL, 0.0);
+        for i in 0..30 {
+            if i == info_at {
+                let k = [50.0, 0.0, 20.0, 0.0, 50.0, 20.0, 0.0, 0.0, 1.0];
+                let info = CameraInfo { width: 40, height: 40, k, d: vec![0.1], ..CameraInfo::default() };
+                let (topic, type_name) = ("/depth/camera_info", "sensor_msgs/msg/CameraInfo");
+                if is_readable {
+                    writer.put(topic, type_name, stamp(i), &info);
+                } else {
+                    writer.put_bytes(topic, type_name, stamp(i), &[0, 1, 0, 0, 9]);
+                }
+            }
+            let image = Image {
+                header: bags::header(stamp(i), OPTICAL),
+                height: 40,
+                width: 40,
+                encoding: "16UC1".to_owned(),
+                is_bigendian: 0,
+                step: 80,
+                data: [208, 7].repeat(1600),
+            };
+            writer.put("/depth/image", "sensor_msgs/msg/Image", stamp(i), &image);
+        }
+        replay(&folder.put("depth.mcap", &writer.finish()), &[])
+    };
+    let (early, late, none) = (record(0, true), record(25, true), record(25, false));
+    assert_eq!((early.number("scans"), late.number("scans")), (30, 30), "{}", late.errors);
+    assert_eq!(early.voxels, late.voxels);
+    assert_eq!(late.errors.matches("tells of lens distortion").count(), 1, "{}", late.errors);
+    let skipped = &none.summary.as_ref().unwrap()["scans_skipped"];
+    assert_eq!(skipped, &serde_json::json!({ "no_camera_info": 30 }), "{}", none.errors);
 }

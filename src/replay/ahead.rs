@@ -17,7 +17,9 @@ pub(super) struct Ahead<'a> {
 }
 
 impl<'a> Ahead<'a> {
-    pub(super) const fn new(bag: &'a Bag, decoder: Decoder, stop: Arc<AtomicBool>) -> Self {
+    /// Finds the cameras of the sensors first.
+    pub(super) fn new(bag: &'a Bag, mut decoder: Decoder, stop: Arc<AtomicBool>) -> Self {
+        decoder.look_for_cameras(messages(bag, Arc::clone(&stop)));
         Self { bag, decoder, stop, begins_at_zero: None }
     }
 
