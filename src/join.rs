@@ -6,7 +6,7 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use crate::cloud::Cloud;
+use crate::cloud::{Cloud, CloudError};
 use crate::engine::{Scan, Stamp};
 use crate::msg::ros::TransformStamped;
 use crate::tf::{FrameError, Frames, Inserted, JUMP_BACK, LookupError, Moment, Waited, WaitingQueue};
@@ -35,14 +35,23 @@ pub struct Join {
 struct Sensor {
     /// The newest stamp.
     newest: Stamp,
-    /// How often transforms had jumped back then. A scan that jumps back has to wait until they have done so too: those that
-    /// go on beyond it are of before the jump.
+    /// How often the transforms had jumped back when it came. While this has not changed, they are of before a jump of the
+    /// sensor's stamps, and a scan that jumps back waits until they have jumped too.
     jumps: u64,
 }
 
 /// Whether a stamp has jumped back behind the newest of its sensor.
 fn is_back(stamp: Stamp, newest: Stamp) -> bool {
     newest.seconds_since(stamp) > JUMP_BACK
+}
+
+/// A cloud whose stamp says when it was taken: a moving sensor cannot be placed at the time when its scan happens to come.
+/// Zero says nothing, but where the clock is a simulated one, which begins there.
+///
+/// # Errors
+/// [`CloudError::NoStamp`].
+pub fn with_stamp(cloud: Cloud, is_simulated: impl FnOnce() -> bool) -> Result<Cloud, CloudError> {
+    if cloud.stamp.nanos() != 0 || is_simulated() { Ok(cloud) } else { Err(CloudError::NoStamp) }
 }
 
 /// A cloud, and the lap in which it arrived.
@@ -120,6 +129,12 @@ impl Join {
     /// The frame of the cloud that has waited longest, and what its transform lacks.
     pub fn oldest(&self) -> Option<(&str, Option<&LookupError>)> {
         self.waiting.oldest()
+    }
+
+    /// The frames of the sensors that have sent a cloud in this session, that of the cloud that has waited longest first.
+    pub fn sensors(&self) -> impl Iterator<Item = &str> {
+        let oldest = self.oldest().map(|(frame, _)| frame);
+        oldest.into_iter().chain(self.arrived.keys().map(String::as_str))
     }
 
     /// Takes in a transform.
@@ -247,6 +262,14 @@ mod tests {
         assert!(join.cloud(cloud(seconds), Duration::ZERO).is_none());
         let jumps = join.ready("map").into_iter().map(|joined| joined.jumped_back);
         jumps.map(|jump| jump.map(|jump| jump.seconds)).collect()
+    }
+
+    #[test]
+    fn a_stamp_of_zero_is_none_but_of_a_simulated_clock() {
+        assert_eq!(with_stamp(cloud(0.0), || false), Err(CloudError::NoStamp));
+        for (seconds, is_simulated) in [(0.0, true), (1e-9, false), (-1.0, false)] {
+            assert_eq!(with_stamp(cloud(seconds), || is_simulated), Ok(cloud(seconds)));
+        }
     }
 
     #[test]

@@ -18,6 +18,7 @@ pub mod export;
 #[cfg(feature = "frames")]
 pub mod join;
 pub mod line;
+pub mod link;
 #[cfg(feature = "bag")]
 mod memory;
 pub mod msg;

@@ -31,6 +31,8 @@ use thiserror::Error;
 
 pub use self::aside::{MOST_ASIDE, keep_aside, set_aside, too_many_aside};
 use crate::engine::{RestoreError, SavedMap, SavedMapOfVersion1};
+use crate::link::folder;
+pub use crate::link::target;
 
 /// What a file holds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -64,8 +66,6 @@ const CHECKED: usize = 28;
 /// How many times as long as the packed map the unpacked one is at most; a real one is some 2 to 5 times as long. What it
 /// takes in memory follows its unpacked length: nothing in it is worth more than some tens of its bytes.
 const MOST_UNPACKED: u64 = 32;
-/// Links that are followed one after the other, as by Linux.
-const MOST_LINKS: usize = 40;
 /// zstd's level: 1 packs a map in a tenth of the time of its default and makes it a few per cent larger.
 const LEVEL: i32 = 1;
 
@@ -199,23 +199,6 @@ pub fn read(path: &Path) -> Result<Stored, StoreError> {
         Err(Flaw::Newer(version)) => Err(StoreError::Newer { path: path.to_owned(), version }),
         Err(Flaw::Damaged(what)) => Err(StoreError::Damaged { path: path.to_owned(), what }),
     }
-}
-
-/// What a name stands for: symbolic links stay, and what they lead to is replaced, there or not there yet.
-///
-/// # Errors
-/// Where they lead in a circle.
-pub fn target(path: &Path) -> io::Result<PathBuf> {
-    let mut target = path.to_owned();
-    for _ in 0..MOST_LINKS {
-        let Ok(to) = fs::read_link(&target) else { return Ok(target) };
-        target = folder(&target).join(to);
-    }
-    Err(io::Error::other("its symbolic links lead in a circle"))
-}
-
-fn folder(path: &Path) -> &Path {
-    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
 fn beside(path: &Path, end: &str) -> PathBuf {

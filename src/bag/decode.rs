@@ -1,6 +1,6 @@
 //! What the messages of a bag say: scans and transforms.
 
-use std::collections::{BTreeSet, VecDeque};
+use std::collections::BTreeSet;
 
 use super::cdr::{read, read_with};
 use super::choose::{Sensor, SensorKind};
@@ -34,15 +34,6 @@ pub enum Recorded {
         text: String,
     },
 }
-
-/// Images that may wait for their intrinsics: drivers send both together, in either order.
-const IMAGES: usize = 8;
-
-/// Bytes of images that may wait, those of all sensors together: eight of 1920 x 1080 pixels in floating point have 63 MiB.
-const WAITING_BYTES: usize = 64 << 20;
-
-/// What becomes of an image that has waited in vain.
-const NO_CAMERA_INFO: Recorded = Recorded::Cloud(Err(CloudError::NoCameraInfo));
 
 /// The topics that transforms are read from, with or without the slash before them.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -90,20 +81,16 @@ pub struct Decoder {
 #[derive(Clone, Debug)]
 struct Input {
     sensor: Sensor,
-    /// The newest, or what is wrong with it.
+    /// The newest, or what is wrong with it; before the first it is that one, where [`Decoder::look_for_cameras`] has found it.
     camera: Option<Result<Camera, CloudError>>,
-    /// Images that came before their intrinsics.
-    waiting: VecDeque<Vec<u8>>,
-    /// The most that they may have together (bytes).
-    room: usize,
+    /// Whether it has come by itself.
+    has_come: bool,
 }
 
 impl Decoder {
     /// Reads these sensors.
     pub fn new(sensors: Vec<Sensor>, filter: CloudFilter, transforms: TransformTopics) -> Self {
-        let cameras = sensors.iter().filter(|sensor| sensor.info_topic.is_some()).count();
-        let room = WAITING_BYTES / cameras.max(1);
-        let input = |sensor| Input { sensor, camera: None, waiting: VecDeque::new(), room };
+        let input = |sensor| Input { sensor, camera: None, has_come: false };
         Self { filter, sensors: sensors.into_iter().map(input).collect(), transforms }
     }
 
@@ -113,19 +100,22 @@ impl Decoder {
         Self { filter: self.filter, sensors: Vec::new(), transforms: self.transforms.clone() }
     }
 
-    /// What a message says; nothing where its topic is not read. An image can come out later, with its intrinsics.
+    /// Takes the first intrinsics of each camera out of these messages, for the images before them: drivers send both together
+    /// in either order, and some send intrinsics seldom. Reads no further than it must.
+    pub fn look_for_cameras(&mut self, mut messages: impl Iterator<Item = Message>) {
+        while self.sensors.iter().any(Input::lacks_camera) {
+            let Some(message) = messages.next() else { return };
+            self.sensors.iter_mut().for_each(|input| input.look_for_camera(&message));
+        }
+    }
+
+    /// What a message says; nothing where its topic is not read.
     pub fn decode(&mut self, message: &Message) -> Vec<Recorded> {
         if is_transforms(message.type_name()) {
             return self.transforms(message).into_iter().collect();
         }
         let Self { filter, sensors, .. } = self;
-        sensors.iter_mut().flat_map(|input| input.decode(message, filter)).collect()
-    }
-
-    /// The images whose intrinsics have not come.
-    pub fn finish(&mut self) -> Vec<Recorded> {
-        let waiting = self.sensors.iter_mut().flat_map(|input| std::mem::take(&mut input.waiting));
-        waiting.map(|_| NO_CAMERA_INFO).collect()
+        sensors.iter_mut().filter_map(|input| input.decode(message, filter)).collect()
     }
 
     fn transforms(&self, message: &Message) -> Option<Recorded> {
@@ -138,118 +128,54 @@ impl Decoder {
 }
 
 impl Input {
-    fn decode(&mut self, message: &Message, filter: &CloudFilter) -> Vec<Recorded> {
-        if message.topic() == self.sensor.topic {
-            return self.scan(&message.data, filter);
-        }
-        if self.sensor.info_topic.as_deref() == Some(message.topic()) {
-            return self.intrinsics(message, filter);
-        }
-        Vec::new()
+    fn lacks_camera(&self) -> bool {
+        self.sensor.info_topic.is_some() && self.camera.is_none()
     }
 
-    fn intrinsics(&mut self, message: &Message, filter: &CloudFilter) -> Vec<Recorded> {
+    fn is_info(&self, message: &Message) -> bool {
+        self.sensor.info_topic.as_deref() == Some(message.topic())
+    }
+
+    fn look_for_camera(&mut self, message: &Message) {
+        if self.lacks_camera() && self.is_info(message) {
+            // What is not readable is said when its turn comes.
+            self.camera = read::<CameraInfo>(&message.data).ok().map(|info| Camera::from_info(&info));
+        }
+    }
+
+    fn decode(&mut self, message: &Message, filter: &CloudFilter) -> Option<Recorded> {
+        if message.topic() == self.sensor.topic {
+            return Some(Recorded::Cloud(self.scan(&message.data, filter)));
+        }
+        if self.is_info(message) { self.intrinsics(message) } else { None }
+    }
+
+    fn intrinsics(&mut self, message: &Message) -> Option<Recorded> {
+        let topic = message.topic().to_owned();
         match read::<CameraInfo>(&message.data) {
             Ok(info) => {
-                let before = self.camera.replace(Camera::from_info(&info));
-                let is_distorted = matches!(&self.camera, Some(Ok(camera)) if camera.is_distorted());
-                let told = (before.is_none() && is_distorted)
-                    .then(|| Recorded::Distorted { topic: message.topic().to_owned() });
-                let waiting = std::mem::take(&mut self.waiting);
-                let scans = waiting.iter().flat_map(|image| self.scan(image, filter));
-                told.into_iter().chain(scans).collect()
+                let camera = Camera::from_info(&info);
+                let is_distorted = matches!(&camera, Ok(camera) if camera.is_distorted());
+                self.camera = Some(camera);
+                let is_first = !std::mem::replace(&mut self.has_come, true);
+                (is_first && is_distorted).then_some(Recorded::Distorted { topic })
             }
-            Err(text) => vec![Recorded::Undecodable { topic: message.topic().to_owned(), text }],
+            Err(text) => Some(Recorded::Undecodable { topic, text }),
         }
     }
 
-    /// The scan in a message; one that has to wait is none yet, and may push out others.
-    fn scan(&mut self, data: &[u8], filter: &CloudFilter) -> Vec<Recorded> {
-        let seeded = match (self.sensor.kind, &self.camera) {
-            (SensorKind::Cloud, _) => read_with(data, CloudSeed::new(*filter)),
-            (_, Some(Err(error))) => return vec![Recorded::Cloud(Err(error.clone()))],
-            (SensorKind::Depth, Some(Ok(camera))) => read_with(data, DepthSeed::new(*camera, *filter)),
-            (SensorKind::CompressedDepth, Some(Ok(camera))) => {
-                read_with(data, CompressedSeed::new(*camera, *filter))
-            }
-            (_, None) => return self.wait(data),
+    fn scan(&self, data: &[u8], filter: &CloudFilter) -> Result<Cloud, CloudError> {
+        let camera = || self.camera.clone().unwrap_or(Err(CloudError::NoCameraInfo));
+        let seeded = match self.sensor.kind {
+            SensorKind::Cloud => read_with(data, CloudSeed::new(*filter)),
+            SensorKind::Depth => read_with(data, DepthSeed::new(camera()?, *filter)),
+            SensorKind::CompressedDepth => read_with(data, CompressedSeed::new(camera()?, *filter)),
         };
-        let cloud = seeded.unwrap_or_else(|text| Err(CloudError::Undecodable(text)));
-        vec![Recorded::Cloud(cloud)]
-    }
-
-    /// Keeps an image; the oldest are given up where too many wait or have too many bytes, and one that is too large alone.
-    fn wait(&mut self, image: &[u8]) -> Vec<Recorded> {
-        if image.len() > self.room {
-            return vec![NO_CAMERA_INFO];
-        }
-        let mut given_up = Vec::new();
-        while self.waiting.len() >= IMAGES || self.waiting_bytes() + image.len() > self.room {
-            self.waiting.pop_front();
-            given_up.push(NO_CAMERA_INFO);
-        }
-        self.waiting.push_back(image.to_owned());
-        given_up
-    }
-
-    fn waiting_bytes(&self) -> usize {
-        self.waiting.iter().map(Vec::len).sum()
+        seeded.unwrap_or_else(|text| Err(CloudError::Undecodable(text)))
     }
 }
 
 /// Whether messages of this type are transforms: as ROS 2 has it, and as bags from ROS 1 may still call it.
 pub(super) fn is_transforms(type_name: &str) -> bool {
     matches!(type_name, "tf2_msgs/msg/TFMessage" | "tf/msg/tfMessage")
-}
-
-#[cfg(test)]
-mod tests {
-    use std::collections::BTreeMap;
-    use std::sync::Arc;
-
-    use super::*;
-    use crate::cloud::Optical;
-
-    /// Reads the depth images of `/0`, `/1` and so on, whose intrinsics do not come.
-    fn decoder(sensors: usize) -> Decoder {
-        let sensor = |i| Sensor {
-            topic: format!("/{i}"),
-            kind: SensorKind::Depth,
-            info_topic: Some(format!("/{i}/camera_info")),
-        };
-        let filter = CloudFilter { min_range: 0.4, max_range: 6.0, optical: Optical::Auto, max_points: 1 };
-        Decoder::new((0..sensors).map(sensor).collect(), filter, TransformTopics::default())
-    }
-
-    /// How many images are given up when one of so many bytes comes on `/0`.
-    fn given_up(decoder: &mut Decoder, bytes: usize) -> usize {
-        let channel = mcap::Channel {
-            id: 0,
-            topic: "/0".to_owned(),
-            schema: None,
-            message_encoding: "cdr".to_owned(),
-            metadata: BTreeMap::new(),
-        };
-        let said = decoder.decode(&Message { channel: Arc::new(channel), log_time: 0, data: vec![0; bytes] });
-        assert!(said.iter().all(|recorded| *recorded == NO_CAMERA_INFO), "{said:?}");
-        said.len()
-    }
-
-    #[test]
-    fn eight_images_wait_for_their_camera_and_the_oldest_is_given_up() {
-        let mut decoder = decoder(1);
-        assert_eq!([100; 10].map(|bytes| given_up(&mut decoder, bytes)), [0, 0, 0, 0, 0, 0, 0, 0, 1, 1]);
-        assert_eq!(decoder.finish().len(), 8);
-    }
-
-    #[test]
-    fn no_more_than_64_mib_of_images_wait_for_their_cameras() {
-        let mut decoder_of_one = decoder(1);
-        let mebibytes = [20, 20, 20, 20, 30, 65, 60, 4];
-        let counts = mebibytes.map(|size: usize| given_up(&mut decoder_of_one, size << 20));
-        assert_eq!(counts, [0, 0, 0, 1, 2, 1, 2, 0]);
-        assert_eq!(decoder_of_one.finish().len(), 2);
-        // Two sensors have half of it each.
-        assert_eq!([32, 33].map(|size: usize| given_up(&mut decoder(2), size << 20)), [0, 1]);
-    }
 }

@@ -10,6 +10,7 @@ use cfodi::bag::{self, Bag, Choice, Decoder, OutputTopics, Survey, TransformTopi
 use cfodi::config::{Kind, Sensor};
 use cfodi::export::{WholeFile, WriteError};
 use cfodi::line::one_line;
+use cfodi::link::target;
 use cfodi::node::transport::Outgoing;
 use cfodi::replay::{
     Ended, Feed, Finished, FixedFrame, MapFiles, Outputs, Progress, Replay, ResultFile, Settings, Summary,
@@ -311,6 +312,7 @@ pub(crate) fn clash(outputs: &[PathBuf], inputs: &[PathBuf]) -> Option<String> {
     // A file that is not there yet is the same as another where its folder and name are.
     let place = |path: &PathBuf| {
         path.canonicalize().ok().or_else(|| {
+            let path = target(path).ok()?;
             let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
             Some(folder.unwrap_or(Path::new(".")).canonicalize().ok()?.join(path.file_name()?))
         })

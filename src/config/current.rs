@@ -161,7 +161,7 @@ mod tests {
         );
         assert!(change(&mut current, &[("voxel_size", Value::Double(0.08))]).unwrap().is_empty());
         let error = change(&mut current, &[("voxel_size", Value::Double(-1.0))]).unwrap_err();
-        assert!(error.contains("must be from 0.001 to 10 m"), "{error}");
+        assert!(error.contains("must be finite and above 0 m"), "{error}");
         let error = change(&mut current, &[("fixed_frame", Value::Text("/".into()))]).unwrap_err();
         assert!(error.contains("must be the name of a frame"), "{error}");
         let error = change(&mut current, &[("mode", Value::Text("paper".into()))]).unwrap_err();

@@ -204,6 +204,7 @@ impl Row {
             Bounds::Any => String::new(),
             Bounds::Integers(least, i64::MAX) => format!("{least}{unit}{zero} or more"),
             Bounds::Integers(least, most) => format!("from {least}{zero} to {most}{unit}"),
+            Bounds::Numbers(LEAST, f64::MAX) => format!("finite and above 0{unit}"),
             Bounds::Numbers(least, f64::MAX) => format!("finite and {least}{unit}{zero} or more"),
             Bounds::Numbers(least, FRAC_PI_2) => format!("from {least}{zero} to pi/2{unit}"),
             Bounds::Numbers(least, most) => format!("from {least}{zero} to {most}{unit}"),
@@ -218,6 +219,9 @@ impl Row {
 
 /// No depth sensor sends more, and the sums of a voxel hold as many points of one scan (`engine::consistent`).
 const MAX_SCAN_POINTS: i64 = 1 << 24;
+
+/// The least number above 0.
+const LEAST: f64 = f64::from_bits(1);
 
 /// No depth sensor sees further [m].
 const FARTHEST: f64 = 1e6;

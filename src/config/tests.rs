@@ -69,7 +69,10 @@ fn an_unknown_name_gets_the_nearest_known_one() {
 #[test]
 fn an_impossible_value_is_named_with_what_it_must_be() {
     assert_eq!(line("depth", Value::Integer(9)), "depth is 9; it must be from 1 to 8");
-    assert_eq!(line("voxel_size", Value::Double(-1.0)), "voxel_size is -1.0; it must be from 0.001 to 10 m");
+    assert_eq!(
+        line("voxel_size", Value::Double(-1.0)),
+        "voxel_size is -1.0; it must be finite and above 0 m"
+    );
     assert_eq!(line("depth", Value::Text("deep".into())), "depth is \"deep\"; it must be an integer");
     assert_eq!(line("depth", Value::Double(2.5)), "depth is 2.5; it must be an integer");
     assert_eq!(line("depth", Value::Double(1e20)), "depth is 1e20; it must be from 1 to 8");

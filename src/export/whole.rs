@@ -4,6 +4,8 @@ use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
+use crate::link::target;
+
 /// A file could not be written; the cause is its `source`.
 #[derive(Debug, thiserror::Error)]
 #[error("cannot write {}", path.display())]
@@ -29,7 +31,7 @@ pub fn write_whole(
 /// A file under a temporary name in the folder of the one it is to be; dropping it before [`WholeFile::commit`] leaves
 /// nothing behind.
 ///
-/// A symbolic link stays and its target is replaced. What is no regular file, such as a pipe or `/dev/stdout`, cannot be
+/// A symbolic link stays, and its target is replaced or made. What is no regular file, such as a pipe or `/dev/stdout`, cannot be
 /// replaced and is written to directly.
 #[derive(Debug)]
 pub struct WholeFile {
@@ -52,7 +54,7 @@ impl WholeFile {
                 File::options().write(true).open(path).map(|file| (file, None))
             }
             Ok(_) => fs::canonicalize(path).and_then(|target| temporary(&target)),
-            Err(_) => temporary(path),
+            Err(_) => target(path).and_then(|target| temporary(&target)),
         };
         let (file, replaces) = opened.map_err(|source| WriteError { path: path.to_owned(), source })?;
         Ok(Self { path: path.to_owned(), replaces, out: BufWriter::new(file) })
@@ -193,6 +195,20 @@ mod tests {
         write_whole(&link, |out| out.write_all(b"after")).unwrap();
         assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
         assert_eq!(fs::read_to_string(&target).unwrap(), "after");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_to_what_is_not_there_yet_stays_and_leads_to_the_file() {
+        let folder = Folder::new();
+        fs::create_dir(folder.0.path().join("disk")).unwrap();
+        let [link, target, circle] = ["link", "disk/target", "circle"].map(|name| folder.0.path().join(name));
+        std::os::unix::fs::symlink("disk/target", &link).unwrap();
+        write_whole(&link, |out| out.write_all(b"new")).unwrap();
+        assert!(link.is_symlink() && fs::symlink_metadata(&target).unwrap().is_file());
+        assert_eq!(fs::read_to_string(&target).unwrap(), "new");
+        std::os::unix::fs::symlink("circle", &circle).unwrap();
+        assert!(write_whole(&circle, |_| Ok(())).is_err() && circle.is_symlink());
     }
 
     #[cfg(unix)]

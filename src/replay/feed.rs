@@ -7,13 +7,16 @@ use std::time::Duration;
 
 use thiserror::Error;
 
+use super::ahead::Ahead;
 use super::fixed_frame::FixedFrame;
 use super::reading::{Item, read};
+use super::said::Said;
 use super::summary::Tally;
+use super::tree::Tree;
 use crate::bag::{Bag, BagError, Decoder, Message, Recorded};
 use crate::cloud::{Cloud, CloudError};
 use crate::engine::Scan;
-use crate::join::{Join, Joined, Jump};
+use crate::join::{Join, Joined, Jump, with_stamp};
 use crate::msg::ros::{TfMessage, TransformStamped};
 use crate::tf::{LookupError, Waited};
 
@@ -27,6 +30,9 @@ const OUT_OF_ORDER: Duration = Duration::from_secs(1);
 
 /// How long a bag may hold nothing to be read until it is looked whether to stop.
 const LOOK: Duration = Duration::from_millis(100);
+
+/// How often it is said that a frame has changed its parent: what is said again tells of two publishers.
+const TWICE: u32 = 2;
 
 /// Why scans are skipped that nobody wants.
 const AFTER_JUMP: &str = "after_jump";
@@ -151,7 +157,7 @@ enum Halt {
 /// When the visitor cannot go on. A bag that cannot be read to its end is no error: [`Fed::unread`] says so.
 pub fn feed<V: Visitor>(feed: Feed<'_>, visitor: &mut V) -> Result<Ended, FeedError<V::Error>> {
     let Feed { bag, decoder, fixed_frame, patience, with_messages, stop, progress } = feed;
-    let of_transforms = decoder.of_transforms();
+    let ahead = Ahead::new(bag, decoder, Arc::clone(&stop));
     let messages = bag.messages();
     let bytes = messages.bytes_read();
     let (sender, receiver) = sync_channel(BETWEEN);
@@ -159,24 +165,26 @@ pub fn feed<V: Visitor>(feed: Feed<'_>, visitor: &mut V) -> Result<Ended, FeedEr
     let reading = std::thread::Builder::new()
         .name("cfodi-bag".to_owned())
         .spawn({
-            let quit = Arc::clone(&quit);
+            let (quit, decoder) = (Arc::clone(&quit), ahead.decoder());
             move || read(messages, decoder, with_messages, &sender, &quit)
         })
         .map_err(FeedError::Start)?;
     let mut feeder = Feeder {
-        bag,
+        ahead,
         visitor,
         stop,
-        of_transforms,
         join: Join::new(FEW),
         patience,
         now: Duration::ZERO,
         disorder: Some(Duration::ZERO),
         fixed_frame,
+        tree: Tree::default(),
         looked_ahead: false,
         enough: false,
         wrong_guess: false,
         tally: Tally::default(),
+        skips_said: Said::default(),
+        transforms_said: Said::default(),
     };
     let halt = feeder.take(&receiver, &bytes, progress);
     quit.store(true, Ordering::Relaxed);
@@ -191,11 +199,9 @@ pub fn feed<V: Visitor>(feed: Feed<'_>, visitor: &mut V) -> Result<Ended, FeedEr
 }
 
 struct Feeder<'a, V> {
-    bag: &'a Bag,
+    ahead: Ahead<'a>,
     visitor: &'a mut V,
     stop: Arc<AtomicBool>,
-    /// Reads the transforms of the bag.
-    of_transforms: Decoder,
     join: Join,
     patience: Duration,
     /// When the last message was recorded.
@@ -204,12 +210,18 @@ struct Feeder<'a, V> {
     /// with them the times of recording.
     disorder: Option<Duration>,
     fixed_frame: FixedFrame,
+    /// What all transforms so far say about names.
+    tree: Tree,
     looked_ahead: bool,
     /// The visitor wants no more.
     enough: bool,
     /// The newest transforms show that the guessed frame is not the root.
     wrong_guess: bool,
     tally: Tally,
+    /// Why scans of which frame were skipped.
+    skips_said: Said,
+    /// What transforms have done or were refused for.
+    transforms_said: Said,
 }
 
 impl<V: Visitor> Feeder<'_, V> {
@@ -246,11 +258,15 @@ impl<V: Visitor> Feeder<'_, V> {
 
     fn recorded(&mut self, recorded: Recorded, decoding: Duration) -> Result<(), V::Error> {
         match recorded {
-            Recorded::Cloud(Ok(cloud)) => {
-                self.tally.decoding += decoding;
-                self.cloud(cloud)?;
+            Recorded::Cloud(cloud) => {
+                match cloud.and_then(|cloud| with_stamp(cloud, || self.ahead.begins_at_zero())) {
+                    Ok(cloud) => {
+                        self.tally.decoding += decoding;
+                        self.cloud(cloud)?;
+                    }
+                    Err(error) => self.refused(&error),
+                }
             }
-            Recorded::Cloud(Err(error)) => self.refused(&error),
             Recorded::Transforms { message, is_static } => self.transforms(&message, is_static)?,
             Recorded::Distorted { topic } => {
                 let line = format!("{topic} tells of lens distortion: depth images are taken as rectified");
@@ -300,10 +316,19 @@ impl<V: Visitor> Feeder<'_, V> {
         if self.join.longest_wait(self.now) < self.patience { MOST } else { FEW }
     }
 
+    /// Guesses the fixed frame; where there are transforms and none is about a sensor, the whole bag is asked.
     fn guess(&mut self) {
-        if let Some((frame, _)) = self.join.oldest() {
-            self.fixed_frame.guess(self.join.frames(), frame);
+        let sensors: Vec<_> = self.join.sensors().collect();
+        self.fixed_frame.guess(&self.tree, &sensors);
+        if self.fixed_frame.name().is_none() && !sensors.is_empty() {
+            self.fixed_frame = self.found();
         }
+    }
+
+    /// The fixed frame by the whole bag.
+    fn found(&self) -> FixedFrame {
+        let sensors: Vec<_> = self.join.sensors().collect();
+        self.fixed_frame.clone().found(&Tree::of(self.ahead.transforms()), &sensors)
     }
 
     /// Takes the static transforms out of the whole bag: a latched `/tf_static` may have been recorded late, and what it
@@ -315,7 +340,7 @@ impl<V: Visitor> Feeder<'_, V> {
         if !unconnected || std::mem::replace(&mut self.looked_ahead, true) {
             return Ok(());
         }
-        for (transform, is_static) in self.all_transforms() {
+        for (transform, is_static) in self.ahead.transforms() {
             if is_static {
                 // What is wrong with a transform is said when its turn comes.
                 drop(self.join.transform(&transform, true));
@@ -324,32 +349,30 @@ impl<V: Visitor> Feeder<'_, V> {
         self.ready()
     }
 
-    /// Those of the whole bag, in order, with whether they are static; up to a signal.
-    fn all_transforms(&self) -> impl Iterator<Item = (TransformStamped, bool)> + use<V> {
-        let mut decoder = self.of_transforms.clone();
-        let stop = Arc::clone(&self.stop);
-        let messages = self.bag.messages().map_while(Result::ok);
-        let messages = messages.take_while(move |_| !stop.load(Ordering::Relaxed));
-        let recorded = messages.flat_map(move |message| decoder.decode(&message));
-        recorded.flat_map(|recorded| match recorded {
-            Recorded::Transforms { message, is_static } => {
-                message.transforms.into_iter().map(|transform| (transform, is_static)).collect()
-            }
-            _ => Vec::new(),
-        })
-    }
-
     fn transforms(&mut self, message: &TfMessage, is_static: bool) -> Result<(), V::Error> {
         for transform in &message.transforms {
-            if let Err(error) = self.join.transform(transform, is_static)
-                && self.tally.refuse_transform(error.reason())
-            {
-                self.visitor.say(&format!("a transform was refused: {error}"));
+            self.tree.note(transform, is_static);
+            if let Some(line) = self.transform(transform, is_static) {
+                self.visitor.say(&line);
             }
         }
-        self.fixed_frame.look_for_default(self.join.frames());
-        self.wrong_guess = self.fixed_frame.is_wrong(self.join.frames());
+        self.fixed_frame.look_for_default(&self.tree);
+        self.wrong_guess = self.fixed_frame.is_wrong(&self.tree);
         self.ready()
+    }
+
+    /// Takes in a transform, and gives what is to be said of it.
+    fn transform(&mut self, transform: &TransformStamped, is_static: bool) -> Option<String> {
+        let said = &mut self.transforms_said;
+        match self.join.transform(transform, is_static) {
+            Ok(inserted) => inserted.about(transform).filter(|line| said.is_due(line, TWICE)),
+            Err(error) => {
+                let reason = error.reason();
+                self.tally.refuse_transform(reason);
+                let is_due = said.is_due(&format!("{reason} {}", transform.child_frame_id), 1);
+                is_due.then(|| format!("a transform was refused: {error}"))
+            }
+        }
     }
 
     fn ready(&mut self) -> Result<(), V::Error> {
@@ -376,7 +399,8 @@ impl<V: Visitor> Feeder<'_, V> {
 
     fn skip(&mut self, waited: &Waited<Cloud>) {
         let reason = waited.last_error.as_ref().map_or("tf_not_looked_up", LookupError::reason);
-        if self.tally.skip(reason) {
+        self.tally.skip(reason);
+        if self.skips_said.is_due(&format!("{reason} {}", waited.frame_id), 1) {
             let why = waited.last_error.as_ref().map_or_else(String::new, ToString::to_string);
             self.visitor.say(&format!("a scan was skipped: {why}; {}", self.join.frames_seen()));
         }
@@ -395,7 +419,7 @@ impl<V: Visitor> Feeder<'_, V> {
             self.ready()?;
             self.look_ahead()?;
             stopped = self.stop.load(Ordering::Relaxed);
-            if !stopped && self.fixed_frame.is_wrong(self.join.frames()) {
+            if !stopped && self.fixed_frame.is_wrong(&self.tree) {
                 return Ok(self.wrong_frame());
             }
         }
@@ -417,7 +441,8 @@ impl<V: Visitor> Feeder<'_, V> {
                 disorder.as_secs_f64()
             ));
         }
-        if let Some(line) = self.fixed_frame.about(self.join.frames()) {
+        let sensors: Vec<_> = self.join.sensors().collect();
+        if let Some(line) = self.fixed_frame.about(&self.tree, &sensors) {
             self.visitor.say(&line);
         }
         let name = self.fixed_frame.name().unwrap_or_default().to_owned();
@@ -427,7 +452,6 @@ impl<V: Visitor> Feeder<'_, V> {
 
     /// Finds the right frame in the whole bag, so that there is no third time.
     fn wrong_frame(self) -> Ended {
-        let transforms = self.all_transforms().map(|(transform, _)| transform);
-        Ended::WrongFrame(self.fixed_frame.clone().found(transforms))
+        Ended::WrongFrame(self.found())
     }
 }

@@ -1,9 +1,7 @@
 //! In which frame a replayed map lives.
 
-use std::collections::BTreeMap;
-
-use crate::msg::ros::TransformStamped;
-use crate::tf::{Frames, bare};
+use super::tree::Tree;
+use crate::tf::bare;
 
 /// The fixed frame: as given, or found out from the bag.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -15,10 +13,20 @@ pub enum FixedFrame {
         /// The default.
         default: String,
     },
+    /// The frame of a sensor that is taken to stand still, for no transform has been seen, not even a refused one. The first
+    /// that comes shows that this is wrong.
+    Still {
+        /// That frame.
+        name: String,
+        /// The default.
+        default: String,
+    },
     /// The root of the sensor's tree as far as it has been seen. A later transform may show that it was none.
     Guessed {
         /// That root.
         name: String,
+        /// The sensor's frame.
+        sensor: String,
         /// The default.
         default: String,
     },
@@ -26,6 +34,8 @@ pub enum FixedFrame {
     Found {
         /// That root.
         name: String,
+        /// The sensor's frame; `None` where the bag has transforms, and none names a sensor's frame.
+        sensor: Option<String>,
         /// The default.
         default: String,
     },
@@ -35,57 +45,89 @@ impl FixedFrame {
     /// Its name, once there is one.
     pub fn name(&self) -> Option<&str> {
         match self {
-            Self::Settled(name) | Self::Guessed { name, .. } | Self::Found { name, .. } => Some(name),
+            Self::Settled(name)
+            | Self::Still { name, .. }
+            | Self::Guessed { name, .. }
+            | Self::Found { name, .. } => Some(name),
             Self::Open { .. } => None,
         }
     }
 
     /// Settles on the default where it is seen before anything was guessed.
-    pub(super) fn look_for_default(&mut self, frames: &Frames) {
+    pub(super) fn look_for_default(&mut self, tree: &Tree) {
         if let Self::Open { default } = self
-            && frames.root_of(default).is_some()
+            && tree.has(default)
         {
             *self = Self::Settled(std::mem::take(default));
         }
     }
 
-    /// Guesses the root of the sensor's tree.
-    pub(super) fn guess(&mut self, frames: &Frames, sensor: &str) {
-        if let Self::Open { default } = self {
-            let name = frames.root_of(sensor).unwrap_or(sensor).to_owned();
-            *self = Self::Guessed { name, default: std::mem::take(default) };
+    /// Guesses the root of the first of these sensors that a transform is about; where there are no transforms, that the first
+    /// stands still. It stays open where there are transforms and none is about a sensor: see [`Self::found`].
+    pub(super) fn guess(&mut self, tree: &Tree, sensors: &[&str]) {
+        let Self::Open { default } = self else { return };
+        let default = std::mem::take(default);
+        *self = match (first_root(tree, sensors), sensors.first()) {
+            (Some((sensor, root)), _) => {
+                Self::Guessed { name: root.to_owned(), sensor: sensor.to_owned(), default }
+            }
+            (None, Some(first)) if tree.is_empty() => Self::Still { name: (*first).to_owned(), default },
+            _ => Self::Open { default },
+        };
+    }
+
+    /// Whether the guess was wrong: the default has turned up, the root has got a parent or ought to have one, or there are
+    /// transforms after all.
+    pub(super) fn is_wrong(&self, tree: &Tree) -> bool {
+        match self {
+            Self::Still { .. } => !tree.is_empty(),
+            Self::Guessed { name, sensor, default } => {
+                let has_grown = tree.top(name) != bare(name);
+                has_grown
+                    || tree.has(default)
+                    || tree.beyond(sensor).is_some_and(|beyond| beyond != bare(name))
+            }
+            Self::Settled(_) | Self::Open { .. } | Self::Found { .. } => false,
         }
     }
 
-    /// Whether the guess was wrong: the default has turned up, or the root has got a parent.
-    pub(super) fn is_wrong(&self, frames: &Frames) -> bool {
-        let Self::Guessed { name, default } = self else { return false };
-        frames.root_of(default).is_some() || frames.root_of(name).is_some_and(|root| root != name)
-    }
-
-    /// What stands after a wrong guess: `transforms` are all those of the bag, so that no further guess is needed.
-    pub(super) fn found(self, transforms: impl Iterator<Item = TransformStamped>) -> Self {
-        let Self::Guessed { name, default } = self else { return self };
-        // The newest transform decides on the parent of a frame.
-        let parents: BTreeMap<_, _> = transforms
-            .map(|t| (bare(&t.child_frame_id).to_owned(), bare(&t.header.frame_id).to_owned()))
-            .collect();
-        if parents.iter().any(|(child, parent)| *child == default || *parent == default) {
+    /// What stands once all transforms of the bag are known, so that no further guess is needed.
+    pub(super) fn found(self, tree: &Tree, sensors: &[&str]) -> Self {
+        let (sensor, default) = match self {
+            Self::Settled(_) | Self::Found { .. } => return self,
+            Self::Guessed { sensor, default, .. } => (Some(sensor), default),
+            Self::Still { default, .. } | Self::Open { default } => (None, default),
+        };
+        if tree.has(&default) {
             return Self::Settled(default);
         }
-        // Frames that change their parents can lead in a circle: no way is longer than there are frames.
-        let up = |frame: &String| parents.get(frame).cloned();
-        let root = std::iter::successors(Some(name.clone()), up).take(parents.len() + 1).last();
-        Self::Found { name: root.unwrap_or(name), default }
+        let sensors: Vec<_> = sensor.iter().map(String::as_str).chain(sensors.iter().copied()).collect();
+        match (first_root(tree, &sensors), tree.any_root()) {
+            (Some((sensor, root)), _) => {
+                Self::Found { name: root.to_owned(), sensor: Some(sensor.to_owned()), default }
+            }
+            // No scan has a way there, and each is refused with the name of its frame, which no transform has.
+            (None, Some(root)) => Self::Found { name: root.to_owned(), sensor: None, default },
+            (None, None) => Self::Open { default },
+        }
     }
 
-    /// What is to be said of a guess at the end.
-    pub(super) fn about(&self, frames: &Frames) -> Option<String> {
-        let (Self::Guessed { name, default } | Self::Found { name, default }) = self else { return None };
-        let why = if frames.root_of(name).is_some() {
-            "the root of the sensor's frames"
-        } else {
-            "the sensor's own frame: no transform tells how it moved, so it is taken to stand still"
+    /// What is to be said of a guess at the end, when these sensors have sent clouds.
+    pub(super) fn about(&self, tree: &Tree, sensors: &[&str]) -> Option<String> {
+        let (name, sensor, default) = match self {
+            Self::Settled(_) | Self::Open { .. } => return None,
+            Self::Still { name, default } => (name, None, default),
+            Self::Guessed { name, sensor, default } => (name, Some(sensor), default),
+            Self::Found { name, sensor, default } => (name, sensor.as_ref(), default),
+        };
+        let in_tree = sensors.iter().find(|sensor| tree.root_of(sensor) == Some(bare(name)));
+        let why = match sensor.map(String::as_str).or(in_tree.copied()) {
+            Some(sensor) if tree.moves(sensor) => "the root of the sensor's frames",
+            Some(_) => "the root of the sensor's frames, in which no transform moves it",
+            None if tree.is_empty() => {
+                "the sensor's own frame: no transform tells how it moved, so it is taken to stand still"
+            }
+            None => "a root of the frames that there are, and the sensor's frame is not among them",
         };
         Some(format!(
             "the bag has no frame `{default}`: the map is made in `{name}`, {why} (choose with -p fixed_frame:=...)"
@@ -93,31 +135,79 @@ impl FixedFrame {
     }
 }
 
+/// The first of these sensors that a transform is about, and the root of its tree.
+fn first_root<'a>(tree: &'a Tree, sensors: &[&'a str]) -> Option<(&'a str, &'a str)> {
+    sensors.iter().find_map(|sensor| Some((*sensor, tree.root_of(sensor)?)))
+}
+
 #[cfg(test)]
 mod tests {
+    use super::super::tree::tests::tree;
     use super::*;
-    use crate::msg::ros::Header;
 
-    fn found(pairs: &[(&str, &str)]) -> FixedFrame {
-        let guess = FixedFrame::Guessed { name: "a".to_owned(), default: "odom".to_owned() };
-        let transform = |(parent, child): &(&str, &str)| TransformStamped {
-            header: Header { frame_id: (*parent).to_owned(), ..Header::default() },
-            child_frame_id: (*child).to_owned(),
-            ..TransformStamped::default()
-        };
-        guess.found(pairs.iter().map(transform))
+    fn open() -> FixedFrame {
+        FixedFrame::Open { default: "odom".to_owned() }
+    }
+
+    fn found(tree: &Tree, sensors: &[&str]) -> FixedFrame {
+        open().found(tree, sensors)
+    }
+
+    fn root(name: &str, sensor: Option<&str>) -> FixedFrame {
+        let (name, sensor) = (name.to_owned(), sensor.map(str::to_owned));
+        FixedFrame::Found { name, sensor, default: "odom".to_owned() }
     }
 
     #[test]
     fn the_root_of_all_transforms_is_found_and_the_default_before_it() {
-        let root = |name: &str| FixedFrame::Found { name: name.to_owned(), default: "odom".to_owned() };
-        assert_eq!(found(&[("/b", "/a"), ("c", "b"), ("x", "y")]), root("c"));
-        assert_eq!(found(&[("b", "a"), ("odom", "x")]), FixedFrame::Settled("odom".to_owned()));
-        assert_eq!(found(&[]), root("a"));
+        let some = Some("a");
+        assert_eq!(found(&tree(&["/b /a", "c b", "x y"], &[], &[]), &["a"]), root("c", some));
+        assert_eq!(
+            found(&tree(&["b a", "odom x"], &[], &[]), &["a"]),
+            FixedFrame::Settled("odom".to_owned())
+        );
+        assert_eq!(found(&tree(&["b a"], &[], &["odom b"]), &["a"]), FixedFrame::Settled("odom".to_owned()));
+        assert_eq!(found(&tree(&[], &[], &[]), &["a"]), open());
     }
 
     #[test]
     fn frames_in_a_circle_end_somewhere() {
-        assert!(matches!(found(&[("b", "a"), ("a", "b")]), FixedFrame::Found { .. }));
+        assert!(matches!(found(&tree(&["b a", "a b"], &[], &[]), &["a"]), FixedFrame::Found { .. }));
+    }
+
+    #[test]
+    fn the_sensor_that_has_transforms_is_the_one_that_counts() {
+        let tree = tree(&["map base"], &["base camera"], &[]);
+        let mut guess = open();
+        guess.guess(&tree, &["lonely", "camera"]);
+        assert_eq!((guess.name(), guess.is_wrong(&tree)), (Some("map"), false));
+        assert_eq!(found(&tree, &["lonely", "camera"]), root("map", Some("camera")));
+        // All scans of the others can be refused alone where the map is made elsewhere.
+        let mut guess = open();
+        guess.guess(&tree, &["lonely"]);
+        assert_eq!((&guess, found(&tree, &["lonely"])), (&open(), root("map", None)));
+    }
+
+    #[test]
+    fn a_sensor_stands_still_until_the_first_transform_even_a_refused_one() {
+        let mut still = open();
+        still.guess(&tree(&[], &[], &[]), &["camera", "other"]);
+        assert_eq!((still.name(), still.is_wrong(&tree(&[], &[], &[]))), (Some("camera"), false));
+        for tree in [tree(&["x y"], &[], &[]), tree(&[], &[], &["map camera"])] {
+            assert!(still.is_wrong(&tree));
+        }
+        let refused = tree(&[], &[], &["map camera"]);
+        assert_eq!(still.found(&refused, &["camera"]), root("map", Some("camera")));
+    }
+
+    #[test]
+    fn a_link_above_the_guessed_root_that_is_refused_shows_that_it_was_none_where_nothing_moves_below() {
+        for (moving, is_wrong) in [(&[][..], true), (&["base camera"][..], false)] {
+            let below = tree(moving, &["base camera"][..1 - moving.len()], &[]);
+            let mut guess = open();
+            guess.guess(&below, &["camera"]);
+            let above = tree(moving, &["base camera"][..1 - moving.len()], &["map base"]);
+            assert_eq!((guess.name(), guess.is_wrong(&above)), (Some("base"), is_wrong));
+        }
     }
 }

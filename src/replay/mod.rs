@@ -6,6 +6,7 @@
 //!
 //! [`feed`] turns a bag into scans for a [`Visitor`]; [`Replay`] is the visitor that runs the engine and keeps account.
 
+mod ahead;
 mod clocks;
 mod clusters;
 mod feed;
@@ -13,7 +14,9 @@ mod files;
 mod fixed_frame;
 mod reading;
 mod run;
+mod said;
 mod summary;
+mod tree;
 
 pub use clocks::clock_offset;
 pub use clusters::write_clusters;

@@ -26,7 +26,6 @@ pub(super) fn read(
     sender: &SyncSender<Item>,
     quit: &AtomicBool,
 ) {
-    let mut at = Duration::ZERO;
     for message in messages {
         if quit.load(Ordering::Relaxed) {
             return;
@@ -34,12 +33,11 @@ pub(super) fn read(
         let message = match message {
             Ok(message) => message,
             Err(error) => {
-                flush(&mut decoder, at, sender);
                 drop(sender.send(Item::Unread(error)));
                 return;
             }
         };
-        at = Duration::from_nanos(message.log_time);
+        let at = Duration::from_nanos(message.log_time);
         let begin = Instant::now();
         let decoded = decoder.decode(&message);
         let decoding = begin.elapsed() / decoded.len().max(1) as u32;
@@ -49,15 +47,6 @@ pub(super) fn read(
             }
         }
         if with_messages && sender.send(Item::Message(message)).is_err() {
-            return;
-        }
-    }
-    flush(&mut decoder, at, sender);
-}
-
-fn flush(decoder: &mut Decoder, at: Duration, sender: &SyncSender<Item>) {
-    for recorded in decoder.finish() {
-        if sender.send(Item::Recorded { recorded, at, decoding: Duration::ZERO }).is_err() {
             return;
         }
     }

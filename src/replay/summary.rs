@@ -73,8 +73,8 @@ impl Tally {
         *count == 1
     }
 
-    pub(super) fn refuse_transform(&mut self, reason: &'static str) -> bool {
-        count(&mut self.transforms_refused, reason)
+    pub(super) fn refuse_transform(&mut self, reason: &'static str) {
+        count(&mut self.transforms_refused, reason);
     }
 }
 

@@ -1,6 +1,6 @@
 //! Where the sensor stood: the tree of coordinate frames from `/tf` and `/tf_static`.
 //!
-//! Keeps true: a transform is checked where it comes in and changes nothing when it is refused; a lookup interpolates
+//! Keeps true: a transform is checked where it comes in, and one that is refused is not taken in; a lookup interpolates
 //! between two samples and never extrapolates; memory is bounded in time ([`MAX_AGE`]), in frames ([`MAX_FRAMES`]) and in
 //! samples ([`MAX_SAMPLES`]), the work of a lookup by [`MAX_DEPTH`].
 //! The arithmetic is that of the `transforms` crate; the rules around it are those that tf2's users expect. Metres,
@@ -142,7 +142,8 @@ impl Frames {
     ///
     /// # Errors
     ///
-    /// A [`FrameError`], and the tree is as before.
+    /// A [`FrameError`], and nothing of the message is in the tree. To make room for it, dynamic frames that are out of date may
+    /// have been forgotten.
     pub fn insert(&mut self, message: &TransformStamped, is_static: bool) -> Result<Inserted, FrameError> {
         let sample = Sample::check(message, is_static)?;
         let jumped_back = self.jumps_back(&sample);
@@ -237,16 +238,16 @@ impl Frames {
             }
             _ => Inserted::Stored,
         };
-        if inserted != Inserted::Stored {
-            // The registry ties a frame to its parent and kind until the frame is released.
-            self.remove(sample.child);
-        }
         let refused = |reason: String| FrameError::Refused {
             parent: sample.parent.into(),
             child: sample.child.into(),
             reason,
         };
         let transform = sample.transform().map_err(|error| refused(error.to_string()))?;
+        if inserted != Inserted::Stored {
+            // The registry ties a frame to its parent and kind until the frame is released.
+            self.remove(sample.child);
+        }
         self.registry.add_transform(transform).map_err(|error| refused(error.to_string()))?;
         self.count(sample);
         Ok(inserted)
@@ -313,7 +314,8 @@ impl Frames {
 
     /// The isometry that maps coordinates of the frame `sensor` into the frame `fixed` at `stamp`.
     ///
-    /// Equal names give the identity, known or not: the answer holds either way.
+    /// Equal names give the identity, known or not: the answer holds either way. Between two samples the way is a straight line,
+    /// as in tf2, however far apart they are within [`MAX_AGE`], and whether or not others between them were refused.
     ///
     /// # Errors
     ///
@@ -386,6 +388,12 @@ impl Frames {
         }
         Some(root)
     }
+}
+
+/// Whether a transform is well formed by itself; whether the tree has a place for it is another question.
+#[cfg(feature = "bag")]
+pub(crate) fn check(message: &TransformStamped, is_static: bool) -> Result<(), FrameError> {
+    Sample::check(message, is_static).map(drop)
 }
 
 /// The name without leading slashes: ROS 1 put one, tf2 takes none.

@@ -296,6 +296,20 @@ fn the_past_reaches_back_ten_seconds() {
     assert_eq!(frames.x("odom", "camera", 88.9), Err("tf_too_early"));
 }
 
+/// As in tf2, which keeps as long.
+#[test]
+fn a_gap_is_crossed_in_a_straight_line_up_to_what_is_kept() {
+    for (gap, between) in [(9.9, Ok(0.5)), (10.1, Err("tf_too_early"))] {
+        let mut frames = Frames::new();
+        frames.dynamic("odom", "camera", 0.0, 0.0);
+        let mut refused = message("odom", "camera", 0.5 * gap, &shift(7.0));
+        refused.transform.rotation.w = 0.0;
+        assert_eq!(frames.insert(&refused, false).unwrap_err().reason(), "bad_norm");
+        frames.dynamic("odom", "camera", gap, 1.0);
+        assert_eq!(frames.x("odom", "camera", 0.5 * gap), between);
+    }
+}
+
 #[test]
 fn the_number_of_frames_is_bounded_and_known_ones_still_update() {
     let mut frames = Frames::new();

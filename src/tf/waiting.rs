@@ -2,7 +2,7 @@
 //!
 //! A cloud usually comes some milliseconds before the transform for its stamp, so it is never dropped on the first
 //! miss. Keeps true: at most `capacity` items, or as many as when it was lowered; every item leaves exactly
-//! once, as ready, pushed out, expired or taken with the rest. Time is an argument, since whatever moment the caller chose.
+//! once, as ready, pushed out, expired or taken with the rest. Time is an argument.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -10,12 +10,13 @@ use std::time::Duration;
 use super::LookupError;
 use crate::engine::Stamp;
 
-/// When something happens: by the clock on the wall or the like, which goes on and never back, and by a simulated one.
+/// When something happens, by two clocks: one that never goes back, such as the system's monotonic one, and a simulated one
+/// where there is one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Moment {
-    /// Since whatever moment.
+    /// By the first, since a moment that the caller has chosen.
     pub wall: Duration,
-    /// The simulated time, where there is one.
+    /// By the simulated one.
     pub simulated: Option<Stamp>,
 }
 
@@ -26,8 +27,8 @@ impl From<Duration> for Moment {
 }
 
 impl Moment {
-    /// How long after `earlier` it is, by the slower of the two clocks: what a simulator sends comes as slowly as its time
-    /// goes, or not at all while it is halted; where that goes faster, the network does not.
+    /// The time since `earlier`, by the clock that has gone on less. A simulator that runs slowly or is halted sends
+    /// transforms late, so its own time counts; one that runs fast does not make the network faster, so the other does.
     pub fn since(self, earlier: Self) -> Duration {
         let wall = self.wall.saturating_sub(earlier.wall);
         let simulated = self.simulated.zip(earlier.simulated).map(|(now, then)| now.seconds_since(then));

@@ -59,6 +59,7 @@ fn read(path: &Path) {
     let choices = [choose(&survey.topics, &[], None), choose(&survey.topics, &first, None)];
     let sensors = choices.into_iter().flatten().next().map_or_else(Vec::new, |choice| choice.sensors);
     let mut decoder = Decoder::new(sensors, FILTER, TransformTopics::default());
+    decoder.look_for_cameras(bag.messages().take(10_000).map_while(Result::ok));
     let mut join = Join::new(4);
     for message in bag.messages().take(10_000) {
         let Ok(message) = message else { break };
@@ -66,7 +67,6 @@ fn read(path: &Path) {
             take(recorded, &mut join);
         }
     }
-    decoder.finish().into_iter().for_each(|recorded| take(recorded, &mut join));
     assert!(join.waiting() <= 4 && join.frames_seen().len() < 10_000);
 }
 

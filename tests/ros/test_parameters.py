@@ -14,14 +14,14 @@ from test_introspection import DEFAULTS, FIELD, parameters
 
 TYPE = {bool: ParameterType.PARAMETER_BOOL, int: ParameterType.PARAMETER_INTEGER, float: ParameterType.PARAMETER_DOUBLE,
         str: ParameterType.PARAMETER_STRING, list: ParameterType.PARAMETER_STRING_ARRAY}
-BIG = 1.7976931348623157e308
+BIG, TINY = 1.7976931348623157e308, 5e-324
 
 # Of each parameter: its range, another value that it can have (None: it is read when the node starts), one that it cannot
 # have, and what must be said of that.
 TABLE = {
     "fixed_frame": (None, None, "/", "the name of a frame, of at most 256 bytes"),
     "mode": (None, None, "fast", "`consistent` or `paper`"),
-    "voxel_size": ((0.001, 10.0), None, 0.0, "from 0.001 to 10 m"),
+    "voxel_size": ((TINY, BIG), None, 0.0, "finite and above 0 m"),
     "min_points": ((1, 2**31), None, 0, "from 1 to 2147483648"),
     "depth": ((1, 8), None, 9, "from 1 to 8"),
     "max_normal_angle": ((0.0, math.pi / 2), None, 1.6, "from 0 to pi/2 rad"),

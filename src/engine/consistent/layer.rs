@@ -164,13 +164,13 @@ impl Segmented {
 
     /// The state of a cell that is dense.
     pub(super) fn state(&self, cell: Cell) -> Option<&State> {
-        self.states.binary_search_by_key(&cell, |state| state.cell()).ok().map(|place| &self.states[place])
+        self.states.binary_search_by_key(&cell, State::cell).ok().map(|place| &self.states[place])
     }
 
     /// Takes in a voxel that has become dense since; it is loose until the block is published. Returns its place among the
     /// loose ones; `None` where it is known already.
     pub(super) fn admit(&mut self, state: State) -> Option<usize> {
-        let place = self.states.binary_search_by_key(&state.cell(), |state| state.cell()).err()?;
+        let place = self.states.binary_search_by_key(&state.cell(), State::cell).err()?;
         let number = self.loose.partition_point(|loose| loose.place() < place);
         self.loose[number..].iter_mut().for_each(|loose| loose.place += 1);
         room::insert(&mut self.loose, number, Loose::new(place as u16 | ADMITTED));

@@ -104,7 +104,7 @@ impl Neighbours {
     fn new(states: &[State]) -> Self {
         let mut places = [NO_STATE; CELLS];
         (0..).zip(states).for_each(|(place, state)| places[state.cell().index()] = place);
-        let mut others: Cells = states.iter().map(|state| state.cell()).collect();
+        let mut others: Cells = states.iter().map(State::cell).collect();
         let (mut begins, mut all) = (Vec::with_capacity(states.len() + 1), Vec::new());
         begins.push(0);
         for state in states {

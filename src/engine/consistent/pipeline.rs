@@ -11,6 +11,7 @@ use super::clearing::Clearing;
 use super::graph::NodeId;
 use super::grid::Grid;
 use super::layer::Segmented;
+use super::patch::Patch;
 use super::region::Region;
 use super::rest::Leaving;
 use super::rules::Rules;
@@ -283,7 +284,7 @@ impl Consistent {
             for voxel in block.voxels().iter().filter(|voxel| self.grid.is_dense(voxel)) {
                 let place = published.binary_search_by_key(&voxel.cell, |(state, _)| state.cell());
                 let node = place.ok().and_then(|place| published[place].1);
-                let patch = node.and_then(|node| self.surfaces.patch(node)).map(|patch| patch.normal());
+                let patch = node.and_then(|node| self.surfaces.patch(node)).map(Patch::normal);
                 let normal = patch
                     .or_else(|| Region::around(&now, voxel.cell, noise).fit().map(|fit| fit.plane.normal));
                 voxels.extend(self.voxel(block, voxel, normal, node));

@@ -8,6 +8,7 @@ use super::report::AHEAD;
 use super::{Live, QUIET, QUIET_AGAIN};
 use crate::cloud::{Cloud, CloudError};
 use crate::engine::Stamp;
+use crate::join::with_stamp;
 use crate::node::inputs;
 use crate::node::transport::{Form, Input, Transport};
 
@@ -53,10 +54,7 @@ impl<T: Transport> Live<T> {
         }
         intake.since = Instant::now();
         intake.received += 1;
-        // A moving sensor cannot be placed at the time when its scan happens to come. A simulation begins at zero.
-        let has_stamp = |cloud: &Cloud| self.simulated || cloud.stamp.nanos() != 0;
-        let cloud =
-            cloud.and_then(|cloud| if has_stamp(&cloud) { Ok(cloud) } else { Err(CloudError::NoStamp) });
+        let cloud = cloud.and_then(|cloud| with_stamp(cloud, || self.simulated));
         match &cloud {
             Ok(Cloud { stamp, .. }) => {
                 intake.newest = Some(*stamp);

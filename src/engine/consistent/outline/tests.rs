@@ -240,7 +240,7 @@ proptest! {
     #[test]
     fn an_outline_is_simple_whatever_the_points_say(seen in any_footprint(), least_hole in 1u32..6) {
         for tolerance in [0.0, 0.5, 2.0] {
-            let detail = Detail { least_hole, tolerance, ..Detail::default() };
+            let detail = Detail { least_hole, tolerance };
             let outline = seen.outline_with(&detail).unwrap();
             check(&seen, &outline)?;
         }

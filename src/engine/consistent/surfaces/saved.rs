@@ -16,7 +16,7 @@ use crate::engine::consistent::layer::{PatchId, Segmented, are_joined, contacts_
 use crate::engine::consistent::rules::Rules;
 use crate::engine::consistent::saved::{SavedBlock, SavedState};
 use crate::engine::consistent::scratch;
-use crate::engine::consistent::state::states;
+use crate::engine::consistent::state::{State, states};
 use crate::engine::params::Params;
 use crate::engine::saved::{MOST_REVISIONS, RestoreError, ensure, ensure_counted, in_slots};
 use crate::engine::scan::Stamp;
@@ -85,7 +85,7 @@ impl Surfaces {
         let admitted: BTreeSet<_> =
             here.loose.iter().filter(|loose| loose.is_admitted()).map(|loose| loose.place()).collect();
         let now = states(grid, grid.block(block));
-        debug_assert!(now.iter().map(|now| now.cell()).eq(here.states.iter().map(|state| state.cell())));
+        debug_assert!(now.iter().map(State::cell).eq(here.states.iter().map(State::cell)));
         let places = (0..).zip(here.states.iter().zip(&now));
         places
             .map(|(place, (state, now))| {
