@@ -86,8 +86,36 @@ impl Voxel {
     }
 }
 
-/// The 26 blocks around a block and itself, by (dx + 1) * 9 + (dy + 1) * 3 + dz + 1.
-pub(super) type Around = [Option<BlockIndex>; 27];
+/// The 26 blocks around a block and itself, by (dx + 1) * 9 + (dy + 1) * 3 + dz + 1; [`NOWHERE`] where there is none. Of options
+/// it would be twice as large.
+#[derive(Clone, Debug)]
+pub(super) struct Around([u32; 27]);
+
+const NOWHERE: u32 = u32::MAX;
+
+impl Default for Around {
+    fn default() -> Self {
+        Self([NOWHERE; 27])
+    }
+}
+
+impl Around {
+    pub(super) fn get(&self, place: usize) -> Option<BlockIndex> {
+        let block = self.0[place];
+        (block != NOWHERE).then_some(BlockIndex(block))
+    }
+
+    pub(super) fn set(&mut self, place: usize, block: Option<BlockIndex>) {
+        self.0[place] = block.map_or(NOWHERE, |block| block.0);
+    }
+
+    /// The blocks that are there, with their places.
+    pub(super) fn iter(&self) -> impl Iterator<Item = (usize, BlockIndex)> {
+        let blocks = self.0.iter().enumerate().filter(|(_, block)| **block != NOWHERE);
+        blocks.map(|(place, block)| (place, BlockIndex(*block)))
+    }
+}
+
 /// The place of a block among those around it.
 pub(super) const OWN: usize = 13;
 
@@ -132,7 +160,7 @@ impl Block {
     pub(super) fn new() -> Self {
         Self {
             key: [0; 3],
-            around: [None; 27],
+            around: Around::default(),
             cells: Cells::default(),
             voxels: Vec::new(),
             rest: None,
@@ -233,7 +261,7 @@ impl Block {
     /// Whether it is to be put to rest now.
     pub(super) fn is_to_rest(&self, sequence: u64) -> bool {
         let is_published = !self.is_stale() && !self.touched;
-        self.dense > 0 && !self.is_at_rest() && is_published && self.is_left(sequence)
+        !self.is_empty() && !self.is_at_rest() && is_published && self.is_left(sequence)
     }
 
     /// Keeps its voxels as they are published, or would be; `states` are the dense ones.

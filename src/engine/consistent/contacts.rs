@@ -56,6 +56,11 @@ impl Contacts {
         }
     }
 
+    /// Gives back what room there is to spare.
+    pub(super) fn fit(&mut self) {
+        self.met.shrink_to_fit();
+    }
+
     /// Forgets the patches of another block.
     pub(super) fn forget(&mut self, block: BlockIndex) {
         self.met.retain(|met| met.block != block);

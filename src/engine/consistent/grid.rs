@@ -5,7 +5,7 @@
 //! blocks: those that a scan brings are numbered in the order of their keys.
 //!
 //! A block that has lost all its voxels gives its memory back and its place to the next block that comes
-//! ([`Grid::release`]); it keeps 1.2 KB until then, so memory follows the most blocks that were there at once.
+//! ([`Grid::release`]); it keeps 0.6 KB until then, so memory follows the most blocks that were there at once.
 
 use std::sync::Arc;
 
@@ -190,10 +190,8 @@ impl Grid {
         self.index.remove(&block.key);
         block.empty();
         let around = std::mem::take(&mut block.around);
-        for (place, neighbour) in around.into_iter().enumerate() {
-            if let Some(other) = neighbour {
-                self.blocks[other.0 as usize].around[26 - place] = None;
-            }
+        for (place, other) in around.iter() {
+            self.blocks[other.0 as usize].around.set(26 - place, None);
         }
         self.free.push(index);
     }
@@ -219,14 +217,13 @@ impl Grid {
 
     /// A block and its neighbours get to know each other.
     fn link(&mut self, key: BlockKey, index: BlockIndex) {
-        let mut around: Around = [None; 27];
-        for (place, neighbour) in around.iter_mut().enumerate() {
+        let mut around = Around::default();
+        for place in 0..27 {
             let [dx, dy, dz] = offset_of(place);
-            *neighbour = self.index.get(&[key[0] + dx, key[1] + dy, key[2] + dz]).copied();
-            if let Some(other) = neighbour
-                && *other != index
-            {
-                self.blocks[other.0 as usize].around[26 - place] = Some(index);
+            let neighbour = self.index.get(&[key[0] + dx, key[1] + dy, key[2] + dz]).copied();
+            around.set(place, neighbour);
+            if let Some(other) = neighbour.filter(|other| *other != index) {
+                self.blocks[other.0 as usize].around.set(26 - place, Some(index));
             }
         }
         self.blocks[index.0 as usize].around = around;

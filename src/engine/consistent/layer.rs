@@ -104,8 +104,9 @@ impl Segmented {
         }
         let middle = Vector3::from(corner).map(f64::from);
         let patch = |(states, kind): (&Vec<&State>, _)| Patch::new(states, &middle, kind, &rules.noise);
-        // Made of a list, it has no room to spare.
-        let patches: Vec<_> = members.iter().zip(kinds).filter_map(patch).collect();
+        // With no room to spare.
+        let mut patches = Vec::with_capacity(members.len());
+        patches.extend(members.iter().zip(kinds).filter_map(patch));
         let is_loose = |number: u8| patches.get(usize::from(number)).is_none_or(Patch::is_frayed);
         let loose: Vec<_> = (0..).zip(&owner).filter(|(_, number)| is_loose(**number)).collect();
         let loose: Vec<_> = loose.into_iter().map(|(place, _)| Loose::new(place)).collect();
@@ -133,6 +134,11 @@ impl Segmented {
             patch.cells.iter().for_each(|cell| numbers[cell.index()] = number);
         }
         numbers
+    }
+
+    /// Gives back what room there is to spare.
+    pub(super) fn fit(&mut self) {
+        self.contacts.fit();
     }
 
     /// Whether the patch of a dense voxel with this number is found by what lies around it.

@@ -46,7 +46,7 @@ impl<'a> Owners<'a> {
     /// places around its own were segmented anew, which that patch is in none of. It may where this says no.
     pub(super) fn stays(&self, state: &State, with: Option<PatchId>, anew: &[usize]) -> bool {
         let (held, at) = (Held::new(state, &self.rules.noise), state.cell().coordinates());
-        let seen = |&place: &usize| Some((self.around[place]?, seen_from(at, offset_of(place))));
+        let seen = |&place: &usize| Some((self.around.get(place)?, seen_from(at, offset_of(place))));
         let mut anew = anew.iter().filter_map(seen);
         match (self.frayed_patch_of(state.cell()), with) {
             (Some(own), Some(with)) => {
@@ -95,7 +95,7 @@ impl<'a> Owners<'a> {
     }
 
     fn frayed_patch_of(&self, cell: Cell) -> Option<PatchId> {
-        let block = self.around[OWN]?;
+        let block = self.around.get(OWN)?;
         let number = self.segmented[block.0 as usize].number_of(cell)?;
         Some(PatchId { block, number })
     }
@@ -132,8 +132,8 @@ impl<'a> Owners<'a> {
     /// How far the patch that a voxel at these coordinates is beside lies from it, and how well it fits there.
     fn hold(&self, at: [i32; 3], held: &Held, with: PatchId) -> (i32, f64) {
         let most = self.rules.rim_reach;
-        let place = self.around.iter().position(|block| *block == Some(with.block));
-        let Some(at) = place.map(|place| seen_from(at, offset_of(place))) else { return (most, 1.0) };
+        let place = self.around.iter().find(|(_, block)| *block == with.block);
+        let Some(at) = place.map(|(place, _)| seen_from(at, offset_of(place))) else { return (most, 1.0) };
         let patch = patch(self.segmented, with);
         let reach = (1..most).find(|reach| patch.cells.any_in(&Window::around(at, *reach)));
         (reach.unwrap_or(most), self.beside(held, patch, 1.0).unwrap_or(1.0))
@@ -174,7 +174,8 @@ impl<'a> Owners<'a> {
         let all = (0..3).fold(0, |all, axis| all | u8::from(side[axis] != 0) << axis);
         let some = (0..8_u8).filter(move |bits| bits & !all == 0);
         let direction = move |bits| [0, 1, 2].map(|axis| if has(bits, axis) { side[axis] } else { 0 });
-        some.map(direction)
-            .filter_map(move |direction| Some((self.around[place_of(direction)]?, seen_from(at, direction))))
+        some.map(direction).filter_map(move |direction| {
+            Some((self.around.get(place_of(direction))?, seen_from(at, direction)))
+        })
     }
 }

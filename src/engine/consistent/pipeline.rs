@@ -1,7 +1,5 @@
 //! The consistent engine itself: one scan in, what it changed out.
 
-use std::sync::Arc;
-
 use nalgebra::UnitVector3;
 
 use super::bin::Binned;
@@ -225,7 +223,7 @@ impl Consistent {
         let here = self.grid.block(block);
         if here.is_to_rest(self.taken.sequence) {
             debug_assert_eq!(states(&self.grid, here), **self.surfaces.states(block));
-            self.grid.rest(block, Arc::clone(self.surfaces.states(block)));
+            self.grid.rest(block, self.surfaces.rest(block));
         }
     }
 

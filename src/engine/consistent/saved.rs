@@ -22,7 +22,7 @@ use crate::engine::key::GRID_REACH;
 use crate::engine::params::{MAX_POINTS, Params};
 use crate::engine::saved::{RestoreError, ensure, in_slots};
 
-/// Slots of blocks beyond the number of voxels. A slot takes 1.2 KB and a few bytes of a file, so that files would be worth some
+/// Slots of blocks beyond the number of voxels. A slot takes 0.6 KB and a few bytes of a file, so that files would be worth some
 /// hundred times their length; a map that had so many blocks at once (100,000 square metres at 8 cm) still has as many voxels.
 const MOST_SPARE: usize = 1 << 18;
 

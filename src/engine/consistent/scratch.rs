@@ -45,8 +45,7 @@ pub(super) fn meet(grid: &Grid, segmented: &mut [Segmented], rules: &Rules) -> V
     let mut ids = Vec::new();
     for (index, block) in grid.blocks() {
         let mut met = Contacts::new(block.corner());
-        for (place, other) in block.around.iter().enumerate() {
-            let Some(other) = *other else { continue };
+        for (place, other) in block.around.iter() {
             let [here, there] = [index, other].map(|block| &segmented[block.0 as usize]);
             for ((a, b), contact) in contacts(here, there, place, block.corner(), rules.contact_reach) {
                 met.insert(a, PatchId { block: other, number: b }, &contact);

@@ -111,6 +111,13 @@ impl Surfaces {
         &self.segmented[block.0 as usize].states
     }
 
+    /// The same of a block that is to rest, which they are kept of with no room to spare.
+    pub(super) fn rest(&mut self, block: BlockIndex) -> Arc<Vec<State>> {
+        let here = &mut self.segmented[block.0 as usize];
+        here.fit();
+        Arc::clone(&here.states)
+    }
+
     /// The plane that a node's patch has, with its point in voxels.
     pub(super) fn patch(&self, node: NodeId) -> Option<&super::patch::Patch> {
         let id = self.patches[node.0 as usize]?;
@@ -243,8 +250,7 @@ impl Surfaces {
 
     /// Finds where the patches of a block that was segmented anew meet others, and tells these.
     fn meet(&mut self, grid: &Grid, block: BlockIndex) {
-        for (place, other) in grid.block(block).around.iter().enumerate() {
-            let Some(other) = *other else { continue };
+        for (place, other) in grid.block(block).around.iter() {
             if other != block {
                 // They met what this block was before.
                 self.segmented[other.0 as usize].contacts.forget(block);
@@ -261,7 +267,7 @@ impl Surfaces {
 
     /// Patches of other blocks around these that may be slices.
     fn slices_beside(&self, grid: &Grid, blocks: &[BlockIndex]) -> BTreeSet<PatchId> {
-        let around = blocks.iter().flat_map(|&block| grid.block(block).around.into_iter().flatten());
+        let around = blocks.iter().flat_map(|&block| grid.block(block).around.iter().map(|(_, other)| other));
         let others: BTreeSet<_> = around.filter(|other| blocks.binary_search(other).is_err()).collect();
         let ids = others.into_iter().flat_map(|other| self.ids(other));
         ids.filter(|&id| patch(&self.segmented, id).may_be_slice(&self.rules)).collect()
@@ -307,12 +313,12 @@ impl Surfaces {
                 carry(id.block, state, true);
             }
         }
-        for block in grid.block(id.block).around.iter().flatten() {
+        for (_, block) in grid.block(id.block).around.iter() {
             let there = &self.segmented[block.0 as usize];
             for loose in there.loose.iter().filter(|loose| loose.owner() == Some(node)) {
                 let state = &there.states[loose.place()];
-                let is_own = *block == id.block && patch.cells.contains(state.cell());
-                carry(*block, state, is_own);
+                let is_own = block == id.block && patch.cells.contains(state.cell());
+                carry(block, state, is_own);
             }
         }
         self.clusters[from.0 as usize] = lost;

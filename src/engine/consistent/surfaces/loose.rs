@@ -36,10 +36,8 @@ impl Surfaces {
     pub(super) fn beside(&self, grid: &Grid, blocks: &[BlockIndex]) -> Vec<Beside> {
         let mut near = BTreeMap::<BlockIndex, Cells>::new();
         for &block in blocks {
-            for (place, other) in grid.block(block).around.iter().enumerate() {
-                let Some(other) = other.filter(|other| blocks.binary_search(other).is_err()) else {
-                    continue;
-                };
+            let around = grid.block(block).around.iter();
+            for (place, other) in around.filter(|(_, other)| blocks.binary_search(other).is_err()) {
                 let loose = &self.segmented[other.0 as usize].loose_cells;
                 let border = loose.and(&Cells::border(offset_of(26 - place), self.rules.rim_reach));
                 if !border.is_empty() {
@@ -102,10 +100,9 @@ impl Surfaces {
     /// where one stays with its patch.
     pub(super) fn settle_loose(&mut self, grid: &Grid, beside: &[Beside], published: &[BlockIndex]) {
         let Some(&Beside { block, .. }) = beside.first() else { return };
-        let around = grid.block(block).around.iter().enumerate();
-        let is_new =
-            |other: &Option<BlockIndex>| other.is_some_and(|it| published.binary_search(&it).is_ok());
-        let anew: Vec<_> = around.filter(|(_, other)| is_new(other)).map(|(place, _)| place).collect();
+        let around = grid.block(block).around.iter();
+        let new = around.filter(|(_, other)| published.binary_search(other).is_ok());
+        let anew: Vec<_> = new.map(|(place, _)| place).collect();
         let here = &self.segmented[block.0 as usize];
         let owners = Owners::new(grid.block(block), &self.segmented, &self.rules);
         let stays = |number: usize| {

@@ -186,10 +186,10 @@ impl Surfaces {
             let patch = &here.patches[usize::from(id.number)];
             let whole = patch.cells.iter().filter(|_| !patch.is_frayed());
             whole.filter_map(|cell| here.state(cell)).for_each(|state| enter(id.block, state));
-            for block in grid.block(id.block).around.iter().flatten() {
+            for (_, block) in grid.block(id.block).around.iter() {
                 let there = &self.segmented[block.0 as usize];
                 let beside = there.loose.iter().filter(|loose| loose.owner() == Some(node));
-                beside.for_each(|loose| enter(*block, &there.states[loose.place()]));
+                beside.for_each(|loose| enter(block, &there.states[loose.place()]));
             }
         }
         footprint
