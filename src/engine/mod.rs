@@ -40,6 +40,8 @@ mod scan;
 mod snapshot;
 mod step;
 
+#[cfg(test)]
+pub(crate) use binning::between;
 pub use class::SurfaceClass;
 pub use consistent::NoiseModel;
 pub use key::{ClusterId, DIRECTIONS, GRID_REACH, VoxelKey};

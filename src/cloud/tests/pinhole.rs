@@ -5,6 +5,7 @@ use proptest::prelude::*;
 use super::*;
 use crate::cloud::convert::{Converted, Gate, convert_fast, convert_list};
 use crate::cloud::layout::{Description, Layout};
+use crate::engine::between;
 
 const WIDTH: u32 = 40;
 const HEIGHT: u32 = 33;
@@ -27,7 +28,7 @@ fn both(message: &PointCloud2) -> [Converted; 2] {
 }
 
 fn depths() -> impl Strategy<Value = Vec<f32>> {
-    let depth = prop_oneof![6 => 0.4_f32..6.0, 1 => Just(f32::NAN), 1 => 0.0_f32..0.4, 1 => 6.0_f32..90.0];
+    let depth = prop_oneof![6 => between(0.4, 6.0), 1 => Just(f32::NAN), 1 => between(0.0, 0.4), 1 => between(6.0, 90.0)];
     prop::collection::vec(depth, (WIDTH * HEIGHT) as usize)
 }
 

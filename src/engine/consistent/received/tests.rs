@@ -7,6 +7,7 @@ use nalgebra::Point3;
 use proptest::prelude::*;
 
 use super::*;
+use crate::engine::binning::between;
 use crate::engine::points::Rays;
 use crate::engine::scan::Stamp;
 
@@ -80,8 +81,8 @@ fn scan(points: Points, pose: Isometry3<f64>) -> Scan {
 
 /// An image with steps, smooth parts and holes, of a size that tiles do not divide.
 fn image() -> impl Strategy<Value = Depths> {
-    let row = prop::collection::vec(prop_oneof![1 => Just(f32::INFINITY), 8 => 0.4_f32..6.0], 1..6);
-    (1..40_usize, prop::collection::vec(row, 1..20), 0.0_f32..0.02).prop_map(|(width, rows, slope)| {
+    let row = prop::collection::vec(prop_oneof![1 => Just(f32::INFINITY), 8 => between(0.4, 6.0)], 1..6);
+    (1..40_usize, prop::collection::vec(row, 1..20), between(0.0, 0.02)).prop_map(|(width, rows, slope)| {
         let rays = |count: usize| (0..count).map(|i| (i as f32 - 0.5 * count as f32) / 60.0).collect();
         let depth = |row: &Vec<f32>, u: usize| row[u * row.len() / width] + u as f32 * slope;
         let depths = rows.iter().flat_map(|row| (0..width).map(move |u| depth(row, u))).collect();
@@ -98,7 +99,7 @@ proptest! {
 
     #[test]
     fn a_list_is_summed_as_point_by_point_in_any_order(
-        mut points in prop::collection::vec(prop::array::uniform3(-4.0_f32..4.0), 0..300),
+        mut points in prop::collection::vec(prop::array::uniform3(between(-4.0, 4.0)), 0..300),
         pose in pose(), size in 0.02..0.5,
     ) {
         let forth = scan(Points::F32(points.clone()), pose);
@@ -110,7 +111,7 @@ proptest! {
     }
 
     #[test]
-    fn a_place_is_rounded_down(point in prop::array::uniform3(-8.0_f32..8.0), pose in pose(), size in 0.03..0.5) {
+    fn a_place_is_rounded_down(point in prop::array::uniform3(between(-8.0, 8.0)), pose in pose(), size in 0.03..0.5) {
         let local = Local::new(&pose, size).unwrap();
         let exact = pose * Point3::from(point.map(f64::from)) / size;
         let [x, y, z] = point.map(f64::from);

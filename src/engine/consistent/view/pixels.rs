@@ -122,6 +122,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::engine::binning::between;
     use crate::engine::points::Points;
 
     /// The occupied cells, each with what it holds.
@@ -137,7 +138,7 @@ mod tests {
         #[test]
         fn pixels_fill_the_cells_that_their_points_fill(
             width in 1..30_usize, scale in 1..9_usize,
-            depths in prop::collection::vec(prop_oneof![1 => Just(f32::INFINITY), 4 => 0.4_f32..6.0], 1..200),
+            depths in prop::collection::vec(prop_oneof![1 => Just(f32::INFINITY), 4 => between(0.4, 6.0)], 1..200),
         ) {
             let rays = |count: usize| -> Vec<f32> {
                 (0..count).map(|i| (0.5 + ((i * scale / 4) as f32 - count as f32).floor()) / 128.0).collect()
