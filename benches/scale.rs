@@ -7,7 +7,7 @@
 //! floor is one with that of the storey, and a cluster costs its rim where it changes.
 //!
 //! Then the longest scan while the map grew, step by step beside what is usual for the same view elsewhere, and the longest
-//! binning: in it the lists of blocks double. Takes minutes and 2 GB; with `--test` seconds. A path as argument is where the
+//! binning: in it the lists of blocks double. Takes minutes and 1 GB; with `--test` seconds. A path as argument is where the
 //! figure goes, `target/scale.svg` else.
 #![allow(missing_docs, clippy::unwrap_used, clippy::print_stdout, reason = "a benchmark")]
 
