@@ -249,8 +249,12 @@ pub(super) fn contacts(
         // In its own block, each pair is met once.
         let first = if direction == [0; 3] { usize::from(number) + 1 } else { 0 };
         let others = there.patches.get(first..).unwrap_or_default();
+        let cells = own.cells.and(&border);
+        if cells.is_empty() || others.is_empty() {
+            continue;
+        }
         let mut met = vec![Contact::default(); others.len()];
-        for cell in own.cells.and(&border).iter() {
+        for cell in cells.iter() {
             let at = cell.coordinates();
             let near = Window::around(seen_from(at, direction), reach);
             if !there.is_any_patch_in(&near) {

@@ -233,24 +233,29 @@ impl Plain {
             && offset.iter().all(|&offset| within(offset, 0.0, 1.0))
             && self.spread.iter().all(|&entry| within(entry, -MOST_COVARIANCE, MOST_COVARIANCE))
             && self.spread == self.spread.transpose()
+            && self.mean_weight >= f32::MIN_POSITIVE.into()
+            && self.mean_weight <= (1.0 / (BIAS * BIAS)).next_up()
+            && within(self.depth_variance, 0.0, 1e9)
+            && within(self.lateral_variance, 0.0, 1e9)
             && self.towards.iter().all(|&part| within(part, -MOST_TOWARDS, MOST_TOWARDS));
-        let counts = self.counts(noise).filter(|_| is_possible)?;
-        Some(State::of(self.cell, counts, &offset, &self.spread, &self.towards))
+        is_possible.then(|| State::of(self.cell, self.counts(noise), &offset, &self.spread, &self.towards))
     }
 
-    /// The points, those that the moments count, and their weight: of these follows what is saved, and they of it. Where no
-    /// noise is known, nothing follows of them.
-    fn counts(&self, noise: &Noise) -> Option<[u32; 3]> {
+    /// The points, those that its moments count, and the weight of these, by which its variances are what they are. Where no
+    /// noise is known, any are.
+    ///
+    /// Variances that were saved in single precision tell of a million points no more than a thousandth.
+    fn counts(&self, noise: &Noise) -> [u32; 3] {
         let variance = 1.0 / self.mean_weight - BIAS * BIAS;
-        let points = if self.depth_variance > 0.0 {
-            (ALIKE * self.depth_variance / variance).round()
-        } else {
-            f64::from(self.count).min(MOST_POINTS as f64)
+        let points = match self.depth_variance {
+            0.0 => self.count.into(),
+            _ if variance > 0.0 => ALIKE * self.depth_variance / variance,
+            _ => f64::INFINITY,
         };
-        let weight = noise.weight_of(points, self.depth_variance).round();
-        let is_possible =
-            (1.0..=MOST_POINTS as f64).contains(&points) && (1.0..=MOST_WEIGHT as f64).contains(&weight);
-        is_possible.then_some([self.count, points as u32, weight as u32])
+        let of_one = noise.weight_of(1.0, self.depth_variance);
+        let points = points.min(MOST_WEIGHT as f64 / of_one).round().clamp(1.0, MOST_POINTS as f64);
+        let weight = (points * of_one).round().clamp(1.0, MOST_WEIGHT as f64);
+        [self.count, points as u32, weight as u32]
     }
 }
 
@@ -302,6 +307,29 @@ mod tests {
             let plain = Plain::of(&state, &unknown);
             let restored = plain.state(&unknown).map(|state| Plain::of(&state, &unknown));
             prop_assert_eq!(restored, Some(plain));
+        }
+
+        #[test]
+        fn what_was_saved_in_single_precision_is_restored_as_far_as_it_goes(
+            points in 1..=MOST_POINTS as u32, weight in 1..=MAX_WEIGHT as u32, size in 0.01..1.0,
+        ) {
+            let noise = Noise::new(NoiseModel::KinectV1, size);
+            let weight = (u64::from(points) * u64::from(weight)).min(MOST_WEIGHT) as u32;
+            let counts = [points, points, weight];
+            let state = State::of(Cell(7), counts, &Vector3::repeat(0.5), &Matrix3::zeros(), &Vector3::z());
+            let exact = Plain::of(&state, &noise);
+            let single = |variance: f64| f64::from(variance as f32);
+            let restored = Plain {
+                mean_weight: single(exact.mean_weight),
+                depth_variance: single(exact.depth_variance),
+                ..exact.clone()
+            }
+            .state(&noise);
+            let again = Plain::of(restored.as_ref().unwrap(), &noise);
+            prop_assert!((again.mean_weight / exact.mean_weight - 1.0).abs() < 1e-6, "{again:?} of {exact:?}");
+            // Of a weight that is a small whole number, half of one is rounded away.
+            let rounded = 1e-6 + 1.0 / f64::from(weight);
+            prop_assert!((again.depth_variance / exact.depth_variance - 1.0).abs() < rounded, "{again:?} of {exact:?}");
         }
     }
 }
