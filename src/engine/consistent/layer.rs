@@ -103,7 +103,7 @@ impl Segmented {
             members[usize::from(number)].push(state);
         }
         let middle = Vector3::from(corner).map(f64::from);
-        let patch = |(states, kind): (&Vec<&State>, _)| Patch::new(states, &middle, kind, &rules.noise);
+        let patch = |(states, kind): (&Vec<&State>, _)| Patch::new(states, &middle, kind, rules);
         // With no room to spare.
         let mut patches = Vec::with_capacity(members.len());
         patches.extend(members.iter().zip(kinds).filter_map(patch));
@@ -195,8 +195,8 @@ pub(super) fn contacts_of(segmented: &[Segmented], id: PatchId) -> impl Iterator
     segmented[id.block.0 as usize].contacts.of(id.number)
 }
 
-/// The sharper or broader patch that a patch is a slice of: of those it meets, the one its points fit best. A flat patch that
-/// joins one with less noise as its equal, and fits that better, is no slice.
+/// The sharper, broader or whole patch that a patch is a slice of: of those it meets, the one its points fit best. A flat patch
+/// that joins one with less noise as its equal, and fits that better, is no slice.
 pub(super) fn sharper(segmented: &[Segmented], id: PatchId, rules: &Rules) -> Option<PatchId> {
     let own = patch(segmented, id);
     if !own.may_be_slice(rules) {
@@ -205,7 +205,10 @@ pub(super) fn sharper(segmented: &[Segmented], id: PatchId, rules: &Rules) -> Op
     let contacts = || contacts_of(segmented, id);
     let equal = |(other, contact): (PatchId, Contact)| {
         let other = patch(segmented, other);
-        let is_equal = !own.is_rough() && other.has_less_noise(own) && own.joins(other, &contact, rules);
+        let is_equal = !own.is_rough()
+            && !own.is_folded()
+            && other.has_less_noise(own)
+            && own.joins(other, &contact, rules);
         is_equal.then(|| own.misfit(other, rules))
     };
     let equal = contacts().filter_map(equal).fold(f64::INFINITY, f64::min);
@@ -215,8 +218,8 @@ pub(super) fn sharper(segmented: &[Segmented], id: PatchId, rules: &Rules) -> Op
     best.filter(|(misfit, _)| *misfit < equal).map(|(_, other)| other)
 }
 
-/// Whether two patches that meet so are joined. A slice is with its sharper patch, and else with what lies on that one's plane
-/// too.
+/// Whether two patches that meet so are joined. A slice is with the one it is a slice of, and else with what lies on that one's
+/// plane too; a folded one, which lies on two planes, with that one alone.
 pub(super) fn are_joined(
     segmented: &[Segmented],
     a: PatchId,
@@ -228,6 +231,10 @@ pub(super) fn are_joined(
     let (of_a, of_b) = (here.slice_of, there.slice_of);
     if of_a == Some(b) || of_b == Some(a) {
         return true;
+    }
+    let is_part = |own: &Patch, of: Option<PatchId>| own.is_folded() && of.is_some();
+    if is_part(here, of_a) || is_part(there, of_b) {
+        return false;
     }
     let lies_on =
         |own: &Patch, of: Option<PatchId>| of.is_none_or(|of| own.lies_on(patch(segmented, of), rules));

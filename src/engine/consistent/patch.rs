@@ -71,7 +71,9 @@ pub(super) struct Patch {
     /// It reaches no further into its block than two rows: its plane may be the cut that the block makes of another one's
     /// scatter.
     is_cut: bool,
-    /// The sharper patch that it is a slice of.
+    /// A crease runs through it.
+    is_folded: bool,
+    /// The patch that it is a slice of.
     pub(super) slice_of: Option<PatchId>,
 }
 
@@ -83,17 +85,31 @@ const NARROW: f64 = 1.0;
 /// Misfit of a slice, at most: scatters of a pillar seen from 6 m have 1.1 on the nearer ones' planes, and from 1.25 on a
 /// wall takes in a door that stands ajar.
 const SLICE: f64 = 1.1;
+/// The same of a folded patch, half of which lies off the plane that it is taken to be a slice of.
+const FOLDED_SLICE: f64 = 2.0;
 /// What a voxel of a rough patch counts in a plane by one of a flat patch: where a jamb meets the leaf of its door, voxels hold
 /// both, and turned the leaf's plane by 3 degrees.
 const ROUGH: f64 = 0.1;
+/// Voxels to either side of a crease, at least.
+const FLANK: f64 = 6.0;
+/// Part of a patch's variance across its narrow side that lies along its normal, where a crease of [`Rules::fold_angle`] runs
+/// through its middle: 0.0009. Where there is less, as in most patches, none does.
+const CREASED: f64 = 0.0009;
+/// Standard deviations by which flanks that are badly known may differ more. A broad patch that is taken to be folded and is not
+/// loses little: one that is folded and not taken to be ties two surfaces together.
+const FOLD_SIGMAS: f64 = 1.5;
+/// The same of a narrow one, which may be the only bridge between two parts of a surface.
+const NARROW_FOLD_SIGMAS: f64 = 3.0;
 /// A patch is much broader whose variance is so many times that.
 const BROADER: f64 = 2.0;
 
 impl Patch {
     /// `None` where the states span no plane; `corner` is that of their block.
-    pub(super) fn new(states: &[&State], corner: &Vector3<f64>, kind: Kind, noise: &Noise) -> Option<Self> {
+    pub(super) fn new(states: &[&State], corner: &Vector3<f64>, kind: Kind, rules: &Rules) -> Option<Self> {
+        let noise = &rules.noise;
         let region = Region::sum(states.iter().map(|state| kind.share(state, noise)));
-        let Fit { plane, variances } = region.fit()?;
+        let fit = region.fit()?;
+        let Fit { plane, variances } = fit;
         let count = states.len() as f64;
         let mean = states.iter().map(|state| state.mean()).sum::<Vector3<f64>>() / count;
         let blur = states.iter().map(|state| state.blur(noise).covariance()).sum::<Matrix3<f64>>() / count;
@@ -102,6 +118,8 @@ impl Patch {
             state.spread() + from_mean * from_mean.transpose()
         };
         let towards = states.iter().map(|state| state.towards()).sum::<Vector3<f64>>() / count;
+        let noise_variance = quadratic(&blur, &plane.normal);
+        let is_sharp = noise_variance <= rules.noisy * rules.noisy;
         let square = states.iter().map(|state| apart(&state)).sum::<Matrix3<f64>>() / count;
         Some(Self {
             cells: states.iter().map(|state| state.cell()).collect(),
@@ -111,12 +129,13 @@ impl Patch {
             square: single(upper(&square)),
             blur: single(upper(&blur)),
             towards: towards.cast(),
-            noise: quadratic(&blur, &plane.normal) as f32,
+            noise: noise_variance as f32,
             breadth: variances[1] as f32,
-            tilt_variance: (1.0 / (region.weight() * variances[1])) as f32,
+            tilt_variance: tilt_variance(&region, &fit) as f32,
             offset_variance: (1.0 / region.weight()) as f32,
             is_rough: kind == Kind::Rough,
             is_cut: is_cut(states),
+            is_folded: kind == Kind::Flat && is_sharp && is_folded(states, &fit, rules),
             slice_of: None,
         })
     }
@@ -154,10 +173,10 @@ impl Patch {
         self.normal().dot(&(place - self.point))
     }
 
-    /// Whether what it shows may be a slice of another one: its points scatter much or lie on no plane, or it is too narrow
-    /// for its plane to be known by its own voxels.
+    /// Whether what it shows may be a slice of another one: its points scatter much or lie on no plane, or on two, or it is too
+    /// narrow for its plane to be known by its own voxels.
     pub(super) fn may_be_slice(&self, rules: &Rules) -> bool {
-        self.is_rough || self.is_noisy(rules) || self.is_narrow()
+        self.is_rough || self.is_folded || self.is_noisy(rules) || self.is_narrow()
     }
 
     pub(super) fn is_noisy(&self, rules: &Rules) -> bool {
@@ -176,24 +195,31 @@ impl Patch {
         self.is_rough
     }
 
+    /// Whether a crease runs through it, as where a ramp meets the floor: its plane is that of neither.
+    pub(super) const fn is_folded(&self) -> bool {
+        self.is_folded
+    }
+
     /// What one of its voxels counts in the plane of its cluster.
     pub(super) fn weight_of(&self, state: &State, noise: &Noise) -> f64 {
         state.weight_on(&self.normal(), noise) * if self.is_rough { ROUGH } else { 1.0 }
     }
 
-    /// Whether each of its voxels may as well be another one's: it is cut or narrow.
+    /// Whether each of its voxels may as well be another one's: it is cut, folded or narrow.
     pub(super) fn is_frayed(&self) -> bool {
-        self.is_cut || self.is_narrow()
+        self.is_cut || self.is_folded || self.is_narrow()
     }
 
-    /// How well its points lie on the plane of a patch whose slice it may be, up to 1: of a flat one where it is rough, of one
-    /// with less noise where it is noisy, of a much broader one where it is narrow, for its own normal may be any then. `None`
-    /// where it is no such slice.
+    /// How well its points lie on the plane of a patch whose slice it may be, up to 1: of a flat one where it is rough, of a
+    /// whole one where it is folded, of one with less noise where it is noisy, of a much broader one where it is narrow, for its
+    /// own normal may be any then. `None` where it is no such slice.
     pub(super) fn slice_of(&self, other: &Self, rules: &Rules) -> Option<f64> {
         let turn = self.normal().dot(&other.normal());
         let is_sharper = other.noise() <= rules.sharper * rules.sharper * self.noise();
         let may_be = if self.is_rough {
             turn > 0.0
+        } else if self.is_folded {
+            !other.is_folded && !other.is_narrow() && turn >= rules.slice_angle.cos()
         } else {
             self.is_noisy(rules) && is_sharper && turn >= rules.slice_angle.cos()
                 || self.is_narrow()
@@ -201,7 +227,8 @@ impl Patch {
                     && self.towards.dot(&other.normal) > 0.0
         };
         let may_be = may_be && !other.is_rough;
-        may_be.then(|| self.misfit(other, rules)).filter(|misfit| *misfit <= SLICE)
+        let most = if self.is_folded { FOLDED_SLICE } else { SLICE };
+        may_be.then(|| self.misfit(other, rules)).filter(|misfit| *misfit <= most)
     }
 
     /// Whether its points lie on the plane of another that it need not meet, as far as a slice's do.
@@ -221,6 +248,43 @@ impl Patch {
 
 fn single(entries: [f64; 6]) -> [f32; 6] {
     entries.map(|entry| entry as f32)
+}
+
+/// Whether a crease runs through a patch with this fit: the voxels to either side of its middle have planes of different
+/// directions. Tried are the two axes of the grid that lie nearest to its plane, and their diagonals.
+fn is_folded(states: &[&State], fit: &Fit, rules: &Rules) -> bool {
+    if fit.variances[0] < CREASED * fit.variances[1] {
+        return false;
+    }
+    let steepest = fit.plane.normal.iamax();
+    let [a, b] = [1, 2].map(|next| Vector3::ith((steepest + next) % 3, 1.0));
+    [a, b, a + b, a - b].iter().any(|across| is_folded_along(across, states, fit, rules))
+}
+
+fn is_folded_along(across: &Vector3<f64>, states: &[&State], fit: &Fit, rules: &Rules) -> bool {
+    let Fit { plane, variances } = fit;
+    let mut flanks = [Region::default(); 2];
+    for state in states {
+        let is_beyond = across.dot(&(state.mean() - plane.point)) > 0.0;
+        flanks[usize::from(is_beyond)].join(&Region::one(state, &rules.noise));
+    }
+    if flanks.iter().any(|flank| flank.voxels() < FLANK) {
+        return false;
+    }
+    let [Some(one), Some(other)] = flanks.map(|flank| flank.fit()) else { return false };
+    let tilt_variance = tilt_variance(&flanks[0], &one) + tilt_variance(&flanks[1], &other);
+    let angle = one.plane.normal.angle(&other.plane.normal);
+    let (least, sigmas) = if variances[1] < NARROW {
+        (rules.join_angle, NARROW_FOLD_SIGMAS)
+    } else {
+        (rules.fold_angle, FOLD_SIGMAS)
+    };
+    angle > least.max(sigmas * tilt_variance.sqrt())
+}
+
+/// Variance of the tilt of a region's plane about its most uncertain axis (rad^2).
+fn tilt_variance(region: &Region, fit: &Fit) -> f64 {
+    1.0 / (region.weight() * fit.variances[1])
 }
 
 fn is_cut(states: &[&State]) -> bool {
@@ -251,7 +315,7 @@ pub(super) mod examples {
     ) -> Patch {
         let (states, rules) = (states(distance, rows, height), Rules::new(&Params::default()));
         let states: Vec<_> = states.iter().collect();
-        Patch::new(&states, &Vector3::zeros(), Kind::Flat, &rules.noise).unwrap()
+        Patch::new(&states, &Vector3::zeros(), Kind::Flat, &rules).unwrap()
     }
 
     /// The voxels of such rows.
@@ -309,5 +373,25 @@ mod tests {
         assert!(!floor.may_be_slice(&rules) && floor.slice_of(&strip, &rules).is_none());
         assert_eq!(strip.slice_of(&rows(3..5, |_| 2.3), &rules), None);
         assert_eq!(rows(5..7, |y| 2.3 + (y - 5.0)).slice_of(&floor, &rules), None);
+    }
+
+    #[test]
+    fn a_patch_with_a_crease_is_a_slice_of_one_of_the_two_surfaces_and_what_is_bent_less_is_none() {
+        let rules = Rules::new(&Params::default());
+        let ramp = 18.0_f64.to_radians().tan();
+        let [floor, foot] = [rows(0..8, |_| 2.3), rows(0..8, |y| 2.3 + ramp * (y - 4.0).max(0.0))];
+        // By its direction it would be joined with either.
+        assert!(floor.normal().angle(&foot.normal()) < rules.join_angle);
+        assert!(foot.is_folded() && foot.is_frayed() && foot.may_be_slice(&rules));
+        assert!(foot.slice_of(&floor, &rules).is_some());
+        // Neither is a flat patch or a slope, nor what is bent over its whole length by as little.
+        let slope = rows(0..8, |y| 2.3 + ramp * (y - 4.0));
+        let bent = rows(0..8, |y| 2.3 + 0.01 * (y - 4.0) * (y - 4.0));
+        assert!([&floor, &slope, &bent].iter().all(|patch| !patch.is_folded()));
+        assert_eq!(
+            foot.slice_of(&foot.clone(), &rules),
+            None,
+            "two folded ones would tie the surfaces together"
+        );
     }
 }

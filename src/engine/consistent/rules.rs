@@ -22,6 +22,8 @@ pub(super) struct Rules {
     pub(super) rim_flatness: f64,
     /// Angle up to which touching patches are one surface, whatever is known of their planes (rad).
     pub(super) join_angle: f64,
+    /// Angle from which on two planes that meet within a patch are no single one (rad).
+    pub(super) fold_angle: f64,
     /// Distance between two planes where their patches meet, up to which they are one surface.
     pub(super) join_offset: f64,
     /// What each of them adds to that, in standard deviations of its noise.
@@ -54,6 +56,7 @@ impl Rules {
             rim_noise_factor: 3.0,
             rim_flatness: 0.4,
             join_angle: 0.17_f64.min(params.max_normal_angle()),
+            fold_angle: 0.12,
             join_offset: 0.4,
             cut: 0.8,
             rough_angle: 0.4_f64.min(params.max_normal_angle()),

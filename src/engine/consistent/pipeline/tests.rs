@@ -1,6 +1,6 @@
 use super::*;
 use crate::engine::scan::Stamp;
-use crate::engine::{ClusterState, Engine, Isometry3, Points};
+use crate::engine::{Cluster, ClusterState, Engine, Isometry3, Points, SurfaceClass};
 use crate::sim::{Drive, Scene};
 
 /// Drives through a scene and checks after every scan that what clusters are judged by is found as by a scan of all.
@@ -24,6 +24,34 @@ fn floor_and_neighbours_are_those_of_all_clusters_while_things_come_and_go() {
 fn floor_and_neighbours_are_those_of_all_clusters_where_what_is_far_is_forgotten() {
     let params = Params::default().with_keep_radius(3.0).unwrap();
     drive_and_check("lab", params, (0..1600).step_by(40));
+}
+
+/// The clusters of this class after a drive past the ramp of 18 degrees in the scene of the stairs.
+fn past_the_ramp(voxel_size: f64, class: SurfaceClass) -> Vec<Cluster> {
+    let drive = Drive::new(Scene::named("stairs").unwrap(), 1, Stamp::from_nanos(0)).with_max_range(6.0);
+    let mut engine = Consistent::new(Params::default().with_voxel_size(voxel_size).unwrap());
+    (0..1500).step_by(25).for_each(|index| drop(engine.insert(&drive.labelled_scan(index).scan)));
+    let mut clusters = engine.snapshot().clusters;
+    clusters.retain(|cluster| cluster.class == class);
+    clusters
+}
+
+#[test]
+fn a_ramp_and_the_floor_that_it_rises_from_are_two_surfaces() {
+    for voxel_size in [0.05, 0.08] {
+        let [floor, ramp] =
+            [SurfaceClass::Floor, SurfaceClass::Slope].map(|class| past_the_ramp(voxel_size, class));
+        assert!(floor.len() == 1 && floor[0].rms_error < 0.01, "{voxel_size}: {floor:?}");
+        let tilt = |cluster: &Cluster| cluster.normal.z.acos().to_degrees();
+        let is_whole = ramp
+            .iter()
+            .any(|ramp| (tilt(ramp) - 18.0).abs() < 0.5 && ramp.area.is_some_and(|area| area > 3.5));
+        assert!(
+            is_whole,
+            "{voxel_size}: {:?}",
+            ramp.iter().map(|ramp| (tilt(ramp), ramp.area)).collect::<Vec<_>>()
+        );
+    }
 }
 
 /// One scan of a drive through the laboratory after the other.
