@@ -7,8 +7,9 @@
 
 use nalgebra::{Point3, UnitVector3, Vector2};
 
+use super::apart::Comparing;
 use super::footprint::{Column, Footprint};
-use super::rings::{Rings, doubled_area, edges, lies_within};
+use super::rings::{Rings, doubled_area, lies_within};
 use super::simplify::Simplifying;
 use super::trace::{Tracing, rings};
 
@@ -59,7 +60,7 @@ pub(crate) struct Drawing {
     simplifying: Simplifying,
     /// The kept ones with few vertices.
     fewer: Rings,
-    edges: Vec<Edge>,
+    comparing: Comparing,
 }
 
 impl Outline {
@@ -119,7 +120,7 @@ impl Drawing {
                 self.simplifying.draw(self.traced.ring(number), tolerance, &mut self.fewer);
                 self.fewer.end(self.traced.columns(number));
             }
-            if are_apart(&self.fewer, &mut self.edges) {
+            if self.comparing.are_apart(&self.fewer) {
                 return;
             }
             tolerance *= 0.5;
@@ -172,63 +173,6 @@ impl Lift {
         point[v] = (f64::from(self.origin[1]) + vertex.y) * self.voxel_size;
         point[axis] = -(self.plane.d + normal[u] * point[u] + normal[v] * point[v]) / normal[axis];
         point
-    }
-}
-
-/// Whether no edge of these rings meets another but at its ends, and all rings lie within the first.
-fn are_apart(rings: &Rings, memory: &mut Vec<Edge>) -> bool {
-    memory.clear();
-    for (ring, vertices) in rings.iter().enumerate() {
-        let of = vertices.len();
-        let edge = |(place, (&a, &b))| Edge { ring, place, of, ends: [a, b] };
-        memory.extend(edges(vertices).enumerate().map(edge));
-    }
-    memory.sort_unstable_by(|a, b| a.least().total_cmp(&b.least()));
-    for (i, edge) in memory.iter().enumerate() {
-        let most = edge.ends[0].x.max(edge.ends[1].x);
-        if memory[i + 1..].iter().take_while(|other| other.least() <= most).any(|other| edge.meets(other)) {
-            return false;
-        }
-    }
-    rings.iter().skip(1).all(|hole| lies_within(hole[0], rings.ring(0)))
-}
-
-/// One edge of several rings.
-#[derive(Clone, Debug)]
-struct Edge {
-    ring: usize,
-    /// Its number in the ring, and how many there are.
-    place: usize,
-    of: usize,
-    ends: [Vector2<f64>; 2],
-}
-
-impl Edge {
-    fn least(&self) -> f64 {
-        self.ends[0].x.min(self.ends[1].x)
-    }
-
-    /// Whether the two have a point in common that is not the vertex between them.
-    fn meets(&self, other: &Self) -> bool {
-        let [a, b] = self.ends;
-        let [c, d] = other.ends;
-        if self.ring == other.ring {
-            let is_next = (self.place + 1) % self.of == other.place;
-            let is_before = (other.place + 1) % self.of == self.place;
-            if is_next || is_before {
-                // Neighbours meet again only where the ring turns back onto itself.
-                let (along, on) = if is_next { (b - a, d - c) } else { (d - c, b - a) };
-                return along.perp(&on) == 0.0 && along.dot(&on) < 0.0;
-            }
-        }
-        let side = |p: Vector2<f64>, q: Vector2<f64>, r: Vector2<f64>| (q - p).perp(&(r - p));
-        let overlap = |axis: usize| {
-            a[axis].min(b[axis]) <= c[axis].max(d[axis]) && c[axis].min(d[axis]) <= a[axis].max(b[axis])
-        };
-        overlap(0)
-            && overlap(1)
-            && side(a, b, c) * side(a, b, d) <= 0.0
-            && side(c, d, a) * side(c, d, b) <= 0.0
     }
 }
 
