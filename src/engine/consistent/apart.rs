@@ -6,7 +6,9 @@
 
 use nalgebra::Vector2;
 
-use super::rings::{Rings, edges, lies_within};
+use super::rings::{Rings, edges};
+use super::within::Within;
+use crate::engine::binning::floor;
 
 /// Height of a band: the outline of a table lies in one or two, so that it has hardly more pieces than edges.
 const BAND: f64 = 16.0;
@@ -18,14 +20,14 @@ const MARGIN: f64 = 1e-6;
 pub(crate) struct Comparing {
     edges: Vec<Edge>,
     pieces: Vec<Piece>,
+    within: Within,
 }
 
 impl Comparing {
     /// Whether no edge of these rings meets another but at its ends, and all rings lie within the first.
     pub(crate) fn are_apart(&mut self, rings: &Rings) -> bool {
         self.cut(rings);
-        self.meeting().next().is_none()
-            && rings.iter().skip(1).all(|ring| lies_within(ring[0], rings.ring(0)))
+        self.meeting().next().is_none() && self.are_within_the_first(rings)
     }
 
     /// Finds the edges of all rings and their pieces, in the order of these.
@@ -52,6 +54,12 @@ impl Comparing {
             beside.map(|other| [piece.edge, other.edge])
         });
         pairs.filter(move |&[a, b]| edge(a).meets(edge(b)))
+    }
+
+    /// Whether all lie within the first; no edge meets another.
+    fn are_within_the_first(&mut self, rings: &Rings) -> bool {
+        self.within.ask(rings.iter().skip(1));
+        self.within.count(rings.iter().take(1)).iter().all(|&around| around == 1)
     }
 }
 
@@ -86,7 +94,7 @@ impl Edge {
     fn pieces(&self, edge: u32, pieces: &mut Vec<Piece>) {
         let [a, b] = self.ends;
         let (low, high) = if a.y <= b.y { (a, b) } else { (b, a) };
-        let [first, last] = [low.y - MARGIN, high.y + MARGIN].map(|y| (y / BAND).floor() as i32);
+        let [first, last] = [low.y - MARGIN, high.y + MARGIN].map(|y| floor(y / BAND));
         if first == last {
             pieces.push(Piece { band: first, least: a.x.min(b.x), most: a.x.max(b.x), edge });
             return;

@@ -175,6 +175,7 @@ mod symmetric;
 mod tile;
 mod trace;
 mod view;
+mod within;
 
 pub use noise::NoiseModel;
 pub use pipeline::{Consistent, Partition};

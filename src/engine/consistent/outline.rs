@@ -2,16 +2,17 @@
 //!
 //! The rings of the footprint end where the points do ([`super::rim`]), are drawn with few vertices at the same area
 //! ([`super::simplify`]) and are lifted onto the plane along the footprint's axis. No ring crosses itself or another,
-//! holes lie within the boundary, and the area is that of the polygon less the holes. Costs O(r log r) for r columns at
-//! the rim. Lengths in m.
+//! holes lie within the boundary ([`super::apart`]), and the area is that of the polygon less the holes. Costs O(r log r)
+//! for r columns at the rim, however many holes there are. Lengths in m.
 
 use nalgebra::{Point3, UnitVector3, Vector2};
 
 use super::apart::Comparing;
 use super::footprint::{Column, Footprint};
-use super::rings::{Rings, doubled_area, lies_within};
+use super::rings::{Rings, doubled_area};
 use super::simplify::Simplifying;
 use super::trace::{Tracing, rings};
+use super::within::Within;
 
 /// How often the tolerance is halved before a ring is left as it was traced.
 const ATTEMPTS: usize = 3;
@@ -61,6 +62,7 @@ pub(crate) struct Drawing {
     /// The kept ones with few vertices.
     fewer: Rings,
     comparing: Comparing,
+    within: Within,
 }
 
 impl Outline {
@@ -87,10 +89,10 @@ impl Drawing {
     fn keep(&mut self, least_hole: u32) -> Option<()> {
         let Self { traced, kept, .. } = self;
         let is_part = |&number: &usize| traced.columns(number) >= 0;
-        let area = |number: usize| 0.5 * doubled_area(traced.ring(number));
-        let mut largest = None;
+        let (mut largest, mut parts) = (None, 0);
         for part in (0..traced.len()).filter(is_part) {
-            let area = area(part);
+            parts += 1;
+            let area = 0.5 * doubled_area(traced.ring(part));
             // Of equal parts the first.
             if largest.is_none_or(|(_, most)| area > most) {
                 largest = Some((part, area));
@@ -99,17 +101,22 @@ impl Drawing {
         let (boundary, _) = largest?;
         kept.clear();
         kept.push(boundary);
-        let others = (0..traced.len()).filter(is_part).filter(|part| *part != boundary);
-        let is_alone = others.clone().next().is_none();
         let is_large = |&number: &usize| traced.columns(number) <= -i64::from(least_hole);
-        for hole in (0..traced.len()).filter(|number| !is_part(number)).filter(is_large) {
-            // A part may stand in a hole of the boundary and have holes of its own.
-            let is_in = |ring: usize| lies_within(traced.ring(hole)[0], traced.ring(ring));
-            if is_alone || is_in(boundary) && !others.clone().any(is_in) {
-                kept.push(hole);
-            }
+        kept.extend((0..traced.len()).filter(|number| !is_part(number)).filter(is_large));
+        if parts > 1 {
+            self.leave_out_of_others();
         }
         Some(())
+    }
+
+    /// Leaves out the holes of the other parts, of which some may stand in a hole of the boundary.
+    fn leave_out_of_others(&mut self) {
+        let Self { traced, kept, within, .. } = self;
+        let boundary = kept[0];
+        within.ask(kept.iter().skip(1).map(|hole| traced.ring(*hole)));
+        let others = (0..traced.len()).filter(|part| *part != boundary && traced.columns(*part) >= 0);
+        let mut around = within.count(others.map(|part| traced.ring(part))).iter();
+        kept.retain(|ring| *ring == boundary || around.next() == Some(&0));
     }
 
     /// Draws the kept rings with as few vertices as `tolerance` allows without one that crosses itself or another.
