@@ -222,8 +222,10 @@ fn crossings(rings: &[Vec<Vector2<f64>>]) -> usize {
         .flat_map(|ring| ring.iter().copied().zip(ring.iter().copied().cycle().skip(1)))
         .collect();
     let side = |p: Vector2<f64>, q: Vector2<f64>, r: Vector2<f64>| (q - p).perp(&(r - p));
-    let cross = |(a, b): (Vector2<f64>, Vector2<f64>), (c, d)| {
-        side(a, b, c) * side(a, b, d) < 0.0 && side(c, d, a) * side(c, d, b) < 0.0
+    let cross = |(a, b): (Vector2<f64>, Vector2<f64>), (c, d): (Vector2<f64>, Vector2<f64>)| {
+        // Of edges on one line, far from each other, rounding says anything of the sides.
+        let overlap = a.inf(&b).sup(&c.inf(&d)) <= a.sup(&b).inf(&c.sup(&d));
+        overlap && side(a, b, c) * side(a, b, d) < 0.0 && side(c, d, a) * side(c, d, b) < 0.0
     };
     (0..edges.len()).map(|i| edges[..i].iter().filter(|&&other| cross(edges[i], other)).count()).sum()
 }
