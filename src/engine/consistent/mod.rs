@@ -129,6 +129,7 @@
 //!
 //! Patches whose own planes are fitted so join a wall with a door in one seed of four.
 
+mod apart;
 mod bin;
 mod block;
 mod border;
@@ -174,6 +175,7 @@ mod symmetric;
 mod tile;
 mod trace;
 mod view;
+mod within;
 
 pub use noise::NoiseModel;
 pub use pipeline::{Consistent, Partition};

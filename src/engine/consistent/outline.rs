@@ -2,15 +2,17 @@
 //!
 //! The rings of the footprint end where the points do ([`super::rim`]), are drawn with few vertices at the same area
 //! ([`super::simplify`]) and are lifted onto the plane along the footprint's axis. No ring crosses itself or another,
-//! holes lie within the boundary, and the area is that of the polygon less the holes. Costs O(r log r) for r columns at
-//! the rim. Lengths in m.
+//! holes lie within the boundary ([`super::apart`]), and the area is that of the polygon less the holes. Costs O(r log r)
+//! for r columns at the rim, however many holes there are. Lengths in m.
 
 use nalgebra::{Point3, UnitVector3, Vector2};
 
+use super::apart::Comparing;
 use super::footprint::{Column, Footprint};
-use super::rings::{Rings, doubled_area, edges, lies_within};
+use super::rings::{Rings, doubled_area};
 use super::simplify::Simplifying;
 use super::trace::{Tracing, rings};
+use super::within::Within;
 
 /// How often the tolerance is halved before a ring is left as it was traced.
 const ATTEMPTS: usize = 3;
@@ -59,7 +61,8 @@ pub(crate) struct Drawing {
     simplifying: Simplifying,
     /// The kept ones with few vertices.
     fewer: Rings,
-    edges: Vec<Edge>,
+    comparing: Comparing,
+    within: Within,
 }
 
 impl Outline {
@@ -86,10 +89,10 @@ impl Drawing {
     fn keep(&mut self, least_hole: u32) -> Option<()> {
         let Self { traced, kept, .. } = self;
         let is_part = |&number: &usize| traced.columns(number) >= 0;
-        let area = |number: usize| 0.5 * doubled_area(traced.ring(number));
-        let mut largest = None;
+        let (mut largest, mut parts) = (None, 0);
         for part in (0..traced.len()).filter(is_part) {
-            let area = area(part);
+            parts += 1;
+            let area = 0.5 * doubled_area(traced.ring(part));
             // Of equal parts the first.
             if largest.is_none_or(|(_, most)| area > most) {
                 largest = Some((part, area));
@@ -98,17 +101,22 @@ impl Drawing {
         let (boundary, _) = largest?;
         kept.clear();
         kept.push(boundary);
-        let others = (0..traced.len()).filter(is_part).filter(|part| *part != boundary);
-        let is_alone = others.clone().next().is_none();
         let is_large = |&number: &usize| traced.columns(number) <= -i64::from(least_hole);
-        for hole in (0..traced.len()).filter(|number| !is_part(number)).filter(is_large) {
-            // A part may stand in a hole of the boundary and have holes of its own.
-            let is_in = |ring: usize| lies_within(traced.ring(hole)[0], traced.ring(ring));
-            if is_alone || is_in(boundary) && !others.clone().any(is_in) {
-                kept.push(hole);
-            }
+        kept.extend((0..traced.len()).filter(|number| !is_part(number)).filter(is_large));
+        if parts > 1 {
+            self.leave_out_of_others();
         }
         Some(())
+    }
+
+    /// Leaves out the holes of the other parts, of which some may stand in a hole of the boundary.
+    fn leave_out_of_others(&mut self) {
+        let Self { traced, kept, within, .. } = self;
+        let boundary = kept[0];
+        within.ask(kept.iter().skip(1).map(|hole| traced.ring(*hole)));
+        let others = (0..traced.len()).filter(|part| *part != boundary && traced.columns(*part) >= 0);
+        let mut around = within.count(others.map(|part| traced.ring(part))).iter();
+        kept.retain(|ring| *ring == boundary || around.next() == Some(&0));
     }
 
     /// Draws the kept rings with as few vertices as `tolerance` allows without one that crosses itself or another.
@@ -119,7 +127,7 @@ impl Drawing {
                 self.simplifying.draw(self.traced.ring(number), tolerance, &mut self.fewer);
                 self.fewer.end(self.traced.columns(number));
             }
-            if are_apart(&self.fewer, &mut self.edges) {
+            if self.comparing.are_apart(&self.fewer) {
                 return;
             }
             tolerance *= 0.5;
@@ -172,63 +180,6 @@ impl Lift {
         point[v] = (f64::from(self.origin[1]) + vertex.y) * self.voxel_size;
         point[axis] = -(self.plane.d + normal[u] * point[u] + normal[v] * point[v]) / normal[axis];
         point
-    }
-}
-
-/// Whether no edge of these rings meets another but at its ends, and all rings lie within the first.
-fn are_apart(rings: &Rings, memory: &mut Vec<Edge>) -> bool {
-    memory.clear();
-    for (ring, vertices) in rings.iter().enumerate() {
-        let of = vertices.len();
-        let edge = |(place, (&a, &b))| Edge { ring, place, of, ends: [a, b] };
-        memory.extend(edges(vertices).enumerate().map(edge));
-    }
-    memory.sort_unstable_by(|a, b| a.least().total_cmp(&b.least()));
-    for (i, edge) in memory.iter().enumerate() {
-        let most = edge.ends[0].x.max(edge.ends[1].x);
-        if memory[i + 1..].iter().take_while(|other| other.least() <= most).any(|other| edge.meets(other)) {
-            return false;
-        }
-    }
-    rings.iter().skip(1).all(|hole| lies_within(hole[0], rings.ring(0)))
-}
-
-/// One edge of several rings.
-#[derive(Clone, Debug)]
-struct Edge {
-    ring: usize,
-    /// Its number in the ring, and how many there are.
-    place: usize,
-    of: usize,
-    ends: [Vector2<f64>; 2],
-}
-
-impl Edge {
-    fn least(&self) -> f64 {
-        self.ends[0].x.min(self.ends[1].x)
-    }
-
-    /// Whether the two have a point in common that is not the vertex between them.
-    fn meets(&self, other: &Self) -> bool {
-        let [a, b] = self.ends;
-        let [c, d] = other.ends;
-        if self.ring == other.ring {
-            let is_next = (self.place + 1) % self.of == other.place;
-            let is_before = (other.place + 1) % self.of == self.place;
-            if is_next || is_before {
-                // Neighbours meet again only where the ring turns back onto itself.
-                let (along, on) = if is_next { (b - a, d - c) } else { (d - c, b - a) };
-                return along.perp(&on) == 0.0 && along.dot(&on) < 0.0;
-            }
-        }
-        let side = |p: Vector2<f64>, q: Vector2<f64>, r: Vector2<f64>| (q - p).perp(&(r - p));
-        let overlap = |axis: usize| {
-            a[axis].min(b[axis]) <= c[axis].max(d[axis]) && c[axis].min(d[axis]) <= a[axis].max(b[axis])
-        };
-        overlap(0)
-            && overlap(1)
-            && side(a, b, c) * side(a, b, d) <= 0.0
-            && side(c, d, a) * side(c, d, b) <= 0.0
     }
 }
 

@@ -68,11 +68,3 @@ pub(crate) fn doubled_area(ring: &[Vector2<f64>]) -> f64 {
 pub(crate) fn edges(ring: &[Vector2<f64>]) -> impl Iterator<Item = (&Vector2<f64>, &Vector2<f64>)> {
     ring.iter().zip(ring.iter().skip(1).chain(ring.first()))
 }
-
-/// Whether a point lies within a ring (even-odd).
-pub(crate) fn lies_within(point: Vector2<f64>, ring: &[Vector2<f64>]) -> bool {
-    let crosses = |(a, b): &(&Vector2<f64>, &Vector2<f64>)| {
-        (a.y > point.y) != (b.y > point.y) && point.x < a.x + (point.y - a.y) / (b.y - a.y) * (b.x - a.x)
-    };
-    edges(ring).filter(crosses).count() % 2 == 1
-}

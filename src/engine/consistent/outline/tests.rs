@@ -3,9 +3,12 @@ use std::collections::BTreeMap;
 use nalgebra::{Rotation3, Vector3};
 use proptest::prelude::*;
 
+use self::plain::lies_within;
 use super::*;
 use crate::engine::consistent::footprint::{Axis, Content};
 use crate::engine::key::VoxelKey;
+
+mod plain;
 
 /// A small generator of its own (xorshift64*), so that the shapes are the same on every run.
 struct Random(u64);
@@ -183,6 +186,23 @@ fn any_footprint() -> impl Strategy<Value = Seen> {
     })
 }
 
+/// A footprint of many holes: of blocks that are there or not, each column with points anywhere. Parts stand in holes.
+fn any_holed() -> impl Strategy<Value = Seen> {
+    let extents = proptest::array::uniform2(8..70i32);
+    (extents, 1..4i32, 0.4..0.95f64, 1..u64::MAX).prop_map(|([w, h], block, density, seed)| {
+        let mut random = Random(seed);
+        let blocks: Vec<_> = (0..70 * 70).map(|_| random.uniform(0.0, 1.0) < density).collect();
+        let mut footprint = Footprint::new(Axis::dominant(&Vector3::z_axis()));
+        for [x, y] in square([0, 0], w.max(h)).filter(|[x, y]| *x < w && *y < h) {
+            let is_there = blocks[(x / block * 70 + y / block) as usize] || [x, y] == [0, 0];
+            let point = [(); 2].map(|()| random.uniform(0.0, 1.0));
+            let content = Content::of_points(&[point, [0.5, 0.5]]);
+            is_there.then(|| footprint.add([x, y], &content));
+        }
+        Seen { footprint, plane: Plane { normal: Vector3::z_axis(), d: 0.0 }, voxel_size: 0.05 }
+    })
+}
+
 /// Two directions of the plane, the normal between the first and the second.
 fn basis(plane: &Plane) -> [Vector3<f64>; 2] {
     let u = plane.normal.cross(&Vector3::ith(plane.normal.iamin(), 1.0)).normalize();
@@ -195,15 +215,17 @@ fn in_plane(ring: &[Point3<f64>], plane: &Plane) -> Vec<Vector2<f64>> {
     ring.iter().map(|point| point.coords - foot).map(|p| Vector2::new(u.dot(&p), v.dot(&p))).collect()
 }
 
-/// Every pair of edges by itself: the naive version of `are_apart`.
+/// Every pair of edges by itself.
 fn crossings(rings: &[Vec<Vector2<f64>>]) -> usize {
     let edges: Vec<_> = rings
         .iter()
         .flat_map(|ring| ring.iter().copied().zip(ring.iter().copied().cycle().skip(1)))
         .collect();
     let side = |p: Vector2<f64>, q: Vector2<f64>, r: Vector2<f64>| (q - p).perp(&(r - p));
-    let cross = |(a, b): (Vector2<f64>, Vector2<f64>), (c, d)| {
-        side(a, b, c) * side(a, b, d) < 0.0 && side(c, d, a) * side(c, d, b) < 0.0
+    let cross = |(a, b): (Vector2<f64>, Vector2<f64>), (c, d): (Vector2<f64>, Vector2<f64>)| {
+        // Of edges on one line, far from each other, rounding says anything of the sides.
+        let overlap = a.inf(&b).sup(&c.inf(&d)) <= a.sup(&b).inf(&c.sup(&d));
+        overlap && side(a, b, c) * side(a, b, d) < 0.0 && side(c, d, a) * side(c, d, b) < 0.0
     };
     (0..edges.len()).map(|i| edges[..i].iter().filter(|&&other| cross(edges[i], other)).count()).sum()
 }
@@ -255,6 +277,22 @@ proptest! {
             Simplifying::default().draw(ring, 0.5, &mut few);
             prop_assert!(few.drawn().len() <= ring.len());
             prop_assert!((doubled_area(few.drawn()) - doubled_area(ring)).abs() < 1e-9);
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(60))]
+    #[test]
+    fn many_holes_are_drawn_as_when_each_is_held_against_every_other(seen in any_holed(), least_hole in 1u32..6) {
+        let mut traced = Rings::default();
+        rings(&seen.footprint, &mut Tracing::default(), &mut traced).unwrap();
+        let mut drawing = Drawing::default();
+        for tolerance in [0.0, 0.1, 0.5, 2.0] {
+            let detail = Detail { least_hole, tolerance };
+            Outline::new(&seen.footprint, &seen.plane, seen.voxel_size, &detail, &mut drawing).unwrap();
+            let plain = plain::drawn(&traced, &detail);
+            prop_assert!(drawing.fewer.iter().eq(plain.iter()));
         }
     }
 }

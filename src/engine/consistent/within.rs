@@ -1,0 +1,90 @@
+//! Which rings lie within others, many at once.
+//!
+//! A ring that meets no other lies within it wholly or not at all, so that any of its points tells. One is taken on a
+//! line through the middles of columns, which nearly every ring crosses, and the others are counted that have been
+//! entered along that line below it. Lines are shared by the rings of a row, and an edge crosses no more of them than it
+//! is long: costs O(n log n) for n columns at the rim. Lengths in columns.
+
+use nalgebra::Vector2;
+
+use super::rings::edges;
+
+type Vertex = Vector2<f64>;
+
+/// Rings of which it is asked what they lie within, and memory to find it in.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Within {
+    /// One for each ring that is asked about.
+    points: Vec<Vertex>,
+    /// The lines that these lie on, by their x, ascending.
+    lines: Vec<f64>,
+    met: Vec<Met>,
+    counts: Vec<i32>,
+}
+
+/// What is met along a line.
+#[derive(Clone, Copy, Debug)]
+struct Met {
+    at: Vertex,
+    what: What,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum What {
+    /// A ring is entered, 1, or left, -1.
+    Crossing(i32),
+    /// The point of this number.
+    Point(u32),
+}
+
+impl Within {
+    /// Asks about these rings, and no longer about those before.
+    pub(crate) fn ask<'a>(&mut self, rings: impl Iterator<Item = &'a [Vertex]>) {
+        self.points.clear();
+        self.points.extend(rings.map(point));
+        self.lines.clear();
+        self.lines.extend(self.points.iter().map(|point| point.x));
+        self.lines.sort_unstable_by(f64::total_cmp);
+        self.lines.dedup();
+    }
+
+    /// How many of `around` each of the rings lies within, which meets none of these; they run counter-clockwise.
+    pub(crate) fn count<'a>(&mut self, around: impl Iterator<Item = &'a [Vertex]>) -> &[i32] {
+        let Self { points, lines, met, counts } = self;
+        met.clear();
+        met.extend((0..).zip(&*points).map(|(number, &at)| Met { at, what: What::Point(number) }));
+        for (a, b) in around.flat_map(edges) {
+            let (least, most) = (a.x.min(b.x), a.x.max(b.x));
+            let turn = if a.x < b.x { 1 } else { -1 };
+            let from = lines.partition_point(|line| *line < least);
+            let crossed = lines[from..].iter().take_while(|line| **line < most);
+            met.extend(crossed.map(|&line| Met { at: on_line(a, b, line), what: What::Crossing(turn) }));
+        }
+        met.sort_unstable_by(|a, b| a.at.x.total_cmp(&b.at.x).then(a.at.y.total_cmp(&b.at.y)));
+        counts.clear();
+        counts.resize(points.len(), 0);
+        // At the end of a line all rings have been left.
+        let mut entered = 0;
+        for met in &*met {
+            match met.what {
+                What::Crossing(turn) => entered += turn,
+                What::Point(number) => counts[number as usize] = entered,
+            }
+        }
+        counts
+    }
+}
+
+/// Where a ring first crosses a line through the middles of columns; where it is so narrow that it crosses none, a vertex.
+fn point(ring: &[Vertex]) -> Vertex {
+    let crossing = |(a, b): (&Vertex, &Vertex)| {
+        let line = (a.x.min(b.x) - 0.5).ceil() + 0.5;
+        (line < a.x.max(b.x)).then(|| on_line(a, b, line))
+    };
+    edges(ring).find_map(crossing).unwrap_or(ring[0])
+}
+
+/// The point of an edge on a line that it crosses.
+fn on_line(a: &Vertex, b: &Vertex, line: f64) -> Vertex {
+    Vertex::new(line, a.y + (line - a.x) / (b.x - a.x) * (b.y - a.y))
+}
