@@ -17,7 +17,7 @@ use cfodi::engine::consistent::Consistent;
 use cfodi::engine::{
     Cluster, DenseVoxel, Engine, Isometry3, Mode, NoiseModel, Params, Points, Scan, Snapshot, Stamp, VoxelKey,
 };
-use nalgebra::{Point3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Point3, Translation3, UnitQuaternion, Vector3};
 use proptest::prelude::*;
 
 use reader::Reader;
@@ -376,7 +376,36 @@ fn points_of_one_place_have_a_curvature_where_there_is_a_normal() {
     });
     let voxels = map.snapshot().voxels;
     assert!(voxels.len() == 25 && voxels.iter().all(|voxel| voxel.normal.is_some()));
-    assert!(voxels.iter().all(|voxel| voxel.curvature == 0.0), "{voxels:?}");
+    assert!(voxels.iter().all(|voxel| (0.0..1e-12).contains(&voxel.curvature)), "{voxels:?}");
+}
+
+#[test]
+fn a_curvature_is_the_least_eigenvalue_s_part_of_the_fit_that_gave_the_normal() {
+    let params = Params::default().with_voxel_size(VOXEL).unwrap().with_min_points(1).unwrap();
+    // A floor whose voxels lie higher and lower by turns, and in each a column of points: along the normal its own vary alone.
+    for height in [0.0, 0.05, 0.1] {
+        let columns = (0..25).flat_map(|i| {
+            let middle = 0.5 + if i % 2 == 0 { height } else { -height };
+            let column = [-0.1, 0.1].map(|up| [f64::from(i / 5) + 0.5, f64::from(i % 5) + 0.5, middle + up]);
+            column.map(|at| at.map(|along| (VOXEL * along) as f32))
+        });
+        let mut map = Consistent::new(params.with_noise_model(NoiseModel::None));
+        map.insert(&Scan {
+            stamp: Stamp::from_nanos(0),
+            fixed_from_sensor: Isometry3::translation(0.0, 0.0, 2.0),
+            points: Points::F32(columns.map(|[x, y, z]| [x, y, z - 2.0]).collect()),
+        });
+        let voxels = map.snapshot().voxels;
+        assert!(voxels.len() == 25 && voxels.iter().all(|voxel| voxel.cluster.is_some()), "{voxels:?}");
+        let mean = voxels.iter().map(|voxel| voxel.centre.coords).sum::<Vector3<f64>>() / 25.0;
+        let covariance = voxels.iter().map(|voxel| voxel.centre.coords - mean).map(|d| d * d.transpose());
+        let covariance = covariance.sum::<Matrix3<f64>>();
+        let expected = covariance.symmetric_eigenvalues().min() / covariance.trace();
+        for voxel in voxels {
+            let off = f64::from(voxel.curvature) - expected;
+            assert!(off.abs() <= 1e-6 + 1e-3 * expected, "{} instead of {expected}", voxel.curvature);
+        }
+    }
 }
 
 /// The laboratory for 40 s, every 6th scan: what is in the map stays within its bounds and its updates add up to it.

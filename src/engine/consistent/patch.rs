@@ -62,6 +62,8 @@ pub(super) struct Patch {
     noise: f32,
     /// Variance of its voxels across its narrow side, in voxels^2.
     breadth: f32,
+    /// The smallest variance of what its plane is fitted to over the sum.
+    curvature: f32,
     /// Variance of the plane's tilt about its most uncertain axis (rad^2).
     tilt_variance: f32,
     /// Variance of the plane's place at its middle, along the normal.
@@ -93,7 +95,8 @@ impl Patch {
     /// `None` where the states span no plane; `corner` is that of their block.
     pub(super) fn new(states: &[&State], corner: &Vector3<f64>, kind: Kind, noise: &Noise) -> Option<Self> {
         let region = Region::sum(states.iter().map(|state| kind.share(state, noise)));
-        let Fit { plane, variances } = region.fit()?;
+        let fit = region.fit()?;
+        let Fit { plane, variances } = fit;
         let count = states.len() as f64;
         let mean = states.iter().map(|state| state.mean()).sum::<Vector3<f64>>() / count;
         let blur = states.iter().map(|state| state.blur(noise).covariance()).sum::<Matrix3<f64>>() / count;
@@ -113,6 +116,7 @@ impl Patch {
             towards: towards.cast(),
             noise: quadratic(&blur, &plane.normal) as f32,
             breadth: variances[1] as f32,
+            curvature: fit.curvature() as f32,
             tilt_variance: (1.0 / (region.weight() * variances[1])) as f32,
             offset_variance: (1.0 / region.weight()) as f32,
             is_rough: kind == Kind::Rough,
@@ -137,6 +141,11 @@ impl Patch {
     /// Variance of its points along its normal that is noise.
     pub(super) fn noise(&self) -> f64 {
         self.noise.into()
+    }
+
+    /// The smallest variance of what its plane is fitted to over the sum: 0 (flat) to 1/3.
+    pub(super) const fn curvature(&self) -> f32 {
+        self.curvature
     }
 
     /// Variance of the plane's tilt about its most uncertain axis (rad^2).

@@ -9,7 +9,6 @@ use super::clearing::Clearing;
 use super::graph::NodeId;
 use super::grid::Grid;
 use super::layer::Segmented;
-use super::patch::Patch;
 use super::region::Region;
 use super::rest::Leaving;
 use super::rules::Rules;
@@ -18,7 +17,6 @@ use super::scratch;
 use super::standpoint::Standpoint;
 use super::state::states;
 use super::surfaces::Surfaces;
-use super::symmetric::quadratic;
 use crate::engine::key::VoxelKey;
 use crate::engine::now::Taken;
 use crate::engine::params::Params;
@@ -282,35 +280,35 @@ impl Consistent {
             for voxel in block.voxels().iter().filter(|voxel| self.grid.is_dense(voxel)) {
                 let place = published.binary_search_by_key(&voxel.cell, |(state, _)| state.cell());
                 let node = place.ok().and_then(|place| published[place].1);
-                let patch = node.and_then(|node| self.surfaces.patch(node)).map(Patch::normal);
-                let normal = patch
-                    .or_else(|| Region::around(&now, voxel.cell, noise).fit().map(|fit| fit.plane.normal));
-                voxels.extend(self.voxel(block, voxel, normal, node));
+                let patch = node.and_then(|node| self.surfaces.patch(node));
+                let of_patch = patch.map(|patch| (patch.normal(), patch.curvature()));
+                let shape = of_patch.or_else(|| {
+                    let fit = Region::around(&now, voxel.cell, noise).fit()?;
+                    Some((fit.plane.normal, fit.curvature() as f32))
+                });
+                voxels.extend(self.voxel(block, voxel, shape, node));
             }
         }
         voxels.sort_unstable_by_key(|voxel| voxel.key);
         voxels
     }
 
-    /// A voxel has the normal of its patch, which sees further than the voxel's own neighbourhood.
+    /// A voxel has the normal of its patch, which sees further than the voxel's own neighbourhood, and its curvature; `shape`
+    /// is both.
     fn voxel(
         &self,
         block: &Block,
         voxel: &Voxel,
-        normal: Option<UnitVector3<f64>>,
+        shape: Option<(UnitVector3<f64>, f32)>,
         node: Option<NodeId>,
     ) -> Option<DenseVoxel> {
         let cluster = node.and_then(|node| self.surfaces.cluster_of_node(node));
-        let spread = voxel.moments.covariance();
-        let curvature = |normal: UnitVector3<f64>| {
-            (quadratic(&spread, &normal) / spread.trace().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0) as f32
-        };
         Some(DenseVoxel {
             key: block.voxel_key(voxel.cell)?,
             count: voxel.count,
             centre: self.grid.centre(block, voxel),
-            normal,
-            curvature: normal.map_or(f32::NAN, curvature),
+            normal: shape.map(|(normal, _)| normal),
+            curvature: shape.map_or(f32::NAN, |(_, curvature)| curvature),
             cluster: cluster.and_then(|cluster| cluster.identity.id),
         })
     }
