@@ -134,16 +134,15 @@ impl Surfaces {
         }
     }
 
-    /// Counts the revisions of what is told of differently.
+    /// Counts the revisions of what is told of differently, or has taken in another.
     pub(super) fn finish(&mut self, due: &[ComponentId]) -> Vec<ChangedCluster> {
         let mut changed = Vec::new();
         for component in due {
             let Some(cluster) = self.clusters[component.0 as usize].as_deref_mut() else { continue };
             let before = std::mem::take(&mut cluster.before);
             let merged_from = std::mem::take(&mut cluster.identity.merged_from);
-            let Some(told) = cluster.told.as_mut().filter(|told| !before.is(told)) else {
-                continue;
-            };
+            let is_other = |told: &&mut snapshot::Cluster| !merged_from.is_empty() || !before.is(told);
+            let Some(told) = cluster.told.as_mut().filter(is_other) else { continue };
             cluster.identity.revision += 1;
             told.revision = cluster.identity.revision;
             changed.push(ChangedCluster { cluster: told.clone(), merged_from });
