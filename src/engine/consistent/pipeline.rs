@@ -11,7 +11,6 @@ use super::grid::Grid;
 use super::layer::Segmented;
 use super::region::Region;
 use super::rest::Leaving;
-use super::rules::Rules;
 use super::saved::{SavedConsistent, SavedGrid};
 use super::scratch;
 use super::standpoint::Standpoint;
@@ -58,7 +57,7 @@ impl Consistent {
     pub fn new(params: Params) -> Self {
         Self {
             grid: Grid::new(&params),
-            surfaces: Surfaces::new(Rules::new(&params)),
+            surfaces: Surfaces::new(&params),
             binned: Binned::default(),
             clearing: params.clearing().then(Clearing::new),
             bounds: Bounds::new(&params),
