@@ -408,6 +408,32 @@ fn a_curvature_is_the_least_eigenvalue_s_part_of_the_fit_that_gave_the_normal() 
     }
 }
 
+#[test]
+fn the_covariance_of_a_thin_surface_at_a_slant_has_no_direction_of_a_variance_below_none() {
+    let params = Params::default().with_voxel_size(VOXEL).unwrap();
+    for (slope_x, slope_y) in [(0.1, 0.0), (0.3, 0.1), (0.37, 0.29), (0.71, 0.13), (0.9, 0.8)] {
+        // A plane without noise and without a thickness, 2 x 2 m.
+        let points = (0..160_000).map(|i| [i / 400, i % 400].map(|at| f64::from(at) * 0.005 + 0.001));
+        let points = points.map(|[x, y]| [x, y, slope_x * x + slope_y * y - 4.0].map(|at| at as f32));
+        let mut map = Consistent::new(params);
+        map.insert(&Scan {
+            stamp: Stamp::from_nanos(0),
+            fixed_from_sensor: Isometry3::translation(0.0, 0.0, 4.0),
+            points: Points::F32(points.collect()),
+        });
+        let clusters = map.snapshot().clusters;
+        assert!(!clusters.is_empty());
+        for cluster in clusters {
+            let least = cluster.covariance.symmetric_eigenvalues().min();
+            assert!(
+                least >= 0.0 && cluster.covariance.cholesky().is_some(),
+                "{least} m^2 of {}",
+                cluster.voxel_count
+            );
+        }
+    }
+}
+
 /// The laboratory for 40 s, every 6th scan: what is in the map stays within its bounds and its updates add up to it.
 #[cfg(feature = "sim")]
 fn drive_the_laboratory(params: Params, holds: impl Fn(&Consistent, &Snapshot, &Scan)) {
