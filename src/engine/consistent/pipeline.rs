@@ -2,12 +2,11 @@
 
 use nalgebra::UnitVector3;
 
-use super::bin::Binned;
 use super::block::{Block, BlockIndex, Cell, Voxel};
 use super::bounds::Bounds;
 use super::clearing::Clearing;
 use super::graph::NodeId;
-use super::grid::Grid;
+use super::grid::{Binned, Grid};
 use super::layer::Segmented;
 use super::region::Region;
 use super::rest::Leaving;
@@ -16,7 +15,7 @@ use super::scratch;
 use super::standpoint::Standpoint;
 use super::state::states;
 use super::surfaces::Surfaces;
-use crate::engine::key::VoxelKey;
+use crate::engine::key::Partition;
 use crate::engine::now::Taken;
 use crate::engine::params::Params;
 use crate::engine::saved::RestoreError;
@@ -181,11 +180,7 @@ impl Consistent {
     /// Takes out what the scan has seen through; returns the blocks that have lost voxels by it.
     fn clear(&mut self, scan: &Scan) -> Vec<BlockIndex> {
         let Some(clearing) = &mut self.clearing else { return Vec::new() };
-        clearing
-            .clear(&mut self.grid, scan, self.taken.sequence)
-            .into_iter()
-            .map(|(block, _)| block)
-            .collect()
+        clearing.clear(&mut self.grid, scan, self.taken.sequence)
     }
 
     /// Which blocks are at rest follows from what they hold, and what of that is published.
@@ -312,9 +307,6 @@ impl Consistent {
         })
     }
 }
-
-/// A partition of the dense voxels by ascending key; `None` = in no cluster. Numbers name clusters in it alone.
-pub type Partition = Vec<(VoxelKey, Option<u32>)>;
 
 impl Consistent {
     /// The clusters of the published voxels, those that are too small to be told of included.
