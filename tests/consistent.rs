@@ -409,8 +409,36 @@ fn a_curvature_is_the_least_eigenvalue_s_part_of_the_fit_that_gave_the_normal() 
 }
 
 #[test]
+fn a_row_of_voxels_that_lies_level_and_sags_is_no_confident_wall() {
+    let params = Params::default().with_voxel_size(VOXEL).unwrap();
+    // The edge of a board that faces up, seen from above: half as broad as a voxel, and lower in the middle.
+    let points = (0..16 * 40 * 12).map(|i| [i / 12, i % 12].map(|at| f64::from(at) + 0.5));
+    let points = points.map(|[along, over]| {
+        let (x, y) = (along / 40.0, 0.25 + over / 24.0);
+        [x, y, 0.3 + 0.4 * ((x - 8.0) / 8.0).powi(2)].map(|at| (VOXEL * at) as f32)
+    });
+    let points: Vec<_> = points.map(|[x, y, z]| [x - 2.0, y, z - 1.5]).collect();
+    let mut map = Consistent::new(params);
+    for number in 0..20 {
+        map.insert(&Scan {
+            stamp: Stamp::from_nanos(100_000_000 * number),
+            fixed_from_sensor: Isometry3::translation(2.0, 0.0, 1.5),
+            points: Points::F32(points.clone()),
+        });
+    }
+    let Snapshot { clusters, voxels, .. } = map.snapshot();
+    assert_eq!(clusters.len(), 1);
+    let normals: Vec<_> = voxels.iter().filter_map(|voxel| voxel.normal).collect();
+    assert!(normals.len() == 16 && normals.iter().all(|normal| normal.z > 0.9), "{normals:?}");
+    let cluster = &clusters[0];
+    assert!(cluster.normal.z.abs() < 0.1, "what this is about: {}", cluster.normal.z);
+    assert!(cluster.class_confidence < 0.05, "{:?} {}", cluster.class, cluster.class_confidence);
+}
+
+#[test]
 fn the_covariance_of_a_thin_surface_at_a_slant_has_no_direction_of_a_variance_below_none() {
     let params = Params::default().with_voxel_size(VOXEL).unwrap();
+    let mut raised = 0;
     for (slope_x, slope_y) in [(0.1, 0.0), (0.3, 0.1), (0.37, 0.29), (0.71, 0.13), (0.9, 0.8)] {
         // A plane without noise and without a thickness, 2 x 2 m.
         let points = (0..160_000).map(|i| [i / 400, i % 400].map(|at| f64::from(at) * 0.005 + 0.001));
@@ -430,8 +458,10 @@ fn the_covariance_of_a_thin_surface_at_a_slant_has_no_direction_of_a_variance_be
                 "{least} m^2 of {}",
                 cluster.voxel_count
             );
+            raised += u32::from(least < 1e-14 * cluster.covariance.trace());
         }
     }
+    assert!(raised > 0, "rounding has left none of them a variance below none");
 }
 
 /// The laboratory for 40 s, every 6th scan: what is in the map stays within its bounds and its updates add up to it.

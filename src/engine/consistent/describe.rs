@@ -144,10 +144,18 @@ pub(super) struct Surroundings {
     pub(super) sensor: f64,
 }
 
-/// Class and confidence of a cluster among its neighbours.
+/// Angle between the plane of a cluster, that of its voxels' means, and the mean of its patches' normals, which where there is
+/// but one row of voxels are those of the points within them: any plane may hold the row.
+pub(super) fn across(cluster: &Cluster, plane: &PlaneFit) -> f64 {
+    plane.normal.angle(&cluster.sums.normal())
+}
+
+/// Class and confidence of a cluster among its neighbours; `planarity` is the root mean square distance of its voxels' means
+/// from its plane, in voxels, and `across` see [`across`].
 pub(super) fn class(
     cluster: &snapshot::Cluster,
     planarity: f64,
+    across: f64,
     neighbours: &[Neighbour],
     surroundings: Surroundings,
     voxel_size: f64,
@@ -168,6 +176,7 @@ pub(super) fn class(
         voxel_size,
         rms: planarity,
         tolerance: PLANAR,
+        across,
         floor: surroundings.floor,
         sensor: surroundings.sensor,
         neighbours,

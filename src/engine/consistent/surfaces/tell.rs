@@ -73,10 +73,10 @@ impl Surfaces {
         for &component in &due {
             let Some(cluster) = self.clusters[component.0 as usize].as_deref() else { continue };
             let (Some(shape), Some(plane)) = (&cluster.told, &cluster.plane) else { continue };
-            let rms = plane.mean_square().sqrt();
+            let (rms, across) = (plane.mean_square().sqrt(), describe::across(cluster, plane));
             let beside = self.neighbours(shape);
-            classes
-                .push((component, describe::class(shape, rms, &beside, surroundings, params.voxel_size())));
+            let class = describe::class(shape, rms, across, &beside, surroundings, params.voxel_size());
+            classes.push((component, class));
         }
         for (component, (class, confidence)) in classes {
             if let Some(told) = self.clusters[component.0 as usize].as_mut().and_then(|c| c.told.as_mut()) {
