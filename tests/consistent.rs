@@ -17,7 +17,7 @@ use cfodi::engine::consistent::Consistent;
 use cfodi::engine::{
     Cluster, DenseVoxel, Engine, Isometry3, Mode, NoiseModel, Params, Points, Scan, Snapshot, Stamp, VoxelKey,
 };
-use nalgebra::{Point3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Point3, Translation3, UnitQuaternion, Vector3};
 use proptest::prelude::*;
 
 use reader::Reader;
@@ -376,7 +376,92 @@ fn points_of_one_place_have_a_curvature_where_there_is_a_normal() {
     });
     let voxels = map.snapshot().voxels;
     assert!(voxels.len() == 25 && voxels.iter().all(|voxel| voxel.normal.is_some()));
-    assert!(voxels.iter().all(|voxel| voxel.curvature == 0.0), "{voxels:?}");
+    assert!(voxels.iter().all(|voxel| (0.0..1e-12).contains(&voxel.curvature)), "{voxels:?}");
+}
+
+#[test]
+fn a_curvature_is_the_least_eigenvalue_s_part_of_the_fit_that_gave_the_normal() {
+    let params = Params::default().with_voxel_size(VOXEL).unwrap().with_min_points(1).unwrap();
+    // A floor whose voxels lie higher and lower by turns, and in each a column of points: along the normal its own vary alone.
+    for height in [0.0, 0.05, 0.1] {
+        let columns = (0..25).flat_map(|i| {
+            let middle = 0.5 + if i % 2 == 0 { height } else { -height };
+            let column = [-0.1, 0.1].map(|up| [f64::from(i / 5) + 0.5, f64::from(i % 5) + 0.5, middle + up]);
+            column.map(|at| at.map(|along| (VOXEL * along) as f32))
+        });
+        let mut map = Consistent::new(params.with_noise_model(NoiseModel::None));
+        map.insert(&Scan {
+            stamp: Stamp::from_nanos(0),
+            fixed_from_sensor: Isometry3::translation(0.0, 0.0, 2.0),
+            points: Points::F32(columns.map(|[x, y, z]| [x, y, z - 2.0]).collect()),
+        });
+        let voxels = map.snapshot().voxels;
+        assert!(voxels.len() == 25 && voxels.iter().all(|voxel| voxel.cluster.is_some()), "{voxels:?}");
+        let mean = voxels.iter().map(|voxel| voxel.centre.coords).sum::<Vector3<f64>>() / 25.0;
+        let covariance = voxels.iter().map(|voxel| voxel.centre.coords - mean).map(|d| d * d.transpose());
+        let covariance = covariance.sum::<Matrix3<f64>>();
+        let expected = covariance.symmetric_eigenvalues().min() / covariance.trace();
+        for voxel in voxels {
+            let off = f64::from(voxel.curvature) - expected;
+            assert!(off.abs() <= 1e-6 + 1e-3 * expected, "{} instead of {expected}", voxel.curvature);
+        }
+    }
+}
+
+#[test]
+fn a_row_of_voxels_that_lies_level_and_sags_is_no_confident_wall() {
+    let params = Params::default().with_voxel_size(VOXEL).unwrap();
+    // The edge of a board that faces up, seen from above: half as broad as a voxel, and lower in the middle.
+    let points = (0..16 * 40 * 12).map(|i| [i / 12, i % 12].map(|at| f64::from(at) + 0.5));
+    let points = points.map(|[along, over]| {
+        let (x, y) = (along / 40.0, 0.25 + over / 24.0);
+        [x, y, 0.3 + 0.4 * ((x - 8.0) / 8.0).powi(2)].map(|at| (VOXEL * at) as f32)
+    });
+    let points: Vec<_> = points.map(|[x, y, z]| [x - 2.0, y, z - 1.5]).collect();
+    let mut map = Consistent::new(params);
+    for number in 0..20 {
+        map.insert(&Scan {
+            stamp: Stamp::from_nanos(100_000_000 * number),
+            fixed_from_sensor: Isometry3::translation(2.0, 0.0, 1.5),
+            points: Points::F32(points.clone()),
+        });
+    }
+    let Snapshot { clusters, voxels, .. } = map.snapshot();
+    assert_eq!(clusters.len(), 1);
+    let normals: Vec<_> = voxels.iter().filter_map(|voxel| voxel.normal).collect();
+    assert!(normals.len() == 16 && normals.iter().all(|normal| normal.z > 0.9), "{normals:?}");
+    let cluster = &clusters[0];
+    assert!(cluster.normal.z.abs() < 0.1, "what this is about: {}", cluster.normal.z);
+    assert!(cluster.class_confidence < 0.05, "{:?} {}", cluster.class, cluster.class_confidence);
+}
+
+#[test]
+fn the_covariance_of_a_thin_surface_at_a_slant_has_no_direction_of_a_variance_below_none() {
+    let params = Params::default().with_voxel_size(VOXEL).unwrap();
+    let mut raised = 0;
+    for (slope_x, slope_y) in [(0.1, 0.0), (0.3, 0.1), (0.37, 0.29), (0.71, 0.13), (0.9, 0.8)] {
+        // A plane without noise and without a thickness, 2 x 2 m.
+        let points = (0..160_000).map(|i| [i / 400, i % 400].map(|at| f64::from(at) * 0.005 + 0.001));
+        let points = points.map(|[x, y]| [x, y, slope_x * x + slope_y * y - 4.0].map(|at| at as f32));
+        let mut map = Consistent::new(params);
+        map.insert(&Scan {
+            stamp: Stamp::from_nanos(0),
+            fixed_from_sensor: Isometry3::translation(0.0, 0.0, 4.0),
+            points: Points::F32(points.collect()),
+        });
+        let clusters = map.snapshot().clusters;
+        assert!(!clusters.is_empty());
+        for cluster in clusters {
+            let least = cluster.covariance.symmetric_eigenvalues().min();
+            assert!(
+                least >= 0.0 && cluster.covariance.cholesky().is_some(),
+                "{least} m^2 of {}",
+                cluster.voxel_count
+            );
+            raised += u32::from(least < 1e-14 * cluster.covariance.trace());
+        }
+    }
+    assert!(raised > 0, "rounding has left none of them a variance below none");
 }
 
 /// The laboratory for 40 s, every 6th scan: what is in the map stays within its bounds and its updates add up to it.

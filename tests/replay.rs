@@ -657,9 +657,14 @@ fn points_beyond_the_grid_are_said_and_counted() {
     // The grid of 8 cm reaches 83 km.
     writer.tf("/tf_static", stamp(0), "map", OPTICAL, 100_000.0);
     (0..2).for_each(|i| writer.cloud(POINTS, stamp(i), &wall(i)));
-    let found = replay(&folder.put("far.mcap", &writer.finish()), &[]);
+    let report = folder.0.path().join("report");
+    let found = replay(&folder.put("far.mcap", &writer.finish()), &["--report", report.to_str().unwrap()]);
     assert_eq!((found.status, found.number("points_beyond_grid"), found.number("voxels")), (0, 3200, 0));
     assert_eq!(found.errors.matches("1600 points of a scan lie beyond").count(), 1, "{}", found.errors);
+    let account = "0 of 3200 points used (3200 beyond the grid)";
+    assert!(found.errors.contains(account), "{}", found.errors);
+    let page = std::fs::read_to_string(report.join("index.html")).unwrap();
+    assert!(page.contains("3200 of 3200 points lay beyond the grid&#39;s reach"), "{page}");
 }
 
 #[test]

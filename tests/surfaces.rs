@@ -5,10 +5,10 @@ mod support;
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use cfodi::engine::consistent::{Consistent, Partition};
+use cfodi::engine::consistent::Consistent;
 use cfodi::engine::paper::Cfodi;
 use cfodi::engine::rand_index::adjusted_rand_index;
-use cfodi::engine::{ClusterId, Params, Snapshot, VoxelKey};
+use cfodi::engine::{ClusterId, Params, Partition, Snapshot, VoxelKey};
 use nalgebra::{Point3, Vector3};
 
 /// A true plane: name, n and d of n . x + d = 0 with |n| = 1.

@@ -45,6 +45,10 @@ impl VoxelKey {
     }
 }
 
+/// The dense voxels by ascending key, each with the number of its cluster; `None` = in no cluster. Numbers name clusters in it
+/// alone.
+pub type Partition = Vec<(VoxelKey, Option<u32>)>;
+
 /// Lasting name of a global cluster: counts up from 1 within a session and is never used again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct ClusterId(NonZeroU64);

@@ -44,7 +44,7 @@ mod step;
 pub(crate) use binning::between;
 pub use class::SurfaceClass;
 pub use consistent::NoiseModel;
-pub use key::{ClusterId, DIRECTIONS, GRID_REACH, VoxelKey};
+pub use key::{ClusterId, DIRECTIONS, GRID_REACH, Partition, VoxelKey};
 pub use map::Engine;
 pub use nalgebra::Isometry3;
 pub(crate) use params::{

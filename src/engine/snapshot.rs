@@ -80,8 +80,7 @@ pub struct DenseVoxel {
     /// Its normal (Definition 3 in `paper`, that of its patch in `consistent`), `None` where its neighbourhood spans no
     /// plane.
     pub normal: Option<UnitVector3<f64>>,
-    /// Smallest eigenvalue over the sum, of the fit that gave the normal (`paper`), 0 (flat) to 1/3; the part of its own
-    /// points' variance that is along the normal (`consistent`), 0 to 1; NaN without a normal.
+    /// Smallest eigenvalue over the sum, of the covariance whose fit gave the normal: 0 (flat) to 1/3; NaN without a normal.
     pub curvature: f32,
     /// The cluster it belongs to.
     pub cluster: Option<ClusterId>,

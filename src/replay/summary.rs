@@ -180,6 +180,14 @@ impl Summary {
             let jumps = self.sessions - 1;
             format!("The stamps jumped back ({jumps} times); what is shown is what came after the last jump.")
         });
+        let beyond = (self.points_beyond_grid > 0).then(|| {
+            let Self { tally, points_beyond_grid, .. } = self;
+            let valid = tally.points_valid;
+            format!(
+                "{points_beyond_grid} of {valid} points lay beyond the grid's reach and were left out: take a \
+                 fixed_frame that begins near the robot, as that of odometry does."
+            )
+        });
         let values = self.parameters.iter().filter(|(name, _)| name != "fixed_frame");
         let reasons = self.tally.skipped.iter().chain(&self.tally.transforms_refused);
         let undecodable: u64 = self.tally.undecodable.values().sum();
@@ -196,7 +204,7 @@ impl Summary {
             skipped,
             points: self.points_used(),
             wall_seconds: self.wall.as_secs_f64(),
-            notes: unread.chain(stopped).chain(begun).chain(self.notes.clone()).collect(),
+            notes: unread.chain(stopped).chain(begun).chain(beyond).chain(self.notes.clone()).collect(),
             figures: Vec::new(),
         }
     }

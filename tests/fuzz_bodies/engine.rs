@@ -2,10 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use cfodi::engine::VoxelKey;
-use cfodi::engine::consistent::{Consistent, Partition};
+use cfodi::engine::consistent::Consistent;
 use cfodi::engine::paper::Cfodi;
 use cfodi::engine::paper::oracle::Oracle;
+use cfodi::engine::{Partition, VoxelKey};
 
 use super::bytes::Bytes;
 use super::reader::Reader;

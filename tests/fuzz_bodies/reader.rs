@@ -29,6 +29,8 @@ impl Reader {
             let id = changed.cluster.id;
             if let Some(before) = self.clusters.insert(id, changed.cluster.clone()) {
                 assert_eq!(changed.cluster.revision, before.revision + 1);
+                let same = Cluster { revision: changed.cluster.revision, ..before };
+                assert!(same != changed.cluster || !changed.merged_from.is_empty(), "nothing of {id} is new");
             } else {
                 assert!(Some(id) > self.newest, "{id} was used before");
                 assert_eq!(changed.cluster.revision, 1);

@@ -29,6 +29,9 @@ mod calibration {
     pub(super) const SENSOR_SIGMA: f64 = 0.3;
     /// Deviation of rms / tolerance, of many voxels; of n voxels more by the root of 1 + `SUPPORT` / n.
     pub(super) const FIT_SIGMA: f64 = 0.15;
+    /// Angle from which on the members' own normals are across the plane: a slice's is turned by no more than this.
+    pub(super) const ACROSS: f64 = 0.6;
+    pub(super) const ACROSS_SIGMA: f64 = 0.12;
     /// Voxels for a support of 1 - 1/e.
     pub(super) const SUPPORT: f64 = 8.0;
     /// Widths and heights of doors; what is smaller, down to `PART` of it, may be part of one. The widest is a leaf of
@@ -89,6 +92,8 @@ pub(crate) struct Evidence<'a> {
     /// Root mean square distance of the points from the plane, and up to which one it is a plane (m).
     pub(crate) rms: f64,
     pub(crate) tolerance: f64,
+    /// Angle between its normal and the mean of its members' own (rad).
+    pub(crate) across: f64,
     /// z of the lowest known large surface that faces up, this one included (m).
     pub(crate) floor: Option<f64>,
     /// z of the sensor (m).
@@ -150,7 +155,8 @@ impl Evidence<'_> {
             let margins = [inclination - c::LEVEL, c::UPRIGHT - inclination];
             (SurfaceClass::Slope, margins.map(|margin| likely(margin, sigma)).iter().product())
         };
-        (class, sure * likely(fit, fit_sigma))
+        let along = likely(c::ACROSS - self.across, c::ACROSS_SIGMA);
+        (class, sure * likely(fit, fit_sigma) * along)
     }
 
     fn middle(&self) -> f64 {

@@ -29,8 +29,8 @@ mod body;
 const TURNS: i64 = 3;
 /// Depth beyond which nothing is looked at (m): no sensor of depth is sure there.
 const FARTHEST: f64 = 10.0;
-/// Standard deviations of a depth by which a ray must end beyond the points: the nearest of the 16 in a cell, which is what
-/// counts, lies two before the mean already.
+/// Standard deviations of a depth by which a ray must end beyond the box around the points ([`body`]), with [`SHARE`] beside: it
+/// is the nearest point of a cell that counts, and of a Kinect's 16 that one lies nearly two before the mean already.
 const SIGMAS: f64 = 1.0;
 /// The same in voxels, for what the noise model leaves out: a pose that lags behind.
 const SHARE: f64 = 0.1;
@@ -52,8 +52,8 @@ impl Clearing {
         Self { ranges: RangeGrid::new(), blocks: Vec::new(), through: Vec::new(), woken: Vec::new() }
     }
 
-    /// Takes out what the scan, which has been binned, saw through often enough; returns what was taken out.
-    pub(super) fn clear(&mut self, grid: &mut Grid, scan: &Scan, sequence: u64) -> Vec<(BlockIndex, Voxel)> {
+    /// Takes out what the scan, which has been binned, saw through often enough; returns whose voxels these were.
+    pub(super) fn clear(&mut self, grid: &mut Grid, scan: &Scan, sequence: u64) -> Vec<BlockIndex> {
         self.ranges.fill(&scan.points);
         let wanted = |key| is_its_turn(key, sequence) && grid.find(key).is_some();
         let known = grid.keys();
@@ -70,7 +70,7 @@ impl Clearing {
         let mut cleared = Vec::new();
         for (block, cell) in self.through.drain(..) {
             if grid.seen_through(block, cell) {
-                cleared.extend(grid.remove(block, cell).map(|voxel| (block, voxel)));
+                cleared.extend(grid.remove(block, cell).map(|_| block));
             }
         }
         cleared

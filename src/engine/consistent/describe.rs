@@ -1,6 +1,6 @@
 //! From what is kept of a cluster to the value that leaves the engine. Costs O(rim) a cluster.
 
-use nalgebra::{Isometry3, Matrix2, Matrix3, Point3, Vector3};
+use nalgebra::{Isometry3, Matrix2, Matrix3, Point3, SymmetricEigen, Vector3};
 
 use super::class::{Evidence, Neighbour, classify};
 use super::cluster::{Cluster, PlaneFit};
@@ -44,7 +44,7 @@ pub(super) fn describe(
     let offset = -normal.dot(&point.coords);
     let on = outline::Plane { normal, d: offset };
     let outline = Outline::new(&cluster.footprint, &on, size, &Detail::default(), drawing)?;
-    let covariance = (plane.covariance + cluster.sums.spread()) * (size * size);
+    let covariance = without_negative((plane.covariance + cluster.sums.spread()) * (size * size));
     let rms_error = quadratic(&covariance, &normal).max(0.0).sqrt();
     let (pose, sides) = rectangle_around(&outline.boundary, &point, &normal);
     Some(snapshot::Cluster {
@@ -70,6 +70,23 @@ pub(super) fn describe(
         voxel_count: cluster.voxels,
         point_count: cluster.points,
     })
+}
+
+/// Part of the sum of a covariance's eigenvalues that arithmetic cannot tell from none.
+const ROUNDING: f64 = 16.0 * f64::EPSILON;
+
+/// A covariance as it is, or, where rounding has left it an eigenvalue of none or below, the nearest that has none such: the
+/// spread of points within a voxel is known to a 65536th of its square, entry by entry, and of a thin surface that is at a slant
+/// no more is left along its normal. A Cholesky decomposition of what it gives exists.
+fn without_negative(covariance: Matrix3<f64>) -> Matrix3<f64> {
+    let eigen = SymmetricEigen::new(covariance);
+    let least = ROUNDING * covariance.trace();
+    if eigen.eigenvalues.min() >= least {
+        return covariance;
+    }
+    let eigenvalues = eigen.eigenvalues.map(|eigenvalue| eigenvalue.max(least));
+    let raised = SymmetricEigen { eigenvalues, ..eigen }.recompose();
+    0.5 * (raised + raised.transpose())
 }
 
 /// How far it can be relied on.
@@ -127,10 +144,18 @@ pub(super) struct Surroundings {
     pub(super) sensor: f64,
 }
 
-/// Class and confidence of a cluster among its neighbours.
+/// Angle between the plane of a cluster, that of its voxels' means, and the mean of its patches' normals, which where there is
+/// but one row of voxels are those of the points within them: any plane may hold the row.
+pub(super) fn across(cluster: &Cluster, plane: &PlaneFit) -> f64 {
+    plane.normal.angle(&cluster.sums.normal())
+}
+
+/// Class and confidence of a cluster among its neighbours; `planarity` is the root mean square distance of its voxels' means
+/// from its plane, in voxels, and `across` see [`across`].
 pub(super) fn class(
     cluster: &snapshot::Cluster,
     planarity: f64,
+    across: f64,
     neighbours: &[Neighbour],
     surroundings: Surroundings,
     voxel_size: f64,
@@ -151,6 +176,7 @@ pub(super) fn class(
         voxel_size,
         rms: planarity,
         tolerance: PLANAR,
+        across,
         floor: surroundings.floor,
         sensor: surroundings.sensor,
         neighbours,
@@ -225,6 +251,9 @@ pub(super) fn neighbour(
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Rotation3;
+    use proptest::prelude::*;
+
     use super::*;
 
     /// The covariance of a level plane whose voxels vary so along x and y (voxels^2).
@@ -236,6 +265,24 @@ mod tests {
             covariance: Matrix3::from_diagonal(&Vector3::new(x, y, 0.0)),
         };
         plane_covariance(&plane, &Isometry3::identity(), [1.0, 0.1], 0.1, 0.05)
+    }
+
+    proptest! {
+        #[test]
+        fn a_covariance_that_rounding_left_indefinite_becomes_the_nearest_that_is_not(
+            variances in (prop_oneof![-1e-5..0.0, Just(0.0), 1e-4..1.0], prop_oneof![Just(0.0), 1e-4..1.0], 1e-2..1.0_f64),
+            turn in prop::array::uniform3(-3.0..3.0),
+        ) {
+            let variances = Vector3::from(<[f64; 3]>::from(variances));
+            let turn = Rotation3::from_scaled_axis(turn.into()).into_inner();
+            let before = turn * Matrix3::from_diagonal(&variances) * turn.transpose();
+            let before = 0.5 * (before + before.transpose());
+            let after = without_negative(before);
+            prop_assert!(after.cholesky().is_some() && after == after.transpose(), "{after}");
+            let off = (after - before).norm();
+            prop_assert!(off <= (-variances.min()).max(0.0) + 1e-13, "{off} of {variances}");
+            prop_assert!(variances.min() < 1e-4 || after == before, "{after} of {before}");
+        }
     }
 
     #[test]

@@ -25,11 +25,13 @@ pub(super) struct Exact {
     spread: [i128; 6],
     /// Directions towards the sensor.
     towards: [i128; 3],
+    /// Weighted normals of the voxels' patches.
+    normal: [i128; 3],
 }
 
 impl Exact {
-    /// Of one voxel that counts so much; `corner` is that of its block.
-    pub(super) fn of(state: &State, corner: [i32; 3], weight: f64) -> Self {
+    /// Of one voxel that counts so much, of a patch with this normal; `corner` is that of its block.
+    pub(super) fn of(state: &State, corner: [i32; 3], weight: f64, normal: &Vector3<f64>) -> Self {
         let weight = i128::from(nearest(weight * WEIGHT_UNITS).max(1));
         let whole = |value: f64| i128::from(nearest(value * UNITS));
         let (mean, towards) = (state.mean(), state.towards());
@@ -42,6 +44,7 @@ impl Exact {
             squares: [x * x, x * y, x * z, y * y, y * z, z * z].map(|square| weight * square),
             spread: upper(&state.spread()).map(|spread| weight * whole(spread)),
             towards: [0, 1, 2].map(|axis| whole(towards[axis])),
+            normal: [0, 1, 2].map(|axis| weight * whole(normal[axis])),
         }
     }
 
@@ -59,6 +62,7 @@ impl Exact {
         (0..6).for_each(|i| self.squares[i] = by(self.squares[i], other.squares[i]));
         (0..6).for_each(|i| self.spread[i] = by(self.spread[i], other.spread[i]));
         (0..3).for_each(|i| self.towards[i] = by(self.towards[i], other.towards[i]));
+        (0..3).for_each(|i| self.normal[i] = by(self.normal[i], other.normal[i]));
     }
 
     pub(super) const fn is_empty(&self) -> bool {
@@ -97,5 +101,10 @@ impl Exact {
     /// Sum of the directions towards the sensor.
     pub(super) fn towards(&self) -> Vector3<f64> {
         Vector3::from(self.towards.map(|sum| sum as f64 / UNITS))
+    }
+
+    /// Weighted mean of the normals of the voxels' patches; its length is 1 where they are one.
+    pub(super) fn normal(&self) -> Vector3<f64> {
+        Vector3::from(self.normal.map(|sum| sum as f64 / (self.weight as f64 * UNITS)))
     }
 }

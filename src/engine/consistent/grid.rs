@@ -7,12 +7,15 @@
 //! A block that has lost all its voxels gives its memory back and its place to the next block that comes
 //! ([`Grid::release`]); it keeps 0.6 KB until then, so memory follows the most blocks that were there at once.
 
+mod bin;
+
 use std::sync::Arc;
 
 use hashbrown::HashMap;
 use nalgebra::{Point3, Vector3};
 use rustc_hash::FxBuildHasher;
 
+pub(super) use self::bin::Binned;
 use super::block::{Around, Block, BlockIndex, BlockKey, Cell, Voxel, offset_of};
 use super::noise::NoiseModel;
 use super::state::State;
@@ -21,17 +24,17 @@ use crate::engine::saved::{RestoreError, ensure};
 
 #[derive(Clone, Debug)]
 pub(super) struct Grid {
-    pub(super) voxel_size: f64,
-    pub(super) min_points: u32,
-    pub(super) noise: NoiseModel,
+    voxel_size: f64,
+    min_points: u32,
+    noise: NoiseModel,
     index: HashMap<BlockKey, BlockIndex, FxBuildHasher>,
-    pub(super) blocks: Vec<Block>,
+    blocks: Vec<Block>,
     /// Places of the list that no block has.
     free: Vec<BlockIndex>,
     /// Points of one scan that prove a voxel to be occupied.
-    pub(super) proof: u32,
-    pub(super) dense: u32,
-    pub(super) voxels: usize,
+    proof: u32,
+    dense: u32,
+    voxels: usize,
 }
 
 /// Fewer points of one scan than this may be strays.

@@ -164,8 +164,8 @@ impl Segmented {
 
     /// What a voxel adds to the sums of a cluster as one of its own patch, of this number; `corner` is that of the block.
     pub(super) fn share(&self, number: u8, state: &State, corner: [i32; 3], rules: &Rules) -> Exact {
-        let weight = self.patches[usize::from(number)].weight_of(state, &rules.noise);
-        Exact::of(state, corner, weight)
+        let patch = &self.patches[usize::from(number)];
+        Exact::of(state, corner, patch.weight_of(state, &rules.noise), &patch.normal())
     }
 
     /// The state of a cell that is dense.

@@ -29,7 +29,8 @@
 //!    together (`layer`).
 //! 4. A patch of two rows at a face of its block is **cut**: where a surface ends just across the border, or scatters over
 //!    it, its plane may be any. It ties together what it ties together, but each of its voxels, as of a narrow patch, goes to
-//!    a broader patch within two voxels that it fits better (`owner`).
+//!    a patch within two voxels that it fits better, and that is neither narrow nor rough itself; where its own is narrow, to
+//!    one that it fits up to half as well (`owner`).
 //! 5. A **cluster** is a component of joined patches, with the loose voxels within three voxels of a patch whose plane their
 //!    points fit.
 //!
@@ -130,7 +131,6 @@
 //! Patches whose own planes are fitted so join a wall with a door in one seed of four.
 
 mod apart;
-mod bin;
 mod block;
 mod border;
 mod bounds;
@@ -178,5 +178,5 @@ mod view;
 mod within;
 
 pub use noise::NoiseModel;
-pub use pipeline::{Consistent, Partition};
+pub use pipeline::Consistent;
 pub(super) use saved::{SavedConsistent, version1};

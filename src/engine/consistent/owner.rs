@@ -32,8 +32,10 @@ impl<'a> Owners<'a> {
         Self { around: &block.around, corner, segmented, rules }
     }
 
-    /// The patch that a loose voxel of the block belongs to: the nearest that its points fit, as far as noise and half a
-    /// voxel let them. One of a frayed patch stays there, unless it fits a broader one within two voxels better.
+    /// The patch that a loose voxel of the block belongs to: the nearest that its points fit, as far as noise and
+    /// [`Rules::rim_flatness`] let them. One of a frayed patch stays there, unless it belongs to the plane of one within two
+    /// voxels that is neither narrow nor rough, and fits that better; where its own is narrow, [`NARROW_HANDICAP`] times as
+    /// badly will do.
     pub(super) fn of(&self, state: &State) -> Option<PatchId> {
         let held = Held::new(state, &self.rules.noise);
         match self.frayed_patch_of(state.cell()) {
@@ -155,7 +157,7 @@ impl<'a> Owners<'a> {
         held.misfit(&self.local(&patch.plane()), self.rules.noise_factor, self.rules.flatness, most)
     }
 
-    /// The same of a patch beside it, as far as noise and half a voxel let them.
+    /// The same of a patch beside it, as far as noise and [`Rules::rim_flatness`] let them.
     fn beside(&self, held: &Held, patch: &Patch, most: f64) -> Option<f64> {
         held.misfit(&self.local(&patch.plane()), self.rules.rim_noise_factor, self.rules.rim_flatness, most)
     }

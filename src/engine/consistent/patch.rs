@@ -62,6 +62,8 @@ pub(super) struct Patch {
     noise: f32,
     /// Variance of its voxels across its narrow side, in voxels^2.
     breadth: f32,
+    /// The smallest variance of what its plane is fitted to over the sum.
+    curvature: f32,
     /// Variance of the plane's tilt about its most uncertain axis (rad^2).
     tilt_variance: f32,
     /// Variance of the plane's place at its middle, along the normal.
@@ -131,6 +133,7 @@ impl Patch {
             towards: towards.cast(),
             noise: noise_variance as f32,
             breadth: variances[1] as f32,
+            curvature: fit.curvature() as f32,
             tilt_variance: tilt_variance(&region, &fit) as f32,
             offset_variance: (1.0 / region.weight()) as f32,
             is_rough: kind == Kind::Rough,
@@ -156,6 +159,11 @@ impl Patch {
     /// Variance of its points along its normal that is noise.
     pub(super) fn noise(&self) -> f64 {
         self.noise.into()
+    }
+
+    /// The smallest variance of what its plane is fitted to over the sum: 0 (flat) to 1/3.
+    pub(super) const fn curvature(&self) -> f32 {
+        self.curvature
     }
 
     /// Variance of the plane's tilt about its most uncertain axis (rad^2).

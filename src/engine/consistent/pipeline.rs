@@ -2,24 +2,20 @@
 
 use nalgebra::UnitVector3;
 
-use super::bin::Binned;
 use super::block::{Block, BlockIndex, Cell, Voxel};
 use super::bounds::Bounds;
 use super::clearing::Clearing;
 use super::graph::NodeId;
-use super::grid::Grid;
+use super::grid::{Binned, Grid};
 use super::layer::Segmented;
-use super::patch::Patch;
 use super::region::Region;
 use super::rest::Leaving;
-use super::rules::Rules;
 use super::saved::{SavedConsistent, SavedGrid};
 use super::scratch;
 use super::standpoint::Standpoint;
 use super::state::states;
 use super::surfaces::Surfaces;
-use super::symmetric::quadratic;
-use crate::engine::key::VoxelKey;
+use crate::engine::key::Partition;
 use crate::engine::now::Taken;
 use crate::engine::params::Params;
 use crate::engine::saved::RestoreError;
@@ -60,7 +56,7 @@ impl Consistent {
     pub fn new(params: Params) -> Self {
         Self {
             grid: Grid::new(&params),
-            surfaces: Surfaces::new(Rules::new(&params)),
+            surfaces: Surfaces::new(&params),
             binned: Binned::default(),
             clearing: params.clearing().then(Clearing::new),
             bounds: Bounds::new(&params),
@@ -184,11 +180,7 @@ impl Consistent {
     /// Takes out what the scan has seen through; returns the blocks that have lost voxels by it.
     fn clear(&mut self, scan: &Scan) -> Vec<BlockIndex> {
         let Some(clearing) = &mut self.clearing else { return Vec::new() };
-        clearing
-            .clear(&mut self.grid, scan, self.taken.sequence)
-            .into_iter()
-            .map(|(block, _)| block)
-            .collect()
+        clearing.clear(&mut self.grid, scan, self.taken.sequence)
     }
 
     /// Which blocks are at rest follows from what they hold, and what of that is published.
@@ -282,42 +274,39 @@ impl Consistent {
             for voxel in block.voxels().iter().filter(|voxel| self.grid.is_dense(voxel)) {
                 let place = published.binary_search_by_key(&voxel.cell, |(state, _)| state.cell());
                 let node = place.ok().and_then(|place| published[place].1);
-                let patch = node.and_then(|node| self.surfaces.patch(node)).map(Patch::normal);
-                let normal = patch
-                    .or_else(|| Region::around(&now, voxel.cell, noise).fit().map(|fit| fit.plane.normal));
-                voxels.extend(self.voxel(block, voxel, normal, node));
+                let patch = node.and_then(|node| self.surfaces.patch(node));
+                let of_patch = patch.map(|patch| (patch.normal(), patch.curvature()));
+                let shape = of_patch.or_else(|| {
+                    let fit = Region::around(&now, voxel.cell, noise).fit()?;
+                    Some((fit.plane.normal, fit.curvature() as f32))
+                });
+                voxels.extend(self.voxel(block, voxel, shape, node));
             }
         }
         voxels.sort_unstable_by_key(|voxel| voxel.key);
         voxels
     }
 
-    /// A voxel has the normal of its patch, which sees further than the voxel's own neighbourhood.
+    /// A voxel has the normal of its patch, which sees further than the voxel's own neighbourhood, and its curvature; `shape`
+    /// is both.
     fn voxel(
         &self,
         block: &Block,
         voxel: &Voxel,
-        normal: Option<UnitVector3<f64>>,
+        shape: Option<(UnitVector3<f64>, f32)>,
         node: Option<NodeId>,
     ) -> Option<DenseVoxel> {
         let cluster = node.and_then(|node| self.surfaces.cluster_of_node(node));
-        let spread = voxel.moments.covariance();
-        let curvature = |normal: UnitVector3<f64>| {
-            (quadratic(&spread, &normal) / spread.trace().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0) as f32
-        };
         Some(DenseVoxel {
             key: block.voxel_key(voxel.cell)?,
             count: voxel.count,
             centre: self.grid.centre(block, voxel),
-            normal,
-            curvature: normal.map_or(f32::NAN, curvature),
+            normal: shape.map(|(normal, _)| normal),
+            curvature: shape.map_or(f32::NAN, |(_, curvature)| curvature),
             cluster: cluster.and_then(|cluster| cluster.identity.id),
         })
     }
 }
-
-/// A partition of the dense voxels by ascending key; `None` = in no cluster. Numbers name clusters in it alone.
-pub type Partition = Vec<(VoxelKey, Option<u32>)>;
 
 impl Consistent {
     /// The clusters of the published voxels, those that are too small to be told of included.

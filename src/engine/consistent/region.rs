@@ -31,6 +31,13 @@ pub(super) struct Fit {
     pub(super) variances: [f64; 3],
 }
 
+impl Fit {
+    /// The smallest variance over the sum: 0 (flat) to 1/3.
+    pub(super) fn curvature(&self) -> f64 {
+        self.variances[0] / self.variances.iter().sum::<f64>().max(f64::MIN_POSITIVE)
+    }
+}
+
 impl Region {
     pub(super) fn of<'a>(states: impl IntoIterator<Item = &'a State>, noise: &Noise) -> Self {
         Self::sum(states.into_iter().map(|state| Self::one(state, noise)))

@@ -10,10 +10,7 @@ use super::grid::Grid;
 use super::layer::{PatchId, Segmented, are_joined, contacts, contacts_of, sharper};
 use super::owner::Owners;
 use super::rules::Rules;
-use crate::engine::key::VoxelKey;
-
-/// The dense voxels by ascending key, each with the number of its cluster; `None` = in no cluster.
-pub(super) type Partition = Vec<(VoxelKey, Option<u32>)>;
+use crate::engine::key::Partition;
 
 /// What the definition makes of segmented blocks, whatever is known of their contacts.
 pub(super) fn partition(grid: &Grid, segmented: &[Segmented], rules: &Rules) -> Partition {

@@ -30,6 +30,7 @@ use super::rules::Rules;
 use super::state::State;
 use crate::engine::key::ClusterId;
 use crate::engine::now::Now;
+use crate::engine::params::Params;
 
 #[derive(Clone, Debug)]
 pub(super) struct Surfaces {
@@ -58,15 +59,15 @@ pub(super) struct Surfaces {
 }
 
 impl Surfaces {
-    pub(super) fn new(rules: Rules) -> Self {
+    pub(super) fn new(params: &Params) -> Self {
         Self {
-            rules,
+            rules: Rules::new(params),
             segmented: Vec::new(),
             nodes: Vec::new(),
             patches: Vec::new(),
             graph: Graph::default(),
             clusters: Vec::new(),
-            landmarks: Landmarks::default(),
+            landmarks: Landmarks::new(params.voxel_size()),
             drawing: Drawing::default(),
             ids_given: 0,
             changed: BTreeSet::new(),

@@ -8,6 +8,7 @@ use super::grid::{Binned, Grid};
 use super::neighbourhood::Neighbourhood;
 use super::saved::{self, SavedCfodi, SavedVoxel};
 use super::{normals, partial, statics};
+use crate::engine::key::Partition;
 use crate::engine::now::{Now, Taken};
 use crate::engine::params::Params;
 use crate::engine::saved::{RestoreError, ensure};
@@ -118,7 +119,7 @@ impl Cfodi {
     }
 
     /// What the paper's baseline STATIC makes of the map as it is now: everything anew. Costs O(map).
-    pub fn static_partition(&self) -> statics::Partition {
+    pub fn static_partition(&self) -> Partition {
         self.static_map().partition()
     }
 

@@ -6,13 +6,10 @@ use nalgebra::{Point3, UnitVector3};
 use super::grid::{Grid, Label, VoxelIndex};
 use super::neighbourhood::Neighbourhood;
 use super::{normals, partial};
-use crate::engine::key::VoxelKey;
+use crate::engine::key::{Partition, VoxelKey};
 use crate::engine::params::Params;
 use crate::engine::scan::Scan;
 use crate::engine::step::PipelineStep;
-
-/// The dense voxels by ascending key, each with the number of its cluster; `None` = in no cluster.
-pub type Partition = Vec<(VoxelKey, Option<u32>)>;
 
 /// What STATIC makes of a map.
 #[derive(Clone, Debug, Default, PartialEq)]

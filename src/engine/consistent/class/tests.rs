@@ -24,6 +24,7 @@ fn surface(elevation: f64) -> Evidence<'static> {
         voxel_size: 0.05,
         rms: 0.006,
         tolerance: 0.02,
+        across: 0.0,
         floor: Some(0.0),
         sensor: 1.0,
         neighbours: &[],
@@ -148,6 +149,20 @@ fn a_door_seen_in_part_is_a_door_with_less_confidence() {
     let part = Evidence { width: 0.45, highest: 1.4, height: 1.2, lowest: 0.2, ..whole };
     let [(_, sure), (class, less)] = [classify(&whole), classify(&part)];
     assert!(class == SurfaceClass::Door && less < 0.8 * sure && less > 0.25, "{less} of {sure}");
+}
+
+#[test]
+fn what_its_members_lie_across_of_is_not_sure_to_be_of_its_class() {
+    for elevation in [0.0, 40.0, 90.0, -90.0] {
+        let evidence = Evidence { lowest: 2.0, highest: 2.5, ..surface(elevation) };
+        let of = |across: f64| classify(&Evidence { across: across.to_radians(), ..evidence });
+        let [sure, turned, crossed] = [0.0, 15.0, 90.0].map(of);
+        assert_eq!([sure.0, turned.0], [crossed.0; 2]);
+        assert!(
+            turned.1 > 0.98 * sure.1 && crossed.1 < 0.01 && sure.1 > 0.8,
+            "{sure:?} {turned:?} {crossed:?}"
+        );
+    }
 }
 
 #[test]

@@ -5,7 +5,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use rustc_hash::FxHashMap;
 
 use super::*;
-use crate::engine::consistent::bin::Binned;
+use crate::engine::consistent::block::CELLS;
+use crate::engine::consistent::grid::Binned;
 use crate::engine::params::Params;
 use crate::engine::points::Points;
 use crate::engine::scan::Stamp;
@@ -68,11 +69,14 @@ impl Bench {
         }
         let cleared = self.clearing.clear(&mut self.grid, scan, self.sequence);
         self.removed += cleared.len();
-        for (block, voxel) in cleared {
-            let key = self.grid.block(block).voxel_key(voxel.cell).unwrap().indices();
-            let labels = self.labels.remove(&key).unwrap();
-            if self.grid.is_dense(&voxel) {
-                self.cleared.entry(majority(&labels)).or_default().insert(key);
+        for block in cleared.into_iter().collect::<BTreeSet<_>>() {
+            let block = self.grid.block(block);
+            for cell in (0..CELLS as u16).map(Cell).filter(|cell| !block.contains(*cell)) {
+                let key = block.voxel_key(cell).unwrap().indices();
+                let Some(labels) = self.labels.remove(&key) else { continue };
+                if self.dense.values().any(|dense| dense.contains(&key)) {
+                    self.cleared.entry(majority(&labels)).or_default().insert(key);
+                }
             }
         }
     }

@@ -1,6 +1,6 @@
 use super::*;
 use crate::engine::scan::Stamp;
-use crate::engine::{Cluster, ClusterState, Engine, Isometry3, Points, SurfaceClass};
+use crate::engine::{ChangedCluster, Cluster, ClusterState, Engine, Isometry3, Points, SurfaceClass};
 use crate::sim::{Drive, Scene};
 
 /// Drives through a scene and checks after every scan that what clusters are judged by is found as by a scan of all.
@@ -88,6 +88,34 @@ fn a_map_that_is_tuned_goes_on_as_one_that_was_saved_and_restored_with_the_other
         }
         assert!(params.max_voxels() == 0 || tuned.voxel_count() as u64 <= params.max_voxels());
     }
+}
+
+/// Publishes these blocks once more, and describes what that changed.
+fn publish_anew(engine: &mut Consistent, blocks: &[BlockIndex]) -> Vec<ChangedCluster> {
+    let now = engine.taken.now();
+    engine.surfaces.begin();
+    engine.surfaces.publish(&engine.grid, blocks, std::iter::empty(), now);
+    let changed = engine.surfaces.describe(&engine.params, 1.0, now);
+    assert_eq!(engine.surfaces.removed(), []);
+    changed
+}
+
+#[test]
+fn clusters_whose_blocks_are_published_as_they_were_have_not_changed() {
+    let mut next = laboratory();
+    let mut engine = Consistent::new(Params::default());
+    (0..20).for_each(|_| drop(engine.insert(&next())));
+    let blocks: Vec<_> = engine.grid.blocks().map(|(slot, _)| slot).collect();
+    // What waits is published, and what that says of others is told of.
+    (0..2).for_each(|_| drop(publish_anew(&mut engine, &blocks)));
+    let before = engine.snapshot().clusters;
+    assert!(before.len() > 20, "{}", before.len());
+    let each = blocks.iter().map(std::slice::from_ref).chain([&blocks[..]]);
+    for some in each {
+        let changed = publish_anew(&mut engine, some);
+        assert!(changed.is_empty(), "{some:?}: {:?}", changed.iter().map(|it| it.cluster.id));
+    }
+    assert_eq!(engine.snapshot().clusters, before);
 }
 
 /// Blocks with dense voxels that are at rest, and that are not.

@@ -3,8 +3,8 @@
 //!
 //! **Kept true.** They are those of the clusters as they are told of: [`Landmarks::set`] is called wherever that changes.
 //!
-//! **Cost.** To look costs O(log) and what is within [`CELL`] m; to set follows the area of the cluster. Neither follows the
-//! map, nor the storeys of a house.
+//! **Cost.** To look costs O(log) and what is within a cell; to set follows the area of the cluster, in voxels where these are
+//! large. Neither follows the map, nor the storeys of a house.
 
 use std::cmp::Ordering;
 use std::collections::{BTreeMap, BTreeSet};
@@ -17,16 +17,20 @@ use crate::engine::snapshot::Cluster;
 
 /// Area from which on a level surface that faces up can be the floor (m^2).
 const FLOOR_AREA: f64 = 1.0;
-/// Edge of a cell (m): a few of them cover a wall, and a few walls are in each.
+/// Least edge of a cell (m): a few of them cover a wall, and a few walls are in each.
 const CELL: f64 = 2.0;
+/// The same in voxels: a cluster of large ones has no more cells than voxels.
+const CELL_VOXELS: f64 = 8.0;
 /// For the rounding of poses (m).
 const SLACK: f64 = 1e-3;
 
-/// Integer place of a cell: x, y and z divided by [`CELL`], rounded down.
+/// Integer place of a cell: x, y and z divided by its edge, rounded down.
 type CellKey = [i32; 3];
 
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub(super) struct Landmarks {
+    /// Edge of a cell (m).
+    cell: f64,
     floors: BTreeSet<(Height, ComponentId)>,
     uprights: BTreeSet<(CellKey, ComponentId)>,
     /// What the sets hold of each component; nothing of most.
@@ -65,9 +69,15 @@ impl PartialEq for Height {
 impl Eq for Height {}
 
 impl Landmarks {
+    /// None yet, in a map of voxels of this edge (m).
+    pub(super) fn new(voxel_size: f64) -> Self {
+        let cell = (CELL_VOXELS * voxel_size).clamp(CELL, f64::MAX);
+        Self { cell, floors: BTreeSet::new(), uprights: BTreeSet::new(), marks: BTreeMap::new() }
+    }
+
     /// Notes what a component is told to be now, `None` where it is not told of.
     pub(super) fn set(&mut self, component: ComponentId, told: Option<&Cluster>) {
-        let mark = told.map(Mark::of).unwrap_or_default();
+        let mark = told.map(|told| Mark::of(told, self.cell)).unwrap_or_default();
         let before = self.marks.remove(&component).unwrap_or_default();
         if mark != before {
             if let Some(height) = before.floor {
@@ -92,7 +102,7 @@ impl Landmarks {
     /// Upright components, among them all that one of these points can be beside, ascending.
     pub(super) fn near(&self, points: &[Point3<f64>]) -> Vec<ComponentId> {
         let of_cell = |cell| self.uprights.range((cell, ComponentId(0))..=(cell, ComponentId(u32::MAX)));
-        let cells = points.iter().map(|point| [point.x, point.y, point.z].map(index));
+        let cells = points.iter().map(|point| [point.x, point.y, point.z].map(|at| index(at, self.cell)));
         let mut near: Vec<_> = cells.flat_map(of_cell).map(|(_, component)| *component).collect();
         near.sort_unstable();
         near.dedup();
@@ -101,24 +111,24 @@ impl Landmarks {
 }
 
 impl Mark {
-    fn of(cluster: &Cluster) -> Self {
+    fn of(cluster: &Cluster, cell: f64) -> Self {
         let is_floor = cluster.normal.z > 0.97 && cluster.area.is_some_and(|area| area >= FLOOR_AREA);
         Self {
             floor: is_floor.then_some(Height(cluster.centroid.z)),
-            cells: if is_upright(cluster) { cells(cluster) } else { Vec::new() },
+            cells: if is_upright(cluster) { cells(cluster, cell) } else { Vec::new() },
         }
     }
 }
 
-fn index(metres: f64) -> i32 {
-    (metres / CELL).floor() as i32
+fn index(metres: f64, cell: f64) -> i32 {
+    (metres / cell).floor() as i32
 }
 
-/// The cells that the box with the places beside a cluster reaches, ascending. The box is taken in pieces: that around a
+/// The cells of this edge that the box with the places beside a cluster reaches, ascending. The box is taken in pieces: that around a
 /// long wall at a slant would hold half of the house.
-fn cells(cluster: &Cluster) -> Vec<CellKey> {
+fn cells(cluster: &Cluster, cell: f64) -> Vec<CellKey> {
     let half = reach(cluster);
-    let [along, upwards] = [half.x, half.y].map(|half| (2.0 * half / CELL).ceil().max(1.0) as i32);
+    let [along, upwards] = [half.x, half.y].map(|half| (2.0 * half / cell).ceil().max(1.0) as i32);
     let piece = Vector3::new(half.x / f64::from(along), half.y / f64::from(upwards), half.z);
     let turn = cluster.pose.rotation.to_rotation_matrix().into_inner();
     let extent = turn.abs() * piece;
@@ -128,7 +138,7 @@ fn cells(cluster: &Cluster) -> Vec<CellKey> {
         let middle = cluster.pose * Point3::new(middle[0] * piece.x, middle[1] * piece.y, 0.0);
         let [xs, ys, zs] = [0, 1, 2].map(|axis| {
             let (at, to) = (middle[axis], extent[axis] + SLACK);
-            index(at - to)..=index(at + to)
+            index(at - to, cell)..=index(at + to, cell)
         });
         for x in xs {
             cells.extend(ys.clone().flat_map(|y| zs.clone().map(move |z| [x, y, z])));

@@ -103,7 +103,7 @@ impl Surfaces {
         sequence: u64,
     ) -> Result<Self, RestoreError> {
         ensure_counted("the number of ids given", map.ids_given)?;
-        let mut surfaces = Self::new(Rules::new(params));
+        let mut surfaces = Self::new(params);
         surfaces.ids_given = map.ids_given;
         for (slot, block) in (0..).map(BlockIndex).zip(in_slots("block", blocks, grid.slots())?) {
             let states = block.map_or(&[][..], |block| &block.states);

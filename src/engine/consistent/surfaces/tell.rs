@@ -73,10 +73,10 @@ impl Surfaces {
         for &component in &due {
             let Some(cluster) = self.clusters[component.0 as usize].as_deref() else { continue };
             let (Some(shape), Some(plane)) = (&cluster.told, &cluster.plane) else { continue };
-            let rms = plane.mean_square().sqrt();
+            let (rms, across) = (plane.mean_square().sqrt(), describe::across(cluster, plane));
             let beside = self.neighbours(shape);
-            classes
-                .push((component, describe::class(shape, rms, &beside, surroundings, params.voxel_size())));
+            let class = describe::class(shape, rms, across, &beside, surroundings, params.voxel_size());
+            classes.push((component, class));
         }
         for (component, (class, confidence)) in classes {
             if let Some(told) = self.clusters[component.0 as usize].as_mut().and_then(|c| c.told.as_mut()) {
@@ -134,16 +134,15 @@ impl Surfaces {
         }
     }
 
-    /// Counts the revisions of what is told of differently.
+    /// Counts the revisions of what is told of differently, or has taken in another.
     pub(super) fn finish(&mut self, due: &[ComponentId]) -> Vec<ChangedCluster> {
         let mut changed = Vec::new();
         for component in due {
             let Some(cluster) = self.clusters[component.0 as usize].as_deref_mut() else { continue };
             let before = std::mem::take(&mut cluster.before);
             let merged_from = std::mem::take(&mut cluster.identity.merged_from);
-            let Some(told) = cluster.told.as_mut().filter(|told| !before.is(told)) else {
-                continue;
-            };
+            let is_other = |told: &&mut snapshot::Cluster| !merged_from.is_empty() || !before.is(told);
+            let Some(told) = cluster.told.as_mut().filter(is_other) else { continue };
             cluster.identity.revision += 1;
             told.revision = cluster.identity.revision;
             changed.push(ChangedCluster { cluster: told.clone(), merged_from });

@@ -31,7 +31,7 @@ impl Surfaces {
         let clusters = (0..).map(ComponentId).zip(&self.clusters);
         let told: Told =
             clusters.filter_map(|(id, cluster)| Some((id, cluster.as_ref()?.told.as_ref()?))).collect();
-        let mut anew = Landmarks::default();
+        let mut anew = Landmarks { cell: self.landmarks.cell, ..Landmarks::new(1.0) };
         told.iter().for_each(|(&component, cluster)| anew.set(component, Some(cluster)));
         assert_eq!(self.landmarks, anew);
         assert_eq!(self.landmarks.floor(), plain_floor(&told));
@@ -97,8 +97,9 @@ proptest! {
     #[test]
     fn what_is_told_last_is_found_as_by_a_scan_of_all(
         steps in prop::collection::vec((0_u32..20, prop::option::weighted(0.8, any_cluster())), 1..80),
+        voxel_size in prop_oneof![Just(0.08), 0.25..2.0, Just(f64::MAX)],
     ) {
-        let mut landmarks = Landmarks::default();
+        let mut landmarks = Landmarks::new(voxel_size);
         let mut told = BTreeMap::new();
         for (component, cluster) in steps {
             let component = ComponentId(component);
@@ -121,7 +122,7 @@ proptest! {
 #[test]
 fn a_wall_at_a_slant_is_in_the_cells_along_it_and_not_in_those_of_the_square_around_it() {
     let half_pi = std::f64::consts::FRAC_PI_2;
-    let mut landmarks = Landmarks::default();
+    let mut landmarks = Landmarks::new(0.08);
     landmarks.set(ComponentId(0), Some(&rectangle([0.0; 3], [0.5 * half_pi, 0.0, half_pi], [80.0, 2.5])));
     let plan: BTreeSet<_> = landmarks.uprights.iter().map(|([x, y, _], _)| [x, y]).collect();
     assert!(plan.len() < 200, "{}", plan.len());
@@ -129,5 +130,24 @@ fn a_wall_at_a_slant_is_in_the_cells_along_it_and_not_in_those_of_the_square_aro
     assert!(is_near(20.0, 20.0, 0.0) && is_near(-28.0, -28.0, 0.0) && !is_near(20.0, -20.0, 0.0));
     assert!(!is_near(20.0, 20.0, 9.0), "three storeys above");
     landmarks.set(ComponentId(0), None);
-    assert_eq!(landmarks, Landmarks::default());
+    assert_eq!(landmarks, Landmarks::new(0.08));
+}
+
+#[test]
+fn a_wall_of_large_voxels_is_in_no_more_cells_than_one_of_as_many_small_ones() {
+    let half_pi = std::f64::consts::FRAC_PI_2;
+    let cells = |voxel_size: f64| {
+        let mut landmarks = Landmarks::new(voxel_size);
+        let sides = [80.0, 20.0].map(|voxels| voxels * voxel_size);
+        landmarks.set(ComponentId(0), Some(&rectangle([0.0; 3], [0.5 * half_pi, 0.0, half_pi], sides)));
+        landmarks.uprights.len()
+    };
+    let few = cells(0.25);
+    for voxel_size in [1.0, 10.0, 1e3, 1e5] {
+        assert!(
+            (10..=few).contains(&cells(voxel_size)),
+            "{} cells of voxels of {voxel_size} m",
+            cells(voxel_size)
+        );
+    }
 }

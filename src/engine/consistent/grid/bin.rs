@@ -5,28 +5,28 @@
 
 use nalgebra::{Isometry3, Matrix3, Vector3};
 
-use super::block::{BlockIndex, Cell};
-use super::grid::Grid;
-use super::received::Received;
-use super::sums::ScanSums;
+use super::Grid;
+use crate::engine::consistent::block::{BlockIndex, Cell};
+use crate::engine::consistent::received::Received;
+use crate::engine::consistent::sums::ScanSums;
 use crate::engine::params::MAX_POINTS;
 use crate::engine::scan::Scan;
 
 /// What binning a scan did.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Binned {
+pub(in super::super) struct Binned {
     /// The blocks that received points, ascending.
-    pub(super) seen: Vec<BlockIndex>,
+    pub(in super::super) seen: Vec<BlockIndex>,
     /// The voxels that became dense, in the order of their blocks' keys and of their cells.
-    pub(super) dense: Vec<(BlockIndex, Cell)>,
+    pub(in super::super) dense: Vec<(BlockIndex, Cell)>,
     /// Points beyond the grid's reach.
-    pub(super) beyond: u32,
+    pub(in super::super) beyond: u32,
     received: Received,
 }
 
 impl Grid {
     /// Puts the points of a scan into their voxels; `sequence` is the number of the scan.
-    pub(super) fn bin(&mut self, scan: &Scan, sequence: u64, binned: &mut Binned) {
+    pub(in super::super) fn bin(&mut self, scan: &Scan, sequence: u64, binned: &mut Binned) {
         binned.seen.clear();
         binned.dense.clear();
         binned.beyond = binned.received.take(scan, self.voxel_size);
