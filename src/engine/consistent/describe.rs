@@ -275,8 +275,8 @@ mod tests {
         ) {
             let variances = Vector3::from(<[f64; 3]>::from(variances));
             let turn = Rotation3::from_scaled_axis(turn.into()).into_inner();
-            let before = turn * Matrix3::from_diagonal(&variances) * turn.transpose();
-            let before = 0.5 * (before + before.transpose());
+            let before: Matrix3<f64> = turn * Matrix3::from_diagonal(&variances) * turn.transpose();
+            let before = (before + before.transpose()) * 0.5;
             let after = without_negative(before);
             prop_assert!(after.cholesky().is_some() && after == after.transpose(), "{after}");
             let off = (after - before).norm();

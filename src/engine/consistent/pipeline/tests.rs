@@ -30,7 +30,7 @@ fn floor_and_neighbours_are_those_of_all_clusters_where_what_is_far_is_forgotten
 fn past_the_ramp(voxel_size: f64, class: SurfaceClass) -> Vec<Cluster> {
     let drive = Drive::new(Scene::named("stairs").unwrap(), 1, Stamp::from_nanos(0)).with_max_range(6.0);
     let mut engine = Consistent::new(Params::default().with_voxel_size(voxel_size).unwrap());
-    (0..1500).step_by(25).for_each(|index| drop(engine.insert(&drive.labelled_scan(index).scan)));
+    (0..2400).step_by(20).for_each(|index| drop(engine.insert(&drive.labelled_scan(index).scan)));
     let mut clusters = engine.snapshot().clusters;
     clusters.retain(|cluster| cluster.class == class);
     clusters
