@@ -410,28 +410,32 @@ fn a_curvature_is_the_least_eigenvalue_s_part_of_the_fit_that_gave_the_normal() 
 
 #[test]
 fn a_row_of_voxels_that_lies_level_and_sags_is_no_confident_wall() {
-    let params = Params::default().with_voxel_size(VOXEL).unwrap();
-    // The edge of a board that faces up, seen from above: half as broad as a voxel, and lower in the middle.
-    let points = (0..16 * 40 * 12).map(|i| [i / 12, i % 12].map(|at| f64::from(at) + 0.5));
+    let size = 0.05;
+    let params = Params::default().with_voxel_size(size).unwrap().with_noise_model(NoiseModel::None);
+    // The edge of a long board that faces up, seen from above: not quite as broad as a voxel, and lower in the middle by half of
+    // one.
+    let points = (0..48 * 20 * 12).map(|i| [i / 12, i % 12].map(|at| f64::from(at) + 0.5));
     let points = points.map(|[along, over]| {
-        let (x, y) = (along / 40.0, 0.25 + over / 24.0);
-        [x, y, 0.3 + 0.4 * ((x - 8.0) / 8.0).powi(2)].map(|at| (VOXEL * at) as f32)
+        let (x, y) = (along / 20.0, 0.05 + 0.075 * over);
+        [x, y, 0.2 + 0.06 * ((x - 24.0) / 8.0).powi(2)].map(|at| size * at)
     });
-    let points: Vec<_> = points.map(|[x, y, z]| [x - 2.0, y, z - 1.5]).collect();
+    let points: Vec<_> = points.map(|[x, y, z]| [x - 1.2, y, z - 1.5].map(|at| at as f32)).collect();
     let mut map = Consistent::new(params);
     for number in 0..20 {
         map.insert(&Scan {
             stamp: Stamp::from_nanos(100_000_000 * number),
-            fixed_from_sensor: Isometry3::translation(2.0, 0.0, 1.5),
+            fixed_from_sensor: Isometry3::translation(1.2, 0.0, 1.5),
             points: Points::F32(points.clone()),
         });
     }
     let Snapshot { clusters, voxels, .. } = map.snapshot();
-    assert_eq!(clusters.len(), 1);
+    assert_eq!(clusters.len(), 1, "{voxels:?}");
     let normals: Vec<_> = voxels.iter().filter_map(|voxel| voxel.normal).collect();
-    assert!(normals.len() == 16 && normals.iter().all(|normal| normal.z > 0.9), "{normals:?}");
+    assert!(normals.len() == 48 && normals.iter().all(|normal| normal.z > 0.9), "{normals:?}");
     let cluster = &clusters[0];
     assert!(cluster.normal.z.abs() < 0.1, "what this is about: {}", cluster.normal.z);
+    let tilt = cluster.plane_covariance.unwrap()[(0, 0)].sqrt();
+    assert!(tilt < 0.1, "what is known of its turn does not say so: {tilt}");
     assert!(cluster.class_confidence < 0.05, "{:?} {}", cluster.class, cluster.class_confidence);
 }
 

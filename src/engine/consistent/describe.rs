@@ -273,10 +273,10 @@ mod tests {
             variances in (prop_oneof![-1e-5..0.0, Just(0.0), 1e-4..1.0], prop_oneof![Just(0.0), 1e-4..1.0], 1e-2..1.0_f64),
             turn in prop::array::uniform3(-3.0..3.0),
         ) {
-            let variances = Vector3::from(<[f64; 3]>::from(variances));
-            let turn = Rotation3::from_scaled_axis(turn.into()).into_inner();
-            let before: Matrix3<f64> = turn * Matrix3::from_diagonal(&variances) * turn.transpose();
-            let before = (before + before.transpose()) * 0.5;
+            let variances = Vector3::<f64>::from(<[f64; 3]>::from(variances));
+            let turn: Matrix3<f64> = Rotation3::from_scaled_axis(Vector3::from(turn)).into_inner();
+            let before = turn * Matrix3::from_diagonal(&variances) * turn.transpose();
+            let before: Matrix3<f64> = (before + before.transpose()) * 0.5;
             let after = without_negative(before);
             prop_assert!(after.cholesky().is_some() && after == after.transpose(), "{after}");
             let off = (after - before).norm();
