@@ -26,11 +26,13 @@
 //!    A noisy patch that lies within its noise on the plane of a sharper one, and fits no equal better, is a **slice** of its
 //!    scatter; so is one that is narrow, of a broader one whose plane it lies on, for its own normal may be any (`patch`). A
 //!    slice is joined to that one, and else only to what lies on that one's plane too, so that it ties no two surfaces
-//!    together (`layer`).
+//!    together (`layer`). A sharp patch that a crease runs through, of 7 degrees or more, is **folded**: its plane is that of
+//!    neither surface, and may agree with both. It is a slice of the patch beside it that it fits best, and joined to nothing else,
+//!    so that a ramp of 18 degrees is no part of the floor.
 //! 4. A patch of two rows at a face of its block is **cut**: where a surface ends just across the border, or scatters over
-//!    it, its plane may be any. It ties together what it ties together, but each of its voxels, as of a narrow patch, goes to
-//!    a patch within two voxels that it fits better, and that is neither narrow nor rough itself; where its own is narrow, to
-//!    one that it fits up to half as well (`owner`).
+//!    it, its plane may be any. It ties together what it ties together, but each of its voxels, as of a narrow or folded patch,
+//!    goes to a patch within two voxels that it fits better, and that is neither narrow nor rough itself; where its own is
+//!    narrow, to one that it fits up to half as well (`owner`).
 //! 5. A **cluster** is a component of joined patches, with the loose voxels within three voxels of a patch whose plane their
 //!    points fit.
 //!
