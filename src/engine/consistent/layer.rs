@@ -219,7 +219,7 @@ pub(super) fn sharper(segmented: &[Segmented], id: PatchId, rules: &Rules) -> Op
 }
 
 /// Whether two patches that meet so are joined. A slice is with the one it is a slice of, and else with what lies on that one's
-/// plane too; a folded one, which lies on two planes, with that one alone.
+/// plane too; where one is folded, which lies on two planes, those that the two are slices of must lie on each other's.
 pub(super) fn are_joined(
     segmented: &[Segmented],
     a: PatchId,
@@ -234,7 +234,10 @@ pub(super) fn are_joined(
     }
     let is_part = |own: &Patch, of: Option<PatchId>| own.is_folded() && of.is_some();
     if is_part(here, of_a) || is_part(there, of_b) {
-        return false;
+        let [host_a, host_b] = [(a, of_a), (b, of_b)].map(|(own, of)| patch(segmented, of.unwrap_or(own)));
+        return here.joins(there, contact, rules)
+            && host_a.lies_on(host_b, rules)
+            && host_b.lies_on(host_a, rules);
     }
     let lies_on =
         |own: &Patch, of: Option<PatchId>| of.is_none_or(|of| own.lies_on(patch(segmented, of), rules));
