@@ -107,6 +107,11 @@
 //! Tolerances of 2 to 2.5 sigma, and of the slices' turn of 20 to 34 degrees, change the index by less than 0.01. Contacts
 //! over a gap of one voxel tie floors together that doors have parted.
 //!
+//! Without folded patches the ramp of `simulate --scene stairs`, 18 degrees, is a part of the floor at 5 and 8 cm: the patches at
+//! its foot lie 9 degrees off both. Where a folded patch is joined to what it is a slice of alone, a wall of the laboratory's
+//! corridor falls in two at 5 cm in four seeds of four (index 0.969 instead of 0.980), for the only way from one part to the other
+//! leads over such patches. Told of from 10 degrees on, or from two standard deviations, folds at the foot are missed at 5 cm.
+//!
 //! With every scan of 30 a second instead of every sixth, what is seen for longer has broader patches: the pillar is whole at
 //! 5 cm from bends of facets whose breadth varies by 1.7 on, and from 1.3 on one seed of two joins two walls over a corner.
 //!
