@@ -27,8 +27,9 @@
 //!    scatter; so is one that is narrow, of a broader one whose plane it lies on, for its own normal may be any (`patch`). A
 //!    slice is joined to that one, and else only to what lies on that one's plane too, so that it ties no two surfaces
 //!    together (`layer`). A sharp patch that a crease runs through, of 7 degrees or more, is **folded**: its plane is that of
-//!    neither surface, and may agree with both. It is a slice of the patch beside it that it fits best, and joined to what that
-//!    one lies on, and is lain on by, alone, so that a ramp of 18 degrees is no part of the floor.
+//!    neither surface, and may agree with both. It is a slice of the whole patch beside it that it fits best, and joined to
+//!    another only where what the two are slices of, or they themselves, lie on each other's planes, so that a ramp of 18
+//!    degrees is no part of the floor.
 //! 4. A patch of two rows at a face of its block is **cut**: where a surface ends just across the border, or scatters over
 //!    it, its plane may be any. It ties together what it ties together, but each of its voxels, as of a narrow or folded patch,
 //!    goes to a patch within two voxels that it fits better, and that is neither narrow nor rough itself; where its own is
