@@ -63,14 +63,12 @@ raise_socket_buffer() {
   fi
 }
 
-# With the features `security` and `zenoh`, into CFODI_SECURED: one build for both. The system's OpenSSL, where it can be built
-# against, saves minutes.
+# With the features `security` and `zenoh`, into CFODI_SECURED: one build for both. Its tests ask whether it is right, not how
+# fast: the crates are those of a release, the program is optimised less, which takes a third of the time.
 build_secured() {
-  if pkg-config --atleast-version=1.1.1 openssl 2>/dev/null; then export OPENSSL_NO_VENDOR=1; fi
-  optional clippy cargo clippy --lib --bin cfodi --features security,zenoh -- -D warnings
-  # Of what is compiled only so; with the crates of the build below, and quickly compiled itself.
-  run cargo test --release --config profile.release.package.cfodi.opt-level=0 --lib --features security,zenoh zenoh
-  run cargo build --release --features security,zenoh --bin cfodi --example clusters --example robot
+  local quickly=profile.release.package.cfodi.opt-level
+  run cargo test --release --config $quickly=0 --lib --features security,zenoh zenoh   # of what is compiled only so
+  run cargo build --release --config $quickly=1 --features security,zenoh --bin cfodi --example clusters --example robot
   local built=${CARGO_TARGET_DIR:-$top/target}/release
   mkdir -p "$CFODI_SECURED"
   cp "$built/cfodi" "$built/examples/clusters" "$built/examples/robot" "$CFODI_SECURED"
@@ -84,13 +82,16 @@ raise_readers_buffer() {
   if [ "$now" -lt "$readers" ] && { echo "$readers" > "$default"; } 2>/dev/null; then default_before=$now; fi
 }
 
+# The system's OpenSSL, where it can be built against, saves minutes.
+if pkg-config --atleast-version=1.1.1 openssl 2>/dev/null; then export OPENSSL_NO_VENDOR=1; fi
 optional fmt cargo fmt --check
 run bash tests/deny.sh
 optional clippy cargo clippy --all-targets -- -D warnings
 RUSTDOCFLAGS="-D warnings" run cargo doc --no-deps
 run cargo check --lib --no-default-features   # the wall around the engine
 optional clippy cargo clippy --lib --no-default-features -- -D warnings
-run cargo check --bin cfodi --no-default-features --features node,humble,zenoh
+# All that is compiled only when asked for.
+optional clippy cargo clippy --lib --bin cfodi --no-default-features --features node,humble,security,zenoh -- -D warnings
 if cargo nextest --version >/dev/null 2>&1; then
   run cargo nextest run --no-fail-fast
 else

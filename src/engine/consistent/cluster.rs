@@ -72,6 +72,9 @@ impl Before {
     }
 }
 
+/// Part of its voxels from which on a cluster has lost something. Below, voxels at its rim come and go.
+const LOST: f64 = 0.1;
+
 /// What a cluster keeps when its voxels are others.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Identity {
@@ -80,7 +83,7 @@ pub(super) struct Identity {
     pub(super) revision: u32,
     pub(super) first_seen: Stamp,
     pub(super) last_seen: Stamp,
-    /// The scan in which it last had more voxels than ever before.
+    /// The scan in which it last had more voxels than ever since it lost [`LOST`] of them.
     pub(super) grown: u64,
     pub(super) most_voxels: u32,
     /// Ids taken in during the newest scan that changed it.
@@ -95,6 +98,8 @@ pub(super) struct PlaneFit {
     /// Inverse variance at `point`.
     pub(super) weight: f64,
     pub(super) covariance: Matrix3<f64>,
+    /// Mean variance of the points along their patches' normals that is noise.
+    pub(super) noise: f64,
 }
 
 impl PlaneFit {
@@ -114,6 +119,15 @@ impl Identity {
             grown: 0,
             most_voxels: 0,
             merged_from: Vec::new(),
+        }
+    }
+
+    /// Notes how many voxels it has after this scan.
+    pub(super) fn count(&mut self, voxels: u32, sequence: u64) {
+        if voxels > self.most_voxels {
+            (self.most_voxels, self.grown) = (voxels, sequence);
+        } else if f64::from(voxels) < (1.0 - LOST) * f64::from(self.most_voxels) {
+            self.most_voxels = voxels;
         }
     }
 
@@ -157,7 +171,8 @@ impl Cluster {
         let normal = eigen.eigenvectors.column(eigen.eigenvalues.imin()).into_owned();
         let normal = if normal.dot(&self.sums.towards()) < 0.0 { -normal } else { normal };
         let normal = UnitVector3::new_normalize(normal);
-        Some(PlaneFit { point: self.sums.mean(), normal, weight: self.sums.weight(), covariance })
+        let (point, weight, noise) = (self.sums.mean(), self.sums.weight(), self.sums.noise());
+        Some(PlaneFit { point, normal, weight, covariance, noise })
     }
 
     /// A voxel that is thin is no part of the footprint.
@@ -191,4 +206,20 @@ pub(super) fn content(state: &State, axis: Axis) -> Content {
     let others = axis.others();
     let square = |i: usize| spread[(i, i)].max(0.0) + within[i] * within[i];
     Content::of(others.map(|i| within[i]), others.map(square))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_has_lost_a_part_and_wins_it_back_grows_and_what_flickers_at_its_rim_does_not() {
+        let mut identity = Identity::new(Stamp::from_nanos(0));
+        let mut grown = |voxels, sequence| {
+            identity.count(voxels, sequence);
+            identity.grown
+        };
+        assert_eq!([grown(5000, 1), grown(4600, 2), grown(4990, 3), grown(5001, 4)], [1, 1, 1, 4]);
+        assert_eq!([grown(3000, 5), grown(2900, 6), grown(3001, 7), grown(3001, 8)], [4, 4, 7, 7]);
+    }
 }

@@ -23,8 +23,12 @@ const WAVES: f64 = 0.12;
 /// by a part of a voxel, and the larger the voxels, the more of them are at the rim.
 const RIM_BIAS: f64 = 1.1;
 const SMALL: f64 = 0.5;
-/// Root mean square distance of a planar cluster's means from its plane, at most, in voxels: walls of the laboratory have up
-/// to 0.37, its pillar has 0.52 in voxels of 8 cm.
+/// By the standard deviation of the noise beyond [`PLANAR`] voxels: of a wall whose points scatter over several layers of voxels
+/// the farther ones may be out of range, and the sparser layers are not dense. All of it is wrong by this, however large it is.
+const LAYERS: f64 = 0.3;
+/// Root mean square distance of a planar cluster's means from its plane, at most, in voxels, beside noise: walls of the
+/// laboratory have up to 0.37, its pillar has 0.52 in voxels of 8 cm. Where the points of a wall scatter over several layers of
+/// voxels, as from 4 m on in voxels of 5 cm, the layers' means scatter as they do.
 const PLANAR: f64 = 0.5;
 /// Voxels, and seconds since it was first seen, from which on a cluster can be relied on.
 const RELIABLE_VOXELS: u32 = 20;
@@ -130,7 +134,8 @@ fn plane_covariance(
     let noise = information.cholesky()?.inverse();
     let part = SMALL / area.max(SMALL);
     let waves = WAVES * WAVES * plane.mean_square() * size * size * part;
-    let variance = waves + (RIM_BIAS * size * size * part).powi(2);
+    let layers = LAYERS * LAYERS * (plane.noise - PLANAR * PLANAR).max(0.0) * size * size;
+    let variance = waves + layers + (RIM_BIAS * size * size * part).powi(2);
     let tilt = |side: f64| variance / (0.5 * side).max(size).powi(2);
     Some(noise + Matrix3::from_diagonal(&Vector3::new(tilt(sides[1]), tilt(sides[0]), variance)))
 }
@@ -144,18 +149,31 @@ pub(super) struct Surroundings {
     pub(super) sensor: f64,
 }
 
-/// Angle between the plane of a cluster, that of its voxels' means, and the mean of its patches' normals, which where there is
-/// but one row of voxels are those of the points within them: any plane may hold the row.
-pub(super) fn across(cluster: &Cluster, plane: &PlaneFit) -> f64 {
-    plane.normal.angle(&cluster.sums.normal())
+/// How a cluster's voxels lie on its plane.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Planarity {
+    /// Root mean square distance of their means from it, and up to which one it is a plane, in voxels.
+    rms: f64,
+    tolerance: f64,
+    /// Angle between its normal, that of the voxels' means, and the mean of its patches' normals, which where there is but one
+    /// row of voxels are those of the points within them: any plane may hold the row.
+    across: f64,
 }
 
-/// Class and confidence of a cluster among its neighbours; `planarity` is the root mean square distance of its voxels' means
-/// from its plane, in voxels, and `across` see [`across`].
+impl Planarity {
+    pub(super) fn of(cluster: &Cluster, plane: &PlaneFit) -> Self {
+        Self {
+            rms: plane.mean_square().sqrt(),
+            tolerance: (PLANAR * PLANAR + plane.noise).sqrt(),
+            across: plane.normal.angle(&cluster.sums.normal()),
+        }
+    }
+}
+
+/// Class and confidence of a cluster among its neighbours.
 pub(super) fn class(
     cluster: &snapshot::Cluster,
-    planarity: f64,
-    across: f64,
+    planarity: Planarity,
     neighbours: &[Neighbour],
     surroundings: Surroundings,
     voxel_size: f64,
@@ -174,9 +192,9 @@ pub(super) fn class(
         area: cluster.area.unwrap_or_default(),
         voxels: cluster.voxel_count,
         voxel_size,
-        rms: planarity,
-        tolerance: PLANAR,
-        across,
+        rms: planarity.rms,
+        tolerance: planarity.tolerance,
+        across: planarity.across,
         floor: surroundings.floor,
         sensor: surroundings.sensor,
         neighbours,
@@ -263,6 +281,7 @@ mod tests {
             normal: Vector3::z_axis(),
             weight: 1e5,
             covariance: Matrix3::from_diagonal(&Vector3::new(x, y, 0.0)),
+            noise: 0.0,
         };
         plane_covariance(&plane, &Isometry3::identity(), [1.0, 0.1], 0.1, 0.05)
     }

@@ -27,11 +27,19 @@ pub(super) struct Exact {
     towards: [i128; 3],
     /// Weighted normals of the voxels' patches.
     normal: [i128; 3],
+    /// Weighted variances of their points along those that are noise.
+    noise: i128,
 }
 
 impl Exact {
-    /// Of one voxel that counts so much, of a patch with this normal; `corner` is that of its block.
-    pub(super) fn of(state: &State, corner: [i32; 3], weight: f64, normal: &Vector3<f64>) -> Self {
+    /// Of one voxel that counts so much, of a patch with this normal and this noise along it; `corner` is that of its block.
+    pub(super) fn of(
+        state: &State,
+        corner: [i32; 3],
+        weight: f64,
+        normal: &Vector3<f64>,
+        noise: f64,
+    ) -> Self {
         let weight = i128::from(nearest(weight * WEIGHT_UNITS).max(1));
         let whole = |value: f64| i128::from(nearest(value * UNITS));
         let (mean, towards) = (state.mean(), state.towards());
@@ -45,6 +53,7 @@ impl Exact {
             spread: upper(&state.spread()).map(|spread| weight * whole(spread)),
             towards: [0, 1, 2].map(|axis| whole(towards[axis])),
             normal: [0, 1, 2].map(|axis| weight * whole(normal[axis])),
+            noise: weight * whole(noise),
         }
     }
 
@@ -63,6 +72,7 @@ impl Exact {
         (0..6).for_each(|i| self.spread[i] = by(self.spread[i], other.spread[i]));
         (0..3).for_each(|i| self.towards[i] = by(self.towards[i], other.towards[i]));
         (0..3).for_each(|i| self.normal[i] = by(self.normal[i], other.normal[i]));
+        self.noise = by(self.noise, other.noise);
     }
 
     pub(super) const fn is_empty(&self) -> bool {
@@ -106,5 +116,10 @@ impl Exact {
     /// Weighted mean of the normals of the voxels' patches; its length is 1 where they are one.
     pub(super) fn normal(&self) -> Vector3<f64> {
         Vector3::from(self.normal.map(|sum| sum as f64 / (self.weight as f64 * UNITS)))
+    }
+
+    /// Weighted mean of the variances of the patches' points along their normals that are noise, in voxels^2.
+    pub(super) fn noise(&self) -> f64 {
+        self.noise as f64 / (self.weight as f64 * UNITS)
     }
 }

@@ -165,7 +165,7 @@ impl Segmented {
     /// What a voxel adds to the sums of a cluster as one of its own patch, of this number; `corner` is that of the block.
     pub(super) fn share(&self, number: u8, state: &State, corner: [i32; 3], rules: &Rules) -> Exact {
         let patch = &self.patches[usize::from(number)];
-        Exact::of(state, corner, patch.weight_of(state, &rules.noise), &patch.normal())
+        Exact::of(state, corner, patch.weight_of(state, &rules.noise), &patch.normal(), patch.noise())
     }
 
     /// The state of a cell that is dense.

@@ -54,6 +54,28 @@ fn a_ramp_and_the_floor_that_it_rises_from_are_two_surfaces() {
     }
 }
 
+/// The far wall of the room is 6.5 m away when the drive begins. Its points scatter by more than a voxel, and some are out of
+/// range.
+#[test]
+fn a_wall_seen_from_afar_is_flat_and_as_uncertain_as_it_is_wrong() {
+    for (voxel_size, max_range) in [(0.05, 6.0), (0.08, 6.0), (0.08, 7.5)] {
+        let drive =
+            Drive::new(Scene::named("room").unwrap(), 1, Stamp::from_nanos(0)).with_max_range(max_range);
+        let mut engine = Consistent::new(Params::default().with_voxel_size(voxel_size).unwrap());
+        (0..120).step_by(4).for_each(|index| drop(engine.insert(&drive.labelled_scan(index).scan)));
+        let clusters = engine.snapshot().clusters;
+        let wall = clusters
+            .iter()
+            .filter(|cluster| cluster.normal.x < -0.99)
+            .max_by_key(|cluster| cluster.voxel_count);
+        let wall = wall.unwrap();
+        assert_eq!(wall.class, SurfaceClass::Wall, "{wall:?}");
+        let error = wall.pose.translation.vector.x - 6.5;
+        let sigma = wall.plane_covariance.unwrap()[(2, 2)].sqrt();
+        assert!(error.abs() < 3.0 * sigma && sigma < 0.02, "{voxel_size}: {error} +- {sigma}");
+    }
+}
+
 /// One scan of a drive through the laboratory after the other.
 fn laboratory() -> impl FnMut() -> Scan {
     let drive = Drive::new(Scene::named("lab").unwrap(), 1, Stamp::from_nanos(0)).with_max_range(6.0);

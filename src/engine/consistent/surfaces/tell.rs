@@ -4,7 +4,7 @@ use super::Surfaces;
 use crate::engine::consistent::block::{BlockIndex, BlockKey, Cell};
 use crate::engine::consistent::class::Neighbour;
 use crate::engine::consistent::cluster::{Before, Standing, content};
-use crate::engine::consistent::describe::{self, Surroundings};
+use crate::engine::consistent::describe::{self, Planarity, Surroundings};
 use crate::engine::consistent::footprint::{Axis, Footprint};
 use crate::engine::consistent::graph::ComponentId;
 use crate::engine::consistent::grid::Grid;
@@ -73,9 +73,9 @@ impl Surfaces {
         for &component in &due {
             let Some(cluster) = self.clusters[component.0 as usize].as_deref() else { continue };
             let (Some(shape), Some(plane)) = (&cluster.told, &cluster.plane) else { continue };
-            let (rms, across) = (plane.mean_square().sqrt(), describe::across(cluster, plane));
+            let planarity = Planarity::of(cluster, plane);
             let beside = self.neighbours(shape);
-            let class = describe::class(shape, rms, across, &beside, surroundings, params.voxel_size());
+            let class = describe::class(shape, planarity, &beside, surroundings, params.voxel_size());
             classes.push((component, class));
         }
         for (component, (class, confidence)) in classes {
@@ -203,9 +203,7 @@ impl Surfaces {
             // Where all voxels of a patch have gone to broader ones, what lies beside it has no plane.
             let (voxels, has_shape) = (cluster.voxels, cluster.has_shape());
             let identity = &mut cluster.identity;
-            if voxels > identity.most_voxels {
-                (identity.most_voxels, identity.grown) = (voxels, now.sequence);
-            }
+            identity.count(voxels, now.sequence);
             if identity.id.is_none() && voxels >= TOLD && has_shape {
                 new.push(component);
             } else if voxels < NO_LONGER_TOLD || !has_shape {
