@@ -44,7 +44,8 @@ use crate::store::StoreError;
 use crate::tf::Moment;
 use crate::worker::{Output, Worker};
 
-/// Clouds that may wait for their transform: as many as Kinects send within `tf_timeout`, within bounds of memory.
+/// Clouds that may wait for their transform, and scans that may wait for the engine, for one message may release them all:
+/// as many as Kinects send within `tf_timeout`, at least a quarter of a second of each, within bounds of memory.
 fn places(config: &Config) -> usize {
     let of_each = (config.tf_timeout.as_secs_f64() * 30.0) as usize + 2;
     (of_each.max(8) * config.sensors.len()).min(64)
@@ -132,8 +133,7 @@ async fn drive<T: Transport>(
     let sink = move |output| drop(outputs.blocking_send(output));
     let session = new_session(0);
     let failed = |thread| move |error| LiveError::Start { thread, error };
-    let worker =
-        Worker::start(engine, session, config.sensors.len(), sink).map_err(failed("the engine's thread"))?;
+    let worker = Worker::start(engine, session, places(config), sink).map_err(failed("the engine's thread"))?;
     let start = |path| saving::start(path, config.fixed_frame.clone());
     let saver = config.snapshot_path.clone().map(start).transpose();
     let (saver, mut written) = saver.map_err(failed("the thread that saves the map"))?.unzip();

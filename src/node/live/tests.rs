@@ -209,6 +209,17 @@ fn three_scans_that_a_late_transform_releases_are_all_taken_in() {
 }
 
 #[test]
+fn scans_have_as_many_places_as_tf_timeout_lets_wait_of_each_sensor_within_a_bound() {
+    let places = |sensors: usize, timeout: f64| {
+        let names = (0..sensors).map(|number| format!("s{number}")).collect();
+        let given = [("sensors", Value::TextList(names)), ("tf_timeout", Value::Double(timeout))];
+        places(&Config::new(given.map(|(name, value)| (name.to_owned(), value))).unwrap())
+    };
+    assert_eq!([1, 2, 4, 16].map(|sensors| places(sensors, 0.2)), [8, 16, 32, 64]);
+    assert_eq!([0.0, 1.0, 60.0].map(|timeout| places(1, timeout)), [8, 32, 64]);
+}
+
+#[test]
 fn a_scan_that_jumps_back_begins_a_session_and_a_stray_stamp_without_transform_does_not() {
     let events = vec![
         transform(at(20.0), false),
