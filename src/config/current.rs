@@ -132,6 +132,20 @@ mod tests {
     }
 
     #[test]
+    fn a_boolean_is_yes_or_no_where_a_text_can_be_either_and_nowhere_else() {
+        let mut current = begin();
+        for (value, expected) in [(true, "optical: \"auto\" -> \"yes\""), (false, "optical: \"yes\" -> \"no\"")] {
+            assert_eq!(change(&mut current, &[("optical", Value::Boolean(value))]).unwrap(), [expected]);
+        }
+        let given = vec![("optical".to_owned(), Value::Boolean(true))];
+        assert_eq!(Current::new(given).unwrap().get("optical").unwrap().1, &Value::Text("yes".into()));
+        for name in ["noise_model", "fixed_frame"] {
+            let error = change(&mut current, &[(name, Value::Boolean(true))]).unwrap_err();
+            assert!(error.starts_with(&format!("{name} is true; it must be ")), "{error}");
+        }
+    }
+
+    #[test]
     fn of_several_values_all_are_taken_or_none() {
         let mut current = begin();
         let wanted = [("min_range", Value::Double(1.0)), ("publish_rate", Value::Double(0.0))];
