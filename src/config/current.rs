@@ -134,7 +134,9 @@ mod tests {
     #[test]
     fn a_boolean_is_yes_or_no_where_a_text_can_be_either_and_nowhere_else() {
         let mut current = begin();
-        for (value, expected) in [(true, "optical: \"auto\" -> \"yes\""), (false, "optical: \"yes\" -> \"no\"")] {
+        for (value, expected) in
+            [(true, "optical: \"auto\" -> \"yes\""), (false, "optical: \"yes\" -> \"no\"")]
+        {
             assert_eq!(change(&mut current, &[("optical", Value::Boolean(value))]).unwrap(), [expected]);
         }
         let given = vec![("optical".to_owned(), Value::Boolean(true))];

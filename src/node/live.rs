@@ -133,7 +133,8 @@ async fn drive<T: Transport>(
     let sink = move |output| drop(outputs.blocking_send(output));
     let session = new_session(0);
     let failed = |thread| move |error| LiveError::Start { thread, error };
-    let worker = Worker::start(engine, session, places(config), sink).map_err(failed("the engine's thread"))?;
+    let worker =
+        Worker::start(engine, session, places(config), sink).map_err(failed("the engine's thread"))?;
     let start = |path| saving::start(path, config.fixed_frame.clone());
     let saver = config.snapshot_path.clone().map(start).transpose();
     let (saver, mut written) = saver.map_err(failed("the thread that saves the map"))?.unzip();
@@ -161,7 +162,7 @@ async fn drive<T: Transport>(
             },
             _ = tick.tick() => live.tick(),
             _ = live.timers.snapshots.tick() => live.worker.request_snapshot(),
-            _ = live.timers.savings.tick(), if written.is_some() => live.save(None),
+            _ = live.timers.savings.tick(), if written.is_some() => live.save_what_changed(),
             _ = diagnoses.tick() => live.report(),
             result = next(&mut written) => match result {
                 Some(result) => live.written(&result).await,

@@ -13,8 +13,17 @@ use crate::engine::SavedMap;
 use crate::msg::ros::TriggerResponse;
 use crate::store::{self, StoreError, Stored};
 
-/// A map that has been written: its number of scans and its bytes.
-pub(super) type Written = Result<(u64, u64), StoreError>;
+/// A map that has been written, or why it was not.
+pub(super) type Written = Result<InFile, StoreError>;
+
+/// A map in its file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct InFile {
+    pub(super) session: u64,
+    /// Scans in it.
+    pub(super) sequence: u64,
+    pub(super) bytes: u64,
+}
 
 /// What the thread that writes is told.
 #[derive(Debug)]
@@ -87,7 +96,7 @@ pub(super) fn start(path: PathBuf, frame_id: String) -> std::io::Result<(Saver, 
                     let sequence = map.sequence();
                     let stored = Stored { frame_id: frame_id.clone(), map: *map };
                     let result = keeping.keep(&path, session).and_then(|()| store::write(&path, &stored));
-                    let result = result.map(|bytes| (sequence, bytes));
+                    let result = result.map(|bytes| InFile { session, sequence, bytes });
                     if written.send(result).is_err() {
                         return;
                     }
@@ -187,7 +196,7 @@ impl<Request> Saving<Request> {
 /// What a caller of `~/save` is told.
 pub(super) fn response(written: &Written) -> TriggerResponse {
     match written {
-        Ok((scans, bytes)) => {
+        Ok(InFile { sequence: scans, bytes, .. }) => {
             TriggerResponse { success: true, message: format!("{scans} scans saved, {bytes} bytes") }
         }
         Err(error) => TriggerResponse { success: false, message: error.to_string() },
@@ -197,7 +206,7 @@ pub(super) fn response(written: &Written) -> TriggerResponse {
 /// Says how a map was written that nobody has called for.
 pub(super) fn log(written: &Written) {
     match written {
-        Ok((scans, bytes)) => debug!("map of {scans} scans saved, {bytes} bytes"),
+        Ok(InFile { sequence: scans, bytes, .. }) => debug!("map of {scans} scans saved, {bytes} bytes"),
         Err(error) => warn!("the map was not saved: {error}"),
     }
 }
@@ -254,7 +263,7 @@ mod tests {
             }
             saver.write(3, Box::new(map_of(2)));
             for expected in [7, 1, 2] {
-                assert_eq!(results.blocking_recv().unwrap().unwrap().0, expected);
+                assert_eq!(results.blocking_recv().unwrap().unwrap().sequence, expected);
             }
             let read = |name: &str| store::read(&folder.path().join(name)).ok();
             let scans = ["map", "map.before-1", "map.before-2"]
