@@ -49,6 +49,11 @@ impl Current {
         self.values.keys().map(String::as_str)
     }
 
+    /// All names and values, by ascending name.
+    pub fn values(&self) -> impl Iterator<Item = (&String, &Value)> {
+        self.values.iter()
+    }
+
     /// A parameter and its value; `None` where none has this name.
     pub fn get(&self, name: &str) -> Option<(&Parameter, &Value)> {
         self.declared.get(name).zip(self.values.get(name))
