@@ -22,10 +22,11 @@ def start(context):
     clock = {"use_sim_time": use_sim_time == "true"} if use_sim_time else {}
     frame = {"fixed_frame": ParameterValue(fixed_frame, value_type=str)} if fixed_frame else {}
     own = [clock | frame] if clock | frame else []
+    resume = ["--resume"] if LaunchConfiguration("resume").perform(context) == "true" else []
     inputs = {"points": "points", "depth/image": "image", "depth/camera_info": "camera_info"}
     return [
-        Node(package="cfodi", executable="cfodi", name=name, namespace=namespace, output="screen", arguments=["run"],
-             ros_arguments=["--log-level", LaunchConfiguration("log_level")],
+        Node(package="cfodi", executable="cfodi", name=name, namespace=namespace, output="screen",
+             arguments=["run", *resume], ros_arguments=["--log-level", LaunchConfiguration("log_level")],
              parameters=[LaunchConfiguration("params_file"), *own],
              remappings=[(topic, LaunchConfiguration(argument)) for topic, argument in inputs.items()]),
         Node(package="rviz2", executable="rviz2", namespace=namespace, condition=IfCondition(LaunchConfiguration("rviz")),
@@ -46,6 +47,8 @@ def generate_launch_description():
                               description="parameters of the node"),
         DeclareLaunchArgument("fixed_frame", default_value="", description="frame of the map"),
         DeclareLaunchArgument("use_sim_time", default_value="", choices=["", "true", "false"], description="follow /clock"),
+        DeclareLaunchArgument("resume", default_value="false", choices=["true", "false"],
+                              description="go on with the map that the parameter snapshot_path names"),
         DeclareLaunchArgument("rviz", default_value="false", choices=["true", "false"], description="show the map"),
         DeclareLaunchArgument("log_level", default_value="info", choices=["debug", "info", "warn", "error", "fatal"],
                               description="of the node"),

@@ -2,7 +2,8 @@
 //!
 //! The mailbox has few places: when it is full, a new scan replaces the oldest one, and the caller is told so, that it
 //! can count it. One place would do for a sensor; but a transform that comes at 10 Hz releases three scans at once,
-//! and all but one of them would be lost each time. The engine waits for nothing but the sink that takes its outputs.
+//! and all but one of them would be lost each time: there are as many places as scans may wait for a transform. The
+//! engine waits for nothing but the sink that takes its outputs.
 
 use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -43,12 +44,6 @@ pub enum Output {
     /// The engine has panicked; nothing more will come.
     Died(String),
 }
-
-/// Scans of one sensor that may wait for the engine: about a quarter of a second of them.
-const PLACES: usize = 8;
-
-/// Scans that may wait, however many sensors there are: each is megabytes.
-const MOST_PLACES: usize = 64;
 
 /// What waits for the worker.
 #[derive(Default)]
@@ -117,15 +112,15 @@ impl Mailbox {
 }
 
 impl Worker {
-    /// Starts the thread `cfodi-engine` with the map of `engine` under the id `session`, for scans of so many
-    /// sensors; `sink` is called on that thread.
+    /// Starts the thread `cfodi-engine` with the map of `engine` under the id `session`; at most `places` scans wait for
+    /// it, and `sink` is called on that thread.
     ///
     /// # Errors
     /// When the system gives no thread.
     pub fn start(
         engine: Engine,
         session: u64,
-        sensors: usize,
+        places: usize,
         sink: impl FnMut(Output) + Send + 'static,
     ) -> std::io::Result<Self> {
         let mailbox = Arc::new(Mailbox::default());
@@ -133,7 +128,12 @@ impl Worker {
             let mailbox = Arc::clone(&mailbox);
             move || guard(&mailbox, engine, session, sink)
         })?;
-        Ok(Self { places: (PLACES * sensors).min(MOST_PLACES), mailbox, thread: Some(thread) })
+        Ok(Self { places, mailbox, thread: Some(thread) })
+    }
+
+    /// Lets so many scans wait from now on; those that wait stay.
+    pub const fn set_places(&mut self, places: usize) {
+        self.places = places;
     }
 
     /// Hands over a scan; returns whether it replaced the oldest of those that were still waiting.
@@ -239,19 +239,16 @@ pub(crate) mod tests {
         }
     }
 
+    /// Scans that may wait.
+    const PLACES: usize = 8;
+
     fn engine() -> Engine {
         Engine::new(Params::paper())
     }
 
     fn started() -> (Worker, Receiver<Output>) {
         let (sender, receiver) = channel();
-        (Worker::start(engine(), 1, 1, move |output| drop(sender.send(output))).unwrap(), receiver)
-    }
-
-    #[test]
-    fn scans_of_several_sensors_have_as_many_places_each_within_a_bound() {
-        let places = |sensors| Worker::start(engine(), 1, sensors, |_| {}).unwrap().places;
-        assert_eq!([1, 2, 4, 16].map(places), [8, 16, 32, 64]);
+        (Worker::start(engine(), 1, PLACES, move |output| drop(sender.send(output))).unwrap(), receiver)
     }
 
     #[test]
@@ -259,7 +256,7 @@ pub(crate) mod tests {
         let (entered, enter) = channel();
         let (leave, left) = channel::<()>();
         let (sender, receiver) = channel();
-        let worker = Worker::start(engine(), 1, 1, move |output| {
+        let worker = Worker::start(engine(), 1, PLACES, move |output| {
             entered.send(()).unwrap();
             left.recv().unwrap();
             sender.send(output).unwrap();
@@ -309,7 +306,7 @@ pub(crate) mod tests {
     #[test]
     fn a_panic_on_the_thread_is_reported_and_not_silent() {
         let (sender, receiver) = channel();
-        let worker = Worker::start(engine(), 1, 1, move |output| {
+        let worker = Worker::start(engine(), 1, PLACES, move |output| {
             assert!(!matches!(output, Output::Scan { .. }), "no room");
             drop(sender.send(output));
         });

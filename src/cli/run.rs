@@ -9,6 +9,7 @@ use std::process::Command;
 #[cfg(not(feature = "zenoh"))]
 use cfodi::args::RmwError;
 use cfodi::args::{Rmw, Setup};
+use cfodi::config::Value;
 use cfodi::node::dds::Dds;
 use cfodi::node::middleware::Middleware;
 use cfodi::node::process::{ProcessError, live_node};
@@ -42,14 +43,14 @@ fn run_over<T: Middleware>(setup: &Setup, options: &Options, lines: Lines) -> an
     T::security(setup).map_err(ProcessError::from)?;
     let (engine, _lock) = begin(&setup.config, options.resume).map_err(ProcessError::from)?;
     match live_node::<T>(setup, engine, None, lines, |_| Ok(()), || false) {
-        Err(ProcessError::Deaf(why)) => {
+        Err(ProcessError::Deaf { why, changed }) => {
             let path = setup.config.snapshot_path.as_deref();
             let map = path.map_or_else(
                 || "an empty map, for snapshot_path names none".to_owned(),
                 |path| format!("the map of {}", path.display()),
             );
             warn!("{why}: the process begins anew in its place, with {map}");
-            Err(ProcessError::Anew(begin_anew(path.is_some() && !options.resume)).into())
+            Err(ProcessError::Anew(begin_anew(path.is_some() && !options.resume, &changed)).into())
         }
         ended => Ok(ended.map(drop)?),
     }
@@ -57,13 +58,14 @@ fn run_over<T: Middleware>(setup: &Setup, options: &Options, lines: Lines) -> an
 
 /// Puts this program in its own place, under the same process id: nothing else ends a thread of the middleware that does not
 /// come back, or frees what it holds. Returns only where that fails.
-fn begin_anew(adds_resume: bool) -> io::Error {
+fn begin_anew(adds_resume: bool, changed: &[(String, Value)]) -> io::Error {
     let program = match env::current_exe() {
         Ok(program) => program,
         Err(error) => return error,
     };
     let args = env::args_os().skip(1).collect();
-    Command::new(program).args(if adds_resume { resuming(args) } else { args }).exec()
+    let args = if adds_resume { resuming(args) } else { args };
+    Command::new(program).args(with_changes(args, changed)).exec()
 }
 
 /// The option belongs behind the verb: what follows may be ROS arguments.
@@ -73,8 +75,21 @@ fn resuming(mut args: Vec<OsString>) -> Vec<OsString> {
     args
 }
 
+/// What was set while the node ran goes after what was given: of several values of a parameter the last one counts.
+fn with_changes(mut args: Vec<OsString>, changed: &[(String, Value)]) -> Vec<OsString> {
+    if !changed.is_empty() {
+        args.push("--ros-args".into());
+    }
+    for (name, value) in changed {
+        args.extend(["-p".into(), format!("{name}:={value}").into()]);
+    }
+    args
+}
+
 #[cfg(test)]
 mod tests {
+    use cfodi::args::Environment;
+
     use super::*;
 
     #[test]
@@ -84,5 +99,32 @@ mod tests {
         assert_eq!(resumed, words("run --resume --ros-args -p snapshot_path:=map"));
         let resumed = resuming(words("--ros-args -p a:=1 -- run"));
         assert_eq!(resumed, words("--ros-args -p a:=1 -- run --resume"));
+    }
+
+    #[test]
+    fn who_begins_anew_has_the_parameters_as_they_were_set_last() {
+        let parsed = |args: &[OsString]| {
+            let args: Vec<_> = args.iter().map(|arg| arg.to_str().unwrap().to_owned()).collect();
+            Setup::parse(&args, &Environment::default(), "cfodi").unwrap().0
+        };
+        let changed = [
+            ("clearing", Value::Boolean(false)),
+            ("max_voxels", Value::Integer(5000)),
+            ("min_range", Value::Double(1e-7)),
+            ("optical", Value::Text("yes".into())),
+            ("publish_rate", Value::Double(1.0)),
+        ];
+        let changed = changed.map(|(name, value)| (name.to_owned(), value));
+        for line in ["run", "run --ros-args -p max_voxels:=7 -p depth:=3", "--ros-args -p optical:=no -- run"]
+        {
+            let args: Vec<_> = line.split(' ').map(OsString::from).collect();
+            assert_eq!(with_changes(args.clone(), &[]), args);
+            let (before, after) = (parsed(&args), parsed(&with_changes(args, &changed)));
+            let expected = before.parameters.into_iter().map(|(name, value)| {
+                let set = changed.iter().find(|(changed, _)| *changed == name);
+                set.cloned().unwrap_or((name, value))
+            });
+            assert_eq!(after.parameters, expected.collect::<Vec<_>>(), "{line}");
+        }
     }
 }

@@ -49,6 +49,11 @@ impl Current {
         self.values.keys().map(String::as_str)
     }
 
+    /// All names and values, by ascending name.
+    pub fn values(&self) -> impl Iterator<Item = (&String, &Value)> {
+        self.values.iter()
+    }
+
     /// A parameter and its value; `None` where none has this name.
     pub fn get(&self, name: &str) -> Option<(&Parameter, &Value)> {
         self.declared.get(name).zip(self.values.get(name))
@@ -129,6 +134,22 @@ mod tests {
         assert_eq!(changed.unwrap(), ["max_range: 6.0 -> 5.0"]);
         assert_eq!(current.config().filter.max_range, 5.0);
         assert_eq!(current.get("max_range").unwrap().1, &Value::Double(5.0));
+    }
+
+    #[test]
+    fn a_boolean_is_yes_or_no_where_a_text_can_be_either_and_nowhere_else() {
+        let mut current = begin();
+        for (value, expected) in
+            [(true, "optical: \"auto\" -> \"yes\""), (false, "optical: \"yes\" -> \"no\"")]
+        {
+            assert_eq!(change(&mut current, &[("optical", Value::Boolean(value))]).unwrap(), [expected]);
+        }
+        let given = vec![("optical".to_owned(), Value::Boolean(true))];
+        assert_eq!(Current::new(given).unwrap().get("optical").unwrap().1, &Value::Text("yes".into()));
+        for name in ["noise_model", "fixed_frame"] {
+            let error = change(&mut current, &[(name, Value::Boolean(true))]).unwrap_err();
+            assert!(error.starts_with(&format!("{name} is true; it must be ")), "{error}");
+        }
     }
 
     #[test]

@@ -150,10 +150,16 @@ impl Row {
     }
 
     /// The value as one of the parameter's type, where it is meant as one: a number without a point is an integer to YAML,
-    /// and an empty list is told by nothing but its type.
+    /// `yes` is a boolean, as which `ros2 param set` sends it, and an empty list is told by nothing but its type.
     pub(super) fn as_declared(&self, value: Value) -> Value {
         match (self.default, value) {
             (Default::Double(_), Value::Integer(value)) => Value::Double(value as f64),
+            (Default::Text(_), Value::Boolean(value)) => match self.bounds {
+                Bounds::OneOf(texts) if texts.contains(&yes_or_no(value)) => {
+                    Value::Text(yes_or_no(value).to_owned())
+                }
+                _ => Value::Boolean(value),
+            },
             (Default::Texts(_), Value::Text(text)) if text.is_empty() => Value::TextList(Vec::new()),
             (_, value) => value,
         }
@@ -215,6 +221,10 @@ impl Row {
             Bounds::Words(words) => words.to_owned(),
         }
     }
+}
+
+const fn yes_or_no(value: bool) -> &'static str {
+    if value { "yes" } else { "no" }
 }
 
 /// No depth sensor sends more, and the sums of a voxel hold as many points of one scan (`engine::consistent`).

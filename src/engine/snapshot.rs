@@ -130,3 +130,13 @@ pub struct ChangedCluster {
     /// Ids that it took in during this scan, ascending.
     pub merged_from: Vec<ClusterId>,
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_dense_voxel_of_a_published_map_takes_the_bytes_that_the_documentation_says() {
+        assert_eq!(size_of::<DenseVoxel>(), 88);
+    }
+}

@@ -40,6 +40,7 @@ use super::record::Record;
 use super::transport::{NetworkState, Outgoing, SendError, SensorTopics, Service, Source, Transport};
 use crate::args::security::{Security, SecurityError};
 use crate::args::{ArgsError, Setup};
+use crate::config::Value;
 use crate::memory::prefault;
 use crate::msg::ros::{TriggerRequest, TriggerResponse};
 
@@ -146,6 +147,10 @@ impl Middleware for Dds {
             Some(network) => Some(network.close().await),
             None => None,
         }
+    }
+
+    fn changed(&self, setup: &Setup) -> Vec<(String, Value)> {
+        self.parameters.other_than(&setup.parameters)
     }
 
     async fn answers(&self) -> bool {

@@ -44,7 +44,8 @@ use crate::store::StoreError;
 use crate::tf::Moment;
 use crate::worker::{Output, Worker};
 
-/// Clouds that may wait for their transform: as many as Kinects send within `tf_timeout`, within bounds of memory.
+/// Clouds that may wait for their transform, and scans that may wait for the engine, for one message may release them all:
+/// as many as Kinects send within `tf_timeout`, at least a quarter of a second of each, within bounds of memory.
 fn places(config: &Config) -> usize {
     let of_each = (config.tf_timeout.as_secs_f64() * 30.0) as usize + 2;
     (of_each.max(8) * config.sensors.len()).min(64)
@@ -133,7 +134,7 @@ async fn drive<T: Transport>(
     let session = new_session(0);
     let failed = |thread| move |error| LiveError::Start { thread, error };
     let worker =
-        Worker::start(engine, session, config.sensors.len(), sink).map_err(failed("the engine's thread"))?;
+        Worker::start(engine, session, places(config), sink).map_err(failed("the engine's thread"))?;
     let start = |path| saving::start(path, config.fixed_frame.clone());
     let saver = config.snapshot_path.clone().map(start).transpose();
     let (saver, mut written) = saver.map_err(failed("the thread that saves the map"))?.unzip();
@@ -161,7 +162,7 @@ async fn drive<T: Transport>(
             },
             _ = tick.tick() => live.tick(),
             _ = live.timers.snapshots.tick() => live.worker.request_snapshot(),
-            _ = live.timers.savings.tick(), if written.is_some() => live.save(None),
+            _ = live.timers.savings.tick(), if written.is_some() => live.save_what_changed(),
             _ = diagnoses.tick() => live.report(),
             result = next(&mut written) => match result {
                 Some(result) => live.written(&result).await,

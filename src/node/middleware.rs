@@ -10,6 +10,7 @@ use super::record::Record;
 use super::transport::{Event, Transport};
 use crate::args::security::{Security, SecurityError};
 use crate::args::{ArgsError, Setup};
+use crate::config::Value;
 
 /// The middleware refused something.
 #[derive(Debug, Error)]
@@ -83,6 +84,9 @@ pub trait Middleware: Transport<Request: Send> + Sized {
         security: Security,
         record: Option<Record>,
     ) -> impl Future<Output = Result<Opened<Self>, OpenError>>;
+
+    /// The parameters that have other values by now than those that the node of `setup` began with.
+    fn changed(&self, setup: &Setup) -> Vec<(String, Value)>;
 
     /// Whether the middleware still does anything; where it does not, [`Self::close`] does not return.
     fn answers(&self) -> impl Future<Output = bool>;

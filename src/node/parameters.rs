@@ -66,6 +66,13 @@ impl Parameters {
         self.current.borrow().config().clone()
     }
 
+    /// Those that have other values than these.
+    pub(super) fn other_than(&self, given: &[(String, Value)]) -> Vec<(String, Value)> {
+        let current = self.current.borrow();
+        let now = current.values().map(|(name, value)| (name.clone(), value.clone()));
+        now.filter(|pair| !given.contains(pair)).collect()
+    }
+
     /// Which points of a cloud are taken in now.
     pub(super) fn filter(&self) -> CloudFilter {
         self.current.borrow().config().filter

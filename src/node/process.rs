@@ -20,6 +20,7 @@ use super::rosout::Lines;
 use super::transport::SensorTopics;
 use crate::args::security::{Security, SecurityError};
 use crate::args::{ArgsError, RmwError, Setup};
+use crate::config::Value;
 use crate::engine::{Engine, Snapshot};
 use crate::say::say;
 use crate::signals::Signals;
@@ -52,8 +53,13 @@ pub enum ProcessError {
     #[error(transparent)]
     Live(#[from] LiveError),
     /// Nobody has asked for the node's end, and nothing but that of the process gives it ears again.
-    #[error("the node is deaf: {0}")]
-    Deaf(String),
+    #[error("the node is deaf: {why}")]
+    Deaf {
+        /// Why.
+        why: String,
+        /// Parameters that were set to other values since it began.
+        changed: Vec<(String, Value)>,
+    },
     /// The process was to begin anew in its place and cannot.
     #[error("the node is deaf, and the process cannot begin anew: {0}")]
     Anew(std::io::Error),
@@ -180,9 +186,10 @@ pub fn live_node<T: Middleware>(
             ending(ends, done),
         )
         .await;
+        let changed = transport.changed(setup);
         let network = leave(transport).await;
         let map = match map {
-            Err(LiveError::Deaf(why)) => Err(deaf(why, signals).await),
+            Err(LiveError::Deaf(why)) => Err(deaf(why, changed, signals).await),
             map => map.map_err(ProcessError::from),
         };
         Ok::<_, ProcessError>((map, network))
@@ -199,10 +206,10 @@ pub fn live_node<T: Middleware>(
 }
 
 /// Whether the process is to begin anew: not where it was asked to end meanwhile.
-async fn deaf(why: String, mut signals: Option<Signals>) -> ProcessError {
+async fn deaf(why: String, changed: Vec<(String, Value)>, mut signals: Option<Signals>) -> ProcessError {
     match tokio::time::timeout(PAUSE, asked(&mut signals)).await {
         Ok(()) => LiveError::Deaf(why).into(),
-        Err(_) => ProcessError::Deaf(why),
+        Err(_) => ProcessError::Deaf { why, changed },
     }
 }
 

@@ -80,11 +80,13 @@ async fn take(
                 counts.borrow_mut().taken_in += 1;
                 let points = Points { all: points as u64, beyond_grid: u64::from(update.points_beyond_grid) };
                 vitals.borrow_mut().note(took, points);
+                vitals.borrow_mut().newest = Some((session, update.sequence));
                 beyond.say(session, points);
                 wire.send(Outgoing::Delta(SurfaceClusterArray::delta(&wire.session(session), &update))).await;
             }
             Output::Snapshot { session, snapshot } => {
                 vitals.borrow_mut().map = Some(MapSize::of(session, &snapshot));
+                vitals.borrow_mut().newest = Some((session, snapshot.sequence));
                 newest.send_replace(Some((session, Arc::clone(&snapshot))));
                 ended.map = Some(snapshot);
             }

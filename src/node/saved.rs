@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use super::saving::Written;
+use super::saving::{InFile, Written};
 
 /// How long a map may be on its way before it is said: a gigabyte takes less.
 const PATIENCE: Duration = Duration::from_secs(30);
@@ -12,8 +12,8 @@ const PATIENCE: Duration = Duration::from_secs(30);
 pub(super) struct Saved {
     /// When the map that is on its way was asked for.
     asked: Option<Instant>,
-    /// When the newest map in the file was written.
-    written: Option<Instant>,
+    /// The newest map in the file, and when it was that of the engine.
+    written: Option<(InFile, Instant)>,
     /// Why the newest was not.
     failure: Option<String>,
 }
@@ -28,14 +28,21 @@ impl Saved {
     pub(super) fn note(&mut self, written: &Written, next: bool, now: Instant) {
         self.asked = next.then_some(now);
         match written {
-            Ok(_) => (self.written, self.failure) = (Some(now), None),
+            Ok(map) => (self.written, self.failure) = (Some((*map, now)), None),
             Err(error) => self.failure = Some(error.to_string()),
         }
     }
 
+    /// Whether the map of this session after so many scans is in the file already; it is then of now.
+    pub(super) fn has(&mut self, (session, sequence): (u64, u64), now: Instant) -> bool {
+        let newest = self.written.as_mut().filter(|_| self.failure.is_none());
+        let same = newest.filter(|(map, _)| (map.session, map.sequence) == (session, sequence));
+        same.map(|(_, written)| *written = now).is_some()
+    }
+
     /// The age of the map in the file; `None` where this process has written none.
     pub(super) fn age(&self, now: Instant) -> Option<Duration> {
-        self.written.map(|written| now - written)
+        self.written.map(|(_, written)| now - written)
     }
 
     /// What is wrong.
@@ -56,6 +63,22 @@ mod tests {
     use super::*;
     use crate::store::StoreError;
 
+    const FILE: InFile = InFile { session: 1, sequence: 2, bytes: 3 };
+
+    #[test]
+    fn a_map_is_in_the_file_until_it_changes_another_session_begins_or_a_saving_fails() {
+        let (mut saved, start) = (Saved::default(), Instant::now());
+        let at = |seconds| start + Duration::from_secs(seconds);
+        assert!(!saved.has((1, 2), start), "none was written");
+        saved.note(&Ok(FILE), false, at(10));
+        assert!(!saved.has((1, 3), at(70)) && !saved.has((2, 2), at(70)));
+        assert_eq!(saved.age(at(70)), Some(Duration::from_secs(60)));
+        assert!(saved.has((1, 2), at(70)));
+        assert_eq!(saved.age(at(70)), Some(Duration::ZERO), "it is that of the engine");
+        saved.note(&Err(StoreError::InUse { path: "map".into() }), false, at(80));
+        assert!(!saved.has((1, 2), at(130)), "it is tried again, which ends the warning");
+    }
+
     #[test]
     fn a_failure_is_a_fault_until_a_map_is_written_and_so_is_a_disk_that_does_not_answer() {
         let (mut saved, start) = (Saved::default(), Instant::now());
@@ -68,7 +91,7 @@ mod tests {
         assert_eq!(fault(&saved, 130), stuck);
         saved.note(&Err(StoreError::InUse { path: "map".into() }), true, at(140));
         assert_eq!(fault(&saved, 141), "the map was not saved: map is in use by another process");
-        saved.note(&Ok((1, 2)), false, at(150));
+        saved.note(&Ok(FILE), false, at(150));
         assert_eq!((saved.fault(at(999)), saved.age(at(155))), (None, Some(Duration::from_secs(5))));
     }
 }

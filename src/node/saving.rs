@@ -13,8 +13,17 @@ use crate::engine::SavedMap;
 use crate::msg::ros::TriggerResponse;
 use crate::store::{self, StoreError, Stored};
 
-/// A map that has been written: its number of scans and its bytes.
-pub(super) type Written = Result<(u64, u64), StoreError>;
+/// A map that has been written, or why it was not.
+pub(super) type Written = Result<InFile, StoreError>;
+
+/// A map in its file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct InFile {
+    pub(super) session: u64,
+    /// Scans in it.
+    pub(super) sequence: u64,
+    pub(super) bytes: u64,
+}
 
 /// What the thread that writes is told.
 #[derive(Debug)]
@@ -87,7 +96,7 @@ pub(super) fn start(path: PathBuf, frame_id: String) -> std::io::Result<(Saver, 
                     let sequence = map.sequence();
                     let stored = Stored { frame_id: frame_id.clone(), map: *map };
                     let result = keeping.keep(&path, session).and_then(|()| store::write(&path, &stored));
-                    let result = result.map(|bytes| (sequence, bytes));
+                    let result = result.map(|bytes| InFile { session, sequence, bytes });
                     if written.send(result).is_err() {
                         return;
                     }
@@ -98,13 +107,11 @@ pub(super) fn start(path: PathBuf, frame_id: String) -> std::io::Result<(Saver, 
     Ok((saver, results))
 }
 
-/// What is kept of files that are written over.
+/// What is kept of files that are written over: of a robot whose clock jumps for ever as many as [`say_removed`] leaves.
 #[derive(Debug, Default)]
 struct Keeping {
     /// The file is to be kept before a map of one of these sessions, or of a later one, takes its place.
     before: Vec<u64>,
-    /// One was kept. No more are: a robot whose clock jumps for ever must not fill its disk.
-    has_kept: bool,
 }
 
 impl Keeping {
@@ -114,7 +121,7 @@ impl Keeping {
     /// When it cannot be kept; it is then still to be, and must not be written over.
     fn keep(&mut self, path: &Path, session: u64) -> Result<(), StoreError> {
         let is_due = self.before.extract_if(.., |before| session >= *before).count() > 0;
-        if !is_due || self.has_kept {
+        if !is_due {
             return Ok(());
         }
         match store::keep_aside(path, "before") {
@@ -122,7 +129,6 @@ impl Keeping {
             Ok(Some(name)) => {
                 warn!("the map that was saved is kept as {}", name.display());
                 say_removed(path, "before");
-                self.has_kept = true;
             }
             Err(error) => {
                 self.before.push(session);
@@ -190,7 +196,7 @@ impl<Request> Saving<Request> {
 /// What a caller of `~/save` is told.
 pub(super) fn response(written: &Written) -> TriggerResponse {
     match written {
-        Ok((scans, bytes)) => {
+        Ok(InFile { sequence: scans, bytes, .. }) => {
             TriggerResponse { success: true, message: format!("{scans} scans saved, {bytes} bytes") }
         }
         Err(error) => TriggerResponse { success: false, message: error.to_string() },
@@ -200,7 +206,7 @@ pub(super) fn response(written: &Written) -> TriggerResponse {
 /// Says how a map was written that nobody has called for.
 pub(super) fn log(written: &Written) {
     match written {
-        Ok((scans, bytes)) => debug!("map of {scans} scans saved, {bytes} bytes"),
+        Ok(InFile { sequence: scans, bytes, .. }) => debug!("map of {scans} scans saved, {bytes} bytes"),
         Err(error) => warn!("the map was not saved: {error}"),
     }
 }
@@ -240,7 +246,7 @@ mod tests {
     }
 
     #[test]
-    fn a_map_that_was_on_its_way_at_a_jump_is_kept_and_later_ones_are_not() {
+    fn a_map_that_was_on_its_way_at_a_jump_is_kept_and_so_are_later_ones() {
         // The second jump comes before the first map of the session that it ends, or after it.
         for jumps_early in [true, false] {
             let folder = tempfile::tempdir().unwrap();
@@ -257,13 +263,32 @@ mod tests {
             }
             saver.write(3, Box::new(map_of(2)));
             for expected in [7, 1, 2] {
-                assert_eq!(results.blocking_recv().unwrap().unwrap().0, expected);
+                assert_eq!(results.blocking_recv().unwrap().unwrap().sequence, expected);
             }
             let read = |name: &str| store::read(&folder.path().join(name)).ok();
             let scans = ["map", "map.before-1", "map.before-2"]
                 .map(|name| read(name).map(|stored| stored.map.sequence()));
-            assert_eq!(scans, [Some(2), Some(7), None]);
+            assert_eq!(scans, [Some(2), Some(7), Some(1)]);
         }
+    }
+
+    #[test]
+    fn of_jumps_without_end_the_newest_maps_are_kept_and_the_largest() {
+        let folder = tempfile::tempdir().unwrap();
+        let (saver, mut results) = start(folder.path().join("map"), "map".to_owned()).unwrap();
+        let mut large = Engine::new(Params::default());
+        let points = Points::F32((0..1000u16).map(|i| [f32::from(i), 0.0, 1.0]).collect());
+        large.insert(&Scan { stamp: Stamp::default(), fixed_from_sensor: Isometry3::identity(), points });
+        saver.write(1, Box::new(large.save()));
+        results.blocking_recv().unwrap().unwrap();
+        for session in 2..30 {
+            saver.keep(session);
+            saver.write(session, Box::new(map_of(session)));
+            results.blocking_recv().unwrap().unwrap();
+        }
+        let read = |number: u64| store::read(&folder.path().join(format!("map.before-{number}"))).ok();
+        let scans: Vec<_> = (1..30).filter_map(read).map(|stored| stored.map.sequence()).collect();
+        assert_eq!(scans, [1, 21, 22, 23, 24, 25, 26, 27, 28]);
     }
 
     #[test]

@@ -14,6 +14,8 @@ pub(super) struct Vitals {
     pub(super) points: Points,
     /// The newest map that was seen.
     pub(super) map: Option<MapSize>,
+    /// Session and number of scans of the map as it is by the newest output.
+    pub(super) newest: Option<(u64, u64)>,
 }
 
 impl Vitals {

@@ -36,6 +36,7 @@ use super::transport::{NetworkState, Outgoing, SendError, SensorTopics, Service,
 use crate::args::security::{Security, SecurityError};
 use crate::args::{ArgsError, Setup};
 use crate::bag::cdr;
+use crate::config::Value;
 use crate::msg::ros::TriggerResponse;
 
 /// Events that wait for the node; a cloud that finds no place waits in its mailbox.
@@ -77,6 +78,7 @@ pub struct Zenoh {
     _graph_reader: Subscriber<()>,
     _tokens: Tokens,
     session: Session,
+    parameters: Rc<Parameters>,
     inputs: Vec<SensorTopics>,
     /// Fully qualified.
     name: String,
@@ -106,6 +108,7 @@ impl Zenoh {
             graph,
             _tokens: opener.into_tokens(),
             session: session.clone(),
+            parameters,
             inputs: setup.inputs()?,
             name: setup.fully_qualified_name(),
             record,
@@ -229,6 +232,10 @@ impl Middleware for Zenoh {
                 Err(error)
             }
         }
+    }
+
+    fn changed(&self, setup: &Setup) -> Vec<(String, Value)> {
+        self.parameters.other_than(&setup.parameters)
     }
 
     async fn answers(&self) -> bool {

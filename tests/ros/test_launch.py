@@ -18,7 +18,7 @@ from sensor_msgs.msg import PointCloud2
 from test_introspection import node_names, parameters
 
 NODE_ARGUMENTS = {"points", "image", "camera_info", "name", "namespace", "params_file", "fixed_frame", "use_sim_time", "rviz",
-                  "log_level"}
+                  "log_level", "resume"}
 
 
 def of(context, executable):
@@ -80,6 +80,12 @@ def test_without_arguments_the_parameters_are_those_of_config_kinect(run):
     file = pathlib.Path(command[command.index("--params-file") + 1])
     assert file == REPOSITORY / "config" / "kinect.yaml" and file.is_file() and command.count("--params-file") == 1
     node.ready()
+
+
+def test_the_node_goes_on_with_its_map_where_it_is_told_to(tmp_path):
+    for given, verb in [({}, ["run"]), ({"resume": "false"}, ["run"]), ({"resume": "true"}, ["run", "--resume"])]:
+        [node] = of(launched("cloud.launch.py", tmp_path, **given), "cfodi")
+        assert node.command[:node.command.index("--ros-args")] == verb
 
 
 def test_clouds_of_a_driver_are_taken_in(run, peer):

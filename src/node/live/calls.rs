@@ -22,6 +22,14 @@ impl<T: Transport> Live<T> {
         self.answer(Service::Save, request, TriggerResponse { success: false, message }).await;
     }
 
+    /// Asks for the map where it is another than in the file: a robot that stands at its dock wears out no disk.
+    pub(super) fn save_what_changed(&mut self) {
+        let newest = self.vitals.borrow().newest;
+        if !newest.is_some_and(|newest| self.saved.has(newest, Instant::now())) {
+            self.save(None);
+        }
+    }
+
     /// Asks for the map, to save it; `call` is answered when it is written.
     pub(super) fn save(&mut self, call: Option<T::Request>) {
         if self.saving.as_mut().is_some_and(|saving| saving.begin(call)) {

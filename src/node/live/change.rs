@@ -43,6 +43,7 @@ impl<T: Transport> Live<T> {
         }
         self.tf_timeout = config.tf_timeout;
         self.join.set_places(places(config));
+        self.worker.set_places(places(config));
         self.worker.tune(config.engine);
     }
 }

@@ -6,6 +6,8 @@ mod hostile;
 mod intake;
 mod reports;
 
+use std::os::unix::fs::MetadataExt as _;
+
 use tokio::runtime::Builder;
 use tokio::sync::oneshot;
 use tokio::task::LocalSet;
@@ -209,6 +211,17 @@ fn three_scans_that_a_late_transform_releases_are_all_taken_in() {
 }
 
 #[test]
+fn scans_have_as_many_places_as_tf_timeout_lets_wait_of_each_sensor_within_a_bound() {
+    let places = |sensors: usize, timeout: f64| {
+        let names = (0..sensors).map(|number| format!("s{number}")).collect();
+        let given = [("sensors", Value::TextList(names)), ("tf_timeout", Value::Double(timeout))];
+        places(&Config::new(given.map(|(name, value)| (name.to_owned(), value))).unwrap())
+    };
+    assert_eq!([1, 2, 4, 16].map(|sensors| places(sensors, 0.2)), [8, 16, 32, 64]);
+    assert_eq!([0.0, 1.0, 60.0].map(|timeout| places(1, timeout)), [8, 32, 64]);
+}
+
+#[test]
 fn a_scan_that_jumps_back_begins_a_session_and_a_stray_stamp_without_transform_does_not() {
     let events = vec![
         transform(at(20.0), false),
@@ -293,6 +306,35 @@ fn a_map_is_saved_when_asked_and_at_the_end_and_the_next_node_goes_on_with_it() 
         let stored = store::read(&folder.path().join("map")).unwrap();
         assert_eq!(stored.map.sequence(), before + scans);
     }
+}
+
+/// A robot at its dock, its driver off.
+#[test]
+fn a_map_that_no_scan_has_changed_is_not_written_again_before_the_end() {
+    let folder = tempfile::tempdir().unwrap();
+    let (config, path) = (saving_in(folder.path()), folder.path().join("map"));
+    let events = vec![transform(at(0.0), true), cloud(at(10.0), "camera")];
+    let (ended, _, _) = node_until(&config, Fake::default(), events, move |events, counts| async move {
+        // Each map is a file of its own that takes the name of the one before.
+        let file = || std::fs::metadata(&path).map(|file| (file.ino(), file.mtime(), file.mtime_nsec())).ok();
+        let patience = Instant::now();
+        let is_saved =
+            || store::read(&path).is_ok_and(|saved| saved.map.sequence() == counts.borrow().taken_in);
+        for scan in 1..3 {
+            while (counts.borrow().taken_in < scan || !is_saved())
+                && patience.elapsed() < Duration::from_secs(60)
+            {
+                tokio::time::sleep(TICK).await;
+            }
+            // One that was asked for while that one was written follows it.
+            tokio::time::sleep(Duration::from_millis(500)).await;
+            let saved = file();
+            tokio::time::sleep(Duration::from_millis(500)).await;
+            assert!(saved.is_some() && file() == saved, "scan {scan}");
+            events.try_send(cloud(at(10.0 + scan as f64), "camera")).unwrap();
+        }
+    });
+    ended.unwrap();
 }
 
 #[test]

@@ -21,6 +21,16 @@ fn a_shorter_tf_timeout_holds_for_clouds_that_wait_already() {
     assert_eq!(counts.skipped.into_iter().collect::<Vec<_>>(), [("transform_timeout", 1)]);
 }
 
+/// Transforms at 2 Hz, beside a Kinect.
+#[test]
+fn of_a_longer_tf_timeout_all_scans_that_one_transform_releases_are_taken_in() {
+    let clouds = (0..15).map(|number| cloud(at(10.0 + f64::from(number) / 30.0), "camera"));
+    let mut events = vec![Event::Changed(Box::new(config("tf_timeout", 1.0)))];
+    events.extend(clouds.chain([transform(at(9.9), false), transform(at(10.6), false)]));
+    let (_, counts, _) = node(Fake::default(), events, 15);
+    assert_eq!((counts.taken_in, counts.replaced, counts.skipped.len()), (15, 0, 0));
+}
+
 #[test]
 fn what_the_engine_goes_on_by_reaches_it_before_the_next_scan() {
     let bounded = Config::new([("max_voxels".to_owned(), Value::Integer(1))]).unwrap();
