@@ -232,50 +232,7 @@ fn ros_type(dds: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use std::time::Instant;
-
-    use tokio::task::LocalSet;
-
     use super::*;
-    use crate::args::Environment;
-    use crate::node::transport::Form;
-
-    const PATIENCE: Duration = Duration::from_secs(20);
-
-    async fn until(what: &str, holds: impl Fn() -> bool) {
-        let start = Instant::now();
-        while !holds() {
-            assert!(start.elapsed() < PATIENCE, "{what}");
-            tokio::time::sleep(Duration::from_millis(20)).await;
-        }
-    }
-
-    #[tokio::test]
-    async fn of_an_image_raw_and_compressed_the_one_that_is_not_taken_is_read_no_more() {
-        let environment = Environment { domain: Some("219".to_owned()), ..Environment::default() };
-        let args = ["--ros-args", "-p", "receive_buffer:=1000000"].map(str::to_owned);
-        let (setup, _) = Setup::parse(&args, &environment, "cfodi").unwrap();
-        let driver = opener::participant(&setup, &Security::Off).unwrap();
-        let [image, compressed] = ["rt/depth/image", "rt/depth/image/compressedDepth"];
-        let read = |topic: &str| {
-            let readers = driver.discovered_readers();
-            readers.iter().filter(|reader| reader.subscription_topic_data.topic_name == topic).count()
-        };
-        let tasks = LocalSet::new();
-        let left = tasks.run_until(async {
-            let (dds, _adding, _events) = Dds::open(&setup, Security::Off, None).await.unwrap();
-            until("both are read", || (read(image), read(compressed)) == (2, 1)).await;
-            dds.choose(Form::Depth.of(0));
-            until("the compressed one is read no more", || read(compressed) == 0).await;
-            assert_eq!(read(image), 2);
-            assert!(tokio::time::timeout(Duration::from_millis(100), dds.failed()).await.is_err());
-            dds.join_anew("a test").await.unwrap();
-            tokio::time::sleep(Duration::from_secs(1)).await;
-            until("it is not read anew", || read(image) >= 2 && read(compressed) == 0).await;
-            dds.close().await
-        });
-        drop((Box::pin(left).await, tasks));
-    }
 
     #[test]
     fn a_dds_type_name_reads_as_in_ros() {
