@@ -26,10 +26,12 @@ const SMALL: f64 = 0.5;
 /// By the standard deviation of the noise beyond [`PLANAR`] voxels: of a wall whose points scatter over several layers of voxels
 /// the farther ones may be out of range, and the sparser layers are not dense. All of it is wrong by this, however large it is.
 const LAYERS: f64 = 0.3;
-/// Root mean square distance of a planar cluster's means from its plane, at most, in voxels, beside noise: walls of the
-/// laboratory have up to 0.37, its pillar has 0.52 in voxels of 8 cm. Where the points of a wall scatter over several layers of
-/// voxels, as from 4 m on in voxels of 5 cm, the layers' means scatter as they do.
+/// Root mean square distance of a planar cluster's means from its plane, at most, in voxels: walls of the laboratory have up
+/// to 0.37, its pillar has 0.52 in voxels of 8 cm.
 const PLANAR: f64 = 0.5;
+/// The same in standard deviations of the noise. Where the points of a wall scatter over several layers of voxels, as from 4 m on
+/// in voxels of 5 cm, the layers' means scatter by 0.85 of it.
+const NOISY_PLANAR: f64 = 1.25;
 /// Voxels, and seconds since it was first seen, from which on a cluster can be relied on.
 const RELIABLE_VOXELS: u32 = 20;
 const RELIABLE_SECONDS: f64 = 0.3;
@@ -164,7 +166,7 @@ impl Planarity {
     pub(super) fn of(cluster: &Cluster, plane: &PlaneFit) -> Self {
         Self {
             rms: plane.mean_square().sqrt(),
-            tolerance: (PLANAR * PLANAR + plane.noise).sqrt(),
+            tolerance: PLANAR.max(NOISY_PLANAR * plane.noise.sqrt()),
             across: plane.normal.angle(&cluster.sums.normal()),
         }
     }
