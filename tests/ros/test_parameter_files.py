@@ -71,7 +71,7 @@ REFUSED = {
     "depth": ("3.5", ["depth is 3.5", "an integer"]),
     "min_points": ("0", ["min_points is 0", "from 1 to 2147483648"]),
     "clearing": ("3", ["clearing is 3", "true or false"]),
-    "optical": ("true", ["optical is true", "`auto`, `yes` or `no`"]),
+    "optical": ("3", ["optical is 3", "`auto`, `yes` or `no`"]),
     "max_range": ("0.1", ["max_range is 0.1", "at least min_range, which is 0.4 m"]),
     "snapshot_period": ("[1, 2]", ["snapshot_period is", "a number"]),
 }
