@@ -37,7 +37,7 @@ use super::middleware::{Adding, Middleware, OpenError, Opened};
 use super::parameters::Parameters;
 use super::process::{receive_buffer, say_discovery, say_receive_buffer};
 use super::record::Record;
-use super::transport::{Input, NetworkState, Outgoing, SendError, SensorTopics, Service, Source, Transport};
+use super::transport::{NetworkState, Outgoing, SendError, SensorTopics, Service, Source, Transport};
 use crate::args::security::{Security, SecurityError};
 use crate::args::{ArgsError, Setup};
 use crate::config::Value;
@@ -179,10 +179,6 @@ impl Transport for Dds {
 
     fn inputs(&self) -> &[SensorTopics] {
         &self.inputs
-    }
-
-    fn choose(&self, input: Input) {
-        self.memory.choose(input);
     }
 
     fn sources(&self) -> Vec<Source> {

@@ -28,15 +28,6 @@ impl Form {
     pub const fn of(self, sensor: usize) -> Input {
         Input { sensor, form: self }
     }
-
-    /// The form of the same image that a driver packs beside this one for whoever reads it.
-    pub const fn beside(self) -> Option<Self> {
-        match self {
-            Self::Points => None,
-            Self::Depth => Some(Self::CompressedDepth),
-            Self::CompressedDepth => Some(Self::Depth),
-        }
-    }
 }
 
 /// What scans are made of.
@@ -270,9 +261,6 @@ pub trait Transport: 'static {
 
     /// The topics that scans come from, by sensor.
     fn inputs(&self) -> &[SensorTopics];
-
-    /// A sensor is taken in this form: [`Form::beside`] need not be read any more.
-    fn choose(&self, _: Input) {}
 
     /// Every topic that has a publisher now, by name.
     fn sources(&self) -> Vec<Source>;

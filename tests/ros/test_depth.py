@@ -13,7 +13,6 @@ import network
 import numpy as np
 import pytest
 from cfodi_node import accounted, skipped
-from peer import wait_until
 
 STOCK_BUFFER = 212_992  # net.core.rmem_max of a Linux that nobody has tuned: holds six datagrams of 64 KB
 ENOUGH_FOR_RAW = 2 * STOCK_BUFFER  # a raw image of 640x480 is ten such datagrams, sent at once
@@ -114,20 +113,6 @@ def test_a_camera_info_that_projects_nothing_is_said_and_counted(start, peer):
     node.line_with(INFO, "fx 0")
     time.sleep(0.5)
     assert node.stop()["skipped"] == {"bad_intrinsics": 1}
-
-
-@pytest.mark.parametrize("taken, other", [("", "/compressedDepth"), ("/compressedDepth", "")])
-def test_of_an_image_raw_and_compressed_the_one_not_taken_is_read_no_more(taken, other, start, peer):
-    node, camera = begin(start, peer, taken)
-    beside = peer.depth_camera(None, other)
-    wait_until("a subscription of either form", beside._cloud.get_subscription_count)
-    image = depth_images.compressed if taken else depth_images.image
-    take_in(camera, peer, image(depth_images.wall()))
-    node.line_with(f"{IMAGE}{other} is skipped", ":=/unused")
-    wait_until("no subscription of the other form", lambda: not beside._cloud.get_subscription_count())
-    take_in(camera, peer, image(depth_images.wall()))
-    counts = node.stop()
-    assert counts["taken_in"] == 2 and counts["skipped"] == {}, counts
 
 
 def test_the_first_input_is_the_only_one_and_it_is_said_how_to_choose(start, peer):

@@ -3,7 +3,6 @@
 use std::borrow::Cow;
 use std::cell::RefCell;
 use std::collections::BTreeMap;
-use std::future::pending;
 use std::rc::Rc;
 
 use futures::{StreamExt, pin_mut};
@@ -12,7 +11,6 @@ use ros2_client::{MessageInfo, QosProfile, RmwRequestId, Server, Subscription};
 use rustdds::QosPolicyBuilder;
 use rustdds::policy::{self, ResourceLimits};
 use serde::de::{DeserializeOwned, DeserializeSeed};
-use tokio::sync::watch;
 
 use super::namesakes::Namesakes;
 use super::{Events, Opener, Readers, latched, opening, parameters, reliable};
@@ -46,27 +44,6 @@ struct Scans {
     points: Publishers,
     images: Publishers,
     compressed: Publishers,
-    chosen: Choice,
-}
-
-/// The form in which a sensor is taken, once it is known.
-#[derive(Clone, Default)]
-struct Choice(Rc<watch::Sender<Option<Form>>>);
-
-impl Choice {
-    /// Resolves when the same image is taken in the form beside this one.
-    async fn forestalls(self, form: Form) {
-        let mut chosen = self.0.subscribe();
-        // The sender is held here.
-        drop(chosen.wait_for(|chosen| chosen.is_some() && *chosen == form.beside()).await);
-    }
-}
-
-impl Memory {
-    /// A sensor is taken in this form.
-    pub(super) fn choose(&self, Input { sensor, form }: Input) {
-        self.scans.borrow_mut().entry(sensor).or_default().chosen.0.send_replace(Some(form));
-    }
 }
 
 /// The publishers of one topic.
@@ -209,16 +186,8 @@ impl Listening<'_, '_> {
     ) where
         S: for<'de> DeserializeSeed<'de, Value = Decoded> + Clone + 'static,
     {
-        let reading =
-            read_scans((form.of(self.number), topic), subscription, seed, known, self.events.clone());
-        let forestalled = self.heard.chosen.clone().forestalls(form);
-        self.readers.spawn_local(async move {
-            // A driver packs images for whoever reads them, in the call that publishes: the reader is dropped, the task stays.
-            tokio::select! {
-                topic = reading => topic,
-                () = forestalled => pending().await,
-            }
-        });
+        let input = form.of(self.number);
+        self.readers.spawn_local(read_scans((input, topic), subscription, seed, known, self.events.clone()));
     }
 }
 

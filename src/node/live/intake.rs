@@ -60,7 +60,6 @@ impl<T: Transport> Live<T> {
                 intake.newest = Some(*stamp);
                 if intake.chosen.replace(form).is_none() {
                     self.say_chosen(input);
-                    self.transport.choose(input);
                 }
                 self.say_when_ahead(sensor, stamp.seconds_since(clock));
             }
@@ -85,13 +84,6 @@ impl<T: Transport> Live<T> {
             info!("scans are made of {topic}");
         } else {
             info!("scans of the sensor {} are made of {topic}", topics.name);
-        }
-        // It may be read no more, and then none of it comes that this would be said of.
-        let beside = form.beside().filter(|&beside| {
-            self.transport.sources().iter().any(|source| topics.topic(beside) == Some(&source.topic))
-        });
-        if let Some(beside) = beside {
-            info!("{}", inputs::how_to_choose(topics, form, beside));
         }
     }
 
