@@ -63,13 +63,10 @@ raise_socket_buffer() {
   fi
 }
 
-# With the features `security` and `zenoh`, into CFODI_SECURED: one build for both. Its tests ask whether it is right, not how
-# fast: the crates are those of a release, the program is optimised less, which takes a third of the time.
-build_secured() {
-  local quickly=profile.release.package.cfodi.opt-level
-  run cargo test --release --config $quickly=0 --lib --features security,zenoh zenoh   # of what is compiled only so
-  run cargo build --release --config $quickly=1 --features security,zenoh --bin cfodi --example clusters --example robot
-  local built=${CARGO_TARGET_DIR:-$top/target}/release
+# The tests' own build has the features `security` and `zenoh`: their ROS tests, which ask whether they are right, not how fast,
+# need no build of their own. Into CFODI_SECURED, since the next `cargo build` would write over it.
+keep_secured() {
+  local built=${CARGO_TARGET_DIR:-$top/target}/debug
   mkdir -p "$CFODI_SECURED"
   cp "$built/cfodi" "$built/examples/clusters" "$built/examples/robot" "$CFODI_SECURED"
 }
@@ -92,14 +89,15 @@ run cargo check --lib --no-default-features   # the wall around the engine
 optional clippy cargo clippy --lib --no-default-features -- -D warnings
 # All that is compiled only when asked for.
 optional clippy cargo clippy --lib --bin cfodi --no-default-features --features node,humble,security,zenoh -- -D warnings
+all=(--features "security,zenoh")
 if cargo nextest --version >/dev/null 2>&1; then
-  run cargo nextest run --no-fail-fast
+  run cargo nextest run "${all[@]}" --no-fail-fast
 else
-  run cargo test --lib --bins --tests --no-fail-fast
+  run cargo test "${all[@]}" --lib --bins --tests --examples --no-fail-fast
 fi
-run cargo test --doc
-run cargo bench --profile test --bench '*' -- --test   # each benchmark once: that it runs, not how fast
-build_secured   # before the build without, which is the one to stay
+keep_secured
+run cargo test "${all[@]}" --doc
+run cargo bench "${all[@]}" --profile test --bench '*' -- --test   # each benchmark once: that it runs, not how fast
 run cargo build --release --bin cfodi --example soak   # in one: each alone has crates of other features
 run bash tests/soak.sh accelerated --hours 0.015 --views 30
 step "ROS tests: sockets"
