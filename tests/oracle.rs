@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 
 use cfodi::engine::paper::Cfodi;
 use cfodi::engine::paper::oracle::Oracle;
-use cfodi::engine::{Cluster, ClusterId, Isometry3, Params, Points, Scan, Stamp, Update};
+use cfodi::engine::{Cluster, ClusterId, Engine, Isometry3, Params, Points, Scan, Stamp, Update};
 use nalgebra::{Translation3, UnitQuaternion, Vector3};
 use proptest::prelude::*;
 
@@ -139,5 +139,22 @@ proptest! {
         prop_assert_eq!(a.insert(&forwards), b.insert(&backwards));
         // A voxel without a normal has no curvature (NaN), which equals nothing: compared as text.
         prop_assert_eq!(format!("{:?}", a.snapshot()), format!("{:?}", b.snapshot()));
+    }
+}
+
+#[test]
+fn where_a_ray_ends_too_far_away_is_no_point() {
+    let patch =
+        Patch { corner: Vector3::zeros(), turn: UnitQuaternion::identity(), sides: [1.0, 1.0], points: 9000 };
+    let scan = scan(1, &[patch], [0.0; 3], 7);
+    let Points::F32(points) = scan.points.clone() else { panic!("odd scans are in single precision") };
+    let ends = points.iter().map(|point| point.map(|c| 9.0 * c)).collect();
+    let ended = Scan { points: Points::Ended { points, ends }, ..scan.clone() };
+    assert_eq!(ended.points.len(), scan.points.len());
+    for params in [Params::paper(), Params::default()] {
+        let (mut plain, mut other) = (Engine::new(params), Engine::new(params));
+        assert_eq!(plain.insert(&scan), other.insert(&ended));
+        assert_eq!(format!("{:?}", plain.snapshot()), format!("{:?}", other.snapshot()));
+        assert!(!plain.snapshot().clusters.is_empty());
     }
 }

@@ -21,6 +21,9 @@ impl Default for Converted {
     }
 }
 
+/// Farthest end of a ray (m): what is beyond was measured by no sensor, or in another unit.
+pub(super) const FARTHEST_END: f32 = 100.0;
+
 /// Points that are judged together.
 const BATCH: usize = 256;
 
@@ -60,6 +63,14 @@ impl Gate {
         self.min_range <= depth && depth <= self.max_range
     }
 
+    /// Whether a point is the end of a ray, too far away to be kept.
+    fn is_far(&self, point: [f64; 3]) -> bool {
+        let (is_valid, is_in_range) = self.judge(point);
+        let [x, y, z] = point;
+        let range = if self.optical { z } else { (x * x + y * y + z * z).sqrt() };
+        is_valid && !is_in_range && range > self.max_range && range <= f64::from(FARTHEST_END)
+    }
+
     /// Whether a point is one, and whether it is in range if so. A sensor marks "no measurement" as NaN or as the origin; in
     /// an optical frame nothing lies at or behind z = 0.
     #[inline(always)]
@@ -94,7 +105,7 @@ pub(super) fn convert_list(layout: &Layout, data: &[u8], gate: &Gate) -> Convert
         _ => {
             let [x, y, z] = layout.coordinates.map(|coordinate| coordinate.offset);
             let read = |point: &[u8]| [f32_at(point, x), f32_at(point, y), f32_at(point, z)];
-            gather(layout.points(data).map(|row| row.map(read)), layout.len(), gate, Points::F32)
+            gather(layout.points(data).map(|row| row.map(read)), layout.len(), gate, single)
         }
     }
 }
@@ -102,7 +113,16 @@ pub(super) fn convert_list(layout: &Layout, data: &[u8], gate: &Gate) -> Convert
 /// The same of points of N bytes, x, y and z first: what is known when it is compiled need not be asked of each point.
 fn list_of<const N: usize>(layout: &Layout, data: &[u8], gate: &Gate) -> Converted {
     let rows = layout.rows(data).map(|row| row.as_chunks::<N>().0.iter().map(front));
-    gather(rows, layout.len(), gate, Points::F32)
+    gather(rows, layout.len(), gate, single)
+}
+
+fn single(points: Vec<[f32; 3]>, ends: Vec<[f32; 3]>) -> Points {
+    if ends.is_empty() { Points::F32(points) } else { Points::Ended { points, ends } }
+}
+
+/// The ends of what was put into a frame far away are not rays of a sensor there.
+fn double(points: Vec<[f64; 3]>, _: Vec<[f64; 3]>) -> Points {
+    Points::F64(points)
 }
 
 /// Any layout.
@@ -113,9 +133,9 @@ pub(super) fn convert_plain(layout: &Layout, data: &[u8], gate: &Gate) -> Conver
     if all_single(layout) {
         // Widened by `read`, so narrowing gives the sender's own bits back.
         let narrow = |point: &[u8]| read(point).map(|value| value as f32);
-        gather(rows.map(|row| row.map(narrow)), layout.len(), gate, Points::F32)
+        gather(rows.map(|row| row.map(narrow)), layout.len(), gate, single)
     } else {
-        gather(rows.map(|row| row.map(read)), layout.len(), gate, Points::F64)
+        gather(rows.map(|row| row.map(read)), layout.len(), gate, double)
     }
 }
 
@@ -137,12 +157,14 @@ fn gather<T: Copy + Default + Into<f64>, R: Iterator<Item = [T; 3]>>(
     rows: impl Iterator<Item = R>,
     count: usize,
     gate: &Gate,
-    wrap: impl Fn(Vec<[T; 3]>) -> Points,
+    wrap: impl Fn(Vec<[T; 3]>, Vec<[T; 3]>) -> Points,
 ) -> Converted {
-    // The layout fits the data, so this is at most three times the message.
-    let gathered = Gathered { gate, kept: Vec::with_capacity(count), invalid: 0, out_of_range: 0 };
-    let Gathered { kept, invalid, out_of_range, .. } = Arch::new().dispatch(Gathering { rows, gathered });
-    Converted { points: wrap(kept), invalid, out_of_range }
+    // The layout fits the data, so each list is at most three times the message.
+    let kept = Vec::with_capacity(count);
+    let gathered = Gathered { gate, count, kept, far: Vec::new(), invalid: 0, out_of_range: 0 };
+    let gathered = Arch::new().dispatch(Gathering { rows, gathered });
+    let Gathered { kept, far, invalid, out_of_range, .. } = gathered;
+    Converted { points: wrap(kept, far), invalid, out_of_range }
 }
 
 /// Points on their way through the gate, in code for the processor at hand.
@@ -185,7 +207,10 @@ where
 
 struct Gathered<'a, T> {
     gate: &'a Gate,
+    /// Most points.
+    count: usize,
     kept: Vec<[T; 3]>,
+    far: Vec<[T; 3]>,
     invalid: u32,
     out_of_range: u32,
 }
@@ -211,6 +236,11 @@ impl<T: Copy + Default + Into<f64>> Gathered<'_, T> {
         self.kept.extend_from_slice(&kept[..next]);
         self.invalid += count as u32 - valid;
         self.out_of_range += valid - all;
+        if valid > all {
+            self.far.reserve_exact(self.count - self.far.len());
+            let points = (0..count.min(BATCH)).map(|i| [xs[i], ys[i], zs[i]]);
+            self.far.extend(points.filter(|point| self.gate.is_far(point.map(Into::into))));
+        }
     }
 }
 

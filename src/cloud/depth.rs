@@ -10,7 +10,7 @@ use std::sync::Arc;
 use pulp::{Arch, Simd, WithSimd};
 use serde::de::{DeserializeSeed, Deserializer, SeqAccess, Visitor};
 
-use super::convert::{Converted, Gate};
+use super::convert::{Converted, FARTHEST_END, Gate};
 use super::seed::{lent, next};
 use super::{Camera, Cloud, CloudError, CloudFilter, layout};
 use crate::engine::{Depths, Points};
@@ -283,7 +283,9 @@ impl<const N: usize, R: Fn([u8; N]) -> f32> WithSimd for Reading<'_, N, R> {
                 let is_kept = is_measured & (depth >= nearest) & (depth <= farthest);
                 measured += u32::from(is_measured);
                 kept += u32::from(is_kept);
-                if is_kept { depth } else { f32::INFINITY }
+                let is_far = is_measured & (depth > farthest) & (depth <= FARTHEST_END);
+                let other = if is_far { -depth } else { f32::INFINITY };
+                if is_kept { depth } else { other }
             }));
         }
         [measured, kept]

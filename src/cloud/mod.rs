@@ -44,7 +44,8 @@ pub struct Cloud {
     pub stamp: Stamp,
     /// The sensor's frame, without leading slashes; not empty.
     pub frame_id: String,
-    /// The points that passed the filter, in the order of the message (m); finite.
+    /// The points that passed the filter, in the order of the message, and where rays end that were measured beyond it, up to 100 m
+    /// (m); finite.
     pub points: Points,
     /// Points in the message: `points.len() + invalid + out_of_range`.
     pub total: u32,

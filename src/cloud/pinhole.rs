@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::convert::{Converted, Gate, front};
+use super::convert::{Converted, FARTHEST_END, Gate, front};
 use super::layout::Layout;
 use crate::engine::{Depths, Points, Rays};
 
@@ -63,7 +63,7 @@ struct Judge<'a> {
 }
 
 impl Judge<'_> {
-    /// Replaces the depths of a row that are not kept by infinity.
+    /// Replaces the depths of a row that are not kept: those too far away by their negative, all others by infinity.
     #[inline(always)]
     #[expect(clippy::needless_bitwise_bool, reason = "a lazy operator is a branch")]
     fn row(&self, [xs, ys]: [&[f32]; 2], depths: &mut [f32], row_ray: f32) -> Tally {
@@ -77,7 +77,9 @@ impl Judge<'_> {
             tally.off_ray += u32::from(is_measured & !is_on_ray);
             tally.measured += u32::from(is_measured);
             tally.kept += u32::from(is_kept);
-            *z = if is_kept { *z } else { f32::INFINITY };
+            let is_far = is_measured & (*z > farthest) & (*z <= FARTHEST_END);
+            let other = if is_far { -*z } else { f32::INFINITY };
+            *z = if is_kept { *z } else { other };
         }
         tally
     }

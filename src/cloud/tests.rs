@@ -109,7 +109,9 @@ fn taken(message: &PointCloud2, filter: &CloudFilter) -> Result<Cloud, CloudErro
 
 fn wide(points: &Points) -> Vec<[f64; 3]> {
     match points {
-        Points::F32(points) => points.iter().map(|point| point.map(f64::from)).collect(),
+        Points::F32(points) | Points::Ended { points, .. } => {
+            points.iter().map(|point| point.map(f64::from)).collect()
+        }
         Points::F64(points) => points.clone(),
         Points::Depths(depths) => depths.list().iter().map(|point| point.map(f64::from)).collect(),
     }
@@ -140,8 +142,12 @@ fn every_driver_layout_gives_the_same_points() {
             let cloud = taken(&form.message(OPTICAL_FRAME, height, &sent), &KINECT).unwrap();
             assert_eq!(wide(&cloud.points), [sent[0], sent[3], sent[5]], "{name}, {height} rows");
             assert_eq!((cloud.total, cloud.invalid, cloud.out_of_range), (6, 2, 1), "{name}");
+            if let Points::Ended { ends, .. } = &cloud.points {
+                assert_eq!(ends, &[[0.0, 0.0, 6.5]], "{name}");
+            }
             let double = form.fields.iter().any(|&(_, _, datatype)| datatype == PointField::FLOAT64);
             assert_eq!(matches!(cloud.points, Points::F64(_)), double, "{name}");
+            assert_eq!(matches!(cloud.points, Points::Ended { .. }), !double, "{name}");
         }
     }
 }
@@ -175,11 +181,12 @@ fn behind_the_optical_plane_is_invalid_and_below_the_base_is_not() {
 #[test]
 fn range_is_inclusive_of_depth_in_an_optical_frame_and_of_distance_elsewhere() {
     let filter = CloudFilter { min_range: 1.0, max_range: 5.0, ..KINECT };
-    let points = [[3.0, 4.0, 0.0], [3.0, 4.0, 0.01], [9.0, 0.0, 5.0], [0.0, 0.5, 1.0], [0.01, 0.01, 0.99]];
-    let base = taken(&Form::xyz(12).message("base_link", 1, &points), &filter).unwrap();
+    let sent = [[3.0, 4.0, 0.0], [3.0, 4.0, 0.01], [9.0, 0.0, 5.0], [0.0, 0.5, 1.0], [0.01, 0.01, 0.99]];
+    let base = taken(&Form::xyz(12).message("base_link", 1, &sent), &filter).unwrap();
     assert_eq!(base.out_of_range, 3);
-    assert_eq!(base.points, Points::F32(vec![[3.0, 4.0, 0.0], [0.0, 0.5, 1.0]]));
-    let optical = taken(&Form::xyz(12).message(OPTICAL_FRAME, 1, &points), &filter).unwrap();
+    let (points, ends) = (vec![[3.0, 4.0, 0.0], [0.0, 0.5, 1.0]], vec![[3.0, 4.0, 0.01], [9.0, 0.0, 5.0]]);
+    assert_eq!(base.points, Points::Ended { points, ends });
+    let optical = taken(&Form::xyz(12).message(OPTICAL_FRAME, 1, &sent), &filter).unwrap();
     assert_eq!((optical.invalid, optical.out_of_range), (1, 2));
     assert_eq!(optical.points, Points::F32(vec![[9.0, 0.0, 5.0], [0.0, 0.5, 1.0]]));
 }

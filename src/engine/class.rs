@@ -9,9 +9,9 @@ pub enum SurfaceClass {
     /// Not computed, or none of the others.
     #[default]
     Unknown = 0,
-    /// Level, faces up, the robot's ground.
+    /// Level, faces up, the ground of its storey.
     Floor = 1,
-    /// Level, faces down, above the sensor.
+    /// Level, faces down, above the sensor that saw it.
     Ceiling = 2,
     /// Upright.
     Wall = 3,

@@ -7,6 +7,13 @@ use std::sync::Arc;
 pub enum Points {
     /// Single precision.
     F32(Vec<[f32; 3]>),
+    /// The same, and what was measured too far away to be a point: up to there, the rays have met nothing.
+    Ended {
+        /// The points.
+        points: Vec<[f32; 3]>,
+        /// Where the other rays end.
+        ends: Vec<[f32; 3]>,
+    },
     /// Double precision: clouds that somebody has already put into a far-away frame.
     F64(Vec<[f64; 3]>),
     /// The depths of a camera's pixels: what a Kinect measures, whether it comes as a depth image or as a cloud. x and y
@@ -18,7 +25,7 @@ impl Points {
     /// The number of points.
     pub fn len(&self) -> usize {
         match self {
-            Self::F32(points) => points.len(),
+            Self::F32(points) | Self::Ended { points, .. } => points.len(),
             Self::F64(points) => points.len(),
             Self::Depths(depths) => depths.len(),
         }
@@ -41,23 +48,26 @@ pub struct Depths {
 impl Depths {
     /// Row by row the depths (m) along these rays; [`f32::INFINITY`] where nothing was measured. `None` where there is not one
     /// for each pixel.
+    ///
+    /// What was measured too far away to be a point has its depth negated: up to there, the ray has met nothing. 0 is no
+    /// measurement.
     pub fn new(rays: Arc<Rays>, depths: Vec<f32>) -> Option<Self> {
-        let measured = depths.iter().filter(|depth| depth.is_finite()).count();
+        let measured = depths.iter().filter(|depth| is_point(**depth)).count();
         Self::counted(rays, depths, measured)
     }
 
-    /// The same where it is known how many were measured.
+    /// The same where it is known how many are points.
     pub(crate) fn counted(rays: Arc<Rays>, depths: Vec<f32>, measured: usize) -> Option<Self> {
-        debug_assert_eq!(measured, depths.iter().filter(|depth| depth.is_finite()).count());
+        debug_assert_eq!(measured, depths.iter().filter(|depth| is_point(**depth)).count());
         (depths.len() == rays.x.len() * rays.y.len()).then_some(Self { rays, pixels: depths, measured })
     }
 
-    /// The number of pixels with a measurement.
+    /// The number of pixels with a point.
     pub const fn len(&self) -> usize {
         self.measured
     }
 
-    /// Whether no pixel has a measurement.
+    /// Whether no pixel has a point.
     pub const fn is_empty(&self) -> bool {
         self.measured == 0
     }
@@ -67,26 +77,41 @@ impl Depths {
         &self.rays
     }
 
-    /// The depths of each row (m).
+    /// The depths of each row (m), as [`Self::new`] has them.
     pub fn rows(&self) -> impl Iterator<Item = &[f32]> {
         self.pixels.chunks_exact(self.rays.x.len().max(1))
     }
 
-    /// The measured points, row by row.
+    /// The points, row by row.
     pub fn list(&self) -> Vec<[f32; 3]> {
+        self.list_of(|depth| depth)
+    }
+
+    /// Where each ray that was measured ends, be it a point or too far away to be one; row by row.
+    pub(crate) fn ends(&self) -> Vec<[f32; 3]> {
+        self.list_of(f32::abs)
+    }
+
+    fn list_of(&self, depth: impl Fn(f32) -> f32) -> Vec<[f32; 3]> {
         let mut list = Vec::with_capacity(self.measured);
         let mut points = vec![[0.0; 3]; self.rays.x.len()];
         for (row, y) in self.rows().zip(&self.rays.y) {
             let mut measured = 0;
             for (&z, x) in row.iter().zip(&self.rays.x) {
                 // Written without asking, and overwritten where nothing was measured: a branch costs more.
+                let z = depth(z);
                 points[measured] = [z * x, z * y, z];
-                measured += usize::from(z.is_finite());
+                measured += usize::from(is_point(z));
             }
             list.extend_from_slice(&points[..measured]);
         }
         list
     }
+}
+
+/// Whether a depth is that of a point: measured, and in range.
+fn is_point(depth: f32) -> bool {
+    0.0 < depth && depth < f32::INFINITY
 }
 
 /// Where the pixels of a pinhole camera look: x / z of each column and y / z of each row.
@@ -106,8 +131,10 @@ mod tests {
     fn the_list_holds_what_was_measured_row_by_row() {
         let rays = Arc::new(Rays { x: vec![-0.5, 0.0, 0.5], y: vec![0.25, -0.25] });
         let none = f32::INFINITY;
-        let depths = Depths::new(Arc::clone(&rays), vec![none, 2.0, 4.0, 1.0, none, none]).unwrap();
-        assert_eq!(depths.list(), [[0.0, 0.5, 2.0], [2.0, 1.0, 4.0], [-0.5, -0.25, 1.0]]);
+        let depths = Depths::new(Arc::clone(&rays), vec![none, 2.0, 4.0, 1.0, -8.0, none]).unwrap();
+        let (points, far) = ([[0.0, 0.5, 2.0], [2.0, 1.0, 4.0], [-0.5, -0.25, 1.0]], [0.0, -2.0, 8.0]);
+        assert_eq!(depths.list(), points);
+        assert_eq!(depths.ends(), [&points[..], &[far]].concat());
         assert_eq!((depths.len(), depths.is_empty()), (3, false));
         assert_eq!(Depths::new(rays, vec![1.0; 5]), None, "five depths of six pixels");
     }

@@ -39,9 +39,21 @@ fn of<T: Default>(publishers: &mut BTreeMap<PublisherId, T>, publisher: Publishe
 pub(super) struct Known {
     heard: Heard,
     gaps: Gaps,
+    /// Whether a good scan has come.
+    comes: bool,
 }
 
 impl Known {
+    /// Whether a good scan has come: then the sensor is taken in this form.
+    pub(super) const fn comes(&self) -> bool {
+        self.comes
+    }
+
+    /// Notes a scan, with or without a number.
+    pub(super) const fn note(&mut self, scan: &Decoded) {
+        self.comes |= scan.is_ok();
+    }
+
     /// A scan that is to be taken, and how many were lost before it; a sample comes with its publisher and number.
     pub(super) fn tell<E: ToString>(
         &mut self,
@@ -50,6 +62,7 @@ impl Known {
     ) -> Option<(Decoded, u64)> {
         match sample {
             Ok((scan, (publisher, number))) => {
+                self.note(&scan);
                 let takes = self.heard.takes(publisher, number, reliably);
                 takes.then(|| (scan, self.gaps.lost_before(publisher, number)))
             }

@@ -57,6 +57,14 @@ pub(super) fn how_to_choose(sensor: &SensorTopics, chosen: Form, other: Form) ->
     )
 }
 
+/// Whether somebody publishes raw and compressed images of a camera.
+pub(super) fn offers(camera: &DepthTopics, sources: &[Source]) -> [bool; 2] {
+    let is_there = |topic: &str, form: Form| {
+        sources.iter().any(|source| source.topic == topic && source.type_name == form.type_name())
+    };
+    [is_there(&camera.image.resolved, Form::Depth), is_there(&camera.compressed, Form::CompressedDepth)]
+}
+
 /// The sources that none but this sensor is read from: two must not be read from one.
 pub(super) fn free(sensor: usize, all: &[SensorTopics], sources: &[Source]) -> Vec<Source> {
     let others = || all.iter().enumerate().filter(|(other, _)| *other != sensor);

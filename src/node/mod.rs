@@ -3,10 +3,11 @@
 //! It begins with a [`Setup`], which [`args`] has checked. [`transport`] is what it needs of a [`middleware`]; [`dds`] is that
 //! over ROS 2's DDS, and the only module that imports `ros2_client`; `zenoh`, with the feature of that name, is it over Zenoh;
 //! [`live`] joins clouds with their transforms and hands scans to the worker; `inputs` finds the words about what is heard
-//! and what could be; [`process`] is all of it as a process; `publish` turns the worker's outputs into messages;
+//! and what could be; `compressed` says when compressed depth images are read; [`process`] is all of it as a process; `publish` turns the worker's outputs into messages;
 //! [`record`] keeps them; `parameters` answers the parameter services.
 
 mod clock;
+mod compressed;
 pub mod counts;
 pub mod dds;
 mod heard;

@@ -27,12 +27,12 @@ use zenoh::sample::SampleKind;
 use zenoh::{Session, Wait as _};
 
 pub use self::opener::Call;
-use self::opener::{Opener, Tokens};
+use self::opener::Opener;
 use self::outlet::Outlet;
 use super::middleware::{Adding, Middleware, OpenError, Opened};
 use super::parameters::Parameters;
 use super::record::Record;
-use super::transport::{NetworkState, Outgoing, SendError, SensorTopics, Service, Source, Transport};
+use super::transport::{Form, NetworkState, Outgoing, SendError, SensorTopics, Service, Source, Transport};
 use crate::args::security::{Security, SecurityError};
 use crate::args::{ArgsError, Setup};
 use crate::bag::cdr;
@@ -76,7 +76,7 @@ pub struct Zenoh {
     readers: tokio::sync::Mutex<Readers>,
     graph: Graph,
     _graph_reader: Subscriber<()>,
-    _tokens: Tokens,
+    _opener: Rc<Opener>,
     session: Session,
     parameters: Rc<Parameters>,
     inputs: Vec<SensorTopics>,
@@ -96,17 +96,17 @@ impl Zenoh {
     ) -> Result<Self, OpenError> {
         let begun_with = Parameters::new(setup.fully_qualified_name(), setup.parameters.clone());
         let parameters = Rc::new(begun_with.map_err(ArgsError::from)?);
-        let opener = Opener::new(setup, session)?;
-        let outlets = outlet::open(&opener)?;
-        let mut readers = read::listen(&opener, &parameters, events)?;
-        parameters::serve(&opener, &mut readers, &parameters, events)?;
+        let opener = Rc::new(Opener::new(setup, session)?);
         let graph = Graph::default();
+        let outlets = outlet::open(&opener)?;
+        let mut readers = read::listen(&opener, &graph, &parameters, events)?;
+        parameters::serve(&opener, &mut readers, &parameters, events)?;
         Ok(Self {
             outlets,
             readers: tokio::sync::Mutex::new(readers),
-            _graph_reader: read_graph(session, setup.domain, Arc::clone(&graph))?,
+            _graph_reader: read_graph(session, setup, Arc::clone(&graph))?,
             graph,
-            _tokens: opener.into_tokens(),
+            _opener: opener,
             session: session.clone(),
             parameters,
             inputs: setup.inputs()?,
@@ -175,12 +175,19 @@ async fn find_router(session: &Session, looks: u64) -> Result<(), OpenError> {
 }
 
 /// Keeps the publishers of the domain.
-fn read_graph(session: &Session, domain: u16, graph: Graph) -> Result<Subscriber<()>, OpenError> {
+fn read_graph(session: &Session, setup: &Setup, graph: Graph) -> Result<Subscriber<()>, OpenError> {
+    let inputs = setup.inputs()?;
+    // A flood of others must not hide the publishers that the node waits for.
+    let is_input = move |topic: &str| {
+        let mut topics = inputs.iter().flat_map(|input| Form::ALL.map(|form| input.topic(form)));
+        topics.any(|of| of == Some(topic))
+    };
+    let room = move |source: &Source| if is_input(&source.topic) { 2 * SOURCES } else { SOURCES };
     let note = move |sample: zenoh::sample::Sample| {
         let key = sample.key_expr().as_str();
         let mut graph = graph.lock().unwrap_or_else(PoisonError::into_inner);
         match (sample.kind(), names::source(key)) {
-            (SampleKind::Put, Some(source)) if graph.len() < SOURCES => {
+            (SampleKind::Put, Some(source)) if graph.len() < room(&source) => {
                 graph.insert(key.to_owned(), source);
             }
             (SampleKind::Put, _) => {}
@@ -190,8 +197,18 @@ fn read_graph(session: &Session, domain: u16, graph: Graph) -> Result<Subscriber
         }
     };
     let liveliness = session.liveliness();
-    let declared = liveliness.declare_subscriber(names::tokens(domain)).history(true).callback(note).wait();
+    let declared =
+        liveliness.declare_subscriber(names::tokens(setup.domain)).history(true).callback(note).wait();
     declared.map_err(opening("the graph"))
+}
+
+/// Every topic that has a publisher now, by name.
+fn listed(graph: &Graph) -> Vec<Source> {
+    let graph = graph.lock().unwrap_or_else(PoisonError::into_inner);
+    let mut sources: Vec<_> = graph.values().cloned().collect();
+    sources.sort();
+    sources.dedup();
+    sources
 }
 
 /// Closes a session, however many ends it had.
@@ -272,11 +289,7 @@ impl Transport for Zenoh {
     }
 
     fn sources(&self) -> Vec<Source> {
-        let graph = self.graph.lock().unwrap_or_else(PoisonError::into_inner);
-        let mut sources: Vec<_> = graph.values().cloned().collect();
-        sources.sort();
-        sources.dedup();
-        sources
+        listed(&self.graph)
     }
 
     fn node_name(&self) -> &str {

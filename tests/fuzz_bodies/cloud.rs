@@ -47,6 +47,10 @@ pub fn check(decoded: Result<Cloud, CloudError>, filter: &CloudFilter, bytes: us
     assert!(!cloud.frame_id.is_empty() && cloud.frame_id.len() <= 256 && !cloud.frame_id.starts_with('/'));
     match &cloud.points {
         Points::F32(points) => assert!(points.iter().flatten().all(|value| value.is_finite())),
+        Points::Ended { points, ends } => {
+            assert!(points.iter().chain(ends).flatten().all(|value| value.is_finite()));
+            assert!(ends.len() <= cloud.out_of_range as usize);
+        }
         Points::F64(points) => assert!(points.iter().flatten().all(|value| value.is_finite())),
         Points::Depths(depths) => {
             let list = depths.list();

@@ -127,3 +127,35 @@ def test_the_first_input_is_the_only_one_and_it_is_said_how_to_choose(start, pee
     take_in(camera, peer, depth_images.image(depth_images.wall()))
     counts = node.stop()
     assert counts["skipped"] == {"other_input": 3} and counts["taken_in"] == 2, counts
+
+
+def cameras(peer):
+    """What `image_transport` offers of one camera: its images raw and compressed."""
+    return [peer.depth_camera(depth_images.wall_info(), suffix) for suffix in ("", "/compressedDepth")]
+
+
+def test_compressed_images_are_not_read_beside_raw_ones(start, peer):
+    """Where somebody reads them, the driver packs a PNG of each image."""
+    node = start(remaps=REMAPS).ready()
+    peer.record_node()
+    raw, packed = cameras(peer)
+    raw.meet()
+    for _ in range(15):
+        take_in(raw, peer, depth_images.image(depth_images.wall()))
+        assert packed._cloud.get_subscription_count() == 0
+        time.sleep(0.8)
+    counts = node.stop()
+    assert counts["taken_in"] == 15 and not counts["skipped"], counts
+
+
+def test_compressed_images_are_read_where_raw_ones_are_offered_and_no_good_one_comes(start, peer):
+    node = start(remaps=REMAPS).ready()
+    peer.record_node()
+    raw, packed = cameras(peer)
+    raw.meet()
+    raw.publish(depth_images.image(depth_images.wall()[:50]), time.time_ns(), clouds.still_transform())
+    packed.meet()
+    take_in(packed, peer, depth_images.compressed(depth_images.wall()))
+    node.line_with(f"scans are made of {IMAGE}/compressedDepth")
+    counts = node.stop()
+    assert counts["taken_in"] == 1 and counts["skipped"] == {"image_size": 1}, counts

@@ -17,7 +17,6 @@ PUBLISHED = {
 SUBSCRIBED = {
     "/points": ("sensor_msgs/msg/PointCloud2", BEST_EFFORT, VOLATILE),
     "/depth/image": ("sensor_msgs/msg/Image", BEST_EFFORT, VOLATILE),
-    "/depth/image/compressedDepth": ("sensor_msgs/msg/CompressedImage", BEST_EFFORT, VOLATILE),
     "/depth/camera_info": ("sensor_msgs/msg/CameraInfo", BEST_EFFORT, VOLATILE),
     "/tf": ("tf2_msgs/msg/TFMessage", RELIABLE, VOLATILE),
     "/tf_static": ("tf2_msgs/msg/TFMessage", RELIABLE, LATCHED),

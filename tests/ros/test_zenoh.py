@@ -16,7 +16,7 @@ from rcl_interfaces.srv import GetParameters, ListParameters, SetParameters
 from zenoh_ros2_sdk.qos import QosDurability, QosProfile
 
 import zenoh_peer
-from zenoh_peer import ARRAY, CLOUD, IMAGE, INFO, MARKERS, TF
+from zenoh_peer import ARRAY, CLOUD, COMPRESSED, IMAGE, INFO, MARKERS, TF
 
 HASHES = REPOSITORY / "src" / "node" / "zenoh" / "type_hashes.txt"
 BINARY = pathlib.Path(os.environ.get("CFODI_SECURED") or REPOSITORY / "target" / "secured") / "cfodi"
@@ -91,19 +91,28 @@ def test_clouds_come_in_and_clusters_deltas_and_markers_go_out(zenoh_node, robot
     assert_taken_in(counts, robot.sent)
 
 
-def test_depth_images_with_their_camera_come_in(zenoh_node, robot):
+@pytest.mark.parametrize("form, suffix, message_type", [
+    (depth_images.image, "", IMAGE), (depth_images.compressed, "/compressedDepth", COMPRESSED)], ids=["raw", "compressed"])
+def test_depth_images_with_their_camera_come_in(form, suffix, message_type, zenoh_node, robot):
+    topic = "/camera/depth/image_raw" + suffix
     remaps = {"depth/image": "/camera/depth/image_raw", "depth/camera_info": "/camera/depth/camera_info"}
     node = zenoh_node(remaps=remaps, points=None).ready()
     clusters = robot.read("/cfodi/clusters", ARRAY)
-    image, info = depth_images.image(depth_images.wall()), depth_images.wall_info()
+    image, info = form(depth_images.wall()), depth_images.wall_info()
+    for offered in {(topic, message_type), ("/camera/depth/image_raw/compressedDepth", COMPRESSED)}:
+        robot.publisher(*offered)
     robot.meet()
+    wait_until("a reader of the images", lambda: robot.readers(topic))
+    time.sleep(2)
+    if not suffix:
+        assert not robot.readers(topic + "/compressedDepth")
     for _ in range(20):
         stamp = time.time_ns()
         robot.publish("/tf", TF, clouds.stamped(clouds.static_transform(), clouds.TF_STAMP, stamp))
         robot.publish("/tf", TF, clouds.stamped(clouds.still_transform(), clouds.TF_STAMP, stamp))
         robot.publish("/camera/depth/camera_info", INFO, clouds.stamped(info, clouds.CLOUD_STAMP, stamp))
         time.sleep(0.02)
-        robot.publish("/camera/depth/image_raw", IMAGE, clouds.stamped(image, clouds.CLOUD_STAMP, stamp))
+        robot.publish(topic, message_type, clouds.stamped(image, clouds.CLOUD_STAMP, stamp))
         time.sleep(0.03)
     clusters.wait("a map with a wall", has_wall)
     counts = node.stop()

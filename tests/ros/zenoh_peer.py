@@ -23,6 +23,7 @@ from peer import wait_until
 PORT = 7447
 CLOUD, TF = "sensor_msgs/msg/PointCloud2", "tf2_msgs/msg/TFMessage"
 IMAGE, INFO = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo"
+COMPRESSED = "sensor_msgs/msg/CompressedImage"
 ARRAY, MARKERS = "cfodi_msgs/msg/SurfaceClusterArray", "visualization_msgs/msg/MarkerArray"
 ROUTER = f"""import sys, zenoh
 config = zenoh.Config()
@@ -125,6 +126,11 @@ class Robot:
         token = f"@ros2_lv/0/*/0/0/NN/%/*/{name.rsplit('/', 1)[1]}"
         wait_until(f"the token of {name}", lambda: any(reply.ok for reply in self.session.liveliness.get(token)))
         time.sleep(1.5)
+
+    def readers(self, topic):
+        """How many subscriptions of a topic there are."""
+        token = f"@ros2_lv/0/*/*/*/MS/%/*/*/{topic.replace('/', '%')}/**"
+        return sum(reply.ok is not None for reply in self.session.liveliness.get(token))
 
     def trigger(self, service, attempts=6):
         """The answer to a call; asked again where none comes, while the two sides meet."""

@@ -24,9 +24,6 @@ mod calibration {
     pub(super) const FLOOR_AREA: f64 = 1.0;
     /// Deviation of an area, relative to that one.
     pub(super) const AREA_SIGMA: f64 = 0.5;
-    /// Highest place of a sensor above the ground that its robot stands on.
-    pub(super) const SENSOR_REACH: f64 = 2.5;
-    pub(super) const SENSOR_SIGMA: f64 = 0.3;
     /// Deviation of rms / tolerance, of many voxels; of n voxels more by the root of 1 + `SUPPORT` / n.
     pub(super) const FIT_SIGMA: f64 = 0.15;
     /// Angle from which on the members' own normals are across the plane: a slice's is turned by no more than this.
@@ -94,7 +91,7 @@ pub(crate) struct Evidence<'a> {
     pub(crate) tolerance: f64,
     /// Angle between its normal and the mean of its members' own (rad).
     pub(crate) across: f64,
-    /// z of the lowest known large surface that faces up, this one included (m).
+    /// z of the lowest known large surface that faces up in its storey, which may be this one (m).
     pub(crate) floor: Option<f64>,
     /// z of the sensor (m).
     pub(crate) sensor: f64,
@@ -170,13 +167,8 @@ impl Evidence<'_> {
             return (class, likely(area.abs(), c::AREA_SIGMA));
         };
         let margin = c::STEP - (self.middle() - floor).abs();
-        let reach = c::SENSOR_REACH - (self.sensor - floor);
-        if margin >= 0.0 && reach >= 0.0 {
-            (SurfaceClass::Floor, likely(margin, c::HEIGHT_SIGMA) * likely(reach, c::SENSOR_SIGMA))
-        } else {
-            let raised = likely(-margin, c::HEIGHT_SIGMA).max(likely(-reach, c::SENSOR_SIGMA));
-            (SurfaceClass::Horizontal, raised)
-        }
+        let class = if margin >= 0.0 { SurfaceClass::Floor } else { SurfaceClass::Horizontal };
+        (class, likely(margin.abs(), c::HEIGHT_SIGMA))
     }
 
     fn facing_down(&self) -> (SurfaceClass, f64) {

@@ -62,6 +62,15 @@ impl Standing {
 }
 
 impl Before {
+    /// What it was taken for, and how surely.
+    pub(super) fn class(&self) -> (SurfaceClass, f32) {
+        match self {
+            Self::New => (SurfaceClass::Unknown, 0.0),
+            Self::Standing(standing) => (standing.class, standing.class_confidence),
+            Self::Other(told) => (told.class, told.class_confidence),
+        }
+    }
+
     /// Whether it was told of just like this.
     pub(super) fn is(&self, told: &snapshot::Cluster) -> bool {
         match self {

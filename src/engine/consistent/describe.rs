@@ -145,7 +145,7 @@ fn plane_covariance(
 /// What a class depends on beside the cluster itself.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Surroundings {
-    /// z of the lowest large surface that faces up (m).
+    /// z of the floor of its storey (m).
     pub(super) floor: Option<f64>,
     /// z of the sensor (m).
     pub(super) sensor: f64,
@@ -183,12 +183,12 @@ pub(super) fn class(
     let n = cluster.normal;
     let level = level(cluster);
     let (width, height) = (extent(cluster, &level), extent(cluster, &n.cross(&level)));
-    let upright = extent(cluster, &Vector3::z());
+    let (lowest, highest) = extent(cluster, &Vector3::z());
     classify(&Evidence {
         normal: n,
         tilt_covariance: tilt_covariance(cluster),
-        lowest: upright.0,
-        highest: upright.1,
+        lowest,
+        highest,
         width: width.1 - width.0,
         height: height.1 - height.0,
         area: cluster.area.unwrap_or_default(),
@@ -201,6 +201,12 @@ pub(super) fn class(
         sensor: surroundings.sensor,
         neighbours,
     })
+}
+
+/// Half way from the lowest z of a cluster to the highest (m).
+pub(super) fn middle(cluster: &snapshot::Cluster) -> f64 {
+    let (lowest, highest) = extent(cluster, &Vector3::z());
+    f64::midpoint(lowest, highest)
 }
 
 /// Covariance of the turns about the pose's x and y; what is not known is certain of nothing.

@@ -81,12 +81,14 @@ impl Received {
                 let receiver = Receiver { received: self, local, pose, voxel_size };
                 Arch::new().dispatch(OfDepths { depths, receiver });
             }
-            (Points::F32(points), Some(local)) => {
+            (Points::F32(points) | Points::Ended { points, .. }, Some(local)) => {
                 let receiver = Receiver { received: self, local, pose, voxel_size };
                 Arch::new().dispatch(OfPoints { points, receiver });
             }
             (Points::Depths(depths), None) => self.take_far(&depths.list(), pose, voxel_size),
-            (Points::F32(points), None) => self.take_far(points, pose, voxel_size),
+            (Points::F32(points) | Points::Ended { points, .. }, None) => {
+                self.take_far(points, pose, voxel_size)
+            }
             (Points::F64(points), _) => self.take_far(points, pose, voxel_size),
         }
         self.order.sort_unstable_by_key(|&block| self.blocks[block as usize].key);
@@ -250,7 +252,9 @@ impl OfDepths<'_> {
             directions[..width].copy_from_slice(&columns[first..first + width]);
         }
         for ((row, _), depths) in rows.iter().zip(depths.chunks_exact_mut(SIDE)) {
-            depths[..width].copy_from_slice(&row[first..first + width]);
+            for (depth, &pixel) in depths.iter_mut().zip(&row[first..first + width]) {
+                *depth = if pixel > 0.0 { pixel } else { f32::INFINITY };
+            }
         }
         let mut places = [[-1; TILE]; 3];
         for (axis, places) in places.iter_mut().enumerate() {

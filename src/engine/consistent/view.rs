@@ -105,19 +105,22 @@ impl RangeGrid {
     /// Takes in the points of a scan in place of those before.
     pub(crate) fn fill(&mut self, points: &Points) {
         self.clear();
-        match points {
+        let measured = match points {
             Points::F32(points) => self.fill_list(points),
+            Points::Ended { points, ends } => self.fill_list(points) + self.fill_list(ends),
             Points::F64(points) => {
                 let points: Vec<_> = points.iter().map(|point| point.map(|c| c as f32)).collect();
-                self.fill_list(&points);
+                self.fill_list(&points)
             }
             Points::Depths(depths) => self.fill_pixels(depths),
-        }
-        self.finish(points.len());
+        };
+        self.finish(measured);
     }
 
-    fn fill_list(&mut self, points: &[[f32; 3]]) {
+    /// Takes in points; returns how many.
+    fn fill_list(&mut self, points: &[[f32; 3]]) -> usize {
         Arch::new().dispatch(Filling { grid: self, points });
+        points.len()
     }
 
     fn clear(&mut self) {

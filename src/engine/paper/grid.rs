@@ -177,7 +177,9 @@ impl Grid {
     pub(crate) fn bin(&mut self, scan: &Scan, sequence: u64) -> Binned {
         let mut binned = Binned::default();
         match &scan.points {
-            Points::F32(points) => self.bin_points(points, scan, sequence, &mut binned),
+            Points::F32(points) | Points::Ended { points, .. } => {
+                self.bin_points(points, scan, sequence, &mut binned)
+            }
             Points::F64(points) => self.bin_points(points, scan, sequence, &mut binned),
             Points::Depths(depths) => self.bin_points(&depths.list(), scan, sequence, &mut binned),
         }

@@ -109,7 +109,7 @@ impl TruthMap {
     pub fn insert(&mut self, scan: &Scan, labels: &[u32]) {
         assert_eq!(scan.points.len(), labels.len(), "a label for each point");
         match &scan.points {
-            Points::F32(points) => self.bin(points, scan, labels),
+            Points::F32(points) | Points::Ended { points, .. } => self.bin(points, scan, labels),
             Points::F64(points) => self.bin(points, scan, labels),
             Points::Depths(depths) => self.bin(&depths.list(), scan, labels),
         }

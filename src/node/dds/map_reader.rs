@@ -1,9 +1,9 @@
 //! The other side: what a planner reads.
 
+use ros2_client::Subscription;
 use ros2_client::qos::Durability;
-use ros2_client::{Node, Subscription};
-use rustdds::DomainParticipant;
 
+use super::opener::Kept;
 use super::{Opener, reliable};
 use crate::args::Setup;
 use crate::msg::clusters::SurfaceClusterArray;
@@ -12,8 +12,7 @@ use crate::node::middleware::OpenError;
 /// Reads the snapshots that a node publishes.
 pub struct MapReader {
     snapshots: Subscription<SurfaceClusterArray>,
-    // Kept so that the subscription stays on the network, and dropped in this order.
-    _network: (Node, DomainParticipant),
+    _kept: Kept,
 }
 
 impl MapReader {
@@ -28,7 +27,7 @@ impl MapReader {
         let latched = (&reliable(1, Durability::TransientLocal)).into();
         let topic = ("/cfodi/clusters", "cfodi_msgs", "SurfaceClusterArray");
         let snapshots = opener.subscribe(topic, &latched)?;
-        Ok(Self { snapshots, _network: (opener.node, opener.participant) })
+        Ok(Self { snapshots, _kept: opener.into_kept() })
     }
 
     /// The next snapshot.

@@ -78,11 +78,11 @@ pub(super) struct Network {
     /// `None` where the keys do not permit it.
     pulse: Option<Rc<Pulse>>,
     ends: Ends,
-    node: RefCell<Node>,
+    node: Rc<RefCell<Node>>,
     /// Tells others of the node, and that it has gone.
     context: Context,
     participant: DomainParticipant,
-    threads: Rc<Threads>,
+    sources: Sources,
     /// How often a topic was opened anew.
     reopened: Cell<u32>,
 }
@@ -98,6 +98,9 @@ impl Network {
     ) -> Result<Self, OpenError> {
         let (opener, threads) = Threads::started_by(|| Opener::new(setup, security));
         let mut opener = opener?;
+        let pulse = pulse(&opener);
+        let (participant, threads) = (opener.participant.clone(), Rc::new(threads));
+        let sources = Sources { participant, threads, pulse: pulse.clone() };
         let transforms = opener.topic(latched::TOPIC, "tf2_msgs", "TFMessage", &read::latched_qos())?;
         let array = "SurfaceClusterArray";
         let latched = |most| (1, Durability::TransientLocal, most);
@@ -129,13 +132,13 @@ impl Network {
             polygons: polygons(setup, &mut opener)?,
             reset: Rc::new(opener.server(Service::Reset.name(), TRIGGER, CALLS)?),
             save: Rc::new(opener.server(Service::Save.name(), TRIGGER, CALLS)?),
-            pulse: pulse(&opener),
+            pulse,
             participant: opener.participant.clone(),
-            readers: Mutex::new(read::listen(&mut opener, memory, parameters, events)?),
+            readers: Mutex::new(read::listen(&mut opener, &sources, memory, parameters, events)?),
             ends: opener.ends,
-            node: RefCell::new(opener.node),
+            node: opener.node,
             context: opener.context,
-            threads: Rc::new(threads),
+            sources,
             reopened: Cell::new(0),
         };
         network.listen_to_calls(events)?;
@@ -172,7 +175,7 @@ impl Network {
         let Some(news) = self.node.borrow().status_receiver() else { return Ok(()) };
         let latched = Latched {
             participant: self.participant.clone(),
-            threads: Rc::clone(&self.threads),
+            threads: Rc::clone(&self.sources.threads),
             pulse: self.pulse.clone(),
             topic,
             qos: read::latched_qos(),
@@ -253,34 +256,19 @@ impl Network {
     }
 
     pub(super) fn sources(&self) -> Vec<Source> {
-        // As in `mismatches`.
-        if !self.threads.live() {
-            return Vec::new();
-        }
-        let writers = self.participant.discovered_writers();
-        let mut sources: Vec<_> = writers
-            .iter()
-            .filter_map(|writer| {
-                let data = &writer.publication_topic_data;
-                let topic = data.topic_name.strip_prefix("rt/")?;
-                Some(Source { topic: format!("/{topic}"), type_name: ros_type(&data.type_name) })
-            })
-            .collect();
-        sources.sort();
-        sources.dedup();
-        sources
+        self.sources.list()
     }
 
     /// The topics of the node on which a peer asks for more than is offered, or offers less than is asked for.
     pub(super) fn mismatches(&self) -> Vec<(String, String)> {
         // Where one of its threads has died, what they share may not be readable any more.
-        if self.threads.live() { self.ends.mismatches(&self.participant) } else { Vec::new() }
+        if self.sources.threads.live() { self.ends.mismatches(&self.participant) } else { Vec::new() }
     }
 
     /// Other nodes of this node's name.
     pub(super) fn namesakes(&self, memory: &Memory) -> usize {
         // As in `mismatches`.
-        if !self.threads.live() {
+        if !self.sources.threads.live() {
             return 0;
         }
         let writers = self.participant.discovered_writers();
@@ -318,7 +306,7 @@ impl Network {
     /// Resolves when the network is to be joined anew, with the reason.
     pub(super) async fn worn_out(&self) -> String {
         loop {
-            if !self.threads.live() {
+            if !self.sources.threads.live() {
                 return "a thread of the middleware has ended".to_owned();
             }
             if self.reopened.get() >= MOST_REOPENED {
@@ -326,6 +314,45 @@ impl Network {
             }
             tokio::time::sleep(LOOK).await;
         }
+    }
+}
+
+/// Who publishes, for as long as it can be asked.
+#[derive(Clone)]
+pub(super) struct Sources {
+    participant: DomainParticipant,
+    threads: Rc<Threads>,
+    pulse: Option<Rc<Pulse>>,
+}
+
+impl Sources {
+    /// Resolves when the middleware takes up what is written: where it is held it would hold whoever asks it for a topic.
+    pub(super) async fn answer(&self) {
+        if let Some(pulse) = &self.pulse {
+            while !pulse.is_there().await {
+                tokio::time::sleep(LOOK).await;
+            }
+        }
+    }
+
+    /// Every topic that has a publisher now, by name.
+    pub(super) fn list(&self) -> Vec<Source> {
+        // As in `mismatches`.
+        if !self.threads.live() {
+            return Vec::new();
+        }
+        let writers = self.participant.discovered_writers();
+        let mut sources: Vec<_> = writers
+            .iter()
+            .filter_map(|writer| {
+                let data = &writer.publication_topic_data;
+                let topic = data.topic_name.strip_prefix("rt/")?;
+                Some(Source { topic: format!("/{topic}"), type_name: ros_type(&data.type_name) })
+            })
+            .collect();
+        sources.sort();
+        sources.dedup();
+        sources
     }
 }
 

@@ -1,6 +1,8 @@
 //! A node on the network, before it has topics, and what its topics are opened with.
 
+use std::cell::RefCell;
 use std::net::{IpAddr, Ipv4Addr, UdpSocket};
+use std::rc::Rc;
 use std::time::Duration;
 
 use ros2_client::qos::{Durability, History, WhenFull};
@@ -20,13 +22,17 @@ use crate::args::Setup;
 use crate::args::security::Security;
 use crate::node::middleware::OpenError;
 
+/// A node that nobody opens topics of any more, and its participant.
+pub(super) type Kept = (Option<Node>, DomainParticipant);
+
 /// A node on the network, before it has topics.
 pub(super) struct Opener<'a> {
     pub(super) setup: &'a Setup,
     pub(super) security: &'a Security,
     pub(super) participant: DomainParticipant,
     pub(super) context: Context,
-    pub(super) node: Node,
+    /// Those who open a topic later have a weak one: it goes when the network is left.
+    pub(super) node: Rc<RefCell<Node>>,
     pub(super) ends: Ends,
 }
 
@@ -40,7 +46,13 @@ impl<'a> Opener<'a> {
         // The parameter services are those of `parameters`; what the node says goes where readers cannot hold it up.
         let options = NodeOptions::new().start_parameter_services(false).enable_rosout(false);
         let node = context.new_node(name, options).map_err(opening("the node"))?;
+        let node = Rc::new(RefCell::new(node));
         Ok(Self { setup, security, participant, context, node, ends: Ends::default() })
+    }
+
+    /// What keeps the topics that were opened on the network, to be dropped in this order.
+    pub(super) fn into_kept(self) -> Kept {
+        (Rc::into_inner(self.node).map(RefCell::into_inner), self.participant)
     }
 
     pub(super) fn topic(
@@ -63,7 +75,7 @@ impl<'a> Opener<'a> {
     ) -> Result<Subscription<M>, OpenError> {
         let topic = self.topic(name, package, kind, qos)?;
         self.ends.reads(topic.name(), qos.clone());
-        self.node.create_subscription(&topic, None).map_err(opening(name))
+        self.node.borrow_mut().create_subscription(&topic, None).map_err(opening(name))
     }
 
     pub(super) fn publisher<M: Serialize>(
@@ -73,7 +85,7 @@ impl<'a> Opener<'a> {
     ) -> Result<Publisher<M>, OpenError> {
         let topic = self.topic(name, package, kind, qos)?;
         self.ends.publishes(topic.name(), qos.clone());
-        self.node.create_publisher(&topic, None).map_err(opening(name))
+        self.node.borrow_mut().create_publisher(&topic, None).map_err(opening(name))
     }
 
     pub(super) fn server<Q: ros2_client::Message + Clone + 'static, A: ros2_client::Message + 'static>(
@@ -87,7 +99,8 @@ impl<'a> Opener<'a> {
         let kind = ServiceTypeName::new(package, kind);
         let qos = reliable(depth, Durability::Volatile);
         let mapping = ServiceMapping::Enhanced;
-        self.node.create_server(mapping, &service, &kind, qos.clone(), qos).map_err(opening(&resolved))
+        let server = self.node.borrow_mut().create_server(mapping, &service, &kind, qos.clone(), qos);
+        server.map_err(opening(&resolved))
     }
 }
 

@@ -69,7 +69,7 @@ impl<M: Serialize> Outlet<M> {
         let qos = reliable_output(depth, durability, most);
         let topic = opener.topic(name, package, kind, &qos)?;
         opener.ends.publishes(topic.name(), qos);
-        let publisher = opener.node.create_publisher(&topic, None).map_err(opening(name))?;
+        let publisher = opener.node.borrow_mut().create_publisher(&topic, None).map_err(opening(name))?;
         Ok(Self {
             name,
             topic,

@@ -3,26 +3,28 @@
 use std::borrow::Cow;
 use std::cell::RefCell;
 use std::collections::BTreeMap;
+use std::future::pending;
 use std::rc::Rc;
 
 use futures::{StreamExt, pin_mut};
 use ros2_client::qos::{Durability, History};
 use ros2_client::{MessageInfo, QosProfile, RmwRequestId, Server, Subscription};
-use rustdds::QosPolicyBuilder;
 use rustdds::policy::{self, ResourceLimits};
+use rustdds::{QosPolicyBuilder, TopicDescription as _};
 use serde::de::{DeserializeOwned, DeserializeSeed};
 
 use super::namesakes::Namesakes;
+use super::network::Sources;
 use super::{Events, Opener, Readers, latched, opening, parameters, reliable};
 use crate::args::security::Security;
 use crate::cloud::{CloudSeed, CompressedSeed, DepthSeed};
 use crate::msg::ros::{CameraInfo, Clock, TriggerRequest, TriggerResponse};
-use crate::node::clock;
 use crate::node::heard::{Known, Order, PublisherId, Taken};
 use crate::node::middleware::OpenError;
 use crate::node::parameters::Parameters;
 use crate::node::seeds::{Decoded, LatestCamera, Told, WithCamera, WithFilter};
-use crate::node::transport::{DepthTopics, Event, Form, Input, Service};
+use crate::node::transport::{DepthTopics, Event, Form, Input, SensorTopics, Service};
+use crate::node::{clock, compressed};
 
 /// Messages of transforms that may wait.
 const TRANSFORMS: usize = 100;
@@ -46,18 +48,30 @@ struct Scans {
     compressed: Publishers,
 }
 
+impl Scans {
+    /// Whether clouds or raw images come.
+    fn others_come(&self) -> bool {
+        self.points.borrow().comes() || self.images.borrow().comes()
+    }
+}
+
 /// The publishers of one topic.
 type Publishers = Rc<RefCell<Known>>;
 
 /// Starts the tasks that read topics.
 pub(super) fn listen(
     opener: &mut Opener<'_>,
+    sources: &Sources,
     memory: &Memory,
     parameters: &Rc<Parameters>,
     events: &Events,
 ) -> Result<Readers, OpenError> {
     let mut readers = Readers::new();
-    listen_to_scans(opener, &mut readers, memory, parameters, events)?;
+    for (number, sensor) in opener.setup.inputs()?.into_iter().enumerate() {
+        let heard = memory.scans.borrow_mut().entry(number).or_default().clone();
+        let readers = &mut readers;
+        Listening { opener, sources, readers, parameters, events, number, heard }.to(sensor)?;
+    }
     // The reliable reader takes nothing of a publisher before its heartbeat, up to 3 s; the other one at once.
     let at_once =
         (&QosProfile::subscription_default().history(History::KeepLast { depth: TRANSFORMS })).into();
@@ -88,7 +102,7 @@ pub(super) fn listen(
         readers.spawn_local(read("/clock", times, events.clone(), time));
     }
     parameters::serve(opener, &mut readers, parameters, events)?;
-    let spinner = opener.node.spinner().map_err(opening("the graph"))?;
+    let spinner = opener.node.borrow_mut().spinner().map_err(opening("the graph"))?;
     readers.spawn_local(async {
         drop(spinner.spin().await);
         "the graph".into()
@@ -106,30 +120,10 @@ pub(super) const fn has_keys(security: &Security) -> bool {
     matches!(security, Security::Keys(_))
 }
 
-/// The scans of all sensors.
-fn listen_to_scans(
-    opener: &mut Opener<'_>,
-    readers: &mut Readers,
-    memory: &Memory,
-    parameters: &Rc<Parameters>,
-    events: &Events,
-) -> Result<(), OpenError> {
-    for (number, sensor) in opener.setup.inputs()?.into_iter().enumerate() {
-        let heard = memory.scans.borrow_mut().entry(number).or_default().clone();
-        let mut listening = Listening { opener, readers, parameters, events, number, heard };
-        if let Some(points) = sensor.points {
-            listening.clouds(points.resolved)?;
-        }
-        if let Some(depth) = sensor.depth {
-            listening.images(depth)?;
-        }
-    }
-    Ok(())
-}
-
 /// Begins to read one sensor.
 struct Listening<'a, 'b> {
     opener: &'a mut Opener<'b>,
+    sources: &'a Sources,
     readers: &'a mut Readers,
     parameters: &'a Rc<Parameters>,
     events: &'a Events,
@@ -138,6 +132,17 @@ struct Listening<'a, 'b> {
 }
 
 impl Listening<'_, '_> {
+    fn to(&mut self, sensor: SensorTopics) -> Result<(), OpenError> {
+        if let Some(points) = sensor.points {
+            self.clouds(points.resolved)?;
+        }
+        if let Some(depth) = sensor.depth {
+            self.images(&depth)?;
+            self.compressed(depth)?;
+        }
+        Ok(())
+    }
+
     fn clouds(&mut self, topic: String) -> Result<(), OpenError> {
         let qos = scan_qos(policy::Reliability::BestEffort);
         let clouds = self.opener.subscribe((&topic, "sensor_msgs", "PointCloud2"), &qos)?;
@@ -147,12 +152,11 @@ impl Listening<'_, '_> {
         Ok(())
     }
 
-    /// Depth images with their camera.
-    fn images(&mut self, topics: DepthTopics) -> Result<(), OpenError> {
-        let DepthTopics { image, camera_info, compressed } = topics;
+    /// Raw depth images, and the camera of all.
+    fn images(&mut self, DepthTopics { image, camera_info, .. }: &DepthTopics) -> Result<(), OpenError> {
         let best_effort = policy::Reliability::BestEffort;
         let (qos, camera) = (scan_qos(best_effort), self.heard.camera.clone());
-        let name = camera_info.resolved;
+        let name = camera_info.resolved.clone();
         let infos = self.opener.subscribe((&name, "sensor_msgs", "CameraInfo"), &qos)?;
         self.readers.spawn_local(read_cameras(
             (self.number, name),
@@ -170,10 +174,32 @@ impl Listening<'_, '_> {
             let known = (Rc::clone(&self.heard.images), reliably);
             self.read((Form::Depth, image.resolved.clone()), images, seed, known);
         }
-        let images = self.opener.subscribe((&compressed, "sensor_msgs", "CompressedImage"), &qos)?;
-        let seed = WithCamera::new(&camera, self.parameters, CompressedSeed::new);
-        let known = (Rc::clone(&self.heard.compressed), false);
-        self.read((Form::CompressedDepth, compressed), images, seed, known);
+        Ok(())
+    }
+
+    /// Compressed depth images, once they are wanted.
+    fn compressed(&mut self, topics: DepthTopics) -> Result<(), OpenError> {
+        let qos = scan_qos(policy::Reliability::BestEffort);
+        let topic = self.opener.topic(&topics.compressed, "sensor_msgs", "CompressedImage", &qos)?;
+        self.opener.ends.reads(topic.name(), qos);
+        let node = Rc::downgrade(&self.opener.node);
+        let (sources, heard, events) = (self.sources.clone(), self.heard.clone(), self.events.clone());
+        let seed = WithCamera::new(&heard.camera, self.parameters, CompressedSeed::new);
+        let input = Form::CompressedDepth.of(self.number);
+        self.readers.spawn_local(async move {
+            if !heard.compressed.borrow().comes() {
+                compressed::wanted(&topics, || sources.list(), || heard.others_come()).await;
+            }
+            sources.answer().await;
+            // The network may be left meanwhile.
+            let images = node.upgrade().map(|node| node.borrow_mut().create_subscription(&topic, None));
+            let (topic, known) = ((input, topics.compressed), (heard.compressed, false));
+            match images {
+                Some(Ok(images)) => read_scans(topic, images, seed, known, events).await,
+                Some(Err(error)) => compressed::cannot_be_read(&error).await,
+                None => pending().await,
+            }
+        });
         Ok(())
     }
 

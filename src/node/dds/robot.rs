@@ -3,9 +3,9 @@
 use std::time::Duration;
 
 use ros2_client::qos::{Durability, WhenFull};
-use ros2_client::{Node, Publisher, QosProfile};
-use rustdds::DomainParticipant;
+use ros2_client::{Publisher, QosProfile};
 
+use super::opener::Kept;
 use super::{Opener, reliable};
 use crate::args::Setup;
 use crate::msg::ros::{PointCloud2, TfMessage};
@@ -21,8 +21,7 @@ pub struct Robot {
     points: Publisher<PointCloud2>,
     tf: Publisher<TfMessage>,
     tf_static: Publisher<TfMessage>,
-    // Kept so that the publishers stay on the network, and dropped in this order.
-    _network: (Node, DomainParticipant),
+    _kept: Kept,
 }
 
 impl Robot {
@@ -41,8 +40,7 @@ impl Robot {
             |depth, durability| (&reliable(depth, durability).reliability_reliable(PATIENCE)).into();
         let dynamic = opener.publisher(tf("/tf"), &patient(100, Durability::Volatile))?;
         let latched = opener.publisher(tf("/tf_static"), &patient(1, Durability::TransientLocal))?;
-        let network = (opener.node, opener.participant);
-        Ok(Self { points, tf: dynamic, tf_static: latched, _network: network })
+        Ok(Self { points, tf: dynamic, tf_static: latched, _kept: opener.into_kept() })
     }
 
     /// Sends a cloud.

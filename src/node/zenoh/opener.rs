@@ -31,30 +31,24 @@ const SERVICES: Qos = Qos { reliable: true, latched: false, depth: 10 };
 /// Time for a publisher to send what it keeps for late readers.
 const HISTORY: Duration = Duration::from_secs(10);
 
-/// By which others see the node while they are kept.
-pub(super) type Tokens = Vec<LivelinessToken>;
-
-/// A node on a session, before it has ends.
-pub(super) struct Opener<'a> {
-    pub(super) setup: &'a Setup,
-    pub(super) session: &'a Session,
+/// A node on a session; others see it, and the ends it has got so far, while it is kept.
+pub(super) struct Opener {
+    pub(super) setup: Setup,
+    pub(super) session: Session,
     node: NodeToken,
     ends: Cell<u64>,
-    tokens: RefCell<Tokens>,
+    tokens: RefCell<Vec<LivelinessToken>>,
 }
 
-impl<'a> Opener<'a> {
-    pub(super) fn new(setup: &'a Setup, session: &'a Session) -> Result<Self, OpenError> {
+impl Opener {
+    pub(super) fn new(setup: &Setup, session: &Session) -> Result<Self, OpenError> {
         let Setup { domain, namespace, name, .. } = setup;
         let (namespace, name) = (namespace.clone(), name.clone());
         let node = NodeToken { domain: *domain, id: session.zid().to_string(), namespace, name };
+        let (setup, session) = (setup.clone(), session.clone());
         let opener = Self { setup, session, node, ends: Cell::new(0), tokens: RefCell::default() };
         opener.declare(opener.node.key())?;
         Ok(opener)
-    }
-
-    pub(super) fn into_tokens(self) -> Tokens {
-        self.tokens.into_inner()
     }
 
     fn declare(&self, key: String) -> Result<(), OpenError> {

@@ -35,7 +35,7 @@ fn qos(topic: &str) -> Qos {
 }
 
 /// Opens all topics that parameters ask for, by their names.
-pub(super) fn open(opener: &Opener<'_>) -> Result<BTreeMap<&'static str, Outlet>, OpenError> {
+pub(super) fn open(opener: &Opener) -> Result<BTreeMap<&'static str, Outlet>, OpenError> {
     let twins = &opener.setup.config.twins;
     let is_asked_for = |name: &str| match name {
         Outgoing::DETECTIONS => twins.detections,
@@ -75,7 +75,7 @@ pub(super) struct Outlet {
 
 impl Outlet {
     pub(super) fn open(
-        opener: &Opener<'_>,
+        opener: &Opener,
         (name, type_name): (&'static str, &str),
         qos: Qos,
     ) -> Result<Self, OpenError> {

@@ -25,7 +25,7 @@ const ROOM: Room = Room { messages: 1000, bytes: 4 << 20 };
 
 /// Opens the services and starts answering.
 pub(super) fn serve(
-    opener: &Opener<'_>,
+    opener: &Opener,
     readers: &mut Readers,
     parameters: &Rc<Parameters>,
     events: &Events,

@@ -1,23 +1,26 @@
 //! The tasks that read topics: each hands events to one bounded channel.
 
 use std::borrow::Cow;
+use std::cell::RefCell;
+use std::future::pending;
 use std::rc::Rc;
+use std::sync::Arc;
 
 use serde::de::{DeserializeOwned, DeserializeSeed};
 
 use super::mailbox::Room;
 use super::names::Qos;
 use super::opener::{Call, Calls, Inbox, Opener};
-use super::{Events, Readers};
+use super::{Events, Graph, Readers, listed};
 use crate::bag::cdr;
 use crate::cloud::{CloudError, CloudSeed, CompressedSeed, DepthSeed};
 use crate::msg::ros::{Clock, TriggerRequest};
-use crate::node::clock;
 use crate::node::heard::Known;
 use crate::node::middleware::OpenError;
 use crate::node::parameters::Parameters;
 use crate::node::seeds::{Decoded, LatestCamera, Told, WithCamera, WithFilter};
-use crate::node::transport::{DepthTopics, Event, Form, Input, Service};
+use crate::node::transport::{DepthTopics, Event, Form, Input, SensorTopics, Service};
+use crate::node::{clock, compressed};
 
 /// As many as wait for the engine; of bytes, two of the greatest clouds.
 const SCANS: Room = Room { messages: 8, bytes: 1 << 29 };
@@ -31,19 +34,15 @@ const SENSOR: Qos = Qos { reliable: false, latched: false, depth: 2 };
 
 /// Starts the tasks that read topics and calls.
 pub(super) fn listen(
-    opener: &Opener<'_>,
+    opener: &Rc<Opener>,
+    graph: &Graph,
     parameters: &Rc<Parameters>,
     events: &Events,
 ) -> Result<Readers, OpenError> {
     let mut readers = Readers::new();
     for (number, sensor) in opener.setup.inputs()?.into_iter().enumerate() {
-        let mut listening = Listening { opener, readers: &mut readers, parameters, events, number };
-        if let Some(points) = sensor.points {
-            listening.clouds(&points.resolved)?;
-        }
-        if let Some(depth) = sensor.depth {
-            listening.images(&depth)?;
-        }
+        let (readers, known) = (&mut readers, Publishers::default());
+        Listening { opener, graph, readers, parameters, events, number, known }.to(sensor)?;
     }
     for (topic, is_static) in [("/tf", false), ("/tf_static", true)] {
         let qos = Qos { reliable: true, latched: is_static, depth: 100 };
@@ -64,57 +63,106 @@ pub(super) fn listen(
     Ok(readers)
 }
 
+/// What was heard of a sensor.
+#[derive(Clone, Default)]
+struct Publishers {
+    points: Rc<RefCell<Known>>,
+    images: Rc<RefCell<Known>>,
+}
+
+impl Publishers {
+    fn come(&self) -> bool {
+        self.points.borrow().comes() || self.images.borrow().comes()
+    }
+}
+
 /// Begins to read one sensor.
-struct Listening<'a, 'b> {
-    opener: &'a Opener<'b>,
+struct Listening<'a> {
+    opener: &'a Rc<Opener>,
+    graph: &'a Graph,
     readers: &'a mut Readers,
     parameters: &'a Rc<Parameters>,
     events: &'a Events,
     number: usize,
+    known: Publishers,
 }
 
-impl Listening<'_, '_> {
-    fn clouds(&mut self, topic: &str) -> Result<(), OpenError> {
-        let seed = WithFilter::new(self.parameters, CloudSeed::new);
-        self.read(Form::Points, (topic, "sensor_msgs/msg/PointCloud2"), seed)
+impl Listening<'_> {
+    fn to(&mut self, sensor: SensorTopics) -> Result<(), OpenError> {
+        if let Some(points) = sensor.points {
+            self.clouds(&points.resolved)?;
+        }
+        if let Some(depth) = sensor.depth {
+            self.images(depth)?;
+        }
+        Ok(())
     }
 
-    /// Depth images with their camera.
-    fn images(&mut self, topics: &DepthTopics) -> Result<(), OpenError> {
+    fn clouds(&mut self, topic: &str) -> Result<(), OpenError> {
+        let seed = WithFilter::new(self.parameters, CloudSeed::new);
+        let scans = self.opener.subscribe((topic, "sensor_msgs/msg/PointCloud2"), SENSOR, SCANS)?;
+        self.read(Form::Points, scans, seed, Rc::clone(&self.known.points));
+        Ok(())
+    }
+
+    /// Depth images with their camera; compressed ones once they are wanted.
+    fn images(&mut self, topics: DepthTopics) -> Result<(), OpenError> {
         let camera = LatestCamera::default();
         let infos = (topics.camera_info.resolved.as_str(), "sensor_msgs/msg/CameraInfo");
         let infos = self.opener.subscribe(infos, SENSOR, CAMERAS)?;
         self.readers.spawn_local(read_cameras(self.number, infos, camera.clone(), self.events.clone()));
         let seed = WithCamera::new(&camera, self.parameters, DepthSeed::new);
-        self.read(Form::Depth, (&topics.image.resolved, "sensor_msgs/msg/Image"), seed)?;
+        let images = (topics.image.resolved.as_str(), "sensor_msgs/msg/Image");
+        let images = self.opener.subscribe(images, SENSOR, SCANS)?;
+        self.read(Form::Depth, images, seed, Rc::clone(&self.known.images));
         let seed = WithCamera::new(&camera, self.parameters, CompressedSeed::new);
-        self.read(Form::CompressedDepth, (&topics.compressed, "sensor_msgs/msg/CompressedImage"), seed)
+        let (opener, graph, known) = (Rc::downgrade(self.opener), Arc::clone(self.graph), self.known.clone());
+        let (input, events) = (Form::CompressedDepth.of(self.number), self.events.clone());
+        self.readers.spawn_local(async move {
+            compressed::wanted(&topics, || listed(&graph), || known.come()).await;
+            let images = (topics.compressed.as_str(), "sensor_msgs/msg/CompressedImage");
+            // The session may be left meanwhile.
+            let images = opener.upgrade().map(|opener| opener.subscribe(images, SENSOR, SCANS));
+            match images {
+                Some(Ok(images)) => read_scans(input, images, seed, Rc::default(), events).await,
+                Some(Err(error)) => compressed::cannot_be_read(&error).await,
+                None => pending().await,
+            }
+        });
+        Ok(())
     }
 
-    fn read<S>(&mut self, form: Form, topic: (&str, &str), seed: S) -> Result<(), OpenError>
+    fn read<S>(&mut self, form: Form, scans: Inbox, seed: S, known: Rc<RefCell<Known>>)
     where
         S: for<'de> DeserializeSeed<'de, Value = Decoded> + Clone + 'static,
     {
-        let scans = self.opener.subscribe(topic, SENSOR, SCANS)?;
-        self.readers.spawn_local(read_scans(form.of(self.number), scans, seed, self.events.clone()));
-        Ok(())
+        let input = form.of(self.number);
+        self.readers.spawn_local(read_scans(input, scans, seed, known, self.events.clone()));
     }
 }
 
 /// Reads scans until the node ends.
-async fn read_scans<S>(input: Input, scans: Inbox, seed: S, events: Events) -> Cow<'static, str>
+async fn read_scans<S>(
+    input: Input,
+    scans: Inbox,
+    seed: S,
+    known: Rc<RefCell<Known>>,
+    events: Events,
+) -> Cow<'static, str>
 where
     S: for<'de> DeserializeSeed<'de, Value = Decoded> + Clone,
 {
-    let mut known = Known::default();
     loop {
         let received = scans.take().await;
         let decoded = cdr::read_with(&received.bytes(), Told(seed.clone()));
         let scan = decoded.unwrap_or_else(|text| Err(CloudError::Undecodable(text)));
         // Where messages have numbers, what was dropped here is a gap in them.
         let told = match received.origin() {
-            Some(origin) => known.tell(Ok::<_, String>((scan, origin)), false),
-            None => Some((scan, received.dropped)),
+            Some(origin) => known.borrow_mut().tell(Ok::<_, String>((scan, origin)), false),
+            None => {
+                known.borrow_mut().note(&scan);
+                Some((scan, received.dropped))
+            }
         };
         let Some((scan, lost)) = told else { continue };
         // Nobody keeps a message while the node is busy.

@@ -1,6 +1,7 @@
 //! On simulated drives: what is taken away goes, what stands still stays.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
 use rustc_hash::FxHashMap;
 
@@ -8,7 +9,7 @@ use super::*;
 use crate::engine::consistent::block::CELLS;
 use crate::engine::consistent::grid::Binned;
 use crate::engine::params::Params;
-use crate::engine::points::Points;
+use crate::engine::points::{Depths, Points, Rays};
 use crate::engine::scan::Stamp;
 use crate::sim::{Drive, Scene, Shape};
 
@@ -255,4 +256,35 @@ fn in_20_seconds_of_the_laboratory_what_stands_still_stays() {
         benches.iter_mut().for_each(|bench| bench.insert(&labelled.scan, &labelled.labels));
     }
     benches.iter().for_each(|bench| bench.check_surfaces(&scene, 0.02));
+}
+
+/// The voxels that are left of a plate at 2 m once every pixel of a camera that stands still says something else; `of` makes
+/// points of the pixels.
+fn left_of_a_plate(of: fn(Depths) -> Points, after: f32) -> usize {
+    let rays = |count: i32| (-count..count).map(|i| (i as f32 + 0.5) / 256.0).collect();
+    let rays = Arc::new(Rays { x: rays(50), y: rays(40) });
+    let mut grid = Grid::new(&params(0.08));
+    let (mut clearing, mut binned) = (Clearing::new(), Binned::default());
+    for sequence in 1..=60 {
+        let depth = if sequence <= 10 { 2.0 } else { after };
+        let points = of(Depths::new(Arc::clone(&rays), vec![depth; 100 * 80]).unwrap());
+        let scan =
+            Scan { stamp: Stamp::from_nanos(sequence), fixed_from_sensor: Isometry3::identity(), points };
+        grid.bin(&scan, sequence as u64, &mut binned);
+        clearing.clear(&mut grid, &scan, sequence as u64);
+    }
+    grid.blocks().map(|(_, block)| block.awake().len()).sum()
+}
+
+#[test]
+fn a_background_that_is_too_far_away_to_be_mapped_proves_what_is_before_it_to_be_empty() {
+    let as_list = |depths: Depths| {
+        let (points, ends) = (depths.list(), depths.ends());
+        Points::Ended { ends: ends[points.len()..].to_vec(), points }
+    };
+    for of in [Points::Depths, as_list] {
+        assert_eq!(left_of_a_plate(of, -7.5), 0);
+        assert!(left_of_a_plate(of, f32::INFINITY) > 60, "what was not measured proves nothing");
+        assert!(left_of_a_plate(of, -1.8) > 60, "what ends before the plate proves nothing");
+    }
 }

@@ -1,3 +1,5 @@
+use nalgebra::Translation3;
+
 use super::*;
 use crate::engine::scan::Stamp;
 use crate::engine::{ChangedCluster, Cluster, ClusterState, Engine, Isometry3, Points, SurfaceClass};
@@ -216,4 +218,27 @@ fn what_a_moving_sensor_leaves_to_later_scans_is_published_soon_after_it_stands(
     let last = next();
     (0..40).for_each(|_| drop(engine.insert(&last)));
     assert_eq!(waiting(&engine), 0);
+}
+
+#[test]
+fn a_lift_makes_another_floor_and_ceiling_and_leaves_those_below_what_they_were() {
+    let mut next = laboratory();
+    let mut engine = Engine::new(Params::default());
+    let scans: Vec<_> = (0..40).map(|_| next()).collect();
+    let large = |engine: &Engine, class: SurfaceClass| {
+        let clusters = engine.snapshot().clusters.into_iter();
+        let large =
+            clusters.filter(|cluster| cluster.class == class && cluster.area.is_some_and(|area| area >= 1.0));
+        large.map(|cluster| cluster.id).collect::<Vec<_>>()
+    };
+    scans.iter().for_each(|scan| drop(engine.insert(scan)));
+    let [floors, ceilings] = [SurfaceClass::Floor, SurfaceClass::Ceiling].map(|class| large(&engine, class));
+    assert!(floors.len() == 1 && !ceilings.is_empty(), "{floors:?} {ceilings:?}");
+    for scan in &scans {
+        let fixed_from_sensor = Translation3::new(0.0, 0.0, 3.0) * scan.fixed_from_sensor;
+        engine.insert(&Scan { fixed_from_sensor, ..scan.clone() });
+    }
+    let [both, all] = [SurfaceClass::Floor, SurfaceClass::Ceiling].map(|class| large(&engine, class));
+    assert!(both.len() == 2 && both.contains(&floors[0]), "{floors:?} {both:?}");
+    assert!(all.len() > ceilings.len() && ceilings.iter().all(|id| all.contains(id)), "{ceilings:?} {all:?}");
 }

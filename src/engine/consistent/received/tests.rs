@@ -29,7 +29,7 @@ fn naive(scan: &Scan, voxel_size: f64) -> Naive {
     let local = Local::new(&scan.fixed_from_sensor, voxel_size).unwrap();
     let mut naive = Naive::new();
     match &scan.points {
-        Points::F32(points) => {
+        Points::F32(points) | Points::Ended { points, .. } => {
             for [x, y, z] in points.iter().map(|point| point.map(f64::from)) {
                 let place = |axis: usize| {
                     let [a, b, c] = local.units[axis];
@@ -41,7 +41,8 @@ fn naive(scan: &Scan, voxel_size: f64) -> Naive {
         Points::Depths(depths) => {
             let rays = depths.rays();
             for (row, y) in depths.rows().zip(&rays.y) {
-                for (z, x) in row.iter().zip(&rays.x).map(|(&z, &x)| (f64::from(z), f64::from(x))) {
+                let pixels = row.iter().zip(&rays.x).map(|(&z, &x)| (f64::from(z), f64::from(x)));
+                for (z, x) in pixels.filter(|(z, _)| *z > 0.0) {
                     let place = |axis: usize| {
                         let [a, b, c] = local.units[axis];
                         local.place(axis, z * ((a * x + c) + b * f64::from(*y)))
@@ -79,9 +80,10 @@ fn scan(points: Points, pose: Isometry3<f64>) -> Scan {
     Scan { stamp: Stamp::from_nanos(1), fixed_from_sensor: pose, points }
 }
 
-/// An image with steps, smooth parts and holes, of a size that tiles do not divide.
+/// An image with steps, smooth parts, holes and parts that are too far away, of a size that tiles do not divide.
 fn image() -> impl Strategy<Value = Depths> {
-    let row = prop::collection::vec(prop_oneof![1 => Just(f32::INFINITY), 8 => between(0.4, 6.0)], 1..6);
+    let depth = prop_oneof![1 => Just(f32::INFINITY), 1 => between(-9.0, -6.0), 8 => between(0.4, 6.0)];
+    let row = prop::collection::vec(depth, 1..6);
     (1..40_usize, prop::collection::vec(row, 1..20), between(0.0, 0.02)).prop_map(|(width, rows, slope)| {
         let rays = |count: usize| (0..count).map(|i| (i as f32 - 0.5 * count as f32) / 60.0).collect();
         let depth = |row: &Vec<f32>, u: usize| row[u * row.len() / width] + u as f32 * slope;

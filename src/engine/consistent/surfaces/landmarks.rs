@@ -3,11 +3,12 @@
 //!
 //! **Kept true.** They are those of the clusters as they are told of: [`Landmarks::set`] is called wherever that changes.
 //!
-//! **Cost.** To look costs O(log) and what is within a cell; to set follows the area of the cluster, in voxels where these are
-//! large. Neither follows the map, nor the storeys of a house.
+//! **Cost.** To look costs O(log) and what is within a cell, for the floor O(log) a storey below; to set follows the area of the
+//! cluster, in voxels where these are large. Neither follows the map.
 
 use std::cmp::Ordering;
 use std::collections::{BTreeMap, BTreeSet};
+use std::iter::successors;
 
 use nalgebra::{Point3, Vector3};
 
@@ -17,6 +18,10 @@ use crate::engine::snapshot::Cluster;
 
 /// Area from which on a level surface that faces up can be the floor (m^2).
 const FLOOR_AREA: f64 = 1.0;
+/// Least height of a storey, from floor to floor (m): tables, cupboards and landings below are in it.
+const STOREY: f64 = 2.5;
+/// How far a piece of a floor may lie below it (m).
+const SUNK: f64 = 0.1;
 /// Least edge of a cell (m): a few of them cover a wall, and a few walls are in each.
 const CELL: f64 = 2.0;
 /// The same in voxels: a cluster of large ones has no more cells than voxels.
@@ -94,9 +99,15 @@ impl Landmarks {
         }
     }
 
-    /// z of the lowest large surface that faces up (m).
-    pub(super) fn floor(&self) -> Option<f64> {
-        self.floors.first().map(|(height, _)| height.0)
+    /// z of the floor of the storey that a surface with its middle at this height is in (m), `None` below the lowest. The lowest
+    /// large surface that faces up is a floor, and so is the next one that is a storey higher, and so on.
+    pub(super) fn floor_below(&self, middle: f64) -> Option<f64> {
+        let above = |least: f64| {
+            let next = self.floors.range((Height(least), ComponentId(0))..).next();
+            next.map(|(height, _)| height.0)
+        };
+        let floors = successors(above(f64::NEG_INFINITY), |floor| above(floor + STOREY));
+        floors.take_while(|floor| *floor <= middle + SUNK).last()
     }
 
     /// Upright components, among them all that one of these points can be beside, ascending.

@@ -1,6 +1,7 @@
 //! What leaves the engine of the clusters: ids for those that are large enough, and descriptions, each as it was told of last.
 
 use super::Surfaces;
+use crate::engine::class::SurfaceClass;
 use crate::engine::consistent::block::{BlockIndex, BlockKey, Cell};
 use crate::engine::consistent::class::Neighbour;
 use crate::engine::consistent::cluster::{Before, Standing, content};
@@ -68,13 +69,21 @@ impl Surfaces {
             let changed = self.changed.contains(&component);
             self.describe_shape(component, changed, params, now);
         }
-        let surroundings = Surroundings { floor: self.landmarks.floor(), sensor: sensor_height };
         let mut classes = Vec::new();
         for &component in &due {
             let Some(cluster) = self.clusters[component.0 as usize].as_deref() else { continue };
             let (Some(shape), Some(plane)) = (&cluster.told, &cluster.plane) else { continue };
+            let middle = describe::middle(shape);
+            // It was above the sensor that saw it from below; it stays what it was when that has taken a lift since.
+            let before = cluster.before.class();
+            if before.0 == SurfaceClass::Ceiling && shape.normal.z < 0.0 && middle < sensor_height {
+                classes.push((component, before));
+                continue;
+            }
             let planarity = Planarity::of(cluster, plane);
             let beside = self.neighbours(shape);
+            let floor = self.landmarks.floor_below(middle);
+            let surroundings = Surroundings { floor, sensor: sensor_height };
             let class = describe::class(shape, planarity, &beside, surroundings, params.voxel_size());
             classes.push((component, class));
         }

@@ -17,21 +17,22 @@ pub(super) struct Line {
 }
 
 impl RangeGrid {
-    /// Takes in a camera's pixels.
-    pub(super) fn fill_pixels(&mut self, depths: &Depths) {
+    /// Takes in a camera's pixels, those as well that are too far away to be points; returns how many were measured.
+    pub(super) fn fill_pixels(&mut self, depths: &Depths) -> usize {
         if is_ahead(depths.rays()) {
             let mut line = std::mem::take(&mut self.line);
             line.begin(&depths.rays().x);
-            Arch::new().dispatch(Filling { grid: self, line: &mut line, depths });
+            let measured = Arch::new().dispatch(Filling { grid: self, line: &mut line, depths });
             self.line = line;
+            measured as usize
         } else {
-            self.fill_list(&depths.list());
+            self.fill_list(&depths.ends())
         }
     }
 
-    /// Puts a line into its row of cells, and empties it.
-    fn put(&mut self, line: &mut Line, row: u32) {
-        let mut first = 0;
+    /// Puts a line into its row of cells, and empties it; returns how many pixels it held.
+    fn put(&mut self, line: &mut Line, row: u32) -> u32 {
+        let (mut first, mut all) = (0, 0);
         for &(column, pixels) in &line.columns {
             let range = first..first + pixels;
             first += pixels;
@@ -47,9 +48,11 @@ impl RangeGrid {
             }
             cell.nearest = cell.nearest.min(nearest);
             cell.count += count;
+            all += count;
         }
         line.nearest.fill(f32::INFINITY);
         line.count.fill(0);
+        all
     }
 }
 
@@ -71,7 +74,8 @@ impl Line {
 
     #[inline(always)]
     fn take(&mut self, row: &[f32]) {
-        for ((nearest, count), &depth) in self.nearest.iter_mut().zip(&mut self.count).zip(row) {
+        for ((nearest, count), depth) in self.nearest.iter_mut().zip(&mut self.count).zip(row) {
+            let depth = if *depth == 0.0 { f32::INFINITY } else { depth.abs() };
             *nearest = if depth < *nearest { depth } else { *nearest };
             *count += u32::from(depth < f32::INFINITY);
         }
@@ -86,22 +90,24 @@ struct Filling<'a> {
 }
 
 impl WithSimd for Filling<'_> {
-    type Output = ();
+    type Output = u32;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
+    fn with_simd<S: Simd>(self, _: S) -> u32 {
         let row_of = |y: f32| {
             let cell = cell_of([0.0, y]);
             cell - cell % CELLS as u32
         };
         let rows = self.depths.rows().zip(&self.depths.rays().y);
         let mut rows = rows.map(|(row, &y)| (row, row_of(y))).peekable();
+        let mut measured = 0;
         while let Some((row, cells)) = rows.next() {
             self.line.take(row);
             if rows.peek().is_none_or(|(_, next)| *next != cells) {
-                self.grid.put(self.line, cells);
+                measured += self.grid.put(self.line, cells);
             }
         }
+        measured
     }
 }
 
@@ -138,7 +144,9 @@ mod tests {
         #[test]
         fn pixels_fill_the_cells_that_their_points_fill(
             width in 1..30_usize, scale in 1..9_usize,
-            depths in prop::collection::vec(prop_oneof![1 => Just(f32::INFINITY), 4 => between(0.4, 6.0)], 1..200),
+            depths in prop::collection::vec(
+                prop_oneof![1 => Just(f32::INFINITY), 1 => Just(0.0), 1 => between(-9.0, -6.0), 4 => between(0.4, 6.0)], 1..200,
+            ),
         ) {
             let rays = |count: usize| -> Vec<f32> {
                 (0..count).map(|i| (0.5 + ((i * scale / 4) as f32 - count as f32).floor()) / 128.0).collect()
@@ -147,7 +155,7 @@ mod tests {
             let depths = depths[..width * height].to_vec();
             let depths = Depths::new(Arc::new(Rays { x: rays(width), y: rays(height) }), depths).unwrap();
             let [mut pixels, mut points] = [RangeGrid::new(), RangeGrid::new()];
-            points.fill(&Points::F32(depths.list()));
+            points.fill(&Points::F32(depths.ends()));
             // What a scan before has left behind must not matter.
             pixels.fill(&Points::F32(vec![[0.1, 0.2, 1.0]; 9]));
             pixels.fill(&Points::Depths(depths));

@@ -81,7 +81,9 @@ impl Oracle {
 
     fn bin(&mut self, scan: &Scan) -> BTreeSet<VoxelKey> {
         let points: Vec<Vector3<f64>> = match &scan.points {
-            Points::F32(points) => points.iter().map(|p| Vector3::from(p.map(f64::from))).collect(),
+            Points::F32(points) | Points::Ended { points, .. } => {
+                points.iter().map(|p| Vector3::from(p.map(f64::from))).collect()
+            }
             Points::F64(points) => points.iter().map(|&p| Vector3::from(p)).collect(),
             Points::Depths(depths) => depths.list().iter().map(|p| Vector3::from(p.map(f64::from))).collect(),
         };

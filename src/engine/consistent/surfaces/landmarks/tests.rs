@@ -5,18 +5,26 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::engine::consistent::class::Neighbour;
-use crate::engine::consistent::describe::{edges, neighbour};
+use crate::engine::consistent::describe::{edges, middle, neighbour};
 use crate::engine::consistent::surfaces::Surfaces;
 use crate::engine::{ClusterId, ClusterState, Stamp, SurfaceClass};
 
 /// The clusters that are told of, by component.
 type Told<'a> = BTreeMap<ComponentId, &'a Cluster>;
 
-/// The lowest large surface that faces up, looked for among all clusters.
-fn plain_floor(told: &Told) -> Option<f64> {
+/// The floor of the storey of a cluster, from the heights of all clusters that can be one.
+fn plain_floor(cluster: &Cluster, told: &Told) -> Option<f64> {
     let is_floor =
         |cluster: &&&Cluster| cluster.normal.z > 0.97 && cluster.area.is_some_and(|area| area >= FLOOR_AREA);
-    told.values().filter(is_floor).map(|cluster| cluster.centroid.z).min_by(f64::total_cmp)
+    let mut heights: Vec<_> = told.values().filter(is_floor).map(|cluster| cluster.centroid.z).collect();
+    heights.sort_by(f64::total_cmp);
+    let mut floors: Vec<f64> = Vec::new();
+    for height in heights {
+        if floors.last().is_none_or(|floor| height >= floor + STOREY) {
+            floors.push(height);
+        }
+    }
+    floors.into_iter().rfind(|floor| *floor <= middle(cluster) + SUNK)
 }
 
 /// The neighbours of a cluster, looked for among all others.
@@ -34,8 +42,8 @@ impl Surfaces {
         let mut anew = Landmarks { cell: self.landmarks.cell, ..Landmarks::new(1.0) };
         told.iter().for_each(|(&component, cluster)| anew.set(component, Some(cluster)));
         assert_eq!(self.landmarks, anew);
-        assert_eq!(self.landmarks.floor(), plain_floor(&told));
         let neighbours = told.values().map(|cluster| {
+            assert_eq!(self.landmarks.floor_below(middle(cluster)), plain_floor(cluster, &told));
             let found = self.neighbours(cluster);
             assert_eq!(found, plain_neighbours(cluster, &told), "beside {:?}", cluster.id);
             found.len()
@@ -78,7 +86,7 @@ fn rectangle(place: [f64; 3], [yaw, pitch, roll]: [f64; 3], sides: [f64; 2]) -> 
 
 /// Upright, level and sloped rectangles, from a leaf of a door to a long wall.
 fn any_cluster() -> impl Strategy<Value = Cluster> {
-    let place = [-6.0..6.0, -6.0..6.0, -0.5..2.5];
+    let place = [-6.0..6.0, -6.0..6.0, -0.5..6.5];
     let half_pi = std::f64::consts::FRAC_PI_2;
     let roll = prop_oneof![
         4 => Just(half_pi),
@@ -109,8 +117,8 @@ proptest! {
             told.extend(cluster.map(|cluster| (component, Cluster { id, ..cluster })));
         }
         let told: Told = told.iter().map(|(component, cluster)| (*component, cluster)).collect();
-        prop_assert_eq!(landmarks.floor(), plain_floor(&told));
         for cluster in told.values() {
+            prop_assert_eq!(landmarks.floor_below(middle(cluster)), plain_floor(cluster, &told));
             let Some(edges) = edges(cluster) else { continue };
             let near = landmarks.near(&edges);
             let found: Vec<_> = near.iter().filter_map(|other| neighbour(cluster, &edges, told[other])).collect();
@@ -149,5 +157,30 @@ fn a_wall_of_large_voxels_is_in_no_more_cells_than_one_of_as_many_small_ones() {
             "{} cells of voxels of {voxel_size} m",
             cells(voxel_size)
         );
+    }
+}
+
+#[test]
+fn every_storey_has_a_floor() {
+    let mut landmarks = Landmarks::new(0.08);
+    let level = |height: f64| rectangle([0.0, 0.0, height], [0.0; 3], [4.0, 3.0]);
+    for (component, height) in (0..).zip([0.75, 2.8, 3.55, 0.0]) {
+        landmarks.set(ComponentId(component), Some(&level(height)));
+    }
+    let floors = [
+        (0.0, Some(0.0)),
+        (-0.05, Some(0.0)),
+        (0.75, Some(0.0)),
+        (1.3, Some(0.0)),
+        (2.6, Some(0.0)),
+        (2.76, Some(2.8)),
+        (2.8, Some(2.8)),
+        (3.55, Some(2.8)),
+        (4.0, Some(2.8)),
+        (9.0, Some(2.8)),
+        (-1.0, None),
+    ];
+    for (middle, floor) in floors {
+        assert_eq!(landmarks.floor_below(middle), floor, "below {middle}");
     }
 }
