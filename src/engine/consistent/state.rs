@@ -325,10 +325,13 @@ mod tests {
                 ..exact.clone()
             }
             .state(&noise);
-            let again = Plain::of(restored.as_ref().unwrap(), &noise);
+            let restored = restored.unwrap();
+            let again = Plain::of(&restored, &noise);
             prop_assert!((again.mean_weight / exact.mean_weight - 1.0).abs() < 1e-6, "{again:?} of {exact:?}");
-            // Of a weight that is a small whole number, half of one is rounded away, and half a point where it is the greatest.
-            let of_points = if u64::from(weight) == MOST_WEIGHT { 0.5 / f64::from(points) } else { 0.0 };
+            // Of a weight that is a small whole number, half of one is rounded away; of the points, half of one where the weight
+            // is the greatest that there is.
+            let is_greatest = u64::from(restored.weight) == MOST_WEIGHT;
+            let of_points = if is_greatest { 0.5 / f64::from(restored.points()) } else { 0.0 };
             let rounded = 1e-6 + 1.0 / f64::from(weight) + of_points;
             prop_assert!((again.depth_variance / exact.depth_variance - 1.0).abs() < rounded, "{again:?} of {exact:?}");
         }
