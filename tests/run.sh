@@ -2,14 +2,19 @@
 # All that the project checks, in one command:  bash tests/run.sh
 # Recordings come from CFODI_DATA, the tool that makes bags of them from CFODI_TOOLS (default: ../shared/data and
 # ../shared/tools beside the repository); tests that need them are left out without them, and the last line says how many.
+#
+# No release is built: that takes ten minutes more. Tests of a release, or single ones: with CFODI_BIN=target/release/cfodi, or
+# target/tested/cfodi, which is made here.
 set -euo pipefail
 top=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 CFODI_DATA=$(realpath -m "${CFODI_DATA:-$top/../shared/data}")
 target=$(realpath -m "${CARGO_TARGET_DIR:-$top/target}")
+export CARGO_TARGET_DIR=$target
 CFODI_BIN=$(realpath -m "${CFODI_BIN:-$target/tested/cfodi}")
 CFODI_TOOLS=$(realpath -m "${CFODI_TOOLS:-$top/../shared/tools}")
 CFODI_SECURED=$(realpath -m "${CFODI_SECURED:-$target/secured}")
-export CFODI_DATA CFODI_TOOLS CFODI_BIN CFODI_SECURED
+CFODI_DEBUG_BIN=$CFODI_SECURED/cfodi
+export CFODI_DATA CFODI_TOOLS CFODI_BIN CFODI_SECURED CFODI_DEBUG_BIN
 cd "$top"
 CFODI_LEFT_OUT=$(mktemp)
 export CFODI_LEFT_OUT
@@ -76,8 +81,8 @@ keep_secured() {
 # Without these features, as most users build it: our own code as in a release, and of the crates those that the tests' build has
 # already, which saves a sixth of the time that all of this takes. Into tested/.
 build_tested() {
-  run cargo build --bin cfodi --config profile.dev.opt-level=3 --config profile.dev.debug-assertions=false \
-    --config profile.dev.overflow-checks=false
+  local own=(opt-level=3 codegen-units=16 debug-assertions=false overflow-checks=false)
+  CARGO_INCREMENTAL=0 run cargo build --bin cfodi "${own[@]/#/--config=profile.dev.package.cfodi.}"
   mkdir -p "$target/tested"
   cp "$target/debug/cfodi" "$target/tested"
 }
@@ -116,13 +121,16 @@ all=(--features "security,zenoh")
 if cargo nextest --version >/dev/null 2>&1; then
   run cargo nextest run "${all[@]}" --no-fail-fast
 else
-  run cargo test "${all[@]}" --lib --bins --tests --examples --no-fail-fast
+  run cargo test "${all[@]}" --lib --bins --tests --no-fail-fast
 fi
+run cargo build "${all[@]}" --bin cfodi --examples   # the tests have built the same
 keep_secured
 run cargo test "${all[@]}" --doc
 run cargo bench "${all[@]}" --profile test --bench '*' -- --test   # each benchmark once: that it runs, not how fast
 run "$target/debug/examples/soak" --hours 0.015 --views 30
 build_tested
+wait "$prepared" || true
+prepared=
 step "ROS tests: sockets"
 raise_socket_buffer
 raise_readers_buffer

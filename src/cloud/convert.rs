@@ -105,7 +105,7 @@ pub(super) fn convert_list(layout: &Layout, data: &[u8], gate: &Gate) -> Convert
         _ => {
             let [x, y, z] = layout.coordinates.map(|coordinate| coordinate.offset);
             let read = |point: &[u8]| [f32_at(point, x), f32_at(point, y), f32_at(point, z)];
-            gather(layout.points(data).map(|row| row.map(read)), layout.len(), gate, single)
+            gather(layout.points(data).map(|row| row.map(read)), layout.len(), gate, (single, true))
         }
     }
 }
@@ -113,7 +113,7 @@ pub(super) fn convert_list(layout: &Layout, data: &[u8], gate: &Gate) -> Convert
 /// The same of points of N bytes, x, y and z first: what is known when it is compiled need not be asked of each point.
 fn list_of<const N: usize>(layout: &Layout, data: &[u8], gate: &Gate) -> Converted {
     let rows = layout.rows(data).map(|row| row.as_chunks::<N>().0.iter().map(front));
-    gather(rows, layout.len(), gate, single)
+    gather(rows, layout.len(), gate, (single, true))
 }
 
 fn single(points: Vec<[f32; 3]>, ends: Vec<[f32; 3]>) -> Points {
@@ -133,9 +133,9 @@ pub(super) fn convert_plain(layout: &Layout, data: &[u8], gate: &Gate) -> Conver
     if all_single(layout) {
         // Widened by `read`, so narrowing gives the sender's own bits back.
         let narrow = |point: &[u8]| read(point).map(|value| value as f32);
-        gather(rows.map(|row| row.map(narrow)), layout.len(), gate, single)
+        gather(rows.map(|row| row.map(narrow)), layout.len(), gate, (single, true))
     } else {
-        gather(rows.map(|row| row.map(read)), layout.len(), gate, double)
+        gather(rows.map(|row| row.map(read)), layout.len(), gate, (double, false))
     }
 }
 
@@ -157,11 +157,12 @@ fn gather<T: Copy + Default + Into<f64>, R: Iterator<Item = [T; 3]>>(
     rows: impl Iterator<Item = R>,
     count: usize,
     gate: &Gate,
-    wrap: impl Fn(Vec<[T; 3]>, Vec<[T; 3]>) -> Points,
+    (wrap, keeps_ends): (impl Fn(Vec<[T; 3]>, Vec<[T; 3]>) -> Points, bool),
 ) -> Converted {
     // The layout fits the data, so each list is at most three times the message.
     let kept = Vec::with_capacity(count);
-    let gathered = Gathered { gate, count, kept, far: Vec::new(), invalid: 0, out_of_range: 0 };
+    let most_ends = if keeps_ends { count } else { 0 };
+    let gathered = Gathered { gate, most_ends, kept, far: Vec::new(), invalid: 0, out_of_range: 0 };
     let gathered = Arch::new().dispatch(Gathering { rows, gathered });
     let Gathered { kept, far, invalid, out_of_range, .. } = gathered;
     Converted { points: wrap(kept, far), invalid, out_of_range }
@@ -207,8 +208,8 @@ where
 
 struct Gathered<'a, T> {
     gate: &'a Gate,
-    /// Most points.
-    count: usize,
+    /// 0 where the ends of rays are of no use.
+    most_ends: usize,
     kept: Vec<[T; 3]>,
     far: Vec<[T; 3]>,
     invalid: u32,
@@ -236,8 +237,8 @@ impl<T: Copy + Default + Into<f64>> Gathered<'_, T> {
         self.kept.extend_from_slice(&kept[..next]);
         self.invalid += count as u32 - valid;
         self.out_of_range += valid - all;
-        if valid > all {
-            self.far.reserve_exact(self.count - self.far.len());
+        if valid > all && self.most_ends > 0 {
+            self.far.reserve_exact(self.most_ends - self.far.len());
             let points = (0..count.min(BATCH)).map(|i| [xs[i], ys[i], zs[i]]);
             self.far.extend(points.filter(|point| self.gate.is_far(point.map(Into::into))));
         }

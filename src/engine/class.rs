@@ -11,7 +11,7 @@ pub enum SurfaceClass {
     Unknown = 0,
     /// Level, faces up, the ground of its storey.
     Floor = 1,
-    /// Level, faces down, above the sensor that saw it.
+    /// Level, faces down, above the sensor, or was so before.
     Ceiling = 2,
     /// Upright.
     Wall = 3,

@@ -177,17 +177,15 @@ async fn find_router(session: &Session, looks: u64) -> Result<(), OpenError> {
 /// Keeps the publishers of the domain.
 fn read_graph(session: &Session, setup: &Setup, graph: Graph) -> Result<Subscriber<()>, OpenError> {
     let inputs = setup.inputs()?;
-    // A flood of others must not hide the publishers that the node waits for.
     let is_input = move |topic: &str| {
         let mut topics = inputs.iter().flat_map(|input| Form::ALL.map(|form| input.topic(form)));
         topics.any(|of| of == Some(topic))
     };
-    let room = move |source: &Source| if is_input(&source.topic) { 2 * SOURCES } else { SOURCES };
     let note = move |sample: zenoh::sample::Sample| {
         let key = sample.key_expr().as_str();
         let mut graph = graph.lock().unwrap_or_else(PoisonError::into_inner);
         match (sample.kind(), names::source(key)) {
-            (SampleKind::Put, Some(source)) if graph.len() < room(&source) => {
+            (SampleKind::Put, Some(source)) if has_room(graph.len(), is_input(&source.topic)) => {
                 graph.insert(key.to_owned(), source);
             }
             (SampleKind::Put, _) => {}
@@ -200,6 +198,11 @@ fn read_graph(session: &Session, setup: &Setup, graph: Graph) -> Result<Subscrib
     let declared =
         liveliness.declare_subscriber(names::tokens(setup.domain)).history(true).callback(note).wait();
     declared.map_err(opening("the graph"))
+}
+
+/// Whether one more publisher is remembered: a flood of others must not hide those that the node waits for.
+const fn has_room(remembered: usize, is_input: bool) -> bool {
+    remembered < if is_input { 2 * SOURCES } else { SOURCES }
 }
 
 /// Every topic that has a publisher now, by name.
@@ -321,4 +324,15 @@ fn encoded(message: &Outgoing) -> Result<Vec<u8>, cdr_encoding::Error> {
         Outgoing::Polygon(message) => cdr::write(&mut bytes, message),
     }?;
     Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn however_many_publishers_there_are_those_of_the_nodes_own_topics_are_remembered() {
+        assert!(has_room(SOURCES - 1, false) && !has_room(SOURCES, false));
+        assert!(has_room(SOURCES, true) && !has_room(2 * SOURCES, true));
+    }
 }

@@ -1,4 +1,4 @@
-"""The same bag gives the same bytes: on one core and on all, on a debug build and on a release build."""
+"""The same bag gives the same bytes: on one core and on all, optimised as a release is and less."""
 
 import os
 import pathlib
@@ -14,7 +14,7 @@ OUTPUTS = ("voxels", "clusters", "ply", "out")
 
 @pytest.fixture(scope="module")
 def debug():
-    """tests/run.sh has built it for the Rust tests; with debug assertions, overflow checks and without link-time tricks."""
+    """tests/run.sh has built it for the Rust tests and kept it; with debug assertions and overflow checks."""
     if not DEBUG.is_file():
         subprocess.run(["cargo", "build", "--bin", "cfodi"], cwd=replay.REPOSITORY, check=True, timeout=1800)
     return DEBUG

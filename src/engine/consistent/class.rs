@@ -95,6 +95,8 @@ pub(crate) struct Evidence<'a> {
     pub(crate) floor: Option<f64>,
     /// z of the sensor (m).
     pub(crate) sensor: f64,
+    /// Whether it was a ceiling before: then it was above the sensor that saw it, which may have taken a lift since.
+    pub(crate) was_ceiling: bool,
     /// Of an upright cluster.
     pub(crate) neighbours: &'a [Neighbour],
 }
@@ -173,6 +175,9 @@ impl Evidence<'_> {
 
     fn facing_down(&self) -> (SurfaceClass, f64) {
         let above = self.middle() - self.sensor;
+        if self.was_ceiling && above < 0.0 {
+            return (SurfaceClass::Ceiling, 1.0);
+        }
         let class = if above >= 0.0 { SurfaceClass::Ceiling } else { SurfaceClass::Unknown };
         (class, likely(above, c::HEIGHT_SIGMA))
     }

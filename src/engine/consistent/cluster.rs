@@ -62,12 +62,12 @@ impl Standing {
 }
 
 impl Before {
-    /// What it was taken for, and how surely.
-    pub(super) fn class(&self) -> (SurfaceClass, f32) {
+    /// What it was taken for.
+    pub(super) fn class(&self) -> SurfaceClass {
         match self {
-            Self::New => (SurfaceClass::Unknown, 0.0),
-            Self::Standing(standing) => (standing.class, standing.class_confidence),
-            Self::Other(told) => (told.class, told.class_confidence),
+            Self::New => SurfaceClass::Unknown,
+            Self::Standing(standing) => standing.class,
+            Self::Other(told) => told.class,
         }
     }
 

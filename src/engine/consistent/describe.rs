@@ -149,6 +149,8 @@ pub(super) struct Surroundings {
     pub(super) floor: Option<f64>,
     /// z of the sensor (m).
     pub(super) sensor: f64,
+    /// Whether it has been taken for a ceiling.
+    pub(super) was_ceiling: bool,
 }
 
 /// How a cluster's voxels lie on its plane.
@@ -199,6 +201,7 @@ pub(super) fn class(
         across: planarity.across,
         floor: surroundings.floor,
         sensor: surroundings.sensor,
+        was_ceiling: surroundings.was_ceiling,
         neighbours,
     })
 }

@@ -27,6 +27,7 @@ fn surface(elevation: f64) -> Evidence<'static> {
         across: 0.0,
         floor: Some(0.0),
         sensor: 1.0,
+        was_ceiling: false,
         neighbours: &[],
     }
 }
@@ -74,6 +75,10 @@ fn the_ceiling_faces_down_above_the_sensor() {
     assert_class(&Evidence { lowest: 2.5, highest: 2.5, ..surface(-90.0) }, SurfaceClass::Ceiling);
     let table_from_below = Evidence { lowest: 0.7, highest: 0.7, ..surface(-90.0) };
     assert_eq!(classify(&table_from_below), (SurfaceClass::Unknown, 0.0));
+    // What was one stays one when the sensor has gone up a storey, for as long as it is level.
+    let of_below = Evidence { lowest: 2.5, highest: 2.5, sensor: 4.0, was_ceiling: true, ..surface(-90.0) };
+    assert_class(&of_below, SurfaceClass::Ceiling);
+    assert_class(&Evidence { was_ceiling: true, sensor: 4.0, ..surface(-1.0) }, SurfaceClass::Wall);
 }
 
 #[test]

@@ -106,7 +106,9 @@ impl Landmarks {
             let next = self.floors.range((Height(least), ComponentId(0))..).next();
             next.map(|(height, _)| height.0)
         };
-        let floors = successors(above(f64::NEG_INFINITY), |floor| above(floor + STOREY));
+        // So far up that a storey is less than is told apart, the next is at least another.
+        let next = |floor: &f64| above((floor + STOREY).max(floor.next_up()));
+        let floors = successors(above(f64::NEG_INFINITY), next);
         floors.take_while(|floor| *floor <= middle + SUNK).last()
     }
 

@@ -73,17 +73,13 @@ impl Surfaces {
         for &component in &due {
             let Some(cluster) = self.clusters[component.0 as usize].as_deref() else { continue };
             let (Some(shape), Some(plane)) = (&cluster.told, &cluster.plane) else { continue };
-            let middle = describe::middle(shape);
-            // It was above the sensor that saw it from below; it stays what it was when that has taken a lift since.
-            let before = cluster.before.class();
-            if before.0 == SurfaceClass::Ceiling && shape.normal.z < 0.0 && middle < sensor_height {
-                classes.push((component, before));
-                continue;
-            }
             let planarity = Planarity::of(cluster, plane);
             let beside = self.neighbours(shape);
-            let floor = self.landmarks.floor_below(middle);
-            let surroundings = Surroundings { floor, sensor: sensor_height };
+            let surroundings = Surroundings {
+                floor: self.landmarks.floor_below(describe::middle(shape)),
+                sensor: sensor_height,
+                was_ceiling: cluster.before.class() == SurfaceClass::Ceiling,
+            };
             let class = describe::class(shape, planarity, &beside, surroundings, params.voxel_size());
             classes.push((component, class));
         }

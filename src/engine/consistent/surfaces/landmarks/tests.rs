@@ -164,7 +164,7 @@ fn a_wall_of_large_voxels_is_in_no_more_cells_than_one_of_as_many_small_ones() {
 fn every_storey_has_a_floor() {
     let mut landmarks = Landmarks::new(0.08);
     let level = |height: f64| rectangle([0.0, 0.0, height], [0.0; 3], [4.0, 3.0]);
-    for (component, height) in (0..).zip([0.75, 2.8, 3.55, 0.0]) {
+    for (component, height) in (0..).zip([0.75, 2.8, 3.55, 0.0, 1e17, 3e17]) {
         landmarks.set(ComponentId(component), Some(&level(height)));
     }
     let floors = [
@@ -179,6 +179,8 @@ fn every_storey_has_a_floor() {
         (4.0, Some(2.8)),
         (9.0, Some(2.8)),
         (-1.0, None),
+        (2e17, Some(1e17)),
+        (4e17, Some(3e17)),
     ];
     for (middle, floor) in floors {
         assert_eq!(landmarks.floor_below(middle), floor, "below {middle}");
