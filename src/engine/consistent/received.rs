@@ -87,7 +87,7 @@ impl Received {
             }
             (Points::Depths(depths), None) => self.take_far(&depths.list(), pose, voxel_size),
             (Points::F32(points) | Points::Ended { points, .. }, None) => {
-                self.take_far(points, pose, voxel_size)
+                self.take_far(points, pose, voxel_size);
             }
             (Points::F64(points), _) => self.take_far(points, pose, voxel_size),
         }

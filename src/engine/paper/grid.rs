@@ -178,7 +178,7 @@ impl Grid {
         let mut binned = Binned::default();
         match &scan.points {
             Points::F32(points) | Points::Ended { points, .. } => {
-                self.bin_points(points, scan, sequence, &mut binned)
+                self.bin_points(points, scan, sequence, &mut binned);
             }
             Points::F64(points) => self.bin_points(points, scan, sequence, &mut binned),
             Points::Depths(depths) => self.bin_points(&depths.list(), scan, sequence, &mut binned),
