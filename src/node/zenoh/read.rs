@@ -157,12 +157,11 @@ where
         let decoded = cdr::read_with(&received.bytes(), Told(seed.clone()));
         let scan = decoded.unwrap_or_else(|text| Err(CloudError::Undecodable(text)));
         // Where messages have numbers, what was dropped here is a gap in them.
-        let told = match received.origin() {
-            Some(origin) => known.borrow_mut().tell(Ok::<_, String>((scan, origin)), false),
-            None => {
-                known.borrow_mut().note(&scan);
-                Some((scan, received.dropped))
-            }
+        let told = if let Some(origin) = received.origin() {
+            known.borrow_mut().tell(Ok::<_, String>((scan, origin)), false)
+        } else {
+            known.borrow_mut().note(&scan);
+            Some((scan, received.dropped))
         };
         let Some((scan, lost)) = told else { continue };
         // Nobody keeps a message while the node is busy.
