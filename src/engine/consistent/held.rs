@@ -15,6 +15,9 @@ pub(super) struct Held {
     thickness: [f64; 6],
 }
 
+/// More than what a quotient times its divisor is less than its dividend by.
+const ROUNDING: f64 = 1.0 + 1e-12;
+
 impl Held {
     pub(super) fn new(state: &State, noise: &Noise) -> Self {
         Self { mean: state.mean(), blur: state.blur(noise), thickness: upper(&state.thickness(noise)) }
@@ -31,10 +34,13 @@ impl Held {
         let noise = self.blur.deep * sight * sight + self.blur.lateral;
         let allowed = noise_factor * noise_factor * noise + flatness * flatness;
         let off = normal.dot(&(self.mean - plane.point));
-        // Most planes pass it by.
-        if off * off > most * allowed {
+        // Most planes pass it by; what is just as far is looked at, for it decides between equals.
+        if off * off > most * allowed * ROUNDING {
             return None;
         }
-        Some((off * off + along(self.thickness, normal)) / allowed).filter(|misfit| *misfit <= most)
+        // Points that lie closer together than their noise would have them are no better than right on it: less than nothing, the
+        // misfit would not be told from one beyond `most`.
+        let thickness = along(self.thickness, normal).max(0.0);
+        Some((off * off + thickness) / allowed).filter(|misfit| *misfit <= most)
     }
 }
