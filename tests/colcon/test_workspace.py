@@ -36,7 +36,7 @@ def workspace(tmp_path_factory):
     (workspace / "build" / "cfodi").symlink_to(target_of_program())
     command = [COLCON / "colcon", "build", "--base-paths", "src", "src/cfodi/msg",
                "--cmake-args", "-G", "Ninja", "-DBUILD_TESTING=OFF", f"-DPython3_EXECUTABLE={sys.executable}",
-               "--cargo-args", "--bin", "cfodi", "--config", "profile.dev.opt-level=0"]
+               "--cargo-args", "--bin", "cfodi", "--config", "profile.dev.package.cfodi.opt-level=0"]
     built = subprocess.run(command, cwd=workspace, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
                            env=os.environ | {"PATH": f"{os.environ['PATH']}:{COLCON}", "CARGO_NET_OFFLINE": "true"})
     said = [line for line in built.stdout.splitlines() if not line.startswith("{")]  # less cargo's metadata
