@@ -259,6 +259,9 @@ impl Sight<'_> {
     }
 }
 
+/// Pixels that are read together.
+const BATCH: usize = 64;
+
 /// All rows of an image, in code for the processor at hand.
 struct Reading<'a, const N: usize, R: Fn([u8; N]) -> f32> {
     sight: &'a Sight<'a>,
@@ -277,16 +280,21 @@ impl<const N: usize, R: Fn([u8; N]) -> f32> WithSimd for Reading<'_, N, R> {
         let (mut measured, mut kept) = (0, 0);
         let [nearest, farthest] = self.sight.range;
         for row in self.grid.data.chunks_exact(self.grid.step).take(self.sight.rows) {
-            self.depths.extend(row[..self.grid.row_bytes].as_chunks().0.iter().map(|bytes| {
-                let depth = (self.read)(*bytes);
-                let is_measured = (depth > 0.0) & (depth < f32::INFINITY);
-                let is_kept = is_measured & (depth >= nearest) & (depth <= farthest);
-                measured += u32::from(is_measured);
-                kept += u32::from(is_kept);
-                let is_far = is_measured & (depth > farthest) & (depth <= FARTHEST_END);
-                let other = if is_far { -depth } else { f32::INFINITY };
-                if is_kept { depth } else { other }
-            }));
+            // A loop, for what is handed to an iterator's method is not compiled for the processor at hand.
+            for pixels in row[..self.grid.row_bytes].as_chunks().0.chunks(BATCH) {
+                let mut depths = [0.0; BATCH];
+                for (bytes, place) in pixels.iter().zip(&mut depths) {
+                    let depth = (self.read)(*bytes);
+                    let is_measured = (depth > 0.0) & (depth < f32::INFINITY);
+                    let is_kept = is_measured & (depth >= nearest) & (depth <= farthest);
+                    measured += u32::from(is_measured);
+                    kept += u32::from(is_kept);
+                    let is_far = is_measured & (depth > farthest) & (depth <= FARTHEST_END);
+                    let other = if is_far { -depth } else { f32::INFINITY };
+                    *place = if is_kept { depth } else { other };
+                }
+                self.depths.extend_from_slice(&depths[..pixels.len()]);
+            }
         }
         [measured, kept]
     }
