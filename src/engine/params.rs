@@ -217,7 +217,7 @@ impl Params {
     /// Sets the edge of a voxel (m).
     ///
     /// # Errors
-    /// Outside 1 mm to 10 m.
+    /// One that is not finite, or not above 0.
     pub fn with_voxel_size(self, voxel_size: f64) -> Result<Self, ParamsError> {
         let possible = VOXEL_SIZE.contains(&voxel_size);
         possible.then_some(Self { voxel_size, ..self }).ok_or(ParamsError::VoxelSize(voxel_size))

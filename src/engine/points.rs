@@ -87,9 +87,9 @@ impl Depths {
         self.list_of(|depth| depth)
     }
 
-    /// Where each ray that was measured ends, be it a point or too far away to be one; row by row.
+    /// Where those rays end that were measured too far away to be points, row by row.
     pub(crate) fn ends(&self) -> Vec<[f32; 3]> {
-        self.list_of(f32::abs)
+        self.list_of(|depth| -depth)
     }
 
     fn list_of(&self, depth: impl Fn(f32) -> f32) -> Vec<[f32; 3]> {
@@ -134,7 +134,7 @@ mod tests {
         let depths = Depths::new(Arc::clone(&rays), vec![none, 2.0, 4.0, 1.0, -8.0, none]).unwrap();
         let (points, far) = ([[0.0, 0.5, 2.0], [2.0, 1.0, 4.0], [-0.5, -0.25, 1.0]], [0.0, -2.0, 8.0]);
         assert_eq!(depths.list(), points);
-        assert_eq!(depths.ends(), [&points[..], &[far]].concat());
+        assert_eq!(depths.ends(), [far]);
         assert_eq!((depths.len(), depths.is_empty()), (3, false));
         assert_eq!(Depths::new(rays, vec![1.0; 5]), None, "five depths of six pixels");
     }

@@ -123,6 +123,16 @@ fn partly(value: f64, half: f64, full: f64) -> f64 {
     0.5 + 0.5 * ((value - half) / (full - half)).clamp(0.0, 1.0)
 }
 
+/// Whether a surface with this normal is level and seen from above.
+pub(crate) fn faces_up(normal: &UnitVector3<f64>) -> bool {
+    normal.z > 0.0 && inclination(normal) <= c::LEVEL
+}
+
+/// Angle between a plane and a level one.
+fn inclination(normal: &UnitVector3<f64>) -> f64 {
+    normal.z.abs().min(1.0).acos()
+}
+
 impl Evidence<'_> {
     fn support(&self) -> f64 {
         1.0 - (-f64::from(self.voxels) / c::SUPPORT).exp()
@@ -143,7 +153,7 @@ impl Evidence<'_> {
             return (SurfaceClass::Curved, likely(-fit, fit_sigma));
         }
         let sigma = self.tilt_sigma();
-        let inclination = self.normal.z.abs().min(1.0).acos();
+        let inclination = inclination(&self.normal);
         let (class, sure) = if inclination <= c::LEVEL {
             let (class, sure) = if self.normal.z > 0.0 { self.facing_up() } else { self.facing_down() };
             (class, sure * likely(c::LEVEL - inclination, sigma))

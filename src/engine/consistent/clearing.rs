@@ -12,7 +12,7 @@
 //!
 //! **Cost.** A fifth of a nanosecond a pixel of a camera for the ranges, or 2 to 3 a point of a list, and one ray for each
 //! voxel with points in a third of the blocks in view; the body is asked for only where that ray ends beyond the mean. It
-//! follows the scan and the view, which ends at [`FARTHEST`].
+//! follows the scan and the view, which ends at the farthest point, or at [`FARTHEST`].
 
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
@@ -27,7 +27,8 @@ mod body;
 
 /// Scans between two looks at a block.
 const TURNS: i64 = 3;
-/// Depth beyond which nothing is looked at (m): no sensor of depth is sure there.
+/// Depth up to which every scan looks (m); one with points beyond looks as far as these. Where rays end on what is not mapped may be
+/// ten times as far, and the blocks in such a view as many as those of a building.
 const FARTHEST: f64 = 10.0;
 /// Standard deviations of a depth by which a ray must end beyond the box around the points ([`body`]), with [`SHARE`] beside: it
 /// is the nearest point of a cell that counts, and of a Kinect's 16 that one lies nearly two before the mean already.
@@ -61,7 +62,7 @@ impl Clearing {
         self.ranges.blocks_in_view(
             &scan.fixed_from_sensor,
             block_edge,
-            FARTHEST,
+            FARTHEST.max(self.ranges.farthest().into()),
             known,
             wanted,
             &mut self.blocks,

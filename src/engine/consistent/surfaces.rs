@@ -216,8 +216,10 @@ impl Surfaces {
                 self.segmented[block.0 as usize].patches.iter().map(|patch| patch.cells.len() as u32),
             );
         }
-        blocks.iter().for_each(|&block| self.meet(grid, block));
-        let slices = self.slices_beside(grid, blocks);
+        // What a slice beside them met before counts as well as what it meets now.
+        let mut slices = self.slices_beside(grid, blocks);
+        blocks.iter().for_each(|&block| self.meet(grid, block, blocks));
+        slices.extend(self.slices_beside(grid, blocks));
         let new = blocks.iter().flat_map(|&block| self.ids(block));
         let anew: Vec<_> = new.chain(slices.iter().copied()).collect();
         for &id in &anew {
@@ -249,12 +251,15 @@ impl Surfaces {
             .map(move |number| PatchId { block, number: number as u8 })
     }
 
-    /// Finds where the patches of a block that was segmented anew meet others, and tells these.
-    fn meet(&mut self, grid: &Grid, block: BlockIndex) {
+    /// Finds where the patches of a block that was segmented anew, with others (ascending), meet those around it, and tells these.
+    fn meet(&mut self, grid: &Grid, block: BlockIndex, published: &[BlockIndex]) {
         for (place, other) in grid.block(block).around.iter() {
-            if other != block {
-                // They met what this block was before.
+            if published.binary_search(&other).is_err() {
+                // It met what this block was before.
                 self.segmented[other.0 as usize].contacts.forget(block);
+            } else if other < block {
+                // It has met this one already.
+                continue;
             }
             let [here, there] = [block, other].map(|block| &self.segmented[block.0 as usize]);
             let met = contacts(here, there, place, grid.block(block).corner(), self.rules.contact_reach);
@@ -266,12 +271,15 @@ impl Surfaces {
         }
     }
 
-    /// Patches of other blocks around these that may be slices.
+    /// Patches of other blocks that may be slices of what they meet in these.
     fn slices_beside(&self, grid: &Grid, blocks: &[BlockIndex]) -> BTreeSet<PatchId> {
         let around = blocks.iter().flat_map(|&block| grid.block(block).around.iter().map(|(_, other)| other));
         let others: BTreeSet<_> = around.filter(|other| blocks.binary_search(other).is_err()).collect();
         let ids = others.into_iter().flat_map(|other| self.ids(other));
-        ids.filter(|&id| patch(&self.segmented, id).may_be_slice(&self.rules)).collect()
+        let meets = |id| {
+            contacts_of(&self.segmented, id).any(|(other, _)| blocks.binary_search(&other.block).is_ok())
+        };
+        ids.filter(|&id| patch(&self.segmented, id).may_be_slice(&self.rules) && meets(id)).collect()
     }
 
     /// Writes down which nodes the new patches have got.

@@ -86,6 +86,8 @@ pub(crate) struct RangeGrid {
     faces: [bool; 6],
     /// Fewest points with which a cell says something.
     min_count: u32,
+    /// Largest depth of a point, 0 without one; rays that end beyond what is mapped do not count.
+    farthest: f32,
     line: pixels::Line,
 }
 
@@ -98,6 +100,7 @@ impl RangeGrid {
             tiles: vec![0.0; 6 * TILES * TILES],
             faces: [false; 6],
             min_count: 1,
+            farthest: 0.0,
             line: pixels::Line::default(),
         }
     }
@@ -107,7 +110,7 @@ impl RangeGrid {
         self.clear();
         let measured = match points {
             Points::F32(points) => self.fill_list(points),
-            Points::Ended { points, ends } => self.fill_list(points) + self.fill_list(ends),
+            Points::Ended { points, ends } => self.fill_lists(points, ends),
             Points::F64(points) => {
                 let points: Vec<_> = points.iter().map(|point| point.map(|c| c as f32)).collect();
                 self.fill_list(&points)
@@ -115,6 +118,15 @@ impl RangeGrid {
             Points::Depths(depths) => self.fill_pixels(depths),
         };
         self.finish(measured);
+    }
+
+    /// Takes in points, and where rays end beyond what is mapped; returns how many there are of both.
+    fn fill_lists(&mut self, points: &[[f32; 3]], ends: &[[f32; 3]]) -> usize {
+        let points = self.fill_list(points);
+        let farthest = self.farthest;
+        let ends = self.fill_list(ends);
+        self.farthest = farthest;
+        points + ends
     }
 
     /// Takes in points; returns how many.
@@ -129,6 +141,7 @@ impl RangeGrid {
         }
         self.tiles.fill(0.0);
         self.faces = [false; 6];
+        self.farthest = 0.0;
     }
 
     #[inline(always)]
@@ -137,6 +150,7 @@ impl RangeGrid {
         for ((cell, depth), &point) in cells.iter_mut().zip(&mut depths).zip(batch) {
             (*cell, *depth) = cell_and_depth(point);
         }
+        self.farthest = farther(self.farthest, depths);
         for (&index, &depth) in cells.iter().zip(&depths).take(batch.len()) {
             let cell = &mut self.cells[index as usize];
             if cell.count == 0 {
@@ -178,6 +192,11 @@ impl RangeGrid {
         })
     }
 
+    /// Largest depth of a point (m), 0 without one.
+    pub(crate) const fn farthest(&self) -> f32 {
+        self.farthest
+    }
+
     /// Whether the direction of a point was measured and ends beyond it by `margin`.
     pub(crate) fn ends_past(&self, point: &Point3<f64>, margin: f64) -> bool {
         let (index, depth) = cell_and_depth([point.x, point.y, point.z].map(|coordinate| coordinate as f32));
@@ -215,6 +234,16 @@ impl WithSimd for Filling<'_> {
 /// sensor's frame: from half an edge to half a diagonal. The same for all voxels of a scan.
 pub(crate) fn half_extents(sensor_from_fixed: &Rotation3<f64>, edge: f64) -> Vector3<f64> {
     sensor_from_fixed.matrix().abs() * Vector3::repeat(0.5 * edge)
+}
+
+/// The largest of these depths, none of which is below 0; as bits, of which a processor takes several at once.
+#[inline(always)]
+fn farther(than: f32, depths: impl IntoIterator<Item = f32>) -> f32 {
+    let mut most = than.to_bits();
+    for depth in depths {
+        most = most.max(depth.to_bits());
+    }
+    f32::from_bits(most)
 }
 
 /// Face, row and column of a cell.

@@ -258,33 +258,45 @@ fn in_20_seconds_of_the_laboratory_what_stands_still_stays() {
     benches.iter().for_each(|bench| bench.check_surfaces(&scene, 0.02));
 }
 
-/// The voxels that are left of a plate at 2 m once every pixel of a camera that stands still says something else; `of` makes
-/// points of the pixels.
-fn left_of_a_plate(of: fn(Depths) -> Points, after: f32) -> usize {
+/// The voxels that are left of a plate at a depth (m) once every pixel of a camera that stands still says something else; `of`
+/// makes points of the pixels.
+fn left_of_a_plate(of: fn(Depths) -> Points, [before, after]: [f32; 2]) -> usize {
     let rays = |count: i32| (-count..count).map(|i| (i as f32 + 0.5) / 256.0).collect();
     let rays = Arc::new(Rays { x: rays(50), y: rays(40) });
     let mut grid = Grid::new(&params(0.08));
     let (mut clearing, mut binned) = (Clearing::new(), Binned::default());
     for sequence in 1..=60 {
-        let depth = if sequence <= 10 { 2.0 } else { after };
+        let depth = if sequence <= 10 { before } else { after };
         let points = of(Depths::new(Arc::clone(&rays), vec![depth; 100 * 80]).unwrap());
         let scan =
             Scan { stamp: Stamp::from_nanos(sequence), fixed_from_sensor: Isometry3::identity(), points };
         grid.bin(&scan, sequence as u64, &mut binned);
         clearing.clear(&mut grid, &scan, sequence as u64);
     }
-    grid.blocks().map(|(_, block)| block.awake().len()).sum()
+    let depths = grid.blocks().flat_map(|(_, block)| {
+        block.awake().iter().map(|voxel| 0.08 * f64::from(block.corner()[2] + voxel.cell.coordinates()[2]))
+    });
+    depths.filter(|depth| *depth < f64::from(before) + 1.0).count()
 }
 
 #[test]
 fn a_background_that_is_too_far_away_to_be_mapped_proves_what_is_before_it_to_be_empty() {
-    let as_list = |depths: Depths| {
-        let (points, ends) = (depths.list(), depths.ends());
-        Points::Ended { ends: ends[points.len()..].to_vec(), points }
-    };
     for of in [Points::Depths, as_list] {
-        assert_eq!(left_of_a_plate(of, -7.5), 0);
-        assert!(left_of_a_plate(of, f32::INFINITY) > 60, "what was not measured proves nothing");
-        assert!(left_of_a_plate(of, -1.8) > 60, "what ends before the plate proves nothing");
+        assert_eq!(left_of_a_plate(of, [2.0, -7.5]), 0);
+        assert!(left_of_a_plate(of, [2.0, f32::INFINITY]) > 60, "what was not measured proves nothing");
+        assert!(left_of_a_plate(of, [2.0, -1.8]) > 60, "what ends before the plate proves nothing");
     }
+}
+
+#[test]
+fn what_stood_farther_away_than_a_kinect_sees_goes_where_there_are_points_beyond_it() {
+    for of in [Points::Depths, as_list] {
+        let [before, after] = [f32::INFINITY, 18.0].map(|after| left_of_a_plate(of, [15.0, after]));
+        // Those at the border are not seen all round.
+        assert!(before > 3000 && after < before / 5, "{after} left of {before}");
+    }
+}
+
+fn as_list(depths: Depths) -> Points {
+    Points::Ended { points: depths.list(), ends: depths.ends() }
 }

@@ -12,7 +12,8 @@ use std::iter::successors;
 
 use nalgebra::{Point3, Vector3};
 
-use crate::engine::consistent::describe::{is_upright, reach};
+use crate::engine::consistent::class::faces_up;
+use crate::engine::consistent::describe::{is_upright, middle, reach};
 use crate::engine::consistent::graph::ComponentId;
 use crate::engine::snapshot::Cluster;
 
@@ -125,9 +126,10 @@ impl Landmarks {
 
 impl Mark {
     fn of(cluster: &Cluster, cell: f64) -> Self {
-        let is_floor = cluster.normal.z > 0.97 && cluster.area.is_some_and(|area| area >= FLOOR_AREA);
+        let is_floor = faces_up(&cluster.normal) && cluster.area.is_some_and(|area| area >= FLOOR_AREA);
         Self {
-            floor: is_floor.then_some(Height(cluster.centroid.z)),
+            // What is judged by it has a middle as well, the floor itself among others: its centroid may be far from there.
+            floor: is_floor.then(|| Height(middle(cluster))),
             cells: if is_upright(cluster) { cells(cluster, cell) } else { Vec::new() },
         }
     }

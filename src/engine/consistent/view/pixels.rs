@@ -4,7 +4,7 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::{CELLS, RangeGrid, cell_and_depth};
+use super::{CELLS, RangeGrid, cell_and_depth, farther};
 use crate::engine::points::{Depths, Rays};
 
 /// What the rows of pixels in one row of cells have so far, by column of pixels; its memory stays for the next scan.
@@ -26,7 +26,7 @@ impl RangeGrid {
             self.line = line;
             measured as usize
         } else {
-            self.fill_list(&depths.ends())
+            self.fill_lists(&depths.list(), &depths.ends())
         }
     }
 
@@ -84,6 +84,13 @@ impl Line {
     }
 }
 
+/// The depth of a pixel with a point; else 0.
+#[inline(always)]
+#[expect(clippy::needless_bitwise_bool, reason = "a lazy operator is a branch")]
+fn of_point(depth: f32) -> f32 {
+    if (depth > 0.0) & (depth < f32::INFINITY) { depth } else { 0.0 }
+}
+
 /// All rows of an image, in code for the processor at hand.
 struct Filling<'a> {
     grid: &'a mut RangeGrid,
@@ -104,6 +111,7 @@ impl WithSimd for Filling<'_> {
         let mut rows = rows.map(|(row, &y)| (row, row_of(y))).peekable();
         let mut measured = 0;
         while let Some((row, cells)) = rows.next() {
+            self.grid.farthest = farther(self.grid.farthest, row.iter().copied().map(of_point));
             self.line.take(row);
             if rows.peek().is_none_or(|(_, next)| *next != cells) {
                 measured += self.grid.put(self.line, cells);
@@ -157,12 +165,13 @@ mod tests {
             let depths = depths[..width * height].to_vec();
             let depths = Depths::new(Arc::new(Rays { x: rays(width), y: rays(height) }), depths).unwrap();
             let [mut pixels, mut points] = [RangeGrid::new(), RangeGrid::new()];
-            points.fill(&Points::F32(depths.ends()));
+            points.fill(&Points::Ended { points: depths.list(), ends: depths.ends() });
             // What a scan before has left behind must not matter.
             pixels.fill(&Points::F32(vec![[0.1, 0.2, 1.0]; 9]));
             pixels.fill(&Points::Depths(depths));
             prop_assert_eq!(cells(&pixels), cells(&points));
             prop_assert_eq!((&pixels.tiles, pixels.min_count), (&points.tiles, points.min_count));
+            prop_assert_eq!(pixels.farthest, points.farthest);
         }
     }
 }

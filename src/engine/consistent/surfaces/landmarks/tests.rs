@@ -14,9 +14,11 @@ type Told<'a> = BTreeMap<ComponentId, &'a Cluster>;
 
 /// The floor of the storey of a cluster, from the heights of all clusters that can be one.
 fn plain_floor(cluster: &Cluster, told: &Told) -> Option<f64> {
-    let is_floor =
-        |cluster: &&&Cluster| cluster.normal.z > 0.97 && cluster.area.is_some_and(|area| area >= FLOOR_AREA);
-    let mut heights: Vec<_> = told.values().filter(is_floor).map(|cluster| cluster.centroid.z).collect();
+    let ten_degrees = 10.0_f64.to_radians();
+    let is_floor = |cluster: &&&Cluster| {
+        cluster.normal.z >= ten_degrees.cos() && cluster.area.is_some_and(|area| area >= FLOOR_AREA)
+    };
+    let mut heights: Vec<_> = told.values().filter(is_floor).map(|cluster| middle(cluster)).collect();
     heights.sort_by(f64::total_cmp);
     let mut floors: Vec<f64> = Vec::new();
     for height in heights {
@@ -185,4 +187,24 @@ fn every_storey_has_a_floor() {
     for (middle, floor) in floors {
         assert_eq!(landmarks.floor_below(middle), floor, "below {middle}");
     }
+}
+
+#[test]
+fn a_floor_that_leans_is_level_with_itself_wherever_most_of_it_is() {
+    let mut landmarks = Landmarks::new(0.08);
+    let mut floor = rectangle([0.0; 3], [0.0, 0.02, 0.0], [26.0, 4.0]);
+    // Most points are in the room at one end of a corridor.
+    floor.centroid.z += 0.09;
+    landmarks.set(ComponentId(0), Some(&floor));
+    assert_eq!(landmarks.floor_below(middle(&floor)), Some(middle(&floor)));
+}
+
+#[test]
+fn a_ramp_is_no_floor() {
+    let mut landmarks = Landmarks::new(0.08);
+    let degrees = |angle: f64| rectangle([0.0; 3], [0.0, 0.0, angle.to_radians()], [3.0, 1.2]);
+    landmarks.set(ComponentId(0), Some(&degrees(12.0)));
+    assert_eq!(landmarks.floor_below(0.0), None);
+    landmarks.set(ComponentId(0), Some(&degrees(8.0)));
+    assert!(landmarks.floor_below(0.0).is_some());
 }
