@@ -1,6 +1,7 @@
 use nalgebra::Translation3;
 
 use super::*;
+use crate::engine::now::Now;
 use crate::engine::scan::Stamp;
 use crate::engine::{ChangedCluster, Cluster, ClusterState, Engine, Isometry3, Points, SurfaceClass};
 use crate::sim::{Drive, Scene};
@@ -280,4 +281,25 @@ fn what_is_in_view_is_told_of_within_a_round_however_many_slots_are_free() {
     }
     let most = behind.into_iter().skip(30).fold(0.0, f64::max);
     assert!((1.0..30.0).contains(&most), "{most} s");
+}
+
+#[test]
+fn a_cluster_is_seen_where_it_reaches_into_a_block_by_loose_voxels_alone() {
+    let mut next = laboratory();
+    let mut engine = Consistent::new(Params::default());
+    (0..20).for_each(|_| drop(engine.insert(&next())));
+    let blocks: Vec<_> = engine.grid.blocks().map(|(slot, _)| slot).collect();
+    let mut alone = 0;
+    for (number, block) in (1..).zip(blocks) {
+        let now = Now { sequence: 20, stamp: Stamp::from_nanos(number * 1_000_000_000_000) };
+        engine.surfaces.note_seen(&[block], now);
+        let nodes: Vec<_> = engine.surfaces.voxels(block).into_iter().filter_map(|(_, node)| node).collect();
+        for node in &nodes {
+            let cluster = engine.surfaces.cluster_of_node(*node).unwrap();
+            assert_eq!(cluster.identity.last_seen, now.stamp, "{block:?}, {node:?}");
+        }
+        let patches = engine.surfaces.segmented().get(block.0 as usize).map_or(0, |here| here.patches.len());
+        alone += usize::from(patches == 0 && !nodes.is_empty());
+    }
+    assert!(alone > 0);
 }

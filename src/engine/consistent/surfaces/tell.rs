@@ -7,7 +7,7 @@ use crate::engine::consistent::class::Neighbour;
 use crate::engine::consistent::cluster::{Before, Standing, content};
 use crate::engine::consistent::describe::{self, Planarity, Surroundings};
 use crate::engine::consistent::footprint::{Axis, Footprint};
-use crate::engine::consistent::graph::ComponentId;
+use crate::engine::consistent::graph::{ComponentId, NodeId};
 use crate::engine::consistent::grid::Grid;
 use crate::engine::consistent::layer::patch;
 use crate::engine::consistent::state::State;
@@ -41,16 +41,23 @@ impl Surfaces {
         self.removed.iter().copied().collect()
     }
 
-    /// Notes that the sensor put points into these blocks (ascending).
+    /// Notes that the sensor put points into these blocks (ascending), where clusters have patches or loose voxels.
     pub(in super::super) fn note_seen(&mut self, blocks: &[BlockIndex], now: Now) {
-        for block in blocks {
-            let Some(nodes) = self.nodes.get(block.0 as usize) else { continue };
-            for &node in nodes {
-                let component = self.graph.component(node).0 as usize;
-                if let Some(cluster) = self.clusters[component].as_mut() {
-                    cluster.identity.last_seen = now.stamp;
-                }
+        let Self { segmented, nodes, graph, clusters, .. } = self;
+        let mut see = |node: NodeId| {
+            if let Some(cluster) = clusters[graph.component(node).0 as usize].as_mut() {
+                cluster.identity.last_seen = now.stamp;
             }
+        };
+        for block in blocks {
+            let (Some(here), Some(nodes)) = (segmented.get(block.0 as usize), nodes.get(block.0 as usize))
+            else {
+                continue;
+            };
+            nodes.iter().copied().for_each(&mut see);
+            // Most of a row of loose voxels belong to one patch.
+            let rows = here.loose.chunk_by(|a, b| a.owner() == b.owner());
+            rows.filter_map(|row| row.first()?.owner()).for_each(&mut see);
         }
     }
 
