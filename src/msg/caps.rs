@@ -11,7 +11,8 @@ impl Caps {
     /// A sentence for each output whose cap this map exceeds for the first time.
     pub fn reached(&mut self, snapshot: &Snapshot) -> Vec<String> {
         let [surfaces, cubes] = markers::left_out(snapshot);
-        let sentences = [surfaces, cubes, labelled::left_out(snapshot.voxels.len())];
+        let sentences =
+            [surfaces, cubes, labelled::left_out(snapshot.voxels.len(), snapshot.unclustered_voxels)];
         let is_new = |(sentence, told): (Option<String>, &mut bool)| {
             sentence.filter(|_| !std::mem::replace(told, true))
         };

@@ -29,7 +29,7 @@ use super::counts::Counts;
 use super::publish::{Seen, publish};
 use super::rosout::Lines;
 use super::saved::Saved;
-use super::saving::{self, Saver, Saving};
+use super::saving::{self, Call, Saver, Saving};
 use super::speak::speak;
 use super::throttle::Throttle;
 use super::transport::{Event, Service, Transport};
@@ -203,7 +203,7 @@ struct Live<T: Transport> {
     tf_timeout: Duration,
     start: Instant,
     /// `None` where the map is not saved.
-    saving: Option<Saving<T::Request>>,
+    saving: Option<Saving<Call<T::Request>>>,
     /// How that goes.
     saved: Saved,
     reach: Reach,

@@ -9,6 +9,7 @@ use tokio::sync::mpsc::{UnboundedReceiver, unbounded_channel};
 use tracing::{debug, warn};
 
 use super::resume::say_removed;
+use super::transport::Service;
 use crate::engine::SavedMap;
 use crate::msg::ros::TriggerResponse;
 use crate::store::{self, StoreError, Stored};
@@ -193,14 +194,43 @@ impl<Request> Saving<Request> {
     }
 }
 
-/// What a caller of `~/save` is told.
-pub(super) fn response(written: &Written) -> TriggerResponse {
-    match written {
-        Ok(InFile { sequence: scans, bytes, .. }) => {
-            TriggerResponse { success: true, message: format!("{scans} scans saved, {bytes} bytes") }
-        }
-        Err(error) => TriggerResponse { success: false, message: error.to_string() },
+/// A call that is answered when a map has been written, or was not.
+#[derive(Debug)]
+pub(super) struct Call<Request> {
+    pub(super) service: Service,
+    /// The session whose map it is about: that of its time, or the one that it began.
+    pub(super) session: u64,
+    pub(super) request: Request,
+}
+
+impl<Request> Call<Request> {
+    /// What the caller is told.
+    pub(super) fn response(&self, written: &Written) -> TriggerResponse {
+        let (success, message) = match (self.service, written) {
+            (Service::Save, Ok(map)) if map.session != self.session => {
+                let (new, old) = (map.session, self.session);
+                (
+                    false,
+                    format!("session {new} has begun meanwhile, before the map of session {old} was saved"),
+                )
+            }
+            (Service::Save, Ok(InFile { sequence: scans, bytes, .. })) => {
+                (true, format!("{scans} scans saved, {bytes} bytes"))
+            }
+            (Service::Save, Err(error)) => (false, error.to_string()),
+            // A later session gives up what was saved as well.
+            (Service::Reset, Ok(_)) => (true, begun(self.session)),
+            (Service::Reset, Err(error)) => {
+                (false, format!("{}; the map that was saved may come back: {error}", begun(self.session)))
+            }
+        };
+        TriggerResponse { success, message }
     }
+}
+
+/// What is said of a session that begins.
+pub(super) fn begun(session: u64) -> String {
+    format!("session {session} begins with an empty map")
 }
 
 /// Says how a map was written that nobody has called for.
@@ -307,7 +337,7 @@ mod tests {
         write(1, 7).unwrap();
         saver.keep(2);
         for scans_since in [1, 2] {
-            let refused = response(&write(2, scans_since));
+            let refused = call(Service::Save, 2).response(&write(2, scans_since));
             let reason = format!("{} stays, for it cannot be kept beside the map", path.display());
             assert!(!refused.success && refused.message.starts_with(&reason), "{refused:?}");
             assert_eq!(scans(&path), Some(7), "the only map from before the jump is gone");
@@ -315,6 +345,32 @@ mod tests {
         std::fs::remove_file(in_the_way).unwrap();
         write(2, 3).unwrap();
         assert_eq!((scans(&path), scans(&kept)), (Some(3), Some(7)));
+    }
+
+    fn call(service: Service, session: u64) -> Call<()> {
+        Call { service, session, request: () }
+    }
+
+    #[test]
+    fn a_call_to_save_that_another_session_overtakes_has_failed_and_a_reset_that_one_overtakes_has_not() {
+        let saved = |session| Ok(InFile { session, sequence: 4, bytes: 99 });
+        let told = |service, written| {
+            let TriggerResponse { success, message } = call(service, 5).response(&written);
+            (success, message)
+        };
+        assert_eq!(told(Service::Save, saved(5)), (true, "4 scans saved, 99 bytes".to_owned()));
+        let overtaken = "session 7 has begun meanwhile, before the map of session 5 was saved";
+        assert_eq!(told(Service::Save, saved(7)), (false, overtaken.to_owned()));
+        let begins = "session 5 begins with an empty map";
+        assert_eq!(
+            [5, 7].map(|session| told(Service::Reset, saved(session))),
+            [5, 7].map(|_| (true, begins.to_owned()))
+        );
+        let refused = || Err(StoreError::InUse { path: "map".into() });
+        let reason = "map is in use by another process";
+        assert_eq!(told(Service::Save, refused()), (false, reason.to_owned()));
+        let stays = format!("{begins}; the map that was saved may come back: {reason}");
+        assert_eq!(told(Service::Reset, refused()), (false, stays));
     }
 
     #[test]

@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use crate::config::Config;
 use crate::engine::{GRID_REACH, Snapshot};
+use crate::msg::labelled;
 
 /// Since the last report, and at last.
 #[derive(Debug, Default)]
@@ -23,6 +24,12 @@ impl Vitals {
     pub(super) fn note(&mut self, took: Duration, points: Points) {
         self.took.push(took);
         self.points.add(points);
+    }
+
+    /// What `~/points_labelled` leaves out of the map of this session.
+    pub(super) fn left_out(&self, session: u64) -> Option<String> {
+        let map = self.map.filter(|map| map.session == session)?;
+        labelled::left_out(map.dense_voxels, map.unclustered_voxels)
     }
 }
 

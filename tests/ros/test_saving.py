@@ -47,14 +47,12 @@ def test_after_a_crash_it_goes_on_with_the_saved_map_and_its_ids_under_a_new_ses
 
 
 def test_what_was_forgotten_by_a_reset_does_not_come_back_after_a_crash(tmp_path, start, peer, new_peer):
-    """Nobody waits for the saving that follows a reset."""
+    """It is answered when that is on the disk."""
     path = tmp_path / "map.cfodi"
     node, camera = begin(start, peer, **saving(path))
     take_in(camera, peer.deltas)
     assert "1 scans" in peer.call(Trigger, "/cfodi/save", Trigger.Request()).message
-    saved = path.stat().st_mtime_ns
     assert peer.call(Trigger, "/cfodi/reset", Trigger.Request()).success
-    wait_until("the saving of an empty map", lambda: path.stat().st_mtime_ns != saved)
     node.process.send_signal(signal.SIGKILL)
     node.wait()
     _, after, _ = resumed(start, new_peer("after"), saving(path))

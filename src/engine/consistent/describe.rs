@@ -11,6 +11,7 @@ use crate::engine::key::ClusterId;
 use crate::engine::now::Now;
 use crate::engine::params::Params;
 use crate::engine::rectangle::rectangle_around;
+use crate::engine::scan::Stamp;
 use crate::engine::snapshot::{self, ClusterState};
 
 /// What is systematically wrong about a plane, about its place and at its half extent about its tilt, where it has [`SMALL`]
@@ -98,15 +99,43 @@ fn without_negative(covariance: Matrix3<f64>) -> Matrix3<f64> {
 /// How far it can be relied on.
 pub(super) fn state(cluster: &Cluster, params: &Params, now: Now) -> ClusterState {
     let identity = &cluster.identity;
-    let interval = u64::from(params.expansion_interval());
-    // Seen first by a later clock: before a restart, and so for long.
-    let is_new = (0.0..RELIABLE_SECONDS).contains(&now.stamp.seconds_since(identity.first_seen));
-    if cluster.voxels < RELIABLE_VOXELS || is_new {
+    if cluster.voxels < RELIABLE_VOXELS || is_new(identity.first_seen, now) {
         ClusterState::Tentative
-    } else if interval == 0 || now.sequence - identity.grown <= interval {
-        ClusterState::Active
-    } else {
+    } else if is_grown(identity.grown, params, now) {
         ClusterState::Complete
+    } else {
+        ClusterState::Active
+    }
+}
+
+/// Whether what was first seen then is too new to be relied on.
+pub(super) fn is_new(first_seen: Stamp, now: Now) -> bool {
+    // Seen first by a later clock: before a restart, and so for long.
+    (0.0..RELIABLE_SECONDS).contains(&now.stamp.seconds_since(first_seen))
+}
+
+/// Whether what has grown last in this scan is complete.
+pub(super) fn is_grown(grown: u64, params: &Params, now: Now) -> bool {
+    let interval = u64::from(params.expansion_interval());
+    interval > 0 && now.sequence - grown > interval
+}
+
+/// What the state of a cluster waits for that becomes another by time alone.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Waits {
+    /// It is large enough, and too new: first seen then.
+    New(Stamp),
+    /// It is active, and may be complete: it grew last in this scan.
+    Grown(u64),
+}
+
+/// What the state that a cluster is told to have waits for.
+pub(super) fn waits(cluster: &Cluster) -> Option<Waits> {
+    let identity = &cluster.identity;
+    match cluster.told.as_ref()?.state {
+        ClusterState::Tentative if cluster.voxels >= RELIABLE_VOXELS => Some(Waits::New(identity.first_seen)),
+        ClusterState::Active => Some(Waits::Grown(identity.grown)),
+        ClusterState::Tentative | ClusterState::Complete => None,
     }
 }
 

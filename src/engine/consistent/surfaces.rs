@@ -14,12 +14,14 @@ mod landmarks;
 mod loose;
 mod saved;
 mod tell;
+mod waiting;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use self::landmarks::Landmarks;
 pub(super) use self::saved::SavedSurfaces;
+use self::waiting::Waiting;
 use super::block::{BlockIndex, Cell};
 use super::cluster::Cluster;
 use super::graph::{Batch, ComponentId, End, Graph, NodeId, Outcome};
@@ -45,6 +47,7 @@ pub(super) struct Surfaces {
     /// By component.
     clusters: Vec<Option<Box<Cluster>>>,
     landmarks: Landmarks,
+    waiting: Waiting,
     /// Memory to draw outlines in.
     drawing: Drawing,
     ids_given: u64,
@@ -54,8 +57,24 @@ pub(super) struct Surfaces {
     due: Vec<ComponentId>,
     /// Ids that are gone by this scan.
     removed: BTreeSet<ClusterId>,
-    /// Voxels in clusters that have an id.
-    clustered: u32,
+    counted: Counted,
+}
+
+/// How much is told of.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Counted {
+    /// Clusters that have an id.
+    clusters: usize,
+    /// Voxels in them.
+    voxels: u32,
+}
+
+impl Counted {
+    /// A cluster has so many voxels that are told of after so many before: none while it has no id.
+    fn count(&mut self, before: u32, now: u32) {
+        self.voxels = self.voxels + now - before;
+        self.clusters = self.clusters + usize::from(now > 0) - usize::from(before > 0);
+    }
 }
 
 impl Surfaces {
@@ -68,18 +87,19 @@ impl Surfaces {
             graph: Graph::default(),
             clusters: Vec::new(),
             landmarks: Landmarks::new(params.voxel_size()),
+            waiting: Waiting::default(),
             drawing: Drawing::default(),
             ids_given: 0,
             changed: BTreeSet::new(),
             due: Vec::new(),
             removed: BTreeSet::new(),
-            clustered: 0,
+            counted: Counted::default(),
         }
     }
 
     /// Voxels in clusters that are told of.
     pub(super) const fn clustered(&self) -> u32 {
-        self.clustered
+        self.counted.voxels
     }
 
     pub(super) fn segmented(&self) -> &[Segmented] {
@@ -163,8 +183,9 @@ impl Surfaces {
         for gone in &outcome.removed {
             // What it was has been taken over by another cluster, or is gone with its voxels.
             let counted = self.clusters[gone.0 as usize].take().map_or(0, |cluster| cluster.counted);
-            self.clustered -= counted;
+            self.counted.count(counted, 0);
             self.landmarks.set(*gone, None);
+            self.waiting.set(*gone, None);
         }
         for (block, cell) in dense {
             self.admit(grid, block, cell);

@@ -7,7 +7,8 @@ use crate::engine::{Cluster, DenseVoxel, Snapshot};
 /// Most cubes of one message: RViz chokes on more. What is beyond is left out and must be said.
 pub const MAX_CUBES: usize = 20_000;
 
-/// Most points of surfaces and outlines in one message, 2.4 MB. The smallest clusters are left out, which must be said.
+/// Most points of surfaces and outlines in one message, 2.4 MB. What does not fit beside larger clusters is left out, which must be
+/// said.
 pub const MAX_POINTS: usize = 100_000;
 
 /// What is drawn.
@@ -50,7 +51,7 @@ pub(in crate::msg) fn left_out(snapshot: &Snapshot) -> [Option<String>; 2] {
     let drawn = polygons(snapshot).len();
     let surfaces = (drawn < polygons_of_all).then(|| {
         format!(
-            "~/markers shows the {drawn} largest of {polygons_of_all} surfaces, which take {MAX_POINTS} points"
+            "~/markers shows {drawn} of {polygons_of_all} surfaces, the largest that fit into {MAX_POINTS} points"
         )
     });
     let members = snapshot.clusters.iter().filter(|cluster| !is_polygon(cluster));
@@ -71,8 +72,12 @@ fn polygons(snapshot: &Snapshot) -> Vec<&Cluster> {
     clusters.sort_by(|a, b| b.area.unwrap_or(0.0).total_cmp(&a.area.unwrap_or(0.0)));
     let mut points = 0;
     clusters.retain(|cluster| {
-        points += points_of(cluster);
-        points <= MAX_POINTS
+        let with = points + points_of(cluster);
+        let fits = with <= MAX_POINTS;
+        if fits {
+            points = with;
+        }
+        fits
     });
     clusters.sort_by_key(|cluster| cluster.id);
     clusters

@@ -7,7 +7,7 @@ use tracing::warn;
 
 use super::{Live, LiveError};
 use crate::msg::ros::TriggerResponse;
-use crate::node::saving::{self, Saving, Written};
+use crate::node::saving::{self, Call, Saving, Written};
 use crate::node::transport::{Service, Transport};
 
 impl<T: Transport> Live<T> {
@@ -16,7 +16,9 @@ impl<T: Transport> Live<T> {
             Some(saving) if saving.is_full() => {
                 format!("{} calls wait for a map to be written", Saving::<T::Request>::MOST_CALLS)
             }
-            Some(_) => return self.save(Some(request)),
+            Some(_) => {
+                return self.save(Some(Call { service: Service::Save, session: self.session, request }));
+            }
             None => "the parameter snapshot_path names no file".to_owned(),
         };
         self.answer(Service::Save, request, TriggerResponse { success: false, message }).await;
@@ -31,7 +33,7 @@ impl<T: Transport> Live<T> {
     }
 
     /// Asks for the map, to save it; `call` is answered when it is written.
-    pub(super) fn save(&mut self, call: Option<T::Request>) {
+    pub(super) fn save(&mut self, call: Option<Call<T::Request>>) {
         if self.saving.as_mut().is_some_and(|saving| saving.begin(call)) {
             self.saved.ask(Instant::now());
             self.worker.request_save();
@@ -52,7 +54,8 @@ impl<T: Transport> Live<T> {
             self.worker.request_save();
         }
         for call in calls {
-            self.answer(Service::Save, call, saving::response(result)).await;
+            let response = call.response(result);
+            self.answer(call.service, call.request, response).await;
         }
     }
 
@@ -75,7 +78,7 @@ pub(super) async fn next(written: &mut Option<UnboundedReceiver<Written>>) -> Op
 /// Waits for the map of the node's end; whoever still waits for one is told how that went.
 pub(super) async fn last_written<T: Transport>(
     mut written: UnboundedReceiver<Written>,
-    saving: Option<Saving<T::Request>>,
+    saving: Option<Saving<Call<T::Request>>>,
     transport: &T,
 ) -> Result<(), LiveError> {
     let mut last = None;
@@ -85,8 +88,9 @@ pub(super) async fn last_written<T: Transport>(
     }
     let last = last.ok_or(LiveError::SaverDied)?;
     for call in saving.into_iter().flat_map(Saving::into_calls) {
-        if let Err(failure) = transport.answer(Service::Save, call, saving::response(&last)).await {
-            warn!("{} could not be answered: {failure}", Service::Save.name());
+        let response = call.response(&last);
+        if let Err(failure) = transport.answer(call.service, call.request, response).await {
+            warn!("{} could not be answered: {failure}", call.service.name());
         }
     }
     last.map(drop).map_err(LiveError::NotSaved)

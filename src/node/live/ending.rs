@@ -12,7 +12,7 @@ use crate::cloud::CloudError;
 use crate::engine::Snapshot;
 use crate::node::counts::Counts;
 use crate::node::publish::Ended;
-use crate::node::saving::Written;
+use crate::node::saving::{Call, Written};
 use crate::node::transport::{Event, Service, Transport};
 
 /// Counts what was under way when the engine died.
@@ -36,9 +36,9 @@ impl<T: Transport> Live<T> {
                 counts.skip(cloud.as_ref().map_or_else(CloudError::reason, |_| "shutdown"));
             }
             Event::Lost(_, number) => counts.lose(number),
-            Event::Call(Service::Save, call) => {
+            Event::Call(service @ Service::Save, request) => {
                 if let Some(saving) = &mut self.saving {
-                    saving.wait(call);
+                    saving.wait(Call { service, session: self.session, request });
                 }
             }
             _ => {}

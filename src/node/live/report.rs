@@ -212,6 +212,9 @@ impl<T: Transport> Live<T> {
         if let Some(fault) = self.saved.fault(now) {
             part.raise(Level::Warn, fault);
         }
+        if let Some(line) = self.vitals.borrow().left_out(self.session) {
+            part.raise(Level::Warn, line);
+        }
         if let Some(memory) = resident_mb() {
             part.value("memory [MB]", format!("{memory:.1}"));
         }

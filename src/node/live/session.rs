@@ -6,6 +6,7 @@ use super::Live;
 use crate::engine::Stamp;
 use crate::msg::ros::TriggerResponse;
 use crate::node::clock::now;
+use crate::node::saving::{Call, begun};
 use crate::node::transport::{Service, Transport};
 use crate::tf::JUMP_BACK;
 
@@ -29,8 +30,20 @@ impl<T: Transport> Live<T> {
     pub(super) async fn reset(&mut self, request: T::Request) {
         self.join.begin_session(None);
         self.begin_session("~/reset was called", false);
-        let message = format!("session {} begins with an empty map", self.session);
-        self.answer(Service::Reset, request, TriggerResponse { success: true, message }).await;
+        let call = Call { service: Service::Reset, session: self.session, request };
+        let (success, message) = match &self.saving {
+            None => (true, begun(call.session)),
+            Some(saving) if saving.is_full() => {
+                self.save(None);
+                (
+                    false,
+                    format!("{}; whether the saved one is forgotten is not waited for", begun(call.session)),
+                )
+            }
+            // It is forgotten when the empty one is on the disk.
+            Some(_) => return self.save(Some(call)),
+        };
+        self.answer(Service::Reset, call.request, TriggerResponse { success, message }).await;
     }
 
     /// Begins a session that no scan has asked for: what waits is given up.
@@ -41,16 +54,19 @@ impl<T: Transport> Live<T> {
         self.start_session(why, keeps);
     }
 
-    /// Begins a session; `keeps` the file of the map that is given up.
+    /// Begins a session; `keeps` the file of the map that is given up, and saves the new one. A reset does that itself, to be
+    /// answered by it.
     pub(super) fn start_session(&mut self, why: &str, keeps: bool) {
         self.session = new_session(self.session);
         (0..self.worker.reset(self.session)).for_each(|_| self.counts.borrow_mut().skip("session_ended"));
-        info!("{why}: session {} begins with an empty map", self.session);
+        info!("{why}: {}", begun(self.session));
         self.worker.request_snapshot();
-        if keeps && let Some(saver) = &self.saver {
-            saver.keep(self.session);
+        if keeps {
+            if let Some(saver) = &self.saver {
+                saver.keep(self.session);
+            }
+            // What is given up must not come back after a crash.
+            self.save(None);
         }
-        // What is given up must not come back after a crash.
-        self.save(None);
     }
 }

@@ -357,6 +357,44 @@ fn a_jump_that_nobody_asked_for_keeps_the_file_of_the_map_that_it_ends_and_a_res
     }
 }
 
+/// Runs a node that saves in this folder on these events, until it has heard them and a little longer.
+fn heard(folder: &std::path::Path, events: Vec<Event<()>>) -> Ran {
+    node_until(&saving_in(folder), Fake::default(), events, |events, _| async move {
+        let patience = Instant::now();
+        while events.capacity() < events.max_capacity() && patience.elapsed() < Duration::from_secs(60) {
+            tokio::time::sleep(TICK).await;
+        }
+        tokio::time::sleep(Duration::from_millis(400)).await;
+    })
+}
+
+#[test]
+fn a_reset_has_failed_where_the_map_that_was_saved_cannot_be_written_over() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::create_dir(folder.path().join("map.part")).unwrap();
+    let (ended, _, transport) = heard(folder.path(), vec![Event::Call(Service::Reset, ())]);
+    assert!(matches!(ended, Err(LiveError::NotSaved(_))), "{ended:?}");
+    let replies = transport.replies.borrow();
+    let words = "begins with an empty map; the map that was saved may come back: ";
+    assert!(replies.len() == 1 && !replies[0].success && replies[0].message.contains(words), "{replies:?}");
+}
+
+#[test]
+fn a_call_to_save_before_a_reset_has_saved_what_was_there_or_has_failed() {
+    let folder = tempfile::tempdir().unwrap();
+    let scan = [transform(at(0.0), true), cloud(at(10.0), "camera")];
+    let calls = [Service::Save, Service::Reset].map(|service| Event::Call(service, ()));
+    let (ended, _, transport) = heard(folder.path(), scan.into_iter().chain(calls).collect());
+    ended.unwrap();
+    let replies = transport.replies.borrow();
+    let [save, reset] = &replies[..] else { panic!("{replies:?}") };
+    assert!(reset.success && reset.message.ends_with(" begins with an empty map"), "{reset:?}");
+    let words =
+        if save.success { "1 scans saved, " } else { " has begun meanwhile, before the map of session " };
+    assert!(save.message.contains(words), "{save:?}");
+    assert_eq!(store::read(&folder.path().join("map")).unwrap().map.sequence(), 0);
+}
+
 #[test]
 fn without_a_file_a_call_to_save_is_told_so() {
     let events = vec![Event::Call(Service::Save, ()), transform(at(0.0), true), cloud(at(10.0), "camera")];

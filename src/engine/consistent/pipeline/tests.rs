@@ -1,6 +1,7 @@
 use nalgebra::Translation3;
 
 use super::*;
+use crate::engine::now::Now;
 use crate::engine::scan::Stamp;
 use crate::engine::{ChangedCluster, Cluster, ClusterState, Engine, Isometry3, Points, SurfaceClass};
 use crate::sim::{Drive, Scene};
@@ -241,4 +242,64 @@ fn a_lift_makes_another_floor_and_ceiling_and_leaves_those_below_what_they_were(
     let [both, all] = [SurfaceClass::Floor, SurfaceClass::Ceiling].map(|class| large(&engine, class));
     assert!(both.len() == 2 && both.contains(&floors[0]), "{floors:?} {both:?}");
     assert!(all.len() > ceilings.len() && ceilings.iter().all(|id| all.contains(id)), "{ceilings:?} {all:?}");
+}
+
+#[test]
+fn a_state_is_told_in_the_scan_in_which_it_becomes_another_though_nothing_else_does() {
+    let drive = Drive::new(Scene::room(), 1, Stamp::from_nanos(0)).with_max_range(6.0);
+    let mut engine = Consistent::new(Params::default());
+    let insert = |engine: &mut Consistent, scan: &Scan| {
+        engine.insert(scan);
+        let late = engine.surfaces.check_waiting(&engine.params, engine.taken.now());
+        assert_eq!(late, 0, "after scan {}", engine.taken.sequence);
+    };
+    let scans: Vec<_> = (0..60).step_by(6).map(|index| drive.labelled_scan(index).scan).collect();
+    scans.iter().for_each(|scan| insert(&mut engine, scan));
+    let in_state = |engine: &Consistent, state| {
+        engine.snapshot().clusters.iter().filter(|cluster| cluster.state == state).count()
+    };
+    assert!(in_state(&engine, ClusterState::Active) > 0);
+    for number in 1..=25 {
+        let stamp = Stamp::from_nanos(scans[9].stamp.nanos() + number * 200_000_000);
+        insert(&mut engine, &Scan { stamp, points: Points::F32(Vec::new()), ..scans[9].clone() });
+    }
+    assert!(in_state(&engine, ClusterState::Complete) > 0);
+}
+
+#[test]
+fn what_is_in_view_is_told_of_within_a_round_however_many_slots_are_free() {
+    let mut next = laboratory();
+    let mut engine = Consistent::new(Params::default());
+    (0..20).for_each(|_| drop(engine.insert(&next())));
+    engine.surfaces.add_free_slots(5000);
+    let last = next();
+    let mut behind = Vec::new();
+    for number in 0..60 {
+        let stamp = Stamp::from_nanos(last.stamp.nanos() + number * 1_000_000_000);
+        engine.insert(&Scan { stamp, ..last.clone() });
+        behind.push(engine.surfaces.most_behind());
+    }
+    let most = behind.into_iter().skip(30).fold(0.0, f64::max);
+    assert!((1.0..30.0).contains(&most), "{most} s");
+}
+
+#[test]
+fn a_cluster_is_seen_where_it_reaches_into_a_block_by_loose_voxels_alone() {
+    let mut next = laboratory();
+    let mut engine = Consistent::new(Params::default());
+    (0..20).for_each(|_| drop(engine.insert(&next())));
+    let blocks: Vec<_> = engine.grid.blocks().map(|(slot, _)| slot).collect();
+    let mut alone = 0;
+    for (number, block) in (1..).zip(blocks) {
+        let now = Now { sequence: 20, stamp: Stamp::from_nanos(number * 1_000_000_000_000) };
+        engine.surfaces.note_seen(&[block], now);
+        let nodes: Vec<_> = engine.surfaces.voxels(block).into_iter().filter_map(|(_, node)| node).collect();
+        for node in &nodes {
+            let cluster = engine.surfaces.cluster_of_node(*node).unwrap();
+            assert_eq!(cluster.identity.last_seen, now.stamp, "{block:?}, {node:?}");
+        }
+        let patches = engine.surfaces.segmented().get(block.0 as usize).map_or(0, |here| here.patches.len());
+        alone += usize::from(patches == 0 && !nodes.is_empty());
+    }
+    assert!(alone > 0);
 }

@@ -216,8 +216,9 @@ impl Surfaces {
                 (told.class, told.class_confidence) = (saved.class, saved.class_confidence);
             }
             cluster.counted = if cluster.identity.id.is_some() { cluster.voxels } else { 0 };
-            self.clustered += cluster.counted;
+            self.counted.count(0, cluster.counted);
             self.landmarks.set(component, cluster.told.as_ref());
+            self.waiting.set(component, describe::waits(cluster));
         }
         // What was entered is no news.
         self.changed.clear();

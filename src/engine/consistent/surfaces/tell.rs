@@ -7,7 +7,7 @@ use crate::engine::consistent::class::Neighbour;
 use crate::engine::consistent::cluster::{Before, Standing, content};
 use crate::engine::consistent::describe::{self, Planarity, Surroundings};
 use crate::engine::consistent::footprint::{Axis, Footprint};
-use crate::engine::consistent::graph::ComponentId;
+use crate::engine::consistent::graph::{ComponentId, NodeId};
 use crate::engine::consistent::grid::Grid;
 use crate::engine::consistent::layer::patch;
 use crate::engine::consistent::state::State;
@@ -20,10 +20,12 @@ use crate::engine::snapshot::{self, ChangedCluster};
 const TOLD: u32 = 10;
 const NO_LONGER_TOLD: u32 = 7;
 
-/// Every cluster is looked at again once in so many scans, a second of a Kinect's; in twice, four times, ... as many where a
-/// scan would else look at more than [`LOOKS`].
+/// Every cluster that is told of is looked at again once in so many scans, a second of a Kinect's; in twice, four times, ... as
+/// many where a scan would else look at more than [`LOOKS`], on average.
 const ROUND: usize = 30;
 const LOOKS: usize = 16;
+/// Most clusters that a scan looks at because their state is another by time alone; the next one looks at more.
+const MOST_WAITING: usize = 32;
 
 impl Surfaces {
     /// The clusters that are told of, by ascending id, each as it was told of last.
@@ -39,21 +41,28 @@ impl Surfaces {
         self.removed.iter().copied().collect()
     }
 
-    /// Notes that the sensor put points into these blocks (ascending).
+    /// Notes that the sensor put points into these blocks (ascending), where clusters have patches or loose voxels.
     pub(in super::super) fn note_seen(&mut self, blocks: &[BlockIndex], now: Now) {
-        for block in blocks {
-            let Some(nodes) = self.nodes.get(block.0 as usize) else { continue };
-            for &node in nodes {
-                let component = self.graph.component(node).0 as usize;
-                if let Some(cluster) = self.clusters[component].as_mut() {
-                    cluster.identity.last_seen = now.stamp;
-                }
+        let Self { segmented, nodes, graph, clusters, .. } = self;
+        let mut see = |node: NodeId| {
+            if let Some(cluster) = clusters[graph.component(node).0 as usize].as_mut() {
+                cluster.identity.last_seen = now.stamp;
             }
+        };
+        for block in blocks {
+            let (Some(here), Some(nodes)) = (segmented.get(block.0 as usize), nodes.get(block.0 as usize))
+            else {
+                continue;
+            };
+            nodes.iter().copied().for_each(&mut see);
+            // Most of a row of loose voxels belong to one patch.
+            let rows = here.loose.chunk_by(|a, b| a.owner() == b.owner());
+            rows.filter_map(|row| row.first()?.owner()).for_each(&mut see);
         }
     }
 
-    /// Describes anew what has changed and, so that states, classes and times do not grow old, one cluster in so many of the
-    /// others; returns those that are told of differently than before, by ascending id.
+    /// Describes anew what has changed, those whose state is another by time alone and, so that classes and times do not grow
+    /// old, one cluster in so many of the others; returns those that are told of differently than before, by ascending id.
     pub(in super::super) fn describe(
         &mut self,
         params: &Params,
@@ -63,8 +72,11 @@ impl Surfaces {
         let mut due = std::mem::take(&mut self.due);
         due.clear();
         due.extend(&self.changed);
-        due.extend(self.in_turn(now).filter(|component| !self.changed.contains(component)));
+        let others = |component: &ComponentId| !self.changed.contains(component);
+        due.extend(self.waiting.due(params, now).filter(others).take(MOST_WAITING));
+        due.extend(self.in_turn(now).filter(others));
         due.sort_unstable();
+        due.dedup();
         for &component in &due {
             let changed = self.changed.contains(&component);
             self.describe_shape(component, changed, params, now);
@@ -93,13 +105,15 @@ impl Surfaces {
         changed
     }
 
-    /// The clusters whose turn it is to be looked at though nothing has changed. It stays the same turn while others come.
-    fn in_turn(&self, now: Now) -> impl Iterator<Item = ComponentId> + use<> {
-        let all = self.clusters.len();
-        let rounds = all.div_ceil(ROUND * LOOKS).next_power_of_two();
+    /// The clusters with an id whose turn it is to be looked at though nothing has changed. It stays the same turn while others
+    /// come. How many have an id makes the round, not how many slots there are: most may be free, or of pieces without one.
+    fn in_turn(&self, now: Now) -> impl Iterator<Item = ComponentId> {
+        let rounds = self.counted.clusters.div_ceil(ROUND * LOOKS).next_power_of_two();
         let round = ROUND * rounds;
-        let first = (now.sequence % round as u64) as u32;
-        (first..all as u32).step_by(round).map(ComponentId)
+        let first = (now.sequence % round as u64) as usize;
+        let slots = self.clusters.iter().enumerate().skip(first).step_by(round);
+        let told = slots.filter(|(_, cluster)| cluster.as_ref().is_some_and(|cluster| cluster.counted > 0));
+        told.map(|(component, _)| ComponentId(component as u32))
     }
 
     /// The larger upright clusters that this one stands beside.
@@ -121,6 +135,7 @@ impl Surfaces {
         let Some(id) = cluster.identity.id else {
             cluster.told = None;
             self.landmarks.set(component, None);
+            self.waiting.set(component, None);
             return;
         };
         let before = cluster.told.take();
@@ -137,6 +152,7 @@ impl Surfaces {
         if let Some(told) = &mut cluster.told {
             (told.state, told.last_seen) = (state, last_seen);
         }
+        self.waiting.set(component, describe::waits(cluster));
     }
 
     /// Counts the revisions of what is told of differently, or has taken in another.
@@ -226,7 +242,7 @@ impl Surfaces {
         for component in &self.changed {
             let Some(cluster) = self.clusters[component.0 as usize].as_deref_mut() else { continue };
             let counted = if cluster.identity.id.is_some() { cluster.voxels } else { 0 };
-            self.clustered = self.clustered + counted - std::mem::replace(&mut cluster.counted, counted);
+            self.counted.count(std::mem::replace(&mut cluster.counted, counted), counted);
         }
     }
 

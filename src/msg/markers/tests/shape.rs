@@ -92,15 +92,19 @@ fn what_has_nothing_to_show_is_not_sent_empty() {
     assert_eq!(shown(&map(Vec::new(), 0)), Viewer::default());
 }
 
+/// A round cluster of so many vertices, the larger the higher its id.
+fn ring(id: u64, vertices: u32) -> Cluster {
+    let corner = |i: u32| {
+        let turn = std::f64::consts::TAU * f64::from(i) / f64::from(vertices);
+        Point3::new(turn.cos(), turn.sin(), 0.0)
+    };
+    Cluster { boundary: (0..vertices).map(corner).collect(), area: Some(id as f64), ..square(id) }
+}
+
 #[test]
 fn the_largest_surfaces_that_fit_are_shown_and_the_others_said() {
     // A ring of 5000 vertices takes 24,994 points: four fit.
-    let ring = |i: u32| {
-        let turn = std::f64::consts::TAU * f64::from(i) / 5000.0;
-        Point3::new(turn.cos(), turn.sin(), 0.0)
-    };
-    let round =
-        |id: u64| Cluster { boundary: (0..5000).map(ring).collect(), area: Some(id as f64), ..square(id) };
+    let round = |id: u64| ring(id, 5000);
     let four = map((1..=4).map(round).collect(), 0);
     assert_eq!((slots_of(&four), left_out(&four)), (vec![0, 1, 2, 3], [None, None]));
     let six = map((1..=6).map(round).collect(), 0);
@@ -108,8 +112,18 @@ fn the_largest_surfaces_that_fit_are_shown_and_the_others_said() {
     let names: Vec<_> = (0..4).map(|slot| shown(&six).get(SURFACES, slot).text.clone()).collect();
     assert_eq!(names, ["3", "4", "5", "6"]);
     let [surfaces, cubes] = left_out(&six);
-    assert_eq!(surfaces.unwrap(), "~/markers shows the 4 largest of 6 surfaces, which take 100000 points");
+    assert_eq!(surfaces.unwrap(), "~/markers shows 4 of 6 surfaces, the largest that fit into 100000 points");
     assert_eq!(cubes, None);
+}
+
+#[test]
+fn a_surface_too_large_for_any_message_leaves_the_room_to_the_others() {
+    let snapshot = map(vec![square(1), ring(2, 5000), ring(3, 30_000)], 0);
+    let viewer = shown(&snapshot);
+    let names: Vec<_> = (0..2).map(|slot| viewer.get(SURFACES, slot).text.clone()).collect();
+    assert_eq!((slots_of(&snapshot), names), (vec![0, 1], vec!["1".to_owned(), "2".to_owned()]));
+    let [surfaces, _] = left_out(&snapshot);
+    assert_eq!(surfaces.unwrap(), "~/markers shows 2 of 3 surfaces, the largest that fit into 100000 points");
 }
 
 fn slots_of(snapshot: &Snapshot) -> Vec<i32> {

@@ -1,7 +1,9 @@
 //! What is reported of a node on a middleware made of channels.
 
 use super::*;
+use crate::msg::labelled::MAX_LABELLED;
 use crate::msg::reports::DiagnosticStatus;
+use crate::node::vitals::MapSize;
 
 /// What the last report says of a part.
 fn last(transport: &Fake, part: &str) -> DiagnosticStatus {
@@ -121,4 +123,25 @@ fn a_map_that_is_not_saved_is_a_warning_with_the_reason_and_one_that_is_has_an_a
     let said = run();
     assert_eq!((said.level, said.message.as_str()), (0, "clusters: 0; dense voxels: 1"));
     assert!(value(&said, "age of the saved map [s]").parse::<f64>().unwrap() < 1.0, "{said:?}");
+}
+
+#[tokio::test]
+async fn a_map_of_more_voxels_than_a_message_shows_is_a_warning_for_as_long_as_it_is_so() {
+    let config = Config::new([]).unwrap();
+    let (reports, mut reported) = mpsc::channel(1);
+    let worker = Worker::start(Engine::new(config.engine), 1, 1, |_| {}).unwrap();
+    let (counts, vitals) = <(Rc<RefCell<Counts>>, Rc<RefCell<Vitals>>)>::default();
+    let seen = (counts, Rc::clone(&vitals));
+    let mut live = Live::new(&config, Rc::new(Fake::default()), (worker, None, 1), seen, reports);
+    let mut said = |session, more| {
+        let dense_voxels = MAX_LABELLED + more;
+        let map = MapSize { session, sequence: 9, clusters: 8, dense_voxels, unclustered_voxels: 7 };
+        vitals.borrow_mut().map = Some(map);
+        live.report();
+        let status = reported.try_recv().unwrap().status.swap_remove(3);
+        (status.level, status.message)
+    };
+    let words = "~/points_labelled shows 1000000 of 1000001 dense voxels, of those in no cluster 7 of 7";
+    assert_eq!([said(1, 1), said(1, 1)], [(1, words.to_owned()), (1, words.to_owned())]);
+    assert_eq!([said(1, 0).0, said(2, 1).0], [0, 0], "it fits, or is that of a session that has ended");
 }
