@@ -13,6 +13,7 @@ use cfodi::args::Setup;
 use cfodi::engine::Params;
 use cfodi::experiment::quality::{Laboratory, Scored, Table};
 use cfodi::export::write_whole;
+use cfodi::line::one_line;
 use cfodi::say::{say, tell};
 use cfodi::sim::Scene;
 
@@ -24,7 +25,8 @@ const MOST_AT_ONCE: usize = 2;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Simulation {
-    /// A simulated scene instead of a recording: its clusters are scored against the truth
+    /// A simulated scene instead of a recording: its clusters are scored against the truth. Every mode is run, and what is sensed
+    /// is the simulator's: parameters of these are refused
     #[arg(long, value_parser = clap::builder::PossibleValuesParser::new(Scene::NAMES))]
     #[arg(conflicts_with_all = ["input", "topic", "no_effects"])]
     scene: Option<String>,
@@ -56,6 +58,33 @@ fn metres(text: &str) -> Result<f64, String> {
     Params::default().with_voxel_size(metres).map(|_| metres).map_err(|error| error.to_string())
 }
 
+/// The parameters that shape what the methods do; of the others each method, the simulator or an option decides.
+const USED: [&str; 9] = [
+    "min_points",
+    "depth",
+    "max_normal_angle",
+    "min_vicinity",
+    "expansion_interval",
+    "noise_model",
+    "clearing",
+    "max_voxels",
+    "keep_radius",
+];
+
+/// What is wrong with the arguments.
+fn wrong(setup: &Setup, sizes: &[f64]) -> Option<String> {
+    if let Some(size) = given_twice(sizes) {
+        return Some(format!("--voxel-size {size} is given twice: its runs would be counted twice"));
+    }
+    let unused = setup.given_beside(&USED);
+    (!unused.is_empty()).then(|| {
+        format!(
+            "--scene does not use {}: all methods are run, at each --voxel-size, on what the simulated Kinect sees",
+            one_line(&unused.join(", "))
+        )
+    })
+}
+
 /// A value that is there more than once.
 fn given_twice(sizes: &[f64]) -> Option<f64> {
     let twice = sizes.iter().enumerate().find(|&(place, size)| sizes[..place].contains(size));
@@ -67,8 +96,8 @@ pub(crate) fn laboratory(setup: &Setup, options: &Simulation, out: &Path) -> any
     let name = options.scene.as_deref().unwrap_or_default();
     let scene = Scene::named(name).with_context(|| format!("there is no scene {name}"))?;
     let Simulation { seeds, seconds, scan_step, voxel_size, .. } = options;
-    if let Some(size) = given_twice(voxel_size) {
-        say(format_args!("cfodi: --voxel-size {size} is given twice: its runs would be counted twice"));
+    if let Some(wrong) = wrong(setup, voxel_size) {
+        say(format_args!("cfodi: {wrong}"));
         return Ok(ExitCode::from(WRONG));
     }
     let laboratory = Laboratory::new(scene, *seconds, *scan_step, &setup.config.engine, voxel_size)?;
