@@ -239,6 +239,20 @@ fn parameters_of_the_methods_are_taken_by_the_laboratory() {
 }
 
 #[test]
+fn a_file_of_the_laboratory_that_cannot_be_written_is_named_before_the_runs() {
+    let folder = Folder::new();
+    let (out, inside) = (folder.path("lab"), folder.path("lab/quality.csv"));
+    fs::create_dir_all(&inside).unwrap();
+    let arguments = ["--seconds", "0.1", "--seeds", "1", "--voxel-size", "0.16", "--out", &out];
+    let ended = cfodi(&[&["experiment", "--scene", "room"], &arguments[..]].concat());
+    let errors = String::from_utf8_lossy(&ended.stderr);
+    assert_eq!(ended.status.code(), Some(1), "{errors}");
+    assert!(errors.contains("cannot write") && errors.contains("quality.csv"), "{errors}");
+    let left: Vec<_> = fs::read_dir(&out).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    assert_eq!(left, ["quality.csv"], "quality.md is written after the runs");
+}
+
+#[test]
 fn wrong_arguments_are_named_with_status_2_and_leave_no_file() {
     let folder = Folder::new();
     let out = folder.path("a.mcap");

@@ -12,7 +12,7 @@ use anyhow::{Context as _, anyhow};
 use cfodi::args::Setup;
 use cfodi::engine::Params;
 use cfodi::experiment::quality::{Laboratory, Scored, Table};
-use cfodi::export::write_whole;
+use cfodi::export::{WholeFile, write_whole};
 use cfodi::line::one_line;
 use cfodi::say::{say, tell};
 use cfodi::sim::Scene;
@@ -102,6 +102,12 @@ pub(crate) fn laboratory(setup: &Setup, options: &Simulation, out: &Path) -> any
     }
     let laboratory = Laboratory::new(scene, *seconds, *scan_step, &setup.config.engine, voxel_size)?;
     std::fs::create_dir_all(out).with_context(|| format!("cannot make {}", out.display()))?;
+    let [page, csv] = ["quality.md", "quality.csv"].map(|name| out.join(name));
+    // Who has named a folder that cannot be written to is not to wait for the runs. Nor are the files open through them: a signal
+    // would leave what was begun.
+    for file in [&page, &csv] {
+        drop(WholeFile::create(file)?);
+    }
     let mut table = Table::default();
     for (seed, run) in runs(&laboratory, *seeds)? {
         table.add_run(seed, &run);
@@ -112,9 +118,9 @@ pub(crate) fn laboratory(setup: &Setup, options: &Simulation, out: &Path) -> any
         laboratory.scans(),
         table.failures()
     );
-    write_whole(&out.join("quality.md"), |file| file.write_all(title.as_bytes()))?;
-    write_whole(&out.join("quality.csv"), |file| file.write_all(table.csv().as_bytes()))?;
-    tell(format_args!("{tables}\nwhat does not hold: {}", out.join("quality.md").display()))?;
+    write_whole(&page, |file| file.write_all(title.as_bytes()))?;
+    write_whole(&csv, |file| file.write_all(table.csv().as_bytes()))?;
+    tell(format_args!("{tables}\nwhat does not hold: {}", page.display()))?;
     Ok(ExitCode::SUCCESS)
 }
 
