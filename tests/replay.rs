@@ -282,6 +282,21 @@ fn two_sensors_fill_one_map() {
 }
 
 #[test]
+fn an_experiment_ends_where_stamps_jump_back_counts_what_it_leaves_out_and_has_status_1() {
+    let folder = Folder::new();
+    let lap = || (0..60).step_by(6);
+    let laps = drive_along(BagWriter::new(Layout::Plain), lap().chain(lap()));
+    let (bag, out) = (folder.put("laps.mcap", &laps), folder.0.path().join("figures"));
+    let [bag, out] = [&bag, &out].map(|path| path.to_str().unwrap());
+    let fixed_frame = ["--ros-args", "-p", "fixed_frame:=map"];
+    let ended = cfodi(&[&["experiment", bag, "--no-effects", "--out", out], &fixed_frame[..]].concat());
+    let errors = String::from_utf8_lossy(&ended.stderr);
+    assert_eq!(ended.status.code(), Some(1), "{errors}");
+    assert!(errors.contains("The stamps jump back by 1.782 s: what follows is left out."), "{errors}");
+    assert!(errors.contains("10 scans skipped: after_jump 10"), "{errors}");
+}
+
+#[test]
 fn stamps_that_jump_back_begin_a_session() {
     let folder = Folder::new();
     let laps = drive_along(BagWriter::new(Layout::Plain), (0..60).chain(0..3));

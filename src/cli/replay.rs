@@ -361,8 +361,13 @@ pub(crate) fn say_skipped(summary: &Summary) -> ExitCode {
     if let Some(unread) = &summary.unread {
         say(format_args!("cfodi: not all of the bag was read: {}", one_line(unread)));
     }
+    let ends_at_jump = summary.tally.ends_at_jump();
+    if ends_at_jump {
+        say("cfodi: not all of the bag was taken in, but what came before the stamps jumped back");
+    }
     if summary.stopped {
         say("cfodi: stopped by a signal before the end of the bag");
     }
-    if summary.unread.is_some() || summary.stopped { ExitCode::FAILURE } else { ExitCode::SUCCESS }
+    let is_whole = summary.unread.is_none() && !ends_at_jump && !summary.stopped;
+    if is_whole { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
