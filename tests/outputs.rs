@@ -74,3 +74,43 @@ fn standard_output_is_written_where_it_stands_and_gone_on_with_behind() {
     let summary = summary.unwrap_or_else(|| panic!("{text}"));
     assert_eq!(serde_json::from_str::<serde_json::Value>(summary).unwrap()["scans"], 2);
 }
+
+#[test]
+fn a_result_bag_that_cannot_be_written_takes_no_other_output_with_it() {
+    // The one fails at its end, the other long before.
+    for scans in [1, 100] {
+        let folder = Folder::with_bag(&drive(BagWriter::new(Layout::Plain), scans));
+        let others = ["--voxels", "v.csv", "--summary", "s.json", "--report", "report"];
+        let arguments = [&["--with-input", "--out", "/dev/full"], &others[..]].concat();
+        let (status, errors) = said(&folder.replay(&arguments).output().unwrap());
+        assert_eq!(status, Some(1), "{errors}");
+        let last = errors.lines().last().unwrap();
+        let is_told = last.starts_with("cfodi: cannot write /dev/full") && last.contains("No space left");
+        assert!(is_told, "{errors}");
+        let summary = fs::read(folder.path("s.json")).unwrap();
+        assert_eq!(serde_json::from_slice::<serde_json::Value>(&summary).unwrap()["scans"], scans);
+        assert!(folder.path("v.csv").exists() && folder.path("report/index.html").exists(), "{errors}");
+    }
+}
+
+#[test]
+fn a_result_bag_that_is_all_there_is_ends_the_replay_where_it_cannot_be_written() {
+    let folder = Folder::with_bag(&drive(BagWriter::new(Layout::Plain), 100));
+    let (status, errors) = said(&folder.replay(&["--with-input", "--out", "/dev/full"]).output().unwrap());
+    assert_eq!(status, Some(1), "{errors}");
+    assert!(errors.contains("cannot write /dev/full") && !errors.contains("100 scans in"), "{errors}");
+}
+
+#[test]
+fn an_output_with_the_name_of_a_folder_is_refused_before_the_bag_is_read() {
+    let folder = Folder::with_bag(&drive(BagWriter::new(Layout::Plain), 2));
+    for output in ["--out", "--clusters"] {
+        let (status, errors) = said(&folder.replay(&[output, "nd/", "--voxels", "v.csv"]).output().unwrap());
+        assert_eq!(status, Some(1), "{errors}");
+        assert!(errors.contains("cfodi: cannot write nd/: not a file name"), "{errors}");
+        assert!(!errors.contains("2 scans in"), "{errors}");
+        let left: Vec<_> =
+            fs::read_dir(folder.path("")).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+        assert_eq!(left, ["a.mcap"]);
+    }
+}

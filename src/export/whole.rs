@@ -147,8 +147,11 @@ fn behind(_: u32, path: &Path) -> io::Result<File> {
 }
 
 fn temporary(target: &Path) -> io::Result<Opened> {
-    let name =
-        target.file_name().ok_or_else(|| io::Error::new(io::ErrorKind::InvalidInput, "not a file name"))?;
+    // `file_name` passes over what makes a name that of a folder.
+    let name = target.as_os_str().as_encoded_bytes();
+    let is_folder = name.ends_with(b"/") || name.ends_with(b"/.");
+    let name = target.file_name().filter(|_| !is_folder);
+    let name = name.ok_or_else(|| io::Error::new(io::ErrorKind::InvalidInput, "not a file name"))?;
     // The process id keeps two programs that write the same file apart.
     let partial = target.with_file_name(format!(".{}.{}.part", name.to_string_lossy(), std::process::id()));
     Ok((File::create(&partial)?, Some((partial, target.to_owned()))))
@@ -268,6 +271,17 @@ mod tests {
         (&open).write_all(b"later\n").unwrap();
         assert_eq!(fs::read_to_string(&path).unwrap(), "earlier\nmore\nmore\nmore\nlater\n");
         assert_eq!(folder.names(), ["all.json", "link"]);
+    }
+
+    #[test]
+    fn a_name_that_only_a_folder_can_have_is_refused_before_anything_is_written() {
+        let folder = Folder::new();
+        fs::write(folder.0.path().join("a.ply"), "before").unwrap();
+        for name in ["nd/", "nd/.", "a.ply/", "a.ply/."] {
+            let error = WholeFile::create(&folder.0.path().join(name)).unwrap_err();
+            assert_eq!(error.source.to_string(), "not a file name", "{name}");
+        }
+        assert_eq!(folder.names(), ["a.ply"]);
     }
 
     #[test]
