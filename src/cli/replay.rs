@@ -207,6 +207,8 @@ pub(crate) fn open(setup: &Setup, path: &Path, wanted: &[String]) -> anyhow::Res
     if setup.config.snapshot_path.is_some() {
         say("snapshot_path is not used: only `cfodi run` saves its map");
     }
+    // Listened for before the first reading, which may take long.
+    let stop = stop::flag();
     let bag = match Bag::open(path) {
         Ok(bag) => bag,
         Err(error) => {
@@ -215,7 +217,7 @@ pub(crate) fn open(setup: &Setup, path: &Path, wanted: &[String]) -> anyhow::Res
             return Ok(Err(status));
         }
     };
-    let Survey { topics, is_complete } = bag.survey();
+    let Survey { topics, is_complete } = bag.survey(&stop);
     let has = |name: &str| topics.iter().any(|topic| topic.name == name);
     // What the node would listen to is meant: where it was remapped in any case, else where the bag has it.
     let is_told = setup.is_given("sensors") || setup.config.sensors.iter().any(|it| it.kind != Kind::Auto);
