@@ -282,6 +282,22 @@ fn two_sensors_fill_one_map() {
 }
 
 #[test]
+fn two_sensors_in_one_frame_with_clocks_that_differ_make_one_map() {
+    let folder = Folder::new();
+    let mut writer = BagWriter::new(Layout::Plain);
+    writer.tf("/tf_static", stamp(0), "map", OPTICAL, 0.0);
+    for i in 0..10 {
+        for (topic, behind) in [("/a", 0), ("/b", 2_000_000_000)] {
+            let cloud = bags::cloud(stamp(i) - behind, OPTICAL, &wall(i));
+            writer.put(topic, "sensor_msgs/msg/PointCloud2", stamp(i), &cloud);
+        }
+    }
+    let bag = folder.put("two.mcap", &writer.finish());
+    let found = replay(&bag, &["--topic", "/a", "--topic", "/b"]);
+    assert_eq!((found.number("scans"), found.number("sessions")), (20, 1), "{}", found.errors);
+}
+
+#[test]
 fn an_experiment_ends_where_stamps_jump_back_counts_what_it_leaves_out_and_has_status_1() {
     let folder = Folder::new();
     let lap = || (0..60).step_by(6);

@@ -251,16 +251,16 @@ impl<V: Visitor> Feeder<'_, V> {
     fn recorded(&mut self, recorded: Recorded, decoding: Duration) -> Result<(), V::Error> {
         if self.enough {
             // What is left out is counted to the end.
-            let scans = usize::from(matches!(recorded, Recorded::Cloud(_)));
+            let scans = usize::from(matches!(recorded, Recorded::Cloud { .. }));
             self.tally.skip_all(AFTER_JUMP, scans);
             return Ok(());
         }
         match recorded {
-            Recorded::Cloud(cloud) => {
+            Recorded::Cloud { sensor, cloud } => {
                 match cloud.and_then(|cloud| with_stamp(cloud, || self.ahead.begins_at_zero())) {
                     Ok(cloud) => {
                         self.tally.decoding += decoding;
-                        self.cloud(cloud)?;
+                        self.cloud(sensor, cloud)?;
                     }
                     Err(error) => self.refused(&error),
                 }
@@ -285,7 +285,7 @@ impl<V: Visitor> Feeder<'_, V> {
         }
     }
 
-    fn cloud(&mut self, cloud: Cloud) -> Result<(), V::Error> {
+    fn cloud(&mut self, sensor: usize, cloud: Cloud) -> Result<(), V::Error> {
         if let Some(line) = cloud.hardly_used()
             && self.tally.note_hardly_used()
         {
@@ -293,7 +293,7 @@ impl<V: Visitor> Feeder<'_, V> {
         }
         self.make_room()?;
         self.join.set_places(self.places());
-        if let Some(pushed_out) = self.join.cloud(cloud, self.now) {
+        if let Some(pushed_out) = self.join.cloud(sensor, cloud, self.now) {
             self.skip(&pushed_out);
         }
         self.ready()

@@ -73,10 +73,10 @@ fn read(path: &Path) {
 
 fn take(recorded: Recorded, join: &mut Join) {
     match recorded {
-        Recorded::Cloud(cloud) => {
+        Recorded::Cloud { sensor, cloud } => {
             check(cloud.clone(), &FILTER, 1 << 16);
             if let Ok(cloud) = cloud {
-                drop(join.cloud(cloud, Duration::ZERO));
+                drop(join.cloud(sensor, cloud, Duration::ZERO));
                 for joined in join.ready("map") {
                     assert!(joined.scan.sensor_origin().iter().all(|value| value.is_finite()));
                 }
