@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use super::clusters::write_clusters;
+use super::said::Said;
 use super::summary::Summary;
 use crate::bag::{Message, OutputTopics, ResultBag};
 use crate::engine::{Snapshot, Stamp, Update};
@@ -26,8 +27,8 @@ pub struct ResultFile {
     markers: Markers,
     caps: Caps,
     twins: Twins,
-    /// Whether it has been said that a topic of the input is not copied.
-    said_own: bool,
+    /// The topics of the input of which it has been said that they are not copied.
+    said_own: Said,
     is_direct: bool,
     /// The session that the markers are of.
     session: u64,
@@ -71,7 +72,7 @@ impl ResultFile {
             markers: Markers::default(),
             caps: Caps::default(),
             twins: topics.twins(),
-            said_own: false,
+            said_own: Said::default(),
             session: 0,
             published: None,
         })
@@ -174,7 +175,7 @@ impl Outputs<'_> {
     pub(super) fn message(&mut self, message: &Message) -> Result<(), WriteError> {
         let Some(file) = &mut self.bag else { return Ok(()) };
         let is_own = file.bag.as_ref().is_ok_and(|bag| bag.replaces(message.topic()));
-        if is_own && !std::mem::replace(&mut file.said_own, true) {
+        if is_own && file.said_own.is_due(message.topic(), 1) {
             (self.say)(&format!(
                 "{} of the input is not copied: the result has a topic of that name",
                 message.topic()
