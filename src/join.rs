@@ -22,13 +22,16 @@ const NAMES: usize = 20;
 pub struct Join {
     frames: Frames,
     waiting: WaitingQueue<Arrived>,
-    /// Of each sensor's frame: newest stamp that has arrived, whether or not a transform comes for it.
-    arrived: BTreeMap<String, Stamp>,
+    /// Newest stamp that has arrived, whether or not a transform comes for it.
+    arrived: BTreeMap<Key, Stamp>,
     /// Counts the arrivals whose stamps jumped back.
     lap: u64,
-    /// Of each sensor's frame: what this session has had of it.
-    sensors: BTreeMap<String, Sensor>,
+    /// What this session has had.
+    sensors: BTreeMap<Key, Sensor>,
 }
+
+/// A frame, and which of the sensors has sent clouds in it: two may share one.
+type Key = (String, usize);
 
 /// A sensor that has had a scan in this session.
 #[derive(Debug)]
@@ -54,12 +57,19 @@ pub fn with_stamp(cloud: Cloud, is_simulated: impl FnOnce() -> bool) -> Result<C
     if cloud.stamp.nanos() != 0 || is_simulated() { Ok(cloud) } else { Err(CloudError::NoStamp) }
 }
 
-/// A cloud, and the lap in which it arrived.
+/// A cloud of a sensor, and the lap in which it arrived.
 #[derive(Debug)]
 struct Arrived {
+    sensor: usize,
     cloud: Cloud,
     lap: u64,
     at: Moment,
+}
+
+impl Arrived {
+    fn key(&self) -> Key {
+        (self.cloud.frame_id.clone(), self.sensor)
+    }
 }
 
 /// A cloud whose transform is known.
@@ -134,7 +144,7 @@ impl Join {
     /// The frames of the sensors that have sent a cloud in this session, that of the cloud that has waited longest first.
     pub fn sensors(&self) -> impl Iterator<Item = &str> {
         let oldest = self.oldest().map(|(frame, _)| frame);
-        oldest.into_iter().chain(self.arrived.keys().map(String::as_str))
+        oldest.into_iter().chain(self.arrived.keys().map(|(frame, _)| frame.as_str()))
     }
 
     /// Takes in a transform.
@@ -154,25 +164,25 @@ impl Join {
         self.frames.is_of_use(transform)
     }
 
-    /// Lets a cloud wait for its transform; gives the one that has waited longest where there was no place.
-    pub fn cloud(&mut self, cloud: Cloud, now: impl Into<Moment>) -> Option<Waited<Cloud>> {
+    /// Lets a cloud of a sensor wait for its transform; gives the one that has waited longest where there was no place.
+    pub fn cloud(&mut self, sensor: usize, cloud: Cloud, now: impl Into<Moment>) -> Option<Waited<Cloud>> {
         let (stamp, frame, now) = (cloud.stamp, cloud.frame_id.clone(), now.into());
         if self.arrived.len() >= SENSORS {
             self.arrived.clear();
         }
         // Clouds before a jump and after it must not be sorted together, and the stamps alone do not tell them apart.
-        let before = self.arrived.insert(frame.clone(), stamp);
+        let before = self.arrived.insert((frame.clone(), sensor), stamp);
         self.lap += u64::from(before.is_some_and(|before| before.seconds_since(stamp) > JUMP_BACK));
-        let arrived = Arrived { cloud, lap: self.lap, at: now };
+        let arrived = Arrived { sensor, cloud, lap: self.lap, at: now };
         self.waiting.push(arrived, stamp, frame, now).map(plain)
     }
 
     /// Takes the clouds whose way to `fixed_frame` is known now: those before a jump first, then by ascending stamp.
     pub fn ready(&mut self, fixed_frame: &str) -> Vec<Joined> {
         let Self { frames, waiting, sensors, .. } = self;
-        let mut ready = waiting.take_ready(|frame, at| {
+        let mut ready = waiting.take_ready(|arrived, frame, at| {
             let found = frames.lookup(fixed_frame, frame, at)?;
-            let jumped = sensors.get(frame).filter(|sensor| is_back(at, sensor.newest));
+            let jumped = sensors.get(&arrived.key()).filter(|sensor| is_back(at, sensor.newest));
             match jumped.filter(|sensor| sensor.jumps == frames.jumps() && frames.reach_beyond(at)) {
                 None => Ok(found),
                 Some(&Sensor { newest, .. }) => {
@@ -182,9 +192,10 @@ impl Join {
             }
         });
         ready.sort_by_key(|(arrived, _)| arrived.lap);
-        let joined = ready.into_iter().map(|(Arrived { cloud, lap, at }, fixed_from_sensor)| {
+        let joined = ready.into_iter().map(|(arrived, fixed_from_sensor)| {
             // Only a scan with a transform tells the time: a stray stamp has none.
-            let jumped_back = self.jumped_back(&cloud, lap);
+            let jumped_back = self.jumped_back(&arrived);
+            let Arrived { cloud, at, .. } = arrived;
             let scan = Scan { stamp: cloud.stamp, fixed_from_sensor, points: cloud.points };
             Joined { scan, at, total: cloud.total, invalid: cloud.invalid, jumped_back }
         });
@@ -193,19 +204,20 @@ impl Join {
 
     /// Notes a scan; the jump that it begins a session with. Each sensor is held against itself: another may be late, or
     /// its clock off.
-    fn jumped_back(&mut self, cloud: &Cloud, lap: u64) -> Option<Jump> {
-        let newest = self.sensors.get(&cloud.frame_id).map(|sensor| sensor.newest);
-        let jump = newest.filter(|newest| is_back(cloud.stamp, *newest)).map(|newest| {
+    fn jumped_back(&mut self, scan: &Arrived) -> Option<Jump> {
+        let (key, stamp) = (scan.key(), scan.cloud.stamp);
+        let newest = self.sensors.get(&key).map(|sensor| sensor.newest);
+        let jump = newest.filter(|newest| is_back(stamp, *newest)).map(|newest| {
             self.sensors.clear();
-            let before = self.waiting.take_if(Moment::default(), |arrived| arrived.lap < lap);
-            Jump { seconds: newest.seconds_since(cloud.stamp), given_up: before.len() }
+            let before = self.waiting.take_if(Moment::default(), |arrived| arrived.lap < scan.lap);
+            Jump { seconds: newest.seconds_since(stamp), given_up: before.len() }
         });
         if self.sensors.len() >= SENSORS {
             self.sensors.clear();
         }
         let newest = if jump.is_some() { None } else { newest };
-        let newest = newest.map_or(cloud.stamp, |newest| newest.max(cloud.stamp));
-        self.sensors.insert(cloud.frame_id.clone(), Sensor { newest, jumps: self.frames.jumps() });
+        let newest = newest.map_or(stamp, |newest| newest.max(stamp));
+        self.sensors.insert(key, Sensor { newest, jumps: self.frames.jumps() });
         jump
     }
 
@@ -259,7 +271,7 @@ mod tests {
     }
 
     fn back(join: &mut Join, seconds: f64) -> Vec<Option<f64>> {
-        assert!(join.cloud(cloud(seconds), Duration::ZERO).is_none());
+        assert!(join.cloud(0, cloud(seconds), Duration::ZERO).is_none());
         let jumps = join.ready("map").into_iter().map(|joined| joined.jumped_back);
         jumps.map(|jump| jump.map(|jump| jump.seconds)).collect()
     }
@@ -286,11 +298,11 @@ mod tests {
     #[test]
     fn a_cloud_waits_for_its_transform_and_knows_what_it_lacks() {
         let mut join = Join::new(1);
-        assert!(join.cloud(cloud(1.0), Duration::ZERO).is_none());
+        assert!(join.cloud(0, cloud(1.0), Duration::ZERO).is_none());
         assert!(join.ready("map").is_empty());
         let (frame, lacks) = join.oldest().unwrap();
         assert!(frame == "camera" && matches!(lacks, Some(LookupError::UnknownFrame { .. })));
-        let pushed_out = join.cloud(cloud(2.0), Duration::ZERO).unwrap();
+        let pushed_out = join.cloud(0, cloud(2.0), Duration::ZERO).unwrap();
         assert_eq!((pushed_out.stamp, join.waiting()), (at(1.0), 1));
         let joined = join.ready("camera");
         assert_eq!((joined.len(), joined[0].scan.stamp), (1, at(2.0)));
@@ -311,9 +323,20 @@ mod tests {
         for seconds in [10.0, 10.1, 10.2] {
             assert_eq!(back(&mut join, seconds), [None]);
             let late = Cloud { frame_id: "other".into(), ..cloud(seconds - 5.0) };
-            assert!(join.cloud(late, Duration::ZERO).is_none());
+            assert!(join.cloud(0, late, Duration::ZERO).is_none());
             assert_eq!(join.ready("map")[0].jumped_back, None);
         }
+    }
+
+    #[test]
+    fn two_sensors_in_one_frame_are_held_against_themselves() {
+        let mut join = joined_with_static_camera();
+        let jumps =
+            [(0, 10.0), (1, 8.0), (0, 10.1), (1, 8.1), (0, 10.2), (1, 7.0)].map(|(sensor, seconds)| {
+                assert!(join.cloud(sensor, cloud(seconds), Duration::ZERO).is_none());
+                join.ready("map")[0].jumped_back.is_some()
+            });
+        assert_eq!(jumps, [false, false, false, false, false, true]);
     }
 
     #[test]
@@ -321,7 +344,7 @@ mod tests {
         let mut join = Join::new(8);
         let lost = Cloud { frame_id: "lost".into(), ..cloud(11.0) };
         let laps = [cloud(10.0), cloud(10.5), lost, cloud(5.0), cloud(5.5)];
-        assert!(laps.into_iter().all(|cloud| join.cloud(cloud, Duration::ZERO).is_none()));
+        assert!(laps.into_iter().all(|cloud| join.cloud(0, cloud, Duration::ZERO).is_none()));
         static_camera(&mut join, "camera");
         let ready = join.ready("map");
         let stamps: Vec<_> = ready.iter().map(|joined| joined.scan.stamp).collect();
@@ -352,14 +375,14 @@ mod tests {
     fn after_a_jump_back_the_transforms_of_before_count_no_more() {
         let mut join = Join::new(8);
         for tenth in 0..50 {
-            assert!(join.cloud(cloud(f64::from(tenth) * 0.1), Duration::ZERO).is_none());
+            assert!(join.cloud(0, cloud(f64::from(tenth) * 0.1), Duration::ZERO).is_none());
             odometry(&mut join, f64::from(tenth) * 0.1, 0.0);
             assert_eq!(places(&mut join).0.len(), 1);
         }
         // The robot is elsewhere, and its clouds come before their transforms.
         for tenth in 20..25 {
             let seconds = f64::from(tenth) * 0.1;
-            assert!(join.cloud(cloud(seconds), Duration::ZERO).is_none());
+            assert!(join.cloud(0, cloud(seconds), Duration::ZERO).is_none());
             assert_eq!(places(&mut join), (Vec::new(), 0), "at {seconds} s");
             odometry(&mut join, seconds, 20.0);
             assert_eq!(places(&mut join), (vec![(at(seconds), 20.0)], usize::from(tenth == 20)));
@@ -376,7 +399,7 @@ mod tests {
             let header = Header { stamp: at(seconds + 1.5).into(), frame_id: "map".into() };
             let (child_frame_id, transform) = ("odom".to_owned(), Transform::default());
             join.transform(&TransformStamped { header, child_frame_id, transform }, false).unwrap();
-            assert!(join.cloud(cloud(seconds), Duration::ZERO).is_none());
+            assert!(join.cloud(0, cloud(seconds), Duration::ZERO).is_none());
             let ready = join.ready("odom").into_iter();
             sessions.extend(ready.map(|joined| joined.jumped_back.is_some()));
         }
@@ -390,9 +413,9 @@ mod tests {
         for tenth in 0..100 {
             let seconds = f64::from(tenth) * 0.1;
             odometry(&mut join, seconds, 0.0);
-            assert!(join.cloud(cloud(seconds), Duration::ZERO).is_none());
+            assert!(join.cloud(0, cloud(seconds), Duration::ZERO).is_none());
             if tenth == 50 {
-                assert!(join.cloud(cloud(2.0), Duration::ZERO).is_none());
+                assert!(join.cloud(0, cloud(2.0), Duration::ZERO).is_none());
             }
             let (places, jumps) = places(&mut join);
             assert_eq!(jumps, 0);
@@ -411,7 +434,7 @@ mod tests {
         let mut join = joined_with_static_camera();
         assert_eq!(back(&mut join, 10.0), [None]);
         let stray = Cloud { frame_id: "lost".into(), ..cloud(9_000.0) };
-        assert!(join.cloud(stray, Duration::ZERO).is_none());
+        assert!(join.cloud(0, stray, Duration::ZERO).is_none());
         assert_eq!(back(&mut join, 10.1), [None]);
     }
 }

@@ -19,6 +19,20 @@ pub fn target(path: &Path) -> io::Result<PathBuf> {
     Err(io::Error::other("its symbolic links lead in a circle"))
 }
 
+/// The number of the descriptor that a name leads to, of those that this process was given open: `/dev/stdout`, `/dev/fd/3`.
+pub(crate) fn descriptor(path: &Path) -> Option<u32> {
+    let own = fs::canonicalize("/proc/self/fd").ok()?;
+    let mut name = path.to_owned();
+    for _ in 0..MOST_LINKS {
+        if fs::canonicalize(folder(&name)).is_ok_and(|folder| folder == own) {
+            return name.file_name()?.to_str()?.parse().ok();
+        }
+        let to = fs::read_link(&name).ok()?;
+        name = folder(&name).join(to);
+    }
+    None
+}
+
 /// The folder that a name is in.
 pub(crate) fn folder(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))

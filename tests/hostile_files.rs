@@ -19,6 +19,7 @@ use std::io::{Read as _, Write as _, repeat};
 use std::os::unix::ffi::OsStrExt as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
+use std::sync::atomic::AtomicBool;
 
 use bags::{BagWriter, Layout, OPTICAL, POINTS, drive, stamp, wall};
 use cfodi::bag::{Bag, BagError, Message};
@@ -42,7 +43,7 @@ fn put(folder: &TempDir, name: &str, bytes: &[u8]) -> PathBuf {
 fn read(bytes: &[u8]) -> (Vec<Message>, Option<BagError>) {
     let folder = folder();
     let bag = Bag::open(&put(&folder, "a.mcap", bytes)).unwrap();
-    let survey = bag.survey();
+    let survey = bag.survey(&AtomicBool::new(false));
     assert!(survey.topics.len() <= 100);
     let (mut messages, mut failure) = (Vec::new(), None);
     for item in bag.messages() {

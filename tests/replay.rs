@@ -282,6 +282,37 @@ fn two_sensors_fill_one_map() {
 }
 
 #[test]
+fn two_sensors_in_one_frame_with_clocks_that_differ_make_one_map() {
+    let folder = Folder::new();
+    let mut writer = BagWriter::new(Layout::Plain);
+    writer.tf("/tf_static", stamp(0), "map", OPTICAL, 0.0);
+    for i in 0..10 {
+        for (topic, behind) in [("/a", 0), ("/b", 2_000_000_000)] {
+            let cloud = bags::cloud(stamp(i) - behind, OPTICAL, &wall(i));
+            writer.put(topic, "sensor_msgs/msg/PointCloud2", stamp(i), &cloud);
+        }
+    }
+    let bag = folder.put("two.mcap", &writer.finish());
+    let found = replay(&bag, &["--topic", "/a", "--topic", "/b"]);
+    assert_eq!((found.number("scans"), found.number("sessions")), (20, 1), "{}", found.errors);
+}
+
+#[test]
+fn an_experiment_ends_where_stamps_jump_back_counts_what_it_leaves_out_and_has_status_1() {
+    let folder = Folder::new();
+    let lap = || (0..60).step_by(6);
+    let laps = drive_along(BagWriter::new(Layout::Plain), lap().chain(lap()));
+    let (bag, out) = (folder.put("laps.mcap", &laps), folder.0.path().join("figures"));
+    let [bag, out] = [&bag, &out].map(|path| path.to_str().unwrap());
+    let fixed_frame = ["--ros-args", "-p", "fixed_frame:=map"];
+    let ended = cfodi(&[&["experiment", bag, "--no-effects", "--out", out], &fixed_frame[..]].concat());
+    let errors = String::from_utf8_lossy(&ended.stderr);
+    assert_eq!(ended.status.code(), Some(1), "{errors}");
+    assert!(errors.contains("The stamps jump back by 1.782 s: what follows is left out."), "{errors}");
+    assert!(errors.contains("10 scans skipped: after_jump 10"), "{errors}");
+}
+
+#[test]
 fn stamps_that_jump_back_begin_a_session() {
     let folder = Folder::new();
     let laps = drive_along(BagWriter::new(Layout::Plain), (0..60).chain(0..3));
@@ -668,16 +699,22 @@ fn points_beyond_the_grid_are_said_and_counted() {
 }
 
 #[test]
-fn a_topic_of_the_input_that_the_result_has_itself_is_said_not_to_be_copied() {
+fn each_topic_of_the_input_that_the_result_has_itself_is_said_not_to_be_copied() {
     let folder = Folder::new();
     let mut writer = BagWriter::new(Layout::Plain);
     writer.tf("/tf_static", stamp(0), "map", OPTICAL, 0.0);
     (0..2).for_each(|i| writer.cloud(POINTS, stamp(i), &wall(i)));
-    writer.cloud("/cfodi/points_labelled", stamp(1), &wall(1));
+    for topic in ["/cfodi/points_labelled", "/cfodi/markers", "/cfodi/points_labelled"] {
+        writer.cloud(topic, stamp(1), &wall(1));
+    }
     let (bag, out) = (folder.put("own.mcap", &writer.finish()), folder.0.path().join("out.mcap"));
-    let found = replay(&bag, &["--with-input", "--out", out.to_str().unwrap()]);
+    let arguments = ["--topic", POINTS, "--with-input", "--out", out.to_str().unwrap()];
+    let found = replay(&bag, &arguments);
     assert_eq!((found.status, found.number("scans")), (0, 2), "{}", found.errors);
-    assert!(found.errors.contains("/cfodi/points_labelled of the input is not copied"), "{}", found.errors);
+    for topic in ["/cfodi/points_labelled", "/cfodi/markers"] {
+        let said = format!("{topic} of the input is not copied");
+        assert_eq!(found.errors.matches(&said).count(), 1, "{topic}: {}", found.errors);
+    }
 }
 
 #[cfg(unix)]

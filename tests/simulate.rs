@@ -206,7 +206,11 @@ fn after_a_signal_the_scans_so_far_can_be_read_and_the_status_is_1() {
 fn wrong_arguments_of_the_laboratory_are_named_with_status_2_and_leave_no_file() {
     let folder = Folder::new();
     let out = folder.path("lab");
-    let wrong: [(&[&str], &str); 3] = [
+    let parameters = ["mode:=paper", "depth:=3", "voxel_size:=0.2", "max_range:=0.5", "front.kind:=cloud"];
+    let parameters = parameters.map(|parameter| ["-p", parameter]).concat();
+    let parameters = [&["--ros-args", "-p", "sensors:=[front]"], &parameters[..]].concat();
+    let wrong: [(&[&str], &str); 4] = [
+        (&parameters, "--scene does not use front.kind, max_range, mode, sensors, voxel_size: all methods"),
         (&["--voxel-size", "0.05", "--voxel-size", "0.08", "--voxel-size", "0.050"], "0.05 is given twice"),
         (&["--voxel-size", "0"], "voxel_size is 0 m"),
         (&["--seeds", "0"], "0 is not in 1..=1000"),
@@ -218,6 +222,34 @@ fn wrong_arguments_of_the_laboratory_are_named_with_status_2_and_leave_no_file()
         assert!(errors.contains(said), "{arguments:?}: {errors}");
         assert!(folder.names().is_empty());
     }
+}
+
+#[test]
+fn parameters_of_the_methods_are_taken_by_the_laboratory() {
+    let folder = Folder::new();
+    let csv = |out: &str, parameters: &[&str]| {
+        let out = folder.path(out);
+        let arguments = ["experiment", "--scene", "room", "--seconds", "0.2", "--seeds", "1", "--out", &out];
+        let ended = cfodi(&[&arguments, parameters].concat());
+        assert_eq!(ended.status.code(), Some(0), "{}", String::from_utf8_lossy(&ended.stderr));
+        fs::read_to_string(format!("{out}/quality.csv")).unwrap()
+    };
+    let given = csv("given", &["--ros-args", "-p", "max_normal_angle:=0.1", "-p", "clearing:=false"]);
+    assert_ne!(csv("plain", &[]), given);
+}
+
+#[test]
+fn a_file_of_the_laboratory_that_cannot_be_written_is_named_before_the_runs() {
+    let folder = Folder::new();
+    let (out, inside) = (folder.path("lab"), folder.path("lab/quality.csv"));
+    fs::create_dir_all(&inside).unwrap();
+    let arguments = ["--seconds", "0.1", "--seeds", "1", "--voxel-size", "0.16", "--out", &out];
+    let ended = cfodi(&[&["experiment", "--scene", "room"], &arguments[..]].concat());
+    let errors = String::from_utf8_lossy(&ended.stderr);
+    assert_eq!(ended.status.code(), Some(1), "{errors}");
+    assert!(errors.contains("cannot write") && errors.contains("quality.csv"), "{errors}");
+    let left: Vec<_> = fs::read_dir(&out).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    assert_eq!(left, ["quality.csv"], "quality.md is written after the runs");
 }
 
 #[test]

@@ -181,6 +181,11 @@ impl Setup {
         self.given.contains(parameter)
     }
 
+    /// The parameters that were given a value and are none of these.
+    pub fn given_beside(&self, used: &[&str]) -> Vec<&str> {
+        self.given.iter().map(String::as_str).filter(|name| !used.contains(name)).collect()
+    }
+
     /// Whether a rule gives this topic or service another name.
     pub fn is_remapped(&self, name: &str) -> bool {
         let expanded = expand_topic_name(&self.namespace, &self.name, name).ok();
@@ -285,6 +290,13 @@ mod tests {
         assert_eq!(setup.resolve("~/clusters").unwrap(), "/robot/walls");
         assert_eq!(setup.resolve("~/markers").unwrap(), "/robot/cfodi/markers");
         assert_eq!(setup.resolve("/tf").unwrap(), "/tf");
+    }
+
+    #[test]
+    fn what_was_given_beside_the_known_is_named() {
+        let setup = parse("--ros-args -p mode:=paper -p depth:=3 -p clearing:=false").unwrap();
+        assert_eq!(setup.given_beside(&["depth", "voxel_size"]), ["clearing", "mode"]);
+        assert!(parse("").unwrap().given_beside(&[]).is_empty());
     }
 
     #[test]

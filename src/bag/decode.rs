@@ -13,7 +13,12 @@ use crate::msg::ros::{CameraInfo, TfMessage};
 #[derive(Clone, Debug, PartialEq)]
 pub enum Recorded {
     /// A scan of a sensor.
-    Cloud(Result<Cloud, CloudError>),
+    Cloud {
+        /// Its place among those of [`Decoder::new`].
+        sensor: usize,
+        /// The scan, or what is wrong with it.
+        cloud: Result<Cloud, CloudError>,
+    },
     /// Transforms.
     Transforms {
         /// The message.
@@ -115,7 +120,8 @@ impl Decoder {
             return self.transforms(message).into_iter().collect();
         }
         let Self { filter, sensors, .. } = self;
-        sensors.iter_mut().filter_map(|input| input.decode(message, filter)).collect()
+        let of_sensor = |(place, input): (usize, &mut Input)| input.decode(place, message, filter);
+        sensors.iter_mut().enumerate().filter_map(of_sensor).collect()
     }
 
     fn transforms(&self, message: &Message) -> Option<Recorded> {
@@ -143,9 +149,9 @@ impl Input {
         }
     }
 
-    fn decode(&mut self, message: &Message, filter: &CloudFilter) -> Option<Recorded> {
+    fn decode(&mut self, sensor: usize, message: &Message, filter: &CloudFilter) -> Option<Recorded> {
         if message.topic() == self.sensor.topic {
-            return Some(Recorded::Cloud(self.scan(&message.data, filter)));
+            return Some(Recorded::Cloud { sensor, cloud: self.scan(&message.data, filter) });
         }
         if self.is_info(message) { self.intrinsics(message) } else { None }
     }

@@ -3,6 +3,7 @@
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
 
 use super::error::BagError;
 use super::metadata;
@@ -71,9 +72,9 @@ impl Bag {
         self.files.iter().map(|part| part.path.clone()).chain(described).collect()
     }
 
-    /// The topics: from the summary or `metadata.yaml` where there is one, by reading all of the bag otherwise.
-    pub fn survey(&self) -> Survey {
-        survey(&self.files, &self.listed)
+    /// The topics: from the summary or `metadata.yaml` where there is one, otherwise by reading all of the bag, up to `stop`.
+    pub fn survey(&self, stop: &AtomicBool) -> Survey {
+        survey(&self.files, &self.listed, stop)
     }
 
     /// All messages in the order of the file.

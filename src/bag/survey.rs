@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufReader, Read as _, Seek as _, SeekFrom};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use mcap::records::op;
 use mcap::sans_io::LinearReaderOptions;
@@ -13,13 +14,13 @@ use super::read::{MAX_MESSAGE_BYTES, Messages};
 use super::records::{Record, Records};
 use super::topic::{Survey, Topic};
 
-/// From the summaries where each file has one, else from `listed`, else by reading all.
-pub(super) fn survey(files: &[Part], listed: &[Topic]) -> Survey {
+/// From the summaries where each file has one, else from `listed`, else by reading all up to `stop`.
+pub(super) fn survey(files: &[Part], listed: &[Topic], stop: &AtomicBool) -> Survey {
     let summaries: Option<Vec<_>> = files.iter().map(of_summary).collect();
     let (found, is_complete): (Vec<Topic>, bool) = match summaries {
         Some(summaries) => (summaries.into_iter().flatten().collect(), true),
         None if !listed.is_empty() => (listed.to_vec(), true),
-        None => of_messages(files),
+        None => of_messages(files, stop),
     };
     // A bag in several files names a topic in each.
     let mut topics = BTreeMap::<(String, String, String), Option<u64>>::new();
@@ -92,10 +93,11 @@ fn summary_start(file: &mut BufReader<File>, size: u64) -> Option<u64> {
 }
 
 /// By reading all of it: a cut bag has no summary, and one that is compressed as a whole cannot be sought.
-fn of_messages(files: &[Part]) -> (Vec<Topic>, bool) {
+fn of_messages(files: &[Part], stop: &AtomicBool) -> (Vec<Topic>, bool) {
     let mut topics = BTreeMap::<(String, String, String), Topic>::new();
     for message in Messages::new(files.to_vec()) {
-        let Ok(message) = message else { return (topics.into_values().collect(), false) };
+        let message = message.ok().filter(|_| !stop.load(Ordering::Relaxed));
+        let Some(message) = message else { return (topics.into_values().collect(), false) };
         let found = topic(&message.channel, Some(0));
         let key = (found.name.clone(), found.type_name.clone(), found.encoding.clone());
         let known = topics.entry(key).or_insert(found);
@@ -121,9 +123,24 @@ mod tests {
         let sum = |counts: [u64; 2]| {
             // Without a summary it is the list that counts.
             let files = [Part::unopened(Path::new("/no/such.mcap"))];
-            survey(&files, &counts.map(topic)).topics[0].messages
+            survey(&files, &counts.map(topic), &AtomicBool::new(false)).topics[0].messages
         };
         assert_eq!(sum([u64::MAX - 1, 1]), Some(u64::MAX));
         assert_eq!(sum([u64::MAX, 1]), None);
+    }
+
+    #[test]
+    fn a_bag_that_must_be_read_for_its_topics_is_read_up_to_a_signal() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.mcap");
+        let mut writer = mcap::Writer::new(File::create(&path).unwrap()).unwrap();
+        let channel_id = writer.add_channel(0, "/points", "cdr", &BTreeMap::new()).unwrap();
+        let header = mcap::records::MessageHeader { channel_id, sequence: 0, log_time: 1, publish_time: 1 };
+        (0..3).for_each(|_| writer.write_to_known_channel(&header, b"").unwrap());
+        writer.finish().unwrap();
+        let files = [Part::open(&path).unwrap()];
+        let (topics, is_complete) = of_messages(&files, &AtomicBool::new(false));
+        assert_eq!((topics[0].messages, is_complete), (Some(3), true));
+        assert_eq!(of_messages(&files, &AtomicBool::new(true)), (Vec::new(), false));
     }
 }

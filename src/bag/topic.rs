@@ -18,6 +18,6 @@ pub struct Topic {
 pub struct Survey {
     /// By name.
     pub topics: Vec<Topic>,
-    /// Whether these are all: a bag that is cut gives those before the cut.
+    /// Whether these are all: a bag that is cut gives those before the cut, and a signal ends the search.
     pub is_complete: bool,
 }

@@ -138,8 +138,10 @@ fn drive<T: Middleware>(
     let travelled = travelling.map(JoinHandle::join);
     let map = map?;
     came_home(travelled)?;
-    record.finish()?;
-    let [ply, png] = pictures.complete(&map)?;
+    // What can be written is, whatever becomes of the others.
+    let (recorded, drawn) = (record.finish(), pictures.complete(&map));
+    recorded?;
+    let [ply, png] = drawn?;
     let result = options.out.join(RESULT);
     let files =
         format!("the map: {} and {}; all that was sent: {}", ply.display(), png.display(), result.display());
@@ -274,8 +276,8 @@ impl Pictures {
     /// Gives their names.
     fn complete(self, map: &Snapshot) -> Result<[PathBuf; 2], WriteError> {
         let names = [&self.ply, &self.png].map(|file| file.path().to_owned());
-        self.ply.complete(|out| write_ply(out, map))?;
-        self.png.complete(|out| draw(map, &View::default()).write_png(out))?;
-        Ok(names)
+        let ply = self.ply.complete(|out| write_ply(out, map));
+        let png = self.png.complete(|out| draw(map, &View::default()).write_png(out));
+        ply.and(png).map(|()| names)
     }
 }

@@ -84,7 +84,7 @@ fn run(
         let replay = Replay::new(letter.clone(), Outputs { bag: None, story: Some(Story::new()), say });
         let mut scans = Scans { experiment, replay };
         match feed(input.feed(fixed_frame, false, &mut |progress| bar.set(progress)), &mut scans)? {
-            Ended::Fed(fed) => return Ok((scans.experiment.finish(), scans.replay.finish(fed)?)),
+            Ended::Fed(fed) => return Ok((scans.experiment.finish(), scans.replay.finish(fed))),
             Ended::WrongFrame(better) => fixed_frame = better,
         }
         say(BEGINS_AGAIN);

@@ -12,7 +12,8 @@ use anyhow::{Context as _, anyhow};
 use cfodi::args::Setup;
 use cfodi::engine::Params;
 use cfodi::experiment::quality::{Laboratory, Scored, Table};
-use cfodi::export::write_whole;
+use cfodi::export::{WholeFile, write_whole};
+use cfodi::line::one_line;
 use cfodi::say::{say, tell};
 use cfodi::sim::Scene;
 
@@ -24,7 +25,8 @@ const MOST_AT_ONCE: usize = 2;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Simulation {
-    /// A simulated scene instead of a recording: its clusters are scored against the truth
+    /// A simulated scene instead of a recording: its clusters are scored against the truth. Every mode is run, and what is sensed
+    /// is the simulator's: parameters of these are refused
     #[arg(long, value_parser = clap::builder::PossibleValuesParser::new(Scene::NAMES))]
     #[arg(conflicts_with_all = ["input", "topic", "no_effects"])]
     scene: Option<String>,
@@ -56,6 +58,33 @@ fn metres(text: &str) -> Result<f64, String> {
     Params::default().with_voxel_size(metres).map(|_| metres).map_err(|error| error.to_string())
 }
 
+/// The parameters that shape what the methods do; of the others each method, the simulator or an option decides.
+const USED: [&str; 9] = [
+    "min_points",
+    "depth",
+    "max_normal_angle",
+    "min_vicinity",
+    "expansion_interval",
+    "noise_model",
+    "clearing",
+    "max_voxels",
+    "keep_radius",
+];
+
+/// What is wrong with the arguments.
+fn wrong(setup: &Setup, sizes: &[f64]) -> Option<String> {
+    if let Some(size) = given_twice(sizes) {
+        return Some(format!("--voxel-size {size} is given twice: its runs would be counted twice"));
+    }
+    let unused = setup.given_beside(&USED);
+    (!unused.is_empty()).then(|| {
+        format!(
+            "--scene does not use {}: all methods are run, at each --voxel-size, on what the simulated Kinect sees",
+            one_line(&unused.join(", "))
+        )
+    })
+}
+
 /// A value that is there more than once.
 fn given_twice(sizes: &[f64]) -> Option<f64> {
     let twice = sizes.iter().enumerate().find(|&(place, size)| sizes[..place].contains(size));
@@ -67,12 +96,18 @@ pub(crate) fn laboratory(setup: &Setup, options: &Simulation, out: &Path) -> any
     let name = options.scene.as_deref().unwrap_or_default();
     let scene = Scene::named(name).with_context(|| format!("there is no scene {name}"))?;
     let Simulation { seeds, seconds, scan_step, voxel_size, .. } = options;
-    if let Some(size) = given_twice(voxel_size) {
-        say(format_args!("cfodi: --voxel-size {size} is given twice: its runs would be counted twice"));
+    if let Some(wrong) = wrong(setup, voxel_size) {
+        say(format_args!("cfodi: {wrong}"));
         return Ok(ExitCode::from(WRONG));
     }
     let laboratory = Laboratory::new(scene, *seconds, *scan_step, &setup.config.engine, voxel_size)?;
     std::fs::create_dir_all(out).with_context(|| format!("cannot make {}", out.display()))?;
+    let [page, csv] = ["quality.md", "quality.csv"].map(|name| out.join(name));
+    // Who has named a folder that cannot be written to is not to wait for the runs. Nor are the files open through them: a signal
+    // would leave what was begun.
+    for file in [&page, &csv] {
+        drop(WholeFile::create(file)?);
+    }
     let mut table = Table::default();
     for (seed, run) in runs(&laboratory, *seeds)? {
         table.add_run(seed, &run);
@@ -83,9 +118,9 @@ pub(crate) fn laboratory(setup: &Setup, options: &Simulation, out: &Path) -> any
         laboratory.scans(),
         table.failures()
     );
-    write_whole(&out.join("quality.md"), |file| file.write_all(title.as_bytes()))?;
-    write_whole(&out.join("quality.csv"), |file| file.write_all(table.csv().as_bytes()))?;
-    tell(format_args!("{tables}\nwhat does not hold: {}", out.join("quality.md").display()))?;
+    write_whole(&page, |file| file.write_all(title.as_bytes()))?;
+    write_whole(&csv, |file| file.write_all(table.csv().as_bytes()))?;
+    tell(format_args!("{tables}\nwhat does not hold: {}", page.display()))?;
     Ok(ExitCode::SUCCESS)
 }
 

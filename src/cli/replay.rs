@@ -119,19 +119,24 @@ pub(crate) fn replay(setup: &Setup, options: &Options) -> anyhow::Result<ExitCod
     let mut say = |line: &str| bar.say(line);
     let topics = output_topics(setup)?;
     let offset = options.out.as_ref().and_then(|_| input.clock_offset());
+    let has_others = options.outputs().len() > 1;
     let make = || {
-        let begin = |path| ResultFile::create(path, &topics, options.with_input, offset);
+        let begin = |path| {
+            let file = ResultFile::create(path, &topics, options.with_input, offset);
+            file.map(|file| file.beside_others(has_others))
+        };
         let result = options.out.as_deref().map(begin);
         Ok((result.transpose()?, options.report.as_ref().map(|_| Story::new())))
     };
-    let finished = run(setup, &input, options.out.is_some(), &bar, make, &mut say)?;
+    let mut finished = run(setup, &input, options.out.is_some(), &bar, make, &mut say)?;
     bar.finish();
-    let Finished { map, session, summary, .. } = &finished;
     // What can be written is, whatever becomes of the others.
+    let result = std::mem::replace(&mut finished.written, Ok(()));
+    let Finished { map, session, summary, .. } = &finished;
     let written = files.write(session, map, summary);
     let told = page.map_or(Ok(()), |page| write_page(page, &options.input, &finished, Vec::new()));
     account(summary);
-    written.and(told)?;
+    result.and(written).and(told)?;
     Ok(say_skipped(summary))
 }
 
@@ -150,7 +155,7 @@ fn run(
         let is_direct = bag.as_ref().is_some_and(ResultFile::is_direct);
         let mut replay = Replay::new(settings(setup), Outputs { bag, story, say });
         match feed(input.feed(fixed_frame, with_messages, &mut |progress| bar.set(progress)), &mut replay)? {
-            Ended::Fed(fed) => return Ok(replay.finish(fed)?),
+            Ended::Fed(fed) => return Ok(replay.finish(fed)),
             Ended::WrongFrame(better) => fixed_frame = better,
         }
         if is_direct {
@@ -202,6 +207,8 @@ pub(crate) fn open(setup: &Setup, path: &Path, wanted: &[String]) -> anyhow::Res
     if setup.config.snapshot_path.is_some() {
         say("snapshot_path is not used: only `cfodi run` saves its map");
     }
+    // Listened for before the first reading, which may take long.
+    let stop = stop::flag();
     let bag = match Bag::open(path) {
         Ok(bag) => bag,
         Err(error) => {
@@ -210,7 +217,7 @@ pub(crate) fn open(setup: &Setup, path: &Path, wanted: &[String]) -> anyhow::Res
             return Ok(Err(status));
         }
     };
-    let Survey { topics, is_complete } = bag.survey();
+    let Survey { topics, is_complete } = bag.survey(&stop);
     let has = |name: &str| topics.iter().any(|topic| topic.name == name);
     // What the node would listen to is meant: where it was remapped in any case, else where the bag has it.
     let is_told = setup.is_given("sensors") || setup.config.sensors.iter().any(|it| it.kind != Kind::Auto);
@@ -361,8 +368,13 @@ pub(crate) fn say_skipped(summary: &Summary) -> ExitCode {
     if let Some(unread) = &summary.unread {
         say(format_args!("cfodi: not all of the bag was read: {}", one_line(unread)));
     }
+    let ends_at_jump = summary.tally.ends_at_jump();
+    if ends_at_jump {
+        say("cfodi: not all of the bag was taken in, but what came before the stamps jumped back");
+    }
     if summary.stopped {
         say("cfodi: stopped by a signal before the end of the bag");
     }
-    if summary.unread.is_some() || summary.stopped { ExitCode::FAILURE } else { ExitCode::SUCCESS }
+    let is_whole = summary.unread.is_none() && !ends_at_jump && !summary.stopped;
+    if is_whole { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }

@@ -2,9 +2,11 @@
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
+#[cfg(unix)]
+use std::os::fd::AsFd as _;
 use std::path::{Path, PathBuf};
 
-use crate::link::target;
+use crate::link::{descriptor, target};
 
 /// A file could not be written; the cause is its `source`.
 #[derive(Debug, thiserror::Error)]
@@ -31,8 +33,8 @@ pub fn write_whole(
 /// A file under a temporary name in the folder of the one it is to be; dropping it before [`WholeFile::commit`] leaves
 /// nothing behind.
 ///
-/// A symbolic link stays, and its target is replaced or made. What is no regular file, such as a pipe or `/dev/stdout`, cannot be
-/// replaced and is written to directly.
+/// A symbolic link stays, and its target is replaced or made. What is no regular file, such as a pipe, cannot be replaced and is
+/// written to directly; so is an open descriptor such as `/dev/stdout`, whatever is behind it, after what is there.
 #[derive(Debug)]
 pub struct WholeFile {
     /// As asked for.
@@ -49,14 +51,7 @@ impl WholeFile {
     ///
     /// Where it cannot be made: no such folder, no right to write there, no name of a file.
     pub fn create(path: &Path) -> Result<Self, WriteError> {
-        let opened = match fs::metadata(path) {
-            Ok(metadata) if !metadata.is_file() => {
-                File::options().write(true).open(path).map(|file| (file, None))
-            }
-            Ok(_) => fs::canonicalize(path).and_then(|target| temporary(&target)),
-            Err(_) => target(path).and_then(|target| temporary(&target)),
-        };
-        let (file, replaces) = opened.map_err(|source| WriteError { path: path.to_owned(), source })?;
+        let (file, replaces) = open(path).map_err(|source| WriteError { path: path.to_owned(), source })?;
         Ok(Self { path: path.to_owned(), replaces, out: BufWriter::new(file) })
     }
 
@@ -119,9 +114,44 @@ impl Drop for WholeFile {
     }
 }
 
-fn temporary(target: &Path) -> io::Result<(File, Option<(PathBuf, PathBuf)>)> {
-    let name =
-        target.file_name().ok_or_else(|| io::Error::new(io::ErrorKind::InvalidInput, "not a file name"))?;
+/// What to write to, and where it is temporary what it replaces.
+type Opened = (File, Option<(PathBuf, PathBuf)>);
+
+fn open(path: &Path) -> io::Result<Opened> {
+    if let Some(number) = descriptor(path) {
+        return Ok((behind(number, path)?, None));
+    }
+    match fs::metadata(path) {
+        Ok(metadata) if !metadata.is_file() => Ok((File::options().write(true).open(path)?, None)),
+        Ok(_) => temporary(&fs::canonicalize(path)?),
+        Err(_) => temporary(&target(path)?),
+    }
+}
+
+/// What is behind an open descriptor, at the place where it stands: opened anew, a file would be written over from its begin.
+#[cfg(unix)]
+fn behind(number: u32, path: &Path) -> io::Result<File> {
+    let duplicate = match number {
+        0 => io::stdin().as_fd().try_clone_to_owned(),
+        1 => io::stdout().as_fd().try_clone_to_owned(),
+        2 => io::stderr().as_fd().try_clone_to_owned(),
+        // No other can be duplicated without `unsafe`.
+        _ => return File::options().append(true).open(path),
+    };
+    duplicate.map(File::from)
+}
+
+#[cfg(not(unix))]
+fn behind(_: u32, path: &Path) -> io::Result<File> {
+    File::options().append(true).open(path)
+}
+
+fn temporary(target: &Path) -> io::Result<Opened> {
+    // `file_name` passes over what makes a name that of a folder.
+    let name = target.as_os_str().as_encoded_bytes();
+    let is_folder = name.ends_with(b"/") || name.ends_with(b"/.");
+    let name = target.file_name().filter(|_| !is_folder);
+    let name = name.ok_or_else(|| io::Error::new(io::ErrorKind::InvalidInput, "not a file name"))?;
     // The process id keeps two programs that write the same file apart.
     let partial = target.with_file_name(format!(".{}.{}.part", name.to_string_lossy(), std::process::id()));
     Ok((File::create(&partial)?, Some((partial, target.to_owned()))))
@@ -219,6 +249,39 @@ mod tests {
         let device = Path::new("/dev/null");
         write_whole(device, |out| out.write_all(b"gone")).unwrap();
         assert!(fs::metadata(device).unwrap().file_type().is_char_device());
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn an_open_descriptor_is_written_to_after_what_is_in_its_file() {
+        use std::os::fd::AsRawFd as _;
+
+        let folder = Folder::new();
+        let [path, link] = ["all.json", "link"].map(|name| folder.0.path().join(name));
+        fs::write(&path, "earlier\n").unwrap();
+        let open = File::options().append(true).open(&path).unwrap();
+        let number = open.as_raw_fd();
+        let by_number = PathBuf::from(format!("/dev/fd/{number}"));
+        std::os::unix::fs::symlink(&by_number, &link).unwrap();
+        for name in [&by_number, &PathBuf::from(format!("/proc/self/fd/{number}")), &link] {
+            let file = WholeFile::create(name).unwrap();
+            assert!(file.is_direct(), "{}", name.display());
+            file.complete(|out| out.write_all(b"more\n")).unwrap();
+        }
+        (&open).write_all(b"later\n").unwrap();
+        assert_eq!(fs::read_to_string(&path).unwrap(), "earlier\nmore\nmore\nmore\nlater\n");
+        assert_eq!(folder.names(), ["all.json", "link"]);
+    }
+
+    #[test]
+    fn a_name_that_only_a_folder_can_have_is_refused_before_anything_is_written() {
+        let folder = Folder::new();
+        fs::write(folder.0.path().join("a.ply"), "before").unwrap();
+        for name in ["nd/", "nd/.", "a.ply/", "a.ply/."] {
+            let error = WholeFile::create(&folder.0.path().join(name)).unwrap_err();
+            assert_eq!(error.source.to_string(), "not a file name", "{name}");
+        }
+        assert_eq!(folder.names(), ["a.ply"]);
     }
 
     #[test]

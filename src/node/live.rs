@@ -264,12 +264,12 @@ impl<T: Transport> Live<T> {
         }
     }
 
-    fn cloud(&mut self, cloud: Result<Cloud, CloudError>) {
+    fn cloud(&mut self, sensor: usize, cloud: Result<Cloud, CloudError>) {
         self.counts.borrow_mut().received += 1;
         match cloud {
             Ok(cloud) => {
                 self.look_at(&cloud);
-                if let Some(pushed_out) = self.join.cloud(cloud, self.moment()) {
+                if let Some(pushed_out) = self.join.cloud(sensor, cloud, self.moment()) {
                     self.skip(&pushed_out, "waiting_queue_full");
                 }
                 self.submit_ready();

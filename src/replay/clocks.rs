@@ -34,7 +34,7 @@ fn stamps(bag: &Bag, mut decoder: Decoder, stop: &AtomicBool) -> impl Iterator<I
     let messages = bag.messages().map_while(Result::ok).take_while(|_| !stop.load(Ordering::Relaxed));
     let scans = messages.flat_map(move |message| {
         let clouds = decoder.decode(&message).into_iter().filter_map(|recorded| match recorded {
-            Recorded::Cloud(Ok(cloud)) => Some(cloud.stamp.nanos()),
+            Recorded::Cloud { cloud: Ok(cloud), .. } => Some(cloud.stamp.nanos()),
             _ => None,
         });
         clouds.map(|stamp| (stamp, message.log_time)).collect::<Vec<_>>()

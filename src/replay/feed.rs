@@ -11,7 +11,7 @@ use super::ahead::Ahead;
 use super::fixed_frame::FixedFrame;
 use super::reading::{Item, read};
 use super::said::Said;
-use super::summary::Tally;
+use super::summary::{AFTER_JUMP, Tally};
 use super::tree::Tree;
 use crate::bag::{Bag, BagError, Decoder, Message, Recorded};
 use crate::cloud::{Cloud, CloudError};
@@ -33,9 +33,6 @@ const LOOK: Duration = Duration::from_millis(100);
 
 /// How often it is said that a frame has changed its parent: what is said again tells of two publishers.
 const TWICE: u32 = 2;
-
-/// Why scans are skipped that nobody wants.
-const AFTER_JUMP: &str = "after_jump";
 
 /// Messages between the two threads at most.
 const BETWEEN: usize = 2;
@@ -72,7 +69,7 @@ pub trait Visitor {
 pub enum Go {
     /// With what follows.
     On,
-    /// Not: what follows is not wanted.
+    /// Not: what follows is counted, and not wanted.
     Home,
 }
 
@@ -145,8 +142,6 @@ enum Halt {
     End(Option<BagError>),
     /// From outside.
     Stop,
-    /// The visitor does not want what follows.
-    Enough,
     /// See [`Ended::WrongFrame`].
     WrongFrame,
 }
@@ -247,22 +242,25 @@ impl<V: Visitor> Feeder<'_, V> {
             if self.stop.load(Ordering::Relaxed) {
                 return Ok(Halt::Stop);
             }
-            if self.enough {
-                return Ok(Halt::Enough);
-            }
-            if self.wrong_guess {
+            if self.wrong_guess && !self.enough {
                 return Ok(Halt::WrongFrame);
             }
         }
     }
 
     fn recorded(&mut self, recorded: Recorded, decoding: Duration) -> Result<(), V::Error> {
+        if self.enough {
+            // What is left out is counted to the end.
+            let scans = usize::from(matches!(recorded, Recorded::Cloud { .. }));
+            self.tally.skip_all(AFTER_JUMP, scans);
+            return Ok(());
+        }
         match recorded {
-            Recorded::Cloud(cloud) => {
+            Recorded::Cloud { sensor, cloud } => {
                 match cloud.and_then(|cloud| with_stamp(cloud, || self.ahead.begins_at_zero())) {
                     Ok(cloud) => {
                         self.tally.decoding += decoding;
-                        self.cloud(cloud)?;
+                        self.cloud(sensor, cloud)?;
                     }
                     Err(error) => self.refused(&error),
                 }
@@ -287,7 +285,7 @@ impl<V: Visitor> Feeder<'_, V> {
         }
     }
 
-    fn cloud(&mut self, cloud: Cloud) -> Result<(), V::Error> {
+    fn cloud(&mut self, sensor: usize, cloud: Cloud) -> Result<(), V::Error> {
         if let Some(line) = cloud.hardly_used()
             && self.tally.note_hardly_used()
         {
@@ -295,7 +293,7 @@ impl<V: Visitor> Feeder<'_, V> {
         }
         self.make_room()?;
         self.join.set_places(self.places());
-        if let Some(pushed_out) = self.join.cloud(cloud, self.now) {
+        if let Some(pushed_out) = self.join.cloud(sensor, cloud, self.now) {
             self.skip(&pushed_out);
         }
         self.ready()
@@ -412,7 +410,6 @@ impl<V: Visitor> Feeder<'_, V> {
             Halt::WrongFrame => return Ok(self.wrong_frame()),
             Halt::End(unread) => (unread, false),
             Halt::Stop => (None, true),
-            Halt::Enough => (None, false),
         };
         if !stopped && !self.enough {
             self.guess();
@@ -424,10 +421,10 @@ impl<V: Visitor> Feeder<'_, V> {
             }
         }
         for waited in self.join.give_up(self.now) {
-            if stopped {
-                self.tally.skip_all("shutdown", 1);
-            } else if self.enough {
+            if self.enough {
                 self.tally.skip_all(AFTER_JUMP, 1);
+            } else if stopped {
+                self.tally.skip_all("shutdown", 1);
             } else {
                 self.skip(&waited);
             }

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use super::clusters::write_clusters;
+use super::said::Said;
 use super::summary::Summary;
 use crate::bag::{Message, OutputTopics, ResultBag};
 use crate::engine::{Snapshot, Stamp, Update};
@@ -19,12 +20,15 @@ use crate::report::Story;
 /// A result bag under way.
 pub struct ResultFile {
     path: PathBuf,
-    bag: ResultBag<WholeFile>,
+    /// Its first failure ends it.
+    bag: io::Result<ResultBag<WholeFile>>,
+    /// Whether the replay goes on after that.
+    has_others: bool,
     markers: Markers,
     caps: Caps,
     twins: Twins,
-    /// Whether it has been said that a topic of the input is not copied.
-    said_own: bool,
+    /// The topics of the input of which it has been said that they are not copied.
+    said_own: Said,
     is_direct: bool,
     /// The session that the markers are of.
     session: u64,
@@ -63,14 +67,21 @@ impl ResultFile {
         Ok(Self {
             path: path.to_owned(),
             is_direct,
-            bag,
+            bag: Ok(bag),
+            has_others: false,
             markers: Markers::default(),
             caps: Caps::default(),
             twins: topics.twins(),
-            said_own: false,
+            said_own: Said::default(),
             session: 0,
             published: None,
         })
+    }
+
+    /// Says whether there are other outputs: where the bag cannot be written, the replay goes on for them, and its end tells.
+    #[must_use]
+    pub fn beside_others(self, has_others: bool) -> Self {
+        Self { has_others, ..self }
     }
 
     /// Whether what has been written cannot be taken back.
@@ -84,7 +95,20 @@ impl ResultFile {
             self.caps = Caps::default();
         }
         let delta = SurfaceClusterArray::delta(session, update);
-        self.bag.clusters_delta(&delta).map_err(failed(&self.path))
+        self.put(|bag| bag.clusters_delta(&delta))
+    }
+
+    fn put(
+        &mut self,
+        write: impl FnOnce(&mut ResultBag<WholeFile>) -> io::Result<()>,
+    ) -> Result<(), WriteError> {
+        let Ok(bag) = &mut self.bag else { return Ok(()) };
+        let Err(error) = write(bag) else { return Ok(()) };
+        if !self.has_others {
+            return Err(failed(&self.path)(error));
+        }
+        self.bag = Err(error);
+        Ok(())
     }
 
     fn snapshot(&mut self, session: &Session, snapshot: &Snapshot) -> Result<(), WriteError> {
@@ -93,25 +117,31 @@ impl ResultFile {
             return Ok(());
         }
         let clusters = SurfaceClusterArray::snapshot(session, snapshot);
-        let written = self.bag.clusters(&clusters);
-        let written = written.and_then(|()| self.bag.points_labelled(&labelled_points(session, snapshot)));
-        let markers = self.markers.update(session, snapshot);
-        let written = written.and_then(|()| self.bag.markers(&clusters.header, &markers));
-        written.and_then(|()| self.write_twins(session, snapshot)).map_err(failed(&self.path))
-    }
-
-    fn write_twins(&mut self, session: &Session, snapshot: &Snapshot) -> io::Result<()> {
-        let Twins { detections: with_detections, polygons: with_polygons } = self.twins;
-        if with_detections {
-            self.bag.detections(&detections(session, snapshot))?;
-        }
-        let mut polygons = polygons(session, snapshot).filter(|_| with_polygons);
-        polygons.try_for_each(|polygon| self.bag.polygon(&polygon))
+        let (markers, twins) = (self.markers.update(session, snapshot), self.twins);
+        self.put(|bag| {
+            bag.clusters(&clusters)?;
+            bag.points_labelled(&labelled_points(session, snapshot))?;
+            bag.markers(&clusters.header, &markers)?;
+            write_twins(bag, twins, session, snapshot)
+        })
     }
 
     fn finish(self) -> Result<(), WriteError> {
-        self.bag.finish().map_err(failed(&self.path))?.commit()
+        self.bag.and_then(ResultBag::finish).map_err(failed(&self.path))?.commit()
     }
+}
+
+fn write_twins(
+    bag: &mut ResultBag<WholeFile>,
+    twins: Twins,
+    session: &Session,
+    snapshot: &Snapshot,
+) -> io::Result<()> {
+    if twins.detections {
+        bag.detections(&detections(session, snapshot))?;
+    }
+    let mut polygons = polygons(session, snapshot).filter(|_| twins.polygons);
+    polygons.try_for_each(|polygon| bag.polygon(&polygon))
 }
 
 impl Outputs<'_> {
@@ -130,27 +160,28 @@ impl Outputs<'_> {
         if let Some(story) = &mut self.story {
             *story = Story::new();
         }
-        if let Some(ResultFile { bag, .. }) = &mut self.bag {
+        if let Some(ResultFile { bag: Ok(bag), .. }) = &mut self.bag {
             bag.shift(seconds);
         }
     }
 
     /// A scan of this stamp was recorded at this time.
     pub(super) fn scan(&mut self, stamp: Stamp, recorded: Duration) {
-        if let Some(ResultFile { bag, .. }) = &mut self.bag {
+        if let Some(ResultFile { bag: Ok(bag), .. }) = &mut self.bag {
             bag.scan(stamp, recorded);
         }
     }
 
     pub(super) fn message(&mut self, message: &Message) -> Result<(), WriteError> {
-        let Some(ResultFile { bag, path, said_own, .. }) = &mut self.bag else { return Ok(()) };
-        if bag.replaces(message.topic()) && !std::mem::replace(said_own, true) {
+        let Some(file) = &mut self.bag else { return Ok(()) };
+        let is_own = file.bag.as_ref().is_ok_and(|bag| bag.replaces(message.topic()));
+        if is_own && file.said_own.is_due(message.topic(), 1) {
             (self.say)(&format!(
                 "{} of the input is not copied: the result has a topic of that name",
                 message.topic()
             ));
         }
-        bag.input(message).map_err(failed(path))
+        file.put(|bag| bag.input(message))
     }
 
     pub(super) fn finish(&mut self) -> Result<(), WriteError> {

@@ -34,6 +34,8 @@ pub struct Finished {
     pub summary: Summary,
     /// What a report tells, where one is wanted.
     pub story: Option<Story>,
+    /// Whether the result bag could be written, where one is wanted.
+    pub written: Result<(), WriteError>,
 }
 
 /// A replay under way.
@@ -131,19 +133,15 @@ impl<'a> Replay<'a> {
     }
 
     /// Writes what remains, and gives the map and the account.
-    ///
-    /// # Errors
-    /// When an output cannot be written.
-    pub fn finish(mut self, fed: Fed) -> Result<Finished, WriteError> {
+    pub fn finish(mut self, fed: Fed) -> Finished {
         let snapshot = self.engine.snapshot();
         let mut story = self.outputs.story.take();
         if let Some(story) = &mut story {
             story.finish(&snapshot);
         }
         // Without a scan there is no map, nor a stamp that it could stand under in a bag.
-        if let Some(session) = &self.session {
-            self.outputs.snapshot(session, &snapshot)?;
-        }
+        let published =
+            self.session.as_ref().map_or(Ok(()), |session| self.outputs.snapshot(session, &snapshot));
         let nothing = Session { id: 0, frame_id: fed.fixed_frame.clone() };
         let session = self.session.take().unwrap_or(nothing);
         let active = |state| state == ClusterState::Active;
@@ -165,8 +163,8 @@ impl<'a> Replay<'a> {
             stopped: fed.stopped,
             notes: self.notes,
         };
-        self.outputs.finish()?;
-        Ok(Finished { map: snapshot, session, summary, story })
+        let written = published.and_then(|()| self.outputs.finish());
+        Finished { map: snapshot, session, summary, story, written }
     }
 }
 

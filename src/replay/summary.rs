@@ -9,6 +9,9 @@ use crate::config::Value;
 use crate::memory::peak_resident_mb;
 use crate::report::Facts;
 
+/// Why scans are skipped that nobody wants.
+pub(super) const AFTER_JUMP: &str = "after_jump";
+
 /// Where every cloud of a bag went.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Tally {
@@ -36,6 +39,11 @@ impl Tally {
     /// Measured points that were too near or too far.
     pub const fn points_out_of_range(&self) -> u64 {
         self.points - self.points_invalid - self.points_valid
+    }
+
+    /// Whether scans were left out because the stamps had jumped back before them.
+    pub fn ends_at_jump(&self) -> bool {
+        self.skipped.contains_key(AFTER_JUMP)
     }
 
     pub(super) fn take(&mut self, total: u32, invalid: u32, valid: usize) {

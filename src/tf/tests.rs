@@ -339,7 +339,7 @@ fn a_waiting_scan_leaves_when_its_transform_comes() {
     let mut queue = WaitingQueue::new(8);
     queue.push("scan", at(2.5), "camera".into(), Duration::ZERO);
     let ready = |queue: &mut WaitingQueue<_>, frames: &Frames| {
-        queue.take_ready(|sensor, stamp| frames.lookup("odom", sensor, stamp))
+        queue.take_ready(|_, sensor, stamp| frames.lookup("odom", sensor, stamp))
     };
     assert!(ready(&mut queue, &frames).is_empty());
     frames.dynamic("odom", "base_link", 3.0, 6.0);

@@ -120,10 +120,10 @@ impl<T, E> WaitingQueue<T, E> {
     /// stamps the first to come first). The others keep waiting and remember the error.
     ///
     /// An item whose transform is still missing does not hold back later ones: they may be of another sensor.
-    pub fn take_ready<R>(&mut self, mut lookup: impl FnMut(&str, Stamp) -> Result<R, E>) -> Vec<(T, R)> {
+    pub fn take_ready<R>(&mut self, mut lookup: impl FnMut(&T, &str, Stamp) -> Result<R, E>) -> Vec<(T, R)> {
         let mut ready = Vec::new();
         for mut entry in std::mem::take(&mut self.entries) {
-            match lookup(&entry.frame_id, entry.stamp) {
+            match lookup(&entry.item, &entry.frame_id, entry.stamp) {
                 Ok(found) => ready.push((entry.stamp, entry.item, found)),
                 Err(error) => {
                     entry.last_error = Some(error);
@@ -186,8 +186,8 @@ mod tests {
         queue
     }
 
-    fn until(newest: i64) -> impl FnMut(&str, Stamp) -> Result<i64, &'static str> {
-        move |_, stamp| if stamp.nanos() <= newest { Ok(stamp.nanos()) } else { Err("later") }
+    fn until(newest: i64) -> impl FnMut(&char, &str, Stamp) -> Result<i64, &'static str> {
+        move |_, _, stamp| if stamp.nanos() <= newest { Ok(stamp.nanos()) } else { Err("later") }
     }
 
     #[test]
@@ -204,7 +204,7 @@ mod tests {
         let mut queue = Queue::new(8);
         queue.push('a', Stamp::from_nanos(1), "lost".into(), ms(0));
         queue.push('b', Stamp::from_nanos(2), "camera".into(), ms(0));
-        let ready = queue.take_ready(|frame, _| if frame == "camera" { Ok(()) } else { Err("unknown") });
+        let ready = queue.take_ready(|_, frame, _| if frame == "camera" { Ok(()) } else { Err("unknown") });
         assert_eq!(ready, [('b', ())]);
         assert_eq!(queue.len(), 1);
     }

@@ -3,6 +3,7 @@
 use std::cell::OnceCell;
 use std::fs;
 use std::path::Path;
+use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use cfodi::bag::{Bag, Decoder, Recorded, TransformTopics, Wanted, choose};
@@ -53,7 +54,7 @@ fn read(path: &Path) {
         Ok(bag) => bag,
         Err(error) => return assert!(error.to_string().len() < 10_000),
     };
-    let survey = bag.survey();
+    let survey = bag.survey(&AtomicBool::new(false));
     let first = survey.topics.first().map(|topic| Wanted { topic: topic.name.clone(), info: None });
     let first: Vec<_> = first.into_iter().collect();
     let choices = [choose(&survey.topics, &[], None), choose(&survey.topics, &first, None)];
@@ -72,10 +73,10 @@ fn read(path: &Path) {
 
 fn take(recorded: Recorded, join: &mut Join) {
     match recorded {
-        Recorded::Cloud(cloud) => {
+        Recorded::Cloud { sensor, cloud } => {
             check(cloud.clone(), &FILTER, 1 << 16);
             if let Ok(cloud) = cloud {
-                drop(join.cloud(cloud, Duration::ZERO));
+                drop(join.cloud(sensor, cloud, Duration::ZERO));
                 for joined in join.ready("map") {
                     assert!(joined.scan.sensor_origin().iter().all(|value| value.is_finite()));
                 }

@@ -81,3 +81,11 @@ def test_a_demo_that_cannot_write_says_so_and_leaves_no_half_file(cause, options
     assert status == 1 and says(log, cause, "demo")
     assert ("counts {" in log) == (cause == FULL)
     assert not [name for name in left if name.endswith(".part") or "result" in name], left
+
+
+def test_a_demo_whose_bag_cannot_be_written_leaves_its_pictures(tmp_path):
+    """The disk behind the result bag is full, and the one behind the pictures is not."""
+    (tmp_path / "result.mcap").symlink_to("/dev/full")
+    done = subprocess.run([BINARY, "demo", "--seconds=2", "--out", tmp_path], capture_output=True, text=True, timeout=180)
+    assert done.returncode == 1 and says(done.stderr, FULL, "result.mcap"), done.stderr
+    assert all((tmp_path / name).stat().st_size > 100 for name in ("map.ply", "map.png"))

@@ -65,7 +65,7 @@ impl<T: Transport> Live<T> {
             }
             Err(_) => intake.skipped += 1,
         }
-        self.cloud(cloud);
+        self.cloud(sensor, cloud);
     }
 
     /// A scan from the future is taken in, where its transform is from there too: clocks of two machines may differ.

@@ -1,0 +1,116 @@
+//! What becomes of the files that `cfodi replay` is to write, wherever they are to go.
+#![cfg(all(feature = "node", target_os = "linux"))]
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test that cannot go on has failed"
+)]
+
+#[path = "support/bags.rs"]
+mod bags;
+
+use std::fs::{self, File};
+use std::io::Write as _;
+use std::path::PathBuf;
+use std::process::{Command, Output};
+
+use bags::{BagWriter, Layout, drive};
+use tempfile::TempDir;
+
+/// A folder of the test's own with a bag in it, removed at its end.
+struct Folder(TempDir);
+
+impl Folder {
+    fn with_bag(bag: &[u8]) -> Self {
+        let folder = Self(tempfile::tempdir().unwrap());
+        fs::write(folder.path("a.mcap"), bag).unwrap();
+        folder
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    /// A replay of the bag within the folder.
+    fn replay(&self, more: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_cfodi"));
+        command.current_dir(self.0.path()).args(["replay", "a.mcap"]).args(more);
+        command
+    }
+}
+
+/// What was said, and whether all went well.
+fn said(ended: &Output) -> (Option<i32>, String) {
+    (ended.status.code(), String::from_utf8_lossy(&ended.stderr).into_owned())
+}
+
+#[test]
+fn standard_output_that_is_appended_to_a_file_leaves_what_is_in_it() {
+    let folder = Folder::with_bag(&drive(BagWriter::new(Layout::Plain), 2));
+    fs::write(folder.path("all.json"), "earlier\n").unwrap();
+    let all = File::options().append(true).open(folder.path("all.json")).unwrap();
+    let ended = folder.replay(&["--clusters", "/dev/stdout"]).stdout(all).output().unwrap();
+    let (status, errors) = said(&ended);
+    assert_eq!(status, Some(0), "{errors}");
+    let text = fs::read_to_string(folder.path("all.json")).unwrap();
+    let clusters = text.strip_prefix("earlier\n").unwrap_or_else(|| panic!("{text}"));
+    serde_json::from_str::<serde_json::Value>(clusters).unwrap();
+}
+
+/// As `{ echo header; cfodi replay ...; echo footer; } > f` does it.
+#[test]
+fn standard_output_is_written_where_it_stands_and_gone_on_with_behind() {
+    let folder = Folder::with_bag(&drive(BagWriter::new(Layout::Plain), 2));
+    let mut file = File::create(folder.path("f")).unwrap();
+    file.write_all(b"header\n").unwrap();
+    let out = file.try_clone().unwrap();
+    let ended = folder.replay(&["--summary", "/dev/stdout"]).stdout(out).output().unwrap();
+    let (status, errors) = said(&ended);
+    assert_eq!(status, Some(0), "{errors}");
+    file.write_all(b"footer\n").unwrap();
+    let text = fs::read_to_string(folder.path("f")).unwrap();
+    let summary = text.strip_prefix("header\n").and_then(|text| text.strip_suffix("footer\n"));
+    let summary = summary.unwrap_or_else(|| panic!("{text}"));
+    assert_eq!(serde_json::from_str::<serde_json::Value>(summary).unwrap()["scans"], 2);
+}
+
+#[test]
+fn a_result_bag_that_cannot_be_written_takes_no_other_output_with_it() {
+    // The one fails at its end, the other long before.
+    for scans in [1, 100] {
+        let folder = Folder::with_bag(&drive(BagWriter::new(Layout::Plain), scans));
+        let others = ["--voxels", "v.csv", "--summary", "s.json", "--report", "report"];
+        let arguments = [&["--with-input", "--out", "/dev/full"], &others[..]].concat();
+        let (status, errors) = said(&folder.replay(&arguments).output().unwrap());
+        assert_eq!(status, Some(1), "{errors}");
+        let last = errors.lines().last().unwrap();
+        let is_told = last.starts_with("cfodi: cannot write /dev/full") && last.contains("No space left");
+        assert!(is_told, "{errors}");
+        let summary = fs::read(folder.path("s.json")).unwrap();
+        assert_eq!(serde_json::from_slice::<serde_json::Value>(&summary).unwrap()["scans"], scans);
+        assert!(folder.path("v.csv").exists() && folder.path("report/index.html").exists(), "{errors}");
+    }
+}
+
+#[test]
+fn a_result_bag_that_is_all_there_is_ends_the_replay_where_it_cannot_be_written() {
+    let folder = Folder::with_bag(&drive(BagWriter::new(Layout::Plain), 100));
+    let (status, errors) = said(&folder.replay(&["--with-input", "--out", "/dev/full"]).output().unwrap());
+    assert_eq!(status, Some(1), "{errors}");
+    assert!(errors.contains("cannot write /dev/full") && !errors.contains("100 scans in"), "{errors}");
+}
+
+#[test]
+fn an_output_with_the_name_of_a_folder_is_refused_before_the_bag_is_read() {
+    let folder = Folder::with_bag(&drive(BagWriter::new(Layout::Plain), 2));
+    for output in ["--out", "--clusters"] {
+        let (status, errors) = said(&folder.replay(&[output, "nd/", "--voxels", "v.csv"]).output().unwrap());
+        assert_eq!(status, Some(1), "{errors}");
+        assert!(errors.contains("cfodi: cannot write nd/: not a file name"), "{errors}");
+        assert!(!errors.contains("2 scans in"), "{errors}");
+        let left: Vec<_> =
+            fs::read_dir(folder.path("")).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+        assert_eq!(left, ["a.mcap"]);
+    }
+}
