@@ -1,5 +1,7 @@
 //! What is reported of a node on a middleware made of channels.
 
+use tracing_subscriber::layer::SubscriberExt as _;
+
 use super::*;
 use crate::msg::reports::DiagnosticStatus;
 
@@ -36,6 +38,37 @@ fn a_report_has_the_figures_of_each_part() {
     assert_eq!(value(&last(&transport, "engine"), "taken in in all"), "1");
     assert_eq!(value(&last(&transport, "map"), "sequence"), "1");
     assert_eq!(last(&transport, "transforms").level, 0);
+}
+
+/// What the log says meanwhile: levels and lines.
+fn heard<T>(run: impl FnOnce() -> T) -> (T, Vec<(u8, String)>) {
+    let (listener, mut lines) = listen();
+    let ran = tracing::subscriber::with_default(tracing_subscriber::registry().with(listener), run);
+    (ran, std::iter::from_fn(|| lines.0.try_recv().ok()).map(|line| (line.level, line.msg)).collect())
+}
+
+/// Two publishers on one topic; somebody who calls again and again.
+#[test]
+fn sessions_that_alternate_are_said_once_and_are_a_warning_and_those_that_were_asked_for_are_none() {
+    let begin = |events: Vec<Event<()>>| {
+        let (transport, said) = heard(|| reported(Fake::default(), events));
+        let begun = said.into_iter().filter(|(_, line)| line.ends_with("begins with an empty map"));
+        (last(&transport, "map"), begun.collect::<Vec<_>>())
+    };
+    let old_and_new = |number| [20.0, 10.0].map(|seconds| cloud(at(seconds + f64::from(number)), "camera"));
+    let scans = (0..9).flat_map(old_and_new);
+    let (map, begun) = begin([transform(at(0.0), true)].into_iter().chain(scans).collect());
+    let words = "the stamps of the scans have jumped back by 10.000 s: session ";
+    assert_eq!((map.level, value(&map, "sessions begun by a jump").as_str()), (1, "9"), "{map:?}");
+    assert!(map.message.starts_with(words), "{map:?}");
+    assert!(begun.len() == 1 && begun[0].0 == 30 && begun[0].1.starts_with(words), "{begun:?}");
+    let clocks = [20.0, 10.0].into_iter().cycle().take(20).map(|seconds| Event::Clock(at(seconds)));
+    let (map, begun) = begin(clocks.collect());
+    assert_eq!((map.level, value(&map, "sessions begun by a jump").as_str()), (1, "10"), "{map:?}");
+    assert!(begun.len() == 1 && begun[0].1.starts_with("/clock has jumped back by 10.000 s: "), "{begun:?}");
+    let (map, begun) = begin((0..9).map(|_| Event::Call(Service::Reset, ())).collect());
+    assert_eq!((map.level, value(&map, "sessions begun by a jump").as_str()), (0, "0"), "{map:?}");
+    assert!(begun.len() == 1 && begun[0].0 == 20, "{begun:?}");
 }
 
 #[test]
