@@ -65,7 +65,7 @@ impl<T: Transport> Live<T> {
             }
             Err(_) => intake.skipped += 1,
         }
-        self.cloud(cloud);
+        self.cloud(input, cloud);
     }
 
     /// A scan from the future is taken in, where its transform is from there too: clocks of two machines may differ.
@@ -73,27 +73,28 @@ impl<T: Transport> Live<T> {
         if ahead > AHEAD {
             let name = self.transport.inputs()[sensor].name.clone();
             let line = format_args!("the stamps of the sensor {name} are {ahead:.1} s ahead of the clock");
-            self.warn("ahead", line);
+            self.warn(format!("ahead {name}"), line);
         }
     }
 
-    fn say_chosen(&self, Input { sensor, form }: Input) {
-        let topics = &self.transport.inputs()[sensor];
-        let topic = topics.topic(form).unwrap_or_default();
+    fn say_chosen(&self, input: Input) {
+        let topic = self.topic(input);
         if self.intakes.len() == 1 {
             info!("scans are made of {topic}");
         } else {
-            info!("scans of the sensor {} are made of {topic}", topics.name);
+            let name = &self.transport.inputs()[input.sensor].name;
+            info!("scans of the sensor {name} are made of {topic}");
         }
     }
 
     /// Counts a scan of a form that another one forestalled.
-    fn skip_other(&mut self, Input { sensor, form }: Input) {
+    fn skip_other(&mut self, input: Input) {
+        let Input { sensor, form } = input;
         self.counts.borrow_mut().received += 1;
         self.counts.borrow_mut().skip("other_input");
         let chosen = self.intakes[sensor].chosen.unwrap_or(form);
         let line = inputs::how_to_choose(&self.transport.inputs()[sensor], chosen, form);
-        self.warn("other_input", format_args!("{line}"));
+        self.warn(format!("other_input {}", self.topic(input)), format_args!("{line}"));
     }
 
     pub(super) fn lost(&mut self, Input { sensor, form }: Input, number: u64) {

@@ -4,6 +4,7 @@ mod changes;
 mod ending;
 mod hostile;
 mod intake;
+mod lines;
 mod reports;
 
 use std::os::unix::fs::MetadataExt as _;
@@ -11,6 +12,7 @@ use std::os::unix::fs::MetadataExt as _;
 use tokio::runtime::Builder;
 use tokio::sync::oneshot;
 use tokio::task::LocalSet;
+use tracing_subscriber::layer::SubscriberExt as _;
 
 use super::session::new_session;
 use super::*;
@@ -161,6 +163,22 @@ fn node_until<Stop: Future<Output = ()>>(
     let ended = LocalSet::new().block_on(&runtime, live);
     drop(sender);
     (ended.map(drop), counts.borrow().clone(), transport)
+}
+
+/// What the log says meanwhile: levels and lines.
+fn heard<T>(run: impl FnOnce() -> T) -> (T, Vec<(u8, String)>) {
+    let (listener, mut lines) = listen();
+    let ran = tracing::subscriber::with_default(tracing_subscriber::registry().with(listener), run);
+    (ran, std::iter::from_fn(|| lines.0.try_recv().ok()).map(|line| (line.level, line.msg)).collect())
+}
+
+/// Runs a node on these events until it has reported.
+fn reported(transport: Fake, events: Vec<Event<()>>) -> Rc<Fake> {
+    let (ended, _, transport) = node_until(&Config::new([]).unwrap(), transport, events, |_, _| async {
+        tokio::time::sleep(Duration::from_millis(1800)).await;
+    });
+    ended.unwrap();
+    transport
 }
 
 #[test]

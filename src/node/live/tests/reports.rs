@@ -1,7 +1,5 @@
 //! What is reported of a node on a middleware made of channels.
 
-use tracing_subscriber::layer::SubscriberExt as _;
-
 use super::*;
 use crate::msg::reports::DiagnosticStatus;
 
@@ -17,15 +15,6 @@ fn value(status: &DiagnosticStatus, key: &str) -> String {
     status.values.iter().find(|value| value.key == key).unwrap().value.clone()
 }
 
-/// Runs a node on these events until it has reported.
-fn reported(transport: Fake, events: Vec<Event<()>>) -> Rc<Fake> {
-    let (ended, _, transport) = node_until(&Config::new([]).unwrap(), transport, events, |_, _| async {
-        tokio::time::sleep(Duration::from_millis(1800)).await;
-    });
-    ended.unwrap();
-    transport
-}
-
 #[test]
 fn a_report_has_the_figures_of_each_part() {
     let stamp = new_session(0) as f64 / 1e9;
@@ -38,13 +27,6 @@ fn a_report_has_the_figures_of_each_part() {
     assert_eq!(value(&last(&transport, "engine"), "taken in in all"), "1");
     assert_eq!(value(&last(&transport, "map"), "sequence"), "1");
     assert_eq!(last(&transport, "transforms").level, 0);
-}
-
-/// What the log says meanwhile: levels and lines.
-fn heard<T>(run: impl FnOnce() -> T) -> (T, Vec<(u8, String)>) {
-    let (listener, mut lines) = listen();
-    let ran = tracing::subscriber::with_default(tracing_subscriber::registry().with(listener), run);
-    (ran, std::iter::from_fn(|| lines.0.try_recv().ok()).map(|line| (line.level, line.msg)).collect())
 }
 
 /// Two publishers on one topic; somebody who calls again and again.
