@@ -27,15 +27,26 @@ pub(super) struct Intake {
     pub(super) received: u64,
     pub(super) skipped: u64,
     pub(super) lost: u64,
+    /// Since then: why the newest of those could not be used.
+    pub(super) fault: Option<CloudError>,
 }
 
 impl Intake {
     pub(super) const fn new(start: Instant) -> Self {
-        Self { chosen: None, since: start, said_quiet: None, newest: None, received: 0, skipped: 0, lost: 0 }
+        Self {
+            chosen: None,
+            since: start,
+            said_quiet: None,
+            newest: None,
+            received: 0,
+            skipped: 0,
+            lost: 0,
+            fault: None,
+        }
     }
 
-    pub(super) const fn begin_second(&mut self) {
-        (self.received, self.skipped, self.lost) = (0, 0, 0);
+    pub(super) fn begin_second(&mut self) {
+        (self.received, self.skipped, self.lost, self.fault) = (0, 0, 0, None);
     }
 
     pub(super) fn takes(&self, form: Form) -> bool {
@@ -63,7 +74,10 @@ impl<T: Transport> Live<T> {
                 }
                 self.say_when_ahead(sensor, stamp.seconds_since(clock));
             }
-            Err(_) => intake.skipped += 1,
+            Err(error) => {
+                intake.skipped += 1;
+                intake.fault = Some(error.clone());
+            }
         }
         self.cloud(input, cloud);
     }

@@ -8,6 +8,7 @@ use tracing::{debug, warn};
 use super::Live;
 use crate::cloud::{Camera, Cloud, CloudError};
 use crate::line::one_line;
+use crate::node::inputs;
 use crate::node::transport::{Input, Transport};
 use crate::tf::Waited;
 
@@ -29,8 +30,19 @@ impl<T: Transport> Live<T> {
     pub(super) fn refuse(&mut self, input: Input, error: &CloudError) {
         self.counts.borrow_mut().skip(error.reason());
         let topic = self.topic(input);
-        let kind = format!("{} {topic}", error.reason());
-        self.warn(kind, format_args!("a cloud of {topic} was skipped: {error}"));
+        // To ask who publishes takes longer than to skip a cloud.
+        if self.throttle.allows(format!("{} {topic}", error.reason()), Instant::now()) {
+            let why = self.why_unusable(input.sensor, error);
+            warn!("{}", one_line(&format!("a cloud of {topic} was skipped: {why}")));
+        } else {
+            debug!("{}", one_line(&format!("a cloud of {topic} was skipped: {error}")));
+        }
+    }
+
+    /// Why clouds of a sensor cannot be used, with the words that help.
+    pub(super) fn why_unusable(&self, sensor: usize, error: &CloudError) -> String {
+        let sources = || self.transport.sources();
+        inputs::why_unusable(error, (sensor, self.transport.inputs()), sources)
     }
 
     pub(super) fn camera(&mut self, sensor: usize, camera: &Result<Camera, CloudError>) {

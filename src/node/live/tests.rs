@@ -31,6 +31,7 @@ use crate::worker::tests::DEADLY;
 /// Keeps what is published; fails when told to.
 struct Fake {
     inputs: Vec<SensorTopics>,
+    sources: Vec<Source>,
     network: NetworkState,
     deltas: RefCell<Vec<SurfaceClusterArray>>,
     reports: RefCell<Vec<DiagnosticArray>>,
@@ -52,6 +53,7 @@ impl Default for Fake {
         }];
         Self {
             inputs,
+            sources: Vec::new(),
             network: NetworkState::default(),
             deltas: RefCell::default(),
             reports: RefCell::default(),
@@ -83,7 +85,7 @@ impl Transport for Fake {
     }
 
     fn sources(&self) -> Vec<Source> {
-        Vec::new()
+        self.sources.clone()
     }
 
     fn node_name(&self) -> &'static str {

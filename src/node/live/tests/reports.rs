@@ -29,6 +29,30 @@ fn a_report_has_the_figures_of_each_part() {
     assert_eq!(last(&transport, "transforms").level, 0);
 }
 
+/// A driver whose camera info has another name, and one that sends something bad now and then.
+#[test]
+fn a_sensor_whose_every_scan_cannot_be_used_is_an_error_with_the_reason_and_what_to_do() {
+    let info = Source {
+        topic: "/camera/depth/camera_info".to_owned(),
+        type_name: "sensor_msgs/msg/CameraInfo".to_owned(),
+    };
+    let image = || Event::Cloud(Form::Depth.of(0), Err(CloudError::NoCameraInfo));
+    let transport = Fake { sources: vec![info], ..Fake::default() };
+    let (transport, said) = heard(|| reported(transport, vec![image(), image(), image()]));
+    let why = "a depth image, and no camera_info has come yet; nobody publishes a CameraInfo on \
+               /depth/camera_info: use -r depth/camera_info:=/camera/depth/camera_info";
+    let sensor = last(&transport, "sensor points");
+    let begin = "3 of 3 scans were lost or cannot be used; why the last cannot: ";
+    assert_eq!((sensor.level, sensor.message), (2, format!("{begin}{why}")));
+    let line = (30, format!("a cloud of /depth/image was skipped: {why}"));
+    assert_eq!(said.iter().filter(|said| **said == line).count(), 1, "{said:?}");
+    let bad = Event::Cloud(Form::Points.of(0), Err(CloudError::EmptyFrameId));
+    let transport = reported(Fake::default(), vec![transform(at(0.0), true), cloud(at(10.0), "camera"), bad]);
+    let sensor = last(&transport, "sensor points");
+    let words = "1 of 2 scans were lost or cannot be used; why the last cannot: header frame_id is empty";
+    assert_eq!((sensor.level, sensor.message.as_str()), (1, words));
+}
+
 /// Two publishers on one topic; somebody who calls again and again.
 #[test]
 fn sessions_that_alternate_are_said_once_and_are_a_warning_and_those_that_were_asked_for_are_none() {
