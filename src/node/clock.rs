@@ -1,6 +1,6 @@
 //! The time of day: the only place that asks for it; and the time that `/clock` tells.
 
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use super::parameters::Parameters;
 use super::transport::Event;
@@ -13,6 +13,29 @@ pub(super) fn now() -> Stamp {
     Stamp::from_nanos(i64::try_from(since_epoch.as_nanos()).unwrap_or(i64::MAX))
 }
 
+/// By how much the time of day may fall behind unnoticed: what depends on it then rests no longer than that.
+const FALL: Duration = Duration::from_millis(100);
+
+/// The time of day, read between two looks at a clock that nobody sets: the thread may rest between any two of the three.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct TimeOfDay {
+    before: Instant,
+    time: SystemTime,
+    after: Instant,
+}
+
+impl TimeOfDay {
+    pub(super) fn read() -> Self {
+        Self { before: Instant::now(), time: SystemTime::now(), after: Instant::now() }
+    }
+
+    /// By how much it was set back since an earlier reading, where that is more than [`FALL`].
+    pub(super) fn set_back_since(&self, earlier: &Self) -> Option<Duration> {
+        let at_least = earlier.time + self.before.duration_since(earlier.after);
+        at_least.duration_since(self.time).ok().filter(|back| *back > FALL)
+    }
+}
+
 /// What a message on `/clock` says.
 pub(super) fn event<R>(clock: Clock, parameters: &Parameters) -> Event<R> {
     let Some(stamp) = clock.clock.stamp() else {
@@ -21,4 +44,35 @@ pub(super) fn event<R>(clock: Clock, parameters: &Parameters) -> Event<R> {
     };
     parameters.note_clock(stamp);
     Event::Clock(stamp)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_time_of_day_that_was_set_back_is_told_from_one_that_was_read_late() {
+        let (start, first) = (Instant::now(), UNIX_EPOCH + Duration::from_secs(1000));
+        let ms = Duration::from_millis;
+        // When it was read between `before` and `after`, and how much it was set by until then (ms).
+        let reading = |[before, read, after]: [u64; 3], set_forward, set_back| TimeOfDay {
+            before: start + ms(before),
+            time: first + ms(read) + ms(set_forward) - ms(set_back),
+            after: start + ms(after),
+        };
+        let earlier = reading([0; 3], 0, 0);
+        let since = |later: TimeOfDay| later.set_back_since(&earlier);
+        assert_eq!(since(reading([250; 3], 0, 0)), None);
+        assert_eq!(since(reading([250; 3], 3_600_000, 0)), None, "set forward, or the machine slept");
+        assert_eq!(since(reading([250; 3], 0, 100)), None);
+        assert_eq!(since(reading([250; 3], 0, 101)), Some(ms(101)));
+        assert_eq!(since(reading([250; 3], 0, 900_000)), Some(ms(900_000)));
+        // The thread rested for two seconds, before or after it had read the time of day.
+        let late = [reading([0, 2000, 2000], 0, 0), reading([0, 0, 2000], 0, 0)];
+        for earlier in late {
+            for later in [[2250, 2250, 2250], [2250, 4250, 4250], [2250, 2250, 4250]] {
+                assert_eq!(reading(later, 0, 0).set_back_since(&earlier), None);
+            }
+        }
+    }
 }

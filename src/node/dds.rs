@@ -71,8 +71,8 @@ fn opening<E: std::fmt::Display>(what: &str) -> impl FnOnce(E) -> OpenError {
     move |error| OpenError::Open { what: what.to_owned(), text: error.to_string() }
 }
 
-/// The node on DDS, for as long as it runs: where a thread of the middleware ends, or topics were opened anew too often, the
-/// network is joined anew under the same name, and nothing that is known is forgotten.
+/// The node on DDS, for as long as it runs: where a thread of the middleware ends, topics were opened anew too often, or the
+/// system's clock was set back, the network is joined anew under the same name, and nothing that is known is forgotten.
 pub struct Dds {
     setup: Setup,
     security: Security,

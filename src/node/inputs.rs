@@ -3,10 +3,12 @@
 use std::time::Duration;
 
 use super::transport::{DepthTopics, Form, Outgoing, SensorTopics, Source, TopicName};
+use crate::cloud::CloudError;
 
 const CLOUD: &str = "sensor_msgs/msg/PointCloud2";
 const IMAGE: &str = "sensor_msgs/msg/Image";
 const COMPRESSED: &str = "sensor_msgs/msg/CompressedImage";
+const CAMERA_INFO: &str = "sensor_msgs/msg/CameraInfo";
 
 /// Topics of one type that are named at most: somebody may publish thousands.
 const NAMED: usize = 20;
@@ -121,8 +123,7 @@ fn choices(sensor: &SensorTopics, sources: &[Source]) -> String {
     let clouds: Vec<_> = sensor.points.as_ref().map(as_points).unwrap_or_default();
     let raw = topics(IMAGE);
     let compressed = topics(COMPRESSED).filter_map(|topic| topic.strip_suffix(COMPRESSED_DEPTH));
-    let (mut depth, other): (Vec<_>, Vec<_>) =
-        raw.chain(compressed).partition(|topic| topic.to_lowercase().contains("depth"));
+    let (mut depth, other): (Vec<_>, Vec<_>) = raw.chain(compressed).partition(|topic| is_of_depth(topic));
     depth.sort_unstable();
     depth.dedup();
     let as_depth = |names: &DepthTopics| depth.iter().map(|image| image_words(names, image)).collect();
@@ -148,9 +149,58 @@ fn choices(sensor: &SensorTopics, sources: &[Source]) -> String {
     parts.join("; ")
 }
 
+fn is_of_depth(topic: &str) -> bool {
+    topic.to_lowercase().contains("depth")
+}
+
+fn folder(topic: &str) -> &str {
+    topic.rsplit_once('/').map_or("", |(folder, _)| folder)
+}
+
+/// Why scans of a sensor cannot be used, and where its camera infos may be if that is what they lack.
+pub(super) fn why_unusable(
+    error: &CloudError,
+    (sensor, all): (usize, &[SensorTopics]),
+    sources: impl FnOnce() -> Vec<Source>,
+) -> String {
+    match &all[sensor].depth {
+        Some(depth) if *error == CloudError::NoCameraInfo => {
+            let own = &depth.camera_info.resolved;
+            let is_read = |topic: &str| {
+                let mut cameras = all.iter().filter_map(|sensor| sensor.depth.as_ref());
+                cameras.any(|camera| camera.camera_info.resolved == topic)
+            };
+            let mut infos = sources();
+            infos.retain(|Source { topic, type_name }| {
+                type_name == CAMERA_INFO && (topic == own || !is_read(topic))
+            });
+            format!("{error}; {}", camera_infos(depth, &infos))
+        }
+        _ => error.to_string(),
+    }
+}
+
+/// Where camera infos are waited for, and which of these there are.
+fn camera_infos(DepthTopics { image, camera_info, .. }: &DepthTopics, infos: &[Source]) -> String {
+    let TopicName { plain, resolved } = camera_info;
+    let mut topics: Vec<_> = infos.iter().map(|source| source.topic.as_str()).collect();
+    if topics.contains(&resolved.as_str()) {
+        return format!("{resolved} has a publisher, and nothing has come of it");
+    }
+    // The one beside the image first, then those of other depth cameras.
+    topics.sort_by_key(|topic| (folder(topic) != folder(&image.resolved), !is_of_depth(topic)));
+    let words: Vec<_> = topics.into_iter().take(NAMED).map(|topic| format!("-r {plain}:={topic}")).collect();
+    let choice = if words.is_empty() {
+        "there is none on the network".to_owned()
+    } else {
+        format!("use {}", words.join(" or "))
+    };
+    format!("nobody publishes a CameraInfo on {resolved}: {choice}")
+}
+
 /// A camera's info stands beside its image.
 fn image_words(names: &DepthTopics, image: &str) -> String {
-    let folder = image.rsplit_once('/').map_or("", |(folder, _)| folder);
+    let folder = folder(image);
     let DepthTopics { image: as_image, camera_info, .. } = names;
     format!("-r {}:={image} -r {}:={folder}/camera_info", as_image.plain, camera_info.plain)
 }
@@ -227,6 +277,40 @@ mod tests {
         );
         assert!(why("/x", "/b", None).contains("/b has a publisher"));
         assert!(why("/a/points", "/y", Some(Form::Depth)).contains("nobody publishes on /y; "));
+    }
+
+    #[test]
+    fn where_camera_infos_are_is_said_of_images_that_lack_one_and_of_nothing_else() {
+        let sensors = ["/cam/depth/image", "/y"].map(|image| sensor("/x", image));
+        let mut other = sensors[1].clone();
+        other.depth.as_mut().unwrap().camera_info.resolved = "/other/depth/camera_info".to_owned();
+        let all = [sensors[0].clone(), other];
+        let why = |infos: &[&str]| {
+            let mut sources: Vec<_> = infos.iter().map(|topic| source(topic, "CameraInfo")).collect();
+            sources.push(source("/cam/depth/image", "Image"));
+            why_unusable(&CloudError::NoCameraInfo, (0, &all), || sources)
+        };
+        let begin =
+            "a depth image, and no camera_info has come yet; nobody publishes a CameraInfo on /info: ";
+        assert_eq!(why(&[]), format!("{begin}there is none on the network"));
+        assert_eq!(why(&["/other/depth/camera_info"]), format!("{begin}there is none on the network"));
+        let topics = ["/cam/colour/info", "/cam/depth/camera_info", "/third/depth/camera_info"];
+        assert_eq!(
+            why(&topics),
+            format!(
+                "{begin}use -r depth/camera_info:=/cam/depth/camera_info or \
+                 -r depth/camera_info:=/third/depth/camera_info or -r depth/camera_info:=/cam/colour/info"
+            )
+        );
+        assert_eq!(
+            why(&["/a/camera_info", "/info"]),
+            "a depth image, and no camera_info has come yet; /info has a publisher, and nothing has come of it"
+        );
+        let many: Vec<_> = (0..1000).map(|number| format!("/camera{number}/info")).collect();
+        let many: Vec<_> = many.iter().map(String::as_str).collect();
+        assert_eq!(why(&many).matches("-r ").count(), NAMED);
+        let asked = || unreachable!("who publishes is of no use");
+        assert_eq!(why_unusable(&CloudError::EmptyFrameId, (0, &all), asked), "header frame_id is empty");
     }
 
     #[test]

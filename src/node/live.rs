@@ -32,7 +32,7 @@ use super::saved::Saved;
 use super::saving::{self, Call, Saver, Saving};
 use super::speak::speak;
 use super::throttle::Throttle;
-use super::transport::{Event, Service, Transport};
+use super::transport::{Event, Input, Service, Transport};
 use super::vitals::{Reach, Vitals};
 use crate::cloud::{Cloud, CloudError};
 use crate::config::Config;
@@ -264,20 +264,17 @@ impl<T: Transport> Live<T> {
         }
     }
 
-    fn cloud(&mut self, sensor: usize, cloud: Result<Cloud, CloudError>) {
+    fn cloud(&mut self, input: Input, cloud: Result<Cloud, CloudError>) {
         self.counts.borrow_mut().received += 1;
         match cloud {
             Ok(cloud) => {
-                self.look_at(&cloud);
-                if let Some(pushed_out) = self.join.cloud(sensor, cloud, self.moment()) {
+                self.look_at(input, &cloud);
+                if let Some(pushed_out) = self.join.cloud(input.sensor, cloud, self.moment()) {
                     self.skip(&pushed_out, "waiting_queue_full");
                 }
                 self.submit_ready();
             }
-            Err(error) => {
-                self.counts.borrow_mut().skip(error.reason());
-                self.warn(error.reason(), format_args!("a cloud was skipped: {error}"));
-            }
+            Err(error) => self.refuse(input, &error),
         }
     }
 

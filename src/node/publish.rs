@@ -53,7 +53,7 @@ pub(super) async fn publish(
     saver: Option<Saver>,
 ) -> Ended {
     let (newest, maps) = watch::channel(None);
-    let beyond = Beyond { reach: Reach::of(&config), said: None };
+    let beyond = Beyond::new(Reach::of(&config));
     let wire = Wire { transport, unsent: RefCell::default(), frame_id: config.fixed_frame };
     let publisher = Maps { twins: config.twins, ..Maps::default() };
     let (ended, ()) = tokio::join!(
@@ -81,7 +81,9 @@ async fn take(
                 let points = Points { all: points as u64, beyond_grid: u64::from(update.points_beyond_grid) };
                 vitals.borrow_mut().note(took, points);
                 vitals.borrow_mut().newest = Some((session, update.sequence));
-                beyond.say(session, points);
+                if let Some(line) = beyond.line(session, points, Instant::now()) {
+                    warn!("{line}");
+                }
                 wire.send(Outgoing::Delta(SurfaceClusterArray::delta(&wire.session(session), &update))).await;
             }
             Output::Snapshot { session, snapshot } => {
@@ -152,13 +154,21 @@ struct Beyond {
     reach: Reach,
     /// The session in which it was said last.
     said: Option<u64>,
+    throttle: Throttle,
 }
 
 impl Beyond {
-    fn say(&mut self, session: u64, points: Points) {
-        if points.beyond_grid > 0 && self.said.replace(session) != Some(session) {
-            warn!("of a scan {}", self.reach.line(points));
-        }
+    fn new(reach: Reach) -> Self {
+        Self { reach, said: None, throttle: Throttle::default() }
+    }
+
+    /// What is to be said of a scan now: sessions may begin with every other one.
+    fn line(&mut self, session: u64, points: Points, now: Instant) -> Option<String> {
+        let is_news = points.beyond_grid > 0 && self.said != Some(session);
+        (is_news && self.throttle.allows("beyond_grid", now)).then(|| {
+            self.said = Some(session);
+            format!("of a scan {}", self.reach.line(points))
+        })
     }
 }
 
@@ -285,6 +295,20 @@ mod tests {
             ]);
         }
         outputs
+    }
+
+    #[test]
+    fn points_beyond_the_grid_are_said_once_a_session_and_once_in_a_while_where_sessions_alternate() {
+        let mut beyond = Beyond::new(Reach::of(&Config::new([]).unwrap()));
+        let (start, points) = (Instant::now(), Points { all: 20, beyond_grid: 1 });
+        let mut says =
+            |session, seconds| beyond.line(session, points, start + Duration::from_secs(seconds)).is_some();
+        assert!(says(1, 0) && !says(1, 9) && says(2, 10));
+        assert!((3..9).all(|session| !says(session, 11)), "sessions that alternate");
+        assert!(says(9, 15) && !says(9, 30));
+        assert!(
+            beyond.line(10, Points { all: 20, beyond_grid: 0 }, start + Duration::from_secs(60)).is_none()
+        );
     }
 
     #[tokio::test]

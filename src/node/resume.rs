@@ -77,20 +77,15 @@ fn read(config: &Config, path: &Path) -> Result<(Engine, u64), StoreError> {
 fn kept_aside(path: &Path, why: &str) -> Result<PathBuf, BeginError> {
     let kept =
         store::set_aside(path, why).map_err(|error| BeginError::Kept { path: path.to_owned(), error })?;
-    say_removed(path, why);
-    Ok(kept)
-}
-
-/// Removes the oldest files that were set aside where there are too many, and says so. One that cannot be removed is said,
-/// and stays.
-pub(super) fn say_removed(path: &Path, why: &str) {
     for line in remove_oldest(path, why) {
         warn!("{line}");
     }
+    Ok(kept)
 }
 
-/// Gives what there is to say.
-fn remove_oldest(path: &Path, why: &str) -> Vec<String> {
+/// Removes the oldest files that were set aside where there are too many, and gives what there is to say of it. One that cannot
+/// be removed stays.
+pub(super) fn remove_oldest(path: &Path, why: &str) -> Vec<String> {
     let oldest = match store::too_many_aside(path, why) {
         Ok(oldest) => oldest,
         Err(error) => return vec![format!("what is kept beside {} is not known: {error}", path.display())],

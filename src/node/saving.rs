@@ -4,11 +4,13 @@ use std::cell::Cell;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
+use std::time::Instant;
 
 use tokio::sync::mpsc::{UnboundedReceiver, unbounded_channel};
 use tracing::{debug, warn};
 
-use super::resume::say_removed;
+use super::resume::remove_oldest;
+use super::throttle::Throttle;
 use super::transport::Service;
 use crate::engine::SavedMap;
 use crate::msg::ros::TriggerResponse;
@@ -108,11 +110,12 @@ pub(super) fn start(path: PathBuf, frame_id: String) -> std::io::Result<(Saver, 
     Ok((saver, results))
 }
 
-/// What is kept of files that are written over: of a robot whose clock jumps for ever as many as [`say_removed`] leaves.
+/// What is kept of files that are written over: of a robot whose clock jumps for ever as many as [`remove_oldest`] leaves.
 #[derive(Debug, Default)]
 struct Keeping {
     /// The file is to be kept before a map of one of these sessions, or of a later one, takes its place.
     before: Vec<u64>,
+    throttle: Throttle,
 }
 
 impl Keeping {
@@ -128,8 +131,8 @@ impl Keeping {
         match store::keep_aside(path, "before") {
             Ok(None) => {}
             Ok(Some(name)) => {
-                warn!("the map that was saved is kept as {}", name.display());
-                say_removed(path, "before");
+                self.say("kept", &[format!("the map that was saved is kept as {}", name.display())]);
+                self.say("removed", &remove_oldest(path, "before"));
             }
             Err(error) => {
                 self.before.push(session);
@@ -137,6 +140,17 @@ impl Keeping {
             }
         }
         Ok(())
+    }
+
+    fn say(&mut self, kind: &'static str, lines: &[String]) {
+        let is_due = !lines.is_empty() && self.throttle.allows(kind, Instant::now());
+        for line in lines {
+            if is_due {
+                warn!("{line}");
+            } else {
+                debug!("{line}");
+            }
+        }
     }
 }
 
@@ -244,9 +258,11 @@ pub(super) fn log(written: &Written) {
 #[cfg(test)]
 mod tests {
     use nalgebra::Isometry3;
+    use tracing_subscriber::layer::SubscriberExt as _;
 
     use super::*;
     use crate::engine::{Engine, Params, Points, Scan, Stamp};
+    use crate::node::rosout::listen;
 
     #[test]
     fn before_a_disk_that_does_not_answer_two_maps_wait_with_one_task_to_keep_around_each() {
@@ -319,6 +335,29 @@ mod tests {
         let read = |number: u64| store::read(&folder.path().join(format!("map.before-{number}"))).ok();
         let scans: Vec<_> = (1..30).filter_map(read).map(|stored| stored.map.sequence()).collect();
         assert_eq!(scans, [1, 21, 22, 23, 24, 25, 26, 27, 28]);
+    }
+
+    #[test]
+    fn of_jumps_without_end_what_is_kept_and_what_is_removed_is_said_once_in_a_while() {
+        let folder = tempfile::tempdir().unwrap();
+        let [path, part] = ["map", "map.part"].map(|name| folder.path().join(name));
+        let (listener, mut lines) = listen();
+        let mut keeping = Keeping::default();
+        tracing::subscriber::with_default(tracing_subscriber::registry().with(listener), || {
+            for session in 1..12 {
+                std::fs::write(&part, "x".repeat(session)).unwrap();
+                std::fs::rename(&part, &path).unwrap();
+                keeping.before.push(session as u64);
+                keeping.keep(&path, session as u64).unwrap();
+            }
+        });
+        let said: Vec<_> = std::iter::from_fn(|| lines.0.try_recv().ok()).map(|line| line.msg).collect();
+        let name = |number| format!("{}.before-{number}", path.display());
+        let removed = "is removed: of its kind the newest 8 and the largest are kept";
+        assert_eq!(
+            said,
+            [format!("the map that was saved is kept as {}", name(1)), format!("{} {removed}", name(1))]
+        );
     }
 
     #[test]

@@ -13,6 +13,8 @@ import network
 import numpy as np
 import pytest
 from cfodi_node import accounted, skipped
+from diagnostic_msgs.msg import DiagnosticArray
+from peer import qos, wait_until
 
 STOCK_BUFFER = 212_992  # net.core.rmem_max of a Linux that nobody has tuned: holds six datagrams of 64 KB
 ENOUGH_FOR_RAW = 2 * STOCK_BUFFER  # a raw image of 640x480 is ten such datagrams, sent at once
@@ -87,6 +89,23 @@ def test_images_before_the_first_camera_info_are_counted(start, peer):
     take_in(camera, peer, depth_images.image(depth_images.wall()))
     counts = node.stop()
     assert counts["skipped"] == {"no_camera_info": 3} and counts["taken_in"] == 1, counts
+
+
+def test_a_camera_info_of_another_name_is_named_with_the_words_that_choose_it(start, peer):
+    node = start(remaps={"depth/image": IMAGE}).ready()
+    reports = peer.record("/diagnostics", DiagnosticArray, qos(100))
+    camera = peer.depth_camera(depth_images.wall_info())
+    wait_until("the node", camera._cloud.get_subscription_count)
+    time.sleep(1)
+    for _ in range(60):
+        camera.publish(depth_images.image(depth_images.wall()), time.time_ns(), clouds.still_transform())
+        time.sleep(0.1)
+    words = "nobody publishes a CameraInfo on /depth/camera_info: use -r depth/camera_info:=" + INFO
+    node.line_with(f"a cloud of {IMAGE} was skipped: ", words)
+    sensor = "cfodi: sensor points"
+    reports.wait("an error with these words", lambda report: any(
+        status.name == sensor and status.level == b"\2" and words in status.message for status in report.status))
+    assert node.stop()["taken_in"] == 0
 
 
 def test_bad_images_are_counted_by_reason_and_the_next_good_one_is_taken_in(start, peer):

@@ -96,8 +96,8 @@ def test_scans_without_a_stamp_are_refused_and_that_is_said(start, peer, reports
     for _ in range(40):
         camera.publish(cloud, 0, clouds.still_transform())
         time.sleep(1 / 20)
-    wait_for(reports, "sensor points", WARN, "were lost or cannot be used", after=0)
-    node.line_with("a cloud was skipped: its stamp is zero")
+    wait_for(reports, "sensor points", ERROR, "were lost or cannot be used", "its stamp is zero", after=0)
+    node.line_with("a cloud of /camera/depth/points was skipped: its stamp is zero")
     counts = node.stop()
     assert counts["taken_in"] == 0 and counts["skipped"]["no_stamp"] == counts["received"] > 0, counts
 

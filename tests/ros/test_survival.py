@@ -1,6 +1,7 @@
 """What goes wrong on a robot, and what is expected of the node then: each test says it first."""
 
 import contextlib
+import functools
 import os
 import pathlib
 import re
@@ -9,6 +10,7 @@ import sys
 import time
 
 import compare
+import cpp
 import pytest
 from cfodi_node import REPOSITORY, accounted, skipped
 from faults import Driver, hogs, no_network, stall, stopped
@@ -172,6 +174,26 @@ def test_a_node_that_stalls_for_5_s_goes_on_in_the_same_map(start, peer, drive):
     driver.sends(30)
     counts = stop(node, driver)
     assert not any("JumpedBack" in line for line in node.lines), "transforms were taken in a wrong order"
+    one_map(peer, counts, gaps=1)
+
+
+def test_where_the_clock_is_set_back_scans_come_again_at_once_in_the_same_map(start, peer, drive, tmp_path):
+    """The clock of the node's machine goes back by ten minutes, that of the sensors' does not. RustDDS would hand on no cloud
+    for as long: the node notices, joins the network anew and says why. As after a stall, scans until it is heard again are
+    counted as lost, and readers miss deltas once."""
+    library, is_set_back = tmp_path / "set_back.so", tmp_path / "is_set_back"
+    source = pathlib.Path(__file__).with_name("set_back.cpp")
+    cpp.compile(source, "-shared", "-fPIC", "-Wl,--as-needed", "-o", str(library))
+    environment = {"LD_PRELOAD": str(library), "SET_BACK": str(is_set_back)}
+    node, driver = begin(functools.partial(start, environment=environment), peer, drive)
+    driver.sends(30)
+    is_set_back.touch()
+    said = node.line_with("the system's clock was set back by", "the network is joined anew")
+    assert 599 < float(re.search(r"set back by ([\d.]+) s", said)[1]) < 601, said
+    flows_again(peer, time.time_ns())
+    driver.sends(30)
+    counts = stop(node, driver)
+    assert sum("set back" in line for line in node.lines) == 1, node.lines
     one_map(peer, counts, gaps=1)
 
 

@@ -25,6 +25,7 @@ use crate::msg::clusters::SurfaceClusterArray;
 use crate::msg::reports::{DiagnosticArray, Log};
 use crate::msg::ros::{MarkerArray, PointCloud2, TriggerRequest, TriggerResponse};
 use crate::msg::twins::{Detection3DArray, PolygonInstanceStamped};
+use crate::node::clock::TimeOfDay;
 use crate::node::middleware::OpenError;
 use crate::node::parameters::Parameters;
 use crate::node::transport::{Outgoing, SendError, Service, Source};
@@ -85,6 +86,8 @@ pub(super) struct Network {
     sources: Sources,
     /// How often a topic was opened anew.
     reopened: Cell<u32>,
+    /// When it had last not been set back.
+    time_of_day: Cell<TimeOfDay>,
 }
 
 impl Network {
@@ -96,6 +99,7 @@ impl Network {
         parameters: &Rc<Parameters>,
         events: &Events,
     ) -> Result<Self, OpenError> {
+        let time_of_day = Cell::new(TimeOfDay::read());
         let (opener, threads) = Threads::started_by(|| Opener::new(setup, security));
         let mut opener = opener?;
         let pulse = pulse(&opener);
@@ -140,6 +144,7 @@ impl Network {
             context: opener.context,
             sources,
             reopened: Cell::new(0),
+            time_of_day,
         };
         network.listen_to_calls(events)?;
         network.listen_to_namesakes(setup.fully_qualified_name(), memory)?;
@@ -312,8 +317,22 @@ impl Network {
             if self.reopened.get() >= MOST_REOPENED {
                 return format!("topics were opened anew {MOST_REOPENED} times");
             }
+            if let Some(back) = self.set_back() {
+                return format!("the system's clock was set back by {:.1} s", back.as_secs_f64());
+            }
             tokio::time::sleep(LOOK).await;
         }
+    }
+
+    /// By how much the time of day was set back since this network was joined. RustDDS 0.15.1 orders what comes by it, and hands
+    /// best-effort readers nothing until it is past where it was.
+    fn set_back(&self) -> Option<Duration> {
+        let now = TimeOfDay::read();
+        let back = now.set_back_since(&self.time_of_day.get());
+        if back.is_none() {
+            self.time_of_day.set(now);
+        }
+        back
     }
 }
 

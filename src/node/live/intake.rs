@@ -27,15 +27,26 @@ pub(super) struct Intake {
     pub(super) received: u64,
     pub(super) skipped: u64,
     pub(super) lost: u64,
+    /// Since then: why the newest of those could not be used.
+    pub(super) fault: Option<CloudError>,
 }
 
 impl Intake {
     pub(super) const fn new(start: Instant) -> Self {
-        Self { chosen: None, since: start, said_quiet: None, newest: None, received: 0, skipped: 0, lost: 0 }
+        Self {
+            chosen: None,
+            since: start,
+            said_quiet: None,
+            newest: None,
+            received: 0,
+            skipped: 0,
+            lost: 0,
+            fault: None,
+        }
     }
 
-    pub(super) const fn begin_second(&mut self) {
-        (self.received, self.skipped, self.lost) = (0, 0, 0);
+    pub(super) fn begin_second(&mut self) {
+        (self.received, self.skipped, self.lost, self.fault) = (0, 0, 0, None);
     }
 
     pub(super) fn takes(&self, form: Form) -> bool {
@@ -63,9 +74,12 @@ impl<T: Transport> Live<T> {
                 }
                 self.say_when_ahead(sensor, stamp.seconds_since(clock));
             }
-            Err(_) => intake.skipped += 1,
+            Err(error) => {
+                intake.skipped += 1;
+                intake.fault = Some(error.clone());
+            }
         }
-        self.cloud(sensor, cloud);
+        self.cloud(input, cloud);
     }
 
     /// A scan from the future is taken in, where its transform is from there too: clocks of two machines may differ.
@@ -73,27 +87,28 @@ impl<T: Transport> Live<T> {
         if ahead > AHEAD {
             let name = self.transport.inputs()[sensor].name.clone();
             let line = format_args!("the stamps of the sensor {name} are {ahead:.1} s ahead of the clock");
-            self.warn("ahead", line);
+            self.warn(format!("ahead {name}"), line);
         }
     }
 
-    fn say_chosen(&self, Input { sensor, form }: Input) {
-        let topics = &self.transport.inputs()[sensor];
-        let topic = topics.topic(form).unwrap_or_default();
+    fn say_chosen(&self, input: Input) {
+        let topic = self.topic(input);
         if self.intakes.len() == 1 {
             info!("scans are made of {topic}");
         } else {
-            info!("scans of the sensor {} are made of {topic}", topics.name);
+            let name = &self.transport.inputs()[input.sensor].name;
+            info!("scans of the sensor {name} are made of {topic}");
         }
     }
 
     /// Counts a scan of a form that another one forestalled.
-    fn skip_other(&mut self, Input { sensor, form }: Input) {
+    fn skip_other(&mut self, input: Input) {
+        let Input { sensor, form } = input;
         self.counts.borrow_mut().received += 1;
         self.counts.borrow_mut().skip("other_input");
         let chosen = self.intakes[sensor].chosen.unwrap_or(form);
         let line = inputs::how_to_choose(&self.transport.inputs()[sensor], chosen, form);
-        self.warn("other_input", format_args!("{line}"));
+        self.warn(format!("other_input {}", self.topic(input)), format_args!("{line}"));
     }
 
     pub(super) fn lost(&mut self, Input { sensor, form }: Input, number: u64) {

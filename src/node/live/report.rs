@@ -29,11 +29,21 @@ pub(super) struct Before {
     pub(super) longest_wait: Duration,
     /// What the newest cloud without a transform lacked.
     pub(super) without_transform: Option<String>,
+    /// How many sessions a jump has begun, and what is to be said of the newest.
+    pub(super) jumps: u64,
+    pub(super) jump: Option<String>,
 }
 
 impl Before {
     pub(super) fn new(at: Instant) -> Self {
-        Self { at, counts: Counts::default(), longest_wait: Duration::ZERO, without_transform: None }
+        Self {
+            at,
+            counts: Counts::default(),
+            longest_wait: Duration::ZERO,
+            without_transform: None,
+            jumps: 0,
+            jump: None,
+        }
     }
 }
 
@@ -123,7 +133,10 @@ impl<T: Transport> Live<T> {
         let bad = intake.lost.saturating_add(intake.skipped);
         let sent = intake.received.saturating_add(intake.lost);
         if bad.saturating_mul(10) > sent {
-            part.raise(Level::Warn, format!("{bad} of {sent} scans were lost or cannot be used"));
+            let level = if intake.received > intake.skipped { Level::Warn } else { Level::Error };
+            let why = intake.fault.as_ref().map(|error| self.why_unusable(sensor, error));
+            let why = why.map_or_else(String::new, |why| format!("; why the last cannot: {why}"));
+            part.raise(level, format!("{bad} of {sent} scans were lost or cannot be used{why}"));
         }
         if let Some(stamp) = intake.newest {
             let age = clock.seconds_since(stamp);
@@ -199,7 +212,10 @@ impl<T: Transport> Live<T> {
             part.value("clusters", clusters).value("dense voxels", voxels);
             part.value("unclustered voxels", map.unclustered_voxels).value("sequence", map.sequence);
         }
-        part.value("session", self.session);
+        part.value("session", self.session).value("sessions begun by a jump", self.before.jumps);
+        if let Some(jump) = &self.before.jump {
+            part.raise(Level::Warn, jump);
+        }
         let points = std::mem::take(&mut self.vitals.borrow_mut().points);
         part.value("points beyond the grid", points.beyond_grid);
         if points.beyond_grid.saturating_mul(10) > points.all {

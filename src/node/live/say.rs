@@ -8,15 +8,41 @@ use tracing::{debug, warn};
 use super::Live;
 use crate::cloud::{Camera, Cloud, CloudError};
 use crate::line::one_line;
-use crate::node::transport::Transport;
+use crate::node::inputs;
+use crate::node::transport::{Input, Transport};
 use crate::tf::Waited;
 
 impl<T: Transport> Live<T> {
     /// Says when next to nothing of a cloud is of use: its unit, frame or range may be others than assumed.
-    pub(super) fn look_at(&mut self, cloud: &Cloud) {
+    pub(super) fn look_at(&mut self, input: Input, cloud: &Cloud) {
         if let Some(line) = cloud.hardly_used() {
-            self.warn("hardly_used", format_args!("{line}"));
+            let topic = self.topic(input);
+            self.warn(format!("hardly_used {topic}"), format_args!("{topic}: {line}"));
         }
+    }
+
+    /// The topic of an input, as it is read.
+    pub(super) fn topic(&self, Input { sensor, form }: Input) -> String {
+        self.transport.inputs()[sensor].topic(form).unwrap_or_default().to_owned()
+    }
+
+    /// Counts a cloud that cannot be used, and says why.
+    pub(super) fn refuse(&mut self, input: Input, error: &CloudError) {
+        self.counts.borrow_mut().skip(error.reason());
+        let topic = self.topic(input);
+        // To ask who publishes takes longer than to skip a cloud.
+        if self.throttle.allows(format!("{} {topic}", error.reason()), Instant::now()) {
+            let why = self.why_unusable(input.sensor, error);
+            warn!("{}", one_line(&format!("a cloud of {topic} was skipped: {why}")));
+        } else {
+            debug!("{}", one_line(&format!("a cloud of {topic} was skipped: {error}")));
+        }
+    }
+
+    /// Why clouds of a sensor cannot be used, with the words that help.
+    pub(super) fn why_unusable(&self, sensor: usize, error: &CloudError) -> String {
+        let sources = || self.transport.sources();
+        inputs::why_unusable(error, (sensor, self.transport.inputs()), sources)
     }
 
     pub(super) fn camera(&mut self, sensor: usize, camera: &Result<Camera, CloudError>) {
@@ -24,13 +50,13 @@ impl<T: Transport> Live<T> {
         let topic = depth.map(|depth| depth.camera_info.resolved.clone()).unwrap_or_default();
         match camera {
             Ok(camera) if camera.is_distorted() => self.warn(
-                "distorted",
+                format!("distorted {topic}"),
                 format_args!(
                     "{topic} tells of lens distortion: depth images are taken as rectified, and are off by it"
                 ),
             ),
             Ok(camera) => debug!("{topic}: {}x{} pixels", camera.width(), camera.height()),
-            Err(error) => self.warn(error.reason(), format_args!("{topic}: {error}")),
+            Err(error) => self.warn(format!("{} {topic}", error.reason()), format_args!("{topic}: {error}")),
         }
     }
 

@@ -1,6 +1,8 @@
 //! Sessions: a map, until a clock jumps back or somebody asks for an empty one.
 
-use tracing::info;
+use std::time::Instant;
+
+use tracing::{debug, info};
 
 use super::Live;
 use crate::engine::Stamp;
@@ -47,26 +49,39 @@ impl<T: Transport> Live<T> {
     }
 
     /// Begins a session that no scan has asked for: what waits is given up.
-    pub(super) fn begin_session(&mut self, why: &str, keeps: bool) {
+    fn begin_session(&mut self, why: &str, is_jump: bool) {
         for _ in self.join.give_up(self.moment()) {
             self.counts.borrow_mut().skip("session_ended");
         }
-        self.start_session(why, keeps);
+        self.start_session(why, is_jump);
     }
 
-    /// Begins a session; `keeps` the file of the map that is given up, and saves the new one. A reset does that itself, to be
-    /// answered by it.
-    pub(super) fn start_session(&mut self, why: &str, keeps: bool) {
+    /// Begins a session. Nobody has asked for a jump: the file of the map that is given up is kept, and the new one saved. A reset
+    /// does that itself, to be answered by it.
+    pub(super) fn start_session(&mut self, why: &str, is_jump: bool) {
         self.session = new_session(self.session);
         (0..self.worker.reset(self.session)).for_each(|_| self.counts.borrow_mut().skip("session_ended"));
-        info!("{why}: {}", begun(self.session));
+        self.say_begun(format!("{why}: {}", begun(self.session)), is_jump);
         self.worker.request_snapshot();
-        if keeps {
+        if is_jump {
             if let Some(saver) = &self.saver {
                 saver.keep(self.session);
             }
             // What is given up must not come back after a crash.
             self.save(None);
+        }
+    }
+
+    /// Two publishers on one topic begin a session with every other scan.
+    fn say_begun(&mut self, line: String, is_jump: bool) {
+        if is_jump {
+            self.warn("session", format_args!("{line}"));
+            self.before.jumps += 1;
+            self.before.jump = Some(line);
+        } else if self.throttle.allows("reset", Instant::now()) {
+            info!("{line}");
+        } else {
+            debug!("{line}");
         }
     }
 }

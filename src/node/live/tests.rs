@@ -4,6 +4,7 @@ mod changes;
 mod ending;
 mod hostile;
 mod intake;
+mod lines;
 mod reports;
 
 use std::os::unix::fs::MetadataExt as _;
@@ -11,6 +12,7 @@ use std::os::unix::fs::MetadataExt as _;
 use tokio::runtime::Builder;
 use tokio::sync::oneshot;
 use tokio::task::LocalSet;
+use tracing_subscriber::layer::SubscriberExt as _;
 
 use super::session::new_session;
 use super::*;
@@ -29,6 +31,7 @@ use crate::worker::tests::DEADLY;
 /// Keeps what is published; fails when told to.
 struct Fake {
     inputs: Vec<SensorTopics>,
+    sources: Vec<Source>,
     network: NetworkState,
     deltas: RefCell<Vec<SurfaceClusterArray>>,
     reports: RefCell<Vec<DiagnosticArray>>,
@@ -50,6 +53,7 @@ impl Default for Fake {
         }];
         Self {
             inputs,
+            sources: Vec::new(),
             network: NetworkState::default(),
             deltas: RefCell::default(),
             reports: RefCell::default(),
@@ -81,7 +85,7 @@ impl Transport for Fake {
     }
 
     fn sources(&self) -> Vec<Source> {
-        Vec::new()
+        self.sources.clone()
     }
 
     fn node_name(&self) -> &'static str {
@@ -161,6 +165,22 @@ fn node_until<Stop: Future<Output = ()>>(
     let ended = LocalSet::new().block_on(&runtime, live);
     drop(sender);
     (ended.map(drop), counts.borrow().clone(), transport)
+}
+
+/// What the log says meanwhile: levels and lines.
+fn heard<T>(run: impl FnOnce() -> T) -> (T, Vec<(u8, String)>) {
+    let (listener, mut lines) = listen();
+    let ran = tracing::subscriber::with_default(tracing_subscriber::registry().with(listener), run);
+    (ran, std::iter::from_fn(|| lines.0.try_recv().ok()).map(|line| (line.level, line.msg)).collect())
+}
+
+/// Runs a node on these events until it has reported.
+fn reported(transport: Fake, events: Vec<Event<()>>) -> Rc<Fake> {
+    let (ended, _, transport) = node_until(&Config::new([]).unwrap(), transport, events, |_, _| async {
+        tokio::time::sleep(Duration::from_millis(1800)).await;
+    });
+    ended.unwrap();
+    transport
 }
 
 #[test]
@@ -357,8 +377,8 @@ fn a_jump_that_nobody_asked_for_keeps_the_file_of_the_map_that_it_ends_and_a_res
     }
 }
 
-/// Runs a node that saves in this folder on these events, until it has heard them and a little longer.
-fn heard(folder: &std::path::Path, events: Vec<Event<()>>) -> Ran {
+/// Runs a node that saves in this folder on these events, until it has taken all in and a little longer.
+fn all_taken(folder: &std::path::Path, events: Vec<Event<()>>) -> Ran {
     node_until(&saving_in(folder), Fake::default(), events, |events, _| async move {
         let patience = Instant::now();
         while events.capacity() < events.max_capacity() && patience.elapsed() < Duration::from_secs(60) {
@@ -372,7 +392,7 @@ fn heard(folder: &std::path::Path, events: Vec<Event<()>>) -> Ran {
 fn a_reset_has_failed_where_the_map_that_was_saved_cannot_be_written_over() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::create_dir(folder.path().join("map.part")).unwrap();
-    let (ended, _, transport) = heard(folder.path(), vec![Event::Call(Service::Reset, ())]);
+    let (ended, _, transport) = all_taken(folder.path(), vec![Event::Call(Service::Reset, ())]);
     assert!(matches!(ended, Err(LiveError::NotSaved(_))), "{ended:?}");
     let replies = transport.replies.borrow();
     let words = "begins with an empty map; the map that was saved may come back: ";
@@ -384,7 +404,7 @@ fn a_call_to_save_before_a_reset_has_saved_what_was_there_or_has_failed() {
     let folder = tempfile::tempdir().unwrap();
     let scan = [transform(at(0.0), true), cloud(at(10.0), "camera")];
     let calls = [Service::Save, Service::Reset].map(|service| Event::Call(service, ()));
-    let (ended, _, transport) = heard(folder.path(), scan.into_iter().chain(calls).collect());
+    let (ended, _, transport) = all_taken(folder.path(), scan.into_iter().chain(calls).collect());
     ended.unwrap();
     let replies = transport.replies.borrow();
     let [save, reset] = &replies[..] else { panic!("{replies:?}") };

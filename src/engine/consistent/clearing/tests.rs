@@ -297,6 +297,7 @@ fn what_stood_farther_away_than_a_kinect_sees_goes_where_there_are_points_beyond
     }
 }
 
+#[expect(clippy::needless_pass_by_value, reason = "as `Points::Depths` takes them")]
 fn as_list(depths: Depths) -> Points {
     Points::Ended { points: depths.list(), ends: depths.ends() }
 }

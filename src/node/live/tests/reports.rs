@@ -17,15 +17,6 @@ fn value(status: &DiagnosticStatus, key: &str) -> String {
     status.values.iter().find(|value| value.key == key).unwrap().value.clone()
 }
 
-/// Runs a node on these events until it has reported.
-fn reported(transport: Fake, events: Vec<Event<()>>) -> Rc<Fake> {
-    let (ended, _, transport) = node_until(&Config::new([]).unwrap(), transport, events, |_, _| async {
-        tokio::time::sleep(Duration::from_millis(1800)).await;
-    });
-    ended.unwrap();
-    transport
-}
-
 #[test]
 fn a_report_has_the_figures_of_each_part() {
     let stamp = new_session(0) as f64 / 1e9;
@@ -38,6 +29,54 @@ fn a_report_has_the_figures_of_each_part() {
     assert_eq!(value(&last(&transport, "engine"), "taken in in all"), "1");
     assert_eq!(value(&last(&transport, "map"), "sequence"), "1");
     assert_eq!(last(&transport, "transforms").level, 0);
+}
+
+/// A driver whose camera info has another name, and one that sends something bad now and then.
+#[test]
+fn a_sensor_whose_every_scan_cannot_be_used_is_an_error_with_the_reason_and_what_to_do() {
+    let info = Source {
+        topic: "/camera/depth/camera_info".to_owned(),
+        type_name: "sensor_msgs/msg/CameraInfo".to_owned(),
+    };
+    let image = || Event::Cloud(Form::Depth.of(0), Err(CloudError::NoCameraInfo));
+    let transport = Fake { sources: vec![info], ..Fake::default() };
+    let (transport, said) = heard(|| reported(transport, vec![image(), image(), image()]));
+    let why = "a depth image, and no camera_info has come yet; nobody publishes a CameraInfo on \
+               /depth/camera_info: use -r depth/camera_info:=/camera/depth/camera_info";
+    let sensor = last(&transport, "sensor points");
+    let begin = "3 of 3 scans were lost or cannot be used; why the last cannot: ";
+    assert_eq!((sensor.level, sensor.message), (2, format!("{begin}{why}")));
+    let line = (30, format!("a cloud of /depth/image was skipped: {why}"));
+    assert_eq!(said.iter().filter(|said| **said == line).count(), 1, "{said:?}");
+    let bad = Event::Cloud(Form::Points.of(0), Err(CloudError::EmptyFrameId));
+    let transport = reported(Fake::default(), vec![transform(at(0.0), true), cloud(at(10.0), "camera"), bad]);
+    let sensor = last(&transport, "sensor points");
+    let words = "1 of 2 scans were lost or cannot be used; why the last cannot: header frame_id is empty";
+    assert_eq!((sensor.level, sensor.message.as_str()), (1, words));
+}
+
+/// Two publishers on one topic; somebody who calls again and again.
+#[test]
+fn sessions_that_alternate_are_said_once_and_are_a_warning_and_those_that_were_asked_for_are_none() {
+    let begin = |events: Vec<Event<()>>| {
+        let (transport, said) = heard(|| reported(Fake::default(), events));
+        let begun = said.into_iter().filter(|(_, line)| line.ends_with("begins with an empty map"));
+        (last(&transport, "map"), begun.collect::<Vec<_>>())
+    };
+    let old_and_new = |number| [20.0, 10.0].map(|seconds| cloud(at(seconds + f64::from(number)), "camera"));
+    let scans = (0..9).flat_map(old_and_new);
+    let (map, begun) = begin([transform(at(0.0), true)].into_iter().chain(scans).collect());
+    let words = "the stamps of the scans have jumped back by 10.000 s: session ";
+    assert_eq!((map.level, value(&map, "sessions begun by a jump").as_str()), (1, "9"), "{map:?}");
+    assert!(map.message.starts_with(words), "{map:?}");
+    assert!(begun.len() == 1 && begun[0].0 == 30 && begun[0].1.starts_with(words), "{begun:?}");
+    let clocks = [20.0, 10.0].into_iter().cycle().take(20).map(|seconds| Event::Clock(at(seconds)));
+    let (map, begun) = begin(clocks.collect());
+    assert_eq!((map.level, value(&map, "sessions begun by a jump").as_str()), (1, "10"), "{map:?}");
+    assert!(begun.len() == 1 && begun[0].1.starts_with("/clock has jumped back by 10.000 s: "), "{begun:?}");
+    let (map, begun) = begin((0..9).map(|_| Event::Call(Service::Reset, ())).collect());
+    assert_eq!((map.level, value(&map, "sessions begun by a jump").as_str()), (0, "0"), "{map:?}");
+    assert!(begun.len() == 1 && begun[0].0 == 20, "{begun:?}");
 }
 
 #[test]
