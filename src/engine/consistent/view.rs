@@ -150,7 +150,7 @@ impl RangeGrid {
         for ((cell, depth), &point) in cells.iter_mut().zip(&mut depths).zip(batch) {
             (*cell, *depth) = cell_and_depth(point);
         }
-        self.farthest = farther(self.farthest, depths);
+        self.farthest = farther(self.farthest, &depths);
         for (&index, &depth) in cells.iter().zip(&depths).take(batch.len()) {
             let cell = &mut self.cells[index as usize];
             if cell.count == 0 {
@@ -236,14 +236,16 @@ pub(crate) fn half_extents(sensor_from_fixed: &Rotation3<f64>, edge: f64) -> Vec
     sensor_from_fixed.matrix().abs() * Vector3::repeat(0.5 * edge)
 }
 
-/// The largest of these depths, none of which is below 0; as bits, of which a processor takes several at once.
+/// The largest of these depths that are those of points, finite and above 0; as bits, of which a processor takes several at once:
+/// they have the order of what they stand for, and those of all others, of what is below 0 too, are not less than those of infinity.
 #[inline(always)]
-fn farther(than: f32, depths: impl IntoIterator<Item = f32>) -> f32 {
-    let mut most = than.to_bits();
+fn farther(than: f32, depths: &[f32]) -> f32 {
+    let mut most = 0;
     for depth in depths {
-        most = most.max(depth.to_bits());
+        let bits = depth.to_bits();
+        most = most.max(if bits < f32::INFINITY.to_bits() { bits } else { 0 });
     }
-    f32::from_bits(most)
+    than.max(f32::from_bits(most))
 }
 
 /// Face, row and column of a cell.

@@ -84,13 +84,6 @@ impl Line {
     }
 }
 
-/// The depth of a pixel with a point; else 0.
-#[inline(always)]
-#[expect(clippy::needless_bitwise_bool, reason = "a lazy operator is a branch")]
-fn of_point(depth: f32) -> f32 {
-    if (depth > 0.0) & (depth < f32::INFINITY) { depth } else { 0.0 }
-}
-
 /// All rows of an image, in code for the processor at hand.
 struct Filling<'a> {
     grid: &'a mut RangeGrid,
@@ -111,7 +104,7 @@ impl WithSimd for Filling<'_> {
         let mut rows = rows.map(|(row, &y)| (row, row_of(y))).peekable();
         let mut measured = 0;
         while let Some((row, cells)) = rows.next() {
-            self.grid.farthest = farther(self.grid.farthest, row.iter().copied().map(of_point));
+            self.grid.farthest = farther(self.grid.farthest, row);
             self.line.take(row);
             if rows.peek().is_none_or(|(_, next)| *next != cells) {
                 measured += self.grid.put(self.line, cells);
