@@ -58,7 +58,7 @@ pub(super) struct Local {
     /// For each axis the units that one metre along x, y and z of the sensor's frame makes.
     pub(super) units: [[f64; 3]; 3],
     /// For each axis the sensor's place in units, less [`DOWN`].
-    origin: [f64; 3],
+    pub(super) origin: [f64; 3],
 }
 
 impl Local {
@@ -79,13 +79,13 @@ impl Local {
         })
     }
 
-    /// A place along one axis from what lies between it and the sensor, in units; -1 or [`END`] where it is beyond the region
-    /// or not a number.
+    /// A place along one axis from what lies between it and the sensor and from the sensor's ([`Self::origin`]), in units; below 0
+    /// or [`END`] or more where it is beyond the region or not a number.
     #[inline(always)]
-    pub(super) fn place(&self, axis: usize, from_sensor: f64) -> i32 {
+    pub(super) fn place(from_sensor: f64, origin: f64) -> i32 {
         const LEAST: f64 = -1.0;
         const MOST: f64 = END as f64;
-        let place = from_sensor + self.origin[axis];
+        let place = from_sensor + origin;
         // The comparisons are those that a processor has one instruction for.
         let place = if place > LEAST { place } else { LEAST };
         let place = if place < MOST { place } else { MOST };

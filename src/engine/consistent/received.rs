@@ -5,11 +5,10 @@
 //! does not hold it; the cell in a list of the block's.
 //!
 //! The loops are compiled for what x86-64 has always had, for AVX2 and for AVX-512, and the processor is asked which to take
-//! (`pulp`).
+//! ([`dispatch`], by `pulp`).
 
 use hashbrown::HashMap;
 use nalgebra::Isometry3;
-use pulp::{Arch, Simd, WithSimd};
 use rustc_hash::FxBuildHasher;
 
 use super::block::{BlockKey, CELLS, Cell, place};
@@ -17,7 +16,7 @@ use super::cells::Cells;
 use super::local::{Local, LocalKey};
 use super::recent::Recent;
 use super::sums::ScanSums;
-use super::tile::{Places, SIDE, TILE, sum_by_voxel};
+use super::tile::{Lanes, OnTiles, Places, SIDE, Sink, TILE, dispatch, sum_by_voxel};
 use crate::engine::binning::{BATCH, Fixed, UNITS};
 use crate::engine::key::VoxelKey;
 use crate::engine::points::{Depths, Points};
@@ -79,11 +78,11 @@ impl Received {
         match (&scan.points, Local::new(pose, voxel_size)) {
             (Points::Depths(depths), Some(local)) => {
                 let receiver = Receiver { received: self, local, pose, voxel_size };
-                Arch::new().dispatch(OfDepths { depths, receiver });
+                dispatch(OfDepths { depths, receiver });
             }
             (Points::F32(points) | Points::Ended { points, .. }, Some(local)) => {
                 let receiver = Receiver { received: self, local, pose, voxel_size };
-                Arch::new().dispatch(OfPoints { points, receiver });
+                dispatch(OfPoints { points, receiver });
             }
             (Points::Depths(depths), None) => self.take_far(&depths.list(), pose, voxel_size),
             (Points::F32(points) | Points::Ended { points, .. }, None) => {
@@ -160,7 +159,7 @@ struct Receiver<'a> {
     voxel_size: f64,
 }
 
-impl Receiver<'_> {
+impl Sink for Receiver<'_> {
     #[inline(always)]
     fn add(&mut self, key: LocalKey, sums: &ScanSums) {
         let block = match self.received.recent.get(key.block()) {
@@ -172,7 +171,9 @@ impl Receiver<'_> {
             block => self.received.sums_of(block, key.cell()).merge(sums),
         }
     }
+}
 
+impl Receiver<'_> {
     /// The block with this first voxel; all of it lies within the grid or beyond.
     #[cold]
     fn find(&mut self, first: LocalKey) -> u32 {
@@ -184,8 +185,8 @@ impl Receiver<'_> {
 
     /// Takes in a tile; `point` gives those points of it that lie beyond the region.
     #[inline(always)]
-    fn take(&mut self, places: &Places, empty: usize, point: impl Fn(usize) -> [f32; 3]) {
-        let missing = sum_by_voxel(places, |key, sums| self.add(key, sums));
+    fn take(&mut self, lanes: impl Lanes, places: &Places, empty: usize, point: impl Fn(usize) -> [f32; 3]) {
+        let missing = sum_by_voxel(lanes, places, self);
         if missing > empty {
             self.take_far(places, point);
         }
@@ -207,11 +208,9 @@ struct OfDepths<'a> {
     receiver: Receiver<'a>,
 }
 
-impl WithSimd for OfDepths<'_> {
-    type Output = ();
-
+impl OnTiles for OfDepths<'_> {
     #[inline(always)]
-    fn with_simd<S: Simd>(mut self, _: S) {
+    fn run(mut self, lanes: impl Lanes) {
         let rays = self.depths.rays();
         let units = self.receiver.local.units;
         // A place is depth x (column + row) from the sensor.
@@ -230,7 +229,7 @@ impl WithSimd for OfDepths<'_> {
                 count += 1;
             }
             for first in (0..rays.x.len()).step_by(SIDE) {
-                self.tile(&strip[..count], &columns, first);
+                self.tile(lanes, &strip[..count], &columns, first);
             }
             if count < SIDE {
                 break;
@@ -243,7 +242,7 @@ impl WithSimd for OfDepths<'_> {
 impl OfDepths<'_> {
     /// Takes in 8 x 8 pixels, or what there is of them.
     #[inline(always)]
-    fn tile(&mut self, rows: &[(&[f32], &f32)], columns: &[Vec<f64>; 3], first: usize) {
+    fn tile(&mut self, lanes: impl Lanes, rows: &[(&[f32], &f32)], columns: &[Vec<f64>; 3], first: usize) {
         let local = &self.receiver.local;
         let mut depths = [f32::INFINITY; TILE];
         let mut directions = [[0.0_f64; SIDE]; 3];
@@ -258,17 +257,16 @@ impl OfDepths<'_> {
         }
         let mut places = [[-1; TILE]; 3];
         for (axis, places) in places.iter_mut().enumerate() {
-            for (i, (_, ray)) in rows.iter().enumerate() {
+            let (columns, origin) = (&directions[axis], local.origin[axis]);
+            let each = depths.as_chunks().0.iter().zip(places.as_chunks_mut().0);
+            for ((_, ray), (depths, places)) in rows.iter().zip(each) {
                 let row = local.units[axis][1] * f64::from(**ray);
-                for j in 0..SIDE {
-                    let depth = f64::from(depths[i * SIDE + j]);
-                    places[i * SIDE + j] = local.place(axis, depth * (directions[axis][j] + row));
-                }
+                *places = lanes.place_pixels(depths, columns, row, origin);
             }
         }
         let empty = depths.iter().map(|depth| usize::from(*depth == f32::INFINITY)).sum();
         let rays = self.depths.rays();
-        self.receiver.take(&places, empty, |i| {
+        self.receiver.take(lanes, &places, empty, |i| {
             let z = depths[i];
             let x = rays.x.get(first + i % SIDE).map_or(0.0, |x| x * z);
             [x, rows.get(i / SIDE).map_or(0.0, |(_, y)| *y * z), z]
@@ -282,11 +280,9 @@ struct OfPoints<'a> {
     receiver: Receiver<'a>,
 }
 
-impl WithSimd for OfPoints<'_> {
-    type Output = ();
-
+impl OnTiles for OfPoints<'_> {
     #[inline(always)]
-    fn with_simd<S: Simd>(mut self, _: S) {
+    fn run(mut self, lanes: impl Lanes) {
         let local = self.receiver.local;
         for batch in self.points.chunks(TILE) {
             let mut split = [[f32::INFINITY; TILE]; 3];
@@ -296,13 +292,13 @@ impl WithSimd for OfPoints<'_> {
             let [xs, ys, zs] = &split;
             let mut places = [[-1; TILE]; 3];
             for (axis, places) in places.iter_mut().enumerate() {
-                let [a, b, c] = local.units[axis];
-                for i in 0..TILE {
-                    let [x, y, z] = [xs[i], ys[i], zs[i]].map(f64::from);
-                    places[i] = local.place(axis, a * x + b * y + c * z);
+                let (units, origin) = (local.units[axis], local.origin[axis]);
+                let [xs, ys, zs] = [xs, ys, zs].map(|along| along.as_chunks().0);
+                for (((x, y), z), places) in xs.iter().zip(ys).zip(zs).zip(places.as_chunks_mut().0) {
+                    *places = lanes.place_points([x, y, z], units, origin);
                 }
             }
-            self.receiver.take(&places, TILE - batch.len(), |i| split.map(|axis| axis[i]));
+            self.receiver.take(lanes, &places, TILE - batch.len(), |i| split.map(|axis| axis[i]));
         }
     }
 }

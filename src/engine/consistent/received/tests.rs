@@ -33,7 +33,7 @@ fn naive(scan: &Scan, voxel_size: f64) -> Naive {
             for [x, y, z] in points.iter().map(|point| point.map(f64::from)) {
                 let place = |axis: usize| {
                     let [a, b, c] = local.units[axis];
-                    local.place(axis, a * x + b * y + c * z)
+                    Local::place(a * x + b * y + c * z, local.origin[axis])
                 };
                 add(&mut naive, &local, [0, 1, 2].map(place));
             }
@@ -45,7 +45,7 @@ fn naive(scan: &Scan, voxel_size: f64) -> Naive {
                 for (z, x) in pixels.filter(|(z, _)| *z > 0.0) {
                     let place = |axis: usize| {
                         let [a, b, c] = local.units[axis];
-                        local.place(axis, z * ((a * x + c) + b * f64::from(*y)))
+                        Local::place(z * ((a * x + c) + b * f64::from(*y)), local.origin[axis])
                     };
                     add(&mut naive, &local, [0, 1, 2].map(place));
                 }
@@ -119,7 +119,7 @@ proptest! {
         let [x, y, z] = point.map(f64::from);
         let places = [0, 1, 2].map(|axis| {
             let [a, b, c] = local.units[axis];
-            local.place(axis, a * x + b * y + c * z)
+            Local::place(a * x + b * y + c * z, local.origin[axis])
         });
         let voxel = local.voxel(Local::key(places)).unwrap().indices();
         for axis in 0..3 {
