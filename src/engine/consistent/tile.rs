@@ -31,15 +31,15 @@ type Keys = [i32; TILE];
 
 /// The arithmetic of a tile: several points at once.
 pub(super) trait Lanes: Copy {
+    /// The keys of a tile and the offsets of its places, as a pass reads them.
+    type Tile<'a>;
+
     /// Places along one axis ([`Local::place`]) of pixels in a row: each depth times what its column and the row add to a unit of
     /// depth.
     fn place_pixels(self, depths: &[f32; SIDE], columns: &[f64; SIDE], row: f64, origin: f64) -> [i32; SIDE];
 
     /// The same of points, by what a metre along each axis of the sensor adds.
     fn place_points(self, points: [&[f32; SIDE]; 3], units: [f64; 3], origin: f64) -> [i32; SIDE];
-
-    /// The keys of a tile and the offsets of its places, as a pass reads them.
-    type Tile<'a>;
 
     fn tile<'a>(self, keys: &'a Keys, places: &Places) -> Self::Tile<'a>;
 
@@ -123,6 +123,8 @@ pub(super) fn sum_by_voxel(lanes: impl Lanes, places: &Places, sink: &mut impl S
 struct Plain;
 
 impl Lanes for Plain {
+    type Tile<'a> = (&'a Keys, [[i32; TILE]; 3]);
+
     #[inline(always)]
     fn place_pixels(self, depths: &[f32; SIDE], columns: &[f64; SIDE], row: f64, origin: f64) -> [i32; SIDE] {
         let mut places = [0; SIDE];
@@ -141,8 +143,6 @@ impl Lanes for Plain {
         }
         places
     }
-
-    type Tile<'a> = (&'a Keys, [[i32; TILE]; 3]);
 
     #[inline(always)]
     fn tile<'a>(self, keys: &'a Keys, places: &Places) -> Self::Tile<'a> {

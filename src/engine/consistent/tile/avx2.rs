@@ -42,6 +42,8 @@ pub(super) struct Packed {
 
 // Loops, for a closure that is handed to an array's method is not compiled for AVX2.
 impl Lanes for Avx2 {
+    type Tile<'a> = Packed;
+
     #[inline(always)]
     fn place_pixels(self, depths: &[f32; SIDE], columns: &[f64; SIDE], row: f64, origin: f64) -> [i32; SIDE] {
         let avx = self.0.avx;
@@ -72,8 +74,6 @@ impl Lanes for Avx2 {
         }
         cast(places)
     }
-
-    type Tile<'a> = Packed;
 
     #[inline(always)]
     fn tile<'a>(self, keys: &'a Keys, places: &Places) -> Packed {
