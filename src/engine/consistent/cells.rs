@@ -127,12 +127,67 @@ pub(super) struct Window {
     mask: u64,
 }
 
+/// Longest reach of a window.
+const MOST_REACH: i32 = 3;
+/// Coordinates of the middles of windows along an axis: those of the block, of the blocks beside it and some beyond, as many as a
+/// power of two.
+const MIDDLES: i32 = 32;
+const LEAST_MIDDLE: i32 = (EDGE - MIDDLES) / 2;
+
+/// What of a block a window covers along one axis: as words, as the bytes of a word and as the bits of a byte.
+#[derive(Clone, Copy)]
+struct Side {
+    words: [u8; 2],
+    bytes: u64,
+    bits: u64,
+}
+
+/// By reach and coordinate, from [`LEAST_MIDDLE`] on.
+static SIDES: [[Side; MIDDLES as usize]; MOST_REACH as usize + 1] = sides();
+
+const fn sides() -> [[Side; MIDDLES as usize]; MOST_REACH as usize + 1] {
+    let mut sides = [[Side { words: [0; 2], bytes: 0, bits: 0 }; MIDDLES as usize]; MOST_REACH as usize + 1];
+    let mut reach = 0;
+    while reach <= MOST_REACH {
+        let mut middle = 0;
+        while middle < MIDDLES {
+            let at = LEAST_MIDDLE + middle;
+            let range = [clamped(at - reach), clamped(at + reach + 1)];
+            sides[reach as usize][middle as usize] = Side {
+                words: [range[0] as u8, range[1] as u8],
+                bytes: mask(range, [0, EDGE]),
+                bits: mask([0, EDGE], range),
+            };
+            middle += 1;
+        }
+        reach += 1;
+    }
+    sides
+}
+
+const fn clamped(end: i32) -> i32 {
+    if end < 0 {
+        0
+    } else if end > EDGE {
+        EDGE
+    } else {
+        end
+    }
+}
+
 impl Window {
-    /// What lies within `reach` of these coordinates, which may lie outside of the block, along each axis.
+    /// What lies within `reach`, 0 to 3, of these coordinates along each axis; they may lie as far outside of the block as those
+    /// of the blocks beside it.
     pub(super) fn around(at: [i32; 3], reach: i32) -> Self {
-        let range = |axis: usize| [at[axis] - reach, at[axis] + reach + 1].map(|end| end.clamp(0, EDGE));
-        let ([from, to], mask) = (range(0), mask(range(1), range(2)));
-        Self { from: from as usize, to: to as usize, mask }
+        debug_assert!((0..=MOST_REACH).contains(&reach), "{reach}");
+        let sides = &SIDES[(reach & MOST_REACH) as usize];
+        let side = |axis: usize| {
+            let middle = at[axis] - LEAST_MIDDLE;
+            debug_assert!((0..MIDDLES).contains(&middle), "{at:?}");
+            &sides[(middle & (MIDDLES - 1)) as usize]
+        };
+        let [from, to] = side(0).words.map(usize::from);
+        Self { from, to, mask: side(1).bytes & side(2).bits }
     }
 }
 

@@ -10,11 +10,16 @@ use crate::engine::points::{Depths, Rays};
 /// What the rows of pixels in one row of cells have so far, by column of pixels; its memory stays for the next scan.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Line {
-    nearest: Vec<f32>,
+    /// Smallest depths, as bits, which above 0 have the order of what they stand for: what is chosen by a comparison of floating
+    /// point is compiled to a store that leaves out lanes, and takes as long as thirty others on some processors.
+    nearest: Vec<u32>,
     count: Vec<u32>,
     /// For each column of cells with pixels the cell and the number of pixels.
     columns: Vec<(u32, usize)>,
 }
+
+/// In place of the depth of a pixel that measured none.
+const FARTHER: u32 = f32::INFINITY.to_bits();
 
 impl RangeGrid {
     /// Takes in a camera's pixels, those as well that are too far away to be points; returns how many were measured.
@@ -32,25 +37,27 @@ impl RangeGrid {
 
     /// Puts a line into its row of cells, and empties it; returns how many pixels it held.
     fn put(&mut self, line: &mut Line, row: u32) -> u32 {
-        let (mut first, mut all) = (0, 0);
-        for &(column, pixels) in &line.columns {
-            let range = first..first + pixels;
-            first += pixels;
-            let count: u32 = line.count[range.clone()].iter().sum();
+        let mut all = 0;
+        let mut pixels = line.nearest.iter().zip(&line.count);
+        for &(column, width) in &line.columns {
+            let (mut nearest, mut count) = (FARTHER, 0);
+            for (&depth, &measured) in pixels.by_ref().take(width) {
+                nearest = depth.min(nearest);
+                count += measured;
+            }
             if count == 0 {
                 continue;
             }
-            let nearest = line.nearest[range].iter().copied().fold(f32::INFINITY, f32::min);
             let index = row + column;
             let cell = &mut self.cells[index as usize];
             if cell.count == 0 {
                 self.occupied.push(index);
             }
-            cell.nearest = cell.nearest.min(nearest);
+            cell.nearest = f32::from_bits(cell.nearest.to_bits().min(nearest));
             cell.count += count;
             all += count;
         }
-        line.nearest.fill(f32::INFINITY);
+        line.nearest.fill(FARTHER);
         line.count.fill(0);
         all
     }
@@ -59,7 +66,7 @@ impl RangeGrid {
 impl Line {
     fn begin(&mut self, rays: &[f32]) {
         self.nearest.clear();
-        self.nearest.resize(rays.len(), f32::INFINITY);
+        self.nearest.resize(rays.len(), FARTHER);
         self.count.clear();
         self.count.resize(rays.len(), 0);
         self.columns.clear();
@@ -75,11 +82,9 @@ impl Line {
     #[inline(always)]
     fn take(&mut self, row: &[f32]) {
         for ((nearest, count), depth) in self.nearest.iter_mut().zip(&mut self.count).zip(row) {
-            let depth = if *depth == 0.0 { f32::INFINITY } else { depth.abs() };
-            // As bits, which have the order of what they stand for above 0: what is chosen by a comparison of floating point is
-            // compiled to a store that leaves out lanes, and takes as long as thirty others on some processors.
-            *nearest = f32::from_bits(nearest.to_bits().min(depth.to_bits()));
-            *count += u32::from(depth < f32::INFINITY);
+            let depth = if *depth == 0.0 { FARTHER } else { depth.abs().to_bits() };
+            *nearest = depth.min(*nearest);
+            *count += u32::from(depth < FARTHER);
         }
     }
 }
