@@ -76,7 +76,7 @@ impl Lanes for Avx2 {
     }
 
     #[inline(always)]
-    fn tile<'a>(self, keys: &'a Keys, places: &Places) -> Packed {
+    fn tile(self, keys: &Keys, places: &Places) -> Packed {
         let (avx, avx2) = (self.0.avx, self.0.avx2);
         let zero = avx._mm256_setzero_si256();
         let mut packed = Packed { keys: [zero; KEYS], offsets: [[zero; HALVES]; 3] };
