@@ -151,6 +151,8 @@ def test_rviz_shows_the_topics_of_the_node(tmp_path):
     assert rviz.command[:4] == ["-d", str(SCRIPTS / "cfodi.rviz"), "-f", "map"]
     assert "__ns:=/robot" in rviz.command and "/cfodi/markers:=surfaces/markers" in rviz.command
     assert not of(launched("cloud.launch.py", tmp_path), "rviz2")
+    [rviz] = of(launched("cloud.launch.py", tmp_path, rviz="true"), "rviz2")
+    assert "-f" not in rviz.command and "Fixed Frame: odom" in (SCRIPTS / "cfodi.rviz").read_text(), "as docs/install.md says"
 
 
 def test_a_replay_plays_the_bag_on_its_own_time(tmp_path):
