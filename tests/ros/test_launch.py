@@ -169,6 +169,7 @@ def test_a_replay_plays_the_bag_on_its_own_time(tmp_path):
 @pytest.mark.parametrize("script, arguments, topics", [
     ("kinect.sh", ["/front/points"], ["/front/points"]),
     ("depth.sh", ["/front/image_raw"], ["/front/image_raw", "/front/camera_info"]),
+    ("depth.sh", ["image_raw"], ["/image_raw", "/camera_info"]),
 ])
 def test_the_shell_scripts_start_the_node(script, arguments, topics, peer, tmp_path):
     (tmp_path / "cfodi").symlink_to(program())
