@@ -39,14 +39,13 @@ class PlannerNode : public rclcpp::Node {
   }
 
  private:
-  bool is_fresh(const std_msgs::msg::Header& header) { return (now() - rclcpp::Time(header.stamp)).seconds() < max_age_; }
-
   double speed() {
     const auto& map = planner_.map.header();
     auto pose = poses_.find(map.frame_id);
+    std::chrono::duration<double> steady = std::chrono::steady_clock::now().time_since_epoch();
+    Freshness::Headers seen{map, planner_.voxels_header(), pose == poses_.end() ? std_msgs::msg::Header() : pose->second.header};
     // A robot that sees nothing, or does not know where it is, stands.
-    if (pose == poses_.end() || !is_fresh(pose->second.header)) return 0.0;
-    if (!is_fresh(map) || !is_fresh(planner_.voxels_header())) return 0.0;
+    if (!freshness_.holds(seen, now().seconds(), steady.count()) || pose == poses_.end()) return 0.0;
     const auto& at = pose->second.transform.translation;
     const auto& q = pose->second.transform.rotation;
     Planner::Robot robot{at.x, at.y, at.z, std::atan2(2 * (q.w * q.z + q.x * q.y), 1 - 2 * (q.y * q.y + q.z * q.z))};
@@ -63,7 +62,7 @@ class PlannerNode : public rclcpp::Node {
   Planner planner_;
   double wished_height_ = declare_parameter("wished_height", 0.75), speed_ = declare_parameter("speed", 0.3);
   double stop_before_ = declare_parameter("stop_before", 0.5), slow_from_ = declare_parameter("slow_from", 1.5);
-  double max_age_ = declare_parameter("max_age", 1.0);
+  Freshness freshness_{declare_parameter("max_age", 1.0)};
   std::map<std::string, geometry_msgs::msg::TransformStamped> poses_;
   rclcpp::Subscription<MapReader::Array>::SharedPtr clusters_, deltas_;
   rclcpp::Subscription<sensor_msgs::msg::PointCloud2>::SharedPtr points_;

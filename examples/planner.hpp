@@ -172,3 +172,31 @@ class Planner {
   std::vector<Voxel> voxels_;
   std_msgs::msg::Header header_;
 };
+
+// Whether map, voxels and pose are of now. A clock can be set, differ from the camera's and stand still, so a stamp must be
+// near the clock, and have come not long ago by a clock that nobody sets.
+class Freshness {
+ public:
+  using Headers = std::array<std_msgs::msg::Header, 3>;
+
+  static constexpr double kAhead = 0.2;  // a stamp may be ahead of the clock by this [s]: clocks are not set more exactly
+
+  explicit Freshness(double max_age) : max_age_(max_age) {}
+
+  // Of these three, by the clock of the stamps and a steady one [s]; a time of 0 is none. Asked again and again.
+  bool holds(const Headers& headers, double now, double steady) {
+    bool fresh = now > 0.0;
+    for (std::size_t i = 0; i < headers.size(); ++i) {
+      double stamp = headers[i].stamp.sec + 1e-9 * headers[i].stamp.nanosec;
+      if (came_[i].stamp != stamp) came_[i] = {stamp, steady};
+      double age = now - stamp;
+      fresh = fresh && stamp > 0.0 && -kAhead < age && age < max_age_ && steady - came_[i].since < max_age_;
+    }
+    return fresh;
+  }
+
+ private:
+  struct Came { double stamp = 0.0, since = 0.0; };
+  double max_age_;
+  std::array<Came, 3> came_;
+};

@@ -5,6 +5,7 @@ table is. An example: a robot needs an emergency stop beside it. docs/planner.md
 """
 
 import math
+import time
 
 import numpy as np
 from cfodi_msgs.msg import SurfaceCluster, SurfaceClusterArray
@@ -13,6 +14,7 @@ from map_reader import MapReader
 LOW = 0.15  # what stands out less from the ground is no obstacle [m]: more than a depth camera's noise
 ABOVE_GROUND = (-0.05, 0.3)  # how high the origin of a base frame is [m]: below 0 by noise, not by a step
 UNSEEN = 2.5  # within this the ground may begin [m]: a level Kinect 1 m up sees none nearer
+AHEAD = 0.2  # a stamp may be ahead of the clock by this [s]: the clocks of two machines are not set more exactly
 LEVEL = (SurfaceCluster.CLASS_FLOOR, SurfaceCluster.CLASS_HORIZONTAL)
 
 
@@ -58,6 +60,25 @@ class Planner:
         # A surface is flat: what of it is nearest is at its outline, or else where it meets an end or a side of the lane.
         ends = [cut(sides, axis, at) for axis, at in ((0, least[0]), (1, least[1]), (1, most[1]))]
         return nearest(np.concatenate([sides, *ends]), least, most)
+
+
+class Freshness:
+    """Whether map, voxels and pose are of now. A clock can be set, differ from the camera's and stand still, so a stamp must
+    be near the clock, and have come not long ago by a clock that nobody sets."""
+
+    def __init__(self, max_age):
+        self.max_age, self.came = max_age, [(0.0, 0.0)] * 3
+
+    def holds(self, stamps, now, steady):
+        """Of these three, by the clock of the stamps and a steady one [s]; a time of 0 is none. Asked again and again."""
+        self.came = [old if old[0] == stamp else (stamp, steady) for old, stamp in zip(self.came, stamps)]
+        return now > 0.0 and all(stamp > 0.0 and -AHEAD < now - stamp < self.max_age and steady - since < self.max_age
+                                 for stamp, since in self.came)
+
+
+def seconds(message):
+    """The stamp of a message; 0 where there is none."""
+    return message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec if message else 0.0
 
 
 def xyz(point):
@@ -106,8 +127,8 @@ def nearest(pieces, least, most):
 def main():
     import rclpy
     from geometry_msgs.msg import Twist
+    from rclpy.clock import Clock, ClockType
     from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
-    from rclpy.time import Time
     from sensor_msgs.msg import PointCloud2
     from tf2_msgs.msg import TFMessage
 
@@ -116,19 +137,17 @@ def main():
     defaults = {"base_frame": "base_link", "width": 0.5, "height": 1.2, "wished_height": 0.75, "speed": 0.3,
                 "stop_before": 0.5, "slow_from": 1.5, "max_age": 1.0}
     given = {name: node.declare_parameter(name, default).value for name, default in defaults.items()}
-    planner, poses = Planner(given["width"], given["height"]), {}
+    planner, freshness, poses = Planner(given["width"], given["height"]), Freshness(given["max_age"]), {}
     commands = node.create_publisher(Twist, "cmd_vel", 1)
 
     def transforms(message):
         poses.update((t.header.frame_id, t) for t in message.transforms if t.child_frame_id == given["base_frame"])
 
-    def is_fresh(message):
-        return message and (node.get_clock().now() - Time.from_msg(message.header.stamp)).nanoseconds < given["max_age"] * 1e9
-
     def speed():
         latest = planner.map.latest
         pose = poses.get(latest.header.frame_id) if latest else None
-        if not (is_fresh(latest) and is_fresh(planner.cloud) and is_fresh(pose)):
+        stamps = [seconds(message) for message in (latest, planner.cloud, pose)]
+        if not freshness.holds(stamps, 1e-9 * node.get_clock().now().nanoseconds, time.monotonic()):
             return 0.0  # a robot that sees nothing, or does not know where it is, stands
         q = pose.transform.rotation
         yaw = math.atan2(2 * (q.w * q.z + q.x * q.y), 1 - 2 * (q.y * q.y + q.z * q.z))
@@ -154,7 +173,7 @@ def main():
     node.create_subscription(SurfaceClusterArray, "/cfodi/clusters_delta", planner.map.delta, 20)
     node.create_subscription(PointCloud2, "/cfodi/points_labelled", planner.points, qos_profile_sensor_data)
     node.create_subscription(TFMessage, "/tf", transforms, 100)
-    node.create_timer(0.1, drive)
+    node.create_timer(0.1, drive, clock=Clock(clock_type=ClockType.STEADY_TIME))  # a base keeps its last command: /clock can stop
     rclpy.spin(node)
 
 

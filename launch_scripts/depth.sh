@@ -13,5 +13,9 @@ if ! command -v "$cfodi" >/dev/null; then
   echo "$0: there is no cfodi: \`cargo install --path .\` in its repository makes it" >&2
   exit 1
 fi
+case $topic in
+  */*) info=${topic%/*}/camera_info ;;
+  *) info=camera_info ;;
+esac
 exec "$cfodi" run --ros-args --params-file "$here/config/kinect.yaml" \
-  -r "depth/image:=$topic" -r "depth/camera_info:=${topic%/*}/camera_info" "$@"
+  -r "depth/image:=$topic" -r "depth/camera_info:=$info" "$@"

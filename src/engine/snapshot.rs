@@ -31,7 +31,8 @@ pub struct Cluster {
     /// Stamp of the scan that created it.
     pub first_seen: Stamp,
     /// Newest stamp of the scans that put a point into one of its voxels; in `consistent`, into a block of 8 x 8 x 8 voxels
-    /// that it reaches into.
+    /// that it reaches into, as of when the cluster was told of: at a change, and every 30 scans, in large maps every
+    /// 60, 120, ...
     pub last_seen: Stamp,
     /// What it is to a robot; always unknown in `paper`.
     pub class: SurfaceClass,
@@ -47,7 +48,7 @@ pub struct Cluster {
     pub plane_covariance: Option<Matrix3<f64>>,
     /// Mean of the members' centres (m); in `consistent` weighed by how well each is known.
     pub centroid: Point3<f64>,
-    /// Covariance of the members: of their centres (`paper`), or of their points (m^2).
+    /// Covariance of the members: of their centres (`paper`), or of their points, weighed likewise (m^2).
     pub covariance: Matrix3<f64>,
     /// Root mean square distance of the same from the plane (m).
     pub rms_error: f64,
@@ -60,7 +61,8 @@ pub struct Cluster {
     pub holes: Vec<Vec<Point3<f64>>>,
     /// Middle of the box around the members' centres (`paper`) or the boundary; +z = normal, +x = the long side.
     pub pose: Isometry3<f64>,
-    /// Full extents of that box along the pose's axes (m).
+    /// Full extents of that box along the pose's axes (m); in `consistent` z is the thickness over which points that are spread
+    /// evenly have the root mean square distance `rms_error`: some lie outside.
     pub size: Vector3<f64>,
     /// Number of member voxels.
     pub voxel_count: u32,

@@ -3,7 +3,8 @@
 //! `vision_msgs/Detection3DArray` is what viewers and pickers read. `geometry_msgs/PolygonInstanceStamped` is what nav2's
 //! collision monitor reads since Jazzy, as a source of the type `polygon`: it keeps one polygon an id, samples its edges as
 //! seen from above, and forgets what has not come again within its `source_timeout`. ROS has no array of these, so each
-//! cluster is a message of its own, and what is gone is not sent again.
+//! cluster is a message of its own, and what is gone is not sent again. Where it has none at all it stops the robot, so each
+//! map has one without points too, by the id 0, which no cluster has.
 
 use nalgebra::SMatrix;
 use serde::{Deserialize, Serialize};
@@ -82,9 +83,9 @@ pub struct Detection3DArray {
 /// `geometry_msgs/PolygonInstance`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PolygonInstance {
-    /// The cluster's boundary.
+    /// The cluster's boundary; empty by the id 0.
     pub polygon: Polygon,
-    /// The cluster's id.
+    /// The cluster's id; 0 of none.
     pub id: i64,
 }
 
@@ -135,18 +136,20 @@ fn pose_covariance(cluster: &Cluster) -> [f64; 36] {
 }
 
 /// The outlines of what a robot does not drive on or under: all clusters that have one, but floor and ceiling, whose edges
-/// are where nobody has looked and no obstacles.
+/// are where nobody has looked and no obstacles. Before them goes one of no cluster, once a scan has been taken in.
 pub fn polygons<'a>(
     session: &Session,
     snapshot: &'a Snapshot,
 ) -> impl Iterator<Item = PolygonInstanceStamped> + use<'a> {
     let header = session.header(snapshot.stamp);
+    let map = PolygonInstanceStamped { header: header.clone(), polygon: PolygonInstance::default() };
     let stands = |class| !matches!(class, SurfaceClass::Floor | SurfaceClass::Ceiling);
     let outlined = snapshot.clusters.iter().filter(move |c| stands(c.class) && !c.boundary.is_empty());
-    outlined.map(move |cluster| PolygonInstanceStamped {
+    let outlines = outlined.map(move |cluster| PolygonInstanceStamped {
         header: header.clone(),
         polygon: PolygonInstance { polygon: polygon(&cluster.boundary), id: cluster.id.get().cast_signed() },
-    })
+    });
+    snapshot.stamp.map(|_| map).into_iter().chain(outlines)
 }
 
 /// serde has no arrays of 36; six rows of 6 are the same bytes in CDR, the only form that is read.
@@ -231,9 +234,19 @@ mod tests {
         let mut clusters: Vec<_> = others.map(|(id, class)| cluster(id, class)).into();
         clusters.extend([bare, cluster(5, SurfaceClass::Horizontal)]);
         let sent: Vec<_> = polygons(&session(), &snapshot(clusters)).collect();
-        assert_eq!(sent.iter().map(|sent| sent.polygon.id).collect::<Vec<_>>(), [3, 5]);
-        assert_eq!(sent[0].header, session().header(Some(Stamp::from_nanos(2_500_000_000))));
-        assert_eq!(sent[0].polygon.polygon.points.len(), 3);
+        assert_eq!(sent.iter().map(|sent| sent.polygon.id).collect::<Vec<_>>(), [0, 3, 5]);
+        assert_eq!(sent[1].header, session().header(Some(Stamp::from_nanos(2_500_000_000))));
+        assert_eq!(sent[1].polygon.polygon.points.len(), 3);
+    }
+
+    #[test]
+    fn a_map_without_obstacles_is_one_polygon_without_points_and_no_map_is_none() {
+        let map = snapshot(vec![cluster(1, SurfaceClass::Floor)]);
+        let sent: Vec<_> = polygons(&session(), &map).collect();
+        let header = session().header(map.stamp);
+        assert_eq!(sent, [PolygonInstanceStamped { header, polygon: PolygonInstance::default() }]);
+        let nothing = Snapshot { stamp: None, ..snapshot(Vec::new()) };
+        assert_eq!(polygons(&session(), &nothing).count(), 0);
     }
 
     #[test]

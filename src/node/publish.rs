@@ -16,7 +16,7 @@ use super::throttle::Throttle;
 use super::transport::{Outgoing, SendError, Transport};
 use super::vitals::{MapSize, Points, Reach, Vitals};
 use crate::config::Config;
-use crate::engine::Snapshot;
+use crate::engine::{Snapshot, Stamp};
 use crate::msg::caps::Caps;
 use crate::msg::clusters::{Session, SurfaceClusterArray};
 use crate::msg::labelled::labelled_points;
@@ -180,6 +180,8 @@ struct Maps {
     /// What has been said in this session.
     caps: Caps,
     twins: Twins,
+    /// Stamp of the newest polygons. They go out once: nav2's collision monitor takes each that comes too old for a free way.
+    outlined: Option<Stamp>,
     /// When the newest map came: the rate may be changed while the node runs.
     came: Option<tokio::time::Instant>,
 }
@@ -191,6 +193,7 @@ impl Maps {
         if std::mem::replace(&mut self.session, session) != session {
             self.markers.reset();
             self.caps = Caps::default();
+            self.outlined = None;
         }
         for line in self.caps.reached(snapshot) {
             warn!("{line}");
@@ -202,7 +205,8 @@ impl Maps {
         if self.twins.detections {
             wire.send(Outgoing::Detections(detections(&session, snapshot))).await;
         }
-        if self.twins.polygons {
+        let is_newer = std::mem::replace(&mut self.outlined, snapshot.stamp) != snapshot.stamp;
+        if self.twins.polygons && is_newer {
             let polygons = polygons(&session, snapshot).collect();
             send_polygons(polygons, SPREAD.min(period / 2), wire).await;
         }
@@ -227,7 +231,7 @@ mod tests {
     use tokio::sync::Semaphore;
 
     use super::*;
-    use crate::engine::{self, Engine, Isometry3, Params, Scan, Stamp};
+    use crate::engine::{self, Engine, Isometry3, Params, Scan};
     use crate::msg::ros::TriggerResponse;
     use crate::node::transport::{NetworkState, SensorTopics, Service, Source};
 
@@ -247,6 +251,7 @@ mod tests {
                     self.through.acquire().await.unwrap().forget();
                     ("map", map.sequence)
                 }
+                Outgoing::Polygon(polygon) => ("polygon", polygon.polygon.id.cast_unsigned()),
                 _ => return Ok(()),
             };
             self.sent.borrow_mut().push(sent);
@@ -330,5 +335,24 @@ mod tests {
         let (ended, ()) = tokio::join!(publishing, worker);
         assert_eq!(slow.sent.borrow()[4..], [("map", 1), ("map", 4)]);
         assert_eq!(ended.map.map(|map| map.sequence), Some(4));
+    }
+
+    #[tokio::test]
+    async fn the_polygons_of_a_map_go_out_once_and_one_of_no_cluster_among_them() {
+        let slow = Rc::new(Slow { sent: RefCell::default(), through: Semaphore::new(6) });
+        let wire =
+            Wire { transport: Rc::clone(&slow), unsent: RefCell::default(), frame_id: "odom".to_owned() };
+        let mut publisher = Maps { twins: Twins { polygons: true, ..Twins::default() }, ..Maps::default() };
+        let mut maps = vec![Arc::new(Engine::new(Params::default()).snapshot())];
+        for output in outputs(2) {
+            if let Output::Snapshot { snapshot, .. } = output {
+                maps.push(snapshot);
+            }
+        }
+        for (session, map) in [(1, 0), (1, 1), (1, 1), (1, 2), (1, 2), (2, 2)] {
+            publisher.send(session, &maps[map], &wire).await;
+        }
+        let of_none = slow.sent.borrow().iter().filter(|sent| **sent == ("polygon", 0)).count();
+        assert_eq!(of_none, 3, "with each map that is new: {:?}", slow.sent.borrow());
     }
 }

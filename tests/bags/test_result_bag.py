@@ -162,7 +162,8 @@ def test_the_twins_are_in_it_where_they_are_asked_for_and_say_what_the_snapshots
             assert plain(detection.bbox.center) == plain(clusters[detection.id].pose)
     polygons = bag.on("/cfodi/polygons")
     assert {message.type for message in polygons} == {"geometry_msgs/msg/PolygonInstanceStamped"}
-    last = [message.value.polygon for message in polygons if message.log_time == snapshots[-1].log_time]
+    of_none, *last = (message.value.polygon for message in polygons if message.log_time == snapshots[-1].log_time)
+    assert of_none.id == 0 and len(of_none.polygon.points) == 0
     floor_and_ceiling = (1, 2)
     outlines = [(c.id, plain(c.boundary)) for c in snapshots[-1].value.clusters
                 if c.surface_class not in floor_and_ceiling and c.boundary.points]

@@ -27,14 +27,15 @@ def target_of_program():
 def workspace(tmp_path_factory):
     """A workspace with a copy of the sources, built as docs/install.md says.
 
-    The build folder is the target of the program under test, so that cargo finds the crates there; our own code, which lies
-    elsewhere, is compiled as quickly as can be."""
+    The build folder is the target of the program under test, so that cargo finds the crates there, and is not searched for
+    packages; our own code, which lies elsewhere, is compiled as quickly as can be."""
     workspace = tmp_path_factory.mktemp("workspace")
     shutil.copytree(REPOSITORY, workspace / "src" / "cfodi", symlinks=True,
                     ignore=shutil.ignore_patterns("target", ".git", "cfodi-demo"))
+    (workspace / "src" / "cfodi_msgs").symlink_to("cfodi/msg")
     (workspace / "build").mkdir()
     (workspace / "build" / "cfodi").symlink_to(target_of_program())
-    command = [COLCON / "colcon", "build", "--base-paths", "src", "src/cfodi/msg",
+    command = [COLCON / "colcon", "build", "--base-paths", "src",
                "--cmake-args", "-G", "Ninja", "-DBUILD_TESTING=OFF", f"-DPython3_EXECUTABLE={sys.executable}",
                "--cargo-args", "--bin", "cfodi", "--config", "profile.dev.package.cfodi.opt-level=0"]
     built = subprocess.run(command, cwd=workspace, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,

@@ -1,5 +1,6 @@
 // What test_planner.py says of the planner in Python, of the one in C++.
 #include <cmath>
+#include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -209,7 +210,43 @@ void unseen_ground() {
   expect("but where there is another", seen({fresh, turned}).ground(kHere)->id == 1);
 }
 
+Freshness::Headers stamps(std::array<double, 3> seconds) {
+  Freshness::Headers headers;
+  for (std::size_t i = 0; i < seconds.size(); ++i) {
+    headers[i].stamp.sec = static_cast<std::int32_t>(seconds[i]);
+    headers[i].stamp.nanosec = static_cast<std::uint32_t>(std::lround(1e9 * (seconds[i] - headers[i].stamp.sec)));
+  }
+  return headers;
+}
+
+const std::array<double, 3> kStamps{99.5, 99.8, 99.9};  // of map, voxels and pose
+
+bool is_fresh(std::array<double, 3> seconds, double now) { return Freshness(1.0).holds(stamps(seconds), now, 7.0); }
+
+void near_the_clock() {
+  expect("what came just now is fresh", is_fresh(kStamps, 100.0));
+  expect("an old map is not", !is_fresh(kStamps, 100.6));
+  expect("a clock may be a little ahead", is_fresh(kStamps, 99.75));
+  expect("but not far", !is_fresh(kStamps, 99.65));
+  expect("nor that of the camera alone", !is_fresh({130.0, 130.0, 99.9}, 100.0));
+  expect("without voxels nothing is fresh", !is_fresh({99.5, 0.0, 99.9}, 100.0));
+  expect("nor without a clock", !is_fresh({0.0, 0.0, 0.0}, 0.0) && !is_fresh({0.1, 0.1, 0.1}, 0.0));
+  expect("no voxels are none when the clock begins", !is_fresh({0.1, 0.0, 0.1}, 0.5));
+}
+
+void new_by_a_steady_clock() {
+  Freshness freshness(1.0);
+  expect("it is fresh when it comes", freshness.holds(stamps(kStamps), 100.0, 7.0));
+  expect("and for a while", freshness.holds(stamps(kStamps), 100.0, 7.9));
+  expect("but not for ever where the clock stands still", !freshness.holds(stamps(kStamps), 100.0, 8.1));
+  expect("what comes again is fresh", freshness.holds(stamps({100.5, 100.8, 100.9}), 101.0, 8.2));
+  expect("a new pose is not enough", !freshness.holds(stamps({100.5, 100.8, 100.6}), 100.7, 9.3));
+  expect("all must come", freshness.holds(stamps({100.6, 100.6, 100.6}), 100.7, 9.4));
+}
+
 int main() {
+  near_the_clock();
+  new_by_a_steady_clock();
   outlines();
   within_outlines();
   doors();

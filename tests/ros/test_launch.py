@@ -151,6 +151,8 @@ def test_rviz_shows_the_topics_of_the_node(tmp_path):
     assert rviz.command[:4] == ["-d", str(SCRIPTS / "cfodi.rviz"), "-f", "map"]
     assert "__ns:=/robot" in rviz.command and "/cfodi/markers:=surfaces/markers" in rviz.command
     assert not of(launched("cloud.launch.py", tmp_path), "rviz2")
+    [rviz] = of(launched("cloud.launch.py", tmp_path, rviz="true"), "rviz2")
+    assert "-f" not in rviz.command and "Fixed Frame: odom" in (SCRIPTS / "cfodi.rviz").read_text(), "as docs/install.md says"
 
 
 def test_a_replay_plays_the_bag_on_its_own_time(tmp_path):
@@ -167,6 +169,7 @@ def test_a_replay_plays_the_bag_on_its_own_time(tmp_path):
 @pytest.mark.parametrize("script, arguments, topics", [
     ("kinect.sh", ["/front/points"], ["/front/points"]),
     ("depth.sh", ["/front/image_raw"], ["/front/image_raw", "/front/camera_info"]),
+    ("depth.sh", ["image_raw"], ["/image_raw", "/camera_info"]),
 ])
 def test_the_shell_scripts_start_the_node(script, arguments, topics, peer, tmp_path):
     (tmp_path / "cfodi").symlink_to(program())

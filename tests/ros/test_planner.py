@@ -18,7 +18,7 @@ import scene
 from cfodi_msgs.msg import SurfaceCluster, SurfaceClusterArray
 from geometry_msgs.msg import Point, Point32, Polygon, Pose, Twist
 from peer import qos, wait_until
-from planner import Planner
+from planner import Freshness, Planner
 from sensor_msgs.msg import PointCloud2, PointField
 from shape_msgs.msg import Plane
 from tf2_msgs.msg import TFMessage
@@ -228,6 +228,34 @@ def test_the_ground_may_begin_ahead_by_what_a_camera_does_not_see_of_it():
     assert seen(new).ground(BASE).id == 2, "there is no other"
 
 
+STAMPS = [99.5, 99.8, 99.9]  # of map, voxels and pose
+
+
+@pytest.mark.parametrize("stamps, now, holds", [
+    (STAMPS, 100.0, True),
+    (STAMPS, 100.6, False),  # the map is old
+    (STAMPS, 99.75, True),  # the clock of the pose is a little ahead
+    (STAMPS, 99.65, False),  # too far ahead
+    ([130.0, 130.0, 99.9], 100.0, False),  # so is the camera's, which may have died half a minute ago
+    ([99.5, 0.0, 99.9], 100.0, False),  # no voxels have come
+    ([0.0, 0.0, 0.0], 0.0, False),  # no /clock has come
+    ([0.1, 0.1, 0.1], 0.0, False),
+    ([0.1, 0.0, 0.1], 0.5, False),
+])
+def test_what_is_seen_is_of_now_where_all_stamps_are_near_the_clock(stamps, now, holds):
+    assert Freshness(1.0).holds(stamps, now, 7.0) is holds
+
+
+def test_what_does_not_come_again_grows_old_though_the_clock_is_set_or_stands_still():
+    freshness = Freshness(1.0)
+    assert freshness.holds(STAMPS, 100.0, 7.0)
+    assert freshness.holds(STAMPS, 100.0, 7.9)
+    assert not freshness.holds(STAMPS, 100.0, 8.1), "the clock stands still"
+    assert freshness.holds([100.5, 100.8, 100.9], 101.0, 8.2)
+    assert not freshness.holds([100.5, 100.8, 100.6], 100.7, 9.3), "the clock was set back, and the pose alone is new"
+    assert freshness.holds([100.6, 100.6, 100.6], 100.7, 9.4)
+
+
 def test_the_planner_in_cpp_compiles_against_the_generated_headers_and_does_the_same(tmp_path):
     cpp.run(HERE / "planner_test.cpp", tmp_path)
 
@@ -368,3 +396,27 @@ def test_it_stands_where_the_map_grows_old_or_there_is_no_ground(start, peer, ro
         over.set()
         shown.join()
     robot.expect("no speed when the map is old", lambda speed: speed == 0.0)
+
+
+def test_it_stands_while_the_cameras_clock_is_ahead(start, peer, robot, drive):
+    start().ready()
+    peer.record_node()
+    drive(speed=0.2, stop_before=0.3, max_age=600.0)
+    camera = peer.camera()
+    camera.meet()
+
+    def show(ahead):
+        for _ in range(3):
+            before, stamp = len(peer.deltas), time.time_ns() + ahead
+            camera.publish(scene.room(), stamp, clouds.still_transform())
+            peer.deltas.wait("the scan's delta", lambda m: m.header.stamp.nanosec == stamp % 10**9, after=before)
+
+    show(ahead=0)
+    robot.expect("some speed towards the table", lambda speed: speed > 0.1)
+    show(ahead=30 * 10**9)
+    robot.expect("no speed by what is of half a minute hence", lambda speed: speed == 0.0)
+
+
+def test_it_says_that_it_stands_while_there_is_no_clock(robot, drive):
+    drive(use_sim_time="true")
+    robot.expect("no speed", lambda speed: speed == 0.0)

@@ -132,6 +132,8 @@ impl Style<'_> {
     }
 }
 
+/// Not locked to its frame, though it then goes where viewers show another frame and know no transform of its stamp any more:
+/// RViz makes what is locked anew in every picture, all of its points.
 pub(super) fn marker(header: &Header, ns: &str, id: i32, kind: i32) -> Marker {
     Marker { header: header.clone(), ns: ns.to_owned(), id, kind, action: Marker::ADD, ..Marker::default() }
 }

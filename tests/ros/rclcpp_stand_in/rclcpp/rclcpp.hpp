@@ -7,19 +7,11 @@
 #include <memory>
 #include <string>
 
-#include <builtin_interfaces/msg/time.hpp>
-
 namespace rclcpp {
-
-class Duration {
- public:
-  double seconds() const;
-};
 
 class Time {
  public:
-  Time(const builtin_interfaces::msg::Time& time);
-  Duration operator-(const Time& other) const;
+  double seconds() const;
 };
 
 class Clock {};
