@@ -67,11 +67,15 @@ impl Part {
         self
     }
 
-    /// Says this where nothing as bad was said before.
+    /// Says this, with what was said before where that is as bad, alone where that is better.
     fn raise(&mut self, level: Level, line: impl AsRef<str>) {
+        let line = one_line(line.as_ref());
         if level > self.level {
             self.level = level;
-            self.status.message = one_line(line.as_ref()).into_owned();
+            self.status.message = line.into_owned();
+        } else if level == self.level {
+            self.status.message += "; ";
+            self.status.message += &line;
         }
     }
 
