@@ -154,6 +154,9 @@ impl Keeping {
     }
 }
 
+/// Most calls that wait for the next map, where a disk does not answer.
+pub(super) const MOST_CALLS: usize = 64;
+
 /// Who waits for a map to be written. At most one is under way, so that none piles up before a slow disk.
 #[derive(Debug)]
 pub(super) struct Saving<Request> {
@@ -173,12 +176,9 @@ impl<Request> Default for Saving<Request> {
 }
 
 impl<Request> Saving<Request> {
-    /// Most calls that wait for the next map, where a disk does not answer.
-    pub(super) const MOST_CALLS: usize = 64;
-
     /// Whether no more calls may wait.
     pub(super) fn is_full(&self) -> bool {
-        self.waiting.len() >= Self::MOST_CALLS
+        self.waiting.len() >= MOST_CALLS
     }
 
     /// Lets a call wait for the map of the node's end.
@@ -437,7 +437,7 @@ mod tests {
                 }
             })
             .count();
-        assert_eq!(taken, 1 + Saving::<i32>::MOST_CALLS);
+        assert_eq!(taken, 1 + MOST_CALLS);
     }
 
     #[test]

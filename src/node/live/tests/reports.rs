@@ -24,7 +24,7 @@ fn worst(transport: &Fake, of: &str) -> DiagnosticStatus {
 }
 
 /// A node that is driven by hand, so that no time goes by, and its reports.
-fn by_hand(config: &Config, transport: Fake) -> (Live<Fake>, mpsc::Receiver<DiagnosticArray>) {
+pub(super) fn by_hand(config: &Config, transport: Fake) -> (Live<Fake>, mpsc::Receiver<DiagnosticArray>) {
     let (reports, reported) = mpsc::channel(1);
     let worker = Worker::start(Engine::new(config.engine), 1, 1, |_| {}).unwrap();
     (Live::new(config, Rc::new(transport), (worker, None, 1), Seen::default(), reports), reported)
