@@ -137,7 +137,7 @@ impl<T: Transport> Live<T> {
         let bad = intake.lost.saturating_add(intake.skipped);
         let sent = intake.received.saturating_add(intake.lost);
         if bad.saturating_mul(10) > sent {
-            let level = if intake.received > intake.skipped { Level::Warn } else { Level::Error };
+            let level = if intake.is_useless() { Level::Error } else { Level::Warn };
             let why = intake.fault.as_ref().map(|error| self.why_unusable(sensor, error));
             let why = why.map_or_else(String::new, |why| format!("; why the last cannot: {why}"));
             part.raise(level, format!("{bad} of {sent} scans were lost or cannot be used{why}"));

@@ -39,8 +39,12 @@ impl<T: Transport> Live<T> {
         }
     }
 
-    /// Why clouds of a sensor cannot be used, with the words that help.
+    /// Why clouds of a sensor cannot be used, with the words that help where none could for a while: images may come before their
+    /// camera info does, or is found.
     pub(super) fn why_unusable(&self, sensor: usize, error: &CloudError) -> String {
+        if !self.intakes[sensor].is_useless() {
+            return error.to_string();
+        }
         let sources = || self.transport.sources();
         inputs::why_unusable(error, (sensor, self.transport.inputs()), sources)
     }

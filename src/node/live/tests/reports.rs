@@ -60,36 +60,61 @@ fn a_report_has_the_figures_of_each_part() {
     assert_eq!(worst(&transport, "transforms").level, 0);
 }
 
-/// A driver whose camera info has another name, and one that sends something bad now and then.
-#[test]
-fn a_sensor_whose_every_scan_cannot_be_used_is_an_error_with_the_reason_and_what_to_do() {
+/// What is said of a sensor, and by the log, after these events, where it has sent nothing of use for so long before.
+fn of_sensor(bad_for: Option<Duration>, events: Vec<Event<()>>) -> (DiagnosticStatus, Vec<(u8, String)>) {
     let info = Source {
         topic: "/camera/depth/camera_info".to_owned(),
         type_name: "sensor_msgs/msg/CameraInfo".to_owned(),
     };
-    let image = || Event::Cloud(Form::Depth.of(0), Err(CloudError::NoCameraInfo));
-    let transport = Fake { sources: vec![info], ..Fake::default() };
-    let (report, said) = driven(transport, async |live| {
-        for _ in 0..3 {
-            live.event(image()).await;
+    let (report, said) = driven(Fake { sources: vec![info], ..Fake::default() }, async |live| {
+        live.intakes[0].bad_since = bad_for.and_then(|before| Instant::now().checked_sub(before));
+        for event in events {
+            live.event(event).await;
         }
+        assert!(live.intakes[0].bad_since.is_some(), "the last scan was a bad one");
     });
-    let why = "a depth image, and no camera_info has come yet; nobody publishes a CameraInfo on \
-               /depth/camera_info: use -r depth/camera_info:=/camera/depth/camera_info";
-    let sensor = part(&report, "sensor points");
-    let begin = "3 of 3 scans were lost or cannot be used; why the last cannot: ";
-    assert_eq!((sensor.level, sensor.message), (2, format!("{begin}{why}")));
-    let line = (30, format!("a cloud of /depth/image was skipped: {why}"));
-    assert_eq!(said.iter().filter(|said| **said == line).count(), 1, "{said:?}");
-    let bad = Event::Cloud(Form::Points.of(0), Err(CloudError::EmptyFrameId));
-    let (report, _) = driven(Fake::default(), async |live| {
-        live.event(cloud(at(10.0), "camera")).await;
-        live.event(bad).await;
-    });
-    let sensor = part(&report, "sensor points");
-    let words = "1 of 2 scans were lost or cannot be used; why the last cannot: header frame_id is empty; \
-                 its stamps are ";
-    assert!(sensor.level == 1 && sensor.message.starts_with(words), "{sensor:?}");
+    (part(&report, "sensor points"), said)
+}
+
+/// A driver whose camera info has another name, and one whose camera info comes a moment after its images.
+#[test]
+fn a_sensor_whose_every_scan_cannot_be_used_is_an_error_with_the_reason_and_what_to_do() {
+    let plain = "a depth image, and no camera_info has come yet";
+    let long = format!(
+        "{plain}; nobody publishes a CameraInfo on /depth/camera_info: use -r \
+         depth/camera_info:=/camera/depth/camera_info"
+    );
+    for (bad_for, level, why) in [(None, 1, plain), (Some(QUIET), 2, long.as_str())] {
+        let image = || Event::Cloud(Form::Depth.of(0), Err(CloudError::NoCameraInfo));
+        let (sensor, said) = of_sensor(bad_for, vec![image(), image(), image()]);
+        let begin = "3 of 3 scans were lost or cannot be used; why the last cannot: ";
+        assert_eq!((sensor.level, sensor.message), (level, format!("{begin}{why}")));
+        let line = (30, format!("a cloud of /depth/image was skipped: {why}"));
+        assert_eq!(said.iter().filter(|said| **said == line).count(), 1, "{said:?}");
+    }
+}
+
+/// One that sends something bad now and then, and one that sends once a second.
+#[test]
+fn a_bad_scan_among_good_ones_or_a_lost_one_is_a_warning() {
+    let bad = || Event::Cloud(Form::Points.of(0), Err(CloudError::EmptyFrameId));
+    let why = "; why the last cannot: header frame_id is empty";
+    for (events, begin) in [
+        (vec![cloud(at(10.0), "camera"), bad()], format!("1 of 2 scans were lost or cannot be used{why}")),
+        (
+            vec![cloud(at(10.0), "camera"), bad(), bad()],
+            format!("2 of 3 scans were lost or cannot be used{why}"),
+        ),
+        (vec![cloud(at(10.0), "camera"), Event::Lost(Form::Points.of(0), 1)], "1 of 2 scans".to_owned()),
+    ] {
+        let (sensor, _) = of_sensor(Some(QUIET), events);
+        assert!(sensor.level == 1 && sensor.message.starts_with(&begin), "{sensor:?}");
+    }
+    for event in [bad(), Event::Lost(Form::Points.of(0), 1)] {
+        let (sensor, _) = of_sensor(None, vec![event]);
+        let begin = "1 of 1 scans were lost or cannot be used";
+        assert!(sensor.level == 1 && sensor.message.starts_with(begin), "{sensor:?}");
+    }
 }
 
 /// Two publishers on one topic; somebody who calls again and again.
