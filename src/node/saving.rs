@@ -4,13 +4,12 @@ use std::cell::Cell;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
-use std::time::Instant;
 
 use tokio::sync::mpsc::{UnboundedReceiver, unbounded_channel};
-use tracing::{debug, warn};
+use tracing::{Level, debug, warn};
 
 use super::resume::remove_oldest;
-use super::throttle::Throttle;
+use super::throttle::{Throttle, say};
 use super::transport::Service;
 use crate::engine::SavedMap;
 use crate::msg::ros::TriggerResponse;
@@ -143,14 +142,11 @@ impl Keeping {
     }
 
     fn say(&mut self, kind: &'static str, lines: &[String]) {
-        let is_due = !lines.is_empty() && self.throttle.allows(kind, Instant::now());
-        for line in lines {
-            if is_due {
-                warn!("{line}");
-            } else {
-                debug!("{line}");
-            }
+        if lines.is_empty() {
+            return;
         }
+        let level = self.throttle.level(kind, Level::WARN);
+        lines.iter().for_each(|line| say(level, line));
     }
 }
 
