@@ -11,7 +11,7 @@ use crate::engine::{Scan, Stamp};
 use crate::msg::ros::TransformStamped;
 use crate::tf::{FrameError, Frames, Inserted, JUMP_BACK, LookupError, Moment, Waited, WaitingQueue};
 
-/// Sensors' frames that are remembered at most: a sender can make up ever new ones.
+/// Pairs of a frame and a sensor that are remembered at most: a sender can make up ever new frames.
 const SENSORS: usize = 1000;
 
 /// Names of frames that a message shows at most.

@@ -15,7 +15,7 @@ use std::io::Write as _;
 use std::path::PathBuf;
 use std::process::{Command, Output};
 
-use bags::{BagWriter, Layout, drive};
+use bags::{BagWriter, Layout, OPTICAL, POINTS, drive, stamp, wall};
 use tempfile::TempDir;
 
 /// A folder of the test's own with a bag in it, removed at its end.
@@ -99,6 +99,24 @@ fn a_result_bag_that_is_all_there_is_ends_the_replay_where_it_cannot_be_written(
     let (status, errors) = said(&folder.replay(&["--with-input", "--out", "/dev/full"]).output().unwrap());
     assert_eq!(status, Some(1), "{errors}");
     assert!(errors.contains("cannot write /dev/full") && !errors.contains("100 scans in"), "{errors}");
+}
+
+#[test]
+fn a_result_bag_on_standard_output_is_not_begun_again_and_the_frame_to_give_is_named() {
+    let mut writer = BagWriter::new(Layout::Chunks);
+    writer.tf("/tf_static", stamp(0), "camera_link", OPTICAL, 0.0);
+    for i in 0..60 {
+        if i >= 40 {
+            writer.tf("/tf", stamp(i), "odom", "camera_link", 0.1 * i as f64);
+        }
+        writer.cloud(POINTS, stamp(i), &wall(i));
+    }
+    let folder = Folder::with_bag(&writer.finish());
+    let out = File::create(folder.path("out.mcap")).unwrap();
+    let ended = folder.replay(&["--out", "/dev/stdout"]).stdout(out).output().unwrap();
+    let (status, errors) = said(&ended);
+    assert_eq!(status, Some(1), "{errors}");
+    assert!(errors.contains("--out cannot be begun again: -p fixed_frame:=odom"), "{errors}");
 }
 
 #[test]

@@ -34,7 +34,8 @@ pub fn write_whole(
 /// nothing behind.
 ///
 /// A symbolic link stays, and its target is replaced or made. What is no regular file, such as a pipe, cannot be replaced and is
-/// written to directly; so is an open descriptor such as `/dev/stdout`, whatever is behind it, after what is there.
+/// written to directly; so is an open descriptor such as `/dev/stdout`, whatever is behind it, after what is there. What is written
+/// later by way of a descriptor above 2 comes after that only where its file was opened for appending.
 #[derive(Debug)]
 pub struct WholeFile {
     /// As asked for.
@@ -135,7 +136,7 @@ fn behind(number: u32, path: &Path) -> io::Result<File> {
         0 => io::stdin().as_fd().try_clone_to_owned(),
         1 => io::stdout().as_fd().try_clone_to_owned(),
         2 => io::stderr().as_fd().try_clone_to_owned(),
-        // No other can be duplicated without `unsafe`.
+        // No other can be duplicated without `unsafe`: its own place stays where it is.
         _ => return File::options().append(true).open(path),
     };
     duplicate.map(File::from)

@@ -165,30 +165,32 @@ pub(super) fn why_unusable(
 ) -> String {
     match &all[sensor].depth {
         Some(depth) if *error == CloudError::NoCameraInfo => {
-            let own = &depth.camera_info.resolved;
             let is_read = |topic: &str| {
                 let mut cameras = all.iter().filter_map(|sensor| sensor.depth.as_ref());
                 cameras.any(|camera| camera.camera_info.resolved == topic)
             };
-            let mut infos = sources();
-            infos.retain(|Source { topic, type_name }| {
-                type_name == CAMERA_INFO && (topic == own || !is_read(topic))
-            });
-            format!("{error}; {}", camera_infos(depth, &infos))
+            format!("{error}; {}", camera_infos(depth, &sources(), is_read))
         }
         _ => error.to_string(),
     }
 }
 
 /// Where camera infos are waited for, and which of these there are.
-fn camera_infos(DepthTopics { image, camera_info, .. }: &DepthTopics, infos: &[Source]) -> String {
+fn camera_infos(
+    DepthTopics { image, camera_info, .. }: &DepthTopics,
+    sources: &[Source],
+    is_read: impl Fn(&str) -> bool,
+) -> String {
     let TopicName { plain, resolved } = camera_info;
-    let mut topics: Vec<_> = infos.iter().map(|source| source.topic.as_str()).collect();
+    let infos = sources.iter().filter(|source| source.type_name == CAMERA_INFO);
+    let mut topics: Vec<_> = infos.map(|source| source.topic.as_str()).collect();
     if topics.contains(&resolved.as_str()) {
         return format!("{resolved} has a publisher, and nothing has come of it");
     }
-    // The one beside the image first, then those of other depth cameras.
-    topics.sort_by_key(|topic| (folder(topic) != folder(&image.resolved), !is_of_depth(topic)));
+    // The one beside the image first, then those of other depth cameras; last those that sensors are read with, which may be
+    // shared: raw and registered images have one camera.
+    topics
+        .sort_by_key(|topic| (folder(topic) != folder(&image.resolved), is_read(topic), !is_of_depth(topic)));
     let words: Vec<_> = topics.into_iter().take(NAMED).map(|topic| format!("-r {plain}:={topic}")).collect();
     let choice = if words.is_empty() {
         "there is none on the network".to_owned()
@@ -293,15 +295,22 @@ mod tests {
         let begin =
             "a depth image, and no camera_info has come yet; nobody publishes a CameraInfo on /info: ";
         assert_eq!(why(&[]), format!("{begin}there is none on the network"));
-        assert_eq!(why(&["/other/depth/camera_info"]), format!("{begin}there is none on the network"));
-        let topics = ["/cam/colour/info", "/cam/depth/camera_info", "/third/depth/camera_info"];
+        // Another sensor is read with the second, as one that sends registered images may be.
+        let topics = [
+            "/cam/colour/info",
+            "/other/depth/camera_info",
+            "/cam/depth/camera_info",
+            "/third/depth/camera_info",
+        ];
         assert_eq!(
             why(&topics),
             format!(
                 "{begin}use -r depth/camera_info:=/cam/depth/camera_info or \
-                 -r depth/camera_info:=/third/depth/camera_info or -r depth/camera_info:=/cam/colour/info"
+                 -r depth/camera_info:=/third/depth/camera_info or -r depth/camera_info:=/cam/colour/info or \
+                 -r depth/camera_info:=/other/depth/camera_info"
             )
         );
+        assert_eq!(why(&topics[1..2]), format!("{begin}use -r depth/camera_info:=/other/depth/camera_info"));
         assert_eq!(
             why(&["/a/camera_info", "/info"]),
             "a depth image, and no camera_info has come yet; /info has a publisher, and nothing has come of it"

@@ -4,13 +4,12 @@ use std::cell::Cell;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
-use std::time::Instant;
 
 use tokio::sync::mpsc::{UnboundedReceiver, unbounded_channel};
-use tracing::{debug, warn};
+use tracing::{Level, debug, warn};
 
 use super::resume::remove_oldest;
-use super::throttle::Throttle;
+use super::throttle::{Throttle, say};
 use super::transport::Service;
 use crate::engine::SavedMap;
 use crate::msg::ros::TriggerResponse;
@@ -143,16 +142,16 @@ impl Keeping {
     }
 
     fn say(&mut self, kind: &'static str, lines: &[String]) {
-        let is_due = !lines.is_empty() && self.throttle.allows(kind, Instant::now());
-        for line in lines {
-            if is_due {
-                warn!("{line}");
-            } else {
-                debug!("{line}");
-            }
+        if lines.is_empty() {
+            return;
         }
+        let level = self.throttle.level(kind, Level::WARN);
+        lines.iter().for_each(|line| say(level, line));
     }
 }
+
+/// Most calls that wait for the next map, where a disk does not answer.
+pub(super) const MOST_CALLS: usize = 64;
 
 /// Who waits for a map to be written. At most one is under way, so that none piles up before a slow disk.
 #[derive(Debug)]
@@ -173,12 +172,9 @@ impl<Request> Default for Saving<Request> {
 }
 
 impl<Request> Saving<Request> {
-    /// Most calls that wait for the next map, where a disk does not answer.
-    pub(super) const MOST_CALLS: usize = 64;
-
     /// Whether no more calls may wait.
     pub(super) fn is_full(&self) -> bool {
-        self.waiting.len() >= Self::MOST_CALLS
+        self.waiting.len() >= MOST_CALLS
     }
 
     /// Lets a call wait for the map of the node's end.
@@ -437,7 +433,7 @@ mod tests {
                 }
             })
             .count();
-        assert_eq!(taken, 1 + Saving::<i32>::MOST_CALLS);
+        assert_eq!(taken, 1 + MOST_CALLS);
     }
 
     #[test]

@@ -4,6 +4,10 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
+use tracing::{Level, debug, info, warn};
+
+use crate::line::one_line;
+
 /// Remembers when each kind of line was written last.
 #[derive(Debug, Default)]
 pub(super) struct Throttle(BTreeMap<Cow<'static, str>, Instant>);
@@ -20,11 +24,45 @@ impl Throttle {
         }
         due
     }
+
+    /// The level of a line of this kind that is written now: as it is meant, or for debugging alone where it was written of late.
+    pub(super) fn level(&mut self, kind: impl Into<Cow<'static, str>>, meant: Level) -> Level {
+        if self.allows(kind, Instant::now()) { meant } else { Level::DEBUG }
+    }
+}
+
+/// Writes a line into the log; at levels beyond these, for debugging alone.
+pub(super) fn say(level: Level, line: &str) {
+    let line = one_line(line);
+    match level {
+        Level::WARN => warn!("{line}"),
+        Level::INFO => info!("{line}"),
+        _ => debug!("{line}"),
+    }
 }
 
 #[cfg(test)]
 mod tests {
+    use tracing_subscriber::layer::SubscriberExt as _;
+
     use super::*;
+    use crate::node::rosout::listen;
+
+    #[test]
+    fn a_line_is_written_at_its_level_once_and_then_for_debugging_and_stays_one_line() {
+        let (listener, mut lines) = listen();
+        tracing::subscriber::with_default(tracing_subscriber::registry().with(listener), || {
+            let mut throttle = Throttle::default();
+            for (kind, meant) in
+                [("a", Level::WARN), ("b", Level::INFO), ("a", Level::WARN), ("b", Level::INFO)]
+            {
+                say(throttle.level(kind, meant), "two\nlines");
+            }
+        });
+        let said: Vec<_> = std::iter::from_fn(|| lines.0.try_recv().ok()).collect();
+        let said: Vec<_> = said.iter().map(|line| (line.level, line.msg.as_str())).collect();
+        assert_eq!(said, [(30, "two\\nlines"), (20, "two\\nlines")]);
+    }
 
     #[test]
     fn a_kind_is_said_once_in_five_seconds_and_kinds_do_not_hide_each_other() {

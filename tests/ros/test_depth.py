@@ -97,7 +97,8 @@ def test_a_camera_info_of_another_name_is_named_with_the_words_that_choose_it(st
     camera = peer.depth_camera(depth_images.wall_info())
     wait_until("the node", camera._cloud.get_subscription_count)
     time.sleep(1)
-    for _ in range(60):
+    # They are said after three seconds of such images; a line that repeats is said every five.
+    for _ in range(80):
         camera.publish(depth_images.image(depth_images.wall()), time.time_ns(), clouds.still_transform())
         time.sleep(0.1)
     words = "nobody publishes a CameraInfo on /depth/camera_info: use -r depth/camera_info:=" + INFO

@@ -7,14 +7,14 @@ use tracing::warn;
 
 use super::{Live, LiveError};
 use crate::msg::ros::TriggerResponse;
-use crate::node::saving::{self, Call, Saving, Written};
+use crate::node::saving::{self, Call, MOST_CALLS, Saving, Written};
 use crate::node::transport::{Service, Transport};
 
 impl<T: Transport> Live<T> {
     pub(super) async fn save_for(&mut self, request: T::Request) {
         let message = match &self.saving {
             Some(saving) if saving.is_full() => {
-                format!("{} calls wait for a map to be written", Saving::<T::Request>::MOST_CALLS)
+                format!("{MOST_CALLS} calls wait for a map to be written")
             }
             Some(_) => {
                 return self.save(Some(Call { service: Service::Save, session: self.session, request }));
@@ -75,23 +75,36 @@ pub(super) async fn next(written: &mut Option<UnboundedReceiver<Written>>) -> Op
     }
 }
 
-/// Waits for the map of the node's end; whoever still waits for one is told how that went.
+/// Waits for the map of the node's end; whoever waits for one is told how that went, or how one went that was still on its way.
 pub(super) async fn last_written<T: Transport>(
     mut written: UnboundedReceiver<Written>,
-    saving: Option<Saving<Call<T::Request>>>,
+    mut saving: Option<Saving<Call<T::Request>>>,
     transport: &T,
 ) -> Result<(), LiveError> {
     let mut last = None;
     while let Some(result) = written.recv().await {
         saving::log(&result);
+        // Where it was not written, the next one may be.
+        if let Some(saving) = saving.as_mut().filter(|_| result.is_ok()) {
+            tell(saving.end().0, &result, transport).await;
+        }
         last = Some(result);
     }
     let last = last.ok_or(LiveError::SaverDied)?;
-    for call in saving.into_iter().flat_map(Saving::into_calls) {
-        let response = call.response(&last);
+    tell(saving.into_iter().flat_map(Saving::into_calls), &last, transport).await;
+    last.map(drop).map_err(LiveError::NotSaved)
+}
+
+/// Answers calls at the node's end.
+async fn tell<T: Transport>(
+    calls: impl IntoIterator<Item = Call<T::Request>>,
+    result: &Written,
+    transport: &T,
+) {
+    for call in calls {
+        let response = call.response(result);
         if let Err(failure) = transport.answer(call.service, call.request, response).await {
             warn!("{} could not be answered: {failure}", call.service.name());
         }
     }
-    last.map(drop).map_err(LiveError::NotSaved)
 }

@@ -19,6 +19,8 @@ pub(super) struct Intake {
     pub(super) chosen: Option<Form>,
     /// When the newest scan came.
     pub(super) since: Instant,
+    /// When the first scan was lost or could not be used since the last good one.
+    pub(super) bad_since: Option<Instant>,
     /// When it was said last that none comes.
     said_quiet: Option<Instant>,
     /// The stamp of the newest good scan.
@@ -36,6 +38,7 @@ impl Intake {
         Self {
             chosen: None,
             since: start,
+            bad_since: None,
             said_quiet: None,
             newest: None,
             received: 0,
@@ -47,6 +50,11 @@ impl Intake {
 
     pub(super) fn begin_second(&mut self) {
         (self.received, self.skipped, self.lost, self.fault) = (0, 0, 0, None);
+    }
+
+    /// Whether it has sent nothing of use for a while, though it sends.
+    pub(super) fn is_useless(&self) -> bool {
+        self.bad_since.is_some_and(|since| since.elapsed() >= QUIET)
     }
 
     pub(super) fn takes(&self, form: Form) -> bool {
@@ -69,6 +77,7 @@ impl<T: Transport> Live<T> {
         match &cloud {
             Ok(Cloud { stamp, .. }) => {
                 intake.newest = Some(*stamp);
+                intake.bad_since = None;
                 if intake.chosen.replace(form).is_none() {
                     self.say_chosen(input);
                 }
@@ -76,6 +85,7 @@ impl<T: Transport> Live<T> {
             }
             Err(error) => {
                 intake.skipped += 1;
+                intake.bad_since.get_or_insert(intake.since);
                 intake.fault = Some(error.clone());
             }
         }
@@ -118,6 +128,7 @@ impl<T: Transport> Live<T> {
             return;
         }
         intake.lost = intake.lost.saturating_add(number);
+        intake.bad_since.get_or_insert_with(Instant::now);
         let total = self.counts.borrow().lost;
         self.warn("lost", format_args!("{total} clouds were sent and never arrived (see receive_buffer)"));
     }

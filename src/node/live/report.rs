@@ -67,11 +67,15 @@ impl Part {
         self
     }
 
-    /// Says this where nothing as bad was said before.
+    /// Says this, with what was said before where that is as bad, alone where that is better.
     fn raise(&mut self, level: Level, line: impl AsRef<str>) {
+        let line = one_line(line.as_ref());
         if level > self.level {
             self.level = level;
-            self.status.message = one_line(line.as_ref()).into_owned();
+            self.status.message = line.into_owned();
+        } else if level == self.level {
+            self.status.message += "; ";
+            self.status.message += &line;
         }
     }
 
@@ -133,7 +137,7 @@ impl<T: Transport> Live<T> {
         let bad = intake.lost.saturating_add(intake.skipped);
         let sent = intake.received.saturating_add(intake.lost);
         if bad.saturating_mul(10) > sent {
-            let level = if intake.received > intake.skipped { Level::Warn } else { Level::Error };
+            let level = if intake.is_useless() { Level::Error } else { Level::Warn };
             let why = intake.fault.as_ref().map(|error| self.why_unusable(sensor, error));
             let why = why.map_or_else(String::new, |why| format!("; why the last cannot: {why}"));
             part.raise(level, format!("{bad} of {sent} scans were lost or cannot be used{why}"));

@@ -1,14 +1,13 @@
 //! What the log says of what comes and of what does not.
 
 use std::borrow::Cow;
-use std::time::Instant;
 
-use tracing::{debug, warn};
+use tracing::{Level, debug};
 
 use super::Live;
 use crate::cloud::{Camera, Cloud, CloudError};
-use crate::line::one_line;
 use crate::node::inputs;
+use crate::node::throttle::say;
 use crate::node::transport::{Input, Transport};
 use crate::tf::Waited;
 
@@ -31,16 +30,18 @@ impl<T: Transport> Live<T> {
         self.counts.borrow_mut().skip(error.reason());
         let topic = self.topic(input);
         // To ask who publishes takes longer than to skip a cloud.
-        if self.throttle.allows(format!("{} {topic}", error.reason()), Instant::now()) {
-            let why = self.why_unusable(input.sensor, error);
-            warn!("{}", one_line(&format!("a cloud of {topic} was skipped: {why}")));
-        } else {
-            debug!("{}", one_line(&format!("a cloud of {topic} was skipped: {error}")));
-        }
+        let level = self.throttle.level(format!("{} {topic}", error.reason()), Level::WARN);
+        let is_due = level == Level::WARN;
+        let why = if is_due { self.why_unusable(input.sensor, error) } else { error.to_string() };
+        say(level, &format!("a cloud of {topic} was skipped: {why}"));
     }
 
-    /// Why clouds of a sensor cannot be used, with the words that help.
+    /// Why clouds of a sensor cannot be used, with the words that help where none could for a while: images may come before their
+    /// camera info does, or is found.
     pub(super) fn why_unusable(&self, sensor: usize, error: &CloudError) -> String {
+        if !self.intakes[sensor].is_useless() {
+            return error.to_string();
+        }
         let sources = || self.transport.sources();
         inputs::why_unusable(error, (sensor, self.transport.inputs()), sources)
     }
@@ -66,25 +67,19 @@ impl<T: Transport> Live<T> {
         let why = waited.last_error.as_ref().map_or_else(String::new, ToString::to_string);
         let (seconds, frame_id, fixed_frame) =
             (waited.waited.as_secs_f64(), &waited.frame_id, &self.fixed_frame);
-        let line = format!(
+        let mut line = format!(
             "a cloud was skipped after {seconds:.2} s without a transform from `{frame_id}` to `{fixed_frame}`: {why}"
         );
         self.before.without_transform = Some(line.clone());
         // Thousands of frames take longer to list than a cloud to skip.
-        if self.throttle.allows(reason, Instant::now()) {
-            warn!("{}", one_line(&format!("{line}; {}", self.join.frames_seen())));
-        } else {
-            debug!("{}", one_line(&line));
+        let level = self.throttle.level(reason, Level::WARN);
+        if level == Level::WARN {
+            line = format!("{line}; {}", self.join.frames_seen());
         }
+        say(level, &line);
     }
 
     pub(super) fn warn(&mut self, kind: impl Into<Cow<'static, str>>, line: std::fmt::Arguments<'_>) {
-        let line = line.to_string();
-        let line = one_line(&line);
-        if self.throttle.allows(kind, Instant::now()) {
-            warn!("{line}");
-        } else {
-            debug!("{line}");
-        }
+        say(self.throttle.level(kind, Level::WARN), &line.to_string());
     }
 }

@@ -1,14 +1,13 @@
 //! Sessions: a map, until a clock jumps back or somebody asks for an empty one.
 
-use std::time::Instant;
-
-use tracing::{debug, info};
+use tracing::Level;
 
 use super::Live;
 use crate::engine::Stamp;
 use crate::msg::ros::TriggerResponse;
 use crate::node::clock::now;
 use crate::node::saving::{Call, begun};
+use crate::node::throttle::say;
 use crate::node::transport::{Service, Transport};
 use crate::tf::JUMP_BACK;
 
@@ -78,10 +77,8 @@ impl<T: Transport> Live<T> {
             self.warn("session", format_args!("{line}"));
             self.before.jumps += 1;
             self.before.jump = Some(line);
-        } else if self.throttle.allows("reset", Instant::now()) {
-            info!("{line}");
         } else {
-            debug!("{line}");
+            say(self.throttle.level("reset", Level::INFO), &line);
         }
     }
 }

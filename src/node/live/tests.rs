@@ -415,6 +415,27 @@ fn a_call_to_save_before_a_reset_has_saved_what_was_there_or_has_failed() {
     assert_eq!(store::read(&folder.path().join("map")).unwrap().map.sequence(), 0);
 }
 
+/// Before a disk that does not answer.
+#[test]
+fn a_reset_that_no_more_may_wait_with_is_told_that_the_saved_map_is_not_waited_for() {
+    let runtime = Builder::new_current_thread().enable_time().build().unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    runtime.block_on(async {
+        let (mut live, _reported) = reports::by_hand(&saving_in(folder.path()), Fake::default());
+        for _ in 0..=saving::MOST_CALLS {
+            live.event(Event::Call(Service::Save, ())).await;
+        }
+        assert!(live.transport.replies.borrow().is_empty(), "they wait");
+        live.event(Event::Call(Service::Reset, ())).await;
+        let words = format!(
+            "session {} begins with an empty map; whether the saved one is forgotten is not waited for",
+            live.session
+        );
+        let replies = live.transport.replies.borrow();
+        assert!(replies.len() == 1 && !replies[0].success && replies[0].message == words, "{replies:?}");
+    });
+}
+
 #[test]
 fn without_a_file_a_call_to_save_is_told_so() {
     let events = vec![Event::Call(Service::Save, ()), transform(at(0.0), true), cloud(at(10.0), "camera")];

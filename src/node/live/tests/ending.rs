@@ -11,6 +11,8 @@ use std::thread;
 use tokio::time::{sleep, timeout};
 
 use super::*;
+use crate::node::live::calls::last_written;
+use crate::node::saving::InFile;
 
 const PATIENCE: Duration = Duration::from_secs(60);
 
@@ -97,4 +99,38 @@ fn an_end_in_the_middle_of_a_saving_waits_for_it_and_saves_what_came_since() {
     assert!(!part.exists());
     let replies = transport.replies.borrow();
     assert!(replies.len() == 1 && replies[0].success, "{replies:?}");
+}
+
+/// What calls are told at the end, to save in session 1, to reset, and to save in session 2, where these are the results: a map
+/// of the session, or none.
+async fn told(results: [Option<u64>; 2]) -> Vec<(bool, String)> {
+    let (sender, written) = mpsc::unbounded_channel();
+    for session in results {
+        let in_use = || StoreError::InUse { path: "map".into() };
+        let result = session.map(|session| InFile { session, sequence: 4, bytes: 99 }).ok_or_else(in_use);
+        sender.send(result).unwrap();
+    }
+    drop(sender);
+    let call = |service, session| Call { service, session, request: () };
+    let mut saving = Saving::default();
+    assert!(saving.begin(Some(call(Service::Save, 1))), "none was under way");
+    assert!(!saving.begin(Some(call(Service::Reset, 2))), "one is");
+    saving.wait(call(Service::Save, 2));
+    let transport = Fake::default();
+    let ended = last_written(written, Some(saving), &transport).await;
+    assert_eq!(ended.is_ok(), results[1].is_some(), "{ended:?}");
+    let replies = transport.replies.take();
+    replies.into_iter().map(|TriggerResponse { success, message }| (success, message)).collect()
+}
+
+#[tokio::test]
+async fn at_the_end_a_call_is_told_of_the_map_that_it_asked_for_and_where_that_failed_of_the_last() {
+    let saved = (true, "4 scans saved, 99 bytes".to_owned());
+    let begun = (true, "session 2 begins with an empty map".to_owned());
+    assert_eq!(told([Some(1), Some(2)]).await, [saved.clone(), begun.clone(), saved.clone()]);
+    let overtaken = "session 2 has begun meanwhile, before the map of session 1 was saved";
+    assert_eq!(told([None, Some(2)]).await, [(false, overtaken.to_owned()), begun.clone(), saved.clone()]);
+    let reason = "map is in use by another process";
+    let stays = format!("{}; the map that was saved may come back: {reason}", begun.1);
+    assert_eq!(told([Some(1), None]).await, [saved, (false, stays), (false, reason.to_owned())]);
 }

@@ -5,12 +5,41 @@ use crate::msg::labelled::MAX_LABELLED;
 use crate::msg::reports::DiagnosticStatus;
 use crate::node::vitals::MapSize;
 
-/// What the last report says of a part.
-fn last(transport: &Fake, part: &str) -> DiagnosticStatus {
-    let reports = transport.reports.borrow();
+/// What a report says of a part.
+fn part(report: &DiagnosticArray, part: &str) -> DiagnosticStatus {
     let name = format!("robot/cfodi: {part}");
-    let status = reports.last().unwrap().status.iter().find(|status| status.name == name);
-    status.unwrap_or_else(|| panic!("no {name} in {reports:?}")).clone()
+    let status = report.status.iter().find(|status| status.name == name);
+    status.unwrap_or_else(|| panic!("no {name} in {report:?}")).clone()
+}
+
+/// What the last report says of a part.
+fn last(transport: &Fake, of: &str) -> DiagnosticStatus {
+    part(transport.reports.borrow().last().unwrap(), of)
+}
+
+/// The worst that the reports say of a part: the first is about the events, where a second comes it is about none.
+fn worst(transport: &Fake, of: &str) -> DiagnosticStatus {
+    let reports = transport.reports.borrow();
+    reports.iter().map(|report| part(report, of)).rev().max_by_key(|said| said.level).unwrap()
+}
+
+/// A node that is driven by hand, so that no time goes by, and its reports.
+pub(super) fn by_hand(config: &Config, transport: Fake) -> (Live<Fake>, mpsc::Receiver<DiagnosticArray>) {
+    let (reports, reported) = mpsc::channel(1);
+    let worker = Worker::start(Engine::new(config.engine), 1, 1, |_| {}).unwrap();
+    (Live::new(config, Rc::new(transport), (worker, None, 1), Seen::default(), reports), reported)
+}
+
+/// The report of a node that was driven so, and what its log says meanwhile.
+fn driven(transport: Fake, drive: impl AsyncFnOnce(&mut Live<Fake>)) -> (DiagnosticArray, Vec<(u8, String)>) {
+    let runtime = Builder::new_current_thread().enable_time().build().unwrap();
+    let run = async {
+        let (mut live, mut reported) = by_hand(&Config::new([]).unwrap(), transport);
+        drive(&mut live).await;
+        live.report();
+        reported.try_recv().unwrap()
+    };
+    heard(|| runtime.block_on(run))
 }
 
 fn value(status: &DiagnosticStatus, key: &str) -> String {
@@ -23,45 +52,82 @@ fn a_report_has_the_figures_of_each_part() {
     let events =
         vec![transform(at(stamp), true), cloud(at(stamp), "camera"), Event::Lost(Form::Points.of(0), 9)];
     let transport = reported(Fake::default(), events);
-    let sensor = last(&transport, "sensor points");
+    let sensor = worst(&transport, "sensor points");
     assert_eq!(value(&sensor, "lost"), "9");
     assert_eq!((sensor.level, sensor.message.as_str()), (1, "9 of 10 scans were lost or cannot be used"));
     assert_eq!(value(&last(&transport, "engine"), "taken in in all"), "1");
     assert_eq!(value(&last(&transport, "map"), "sequence"), "1");
-    assert_eq!(last(&transport, "transforms").level, 0);
+    assert_eq!(worst(&transport, "transforms").level, 0);
 }
 
-/// A driver whose camera info has another name, and one that sends something bad now and then.
-#[test]
-fn a_sensor_whose_every_scan_cannot_be_used_is_an_error_with_the_reason_and_what_to_do() {
+/// What is said of a sensor, and by the log, after these events, where it has sent nothing of use for so long before.
+fn of_sensor(bad_for: Option<Duration>, events: Vec<Event<()>>) -> (DiagnosticStatus, Vec<(u8, String)>) {
     let info = Source {
         topic: "/camera/depth/camera_info".to_owned(),
         type_name: "sensor_msgs/msg/CameraInfo".to_owned(),
     };
-    let image = || Event::Cloud(Form::Depth.of(0), Err(CloudError::NoCameraInfo));
-    let transport = Fake { sources: vec![info], ..Fake::default() };
-    let (transport, said) = heard(|| reported(transport, vec![image(), image(), image()]));
-    let why = "a depth image, and no camera_info has come yet; nobody publishes a CameraInfo on \
-               /depth/camera_info: use -r depth/camera_info:=/camera/depth/camera_info";
-    let sensor = last(&transport, "sensor points");
-    let begin = "3 of 3 scans were lost or cannot be used; why the last cannot: ";
-    assert_eq!((sensor.level, sensor.message), (2, format!("{begin}{why}")));
-    let line = (30, format!("a cloud of /depth/image was skipped: {why}"));
-    assert_eq!(said.iter().filter(|said| **said == line).count(), 1, "{said:?}");
-    let bad = Event::Cloud(Form::Points.of(0), Err(CloudError::EmptyFrameId));
-    let transport = reported(Fake::default(), vec![transform(at(0.0), true), cloud(at(10.0), "camera"), bad]);
-    let sensor = last(&transport, "sensor points");
-    let words = "1 of 2 scans were lost or cannot be used; why the last cannot: header frame_id is empty";
-    assert_eq!((sensor.level, sensor.message.as_str()), (1, words));
+    let (report, said) = driven(Fake { sources: vec![info], ..Fake::default() }, async |live| {
+        live.intakes[0].bad_since = bad_for.and_then(|before| Instant::now().checked_sub(before));
+        for event in events {
+            live.event(event).await;
+        }
+        assert!(live.intakes[0].bad_since.is_some(), "the last scan was a bad one");
+    });
+    (part(&report, "sensor points"), said)
+}
+
+/// A driver whose camera info has another name, and one whose camera info comes a moment after its images.
+#[test]
+fn a_sensor_whose_every_scan_cannot_be_used_is_an_error_with_the_reason_and_what_to_do() {
+    let plain = "a depth image, and no camera_info has come yet";
+    let long = format!(
+        "{plain}; nobody publishes a CameraInfo on /depth/camera_info: use -r \
+         depth/camera_info:=/camera/depth/camera_info"
+    );
+    for (bad_for, level, why) in [(None, 1, plain), (Some(QUIET), 2, long.as_str())] {
+        let image = || Event::Cloud(Form::Depth.of(0), Err(CloudError::NoCameraInfo));
+        let (sensor, said) = of_sensor(bad_for, vec![image(), image(), image()]);
+        let begin = "3 of 3 scans were lost or cannot be used; why the last cannot: ";
+        assert_eq!((sensor.level, sensor.message), (level, format!("{begin}{why}")));
+        let line = (30, format!("a cloud of /depth/image was skipped: {why}"));
+        assert_eq!(said.iter().filter(|said| **said == line).count(), 1, "{said:?}");
+    }
+}
+
+/// One that sends something bad now and then, and one that sends once a second.
+#[test]
+fn a_bad_scan_among_good_ones_or_a_lost_one_is_a_warning() {
+    let bad = || Event::Cloud(Form::Points.of(0), Err(CloudError::EmptyFrameId));
+    let why = "; why the last cannot: header frame_id is empty";
+    for (events, begin) in [
+        (vec![cloud(at(10.0), "camera"), bad()], format!("1 of 2 scans were lost or cannot be used{why}")),
+        (
+            vec![cloud(at(10.0), "camera"), bad(), bad()],
+            format!("2 of 3 scans were lost or cannot be used{why}"),
+        ),
+        (vec![cloud(at(10.0), "camera"), Event::Lost(Form::Points.of(0), 1)], "1 of 2 scans".to_owned()),
+    ] {
+        let (sensor, _) = of_sensor(Some(QUIET), events);
+        assert!(sensor.level == 1 && sensor.message.starts_with(&begin), "{sensor:?}");
+    }
+    for event in [bad(), Event::Lost(Form::Points.of(0), 1)] {
+        let (sensor, _) = of_sensor(None, vec![event]);
+        let begin = "1 of 1 scans were lost or cannot be used";
+        assert!(sensor.level == 1 && sensor.message.starts_with(begin), "{sensor:?}");
+    }
 }
 
 /// Two publishers on one topic; somebody who calls again and again.
 #[test]
 fn sessions_that_alternate_are_said_once_and_are_a_warning_and_those_that_were_asked_for_are_none() {
     let begin = |events: Vec<Event<()>>| {
-        let (transport, said) = heard(|| reported(Fake::default(), events));
+        let (report, said) = driven(Fake::default(), async |live| {
+            for event in events {
+                live.event(event).await;
+            }
+        });
         let begun = said.into_iter().filter(|(_, line)| line.ends_with("begins with an empty map"));
-        (last(&transport, "map"), begun.collect::<Vec<_>>())
+        (part(&report, "map"), begun.collect::<Vec<_>>())
     };
     let old_and_new = |number| [20.0, 10.0].map(|seconds| cloud(at(seconds + f64::from(number)), "camera"));
     let scans = (0..9).flat_map(old_and_new);
@@ -80,9 +146,23 @@ fn sessions_that_alternate_are_said_once_and_are_a_warning_and_those_that_were_a
 }
 
 #[test]
+fn a_jump_does_not_hide_that_the_map_is_not_saved() {
+    let (report, _) = driven(Fake::default(), async |live| {
+        live.saved.note(&Err(StoreError::InUse { path: "map".into() }), false, Instant::now());
+        for seconds in [20.0, 10.0] {
+            live.event(Event::Clock(at(seconds))).await;
+        }
+    });
+    let map = part(&report, "map");
+    let (jump, fault) = map.message.split_once("; ").unwrap();
+    assert!(map.level == 1 && jump.starts_with("/clock has jumped back by 10.000 s: session "), "{map:?}");
+    assert_eq!(fault, "the map was not saved: map is in use by another process");
+}
+
+#[test]
 fn a_scan_without_a_transform_is_an_error_while_none_is_taken_in() {
     let transport = reported(Fake::default(), vec![cloud(at(10.0), "nowhere")]);
-    let transforms = last(&transport, "transforms");
+    let transforms = worst(&transport, "transforms");
     assert_eq!((transforms.level, value(&transforms, "given up").as_str()), (2, "1"));
     assert!(transforms.message.contains("`nowhere`") && transforms.message.contains("`odom`"));
 }
@@ -166,18 +246,13 @@ fn a_map_that_is_not_saved_is_a_warning_with_the_reason_and_one_that_is_has_an_a
 
 #[tokio::test]
 async fn a_map_of_more_voxels_than_a_message_shows_is_a_warning_for_as_long_as_it_is_so() {
-    let config = Config::new([]).unwrap();
-    let (reports, mut reported) = mpsc::channel(1);
-    let worker = Worker::start(Engine::new(config.engine), 1, 1, |_| {}).unwrap();
-    let (counts, vitals) = <(Rc<RefCell<Counts>>, Rc<RefCell<Vitals>>)>::default();
-    let seen = (counts, Rc::clone(&vitals));
-    let mut live = Live::new(&config, Rc::new(Fake::default()), (worker, None, 1), seen, reports);
+    let (mut live, mut reported) = by_hand(&Config::new([]).unwrap(), Fake::default());
     let mut said = |session, more| {
         let dense_voxels = MAX_LABELLED + more;
         let map = MapSize { session, sequence: 9, clusters: 8, dense_voxels, unclustered_voxels: 7 };
-        vitals.borrow_mut().map = Some(map);
+        live.vitals.borrow_mut().map = Some(map);
         live.report();
-        let status = reported.try_recv().unwrap().status.swap_remove(3);
+        let status = part(&reported.try_recv().unwrap(), "map");
         (status.level, status.message)
     };
     let words = "~/points_labelled shows 1000000 of 1000001 dense voxels, of those in no cluster 7 of 7";
