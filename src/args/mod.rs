@@ -97,12 +97,12 @@ impl Setup {
         args.iter().try_for_each(|arg| check_value(arg))?;
         args.windows(2).try_for_each(|pair| check_given(&pair[0], &pair[1]))?;
         let (ros, rest) = ros2args::parse_ros2_args(args)?;
-        let renamed = |special: &[&str]| {
-            let rules = ros.remap_rules.iter().filter(|rule| rule.applies_to_node(default_name));
-            rules.filter(|rule| special.contains(&rule.from.as_str())).map(|rule| rule.to.clone()).next_back()
+        let renamed = |node: &str, special: &[&str]| {
+            let mut rules = ros.remap_rules.iter().filter(|rule| rule.applies_to_node(node));
+            rules.find(|rule| special.contains(&rule.from.as_str())).map(|rule| rule.to.clone())
         };
-        let name = renamed(&["__node", "__name"]).unwrap_or_else(|| default_name.to_owned());
-        let namespace = absolute(renamed(&["__ns"]).unwrap_or_default());
+        let name = renamed(default_name, &["__node", "__name"]).unwrap_or_else(|| default_name.to_owned());
+        let namespace = absolute(renamed(&name, &["__ns"]).unwrap_or_default());
         ros2args::names::validate_node_name(&name)?;
         ros2args::names::validate_namespace(&namespace)?;
         let given = given_parameters(&ros, &namespace, &name)?;
@@ -303,6 +303,27 @@ mod tests {
     fn node_name_and_fully_qualified_rules_apply() {
         let setup = parse("--ros-args -r __node:=eyes -r /points:=/a").unwrap();
         assert_eq!((setup.name.as_str(), setup.resolve("points").unwrap().as_str()), ("eyes", "/a"));
+    }
+
+    #[test]
+    fn of_several_names_the_first_counts_and_a_namespace_is_given_to_the_new_one() {
+        let table = [
+            ("-r __node:=a -r __node:=b", "/a"),
+            ("-r __name:=a -r __node:=b", "/a"),
+            ("-r __ns:=/a -r __ns:=/b", "/a/cfodi"),
+            ("-r cfodi:__node:=eyes -r __node:=b", "/eyes"),
+            ("-r other:__node:=eyes -r __node:=b", "/b"),
+            ("-r __node:=eyes -r eyes:__ns:=/robot", "/robot/eyes"),
+            ("-r eyes:__ns:=/robot -r __node:=eyes", "/robot/eyes"),
+            ("-r __node:=eyes -r cfodi:__ns:=/robot", "/eyes"),
+        ];
+        for (rules, name) in table {
+            assert_eq!(
+                parse(&format!("--ros-args {rules}")).unwrap().fully_qualified_name(),
+                name,
+                "{rules}"
+            );
+        }
     }
 
     #[test]
