@@ -103,7 +103,7 @@ impl<'a> Opener<'a> {
         (package, kind): (&str, &str),
         depth: usize,
     ) -> Result<Server<Q, A>, OpenError> {
-        let resolved = self.setup.resolve(name)?;
+        let resolved = self.setup.resolve_service(name)?;
         let service = Name::parse(&resolved).map_err(opening(&resolved))?;
         let kind = ServiceTypeName::new(package, kind);
         let qos = reliable(depth, Durability::Volatile);

@@ -102,7 +102,7 @@ impl Opener {
         (name, type_name): (&'static str, &str),
         room: Room,
     ) -> Result<Calls, OpenError> {
-        let resolved = self.setup.resolve(name)?;
+        let resolved = self.setup.resolve_service(name)?;
         let named = Named { name: &resolved, type_name };
         let mailbox = Arc::new(Mailbox::new(room));
         let there = Arc::clone(&mailbox);
