@@ -35,10 +35,11 @@ impl Rule {
     }
 }
 
-/// The arguments as the library reads them: it takes the scheme of a rule for a node's name.
+/// The arguments as the library reads them: it takes the scheme of a rule for a node's name, and does not know
+/// `--log-file-name`, which means nothing here.
 ///
 /// # Errors
-/// At a rule of another scheme.
+/// At a rule of another scheme, and where no name follows.
 pub(super) fn readable(args: &[String]) -> Result<Vec<String>, Ros2ArgsError> {
     let mut readable = Vec::new();
     let (mut args, mut is_ros) = (args.iter(), false);
@@ -46,6 +47,11 @@ pub(super) fn readable(args: &[String]) -> Result<Vec<String>, Ros2ArgsError> {
         match arg.as_str() {
             "--ros-args" => is_ros = true,
             "--" => is_ros = false,
+            "--log-file-name" if is_ros => {
+                let name = args.next().filter(|name| !["--", "--ros-args"].contains(&name.as_str()));
+                name.ok_or_else(|| Ros2ArgsError::MissingArgumentValue(arg.clone()))?;
+                continue;
+            }
             "-r" | "--remap" if is_ros => {
                 readable.push(arg.clone());
                 readable.extend(args.next().map(|rule| without_colon(rule)).transpose()?);
@@ -105,5 +111,19 @@ mod tests {
             assert!(error.starts_with("Invalid remapping rule '"), "{rule}: {error}");
         }
         assert!(parse("--ros-args -r points:=rostopic://a").unwrap().resolve("points").is_err());
+    }
+
+    #[test]
+    fn the_name_of_a_log_file_means_nothing_and_costs_nothing() {
+        let args =
+            ["cfodi", "--log-file-name", "x", "--ros-args", "--log-file-name", "y", "-p", "depth:=3", "--"];
+        let args: Vec<_> = args.iter().chain(&["--log-file-name", "z"]).map(|&arg| arg.to_owned()).collect();
+        let (setup, rest) = Setup::parse(&args, &Environment::default(), "cfodi").unwrap();
+        assert_eq!(setup.config.engine.depth(), 3);
+        assert_eq!(rest, ["cfodi", "--log-file-name", "x", "--log-file-name", "z"]);
+        for line in ["--ros-args --log-file-name", "--ros-args --log-file-name -- run"] {
+            let error = parse(line).unwrap_err().to_string();
+            assert_eq!(error, "Missing value for argument '--log-file-name'");
+        }
     }
 }

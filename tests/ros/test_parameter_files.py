@@ -34,6 +34,7 @@ CASES = {
     "-p twice": ("-p depth:=2 -p depth:=6", ""),
     "a name twice": ("-r __node:=eyes -r __node:=ears -r __ns:=/robot -r __ns:=/other", ""),
     "a namespace for the new name": ("-r __node:=eyes -r eyes:__ns:=/robot -r cfodi:__ns:=/other", ""),
+    "the name of a log file": ("--log-file-name cfodi -p depth:=2", ""),
     "words": ("-p clearing:=off -p use_sim_time:=Yes", ""),
     "words in a file": ("--params-file {file}", "/**: {ros__parameters: {clearing: n, use_sim_time: ON, mode: consistent}}"),
     "numbers": ("-p max_voxels:=0x10 -p keep_radius:=3 -p tf_timeout:=.5 -p max_range:=1e1 -p min_range:=1.", ""),
