@@ -3,6 +3,7 @@
 mod error;
 mod params_file;
 mod remap;
+mod repeats;
 mod rmw;
 pub mod security;
 

@@ -26,6 +26,9 @@ CASES = {
     "renamed, the name before": ("-r __node:=eyes --params-file {file}", "cfodi: {ros__parameters: {depth: 3}}"),
     "the later counts": ("--params-file {file}", "/**: {ros__parameters: {depth: 3}}\ncfodi: {ros__parameters: {depth: 5}}"),
     "the later counts, turned": ("--params-file {file}", "cfodi: {ros__parameters: {depth: 5}}\n/**: {ros__parameters: {depth: 3}}"),
+    "two sections of one name": (
+        "--params-file {file}", "/**: {ros__parameters: {depth: 3, max_range: 5.0}}\n/**: {ros__parameters: {depth: 5}}"),
+    "a parameter twice": ("--params-file {file}", "/**: {ros__parameters: {depth: 3, max_range: 5.0, depth: 6}}"),
     "twice the file": ("--params-file {file} --params-file {file}", "/**: {ros__parameters: {depth: 3}}"),
     "-p after a file": ("--params-file {file} -p depth:=2", "/**: {ros__parameters: {depth: 3}}"),
     "-p for the node": ("--params-file {file} -p cfodi:depth:=2", "/**: {ros__parameters: {depth: 3}}\ncfodi: {ros__parameters: {depth: 5}}"),
