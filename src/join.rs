@@ -39,7 +39,7 @@ struct Sensor {
     /// The newest stamp.
     newest: Stamp,
     /// How often the transforms had jumped back when it came. While this has not changed, they are of before a jump of the
-    /// sensor's stamps, and a scan that jumps back waits until they have jumped too.
+    /// sensor's stamps, and a scan that jumps back waits until they have jumped too, where any of them move the sensor.
     jumps: u64,
 }
 
@@ -183,7 +183,10 @@ impl Join {
         let mut ready = waiting.take_ready(|arrived, frame, at| {
             let found = frames.lookup(fixed_frame, frame, at)?;
             let jumped = sensors.get(&arrived.key()).filter(|sensor| is_back(at, sensor.newest));
-            match jumped.filter(|sensor| sensor.jumps == frames.jumps() && frames.reach_beyond(at)) {
+            let goes_on = |sensor: &&Sensor| {
+                sensor.jumps == frames.jumps() && frames.way_reaches_beyond(fixed_frame, frame, at)
+            };
+            match jumped.filter(goes_on) {
                 None => Ok(found),
                 Some(&Sensor { newest, .. }) => {
                     let (fixed, sensor) = (fixed_frame.to_owned(), frame.to_owned());
@@ -427,6 +430,26 @@ mod tests {
             why.contains("7.800 s before that of the newest scan, and the transforms have not jumped back"),
             "{why}"
         );
+    }
+
+    /// A bag in a loop beside a robot that moves.
+    #[test]
+    fn transforms_that_do_not_move_a_sensor_do_not_keep_its_session_from_beginning() {
+        let mut join = joined_with_static_camera();
+        let mut now = 1000.0;
+        let laps = [0, 1].map(|_| {
+            let lap = (0..40).map(|tenth| {
+                now += 0.1;
+                let header = Header { stamp: at(now).into(), frame_id: "base_link".into() };
+                let (child_frame_id, transform) = ("wheel".to_owned(), Transform::default());
+                join.transform(&TransformStamped { header, child_frame_id, transform }, false).unwrap();
+                back(&mut join, 10.0 + f64::from(tenth) * 0.1)
+            });
+            lap.collect::<Vec<_>>()
+        });
+        assert!(laps.iter().flatten().all(|ready| ready.len() == 1), "{laps:?}");
+        let sessions = laps.map(|lap| lap.iter().flatten().flatten().count());
+        assert_eq!(sessions, [0, 1]);
     }
 
     #[test]

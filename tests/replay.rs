@@ -664,6 +664,31 @@ fn where_messages_lie_out_of_order_and_transforms_are_missing_for_it_that_is_sai
     assert!(skipped > 0 && found.errors.contains("up to 14.8 s out of the order"), "{}", found.errors);
 }
 
+/// As where each chunk holds one topic.
+#[test]
+fn input_that_lies_out_of_order_keeps_its_times_within_each_lap() {
+    let folder = Folder::new();
+    let mut writer = BagWriter::new(Layout::Chunks);
+    writer.tf("/tf_static", stamp(0), "camera_link", OPTICAL, 0.0);
+    for begin in (0..240).step_by(60).chain((0..240).step_by(60)) {
+        let block = begin..begin + 60;
+        block.clone().for_each(|i| writer.tf("/tf", stamp(i), "odom", "camera_link", 0.01 * i as f64));
+        block.for_each(|i| writer.cloud(POINTS, stamp(i), &wall(i)));
+    }
+    let (bag, out) = (folder.put("blocks.mcap", &writer.finish()), folder.0.path().join("out.mcap"));
+    let found = replay(&bag, &["--out", out.to_str().unwrap(), "--with-input"]);
+    assert_eq!((found.number("scans"), found.number("sessions")), (480, 2), "{}", found.errors);
+    let result = fs::read(&out).unwrap();
+    let times = |topic: &str| -> Vec<u64> {
+        let messages = mcap::MessageStream::new(&result).unwrap().map(Result::unwrap);
+        messages.filter(|message| message.channel.topic == topic).map(|message| message.log_time).collect()
+    };
+    let (tf, clouds, deltas) = (times("/tf"), times(POINTS), times("/cfodi/clusters_delta"));
+    assert_eq!(clouds[..240], (0..240).map(|i| stamp(i) as u64).collect::<Vec<_>>());
+    assert_eq!((tf.len(), &tf), (480, &clouds));
+    assert!(clouds.iter().zip(&deltas).all(|(cloud, delta)| cloud.abs_diff(*delta) < 1_000_000));
+}
+
 /// Sorting would make one map of both laps.
 #[test]
 fn a_lap_is_no_disorder_though_a_scan_of_it_lacks_its_transform() {

@@ -2,6 +2,8 @@
 
 mod error;
 mod params_file;
+mod remap;
+mod repeats;
 mod rmw;
 pub mod security;
 
@@ -13,6 +15,7 @@ use ros2args::{ParamAssignment, Ros2Args, match_wildcard_pattern};
 
 pub use self::error::ArgsError;
 use self::params_file::{assignments, flatten};
+use self::remap::{Kind, Rule, readable};
 pub use self::rmw::{Rmw, RmwError, ZENOH_BUILT_IN};
 use self::security::{Asked, BUILT_IN, Security, SecurityError};
 use crate::config::{Config, Value, as_meant};
@@ -76,7 +79,7 @@ pub struct Setup {
     rmw: String,
     discovery: Vec<(&'static str, String)>,
     security: Asked,
-    remaps: Vec<(String, String)>,
+    remaps: Vec<Rule>,
     /// Names of the parameters that were given a value.
     given: BTreeSet<String>,
 }
@@ -96,13 +99,13 @@ impl Setup {
     ) -> Result<(Self, Vec<String>), ArgsError> {
         args.iter().try_for_each(|arg| check_value(arg))?;
         args.windows(2).try_for_each(|pair| check_given(&pair[0], &pair[1]))?;
-        let (ros, rest) = ros2args::parse_ros2_args(args)?;
-        let renamed = |special: &[&str]| {
-            let rules = ros.remap_rules.iter().filter(|rule| rule.applies_to_node(default_name));
-            rules.filter(|rule| special.contains(&rule.from.as_str())).map(|rule| rule.to.clone()).next_back()
+        let (ros, rest) = ros2args::parse_ros2_args(&readable(args)?)?;
+        let renamed = |node: &str, special: &[&str]| {
+            let mut rules = ros.remap_rules.iter().filter(|rule| rule.applies_to_node(node));
+            rules.find(|rule| special.contains(&rule.from.as_str())).map(|rule| rule.to.clone())
         };
-        let name = renamed(&["__node", "__name"]).unwrap_or_else(|| default_name.to_owned());
-        let namespace = absolute(renamed(&["__ns"]).unwrap_or_default());
+        let name = renamed(default_name, &["__node", "__name"]).unwrap_or_else(|| default_name.to_owned());
+        let namespace = absolute(renamed(&name, &["__ns"]).unwrap_or_default());
         ros2args::names::validate_node_name(&name)?;
         ros2args::names::validate_namespace(&namespace)?;
         let given = given_parameters(&ros, &namespace, &name)?;
@@ -117,7 +120,7 @@ impl Setup {
             log_level: log_level(&ros, &namespace, &name),
             rosout: ros.logging_output.rosout != Some(false),
             discovery: environment.discovery.clone(),
-            remaps: remaps.map(|rule| (rule.from.clone(), rule.to.clone())).collect(),
+            remaps: remaps.map(Rule::new).collect(),
             name,
             namespace,
         };
@@ -158,22 +161,31 @@ impl Setup {
         self.security.decide(BUILT_IN, Path::try_exists)
     }
 
-    /// The fully qualified name of a topic or service: expanded, then remapped.
+    /// The fully qualified name of a topic: expanded, then remapped.
     ///
     /// # Errors
     /// When the name, or what a rule makes of it, is none.
     pub fn resolve(&self, name: &str) -> Result<String, ArgsError> {
+        self.resolve_as(Kind::Topic, name)
+    }
+
+    /// As [`Self::resolve`], of a service.
+    ///
+    /// # Errors
+    /// The same.
+    pub fn resolve_service(&self, name: &str) -> Result<String, ArgsError> {
+        self.resolve_as(Kind::Service, name)
+    }
+
+    fn resolve_as(&self, kind: Kind, name: &str) -> Result<String, ArgsError> {
         let expand = |name: &str| {
             expand_topic_name(&self.namespace, &self.name, name)
                 .map_err(|error| ArgsError::Name(name.to_owned(), error))
         };
         let expanded = expand(name)?;
-        for (from, to) in &self.remaps {
-            if !from.starts_with("__") && expand(from).is_ok_and(|from| from == expanded) {
-                return expand(to);
-            }
-        }
-        Ok(expanded)
+        let fits = |rule: &&Rule| rule.is_for(kind) && expand(&rule.from).is_ok_and(|from| from == expanded);
+        let rule = self.remaps.iter().find(fits);
+        rule.map_or(Ok(expanded), |rule| expand(&rule.to))
     }
 
     /// Whether a parameter was given a value, as opposed to having its default.
@@ -186,7 +198,7 @@ impl Setup {
         self.given.iter().map(String::as_str).filter(|name| !used.contains(name)).collect()
     }
 
-    /// Whether a rule gives this topic or service another name.
+    /// Whether a rule gives this topic another name.
     pub fn is_remapped(&self, name: &str) -> bool {
         let expanded = expand_topic_name(&self.namespace, &self.name, name).ok();
         self.resolve(name).is_ok_and(|resolved| Some(resolved) != expanded)
@@ -303,6 +315,27 @@ mod tests {
     fn node_name_and_fully_qualified_rules_apply() {
         let setup = parse("--ros-args -r __node:=eyes -r /points:=/a").unwrap();
         assert_eq!((setup.name.as_str(), setup.resolve("points").unwrap().as_str()), ("eyes", "/a"));
+    }
+
+    #[test]
+    fn of_several_names_the_first_counts_and_a_namespace_is_given_to_the_new_one() {
+        let table = [
+            ("-r __node:=a -r __node:=b", "/a"),
+            ("-r __name:=a -r __node:=b", "/a"),
+            ("-r __ns:=/a -r __ns:=/b", "/a/cfodi"),
+            ("-r cfodi:__node:=eyes -r __node:=b", "/eyes"),
+            ("-r other:__node:=eyes -r __node:=b", "/b"),
+            ("-r __node:=eyes -r eyes:__ns:=/robot", "/robot/eyes"),
+            ("-r eyes:__ns:=/robot -r __node:=eyes", "/robot/eyes"),
+            ("-r __node:=eyes -r cfodi:__ns:=/robot", "/eyes"),
+        ];
+        for (rules, name) in table {
+            assert_eq!(
+                parse(&format!("--ros-args {rules}")).unwrap().fully_qualified_name(),
+                name,
+                "{rules}"
+            );
+        }
     }
 
     #[test]

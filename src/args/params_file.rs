@@ -1,12 +1,13 @@
 //! A parameter file of ROS 2: node names (or patterns), perhaps below their namespaces, `ros__parameters` below each, names
-//! and values below that; and what a nested value stands for, in a file or behind `-p`.
+//! and values below that, all of them as often as they stand there; and what a nested value stands for, in a file or behind
+//! `-p`.
 
 use std::path::Path;
 
 use ros2args::{ParamAssignment, Ros2ArgsError};
 use yaml_rust2::Yaml;
 
-use super::ArgsError;
+use super::{ArgsError, repeats};
 use crate::config::Value;
 use crate::yaml;
 
@@ -29,7 +30,7 @@ const MAX_PARTS: usize = 32;
 pub(super) fn assignments(path: &Path) -> Result<Vec<ParamAssignment>, Ros2ArgsError> {
     let refused = |what: String| Ros2ArgsError::ParamFileParseError(path.to_owned(), what);
     let text = yaml::read(path).map_err(|error| refused(error.to_string()))?;
-    let documents = yaml::load(&text).map_err(|error| refused(error.to_string()))?;
+    let documents = repeats::load(&text).map_err(|error| refused(error.to_string()))?;
     let document = match &documents[..] {
         [] => return Ok(Vec::new()),
         [document] => document,
@@ -50,7 +51,7 @@ fn read_node(
     about: &Yaml,
     assigned: &mut Vec<ParamAssignment>,
 ) -> Result<(), String> {
-    let key = key.as_str().ok_or("the name of a node must be a text")?;
+    let key = repeats::name(key).ok_or("the name of a node must be a text")?;
     let node = if namespace.is_empty() { key.to_owned() } else { format!("{namespace}/{key}") };
     if node.len() > MAX_NAME_BYTES {
         let bytes = node.len();
@@ -62,7 +63,7 @@ fn read_node(
     let below = about.as_hash().filter(|below| !below.is_empty());
     let below = below.ok_or_else(|| format!("node `{node}` must have a map `{PARAMETERS}`"))?;
     for (key, about) in below {
-        if key.as_str() == Some(PARAMETERS) {
+        if repeats::name(key) == Some(PARAMETERS) {
             read_parameters(&node, about, assigned)?;
         } else {
             read_node(&node, key, about, assigned)?;
@@ -75,7 +76,7 @@ fn read_parameters(node: &str, about: &Yaml, assigned: &mut Vec<ParamAssignment>
     let parameters = about.as_hash();
     let parameters = parameters.ok_or_else(|| format!("node `{node}` must have a map `{PARAMETERS}`"))?;
     for (name, value) in parameters {
-        let name = name.as_str().ok_or("the name of a parameter must be a text")?;
+        let name = repeats::name(name).ok_or("the name of a parameter must be a text")?;
         assigned.push(ParamAssignment::new_node_specific(node.into(), name.into(), value.clone()));
     }
     Ok(())
@@ -107,7 +108,7 @@ pub(super) fn flatten(
         },
         Yaml::Hash(map) => {
             return map.iter().try_for_each(|(key, value)| {
-                let key = key.as_str().map_or_else(|| shown(key), str::to_owned);
+                let key = repeats::name(key).map_or_else(|| shown(key), str::to_owned);
                 flatten(format!("{name}.{key}"), value, values)
             });
         }

@@ -63,6 +63,21 @@ fn later_values_count_and_those_for_another_node_do_not() {
 }
 
 #[test]
+fn sections_of_one_name_are_read_both_and_of_a_parameter_the_last_value_counts() {
+    let table = [
+        ("/**: {ros__parameters: {depth: 3}}\n/**: {ros__parameters: {depth: 5}}", 5),
+        ("/**: {ros__parameters: {depth: 3}}\n/**: {ros__parameters: {min_points: 5}}", 3),
+        ("/**:\n  ros__parameters:\n    depth: 3\n  ros__parameters:\n    min_points: 5\n", 3),
+        ("/**: {ros__parameters: {depth: 3, min_points: 9, depth: 6}}", 6),
+        ("/**: {cfodi: {ros__parameters: {depth: 3}}, cfodi: {ros__parameters: {depth: 2}}}", 2),
+        ("/**: {ros__parameters: {depth: 3}}\nother: {ros__parameters: {depth: 5, depth: 6}}", 3),
+    ];
+    for (text, expected) in table {
+        assert_eq!(depth("", text), expected, "{text}");
+    }
+}
+
+#[test]
 fn words_and_numbers_are_read_as_ros_reads_them() {
     let setup =
         parse("--ros-args -p clearing:=off -p use_sim_time:=Yes -p optical:=no -p keep_radius:=3").unwrap();

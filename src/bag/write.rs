@@ -65,6 +65,36 @@ const CAMERA_INFO: &str = "sensor_msgs/msg/CameraInfo";
 pub(super) struct Channel {
     id: u16,
     messages: u32,
+    /// When the newest message of the input in it is logged.
+    newest: u64,
+}
+
+/// When the input's messages are logged.
+#[derive(Clone, Copy, Debug, Default)]
+struct InputClock {
+    /// Added to the times at which they were recorded (ns).
+    ahead: i64,
+    newest: u64,
+}
+
+impl InputClock {
+    /// When a message is logged: where the times of its topic, of which `newest` is the newest, jump back with the stamps, after
+    /// what was before. Each topic is held against itself: in a bag that is not in order one lies behind another.
+    fn time(&mut self, log_time: u64, newest: &mut u64) -> u64 {
+        // A clock of ROS has 63 bits: a time beyond them is copied as it is, and does not move what comes behind it.
+        if i64::try_from(log_time).is_err() {
+            return log_time;
+        }
+        let shifted = |ahead| log_time.saturating_add_signed(ahead);
+        if newest.saturating_sub(shifted(self.ahead)) as f64 * 1e-9 > JUMP_BACK {
+            let back = self.newest.saturating_sub(shifted(self.ahead));
+            self.ahead = self.ahead.saturating_add_unsigned(back);
+        }
+        let logged = shifted(self.ahead);
+        self.newest = self.newest.max(logged);
+        *newest = logged.max(*newest);
+        logged
+    }
 }
 
 /// Writes a result bag.
@@ -83,11 +113,9 @@ pub struct ResultBag<W: Write> {
     with_input: bool,
     /// Added to the stamps, as the time at which a message is logged (ns).
     ahead: u64,
-    /// The same for the input's messages, by the newest of their own times.
-    input_ahead: i64,
     /// The input was recorded by another clock than that of the stamps.
     follows: bool,
-    input_newest: u64,
+    input_clock: InputClock,
     scratch: Vec<u8>,
 }
 
@@ -124,9 +152,8 @@ impl<W: Write> ResultBag<W> {
             copied: BTreeMap::new(),
             with_input,
             ahead: 0,
-            input_ahead: 0,
             follows: false,
-            input_newest: 0,
+            input_clock: InputClock::default(),
             scratch: Vec::new(),
         })
     }
@@ -140,7 +167,7 @@ impl<W: Write> ResultBag<W> {
     /// The input's messages are logged by the clock of the stamps, which lies so many nanoseconds after the one by which they were
     /// recorded; from the first [`Self::scan`] on as far as that shows, for the two may go at different speeds.
     pub fn follow_stamps(&mut self, offset: i64) {
-        (self.follows, self.input_ahead) = (true, offset);
+        (self.follows, self.input_clock.ahead) = (true, offset);
     }
 
     /// A scan of this stamp was recorded at this time.
@@ -149,7 +176,7 @@ impl<W: Write> ResultBag<W> {
             && let Ok(recorded) = i64::try_from(recorded.as_nanos())
         {
             let logged = stamp.nanos().saturating_add_unsigned(self.ahead);
-            self.input_ahead = logged.saturating_sub(recorded);
+            self.input_clock.ahead = logged.saturating_sub(recorded);
         }
     }
 
@@ -247,24 +274,9 @@ impl<W: Write> ResultBag<W> {
             let opened = open_copy(&mut self.writer, &message.channel, is_transforms)?;
             self.copied.insert(key.clone(), opened);
         }
-        let log_time = self.input_time(message.log_time);
         let Some(channel) = self.copied.get_mut(&key) else { return Ok(()) };
+        let log_time = self.input_clock.time(message.log_time, &mut channel.newest);
         write(&mut self.writer, channel, log_time, &message.data)
-    }
-
-    /// When a message of the input is logged: where its times jump back with the stamps, after what was before.
-    fn input_time(&mut self, log_time: u64) -> u64 {
-        // A clock of ROS has 63 bits: a time beyond them is copied as it is, and does not move what comes behind it.
-        if i64::try_from(log_time).is_err() {
-            return log_time;
-        }
-        let back = self.input_newest.saturating_sub(log_time.saturating_add_signed(self.input_ahead));
-        if back as f64 * 1e-9 > JUMP_BACK {
-            self.input_ahead = self.input_ahead.saturating_add_unsigned(back);
-        }
-        let shifted = log_time.saturating_add_signed(self.input_ahead);
-        self.input_newest = self.input_newest.max(shifted);
-        shifted
     }
 
     /// Writes the indexes and gives the output back.
@@ -294,7 +306,7 @@ fn open_copy<W: Write>(
         (None, None) => 0,
     };
     let id = writer.add_channel(schema, &input.topic, &input.message_encoding, &input.metadata);
-    Ok(Channel { id: id.map_err(io::Error::other)?, messages: 0 })
+    Ok(Channel { id: id.map_err(io::Error::other)?, messages: 0, newest: 0 })
 }
 
 /// A bag without messages, which one thread compresses.
@@ -316,7 +328,7 @@ pub(super) fn channel<W: Write>(
     let schema = schema(writer, type_name)?;
     let metadata = BTreeMap::from([("offered_qos_profiles".to_owned(), qos.to_owned())]);
     let id = writer.add_channel(schema, topic, "cdr", &metadata).map_err(io::Error::other)?;
-    Ok(Channel { id, messages: 0 })
+    Ok(Channel { id, messages: 0, newest: 0 })
 }
 
 fn schema<W: Write>(writer: &mut Writer<NoSeek<W>>, type_name: &str) -> io::Result<u16> {

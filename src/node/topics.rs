@@ -18,18 +18,13 @@ impl Setup {
     /// At the first that cannot.
     pub fn check_names(&self) -> Result<(), ArgsError> {
         self.inputs()?;
-        let others = [
-            Service::Reset.name(),
-            Service::Save.name(),
-            "/tf",
-            "/tf_static",
-            "/clock",
-            parameters::EVENTS,
-            PULSE,
-        ];
-        let services = parameters::SERVICES.map(|(name, _)| name);
-        for name in Outgoing::TOPICS.into_iter().chain(others).chain(services) {
+        let others = ["/tf", "/tf_static", "/clock", parameters::EVENTS, PULSE];
+        for name in Outgoing::TOPICS.into_iter().chain(others) {
             self.resolve(name)?;
+        }
+        let services = [Service::Reset, Service::Save].map(Service::name);
+        for name in services.into_iter().chain(parameters::SERVICES.map(|(name, _)| name)) {
+            self.resolve_service(name)?;
         }
         Ok(())
     }
@@ -83,6 +78,8 @@ mod tests {
         assert!(matches!(check("points:=/a//b"), Err(ArgsError::Name(..) | ArgsError::Form(_))));
         assert!(matches!(check("/tf:=a b"), Err(ArgsError::Name(..) | ArgsError::Form(_))));
         assert!(matches!(check("~/save:=1"), Err(ArgsError::Name(..) | ArgsError::Form(_))));
+        assert!(matches!(check("rosservice://~/save:=1"), Err(ArgsError::Name(..) | ArgsError::Form(_))));
+        check("rostopic://~/save:=1").unwrap();
     }
 
     #[test]

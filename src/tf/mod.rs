@@ -294,17 +294,30 @@ impl Frames {
     /// For a clock that has jumped back: the transforms may still be of the time before the jump, or already of the time
     /// after it.
     pub fn forget_after(&mut self, stamp: Stamp) -> bool {
-        let forget = self.reach_beyond(stamp);
+        let forget = reach_beyond(self.edges.values(), stamp);
         if forget {
             self.clear_dynamic();
         }
         forget
     }
 
-    /// Whether the newest dynamic transform lies more than [`JUMP_BACK`] after `stamp`.
-    pub fn reach_beyond(&self, stamp: Stamp) -> bool {
-        let newest = self.edges.values().filter_map(Edge::newest).max();
-        newest.is_some_and(|newest| newest.seconds_since(stamp) > JUMP_BACK)
+    /// Whether the newest of the dynamic transforms on the way from `sensor` to `fixed` lies more than [`JUMP_BACK`] after
+    /// `stamp`; `false` where there is none, whatever others do.
+    pub fn way_reaches_beyond(&self, fixed: &str, sensor: &str, stamp: Stamp) -> bool {
+        let [fixed, sensor] = [fixed, sensor].map(|frame| self.up_from(bare(frame)).collect::<Vec<_>>());
+        // What lies above both is on the way of neither.
+        let shared = fixed.iter().rev().zip(sensor.iter().rev());
+        let shared = shared.take_while(|(one, other)| std::ptr::eq(**one, **other)).count();
+        let own = [fixed, sensor].map(|mut edges| {
+            edges.truncate(edges.len() - shared);
+            edges
+        });
+        reach_beyond(own.into_iter().flatten(), stamp)
+    }
+
+    /// The edges from a frame to its root.
+    fn up_from(&self, frame: &str) -> impl Iterator<Item = &Edge> {
+        std::iter::successors(self.edges.get(frame), |edge| self.edges.get(&edge.parent))
     }
 
     /// How often transforms have jumped back: see [`Inserted::JumpedBack`].
@@ -341,8 +354,7 @@ impl Frames {
 
     /// Whether a frame has more above it than is followed: a part of the tree can be put under another one.
     fn is_deep(&self, frame: &str) -> bool {
-        let above = |edge: &&Edge| self.edges.get(&edge.parent);
-        std::iter::successors(self.edges.get(frame), above).nth(MAX_DEPTH).is_some()
+        self.up_from(frame).nth(MAX_DEPTH).is_some()
     }
 
     /// What a failed lookup lacks. The registry reports a gap in time even where the frames are not connected, so
@@ -388,6 +400,12 @@ impl Frames {
         }
         Some(root)
     }
+}
+
+/// Whether the newest of the dynamic ones lies more than [`JUMP_BACK`] after `stamp`.
+fn reach_beyond<'a>(edges: impl Iterator<Item = &'a Edge>, stamp: Stamp) -> bool {
+    let newest = edges.filter_map(Edge::newest).max();
+    newest.is_some_and(|newest| newest.seconds_since(stamp) > JUMP_BACK)
 }
 
 /// Whether a transform is well formed by itself; whether the tree has a place for it is another question.

@@ -287,6 +287,54 @@ fn a_scan_from_before_the_transforms_clears_them_only_when_they_are_far_ahead() 
 }
 
 #[test]
+fn a_way_reaches_as_far_as_its_own_transforms() {
+    let mut frames = robot();
+    frames.dynamic("base_link", "wheel", 9.0, 0.0);
+    frames.fixed("odom", "post", 0.0);
+    let reaches = |fixed: &str, sensor: &str, seconds: f64| {
+        let reaches = frames.way_reaches_beyond(fixed, sensor, at(seconds));
+        assert_eq!(frames.way_reaches_beyond(sensor, fixed, at(seconds)), reaches, "{fixed} {sensor}");
+        reaches
+    };
+    assert!(reaches("odom", "camera", 0.5) && !reaches("/odom", "/camera", 1.0));
+    assert!(reaches("wheel", "camera", 7.5) && !reaches("map", "camera", 7.5));
+    assert!(!reaches("odom", "post", -99.0) && reaches("map", "post", -99.0));
+    assert!(!reaches("base_link", "camera", -99.0) && !reaches("odom", "odom", -99.0));
+    assert!(!reaches("unknown", "odom", 2.0) && !reaches("unknown", "nobody", -99.0));
+}
+
+proptest! {
+    #[test]
+    fn an_edge_is_on_the_way_where_one_end_alone_lies_below_it(
+        edges in prop::collection::vec((any::<prop::sample::Index>(), prop::option::of(0..10_u8)), 1..20),
+        ends in any::<[prop::sample::Index; 2]>(),
+    ) {
+        let (mut frames, mut parents) = (Frames::new(), Vec::new());
+        for (child, (parent, seconds)) in (1..).zip(&edges) {
+            let parent = parent.index(child);
+            parents.push(parent);
+            let names = [parent, child].map(|frame| format!("f{frame}"));
+            match seconds {
+                Some(seconds) => frames.dynamic(&names[0], &names[1], f64::from(*seconds), 0.0),
+                None => frames.fixed(&names[0], &names[1], 0.0),
+            };
+        }
+        let is_below = |mut frame: usize, top: usize| {
+            while frame > top {
+                frame = parents[frame - 1];
+            }
+            frame == top
+        };
+        let ends = ends.map(|end| end.index(edges.len() + 1));
+        let on_the_way = |child: usize| is_below(ends[0], child) != is_below(ends[1], child);
+        let newest = (1..).zip(&edges).filter(|(child, _)| on_the_way(*child)).filter_map(|(_, edge)| edge.1).max();
+        let names = ends.map(|end| format!("f{end}"));
+        let found = frames.way_reaches_beyond(&names[0], &names[1], at(3.5));
+        prop_assert_eq!(found, newest.is_some_and(|newest| newest >= 5));
+    }
+}
+
+#[test]
 fn the_past_reaches_back_ten_seconds() {
     let mut frames = Frames::new();
     for second in 0..100 {

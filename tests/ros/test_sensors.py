@@ -69,6 +69,13 @@ def test_sensors_that_cannot_be_end_it_with_status_2_and_why(start, parameters, 
     assert node.wait(20) == 2 and words in node.lines[-1], node.lines
 
 
+def test_a_name_that_a_rule_makes_is_not_remapped_by_another(start, peer):
+    node = start({"sensors": "[front, rear]"}, {"front": "/rear", "rear": "/back"}, points=None).ready()
+    node.line_with("ready:", "/rear; /back")
+    wait_until(
+        "a reader of each", lambda: [peer.node.count_subscribers(topic) for topic in ("/rear", "/back")] == [1, 1])
+
+
 def test_two_nodes_in_two_namespaces_take_a_sensor_each(start, peer):
     cameras, nodes = {}, {}
     for robot in ("left", "right"):

@@ -91,6 +91,12 @@ def test_clouds_come_in_and_clusters_deltas_and_markers_go_out(zenoh_node, robot
     assert_taken_in(counts, robot.sent)
 
 
+def test_a_name_that_a_rule_makes_is_not_remapped_by_another(zenoh_node, robot):
+    zenoh_node({"sensors": "[front, rear]"}, {"front": "/rear", "rear": "/back"}, points=None).ready()
+    robot.meet()
+    wait_until("a reader of each", lambda: robot.readers("/rear") and robot.readers("/back"))
+
+
 @pytest.mark.parametrize("form, suffix, message_type", [
     (depth_images.image, "", IMAGE), (depth_images.compressed, "/compressedDepth", COMPRESSED)], ids=["raw", "compressed"])
 def test_depth_images_with_their_camera_come_in(form, suffix, message_type, zenoh_node, robot):

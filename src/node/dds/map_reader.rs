@@ -25,8 +25,8 @@ impl MapReader {
         let security = setup.security()?;
         let mut opener = Opener::new(&setup, &security)?;
         let latched = (&reliable(1, Durability::TransientLocal)).into();
-        let topic = ("/cfodi/clusters", "cfodi_msgs", "SurfaceClusterArray");
-        let snapshots = opener.subscribe(topic, &latched)?;
+        let topic = setup.resolve("/cfodi/clusters")?;
+        let snapshots = opener.subscribe((&topic, "cfodi_msgs", "SurfaceClusterArray"), &latched)?;
         Ok(Self { snapshots, _kept: opener.into_kept() })
     }
 

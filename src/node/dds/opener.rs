@@ -62,20 +62,29 @@ impl<'a> Opener<'a> {
         kind: &str,
         qos: &rustdds::QosPolicies,
     ) -> Result<Topic, OpenError> {
-        let resolved = self.setup.resolve(name)?;
-        let kind = MessageTypeName::new(package, kind).dds_msg_type();
-        let topic = self.participant.create_topic(format!("rt{resolved}"), kind, qos, TopicKind::NoKey);
-        topic.map_err(opening(&resolved))
+        self.resolved_topic((&self.setup.resolve(name)?, package, kind), qos)
     }
 
+    /// As [`Self::topic`], of a name that remappings have been applied to: they would make another of it.
+    pub(super) fn resolved_topic(
+        &self,
+        (resolved, package, kind): (&str, &str, &str),
+        qos: &rustdds::QosPolicies,
+    ) -> Result<Topic, OpenError> {
+        let kind = MessageTypeName::new(package, kind).dds_msg_type();
+        let topic = self.participant.create_topic(format!("rt{resolved}"), kind, qos, TopicKind::NoKey);
+        topic.map_err(opening(resolved))
+    }
+
+    /// Reads a topic, by its resolved name.
     pub(super) fn subscribe<M: 'static>(
         &mut self,
-        (name, package, kind): (&str, &str, &str),
+        resolved: (&str, &str, &str),
         qos: &rustdds::QosPolicies,
     ) -> Result<Subscription<M>, OpenError> {
-        let topic = self.topic(name, package, kind, qos)?;
+        let topic = self.resolved_topic(resolved, qos)?;
         self.ends.reads(topic.name(), qos.clone());
-        self.node.borrow_mut().create_subscription(&topic, None).map_err(opening(name))
+        self.node.borrow_mut().create_subscription(&topic, None).map_err(opening(resolved.0))
     }
 
     pub(super) fn publisher<M: Serialize>(
@@ -94,7 +103,7 @@ impl<'a> Opener<'a> {
         (package, kind): (&str, &str),
         depth: usize,
     ) -> Result<Server<Q, A>, OpenError> {
-        let resolved = self.setup.resolve(name)?;
+        let resolved = self.setup.resolve_service(name)?;
         let service = Name::parse(&resolved).map_err(opening(&resolved))?;
         let kind = ServiceTypeName::new(package, kind);
         let qos = reliable(depth, Durability::Volatile);

@@ -77,8 +77,9 @@ pub(super) fn listen(
         (&QosProfile::subscription_default().history(History::KeepLast { depth: TRANSFORMS })).into();
     let at_once = (!has_keys(opener.security)).then_some(at_once);
     let repaired = (&reliable(TRANSFORMS, Durability::Volatile)).into();
+    let topic = opener.setup.resolve("/tf")?;
     for qos in at_once.into_iter().chain([repaired]) {
-        let dynamic = opener.subscribe(("/tf", "tf2_msgs", "TFMessage"), &qos)?;
+        let dynamic = opener.subscribe((&topic, "tf2_msgs", "TFMessage"), &qos)?;
         let taken = Rc::clone(&memory.transforms);
         let transforms = move |message, info: &MessageInfo| match taken
             .borrow_mut()
@@ -92,11 +93,13 @@ pub(super) fn listen(
     }
     let taken = Rc::clone(&memory.latched);
     let transforms = move |message, info: &MessageInfo| latched::event(&taken, message, info);
-    let latched = opener.subscribe((latched::TOPIC, "tf2_msgs", "TFMessage"), &latched_qos())?;
+    let topic = opener.setup.resolve(latched::TOPIC)?;
+    let latched = opener.subscribe((&topic, "tf2_msgs", "TFMessage"), &latched_qos())?;
     readers.spawn_local(read(latched::TOPIC, latched, events.clone(), transforms));
     if opener.setup.config.use_sim_time {
         let qos = (&QosProfile::subscription_default()).into();
-        let times = opener.subscribe(("/clock", "rosgraph_msgs", "Clock"), &qos)?;
+        let topic = opener.setup.resolve("/clock")?;
+        let times = opener.subscribe((&topic, "rosgraph_msgs", "Clock"), &qos)?;
         let parameters = Rc::clone(parameters);
         let time = move |clock: Clock, _: &MessageInfo| Some(clock::event(clock, &parameters));
         readers.spawn_local(read("/clock", times, events.clone(), time));
@@ -180,7 +183,8 @@ impl Listening<'_, '_> {
     /// Compressed depth images, once they are wanted.
     fn compressed(&mut self, topics: DepthTopics) -> Result<(), OpenError> {
         let qos = scan_qos(policy::Reliability::BestEffort);
-        let topic = self.opener.topic(&topics.compressed, "sensor_msgs", "CompressedImage", &qos)?;
+        let name = (topics.compressed.as_str(), "sensor_msgs", "CompressedImage");
+        let topic = self.opener.resolved_topic(name, &qos)?;
         self.opener.ends.reads(topic.name(), qos);
         let node = Rc::downgrade(&self.opener.node);
         let (sources, heard, events) = (self.sources.clone(), self.heard.clone(), self.events.clone());

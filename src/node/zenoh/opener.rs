@@ -66,15 +66,15 @@ impl Opener {
         Ok(id)
     }
 
-    /// Listens to a topic; what is kept of a latched one for late readers is asked for.
+    /// Listens to a topic, by its resolved name, of which remappings would make another; what is kept of a latched one for late
+    /// readers is asked for.
     pub(super) fn subscribe(
         &self,
-        (name, type_name): (&str, &str),
+        (resolved, type_name): (&str, &str),
         qos: Qos,
         room: Room,
     ) -> Result<Inbox, OpenError> {
-        let resolved = self.setup.resolve(name)?;
-        let named = Named { name: &resolved, type_name };
+        let named = Named { name: resolved, type_name };
         let mailbox = Arc::new(Mailbox::new(room));
         let there = Arc::clone(&mailbox);
         let put = move |sample: Sample| {
@@ -88,12 +88,12 @@ impl Opener {
         let reader = if qos.latched {
             let history = HistoryConfig::default().detect_late_publishers().max_samples(qos.depth);
             let subscriber = subscriber.history(history).query_timeout(HISTORY).subscriber_detection();
-            Reader::Latched(subscriber.wait().map_err(opening(&resolved))?)
+            Reader::Latched(subscriber.wait().map_err(opening(resolved))?)
         } else {
-            Reader::Live(subscriber.wait().map_err(opening(&resolved))?)
+            Reader::Live(subscriber.wait().map_err(opening(resolved))?)
         };
         self.tell(Kind::Subscription, named, qos)?;
-        Ok(Inbox { name: resolved, mailbox, _reader: reader })
+        Ok(Inbox { name: resolved.to_owned(), mailbox, _reader: reader })
     }
 
     /// Serves calls.
@@ -102,7 +102,7 @@ impl Opener {
         (name, type_name): (&'static str, &str),
         room: Room,
     ) -> Result<Calls, OpenError> {
-        let resolved = self.setup.resolve(name)?;
+        let resolved = self.setup.resolve_service(name)?;
         let named = Named { name: &resolved, type_name };
         let mailbox = Arc::new(Mailbox::new(room));
         let there = Arc::clone(&mailbox);

@@ -46,12 +46,14 @@ pub(super) fn listen(
     }
     for (topic, is_static) in [("/tf", false), ("/tf_static", true)] {
         let qos = Qos { reliable: true, latched: is_static, depth: 100 };
-        let transforms = opener.subscribe((topic, "tf2_msgs/msg/TFMessage"), qos, TRANSFORMS)?;
+        let resolved = opener.setup.resolve(topic)?;
+        let transforms = opener.subscribe((&resolved, "tf2_msgs/msg/TFMessage"), qos, TRANSFORMS)?;
         let event = move |message| Event::Transforms { message, is_static };
         readers.spawn_local(read(topic, transforms, events.clone(), event));
     }
     if opener.setup.config.use_sim_time {
-        let clocks = opener.subscribe(("/clock", "rosgraph_msgs/msg/Clock"), SENSOR, CLOCKS)?;
+        let resolved = opener.setup.resolve("/clock")?;
+        let clocks = opener.subscribe((&resolved, "rosgraph_msgs/msg/Clock"), SENSOR, CLOCKS)?;
         let parameters = Rc::clone(parameters);
         let event = move |clock: Clock| clock::event(clock, &parameters);
         readers.spawn_local(read("/clock", clocks, events.clone(), event));
