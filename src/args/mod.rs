@@ -287,7 +287,7 @@ mod tests_on_files;
 mod tests {
     use super::*;
 
-    fn parse(line: &str) -> Result<Setup, ArgsError> {
+    pub(super) fn parse(line: &str) -> Result<Setup, ArgsError> {
         let args: Vec<_> = line.split_whitespace().map(str::to_owned).collect();
         Setup::parse(&args, &Environment::default(), "cfodi").map(|(setup, _)| setup)
     }

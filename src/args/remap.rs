@@ -80,12 +80,8 @@ fn without_colon(rule: &str) -> Result<String, Ros2ArgsError> {
 
 #[cfg(test)]
 mod tests {
-    use crate::args::{ArgsError, Environment, Setup};
-
-    fn parse(line: &str) -> Result<Setup, ArgsError> {
-        let args: Vec<_> = line.split_whitespace().map(str::to_owned).collect();
-        Setup::parse(&args, &Environment::default(), "cfodi").map(|(setup, _)| setup)
-    }
+    use crate::args::tests::parse;
+    use crate::args::{Environment, Setup};
 
     #[test]
     fn a_rule_with_a_scheme_is_for_topics_or_for_services() {
