@@ -237,10 +237,13 @@ impl Surfaces {
                 self.segmented[block.0 as usize].patches.iter().map(|patch| patch.cells.len() as u32),
             );
         }
-        // What a slice beside them met before counts as well as what it meets now.
-        let mut slices = self.slices_beside(grid, blocks);
+        let beside = self.slices_beside(grid, blocks);
+        // What a slice met before counts as well as what it meets now.
+        let met: Vec<_> = beside.iter().map(|&id| self.meets_any(id, blocks)).collect();
         blocks.iter().for_each(|&block| self.meet(grid, block, blocks));
-        slices.extend(self.slices_beside(grid, blocks));
+        let slices = beside.into_iter().zip(met);
+        let slices = slices.filter(|&(id, met)| met || self.meets_any(id, blocks));
+        let slices: Vec<_> = slices.map(|(id, _)| id).collect();
         let new = blocks.iter().flat_map(|&block| self.ids(block));
         let anew: Vec<_> = new.chain(slices.iter().copied()).collect();
         for &id in &anew {
@@ -292,15 +295,17 @@ impl Surfaces {
         }
     }
 
-    /// Patches of other blocks that may be slices of what they meet in these.
-    fn slices_beside(&self, grid: &Grid, blocks: &[BlockIndex]) -> BTreeSet<PatchId> {
+    /// Patches of other blocks around these that may be slices.
+    fn slices_beside(&self, grid: &Grid, blocks: &[BlockIndex]) -> Vec<PatchId> {
         let around = blocks.iter().flat_map(|&block| grid.block(block).around.iter().map(|(_, other)| other));
         let others: BTreeSet<_> = around.filter(|other| blocks.binary_search(other).is_err()).collect();
         let ids = others.into_iter().flat_map(|other| self.ids(other));
-        let meets = |id| {
-            contacts_of(&self.segmented, id).any(|(other, _)| blocks.binary_search(&other.block).is_ok())
-        };
-        ids.filter(|&id| patch(&self.segmented, id).may_be_slice(&self.rules) && meets(id)).collect()
+        ids.filter(|&id| patch(&self.segmented, id).may_be_slice(&self.rules)).collect()
+    }
+
+    /// Whether a patch meets one of these blocks (ascending).
+    fn meets_any(&self, id: PatchId, blocks: &[BlockIndex]) -> bool {
+        contacts_of(&self.segmented, id).any(|(other, _)| blocks.binary_search(&other.block).is_ok())
     }
 
     /// Writes down which nodes the new patches have got.
