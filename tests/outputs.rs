@@ -12,32 +12,23 @@ mod bags;
 
 use std::fs::{self, File};
 use std::io::Write as _;
-use std::path::PathBuf;
 use std::process::{Command, Output};
 
 use bags::{BagWriter, Layout, OPTICAL, POINTS, drive, stamp, wall};
 use tempfile::TempDir;
 
-/// A folder of the test's own with a bag in it, removed at its end.
-struct Folder(TempDir);
+/// A folder of the test's own with a bag in it.
+fn with_bag(bag: &[u8]) -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("a.mcap"), bag).unwrap();
+    folder
+}
 
-impl Folder {
-    fn with_bag(bag: &[u8]) -> Self {
-        let folder = Self(tempfile::tempdir().unwrap());
-        fs::write(folder.path("a.mcap"), bag).unwrap();
-        folder
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.0.path().join(name)
-    }
-
-    /// A replay of the bag within the folder.
-    fn replay(&self, more: &[&str]) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_cfodi"));
-        command.current_dir(self.0.path()).args(["replay", "a.mcap"]).args(more);
-        command
-    }
+/// A replay of the bag within the folder.
+fn replay(folder: &TempDir, more: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_cfodi"));
+    command.current_dir(folder).args(["replay", "a.mcap"]).args(more);
+    command
 }
 
 /// What was said, and whether all went well.
@@ -47,13 +38,13 @@ fn said(ended: &Output) -> (Option<i32>, String) {
 
 #[test]
 fn standard_output_that_is_appended_to_a_file_leaves_what_is_in_it() {
-    let folder = Folder::with_bag(&drive(BagWriter::new(Layout::Plain), 2));
-    fs::write(folder.path("all.json"), "earlier\n").unwrap();
-    let all = File::options().append(true).open(folder.path("all.json")).unwrap();
-    let ended = folder.replay(&["--clusters", "/dev/stdout"]).stdout(all).output().unwrap();
+    let folder = with_bag(&drive(BagWriter::new(Layout::Plain), 2));
+    fs::write(folder.path().join("all.json"), "earlier\n").unwrap();
+    let all = File::options().append(true).open(folder.path().join("all.json")).unwrap();
+    let ended = replay(&folder, &["--clusters", "/dev/stdout"]).stdout(all).output().unwrap();
     let (status, errors) = said(&ended);
     assert_eq!(status, Some(0), "{errors}");
-    let text = fs::read_to_string(folder.path("all.json")).unwrap();
+    let text = fs::read_to_string(folder.path().join("all.json")).unwrap();
     let clusters = text.strip_prefix("earlier\n").unwrap_or_else(|| panic!("{text}"));
     serde_json::from_str::<serde_json::Value>(clusters).unwrap();
 }
@@ -61,15 +52,15 @@ fn standard_output_that_is_appended_to_a_file_leaves_what_is_in_it() {
 /// As `{ echo header; cfodi replay ...; echo footer; } > f` does it.
 #[test]
 fn standard_output_is_written_where_it_stands_and_gone_on_with_behind() {
-    let folder = Folder::with_bag(&drive(BagWriter::new(Layout::Plain), 2));
-    let mut file = File::create(folder.path("f")).unwrap();
+    let folder = with_bag(&drive(BagWriter::new(Layout::Plain), 2));
+    let mut file = File::create(folder.path().join("f")).unwrap();
     file.write_all(b"header\n").unwrap();
     let out = file.try_clone().unwrap();
-    let ended = folder.replay(&["--summary", "/dev/stdout"]).stdout(out).output().unwrap();
+    let ended = replay(&folder, &["--summary", "/dev/stdout"]).stdout(out).output().unwrap();
     let (status, errors) = said(&ended);
     assert_eq!(status, Some(0), "{errors}");
     file.write_all(b"footer\n").unwrap();
-    let text = fs::read_to_string(folder.path("f")).unwrap();
+    let text = fs::read_to_string(folder.path().join("f")).unwrap();
     let summary = text.strip_prefix("header\n").and_then(|text| text.strip_suffix("footer\n"));
     let summary = summary.unwrap_or_else(|| panic!("{text}"));
     assert_eq!(serde_json::from_str::<serde_json::Value>(summary).unwrap()["scans"], 2);
@@ -79,24 +70,27 @@ fn standard_output_is_written_where_it_stands_and_gone_on_with_behind() {
 fn a_result_bag_that_cannot_be_written_takes_no_other_output_with_it() {
     // The one fails at its end, the other long before.
     for scans in [1, 100] {
-        let folder = Folder::with_bag(&drive(BagWriter::new(Layout::Plain), scans));
+        let folder = with_bag(&drive(BagWriter::new(Layout::Plain), scans));
         let others = ["--voxels", "v.csv", "--summary", "s.json", "--report", "report"];
         let arguments = [&["--with-input", "--out", "/dev/full"], &others[..]].concat();
-        let (status, errors) = said(&folder.replay(&arguments).output().unwrap());
+        let (status, errors) = said(&replay(&folder, &arguments).output().unwrap());
         assert_eq!(status, Some(1), "{errors}");
         let last = errors.lines().last().unwrap();
         let is_told = last.starts_with("cfodi: cannot write /dev/full") && last.contains("No space left");
         assert!(is_told, "{errors}");
-        let summary = fs::read(folder.path("s.json")).unwrap();
+        let summary = fs::read(folder.path().join("s.json")).unwrap();
         assert_eq!(serde_json::from_slice::<serde_json::Value>(&summary).unwrap()["scans"], scans);
-        assert!(folder.path("v.csv").exists() && folder.path("report/index.html").exists(), "{errors}");
+        assert!(
+            folder.path().join("v.csv").exists() && folder.path().join("report/index.html").exists(),
+            "{errors}"
+        );
     }
 }
 
 #[test]
 fn a_result_bag_that_is_all_there_is_ends_the_replay_where_it_cannot_be_written() {
-    let folder = Folder::with_bag(&drive(BagWriter::new(Layout::Plain), 100));
-    let (status, errors) = said(&folder.replay(&["--with-input", "--out", "/dev/full"]).output().unwrap());
+    let folder = with_bag(&drive(BagWriter::new(Layout::Plain), 100));
+    let (status, errors) = said(&replay(&folder, &["--with-input", "--out", "/dev/full"]).output().unwrap());
     assert_eq!(status, Some(1), "{errors}");
     assert!(errors.contains("cannot write /dev/full") && !errors.contains("100 scans in"), "{errors}");
 }
@@ -111,9 +105,9 @@ fn a_result_bag_on_standard_output_is_not_begun_again_and_the_frame_to_give_is_n
         }
         writer.cloud(POINTS, stamp(i), &wall(i));
     }
-    let folder = Folder::with_bag(&writer.finish());
-    let out = File::create(folder.path("out.mcap")).unwrap();
-    let ended = folder.replay(&["--out", "/dev/stdout"]).stdout(out).output().unwrap();
+    let folder = with_bag(&writer.finish());
+    let out = File::create(folder.path().join("out.mcap")).unwrap();
+    let ended = replay(&folder, &["--out", "/dev/stdout"]).stdout(out).output().unwrap();
     let (status, errors) = said(&ended);
     assert_eq!(status, Some(1), "{errors}");
     assert!(errors.contains("--out cannot be begun again: -p fixed_frame:=odom"), "{errors}");
@@ -121,14 +115,15 @@ fn a_result_bag_on_standard_output_is_not_begun_again_and_the_frame_to_give_is_n
 
 #[test]
 fn an_output_with_the_name_of_a_folder_is_refused_before_the_bag_is_read() {
-    let folder = Folder::with_bag(&drive(BagWriter::new(Layout::Plain), 2));
+    let folder = with_bag(&drive(BagWriter::new(Layout::Plain), 2));
     for output in ["--out", "--clusters"] {
-        let (status, errors) = said(&folder.replay(&[output, "nd/", "--voxels", "v.csv"]).output().unwrap());
+        let (status, errors) =
+            said(&replay(&folder, &[output, "nd/", "--voxels", "v.csv"]).output().unwrap());
         assert_eq!(status, Some(1), "{errors}");
         assert!(errors.contains("cfodi: cannot write nd/: not a file name"), "{errors}");
         assert!(!errors.contains("2 scans in"), "{errors}");
         let left: Vec<_> =
-            fs::read_dir(folder.path("")).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+            fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
         assert_eq!(left, ["a.mcap"]);
     }
 }

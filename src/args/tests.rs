@@ -1,0 +1,236 @@
+//! What arguments give.
+
+use super::*;
+
+pub(super) fn parse(line: &str) -> Result<Setup, ArgsError> {
+    let args: Vec<_> = line.split_whitespace().map(str::to_owned).collect();
+    Setup::parse(&args, &Environment::default(), "cfodi").map(|(setup, _)| setup)
+}
+
+#[test]
+fn names_are_expanded_and_then_remapped() {
+    let setup =
+        parse("run --ros-args -r __ns:=/robot -r points:=/camera/depth/points -r ~/clusters:=walls").unwrap();
+    assert_eq!(setup.fully_qualified_name(), "/robot/cfodi");
+    assert_eq!(setup.resolve("points").unwrap(), "/camera/depth/points");
+    assert_eq!(setup.resolve("~/clusters").unwrap(), "/robot/walls");
+    assert_eq!(setup.resolve("~/markers").unwrap(), "/robot/cfodi/markers");
+    assert_eq!(setup.resolve("/tf").unwrap(), "/tf");
+}
+
+#[test]
+fn what_was_given_beside_the_known_is_named() {
+    let setup = parse("--ros-args -p mode:=paper -p depth:=3 -p clearing:=false").unwrap();
+    assert_eq!(setup.given_beside(&["depth", "voxel_size"]), ["clearing", "mode"]);
+    assert!(parse("").unwrap().given_beside(&[]).is_empty());
+}
+
+#[test]
+fn node_name_and_fully_qualified_rules_apply() {
+    let setup = parse("--ros-args -r __node:=eyes -r /points:=/a").unwrap();
+    assert_eq!((setup.name.as_str(), setup.resolve("points").unwrap().as_str()), ("eyes", "/a"));
+}
+
+#[test]
+fn of_several_names_the_first_counts_and_a_namespace_is_given_to_the_new_one() {
+    let table = [
+        ("-r __node:=a -r __node:=b", "/a"),
+        ("-r __name:=a -r __node:=b", "/a"),
+        ("-r __ns:=/a -r __ns:=/b", "/a/cfodi"),
+        ("-r cfodi:__node:=eyes -r __node:=b", "/eyes"),
+        ("-r other:__node:=eyes -r __node:=b", "/b"),
+        ("-r __node:=eyes -r eyes:__ns:=/robot", "/robot/eyes"),
+        ("-r eyes:__ns:=/robot -r __node:=eyes", "/robot/eyes"),
+        ("-r __node:=eyes -r cfodi:__ns:=/robot", "/eyes"),
+    ];
+    for (rules, name) in table {
+        assert_eq!(parse(&format!("--ros-args {rules}")).unwrap().fully_qualified_name(), name, "{rules}");
+    }
+}
+
+#[test]
+fn files_count_in_order_and_p_after_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("params.yaml");
+    let text = "/**:\n  ros__parameters:\n    depth: 3\n    voxel_size: 1\n/other:\n  ros__parameters:\n    depth: 8\n";
+    std::fs::write(&file, text).unwrap();
+    let setup = parse(&format!("--ros-args -p depth:=2 --params-file {}", file.display())).unwrap();
+    assert_eq!(setup.config.engine.depth(), 2);
+    assert!((setup.config.engine.voxel_size() - 1.0).abs() < f64::EPSILON);
+    assert!(setup.parameters.contains(&("voxel_size".to_owned(), Value::Double(1.0))));
+}
+
+#[test]
+fn what_cannot_be_is_refused_with_name_and_value() {
+    assert!(
+        parse("--ros-args -p depht:=3").unwrap_err().to_string().contains("nearest known one is `depth`")
+    );
+    assert!(
+        parse("--ros-args --params-file /no/such.yaml").unwrap_err().to_string().contains("/no/such.yaml")
+    );
+    let domain = in_domain("233").unwrap_err().to_string();
+    assert_eq!(domain, "ROS_DOMAIN_ID is \"233\"; it must be from 0 to 232");
+    assert_eq!(in_domain("7").unwrap(), 7);
+}
+
+fn in_domain(text: &str) -> Result<u16, ArgsError> {
+    let environment = Environment { domain: Some(text.to_owned()), ..Environment::default() };
+    Setup::parse(&[], &environment, "cfodi").map(|(setup, _)| setup.domain)
+}
+
+#[test]
+fn variables_that_change_discovery_are_known_where_they_are_set_to_do_so() {
+    let set = |pairs: &'static [(&str, &str)]| {
+        discovery(|name| pairs.iter().find(|pair| pair.0 == name).map(|pair| pair.1.to_owned()))
+    };
+    let range = "ROS_AUTOMATIC_DISCOVERY_RANGE";
+    assert_eq!(set(&[("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")]), [(range, "LOCALHOST".to_owned())]);
+    assert_eq!(set(&[("ROS_LOCALHOST_ONLY", "1"), ("ROS_STATIC_PEERS", "10.0.0.1")]).len(), 2);
+    let as_ever = [("ROS_AUTOMATIC_DISCOVERY_RANGE", "subnet"), ("ROS_LOCALHOST_ONLY", "0")];
+    assert!(
+        discovery(|name| as_ever.iter().find(|pair| pair.0 == name).map(|pair| pair.1.to_owned())).is_empty()
+    );
+}
+
+#[test]
+fn a_level_counts_that_is_given_to_all_or_to_this_node() {
+    let level = |line: &str| parse(&format!("--ros-args -r __ns:=/robot {line}")).unwrap().log_level;
+    assert_eq!(level("--log-level other:=fatal"), None);
+    assert_eq!(level("--log-level debug --log-level other:=fatal").as_deref(), Some("debug"));
+    assert_eq!(level("--log-level warn --log-level robot.cfodi:=error").as_deref(), Some("error"));
+    assert_eq!(
+        level("--log-level cfodi:=debug --log-level warn").as_deref(),
+        Some("debug"),
+        "its own counts"
+    );
+    assert_eq!(
+        level("--log-level warn --log-level robot:=debug").as_deref(),
+        Some("debug"),
+        "it is a part of it"
+    );
+    assert_eq!(level("--log-level error --log-level warn").as_deref(), Some("warn"));
+    assert_eq!(level("--log-level rob:=debug"), None);
+    assert!(!parse("--ros-args --disable-rosout-logs").unwrap().rosout && parse("").unwrap().rosout);
+}
+
+#[test]
+fn the_enclave_is_that_of_the_command_line() {
+    let environment = Environment {
+        security: Asked { enable: Some("true".to_owned()), ..Asked::default() },
+        ..Environment::default()
+    };
+    let args = ["run", "--ros-args", "--enclave", "robot"].map(str::to_owned);
+    let (setup, rest) = Setup::parse(&args, &environment, "cfodi").unwrap();
+    assert_eq!(rest, ["run"]);
+    assert!(setup.security().unwrap_err().to_string().starts_with("--enclave is \"robot\""));
+}
+
+/// What is said of a parameter file of this text.
+fn of_file(text: &[u8]) -> Result<Setup, ArgsError> {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("params.yaml");
+    std::fs::write(&file, text).unwrap();
+    parse(&format!("--ros-args --params-file {}", file.display()))
+}
+
+#[test]
+fn a_parameter_file_that_is_nested_without_end_is_refused() {
+    let deep = format!("/**:\n  ros__parameters:\n    depth:\n      {}", "- ".repeat(100_000));
+    let flow = format!("/**: {}", "{a: ".repeat(100));
+    for text in [deep, flow] {
+        let error = of_file(text.as_bytes()).unwrap_err().to_string();
+        assert!(error.contains("nested deeper than 64"), "{error}");
+    }
+}
+
+#[test]
+fn a_parameter_file_of_a_billion_laughs_is_refused() {
+    let mut text = "a0: &a0 [ha, ha, ha, ha, ha, ha, ha, ha, ha]\n".to_owned();
+    for i in 1..10 {
+        let line = vec![format!("*a{}", i - 1); 9].join(", ");
+        text.extend([format!("a{i}: &a{i} ["), line, "]\n".to_owned()]);
+    }
+    let error = of_file(text.as_bytes()).unwrap_err().to_string();
+    assert!(error.contains("more than 1000000 nodes"), "{error}");
+}
+
+#[test]
+fn a_parameter_file_that_is_none_is_refused_with_its_name() {
+    let long_name = format!("{}:\n  ros__parameters: {{depth: 3}}\n", "/**".repeat(10_000));
+    let texts: [&[u8]; 8] = [
+        b"\xff\xfe\x00",
+        b"- 1\n- 2\n",
+        b"7: {ros__parameters: {depth: 3}}",
+        b"a: {b: 3}",
+        b"a: {ros__parameters: 3}",
+        b"a: {ros__parameters: {3: 4}}",
+        b"a: b: c",
+        long_name.as_bytes(),
+    ];
+    for text in texts {
+        let error = of_file(text).unwrap_err().to_string();
+        assert!(error.contains("params.yaml"), "{error}");
+    }
+    let endless = parse("--ros-args --params-file /dev/zero").unwrap_err().to_string();
+    assert!(endless.contains("more than 8388608 bytes"), "{endless}");
+    assert!(of_file(b"").is_ok());
+}
+
+#[test]
+fn a_value_on_the_command_line_is_bounded_like_one_in_a_file() {
+    let value = |value: &str| {
+        let args = ["--ros-args", "-p", value].map(str::to_owned);
+        Setup::parse(&args, &Environment::default(), "cfodi").map(|(setup, _)| setup)
+    };
+    let error = value(&format!("depth:={}", "[".repeat(200))).unwrap_err().to_string();
+    assert_eq!(error, "the value of depth is refused: YAML nested deeper than 64");
+    let error = value("fixed_frame:=").unwrap_err().to_string();
+    assert_eq!(error, "fixed_frame is given no value; an empty text is -p \"fixed_frame:=''\"");
+    assert!(value("snapshot_path:=''").is_ok());
+    let error = value("sensors:=[front, 3, 1.5, ~]").unwrap_err().to_string();
+    let must = "it must be a boolean, a number, a text or a list of texts";
+    assert_eq!(error, format!("sensors is [\"front\", 3, 1.5, null]; {must}"));
+    for bad in
+        ["depth:=", "depth:=*x", "depth:=[", ":=", "depth:=3:=4", "a:b:depth:=3", "depth:={a: 1}", "depth:=~"]
+    {
+        assert!(value(bad).is_err(), "{bad}");
+    }
+    let nan = value("tf_timeout:=.nan").unwrap_err().to_string();
+    assert_eq!(nan, "tf_timeout is NaN; it must be from 0 to 60 s");
+}
+
+#[test]
+fn names_that_cannot_be_are_refused() {
+    for node in ["__node:=a/b", "__node:=", "__node:=7up", "__node:=\u{1b}[2J"] {
+        let args = ["--ros-args", "-r", node].map(str::to_owned);
+        assert!(Setup::parse(&args, &Environment::default(), "cfodi").is_err(), "{node}");
+    }
+    for namespace in ["__ns:=/a//b", "__ns:=bad//x", "__ns:=/a/", "__ns:=/1"] {
+        let args = ["--ros-args", "-r", namespace].map(str::to_owned);
+        let error = Setup::parse(&args, &Environment::default(), "cfodi").unwrap_err();
+        assert!(matches!(error, ArgsError::Name(..) | ArgsError::Form(_)), "{namespace}: {error}");
+    }
+    for name in ["points:=/a//b", "points:=a b", "points:=/ä"] {
+        let args = ["--ros-args", "-r", name].map(str::to_owned);
+        let (setup, _) = Setup::parse(&args, &Environment::default(), "cfodi").unwrap();
+        assert!(setup.resolve("points").is_err(), "{name}");
+    }
+}
+
+#[test]
+fn a_domain_that_is_none_is_refused() {
+    for domain in ["-1", "233", "1e2", "0x1", "99999999999999999999", " 1", "\u{fffd}"] {
+        assert!(in_domain(domain).is_err(), "{domain}");
+    }
+    assert_eq!(in_domain("").unwrap(), 0);
+}
+
+#[test]
+fn every_file_under_config_is_possible() {
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("config");
+    let files: Vec<_> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    assert!(!files.is_empty());
+    for file in files {
+        parse(&format!("--ros-args --params-file {}", file.display())).unwrap();
+    }
+}
