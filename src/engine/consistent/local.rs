@@ -14,8 +14,9 @@ use crate::engine::key::{GRID_REACH, VoxelKey};
 
 /// Voxels of the region to each side of the sensor.
 const REACH: i32 = 512;
-const AXIS_BITS: u32 = 10;
-const UNIT_BITS: u32 = UNITS.ilog2();
+/// Bits of a voxel's place along an axis, and of an offset in it.
+pub(super) const AXIS_BITS: u32 = 10;
+pub(super) const UNIT_BITS: u32 = UNITS.ilog2();
 /// Units from which on a place is beyond the region.
 const END: u32 = 1 << (AXIS_BITS + UNIT_BITS);
 /// What makes the nearest whole number the one below.

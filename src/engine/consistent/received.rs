@@ -16,7 +16,7 @@ use super::cells::Cells;
 use super::local::{Local, LocalKey};
 use super::recent::Recent;
 use super::sums::ScanSums;
-use super::tile::{Lanes, OnTiles, Places, SIDE, Sink, TILE, dispatch, sum_by_voxel};
+use super::tile::{Lanes, Listed, OnTiles, Pixels, Plain, SIDE, Sink, TILE, Tile, dispatch, sum_by_voxel};
 use crate::engine::binning::{BATCH, Fixed, UNITS};
 use crate::engine::key::VoxelKey;
 use crate::engine::points::{Depths, Points};
@@ -34,8 +34,8 @@ pub(super) struct Received {
     recent: Recent,
     /// Points beyond the grid.
     beyond: u32,
-    /// For each axis what a column of the image adds to a unit of depth.
-    columns: [Vec<f64>; 3],
+    /// For each axis what a column of the image adds to a unit of depth, those of a tile together.
+    columns: [Vec<[f64; SIDE]>; 3],
 }
 
 /// A block that received points.
@@ -183,22 +183,11 @@ impl Receiver<'_> {
         block
     }
 
-    /// Takes in a tile; `point` gives those points of it that lie beyond the region.
-    #[inline(always)]
-    fn take(&mut self, lanes: impl Lanes, places: &Places, empty: usize, point: impl Fn(usize) -> [f32; 3]) {
-        let missing = sum_by_voxel(lanes, places, self);
-        if missing > empty {
-            self.take_far(places, point);
-        }
-    }
-
+    /// Takes in points that lie beyond the region.
     #[cold]
-    fn take_far(&mut self, places: &Places, point: impl Fn(usize) -> [f32; 3]) {
-        let [xs, ys, zs] = places;
-        let is_far = |&i: &usize| Local::key([xs[i], ys[i], zs[i]]) == LocalKey::NONE;
-        let far = (0..TILE).filter(is_far).map(point).filter(|point| point[2].is_finite());
-        let far: Vec<_> = far.collect();
-        self.received.take_far(&far, self.pose, self.voxel_size);
+    fn take_far(&mut self, points: impl Iterator<Item = [f32; 3]>) {
+        let points: Vec<_> = points.collect();
+        self.received.take_far(&points, self.pose, self.voxel_size);
     }
 }
 
@@ -208,31 +197,71 @@ struct OfDepths<'a> {
     receiver: Receiver<'a>,
 }
 
+/// Rows of pixels in which one row of tiles lies.
+struct Strip<'a> {
+    rows: [&'a [f32]; SIDE],
+    rays: [f32; SIDE],
+    /// What is left of the rows where tiles do not divide them.
+    ends: [[f32; SIDE]; SIDE],
+}
+
+impl<'a> Strip<'a> {
+    /// `None` where there are no more rows.
+    #[inline(always)]
+    fn next(rows: &mut impl Iterator<Item = (&'a [f32], &'a f32)>) -> Option<Self> {
+        let mut strip = Self { rows: [&[]; SIDE], rays: [0.0; SIDE], ends: [[0.0; SIDE]; SIDE] };
+        for place in 0..SIDE {
+            let Some((row, ray)) = rows.next() else { return (place > 0).then_some(strip) };
+            (strip.rows[place], strip.rays[place]) = (row, *ray);
+            let end = row.as_chunks::<SIDE>().1;
+            strip.ends[place][..end.len()].copy_from_slice(end);
+        }
+        Some(strip)
+    }
+
+    /// The depths of the tile that begins at a column.
+    #[inline(always)]
+    fn tile(&self, first: usize) -> [&[f32; SIDE]; SIDE] {
+        let mut depths = self.ends.each_ref();
+        for (depths, row) in depths.iter_mut().zip(&self.rows) {
+            if let Some(full) = row.get(first..).and_then(|row| row.first_chunk()) {
+                *depths = full;
+            }
+        }
+        depths
+    }
+}
+
 impl OnTiles for OfDepths<'_> {
     #[inline(always)]
     fn run(mut self, lanes: impl Lanes) {
-        let rays = self.depths.rays();
-        let units = self.receiver.local.units;
+        let (depths, local) = (self.depths, self.receiver.local);
+        let rays = depths.rays();
         // A place is depth x (column + row) from the sensor.
         let mut columns = std::mem::take(&mut self.receiver.received.columns);
-        for (column, [x, _, z]) in columns.iter_mut().zip(units) {
-            column.clear();
-            column.extend(rays.x.iter().map(|&ray| x * f64::from(ray) + z));
+        for (columns, [x, _, z]) in columns.iter_mut().zip(local.units) {
+            columns.clear();
+            columns.extend(rays.x.chunks(SIDE).map(|rays| {
+                let mut tile = [0.0; SIDE];
+                tile.iter_mut().zip(rays).for_each(|(column, &ray)| *column = x * f64::from(ray) + z);
+                tile
+            }));
         }
-        let depths = self.depths;
         let mut rows = depths.rows().zip(&rays.y);
-        let mut strip: [(&[f32], &f32); SIDE] = [(&[], &0.0); SIDE];
-        loop {
-            let mut count = 0;
-            for (place, row) in strip.iter_mut().zip(&mut rows) {
-                *place = row;
-                count += 1;
+        while let Some(strip) = Strip::next(&mut rows) {
+            let mut steps = [[0.0; 3]; SIDE];
+            for (step, ray) in steps.iter_mut().zip(&strip.rays) {
+                (0..3).for_each(|axis| step[axis] = local.units[axis][1] * f64::from(*ray));
             }
-            for first in (0..rays.x.len()).step_by(SIDE) {
-                self.tile(lanes, &strip[..count], &columns, first);
-            }
-            if count < SIDE {
-                break;
+            let [xs, ys, zs] = &columns;
+            for (number, ((x, y), z)) in xs.iter().zip(ys).zip(zs).enumerate() {
+                let first = number * SIDE;
+                let pixels = Pixels { depths: strip.tile(first), columns: [x, y, z], rows: &steps };
+                let mut tile = lanes.of_pixels(&pixels, &local);
+                if tile.has_far() {
+                    self.take_far(&pixels, &strip.rays, first);
+                }
+                sum_by_voxel(lanes, &mut tile, &mut self.receiver);
             }
         }
         self.receiver.received.columns = columns;
@@ -240,37 +269,15 @@ impl OnTiles for OfDepths<'_> {
 }
 
 impl OfDepths<'_> {
-    /// Takes in 8 x 8 pixels, or what there is of them.
-    #[inline(always)]
-    fn tile(&mut self, lanes: impl Lanes, rows: &[(&[f32], &f32)], columns: &[Vec<f64>; 3], first: usize) {
-        let local = &self.receiver.local;
-        let mut depths = [f32::INFINITY; TILE];
-        let mut directions = [[0.0_f64; SIDE]; 3];
-        let width = SIDE.min(columns[0].len() - first);
-        for (directions, columns) in directions.iter_mut().zip(columns) {
-            directions[..width].copy_from_slice(&columns[first..first + width]);
-        }
-        for ((row, _), depths) in rows.iter().zip(depths.chunks_exact_mut(SIDE)) {
-            for (depth, &pixel) in depths.iter_mut().zip(&row[first..first + width]) {
-                *depth = if pixel > 0.0 { pixel } else { f32::INFINITY };
-            }
-        }
-        let mut places = [[-1; TILE]; 3];
-        for (axis, places) in places.iter_mut().enumerate() {
-            let (columns, origin) = (&directions[axis], local.origin[axis]);
-            let each = depths.as_chunks().0.iter().zip(places.as_chunks_mut().0);
-            for ((_, ray), (depths, places)) in rows.iter().zip(each) {
-                let row = local.units[axis][1] * f64::from(**ray);
-                *places = lanes.place_pixels(depths, columns, row, origin);
-            }
-        }
-        let empty = depths.iter().map(|depth| usize::from(*depth == f32::INFINITY)).sum();
-        let rays = self.depths.rays();
-        self.receiver.take(lanes, &places, empty, |i| {
-            let z = depths[i];
-            let x = rays.x.get(first + i % SIDE).map_or(0.0, |x| x * z);
-            [x, rows.get(i / SIDE).map_or(0.0, |(_, y)| *y * z), z]
+    #[cold]
+    fn take_far(&mut self, pixels: &Pixels<'_>, rows: &[f32; SIDE], first: usize) {
+        let columns = &self.depths.rays().x;
+        let tile = Plain.of_pixels(pixels, &self.receiver.local);
+        let far = (0..TILE).filter(|&i| tile.is_far(i)).map(|i| {
+            let z = pixels.depths[i / SIDE][i % SIDE];
+            [columns.get(first + i % SIDE).map_or(0.0, |x| x * z), rows[i / SIDE] * z, z]
         });
+        self.receiver.take_far(far);
     }
 }
 
@@ -285,20 +292,16 @@ impl OnTiles for OfPoints<'_> {
     fn run(mut self, lanes: impl Lanes) {
         let local = self.receiver.local;
         for batch in self.points.chunks(TILE) {
-            let mut split = [[f32::INFINITY; TILE]; 3];
+            let mut listed: Listed = [[f32::INFINITY; TILE]; 3];
             for (i, point) in batch.iter().enumerate() {
-                (0..3).for_each(|axis| split[axis][i] = point[axis]);
+                (0..3).for_each(|axis| listed[axis][i] = point[axis]);
             }
-            let [xs, ys, zs] = &split;
-            let mut places = [[-1; TILE]; 3];
-            for (axis, places) in places.iter_mut().enumerate() {
-                let (units, origin) = (local.units[axis], local.origin[axis]);
-                let [xs, ys, zs] = [xs, ys, zs].map(|along| along.as_chunks().0);
-                for (((x, y), z), places) in xs.iter().zip(ys).zip(zs).zip(places.as_chunks_mut().0) {
-                    *places = lanes.place_points([x, y, z], units, origin);
-                }
+            let mut tile = lanes.of_points(&listed, &local);
+            if tile.has_far() {
+                let far = Plain.of_points(&listed, &local);
+                self.receiver.take_far((0..TILE).filter(|&i| far.is_far(i)).map(|i| batch[i]));
             }
-            self.receiver.take(lanes, &places, TILE - batch.len(), |i| split.map(|axis| axis[i]));
+            sum_by_voxel(lanes, &mut tile, &mut self.receiver);
         }
     }
 }

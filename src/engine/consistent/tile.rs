@@ -19,32 +19,48 @@ mod avx2;
 pub(super) const SIDE: usize = 8;
 /// Points of a tile.
 pub(super) const TILE: usize = SIDE * SIDE;
-/// Most passes over one tile. Noise that each pixel has of its own spreads a tile over some 20 voxels: with AVX-512 as many passes
-/// take less time than its points one by one, with AVX2 as long.
+/// Most passes over one tile. Noise that each pixel has of its own spreads a tile over some 20 voxels: as many passes take as long
+/// as its points one by one.
 const PASSES: usize = 24;
 
-/// Places of points by axis, as [`Local::place`] gives them.
-pub(super) type Places = [[i32; TILE]; 3];
+/// The pixels of a tile. What measured none is 0 or less, or not finite.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Pixels<'a> {
+    /// By row.
+    pub(super) depths: [&'a [f32; SIDE]; SIDE],
+    /// By axis what each column adds to a unit of depth.
+    pub(super) columns: [&'a [f64; SIDE]; 3],
+    /// What each row adds to it, by axis.
+    pub(super) rows: &'a [[f64; 3]; SIDE],
+}
 
-/// By point.
-type Keys = [i32; TILE];
+/// Points by axis, in the sensor's frame. Those that are none have a z that is not finite.
+pub(super) type Listed = [[f32; TILE]; 3];
 
 /// The arithmetic of a tile: several points at once.
 pub(super) trait Lanes: Copy {
-    /// The keys of a tile and the offsets of its places, as a pass reads them.
-    type Tile<'a>;
+    /// Points of which some are still to be added up.
+    type Tile: Tile;
 
-    /// Places along one axis ([`Local::place`]) of pixels in a row: each depth times what its column and the row add to a unit of
-    /// depth.
-    fn place_pixels(self, depths: &[f32; SIDE], columns: &[f64; SIDE], row: f64, origin: f64) -> [i32; SIDE];
+    /// Each place along one axis ([`Local::place`]) is the depth times what column and row add.
+    fn of_pixels(self, pixels: &Pixels<'_>, local: &Local) -> Self::Tile;
 
     /// The same of points, by what a metre along each axis of the sensor adds.
-    fn place_points(self, points: [&[f32; SIDE]; 3], units: [f64; 3], origin: f64) -> [i32; SIDE];
+    fn of_points(self, points: &Listed, local: &Local) -> Self::Tile;
 
-    fn tile<'a>(self, keys: &'a Keys, places: &Places) -> Self::Tile<'a>;
+    /// Adds up the points with this key, and leaves them out from then on.
+    fn pass(self, tile: &mut Self::Tile, key: LocalKey) -> TileSums;
+}
 
-    /// Adds up the points with this key.
-    fn pass(self, tile: &Self::Tile<'_>, key: i32) -> TileSums;
+pub(super) trait Tile {
+    /// Whether there are points beyond the region.
+    fn has_far(&self) -> bool;
+
+    /// The key of a point that is still to be added up.
+    fn next(&self) -> Option<LocalKey>;
+
+    /// Tells all these points, each with its offset.
+    fn each(&self, tell: impl FnMut(LocalKey, [u64; 3]));
 }
 
 /// Work on tiles.
@@ -55,7 +71,7 @@ pub(super) trait OnTiles {
 /// Does work on tiles in code for the processor at hand.
 pub(super) fn dispatch(work: impl OnTiles) {
     #[cfg(target_arch = "x86_64")]
-    if let Some(lanes) = avx2::Avx2::if_best() {
+    if let Some(lanes) = avx2::Avx2::new() {
         return lanes.dispatch(Running(work, lanes));
     }
     Arch::new().dispatch(Running(work, Plain));
@@ -78,88 +94,139 @@ pub(super) trait Sink {
 }
 
 /// Sums of a tile's points in one voxel. 64 squares of 24 bits have 30.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct TileSums {
     count: u32,
     sum: [u32; 3],
     squares: [u32; 6],
-    /// The lowest key above that of the voxel.
-    next: LocalKey,
 }
 
 impl TileSums {
+    #[inline(always)]
     fn widened(&self) -> ScanSums {
         ScanSums { count: self.count, sum: self.sum.map(u64::from), squares: self.squares.map(u64::from) }
     }
 }
 
-/// Tells `sink` the sums of each voxel in the tile, of most voxels once; returns the number of points that are in none.
+/// Tells `sink` the sums of each voxel in the tile, of most voxels once.
 #[inline(always)]
-pub(super) fn sum_by_voxel(lanes: impl Lanes, places: &Places, sink: &mut impl Sink) -> usize {
-    let [xs, ys, zs] = places;
-    let mut keys = [0; TILE];
-    let (mut next, mut missing) = (i32::MAX, 0);
-    for i in 0..TILE {
-        let key = Local::key([xs[i], ys[i], zs[i]]).0;
-        keys[i] = key;
-        next = next.min(key);
-        missing += u32::from(key == LocalKey::NONE.0);
-    }
-    let tile = lanes.tile(&keys, places);
+pub(super) fn sum_by_voxel<L: Lanes>(lanes: L, tile: &mut L::Tile, sink: &mut impl Sink) {
     for _ in 0..PASSES {
-        if next == LocalKey::NONE.0 {
-            return missing as usize;
-        }
-        let sums = lanes.pass(&tile, next);
-        sink.add(LocalKey(next), &sums.widened());
-        next = sums.next.0;
+        let Some(key) = tile.next() else { return };
+        sink.add(key, &lanes.pass(tile, key).widened());
     }
-    one_by_one(&keys, places, next, sink);
-    missing as usize
+    one_by_one(tile, sink);
+}
+
+#[cold]
+fn one_by_one(tile: &impl Tile, sink: &mut impl Sink) {
+    tile.each(|key, offset| {
+        let mut sums = ScanSums::default();
+        sums.add(offset);
+        sink.add(key, &sums);
+    });
 }
 
 /// For any processor.
 #[derive(Clone, Copy)]
-struct Plain;
+pub(super) struct Plain;
 
-impl Lanes for Plain {
-    type Tile<'a> = (&'a Keys, [[i32; TILE]; 3]);
+/// By point, in order.
+pub(super) struct PlainTile {
+    keys: [i32; TILE],
+    offsets: [[i32; TILE]; 3],
+    /// Points beyond the region, a bit for each.
+    far: u64,
+    /// The lowest key that is still to come.
+    next: i32,
+}
 
+impl PlainTile {
+    /// `is_point` says which places are those of points.
     #[inline(always)]
-    fn place_pixels(self, depths: &[f32; SIDE], columns: &[f64; SIDE], row: f64, origin: f64) -> [i32; SIDE] {
-        let mut places = [0; SIDE];
-        for i in 0..SIDE {
-            places[i] = Local::place(f64::from(depths[i]) * (columns[i] + row), origin);
+    #[expect(clippy::needless_bitwise_bool, reason = "a lazy operator is a branch")]
+    fn new(places: &[[i32; TILE]; 3], is_point: impl Fn(usize) -> bool) -> Self {
+        let [xs, ys, zs] = places;
+        let mut tile = Self { keys: [0; TILE], offsets: [[0; TILE]; 3], far: 0, next: LocalKey::NONE.0 };
+        for i in 0..TILE {
+            let key = Local::key([xs[i], ys[i], zs[i]]);
+            tile.keys[i] = if is_point(i) { key.0 } else { LocalKey::NONE.0 };
+            tile.next = tile.next.min(tile.keys[i]);
+            tile.far |= u64::from(is_point(i) & (key == LocalKey::NONE)) << i;
         }
-        places
-    }
-
-    #[inline(always)]
-    fn place_points(self, [xs, ys, zs]: [&[f32; SIDE]; 3], [a, b, c]: [f64; 3], origin: f64) -> [i32; SIDE] {
-        let mut places = [0; SIDE];
-        for i in 0..SIDE {
-            let [x, y, z] = [xs[i], ys[i], zs[i]].map(f64::from);
-            places[i] = Local::place(a * x + b * y + c * z, origin);
-        }
-        places
-    }
-
-    #[inline(always)]
-    fn tile<'a>(self, keys: &'a Keys, places: &Places) -> Self::Tile<'a> {
-        let mut offsets = [[0; TILE]; 3];
-        for (offsets, places) in offsets.iter_mut().zip(places) {
+        for (offsets, places) in tile.offsets.iter_mut().zip(places) {
             (0..TILE).for_each(|i| offsets[i] = Local::offset(places[i]));
         }
-        (keys, offsets)
+        tile
+    }
+
+    /// Whether a point lies beyond the region.
+    pub(super) fn is_far(&self, point: usize) -> bool {
+        self.far >> point & 1 == 1
+    }
+}
+
+impl Tile for PlainTile {
+    fn has_far(&self) -> bool {
+        self.far != 0
     }
 
     #[inline(always)]
-    fn pass(self, (keys, [xs, ys, zs]): &Self::Tile<'_>, key: i32) -> TileSums {
-        let mut next = i32::MAX;
+    fn next(&self) -> Option<LocalKey> {
+        Some(LocalKey(self.next)).filter(|next| *next != LocalKey::NONE)
+    }
+
+    fn each(&self, mut tell: impl FnMut(LocalKey, [u64; 3])) {
+        for i in (0..TILE).filter(|&i| self.keys[i] >= self.next && self.keys[i] != LocalKey::NONE.0) {
+            tell(LocalKey(self.keys[i]), [0, 1, 2].map(|axis| self.offsets[axis][i] as u64));
+        }
+    }
+}
+
+impl Lanes for Plain {
+    type Tile = PlainTile;
+
+    #[inline(always)]
+    #[expect(clippy::needless_bitwise_bool, reason = "a lazy operator is a branch")]
+    fn of_pixels(self, pixels: &Pixels<'_>, local: &Local) -> PlainTile {
+        let mut places = [[0; TILE]; 3];
+        for (axis, places) in places.iter_mut().enumerate() {
+            let (columns, origin) = (pixels.columns[axis], local.origin[axis]);
+            for (v, depths) in pixels.depths.iter().enumerate() {
+                let row = pixels.rows[v][axis];
+                for u in 0..SIDE {
+                    places[v * SIDE + u] = Local::place(f64::from(depths[u]) * (columns[u] + row), origin);
+                }
+            }
+        }
+        PlainTile::new(&places, |i| {
+            let depth = pixels.depths[i / SIDE][i % SIDE];
+            (depth > 0.0) & (depth < f32::INFINITY)
+        })
+    }
+
+    #[inline(always)]
+    fn of_points(self, points: &Listed, local: &Local) -> PlainTile {
+        let [xs, ys, zs] = points;
+        let mut places = [[0; TILE]; 3];
+        for (axis, places) in places.iter_mut().enumerate() {
+            let ([a, b, c], origin) = (local.units[axis], local.origin[axis]);
+            for i in 0..TILE {
+                let [x, y, z] = [xs[i], ys[i], zs[i]].map(f64::from);
+                places[i] = Local::place(a * x + b * y + c * z, origin);
+            }
+        }
+        PlainTile::new(&places, |i| zs[i].abs() < f32::INFINITY)
+    }
+
+    #[inline(always)]
+    fn pass(self, tile: &mut PlainTile, key: LocalKey) -> TileSums {
+        let ([xs, ys, zs], LocalKey(key)) = (&tile.offsets, key);
+        let mut next = LocalKey::NONE.0;
         let mut count = 0;
         let (mut sum, mut squares) = ([0; 3], [0; 6]);
         for i in 0..TILE {
-            let is_here = -i32::from(keys[i] == key);
+            let is_here = -i32::from(tile.keys[i] == key);
             let (x, y, z) = (xs[i] & is_here, ys[i] & is_here, zs[i] & is_here);
             count -= is_here;
             sum[0] += x;
@@ -171,24 +238,14 @@ impl Lanes for Plain {
             squares[3] += y * ys[i];
             squares[4] += y * zs[i];
             squares[5] += z * zs[i];
-            let later = if keys[i] > key { keys[i] } else { i32::MAX };
+            let later = if tile.keys[i] > key { tile.keys[i] } else { LocalKey::NONE.0 };
             next = next.min(later);
         }
+        tile.next = next;
         TileSums {
             count: count as u32,
             sum: sum.map(|sum: i32| sum as u32),
             squares: squares.map(|square: i32| square as u32),
-            next: LocalKey(next),
         }
-    }
-}
-
-/// Adds the points with this key or a higher one, each on its own.
-#[cold]
-fn one_by_one(keys: &Keys, [xs, ys, zs]: &Places, from: i32, sink: &mut impl Sink) {
-    for i in (0..TILE).filter(|&i| keys[i] >= from && keys[i] != LocalKey::NONE.0) {
-        let mut sums = ScanSums::default();
-        sums.add([xs[i], ys[i], zs[i]].map(|place| Local::offset(place) as u64));
-        sink.add(LocalKey(keys[i]), &sums);
     }
 }

@@ -27,6 +27,8 @@
 //!
 //! Units are metres, in the sensor's frame where nothing else is said.
 
+use std::ops::Range;
+
 use nalgebra::{Point3, Rotation3, Vector3};
 use pulp::{Arch, Simd, WithSimd};
 
@@ -78,8 +80,8 @@ const EMPTY: Cell = Cell { nearest: f32::INFINITY, count: 0 };
 pub(crate) struct RangeGrid {
     /// Six faces, row by row.
     cells: Vec<Cell>,
-    /// The cells with points, in the order in which they got the first.
-    occupied: Vec<u32>,
+    /// Where the cells with points are: parts of rows, none in two of them. There may be cells without a point between.
+    occupied: Vec<Range<usize>>,
     /// Six faces, row by row: the largest of the cells' smallest depths; 0 in a tile without points.
     tiles: Vec<f32>,
     /// Whether there are points on the face.
@@ -136,8 +138,8 @@ impl RangeGrid {
     }
 
     fn clear(&mut self) {
-        for cell in self.occupied.drain(..) {
-            self.cells[cell as usize] = EMPTY;
+        for part in self.occupied.drain(..) {
+            self.cells[part].fill(EMPTY);
         }
         self.tiles.fill(0.0);
         self.faces = [false; 6];
@@ -152,9 +154,10 @@ impl RangeGrid {
         }
         self.farthest = farther(self.farthest, &depths);
         for (&index, &depth) in cells.iter().zip(&depths).take(batch.len()) {
-            let cell = &mut self.cells[index as usize];
+            let index = index as usize;
+            let cell = &mut self.cells[index];
             if cell.count == 0 {
-                self.occupied.push(index);
+                self.occupied.push(index..index + 1);
             }
             cell.nearest = cell.nearest.min(depth);
             cell.count += 1;
@@ -162,15 +165,26 @@ impl RangeGrid {
     }
 
     fn finish(&mut self, points: usize) {
-        let mean = points / self.occupied.len().max(1);
-        self.min_count = (mean as u32 / SPARSE).max(1);
-        for &index in &self.occupied {
-            let cell = self.cells[index as usize];
-            let (face, row, column) = split(index as usize);
+        let mut filled = 0;
+        for part in &self.occupied {
+            let (face, row, first) = split(part.start);
             self.faces[face] = true;
-            let tile = &mut self.tiles[(face * TILES + row / TILE_CELLS) * TILES + column / TILE_CELLS];
-            *tile = tile.max(cell.nearest);
+            let tiles = (face * TILES + row / TILE_CELLS) * TILES;
+            let mut column = first;
+            let mut rest = &self.cells[part.clone()];
+            while !rest.is_empty() {
+                let in_tile = (TILE_CELLS - column % TILE_CELLS).min(rest.len());
+                let (cells, others) = rest.split_at(in_tile);
+                let tile = &mut self.tiles[tiles + column / TILE_CELLS];
+                for cell in cells.iter().filter(|cell| cell.count > 0) {
+                    *tile = tile.max(cell.nearest);
+                    filled += 1;
+                }
+                (column, rest) = (column + in_tile, others);
+            }
         }
+        let mean = points / filled.max(1);
+        self.min_count = (mean as u32 / SPARSE).max(1);
     }
 
     /// Whether a box was seen through.

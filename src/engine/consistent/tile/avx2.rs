@@ -1,31 +1,39 @@
-//! The arithmetic of a tile for AVX2, with what a compiler does not find in the plain one: an offset has 12 bits, so that 16 of
-//! them are multiplied at once and pairs of products added (`pmaddwd`); eight sums are brought together in one tree; and a number
-//! that is none, or too large for 32 bits, is made a whole one below 0 by the instruction that rounds it (`cvtpd2dq`), so that
-//! none needs to be kept within bounds before.
+//! The arithmetic of a tile for AVX2, with what a compiler does not find in the plain one: places stay in registers until they are
+//! keys and offsets; an offset has 12 bits, so that 16 of them are multiplied at once and pairs of products added (`pmaddwd`);
+//! eight sums are brought together in one tree; and a number that is none, or too large for 32 bits, is made a whole one below 0 by
+//! the instruction that rounds it (`cvtpd2dq`), so that none needs to be kept within bounds before.
+
+#![expect(clippy::needless_range_loop, reason = "several arrays have the same place")]
 
 use std::arch::x86_64::{__m256d, __m256i};
 
-use pulp::x86::{V3, V4};
+use pulp::x86::V3;
 use pulp::{NullaryFnOnce, cast};
 
-use super::{Keys, Lanes, Local, LocalKey, Places, SIDE, TILE, TileSums};
+use super::{Lanes, Listed, Local, LocalKey, Pixels, TILE, Tile, TileSums};
+use crate::engine::consistent::local::{AXIS_BITS, UNIT_BITS};
 
 /// Whole numbers of 32 bits in a vector.
 const LANES: usize = 8;
 /// Numbers in double precision in a vector.
 const DOUBLES: usize = 4;
-const KEYS: usize = TILE / LANES;
+/// Vectors of keys, each of a row.
+const ROWS: usize = TILE / LANES;
+/// A word with a bit for each point has so many of these.
+const ROWS_OF_WORD: usize = 4;
+const WORDS: usize = ROWS / ROWS_OF_WORD;
 /// Vectors of 16 offsets.
-const HALVES: usize = KEYS / 2;
+const PAIRS: usize = ROWS / 2;
+const INFINITY: i32 = f32::INFINITY.to_bits() as i32;
 
 /// A processor with AVX2.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Avx2(V3);
 
 impl Avx2 {
-    /// `None` without AVX2, and with AVX-512, whose vectors make the plain pass as fast.
-    pub(super) fn if_best() -> Option<Self> {
-        V3::try_new().filter(|_| V4::try_new().is_none()).map(Self)
+    /// `None` on any other.
+    pub(super) fn new() -> Option<Self> {
+        V3::try_new().map(Self)
     }
 
     pub(super) fn dispatch<W: NullaryFnOnce<Output = ()>>(self, work: W) {
@@ -33,122 +41,245 @@ impl Avx2 {
     }
 }
 
-/// In vectors: the keys in order, and the offsets 16 at a time, in the order in which two vectors are packed.
+/// Keys row by row; the offsets of two rows at a time, in the order in which two vectors are packed.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Packed {
-    keys: [__m256i; KEYS],
-    offsets: [[__m256i; HALVES]; 3],
+    keys: [[i32; LANES]; ROWS],
+    offsets: [[__m256i; PAIRS]; 3],
+    /// One bit for each point that is still to be added up, in the order in which four rows are packed.
+    left: [u32; WORDS],
+    has_far: bool,
+}
+
+impl Packed {
+    /// Row and lane of the key that has this bit.
+    #[inline(always)]
+    const fn place(word: usize, bit: u32) -> (usize, usize) {
+        let (row, half, lane) = (bit >> 2 & 3, bit >> 4, bit & 3);
+        (word * ROWS_OF_WORD + row as usize, (half * 4 + lane) as usize)
+    }
+
+    fn offset(&self, axis: usize, row: usize, lane: usize) -> u64 {
+        let of_pair: [i16; 2 * LANES] = cast(self.offsets[axis][row / 2]);
+        of_pair[lane / 4 * LANES + row % 2 * 4 + lane % 4] as u64
+    }
+}
+
+impl Tile for Packed {
+    fn has_far(&self) -> bool {
+        self.has_far
+    }
+
+    #[inline(always)]
+    fn next(&self) -> Option<LocalKey> {
+        let word = usize::from(self.left[0] == 0);
+        let left = self.left[word];
+        let (row, lane) = Self::place(word, left.trailing_zeros() % u32::BITS);
+        (left != 0).then(|| LocalKey(self.keys[row][lane]))
+    }
+
+    fn each(&self, mut tell: impl FnMut(LocalKey, [u64; 3])) {
+        for (word, left) in self.left.iter().enumerate() {
+            for (row, lane) in
+                (0..u32::BITS).filter(|bit| left >> bit & 1 == 1).map(|bit| Self::place(word, bit))
+            {
+                tell(LocalKey(self.keys[row][lane]), [0, 1, 2].map(|axis| self.offset(axis, row, lane)));
+            }
+        }
+    }
+}
+
+/// What a row of a tile is made of.
+trait Row {
+    /// The places of its points by axis, and which of them are points.
+    fn places(&self, lanes: Avx2, local: &Local, row: usize) -> ([__m256i; 3], __m256i);
+}
+
+impl Row for Pixels<'_> {
+    #[inline(always)]
+    fn places(&self, lanes: Avx2, local: &Local, row: usize) -> ([__m256i; 3], __m256i) {
+        let (avx, avx2) = (lanes.0.avx, lanes.0.avx2);
+        let (depths, steps) = (self.depths[row], &self.rows[row]);
+        // As bits depths above 0 have the order of what they stand for, and what is not a number lies above all.
+        let bits: __m256i = cast(*depths);
+        let is_above_0 = avx2._mm256_cmpgt_epi32(bits, avx._mm256_setzero_si256());
+        let is_finite = avx2._mm256_cmpgt_epi32(avx._mm256_set1_epi32(INFINITY), bits);
+        let depths = lanes.wide(depths);
+        let mut places = [bits; 3];
+        for axis in 0..3 {
+            let columns: [__m256d; 2] = cast(*self.columns[axis]);
+            let (step, origin) = (avx._mm256_set1_pd(steps[axis]), avx._mm256_set1_pd(local.origin[axis]));
+            let mut along = [origin; 2];
+            for half in 0..2 {
+                let direction = avx._mm256_add_pd(columns[half], step);
+                along[half] = avx._mm256_add_pd(avx._mm256_mul_pd(depths[half], direction), origin);
+            }
+            places[axis] = lanes.rounded(along);
+        }
+        (places, avx2._mm256_and_si256(is_above_0, is_finite))
+    }
+}
+
+impl Row for Listed {
+    #[inline(always)]
+    fn places(&self, lanes: Avx2, local: &Local, row: usize) -> ([__m256i; 3], __m256i) {
+        let (avx, avx2) = (lanes.0.avx, lanes.0.avx2);
+        let [xs, ys, zs] = self;
+        let (x, y, z) = (&xs.as_chunks().0[row], &ys.as_chunks().0[row], &zs.as_chunks().0[row]);
+        let size = avx2._mm256_and_si256(cast::<[f32; LANES], _>(*z), avx._mm256_set1_epi32(i32::MAX));
+        let is_point = avx2._mm256_cmpgt_epi32(avx._mm256_set1_epi32(INFINITY), size);
+        let (x, y, z) = (lanes.wide(x), lanes.wide(y), lanes.wide(z));
+        let mut places = [size; 3];
+        for axis in 0..3 {
+            let [a, b, c] = local.units[axis];
+            let [a, b, c] = [avx._mm256_set1_pd(a), avx._mm256_set1_pd(b), avx._mm256_set1_pd(c)];
+            let origin = avx._mm256_set1_pd(local.origin[axis]);
+            let mut along = [origin; 2];
+            for half in 0..2 {
+                let (x, y) = (avx._mm256_mul_pd(a, x[half]), avx._mm256_mul_pd(b, y[half]));
+                let from_sensor = avx._mm256_add_pd(avx._mm256_add_pd(x, y), avx._mm256_mul_pd(c, z[half]));
+                along[half] = avx._mm256_add_pd(from_sensor, origin);
+            }
+            places[axis] = lanes.rounded(along);
+        }
+        (places, is_point)
+    }
 }
 
 // Loops, for a closure that is handed to an array's method is not compiled for AVX2.
 impl Lanes for Avx2 {
-    type Tile<'a> = Packed;
+    type Tile = Packed;
 
     #[inline(always)]
-    fn place_pixels(self, depths: &[f32; SIDE], columns: &[f64; SIDE], row: f64, origin: f64) -> [i32; SIDE] {
-        let avx = self.0.avx;
-        let [row, origin] = [avx._mm256_set1_pd(row), avx._mm256_set1_pd(origin)];
-        let mut places = [[0; DOUBLES]; SIDE / DOUBLES];
-        let each = depths.as_chunks().0.iter().zip(columns.as_chunks().0);
-        for (places, (depths, columns)) in places.iter_mut().zip(each) {
-            let direction = avx._mm256_add_pd(cast::<[f64; DOUBLES], _>(*columns), row);
-            *places =
-                self.rounded(avx._mm256_add_pd(avx._mm256_mul_pd(self.wide(*depths), direction), origin));
-        }
-        cast(places)
+    fn of_pixels(self, pixels: &Pixels<'_>, local: &Local) -> Packed {
+        self.pack(pixels, local)
     }
 
     #[inline(always)]
-    fn place_points(self, [xs, ys, zs]: [&[f32; SIDE]; 3], [a, b, c]: [f64; 3], origin: f64) -> [i32; SIDE] {
-        let avx = self.0.avx;
-        let [a, b] = [avx._mm256_set1_pd(a), avx._mm256_set1_pd(b)];
-        let [c, origin] = [avx._mm256_set1_pd(c), avx._mm256_set1_pd(origin)];
-        let mut places = [[0; DOUBLES]; SIDE / DOUBLES];
-        let each = xs.as_chunks().0.iter().zip(ys.as_chunks().0).zip(zs.as_chunks().0);
-        for (places, ((x, y), z)) in places.iter_mut().zip(each) {
-            let x = avx._mm256_mul_pd(a, self.wide(*x));
-            let y = avx._mm256_mul_pd(b, self.wide(*y));
-            let z = avx._mm256_mul_pd(c, self.wide(*z));
-            let from_sensor = avx._mm256_add_pd(avx._mm256_add_pd(x, y), z);
-            *places = self.rounded(avx._mm256_add_pd(from_sensor, origin));
-        }
-        cast(places)
+    fn of_points(self, points: &Listed, local: &Local) -> Packed {
+        self.pack(points, local)
     }
 
     #[inline(always)]
-    fn tile(self, keys: &Keys, places: &Places) -> Packed {
+    fn pass(self, tile: &mut Packed, key: LocalKey) -> TileSums {
         let (avx, avx2) = (self.0.avx, self.0.avx2);
-        let zero = avx._mm256_setzero_si256();
-        let mut packed = Packed { keys: [zero; KEYS], offsets: [[zero; HALVES]; 3] };
-        for (vector, keys) in packed.keys.iter_mut().zip(keys.as_chunks().0) {
-            *vector = cast::<[i32; LANES], _>(*keys);
-        }
-        let in_voxel = avx._mm256_set1_epi32(Local::offset(-1));
-        for (vectors, places) in packed.offsets.iter_mut().zip(places) {
-            for (vector, [low, high]) in vectors.iter_mut().zip(places.as_chunks().0.as_chunks().0) {
-                let low = avx2._mm256_and_si256(cast::<[i32; LANES], _>(*low), in_voxel);
-                let high = avx2._mm256_and_si256(cast::<[i32; LANES], _>(*high), in_voxel);
-                *vector = avx2._mm256_packs_epi32(low, high);
-            }
-        }
-        packed
-    }
-
-    #[inline(always)]
-    fn pass(self, tile: &Packed, key: i32) -> TileSums {
-        let (avx, avx2) = (self.0.avx, self.0.avx2);
-        let (key, none) = (avx._mm256_set1_epi32(key), avx._mm256_set1_epi32(LocalKey::NONE.0));
+        let key = avx._mm256_set1_epi32(key.0);
         let (zero, ones) = (avx._mm256_setzero_si256(), avx._mm256_set1_epi16(1));
-        let [xs, ys, zs] = &tile.offsets;
-        let (mut next, mut sums) = (none, [zero; 10]);
-        for ((([low, high], x), y), z) in tile.keys.as_chunks().0.iter().zip(xs).zip(ys).zip(zs) {
-            let equal = [avx2._mm256_cmpeq_epi32(*low, key), avx2._mm256_cmpeq_epi32(*high, key)];
-            let is_here = avx2._mm256_packs_epi32(equal[0], equal[1]);
-            let x_here = avx2._mm256_and_si256(*x, is_here);
-            let y_here = avx2._mm256_and_si256(*y, is_here);
-            let z_here = avx2._mm256_and_si256(*z, is_here);
-            let factors = [
-                (x_here, ones),
-                (y_here, ones),
-                (z_here, ones),
-                (x_here, *x),
-                (x_here, *y),
-                (x_here, *z),
-                (y_here, *y),
-                (y_here, *z),
-                (z_here, *z),
-                // -1 times -1 for each point.
-                (is_here, is_here),
-            ];
-            for (sum, (a, b)) in sums.iter_mut().zip(factors) {
-                *sum = avx2._mm256_add_epi32(*sum, avx2._mm256_madd_epi16(a, b));
+        let mut sums = [zero; 9];
+        let mut count = 0;
+        for word in 0..WORDS {
+            let mut here = [zero; 2];
+            for half in 0..2 {
+                let pair = word * 2 + half;
+                let low = avx2._mm256_cmpeq_epi32(cast(tile.keys[2 * pair]), key);
+                let high = avx2._mm256_cmpeq_epi32(cast(tile.keys[2 * pair + 1]), key);
+                let is_here = avx2._mm256_packs_epi32(low, high);
+                let (x, y, z) = (tile.offsets[0][pair], tile.offsets[1][pair], tile.offsets[2][pair]);
+                let x_here = avx2._mm256_and_si256(x, is_here);
+                let y_here = avx2._mm256_and_si256(y, is_here);
+                let z_here = avx2._mm256_and_si256(z, is_here);
+                let factors = [
+                    (x_here, ones),
+                    (y_here, ones),
+                    (z_here, ones),
+                    (x_here, x),
+                    (x_here, y),
+                    (x_here, z),
+                    (y_here, y),
+                    (y_here, z),
+                    (z_here, z),
+                ];
+                for (sum, (a, b)) in sums.iter_mut().zip(factors) {
+                    *sum = avx2._mm256_add_epi32(*sum, avx2._mm256_madd_epi16(a, b));
+                }
+                here[half] = is_here;
             }
-            for keys in [low, high] {
-                let later = avx2._mm256_blendv_epi8(none, *keys, avx2._mm256_cmpgt_epi32(*keys, key));
-                next = avx2._mm256_min_epi32(next, later);
-            }
+            let here = self.bits(here);
+            tile.left[word] &= !here;
+            count += here.count_ones();
         }
-        let [x, y, z, xx, xy, xz, yy, yz, zz, count] = sums;
+        let [x, y, z, xx, xy, xz, yy, yz, zz] = sums;
         let [x, y, z, xx, xy, xz, yy, yz] = self.each_added_up([x, y, z, xx, xy, xz, yy, yz]);
-        let [zz, count, ..] = self.each_added_up([zz, count, zero, zero, zero, zero, zero, zero]);
-        let mut least = LocalKey::NONE.0;
-        for key in cast::<_, [i32; LANES]>(next) {
-            least = least.min(key);
+        let mut all = 0;
+        for part in cast::<_, [u32; LANES]>(zz) {
+            all += part;
         }
-        TileSums { count, sum: [x, y, z], squares: [xx, xy, xz, yy, yz, zz], next: LocalKey(least) }
+        TileSums { count, sum: [x, y, z], squares: [xx, xy, xz, yy, yz, all] }
     }
 }
 
 impl Avx2 {
     #[inline(always)]
-    fn wide(self, numbers: [f32; DOUBLES]) -> __m256d {
-        self.0.avx._mm256_cvtps_pd(cast(numbers))
+    fn pack(self, points: &impl Row, local: &Local) -> Packed {
+        let (avx, avx2) = (self.0.avx, self.0.avx2);
+        let zero = avx._mm256_setzero_si256();
+        let (none, in_voxel) =
+            (avx._mm256_set1_epi32(LocalKey::NONE.0), avx._mm256_set1_epi32(Local::offset(-1)));
+        let mut keys = [[0; LANES]; ROWS];
+        let mut offsets = [[zero; PAIRS]; 3];
+        let (mut left, mut far) = ([0; WORDS], zero);
+        for word in 0..WORDS {
+            let mut here = [zero; 2];
+            for half in 0..2 {
+                let pair = word * 2 + half;
+                let mut of_pair = ([[zero; 3]; 2], [zero; 2]);
+                for row in 0..2 {
+                    let (places, is_point) = points.places(self, local, 2 * pair + row);
+                    let (key, is_near) = self.key(places);
+                    let is_here = avx2._mm256_and_si256(is_near, is_point);
+                    far = avx2._mm256_or_si256(far, avx2._mm256_andnot_si256(is_near, is_point));
+                    keys[2 * pair + row] = cast(avx2._mm256_blendv_epi8(none, key, is_here));
+                    for axis in 0..3 {
+                        of_pair.0[row][axis] = avx2._mm256_and_si256(places[axis], in_voxel);
+                    }
+                    of_pair.1[row] = is_here;
+                }
+                let (places, is_here) = of_pair;
+                for axis in 0..3 {
+                    offsets[axis][pair] = avx2._mm256_packs_epi32(places[0][axis], places[1][axis]);
+                }
+                here[half] = avx2._mm256_packs_epi32(is_here[0], is_here[1]);
+            }
+            left[word] = self.bits(here);
+        }
+        Packed { keys, offsets, left, has_far: avx._mm256_testz_si256(far, far) == 0 }
+    }
+
+    /// The keys of places ([`Local::key`]), and which of these lie in the region.
+    #[inline(always)]
+    fn key(self, [x, y, z]: [__m256i; 3]) -> (__m256i, __m256i) {
+        const UNITS: i32 = UNIT_BITS as i32;
+        const Y: i32 = AXIS_BITS as i32;
+        const Z: i32 = 2 * Y;
+        const PLACE: i32 = UNITS + Y;
+        let (avx, avx2) = (self.0.avx, self.0.avx2);
+        let any = avx2._mm256_or_si256(avx2._mm256_or_si256(x, y), z);
+        let is_near =
+            avx2._mm256_cmpeq_epi32(avx2._mm256_srli_epi32::<PLACE>(any), avx._mm256_setzero_si256());
+        let y = avx2._mm256_slli_epi32::<Y>(avx2._mm256_srli_epi32::<UNITS>(y));
+        let z = avx2._mm256_slli_epi32::<Z>(avx2._mm256_srli_epi32::<UNITS>(z));
+        let key = avx2._mm256_or_si256(avx2._mm256_or_si256(avx2._mm256_srli_epi32::<UNITS>(x), y), z);
+        (key, is_near)
+    }
+
+    /// A bit for each number of 16 bits, which is 0 or -1, as they are packed.
+    #[inline(always)]
+    fn bits(self, [first, second]: [__m256i; 2]) -> u32 {
+        let avx2 = self.0.avx2;
+        avx2._mm256_movemask_epi8(avx2._mm256_packs_epi16(first, second)) as u32
+    }
+
+    #[inline(always)]
+    fn wide(self, numbers: &[f32; LANES]) -> [__m256d; 2] {
+        let [low, high]: [[f32; DOUBLES]; 2] = cast(*numbers);
+        [self.0.avx._mm256_cvtps_pd(cast(low)), self.0.avx._mm256_cvtps_pd(cast(high))]
     }
 
     /// The nearest whole numbers, those half way between two even; [`i32::MIN`] of what is none or too large.
     #[inline(always)]
-    fn rounded(self, numbers: __m256d) -> [i32; DOUBLES] {
-        cast(self.0.avx._mm256_cvtpd_epi32(numbers))
+    fn rounded(self, [low, high]: [__m256d; 2]) -> __m256i {
+        let avx = self.0.avx;
+        avx._mm256_set_m128i(avx._mm256_cvtpd_epi32(high), avx._mm256_cvtpd_epi32(low))
     }
 
     /// The sum of each vector's numbers.
@@ -167,14 +298,29 @@ impl Avx2 {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeMap;
+
+    use nalgebra::Isometry3;
     use proptest::prelude::*;
 
+    use super::super::{PASSES, Plain, SIDE, Sink, sum_by_voxel};
     use super::*;
-    use crate::engine::consistent::tile::Plain;
+    use crate::engine::consistent::sums::ScanSums;
 
-    /// As a tile tells one place from another.
-    fn told(places: [i32; SIDE]) -> [Option<i32>; SIDE] {
-        places.map(|place| (Local::key([place; 3]) != LocalKey::NONE).then_some(place))
+    #[derive(Default, Debug, PartialEq)]
+    struct Sums(BTreeMap<i32, ScanSums>);
+
+    impl Sink for Sums {
+        fn add(&mut self, key: LocalKey, sums: &ScanSums) {
+            self.0.entry(key.0).or_default().merge(sums);
+        }
+    }
+
+    /// What a tile puts into its voxels, and whether points lie beyond the region.
+    fn summed<L: Lanes>(lanes: L, mut tile: L::Tile) -> (Sums, bool) {
+        let (mut sums, has_far) = (Sums::default(), tile.has_far());
+        sum_by_voxel(lanes, &mut tile, &mut sums);
+        (sums, has_far)
     }
 
     fn eight<T: std::fmt::Debug>(of: impl Strategy<Value = T>) -> impl Strategy<Value = [T; SIDE]> {
@@ -183,35 +329,48 @@ mod tests {
 
     /// Any number in single precision, most of them where depths and coordinates are.
     fn number() -> impl Strategy<Value = f32> {
-        prop_oneof![4 => (-9.0..9.0_f64).prop_map(|number| number as f32), 1 => prop::num::f32::ANY]
+        let near = (-9.0..9.0_f64).prop_map(|number| number as f32);
+        prop_oneof![40 => near, 1 => prop::num::f32::ANY, 1 => Just(f32::INFINITY), 1 => Just(0.0)]
+    }
+
+    /// Large voxels, of which a tile is in few, and small ones.
+    fn local() -> impl Strategy<Value = Local> {
+        let three = || prop::array::uniform3(-3.0..3.0_f64);
+        (three(), three(), prop_oneof![0.01..0.1_f64, 1.0..9.0])
+            .prop_map(|(way, turn, size)| Local::new(&Isometry3::new(way.into(), turn.into()), size).unwrap())
     }
 
     proptest! {
         #[test]
-        fn places_are_where_the_plain_ones_are(
-            xs in eight(number()), ys in eight(number()), zs in eight(number()), columns in eight(-1e5..1e5_f64),
-            units in prop::array::uniform3(-1e5..1e5_f64), row in -1e5..1e5_f64, origin in -1.0..4e6_f64,
+        fn pixels_are_put_where_the_plain_ones_are(
+            depths in eight(eight(number())), columns in prop::array::uniform3(eight(-1e5..1e5_f64)),
+            rows in eight(prop::array::uniform3(-1e5..1e5_f64)), local in local(),
         ) {
-            let Some(lanes) = V3::try_new().map(Avx2) else { return Ok(()) };
-            let pixels = [lanes.place_pixels(&zs, &columns, row, origin), Plain.place_pixels(&zs, &columns, row, origin)];
-            prop_assert_eq!(told(pixels[0]), told(pixels[1]));
-            let points = [&xs, &ys, &zs];
-            let points = [lanes.place_points(points, units, origin), Plain.place_points(points, units, origin)];
-            prop_assert_eq!(told(points[0]), told(points[1]));
+            let Some(lanes) = Avx2::new() else { return Ok(()) };
+            let pixels = Pixels { depths: depths.each_ref(), columns: columns.each_ref(), rows: &rows };
+            let plain = summed(Plain, Plain.of_pixels(&pixels, &local));
+            prop_assert_eq!(summed(lanes, lanes.of_pixels(&pixels, &local)), plain);
         }
 
         #[test]
-        fn a_pass_gives_what_the_plain_one_gives(
-            keys in prop::collection::vec(prop_oneof![4 => 0..4_i32, 1 => Just(LocalKey::NONE.0), 1 => 0..1 << 30], TILE),
-            places in prop::array::uniform3(prop::collection::vec(prop_oneof![Just(4095), 0..1 << 22], TILE)),
+        fn points_are_put_where_the_plain_ones_are(
+            points in prop::array::uniform3(eight(eight(number()))), local in local(),
         ) {
-            let Some(lanes) = V3::try_new().map(Avx2) else { return Ok(()) };
-            let keys: Keys = keys.try_into().unwrap();
-            let places: Places = places.map(|places| places.try_into().unwrap());
-            let (tile, plain) = (lanes.tile(&keys, &places), Plain.tile(&keys, &places));
-            for key in keys {
-                prop_assert_eq!(lanes.pass(&tile, key), Plain.pass(&plain, key));
-            }
+            let Some(lanes) = Avx2::new() else { return Ok(()) };
+            let points: Listed = points.map(|along| along.as_flattened().try_into().unwrap());
+            let plain = summed(Plain, Plain.of_points(&points, &local));
+            prop_assert_eq!(summed(lanes, lanes.of_points(&points, &local)), plain);
         }
+    }
+
+    #[test]
+    fn as_many_voxels_as_points_are_more_than_passes() {
+        let Some(lanes) = Avx2::new() else { return };
+        let local = Local::new(&Isometry3::identity(), 0.1).unwrap();
+        let along = |step: usize| std::array::from_fn(|i| 0.05 + (i * step % 8) as f32);
+        let points = [along(1), along(3), std::array::from_fn(|i| 0.1 * i as f32)];
+        let (sums, has_far) = summed(lanes, lanes.of_points(&points, &local));
+        assert!(sums.0.len() > PASSES && !has_far, "{sums:?}");
+        assert_eq!(sums, summed(Plain, Plain.of_points(&points, &local)).0);
     }
 }

@@ -4,7 +4,7 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::{CELLS, RangeGrid, cell_and_depth, farther};
+use super::{CELLS, Cell, RangeGrid, cell_and_depth, farther};
 use crate::engine::points::{Depths, Rays};
 
 /// What the rows of pixels in one row of cells have so far, by column of pixels; its memory stays for the next scan.
@@ -14,8 +14,9 @@ pub(super) struct Line {
     /// point is compiled to a store that leaves out lanes, and takes as long as thirty others on some processors.
     nearest: Vec<u32>,
     count: Vec<u32>,
-    /// For each column of cells with pixels the cell and the number of pixels.
-    columns: Vec<(u32, usize)>,
+    /// The first column of cells with pixels, and the number of pixels in it and in each one after it.
+    first: usize,
+    columns: Vec<usize>,
 }
 
 /// In place of the depth of a pixel that measured none.
@@ -35,28 +36,22 @@ impl RangeGrid {
         }
     }
 
-    /// Puts a line into its row of cells, and empties it; returns how many pixels it held.
-    fn put(&mut self, line: &mut Line, row: u32) -> u32 {
-        let mut all = 0;
+    /// Puts a line into the row of cells that begins at `row`, and empties it; returns how many pixels it held.
+    #[inline(always)]
+    fn put(&mut self, line: &mut Line, row: usize) -> u32 {
+        let part = row + line.first..row + line.first + line.columns.len();
         let mut pixels = line.nearest.iter().zip(&line.count);
-        for &(column, width) in &line.columns {
+        let mut all = 0;
+        for (cell, &width) in self.cells[part.clone()].iter_mut().zip(&line.columns) {
             let (mut nearest, mut count) = (FARTHER, 0);
             for (&depth, &measured) in pixels.by_ref().take(width) {
                 nearest = depth.min(nearest);
                 count += measured;
             }
-            if count == 0 {
-                continue;
-            }
-            let index = row + column;
-            let cell = &mut self.cells[index as usize];
-            if cell.count == 0 {
-                self.occupied.push(index);
-            }
-            cell.nearest = f32::from_bits(cell.nearest.to_bits().min(nearest));
-            cell.count += count;
+            *cell = Cell { nearest: f32::from_bits(nearest), count };
             all += count;
         }
+        self.occupied.push(part);
         line.nearest.fill(FARTHER);
         line.count.fill(0);
         all
@@ -71,11 +66,12 @@ impl Line {
         self.count.resize(rays.len(), 0);
         self.columns.clear();
         for &x in rays {
-            let column = cell_of([x, 0.0]) % CELLS as u32;
-            match self.columns.last_mut() {
-                Some((last, pixels)) if *last == column => *pixels += 1,
-                _ => self.columns.push((column, 1)),
+            let column = column_of(x);
+            if self.columns.is_empty() {
+                self.first = column;
             }
+            self.columns.resize(column - self.first + 1, 0);
+            self.columns[column - self.first] += 1;
         }
     }
 
@@ -101,10 +97,6 @@ impl WithSimd for Filling<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) -> u32 {
-        let row_of = |y: f32| {
-            let cell = cell_of([0.0, y]);
-            cell - cell % CELLS as u32
-        };
         let rows = self.depths.rows().zip(&self.depths.rays().y);
         let mut rows = rows.map(|(row, &y)| (row, row_of(y))).peekable();
         let mut measured = 0;
@@ -119,14 +111,20 @@ impl WithSimd for Filling<'_> {
     }
 }
 
-/// Whether all pixels look through the face ahead.
+/// Whether all pixels look through the face ahead, one after the other to the right and down.
 fn is_ahead(rays: &Rays) -> bool {
-    rays.x.iter().chain(&rays.y).all(|ray| ray.abs() < 1.0)
+    [&rays.x, &rays.y].into_iter().all(|rays| rays.is_sorted() && rays.iter().all(|ray| ray.abs() < 1.0))
 }
 
-/// The cell of a direction ahead.
-fn cell_of([x, y]: [f32; 2]) -> u32 {
-    cell_and_depth([x, y, 1.0]).0
+/// The column of cells ahead in which this x / z is.
+fn column_of(x: f32) -> usize {
+    cell_and_depth([x, 0.0, 1.0]).0 as usize % CELLS
+}
+
+/// Where the row of cells ahead begins in which this y / z is.
+fn row_of(y: f32) -> usize {
+    let cell = cell_and_depth([0.0, y, 1.0]).0 as usize;
+    cell - cell % CELLS
 }
 
 #[cfg(test)]
@@ -140,11 +138,9 @@ mod tests {
     use crate::engine::points::Points;
 
     /// The occupied cells, each with what it holds.
-    fn cells(grid: &RangeGrid) -> Vec<(u32, u32, u32)> {
-        let mut cells = grid.occupied.clone();
-        cells.sort_unstable();
-        let cell = |index: u32| grid.cells[index as usize];
-        cells.into_iter().map(|index| (index, cell(index).nearest.to_bits(), cell(index).count)).collect()
+    fn cells(grid: &RangeGrid) -> Vec<(usize, u32, u32)> {
+        let occupied = (0..).zip(&grid.cells).filter(|(_, cell)| cell.count > 0);
+        occupied.map(|(index, cell)| (index, cell.nearest.to_bits(), cell.count)).collect()
     }
 
     proptest! {
