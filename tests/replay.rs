@@ -168,6 +168,31 @@ fn a_static_transform_may_come_last_and_a_cloud_before_its_transform() {
     assert_eq!(late.voxels, early.voxels);
 }
 
+/// A camera that is mounted anew, and a frame that is told to stand still once it has moved.
+#[test]
+fn what_is_looked_for_ahead_is_what_is_missing_and_not_what_changes_later() {
+    let folder = Folder::new();
+    let record = |link_at: usize| {
+        let mut writer = BagWriter::new(Layout::Chunks);
+        for i in 0..60 {
+            if i % 50 == 0 {
+                writer.tf("/tf_static", stamp(i), "camera_link", OPTICAL, 0.4 * i as f64);
+            }
+            if i == link_at {
+                writer.tf("/tf_static", stamp(i), "base", "camera_link", 0.0);
+            }
+            writer.tf("/tf", stamp(i), "map", "base", 0.1 * i as f64);
+            writer.cloud(POINTS, stamp(i), &wall(i));
+        }
+        writer.tf("/tf_static", stamp(60), "base", "camera_link", 7.0);
+        writer.tf("/tf_static", stamp(60), "map", "base", 7.0);
+        replay(&folder.put("mounted.mcap", &writer.finish()), &["--ros-args", "-p", "fixed_frame:=map"])
+    };
+    let (early, late) = (record(0), record(59));
+    assert_eq!((early.number("scans"), late.number("scans")), (60, 60), "{}", late.errors);
+    assert_eq!(early.voxels, late.voxels);
+}
+
 #[test]
 fn transforms_of_other_names_are_read_where_these_are_given_and_named_where_not() {
     let folder = Folder::new();

@@ -329,8 +329,9 @@ impl<V: Visitor> Feeder<'_, V> {
         self.fixed_frame.clone().found(&Tree::of(self.ahead.transforms()), &sensors)
     }
 
-    /// Takes the static transforms out of the whole bag: a latched `/tf_static` may have been recorded late, and what it
-    /// says holds for all time. Once, and only where frames are not connected: a gap in time is not closed so.
+    /// Takes the static transforms that are missing out of the whole bag, the first of each frame: a latched `/tf_static` may
+    /// have been recorded late, and what it says holds for all time before. What is known stands until its turn comes to change.
+    /// Once, and only where frames are not connected: a gap in time is not closed so.
     fn look_ahead(&mut self) -> Result<(), V::Error> {
         let lacks = self.join.oldest().and_then(|(_, lacks)| lacks);
         let unconnected =
@@ -339,7 +340,7 @@ impl<V: Visitor> Feeder<'_, V> {
             return Ok(());
         }
         for (transform, is_static) in self.ahead.transforms() {
-            if is_static {
+            if is_static && !self.join.frames().is_placed(&transform.child_frame_id) {
                 // What is wrong with a transform is said when its turn comes.
                 drop(self.join.transform(&transform, true));
             }
