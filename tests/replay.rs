@@ -281,6 +281,25 @@ fn a_frame_that_is_not_there_skips_every_scan_with_the_reason() {
 }
 
 #[test]
+fn a_cloud_on_points_is_taken_before_others_where_it_is_one_and_these_are_named() {
+    let folder = Folder::new();
+    for (kind, read) in [
+        ("sensor_msgs/msg/PointCloud2", "reading /points (not /camera/depth/points: choose with --topic)\n"),
+        ("std_msgs/msg/String", "reading /camera/depth/points\n"),
+    ] {
+        let mut writer = BagWriter::new(Layout::Plain);
+        writer.tf("/tf_static", stamp(0), "map", OPTICAL, 0.0);
+        for i in 0..4 {
+            writer.put("/points", kind, stamp(i), &bags::cloud(stamp(i), OPTICAL, &wall(i)));
+            writer.cloud(POINTS, stamp(i), &wall(i));
+        }
+        let found = replay(&folder.put("two.mcap", &writer.finish()), &[]);
+        assert_eq!((found.status, found.number("scans")), (0, 4), "{}", found.errors);
+        assert!(found.errors.contains(read), "{}", found.errors);
+    }
+}
+
+#[test]
 fn two_sensors_fill_one_map() {
     let folder = Folder::new();
     let mut writer = BagWriter::new(Layout::Plain);

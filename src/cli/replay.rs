@@ -26,7 +26,7 @@ use super::stop;
 pub(crate) struct Options {
     /// An MCAP file, one compressed as a whole (.mcap.zstd), or a folder that rosbags-convert made
     input: PathBuf,
-    /// The sensor's topic; again for a second sensor. Without it, the only point cloud or depth image
+    /// The sensor's topic; again for a second sensor. Without it, `points` or `depth/image`, else the only cloud or depth image
     #[arg(long)]
     topic: Vec<String>,
     /// The result as a bag: clusters, deltas, markers, labelled points, transforms
@@ -218,15 +218,15 @@ pub(crate) fn open(setup: &Setup, path: &Path, wanted: &[String]) -> anyhow::Res
         }
     };
     let Survey { topics, is_complete } = bag.survey(&stop);
-    let has = |name: &str| topics.iter().any(|topic| topic.name == name);
-    // What the node would listen to is meant: where it was remapped in any case, else where the bag has it.
+    // What the node would listen to is meant: where it was remapped in any case, else where the bag has scans there.
     let is_told = setup.is_given("sensors") || setup.config.sensors.iter().any(|it| it.kind != Kind::Auto);
-    let meant = if is_told { of_sensors(setup)? } else { of_default(setup, has)? };
+    let (meant, usual) =
+        if is_told { (of_sensors(setup)?, Vec::new()) } else { (remapped(setup)?, usual(setup)?) };
     let named = wanted.iter().map(|topic| Wanted { topic: topic.clone(), info: None });
     let wanted = if wanted.is_empty() { meant } else { named.collect() };
     // Who has given the intrinsics another name means these; else each image has its own.
     let info = setup.is_remapped(INFO).then(|| setup.resolve(INFO)).transpose()?;
-    let choice = match choose(&topics, &wanted, info.as_deref()) {
+    let choice = match choose(&topics, &wanted, &usual, info.as_deref()) {
         Ok(choice) => choice,
         Err(error) => {
             // The error itself has several lines: what the bag holds.
@@ -277,13 +277,19 @@ fn of_sensors(setup: &Setup) -> Result<Vec<Wanted>, ArgsError> {
     setup.config.sensors.iter().filter_map(of_sensor).map(wanted).collect()
 }
 
-/// The topic that the node would listen to without a list, where it is meant or there.
-fn of_default(setup: &Setup, has: impl Fn(&str) -> bool) -> Result<Vec<Wanted>, ArgsError> {
-    let listened = ["points", "depth/image"].map(|name| Ok((setup.resolve(name)?, setup.is_remapped(name))));
-    let listened = listened.into_iter().collect::<Result<Vec<_>, ArgsError>>()?;
-    let remapped = listened.iter().find(|(_, is_remapped)| *is_remapped);
-    let meant = remapped.or_else(|| listened.iter().find(|(name, _)| has(name)));
-    Ok(meant.map(|(name, _)| Wanted { topic: name.clone(), info: None }).into_iter().collect())
+/// The names on which the node listens without a list.
+const DEFAULT: [&str; 2] = ["points", "depth/image"];
+
+/// The topic that somebody has put in the place of one of those.
+fn remapped(setup: &Setup) -> Result<Vec<Wanted>, ArgsError> {
+    let remapped = DEFAULT.into_iter().find(|name| setup.is_remapped(name));
+    let wanted = |name| Ok(Wanted { topic: setup.resolve(name)?, info: None });
+    remapped.into_iter().map(wanted).collect()
+}
+
+/// The topics of those names.
+fn usual(setup: &Setup) -> Result<Vec<String>, ArgsError> {
+    DEFAULT.into_iter().map(|name| setup.resolve(name)).collect()
 }
 
 fn say_choice(choice: &Choice) {

@@ -70,7 +70,8 @@ fn each_sensor_has_an_age_of_its_own() {
         let Event::Cloud(_, recent) = cloud(at(now), "camera") else { unreachable!() };
         live.event(Event::Cloud(Form::Points.of(1), recent)).await;
     });
-    let age = |sensor: &str| -> f64 { value(&part(&report, sensor), "age of the newest [s]").parse().unwrap() };
+    let age =
+        |sensor: &str| -> f64 { value(&part(&report, sensor), "age of the newest [s]").parse().unwrap() };
     assert!(age("sensor points") > 4.9 && age("sensor rear") < 4.0, "{report:?}");
 }
 
