@@ -131,6 +131,11 @@ pub enum FeedError<E> {
     /// The visitor cannot go on.
     #[error(transparent)]
     Visitor(E),
+    /// What the whole bag would have said of the frame is not known, and scans in the wrong one are none.
+    #[error(
+        "stopped by a signal while the frame of the map was looked for in the whole bag: there is no result"
+    )]
+    Stopped,
     /// The reading thread has panicked.
     #[error("the thread that reads has died")]
     Died,
@@ -149,7 +154,7 @@ enum Halt {
 /// Feeds every scan of a bag to a visitor, in the order in which their transforms are known.
 ///
 /// # Errors
-/// When the visitor cannot go on. A bag that cannot be read to its end is no error: [`Fed::unread`] says so.
+/// When the visitor cannot go on, and where it is told to stop before the right frame is known. A bag that cannot be read to its end is no error: [`Fed::unread`] says so.
 pub fn feed<V: Visitor>(feed: Feed<'_>, visitor: &mut V) -> Result<Ended, FeedError<V::Error>> {
     let Feed { bag, decoder, fixed_frame, patience, with_messages, stop, progress } = feed;
     let ahead = Ahead::new(bag, decoder, Arc::clone(&stop));
@@ -187,7 +192,7 @@ pub fn feed<V: Visitor>(feed: Feed<'_>, visitor: &mut V) -> Result<Ended, FeedEr
     if died {
         return Err(FeedError::Died);
     }
-    feeder.finish(halt).map_err(FeedError::Visitor)
+    feeder.finish(halt)
 }
 
 struct Feeder<'a, V> {
@@ -370,19 +375,17 @@ impl<V: Visitor> Feeder<'_, V> {
     }
 
     /// What still waits at the end.
-    fn finish(mut self, halt: Halt) -> Result<Ended, V::Error> {
+    fn finish(mut self, halt: Halt) -> Result<Ended, FeedError<V::Error>> {
         let (unread, mut stopped) = match halt {
-            Halt::WrongFrame => return Ok(self.wrong_frame()),
+            Halt::WrongFrame => return self.wrong_frame(),
             Halt::End(unread) => (unread, false),
             Halt::Stop => (None, true),
         };
         if !stopped && !self.enough {
-            self.guess();
-            self.ready()?;
-            self.look_ahead()?;
+            self.use_the_last().map_err(FeedError::Visitor)?;
             stopped = self.stop.load(Ordering::Relaxed);
             if !stopped && self.finder.is_wrong() {
-                return Ok(self.wrong_frame());
+                return self.wrong_frame();
             }
         }
         for waited in self.join.give_up(self.now) {
@@ -410,8 +413,16 @@ impl<V: Visitor> Feeder<'_, V> {
         Ok(Ended::Fed(Fed { tally: self.tally, fixed_frame, unread, stopped }))
     }
 
+    /// Takes what is ready by all that can be known.
+    fn use_the_last(&mut self) -> Result<(), V::Error> {
+        self.guess();
+        self.ready()?;
+        self.look_ahead()
+    }
+
     /// Finds the right frame in the whole bag, so that there is no third time.
-    fn wrong_frame(self) -> Ended {
-        Ended::WrongFrame(self.finder.found(&self.ahead, &self.join))
+    fn wrong_frame(&self) -> Result<Ended, FeedError<V::Error>> {
+        let right = self.finder.right(&self.ahead, &self.join);
+        right.map(Ended::WrongFrame).ok_or(FeedError::Stopped)
     }
 }

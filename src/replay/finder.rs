@@ -57,8 +57,14 @@ impl Finder {
         self.is_wrong = self.fixed_frame.is_wrong(&self.tree);
     }
 
-    /// The frame by the whole bag.
-    pub(super) fn found(&self, ahead: &Ahead<'_>, join: &Join) -> FixedFrame {
+    /// The frame by the whole bag; `None` where a signal came before all of it was read.
+    pub(super) fn right(&self, ahead: &Ahead<'_>, join: &Join) -> Option<FixedFrame> {
+        let found = self.found(ahead, join);
+        (!ahead.is_stopped()).then_some(found)
+    }
+
+    /// The frame by the whole bag, up to a signal.
+    fn found(&self, ahead: &Ahead<'_>, join: &Join) -> FixedFrame {
         let sensors: Vec<_> = join.sensors().collect();
         self.fixed_frame.clone().found(&Tree::of(ahead.transforms()), &sensors)
     }
@@ -86,5 +92,44 @@ impl Finder {
     pub(super) fn about(&self, join: &Join) -> Option<String> {
         let sensors: Vec<_> = join.sensors().collect();
         self.fixed_frame.about(&self.tree, &sensors)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs::File;
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicBool, Ordering};
+
+    use super::*;
+    use crate::bag::{Bag, Decoder, SensorBag, TransformTopics};
+    use crate::cloud::{CloudFilter, Optical};
+    use crate::msg::ros::{Header, TransformStamped};
+
+    const FILTER: CloudFilter =
+        CloudFilter { min_range: 0.4, max_range: 6.0, optical: Optical::Auto, max_points: 1000 };
+
+    fn link(parent: &str, child: &str) -> TfMessage {
+        let header = Header { frame_id: parent.to_owned(), ..Header::default() };
+        let child_frame_id = child.to_owned();
+        TfMessage { transforms: vec![TransformStamped { header, child_frame_id, ..Default::default() }] }
+    }
+
+    #[test]
+    fn a_frame_that_is_looked_for_while_a_signal_comes_is_not_found() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.mcap");
+        let mut bag = SensorBag::new(File::create(&path).unwrap(), "/points").unwrap();
+        bag.transforms(&link("map", "camera"), true).unwrap();
+        bag.finish().unwrap();
+        let (bag, stop) = (Bag::open(&path).unwrap(), Arc::new(AtomicBool::new(false)));
+        let decoder = Decoder::new(Vec::new(), FILTER, TransformTopics::default());
+        let ahead = Ahead::new(&bag, decoder, Arc::clone(&stop));
+        let default = "odom".to_owned();
+        let finder = Finder::new(FixedFrame::Still { name: "camera".to_owned(), default: default.clone() });
+        let right = FixedFrame::Found { name: "map".to_owned(), sensor: None, default };
+        assert_eq!(finder.right(&ahead, &Join::new(1)), Some(right));
+        stop.store(true, Ordering::Relaxed);
+        assert_eq!(finder.right(&ahead, &Join::new(1)), None);
     }
 }
