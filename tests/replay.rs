@@ -521,6 +521,24 @@ fn a_damaged_file_of_several_costs_only_its_own_scans() {
 }
 
 #[test]
+fn a_file_that_lies_in_a_folder_plain_and_compressed_is_read_once_and_that_is_said() {
+    let folder = Folder::new();
+    let bag = drive(BagWriter::new(Layout::Plain), 10);
+    folder.put("a.mcap", &bag);
+    let compressed = folder.put("a.mcap.zstd", &zstd::encode_all(&bag[..], 3).unwrap());
+    let found = replay(folder.0.path(), &[]);
+    assert_eq!(
+        (found.status, found.number("scans"), found.number("sessions")),
+        (0, 10, 1),
+        "{}",
+        found.errors
+    );
+    assert!(found.errors.contains("or not at all: a.mcap.zstd\n"), "{}", found.errors);
+    let found = replay(folder.0.path(), &["--ply", compressed.to_str().unwrap()]);
+    assert!(found.status == 2 && found.errors.contains("would replace the input"), "{}", found.errors);
+}
+
+#[test]
 fn no_output_replaces_a_part_of_the_input_and_none_is_begun_when_one_cannot_be_made() {
     let folder = Folder::new();
     folder.put("a.mcap", &drive(BagWriter::new(Layout::Plain), 2));

@@ -217,6 +217,7 @@ pub(crate) fn open(setup: &Setup, path: &Path, wanted: &[String]) -> anyhow::Res
             return Ok(Err(status));
         }
     };
+    say_copies(&bag);
     let Survey { topics, is_complete } = bag.survey(&stop);
     // What the node would listen to is meant: where it was remapped in any case, else where the bag has scans there.
     let is_told = setup.is_given("sensors") || setup.config.sensors.iter().any(|it| it.kind != Kind::Auto);
@@ -250,6 +251,18 @@ pub(crate) fn open(setup: &Setup, path: &Path, wanted: &[String]) -> anyhow::Res
     let decoder = Decoder::new(choice.sensors, setup.config.filter, transforms);
     let patience = setup.config.tf_timeout.max(PATIENCE);
     Ok(Ok(Input { bag, decoder, fixed_frame, patience }))
+}
+
+/// Says which files are not read.
+fn say_copies(bag: &Bag) {
+    let name = |path: &PathBuf| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let names: Vec<_> = bag.copies().iter().map(name).collect();
+    if !names.is_empty() {
+        let names = names.join(", ");
+        say(one_line(&format!(
+            "not read, as the folder has each compressed in another way or not at all: {names}"
+        )));
+    }
 }
 
 /// Says where the transforms are that nobody has asked for.
