@@ -14,9 +14,10 @@ use cfodi::replay::{Ended, Finished, Go, Outputs, Replay, Settings, Visitor, fee
 use cfodi::report::{self, Story};
 use cfodi::say::tell;
 
+use super::input::{Input, open};
 use super::laboratory;
 use super::progress::Bar;
-use super::replay::{BEGINS_AGAIN, Input, PAGE, begin_page, open, say_skipped, settings, write_page};
+use super::replay::{BEGINS_AGAIN, PAGE, begin_page, say_skipped, settings, write_page};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Options {
