@@ -16,10 +16,20 @@ class MapReader {
  public:
   using Array = cfodi_msgs::msg::SurfaceClusterArray;
 
+  static constexpr double kBack = 1.0;  // a snapshot of a recording that is played again has a stamp more than this before the map's [s]
+
   explicit MapReader(std::size_t most_deltas = 1000) : most_deltas_(most_deltas) {}
 
   void snapshot(const Array& message) {
-    if (version_ && message.session_id == session_id_ && message.sequence <= *version_) return;  // the deltas were faster
+    auto before = std::exchange(newest_, message.sequence);
+    if (version_ && message.session_id == session_id_) {
+      // Snapshots come in their order, late and seldom as they may be: where they go back, a recording is played again.
+      if (message.sequence < before && seconds(header_) - seconds(message.header) > kBack) {
+        deltas_.clear();  // of the time before
+      } else if (message.sequence <= *version_) {
+        return;  // the deltas were faster
+      }
+    }
     session_id_ = message.session_id;  // ids mean nothing beyond their session
     version_ = message.sequence;
     header_ = message.header;
@@ -40,6 +50,8 @@ class MapReader {
   const std_msgs::msg::Header& header() const { return header_; }  // frame of the map, stamp of the newest scan in it
 
  private:
+  static double seconds(const std_msgs::msg::Header& header) { return header.stamp.sec + 1e-9 * header.stamp.nanosec; }
+
   void catch_up() {
     std::deque<Array> waiting = std::exchange(deltas_, {});
     for (auto& message : waiting) {
@@ -56,6 +68,7 @@ class MapReader {
 
   std::uint64_t session_id_ = 0;
   std::optional<std::uint64_t> version_;
+  std::uint64_t newest_ = 0;  // `sequence` of the newest snapshot, taken or not
   std_msgs::msg::Header header_;
   std::map<std::uint64_t, cfodi_msgs::msg::SurfaceCluster> clusters_;
   std::deque<Array> deltas_;

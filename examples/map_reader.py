@@ -2,6 +2,8 @@
 
 from collections import deque
 
+BACK = 1.0  # a snapshot of a recording that is played again has a stamp more than this before the map's [s]
+
 
 class MapReader:
     """Snapshots and deltas come on two topics, in no common order: deltas wait here until a snapshot fits under them."""
@@ -11,11 +13,17 @@ class MapReader:
         self.version = None  # `sequence` of the map in `clusters`
         self.clusters = {}  # id -> cfodi_msgs/SurfaceCluster
         self.latest = None  # the message that led to this version: its header and unclustered_voxels hold for the map
+        self._newest = None  # `sequence` of the newest snapshot, taken or not
         self._deltas = deque(maxlen=most_deltas)
 
     def snapshot(self, message):
-        if message.session_id == self.session_id and message.sequence <= self.version:
-            return  # the deltas were faster
+        before, self._newest = self._newest, message.sequence
+        if message.session_id == self.session_id:
+            # Snapshots come in their order, late and seldom as they may be: where they go back, a recording is played again.
+            if message.sequence < before and seconds(self.latest) - seconds(message) > BACK:
+                self._deltas.clear()  # of the time before
+            elif message.sequence <= self.version:
+                return  # the deltas were faster
         self.session_id, self.version, self.latest = message.session_id, message.sequence, message
         self.clusters = {cluster.id: cluster for cluster in message.clusters}
         self._catch_up()
@@ -34,6 +42,10 @@ class MapReader:
                     self.clusters.pop(gone, None)
                 self.clusters.update((cluster.id, cluster) for cluster in message.clusters)
                 self.version, self.latest = message.sequence, message
+
+
+def seconds(message):
+    return message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
 
 
 def main():

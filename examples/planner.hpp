@@ -34,6 +34,7 @@ class Planner {
   void points(const sensor_msgs::msg::PointCloud2& cloud) {
     voxels_.clear();
     header_ = cloud.header;
+    if (cloud.data.empty()) return;  // the iterators take the address of its first byte
     sensor_msgs::PointCloud2ConstIterator<float> at(cloud, "x");
     sensor_msgs::PointCloud2ConstIterator<std::uint32_t> label(cloud, "label");
     for (; at != at.end(); ++at, ++label) voxels_.push_back({{at[0], at[1], at[2]}, *label});

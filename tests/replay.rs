@@ -168,6 +168,31 @@ fn a_static_transform_may_come_last_and_a_cloud_before_its_transform() {
     assert_eq!(late.voxels, early.voxels);
 }
 
+/// A camera that is mounted anew, and a frame that is told to stand still once it has moved.
+#[test]
+fn what_is_looked_for_ahead_is_what_is_missing_and_not_what_changes_later() {
+    let folder = Folder::new();
+    let record = |link_at: usize| {
+        let mut writer = BagWriter::new(Layout::Chunks);
+        for i in 0..60 {
+            if i % 50 == 0 {
+                writer.tf("/tf_static", stamp(i), "camera_link", OPTICAL, 0.4 * i as f64);
+            }
+            if i == link_at {
+                writer.tf("/tf_static", stamp(i), "base", "camera_link", 0.0);
+            }
+            writer.tf("/tf", stamp(i), "map", "base", 0.1 * i as f64);
+            writer.cloud(POINTS, stamp(i), &wall(i));
+        }
+        writer.tf("/tf_static", stamp(60), "base", "camera_link", 7.0);
+        writer.tf("/tf_static", stamp(60), "map", "base", 7.0);
+        replay(&folder.put("mounted.mcap", &writer.finish()), &["--ros-args", "-p", "fixed_frame:=map"])
+    };
+    let (early, late) = (record(0), record(59));
+    assert_eq!((early.number("scans"), late.number("scans")), (60, 60), "{}", late.errors);
+    assert_eq!(early.voxels, late.voxels);
+}
+
 #[test]
 fn transforms_of_other_names_are_read_where_these_are_given_and_named_where_not() {
     let folder = Folder::new();
@@ -253,6 +278,25 @@ fn a_frame_that_is_not_there_skips_every_scan_with_the_reason() {
         "{}",
         found.errors
     );
+}
+
+#[test]
+fn a_cloud_on_points_is_taken_before_others_where_it_is_one_and_these_are_named() {
+    let folder = Folder::new();
+    for (kind, read) in [
+        ("sensor_msgs/msg/PointCloud2", "reading /points (not /camera/depth/points: choose with --topic)\n"),
+        ("std_msgs/msg/String", "reading /camera/depth/points\n"),
+    ] {
+        let mut writer = BagWriter::new(Layout::Plain);
+        writer.tf("/tf_static", stamp(0), "map", OPTICAL, 0.0);
+        for i in 0..4 {
+            writer.put("/points", kind, stamp(i), &bags::cloud(stamp(i), OPTICAL, &wall(i)));
+            writer.cloud(POINTS, stamp(i), &wall(i));
+        }
+        let found = replay(&folder.put("two.mcap", &writer.finish()), &[]);
+        assert_eq!((found.status, found.number("scans")), (0, 4), "{}", found.errors);
+        assert!(found.errors.contains(read), "{}", found.errors);
+    }
 }
 
 #[test]
@@ -474,6 +518,24 @@ fn a_damaged_file_of_several_costs_only_its_own_scans() {
     let found = replay(folder.0.path(), &[]);
     assert_eq!((found.status, found.number("scans")), (1, 14), "{}", found.errors);
     assert!(found.errors.contains("run_2.mcap is cut"), "{}", found.errors);
+}
+
+#[test]
+fn a_file_that_lies_in_a_folder_plain_and_compressed_is_read_once_and_that_is_said() {
+    let folder = Folder::new();
+    let bag = drive(BagWriter::new(Layout::Plain), 10);
+    folder.put("a.mcap", &bag);
+    let compressed = folder.put("a.mcap.zstd", &zstd::encode_all(&bag[..], 3).unwrap());
+    let found = replay(folder.0.path(), &[]);
+    assert_eq!(
+        (found.status, found.number("scans"), found.number("sessions")),
+        (0, 10, 1),
+        "{}",
+        found.errors
+    );
+    assert!(found.errors.contains("or not at all: a.mcap.zstd\n"), "{}", found.errors);
+    let found = replay(folder.0.path(), &["--ply", compressed.to_str().unwrap()]);
+    assert!(found.status == 2 && found.errors.contains("would replace the input"), "{}", found.errors);
 }
 
 #[test]

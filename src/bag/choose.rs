@@ -106,15 +106,24 @@ impl ChoiceError {
 
 const CAMERA_INFO: &str = "sensor_msgs/msg/CameraInfo";
 
-/// The sensors to read: those `wanted`, each by its name; where none is, the only point cloud, else the only depth image.
-/// `info` names the topic of the intrinsics of images for which no other is wanted, where it is not their sibling.
+/// The sensors to read: those `wanted`, each by its name; where none is, the first of the `usual` names that has scans, else the
+/// only point cloud, else the only depth image. `info` names the topic of the intrinsics of images for which no other is wanted,
+/// where it is not their sibling.
 ///
 /// # Errors
 /// A [`ChoiceError`] that lists what the bag holds.
-pub fn choose(topics: &[Topic], wanted: &[Wanted], info: Option<&str>) -> Result<Choice, ChoiceError> {
+pub fn choose(
+    topics: &[Topic],
+    wanted: &[Wanted],
+    usual: &[String],
+    info: Option<&str>,
+) -> Result<Choice, ChoiceError> {
     if wanted.is_empty() {
         let candidates: Vec<_> = topics.iter().filter_map(|topic| Some((topic, kind(topic)?))).collect();
-        let (chosen, passed_over) = only(topics, &candidates)?;
+        let named = |name: &String| candidates.iter().copied().find(|(topic, _)| topic.name == *name);
+        let chosen = usual.iter().find_map(named).map_or_else(|| only(topics, &candidates), Ok)?;
+        let others = candidates.iter().filter(|(topic, _)| topic.name != chosen.0.name);
+        let passed_over = others.map(|(topic, _)| topic.name.clone()).collect();
         return Ok(Choice { sensors: vec![sensor(topics, chosen, info)?], passed_over });
     }
     let mut sensors: Vec<Sensor> = Vec::new();
@@ -154,16 +163,12 @@ fn hint(topics: &[Topic], name: &str) -> String {
     }
 }
 
-fn only<'a>(
-    topics: &[Topic],
-    candidates: &[Candidate<'a>],
-) -> Result<(Candidate<'a>, Vec<String>), ChoiceError> {
+fn only<'a>(topics: &[Topic], candidates: &[Candidate<'a>]) -> Result<Candidate<'a>, ChoiceError> {
     for wanted in [SensorKind::Cloud, SensorKind::Depth, SensorKind::CompressedDepth] {
-        let (of_kind, others): (Vec<_>, Vec<_>) =
-            candidates.iter().copied().partition(|candidate: &Candidate<'_>| candidate.1 == wanted);
+        let of_kind: Vec<_> = candidates.iter().copied().filter(|candidate| candidate.1 == wanted).collect();
         match of_kind[..] {
             [] => {}
-            [one] => return Ok((one, others.iter().map(|(topic, _)| topic.name.clone()).collect())),
+            [one] => return Ok(one),
             _ => {
                 let words = of_kind.iter().map(|(topic, _)| format!("--topic {}", one_line(&topic.name)));
                 let choices = words.collect::<Vec<_>>().join(" or ");
@@ -285,7 +290,7 @@ mod tests {
 
     #[test]
     fn the_only_cloud_is_taken_and_what_was_passed_over_is_known() {
-        let choice = choose(&kinect(), &[], None).unwrap();
+        let choice = choose(&kinect(), &[], &[], None).unwrap();
         assert_eq!(names(&choice), ["/camera/depth/points"]);
         assert_eq!(choice.passed_over, ["/camera/depth/image_raw"]);
     }
@@ -294,12 +299,37 @@ mod tests {
     fn a_topic_without_a_message_is_no_sensor() {
         let mut topics = kinect();
         topics[0].messages = Some(0);
-        assert_eq!(names(&choose(&topics, &[], None).unwrap()), ["/camera/depth/image_raw"]);
+        assert_eq!(names(&choose(&topics, &[], &[], None).unwrap()), ["/camera/depth/image_raw"]);
+    }
+
+    #[test]
+    fn the_first_usual_name_that_has_scans_is_taken_and_the_others_are_known() {
+        let usual = ["/points", "/depth/image"].map(str::to_owned);
+        let mut topics = topics(&[
+            ("/camera/depth/points", "PointCloud2"),
+            ("/points", "PointCloud2"),
+            ("/depth/image", "Image"),
+            ("/depth/camera_info", "CameraInfo"),
+        ]);
+        let chosen = |topics: &[Topic]| {
+            let choice = choose(topics, &[], &usual, None).unwrap();
+            (choice.sensors[0].topic.clone(), choice.passed_over)
+        };
+        let (points, image, camera) = ("/points", "/depth/image", "/camera/depth/points");
+        assert_eq!(chosen(&topics), (points.to_owned(), [camera, image].map(str::to_owned).to_vec()));
+        let none = Topic { messages: Some(0), ..topics[1].clone() };
+        let other = Topic { type_name: "sensor_msgs/msg/LaserScan".to_owned(), ..topics[1].clone() };
+        for of_no_use in [none, other] {
+            topics[1] = of_no_use;
+            assert_eq!(chosen(&topics), (image.to_owned(), vec![camera.to_owned()]));
+        }
+        topics[2].messages = Some(0);
+        assert_eq!(chosen(&topics), (camera.to_owned(), Vec::new()));
     }
 
     #[test]
     fn without_a_cloud_the_depth_image_is_taken_with_its_own_intrinsics() {
-        let choice = choose(&kinect()[1..5], &[], None).unwrap();
+        let choice = choose(&kinect()[1..5], &[], &[], None).unwrap();
         assert_eq!(names(&choice), ["/camera/depth/image_raw"]);
         assert_eq!(choice.sensors[0].info_topic.as_deref(), Some("/camera/depth/camera_info"));
     }
@@ -311,7 +341,7 @@ mod tests {
             ("/camera/depth/camera_info", "CameraInfo"),
             ("/camera/rgb/camera_info", "CameraInfo"),
         ]);
-        let choice = choose(&topics, &[], None).unwrap();
+        let choice = choose(&topics, &[], &[], None).unwrap();
         assert_eq!(choice.sensors[0].info_topic.as_deref(), Some("/camera/depth/camera_info"));
     }
 
@@ -319,7 +349,7 @@ mod tests {
     fn several_sensors_can_be_named_and_a_slash_is_not_needed() {
         let wanted = ["camera/depth/points", "/camera/rgb/image_color"].map(wanted);
         assert_eq!(
-            names(&choose(&kinect(), &wanted, None).unwrap()),
+            names(&choose(&kinect(), &wanted, &[], None).unwrap()),
             wanted.map(|wanted| format!("/{}", wanted.topic.trim_start_matches('/')))
         );
     }
@@ -334,7 +364,7 @@ mod tests {
             ("/depth/camera_info", "CameraInfo"),
         ]);
         let infos = |wanted: &[Wanted], info: Option<&str>| -> Vec<_> {
-            let sensors = choose(&topics, wanted, info).unwrap().sensors.into_iter();
+            let sensors = choose(&topics, wanted, &[], info).unwrap().sensors.into_iter();
             sensors.map(|sensor| sensor.info_topic.unwrap()).collect()
         };
         let both = ["/front/image", "/rear/image"].map(wanted);
@@ -351,19 +381,19 @@ mod tests {
     #[test]
     fn several_clouds_are_asked_about_and_the_list_is_shown() {
         let topics = topics(&[("/left", "PointCloud2"), ("/right", "PointCloud2")]);
-        let text = choose(&topics, &[], None).unwrap_err().to_string();
+        let text = choose(&topics, &[], &[], None).unwrap_err().to_string();
         assert!(text.contains("--topic /left or --topic /right"), "{text}");
         assert!(text.contains("\n  /right 3 x sensor_msgs/msg/PointCloud2"), "{text}");
     }
 
     #[test]
     fn what_does_not_fit_is_said_with_what_is_there() {
-        let text = |name: &str| choose(&kinect(), &[wanted(name)], None).unwrap_err().to_string();
+        let text = |name: &str| choose(&kinect(), &[wanted(name)], &[], None).unwrap_err().to_string();
         assert!(text("/camera/depth/point").contains("is /camera/depth/points meant?"));
         assert!(text("/camera/depth/camera_info").contains("carries sensor_msgs/msg/CameraInfo"));
-        assert_eq!(choose(&[], &[], None).unwrap_err(), ChoiceError::Nothing(" nothing".to_owned()));
+        assert_eq!(choose(&[], &[], &[], None).unwrap_err(), ChoiceError::Nothing(" nothing".to_owned()));
         let bare = topics(&[("/depth", "Image")]);
-        let text = choose(&bare, &[], None).unwrap_err().to_string();
+        let text = choose(&bare, &[], &[], None).unwrap_err().to_string();
         assert!(text.contains("on /camera_info") && text.contains("(0 in the bag)"), "{text}");
     }
 }

@@ -1,5 +1,6 @@
 //! A recording: the files that it is made of, in their order.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -22,6 +23,8 @@ pub struct Bag {
     files: Vec<Part>,
     /// As `metadata.yaml` lists them; empty where there is none.
     listed: Vec<Topic>,
+    /// Files of its folder that hold what another one holds.
+    copies: Vec<PathBuf>,
 }
 
 impl Bag {
@@ -32,17 +35,17 @@ impl Bag {
     pub fn open(path: &Path) -> Result<Self, BagError> {
         let about = fs::metadata(path).map_err(|source| reading(path, source))?;
         if !about.is_dir() {
-            return Ok(Self { files: vec![Part::open(path)?], listed: Vec::new() });
+            return Ok(Self { files: vec![Part::open(path)?], listed: Vec::new(), copies: Vec::new() });
         }
-        let (paths, listed) = match description(path)? {
+        let ((paths, copies), listed) = match description(path)? {
             Some(text) => {
                 let metadata = metadata::parse(path, &text)?;
                 if metadata.storage == "sqlite3" {
                     return Err(sqlite(path, path));
                 }
-                (metadata.files, metadata.topics)
+                ((metadata.files, Vec::new()), metadata.topics)
             }
-            None => (mcap_files(path)?, Vec::new()),
+            None => (without_copies(mcap_files(path)?), Vec::new()),
         };
         let opened: Vec<_> = paths.iter().map(|path| Part::open(path)).collect();
         let mut files = Vec::new();
@@ -58,7 +61,12 @@ impl Bag {
                 files.push(part?);
             }
         }
-        Ok(Self { files, listed })
+        Ok(Self { files, listed, copies })
+    }
+
+    /// Files that are not read, for another one has the same name without `.zstd`: what was decompressed beside them.
+    pub fn copies(&self) -> &[PathBuf] {
+        &self.copies
     }
 
     /// Bytes on disk.
@@ -66,10 +74,11 @@ impl Bag {
         self.files.iter().map(|part| part.size).sum()
     }
 
-    /// The files that it is made of, its description among them.
+    /// The files that it is made of, its description and copies of them among them.
     pub fn paths(&self) -> Vec<PathBuf> {
         let described = self.files.iter().filter_map(|part| Some(part.path.parent()?.join(METADATA)));
-        self.files.iter().map(|part| part.path.clone()).chain(described).collect()
+        let files = self.files.iter().map(|part| part.path.clone());
+        files.chain(described).chain(self.copies.iter().cloned()).collect()
     }
 
     /// The topics: from the summary or `metadata.yaml` where there is one, otherwise by reading all of the bag, up to `stop`.
@@ -92,6 +101,16 @@ fn description(folder: &Path) -> Result<Option<String>, BagError> {
         Err(BagError::Io { source, .. }) if source.kind() == io::ErrorKind::NotFound => Ok(None),
         Err(error) => Err(error),
     }
+}
+
+/// The files without those whose name differs from that of one before only by how they are compressed, and these. By its name a
+/// plain file is before those.
+fn without_copies(paths: Vec<PathBuf>) -> (Vec<PathBuf>, Vec<PathBuf>) {
+    let mut seen = BTreeSet::new();
+    paths.into_iter().partition(|path| {
+        let is_compressed = path.extension().is_some_and(|end| end == "zstd" || end == "zst");
+        seen.insert(if is_compressed { path.with_extension("") } else { path.clone() })
+    })
 }
 
 fn mcap_files(folder: &Path) -> Result<Vec<PathBuf>, BagError> {
@@ -138,5 +157,17 @@ mod tests {
         let sorted = dates;
         dates.sort_by_cached_key(|name| in_order(name));
         assert_eq!(dates, [sorted[1], sorted[0], sorted[2], sorted[3]]);
+    }
+
+    #[test]
+    fn of_a_file_and_its_compressed_copy_the_plain_one_is_read() {
+        let names = ["b.mcap.zst", "a.mcap.zstd", "a.mcap_2.mcap", "c.mcap.zstd", "a.mcap", "c.mcap.zst"];
+        let folder = tempfile::tempdir().unwrap();
+        names.iter().for_each(|name| fs::write(folder.path().join(name), "").unwrap());
+        let (files, copies) = without_copies(mcap_files(folder.path()).unwrap());
+        let in_folder =
+            |names: &[&str]| names.iter().map(|name| folder.path().join(name)).collect::<Vec<_>>();
+        assert_eq!(files, in_folder(&["a.mcap", "a.mcap_2.mcap", "b.mcap.zst", "c.mcap.zst"]));
+        assert_eq!(copies, in_folder(&["a.mcap.zstd", "c.mcap.zstd"]));
     }
 }

@@ -14,16 +14,17 @@ use cfodi::replay::{Ended, Finished, Go, Outputs, Replay, Settings, Visitor, fee
 use cfodi::report::{self, Story};
 use cfodi::say::tell;
 
+use super::input::{Input, open};
 use super::laboratory;
 use super::progress::Bar;
-use super::replay::{BEGINS_AGAIN, Input, PAGE, begin_page, open, say_skipped, settings, write_page};
+use super::replay::{BEGINS_AGAIN, PAGE, begin_page, say_skipped, settings, write_page};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Options {
     /// An MCAP file, one compressed as a whole (.mcap.zstd), or a folder that rosbags-convert made
     #[arg(required_unless_present = "scene")]
     input: Option<PathBuf>,
-    /// The sensor's topic; again for a second sensor. Without it, the only point cloud or depth image
+    /// The sensor's topic; again for a second sensor. Without it, `points` or `depth/image`, else the only cloud or depth image
     #[arg(long)]
     topic: Vec<String>,
     /// Folder for the figures, the tables, and a report that shows them with the map

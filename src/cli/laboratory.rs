@@ -17,8 +17,8 @@ use cfodi::line::one_line;
 use cfodi::say::{say, tell};
 use cfodi::sim::Scene;
 
+use super::input::WRONG;
 use super::progress::Bar;
-use super::replay::WRONG;
 
 /// Most runs that are made at once: each holds all maps of its methods.
 const MOST_AT_ONCE: usize = 2;

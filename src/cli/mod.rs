@@ -2,6 +2,7 @@
 
 pub(crate) mod demo;
 pub(crate) mod experiment;
+mod input;
 mod laboratory;
 pub(crate) mod log;
 mod progress;

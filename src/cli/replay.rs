@@ -2,31 +2,25 @@
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::time::Duration;
 
 use anyhow::Context as _;
-use cfodi::args::{ArgsError, Setup};
-use cfodi::bag::{self, Bag, Choice, Decoder, OutputTopics, Survey, TransformTopics, Wanted, choose};
-use cfodi::config::{Kind, Sensor};
+use cfodi::args::Setup;
+use cfodi::bag::OutputTopics;
 use cfodi::export::{WholeFile, WriteError};
 use cfodi::line::one_line;
-use cfodi::link::target;
 use cfodi::node::transport::Outgoing;
-use cfodi::replay::{
-    Ended, Feed, Finished, FixedFrame, MapFiles, Outputs, Progress, Replay, ResultFile, Settings, Summary,
-    clock_offset, feed,
-};
+use cfodi::replay::{Ended, Finished, MapFiles, Outputs, Replay, ResultFile, Settings, Summary, feed};
 use cfodi::report::{Facts, Figure, Story, write_report};
 use cfodi::say::say;
 
+use super::input::{Input, WRONG, clash, open};
 use super::progress::Bar;
-use super::stop;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Options {
     /// An MCAP file, one compressed as a whole (.mcap.zstd), or a folder that rosbags-convert made
     input: PathBuf,
-    /// The sensor's topic; again for a second sensor. Without it, the only point cloud or depth image
+    /// The sensor's topic; again for a second sensor. Without it, `points` or `depth/image`, else the only cloud or depth image
     #[arg(long)]
     topic: Vec<String>,
     /// The result as a bag: clusters, deltas, markers, labelled points, transforms
@@ -72,37 +66,6 @@ impl Options {
 
 /// The file of a report, in its folder.
 pub(crate) const PAGE: &str = "index.html";
-
-/// How long a cloud waits for its transform at least, by the times at which messages were recorded: nobody waits for it.
-const PATIENCE: Duration = Duration::from_secs(1);
-
-/// Wrong arguments, as opposed to an input that fails.
-pub(crate) const WRONG: u8 = 2;
-
-/// A bag with its sensors.
-pub(crate) struct Input {
-    pub(crate) bag: Bag,
-    decoder: Decoder,
-    pub(crate) fixed_frame: FixedFrame,
-    patience: Duration,
-}
-
-impl Input {
-    /// All of the bag, or what comes of it before a signal.
-    pub(crate) fn feed<'a>(
-        &'a self,
-        fixed_frame: FixedFrame,
-        with_messages: bool,
-        progress: &'a mut dyn FnMut(Progress),
-    ) -> Feed<'a> {
-        let (bag, decoder, stop) = (&self.bag, self.decoder.clone(), stop::flag());
-        Feed { bag, decoder, fixed_frame, patience: self.patience, with_messages, stop, progress }
-    }
-
-    fn clock_offset(&self) -> Option<i64> {
-        clock_offset(&self.bag, self.decoder.clone(), &stop::flag())
-    }
-}
 
 pub(crate) fn replay(setup: &Setup, options: &Options) -> anyhow::Result<ExitCode> {
     let input = match open(setup, &options.input, &options.topic)? {
@@ -199,109 +162,6 @@ pub(crate) fn write_page(
     page.complete(|out| write_report(out, story, &facts))
 }
 
-/// The topic of a camera's intrinsics without a list of sensors, before remapping.
-const INFO: &str = "depth/camera_info";
-
-/// Opens the bag and chooses its sensors; gives the exit status where that is not possible.
-pub(crate) fn open(setup: &Setup, path: &Path, wanted: &[String]) -> anyhow::Result<Result<Input, ExitCode>> {
-    if setup.config.snapshot_path.is_some() {
-        say("snapshot_path is not used: only `cfodi run` saves its map");
-    }
-    // Listened for before the first reading, which may take long.
-    let stop = stop::flag();
-    let bag = match Bag::open(path) {
-        Ok(bag) => bag,
-        Err(error) => {
-            say(format_args!("cfodi: {}", one_line(&error.to_string())));
-            let status = if error.is_wrong_argument() { ExitCode::from(WRONG) } else { ExitCode::FAILURE };
-            return Ok(Err(status));
-        }
-    };
-    let Survey { topics, is_complete } = bag.survey(&stop);
-    let has = |name: &str| topics.iter().any(|topic| topic.name == name);
-    // What the node would listen to is meant: where it was remapped in any case, else where the bag has it.
-    let is_told = setup.is_given("sensors") || setup.config.sensors.iter().any(|it| it.kind != Kind::Auto);
-    let meant = if is_told { of_sensors(setup)? } else { of_default(setup, has)? };
-    let named = wanted.iter().map(|topic| Wanted { topic: topic.clone(), info: None });
-    let wanted = if wanted.is_empty() { meant } else { named.collect() };
-    // Who has given the intrinsics another name means these; else each image has its own.
-    let info = setup.is_remapped(INFO).then(|| setup.resolve(INFO)).transpose()?;
-    let choice = match choose(&topics, &wanted, info.as_deref()) {
-        Ok(choice) => choice,
-        Err(error) => {
-            // The error itself has several lines: what the bag holds.
-            say(format_args!("cfodi: {}: {error}", one_line(&path.display().to_string())));
-            // What is not in a bag that is cut may have been behind the cut: nothing can be read, but nobody was wrong.
-            if is_complete || !error.is_for_lack() {
-                return Ok(Err(ExitCode::from(WRONG)));
-            }
-            Choice { sensors: Vec::new(), passed_over: Vec::new() }
-        }
-    };
-    say_choice(&choice);
-    let fixed_frame = if setup.is_given("fixed_frame") {
-        FixedFrame::Settled(setup.config.fixed_frame.clone())
-    } else {
-        FixedFrame::Open { default: setup.config.fixed_frame.clone() }
-    };
-    let transforms =
-        TransformTopics { changing: setup.resolve("/tf")?, lasting: setup.resolve("/tf_static")? };
-    say_unread(&transforms, &topics);
-    let decoder = Decoder::new(choice.sensors, setup.config.filter, transforms);
-    let patience = setup.config.tf_timeout.max(PATIENCE);
-    Ok(Ok(Input { bag, decoder, fixed_frame, patience }))
-}
-
-/// Says where the transforms are that nobody has asked for.
-fn say_unread(transforms: &TransformTopics, topics: &[bag::Topic]) {
-    let unread = transforms.passed_over(topics);
-    if !unread.is_empty() {
-        let TransformTopics { changing, lasting } = transforms;
-        say(one_line(&format!(
-            "transforms are read from {changing} and {lasting}, not from {} (choose with -r /tf:=... -r /tf_static:=...)",
-            unread.join(" and ")
-        )));
-    }
-}
-
-/// The topics of the sensors that are listed.
-fn of_sensors(setup: &Setup) -> Result<Vec<Wanted>, ArgsError> {
-    let of_sensor = |sensor: &Sensor| {
-        let topic = sensor.points().map(str::to_owned).or_else(|| sensor.image())?;
-        Some((topic, sensor.camera_info()))
-    };
-    let wanted = |(topic, info): (String, Option<String>)| {
-        let info = info.map(|info| setup.resolve(&info)).transpose()?;
-        Ok(Wanted { topic: setup.resolve(&topic)?, info })
-    };
-    setup.config.sensors.iter().filter_map(of_sensor).map(wanted).collect()
-}
-
-/// The topic that the node would listen to without a list, where it is meant or there.
-fn of_default(setup: &Setup, has: impl Fn(&str) -> bool) -> Result<Vec<Wanted>, ArgsError> {
-    let listened = ["points", "depth/image"].map(|name| Ok((setup.resolve(name)?, setup.is_remapped(name))));
-    let listened = listened.into_iter().collect::<Result<Vec<_>, ArgsError>>()?;
-    let remapped = listened.iter().find(|(_, is_remapped)| *is_remapped);
-    let meant = remapped.or_else(|| listened.iter().find(|(name, _)| has(name)));
-    Ok(meant.map(|(name, _)| Wanted { topic: name.clone(), info: None }).into_iter().collect())
-}
-
-fn say_choice(choice: &Choice) {
-    let with_info = |sensor: &bag::Sensor| match &sensor.info_topic {
-        Some(info) => format!("{} with {info}", sensor.topic),
-        None => sensor.topic.clone(),
-    };
-    let read: Vec<_> = choice.sensors.iter().map(with_info).collect();
-    let others = if choice.passed_over.is_empty() {
-        String::new()
-    } else {
-        format!(" (not {}: choose with --topic)", choice.passed_over.join(", "))
-    };
-    if !read.is_empty() {
-        say(one_line(&format!("reading {}{others}", read.join(" and "))));
-    }
-}
-
 pub(crate) fn output_topics(setup: &Setup) -> anyhow::Result<OutputTopics> {
     let name = |name| setup.resolve(name).context("an output's name");
     Ok(OutputTopics {
@@ -312,31 +172,6 @@ pub(crate) fn output_topics(setup: &Setup) -> anyhow::Result<OutputTopics> {
         detections: setup.config.twins.detections.then(|| name(Outgoing::DETECTIONS)).transpose()?,
         polygons: setup.config.twins.polygons.then(|| name(Outgoing::POLYGONS)).transpose()?,
     })
-}
-
-/// An output that would replace the input or another output.
-pub(crate) fn clash(outputs: &[PathBuf], inputs: &[PathBuf]) -> Option<String> {
-    // A file that is not there yet is the same as another where its folder and name are.
-    let place = |path: &PathBuf| {
-        path.canonicalize().ok().or_else(|| {
-            let path = target(path).ok()?;
-            let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
-            Some(folder.unwrap_or(Path::new(".")).canonicalize().ok()?.join(path.file_name()?))
-        })
-    };
-    let inputs: Vec<_> = inputs.iter().filter_map(place).collect();
-    let mut seen = Vec::new();
-    for path in outputs {
-        let Some(real) = place(path).filter(|real| !real.exists() || real.is_file()) else { continue };
-        if inputs.contains(&real) {
-            return Some(format!("the output {} would replace the input", path.display()));
-        }
-        if seen.contains(&real) {
-            return Some(format!("two outputs would be written to {}", path.display()));
-        }
-        seen.push(real);
-    }
-    None
 }
 
 /// What came of it.

@@ -15,8 +15,8 @@ use cfodi::sim::drive::SCANS_PER_SECOND;
 use cfodi::sim::{Drive, Scene};
 use clap::builder::PossibleValuesParser;
 
+use super::input::{WRONG, clash};
 use super::progress::Bar;
-use super::replay::{WRONG, clash};
 use super::stop;
 use super::truth::truth;
 

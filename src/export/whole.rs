@@ -6,7 +6,7 @@ use std::io::{self, BufWriter, Write};
 use std::os::fd::AsFd as _;
 use std::path::{Path, PathBuf};
 
-use crate::link::{descriptor, target};
+use crate::link::{descriptor, folder, target};
 
 /// A file could not be written; the cause is its `source`.
 #[derive(Debug, thiserror::Error)]
@@ -35,7 +35,8 @@ pub fn write_whole(
 ///
 /// A symbolic link stays, and its target is replaced or made. What is no regular file, such as a pipe, cannot be replaced and is
 /// written to directly; so is an open descriptor such as `/dev/stdout`, whatever is behind it, after what is there. What is written
-/// later by way of a descriptor above 2 comes after that only where its file was opened for appending.
+/// later by way of a descriptor above 2 comes after that only where its file was opened for appending. A single file that is
+/// mounted keeps its name, and gets the bytes once they are complete.
 #[derive(Debug)]
 pub struct WholeFile {
     /// As asked for.
@@ -70,7 +71,8 @@ impl WholeFile {
     ///
     /// # Errors
     ///
-    /// Where the bytes cannot be written; the file is then as it was before.
+    /// Where the bytes cannot be written; the file is then as it was before. Only where that is a mounted one it may not be, and
+    /// the temporary file stays, as the error says.
     pub fn commit(mut self) -> Result<(), WriteError> {
         self.settle().map_err(|source| WriteError { path: self.path.clone(), source })
     }
@@ -90,9 +92,22 @@ impl WholeFile {
         let Some((partial, target)) = &self.replaces else { return Ok(()) };
         // Without this the rename can reach the disk before the bytes do.
         self.out.get_ref().sync_all()?;
-        fs::rename(partial, target)?;
-        self.replaces = None;
-        Ok(())
+        match fs::rename(partial, target) {
+            Err(error) if error.kind() == io::ErrorKind::ResourceBusy => self.write_over(),
+            renamed => {
+                renamed?;
+                self.replaces = None;
+                Ok(())
+            }
+        }
+    }
+
+    /// Copies the complete bytes into the file.
+    fn write_over(&mut self) -> io::Result<()> {
+        let Some((partial, target)) = self.replaces.take() else { return Ok(()) };
+        let copied = copy(&partial, &target);
+        copied.map_err(|error| within(&error, format_args!("all of it is in {}", partial.display())))?;
+        fs::remove_file(partial)
     }
 }
 
@@ -147,6 +162,17 @@ fn behind(_: u32, path: &Path) -> io::Result<File> {
     File::options().append(true).open(path)
 }
 
+fn copy(from: &Path, to: &Path) -> io::Result<()> {
+    let (mut from, mut to) = (File::open(from)?, File::options().write(true).truncate(true).open(to)?);
+    io::copy(&mut from, &mut to)?;
+    to.sync_all()
+}
+
+/// The same with words before it.
+fn within(error: &io::Error, words: impl std::fmt::Display) -> io::Error {
+    io::Error::new(error.kind(), format!("{words}: {error}"))
+}
+
 fn temporary(target: &Path) -> io::Result<Opened> {
     // `file_name` passes over what makes a name that of a folder.
     let name = target.as_os_str().as_encoded_bytes();
@@ -155,7 +181,11 @@ fn temporary(target: &Path) -> io::Result<Opened> {
     let name = name.ok_or_else(|| io::Error::new(io::ErrorKind::InvalidInput, "not a file name"))?;
     // The process id keeps two programs that write the same file apart.
     let partial = target.with_file_name(format!(".{}.{}.part", name.to_string_lossy(), std::process::id()));
-    Ok((File::create(&partial)?, Some((partial, target.to_owned()))))
+    // The file itself may well be one that can be written.
+    let file = File::create(&partial).map_err(|error| {
+        within(&error, format_args!("no new file can be made in {}", folder(target).display()))
+    })?;
+    Ok((file, Some((partial, target.to_owned()))))
 }
 
 #[cfg(test)]
@@ -214,6 +244,40 @@ mod tests {
         let error = write_whole(path, |_| Ok(())).unwrap_err();
         assert_eq!(error.path, path);
         assert_eq!(error.source.kind(), io::ErrorKind::NotFound);
+        let source = error.source.to_string();
+        assert!(source.starts_with("no new file can be made in /nowhere/at: "), "{source}");
+    }
+
+    #[test]
+    fn a_file_that_keeps_its_name_gets_all_the_bytes_and_no_others() {
+        let folder = Folder::new();
+        let path = folder.0.path().join("a.ply");
+        let other_name = folder.0.path().join("b.ply");
+        fs::write(&path, "a longer text").unwrap();
+        fs::hard_link(&path, &other_name).unwrap();
+        let mut file = WholeFile::create(&path).unwrap();
+        file.write_all(b"short").unwrap();
+        file.flush().unwrap();
+        file.write_over().unwrap();
+        drop(file);
+        assert_eq!(fs::read_to_string(&other_name).unwrap(), "short");
+        assert_eq!(folder.names(), ["a.ply", "b.ply"]);
+    }
+
+    #[test]
+    fn bytes_that_cannot_be_copied_stay_and_the_error_says_where() {
+        let folder = Folder::new();
+        let path = folder.0.path().join("a.ply");
+        let mut file = WholeFile::create(&path).unwrap();
+        file.write_all(b"all").unwrap();
+        file.flush().unwrap();
+        fs::create_dir(&path).unwrap();
+        let error = file.write_over().unwrap_err().to_string();
+        drop(file);
+        let partial = format!(".a.ply.{}.part", std::process::id());
+        assert!(error.starts_with("all of it is in /") && error.contains(&partial), "{error}");
+        assert_eq!(folder.names(), [partial.as_str(), "a.ply"]);
+        assert_eq!(fs::read_to_string(folder.0.path().join(partial)).unwrap(), "all");
     }
 
     #[cfg(unix)]

@@ -41,6 +41,11 @@ impl<'a> Ahead<'a> {
         })
     }
 
+    /// Whether a signal has come, so that what was read last may not be all.
+    pub(super) fn is_stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+
     /// Whether a stamp of zero is a time like any other.
     pub(super) fn begins_at_zero(&mut self) -> bool {
         let Self { bag, decoder, stop, begins_at_zero } = self;

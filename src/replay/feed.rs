@@ -8,11 +8,11 @@ use std::time::Duration;
 use thiserror::Error;
 
 use super::ahead::Ahead;
+use super::finder::Finder;
 use super::fixed_frame::FixedFrame;
 use super::reading::{Item, read};
 use super::said::Said;
 use super::summary::{AFTER_JUMP, Tally};
-use super::tree::Tree;
 use crate::bag::{Bag, BagError, Decoder, Message, Recorded};
 use crate::cloud::{Cloud, CloudError};
 use crate::engine::Scan;
@@ -131,6 +131,11 @@ pub enum FeedError<E> {
     /// The visitor cannot go on.
     #[error(transparent)]
     Visitor(E),
+    /// What the whole bag would have said of the frame is not known, and scans in the wrong one are none.
+    #[error(
+        "stopped by a signal while the frame of the map was looked for in the whole bag: there is no result"
+    )]
+    Stopped,
     /// The reading thread has panicked.
     #[error("the thread that reads has died")]
     Died,
@@ -149,7 +154,7 @@ enum Halt {
 /// Feeds every scan of a bag to a visitor, in the order in which their transforms are known.
 ///
 /// # Errors
-/// When the visitor cannot go on. A bag that cannot be read to its end is no error: [`Fed::unread`] says so.
+/// When the visitor cannot go on, and where it is told to stop before the right frame is known. A bag that cannot be read to its end is no error: [`Fed::unread`] says so.
 pub fn feed<V: Visitor>(feed: Feed<'_>, visitor: &mut V) -> Result<Ended, FeedError<V::Error>> {
     let Feed { bag, decoder, fixed_frame, patience, with_messages, stop, progress } = feed;
     let ahead = Ahead::new(bag, decoder, Arc::clone(&stop));
@@ -172,11 +177,8 @@ pub fn feed<V: Visitor>(feed: Feed<'_>, visitor: &mut V) -> Result<Ended, FeedEr
         patience,
         now: Duration::ZERO,
         disorder: Some(Duration::ZERO),
-        fixed_frame,
-        tree: Tree::default(),
-        looked_ahead: false,
+        finder: Finder::new(fixed_frame),
         enough: false,
-        wrong_guess: false,
         tally: Tally::default(),
         skips_said: Said::default(),
         transforms_said: Said::default(),
@@ -190,7 +192,7 @@ pub fn feed<V: Visitor>(feed: Feed<'_>, visitor: &mut V) -> Result<Ended, FeedEr
     if died {
         return Err(FeedError::Died);
     }
-    feeder.finish(halt).map_err(FeedError::Visitor)
+    feeder.finish(halt)
 }
 
 struct Feeder<'a, V> {
@@ -204,14 +206,9 @@ struct Feeder<'a, V> {
     /// How long before the message that was read before it one was recorded, at most; `None` once stamps have jumped back, and
     /// with them the times of recording.
     disorder: Option<Duration>,
-    fixed_frame: FixedFrame,
-    /// What all transforms so far say about names.
-    tree: Tree,
-    looked_ahead: bool,
+    finder: Finder,
     /// The visitor wants no more.
     enough: bool,
-    /// The newest transforms show that the guessed frame is not the root.
-    wrong_guess: bool,
     tally: Tally,
     /// Why scans of which frame were skipped.
     skips_said: Said,
@@ -242,7 +239,7 @@ impl<V: Visitor> Feeder<'_, V> {
             if self.stop.load(Ordering::Relaxed) {
                 return Ok(Halt::Stop);
             }
-            if self.wrong_guess && !self.enough {
+            if self.finder.is_wrong() && !self.enough {
                 return Ok(Halt::WrongFrame);
             }
         }
@@ -314,48 +311,21 @@ impl<V: Visitor> Feeder<'_, V> {
         if self.join.longest_wait(self.now) < self.patience { MOST } else { FEW }
     }
 
-    /// Guesses the fixed frame; where there are transforms and none is about a sensor, the whole bag is asked.
     fn guess(&mut self) {
-        let sensors: Vec<_> = self.join.sensors().collect();
-        self.fixed_frame.guess(&self.tree, &sensors);
-        if self.fixed_frame.name().is_none() && !sensors.is_empty() {
-            self.fixed_frame = self.found();
-        }
+        self.finder.guess(&self.ahead, &self.join);
     }
 
-    /// The fixed frame by the whole bag.
-    fn found(&self) -> FixedFrame {
-        let sensors: Vec<_> = self.join.sensors().collect();
-        self.fixed_frame.clone().found(&Tree::of(self.ahead.transforms()), &sensors)
-    }
-
-    /// Takes the static transforms out of the whole bag: a latched `/tf_static` may have been recorded late, and what it
-    /// says holds for all time. Once, and only where frames are not connected: a gap in time is not closed so.
     fn look_ahead(&mut self) -> Result<(), V::Error> {
-        let lacks = self.join.oldest().and_then(|(_, lacks)| lacks);
-        let unconnected =
-            matches!(lacks, Some(LookupError::UnknownFrame { .. } | LookupError::NotConnected { .. }));
-        if !unconnected || std::mem::replace(&mut self.looked_ahead, true) {
-            return Ok(());
-        }
-        for (transform, is_static) in self.ahead.transforms() {
-            if is_static {
-                // What is wrong with a transform is said when its turn comes.
-                drop(self.join.transform(&transform, true));
-            }
-        }
-        self.ready()
+        if self.finder.look_ahead(&self.ahead, &mut self.join) { self.ready() } else { Ok(()) }
     }
 
     fn transforms(&mut self, message: &TfMessage, is_static: bool) -> Result<(), V::Error> {
+        self.finder.note(message, is_static);
         for transform in &message.transforms {
-            self.tree.note(transform, is_static);
             if let Some(line) = self.transform(transform, is_static) {
                 self.visitor.say(&line);
             }
         }
-        self.fixed_frame.look_for_default(&self.tree);
-        self.wrong_guess = self.fixed_frame.is_wrong(&self.tree);
         self.ready()
     }
 
@@ -374,7 +344,7 @@ impl<V: Visitor> Feeder<'_, V> {
     }
 
     fn ready(&mut self) -> Result<(), V::Error> {
-        let Some(fixed_frame) = self.fixed_frame.name() else { return Ok(()) };
+        let Some(fixed_frame) = self.finder.name() else { return Ok(()) };
         if self.enough {
             return Ok(());
         }
@@ -405,19 +375,17 @@ impl<V: Visitor> Feeder<'_, V> {
     }
 
     /// What still waits at the end.
-    fn finish(mut self, halt: Halt) -> Result<Ended, V::Error> {
+    fn finish(mut self, halt: Halt) -> Result<Ended, FeedError<V::Error>> {
         let (unread, mut stopped) = match halt {
-            Halt::WrongFrame => return Ok(self.wrong_frame()),
+            Halt::WrongFrame => return self.wrong_frame(),
             Halt::End(unread) => (unread, false),
             Halt::Stop => (None, true),
         };
         if !stopped && !self.enough {
-            self.guess();
-            self.ready()?;
-            self.look_ahead()?;
+            self.use_the_last().map_err(FeedError::Visitor)?;
             stopped = self.stop.load(Ordering::Relaxed);
-            if !stopped && self.fixed_frame.is_wrong(&self.tree) {
-                return Ok(self.wrong_frame());
+            if !stopped && self.finder.is_wrong() {
+                return self.wrong_frame();
             }
         }
         for waited in self.join.give_up(self.now) {
@@ -438,17 +406,23 @@ impl<V: Visitor> Feeder<'_, V> {
                 disorder.as_secs_f64()
             ));
         }
-        let sensors: Vec<_> = self.join.sensors().collect();
-        if let Some(line) = self.fixed_frame.about(&self.tree, &sensors) {
+        if let Some(line) = self.finder.about(&self.join) {
             self.visitor.say(&line);
         }
-        let name = self.fixed_frame.name().unwrap_or_default().to_owned();
-        let fixed_frame = if let FixedFrame::Open { default } = self.fixed_frame { default } else { name };
+        let fixed_frame = self.finder.into_name();
         Ok(Ended::Fed(Fed { tally: self.tally, fixed_frame, unread, stopped }))
     }
 
+    /// Takes what is ready by all that can be known.
+    fn use_the_last(&mut self) -> Result<(), V::Error> {
+        self.guess();
+        self.ready()?;
+        self.look_ahead()
+    }
+
     /// Finds the right frame in the whole bag, so that there is no third time.
-    fn wrong_frame(self) -> Ended {
-        Ended::WrongFrame(self.found())
+    fn wrong_frame(&self) -> Result<Ended, FeedError<V::Error>> {
+        let right = self.finder.right(&self.ahead, &self.join);
+        right.map(Ended::WrongFrame).ok_or(FeedError::Stopped)
     }
 }

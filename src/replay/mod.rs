@@ -11,6 +11,7 @@ mod clocks;
 mod clusters;
 mod feed;
 mod files;
+mod finder;
 mod fixed_frame;
 mod reading;
 mod run;

@@ -388,6 +388,11 @@ impl Frames {
         names.collect::<BTreeSet<_>>().into_iter().cloned().collect()
     }
 
+    /// Whether a transform says where `frame` is, so that it has a parent.
+    pub fn is_placed(&self, frame: &str) -> bool {
+        self.edges.contains_key(bare(frame))
+    }
+
     /// The root of the tree that `frame` is in; the frame itself where it has no parent, `None` where it is unknown.
     pub fn root_of(&self, frame: &str) -> Option<&str> {
         let frame = bare(frame);

@@ -149,6 +149,7 @@ fn frames_are_listed_by_name_and_know_their_root() {
     let frames = robot();
     assert_eq!(frames.frame_names(), ["base_link", "camera", "map", "odom"]);
     assert_eq!(frames.root_of("/camera"), Some("map"));
+    assert_eq!(["/camera", "map", "world"].map(|frame| frames.is_placed(frame)), [true, false, false]);
     assert_eq!(frames.root_of("map"), Some("map"));
     assert_eq!(frames.root_of("world"), None);
 }

@@ -137,6 +137,19 @@ def test_deltas_alone_lead_from_the_first_snapshot_to_every_other(result):
         assert reader.latest.unclustered_voxels == snapshot.unclustered_voxels
 
 
+def test_a_reader_begins_anew_with_each_lap_of_the_bag_in_a_loop(result):
+    snapshots = [message.value for message in result.on("/cfodi/clusters")]
+    deltas = [message.value for message in result.on("/cfodi/clusters_delta")]
+    reader = MapReader()
+    for _ in range(2):
+        reader.snapshot(snapshots[0])
+        assert reader.version == snapshots[0].sequence < snapshots[-1].sequence
+        for delta in deltas:
+            reader.delta(delta)
+        reader.snapshot(snapshots[-1])
+        assert reader.version == snapshots[-1].sequence
+
+
 def test_the_labelled_points_are_the_dense_voxels(result, run):
     cloud = result.on("/cfodi/points_labelled")[-1].value
     wanted = ["x", "y", "z", "normal_x", "normal_y", "normal_z", "curvature", "label"]

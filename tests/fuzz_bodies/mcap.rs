@@ -57,7 +57,7 @@ fn read(path: &Path) {
     let survey = bag.survey(&AtomicBool::new(false));
     let first = survey.topics.first().map(|topic| Wanted { topic: topic.name.clone(), info: None });
     let first: Vec<_> = first.into_iter().collect();
-    let choices = [choose(&survey.topics, &[], None), choose(&survey.topics, &first, None)];
+    let choices = [choose(&survey.topics, &[], &[], None), choose(&survey.topics, &first, &[], None)];
     let sensors = choices.into_iter().flatten().next().map_or_else(Vec::new, |choice| choice.sensors);
     let mut decoder = Decoder::new(sensors, FILTER, TransformTopics::default());
     decoder.look_for_cameras(bag.messages().take(10_000).map_while(Result::ok));

@@ -9,8 +9,10 @@
 using Array = MapReader::Array;
 using Members = std::initializer_list<std::pair<std::uint64_t, std::uint32_t>>;  // id, revision
 
-Array message(std::uint64_t session, std::uint64_t sequence, Members members, std::initializer_list<std::uint64_t> removed = {}) {
+Array message(std::uint64_t session, std::uint64_t sequence, Members members, std::initializer_list<std::uint64_t> removed = {},
+              std::int32_t second = 0) {
   Array array;
+  array.header.stamp.sec = second;
   array.session_id = session;
   array.sequence = sequence;
   array.base_sequence = sequence - 1;
@@ -34,7 +36,37 @@ void expect(const char* sentence, const MapReader& reader, std::uint64_t version
   std::exit(1);
 }
 
+void played_again() {
+  MapReader reader;
+  reader.snapshot(message(1, 1, {{1, 1}}, {}, 100));
+  reader.snapshot(message(1, 60, {{1, 60}}, {}, 102));
+  reader.delta(message(1, 61, {{1, 61}}, {}, 103));
+  reader.delta(message(1, 64, {{1, 64}}, {}, 104));
+  expect("a recording is played", reader, 61, {{1, 61}});
+  reader.snapshot(message(1, 1, {{1, 1}}, {}, 100));
+  reader.delta(message(1, 2, {{2, 1}}, {}, 101));
+  expect("played again it begins a new map though its session is the same", reader, 2, {{1, 1}, {2, 1}});
+  reader.snapshot(message(1, 63, {{1, 63}}, {}, 103));
+  expect("and what waited before is gone", reader, 63, {{1, 63}});
+}
+
+void late() {
+  MapReader reader;
+  reader.snapshot(message(1, 1, {{1, 1}}, {}, 100));
+  for (std::uint32_t sequence = 2; sequence < 5; ++sequence) {
+    reader.delta(message(1, sequence, {{1, sequence}}, {}, 100 + 10 * static_cast<std::int32_t>(sequence)));
+  }
+  reader.snapshot(message(1, 1, {{1, 1}}, {}, 100));
+  expect("a snapshot that comes again is no recording", reader, 4, {{1, 4}});
+  reader.snapshot(message(1, 3, {{1, 3}}, {}, 130));
+  expect("nor is one that is late, however seldom they are", reader, 4, {{1, 4}});
+  reader.snapshot(message(1, 2, {{1, 2}}, {}, 140));
+  expect("nor one whose stamp is that of the map", reader, 4, {{1, 4}});
+}
+
 int main() {
+  played_again();
+  late();
   MapReader reader;
   reader.delta(message(1, 2, {{1, 2}}));
   reader.delta(message(1, 3, {{3, 1}}, {2}));

@@ -157,6 +157,11 @@ void voxels() {
   expect("those of a cluster without an outline are in the way", known.free_ahead(ground, kHere), 0.8);
   known.points(cloud({{1.0, 0.0, 0.7, 2}}));
   expect("and those of one whose outline is that of another part", known.free_ahead(ground, kHere), 1.0);
+  sensor_msgs::msg::PointCloud2 empty;  // without fields too: the iterators throw where they look into it
+  empty.header.stamp.sec = 7;
+  known.points(empty);
+  expect("an empty cloud takes them away", known.free_ahead(ground, kHere), 2.0);
+  expect("and is the newest", known.voxels_header().stamp.sec == 7);
 }
 
 void ground_and_table() {

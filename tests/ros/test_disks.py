@@ -89,3 +89,16 @@ def test_a_demo_whose_bag_cannot_be_written_leaves_its_pictures(tmp_path):
     done = subprocess.run([BINARY, "demo", "--seconds=2", "--out", tmp_path], capture_output=True, text=True, timeout=180)
     assert done.returncode == 1 and says(done.stderr, FULL, "result.mcap"), done.stderr
     assert all((tmp_path / name).stat().st_size > 100 for name in ("map.ply", "map.png"))
+
+
+def test_a_single_file_that_is_mounted_gets_the_whole_output(bag, tmp_path):
+    """As in a container: its name cannot be taken by another file."""
+    behind, voxels = tmp_path / "behind.csv", tmp_path / "voxels.csv"
+    behind.write_text("before" * 1_000_000)
+    voxels.write_text("")
+    script = 'set -e; mount --bind "$1" "$2"; shift 2; exec "$@"'
+    done = subprocess.run(["unshare", "-m", "bash", "-c", script, "bash", behind, voxels, BINARY, "replay", bag, "--voxels", voxels],
+                          capture_output=True, text=True, timeout=180)
+    assert done.returncode == 0, done.stderr
+    assert behind.read_text().startswith("ix,iy,iz,") and "before" not in behind.read_text()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["behind.csv", "voxels.csv"]

@@ -10,10 +10,12 @@ from map_reader import MapReader
 HERE = pathlib.Path(__file__).resolve().parent
 
 
-def message(session, sequence, members, removed=()):
-    return SurfaceClusterArray(
+def message(session, sequence, members, removed=(), second=0):
+    array = SurfaceClusterArray(
         session_id=session, sequence=sequence, base_sequence=max(sequence - 1, 0), removed=list(removed),
         clusters=[SurfaceCluster(id=id, revision=revision) for id, revision in members.items()])
+    array.header.stamp.sec = second
+    return array
 
 
 def holds(reader):
@@ -53,6 +55,32 @@ def test_a_new_session_begins_a_new_map():
     assert holds(reader) == (7, {1: 7})
     reader.snapshot(message(2, 0, {}))
     assert holds(reader) == (1, {1: 1})
+
+
+def test_a_recording_that_is_played_again_begins_a_new_map_though_its_session_is_the_same():
+    reader = MapReader()
+    reader.snapshot(message(1, 1, {1: 1}, second=100))
+    reader.snapshot(message(1, 60, {1: 60}, second=102))
+    reader.delta(message(1, 61, {1: 61}, second=103))
+    reader.delta(message(1, 64, {1: 64}, second=104))
+    assert holds(reader) == (61, {1: 61})
+    reader.snapshot(message(1, 1, {1: 1}, second=100))
+    reader.delta(message(1, 2, {2: 1}, second=101))
+    assert holds(reader) == (2, {1: 1, 2: 1})
+    reader.snapshot(message(1, 63, {1: 63}, second=103))
+    assert holds(reader) == (63, {1: 63})
+
+
+def test_a_snapshot_that_is_late_or_comes_again_is_no_recording_however_seldom_they_are():
+    reader = MapReader()
+    reader.snapshot(message(1, 1, {1: 1}, second=100))
+    for sequence in range(2, 5):
+        reader.delta(message(1, sequence, {1: sequence}, second=100 + 10 * sequence))
+    for sequence, second in (1, 100), (3, 130), (3, 130):
+        reader.snapshot(message(1, sequence, {1: sequence}, second=second))
+        assert holds(reader) == (4, {1: 4})
+    reader.snapshot(message(1, 2, {1: 2}, second=140))
+    assert holds(reader) == (4, {1: 4})
 
 
 def test_the_reader_in_cpp_compiles_against_the_generated_headers_and_does_the_same(tmp_path):

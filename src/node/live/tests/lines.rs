@@ -5,7 +5,7 @@ use crate::cloud::Camera;
 use crate::msg::ros::CameraInfo;
 
 /// Two sensors of all forms.
-fn two() -> Fake {
+pub(super) fn two() -> Fake {
     let mut fake = Fake::default();
     let mut rear = fake.inputs[0].clone();
     rear.name = "rear".to_owned();

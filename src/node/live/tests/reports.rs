@@ -1,5 +1,6 @@
 //! What is reported of a node on a middleware made of channels.
 
+use super::lines::two;
 use super::*;
 use crate::msg::labelled::MAX_LABELLED;
 use crate::msg::reports::DiagnosticStatus;
@@ -58,6 +59,20 @@ fn a_report_has_the_figures_of_each_part() {
     assert_eq!(value(&last(&transport, "engine"), "taken in in all"), "1");
     assert_eq!(value(&last(&transport, "map"), "sequence"), "1");
     assert_eq!(worst(&transport, "transforms").level, 0);
+}
+
+/// The stamp of the map is that of whichever was taken in last.
+#[test]
+fn each_sensor_has_an_age_of_its_own() {
+    let now = new_session(0) as f64 / 1e9;
+    let (report, _) = driven(two(), async |live| {
+        live.event(cloud(at(now - 5.0), "camera")).await;
+        let Event::Cloud(_, recent) = cloud(at(now), "camera") else { unreachable!() };
+        live.event(Event::Cloud(Form::Points.of(1), recent)).await;
+    });
+    let age =
+        |sensor: &str| -> f64 { value(&part(&report, sensor), "age of the newest [s]").parse().unwrap() };
+    assert!(age("sensor points") > 4.9 && age("sensor rear") < 4.0, "{report:?}");
 }
 
 /// What is said of a sensor, and by the log, after these events, where it has sent nothing of use for so long before.

@@ -1,0 +1,135 @@
+//! Finds the frame in which a map lives: by the transforms as they come, and where these do not tell, by the whole bag.
+
+use super::ahead::Ahead;
+use super::fixed_frame::FixedFrame;
+use super::tree::Tree;
+use crate::join::Join;
+use crate::msg::ros::TfMessage;
+use crate::tf::LookupError;
+
+/// What is known so far.
+pub(super) struct Finder {
+    fixed_frame: FixedFrame,
+    /// What all transforms so far say about names.
+    tree: Tree,
+    looked_ahead: bool,
+    /// The transforms show that the guessed frame is not the root.
+    is_wrong: bool,
+}
+
+impl Finder {
+    pub(super) fn new(fixed_frame: FixedFrame) -> Self {
+        Self { fixed_frame, tree: Tree::default(), looked_ahead: false, is_wrong: false }
+    }
+
+    /// The frame, once there is one.
+    pub(super) fn name(&self) -> Option<&str> {
+        self.fixed_frame.name()
+    }
+
+    /// The frame, or what it would have been.
+    pub(super) fn into_name(self) -> String {
+        match self.fixed_frame {
+            FixedFrame::Open { default } => default,
+            known => known.name().unwrap_or_default().to_owned(),
+        }
+    }
+
+    /// Whether the frame that was guessed is not the root.
+    pub(super) const fn is_wrong(&self) -> bool {
+        self.is_wrong
+    }
+
+    /// Notes transforms, whatever becomes of them.
+    pub(super) fn note(&mut self, message: &TfMessage, is_static: bool) {
+        message.transforms.iter().for_each(|transform| self.tree.note(transform, is_static));
+        self.fixed_frame.look_for_default(&self.tree);
+        self.is_wrong = self.fixed_frame.is_wrong(&self.tree);
+    }
+
+    /// Guesses the frame; where there are transforms and none is about a sensor, the whole bag is asked.
+    pub(super) fn guess(&mut self, ahead: &Ahead<'_>, join: &Join) {
+        let sensors: Vec<_> = join.sensors().collect();
+        self.fixed_frame.guess(&self.tree, &sensors);
+        if self.name().is_none() && !sensors.is_empty() {
+            self.fixed_frame = self.found(ahead, join);
+        }
+        self.is_wrong = self.fixed_frame.is_wrong(&self.tree);
+    }
+
+    /// The frame by the whole bag; `None` where a signal came before all of it was read.
+    pub(super) fn right(&self, ahead: &Ahead<'_>, join: &Join) -> Option<FixedFrame> {
+        let found = self.found(ahead, join);
+        (!ahead.is_stopped()).then_some(found)
+    }
+
+    /// The frame by the whole bag, up to a signal.
+    fn found(&self, ahead: &Ahead<'_>, join: &Join) -> FixedFrame {
+        let sensors: Vec<_> = join.sensors().collect();
+        self.fixed_frame.clone().found(&Tree::of(ahead.transforms()), &sensors)
+    }
+
+    /// Takes the static transforms that are missing out of the whole bag, the first of each frame: a latched `/tf_static` may
+    /// have been recorded late, and what it says holds for all time before. What is known stands until its turn comes to change.
+    /// Once, and only where frames are not connected: a gap in time is not closed so. Says whether it has looked.
+    pub(super) fn look_ahead(&mut self, ahead: &Ahead<'_>, join: &mut Join) -> bool {
+        let lacks = join.oldest().and_then(|(_, lacks)| lacks);
+        let unconnected =
+            matches!(lacks, Some(LookupError::UnknownFrame { .. } | LookupError::NotConnected { .. }));
+        if !unconnected || std::mem::replace(&mut self.looked_ahead, true) {
+            return false;
+        }
+        for (transform, is_static) in ahead.transforms() {
+            if is_static && !join.frames().is_placed(&transform.child_frame_id) {
+                // What is wrong with a transform is said when its turn comes.
+                drop(join.transform(&transform, true));
+            }
+        }
+        true
+    }
+
+    /// What is to be said of a guess at the end.
+    pub(super) fn about(&self, join: &Join) -> Option<String> {
+        let sensors: Vec<_> = join.sensors().collect();
+        self.fixed_frame.about(&self.tree, &sensors)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs::File;
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicBool, Ordering};
+
+    use super::*;
+    use crate::bag::{Bag, Decoder, SensorBag, TransformTopics};
+    use crate::cloud::{CloudFilter, Optical};
+    use crate::msg::ros::{Header, TransformStamped};
+
+    const FILTER: CloudFilter =
+        CloudFilter { min_range: 0.4, max_range: 6.0, optical: Optical::Auto, max_points: 1000 };
+
+    fn link(parent: &str, child: &str) -> TfMessage {
+        let header = Header { frame_id: parent.to_owned(), ..Header::default() };
+        let child_frame_id = child.to_owned();
+        TfMessage { transforms: vec![TransformStamped { header, child_frame_id, ..Default::default() }] }
+    }
+
+    #[test]
+    fn a_frame_that_is_looked_for_while_a_signal_comes_is_not_found() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.mcap");
+        let mut bag = SensorBag::new(File::create(&path).unwrap(), "/points").unwrap();
+        bag.transforms(&link("map", "camera"), true).unwrap();
+        bag.finish().unwrap();
+        let (bag, stop) = (Bag::open(&path).unwrap(), Arc::new(AtomicBool::new(false)));
+        let decoder = Decoder::new(Vec::new(), FILTER, TransformTopics::default());
+        let ahead = Ahead::new(&bag, decoder, Arc::clone(&stop));
+        let default = "odom".to_owned();
+        let finder = Finder::new(FixedFrame::Still { name: "camera".to_owned(), default: default.clone() });
+        let right = FixedFrame::Found { name: "map".to_owned(), sensor: None, default };
+        assert_eq!(finder.right(&ahead, &Join::new(1)), Some(right));
+        stop.store(true, Ordering::Relaxed);
+        assert_eq!(finder.right(&ahead, &Join::new(1)), None);
+    }
+}
