@@ -53,8 +53,7 @@ impl<T: Transport> Live<T> {
     ) -> Result<Arc<Snapshot>, LiveError> {
         let waiting = self.join.give_up(self.moment());
         waiting.iter().for_each(|_| self.counts.borrow_mut().skip("shutdown"));
-        let Self { worker, transport, saver, saving, counts, .. } = self;
-        drop(saver);
+        let Self { worker, transport, saving, counts, .. } = self;
         worker.request_snapshot();
         if saving.is_some() {
             worker.request_save();

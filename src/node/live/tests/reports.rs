@@ -27,7 +27,7 @@ fn worst(transport: &Fake, of: &str) -> DiagnosticStatus {
 pub(super) fn by_hand(config: &Config, transport: Fake) -> (Live<Fake>, mpsc::Receiver<DiagnosticArray>) {
     let (reports, reported) = mpsc::channel(1);
     let worker = Worker::start(Engine::new(config.engine), 1, 1, |_| {}).unwrap();
-    (Live::new(config, Rc::new(transport), (worker, None, 1), Seen::default(), reports), reported)
+    (Live::new(config, Rc::new(transport), (worker, 1), Seen::default(), reports), reported)
 }
 
 /// The report of a node that was driven so, and what its log says meanwhile.
