@@ -340,6 +340,28 @@ mod tests {
         }
     }
 
+    /// A disk that is full.
+    #[test]
+    fn a_map_that_no_other_takes_the_place_of_is_kept_once_at_jumps_without_end() {
+        let folder = tempfile::tempdir().unwrap();
+        let (saver, mut results) = start(folder.path().join("map"), "map".to_owned()).unwrap();
+        saver.write(1, Box::new(map_of(7)));
+        results.blocking_recv().unwrap().unwrap();
+        let in_the_way = folder.path().join("map.part");
+        std::fs::create_dir(&in_the_way).unwrap();
+        for session in 1..30 {
+            saver.end(session, Box::new(map_of(2)));
+            saver.write(session + 1, Box::new(map_of(1)));
+            assert!(results.blocking_recv().unwrap().is_err());
+        }
+        std::fs::remove_dir(in_the_way).unwrap();
+        let mut names: Vec<_> = folder.path().read_dir().unwrap().map(|e| e.unwrap().file_name()).collect();
+        names.sort();
+        assert_eq!(names, ["map", "map.before-1"]);
+        let kept = store::read(&folder.path().join("map.before-1")).unwrap();
+        assert_eq!(kept.map.sequence(), 7);
+    }
+
     #[test]
     fn of_jumps_without_end_the_newest_maps_are_kept_and_the_largest() {
         let folder = tempfile::tempdir().unwrap();
