@@ -299,6 +299,8 @@ impl<T: Transport> Live<T> {
                     &format!("the stamps of the scans have jumped back by {seconds:.3} s"),
                     true,
                 );
+                // The clock of that lap comes next, and begins no session of its own.
+                self.newest_clock = self.newest_clock.map(|newest| newest.min(scan.stamp));
             }
             if self.worker.submit(scan) {
                 self.counts.borrow_mut().replaced += 1;

@@ -175,6 +175,21 @@ fn sessions_that_alternate_are_said_once_and_are_a_warning_and_those_that_were_a
     assert!(begun.len() == 1 && begun[0].0 == 20, "{begun:?}");
 }
 
+/// A bag in a loop that is played with `--clock`.
+#[test]
+fn a_lap_begins_one_session_whether_its_first_scan_or_its_clock_comes_first() {
+    let (scan, clock) = (|seconds| cloud(at(seconds), "camera"), |seconds| Event::Clock(at(seconds)));
+    for lap in [[scan(1.0), clock(1.1)], [clock(1.0), scan(1.0)]] {
+        let (report, _) = driven(Fake::default(), async |live| {
+            let before = [transform(at(0.0), true), clock(20.0), scan(20.0)];
+            for event in before.into_iter().chain(lap).chain([clock(1.2), scan(1.2)]) {
+                live.event(event).await;
+            }
+        });
+        assert_eq!(value(&part(&report, "map"), "sessions begun by a jump"), "1");
+    }
+}
+
 #[test]
 fn a_jump_does_not_hide_that_the_map_is_not_saved() {
     let (report, _) = driven(Fake::default(), async |live| {
