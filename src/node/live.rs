@@ -171,7 +171,7 @@ async fn drive<T: Transport>(
     };
     events.close();
     while let Ok(event) = events.try_recv() {
-        live.put_away(event);
+        live.put_away(event).await;
     }
     let map = live.finish(publishing, written).await;
     broken.map_or(map, Err)
