@@ -41,15 +41,29 @@ pub enum Output {
         /// The map.
         map: Box<SavedMap>,
     },
+    /// All of the map that a session has ended with, as asked for by [`Worker::jump`], where there is anything in it.
+    Ended {
+        /// The session that has ended.
+        session: u64,
+        /// The map.
+        map: Box<SavedMap>,
+    },
     /// The engine has panicked; nothing more will come.
     Died(String),
+}
+
+/// A session to begin with an empty map.
+struct Beginning {
+    session: u64,
+    /// The map that it ends is asked for.
+    is_jump: bool,
 }
 
 /// What waits for the worker.
 #[derive(Default)]
 struct Pending {
-    /// The id of a session to begin with an empty map, before anything else.
-    session: Option<u64>,
+    /// Before anything else.
+    session: Option<Beginning>,
     /// What the engine is to go on with, before the next scan.
     params: Option<Params>,
     /// Oldest first.
@@ -61,7 +75,7 @@ struct Pending {
 
 /// What the worker does next, in this order.
 struct Task {
-    session: Option<u64>,
+    session: Option<Beginning>,
     params: Option<Params>,
     scan: Option<Scan>,
     snapshot: bool,
@@ -163,8 +177,19 @@ impl Worker {
     /// Begins a new session with an empty map; returns how many scans that were still waiting were thrown away.
     #[must_use = "scans thrown away are to be counted"]
     pub fn reset(&self, session: u64) -> usize {
+        self.begin(session, false)
+    }
+
+    /// As [`Self::reset`], where nobody has asked for the map to be thrown away: it comes out as [`Output::Ended`].
+    #[must_use = "scans thrown away are to be counted"]
+    pub fn jump(&self, session: u64) -> usize {
+        self.begin(session, true)
+    }
+
+    fn begin(&self, session: u64, is_jump: bool) -> usize {
         self.mailbox.put(|pending| {
-            pending.session = Some(session);
+            let is_jump = is_jump || pending.session.take().is_some_and(|before| before.is_jump);
+            pending.session = Some(Beginning { session, is_jump });
             std::mem::take(&mut pending.scans).len()
         })
     }
@@ -192,7 +217,11 @@ fn guard(mailbox: &Mailbox, engine: Engine, session: u64, mut sink: impl FnMut(O
 fn work(mailbox: &Mailbox, mut engine: Engine, mut session: u64, sink: &mut impl FnMut(Output)) {
     loop {
         let task = mailbox.take();
-        if let Some(new) = task.session {
+        if let Some(Beginning { session: new, is_jump }) = task.session {
+            let map = is_jump.then(|| Box::new(engine.save()));
+            if let Some(map) = map.filter(|map| map.sequence() > 0) {
+                sink(Output::Ended { session, map });
+            }
             session = new;
             engine = Engine::new(*engine.params());
         }
@@ -289,6 +318,26 @@ pub(crate) mod tests {
             panic!()
         };
         assert_eq!((session, snapshot.sequence), (9, 0));
+    }
+
+    #[test]
+    fn at_a_jump_the_map_comes_out_before_the_session_begins_unless_it_is_empty() {
+        let (worker, outputs) = started();
+        assert_eq!(worker.jump(2), 0);
+        worker.request_snapshot();
+        let first = outputs.recv_timeout(PATIENCE).unwrap();
+        assert!(matches!(first, Output::Snapshot { session: 2, .. }), "{first:?}");
+        assert!(!worker.submit(scan(1)));
+        assert!(matches!(outputs.recv_timeout(PATIENCE).unwrap(), Output::Scan { session: 2, .. }));
+        assert_eq!(worker.jump(3), 0);
+        worker.request_save();
+        drop(worker);
+        let maps = outputs.iter().filter_map(|output| match output {
+            Output::Ended { session, map } => Some(("ended", session, map.sequence())),
+            Output::Saved { session, map } => Some(("saved", session, map.sequence())),
+            _ => None,
+        });
+        assert_eq!(maps.collect::<Vec<_>>(), [("ended", 2, 1), ("saved", 3, 0)]);
     }
 
     #[test]

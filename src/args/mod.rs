@@ -145,6 +145,11 @@ impl Setup {
         Rmw::named(&self.rmw, ZENOH_BUILT_IN)
     }
 
+    /// Whether who calls the node's services sends a header with each call, as [`Rmw::calls_by_header`] says.
+    pub fn is_called_by_header(&self) -> bool {
+        Rmw::calls_by_header(&self.rmw)
+    }
+
     /// What the node does about security over Zenoh, which has none that `ros2 security` could set up.
     ///
     /// # Errors

@@ -8,11 +8,14 @@ pub const ZENOH_BUILT_IN: bool = cfg!(feature = "zenoh");
 /// What ROS calls Zenoh.
 const ZENOH: &str = "rmw_zenoh_cpp";
 
-/// What ROS calls implementations of DDS, which all talk to each other.
+/// What ROS calls `CycloneDDS`.
+const CYCLONE: &str = "rmw_cyclonedds_cpp";
+
+/// What ROS calls implementations of DDS, which all hear each other; calls are another matter, see [`Rmw::calls_by_header`].
 const DDS: [&str; 6] = [
     "rmw_fastrtps_cpp",
     "rmw_fastrtps_dynamic_cpp",
-    "rmw_cyclonedds_cpp",
+    CYCLONE,
     "rmw_connextdds",
     "rmw_connextddsmicro",
     "rmw_gurumdds_cpp",
@@ -52,6 +55,12 @@ impl Rmw {
             name if name.is_empty() || DDS.contains(&name) => Ok(Self::Dds),
             other => Err(RmwError::Unknown(other.to_owned())),
         }
+    }
+
+    /// Whether its calls of services begin with a header of their own, as those of `CycloneDDS` do: the others read past the
+    /// request there, and none of the two understands the other's calls.
+    pub fn calls_by_header(name: &str) -> bool {
+        name == CYCLONE
     }
 }
 

@@ -56,6 +56,11 @@ pub struct Cloud {
 }
 
 impl Cloud {
+    /// What is to be said where it shows nothing, or next to nothing: an empty scan is a scan, and may be of a covered sensor.
+    pub fn shows_nothing(&self) -> Option<String> {
+        self.hardly_used().or_else(|| self.points.is_empty().then(|| "it has no points".to_owned()))
+    }
+
     /// What is to be said where next to nothing of it is of use: its unit, frame or range may be others than assumed.
     pub fn hardly_used(&self) -> Option<String> {
         let Self { total, invalid, out_of_range, .. } = self;

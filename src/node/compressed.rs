@@ -18,8 +18,8 @@ const ALONE: u32 = 2;
 /// large for the network.
 const MUTE: u32 = 20;
 
-/// Resolves when the compressed images of a camera are to be read. `comes` says whether a good scan has come of it in another form:
-/// then it never does.
+/// Resolves when the compressed images of a camera are to be read. `comes` says whether it comes in another form, as
+/// [`Known::comes`](super::heard::Known::comes) has it: then it never does.
 pub(super) async fn wanted(
     topics: &DepthTopics,
     sources: impl Fn() -> Vec<Source>,

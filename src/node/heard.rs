@@ -39,19 +39,19 @@ fn of<T: Default>(publishers: &mut BTreeMap<PublisherId, T>, publisher: Publishe
 pub(super) struct Known {
     heard: Heard,
     gaps: Gaps,
-    /// Whether a good scan has come.
+    /// Whether a good scan has come, or an image that lacks its camera info alone: it would lack it in another form too.
     comes: bool,
 }
 
 impl Known {
-    /// Whether a good scan has come: then the sensor is taken in this form.
+    /// Whether a scan has come by which the sensor is taken in this form, or will be once its camera info is there.
     pub(super) const fn comes(&self) -> bool {
         self.comes
     }
 
     /// Notes a scan, with or without a number.
     pub(super) const fn note(&mut self, scan: &Decoded) {
-        self.comes |= scan.is_ok();
+        self.comes |= matches!(scan, Ok(_) | Err(CloudError::NoCameraInfo));
     }
 
     /// A scan that is to be taken, and how many were lost before it; a sample comes with its publisher and number.
@@ -200,6 +200,16 @@ pub(super) mod tests {
         let mut name = [0; 16];
         name[..4].copy_from_slice(&number.to_le_bytes());
         name
+    }
+
+    /// A camera info that comes more than ten seconds late must not have the driver pack PNGs for good.
+    #[test]
+    fn an_image_that_lacks_its_camera_info_alone_comes_and_one_that_is_bad_does_not() {
+        for (error, comes) in [(CloudError::NoCameraInfo, true), (CloudError::EmptyFrameId, false)] {
+            let mut known = Known::default();
+            known.note(&Err(error.clone()));
+            assert_eq!(known.comes(), comes, "{error}");
+        }
     }
 
     #[test]

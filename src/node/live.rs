@@ -29,7 +29,7 @@ use super::counts::Counts;
 use super::publish::{Seen, publish};
 use super::rosout::Lines;
 use super::saved::Saved;
-use super::saving::{self, Call, Saver, Saving};
+use super::saving::{self, Call, Saving};
 use super::speak::speak;
 use super::throttle::Throttle;
 use super::transport::{Event, Input, Service, Transport};
@@ -140,10 +140,9 @@ async fn drive<T: Transport>(
     let (saver, mut written) = saver.map_err(failed("the thread that saves the map"))?.unzip();
     let vitals: Rc<RefCell<Vitals>> = Rc::default();
     let seen = (Rc::clone(&counts), Rc::clone(&vitals));
-    let publishing = publish(Rc::clone(&transport), receiver, seen, config.clone(), saver.clone());
+    let publishing = publish(Rc::clone(&transport), receiver, seen, config.clone(), saver);
     let mut publishing = tokio::task::spawn_local(publishing);
-    let mut live =
-        Live::new(config, Rc::clone(&transport), (worker, saver, session), (counts, vitals), reports);
+    let mut live = Live::new(config, Rc::clone(&transport), (worker, session), (counts, vitals), reports);
     let mut diagnoses = interval(REPORTS);
     diagnoses.reset();
     let mut tick = interval(TICK);
@@ -172,7 +171,7 @@ async fn drive<T: Transport>(
     };
     events.close();
     while let Ok(event) = events.try_recv() {
-        live.put_away(event);
+        live.put_away(event).await;
     }
     let map = live.finish(publishing, written).await;
     broken.map_or(map, Err)
@@ -181,7 +180,6 @@ async fn drive<T: Transport>(
 struct Live<T: Transport> {
     transport: Rc<T>,
     worker: Worker,
-    saver: Option<Saver>,
     join: Join,
     timers: Timers,
     counts: Rc<RefCell<Counts>>,
@@ -213,7 +211,7 @@ impl<T: Transport> Live<T> {
     fn new(
         config: &Config,
         transport: Rc<T>,
-        (worker, saver, session): (Worker, Option<Saver>, u64),
+        (worker, session): (Worker, u64),
         (counts, vitals): Seen,
         reports: mpsc::Sender<DiagnosticArray>,
     ) -> Self {
@@ -222,7 +220,6 @@ impl<T: Transport> Live<T> {
         Self {
             transport,
             worker,
-            saver,
             join: Join::new(places(config)),
             timers: Timers::new(config),
             counts,
@@ -302,6 +299,8 @@ impl<T: Transport> Live<T> {
                     &format!("the stamps of the scans have jumped back by {seconds:.3} s"),
                     true,
                 );
+                // The clock of that lap comes next, and begins no session of its own.
+                self.newest_clock = self.newest_clock.map(|newest| newest.min(scan.stamp));
             }
             if self.worker.submit(scan) {
                 self.counts.borrow_mut().replaced += 1;

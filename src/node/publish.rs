@@ -97,6 +97,11 @@ async fn take(
                     saver.write(session, map);
                 }
             }
+            Output::Ended { session, map } => {
+                if let Some(saver) = &saver {
+                    saver.end(session, map);
+                }
+            }
             Output::Died(text) => ended.died = Some(text),
         }
     }

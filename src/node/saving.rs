@@ -2,7 +2,8 @@
 
 use std::cell::Cell;
 use std::path::{Path, PathBuf};
-use std::rc::Rc;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 
 use tokio::sync::mpsc::{UnboundedReceiver, unbounded_channel};
@@ -30,48 +31,64 @@ pub(super) struct InFile {
 /// What the thread that writes is told.
 #[derive(Debug)]
 enum Task {
-    /// Write the map of a session, in place of the one before.
-    Write { session: u64, map: Box<SavedMap> },
+    /// Write the map of a session, in place of the one before; `is_last` where a jump has ended it, and nobody waits for that.
+    Write { session: u64, map: Box<SavedMap>, is_last: bool },
     /// Give the file a second name before a map of this session or a later one takes its place: nobody has asked for the old
     /// map to be given up. Maps of earlier sessions that are still on their way are written first, and it is they that are
     /// kept.
     Keep { before: u64 },
 }
 
-/// Most that waits for the thread. [`Saving`] lets one map be under way, and the node's end asks for one more; before,
-/// between and after them a [`Task::Keep`] has its place.
-const PLACES: usize = 5;
+/// Most that waits for the thread. [`Saving`] lets one map be under way, a jump adds one, and the node's end asks for one more;
+/// before, between and after them a [`Task::Keep`] has its place.
+const PLACES: usize = 7;
 
 /// The way to the thread that writes. Nobody waits here, however long the disk does not answer.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub(super) struct Saver {
     tasks: SyncSender<Task>,
     /// The newest task is a [`Task::Keep`].
-    keeps: Rc<Cell<bool>>,
+    keeps: Cell<bool>,
+    /// The last map of a session is on its way.
+    ends: Arc<AtomicBool>,
 }
 
 impl Saver {
     /// Has the map of a session written, in place of the one before.
     pub(super) fn write(&self, session: u64, map: Box<SavedMap>) {
-        self.send(Task::Write { session, map });
+        self.send(Task::Write { session, map, is_last: false });
         self.keeps.set(false);
+    }
+
+    /// Has the map written that a jump has ended a session with, and kept. While one such is on its way another is given up, and
+    /// what is in the file of its session is kept instead: a clock that jumps for ever is faster than any disk.
+    pub(super) fn end(&self, session: u64, map: Box<SavedMap>) {
+        if !self.ends.swap(true, Ordering::Relaxed) {
+            let is_sent = self.send(Task::Write { session, map, is_last: true });
+            self.ends.store(is_sent, Ordering::Relaxed);
+            self.keeps.set(false);
+        }
+        self.keep(session + 1);
     }
 
     /// Has the file kept under another name before the map of a session takes its place. Where no map was sent since this was
     /// asked for last, there is nothing more to keep: a clock that jumps for ever piles nothing up before a disk that does not
     /// answer.
-    pub(super) fn keep(&self, before: u64) {
+    fn keep(&self, before: u64) {
         if !self.keeps.replace(true) {
             self.send(Task::Keep { before });
         }
     }
 
-    fn send(&self, task: Task) {
+    /// Whether the task waits now.
+    fn send(&self, task: Task) -> bool {
         match self.tasks.try_send(task) {
+            Ok(()) => true,
             // Where that thread has died, the node learns so by itself.
-            Ok(()) | Err(TrySendError::Disconnected(_)) => {}
+            Err(TrySendError::Disconnected(_)) => false,
             Err(TrySendError::Full(_)) => {
                 warn!("the disk does not answer: {PLACES} tasks wait for it, and one more is given up");
+                false
             }
         }
     }
@@ -79,7 +96,7 @@ impl Saver {
 
 fn queue() -> (Saver, Receiver<Task>) {
     let (tasks, waiting) = sync_channel(PLACES);
-    (Saver { tasks, keeps: Rc::default() }, waiting)
+    (Saver { tasks, keeps: Cell::default(), ends: Arc::default() }, waiting)
 }
 
 /// Starts the thread `cfodi-saver`, which does what it is sent, one after the other, and ends when the senders are gone.
@@ -89,17 +106,21 @@ fn queue() -> (Saver, Receiver<Task>) {
 pub(super) fn start(path: PathBuf, frame_id: String) -> std::io::Result<(Saver, UnboundedReceiver<Written>)> {
     let (saver, waiting) = queue();
     let (written, results) = unbounded_channel();
+    let ends = Arc::clone(&saver.ends);
     std::thread::Builder::new().name("cfodi-saver".to_owned()).spawn(move || {
         let mut keeping = Keeping::default();
         for task in waiting {
             match task {
                 Task::Keep { before } => keeping.before.push(before),
-                Task::Write { session, map } => {
+                Task::Write { session, map, is_last } => {
                     let sequence = map.sequence();
                     let stored = Stored { frame_id: frame_id.clone(), map: *map };
                     let result = keeping.keep(&path, session).and_then(|()| store::write(&path, &stored));
                     let result = result.map(|bytes| InFile { session, sequence, bytes });
-                    if written.send(result).is_err() {
+                    if is_last {
+                        keeping.say_last(&result);
+                        ends.store(false, Ordering::Relaxed);
+                    } else if written.send(result).is_err() {
                         return;
                     }
                 }
@@ -139,6 +160,13 @@ impl Keeping {
             }
         }
         Ok(())
+    }
+
+    /// Says how it went with a map that a jump has ended a session with.
+    fn say_last(&mut self, written: &Written) {
+        if let Err(error) = written {
+            self.say("not_saved", &[format!("the map that a jump has ended was not saved: {error}")]);
+        }
     }
 
     fn say(&mut self, kind: &'static str, lines: &[String]) {
@@ -261,22 +289,26 @@ mod tests {
     use crate::node::rosout::listen;
 
     #[test]
-    fn before_a_disk_that_does_not_answer_two_maps_wait_with_one_task_to_keep_around_each() {
+    fn before_a_disk_that_does_not_answer_three_maps_wait_and_three_tasks_to_keep() {
         let (saver, waiting) = queue();
-        let write = || saver.write(1, Box::new(Engine::new(Params::default()).save()));
-        let jump = || (0..1000).for_each(|_| saver.keep(1));
-        jump();
-        write();
-        jump();
-        write();
-        jump();
+        let map = || Box::new(Engine::new(Params::default()).save());
+        let jumps = |from: u64| (from..from + 1000).for_each(|session| saver.end(session, map()));
+        for session in [1, 2000, 4000] {
+            saver.write(session, map());
+            jumps(session);
+        }
         // Nothing sends more; if it did, it would not wait.
-        (0..1000).for_each(|_| write());
-        let keeps: Vec<_> = waiting.try_iter().map(|task| matches!(task, Task::Keep { .. })).collect();
-        assert_eq!(keeps, [true, false, true, false, true]);
-        write();
-        jump();
-        assert_eq!(waiting.try_iter().count(), 2, "there is room again");
+        (0..1000).for_each(|_| saver.write(1, map()));
+        let kind = |task| match task {
+            Task::Write { is_last: false, .. } => "map",
+            Task::Write { is_last: true, .. } => "last map",
+            Task::Keep { .. } => "keep",
+        };
+        let tasks = || waiting.try_iter().map(kind).collect::<Vec<_>>();
+        assert_eq!(tasks(), ["map", "last map", "keep", "map", "keep", "map", "keep"]);
+        saver.ends.store(false, Ordering::Relaxed);
+        jumps(6000);
+        assert_eq!(tasks(), ["last map", "keep"], "there is room again");
     }
 
     fn map_of(scans: u64) -> SavedMap {
@@ -288,30 +320,46 @@ mod tests {
     }
 
     #[test]
-    fn a_map_that_was_on_its_way_at_a_jump_is_kept_and_so_are_later_ones() {
-        // The second jump comes before the first map of the session that it ends, or after it.
-        for jumps_early in [true, false] {
+    fn the_map_that_a_jump_ends_is_kept_and_where_the_one_before_is_still_on_its_way_what_was_saved() {
+        for is_on_its_way in [false, true] {
             let folder = tempfile::tempdir().unwrap();
-            let path = folder.path().join("map");
-            let (saver, mut results) = start(path, "map".to_owned()).unwrap();
-            saver.keep(2);
-            saver.write(1, Box::new(map_of(7)));
-            if jumps_early {
-                saver.keep(3);
-            }
+            let (saver, mut results) = start(folder.path().join("map"), "map".to_owned()).unwrap();
+            let mut written = || results.blocking_recv().unwrap().unwrap().sequence;
+            saver.write(1, Box::new(map_of(5)));
+            saver.end(1, Box::new(map_of(7)));
             saver.write(2, Box::new(map_of(1)));
-            if !jumps_early {
-                saver.keep(3);
-            }
+            assert_eq!([written(), written()], [5, 1], "nobody is told of the last one");
+            saver.ends.store(is_on_its_way, Ordering::Relaxed);
+            saver.end(2, Box::new(map_of(3)));
             saver.write(3, Box::new(map_of(2)));
-            for expected in [7, 1, 2] {
-                assert_eq!(results.blocking_recv().unwrap().unwrap().sequence, expected);
-            }
+            assert_eq!(written(), 2);
             let read = |name: &str| store::read(&folder.path().join(name)).ok();
             let scans = ["map", "map.before-1", "map.before-2"]
                 .map(|name| read(name).map(|stored| stored.map.sequence()));
-            assert_eq!(scans, [Some(2), Some(7), Some(1)]);
+            assert_eq!(scans, [Some(2), Some(7), Some(if is_on_its_way { 1 } else { 3 })]);
         }
+    }
+
+    /// A disk that is full.
+    #[test]
+    fn a_map_that_no_other_takes_the_place_of_is_kept_once_at_jumps_without_end() {
+        let folder = tempfile::tempdir().unwrap();
+        let (saver, mut results) = start(folder.path().join("map"), "map".to_owned()).unwrap();
+        saver.write(1, Box::new(map_of(7)));
+        results.blocking_recv().unwrap().unwrap();
+        let in_the_way = folder.path().join("map.part");
+        std::fs::create_dir(&in_the_way).unwrap();
+        for session in 1..30 {
+            saver.end(session, Box::new(map_of(2)));
+            saver.write(session + 1, Box::new(map_of(1)));
+            assert!(results.blocking_recv().unwrap().is_err());
+        }
+        std::fs::remove_dir(in_the_way).unwrap();
+        let mut names: Vec<_> = folder.path().read_dir().unwrap().map(|e| e.unwrap().file_name()).collect();
+        names.sort();
+        assert_eq!(names, ["map", "map.before-1"]);
+        let kept = store::read(&folder.path().join("map.before-1")).unwrap();
+        assert_eq!(kept.map.sequence(), 7);
     }
 
     #[test]

@@ -25,7 +25,7 @@ pub fn set_aside(path: &Path, why: &str) -> io::Result<PathBuf> {
 }
 
 /// Gives a file a second name, chosen as by [`set_aside`], under which it stays when another takes its own; `None` where
-/// there is no file.
+/// there is no file, or it has such a name already: a disk on which nothing takes its place must not fill with names of one file.
 ///
 /// # Errors
 /// When the system refuses it, or there is no greater number; no second name is then left.
@@ -43,6 +43,9 @@ pub(super) fn keep_aside_by(
     if !path.try_exists()? {
         return Ok(None);
     }
+    if is_kept(path, why)? {
+        return Ok(None);
+    }
     let name = next_name(path, why)?;
     let folder = File::open(folder(path))?;
     link(path, &name).or_else(|_| copy(path, &name))?;
@@ -52,6 +55,22 @@ pub(super) fn keep_aside_by(
         return Err(error);
     }
     Ok(Some(name))
+}
+
+/// Whether a file has a name of this kind beside its own.
+#[cfg(unix)]
+fn is_kept(path: &Path, why: &str) -> io::Result<bool> {
+    use std::os::unix::fs::MetadataExt as _;
+
+    let file = path.metadata()?;
+    let is_it = |about: fs::Metadata| (about.dev(), about.ino()) == (file.dev(), file.ino());
+    let asides = asides(path, why)?;
+    Ok(asides.iter().any(|aside| name(path, why, aside.number).symlink_metadata().is_ok_and(is_it)))
+}
+
+#[cfg(not(unix))]
+fn is_kept(_: &Path, _: &str) -> io::Result<bool> {
+    Ok(false)
 }
 
 /// Copies a file that is whole under its name or not there.

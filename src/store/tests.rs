@@ -161,6 +161,21 @@ fn what_is_kept_beside_its_name_keeps_its_name_too_where_files_can_be_linked_and
     }
 }
 
+#[cfg(unix)]
+#[test]
+fn a_file_that_is_kept_beside_its_name_already_is_not_kept_again() {
+    let folder = tempdir().unwrap();
+    let path = folder.path().join("map");
+    for (number, contents) in [(1, "a"), (2, "b")] {
+        std::fs::remove_file(&path).ok();
+        std::fs::write(&path, contents).unwrap();
+        let kept = keep_aside(&path, "before").unwrap();
+        assert_eq!(kept, Some(folder.path().join(format!("map.before-{number}"))));
+        assert_eq!([(); 3].map(|()| keep_aside(&path, "before").unwrap()), [const { None }; 3]);
+    }
+    assert!(keep_aside(&path, "refused").unwrap().is_some(), "another kind");
+}
+
 #[test]
 fn what_is_set_aside_later_has_a_greater_number_though_smaller_ones_are_free() {
     let folder = tempdir().unwrap();

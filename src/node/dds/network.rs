@@ -1,53 +1,28 @@
 //! The node's topics and services on one participant of DDS.
 
+mod open;
+
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 use std::time::Duration;
 
-use ros2_client::qos::Durability;
-use ros2_client::{Context, Node, Publisher, QosProfile, RmwRequestId, Server};
-use rustdds::{DomainParticipant, Topic};
+use ros2_client::{Context, Node, Publisher, RmwRequestId, Server};
+use rustdds::DomainParticipant;
 use serde::Serialize;
 use tokio::sync::Mutex;
-use tracing::warn;
 
-use super::latched::{self, Latched};
 use super::mismatch::Ends;
-use super::namesakes;
 use super::outlet::Outlet;
 use super::pulse::Pulse;
-use super::read::{self, Memory};
+use super::read::Memory;
 use super::threads::Threads;
-use super::{Events, Opener, Readers, opening, ros_type};
-use crate::args::Setup;
-use crate::args::security::Security;
+use super::{Readers, ros_type};
 use crate::msg::clusters::SurfaceClusterArray;
 use crate::msg::reports::{DiagnosticArray, Log};
 use crate::msg::ros::{MarkerArray, PointCloud2, TriggerRequest, TriggerResponse};
 use crate::msg::twins::{Detection3DArray, PolygonInstanceStamped};
 use crate::node::clock::TimeOfDay;
-use crate::node::middleware::OpenError;
-use crate::node::parameters::Parameters;
 use crate::node::transport::{Outgoing, SendError, Service, Source};
-
-/// Most deltas that are kept for a reader that does not acknowledge them: more than 20 s of them, after which ROS readers
-/// that have died are forgotten.
-const DELTAS: i32 = 1024;
-
-/// Most snapshots, which replace each other.
-const SNAPSHOTS: i32 = 16;
-
-/// Most messages of markers, which can be the largest of all.
-const MARKERS: i32 = 4;
-
-/// Most reports, and most lines of the log.
-const REPORTS: i32 = 256;
-/// Most polygons, one a cluster, and the history of their topic: none is to push out another of the same map.
-const POLYGONS: i32 = 4096;
-
-/// Type of the node's own services, and how many calls may wait.
-const TRIGGER: (&str, &str) = ("std_srvs", "Trigger");
-const CALLS: usize = 10;
 
 /// Time between two looks at the middleware's threads.
 const LOOK: Duration = Duration::from_millis(250);
@@ -91,106 +66,6 @@ pub(super) struct Network {
 }
 
 impl Network {
-    /// Opens the node and starts reading.
-    pub(super) fn open(
-        setup: &Setup,
-        security: &Security,
-        memory: &Memory,
-        parameters: &Rc<Parameters>,
-        events: &Events,
-    ) -> Result<Self, OpenError> {
-        let time_of_day = Cell::new(TimeOfDay::read());
-        let (opener, threads) = Threads::started_by(|| Opener::new(setup, security));
-        let mut opener = opener?;
-        let pulse = pulse(&opener);
-        let (participant, threads) = (opener.participant.clone(), Rc::new(threads));
-        let sources = Sources { participant, threads, pulse: pulse.clone() };
-        let transforms = opener.topic(latched::TOPIC, "tf2_msgs", "TFMessage", &read::latched_qos())?;
-        let array = "SurfaceClusterArray";
-        let latched = |most| (1, Durability::TransientLocal, most);
-        let deltas = (20, Durability::Volatile, DELTAS);
-        let markers = (Outgoing::MARKERS, "visualization_msgs", "MarkerArray");
-        let network = Self {
-            clusters: Outlet::open(
-                &mut opener,
-                (Outgoing::CLUSTERS, "cfodi_msgs", array),
-                latched(SNAPSHOTS),
-            )?,
-            delta: Outlet::open(&mut opener, (Outgoing::DELTA, "cfodi_msgs", array), deltas)?,
-            markers: Outlet::open(&mut opener, markers, latched(MARKERS))?,
-            labelled: opener.publisher(
-                (Outgoing::LABELLED, "sensor_msgs", "PointCloud2"),
-                &QosProfile::subscription_default().into(),
-            )?,
-            diagnostics: permitted(Outlet::open(
-                &mut opener,
-                (Outgoing::DIAGNOSTICS, "diagnostic_msgs", "DiagnosticArray"),
-                (10, Durability::Volatile, REPORTS),
-            )),
-            log: permitted(Outlet::open(
-                &mut opener,
-                (Outgoing::LOG, "rcl_interfaces", "Log"),
-                (100, Durability::TransientLocal, REPORTS),
-            )),
-            detections: detections(setup, &mut opener, latched(SNAPSHOTS))?,
-            polygons: polygons(setup, &mut opener)?,
-            reset: Rc::new(opener.server(Service::Reset.name(), TRIGGER, CALLS)?),
-            save: Rc::new(opener.server(Service::Save.name(), TRIGGER, CALLS)?),
-            pulse,
-            participant: opener.participant.clone(),
-            readers: Mutex::new(read::listen(&mut opener, &sources, memory, parameters, events)?),
-            ends: opener.ends,
-            node: opener.node,
-            context: opener.context,
-            sources,
-            reopened: Cell::new(0),
-            time_of_day,
-        };
-        network.listen_to_calls(events)?;
-        network.listen_to_namesakes(setup.fully_qualified_name(), memory)?;
-        if !read::has_keys(security) {
-            network.listen_to_found(transforms, memory, events)?;
-        }
-        Ok(network)
-    }
-
-    fn listen_to_calls(&self, events: &Events) -> Result<(), OpenError> {
-        for service in [Service::Reset, Service::Save] {
-            let serving = read::serve(service, Rc::clone(self.server(service)), events.clone());
-            self.readers.try_lock().map_err(opening(service.name()))?.spawn_local(serving);
-        }
-        Ok(())
-    }
-
-    /// Notes other nodes of this node's name; where the keys do not permit it the node does without.
-    fn listen_to_namesakes(&self, name: String, memory: &Memory) -> Result<(), OpenError> {
-        let namesakes = Rc::clone(&memory.namesakes);
-        match namesakes.open(&self.participant) {
-            Ok(reader) => {
-                let reading = namesakes::read(reader, namesakes, name);
-                self.readers.try_lock().map_err(opening("the names of nodes"))?.spawn_local(reading);
-            }
-            Err(error) => warn!("it will not be noticed when another node has this name: {error}"),
-        }
-        Ok(())
-    }
-
-    /// Takes what is latched as soon as its publisher is found.
-    fn listen_to_found(&self, topic: Topic, memory: &Memory, events: &Events) -> Result<(), OpenError> {
-        let Some(news) = self.node.borrow().status_receiver() else { return Ok(()) };
-        let latched = Latched {
-            participant: self.participant.clone(),
-            threads: Rc::clone(&self.sources.threads),
-            pulse: self.pulse.clone(),
-            topic,
-            qos: read::latched_qos(),
-            taken: Rc::clone(&memory.latched),
-            events: events.clone(),
-        };
-        self.readers.try_lock().map_err(opening(latched::TOPIC))?.spawn_local(latched.read(news));
-        Ok(())
-    }
-
     /// Takes the node off the network; see [`super::Dds::close`].
     pub(super) async fn close(self) -> impl Sized {
         let Self { node, context, participant, readers, .. } = self;
@@ -373,34 +248,4 @@ impl Sources {
         sources.dedup();
         sources
     }
-}
-
-/// What is of use and not needed: where it cannot be opened the node does without, and says so.
-fn permitted<M: Serialize>(outlet: Result<Outlet<M>, OpenError>) -> Option<Outlet<M>> {
-    outlet.inspect_err(|error| warn!("what the node says of itself is not sent: {error}")).ok()
-}
-
-fn detections(
-    setup: &Setup,
-    opener: &mut Opener<'_>,
-    latched: (usize, Durability, i32),
-) -> Result<Option<Outlet<Detection3DArray>>, OpenError> {
-    let topic = (Outgoing::DETECTIONS, "vision_msgs", "Detection3DArray");
-    setup.config.twins.detections.then(|| Outlet::open(opener, topic, latched)).transpose()
-}
-
-/// Not latched: only the last polygon would be.
-fn polygons(
-    setup: &Setup,
-    opener: &mut Opener<'_>,
-) -> Result<Option<Outlet<PolygonInstanceStamped>>, OpenError> {
-    let topic = (Outgoing::POLYGONS, "geometry_msgs", "PolygonInstanceStamped");
-    let each = (POLYGONS as usize, Durability::Volatile, POLYGONS);
-    setup.config.twins.polygons.then(|| Outlet::open(opener, topic, each)).transpose()
-}
-
-fn pulse(opener: &Opener) -> Option<Rc<Pulse>> {
-    let watched = Pulse::open(opener);
-    let unwatched = |error: &OpenError| warn!("it will not be noticed when the middleware hangs: {error}");
-    watched.inspect_err(unwatched).ok().map(Rc::new)
 }

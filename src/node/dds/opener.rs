@@ -107,10 +107,15 @@ impl<'a> Opener<'a> {
         let service = Name::parse(&resolved).map_err(opening(&resolved))?;
         let kind = ServiceTypeName::new(package, kind);
         let qos = reliable(depth, Durability::Volatile);
-        let mapping = ServiceMapping::Enhanced;
+        let mapping = mapping(self.setup);
         let server = self.node.borrow_mut().create_server(mapping, &service, &kind, qos.clone(), qos);
         server.map_err(opening(&resolved))
     }
+}
+
+/// How calls are written: where they are taken for others they are run and never answered.
+fn mapping(setup: &Setup) -> ServiceMapping {
+    if setup.is_called_by_header() { ServiceMapping::Cyclone } else { ServiceMapping::Enhanced }
 }
 
 pub(super) fn participant(setup: &Setup, security: &Security) -> Result<DomainParticipant, OpenError> {
@@ -159,6 +164,19 @@ pub(super) fn reliable_output(depth: usize, durability: Durability, most: i32) -
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::args::Environment;
+
+    #[test]
+    fn calls_are_written_as_by_the_middleware_that_the_node_is_told_to_be() {
+        let chosen = |rmw: Option<&str>| {
+            let environment = Environment { rmw: rmw.map(str::to_owned), ..Environment::default() };
+            mapping(&Setup::parse(&[], &environment, "cfodi").unwrap().0)
+        };
+        assert!(matches!(chosen(Some("rmw_cyclonedds_cpp")), ServiceMapping::Cyclone));
+        for rmw in [None, Some(""), Some("rmw_fastrtps_cpp"), Some("rmw_connextdds")] {
+            assert!(matches!(chosen(rmw), ServiceMapping::Enhanced), "{rmw:?}");
+        }
+    }
 
     #[test]
     fn an_address_that_the_machine_does_not_have_is_refused() {

@@ -10,6 +10,7 @@ use super::calls::last_written;
 use super::{Live, LiveError};
 use crate::cloud::CloudError;
 use crate::engine::Snapshot;
+use crate::msg::ros::TriggerResponse;
 use crate::node::counts::Counts;
 use crate::node::publish::Ended;
 use crate::node::saving::{Call, Written};
@@ -27,20 +28,24 @@ pub(super) fn death(ended: Option<Ended>) -> LiveError {
 }
 
 impl<T: Transport> Live<T> {
-    /// Counts what came and will not be used any more; a call to save is answered by the last map.
-    pub(super) fn put_away(&mut self, event: Event<T::Request>) {
-        let mut counts = self.counts.borrow_mut();
+    /// Counts what came and will not be used any more; a call to save is answered by the last map, others at once.
+    pub(super) async fn put_away(&mut self, event: Event<T::Request>) {
         match event {
             Event::Cloud(_, cloud) => {
+                let mut counts = self.counts.borrow_mut();
                 counts.received += 1;
                 counts.skip(cloud.as_ref().map_or_else(CloudError::reason, |_| "shutdown"));
             }
-            Event::Lost(_, number) => counts.lose(number),
-            Event::Call(service @ Service::Save, request) => {
-                if let Some(saving) = &mut self.saving {
+            Event::Lost(_, number) => self.counts.borrow_mut().lose(number),
+            Event::Call(service, request) => match &mut self.saving {
+                Some(saving) if service == Service::Save => {
                     saving.wait(Call { service, session: self.session, request });
                 }
-            }
+                _ => {
+                    let message = "the node ends, and nothing was done".to_owned();
+                    self.answer(service, request, TriggerResponse { success: false, message }).await;
+                }
+            },
             _ => {}
         }
     }
@@ -53,8 +58,7 @@ impl<T: Transport> Live<T> {
     ) -> Result<Arc<Snapshot>, LiveError> {
         let waiting = self.join.give_up(self.moment());
         waiting.iter().for_each(|_| self.counts.borrow_mut().skip("shutdown"));
-        let Self { worker, transport, saver, saving, counts, .. } = self;
-        drop(saver);
+        let Self { worker, transport, saving, counts, .. } = self;
         worker.request_snapshot();
         if saving.is_some() {
             worker.request_save();

@@ -15,7 +15,7 @@ use crate::node::transport::{Form, Input, Transport};
 /// One sensor, as far as it was heard.
 #[derive(Clone, Debug)]
 pub(super) struct Intake {
-    /// The first form that a good scan came in: two of one sensor must not fill the map twice.
+    /// The first form that a good scan with points came in: two of one sensor must not fill the map twice.
     pub(super) chosen: Option<Form>,
     /// When the newest scan came.
     pub(super) since: Instant,
@@ -31,6 +31,9 @@ pub(super) struct Intake {
     pub(super) lost: u64,
     /// Since then: why the newest of those could not be used.
     pub(super) fault: Option<CloudError>,
+    /// Since then: good scans that show next to nothing, and what is to be said of the newest.
+    pub(super) blind: u64,
+    pub(super) blindness: Option<String>,
 }
 
 impl Intake {
@@ -45,11 +48,23 @@ impl Intake {
             skipped: 0,
             lost: 0,
             fault: None,
+            blind: 0,
+            blindness: None,
         }
     }
 
     pub(super) fn begin_second(&mut self) {
         (self.received, self.skipped, self.lost, self.fault) = (0, 0, 0, None);
+        (self.blind, self.blindness) = (0, None);
+    }
+
+    fn note_good(&mut self, cloud: &Cloud) {
+        self.newest = Some(cloud.stamp);
+        self.bad_since = None;
+        if let Some(blindness) = cloud.shows_nothing() {
+            self.blind += 1;
+            self.blindness = Some(blindness);
+        }
     }
 
     /// Whether it has sent nothing of use for a while, though it sends.
@@ -75,13 +90,12 @@ impl<T: Transport> Live<T> {
         intake.received += 1;
         let cloud = cloud.and_then(|cloud| with_stamp(cloud, || self.simulated));
         match &cloud {
-            Ok(Cloud { stamp, .. }) => {
-                intake.newest = Some(*stamp);
-                intake.bad_since = None;
-                if intake.chosen.replace(form).is_none() {
+            Ok(cloud) => {
+                intake.note_good(cloud);
+                if !cloud.points.is_empty() && intake.chosen.replace(form).is_none() {
                     self.say_chosen(input);
                 }
-                self.say_when_ahead(sensor, stamp.seconds_since(clock));
+                self.say_when_ahead(sensor, cloud.stamp.seconds_since(clock));
             }
             Err(error) => {
                 intake.skipped += 1;

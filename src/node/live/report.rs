@@ -142,6 +142,11 @@ impl<T: Transport> Live<T> {
             let why = why.map_or_else(String::new, |why| format!("; why the last cannot: {why}"));
             part.raise(level, format!("{bad} of {sent} scans were lost or cannot be used{why}"));
         }
+        if let Some(why) = intake.blindness.as_ref().filter(|_| intake.blind * 2 > intake.received) {
+            let (blind, received) = (intake.blind, intake.received);
+            let line = format!("{blind} of {received} scans show next to nothing; the last: {why}");
+            part.raise(Level::Warn, line);
+        }
         if let Some(stamp) = intake.newest {
             let age = clock.seconds_since(stamp);
             part.value("age of the newest [s]", format!("{age:.3}"));

@@ -55,17 +55,17 @@ impl<T: Transport> Live<T> {
         self.start_session(why, is_jump);
     }
 
-    /// Begins a session. Nobody has asked for a jump: the file of the map that is given up is kept, and the new one saved. A reset
-    /// does that itself, to be answered by it.
+    /// Begins a session. Nobody has asked for a jump: the map that it ends is kept, and the new one saved. A reset does the latter
+    /// itself, to be answered by it.
     pub(super) fn start_session(&mut self, why: &str, is_jump: bool) {
         self.session = new_session(self.session);
-        (0..self.worker.reset(self.session)).for_each(|_| self.counts.borrow_mut().skip("session_ended"));
+        let is_kept = is_jump && self.saving.is_some();
+        let thrown_away =
+            if is_kept { self.worker.jump(self.session) } else { self.worker.reset(self.session) };
+        (0..thrown_away).for_each(|_| self.counts.borrow_mut().skip("session_ended"));
         self.say_begun(format!("{why}: {}", begun(self.session)), is_jump);
         self.worker.request_snapshot();
         if is_jump {
-            if let Some(saver) = &self.saver {
-                saver.keep(self.session);
-            }
             // What is given up must not come back after a crash.
             self.save(None);
         }

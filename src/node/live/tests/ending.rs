@@ -101,6 +101,27 @@ fn an_end_in_the_middle_of_a_saving_waits_for_it_and_saves_what_came_since() {
     assert!(replies.len() == 1 && replies[0].success, "{replies:?}");
 }
 
+#[test]
+fn calls_that_still_wait_at_the_end_are_told_that_nothing_was_done_or_of_the_last_map() {
+    let folder = tempfile::tempdir().unwrap();
+    let runtime = Builder::new_current_thread().enable_time().build().unwrap();
+    let nothing = (false, "the node ends, and nothing was done".to_owned());
+    for (config, at_once) in [(Config::new([]).unwrap(), 2), (saving_in(folder.path()), 1)] {
+        let live = runtime.block_on(async {
+            let (mut live, _reported) = reports::by_hand(&config, Fake::default());
+            for service in [Service::Reset, Service::Save] {
+                live.put_away(Event::Call(service, ())).await;
+            }
+            live
+        });
+        let replies = live.transport.replies.take();
+        let told: Vec<_> = replies.into_iter().map(|reply| (reply.success, reply.message)).collect();
+        assert_eq!(told, vec![nothing.clone(); at_once]);
+        let waiting = live.saving.into_iter().flat_map(Saving::into_calls).map(|call| call.service);
+        assert_eq!(waiting.count(), 2 - at_once);
+    }
+}
+
 /// What calls are told at the end, to save in session 1, to reset, and to save in session 2, where these are the results: a map
 /// of the session, or none.
 async fn told(results: [Option<u64>; 2]) -> Vec<(bool, String)> {

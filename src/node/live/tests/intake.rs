@@ -34,3 +34,24 @@ fn a_scan_without_a_stamp_is_refused_but_where_time_may_begin_at_zero() {
         assert_eq!(counts.skipped.into_iter().collect::<Vec<_>>(), skipped);
     }
 }
+
+#[test]
+fn a_scan_without_points_is_taken_in_and_chooses_no_input() {
+    let of = |input, seconds, used: usize| {
+        let (stamp, frame_id, points) =
+            (at(seconds), "camera".to_owned(), Points::F32(vec![[0.0, 0.0, 1.0]; used]));
+        let total = used as u32;
+        Event::Cloud(input, Ok(Cloud { stamp, frame_id, points, total, invalid: 0, out_of_range: 0 }))
+    };
+    let (cloud, image) = (Form::Points.of(0), Form::Depth.of(0));
+    let events = vec![
+        transform(at(0.0), true),
+        of(cloud, 10.0, 0),
+        of(image, 10.1, 20),
+        of(cloud, 10.2, 20),
+        of(image, 10.3, 0),
+    ];
+    let (_, counts, _) = node(Fake::default(), events, 3);
+    assert_eq!((counts.received, counts.taken_in), (4, 3));
+    assert_eq!(counts.skipped.into_iter().collect::<Vec<_>>(), [("other_input", 1)]);
+}

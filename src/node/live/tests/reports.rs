@@ -28,7 +28,7 @@ fn worst(transport: &Fake, of: &str) -> DiagnosticStatus {
 pub(super) fn by_hand(config: &Config, transport: Fake) -> (Live<Fake>, mpsc::Receiver<DiagnosticArray>) {
     let (reports, reported) = mpsc::channel(1);
     let worker = Worker::start(Engine::new(config.engine), 1, 1, |_| {}).unwrap();
-    (Live::new(config, Rc::new(transport), (worker, None, 1), Seen::default(), reports), reported)
+    (Live::new(config, Rc::new(transport), (worker, 1), Seen::default(), reports), reported)
 }
 
 /// The report of a node that was driven so, and what its log says meanwhile.
@@ -132,6 +132,36 @@ fn a_bad_scan_among_good_ones_or_a_lost_one_is_a_warning() {
     }
 }
 
+/// A camera that is covered, whose driver leaves out what it does not see or not, and one that is covered now and then.
+#[test]
+fn a_sensor_that_shows_next_to_nothing_in_most_scans_is_a_warning_with_the_reason() {
+    let stamp = at(new_session(0) as f64 / 1e9);
+    let scan = |used: usize, invalid| {
+        let (frame_id, points) = ("camera".to_owned(), Points::F32(vec![[0.0, 0.0, 1.0]; used]));
+        let total = used as u32 + invalid;
+        Event::Cloud(
+            Form::Points.of(0),
+            Ok(Cloud { stamp, frame_id, points, total, invalid, out_of_range: 0 }),
+        )
+    };
+    let said = |scans: Vec<Event<()>>| {
+        let (report, _) = driven(Fake::default(), async |live| {
+            for scan in scans {
+                live.event(scan).await;
+            }
+        });
+        let sensor = part(&report, "sensor points");
+        (sensor.level, sensor.message)
+    };
+    let (level, empty) = said(vec![scan(0, 0), scan(0, 0)]);
+    let words = "2 of 2 scans show next to nothing; the last: it has no points";
+    assert_eq!((level, empty.as_str()), (1, words));
+    let (level, invalid) = said(vec![scan(0, 0), scan(20, 0), scan(20, 980)]);
+    let words = "2 of 3 scans show next to nothing; the last: of 1000 points only 20 are used: ";
+    assert!(level == 1 && invalid.starts_with(words), "{invalid}");
+    assert_eq!(said(vec![scan(0, 0), scan(20, 0)]).0, 0);
+}
+
 /// Two publishers on one topic; somebody who calls again and again.
 #[test]
 fn sessions_that_alternate_are_said_once_and_are_a_warning_and_those_that_were_asked_for_are_none() {
@@ -158,6 +188,21 @@ fn sessions_that_alternate_are_said_once_and_are_a_warning_and_those_that_were_a
     let (map, begun) = begin((0..9).map(|_| Event::Call(Service::Reset, ())).collect());
     assert_eq!((map.level, value(&map, "sessions begun by a jump").as_str()), (0, "0"), "{map:?}");
     assert!(begun.len() == 1 && begun[0].0 == 20, "{begun:?}");
+}
+
+/// A bag in a loop that is played with `--clock`.
+#[test]
+fn a_lap_begins_one_session_whether_its_first_scan_or_its_clock_comes_first() {
+    let (scan, clock) = (|seconds| cloud(at(seconds), "camera"), |seconds| Event::Clock(at(seconds)));
+    for lap in [[scan(1.0), clock(1.1)], [clock(1.0), scan(1.0)]] {
+        let (report, _) = driven(Fake::default(), async |live| {
+            let before = [transform(at(0.0), true), clock(20.0), scan(20.0)];
+            for event in before.into_iter().chain(lap).chain([clock(1.2), scan(1.2)]) {
+                live.event(event).await;
+            }
+        });
+        assert_eq!(value(&part(&report, "map"), "sessions begun by a jump"), "1");
+    }
 }
 
 #[test]

@@ -70,6 +70,37 @@ fn a_jump_that_nobody_asked_for_keeps_the_file_of_the_map_that_it_ends_and_a_res
     }
 }
 
+/// A bag in a loop that is shorter than `snapshot_period`.
+#[test]
+fn each_map_that_a_jump_ends_is_kept_as_it_was_then() {
+    let folder = tempfile::tempdir().unwrap();
+    let in_folder = |name: &str| folder.path().join(name);
+    let path = Value::Text(in_folder("map").display().to_string());
+    let config = Config::new([("snapshot_path".to_owned(), path)]).unwrap();
+    let kept = in_folder("map.before-1");
+    let events = vec![transform(at(0.0), true), cloud(at(100.0), "camera")];
+    let (ended, counts, _) = node_until(&config, Fake::default(), events, move |events, counts| async move {
+        let patience = Instant::now();
+        for (taken_in, next) in [(1, 50.0), (2, 50.1), (3, 20.0)] {
+            // Only one map that a jump has ended is on its way.
+            while (counts.borrow().taken_in < taken_in || (taken_in > 1 && !kept.exists()))
+                && patience.elapsed() < Duration::from_secs(60)
+            {
+                tokio::time::sleep(TICK).await;
+            }
+            events.try_send(cloud(at(next), "camera")).unwrap();
+        }
+        while counts.borrow().taken_in < 4 && patience.elapsed() < Duration::from_secs(60) {
+            tokio::time::sleep(TICK).await;
+        }
+    });
+    ended.unwrap();
+    assert_eq!(counts.taken_in, 4);
+    let scans = ["map", "map.before-1", "map.before-2", "map.before-3"]
+        .map(|name| store::read(&in_folder(name)).ok().map(|saved| saved.map.sequence()));
+    assert_eq!(scans, [Some(1), Some(1), Some(2), None]);
+}
+
 /// Runs a node that saves in this folder on these events, until it has taken all in and a little longer.
 fn all_taken(folder: &std::path::Path, events: Vec<Event<()>>) -> Ran {
     node_until(&saving_in(folder), Fake::default(), events, |events, _| async move {
