@@ -5,6 +5,7 @@ use nalgebra::{Isometry3, Matrix2, Matrix3, Point3, SymmetricEigen, Vector3};
 use super::class::{Evidence, Neighbour, classify};
 use super::cluster::{Cluster, PlaneFit};
 use super::outline::{self, Detail, Drawing, Outline};
+use super::rules::{PLANAR, Rules};
 use super::symmetric::quadratic;
 use crate::engine::class::SurfaceClass;
 use crate::engine::key::ClusterId;
@@ -27,10 +28,7 @@ const SMALL: f64 = 0.5;
 /// By the standard deviation of the noise beyond [`PLANAR`] voxels: of a wall whose points scatter over several layers of voxels
 /// the farther ones may be out of range, and the sparser layers are not dense. All of it is wrong by this, however large it is.
 const LAYERS: f64 = 0.3;
-/// Root mean square distance of a planar cluster's means from its plane, at most, in voxels: walls of the laboratory have up
-/// to 0.37, its pillar has 0.52 in voxels of 8 cm.
-const PLANAR: f64 = 0.5;
-/// The same in standard deviations of the noise. Where the points of a wall scatter over several layers of voxels, as from 4 m on
+/// [`Rules::planar`] in standard deviations of the noise. Where the points of a wall scatter over several layers of voxels, as from 4 m on
 /// in voxels of 5 cm, the layers' means scatter by 0.85 of it.
 const NOISY_PLANAR: f64 = 1.25;
 /// Voxels, and seconds since it was first seen, from which on a cluster can be relied on.
@@ -194,10 +192,10 @@ pub(super) struct Planarity {
 }
 
 impl Planarity {
-    pub(super) fn of(cluster: &Cluster, plane: &PlaneFit) -> Self {
+    pub(super) fn of(cluster: &Cluster, plane: &PlaneFit, rules: &Rules) -> Self {
         Self {
             rms: plane.mean_square().sqrt(),
-            tolerance: PLANAR.max(NOISY_PLANAR * plane.noise.sqrt()),
+            tolerance: rules.planar.max(NOISY_PLANAR * plane.noise.sqrt()),
             across: plane.normal.angle(&cluster.sums.normal()),
         }
     }

@@ -16,7 +16,7 @@
 //!    put there is published, and the voxels keep no more than that until the next (`rest`).
 //! 2. The dense voxels of a block form planar **patches**, grown from the flattest places, a voxel belonging to the plane
 //!    that its points lie on as well as their noise lets them; from what is left, **strips** of sharp voxels that may be one
-//!    row, and **rough** patches with half a voxel's tolerance. What reaches no further along the line of sight than its
+//!    row, and **rough** patches with half a voxel's tolerance (`rules`). What reaches no further along the line of sight than its
 //!    noise spreads it is none of these. What fits none is **loose** (`patches`), and so is what has become dense since the
 //!    block was published. A voxel whose sharp points show a sheet belongs to no plane across that sheet (`state`), so that
 //!    two rows of a wall and two of a ceiling are no bevel.

@@ -1,10 +1,16 @@
 //! The tolerances of the definition, in voxels, for one voxel size.
+//!
+//! They are parts of a voxel, but for what a flat patch is allowed: that grows with the sensor's bias, and from 2.7 cm down is
+//! more than some of the others, which then are as much.
 
 use super::noise::Noise;
 use crate::engine::params::Params;
 
 /// What is systematically wrong about a depth or a pose, however many points there are (m).
 const SENSOR_BIAS: f64 = 0.008;
+
+/// [`Rules::planar`] where the bias is less: walls of the laboratory have up to 0.37, its pillar has 0.52 in voxels of 8 cm.
+pub(super) const PLANAR: f64 = 0.5;
 
 /// See each rule's use.
 #[derive(Clone, Copy, Debug)]
@@ -43,35 +49,68 @@ pub(super) struct Rules {
     pub(super) contact_reach: i32,
     /// How far a voxel beside a patch may lie from it.
     pub(super) rim_reach: i32,
+    /// Root mean square distance of a planar cluster's means from its plane, at most.
+    pub(super) planar: f64,
 }
 
 impl Rules {
     pub(super) fn new(params: &Params) -> Self {
-        let bias = SENSOR_BIAS / params.voxel_size();
+        let flatness = 0.1 + SENSOR_BIAS / params.voxel_size();
+        // In small voxels the bias alone is more, and nothing may be held to less than a flat patch is.
+        let at_least = |tolerance: f64| tolerance.max(flatness);
         Self {
             noise: Noise::new(params.noise_model(), params.voxel_size()),
             noise_factor: 2.0,
-            flatness: 0.1 + bias,
-            rough_flatness: 0.5,
+            flatness,
+            rough_flatness: at_least(0.5),
             rim_noise_factor: 3.0,
-            rim_flatness: 0.4,
+            rim_flatness: at_least(0.4),
             join_angle: 0.17_f64.min(params.max_normal_angle()),
             fold_angle: 0.12,
-            join_offset: 0.4,
+            join_offset: at_least(0.4),
             cut: 0.8,
             rough_angle: 0.4_f64.min(params.max_normal_angle()),
-            rough_offset: 0.8,
+            rough_offset: at_least(0.8),
             noisy: 0.25,
             sharper: 0.75,
             slice_angle: 0.6,
             beside_angle: 0.4,
             contact_reach: 1,
             rim_reach: 3,
+            planar: at_least(PLANAR),
         }
     }
 
     /// Those that rough patches grow by.
     pub(super) const fn rough(&self) -> Self {
         Self { flatness: self.rough_flatness, ..*self }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn rules(voxel_size: f64) -> Rules {
+        Rules::new(&Params::default().with_voxel_size(voxel_size).unwrap())
+    }
+
+    #[test]
+    fn nothing_is_held_to_less_than_a_flat_patch_is_however_small_the_voxels() {
+        for voxel_size in (1..=100).map(|centimetres| 0.01 * f64::from(centimetres)) {
+            let rules = rules(voxel_size);
+            let others = [rules.rim_flatness, rules.rough_flatness, rules.join_offset, rules.planar];
+            assert!(others.iter().all(|other| *other >= rules.flatness), "{voxel_size}: {rules:?}");
+            assert!(rules.rough_offset >= rules.join_offset, "{voxel_size}: {rules:?}");
+        }
+    }
+
+    #[test]
+    fn in_voxels_from_27_millimetres_on_the_tolerances_are_parts_of_a_voxel() {
+        for voxel_size in [0.027, 0.05, 0.08, 0.3] {
+            let rules = rules(voxel_size);
+            let parts = [rules.rim_flatness, rules.rough_flatness, rules.join_offset, rules.rough_offset];
+            assert_eq!((parts, rules.planar), ([0.4, 0.5, 0.4, 0.8], PLANAR), "{voxel_size}");
+        }
     }
 }

@@ -1,4 +1,6 @@
-use nalgebra::Translation3;
+use std::f64::consts::PI;
+
+use nalgebra::{Point3, Translation3, UnitQuaternion, Vector3};
 
 use super::*;
 use crate::engine::now::Now;
@@ -77,6 +79,31 @@ fn a_wall_seen_from_afar_is_flat_and_as_uncertain_as_it_is_wrong() {
         let sigma = wall.plane_covariance.unwrap()[(2, 2)].sqrt();
         assert!(error.abs() < 3.0 * sigma && sigma < 0.02, "{voxel_size}: {error} +- {sigma}");
     }
+}
+
+#[test]
+fn a_floor_that_waves_by_the_bias_of_its_sensor_is_a_floor_in_voxels_of_a_centimetre() {
+    let params = Params::default().with_voxel_size(0.01).unwrap().with_clearing(false);
+    let mut engine = Consistent::new(params);
+    let down = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), PI);
+    let fixed_from_sensor = Translation3::new(0.0, 0.0, 1.2) * down;
+    let point = |x: f64, y: f64| {
+        let on_floor = Point3::new(x, y, 0.04 + 0.009 * (PI * x).cos());
+        fixed_from_sensor.inverse_transform_point(&on_floor).cast::<f32>().into()
+    };
+    // 2 m by 1 m, four points a voxel.
+    let [xs, ys] = [200, 100].map(|half| (-half..half).map(|i| 0.005 * (f64::from(i) + 0.5)));
+    let points: Vec<[f32; 3]> =
+        xs.flat_map(|x| ys.clone().map(move |y| (x, y))).map(|(x, y)| point(x, y)).collect();
+    for number in 1..=6 {
+        let points = Points::F32(points.clone());
+        engine.insert(&Scan { stamp: Stamp::from_nanos(number), fixed_from_sensor, points });
+    }
+    let Snapshot { clusters, unclustered_voxels, .. } = engine.snapshot();
+    let largest = clusters.iter().max_by_key(|cluster| cluster.voxel_count).unwrap();
+    assert_eq!(largest.class, SurfaceClass::Floor, "{largest:?}");
+    let dense = engine.dense_count() as u32;
+    assert!(dense > 19_000 && unclustered_voxels < dense / 50, "{unclustered_voxels} of {dense}");
 }
 
 /// One scan of a drive through the laboratory after the other.

@@ -85,7 +85,7 @@ impl Surfaces {
         for &component in &due {
             let Some(cluster) = self.clusters[component.0 as usize].as_deref() else { continue };
             let (Some(shape), Some(plane)) = (&cluster.told, &cluster.plane) else { continue };
-            let planarity = Planarity::of(cluster, plane);
+            let planarity = Planarity::of(cluster, plane, &self.rules);
             let beside = self.neighbours(shape);
             let surroundings = Surroundings {
                 floor: self.landmarks.floor_below(describe::middle(shape)),
