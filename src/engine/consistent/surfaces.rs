@@ -7,7 +7,8 @@
 //! follows the blocks that are published, their neighbours and the smaller side of what splits or merges.
 //!
 //! Identity: the voxels that were in a cluster before vote for the one they are in now. A cluster's id goes where most of its
-//! voxels went; of several that come together the oldest stays.
+//! voxels went; of several that come together the oldest stays. What has lost more than half of its voxels at once keeps its id
+//! where it is still most of a cluster, and does not bring it into another's.
 
 mod identify;
 mod landmarks;
@@ -389,3 +390,6 @@ struct Old {
     /// The components of its patches, by number.
     components: Vec<ComponentId>,
 }
+
+#[cfg(test)]
+mod tests;

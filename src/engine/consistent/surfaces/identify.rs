@@ -1,5 +1,6 @@
 //! Which cluster is which: the voxels that were in a cluster before vote for the one they are in now.
 
+use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::{Now, Old, Surfaces};
@@ -10,8 +11,39 @@ use crate::engine::consistent::layer::Segmented;
 use crate::engine::consistent::patches::LOOSE;
 use crate::engine::snapshot;
 
-/// Votes of voxels: how many of a component are now in another.
-pub(super) type Votes = BTreeMap<(ComponentId, ComponentId), u64>;
+/// Votes of voxels of patches.
+#[derive(Debug, Default)]
+pub(super) struct Votes {
+    /// How many of a component are now in another.
+    cast: BTreeMap<(ComponentId, ComponentId), u64>,
+    /// How many there were of it; those that are gone or loose now cast none.
+    entitled: BTreeMap<ComponentId, u64>,
+}
+
+impl Votes {
+    fn cast(&mut self, from: ComponentId, to: ComponentId, votes: u64) {
+        *self.cast.entry((from, to)).or_default() += votes;
+    }
+
+    fn entitle(&mut self, from: ComponentId, votes: u64) {
+        *self.entitled.entry(from).or_default() += votes;
+    }
+
+    /// Where most voxels of a component went. Where fewer than half cast a vote, they must be half of the voxels from before
+    /// that are there: else the floor would be the thing that was carried away off it, once what is left of that is a part of it.
+    fn heir(&self, from: ComponentId) -> Option<ComponentId> {
+        let cast = || self.cast.range((from, ComponentId(0))..=(from, ComponentId(u32::MAX)));
+        let (&(_, to), &most) = cast().max_by_key(|((_, to), votes)| (**votes, Reverse(*to)))?;
+        let entitled = self.entitled.get(&from).copied().unwrap_or(0);
+        let is_quorate = 2 * cast().map(|(_, votes)| votes).sum::<u64>() >= entitled;
+        (is_quorate || 2 * most >= self.cast_for(to)).then_some(to)
+    }
+
+    /// All votes for a component. Costs O(votes).
+    fn cast_for(&self, to: ComponentId) -> u64 {
+        self.cast.iter().filter(|((_, other), _)| *other == to).map(|(_, votes)| votes).sum()
+    }
+}
 
 /// What goes where a cluster's voxels go: who it is, and what was told of it last, by which it is known whether it is told of
 /// differently then.
@@ -23,20 +55,24 @@ struct Known {
 impl Surfaces {
     /// Where the voxels of each component that was touched are now.
     pub(super) fn votes(&self, blocks: &[BlockIndex], old: &[Old], outcome: &Outcome) -> Votes {
-        let mut votes = Votes::new();
+        let mut votes = Votes::default();
         for flow in &outcome.flows {
-            *votes.entry((flow.from, flow.to)).or_default() += flow.weight;
+            votes.entitle(flow.from, flow.weight);
+            votes.cast(flow.from, flow.to, flow.weight);
         }
         for (&block, old) in blocks.iter().zip(old) {
             let [before, now] = [&old.segmented, &self.segmented[block.0 as usize]].map(Segmented::numbers);
             for state in old.segmented.states.iter() {
                 let [before, now] = [before, now].map(|numbers| numbers[state.cell().index()]);
-                if before == LOOSE || now == LOOSE {
+                if before == LOOSE {
                     continue;
                 }
-                let node = self.nodes[block.0 as usize][usize::from(now)];
-                let pair = (old.components[usize::from(before)], self.graph.component(node));
-                *votes.entry(pair).or_default() += 1;
+                let from = old.components[usize::from(before)];
+                votes.entitle(from, 1);
+                if now != LOOSE {
+                    let node = self.nodes[block.0 as usize][usize::from(now)];
+                    votes.cast(from, self.graph.component(node), 1);
+                }
             }
         }
         votes
@@ -62,10 +98,8 @@ impl Surfaces {
         }
         let mut claims: BTreeMap<ComponentId, Vec<Known>> = BTreeMap::new();
         for (from, known) in identities {
-            let candidates = votes.range((from, ComponentId(0))..=(from, ComponentId(u32::MAX)));
-            let most = candidates.max_by_key(|((_, to), votes)| (**votes, std::cmp::Reverse(*to)));
-            match most {
-                Some(((_, to), _)) => claims.entry(*to).or_default().push(known),
+            match votes.heir(from) {
+                Some(to) => claims.entry(to).or_default().push(known),
                 None => self.removed.extend(known.identity.id),
             }
         }
@@ -92,5 +126,39 @@ impl Surfaces {
             }
             self.changed.insert(component);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Votes (from, to, how many), and how many voxels there were (of, how many).
+    fn votes(cast: &[(u32, u32, u64)], entitled: &[(u32, u64)]) -> Votes {
+        let mut votes = Votes::default();
+        cast.iter().for_each(|&(from, to, number)| votes.cast(ComponentId(from), ComponentId(to), number));
+        entitled.iter().for_each(|&(from, number)| votes.entitle(ComponentId(from), number));
+        votes
+    }
+
+    fn heirs<const N: usize>(votes: &Votes, of: [u32; N]) -> [Option<u32>; N] {
+        of.map(|from| votes.heir(ComponentId(from)).map(|to| to.0))
+    }
+
+    #[test]
+    fn a_cluster_in_many_parts_is_the_largest_of_them_though_that_is_less_than_half() {
+        let parts = votes(&[(1, 1, 30), (1, 5, 40), (1, 6, 40), (2, 5, 100)], &[(1, 120), (2, 100)]);
+        assert_eq!(heirs(&parts, [1, 2, 3]), [Some(5), Some(5), None]);
+    }
+
+    #[test]
+    fn what_is_left_of_a_cluster_is_it_where_it_stands_alone_and_is_not_where_it_is_part_of_another() {
+        let alone = votes(&[(1, 7, 10), (2, 2, 300)], &[(1, 100), (2, 300)]);
+        assert_eq!(heirs(&alone, [1, 2]), [Some(7), Some(2)]);
+        let part = votes(&[(1, 2, 10), (2, 2, 300)], &[(1, 100), (2, 300)]);
+        assert_eq!(heirs(&part, [1, 2]), [None, Some(2)]);
+        // Half of it is enough.
+        let half = votes(&[(1, 2, 10), (2, 2, 300)], &[(1, 20), (2, 300)]);
+        assert_eq!(heirs(&half, [1, 2]), [Some(2), Some(2)]);
     }
 }
