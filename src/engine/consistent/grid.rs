@@ -40,6 +40,12 @@ pub(super) struct Grid {
 /// Fewer points of one scan than this may be strays.
 const MOST_STRAYS: u32 = 3;
 
+/// Points of one scan that prove a voxel to be occupied: a quarter of those that make it dense. A single one may be a stray, but
+/// where it makes a voxel dense.
+fn proof(min_points: u32) -> u32 {
+    (min_points / 4).clamp(2, MOST_STRAYS).min(min_points)
+}
+
 impl Grid {
     pub(super) fn new(params: &Params) -> Self {
         Self {
@@ -49,7 +55,7 @@ impl Grid {
             index: HashMap::default(),
             blocks: Vec::new(),
             free: Vec::new(),
-            proof: (params.min_points() / 4).clamp(1, MOST_STRAYS),
+            proof: proof(params.min_points()),
             dense: 0,
             voxels: 0,
         }

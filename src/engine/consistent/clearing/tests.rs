@@ -6,8 +6,9 @@ use std::sync::Arc;
 use rustc_hash::FxHashMap;
 
 use super::*;
-use crate::engine::consistent::block::CELLS;
+use crate::engine::consistent::block::{CELLS, place};
 use crate::engine::consistent::grid::Binned;
+use crate::engine::key::VoxelKey;
 use crate::engine::params::Params;
 use crate::engine::points::{Depths, Points, Rays};
 use crate::engine::scan::Stamp;
@@ -300,4 +301,46 @@ fn what_stood_farther_away_than_a_kinect_sees_goes_where_there_are_points_beyond
 #[expect(clippy::needless_pass_by_value, reason = "as `Points::Depths` takes them")]
 fn as_list(depths: Depths) -> Points {
     Points::Ended { points: depths.list(), ends: depths.ends() }
+}
+
+/// A camera stands still before a plate at 2 m, which is taken away after ten scans; from then on one point strays into the place
+/// of a voxel of it every `every` scans. After how many scans that voxel is no longer dense, if within so many.
+fn dense_for(min_points: i64, every: i64, scans: i64) -> Option<i64> {
+    const PLATE: f32 = 2.03;
+    const BEFORE: i64 = 10;
+    let rays = |count: i32| (-count..count).map(|i| (i as f32 + 0.5) / 256.0).collect();
+    let rays = Arc::new(Rays { x: rays(50), y: rays(40) });
+    let params = params(0.08).with_min_points(min_points).unwrap();
+    let mut grid = Grid::new(&params);
+    let (mut clearing, mut binned) = (Clearing::new(), Binned::default());
+    let (block, cell) = place(VoxelKey::new(0, 0, 25).unwrap());
+    for sequence in 1..=BEFORE + scans {
+        let is_there = sequence <= BEFORE;
+        let mut depths = vec![if is_there { PLATE } else { -7.5 }; 100 * 80];
+        // The ray nearest to the middle.
+        if sequence % every == 0 {
+            depths[40 * 100 + 50] = PLATE;
+        }
+        let points = Points::Depths(Depths::new(Arc::clone(&rays), depths).unwrap());
+        let scan =
+            Scan { stamp: Stamp::from_nanos(sequence), fixed_from_sensor: Isometry3::identity(), points };
+        grid.bin(&scan, sequence as u64, &mut binned);
+        clearing.clear(&mut grid, &scan, sequence as u64);
+        let voxel = grid.find(block).and_then(|block| grid.block(block).voxel(cell));
+        let is_dense = voxel.is_some_and(|voxel| grid.is_dense(voxel));
+        assert!(is_dense || !is_there);
+        if !is_dense {
+            return Some(sequence - BEFORE);
+        }
+    }
+    None
+}
+
+#[test]
+fn a_point_that_strays_into_an_empty_voxel_now_and_then_does_not_keep_it_however_few_make_one_dense() {
+    for min_points in [2, 4, 7, 15] {
+        assert!(dense_for(min_points, 12, 60).is_some(), "{min_points}");
+    }
+    assert_eq!(dense_for(4, 2, 300), None, "hit as often as it is missed");
+    assert_eq!(dense_for(1, 12, 60), None, "where one point is a surface");
 }

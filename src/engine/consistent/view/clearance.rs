@@ -7,7 +7,8 @@ use serde::{Deserialize, Serialize};
 /// One look is no proof: a depth scatters, a pose lags behind. So the points of a voxel are dropped when it was seen through
 /// [`Clearance::LIMIT`] times. Where a voxel is looked at in every 2nd to 4th of 30 scans a second, that takes 0.3 to 0.7 s.
 ///
-/// Several points in one scan are a proof: something is there, and they take all votes back. One or two are none: beside an
+/// Several points in one scan are a proof: something is there, and they take all votes back. One or two are none, but where a
+/// single one makes a voxel dense: beside an
 /// edge, points stray into the air behind it, and if each took all votes back, a ghost beside an edge would never go.
 /// Yet the last millimetres of a table may have no more than one or two in a scan. So they take back one vote: a ghost
 /// stays only if points stray into it as often as it is looked at, and a thin thing that is hit as often as it is missed
