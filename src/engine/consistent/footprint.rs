@@ -45,6 +45,14 @@ impl Axis {
         })
     }
 
+    /// This one while `normal` is not much longer along another, the dominant one else: of a surface at a slant between two, noise
+    /// would have now the one and now the other. The part of a unit normal along it is 0.51 or more.
+    pub(crate) fn kept(self, normal: &UnitVector3<f64>) -> Self {
+        let dominant = Self::dominant(normal);
+        let [own, longest] = [self, dominant].map(|axis| normal[axis.0].abs());
+        if own >= KEPT * longest { self } else { dominant }
+    }
+
     /// The axis of this index; `None` above 2.
     pub(crate) fn of(index: u8) -> Option<Self> {
         (index < 3).then_some(Self(usize::from(index)))
@@ -65,6 +73,10 @@ impl Axis {
         self.others().map(|axis| key.indices()[axis])
     }
 }
+
+/// Part of the longest part of a normal that it has along an axis that is kept, at least: between two axes, 5 degrees to either
+/// side.
+const KEPT: f64 = 0.85;
 
 /// The columns of a cluster.
 #[derive(Clone, Debug)]

@@ -82,3 +82,25 @@ fn the_axis_is_that_of_the_longest_part_of_the_normal_and_the_lowest_of_equals()
     let key = VoxelKey::new(3, 4, 5).unwrap();
     assert_eq!([0, 1, 2].map(|axis| Axis(axis).column(key)), [[4, 5], [3, 5], [3, 4]]);
 }
+
+#[test]
+fn an_axis_is_kept_until_the_normal_leans_well_towards_another() {
+    let kept = |from: usize, degrees: f64| {
+        let (y, x) = degrees.to_radians().sin_cos();
+        Axis(from).kept(&UnitVector3::new_normalize(nalgebra::Vector3::new(x, y, 0.0))).index()
+    };
+    assert_eq!([0.0, 44.0, 46.0, 49.0, 50.0, 90.0].map(|degrees| kept(0, degrees)), [0, 0, 0, 0, 1, 1]);
+    assert_eq!([90.0, 46.0, 44.0, 41.0, 40.0, 0.0].map(|degrees| kept(1, degrees)), [1, 1, 1, 1, 0, 0]);
+    assert_eq!([44.0, 46.0].map(|degrees| kept(2, degrees)), [0, 1]);
+}
+
+#[test]
+fn along_an_axis_that_is_kept_a_normal_has_more_than_half_its_length() {
+    let parts = || (0..=20).map(f64::from);
+    let normals = parts().flat_map(|x| parts().map(move |y| nalgebra::Vector3::new(x, y, 20.0)));
+    for normal in normals.map(UnitVector3::new_normalize) {
+        for axis in [0, 1, 2].map(Axis) {
+            assert!(normal[axis.kept(&normal).index()] > 0.51, "{normal:?} along {axis:?}");
+        }
+    }
+}

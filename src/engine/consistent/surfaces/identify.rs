@@ -5,7 +5,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::{Now, Old, Surfaces};
 use crate::engine::consistent::block::BlockIndex;
-use crate::engine::consistent::cluster::{Cluster, Identity};
+use crate::engine::consistent::cluster::{Cluster, Identity, PlaneFit};
+use crate::engine::consistent::footprint::{Axis, Footprint};
 use crate::engine::consistent::graph::{ComponentId, Outcome};
 use crate::engine::consistent::layer::Segmented;
 use crate::engine::consistent::patches::LOOSE;
@@ -45,11 +46,30 @@ impl Votes {
     }
 }
 
-/// What goes where a cluster's voxels go: who it is, and what was told of it last, by which it is known whether it is told of
-/// differently then.
+/// What goes where a cluster's voxels go: who it is, what was told of it last, by which it is known whether it is told of
+/// differently then, and the plane that it had with the axis along which that was drawn.
 struct Known {
     identity: Identity,
     told: Option<snapshot::Cluster>,
+    drawn: Option<(PlaneFit, Axis)>,
+}
+
+impl Known {
+    /// Takes from a cluster who it is.
+    fn take(cluster: &mut Cluster, now: Now) -> Self {
+        let identity = std::mem::replace(&mut cluster.identity, Identity::new(now.stamp));
+        let drawn = cluster.plane.map(|plane| (plane, cluster.footprint.axis()));
+        Self { identity, told: cluster.told.take(), drawn }
+    }
+
+    /// A cluster that is this one, of no voxel yet.
+    fn begin(self) -> Cluster {
+        let mut cluster = Cluster { told: self.told, ..Cluster::new(self.identity) };
+        if let Some((plane, axis)) = self.drawn {
+            (cluster.plane, cluster.footprint) = (Some(plane), Footprint::new(axis));
+        }
+        cluster
+    }
 }
 
 impl Surfaces {
@@ -92,8 +112,7 @@ impl Surfaces {
         let mut identities: BTreeMap<ComponentId, Known> = BTreeMap::new();
         for component in before {
             if let Some(cluster) = self.clusters[component.0 as usize].as_mut() {
-                let identity = std::mem::replace(&mut cluster.identity, Identity::new(now.stamp));
-                identities.insert(component, Known { identity, told: cluster.told.take() });
+                identities.insert(component, Known::take(cluster, now));
             }
         }
         let mut claims: BTreeMap<ComponentId, Vec<Known>> = BTreeMap::new();
@@ -110,10 +129,10 @@ impl Surfaces {
                 (identity.id.is_none(), identity.id, identity.first_seen)
             });
             let mut claimants = claimants.into_iter();
-            let unknown = || Known { identity: Identity::new(now.stamp), told: None };
-            let Known { mut identity, told } = claimants.next().unwrap_or_else(unknown);
+            let unknown = || Known { identity: Identity::new(now.stamp), told: None, drawn: None };
+            let mut known = claimants.next().unwrap_or_else(unknown);
             for Known { identity: other, .. } in claimants {
-                identity.take_in(&other);
+                known.identity.take_in(&other);
                 self.removed.extend(other.id);
             }
             let place = component.0 as usize;
@@ -121,8 +140,8 @@ impl Surfaces {
                 self.clusters.resize_with(place + 1, || None);
             }
             match &mut self.clusters[place] {
-                Some(cluster) => (cluster.identity, cluster.told) = (identity, told),
-                none => *none = Some(Box::new(Cluster { told, ..Cluster::new(identity) })),
+                Some(cluster) => (cluster.identity, cluster.told) = (known.identity, known.told),
+                none => *none = Some(Box::new(known.begin())),
             }
             self.changed.insert(component);
         }

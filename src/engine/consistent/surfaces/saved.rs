@@ -22,7 +22,8 @@ use crate::engine::saved::{MOST_REVISIONS, RestoreError, ensure, ensure_counted,
 use crate::engine::scan::Stamp;
 use crate::engine::snapshot::ClusterState;
 
-/// Least part of a plane's unit normal along the axis that its outline is drawn along; the longest part is 0.57 or more.
+/// Least part of a plane's unit normal along the axis that its outline is drawn along; along one that is kept it has 0.51 or more
+/// ([`Axis::kept`]).
 const LEAST_ALONG: f64 = 0.5;
 
 /// All of [`Surfaces`] that does not follow from the states of the voxels.

@@ -172,16 +172,17 @@ impl Surfaces {
         changed
     }
 
-    /// Finds the planes of what has changed, and projects a cluster along another axis where its normal now leans towards
+    /// Finds the planes of what has changed, and projects a cluster along another axis where its normal now leans well towards
     /// that, which costs its voxels, once in a while.
     pub(super) fn refit(&mut self, grid: &Grid) {
         for component in self.changed.clone() {
             let Some(cluster) = self.clusters[component.0 as usize].as_deref_mut() else { continue };
+            // Without a plane before, its axis is one that it has by chance.
+            let before = cluster.plane.is_some().then(|| cluster.footprint.axis());
             cluster.refit();
             cluster.footprint.tidy();
-            let Some(axis) = cluster.plane.as_ref().map(|plane| Axis::dominant(&plane.normal)) else {
-                continue;
-            };
+            let Some(normal) = cluster.plane.as_ref().map(|plane| plane.normal) else { continue };
+            let axis = before.map_or_else(|| Axis::dominant(&normal), |axis| axis.kept(&normal));
             if axis != cluster.footprint.axis() {
                 let footprint = self.footprint(grid, component, axis);
                 if let Some(cluster) = self.clusters[component.0 as usize].as_mut() {

@@ -1,5 +1,7 @@
 //! Clusters of made-up points.
 
+use std::f64::consts::FRAC_PI_4;
+
 use nalgebra::{Isometry3, Point3};
 
 use super::*;
@@ -122,4 +124,28 @@ fn what_is_left_of_a_thing_is_that_thing_while_it_stands_for_itself() {
     // 40 voxels of 144 stay.
     bench.take_away(|[_, y, z]| y > 7 || z > 7);
     assert_eq!((bench.removed(), bench.told()), (vec![], vec![1]));
+}
+
+/// A wall whose normal is horizontal and turned so (rad) from x.
+fn wall(turned: f64) -> Vec<Point3<f64>> {
+    let (sin, cos) = turned.sin_cos();
+    let column = |s: f64| parts(0.0, 0.8, 48).map(move |z| Point3::new(1.025 - s * sin, 1.025 + s * cos, z));
+    parts(-0.8, 0.8, 96).flat_map(column).collect()
+}
+
+#[test]
+fn a_wall_half_way_between_two_axes_is_drawn_along_the_same_one_all_the_time() {
+    let mut bench = Bench::new();
+    let mut axes = Vec::new();
+    for number in 1..=30 {
+        // The mean of all so far is now more and now less than half way.
+        let off = if number % 2 == 0 { 0.001 } else { -0.001 };
+        bench.insert(&wall(FRAC_PI_4 + off * f64::from(number)));
+        let clusters = bench.surfaces.clusters.iter().flatten();
+        let wall = clusters.max_by_key(|cluster| cluster.voxels).unwrap();
+        assert!(wall.plane.is_some_and(|plane| (plane.normal.x - plane.normal.y).abs() < 0.05), "{number}");
+        axes.push(wall.footprint.axis());
+    }
+    let changes = axes[9..].windows(2).filter(|pair| pair[0] != pair[1]).count();
+    assert!(changes <= 1, "{axes:?}");
 }
