@@ -20,13 +20,14 @@ use crate::cli::{demo, experiment, replay, run, simulate};
 #[global_allocator]
 static ALLOCATOR: tikv_jemallocator::Jemalloc = tikv_jemallocator::Jemalloc;
 
+/// Clap never sees them, so its help does not tell of them by itself.
+const ROS_ARGUMENTS: &str = "ROS arguments follow --ros-args: -r from:=to, -p name:=value, --params-file FILE, \
+                             --log-level LEVEL, --enclave NAME\n\
+                             For example: --ros-args -r points:=TOPIC";
+
 /// Surfaces from a moving Kinect, live.
 #[derive(Debug, Parser)]
-#[command(
-    version,
-    after_help = "ROS arguments follow --ros-args: -r from:=to, -p name:=value, --params-file FILE, --log-level LEVEL, \
-                  --enclave NAME"
-)]
+#[command(version, after_help = ROS_ARGUMENTS)]
 struct Cli {
     #[command(subcommand)]
     verb: Verb,
@@ -35,12 +36,16 @@ struct Cli {
 #[derive(Debug, Subcommand)]
 enum Verb {
     /// The live ROS 2 node: clouds in, surface clusters out
+    #[command(after_help = ROS_ARGUMENTS)]
     Run(run::Options),
     /// A recorded bag through the same engine: every scan, in order, as fast as the processor allows
+    #[command(after_help = ROS_ARGUMENTS)]
     Replay(replay::Options),
     /// The paper's figures and tables on a recording, CFODI beside STATIC; with --scene, scores against a simulator's truth
+    #[command(after_help = ROS_ARGUMENTS)]
     Experiment(experiment::Options),
     /// The main job with nothing installed: a simulated robot drives, the live node clusters and publishes
+    #[command(after_help = ROS_ARGUMENTS)]
     Demo(demo::Options),
     /// A simulated drive through a built-in scene as a bag, with the truth about its surfaces
     Simulate(simulate::Options),
@@ -84,5 +89,17 @@ mod tests {
     #[test]
     fn the_arguments_do_not_contradict_each_other() {
         Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn each_verb_that_takes_ros_arguments_says_so_in_its_help() {
+        let command = Cli::command();
+        for verb in ["run", "replay", "experiment", "demo"] {
+            let help = command.find_subcommand(verb).and_then(clap::Command::get_after_help);
+            assert!(
+                help.is_some_and(|help| help.to_string().contains("--ros-args -r points:=TOPIC")),
+                "{verb}"
+            );
+        }
     }
 }

@@ -21,7 +21,7 @@ use super::replay::{BEGINS_AGAIN, PAGE, begin_page, say_skipped, settings, write
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Options {
-    /// An MCAP file, one compressed as a whole (.mcap.zstd), or a folder that rosbags-convert made
+    /// An MCAP file, one compressed as a whole (.mcap.zstd), or a folder that rosbags-convert or ros2 bag record made
     #[arg(required_unless_present = "scene")]
     input: Option<PathBuf>,
     /// The sensor's topic; again for a second sensor. Without it, `points` or `depth/image`, else the only cloud or depth image

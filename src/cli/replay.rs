@@ -18,7 +18,7 @@ use super::progress::Bar;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Options {
-    /// An MCAP file, one compressed as a whole (.mcap.zstd), or a folder that rosbags-convert made
+    /// An MCAP file, one compressed as a whole (.mcap.zstd), or a folder that rosbags-convert or ros2 bag record made
     input: PathBuf,
     /// The sensor's topic; again for a second sensor. Without it, `points` or `depth/image`, else the only cloud or depth image
     #[arg(long)]

@@ -1,4 +1,5 @@
-"""docs/tune.md has every parameter and every picture; what docs/trouble.md quotes is what the program says."""
+"""docs/tune.md has every parameter and every picture; what docs/trouble.md quotes is what the program says; links lead
+somewhere."""
 
 import pathlib
 import re
@@ -59,6 +60,30 @@ def test_the_graph_of_modules_has_the_imports_that_there_are():
     for begin, targets in re.findall("^(?:    ├──>|    └──>)?(.*) ──> (.*)$", graph, re.MULTILINE):
         drawn |= {each: set(NAME.findall(targets)) - free for each in NAME.findall(begin)}
     assert drawn == {each: others if each in free else others - free for each, others in imports().items()}
+
+
+def test_the_readme_has_its_parts_in_the_order_in_which_they_are_looked_for():
+    headings = re.findall(r"^## (.*)$", (REPOSITORY / "README.md").read_text(), re.MULTILINE)
+    assert headings == ["See it", "Use it with a driver", "Read it from a planner", "Replay a bag", "Numbers", "Limits"]
+
+
+def anchors(page):
+    """What GitHub makes of the headings of a page."""
+    headings = re.findall(r"^#+ (.*)$", page.read_text(), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+def test_every_link_of_a_page_leads_to_a_file_and_a_heading_that_are_there():
+    pages = [*REPOSITORY.glob("*.md"), *DOCS.glob("*.md")]
+    assert len(pages) > 5
+    for page in pages:
+        for link in re.findall(r"\]\(([^)\s]+)\)", page.read_text()):
+            if "://" in link:
+                continue
+            path, _, heading = link.partition("#")
+            target = (page.parent / path).resolve() if path else page
+            assert target.exists(), f"{page.name}: {link}"
+            assert not heading or heading in anchors(target), f"{page.name}: {link}"
 
 
 def test_every_parameter_is_a_heading_of_the_page_and_those_that_change_live_are_listed():
