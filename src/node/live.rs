@@ -2,10 +2,12 @@
 //! answers calls.
 
 mod calls;
+mod calls_for_map;
 mod change;
 mod ending;
 mod intake;
 mod report;
+mod saving_figures;
 mod say;
 mod session;
 
@@ -20,16 +22,17 @@ use thiserror::Error;
 use tokio::sync::mpsc;
 
 use self::calls::next;
+use self::calls_for_map::{Call, CallsForMap};
 use self::change::{Timers, interval};
 use self::ending::{count_buried, death};
 use self::intake::Intake;
 use self::report::Before;
+use self::saving_figures::SavingFigures;
 use self::session::new_session;
 use super::counts::Counts;
 use super::publish::{Seen, publish};
 use super::rosout::Lines;
-use super::saved::Saved;
-use super::saving::{self, Call, Saving};
+use super::saving;
 use super::speak::speak;
 use super::throttle::Throttle;
 use super::transport::{Event, Input, Service, Transport};
@@ -201,9 +204,9 @@ struct Live<T: Transport> {
     tf_timeout: Duration,
     start: Instant,
     /// `None` where the map is not saved.
-    saving: Option<Saving<Call<T::Request>>>,
-    /// How that goes.
-    saved: Saved,
+    calls_for_map: Option<CallsForMap<Call<T::Request>>>,
+    /// How saving goes.
+    saving_figures: SavingFigures,
     reach: Reach,
 }
 
@@ -235,8 +238,8 @@ impl<T: Transport> Live<T> {
             fixed_frame: config.fixed_frame.clone(),
             tf_timeout: config.tf_timeout,
             start,
-            saving: config.snapshot_path.as_ref().map(|_| Saving::default()),
-            saved: Saved::default(),
+            calls_for_map: config.snapshot_path.as_ref().map(|_| CallsForMap::default()),
+            saving_figures: SavingFigures::default(),
             reach: Reach::of(config),
         }
     }

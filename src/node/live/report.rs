@@ -231,10 +231,10 @@ impl<T: Transport> Live<T> {
             part.raise(Level::Warn, self.reach.line(points));
         }
         let now = Instant::now();
-        if let Some(age) = self.saved.age(now) {
+        if let Some(age) = self.saving_figures.age(now) {
             part.value("age of the saved map [s]", format!("{:.1}", age.as_secs_f64()));
         }
-        if let Some(fault) = self.saved.fault(now) {
+        if let Some(fault) = self.saving_figures.fault(now) {
             part.raise(Level::Warn, fault);
         }
         if let Some(line) = self.vitals.borrow().left_out(self.session) {

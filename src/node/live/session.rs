@@ -3,10 +3,10 @@
 use tracing::Level;
 
 use super::Live;
+use super::calls_for_map::{Call, begun};
 use crate::engine::Stamp;
 use crate::msg::ros::TriggerResponse;
 use crate::node::clock::now;
-use crate::node::saving::{Call, begun};
 use crate::node::throttle::say;
 use crate::node::transport::{Service, Transport};
 use crate::tf::JUMP_BACK;
@@ -32,9 +32,9 @@ impl<T: Transport> Live<T> {
         self.join.begin_session(None);
         self.begin_session("~/reset was called", false);
         let call = Call { service: Service::Reset, session: self.session, request };
-        let (success, message) = match &self.saving {
+        let (success, message) = match &self.calls_for_map {
             None => (true, begun(call.session)),
-            Some(saving) if saving.is_full() => {
+            Some(calls) if calls.is_full() => {
                 self.save(None);
                 (
                     false,
@@ -59,7 +59,7 @@ impl<T: Transport> Live<T> {
     /// itself, to be answered by it.
     pub(super) fn start_session(&mut self, why: &str, is_jump: bool) {
         self.session = new_session(self.session);
-        let is_kept = is_jump && self.saving.is_some();
+        let is_kept = is_jump && self.calls_for_map.is_some();
         let thrown_away =
             if is_kept { self.worker.jump(self.session) } else { self.worker.reset(self.session) };
         (0..thrown_away).for_each(|_| self.counts.borrow_mut().skip("session_ended"));
