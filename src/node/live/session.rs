@@ -5,11 +5,10 @@ use tracing::Level;
 use super::Live;
 use super::calls_for_map::{Call, begun};
 use crate::engine::Stamp;
-use crate::msg::ros::TriggerResponse;
+use crate::msg::ros::{JUMP_BACK, TriggerResponse};
 use crate::node::clock::now;
 use crate::node::throttle::say;
 use crate::node::transport::{Service, Transport};
-use crate::tf::JUMP_BACK;
 
 /// A session id that was not used before: the time of day in ns, or one more than the one before.
 pub(super) fn new_session(before: u64) -> u64 {
