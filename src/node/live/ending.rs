@@ -57,7 +57,7 @@ impl<T: Transport> Live<T> {
         publishing: JoinHandle<Ended>,
         written: Option<UnboundedReceiver<Written>>,
     ) -> Result<Arc<Snapshot>, LiveError> {
-        let waiting = self.join.give_up(self.moment());
+        let waiting = self.join.give_up(self.clocks.moment());
         waiting.iter().for_each(|_| self.counts.borrow_mut().skip("shutdown"));
         let Self { worker, transport, calls_for_map, counts, .. } = self;
         worker.request_snapshot();

@@ -5,7 +5,7 @@ use tracing::Level;
 use super::Live;
 use super::calls_for_map::{Call, begun};
 use crate::engine::Stamp;
-use crate::msg::ros::{JUMP_BACK, TriggerResponse};
+use crate::msg::ros::TriggerResponse;
 use crate::node::clock::now;
 use crate::node::throttle::say;
 use crate::node::transport::{Service, Transport};
@@ -17,14 +17,10 @@ pub(super) fn new_session(before: u64) -> u64 {
 
 impl<T: Transport> Live<T> {
     pub(super) fn clock(&mut self, stamp: Stamp) {
-        let back =
-            self.newest_clock.map(|newest| newest.seconds_since(stamp)).filter(|back| *back > JUMP_BACK);
-        if let Some(back) = back {
+        if let Some(back) = self.clocks.hear(stamp) {
             self.join.begin_session(Some(stamp));
             self.begin_session(&format!("/clock has jumped back by {back:.3} s"), true);
-            self.newest_clock = None;
         }
-        self.newest_clock = self.newest_clock.max(Some(stamp));
     }
 
     pub(super) async fn reset(&mut self, request: T::Request) {
@@ -48,7 +44,7 @@ impl<T: Transport> Live<T> {
 
     /// Begins a session that no scan has asked for: what waits is given up.
     fn begin_session(&mut self, why: &str, is_jump: bool) {
-        for _ in self.join.give_up(self.moment()) {
+        for _ in self.join.give_up(self.clocks.moment()) {
             self.counts.borrow_mut().skip("session_ended");
         }
         self.start_session(why, is_jump);
