@@ -8,8 +8,8 @@ use std::time::Duration;
 
 use crate::cloud::{Cloud, CloudError};
 use crate::engine::{Scan, Stamp};
-use crate::msg::ros::TransformStamped;
-use crate::tf::{FrameError, Frames, Inserted, JUMP_BACK, LookupError, Moment, Waited, WaitingQueue};
+use crate::msg::ros::{JUMP_BACK, TransformStamped};
+use crate::tf::{FrameError, Frames, Inserted, LookupError, Moment, Waited, WaitingQueue};
 
 /// Pairs of a frame and a sensor that are remembered at most: a sender can make up ever new frames.
 const SENSORS: usize = 1000;

@@ -10,6 +10,7 @@ pub mod args;
 #[cfg(feature = "bag")]
 pub mod bag;
 pub mod cloud;
+pub mod colour;
 pub mod config;
 pub mod engine;
 #[cfg(feature = "bag")]

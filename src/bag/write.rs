@@ -18,9 +18,8 @@ use super::read::Message;
 use super::schemas::definition;
 use crate::engine::Stamp;
 use crate::msg::clusters::SurfaceClusterArray;
-use crate::msg::ros::{Header, MarkerArray, PointCloud2, TfMessage};
+use crate::msg::ros::{Header, JUMP_BACK, MarkerArray, PointCloud2, TfMessage};
 use crate::msg::twins::{Detection3DArray, PolygonInstanceStamped, Twins};
-use crate::tf::JUMP_BACK;
 
 /// Names of the topics that a result bag holds, remappings applied.
 #[derive(Clone, Debug, PartialEq, Eq)]

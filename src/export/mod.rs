@@ -5,7 +5,6 @@
 
 #[cfg(feature = "png")]
 mod canvas;
-pub mod colour;
 #[cfg(feature = "png")]
 mod cut;
 #[cfg(feature = "png")]
@@ -14,7 +13,6 @@ pub mod ply;
 pub mod voxels;
 pub mod whole;
 
-pub use colour::cluster_colour;
 #[cfg(feature = "png")]
 pub use picture::{Picture, View, draw, draw_alike};
 pub use ply::write_ply;

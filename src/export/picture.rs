@@ -8,8 +8,8 @@ use std::io::{self, Write};
 use nalgebra::{Matrix3, Point3, Vector3};
 
 use super::canvas::{Canvas, Parallelogram};
-use super::colour::cluster_colour;
 use super::cut::shown;
+use crate::colour::cluster_colour;
 use crate::engine::{DenseVoxel, Snapshot};
 
 /// Canvas pixels along one edge of a pixel.

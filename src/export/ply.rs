@@ -2,7 +2,7 @@
 
 use std::io::{self, Write};
 
-use super::colour::cluster_colour;
+use crate::colour::cluster_colour;
 use crate::engine::{ClusterId, DenseVoxel, Snapshot};
 
 /// Name and type of each property, in the order of [`write_vertex`].

@@ -2,10 +2,13 @@
 //! answers calls.
 
 mod calls;
+mod calls_for_map;
 mod change;
+mod clocks;
 mod ending;
 mod intake;
 mod report;
+mod saving_figures;
 mod say;
 mod session;
 
@@ -20,28 +23,29 @@ use thiserror::Error;
 use tokio::sync::mpsc;
 
 use self::calls::next;
+use self::calls_for_map::{Call, CallsForMap};
 use self::change::{Timers, interval};
+use self::clocks::Clocks;
 use self::ending::{count_buried, death};
 use self::intake::Intake;
 use self::report::Before;
+use self::saving_figures::SavingFigures;
 use self::session::new_session;
 use super::counts::Counts;
 use super::publish::{Seen, publish};
 use super::rosout::Lines;
-use super::saved::Saved;
-use super::saving::{self, Call, Saving};
+use super::saving;
 use super::speak::speak;
 use super::throttle::Throttle;
 use super::transport::{Event, Input, Service, Transport};
 use super::vitals::{Reach, Vitals};
 use crate::cloud::{Cloud, CloudError};
 use crate::config::Config;
-use crate::engine::{Engine, Snapshot, Stamp};
+use crate::engine::{Engine, Snapshot};
 use crate::join::{Join, Joined, Jump};
 use crate::msg::reports::DiagnosticArray;
 use crate::msg::ros::{TfMessage, TransformStamped};
 use crate::store::StoreError;
-use crate::tf::Moment;
 use crate::worker::{Output, Worker};
 
 /// Clouds that may wait for their transform, and scans that may wait for the engine, for one message may release them all:
@@ -193,17 +197,15 @@ struct Live<T: Transport> {
     session: u64,
     /// Whether the time is simulated.
     simulated: bool,
-    /// Newest stamp of the simulated clock.
-    newest_clock: Option<Stamp>,
+    clocks: Clocks,
     /// By sensor.
     intakes: Vec<Intake>,
     fixed_frame: String,
     tf_timeout: Duration,
-    start: Instant,
     /// `None` where the map is not saved.
-    saving: Option<Saving<Call<T::Request>>>,
-    /// How that goes.
-    saved: Saved,
+    calls_for_map: Option<CallsForMap<Call<T::Request>>>,
+    /// How saving goes.
+    saving_figures: SavingFigures,
     reach: Reach,
 }
 
@@ -230,13 +232,12 @@ impl<T: Transport> Live<T> {
             throttle: Throttle::default(),
             session,
             simulated: config.use_sim_time,
-            newest_clock: None,
+            clocks: Clocks::new(start),
             intakes,
             fixed_frame: config.fixed_frame.clone(),
             tf_timeout: config.tf_timeout,
-            start,
-            saving: config.snapshot_path.as_ref().map(|_| Saving::default()),
-            saved: Saved::default(),
+            calls_for_map: config.snapshot_path.as_ref().map(|_| CallsForMap::default()),
+            saving_figures: SavingFigures::default(),
             reach: Reach::of(config),
         }
     }
@@ -266,7 +267,7 @@ impl<T: Transport> Live<T> {
         match cloud {
             Ok(cloud) => {
                 self.look_at(input, &cloud);
-                if let Some(pushed_out) = self.join.cloud(input.sensor, cloud, self.moment()) {
+                if let Some(pushed_out) = self.join.cloud(input.sensor, cloud, self.clocks.moment()) {
                     self.skip(&pushed_out, "waiting_queue_full");
                 }
                 self.submit_ready();
@@ -291,7 +292,7 @@ impl<T: Transport> Live<T> {
 
     fn submit_ready(&mut self) {
         for Joined { scan, at, jumped_back, .. } in self.join.ready(&self.fixed_frame) {
-            let waited = self.moment().since(at);
+            let waited = self.clocks.moment().since(at);
             self.before.longest_wait = self.before.longest_wait.max(waited);
             if let Some(Jump { seconds, given_up }) = jumped_back {
                 (0..given_up).for_each(|_| self.counts.borrow_mut().skip("session_ended"));
@@ -300,7 +301,7 @@ impl<T: Transport> Live<T> {
                     true,
                 );
                 // The clock of that lap comes next, and begins no session of its own.
-                self.newest_clock = self.newest_clock.map(|newest| newest.min(scan.stamp));
+                self.clocks.follow(scan.stamp);
             }
             if self.worker.submit(scan) {
                 self.counts.borrow_mut().replaced += 1;
@@ -312,13 +313,8 @@ impl<T: Transport> Live<T> {
         }
     }
 
-    /// By the clocks that clouds wait by.
-    fn moment(&self) -> Moment {
-        Moment { wall: self.start.elapsed(), simulated: self.newest_clock }
-    }
-
     fn tick(&mut self) {
-        for waited in self.join.expired(self.moment(), self.tf_timeout) {
+        for waited in self.join.expired(self.clocks.moment(), self.tf_timeout) {
             self.skip(&waited, "transform_timeout");
         }
         self.say_when_quiet(Instant::now());

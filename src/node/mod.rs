@@ -20,7 +20,6 @@ mod publish;
 pub mod record;
 pub mod resume;
 pub mod rosout;
-mod saved;
 mod saving;
 mod seeds;
 mod speak;

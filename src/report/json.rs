@@ -12,8 +12,8 @@ use super::pack::{base64, keys, push};
 use super::row::{FIELDS, number, time};
 use super::series::Column;
 use super::story::Story;
+use crate::colour::cluster_colour;
 use crate::engine::ClusterId;
-use crate::export::cluster_colour;
 
 /// Writes the story. No byte of it is `<`, `>` or `&`, so that it stands safely in a script element.
 pub(super) fn write_story(out: &mut dyn Write, story: &Story) -> io::Result<()> {

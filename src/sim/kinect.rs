@@ -102,6 +102,20 @@ impl Kinect {
         DepthImage { width: self.width, height: self.height, depths, labels }
     }
 
+    /// The pixels of an image of this camera, row by row: the point (m, optical frame), NaN where nothing was measured, and
+    /// the label of its surface.
+    pub fn points(&self, image: &DepthImage) -> impl Iterator<Item = ([f32; 3], u32)> {
+        let rows = image.depths.chunks_exact(image.width).zip(image.labels.chunks_exact(image.width));
+        rows.enumerate().flat_map(move |(row, (depths, labels))| {
+            let y = self.direction_y(row) as f32;
+            let pixels = depths.iter().zip(labels).enumerate();
+            pixels.map(move |(column, (&z, &label))| {
+                let x = self.direction_x(column) as f32;
+                ([x * z, y * z, z], label)
+            })
+        })
+    }
+
     /// What is measured in a pixel.
     fn pixel(&self, view: &View, pixel: usize, ray: &Vector3<f64>, rng: &mut impl Rng) -> f32 {
         let w = view.inverse_depths[pixel];

@@ -26,7 +26,7 @@ use transforms::geometry::Transform;
 use transforms::time::Timestamp;
 
 use crate::engine::Stamp;
-use crate::msg::ros::TransformStamped;
+use crate::msg::ros::{JUMP_BACK, TransformStamped};
 
 pub use error::{FrameError, LookupError, Span};
 pub use sample::{MAX_NAME_BYTES, NORM_TOLERANCE};
@@ -49,9 +49,6 @@ pub const MAX_SAMPLES: usize = 500_000;
 
 /// Most frames between one and its root; robots have ten to thirty.
 pub const MAX_DEPTH: usize = 256;
-
-/// A stamp that lies further back than this is a clock that jumped, not a late message (s).
-pub const JUMP_BACK: f64 = 1.0;
 
 /// The tree of frames with the recent past of its dynamic edges.
 ///

@@ -170,4 +170,4 @@ impl View {
 
 #[cfg(test)]
 #[cfg(feature = "sim")]
-mod tests;
+pub(super) mod tests;

@@ -3,8 +3,16 @@
 use nalgebra::Vector3;
 
 use super::block::BlockIndex;
-use super::join::Contact;
-use super::layer::PatchId;
+use super::patch::PatchId;
+
+/// Where two patches meet: their voxels that touch.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Contact {
+    /// Number of pairs of voxels.
+    pub(super) pairs: u32,
+    /// Sum of the cells' middles over the pairs' voxels, two a pair.
+    pub(super) sum: Vector3<f64>,
+}
 
 /// Where each patch of a block meets others, of this block or another: a list of a handful for each patch, one after the
 /// other. Their sums are whole numbers, and are kept from the corner of the block.

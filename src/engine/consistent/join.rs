@@ -1,18 +1,8 @@
 //! When two patches that meet are one surface.
 
-use nalgebra::Vector3;
-
+use super::contacts::Contact;
 use super::patch::Patch;
 use super::rules::Rules;
-
-/// Where two patches meet: their voxels that touch.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Contact {
-    /// Number of pairs of voxels.
-    pub(super) pairs: u32,
-    /// Sum of the cells' middles over the pairs' voxels, two a pair.
-    pub(super) sum: Vector3<f64>,
-}
 
 /// Pairs of voxels that make a contact.
 const MIN_PAIRS: u32 = 3;
@@ -99,6 +89,8 @@ impl Patch {
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Vector3;
+
     use super::*;
     use crate::engine::consistent::patch::examples::{rows, rows_from};
     use crate::engine::params::Params;

@@ -4,25 +4,17 @@ use std::sync::Arc;
 
 use nalgebra::Vector3;
 
-use super::block::{Block, BlockIndex, CELLS, Cell, EDGE, offset_of};
+use super::block::{Block, CELLS, Cell, EDGE, offset_of};
 use super::cells::{Cells, Window};
-use super::contacts::Contacts;
+use super::contacts::{Contact, Contacts};
 use super::exact::Exact;
 use super::graph::NodeId;
 use super::grid::Grid;
-use super::join::Contact;
-use super::patch::Patch;
+use super::patch::{Patch, PatchId};
 use super::patches::{LOOSE, Patches, segment};
 use super::room;
 use super::rules::Rules;
 use super::state::{State, states};
-
-/// A patch: its block, and its number there.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub(super) struct PatchId {
-    pub(super) block: BlockIndex,
-    pub(super) number: u8,
-}
 
 /// A block as it was published last.
 #[derive(Clone, Debug, Default)]

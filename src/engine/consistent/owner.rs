@@ -5,8 +5,8 @@ use nalgebra::Vector3;
 use super::block::{Around, Block, BlockIndex, Cell, EDGE, OWN, offset_of, place_of};
 use super::cells::Window;
 use super::held::Held;
-use super::layer::{PatchId, Segmented, patch, seen_from};
-use super::patch::Patch;
+use super::layer::{Segmented, patch, seen_from};
+use super::patch::{Patch, PatchId};
 use super::rules::Rules;
 use super::state::{Plane, State};
 

@@ -4,9 +4,8 @@
 
 use nalgebra::{Matrix3, UnitVector3, Vector3};
 
-use super::block::EDGE;
+use super::block::{BlockIndex, EDGE};
 use super::cells::Cells;
-use super::layer::PatchId;
 use super::noise::Noise;
 use super::region::{Fit, Region};
 use super::rules::Rules;
@@ -40,6 +39,13 @@ impl Kind {
     pub(super) const fn least_window(self) -> usize {
         if matches!(self, Self::Strip) { 3 } else { 4 }
     }
+}
+
+/// Which patch: its block, and its number there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub(super) struct PatchId {
+    pub(super) block: BlockIndex,
+    pub(super) number: u8,
 }
 
 /// A patch. Four of them stand in a block: but for its place, it is kept in single precision.

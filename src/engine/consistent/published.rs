@@ -6,7 +6,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::saved::version1;
 use super::sums::Moments;
 
 /// What a voxel was when its block was published last; all zero while it never was.
@@ -40,17 +39,11 @@ fn noise_of(moments: &Moments) -> f32 {
     moments.points as f32 / moments.weight as f32
 }
 
-/// As it was saved; weights may not have been halved yet.
-impl From<&version1::Noted> for Published {
-    fn from(noted: &version1::Noted) -> Self {
-        let version1::Noted { mean, points, weight, looked_at, drifted } = *noted;
-        let beyond = (weight | looked_at).max(1).ilog2().saturating_sub(u32::BITS - 1);
-        let noise = if weight > 0 { points as f32 / weight as f32 } else { 0.0 };
-        Self { mean, drifted, noise, looked_at: (looked_at >> beyond) as u32 }
-    }
-}
-
 impl Published {
+    pub(super) const fn new(mean: [u16; 3], drifted: bool, noise: f32, looked_at: u32) -> Self {
+        Self { mean, drifted, noise, looked_at }
+    }
+
     pub(super) fn of(moments: &Moments) -> Self {
         let mean = moments.mean().map(in_parts).into();
         Self { mean, drifted: false, noise: noise_of(moments), looked_at: moments.weight }

@@ -7,8 +7,9 @@ use std::collections::BTreeMap;
 
 use super::contacts::Contacts;
 use super::grid::Grid;
-use super::layer::{PatchId, Segmented, are_joined, contacts, contacts_of, sharper};
+use super::layer::{Segmented, are_joined, contacts, contacts_of, sharper};
 use super::owner::Owners;
+use super::patch::PatchId;
 use super::rules::Rules;
 use crate::engine::key::Partition;
 

@@ -16,7 +16,6 @@ use std::ops::RangeInclusive;
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
-use super::saved::version1;
 use super::state::State;
 use super::symmetric::{PAIRS, symmetric, upper};
 use crate::engine::binning;
@@ -127,16 +126,22 @@ impl Moments {
         self.mean = (before + way * part).map(|offset| offset as f32).into();
     }
 
+    /// Of so many points of so much weight; `towards` is a mean as well.
+    pub(super) fn new(
+        points: u32,
+        weight: u32,
+        mean: Vector3<f64>,
+        covariance: &Matrix3<f64>,
+        towards: Vector3<f64>,
+    ) -> Self {
+        let rounded = |exact: Vector3<f64>| exact.map(|part| part as f32).into();
+        let covariance = upper(covariance).map(|entry| entry as f32);
+        Self { points, weight, mean: rounded(mean), covariance, towards: rounded(towards) }
+    }
+
     /// Those of a voxel whose state is this.
     pub(super) fn of(state: &State) -> Self {
-        let rounded = |exact: Vector3<f64>| exact.map(|part| part as f32).into();
-        Self {
-            points: state.points(),
-            weight: state.weight(),
-            mean: rounded(state.offset()),
-            covariance: upper(&state.spread()).map(|entry| entry as f32),
-            towards: rounded(state.towards()),
-        }
+        Self::new(state.points(), state.weight(), state.offset(), &state.spread(), state.towards())
     }
 
     /// Weighted mean offset from the corner, in voxels.
@@ -155,26 +160,8 @@ impl Moments {
     }
 }
 
-/// The same of sums that were saved. They may not have been halved yet: in a file whole numbers have no width.
-impl From<&version1::Sums> for Moments {
-    fn from(sums: &version1::Sums) -> Self {
-        let (weight, points) = (sums.weight as f64, sums.points as f64);
-        let mean = Vector3::from(sums.sum.map(|sum| sum as f64)) / (weight * UNITS);
-        let products = sums.squares.map(|square| square as f64 / (weight * UNITS * UNITS));
-        let covariance = upper(&(symmetric(products) - mean * mean.transpose()));
-        let halvings = halvings(sums.weight, MOST_WEIGHT).max(halvings(sums.points, MOST_POINTS));
-        Self {
-            points: (sums.points >> halvings) as u32,
-            weight: (sums.weight >> halvings) as u32,
-            mean: mean.map(|offset| offset as f32).into(),
-            covariance: covariance.map(|entry| entry as f32),
-            towards: sums.towards.map(|sum| (sum as f64 / (points * 1024.0)) as f32),
-        }
-    }
-}
-
 /// How often a number must be halved to be no more than `most`.
-const fn halvings(number: u64, most: u64) -> u32 {
+pub(super) const fn halvings(number: u64, most: u64) -> u32 {
     let mut halvings = 0;
     while number >> halvings > most {
         halvings += 1;
@@ -252,23 +239,6 @@ mod tests {
                     && moments.is_possible()
             );
         }
-    }
-
-    #[test]
-    fn sums_that_were_saved_wider_are_halved_and_have_the_same_moments() {
-        let unit = UNITS as u64;
-        let square = unit * unit;
-        let wide = version1::Sums {
-            points: 1 << 22,
-            weight: 1 << 33,
-            sum: [unit << 32, unit << 31, 0],
-            squares: [square << 32, square << 30, 0, square << 32, 0, 0],
-            towards: [-1 << 32, 0, 1 << 31],
-        };
-        let moments = Moments::from(&wide);
-        assert_eq!((moments.points, moments.weight), (1 << 20, 1 << 31));
-        assert_eq!((moments.mean, moments.towards), ([0.5, 0.25, 0.0], [-1.0, 0.0, 0.5]));
-        assert_eq!(moments.covariance, [0.25, 0.0, 0.0, 0.4375, 0.0, 0.0]);
     }
 
     #[test]

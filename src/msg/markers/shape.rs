@@ -8,8 +8,8 @@ use nalgebra::Point3;
 
 use super::shown::Shown;
 use super::{CLUSTERS, NAMES, NORMALS, OUTLINES, SURFACES, UNCLUSTERED};
+use crate::colour::cluster_colour;
 use crate::engine::{Cluster, ClusterId, ClusterState, DenseVoxel, SurfaceClass};
-use crate::export::colour::cluster_colour;
 use crate::msg::clusters::point;
 use crate::msg::ros::{ColorRgba, Header, Marker, Point, Vector3};
 

@@ -3,17 +3,18 @@
 use std::time::Instant;
 
 use tokio::sync::mpsc::UnboundedReceiver;
-use tracing::warn;
+use tracing::{debug, warn};
 
+use super::calls_for_map::{Call, CallsForMap, MOST_CALLS};
 use super::{Live, LiveError};
 use crate::msg::ros::TriggerResponse;
-use crate::node::saving::{self, Call, MOST_CALLS, Saving, Written};
+use crate::node::saving::{InFile, Written};
 use crate::node::transport::{Service, Transport};
 
 impl<T: Transport> Live<T> {
     pub(super) async fn save_for(&mut self, request: T::Request) {
-        let message = match &self.saving {
-            Some(saving) if saving.is_full() => {
+        let message = match &self.calls_for_map {
+            Some(calls) if calls.is_full() => {
                 format!("{MOST_CALLS} calls wait for a map to be written")
             }
             Some(_) => {
@@ -27,15 +28,15 @@ impl<T: Transport> Live<T> {
     /// Asks for the map where it is another than in the file: a robot that stands at its dock wears out no disk.
     pub(super) fn save_what_changed(&mut self) {
         let newest = self.vitals.borrow().newest;
-        if !newest.is_some_and(|newest| self.saved.has(newest, Instant::now())) {
+        if !newest.is_some_and(|newest| self.saving_figures.has(newest, Instant::now())) {
             self.save(None);
         }
     }
 
     /// Asks for the map, to save it; `call` is answered when it is written.
     pub(super) fn save(&mut self, call: Option<Call<T::Request>>) {
-        if self.saving.as_mut().is_some_and(|saving| saving.begin(call)) {
-            self.saved.ask(Instant::now());
+        if self.calls_for_map.as_mut().is_some_and(|calls| calls.begin(call)) {
+            self.saving_figures.ask(Instant::now());
             self.worker.request_save();
         }
     }
@@ -43,13 +44,13 @@ impl<T: Transport> Live<T> {
     /// A map has been written, or was not.
     pub(super) async fn written(&mut self, result: &Written) {
         match result {
-            Ok(_) => saving::log(result),
+            Ok(_) => log(result),
             // Maps may be saved ten times a second.
             Err(error) => self.warn("not_saved", format_args!("the map was not saved: {error}")),
         }
-        let Some(saving) = &mut self.saving else { return };
-        let (calls, goes_on) = saving.end();
-        self.saved.note(result, goes_on, Instant::now());
+        let Some(calls) = &mut self.calls_for_map else { return };
+        let (calls, goes_on) = calls.end();
+        self.saving_figures.note(result, goes_on, Instant::now());
         if goes_on {
             self.worker.request_save();
         }
@@ -67,6 +68,14 @@ impl<T: Transport> Live<T> {
     }
 }
 
+/// Says how a map was written that nobody has called for.
+fn log(written: &Written) {
+    match written {
+        Ok(InFile { sequence: scans, bytes, .. }) => debug!("map of {scans} scans saved, {bytes} bytes"),
+        Err(error) => warn!("the map was not saved: {error}"),
+    }
+}
+
 /// The next map that has been written; never where none is.
 pub(super) async fn next(written: &mut Option<UnboundedReceiver<Written>>) -> Option<Written> {
     match written {
@@ -78,20 +87,20 @@ pub(super) async fn next(written: &mut Option<UnboundedReceiver<Written>>) -> Op
 /// Waits for the map of the node's end; whoever waits for one is told how that went, or how one went that was still on its way.
 pub(super) async fn last_written<T: Transport>(
     mut written: UnboundedReceiver<Written>,
-    mut saving: Option<Saving<Call<T::Request>>>,
+    mut calls: Option<CallsForMap<Call<T::Request>>>,
     transport: &T,
 ) -> Result<(), LiveError> {
     let mut last = None;
     while let Some(result) = written.recv().await {
-        saving::log(&result);
+        log(&result);
         // Where it was not written, the next one may be.
-        if let Some(saving) = saving.as_mut().filter(|_| result.is_ok()) {
-            tell(saving.end().0, &result, transport).await;
+        if let Some(calls) = calls.as_mut().filter(|_| result.is_ok()) {
+            tell(calls.end().0, &result, transport).await;
         }
         last = Some(result);
     }
     let last = last.ok_or(LiveError::SaverDied)?;
-    tell(saving.into_iter().flat_map(Saving::into_calls), &last, transport).await;
+    tell(calls.into_iter().flat_map(CallsForMap::into_calls), &last, transport).await;
     last.map(drop).map_err(LiveError::NotSaved)
 }
 

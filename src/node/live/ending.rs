@@ -7,13 +7,14 @@ use tokio::sync::mpsc::UnboundedReceiver;
 use tokio::task::JoinHandle;
 
 use super::calls::last_written;
+use super::calls_for_map::Call;
 use super::{Live, LiveError};
 use crate::cloud::CloudError;
 use crate::engine::Snapshot;
 use crate::msg::ros::TriggerResponse;
 use crate::node::counts::Counts;
 use crate::node::publish::Ended;
-use crate::node::saving::{Call, Written};
+use crate::node::saving::Written;
 use crate::node::transport::{Event, Service, Transport};
 
 /// Counts what was under way when the engine died.
@@ -37,9 +38,9 @@ impl<T: Transport> Live<T> {
                 counts.skip(cloud.as_ref().map_or_else(CloudError::reason, |_| "shutdown"));
             }
             Event::Lost(_, number) => self.counts.borrow_mut().lose(number),
-            Event::Call(service, request) => match &mut self.saving {
-                Some(saving) if service == Service::Save => {
-                    saving.wait(Call { service, session: self.session, request });
+            Event::Call(service, request) => match &mut self.calls_for_map {
+                Some(calls) if service == Service::Save => {
+                    calls.wait(Call { service, session: self.session, request });
                 }
                 _ => {
                     let message = "the node ends, and nothing was done".to_owned();
@@ -56,18 +57,18 @@ impl<T: Transport> Live<T> {
         publishing: JoinHandle<Ended>,
         written: Option<UnboundedReceiver<Written>>,
     ) -> Result<Arc<Snapshot>, LiveError> {
-        let waiting = self.join.give_up(self.moment());
+        let waiting = self.join.give_up(self.clocks.moment());
         waiting.iter().for_each(|_| self.counts.borrow_mut().skip("shutdown"));
-        let Self { worker, transport, saving, counts, .. } = self;
+        let Self { worker, transport, calls_for_map, counts, .. } = self;
         worker.request_snapshot();
-        if saving.is_some() {
+        if calls_for_map.is_some() {
             worker.request_save();
         }
         // The worker may wait for a place among the outputs, which this thread empties.
         drop(tokio::task::spawn_blocking(move || drop(worker)).await);
         let ended = publishing.await;
         let saved = match written {
-            Some(written) => last_written(written, saving, &*transport).await,
+            Some(written) => last_written(written, calls_for_map, &*transport).await,
             None => Ok(()),
         };
         match ended {

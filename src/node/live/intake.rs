@@ -81,7 +81,7 @@ impl<T: Transport> Live<T> {
     /// Takes in a scan of a sensor, or counts it where the sensor is taken in another form.
     pub(super) fn scan(&mut self, input: Input, cloud: Result<Cloud, CloudError>) {
         let Input { sensor, form } = input;
-        let clock = self.clock_now();
+        let clock = self.clocks.now();
         let intake = &mut self.intakes[sensor];
         if !intake.takes(form) {
             return self.skip_other(input);

@@ -9,7 +9,6 @@ use crate::line::one_line;
 use crate::memory::resident_mb;
 use crate::msg::reports::{DiagnosticArray, DiagnosticStatus, KeyValue, Level};
 use crate::msg::ros::Header;
-use crate::node::clock::now;
 use crate::node::counts::Counts;
 use crate::node::inputs;
 use crate::node::transport::{Source, Transport};
@@ -90,7 +89,7 @@ impl<T: Transport> Live<T> {
     pub(super) fn report(&mut self) {
         // A reader that takes none of them must not hold up the node: what is not reported now is in the next one.
         let Ok(place) = self.reports.clone().try_reserve_owned() else { return };
-        let clock = self.clock_now();
+        let clock = self.clocks.now();
         let seconds = self.before.at.elapsed().as_secs_f64().max(1e-3);
         let is_quiet = self.intakes.iter().any(|intake| intake.since.elapsed() >= QUIET);
         let sources = if is_quiet { self.transport.sources() } else { Vec::new() };
@@ -105,11 +104,6 @@ impl<T: Transport> Live<T> {
         self.before.counts = self.counts.borrow().clone();
         let report = DiagnosticArray { header: Header { stamp: clock.into(), ..Header::default() }, status };
         place.send(report);
-    }
-
-    /// The simulated time where that is what counts.
-    pub(super) fn clock_now(&self) -> Stamp {
-        self.newest_clock.unwrap_or_else(now)
     }
 
     fn part(&self, part: &str, fine: impl Into<String>) -> Part {
@@ -178,7 +172,7 @@ impl<T: Transport> Live<T> {
             let taken_in = self.counts.borrow().taken_in > before.counts.taken_in;
             let level = if taken_in { Level::Warn } else { Level::Error };
             part.raise(level, before.without_transform.clone().unwrap_or_default());
-        } else if join.longest_wait(self.start.elapsed()) >= QUIET.max(self.tf_timeout)
+        } else if join.longest_wait(self.clocks.elapsed()) >= QUIET.max(self.tf_timeout)
             && let Some((_, Some(lacks))) = join.oldest()
         {
             // None is given up while a simulated clock is halted.
@@ -231,10 +225,10 @@ impl<T: Transport> Live<T> {
             part.raise(Level::Warn, self.reach.line(points));
         }
         let now = Instant::now();
-        if let Some(age) = self.saved.age(now) {
+        if let Some(age) = self.saving_figures.age(now) {
             part.value("age of the saved map [s]", format!("{:.1}", age.as_secs_f64()));
         }
-        if let Some(fault) = self.saved.fault(now) {
+        if let Some(fault) = self.saving_figures.fault(now) {
             part.raise(Level::Warn, fault);
         }
         if let Some(line) = self.vitals.borrow().left_out(self.session) {

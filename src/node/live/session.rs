@@ -3,13 +3,12 @@
 use tracing::Level;
 
 use super::Live;
+use super::calls_for_map::{Call, begun};
 use crate::engine::Stamp;
 use crate::msg::ros::TriggerResponse;
 use crate::node::clock::now;
-use crate::node::saving::{Call, begun};
 use crate::node::throttle::say;
 use crate::node::transport::{Service, Transport};
-use crate::tf::JUMP_BACK;
 
 /// A session id that was not used before: the time of day in ns, or one more than the one before.
 pub(super) fn new_session(before: u64) -> u64 {
@@ -18,23 +17,19 @@ pub(super) fn new_session(before: u64) -> u64 {
 
 impl<T: Transport> Live<T> {
     pub(super) fn clock(&mut self, stamp: Stamp) {
-        let back =
-            self.newest_clock.map(|newest| newest.seconds_since(stamp)).filter(|back| *back > JUMP_BACK);
-        if let Some(back) = back {
+        if let Some(back) = self.clocks.hear(stamp) {
             self.join.begin_session(Some(stamp));
             self.begin_session(&format!("/clock has jumped back by {back:.3} s"), true);
-            self.newest_clock = None;
         }
-        self.newest_clock = self.newest_clock.max(Some(stamp));
     }
 
     pub(super) async fn reset(&mut self, request: T::Request) {
         self.join.begin_session(None);
         self.begin_session("~/reset was called", false);
         let call = Call { service: Service::Reset, session: self.session, request };
-        let (success, message) = match &self.saving {
+        let (success, message) = match &self.calls_for_map {
             None => (true, begun(call.session)),
-            Some(saving) if saving.is_full() => {
+            Some(calls) if calls.is_full() => {
                 self.save(None);
                 (
                     false,
@@ -49,7 +44,7 @@ impl<T: Transport> Live<T> {
 
     /// Begins a session that no scan has asked for: what waits is given up.
     fn begin_session(&mut self, why: &str, is_jump: bool) {
-        for _ in self.join.give_up(self.moment()) {
+        for _ in self.join.give_up(self.clocks.moment()) {
             self.counts.borrow_mut().skip("session_ended");
         }
         self.start_session(why, is_jump);
@@ -59,7 +54,7 @@ impl<T: Transport> Live<T> {
     /// itself, to be answered by it.
     pub(super) fn start_session(&mut self, why: &str, is_jump: bool) {
         self.session = new_session(self.session);
-        let is_kept = is_jump && self.saving.is_some();
+        let is_kept = is_jump && self.calls_for_map.is_some();
         let thrown_away =
             if is_kept { self.worker.jump(self.session) } else { self.worker.reset(self.session) };
         (0..thrown_away).for_each(|_| self.counts.borrow_mut().skip("session_ended"));

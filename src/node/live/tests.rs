@@ -18,7 +18,7 @@ use tracing_subscriber::layer::SubscriberExt as _;
 use super::session::new_session;
 use super::*;
 use crate::config::Value;
-use crate::engine::{Params, Points};
+use crate::engine::{Params, Points, Stamp};
 use crate::msg::clusters::SurfaceClusterArray;
 use crate::msg::ros::{Header, Quaternion, Transform, TransformStamped, TriggerResponse, Vector3};
 use crate::node::resume::begin;

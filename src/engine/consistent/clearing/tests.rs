@@ -147,7 +147,7 @@ fn still(scene: &Scene) -> Vec<(u32, String, f64)> {
 }
 
 /// Every voxel that a surface which stands still passes through, from points on it 1 cm apart.
-fn on_surfaces(scene: &Scene, size: f64) -> BTreeSet<[i32; 3]> {
+pub(in super::super) fn on_surfaces(scene: &Scene, size: f64) -> BTreeSet<[i32; 3]> {
     let mut keys = BTreeSet::new();
     for surface in scene.surfaces().iter().filter(|surface| surface.motion().is_none()) {
         let halves = surface.shape().half_ranges();

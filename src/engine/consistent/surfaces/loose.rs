@@ -8,8 +8,8 @@ use super::Surfaces;
 use crate::engine::consistent::block::{BlockIndex, Cell, offset_of};
 use crate::engine::consistent::cells::Cells;
 use crate::engine::consistent::grid::Grid;
-use crate::engine::consistent::layer::PatchId;
 use crate::engine::consistent::owner::Owners;
+use crate::engine::consistent::patch::PatchId;
 use crate::engine::consistent::state::State;
 
 /// A loose voxel beside blocks that are published.

@@ -1,6 +1,6 @@
 //! On the simulated Kinect's drive through a room in which nothing changes.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use nalgebra::{Isometry3, Point3, Vector3};
 use rand::SeedableRng;
@@ -8,22 +8,8 @@ use rand::rngs::Xoshiro256PlusPlus;
 
 use super::tests::padded;
 use super::*;
+use crate::engine::consistent::clearing::tests::on_surfaces;
 use crate::sim::{Kinect, Robot, Scene};
-
-/// Every voxel that holds a surface, from points on it 1 cm apart.
-fn voxels_on_surfaces(scene: &Scene, edge: f64) -> BTreeSet<[i32; 3]> {
-    let mut keys = BTreeSet::new();
-    for surface in scene.surfaces() {
-        let [width, height] = [0, 1].map(|i| 2.0 * surface.shape().half_extents()[i]);
-        let [columns, rows] = [width, height].map(|size| (size / 0.01).ceil() as i32);
-        for (column, row) in (0..=columns).flat_map(|column| (0..=rows).map(move |row| (column, row))) {
-            let along = |i: i32, count: i32, size: f64| (f64::from(i) / f64::from(count) - 0.5) * size;
-            let place = Point3::new(along(column, columns, width), along(row, rows, height), 0.0);
-            keys.insert(key_of(&(surface.pose() * place), edge));
-        }
-    }
-    keys
-}
 
 fn key_of(point: &Point3<f64>, edge: f64) -> [i32; 3] {
     [point.x, point.y, point.z].map(|x| (x / edge).floor() as i32)
@@ -37,13 +23,8 @@ fn points(
     rng: &mut Xoshiro256PlusPlus,
 ) -> Vec<[f32; 3]> {
     let image = camera.sample(scene, pose, 0.0, rng);
-    let measured = image.depths.iter().enumerate().filter(|(_, depth)| (0.4..=6.0).contains(*depth));
-    measured
-        .map(|(i, &z)| {
-            let (x, y) = (camera.direction_x(i % image.width), camera.direction_y(i / image.width));
-            [x as f32 * z, y as f32 * z, z]
-        })
-        .collect()
+    let measured = camera.points(&image).map(|(point, _)| point);
+    measured.filter(|[_, _, z]| (0.4..=6.0).contains(z)).collect()
 }
 
 fn margin(depth: f64, edge: f64, share: f64) -> f64 {
@@ -64,7 +45,7 @@ struct Outcome {
 fn drive(edge: f64, share: f64) -> Outcome {
     let (scene, camera) = (Scene::room(), Kinect::v1());
     let robot = Robot::new(&scene);
-    let surfaces = voxels_on_surfaces(&scene, edge);
+    let surfaces = on_surfaces(&scene, edge);
     let mut votes: BTreeMap<[i32; 3], Clearance> =
         surfaces.iter().map(|&key| (key, Clearance::default())).collect();
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(5);

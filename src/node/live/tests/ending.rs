@@ -117,7 +117,8 @@ fn calls_that_still_wait_at_the_end_are_told_that_nothing_was_done_or_of_the_las
         let replies = live.transport.replies.take();
         let told: Vec<_> = replies.into_iter().map(|reply| (reply.success, reply.message)).collect();
         assert_eq!(told, vec![nothing.clone(); at_once]);
-        let waiting = live.saving.into_iter().flat_map(Saving::into_calls).map(|call| call.service);
+        let waiting =
+            live.calls_for_map.into_iter().flat_map(CallsForMap::into_calls).map(|call| call.service);
         assert_eq!(waiting.count(), 2 - at_once);
     }
 }
@@ -133,12 +134,12 @@ async fn told(results: [Option<u64>; 2]) -> Vec<(bool, String)> {
     }
     drop(sender);
     let call = |service, session| Call { service, session, request: () };
-    let mut saving = Saving::default();
-    assert!(saving.begin(Some(call(Service::Save, 1))), "none was under way");
-    assert!(!saving.begin(Some(call(Service::Reset, 2))), "one is");
-    saving.wait(call(Service::Save, 2));
+    let mut calls = CallsForMap::default();
+    assert!(calls.begin(Some(call(Service::Save, 1))), "none was under way");
+    assert!(!calls.begin(Some(call(Service::Reset, 2))), "one is");
+    calls.wait(call(Service::Save, 2));
     let transport = Fake::default();
-    let ended = last_written(written, Some(saving), &transport).await;
+    let ended = last_written(written, Some(calls), &transport).await;
     assert_eq!(ended.is_ok(), results[1].is_some(), "{ended:?}");
     let replies = transport.replies.take();
     replies.into_iter().map(|TriggerResponse { success, message }| (success, message)).collect()

@@ -208,7 +208,7 @@ fn a_lap_begins_one_session_whether_its_first_scan_or_its_clock_comes_first() {
 #[test]
 fn a_jump_does_not_hide_that_the_map_is_not_saved() {
     let (report, _) = driven(Fake::default(), async |live| {
-        live.saved.note(&Err(StoreError::InUse { path: "map".into() }), false, Instant::now());
+        live.saving_figures.note(&Err(StoreError::InUse { path: "map".into() }), false, Instant::now());
         for seconds in [20.0, 10.0] {
             live.event(Event::Clock(at(seconds))).await;
         }

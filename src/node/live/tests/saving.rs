@@ -146,7 +146,7 @@ fn a_reset_that_no_more_may_wait_with_is_told_that_the_saved_map_is_not_waited_f
     let folder = tempfile::tempdir().unwrap();
     runtime.block_on(async {
         let (mut live, _reported) = reports::by_hand(&saving_in(folder.path()), Fake::default());
-        for _ in 0..=crate::node::saving::MOST_CALLS {
+        for _ in 0..=crate::node::live::calls_for_map::MOST_CALLS {
             live.event(Event::Call(Service::Save, ())).await;
         }
         assert!(live.transport.replies.borrow().is_empty(), "they wait");

@@ -1,15 +1,15 @@
-//! How saving goes, for the node's reports.
+//! How saving goes, in figures for `/diagnostics`.
 
 use std::time::{Duration, Instant};
 
-use super::saving::{InFile, Written};
+use crate::node::saving::{InFile, Written};
 
 /// How long a map may be on its way before it is said: a gigabyte takes less.
 const PATIENCE: Duration = Duration::from_secs(30);
 
 /// What has become of the maps that were to be saved.
 #[derive(Debug, Default)]
-pub(super) struct Saved {
+pub(super) struct SavingFigures {
     /// When the map that is on its way was asked for.
     asked: Option<Instant>,
     /// The newest map in the file, and when it was that of the engine.
@@ -18,7 +18,7 @@ pub(super) struct Saved {
     failure: Option<String>,
 }
 
-impl Saved {
+impl SavingFigures {
     /// A map was asked for.
     pub(super) fn ask(&mut self, now: Instant) {
         self.asked = Some(now);
@@ -67,31 +67,31 @@ mod tests {
 
     #[test]
     fn a_map_is_in_the_file_until_it_changes_another_session_begins_or_a_saving_fails() {
-        let (mut saved, start) = (Saved::default(), Instant::now());
+        let (mut figures, start) = (SavingFigures::default(), Instant::now());
         let at = |seconds| start + Duration::from_secs(seconds);
-        assert!(!saved.has((1, 2), start), "none was written");
-        saved.note(&Ok(FILE), false, at(10));
-        assert!(!saved.has((1, 3), at(70)) && !saved.has((2, 2), at(70)));
-        assert_eq!(saved.age(at(70)), Some(Duration::from_secs(60)));
-        assert!(saved.has((1, 2), at(70)));
-        assert_eq!(saved.age(at(70)), Some(Duration::ZERO), "it is that of the engine");
-        saved.note(&Err(StoreError::InUse { path: "map".into() }), false, at(80));
-        assert!(!saved.has((1, 2), at(130)), "it is tried again, which ends the warning");
+        assert!(!figures.has((1, 2), start), "none was written");
+        figures.note(&Ok(FILE), false, at(10));
+        assert!(!figures.has((1, 3), at(70)) && !figures.has((2, 2), at(70)));
+        assert_eq!(figures.age(at(70)), Some(Duration::from_secs(60)));
+        assert!(figures.has((1, 2), at(70)));
+        assert_eq!(figures.age(at(70)), Some(Duration::ZERO), "it is that of the engine");
+        figures.note(&Err(StoreError::InUse { path: "map".into() }), false, at(80));
+        assert!(!figures.has((1, 2), at(130)), "it is tried again, which ends the warning");
     }
 
     #[test]
     fn a_failure_is_a_fault_until_a_map_is_written_and_so_is_a_disk_that_does_not_answer() {
-        let (mut saved, start) = (Saved::default(), Instant::now());
+        let (mut figures, start) = (SavingFigures::default(), Instant::now());
         let at = |seconds| start + Duration::from_secs(seconds);
-        let fault = |saved: &Saved, seconds| saved.fault(at(seconds)).unwrap_or_default();
-        assert_eq!((saved.fault(at(99)), saved.age(at(99))), (None, None), "nothing was asked for");
-        saved.ask(at(100));
-        assert_eq!(saved.fault(at(129)), None);
+        let fault = |figures: &SavingFigures, seconds| figures.fault(at(seconds)).unwrap_or_default();
+        assert_eq!((figures.fault(at(99)), figures.age(at(99))), (None, None), "nothing was asked for");
+        figures.ask(at(100));
+        assert_eq!(figures.fault(at(129)), None);
         let stuck = "the map has been on its way into its file for 30 s, as where a disk does not answer";
-        assert_eq!(fault(&saved, 130), stuck);
-        saved.note(&Err(StoreError::InUse { path: "map".into() }), true, at(140));
-        assert_eq!(fault(&saved, 141), "the map was not saved: map is in use by another process");
-        saved.note(&Ok(FILE), false, at(150));
-        assert_eq!((saved.fault(at(999)), saved.age(at(155))), (None, Some(Duration::from_secs(5))));
+        assert_eq!(fault(&figures, 130), stuck);
+        figures.note(&Err(StoreError::InUse { path: "map".into() }), true, at(140));
+        assert_eq!(fault(&figures, 141), "the map was not saved: map is in use by another process");
+        figures.note(&Ok(FILE), false, at(150));
+        assert_eq!((figures.fault(at(999)), figures.age(at(155))), (None, Some(Duration::from_secs(5))));
     }
 }

@@ -1,0 +1,77 @@
+//! The clocks that the live node goes by: the system's, and the simulated one where there is one.
+
+use std::time::{Duration, Instant};
+
+use crate::engine::Stamp;
+use crate::msg::ros::JUMP_BACK;
+use crate::node::clock::now;
+use crate::tf::Moment;
+
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Clocks {
+    start: Instant,
+    /// Newest stamp of the simulated clock.
+    newest: Option<Stamp>,
+}
+
+impl Clocks {
+    /// Of a node that starts.
+    pub(super) const fn new(start: Instant) -> Self {
+        Self { start, newest: None }
+    }
+
+    /// Takes in what the simulated clock says; the seconds by which it has jumped back.
+    pub(super) fn hear(&mut self, stamp: Stamp) -> Option<f64> {
+        let back = self.newest.map(|newest| newest.seconds_since(stamp)).filter(|back| *back > JUMP_BACK);
+        self.newest = if back.is_some() { Some(stamp) } else { self.newest.max(Some(stamp)) };
+        back
+    }
+
+    /// The scans have jumped back to this stamp: the simulated clock comes after them, and has then not jumped.
+    pub(super) fn follow(&mut self, stamp: Stamp) {
+        self.newest = self.newest.map(|newest| newest.min(stamp));
+    }
+
+    /// Since the start, by the system's clock.
+    pub(super) fn elapsed(&self) -> Duration {
+        self.start.elapsed()
+    }
+
+    /// What clouds wait by.
+    pub(super) fn moment(&self) -> Moment {
+        Moment { wall: self.elapsed(), simulated: self.newest }
+    }
+
+    /// The simulated time where that is what counts.
+    pub(super) fn now(&self) -> Stamp {
+        self.newest.unwrap_or_else(now)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_clock_that_comes_late_is_none_that_has_jumped_nor_is_one_that_follows_the_scans() {
+        let mut clocks = Clocks::new(Instant::now());
+        let at = |seconds: i64| Stamp::from_nanos(seconds * 1_000_000_000);
+        assert_eq!(clocks.moment().simulated, None);
+        assert_eq!([20, 19].map(|seconds| clocks.hear(at(seconds))), [None; 2]);
+        assert_eq!((clocks.now(), clocks.moment().simulated), (at(20), Some(at(20))));
+        assert!(clocks.hear(at(5)).is_some_and(|back| (back - 15.0).abs() < 1e-6));
+        assert_eq!(clocks.now(), at(5));
+        clocks.follow(at(7));
+        assert_eq!(clocks.now(), at(5), "it is behind them already");
+        clocks.follow(at(1));
+        assert_eq!(clocks.hear(at(2)), None);
+        assert_eq!(clocks.now(), at(2));
+    }
+
+    #[test]
+    fn a_clock_that_was_never_heard_follows_no_scan() {
+        let mut clocks = Clocks::new(Instant::now());
+        clocks.follow(Stamp::from_nanos(1));
+        assert_eq!(clocks.moment().simulated, None);
+    }
+}
