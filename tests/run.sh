@@ -82,8 +82,12 @@ keep_secured() {
 # already, which saves a sixth of the time that all of this takes. Into tested/.
 build_tested() {
   local own=(opt-level=3 codegen-units=16 debug-assertions=false overflow-checks=false)
-  CARGO_INCREMENTAL=0 run cargo build --bin cfodi "${own[@]/#/--config=profile.dev.package.cfodi.}"
+  local build=(cargo build --color never --bin cfodi "${own[@]/#/--config=profile.dev.package.cfodi.}")
   mkdir -p "$target/tested"
+  step "${build[*]}"
+  CARGO_INCREMENTAL=0 "${build[@]}" 2>&1 | tee "$target/tested/log"
+  # Lines for builds without a feature are compiled here alone. `-D warnings` as RUSTFLAGS would have all crates made anew.
+  if grep -q '^warning: `cfodi`' "$target/tested/log"; then echo "warnings are errors" >&2; exit 1; fi
   cp "$target/debug/cfodi" "$target/tested"
 }
 
@@ -109,14 +113,15 @@ optional fmt cargo fmt --check
 prepare &
 prepared=$!
 run bash tests/deny.sh
-optional clippy cargo clippy --all-targets -- -D warnings
-RUSTDOCFLAGS="-D warnings" run cargo doc --no-deps
+# All that is compiled only when asked for, and with it all that is by default: `humble` stands for `jazzy`. The same features for
+# both, so that the crates are looked at once.
+most=(--no-default-features --features "node,humble,security,zenoh")
+optional clippy cargo clippy --all-targets "${most[@]}" -- -D warnings
+RUSTDOCFLAGS="-D warnings" run cargo doc --no-deps "${most[@]}"
 # The wall around the engine.
 if cargo clippy --version >/dev/null 2>&1; then run cargo clippy --lib --no-default-features -- -D warnings
 else run cargo check --lib --no-default-features
 fi
-# All that is compiled only when asked for.
-optional clippy cargo clippy --lib --bin cfodi --no-default-features --features node,humble,security,zenoh -- -D warnings
 all=(--features "security,zenoh")
 if cargo nextest --version >/dev/null 2>&1; then
   run cargo nextest run "${all[@]}" --no-fail-fast
