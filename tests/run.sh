@@ -16,23 +16,23 @@ CFODI_SECURED=$(realpath -m "${CFODI_SECURED:-$target/secured}")
 CFODI_DEBUG_BIN=$CFODI_SECURED/cfodi
 export CFODI_DATA CFODI_TOOLS CFODI_BIN CFODI_SECURED CFODI_DEBUG_BIN
 cd "$top"
-CFODI_LEFT_OUT=$(mktemp)
+CFODI_LEFT_OUT=$(mktemp) soaked=$(mktemp)
 export CFODI_LEFT_OUT
 current=start
 rmem=/proc/sys/net/core/rmem_max wanted=33554432 before=
-prepared=
+prepared= soaking=
 default=/proc/sys/net/core/rmem_default readers=8388608 default_before=
 
 closing() {
   local status=$?
-  [ -z "$prepared" ] || kill "$prepared" 2>/dev/null || true
+  for process in $prepared $soaking; do kill "$process" 2>/dev/null || true; done
   [ -z "$before" ] || echo "$before" > "$rmem" || echo "net.core.rmem_max could not be put back to $before" >&2
   [ -z "$default_before" ] || echo "$default_before" > "$default" ||
     echo "net.core.rmem_default could not be put back to $default_before" >&2
   [ "$status" = 0 ] || echo "FAILED: $current" >&2
   local out
   out=$(sort -u "$CFODI_LEFT_OUT" | wc -l)
-  rm -f "$CFODI_LEFT_OUT"
+  rm -f "$CFODI_LEFT_OUT" "$soaked"
   if [ "$out" = 0 ]; then echo "0 tests left out"
   else echo "$out tests left out: no recordings in $CFODI_DATA or no tool for bags in $CFODI_TOOLS (set CFODI_DATA," \
     "CFODI_TOOLS), or no chromium for the report"
@@ -99,6 +99,21 @@ raise_readers_buffer() {
   if [ "$now" -lt "$readers" ] && { echo "$readers" > "$default"; } 2>/dev/null; then default_before=$now; fi
 }
 
+# On one core, a minute long: beside what leaves it one. What it says is told at its end.
+begin_soak() {
+  "$target/debug/examples/soak" --hours 0.015 --views 30 >"$soaked" 2>&1 &
+  soaking=$!
+}
+
+end_soak() {
+  local status=0
+  step "$target/debug/examples/soak --hours 0.015 --views 30"
+  wait "$soaking" || status=$?
+  soaking=
+  cat "$soaked"
+  return "$status"
+}
+
 # What the later tests run on is fetched while crates are compiled. Who needs it waits for it, and makes what failed here again.
 prepare() {
   for make in tests/ros/env.sh tests/bags/env.sh "tests/bags/env.sh tests/colcon" tests/report/browser.sh; do
@@ -131,8 +146,9 @@ fi
 run cargo build "${all[@]}" --bin cfodi --examples   # the tests have built the same
 keep_secured
 run cargo test "${all[@]}" --doc
+begin_soak
 run cargo bench "${all[@]}" --profile test --bench '*' -- --test   # each benchmark once: that it runs, not how fast
-run "$target/debug/examples/soak" --hours 0.015 --views 30
+end_soak
 build_tested
 wait "$prepared" || true
 prepared=
@@ -142,8 +158,7 @@ raise_readers_buffer
 run bash tests/ros/python.sh -m pytest tests/ros -m alone
 run bash tests/ros/python.sh -m pytest tests/ros -m "not alone" --numprocesses 3 --dist loadfile   # they mostly wait
 run bash tests/colcon/python.sh -m pytest tests/colcon
-run bash tests/bags/python.sh -m pytest tests/bags --numprocesses 2 --dist loadfile
 step "report: a browser"
 bash tests/report/browser.sh
-run bash tests/bags/python.sh -m pytest tests/report
+run bash tests/bags/python.sh -m pytest -c tests/bags/pytest.ini tests/bags tests/report --numprocesses 2 --dist loadfile
 current=
