@@ -292,4 +292,4 @@ pub(super) fn seen_from(at: [i32; 3], direction: [i32; 3]) -> [i32; 3] {
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

@@ -18,6 +18,12 @@ fn drawn() -> impl Strategy<Value = Drawn> {
     prop::collection::btree_map(prop::array::uniform3(0..EDGE), 0..PATCHES, 0..300)
 }
 
+/// Of these patches, whose voxels have no states.
+pub(in super::super) fn of_patches(patches: Vec<Patch>) -> Segmented {
+    let cells = patches.iter().flat_map(|patch| patch.cells.iter()).collect();
+    Segmented { cells, patches, ..Segmented::default() }
+}
+
 /// Of patches of which nothing counts but their cells.
 fn block(drawn: &Drawn) -> Segmented {
     static ANY: LazyLock<Patch> = LazyLock::new(|| rows(0..4, |_| 2.3));
@@ -27,8 +33,7 @@ fn block(drawn: &Drawn) -> Segmented {
         patch.cells = own.map(|(at, _)| Cell::at(*at)).collect();
         patch
     };
-    let cells = drawn.keys().map(|at| Cell::at(*at)).collect();
-    Segmented { cells, patches: (0..PATCHES).map(patch).collect(), ..Segmented::default() }
+    of_patches((0..PATCHES).map(patch).collect())
 }
 
 /// Two patches meet in each pair of voxels that lie within `reach` of each other along each axis. Within a block the one with the
