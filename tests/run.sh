@@ -16,23 +16,23 @@ CFODI_SECURED=$(realpath -m "${CFODI_SECURED:-$target/secured}")
 CFODI_DEBUG_BIN=$CFODI_SECURED/cfodi
 export CFODI_DATA CFODI_TOOLS CFODI_BIN CFODI_SECURED CFODI_DEBUG_BIN
 cd "$top"
-CFODI_LEFT_OUT=$(mktemp)
+CFODI_LEFT_OUT=$(mktemp) soaked=$(mktemp)
 export CFODI_LEFT_OUT
 current=start
 rmem=/proc/sys/net/core/rmem_max wanted=33554432 before=
-prepared=
+prepared= soaking=
 default=/proc/sys/net/core/rmem_default readers=8388608 default_before=
 
 closing() {
   local status=$?
-  [ -z "$prepared" ] || kill "$prepared" 2>/dev/null || true
+  for process in $prepared $soaking; do kill "$process" 2>/dev/null || true; done
   [ -z "$before" ] || echo "$before" > "$rmem" || echo "net.core.rmem_max could not be put back to $before" >&2
   [ -z "$default_before" ] || echo "$default_before" > "$default" ||
     echo "net.core.rmem_default could not be put back to $default_before" >&2
   [ "$status" = 0 ] || echo "FAILED: $current" >&2
   local out
   out=$(sort -u "$CFODI_LEFT_OUT" | wc -l)
-  rm -f "$CFODI_LEFT_OUT"
+  rm -f "$CFODI_LEFT_OUT" "$soaked"
   if [ "$out" = 0 ]; then echo "0 tests left out"
   else echo "$out tests left out: no recordings in $CFODI_DATA or no tool for bags in $CFODI_TOOLS (set CFODI_DATA," \
     "CFODI_TOOLS), or no chromium for the report"
@@ -82,8 +82,12 @@ keep_secured() {
 # already, which saves a sixth of the time that all of this takes. Into tested/.
 build_tested() {
   local own=(opt-level=3 codegen-units=16 debug-assertions=false overflow-checks=false)
-  CARGO_INCREMENTAL=0 run cargo build --bin cfodi "${own[@]/#/--config=profile.dev.package.cfodi.}"
+  local build=(cargo build --color never --bin cfodi "${own[@]/#/--config=profile.dev.package.cfodi.}")
   mkdir -p "$target/tested"
+  step "${build[*]}"
+  CARGO_INCREMENTAL=0 "${build[@]}" 2>&1 | tee "$target/tested/log"
+  # Lines for builds without a feature are compiled here alone. `-D warnings` as RUSTFLAGS would have all crates made anew.
+  if grep -q '^warning: `cfodi`' "$target/tested/log"; then echo "warnings are errors" >&2; exit 1; fi
   cp "$target/debug/cfodi" "$target/tested"
 }
 
@@ -93,6 +97,21 @@ raise_readers_buffer() {
   local now
   now=$(cat "$default" 2>/dev/null || echo "$readers")
   if [ "$now" -lt "$readers" ] && { echo "$readers" > "$default"; } 2>/dev/null; then default_before=$now; fi
+}
+
+# On one core, a minute long: beside what leaves it one. What it says is told at its end.
+begin_soak() {
+  "$target/debug/examples/soak" --hours 0.015 --views 30 >"$soaked" 2>&1 &
+  soaking=$!
+}
+
+end_soak() {
+  local status=0
+  step "$target/debug/examples/soak --hours 0.015 --views 30"
+  wait "$soaking" || status=$?
+  soaking=
+  cat "$soaked"
+  return "$status"
 }
 
 # What the later tests run on is fetched while crates are compiled. Who needs it waits for it, and makes what failed here again.
@@ -109,14 +128,15 @@ optional fmt cargo fmt --check
 prepare &
 prepared=$!
 run bash tests/deny.sh
-optional clippy cargo clippy --all-targets -- -D warnings
-RUSTDOCFLAGS="-D warnings" run cargo doc --no-deps
+# All that is compiled only when asked for, and with it all that is by default: `humble` stands for `jazzy`. The same features for
+# both, so that the crates are looked at once.
+most=(--no-default-features --features "node,humble,security,zenoh")
+optional clippy cargo clippy --all-targets "${most[@]}" -- -D warnings
+RUSTDOCFLAGS="-D warnings" run cargo doc --no-deps "${most[@]}"
 # The wall around the engine.
 if cargo clippy --version >/dev/null 2>&1; then run cargo clippy --lib --no-default-features -- -D warnings
 else run cargo check --lib --no-default-features
 fi
-# All that is compiled only when asked for.
-optional clippy cargo clippy --lib --bin cfodi --no-default-features --features node,humble,security,zenoh -- -D warnings
 all=(--features "security,zenoh")
 if cargo nextest --version >/dev/null 2>&1; then
   run cargo nextest run "${all[@]}" --no-fail-fast
@@ -126,8 +146,9 @@ fi
 run cargo build "${all[@]}" --bin cfodi --examples   # the tests have built the same
 keep_secured
 run cargo test "${all[@]}" --doc
+begin_soak
 run cargo bench "${all[@]}" --profile test --bench '*' -- --test   # each benchmark once: that it runs, not how fast
-run "$target/debug/examples/soak" --hours 0.015 --views 30
+end_soak
 build_tested
 wait "$prepared" || true
 prepared=
@@ -137,8 +158,7 @@ raise_readers_buffer
 run bash tests/ros/python.sh -m pytest tests/ros -m alone
 run bash tests/ros/python.sh -m pytest tests/ros -m "not alone" --numprocesses 3 --dist loadfile   # they mostly wait
 run bash tests/colcon/python.sh -m pytest tests/colcon
-run bash tests/bags/python.sh -m pytest tests/bags --numprocesses 2 --dist loadfile
 step "report: a browser"
 bash tests/report/browser.sh
-run bash tests/bags/python.sh -m pytest tests/report
+run bash tests/bags/python.sh -m pytest -c tests/bags/pytest.ini tests/bags tests/report --numprocesses 2 --dist loadfile
 current=

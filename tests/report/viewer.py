@@ -27,6 +27,8 @@ class Page:
 
     def rest(self):
         time.sleep(AT_REST)
+        # On a busy machine the page's timers may be late: this one is due after those that were set before it.
+        self.browser.execute_async_script("requestAnimationFrame(() => setTimeout(arguments[0], 200))")
 
     def picture(self):
         """The pixels of the canvas, as text to be compared."""

@@ -43,7 +43,10 @@ class Cfodi:
         """The first line of the log that holds all the parts."""
         def found():
             return next((line for line in list(self.lines) if all(part in line for part in parts)), None)
-        return wait_until(f"a line with {parts} in the log:\n" + "\n".join(self.lines[-20:]), found, timeout)
+
+        def missed():
+            return f"a line with {parts} in the log:\n" + "\n".join(self.lines[-20:])
+        return wait_until(missed, found, timeout)
 
     def ready(self, name="/cfodi"):
         def found():

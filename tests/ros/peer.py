@@ -23,10 +23,10 @@ def qos(depth, reliable=True, latched=False):
 
 
 def wait_until(what, condition, timeout=20):
-    """The first true value of `condition()`; fails with `what` where there is none in time."""
+    """The first true value of `condition()`; fails with `what`, a text or what gives one then, where there is none in time."""
     end = time.monotonic() + timeout
     while not (value := condition()):
-        assert time.monotonic() < end, f"not within {timeout} s: {what}"
+        assert time.monotonic() < end, f"not within {timeout} s: {what() if callable(what) else what}"
         time.sleep(0.02)
     return value
 

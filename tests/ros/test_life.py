@@ -69,6 +69,7 @@ def test_who_joins_late_gets_the_snapshot_at_once(start, peer, new_peer):
     assert len(peer.clusters) == seen, "it was a periodic snapshot, which proves nothing"
 
 
+@pytest.mark.alone
 def test_snapshots_go_out_at_publish_rate_even_when_no_scan_came(start, peer):
     start({"publish_rate": 5.0}).ready()
     peer.record_node()

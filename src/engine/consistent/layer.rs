@@ -282,3 +282,6 @@ pub(super) fn contacts(
 pub(super) fn seen_from(at: [i32; 3], direction: [i32; 3]) -> [i32; 3] {
     [0, 1, 2].map(|axis| at[axis] - EDGE * direction[axis])
 }
+
+#[cfg(test)]
+pub(super) mod tests;

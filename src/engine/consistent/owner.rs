@@ -181,3 +181,6 @@ impl<'a> Owners<'a> {
         })
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -402,3 +402,6 @@ fn is_one_side(states: &[State]) -> bool {
     };
     states.iter().all(is_near)
 }
+
+#[cfg(test)]
+mod tests;

@@ -151,12 +151,12 @@ fn node_with(config: &Config, transport: Fake, events: Vec<Event<()>>, taken_in:
 /// Runs a node on these events until `stop` resolves, which may send more and see what was counted.
 fn node_until<Stop: Future<Output = ()>>(
     config: &Config,
-    transport: Fake,
+    transport: impl Into<Rc<Fake>>,
     events: Vec<Event<()>>,
     stop: impl FnOnce(mpsc::Sender<Event<()>>, Rc<RefCell<Counts>>) -> Stop,
 ) -> Ran {
     let counts = Rc::new(RefCell::new(Counts::default()));
-    let transport = Rc::new(transport);
+    let transport = transport.into();
     let (sender, receiver) = mpsc::channel(100);
     events.into_iter().for_each(|event| sender.try_send(event).unwrap());
     let enough = stop(sender.clone(), Rc::clone(&counts));
@@ -183,10 +183,20 @@ fn saving_in(folder: &std::path::Path) -> Config {
 }
 
 /// Runs a node on these events until it has reported.
+fn node_that_reports(config: &Config, transport: Fake, events: Vec<Event<()>>) -> Ran {
+    let transport = Rc::new(transport);
+    let seen = Rc::clone(&transport);
+    let patience = Instant::now();
+    node_until(config, transport, events, |_, _| async move {
+        while seen.reports.borrow().is_empty() && patience.elapsed() < Duration::from_secs(60) {
+            tokio::time::sleep(TICK).await;
+        }
+    })
+}
+
+/// The same with nothing set, and its middleware.
 fn reported(transport: Fake, events: Vec<Event<()>>) -> Rc<Fake> {
-    let (ended, _, transport) = node_until(&Config::new([]).unwrap(), transport, events, |_, _| async {
-        tokio::time::sleep(Duration::from_millis(1800)).await;
-    });
+    let (ended, _, transport) = node_that_reports(&Config::new([]).unwrap(), transport, events);
     ended.unwrap();
     transport
 }

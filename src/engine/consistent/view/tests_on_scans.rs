@@ -40,8 +40,8 @@ struct Outcome {
     worst: u8,
 }
 
-/// 300 scans along the drive; every voxel on a surface that is within 6 m is looked at in each of them, which is two to
-/// four times as often as a map would.
+/// 300 scans along the drive, or those up to the first that would clear a voxel; every voxel on a surface that is within 6 m is
+/// looked at in each of them, which is two to four times as often as a map would.
 fn drive(edge: f64, share: f64) -> Outcome {
     let (scene, camera) = (Scene::room(), Kinect::v1());
     let robot = Robot::new(&scene);
@@ -51,6 +51,9 @@ fn drive(edge: f64, share: f64) -> Outcome {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(5);
     let (mut grid, mut outcome) = (RangeGrid::new(), Outcome::default());
     for scan in 0..300 {
+        if outcome.worst >= Clearance::LIMIT {
+            break;
+        }
         // Ten stretches of the drive, at 30 scans a second.
         let pose = robot.optical_pose(5.3 * f64::from(scan / 30) + f64::from(scan % 30) / 30.0);
         let scanned = points(&camera, &scene, &pose, &mut rng);
@@ -82,8 +85,8 @@ fn no_voxel_on_a_surface_is_cleared_in_a_room_where_nothing_changes() {
     for edge in [0.08, 0.05] {
         let outcome = drive(edge, 0.5);
         println!("edge {edge}: {outcome:?}");
-        assert!(outcome.looks > 100_000);
         assert!(outcome.worst < Clearance::LIMIT, "{outcome:?}");
+        assert!(outcome.looks > 100_000);
     }
 }
 

@@ -287,9 +287,7 @@ fn a_map_that_is_not_saved_is_a_warning_with_the_reason_and_one_that_is_has_an_a
     let config = saving_in(folder.path());
     let run = || {
         let events = vec![transform(at(0.0), true), cloud(at(10.0), "camera")];
-        let (_, _, transport) = node_until(&config, Fake::default(), events, |_, _| async {
-            tokio::time::sleep(Duration::from_millis(1800)).await;
-        });
+        let (_, _, transport) = node_that_reports(&config, Fake::default(), events);
         last(&transport, "map")
     };
     let in_the_way = folder.path().join("map.part");
