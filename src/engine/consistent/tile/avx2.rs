@@ -45,7 +45,7 @@ impl Avx2 {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Packed {
     keys: [[i32; LANES]; ROWS],
-    offsets: [[__m256i; PAIRS]; 3],
+    offsets: [[[i16; 2 * LANES]; PAIRS]; 3],
     /// One bit for each point that is still to be added up, in the order in which four rows are packed.
     left: [u32; WORDS],
     has_far: bool,
@@ -59,9 +59,10 @@ impl Packed {
         (word * ROWS_OF_WORD + row as usize, (half * 4 + lane) as usize)
     }
 
-    fn offset(&self, axis: usize, row: usize, lane: usize) -> u64 {
-        let of_pair: [i16; 2 * LANES] = cast(self.offsets[axis][row / 2]);
-        of_pair[lane / 4 * LANES + row % 2 * 4 + lane % 4] as u64
+    /// The offset of the point that has this bit.
+    fn offset(&self, word: usize, bit: u32) -> [u64; 3] {
+        let (pair, place) = (2 * word + (bit >> 3 & 1) as usize, ((bit >> 4) * 8 + (bit & 7)) as usize);
+        [0, 1, 2].map(|axis| self.offsets[axis][pair][place] as u64)
     }
 }
 
@@ -80,10 +81,9 @@ impl Tile for Packed {
 
     fn each(&self, mut tell: impl FnMut(LocalKey, [u64; 3])) {
         for (word, left) in self.left.iter().enumerate() {
-            for (row, lane) in
-                (0..u32::BITS).filter(|bit| left >> bit & 1 == 1).map(|bit| Self::place(word, bit))
-            {
-                tell(LocalKey(self.keys[row][lane]), [0, 1, 2].map(|axis| self.offset(axis, row, lane)));
+            for bit in (0..u32::BITS).filter(|bit| left >> bit & 1 == 1) {
+                let (row, lane) = Self::place(word, bit);
+                tell(LocalKey(self.keys[row][lane]), self.offset(word, bit));
             }
         }
     }
@@ -164,39 +164,50 @@ impl Lanes for Avx2 {
     fn pass(self, tile: &mut Packed, key: LocalKey) -> TileSums {
         let (avx, avx2) = (self.0.avx, self.0.avx2);
         let key = avx._mm256_set1_epi32(key.0);
-        let (zero, ones) = (avx._mm256_setzero_si256(), avx._mm256_set1_epi16(1));
-        let mut sums = [zero; 9];
+        let mut is_here = [key; PAIRS];
+        for pair in 0..PAIRS {
+            let low = avx2._mm256_cmpeq_epi32(cast(tile.keys[2 * pair]), key);
+            let high = avx2._mm256_cmpeq_epi32(cast(tile.keys[2 * pair + 1]), key);
+            is_here[pair] = avx2._mm256_packs_epi32(low, high);
+        }
         let mut count = 0;
         for word in 0..WORDS {
-            let mut here = [zero; 2];
-            for half in 0..2 {
-                let pair = word * 2 + half;
-                let low = avx2._mm256_cmpeq_epi32(cast(tile.keys[2 * pair]), key);
-                let high = avx2._mm256_cmpeq_epi32(cast(tile.keys[2 * pair + 1]), key);
-                let is_here = avx2._mm256_packs_epi32(low, high);
-                let (x, y, z) = (tile.offsets[0][pair], tile.offsets[1][pair], tile.offsets[2][pair]);
-                let x_here = avx2._mm256_and_si256(x, is_here);
-                let y_here = avx2._mm256_and_si256(y, is_here);
-                let z_here = avx2._mm256_and_si256(z, is_here);
-                let factors = [
-                    (x_here, ones),
-                    (y_here, ones),
-                    (z_here, ones),
-                    (x_here, x),
-                    (x_here, y),
-                    (x_here, z),
-                    (y_here, y),
-                    (y_here, z),
-                    (z_here, z),
-                ];
-                for (sum, (a, b)) in sums.iter_mut().zip(factors) {
-                    *sum = avx2._mm256_add_epi32(*sum, avx2._mm256_madd_epi16(a, b));
-                }
-                here[half] = is_here;
-            }
-            let here = self.bits(here);
+            let here = self.bits([is_here[2 * word], is_here[2 * word + 1]]);
             tile.left[word] &= !here;
             count += here.count_ones();
+        }
+        self.sum(tile, &is_here, count)
+    }
+}
+
+impl Avx2 {
+    /// The sums of the points that are here.
+    #[inline(always)]
+    fn sum(self, tile: &Packed, is_here: &[__m256i; PAIRS], count: u32) -> TileSums {
+        let (avx, avx2) = (self.0.avx, self.0.avx2);
+        let ones = avx._mm256_set1_epi16(1);
+        let mut sums = [avx._mm256_setzero_si256(); 9];
+        for pair in 0..PAIRS {
+            let x: __m256i = cast(tile.offsets[0][pair]);
+            let y: __m256i = cast(tile.offsets[1][pair]);
+            let z: __m256i = cast(tile.offsets[2][pair]);
+            let x_here = avx2._mm256_and_si256(x, is_here[pair]);
+            let y_here = avx2._mm256_and_si256(y, is_here[pair]);
+            let z_here = avx2._mm256_and_si256(z, is_here[pair]);
+            let factors = [
+                (x_here, ones),
+                (y_here, ones),
+                (z_here, ones),
+                (x_here, x),
+                (x_here, y),
+                (x_here, z),
+                (y_here, y),
+                (y_here, z),
+                (z_here, z),
+            ];
+            for (sum, (a, b)) in sums.iter_mut().zip(factors) {
+                *sum = avx2._mm256_add_epi32(*sum, avx2._mm256_madd_epi16(a, b));
+            }
         }
         let [x, y, z, xx, xy, xz, yy, yz, zz] = sums;
         let [x, y, z, xx, xy, xz, yy, yz] = self.each_added_up([x, y, z, xx, xy, xz, yy, yz]);
@@ -206,9 +217,7 @@ impl Lanes for Avx2 {
         }
         TileSums { count, sum: [x, y, z], squares: [xx, xy, xz, yy, yz, all] }
     }
-}
 
-impl Avx2 {
     #[inline(always)]
     fn pack(self, points: &impl Row, local: &Local) -> Packed {
         let (avx, avx2) = (self.0.avx, self.0.avx2);
@@ -216,7 +225,7 @@ impl Avx2 {
         let (none, in_voxel) =
             (avx._mm256_set1_epi32(LocalKey::NONE.0), avx._mm256_set1_epi32(Local::offset(-1)));
         let mut keys = [[0; LANES]; ROWS];
-        let mut offsets = [[zero; PAIRS]; 3];
+        let mut offsets = [[[0; 2 * LANES]; PAIRS]; 3];
         let (mut left, mut far) = ([0; WORDS], zero);
         for word in 0..WORDS {
             let mut here = [zero; 2];
@@ -236,7 +245,7 @@ impl Avx2 {
                 }
                 let (places, is_here) = of_pair;
                 for axis in 0..3 {
-                    offsets[axis][pair] = avx2._mm256_packs_epi32(places[0][axis], places[1][axis]);
+                    offsets[axis][pair] = cast(avx2._mm256_packs_epi32(places[0][axis], places[1][axis]));
                 }
                 here[half] = avx2._mm256_packs_epi32(is_here[0], is_here[1]);
             }
