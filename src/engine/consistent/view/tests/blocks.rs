@@ -25,7 +25,13 @@ proptest! {
         grid.blocks_in_view(pose, 8.0 * edge, 6.0, known.into_iter(), |_| true, &mut of_few);
         prop_assert!(of_few.iter().eq(few.iter().rev()));
         let through = voxels([-1.0, -4.0, -1.5], [5.5, 4.0, 2.5], edge).into_iter().step_by(7);
-        let through = through.filter(|&key| sensor.look(&grid, key, edge, |_| 0.0));
+        // What lies farther away than the blocks are asked for need not be listed, though the sensor may see through it.
+        let sensor_from_fixed = sensor.fixed_from_sensor.inverse();
+        let depth = |key: [i32; 3]| {
+            let middle = Vector3::from(key).map(|i| (f64::from(i) + 0.5) * edge);
+            (sensor_from_fixed * Point3::from(middle)).coords.amax()
+        };
+        let through = through.filter(|&key| depth(key) < 6.0 && sensor.look(&grid, key, edge, |_| 0.0));
         for block in through.map(|key| key.map(|i| i.div_euclid(8))).collect::<BTreeSet<_>>() {
             prop_assert!(listed.binary_search(&block).is_ok(), "{:?}", block);
         }
