@@ -168,7 +168,6 @@ impl RangeGrid {
         let mut filled = 0;
         for part in &self.occupied {
             let (face, row, first) = split(part.start);
-            self.faces[face] = true;
             let tiles = (face * TILES + row / TILE_CELLS) * TILES;
             let mut column = first;
             let mut rest = &self.cells[part.clone()];
@@ -178,6 +177,7 @@ impl RangeGrid {
                 let tile = &mut self.tiles[tiles + column / TILE_CELLS];
                 for cell in cells.iter().filter(|cell| cell.count > 0) {
                     *tile = tile.max(cell.nearest);
+                    self.faces[face] = true;
                     filled += 1;
                 }
                 (column, rest) = (column + in_tile, others);
