@@ -10,7 +10,7 @@ for cfodi in cfodi "$here/target/release/cfodi" "$here/../../lib/cfodi/cfodi"; d
   if command -v "$cfodi" >/dev/null; then break; fi
 done
 if ! command -v "$cfodi" >/dev/null; then
-  echo "$0: there is no cfodi: \`cargo install --path .\` in its repository makes it" >&2
+  echo "$0: there is no cfodi: \`cargo install --path . --locked\` in its repository makes it" >&2
   exit 1
 fi
 case $topic in
