@@ -33,6 +33,7 @@ pub use self::aside::{MOST_ASIDE, keep_aside, set_aside, too_many_aside};
 use crate::engine::{RestoreError, SavedMap, SavedMapOfVersion1};
 use crate::link::folder;
 pub use crate::link::target;
+use crate::replace::Partial;
 
 /// What a file holds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -147,7 +148,8 @@ pub fn lock(path: &Path) -> Result<Lock, StoreError> {
     let target = target(path).map_err(|error| StoreError::Io { path: path.to_owned(), error })?;
     let name = beside(&target, "lock");
     let refused = |error| StoreError::Io { path: name.clone(), error };
-    let file = File::create(&name).map_err(refused)?;
+    // Nothing is cut short: it may be a link that somebody has put there.
+    let file = File::options().write(true).create(true).truncate(false).open(&name).map_err(refused)?;
     match file.try_lock() {
         Ok(()) => Ok(Lock(file)),
         Err(TryLockError::WouldBlock) => Err(StoreError::InUse { path: path.to_owned() }),
@@ -164,13 +166,7 @@ pub fn write(path: &Path, stored: &Stored) -> Result<u64, StoreError> {
     let bytes = pack(stored).map_err(refused)?;
     let target = target(path).map_err(refused)?;
     let folder = File::open(folder(&target)).map_err(refused)?;
-    let beside = beside(&target, "part");
-    let written = write_whole(&beside, &bytes).and_then(|()| fs::rename(&beside, &target));
-    if let Err(error) = written {
-        // What is there of it is of no use; that it cannot be removed either, the error says already.
-        drop(fs::remove_file(&beside));
-        return Err(refused(error));
-    }
+    replace(&target, &target, |file| file.write_all(&bytes)).map_err(refused)?;
     // The name is on the disk when its folder is.
     folder.sync_all().map_err(|error| StoreError::Unsure { path: path.to_owned(), error })?;
     Ok(bytes.len() as u64)
@@ -208,10 +204,17 @@ fn beside(path: &Path, end: &str) -> PathBuf {
     name.into()
 }
 
-fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    let mut file = File::create(path)?;
-    file.write_all(bytes)?;
-    file.sync_all()
+/// Writes a file as `NAME.part` and gives it the name `to`, in place of what has it.
+fn replace(path: &Path, to: &Path, write: impl FnOnce(&mut File) -> io::Result<()>) -> io::Result<()> {
+    let name = beside(path, "part");
+    // What a killed process has left: who has the lock is the only one who writes it.
+    match fs::remove_file(&name) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
+        _ => {}
+    }
+    let (mut partial, mut file) = Partial::create(name)?;
+    write(&mut file)?;
+    partial.settle(&file, to)
 }
 
 /// Why bytes are no map.

@@ -7,6 +7,7 @@ use std::os::fd::AsFd as _;
 use std::path::{Path, PathBuf};
 
 use crate::link::{descriptor, folder, target};
+use crate::replace::Partial;
 
 /// A file could not be written; the cause is its `source`.
 #[derive(Debug, thiserror::Error)]
@@ -42,7 +43,7 @@ pub struct WholeFile {
     /// As asked for.
     path: PathBuf,
     /// The temporary file and what it replaces; `None` where the output is written to directly.
-    replaces: Option<(PathBuf, PathBuf)>,
+    replaces: Option<(Partial, PathBuf)>,
     out: BufWriter<File>,
 }
 
@@ -89,22 +90,17 @@ impl WholeFile {
 
     fn settle(&mut self) -> io::Result<()> {
         self.out.flush()?;
-        let Some((partial, target)) = &self.replaces else { return Ok(()) };
-        // Without this the rename can reach the disk before the bytes do.
-        self.out.get_ref().sync_all()?;
-        match fs::rename(partial, target) {
+        let Some((partial, target)) = &mut self.replaces else { return Ok(()) };
+        match partial.settle(self.out.get_ref(), target) {
             Err(error) if error.kind() == io::ErrorKind::ResourceBusy => self.write_over(),
-            renamed => {
-                renamed?;
-                self.replaces = None;
-                Ok(())
-            }
+            settled => settled,
         }
     }
 
     /// Copies the complete bytes into the file.
     fn write_over(&mut self) -> io::Result<()> {
         let Some((partial, target)) = self.replaces.take() else { return Ok(()) };
+        let partial = partial.leave();
         let copied = copy(&partial, &target);
         copied.map_err(|error| within(&error, format_args!("all of it is in {}", partial.display())))?;
         fs::remove_file(partial)
@@ -121,17 +117,8 @@ impl Write for WholeFile {
     }
 }
 
-impl Drop for WholeFile {
-    fn drop(&mut self) {
-        if let Some((partial, _)) = &self.replaces {
-            // Whoever dropped it has an error to tell already.
-            let _ = fs::remove_file(partial);
-        }
-    }
-}
-
 /// What to write to, and where it is temporary what it replaces.
-type Opened = (File, Option<(PathBuf, PathBuf)>);
+type Opened = (File, Option<(Partial, PathBuf)>);
 
 fn open(path: &Path) -> io::Result<Opened> {
     if let Some(number) = descriptor(path) {
@@ -179,13 +166,23 @@ fn temporary(target: &Path) -> io::Result<Opened> {
     let is_folder = name.ends_with(b"/") || name.ends_with(b"/.");
     let name = target.file_name().filter(|_| !is_folder);
     let name = name.ok_or_else(|| io::Error::new(io::ErrorKind::InvalidInput, "not a file name"))?;
-    // The process id keeps two programs that write the same file apart.
-    let partial = target.with_file_name(format!(".{}.{}.part", name.to_string_lossy(), std::process::id()));
-    // The file itself may well be one that can be written.
-    let file = File::create(&partial).map_err(|error| {
+    let (partial, file) = partial(target, &name.to_string_lossy()).map_err(|error| {
+        // The file itself may well be one that can be written.
         within(&error, format_args!("no new file can be made in {}", folder(target).display()))
     })?;
     Ok((file, Some((partial, target.to_owned()))))
+}
+
+/// Names that are tried: one that is taken is left alone, for it may be that of a process in another container, with the same id.
+const MOST_NAMES: u32 = 100;
+
+fn partial(target: &Path, name: &str) -> io::Result<(Partial, File)> {
+    let id = std::process::id();
+    let create = |number| Partial::create(target.with_file_name(format!(".{name}.{id}-{number}.part")));
+    let is_taken = |error: &io::Error| error.kind() == io::ErrorKind::AlreadyExists;
+    let mut tried = (1..MOST_NAMES).map(create);
+    let found = tried.find(|made| !made.as_ref().is_err_and(is_taken));
+    found.unwrap_or_else(|| create(MOST_NAMES))
 }
 
 #[cfg(test)]
@@ -274,10 +271,41 @@ mod tests {
         fs::create_dir(&path).unwrap();
         let error = file.write_over().unwrap_err().to_string();
         drop(file);
-        let partial = format!(".a.ply.{}.part", std::process::id());
+        let partial = format!(".a.ply.{}-1.part", std::process::id());
         assert!(error.starts_with("all of it is in /") && error.contains(&partial), "{error}");
         assert_eq!(folder.names(), [partial.as_str(), "a.ply"]);
         assert_eq!(fs::read_to_string(folder.0.path().join(partial)).unwrap(), "all");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn what_has_the_temporary_name_already_is_neither_followed_nor_written_nor_removed() {
+        let folder = Folder::new();
+        let path = folder.0.path().join("a.ply");
+        let id = std::process::id();
+        let [planted, of_another] =
+            [1, 2].map(|number| folder.0.path().join(format!(".a.ply.{id}-{number}.part")));
+        let other = folder.0.path().join("other");
+        fs::write(&other, "somebody's").unwrap();
+        fs::write(&of_another, "half of").unwrap();
+        std::os::unix::fs::symlink(&other, &planted).unwrap();
+        write_whole(&path, |out| out.write_all(b"all")).unwrap();
+        assert!(planted.is_symlink() && fs::symlink_metadata(&path).unwrap().is_file());
+        let texts = [&path, &other, &of_another].map(|path| fs::read_to_string(path).unwrap());
+        assert_eq!(texts, ["all", "somebody's", "half of"]);
+    }
+
+    #[test]
+    fn where_all_temporary_names_are_taken_nothing_is_written() {
+        let folder = Folder::new();
+        let path = folder.0.path().join("a.ply");
+        for number in 1..=MOST_NAMES {
+            let taken = format!(".a.ply.{}-{number}.part", std::process::id());
+            fs::write(folder.0.path().join(taken), "").unwrap();
+        }
+        let error = WholeFile::create(&path).unwrap_err();
+        assert_eq!(error.source.kind(), io::ErrorKind::AlreadyExists);
+        assert!(!path.exists());
     }
 
     #[cfg(unix)]

@@ -8,7 +8,7 @@ use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
 
-use super::{beside, folder, target};
+use super::{beside, folder, replace, target};
 
 /// Most files of a kind that are to be kept: a node that starts again and again must not fill its disk.
 pub const MOST_ASIDE: usize = 8;
@@ -73,15 +73,13 @@ fn is_kept(_: &Path, _: &str) -> io::Result<bool> {
     Ok(false)
 }
 
-/// Copies a file that is whole under its name or not there.
+/// Copies a file, and who may read it, to a name under which it is whole or not there.
 fn copy(path: &Path, name: &Path) -> io::Result<()> {
-    let part = beside(path, "part");
-    let copied = fs::copy(path, &part).and_then(|_| File::open(&part)?.sync_all());
-    let copied = copied.and_then(|()| fs::rename(&part, name));
-    if copied.is_err() {
-        drop(fs::remove_file(&part));
-    }
-    copied
+    let mut from = File::open(path)?;
+    replace(path, name, |file| {
+        file.set_permissions(from.metadata()?.permissions())?;
+        io::copy(&mut from, file).map(drop)
+    })
 }
 
 fn next_name(path: &Path, why: &str) -> io::Result<PathBuf> {

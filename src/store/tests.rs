@@ -122,6 +122,45 @@ fn where_a_map_cannot_be_written_the_one_before_stays() {
     assert!(read(&folder.path().join("none")).unwrap_err().is_missing());
 }
 
+#[cfg(unix)]
+#[test]
+fn what_is_beside_a_map_is_not_followed_and_what_a_killed_process_has_left_there_is_replaced() {
+    let no_links = |_: &Path, _: &Path| Err(io::ErrorKind::PermissionDenied.into());
+    let folder = tempdir().unwrap();
+    let [path, part, lock_file, other, missing] =
+        ["map", "map.part", "map.lock", "other", "missing"].map(|name| folder.path().join(name));
+    std::fs::write(&other, "somebody's").unwrap();
+    let map = stored(&engine(Params::default(), 1));
+    for to in [&other, &missing] {
+        std::os::unix::fs::symlink(to, &part).unwrap();
+        write(&path, &map).unwrap();
+        std::os::unix::fs::symlink(to, &part).unwrap();
+        assert!(keep_aside_by(no_links, &path, "before").unwrap().is_some());
+        assert!(part.symlink_metadata().is_err() && !missing.exists());
+    }
+    std::fs::write(&part, "x".repeat(1 << 20)).unwrap();
+    write(&path, &map).unwrap();
+    assert!(!part.exists());
+    assert_eq!(read(&path).unwrap(), map);
+    std::os::unix::fs::symlink(&other, &lock_file).unwrap();
+    let _lock = lock(&path).unwrap();
+    assert_eq!(std::fs::read_to_string(&other).unwrap(), "somebody's");
+}
+
+#[cfg(unix)]
+#[test]
+fn who_may_read_a_map_may_read_its_copy_and_nobody_else() {
+    use std::os::unix::fs::PermissionsExt as _;
+
+    let no_links = |_: &Path, _: &Path| Err(io::ErrorKind::PermissionDenied.into());
+    let folder = tempdir().unwrap();
+    let path = folder.path().join("map");
+    std::fs::write(&path, "a").unwrap();
+    std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o600)).unwrap();
+    let kept = keep_aside_by(no_links, &path, "before").unwrap().unwrap();
+    assert_eq!(kept.metadata().unwrap().permissions().mode() & 0o777, 0o600);
+}
+
 #[test]
 fn what_is_set_aside_takes_no_name_that_is_taken() {
     let folder = tempdir().unwrap();
