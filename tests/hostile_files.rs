@@ -412,6 +412,15 @@ fn a_metadata_without_bounds_is_refused() {
 }
 
 #[test]
+fn a_metadata_with_an_entry_that_is_no_name_is_refused() {
+    let folder = folder();
+    put(&folder, "good.mcap", &drive(BagWriter::new(Layout::Plain), 3));
+    let text = "rosbag2_bagfile_information: {relative_file_paths: [good.mcap, 7]}";
+    put(&folder, "metadata.yaml", text.as_bytes());
+    ends(folder.path(), &[], 1, "metadata.yaml: relative_file_paths[1] is 7, not the name of a file");
+}
+
+#[test]
 fn a_metadata_that_leads_out_of_its_folder_is_refused() {
     let folder = folder();
     let text = "rosbag2_bagfile_information: {relative_file_paths: [../../../../etc/hostname]}";

@@ -25,17 +25,11 @@ pub(super) fn parse(folder: &Path, text: &str) -> Result<Metadata, BagError> {
     let documents = yaml::load(text).map_err(|error| refuse(error.to_string()))?;
     let root = documents.first().unwrap_or(&Yaml::BadValue);
     let about = &root["rosbag2_bagfile_information"];
-    let paths = about["relative_file_paths"].as_vec().map_or(&[][..], Vec::as_slice);
-    let files: Vec<PathBuf> = paths.iter().filter_map(Yaml::as_str).map(|name| folder.join(name)).collect();
+    let listed = about["relative_file_paths"].as_vec().map_or(&[][..], Vec::as_slice);
+    let files = listed.iter().enumerate().map(|(index, listed)| file(folder, index, listed));
+    let files = files.collect::<Result<Vec<_>, _>>().map_err(refuse)?;
     if files.is_empty() {
         return Err(refuse("rosbag2_bagfile_information/relative_file_paths names no file".to_owned()));
-    }
-    let is_inside = |name: &&str| {
-        let parts = || Path::new(name).components();
-        parts().all(|part| matches!(part, Component::Normal(_) | Component::CurDir))
-    };
-    if let Some(outside) = paths.iter().filter_map(Yaml::as_str).find(|name| !is_inside(name)) {
-        return Err(refuse(format!("it names the file {outside:?}, which is not in the folder")));
     }
     let listed = about["topics_with_message_count"].as_vec().map_or(&[][..], Vec::as_slice);
     Ok(Metadata {
@@ -43,6 +37,30 @@ pub(super) fn parse(folder: &Path, text: &str) -> Result<Metadata, BagError> {
         storage: about["storage_identifier"].as_str().unwrap_or_default().to_owned(),
         topics: listed.iter().filter_map(topic).collect(),
     })
+}
+
+/// The file that an entry names, counted from 0; what is wrong with it where it names none in the folder.
+fn file(folder: &Path, index: usize, listed: &Yaml) -> Result<PathBuf, String> {
+    let Some(name) = listed.as_str() else {
+        return Err(format!("relative_file_paths[{index}] is {}, not the name of a file", kind(listed)));
+    };
+    let is_inside = |part| matches!(part, Component::Normal(_) | Component::CurDir);
+    if !Path::new(name).components().all(is_inside) {
+        return Err(format!("it names the file {name:?}, which is not in the folder"));
+    }
+    Ok(folder.join(name))
+}
+
+/// What stands in the place of a text.
+fn kind(listed: &Yaml) -> String {
+    match listed {
+        Yaml::Integer(number) => number.to_string(),
+        Yaml::Real(number) => number.clone(),
+        Yaml::Boolean(value) => value.to_string(),
+        Yaml::Array(_) => "a list".to_owned(),
+        Yaml::Hash(_) => "a map".to_owned(),
+        Yaml::String(_) | Yaml::Alias(_) | Yaml::Null | Yaml::BadValue => "empty".to_owned(),
+    }
 }
 
 fn topic(listed: &Yaml) -> Option<Topic> {
@@ -90,6 +108,26 @@ mod tests {
         }
         let inside = "rosbag2_bagfile_information: {relative_file_paths: [./b/a.mcap]}";
         assert_eq!(parse(Path::new("/bags/a"), inside).unwrap().files, [PathBuf::from("/bags/a/b/a.mcap")]);
+    }
+
+    #[test]
+    fn an_entry_that_names_no_file_is_refused_with_its_index_and_what_it_is() {
+        for (entry, what) in [
+            ("7", "7"),
+            ("2024.5", "2024.5"),
+            ("true", "true"),
+            ("", "empty"),
+            ("~", "empty"),
+            ("[b.mcap]", "a list"),
+            ("{b.mcap: 1}", "a map"),
+        ] {
+            let text = format!(
+                "rosbag2_bagfile_information:\n  relative_file_paths:\n  - a.mcap\n  - {entry}\n  - c.mcap\n"
+            );
+            let error = parse(Path::new("/bags/a"), &text).unwrap_err().to_string();
+            let expected = format!("relative_file_paths[1] is {what}, not the name of a file");
+            assert_eq!(error, format!("/bags/a/metadata.yaml: {expected}"));
+        }
     }
 
     #[test]
