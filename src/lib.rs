@@ -25,6 +25,7 @@ mod memory;
 pub mod msg;
 #[cfg(feature = "node")]
 pub mod node;
+pub mod reason;
 mod replace;
 #[cfg(feature = "bag")]
 pub mod replay;

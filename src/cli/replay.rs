@@ -197,7 +197,7 @@ pub(crate) fn say_skipped(summary: &Summary) -> ExitCode {
     let skipped: u64 = summary.tally.skipped.values().sum();
     if skipped > 0 {
         let reasons: Vec<_> =
-            summary.tally.skipped.iter().map(|(reason, count)| format!("{reason} {count}")).collect();
+            summary.tally.skipped.iter().map(|(reason, count)| format!("{} {count}", reason.key)).collect();
         say(format_args!("{skipped} scans skipped: {}", reasons.join(", ")));
     }
     if let Some(unread) = &summary.unread {

@@ -1,5 +1,7 @@
 //! Why a message was refused.
 
+use crate::reason::Reason;
+
 /// Why a message gave no [`Cloud`](super::Cloud); each variant carries the numbers that contradict each other.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum CloudError {
@@ -170,30 +172,52 @@ pub enum CloudError {
 impl CloudError {
     /// A short key to count refused messages by.
     pub fn reason(&self) -> &'static str {
-        match self {
-            Self::BadStamp { .. } => "bad_stamp",
-            Self::EmptyFrameId => "empty_frame_id",
-            Self::LongFrameId { .. } => "long_frame_id",
-            Self::TooManyPoints { .. } => "too_many_points",
-            Self::TooManyFields { .. } => "too_many_fields",
-            Self::MissingField { .. } => "missing_field",
-            Self::DuplicateField { .. } => "duplicate_field",
-            Self::FieldType { .. } => "field_type",
-            Self::FieldOutsidePoint { .. } => "field_outside_point",
-            Self::ZeroPointStep => "zero_point_step",
-            Self::ShortRowStep { .. } => "short_row_step",
-            Self::ShortData { .. } => "short_data",
-            Self::BadIntrinsics { .. } => "bad_intrinsics",
-            Self::NoStamp => "no_stamp",
-            Self::NoCameraInfo => "no_camera_info",
-            Self::ImageSize { .. } => "image_size",
-            Self::UnknownEncoding { .. } => "unknown_encoding",
-            Self::UnknownFormat { .. } => "unknown_format",
-            Self::ShortStep { .. } => "short_step",
-            Self::ShortHeader { .. } => "short_header",
-            Self::PngKind { .. } => "png_kind",
-            Self::Png(_) => "png",
-            Self::Undecodable(_) => "undecodable",
-        }
+        self.explained().key
+    }
+
+    /// The same with what it means.
+    pub fn explained(&self) -> Reason {
+        let (key, sentence) = match self {
+            Self::BadStamp { .. } => {
+                ("bad_stamp", "The nanoseconds of the header’s stamp do not fit a second.")
+            }
+            Self::EmptyFrameId => ("empty_frame_id", "The header names no frame."),
+            Self::LongFrameId { .. } => ("long_frame_id", "The header’s frame has too long a name."),
+            Self::TooManyPoints { .. } => ("too_many_points", "The cloud has more points than max_points."),
+            Self::TooManyFields { .. } => {
+                ("too_many_fields", "The cloud has more fields than any driver sends.")
+            }
+            Self::MissingField { .. } => ("missing_field", "The cloud has no x, y or z."),
+            Self::DuplicateField { .. } => {
+                ("duplicate_field", "A coordinate occurs twice in the cloud’s fields.")
+            }
+            Self::FieldType { .. } => ("field_type", "A coordinate is neither FLOAT32 nor FLOAT64."),
+            Self::FieldOutsidePoint { .. } => {
+                ("field_outside_point", "A coordinate lies partly outside its point.")
+            }
+            Self::ZeroPointStep => ("zero_point_step", "The points of the cloud have no size."),
+            Self::ShortRowStep { .. } => {
+                ("short_row_step", "The rows of the cloud are too short for their points.")
+            }
+            Self::ShortData { .. } => ("short_data", "The cloud has less data than its size says."),
+            Self::BadIntrinsics { .. } => {
+                ("bad_intrinsics", "The camera info has no usable focal length or principal point.")
+            }
+            Self::NoStamp => ("no_stamp", "The header’s stamp is zero."),
+            Self::NoCameraInfo => ("no_camera_info", "No camera info came for the depth image."),
+            Self::ImageSize { .. } => {
+                ("image_size", "The image is of another size than its camera info says.")
+            }
+            Self::UnknownEncoding { .. } => ("unknown_encoding", "The image’s encoding is none of depth."),
+            Self::UnknownFormat { .. } => ("unknown_format", "The compressed image’s format cannot be read."),
+            Self::ShortStep { .. } => ("short_step", "The rows of the image are too short for their pixels."),
+            Self::ShortHeader { .. } => {
+                ("short_header", "The compressed depth image ends before its PNG begins.")
+            }
+            Self::PngKind { .. } => ("png_kind", "The PNG is no image of 16 bit greys."),
+            Self::Png(_) => ("png", "The PNG of the depth image cannot be read."),
+            Self::Undecodable(_) => ("undecodable", "The message cannot be read as what its topic says."),
+        };
+        Reason::new(key, sentence)
     }
 }

@@ -18,6 +18,7 @@ use crate::cloud::{Cloud, CloudError};
 use crate::engine::Scan;
 use crate::join::{Join, Joined, Jump, with_stamp};
 use crate::msg::ros::{TfMessage, TransformStamped};
+use crate::reason::Reason;
 use crate::tf::{LookupError, Waited};
 
 /// Clouds that wait for a transform however long it takes: where there are few in a second, transforms may be few as well.
@@ -36,6 +37,13 @@ const TWICE: u32 = 2;
 
 /// Messages between the two threads at most.
 const BETWEEN: usize = 2;
+
+/// Why scans are skipped that waited for their transform when something came between.
+const SESSION_ENDED: Reason =
+    Reason::new("session_ended", "The stamps jumped back while the scan waited for its transform.");
+const STOPPED: Reason =
+    Reason::new("shutdown", "The replay was stopped while the scan waited for its transform.");
+const NOT_LOOKED_UP: Reason = Reason::new("tf_not_looked_up", "No transform was looked for before the end.");
 
 /// What becomes of the scans.
 pub trait Visitor {
@@ -277,7 +285,7 @@ impl<V: Visitor> Feeder<'_, V> {
     }
 
     fn refused(&mut self, error: &CloudError) {
-        if self.tally.skip(error.reason()) {
+        if self.tally.skip(error.explained()) {
             self.visitor.say(&format!("a scan was skipped: {error}"));
         }
     }
@@ -335,9 +343,9 @@ impl<V: Visitor> Feeder<'_, V> {
         match self.join.transform(transform, is_static) {
             Ok(inserted) => inserted.about(transform).filter(|line| said.is_due(line, TWICE)),
             Err(error) => {
-                let reason = error.reason();
+                let reason = error.explained();
                 self.tally.refuse_transform(reason);
-                let is_due = said.is_due(&format!("{reason} {}", transform.child_frame_id), 1);
+                let is_due = said.is_due(&format!("{} {}", reason.key, transform.child_frame_id), 1);
                 is_due.then(|| format!("a transform was refused: {error}"))
             }
         }
@@ -352,7 +360,7 @@ impl<V: Visitor> Feeder<'_, V> {
         while let Some(Joined { scan, at, total, invalid, jumped_back }) = ready.next() {
             if let Some(Jump { seconds, given_up }) = jumped_back {
                 self.disorder = None;
-                self.tally.skip_all("session_ended", given_up);
+                self.tally.skip_all(SESSION_ENDED, given_up);
                 if self.visitor.jumped_back(seconds)? == Go::Home {
                     self.enough = true;
                     self.tally.skip_all(AFTER_JUMP, 1 + ready.count());
@@ -366,9 +374,9 @@ impl<V: Visitor> Feeder<'_, V> {
     }
 
     fn skip(&mut self, waited: &Waited<Cloud>) {
-        let reason = waited.last_error.as_ref().map_or("tf_not_looked_up", LookupError::reason);
+        let reason = waited.last_error.as_ref().map_or(NOT_LOOKED_UP, LookupError::explained);
         self.tally.skip(reason);
-        if self.skips_said.is_due(&format!("{reason} {}", waited.frame_id), 1) {
+        if self.skips_said.is_due(&format!("{} {}", reason.key, waited.frame_id), 1) {
             let why = waited.last_error.as_ref().map_or_else(String::new, ToString::to_string);
             self.visitor.say(&format!("a scan was skipped: {why}; {}", self.join.frames_seen()));
         }
@@ -392,7 +400,7 @@ impl<V: Visitor> Feeder<'_, V> {
             if self.enough {
                 self.tally.skip_all(AFTER_JUMP, 1);
             } else if stopped {
-                self.tally.skip_all("shutdown", 1);
+                self.tally.skip_all(STOPPED, 1);
             } else {
                 self.skip(&waited);
             }

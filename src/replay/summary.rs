@@ -5,12 +5,15 @@ use std::time::Duration;
 
 use serde_json::{Map, Value as Json, json};
 
+use crate::cloud::CloudError;
 use crate::config::Value;
 use crate::memory::peak_resident_mb;
+use crate::reason::Reason;
 use crate::report::Facts;
 
 /// Why scans are skipped that nobody wants.
-pub(super) const AFTER_JUMP: &str = "after_jump";
+pub(super) const AFTER_JUMP: Reason =
+    Reason::new("after_jump", "The scan came after the jump back of the stamps at which this ends.");
 
 /// Where every cloud of a bag went.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -18,9 +21,9 @@ pub struct Tally {
     /// Scans taken in.
     pub scans: u64,
     /// Scans that could not be used, by reason.
-    pub skipped: BTreeMap<&'static str, u64>,
+    pub skipped: BTreeMap<Reason, u64>,
     /// Transforms that could not be used, by reason.
-    pub transforms_refused: BTreeMap<&'static str, u64>,
+    pub transforms_refused: BTreeMap<Reason, u64>,
     /// Messages of topics that are read, but not readable ones, by topic.
     pub undecodable: BTreeMap<String, u64>,
     /// Time for decoding scans.
@@ -43,7 +46,7 @@ impl Tally {
 
     /// Whether scans were left out because the stamps had jumped back before them.
     pub fn ends_at_jump(&self) -> bool {
-        self.skipped.contains_key(AFTER_JUMP)
+        self.skipped.contains_key(&AFTER_JUMP)
     }
 
     pub(super) fn take(&mut self, total: u32, invalid: u32, valid: usize) {
@@ -60,11 +63,11 @@ impl Tally {
     }
 
     /// Counts a scan; says whether it is the first with this reason.
-    pub(super) fn skip(&mut self, reason: &'static str) -> bool {
+    pub(super) fn skip(&mut self, reason: Reason) -> bool {
         count(&mut self.skipped, reason)
     }
 
-    pub(super) fn skip_all(&mut self, reason: &'static str, scans: usize) {
+    pub(super) fn skip_all(&mut self, reason: Reason, scans: usize) {
         if scans > 0 {
             *self.skipped.entry(reason).or_default() += scans as u64;
         }
@@ -72,7 +75,7 @@ impl Tally {
 
     /// Whether scans were skipped for want of a transform at their time.
     pub(super) fn lacks_transforms(&self) -> bool {
-        ["tf_too_early", "tf_too_late"].iter().any(|reason| self.skipped.contains_key(reason))
+        self.skipped.keys().any(|reason| ["tf_too_early", "tf_too_late"].contains(&reason.key))
     }
 
     pub(super) fn undecodable(&mut self, topic: &str) -> bool {
@@ -81,12 +84,12 @@ impl Tally {
         *count == 1
     }
 
-    pub(super) fn refuse_transform(&mut self, reason: &'static str) {
+    pub(super) fn refuse_transform(&mut self, reason: Reason) {
         count(&mut self.transforms_refused, reason);
     }
 }
 
-fn count(counts: &mut BTreeMap<&'static str, u64>, reason: &'static str) -> bool {
+fn count(counts: &mut BTreeMap<Reason, u64>, reason: Reason) -> bool {
     let count = counts.entry(reason).or_default();
     *count += 1;
     *count == 1
@@ -156,8 +159,8 @@ impl Summary {
         let at = |share| percentile(&self.engine_ms, share);
         json!({
             "scans": scans,
-            "scans_skipped": skipped,
-            "transforms_refused": transforms_refused,
+            "scans_skipped": by_key(skipped),
+            "transforms_refused": by_key(transforms_refused),
             "messages_undecodable": undecodable,
             "sessions": self.sessions,
             "points": points,
@@ -199,10 +202,11 @@ impl Summary {
         let values = self.parameters.iter().filter(|(name, _)| name != "fixed_frame");
         let reasons = self.tally.skipped.iter().chain(&self.tally.transforms_refused);
         let undecodable: u64 = self.tally.undecodable.values().sum();
-        let mut skipped: BTreeMap<String, u64> = BTreeMap::new();
-        let other = (undecodable > 0).then_some((&"undecodable", &undecodable));
+        let mut skipped: BTreeMap<Reason, u64> = BTreeMap::new();
+        let not_read = CloudError::Undecodable(String::new()).explained();
+        let other = (undecodable > 0).then_some((&not_read, &undecodable));
         for (reason, count) in reasons.chain(other) {
-            *skipped.entry((*reason).to_owned()).or_default() += count;
+            *skipped.entry(*reason).or_default() += count;
         }
         Facts {
             title: title.to_owned(),
@@ -216,6 +220,10 @@ impl Summary {
             figures: Vec::new(),
         }
     }
+}
+
+fn by_key(counts: &BTreeMap<Reason, u64>) -> Map<String, Json> {
+    counts.iter().map(|(reason, count)| (reason.key.to_owned(), json!(count))).collect()
 }
 
 fn parameter(value: &Value) -> Json {

@@ -3,10 +3,11 @@
 use std::fmt::Write as _;
 use std::io::{self, Write};
 
-use super::facts::{Facts, Figure, sentence};
+use super::facts::{Facts, Figure};
 use super::json::write_story;
 use super::pack::base64;
 use super::story::Story;
+use crate::reason::Reason;
 
 const TEMPLATE: &str = include_str!("viewer/page.html");
 const STYLE: &str = include_str!("viewer/viewer.css");
@@ -139,11 +140,10 @@ fn skipped(facts: &Facts) -> String {
     if facts.skipped.is_empty() {
         return "<p>Nothing: every message was taken in.</p>".to_owned();
     }
-    let row = |(reason, count): (&String, &u64)| {
-        let why = sentence(reason).unwrap_or_default();
-        let (count, reason) = (grouped(*count), escaped(reason));
+    let row = |(Reason { key, sentence }, count): (&Reason, &u64)| {
+        let count = grouped(*count);
         format!(
-            "<tr><td class=\"number\">{count}</td><th scope=\"row\"><code>{reason}</code></th><td>{why}</td></tr>\n"
+            "<tr><td class=\"number\">{count}</td><th scope=\"row\"><code>{key}</code></th><td>{sentence}</td></tr>\n"
         )
     };
     let rows = joined(&facts.skipped, row);

@@ -9,7 +9,10 @@ use super::moment::{Look, Moment};
 use super::page::escaped;
 use super::row::row;
 use super::{Facts, Figure, MOMENTS, Story, Taken, write_report};
+use crate::cloud::CloudError;
 use crate::engine::{ClusterId, Engine, Isometry3, Params, Points, Scan, Snapshot, Stamp, VoxelKey};
+use crate::reason::Reason;
+use crate::tf::{FrameError, LookupError};
 
 /// A scan of a square metre of floor and the wall beside it; each one further along +x.
 fn scan(number: u32) -> Scan {
@@ -202,7 +205,6 @@ fn names_from_a_bag_do_no_harm() {
         title: evil.clone(),
         fixed_frame: evil.clone(),
         parameters: vec![(evil.clone(), evil.clone())],
-        skipped: [(evil.clone(), 3)].into(),
         notes: vec![evil.clone()],
         figures: vec![Figure { title: evil.clone(), svg: format!("<svg>{evil}</svg>"), caption: evil }],
         ..Facts::default()
@@ -238,9 +240,19 @@ fn the_same_story_gives_the_same_bytes_and_asks_no_network() {
 
 #[test]
 fn a_skipped_message_is_explained() {
-    let facts = Facts { skipped: [("tf_too_early".to_owned(), 1234)].into(), ..Facts::default() };
-    let text = page(&Story::new(), &facts);
-    assert!(text.contains("1\u{202f}234") && text.contains("older than the oldest transform"));
+    let deep = FrameError::TooDeep { child: "a".to_owned(), max: 1 };
+    let many = FrameError::TooManySamples { child: "a".to_owned(), max: 1 };
+    let at = Stamp::default();
+    let chain = LookupError::TooDeep { fixed: "a".to_owned(), sensor: "b".to_owned(), at, max: 1 };
+    let reasons =
+        [CloudError::EmptyFrameId.explained(), deep.explained(), many.explained(), chain.explained()];
+    let skipped: BTreeMap<_, _> = reasons.into_iter().zip(1230..).collect();
+    let text = page(&Story::new(), &Facts { skipped: skipped.clone(), ..Facts::default() });
+    for (Reason { key, sentence }, count) in skipped {
+        let count = format!("1\u{202f}{}", count - 1000);
+        let row = format!("{count}</td><th scope=\"row\"><code>{key}</code></th><td>{sentence}</td>");
+        assert!(sentence.len() > 10 && text.contains(&row), "{row}");
+    }
 }
 
 proptest! {

@@ -3,6 +3,7 @@
 use std::fmt;
 
 use crate::engine::Stamp;
+use crate::reason::Reason;
 
 /// Why a transform was not taken into the tree.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -110,19 +111,30 @@ pub enum FrameError {
 impl FrameError {
     /// A short key to count refused transforms by.
     pub fn reason(&self) -> &'static str {
-        match self {
-            Self::EmptyName { .. } => "empty_name",
-            Self::LongName { .. } => "long_name",
-            Self::SelfTransform { .. } => "self_transform",
-            Self::Cycle { .. } => "cycle",
-            Self::NonFinite { .. } => "non_finite",
-            Self::BadNorm { .. } => "bad_norm",
-            Self::BadStamp { .. } => "bad_stamp",
-            Self::TooManyFrames { .. } => "too_many_frames",
-            Self::TooManySamples { .. } => "too_many_samples",
-            Self::TooDeep { .. } => "too_deep",
-            Self::Refused { .. } => "refused",
-        }
+        self.explained().key
+    }
+
+    /// The same with what it means.
+    pub fn explained(&self) -> Reason {
+        let (key, sentence) = match self {
+            Self::EmptyName { .. } => ("empty_name", "A transform names no frame."),
+            Self::LongName { .. } => ("long_name", "A transform’s frame has too long a name."),
+            Self::SelfTransform { .. } => ("self_transform", "A transform leads from a frame to itself."),
+            Self::Cycle { .. } => ("cycle", "A transform would make a frame its own ancestor."),
+            Self::NonFinite { .. } => ("non_finite", "A transform holds a number that is not finite."),
+            Self::BadNorm { .. } => ("bad_norm", "The rotation of a transform is no unit quaternion."),
+            Self::BadStamp { .. } => {
+                ("bad_stamp", "The nanoseconds of the header’s stamp do not fit a second.")
+            }
+            Self::TooManyFrames { .. } => ("too_many_frames", "The transforms name too many frames."),
+            Self::TooManySamples { .. } => (
+                "too_many_samples",
+                "More transforms came within the time that is kept than there is room for.",
+            ),
+            Self::TooDeep { .. } => ("too_deep", "A transform’s frame has too many frames above it."),
+            Self::Refused { .. } => ("refused", "A transform was refused by the buffer of transforms."),
+        };
+        Reason::new(key, sentence)
     }
 }
 
@@ -265,14 +277,30 @@ pub enum LookupError {
 impl LookupError {
     /// A short key to count dropped scans by.
     pub fn reason(&self) -> &'static str {
-        match self {
-            Self::UnknownFrame { .. } => "tf_unknown_frame",
-            Self::NotConnected { .. } => "tf_not_connected",
-            Self::TooEarly { .. } => "tf_too_early",
-            Self::TooLate { .. } => "tf_too_late",
-            Self::NotJumpedBack { .. } => "tf_not_jumped_back",
-            Self::TooDeep { .. } => "tf_too_deep",
-            Self::Numeric { .. } => "tf_numeric",
-        }
+        self.explained().key
+    }
+
+    /// The same with what it means.
+    pub fn explained(&self) -> Reason {
+        let (key, sentence) = match self {
+            Self::UnknownFrame { .. } => {
+                ("tf_unknown_frame", "No transform names the sensor’s frame or the fixed frame.")
+            }
+            Self::NotConnected { .. } => {
+                ("tf_not_connected", "No chain of transforms joins the sensor to the fixed frame.")
+            }
+            Self::TooEarly { .. } => ("tf_too_early", "The cloud is older than the oldest transform."),
+            Self::TooLate { .. } => ("tf_too_late", "The cloud is newer than the newest transform."),
+            Self::NotJumpedBack { .. } => {
+                ("tf_not_jumped_back", "The stamps jumped back, and the transforms did not.")
+            }
+            Self::TooDeep { .. } => {
+                ("tf_too_deep", "The sensor’s frame or the fixed frame has too many frames above it.")
+            }
+            Self::Numeric { .. } => {
+                ("tf_numeric", "The transforms to the fixed frame cannot be put together.")
+            }
+        };
+        Reason::new(key, sentence)
     }
 }

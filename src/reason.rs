@@ -1,0 +1,17 @@
+//! Why something that was sent is not used, for accounts.
+
+/// A key to count by, and what it means to a reader.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Reason {
+    /// Short, and the same in every version.
+    pub key: &'static str,
+    /// A whole sentence.
+    pub sentence: &'static str,
+}
+
+impl Reason {
+    /// A reason by its key and its sentence.
+    pub const fn new(key: &'static str, sentence: &'static str) -> Self {
+        Self { key, sentence }
+    }
+}
