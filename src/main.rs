@@ -13,7 +13,7 @@ use cfodi::node::process::ProcessError;
 use cfodi::say::say;
 use clap::{Parser, Subcommand};
 
-use crate::cli::{demo, experiment, replay, run, simulate};
+use crate::cli::{Ending, Wrong, demo, experiment, replay, run, simulate};
 
 /// Clouds are megabytes, taken by one thread and given back by another, for weeks: the C library's allocator keeps some 64 MB
 /// for each thread that ever had one, or maps and clears every cloud's pages anew.
@@ -52,39 +52,75 @@ enum Verb {
 }
 
 fn main() -> ExitCode {
-    let (setup, rest) = match cli::arguments().and_then(|args| Ok(cli::setup(&args)?)) {
-        Ok(parsed) => parsed,
-        Err(error) => {
-            say(format_args!("cfodi: {}", one_line(&error.to_string())));
-            return ExitCode::from(2);
-        }
-    };
+    let ended = verb();
+    if let Err(error) = &ended {
+        say(format_args!("cfodi: {}", text(error)));
+    }
+    ExitCode::from(status(&ended))
+}
+
+fn verb() -> anyhow::Result<Ending> {
+    let (setup, rest) = cli::setup(&cli::arguments()?)?;
     // Clap ends the program with status 2 and says what is wrong.
     let cli = Cli::parse_from(rest);
     let lines = cli::log::start(setup.log_level.as_deref(), setup.rosout);
-    let done = match cli.verb {
-        Verb::Run(options) => run::run(&setup, &options, lines).map(|()| ExitCode::SUCCESS),
+    match cli.verb {
+        Verb::Run(options) => run::run(&setup, &options, lines).map(|()| Ending::Whole),
         Verb::Replay(options) => replay::replay(&setup, &options),
         Verb::Experiment(options) => experiment::experiment(&setup, &options),
-        Verb::Demo(options) => demo::demo(&setup, &options, lines).map(|()| ExitCode::SUCCESS),
+        Verb::Demo(options) => demo::demo(&setup, &options, lines).map(|()| Ending::Whole),
         Verb::Simulate(options) => simulate::simulate(&setup, &options),
+    }
+}
+
+fn text(error: &anyhow::Error) -> String {
+    let wrong = error.downcast_ref::<Wrong>().map(ToString::to_string);
+    wrong.unwrap_or_else(|| one_line(&format!("{error:#}")).into_owned())
+}
+
+fn status(ended: &anyhow::Result<Ending>) -> u8 {
+    let is_configuration = |error: &anyhow::Error| {
+        error.is::<Wrong>()
+            || error.is::<ArgsError>()
+            || error.downcast_ref::<ProcessError>().is_some_and(ProcessError::is_configuration)
     };
-    match done {
-        Ok(status) => status,
-        Err(error) => {
-            say(format_args!("cfodi: {}", one_line(&format!("{error:#}"))));
-            let is_configuration = error.is::<ArgsError>()
-                || error.downcast_ref::<ProcessError>().is_some_and(ProcessError::is_configuration);
-            if is_configuration { ExitCode::from(2) } else { ExitCode::FAILURE }
-        }
+    match ended {
+        Ok(Ending::Whole) => 0,
+        Err(error) if is_configuration(error) => 2,
+        Ok(Ending::InPart) | Err(_) => 1,
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use anyhow::anyhow;
+    use cfodi::args::{Environment, Setup};
     use clap::CommandFactory as _;
 
     use super::*;
+
+    #[test]
+    fn the_status_tells_wrong_arguments_from_what_fails_and_from_what_is_not_whole() {
+        let parameter = ["--ros-args", "-p", "no_such_parameter:=1"].map(str::to_owned);
+        let args_error = || Setup::parse(&parameter, &Environment::default(), "cfodi").unwrap_err();
+        let wrong = || Wrong("first line\nsecond line".to_owned());
+        let ended = [
+            (Ok(Ending::Whole), 0),
+            (Ok(Ending::InPart), 1),
+            (Err(anyhow!("it fails")), 1),
+            (Err(ProcessError::Anew(std::io::Error::other("it fails")).into()), 1),
+            (Err(wrong().into()), 2),
+            (Err(ProcessError::Sensors.into()), 2),
+            (Err(args_error().into()), 2),
+            (Err(anyhow::Error::from(args_error()).context("an output's name")), 2),
+            (cli::setup(&parameter).map(|_| Ending::Whole).map_err(anyhow::Error::from), 2),
+        ];
+        for (ended, expected) in ended {
+            assert_eq!(status(&ended), expected, "{ended:?}");
+        }
+        assert_eq!(text(&wrong().into()), "first line\nsecond line");
+        assert_eq!(text(&anyhow!("a\u{1b}[2J").context("b\nc")), "b\\nc: a\\u{1b}[2J");
+    }
 
     #[test]
     fn the_arguments_do_not_contradict_each_other() {

@@ -1,7 +1,6 @@
 //! `cfodi experiment`: the paper's figures on a recording, CFODI beside STATIC, or the scores in a simulated scene.
 
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use cfodi::args::Setup;
@@ -15,9 +14,9 @@ use cfodi::report::{self, Story};
 use cfodi::say::tell;
 
 use super::input::{Input, open};
-use super::laboratory;
 use super::progress::Bar;
 use super::replay::{BEGINS_AGAIN, PAGE, begin_page, say_skipped, settings, write_page};
+use super::{Ending, laboratory};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Options {
@@ -37,18 +36,15 @@ pub(crate) struct Options {
     simulation: laboratory::Simulation,
 }
 
-pub(crate) fn experiment(setup: &Setup, options: &Options) -> anyhow::Result<ExitCode> {
+pub(crate) fn experiment(setup: &Setup, options: &Options) -> anyhow::Result<Ending> {
     match &options.input {
         Some(input) => on_recording(setup, options, input),
         None => laboratory::laboratory(setup, &options.simulation, &options.out),
     }
 }
 
-fn on_recording(setup: &Setup, options: &Options, path: &Path) -> anyhow::Result<ExitCode> {
-    let input = match open(setup, path, &options.topic)? {
-        Ok(input) => input,
-        Err(status) => return Ok(status),
-    };
+fn on_recording(setup: &Setup, options: &Options, path: &Path) -> anyhow::Result<Ending> {
+    let input = open(setup, path, &options.topic)?;
     let page = begin_page(&options.out)?;
     let bar = Bar::new(input.bag.size());
     let mut say = |line: &str| bar.say(line);

@@ -1,9 +1,9 @@
 //! A bag opened for a verb: which of its topics are its sensors, and what must not be written over.
 
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 use std::time::Duration;
 
+use anyhow::anyhow;
 use cfodi::args::{ArgsError, Setup};
 use cfodi::bag::{self, Bag, Choice, Decoder, Survey, TransformTopics, Wanted, choose};
 use cfodi::config::{Kind, Sensor};
@@ -12,13 +12,10 @@ use cfodi::link::target;
 use cfodi::replay::{Feed, FixedFrame, Progress, clock_offset};
 use cfodi::say::say;
 
-use super::stop;
+use super::{Wrong, stop};
 
 /// How long a cloud waits for its transform at least, by the times at which messages were recorded: nobody waits for it.
 const PATIENCE: Duration = Duration::from_secs(1);
-
-/// Wrong arguments, as opposed to an input that fails.
-pub(crate) const WRONG: u8 = 2;
 
 /// A bag with its sensors.
 pub(crate) struct Input {
@@ -49,21 +46,17 @@ impl Input {
 /// The topic of a camera's intrinsics without a list of sensors, before remapping.
 const INFO: &str = "depth/camera_info";
 
-/// Opens the bag and chooses its sensors; gives the exit status where that is not possible.
-pub(crate) fn open(setup: &Setup, path: &Path, wanted: &[String]) -> anyhow::Result<Result<Input, ExitCode>> {
+/// Opens the bag and chooses its sensors.
+pub(crate) fn open(setup: &Setup, path: &Path, wanted: &[String]) -> anyhow::Result<Input> {
     if setup.config.snapshot_path.is_some() {
         say("snapshot_path is not used: only `cfodi run` saves its map");
     }
     // Listened for before the first reading, which may take long.
     let stop = stop::flag();
-    let bag = match Bag::open(path) {
-        Ok(bag) => bag,
-        Err(error) => {
-            say(format_args!("cfodi: {}", one_line(&error.to_string())));
-            let status = if error.is_wrong_argument() { ExitCode::from(WRONG) } else { ExitCode::FAILURE };
-            return Ok(Err(status));
-        }
-    };
+    let bag = Bag::open(path).map_err(|error| {
+        let text = one_line(&error.to_string()).into_owned();
+        if error.is_wrong_argument() { Wrong(text).into() } else { anyhow!("{text}") }
+    })?;
     say_copies(&bag);
     let Survey { topics, is_complete } = bag.survey(&stop);
     // What the node would listen to is meant: where it was remapped in any case, else where the bag has scans there.
@@ -74,18 +67,16 @@ pub(crate) fn open(setup: &Setup, path: &Path, wanted: &[String]) -> anyhow::Res
     let wanted = if wanted.is_empty() { meant } else { named.collect() };
     // Who has given the intrinsics another name means these; else each image has its own.
     let info = setup.is_remapped(INFO).then(|| setup.resolve(INFO)).transpose()?;
-    let choice = match choose(&topics, &wanted, &usual, info.as_deref()) {
-        Ok(choice) => choice,
-        Err(error) => {
-            // The error itself has several lines: what the bag holds.
-            say(format_args!("cfodi: {}: {error}", one_line(&path.display().to_string())));
-            // What is not in a bag that is cut may have been behind the cut: nothing can be read, but nobody was wrong.
-            if is_complete || !error.is_for_lack() {
-                return Ok(Err(ExitCode::from(WRONG)));
-            }
-            Choice { sensors: Vec::new(), passed_over: Vec::new() }
+    let choice = choose(&topics, &wanted, &usual, info.as_deref()).or_else(|error| {
+        // The error itself has several lines: what the bag holds.
+        let text = format!("{}: {error}", one_line(&path.display().to_string()));
+        if is_complete || !error.is_for_lack() {
+            return Err(Wrong(text));
         }
-    };
+        // What is not in a bag that is cut may have been behind the cut: nothing can be read, but nobody was wrong.
+        say(format_args!("cfodi: {text}"));
+        Ok(Choice { sensors: Vec::new(), passed_over: Vec::new() })
+    })?;
     say_choice(&choice);
     let fixed_frame = if setup.is_given("fixed_frame") {
         FixedFrame::Settled(setup.config.fixed_frame.clone())
@@ -97,7 +88,7 @@ pub(crate) fn open(setup: &Setup, path: &Path, wanted: &[String]) -> anyhow::Res
     say_unread(&transforms, &topics);
     let decoder = Decoder::new(choice.sensors, setup.config.filter, transforms);
     let patience = setup.config.tf_timeout.max(PATIENCE);
-    Ok(Ok(Input { bag, decoder, fixed_frame, patience }))
+    Ok(Input { bag, decoder, fixed_frame, patience })
 }
 
 /// Says which files are not read.
@@ -168,8 +159,8 @@ fn say_choice(choice: &Choice) {
     }
 }
 
-/// An output that would replace the input or another output.
-pub(crate) fn clash(outputs: &[PathBuf], inputs: &[PathBuf]) -> Option<String> {
+/// Refuses an output that would replace the input or another output.
+pub(crate) fn check_outputs(outputs: &[PathBuf], inputs: &[PathBuf]) -> Result<(), Wrong> {
     // A file that is not there yet is the same as another where its folder and name are.
     let place = |path: &PathBuf| {
         path.canonicalize().ok().or_else(|| {
@@ -178,17 +169,18 @@ pub(crate) fn clash(outputs: &[PathBuf], inputs: &[PathBuf]) -> Option<String> {
             Some(folder.unwrap_or(Path::new(".")).canonicalize().ok()?.join(path.file_name()?))
         })
     };
+    let name = |path: &Path| one_line(&path.display().to_string()).into_owned();
     let inputs: Vec<_> = inputs.iter().filter_map(place).collect();
     let mut seen = Vec::new();
     for path in outputs {
         let Some(real) = place(path).filter(|real| !real.exists() || real.is_file()) else { continue };
         if inputs.contains(&real) {
-            return Some(format!("the output {} would replace the input", path.display()));
+            return Err(Wrong(format!("the output {} would replace the input", name(path))));
         }
         if seen.contains(&real) {
-            return Some(format!("two outputs would be written to {}", path.display()));
+            return Err(Wrong(format!("two outputs would be written to {}", name(path))));
         }
         seen.push(real);
     }
-    None
+    Ok(())
 }

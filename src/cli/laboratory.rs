@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 use std::num::NonZeroU32;
 use std::path::Path;
-use std::process::ExitCode;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread;
@@ -14,11 +13,11 @@ use cfodi::engine::Params;
 use cfodi::experiment::quality::{Laboratory, Scored, Table};
 use cfodi::export::{WholeFile, write_whole};
 use cfodi::line::one_line;
-use cfodi::say::{say, tell};
+use cfodi::say::tell;
 use cfodi::sim::Scene;
 
-use super::input::WRONG;
 use super::progress::Bar;
+use super::{Ending, Wrong};
 
 /// Most runs that are made at once: each holds all maps of its methods.
 const MOST_AT_ONCE: usize = 2;
@@ -71,18 +70,19 @@ const USED: [&str; 9] = [
     "keep_radius",
 ];
 
-/// What is wrong with the arguments.
-fn wrong(setup: &Setup, sizes: &[f64]) -> Option<String> {
+/// Refuses arguments that are wrong.
+fn check(setup: &Setup, sizes: &[f64]) -> Result<(), Wrong> {
     if let Some(size) = given_twice(sizes) {
-        return Some(format!("--voxel-size {size} is given twice: its runs would be counted twice"));
+        return Err(Wrong(format!("--voxel-size {size} is given twice: its runs would be counted twice")));
     }
     let unused = setup.given_beside(&USED);
-    (!unused.is_empty()).then(|| {
-        format!(
-            "--scene does not use {}: all methods are run, at each --voxel-size, on what the simulated Kinect sees",
-            one_line(&unused.join(", "))
-        )
-    })
+    if unused.is_empty() {
+        return Ok(());
+    }
+    Err(Wrong(format!(
+        "--scene does not use {}: all methods are run, at each --voxel-size, on what the simulated Kinect sees",
+        one_line(&unused.join(", "))
+    )))
 }
 
 /// A value that is there more than once.
@@ -92,14 +92,11 @@ fn given_twice(sizes: &[f64]) -> Option<f64> {
 }
 
 /// Makes the runs, writes `quality.md` and `quality.csv` and prints the table.
-pub(crate) fn laboratory(setup: &Setup, options: &Simulation, out: &Path) -> anyhow::Result<ExitCode> {
+pub(crate) fn laboratory(setup: &Setup, options: &Simulation, out: &Path) -> anyhow::Result<Ending> {
     let name = options.scene.as_deref().unwrap_or_default();
     let scene = Scene::named(name).with_context(|| format!("there is no scene {name}"))?;
     let Simulation { seeds, seconds, scan_step, voxel_size, .. } = options;
-    if let Some(wrong) = wrong(setup, voxel_size) {
-        say(format_args!("cfodi: {wrong}"));
-        return Ok(ExitCode::from(WRONG));
-    }
+    check(setup, voxel_size)?;
     let laboratory = Laboratory::new(scene, *seconds, *scan_step, &setup.config.engine, voxel_size)?;
     std::fs::create_dir_all(out).with_context(|| format!("cannot make {}", out.display()))?;
     let [page, csv] = ["quality.md", "quality.csv"].map(|name| out.join(name));
@@ -121,7 +118,7 @@ pub(crate) fn laboratory(setup: &Setup, options: &Simulation, out: &Path) -> any
     write_whole(&page, |file| file.write_all(title.as_bytes()))?;
     write_whole(&csv, |file| file.write_all(table.csv().as_bytes()))?;
     tell(format_args!("{tables}\nwhat does not hold: {}", page.display()))?;
-    Ok(ExitCode::SUCCESS)
+    Ok(Ending::Whole)
 }
 
 /// The runs by seed, from 1; as many at once as there are processors, and two at most.

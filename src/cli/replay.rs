@@ -1,7 +1,6 @@
 //! `cfodi replay`: a recorded bag through the same engine as the live node.
 
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 use anyhow::Context as _;
 use cfodi::args::Setup;
@@ -13,7 +12,8 @@ use cfodi::replay::{Ended, Finished, MapFiles, Outputs, Replay, ResultFile, Sett
 use cfodi::report::{Facts, Figure, Story, write_report};
 use cfodi::say::say;
 
-use super::input::{Input, WRONG, clash, open};
+use super::Ending;
+use super::input::{Input, check_outputs, open};
 use super::progress::Bar;
 
 #[derive(Debug, clap::Args)]
@@ -67,15 +67,9 @@ impl Options {
 /// The file of a report, in its folder.
 pub(crate) const PAGE: &str = "index.html";
 
-pub(crate) fn replay(setup: &Setup, options: &Options) -> anyhow::Result<ExitCode> {
-    let input = match open(setup, &options.input, &options.topic)? {
-        Ok(input) => input,
-        Err(status) => return Ok(status),
-    };
-    if let Some(clash) = clash(&options.outputs(), &input.bag.paths()) {
-        say(format_args!("cfodi: {clash}"));
-        return Ok(ExitCode::from(WRONG));
-    }
+pub(crate) fn replay(setup: &Setup, options: &Options) -> anyhow::Result<Ending> {
+    let input = open(setup, &options.input, &options.topic)?;
+    check_outputs(&options.outputs(), &input.bag.paths())?;
     let files = options.map_files().create()?;
     let page = options.report.as_deref().map(begin_page).transpose()?;
     let bar = Bar::new(input.bag.size());
@@ -192,8 +186,8 @@ fn account(summary: &Summary) {
     ));
 }
 
-/// The last word: what was not read, as an exit status too.
-pub(crate) fn say_skipped(summary: &Summary) -> ExitCode {
+/// The last word: what was not read.
+pub(crate) fn say_skipped(summary: &Summary) -> Ending {
     let skipped: u64 = summary.tally.skipped.values().sum();
     if skipped > 0 {
         let reasons: Vec<_> =
@@ -211,5 +205,5 @@ pub(crate) fn say_skipped(summary: &Summary) -> ExitCode {
         say("cfodi: stopped by a signal before the end of the bag");
     }
     let is_whole = summary.unread.is_none() && !ends_at_jump && !summary.stopped;
-    if is_whole { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+    if is_whole { Ending::Whole } else { Ending::InPart }
 }

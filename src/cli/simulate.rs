@@ -2,7 +2,6 @@
 
 use std::io::Write as _;
 use std::path::PathBuf;
-use std::process::ExitCode;
 use std::sync::atomic::Ordering;
 
 use anyhow::Context as _;
@@ -15,10 +14,10 @@ use cfodi::sim::drive::SCANS_PER_SECOND;
 use cfodi::sim::{Drive, Scene};
 use clap::builder::PossibleValuesParser;
 
-use super::input::{WRONG, clash};
+use super::input::check_outputs;
 use super::progress::Bar;
-use super::stop;
 use super::truth::truth;
+use super::{Ending, Wrong, stop};
 
 /// The topic of the clouds.
 const POINTS: &str = "/camera/depth/points";
@@ -74,17 +73,14 @@ fn pose_noise(text: &str) -> Result<PoseNoise, String> {
     Ok(PoseNoise { sigma_m: sigma(m)?, sigma_rad: sigma(rad)? })
 }
 
-pub(crate) fn simulate(setup: &Setup, options: &Options) -> anyhow::Result<ExitCode> {
+pub(crate) fn simulate(setup: &Setup, options: &Options) -> anyhow::Result<Ending> {
     if setup.is_adapted() {
-        say("cfodi: simulate takes no parameters and no other names: its options decide what is in the bag");
-        return Ok(ExitCode::from(WRONG));
+        let text = "simulate takes no parameters and no other names: its options decide what is in the bag";
+        return Err(Wrong(text.to_owned()).into());
     }
     let outputs: Vec<_> =
         [Some(&options.out), options.truth.as_ref()].into_iter().flatten().cloned().collect();
-    if let Some(clash) = clash(&outputs, &[]) {
-        say(format_args!("cfodi: {clash}"));
-        return Ok(ExitCode::from(WRONG));
-    }
+    check_outputs(&outputs, &[])?;
     let scene = Scene::named(&options.scene).context("the scene is not built in")?;
     let drive = Drive::new(scene, options.seed, START);
     let drive = match options.pose_noise {
@@ -103,9 +99,9 @@ pub(crate) fn simulate(setup: &Setup, options: &Options) -> anyhow::Result<ExitC
     say(format_args!("{written} scans of scene {} in {}", options.scene, options.out.display()));
     if written < scans {
         say(format_args!("cfodi: stopped by a signal before the end of the drive, which has {scans} scans"));
-        return Ok(ExitCode::FAILURE);
+        return Ok(Ending::InPart);
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(Ending::Whole)
 }
 
 /// The number of scans written: all, or those before a signal. The bag is whole either way.
