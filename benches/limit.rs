@@ -18,7 +18,7 @@ mod support;
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
-use cfodi::cloud::{Camera, CloudFilter, Optical, decode, decode_depth};
+use cfodi::cloud::{Camera, CloudFilter, decode, decode_depth};
 use cfodi::engine::{Engine, Isometry3, Params, Points, Scan, Stamp};
 use cfodi::msg::ros::{Image, PointCloud2};
 use cfodi::sim::{Drive, Scene};
@@ -29,8 +29,7 @@ use tikv_jemallocator::Jemalloc;
 #[global_allocator]
 static ALLOCATOR: Jemalloc = Jemalloc;
 
-const FILTER: CloudFilter =
-    CloudFilter { min_range: 0.4, max_range: 6.0, optical: Optical::Auto, max_points: 4_000_000 };
+const FILTER: CloudFilter = CloudFilter::DEFAULT;
 const SIZES: [f64; 2] = [0.08, 0.05];
 const LAPS: usize = 3;
 /// Scans of the simulated drive.

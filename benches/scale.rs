@@ -23,6 +23,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use cfodi::engine::{ClusterId, Engine, Params, Update};
+use cfodi::memory::resident_mb;
 
 use crate::building::{Place, View};
 use crate::camera::Camera;
@@ -210,8 +211,5 @@ fn tell_beyond(row: &Row) {
 
 /// Bytes that the process has in memory; 0 where the system does not tell.
 fn resident() -> f64 {
-    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
-    let kilobytes: Option<f64> = line.and_then(|line| line.trim().trim_end_matches(" kB").parse().ok());
-    kilobytes.unwrap_or(0.0) * 1024.0
+    resident_mb().unwrap_or_default() * 1e6
 }

@@ -19,7 +19,7 @@ mod support;
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
-use cfodi::cloud::{Cloud, CloudFilter, Optical, decode};
+use cfodi::cloud::{Cloud, CloudFilter, decode};
 use cfodi::engine::paper::Cfodi;
 use cfodi::engine::{Engine, Isometry3, Mode, Params, Scan, Stamp};
 use cfodi::msg::ros::PointCloud2;
@@ -30,8 +30,7 @@ use criterion::{BenchmarkGroup, Criterion, criterion_group, criterion_main};
 
 type Group<'a> = BenchmarkGroup<'a, WallTime>;
 
-const FILTER: CloudFilter =
-    CloudFilter { min_range: 0.4, max_range: 6.0, optical: Optical::Auto, max_points: 4_000_000 };
+const FILTER: CloudFilter = CloudFilter::DEFAULT;
 
 /// Messages with the sensor's poses, and what they are called.
 fn drive() -> (&'static str, Vec<(PointCloud2, Isometry3<f64>)>) {

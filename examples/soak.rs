@@ -12,6 +12,7 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use cfodi::engine::{Cluster, ClusterId, Engine, Params, Scan, Snapshot, Stamp, Update};
+use cfodi::memory::resident_mb;
 use cfodi::sim::drive::SCANS_PER_SECOND;
 use cfodi::sim::robot::{Robot, SPEED};
 use cfodi::sim::{Drive, Scene};
@@ -127,12 +128,12 @@ struct Memory {
 
 impl Memory {
     fn after_rendering() -> Self {
-        Self { rendered: resident_mb(), row: Vec::new(), settled: None, highest: f64::NEG_INFINITY }
+        Self { rendered: resident(), row: Vec::new(), settled: None, highest: f64::NEG_INFINITY }
     }
 
     /// Always at the same step, for a scan's copy is counted.
     fn look(&mut self) {
-        self.row.push(resident_mb() - self.rendered);
+        self.row.push(resident() - self.rendered);
     }
 
     /// The level of a row of which there is at least one scan.
@@ -269,9 +270,6 @@ fn tell(number: u64, engine: &Engine, reader: &Reader, map_mb: f64, times: &mut 
 }
 
 /// Memory of the process (MB); 0 where the system does not tell.
-fn resident_mb() -> f64 {
-    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
-    let kilobytes = line.and_then(|line| line.split_whitespace().next()?.parse::<f64>().ok());
-    kilobytes.unwrap_or_default() / 1e3
+fn resident() -> f64 {
+    resident_mb().unwrap_or_default()
 }

@@ -20,8 +20,7 @@ pub mod export;
 pub mod join;
 pub mod line;
 pub mod link;
-#[cfg(feature = "bag")]
-mod memory;
+pub mod memory;
 pub mod msg;
 #[cfg(feature = "node")]
 pub mod node;

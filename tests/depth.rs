@@ -12,13 +12,12 @@ use std::collections::BTreeSet;
 
 use byteorder::LittleEndian;
 use cdr_encoding::CdrDeserializer;
-use cfodi::cloud::{Camera, CloudFilter, DepthSeed, Optical};
+use cfodi::cloud::{Camera, CloudFilter, DepthSeed};
 use cfodi::engine::{Engine, Params, Points, Scan, VoxelKey};
 use cfodi::msg::ros::Image;
 use serde::de::DeserializeSeed;
 
-const FILTER: CloudFilter =
-    CloudFilter { min_range: 0.4, max_range: 6.0, optical: Optical::Auto, max_points: 4_000_000 };
+const FILTER: CloudFilter = CloudFilter::DEFAULT;
 
 fn dense(scans: impl Iterator<Item = Scan>) -> BTreeSet<VoxelKey> {
     let mut engine = Engine::new(Params::paper());

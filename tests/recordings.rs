@@ -150,7 +150,7 @@ fn floor_top_and_four_sides_of_the_cabinet_come_out_as_clusters_with_true_normal
 fn through_messages(recording: &support::Recording, step: usize, params: Params) -> Cfodi {
     use byteorder::LittleEndian;
     use cdr_encoding::CdrDeserializer;
-    use cfodi::cloud::{CloudFilter, CloudSeed, Optical};
+    use cfodi::cloud::{CloudFilter, CloudSeed};
     use cfodi::msg::ros::{Header, PointCloud2, Quaternion, Transform, TransformStamped, Vector3};
     use cfodi::tf::Frames;
     use nalgebra::{Isometry3, UnitQuaternion};
@@ -172,8 +172,7 @@ fn through_messages(recording: &support::Recording, step: usize, params: Params)
         UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(0.5, -0.5, 0.5, -0.5)),
     );
     let optical = "camera_depth_optical_frame";
-    let filter =
-        CloudFilter { min_range: 0.4, max_range: 6.0, optical: Optical::Auto, max_points: 4_000_000 };
+    let filter = CloudFilter::DEFAULT;
     let (mut engine, mut frames) = (Cfodi::new(params), Frames::new());
     frames
         .insert(&transform(recording.rows()[0].stamp, "camera_link", optical, &link_from_optical), true)

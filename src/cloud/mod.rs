@@ -89,6 +89,18 @@ pub struct CloudFilter {
     pub max_points: u32,
 }
 
+impl CloudFilter {
+    /// Those of a Kinect.
+    pub const DEFAULT: Self =
+        Self { min_range: 0.4, max_range: 6.0, optical: Optical::Auto, max_points: 4_000_000 };
+}
+
+impl Default for CloudFilter {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}
+
 /// Whether a cloud's frame is optical: z forward, x right, y down (REP 103).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Optical {

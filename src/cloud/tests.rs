@@ -15,8 +15,7 @@ use serde::de::DeserializeSeed;
 use super::*;
 use crate::msg::ros::{Header, PointField, Time};
 
-const KINECT: CloudFilter =
-    CloudFilter { min_range: 0.4, max_range: 6.0, optical: Optical::Auto, max_points: 4_000_000 };
+const KINECT: CloudFilter = CloudFilter::DEFAULT;
 const OPTICAL_FRAME: &str = "camera_depth_optical_frame";
 const NAN: f64 = f64::NAN;
 

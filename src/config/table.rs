@@ -7,6 +7,7 @@ use std::ops::RangeInclusive;
 
 use super::Value;
 use super::sensors::{MAX_SENSOR_NAME_BYTES, MOST_SENSORS};
+use crate::cloud::CloudFilter;
 use crate::engine;
 use crate::msg::ros::MAX_FRAME_ID_BYTES;
 
@@ -308,17 +309,17 @@ pub(super) const TABLE: &[Row] = &[
         .zero("no bound")
         .also("at least min_range where it is not 0; 0 where mode is `paper`: the letter forgets nothing")
         .means("how far from the sensor voxels are kept, in mode `consistent`", Change::LiveInConsistent),
-    Row::number("max_range", 6.0, &(0.0..=FARTHEST))
+    Row::number("max_range", CloudFilter::DEFAULT.max_range, &(0.0..=FARTHEST))
         .unit("m")
         .also("at least min_range")
         .means("furthest point: depth in an optical frame, else distance", Change::Live),
-    Row::number("min_range", 0.4, &(0.0..=FARTHEST))
+    Row::number("min_range", CloudFilter::DEFAULT.min_range, &(0.0..=FARTHEST))
         .unit("m")
         .also("at most max_range")
         .means("nearest point: depth in an optical frame, else distance", Change::Live),
     Row::text("optical", "auto", Bounds::OneOf(&["auto", "yes", "no"]))
         .means("whether clouds have optical axes; `auto`: their frame's name tells", Change::Live),
-    Row::integer("max_points", 4_000_000, &(1..=MAX_SCAN_POINTS))
+    Row::integer("max_points", CloudFilter::DEFAULT.max_points as i64, &(1..=MAX_SCAN_POINTS))
         .means("most points of one scan; a larger one is refused", Change::Live),
     Row::new(
         "network_interfaces",

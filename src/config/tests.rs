@@ -17,6 +17,7 @@ fn the_defaults_are_possible_and_those_of_the_engine() {
     assert_eq!(config.engine, Params::default());
     assert_eq!(config.fixed_frame, "odom");
     assert_eq!(config.publish_period, Duration::from_millis(500));
+    assert_eq!(config.filter, CloudFilter::default());
     assert_eq!((config.filter.min_range, config.filter.max_range), (0.4, 6.0));
     assert_eq!(config.receive_buffer, 32 << 20);
 }

@@ -109,14 +109,12 @@ fn sorted(names: &[&[&str]]) -> Vec<String> {
 #[cfg(feature = "sim")]
 #[test]
 fn a_simulated_drive_gives_all_files_well_formed_and_the_same_on_a_second_run() {
-    use crate::cloud::{CloudFilter, Optical, decode};
+    use crate::cloud::{CloudFilter, decode};
     use crate::sim::{Drive, Scene};
 
     let drive = Drive::new(Scene::room(), 1, Stamp::from_nanos(0));
-    let filter =
-        CloudFilter { min_range: 0.4, max_range: 6.0, optical: Optical::Auto, max_points: 4_000_000 };
     let scan = |index| {
-        let cloud = decode(&drive.step(index).cloud, &filter).unwrap();
+        let cloud = decode(&drive.step(index).cloud, &CloudFilter::DEFAULT).unwrap();
         let fixed_from_sensor = drive.fixed_from_optical(index);
         Scan { stamp: cloud.stamp, fixed_from_sensor, points: cloud.points }
     };

@@ -103,11 +103,8 @@ mod tests {
 
     use super::*;
     use crate::bag::{Bag, Decoder, SensorBag, TransformTopics};
-    use crate::cloud::{CloudFilter, Optical};
+    use crate::cloud::CloudFilter;
     use crate::msg::ros::{Header, TransformStamped};
-
-    const FILTER: CloudFilter =
-        CloudFilter { min_range: 0.4, max_range: 6.0, optical: Optical::Auto, max_points: 1000 };
 
     fn link(parent: &str, child: &str) -> TfMessage {
         let header = Header { frame_id: parent.to_owned(), ..Header::default() };
@@ -123,7 +120,7 @@ mod tests {
         bag.transforms(&link("map", "camera"), true).unwrap();
         bag.finish().unwrap();
         let (bag, stop) = (Bag::open(&path).unwrap(), Arc::new(AtomicBool::new(false)));
-        let decoder = Decoder::new(Vec::new(), FILTER, TransformTopics::default());
+        let decoder = Decoder::new(Vec::new(), CloudFilter::DEFAULT, TransformTopics::default());
         let ahead = Ahead::new(&bag, decoder, Arc::clone(&stop));
         let default = "odom".to_owned();
         let finder = Finder::new(FixedFrame::Still { name: "camera".to_owned(), default: default.clone() });

@@ -14,7 +14,7 @@ pub fn run(bytes: &[u8]) {
     let mut bytes = Bytes::new(bytes);
     let optical = bytes.one_of(&[Optical::Auto, Optical::Yes, Optical::No]);
     let (max_range, max_points) = bytes.one_of(&[(6.0, 4_000_000), (6.0, 20), (1e6, 4_000_000), (1e6, 1)]);
-    let filter = CloudFilter { min_range: 0.4, max_range, optical, max_points };
+    let filter = CloudFilter { max_range, optical, max_points, ..CloudFilter::DEFAULT };
     let cdr = bytes.rest();
     both_ways::<LittleEndian>(cdr, &filter);
     both_ways::<BigEndian>(cdr, &filter);

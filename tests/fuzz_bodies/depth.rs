@@ -3,8 +3,7 @@
 use byteorder::LittleEndian;
 use cdr_encoding::{CdrDeserializer, from_bytes};
 use cfodi::cloud::{
-    Camera, Cloud, CloudError, CloudFilter, CompressedSeed, DepthSeed, Optical, decode_compressed,
-    decode_depth,
+    Camera, Cloud, CloudError, CloudFilter, CompressedSeed, DepthSeed, decode_compressed, decode_depth,
 };
 use cfodi::msg::ros::{CameraInfo, CompressedImage, Header, Image, Time};
 use serde::de::DeserializeSeed as _;
@@ -12,8 +11,7 @@ use serde::de::DeserializeSeed as _;
 use super::bytes::Bytes;
 use super::cloud::check;
 
-const FILTER: CloudFilter =
-    CloudFilter { min_range: 0.4, max_range: 6.0, optical: Optical::Auto, max_points: 1 << 16 };
+const FILTER: CloudFilter = CloudFilter { max_points: 1 << 16, ..CloudFilter::DEFAULT };
 
 /// The announcements of compressed images; of the last ones none is read.
 const FORMATS: [&str; 8] = [

@@ -7,15 +7,14 @@ use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use cfodi::bag::{Bag, Decoder, Recorded, TransformTopics, Wanted, choose};
-use cfodi::cloud::{CloudFilter, Optical};
+use cfodi::cloud::CloudFilter;
 use cfodi::join::Join;
 use tempfile::TempDir;
 
 use super::bytes::Bytes;
 use super::cloud::check;
 
-const FILTER: CloudFilter =
-    CloudFilter { min_range: 0.4, max_range: 6.0, optical: Optical::Auto, max_points: 1 << 16 };
+const FILTER: CloudFilter = CloudFilter { max_points: 1 << 16, ..CloudFilter::DEFAULT };
 
 thread_local! {
     static FOLDER: OnceCell<TempDir> = const { OnceCell::new() };

@@ -11,11 +11,12 @@ use rustc_hash::FxHashMap;
 
 use super::pieces::Truth;
 use super::touching::Groups;
+use crate::cloud::CloudFilter;
 use crate::engine::{Params, Points, Scan, VoxelKey};
 use crate::sim::{Scene, Surface};
 
-/// Depths along the optical axis that count (m); the defaults of `min_range` and `max_range`.
-pub(super) const RANGE: RangeInclusive<f64> = 0.4..=6.0;
+/// Depths along the optical axis that count (m).
+pub(super) const RANGE: RangeInclusive<f64> = CloudFilter::DEFAULT.min_range..=CloudFilter::DEFAULT.max_range;
 
 /// Counts the points of labelled scans by voxel and surface.
 #[derive(Clone, Debug)]
