@@ -6,12 +6,12 @@ use std::error::Error;
 
 use cfodi::node::Setup;
 use cfodi::node::args::Environment;
-use cfodi::node::dds::MapReader;
+use cfodi::node::dds::SnapshotReader;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let args: Vec<String> = std::env::args().collect();
     let (setup, _) = Setup::parse(&args, &Environment::of_process(), "map_reader")?;
-    let reader = MapReader::open(&setup)?;
+    let reader = SnapshotReader::open(&setup)?;
     println!("reading");
     let runtime = tokio::runtime::Builder::new_current_thread().build()?;
     runtime.block_on(async {

@@ -5,7 +5,6 @@
 //! when it is full: what the middleware then drops shows as a gap in the publisher's sequence numbers.
 
 mod latched;
-mod map_reader;
 mod mismatch;
 mod namesakes;
 mod network;
@@ -16,6 +15,7 @@ mod pulse;
 mod read;
 mod robot;
 mod secure;
+mod snapshot_reader;
 mod threads;
 
 use std::borrow::Cow;
@@ -28,11 +28,11 @@ use tokio::sync::mpsc;
 use tokio::task::JoinSet;
 use tracing::warn;
 
-pub use self::map_reader::MapReader;
 use self::network::Network;
 use self::opener::{Opener, reliable, reliable_output};
 use self::read::Memory;
 pub use self::robot::Robot;
+pub use self::snapshot_reader::SnapshotReader;
 use super::middleware::{Adding, Middleware, OpenError, Opened};
 use super::parameters::Parameters;
 use super::process::{receive_buffer, say_discovery, say_receive_buffer};

@@ -31,6 +31,13 @@ fn points(cloud: &PointCloud2) -> Vec<Point3<f64>> {
 }
 
 #[test]
+fn scans_come_as_often_as_was_asked_for_or_not_at_all() {
+    let rates = [1, 2, 3, 5, 6, 10, 15, 30];
+    assert_eq!(rates.map(steps_apart), [30, 15, 10, 6, 5, 3, 2, 1].map(Some));
+    assert_eq!([0, 4, 20, 29, 31, 60, 100, u32::MAX].map(steps_apart), [None; 8]);
+}
+
+#[test]
 fn the_same_seed_gives_the_same_bytes_and_another_seed_others() {
     let (first, second) = (drive(5), drive(5));
     first.step(0);

@@ -10,12 +10,12 @@ use crate::msg::clusters::SurfaceClusterArray;
 use crate::node::middleware::OpenError;
 
 /// Reads the snapshots that a node publishes.
-pub struct MapReader {
+pub struct SnapshotReader {
     snapshots: Subscription<SurfaceClusterArray>,
     _kept: Kept,
 }
 
-impl MapReader {
+impl SnapshotReader {
     /// Opens the node of `setup`, without parameters, and reads `/cfodi/clusters`, which remappings give another name.
     ///
     /// # Errors
