@@ -38,8 +38,8 @@ type Key = (String, usize);
 struct Sensor {
     /// The newest stamp.
     newest: Stamp,
-    /// How often the transforms had jumped back when it came. While this has not changed, they are of before a jump of the
-    /// sensor's stamps, and a scan that jumps back waits until they have jumped too, where any of them move the sensor.
+    /// How often the transforms had jumped back when it came. A scan whose stamp jumps back waits until they have jumped once
+    /// more, if any of them move the sensor: those that are there are from before the jump.
     jumps: u64,
 }
 
@@ -205,8 +205,8 @@ impl Join {
         joined.collect()
     }
 
-    /// Notes a scan; the jump that it begins a session with. Each sensor is held against itself: another may be late, or
-    /// its clock off.
+    /// Notes a scan; gives the jump where it begins a new session. Its stamp is compared with those of its own sensor alone:
+    /// another may be late, or its clock off.
     fn jumped_back(&mut self, scan: &Arrived) -> Option<Jump> {
         let (key, stamp) = (scan.key(), scan.cloud.stamp);
         let newest = self.sensors.get(&key).map(|sensor| sensor.newest);

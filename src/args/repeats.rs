@@ -20,7 +20,7 @@ const MARK: char = '\0';
 /// # Errors
 /// A [`YamlError`].
 pub(super) fn load(text: &str) -> Result<Vec<Yaml>, YamlError> {
-    // What is refused for its form is within bounds as far as it can be read, and no further is it loaded below.
+    // What comes before an error of form was found to be within bounds, and no more than that is read below.
     let refused = match yaml::load(text) {
         Err(refused @ YamlError::Form(_)) => refused,
         loaded => return loaded,
@@ -28,7 +28,7 @@ pub(super) fn load(text: &str) -> Result<Vec<Yaml>, YamlError> {
     let mut marking = Marking::default();
     let read = Parser::new_from_str(text).load(&mut marking, true);
     let documents = marking.loader.documents();
-    // The loader keeps what it refuses to itself, and stops there.
+    // The loader does not say that it has refused something: it then has fewer documents than have ended.
     if read.is_err() || documents.len() < marking.ended { Err(refused) } else { Ok(documents.to_vec()) }
 }
 

@@ -31,8 +31,8 @@ pub(super) struct Channels {
 
 impl Channels {
     /// Takes a record up; gives the message, where it is one. A channel or a schema that changes its meaning is an error. Behind
-    /// the data, where the summary repeats them, it is one only if a message follows: whether a record that ends the data
-    /// stands in a chunk, where it ends nothing, the library does not tell.
+    /// the record that ends the data, where the summary repeats them, it is an error only if a message still follows: within a
+    /// chunk that record ends nothing, and the library does not tell where it stood.
     pub(super) fn take(&mut self, record: Record) -> Result<Option<Message>, String> {
         self.keep(&record)?;
         let known = match record {

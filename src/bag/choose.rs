@@ -34,7 +34,7 @@ pub struct Sensor {
 pub struct Wanted {
     /// Its name.
     pub topic: String,
-    /// Where the intrinsics of its images come from before all others, where the bag has it.
+    /// The topic of its images' intrinsics, which is preferred to all others if the bag has it.
     pub info: Option<String>,
 }
 

@@ -86,9 +86,10 @@ pub struct Decoder {
 #[derive(Clone, Debug)]
 struct Input {
     sensor: Sensor,
-    /// The newest, or what is wrong with it; before the first it is that one, where [`Decoder::look_for_cameras`] has found it.
+    /// The newest so far, or what is wrong with it. Before its first message has come in its turn, it is that of this first
+    /// message, where [`Decoder::look_for_cameras`] has found it.
     camera: Option<Result<Camera, CloudError>>,
-    /// Whether it has come by itself.
+    /// Whether a message of it has come in its turn.
     has_come: bool,
 }
 

@@ -103,8 +103,8 @@ fn description(folder: &Path) -> Result<Option<String>, BagError> {
     }
 }
 
-/// The files without those whose name differs from that of one before only by how they are compressed, and these. By its name a
-/// plain file is before those.
+/// The files to read, and their copies: of names that differ only by how the file is compressed all but the first. A plain file
+/// comes before compressed ones.
 fn without_copies(paths: Vec<PathBuf>) -> (Vec<PathBuf>, Vec<PathBuf>) {
     let mut seen = BTreeSet::new();
     paths.into_iter().partition(|path| {

@@ -92,7 +92,7 @@ fn parse(opcode: u8, body: &[u8]) -> Result<Option<Record>, String> {
         op::CHANNEL => fields.bytes(4).and_then(|rest| rest.skip(2)).and_then(Fields::map),
         op::MESSAGE => fields.bytes(MESSAGE_HEADER),
         op::STATISTICS => fields.bytes(STATISTICS_COUNTS).and_then(|rest| rest.skip(1)),
-        // The library has looked into it, but where it stands in a chunk, which it may not and where it means nothing.
+        // The library has checked it already, except in a chunk, where the format does not allow it and it ends nothing.
         op::DATA_END => return Ok(Some(Record::DataEnd(DataEnd { data_section_crc: 0 }))),
         _ => return Ok(None),
     };

@@ -77,8 +77,8 @@ struct InputClock {
 }
 
 impl InputClock {
-    /// When a message is logged: where the times of its topic, of which `newest` is the newest, jump back with the stamps, after
-    /// what was before. Each topic is held against itself: in a bag that is not in order one lies behind another.
+    /// When a message is logged. Where it jumps back behind `newest`, the newest of its topic, it and what follows are logged
+    /// after all that was before. Topics are not compared with each other: in a bag that is not in order one lies behind another.
     fn time(&mut self, log_time: u64, newest: &mut u64) -> u64 {
         // A clock of ROS has 63 bits: a time beyond them is copied as it is, and does not move what comes behind it.
         if i64::try_from(log_time).is_err() {
@@ -157,8 +157,8 @@ impl<W: Write> ResultBag<W> {
         })
     }
 
-    /// From now on messages are logged this many seconds later than their stamps say, more than before: where stamps have
-    /// jumped back, those of both sides would otherwise be played at once.
+    /// From now on messages are logged this many seconds later still: where stamps have jumped back, a player would otherwise
+    /// mix what was before the jump with what is after it.
     pub fn shift(&mut self, seconds: f64) {
         self.ahead = self.ahead.saturating_add((seconds * 1e9) as u64);
     }

@@ -100,8 +100,8 @@ pub(crate) fn laboratory(setup: &Setup, options: &Simulation, out: &Path) -> any
     let laboratory = Laboratory::new(scene, *seconds, *scan_step, &setup.config.engine, voxel_size)?;
     std::fs::create_dir_all(out).with_context(|| format!("cannot make {}", out.display()))?;
     let [page, csv] = ["quality.md", "quality.csv"].map(|name| out.join(name));
-    // Who has named a folder that cannot be written to is not to wait for the runs. Nor are the files open through them: a signal
-    // would leave what was begun.
+    // Who has named a folder that cannot be written to is not to wait for the runs. The files are given up again: a signal
+    // during the runs would leave them half-made.
     for file in [&page, &csv] {
         drop(WholeFile::create(file)?);
     }

@@ -120,7 +120,7 @@ fn single(points: Vec<[f32; 3]>, ends: Vec<[f32; 3]>) -> Points {
     if ends.is_empty() { Points::F32(points) } else { Points::Ended { points, ends } }
 }
 
-/// The ends of what was put into a frame far away are not rays of a sensor there.
+/// Without the ends of rays: clouds in double precision are of frames far away, whose origin is not where the sensor stood.
 fn double(points: Vec<[f64; 3]>, _: Vec<[f64; 3]>) -> Points {
     Points::F64(points)
 }

@@ -76,14 +76,14 @@ impl Given {
         Ok(given)
     }
 
-    /// Gives a value to what was not told and follows from what was.
+    /// Gives those parameters a value that were not given one and follow from others.
     fn derive(&mut self, told: &BTreeSet<String>) {
         let mut derived = Vec::new();
         if *self.get("mode") == Value::Text("paper".to_owned()) {
             derived.push(("clearing".to_owned(), Value::Boolean(false)));
         }
         let names = names(self.get("sensors"));
-        // That of the sensors is that of the map.
+        // What is given for a sensor alone holds for the map.
         let mut of_sensors = names.iter().map(|name| format!("{name}.noise_model"));
         if let Some(of_sensor) = of_sensors.find(|name| told.contains(name) && self.checked(name).is_ok()) {
             derived.push(("noise_model".to_owned(), self.get(&of_sensor).clone()));
@@ -98,7 +98,7 @@ impl Given {
         self.put(of_sensors, told);
     }
 
-    /// Gives these values to what was not told.
+    /// Gives these values to the parameters that were not given one.
     fn put(&mut self, derived: Vec<(String, Value)>, told: &BTreeSet<String>) {
         for (name, derived) in derived.into_iter().filter(|(name, _)| !told.contains(name)) {
             self.0.entry(name).and_modify(|(value, _)| *value = derived);
@@ -183,7 +183,7 @@ impl Given {
         }
     }
 
-    /// That of all sensors: the map's weights mean one thing.
+    /// That of all sensors, which must be the same: one map weighs its points in one way.
     pub(super) fn noise_model(&self) -> Result<NoiseModel, ConfigError> {
         let model = self.text("noise_model")?;
         for name in self.sensors()?.into_iter().map(|sensor| sensor.name + ".noise_model") {

@@ -75,9 +75,9 @@ pub trait Visitor {
 /// Whether to go on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Go {
-    /// With what follows.
+    /// What follows is wanted.
     On,
-    /// Not: what follows is counted, and not wanted.
+    /// What follows is only counted.
     Home,
 }
 
@@ -139,7 +139,7 @@ pub enum FeedError<E> {
     /// The visitor cannot go on.
     #[error(transparent)]
     Visitor(E),
-    /// What the whole bag would have said of the frame is not known, and scans in the wrong one are none.
+    /// It was told to stop before the whole bag had shown the right frame, and scans in a wrong one are of no use.
     #[error(
         "stopped by a signal while the frame of the map was looked for in the whole bag: there is no result"
     )]
@@ -211,8 +211,8 @@ struct Feeder<'a, V> {
     patience: Duration,
     /// When the last message was recorded.
     now: Duration,
-    /// How long before the message that was read before it one was recorded, at most; `None` once stamps have jumped back, and
-    /// with them the times of recording.
+    /// How far messages lie out of order at most: so long before the one that is ahead of it in the bag a message was recorded.
+    /// `None` once stamps have jumped back, and with them the times of recording.
     disorder: Option<Duration>,
     finder: Finder,
     /// The visitor wants no more.
@@ -304,7 +304,7 @@ impl<V: Visitor> Feeder<'_, V> {
         self.ready()
     }
 
-    /// Before a cloud is given up: whatever else could show the way from its frame.
+    /// Tries, before a cloud is given up for want of room, whatever else could show the way from its frame.
     fn make_room(&mut self) -> Result<(), V::Error> {
         if self.join.waiting() < self.places() {
             return Ok(());
@@ -314,7 +314,7 @@ impl<V: Visitor> Feeder<'_, V> {
         if self.join.waiting() < self.places() { Ok(()) } else { self.look_ahead() }
     }
 
-    /// How many clouds may wait: more than a few where none has done so for long.
+    /// How many clouds may wait: only a few once one has waited as long as patience lasts.
     fn places(&self) -> usize {
         if self.join.longest_wait(self.now) < self.patience { MOST } else { FEW }
     }

@@ -106,7 +106,7 @@ impl FixedFrame {
             (Some((sensor, root)), _) => {
                 Self::Found { name: root.to_owned(), sensor: Some(sensor.to_owned()), default }
             }
-            // No scan has a way there, and each is refused with the name of its frame, which no transform has.
+            // No scan has a way to that root; each is refused with the name of its frame, which no transform mentions.
             (None, Some(root)) => Self::Found { name: root.to_owned(), sensor: None, default },
             (None, None) => Self::Open { default },
         }

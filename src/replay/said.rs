@@ -13,7 +13,7 @@ const CHARACTERS: usize = 500;
 pub(super) struct Said(BTreeMap<String, u32>);
 
 impl Said {
-    /// Whether a line is to be said, which comes for the time `most` at the latest; counts it.
+    /// Counts a line; says whether it is to be said: the first `most` times, and of different lines the first [`LINES`].
     pub(super) fn is_due(&mut self, line: &str, most: u32) -> bool {
         let line: String = line.chars().take(CHARACTERS).collect();
         if !self.0.contains_key(&line) && self.0.len() >= LINES {

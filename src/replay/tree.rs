@@ -12,7 +12,8 @@ use crate::tf::{FrameError, MAX_DEPTH, MAX_FRAMES, bare, check};
 #[derive(Debug, Default)]
 pub(super) struct Tree {
     links: BTreeMap<String, Link>,
-    /// The parents of frames of which every link was refused for its numbers: that they hang there is known, where is not.
+    /// The parents of frames of which every link was refused for its numbers: it is known below what they hang, and not at which
+    /// place.
     refused: BTreeMap<String, String>,
 }
 

@@ -49,7 +49,7 @@ pub(super) fn keep_aside_by(
     let name = next_name(path, why)?;
     let folder = File::open(folder(path))?;
     link(path, &name).or_else(|_| copy(path, &name))?;
-    // Of two changes of a folder the later one may be the first that is on the disk.
+    // A disk may take changes of a folder in another order: the map must not lose its name before it has this one.
     if let Err(error) = folder.sync_all() {
         drop(fs::remove_file(&name));
         return Err(error);
@@ -120,7 +120,7 @@ fn asides(path: &Path, why: &str) -> io::Result<Vec<Aside>> {
     for entry in fs::read_dir(folder(path))? {
         let entry = entry?;
         if let Some(number) = number(&entry.file_name(), start) {
-            // What it is may have gone untold; it is then not to be removed.
+            // Where the system does not tell what it is, it is not to be removed.
             let is_file = entry.file_type().is_ok_and(|kind| !kind.is_dir());
             let size = entry.metadata().map_or(0, |about| about.len());
             asides.push(Aside { number, is_file, size });

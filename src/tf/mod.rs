@@ -155,7 +155,8 @@ impl Frames {
     }
 
     /// Whether a transform of `/tf` that was overtaken by others is still of use: it is about the frame as it is, and taking it
-    /// in is no jump back in time. One that is refused by [`Self::insert`] is of use to it, which says why.
+    /// in is no jump back in time. One that [`Self::insert`] refuses counts as of use: it is to get there, for its reason to be
+    /// said.
     pub fn is_of_use(&self, message: &TransformStamped) -> bool {
         let Ok(sample) = Sample::check(message, false) else { return true };
         let edge = self.edges.get(sample.child);
