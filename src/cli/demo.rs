@@ -21,7 +21,7 @@ use cfodi::msg::ros::TfMessage;
 use cfodi::node::dds::{Dds, Robot};
 use cfodi::node::middleware::{Adding, Middleware, OpenError};
 use cfodi::node::process::{ProcessError, live_node, receive_buffer};
-use cfodi::node::record::Record;
+use cfodi::node::record::{Record, Recorder};
 use cfodi::node::resume::begin;
 use cfodi::node::rosout::Lines;
 use cfodi::node::transport::{Event, Form};
@@ -104,7 +104,7 @@ fn drive<T: Middleware>(
     T::security(setup).map_err(ProcessError::from)?;
     std::fs::create_dir_all(&options.out)
         .with_context(|| format!("cannot make {}", options.out.display()))?;
-    let record = Record::create(&options.out.join(RESULT), &output_topics(setup)?)?;
+    let (record, recorder) = Record::create(&options.out.join(RESULT), &output_topics(setup)?)?;
     let pictures = Pictures::create(&options.out)?;
     let mut travelling: Option<JoinHandle<Result<(), String>>> = None;
     let over = Arc::new(AtomicBool::new(false));
@@ -113,14 +113,14 @@ fn drive<T: Middleware>(
     let map = live_node::<T>(
         setup,
         engine,
-        Some(record.clone()),
+        Some(recorder.clone()),
         lines,
         |events: Adding<T>| {
             let journey = Journey {
                 robot: open_robot(setup)?,
                 drive: Drive::new(Scene::room(), options.seed, now()),
                 steps: options.seconds * SCANS_PER_SECOND,
-                record: record.clone(),
+                recorder: recorder.clone(),
                 inside: (!over_network).then_some((events, setup.config.filter)),
                 over: Arc::clone(&over),
             };
@@ -179,7 +179,7 @@ struct Journey<R> {
     drive: Drive,
     steps: u32,
     /// Gets the transforms.
-    record: Record,
+    recorder: Recorder,
     /// Where clouds go that the network cannot carry.
     inside: Option<(Sender<Event<R>>, CloudFilter)>,
     /// Set when the node has ended.
@@ -214,7 +214,7 @@ impl<R> Journey<R> {
     }
 
     fn transforms(&self, message: TfMessage, is_static: bool) -> Result<(), String> {
-        self.record.transforms(&message, is_static);
+        self.recorder.transforms(&message, is_static);
         if let Some((events, _)) = &self.inside {
             self.hand_over(events, Event::Transforms { message: message.clone(), is_static });
         }

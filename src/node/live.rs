@@ -32,7 +32,8 @@ use self::report::Before;
 use self::saving_figures::SavingFigures;
 use self::session::new_session;
 use super::counts::Counts;
-use super::publish::{Seen, publish};
+use super::publish::{Outlets, Seen, publish};
+use super::record::Recorder;
 use super::rosout::Lines;
 use super::saving;
 use super::speak::speak;
@@ -100,14 +101,15 @@ pub enum LiveError {
 }
 
 /// Runs the node with the map of `engine` until `shutdown` resolves and returns the map of that moment, which is saved where
-/// `snapshot_path` says; `counts` says where every cloud went; `lines` are those of the log, for `/rosout`.
+/// `snapshot_path` says; `counts` says where every cloud went; `lines` are those of the log, for `/rosout`;
+/// what is sent of the map goes to `recorder` too.
 ///
 /// # Errors
 /// When the engine's thread dies, the middleware stops, or the last map cannot be saved.
 pub async fn run<T: Transport>(
     config: &Config,
     engine: Engine,
-    transport: Rc<T>,
+    (transport, recorder): (Rc<T>, Option<Recorder>),
     events: mpsc::Receiver<Event<T::Request>>,
     counts: Rc<RefCell<Counts>>,
     lines: Lines,
@@ -115,7 +117,7 @@ pub async fn run<T: Transport>(
 ) -> Result<Arc<Snapshot>, LiveError> {
     let (reports, receiver) = mpsc::channel(WAITING_REPORTS);
     let mut speaking = tokio::task::spawn_local(speak(Rc::clone(&transport), receiver, lines));
-    let ended = drive(config, engine, transport, events, counts, reports, shutdown).await;
+    let ended = drive(config, engine, (transport, recorder), events, counts, reports, shutdown).await;
     if tokio::time::timeout(LAST_WORDS, &mut speaking).await.is_err() {
         speaking.abort();
         drop(speaking.await);
@@ -127,7 +129,7 @@ pub async fn run<T: Transport>(
 async fn drive<T: Transport>(
     config: &Config,
     engine: Engine,
-    transport: Rc<T>,
+    (transport, recorder): Outlets<T>,
     mut events: mpsc::Receiver<Event<T::Request>>,
     counts: Rc<RefCell<Counts>>,
     reports: mpsc::Sender<DiagnosticArray>,
@@ -144,7 +146,7 @@ async fn drive<T: Transport>(
     let (saver, mut written) = saver.map_err(failed("the thread that saves the map"))?.unzip();
     let vitals: Rc<RefCell<Vitals>> = Rc::default();
     let seen = (Rc::clone(&counts), Rc::clone(&vitals));
-    let publishing = publish(Rc::clone(&transport), receiver, seen, config.clone(), saver);
+    let publishing = publish((Rc::clone(&transport), recorder), receiver, seen, config.clone(), saver);
     let mut publishing = tokio::task::spawn_local(publishing);
     let mut live = Live::new(config, Rc::clone(&transport), (worker, session), (counts, vitals), reports);
     let mut diagnoses = interval(REPORTS);

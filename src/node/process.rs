@@ -14,7 +14,7 @@ use super::counts::Counts;
 use super::inputs::reads;
 use super::live::{self, LiveError};
 use super::middleware::{Adding, Middleware, OpenError};
-use super::record::Record;
+use super::record::Recorder;
 use super::resume::BeginError;
 use super::rosout::Lines;
 use super::transport::SensorTopics;
@@ -150,14 +150,14 @@ fn say_security(middleware: &str, security: &Security) {
 }
 
 /// Runs the live node with the map of `engine` until a signal comes or `done` says so, and returns its map; what it sends
-/// goes into `record` too, `lines` are those of its log; `begin` is called once it listens.
+/// of the map goes to `recorder` too, `lines` are those of its log; `begin` is called once it listens.
 ///
 /// # Errors
 /// When the network cannot be joined, or the node fails.
 pub fn live_node<T: Middleware>(
     setup: &Setup,
     engine: Engine,
-    record: Option<Record>,
+    recorder: Option<Recorder>,
     lines: Lines,
     begin: impl FnOnce(Adding<T>) -> Result<(), OpenError>,
     done: impl Fn() -> bool,
@@ -169,7 +169,7 @@ pub fn live_node<T: Middleware>(
     let tasks = LocalSet::new();
     let ended = tasks.block_on(&runtime, async {
         T::say_system(setup);
-        let (transport, events, receiver) = T::open(setup, security.clone(), record).await?;
+        let (transport, events, receiver) = T::open(setup, security.clone()).await?;
         say_security(T::NAME, &security);
         let transport = Rc::new(transport);
         // Whoever reads that it is ready may end it at once.
@@ -179,7 +179,7 @@ pub fn live_node<T: Middleware>(
         let map = live::run(
             &setup.config,
             engine,
-            Rc::clone(&transport),
+            (Rc::clone(&transport), recorder),
             receiver,
             Rc::clone(&counts),
             lines,
