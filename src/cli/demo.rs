@@ -31,6 +31,7 @@ use cfodi::say::tell;
 use cfodi::sim::drive::SCANS_PER_SECOND;
 use cfodi::sim::{Drive, Scene};
 use tokio::sync::mpsc::Sender;
+use tokio::sync::oneshot;
 use tracing::info;
 
 use super::replay::output_topics;
@@ -108,7 +109,7 @@ fn drive<T: Middleware>(
     let pictures = Pictures::create(&options.out)?;
     let mut travelling: Option<JoinHandle<Result<(), String>>> = None;
     let over = Arc::new(AtomicBool::new(false));
-    let arrived = Arc::new(AtomicBool::new(false));
+    let (arrived, arrival) = oneshot::channel::<()>();
     let (engine, _lock) = begin(&setup.config, false).map_err(ProcessError::from)?;
     let map = live_node::<T>(
         setup,
@@ -124,15 +125,15 @@ fn drive<T: Middleware>(
                 inside: (!over_network).then_some((events, setup.config.filter)),
                 over: Arc::clone(&over),
             };
-            let arrived = Arrived(Arc::clone(&arrived));
             travelling = Some(std::thread::spawn(move || {
+                // It has arrived when its thread ends, however that ends.
                 let _arrived = arrived;
                 journey.travel()
             }));
             info!("the simulated robot drives for {} s", options.seconds);
             Ok(())
         },
-        || arrived.load(Ordering::Acquire),
+        async { drop(arrival.await) },
     );
     over.store(true, Ordering::Release);
     let travelled = travelling.map(JoinHandle::join);
@@ -161,15 +162,6 @@ fn came_home(travelled: Option<std::thread::Result<Result<(), String>>>) -> anyh
 fn now() -> Stamp {
     let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     Stamp::from_nanos(i64::try_from(since_epoch.as_nanos()).unwrap_or(i64::MAX))
-}
-
-/// Says that the robot has arrived when its thread ends, however it ends.
-struct Arrived(Arc<AtomicBool>);
-
-impl Drop for Arrived {
-    fn drop(&mut self) {
-        self.0.store(true, Ordering::Release);
-    }
 }
 
 /// The robot's thread: what its driver would do.

@@ -1,6 +1,7 @@
 //! The live node as a process: runtime, signals, socket buffer, and the last word about where every cloud went.
 
 use std::cell::RefCell;
+use std::future::Future;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
@@ -149,7 +150,7 @@ fn say_security(middleware: &str, security: &Security) {
     }
 }
 
-/// Runs the live node with the map of `engine` until a signal comes or `done` says so, and returns its map; what it sends
+/// Runs the live node with the map of `engine` until a signal comes or `done` resolves, and returns its map; what it sends
 /// of the map goes to `recorder` too, `lines` are those of its log; `begin` is called once it listens.
 ///
 /// # Errors
@@ -159,8 +160,8 @@ pub fn live_node<T: Middleware>(
     engine: Engine,
     recorder: Option<Recorder>,
     lines: Lines,
-    begin: impl FnOnce(Adding<T>) -> Result<(), OpenError>,
-    done: impl Fn() -> bool,
+    begin: impl FnOnce(Adding<T>) -> Result<(), ProcessError>,
+    done: impl Future<Output = ()>,
 ) -> Result<Arc<Snapshot>, ProcessError> {
     let security = T::security(setup)?;
     let runtime =
@@ -239,15 +240,31 @@ async fn asked(signals: &mut Option<Signals>) {
     }
 }
 
-/// Resolves at a signal or when `done` says so.
-async fn ending(mut signals: Option<Signals>, done: impl Fn() -> bool) {
-    let done = async {
-        while !done() {
-            tokio::time::sleep(Duration::from_millis(50)).await;
-        }
-    };
+/// Resolves at a signal or with `done`.
+async fn ending(mut signals: Option<Signals>, done: impl Future<Output = ()>) {
     tokio::select! {
         () = asked(&mut signals) => {}
         () = done => {}
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use tokio::sync::oneshot;
+
+    use super::*;
+
+    #[test]
+    fn a_node_ends_when_it_is_done_and_looks_at_no_clock_for_that() {
+        // It has no timers: whoever looked now and then would panic.
+        let runtime = tokio::runtime::Builder::new_current_thread().build().unwrap();
+        let (done, told) = oneshot::channel::<()>();
+        runtime.block_on(async {
+            let telling = async {
+                tokio::task::yield_now().await;
+                drop(done);
+            };
+            tokio::join!(ending(None, async { drop(told.await) }), telling);
+        });
     }
 }
