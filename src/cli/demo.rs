@@ -6,8 +6,8 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread::JoinHandle;
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::thread::{Builder, JoinHandle};
+use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 #[cfg(not(feature = "zenoh"))]
@@ -15,11 +15,12 @@ use cfodi::args::RmwError;
 use cfodi::args::security::Security;
 use cfodi::args::{Rmw, Setup};
 use cfodi::cloud::{CloudFilter, decode};
-use cfodi::engine::{Snapshot, Stamp};
+use cfodi::engine::Snapshot;
 use cfodi::export::{View, WholeFile, WriteError, draw, write_ply};
 use cfodi::msg::ros::TfMessage;
 use cfodi::node::dds::{Dds, Robot};
 use cfodi::node::middleware::{Adding, Middleware, OpenError};
+use cfodi::node::now;
 use cfodi::node::process::{ProcessError, live_node, receive_buffer};
 use cfodi::node::record::{Record, Recorder};
 use cfodi::node::resume::begin;
@@ -125,11 +126,12 @@ fn drive<T: Middleware>(
                 inside: (!over_network).then_some((events, setup.config.filter)),
                 over: Arc::clone(&over),
             };
-            travelling = Some(std::thread::spawn(move || {
+            let robot = Builder::new().name("cfodi-robot".to_owned()).spawn(move || {
                 // It has arrived when its thread ends, however that ends.
                 let _arrived = arrived;
                 journey.travel()
-            }));
+            });
+            travelling = Some(robot.map_err(ProcessError::Robot)?);
             info!("the simulated robot drives for {} s", options.seconds);
             Ok(())
         },
@@ -157,11 +159,6 @@ fn came_home(travelled: Option<std::thread::Result<Result<(), String>>>) -> anyh
         Some(Err(_)) => anyhow::bail!("the simulated robot's thread has died"),
         Some(Ok(Ok(()))) | None => Ok(()),
     }
-}
-
-fn now() -> Stamp {
-    let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-    Stamp::from_nanos(i64::try_from(since_epoch.as_nanos()).unwrap_or(i64::MAX))
 }
 
 /// The robot's thread: what its driver would do.

@@ -47,6 +47,9 @@ pub enum ProcessError {
     /// Sensors were named where there is one.
     #[error("sensors was given, and the simulated robot has one sensor, on the topic `points`")]
     Sensors,
+    /// The system gives no thread.
+    #[error("cannot start the simulated robot: {0}")]
+    Robot(std::io::Error),
     /// What was saved cannot be begun with.
     #[error(transparent)]
     Begin(#[from] BeginError),
