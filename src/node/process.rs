@@ -35,7 +35,7 @@ pub enum ProcessError {
     /// The network cannot be joined.
     #[error("cannot join the ROS network")]
     Network(#[from] OpenError),
-    /// A name cannot be meant.
+    /// A name that cannot be resolved.
     #[error(transparent)]
     Name(#[from] ArgsError),
     /// The middleware that was asked for cannot be had.

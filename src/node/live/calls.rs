@@ -68,7 +68,7 @@ impl<T: Transport> Live<T> {
     }
 }
 
-/// Says how a map was written that nobody has called for.
+/// Says in the log how a map was written, whether or not anybody has called for it.
 fn log(written: &Written) {
     match written {
         Ok(InFile { sequence: scans, bytes, .. }) => debug!("map of {scans} scans saved, {bytes} bytes"),

@@ -19,7 +19,7 @@ pub(super) const AHEAD: f64 = 1.0;
 /// And so far behind it: the path from the sensor takes no such time.
 const BEHIND: f64 = 10.0;
 
-/// What has been so far, for the next report to be about the time since.
+/// What was counted when the last report was made, and what has happened since: the next one is about the time between.
 #[derive(Debug)]
 pub(super) struct Before {
     at: Instant,
