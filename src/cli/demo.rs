@@ -6,8 +6,8 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread::JoinHandle;
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::thread::{Builder, JoinHandle};
+use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 #[cfg(not(feature = "zenoh"))]
@@ -15,13 +15,14 @@ use cfodi::args::RmwError;
 use cfodi::args::security::Security;
 use cfodi::args::{Rmw, Setup};
 use cfodi::cloud::{CloudFilter, decode};
-use cfodi::engine::{Snapshot, Stamp};
+use cfodi::engine::Snapshot;
 use cfodi::export::{View, WholeFile, WriteError, draw, write_ply};
 use cfodi::msg::ros::TfMessage;
 use cfodi::node::dds::{Dds, Robot};
 use cfodi::node::middleware::{Adding, Middleware, OpenError};
+use cfodi::node::now;
 use cfodi::node::process::{ProcessError, live_node, receive_buffer};
-use cfodi::node::record::Record;
+use cfodi::node::record::{Record, Recorder};
 use cfodi::node::resume::begin;
 use cfodi::node::rosout::Lines;
 use cfodi::node::transport::{Event, Form};
@@ -31,6 +32,7 @@ use cfodi::say::tell;
 use cfodi::sim::drive::SCANS_PER_SECOND;
 use cfodi::sim::{Drive, Scene};
 use tokio::sync::mpsc::Sender;
+use tokio::sync::oneshot;
 use tracing::info;
 
 use super::replay::output_topics;
@@ -104,35 +106,36 @@ fn drive<T: Middleware>(
     T::security(setup).map_err(ProcessError::from)?;
     std::fs::create_dir_all(&options.out)
         .with_context(|| format!("cannot make {}", options.out.display()))?;
-    let record = Record::create(&options.out.join(RESULT), &output_topics(setup)?)?;
+    let (record, recorder) = Record::create(&options.out.join(RESULT), &output_topics(setup)?)?;
     let pictures = Pictures::create(&options.out)?;
     let mut travelling: Option<JoinHandle<Result<(), String>>> = None;
     let over = Arc::new(AtomicBool::new(false));
-    let arrived = Arc::new(AtomicBool::new(false));
+    let (arrived, arrival) = oneshot::channel::<()>();
     let (engine, _lock) = begin(&setup.config, false).map_err(ProcessError::from)?;
     let map = live_node::<T>(
         setup,
         engine,
-        Some(record.clone()),
+        Some(recorder.clone()),
         lines,
         |events: Adding<T>| {
             let journey = Journey {
                 robot: open_robot(setup)?,
                 drive: Drive::new(Scene::room(), options.seed, now()),
                 steps: options.seconds * SCANS_PER_SECOND,
-                record: record.clone(),
+                recorder: recorder.clone(),
                 inside: (!over_network).then_some((events, setup.config.filter)),
                 over: Arc::clone(&over),
             };
-            let arrived = Arrived(Arc::clone(&arrived));
-            travelling = Some(std::thread::spawn(move || {
+            let robot = Builder::new().name("cfodi-robot".to_owned()).spawn(move || {
+                // It has arrived when its thread ends, however that ends.
                 let _arrived = arrived;
                 journey.travel()
-            }));
+            });
+            travelling = Some(robot.map_err(ProcessError::Robot)?);
             info!("the simulated robot drives for {} s", options.seconds);
             Ok(())
         },
-        || arrived.load(Ordering::Acquire),
+        async { drop(arrival.await) },
     );
     over.store(true, Ordering::Release);
     let travelled = travelling.map(JoinHandle::join);
@@ -158,20 +161,6 @@ fn came_home(travelled: Option<std::thread::Result<Result<(), String>>>) -> anyh
     }
 }
 
-fn now() -> Stamp {
-    let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-    Stamp::from_nanos(i64::try_from(since_epoch.as_nanos()).unwrap_or(i64::MAX))
-}
-
-/// Says that the robot has arrived when its thread ends, however it ends.
-struct Arrived(Arc<AtomicBool>);
-
-impl Drop for Arrived {
-    fn drop(&mut self) {
-        self.0.store(true, Ordering::Release);
-    }
-}
-
 /// The robot's thread: what its driver would do.
 struct Journey<R> {
     /// Publishes what a driver would, where the middleware has one for it.
@@ -179,7 +168,7 @@ struct Journey<R> {
     drive: Drive,
     steps: u32,
     /// Gets the transforms.
-    record: Record,
+    recorder: Recorder,
     /// Where clouds go that the network cannot carry.
     inside: Option<(Sender<Event<R>>, CloudFilter)>,
     /// Set when the node has ended.
@@ -214,7 +203,7 @@ impl<R> Journey<R> {
     }
 
     fn transforms(&self, message: TfMessage, is_static: bool) -> Result<(), String> {
-        self.record.transforms(&message, is_static);
+        self.recorder.transforms(&message, is_static);
         if let Some((events, _)) = &self.inside {
             self.hand_over(events, Event::Transforms { message: message.clone(), is_static });
         }

@@ -2,6 +2,7 @@
 
 use std::env;
 use std::ffi::OsString;
+use std::future::pending;
 use std::io;
 use std::os::unix::process::CommandExt as _;
 use std::process::Command;
@@ -42,7 +43,7 @@ fn run_over<T: Middleware>(setup: &Setup, options: &Options, lines: Lines) -> an
     setup.check_names().map_err(ProcessError::from)?;
     T::security(setup).map_err(ProcessError::from)?;
     let (engine, _lock) = begin(&setup.config, options.resume).map_err(ProcessError::from)?;
-    match live_node::<T>(setup, engine, None, lines, |_| Ok(()), || false) {
+    match live_node::<T>(setup, engine, None, lines, |_| Ok(()), pending()) {
         Err(ProcessError::Deaf { why, changed }) => {
             let path = setup.config.snapshot_path.as_deref();
             let map = path.map_or_else(

@@ -8,7 +8,7 @@ use crate::engine::Stamp;
 use crate::msg::ros::Clock;
 
 /// Now; the epoch where the machine's clock is before it.
-pub(super) fn now() -> Stamp {
+pub fn now() -> Stamp {
     let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     Stamp::from_nanos(i64::try_from(since_epoch.as_nanos()).unwrap_or(i64::MAX))
 }
@@ -48,7 +48,23 @@ pub(super) fn event<R>(clock: Clock, parameters: &Parameters) -> Event<R> {
 
 #[cfg(test)]
 mod tests {
+    use std::path::{Path, PathBuf};
+
     use super::*;
+
+    fn sources(folder: &Path) -> Vec<PathBuf> {
+        let paths = folder.read_dir().unwrap().map(|entry| entry.unwrap().path());
+        paths.flat_map(|path| if path.is_dir() { sources(&path) } else { vec![path] }).collect()
+    }
+
+    #[test]
+    fn nothing_else_asks_for_the_time_of_day() {
+        let all = sources(&Path::new(env!("CARGO_MANIFEST_DIR")).join("src"));
+        let asks =
+            |path: &PathBuf| std::fs::read_to_string(path).is_ok_and(|text| text.contains("SystemTime"));
+        let asking: Vec<_> = all.into_iter().filter(asks).collect();
+        assert!(asking.len() == 1 && asking[0].ends_with("node/clock.rs"), "{asking:?}");
+    }
 
     #[test]
     fn a_time_of_day_that_was_set_back_is_told_from_one_that_was_read_late() {

@@ -36,7 +36,6 @@ pub use self::snapshot_reader::SnapshotReader;
 use super::middleware::{Adding, Middleware, OpenError, Opened};
 use super::parameters::Parameters;
 use super::process::{receive_buffer, say_discovery, say_receive_buffer};
-use super::record::Record;
 use super::transport::{NetworkState, Outgoing, SendError, SensorTopics, Service, Source, Transport};
 use crate::args::security::{Security, SecurityError};
 use crate::args::{ArgsError, Setup};
@@ -85,8 +84,6 @@ pub struct Dds {
     name: String,
     /// Of its sockets (bytes).
     receive_buffer: usize,
-    /// What is sent goes there too.
-    record: Option<Record>,
 }
 
 impl Dds {
@@ -116,11 +113,7 @@ impl Middleware for Dds {
         say_discovery(setup);
     }
 
-    async fn open(
-        setup: &Setup,
-        security: Security,
-        record: Option<Record>,
-    ) -> Result<Opened<Self>, OpenError> {
+    async fn open(setup: &Setup, security: Security) -> Result<Opened<Self>, OpenError> {
         prefault(BURSTS * setup.config.receive_buffer.min(LARGEST_BURST));
         let (events, receiver) = mpsc::channel(EVENTS);
         let memory = Memory::default();
@@ -137,7 +130,6 @@ impl Middleware for Dds {
             inputs: setup.inputs()?,
             name: setup.fully_qualified_name(),
             receive_buffer: receive_buffer(setup),
-            record,
         };
         Ok((dds, events, receiver))
     }
@@ -162,9 +154,6 @@ impl Transport for Dds {
     type Request = RmwRequestId;
 
     async fn publish(&self, message: Outgoing) -> Result<(), SendError> {
-        if let Some(record) = &self.record {
-            record.outgoing(&message);
-        }
         self.network().publish(message).await
     }
 

@@ -5,8 +5,10 @@ mod calls;
 mod calls_for_map;
 mod change;
 mod clocks;
+mod diagnosis;
 mod ending;
 mod intake;
+mod part;
 mod report;
 mod saving_figures;
 mod say;
@@ -26,19 +28,19 @@ use self::calls::next;
 use self::calls_for_map::{Call, CallsForMap};
 use self::change::{Timers, interval};
 use self::clocks::Clocks;
+use self::diagnosis::Diagnosis;
 use self::ending::{count_buried, death};
 use self::intake::Intake;
-use self::report::Before;
-use self::saving_figures::SavingFigures;
 use self::session::new_session;
 use super::counts::Counts;
-use super::publish::{Seen, publish};
+use super::publish::{Outlets, Seen, publish};
+use super::record::Recorder;
 use super::rosout::Lines;
 use super::saving;
 use super::speak::speak;
 use super::throttle::Throttle;
 use super::transport::{Event, Input, Service, Transport};
-use super::vitals::{Reach, Vitals};
+use super::vitals::Vitals;
 use crate::cloud::{Cloud, CloudError};
 use crate::config::Config;
 use crate::engine::{Engine, Snapshot};
@@ -100,14 +102,15 @@ pub enum LiveError {
 }
 
 /// Runs the node with the map of `engine` until `shutdown` resolves and returns the map of that moment, which is saved where
-/// `snapshot_path` says; `counts` says where every cloud went; `lines` are those of the log, for `/rosout`.
+/// `snapshot_path` says; `counts` says where every cloud went; `lines` are those of the log, for `/rosout`;
+/// what is sent of the map goes to `recorder` too.
 ///
 /// # Errors
 /// When the engine's thread dies, the middleware stops, or the last map cannot be saved.
 pub async fn run<T: Transport>(
     config: &Config,
     engine: Engine,
-    transport: Rc<T>,
+    (transport, recorder): (Rc<T>, Option<Recorder>),
     events: mpsc::Receiver<Event<T::Request>>,
     counts: Rc<RefCell<Counts>>,
     lines: Lines,
@@ -115,7 +118,7 @@ pub async fn run<T: Transport>(
 ) -> Result<Arc<Snapshot>, LiveError> {
     let (reports, receiver) = mpsc::channel(WAITING_REPORTS);
     let mut speaking = tokio::task::spawn_local(speak(Rc::clone(&transport), receiver, lines));
-    let ended = drive(config, engine, transport, events, counts, reports, shutdown).await;
+    let ended = drive(config, engine, (transport, recorder), events, counts, reports, shutdown).await;
     if tokio::time::timeout(LAST_WORDS, &mut speaking).await.is_err() {
         speaking.abort();
         drop(speaking.await);
@@ -127,7 +130,7 @@ pub async fn run<T: Transport>(
 async fn drive<T: Transport>(
     config: &Config,
     engine: Engine,
-    transport: Rc<T>,
+    (transport, recorder): Outlets<T>,
     mut events: mpsc::Receiver<Event<T::Request>>,
     counts: Rc<RefCell<Counts>>,
     reports: mpsc::Sender<DiagnosticArray>,
@@ -144,7 +147,7 @@ async fn drive<T: Transport>(
     let (saver, mut written) = saver.map_err(failed("the thread that saves the map"))?.unzip();
     let vitals: Rc<RefCell<Vitals>> = Rc::default();
     let seen = (Rc::clone(&counts), Rc::clone(&vitals));
-    let publishing = publish(Rc::clone(&transport), receiver, seen, config.clone(), saver);
+    let publishing = publish((Rc::clone(&transport), recorder), receiver, seen, config.clone(), saver);
     let mut publishing = tokio::task::spawn_local(publishing);
     let mut live = Live::new(config, Rc::clone(&transport), (worker, session), (counts, vitals), reports);
     let mut diagnoses = interval(REPORTS);
@@ -187,12 +190,8 @@ struct Live<T: Transport> {
     join: Join,
     timers: Timers,
     counts: Rc<RefCell<Counts>>,
-    vitals: Rc<RefCell<Vitals>>,
+    diagnosis: Diagnosis,
     reports: mpsc::Sender<DiagnosticArray>,
-    /// What was before the last report.
-    before: Before,
-    /// What was asked for (bytes).
-    receive_buffer: usize,
     throttle: Throttle,
     session: u64,
     /// Whether the time is simulated.
@@ -204,9 +203,6 @@ struct Live<T: Transport> {
     tf_timeout: Duration,
     /// `None` where the map is not saved.
     calls_for_map: Option<CallsForMap<Call<T::Request>>>,
-    /// How saving goes.
-    saving_figures: SavingFigures,
-    reach: Reach,
 }
 
 impl<T: Transport> Live<T> {
@@ -219,16 +215,16 @@ impl<T: Transport> Live<T> {
     ) -> Self {
         let start = Instant::now();
         let intakes = vec![Intake::new(start); transport.inputs().len()];
+        let seen = (Rc::clone(&counts), vitals);
+        let diagnosis = Diagnosis::new(config, transport.node_name(), seen, start);
         Self {
             transport,
             worker,
             join: Join::new(places(config)),
             timers: Timers::new(config),
             counts,
-            vitals,
+            diagnosis,
             reports,
-            before: Before::new(start),
-            receive_buffer: config.receive_buffer,
             throttle: Throttle::default(),
             session,
             simulated: config.use_sim_time,
@@ -237,8 +233,6 @@ impl<T: Transport> Live<T> {
             fixed_frame: config.fixed_frame.clone(),
             tf_timeout: config.tf_timeout,
             calls_for_map: config.snapshot_path.as_ref().map(|_| CallsForMap::default()),
-            saving_figures: SavingFigures::default(),
-            reach: Reach::of(config),
         }
     }
 
@@ -293,7 +287,7 @@ impl<T: Transport> Live<T> {
     fn submit_ready(&mut self) {
         for Joined { scan, at, jumped_back, .. } in self.join.ready(&self.fixed_frame) {
             let waited = self.clocks.moment().since(at);
-            self.before.longest_wait = self.before.longest_wait.max(waited);
+            self.diagnosis.waited(waited);
             if let Some(Jump { seconds, given_up }) = jumped_back {
                 (0..given_up).for_each(|_| self.counts.borrow_mut().skip("session_ended"));
                 self.start_session(

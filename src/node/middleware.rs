@@ -6,7 +6,6 @@ use std::net::Ipv4Addr;
 use thiserror::Error;
 use tokio::sync::mpsc::{Receiver, Sender};
 
-use super::record::Record;
 use super::transport::{Event, Transport};
 use crate::args::security::{Security, SecurityError};
 use crate::args::{ArgsError, Setup};
@@ -75,15 +74,11 @@ pub trait Middleware: Transport<Request: Send> + Sized {
     /// Says in the log what the system gives it, before it is opened.
     fn say_system(setup: &Setup);
 
-    /// Opens the node and starts reading; call it inside a [`tokio::task::LocalSet`]. What it sends goes into `record` too.
+    /// Opens the node and starts reading; call it inside a [`tokio::task::LocalSet`].
     ///
     /// # Errors
     /// When the middleware refuses something, with what it was.
-    fn open(
-        setup: &Setup,
-        security: Security,
-        record: Option<Record>,
-    ) -> impl Future<Output = Result<Opened<Self>, OpenError>>;
+    fn open(setup: &Setup, security: Security) -> impl Future<Output = Result<Opened<Self>, OpenError>>;
 
     /// The parameters that have other values by now than those that the node of `setup` began with.
     fn changed(&self, setup: &Setup) -> Vec<(String, Value)>;

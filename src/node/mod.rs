@@ -30,6 +30,7 @@ mod vitals;
 #[cfg(feature = "zenoh")]
 pub mod zenoh;
 
+pub use self::clock::now;
 pub use crate::args::{self, Setup};
 
 #[cfg(not(any(feature = "humble", feature = "jazzy")))]

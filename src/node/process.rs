@@ -1,6 +1,7 @@
 //! The live node as a process: runtime, signals, socket buffer, and the last word about where every cloud went.
 
 use std::cell::RefCell;
+use std::future::Future;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
@@ -14,7 +15,7 @@ use super::counts::Counts;
 use super::inputs::reads;
 use super::live::{self, LiveError};
 use super::middleware::{Adding, Middleware, OpenError};
-use super::record::Record;
+use super::record::Recorder;
 use super::resume::BeginError;
 use super::rosout::Lines;
 use super::transport::SensorTopics;
@@ -34,7 +35,7 @@ pub enum ProcessError {
     /// The network cannot be joined.
     #[error("cannot join the ROS network")]
     Network(#[from] OpenError),
-    /// A name cannot be meant.
+    /// A name that cannot be resolved.
     #[error(transparent)]
     Name(#[from] ArgsError),
     /// The middleware that was asked for cannot be had.
@@ -46,6 +47,9 @@ pub enum ProcessError {
     /// Sensors were named where there is one.
     #[error("sensors was given, and the simulated robot has one sensor, on the topic `points`")]
     Sensors,
+    /// The system gives no thread.
+    #[error("cannot start the simulated robot: {0}")]
+    Robot(std::io::Error),
     /// What was saved cannot be begun with.
     #[error(transparent)]
     Begin(#[from] BeginError),
@@ -149,18 +153,18 @@ fn say_security(middleware: &str, security: &Security) {
     }
 }
 
-/// Runs the live node with the map of `engine` until a signal comes or `done` says so, and returns its map; what it sends
-/// goes into `record` too, `lines` are those of its log; `begin` is called once it listens.
+/// Runs the live node with the map of `engine` until a signal comes or `done` resolves, and returns its map; what it sends
+/// of the map goes to `recorder` too, `lines` are those of its log; `begin` is called once it listens.
 ///
 /// # Errors
 /// When the network cannot be joined, or the node fails.
 pub fn live_node<T: Middleware>(
     setup: &Setup,
     engine: Engine,
-    record: Option<Record>,
+    recorder: Option<Recorder>,
     lines: Lines,
-    begin: impl FnOnce(Adding<T>) -> Result<(), OpenError>,
-    done: impl Fn() -> bool,
+    begin: impl FnOnce(Adding<T>) -> Result<(), ProcessError>,
+    done: impl Future<Output = ()>,
 ) -> Result<Arc<Snapshot>, ProcessError> {
     let security = T::security(setup)?;
     let runtime =
@@ -169,7 +173,7 @@ pub fn live_node<T: Middleware>(
     let tasks = LocalSet::new();
     let ended = tasks.block_on(&runtime, async {
         T::say_system(setup);
-        let (transport, events, receiver) = T::open(setup, security.clone(), record).await?;
+        let (transport, events, receiver) = T::open(setup, security.clone()).await?;
         say_security(T::NAME, &security);
         let transport = Rc::new(transport);
         // Whoever reads that it is ready may end it at once.
@@ -179,7 +183,7 @@ pub fn live_node<T: Middleware>(
         let map = live::run(
             &setup.config,
             engine,
-            Rc::clone(&transport),
+            (Rc::clone(&transport), recorder),
             receiver,
             Rc::clone(&counts),
             lines,
@@ -239,15 +243,31 @@ async fn asked(signals: &mut Option<Signals>) {
     }
 }
 
-/// Resolves at a signal or when `done` says so.
-async fn ending(mut signals: Option<Signals>, done: impl Fn() -> bool) {
-    let done = async {
-        while !done() {
-            tokio::time::sleep(Duration::from_millis(50)).await;
-        }
-    };
+/// Resolves at a signal or with `done`.
+async fn ending(mut signals: Option<Signals>, done: impl Future<Output = ()>) {
     tokio::select! {
         () = asked(&mut signals) => {}
         () = done => {}
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use tokio::sync::oneshot;
+
+    use super::*;
+
+    #[test]
+    fn a_node_ends_when_it_is_done_and_looks_at_no_clock_for_that() {
+        // It has no timers: whoever looked now and then would panic.
+        let runtime = tokio::runtime::Builder::new_current_thread().build().unwrap();
+        let (done, told) = oneshot::channel::<()>();
+        runtime.block_on(async {
+            let telling = async {
+                tokio::task::yield_now().await;
+                drop(done);
+            };
+            tokio::join!(ending(None, async { drop(told.await) }), telling);
+        });
     }
 }

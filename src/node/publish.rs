@@ -11,6 +11,7 @@ use tokio::time::sleep_until;
 use tracing::{error, warn};
 
 use super::counts::Counts;
+use super::record::Recorder;
 use super::saving::Saver;
 use super::throttle::Throttle;
 use super::transport::{Outgoing, SendError, Transport};
@@ -34,6 +35,9 @@ const SPREAD: Duration = Duration::from_millis(250);
 /// Where every cloud went, and how the engine and its map are.
 pub(super) type Seen = (Rc<RefCell<Counts>>, Rc<RefCell<Vitals>>);
 
+/// Where messages go: over the middleware, and what is sent of the map into a recording too.
+pub(super) type Outlets<T> = (Rc<T>, Option<Recorder>);
+
 /// How publishing ended.
 #[derive(Debug, Default)]
 pub(super) struct Ended {
@@ -46,7 +50,7 @@ pub(super) struct Ended {
 /// Publishes until the worker has ended or died. A map that waits for its readers holds up no delta, and is replaced by
 /// the next one.
 pub(super) async fn publish(
-    transport: Rc<impl Transport>,
+    (transport, recorder): Outlets<impl Transport>,
     outputs: mpsc::Receiver<Output>,
     seen: Seen,
     config: Config,
@@ -54,7 +58,7 @@ pub(super) async fn publish(
 ) -> Ended {
     let (newest, maps) = watch::channel(None);
     let beyond = Beyond::new(Reach::of(&config));
-    let wire = Wire { transport, unsent: RefCell::default(), frame_id: config.fixed_frame };
+    let wire = Wire { transport, recorder, unsent: RefCell::default(), frame_id: config.fixed_frame };
     let publisher = Maps { twins: config.twins, ..Maps::default() };
     let (ended, ()) = tokio::join!(
         take(outputs, &wire, newest, seen, (saver, beyond)),
@@ -120,6 +124,7 @@ async fn publish_maps(mut newest: watch::Receiver<Newest>, mut publisher: Maps, 
 /// Where messages go out.
 struct Wire<T> {
     transport: Rc<T>,
+    recorder: Option<Recorder>,
     unsent: RefCell<Unsent>,
     frame_id: String,
 }
@@ -148,6 +153,9 @@ impl<T: Transport> Wire<T> {
 
     async fn send(&self, message: Outgoing) {
         let topic = message.topic();
+        if let Some(recorder) = &self.recorder {
+            recorder.outgoing(&message).await;
+        }
         if let Err(failure) = self.transport.publish(message).await {
             self.unsent.borrow_mut().note(topic, &failure);
         }
@@ -238,6 +246,7 @@ mod tests {
     use super::*;
     use crate::engine::{self, Engine, Isometry3, Params, Scan};
     use crate::msg::ros::TriggerResponse;
+    use crate::node::record::tests::{begun, recorded};
     use crate::node::transport::{NetworkState, SensorTopics, Service, Source};
 
     /// Maps wait for being let through; what is sent is kept, with its number.
@@ -325,7 +334,8 @@ mod tests {
     async fn a_map_that_waits_holds_up_no_delta_and_is_followed_by_the_newest() {
         let slow = Rc::new(Slow { sent: RefCell::default(), through: Semaphore::new(0) });
         let (sender, receiver) = mpsc::channel(1);
-        let publishing = publish(Rc::clone(&slow), receiver, Seen::default(), Config::new([]).unwrap(), None);
+        let config = Config::new([]).unwrap();
+        let publishing = publish((Rc::clone(&slow), None), receiver, Seen::default(), config, None);
         let worker = async {
             for output in outputs(4) {
                 sender.send(output).await.unwrap();
@@ -343,10 +353,33 @@ mod tests {
     }
 
     #[tokio::test]
+    async fn what_is_sent_of_the_map_is_recorded_too() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("result.mcap");
+        let (record, recorder) = begun(&path);
+        let slow = Rc::new(Slow { sent: RefCell::default(), through: Semaphore::new(1) });
+        let (sender, receiver) = mpsc::channel(10);
+        outputs(1).into_iter().for_each(|output| sender.try_send(output).unwrap());
+        drop(sender);
+        let config = Config::new([]).unwrap();
+        publish((Rc::clone(&slow), Some(recorder)), receiver, Seen::default(), config, None).await;
+        record.finish().unwrap();
+        assert_eq!(*slow.sent.borrow(), [("delta", 1), ("map", 1)]);
+        let mut topics = recorded(&path);
+        topics.sort();
+        let names = ["clusters", "clusters_delta", "markers", "points_labelled"];
+        assert_eq!(topics, names.map(|name| format!("/cfodi/{name}")));
+    }
+
+    #[tokio::test]
     async fn the_polygons_of_a_map_go_out_once_and_one_of_no_cluster_among_them() {
         let slow = Rc::new(Slow { sent: RefCell::default(), through: Semaphore::new(6) });
-        let wire =
-            Wire { transport: Rc::clone(&slow), unsent: RefCell::default(), frame_id: "odom".to_owned() };
+        let wire = Wire {
+            transport: Rc::clone(&slow),
+            recorder: None,
+            unsent: RefCell::default(),
+            frame_id: "odom".to_owned(),
+        };
         let mut publisher = Maps { twins: Twins { polygons: true, ..Twins::default() }, ..Maps::default() };
         let mut maps = vec![Arc::new(Engine::new(Params::default()).snapshot())];
         for output in outputs(2) {

@@ -1,70 +1,204 @@
 //! What the node sends, as a result bag too.
+//!
+//! The bag is compressed and written by the thread `cfodi-recorder`. A few messages may wait for it; who has one more waits
+//! as well, for the bag is to hold all of them. A slow disk so holds up what is sent of the map, and then the engine, where newer
+//! scans replace older ones, but never what is heard.
 
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::{Builder, JoinHandle};
+
+use tokio::sync::mpsc::{Receiver, Sender, WeakSender, channel};
 
 use super::transport::Outgoing;
 use crate::bag::{OutputTopics, ResultBag};
 use crate::export::{WholeFile, WriteError};
 use crate::msg::ros::TfMessage;
 
-/// A result bag under way, shared by those who have something for it. The first failure ends the recording; the node goes
-/// on, and [`Record::finish`] tells.
-#[derive(Clone)]
+/// Messages that may wait for the disk: the largest, all voxels of a map, has megabytes.
+const WAITING: usize = 32;
+
+type ToFile = ResultBag<WholeFile>;
+
+#[derive(Debug)]
+enum Entry {
+    Outgoing(Outgoing),
+    Transforms { message: TfMessage, is_static: bool },
+}
+
+impl Entry {
+    fn write(&self, bag: &mut ToFile) -> io::Result<()> {
+        match self {
+            Self::Transforms { message, is_static } => bag.transforms(message, *is_static),
+            Self::Outgoing(message) => match message {
+                Outgoing::Clusters(array) => bag.clusters(array),
+                Outgoing::Delta(array) => bag.clusters_delta(array),
+                Outgoing::Labelled(cloud) => bag.points_labelled(cloud),
+                Outgoing::Detections(array) => bag.detections(array),
+                Outgoing::Polygon(polygon) => bag.polygon(polygon),
+                Outgoing::Markers(markers) => {
+                    markers.markers.first().map_or(Ok(()), |first| bag.markers(&first.header, markers))
+                }
+                Outgoing::Diagnostics(_) | Outgoing::Log(_) => Ok(()),
+            },
+        }
+    }
+}
+
+/// A result bag under way. The first failure ends the recording; the node goes on, and [`Record::finish`] tells. Dropped
+/// before, it leaves no file.
+#[derive(Debug)]
 pub struct Record {
     path: PathBuf,
-    bag: Arc<Mutex<io::Result<ResultBag<WholeFile>>>>,
+    /// Until it is let go, more may come.
+    open: Option<Sender<Entry>>,
+    thread: Option<JoinHandle<io::Result<ToFile>>>,
 }
 
 impl Record {
-    /// Begins a bag.
+    /// Begins a bag, and gives what is to be handed to those who have something for it.
     ///
     /// # Errors
-    /// When it cannot be made.
-    pub fn create(path: &Path, topics: &OutputTopics) -> Result<Self, WriteError> {
+    /// When it cannot be made, or the system gives no thread.
+    pub fn create(path: &Path, topics: &OutputTopics) -> Result<(Self, Recorder), WriteError> {
         let failed = |source| WriteError { path: path.to_owned(), source };
         let bag = ResultBag::new(WholeFile::create(path)?, topics, false).map_err(failed)?;
-        Ok(Self { path: path.to_owned(), bag: Arc::new(Mutex::new(Ok(bag))) })
-    }
-
-    /// Adds what the node sends of the map.
-    pub fn outgoing(&self, message: &Outgoing) {
-        self.put(|bag| match message {
-            Outgoing::Clusters(array) => bag.clusters(array),
-            Outgoing::Delta(array) => bag.clusters_delta(array),
-            Outgoing::Labelled(cloud) => bag.points_labelled(cloud),
-            Outgoing::Detections(array) => bag.detections(array),
-            Outgoing::Polygon(polygon) => bag.polygon(polygon),
-            Outgoing::Markers(markers) => {
-                markers.markers.first().map_or(Ok(()), |first| bag.markers(&first.header, markers))
-            }
-            Outgoing::Diagnostics(_) | Outgoing::Log(_) => Ok(()),
-        });
-    }
-
-    /// Adds transforms of `/tf`, or of `/tf_static`.
-    pub fn transforms(&self, message: &TfMessage, is_static: bool) {
-        self.put(|bag| bag.transforms(message, is_static));
-    }
-
-    fn put(&self, write: impl FnOnce(&mut ResultBag<WholeFile>) -> io::Result<()>) {
-        let mut bag = self.bag.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Ok(open) = &mut *bag
-            && let Err(error) = write(open)
-        {
-            *bag = Err(error);
-        }
+        let (open, waiting) = channel(WAITING);
+        let recorder = Recorder(open.downgrade());
+        let thread = Builder::new().name("cfodi-recorder".to_owned());
+        let thread = thread.spawn(move || write(bag, waiting)).map_err(failed)?;
+        Ok((Self { path: path.to_owned(), open: Some(open), thread: Some(thread) }, recorder))
     }
 
     /// Completes the bag, which then appears; whatever comes later is not in it.
     ///
     /// # Errors
     /// The first failure since the begin.
-    pub fn finish(self) -> Result<(), WriteError> {
-        let failed = |source| WriteError { path: self.path.clone(), source };
-        let done = io::Error::other("the recording is complete");
-        let bag = std::mem::replace(&mut *self.bag.lock().unwrap_or_else(PoisonError::into_inner), Err(done));
-        bag.and_then(ResultBag::finish).map_err(failed)?.commit()
+    pub fn finish(mut self) -> Result<(), WriteError> {
+        let bag = self.end().and_then(ResultBag::finish);
+        bag.map_err(|source| WriteError { path: self.path.clone(), source })?.commit()
+    }
+
+    /// Waits until all that has come is written.
+    fn end(&mut self) -> io::Result<ToFile> {
+        self.open = None;
+        let ended = self.thread.take().and_then(|thread| thread.join().ok());
+        ended.unwrap_or_else(|| Err(io::Error::other("the thread that writes it has died")))
+    }
+}
+
+impl Drop for Record {
+    /// Where the process ended before the thread, its temporary file would stay.
+    fn drop(&mut self) {
+        drop(self.end());
+    }
+}
+
+/// Has something for a bag, which takes it for as long as it is under way and has not failed.
+#[derive(Clone, Debug)]
+pub struct Recorder(WeakSender<Entry>);
+
+impl Recorder {
+    /// Adds what the node sends of the map.
+    pub(super) async fn outgoing(&self, message: &Outgoing) {
+        if let Some(open) = self.0.upgrade() {
+            drop(open.send(Entry::Outgoing(message.clone())).await);
+        }
+    }
+
+    /// Adds transforms of `/tf`, or of `/tf_static`, from a thread of its own.
+    pub fn transforms(&self, message: &TfMessage, is_static: bool) {
+        if let Some(open) = self.0.upgrade() {
+            drop(open.blocking_send(Entry::Transforms { message: message.clone(), is_static }));
+        }
+    }
+}
+
+/// Writes until no more can come; the first failure ends it at once.
+fn write(mut bag: ToFile, mut waiting: Receiver<Entry>) -> io::Result<ToFile> {
+    while let Some(entry) = waiting.blocking_recv() {
+        entry.write(&mut bag)?;
+    }
+    Ok(bag)
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use tokio::runtime::Runtime;
+
+    use super::*;
+    use crate::bag::Bag;
+    use crate::msg::clusters::SurfaceClusterArray;
+    use crate::msg::ros::{PointCloud2, TransformStamped};
+
+    /// A bag that begins.
+    pub(in crate::node) fn begun(path: &Path) -> (Record, Recorder) {
+        let topic = |name: &str| format!("/cfodi/{name}");
+        let topics = OutputTopics {
+            clusters: topic("clusters"),
+            clusters_delta: topic("clusters_delta"),
+            markers: topic("markers"),
+            points_labelled: topic("points_labelled"),
+            detections: None,
+            polygons: None,
+        };
+        Record::create(path, &topics).unwrap()
+    }
+
+    /// The topics of a bag's messages, in its order.
+    pub(in crate::node) fn recorded(path: &Path) -> Vec<String> {
+        let messages = Bag::open(path).unwrap().messages();
+        messages.map(|message| message.unwrap().topic().to_owned()).collect()
+    }
+
+    fn runtime() -> Runtime {
+        tokio::runtime::Builder::new_current_thread().build().unwrap()
+    }
+
+    fn transforms() -> TfMessage {
+        TfMessage { transforms: vec![TransformStamped::default()] }
+    }
+
+    #[test]
+    fn a_bag_holds_all_that_came_before_its_end_however_much_that_is() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, runtime) = (folder.path().join("result.mcap"), runtime());
+        let (record, recorder) = begun(&path);
+        let delta = || Outgoing::Delta(SurfaceClusterArray::default());
+        recorder.transforms(&transforms(), true);
+        (0..3 * WAITING).for_each(|_| runtime.block_on(recorder.outgoing(&delta())));
+        recorder.transforms(&transforms(), false);
+        record.finish().unwrap();
+        runtime.block_on(recorder.outgoing(&delta()));
+        recorder.transforms(&transforms(), false);
+        let mut expected = vec!["/cfodi/clusters_delta"; 3 * WAITING];
+        expected.insert(0, "/tf_static");
+        expected.push("/tf");
+        assert_eq!(recorded(&path), expected);
+    }
+
+    #[test]
+    fn a_bag_that_is_given_up_leaves_no_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let (record, recorder) = begun(&folder.path().join("result.mcap"));
+        recorder.transforms(&transforms(), true);
+        drop(record);
+        assert_eq!(folder.path().read_dir().unwrap().count(), 0);
+    }
+
+    /// More than waits for the disk in memory, and does not shrink.
+    #[test]
+    fn a_full_disk_ends_the_recording_and_holds_up_nobody_and_the_end_tells() {
+        let ((record, recorder), runtime) = (begun(Path::new("/dev/full")), runtime());
+        let noise = |i: u32| {
+            let mixed = (i ^ (i >> 15)).wrapping_mul(0x2c1b_3c6d);
+            ((mixed ^ (mixed >> 12)).wrapping_mul(0x297a_2d39) >> 24) as u8
+        };
+        let cloud = PointCloud2 { data: (0..1 << 20).map(noise).collect(), ..PointCloud2::default() };
+        let cloud = Outgoing::Labelled(cloud);
+        (0..2 * WAITING).for_each(|_| runtime.block_on(recorder.outgoing(&cloud)));
+        let error = record.finish().unwrap_err();
+        assert_eq!(error.path, Path::new("/dev/full"));
+        assert!(format!("{:?}", error.source).contains("No space left on device"), "{error:?}");
     }
 }

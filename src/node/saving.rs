@@ -1,10 +1,9 @@
 //! Maps on their way into a file, on a thread of its own: a slow disk holds up neither the engine nor the network.
 
-use std::cell::Cell;
+use std::cell::{Cell, RefCell};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
+use std::sync::{Arc, Weak};
 
 use tokio::sync::mpsc::{UnboundedReceiver, unbounded_channel};
 use tracing::{Level, warn};
@@ -29,13 +28,16 @@ pub(super) struct InFile {
 /// What the thread that writes is told.
 #[derive(Debug)]
 enum Task {
-    /// Write the map of a session, in place of the one before; `is_last` where a jump has ended it, and nobody waits for that.
-    Write { session: u64, map: Box<SavedMap>, is_last: bool },
+    /// Write the map of a session, in place of the one before; with `last` where a jump has ended it, and nobody waits for that.
+    Write { session: u64, map: Box<SavedMap>, last: Option<OnItsWay> },
     /// Give the file a second name before a map of this session or a later one takes its place: nobody has asked for the old
     /// map to be given up. Maps of earlier sessions that are still on their way are written first, and it is they that are
     /// kept.
     Keep { before: u64 },
 }
+
+/// Goes with the last map of a session: whatever becomes of that, nobody need say that it is on its way no more.
+type OnItsWay = Arc<()>;
 
 /// Most that waits for the thread. `CallsForMap` lets one map be under way, a jump adds one, and the node's end asks for one more;
 /// before, between and after them a [`Task::Keep`] has its place.
@@ -47,23 +49,24 @@ pub(super) struct Saver {
     tasks: SyncSender<Task>,
     /// The newest task is a [`Task::Keep`].
     keeps: Cell<bool>,
-    /// The last map of a session is on its way.
-    ends: Arc<AtomicBool>,
+    /// The last map of a session, while it is on its way.
+    last: RefCell<Weak<()>>,
 }
 
 impl Saver {
     /// Has the map of a session written, in place of the one before.
     pub(super) fn write(&self, session: u64, map: Box<SavedMap>) {
-        self.send(Task::Write { session, map, is_last: false });
+        self.send(Task::Write { session, map, last: None });
         self.keeps.set(false);
     }
 
     /// Has the map written that a jump has ended a session with, and kept. While one such is on its way another is given up, and
     /// what is in the file of its session is kept instead: a clock that jumps for ever is faster than any disk.
     pub(super) fn end(&self, session: u64, map: Box<SavedMap>) {
-        if !self.ends.swap(true, Ordering::Relaxed) {
-            let is_sent = self.send(Task::Write { session, map, is_last: true });
-            self.ends.store(is_sent, Ordering::Relaxed);
+        if self.last.borrow().strong_count() == 0 {
+            let last = OnItsWay::default();
+            self.last.replace(Arc::downgrade(&last));
+            self.send(Task::Write { session, map, last: Some(last) });
             self.keeps.set(false);
         }
         self.keep(session + 1);
@@ -94,7 +97,7 @@ impl Saver {
 
 fn queue() -> (Saver, Receiver<Task>) {
     let (tasks, waiting) = sync_channel(PLACES);
-    (Saver { tasks, keeps: Cell::default(), ends: Arc::default() }, waiting)
+    (Saver { tasks, keeps: Cell::default(), last: RefCell::default() }, waiting)
 }
 
 /// Starts the thread `cfodi-saver`, which does what it is sent, one after the other, and ends when the senders are gone.
@@ -104,20 +107,18 @@ fn queue() -> (Saver, Receiver<Task>) {
 pub(super) fn start(path: PathBuf, frame_id: String) -> std::io::Result<(Saver, UnboundedReceiver<Written>)> {
     let (saver, waiting) = queue();
     let (written, results) = unbounded_channel();
-    let ends = Arc::clone(&saver.ends);
     std::thread::Builder::new().name("cfodi-saver".to_owned()).spawn(move || {
         let mut keeping = Keeping::default();
         for task in waiting {
             match task {
                 Task::Keep { before } => keeping.before.push(before),
-                Task::Write { session, map, is_last } => {
+                Task::Write { session, map, last } => {
                     let sequence = map.sequence();
                     let stored = Stored { frame_id: frame_id.clone(), map: *map };
                     let result = keeping.keep(&path, session).and_then(|()| store::write(&path, &stored));
                     let result = result.map(|bytes| InFile { session, sequence, bytes });
-                    if is_last {
+                    if last.is_some() {
                         keeping.say_last(&result);
-                        ends.store(false, Ordering::Relaxed);
                     } else if written.send(result).is_err() {
                         return;
                     }

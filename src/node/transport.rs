@@ -134,7 +134,7 @@ pub enum Event<Request> {
 }
 
 /// Something to go out.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub enum Outgoing {
     /// On `~/clusters`.
     Clusters(SurfaceClusterArray),

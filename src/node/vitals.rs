@@ -6,10 +6,10 @@ use crate::config::Config;
 use crate::engine::{GRID_REACH, Snapshot};
 use crate::msg::labelled;
 
-/// Since the last report, and at last.
+/// What the engine has done since the last report, and what its map is like.
 #[derive(Debug, Default)]
 pub(super) struct Vitals {
-    /// How long the engine worked on each scan since the last report.
+    /// How long the engine worked on each scan since that report.
     pub(super) took: Vec<Duration>,
     /// Points of these scans, and how many of them lay beyond the grid.
     pub(super) points: Points,

@@ -31,7 +31,6 @@ use self::opener::Opener;
 use self::outlet::Outlet;
 use super::middleware::{Adding, Middleware, OpenError, Opened};
 use super::parameters::Parameters;
-use super::record::Record;
 use super::transport::{Form, NetworkState, Outgoing, SendError, SensorTopics, Service, Source, Transport};
 use crate::args::security::{Security, SecurityError};
 use crate::args::{ArgsError, Setup};
@@ -82,18 +81,11 @@ pub struct Zenoh {
     inputs: Vec<SensorTopics>,
     /// Fully qualified.
     name: String,
-    /// What is sent goes there too.
-    record: Option<Record>,
 }
 
 impl Zenoh {
     /// The node's ends on a session.
-    fn on(
-        session: &Session,
-        setup: &Setup,
-        record: Option<Record>,
-        events: &Events,
-    ) -> Result<Self, OpenError> {
+    fn on(session: &Session, setup: &Setup, events: &Events) -> Result<Self, OpenError> {
         let begun_with = Parameters::new(setup.fully_qualified_name(), setup.parameters.clone());
         let parameters = Rc::new(begun_with.map_err(ArgsError::from)?);
         let opener = Rc::new(Opener::new(setup, session)?);
@@ -111,7 +103,6 @@ impl Zenoh {
             parameters,
             inputs: setup.inputs()?,
             name: setup.fully_qualified_name(),
-            record,
         })
     }
 
@@ -235,13 +226,13 @@ impl Middleware for Zenoh {
 
     fn say_system(_: &Setup) {}
 
-    async fn open(setup: &Setup, _: Security, record: Option<Record>) -> Result<Opened<Self>, OpenError> {
+    async fn open(setup: &Setup, _: Security) -> Result<Opened<Self>, OpenError> {
         let (config, looks) = (config::of_process()?, config::router_checks()?);
         let opened = aside(move || zenoh::open(config).wait().map_err(opening("a Zenoh session")));
         let session = opened.await??;
         let (events, receiver) = mpsc::channel(EVENTS);
         let found = find_router(&session, looks.unwrap_or(0)).await;
-        match found.and_then(|()| Self::on(&session, setup, record, &events)) {
+        match found.and_then(|()| Self::on(&session, setup, &events)) {
             Ok(node) => {
                 // Not the last one: dropping that waits.
                 drop(session);
@@ -274,9 +265,6 @@ impl Transport for Zenoh {
     type Request = Call;
 
     async fn publish(&self, message: Outgoing) -> Result<(), SendError> {
-        if let Some(record) = &self.record {
-            record.outgoing(&message);
-        }
         match self.outlets.get(message.topic()) {
             Some(outlet) => outlet.send(encoded(&message)),
             None => Ok(()),

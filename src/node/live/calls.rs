@@ -27,8 +27,7 @@ impl<T: Transport> Live<T> {
 
     /// Asks for the map where it is another than in the file: a robot that stands at its dock wears out no disk.
     pub(super) fn save_what_changed(&mut self) {
-        let newest = self.vitals.borrow().newest;
-        if !newest.is_some_and(|newest| self.saving_figures.has(newest, Instant::now())) {
+        if !self.diagnosis.is_saved(Instant::now()) {
             self.save(None);
         }
     }
@@ -36,7 +35,7 @@ impl<T: Transport> Live<T> {
     /// Asks for the map, to save it; `call` is answered when it is written.
     pub(super) fn save(&mut self, call: Option<Call<T::Request>>) {
         if self.calls_for_map.as_mut().is_some_and(|calls| calls.begin(call)) {
-            self.saving_figures.ask(Instant::now());
+            self.diagnosis.saving.ask(Instant::now());
             self.worker.request_save();
         }
     }
@@ -50,7 +49,7 @@ impl<T: Transport> Live<T> {
         }
         let Some(calls) = &mut self.calls_for_map else { return };
         let (calls, goes_on) = calls.end();
-        self.saving_figures.note(result, goes_on, Instant::now());
+        self.diagnosis.saving.note(result, goes_on, Instant::now());
         if goes_on {
             self.worker.request_save();
         }
@@ -68,7 +67,7 @@ impl<T: Transport> Live<T> {
     }
 }
 
-/// Says how a map was written that nobody has called for.
+/// Says in the log how a map was written, whether or not anybody has called for it.
 fn log(written: &Written) {
     match written {
         Ok(InFile { sequence: scans, bytes, .. }) => debug!("map of {scans} scans saved, {bytes} bytes"),

@@ -70,7 +70,7 @@ impl<T: Transport> Live<T> {
         let mut line = format!(
             "a cloud was skipped after {seconds:.2} s without a transform from `{frame_id}` to `{fixed_frame}`: {why}"
         );
-        self.before.without_transform = Some(line.clone());
+        self.diagnosis.given_up(line.clone());
         // Thousands of frames take longer to list than a cloud to skip.
         let level = self.throttle.level(reason, Level::WARN);
         if level == Level::WARN {

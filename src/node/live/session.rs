@@ -70,8 +70,7 @@ impl<T: Transport> Live<T> {
     fn say_begun(&mut self, line: String, is_jump: bool) {
         if is_jump {
             self.warn("session", format_args!("{line}"));
-            self.before.jumps += 1;
-            self.before.jump = Some(line);
+            self.diagnosis.jumped(line);
         } else {
             say(self.throttle.level("reset", Level::INFO), &line);
         }

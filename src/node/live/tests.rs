@@ -29,6 +29,9 @@ use crate::node::transport::{
 use crate::store::{self, Stored};
 use crate::worker::tests::DEADLY;
 
+/// How long a test waits for what must come.
+const PATIENCE: Duration = Duration::from_secs(60);
+
 /// Keeps what is published; fails when told to.
 struct Fake {
     inputs: Vec<SensorTopics>,
@@ -131,21 +134,27 @@ fn transform(stamp: Stamp, is_static: bool) -> Event<()> {
 /// How a node ended, what it counted, and its middleware.
 type Ran = (Result<(), LiveError>, Counts, Rc<Fake>);
 
-/// Runs a node on these events until `taken_in` scans are in, and a little longer; with 0 it ends at once.
+/// Runs a node on these events until `taken_in` scans are in and it is known where every other one went; with 0 it ends at once.
 fn node(transport: Fake, events: Vec<Event<()>>, taken_in: u64) -> Ran {
     node_with(&Config::new([]).unwrap(), transport, events, taken_in)
 }
 
 fn node_with(config: &Config, transport: Fake, events: Vec<Event<()>>, taken_in: u64) -> Ran {
-    let patience = Instant::now();
-    node_until(config, transport, events, move |_, counts| async move {
-        while counts.borrow().taken_in < taken_in && patience.elapsed() < Duration::from_secs(60) {
+    node_until(config, transport, events, move |events, counts| async move {
+        // Whichever scan the node has not heard of yet is still in the channel.
+        let is_settled = |counts: &Counts| {
+            let known = counts.taken_in + counts.replaced + counts.skipped.values().sum::<u64>();
+            counts.taken_in >= taken_in && known == counts.received && has_heard_all(&events)
+        };
+        let patience = Instant::now();
+        while taken_in > 0 && !is_settled(&counts.borrow()) && patience.elapsed() < PATIENCE {
             tokio::time::sleep(TICK).await;
         }
-        if taken_in > 0 {
-            tokio::time::sleep(Duration::from_millis(400)).await;
-        }
     })
+}
+
+fn has_heard_all(events: &mpsc::Sender<Event<()>>) -> bool {
+    events.capacity() == events.max_capacity()
 }
 
 /// Runs a node on these events until `stop` resolves, which may send more and see what was counted.
@@ -162,7 +171,8 @@ fn node_until<Stop: Future<Output = ()>>(
     let enough = stop(sender.clone(), Rc::clone(&counts));
     let runtime = Builder::new_current_thread().enable_time().build().unwrap();
     let (engine, _lock) = begin(config, config.snapshot_path.is_some()).unwrap();
-    let live = run(config, engine, Rc::clone(&transport), receiver, Rc::clone(&counts), listen().1, enough);
+    let live =
+        run(config, engine, (Rc::clone(&transport), None), receiver, Rc::clone(&counts), listen().1, enough);
     let ended = LocalSet::new().block_on(&runtime, live);
     drop(sender);
     (ended.map(drop), counts.borrow().clone(), transport)
@@ -188,7 +198,7 @@ fn node_that_reports(config: &Config, transport: Fake, events: Vec<Event<()>>) -
     let seen = Rc::clone(&transport);
     let patience = Instant::now();
     node_until(config, transport, events, |_, _| async move {
-        while seen.reports.borrow().is_empty() && patience.elapsed() < Duration::from_secs(60) {
+        while seen.reports.borrow().is_empty() && patience.elapsed() < PATIENCE {
             tokio::time::sleep(TICK).await;
         }
     })
@@ -221,7 +231,7 @@ fn under_a_slow_clock_a_cloud_waits_by_that_clock() {
             tokio::time::sleep(Duration::from_millis(600)).await;
             events.try_send(transform(at(10.0), false)).unwrap();
             let patience = Instant::now();
-            while counts.borrow().taken_in < 1 && patience.elapsed() < Duration::from_secs(60) {
+            while counts.borrow().taken_in < 1 && patience.elapsed() < PATIENCE {
                 tokio::time::sleep(TICK).await;
             }
         });

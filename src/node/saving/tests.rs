@@ -1,5 +1,7 @@
 //! Maps on their way, before disks that do not answer, are full, or have no name left.
 
+use std::process::Command;
+
 use nalgebra::Isometry3;
 use tracing_subscriber::layer::SubscriberExt as _;
 
@@ -19,15 +21,30 @@ fn before_a_disk_that_does_not_answer_three_maps_wait_and_three_tasks_to_keep() 
     // Nothing sends more; if it did, it would not wait.
     (0..1000).for_each(|_| saver.write(1, map()));
     let kind = |task| match task {
-        Task::Write { is_last: false, .. } => "map",
-        Task::Write { is_last: true, .. } => "last map",
+        Task::Write { last: None, .. } => "map",
+        Task::Write { last: Some(_), .. } => "last map",
         Task::Keep { .. } => "keep",
     };
     let tasks = || waiting.try_iter().map(kind).collect::<Vec<_>>();
     assert_eq!(tasks(), ["map", "last map", "keep", "map", "keep", "map", "keep"]);
-    saver.ends.store(false, Ordering::Relaxed);
     jumps(6000);
     assert_eq!(tasks(), ["last map", "keep"], "there is room again");
+}
+
+#[test]
+fn a_last_map_that_found_no_place_or_is_done_with_holds_up_none_that_comes_later() {
+    let (saver, waiting) = queue();
+    let last_maps = || {
+        let is_last = |task: &Task| matches!(task, Task::Write { last: Some(_), .. });
+        waiting.try_iter().filter(is_last).count()
+    };
+    (0..PLACES).for_each(|_| saver.write(1, Box::new(map_of(0))));
+    saver.end(1, Box::new(map_of(0)));
+    assert_eq!(last_maps(), 0);
+    for session in 2..5 {
+        saver.end(session, Box::new(map_of(0)));
+        assert_eq!(last_maps(), 1, "session {session}");
+    }
 }
 
 #[test]
@@ -52,16 +69,26 @@ fn map_of(scans: u64) -> SavedMap {
 fn the_map_that_a_jump_ends_is_kept_and_where_the_one_before_is_still_on_its_way_what_was_saved() {
     for is_on_its_way in [false, true] {
         let folder = tempfile::tempdir().unwrap();
-        let (saver, mut results) = start(folder.path().join("map"), "map".to_owned()).unwrap();
-        let mut written = || results.blocking_recv().unwrap().unwrap().sequence;
+        let [path, part] = ["map", "map.part"].map(|name| folder.path().join(name));
+        if is_on_its_way {
+            // The first saving waits until somebody reads, and then fails: a pipe cannot be synchronized.
+            assert!(Command::new("mkfifo").arg(&part).status().unwrap().success());
+        }
+        let (saver, mut results) = start(path, "map".to_owned()).unwrap();
+        let mut written = || results.blocking_recv().unwrap().ok().map(|file| file.sequence);
         saver.write(1, Box::new(map_of(5)));
         saver.end(1, Box::new(map_of(7)));
         saver.write(2, Box::new(map_of(1)));
-        assert_eq!([written(), written()], [5, 1], "nobody is told of the last one");
-        saver.ends.store(is_on_its_way, Ordering::Relaxed);
+        let first = if is_on_its_way { None } else { Some([written(), written()]) };
         saver.end(2, Box::new(map_of(3)));
         saver.write(3, Box::new(map_of(2)));
-        assert_eq!(written(), 2);
+        let first = first.unwrap_or_else(|| {
+            assert!(!std::fs::read(&part).unwrap().is_empty(), "nothing went into the pipe");
+            [written(), written()]
+        });
+        let of_5 = if is_on_its_way { None } else { Some(5) };
+        assert_eq!(first, [of_5, Some(1)], "nobody is told of the last one");
+        assert_eq!(written(), Some(2));
         let read = |name: &str| store::read(&folder.path().join(name)).ok();
         let scans = ["map", "map.before-1", "map.before-2"]
             .map(|name| read(name).map(|stored| stored.map.sequence()));

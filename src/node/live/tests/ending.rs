@@ -14,8 +14,6 @@ use super::*;
 use crate::node::live::calls::last_written;
 use crate::node::saving::InFile;
 
-const PATIENCE: Duration = Duration::from_secs(60);
-
 /// A cloud whose map is longer than a pipe holds: about a voxel a point, and places in it that do not pack.
 fn large_cloud(stamp: Stamp) -> Event<()> {
     let total = 32_000;

@@ -2,9 +2,7 @@
 
 use super::lines::two;
 use super::*;
-use crate::msg::labelled::MAX_LABELLED;
 use crate::msg::reports::DiagnosticStatus;
-use crate::node::vitals::MapSize;
 
 /// What a report says of a part.
 fn part(report: &DiagnosticArray, part: &str) -> DiagnosticStatus {
@@ -208,7 +206,7 @@ fn a_lap_begins_one_session_whether_its_first_scan_or_its_clock_comes_first() {
 #[test]
 fn a_jump_does_not_hide_that_the_map_is_not_saved() {
     let (report, _) = driven(Fake::default(), async |live| {
-        live.saving_figures.note(&Err(StoreError::InUse { path: "map".into() }), false, Instant::now());
+        live.diagnosis.saving.note(&Err(StoreError::InUse { path: "map".into() }), false, Instant::now());
         for seconds in [20.0, 10.0] {
             live.event(Event::Clock(at(seconds))).await;
         }
@@ -300,20 +298,4 @@ fn a_map_that_is_not_saved_is_a_warning_with_the_reason_and_one_that_is_has_an_a
     let said = run();
     assert_eq!((said.level, said.message.as_str()), (0, "clusters: 0; dense voxels: 1"));
     assert!(value(&said, "age of the saved map [s]").parse::<f64>().unwrap() < 1.0, "{said:?}");
-}
-
-#[tokio::test]
-async fn a_map_of_more_voxels_than_a_message_shows_is_a_warning_for_as_long_as_it_is_so() {
-    let (mut live, mut reported) = by_hand(&Config::new([]).unwrap(), Fake::default());
-    let mut said = |session, more| {
-        let dense_voxels = MAX_LABELLED + more;
-        let map = MapSize { session, sequence: 9, clusters: 8, dense_voxels, unclustered_voxels: 7 };
-        live.vitals.borrow_mut().map = Some(map);
-        live.report();
-        let status = part(&reported.try_recv().unwrap(), "map");
-        (status.level, status.message)
-    };
-    let words = "~/points_labelled shows 1000000 of 1000001 dense voxels, of those in no cluster 7 of 7";
-    assert_eq!([said(1, 1), said(1, 1)], [(1, words.to_owned()), (1, words.to_owned())]);
-    assert_eq!([said(1, 0).0, said(2, 1).0], [0, 0], "it fits, or is that of a session that has ended");
 }

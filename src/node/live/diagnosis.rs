@@ -1,0 +1,282 @@
+//! What the node knows of its engine, its map and its network for the reports on `/diagnostics`; what is heard of the sensors
+//! stands beside them. No worker is needed to tell it.
+
+use std::cell::RefCell;
+use std::rc::Rc;
+use std::time::{Duration, Instant};
+
+use super::part::Part;
+use super::saving_figures::SavingFigures;
+use crate::config::Config;
+use crate::memory::resident_mb;
+use crate::msg::reports::{DiagnosticStatus, Level};
+use crate::node::counts::Counts;
+use crate::node::publish::Seen;
+use crate::node::transport::NetworkState;
+use crate::node::vitals::{Reach, Vitals};
+
+/// What was counted when the last report was made, and what has happened since: the next one is about the time between.
+#[derive(Debug)]
+struct Before {
+    at: Instant,
+    counts: Counts,
+    /// The longest that a scan has waited for its transform since.
+    longest_wait: Duration,
+    /// What the newest cloud without a transform lacked.
+    without_transform: Option<String>,
+    /// How many sessions a jump has begun, and what is to be said of the newest.
+    jumps: u64,
+    jump: Option<String>,
+}
+
+impl Before {
+    fn new(at: Instant, counts: Counts) -> Self {
+        Self { at, counts, longest_wait: Duration::ZERO, without_transform: None, jumps: 0, jump: None }
+    }
+}
+
+#[derive(Debug)]
+pub(super) struct Diagnosis {
+    /// Fully qualified.
+    node: String,
+    counts: Rc<RefCell<Counts>>,
+    vitals: Rc<RefCell<Vitals>>,
+    before: Before,
+    pub(super) saving: SavingFigures,
+    reach: Reach,
+    /// What was asked for (bytes).
+    receive_buffer: usize,
+}
+
+impl Diagnosis {
+    pub(super) fn new(config: &Config, node: &str, (counts, vitals): Seen, start: Instant) -> Self {
+        Self {
+            node: node.to_owned(),
+            counts,
+            vitals,
+            before: Before::new(start, Counts::default()),
+            saving: SavingFigures::default(),
+            reach: Reach::of(config),
+            receive_buffer: config.receive_buffer,
+        }
+    }
+
+    /// A scan has waited so long for its transform.
+    pub(super) fn waited(&mut self, waited: Duration) {
+        self.before.longest_wait = self.before.longest_wait.max(waited);
+    }
+
+    /// A scan was given up without a transform, for this reason.
+    pub(super) fn given_up(&mut self, why: String) {
+        self.before.without_transform = Some(why);
+    }
+
+    /// A jump has begun a session.
+    pub(super) fn jumped(&mut self, line: String) {
+        self.before.jumps += 1;
+        self.before.jump = Some(line);
+    }
+
+    /// Whether the map in the file is that of the engine; not where none was seen yet.
+    pub(super) fn is_saved(&mut self, now: Instant) -> bool {
+        let newest = self.vitals.borrow().newest;
+        newest.is_some_and(|newest| self.saving.has(newest, now))
+    }
+
+    /// Since the last report (s).
+    pub(super) fn seconds(&self) -> f64 {
+        self.before.at.elapsed().as_secs_f64().max(1e-3)
+    }
+
+    /// A report was made.
+    pub(super) fn begin_second(&mut self) {
+        self.before = Before::new(Instant::now(), self.counts.borrow().clone());
+    }
+
+    pub(super) fn part(&self, part: &str, fine: impl Into<String>) -> Part {
+        Part::new(&self.node, part, fine)
+    }
+
+    fn since_before(&self, reason: &str) -> u64 {
+        let skipped = |counts: &Counts| counts.skipped.get(reason).copied().unwrap_or_default();
+        skipped(&self.counts.borrow()) - skipped(&self.before.counts)
+    }
+
+    /// Of the scans, `waiting` wait for their transform; the oldest lacks `stuck`, where it has waited too long.
+    pub(super) fn of_transforms(
+        &self,
+        fixed_frame: &str,
+        waiting: usize,
+        stuck: Option<String>,
+    ) -> DiagnosticStatus {
+        let before = &self.before;
+        let mut part = self.part("transforms", format!("every scan has its way to `{fixed_frame}`"));
+        let given_up = self.since_before("transform_timeout") + self.since_before("waiting_queue_full");
+        part.value("scans that wait", waiting);
+        part.value("longest wait [s]", format!("{:.3}", before.longest_wait.as_secs_f64()));
+        part.value("given up", given_up);
+        if given_up > 0 {
+            let taken_in = self.counts.borrow().taken_in > before.counts.taken_in;
+            let level = if taken_in { Level::Warn } else { Level::Error };
+            part.raise(level, before.without_transform.clone().unwrap_or_default());
+        } else if let Some(lacks) = stuck {
+            part.raise(Level::Warn, lacks);
+        }
+        part.finish()
+    }
+
+    pub(super) fn of_engine(&self) -> DiagnosticStatus {
+        let mut took = std::mem::take(&mut self.vitals.borrow_mut().took);
+        took.sort_unstable();
+        let ms =
+            |took: Option<&Duration>| format!("{:.2}", took.map_or(0.0, |took| took.as_secs_f64() * 1e3));
+        let (counts, before) = (self.counts.borrow(), &self.before.counts);
+        let replaced = counts.replaced - before.replaced;
+        let rate = (counts.taken_in - before.taken_in) as f64 / self.seconds();
+        let mut part = self.part("engine", format!("{rate:.1} scans/s taken in"));
+        part.value("rate [Hz]", format!("{rate:.2}"));
+        part.value("engine, median [ms]", ms(took.get(took.len() / 2)));
+        part.value("engine, longest [ms]", ms(took.last()));
+        part.value("received in all", counts.received).value("taken in in all", counts.taken_in);
+        part.value("replaced in all", counts.replaced).value("lost in all", counts.lost);
+        for (reason, number) in &counts.skipped {
+            part.value(format!("skipped in all, {reason}"), number);
+        }
+        if replaced > 0 {
+            part.raise(
+                Level::Warn,
+                format!("slower than the sensors: {replaced} scans were replaced by newer ones"),
+            );
+        }
+        part.finish()
+    }
+
+    pub(super) fn of_map(&self, session: u64) -> DiagnosticStatus {
+        let mut part = self.part("map", "empty");
+        if let Some(map) = self.vitals.borrow().map.filter(|map| map.session == session) {
+            let (clusters, voxels) = (map.clusters, map.dense_voxels);
+            part.status.message = format!("clusters: {clusters}; dense voxels: {voxels}");
+            part.value("clusters", clusters).value("dense voxels", voxels);
+            part.value("unclustered voxels", map.unclustered_voxels).value("sequence", map.sequence);
+        }
+        part.value("session", session).value("sessions begun by a jump", self.before.jumps);
+        if let Some(jump) = &self.before.jump {
+            part.raise(Level::Warn, jump);
+        }
+        let points = std::mem::take(&mut self.vitals.borrow_mut().points);
+        part.value("points beyond the grid", points.beyond_grid);
+        if points.beyond_grid.saturating_mul(10) > points.all {
+            part.raise(Level::Warn, self.reach.line(points));
+        }
+        let now = Instant::now();
+        if let Some(age) = self.saving.age(now) {
+            part.value("age of the saved map [s]", format!("{:.1}", age.as_secs_f64()));
+        }
+        if let Some(fault) = self.saving.fault(now) {
+            part.raise(Level::Warn, fault);
+        }
+        if let Some(line) = self.vitals.borrow().left_out(session) {
+            part.raise(Level::Warn, line);
+        }
+        if let Some(memory) = resident_mb() {
+            part.value("memory [MB]", format!("{memory:.1}"));
+        }
+        part.finish()
+    }
+
+    pub(super) fn of_network(&self, network: &NetworkState) -> DiagnosticStatus {
+        let wish = self.receive_buffer;
+        let mut part = self.part("network", "every reader and publisher fits");
+        if let Some(got) = network.receive_buffer {
+            part.value("socket receive buffer [bytes]", got);
+        }
+        for (topic, why) in &network.mismatches {
+            part.value(topic, why);
+            part.raise(Level::Warn, format!("{topic}: {why}"));
+        }
+        if network.namesakes > 0 {
+            part.value("other nodes of its name", network.namesakes);
+            part.raise(Level::Warn, self.namesakes(network.namesakes));
+        }
+        if let Some(got) = network.receive_buffer.filter(|&got| got < wish) {
+            part.raise(
+                Level::Warn,
+                format!("the socket receive buffer has {got} bytes instead of {wish}: sudo sysctl -w net.core.rmem_max={wish}"),
+            );
+        }
+        part.finish()
+    }
+
+    /// What is to be said of other nodes of this node's name. Both work, which is what ROS has them do.
+    pub(super) fn namesakes(&self, number: usize) -> String {
+        let name = &self.node;
+        format!(
+            "nodes of the name {name} beside this one: {number}; who calls its services or sets its parameters reaches any of \
+             them (-r __node:=... renames)"
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::msg::labelled::MAX_LABELLED;
+    use crate::node::vitals::MapSize;
+
+    fn diagnosis() -> Diagnosis {
+        Diagnosis::new(&Config::new([]).unwrap(), "/robot/cfodi", Seen::default(), Instant::now())
+    }
+
+    fn value(status: &DiagnosticStatus, key: &str) -> String {
+        status.values.iter().find(|value| value.key == key).unwrap().value.clone()
+    }
+
+    #[test]
+    fn a_report_is_about_the_time_since_the_one_before() {
+        let mut diagnosis = diagnosis();
+        diagnosis.counts.borrow_mut().skip("transform_timeout");
+        diagnosis.given_up("no way".to_owned());
+        diagnosis.waited(Duration::from_millis(200));
+        diagnosis.waited(Duration::from_millis(100));
+        diagnosis.jumped("a jump".to_owned());
+        let said = |diagnosis: &Diagnosis| {
+            let transforms = diagnosis.of_transforms("odom", 0, None);
+            let map = diagnosis.of_map(1);
+            let figures = ["given up", "longest wait [s]"].map(|key| value(&transforms, key));
+            (transforms.level, transforms.message, figures, (map.level, map.message))
+        };
+        let figures = ["1", "0.200"].map(str::to_owned);
+        assert_eq!(said(&diagnosis), (2, "no way".to_owned(), figures, (1, "a jump".to_owned())));
+        diagnosis.begin_second();
+        let (fine, figures) = ("every scan has its way to `odom`", ["0", "0.000"].map(str::to_owned));
+        assert_eq!(said(&diagnosis), (0, fine.to_owned(), figures, (0, "empty".to_owned())));
+    }
+
+    /// A simulated clock that is halted gives none up.
+    #[test]
+    fn a_scan_that_waits_too_long_is_a_warning_and_so_is_one_given_up_while_others_are_taken_in() {
+        let mut diagnosis = diagnosis();
+        let stuck = diagnosis.of_transforms("odom", 1, Some("no frame `map`".to_owned()));
+        assert_eq!((stuck.level, stuck.message.as_str()), (1, "no frame `map`"));
+        diagnosis.counts.borrow_mut().skip("waiting_queue_full");
+        diagnosis.counts.borrow_mut().taken_in += 1;
+        diagnosis.given_up("no way".to_owned());
+        let given_up = diagnosis.of_transforms("odom", 1, Some("no frame `map`".to_owned()));
+        assert_eq!((given_up.level, given_up.message.as_str()), (1, "no way"));
+    }
+
+    #[test]
+    fn a_map_of_more_voxels_than_a_message_shows_is_a_warning_for_as_long_as_it_is_so() {
+        let diagnosis = diagnosis();
+        let said = |session, more| {
+            let dense_voxels = MAX_LABELLED + more;
+            let map = MapSize { session, sequence: 9, clusters: 8, dense_voxels, unclustered_voxels: 7 };
+            diagnosis.vitals.borrow_mut().map = Some(map);
+            let status = diagnosis.of_map(1);
+            (status.level, status.message)
+        };
+        let words = "~/points_labelled shows 1000000 of 1000001 dense voxels, of those in no cluster 7 of 7";
+        assert_eq!([said(1, 1), said(1, 1)], [(1, words.to_owned()), (1, words.to_owned())]);
+        assert_eq!([said(1, 0).0, said(2, 1).0], [0, 0], "it fits, or is that of a session that has ended");
+    }
+}
