@@ -5,6 +5,7 @@
 //! that the node sends, so that no reader of `rmw_zenoh` would match, keeps nothing for late readers and asks nobody for what
 //! it missed, waits in Zenoh's threads where a queue is full, and brings every transport that Zenoh has.
 
+mod answers;
 mod config;
 mod mailbox;
 mod names;
@@ -26,6 +27,7 @@ use zenoh::pubsub::Subscriber;
 use zenoh::sample::SampleKind;
 use zenoh::{Session, Wait as _};
 
+use self::answers::Answers;
 pub use self::opener::Call;
 use self::opener::Opener;
 use self::outlet::Outlet;
@@ -77,6 +79,7 @@ pub struct Zenoh {
     graph: Graph,
     _graph_reader: Subscriber<()>,
     _opener: Rc<Opener>,
+    answers: Answers,
     session: Session,
     parameters: Rc<Parameters>,
     inputs: Vec<SensorTopics>,
@@ -96,7 +99,8 @@ impl Zenoh {
     ) -> Result<Self, OpenError> {
         let begun_with = Parameters::new(setup.fully_qualified_name(), setup.parameters.clone());
         let parameters = Rc::new(begun_with.map_err(ArgsError::from)?);
-        let opener = Rc::new(Opener::new(setup, session)?);
+        let answers = Answers::start()?;
+        let opener = Rc::new(Opener::new(setup, session, answers.clone())?);
         let graph = Graph::default();
         let outlets = outlet::open(&opener)?;
         let mut readers = read::listen(&opener, &graph, &parameters, events)?;
@@ -107,6 +111,7 @@ impl Zenoh {
             _graph_reader: read_graph(session, setup, Arc::clone(&graph))?,
             graph,
             _opener: opener,
+            answers,
             session: session.clone(),
             parameters,
             inputs: setup.inputs()?,
@@ -264,6 +269,7 @@ impl Middleware for Zenoh {
 
     async fn close(self) -> impl Sized {
         self.readers.lock().await.shutdown().await;
+        self.answers.done().await;
         let session = self.session.clone();
         drop(self);
         close(session).await;
@@ -307,6 +313,7 @@ impl Transport for Zenoh {
         tokio::select! {
             reason = self.reader_ended() => reason,
             reason = self.closed() => reason,
+            reason = self.answers.ended() => reason,
         }
     }
 }

@@ -18,7 +18,6 @@ use crate::msg::parameters::{SetAtomicallyResponse, SetParametersResult, SetRequ
 use crate::node::middleware::OpenError;
 use crate::node::parameters::{EVENTS, Parameters, SERVICES};
 use crate::node::throttle::Throttle;
-use crate::node::transport::Event;
 
 /// Requests that may wait, as in ROS, and their bytes.
 const ROOM: Room = Room { messages: 1000, bytes: 4 << 20 };
@@ -92,23 +91,15 @@ async fn answer<Q: DeserializeOwned, A: Serialize>(
     answer: impl AsyncFn(Q) -> A,
 ) -> Cow<'static, str> {
     let mut throttle = Throttle::default();
-    loop {
-        match calls.take().await {
-            Ok((call, request)) => {
-                // A flood of calls must not be all that is done.
-                tokio::task::yield_now().await;
-                let response = answer(request).await;
-                if let Err(error) = call.answer(&response)
-                    && throttle.allows(calls.name, Instant::now())
-                {
-                    warn!("{} could not be answered: {error}", calls.name);
-                }
-            }
-            Err(text) => {
-                if events.send(Event::Garbled { topic: calls.name.into(), text }).await.is_err() {
-                    return calls.name.into();
-                }
-            }
+    while let Some((call, request)) = calls.take(&events).await {
+        // A flood of calls must not be all that is done.
+        tokio::task::yield_now().await;
+        let response = answer(request).await;
+        if let Err(error) = call.answer(&response)
+            && throttle.allows(calls.name, Instant::now())
+        {
+            warn!("{} could not be answered: {error}", calls.name);
         }
     }
+    calls.name.into()
 }

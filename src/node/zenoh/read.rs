@@ -10,7 +10,7 @@ use serde::de::{DeserializeOwned, DeserializeSeed};
 
 use super::mailbox::Room;
 use super::names::Qos;
-use super::opener::{Call, Calls, Inbox, Opener};
+use super::opener::{Call, Calls, Inbox, Opener, lost};
 use super::{Events, Graph, Readers, listed};
 use crate::bag::cdr;
 use crate::cloud::{CloudError, CloudSeed, CompressedSeed, DepthSeed};
@@ -203,10 +203,8 @@ async fn read<M: DeserializeOwned>(
     let garbled = |text| Event::Garbled { topic: topic.into(), text };
     loop {
         let received = messages.take().await;
-        let dropped = (received.dropped > 0)
-            .then(|| garbled(format!("{} came faster than they were read, and are lost", received.dropped)));
         let message = cdr::read(&received.bytes()).map_or_else(garbled, &event);
-        for event in dropped.into_iter().chain([message]) {
+        for event in lost(topic, received.dropped).into_iter().chain([message]) {
             if events.send(event).await.is_err() {
                 return topic.into();
             }
@@ -215,13 +213,10 @@ async fn read<M: DeserializeOwned>(
 }
 
 async fn serve(service: Service, calls: Calls, events: Events) -> Cow<'static, str> {
-    loop {
-        let event = match calls.take::<TriggerRequest>().await {
-            Ok((call, _)) => Event::Call(service, call),
-            Err(text) => Event::Garbled { topic: service.name().into(), text },
-        };
-        if events.send(event).await.is_err() {
-            return service.name().into();
+    while let Some((call, TriggerRequest { .. })) = calls.take(&events).await {
+        if events.send(Event::Call(service, call)).await.is_err() {
+            break;
         }
     }
+    service.name().into()
 }
