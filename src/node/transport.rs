@@ -4,6 +4,8 @@ use std::borrow::Cow;
 use std::fmt;
 use std::future::Future;
 
+use thiserror::Error;
+
 use crate::cloud::{Camera, Cloud, CloudError};
 use crate::config::Config;
 use crate::engine::Stamp;
@@ -231,12 +233,49 @@ pub struct NetworkState {
 }
 
 /// A message could not be sent.
-#[derive(Debug)]
-pub struct SendError(pub String);
+#[derive(Debug, Error)]
+pub enum SendError {
+    /// The middleware refuses it.
+    #[error("on {topic}: {cause}")]
+    Refused {
+        /// The topic.
+        topic: &'static str,
+        /// The middleware's words.
+        cause: String,
+    },
+    /// Too many before it wait for a reader.
+    #[error("on {topic}: a reader has not acknowledged the {most} before, and no more are kept")]
+    Unacknowledged {
+        /// The topic.
+        topic: &'static str,
+        /// How many are kept.
+        most: i32,
+    },
+    /// A topic that was to be opened anew.
+    #[error("on {topic}, which cannot be opened anew: {cause}")]
+    NotReopened {
+        /// The topic.
+        topic: &'static str,
+        /// The middleware's words.
+        cause: String,
+    },
+    /// The answer to a call, which who logs it names.
+    #[error("{cause}")]
+    Unanswered {
+        /// The service.
+        service: &'static str,
+        /// The middleware's words.
+        cause: String,
+    },
+}
 
-impl fmt::Display for SendError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.0)
+impl SendError {
+    pub(super) fn refused(topic: &'static str, cause: &(impl ToString + ?Sized)) -> Self {
+        Self::Refused { topic, cause: cause.to_string() }
+    }
+
+    pub(super) fn unanswered(service: &'static str, cause: &(impl ToString + ?Sized)) -> Self {
+        Self::Unanswered { service, cause: cause.to_string() }
     }
 }
 
@@ -270,4 +309,21 @@ pub trait Transport: 'static {
 
     /// Resolves, with a reason, when something that reads has ended: the node would be alive and deaf.
     fn failed(&self) -> impl Future<Output = String>;
+}
+
+#[cfg(test)]
+mod tests {
+    use std::error::Error;
+
+    use super::*;
+
+    #[test]
+    fn what_could_not_be_sent_is_an_error_that_names_its_topic() {
+        let error: Box<dyn Error> = SendError::refused(Outgoing::DELTA, "no memory").into();
+        assert_eq!(error.to_string(), "on ~/clusters_delta: no memory");
+        let error = SendError::Unacknowledged { topic: Outgoing::DELTA, most: 1024 };
+        assert!(error.to_string().starts_with("on ~/clusters_delta: ") && error.to_string().contains("1024"));
+        let error = SendError::unanswered(Service::Save.name(), "gone");
+        assert!(matches!(error, SendError::Unanswered { service: "~/save", .. }));
+    }
 }

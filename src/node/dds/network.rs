@@ -90,7 +90,7 @@ impl Network {
             Outgoing::Log(line) => self.tell(self.log.as_ref(), line).await,
             Outgoing::Labelled(cloud) => {
                 let sent = self.labelled.async_publish(cloud).await;
-                sent.map_err(|error| SendError(format!("on {}: {error}", Outgoing::LABELLED)))
+                sent.map_err(|error| SendError::refused(Outgoing::LABELLED, &error))
             }
             Outgoing::Detections(array) => self.tell(self.detections.as_ref(), array).await,
             Outgoing::Polygon(polygon) => self.tell(self.polygons.as_ref(), polygon).await,
@@ -132,7 +132,7 @@ impl Network {
         response: TriggerResponse,
     ) -> Result<(), SendError> {
         let sent = self.server(service).async_send_response(request, response).await;
-        sent.map_err(|error| SendError(error.to_string()))
+        sent.map_err(|error| SendError::unanswered(service.name(), &error))
     }
 
     pub(super) fn sources(&self) -> Vec<Source> {

@@ -101,7 +101,7 @@ impl<M: Serialize> Outlet<M> {
         match publisher.async_publish(message).await {
             Ok(()) => Ok(None),
             Err(WriteError::WouldBlock { data }) => Ok(Some(data)),
-            Err(error) => Err(SendError(format!("on {}: {error}", self.name))),
+            Err(error) => Err(SendError::refused(self.name, &error)),
         }
     }
 
@@ -112,8 +112,9 @@ impl<M: Serialize> Outlet<M> {
 
     pub(super) fn reopen(&self, node: &mut Node) -> Result<(), SendError> {
         self.opened.set(Instant::now());
-        let failed = |error| SendError(format!("on {}, which cannot be opened anew: {error}", self.name));
-        let anew = node.create_publisher(&self.topic, None).map_err(failed)?;
+        let anew = node.create_publisher(&self.topic, None);
+        let anew =
+            anew.map_err(|error| SendError::NotReopened { topic: self.name, cause: error.to_string() })?;
         self.publisher.replace(Rc::new(anew));
         let Self { name, most, .. } = self;
         warn!(
@@ -123,8 +124,7 @@ impl<M: Serialize> Outlet<M> {
     }
 
     pub(super) fn refusal(&self) -> SendError {
-        let Self { name, most, .. } = self;
-        SendError(format!("on {name}: a reader has not acknowledged the {most} before, and no more are kept"))
+        SendError::Unacknowledged { topic: self.name, most: self.most }
     }
 }
 

@@ -189,7 +189,9 @@ impl Calls {
                 events.send(lost).await.ok()?;
             }
             match read {
-                Ok((key, attachment, request)) => return Some((Call { query, key, attachment }, request)),
+                Ok((key, attachment, request)) => {
+                    return Some((Call { query, service: self.name, key, attachment }, request));
+                }
                 Err(text) => events.send(Event::Garbled { topic: self.name.into(), text }).await.ok()?,
             }
         }
@@ -217,6 +219,7 @@ pub(super) fn lost<R>(topic: &'static str, dropped: u64) -> Option<Event<R>> {
 /// A call to answer.
 pub struct Call {
     query: Held<Query>,
+    service: &'static str,
     key: String,
     attachment: Attachment,
 }
@@ -230,9 +233,9 @@ impl fmt::Debug for Call {
 impl Call {
     /// Has it answered, by the thread of answers.
     pub(super) fn answer(self, response: &impl Serialize) -> Result<(), SendError> {
-        let Self { query, key, attachment } = self;
+        let Self { query, service, key, attachment } = self;
         let mut bytes = Vec::new();
-        cdr::write(&mut bytes, response).map_err(|error| SendError(error.to_string()))?;
+        cdr::write(&mut bytes, response).map_err(|error| SendError::unanswered(service, &error))?;
         query.answer(move |query| {
             // Its number and who called go back as they came.
             let attachment = Attachment { stamp: clock::now().nanos(), ..attachment };

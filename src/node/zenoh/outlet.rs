@@ -96,8 +96,7 @@ impl Outlet {
 
     /// Sends a message in CDR.
     pub(super) fn send(&self, message: Result<Vec<u8>, cdr_encoding::Error>) -> Result<(), SendError> {
-        let refused = |error: &dyn std::fmt::Display| SendError(format!("on {}: {error}", self.name));
-        let message = message.map_err(|error| refused(&error))?;
+        let message = message.map_err(|error| SendError::refused(self.name, &error))?;
         self.sent.set(self.sent.get() + 1);
         let attachment =
             Attachment { number: self.sent.get(), stamp: clock::now().nanos(), publisher: self.id };
@@ -108,6 +107,6 @@ impl Outlet {
             }
             Sender::Latched(Aside(None)) => Ok(()),
         };
-        sent.map_err(|error| refused(&error))
+        sent.map_err(|error| SendError::refused(self.name, &error))
     }
 }
