@@ -12,6 +12,7 @@ use crate::engine::Stamp;
 use crate::msg::clusters::SurfaceClusterArray;
 use crate::msg::reports::{DiagnosticArray, Log};
 use crate::msg::ros::{MarkerArray, PointCloud2, TfMessage, TriggerResponse};
+use crate::msg::sent::{self, Named};
 use crate::msg::twins::{Detection3DArray, PolygonInstanceStamped};
 
 /// In which form a sensor's scans come.
@@ -100,6 +101,11 @@ impl Service {
             Self::Save => "~/save",
         }
     }
+
+    /// With its type.
+    pub(super) const fn named(self) -> Named<'static> {
+        Named { name: self.name(), type_name: "std_srvs/srv/Trigger" }
+    }
 }
 
 /// Something that came in.
@@ -158,44 +164,21 @@ pub enum Outgoing {
 
 impl Outgoing {
     /// Name of the topic of [`Self::Clusters`].
-    pub const CLUSTERS: &str = "~/clusters";
+    pub const CLUSTERS: &str = sent::CLUSTERS.name;
     /// Of [`Self::Delta`].
-    pub const DELTA: &str = "~/clusters_delta";
+    pub const DELTA: &str = sent::DELTA.name;
     /// Of [`Self::Markers`].
-    pub const MARKERS: &str = "~/markers";
+    pub const MARKERS: &str = sent::MARKERS.name;
     /// Of [`Self::Labelled`].
-    pub const LABELLED: &str = "~/points_labelled";
+    pub const LABELLED: &str = sent::LABELLED.name;
     /// Of [`Self::Diagnostics`].
-    pub const DIAGNOSTICS: &str = "/diagnostics";
+    pub const DIAGNOSTICS: &str = sent::DIAGNOSTICS.name;
     /// Of [`Self::Log`].
-    pub const LOG: &str = "/rosout";
+    pub const LOG: &str = sent::LOG.name;
     /// Of [`Self::Detections`].
-    pub const DETECTIONS: &str = "~/detections";
+    pub const DETECTIONS: &str = sent::DETECTIONS.name;
     /// Of [`Self::Polygon`].
-    pub const POLYGONS: &str = "~/polygons";
-    /// Of all.
-    pub const TOPICS: [&str; 8] = [
-        Self::CLUSTERS,
-        Self::DELTA,
-        Self::MARKERS,
-        Self::LABELLED,
-        Self::DETECTIONS,
-        Self::POLYGONS,
-        Self::DIAGNOSTICS,
-        Self::LOG,
-    ];
-
-    /// The types of all.
-    pub const TYPES: [(&str, &str); 8] = [
-        (Self::CLUSTERS, "cfodi_msgs/msg/SurfaceClusterArray"),
-        (Self::DELTA, "cfodi_msgs/msg/SurfaceClusterArray"),
-        (Self::MARKERS, "visualization_msgs/msg/MarkerArray"),
-        (Self::LABELLED, "sensor_msgs/msg/PointCloud2"),
-        (Self::DETECTIONS, "vision_msgs/msg/Detection3DArray"),
-        (Self::POLYGONS, "geometry_msgs/msg/PolygonInstanceStamped"),
-        (Self::DIAGNOSTICS, "diagnostic_msgs/msg/DiagnosticArray"),
-        (Self::LOG, "rcl_interfaces/msg/Log"),
-    ];
+    pub const POLYGONS: &str = sent::POLYGONS.name;
 
     /// Name of its topic.
     pub const fn topic(&self) -> &'static str {

@@ -14,14 +14,12 @@ mod outlet;
 mod parameters;
 mod read;
 
-use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::rc::Rc;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use tokio::sync::{mpsc, oneshot};
-use tokio::task::JoinSet;
 use tracing::{info, warn};
 use zenoh::pubsub::Subscriber;
 use zenoh::sample::SampleKind;
@@ -33,6 +31,7 @@ use self::opener::Opener;
 use self::outlet::Outlet;
 use super::middleware::{Adding, Middleware, OpenError, Opened};
 use super::parameters::Parameters;
+use super::readers::{self, Readers};
 use super::record::Record;
 use super::transport::{Form, NetworkState, Outgoing, SendError, SensorTopics, Service, Source, Transport};
 use crate::args::security::{Security, SecurityError};
@@ -49,9 +48,6 @@ const LOOK: Duration = Duration::from_secs(1);
 
 /// Publishers of others that are remembered: anyone may declare as many as it likes.
 const SOURCES: usize = 4096;
-
-/// Tasks that read; each ends with the name of what it read.
-type Readers = JoinSet<Cow<'static, str>>;
 
 /// Adds events to those of the network.
 type Events = Adding<Zenoh>;
@@ -118,15 +114,6 @@ impl Zenoh {
             name: setup.fully_qualified_name(),
             record,
         })
-    }
-
-    /// Resolves when something that reads has ended.
-    async fn reader_ended(&self) -> String {
-        match self.readers.lock().await.join_next().await {
-            Some(Ok(topic)) => format!("reading {topic} has ended"),
-            Some(Err(failure)) => failure.to_string(),
-            None => "nothing reads".to_owned(),
-        }
     }
 
     /// Resolves when the session is closed; says meanwhile when a router is found and lost.
@@ -311,7 +298,7 @@ impl Transport for Zenoh {
 
     async fn failed(&self) -> String {
         tokio::select! {
-            reason = self.reader_ended() => reason,
+            reason = readers::ended(&self.readers) => reason,
             reason = self.closed() => reason,
             reason = self.answers.ended() => reason,
         }

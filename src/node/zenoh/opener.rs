@@ -17,17 +17,18 @@ use zenoh_ext::{AdvancedSubscriber, AdvancedSubscriberBuilderExt as _, HistoryCo
 
 use super::answers::{Answers, Held, Places};
 use super::mailbox::{Mailbox, Room};
-use super::names::{Attachment, Kind, Named, NodeToken, Qos, publisher_id};
+use super::names::{Attachment, Kind, NodeToken, publisher_id};
 use super::{Events, opening};
 use crate::args::Setup;
 use crate::bag::cdr;
+use crate::msg::sent::{Named, Qos};
 use crate::node::clock;
 use crate::node::heard::PublisherId;
 use crate::node::middleware::OpenError;
 use crate::node::transport::{Event, SendError};
 
 /// What a service is declared with, as in ROS.
-const SERVICES: Qos = Qos { reliable: true, latched: false, depth: 10 };
+const SERVICES: Qos = Qos::reliable(10);
 
 /// Calls of a service that may be under way: more than wait for a map to be written.
 const UNDER_WAY: usize = 128;
@@ -73,13 +74,8 @@ impl Opener {
 
     /// Listens to a topic, by its resolved name, of which remappings would make another; what is kept of a latched one for late
     /// readers is asked for.
-    pub(super) fn subscribe(
-        &self,
-        (resolved, type_name): (&str, &str),
-        qos: Qos,
-        room: Room,
-    ) -> Result<Inbox, OpenError> {
-        let named = Named { name: resolved, type_name };
+    pub(super) fn subscribe(&self, named: Named<'_>, qos: Qos, room: Room) -> Result<Inbox, OpenError> {
+        let resolved = named.name;
         let mailbox = Arc::new(Mailbox::new(room));
         let there = Arc::clone(&mailbox);
         let put = move |sample: Sample| {
@@ -104,7 +100,7 @@ impl Opener {
     /// Serves calls.
     pub(super) fn serve(
         &self,
-        (name, type_name): (&'static str, &str),
+        Named { name, type_name }: Named<'static>,
         room: Room,
     ) -> Result<Calls, OpenError> {
         let resolved = self.setup.resolve_service(name)?;
