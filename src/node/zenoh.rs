@@ -19,10 +19,13 @@ use std::rc::Rc;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-use tokio::sync::{mpsc, oneshot};
+use tokio::sync::{Notify, mpsc, oneshot};
+use tokio::time::{sleep, timeout};
 use tracing::{info, warn};
+use zenoh::config::WhatAmI;
 use zenoh::pubsub::Subscriber;
 use zenoh::sample::SampleKind;
+use zenoh::session::TransportEvent;
 use zenoh::{Session, Wait as _};
 
 use self::answers::Answers;
@@ -43,7 +46,8 @@ use crate::msg::ros::TriggerResponse;
 /// Events that wait for the node; a cloud that finds no place waits in its mailbox.
 const EVENTS: usize = 16;
 
-/// Time between two looks for a router, and at whether the session is open.
+/// Time between two looks for a router where there is none at the start, and at whether the session is open; and until Zenoh itself
+/// knows what it has told.
 const LOOK: Duration = Duration::from_secs(1);
 
 /// Publishers of others that are remembered: anyone may declare as many as it likes.
@@ -76,6 +80,8 @@ pub struct Zenoh {
     _graph_reader: Subscriber<()>,
     _opener: Rc<Opener>,
     answers: Answers,
+    /// A router has come or gone.
+    router_news: Arc<Notify>,
     session: Session,
     parameters: Rc<Parameters>,
     inputs: Vec<SensorTopics>,
@@ -108,6 +114,7 @@ impl Zenoh {
             graph,
             _opener: opener,
             answers,
+            router_news: router_news(session)?,
             session: session.clone(),
             parameters,
             inputs: setup.inputs()?,
@@ -120,9 +127,6 @@ impl Zenoh {
     async fn closed(&self) -> String {
         let mut has_router = None;
         loop {
-            if self.session.is_closed() {
-                return "the Zenoh session is closed".to_owned();
-            }
             match routers(&self.session).await {
                 Ok(0) if has_router == Some(true) => {
                     warn!("the Zenoh router has gone; it is connected to again when it is there");
@@ -137,9 +141,29 @@ impl Zenoh {
                 }
                 Err(error) => return error.to_string(),
             }
-            tokio::time::sleep(LOOK).await;
+            while timeout(LOOK, self.router_news.notified()).await.is_err() {
+                if self.session.is_closed() {
+                    return "the Zenoh session is closed".to_owned();
+                }
+            }
+            sleep(LOOK).await;
         }
     }
+}
+
+/// Tells when a router has come or gone. How many there are then is asked for: of one that comes while this begins Zenoh may tell twice,
+/// or that it has gone first.
+fn router_news(session: &Session) -> Result<Arc<Notify>, OpenError> {
+    let news = Arc::new(Notify::new());
+    let told = Arc::clone(&news);
+    let tell = move |event: TransportEvent| {
+        if event.transport().whatami() == WhatAmI::Router {
+            told.notify_one();
+        }
+    };
+    let (info, what) = (session.info(), "the news of routers");
+    info.transport_events_listener().callback(tell).background().wait().map_err(opening(what))?;
+    Ok(news)
 }
 
 /// How many routers the session is connected to.
@@ -152,7 +176,7 @@ async fn routers(session: &Session) -> Result<usize, OpenError> {
 async fn find_router(session: &Session, looks: u64) -> Result<(), OpenError> {
     for look in 0..looks {
         if look > 0 {
-            tokio::time::sleep(LOOK).await;
+            sleep(LOOK).await;
         }
         if routers(session).await? > 0 {
             return Ok(());
