@@ -30,12 +30,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     let robot = Robot::open(&setup)?;
     let start = i64::try_from(SystemTime::now().duration_since(UNIX_EPOCH)?.as_nanos())?;
     let drive = Drive::new(Scene::room(), 1, Stamp::from_nanos(start));
-    let sent = |done: Result<(), cfodi::node::transport::SendError>| done.map_err(|failure| failure.0);
     for index in (0..).step_by(every as usize) {
         let step = drive.step(index);
-        sent(robot.send_transforms(drive.static_transforms(), true))?;
-        sent(robot.send_transforms(step.tf, false))?;
-        sent(robot.send_cloud(step.cloud))?;
+        robot.send_transforms(drive.static_transforms(), true)?;
+        robot.send_transforms(step.tf, false)?;
+        robot.send_cloud(step.cloud)?;
         std::thread::sleep(Duration::from_secs(1) * every / SCANS_PER_SECOND);
     }
     Ok(())

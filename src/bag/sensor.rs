@@ -7,8 +7,9 @@ use std::io::{self, Write};
 use mcap::Writer;
 use mcap::write::NoSeek;
 
-use super::write::{Channel, TF, channel, offered_qos, put, writer};
+use super::write::{Channel, TF, channel, put, writer};
 use crate::msg::ros::{PointCloud2, TfMessage};
+use crate::msg::sent::{Named, Qos};
 
 /// Writes a recording with `/tf_static`, `/tf` and one topic of clouds, in chunks of zstd.
 pub struct SensorBag<W: Write> {
@@ -26,13 +27,12 @@ impl<W: Write> SensorBag<W> {
     /// Those of `out`.
     pub fn new(out: W, points: &str) -> io::Result<Self> {
         let mut writer = writer(out)?;
-        let latched = offered_qos("transient_local", "reliable", 1);
-        let each = offered_qos("volatile", "reliable", 100);
-        let may_be_lost = offered_qos("volatile", "best_effort", 10);
+        let tf = |name| Named { name, type_name: TF };
+        let clouds = Named { name: points, type_name: "sensor_msgs/msg/PointCloud2" };
         Ok(Self {
-            static_transforms: channel(&mut writer, "/tf_static", TF, &latched)?,
-            transforms: channel(&mut writer, "/tf", TF, &each)?,
-            points: channel(&mut writer, points, "sensor_msgs/msg/PointCloud2", &may_be_lost)?,
+            static_transforms: channel(&mut writer, tf("/tf_static"), Qos::latched(1))?,
+            transforms: channel(&mut writer, tf("/tf"), Qos::reliable(100))?,
+            points: channel(&mut writer, clouds, Qos::best_effort(10))?,
             writer,
             scratch: Vec::new(),
         })

@@ -19,6 +19,7 @@ use super::schemas::definition;
 use crate::engine::Stamp;
 use crate::msg::clusters::SurfaceClusterArray;
 use crate::msg::ros::{Header, JUMP_BACK, MarkerArray, PointCloud2, TfMessage};
+use crate::msg::sent::{self, Named, Qos, Topic};
 use crate::msg::twins::{Detection3DArray, PolygonInstanceStamped, Twins};
 
 /// Names of the topics that a result bag holds, remappings applied.
@@ -48,7 +49,9 @@ impl OutputTopics {
 }
 
 /// How a topic was offered, as `rosbag2` writes it: a player offers it again so, and readers want every field.
-pub(super) fn offered_qos(durability: &str, reliability: &str, depth: u32) -> String {
+fn offered_qos(Qos { reliable, latched, depth }: Qos) -> String {
+    let reliability = if reliable { "reliable" } else { "best_effort" };
+    let durability = if latched { "transient_local" } else { "volatile" };
     format!(
         "- {{history: keep_last, depth: {depth}, reliability: {reliability}, durability: {durability}, \
          deadline: {{sec: 0, nsec: 0}}, lifespan: {{sec: 0, nsec: 0}}, liveliness: automatic, \
@@ -125,27 +128,16 @@ impl<W: Write> ResultBag<W> {
     /// Those of `out`.
     pub fn new(out: W, topics: &OutputTopics, with_input: bool) -> io::Result<Self> {
         let mut writer = writer(out)?;
-        let array = "cfodi_msgs/msg/SurfaceClusterArray";
-        let latched = offered_qos("transient_local", "reliable", 1);
-        let each = offered_qos("volatile", "reliable", 20);
-        let may_be_lost = offered_qos("volatile", "best_effort", 10);
-        let many = offered_qos("volatile", "reliable", 1000);
-        let mut open = |topic: &str, kind: &str, qos: &str| channel(&mut writer, topic, kind, qos);
+        let mut open = |name: &String, Topic { type_name, qos, .. }| {
+            channel(&mut writer, Named { name, type_name }, qos)
+        };
         Ok(Self {
-            clusters: open(&topics.clusters, array, &latched)?,
-            delta: open(&topics.clusters_delta, array, &each)?,
-            markers: open(&topics.markers, "visualization_msgs/msg/MarkerArray", &latched)?,
-            labelled: open(&topics.points_labelled, "sensor_msgs/msg/PointCloud2", &may_be_lost)?,
-            detections: topics
-                .detections
-                .as_ref()
-                .map(|topic| open(topic, "vision_msgs/msg/Detection3DArray", &latched))
-                .transpose()?,
-            polygons: topics
-                .polygons
-                .as_ref()
-                .map(|topic| open(topic, "geometry_msgs/msg/PolygonInstanceStamped", &many))
-                .transpose()?,
+            clusters: open(&topics.clusters, sent::CLUSTERS)?,
+            delta: open(&topics.clusters_delta, sent::DELTA)?,
+            markers: open(&topics.markers, sent::MARKERS)?,
+            labelled: open(&topics.points_labelled, sent::LABELLED)?,
+            detections: topics.detections.as_ref().map(|name| open(name, sent::DETECTIONS)).transpose()?,
+            polygons: topics.polygons.as_ref().map(|name| open(name, sent::POLYGONS)).transpose()?,
             own: topics.names().cloned().collect(),
             writer,
             copied: BTreeMap::new(),
@@ -239,15 +231,12 @@ impl<W: Write> ResultBag<W> {
     /// Those of the output.
     pub fn transforms(&mut self, message: &TfMessage, is_static: bool) -> io::Result<()> {
         let Some(first) = message.transforms.first() else { return Ok(()) };
-        let (topic, qos) = if is_static {
-            ("/tf_static", offered_qos("transient_local", "reliable", 1))
-        } else {
-            ("/tf", offered_qos("volatile", "reliable", 100))
-        };
+        let (topic, qos) =
+            if is_static { ("/tf_static", Qos::latched(1)) } else { ("/tf", Qos::reliable(100)) };
         let Self { writer, scratch, copied, ahead, .. } = self;
         let key = (topic.to_owned(), TF.to_owned());
         if !copied.contains_key(&key) {
-            copied.insert(key.clone(), channel(writer, topic, TF, &qos)?);
+            copied.insert(key.clone(), channel(writer, Named { name: topic, type_name: TF }, qos)?);
         }
         let Some(channel) = copied.get_mut(&key) else { return Ok(()) };
         put(writer, scratch, channel, (&first.header, *ahead), message)
@@ -320,13 +309,12 @@ pub(super) fn writer<W: Write>(out: W) -> io::Result<Writer<NoSeek<W>>> {
 
 pub(super) fn channel<W: Write>(
     writer: &mut Writer<NoSeek<W>>,
-    topic: &str,
-    type_name: &str,
-    qos: &str,
+    Named { name, type_name }: Named<'_>,
+    qos: Qos,
 ) -> io::Result<Channel> {
     let schema = schema(writer, type_name)?;
-    let metadata = BTreeMap::from([("offered_qos_profiles".to_owned(), qos.to_owned())]);
-    let id = writer.add_channel(schema, topic, "cdr", &metadata).map_err(io::Error::other)?;
+    let metadata = BTreeMap::from([("offered_qos_profiles".to_owned(), offered_qos(qos))]);
+    let id = writer.add_channel(schema, name, "cdr", &metadata).map_err(io::Error::other)?;
     Ok(Channel { id, messages: 0, newest: 0 })
 }
 
@@ -364,4 +352,32 @@ fn write<W: Write>(
     };
     channel.messages = channel.messages.wrapping_add(1);
     writer.write_to_known_channel(&header, data).map_err(io::Error::other)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_topic_is_offered_as_the_node_offers_it() {
+        let name = |topic: Topic| topic.name.to_owned();
+        let topics = OutputTopics {
+            clusters: name(sent::CLUSTERS),
+            clusters_delta: name(sent::DELTA),
+            markers: name(sent::MARKERS),
+            points_labelled: name(sent::LABELLED),
+            detections: Some(name(sent::DETECTIONS)),
+            polygons: Some(name(sent::POLYGONS)),
+        };
+        let bag = ResultBag::new(Vec::new(), &topics, false).unwrap().finish().unwrap();
+        let summary = mcap::Summary::read(&bag).unwrap().unwrap();
+        assert_eq!(summary.channels.len(), 6);
+        for topic in sent::TOPICS.into_iter().filter(|topic| topic.name.starts_with('~')) {
+            let channel = summary.channels.values().find(|channel| channel.topic == topic.name).unwrap();
+            assert_eq!(channel.schema.as_ref().unwrap().name, topic.type_name);
+            assert_eq!(channel.metadata["offered_qos_profiles"], offered_qos(topic.qos));
+        }
+        let many = offered_qos(sent::POLYGONS.qos);
+        assert!(many.contains("depth: 4096, reliability: reliable, durability: volatile"), "{many}");
+    }
 }

@@ -2,7 +2,7 @@
 //!
 //! Pure functions from values to values; a field order here is the order on the wire. [`ros`] holds the types of the
 //! ROS packages, [`parameters`] those of the parameter services, [`clusters`] those of `cfodi_msgs` (in the folder `msg/`),
-//! [`twins`] the clusters in messages of others.
+//! [`twins`] the clusters in messages of others; [`sent`] is on which topics they go.
 
 pub mod caps;
 pub mod clusters;
@@ -11,4 +11,5 @@ pub mod markers;
 pub mod parameters;
 pub mod reports;
 pub mod ros;
+pub mod sent;
 pub mod twins;

@@ -18,14 +18,12 @@ mod secure;
 mod snapshot_reader;
 mod threads;
 
-use std::borrow::Cow;
 use std::cell::RefCell;
 use std::rc::Rc;
 use std::time::Duration;
 
 use ros2_client::RmwRequestId;
 use tokio::sync::mpsc;
-use tokio::task::JoinSet;
 use tracing::warn;
 
 use self::network::Network;
@@ -36,6 +34,7 @@ pub use self::snapshot_reader::SnapshotReader;
 use super::middleware::{Adding, Middleware, OpenError, Opened};
 use super::parameters::Parameters;
 use super::process::{receive_buffer, say_discovery, say_receive_buffer};
+use super::readers::Readers;
 use super::transport::{NetworkState, Outgoing, SendError, SensorTopics, Service, Source, Transport};
 use crate::args::security::{Security, SecurityError};
 use crate::args::{ArgsError, Setup};
@@ -56,9 +55,6 @@ const EVENTS: usize = 16;
 
 /// Time until the network is joined again where an address was not there.
 const AGAIN: Duration = Duration::from_secs(5);
-
-/// Tasks that read; each ends with the name of what it read.
-type Readers = JoinSet<Cow<'static, str>>;
 
 /// Adds events to those of the network.
 type Events = Adding<Dds>;
@@ -206,21 +202,5 @@ impl Transport for Dds {
                 Err(error) => return error.to_string(),
             }
         }
-    }
-}
-
-/// `sensor_msgs::msg::dds_::PointCloud2_` as ROS writes it.
-fn ros_type(dds: &str) -> String {
-    let plain = dds.replace("::dds_::", "::");
-    plain.trim_end_matches('_').replace("::", "/")
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_dds_type_name_reads_as_in_ros() {
-        assert_eq!(ros_type("sensor_msgs::msg::dds_::PointCloud2_"), "sensor_msgs/msg/PointCloud2");
     }
 }

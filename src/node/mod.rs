@@ -17,6 +17,7 @@ pub mod middleware;
 mod parameters;
 pub mod process;
 mod publish;
+mod readers;
 pub mod record;
 pub mod resume;
 pub mod rosout;

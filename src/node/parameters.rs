@@ -3,12 +3,15 @@
 //! Keeps true: what the services show is what the node works with, or is about to; answers are those of rclcpp, but for the
 //! reasons, which say more.
 
+mod serve;
+
 use std::cell::{Cell, RefCell};
 use std::time::Instant;
 
 use tokio::sync::mpsc::Sender;
 use tracing::{debug, info};
 
+pub(super) use self::serve::{Calls, MOST_CALLS, ParameterService, Serves, Setter, Tells, answer_all, serve};
 use super::clock;
 use super::throttle::Throttle;
 use super::transport::Event;
@@ -21,6 +24,7 @@ use crate::msg::parameters::{
     ListResponse, Names, Parameter, ParameterDescriptor, ParameterEvent, ParameterValue, SetParametersResult,
     SetRequest, TypesResponse, kind,
 };
+use crate::msg::sent::{Qos, Topic};
 
 /// Names that one request may have: there are not as many parameters.
 const MOST_NAMES: usize = 256;
@@ -32,17 +36,8 @@ const SEPARATOR: char = '.';
 const MAX_REASON: usize = 400;
 
 /// Topic of the changes.
-pub(super) const EVENTS: &str = "/parameter_events";
-
-/// Names of the services, with their types in `rcl_interfaces`.
-pub(super) const SERVICES: [(&str, &str); 6] = [
-    ("~/get_parameters", "GetParameters"),
-    ("~/get_parameter_types", "GetParameterTypes"),
-    ("~/describe_parameters", "DescribeParameters"),
-    ("~/list_parameters", "ListParameters"),
-    ("~/set_parameters", "SetParameters"),
-    ("~/set_parameters_atomically", "SetParametersAtomically"),
-];
+pub(super) const EVENTS: Topic =
+    Topic::new("/parameter_events", "rcl_interfaces/msg/ParameterEvent", Qos::reliable(1000));
 
 /// The parameters as they are now.
 pub(super) struct Parameters {

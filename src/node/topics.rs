@@ -3,10 +3,11 @@
 use std::collections::BTreeMap;
 
 use super::inputs::COMPRESSED_DEPTH;
-use super::parameters;
-use super::transport::{DepthTopics, Form, Outgoing, SensorTopics, Service, TopicName};
+use super::parameters::{self, ParameterService};
+use super::transport::{DepthTopics, Form, SensorTopics, Service, TopicName};
 use crate::args::{ArgsError, Setup};
 use crate::config::Sensor;
+use crate::msg::sent;
 
 /// A topic that nobody reads.
 pub(super) const PULSE: &str = "~/_pulse";
@@ -18,12 +19,12 @@ impl Setup {
     /// At the first that cannot.
     pub fn check_names(&self) -> Result<(), ArgsError> {
         self.inputs()?;
-        let others = ["/tf", "/tf_static", "/clock", parameters::EVENTS, PULSE];
-        for name in Outgoing::TOPICS.into_iter().chain(others) {
+        let others = ["/tf", "/tf_static", "/clock", parameters::EVENTS.name, PULSE];
+        for name in sent::TOPICS.map(|topic| topic.name).into_iter().chain(others) {
             self.resolve(name)?;
         }
         let services = [Service::Reset, Service::Save].map(Service::name);
-        for name in services.into_iter().chain(parameters::SERVICES.map(|(name, _)| name)) {
+        for name in services.into_iter().chain(ParameterService::ALL.map(|service| service.named().name)) {
             self.resolve_service(name)?;
         }
         Ok(())
@@ -44,6 +45,12 @@ impl Setup {
         }
         Ok(sensors)
     }
+}
+
+/// The type that DDS calls `sensor_msgs::msg::dds_::PointCloud2_`, as ROS writes it.
+pub(super) fn ros_type(dds: &str) -> String {
+    let plain = dds.replace("::dds_::", "::");
+    plain.strip_suffix('_').unwrap_or(&plain).replace("::", "/")
 }
 
 fn topics(setup: &Setup, sensor: &Sensor) -> Result<SensorTopics, ArgsError> {
@@ -80,6 +87,13 @@ mod tests {
         assert!(matches!(check("~/save:=1"), Err(ArgsError::Name(..) | ArgsError::Form(_))));
         assert!(matches!(check("rosservice://~/save:=1"), Err(ArgsError::Name(..) | ArgsError::Form(_))));
         check("rostopic://~/save:=1").unwrap();
+    }
+
+    #[test]
+    fn a_type_name_of_dds_reads_as_in_ros() {
+        assert_eq!(ros_type("sensor_msgs::msg::dds_::PointCloud2_"), "sensor_msgs/msg/PointCloud2");
+        assert_eq!(ros_type("a::msg::dds_::B__"), "a/msg/B_", "one letter is of DDS");
+        assert_eq!(ros_type("plain"), "plain");
     }
 
     #[test]

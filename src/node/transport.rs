@@ -4,12 +4,15 @@ use std::borrow::Cow;
 use std::fmt;
 use std::future::Future;
 
+use thiserror::Error;
+
 use crate::cloud::{Camera, Cloud, CloudError};
 use crate::config::Config;
 use crate::engine::Stamp;
 use crate::msg::clusters::SurfaceClusterArray;
 use crate::msg::reports::{DiagnosticArray, Log};
 use crate::msg::ros::{MarkerArray, PointCloud2, TfMessage, TriggerResponse};
+use crate::msg::sent::{self, Named};
 use crate::msg::twins::{Detection3DArray, PolygonInstanceStamped};
 
 /// In which form a sensor's scans come.
@@ -98,6 +101,11 @@ impl Service {
             Self::Save => "~/save",
         }
     }
+
+    /// With its type.
+    pub(super) const fn named(self) -> Named<'static> {
+        Named { name: self.name(), type_name: "std_srvs/srv/Trigger" }
+    }
 }
 
 /// Something that came in.
@@ -156,44 +164,21 @@ pub enum Outgoing {
 
 impl Outgoing {
     /// Name of the topic of [`Self::Clusters`].
-    pub const CLUSTERS: &str = "~/clusters";
+    pub const CLUSTERS: &str = sent::CLUSTERS.name;
     /// Of [`Self::Delta`].
-    pub const DELTA: &str = "~/clusters_delta";
+    pub const DELTA: &str = sent::DELTA.name;
     /// Of [`Self::Markers`].
-    pub const MARKERS: &str = "~/markers";
+    pub const MARKERS: &str = sent::MARKERS.name;
     /// Of [`Self::Labelled`].
-    pub const LABELLED: &str = "~/points_labelled";
+    pub const LABELLED: &str = sent::LABELLED.name;
     /// Of [`Self::Diagnostics`].
-    pub const DIAGNOSTICS: &str = "/diagnostics";
+    pub const DIAGNOSTICS: &str = sent::DIAGNOSTICS.name;
     /// Of [`Self::Log`].
-    pub const LOG: &str = "/rosout";
+    pub const LOG: &str = sent::LOG.name;
     /// Of [`Self::Detections`].
-    pub const DETECTIONS: &str = "~/detections";
+    pub const DETECTIONS: &str = sent::DETECTIONS.name;
     /// Of [`Self::Polygon`].
-    pub const POLYGONS: &str = "~/polygons";
-    /// Of all.
-    pub const TOPICS: [&str; 8] = [
-        Self::CLUSTERS,
-        Self::DELTA,
-        Self::MARKERS,
-        Self::LABELLED,
-        Self::DETECTIONS,
-        Self::POLYGONS,
-        Self::DIAGNOSTICS,
-        Self::LOG,
-    ];
-
-    /// The types of all.
-    pub const TYPES: [(&str, &str); 8] = [
-        (Self::CLUSTERS, "cfodi_msgs/msg/SurfaceClusterArray"),
-        (Self::DELTA, "cfodi_msgs/msg/SurfaceClusterArray"),
-        (Self::MARKERS, "visualization_msgs/msg/MarkerArray"),
-        (Self::LABELLED, "sensor_msgs/msg/PointCloud2"),
-        (Self::DETECTIONS, "vision_msgs/msg/Detection3DArray"),
-        (Self::POLYGONS, "geometry_msgs/msg/PolygonInstanceStamped"),
-        (Self::DIAGNOSTICS, "diagnostic_msgs/msg/DiagnosticArray"),
-        (Self::LOG, "rcl_interfaces/msg/Log"),
-    ];
+    pub const POLYGONS: &str = sent::POLYGONS.name;
 
     /// Name of its topic.
     pub const fn topic(&self) -> &'static str {
@@ -231,12 +216,49 @@ pub struct NetworkState {
 }
 
 /// A message could not be sent.
-#[derive(Debug)]
-pub struct SendError(pub String);
+#[derive(Debug, Error)]
+pub enum SendError {
+    /// The middleware refuses it.
+    #[error("on {topic}: {cause}")]
+    Refused {
+        /// The topic.
+        topic: &'static str,
+        /// The middleware's words.
+        cause: String,
+    },
+    /// Too many before it wait for a reader.
+    #[error("on {topic}: a reader has not acknowledged the {most} before, and no more are kept")]
+    Unacknowledged {
+        /// The topic.
+        topic: &'static str,
+        /// How many are kept.
+        most: i32,
+    },
+    /// A topic that was to be opened anew.
+    #[error("on {topic}, which cannot be opened anew: {cause}")]
+    NotReopened {
+        /// The topic.
+        topic: &'static str,
+        /// The middleware's words.
+        cause: String,
+    },
+    /// The answer to a call, which who logs it names.
+    #[error("{cause}")]
+    Unanswered {
+        /// The service.
+        service: &'static str,
+        /// The middleware's words.
+        cause: String,
+    },
+}
 
-impl fmt::Display for SendError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.0)
+impl SendError {
+    pub(super) fn refused(topic: &'static str, cause: &(impl ToString + ?Sized)) -> Self {
+        Self::Refused { topic, cause: cause.to_string() }
+    }
+
+    pub(super) fn unanswered(service: &'static str, cause: &(impl ToString + ?Sized)) -> Self {
+        Self::Unanswered { service, cause: cause.to_string() }
     }
 }
 
@@ -270,4 +292,21 @@ pub trait Transport: 'static {
 
     /// Resolves, with a reason, when something that reads has ended: the node would be alive and deaf.
     fn failed(&self) -> impl Future<Output = String>;
+}
+
+#[cfg(test)]
+mod tests {
+    use std::error::Error;
+
+    use super::*;
+
+    #[test]
+    fn what_could_not_be_sent_is_an_error_that_names_its_topic() {
+        let error: Box<dyn Error> = SendError::refused(Outgoing::DELTA, "no memory").into();
+        assert_eq!(error.to_string(), "on ~/clusters_delta: no memory");
+        let error = SendError::Unacknowledged { topic: Outgoing::DELTA, most: 1024 };
+        assert!(error.to_string().starts_with("on ~/clusters_delta: ") && error.to_string().contains("1024"));
+        let error = SendError::unanswered(Service::Save.name(), "gone");
+        assert!(matches!(error, SendError::Unanswered { service: "~/save", .. }));
+    }
 }

@@ -5,6 +5,7 @@
 //! that the node sends, so that no reader of `rmw_zenoh` would match, keeps nothing for late readers and asks nobody for what
 //! it missed, waits in Zenoh's threads where a queue is full, and brings every transport that Zenoh has.
 
+mod answers;
 mod config;
 mod mailbox;
 mod names;
@@ -13,24 +14,27 @@ mod outlet;
 mod parameters;
 mod read;
 
-use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::rc::Rc;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-use tokio::sync::{mpsc, oneshot};
-use tokio::task::JoinSet;
+use tokio::sync::{Notify, mpsc, oneshot};
+use tokio::time::{sleep, timeout};
 use tracing::{info, warn};
+use zenoh::config::WhatAmI;
 use zenoh::pubsub::Subscriber;
 use zenoh::sample::SampleKind;
+use zenoh::session::TransportEvent;
 use zenoh::{Session, Wait as _};
 
+use self::answers::Answers;
 pub use self::opener::Call;
 use self::opener::Opener;
 use self::outlet::Outlet;
 use super::middleware::{Adding, Middleware, OpenError, Opened};
 use super::parameters::Parameters;
+use super::readers::{self, Readers};
 use super::transport::{Form, NetworkState, Outgoing, SendError, SensorTopics, Service, Source, Transport};
 use crate::args::security::{Security, SecurityError};
 use crate::args::{ArgsError, Setup};
@@ -41,14 +45,12 @@ use crate::msg::ros::TriggerResponse;
 /// Events that wait for the node; a cloud that finds no place waits in its mailbox.
 const EVENTS: usize = 16;
 
-/// Time between two looks for a router, and at whether the session is open.
+/// Time between two looks for a router where there is none at the start, and at whether the session is open; and until Zenoh itself
+/// knows what it has told.
 const LOOK: Duration = Duration::from_secs(1);
 
 /// Publishers of others that are remembered: anyone may declare as many as it likes.
 const SOURCES: usize = 4096;
-
-/// Tasks that read; each ends with the name of what it read.
-type Readers = JoinSet<Cow<'static, str>>;
 
 /// Adds events to those of the network.
 type Events = Adding<Zenoh>;
@@ -76,6 +78,9 @@ pub struct Zenoh {
     graph: Graph,
     _graph_reader: Subscriber<()>,
     _opener: Rc<Opener>,
+    answers: Answers,
+    /// A router has come or gone.
+    router_news: Arc<Notify>,
     session: Session,
     parameters: Rc<Parameters>,
     inputs: Vec<SensorTopics>,
@@ -88,7 +93,8 @@ impl Zenoh {
     fn on(session: &Session, setup: &Setup, events: &Events) -> Result<Self, OpenError> {
         let begun_with = Parameters::new(setup.fully_qualified_name(), setup.parameters.clone());
         let parameters = Rc::new(begun_with.map_err(ArgsError::from)?);
-        let opener = Rc::new(Opener::new(setup, session)?);
+        let answers = Answers::start()?;
+        let opener = Rc::new(Opener::new(setup, session, answers.clone())?);
         let graph = Graph::default();
         let outlets = outlet::open(&opener)?;
         let mut readers = read::listen(&opener, &graph, &parameters, events)?;
@@ -99,6 +105,8 @@ impl Zenoh {
             _graph_reader: read_graph(session, setup, Arc::clone(&graph))?,
             graph,
             _opener: opener,
+            answers,
+            router_news: router_news(session)?,
             session: session.clone(),
             parameters,
             inputs: setup.inputs()?,
@@ -106,22 +114,10 @@ impl Zenoh {
         })
     }
 
-    /// Resolves when something that reads has ended.
-    async fn reader_ended(&self) -> String {
-        match self.readers.lock().await.join_next().await {
-            Some(Ok(topic)) => format!("reading {topic} has ended"),
-            Some(Err(failure)) => failure.to_string(),
-            None => "nothing reads".to_owned(),
-        }
-    }
-
     /// Resolves when the session is closed; says meanwhile when a router is found and lost.
     async fn closed(&self) -> String {
         let mut has_router = None;
         loop {
-            if self.session.is_closed() {
-                return "the Zenoh session is closed".to_owned();
-            }
             match routers(&self.session).await {
                 Ok(0) if has_router == Some(true) => {
                     warn!("the Zenoh router has gone; it is connected to again when it is there");
@@ -136,9 +132,29 @@ impl Zenoh {
                 }
                 Err(error) => return error.to_string(),
             }
-            tokio::time::sleep(LOOK).await;
+            while timeout(LOOK, self.router_news.notified()).await.is_err() {
+                if self.session.is_closed() {
+                    return "the Zenoh session is closed".to_owned();
+                }
+            }
+            sleep(LOOK).await;
         }
     }
+}
+
+/// Tells when a router has come or gone. How many there are then is asked for: of one that comes while this begins Zenoh may tell twice,
+/// or that it has gone first.
+fn router_news(session: &Session) -> Result<Arc<Notify>, OpenError> {
+    let news = Arc::new(Notify::new());
+    let told = Arc::clone(&news);
+    let tell = move |event: TransportEvent| {
+        if event.transport().whatami() == WhatAmI::Router {
+            told.notify_one();
+        }
+    };
+    let (info, what) = (session.info(), "the news of routers");
+    info.transport_events_listener().callback(tell).background().wait().map_err(opening(what))?;
+    Ok(news)
 }
 
 /// How many routers the session is connected to.
@@ -151,7 +167,7 @@ async fn routers(session: &Session) -> Result<usize, OpenError> {
 async fn find_router(session: &Session, looks: u64) -> Result<(), OpenError> {
     for look in 0..looks {
         if look > 0 {
-            tokio::time::sleep(LOOK).await;
+            sleep(LOOK).await;
         }
         if routers(session).await? > 0 {
             return Ok(());
@@ -255,6 +271,7 @@ impl Middleware for Zenoh {
 
     async fn close(self) -> impl Sized {
         self.readers.lock().await.shutdown().await;
+        self.answers.done().await;
         let session = self.session.clone();
         drop(self);
         close(session).await;
@@ -293,8 +310,9 @@ impl Transport for Zenoh {
 
     async fn failed(&self) -> String {
         tokio::select! {
-            reason = self.reader_ended() => reason,
+            reason = readers::ended(&self.readers) => reason,
             reason = self.closed() => reason,
+            reason = self.answers.ended() => reason,
         }
     }
 }

@@ -237,6 +237,17 @@ def test_a_flood_is_bounded_and_what_is_lost_by_it_is_counted(zenoh_node, robot)
     assert most - before < 400
 
 
+def test_calls_that_come_faster_than_they_are_read_are_said(zenoh_node, robot):
+    node = zenoh_node().ready()
+    session = robot.session.session
+    attachment = struct.pack("<qqB16s", 1, 1, 16, b"\1" * 16)
+    for _ in range(5000):
+        session.get("0/cfodi/reset/std_srvs::srv::dds_::Trigger_/any", payload=b"\0\1\0\0\0", attachment=attachment, timeout=5)
+    node.line_with("~/reset", "came faster than they were read")
+    assert robot.trigger("/cfodi/reset").success
+    node.stop()
+
+
 def memory(node):
     """The most that it had (MB)."""
     status = pathlib.Path(f"/proc/{node.process.pid}/status").read_text()

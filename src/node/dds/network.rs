@@ -11,17 +11,19 @@ use rustdds::DomainParticipant;
 use serde::Serialize;
 use tokio::sync::Mutex;
 
+use super::Readers;
 use super::mismatch::Ends;
 use super::outlet::Outlet;
 use super::pulse::Pulse;
 use super::read::Memory;
 use super::threads::Threads;
-use super::{Readers, ros_type};
 use crate::msg::clusters::SurfaceClusterArray;
 use crate::msg::reports::{DiagnosticArray, Log};
 use crate::msg::ros::{MarkerArray, PointCloud2, TriggerRequest, TriggerResponse};
 use crate::msg::twins::{Detection3DArray, PolygonInstanceStamped};
 use crate::node::clock::TimeOfDay;
+use crate::node::readers;
+use crate::node::topics::ros_type;
 use crate::node::transport::{Outgoing, SendError, Service, Source};
 
 /// Time between two looks at the middleware's threads.
@@ -90,7 +92,7 @@ impl Network {
             Outgoing::Log(line) => self.tell(self.log.as_ref(), line).await,
             Outgoing::Labelled(cloud) => {
                 let sent = self.labelled.async_publish(cloud).await;
-                sent.map_err(|error| SendError(format!("on {}: {error}", Outgoing::LABELLED)))
+                sent.map_err(|error| SendError::refused(Outgoing::LABELLED, &error))
             }
             Outgoing::Detections(array) => self.tell(self.detections.as_ref(), array).await,
             Outgoing::Polygon(polygon) => self.tell(self.polygons.as_ref(), polygon).await,
@@ -132,7 +134,7 @@ impl Network {
         response: TriggerResponse,
     ) -> Result<(), SendError> {
         let sent = self.server(service).async_send_response(request, response).await;
-        sent.map_err(|error| SendError(error.to_string()))
+        sent.map_err(|error| SendError::unanswered(service.name(), &error))
     }
 
     pub(super) fn sources(&self) -> Vec<Source> {
@@ -157,11 +159,7 @@ impl Network {
 
     /// Resolves with a reason when something that reads has ended.
     pub(super) async fn reader_ended(&self) -> String {
-        match self.readers.lock().await.join_next().await {
-            Some(Ok(topic)) => format!("reading {topic} has ended"),
-            Some(Err(failure)) => failure.to_string(),
-            None => "nothing reads".to_owned(),
-        }
+        readers::ended(&self.readers).await
     }
 
     /// Whether the middleware takes up what is written, as far as it can be known.

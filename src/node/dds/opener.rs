@@ -20,6 +20,7 @@ use super::mismatch::Ends;
 use super::{opening, secure};
 use crate::args::Setup;
 use crate::args::security::Security;
+use crate::msg::sent::{Named, Qos};
 use crate::node::middleware::OpenError;
 
 /// A node that nobody opens topics of any more, and its participant.
@@ -57,60 +58,65 @@ impl<'a> Opener<'a> {
 
     pub(super) fn topic(
         &self,
-        name: &str,
-        package: &str,
-        kind: &str,
+        Named { name, type_name }: Named<'_>,
         qos: &rustdds::QosPolicies,
     ) -> Result<Topic, OpenError> {
-        self.resolved_topic((&self.setup.resolve(name)?, package, kind), qos)
+        self.resolved_topic(Named { name: &self.setup.resolve(name)?, type_name }, qos)
     }
 
     /// As [`Self::topic`], of a name that remappings have been applied to: they would make another of it.
     pub(super) fn resolved_topic(
         &self,
-        (resolved, package, kind): (&str, &str, &str),
+        Named { name, type_name }: Named<'_>,
         qos: &rustdds::QosPolicies,
     ) -> Result<Topic, OpenError> {
+        let (package, kind) = package_and_kind(type_name);
         let kind = MessageTypeName::new(package, kind).dds_msg_type();
-        let topic = self.participant.create_topic(format!("rt{resolved}"), kind, qos, TopicKind::NoKey);
-        topic.map_err(opening(resolved))
+        let topic = self.participant.create_topic(format!("rt{name}"), kind, qos, TopicKind::NoKey);
+        topic.map_err(opening(name))
     }
 
     /// Reads a topic, by its resolved name.
     pub(super) fn subscribe<M: 'static>(
         &mut self,
-        resolved: (&str, &str, &str),
+        resolved: Named<'_>,
         qos: &rustdds::QosPolicies,
     ) -> Result<Subscription<M>, OpenError> {
         let topic = self.resolved_topic(resolved, qos)?;
         self.ends.reads(topic.name(), qos.clone());
-        self.node.borrow_mut().create_subscription(&topic, None).map_err(opening(resolved.0))
+        self.node.borrow_mut().create_subscription(&topic, None).map_err(opening(resolved.name))
     }
 
     pub(super) fn publisher<M: Serialize>(
         &mut self,
-        (name, package, kind): (&str, &str, &str),
+        named: Named<'_>,
         qos: &rustdds::QosPolicies,
     ) -> Result<Publisher<M>, OpenError> {
-        let topic = self.topic(name, package, kind, qos)?;
+        let topic = self.topic(named, qos)?;
         self.ends.publishes(topic.name(), qos.clone());
-        self.node.borrow_mut().create_publisher(&topic, None).map_err(opening(name))
+        self.node.borrow_mut().create_publisher(&topic, None).map_err(opening(named.name))
     }
 
     pub(super) fn server<Q: ros2_client::Message + Clone + 'static, A: ros2_client::Message + 'static>(
         &mut self,
-        name: &str,
-        (package, kind): (&str, &str),
+        Named { name, type_name }: Named<'_>,
         depth: usize,
     ) -> Result<Server<Q, A>, OpenError> {
         let resolved = self.setup.resolve_service(name)?;
         let service = Name::parse(&resolved).map_err(opening(&resolved))?;
+        let (package, kind) = package_and_kind(type_name);
         let kind = ServiceTypeName::new(package, kind);
         let qos = reliable(depth, Durability::Volatile);
         let mapping = mapping(self.setup);
         let server = self.node.borrow_mut().create_server(mapping, &service, &kind, qos.clone(), qos);
         server.map_err(opening(&resolved))
     }
+}
+
+/// Of `sensor_msgs/msg/PointCloud2` the first and the last part.
+fn package_and_kind(type_name: &str) -> (&str, &str) {
+    let package = type_name.split_once('/').map_or("", |(package, _)| package);
+    (package, type_name.rsplit_once('/').map_or(type_name, |(_, kind)| kind))
 }
 
 /// How calls are written: where they are taken for others they are run and never answered.
@@ -155,7 +161,8 @@ pub(super) fn reliable(depth: usize, durability: Durability) -> QosProfile {
 ///
 /// RustDDS forgets what every reader has acknowledged: where there is none, or one that acknowledges nothing, it would keep
 /// some thousand messages. `most` bounds them, and what may wait for one reader.
-pub(super) fn reliable_output(depth: usize, durability: Durability, most: i32) -> rustdds::QosPolicies {
+pub(super) fn reliable_output(Qos { latched, depth, .. }: Qos, most: i32) -> rustdds::QosPolicies {
+    let durability = if latched { Durability::TransientLocal } else { Durability::Volatile };
     let profile = reliable(depth, durability).deadline(Some(Duration::from_millis(5)));
     let limits = ResourceLimits { max_samples: most, max_instances: 1, max_samples_per_instance: most };
     rustdds::QosPolicies::from(&profile).modify_by(&QosPolicyBuilder::new().resource_limits(limits).build())
@@ -176,6 +183,13 @@ mod tests {
         for rmw in [None, Some(""), Some("rmw_fastrtps_cpp"), Some("rmw_connextdds")] {
             assert!(matches!(chosen(rmw), ServiceMapping::Enhanced), "{rmw:?}");
         }
+    }
+
+    #[test]
+    fn a_type_has_a_package_and_a_kind() {
+        assert_eq!(package_and_kind("sensor_msgs/msg/PointCloud2"), ("sensor_msgs", "PointCloud2"));
+        assert_eq!(package_and_kind("std_srvs/srv/Trigger"), ("std_srvs", "Trigger"));
+        assert_eq!(package_and_kind("PointCloud2"), ("", "PointCloud2"));
     }
 
     #[test]

@@ -10,7 +10,6 @@ use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 use std::time::Duration;
 
-use ros2_client::qos::Durability;
 use ros2_client::{Node, Publisher, WriteError};
 use rustdds::{Topic, TopicDescription as _};
 use serde::Serialize;
@@ -18,6 +17,7 @@ use tokio::time::{Instant, sleep};
 use tracing::warn;
 
 use super::{Opener, opening, reliable_output};
+use crate::msg::sent;
 use crate::node::middleware::OpenError;
 use crate::node::transport::SendError;
 
@@ -61,13 +61,10 @@ impl Patience {
 }
 
 impl<M: Serialize> Outlet<M> {
-    pub(super) fn open(
-        opener: &mut Opener<'_>,
-        (name, package, kind): (&'static str, &str, &str),
-        (depth, durability, most): (usize, Durability, i32),
-    ) -> Result<Self, OpenError> {
-        let qos = reliable_output(depth, durability, most);
-        let topic = opener.topic(name, package, kind, &qos)?;
+    /// Opens it; `most` messages are kept for a reader that does not acknowledge them.
+    pub(super) fn open(opener: &mut Opener<'_>, row: sent::Topic, most: i32) -> Result<Self, OpenError> {
+        let (name, qos) = (row.name, reliable_output(row.qos, most));
+        let topic = opener.topic(row.named(), &qos)?;
         opener.ends.publishes(topic.name(), qos);
         let publisher = opener.node.borrow_mut().create_publisher(&topic, None).map_err(opening(name))?;
         Ok(Self {
@@ -101,7 +98,7 @@ impl<M: Serialize> Outlet<M> {
         match publisher.async_publish(message).await {
             Ok(()) => Ok(None),
             Err(WriteError::WouldBlock { data }) => Ok(Some(data)),
-            Err(error) => Err(SendError(format!("on {}: {error}", self.name))),
+            Err(error) => Err(SendError::refused(self.name, &error)),
         }
     }
 
@@ -112,8 +109,9 @@ impl<M: Serialize> Outlet<M> {
 
     pub(super) fn reopen(&self, node: &mut Node) -> Result<(), SendError> {
         self.opened.set(Instant::now());
-        let failed = |error| SendError(format!("on {}, which cannot be opened anew: {error}", self.name));
-        let anew = node.create_publisher(&self.topic, None).map_err(failed)?;
+        let anew = node.create_publisher(&self.topic, None);
+        let anew =
+            anew.map_err(|error| SendError::NotReopened { topic: self.name, cause: error.to_string() })?;
         self.publisher.replace(Rc::new(anew));
         let Self { name, most, .. } = self;
         warn!(
@@ -123,8 +121,7 @@ impl<M: Serialize> Outlet<M> {
     }
 
     pub(super) fn refusal(&self) -> SendError {
-        let Self { name, most, .. } = self;
-        SendError(format!("on {name}: a reader has not acknowledged the {most} before, and no more are kept"))
+        SendError::Unacknowledged { topic: self.name, most: self.most }
     }
 }
 

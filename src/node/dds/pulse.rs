@@ -12,6 +12,7 @@ use rustdds::{QosPolicyBuilder, WriteOptionsBuilder};
 use tokio::time::{sleep, timeout};
 
 use super::{Opener, opening};
+use crate::msg::sent::Named;
 use crate::node::middleware::OpenError;
 use crate::node::topics::PULSE;
 
@@ -33,7 +34,7 @@ impl Pulse {
             // One that is not yet taken up leaves no room for the next.
             .resource_limits(ResourceLimits { max_samples: 1, max_instances: 1, max_samples_per_instance: 1 })
             .build();
-        let topic = opener.topic(PULSE, "std_msgs", "Empty", &qos)?;
+        let topic = opener.topic(Named { name: PULSE, type_name: "std_msgs/msg/Empty" }, &qos)?;
         let publisher = opener.participant.create_publisher(&qos).map_err(opening(PULSE))?;
         publisher.create_datawriter_no_key_cdr(&topic, None).map(Self).map_err(opening(PULSE))
     }

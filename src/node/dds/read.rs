@@ -19,6 +19,7 @@ use super::{Events, Opener, Readers, latched, opening, parameters, reliable};
 use crate::args::security::Security;
 use crate::cloud::{CloudSeed, CompressedSeed, DepthSeed};
 use crate::msg::ros::{CameraInfo, Clock, TriggerRequest, TriggerResponse};
+use crate::msg::sent::Named;
 use crate::node::heard::{Known, Order, PublisherId, Taken};
 use crate::node::middleware::OpenError;
 use crate::node::parameters::Parameters;
@@ -28,6 +29,8 @@ use crate::node::{clock, compressed};
 
 /// Messages of transforms that may wait.
 const TRANSFORMS: usize = 100;
+
+const TF: &str = "tf2_msgs/msg/TFMessage";
 
 /// What was heard, for readers that come after: a publisher's numbers go on when the network is joined anew.
 #[derive(Clone, Default)]
@@ -79,7 +82,7 @@ pub(super) fn listen(
     let repaired = (&reliable(TRANSFORMS, Durability::Volatile)).into();
     let topic = opener.setup.resolve("/tf")?;
     for qos in at_once.into_iter().chain([repaired]) {
-        let dynamic = opener.subscribe((&topic, "tf2_msgs", "TFMessage"), &qos)?;
+        let dynamic = opener.subscribe(Named { name: &topic, type_name: TF }, &qos)?;
         let taken = Rc::clone(&memory.transforms);
         let transforms = move |message, info: &MessageInfo| match taken
             .borrow_mut()
@@ -94,12 +97,12 @@ pub(super) fn listen(
     let taken = Rc::clone(&memory.latched);
     let transforms = move |message, info: &MessageInfo| latched::event(&taken, message, info);
     let topic = opener.setup.resolve(latched::TOPIC)?;
-    let latched = opener.subscribe((&topic, "tf2_msgs", "TFMessage"), &latched_qos())?;
+    let latched = opener.subscribe(Named { name: &topic, type_name: TF }, &latched_qos())?;
     readers.spawn_local(read(latched::TOPIC, latched, events.clone(), transforms));
     if opener.setup.config.use_sim_time {
         let qos = (&QosProfile::subscription_default()).into();
         let topic = opener.setup.resolve("/clock")?;
-        let times = opener.subscribe((&topic, "rosgraph_msgs", "Clock"), &qos)?;
+        let times = opener.subscribe(Named { name: &topic, type_name: "rosgraph_msgs/msg/Clock" }, &qos)?;
         let parameters = Rc::clone(parameters);
         let time = move |clock: Clock, _: &MessageInfo| Some(clock::event(clock, &parameters));
         readers.spawn_local(read("/clock", times, events.clone(), time));
@@ -148,10 +151,15 @@ impl Listening<'_, '_> {
 
     fn clouds(&mut self, topic: String) -> Result<(), OpenError> {
         let qos = scan_qos(policy::Reliability::BestEffort);
-        let clouds = self.opener.subscribe((&topic, "sensor_msgs", "PointCloud2"), &qos)?;
+        let clouds =
+            self.opener.subscribe(Named { name: &topic, type_name: "sensor_msgs/msg/PointCloud2" }, &qos)?;
         let seed = WithFilter::new(self.parameters, CloudSeed::new);
-        let known = (Rc::clone(&self.heard.points), false);
-        self.read((Form::Points, topic), clouds, seed, known);
+        let known = Rc::clone(&self.heard.points);
+        self.read(
+            Reading { input: Form::Points.of(self.number), topic, known, reliably: false },
+            clouds,
+            seed,
+        );
         Ok(())
     }
 
@@ -160,7 +168,8 @@ impl Listening<'_, '_> {
         let best_effort = policy::Reliability::BestEffort;
         let (qos, camera) = (scan_qos(best_effort), self.heard.camera.clone());
         let name = camera_info.resolved.clone();
-        let infos = self.opener.subscribe((&name, "sensor_msgs", "CameraInfo"), &qos)?;
+        let infos =
+            self.opener.subscribe(Named { name: &name, type_name: "sensor_msgs/msg/CameraInfo" }, &qos)?;
         self.readers.spawn_local(read_cameras(
             (self.number, name),
             infos,
@@ -172,10 +181,12 @@ impl Listening<'_, '_> {
         let repaired = (!has_keys(self.opener.security)).then_some((repaired, true));
         for (reliability, reliably) in [(best_effort, false)].into_iter().chain(repaired) {
             let qos = scan_qos(reliability);
-            let images = self.opener.subscribe((&image.resolved, "sensor_msgs", "Image"), &qos)?;
+            let images = self
+                .opener
+                .subscribe(Named { name: &image.resolved, type_name: "sensor_msgs/msg/Image" }, &qos)?;
             let seed = WithCamera::new(&camera, self.parameters, DepthSeed::new);
-            let known = (Rc::clone(&self.heard.images), reliably);
-            self.read((Form::Depth, image.resolved.clone()), images, seed, known);
+            let (input, known) = (Form::Depth.of(self.number), Rc::clone(&self.heard.images));
+            self.read(Reading { input, topic: image.resolved.clone(), known, reliably }, images, seed);
         }
         Ok(())
     }
@@ -183,7 +194,7 @@ impl Listening<'_, '_> {
     /// Compressed depth images, once they are wanted.
     fn compressed(&mut self, topics: DepthTopics) -> Result<(), OpenError> {
         let qos = scan_qos(policy::Reliability::BestEffort);
-        let name = (topics.compressed.as_str(), "sensor_msgs", "CompressedImage");
+        let name = Named { name: &topics.compressed, type_name: "sensor_msgs/msg/CompressedImage" };
         let topic = self.opener.resolved_topic(name, &qos)?;
         self.opener.ends.reads(topic.name(), qos);
         let node = Rc::downgrade(&self.opener.node);
@@ -197,9 +208,10 @@ impl Listening<'_, '_> {
             sources.answer().await;
             // The network may be left meanwhile.
             let images = node.upgrade().map(|node| node.borrow_mut().create_subscription(&topic, None));
-            let (topic, known) = ((input, topics.compressed), (heard.compressed, false));
+            let known = heard.compressed;
+            let reading = Reading { input, topic: topics.compressed, known, reliably: false };
             match images {
-                Some(Ok(images)) => read_scans(topic, images, seed, known, events).await,
+                Some(Ok(images)) => read_scans(reading, images, seed, events).await,
                 Some(Err(error)) => compressed::cannot_be_read(&error).await,
                 None => pending().await,
             }
@@ -207,17 +219,11 @@ impl Listening<'_, '_> {
         Ok(())
     }
 
-    fn read<S>(
-        &mut self,
-        (form, topic): (Form, String),
-        subscription: Subscription<Decoded>,
-        seed: S,
-        known: (Publishers, bool),
-    ) where
+    fn read<S>(&mut self, reading: Reading, subscription: Subscription<Decoded>, seed: S)
+    where
         S: for<'de> DeserializeSeed<'de, Value = Decoded> + Clone + 'static,
     {
-        let input = form.of(self.number);
-        self.readers.spawn_local(read_scans((input, topic), subscription, seed, known, self.events.clone()));
+        self.readers.spawn_local(read_scans(reading, subscription, seed, self.events.clone()));
     }
 }
 
@@ -231,13 +237,22 @@ fn scan_qos(reliability: policy::Reliability) -> rustdds::QosPolicies {
         .build()
 }
 
-/// Reads scans until the node ends; `name` is the topic's, `seed` decodes; `known` is shared with the topic's other readers,
-/// with whether this one is reliable.
+/// A reader of scans.
+struct Reading {
+    input: Input,
+    /// Fully qualified.
+    topic: String,
+    /// Shared with the topic's other readers.
+    known: Publishers,
+    /// Whether this one is reliable.
+    reliably: bool,
+}
+
+/// Reads scans until the node ends; `seed` decodes.
 async fn read_scans<S>(
-    (input, name): (Input, String),
+    Reading { input, topic, known, reliably }: Reading,
     subscription: Subscription<Decoded>,
     seed: S,
-    (known, reliably): (Publishers, bool),
     events: Events,
 ) -> Cow<'static, str>
 where
@@ -256,7 +271,7 @@ where
             break;
         }
     }
-    name.into()
+    topic.into()
 }
 
 /// A scan with its publisher and number.

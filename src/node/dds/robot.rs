@@ -9,12 +9,17 @@ use super::opener::Kept;
 use super::{Opener, reliable};
 use crate::args::Setup;
 use crate::msg::ros::{PointCloud2, TfMessage};
+use crate::msg::sent::Named;
 use crate::node::middleware::OpenError;
 use crate::node::transport::SendError;
 
 /// Who begins to read `/tf` when some thousand messages have been sent counts as one that has acknowledged none of them,
 /// for some milliseconds.
 const PATIENCE: WhenFull = WhenFull::Wait(Duration::from_millis(500));
+
+const POINTS: &str = "points";
+const TF: &str = "/tf";
+const TF_STATIC: &str = "/tf_static";
 
 /// Publishers of a simulated robot: its own participant, so that its clouds really cross the network stack.
 pub struct Robot {
@@ -33,13 +38,14 @@ impl Robot {
         let setup = setup.for_node("simulated_robot");
         let security = setup.security()?;
         let mut opener = Opener::new(&setup, &security)?;
-        let tf = |name| (name, "tf2_msgs", "TFMessage");
+        let tf = |name| Named { name, type_name: "tf2_msgs/msg/TFMessage" };
         let best_effort = &QosProfile::subscription_default().into();
-        let points = opener.publisher(("points", "sensor_msgs", "PointCloud2"), best_effort)?;
+        let points = opener
+            .publisher(Named { name: POINTS, type_name: "sensor_msgs/msg/PointCloud2" }, best_effort)?;
         let patient =
             |depth, durability| (&reliable(depth, durability).reliability_reliable(PATIENCE)).into();
-        let dynamic = opener.publisher(tf("/tf"), &patient(100, Durability::Volatile))?;
-        let latched = opener.publisher(tf("/tf_static"), &patient(1, Durability::TransientLocal))?;
+        let dynamic = opener.publisher(tf(TF), &patient(100, Durability::Volatile))?;
+        let latched = opener.publisher(tf(TF_STATIC), &patient(1, Durability::TransientLocal))?;
         Ok(Self { points, tf: dynamic, tf_static: latched, _kept: opener.into_kept() })
     }
 
@@ -48,7 +54,7 @@ impl Robot {
     /// # Errors
     /// When the middleware refuses it.
     pub fn send_cloud(&self, cloud: PointCloud2) -> Result<(), SendError> {
-        self.points.publish(cloud).map_err(|error| SendError(error.to_string()))
+        self.points.publish(cloud).map_err(|error| SendError::refused(POINTS, &error))
     }
 
     /// Sends transforms on `/tf`, or on `/tf_static`.
@@ -56,7 +62,7 @@ impl Robot {
     /// # Errors
     /// When the middleware refuses them.
     pub fn send_transforms(&self, message: TfMessage, is_static: bool) -> Result<(), SendError> {
-        let publisher = if is_static { &self.tf_static } else { &self.tf };
-        publisher.publish(message).map_err(|error| SendError(error.to_string()))
+        let (topic, publisher) = if is_static { (TF_STATIC, &self.tf_static) } else { (TF, &self.tf) };
+        publisher.publish(message).map_err(|error| SendError::refused(topic, &error))
     }
 }

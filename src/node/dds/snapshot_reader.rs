@@ -7,6 +7,7 @@ use super::opener::Kept;
 use super::{Opener, reliable};
 use crate::args::Setup;
 use crate::msg::clusters::SurfaceClusterArray;
+use crate::msg::sent::{self, Named};
 use crate::node::middleware::OpenError;
 
 /// Reads the snapshots that a node publishes.
@@ -26,7 +27,7 @@ impl SnapshotReader {
         let mut opener = Opener::new(&setup, &security)?;
         let latched = (&reliable(1, Durability::TransientLocal)).into();
         let topic = setup.resolve("/cfodi/clusters")?;
-        let snapshots = opener.subscribe((&topic, "cfodi_msgs", "SurfaceClusterArray"), &latched)?;
+        let snapshots = opener.subscribe(Named { name: &topic, ..sent::CLUSTERS.named() }, &latched)?;
         Ok(Self { snapshots, _kept: opener.into_kept() })
     }
 

@@ -3,7 +3,9 @@
 
 use xxhash_rust::xxh3::xxh3_128;
 
+use crate::msg::sent::{Named, Qos};
 use crate::node::heard::PublisherId;
+use crate::node::topics::ros_type;
 use crate::node::transport::Source;
 
 /// What the keys of tokens begin with.
@@ -39,16 +41,8 @@ impl Kind {
     }
 }
 
-/// A quality of service, as far as a token tells it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Qos {
-    pub(super) reliable: bool,
-    pub(super) latched: bool,
-    pub(super) depth: usize,
-}
-
 impl Qos {
-    /// Empty is what is ROS's default.
+    /// As far as a token tells it. Empty is what is ROS's default.
     fn token(self) -> String {
         let reliability = if self.reliable { "" } else { "2" };
         let durability = if self.latched { "1" } else { "" };
@@ -56,13 +50,7 @@ impl Qos {
     }
 }
 
-/// Of a topic or service: its fully qualified name, and its type as `sensor_msgs/msg/PointCloud2`.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Named<'a> {
-    pub(super) name: &'a str,
-    pub(super) type_name: &'a str,
-}
-
+// What a fully qualified name is in keys.
 impl Named<'_> {
     /// The key that is sent to.
     pub(super) fn key(self, domain: u16) -> String {
@@ -150,12 +138,6 @@ fn dds_type(type_name: &str) -> String {
     }
 }
 
-/// The reverse.
-fn ros_type(dds: &str) -> String {
-    let plain = dds.replace("::dds_::", "::");
-    plain.strip_suffix('_').unwrap_or(&plain).replace("::", "/")
-}
-
 /// What goes beside a message: its number, the time, and who sent it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Attachment {
@@ -186,10 +168,10 @@ impl Attachment {
 mod tests {
     use super::*;
     use crate::args::{Environment, Setup};
-    use crate::node::parameters;
-    use crate::node::transport::Outgoing;
+    use crate::msg::sent;
+    use crate::node::parameters::{self, ParameterService};
 
-    const LATCHED: Qos = Qos { reliable: true, latched: true, depth: 1 };
+    const LATCHED: Qos = Qos::latched(1);
 
     fn node(namespace: &str) -> NodeToken {
         let (id, name) = ("aac3178e".to_owned(), "cfodi".to_owned());
@@ -206,8 +188,7 @@ mod tests {
         let key = node("/robot").key_of(3, Kind::Service, named, LATCHED);
         let begin = "@ros2_lv/7/aac3178e/0/3/SS/%/%robot/cfodi/%robot1%chatter/std_srvs::srv::dds_::Trigger_";
         assert_eq!(key, format!("{begin}/{hash}/:1:,1:,:,:,,"));
-        let best_effort = Qos { reliable: false, latched: false, depth: 10 };
-        assert_eq!(best_effort.token(), "2::,10:,:,:,,");
+        assert_eq!(Qos::best_effort(10).token(), "2::,10:,:,:,,");
     }
 
     #[test]
@@ -228,10 +209,11 @@ mod tests {
     fn every_type_that_the_node_sends_or_serves_has_its_hash() {
         let setup = Setup::parse(&[], &Environment::default(), "cfodi").unwrap().0;
         assert!(setup.check_names().is_ok());
-        let services = parameters::SERVICES.map(|(_, kind)| format!("rcl_interfaces/srv/{kind}"));
-        let types = Outgoing::TYPES.map(|(_, type_name)| type_name.to_owned());
+        let services = ParameterService::ALL.map(|service| service.named().type_name);
+        let topics = sent::TOPICS.into_iter().chain([parameters::EVENTS]);
+        let types = topics.map(|topic| topic.type_name);
         for type_name in services.into_iter().chain(types) {
-            assert!(hash(&type_name).starts_with("RIHS01_"), "{type_name}");
+            assert!(hash(type_name).starts_with("RIHS01_"), "{type_name}");
         }
         assert_eq!(hash("a/msg/B"), NO_HASH);
     }

@@ -15,18 +15,23 @@ use zenoh::sample::{Sample, SampleKind};
 use zenoh::{Session, Wait as _};
 use zenoh_ext::{AdvancedSubscriber, AdvancedSubscriberBuilderExt as _, HistoryConfig};
 
+use super::answers::{Answers, Held, Places};
 use super::mailbox::{Mailbox, Room};
-use super::names::{Attachment, Kind, Named, NodeToken, Qos, publisher_id};
-use super::opening;
+use super::names::{Attachment, Kind, NodeToken, publisher_id};
+use super::{Events, opening};
 use crate::args::Setup;
 use crate::bag::cdr;
+use crate::msg::sent::{Named, Qos};
 use crate::node::clock;
 use crate::node::heard::PublisherId;
 use crate::node::middleware::OpenError;
-use crate::node::transport::SendError;
+use crate::node::transport::{Event, SendError};
 
 /// What a service is declared with, as in ROS.
-const SERVICES: Qos = Qos { reliable: true, latched: false, depth: 10 };
+const SERVICES: Qos = Qos::reliable(10);
+
+/// Calls of a service that may be under way: more than wait for a map to be written.
+const UNDER_WAY: usize = 128;
 
 /// Time for a publisher to send what it keeps for late readers.
 const HISTORY: Duration = Duration::from_secs(10);
@@ -38,15 +43,16 @@ pub(super) struct Opener {
     node: NodeToken,
     ends: Cell<u64>,
     tokens: RefCell<Vec<LivelinessToken>>,
+    answers: Answers,
 }
 
 impl Opener {
-    pub(super) fn new(setup: &Setup, session: &Session) -> Result<Self, OpenError> {
+    pub(super) fn new(setup: &Setup, session: &Session, answers: Answers) -> Result<Self, OpenError> {
         let Setup { domain, namespace, name, .. } = setup;
         let (namespace, name) = (namespace.clone(), name.clone());
         let node = NodeToken { domain: *domain, id: session.zid().to_string(), namespace, name };
         let (setup, session) = (setup.clone(), session.clone());
-        let opener = Self { setup, session, node, ends: Cell::new(0), tokens: RefCell::default() };
+        let opener = Self { setup, session, node, ends: Cell::new(0), tokens: RefCell::default(), answers };
         opener.declare(opener.node.key())?;
         Ok(opener)
     }
@@ -68,13 +74,8 @@ impl Opener {
 
     /// Listens to a topic, by its resolved name, of which remappings would make another; what is kept of a latched one for late
     /// readers is asked for.
-    pub(super) fn subscribe(
-        &self,
-        (resolved, type_name): (&str, &str),
-        qos: Qos,
-        room: Room,
-    ) -> Result<Inbox, OpenError> {
-        let named = Named { name: resolved, type_name };
+    pub(super) fn subscribe(&self, named: Named<'_>, qos: Qos, room: Room) -> Result<Inbox, OpenError> {
+        let resolved = named.name;
         let mailbox = Arc::new(Mailbox::new(room));
         let there = Arc::clone(&mailbox);
         let put = move |sample: Sample| {
@@ -99,7 +100,7 @@ impl Opener {
     /// Serves calls.
     pub(super) fn serve(
         &self,
-        (name, type_name): (&'static str, &str),
+        Named { name, type_name }: Named<'static>,
         room: Room,
     ) -> Result<Calls, OpenError> {
         let resolved = self.setup.resolve_service(name)?;
@@ -115,7 +116,8 @@ impl Opener {
         let queryable = queryable.map_err(opening(&resolved))?;
         self.tell(Kind::Service, named, SERVICES)?;
         let key = named.key(self.setup.domain);
-        Ok(Calls { name, key, mailbox, _queryable: queryable })
+        let (places, answers) = (Places::new(UNDER_WAY), self.answers.clone());
+        Ok(Calls { name, key, mailbox, places, answers, _queryable: queryable })
     }
 }
 
@@ -166,26 +168,54 @@ pub(super) struct Calls {
     /// That an answer goes by.
     key: String,
     mailbox: Arc<Mailbox<Query>>,
+    places: Places,
+    answers: Answers,
     _queryable: Queryable<()>,
 }
 
 impl Calls {
-    /// The next one, or why it is none.
-    pub(super) async fn take<Q: DeserializeOwned>(&self) -> Result<(Call, Q), String> {
-        let (query, _) = self.mailbox.take().await;
+    /// The next one. The node is told of what is none, and how many were lost; nothing where the node has ended.
+    pub(super) async fn take<Q: DeserializeOwned>(&self, events: &Events) -> Option<(Call, Q)> {
+        loop {
+            let place = self.places.free().await;
+            let (mut query, dropped) = self.mailbox.take().await;
+            let read = self.read(&mut query);
+            let query = Held::new(query, place, &self.answers);
+            if let Some(lost) = lost(self.name, dropped) {
+                events.send(lost).await.ok()?;
+            }
+            match read {
+                Ok((key, attachment, request)) => {
+                    return Some((Call { query, service: self.name, key, attachment }, request));
+                }
+                Err(text) => events.send(Event::Garbled { topic: self.name.into(), text }).await.ok()?,
+            }
+        }
+    }
+
+    /// The key that its answer goes by, who calls, and what is asked, which is not kept.
+    fn read<Q: DeserializeOwned>(&self, query: &mut Query) -> Result<(String, Attachment, Q), String> {
         let attachment = query.attachment().and_then(|attachment| Attachment::read(&attachment.to_bytes()));
         let attachment = attachment.ok_or("a call without who calls and its number")?;
-        let request = cdr::read(&query.payload().ok_or("a call without a request")?.to_bytes())?;
+        let payload = query.payload_mut().ok_or("a call without a request")?;
+        let request = cdr::read(&std::mem::take(payload).to_bytes())?;
+        let asked = query.key_expr();
         // An answer goes by one key.
-        let key =
-            if query.key_expr().is_wild() { self.key.clone() } else { query.key_expr().as_str().to_owned() };
-        Ok((Call { query, key, attachment }, request))
+        let key = if asked.is_wild() { self.key.clone() } else { asked.as_str().to_owned() };
+        Ok((key, attachment, request))
     }
+}
+
+/// What the node is told where so many messages found no room.
+pub(super) fn lost<R>(topic: &'static str, dropped: u64) -> Option<Event<R>> {
+    let text = || format!("{dropped} came faster than they were read, and are lost");
+    (dropped > 0).then(|| Event::Garbled { topic: topic.into(), text: text() })
 }
 
 /// A call to answer.
 pub struct Call {
-    query: Query,
+    query: Held<Query>,
+    service: &'static str,
     key: String,
     attachment: Attachment,
 }
@@ -197,13 +227,31 @@ impl fmt::Debug for Call {
 }
 
 impl Call {
+    /// Has it answered, by the thread of answers.
     pub(super) fn answer(self, response: &impl Serialize) -> Result<(), SendError> {
-        let refused = |error: &dyn fmt::Display| SendError(error.to_string());
+        let Self { query, service, key, attachment } = self;
         let mut bytes = Vec::new();
-        cdr::write(&mut bytes, response).map_err(|error| refused(&error))?;
-        // Its number and who called go back as they came.
-        let attachment = Attachment { stamp: clock::now().nanos(), ..self.attachment };
-        let reply = self.query.reply(self.key, bytes).attachment(attachment.bytes());
-        reply.wait().map_err(|error| refused(&error))
+        cdr::write(&mut bytes, response).map_err(|error| SendError::unanswered(service, &error))?;
+        query.answer(move |query| {
+            // Its number and who called go back as they came.
+            let attachment = Attachment { stamp: clock::now().nanos(), ..attachment };
+            let reply = query.reply(key, bytes).attachment(attachment.bytes());
+            reply.wait().map_err(|error| error.to_string())
+        });
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn messages_that_found_no_room_are_told_with_their_number() {
+        assert!(lost::<()>("~/reset", 0).is_none());
+        let told = lost::<()>("~/reset", 7);
+        assert!(
+            matches!(told, Some(Event::Garbled { topic, text }) if topic == "~/reset" && text.starts_with("7 "))
+        );
     }
 }

@@ -10,9 +10,10 @@ use zenoh::pubsub::Publisher;
 use zenoh::qos::CongestionControl;
 use zenoh_ext::{AdvancedPublisher, AdvancedPublisherBuilderExt as _, CacheConfig, MissDetectionConfig};
 
-use super::names::{Attachment, Kind, Named, Qos};
+use super::names::{Attachment, Kind};
 use super::opener::Opener;
 use super::opening;
+use crate::msg::sent::{self, Named, Topic};
 use crate::node::clock;
 use crate::node::heard::PublisherId;
 use crate::node::middleware::OpenError;
@@ -20,19 +21,6 @@ use crate::node::transport::{Outgoing, SendError};
 
 /// Time until a reader is told the number of the newest message, by which it sees that it has missed it.
 const HEARTBEAT: Duration = Duration::from_millis(500);
-
-/// The qualities of service that readers of DDS find too.
-fn qos(topic: &str) -> Qos {
-    let (reliable, latched, depth) = match topic {
-        Outgoing::CLUSTERS | Outgoing::MARKERS | Outgoing::DETECTIONS => (true, true, 1),
-        Outgoing::LOG => (true, true, 100),
-        Outgoing::DELTA => (true, false, 20),
-        Outgoing::POLYGONS => (true, false, 4096),
-        Outgoing::LABELLED => (false, false, 10),
-        _ => (true, false, 10),
-    };
-    Qos { reliable, latched, depth }
-}
 
 /// Opens all topics that parameters ask for, by their names.
 pub(super) fn open(opener: &Opener) -> Result<BTreeMap<&'static str, Outlet>, OpenError> {
@@ -42,8 +30,8 @@ pub(super) fn open(opener: &Opener) -> Result<BTreeMap<&'static str, Outlet>, Op
         Outgoing::POLYGONS => twins.polygons,
         _ => true,
     };
-    let topics = Outgoing::TYPES.into_iter().filter(|(name, _)| is_asked_for(name));
-    topics.map(|(name, kind)| Ok((name, Outlet::open(opener, (name, kind), qos(name))?))).collect()
+    let topics = sent::TOPICS.into_iter().filter(|topic| is_asked_for(topic.name));
+    topics.map(|topic| Ok((topic.name, Outlet::open(opener, topic)?))).collect()
 }
 
 enum Sender {
@@ -74,11 +62,7 @@ pub(super) struct Outlet {
 }
 
 impl Outlet {
-    pub(super) fn open(
-        opener: &Opener,
-        (name, type_name): (&'static str, &str),
-        qos: Qos,
-    ) -> Result<Self, OpenError> {
+    pub(super) fn open(opener: &Opener, Topic { name, type_name, qos }: Topic) -> Result<Self, OpenError> {
         let resolved = opener.setup.resolve(name)?;
         let named = Named { name: &resolved, type_name };
         let publisher = opener.session.declare_publisher(named.key(opener.setup.domain));
@@ -96,8 +80,7 @@ impl Outlet {
 
     /// Sends a message in CDR.
     pub(super) fn send(&self, message: Result<Vec<u8>, cdr_encoding::Error>) -> Result<(), SendError> {
-        let refused = |error: &dyn std::fmt::Display| SendError(format!("on {}: {error}", self.name));
-        let message = message.map_err(|error| refused(&error))?;
+        let message = message.map_err(|error| SendError::refused(self.name, &error))?;
         self.sent.set(self.sent.get() + 1);
         let attachment =
             Attachment { number: self.sent.get(), stamp: clock::now().nanos(), publisher: self.id };
@@ -108,6 +91,6 @@ impl Outlet {
             }
             Sender::Latched(Aside(None)) => Ok(()),
         };
-        sent.map_err(|error| refused(&error))
+        sent.map_err(|error| SendError::refused(self.name, &error))
     }
 }

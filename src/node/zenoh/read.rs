@@ -9,12 +9,12 @@ use std::sync::Arc;
 use serde::de::{DeserializeOwned, DeserializeSeed};
 
 use super::mailbox::Room;
-use super::names::Qos;
-use super::opener::{Call, Calls, Inbox, Opener};
+use super::opener::{Call, Calls, Inbox, Opener, lost};
 use super::{Events, Graph, Readers, listed};
 use crate::bag::cdr;
 use crate::cloud::{CloudError, CloudSeed, CompressedSeed, DepthSeed};
 use crate::msg::ros::{Clock, TriggerRequest};
+use crate::msg::sent::{Named, Qos};
 use crate::node::heard::Known;
 use crate::node::middleware::OpenError;
 use crate::node::parameters::Parameters;
@@ -30,7 +30,7 @@ const CLOCKS: Room = Room { messages: 10, bytes: 1 << 16 };
 const CALLS: Room = Room { messages: 10, bytes: 1 << 16 };
 
 /// What sensors are read with, and the clock.
-const SENSOR: Qos = Qos { reliable: false, latched: false, depth: 2 };
+const SENSOR: Qos = Qos::best_effort(2);
 
 /// Starts the tasks that read topics and calls.
 pub(super) fn listen(
@@ -45,21 +45,29 @@ pub(super) fn listen(
         Listening { opener, graph, readers, parameters, events, number, known }.to(sensor)?;
     }
     for (topic, is_static) in [("/tf", false), ("/tf_static", true)] {
-        let qos = Qos { reliable: true, latched: is_static, depth: 100 };
+        let qos = Qos { latched: is_static, ..Qos::reliable(100) };
         let resolved = opener.setup.resolve(topic)?;
-        let transforms = opener.subscribe((&resolved, "tf2_msgs/msg/TFMessage"), qos, TRANSFORMS)?;
+        let transforms = opener.subscribe(
+            Named { name: &resolved, type_name: "tf2_msgs/msg/TFMessage" },
+            qos,
+            TRANSFORMS,
+        )?;
         let event = move |message| Event::Transforms { message, is_static };
         readers.spawn_local(read(topic, transforms, events.clone(), event));
     }
     if opener.setup.config.use_sim_time {
         let resolved = opener.setup.resolve("/clock")?;
-        let clocks = opener.subscribe((&resolved, "rosgraph_msgs/msg/Clock"), SENSOR, CLOCKS)?;
+        let clocks = opener.subscribe(
+            Named { name: &resolved, type_name: "rosgraph_msgs/msg/Clock" },
+            SENSOR,
+            CLOCKS,
+        )?;
         let parameters = Rc::clone(parameters);
         let event = move |clock: Clock| clock::event(clock, &parameters);
         readers.spawn_local(read("/clock", clocks, events.clone(), event));
     }
     for service in [Service::Reset, Service::Save] {
-        let calls = opener.serve((service.name(), "std_srvs/srv/Trigger"), CALLS)?;
+        let calls = opener.serve(service.named(), CALLS)?;
         readers.spawn_local(serve(service, calls, events.clone()));
     }
     Ok(readers)
@@ -102,7 +110,11 @@ impl Listening<'_> {
 
     fn clouds(&mut self, topic: &str) -> Result<(), OpenError> {
         let seed = WithFilter::new(self.parameters, CloudSeed::new);
-        let scans = self.opener.subscribe((topic, "sensor_msgs/msg/PointCloud2"), SENSOR, SCANS)?;
+        let scans = self.opener.subscribe(
+            Named { name: topic, type_name: "sensor_msgs/msg/PointCloud2" },
+            SENSOR,
+            SCANS,
+        )?;
         self.read(Form::Points, scans, seed, Rc::clone(&self.known.points));
         Ok(())
     }
@@ -110,11 +122,11 @@ impl Listening<'_> {
     /// Depth images with their camera; compressed ones once they are wanted.
     fn images(&mut self, topics: DepthTopics) -> Result<(), OpenError> {
         let camera = LatestCamera::default();
-        let infos = (topics.camera_info.resolved.as_str(), "sensor_msgs/msg/CameraInfo");
+        let infos = Named { name: &topics.camera_info.resolved, type_name: "sensor_msgs/msg/CameraInfo" };
         let infos = self.opener.subscribe(infos, SENSOR, CAMERAS)?;
         self.readers.spawn_local(read_cameras(self.number, infos, camera.clone(), self.events.clone()));
         let seed = WithCamera::new(&camera, self.parameters, DepthSeed::new);
-        let images = (topics.image.resolved.as_str(), "sensor_msgs/msg/Image");
+        let images = Named { name: &topics.image.resolved, type_name: "sensor_msgs/msg/Image" };
         let images = self.opener.subscribe(images, SENSOR, SCANS)?;
         self.read(Form::Depth, images, seed, Rc::clone(&self.known.images));
         let seed = WithCamera::new(&camera, self.parameters, CompressedSeed::new);
@@ -122,7 +134,7 @@ impl Listening<'_> {
         let (input, events) = (Form::CompressedDepth.of(self.number), self.events.clone());
         self.readers.spawn_local(async move {
             compressed::wanted(&topics, || listed(&graph), || known.come()).await;
-            let images = (topics.compressed.as_str(), "sensor_msgs/msg/CompressedImage");
+            let images = Named { name: &topics.compressed, type_name: "sensor_msgs/msg/CompressedImage" };
             // The session may be left meanwhile.
             let images = opener.upgrade().map(|opener| opener.subscribe(images, SENSOR, SCANS));
             match images {
@@ -203,10 +215,8 @@ async fn read<M: DeserializeOwned>(
     let garbled = |text| Event::Garbled { topic: topic.into(), text };
     loop {
         let received = messages.take().await;
-        let dropped = (received.dropped > 0)
-            .then(|| garbled(format!("{} came faster than they were read, and are lost", received.dropped)));
         let message = cdr::read(&received.bytes()).map_or_else(garbled, &event);
-        for event in dropped.into_iter().chain([message]) {
+        for event in lost(topic, received.dropped).into_iter().chain([message]) {
             if events.send(event).await.is_err() {
                 return topic.into();
             }
@@ -215,13 +225,10 @@ async fn read<M: DeserializeOwned>(
 }
 
 async fn serve(service: Service, calls: Calls, events: Events) -> Cow<'static, str> {
-    loop {
-        let event = match calls.take::<TriggerRequest>().await {
-            Ok((call, _)) => Event::Call(service, call),
-            Err(text) => Event::Garbled { topic: service.name().into(), text },
-        };
-        if events.send(event).await.is_err() {
-            return service.name().into();
+    while let Some((call, TriggerRequest { .. })) = calls.take(&events).await {
+        if events.send(Event::Call(service, call)).await.is_err() {
+            break;
         }
     }
+    service.name().into()
 }

@@ -4,7 +4,7 @@ use std::cell::Cell;
 use std::rc::Rc;
 
 use ros2_client::QosProfile;
-use ros2_client::qos::Durability;
+use ros2_client::qos::History;
 use rustdds::Topic;
 use serde::Serialize;
 use tokio::sync::Mutex;
@@ -13,6 +13,7 @@ use tracing::warn;
 use super::{Network, Sources};
 use crate::args::Setup;
 use crate::args::security::Security;
+use crate::msg::sent;
 use crate::msg::twins::{Detection3DArray, PolygonInstanceStamped};
 use crate::node::clock::TimeOfDay;
 use crate::node::dds::latched::{self, Latched};
@@ -23,7 +24,7 @@ use crate::node::dds::threads::Threads;
 use crate::node::dds::{Events, Opener, namesakes, opening};
 use crate::node::middleware::OpenError;
 use crate::node::parameters::Parameters;
-use crate::node::transport::{Outgoing, Service};
+use crate::node::transport::Service;
 
 /// Most deltas that are kept for a reader that does not acknowledge them: more than 20 s of them, after which ROS readers
 /// that have died are forgotten.
@@ -33,25 +34,16 @@ const DELTAS: i32 = 1024;
 const SNAPSHOTS: i32 = 16;
 
 /// Most messages of markers, which can be the largest of all.
-const MOST_MARKERS: i32 = 4;
+const MARKERS: i32 = 4;
 
 /// Most reports, and most lines of the log.
 const REPORTS: i32 = 256;
 
-/// Most polygons, one a cluster, and the history of their topic: none is to push out another of the same map.
-const POLYGONS: i32 = 4096;
+/// Most polygons: those of one map.
+const POLYGONS: i32 = sent::POLYGONS.qos.depth as i32;
 
-/// Type of the node's own services, and how many calls may wait.
-const TRIGGER: (&str, &str) = ("std_srvs", "Trigger");
+/// Calls of one of the node's own services that may wait.
 const CALLS: usize = 10;
-
-/// Names and types of what is sent.
-const CLUSTERS: (&str, &str, &str) = (Outgoing::CLUSTERS, "cfodi_msgs", "SurfaceClusterArray");
-const DELTA: (&str, &str, &str) = (Outgoing::DELTA, "cfodi_msgs", "SurfaceClusterArray");
-const MARKERS: (&str, &str, &str) = (Outgoing::MARKERS, "visualization_msgs", "MarkerArray");
-const LABELLED: (&str, &str, &str) = (Outgoing::LABELLED, "sensor_msgs", "PointCloud2");
-const DIAGNOSTICS: (&str, &str, &str) = (Outgoing::DIAGNOSTICS, "diagnostic_msgs", "DiagnosticArray");
-const LOG: (&str, &str, &str) = (Outgoing::LOG, "rcl_interfaces", "Log");
 
 impl Network {
     /// Opens the node and starts reading.
@@ -68,22 +60,18 @@ impl Network {
         let pulse = pulse(&opener);
         let (participant, threads) = (opener.participant.clone(), Rc::new(threads));
         let sources = Sources { participant, threads, pulse: pulse.clone() };
-        let transforms = opener.topic(latched::TOPIC, "tf2_msgs", "TFMessage", &read::latched_qos())?;
+        let transforms = opener.topic(latched::NAMED, &read::latched_qos())?;
         let network = Self {
-            clusters: Outlet::open(&mut opener, CLUSTERS, newest_of(SNAPSHOTS))?,
-            delta: Outlet::open(&mut opener, DELTA, (20, Durability::Volatile, DELTAS))?,
-            markers: Outlet::open(&mut opener, MARKERS, newest_of(MOST_MARKERS))?,
-            labelled: opener.publisher(LABELLED, &QosProfile::subscription_default().into())?,
-            diagnostics: permitted(Outlet::open(
-                &mut opener,
-                DIAGNOSTICS,
-                (10, Durability::Volatile, REPORTS),
-            )),
-            log: permitted(Outlet::open(&mut opener, LOG, (100, Durability::TransientLocal, REPORTS))),
+            clusters: Outlet::open(&mut opener, sent::CLUSTERS, SNAPSHOTS)?,
+            delta: Outlet::open(&mut opener, sent::DELTA, DELTAS)?,
+            markers: Outlet::open(&mut opener, sent::MARKERS, MARKERS)?,
+            labelled: opener.publisher(sent::LABELLED.named(), &labelled_qos())?,
+            diagnostics: permitted(Outlet::open(&mut opener, sent::DIAGNOSTICS, REPORTS)),
+            log: permitted(Outlet::open(&mut opener, sent::LOG, REPORTS)),
             detections: detections(setup, &mut opener)?,
             polygons: polygons(setup, &mut opener)?,
-            reset: Rc::new(opener.server(Service::Reset.name(), TRIGGER, CALLS)?),
-            save: Rc::new(opener.server(Service::Save.name(), TRIGGER, CALLS)?),
+            reset: Rc::new(opener.server(Service::Reset.named(), CALLS)?),
+            save: Rc::new(opener.server(Service::Save.named(), CALLS)?),
             pulse,
             participant: opener.participant.clone(),
             readers: Mutex::new(read::listen(&mut opener, &sources, memory, parameters, events)?),
@@ -145,24 +133,20 @@ fn permitted<M: Serialize>(outlet: Result<Outlet<M>, OpenError>) -> Option<Outle
     outlet.inspect_err(|error| warn!("what the node says of itself is not sent: {error}")).ok()
 }
 
-/// Of what replaces what was before it: late readers get the newest, and so many wait for a reader at most.
-const fn newest_of(most: i32) -> (usize, Durability, i32) {
-    (1, Durability::TransientLocal, most)
+fn labelled_qos() -> rustdds::QosPolicies {
+    let depth = sent::LABELLED.qos.depth;
+    (&QosProfile::subscription_default().history(History::KeepLast { depth })).into()
 }
 
 fn detections(setup: &Setup, opener: &mut Opener<'_>) -> Result<Option<Outlet<Detection3DArray>>, OpenError> {
-    let topic = (Outgoing::DETECTIONS, "vision_msgs", "Detection3DArray");
-    setup.config.twins.detections.then(|| Outlet::open(opener, topic, newest_of(SNAPSHOTS))).transpose()
+    setup.config.twins.detections.then(|| Outlet::open(opener, sent::DETECTIONS, SNAPSHOTS)).transpose()
 }
 
-/// Not latched: only the last polygon would be.
 fn polygons(
     setup: &Setup,
     opener: &mut Opener<'_>,
 ) -> Result<Option<Outlet<PolygonInstanceStamped>>, OpenError> {
-    let topic = (Outgoing::POLYGONS, "geometry_msgs", "PolygonInstanceStamped");
-    let each = (POLYGONS as usize, Durability::Volatile, POLYGONS);
-    setup.config.twins.polygons.then(|| Outlet::open(opener, topic, each)).transpose()
+    setup.config.twins.polygons.then(|| Outlet::open(opener, sent::POLYGONS, POLYGONS)).transpose()
 }
 
 fn pulse(opener: &Opener) -> Option<Rc<Pulse>> {

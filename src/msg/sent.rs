@@ -1,0 +1,101 @@
+//! The topics that the node sends, in one table: they are the same over any middleware and in a result bag.
+
+/// Of a topic or service: its name, and its type as `sensor_msgs/msg/PointCloud2`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[expect(missing_docs, reason = "the names say all")]
+pub struct Named<'a> {
+    pub name: &'a str,
+    pub type_name: &'a str,
+}
+
+/// A quality of service.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Qos {
+    /// What is lost on the way is sent again.
+    pub reliable: bool,
+    /// The newest are kept for late readers: "transient local".
+    pub latched: bool,
+    /// Messages that are kept.
+    pub depth: usize,
+}
+
+impl Qos {
+    /// For those who read now.
+    pub const fn reliable(depth: usize) -> Self {
+        Self { reliable: true, latched: false, depth }
+    }
+
+    /// For late readers too.
+    pub const fn latched(depth: usize) -> Self {
+        Self { reliable: true, latched: true, depth }
+    }
+
+    /// What may be lost.
+    pub const fn best_effort(depth: usize) -> Self {
+        Self { reliable: false, latched: false, depth }
+    }
+}
+
+/// A topic that is sent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Topic {
+    /// As in the program: remappings give it another.
+    pub name: &'static str,
+    /// As in [`Named`].
+    pub type_name: &'static str,
+    /// How it is offered.
+    pub qos: Qos,
+}
+
+impl Topic {
+    /// A topic's row.
+    pub const fn new(name: &'static str, type_name: &'static str, qos: Qos) -> Self {
+        Self { name, type_name, qos }
+    }
+
+    /// Without its quality of service.
+    pub const fn named(self) -> Named<'static> {
+        Named { name: self.name, type_name: self.type_name }
+    }
+}
+
+/// Whole maps.
+pub const CLUSTERS: Topic = Topic::new("~/clusters", "cfodi_msgs/msg/SurfaceClusterArray", Qos::latched(1));
+/// What each scan has changed.
+pub const DELTA: Topic =
+    Topic::new("~/clusters_delta", "cfodi_msgs/msg/SurfaceClusterArray", Qos::reliable(20));
+/// The map to be looked at.
+pub const MARKERS: Topic = Topic::new("~/markers", "visualization_msgs/msg/MarkerArray", Qos::latched(1));
+/// Dense voxels; one of many megabytes, and an old one is of no use.
+pub const LABELLED: Topic =
+    Topic::new("~/points_labelled", "sensor_msgs/msg/PointCloud2", Qos::best_effort(1));
+/// A twin of the map.
+pub const DETECTIONS: Topic = Topic::new("~/detections", "vision_msgs/msg/Detection3DArray", Qos::latched(1));
+/// Another, a message a cluster: none is to push out another of the same map. Not latched: only the last would be.
+pub const POLYGONS: Topic =
+    Topic::new("~/polygons", "geometry_msgs/msg/PolygonInstanceStamped", Qos::reliable(4096));
+/// How the node is.
+pub const DIAGNOSTICS: Topic =
+    Topic::new("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", Qos::reliable(10));
+/// What it says.
+pub const LOG: Topic = Topic::new("/rosout", "rcl_interfaces/msg/Log", Qos::latched(100));
+
+/// All of them.
+pub const TOPICS: [Topic; 8] = [CLUSTERS, DELTA, MARKERS, LABELLED, DETECTIONS, POLYGONS, DIAGNOSTICS, LOG];
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+
+    #[test]
+    fn each_topic_has_one_row_and_a_whole_type() {
+        let names: BTreeSet<_> = TOPICS.iter().map(|topic| topic.name).collect();
+        assert_eq!(names.len(), TOPICS.len());
+        for Topic { name, type_name, qos } in TOPICS {
+            assert_eq!(type_name.split('/').nth(1), Some("msg"), "{name}");
+            assert!(qos.reliable || !qos.latched, "{name}");
+        }
+    }
+}
