@@ -257,6 +257,27 @@ fn the_default_frame_is_taken_where_the_bag_has_it_and_the_root_is_named_where_n
 }
 
 #[test]
+fn a_transform_that_would_close_a_circle_is_left_out_and_no_more() {
+    let folder = Folder::new();
+    let expected = replay(&folder.put("plain.mcap", &drive(BagWriter::new(Layout::Plain), 20)), &[]);
+    let mut writer = BagWriter::new(Layout::Plain);
+    writer.tf("/tf_static", stamp(0), "camera_link", OPTICAL, 0.0);
+    for i in 0..20 {
+        writer.tf("/tf", stamp(i), "map", "camera_link", 0.1 * i as f64);
+        if i == 10 {
+            writer.tf("/tf", stamp(i), OPTICAL, "map", 0.0);
+        }
+        writer.cloud(POINTS, stamp(i), &wall(i));
+    }
+    let found = replay(&folder.put("circle.mcap", &writer.finish()), &[]);
+    assert_eq!((found.status, found.number("scans")), (0, 20), "{}", found.errors);
+    assert_eq!(found.summary.as_ref().unwrap()["transforms_refused"]["cycle"], 1, "{}", found.errors);
+    assert_eq!(found.voxels, expected.voxels, "{}", found.errors);
+    assert!(found.errors.contains("made in `map`, the root of the sensor's frames"), "{}", found.errors);
+    assert!(!found.errors.contains("reading begins again"), "{}", found.errors);
+}
+
+#[test]
 fn without_any_transform_the_sensor_stands_still_and_that_is_said() {
     let folder = Folder::new();
     let mut writer = BagWriter::new(Layout::Plain);

@@ -175,19 +175,8 @@ impl Frames {
             return Ok(());
         }
         let stays = |edge: &&Edge| !only_statics_stay || edge.kept.is_none();
-        let mut frame = sample.parent;
-        let mut depth = 1;
-        while let Some(edge) = self.edges.get(frame).filter(stays) {
-            frame = &edge.parent;
-            if frame == sample.child {
-                return Err(FrameError::Cycle { parent: sample.parent.into(), child: sample.child.into() });
-            }
-            depth += 1;
-            if depth > MAX_DEPTH {
-                return Err(FrameError::TooDeep { child: sample.child.into(), max: MAX_DEPTH });
-            }
-        }
-        Ok(())
+        let above = |frame: &str| self.edges.get(frame).filter(stays).map(|edge| edge.parent.as_str());
+        check_place(sample.parent, sample.child, above)
     }
 
     /// Refuses a sample where too much is kept, once what is out of date is forgotten.
@@ -408,6 +397,27 @@ impl Frames {
 fn reach_beyond<'a>(edges: impl Iterator<Item = &'a Edge>, stamp: Stamp) -> bool {
     let newest = edges.filter_map(Edge::newest).max();
     newest.is_some_and(|newest| newest.seconds_since(stamp) > JUMP_BACK)
+}
+
+/// Whether a tree in which `above` gives the parent of a frame has a place for a new link: no cycle, and not too deep.
+pub(crate) fn check_place<'a>(
+    parent: &'a str,
+    child: &str,
+    above: impl Fn(&'a str) -> Option<&'a str>,
+) -> Result<(), FrameError> {
+    let mut frame = parent;
+    let mut depth = 1;
+    while let Some(next) = above(frame) {
+        frame = next;
+        if frame == child {
+            return Err(FrameError::Cycle { parent: parent.into(), child: child.into() });
+        }
+        depth += 1;
+        if depth > MAX_DEPTH {
+            return Err(FrameError::TooDeep { child: child.into(), max: MAX_DEPTH });
+        }
+    }
+    Ok(())
 }
 
 /// Whether a transform is well formed by itself; whether the tree has a place for it is another question.
