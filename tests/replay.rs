@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use bags::{BagWriter, Layout, OPTICAL, POINTS, drive, drive_along, ends_of_clouds, stamp, wall};
-use cfodi::msg::ros::{CameraInfo, Image};
+use cfodi::msg::ros::{CameraInfo, Image, Quaternion, TfMessage};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -284,7 +284,60 @@ fn without_any_transform_the_sensor_stands_still_and_that_is_said() {
     (0..3).for_each(|i| writer.cloud(POINTS, stamp(i), &wall(i)));
     let found = replay(&folder.put("still.mcap", &writer.finish()), &[]);
     assert_eq!((found.status, found.number("scans")), (0, 3));
-    assert!(found.errors.contains("taken to stand still"), "{}", found.errors);
+    assert!(found.errors.contains("and to stand still"), "{}", found.errors);
+}
+
+/// From the body frame to the optical one, as REP 103 has the two.
+fn body_to_optical() -> TfMessage {
+    let mut body = bags::transform(stamp(0), "camera_depth_frame", OPTICAL, 0.0);
+    body.transforms[0].transform.rotation = Quaternion { x: -0.5, y: 0.5, z: -0.5, w: 0.5 };
+    body
+}
+
+#[test]
+fn without_any_transform_a_camera_is_level_and_what_is_upright_before_it_is_a_wall() {
+    const WALL: u64 = 3;
+    let folder = Folder::new();
+    let record = |body: &[TfMessage]| {
+        let mut writer = BagWriter::new(Layout::Plain);
+        body.iter().for_each(|body| writer.put("/tf_static", "tf2_msgs/msg/TFMessage", stamp(0), body));
+        (0..30).for_each(|i| writer.cloud(POINTS, stamp(i), &wall(i)));
+        writer.finish()
+    };
+    let expected = replay(&folder.put("told.mcap", &record(&[body_to_optical()])), &[]);
+    let [out, clusters] = ["r.mcap", "c.json"].map(|name| folder.0.path().join(name));
+    let more = ["--out", out.to_str().unwrap(), "--clusters", clusters.to_str().unwrap()];
+    let found = replay(&folder.put("none.mcap", &record(&[])), &more);
+    assert_eq!((found.status, found.number("scans")), (0, 30), "{}", found.errors);
+    assert!(found.errors.contains("made in `camera_depth_frame`, the body frame"), "{}", found.errors);
+    assert_eq!(found.summary.as_ref().unwrap()["parameters"]["fixed_frame"], "camera_depth_frame");
+    assert_eq!(found.voxels, expected.voxels);
+    let clusters: Value = serde_json::from_str(&fs::read_to_string(clusters).unwrap()).unwrap();
+    let classes: Vec<_> = clusters.as_array().unwrap().iter().map(|it| &it["surface_class"]).collect();
+    assert_eq!(classes, [WALL], "{clusters}");
+    // A viewer can show the input beside it.
+    let result = fs::read(&out).unwrap();
+    let messages = mcap::MessageStream::new(&result).unwrap().map(Result::unwrap);
+    let transforms: Vec<TfMessage> = messages
+        .filter(|message| message.channel.topic == "/tf_static")
+        .map(|message| cdr_encoding::from_bytes::<_, byteorder::LittleEndian>(&message.data[4..]).unwrap().0)
+        .collect();
+    assert_eq!(transforms, [body_to_optical()]);
+}
+
+#[test]
+fn a_fixed_frame_whose_z_looks_ahead_is_warned_of_in_a_replay_and_by_the_node() {
+    let folder = Folder::new();
+    let bag = folder.put("a.mcap", &drive(BagWriter::new(Layout::Plain), 3));
+    let fixed_frame = format!("fixed_frame:={OPTICAL}");
+    let warning = format!("the fixed frame `{OPTICAL}` is an optical one by its name");
+    let found = replay(&bag, &["--ros-args", "-p", &fixed_frame]);
+    assert!(found.status == 0 && found.errors.contains(&warning), "{}", found.errors);
+    // It ends before it opens a network, for want of a file to resume from.
+    let ended = cfodi(&["run", "--resume", "--ros-args", "-p", &fixed_frame]);
+    let errors = String::from_utf8_lossy(&ended.stderr);
+    assert!(ended.status.code() == Some(2) && errors.contains(&warning), "{errors}");
+    assert!(!replay(&bag, &[]).errors.contains("is an optical one"));
 }
 
 #[test]
@@ -607,6 +660,7 @@ fn a_chain_of_frames_that_grows_is_read_twice_at_most() {
     assert_eq!((found.status, found.number("scans")), (0, 40), "{}", found.errors);
     assert_eq!(found.errors.matches("reading begins again").count(), 1, "{}", found.errors);
     assert!(found.errors.contains("made in `f100`"), "{}", found.errors);
+    assert!(!found.errors.contains("its past is forgotten"), "the guess was no publisher: {}", found.errors);
 }
 
 #[test]

@@ -6,7 +6,7 @@ use super::cdr::{read, read_with};
 use super::choose::{Sensor, SensorKind};
 use super::read::Message;
 use super::topic::Topic;
-use crate::cloud::{Camera, Cloud, CloudError, CloudFilter, CloudSeed, CompressedSeed, DepthSeed};
+use crate::cloud::{Camera, Cloud, CloudError, CloudFilter, CloudSeed, CompressedSeed, DepthSeed, Optical};
 use crate::msg::ros::{CameraInfo, TfMessage};
 
 /// What a message says.
@@ -103,6 +103,15 @@ impl Decoder {
     #[must_use]
     pub fn of_transforms(&self) -> Self {
         Self { filter: self.filter, sensors: Vec::new(), transforms: self.transforms.clone() }
+    }
+
+    /// Whether the axes of what a sensor sends in this frame are optical: z ahead, x right, y down.
+    pub fn is_optical(&self, sensor: usize, frame: &str) -> bool {
+        let optical = self.filter.optical;
+        let is_image = self.sensors.get(sensor).is_some_and(|input| input.sensor.kind != SensorKind::Cloud);
+        // The name that REP 103 has, which is seldom that of a driver's cloud.
+        let is_named = optical == Optical::Auto && frame.ends_with("_optical");
+        is_image || is_named || optical.of_frame(frame)
     }
 
     /// Takes the first intrinsics of each camera out of these messages, for the images before them: drivers send both together

@@ -54,6 +54,9 @@ pub trait Visitor {
     /// Ends the feeding.
     fn jumped_back(&mut self, seconds: f64) -> Result<Go, Self::Error>;
 
+    /// The map is made in a frame that no transform of the bag names, above a camera's own by this one.
+    fn level(&mut self, _: &TransformStamped) {}
+
     /// A message of the bag, where [`Feed::with_messages`] asks for them.
     ///
     /// # Errors
@@ -116,6 +119,8 @@ pub struct Fed {
     pub tally: Tally,
     /// Where the map lives.
     pub fixed_frame: String,
+    /// What was said of that.
+    pub about_frame: Vec<String>,
     /// What of the bag could not be read; `None` where all of it was.
     pub unread: Option<BagError>,
     /// Whether it was told to stop.
@@ -312,7 +317,10 @@ impl<V: Visitor> Feeder<'_, V> {
     }
 
     fn guess(&mut self) {
-        self.finder.guess(&self.ahead, &self.join);
+        let Some(body) = self.finder.guess(&self.ahead, &self.join) else { return };
+        // It is well formed, and the first.
+        drop(self.join.transform(&body, true));
+        self.visitor.level(&body);
     }
 
     fn look_ahead(&mut self) -> Result<(), V::Error> {
@@ -321,6 +329,10 @@ impl<V: Visitor> Feeder<'_, V> {
 
     fn transforms(&mut self, message: &TfMessage, is_static: bool) -> Result<(), V::Error> {
         self.finder.note(message, is_static);
+        // All is fed again, and nothing is to be said of what goes against a guess alone.
+        if self.finder.is_wrong() {
+            return Ok(());
+        }
         for transform in &message.transforms {
             if let Some(line) = self.transform(transform, is_static) {
                 self.visitor.say(&line);
@@ -406,11 +418,10 @@ impl<V: Visitor> Feeder<'_, V> {
                 disorder.as_secs_f64()
             ));
         }
-        if let Some(line) = self.finder.about(&self.join) {
-            self.visitor.say(&line);
-        }
+        let about_frame = self.finder.about(&self.join);
+        about_frame.iter().for_each(|line| self.visitor.say(line));
         let fixed_frame = self.finder.into_name();
-        Ok(Ended::Fed(Fed { tally: self.tally, fixed_frame, unread, stopped }))
+        Ok(Ended::Fed(Fed { tally: self.tally, fixed_frame, about_frame, unread, stopped }))
     }
 
     /// Takes what is ready by all that can be known.

@@ -1,11 +1,12 @@
 //! Finds the frame in which a map lives: by the transforms as they come, and where these do not tell, by the whole bag.
 
 use super::ahead::Ahead;
+use super::body::body_of;
 use super::fixed_frame::FixedFrame;
 use super::tree::Tree;
 use crate::join::Join;
-use crate::msg::ros::TfMessage;
-use crate::tf::LookupError;
+use crate::msg::ros::{TfMessage, TransformStamped};
+use crate::tf::{LookupError, z_is_not_up};
 
 /// What is known so far.
 pub(super) struct Finder {
@@ -47,14 +48,23 @@ impl Finder {
         self.is_wrong = self.fixed_frame.is_wrong(&self.tree);
     }
 
-    /// Guesses the frame; where there are transforms and none is about a sensor, the whole bag is asked.
-    pub(super) fn guess(&mut self, ahead: &Ahead<'_>, join: &Join) {
+    /// Guesses the frame; where there are transforms and none is about a sensor, the whole bag is asked. Gives the way to a
+    /// camera's body frame, where there are none and the map is made there.
+    pub(super) fn guess(&mut self, ahead: &Ahead<'_>, join: &Join) -> Option<TransformStamped> {
         let sensors: Vec<_> = join.sensors().collect();
+        let was_open = self.name().is_none();
         self.fixed_frame.guess(&self.tree, &sensors);
+        if was_open && let FixedFrame::Still { name, .. } = &self.fixed_frame {
+            let is_optical = join.sensor_in(name).is_some_and(|sensor| ahead.is_optical(sensor, name));
+            let body = is_optical.then(|| body_of(name)).flatten()?;
+            self.fixed_frame.level(&body);
+            return Some(body);
+        }
         if self.name().is_none() && !sensors.is_empty() {
             self.fixed_frame = self.found(ahead, join);
         }
         self.is_wrong = self.fixed_frame.is_wrong(&self.tree);
+        None
     }
 
     /// The frame by the whole bag; `None` where a signal came before all of it was read.
@@ -88,10 +98,11 @@ impl Finder {
         true
     }
 
-    /// What is to be said of a guess at the end.
-    pub(super) fn about(&self, join: &Join) -> Option<String> {
+    /// What is to be said of the frame at the end: how it was guessed, and whether its z may be another way than up.
+    pub(super) fn about(&self, join: &Join) -> Vec<String> {
         let sensors: Vec<_> = join.sensors().collect();
-        self.fixed_frame.about(&self.tree, &sensors)
+        let guessed = self.fixed_frame.about(&self.tree, &sensors);
+        guessed.into_iter().chain(self.name().and_then(z_is_not_up)).collect()
     }
 }
 
@@ -104,7 +115,7 @@ mod tests {
     use super::*;
     use crate::bag::{Bag, Decoder, SensorBag, TransformTopics};
     use crate::cloud::{CloudFilter, Optical};
-    use crate::msg::ros::{Header, TransformStamped};
+    use crate::msg::ros::Header;
 
     const FILTER: CloudFilter =
         CloudFilter { min_range: 0.4, max_range: 6.0, optical: Optical::Auto, max_points: 1000 };
@@ -126,7 +137,11 @@ mod tests {
         let decoder = Decoder::new(Vec::new(), FILTER, TransformTopics::default());
         let ahead = Ahead::new(&bag, decoder, Arc::clone(&stop));
         let default = "odom".to_owned();
-        let finder = Finder::new(FixedFrame::Still { name: "camera".to_owned(), default: default.clone() });
+        let finder = Finder::new(FixedFrame::Still {
+            name: "camera".to_owned(),
+            optical: None,
+            default: default.clone(),
+        });
         let right = FixedFrame::Found { name: "map".to_owned(), sensor: None, default };
         assert_eq!(finder.right(&ahead, &Join::new(1)), Some(right));
         stop.store(true, Ordering::Relaxed);

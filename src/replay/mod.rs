@@ -7,6 +7,7 @@
 //! [`feed`] turns a bag into scans for a [`Visitor`]; [`Replay`] is the visitor that runs the engine and keeps account.
 
 mod ahead;
+mod body;
 mod clocks;
 mod clusters;
 mod feed;

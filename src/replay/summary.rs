@@ -99,6 +99,8 @@ pub struct Summary {
     pub tally: Tally,
     /// Where the map lives.
     pub fixed_frame: String,
+    /// What was said of that.
+    pub about_frame: Vec<String>,
     /// How often a map was begun: 1, and one more for each jump back of the stamps.
     pub sessions: u64,
     /// Voxels of the map, dense or not.
