@@ -241,6 +241,21 @@ fn a_skipped_message_is_explained() {
     let facts = Facts { skipped: [("tf_too_early".to_owned(), 1234)].into(), ..Facts::default() };
     let text = page(&Story::new(), &facts);
     assert!(text.contains("1\u{202f}234") && text.contains("older than the oldest transform"));
+    assert!(!text.contains("Points that were not used"));
+}
+
+#[test]
+fn points_that_were_not_used_are_accounted_for() {
+    let facts = Facts { points_unused: "30 invalid, 69 out of range".to_owned(), ..Facts::default() };
+    let text = page(&Story::new(), &facts);
+    assert!(text.contains("<p>Points that were not used: 30 invalid, 69 out of range.</p>"), "{text}");
+}
+
+#[test]
+fn up_is_the_z_of_the_frame_that_is_named() {
+    let facts = Facts { fixed_frame: "camera_depth_frame".to_owned(), ..Facts::default() };
+    let text = page(&Story::new(), &facts);
+    assert!(text.contains("up is the z of <code>camera_depth_frame</code>"), "{text}");
 }
 
 proptest! {
