@@ -8,8 +8,10 @@ mod cli;
 use std::process::ExitCode;
 
 use cfodi::args::ArgsError;
+use cfodi::export::WriteError;
 use cfodi::line::one_line;
 use cfodi::node::process::ProcessError;
+use cfodi::replay::FeedError;
 use cfodi::say::say;
 use clap::{Parser, Subcommand};
 
@@ -74,7 +76,8 @@ fn main() -> ExitCode {
         Err(error) => {
             say(format_args!("cfodi: {}", one_line(&format!("{error:#}"))));
             let is_configuration = error.is::<ArgsError>()
-                || error.downcast_ref::<ProcessError>().is_some_and(ProcessError::is_configuration);
+                || error.downcast_ref::<ProcessError>().is_some_and(ProcessError::is_configuration)
+                || error.downcast_ref::<FeedError<WriteError>>().is_some_and(FeedError::is_wrong_argument);
             if is_configuration { ExitCode::from(2) } else { ExitCode::FAILURE }
         }
     }

@@ -209,15 +209,37 @@ fn transforms_of_other_names_are_read_where_these_are_given_and_named_where_not(
     assert_eq!((found.status, found.number("scans")), (0, 12), "{}", found.errors);
     assert_eq!(found.voxels, expected.voxels);
     assert!(!found.errors.contains("transforms are read from"), "{}", found.errors);
-    for (given, said) in [
-        (&["--ros-args"][..], "from /tf and /tf_static, not from /robot1/tf and /robot1/tf_static"),
-        (
-            &["--ros-args", "-r", "/tf:=/robot1/tf"],
-            "from /robot1/tf and /tf_static, not from /robot1/tf_static",
-        ),
-    ] {
-        let found = replay(&bag, given);
-        assert!(found.errors.contains(&format!("transforms are read {said}")), "{}", found.errors);
+    let found = replay(&bag, &["--ros-args", "-r", "/tf:=/robot1/tf"]);
+    let said = "transforms are read from /robot1/tf and /tf_static, not from /robot1/tf_static";
+    assert!(found.errors.contains(said), "{}", found.errors);
+    // The only ones are taken without being named.
+    let found = replay(&bag, &["--ros-args", "-r", "__ns:=/robot1"]);
+    assert_eq!((found.status, found.number("scans")), (0, 12), "{}", found.errors);
+    assert_eq!(found.voxels, expected.voxels, "{}", found.errors);
+    let said = "no transforms are on /tf and /tf_static: they are read from /robot1/tf and /robot1/tf_static";
+    assert!(found.errors.contains(said), "{}", found.errors);
+}
+
+#[test]
+fn a_sensor_is_not_taken_to_stand_still_while_transforms_of_several_names_could_tell_how_it_moved() {
+    let folder = Folder::new();
+    let mut writer = BagWriter::new(Layout::Plain);
+    for i in 0..3 {
+        writer.tf("/robot1/tf", stamp(i), "map", OPTICAL, 0.1 * i as f64);
+        writer.tf("/robot2/tf", stamp(i), "map", "other", 0.2 * i as f64);
+        writer.cloud(POINTS, stamp(i), &wall(i));
+    }
+    let bag = folder.put("two.mcap", &writer.finish());
+    let found = replay(&bag, &[]);
+    assert!(found.status == 2 && found.summary.is_none(), "{}", found.errors);
+    for robot in ["/robot1", "/robot2"] {
+        let choice = format!("-r /tf:={robot}/tf -r /tf_static:={robot}/tf_static");
+        assert!(found.errors.contains(&choice), "{}", found.errors);
+    }
+    let fixed_frame = format!("fixed_frame:={OPTICAL}");
+    for given in [&["-r", "/tf:=/robot1/tf"][..], &["-p", &fixed_frame]] {
+        let found = replay(&bag, &[&["--ros-args"], given].concat());
+        assert_eq!((found.status, found.number("scans")), (0, 3), "{}", found.errors);
     }
 }
 

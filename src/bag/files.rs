@@ -4,7 +4,8 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::AtomicBool;
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::error::BagError;
 use super::metadata;
@@ -25,6 +26,8 @@ pub struct Bag {
     listed: Vec<Topic>,
     /// Files of its folder that hold what another one holds.
     copies: Vec<PathBuf>,
+    /// What [`Self::survey`] has found.
+    surveyed: OnceLock<Survey>,
 }
 
 impl Bag {
@@ -35,7 +38,7 @@ impl Bag {
     pub fn open(path: &Path) -> Result<Self, BagError> {
         let about = fs::metadata(path).map_err(|source| reading(path, source))?;
         if !about.is_dir() {
-            return Ok(Self { files: vec![Part::open(path)?], listed: Vec::new(), copies: Vec::new() });
+            return Ok(Self::of(vec![Part::open(path)?]));
         }
         let ((paths, copies), listed) = match description(path)? {
             Some(text) => {
@@ -61,7 +64,11 @@ impl Bag {
                 files.push(part?);
             }
         }
-        Ok(Self { files, listed, copies })
+        Ok(Self { listed, copies, ..Self::of(files) })
+    }
+
+    const fn of(files: Vec<Part>) -> Self {
+        Self { files, listed: Vec::new(), copies: Vec::new(), surveyed: OnceLock::new() }
     }
 
     /// Files that are not read, for another one has the same name without `.zstd`: what was decompressed beside them.
@@ -81,9 +88,14 @@ impl Bag {
         files.chain(described).chain(self.copies.iter().cloned()).collect()
     }
 
-    /// The topics: from the summary or `metadata.yaml` where there is one, otherwise by reading all of the bag, up to `stop`.
+    /// The topics: from the summary or `metadata.yaml` where there is one, otherwise by reading all of the bag, once, up to `stop`.
     pub fn survey(&self, stop: &AtomicBool) -> Survey {
-        survey(&self.files, &self.listed, stop)
+        if let Some(known) = self.surveyed.get() {
+            return known.clone();
+        }
+        let found = survey(&self.files, &self.listed, stop);
+        // What a signal has ended is not all that can be found.
+        if stop.load(Ordering::Relaxed) { found } else { self.surveyed.get_or_init(|| found).clone() }
     }
 
     /// All messages in the order of the file.

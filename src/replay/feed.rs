@@ -13,7 +13,7 @@ use super::fixed_frame::FixedFrame;
 use super::reading::{Item, read};
 use super::said::Said;
 use super::summary::{AFTER_JUMP, Tally};
-use crate::bag::{Bag, BagError, Decoder, Message, Recorded};
+use crate::bag::{Bag, BagError, Decoder, Elsewhere, Message, Recorded, TransformTopics};
 use crate::cloud::{Cloud, CloudError};
 use crate::engine::Scan;
 use crate::join::{Join, Joined, Jump, with_stamp};
@@ -141,9 +141,29 @@ pub enum FeedError<E> {
         "stopped by a signal while the frame of the map was looked for in the whole bag: there is no result"
     )]
     Stopped,
+    /// How the sensor moved is not told on the topics that are read.
+    #[error(
+        "the bag has no transforms on {changing} and {lasting}, but others: choose with {choices}; where the sensor stood still, with -p \
+         fixed_frame:= and its own frame"
+    )]
+    Elsewhere {
+        /// The topic of transforms that change.
+        changing: String,
+        /// Of those that hold for all time.
+        lasting: String,
+        /// The arguments that have the others read.
+        choices: String,
+    },
     /// The reading thread has panicked.
     #[error("the thread that reads has died")]
     Died,
+}
+
+impl<E> FeedError<E> {
+    /// Whether another argument would have been right.
+    pub const fn is_wrong_argument(&self) -> bool {
+        matches!(self, Self::Elsewhere { .. })
+    }
 }
 
 /// Why no more items are taken.
@@ -161,7 +181,8 @@ enum Halt {
 /// # Errors
 /// When the visitor cannot go on, and where it is told to stop before the right frame is known. A bag that cannot be read to its end is no error: [`Fed::unread`] says so.
 pub fn feed<V: Visitor>(feed: Feed<'_>, visitor: &mut V) -> Result<Ended, FeedError<V::Error>> {
-    let Feed { bag, decoder, fixed_frame, patience, with_messages, stop, progress } = feed;
+    let Feed { bag, mut decoder, fixed_frame, patience, with_messages, stop, progress } = feed;
+    find_transforms(bag, &mut decoder, &fixed_frame, &stop, visitor)?;
     let ahead = Ahead::new(bag, decoder, Arc::clone(&stop));
     let messages = bag.messages();
     let bytes = messages.bytes_read();
@@ -198,6 +219,33 @@ pub fn feed<V: Visitor>(feed: Feed<'_>, visitor: &mut V) -> Result<Ended, FeedEr
         return Err(FeedError::Died);
     }
     feeder.finish(halt)
+}
+
+/// Where the bag has no transforms on the topics that are read, takes the only others that there are. A sensor is not taken to stand
+/// still while any might tell how it moved.
+fn find_transforms<V: Visitor>(
+    bag: &Bag,
+    decoder: &mut Decoder,
+    fixed_frame: &FixedFrame,
+    stop: &AtomicBool,
+    visitor: &mut V,
+) -> Result<(), FeedError<V::Error>> {
+    let TransformTopics { changing, lasting } = decoder.transform_topics();
+    match decoder.transform_topics().elsewhere(&bag.survey(stop).topics) {
+        Some(Elsewhere::Pair(pair)) => {
+            visitor.say(&format!(
+                "no transforms are on {changing} and {lasting}: they are read from {} and {}",
+                pair.changing, pair.lasting
+            ));
+            decoder.read_transforms_from(pair);
+            Ok(())
+        }
+        Some(Elsewhere::Several(choices)) if !matches!(fixed_frame, FixedFrame::Settled(_)) => {
+            let (changing, lasting) = (changing.clone(), lasting.clone());
+            Err(FeedError::Elsewhere { changing, lasting, choices: Elsewhere::remappings(&choices) })
+        }
+        _ => Ok(()),
+    }
 }
 
 struct Feeder<'a, V> {
