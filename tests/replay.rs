@@ -635,6 +635,26 @@ fn a_file_that_lies_in_a_folder_plain_and_compressed_is_read_once_and_that_is_sa
 }
 
 #[test]
+fn a_result_in_the_folder_of_its_recording_is_no_part_of_it_and_may_be_replaced() {
+    let folder = Folder::new();
+    folder.put("a.mcap", &drive(BagWriter::new(Layout::Plain), 10));
+    let out = folder.0.path().join("result.mcap");
+    for is_there in [false, true, true] {
+        let found = replay(folder.0.path(), &["--out", out.to_str().unwrap(), "--with-input"]);
+        assert_eq!(
+            (found.status, found.number("scans"), found.number("sessions")),
+            (0, 10, 1),
+            "{}",
+            found.errors
+        );
+        let said = "not read, as a replay has written them: result.mcap\n";
+        assert_eq!(found.errors.contains(said), is_there, "{}", found.errors);
+    }
+    // Alone it is a recording like any other.
+    assert_eq!(replay(&out, &[]).number("scans"), 10);
+}
+
+#[test]
 fn no_output_replaces_a_part_of_the_input_and_none_is_begun_when_one_cannot_be_made() {
     let folder = Folder::new();
     folder.put("a.mcap", &drive(BagWriter::new(Layout::Plain), 2));

@@ -7,7 +7,7 @@ use std::io::{self, Write};
 use mcap::Writer;
 use mcap::write::NoSeek;
 
-use super::write::{Channel, TF, channel, offered_qos, put, writer};
+use super::write::{Channel, RECORDER, TF, channel, offered_qos, put, writer};
 use crate::msg::ros::{PointCloud2, TfMessage};
 
 /// Writes a recording with `/tf_static`, `/tf` and one topic of clouds, in chunks of zstd.
@@ -25,7 +25,7 @@ impl<W: Write> SensorBag<W> {
     /// # Errors
     /// Those of `out`.
     pub fn new(out: W, points: &str) -> io::Result<Self> {
-        let mut writer = writer(out)?;
+        let mut writer = writer(out, RECORDER)?;
         let latched = offered_qos("transient_local", "reliable", 1);
         let each = offered_qos("volatile", "reliable", 100);
         let may_be_lost = offered_qos("volatile", "best_effort", 10);

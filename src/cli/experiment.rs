@@ -17,7 +17,7 @@ use cfodi::say::tell;
 use super::input::{Input, open};
 use super::laboratory;
 use super::progress::Bar;
-use super::replay::{BEGINS_AGAIN, PAGE, begin_page, say_skipped, settings, write_page};
+use super::replay::{BEGINS_AGAIN, PAGE, begin_page, say_files, say_skipped, settings, write_page};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Options {
@@ -49,6 +49,7 @@ fn on_recording(setup: &Setup, options: &Options, path: &Path) -> anyhow::Result
         Ok(input) => input,
         Err(status) => return Ok(status),
     };
+    say_files(&input.bag);
     let page = begin_page(&options.out)?;
     let bar = Bar::new(input.bag.size());
     let mut say = |line: &str| bar.say(line);

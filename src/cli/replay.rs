@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use anyhow::Context as _;
 use cfodi::args::Setup;
-use cfodi::bag::OutputTopics;
+use cfodi::bag::{Bag, OutputTopics};
 use cfodi::export::{WholeFile, WriteError};
 use cfodi::line::one_line;
 use cfodi::node::transport::Outgoing;
@@ -72,6 +72,7 @@ pub(crate) fn replay(setup: &Setup, options: &Options) -> anyhow::Result<ExitCod
         Ok(input) => input,
         Err(status) => return Ok(status),
     };
+    say_files(&input.bag);
     if let Some(clash) = clash(&options.outputs(), &input.bag.paths()) {
         say(format_args!("cfodi: {clash}"));
         return Ok(ExitCode::from(WRONG));
@@ -101,6 +102,11 @@ pub(crate) fn replay(setup: &Setup, options: &Options) -> anyhow::Result<ExitCod
     account(summary);
     result.and(written).and(told)?;
     Ok(say_skipped(summary))
+}
+
+/// Says which files of a folder are read and which are not.
+pub(crate) fn say_files(bag: &Bag) {
+    bag.remarks().iter().for_each(|line| say(one_line(line)));
 }
 
 /// Feeds the bag to an engine, again where the frame that was guessed turns out to be wrong.
