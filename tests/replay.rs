@@ -843,6 +843,36 @@ fn where_messages_lie_out_of_order_and_transforms_are_missing_for_it_that_is_sai
     assert!(skipped > 0 && found.errors.contains("up to 14.8 s out of the order"), "{}", found.errors);
 }
 
+#[test]
+fn where_all_transforms_lie_behind_the_scans_that_is_said_too() {
+    let folder = Folder::new();
+    let mut writer = BagWriter::new(Layout::Chunks);
+    writer.tf("/tf_static", stamp(0), "camera_link", OPTICAL, 0.0);
+    (0..200).for_each(|i| writer.cloud(POINTS, stamp(i), &wall(i)));
+    (0..200).for_each(|i| writer.tf("/tf", stamp(i), "odom", "camera_link", 0.01 * i as f64));
+    let found = replay(&folder.put("behind.mcap", &writer.finish()), &[]);
+    let skipped = found.summary.as_ref().unwrap()["scans_skipped"]["tf_unknown_frame"].as_u64().unwrap();
+    assert_eq!((found.status, found.number("scans") + skipped), (0, 200), "{}", found.errors);
+    assert!(skipped > 0 && found.errors.contains("`mcap sort` helps"), "{}", found.errors);
+}
+
+#[test]
+fn where_disorder_makes_stamps_jump_back_what_came_before_the_first_jump_is_said() {
+    let folder = Folder::new();
+    let mut writer = BagWriter::new(Layout::Chunks);
+    writer.tf("/tf_static", stamp(0), "map", OPTICAL, 0.0);
+    for i in [100, 0] {
+        writer.tf("/tf", stamp(i), "map", "robot", 0.0);
+    }
+    for i in [200, 100, 0] {
+        writer.cloud(POINTS, stamp(i), &wall(i));
+    }
+    let found = replay(&folder.put("shuffled.mcap", &writer.finish()), &[]);
+    assert_eq!((found.number("scans"), found.number("sessions")), (3, 3), "{}", found.errors);
+    assert!(found.errors.contains("up to 3.3 s out of the order"), "{}", found.errors);
+    assert!(found.summary.as_ref().unwrap()["remarks"][0].as_str().unwrap().contains("mcap sort"));
+}
+
 /// As where each chunk holds one topic.
 #[test]
 fn input_that_lies_out_of_order_keeps_its_times_within_each_lap() {

@@ -1,5 +1,6 @@
 //! From a bag to scans in the fixed frame, one after the other.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
@@ -8,6 +9,7 @@ use std::time::Duration;
 use thiserror::Error;
 
 use super::ahead::Ahead;
+use super::disorder::Disorder;
 use super::finder::Finder;
 use super::fixed_frame::FixedFrame;
 use super::reading::{Item, read};
@@ -25,8 +27,8 @@ const FEW: usize = 8;
 /// Clouds that wait for a transform at most, whatever the patience: a bound of memory.
 const MOST: usize = 64;
 
-/// How far out of order messages lie before it is said: clouds and transforms come some tenths of a second apart.
-const OUT_OF_ORDER: Duration = Duration::from_secs(1);
+/// Frames without a way that are remembered at most: a bag can make up ever new ones.
+const UNPLACED: usize = 20;
 
 /// How long a bag may hold nothing to be read until it is looked whether to stop.
 const LOOK: Duration = Duration::from_millis(100);
@@ -119,8 +121,8 @@ pub struct Fed {
     pub tally: Tally,
     /// Where the map lives.
     pub fixed_frame: String,
-    /// What was said of that.
-    pub about_frame: Vec<String>,
+    /// What was said at the end: of the order of the messages, and of how the frame was found.
+    pub remarks: Vec<String>,
     /// What of the bag could not be read; `None` where all of it was.
     pub unread: Option<BagError>,
     /// Whether it was told to stop.
@@ -202,10 +204,11 @@ pub fn feed<V: Visitor>(feed: Feed<'_>, visitor: &mut V) -> Result<Ended, FeedEr
         join: Join::new(FEW),
         patience,
         now: Duration::ZERO,
-        disorder: Some(Duration::ZERO),
+        disorder: Disorder::default(),
         finder: Finder::new(fixed_frame),
         enough: false,
         tally: Tally::default(),
+        unplaced: BTreeSet::new(),
         skips_said: Said::default(),
         transforms_said: Said::default(),
     };
@@ -256,13 +259,13 @@ struct Feeder<'a, V> {
     patience: Duration,
     /// When the last message was recorded.
     now: Duration,
-    /// How long before the message that was read before it one was recorded, at most; `None` once stamps have jumped back, and
-    /// with them the times of recording.
-    disorder: Option<Duration>,
+    disorder: Disorder,
     finder: Finder,
     /// The visitor wants no more.
     enough: bool,
     tally: Tally,
+    /// Frames of which a scan was skipped because they had no way to the fixed one.
+    unplaced: BTreeSet<String>,
     /// Why scans of which frame were skipped.
     skips_said: Said,
     /// What transforms have done or were refused for.
@@ -280,7 +283,7 @@ impl<V: Visitor> Feeder<'_, V> {
             match receiver.recv_timeout(LOOK) {
                 Ok(Item::Message(message)) => self.visitor.message(&message)?,
                 Ok(Item::Recorded { recorded, at, decoding }) => {
-                    self.disorder = self.disorder.map(|most| most.max(self.now.saturating_sub(at)));
+                    self.disorder.note(self.now.saturating_sub(at));
                     self.now = at;
                     self.recorded(recorded, decoding)?;
                 }
@@ -411,7 +414,7 @@ impl<V: Visitor> Feeder<'_, V> {
         let mut ready = self.join.ready(fixed_frame).into_iter();
         while let Some(Joined { scan, at, total, invalid, jumped_back }) = ready.next() {
             if let Some(Jump { seconds, given_up }) = jumped_back {
-                self.disorder = None;
+                self.disorder.jumped();
                 self.tally.skip_all("session_ended", given_up);
                 if self.visitor.jumped_back(seconds)? == Go::Home {
                     self.enough = true;
@@ -428,6 +431,10 @@ impl<V: Visitor> Feeder<'_, V> {
     fn skip(&mut self, waited: &Waited<Cloud>) {
         let reason = waited.last_error.as_ref().map_or("tf_not_looked_up", LookupError::reason);
         self.tally.skip(reason);
+        let has_no_way = waited.last_error.as_ref().is_some_and(LookupError::is_unconnected);
+        if has_no_way && self.unplaced.len() < UNPLACED {
+            self.unplaced.insert(waited.frame_id.clone());
+        }
         if self.skips_said.is_due(&format!("{reason} {}", waited.frame_id), 1) {
             let why = waited.last_error.as_ref().map_or_else(String::new, ToString::to_string);
             self.visitor.say(&format!("a scan was skipped: {why}; {}", self.join.frames_seen()));
@@ -457,19 +464,12 @@ impl<V: Visitor> Feeder<'_, V> {
                 self.skip(&waited);
             }
         }
-        if let Some(disorder) = self.disorder.filter(|most| *most > OUT_OF_ORDER)
-            && self.tally.lacks_transforms()
-        {
-            self.visitor.say(&format!(
-                "messages lie in the bag up to {:.1} s out of the order in which they were recorded, and are read as they lie: where \
-                 transforms were missing for it, `mcap sort` helps",
-                disorder.as_secs_f64()
-            ));
-        }
-        let about_frame = self.finder.about(&self.join);
-        about_frame.iter().for_each(|line| self.visitor.say(line));
+        let came_later = self.unplaced.iter().any(|frame| self.finder.reaches(frame));
+        let disorder = self.disorder.about(came_later || self.tally.lacks_transforms());
+        let remarks: Vec<_> = disorder.into_iter().chain(self.finder.about(&self.join)).collect();
+        remarks.iter().for_each(|line| self.visitor.say(line));
         let fixed_frame = self.finder.into_name();
-        Ok(Ended::Fed(Fed { tally: self.tally, fixed_frame, about_frame, unread, stopped }))
+        Ok(Ended::Fed(Fed { tally: self.tally, fixed_frame, remarks, unread, stopped }))
     }
 
     /// Takes what is ready by all that can be known.

@@ -84,9 +84,8 @@ impl Finder {
     /// Once, and only where frames are not connected: a gap in time is not closed so. Says whether it has looked.
     pub(super) fn look_ahead(&mut self, ahead: &Ahead<'_>, join: &mut Join) -> bool {
         let lacks = join.oldest().and_then(|(_, lacks)| lacks);
-        let unconnected =
-            matches!(lacks, Some(LookupError::UnknownFrame { .. } | LookupError::NotConnected { .. }));
-        if !unconnected || std::mem::replace(&mut self.looked_ahead, true) {
+        if !lacks.is_some_and(LookupError::is_unconnected) || std::mem::replace(&mut self.looked_ahead, true)
+        {
             return false;
         }
         for (transform, is_static) in ahead.transforms() {
@@ -96,6 +95,14 @@ impl Finder {
             }
         }
         true
+    }
+
+    /// Whether some transforms so far, however late, lead from a sensor's frame to the fixed one.
+    pub(super) fn reaches(&self, sensor: &str) -> bool {
+        let Self { tree, .. } = self;
+        let in_tree = |frame: &&str| tree.has(frame);
+        let fixed = self.name().filter(in_tree).filter(|_| tree.has(sensor));
+        fixed.is_some_and(|fixed| tree.top(fixed) == tree.top(sensor))
     }
 
     /// What is to be said of the frame at the end: how it was guessed, and whether its z may be another way than up.

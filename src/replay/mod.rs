@@ -10,6 +10,7 @@ mod ahead;
 mod body;
 mod clocks;
 mod clusters;
+mod disorder;
 mod feed;
 mod files;
 mod finder;

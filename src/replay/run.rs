@@ -150,7 +150,7 @@ impl<'a> Replay<'a> {
         let summary = Summary {
             tally: fed.tally,
             fixed_frame: fed.fixed_frame,
-            about_frame: fed.about_frame,
+            remarks: fed.remarks,
             sessions: self.sessions,
             voxels: self.engine.voxel_count(),
             dense_voxels: snapshot.voxels.len(),

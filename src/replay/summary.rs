@@ -99,8 +99,8 @@ pub struct Summary {
     pub tally: Tally,
     /// Where the map lives.
     pub fixed_frame: String,
-    /// What was said of that.
-    pub about_frame: Vec<String>,
+    /// What was said at the end: of the order of the messages, and of how the frame was found.
+    pub remarks: Vec<String>,
     /// How often a map was begun: 1, and one more for each jump back of the stamps.
     pub sessions: u64,
     /// Voxels of the map, dense or not.
@@ -176,7 +176,7 @@ impl Summary {
             "ingest_ns_per_point": (*points > 0).then(|| ingest.as_nanos() as f64 / *points as f64),
             "wall_s": self.wall.as_secs_f64(),
             "peak_rss_mb": peak_resident_mb(),
-            "about_frame": self.about_frame,
+            "remarks": self.remarks,
             "unread": self.unread,
             "stopped": self.stopped,
             "parameters": parameters,
@@ -227,14 +227,14 @@ impl Summary {
             let clouds = tally.hardly_used;
             format!("Of {clouds} clouds hardly a point was used: see min_range, max_range and optical.")
         });
-        let of_frame = self.about_frame.iter().map(|line| sentence(line));
+        let remarks = self.remarks.iter().map(|line| sentence(line));
         let others = self.notes.iter().cloned();
         unread
             .chain(stopped)
             .chain(begun)
             .chain(beyond)
             .chain(hardly_used)
-            .chain(of_frame)
+            .chain(remarks)
             .chain(others)
             .collect()
     }
@@ -278,8 +278,8 @@ mod tests {
             hardly_used: 2,
             ..Tally::default()
         };
-        let about_frame = vec!["the bag has no frame `odom`".to_owned()];
-        let summary = Summary { tally, about_frame, ..nothing() };
+        let remarks = vec!["the bag has no frame `odom`".to_owned()];
+        let summary = Summary { tally, remarks, ..nothing() };
         let facts = summary.facts("a.mcap");
         assert_eq!((facts.points, facts.points_unused.as_str()), (1, "30 invalid, 69 out of range"));
         assert_eq!(
@@ -289,7 +289,7 @@ mod tests {
                 "The bag has no frame `odom`.",
             ]
         );
-        assert_eq!(summary.json()["about_frame"], json!(["the bag has no frame `odom`"]));
+        assert_eq!(summary.json()["remarks"], json!(["the bag has no frame `odom`"]));
         let facts = nothing().facts("a.mcap");
         assert_eq!((facts.points_unused.as_str(), facts.notes.len()), ("", 0));
     }
@@ -298,7 +298,7 @@ mod tests {
         Summary {
             tally: Tally::default(),
             fixed_frame: "odom".to_owned(),
-            about_frame: Vec::new(),
+            remarks: Vec::new(),
             sessions: 1,
             voxels: 0,
             dense_voxels: 0,
