@@ -147,6 +147,11 @@ impl Join {
         oldest.into_iter().chain(self.arrived.keys().map(|(frame, _)| frame.as_str()))
     }
 
+    /// Which sensor has sent clouds in this frame.
+    pub fn sensor_in(&self, frame: &str) -> Option<usize> {
+        self.arrived.keys().find(|(known, _)| known == frame).map(|(_, sensor)| *sensor)
+    }
+
     /// Takes in a transform.
     ///
     /// # Errors

@@ -8,8 +8,10 @@ mod cli;
 use std::process::ExitCode;
 
 use cfodi::args::ArgsError;
+use cfodi::export::WriteError;
 use cfodi::line::one_line;
 use cfodi::node::process::ProcessError;
+use cfodi::replay::FeedError;
 use cfodi::say::say;
 use clap::{Parser, Subcommand};
 
@@ -83,6 +85,7 @@ fn status(ended: &anyhow::Result<Ending>) -> u8 {
         error.is::<Wrong>()
             || error.is::<ArgsError>()
             || error.downcast_ref::<ProcessError>().is_some_and(ProcessError::is_configuration)
+            || error.downcast_ref::<FeedError<WriteError>>().is_some_and(FeedError::is_wrong_argument)
     };
     match ended {
         Ok(Ending::Whole) => 0,

@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use bags::{BagWriter, Layout, OPTICAL, POINTS, drive, drive_along, ends_of_clouds, stamp, wall};
-use cfodi::msg::ros::{CameraInfo, Image};
+use cfodi::msg::ros::{CameraInfo, Image, Quaternion, TfMessage};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -209,15 +209,37 @@ fn transforms_of_other_names_are_read_where_these_are_given_and_named_where_not(
     assert_eq!((found.status, found.number("scans")), (0, 12), "{}", found.errors);
     assert_eq!(found.voxels, expected.voxels);
     assert!(!found.errors.contains("transforms are read from"), "{}", found.errors);
-    for (given, said) in [
-        (&["--ros-args"][..], "from /tf and /tf_static, not from /robot1/tf and /robot1/tf_static"),
-        (
-            &["--ros-args", "-r", "/tf:=/robot1/tf"],
-            "from /robot1/tf and /tf_static, not from /robot1/tf_static",
-        ),
-    ] {
-        let found = replay(&bag, given);
-        assert!(found.errors.contains(&format!("transforms are read {said}")), "{}", found.errors);
+    let found = replay(&bag, &["--ros-args", "-r", "/tf:=/robot1/tf"]);
+    let said = "transforms are read from /robot1/tf and /tf_static, not from /robot1/tf_static";
+    assert!(found.errors.contains(said), "{}", found.errors);
+    // The only ones are taken without being named.
+    let found = replay(&bag, &["--ros-args", "-r", "__ns:=/robot1"]);
+    assert_eq!((found.status, found.number("scans")), (0, 12), "{}", found.errors);
+    assert_eq!(found.voxels, expected.voxels, "{}", found.errors);
+    let said = "no transforms are on /tf and /tf_static: they are read from /robot1/tf and /robot1/tf_static";
+    assert!(found.errors.contains(said), "{}", found.errors);
+}
+
+#[test]
+fn a_sensor_is_not_taken_to_stand_still_while_transforms_of_several_names_could_tell_how_it_moved() {
+    let folder = Folder::new();
+    let mut writer = BagWriter::new(Layout::Plain);
+    for i in 0..3 {
+        writer.tf("/robot1/tf", stamp(i), "map", OPTICAL, 0.1 * i as f64);
+        writer.tf("/robot2/tf", stamp(i), "map", "other", 0.2 * i as f64);
+        writer.cloud(POINTS, stamp(i), &wall(i));
+    }
+    let bag = folder.put("two.mcap", &writer.finish());
+    let found = replay(&bag, &[]);
+    assert!(found.status == 2 && found.summary.is_none(), "{}", found.errors);
+    for robot in ["/robot1", "/robot2"] {
+        let choice = format!("-r /tf:={robot}/tf -r /tf_static:={robot}/tf_static");
+        assert!(found.errors.contains(&choice), "{}", found.errors);
+    }
+    let fixed_frame = format!("fixed_frame:={OPTICAL}");
+    for given in [&["-r", "/tf:=/robot1/tf"][..], &["-p", &fixed_frame]] {
+        let found = replay(&bag, &[&["--ros-args"], given].concat());
+        assert_eq!((found.status, found.number("scans")), (0, 3), "{}", found.errors);
     }
 }
 
@@ -257,13 +279,87 @@ fn the_default_frame_is_taken_where_the_bag_has_it_and_the_root_is_named_where_n
 }
 
 #[test]
+fn a_transform_that_would_close_a_circle_is_left_out_and_no_more() {
+    let folder = Folder::new();
+    let expected = replay(&folder.put("plain.mcap", &drive(BagWriter::new(Layout::Plain), 20)), &[]);
+    let mut writer = BagWriter::new(Layout::Plain);
+    writer.tf("/tf_static", stamp(0), "camera_link", OPTICAL, 0.0);
+    for i in 0..20 {
+        writer.tf("/tf", stamp(i), "map", "camera_link", 0.1 * i as f64);
+        if i == 10 {
+            writer.tf("/tf", stamp(i), OPTICAL, "map", 0.0);
+        }
+        writer.cloud(POINTS, stamp(i), &wall(i));
+    }
+    let found = replay(&folder.put("circle.mcap", &writer.finish()), &[]);
+    assert_eq!((found.status, found.number("scans")), (0, 20), "{}", found.errors);
+    assert_eq!(found.summary.as_ref().unwrap()["transforms_refused"]["cycle"], 1, "{}", found.errors);
+    assert_eq!(found.voxels, expected.voxels, "{}", found.errors);
+    assert!(found.errors.contains("made in `map`, the root of the sensor's frames"), "{}", found.errors);
+    assert!(!found.errors.contains("reading begins again"), "{}", found.errors);
+}
+
+#[test]
 fn without_any_transform_the_sensor_stands_still_and_that_is_said() {
     let folder = Folder::new();
     let mut writer = BagWriter::new(Layout::Plain);
     (0..3).for_each(|i| writer.cloud(POINTS, stamp(i), &wall(i)));
     let found = replay(&folder.put("still.mcap", &writer.finish()), &[]);
     assert_eq!((found.status, found.number("scans")), (0, 3));
-    assert!(found.errors.contains("taken to stand still"), "{}", found.errors);
+    assert!(found.errors.contains("and to stand still"), "{}", found.errors);
+}
+
+/// From the body frame to the optical one, as REP 103 has the two.
+fn body_to_optical() -> TfMessage {
+    let mut body = bags::transform(stamp(0), "camera_depth_frame", OPTICAL, 0.0);
+    body.transforms[0].transform.rotation = Quaternion { x: -0.5, y: 0.5, z: -0.5, w: 0.5 };
+    body
+}
+
+#[test]
+fn without_any_transform_a_camera_is_level_and_what_is_upright_before_it_is_a_wall() {
+    const WALL: u64 = 3;
+    let folder = Folder::new();
+    let record = |body: &[TfMessage]| {
+        let mut writer = BagWriter::new(Layout::Plain);
+        body.iter().for_each(|body| writer.put("/tf_static", "tf2_msgs/msg/TFMessage", stamp(0), body));
+        (0..30).for_each(|i| writer.cloud(POINTS, stamp(i), &wall(i)));
+        writer.finish()
+    };
+    let expected = replay(&folder.put("told.mcap", &record(&[body_to_optical()])), &[]);
+    let [out, clusters] = ["r.mcap", "c.json"].map(|name| folder.0.path().join(name));
+    let more = ["--out", out.to_str().unwrap(), "--clusters", clusters.to_str().unwrap()];
+    let found = replay(&folder.put("none.mcap", &record(&[])), &more);
+    assert_eq!((found.status, found.number("scans")), (0, 30), "{}", found.errors);
+    assert!(found.errors.contains("made in `camera_depth_frame`, the body frame"), "{}", found.errors);
+    assert_eq!(found.summary.as_ref().unwrap()["parameters"]["fixed_frame"], "camera_depth_frame");
+    assert_eq!(found.voxels, expected.voxels);
+    let clusters: Value = serde_json::from_str(&fs::read_to_string(clusters).unwrap()).unwrap();
+    let classes: Vec<_> = clusters.as_array().unwrap().iter().map(|it| &it["surface_class"]).collect();
+    assert_eq!(classes, [WALL], "{clusters}");
+    // A viewer can show the input beside it.
+    let result = fs::read(&out).unwrap();
+    let messages = mcap::MessageStream::new(&result).unwrap().map(Result::unwrap);
+    let transforms: Vec<TfMessage> = messages
+        .filter(|message| message.channel.topic == "/tf_static")
+        .map(|message| cdr_encoding::from_bytes::<_, byteorder::LittleEndian>(&message.data[4..]).unwrap().0)
+        .collect();
+    assert_eq!(transforms, [body_to_optical()]);
+}
+
+#[test]
+fn a_fixed_frame_whose_z_looks_ahead_is_warned_of_in_a_replay_and_by_the_node() {
+    let folder = Folder::new();
+    let bag = folder.put("a.mcap", &drive(BagWriter::new(Layout::Plain), 3));
+    let fixed_frame = format!("fixed_frame:={OPTICAL}");
+    let warning = format!("the fixed frame `{OPTICAL}` is an optical one by its name");
+    let found = replay(&bag, &["--ros-args", "-p", &fixed_frame]);
+    assert!(found.status == 0 && found.errors.contains(&warning), "{}", found.errors);
+    // It ends before it opens a network, for want of a file to resume from.
+    let ended = cfodi(&["run", "--resume", "--ros-args", "-p", &fixed_frame]);
+    let errors = String::from_utf8_lossy(&ended.stderr);
+    assert!(ended.status.code() == Some(2) && errors.contains(&warning), "{errors}");
+    assert!(!replay(&bag, &[]).errors.contains("is an optical one"));
 }
 
 #[test]
@@ -539,6 +635,26 @@ fn a_file_that_lies_in_a_folder_plain_and_compressed_is_read_once_and_that_is_sa
 }
 
 #[test]
+fn a_result_in_the_folder_of_its_recording_is_no_part_of_it_and_may_be_replaced() {
+    let folder = Folder::new();
+    folder.put("a.mcap", &drive(BagWriter::new(Layout::Plain), 10));
+    let out = folder.0.path().join("result.mcap");
+    for is_there in [false, true, true] {
+        let found = replay(folder.0.path(), &["--out", out.to_str().unwrap(), "--with-input"]);
+        assert_eq!(
+            (found.status, found.number("scans"), found.number("sessions")),
+            (0, 10, 1),
+            "{}",
+            found.errors
+        );
+        let said = "not read, as a replay has written them: result.mcap\n";
+        assert_eq!(found.errors.contains(said), is_there, "{}", found.errors);
+    }
+    // Alone it is a recording like any other.
+    assert_eq!(replay(&out, &[]).number("scans"), 10);
+}
+
+#[test]
 fn no_output_replaces_a_part_of_the_input_and_none_is_begun_when_one_cannot_be_made() {
     let folder = Folder::new();
     folder.put("a.mcap", &drive(BagWriter::new(Layout::Plain), 2));
@@ -586,6 +702,7 @@ fn a_chain_of_frames_that_grows_is_read_twice_at_most() {
     assert_eq!((found.status, found.number("scans")), (0, 40), "{}", found.errors);
     assert_eq!(found.errors.matches("reading begins again").count(), 1, "{}", found.errors);
     assert!(found.errors.contains("made in `f100`"), "{}", found.errors);
+    assert!(!found.errors.contains("its past is forgotten"), "the guess was no publisher: {}", found.errors);
 }
 
 #[test]
@@ -724,6 +841,36 @@ fn where_messages_lie_out_of_order_and_transforms_are_missing_for_it_that_is_sai
     let skipped = found.summary.as_ref().unwrap()["scans_skipped"]["tf_too_early"].as_u64().unwrap();
     assert_eq!((found.status, found.number("scans") + skipped), (0, 15), "{}", found.errors);
     assert!(skipped > 0 && found.errors.contains("up to 14.8 s out of the order"), "{}", found.errors);
+}
+
+#[test]
+fn where_all_transforms_lie_behind_the_scans_that_is_said_too() {
+    let folder = Folder::new();
+    let mut writer = BagWriter::new(Layout::Chunks);
+    writer.tf("/tf_static", stamp(0), "camera_link", OPTICAL, 0.0);
+    (0..200).for_each(|i| writer.cloud(POINTS, stamp(i), &wall(i)));
+    (0..200).for_each(|i| writer.tf("/tf", stamp(i), "odom", "camera_link", 0.01 * i as f64));
+    let found = replay(&folder.put("behind.mcap", &writer.finish()), &[]);
+    let skipped = found.summary.as_ref().unwrap()["scans_skipped"]["tf_unknown_frame"].as_u64().unwrap();
+    assert_eq!((found.status, found.number("scans") + skipped), (0, 200), "{}", found.errors);
+    assert!(skipped > 0 && found.errors.contains("`mcap sort` helps"), "{}", found.errors);
+}
+
+#[test]
+fn where_disorder_makes_stamps_jump_back_what_came_before_the_first_jump_is_said() {
+    let folder = Folder::new();
+    let mut writer = BagWriter::new(Layout::Chunks);
+    writer.tf("/tf_static", stamp(0), "map", OPTICAL, 0.0);
+    for i in [100, 0] {
+        writer.tf("/tf", stamp(i), "map", "robot", 0.0);
+    }
+    for i in [200, 100, 0] {
+        writer.cloud(POINTS, stamp(i), &wall(i));
+    }
+    let found = replay(&folder.put("shuffled.mcap", &writer.finish()), &[]);
+    assert_eq!((found.number("scans"), found.number("sessions")), (3, 3), "{}", found.errors);
+    assert!(found.errors.contains("up to 3.3 s out of the order"), "{}", found.errors);
+    assert!(found.summary.as_ref().unwrap()["remarks"][0].as_str().unwrap().contains("mcap sort"));
 }
 
 /// As where each chunk holds one topic.

@@ -6,7 +6,7 @@ use super::cdr::{read, read_with};
 use super::choose::{Sensor, SensorKind};
 use super::read::Message;
 use super::topic::Topic;
-use crate::cloud::{Camera, Cloud, CloudError, CloudFilter, CloudSeed, CompressedSeed, DepthSeed};
+use crate::cloud::{Camera, Cloud, CloudError, CloudFilter, CloudSeed, CompressedSeed, DepthSeed, Optical};
 use crate::msg::ros::{CameraInfo, TfMessage};
 
 /// What a message says.
@@ -41,7 +41,7 @@ pub enum Recorded {
 }
 
 /// The topics that transforms are read from, with or without the slash before them.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct TransformTopics {
     /// Of those that change.
     pub changing: String,
@@ -64,10 +64,65 @@ impl TransformTopics {
 
     /// The topics of transforms in a bag that are not read, where one of those that are read is missing.
     pub fn passed_over(&self, topics: &[Topic]) -> Vec<String> {
+        if let Some(Elsewhere::Pair(_)) = self.elsewhere(topics) {
+            return Vec::new();
+        }
         let of_transforms = || topics.iter().filter(|topic| is_transforms(&topic.type_name));
         let kinds: BTreeSet<_> = of_transforms().filter_map(|topic| self.is_static(&topic.name)).collect();
         let unread = of_transforms().filter(|topic| kinds.len() < 2 && self.is_static(&topic.name).is_none());
         unread.map(|topic| topic.name.clone()).collect()
+    }
+
+    /// Where the transforms of a bag are that has none on those topics; `None` where it has some there, or none at all.
+    pub fn elsewhere(&self, topics: &[Topic]) -> Option<Elsewhere> {
+        let has_some = |topic: &&Topic| is_transforms(&topic.type_name) && topic.messages != Some(0);
+        let names: BTreeSet<_> = topics.iter().filter(has_some).map(|topic| topic.name.as_str()).collect();
+        if names.is_empty() || names.iter().any(|name| self.is_static(name).is_some()) {
+            return None;
+        }
+        let choices: BTreeSet<_> = names.into_iter().map(Self::like).collect();
+        // Who has named other topics than the usual ones means those.
+        let is_usual = *self == Self::default();
+        let pair =
+            choices.first().filter(|pair| is_usual && choices.len() == 1 && pair.lasting != pair.changing);
+        Some(pair.map_or_else(
+            || Elsewhere::Several(choices.iter().cloned().collect()),
+            |pair| Elsewhere::Pair(pair.clone()),
+        ))
+    }
+
+    /// The pair that a topic is one of by its name; it alone, where its name does not tell.
+    fn like(name: &str) -> Self {
+        let namespace = name.strip_suffix("/tf_static").or_else(|| name.strip_suffix("/tf"));
+        let named =
+            |end: &str| namespace.map_or_else(|| name.to_owned(), |namespace| format!("{namespace}/{end}"));
+        Self { changing: named("tf"), lasting: named("tf_static") }
+    }
+
+    /// The arguments that have these read.
+    fn remappings(&self) -> String {
+        let Self { changing, lasting } = self;
+        if changing == lasting {
+            format!("-r /tf:={changing}")
+        } else {
+            format!("-r /tf:={changing} -r /tf_static:={lasting}")
+        }
+    }
+}
+
+/// Where the transforms of a bag are, if not on the topics that are read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Elsewhere {
+    /// On one other pair alone, where the usual one was to be read.
+    Pair(TransformTopics),
+    /// On these.
+    Several(Vec<TransformTopics>),
+}
+
+impl Elsewhere {
+    /// The arguments that have each of them read.
+    pub fn remappings(topics: &[TransformTopics]) -> String {
+        topics.iter().map(TransformTopics::remappings).collect::<Vec<_>>().join(", or ")
     }
 }
 
@@ -100,10 +155,29 @@ impl Decoder {
         Self { filter, sensors: sensors.into_iter().map(input).collect(), transforms }
     }
 
+    /// The topics that transforms are read from.
+    pub const fn transform_topics(&self) -> &TransformTopics {
+        &self.transforms
+    }
+
+    /// Reads transforms from these topics.
+    pub fn read_transforms_from(&mut self, transforms: TransformTopics) {
+        self.transforms = transforms;
+    }
+
     /// The same without the sensors.
     #[must_use]
     pub fn of_transforms(&self) -> Self {
         Self { filter: self.filter, sensors: Vec::new(), transforms: self.transforms.clone() }
+    }
+
+    /// Whether the axes of what a sensor sends in this frame are optical: z ahead, x right, y down.
+    pub fn is_optical(&self, sensor: usize, frame: &str) -> bool {
+        let optical = self.filter.optical;
+        let is_image = self.sensors.get(sensor).is_some_and(|input| input.sensor.kind != SensorKind::Cloud);
+        // The name that REP 103 has, which is seldom that of a driver's cloud.
+        let is_named = optical == Optical::Auto && frame.ends_with("_optical");
+        is_image || is_named || optical.of_frame(frame)
     }
 
     /// Takes the first intrinsics of each camera out of these messages, for the images before them: drivers send both together
@@ -185,4 +259,54 @@ impl Input {
 /// Whether messages of this type are transforms: as ROS 2 has it, and as bags from ROS 1 may still call it.
 pub(super) fn is_transforms(type_name: &str) -> bool {
     matches!(type_name, "tf2_msgs/msg/TFMessage" | "tf/msg/tfMessage")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn bag(names: &[&str]) -> Vec<Topic> {
+        let topic = |name: &&str| Topic {
+            name: (*name).to_owned(),
+            type_name: "tf2_msgs/msg/TFMessage".to_owned(),
+            encoding: "cdr".to_owned(),
+            messages: Some(u64::from(!name.starts_with("/empty"))),
+        };
+        names.iter().map(topic).collect()
+    }
+
+    fn pair(changing: &str, lasting: &str) -> TransformTopics {
+        TransformTopics { changing: changing.to_owned(), lasting: lasting.to_owned() }
+    }
+
+    #[test]
+    fn the_only_other_pair_of_topics_is_taken_where_nothing_is_on_the_usual_one() {
+        let usual = TransformTopics::default();
+        let robot = || pair("/robot1/tf", "/robot1/tf_static");
+        for names in
+            [&["/robot1/tf", "/robot1/tf_static"][..], &["/robot1/tf", "/empty/tf"], &["/robot1/tf_static"]]
+        {
+            let topics = bag(names);
+            assert_eq!(usual.elsewhere(&topics), Some(Elsewhere::Pair(robot())), "{names:?}");
+            assert_eq!(usual.passed_over(&topics), [""; 0]);
+        }
+        for names in [&["/robot1/tf", "/tf_static"][..], &["tf"], &["/empty/tf"], &[]] {
+            assert_eq!(usual.elsewhere(&bag(names)), None, "{names:?}");
+        }
+        let mine = pair("/mine/tf", "/mine/tf_static");
+        assert_eq!(mine.elsewhere(&bag(&["/robot1/tf"])), Some(Elsewhere::Several(vec![robot()])));
+    }
+
+    #[test]
+    fn of_several_pairs_each_is_named_with_what_has_it_read() {
+        let remappings = |names: &[&str]| match TransformTopics::default().elsewhere(&bag(names)) {
+            Some(Elsewhere::Several(choices)) => Elsewhere::remappings(&choices),
+            other => panic!("{other:?}"),
+        };
+        assert_eq!(
+            remappings(&["/a/tf", "/a/tf_static", "/b/tf"]),
+            "-r /tf:=/a/tf -r /tf_static:=/a/tf_static, or -r /tf:=/b/tf -r /tf_static:=/b/tf_static"
+        );
+        assert_eq!(remappings(&["/poses"]), "-r /tf:=/poses");
+    }
 }

@@ -4,10 +4,11 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::AtomicBool;
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::error::BagError;
-use super::metadata;
+use super::metadata::{self, Metadata};
 use super::part::{Part, reading, sqlite};
 use super::read::Messages;
 use super::survey::survey;
@@ -17,6 +18,9 @@ use crate::yaml;
 /// What a recorder says of a folder.
 const METADATA: &str = "metadata.yaml";
 
+/// Files that a line names at most.
+const NAMED: usize = 20;
+
 /// A recording that can be read: which files, in which order.
 #[derive(Clone, Debug)]
 pub struct Bag {
@@ -25,6 +29,10 @@ pub struct Bag {
     listed: Vec<Topic>,
     /// Files of its folder that hold what another one holds.
     copies: Vec<PathBuf>,
+    /// Which others of its folder are not read, and which are read together.
+    remarks: Vec<String>,
+    /// What [`Self::survey`] has found.
+    surveyed: OnceLock<Survey>,
 }
 
 impl Bag {
@@ -35,17 +43,11 @@ impl Bag {
     pub fn open(path: &Path) -> Result<Self, BagError> {
         let about = fs::metadata(path).map_err(|source| reading(path, source))?;
         if !about.is_dir() {
-            return Ok(Self { files: vec![Part::open(path)?], listed: Vec::new(), copies: Vec::new() });
+            return Ok(Self::of(vec![Part::open(path)?]));
         }
-        let ((paths, copies), listed) = match description(path)? {
-            Some(text) => {
-                let metadata = metadata::parse(path, &text)?;
-                if metadata.storage == "sqlite3" {
-                    return Err(sqlite(path, path));
-                }
-                ((metadata.files, Vec::new()), metadata.topics)
-            }
-            None => (without_copies(mcap_files(path)?), Vec::new()),
+        let Chosen { paths, copies, listed, remarks } = match description(path)? {
+            Some(text) => Chosen::of_metadata(path, metadata::parse(path, &text)?)?,
+            None => Chosen::of_folder(path)?,
         };
         let opened: Vec<_> = paths.iter().map(|path| Part::open(path)).collect();
         let mut files = Vec::new();
@@ -61,12 +63,22 @@ impl Bag {
                 files.push(part?);
             }
         }
-        Ok(Self { files, listed, copies })
+        Ok(Self { listed, copies, remarks, ..Self::of(files) })
+    }
+
+    const fn of(files: Vec<Part>) -> Self {
+        Self { files, listed: Vec::new(), copies: Vec::new(), remarks: Vec::new(), surveyed: OnceLock::new() }
     }
 
     /// Files that are not read, for another one has the same name without `.zstd`: what was decompressed beside them.
     pub fn copies(&self) -> &[PathBuf] {
         &self.copies
+    }
+
+    /// What is to be said of a folder's files: which of them are not read but for copies, and which are read together though nothing
+    /// says that they belong together.
+    pub fn remarks(&self) -> &[String] {
+        &self.remarks
     }
 
     /// Bytes on disk.
@@ -81,15 +93,70 @@ impl Bag {
         files.chain(described).chain(self.copies.iter().cloned()).collect()
     }
 
-    /// The topics: from the summary or `metadata.yaml` where there is one, otherwise by reading all of the bag, up to `stop`.
+    /// The topics: from the summary or `metadata.yaml` where there is one, otherwise by reading all of the bag, once, up to `stop`.
     pub fn survey(&self, stop: &AtomicBool) -> Survey {
-        survey(&self.files, &self.listed, stop)
+        if let Some(known) = self.surveyed.get() {
+            return known.clone();
+        }
+        let found = survey(&self.files, &self.listed, stop);
+        // What a signal has ended is not all that can be found.
+        if stop.load(Ordering::Relaxed) { found } else { self.surveyed.get_or_init(|| found).clone() }
     }
 
     /// All messages in the order of the file.
     pub fn messages(&self) -> Messages {
         Messages::new(self.files.clone())
     }
+}
+
+/// Which files of a folder are its recording.
+struct Chosen {
+    paths: Vec<PathBuf>,
+    /// See [`Bag`].
+    copies: Vec<PathBuf>,
+    listed: Vec<Topic>,
+    remarks: Vec<String>,
+}
+
+impl Chosen {
+    fn of_metadata(folder: &Path, metadata: Metadata) -> Result<Self, BagError> {
+        let Metadata { files: paths, storage, topics: listed } = metadata;
+        if storage == "sqlite3" {
+            return Err(sqlite(folder, folder));
+        }
+        let mut others = mcap_files(folder).unwrap_or_default();
+        others.retain(|path| !paths.contains(path));
+        let remarks = remark("not read, as metadata.yaml does not list them", &others, 1);
+        Ok(Self { paths, copies: Vec::new(), listed, remarks: remarks.into_iter().collect() })
+    }
+
+    fn of_folder(folder: &Path) -> Result<Self, BagError> {
+        let (paths, copies) = without_copies(mcap_files(folder)?);
+        let (results, recorded): (Vec<_>, Vec<_>) = paths.into_iter().partition(|path| Part::is_result(path));
+        // Where there is nothing else, these are what is meant.
+        let (paths, results) = if recorded.is_empty() { (results, recorded) } else { (recorded, results) };
+        let left_out = remark("not read, as a replay has written them", &results, 1);
+        let together =
+            remark("without a metadata.yaml these are read as one recording, in this order", &paths, 2);
+        Ok(Self {
+            paths,
+            copies,
+            listed: Vec::new(),
+            remarks: left_out.into_iter().chain(together).collect(),
+        })
+    }
+}
+
+/// Names the files that something is to be said of, where there are so many.
+fn remark(what: &str, paths: &[PathBuf], least: usize) -> Option<String> {
+    let mut names: Vec<_> = paths.iter().take(NAMED).map(|path| name(path)).collect();
+    let more = paths.len() - names.len();
+    names.extend((more > 0).then(|| format!("and {more} more")));
+    (paths.len() >= least).then(|| format!("{what}: {}", names.join(", ")))
+}
+
+fn name(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
 /// What a recorder says of a folder; `None` where it says nothing.
@@ -118,7 +185,6 @@ fn mcap_files(folder: &Path) -> Result<Vec<PathBuf>, BagError> {
     let paths = entries.map(|entry| entry.map(|entry| entry.path()));
     let mut paths: Vec<PathBuf> =
         paths.collect::<Result<_, _>>().map_err(|source| reading(folder, source))?;
-    let name = |path: &PathBuf| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     paths.retain(|path| {
         let name = name(path);
         [".mcap", ".mcap.zstd", ".mcap.zst"].iter().any(|end| name.ends_with(end)) && !name.starts_with('.')
@@ -145,7 +211,83 @@ fn in_order(name: &str) -> (Vec<(String, usize, String)>, String) {
 
 #[cfg(test)]
 mod tests {
+    use std::fs::File;
+
+    use super::super::{OutputTopics, ResultBag, SensorBag};
     use super::*;
+
+    fn recording(path: &Path) {
+        SensorBag::new(File::create(path).unwrap(), "/points").unwrap().finish().unwrap();
+    }
+
+    fn result(path: &Path) {
+        let [clusters, clusters_delta, markers, points_labelled] =
+            ["/c", "/d", "/m", "/p"].map(str::to_owned);
+        let topics = OutputTopics {
+            clusters,
+            clusters_delta,
+            markers,
+            points_labelled,
+            detections: None,
+            polygons: None,
+        };
+        ResultBag::new(File::create(path).unwrap(), &topics, true).unwrap().finish().unwrap();
+    }
+
+    /// The names of the files that are read of a folder, and what is said of the others.
+    fn read_of(folder: &Path) -> (Vec<String>, Vec<String>) {
+        let bag = Bag::open(folder).unwrap();
+        (bag.files.iter().map(|part| name(&part.path)).collect(), bag.remarks)
+    }
+
+    #[test]
+    fn results_beside_a_recording_are_left_out_and_files_that_nothing_joins_are_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        result(&at("b.mcap"));
+        let none: [&str; 0] = [];
+        let (read, said) = read_of(folder.path());
+        assert_eq!((read, said.len()), (vec!["b.mcap".to_owned()], 0), "it may be looked at again");
+        recording(&at("c.mcap"));
+        let left_out = "not read, as a replay has written them: b.mcap";
+        assert_eq!(read_of(folder.path()), (vec!["c.mcap".to_owned()], vec![left_out.to_owned()]));
+        recording(&at("a.mcap"));
+        let (read, said) = read_of(folder.path());
+        let together =
+            "without a metadata.yaml these are read as one recording, in this order: a.mcap, c.mcap";
+        assert_eq!(
+            (&read[..], &said[..]),
+            (&["a.mcap", "c.mcap"].map(str::to_owned)[..], &[left_out, together].map(str::to_owned)[..])
+        );
+        let listed = |names: &str| {
+            let text = format!(
+                "rosbag2_bagfile_information: {{relative_file_paths: [{names}], storage_identifier: mcap}}"
+            );
+            fs::write(at(METADATA), text).unwrap();
+            read_of(folder.path())
+        };
+        let (read, said) = listed("./c.mcap");
+        assert_eq!(
+            (&read[..], &said[..]),
+            (
+                &["c.mcap".to_owned()][..],
+                &["not read, as metadata.yaml does not list them: a.mcap, b.mcap".to_owned()][..]
+            )
+        );
+        assert_eq!(listed("c.mcap, a.mcap, b.mcap").1, none);
+    }
+
+    #[test]
+    fn a_line_names_no_more_files_than_can_be_read() {
+        let paths: Vec<_> = (0..NAMED + 3).map(|i| PathBuf::from(format!("/bags/{i}.mcap"))).collect();
+        let line = remark("read", &paths, 2).unwrap();
+        assert!(
+            line.starts_with("read: 0.mcap, 1.mcap, ") && line.ends_with(", 19.mcap, and 3 more"),
+            "{line}"
+        );
+        assert_eq!(remark("read", &paths[..1], 2), None);
+        assert_eq!(remark("read", &[], 1), None);
+    }
 
     #[test]
     fn files_of_a_split_bag_are_read_by_their_numbers() {

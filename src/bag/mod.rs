@@ -23,7 +23,7 @@ mod topic;
 mod write;
 
 pub use choose::{Choice, ChoiceError, Sensor, SensorKind, Wanted, choose};
-pub use decode::{Decoder, Recorded, TransformTopics};
+pub use decode::{Decoder, Elsewhere, Recorded, TransformTopics};
 pub use error::BagError;
 pub use files::Bag;
 pub use read::{MAX_MESSAGE_BYTES, Message, Messages};

@@ -4,7 +4,13 @@ use std::fs::{File, Metadata};
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
+use mcap::records::op;
+
 use super::error::BagError;
+use super::write::is_result;
+
+/// Bytes of a file by which it is known who wrote it.
+const HEADER: u64 = 256;
 
 /// One file of a bag.
 #[derive(Clone, Debug)]
@@ -36,6 +42,14 @@ impl Part {
         if about.is_file() { Ok(about) } else { Err(refused()) }
     }
 
+    /// Whether it is what a replay has written.
+    pub(super) fn is_result(path: &Path) -> bool {
+        let mut begin = Vec::new();
+        let file = Self::check_regular(path).ok().and_then(|_| File::open(path).ok());
+        let read = file.and_then(|file| file.take(HEADER).read_to_end(&mut begin).ok());
+        read.is_some() && library(&begin).is_some_and(is_result)
+    }
+
     pub(super) fn open(path: &Path) -> Result<Self, BagError> {
         let failed = |source| reading(path, source);
         let about = Self::check_regular(path)?;
@@ -57,6 +71,19 @@ impl Part {
             Err(BagError::NotMcap { path: path.to_owned(), begin: format!("\"{}\"", begin.escape_ascii()) })
         }
     }
+}
+
+/// A text behind its length, and what follows it.
+fn text(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
+    let (length, rest) = bytes.split_first_chunk()?;
+    rest.split_at_checked(usize::try_from(u32::from_le_bytes(*length)).ok()?)
+}
+
+/// What the header of an MCAP file, its first record, names as its writer.
+fn library(begin: &[u8]) -> Option<&[u8]> {
+    let (_, fields) = begin.strip_prefix(MCAP)?.strip_prefix(&[op::HEADER])?.split_at_checked(8)?;
+    let (_profile, rest) = text(fields)?;
+    Some(text(rest)?.0)
 }
 
 pub(super) fn reading(path: &Path, source: io::Error) -> BagError {

@@ -7,7 +7,7 @@ use std::io::{self, Write};
 use mcap::Writer;
 use mcap::write::NoSeek;
 
-use super::write::{Channel, TF, channel, put, writer};
+use super::write::{Channel, RECORDER, TF, channel, put, writer};
 use crate::msg::ros::{PointCloud2, TfMessage};
 use crate::msg::sent::{Named, Qos};
 
@@ -26,7 +26,7 @@ impl<W: Write> SensorBag<W> {
     /// # Errors
     /// Those of `out`.
     pub fn new(out: W, points: &str) -> io::Result<Self> {
-        let mut writer = writer(out)?;
+        let mut writer = writer(out, RECORDER)?;
         let tf = |name| Named { name, type_name: TF };
         let clouds = Named { name: points, type_name: "sensor_msgs/msg/PointCloud2" };
         Ok(Self {

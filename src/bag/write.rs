@@ -127,7 +127,7 @@ impl<W: Write> ResultBag<W> {
     /// # Errors
     /// Those of `out`.
     pub fn new(out: W, topics: &OutputTopics, with_input: bool) -> io::Result<Self> {
-        let mut writer = writer(out)?;
+        let mut writer = writer(out, RESULTS)?;
         let mut open = |name: &String, Topic { type_name, qos, .. }| {
             channel(&mut writer, Named { name, type_name }, qos)
         };
@@ -297,13 +297,20 @@ fn open_copy<W: Write>(
     Ok(Channel { id: id.map_err(io::Error::other)?, messages: 0, newest: 0 })
 }
 
+/// What writes recordings, as their header names it.
+pub(super) const RECORDER: &str = concat!("cfodi ", env!("CARGO_PKG_VERSION"));
+/// What writes results: one that lies beside a recording is known by it.
+const RESULTS: &str = concat!("cfodi ", env!("CARGO_PKG_VERSION"), " result");
+
+/// Whether a header names what writes results, of whatever version.
+pub(super) fn is_result(library: &[u8]) -> bool {
+    library.starts_with(b"cfodi ") && library.ends_with(b" result")
+}
+
 /// A bag without messages, which one thread compresses.
-pub(super) fn writer<W: Write>(out: W) -> io::Result<Writer<NoSeek<W>>> {
-    let options = WriteOptions::new()
-        .profile("ros2")
-        .library(concat!("cfodi ", env!("CARGO_PKG_VERSION")))
-        .compression_threads(0)
-        .disable_seeking(true);
+pub(super) fn writer<W: Write>(out: W, library: &str) -> io::Result<Writer<NoSeek<W>>> {
+    let options =
+        WriteOptions::new().profile("ros2").library(library).compression_threads(0).disable_seeking(true);
     options.create(NoSeek::new(out)).map_err(io::Error::other)
 }
 

@@ -15,7 +15,7 @@ use cfodi::say::tell;
 
 use super::input::{Input, open};
 use super::progress::Bar;
-use super::replay::{BEGINS_AGAIN, PAGE, begin_page, say_skipped, settings, write_page};
+use super::replay::{BEGINS_AGAIN, PAGE, begin_page, say_files, say_skipped, settings, write_page};
 use super::{Ending, laboratory};
 
 #[derive(Debug, clap::Args)]
@@ -45,6 +45,7 @@ pub(crate) fn experiment(setup: &Setup, options: &Options) -> anyhow::Result<End
 
 fn on_recording(setup: &Setup, options: &Options, path: &Path) -> anyhow::Result<Ending> {
     let input = open(setup, path, &options.topic)?;
+    say_files(&input.bag);
     let page = begin_page(&options.out)?;
     let bar = Bar::new(input.bag.size());
     let mut say = |line: &str| bar.say(line);

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use cfodi::args::Setup;
-use cfodi::bag::OutputTopics;
+use cfodi::bag::{Bag, OutputTopics};
 use cfodi::export::{WholeFile, WriteError};
 use cfodi::line::one_line;
 use cfodi::node::transport::Outgoing;
@@ -69,6 +69,7 @@ pub(crate) const PAGE: &str = "index.html";
 
 pub(crate) fn replay(setup: &Setup, options: &Options) -> anyhow::Result<Ending> {
     let input = open(setup, &options.input, &options.topic)?;
+    say_files(&input.bag);
     check_outputs(&options.outputs(), &input.bag.paths())?;
     let files = options.map_files().create()?;
     let page = options.report.as_deref().map(begin_page).transpose()?;
@@ -95,6 +96,11 @@ pub(crate) fn replay(setup: &Setup, options: &Options) -> anyhow::Result<Ending>
     account(summary);
     result.and(written).and(told)?;
     Ok(say_skipped(summary))
+}
+
+/// Says which files of a folder are read and which are not.
+pub(crate) fn say_files(bag: &Bag) {
+    bag.remarks().iter().for_each(|line| say(one_line(line)));
 }
 
 /// Feeds the bag to an engine, again where the frame that was guessed turns out to be wrong.

@@ -18,6 +18,7 @@ use cfodi::node::resume::begin;
 use cfodi::node::rosout::Lines;
 #[cfg(feature = "zenoh")]
 use cfodi::node::zenoh::Zenoh;
+use cfodi::tf::z_is_not_up;
 use clap::Args;
 use tracing::warn;
 
@@ -29,6 +30,9 @@ pub(crate) struct Options {
 }
 
 pub(crate) fn run(setup: &Setup, options: &Options, lines: Lines) -> anyhow::Result<()> {
+    if let Some(line) = z_is_not_up(&setup.config.fixed_frame) {
+        warn!("{line}");
+    }
     match setup.rmw().map_err(ProcessError::from)? {
         Rmw::Dds => run_over::<Dds>(setup, options, lines),
         #[cfg(feature = "zenoh")]

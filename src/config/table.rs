@@ -273,7 +273,7 @@ const NOISE_MODELS: &[&str] = &["kinect_v1", "none"];
 
 /// In the order of the documentation.
 pub(super) const TABLE: &[Row] = &[
-    Row::text("fixed_frame", "odom", FRAME).means("frame in which the map lives", MAP),
+    Row::text("fixed_frame", "odom", FRAME).means("frame in which the map lives, its z up", MAP),
     Row::text("mode", "consistent", Bounds::OneOf(&["consistent", "paper"])).means(
         "`consistent`: clusters as one definition has them, whatever the order of the scans; `paper`: CFODI to the letter",
         MAP,

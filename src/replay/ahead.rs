@@ -28,6 +28,11 @@ impl<'a> Ahead<'a> {
         self.decoder.clone()
     }
 
+    /// Whether a sensor's frame is optical; see [`Decoder::is_optical`].
+    pub(super) fn is_optical(&self, sensor: usize, frame: &str) -> bool {
+        self.decoder.is_optical(sensor, frame)
+    }
+
     /// The transforms of the whole bag, in order, with whether they are static.
     pub(super) fn transforms(&self) -> impl Iterator<Item = (TransformStamped, bool)> + use<> {
         let mut decoder = self.decoder.of_transforms();

@@ -1,19 +1,20 @@
 //! From a bag to scans in the fixed frame, one after the other.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::time::Duration;
 
-use thiserror::Error;
-
 use super::ahead::Ahead;
+use super::disorder::Disorder;
+use super::error::FeedError;
 use super::finder::Finder;
 use super::fixed_frame::FixedFrame;
 use super::reading::{Item, read};
 use super::said::Said;
 use super::summary::{AFTER_JUMP, Tally};
-use crate::bag::{Bag, BagError, Decoder, Message, Recorded};
+use crate::bag::{Bag, BagError, Decoder, Elsewhere, Message, Recorded, TransformTopics};
 use crate::cloud::{Cloud, CloudError};
 use crate::engine::Scan;
 use crate::join::{Join, Joined, Jump, with_stamp};
@@ -26,8 +27,8 @@ const FEW: usize = 8;
 /// Clouds that wait for a transform at most, whatever the patience: a bound of memory.
 const MOST: usize = 64;
 
-/// How far out of order messages lie before it is said: clouds and transforms come some tenths of a second apart.
-const OUT_OF_ORDER: Duration = Duration::from_secs(1);
+/// Frames without a way that are remembered at most: a bag can make up ever new ones.
+const UNPLACED: usize = 20;
 
 /// How long a bag may hold nothing to be read until it is looked whether to stop.
 const LOOK: Duration = Duration::from_millis(100);
@@ -61,6 +62,9 @@ pub trait Visitor {
     /// # Errors
     /// Ends the feeding.
     fn jumped_back(&mut self, seconds: f64) -> Result<Go, Self::Error>;
+
+    /// The map is made in a frame that no transform of the bag names, above a camera's own by this one.
+    fn level(&mut self, _: &TransformStamped) {}
 
     /// A message of the bag, where [`Feed::with_messages`] asks for them.
     ///
@@ -124,29 +128,12 @@ pub struct Fed {
     pub tally: Tally,
     /// Where the map lives.
     pub fixed_frame: String,
+    /// What was said at the end: of the order of the messages, and of how the frame was found.
+    pub remarks: Vec<String>,
     /// What of the bag could not be read; `None` where all of it was.
     pub unread: Option<BagError>,
     /// Whether it was told to stop.
     pub stopped: bool,
-}
-
-/// Feeding has to end.
-#[derive(Debug, Error)]
-pub enum FeedError<E> {
-    /// The system gives no thread.
-    #[error("cannot start the thread that reads: {0}")]
-    Start(std::io::Error),
-    /// The visitor cannot go on.
-    #[error(transparent)]
-    Visitor(E),
-    /// It was told to stop before the whole bag had shown the right frame, and scans in a wrong one are of no use.
-    #[error(
-        "stopped by a signal while the frame of the map was looked for in the whole bag: there is no result"
-    )]
-    Stopped,
-    /// The reading thread has panicked.
-    #[error("the thread that reads has died")]
-    Died,
 }
 
 /// Why no more items are taken.
@@ -164,7 +151,8 @@ enum Halt {
 /// # Errors
 /// When the visitor cannot go on, and where it is told to stop before the right frame is known. A bag that cannot be read to its end is no error: [`Fed::unread`] says so.
 pub fn feed<V: Visitor>(feed: Feed<'_>, visitor: &mut V) -> Result<Ended, FeedError<V::Error>> {
-    let Feed { bag, decoder, fixed_frame, patience, with_messages, stop, progress } = feed;
+    let Feed { bag, mut decoder, fixed_frame, patience, with_messages, stop, progress } = feed;
+    find_transforms(bag, &mut decoder, &fixed_frame, &stop, visitor)?;
     let ahead = Ahead::new(bag, decoder, Arc::clone(&stop));
     let messages = bag.messages();
     let bytes = messages.bytes_read();
@@ -184,10 +172,11 @@ pub fn feed<V: Visitor>(feed: Feed<'_>, visitor: &mut V) -> Result<Ended, FeedEr
         join: Join::new(FEW),
         patience,
         now: Duration::ZERO,
-        disorder: Some(Duration::ZERO),
+        disorder: Disorder::default(),
         finder: Finder::new(fixed_frame),
         enough: false,
         tally: Tally::default(),
+        unplaced: BTreeSet::new(),
         skips_said: Said::default(),
         transforms_said: Said::default(),
     };
@@ -203,6 +192,33 @@ pub fn feed<V: Visitor>(feed: Feed<'_>, visitor: &mut V) -> Result<Ended, FeedEr
     feeder.finish(halt)
 }
 
+/// Where the bag has no transforms on the topics that are read, takes the only others that there are. A sensor is not taken to stand
+/// still while any might tell how it moved.
+fn find_transforms<V: Visitor>(
+    bag: &Bag,
+    decoder: &mut Decoder,
+    fixed_frame: &FixedFrame,
+    stop: &AtomicBool,
+    visitor: &mut V,
+) -> Result<(), FeedError<V::Error>> {
+    let TransformTopics { changing, lasting } = decoder.transform_topics();
+    match decoder.transform_topics().elsewhere(&bag.survey(stop).topics) {
+        Some(Elsewhere::Pair(pair)) => {
+            visitor.say(&format!(
+                "no transforms are on {changing} and {lasting}: they are read from {} and {}",
+                pair.changing, pair.lasting
+            ));
+            decoder.read_transforms_from(pair);
+            Ok(())
+        }
+        Some(Elsewhere::Several(choices)) if !matches!(fixed_frame, FixedFrame::Settled(_)) => {
+            let (changing, lasting) = (changing.clone(), lasting.clone());
+            Err(FeedError::Elsewhere { changing, lasting, choices: Elsewhere::remappings(&choices) })
+        }
+        _ => Ok(()),
+    }
+}
+
 struct Feeder<'a, V> {
     ahead: Ahead<'a>,
     visitor: &'a mut V,
@@ -211,13 +227,13 @@ struct Feeder<'a, V> {
     patience: Duration,
     /// When the last message was recorded.
     now: Duration,
-    /// How far messages lie out of order at most: so long before the one that is ahead of it in the bag a message was recorded.
-    /// `None` once stamps have jumped back, and with them the times of recording.
-    disorder: Option<Duration>,
+    disorder: Disorder,
     finder: Finder,
     /// The visitor wants no more.
     enough: bool,
     tally: Tally,
+    /// Frames of which a scan was skipped because they had no way to the fixed one.
+    unplaced: BTreeSet<String>,
     /// Why scans of which frame were skipped.
     skips_said: Said,
     /// What transforms have done or were refused for.
@@ -235,7 +251,7 @@ impl<V: Visitor> Feeder<'_, V> {
             match receiver.recv_timeout(LOOK) {
                 Ok(Item::Message(message)) => self.visitor.message(&message)?,
                 Ok(Item::Recorded { recorded, at, decoding }) => {
-                    self.disorder = self.disorder.map(|most| most.max(self.now.saturating_sub(at)));
+                    self.disorder.note(self.now.saturating_sub(at));
                     self.now = at;
                     self.recorded(recorded, decoding)?;
                 }
@@ -320,7 +336,10 @@ impl<V: Visitor> Feeder<'_, V> {
     }
 
     fn guess(&mut self) {
-        self.finder.guess(&self.ahead, &self.join);
+        let Some(body) = self.finder.guess(&self.ahead, &self.join) else { return };
+        // It is well formed, and the first.
+        drop(self.join.transform(&body, true));
+        self.visitor.level(&body);
     }
 
     fn look_ahead(&mut self) -> Result<(), V::Error> {
@@ -329,6 +348,10 @@ impl<V: Visitor> Feeder<'_, V> {
 
     fn transforms(&mut self, message: &TfMessage, is_static: bool) -> Result<(), V::Error> {
         self.finder.note(message, is_static);
+        // All is fed again, and nothing is to be said of what goes against a guess alone.
+        if self.finder.is_wrong() {
+            return Ok(());
+        }
         for transform in &message.transforms {
             if let Some(line) = self.transform(transform, is_static) {
                 self.visitor.say(&line);
@@ -359,7 +382,7 @@ impl<V: Visitor> Feeder<'_, V> {
         let mut ready = self.join.ready(fixed_frame).into_iter();
         while let Some(Joined { scan, at, total, invalid, jumped_back }) = ready.next() {
             if let Some(Jump { seconds, given_up }) = jumped_back {
-                self.disorder = None;
+                self.disorder.jumped();
                 self.tally.skip_all(SESSION_ENDED, given_up);
                 if self.visitor.jumped_back(seconds)? == Go::Home {
                     self.enough = true;
@@ -376,6 +399,10 @@ impl<V: Visitor> Feeder<'_, V> {
     fn skip(&mut self, waited: &Waited<Cloud>) {
         let reason = waited.last_error.as_ref().map_or(NOT_LOOKED_UP, LookupError::explained);
         self.tally.skip(reason);
+        let has_no_way = waited.last_error.as_ref().is_some_and(LookupError::is_unconnected);
+        if has_no_way && self.unplaced.len() < UNPLACED {
+            self.unplaced.insert(waited.frame_id.clone());
+        }
         if self.skips_said.is_due(&format!("{} {}", reason.key, waited.frame_id), 1) {
             let why = waited.last_error.as_ref().map_or_else(String::new, ToString::to_string);
             self.visitor.say(&format!("a scan was skipped: {why}; {}", self.join.frames_seen()));
@@ -405,20 +432,12 @@ impl<V: Visitor> Feeder<'_, V> {
                 self.skip(&waited);
             }
         }
-        if let Some(disorder) = self.disorder.filter(|most| *most > OUT_OF_ORDER)
-            && self.tally.lacks_transforms()
-        {
-            self.visitor.say(&format!(
-                "messages lie in the bag up to {:.1} s out of the order in which they were recorded, and are read as they lie: where \
-                 transforms were missing for it, `mcap sort` helps",
-                disorder.as_secs_f64()
-            ));
-        }
-        if let Some(line) = self.finder.about(&self.join) {
-            self.visitor.say(&line);
-        }
+        let came_later = self.unplaced.iter().any(|frame| self.finder.reaches(frame));
+        let disorder = self.disorder.about(came_later || self.tally.lacks_transforms());
+        let remarks: Vec<_> = disorder.into_iter().chain(self.finder.about(&self.join)).collect();
+        remarks.iter().for_each(|line| self.visitor.say(line));
         let fixed_frame = self.finder.into_name();
-        Ok(Ended::Fed(Fed { tally: self.tally, fixed_frame, unread, stopped }))
+        Ok(Ended::Fed(Fed { tally: self.tally, fixed_frame, remarks, unread, stopped }))
     }
 
     /// Takes what is ready by all that can be known.

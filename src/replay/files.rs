@@ -14,6 +14,7 @@ use crate::msg::caps::Caps;
 use crate::msg::clusters::{Session, SurfaceClusterArray};
 use crate::msg::labelled::labelled_points;
 use crate::msg::markers::Markers;
+use crate::msg::ros::{TfMessage, TransformStamped};
 use crate::msg::twins::{Twins, detections, polygons};
 use crate::report::Story;
 
@@ -30,6 +31,8 @@ pub struct ResultFile {
     /// The topics of the input of which it has been said that they are not copied.
     said_own: Said,
     is_direct: bool,
+    /// Where a camera's frame is, until the first scan tells the time to say it at.
+    level: Option<TransformStamped>,
     /// The session that the markers are of.
     session: u64,
     /// Version of the newest snapshot.
@@ -67,6 +70,7 @@ impl ResultFile {
         Ok(Self {
             path: path.to_owned(),
             is_direct,
+            level: None,
             bag: Ok(bag),
             has_others: false,
             markers: Markers::default(),
@@ -165,11 +169,22 @@ impl Outputs<'_> {
         }
     }
 
+    /// Where a camera's frame is that no transform of the input places.
+    pub(super) fn level(&mut self, body: &TransformStamped) {
+        if let Some(file) = &mut self.bag {
+            file.level = Some(body.clone());
+        }
+    }
+
     /// A scan of this stamp was recorded at this time.
-    pub(super) fn scan(&mut self, stamp: Stamp, recorded: Duration) {
-        if let Some(ResultFile { bag: Ok(bag), .. }) = &mut self.bag {
+    pub(super) fn scan(&mut self, stamp: Stamp, recorded: Duration) -> Result<(), WriteError> {
+        let Some(file) = &mut self.bag else { return Ok(()) };
+        if let Ok(bag) = &mut file.bag {
             bag.scan(stamp, recorded);
         }
+        let Some(mut level) = file.level.take() else { return Ok(()) };
+        level.header.stamp = stamp.into();
+        file.put(|bag| bag.transforms(&TfMessage { transforms: vec![level] }, true))
     }
 
     pub(super) fn message(&mut self, message: &Message) -> Result<(), WriteError> {

@@ -1,11 +1,12 @@
 //! Finds the frame in which a map lives: by the transforms as they come, and where these do not tell, by the whole bag.
 
 use super::ahead::Ahead;
+use super::body::body_of;
 use super::fixed_frame::FixedFrame;
 use super::tree::Tree;
 use crate::join::Join;
-use crate::msg::ros::TfMessage;
-use crate::tf::LookupError;
+use crate::msg::ros::{TfMessage, TransformStamped};
+use crate::tf::{LookupError, z_is_not_up};
 
 /// What is known so far.
 pub(super) struct Finder {
@@ -47,14 +48,23 @@ impl Finder {
         self.is_wrong = self.fixed_frame.is_wrong(&self.tree);
     }
 
-    /// Guesses the frame; where there are transforms and none is about a sensor, the whole bag is asked.
-    pub(super) fn guess(&mut self, ahead: &Ahead<'_>, join: &Join) {
+    /// Guesses the frame; where there are transforms and none is about a sensor, the whole bag is asked. Gives the way to a
+    /// camera's body frame, where there are none and the map is made there.
+    pub(super) fn guess(&mut self, ahead: &Ahead<'_>, join: &Join) -> Option<TransformStamped> {
         let sensors: Vec<_> = join.sensors().collect();
+        let was_open = self.name().is_none();
         self.fixed_frame.guess(&self.tree, &sensors);
+        if was_open && let FixedFrame::Still { name, .. } = &self.fixed_frame {
+            let is_optical = join.sensor_in(name).is_some_and(|sensor| ahead.is_optical(sensor, name));
+            let body = is_optical.then(|| body_of(name)).flatten()?;
+            self.fixed_frame.level(&body);
+            return Some(body);
+        }
         if self.name().is_none() && !sensors.is_empty() {
             self.fixed_frame = self.found(ahead, join);
         }
         self.is_wrong = self.fixed_frame.is_wrong(&self.tree);
+        None
     }
 
     /// The frame by the whole bag; `None` where a signal came before all of it was read.
@@ -74,9 +84,8 @@ impl Finder {
     /// Once, and only where frames are not connected: a gap in time is not closed so. Says whether it has looked.
     pub(super) fn look_ahead(&mut self, ahead: &Ahead<'_>, join: &mut Join) -> bool {
         let lacks = join.oldest().and_then(|(_, lacks)| lacks);
-        let unconnected =
-            matches!(lacks, Some(LookupError::UnknownFrame { .. } | LookupError::NotConnected { .. }));
-        if !unconnected || std::mem::replace(&mut self.looked_ahead, true) {
+        if !lacks.is_some_and(LookupError::is_unconnected) || std::mem::replace(&mut self.looked_ahead, true)
+        {
             return false;
         }
         for (transform, is_static) in ahead.transforms() {
@@ -88,10 +97,19 @@ impl Finder {
         true
     }
 
-    /// What is to be said of a guess at the end.
-    pub(super) fn about(&self, join: &Join) -> Option<String> {
+    /// Whether some transforms so far, however late, lead from a sensor's frame to the fixed one.
+    pub(super) fn reaches(&self, sensor: &str) -> bool {
+        let Self { tree, .. } = self;
+        let in_tree = |frame: &&str| tree.has(frame);
+        let fixed = self.name().filter(in_tree).filter(|_| tree.has(sensor));
+        fixed.is_some_and(|fixed| tree.top(fixed) == tree.top(sensor))
+    }
+
+    /// What is to be said of the frame at the end: how it was guessed, and whether its z may be another way than up.
+    pub(super) fn about(&self, join: &Join) -> Vec<String> {
         let sensors: Vec<_> = join.sensors().collect();
-        self.fixed_frame.about(&self.tree, &sensors)
+        let guessed = self.fixed_frame.about(&self.tree, &sensors);
+        guessed.into_iter().chain(self.name().and_then(z_is_not_up)).collect()
     }
 }
 
@@ -123,7 +141,11 @@ mod tests {
         let decoder = Decoder::new(Vec::new(), CloudFilter::DEFAULT, TransformTopics::default());
         let ahead = Ahead::new(&bag, decoder, Arc::clone(&stop));
         let default = "odom".to_owned();
-        let finder = Finder::new(FixedFrame::Still { name: "camera".to_owned(), default: default.clone() });
+        let finder = Finder::new(FixedFrame::Still {
+            name: "camera".to_owned(),
+            optical: None,
+            default: default.clone(),
+        });
         let right = FixedFrame::Found { name: "map".to_owned(), sensor: None, default };
         assert_eq!(finder.right(&ahead, &Join::new(1)), Some(right));
         stop.store(true, Ordering::Relaxed);

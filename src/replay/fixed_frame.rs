@@ -1,6 +1,7 @@
 //! In which frame a replayed map lives.
 
 use super::tree::Tree;
+use crate::msg::ros::TransformStamped;
 use crate::tf::bare;
 
 /// The fixed frame: as given, or found out from the bag.
@@ -16,8 +17,10 @@ pub enum FixedFrame {
     /// The frame of a sensor that is taken to stand still, for no transform has been seen, not even a refused one. The first
     /// that comes shows that this is wrong.
     Still {
-        /// That frame.
+        /// That frame; of a camera the body frame, whose z is up.
         name: String,
+        /// The camera's optical frame, where the map is made in its body frame.
+        optical: Option<String>,
         /// The default.
         default: String,
     },
@@ -71,9 +74,19 @@ impl FixedFrame {
             (Some((sensor, root)), _) => {
                 Self::Guessed { name: root.to_owned(), sensor: sensor.to_owned(), default }
             }
-            (None, Some(first)) if tree.is_empty() => Self::Still { name: (*first).to_owned(), default },
+            (None, Some(first)) if tree.is_empty() => {
+                Self::Still { name: (*first).to_owned(), optical: None, default }
+            }
             _ => Self::Open { default },
         };
+    }
+
+    /// Takes a camera that stands still to look straight ahead: the map is made in the frame that this transform puts above its
+    /// own.
+    pub(super) fn level(&mut self, body: &TransformStamped) {
+        if let Self::Still { name, optical, .. } = self {
+            *optical = Some(std::mem::replace(name, body.header.frame_id.clone()));
+        }
     }
 
     /// Whether the guess was wrong: the default has turned up, the root has got a parent or ought to have one, or there are
@@ -116,22 +129,33 @@ impl FixedFrame {
     pub(super) fn about(&self, tree: &Tree, sensors: &[&str]) -> Option<String> {
         let (name, sensor, default) = match self {
             Self::Settled(_) | Self::Open { .. } => return None,
-            Self::Still { name, default } => (name, None, default),
+            Self::Still { name, default, .. } => (name, None, default),
             Self::Guessed { name, sensor, default } => (name, Some(sensor), default),
             Self::Found { name, sensor, default } => (name, sensor.as_ref(), default),
         };
         let in_tree = sensors.iter().find(|sensor| tree.root_of(sensor) == Some(bare(name)));
+        let still = self.why_still();
         let why = match sensor.map(String::as_str).or(in_tree.copied()) {
             Some(sensor) if tree.moves(sensor) => "the root of the sensor's frames",
             Some(_) => "the root of the sensor's frames, in which no transform moves it",
-            None if tree.is_empty() => {
-                "the sensor's own frame: no transform tells how it moved, so it is taken to stand still"
-            }
+            None if tree.is_empty() => &still,
             None => "a root of the frames that there are, and the sensor's frame is not among them",
         };
         Some(format!(
             "the bag has no frame `{default}`: the map is made in `{name}`, {why} (choose with -p fixed_frame:=...)"
         ))
+    }
+
+    fn why_still(&self) -> String {
+        if let Self::Still { optical: Some(optical), .. } = self {
+            format!(
+                "the body frame (x ahead, z up) of the camera's `{optical}`: no transform tells how it was mounted and moved, so it \
+                 is taken to look straight ahead, level, and to stand still"
+            )
+        } else {
+            "the sensor's own frame: no transform tells how it moved, so it is taken to stand still"
+                .to_owned()
+        }
     }
 }
 
@@ -142,6 +166,7 @@ fn first_root<'a>(tree: &'a Tree, sensors: &[&'a str]) -> Option<(&'a str, &'a s
 
 #[cfg(test)]
 mod tests {
+    use super::super::body::body_of;
     use super::super::tree::tests::tree;
     use super::*;
 
@@ -198,6 +223,29 @@ mod tests {
         }
         let refused = tree(&[], &[], &["map camera"]);
         assert_eq!(still.found(&refused, &["camera"]), root("map", Some("camera")));
+    }
+
+    #[test]
+    fn a_camera_that_stands_still_has_its_map_in_its_body_frame_until_the_first_transform() {
+        let none = tree(&[], &[], &[]);
+        let mut still = open();
+        still.guess(&none, &["a_optical_frame"]);
+        still.level(&body_of("a_optical_frame").unwrap());
+        assert_eq!(still.name(), Some("a_frame"));
+        let about = still.about(&none, &["a_optical_frame"]).unwrap();
+        assert!(
+            about.contains(
+                "made in `a_frame`, the body frame (x ahead, z up) of the camera's `a_optical_frame`"
+            ),
+            "{about}"
+        );
+        assert!(still.is_wrong(&tree(&["map a_optical_frame"], &[], &[])));
+        // Whatever else is known stands.
+        for mut known in [open(), FixedFrame::Settled("a_optical_frame".to_owned())] {
+            let before = known.clone();
+            known.level(&body_of("a_optical_frame").unwrap());
+            assert_eq!(known, before);
+        }
     }
 
     #[test]

@@ -7,8 +7,11 @@
 //! [`feed`] turns a bag into scans for a [`Visitor`]; [`Replay`] is the visitor that runs the engine and keeps account.
 
 mod ahead;
+mod body;
 mod clocks;
 mod clusters;
+mod disorder;
+mod error;
 mod feed;
 mod files;
 mod finder;
@@ -21,7 +24,8 @@ mod tree;
 
 pub use clocks::clock_offset;
 pub use clusters::write_clusters;
-pub use feed::{Ended, Fed, Feed, FeedError, Go, Progress, Visitor, feed};
+pub use error::FeedError;
+pub use feed::{Ended, Fed, Feed, Go, Progress, Visitor, feed};
 pub use files::{MapFiles, OpenMapFiles, Outputs, ResultFile};
 pub use fixed_frame::FixedFrame;
 pub use run::{Finished, Replay, Settings};

@@ -10,6 +10,7 @@ use crate::config::Value;
 use crate::engine::{ClusterState, Engine, Params, PipelineStep, Scan, Snapshot, Stamp, Update};
 use crate::export::WriteError;
 use crate::msg::clusters::Session;
+use crate::msg::ros::TransformStamped;
 use crate::report::{Story, Taken};
 
 /// What a replay is made with.
@@ -149,6 +150,7 @@ impl<'a> Replay<'a> {
         let summary = Summary {
             tally: fed.tally,
             fixed_frame: fed.fixed_frame,
+            remarks: fed.remarks,
             sessions: self.sessions,
             voxels: self.engine.voxel_count(),
             dense_voxels: snapshot.voxels.len(),
@@ -172,7 +174,7 @@ impl Visitor for Replay<'_> {
     type Error = WriteError;
 
     fn scan(&mut self, scan: &Scan, recorded: Duration, fixed_frame: &str) -> Result<(), WriteError> {
-        self.outputs.scan(scan.stamp, recorded);
+        self.outputs.scan(scan.stamp, recorded)?;
         let (update, ms) = self.insert(scan);
         self.sessions += u64::from(update.sequence == 1);
         self.count_beyond(update.points_beyond_grid);
@@ -197,6 +199,10 @@ impl Visitor for Replay<'_> {
         self.engine = Engine::new(self.settings.engine);
         self.published = None;
         Ok(Go::On)
+    }
+
+    fn level(&mut self, body: &TransformStamped) {
+        self.outputs.level(body);
     }
 
     fn message(&mut self, message: &Message) -> Result<(), WriteError> {

@@ -102,6 +102,8 @@ pub struct Summary {
     pub tally: Tally,
     /// Where the map lives.
     pub fixed_frame: String,
+    /// What was said at the end: of the order of the messages, and of how the frame was found.
+    pub remarks: Vec<String>,
     /// How often a map was begun: 1, and one more for each jump back of the stamps.
     pub sessions: u64,
     /// Voxels of the map, dense or not.
@@ -177,6 +179,7 @@ impl Summary {
             "ingest_ns_per_point": (*points > 0).then(|| ingest.as_nanos() as f64 / *points as f64),
             "wall_s": self.wall.as_secs_f64(),
             "peak_rss_mb": peak_resident_mb(),
+            "remarks": self.remarks,
             "unread": self.unread,
             "stopped": self.stopped,
             "parameters": parameters,
@@ -185,20 +188,6 @@ impl Summary {
 
     /// What the report says in words.
     pub fn facts(&self, title: &str) -> Facts {
-        let unread = self.unread.iter().map(|unread| format!("Not all of the bag was read: {unread}."));
-        let stopped = self.stopped.then(|| "The replay was stopped before the end of the bag.".to_owned());
-        let begun = (self.sessions > 1).then(|| {
-            let jumps = self.sessions - 1;
-            format!("The stamps jumped back ({jumps} times); what is shown is what came after the last jump.")
-        });
-        let beyond = (self.points_beyond_grid > 0).then(|| {
-            let Self { tally, points_beyond_grid, .. } = self;
-            let valid = tally.points_valid;
-            format!(
-                "{points_beyond_grid} of {valid} points lay beyond the grid's reach and were left out: take a \
-                 fixed_frame that begins near the robot, as that of odometry does."
-            )
-        });
         let values = self.parameters.iter().filter(|(name, _)| name != "fixed_frame");
         let reasons = self.tally.skipped.iter().chain(&self.tally.transforms_refused);
         let undecodable: u64 = self.tally.undecodable.values().sum();
@@ -215,11 +204,51 @@ impl Summary {
             scans: self.tally.scans,
             skipped,
             points: self.points_used(),
+            points_unused: self.points_unused(),
             wall_seconds: self.wall.as_secs_f64(),
-            notes: unread.chain(stopped).chain(begun).chain(beyond).chain(self.notes.clone()).collect(),
+            notes: self.sentences(),
             figures: Vec::new(),
         }
     }
+
+    /// What a reader must know.
+    fn sentences(&self) -> Vec<String> {
+        let Self { tally, points_beyond_grid, .. } = self;
+        let unread = self.unread.iter().map(|unread| format!("Not all of the bag was read: {unread}."));
+        let stopped = self.stopped.then(|| "The replay was stopped before the end of the bag.".to_owned());
+        let begun = (self.sessions > 1).then(|| {
+            let jumps = self.sessions - 1;
+            format!("The stamps jumped back ({jumps} times); what is shown is what came after the last jump.")
+        });
+        let beyond = (*points_beyond_grid > 0).then(|| {
+            let valid = tally.points_valid;
+            format!(
+                "{points_beyond_grid} of {valid} points lay beyond the grid's reach and were left out: take a \
+                 fixed_frame that begins near the robot, as that of odometry does."
+            )
+        });
+        let hardly_used = (tally.hardly_used > 0).then(|| {
+            let clouds = tally.hardly_used;
+            format!("Of {clouds} clouds hardly a point was used: see min_range, max_range and optical.")
+        });
+        let remarks = self.remarks.iter().map(|line| sentence(line));
+        let others = self.notes.iter().cloned();
+        unread
+            .chain(stopped)
+            .chain(begun)
+            .chain(beyond)
+            .chain(hardly_used)
+            .chain(remarks)
+            .chain(others)
+            .collect()
+    }
+}
+
+/// A line of the log as a sentence.
+fn sentence(line: &str) -> String {
+    let mut letters = line.chars();
+    let first = letters.next().into_iter().flat_map(char::to_uppercase);
+    first.chain(letters).chain(['.']).collect()
 }
 
 fn by_key(counts: &BTreeMap<Reason, u64>) -> Map<String, Json> {
@@ -245,6 +274,54 @@ fn percentile(ascending: &[f32], share: f64) -> Option<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A bag whose clouds are in millimetres, of a camera that no transform places.
+    #[test]
+    fn why_a_map_is_empty_is_among_the_facts() {
+        let tally = Tally {
+            scans: 2,
+            points: 100,
+            points_invalid: 30,
+            points_valid: 1,
+            hardly_used: 2,
+            ..Tally::default()
+        };
+        let remarks = vec!["the bag has no frame `odom`".to_owned()];
+        let summary = Summary { tally, remarks, ..nothing() };
+        let facts = summary.facts("a.mcap");
+        assert_eq!((facts.points, facts.points_unused.as_str()), (1, "30 invalid, 69 out of range"));
+        assert_eq!(
+            facts.notes,
+            [
+                "Of 2 clouds hardly a point was used: see min_range, max_range and optical.",
+                "The bag has no frame `odom`.",
+            ]
+        );
+        assert_eq!(summary.json()["remarks"], json!(["the bag has no frame `odom`"]));
+        let facts = nothing().facts("a.mcap");
+        assert_eq!((facts.points_unused.as_str(), facts.notes.len()), ("", 0));
+    }
+
+    fn nothing() -> Summary {
+        Summary {
+            tally: Tally::default(),
+            fixed_frame: "odom".to_owned(),
+            remarks: Vec::new(),
+            sessions: 1,
+            voxels: 0,
+            dense_voxels: 0,
+            clusters: 0,
+            clusters_active: 0,
+            engine_ms: Vec::new(),
+            binning: Duration::ZERO,
+            points_beyond_grid: 0,
+            wall: Duration::ZERO,
+            parameters: Vec::new(),
+            unread: None,
+            stopped: false,
+            notes: Vec::new(),
+        }
+    }
 
     #[test]
     fn percentiles_are_values_that_occurred() {

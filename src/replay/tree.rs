@@ -1,12 +1,13 @@
-//! What the transforms of a bag say about how frames hang together, those that were refused included.
+//! What the transforms of a bag say about how frames hang together, those that were refused for their numbers included.
 //!
 //! For a name of the fixed frame alone: where a frame is at a time, [`Frames`](crate::tf::Frames) knows. Nothing is forgotten
-//! here when time jumps back, and of several parents the newest counts.
+//! here when time jumps back, and of several parents the newest counts. A link has a place here by the rule that holds there, so
+//! that none leads in a circle.
 
 use std::collections::BTreeMap;
 
 use crate::msg::ros::TransformStamped;
-use crate::tf::{FrameError, MAX_DEPTH, MAX_FRAMES, bare, check};
+use crate::tf::{FrameError, MAX_DEPTH, MAX_FRAMES, bare, check, check_place};
 
 /// The links between frames, each under the name of its child.
 #[derive(Debug, Default)]
@@ -36,8 +37,9 @@ impl Tree {
     pub(super) fn note(&mut self, transform: &TransformStamped, is_static: bool) {
         let (parent, child) = (bare(&transform.header.frame_id), bare(&transform.child_frame_id));
         let has_room = self.links.len() + self.refused.len() < MAX_FRAMES;
+        let checked = check(transform, is_static).and_then(|()| self.check_place(parent, child));
         let known = self.links.get_mut(child);
-        match (check(transform, is_static), known) {
+        match (checked, known) {
             (Ok(()), Some(link)) => {
                 link.moves = !is_static;
                 if link.parent != parent {
@@ -56,6 +58,11 @@ impl Tree {
         }
     }
 
+    fn check_place(&self, parent: &str, child: &str) -> Result<(), FrameError> {
+        let above = |frame: &str| self.links.get(frame).map(|link| link.parent.as_str());
+        if above(child) == Some(parent) { Ok(()) } else { check_place(parent, child, above) }
+    }
+
     /// Whether no transform has named any frame.
     pub(super) fn is_empty(&self) -> bool {
         self.links.is_empty() && self.refused.is_empty()
@@ -68,10 +75,10 @@ impl Tree {
         self.links.contains_key(frame) || self.refused.contains_key(frame) || parents.any(|it| it == frame)
     }
 
-    /// The links from a frame up. Those of frames that change their parents can lead in a circle.
+    /// The links from a frame up, no more than are followed where scans are placed.
     fn way(&self, frame: &str) -> impl Iterator<Item = &Link> {
         let up = |link: &&Link| self.links.get(&link.parent);
-        std::iter::successors(self.links.get(bare(frame)), up).take(self.links.len().min(MAX_DEPTH))
+        std::iter::successors(self.links.get(bare(frame)), up).take(MAX_DEPTH)
     }
 
     /// The topmost frame above one, or itself.
@@ -160,9 +167,25 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn frames_in_a_circle_and_ever_new_names_end_somewhere() {
-        let circle = tree(&["a b", "b a"], &[], &["a c"]);
-        assert!(circle.root_of("c").is_some() && circle.root_of("a").is_some());
+    fn a_link_that_closes_a_circle_is_none_and_the_root_stays() {
+        let root_of_camera = |links: &[&str]| tree(links, &[], &[]).root_of("camera").map(str::to_owned);
+        for loops in
+            [&["base camera", "map base", "camera map"][..], &["base camera", "map base", "base map"]]
+        {
+            assert_eq!(root_of_camera(loops).as_deref(), Some("map"), "{loops:?}");
+        }
+        // As where scans are placed, what has come first stands.
+        assert_eq!(root_of_camera(&["base camera", "base map", "map base"]).as_deref(), Some("base"));
+        // A frame that changes its parent makes a place for what was under it.
+        let turned = tree(&["a b", "x b", "b a"], &[], &[]);
+        assert_eq!((turned.root_of("a"), turned.root_of("b")), (Some("x"), Some("x")));
+    }
+
+    #[test]
+    fn no_chain_is_followed_without_end_and_of_ever_new_names_no_more_are_kept() {
+        let names: Vec<_> = (0..MAX_DEPTH + 10).map(|i| format!("f{} f{i}", i + 1)).collect();
+        let names: Vec<_> = names.iter().map(String::as_str).collect();
+        assert_eq!(tree(&names, &[], &[]).root_of("f0"), Some(format!("f{MAX_DEPTH}").as_str()));
         let names: Vec<_> = (0..MAX_FRAMES + 10).map(|i| format!("odom f{i}")).collect();
         let names: Vec<_> = names.iter().map(String::as_str).collect();
         let many = tree(&names[..MAX_FRAMES / 2], &[], &names[MAX_FRAMES / 2..]);

@@ -19,6 +19,8 @@ pub struct Facts {
     pub skipped: BTreeMap<Reason, u64>,
     /// Points that all scans put into voxels.
     pub points: u64,
+    /// What became of the others, by reason; empty where there are none.
+    pub points_unused: String,
     /// Time that the replay took (s).
     pub wall_seconds: f64,
     /// Whole sentences that a reader must know, such as that the file is cut.

@@ -137,8 +137,19 @@ fn parameters(parameters: &[(String, String)]) -> String {
 }
 
 fn skipped(facts: &Facts) -> String {
+    if facts.points_unused.is_empty() {
+        return messages_skipped(facts);
+    }
+    format!(
+        "{}\n<p>Points that were not used: {}.</p>",
+        messages_skipped(facts),
+        escaped(&facts.points_unused)
+    )
+}
+
+fn messages_skipped(facts: &Facts) -> String {
     if facts.skipped.is_empty() {
-        return "<p>Nothing: every message was taken in.</p>".to_owned();
+        return "<p>No message: every one was taken in.</p>".to_owned();
     }
     let row = |(Reason { key, sentence }, count): (&Reason, &u64)| {
         let count = grouped(*count);

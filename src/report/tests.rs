@@ -253,6 +253,21 @@ fn a_skipped_message_is_explained() {
         let row = format!("{count}</td><th scope=\"row\"><code>{key}</code></th><td>{sentence}</td>");
         assert!(sentence.len() > 10 && text.contains(&row), "{row}");
     }
+    assert!(!text.contains("Points that were not used"));
+}
+
+#[test]
+fn points_that_were_not_used_are_accounted_for() {
+    let facts = Facts { points_unused: "30 invalid, 69 out of range".to_owned(), ..Facts::default() };
+    let text = page(&Story::new(), &facts);
+    assert!(text.contains("<p>Points that were not used: 30 invalid, 69 out of range.</p>"), "{text}");
+}
+
+#[test]
+fn up_is_the_z_of_the_frame_that_is_named() {
+    let facts = Facts { fixed_frame: "camera_depth_frame".to_owned(), ..Facts::default() };
+    let text = page(&Story::new(), &facts);
+    assert!(text.contains("up is the z of <code>camera_depth_frame</code>"), "{text}");
 }
 
 proptest! {

@@ -275,6 +275,11 @@ pub enum LookupError {
 }
 
 impl LookupError {
+    /// Whether no way leads from the one frame to the other, as opposed to one that does not reach that time.
+    pub const fn is_unconnected(&self) -> bool {
+        matches!(self, Self::UnknownFrame { .. } | Self::NotConnected { .. })
+    }
+
     /// A short key to count dropped scans by.
     pub fn reason(&self) -> &'static str {
         self.explained().key

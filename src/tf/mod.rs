@@ -176,19 +176,8 @@ impl Frames {
             return Ok(());
         }
         let stays = |edge: &&Edge| !only_statics_stay || edge.kept.is_none();
-        let mut frame = sample.parent;
-        let mut depth = 1;
-        while let Some(edge) = self.edges.get(frame).filter(stays) {
-            frame = &edge.parent;
-            if frame == sample.child {
-                return Err(FrameError::Cycle { parent: sample.parent.into(), child: sample.child.into() });
-            }
-            depth += 1;
-            if depth > MAX_DEPTH {
-                return Err(FrameError::TooDeep { child: sample.child.into(), max: MAX_DEPTH });
-            }
-        }
-        Ok(())
+        let above = |frame: &str| self.edges.get(frame).filter(stays).map(|edge| edge.parent.as_str());
+        check_place(sample.parent, sample.child, above)
     }
 
     /// Refuses a sample where too much is kept, once what is out of date is forgotten.
@@ -411,6 +400,27 @@ fn reach_beyond<'a>(edges: impl Iterator<Item = &'a Edge>, stamp: Stamp) -> bool
     newest.is_some_and(|newest| newest.seconds_since(stamp) > JUMP_BACK)
 }
 
+/// Whether a tree in which `above` gives the parent of a frame has a place for a new link: no cycle, and not too deep.
+pub(crate) fn check_place<'a>(
+    parent: &'a str,
+    child: &str,
+    above: impl Fn(&'a str) -> Option<&'a str>,
+) -> Result<(), FrameError> {
+    let mut frame = parent;
+    let mut depth = 1;
+    while let Some(next) = above(frame) {
+        frame = next;
+        if frame == child {
+            return Err(FrameError::Cycle { parent: parent.into(), child: child.into() });
+        }
+        depth += 1;
+        if depth > MAX_DEPTH {
+            return Err(FrameError::TooDeep { child: child.into(), max: MAX_DEPTH });
+        }
+    }
+    Ok(())
+}
+
 /// Whether a transform is well formed by itself; whether the tree has a place for it is another question.
 #[cfg(feature = "bag")]
 pub(crate) fn check(message: &TransformStamped, is_static: bool) -> Result<(), FrameError> {
@@ -420,6 +430,18 @@ pub(crate) fn check(message: &TransformStamped, is_static: bool) -> Result<(), F
 /// The name without leading slashes: ROS 1 put one, tf2 takes none.
 pub(crate) fn bare(name: &str) -> &str {
     name.trim_start_matches('/')
+}
+
+/// What is to be said of a fixed frame that is an optical one by its name: classes of surfaces go by its z, which is to be up (REP
+/// 103, 105), and there z looks ahead.
+pub fn z_is_not_up(fixed_frame: &str) -> Option<String> {
+    let is_optical = ["_optical_frame", "_optical"].iter().any(|end| fixed_frame.ends_with(end));
+    is_optical.then(|| {
+        format!(
+            "the fixed frame `{fixed_frame}` is an optical one by its name, whose z looks ahead: classes of surfaces need one whose z \
+             is up, and are wrong in it"
+        )
+    })
 }
 
 /// In the engine's types; `None` where a long chain has overflowed.

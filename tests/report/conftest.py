@@ -50,11 +50,11 @@ def open_browser(request, tmp_path):
 
 @pytest.fixture(scope="session")
 def make_report(tmp_path_factory):
-    """Replays the cabinet recording into a report, once."""
+    """Replays the cabinet recording into a report, once with the same arguments."""
     @functools.cache
-    def make():
+    def make(*arguments):
         folder = tmp_path_factory.mktemp("report")
-        subprocess.run((BINARY, "replay", RECORDING, "--report", folder), check=True, timeout=120)
+        subprocess.run((BINARY, "replay", RECORDING, "--report", folder, *arguments), check=True, timeout=120)
         return folder / "index.html"
 
     return make
@@ -68,6 +68,14 @@ def made_report(request, open_browser, make_report):
     if not RECORDING.is_file():
         leave_out(request, "no recordings (set CFODI_DATA)")
     return make_report()
+
+
+@pytest.fixture
+def empty_report(request, open_browser, make_report):
+    """Of a map without a voxel."""
+    if not RECORDING.is_file():
+        leave_out(request, "no recordings (set CFODI_DATA)")
+    return make_report("--ros-args", "-p", "max_range:=0.41")
 
 
 @pytest.fixture

@@ -125,6 +125,18 @@ def test_nothing_is_fetched_and_nothing_goes_wrong(page):
     assert page.errors() == []
 
 
+def test_the_report_of_an_empty_map_says_why_and_its_charts_have_an_axis(open_browser, empty_report):
+    from viewer import Page
+    page = Page(open_browser(), empty_report)
+    axis = page.run("""
+        const [chart] = [...document.querySelectorAll(".chart")].filter((one) => one.textContent.startsWith("Clusters"));
+        return [...chart.querySelectorAll("text[text-anchor=end]")].map((text) => text.textContent);""")
+    assert axis == ["0", "1"]
+    text = page.at("body").text
+    assert "hardly a point was used" in text and "out of range" in text
+    assert page.errors() == []
+
+
 def test_in_a_narrow_window_nothing_is_cut_off(open_browser, made_report):
     from viewer import Page
     page = Page(open_browser(500, 900), made_report)

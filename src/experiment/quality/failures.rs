@@ -1,6 +1,7 @@
 //! What does not hold, in words that a developer can act on.
 
 use super::measure::Measure;
+use super::plane::is_another;
 use super::score::{ClusterScore, Quality, SurfaceScore};
 use crate::engine::MIN_RELIABLE_VOXELS;
 
@@ -51,6 +52,13 @@ fn of_surface(surface: &SurfaceScore, quality: &Quality) -> Option<String> {
         let right = Measure::Class.values(&alone).first().copied().unwrap_or(1.0);
         if !Measure::Class.bar().holds_for(right) {
             wrong.push(format!("class right on {} of the area", Measure::Class.show(right)));
+        }
+        // Of small surfaces the angle is not judged, but of such a one nothing else is wrong with its plane.
+        let angle = surface.described.and_then(|described| described.angle);
+        if let Some(angle) =
+            angle.filter(|angle| is_another(*angle) && Measure::Angle.values(&alone).is_empty())
+        {
+            wrong.push(format!("plane turned by {}", Measure::Angle.show(angle)));
         }
         // A chi-squared value of 3 degrees of freedom is above this once in a thousand.
         wrong.extend(

@@ -169,7 +169,10 @@ impl Measure {
                 surfaces.iter().map(|surface| surface.seen_area),
             ),
             Self::Nees if computes.certainty => {
-                let exact = surfaces.iter().filter(|surface| surface.is_one_plane);
+                // What is another surface fails by its angle: it would make a mean of all the others worthless.
+                let is_judged =
+                    |surface: &&SurfaceScore| surface.is_one_plane && !surface.is_described_as_another();
+                let exact = surfaces.iter().filter(is_judged);
                 exact.map(|surface| of(surface, |found| found.nees)).collect()
             }
             Self::OffsetSigma if computes.certainty => {

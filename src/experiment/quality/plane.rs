@@ -48,7 +48,17 @@ impl Plane {
     }
 }
 
-/// The normalised estimation error squared of a found plane; infinite where its covariance is none.
+/// From which angle on (degrees) a found plane is held to be that of another surface. What a covariance says is of small turns: to
+/// those of tens of degrees it does not apply, and at a right angle a plane has no place along the other's normal.
+const ANOTHER: f64 = 45.0;
+
+/// Whether a plane that is turned by so much (degrees) is that of another surface, of which the angle tells all.
+pub(super) fn is_another(angle: f64) -> bool {
+    angle >= ANOTHER
+}
+
+/// The normalised estimation error squared of a found plane, which [is not that of another surface](is_another); infinite where its
+/// covariance is none.
 pub(super) fn nees(truth: &Plane, found: &Plane, stated: &FoundPlane) -> f64 {
     let error = truth.seen_from(&stated.pose) - found.seen_from(&stated.pose);
     let solved = stated.covariance.cholesky().map(|root| error.dot(&root.solve(&error)));

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use super::failures::failures;
 use super::found::{Found, FoundCluster};
 use super::pieces::{TrueSurface, Truth};
-use super::plane::nees;
+use super::plane::{is_another, nees};
 use crate::engine::rand_index::adjusted_rand_index;
 use crate::engine::{MIN_RELIABLE_VOXELS, VoxelKey};
 
@@ -67,7 +67,7 @@ pub struct Described {
     pub area_error: Option<f64>,
     /// Seen area of the class that was found (m^2).
     pub class_right: Option<f64>,
-    /// Normalised estimation error squared of the plane, 3 degrees of freedom; `None` where the truth is not one plane.
+    /// Normalised estimation error squared of the plane, 3 degrees of freedom; `None` where the truth is not one plane, or not this.
     pub nees: Option<f64>,
     /// Standard deviation of the plane's offset (m).
     pub offset_sigma: Option<f64>,
@@ -92,6 +92,11 @@ impl SurfaceScore {
     /// Share of the scored voxels that the cluster which holds the most of them holds.
     pub fn wholeness(&self) -> f64 {
         self.holders.first().map_or(0.0, |(_, count)| f64::from(*count) / f64::from(self.scored))
+    }
+
+    /// Whether the cluster that holds the most describes another surface: see [`is_another`].
+    pub(super) fn is_described_as_another(&self) -> bool {
+        self.described.and_then(|described| described.angle).is_some_and(is_another)
     }
 }
 
@@ -195,9 +200,10 @@ fn most_first<K: Ord>(counts: BTreeMap<K, u32>) -> Vec<(K, u32)> {
 
 fn describe(surface: &TrueSurface, cluster: &FoundCluster) -> Described {
     let stated = cluster.certainty.as_ref();
-    let exact = surface.plane.filter(|_| surface.is_one_plane);
+    let angle = surface.plane.map(|plane| cluster.plane.angle(&plane));
+    let exact = surface.plane.filter(|_| surface.is_one_plane && !angle.is_some_and(is_another));
     Described {
-        angle: surface.plane.map(|plane| cluster.plane.angle(&plane)),
+        angle,
         offset: surface.plane.zip(surface.middle).map(|(plane, middle)| {
             // The middle of cells on several rectangles may lie beside their plane.
             let on_truth = middle - plane.normal * plane.height(&middle);

@@ -315,6 +315,34 @@ fn nees_asks_for_two_hundred_cases_and_for_a_covariance() {
     assert_eq!(line(&truth.score(&found), Measure::Nees).worst, f64::INFINITY);
 }
 
+/// What is found where the plane of the first surface is turned by so much (degrees).
+fn turned(truth: &Truth, degrees: f64) -> Quality {
+    let mut found = perfect(truth);
+    let cluster = found.clusters.get_mut(&1).unwrap();
+    let stated = cluster.certainty.as_mut().unwrap();
+    stated.pose *= Isometry3::rotation(Vector3::x() * degrees.to_radians());
+    cluster.plane = Plane::through(&stated.pose.translation.vector.into(), &(stated.pose * Vector3::z()));
+    truth.score(&found)
+}
+
+/// As where the cluster that holds most of a wall is described by the floor before it.
+#[test]
+fn a_plane_of_another_surface_fails_by_its_angle_and_has_no_nees() {
+    let mut truth = truth_of(corner());
+    for degrees in [45.1, 89.9, 90.0, 180.0] {
+        let quality = turned(&truth, degrees);
+        assert!((line(&quality, Measure::Angle).worst - degrees).abs() < 1e-4, "{degrees}");
+        let nees = line(&quality, Measure::Nees);
+        assert!(nees.of == 1 && nees.worst < 1.0, "{degrees}: {nees:?}");
+    }
+    assert_eq!(line(&turned(&truth, 10.0), Measure::Nees).of, 2);
+    for seen_area in [truth.surfaces[0].seen_area, 1.5] {
+        truth.surfaces[0].seen_area = seen_area;
+        let failures = turned(&truth, 90.0).failures.join("\n");
+        assert!(failures.contains("plane turned by 90.00 deg") && !failures.contains("NEES"), "{failures}");
+    }
+}
+
 #[test]
 fn runs_pool_their_values() {
     let truth = truth_of(corner());

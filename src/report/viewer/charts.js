@@ -27,7 +27,10 @@ class Chart {
     this.unit = unit;
     this.lines = lines;
     this.ends = ends;
-    this.highest = Math.max(...lines.flatMap(([values]) => values.filter(Number.isFinite)), 1e-9) * 1.06;
+    const highest = Math.max(...lines.flatMap(([values]) => values.filter(Number.isFinite)), 0);
+    // Of nothing but zeros the axis has 0 and 1.
+    this.highest = highest > 0 ? highest * 1.06 : 1;
+    this.step = highest > 0 ? roundStep(this.highest, 4) : 1;
     this.read = element("output");
     this.box = element("div", { className: "chart" }, element("h3", {}, title, this.read));
     this.drawing = svg("svg", { role: "img", "aria-label": title });
@@ -66,8 +69,7 @@ class Chart {
 
   grid() {
     const made = [];
-    const step = roundStep(this.highest, 4);
-    for (let value = 0; value <= this.highest; value += step) {
+    for (let value = 0; value <= this.highest; value += this.step) {
       const y = this.y(value);
       made.push(svg("line", { class: "grid", x1: SPACE.left, x2: this.width - SPACE.right, y1: y, y2: y }));
       made.push(svg("text", { x: SPACE.left - 6, y: y + 4, "text-anchor": "end" }, short(value)));
