@@ -7,6 +7,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::sums::Moments;
+use crate::engine::binning::nearest;
 
 /// What a voxel was when its block was published last; all zero while it never was.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -29,9 +30,10 @@ const SHARPER: f32 = 0.6;
 /// Parts of a voxel's edge in which the places of means are kept.
 pub(super) const PARTS: f64 = 65536.0;
 
-/// An offset from the voxel's corner in these parts.
+/// An offset from the voxel's corner in these parts, to the nearest: rounded down, each rest of a voxel would lower what is seen
+/// to rise and fall about it.
 pub(super) fn in_parts(offset: f64) -> u16 {
-    (offset * PARTS) as u16
+    nearest(offset * PARTS).clamp(0, u16::MAX.into()) as u16
 }
 
 /// Points by weight; above 0, for there is a point.

@@ -281,8 +281,28 @@ mod tests {
     use proptest::prelude::*;
 
     use super::super::noise::{MAX_WEIGHT, NoiseModel};
-    use super::super::sums::ScanSums;
+    use super::super::sums::{Moments, ScanSums};
     use super::*;
+
+    /// What is seen a little above and a little below in turns, by visits that weigh little, and rests after each of them.
+    #[test]
+    fn a_mean_is_not_moved_by_rests() {
+        let points = |height: u64| {
+            let mut scan = ScanSums::default();
+            (0..20).for_each(|_| scan.add([2048, 2048, height]));
+            scan
+        };
+        let mut voxel = Voxel::new(Cell(0));
+        for _ in 0..600 {
+            voxel.moments.fold(&points(2048), MAX_WEIGHT, &Vector3::z());
+        }
+        for visit in 0..10_000 {
+            voxel.moments.fold(&points(if visit % 2 == 0 { 2560 } else { 1536 }), 7, &Vector3::z());
+            voxel.moments = Moments::of(&State::new(&voxel));
+        }
+        let height = voxel.moments.mean().z;
+        assert!((height - 0.5).abs() < 1e-3, "{height} of a voxel");
+    }
 
     proptest! {
         #[test]
