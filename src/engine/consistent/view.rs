@@ -1,7 +1,9 @@
 //! What one scan proves to be empty.
 //!
 //! A [`RangeGrid`] keeps, for every direction from the sensor, the smallest depth that was measured there. A box is seen
-//! through when all directions towards it were measured and end beyond it. What was not measured proves nothing.
+//! through when all directions towards it were measured and end beyond it. What was not measured proves nothing, but where the
+//! sensor's own rays are farther apart than directions are ([`spacing`]): there all those towards the box that were measured must
+//! end beyond it, one of them next to its centre, and none may be farther from one that was than rays are from each other.
 //! [`RangeGrid::blocks_in_view`] names the blocks in which such voxels may lie, and [`Clearance`] says when one has been
 //! seen through often enough to lose its points.
 //!
@@ -36,11 +38,13 @@ pub(crate) use clearance::Clearance;
 
 use crate::engine::points::Points;
 use patch::{Face, Patch};
+use spacing::Gaps;
 
 mod blocks;
 mod clearance;
 mod patch;
 mod pixels;
+mod spacing;
 #[cfg(test)]
 mod tests;
 #[cfg(test)]
@@ -88,6 +92,8 @@ pub(crate) struct RangeGrid {
     faces: [bool; 6],
     /// Fewest points with which a cell says something.
     min_count: u32,
+    /// Cells between those that neighbouring rays fall into.
+    gaps: Gaps,
     /// Largest depth of a point, 0 without one; rays that end beyond what is mapped do not count.
     farthest: f32,
     line: pixels::Line,
@@ -102,6 +108,7 @@ impl RangeGrid {
             tiles: vec![0.0; 6 * TILES * TILES],
             faces: [false; 6],
             min_count: 1,
+            gaps: Gaps::default(),
             farthest: 0.0,
             line: pixels::Line::default(),
         }
@@ -120,6 +127,10 @@ impl RangeGrid {
             Points::Depths(depths) => self.fill_pixels(depths),
         };
         self.finish(measured);
+        self.gaps = match points {
+            Points::Depths(depths) if pixels::is_ahead(depths.rays()) => Gaps::of_rays(depths.rays()),
+            _ => self.gaps_of_list(),
+        };
     }
 
     /// Takes in points, and where rays end beyond what is mapped; returns how many there are of both.
@@ -198,7 +209,9 @@ impl RangeGrid {
         let reach = (face.half_depth(half) + margin) as f32;
         let cell = self.cells[index as usize];
         // The cell of the centre decides for most boxes: it is they that are measured.
-        if cell.count < self.min_count || cell.nearest <= depth + reach {
+        if !self.may_end_beyond(cell, depth + reach)
+            || !self.gaps.is_none() && !self.is_next_to_ray(index as usize)
+        {
             return false;
         }
         Face::all().all(|face| {
@@ -211,21 +224,26 @@ impl RangeGrid {
         self.farthest
     }
 
-    /// Whether the direction of a point was measured and ends beyond it by `margin`.
+    /// Whether the direction of a point was measured and ends beyond it by `margin`, or lies between rays.
     pub(crate) fn ends_past(&self, point: &Point3<f64>, margin: f64) -> bool {
         let (index, depth) = cell_and_depth([point.x, point.y, point.z].map(|coordinate| coordinate as f32));
-        let cell = self.cells[index as usize];
-        cell.count >= self.min_count && cell.nearest > depth + margin as f32
+        self.may_end_beyond(self.cells[index as usize], depth + margin as f32)
     }
 
-    /// Whether all cells of a patch were measured and end beyond the box by `margin`.
+    /// Whether a cell does not speak against a box of which this is the largest depth.
+    fn may_end_beyond(&self, cell: Cell, least: f32) -> bool {
+        if cell.count >= self.min_count { cell.nearest > least } else { !self.gaps.is_none() }
+    }
+
+    /// Whether all cells of a patch were measured, or lie between such, and end beyond the box by `margin`.
     fn ends_beyond(&self, face: Face, patch: &Patch, margin: f64) -> bool {
         let least = (patch.far + margin) as f32;
-        patch.rows.clone().all(|row| {
+        let all_end = patch.rows.clone().all(|row| {
             let start = (face.index() * CELLS + row) * CELLS;
             let cells = &self.cells[start + patch.columns.start..start + patch.columns.end];
-            cells.iter().all(|cell| cell.count >= self.min_count && cell.nearest > least)
-        })
+            cells.iter().all(|cell| self.may_end_beyond(*cell, least))
+        });
+        all_end && (self.gaps.is_none() || self.lies_between_rays(face, patch))
     }
 }
 

@@ -8,6 +8,7 @@ use rustc_hash::FxHashMap;
 use super::*;
 use crate::engine::consistent::block::{CELLS, place};
 use crate::engine::consistent::grid::Binned;
+use crate::engine::consistent::noise::NoiseModel;
 use crate::engine::key::VoxelKey;
 use crate::engine::params::Params;
 use crate::engine::points::{Depths, Points, Rays};
@@ -343,4 +344,91 @@ fn a_point_that_strays_into_an_empty_voxel_now_and_then_does_not_keep_it_however
     }
     assert_eq!(dense_for(4, 2, 300), None, "hit as often as it is missed");
     assert_eq!(dense_for(1, 12, 60), None, "where one point is a surface");
+}
+
+/// Voxels that a thing has while it is there, and after it has been away for `away` scans; `scan` gives points at so many metres from
+/// a sensor that stands still, x forward, of the thing or, where it is away, of the wall behind it.
+fn left_of_a_thing(params: &Params, away: u64, scan: impl Fn(u64, bool) -> Points) -> [usize; 2] {
+    const STAYS: u64 = 12;
+    let mut grid = Grid::new(params);
+    let (mut clearing, mut binned) = (Clearing::new(), Binned::default());
+    let mut left = Vec::new();
+    for sequence in 1..=STAYS + away {
+        let fixed_from_sensor = Isometry3::translation(0.003, 0.002, 0.001);
+        let scan =
+            Scan { stamp: Stamp::default(), fixed_from_sensor, points: scan(sequence, sequence <= STAYS) };
+        grid.bin(&scan, sequence, &mut binned);
+        clearing.clear(&mut grid, &scan, sequence);
+        if sequence == STAYS || sequence == STAYS + away {
+            let is_near = |point: &Point3<f64>| point.coords.amax() < 3.5 && point.coords.norm() > 1.5;
+            let voxels = |block: &Block| {
+                let is_of_thing =
+                    |voxel: &&Voxel| grid.is_dense(voxel) && is_near(&grid.centre(block, voxel));
+                block.voxels().iter().filter(is_of_thing).count()
+            };
+            left.push(grid.blocks().map(|(_, block)| voxels(block)).sum());
+        }
+    }
+    [left[0], left[1]]
+}
+
+/// A lidar that turns, of so many lines over so many degrees, the whole raised by some; in another phase in each scan. A wall is 6 m
+/// away all round, and in 3 m a thing of 0.8 x 1.2 m.
+fn lidar(lines: u32, degrees: f64, raised: f64) -> impl Fn(u64, bool) -> Points {
+    let ray = move |line: u32, step: u32, phase: f64| {
+        let up = (degrees * (f64::from(line) / f64::from(lines - 1) - 0.5) + raised).to_radians();
+        let around = 0.2 * (f64::from(step) + phase).to_radians();
+        Vector3::new(around.cos() * up.cos(), around.sin() * up.cos(), up.sin())
+    };
+    move |number, is_there| {
+        let end = |ray: Vector3<f64>| {
+            let at = ray * (3.0 / ray.x);
+            let is_thing = is_there && ray.x > 0.0 && at.y.abs() < 0.4 && at.z.abs() < 0.6;
+            let end = if is_thing { at } else { ray * (6.0 / ray.x.abs().max(ray.y.abs())) };
+            end.map(|c| c as f32).into()
+        };
+        let phase = (number as f64 * 0.618).fract();
+        let rays = (0..lines).flat_map(|line| (0..1800).map(move |step| ray(line, step, phase)));
+        Points::F32(rays.map(end).collect())
+    }
+}
+
+#[test]
+fn what_a_lidar_looks_through_goes() {
+    let params = Params::default().with_voxel_size(0.1).unwrap().with_min_points(3).unwrap();
+    let params = params.with_noise_model(NoiseModel::None);
+    for (lines, degrees) in [(16, 30.0), (32, 40.0), (64, 45.0), (128, 45.0)] {
+        let [there, left] = left_of_a_thing(&params, 60, lidar(lines, degrees, 0.0));
+        assert!(there > 20 && left * 10 < there, "{lines} lines: {left} of {there} voxels are left");
+    }
+}
+
+#[test]
+fn what_lies_between_the_lines_of_a_lidar_stays() {
+    let params = Params::default().with_voxel_size(0.02).unwrap().with_min_points(3).unwrap();
+    let params = params.with_noise_model(NoiseModel::None);
+    // Lines 10 cm apart there, and then 5 cm above those that have measured it.
+    let (seeing, passing) = (lidar(16, 30.0, 0.0), lidar(16, 30.0, 1.0));
+    let scan = |number, is_there| if is_there { seeing(number, true) } else { passing(number, false) };
+    let [there, left] = left_of_a_thing(&params, 60, scan);
+    assert!(there > 20 && left == there, "{left} of {there} voxels are left");
+}
+
+#[test]
+fn what_a_camera_of_few_pixels_looks_through_goes() {
+    for width in [320_u32, 160, 120, 80, 64] {
+        let focal = 0.5 * f64::from(width) / 28.5_f64.to_radians().tan();
+        let rays =
+            |n: u32| (0..n).map(|i| ((f64::from(i) + 0.5 - 0.5 * f64::from(n)) / focal) as f32).collect();
+        let rays = Arc::new(Rays { x: rays(width), y: rays(width * 3 / 4) });
+        let scan = |_, is_there: bool| {
+            let is_thing = |x: &f32, y: &f32| is_there && x.abs() < 0.15 && y.abs() < 0.15;
+            let depth = |x: &f32, y: &f32| if is_thing(x, y) { 2.0 } else { 4.0 };
+            let depths = rays.y.iter().flat_map(|y| rays.x.iter().map(move |x| depth(x, y)));
+            Points::Depths(Depths::new(Arc::clone(&rays), depths.collect()).unwrap())
+        };
+        let params = Params::default().with_min_points(3).unwrap();
+        let [there, left] = left_of_a_thing(&params, 60, scan);
+        assert!(there > 5 && left * 5 < there, "{width} pixels: {left} of {there} voxels are left");
+    }
 }

@@ -112,7 +112,7 @@ impl WithSimd for Filling<'_> {
 }
 
 /// Whether all pixels look through the face ahead, one after the other to the right and down.
-fn is_ahead(rays: &Rays) -> bool {
+pub(super) fn is_ahead(rays: &Rays) -> bool {
     [&rays.x, &rays.y].into_iter().all(|rays| rays.is_sorted() && rays.iter().all(|ray| ray.abs() < 1.0))
 }
 

@@ -1,0 +1,114 @@
+//! How far apart a sensor's rays are, where that is farther than the cells of a [`RangeGrid`] are.
+//!
+//! A Kinect has 4 x 4 pixels in a cell: one without a measurement is a hole. Of a lidar's lines, or of the pixels of a camera that
+//! has 120 in a row, not every cell has one, and what is between them was not to be measured. Along rows and along columns by
+//! itself: a lidar's points follow close upon each other along its lines.
+
+use std::ops::Range;
+
+use super::patch::{Face, Patch};
+use super::{CELLS, RangeGrid, TILE_CELLS, split};
+use crate::engine::points::Rays;
+
+/// Cells between those that neighbouring rays fall into, at most, along a row of cells and along a column of them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Gaps {
+    along_row: usize,
+    along_column: usize,
+}
+
+/// Cells from one that rays fall into to the next, at most, which is some 3.6 degrees: what is farther apart is another thing. No tile
+/// of the grid is without a ray then.
+const FARTHEST: usize = TILE_CELLS;
+
+/// Part of a list's cells that may be farther from the next one than its rays are: they are at the edges of holes.
+const HOLES: f64 = 0.25;
+
+impl Gaps {
+    /// Of a camera, by its rays alone: what they have not measured is a hole, however much that is.
+    pub(super) fn of_rays(rays: &Rays) -> Self {
+        Self { along_row: between(&rays.x), along_column: between(&rays.y) }
+    }
+
+    pub(super) const fn is_none(self) -> bool {
+        self.along_row == 0 && self.along_column == 0
+    }
+}
+
+/// Cells between those of neighbouring rays, at most, of rays as far apart as these are on the mean.
+fn between(rays: &[f32]) -> usize {
+    let (Some(first), Some(last)) = (rays.first(), rays.last()) else { return 0 };
+    let steps = rays.len().saturating_sub(1).max(1) as f32;
+    let cells = (last - first).abs() * (0.5 * CELLS as f32) / steps;
+    ((cells.ceil() as usize).max(1) - 1).min(FARTHEST - 1)
+}
+
+impl RangeGrid {
+    /// Of points that came in a list, by how far it is from most of the cells with points to the next one.
+    pub(super) fn gaps_of_list(&self) -> Gaps {
+        let (mut along_row, mut along_column) = (Steps::default(), Steps::default());
+        let with_points = |index: &usize| self.cells[*index].count > 0;
+        for index in self.occupied.iter().flat_map(Clone::clone).filter(with_points) {
+            let (_, row, column) = split(index);
+            along_row.count(self.to_next(index, 1, CELLS - 1 - column));
+            along_column.count(self.to_next(index, CELLS, CELLS - 1 - row));
+        }
+        Gaps { along_row: along_row.most() - 1, along_column: along_column.most() - 1 }
+    }
+
+    /// Steps of so many cells to the next one with points; `None` where that is farther than [`FARTHEST`], or beyond the face.
+    fn to_next(&self, index: usize, step: usize, within: usize) -> Option<usize> {
+        (1..=FARTHEST.min(within)).find(|count| self.cells[index + count * step].count > 0)
+    }
+
+    /// Whether a ray went into a cell or, where rays are farther apart than that, into one next to it: what is farther from it may
+    /// end between two of them.
+    pub(super) fn is_next_to_ray(&self, index: usize) -> bool {
+        let (face, row, column) = split(index);
+        let mut rows = around(row, self.gaps.along_column.min(1), &(0..CELLS));
+        let columns = around(column, self.gaps.along_row.min(1), &(0..CELLS));
+        rows.any(|row| columns.clone().any(|column| self.is_measured(face, row, column)))
+    }
+
+    fn is_measured(&self, face: usize, row: usize, column: usize) -> bool {
+        self.cells[(face * CELLS + row) * CELLS + column].count >= self.min_count
+    }
+
+    /// Whether each cell of a patch was measured or has one in the patch that was, no farther than rays are apart.
+    pub(super) fn lies_between_rays(&self, face: Face, patch: &Patch) -> bool {
+        let near = |row: usize, column: usize| {
+            let mut rows = around(row, self.gaps.along_column, &patch.rows);
+            let columns = around(column, self.gaps.along_row, &patch.columns);
+            rows.any(|row| columns.clone().any(|column| self.is_measured(face.index(), row, column)))
+        };
+        patch.rows.clone().all(|row| patch.columns.clone().all(|column| near(row, column)))
+    }
+}
+
+/// From so many before `at` to as many after it, of those `within`.
+fn around(at: usize, reach: usize, within: &Range<usize>) -> Range<usize> {
+    within.start.max(at.saturating_sub(reach))..within.end.min(at + reach + 1)
+}
+
+/// How many cells have the next one so many steps away.
+#[derive(Default)]
+struct Steps([u32; FARTHEST]);
+
+impl Steps {
+    fn count(&mut self, steps: Option<usize>) {
+        if let Some(steps) = steps {
+            self.0[steps - 1] += 1;
+        }
+    }
+
+    /// The most steps there are but for the [`HOLES`]; 1 where nothing was counted.
+    fn most(&self) -> usize {
+        let holes = HOLES * self.0.iter().map(|&cells| f64::from(cells)).sum::<f64>();
+        let mut farther = 0.0;
+        let is_common = |cells: &u32| {
+            farther += f64::from(*cells);
+            farther > holes
+        };
+        FARTHEST - self.0.iter().rev().position(is_common).unwrap_or(FARTHEST - 1)
+    }
+}
