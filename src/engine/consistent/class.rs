@@ -6,6 +6,8 @@
 //! voxels: it never falls when the covariance shrinks or voxels are added. The constants of [`calibration`] are the
 //! only ones. Lengths in m, angles in rad; O(neighbours).
 
+use std::f64::consts::PI;
+
 use nalgebra::{Matrix2, UnitVector3};
 
 use crate::engine::SurfaceClass;
@@ -45,6 +47,9 @@ mod calibration {
     /// itself by `HIGHER`.
     pub(super) const CORNER: f64 = 1.308_997;
     pub(super) const HIGHER: f64 = 0.1;
+    /// How far from an edge of it an upright surface that turns away from there begins, at least, where it is a door: of a cupboard's
+    /// side and its front, which meet, neither is.
+    pub(super) const CORNER_GAP: f64 = 0.15;
     /// Clearance above the floor up to which a surface certainly stands on it, and from which it counts half.
     pub(super) const STANDS: [f64; 2] = [0.3, 1.0];
     /// How likely an upright surface of a door's size is a door when no wall beside it is known.
@@ -60,6 +65,8 @@ pub(crate) struct Neighbour {
     pub(crate) normal: UnitVector3<f64>,
     /// Distance of its plane from the nearest upright edge of the cluster (m).
     pub(crate) hinge_offset: f64,
+    /// Which of the cluster's two upright edges that is.
+    pub(crate) hinge: usize,
     /// Distance of its plane from the middle of the cluster (m), of either sign.
     pub(crate) plane_offset: f64,
     /// Its highest z (m).
@@ -99,6 +106,8 @@ pub(crate) struct Evidence<'a> {
     pub(crate) was_ceiling: bool,
     /// Of an upright cluster.
     pub(crate) neighbours: &'a [Neighbour],
+    /// How far from each of its two upright edges an upright surface begins that turns away from there (m); infinite where none does.
+    pub(crate) corners: [f64; 2],
 }
 
 /// The class of a cluster and the probability that it is right, 0 to 1; unknown has 0.
@@ -116,6 +125,11 @@ pub(crate) fn classify(evidence: &Evidence) -> (SurfaceClass, f32) {
 /// the normal distribution).
 fn likely(margin: f64, sigma: f64) -> f64 {
     1.0 / (1.0 + (-1.702 * margin / sigma).exp())
+}
+
+/// The probability that a value measured as `value` with this deviation is within these limits.
+fn likely_within(value: f64, [low, high]: [f64; 2], sigma: f64) -> f64 {
+    likely(high - value, sigma) - likely(low - value, sigma)
 }
 
 /// 1 at `full` and beyond, a half at `half` and beyond.
@@ -156,13 +170,12 @@ impl Evidence<'_> {
         let inclination = inclination(&self.normal);
         let (class, sure) = if inclination <= c::LEVEL {
             let (class, sure) = if self.normal.z > 0.0 { self.facing_up() } else { self.facing_down() };
-            (class, sure * likely(c::LEVEL - inclination, sigma))
+            (class, sure * likely_within(inclination, [-c::LEVEL, c::LEVEL], sigma))
         } else if inclination >= c::UPRIGHT {
             let (class, sure) = self.upright();
-            (class, sure * likely(inclination - c::UPRIGHT, sigma))
+            (class, sure * likely_within(inclination, [c::UPRIGHT, PI - c::UPRIGHT], sigma))
         } else {
-            let margins = [inclination - c::LEVEL, c::UPRIGHT - inclination];
-            (SurfaceClass::Slope, margins.map(|margin| likely(margin, sigma)).iter().product())
+            (SurfaceClass::Slope, likely_within(inclination, [c::LEVEL, c::UPRIGHT], sigma))
         };
         let along = likely(c::ACROSS - self.across, c::ACROSS_SIGMA);
         (class, sure * likely(fit, fit_sigma) * along)
@@ -215,7 +228,9 @@ impl Evidence<'_> {
         let angle = self.normal.dot(&wall.normal).abs().min(1.0).acos();
         let sigma = self.tilt_sigma();
         let hinged = (c::HINGE - wall.hinge_offset.abs(), c::SIZE_SIGMA);
-        let mut open = Margins::all(&[(angle - c::OPEN, sigma), hinged]);
+        let free = self.corners[1 - wall.hinge];
+        let mut open =
+            Margins::all(&[(angle - c::OPEN, sigma), hinged, (free - c::CORNER_GAP, c::SIZE_SIGMA)]);
         if angle > c::CORNER {
             open = open.and(Margins::all(&[(wall.highest - self.highest - c::HIGHER, c::SIZE_SIGMA)]));
         }
@@ -224,6 +239,7 @@ impl Evidence<'_> {
             (c::OPEN - angle, sigma),
             (offset - self.voxel_size, 0.25 * self.voxel_size),
             (c::HINGE - offset, c::SIZE_SIGMA),
+            (self.corners[0].min(self.corners[1]) - c::CORNER_GAP, c::SIZE_SIGMA),
         ]);
         if shut.least > open.least { shut } else { open }
     }

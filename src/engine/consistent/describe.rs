@@ -205,7 +205,7 @@ impl Planarity {
 pub(super) fn class(
     cluster: &snapshot::Cluster,
     planarity: Planarity,
-    neighbours: &[Neighbour],
+    uprights: &Uprights,
     surroundings: Surroundings,
     voxel_size: f64,
 ) -> (SurfaceClass, f32) {
@@ -229,7 +229,8 @@ pub(super) fn class(
         floor: surroundings.floor,
         sensor: surroundings.sensor,
         was_ceiling: surroundings.was_ceiling,
-        neighbours,
+        neighbours: &uprights.neighbours,
+        corners: uprights.corners,
     })
 }
 
@@ -283,26 +284,80 @@ fn extent(cluster: &snapshot::Cluster, axis: &Vector3<f64>) -> (f64, f64) {
     along.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), at| (low.min(at), high.max(at)))
 }
 
-/// Another upright, larger cluster as a neighbour of the one with these edges; `None` where it is not beside it.
-pub(super) fn neighbour(
+/// The upright clusters beside one.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Uprights {
+    /// The larger ones.
+    pub(super) neighbours: Vec<Neighbour>,
+    /// See [`Evidence::corners`].
+    pub(super) corners: [f64; 2],
+}
+
+impl Uprights {
+    /// Those of `others` that a cluster with these edges stands beside; none of one that has no edges.
+    pub(super) fn of<'a>(
+        cluster: &snapshot::Cluster,
+        edges: Option<&[Point3<f64>; 2]>,
+        others: impl Iterator<Item = &'a snapshot::Cluster>,
+    ) -> Self {
+        let mut beside = Self { neighbours: Vec::new(), corners: [f64::INFINITY; 2] };
+        let Some(edges) = edges else { return beside };
+        for other in others.filter(|other| other.id != cluster.id && is_upright(other)) {
+            let is_beside = edges.each_ref().map(|edge| reaches(other, edge));
+            beside.neighbours.extend(neighbour(cluster, edges, is_beside, other));
+            if makes_corner(cluster, other) {
+                let gaps = gaps(edges, is_beside, other);
+                beside.corners = [0, 1].map(|edge| beside.corners[edge].min(gaps[edge]));
+            }
+        }
+        beside
+    }
+}
+
+/// Whether a point is beside an upright cluster.
+fn reaches(upright: &snapshot::Cluster, point: &Point3<f64>) -> bool {
+    let (local, half) = (upright.pose.inverse_transform_point(point), reach(upright));
+    (0..3).all(|axis| local[axis].abs() <= half[axis])
+}
+
+/// Another, larger cluster as a neighbour of the one with these edges; `None` where none of them is beside it.
+fn neighbour(
     cluster: &snapshot::Cluster,
     edges: &[Point3<f64>; 2],
+    is_beside: [bool; 2],
     other: &snapshot::Cluster,
 ) -> Option<Neighbour> {
-    if other.id == cluster.id || !is_upright(other) || other.area < cluster.area {
+    if other.area < cluster.area {
         return None;
     }
-    let half = reach(other);
-    let is_beside = |point: &&Point3<f64>| {
-        let local = other.pose.inverse_transform_point(point);
-        (0..3).all(|axis| local[axis].abs() <= half[axis])
-    };
     let height_above = |point: &Point3<f64>| other.normal.dot(&point.coords) + other.offset;
-    let nearest = edges.iter().filter(is_beside).map(height_above);
-    let hinge_offset = nearest.min_by(|a, b| a.abs().total_cmp(&b.abs()))?;
+    let offsets =
+        edges.each_ref().map(height_above).into_iter().enumerate().filter(|(edge, _)| is_beside[*edge]);
+    let (hinge, hinge_offset) = offsets.min_by(|(_, a), (_, b)| a.abs().total_cmp(&b.abs()))?;
     let plane_offset = height_above(&Point3::from(cluster.pose.translation.vector));
     let highest = other.boundary.iter().map(|point| point.z).fold(f64::NEG_INFINITY, f64::max);
-    Some(Neighbour { normal: other.normal, hinge_offset, plane_offset, highest })
+    Some(Neighbour { normal: other.normal, hinge_offset, hinge, plane_offset, highest })
+}
+
+/// Least angle between two surfaces with a corner between them (60 degrees), as its cosine.
+const TURNED: f64 = 0.5;
+/// Least width of what makes a corner (m): the edge of a leaf and the reveal of a doorway are narrower.
+const CORNER_WIDTH: f64 = 0.25;
+
+/// Whether another upright cluster turns away from this one, beside half of its height at least.
+fn makes_corner(cluster: &snapshot::Cluster, other: &snapshot::Cluster) -> bool {
+    let [own, others] = [cluster, other].map(|cluster| extent(cluster, &Vector3::z()));
+    let common = own.1.min(others.1) - own.0.max(others.0);
+    cluster.normal.dot(&other.normal).abs() <= TURNED && common >= 0.5 * (own.1 - own.0)
+}
+
+/// How far from those of these edges that are beside another cluster its nearest own edge is (m).
+fn gaps(edges: &[Point3<f64>; 2], is_beside: [bool; 2], other: &snapshot::Cluster) -> [f64; 2] {
+    let apart = |a: &Point3<f64>, b: &Point3<f64>| (a - b).xy().norm();
+    let ends = self::edges(other).filter(|[a, b]| apart(a, b) >= CORNER_WIDTH);
+    let gap =
+        |edge: &Point3<f64>| ends.iter().flatten().map(|end| apart(edge, end)).fold(f64::INFINITY, f64::min);
+    [0, 1].map(|edge| if is_beside[edge] { gap(&edges[edge]) } else { f64::INFINITY })
 }
 
 #[cfg(test)]

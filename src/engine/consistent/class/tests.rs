@@ -29,6 +29,7 @@ fn surface(elevation: f64) -> Evidence<'static> {
         sensor: 1.0,
         was_ceiling: false,
         neighbours: &[],
+        corners: [f64::INFINITY; 2],
     }
 }
 
@@ -39,7 +40,7 @@ fn leaf(turn: f64) -> Evidence<'static> {
 
 /// A wall of 2.6 m that faces +x, the leaf's hinge in its plane.
 fn wall() -> Neighbour {
-    Neighbour { normal: normal(0.0, 0.0), hinge_offset: 0.03, plane_offset: 0.0, highest: 2.6 }
+    Neighbour { normal: normal(0.0, 0.0), hinge_offset: 0.03, hinge: 0, plane_offset: 0.0, highest: 2.6 }
 }
 
 /// Asserts the class and that it is rather sure.
@@ -146,6 +147,31 @@ fn the_next_wall_of_a_room_is_no_door_at_a_right_angle() {
 }
 
 #[test]
+fn the_side_of_a_cupboard_and_its_back_are_no_doors() {
+    let beside = [wall()];
+    let side = |gaps| classify(&Evidence { neighbours: &beside, corners: gaps, ..leaf(90.0) });
+    assert!(matches!(side([f64::INFINITY, 0.04]), (SurfaceClass::Wall, confidence) if confidence > 0.8));
+    // A corner at the hinge is one with the wall; a farther one is none.
+    assert_eq!(side([0.04, f64::INFINITY]).0, SurfaceClass::Door);
+    assert_eq!(side([f64::INFINITY, 0.28]).0, SurfaceClass::Door);
+    let before_a_wall = [Neighbour { plane_offset: 0.1, ..wall() }];
+    for corners in [[0.04, f64::INFINITY], [f64::INFINITY, 0.04]] {
+        let back = Evidence { neighbours: &before_a_wall, corners, ..leaf(0.0) };
+        assert_eq!(classify(&back).0, SurfaceClass::Wall);
+    }
+}
+
+#[test]
+fn what_may_be_turned_anyhow_is_of_no_class_with_any_confidence() {
+    for elevation in [90.0, -90.0, 0.0, 45.0] {
+        let sure = surface(elevation);
+        let vague =
+            Evidence { tilt_covariance: Matrix2::identity() * 4.0, lowest: 2.0, highest: 2.5, ..sure };
+        assert!(classify(&vague).1 < 0.3, "{elevation}: {:?}", classify(&vague));
+    }
+}
+
+#[test]
 fn a_door_seen_in_part_is_a_door_with_less_confidence() {
     let beside = [wall()];
     let whole = Evidence { neighbours: &beside, ..leaf(60.0) };
@@ -187,16 +213,27 @@ fn classes_have_the_numbers_of_the_message() {
     assert!((0..).zip(classes).all(|(number, class)| class.number() == number));
 }
 
+fn corners() -> impl Strategy<Value = [f64; 2]> {
+    prop::array::uniform2(prop_oneof![3 => Just(f64::INFINITY), 1 => 0.0..0.3])
+}
+
 fn any_evidence() -> impl Strategy<Value = (Evidence<'static>, Vec<Neighbour>)> {
     let neighbour =
         (-180.0..180.0, -0.5..0.5, -0.5..0.5, 1.5..3.0).prop_map(|(turn, hinge, offset, highest)| {
-            Neighbour { normal: normal(0.0, turn), hinge_offset: hinge, plane_offset: offset, highest }
+            let hinged = usize::from(hinge > 0.0);
+            Neighbour {
+                normal: normal(0.0, turn),
+                hinge_offset: hinge,
+                hinge: hinged,
+                plane_offset: offset,
+                highest,
+            }
         });
     let shape = (prop_oneof![-90.0..90.0, -25.0..25.0], 0.0..1.0, 0.1..2.6, 0.1..3.0, 1u32..200);
-    let fit = (0.0..0.04, proptest::option::of(-0.5..0.5), 0.2..4.0, 1e-6..0.05);
+    let fit = (0.0..0.04, proptest::option::of(-0.5..0.5), 0.2..4.0, 1e-6..0.05, corners());
     (shape, fit, proptest::collection::vec(neighbour, 0..4)).prop_map(|(shape, fit, neighbours)| {
         let (elevation, lowest, height, width, voxels) = shape;
-        let (rms, floor, sensor, variance) = fit;
+        let (rms, floor, sensor, variance, corners) = fit;
         let highest = lowest + height;
         let tilt_covariance = Matrix2::new(variance, 0.3 * variance, 0.3 * variance, 0.5 * variance);
         let area = width * height;
@@ -211,6 +248,7 @@ fn any_evidence() -> impl Strategy<Value = (Evidence<'static>, Vec<Neighbour>)> 
             rms,
             floor,
             sensor,
+            corners,
             ..surface(elevation)
         };
         (evidence, neighbours)

@@ -3,9 +3,8 @@
 use super::Surfaces;
 use crate::engine::class::SurfaceClass;
 use crate::engine::consistent::block::{BlockIndex, BlockKey, Cell};
-use crate::engine::consistent::class::Neighbour;
 use crate::engine::consistent::cluster::{Before, Standing, content};
-use crate::engine::consistent::describe::{self, Planarity, Surroundings};
+use crate::engine::consistent::describe::{self, Planarity, Surroundings, Uprights};
 use crate::engine::consistent::footprint::{Axis, Footprint};
 use crate::engine::consistent::graph::{ComponentId, NodeId};
 use crate::engine::consistent::grid::Grid;
@@ -86,13 +85,13 @@ impl Surfaces {
             let Some(cluster) = self.clusters[component.0 as usize].as_deref() else { continue };
             let (Some(shape), Some(plane)) = (&cluster.told, &cluster.plane) else { continue };
             let planarity = Planarity::of(cluster, plane, &self.rules);
-            let beside = self.neighbours(shape);
+            let uprights = self.uprights(shape);
             let surroundings = Surroundings {
                 floor: self.landmarks.floor_below(describe::middle(shape)),
                 sensor: sensor_height,
                 was_ceiling: cluster.before.class() == SurfaceClass::Ceiling,
             };
-            let class = describe::class(shape, planarity, &beside, surroundings, params.voxel_size());
+            let class = describe::class(shape, planarity, &uprights, surroundings, params.voxel_size());
             classes.push((component, class));
         }
         for (component, (class, confidence)) in classes {
@@ -116,12 +115,12 @@ impl Surfaces {
         told.map(|(component, _)| ComponentId(component as u32))
     }
 
-    /// The larger upright clusters that this one stands beside.
-    pub(super) fn neighbours(&self, cluster: &snapshot::Cluster) -> Vec<Neighbour> {
-        let Some(edges) = describe::edges(cluster) else { return Vec::new() };
-        let near = self.landmarks.near(&edges).into_iter();
-        let told = near.filter_map(|other| self.clusters[other.0 as usize].as_ref()?.told.as_ref());
-        told.filter_map(|other| describe::neighbour(cluster, &edges, other)).collect()
+    /// The upright clusters that this one stands beside.
+    pub(super) fn uprights(&self, cluster: &snapshot::Cluster) -> Uprights {
+        let edges = describe::edges(cluster);
+        let near = edges.map(|edges| self.landmarks.near(&edges)).unwrap_or_default();
+        let told = near.iter().filter_map(|other| self.clusters[other.0 as usize].as_ref()?.told.as_ref());
+        Uprights::of(cluster, edges.as_ref(), told)
     }
 
     pub(super) fn describe_shape(

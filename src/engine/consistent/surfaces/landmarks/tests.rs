@@ -4,8 +4,7 @@ use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, UnitVector3};
 use proptest::prelude::*;
 
 use super::*;
-use crate::engine::consistent::class::Neighbour;
-use crate::engine::consistent::describe::{edges, middle, neighbour};
+use crate::engine::consistent::describe::{Uprights, edges, middle};
 use crate::engine::consistent::surfaces::Surfaces;
 use crate::engine::{ClusterId, ClusterState, Stamp, SurfaceClass};
 
@@ -29,10 +28,9 @@ fn plain_floor(cluster: &Cluster, told: &Told) -> Option<f64> {
     floors.into_iter().rfind(|floor| *floor <= middle(cluster) + SUNK)
 }
 
-/// The neighbours of a cluster, looked for among all others.
-fn plain_neighbours(cluster: &Cluster, told: &Told) -> Vec<Neighbour> {
-    let Some(edges) = edges(cluster) else { return Vec::new() };
-    told.values().filter_map(|other| neighbour(cluster, &edges, other)).collect()
+/// What a cluster stands beside, looked for among all others.
+fn plain_uprights(cluster: &Cluster, told: &Told) -> Uprights {
+    Uprights::of(cluster, edges(cluster).as_ref(), told.values().copied())
 }
 
 impl Surfaces {
@@ -46,9 +44,9 @@ impl Surfaces {
         assert_eq!(self.landmarks, anew);
         let neighbours = told.values().map(|cluster| {
             assert_eq!(self.landmarks.floor_below(middle(cluster)), plain_floor(cluster, &told));
-            let found = self.neighbours(cluster);
-            assert_eq!(found, plain_neighbours(cluster, &told), "beside {:?}", cluster.id);
-            found.len()
+            let found = self.uprights(cluster);
+            assert_eq!(found, plain_uprights(cluster, &told), "beside {:?}", cluster.id);
+            found.neighbours.len()
         });
         neighbours.sum()
     }
@@ -121,10 +119,10 @@ proptest! {
         let told: Told = told.iter().map(|(component, cluster)| (*component, cluster)).collect();
         for cluster in told.values() {
             prop_assert_eq!(landmarks.floor_below(middle(cluster)), plain_floor(cluster, &told));
-            let Some(edges) = edges(cluster) else { continue };
-            let near = landmarks.near(&edges);
-            let found: Vec<_> = near.iter().filter_map(|other| neighbour(cluster, &edges, told[other])).collect();
-            prop_assert_eq!(found, plain_neighbours(cluster, &told));
+            let edges = edges(cluster);
+            let near = edges.map(|edges| landmarks.near(&edges)).unwrap_or_default();
+            let found = Uprights::of(cluster, edges.as_ref(), near.iter().map(|other| told[other]));
+            prop_assert_eq!(found, plain_uprights(cluster, &told));
         }
     }
 }
