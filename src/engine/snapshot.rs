@@ -52,7 +52,9 @@ pub struct Cluster {
     pub covariance: Matrix3<f64>,
     /// Root mean square distance of the same from the plane (m).
     pub rms_error: f64,
-    /// Area of the boundary less its holes (m^2); `None` where it is not known.
+    /// Area of the boundary less its holes (m^2); `None` where it is not known. In `consistent` a cluster can lie in several
+    /// parts: boundary, holes, area and box (but for its z) are of the largest alone, plane, centroid, `covariance`, `rms_error`
+    /// and the counts of all.
     pub area: Option<f64>,
     /// The surface's edge on the plane (m), counter-clockwise seen from where the normal points; empty where it is not
     /// known.
