@@ -68,7 +68,8 @@ pub struct Cluster {
     pub size: Vector3<f64>,
     /// Number of member voxels.
     pub voxel_count: u32,
-    /// Number of points in the member voxels.
+    /// Number of points in the member voxels; in `consistent` as many as when these were published last, which is less than their
+    /// [`DenseVoxel::count`] by any factor while the sensor stands still.
     pub point_count: u64,
 }
 
@@ -77,7 +78,7 @@ pub struct Cluster {
 pub struct DenseVoxel {
     /// Its index.
     pub key: VoxelKey,
-    /// Number of points counted in it.
+    /// Number of points counted in it, up to the newest scan.
     pub count: u32,
     /// Mean of its points (m), fixed frame.
     pub centre: Point3<f64>,
