@@ -36,7 +36,7 @@ pub struct Cluster {
     pub last_seen: Stamp,
     /// What it is to a robot; always unknown in `paper`.
     pub class: SurfaceClass,
-    /// Probability that the class is right, 0 to 1.
+    /// Probability that the class is right, 0 to 1, by uncertainties calibrated on the simulator.
     pub class_confidence: f32,
     /// The cluster's normal (Definition 5 in `paper`, that of the plane through its points in `consistent`), towards the
     /// side it was seen from.
