@@ -36,7 +36,7 @@ pub struct Cluster {
     pub last_seen: Stamp,
     /// What it is to a robot; always unknown in `paper`.
     pub class: SurfaceClass,
-    /// Probability that the class is right, 0 to 1.
+    /// Probability that the class is right, 0 to 1, by uncertainties calibrated on the simulator.
     pub class_confidence: f32,
     /// The cluster's normal (Definition 5 in `paper`, that of the plane through its points in `consistent`), towards the
     /// side it was seen from.
@@ -52,7 +52,9 @@ pub struct Cluster {
     pub covariance: Matrix3<f64>,
     /// Root mean square distance of the same from the plane (m).
     pub rms_error: f64,
-    /// Area of the boundary less its holes (m^2); `None` where it is not known.
+    /// Area of the boundary less its holes (m^2); `None` where it is not known. In `consistent` a cluster can lie in several
+    /// parts: boundary, holes, area and box (but for its z) are of the largest alone, plane, centroid, `covariance`, `rms_error`
+    /// and the counts of all.
     pub area: Option<f64>,
     /// The surface's edge on the plane (m), counter-clockwise seen from where the normal points; empty where it is not
     /// known.
@@ -66,7 +68,8 @@ pub struct Cluster {
     pub size: Vector3<f64>,
     /// Number of member voxels.
     pub voxel_count: u32,
-    /// Number of points in the member voxels.
+    /// Number of points in the member voxels; in `consistent` as many as when these were published last, which is less than their
+    /// [`DenseVoxel::count`] by any factor while the sensor stands still.
     pub point_count: u64,
 }
 
@@ -75,7 +78,7 @@ pub struct Cluster {
 pub struct DenseVoxel {
     /// Its index.
     pub key: VoxelKey,
-    /// Number of points counted in it.
+    /// Number of points counted in it, up to the newest scan.
     pub count: u32,
     /// Mean of its points (m), fixed frame.
     pub centre: Point3<f64>,

@@ -6,8 +6,10 @@ import time
 import pytest
 from cfodi_msgs.msg import SurfaceClusterArray
 from peer import qos, wait_until
+from std_srvs.srv import Trigger
 from test_inputs import begin, take_in
 from test_introspection import node_names
+from visualization_msgs.msg import Marker, MarkerArray
 
 REFUSED = [
     ("voxel_size", "-1.5", ["must be"]),
@@ -63,10 +65,30 @@ def test_who_joins_late_gets_the_snapshot_at_once(start, peer, new_peer):
     peer.clusters.wait("a snapshot of the scan", lambda m: m.sequence == 1, timeout=25)
     seen = len(peer.clusters)
     late = new_peer("late").record("/cfodi/clusters", SurfaceClusterArray, qos(1, latched=True))
-    # RustDDS drops what a depth of 1 has no place for now and then, not at once: the snapshot before may come first.
+    # RustDDS drops what a depth of 1 has no place for every 6 s, not at once: older ones of the session may come first.
     latched = late.wait("the latched snapshot of the scan", lambda m: m.sequence == 1, timeout=5)
     assert latched.clusters
     assert len(peer.clusters) == seen, "it was a periodic snapshot, which proves nothing"
+
+
+def test_who_joins_after_a_reset_gets_no_map_of_the_session_before(start, peer, new_peer):
+    _, camera = begin(start, peer)
+    late = new_peer("late")  # knows the node by then: it reads at once, and not when what was replaced is dropped anyway
+    wait_until("the node found", lambda: late.node.count_publishers("/cfodi/markers"))
+    before = take_in(camera, peer.deltas).session_id
+    peer.clusters.wait("a map to be forgotten", lambda m: m.session_id == before and m.clusters)
+    peer.markers.wait("its markers", shows)
+    assert peer.call(Trigger, "/cfodi/reset", Trigger.Request()).success
+    session = peer.clusters.wait("the map of a new session", lambda m: m.session_id != before).session_id
+    maps = late.record("/cfodi/clusters", SurfaceClusterArray, qos(100, latched=True))
+    markers = late.record("/cfodi/markers", MarkerArray, qos(100, latched=True))
+    wait_until("maps and markers", lambda: len(maps) > 1 and len(markers) > 1)
+    assert {message.session_id for message in maps} == {session}
+    assert not any(shows(message) for message in markers)
+
+
+def shows(markers):
+    return any(marker.action == Marker.ADD for marker in markers.markers)
 
 
 @pytest.mark.alone

@@ -1,6 +1,7 @@
 //! The node's topics and services on one participant of DDS.
 
 mod open;
+mod sessions;
 
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
@@ -11,6 +12,7 @@ use rustdds::DomainParticipant;
 use serde::Serialize;
 use tokio::sync::Mutex;
 
+use self::sessions::Sessions;
 use super::Readers;
 use super::mismatch::Ends;
 use super::outlet::Outlet;
@@ -33,7 +35,7 @@ const LOOK: Duration = Duration::from_millis(250);
 const FAREWELL: Duration = Duration::from_millis(100);
 
 /// Topics that are opened anew until the network is joined anew: what the libraries tell others of the node names those
-/// before too. With a reader of all topics that never acknowledges, an hour.
+/// before too. With a reader of all topics that never acknowledges, an hour; with sessions that alternate, some minutes.
 const MOST_REOPENED: u32 = 1000;
 
 pub(super) struct Network {
@@ -61,6 +63,7 @@ pub(super) struct Network {
     context: Context,
     participant: DomainParticipant,
     sources: Sources,
+    sessions: RefCell<Sessions>,
     /// How often a topic was opened anew.
     reopened: Cell<u32>,
     /// When it had last not been set back.
@@ -85,7 +88,7 @@ impl Network {
 
     pub(super) async fn publish(&self, message: Outgoing) -> Result<(), SendError> {
         match message {
-            Outgoing::Clusters(array) => self.send(&self.clusters, array).await,
+            Outgoing::Clusters(map) => self.send_map(map).await,
             Outgoing::Delta(array) => self.send(&self.delta, array).await,
             Outgoing::Markers(markers) => self.send(&self.markers, markers).await,
             Outgoing::Diagnostics(report) => self.tell(self.diagnostics.as_ref(), report).await,

@@ -159,8 +159,8 @@ pub(super) fn reliable(depth: usize, durability: Durability) -> QosProfile {
 /// what was lost in rounds of 8 KB: 10 ms apart, slower than we publish, or a fifth of the deadline, 1 ms at the least.
 /// An offered deadline binds no reader that asks for none, and ROS readers ask for none.
 ///
-/// RustDDS forgets what every reader has acknowledged: where there is none, or one that acknowledges nothing, it would keep
-/// some thousand messages. `most` bounds them, and what may wait for one reader.
+/// RustDDS forgets what every reader has acknowledged, every 6 s and but for `depth`: where there is none, or one that
+/// acknowledges nothing, it would keep some thousand messages. `most` bounds them, and what may wait for one reader.
 pub(super) fn reliable_output(Qos { latched, depth, .. }: Qos, most: i32) -> rustdds::QosPolicies {
     let durability = if latched { Durability::TransientLocal } else { Durability::Volatile };
     let profile = reliable(depth, durability).deadline(Some(Duration::from_millis(5)));

@@ -28,7 +28,7 @@ const PATIENCE: Duration = Duration::from_millis(500);
 const AGAIN: Duration = Duration::from_millis(2);
 const SELDOM: Duration = Duration::from_millis(64);
 
-/// A topic is not opened anew more often.
+/// A topic is not opened anew for the others more often.
 const REST: Duration = Duration::from_secs(5);
 
 pub(super) struct Outlet<M: Serialize> {
@@ -107,12 +107,19 @@ impl<M: Serialize> Outlet<M> {
         self.opened.get().elapsed() >= REST
     }
 
-    pub(super) fn reopen(&self, node: &mut Node) -> Result<(), SendError> {
-        self.opened.set(Instant::now());
+    /// Opens it anew, with an empty history: what was sent before is sent to nobody any more.
+    pub(super) fn open_anew(&self, node: &mut Node) -> Result<(), SendError> {
         let anew = node.create_publisher(&self.topic, None);
         let anew =
             anew.map_err(|error| SendError::NotReopened { topic: self.name, cause: error.to_string() })?;
         self.publisher.replace(Rc::new(anew));
+        Ok(())
+    }
+
+    /// Opens it anew for those who keep up.
+    pub(super) fn reopen(&self, node: &mut Node) -> Result<(), SendError> {
+        self.opened.set(Instant::now());
+        self.open_anew(node)?;
         let Self { name, most, .. } = self;
         warn!(
             "a reader of {name} has not acknowledged the last {most}: the topic was opened anew for the others"

@@ -1,6 +1,6 @@
 //! The opening of a network: topics, services, and the tasks that read.
 
-use std::cell::Cell;
+use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 
 use ros2_client::QosProfile;
@@ -79,6 +79,7 @@ impl Network {
             node: opener.node,
             context: opener.context,
             sources,
+            sessions: RefCell::default(),
             reopened: Cell::new(0),
             time_of_day,
         };
