@@ -187,7 +187,7 @@ pub fn live_node<T: Middleware>(
             receiver,
             Rc::clone(&counts),
             lines,
-            ending(ends, done),
+            (ending(ends, done), asked_again()),
         )
         .await;
         let changed = transport.changed(setup);
@@ -241,6 +241,11 @@ async fn asked(signals: &mut Option<Signals>) {
         Some(signals) => signals.any().await,
         None => std::future::pending().await,
     }
+}
+
+/// Resolves at the first signal after this is asked for.
+async fn asked_again() {
+    asked(&mut signals()).await;
 }
 
 /// Resolves at a signal or with `done`.
