@@ -16,12 +16,13 @@ const BEHIND: f64 = 10.0;
 impl<T: Transport> Live<T> {
     /// Sends a report about the time since the last one.
     pub(super) fn report(&mut self) {
+        let is_quiet = self.intakes.iter().any(|intake| intake.since.elapsed() >= QUIET);
+        let sources = if is_quiet { self.transport.sources() } else { Vec::new() };
+        self.forget_gone(&sources);
         // A reader that takes none of them must not hold up the node: what is not reported now is in the next one.
         let Ok(place) = self.reports.clone().try_reserve_owned() else { return };
         let clock = self.clocks.now();
         let seconds = self.diagnosis.seconds();
-        let is_quiet = self.intakes.iter().any(|intake| intake.since.elapsed() >= QUIET);
-        let sources = if is_quiet { self.transport.sources() } else { Vec::new() };
         let mut status: Vec<_> = (0..self.intakes.len())
             .map(|sensor| self.of_sensor(sensor, (seconds, clock), &sources))
             .collect();
