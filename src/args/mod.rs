@@ -49,8 +49,9 @@ impl Environment {
 }
 
 fn discovery(variable: impl Fn(&'static str) -> Option<String>) -> Vec<(&'static str, String)> {
-    let as_ever: [(_, &[&str]); 3] = [
+    let as_ever: [(_, &[&str]); 4] = [
         ("ROS_AUTOMATIC_DISCOVERY_RANGE", &["", "SUBNET", "SYSTEM_DEFAULT"]),
+        ("ROS_DISCOVERY_SERVER", &[""]),
         ("ROS_LOCALHOST_ONLY", &["", "0"]),
         ("ROS_STATIC_PEERS", &[""]),
     ];
