@@ -13,6 +13,7 @@ mod report;
 mod saving_figures;
 mod say;
 mod session;
+mod simulated;
 
 use std::cell::RefCell;
 use std::future::Future;
@@ -200,6 +201,8 @@ struct Live<T: Transport> {
     /// Whether the time is simulated.
     simulated: bool,
     clocks: Clocks,
+    /// Whether it was said that the simulated one does not come.
+    said_clock: bool,
     /// By sensor.
     intakes: Vec<Intake>,
     fixed_frame: String,
@@ -232,6 +235,7 @@ impl<T: Transport> Live<T> {
             session,
             simulated: config.use_sim_time,
             clocks: Clocks::new(start),
+            said_clock: false,
             intakes,
             fixed_frame: config.fixed_frame.clone(),
             tf_timeout: config.tf_timeout,
@@ -315,6 +319,7 @@ impl<T: Transport> Live<T> {
             self.skip(&waited, "transform_timeout");
         }
         self.say_when_quiet(Instant::now());
+        self.say_of_clock();
     }
 }
 
