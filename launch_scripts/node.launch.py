@@ -26,6 +26,7 @@ def start(context):
     inputs = {"points": "points", "depth/image": "image", "depth/camera_info": "camera_info"}
     return [
         Node(package="cfodi", executable="cfodi", name=name, namespace=namespace, output="screen",
+             sigterm_timeout="15",  # after SIGINT; at the second signal a map that is still being written is given up
              arguments=["run", *resume], ros_arguments=["--log-level", LaunchConfiguration("log_level")],
              parameters=[LaunchConfiguration("params_file"), *own],
              remappings=[(topic, LaunchConfiguration(argument)) for topic, argument in inputs.items()]),

@@ -66,6 +66,7 @@ fn verb() -> anyhow::Result<Ending> {
     // Clap ends the program with status 2 and says what is wrong.
     let cli = Cli::parse_from(rest);
     let lines = cli::log::start(setup.log_level.as_deref(), setup.rosout);
+    cli::log::say_idle(&setup);
     match cli.verb {
         Verb::Run(options) => run::run(&setup, &options, lines).map(|()| Ending::Whole),
         Verb::Replay(options) => replay::replay(&setup, &options),

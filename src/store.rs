@@ -97,6 +97,12 @@ pub enum StoreError {
         /// The system's words.
         error: io::Error,
     },
+    /// Nobody waits any longer for the map to be written.
+    #[error("{path} stays as it was saved last, for a signal came while the new map was written")]
+    GivenUp {
+        /// The file.
+        path: PathBuf,
+    },
     /// Another process saves its map there.
     #[error("{path} is in use by another process")]
     InUse {

@@ -1,5 +1,7 @@
 //! Why a command line was refused.
 
+use std::path::PathBuf;
+
 use ros2args::Ros2ArgsError;
 use thiserror::Error;
 
@@ -16,6 +18,16 @@ pub enum ArgsError {
     /// A parameter that cannot be.
     #[error(transparent)]
     Config(#[from] ConfigError),
+    /// A parameter that cannot be, of a file.
+    #[error("{error}; it stands in {file} under `{section}`")]
+    InFile {
+        /// Why not.
+        error: Box<ConfigError>,
+        /// The file.
+        file: PathBuf,
+        /// The nodes that it is for there.
+        section: String,
+    },
     /// A parameter of a type that no parameter has.
     #[error("{name} is {value}; it must be a boolean, a number, a text or a list of texts")]
     Type {

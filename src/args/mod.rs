@@ -1,6 +1,7 @@
 //! A ROS command line -> who the node is, what it listens to, and its checked configuration.
 
 mod error;
+mod given;
 mod params_file;
 mod remap;
 mod repeats;
@@ -10,15 +11,15 @@ pub mod security;
 use std::collections::BTreeSet;
 use std::path::Path;
 
+use ros2args::Ros2Args;
 use ros2args::names::{build_node_fqn, expand_topic_name};
-use ros2args::{ParamAssignment, Ros2Args, match_wildcard_pattern};
 
 pub use self::error::ArgsError;
-use self::params_file::{assignments, flatten};
+use self::given::{given, idle, located};
 use self::remap::{Kind, Rule, readable};
 pub use self::rmw::{Rmw, RmwError, ZENOH_BUILT_IN};
 use self::security::{Asked, BUILT_IN, Security, SecurityError};
-use crate::config::{Config, Value, as_meant};
+use crate::config::{Config, Value};
 use crate::yaml::{self, YamlError};
 
 /// What the environment says about the node.
@@ -49,8 +50,9 @@ impl Environment {
 }
 
 fn discovery(variable: impl Fn(&'static str) -> Option<String>) -> Vec<(&'static str, String)> {
-    let as_ever: [(_, &[&str]); 3] = [
+    let as_ever: [(_, &[&str]); 4] = [
         ("ROS_AUTOMATIC_DISCOVERY_RANGE", &["", "SUBNET", "SYSTEM_DEFAULT"]),
+        ("ROS_DISCOVERY_SERVER", &[""]),
         ("ROS_LOCALHOST_ONLY", &["", "0"]),
         ("ROS_STATIC_PEERS", &[""]),
     ];
@@ -82,6 +84,8 @@ pub struct Setup {
     remaps: Vec<Rule>,
     /// Names of the parameters that were given a value.
     given: BTreeSet<String>,
+    /// Parameters of every node of ROS that were given a value, and have no effect.
+    idle: BTreeSet<&'static str>,
 }
 
 impl Setup {
@@ -108,12 +112,15 @@ impl Setup {
         let namespace = absolute(renamed(&name, &["__ns"]).unwrap_or_default());
         ros2args::names::validate_node_name(&name)?;
         ros2args::names::validate_namespace(&namespace)?;
-        let given = given_parameters(&ros, &namespace, &name)?;
+        let (without_effect, given): (Vec<_>, Vec<_>) =
+            given(&ros, &namespace, &name)?.into_iter().partition(|given| idle(&given.name).is_some());
+        let values = || given.iter().map(|given| (given.name.clone(), given.value.clone()));
         let remaps = ros.remap_rules.iter().filter(|rule| rule.applies_to_node(&name));
         let setup = Self {
-            given: given.iter().map(|(name, _)| name.clone()).collect(),
-            config: Config::new(given.clone())?,
-            parameters: Config::values(given)?,
+            given: given.iter().map(|given| given.name.clone()).collect(),
+            idle: without_effect.iter().filter_map(|given| idle(&given.name)).collect(),
+            config: Config::new(values()).map_err(|error| located(error, &given))?,
+            parameters: Config::values(values())?,
             domain: parse_domain(environment.domain.as_deref())?,
             rmw: environment.rmw.clone().unwrap_or_default(),
             security: Asked { enclave: ros.enclave.clone(), ..environment.security.clone() },
@@ -130,6 +137,11 @@ impl Setup {
     /// Variables of the environment that were set to change discovery, and do not.
     pub fn discovery(&self) -> &[(&'static str, String)] {
         &self.discovery
+    }
+
+    /// The parameters, or their families, that were given and that every node of ROS has, where they have no effect on this one.
+    pub fn idle(&self) -> impl Iterator<Item = &'static str> {
+        self.idle.iter().copied()
     }
 
     /// Whether a parameter or another name was given.
@@ -265,24 +277,6 @@ fn log_level(ros: &Ros2Args, namespace: &str, name: &str) -> Option<String> {
         .filter_map(|given| Some((closeness(given.logger_name.as_deref())?, given.level)));
     let (_, level) = meant.max_by_key(|(closeness, _)| *closeness)?;
     Some(level.as_str().to_lowercase())
-}
-
-fn given_parameters(ros: &Ros2Args, namespace: &str, name: &str) -> Result<Vec<(String, Value)>, ArgsError> {
-    let node = build_node_fqn(namespace, name);
-    let is_for_node = |param: &ParamAssignment| {
-        param.node_name.as_ref().is_none_or(|pattern| match_wildcard_pattern(pattern, &node))
-    };
-    let mut assigned: Vec<ParamAssignment> = Vec::new();
-    for file in &ros.param_files {
-        assigned.extend(assignments(file)?.into_iter().filter(is_for_node));
-    }
-    assigned.extend(ros.param_assignments.iter().filter(|param| is_for_node(param)).cloned());
-    let mut values = Vec::new();
-    for param in assigned {
-        flatten(param.name, &param.value, &mut values)?;
-    }
-    let meant = |(name, value): (String, Value)| (as_meant(&name, value), name);
-    Ok(values.into_iter().map(meant).map(|(value, name)| (name, value)).collect())
 }
 
 #[cfg(test)]

@@ -85,6 +85,9 @@ fn variables_that_change_discovery_are_known_where_they_are_set_to_do_so() {
     };
     let range = "ROS_AUTOMATIC_DISCOVERY_RANGE";
     assert_eq!(set(&[("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")]), [(range, "LOCALHOST".to_owned())]);
+    let server = "ROS_DISCOVERY_SERVER";
+    assert_eq!(set(&[("ROS_DISCOVERY_SERVER", "10.0.0.1:11811")]), [(server, "10.0.0.1:11811".to_owned())]);
+    assert!(set(&[("ROS_DISCOVERY_SERVER", "")]).is_empty());
     assert_eq!(set(&[("ROS_LOCALHOST_ONLY", "1"), ("ROS_STATIC_PEERS", "10.0.0.1")]).len(), 2);
     let as_ever = [("ROS_AUTOMATIC_DISCOVERY_RANGE", "subnet"), ("ROS_LOCALHOST_ONLY", "0")];
     assert!(

@@ -88,3 +88,26 @@ fn words_and_numbers_are_read_as_ros_reads_them() {
         assert!(parse(&format!("--ros-args -p {wrong}")).is_err(), "{wrong}");
     }
 }
+
+#[test]
+fn what_every_node_of_ros_has_is_taken_and_named_and_what_no_one_knows_is_refused_with_its_place() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("robot.yaml");
+    let of_all = |more: &str| {
+        let all = "start_type_description_service: false, qos_overrides: {/tf: {publisher: {depth: 9}}}";
+        let text = format!("/**: {{ros__parameters: {{{all}}}}}\ncfodi: {{ros__parameters: {{{more}}}}}");
+        std::fs::write(&file, text).unwrap();
+        parse(&format!("--ros-args --params-file {}", file.display()))
+    };
+    let setup = of_all("depth: 3").unwrap();
+    assert_eq!(setup.config.engine.depth(), 3);
+    assert!(setup.idle().eq(["qos_overrides", "start_type_description_service"]));
+    assert!(!setup.is_given("start_type_description_service"));
+    assert_eq!(parse("").unwrap().idle().count(), 0);
+    let error = of_all("depht: 3").unwrap_err().to_string();
+    let (begin, end) =
+        ("unknown parameter `depht`", format!("it stands in {} under `cfodi`", file.display()));
+    assert!(error.starts_with(begin) && error.ends_with(&end), "{error}");
+    assert!(!parse("--ros-args -p depht:=3").unwrap_err().to_string().contains("stands in"));
+    assert!(parse("--ros-args -p qos_override.depth:=3").is_err());
+}

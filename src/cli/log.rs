@@ -5,8 +5,9 @@ use std::io::{self, IsTerminal};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
+use cfodi::args::Setup;
 use cfodi::node::rosout::{Lines, listen};
-use tracing::Metadata;
+use tracing::{Metadata, info};
 use tracing_subscriber::filter::{DynFilterFn, EnvFilter};
 use tracing_subscriber::fmt;
 use tracing_subscriber::layer::{Layer as _, SubscriberExt as _};
@@ -33,6 +34,13 @@ pub(crate) fn start(level: Option<&str>, rosout: bool) -> Lines {
     let listener = listener.with_filter(DynFilterFn::new(move |_, _| rosout));
     tracing_subscriber::registry().with(lines).with(listener).with(filter).init();
     said
+}
+
+/// Says which parameters have no effect that a file gives to all nodes of a robot.
+pub(crate) fn say_idle(setup: &Setup) {
+    for name in setup.idle() {
+        info!("the parameter {name} has no effect on this node");
+    }
 }
 
 /// What is logged, and whether the lines of the libraries are bounded.

@@ -7,33 +7,40 @@ use std::time::Duration;
 
 use tracing::warn;
 
-use super::inputs::offers;
-use super::transport::{DepthTopics, Source};
+use super::inputs::is_offered;
+use super::transport::{Form, SensorTopics, Source};
 
 /// Time between two looks at who publishes.
 const LOOK: Duration = Duration::from_millis(500);
+/// The same while the camera comes in another form, which lasts as a rule.
+const REST: Duration = Duration::from_secs(2);
 /// Looks in a row that find compressed images alone: the topics of a driver are found one after the other.
 const ALONE: u32 = 2;
 /// Looks in a row that find them while no raw one has come: a Kinect takes some seconds to start, and raw images may be too
 /// large for the network.
 const MUTE: u32 = 20;
 
-/// Resolves when the compressed images of a camera are to be read. `comes` says whether it comes in another form, as
-/// [`Known::comes`](super::heard::Known::comes) has it: then it never does.
+/// Resolves when the compressed images of a camera are to be read. `comes` says whether it has come in a form, as
+/// [`Known::comes`](super::heard::Known::comes) has it: while that is offered too they are not.
 pub(super) async fn wanted(
-    topics: &DepthTopics,
+    sensor: &SensorTopics,
     sources: impl Fn() -> Vec<Source>,
-    comes: impl Fn() -> bool,
+    comes: impl Fn(Form) -> bool,
 ) {
     let mut looks = Looks::default();
+    let mut rest = LOOK;
     loop {
-        tokio::time::sleep(LOOK).await;
-        if comes() {
-            return std::future::pending().await;
-        }
-        if looks.are_enough(offers(topics, &sources())) {
+        tokio::time::sleep(rest).await;
+        let sources = sources();
+        let is_offered = |form| is_offered(sensor, form, &sources);
+        rest = if [Form::Points, Form::Depth].into_iter().any(|form| comes(form) && is_offered(form)) {
+            looks = Looks::default();
+            REST
+        } else if looks.are_enough([Form::Depth, Form::CompressedDepth].map(is_offered)) {
             return;
-        }
+        } else {
+            LOOK
+        };
     }
 }
 
@@ -61,7 +68,50 @@ impl Looks {
 
 #[cfg(test)]
 mod tests {
+    use std::cell::Cell;
+
+    use super::super::inputs::COMPRESSED_DEPTH;
+    use super::super::transport::{DepthTopics, TopicName};
     use super::*;
+
+    fn sensor() -> SensorTopics {
+        let topic = |name: &str| TopicName { plain: name.to_owned(), resolved: name.to_owned() };
+        SensorTopics {
+            name: "points".to_owned(),
+            points: Some(topic("/points")),
+            depth: Some(DepthTopics {
+                image: topic("/depth"),
+                camera_info: topic("/info"),
+                compressed: format!("/depth{COMPRESSED_DEPTH}"),
+            }),
+        }
+    }
+
+    /// A driver that has sent in this form and offered both offers the compressed images alone from the second look on.
+    async fn wanted_after_looks(form: Form, topic: &str, kind: &str) -> u32 {
+        let source = |topic: &str, kind: &str| Source {
+            topic: topic.to_owned(),
+            type_name: format!("sensor_msgs/msg/{kind}"),
+        };
+        let looks = Cell::new(0);
+        let sources = || {
+            looks.set(looks.get() + 1);
+            let compressed = source(&format!("/depth{COMPRESSED_DEPTH}"), "CompressedImage");
+            let other = (looks.get() < 2).then(|| source(topic, kind));
+            other.into_iter().chain([compressed]).collect()
+        };
+        wanted(&sensor(), sources, |other| other == form).await;
+        looks.get()
+    }
+
+    #[tokio::test]
+    async fn where_the_form_that_came_is_offered_no_more_the_compressed_images_are_read_after_all() {
+        let (raw, clouds) = tokio::join!(
+            wanted_after_looks(Form::Depth, "/depth", "Image"),
+            wanted_after_looks(Form::Points, "/points", "PointCloud2"),
+        );
+        assert_eq!((raw, clouds), (3, 3));
+    }
 
     /// After which of these looks it is enough.
     fn enough_after(looks: impl IntoIterator<Item = [bool; 2]>) -> Option<usize> {

@@ -4,6 +4,7 @@
 //! borrowed, so no cloud is copied; each subscription is a task that hands events to one bounded channel and waits
 //! when it is full: what the middleware then drops shows as a gap in the publisher's sequence numbers.
 
+mod addresses;
 mod latched;
 mod mismatch;
 mod namesakes;
@@ -26,6 +27,7 @@ use ros2_client::RmwRequestId;
 use tokio::sync::mpsc;
 use tracing::warn;
 
+use self::addresses::say_addresses;
 use self::network::Network;
 use self::opener::{Opener, reliable, reliable_output};
 use self::read::Memory;
@@ -66,8 +68,8 @@ fn opening<E: std::fmt::Display>(what: &str) -> impl FnOnce(E) -> OpenError {
     move |error| OpenError::Open { what: what.to_owned(), text: error.to_string() }
 }
 
-/// The node on DDS, for as long as it runs: where a thread of the middleware ends, topics were opened anew too often, or the
-/// system's clock was set back, the network is joined anew under the same name, and nothing that is known is forgotten.
+/// The node on DDS, for as long as it runs: where a thread of the middleware ends, topics were opened anew too often, the
+/// system's clock was set back, or this machine has another address, the network is joined anew under the same name, and nothing that is known is forgotten.
 pub struct Dds {
     setup: Setup,
     security: Security,
@@ -107,6 +109,7 @@ impl Middleware for Dds {
     fn say_system(setup: &Setup) {
         say_receive_buffer(setup);
         say_discovery(setup);
+        say_addresses(setup);
     }
 
     async fn open(setup: &Setup, security: Security) -> Result<Opened<Self>, OpenError> {
@@ -190,6 +193,7 @@ impl Transport for Dds {
                 reason = network.reader_ended() => return reason,
                 reason = network.held() => return reason,
                 reason = network.worn_out() => reason,
+                reason = network.has_other_addresses() => reason,
             };
             drop(network);
             match self.join_anew(&reason).await {

@@ -59,12 +59,12 @@ pub(super) fn how_to_choose(sensor: &SensorTopics, chosen: Form, other: Form) ->
     )
 }
 
-/// Whether somebody publishes raw and compressed images of a camera.
-pub(super) fn offers(camera: &DepthTopics, sources: &[Source]) -> [bool; 2] {
-    let is_there = |topic: &str, form: Form| {
+/// Whether somebody publishes what a sensor is read from in this form.
+pub(super) fn is_offered(sensor: &SensorTopics, form: Form, sources: &[Source]) -> bool {
+    let publishes = |topic: &str| {
         sources.iter().any(|source| source.topic == topic && source.type_name == form.type_name())
     };
-    [is_there(&camera.image.resolved, Form::Depth), is_there(&camera.compressed, Form::CompressedDepth)]
+    sensor.topic(form).is_some_and(publishes)
 }
 
 /// The sources that none but this sensor is read from: two must not be read from one.

@@ -13,6 +13,7 @@ mod report;
 mod saving_figures;
 mod say;
 mod session;
+mod simulated;
 
 use std::cell::RefCell;
 use std::future::Future;
@@ -24,7 +25,7 @@ use std::time::{Duration, Instant};
 use thiserror::Error;
 use tokio::sync::mpsc;
 
-use self::calls::next;
+use self::calls::{LastFile, next};
 use self::calls_for_map::{Call, CallsForMap};
 use self::change::{Timers, interval};
 use self::clocks::Clocks;
@@ -103,10 +104,11 @@ pub enum LiveError {
 
 /// Runs the node with the map of `engine` until `shutdown` resolves and returns the map of that moment, which is saved where
 /// `snapshot_path` says; `counts` says where every cloud went; `lines` are those of the log, for `/rosout`;
-/// what is sent of the map goes to `recorder` too.
+/// what is sent of the map goes to `recorder` too. Where the last map takes long to save, it is given up when `given_up` resolves,
+/// which is not asked before.
 ///
 /// # Errors
-/// When the engine's thread dies, the middleware stops, or the last map cannot be saved.
+/// When the engine's thread dies, the middleware stops, or the last map cannot be saved or is given up.
 pub async fn run<T: Transport>(
     config: &Config,
     engine: Engine,
@@ -114,11 +116,12 @@ pub async fn run<T: Transport>(
     events: mpsc::Receiver<Event<T::Request>>,
     counts: Rc<RefCell<Counts>>,
     lines: Lines,
-    shutdown: impl Future<Output = ()>,
+    (shutdown, given_up): (impl Future<Output = ()>, impl Future<Output = ()>),
 ) -> Result<Arc<Snapshot>, LiveError> {
     let (reports, receiver) = mpsc::channel(WAITING_REPORTS);
     let mut speaking = tokio::task::spawn_local(speak(Rc::clone(&transport), receiver, lines));
-    let ended = drive(config, engine, (transport, recorder), events, counts, reports, shutdown).await;
+    let ends = (shutdown, given_up);
+    let ended = drive(config, engine, (transport, recorder), events, counts, reports, ends).await;
     if tokio::time::timeout(LAST_WORDS, &mut speaking).await.is_err() {
         speaking.abort();
         drop(speaking.await);
@@ -134,7 +137,7 @@ async fn drive<T: Transport>(
     mut events: mpsc::Receiver<Event<T::Request>>,
     counts: Rc<RefCell<Counts>>,
     reports: mpsc::Sender<DiagnosticArray>,
-    shutdown: impl Future<Output = ()>,
+    (shutdown, given_up): (impl Future<Output = ()>, impl Future<Output = ()>),
 ) -> Result<Arc<Snapshot>, LiveError> {
     let (outputs, receiver) = mpsc::channel::<Output>(OUTPUTS);
     let sink = move |output| drop(outputs.blocking_send(output));
@@ -180,7 +183,8 @@ async fn drive<T: Transport>(
     while let Ok(event) = events.try_recv() {
         live.put_away(event).await;
     }
-    let map = live.finish(publishing, written).await;
+    let file = config.snapshot_path.clone().map(|path| LastFile { path, given_up });
+    let map = live.finish(publishing, written.zip(file)).await;
     broken.map_or(map, Err)
 }
 
@@ -197,6 +201,8 @@ struct Live<T: Transport> {
     /// Whether the time is simulated.
     simulated: bool,
     clocks: Clocks,
+    /// Whether it was said that the simulated one does not come.
+    said_clock: bool,
     /// By sensor.
     intakes: Vec<Intake>,
     fixed_frame: String,
@@ -229,6 +235,7 @@ impl<T: Transport> Live<T> {
             session,
             simulated: config.use_sim_time,
             clocks: Clocks::new(start),
+            said_clock: false,
             intakes,
             fixed_frame: config.fixed_frame.clone(),
             tf_timeout: config.tf_timeout,
@@ -312,6 +319,7 @@ impl<T: Transport> Live<T> {
             self.skip(&waited, "transform_timeout");
         }
         self.say_when_quiet(Instant::now());
+        self.say_of_clock();
     }
 }
 

@@ -119,10 +119,15 @@ pub(super) fn say_receive_buffer(setup: &Setup) {
 /// Says which variables of the environment do not count that would change who finds whom.
 pub(super) fn say_discovery(setup: &Setup) {
     for (name, value) in setup.discovery() {
-        let so = if *name == "ROS_STATIC_PEERS" {
-            "it looks for peers by multicast alone (across routers: docs/zenoh.md)"
-        } else {
-            "it hears, and is heard by, all that reach its ports (keep others out by a firewall, ROS_DOMAIN_ID, or keys)"
+        let so = match *name {
+            "ROS_DISCOVERY_SERVER" => {
+                "it knows no Discovery Server, and who uses one neither finds it nor is found (unset it for all nodes, or: \
+                 docs/zenoh.md)"
+            }
+            "ROS_STATIC_PEERS" => "it looks for peers by multicast alone (across routers: docs/zenoh.md)",
+            _ => {
+                "it hears, and is heard by, all that reach its ports (keep others out by a firewall, ROS_DOMAIN_ID, or keys)"
+            }
         };
         warn!("{name} is {value:?}, which has no effect on this node: {so}");
     }
@@ -187,7 +192,7 @@ pub fn live_node<T: Middleware>(
             receiver,
             Rc::clone(&counts),
             lines,
-            ending(ends, done),
+            (ending(ends, done), asked_again()),
         )
         .await;
         let changed = transport.changed(setup);
@@ -241,6 +246,11 @@ async fn asked(signals: &mut Option<Signals>) {
         Some(signals) => signals.any().await,
         None => std::future::pending().await,
     }
+}
+
+/// Resolves at the first signal after this is asked for.
+async fn asked_again() {
+    asked(&mut signals()).await;
 }
 
 /// Resolves at a signal or with `done`.

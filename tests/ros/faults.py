@@ -16,11 +16,11 @@ DRIVER = pathlib.Path(__file__).with_name("driver.py")
 
 
 class Driver:
-    """`driver.py` as a process; `sent` holds the stamps (ns) of its scans."""
+    """`driver.py` as a process, after `prefix`; `sent` holds the stamps (ns) of its scans."""
 
-    def __init__(self, *arguments):
+    def __init__(self, *arguments, prefix=()):
         self.sent = []
-        self.process = subprocess.Popen([sys.executable, str(DRIVER), *map(str, arguments)], stdin=subprocess.PIPE,
+        self.process = subprocess.Popen([*prefix, sys.executable, str(DRIVER), *map(str, arguments)], stdin=subprocess.PIPE,
                                         stdout=subprocess.PIPE, text=True)
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()

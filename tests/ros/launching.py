@@ -115,7 +115,7 @@ class ExecuteProcess:
 
 class Node:
     def __init__(self, *, package, executable, name=None, namespace=None, parameters=(), remappings=(), arguments=(),
-                 ros_arguments=(), output="log", condition=None):
+                 ros_arguments=(), output="log", condition=None, sigterm_timeout="5"):
         self.package, self.executable, self.name, self.namespace = package, executable, name, namespace
         self.parameters, self.remappings, self.condition = parameters, remappings, condition
         self.arguments, self.ros_arguments = arguments, ros_arguments

@@ -141,6 +141,26 @@ def test_the_first_input_is_the_only_one_and_it_is_said_how_to_choose(start, pee
     assert counts["skipped"] == {"other_input": 3} and counts["taken_in"] == 2, counts
 
 
+def test_a_driver_that_comes_back_in_another_form_is_taken_in_that(start, peer):
+    """Raw images first, then compressed ones alone, then clouds."""
+    node, camera = begin(start, peer)
+    take_in(camera, peer, depth_images.image(depth_images.wall()))
+    compressed = IMAGE + "/compressedDepth"
+    for gone, after, scan in [
+            (IMAGE, lambda: peer.depth_camera(depth_images.wall_info(), "/compressedDepth"),
+             depth_images.compressed(depth_images.wall())),
+            (compressed, peer.camera, clouds.cloud(clouds.wall()))]:
+        peer.node.destroy_publisher(camera._cloud)
+        node.line_with(f"nobody publishes on {gone} any more")
+        camera = after()
+        camera.meet()
+        take_in(camera, peer, scan)
+    for topic in (compressed, "/camera/depth/points"):
+        node.line_with(f"scans are made of {topic}")
+    counts = node.stop()
+    assert counts["taken_in"] == 3 and not counts["skipped"], counts
+
+
 def cameras(peer):
     """What `image_transport` offers of one camera: its images raw and compressed."""
     return [peer.depth_camera(depth_images.wall_info(), suffix) for suffix in ("", "/compressedDepth")]

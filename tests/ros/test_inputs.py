@@ -6,9 +6,11 @@ import time
 import clouds
 import compare
 import numpy as np
+from builtin_interfaces.msg import Time
 from cfodi_node import accounted, skipped
-from peer import qos
+from peer import qos, wait_until
 from rclpy.serialization import serialize_message
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image, PointCloud2
 from std_srvs.srv import Trigger
 
@@ -130,6 +132,21 @@ def test_a_stamp_that_jumps_back_by_minutes_begins_a_new_session(start, peer):
     snapshot = peer.clusters.wait("its snapshot", lambda m: (m.session_id, m.sequence) == (again.session_id, 1))
     assert compare.stamp(snapshot) == now - 600 * SECOND
     assert node.stop()["taken_in"] == 4
+
+
+def test_a_simulated_clock_that_does_not_come_or_stops_is_said_and_that_it_comes_too(start, peer):
+    node = start({"use_sim_time": True}).ready()
+    node.line_with("no /clock has come, which use_sim_time asks for")
+    clock = peer.node.create_publisher(Clock, "/clock", qos(1, reliable=False))
+    wait_until("a subscription of /clock", clock.get_subscription_count)
+    said, second = lambda: any("/clock comes now" in line for line in list(node.lines)), 0
+    while not said():
+        second += 1
+        assert second < 200, node.lines
+        clock.publish(Clock(clock=Time(sec=second)))
+        time.sleep(0.1)
+    node.line_with("no /clock has come for 3 s: the simulated time stands still")
+    node.stop()
 
 
 def test_without_a_publisher_it_lists_the_topics_that_could_be_meant(start, peer):

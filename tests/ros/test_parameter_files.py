@@ -70,6 +70,17 @@ def test_arguments_and_files_give_what_they_give_to_rclpy(case, start, new_peer,
     assert parameters(new_peer(), {"depth": 4} | expected, name) == {"depth": 4} | expected
 
 
+def test_a_file_for_all_nodes_of_a_robot_may_have_what_every_node_has(start, tmp_path):
+    """rclcpp declares these by itself."""
+    path = tmp_path / "robot.yaml"
+    path.write_text("/**:\n  ros__parameters:\n    start_type_description_service: false\n"
+                    "    qos_overrides:\n      /tf:\n        publisher:\n          depth: 10\n")
+    node = start(arguments=["--params-file", str(path)]).ready()
+    for name in ("start_type_description_service", "qos_overrides"):
+        node.line_with(f"the parameter {name} has no effect on this node")
+    node.stop()
+
+
 REFUSED = {
     "voxelsize": ("0.1", ["unknown parameter `voxelsize`", "`voxel_size`"]),
     "publish_rat": ("1.0", ["unknown parameter `publish_rat`", "`publish_rate`"]),

@@ -1,10 +1,12 @@
 """What has been learned survives: `~/save`, savings now and then and at the end, `--resume`."""
 
+import functools
 import pathlib
 import signal
 import subprocess
 import time
 
+import cpp
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from peer import qos, wait_until
@@ -129,6 +131,25 @@ def test_on_a_disk_that_becomes_read_only_the_map_before_stays_and_the_node_goes
     assert saved.read_bytes() == whole
     take_in(camera, peer.deltas)
     end_fails(node, cause)
+
+
+def test_a_disk_that_hangs_at_the_end_is_told_of_and_one_more_signal_ends_the_node(tmp_path, start, peer):
+    """What was saved before stays whole."""
+    library, hangs, path = tmp_path / "hung_disk.so", tmp_path / "hangs", tmp_path / "map.cfodi"
+    cpp.compile(pathlib.Path(__file__).with_name("hung_disk.cpp"), "-shared", "-fPIC", "-Wl,--as-needed", "-o", str(library))
+    environment = {"LD_PRELOAD": str(library), "HANGS": str(hangs)}
+    node, camera = begin(functools.partial(start, environment=environment), peer, **saving(path))
+    take_in(camera, peer.deltas)
+    assert peer.call(Trigger, "/cfodi/save", Trigger.Request()).success
+    whole = path.read_bytes()
+    take_in(camera, peer.deltas)
+    hangs.touch()
+    node.process.send_signal(signal.SIGINT)
+    node.line_with("the map is being written to", "map.cfodi", "one more signal ends the node without it")
+    node.process.send_signal(signal.SIGINT)
+    assert node.wait() == 1
+    assert "the map was not saved at the end" in node.lines[-1], node.lines[-3:]
+    assert path.read_bytes() == whole
 
 
 def test_a_place_that_is_read_only_from_the_start_ends_it_at_once_with_the_reason(tmp_path, start):

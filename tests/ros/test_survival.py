@@ -5,6 +5,7 @@ import functools
 import os
 import pathlib
 import re
+import shutil
 import subprocess
 import sys
 import time
@@ -15,6 +16,7 @@ import pytest
 from cfodi_node import REPOSITORY, accounted, skipped
 from faults import Driver, hogs, no_network, stall, stopped
 from follow import follow
+from network import other_machine
 
 STALL = 5  # s
 HASTE = 200  # Hz
@@ -27,8 +29,8 @@ def drive(own_network):
     """Starts a driver; none is left at the end of the test."""
     started = []
 
-    def drive(*arguments):
-        started.append(Driver(*arguments))
+    def drive(*arguments, **more):
+        started.append(Driver(*arguments, **more))
         return started[-1]
 
     yield drive
@@ -195,6 +197,50 @@ def test_where_the_clock_is_set_back_scans_come_again_at_once_in_the_same_map(st
     counts = stop(node, driver)
     assert sum("set back" in line for line in node.lines) == 1, node.lines
     one_map(peer, counts, gaps=1)
+
+
+@pytest.fixture
+def machine(own_network):
+    """Where the driver is, at the other end of a wire."""
+    if not shutil.which("ip"):
+        pytest.skip("no `ip` (iproute2) to lay a wire with")
+    with other_machine("10.9.0.2") as machine:
+        yield machine
+
+
+def heard_anew(node, new_peer, words):
+    """It says with these words that the network is joined anew, and then takes in scans of that time."""
+    node.line_with("the addresses of this machine have changed", "the network is joined anew", *words)
+    peer = new_peer()
+    peer.record_node()
+    peer.deltas.wait("the delta of a first scan", timeout=60)
+    flows_again(peer, time.time_ns())
+
+
+def test_under_another_address_of_its_machine_the_node_is_heard_again_in_the_same_map(start, drive, machine, new_peer):
+    """A lease that ends, another Wi-Fi. The node told others of the addresses that it began with; it notices, joins the network
+    anew and says why."""
+    machine.wire_has("10.9.0.1")
+    node = start().ready()
+    driver = drive("--at-once", "--rate", 10, prefix=machine.inside)
+    node.line_with("scans are made of", timeout=60)
+    machine.wire_has("10.9.0.77", before="10.9.0.1")
+    heard_anew(node, new_peer, ["new: 10.9.0.77", "gone: 10.9.0.1"])
+    driver.finish()
+    add_up(node.stop())
+    assert sum("the network is joined anew" in line for line in node.lines) == 1, node.lines
+    assert not any("begins with an empty map" in line for line in node.lines), node.lines
+
+
+def test_a_node_that_is_there_before_its_network_says_so_and_is_heard_once_that_is_up(start, drive, machine, new_peer):
+    """As at the start of a robot."""
+    node = start().ready()
+    node.line_with("no network but loopback is up")
+    machine.wire_has("10.9.0.1")
+    driver = drive("--at-once", "--rate", 10, prefix=machine.inside)
+    heard_anew(node, new_peer, ["new: 10.9.0.1"])
+    driver.finish()
+    add_up(node.stop())
 
 
 @pytest.mark.alone

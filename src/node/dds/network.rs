@@ -14,6 +14,7 @@ use tokio::sync::Mutex;
 
 use self::sessions::Sessions;
 use super::Readers;
+use super::addresses::Addresses;
 use super::mismatch::Ends;
 use super::outlet::Outlet;
 use super::pulse::Pulse;
@@ -68,6 +69,7 @@ pub(super) struct Network {
     reopened: Cell<u32>,
     /// When it had last not been set back.
     time_of_day: Cell<TimeOfDay>,
+    addresses: Addresses,
 }
 
 impl Network {
@@ -198,6 +200,11 @@ impl Network {
             }
             tokio::time::sleep(LOOK).await;
         }
+    }
+
+    /// As [`Self::worn_out`], for an address that this machine has got since.
+    pub(super) async fn has_other_addresses(&self) -> String {
+        self.addresses.have_changed().await
     }
 
     /// By how much the time of day was set back since this network was joined. RustDDS 0.15.1 orders what comes by it, and hands

@@ -52,9 +52,13 @@ struct Scans {
 }
 
 impl Scans {
-    /// Whether clouds or raw images come.
-    fn others_come(&self) -> bool {
-        self.points.borrow().comes() || self.images.borrow().comes()
+    /// Whether a scan has come in this form, or an image that lacks its camera info alone.
+    fn comes(&self, form: Form) -> bool {
+        match form {
+            Form::Points => self.points.borrow().comes(),
+            Form::Depth => self.images.borrow().comes(),
+            Form::CompressedDepth => self.compressed.borrow().comes(),
+        }
     }
 }
 
@@ -139,12 +143,12 @@ struct Listening<'a, 'b> {
 
 impl Listening<'_, '_> {
     fn to(&mut self, sensor: SensorTopics) -> Result<(), OpenError> {
-        if let Some(points) = sensor.points {
-            self.clouds(points.resolved)?;
+        if let Some(points) = &sensor.points {
+            self.clouds(points.resolved.clone())?;
         }
-        if let Some(depth) = sensor.depth {
+        if let Some(depth) = sensor.depth.clone() {
             self.images(&depth)?;
-            self.compressed(depth)?;
+            self.compressed(sensor, depth.compressed)?;
         }
         Ok(())
     }
@@ -192,24 +196,24 @@ impl Listening<'_, '_> {
     }
 
     /// Compressed depth images, once they are wanted.
-    fn compressed(&mut self, topics: DepthTopics) -> Result<(), OpenError> {
+    fn compressed(&mut self, sensor: SensorTopics, name: String) -> Result<(), OpenError> {
         let qos = scan_qos(policy::Reliability::BestEffort);
-        let name = Named { name: &topics.compressed, type_name: "sensor_msgs/msg/CompressedImage" };
-        let topic = self.opener.resolved_topic(name, &qos)?;
+        let named = Named { name: &name, type_name: "sensor_msgs/msg/CompressedImage" };
+        let topic = self.opener.resolved_topic(named, &qos)?;
         self.opener.ends.reads(topic.name(), qos);
         let node = Rc::downgrade(&self.opener.node);
         let (sources, heard, events) = (self.sources.clone(), self.heard.clone(), self.events.clone());
         let seed = WithCamera::new(&heard.camera, self.parameters, CompressedSeed::new);
         let input = Form::CompressedDepth.of(self.number);
         self.readers.spawn_local(async move {
-            if !heard.compressed.borrow().comes() {
-                compressed::wanted(&topics, || sources.list(), || heard.others_come()).await;
+            if !heard.comes(Form::CompressedDepth) {
+                compressed::wanted(&sensor, || sources.list(), |form| heard.comes(form)).await;
             }
             sources.answer().await;
             // The network may be left meanwhile.
             let images = node.upgrade().map(|node| node.borrow_mut().create_subscription(&topic, None));
             let known = heard.compressed;
-            let reading = Reading { input, topic: topics.compressed, known, reliably: false };
+            let reading = Reading { input, topic: name, known, reliably: false };
             match images {
                 Some(Ok(images)) => read_scans(reading, images, seed, events).await,
                 Some(Err(error)) => compressed::cannot_be_read(&error).await,

@@ -1,6 +1,9 @@
 //! Calls of services, and the map on its way into its file.
 
-use std::time::Instant;
+use std::future::Future;
+use std::path::PathBuf;
+use std::pin::pin;
+use std::time::{Duration, Instant};
 
 use tokio::sync::mpsc::UnboundedReceiver;
 use tracing::{debug, warn};
@@ -10,6 +13,7 @@ use super::{Live, LiveError};
 use crate::msg::ros::TriggerResponse;
 use crate::node::saving::{InFile, Written};
 use crate::node::transport::{Service, Transport};
+use crate::store::StoreError;
 
 impl<T: Transport> Live<T> {
     pub(super) async fn save_for(&mut self, request: T::Request) {
@@ -83,14 +87,36 @@ pub(super) async fn next(written: &mut Option<UnboundedReceiver<Written>>) -> Op
     }
 }
 
-/// Waits for the map of the node's end; whoever waits for one is told how that went, or how one went that was still on its way.
+/// How long the map of the node's end is waited for until it is said, and nobody need wait longer.
+const PATIENCE: Duration = Duration::from_secs(2);
+
+/// The file of the map, and who gives it up; that is asked only once it was said that the map is waited for, for whoever starts
+/// the node and the terminal may both pass on one signal.
+pub(super) struct LastFile<GivenUp> {
+    pub(super) path: PathBuf,
+    pub(super) given_up: GivenUp,
+}
+
+/// Waits for the map of the node's end, unless it is given up; whoever waits for one is told how that went, or how one went that was
+/// still on its way.
 pub(super) async fn last_written<T: Transport>(
     mut written: UnboundedReceiver<Written>,
     mut calls: Option<CallsForMap<Call<T::Request>>>,
     transport: &T,
+    file: LastFile<impl Future<Output = ()>>,
 ) -> Result<(), LiveError> {
+    let mut given_up = pin!(given_up(file));
     let mut last = None;
-    while let Some(result) = written.recv().await {
+    loop {
+        let result = tokio::select! {
+            biased;
+            result = written.recv() => result,
+            error = &mut given_up => {
+                last = Some(Err(error));
+                break;
+            }
+        };
+        let Some(result) = result else { break };
         log(&result);
         // Where it was not written, the next one may be.
         if let Some(calls) = calls.as_mut().filter(|_| result.is_ok()) {
@@ -101,6 +127,14 @@ pub(super) async fn last_written<T: Transport>(
     let last = last.ok_or(LiveError::SaverDied)?;
     tell(calls.into_iter().flat_map(CallsForMap::into_calls), &last, transport).await;
     last.map(drop).map_err(LiveError::NotSaved)
+}
+
+/// Resolves when the map is given up; says before that it can be.
+async fn given_up(LastFile { path, given_up }: LastFile<impl Future<Output = ()>>) -> StoreError {
+    tokio::time::sleep(PATIENCE).await;
+    warn!("the map is being written to {}: one more signal ends the node without it", path.display());
+    given_up.await;
+    StoreError::GivenUp { path }
 }
 
 /// Answers calls at the node's end.

@@ -12,19 +12,32 @@ pub(super) struct Clocks {
     start: Instant,
     /// Newest stamp of the simulated clock.
     newest: Option<Stamp>,
+    /// When it came last, or else the start.
+    heard: Instant,
 }
 
 impl Clocks {
     /// Of a node that starts.
     pub(super) const fn new(start: Instant) -> Self {
-        Self { start, newest: None }
+        Self { start, newest: None, heard: start }
     }
 
-    /// Takes in what the simulated clock says; the seconds by which it has jumped back.
-    pub(super) fn hear(&mut self, stamp: Stamp) -> Option<f64> {
+    /// Takes in what the simulated clock says at this moment; the seconds by which it has jumped back.
+    pub(super) fn hear(&mut self, stamp: Stamp, moment: Instant) -> Option<f64> {
+        self.heard = moment;
         let back = self.newest.map(|newest| newest.seconds_since(stamp)).filter(|back| *back > JUMP_BACK);
         self.newest = if back.is_some() { Some(stamp) } else { self.newest.max(Some(stamp)) };
         back
+    }
+
+    /// How long the simulated clock has said nothing.
+    pub(super) fn silence(&self, moment: Instant) -> Duration {
+        moment.duration_since(self.heard)
+    }
+
+    /// Whether it has ever said anything.
+    pub(super) const fn is_heard(&self) -> bool {
+        self.newest.is_some()
     }
 
     /// The scans have jumped back to this stamp: the simulated clock comes after them, and has then not jumped.
@@ -57,14 +70,14 @@ mod tests {
         let mut clocks = Clocks::new(Instant::now());
         let at = |seconds: i64| Stamp::from_nanos(seconds * 1_000_000_000);
         assert_eq!(clocks.moment().simulated, None);
-        assert_eq!([20, 19].map(|seconds| clocks.hear(at(seconds))), [None; 2]);
+        assert_eq!([20, 19].map(|seconds| clocks.hear(at(seconds), Instant::now())), [None; 2]);
         assert_eq!((clocks.now(), clocks.moment().simulated), (at(20), Some(at(20))));
-        assert!(clocks.hear(at(5)).is_some_and(|back| (back - 15.0).abs() < 1e-6));
+        assert!(clocks.hear(at(5), Instant::now()).is_some_and(|back| (back - 15.0).abs() < 1e-6));
         assert_eq!(clocks.now(), at(5));
         clocks.follow(at(7));
         assert_eq!(clocks.now(), at(5), "it is behind them already");
         clocks.follow(at(1));
-        assert_eq!(clocks.hear(at(2)), None);
+        assert_eq!(clocks.hear(at(2), Instant::now()), None);
         assert_eq!(clocks.now(), at(2));
     }
 

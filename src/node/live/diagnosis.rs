@@ -102,12 +102,12 @@ impl Diagnosis {
         skipped(&self.counts.borrow()) - skipped(&self.before.counts)
     }
 
-    /// Of the scans, `waiting` wait for their transform; the oldest lacks `stuck`, where it has waited too long.
+    /// Of the scans, `waiting` wait for their transform; `halted` is why they wait on, where they do.
     pub(super) fn of_transforms(
         &self,
         fixed_frame: &str,
         waiting: usize,
-        stuck: Option<String>,
+        halted: Option<String>,
     ) -> DiagnosticStatus {
         let before = &self.before;
         let mut part = self.part("transforms", format!("every scan has its way to `{fixed_frame}`"));
@@ -119,8 +119,8 @@ impl Diagnosis {
             let taken_in = self.counts.borrow().taken_in > before.counts.taken_in;
             let level = if taken_in { Level::Warn } else { Level::Error };
             part.raise(level, before.without_transform.clone().unwrap_or_default());
-        } else if let Some(lacks) = stuck {
-            part.raise(Level::Warn, lacks);
+        } else if let Some(why) = halted {
+            part.raise(Level::Warn, why);
         }
         part.finish()
     }

@@ -1,12 +1,13 @@
 //! The node's end: what is under way is taken in, sent, saved or counted.
 
 use std::cell::RefCell;
+use std::future::Future;
 use std::sync::Arc;
 
 use tokio::sync::mpsc::UnboundedReceiver;
 use tokio::task::JoinHandle;
 
-use super::calls::last_written;
+use super::calls::{LastFile, last_written};
 use super::calls_for_map::Call;
 use super::{Live, LiveError};
 use crate::cloud::CloudError;
@@ -55,7 +56,7 @@ impl<T: Transport> Live<T> {
     pub(super) async fn finish(
         mut self,
         publishing: JoinHandle<Ended>,
-        written: Option<UnboundedReceiver<Written>>,
+        written: Option<(UnboundedReceiver<Written>, LastFile<impl Future<Output = ()>>)>,
     ) -> Result<Arc<Snapshot>, LiveError> {
         let waiting = self.join.give_up(self.clocks.moment());
         waiting.iter().for_each(|_| self.counts.borrow_mut().skip("shutdown"));
@@ -68,7 +69,7 @@ impl<T: Transport> Live<T> {
         drop(tokio::task::spawn_blocking(move || drop(worker)).await);
         let ended = publishing.await;
         let saved = match written {
-            Some(written) => last_written(written, calls_for_map, &*transport).await,
+            Some((written, file)) => last_written(written, calls_for_map, &*transport, file).await,
             None => Ok(()),
         };
         match ended {

@@ -10,7 +10,7 @@ use crate::cloud::{Cloud, CloudError};
 use crate::engine::Stamp;
 use crate::join::with_stamp;
 use crate::node::inputs;
-use crate::node::transport::{Form, Input, Transport};
+use crate::node::transport::{Form, Input, Source, Transport};
 
 /// One sensor, as far as it was heard.
 #[derive(Clone, Debug)]
@@ -147,6 +147,21 @@ impl<T: Transport> Live<T> {
         self.warn("lost", format_args!("{total} clouds were sent and never arrived (see receive_buffer)"));
     }
 
+    /// Takes a sensor in any form again where nobody sends the chosen one any more: its driver may come back with another.
+    pub(super) fn forget_gone(&mut self, sources: &[Source]) {
+        for (intake, topics) in self.intakes.iter_mut().zip(self.transport.inputs()) {
+            let is_gone = |form: &mut Form| !inputs::is_offered(topics, *form, sources);
+            if intake.since.elapsed() >= QUIET
+                && let Some(form) = intake.chosen.take_if(is_gone)
+            {
+                let (topic, name) = (topics.topic(form).unwrap_or_default(), &topics.name);
+                info!(
+                    "nobody publishes on {topic} any more: whichever form of the sensor {name} comes first is taken"
+                );
+            }
+        }
+    }
+
     /// Says why no scan of a sensor comes, as far as it can be known.
     pub(super) fn say_when_quiet(&mut self, now: Instant) {
         for sensor in 0..self.intakes.len() {
@@ -156,7 +171,9 @@ impl<T: Transport> Live<T> {
                 continue;
             }
             intake.said_quiet = Some(now);
-            let (inputs, sources) = (self.transport.inputs(), self.transport.sources());
+            let sources = self.transport.sources();
+            self.forget_gone(&sources);
+            let (intake, inputs) = (&self.intakes[sensor], self.transport.inputs());
             let topics = &inputs[sensor];
             let line = inputs::why_quiet(
                 topics,

@@ -16,19 +16,20 @@ const BEHIND: f64 = 10.0;
 impl<T: Transport> Live<T> {
     /// Sends a report about the time since the last one.
     pub(super) fn report(&mut self) {
+        let is_quiet = self.intakes.iter().any(|intake| intake.since.elapsed() >= QUIET);
+        let sources = if is_quiet { self.transport.sources() } else { Vec::new() };
+        self.forget_gone(&sources);
         // A reader that takes none of them must not hold up the node: what is not reported now is in the next one.
         let Ok(place) = self.reports.clone().try_reserve_owned() else { return };
         let clock = self.clocks.now();
         let seconds = self.diagnosis.seconds();
-        let is_quiet = self.intakes.iter().any(|intake| intake.since.elapsed() >= QUIET);
-        let sources = if is_quiet { self.transport.sources() } else { Vec::new() };
         let mut status: Vec<_> = (0..self.intakes.len())
             .map(|sensor| self.of_sensor(sensor, (seconds, clock), &sources))
             .collect();
         let network = self.transport.network_state();
         self.say_network(&network);
         let diagnosis = &self.diagnosis;
-        let transforms = diagnosis.of_transforms(&self.fixed_frame, self.join.waiting(), self.stuck());
+        let transforms = diagnosis.of_transforms(&self.fixed_frame, self.join.waiting(), self.halted());
         let (engine, map) = (diagnosis.of_engine(), diagnosis.of_map(self.session));
         status.extend([transforms, engine, map, diagnosis.of_network(&network)]);
         for intake in &mut self.intakes {
@@ -74,16 +75,33 @@ impl<T: Transport> Live<T> {
         if let Some(stamp) = intake.newest {
             let age = clock.seconds_since(stamp);
             part.value("age of the newest [s]", format!("{age:.3}"));
-            if age < -AHEAD {
-                part.raise(Level::Warn, format!("its stamps are {:.1} s ahead of the clock", -age));
-            } else if age > BEHIND {
-                part.raise(
-                    Level::Warn,
-                    format!("its stamps are {age:.1} s behind the clock (a bag is played with --clock and use_sim_time)"),
-                );
+            if let Some(line) = self.say_age(age) {
+                part.raise(Level::Warn, line);
             }
         }
         part.finish()
+    }
+
+    /// What is to be said of stamps of this age (s).
+    fn say_age(&self, age: f64) -> Option<String> {
+        let line = if age < -AHEAD {
+            format!("its stamps are {:.1} s ahead of the clock", -age)
+        } else if age <= BEHIND {
+            return None;
+        } else if self.simulated {
+            format!("its stamps are {age:.1} s behind the clock")
+        } else {
+            format!(
+                "its stamps are {age:.1} s behind the clock (a bag is played with --clock and use_sim_time)"
+            )
+        };
+        Some([Some(line), self.clock_fault()].into_iter().flatten().collect::<Vec<_>>().join("; "))
+    }
+
+    /// Why scans wait on: the simulated clock, and what the oldest of them lacks.
+    fn halted(&self) -> Option<String> {
+        let whys: Vec<_> = self.clock_fault().into_iter().chain(self.stuck()).collect();
+        (!whys.is_empty()).then(|| whys.join("; "))
     }
 
     /// What the oldest scan lacks that waits for its transform, where it has waited too long: none is given up while a simulated

@@ -70,6 +70,9 @@ impl<T: Transport> Live<T> {
         let mut line = format!(
             "a cloud was skipped after {seconds:.2} s without a transform from `{frame_id}` to `{fixed_frame}`: {why}"
         );
+        if let Some(fault) = self.clock_fault() {
+            line = format!("{line}; {fault}");
+        }
         self.diagnosis.given_up(line.clone());
         // Thousands of frames take longer to list than a cloud to skip.
         let level = self.throttle.level(reason, Level::WARN);

@@ -1,5 +1,7 @@
 //! Sessions: a map, until a clock jumps back or somebody asks for an empty one.
 
+use std::time::Instant;
+
 use tracing::Level;
 
 use super::Live;
@@ -17,7 +19,7 @@ pub(super) fn new_session(before: u64) -> u64 {
 
 impl<T: Transport> Live<T> {
     pub(super) fn clock(&mut self, stamp: Stamp) {
-        if let Some(back) = self.clocks.hear(stamp) {
+        if let Some(back) = self.clocks.hear(stamp, Instant::now()) {
             self.join.begin_session(Some(stamp));
             self.begin_session(&format!("/clock has jumped back by {back:.3} s"), true);
         }

@@ -171,8 +171,9 @@ fn node_until<Stop: Future<Output = ()>>(
     let enough = stop(sender.clone(), Rc::clone(&counts));
     let runtime = Builder::new_current_thread().enable_time().build().unwrap();
     let (engine, _lock) = begin(config, config.snapshot_path.is_some()).unwrap();
+    let ends = (enough, std::future::pending());
     let live =
-        run(config, engine, (Rc::clone(&transport), None), receiver, Rc::clone(&counts), listen().1, enough);
+        run(config, engine, (Rc::clone(&transport), None), receiver, Rc::clone(&counts), listen().1, ends);
     let ended = LocalSet::new().block_on(&runtime, live);
     drop(sender);
     (ended.map(drop), counts.borrow().clone(), transport)

@@ -81,8 +81,13 @@ struct Publishers {
 }
 
 impl Publishers {
-    fn come(&self) -> bool {
-        self.points.borrow().comes() || self.images.borrow().comes()
+    /// Whether a scan has come in this form, which is not asked of compressed images.
+    fn come(&self, form: Form) -> bool {
+        match form {
+            Form::Points => self.points.borrow().comes(),
+            Form::Depth => self.images.borrow().comes(),
+            Form::CompressedDepth => false,
+        }
     }
 }
 
@@ -99,11 +104,11 @@ struct Listening<'a> {
 
 impl Listening<'_> {
     fn to(&mut self, sensor: SensorTopics) -> Result<(), OpenError> {
-        if let Some(points) = sensor.points {
+        if let Some(points) = &sensor.points {
             self.clouds(&points.resolved)?;
         }
-        if let Some(depth) = sensor.depth {
-            self.images(depth)?;
+        if let Some(depth) = sensor.depth.clone() {
+            self.images(sensor, depth)?;
         }
         Ok(())
     }
@@ -120,7 +125,7 @@ impl Listening<'_> {
     }
 
     /// Depth images with their camera; compressed ones once they are wanted.
-    fn images(&mut self, topics: DepthTopics) -> Result<(), OpenError> {
+    fn images(&mut self, sensor: SensorTopics, topics: DepthTopics) -> Result<(), OpenError> {
         let camera = LatestCamera::default();
         let infos = Named { name: &topics.camera_info.resolved, type_name: "sensor_msgs/msg/CameraInfo" };
         let infos = self.opener.subscribe(infos, SENSOR, CAMERAS)?;
@@ -133,7 +138,7 @@ impl Listening<'_> {
         let (opener, graph, known) = (Rc::downgrade(self.opener), Arc::clone(self.graph), self.known.clone());
         let (input, events) = (Form::CompressedDepth.of(self.number), self.events.clone());
         self.readers.spawn_local(async move {
-            compressed::wanted(&topics, || listed(&graph), || known.come()).await;
+            compressed::wanted(&sensor, || listed(&graph), |form| known.come(form)).await;
             let images = Named { name: &topics.compressed, type_name: "sensor_msgs/msg/CompressedImage" };
             // The session may be left meanwhile.
             let images = opener.upgrade().map(|opener| opener.subscribe(images, SENSOR, SCANS));

@@ -16,6 +16,7 @@ use crate::args::security::Security;
 use crate::msg::sent;
 use crate::msg::twins::{Detection3DArray, PolygonInstanceStamped};
 use crate::node::clock::TimeOfDay;
+use crate::node::dds::addresses::Addresses;
 use crate::node::dds::latched::{self, Latched};
 use crate::node::dds::outlet::Outlet;
 use crate::node::dds::pulse::Pulse;
@@ -55,6 +56,7 @@ impl Network {
         events: &Events,
     ) -> Result<Self, OpenError> {
         let time_of_day = Cell::new(TimeOfDay::read());
+        let addresses = Addresses::at_joining(&setup.config.network_interfaces);
         let (opener, threads) = Threads::started_by(|| Opener::new(setup, security));
         let mut opener = opener?;
         let pulse = pulse(&opener);
@@ -82,6 +84,7 @@ impl Network {
             sessions: RefCell::default(),
             reopened: Cell::new(0),
             time_of_day,
+            addresses,
         };
         network.listen_to_calls(events)?;
         network.listen_to_namesakes(setup.fully_qualified_name(), memory)?;

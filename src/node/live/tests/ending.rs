@@ -11,7 +11,7 @@ use std::thread;
 use tokio::time::{sleep, timeout};
 
 use super::*;
-use crate::node::live::calls::last_written;
+use crate::node::live::calls::{LastFile, last_written};
 use crate::node::saving::InFile;
 
 /// A cloud whose map is longer than a pipe holds: about a voxel a point, and places in it that do not pack.
@@ -121,6 +121,33 @@ fn calls_that_still_wait_at_the_end_are_told_that_nothing_was_done_or_of_the_las
     }
 }
 
+fn file<GivenUp>(given_up: GivenUp) -> LastFile<GivenUp> {
+    LastFile { path: "map".into(), given_up }
+}
+
+/// A disk that does not answer: nothing of the map is heard.
+#[test]
+fn a_map_that_takes_long_at_the_end_is_told_of_and_given_up_when_that_is_asked_for() {
+    let (_writes, written) = mpsc::unbounded_channel();
+    let mut calls = CallsForMap::default();
+    assert!(
+        calls.begin(Some(Call { service: Service::Save, session: 1, request: () })),
+        "none was under way"
+    );
+    let transport = Fake::default();
+    let runtime = Builder::new_current_thread().enable_time().build().unwrap();
+    let begun = Instant::now();
+    let last = last_written(written, Some(calls), &transport, file(async {}));
+    let (ended, said) = heard(|| runtime.block_on(last));
+    assert!(begun.elapsed() >= Duration::from_secs(2), "it was given up before it was said");
+    let words = "the map is being written to map: one more signal ends the node without it";
+    assert_eq!(said, [(30, words.to_owned())]);
+    let lost = "map stays as it was saved last, for a signal came while the new map was written";
+    assert_eq!(ended.unwrap_err().to_string(), format!("the map was not saved at the end: {lost}"));
+    let replies = transport.replies.take();
+    assert!(replies.len() == 1 && !replies[0].success && replies[0].message == lost, "{replies:?}");
+}
+
 /// What calls are told at the end, to save in session 1, to reset, and to save in session 2, where these are the results: a map
 /// of the session, or none.
 async fn told(results: [Option<u64>; 2]) -> Vec<(bool, String)> {
@@ -137,7 +164,7 @@ async fn told(results: [Option<u64>; 2]) -> Vec<(bool, String)> {
     assert!(!calls.begin(Some(call(Service::Reset, 2))), "one is");
     calls.wait(call(Service::Save, 2));
     let transport = Fake::default();
-    let ended = last_written(written, Some(calls), &transport).await;
+    let ended = last_written(written, Some(calls), &transport, file(std::future::pending())).await;
     assert_eq!(ended.is_ok(), results[1].is_some(), "{ended:?}");
     let replies = transport.replies.take();
     replies.into_iter().map(|TriggerResponse { success, message }| (success, message)).collect()

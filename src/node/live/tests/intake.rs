@@ -1,5 +1,6 @@
 //! Which scans a node on a middleware made of channels takes.
 
+use super::reports::by_hand;
 use super::*;
 
 #[test]
@@ -54,4 +55,28 @@ fn a_scan_without_points_is_taken_in_and_chooses_no_input() {
     let (_, counts, _) = node(Fake::default(), events, 3);
     assert_eq!((counts.received, counts.taken_in), (4, 3));
     assert_eq!(counts.skipped.into_iter().collect::<Vec<_>>(), [("other_input", 1)]);
+}
+
+/// A driver that is started again in another form.
+#[test]
+fn where_nobody_sends_the_chosen_form_any_more_the_next_that_comes_is_taken() {
+    let of = |form: Form, seconds| match cloud(at(seconds), "camera") {
+        Event::Cloud(_, cloud) => Event::Cloud(form.of(0), cloud),
+        other => other,
+    };
+    let image = [Source { topic: "/depth/image".to_owned(), type_name: "sensor_msgs/msg/Image".to_owned() }];
+    let chosen = Builder::new_current_thread().enable_time().build().unwrap().block_on(async {
+        let (mut live, _reported) = by_hand(&Config::new([]).unwrap(), Fake::default());
+        live.event(of(Form::Depth, 10.0)).await;
+        let mut chosen = Vec::new();
+        for (quiet, sources) in [(Duration::ZERO, &[][..]), (QUIET, &image[..]), (QUIET, &[])] {
+            live.intakes[0].since = Instant::now().checked_sub(quiet).unwrap();
+            live.forget_gone(sources);
+            chosen.push(live.intakes[0].chosen);
+        }
+        live.event(of(Form::CompressedDepth, 11.0)).await;
+        chosen.push(live.intakes[0].chosen);
+        chosen
+    });
+    assert_eq!(chosen, [Some(Form::Depth), Some(Form::Depth), None, Some(Form::CompressedDepth)]);
 }

@@ -299,3 +299,41 @@ fn a_map_that_is_not_saved_is_a_warning_with_the_reason_and_one_that_is_has_an_a
     assert_eq!((said.level, said.message.as_str()), (0, "clusters: 0; dense voxels: 1"));
     assert!(value(&said, "age of the saved map [s]").parse::<f64>().unwrap() < 1.0, "{said:?}");
 }
+
+/// A simulator that is started late and paused.
+#[test]
+fn a_simulated_clock_that_does_not_come_is_told_of_and_said_once_and_so_is_that_it_comes() {
+    let config = Config::new([("use_sim_time".to_owned(), Value::Boolean(true))]).unwrap();
+    let long_ago = Instant::now().checked_sub(QUIET).unwrap();
+    let run = async {
+        let (mut live, mut reported) = by_hand(&config, Fake::default());
+        let mut transforms = Vec::new();
+        live.clocks = Clocks::new(long_ago);
+        for rests in [true, false, true] {
+            if !rests {
+                live.event(Event::Clock(at(10.0))).await;
+            } else if live.clocks.is_heard() {
+                live.clocks.hear(at(10.1), long_ago);
+            }
+            live.tick();
+            live.tick();
+            live.report();
+            let status = part(&reported.try_recv().unwrap(), "transforms");
+            transforms.push((status.level, status.message));
+        }
+        live.event(cloud(at(0.0), "camera")).await;
+        live.report();
+        (transforms, part(&reported.try_recv().unwrap(), "sensor points").message)
+    };
+    let runtime = Builder::new_current_thread().enable_time().build().unwrap();
+    let ((transforms, sensor), said) = heard(|| runtime.block_on(run));
+    let never = "no /clock has come, which use_sim_time asks for: ";
+    let halted = "no /clock has come for 3 s: the simulated time stands still";
+    assert!(transforms[0].0 == 1 && transforms[0].1.starts_with(never), "{transforms:?}");
+    assert_eq!(transforms[1].0, 0, "{transforms:?}");
+    assert_eq!(transforms[2], (1, halted.to_owned()));
+    let said: Vec<_> = said.into_iter().filter(|(_, line)| line.contains("/clock")).collect();
+    assert!(said.len() == 3 && said[0].0 == 30 && said[0].1.starts_with(never), "{said:?}");
+    assert_eq!(said[1..], [(20, "/clock comes now".to_owned()), (30, halted.to_owned())]);
+    assert_eq!(sensor, format!("its stamps are 10.1 s behind the clock; {halted}"));
+}

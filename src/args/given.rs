@@ -1,0 +1,80 @@
+//! The parameters that a command line and its files give to the node, with where each stands.
+
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+
+use ros2args::names::build_node_fqn;
+use ros2args::{ParamAssignment, Ros2Args, match_wildcard_pattern};
+
+use super::ArgsError;
+use super::params_file::{assignments, flatten};
+use crate::config::{ConfigError, Value, as_meant};
+
+/// Where a parameter stands.
+#[derive(Debug)]
+struct Origin {
+    file: PathBuf,
+    /// Name or pattern of the nodes that it is for.
+    section: String,
+}
+
+/// A parameter that is given.
+#[derive(Debug)]
+pub(super) struct Given {
+    pub(super) name: String,
+    pub(super) value: Value,
+    /// `None` on the command line.
+    origin: Option<Rc<Origin>>,
+}
+
+/// Files count in their order, the command line after them.
+///
+/// # Errors
+/// At a file that cannot be read, and at the first value that no parameter can have.
+pub(super) fn given(ros: &Ros2Args, namespace: &str, name: &str) -> Result<Vec<Given>, ArgsError> {
+    let node = build_node_fqn(namespace, name);
+    let is_for_node = |param: &ParamAssignment| {
+        param.node_name.as_ref().is_none_or(|pattern| match_wildcard_pattern(pattern, &node))
+    };
+    let mut assigned: Vec<(ParamAssignment, Option<&Path>)> = Vec::new();
+    for file in &ros.param_files {
+        let of_file = assignments(file)?.into_iter().filter(is_for_node);
+        assigned.extend(of_file.map(|param| (param, Some(file.as_path()))));
+    }
+    let on_line = ros.param_assignments.iter().filter(|param| is_for_node(param));
+    assigned.extend(on_line.map(|param| (param.clone(), None)));
+    let mut given = Vec::new();
+    for (param, file) in assigned {
+        let origin = file.zip(param.node_name);
+        let origin = origin.map(|(file, section)| Rc::new(Origin { file: file.to_owned(), section }));
+        let mut values = Vec::new();
+        flatten(param.name, &param.value, &mut values)?;
+        let meant = |(name, value): (String, Value)| Given {
+            value: as_meant(&name, value),
+            name,
+            origin: origin.clone(),
+        };
+        given.extend(values.into_iter().map(meant));
+    }
+    Ok(given)
+}
+
+/// The family of a parameter that every node of ROS has and that changes nothing here: a file may give it to all nodes of a robot.
+pub(super) fn idle(name: &str) -> Option<&'static str> {
+    let of_all = "start_type_description_service";
+    if name == of_all {
+        return Some(of_all);
+    }
+    name.starts_with("qos_overrides.").then_some("qos_overrides")
+}
+
+/// Says of a parameter that nobody knows where it stands: the files of a robot are many.
+pub(super) fn located(error: ConfigError, given: &[Given]) -> ArgsError {
+    let ConfigError::Unknown { name, .. } = &error else { return error.into() };
+    match given.iter().find(|given| given.name == *name).and_then(|given| given.origin.as_deref()) {
+        Some(Origin { file, section }) => {
+            ArgsError::InFile { error: error.into(), file: file.clone(), section: section.clone() }
+        }
+        None => error.into(),
+    }
+}
