@@ -105,6 +105,15 @@ fn queue() -> (Saver, Receiver<Task>) {
 /// # Errors
 /// When the system gives no thread.
 pub(super) fn start(path: PathBuf, frame_id: String) -> std::io::Result<(Saver, UnboundedReceiver<Written>)> {
+    start_on(path, frame_id, store::write)
+}
+
+/// As [`start`], on a disk to which a map is brought by this.
+fn start_on(
+    path: PathBuf,
+    frame_id: String,
+    mut write: impl FnMut(&Path, &Stored) -> Result<u64, StoreError> + Send + 'static,
+) -> std::io::Result<(Saver, UnboundedReceiver<Written>)> {
     let (saver, waiting) = queue();
     let (written, results) = unbounded_channel();
     std::thread::Builder::new().name("cfodi-saver".to_owned()).spawn(move || {
@@ -115,7 +124,7 @@ pub(super) fn start(path: PathBuf, frame_id: String) -> std::io::Result<(Saver, 
                 Task::Write { session, map, last } => {
                     let sequence = map.sequence();
                     let stored = Stored { frame_id: frame_id.clone(), map: *map };
-                    let result = keeping.keep(&path, session).and_then(|()| store::write(&path, &stored));
+                    let result = keeping.keep(&path, session).and_then(|()| write(&path, &stored));
                     let result = result.map(|bytes| InFile { session, sequence, bytes });
                     if last.is_some() {
                         keeping.say_last(&result);

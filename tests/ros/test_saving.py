@@ -133,12 +133,19 @@ def test_on_a_disk_that_becomes_read_only_the_map_before_stays_and_the_node_goes
     end_fails(node, cause)
 
 
-def test_a_disk_that_hangs_at_the_end_is_told_of_and_one_more_signal_ends_the_node(tmp_path, start, peer):
-    """What was saved before stays whole."""
-    library, hangs, path = tmp_path / "hung_disk.so", tmp_path / "hangs", tmp_path / "map.cfodi"
+@pytest.fixture
+def hanging(tmp_path, start):
+    """How a node is started whose disk brings nothing to an end while there is a file, and that file."""
+    library, hangs = tmp_path / "hung_disk.so", tmp_path / "hangs"
     cpp.compile(pathlib.Path(__file__).with_name("hung_disk.cpp"), "-shared", "-fPIC", "-Wl,--as-needed", "-o", str(library))
     environment = {"LD_PRELOAD": str(library), "HANGS": str(hangs)}
-    node, camera = begin(functools.partial(start, environment=environment), peer, **saving(path))
+    return functools.partial(start, environment=environment), hangs
+
+
+def test_a_disk_that_hangs_at_the_end_is_told_of_and_one_more_signal_ends_the_node(tmp_path, hanging, peer):
+    """What was saved before stays whole."""
+    (start, hangs), path = hanging, tmp_path / "map.cfodi"
+    node, camera = begin(start, peer, **saving(path))
     take_in(camera, peer.deltas)
     assert peer.call(Trigger, "/cfodi/save", Trigger.Request()).success
     whole = path.read_bytes()
@@ -150,6 +157,23 @@ def test_a_disk_that_hangs_at_the_end_is_told_of_and_one_more_signal_ends_the_no
     assert node.wait() == 1
     assert "the map was not saved at the end" in node.lines[-1], node.lines[-3:]
     assert path.read_bytes() == whole
+
+
+def test_an_end_in_the_middle_of_a_saving_waits_for_it_and_saves_what_came_since(tmp_path, hanging, start, peer, new_peer):
+    (hanging_start, hangs), path = hanging, tmp_path / "map.cfodi"
+    node, camera = begin(hanging_start, peer, **saving(path, snapshot_period=0.1))
+    hangs.touch()
+    take_in(camera, peer.deltas)
+    part = path.with_name("map.cfodi.part")
+    wait_until("no saving", part.exists)
+    newest = take_in(camera, peer.deltas)
+    node.process.send_signal(signal.SIGTERM)
+    time.sleep(0.5)
+    assert node.process.poll() is None and not path.exists(), "it did not wait"
+    hangs.unlink()
+    assert node.wait() == 0
+    assert not part.exists()
+    assert resumed(start, new_peer("after"), saving(path))[1].sequence == newest.sequence
 
 
 def test_a_place_that_is_read_only_from_the_start_ends_it_at_once_with_the_reason(tmp_path, start):
