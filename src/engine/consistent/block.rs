@@ -156,10 +156,10 @@ const PUBLICATION_INTERVAL: u64 = 3;
 const LEFT_ALONE: u64 = 15;
 
 impl Block {
-    /// A block without a place in space.
-    pub(super) fn new() -> Self {
+    /// A block at this place, without a voxel.
+    pub(super) fn new(key: BlockKey) -> Self {
         Self {
-            key: [0; 3],
+            key,
             around: Around::default(),
             cells: Cells::default(),
             voxels: Vec::new(),
@@ -175,12 +175,6 @@ impl Block {
             begun: 0,
             seen: 0,
         }
-    }
-
-    /// Begins anew, at this place.
-    pub(super) fn begin(&mut self, key: BlockKey) {
-        (self.key, self.published, self.begun, self.drifted) = (key, 0, 0, 0);
-        (self.changed, self.touched, self.lost) = (false, false, false);
     }
 
     /// Whether its states are to be published: at once where a dense voxel has gone; with whatever has changed while it is

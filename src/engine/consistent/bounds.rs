@@ -4,8 +4,9 @@
 //!
 //! **Kept true.** After each scan no more than `max_voxels` voxels hold points: the blocks go that have not been seen for
 //! longest, of those seen last in one scan the farthest first. Beyond `keep_radius` nothing is kept that the scan put there,
-//! and what the sensor has left behind is gone when all blocks have had their turn: [`LOOKS`] have it in a scan, so 4 scans
-//! (0.13 s of a Kinect's) for the 2,000 that there may be within 6 m at 8 cm.
+//! and what the sensor has left behind is gone when all blocks that are there have had their turn: [`LOOKS`] have it in a scan,
+//! so 4 scans (0.13 s of a Kinect's) for the 2,000 that there may be within 6 m at 8 cm. Turns go down the list, for a block
+//! that moves in it moves down: none is passed over, and one that has moved waits for two rounds at most.
 //!
 //! **Cost.** A logarithm of the map for each block that the scan put points into, a distance for each of those and for
 //! [`LOOKS`] others; and what is forgotten.
@@ -17,8 +18,8 @@ use nalgebra::{Point3, Vector3};
 
 use super::block::{Block, BlockIndex, EDGE};
 use super::grid::Grid;
+use super::moves::Moves;
 use crate::engine::params::Params;
-use crate::engine::saved::RestoreError;
 
 /// Blocks that a scan looks at, in turn, for being too far away.
 const LOOKS: usize = 512;
@@ -29,12 +30,11 @@ pub(super) struct Bounds {
     max_voxels: u64,
     /// m; 0 = none.
     keep_radius: f64,
-    /// The scan that put a point into it last and the block; kept where there is a bound on voxels. Blocks that have been
-    /// emptied since stay until it is their turn or the grid gives their places to others.
+    /// The scan that put a point into it last and the block; kept where there is a bound on voxels.
     by_last_seen: BTreeSet<(u64, BlockIndex)>,
-    /// By block.
+    /// By block, as far as they were noted.
     last_seen: Vec<u64>,
-    /// The block that is looked at next.
+    /// The blocks below this one are looked at next, downwards.
     next: usize,
 }
 
@@ -49,36 +49,53 @@ impl Bounds {
         }
     }
 
-    /// The block that is looked at next.
+    /// The blocks below this one are looked at next.
     pub(super) const fn next(&self) -> u64 {
         self.next as u64
     }
 
     /// As they were when the blocks of `grid` were saved, or with other bounds.
-    pub(super) fn restore(params: &Params, grid: &Grid, next: u64) -> Result<Self, RestoreError> {
-        let slots = grid.slots();
-        let next = usize::try_from(next).ok().filter(|&next| next <= slots).ok_or_else(|| {
-            RestoreError::Contradiction(format!("forgetting goes on at block {next} of {slots}"))
-        })?;
+    pub(super) fn restore(params: &Params, grid: &Grid, next: usize) -> Self {
         let mut bounds = Self { next, ..Self::new(params) };
         if bounds.max_voxels > 0 {
             bounds.note_all(grid);
         }
-        Ok(bounds)
+        bounds
     }
 
     /// Other bounds, which hold after the next scan.
     pub(super) fn tune(&mut self, params: &Params, grid: &Grid) {
         let held = std::mem::replace(&mut self.max_voxels, params.max_voxels()) > 0;
         self.keep_radius = params.keep_radius();
-        if !held && self.max_voxels > 0 {
+        if self.max_voxels == 0 {
+            (self.by_last_seen, self.last_seen) = (BTreeSet::new(), Vec::new());
+        } else if !held {
             self.note_all(grid);
         }
     }
 
+    /// Follows blocks to other places.
+    pub(super) fn follow(&mut self, moves: &Moves) {
+        self.next = self.next.min(moves.slots());
+        if self.max_voxels == 0 {
+            return;
+        }
+        self.last_seen.resize(moves.slots() + moves.gone().len(), 0);
+        for &gone in moves.gone() {
+            self.by_last_seen.remove(&(self.last_seen[gone.0 as usize], gone));
+        }
+        for &(from, to) in moves.moved() {
+            let last = self.last_seen[from.0 as usize];
+            if self.by_last_seen.remove(&(last, from)) {
+                self.by_last_seen.insert((last, to));
+            }
+        }
+        moves.apply(&mut self.last_seen);
+    }
+
     /// Notes when the blocks were seen last.
     fn note_all(&mut self, grid: &Grid) {
-        for (slot, block) in grid.blocks().filter(|(_, block)| !block.is_empty()) {
+        for (slot, block) in grid.blocks() {
             self.note_seen(&[slot], block.seen);
         }
     }
@@ -110,7 +127,8 @@ impl Bounds {
         emptied: &mut Vec<BlockIndex>,
     ) {
         let slots = grid.slots();
-        let in_turn = (0..LOOKS.min(slots)).map(|look| BlockIndex(((self.next + look) % slots) as u32));
+        let looks = LOOKS.min(slots);
+        let in_turn = (1..=looks).map(|look| BlockIndex(((self.next + slots - look) % slots) as u32));
         for block in in_turn.chain(seen.iter().copied()) {
             let here = grid.block(block);
             if !here.is_empty() && distance(grid, here, sensor) > self.keep_radius {
@@ -118,7 +136,7 @@ impl Bounds {
                 emptied.push(block);
             }
         }
-        self.next = (self.next + LOOKS) % slots.max(1);
+        self.next = (self.next + slots - looks) % slots.max(1);
     }
 
     fn note_seen(&mut self, seen: &[BlockIndex], sequence: u64) {

@@ -3,6 +3,7 @@
 use nalgebra::Vector3;
 
 use super::block::BlockIndex;
+use super::moves::Moves;
 use super::patch::PatchId;
 
 /// Where two patches meet: their voxels that touch.
@@ -41,6 +42,11 @@ impl Met {
 }
 
 impl Contacts {
+    /// The lower corner of the block.
+    pub(super) const fn corner(&self) -> [i32; 3] {
+        self.corner
+    }
+
     /// Of a block with this corner, which meets none.
     pub(super) const fn new(corner: [i32; 3]) -> Self {
         Self { corner, met: Vec::new() }
@@ -72,6 +78,12 @@ impl Contacts {
     /// Forgets the patches of another block.
     pub(super) fn forget(&mut self, block: BlockIndex) {
         self.met.retain(|met| met.block != block);
+    }
+
+    /// Follows blocks to other places.
+    pub(super) fn follow(&mut self, moves: &Moves) {
+        self.met.iter_mut().for_each(|met| met.block = moves.of(met.block));
+        self.met.sort_unstable_by_key(Met::of);
     }
 
     /// The patches that a patch of the block meets, ascending.
@@ -112,5 +124,18 @@ mod tests {
         assert_eq!(seen(&contacts), [(id(2, 0), met(4))]);
         assert_eq!(contacts.of(0).collect::<Vec<_>>(), [(id(9, 0), met(2))]);
         assert_eq!(contacts.of(2).count(), 0);
+    }
+
+    #[test]
+    fn patches_of_a_block_that_moves_are_met_where_it_is_now() {
+        let id = |block, number| PatchId { block: BlockIndex(block), number };
+        let met = |pairs| Contact { pairs, sum: Vector3::zeros() };
+        let mut contacts = Contacts::new([0; 3]);
+        for (own, other, pairs) in [(0, id(9, 1), 1), (0, id(4, 0), 2), (1, id(3, 0), 3), (1, id(9, 0), 4)] {
+            contacts.insert(own, other, &met(pairs));
+        }
+        contacts.follow(&Moves::new(10, vec![BlockIndex(2)]));
+        assert_eq!(contacts.of(0).collect::<Vec<_>>(), [(id(2, 1), met(1)), (id(4, 0), met(2))]);
+        assert_eq!(contacts.of(1).collect::<Vec<_>>(), [(id(2, 0), met(4)), (id(3, 0), met(3))]);
     }
 }

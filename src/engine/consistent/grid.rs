@@ -4,8 +4,8 @@
 //! need none. What a voxel knows does not depend on the order of the points within a scan (see `sums`), nor do the places of
 //! blocks: those that a scan brings are numbered in the order of their keys.
 //!
-//! A block that has lost all its voxels gives its memory back and its place to the next block that comes
-//! ([`Grid::release`]); it keeps 0.6 KB until then, so memory follows the most blocks that were there at once.
+//! A block that has lost all its voxels goes with its place in the list, which the last one takes ([`Grid::release`]): memory
+//! follows what is there, whatever was there once.
 
 mod bin;
 
@@ -17,6 +17,7 @@ use rustc_hash::FxBuildHasher;
 
 pub(super) use self::bin::Binned;
 use super::block::{Around, Block, BlockIndex, BlockKey, Cell, Voxel, offset_of};
+use super::moves::Moves;
 use super::noise::NoiseModel;
 use super::state::State;
 use crate::engine::params::Params;
@@ -29,8 +30,6 @@ pub(super) struct Grid {
     noise: NoiseModel,
     index: HashMap<BlockKey, BlockIndex, FxBuildHasher>,
     blocks: Vec<Block>,
-    /// Places of the list that no block has.
-    free: Vec<BlockIndex>,
     /// Points of one scan that prove a voxel to be occupied.
     proof: u32,
     dense: u32,
@@ -54,28 +53,16 @@ impl Grid {
             noise: params.noise_model(),
             index: HashMap::default(),
             blocks: Vec::new(),
-            free: Vec::new(),
             proof: proof(params.min_points()),
             dense: 0,
             voxels: 0,
         }
     }
 
-    /// Of these blocks in their slots; `free` are those that no block has, in the order in which they are given last to first.
-    pub(super) fn of(
-        params: &Params,
-        blocks: Vec<Option<Block>>,
-        free: &[u32],
-    ) -> Result<Self, RestoreError> {
-        let (taken, empty): (Vec<_>, Vec<_>) =
-            (0..blocks.len() as u32).partition(|&slot| blocks[slot as usize].is_some());
-        let mut given = free.to_vec();
-        given.sort_unstable();
-        ensure(given == empty, || format!("{} free slots, {} without a block", given.len(), empty.len()))?;
-        let mut grid = Self::new(params);
-        grid.free = free.iter().copied().map(BlockIndex).collect();
-        grid.blocks = blocks.into_iter().map(|block| block.unwrap_or_else(Block::new)).collect();
-        for slot in taken.into_iter().map(BlockIndex) {
+    /// Of these blocks, in this order.
+    pub(super) fn of(params: &Params, blocks: Vec<Block>) -> Result<Self, RestoreError> {
+        let mut grid = Self { blocks, ..Self::new(params) };
+        for slot in (0..grid.blocks.len() as u32).map(BlockIndex) {
             let block = grid.block(slot);
             let (key, dense, voxels) = (block.key, block.dense, block.len());
             grid.dense += dense;
@@ -85,11 +72,6 @@ impl Grid {
             grid.link(key, slot);
         }
         Ok(grid)
-    }
-
-    /// Places of the list that no block has.
-    pub(super) fn free(&self) -> &[BlockIndex] {
-        &self.free
     }
 
     pub(super) const fn voxel_size(&self) -> f64 {
@@ -114,7 +96,7 @@ impl Grid {
         self.noise
     }
 
-    /// Blocks that the list has a place for.
+    /// Number of blocks, which have the places below it.
     pub(super) const fn slots(&self) -> usize {
         self.blocks.len()
     }
@@ -189,20 +171,33 @@ impl Grid {
         block.dense = 0;
     }
 
-    /// Gives back what a block takes if it has no voxel; nothing may refer to it any longer, so what it was must have been
-    /// published.
-    pub(super) fn release(&mut self, index: BlockIndex) {
-        let block = &mut self.blocks[index.0 as usize];
-        if !block.is_empty() || self.index.get(&block.key) != Some(&index) {
-            return;
+    /// Takes those of these blocks out that have no voxel, and gives their places to the last of the list. What they were must
+    /// have been published; whatever refers to places must follow.
+    pub(super) fn release(&mut self, thinned: &[BlockIndex]) -> Moves {
+        let mut gone: Vec<_> =
+            thinned.iter().copied().filter(|&block| self.block(block).is_empty()).collect();
+        gone.sort_unstable();
+        gone.dedup();
+        gone.iter().for_each(|&block| self.unlink(block));
+        let moves = Moves::new(self.blocks.len(), gone);
+        moves.apply(&mut self.blocks);
+        let moved: Vec<_> = moves.moved().iter().map(|&(_, to)| (self.block(to).key, to)).collect();
+        self.index.extend(moved.iter().copied());
+        moved.into_iter().for_each(|(key, to)| self.link(key, to));
+        if self.index.len() < self.index.capacity() / 4 {
+            self.index.shrink_to(2 * self.index.len());
         }
+        moves
+    }
+
+    /// A block and its neighbours forget each other.
+    fn unlink(&mut self, index: BlockIndex) {
+        let block = &mut self.blocks[index.0 as usize];
         self.index.remove(&block.key);
-        block.empty();
         let around = std::mem::take(&mut block.around);
         for (place, other) in around.iter() {
             self.blocks[other.0 as usize].around.set(26 - place, None);
         }
-        self.free.push(index);
     }
 
     /// Notes that a voxel was seen through; whether it is to be cleared.
@@ -212,13 +207,10 @@ impl Grid {
     }
 
     pub(super) fn block_at(&mut self, key: BlockKey) -> BlockIndex {
-        let next = self.free.last().copied().unwrap_or(BlockIndex(self.blocks.len() as u32));
+        let next = BlockIndex(self.blocks.len() as u32);
         let found = *self.index.entry(key).or_insert(next);
         if found == next {
-            if self.free.pop().is_none() {
-                self.blocks.push(Block::new());
-            }
-            self.blocks[next.0 as usize].begin(key);
+            self.blocks.push(Block::new(key));
             self.link(key, next);
         }
         found

@@ -188,7 +188,8 @@ pub(super) fn contacts_of(segmented: &[Segmented], id: PatchId) -> impl Iterator
 }
 
 /// The sharper, broader or whole patch that a patch is a slice of: of those it meets, the one its points fit best. A flat patch
-/// that joins one with less noise as its equal, and fits that better, is no slice.
+/// that joins one with less noise as its equal, and fits that better, is no slice. Of equals it is the one whose block comes first
+/// in space.
 pub(super) fn sharper(segmented: &[Segmented], id: PatchId, rules: &Rules) -> Option<PatchId> {
     let own = patch(segmented, id);
     if !own.may_be_slice(rules) {
@@ -206,7 +207,8 @@ pub(super) fn sharper(segmented: &[Segmented], id: PatchId, rules: &Rules) -> Op
     let equal = contacts().filter_map(equal).fold(f64::INFINITY, f64::min);
     let candidates = contacts()
         .filter_map(|(other, _)| own.slice_of(patch(segmented, other), rules).map(|misfit| (misfit, other)));
-    let best = candidates.min_by(|a, b| a.0.total_cmp(&b.0));
+    let place = |id: PatchId| (segmented[id.block.0 as usize].contacts.corner(), id.number);
+    let best = candidates.min_by(|a, b| a.0.total_cmp(&b.0).then_with(|| place(a.1).cmp(&place(b.1))));
     best.filter(|(misfit, _)| *misfit < equal).map(|(_, other)| other)
 }
 

@@ -157,6 +157,7 @@ mod held;
 mod join;
 mod layer;
 mod local;
+mod moves;
 mod noise;
 mod outline;
 mod owner;

@@ -107,7 +107,8 @@ impl<'a> Owners<'a> {
         (1..=self.rules.rim_reach).find_map(|reach| self.best_at(cell, held, reach))
     }
 
-    /// The patch that fits best of those with a voxel within `reach` and none nearer.
+    /// The patch that fits best of those with a voxel within `reach` and none nearer; of equals that of the block which lies
+    /// first, as [`Self::blocks_near`] has them.
     fn best_at(&self, cell: Cell, held: &Held, reach: i32) -> Option<PatchId> {
         let mut best: Option<(f64, PatchId)> = None;
         for (block, at) in self.blocks_near(cell, reach) {
@@ -121,10 +122,9 @@ impl<'a> Owners<'a> {
                 if !patch.cells.any_in(&near) || reach > 1 && patch.cells.any_in(&nearer) {
                     continue;
                 }
-                let id = PatchId { block, number };
                 let Some(misfit) = self.beside(held, patch, 1.0) else { continue };
-                if best.is_none_or(|(least, of)| misfit < least || misfit == least && id < of) {
-                    best = Some((misfit, id));
+                if best.is_none_or(|(least, _)| misfit < least) {
+                    best = Some((misfit, PatchId { block, number }));
                 }
             }
         }

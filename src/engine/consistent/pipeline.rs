@@ -92,7 +92,6 @@ impl Consistent {
         self.surfaces.publish(&self.grid, &due, self.binned.dense.iter().copied(), now);
         due.iter().for_each(|&block| self.grid.note_published(block, now.sequence));
         due.iter().for_each(|&block| self.rest(block));
-        thinned.iter().for_each(|&block| self.grid.release(block));
         done(PipelineStep::Partials);
         self.surfaces.note_seen(&self.binned.seen, now);
         let changed = self.surfaces.describe(&self.params, scan.sensor_origin().z, now);
@@ -105,6 +104,7 @@ impl Consistent {
             points_beyond_grid: self.binned.beyond,
             unclustered_voxels: self.unclustered(),
         };
+        self.release(&thinned);
         done(PipelineStep::Globals);
         update
     }
@@ -134,11 +134,12 @@ impl Consistent {
     /// The engine that was saved, after the scans that it had `taken` in.
     pub(crate) fn restore(params: Params, taken: Taken, map: &SavedConsistent) -> Result<Self, RestoreError> {
         let sequence = taken.sequence;
-        let grid = map.grid.restore(&params, sequence)?;
-        let surfaces = Surfaces::restore(&map.surfaces, &map.grid.blocks, &grid, &params, sequence)?;
+        let blocks = map.grid.taken()?;
+        let grid = SavedGrid::restore(&blocks, &params, sequence)?;
+        let surfaces = Surfaces::restore(&map.surfaces, &blocks, &grid, &params, sequence)?;
         let stale = grid.blocks().filter(|(_, block)| block.is_stale()).map(|(slot, _)| slot).collect();
         let mut engine = Self {
-            bounds: Bounds::restore(&params, &grid, map.next)?,
+            bounds: Bounds::restore(&params, &grid, map.next(&blocks)?),
             standpoint: Standpoint::restore(&map.standpoint, sequence)?,
             grid,
             surfaces,
@@ -253,6 +254,18 @@ impl Consistent {
         first.extend(others);
         first.sort_unstable();
         first
+    }
+
+    /// Takes those of these blocks out that have lost all their voxels. Their places in the list go to others, so this comes
+    /// last.
+    fn release(&mut self, thinned: &[BlockIndex]) {
+        let moves = self.grid.release(thinned);
+        if !moves.gone().is_empty() {
+            self.surfaces.follow(&self.grid, &moves);
+            self.bounds.follow(&moves);
+            self.leaving.rename(&moves);
+            moves.rename(&mut self.stale);
+        }
     }
 
     /// Voxels that the scan made dense and that were not forgotten at once.

@@ -10,6 +10,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use super::block::{BlockIndex, Cell, Voxel};
+use super::moves::Moves;
 use super::published::Published;
 use super::state::State;
 use super::sums::Moments;
@@ -96,6 +97,13 @@ impl Leaving {
         self.seen.clear();
         self.seen.extend_from_slice(seen);
         self.blocks.extend(woken.iter().map(|&block| (sequence - 1 + REST, block)));
+    }
+
+    /// Names blocks by the places that they have now.
+    pub(super) fn rename(&mut self, moves: &Moves) {
+        self.blocks.retain_mut(|(_, block)| moves.renames(block));
+        moves.rename(&mut self.seen);
+        self.seen.sort_unstable();
     }
 
     /// The next block that is to rest after this scan, if it has not been seen since.

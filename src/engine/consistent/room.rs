@@ -7,3 +7,10 @@ pub(super) fn insert<T>(list: &mut Vec<T>, place: usize, item: T) {
     }
     list.insert(place, item);
 }
+
+/// Gives back most of the room of a list that has become much shorter than it was. As much as it takes is left for what comes.
+pub(super) fn shrink<T>(list: &mut Vec<T>) {
+    if list.len() < list.capacity() / 4 {
+        list.shrink_to(2 * list.len());
+    }
+}

@@ -5,8 +5,6 @@
 
 pub(crate) mod version1;
 
-use std::collections::BTreeSet;
-
 use nalgebra::Isometry3;
 use serde::{Deserialize, Serialize};
 
@@ -20,11 +18,7 @@ use super::surfaces::SavedSurfaces;
 use super::view::Clearance;
 use crate::engine::key::GRID_REACH;
 use crate::engine::params::{MAX_POINTS, Params};
-use crate::engine::saved::{RestoreError, ensure, in_slots};
-
-/// Slots of blocks beyond the number of voxels. A slot takes 0.6 KB and a few bytes of a file, so that files would be worth some
-/// hundred times their length; a map that had so many blocks at once (100,000 square metres at 8 cm) still has as many voxels.
-const MOST_SPARE: usize = 1 << 18;
+use crate::engine::saved::{RestoreError, ensure};
 
 /// All of a [`Consistent`](super::Consistent) but its parameters and the scans that it has taken in.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -33,15 +27,17 @@ pub(crate) struct SavedConsistent<V = SavedVoxel> {
     pub(super) surfaces: SavedSurfaces,
     /// Where the sensor stands, and since which scan.
     pub(super) standpoint: (Isometry3<f64>, u64),
-    /// The block at which forgetting goes on.
+    /// The slot of the block at which forgetting goes on.
     pub(super) next: u64,
 }
 
-/// The blocks with their slots, and the slots without a block.
+/// The blocks with their slots.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct SavedGrid<V = SavedVoxel> {
+    /// By ascending slot.
     pub(super) blocks: Vec<(u32, SavedBlock<V>)>,
-    free: Vec<u32>,
+    /// Slots without a block, as there were while slots were kept; none is written.
+    pub(super) free: Vec<u32>,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -101,27 +97,42 @@ impl SavedState {
     }
 }
 
+impl SavedConsistent {
+    /// The number of the block at which forgetting goes on among those that are restored.
+    pub(super) fn next(&self, blocks: &[(u32, &SavedBlock)]) -> Result<usize, RestoreError> {
+        let slots = self.grid.blocks.len() + self.grid.free.len();
+        ensure(self.next <= slots as u64, || {
+            format!("forgetting goes on at block {} of {slots}", self.next)
+        })?;
+        Ok(blocks.partition_point(|(slot, _)| u64::from(*slot) < self.next))
+    }
+}
+
 impl SavedGrid {
     /// `states` gives what the surfaces know of a block.
     pub(super) fn of(grid: &Grid, states: impl Fn(BlockIndex) -> Vec<SavedState>) -> Self {
-        let free: BTreeSet<_> = grid.free().iter().copied().collect();
-        let taken = grid.blocks().filter(|(slot, _)| !free.contains(slot));
-        Self {
-            blocks: taken.map(|(slot, block)| (slot.0, SavedBlock::of(block, states(slot)))).collect(),
-            free: grid.free().iter().map(|free| free.0).collect(),
-        }
+        let blocks = grid.blocks().map(|(slot, block)| (slot.0, SavedBlock::of(block, states(slot))));
+        Self { blocks: blocks.collect(), free: Vec::new() }
     }
 
-    pub(super) fn restore(&self, params: &Params, sequence: u64) -> Result<Grid, RestoreError> {
-        let slots = self.blocks.len() + self.free.len();
-        let voxels = self.blocks.iter().map(|(_, block)| block.voxels.len()).sum::<usize>();
-        ensure(slots <= MOST_SPARE + voxels, || {
-            format!("{slots} slots of blocks for {voxels} voxels: at most {MOST_SPARE} more")
+    /// The blocks that have voxels, each with the slot that it had, ascending: without gaps they get the slots from 0 on. What else
+    /// is said of slots takes no memory.
+    pub(super) fn taken(&self) -> Result<Vec<(u32, &SavedBlock)>, RestoreError> {
+        ensure(self.blocks.is_sorted_by(|a, b| a.0 < b.0), || {
+            format!("the slots of {} blocks are out of order", self.blocks.len())
         })?;
-        let slots = in_slots("block", &self.blocks, slots)?;
-        let blocks =
-            slots.into_iter().map(|block| block.map(|block| block.restore(params, sequence)).transpose());
-        Grid::of(params, blocks.collect::<Result<_, _>>()?, &self.free)
+        let taken = self.blocks.iter().filter(|(_, block)| !block.voxels.is_empty());
+        Ok(taken.map(|(slot, block)| (*slot, block)).collect())
+    }
+
+    /// The grid of the blocks that are [`taken`](Self::taken).
+    pub(super) fn restore(
+        blocks: &[(u32, &SavedBlock)],
+        params: &Params,
+        sequence: u64,
+    ) -> Result<Grid, RestoreError> {
+        let blocks = blocks.iter().map(|(_, block)| block.restore(params, sequence));
+        Grid::of(params, blocks.collect::<Result<_, _>>()?)
     }
 }
 
@@ -162,8 +173,7 @@ impl SavedBlock {
                 self.drifted, self.unknown, self.points
             )
         })?;
-        let mut block = Block::new();
-        block.begin(key);
+        let mut block = Block::new(key);
         for voxel in &self.voxels {
             let is_new = voxel.cell.index() < CELLS && block.restore(voxel.restore(sequence)?);
             ensure(is_new, || format!("{:?} of block {key:?} is there twice or outside", voxel.cell))?;
@@ -202,9 +212,22 @@ mod tests {
     use super::*;
 
     #[test]
-    fn slots_that_no_voxel_is_worth_are_refused_before_memory_is_taken() {
-        let grid = SavedGrid { blocks: Vec::new(), free: (0..=MOST_SPARE as u32).collect() };
-        let refused = grid.restore(&Params::default(), 1).unwrap_err().to_string();
-        assert!(refused.ends_with("262145 slots of blocks for 0 voxels: at most 262144 more"), "{refused}");
+    fn slots_that_no_voxel_is_worth_take_no_memory() {
+        let empty = SavedBlock::of(&Block::new([1, 2, 3]), Vec::new());
+        let blocks = (0..1000).map(|slot| (7 * slot, empty.clone())).collect();
+        let grid = SavedGrid { blocks, free: (0..=1 << 18).collect() };
+        let taken = grid.taken().unwrap();
+        assert!(taken.is_empty());
+        assert_eq!(SavedGrid::restore(&taken, &Params::default(), 1).unwrap().slots(), 0);
+    }
+
+    #[test]
+    fn blocks_whose_slots_are_out_of_order_are_refused() {
+        let block = SavedBlock::of(&Block::new([1, 2, 3]), Vec::new());
+        for slots in [[1, 0], [4, 4]] {
+            let blocks = slots.map(|slot| (slot, block.clone())).to_vec();
+            let refused = SavedGrid { blocks, free: Vec::new() }.taken().unwrap_err().to_string();
+            assert!(refused.ends_with("the slots of 2 blocks are out of order"), "{refused}");
+        }
     }
 }

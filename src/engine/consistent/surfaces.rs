@@ -10,6 +10,7 @@
 //! voxels went; of several that come together the oldest stays. What has lost more than half of its voxels at once keeps its id
 //! where it is still most of a cluster, and does not bring it into another's.
 
+mod follow;
 mod identify;
 mod landmarks;
 mod loose;

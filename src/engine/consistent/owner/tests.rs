@@ -52,21 +52,23 @@ fn voxel(at: [i32; 3], up: u64) -> State {
     State::new(&voxel)
 }
 
-/// Of the patches that a voxel fits with a voxel of theirs within reach, the nearest; of several the one that it fits best.
+/// Of the patches that a voxel fits with a voxel of theirs within reach, the nearest; of several the one that it fits best, and
+/// of equals the one in its own block, or in the one beside it along x, before those along y and z.
 fn naive_nearest(state: &State, blocks: &[([i32; 3], Segmented)], rules: &Rules) -> Option<PatchId> {
     let (held, at) = (Held::new(state, &rules.noise), Vector3::from(state.cell().coordinates()));
     let mut fitting = Vec::new();
     for (block, (direction, segmented)) in (0..).map(BlockIndex).zip(blocks) {
         let corner = Vector3::from(*direction) * EDGE;
+        let beside = (0..3).map(|axis| u8::from(direction[axis] != 0) << axis).sum::<u8>();
         let away = |cell: Cell| (Vector3::from(cell.coordinates()) + corner - at).amax();
         for (number, patch) in (0..).zip(&segmented.patches) {
             let nearest = patch.cells.iter().map(away).min().filter(|away| *away <= rules.rim_reach);
             let misfit = held.misfit(&patch.plane(), rules.rim_noise_factor, rules.rim_flatness, 1.0);
-            fitting
-                .extend(nearest.zip(misfit).map(|(away, misfit)| (away, misfit, PatchId { block, number })));
+            let id = PatchId { block, number };
+            fitting.extend(nearest.zip(misfit).map(|(away, misfit)| (away, misfit, beside, id)));
         }
     }
-    fitting.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    fitting.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.cmp(&b.2)));
     fitting.first().map(|(.., id)| *id)
 }
 
@@ -84,7 +86,7 @@ proptest! {
         let drawn = [([0; 3], own)].into_iter().chain(around);
         let blocks: Vec<_> =
             drawn.enumerate().map(|(number, (direction, drawn))| (direction, block(number, &drawn))).collect();
-        let mut here = Block::new();
+        let mut here = Block::new([0; 3]);
         for (index, (direction, _)) in (0..).map(BlockIndex).zip(&blocks) {
             here.around.set(place_of(*direction), Some(index));
         }

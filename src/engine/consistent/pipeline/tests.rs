@@ -1,3 +1,5 @@
+mod slots;
+
 use std::f64::consts::PI;
 
 use nalgebra::{Point3, Translation3, UnitQuaternion, Vector3};

@@ -30,7 +30,7 @@ const LEAST_ALONG: f64 = 0.5;
 /// All of [`Surfaces`] that does not follow from the states of the voxels.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(in super::super) struct SavedSurfaces {
-    /// By block: the nodes of its patches, by number.
+    /// By the slot of a block: the nodes of its patches, by number.
     nodes: Vec<Vec<u32>>,
     slots: Slots,
     /// With their components.
@@ -96,10 +96,10 @@ impl Surfaces {
             .collect()
     }
 
-    /// The clusters of the voxels of `grid`; `blocks` say what they were published as.
+    /// The clusters of the voxels of `grid`; `blocks` say what they were published as, and which slots they had.
     pub(in super::super) fn restore(
         map: &SavedSurfaces,
-        blocks: &[(u32, SavedBlock)],
+        blocks: &[(u32, &SavedBlock)],
         grid: &Grid,
         params: &Params,
         sequence: u64,
@@ -107,12 +107,11 @@ impl Surfaces {
         ensure_counted("the number of ids given", map.ids_given)?;
         let mut surfaces = Self::new(params);
         surfaces.ids_given = map.ids_given;
-        for (slot, block) in (0..).map(BlockIndex).zip(in_slots("block", blocks, grid.slots())?) {
-            let states = block.map_or(&[][..], |block| &block.states);
-            surfaces.segmented.push(segmented(states, grid, slot, &surfaces.rules)?);
+        for (slot, (_, block)) in (0..).map(BlockIndex).zip(blocks) {
+            surfaces.segmented.push(segmented(&block.states, grid, slot, &surfaces.rules)?);
         }
         let ids = scratch::meet(grid, &mut surfaces.segmented, &surfaces.rules);
-        surfaces.restore_nodes(map, &ids)?;
+        surfaces.restore_nodes(map, blocks)?;
         surfaces.restore_graph(map, &ids)?;
         let clusters = in_slots("cluster", &map.clusters, map.slots.components())?;
         surfaces.restore_clusters(&clusters, map.ids_given, sequence)?;
@@ -121,12 +120,19 @@ impl Surfaces {
         Ok(surfaces)
     }
 
-    fn restore_nodes(&mut self, map: &SavedSurfaces, ids: &[PatchId]) -> Result<(), RestoreError> {
-        let patches = self.segmented.iter().map(|segmented| segmented.patches.len());
-        ensure(map.nodes.iter().map(Vec::len).eq(patches), || {
-            format!("{} patches, {} nodes", ids.len(), map.nodes.iter().map(Vec::len).sum::<usize>())
+    fn restore_nodes(
+        &mut self,
+        map: &SavedSurfaces,
+        blocks: &[(u32, &SavedBlock)],
+    ) -> Result<(), RestoreError> {
+        let of_block =
+            |(slot, _): &(u32, &SavedBlock)| map.nodes.get(*slot as usize).map_or(&[][..], |nodes| nodes);
+        let patches = || self.segmented.iter().map(|segmented| segmented.patches.len());
+        let [given, all] = [patches().sum(), map.nodes.iter().map(Vec::len).sum::<usize>()];
+        ensure(given == all && blocks.iter().map(|block| of_block(block).len()).eq(patches()), || {
+            format!("{given} patches, {all} nodes, or in other blocks")
         })?;
-        let nodes = map.nodes.iter().map(|nodes| nodes.iter().copied().map(NodeId).collect());
+        let nodes = blocks.iter().map(|block| of_block(block).iter().copied().map(NodeId).collect());
         self.nodes = nodes.collect();
         Ok(())
     }
@@ -259,6 +265,7 @@ fn segmented(
 mod tests {
     use crate::engine::class::SurfaceClass;
     use crate::engine::consistent::pipeline::Consistent;
+    use crate::engine::consistent::saved::SavedConsistent;
     use crate::engine::params::Params;
     use crate::engine::scan::Stamp;
     use crate::sim::{Drive, Scene};
@@ -283,5 +290,35 @@ mod tests {
             }
         }
         assert!(floors > 0);
+    }
+
+    /// As it was saved while the slots of blocks that had gone were kept.
+    #[test]
+    fn a_map_with_slots_that_no_block_has_is_the_same_without_them() {
+        let drive = Drive::new(Scene::room(), 1, Stamp::from_nanos(0));
+        let mut map = Consistent::new(Params::default());
+        (0..6).for_each(|index| drop(map.insert(&drive.labelled_scan(5 * index).scan)));
+        let saved = map.save();
+        let mut spread = saved.clone();
+        for (slot, _) in &mut spread.grid.blocks {
+            spread.grid.free.push(2 * *slot);
+            *slot = 2 * *slot + 1;
+        }
+        let nodes = std::mem::take(&mut spread.surfaces.nodes).into_iter();
+        spread.surfaces.nodes = nodes.flat_map(|nodes| [Vec::new(), nodes]).collect();
+        spread.next = 2 * spread.grid.blocks.len() as u64;
+        let restored = Consistent::restore(Params::default(), *map.taken(), &spread).unwrap();
+        let slots = saved.grid.blocks.len() as u64;
+        assert!(restored.save() == SavedConsistent { next: slots, ..saved.clone() });
+        spread.next += 1;
+        assert!(
+            Consistent::restore(Params::default(), *map.taken(), &spread).is_err(),
+            "next is beyond all slots"
+        );
+        spread.next = 0;
+        let place = spread.surfaces.nodes.iter().position(|nodes| !nodes.is_empty()).unwrap();
+        spread.surfaces.nodes.swap(place - 1, place);
+        let refused = Consistent::restore(Params::default(), *map.taken(), &spread);
+        assert!(refused.is_err(), "nodes of a slot without a block");
     }
 }
