@@ -11,7 +11,7 @@ impl RangeGrid {
     /// Block `[bx, by, bz]` covers `[bx, bx + 1) * block_edge` along x of the fixed frame, likewise y and z. None is left
     /// out that lies in part in a measured direction, before the point measured there, and nearer than `max_depth`.
     ///
-    /// Only those of the `known` blocks that are `wanted` are projected and listed. Costs one such question for each block in
+    /// Only blocks that are `wanted`, all of them among the `known` ones, are projected and listed. Costs one such question for each block in
     /// the box around the view, some thousand for a Kinect, or for each known one where these are fewer, be the blocks ever so
     /// small, and one projection for each that is wanted.
     pub(crate) fn blocks_in_view(
