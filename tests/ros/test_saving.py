@@ -162,14 +162,18 @@ def test_a_disk_that_hangs_at_the_end_is_told_of_and_one_more_signal_ends_the_no
 def test_an_end_in_the_middle_of_a_saving_waits_for_it_and_saves_what_came_since(tmp_path, hanging, start, peer, new_peer):
     (hanging_start, hangs), path = hanging, tmp_path / "map.cfodi"
     node, camera = begin(hanging_start, peer, **saving(path, snapshot_period=0.1))
-    hangs.touch()
     take_in(camera, peer.deltas)
+    wait_until("no saving", path.exists)
+    hangs.touch()
     part = path.with_name("map.cfodi.part")
-    wait_until("no saving", part.exists)
+    take_in(camera, peer.deltas)
+    wait_until("no saving under way", part.exists)
+    whole = path.read_bytes()
     newest = take_in(camera, peer.deltas)
     node.process.send_signal(signal.SIGTERM)
     time.sleep(0.5)
-    assert node.process.poll() is None and not path.exists(), "it did not wait"
+    assert node.process.poll() is None, "it did not wait"
+    assert path.read_bytes() == whole
     hangs.unlink()
     assert node.wait() == 0
     assert not part.exists()
