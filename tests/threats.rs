@@ -47,11 +47,11 @@ fn has_test(file: &str, name: &str) -> bool {
         return text.lines().any(|line| line.starts_with(&format!("def {name}(")));
     }
     let lines: Vec<_> = text.lines().map(str::trim).collect();
-    let is_it = |line: &&str| line.starts_with(&format!("fn {name}("));
+    let is_it = |line: &&str| line.trim_start_matches("async ").starts_with(&format!("fn {name}("));
     let Some(at) = lines.iter().position(is_it) else { return false };
     let attributes =
         lines[..at].iter().rev().take_while(|line| line.starts_with("#[") || line.starts_with("//"));
-    attributes.into_iter().any(|line| *line == "#[test]")
+    attributes.into_iter().any(|line| ["#[test]", "#[tokio::test]"].contains(line))
 }
 
 #[test]
