@@ -47,8 +47,8 @@ mod calibration {
     /// itself by `HIGHER`.
     pub(super) const CORNER: f64 = 1.308_997;
     pub(super) const HIGHER: f64 = 0.1;
-    /// How far from an edge of it an upright surface that turns away from there begins, at least, where it is a door: of a cupboard's
-    /// side and its front, which meet, neither is.
+    /// Within this distance of an edge that is free on a door, no other upright surface begins there and turns away: a cupboard's side
+    /// and its front meet so, and neither is a door.
     pub(super) const CORNER_GAP: f64 = 0.15;
     /// Clearance above the floor up to which a surface certainly stands on it, and from which it counts half.
     pub(super) const STANDS: [f64; 2] = [0.3, 1.0];

@@ -117,20 +117,18 @@ impl RangeGrid {
     /// Takes in the points of a scan in place of those before.
     pub(crate) fn fill(&mut self, points: &Points) {
         self.clear();
-        let measured = match points {
-            Points::F32(points) => self.fill_list(points),
-            Points::Ended { points, ends } => self.fill_lists(points, ends),
+        // What lies between a camera's pixels is known from its rays, of others from where their points are.
+        let (measured, gaps) = match points {
+            Points::F32(points) => (self.fill_list(points), None),
+            Points::Ended { points, ends } => (self.fill_lists(points, ends), None),
             Points::F64(points) => {
                 let points: Vec<_> = points.iter().map(|point| point.map(|c| c as f32)).collect();
-                self.fill_list(&points)
+                (self.fill_list(&points), None)
             }
             Points::Depths(depths) => self.fill_pixels(depths),
         };
         self.finish(measured);
-        self.gaps = match points {
-            Points::Depths(depths) if pixels::is_ahead(depths.rays()) => Gaps::of_rays(depths.rays()),
-            _ => self.gaps_of_list(),
-        };
+        self.gaps = gaps.unwrap_or_else(|| self.gaps_of_list());
     }
 
     /// Takes in points, and where rays end beyond what is mapped; returns how many there are of both.

@@ -4,6 +4,7 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
+use super::spacing::Gaps;
 use super::{CELLS, Cell, RangeGrid, cell_and_depth, farther};
 use crate::engine::points::{Depths, Rays};
 
@@ -23,16 +24,17 @@ pub(super) struct Line {
 const FARTHER: u32 = f32::INFINITY.to_bits();
 
 impl RangeGrid {
-    /// Takes in a camera's pixels, those as well that are too far away to be points; returns how many were measured.
-    pub(super) fn fill_pixels(&mut self, depths: &Depths) -> usize {
+    /// Takes in a camera's pixels, those as well that are too far away to be points; returns how many were measured, and the gaps
+    /// between its rays where all look through one face.
+    pub(super) fn fill_pixels(&mut self, depths: &Depths) -> (usize, Option<Gaps>) {
         if is_ahead(depths.rays()) {
             let mut line = std::mem::take(&mut self.line);
             line.begin(&depths.rays().x);
             let measured = Arch::new().dispatch(Filling { grid: self, line: &mut line, depths });
             self.line = line;
-            measured as usize
+            (measured as usize, Some(Gaps::of_rays(depths.rays())))
         } else {
-            self.fill_lists(&depths.list(), &depths.ends())
+            (self.fill_lists(&depths.list(), &depths.ends()), None)
         }
     }
 
@@ -112,7 +114,7 @@ impl WithSimd for Filling<'_> {
 }
 
 /// Whether all pixels look through the face ahead, one after the other to the right and down.
-pub(super) fn is_ahead(rays: &Rays) -> bool {
+fn is_ahead(rays: &Rays) -> bool {
     [&rays.x, &rays.y].into_iter().all(|rays| rays.is_sorted() && rays.iter().all(|ray| ray.abs() < 1.0))
 }
 
