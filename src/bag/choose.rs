@@ -6,6 +6,7 @@ use thiserror::Error;
 
 use super::topic::Topic;
 use crate::line::one_line;
+use crate::msg::types;
 
 /// What a sensor's messages are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -104,8 +105,6 @@ impl ChoiceError {
     }
 }
 
-const CAMERA_INFO: &str = "sensor_msgs/msg/CameraInfo";
-
 /// The sensors to read: those `wanted`, each by its name; where none is, the first of the `usual` names that has scans, else the
 /// only point cloud, else the only depth image. `info` names the topic of the intrinsics of images for which no other is wanted,
 /// where it is not their sibling.
@@ -196,9 +195,9 @@ fn kind_by_type(topic: &Topic) -> Option<SensorKind> {
         return None;
     }
     match topic.type_name.as_str() {
-        "sensor_msgs/msg/PointCloud2" => Some(SensorKind::Cloud),
-        "sensor_msgs/msg/Image" => Some(SensorKind::Depth),
-        "sensor_msgs/msg/CompressedImage" => Some(SensorKind::CompressedDepth),
+        types::CLOUD => Some(SensorKind::Cloud),
+        types::IMAGE => Some(SensorKind::Depth),
+        types::COMPRESSED_IMAGE => Some(SensorKind::CompressedDepth),
         _ => None,
     }
 }
@@ -218,7 +217,7 @@ fn info_topic(
     kind: SensorKind,
     info: Option<&str>,
 ) -> Result<String, ChoiceError> {
-    let infos: Vec<_> = topics.iter().filter(|topic| topic.type_name == CAMERA_INFO).collect();
+    let infos: Vec<_> = topics.iter().filter(|topic| topic.type_name == types::CAMERA_INFO).collect();
     let up = |name: &str| name.rsplit_once('/').map_or(String::new(), |(above, _)| above.to_owned());
     // The name of a compressed image is that of the plain one and its transport.
     let above = if kind == SensorKind::Depth { up(&image.name) } else { up(&up(&image.name)) };

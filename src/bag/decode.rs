@@ -8,6 +8,7 @@ use super::read::Message;
 use super::topic::Topic;
 use crate::cloud::{Camera, Cloud, CloudError, CloudFilter, CloudSeed, CompressedSeed, DepthSeed, Optical};
 use crate::msg::ros::{CameraInfo, TfMessage};
+use crate::msg::types;
 
 /// What a message says.
 #[derive(Clone, Debug, PartialEq)]
@@ -258,7 +259,7 @@ impl Input {
 
 /// Whether messages of this type are transforms: as ROS 2 has it, and as bags from ROS 1 may still call it.
 pub(super) fn is_transforms(type_name: &str) -> bool {
-    matches!(type_name, "tf2_msgs/msg/TFMessage" | "tf/msg/tfMessage")
+    matches!(type_name, types::TRANSFORMS | "tf/msg/tfMessage")
 }
 
 #[cfg(test)]

@@ -7,9 +7,10 @@ use std::io::{self, Write};
 use mcap::Writer;
 use mcap::write::NoSeek;
 
-use super::write::{Channel, RECORDER, TF, channel, put, writer};
+use super::write::{Channel, RECORDER, channel, put, writer};
 use crate::msg::ros::{PointCloud2, TfMessage};
 use crate::msg::sent::{Named, Qos};
+use crate::msg::types;
 
 /// Writes a recording with `/tf_static`, `/tf` and one topic of clouds, in chunks of zstd.
 pub struct SensorBag<W: Write> {
@@ -27,8 +28,8 @@ impl<W: Write> SensorBag<W> {
     /// Those of `out`.
     pub fn new(out: W, points: &str) -> io::Result<Self> {
         let mut writer = writer(out, RECORDER)?;
-        let tf = |name| Named { name, type_name: TF };
-        let clouds = Named { name: points, type_name: "sensor_msgs/msg/PointCloud2" };
+        let tf = |name| Named { name, type_name: types::TRANSFORMS };
+        let clouds = Named { name: points, type_name: types::CLOUD };
         Ok(Self {
             static_transforms: channel(&mut writer, tf("/tf_static"), Qos::latched(1))?,
             transforms: channel(&mut writer, tf("/tf"), Qos::reliable(100))?,

@@ -21,6 +21,7 @@ use crate::msg::clusters::SurfaceClusterArray;
 use crate::msg::ros::{Header, JUMP_BACK, MarkerArray, PointCloud2, TfMessage};
 use crate::msg::sent::{self, Named, Qos, Topic};
 use crate::msg::twins::{Detection3DArray, PolygonInstanceStamped, Twins};
+use crate::msg::types::{CAMERA_INFO, TRANSFORMS};
 
 /// Names of the topics that a result bag holds, remappings applied.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -58,9 +59,6 @@ fn offered_qos(Qos { reliable, latched, depth }: Qos) -> String {
          liveliness_lease_duration: {{sec: 0, nsec: 0}}, avoid_ros_namespace_conventions: false}}"
     )
 }
-
-pub(super) const TF: &str = "tf2_msgs/msg/TFMessage";
-const CAMERA_INFO: &str = "sensor_msgs/msg/CameraInfo";
 
 /// A channel of the result, and how many messages it has.
 #[derive(Clone, Copy, Debug)]
@@ -234,9 +232,9 @@ impl<W: Write> ResultBag<W> {
         let (topic, qos) =
             if is_static { ("/tf_static", Qos::latched(1)) } else { ("/tf", Qos::reliable(100)) };
         let Self { writer, scratch, copied, ahead, .. } = self;
-        let key = (topic.to_owned(), TF.to_owned());
+        let key = (topic.to_owned(), TRANSFORMS.to_owned());
         if !copied.contains_key(&key) {
-            copied.insert(key.clone(), channel(writer, Named { name: topic, type_name: TF }, qos)?);
+            copied.insert(key.clone(), channel(writer, Named { name: topic, type_name: TRANSFORMS }, qos)?);
         }
         let Some(channel) = copied.get_mut(&key) else { return Ok(()) };
         put(writer, scratch, channel, (&first.header, *ahead), message)
@@ -285,7 +283,7 @@ fn open_copy<W: Write>(
     is_transforms: bool,
 ) -> io::Result<Channel> {
     let name = input.schema.as_ref().map_or("", |schema| schema.name.as_str());
-    let known = if is_transforms { Some(TF) } else { Some(name).filter(|name| *name == CAMERA_INFO) };
+    let known = if is_transforms { Some(TRANSFORMS) } else { Some(name).filter(|name| *name == CAMERA_INFO) };
     let schema = match (known, &input.schema) {
         (Some(known), _) => schema(writer, known)?,
         (None, Some(own)) => {

@@ -7,7 +7,7 @@ use cfodi::args::Setup;
 use cfodi::bag::{Bag, OutputTopics};
 use cfodi::export::{WholeFile, WriteError};
 use cfodi::line::one_line;
-use cfodi::node::transport::Outgoing;
+use cfodi::msg::sent;
 use cfodi::replay::{Ended, Finished, MapFiles, Outputs, Replay, ResultFile, Settings, Summary, feed};
 use cfodi::report::{Facts, Figure, Story, write_report};
 use cfodi::say::say;
@@ -165,12 +165,12 @@ pub(crate) fn write_page(
 pub(crate) fn output_topics(setup: &Setup) -> anyhow::Result<OutputTopics> {
     let name = |name| setup.resolve(name).context("an output's name");
     Ok(OutputTopics {
-        clusters: name(Outgoing::CLUSTERS)?,
-        clusters_delta: name(Outgoing::DELTA)?,
-        markers: name(Outgoing::MARKERS)?,
-        points_labelled: name(Outgoing::LABELLED)?,
-        detections: setup.config.twins.detections.then(|| name(Outgoing::DETECTIONS)).transpose()?,
-        polygons: setup.config.twins.polygons.then(|| name(Outgoing::POLYGONS)).transpose()?,
+        clusters: name(sent::CLUSTERS.name)?,
+        clusters_delta: name(sent::DELTA.name)?,
+        markers: name(sent::MARKERS.name)?,
+        points_labelled: name(sent::LABELLED.name)?,
+        detections: setup.config.twins.detections.then(|| name(sent::DETECTIONS.name)).transpose()?,
+        polygons: setup.config.twins.polygons.then(|| name(sent::POLYGONS.name)).transpose()?,
     })
 }
 

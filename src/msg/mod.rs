@@ -2,7 +2,8 @@
 //!
 //! Pure functions from values to values; a field order here is the order on the wire. [`ros`] holds the types of the
 //! ROS packages, [`parameters`] those of the parameter services, [`clusters`] those of `cfodi_msgs` (in the folder `msg/`),
-//! [`twins`] the clusters in messages of others; [`sent`] is on which topics they go.
+//! [`twins`] the clusters in messages of others; [`sent`] is on which topics they go,
+//! and [`types`] what those are called that come.
 
 pub mod caps;
 pub mod clusters;
@@ -13,3 +14,4 @@ pub mod reports;
 pub mod ros;
 pub mod sent;
 pub mod twins;
+pub mod types;

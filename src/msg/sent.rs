@@ -1,5 +1,7 @@
 //! The topics that the node sends, in one table: they are the same over any middleware and in a result bag.
 
+use super::types;
+
 /// Of a topic or service: its name, and its type as `sensor_msgs/msg/PointCloud2`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[expect(missing_docs, reason = "the names say all")]
@@ -67,8 +69,7 @@ pub const DELTA: Topic =
 /// The map to be looked at.
 pub const MARKERS: Topic = Topic::new("~/markers", "visualization_msgs/msg/MarkerArray", Qos::latched(1));
 /// Dense voxels; one of many megabytes, and an old one is of no use.
-pub const LABELLED: Topic =
-    Topic::new("~/points_labelled", "sensor_msgs/msg/PointCloud2", Qos::best_effort(1));
+pub const LABELLED: Topic = Topic::new("~/points_labelled", types::CLOUD, Qos::best_effort(1));
 /// A twin of the map.
 pub const DETECTIONS: Topic = Topic::new("~/detections", "vision_msgs/msg/Detection3DArray", Qos::latched(1));
 /// Another, a message a cluster: none is to push out another of the same map. Not latched: only the last would be.

@@ -2,13 +2,10 @@
 
 use std::time::Duration;
 
-use super::transport::{DepthTopics, Form, Outgoing, SensorTopics, Source, TopicName};
+use super::transport::{DepthTopics, Form, SensorTopics, Source, TopicName};
 use crate::cloud::CloudError;
-
-const CLOUD: &str = "sensor_msgs/msg/PointCloud2";
-const IMAGE: &str = "sensor_msgs/msg/Image";
-const COMPRESSED: &str = "sensor_msgs/msg/CompressedImage";
-const CAMERA_INFO: &str = "sensor_msgs/msg/CameraInfo";
+use crate::msg::sent;
+use crate::msg::types::{CAMERA_INFO, CLOUD, COMPRESSED_IMAGE, IMAGE};
 
 /// Topics of one type that are named at most: somebody may publish thousands.
 const NAMED: usize = 20;
@@ -23,7 +20,7 @@ impl Form {
         match self {
             Self::Points => CLOUD,
             Self::Depth => IMAGE,
-            Self::CompressedDepth => COMPRESSED,
+            Self::CompressedDepth => COMPRESSED_IMAGE,
         }
     }
 }
@@ -114,7 +111,7 @@ pub(super) fn why_quiet(
 /// What a sensor could be read from instead.
 fn choices(sensor: &SensorTopics, sources: &[Source]) -> String {
     // What another node made of clouds is no sensor's.
-    let of_nodes = Outgoing::LABELLED.trim_start_matches('~');
+    let of_nodes = sent::LABELLED.name.trim_start_matches('~');
     let of_sensors = || sources.iter().filter(|source| !source.topic.ends_with(of_nodes));
     let of_type = |kind: &'static str| of_sensors().filter(move |source| source.type_name == kind);
     let topics = |kind| of_type(kind).map(|source| source.topic.as_str()).take(NAMED);
@@ -122,7 +119,7 @@ fn choices(sensor: &SensorTopics, sources: &[Source]) -> String {
         |points: &TopicName| topics(CLOUD).map(|topic| format!("-r {}:={topic}", points.plain)).collect();
     let clouds: Vec<_> = sensor.points.as_ref().map(as_points).unwrap_or_default();
     let raw = topics(IMAGE);
-    let compressed = topics(COMPRESSED).filter_map(|topic| topic.strip_suffix(COMPRESSED_DEPTH));
+    let compressed = topics(COMPRESSED_IMAGE).filter_map(|topic| topic.strip_suffix(COMPRESSED_DEPTH));
     let (mut depth, other): (Vec<_>, Vec<_>) = raw.chain(compressed).partition(|topic| is_of_depth(topic));
     depth.sort_unstable();
     depth.dedup();

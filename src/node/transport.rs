@@ -163,34 +163,17 @@ pub enum Outgoing {
 }
 
 impl Outgoing {
-    /// Name of the topic of [`Self::Clusters`].
-    pub const CLUSTERS: &str = sent::CLUSTERS.name;
-    /// Of [`Self::Delta`].
-    pub const DELTA: &str = sent::DELTA.name;
-    /// Of [`Self::Markers`].
-    pub const MARKERS: &str = sent::MARKERS.name;
-    /// Of [`Self::Labelled`].
-    pub const LABELLED: &str = sent::LABELLED.name;
-    /// Of [`Self::Diagnostics`].
-    pub const DIAGNOSTICS: &str = sent::DIAGNOSTICS.name;
-    /// Of [`Self::Log`].
-    pub const LOG: &str = sent::LOG.name;
-    /// Of [`Self::Detections`].
-    pub const DETECTIONS: &str = sent::DETECTIONS.name;
-    /// Of [`Self::Polygon`].
-    pub const POLYGONS: &str = sent::POLYGONS.name;
-
     /// Name of its topic.
     pub const fn topic(&self) -> &'static str {
         match self {
-            Self::Clusters(_) => Self::CLUSTERS,
-            Self::Delta(_) => Self::DELTA,
-            Self::Markers(_) => Self::MARKERS,
-            Self::Labelled(_) => Self::LABELLED,
-            Self::Diagnostics(_) => Self::DIAGNOSTICS,
-            Self::Log(_) => Self::LOG,
-            Self::Detections(_) => Self::DETECTIONS,
-            Self::Polygon(_) => Self::POLYGONS,
+            Self::Clusters(_) => sent::CLUSTERS.name,
+            Self::Delta(_) => sent::DELTA.name,
+            Self::Markers(_) => sent::MARKERS.name,
+            Self::Labelled(_) => sent::LABELLED.name,
+            Self::Diagnostics(_) => sent::DIAGNOSTICS.name,
+            Self::Log(_) => sent::LOG.name,
+            Self::Detections(_) => sent::DETECTIONS.name,
+            Self::Polygon(_) => sent::POLYGONS.name,
         }
     }
 }
@@ -302,9 +285,9 @@ mod tests {
 
     #[test]
     fn what_could_not_be_sent_is_an_error_that_names_its_topic() {
-        let error: Box<dyn Error> = SendError::refused(Outgoing::DELTA, "no memory").into();
+        let error: Box<dyn Error> = SendError::refused(sent::DELTA.name, "no memory").into();
         assert_eq!(error.to_string(), "on ~/clusters_delta: no memory");
-        let error = SendError::Unacknowledged { topic: Outgoing::DELTA, most: 1024 };
+        let error = SendError::Unacknowledged { topic: sent::DELTA.name, most: 1024 };
         assert!(error.to_string().starts_with("on ~/clusters_delta: ") && error.to_string().contains("1024"));
         let error = SendError::unanswered(Service::Save.name(), "gone");
         assert!(matches!(error, SendError::Unanswered { service: "~/save", .. }));

@@ -25,13 +25,14 @@ use super::threads::Threads;
 use super::{Events, opening};
 use crate::msg::ros::TfMessage;
 use crate::msg::sent::Named;
+use crate::msg::types;
 use crate::node::heard::{Order, PublisherId, Taken};
 use crate::node::middleware::OpenError;
 use crate::node::transport::Event;
 
 /// The topic.
 pub(super) const TOPIC: &str = "/tf_static";
-pub(super) const NAMED: Named<'_> = Named { name: TOPIC, type_name: "tf2_msgs/msg/TFMessage" };
+pub(super) const NAMED: Named<'_> = Named { name: TOPIC, type_name: types::TRANSFORMS };
 
 /// Time between two openings: publishers that come together are heard by one reader.
 const REST: Duration = Duration::from_millis(200);

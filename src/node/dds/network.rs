@@ -23,6 +23,7 @@ use super::threads::Threads;
 use crate::msg::clusters::SurfaceClusterArray;
 use crate::msg::reports::{DiagnosticArray, Log};
 use crate::msg::ros::{MarkerArray, PointCloud2, TriggerRequest, TriggerResponse};
+use crate::msg::sent;
 use crate::msg::twins::{Detection3DArray, PolygonInstanceStamped};
 use crate::node::clock::TimeOfDay;
 use crate::node::readers;
@@ -96,8 +97,8 @@ impl Network {
             Outgoing::Diagnostics(report) => self.tell(self.diagnostics.as_ref(), report).await,
             Outgoing::Log(line) => self.tell(self.log.as_ref(), line).await,
             Outgoing::Labelled(cloud) => {
-                let sent = self.labelled.async_publish(cloud).await;
-                sent.map_err(|error| SendError::refused(Outgoing::LABELLED, &error))
+                let published = self.labelled.async_publish(cloud).await;
+                published.map_err(|error| SendError::refused(sent::LABELLED.name, &error))
             }
             Outgoing::Detections(array) => self.tell(self.detections.as_ref(), array).await,
             Outgoing::Polygon(polygon) => self.tell(self.polygons.as_ref(), polygon).await,

@@ -20,6 +20,7 @@ use crate::args::security::Security;
 use crate::cloud::{CloudSeed, CompressedSeed, DepthSeed};
 use crate::msg::ros::{CameraInfo, Clock, TriggerRequest, TriggerResponse};
 use crate::msg::sent::Named;
+use crate::msg::types;
 use crate::node::heard::{Known, Order, PublisherId, Taken};
 use crate::node::middleware::OpenError;
 use crate::node::parameters::Parameters;
@@ -29,8 +30,6 @@ use crate::node::{clock, compressed};
 
 /// Messages of transforms that may wait.
 const TRANSFORMS: usize = 100;
-
-const TF: &str = "tf2_msgs/msg/TFMessage";
 
 /// What was heard, for readers that come after: a publisher's numbers go on when the network is joined anew.
 #[derive(Clone, Default)]
@@ -86,7 +85,7 @@ pub(super) fn listen(
     let repaired = (&reliable(TRANSFORMS, Durability::Volatile)).into();
     let topic = opener.setup.resolve("/tf")?;
     for qos in at_once.into_iter().chain([repaired]) {
-        let dynamic = opener.subscribe(Named { name: &topic, type_name: TF }, &qos)?;
+        let dynamic = opener.subscribe(Named { name: &topic, type_name: types::TRANSFORMS }, &qos)?;
         let taken = Rc::clone(&memory.transforms);
         let transforms = move |message, info: &MessageInfo| match taken
             .borrow_mut()
@@ -101,12 +100,12 @@ pub(super) fn listen(
     let taken = Rc::clone(&memory.latched);
     let transforms = move |message, info: &MessageInfo| latched::event(&taken, message, info);
     let topic = opener.setup.resolve(latched::TOPIC)?;
-    let latched = opener.subscribe(Named { name: &topic, type_name: TF }, &latched_qos())?;
+    let latched = opener.subscribe(Named { name: &topic, type_name: types::TRANSFORMS }, &latched_qos())?;
     readers.spawn_local(read(latched::TOPIC, latched, events.clone(), transforms));
     if opener.setup.config.use_sim_time {
         let qos = (&QosProfile::subscription_default()).into();
         let topic = opener.setup.resolve("/clock")?;
-        let times = opener.subscribe(Named { name: &topic, type_name: "rosgraph_msgs/msg/Clock" }, &qos)?;
+        let times = opener.subscribe(Named { name: &topic, type_name: types::CLOCK }, &qos)?;
         let parameters = Rc::clone(parameters);
         let time = move |clock: Clock, _: &MessageInfo| Some(clock::event(clock, &parameters));
         readers.spawn_local(read("/clock", times, events.clone(), time));
@@ -155,8 +154,7 @@ impl Listening<'_, '_> {
 
     fn clouds(&mut self, topic: String) -> Result<(), OpenError> {
         let qos = scan_qos(policy::Reliability::BestEffort);
-        let clouds =
-            self.opener.subscribe(Named { name: &topic, type_name: "sensor_msgs/msg/PointCloud2" }, &qos)?;
+        let clouds = self.opener.subscribe(Named { name: &topic, type_name: types::CLOUD }, &qos)?;
         let seed = WithFilter::new(self.parameters, CloudSeed::new);
         let known = Rc::clone(&self.heard.points);
         self.read(
@@ -172,8 +170,7 @@ impl Listening<'_, '_> {
         let best_effort = policy::Reliability::BestEffort;
         let (qos, camera) = (scan_qos(best_effort), self.heard.camera.clone());
         let name = camera_info.resolved.clone();
-        let infos =
-            self.opener.subscribe(Named { name: &name, type_name: "sensor_msgs/msg/CameraInfo" }, &qos)?;
+        let infos = self.opener.subscribe(Named { name: &name, type_name: types::CAMERA_INFO }, &qos)?;
         self.readers.spawn_local(read_cameras(
             (self.number, name),
             infos,
@@ -185,9 +182,8 @@ impl Listening<'_, '_> {
         let repaired = (!has_keys(self.opener.security)).then_some((repaired, true));
         for (reliability, reliably) in [(best_effort, false)].into_iter().chain(repaired) {
             let qos = scan_qos(reliability);
-            let images = self
-                .opener
-                .subscribe(Named { name: &image.resolved, type_name: "sensor_msgs/msg/Image" }, &qos)?;
+            let images =
+                self.opener.subscribe(Named { name: &image.resolved, type_name: types::IMAGE }, &qos)?;
             let seed = WithCamera::new(&camera, self.parameters, DepthSeed::new);
             let (input, known) = (Form::Depth.of(self.number), Rc::clone(&self.heard.images));
             self.read(Reading { input, topic: image.resolved.clone(), known, reliably }, images, seed);
@@ -198,7 +194,7 @@ impl Listening<'_, '_> {
     /// Compressed depth images, once they are wanted.
     fn compressed(&mut self, sensor: SensorTopics, name: String) -> Result<(), OpenError> {
         let qos = scan_qos(policy::Reliability::BestEffort);
-        let named = Named { name: &name, type_name: "sensor_msgs/msg/CompressedImage" };
+        let named = Named { name: &name, type_name: types::COMPRESSED_IMAGE };
         let topic = self.opener.resolved_topic(named, &qos)?;
         self.opener.ends.reads(topic.name(), qos);
         let node = Rc::downgrade(&self.opener.node);

@@ -10,6 +10,7 @@ use super::{Opener, reliable};
 use crate::args::Setup;
 use crate::msg::ros::{PointCloud2, TfMessage};
 use crate::msg::sent::Named;
+use crate::msg::types;
 use crate::node::middleware::OpenError;
 use crate::node::transport::SendError;
 
@@ -38,10 +39,9 @@ impl Robot {
         let setup = setup.for_node("simulated_robot");
         let security = setup.security()?;
         let mut opener = Opener::new(&setup, &security)?;
-        let tf = |name| Named { name, type_name: "tf2_msgs/msg/TFMessage" };
+        let tf = |name| Named { name, type_name: types::TRANSFORMS };
         let best_effort = &QosProfile::subscription_default().into();
-        let points = opener
-            .publisher(Named { name: POINTS, type_name: "sensor_msgs/msg/PointCloud2" }, best_effort)?;
+        let points = opener.publisher(Named { name: POINTS, type_name: types::CLOUD }, best_effort)?;
         let patient =
             |depth, durability| (&reliable(depth, durability).reliability_reliable(PATIENCE)).into();
         let dynamic = opener.publisher(tf(TF), &patient(100, Durability::Volatile))?;

@@ -17,7 +17,7 @@ use crate::msg::sent::{self, Named, Topic};
 use crate::node::clock;
 use crate::node::heard::PublisherId;
 use crate::node::middleware::OpenError;
-use crate::node::transport::{Outgoing, SendError};
+use crate::node::transport::SendError;
 
 /// Time until a reader is told the number of the newest message, by which it sees that it has missed it.
 const HEARTBEAT: Duration = Duration::from_millis(500);
@@ -25,12 +25,12 @@ const HEARTBEAT: Duration = Duration::from_millis(500);
 /// Opens all topics that parameters ask for, by their names.
 pub(super) fn open(opener: &Opener) -> Result<BTreeMap<&'static str, Outlet>, OpenError> {
     let twins = &opener.setup.config.twins;
-    let is_asked_for = |name: &str| match name {
-        Outgoing::DETECTIONS => twins.detections,
-        Outgoing::POLYGONS => twins.polygons,
+    let is_asked_for = |topic: &Topic| match *topic {
+        sent::DETECTIONS => twins.detections,
+        sent::POLYGONS => twins.polygons,
         _ => true,
     };
-    let topics = sent::TOPICS.into_iter().filter(|topic| is_asked_for(topic.name));
+    let topics = sent::TOPICS.into_iter().filter(is_asked_for);
     topics.map(|topic| Ok((topic.name, Outlet::open(opener, topic)?))).collect()
 }
 

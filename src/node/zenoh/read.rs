@@ -15,6 +15,7 @@ use crate::bag::cdr;
 use crate::cloud::{CloudError, CloudSeed, CompressedSeed, DepthSeed};
 use crate::msg::ros::{Clock, TriggerRequest};
 use crate::msg::sent::{Named, Qos};
+use crate::msg::types;
 use crate::node::heard::Known;
 use crate::node::middleware::OpenError;
 use crate::node::parameters::Parameters;
@@ -47,21 +48,14 @@ pub(super) fn listen(
     for (topic, is_static) in [("/tf", false), ("/tf_static", true)] {
         let qos = Qos { latched: is_static, ..Qos::reliable(100) };
         let resolved = opener.setup.resolve(topic)?;
-        let transforms = opener.subscribe(
-            Named { name: &resolved, type_name: "tf2_msgs/msg/TFMessage" },
-            qos,
-            TRANSFORMS,
-        )?;
+        let transforms =
+            opener.subscribe(Named { name: &resolved, type_name: types::TRANSFORMS }, qos, TRANSFORMS)?;
         let event = move |message| Event::Transforms { message, is_static };
         readers.spawn_local(read(topic, transforms, events.clone(), event));
     }
     if opener.setup.config.use_sim_time {
         let resolved = opener.setup.resolve("/clock")?;
-        let clocks = opener.subscribe(
-            Named { name: &resolved, type_name: "rosgraph_msgs/msg/Clock" },
-            SENSOR,
-            CLOCKS,
-        )?;
+        let clocks = opener.subscribe(Named { name: &resolved, type_name: types::CLOCK }, SENSOR, CLOCKS)?;
         let parameters = Rc::clone(parameters);
         let event = move |clock: Clock| clock::event(clock, &parameters);
         readers.spawn_local(read("/clock", clocks, events.clone(), event));
@@ -115,11 +109,7 @@ impl Listening<'_> {
 
     fn clouds(&mut self, topic: &str) -> Result<(), OpenError> {
         let seed = WithFilter::new(self.parameters, CloudSeed::new);
-        let scans = self.opener.subscribe(
-            Named { name: topic, type_name: "sensor_msgs/msg/PointCloud2" },
-            SENSOR,
-            SCANS,
-        )?;
+        let scans = self.opener.subscribe(Named { name: topic, type_name: types::CLOUD }, SENSOR, SCANS)?;
         self.read(Form::Points, scans, seed, Rc::clone(&self.known.points));
         Ok(())
     }
@@ -127,11 +117,11 @@ impl Listening<'_> {
     /// Depth images with their camera; compressed ones once they are wanted.
     fn images(&mut self, sensor: SensorTopics, topics: DepthTopics) -> Result<(), OpenError> {
         let camera = LatestCamera::default();
-        let infos = Named { name: &topics.camera_info.resolved, type_name: "sensor_msgs/msg/CameraInfo" };
+        let infos = Named { name: &topics.camera_info.resolved, type_name: types::CAMERA_INFO };
         let infos = self.opener.subscribe(infos, SENSOR, CAMERAS)?;
         self.readers.spawn_local(read_cameras(self.number, infos, camera.clone(), self.events.clone()));
         let seed = WithCamera::new(&camera, self.parameters, DepthSeed::new);
-        let images = Named { name: &topics.image.resolved, type_name: "sensor_msgs/msg/Image" };
+        let images = Named { name: &topics.image.resolved, type_name: types::IMAGE };
         let images = self.opener.subscribe(images, SENSOR, SCANS)?;
         self.read(Form::Depth, images, seed, Rc::clone(&self.known.images));
         let seed = WithCamera::new(&camera, self.parameters, CompressedSeed::new);
@@ -139,7 +129,7 @@ impl Listening<'_> {
         let (input, events) = (Form::CompressedDepth.of(self.number), self.events.clone());
         self.readers.spawn_local(async move {
             compressed::wanted(&sensor, || listed(&graph), |form| known.come(form)).await;
-            let images = Named { name: &topics.compressed, type_name: "sensor_msgs/msg/CompressedImage" };
+            let images = Named { name: &topics.compressed, type_name: types::COMPRESSED_IMAGE };
             // The session may be left meanwhile.
             let images = opener.upgrade().map(|opener| opener.subscribe(images, SENSOR, SCANS));
             match images {
