@@ -22,7 +22,7 @@ pub use self::table::{Bounds, Parameter};
 use self::value::Given;
 pub use self::value::{Value, as_meant};
 use crate::cloud::{CloudFilter, Optical};
-use crate::engine::Params;
+use crate::engine::{Params, ParamsError};
 use crate::msg::twins::Twins;
 
 /// Everything the node can be told, checked.
@@ -93,6 +93,9 @@ pub enum ConfigError {
         /// The values it can have.
         must: String,
     },
+    /// A value that the engine cannot have.
+    #[error(transparent)]
+    Engine(#[from] ParamsError),
     /// A change of a parameter that is read when the node starts.
     #[error("{name} is {value} while the node runs, {because}: start it again with -p {name}:=...")]
     Fixed {
@@ -154,27 +157,19 @@ impl Config {
 
 fn engine(given: &Given) -> Result<Params, ConfigError> {
     given.check_no_bounds()?;
-    // The table's bounds are the engine's; what is beyond them is said in the table's words.
-    Params::default()
+    // The table's bounds are the engine's: what is beyond them is refused in the table's words, before the engine is asked.
+    Ok(Params::DEFAULT
         .with_mode(given.mode()?)
         .with_noise_model(given.noise_model()?)
         .with_clearing(given.clearing()?)
-        .with_max_voxels(given.integer("max_voxels")?)
-        .or_else(|_| given.refuse_by_row("max_voxels"))?
-        .with_keep_radius(given.number("keep_radius")?)
-        .or_else(|_| given.refuse_by_row("keep_radius"))?
-        .with_voxel_size(given.number("voxel_size")?)
-        .or_else(|_| given.refuse_by_row("voxel_size"))?
-        .with_min_points(given.integer("min_points")?)
-        .or_else(|_| given.refuse_by_row("min_points"))?
-        .with_depth(given.integer("depth")?)
-        .or_else(|_| given.refuse_by_row("depth"))?
-        .with_max_normal_angle(given.number("max_normal_angle")?)
-        .or_else(|_| given.refuse_by_row("max_normal_angle"))?
-        .with_min_vicinity(given.integer("min_vicinity")?)
-        .or_else(|_| given.refuse_by_row("min_vicinity"))?
-        .with_expansion_interval(given.integer("expansion_interval")?)
-        .or_else(|_| given.refuse_by_row("expansion_interval"))
+        .with_max_voxels(given.integer("max_voxels")?)?
+        .with_keep_radius(given.number("keep_radius")?)?
+        .with_voxel_size(given.number("voxel_size")?)?
+        .with_min_points(given.integer("min_points")?)?
+        .with_depth(given.integer("depth")?)?
+        .with_max_normal_angle(given.number("max_normal_angle")?)?
+        .with_min_vicinity(given.integer("min_vicinity")?)?
+        .with_expansion_interval(given.integer("expansion_interval")?)?)
 }
 
 fn filter(given: &Given) -> Result<CloudFilter, ConfigError> {

@@ -8,7 +8,7 @@ use std::ops::RangeInclusive;
 use super::Value;
 use super::sensors::{MAX_SENSOR_NAME_BYTES, MOST_SENSORS};
 use crate::cloud::CloudFilter;
-use crate::engine;
+use crate::engine::{self, Mode, NoiseModel, Params};
 use crate::msg::ros::MAX_FRAME_ID_BYTES;
 
 /// What a value can be beside its type; both ends are possible.
@@ -237,6 +237,10 @@ const LEAST: f64 = f64::from_bits(1);
 /// No depth sensor sees further [m].
 const FARTHEST: f64 = 1e6;
 
+/// Defaults.
+const ENGINE: Params = Params::DEFAULT;
+const FILTER: CloudFilter = CloudFilter::DEFAULT;
+
 const MAP: Change = Change::AtStart("the map is made with it");
 const NETWORK: Change = Change::AtStart("the network is joined with it");
 
@@ -264,62 +268,73 @@ pub(super) const OF_SENSOR: &[Row] = &[
              clouds on `<name>` and depth images on `depth/image`, whichever come first",
             NETWORK,
         ),
-    Row::text("noise_model", "kinect_v1", Bounds::OneOf(NOISE_MODELS))
+    Row::text("noise_model", NOISE_MODEL, Bounds::OneOf(NOISE_MODELS))
         .also("as `noise_model` and the same for all sensors: one map weighs its points in one way")
         .means("what its depths scatter by, in mode `consistent`; as `noise_model`, which follows it where not given", MAP),
 ];
 
 const NOISE_MODELS: &[&str] = &["kinect_v1", "none"];
+const NOISE_MODEL: &str = match ENGINE.noise_model() {
+    NoiseModel::KinectV1 => "kinect_v1",
+    NoiseModel::None => "none",
+};
+
+const MODE: &str = match ENGINE.mode() {
+    Mode::Consistent => "consistent",
+    Mode::Paper => "paper",
+};
 
 /// In the order of the documentation.
 pub(super) const TABLE: &[Row] = &[
     Row::text("fixed_frame", "odom", FRAME).means("frame in which the map lives, its z up", MAP),
-    Row::text("mode", "consistent", Bounds::OneOf(&["consistent", "paper"])).means(
+    Row::text("mode", MODE, Bounds::OneOf(&["consistent", "paper"])).means(
         "`consistent`: clusters as one definition has them, whatever the order of the scans; `paper`: CFODI to the letter",
         MAP,
     ),
-    Row::number("voxel_size", 0.08, &engine::VOXEL_SIZE).unit("m").means("edge of a voxel, the paper's xi", MAP),
-    Row::integer("min_points", 15, &engine::MIN_POINTS)
+    Row::number("voxel_size", ENGINE.voxel_size(), &engine::VOXEL_SIZE)
+        .unit("m")
+        .means("edge of a voxel, the paper's xi", MAP),
+    Row::integer("min_points", ENGINE.min_points() as i64, &engine::MIN_POINTS)
         .means("points that make a voxel dense, the paper's tau", MAP),
-    Row::integer("depth", 4, &engine::DEPTH)
+    Row::integer("depth", ENGINE.depth() as i64, &engine::DEPTH)
         .means("steps that a neighbourhood reaches, in mode `paper`: its d", MAP),
-    Row::number("max_normal_angle", 0.53, &engine::MAX_NORMAL_ANGLE).unit("rad").means(
+    Row::number("max_normal_angle", ENGINE.max_normal_angle(), &engine::MAX_NORMAL_ANGLE).unit("rad").means(
         "largest angle between similar normals, theta; mode `consistent` takes 0.17 at most, and 0.4 for what is rough or \
          badly known",
         MAP,
     ),
-    Row::integer("min_vicinity", 1, &engine::MIN_VICINITY)
+    Row::integer("min_vicinity", ENGINE.min_vicinity() as i64, &engine::MIN_VICINITY)
         .unit("pairs")
         .means("least vicinity of an absorption, in mode `paper`: its minUnits", MAP),
-    Row::integer("expansion_interval", 10, &engine::EXPANSION_INTERVAL)
+    Row::integer("expansion_interval", ENGINE.expansion_interval() as i64, &engine::EXPANSION_INTERVAL)
         .unit("scans")
         .zero("never complete")
         .means("time without growth until a cluster is complete, delta", Change::LiveInConsistent),
-    Row::text("noise_model", "kinect_v1", Bounds::OneOf(NOISE_MODELS))
+    Row::text("noise_model", NOISE_MODEL, Bounds::OneOf(NOISE_MODELS))
         .means("what depths scatter by, in mode `consistent`", MAP),
-    Row::boolean("clearing", true)
+    Row::boolean("clearing", ENGINE.clearing())
         .also("false where mode is `paper`: the letter forgets nothing")
         .means("whether what the sensor looks through is forgotten", Change::LiveInConsistent),
-    Row::integer("max_voxels", 0, &engine::MAX_VOXELS)
+    Row::integer("max_voxels", ENGINE.max_voxels() as i64, &engine::MAX_VOXELS)
         .zero("no bound")
         .also(FORGETS_NOTHING)
         .means("most voxels that hold points, in mode `consistent`", Change::LiveInConsistent),
-    Row::number("keep_radius", 0.0, &engine::KEEP_RADIUS)
+    Row::number("keep_radius", ENGINE.keep_radius(), &engine::KEEP_RADIUS)
         .unit("m")
         .zero("no bound")
         .also("at least min_range where it is not 0; 0 where mode is `paper`: the letter forgets nothing")
         .means("how far from the sensor voxels are kept, in mode `consistent`", Change::LiveInConsistent),
-    Row::number("max_range", CloudFilter::DEFAULT.max_range, &(0.0..=FARTHEST))
+    Row::number("max_range", FILTER.max_range, &(0.0..=FARTHEST))
         .unit("m")
         .also("at least min_range")
         .means("furthest point: depth in an optical frame, else distance", Change::Live),
-    Row::number("min_range", CloudFilter::DEFAULT.min_range, &(0.0..=FARTHEST))
+    Row::number("min_range", FILTER.min_range, &(0.0..=FARTHEST))
         .unit("m")
         .also("at most max_range")
         .means("nearest point: depth in an optical frame, else distance", Change::Live),
     Row::text("optical", "auto", Bounds::OneOf(&["auto", "yes", "no"]))
         .means("whether clouds have optical axes; `auto`: their frame's name tells", Change::Live),
-    Row::integer("max_points", CloudFilter::DEFAULT.max_points as i64, &(1..=MAX_SCAN_POINTS))
+    Row::integer("max_points", FILTER.max_points as i64, &(1..=MAX_SCAN_POINTS))
         .means("most points of one scan; a larger one is refused", Change::Live),
     Row::new(
         "network_interfaces",

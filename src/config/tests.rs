@@ -15,6 +15,7 @@ fn line(name: &str, value: Value) -> String {
 fn the_defaults_are_possible_and_those_of_the_engine() {
     let config = Config::new([]).unwrap();
     assert_eq!(config.engine, Params::default());
+    assert_eq!((config.engine.voxel_size(), config.engine.min_points()), (0.08, 15));
     assert_eq!(config.fixed_frame, "odom");
     assert_eq!(config.publish_period, Duration::from_millis(500));
     assert_eq!(config.filter, CloudFilter::default());

@@ -89,19 +89,7 @@ pub(crate) const KEEP_RADIUS: RangeInclusive<f64> = 0.0..=f64::MAX;
 
 impl Default for Params {
     fn default() -> Self {
-        Self {
-            mode: Mode::Consistent,
-            voxel_size: 0.08,
-            min_points: 15,
-            depth: 4,
-            max_normal_angle: 0.53,
-            min_vicinity: 1,
-            expansion_interval: 10,
-            noise_model: NoiseModel::KinectV1,
-            clearing: true,
-            max_voxels: 0,
-            keep_radius: 0.0,
-        }
+        Self::DEFAULT
     }
 }
 
@@ -110,6 +98,21 @@ fn within<T: TryFrom<i64>>(value: i64, bounds: &RangeInclusive<i64>) -> Option<T
 }
 
 impl Params {
+    /// What is not told otherwise.
+    pub const DEFAULT: Self = Self {
+        mode: Mode::Consistent,
+        voxel_size: 0.08,
+        min_points: 15,
+        depth: 4,
+        max_normal_angle: 0.53,
+        min_vicinity: 1,
+        expansion_interval: 10,
+        noise_model: NoiseModel::KinectV1,
+        clearing: true,
+        max_voxels: 0,
+        keep_radius: 0.0,
+    };
+
     /// The defaults for the method to the letter, which forgets nothing.
     pub fn paper() -> Self {
         Self::default().with_mode(Mode::Paper).with_clearing(false)
