@@ -19,7 +19,7 @@ use self::given::{given, idle, located};
 use self::remap::{Kind, Rule, readable};
 pub use self::rmw::{Rmw, RmwError, ZENOH_BUILT_IN};
 use self::security::{Asked, BUILT_IN, Security, SecurityError};
-use crate::config::{Config, Value};
+use crate::config::{Config, Current};
 use crate::yaml::{self, YamlError};
 
 /// What the environment says about the node.
@@ -70,10 +70,8 @@ pub struct Setup {
     pub namespace: String,
     /// Domain of DDS; over Zenoh what all its names begin with.
     pub domain: u16,
-    /// The checked configuration.
-    pub config: Config,
-    /// Values of all parameters, as the parameter services show them.
-    pub parameters: Vec<(String, Value)>,
+    /// Its parameters, and the configuration that they stand for.
+    pub parameters: Current,
     /// Level of the log, as `--log-level` gives it.
     pub log_level: Option<String>,
     /// Whether the lines of the log are sent to `/rosout`.
@@ -114,13 +112,12 @@ impl Setup {
         ros2args::names::validate_namespace(&namespace)?;
         let (without_effect, given): (Vec<_>, Vec<_>) =
             given(&ros, &namespace, &name)?.into_iter().partition(|given| idle(&given.name).is_some());
-        let values = || given.iter().map(|given| (given.name.clone(), given.value.clone()));
+        let values = given.iter().map(|given| (given.name.clone(), given.value.clone()));
         let remaps = ros.remap_rules.iter().filter(|rule| rule.applies_to_node(&name));
         let setup = Self {
             given: given.iter().map(|given| given.name.clone()).collect(),
             idle: without_effect.iter().filter_map(|given| idle(&given.name)).collect(),
-            config: Config::new(values()).map_err(|error| located(error, &given))?,
-            parameters: Config::values(values())?,
+            parameters: Current::new(values).map_err(|error| located(error, &given))?,
             domain: parse_domain(environment.domain.as_deref())?,
             rmw: environment.rmw.clone().unwrap_or_default(),
             security: Asked { enclave: ros.enclave.clone(), ..environment.security.clone() },
@@ -132,6 +129,11 @@ impl Setup {
             namespace,
         };
         Ok((setup, rest))
+    }
+
+    /// What the parameters stand for.
+    pub const fn config(&self) -> &Config {
+        self.parameters.config()
     }
 
     /// Variables of the environment that were set to change discovery, and do not.
@@ -221,10 +223,10 @@ impl Setup {
         self.resolve(name).is_ok_and(|resolved| Some(resolved) != expanded)
     }
 
-    /// The same network and remappings for another node of this process, without parameters.
+    /// The same network, parameters and remappings for another node of this process.
     #[must_use]
     pub fn for_node(&self, name: &str) -> Self {
-        Self { name: name.to_owned(), parameters: Vec::new(), ..self.clone() }
+        Self { name: name.to_owned(), ..self.clone() }
     }
 
     /// Namespace and name, as in `/robot/cfodi`.

@@ -115,7 +115,7 @@ mod tests {
             ["cfodi", "--log-file-name", "x", "--ros-args", "--log-file-name", "y", "-p", "depth:=3", "--"];
         let args: Vec<_> = args.iter().chain(&["--log-file-name", "z"]).map(|&arg| arg.to_owned()).collect();
         let (setup, rest) = Setup::parse(&args, &Environment::default(), "cfodi").unwrap();
-        assert_eq!(setup.config.engine.depth(), 3);
+        assert_eq!(setup.config().engine.depth(), 3);
         assert_eq!(rest, ["cfodi", "--log-file-name", "x", "--log-file-name", "z"]);
         for line in ["--ros-args --log-file-name", "--ros-args --log-file-name -- run"] {
             let error = parse(line).unwrap_err().to_string();

@@ -1,6 +1,7 @@
 //! What arguments give.
 
 use super::*;
+use crate::config::Value;
 
 pub(super) fn parse(line: &str) -> Result<Setup, ArgsError> {
     let args: Vec<_> = line.split_whitespace().map(str::to_owned).collect();
@@ -55,9 +56,9 @@ fn files_count_in_order_and_p_after_them() {
     let text = "/**:\n  ros__parameters:\n    depth: 3\n    voxel_size: 1\n/other:\n  ros__parameters:\n    depth: 8\n";
     std::fs::write(&file, text).unwrap();
     let setup = parse(&format!("--ros-args -p depth:=2 --params-file {}", file.display())).unwrap();
-    assert_eq!(setup.config.engine.depth(), 2);
-    assert!((setup.config.engine.voxel_size() - 1.0).abs() < f64::EPSILON);
-    assert!(setup.parameters.contains(&("voxel_size".to_owned(), Value::Double(1.0))));
+    assert_eq!(setup.config().engine.depth(), 2);
+    assert!((setup.config().engine.voxel_size() - 1.0).abs() < f64::EPSILON);
+    assert_eq!(setup.parameters.get("voxel_size").unwrap().1, &Value::Double(1.0));
 }
 
 #[test]

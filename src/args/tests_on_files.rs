@@ -13,7 +13,7 @@ fn depth(arguments: &str, text: &str) -> u8 {
     let file = folder.path().join("params.yaml");
     std::fs::write(&file, text).unwrap();
     let line = format!("--ros-args {arguments} --params-file {}", file.display());
-    parse(&line).unwrap().config.engine.depth()
+    parse(&line).unwrap().config().engine.depth()
 }
 
 #[test]
@@ -81,9 +81,9 @@ fn sections_of_one_name_are_read_both_and_of_a_parameter_the_last_value_counts()
 fn words_and_numbers_are_read_as_ros_reads_them() {
     let setup =
         parse("--ros-args -p clearing:=off -p use_sim_time:=Yes -p optical:=no -p keep_radius:=3").unwrap();
-    assert!(!setup.config.engine.clearing() && setup.config.use_sim_time);
-    assert_eq!(setup.config.filter.optical, crate::cloud::Optical::No);
-    assert_eq!(setup.config.engine.keep_radius(), 3.0);
+    assert!(!setup.config().engine.clearing() && setup.config().use_sim_time);
+    assert_eq!(setup.config().filter.optical, crate::cloud::Optical::No);
+    assert_eq!(setup.config().engine.keep_radius(), 3.0);
     for wrong in ["clearing:=1", "clearing:=oN", "depth:=3.0", "depth:=yes", "fixed_frame:=5", "mode:=true"] {
         assert!(parse(&format!("--ros-args -p {wrong}")).is_err(), "{wrong}");
     }
@@ -100,7 +100,7 @@ fn what_every_node_of_ros_has_is_taken_and_named_and_what_no_one_knows_is_refuse
         parse(&format!("--ros-args --params-file {}", file.display()))
     };
     let setup = of_all("depth: 3").unwrap();
-    assert_eq!(setup.config.engine.depth(), 3);
+    assert_eq!(setup.config().engine.depth(), 3);
     assert!(setup.idle().eq(["qos_overrides", "start_type_description_service"]));
     assert!(!setup.is_given("start_type_description_service"));
     assert_eq!(parse("").unwrap().idle().count(), 0);

@@ -111,7 +111,7 @@ fn drive<T: Middleware>(
     let mut travelling: Option<JoinHandle<Result<(), String>>> = None;
     let over = Arc::new(AtomicBool::new(false));
     let (arrived, arrival) = oneshot::channel::<()>();
-    let (engine, _lock) = begin(&setup.config, false).map_err(ProcessError::from)?;
+    let (engine, _lock) = begin(setup.config(), false).map_err(ProcessError::from)?;
     let map = live_node::<T>(
         setup,
         engine,
@@ -123,7 +123,7 @@ fn drive<T: Middleware>(
                 drive: Drive::new(Scene::room(), options.seed, now()),
                 steps: options.seconds * SCANS_PER_SECOND,
                 recorder: recorder.clone(),
-                inside: (!over_network).then_some((events, setup.config.filter)),
+                inside: (!over_network).then_some((events, setup.config().filter)),
                 over: Arc::clone(&over),
             };
             let robot = Builder::new().name("cfodi-robot".to_owned()).spawn(move || {

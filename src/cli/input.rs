@@ -48,7 +48,7 @@ const INFO: &str = "depth/camera_info";
 
 /// Opens the bag and chooses its sensors.
 pub(crate) fn open(setup: &Setup, path: &Path, wanted: &[String]) -> anyhow::Result<Input> {
-    if setup.config.snapshot_path.is_some() {
+    if setup.config().snapshot_path.is_some() {
         say("snapshot_path is not used: only `cfodi run` saves its map");
     }
     // Listened for before the first reading, which may take long.
@@ -60,7 +60,7 @@ pub(crate) fn open(setup: &Setup, path: &Path, wanted: &[String]) -> anyhow::Res
     say_copies(&bag);
     let Survey { topics, is_complete } = bag.survey(&stop);
     // What the node would listen to is meant: where it was remapped in any case, else where the bag has scans there.
-    let is_told = setup.is_given("sensors") || setup.config.sensors.iter().any(|it| it.kind != Kind::Auto);
+    let is_told = setup.is_given("sensors") || setup.config().sensors.iter().any(|it| it.kind != Kind::Auto);
     let (meant, usual) =
         if is_told { (of_sensors(setup)?, Vec::new()) } else { (remapped(setup)?, usual(setup)?) };
     let named = wanted.iter().map(|topic| Wanted { topic: topic.clone(), info: None });
@@ -79,15 +79,15 @@ pub(crate) fn open(setup: &Setup, path: &Path, wanted: &[String]) -> anyhow::Res
     })?;
     say_choice(&choice);
     let fixed_frame = if setup.is_given("fixed_frame") {
-        FixedFrame::Settled(setup.config.fixed_frame.clone())
+        FixedFrame::Settled(setup.config().fixed_frame.clone())
     } else {
-        FixedFrame::Open { default: setup.config.fixed_frame.clone() }
+        FixedFrame::Open { default: setup.config().fixed_frame.clone() }
     };
     let transforms =
         TransformTopics { changing: setup.resolve("/tf")?, lasting: setup.resolve("/tf_static")? };
     say_unread(&transforms, &topics);
-    let decoder = Decoder::new(choice.sensors, setup.config.filter, transforms);
-    let patience = setup.config.tf_timeout.max(PATIENCE);
+    let decoder = Decoder::new(choice.sensors, setup.config().filter, transforms);
+    let patience = setup.config().tf_timeout.max(PATIENCE);
     Ok(Input { bag, decoder, fixed_frame, patience })
 }
 
@@ -125,7 +125,7 @@ fn of_sensors(setup: &Setup) -> Result<Vec<Wanted>, ArgsError> {
         let info = info.map(|info| setup.resolve(&info)).transpose()?;
         Ok(Wanted { topic: setup.resolve(&topic)?, info })
     };
-    setup.config.sensors.iter().filter_map(of_sensor).map(wanted).collect()
+    setup.config().sensors.iter().filter_map(of_sensor).map(wanted).collect()
 }
 
 /// The names on which the node listens without a list.

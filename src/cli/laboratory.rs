@@ -97,7 +97,7 @@ pub(crate) fn laboratory(setup: &Setup, options: &Simulation, out: &Path) -> any
     let scene = Scene::named(name).with_context(|| format!("there is no scene {name}"))?;
     let Simulation { seeds, seconds, scan_step, voxel_size, .. } = options;
     check(setup, voxel_size)?;
-    let laboratory = Laboratory::new(scene, *seconds, *scan_step, &setup.config.engine, voxel_size)?;
+    let laboratory = Laboratory::new(scene, *seconds, *scan_step, &setup.config().engine, voxel_size)?;
     std::fs::create_dir_all(out).with_context(|| format!("cannot make {}", out.display()))?;
     let [page, csv] = ["quality.md", "quality.csv"].map(|name| out.join(name));
     // Who has named a folder that cannot be written to is not to wait for the runs. The files are given up again: a signal

@@ -30,7 +30,7 @@ pub(crate) struct Options {
 }
 
 pub(crate) fn run(setup: &Setup, options: &Options, lines: Lines) -> anyhow::Result<()> {
-    if let Some(line) = z_is_not_up(&setup.config.fixed_frame) {
+    if let Some(line) = z_is_not_up(&setup.config().fixed_frame) {
         warn!("{line}");
     }
     match setup.rmw().map_err(ProcessError::from)? {
@@ -46,10 +46,10 @@ fn run_over<T: Middleware>(setup: &Setup, options: &Options, lines: Lines) -> an
     // Before a map is set aside for a node that cannot start.
     setup.check_names().map_err(ProcessError::from)?;
     T::security(setup).map_err(ProcessError::from)?;
-    let (engine, _lock) = begin(&setup.config, options.resume).map_err(ProcessError::from)?;
+    let (engine, _lock) = begin(setup.config(), options.resume).map_err(ProcessError::from)?;
     match live_node::<T>(setup, engine, None, lines, |_| Ok(()), pending()) {
         Err(ProcessError::Deaf { why, changed }) => {
-            let path = setup.config.snapshot_path.as_deref();
+            let path = setup.config().snapshot_path.as_deref();
             let map = path.map_or_else(
                 || "an empty map, for snapshot_path names none".to_owned(),
                 |path| format!("the map of {}", path.display()),
@@ -125,11 +125,11 @@ mod tests {
             let args: Vec<_> = line.split(' ').map(OsString::from).collect();
             assert_eq!(with_changes(args.clone(), &[]), args);
             let (before, after) = (parsed(&args), parsed(&with_changes(args, &changed)));
-            let expected = before.parameters.into_iter().map(|(name, value)| {
-                let set = changed.iter().find(|(changed, _)| *changed == name);
-                set.cloned().unwrap_or((name, value))
+            let expected = before.parameters.values().map(|(name, value)| {
+                let set = changed.iter().find(|(changed, _)| changed == name);
+                (name, set.map_or(value, |(_, value)| value))
             });
-            assert_eq!(after.parameters, expected.collect::<Vec<_>>(), "{line}");
+            assert!(after.parameters.values().eq(expected), "{line}");
         }
     }
 }

@@ -31,12 +31,12 @@ impl Current {
     ///
     /// # Errors
     /// As [`Config::new`].
-    pub fn new(given: Vec<(String, Value)>) -> Result<Self, ConfigError> {
-        let values = Given::new(given.clone())?.into_values().into_iter().collect();
-        let config = Config::new(given)?;
+    pub fn new(given: impl IntoIterator<Item = (String, Value)>) -> Result<Self, ConfigError> {
+        let given = Given::new(given)?;
+        let config = Config::of(&given)?;
         let sensors: Vec<_> = config.sensors.iter().map(|sensor| sensor.name.clone()).collect();
         let declared = parameters(&sensors).into_iter().map(|parameter| (parameter.name.clone(), parameter));
-        Ok(Self { declared: declared.collect(), values, config })
+        Ok(Self { declared: declared.collect(), values: given.into_values(), config })
     }
 
     /// What the values stand for.

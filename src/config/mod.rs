@@ -124,13 +124,16 @@ impl Config {
     /// # Errors
     /// At the first parameter that is unknown or whose value cannot be.
     pub fn new(values: impl IntoIterator<Item = (String, Value)>) -> Result<Self, ConfigError> {
-        let given = Given::new(values)?;
+        Self::of(&Given::new(values)?)
+    }
+
+    fn of(given: &Given) -> Result<Self, ConfigError> {
         let seconds = |name| given.number(name).map(Duration::from_secs_f64);
         Ok(Self {
             fixed_frame: given.frame("fixed_frame")?,
             sensors: given.sensors()?,
-            engine: engine(&given)?,
-            filter: filter(&given)?,
+            engine: engine(given)?,
+            filter: filter(given)?,
             tf_timeout: seconds("tf_timeout")?,
             publish_period: Duration::from_secs_f64(1.0 / given.number("publish_rate")?),
             network_interfaces: given.addresses("network_interfaces")?,
@@ -142,16 +145,6 @@ impl Config {
             snapshot_period: seconds("snapshot_period")?,
             twins: given.twins()?,
         })
-    }
-
-    /// The values that this configuration stands for, under their names: what the parameter services show.
-    ///
-    /// # Errors
-    /// As [`Self::new`].
-    pub fn values(
-        given: impl IntoIterator<Item = (String, Value)>,
-    ) -> Result<Vec<(String, Value)>, ConfigError> {
-        Ok(Given::new(given)?.into_values())
     }
 }
 

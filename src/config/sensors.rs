@@ -97,7 +97,7 @@ fn is_name(name: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::{Config, Value};
+    use crate::config::{Config, Current, Value};
     use crate::engine::NoiseModel;
 
     fn text(text: &str) -> Value {
@@ -199,8 +199,9 @@ mod tests {
         ];
         let given = given.map(|(name, value)| (name.to_owned(), value));
         for given in [Vec::new(), given.to_vec()] {
-            let values = Config::values(given.clone()).unwrap();
-            assert_eq!(Config::new(values).unwrap(), Config::new(given).unwrap());
+            let current = Current::new(given).unwrap();
+            let values = current.values().map(|(name, value)| (name.clone(), value.clone()));
+            assert_eq!(Config::new(values).unwrap(), *current.config());
         }
     }
 }

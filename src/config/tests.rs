@@ -30,8 +30,8 @@ fn the_letter_forgets_nothing_and_is_not_told_to() {
         let given = [std::slice::from_ref(&paper), more].concat();
         Config::new(given.into_iter().map(|(name, value)| (name.to_owned(), value)))
     };
-    let values = Config::values([("mode".to_owned(), Value::Text("paper".into()))]).unwrap();
-    assert!(values.contains(&("clearing".to_owned(), Value::Boolean(false))));
+    let current = Current::new([("mode".to_owned(), Value::Text("paper".into()))]).unwrap();
+    assert_eq!(current.get("clearing").unwrap().1, &Value::Boolean(false));
     assert_eq!(with(&[]).unwrap().engine, Params::paper());
     assert!(with(&[("clearing", Value::Boolean(false))]).is_ok());
     let refused = |more: (&str, Value)| with(&[more]).unwrap_err().to_string();

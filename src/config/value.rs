@@ -105,7 +105,7 @@ impl Given {
         }
     }
 
-    pub(super) fn into_values(self) -> Vec<(String, Value)> {
+    pub(super) fn into_values(self) -> BTreeMap<String, Value> {
         self.0.into_iter().map(|(name, (value, _))| (name, value)).collect()
     }
 

@@ -38,8 +38,8 @@ use super::parameters::Parameters;
 use super::process::{receive_buffer, say_discovery, say_receive_buffer};
 use super::readers::Readers;
 use super::transport::{NetworkState, Outgoing, SendError, SensorTopics, Service, Source, Transport};
+use crate::args::Setup;
 use crate::args::security::{Security, SecurityError};
-use crate::args::{ArgsError, Setup};
 use crate::config::Value;
 use crate::memory::prefault;
 use crate::msg::ros::{TriggerRequest, TriggerResponse};
@@ -113,11 +113,11 @@ impl Middleware for Dds {
     }
 
     async fn open(setup: &Setup, security: Security) -> Result<Opened<Self>, OpenError> {
-        prefault(BURSTS * setup.config.receive_buffer.min(LARGEST_BURST));
+        prefault(BURSTS * setup.config().receive_buffer.min(LARGEST_BURST));
         let (events, receiver) = mpsc::channel(EVENTS);
         let memory = Memory::default();
-        let begun_with = Parameters::new(setup.fully_qualified_name(), setup.parameters.clone());
-        let parameters = Rc::new(begun_with.map_err(ArgsError::from)?);
+        let parameters = Parameters::new(setup.fully_qualified_name(), setup.parameters.clone());
+        let parameters = Rc::new(parameters);
         let network = Network::open(setup, &security, &memory, &parameters, &events)?;
         let dds = Self {
             setup: setup.clone(),

@@ -51,9 +51,9 @@ pub(super) struct Parameters {
 
 impl Parameters {
     /// Those that the node `node` starts with.
-    pub(super) fn new(node: String, given: Vec<(String, Value)>) -> Result<Self, ConfigError> {
-        let current = RefCell::new(Current::new(given)?);
-        Ok(Self { node, current, clock: Cell::new(None), throttle: RefCell::default() })
+    pub(super) fn new(node: String, current: Current) -> Self {
+        let current = RefCell::new(current);
+        Self { node, current, clock: Cell::new(None), throttle: RefCell::default() }
     }
 
     /// What they stand for.
@@ -62,10 +62,11 @@ impl Parameters {
     }
 
     /// Those that have other values than these.
-    pub(super) fn other_than(&self, given: &[(String, Value)]) -> Vec<(String, Value)> {
+    pub(super) fn other_than(&self, before: &Current) -> Vec<(String, Value)> {
         let current = self.current.borrow();
-        let now = current.values().map(|(name, value)| (name.clone(), value.clone()));
-        now.filter(|pair| !given.contains(pair)).collect()
+        let is_same = |(name, now): &(&String, &Value)| before.get(name).is_some_and(|(_, was)| was == *now);
+        let others = current.values().filter(|pair| !is_same(pair));
+        others.map(|(name, value)| (name.clone(), value.clone())).collect()
     }
 
     /// Which points of a cloud are taken in now.
@@ -256,8 +257,8 @@ mod tests {
     use super::*;
 
     fn parameters(given: &[(&str, Value)]) -> Parameters {
-        let given = given.iter().map(|(name, value)| ((*name).to_owned(), value.clone())).collect();
-        Parameters::new("/cfodi".to_owned(), given).unwrap()
+        let given = given.iter().map(|(name, value)| ((*name).to_owned(), value.clone()));
+        Parameters::new("/cfodi".to_owned(), Current::new(given).unwrap())
     }
 
     fn names(names: &[&str]) -> Names {

@@ -86,7 +86,7 @@ impl ProcessError {
 /// Bytes of the receive buffer that the node's sockets have: the system cuts a larger wish short without a word, so a
 /// socket is asked. (Linux reports twice what it has set.)
 pub fn receive_buffer(setup: &Setup) -> usize {
-    let wish = setup.config.receive_buffer;
+    let wish = setup.config().receive_buffer;
     let got = Socket::new(Domain::IPV4, Type::DGRAM, None).and_then(|socket| {
         socket.set_recv_buffer_size(wish)?;
         socket.recv_buffer_size()
@@ -100,7 +100,7 @@ pub fn receive_buffer(setup: &Setup) -> usize {
 const RAW_DEPTH_IMAGE: usize = 400_000;
 
 pub(super) fn say_receive_buffer(setup: &Setup) {
-    let (wish, got) = (setup.config.receive_buffer, receive_buffer(setup));
+    let (wish, got) = (setup.config().receive_buffer, receive_buffer(setup));
     if got < wish {
         let what = if got < RAW_DEPTH_IMAGE {
             "clouds and raw depth images of 640x480 (their compressedDepth is smaller)"
@@ -186,7 +186,7 @@ pub fn live_node<T: Middleware>(
         say_ready(setup, transport.inputs());
         begin(events)?;
         let map = live::run(
-            &setup.config,
+            setup.config(),
             engine,
             (Rc::clone(&transport), recorder),
             receiver,

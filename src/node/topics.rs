@@ -33,7 +33,7 @@ impl Setup {
     /// The topics that scans are read from, by sensor.
     pub(super) fn inputs(&self) -> Result<Vec<SensorTopics>, ArgsError> {
         let sensors: Vec<_> =
-            self.config.sensors.iter().map(|sensor| topics(self, sensor)).collect::<Result<_, _>>()?;
+            self.config().sensors.iter().map(|sensor| topics(self, sensor)).collect::<Result<_, _>>()?;
         let mut read = BTreeMap::new();
         for sensor in &sensors {
             for topic in Form::ALL.into_iter().filter_map(|form| sensor.topic(form)) {

@@ -36,8 +36,8 @@ use super::middleware::{Adding, Middleware, OpenError, Opened};
 use super::parameters::Parameters;
 use super::readers::{self, Readers};
 use super::transport::{Form, NetworkState, Outgoing, SendError, SensorTopics, Service, Source, Transport};
+use crate::args::Setup;
 use crate::args::security::{Security, SecurityError};
-use crate::args::{ArgsError, Setup};
 use crate::bag::cdr;
 use crate::config::Value;
 use crate::msg::ros::TriggerResponse;
@@ -91,8 +91,8 @@ pub struct Zenoh {
 impl Zenoh {
     /// The node's ends on a session.
     fn on(session: &Session, setup: &Setup, events: &Events) -> Result<Self, OpenError> {
-        let begun_with = Parameters::new(setup.fully_qualified_name(), setup.parameters.clone());
-        let parameters = Rc::new(begun_with.map_err(ArgsError::from)?);
+        let parameters = Parameters::new(setup.fully_qualified_name(), setup.parameters.clone());
+        let parameters = Rc::new(parameters);
         let answers = Answers::start()?;
         let opener = Rc::new(Opener::new(setup, session, answers.clone())?);
         let graph = Graph::default();

@@ -40,7 +40,7 @@ fn check(args: &[String], domain: Option<&str>) {
         Ok((setup, _)) => setup,
         Err(error) => return assert!(!error.to_string().is_empty()),
     };
-    let config = &setup.config;
+    let config = setup.config();
     assert!(setup.domain <= 232);
     assert!(!config.fixed_frame.is_empty() && config.fixed_frame.len() <= 256);
     assert!(config.filter.min_range <= config.filter.max_range && config.filter.max_range <= 1e6);

@@ -88,7 +88,7 @@ impl Looks {
 /// Says where nobody on another machine can be heard, unless that is meant.
 pub(super) fn say_addresses(setup: &Setup) {
     let is_local = |name: &str| ["ROS_LOCALHOST_ONLY", "ROS_AUTOMATIC_DISCOVERY_RANGE"].contains(&name);
-    let is_meant = !setup.config.network_interfaces.is_empty()
+    let is_meant = !setup.config().network_interfaces.is_empty()
         || setup.discovery().iter().any(|(name, _)| is_local(name));
     if let Some(line) = lack(&read(&[])).filter(|_| !is_meant) {
         warn!("{line}");

@@ -126,9 +126,9 @@ fn mapping(setup: &Setup) -> ServiceMapping {
 
 pub(super) fn participant(setup: &Setup, security: &Security) -> Result<DomainParticipant, OpenError> {
     let builder = DomainParticipantBuilder::new(setup.domain)
-        .socket_receive_buffer_size(setup.config.receive_buffer)
-        .socket_send_buffer_size(setup.config.receive_buffer);
-    let only = &setup.config.network_interfaces;
+        .socket_receive_buffer_size(setup.config().receive_buffer)
+        .socket_send_buffer_size(setup.config().receive_buffer);
+    let only = &setup.config().network_interfaces;
     only.iter().copied().try_for_each(check_interface)?;
     let builder = if only.is_empty() {
         builder

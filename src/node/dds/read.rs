@@ -102,7 +102,7 @@ pub(super) fn listen(
     let topic = opener.setup.resolve(latched::TOPIC)?;
     let latched = opener.subscribe(Named { name: &topic, type_name: types::TRANSFORMS }, &latched_qos())?;
     readers.spawn_local(read(latched::TOPIC, latched, events.clone(), transforms));
-    if opener.setup.config.use_sim_time {
+    if opener.setup.config().use_sim_time {
         let qos = (&QosProfile::subscription_default()).into();
         let topic = opener.setup.resolve("/clock")?;
         let times = opener.subscribe(Named { name: &topic, type_name: types::CLOCK }, &qos)?;

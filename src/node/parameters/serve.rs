@@ -174,7 +174,7 @@ mod tests {
     use tokio::sync::mpsc::channel;
 
     use super::*;
-    use crate::config::Value;
+    use crate::config::Current;
     use crate::msg::parameters::{Parameter, ParameterValue, kind};
 
     #[derive(Clone, Default)]
@@ -195,8 +195,8 @@ mod tests {
     #[tokio::test]
     async fn of_several_values_each_is_set_by_itself_or_all_or_none() {
         let (events, mut node) = channel::<Event<()>>(16);
-        let (told, given) = (Told::default(), Vec::<(String, Value)>::new());
-        let parameters = Rc::new(Parameters::new("/cfodi".to_owned(), given).unwrap());
+        let (told, current) = (Told::default(), Current::new([]).unwrap());
+        let parameters = Rc::new(Parameters::new("/cfodi".to_owned(), current));
         let setter = Setter { parameters: Rc::clone(&parameters), changes: told.clone(), events };
         let wanted = SetRequest { parameters: vec![timeout(0.5), timeout(61.0)] };
         assert!(!setter.set(wanted.clone()).await.successful);

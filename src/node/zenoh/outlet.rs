@@ -24,7 +24,7 @@ const HEARTBEAT: Duration = Duration::from_millis(500);
 
 /// Opens all topics that parameters ask for, by their names.
 pub(super) fn open(opener: &Opener) -> Result<BTreeMap<&'static str, Outlet>, OpenError> {
-    let twins = &opener.setup.config.twins;
+    let twins = &opener.setup.config().twins;
     let is_asked_for = |topic: &Topic| match *topic {
         sent::DETECTIONS => twins.detections,
         sent::POLYGONS => twins.polygons,

@@ -53,7 +53,7 @@ pub(super) fn listen(
         let event = move |message| Event::Transforms { message, is_static };
         readers.spawn_local(read(topic, transforms, events.clone(), event));
     }
-    if opener.setup.config.use_sim_time {
+    if opener.setup.config().use_sim_time {
         let resolved = opener.setup.resolve("/clock")?;
         let clocks = opener.subscribe(Named { name: &resolved, type_name: types::CLOCK }, SENSOR, CLOCKS)?;
         let parameters = Rc::clone(parameters);

@@ -56,7 +56,7 @@ impl Network {
         events: &Events,
     ) -> Result<Self, OpenError> {
         let time_of_day = Cell::new(TimeOfDay::read());
-        let addresses = Addresses::at_joining(&setup.config.network_interfaces);
+        let addresses = Addresses::at_joining(&setup.config().network_interfaces);
         let (opener, threads) = Threads::started_by(|| Opener::new(setup, security));
         let mut opener = opener?;
         let pulse = pulse(&opener);
@@ -143,14 +143,14 @@ fn labelled_qos() -> rustdds::QosPolicies {
 }
 
 fn detections(setup: &Setup, opener: &mut Opener<'_>) -> Result<Option<Outlet<Detection3DArray>>, OpenError> {
-    setup.config.twins.detections.then(|| Outlet::open(opener, sent::DETECTIONS, SNAPSHOTS)).transpose()
+    setup.config().twins.detections.then(|| Outlet::open(opener, sent::DETECTIONS, SNAPSHOTS)).transpose()
 }
 
 fn polygons(
     setup: &Setup,
     opener: &mut Opener<'_>,
 ) -> Result<Option<Outlet<PolygonInstanceStamped>>, OpenError> {
-    setup.config.twins.polygons.then(|| Outlet::open(opener, sent::POLYGONS, POLYGONS)).transpose()
+    setup.config().twins.polygons.then(|| Outlet::open(opener, sent::POLYGONS, POLYGONS)).transpose()
 }
 
 fn pulse(opener: &Opener) -> Option<Rc<Pulse>> {
