@@ -22,7 +22,7 @@ impl Default for Converted {
 }
 
 /// Farthest end of a ray (m): what is beyond was measured by no sensor, or in another unit.
-pub(super) const FARTHEST_END: f32 = 100.0;
+const FARTHEST_END: f32 = 100.0;
 
 /// Points that are judged together.
 const BATCH: usize = 256;
@@ -68,7 +68,7 @@ impl Gate {
         let (is_valid, is_in_range) = self.judge(point);
         let [x, y, z] = point;
         let range = if self.optical { z } else { (x * x + y * y + z * z).sqrt() };
-        is_valid && !is_in_range && range > self.max_range && range <= f64::from(FARTHEST_END)
+        is_valid && !is_in_range && is_end(range, self.max_range)
     }
 
     /// Whether a point is one, and whether it is in range if so. A sensor marks "no measurement" as NaN or as the origin; in
@@ -82,6 +82,23 @@ impl Gate {
         let range = if self.optical { z } else { (x * x + y * y + z * z).sqrt() };
         (is_valid, (self.min_range <= range) & (range <= self.max_range))
     }
+}
+
+/// Whether a measurement that is `range` away is the end of a ray beyond what is kept.
+#[inline(always)]
+fn is_end<T: Copy + PartialOrd + From<f32>>(range: T, farthest: T) -> bool {
+    (range > farthest) & (range <= FARTHEST_END.into())
+}
+
+/// A depth as [`Depths`](crate::engine::Depths) has it, and whether it was measured, and kept: itself where it is kept, its
+/// negative at the end of a ray beyond, infinity elsewhere.
+#[inline(always)]
+#[expect(clippy::needless_bitwise_bool, reason = "a lazy operator is a branch")]
+pub(super) fn judged(depth: f32, [nearest, farthest]: [f32; 2]) -> (f32, bool, bool) {
+    let is_measured = (depth > 0.0) & (depth < f32::INFINITY);
+    let is_kept = is_measured & (depth >= nearest) & (depth <= farthest);
+    let other = if is_measured & is_end(depth, farthest) { -depth } else { f32::INFINITY };
+    (if is_kept { depth } else { other }, is_measured, is_kept)
 }
 
 /// Converts by the fast path where it applies, else by the plain one.

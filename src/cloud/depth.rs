@@ -10,7 +10,7 @@ use std::sync::Arc;
 use pulp::{Arch, Simd, WithSimd};
 use serde::de::{DeserializeSeed, Deserializer, SeqAccess, Visitor};
 
-use super::convert::{Converted, FARTHEST_END, Gate};
+use super::convert::{Converted, Gate, judged};
 use super::seed::{lent, next};
 use super::{Camera, Cloud, CloudError, CloudFilter, layout};
 use crate::engine::{Depths, Points};
@@ -275,23 +275,18 @@ impl<const N: usize, R: Fn([u8; N]) -> f32> WithSimd for Reading<'_, N, R> {
     type Output = [u32; 2];
 
     #[inline(always)]
-    #[expect(clippy::needless_bitwise_bool, reason = "a lazy operator is a branch")]
     fn with_simd<S: Simd>(self, _: S) -> [u32; 2] {
         let (mut measured, mut kept) = (0, 0);
-        let [nearest, farthest] = self.sight.range;
+        let range = self.sight.range;
         for row in self.grid.data.chunks_exact(self.grid.step).take(self.sight.rows) {
             // A loop, for what is handed to an iterator's method is not compiled for the processor at hand.
             for pixels in row[..self.grid.row_bytes].as_chunks().0.chunks(BATCH) {
                 let mut depths = [0.0; BATCH];
                 for (bytes, place) in pixels.iter().zip(&mut depths) {
-                    let depth = (self.read)(*bytes);
-                    let is_measured = (depth > 0.0) & (depth < f32::INFINITY);
-                    let is_kept = is_measured & (depth >= nearest) & (depth <= farthest);
+                    let (depth, is_measured, is_kept) = judged((self.read)(*bytes), range);
+                    *place = depth;
                     measured += u32::from(is_measured);
                     kept += u32::from(is_kept);
-                    let is_far = is_measured & (depth > farthest) & (depth <= FARTHEST_END);
-                    let other = if is_far { -depth } else { f32::INFINITY };
-                    *place = if is_kept { depth } else { other };
                 }
                 self.depths.extend_from_slice(&depths[..pixels.len()]);
             }

@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::convert::{Converted, FARTHEST_END, Gate, front};
+use super::convert::{Converted, Gate, front, judged};
 use super::layout::Layout;
 use crate::engine::{Depths, Points, Rays};
 
@@ -63,23 +63,19 @@ struct Judge<'a> {
 }
 
 impl Judge<'_> {
-    /// Replaces the depths of a row that are not kept: those too far away by their negative, all others by infinity.
+    /// Replaces the depths of a row that are not kept.
     #[inline(always)]
     #[expect(clippy::needless_bitwise_bool, reason = "a lazy operator is a branch")]
     fn row(&self, [xs, ys]: [&[f32]; 2], depths: &mut [f32], row_ray: f32) -> Tally {
-        let [nearest, farthest] = self.range;
         let mut tally = Tally::default();
         for (((z, x), y), ray) in depths.iter_mut().zip(xs).zip(ys).zip(&self.rays.x) {
-            let is_measured = (*z > 0.0) & (*z < f32::INFINITY);
-            let is_kept = is_measured & (*z >= nearest) & (*z <= farthest);
+            let (depth, is_measured, is_kept) = judged(*z, self.range);
             let most = TOLERANCE * *z;
             let is_on_ray = ((*x - ray * *z).abs() <= most) & ((*y - row_ray * *z).abs() <= most);
             tally.off_ray += u32::from(is_measured & !is_on_ray);
             tally.measured += u32::from(is_measured);
             tally.kept += u32::from(is_kept);
-            let is_far = is_measured & (*z > farthest) & (*z <= FARTHEST_END);
-            let other = if is_far { -*z } else { f32::INFINITY };
-            *z = if is_kept { *z } else { other };
+            *z = depth;
         }
         tally
     }
