@@ -5,18 +5,15 @@
 //! z = a / (raw - b). What it calls `compressed` is a bare PNG. Two bytes a pixel are taken to unpack it, once its size is
 //! known to be the camera's.
 
-use std::fmt;
 use std::io::Cursor;
 
 use png::{BitDepth, ColorType, Decoder, DecodingError};
-use serde::de::{DeserializeSeed, Deserializer, SeqAccess, Visitor};
+use serde::de::SeqAccess;
 
 use super::depth::{Coding, Pixels, check_count};
-use super::seed::{lent, next};
+use super::seed::{DepthImage, ImageSeed, lent, next};
 use super::{Camera, Cloud, CloudError, CloudFilter, layout};
 use crate::msg::ros::{CompressedImage, Header};
-
-const FIELDS: &[&str] = &["header", "format", "data"];
 
 /// Bytes before a compressedDepth image: i32 kind, f32 a, f32 b, in the order of the machines that ROS runs on.
 const HEADER: usize = 12;
@@ -36,41 +33,20 @@ pub fn decode_compressed(
 }
 
 /// Reads one serialised `sensor_msgs/CompressedImage` and gives what [`decode_compressed`] gives, without a copy.
-///
-/// What is wrong inside a readable message comes as a [`CloudError`] in the value; a message that cannot be read to
-/// its end comes as the deserializer's own error.
-#[derive(Clone, Copy, Debug)]
-pub struct CompressedSeed {
-    camera: Camera,
-    filter: CloudFilter,
-}
+pub type CompressedSeed = ImageSeed<CompressedImage>;
 
-impl CompressedSeed {
-    /// A seed for images of `camera` that takes in what `filter` lets through.
-    pub fn new(camera: Camera, filter: CloudFilter) -> Self {
-        Self { camera, filter }
-    }
-}
+impl DepthImage for CompressedImage {
+    const NAME: &str = "CompressedImage";
+    const FIELDS: &[&str] = &["header", "format", "data"];
 
-impl<'de> DeserializeSeed<'de> for CompressedSeed {
-    type Value = Result<Cloud, CloudError>;
-
-    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Self::Value, D::Error> {
-        deserializer.deserialize_struct("CompressedImage", FIELDS, self)
-    }
-}
-
-impl<'de> Visitor<'de> for CompressedSeed {
-    type Value = Result<Cloud, CloudError>;
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("a sensor_msgs/CompressedImage")
-    }
-
-    fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<Self::Value, A::Error> {
+    fn read<'de, A: SeqAccess<'de>>(
+        mut seq: A,
+        camera: &Camera,
+        filter: &CloudFilter,
+    ) -> Result<Result<Cloud, CloudError>, A::Error> {
         let header: Header = next(&mut seq)?;
         let format: String = next(&mut seq)?;
-        lent(&mut seq, |data| cloud_from(&header, &format, data, &self.camera, &self.filter))
+        lent(&mut seq, |data| cloud_from(&header, &format, data, camera, filter))
     }
 }
 

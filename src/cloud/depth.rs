@@ -4,19 +4,16 @@
 //! range of a point is its z. Points are computed in single precision, as `depth_image_proc` does; the range of a
 //! depth in millimetres is compared before it is rounded, so that 6000 mm is not beyond 6 m.
 
-use std::fmt;
 use std::sync::Arc;
 
 use pulp::{Arch, Simd, WithSimd};
-use serde::de::{DeserializeSeed, Deserializer, SeqAccess, Visitor};
+use serde::de::SeqAccess;
 
 use super::convert::{Converted, Gate, judged};
-use super::seed::{lent, next};
+use super::seed::{DepthImage, ImageSeed, lent, next};
 use super::{Camera, Cloud, CloudError, CloudFilter, layout};
 use crate::engine::{Depths, Points};
 use crate::msg::ros::{Header, Image};
-
-const FIELDS: &[&str] = &["header", "height", "width", "encoding", "is_bigendian", "step", "data"];
 
 /// The valid points in range of a depth image in memory.
 ///
@@ -40,38 +37,17 @@ pub fn decode_depth(image: &Image, camera: &Camera, filter: &CloudFilter) -> Res
 }
 
 /// Reads one serialised `sensor_msgs/Image` and gives what [`decode_depth`] gives, without a copy.
-///
-/// What is wrong inside a readable message comes as a [`CloudError`] in the value; a message that cannot be read to
-/// its end comes as the deserializer's own error.
-#[derive(Clone, Copy, Debug)]
-pub struct DepthSeed {
-    camera: Camera,
-    filter: CloudFilter,
-}
+pub type DepthSeed = ImageSeed<Image>;
 
-impl DepthSeed {
-    /// A seed for images of `camera` that takes in what `filter` lets through.
-    pub fn new(camera: Camera, filter: CloudFilter) -> Self {
-        Self { camera, filter }
-    }
-}
+impl DepthImage for Image {
+    const NAME: &str = "Image";
+    const FIELDS: &[&str] = &["header", "height", "width", "encoding", "is_bigendian", "step", "data"];
 
-impl<'de> DeserializeSeed<'de> for DepthSeed {
-    type Value = Result<Cloud, CloudError>;
-
-    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Self::Value, D::Error> {
-        deserializer.deserialize_struct("Image", FIELDS, self)
-    }
-}
-
-impl<'de> Visitor<'de> for DepthSeed {
-    type Value = Result<Cloud, CloudError>;
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("a sensor_msgs/Image")
-    }
-
-    fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<Self::Value, A::Error> {
+    fn read<'de, A: SeqAccess<'de>>(
+        mut seq: A,
+        camera: &Camera,
+        filter: &CloudFilter,
+    ) -> Result<Result<Cloud, CloudError>, A::Error> {
         let header: Header = next(&mut seq)?;
         let height = next(&mut seq)?;
         let width = next(&mut seq)?;
@@ -84,7 +60,7 @@ impl<'de> Visitor<'de> for DepthSeed {
             is_bigendian: next::<u8, _>(&mut seq)? != 0,
             step: next(&mut seq)?,
         };
-        lent(&mut seq, |data| cloud_from(&description, data, &self.camera, &self.filter))
+        lent(&mut seq, |data| cloud_from(&description, data, camera, filter))
     }
 }
 

@@ -32,7 +32,7 @@ pub use compressed::{CompressedSeed, decode_compressed};
 pub use depth::{DepthSeed, decode_depth};
 pub use error::CloudError;
 pub use layout::MAX_FIELDS;
-pub use seed::CloudSeed;
+pub use seed::{CloudSeed, ImageSeed};
 
 use convert::{Converted, Gate, convert};
 use layout::{Description, Layout};

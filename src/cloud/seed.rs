@@ -1,14 +1,15 @@
-//! A cloud straight from its serialised form: the points are converted where they lie in the receive buffer.
+//! A cloud, or a depth image, straight from its serialised form: the points are converted where they lie in the receive buffer.
 //!
 //! `sensor_msgs/PointCloud2` is read in the order of its `.msg` file, which is all that CDR needs.
 
 use std::fmt;
+use std::marker::PhantomData;
 
 use serde::Deserialize;
 use serde::de::{DeserializeSeed, Deserializer, Error, SeqAccess, Visitor};
 
 use super::layout::{Description, MAX_FIELDS};
-use super::{Cloud, CloudError, CloudFilter, cloud_from};
+use super::{Camera, Cloud, CloudError, CloudFilter, cloud_from};
 use crate::msg::ros::{Header, PointField};
 
 const FIELDS: &[&str] =
@@ -64,6 +65,67 @@ impl<'de> Visitor<'de> for CloudSeed {
         // `is_dense` is not relied on, yet a message without it was cut.
         let _all_finite: bool = next(&mut seq)?;
         Ok(cloud)
+    }
+}
+
+/// A message that holds a depth image.
+pub(super) trait DepthImage {
+    /// Its type in `sensor_msgs`.
+    const NAME: &str;
+    /// Its fields, in the order in which [`Self::read`] takes them.
+    const FIELDS: &[&str];
+
+    /// The valid points in range of an image that is read field by field.
+    fn read<'de, A: SeqAccess<'de>>(
+        seq: A,
+        camera: &Camera,
+        filter: &CloudFilter,
+    ) -> Result<Result<Cloud, CloudError>, A::Error>;
+}
+
+/// Reads one serialised depth image, a `sensor_msgs/Image` or a `sensor_msgs/CompressedImage`, without a copy.
+///
+/// What is wrong inside a readable message comes as a [`CloudError`] in the value; a message that cannot be read to
+/// its end comes as the deserializer's own error.
+#[derive(Debug)]
+pub struct ImageSeed<M> {
+    camera: Camera,
+    filter: CloudFilter,
+    message: PhantomData<fn() -> M>,
+}
+
+impl<M> ImageSeed<M> {
+    /// A seed for images of `camera` that takes in what `filter` lets through.
+    pub fn new(camera: Camera, filter: CloudFilter) -> Self {
+        Self { camera, filter, message: PhantomData }
+    }
+}
+
+impl<M> Clone for ImageSeed<M> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<M> Copy for ImageSeed<M> {}
+
+impl<'de, M: DepthImage> DeserializeSeed<'de> for ImageSeed<M> {
+    type Value = Result<Cloud, CloudError>;
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Self::Value, D::Error> {
+        deserializer.deserialize_struct(M::NAME, M::FIELDS, self)
+    }
+}
+
+impl<'de, M: DepthImage> Visitor<'de> for ImageSeed<M> {
+    type Value = Result<Cloud, CloudError>;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "a sensor_msgs/{}", M::NAME)
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<Self::Value, A::Error> {
+        M::read(seq, &self.camera, &self.filter)
     }
 }
 
