@@ -3,6 +3,8 @@
 //! `image_transport` offers images raw and compressed side by side, and where somebody reads the compressed ones it packs a PNG
 //! of every image, within the driver's own call. So they are read where no raw ones are offered, or where those do not come.
 
+use std::fmt::Display;
+use std::future::pending;
 use std::time::Duration;
 
 use tracing::warn;
@@ -44,10 +46,15 @@ pub(super) async fn wanted(
     }
 }
 
-/// Says why they are not read; the node goes on without.
-pub(super) async fn cannot_be_read<T>(error: &impl std::fmt::Display) -> T {
-    warn!("compressed depth images are not read: {error}");
-    std::future::pending().await
+/// The reader that was opened. Never resolves where there is none, as the network was left meanwhile, or where it could not be
+/// opened, which it says: the node goes on without.
+pub(super) async fn opened<T>(reader: Option<Result<T, impl Display>>) -> T {
+    match reader {
+        Some(Ok(reader)) => return reader,
+        Some(Err(error)) => warn!("compressed depth images are not read: {error}"),
+        None => {}
+    }
+    pending().await
 }
 
 /// What was found in a row.

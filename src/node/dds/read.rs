@@ -3,7 +3,6 @@
 use std::borrow::Cow;
 use std::cell::RefCell;
 use std::collections::BTreeMap;
-use std::future::pending;
 use std::rc::Rc;
 
 use futures::{StreamExt, pin_mut};
@@ -24,6 +23,7 @@ use crate::msg::types;
 use crate::node::heard::{Known, Order, PublisherId, Taken};
 use crate::node::middleware::OpenError;
 use crate::node::parameters::Parameters;
+use crate::node::readers::{tell_camera, tell_scan};
 use crate::node::seeds::{Decoded, LatestCamera, Told, WithCamera, WithFilter};
 use crate::node::transport::{DepthTopics, Event, Form, Input, SensorTopics, Service};
 use crate::node::{clock, compressed};
@@ -206,15 +206,11 @@ impl Listening<'_, '_> {
                 compressed::wanted(&sensor, || sources.list(), |form| heard.comes(form)).await;
             }
             sources.answer().await;
-            // The network may be left meanwhile.
             let images = node.upgrade().map(|node| node.borrow_mut().create_subscription(&topic, None));
+            let images = compressed::opened(images).await;
             let known = heard.compressed;
             let reading = Reading { input, topic: name, known, reliably: false };
-            match images {
-                Some(Ok(images)) => read_scans(reading, images, seed, events).await,
-                Some(Err(error)) => compressed::cannot_be_read(&error).await,
-                None => pending().await,
-            }
+            read_scans(reading, images, seed, events).await
         });
         Ok(())
     }
@@ -261,13 +257,9 @@ where
     let scans = subscription.async_stream_seed(Told(seed));
     pin_mut!(scans);
     while let Some(sample) = scans.next().await {
-        let Some((scan, lost)) = known.borrow_mut().tell(sample.map(of_publisher), reliably) else {
-            continue;
-        };
-        if lost > 0 && events.send(Event::Lost(input, lost)).await.is_err() {
-            break;
-        }
-        if events.send(Event::Cloud(input, scan)).await.is_err() {
+        let told = known.borrow_mut().tell(sample.map(of_publisher), reliably);
+        let Some(scan) = told else { continue };
+        if !tell_scan(&events, input, scan).await {
             break;
         }
     }
@@ -279,7 +271,7 @@ fn of_publisher((scan, info): (Decoded, MessageInfo)) -> (Decoded, (PublisherId,
     (scan, (info.publisher_gid().to_bytes16(), info.sequence_number()))
 }
 
-/// Keeps the newest camera for the seeds; tells the node of one that differs from the one before.
+/// Reads what a camera says of itself until the node ends.
 async fn read_cameras(
     (sensor, topic): (usize, String),
     infos: Subscription<CameraInfo>,
@@ -290,8 +282,7 @@ async fn read_cameras(
     pin_mut!(infos);
     while let Some(info) = infos.next().await {
         let info = info.map(|(info, _)| info).map_err(|error| error.to_string());
-        let Some(event) = camera.event((sensor, &topic), info) else { continue };
-        if events.send(event).await.is_err() {
+        if !tell_camera(&events, (&camera, sensor, &topic), info).await {
             break;
         }
     }

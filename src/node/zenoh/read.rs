@@ -2,7 +2,6 @@
 
 use std::borrow::Cow;
 use std::cell::RefCell;
-use std::future::pending;
 use std::rc::Rc;
 use std::sync::Arc;
 
@@ -19,6 +18,7 @@ use crate::msg::types;
 use crate::node::heard::Known;
 use crate::node::middleware::OpenError;
 use crate::node::parameters::Parameters;
+use crate::node::readers::{tell_camera, tell_scan};
 use crate::node::seeds::{Decoded, LatestCamera, Told, WithCamera, WithFilter};
 use crate::node::transport::{DepthTopics, Event, Form, Input, SensorTopics, Service};
 use crate::node::{clock, compressed};
@@ -130,13 +130,9 @@ impl Listening<'_> {
         self.readers.spawn_local(async move {
             compressed::wanted(&sensor, || listed(&graph), |form| known.come(form)).await;
             let images = Named { name: &topics.compressed, type_name: types::COMPRESSED_IMAGE };
-            // The session may be left meanwhile.
             let images = opener.upgrade().map(|opener| opener.subscribe(images, SENSOR, SCANS));
-            match images {
-                Some(Ok(images)) => read_scans(input, images, seed, Rc::default(), events).await,
-                Some(Err(error)) => compressed::cannot_be_read(&error).await,
-                None => pending().await,
-            }
+            let images = compressed::opened(images).await;
+            read_scans(input, images, seed, Rc::default(), events).await
         });
         Ok(())
     }
@@ -172,20 +168,17 @@ where
             known.borrow_mut().note(&scan);
             Some((scan, received.dropped))
         };
-        let Some((scan, lost)) = told else { continue };
+        let Some(scan) = told else { continue };
         // Nobody keeps a message while the node is busy.
         drop(received);
-        if lost > 0 && events.send(Event::Lost(input, lost)).await.is_err() {
-            break;
-        }
-        if events.send(Event::Cloud(input, scan)).await.is_err() {
+        if !tell_scan(&events, input, scan).await {
             break;
         }
     }
     scans.name.into()
 }
 
-/// Keeps the newest camera for the seeds; tells the node of one that differs from the one before.
+/// Reads what a camera says of itself until the node ends.
 async fn read_cameras(
     sensor: usize,
     infos: Inbox,
@@ -194,8 +187,7 @@ async fn read_cameras(
 ) -> Cow<'static, str> {
     loop {
         let info = cdr::read(&infos.take().await.bytes());
-        let Some(event) = camera.event((sensor, &infos.name), info) else { continue };
-        if events.send(event).await.is_err() {
+        if !tell_camera(&events, (&camera, sensor, &infos.name), info).await {
             return infos.name.into();
         }
     }
