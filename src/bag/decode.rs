@@ -2,11 +2,11 @@
 
 use std::collections::BTreeSet;
 
-use super::cdr::{read, read_with};
 use super::choose::{Sensor, SensorKind};
 use super::read::Message;
 use super::topic::Topic;
 use crate::cloud::{Camera, Cloud, CloudError, CloudFilter, CloudSeed, CompressedSeed, DepthSeed, Optical};
+use crate::msg::cdr::{read, read_with};
 use crate::msg::ros::{CameraInfo, TfMessage};
 use crate::msg::types;
 

@@ -6,7 +6,6 @@
 //! are sensors, what its messages say, and that no length in it is believed before it is held against what is there. Times are
 //! those of the message headers, never the clock's.
 
-pub(crate) mod cdr;
 mod channels;
 mod choose;
 mod decode;

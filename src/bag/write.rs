@@ -12,11 +12,11 @@ use mcap::write::NoSeek;
 use mcap::{WriteOptions, Writer};
 use serde::Serialize;
 
-use super::cdr;
 use super::decode::is_transforms;
 use super::read::Message;
 use super::schemas::definition;
 use crate::engine::Stamp;
+use crate::msg::cdr;
 use crate::msg::clusters::SurfaceClusterArray;
 use crate::msg::ros::{Header, JUMP_BACK, MarkerArray, PointCloud2, TfMessage};
 use crate::msg::sent::{self, Named, Qos, Topic};

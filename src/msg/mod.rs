@@ -6,6 +6,8 @@
 //! and [`types`] what those are called that come.
 
 pub mod caps;
+#[cfg(feature = "bag")]
+pub(crate) mod cdr;
 pub mod clusters;
 pub mod labelled;
 pub mod markers;

@@ -38,8 +38,8 @@ use super::readers::{self, Readers};
 use super::transport::{Form, NetworkState, Outgoing, SendError, SensorTopics, Service, Source, Transport};
 use crate::args::Setup;
 use crate::args::security::{Security, SecurityError};
-use crate::bag::cdr;
 use crate::config::Value;
+use crate::msg::cdr;
 use crate::msg::ros::TriggerResponse;
 
 /// Events that wait for the node; a cloud that finds no place waits in its mailbox.

@@ -20,7 +20,7 @@ use super::mailbox::{Mailbox, Room};
 use super::names::{Attachment, Kind, NodeToken, publisher_id};
 use super::{Events, opening};
 use crate::args::Setup;
-use crate::bag::cdr;
+use crate::msg::cdr;
 use crate::msg::sent::{Named, Qos};
 use crate::node::clock;
 use crate::node::heard::PublisherId;

@@ -9,7 +9,7 @@ use super::mailbox::Room;
 use super::opener::{self, Call, Opener};
 use super::outlet::Outlet;
 use super::{Events, Readers};
-use crate::bag::cdr;
+use crate::msg::cdr;
 use crate::msg::parameters::ParameterEvent;
 use crate::node::middleware::OpenError;
 use crate::node::parameters::{

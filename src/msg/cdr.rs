@@ -6,14 +6,14 @@ use serde::Serialize;
 use serde::de::{DeserializeOwned, DeserializeSeed};
 
 /// What a message begins with whose lower bytes come first.
-pub(super) const CDR_LE: [u8; 4] = [0, 1, 0, 0];
+const CDR_LE: [u8; 4] = [0, 1, 0, 0];
 
 /// Reads a message; what is wrong, for a person.
 pub(crate) fn read<T: DeserializeOwned>(data: &[u8]) -> Result<T, String> {
     read_with(data, std::marker::PhantomData)
 }
 
-/// The same, by a seed.
+/// Reads a message by a seed; what is wrong, for a person.
 pub(crate) fn read_with<'de, S: DeserializeSeed<'de>>(data: &'de [u8], seed: S) -> Result<S::Value, String> {
     let read = match data {
         [0, 1, _, _, body @ ..] => seed.deserialize(&mut CdrDeserializer::<LittleEndian>::new(body)),
