@@ -17,7 +17,7 @@ use ros2args::names::{build_node_fqn, expand_topic_name};
 pub use self::error::ArgsError;
 use self::given::{given, idle, located};
 use self::remap::{Kind, Rule, readable};
-pub use self::rmw::{Rmw, RmwError, ZENOH_BUILT_IN};
+pub use self::rmw::{Rmw, RmwError};
 use self::security::{Asked, BUILT_IN, Security, SecurityError};
 use crate::config::{Config, Current};
 use crate::yaml::{self, YamlError};
@@ -156,7 +156,7 @@ impl Setup {
     /// # Errors
     /// When it cannot be had.
     pub fn rmw(&self) -> Result<Rmw, RmwError> {
-        Rmw::named(&self.rmw, ZENOH_BUILT_IN)
+        Rmw::named(&self.rmw)
     }
 
     /// Whether who calls the node's services sends a header with each call, as [`Rmw::calls_by_header`] says.

@@ -2,9 +2,6 @@
 
 use thiserror::Error;
 
-/// Whether Zenoh was built in.
-pub const ZENOH_BUILT_IN: bool = cfg!(feature = "zenoh");
-
 /// What ROS calls Zenoh.
 const ZENOH: &str = "rmw_zenoh_cpp";
 
@@ -26,7 +23,8 @@ const DDS: [&str; 6] = [
 pub enum Rmw {
     /// DDS.
     Dds,
-    /// Zenoh.
+    /// Zenoh, where it was built in.
+    #[cfg(feature = "zenoh")]
     Zenoh,
 }
 
@@ -44,13 +42,15 @@ pub enum RmwError {
 }
 
 impl Rmw {
-    /// The one that `RMW_IMPLEMENTATION` names: DDS where it names none. `zenoh_built_in` says whether there is a choice.
+    /// The one that `RMW_IMPLEMENTATION` names: DDS where it names none.
     ///
     /// # Errors
     /// When it cannot be had.
-    pub fn named(name: &str, zenoh_built_in: bool) -> Result<Self, RmwError> {
+    pub fn named(name: &str) -> Result<Self, RmwError> {
         match name {
-            ZENOH if zenoh_built_in => Ok(Self::Zenoh),
+            #[cfg(feature = "zenoh")]
+            ZENOH => Ok(Self::Zenoh),
+            #[cfg(not(feature = "zenoh"))]
             ZENOH => Err(RmwError::NotBuiltIn),
             name if name.is_empty() || DDS.contains(&name) => Ok(Self::Dds),
             other => Err(RmwError::Unknown(other.to_owned())),
@@ -71,12 +71,15 @@ mod tests {
     #[test]
     fn rmw_implementation_chooses_as_in_ros_and_what_it_cannot_be_is_refused() {
         for name in ["", "rmw_fastrtps_cpp", "rmw_cyclonedds_cpp"] {
-            assert_eq!((Rmw::named(name, true), Rmw::named(name, false)), (Ok(Rmw::Dds), Ok(Rmw::Dds)));
+            assert_eq!(Rmw::named(name), Ok(Rmw::Dds));
         }
-        assert_eq!(Rmw::named("rmw_zenoh_cpp", true), Ok(Rmw::Zenoh));
-        let error = Rmw::named("rmw_zenoh_cpp", false).unwrap_err().to_string();
+        #[cfg(feature = "zenoh")]
+        assert_eq!(Rmw::named("rmw_zenoh_cpp"), Ok(Rmw::Zenoh));
+        #[cfg(not(feature = "zenoh"))]
+        assert_eq!(Rmw::named("rmw_zenoh_cpp"), Err(RmwError::NotBuiltIn));
+        let error = RmwError::NotBuiltIn.to_string();
         assert!(error.ends_with("build with `cargo install --path . --features zenoh`"), "{error}");
-        let error = Rmw::named("rmw_zenoh", true).unwrap_err().to_string();
+        let error = Rmw::named("rmw_zenoh").unwrap_err().to_string();
         assert!(
             error.starts_with("RMW_IMPLEMENTATION is \"rmw_zenoh\"; it must be `rmw_zenoh_cpp`"),
             "{error}"

@@ -10,8 +10,6 @@ use std::thread::{Builder, JoinHandle};
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
-#[cfg(not(feature = "zenoh"))]
-use cfodi::args::RmwError;
 use cfodi::args::security::Security;
 use cfodi::args::{Rmw, Setup};
 use cfodi::cloud::{CloudFilter, decode};
@@ -74,8 +72,6 @@ pub(crate) fn demo(setup: &Setup, options: &Options, lines: Lines) -> anyhow::Re
             info!("scans are handed over inside the process, results go out over Zenoh");
             drive::<Zenoh>(setup, options, lines, false, |_| Ok(None))
         }
-        #[cfg(not(feature = "zenoh"))]
-        Rmw::Zenoh => Err(ProcessError::from(RmwError::NotBuiltIn).into()),
     }
 }
 

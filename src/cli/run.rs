@@ -7,8 +7,6 @@ use std::io;
 use std::os::unix::process::CommandExt as _;
 use std::process::Command;
 
-#[cfg(not(feature = "zenoh"))]
-use cfodi::args::RmwError;
 use cfodi::args::{Rmw, Setup};
 use cfodi::config::Value;
 use cfodi::node::dds::Dds;
@@ -37,8 +35,6 @@ pub(crate) fn run(setup: &Setup, options: &Options, lines: Lines) -> anyhow::Res
         Rmw::Dds => run_over::<Dds>(setup, options, lines),
         #[cfg(feature = "zenoh")]
         Rmw::Zenoh => run_over::<Zenoh>(setup, options, lines),
-        #[cfg(not(feature = "zenoh"))]
-        Rmw::Zenoh => Err(ProcessError::from(RmwError::NotBuiltIn).into()),
     }
 }
 

@@ -2,8 +2,8 @@
 //!
 //! Pure functions from values to values; a field order here is the order on the wire. [`ros`] holds the types of the
 //! ROS packages, [`parameters`] those of the parameter services, [`clusters`] those of `cfodi_msgs` (in the folder `msg/`),
-//! [`twins`] the clusters in messages of others; [`sent`] is on which topics they go,
-//! and [`types`] what those are called that come.
+//! [`twins`] the clusters in messages of others; [`sent`] is on which topics they go, and [`types`] of which types those are that
+//! come.
 
 pub mod caps;
 #[cfg(feature = "bag")]
