@@ -168,6 +168,15 @@ impl Extent {
     }
 }
 
+/// Nine words, named and repeated nine times, which is repeated nine times, and so on.
+#[cfg(test)]
+pub(crate) fn billion_laughs() -> String {
+    let first = "a0: &a0 [ha, ha, ha, ha, ha, ha, ha, ha, ha]\n".to_owned();
+    (1..10).fold(first, |text, i| {
+        text + &format!("a{i}: &a{i} [{}]\n", vec![format!("*a{}", i - 1); 9].join(", "))
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -215,12 +224,7 @@ mod tests {
 
     #[test]
     fn a_billion_laughs_are_refused_before_the_first_copy() {
-        let mut text = "a0: &a0 [ha, ha, ha, ha, ha, ha, ha, ha, ha]\n".to_owned();
-        for i in 1..10 {
-            let line: Vec<_> = (0..9).map(|_| format!("*a{}", i - 1)).collect();
-            text.extend([format!("a{i}: &a{i} ["), line.join(", "), "]\n".to_owned()]);
-        }
-        let error = load(&text).unwrap_err();
+        let error = load(&billion_laughs()).unwrap_err();
         assert!(matches!(error, YamlError::Many), "{error}");
     }
 

@@ -9,42 +9,37 @@
 
 #[path = "support/bags.rs"]
 mod bags;
+#[path = "support/program.rs"]
+mod program;
 
 use std::fs::{self, File};
 use std::io::Write as _;
-use std::process::{Command, Output};
+use std::process::Command;
 
-use bags::{BagWriter, Layout, OPTICAL, POINTS, drive, stamp, wall};
-use tempfile::TempDir;
+use bags::{BagWriter, Layout, drive, late_odom};
+use program::{Folder, command, said};
 
 /// A folder of the test's own with a bag in it.
-fn with_bag(bag: &[u8]) -> TempDir {
-    let folder = tempfile::tempdir().unwrap();
-    fs::write(folder.path().join("a.mcap"), bag).unwrap();
-    folder
+fn with_bag(bag: &[u8]) -> Folder {
+    Folder::with("a.mcap", bag)
 }
 
 /// A replay of the bag within the folder.
-fn replay(folder: &TempDir, more: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_cfodi"));
-    command.current_dir(folder).args(["replay", "a.mcap"]).args(more);
+fn replay(folder: &Folder, more: &[&str]) -> Command {
+    let mut command = command(&["replay", "a.mcap"]);
+    command.current_dir(folder.path()).args(more);
     command
-}
-
-/// What was said, and whether all went well.
-fn said(ended: &Output) -> (Option<i32>, String) {
-    (ended.status.code(), String::from_utf8_lossy(&ended.stderr).into_owned())
 }
 
 #[test]
 fn standard_output_that_is_appended_to_a_file_leaves_what_is_in_it() {
     let folder = with_bag(&drive(BagWriter::new(Layout::Plain), 2));
-    fs::write(folder.path().join("all.json"), "earlier\n").unwrap();
-    let all = File::options().append(true).open(folder.path().join("all.json")).unwrap();
+    fs::write(folder.join("all.json"), "earlier\n").unwrap();
+    let all = File::options().append(true).open(folder.join("all.json")).unwrap();
     let ended = replay(&folder, &["--clusters", "/dev/stdout"]).stdout(all).output().unwrap();
     let (status, errors) = said(&ended);
     assert_eq!(status, Some(0), "{errors}");
-    let text = fs::read_to_string(folder.path().join("all.json")).unwrap();
+    let text = fs::read_to_string(folder.join("all.json")).unwrap();
     let clusters = text.strip_prefix("earlier\n").unwrap_or_else(|| panic!("{text}"));
     serde_json::from_str::<serde_json::Value>(clusters).unwrap();
 }
@@ -53,14 +48,14 @@ fn standard_output_that_is_appended_to_a_file_leaves_what_is_in_it() {
 #[test]
 fn standard_output_is_written_where_it_stands_and_gone_on_with_behind() {
     let folder = with_bag(&drive(BagWriter::new(Layout::Plain), 2));
-    let mut file = File::create(folder.path().join("f")).unwrap();
+    let mut file = File::create(folder.join("f")).unwrap();
     file.write_all(b"header\n").unwrap();
     let out = file.try_clone().unwrap();
     let ended = replay(&folder, &["--summary", "/dev/stdout"]).stdout(out).output().unwrap();
     let (status, errors) = said(&ended);
     assert_eq!(status, Some(0), "{errors}");
     file.write_all(b"footer\n").unwrap();
-    let text = fs::read_to_string(folder.path().join("f")).unwrap();
+    let text = fs::read_to_string(folder.join("f")).unwrap();
     let summary = text.strip_prefix("header\n").and_then(|text| text.strip_suffix("footer\n"));
     let summary = summary.unwrap_or_else(|| panic!("{text}"));
     assert_eq!(serde_json::from_str::<serde_json::Value>(summary).unwrap()["scans"], 2);
@@ -78,12 +73,9 @@ fn a_result_bag_that_cannot_be_written_takes_no_other_output_with_it() {
         let last = errors.lines().last().unwrap();
         let is_told = last.starts_with("cfodi: cannot write /dev/full") && last.contains("No space left");
         assert!(is_told, "{errors}");
-        let summary = fs::read(folder.path().join("s.json")).unwrap();
+        let summary = fs::read(folder.join("s.json")).unwrap();
         assert_eq!(serde_json::from_slice::<serde_json::Value>(&summary).unwrap()["scans"], scans);
-        assert!(
-            folder.path().join("v.csv").exists() && folder.path().join("report/index.html").exists(),
-            "{errors}"
-        );
+        assert!(folder.join("v.csv").exists() && folder.join("report/index.html").exists(), "{errors}");
     }
 }
 
@@ -97,16 +89,8 @@ fn a_result_bag_that_is_all_there_is_ends_the_replay_where_it_cannot_be_written(
 
 #[test]
 fn a_result_bag_on_standard_output_is_not_begun_again_and_the_frame_to_give_is_named() {
-    let mut writer = BagWriter::new(Layout::Chunks);
-    writer.tf("/tf_static", stamp(0), "camera_link", OPTICAL, 0.0);
-    for i in 0..60 {
-        if i >= 40 {
-            writer.tf("/tf", stamp(i), "odom", "camera_link", 0.1 * i as f64);
-        }
-        writer.cloud(POINTS, stamp(i), &wall(i));
-    }
-    let folder = with_bag(&writer.finish());
-    let out = File::create(folder.path().join("out.mcap")).unwrap();
+    let folder = with_bag(&late_odom());
+    let out = File::create(folder.join("out.mcap")).unwrap();
     let ended = replay(&folder, &["--out", "/dev/stdout"]).stdout(out).output().unwrap();
     let (status, errors) = said(&ended);
     assert_eq!(status, Some(1), "{errors}");
@@ -122,8 +106,6 @@ fn an_output_with_the_name_of_a_folder_is_refused_before_the_bag_is_read() {
         assert_eq!(status, Some(1), "{errors}");
         assert!(errors.contains("cfodi: cannot write nd/: not a file name"), "{errors}");
         assert!(!errors.contains("2 scans in"), "{errors}");
-        let left: Vec<_> =
-            fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
-        assert_eq!(left, ["a.mcap"]);
+        assert_eq!(folder.names(), ["a.mcap"]);
     }
 }

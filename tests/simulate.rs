@@ -7,9 +7,12 @@
     reason = "a test that cannot go on has failed"
 )]
 
-use std::fs::{self, DirEntry};
+#[path = "support/program.rs"]
+mod program;
+
+use std::fs;
 use std::io::Read as _;
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use byteorder::LittleEndian;
@@ -17,46 +20,15 @@ use cfodi::engine::Stamp;
 use cfodi::msg::ros::PointCloud2;
 use cfodi::sim::{Drive, Scene};
 use nalgebra::{Point3, Vector3};
+use program::{Folder, cfodi, command};
 use serde_json::Value;
-use tempfile::TempDir;
-
-/// A folder of the test's own, removed at its end.
-struct Folder(TempDir);
-
-impl Folder {
-    fn new() -> Self {
-        Self(tempfile::tempdir().unwrap())
-    }
-
-    fn path(&self, name: &str) -> String {
-        self.0.path().join(name).to_str().unwrap().to_owned()
-    }
-
-    fn entries(&self) -> impl Iterator<Item = DirEntry> {
-        fs::read_dir(self.0.path()).unwrap().map(Result::unwrap)
-    }
-
-    fn names(&self) -> Vec<String> {
-        let mut names: Vec<_> =
-            self.entries().map(|entry| entry.file_name().into_string().unwrap()).collect();
-        names.sort();
-        names
-    }
-
-    /// The bytes of the largest file; 0 where there is none, or one just got its final name.
-    fn largest(&self) -> u64 {
-        self.entries().map(|entry| entry.metadata().map_or(0, |file| file.len())).max().unwrap_or(0)
-    }
-}
 
 /// A drive under way; a test that fails meanwhile leaves none behind.
 struct Running(Child);
 
 impl Running {
     fn start(arguments: &[&str]) -> Self {
-        let command =
-            Command::new(env!("CARGO_BIN_EXE_cfodi")).args(arguments).stderr(Stdio::piped()).spawn();
-        Self(command.unwrap())
+        Self(command(arguments).stderr(Stdio::piped()).spawn().unwrap())
     }
 
     /// The status it ends with, and what it said.
@@ -75,10 +47,6 @@ impl Drop for Running {
     }
 }
 
-fn cfodi(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_cfodi")).args(arguments).output().unwrap()
-}
-
 fn json(path: &str) -> Value {
     serde_json::from_str(&fs::read_to_string(path).unwrap()).unwrap()
 }
@@ -93,7 +61,7 @@ fn clouds(path: &str) -> Vec<PointCloud2> {
 #[test]
 fn a_simulated_drive_is_replayed_and_its_labels_are_those_of_the_truth() {
     let folder = Folder::new();
-    let [bag, truth, summary] = ["lab.mcap", "truth.json", "summary.json"].map(|name| folder.path(name));
+    let [bag, truth, summary] = ["lab.mcap", "truth.json", "summary.json"].map(|name| folder.argument(name));
     let seed = "9007199254740993";
     let made = cfodi(&["simulate", "--out", &bag, "--seconds", "0.5", "--seed", seed, "--truth", &truth]);
     assert_eq!(made.status.code(), Some(0), "{}", String::from_utf8_lossy(&made.stderr));
@@ -135,7 +103,7 @@ fn a_simulated_drive_is_replayed_and_its_labels_are_those_of_the_truth() {
 #[test]
 fn outlines_lie_in_their_planes_and_moving_things_tell_their_times() {
     let folder = Folder::new();
-    let [bag, truth] = ["m.mcap", "t.json"].map(|name| folder.path(name));
+    let [bag, truth] = ["m.mcap", "t.json"].map(|name| folder.argument(name));
     let arguments = ["--scene", "moving", "--seconds", "0.05", "--pose-noise", "0.02,0.005"];
     let made = cfodi(&[&["simulate", "--out", &bag, "--truth", &truth][..], &arguments].concat());
     assert_eq!(made.status.code(), Some(0), "{}", String::from_utf8_lossy(&made.stderr));
@@ -167,7 +135,7 @@ fn outlines_lie_in_their_planes_and_moving_things_tell_their_times() {
 #[test]
 fn the_same_arguments_give_the_same_bytes() {
     let folder = Folder::new();
-    let paths = ["a.mcap", "b.mcap"].map(|name| folder.path(name));
+    let paths = ["a.mcap", "b.mcap"].map(|name| folder.argument(name));
     for path in &paths {
         let made = cfodi(&["simulate", "--out", path, "--scene", "clutter", "--seconds", "0.1"]);
         assert_eq!(made.status.code(), Some(0));
@@ -179,7 +147,7 @@ fn the_same_arguments_give_the_same_bytes() {
 fn after_a_signal_the_scans_so_far_can_be_read_and_the_status_is_1() {
     for signal in ["INT", "TERM"] {
         let folder = Folder::new();
-        let [bag, truth] = ["a.mcap", "t.json"].map(|name| folder.path(name));
+        let [bag, truth] = ["a.mcap", "t.json"].map(|name| folder.argument(name));
         let arguments = ["simulate", "--out", &bag, "--seconds", "3600", "--truth", &truth];
         let mut drive = Running::start(&arguments);
         // With the first chunk there are scans, and the listener to signals has stood for long.
@@ -205,7 +173,7 @@ fn after_a_signal_the_scans_so_far_can_be_read_and_the_status_is_1() {
 #[test]
 fn wrong_arguments_of_the_laboratory_are_named_with_status_2_and_leave_no_file() {
     let folder = Folder::new();
-    let out = folder.path("lab");
+    let out = folder.argument("lab");
     let parameters = ["mode:=paper", "depth:=3", "voxel_size:=0.2", "max_range:=0.5", "front.kind:=cloud"];
     let parameters = parameters.map(|parameter| ["-p", parameter]).concat();
     let parameters = [&["--ros-args", "-p", "sensors:=[front]"], &parameters[..]].concat();
@@ -228,7 +196,7 @@ fn wrong_arguments_of_the_laboratory_are_named_with_status_2_and_leave_no_file()
 fn parameters_of_the_methods_are_taken_by_the_laboratory() {
     let folder = Folder::new();
     let csv = |out: &str, parameters: &[&str]| {
-        let out = folder.path(out);
+        let out = folder.argument(out);
         let arguments = ["experiment", "--scene", "room", "--seconds", "0.2", "--seeds", "1", "--out", &out];
         let ended = cfodi(&[&arguments, parameters].concat());
         assert_eq!(ended.status.code(), Some(0), "{}", String::from_utf8_lossy(&ended.stderr));
@@ -241,7 +209,7 @@ fn parameters_of_the_methods_are_taken_by_the_laboratory() {
 #[test]
 fn a_file_of_the_laboratory_that_cannot_be_written_is_named_before_the_runs() {
     let folder = Folder::new();
-    let (out, inside) = (folder.path("lab"), folder.path("lab/quality.csv"));
+    let (out, inside) = (folder.argument("lab"), folder.argument("lab/quality.csv"));
     fs::create_dir_all(&inside).unwrap();
     let arguments = ["--seconds", "0.1", "--seeds", "1", "--voxel-size", "0.16", "--out", &out];
     let ended = cfodi(&[&["experiment", "--scene", "room"], &arguments[..]].concat());
@@ -255,7 +223,7 @@ fn a_file_of_the_laboratory_that_cannot_be_written_is_named_before_the_runs() {
 #[test]
 fn wrong_arguments_are_named_with_status_2_and_leave_no_file() {
     let folder = Folder::new();
-    let out = folder.path("a.mcap");
+    let out = folder.argument("a.mcap");
     let wrong: [(&[&str], &str); 8] = [
         (&["--ros-args", "-p", "voxel_size:=0.05"], "takes no parameters and no other names"),
         (&["--ros-args", "-r", "points:=/a"], "takes no parameters and no other names"),
