@@ -66,9 +66,9 @@ pub enum ArgsError {
         "the sensors {first} and {second} are both read from {topic}, which would fill the map twice; give one of them another topic with -r"
     )]
     SameTopic {
-        /// A sensor.
+        /// The sensor that is named first.
         first: String,
-        /// Another.
+        /// The sensor that would be read from its topic too.
         second: String,
         /// Fully qualified.
         topic: String,

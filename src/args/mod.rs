@@ -188,10 +188,10 @@ impl Setup {
         self.resolve_as(Kind::Topic, name)
     }
 
-    /// As [`Self::resolve`], of a service.
+    /// The fully qualified name of a service: expanded, then remapped.
     ///
     /// # Errors
-    /// The same.
+    /// When the name, or what a rule makes of it, is none.
     pub fn resolve_service(&self, name: &str) -> Result<String, ArgsError> {
         self.resolve_as(Kind::Service, name)
     }

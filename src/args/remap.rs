@@ -22,7 +22,7 @@ pub(super) struct Rule {
 }
 
 impl Rule {
-    /// Of [`readable`] arguments.
+    /// A rule of arguments that are [`readable`].
     pub(super) fn new(rule: &RemapRule) -> Self {
         let of_kind =
             SCHEMES.iter().find_map(|(scheme, kind)| Some((*kind, rule.from.strip_prefix(scheme)?)));

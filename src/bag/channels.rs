@@ -84,7 +84,7 @@ impl Channels {
         Ok(Message { channel, log_time: header.log_time, data })
     }
 
-    /// All of them.
+    /// All channels that the file has named, by ascending number.
     pub(super) fn all(&self) -> impl Iterator<Item = Arc<mcap::Channel<'static>>> {
         self.channel_ids.iter().filter_map(|id| self.known.get(*id))
     }

@@ -166,7 +166,7 @@ impl Decoder {
         self.transforms = transforms;
     }
 
-    /// The same without the sensors.
+    /// A decoder of the transforms alone, without sensors.
     #[must_use]
     pub fn of_transforms(&self) -> Self {
         Self { filter: self.filter, sensors: Vec::new(), transforms: self.transforms.clone() }

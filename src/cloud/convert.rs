@@ -114,7 +114,7 @@ pub(super) fn convert_fast(layout: &Layout, data: &[u8], gate: &Gate) -> Option<
     Some(pinhole::depths(layout, data, gate).unwrap_or_else(|| convert_list(layout, data, gate)))
 }
 
-/// The same as a list of points.
+/// A cloud in little-endian single precision as a list of points.
 pub(super) fn convert_list(layout: &Layout, data: &[u8], gate: &Gate) -> Converted {
     match (layout.is_at_front(), layout.point_step) {
         (true, 16) => list_of::<16>(layout, data, gate),
@@ -127,7 +127,7 @@ pub(super) fn convert_list(layout: &Layout, data: &[u8], gate: &Gate) -> Convert
     }
 }
 
-/// The same of points of N bytes, x, y and z first: what is known when it is compiled need not be asked of each point.
+/// A list of points from points of N bytes, x, y and z first: what is known when it is compiled need not be asked of each point.
 fn list_of<const N: usize>(layout: &Layout, data: &[u8], gate: &Gate) -> Converted {
     let rows = layout.rows(data).map(|row| row.as_chunks::<N>().0.iter().map(front));
     gather(rows, layout.len(), gate, (single, true))

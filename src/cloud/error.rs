@@ -175,7 +175,7 @@ impl CloudError {
         self.explained().key
     }
 
-    /// The same with what it means.
+    /// What the error is counted by, with what that means.
     pub fn explained(&self) -> Reason {
         let (key, sentence) = match self {
             Self::BadStamp { .. } => {

@@ -36,7 +36,7 @@ pub(super) fn depths(layout: &Layout, data: &[u8], gate: &Gate) -> Option<Conver
     }
 }
 
-/// The same of points of N bytes, x, y and z first.
+/// The depths of a cloud whose points have N bytes, x, y and z first.
 fn depths_of<const N: usize>(layout: &Layout, data: &[u8], gate: &Gate) -> Option<Converted> {
     let rays = find_rays::<N>(layout, data)?;
     let mut depths = Vec::with_capacity(rays.x.len() * rays.y.len());

@@ -17,7 +17,7 @@ pub struct Summary {
     pub points: u64,
     /// From the first stamp to the last (s).
     pub recorded_s: Option<f64>,
-    /// The same scans at 30 Hz (s), as figure 3d takes them.
+    /// Time that the scans would take at 30 Hz (s), as figure 3d takes them.
     pub stream_s: f64,
     /// What all methods worked with.
     pub parameters: ParametersSummary,
@@ -98,7 +98,7 @@ pub struct Live {
     pub scans: usize,
     /// Their points.
     pub points: u64,
-    /// The same, of all points.
+    /// Share of these points in all points.
     pub share_of_points: Option<f64>,
 }
 

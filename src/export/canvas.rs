@@ -28,7 +28,7 @@ pub(super) struct Parallelogram {
     pub(super) edges: [Vector3<f64>; 2],
     /// sRGB, 0 to 255.
     pub(super) colour: [f32; 3],
-    /// The same along the border.
+    /// sRGB along the border, 0 to 255.
     pub(super) border_colour: [f32; 3],
 }
 

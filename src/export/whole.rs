@@ -155,7 +155,7 @@ fn copy(from: &Path, to: &Path) -> io::Result<()> {
     to.sync_all()
 }
 
-/// The same with words before it.
+/// An error of the same kind with words before its own.
 fn within(error: &io::Error, words: impl std::fmt::Display) -> io::Error {
     io::Error::new(error.kind(), format!("{words}: {error}"))
 }

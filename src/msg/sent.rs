@@ -41,9 +41,9 @@ impl Qos {
 /// A topic that is sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Topic {
-    /// As in the program: remappings give it another.
+    /// Its name in the program: remappings give it another.
     pub name: &'static str,
-    /// As in [`Named`].
+    /// Its type, as `sensor_msgs/msg/PointCloud2`.
     pub type_name: &'static str,
     /// How it is offered.
     pub qos: Qos,
@@ -55,7 +55,7 @@ impl Topic {
         Self { name, type_name, qos }
     }
 
-    /// Without its quality of service.
+    /// Name and type, without the quality of service.
     pub const fn named(self) -> Named<'static> {
         Named { name: self.name, type_name: self.type_name }
     }
@@ -70,18 +70,18 @@ pub const DELTA: Topic =
 pub const MARKERS: Topic = Topic::new("~/markers", "visualization_msgs/msg/MarkerArray", Qos::latched(1));
 /// Dense voxels; one of many megabytes, and an old one is of no use.
 pub const LABELLED: Topic = Topic::new("~/points_labelled", types::CLOUD, Qos::best_effort(1));
-/// A twin of the map.
+/// The map as boxes around its clusters.
 pub const DETECTIONS: Topic = Topic::new("~/detections", "vision_msgs/msg/Detection3DArray", Qos::latched(1));
-/// Another, a message a cluster: none is to push out another of the same map. Not latched: only the last would be.
+/// The map with a message a cluster: none is to push out another of the same map. Not latched: only the last would be.
 pub const POLYGONS: Topic =
     Topic::new("~/polygons", "geometry_msgs/msg/PolygonInstanceStamped", Qos::reliable(4096));
-/// How the node is.
+/// How the node is, once a second.
 pub const DIAGNOSTICS: Topic =
     Topic::new("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", Qos::reliable(10));
-/// What it says.
+/// The lines of the node's log.
 pub const LOG: Topic = Topic::new("/rosout", "rcl_interfaces/msg/Log", Qos::latched(100));
 
-/// All of them.
+/// The topics that the node sends, beside that of its parameters.
 pub const TOPICS: [Topic; 8] = [CLUSTERS, DELTA, MARKERS, LABELLED, DETECTIONS, POLYGONS, DIAGNOSTICS, LOG];
 
 #[cfg(test)]

@@ -14,7 +14,7 @@ use super::transport::{Form, SensorTopics, Source};
 
 /// Time between two looks at who publishes.
 const LOOK: Duration = Duration::from_millis(500);
-/// The same while the camera comes in another form, which lasts as a rule.
+/// Time between two looks while the camera comes in another form, which lasts as a rule.
 const REST: Duration = Duration::from_secs(2);
 /// Looks in a row that find compressed images alone: the topics of a driver are found one after the other.
 const ALONE: u32 = 2;

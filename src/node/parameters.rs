@@ -131,7 +131,7 @@ impl Parameters {
         }
     }
 
-    /// The same; what has changed is told to the node.
+    /// Sets all of these values or none, says what has changed, and tells the node of it.
     pub(super) async fn set_and_tell<R>(
         &self,
         wanted: SetRequest,

@@ -102,7 +102,7 @@ impl Service {
         }
     }
 
-    /// With its type.
+    /// Its name and type.
     pub(super) const fn named(self) -> Named<'static> {
         Named { name: self.name(), type_name: "std_srvs/srv/Trigger" }
     }
@@ -204,7 +204,7 @@ pub enum SendError {
     /// The middleware refuses it.
     #[error("on {topic}: {cause}")]
     Refused {
-        /// The topic.
+        /// The topic, as it is named in the program.
         topic: &'static str,
         /// The middleware's words.
         cause: String,
@@ -212,7 +212,7 @@ pub enum SendError {
     /// Too many before it wait for a reader.
     #[error("on {topic}: a reader has not acknowledged the {most} before, and no more are kept")]
     Unacknowledged {
-        /// The topic.
+        /// The topic, as it is named in the program.
         topic: &'static str,
         /// How many are kept.
         most: i32,
@@ -220,7 +220,7 @@ pub enum SendError {
     /// A topic that was to be opened anew.
     #[error("on {topic}, which cannot be opened anew: {cause}")]
     NotReopened {
-        /// The topic.
+        /// The topic, as it is named in the program.
         topic: &'static str,
         /// The middleware's words.
         cause: String,

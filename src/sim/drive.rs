@@ -57,13 +57,13 @@ impl Drive {
         Self { scene, kinect: Kinect::v1(), robot, pose_noise: None, seed, start }
     }
 
-    /// The same with another largest depth that is measured (m).
+    /// Sets the largest depth that is measured (m).
     #[must_use]
     pub fn with_max_range(self, max_range: f64) -> Self {
         Self { kinect: Kinect { max_range, ..self.kinect }, ..self }
     }
 
-    /// The same with poses that are told wrong: by `sigma_m` (m) in each coordinate of the place and `sigma_rad` (rad)
+    /// Has poses told wrong: by `sigma_m` (m) in each coordinate of the place and `sigma_rad` (rad)
     /// about each axis, as standard deviations; what the Kinect sees stays the same.
     #[must_use]
     pub fn with_pose_noise(self, sigma_m: f64, sigma_rad: f64) -> Self {

@@ -20,7 +20,7 @@ pub(super) fn at([x, y, z]: [f64; 3], yaw: f64) -> Isometry3<f64> {
     Isometry3::from_parts(Translation3::new(x, y, z), turn)
 }
 
-/// The same surfaces elsewhere.
+/// Surfaces that are moved `by` a pose in the fixed frame.
 pub(super) fn moved(mut surfaces: Vec<Surface>, by: &Isometry3<f64>) -> Vec<Surface> {
     surfaces.iter_mut().for_each(|surface| surface.rest = by * surface.rest);
     surfaces

@@ -35,12 +35,12 @@ impl Scene {
         Self { surfaces, route, camera_pitch: CAMERA_PITCH }
     }
 
-    /// The same with a camera that looks down by `pitch` (rad).
+    /// Has the camera look down by `pitch` (rad).
     pub(super) fn with_camera_pitch(self, pitch: f64) -> Self {
         Self { camera_pitch: pitch, ..self }
     }
 
-    /// The same, moved so that the route begins at the origin along +x, as a robot's odometry has it.
+    /// The scene moved so that the route begins at the origin along +x, as a robot's odometry has it.
     pub(super) fn seen_from_the_start(mut self) -> Self {
         let start = Path::new(&self.route).pose_at(0.0).inverse();
         let turn = nalgebra::UnitQuaternion::from_axis_angle(&Vector3::z_axis(), start.rotation.angle());

@@ -114,7 +114,7 @@ impl FrameError {
         self.explained().key
     }
 
-    /// The same with what it means.
+    /// What the error is counted by, with what that means.
     pub fn explained(&self) -> Reason {
         let (key, sentence) = match self {
             Self::EmptyName { .. } => ("empty_name", "A transform names no frame."),
@@ -285,7 +285,7 @@ impl LookupError {
         self.explained().key
     }
 
-    /// The same with what it means.
+    /// What the error is counted by, with what that means.
     pub fn explained(&self) -> Reason {
         let (key, sentence) = match self {
             Self::UnknownFrame { .. } => {

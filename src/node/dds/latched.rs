@@ -30,7 +30,7 @@ use crate::node::heard::{Order, PublisherId, Taken};
 use crate::node::middleware::OpenError;
 use crate::node::transport::Event;
 
-/// The topic.
+/// Where transforms come that hold for all time.
 pub(super) const TOPIC: &str = "/tf_static";
 pub(super) const NAMED: Named<'_> = Named { name: TOPIC, type_name: types::TRANSFORMS };
 

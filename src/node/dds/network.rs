@@ -48,7 +48,7 @@ pub(super) struct Network {
     labelled: Publisher<PointCloud2>,
     /// `None` where the keys do not permit it.
     diagnostics: Option<Outlet<DiagnosticArray>>,
-    /// The same.
+    /// `None` where the keys do not permit it.
     log: Option<Outlet<Log>>,
     /// `None` where no parameter asks for them.
     detections: Option<Outlet<Detection3DArray>>,

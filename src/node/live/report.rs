@@ -10,7 +10,7 @@ use crate::node::transport::{NetworkState, Source, Transport};
 /// Stamps may be so far ahead of the clock until it is said.
 pub(super) const AHEAD: f64 = 1.0;
 
-/// And so far behind it: the path from the sensor takes no such time.
+/// Stamps may be so far behind the clock until it is said: the path from the sensor takes no such time.
 const BEHIND: f64 = 10.0;
 
 impl<T: Transport> Live<T> {

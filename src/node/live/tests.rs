@@ -205,7 +205,7 @@ fn node_that_reports(config: &Config, transport: Fake, events: Vec<Event<()>>) -
     })
 }
 
-/// The same with nothing set, and its middleware.
+/// The middleware of a node that had these events, with nothing set.
 fn reported(transport: Fake, events: Vec<Event<()>>) -> Rc<Fake> {
     let (ended, _, transport) = node_that_reports(&Config::new([]).unwrap(), transport, events);
     ended.unwrap();

@@ -42,7 +42,7 @@ impl Kind {
 }
 
 impl Qos {
-    /// As far as a token tells it. Empty is what is ROS's default.
+    /// The part of it that a token tells. Empty is what is ROS's default.
     fn token(self) -> String {
         let reliability = if self.reliable { "" } else { "2" };
         let durability = if self.latched { "1" } else { "" };

@@ -23,7 +23,7 @@ use crate::node::seeds::{Decoded, LatestCamera, Told, WithCamera, WithFilter};
 use crate::node::transport::{DepthTopics, Event, Form, Input, SensorTopics, Service};
 use crate::node::{clock, compressed};
 
-/// As many as wait for the engine; of bytes, two of the greatest clouds.
+/// Scans that may wait: as many as wait for the engine; of bytes, two of the greatest clouds.
 const SCANS: Room = Room { messages: 8, bytes: 1 << 29 };
 const CAMERAS: Room = Room { messages: 2, bytes: 1 << 20 };
 const TRANSFORMS: Room = Room { messages: 100, bytes: 16 << 20 };

@@ -42,7 +42,7 @@ pub(in crate::msg) fn square(id: u64) -> Cluster {
     }
 }
 
-/// The same as mode `paper` gives it.
+/// A square as mode `paper` gives it: without outline, area and class.
 fn heap(id: u64) -> Cluster {
     Cluster { boundary: Vec::new(), area: None, class: SurfaceClass::Unknown, ..square(id) }
 }
