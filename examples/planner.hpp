@@ -35,9 +35,7 @@ class Planner {
     voxels_.clear();
     header_ = cloud.header;
     if (cloud.data.empty()) return;  // the iterators take the address of its first byte
-    sensor_msgs::PointCloud2ConstIterator<float> at(cloud, "x");
-    sensor_msgs::PointCloud2ConstIterator<std::uint32_t> label(cloud, "label");
-    for (; at != at.end(); ++at, ++label) voxels_.push_back({{at[0], at[1], at[2]}, *label});
+    for (sensor_msgs::PointCloud2ConstIterator<float> at(cloud, "x"); at != at.end(); ++at) voxels_.push_back({at[0], at[1], at[2]});
   }
 
   // Of the newest cloud of voxels; its stamp is 0 before there is one.
@@ -74,9 +72,9 @@ class Planner {
   double free_ahead(const Cluster& ground, const Robot& robot) const {
     double free = kInfinite;
     for (const auto& voxel : voxels_) {
-      auto [ahead, left, height] = from_robot(robot, ground, voxel.centre);
+      auto [ahead, left, height] = from_robot(robot, ground, voxel);
       bool in_way = ahead > 0 && std::abs(left) < width_ / 2 && height > kLow && height < height_;
-      if (in_way && voxel.label != ground.id) free = std::min(free, ahead);
+      if (in_way) free = std::min(free, ahead);
     }
     for (const auto& [id, cluster] : map.clusters()) {
       if (id != ground.id) free = std::min(free, begins(cluster, ground, robot, kLow, height_));
@@ -85,7 +83,6 @@ class Planner {
   }
 
  private:
-  struct Voxel { Point centre; std::uint32_t label; };
   struct Piece { Point begin, end; };
   static constexpr double kInfinite = std::numeric_limits<double>::infinity();
 
@@ -170,7 +167,7 @@ class Planner {
   }
 
   double width_, height_;
-  std::vector<Voxel> voxels_;
+  std::vector<Point> voxels_;
   std_msgs::msg::Header header_;
 };
 

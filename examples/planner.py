@@ -23,15 +23,14 @@ class Planner:
 
     def __init__(self, width, height):
         self.map, self.width, self.height = MapReader(), width, height
-        self.voxels, self.labels, self.cloud = np.empty((0, 3)), np.empty(0), None  # outlines do not hold all, see docs/planner.md
+        self.voxels, self.cloud = np.empty((0, 3)), None  # outlines do not hold all, see docs/planner.md
 
     def points(self, cloud):
         """Takes a message of ~/points_labelled."""
-        names, at = ["x", "y", "z", "label"], {field.name: field.offset for field in cloud.fields}
-        points = np.frombuffer(cloud.data, np.dtype({"names": names, "formats": ["<f4", "<f4", "<f4", "<u4"],
-                                                     "offsets": [at[name] for name in names], "itemsize": cloud.point_step}))
-        self.cloud = cloud
-        self.voxels, self.labels = np.stack([points["x"], points["y"], points["z"]], axis=-1), points["label"]
+        at = {field.name: field.offset for field in cloud.fields}
+        points = np.frombuffer(cloud.data, np.dtype({"names": ["x", "y", "z"], "formats": 3 * ["<f4"],
+                                                     "offsets": [at[axis] for axis in "xyz"], "itemsize": cloud.point_step}))
+        self.cloud, self.voxels = cloud, np.stack([points["x"], points["y"], points["z"]], axis=-1)
 
     def ground(self, robot):
         """What the robot stands on: of the level surfaces at its height the one that it is over or comes to first, or None."""
@@ -48,7 +47,7 @@ class Planner:
 
     def free_ahead(self, ground, robot):
         """How far from its base frame the robot can drive straight on [m]; inf where nothing stands there."""
-        ahead, left, height = from_robot(robot, ground, self.voxels[self.labels != ground.id]).T
+        ahead, left, height = from_robot(robot, ground, self.voxels).T
         in_way = (ahead > 0) & (abs(left) < self.width / 2) & (height > LOW) & (height < self.height)
         clusters = (c for c in self.map.clusters.values() if c.id != ground.id)
         return min([ahead[in_way].min(initial=math.inf), *(self.begins(c, ground, robot, LOW, self.height) for c in clusters)])

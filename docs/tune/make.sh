@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# Makes the pictures of docs/tune.md anew, and prints the numbers that stand there:  bash docs/tune/make.sh CFODI
-# Takes a few minutes, and 1 GB of disk until its end.
+# Makes the pictures of docs/tune.md anew, writes the counts that stand there into counts.json and prints times and memory:
+#   bash docs/tune/make.sh CFODI
+# Takes a few minutes, and 1 GB of disk until its end. tests/bags/test_tune.py holds the page against counts.json.
 set -euo pipefail
 cfodi=$(realpath "$1")
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
@@ -49,18 +50,26 @@ draw noise_model 'kinect_v1=usual.ply' 'none=unknown.ply'
 draw mode 'consistent=usual.ply' 'paper=letter.ply'
 draw clearing 'true=cleared.ply' 'false=kept.ply'
 draw bounds 'no bound=usual.ply' 'keep_radius 2.5 m=radius.ply' 'max_voxels 10000=bounded.ply'
-python - <<'TABLE'
-import glob, json
-for path in sorted(glob.glob("*.json")):
-    s = json.load(open(path))
-    print(f"{path[:-5]:9} dense voxels {s['dense_voxels']:6}  voxels {s['voxels']:6}  clusters {s['clusters']:4}"
-          f"  of these active {s['clusters_active']:2}  ms {s['engine_ms']['p50']:5.1f}  MB {s['peak_rss_mb']:4.0f}")
-TABLE
-
 for rate in 0.5 2.0 10.0; do
   "$cfodi" replay lab.mcap --out "$rate.mcap" --ros-args -p "publish_rate:=$rate" 2>>log
-  echo "publish_rate $rate: $(stat -c %s "$rate.mcap") bytes of results"
 done
 
 "$cfodi" experiment lab.mcap --out figures
 for name in depth max_normal_angle min_vicinity; do cp "figures/effects_$name.svg" "$here/paper_$name.svg"; done
+
+python - "$here/counts.json" <<'TABLE'
+import csv, glob, json, os, sys
+runs = {}
+for path in sorted(glob.glob("*.json")):
+    s, name = json.load(open(path)), path[:-5]
+    runs[name] = {count: s[count] for count in ("dense_voxels", "voxels", "clusters", "clusters_active")}
+    print(f"{name:9} a scan {s['engine_ms']['p50']:5.1f} ms  memory {s['peak_rss_mb']:4.0f} MB")
+effects = [row for row in csv.DictReader(open("figures/effects.csv")) if row["parameter"] == "min_vicinity"]
+counts = {
+    "runs": runs,
+    "result_mb": {rate: round(os.path.getsize(f"{rate}.mcap") / 1e6, 1) for rate in ("0.5", "2.0", "10.0")},
+    "min_vicinity": {row["value"]: int(row["clusters"]) for row in effects if row["value"] in ("2", "10")},
+}
+with open(sys.argv[1], "w") as file:
+    file.write(json.dumps(counts, indent=2) + "\n")
+TABLE

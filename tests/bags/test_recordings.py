@@ -86,7 +86,20 @@ def test_a_depth_image_gives_the_voxels_of_its_cloud(recording, made, counted, t
     exact, rounded = counted("cabinet"), recount.Voxels(one.folder(), bags.POINTS, millimetres=True)
     share = len(cloud ^ image) / len(cloud | image)
     alone = len(set(exact.dense()) ^ set(rounded.dense())) / len(exact.dense())
-    print(f"dense voxels of the image or the cloud alone: {share:.3%}; of numpy's rounded or exact points: {alone:.3%}")
+    print(f"dense voxels of the cloud: {len(cloud)}, of the image: {len(image)}, of one alone: {len(cloud ^ image)} ({share:.3%}); "
+          f"of numpy's rounded or exact points: {alone:.3%}")
     assert run.summary()["scans"] == one.scans
     recount.assert_same_voxels(run.voxels(), rounded, allowed=1e-4)  # numpy rounds what was a float already
     assert share <= 0.001
+
+
+def test_in_mode_consistent_a_depth_image_gives_the_map_of_its_cloud(recording, made, tmp_path):
+    options = () if bags.FULL else ("--decimate", "2")
+    images = made.folder("images", "tum_fr3_cabinet58", *options, "--no-points", compression="storage")
+    of_cloud, of_image = Replay(recording("cabinet").folder(), tmp_path / "cloud"), Replay(images, tmp_path / "image")
+    cloud, image = set(of_cloud.voxels()), set(of_image.voxels())
+    clusters = [len(run.clusters()) for run in (of_cloud, of_image)]
+    print(f"dense voxels of the cloud: {len(cloud)}, of the image: {len(image)}, of one alone: {len(cloud ^ image)}; "
+          f"clusters: {clusters[0]} and {clusters[1]}")
+    assert len(cloud ^ image) <= 0.001 * len(cloud | image)
+    assert abs(clusters[0] - clusters[1]) <= 2

@@ -106,8 +106,7 @@ class Follower:
         if cluster.boundary.points:
             holes = [turned(hole, normal) for hole in cluster.holes]
             area = turned(cluster.boundary, normal) + sum(holes)
-            # A surface in several parts has the outline of the largest, and the area of all.
-            fits = 0 < area <= cluster.area + AREA * (1 + cluster.area) and max(holes, default=0) <= 0
+            fits = abs(area - cluster.area) <= AREA * (1 + cluster.area) and max(holes, default=0) <= 0
             self._hold(fits, f"{where}: its area is {cluster.area}, its outline's {area}")
 
     def _hold(self, true, what):

@@ -151,8 +151,10 @@ sensor_msgs::msg::PointCloud2 cloud(std::initializer_list<Labelled> points) {
 void voxels() {
   Planner known = planner({level(2, Cluster::CLASS_HORIZONTAL, 0.7, 2.0, 2.8, -0.2, 0.6)});
   const Cluster& ground = *known.ground(kHere);
-  known.points(cloud({{1.5, 0.1, 0.4, 0}, {0.7, 0.0, 0.0, 1}, {0.6, 0.0, 0.3, 1}, {0.5, 0.4, 0.3, 0}, {1.2, 0.0, 1.5, 0}}));
-  expect("those of cluster 1 are ground", known.free_ahead(ground, kHere), 1.5);
+  known.points(cloud({{1.5, 0.1, 0.4, 0}, {0.7, 0.0, 0.1, 1}, {0.5, 0.4, 0.3, 0}, {1.2, 0.0, 1.5, 0}}));
+  expect("what is low is ground", known.free_ahead(ground, kHere), 1.5);
+  known.points(cloud({{1.5, 0.1, 0.4, 0}, {0.6, 0.0, 0.3, 1}}));
+  expect("what is high is none, though of the ground's cluster, as a ramp is at first", known.free_ahead(ground, kHere), 0.6);
   known.points(cloud({{0.8, 0.0, 0.3, 77}}));
   expect("those of a cluster without an outline are in the way", known.free_ahead(ground, kHere), 0.8);
   known.points(cloud({{1.0, 0.0, 0.7, 2}}));

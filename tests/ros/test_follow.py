@@ -2,6 +2,7 @@
 
 from cfodi_msgs.msg import SurfaceCluster, SurfaceClusterArray
 from follow import Follower
+from geometry_msgs.msg import Point32
 
 
 def message(sequence, members, base=None, removed=()):
@@ -33,6 +34,19 @@ def test_after_a_gap_it_goes_on_from_a_snapshot_that_covers_it_and_has_counted_o
     follower = followed(("S", 1, {1: 1}), ("D", 5, {1: 5}), ("S", 3, {1: 3}), ("D", 6, {1: 6}), ("S", 6, {1: 6}),
                         ("D", 7, {2: 1}), ("S", 7, {1: 6, 2: 1}))
     assert (follower.gaps, follower.compared, follower.violations) == (1, 1, [])
+
+
+def test_an_area_is_that_of_its_outline():
+    def violations(area):
+        square = message(1, {1: 1})
+        square.clusters[0].area = area
+        square.clusters[0].boundary.points = [Point32(x=float(x), y=float(y)) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
+        follower = Follower()
+        follower.snapshot(square)
+        return follower.violations
+
+    assert not violations(1.0)
+    assert all("area" in violations(wrong)[0] for wrong in (0.99, 1.01, 2.0))
 
 
 def test_two_gaps_are_two():

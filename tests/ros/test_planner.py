@@ -162,10 +162,12 @@ def nearest(points, margin):
     return max(ahead[there].min(initial=math.inf), 0.0)
 
 
-def test_voxels_are_in_its_way_too_but_for_the_grounds():
+def test_voxels_above_the_ground_are_in_its_way_too_whatever_their_cluster():
     known, ground = planner(level(2, HORIZONTAL, 0.7, (2.0, 2.8), (-0.2, 0.6)))
-    known.points(clouds_of([(1.5, 0.1, 0.4, 0), (0.7, 0.0, 0.0, 1), (0.6, 0.0, 0.3, 1), (0.5, 0.4, 0.3, 0), (1.2, 0.0, 1.5, 0)]))
-    assert known.free_ahead(ground, BASE) == pytest.approx(1.5), "those of cluster 1 are ground"
+    known.points(clouds_of([(1.5, 0.1, 0.4, 0), (0.7, 0.0, 0.1, 1), (0.5, 0.4, 0.3, 0), (1.2, 0.0, 1.5, 0)]))
+    assert known.free_ahead(ground, BASE) == pytest.approx(1.5), "what is low is ground"
+    known.points(clouds_of([(1.5, 0.1, 0.4, 0), (0.6, 0.0, 0.3, 1)]))
+    assert known.free_ahead(ground, BASE) == pytest.approx(0.6), "of the ground's cluster, as a ramp is before it is one of its own"
     known.points(clouds_of([(0.8, 0.0, 0.3, 77)]))
     assert known.free_ahead(ground, BASE) == pytest.approx(0.8), "of a cluster without an outline"
     known.points(clouds_of([(1.0, 0.0, 0.7, 2)]))
