@@ -33,6 +33,8 @@ pub(super) struct Segmented {
     most_points: u32,
 }
 
+/// How far the voxels of two patches that meet may lie apart, along each axis, in voxels.
+pub(super) const CONTACT_REACH: i32 = 1;
 /// Points below which a voxel may be thin; a surface that comes into view soon has more.
 const THIN: u32 = 200;
 /// One in so many of those of the voxel with the most points in its block: fewer are thin. An edge that covers as little of its
@@ -192,7 +194,7 @@ pub(super) fn contacts_of(segmented: &[Segmented], id: PatchId) -> impl Iterator
 /// in space.
 pub(super) fn sharper(segmented: &[Segmented], id: PatchId, rules: &Rules) -> Option<PatchId> {
     let own = patch(segmented, id);
-    if !own.may_be_slice(rules) {
+    if !own.may_be_slice() {
         return None;
     }
     let contacts = || contacts_of(segmented, id);

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 
 use super::contacts::Contacts;
 use super::grid::Grid;
-use super::layer::{Segmented, are_joined, contacts, contacts_of, sharper};
+use super::layer::{CONTACT_REACH, Segmented, are_joined, contacts, contacts_of, sharper};
 use super::owner::Owners;
 use super::patch::PatchId;
 use super::rules::Rules;
@@ -45,7 +45,7 @@ pub(super) fn meet(grid: &Grid, segmented: &mut [Segmented], rules: &Rules) -> V
         let mut met = Contacts::new(block.corner());
         for (place, other) in block.around.iter() {
             let [here, there] = [index, other].map(|block| &segmented[block.0 as usize]);
-            for ((a, b), contact) in contacts(here, there, place, block.corner(), rules.contact_reach) {
+            for ((a, b), contact) in contacts(here, there, place, block.corner(), CONTACT_REACH) {
                 met.insert(a, PatchId { block: other, number: b }, &contact);
                 if other == index {
                     met.insert(b, PatchId { block: index, number: a }, &contact);

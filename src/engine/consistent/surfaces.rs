@@ -28,7 +28,7 @@ use super::block::{BlockIndex, Cell};
 use super::cluster::Cluster;
 use super::graph::{Batch, ComponentId, End, Graph, NodeId, Outcome};
 use super::grid::Grid;
-use super::layer::{Segmented, are_joined, contacts, contacts_of, patch, sharper};
+use super::layer::{CONTACT_REACH, Segmented, are_joined, contacts, contacts_of, patch, sharper};
 use super::outline::Drawing;
 use super::patch::PatchId;
 use super::rules::Rules;
@@ -289,7 +289,7 @@ impl Surfaces {
                 continue;
             }
             let [here, there] = [block, other].map(|block| &self.segmented[block.0 as usize]);
-            let met = contacts(here, there, place, grid.block(block).corner(), self.rules.contact_reach);
+            let met = contacts(here, there, place, grid.block(block).corner(), CONTACT_REACH);
             for ((a, b), contact) in met {
                 let [a, b] = [PatchId { block, number: a }, PatchId { block: other, number: b }];
                 self.segmented[block.0 as usize].contacts.insert(a.number, b, &contact);
@@ -303,7 +303,7 @@ impl Surfaces {
         let around = blocks.iter().flat_map(|&block| grid.block(block).around.iter().map(|(_, other)| other));
         let others: BTreeSet<_> = around.filter(|other| blocks.binary_search(other).is_err()).collect();
         let ids = others.into_iter().flat_map(|other| self.ids(other));
-        ids.filter(|&id| patch(&self.segmented, id).may_be_slice(&self.rules)).collect()
+        ids.filter(|&id| patch(&self.segmented, id).may_be_slice()).collect()
     }
 
     /// Whether a patch meets one of these blocks (ascending).

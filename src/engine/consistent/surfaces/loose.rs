@@ -8,7 +8,7 @@ use super::Surfaces;
 use crate::engine::consistent::block::{BlockIndex, Cell, offset_of};
 use crate::engine::consistent::cells::Cells;
 use crate::engine::consistent::grid::Grid;
-use crate::engine::consistent::owner::Owners;
+use crate::engine::consistent::owner::{Owners, RIM_REACH};
 use crate::engine::consistent::patch::PatchId;
 use crate::engine::consistent::state::State;
 
@@ -39,7 +39,7 @@ impl Surfaces {
             let around = grid.block(block).around.iter();
             for (place, other) in around.filter(|(_, other)| blocks.binary_search(other).is_err()) {
                 let loose = &self.segmented[other.0 as usize].loose_cells;
-                let border = loose.and(&Cells::border(offset_of(26 - place), self.rules.rim_reach));
+                let border = loose.and(&Cells::border(offset_of(26 - place), RIM_REACH));
                 if !border.is_empty() {
                     near.entry(other).or_default().extend(&border);
                 }
