@@ -23,7 +23,7 @@
 //! assert!(floor.normal.z > 0.999 && floor.voxel_count == 625);
 //! ```
 
-mod binning;
+pub(crate) mod binning;
 mod class;
 pub mod consistent;
 mod key;
