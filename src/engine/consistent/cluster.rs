@@ -1,17 +1,18 @@
 //! What is kept of a cluster while its voxels come and go.
 
-use nalgebra::{Matrix3, SymmetricEigen, UnitVector3, Vector3};
+use nalgebra::{Matrix3, UnitVector3, Vector3};
 
 use serde::{Deserialize, Serialize};
 
 use super::exact::Exact;
 use super::footprint::{Axis, Content, Footprint};
 use super::state::State;
-use super::symmetric::quadratic;
 use crate::engine::class::SurfaceClass;
 use crate::engine::key::{ClusterId, VoxelKey};
+use crate::engine::plane::normal_towards;
 use crate::engine::scan::Stamp;
 use crate::engine::snapshot::{self, ClusterState};
+use crate::engine::symmetric::quadratic;
 
 /// One component of patches, and the loose voxels beside them.
 #[derive(Clone, Debug)]
@@ -176,10 +177,7 @@ impl Cluster {
             return None;
         }
         let covariance = self.sums.covariance();
-        let eigen = SymmetricEigen::new(covariance);
-        let normal = eigen.eigenvectors.column(eigen.eigenvalues.imin()).into_owned();
-        let normal = if normal.dot(&self.sums.towards()) < 0.0 { -normal } else { normal };
-        let normal = UnitVector3::new_normalize(normal);
+        let normal = UnitVector3::new_normalize(normal_towards(&covariance, &self.sums.towards()));
         let (point, weight, noise) = (self.sums.mean(), self.sums.weight(), self.sums.noise());
         Some(PlaneFit { point, normal, weight, covariance, noise })
     }

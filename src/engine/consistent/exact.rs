@@ -7,8 +7,8 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::state::State;
-use super::symmetric::{PAIRS, symmetric, upper};
 use crate::engine::binning::nearest;
+use crate::engine::symmetric::{PAIRS, symmetric, upper};
 
 /// Units of a mean in a voxel.
 const UNITS: f64 = 1_048_576.0;

@@ -104,7 +104,6 @@ mod standpoint;
 mod state;
 mod sums;
 mod surfaces;
-mod symmetric;
 mod tile;
 mod trace;
 mod view;

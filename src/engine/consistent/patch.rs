@@ -10,7 +10,7 @@ use super::noise::Noise;
 use super::region::{Fit, Region};
 use super::rules::{RIM_NOISE_FACTOR, Rules};
 use super::state::{Plane, State};
-use super::symmetric::{along, quadratic, upper};
+use crate::engine::symmetric::{along, quadratic, upper};
 
 /// How a patch was grown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -10,7 +10,7 @@ use super::block::Cell;
 use super::eigen::Spread;
 use super::noise::Noise;
 use super::state::{Plane, State};
-use super::symmetric::{along, least_at_least, quadratic, symmetric, upper};
+use crate::engine::symmetric::{along, least_at_least, quadratic, symmetric, upper};
 
 /// What is summed, one after another: weight, weighted means, their weighted products (xx, xy, xz, yy, yz, zz), directions
 /// towards the sensor, voxels. One array, so that several are added in one instruction.

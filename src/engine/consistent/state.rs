@@ -12,8 +12,8 @@ use super::grid::Grid;
 use super::noise::Noise;
 use super::published::{PARTS, in_parts};
 use super::sums::{MOST_COVARIANCE, MOST_POINTS, MOST_TOWARDS, MOST_WEIGHT};
-use super::symmetric::{area_across, least_at_least, symmetric, upper};
 use crate::engine::binning::nearest;
+use crate::engine::symmetric::{area_across, least_at_least, symmetric, upper};
 
 /// What a voxel's mean is off by however many points it has, in voxels: the sensor's distortion, the cut at the border.
 const BIAS: f64 = 0.03;

@@ -17,8 +17,8 @@ use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::state::State;
-use super::symmetric::{PAIRS, symmetric, upper};
 use crate::engine::binning;
+use crate::engine::symmetric::{PAIRS, symmetric, upper};
 
 /// Units of an offset in a voxel's edge.
 pub(super) const UNITS: f64 = binning::UNITS as f64;

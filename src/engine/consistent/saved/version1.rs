@@ -7,8 +7,8 @@ use super::{SavedBlock, SavedConsistent, SavedGrid, SavedVoxel};
 use crate::engine::consistent::block::Cell;
 use crate::engine::consistent::published::Published;
 use crate::engine::consistent::sums::{MOST_POINTS, MOST_WEIGHT, Moments, UNITS, halvings};
-use crate::engine::consistent::symmetric::symmetric;
 use crate::engine::consistent::view::Clearance;
+use crate::engine::symmetric::symmetric;
 
 /// A voxel with the sums of its points.
 #[derive(Clone, Debug, Deserialize)]
