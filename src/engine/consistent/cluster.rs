@@ -36,6 +36,17 @@ pub(super) struct Cluster {
     pub(super) before: Before,
 }
 
+/// A voxel as a cluster counts it: whatever is added is removed as the same.
+#[derive(Debug)]
+pub(super) struct Member<'a> {
+    pub(super) key: VoxelKey,
+    pub(super) state: &'a State,
+    /// It is no part of the footprint.
+    pub(super) is_thin: bool,
+    /// What it adds to the sums; `None` for a voxel beside its patch.
+    pub(super) share: Option<Exact>,
+}
+
 /// How a cluster was told of before the scan that it is described after.
 #[derive(Clone, Debug, Default)]
 pub(super) enum Before {
@@ -182,22 +193,29 @@ impl Cluster {
         Some(PlaneFit { point, normal, weight, covariance, noise })
     }
 
-    /// A voxel that is thin is no part of the footprint.
-    pub(super) fn add(&mut self, key: VoxelKey, state: &State, is_thin: bool) {
+    pub(super) fn add(&mut self, member: &Member) {
+        let Member { key, state, is_thin, share } = member;
         self.voxels += 1;
         self.points += u64::from(state.count);
         if !is_thin {
             self.outlined += 1;
-            self.footprint.add(self.footprint.axis().column(key), &content(state, self.footprint.axis()));
+            self.footprint.add(self.footprint.axis().column(*key), &content(state, self.footprint.axis()));
+        }
+        if let Some(share) = share {
+            self.sums.add(share);
         }
     }
 
-    pub(super) fn remove(&mut self, key: VoxelKey, state: &State, is_thin: bool) {
+    pub(super) fn remove(&mut self, member: &Member) {
+        let Member { key, state, is_thin, share } = member;
         self.voxels -= 1;
         self.points -= u64::from(state.count);
         if !is_thin {
             self.outlined -= 1;
-            self.footprint.remove(self.footprint.axis().column(key), &content(state, self.footprint.axis()));
+            self.footprint.remove(self.footprint.axis().column(*key), &content(state, self.footprint.axis()));
+        }
+        if let Some(share) = share {
+            self.sums.remove(share);
         }
     }
 

@@ -6,6 +6,7 @@ use nalgebra::Vector3;
 
 use super::block::{Block, CELLS, Cell, EDGE, offset_of};
 use super::cells::{Cells, Window};
+use super::cluster::Member;
 use super::contacts::{Contact, Contacts};
 use super::exact::Exact;
 use super::graph::NodeId;
@@ -156,10 +157,22 @@ impl Segmented {
         self.cells.any_in(window)
     }
 
-    /// What a voxel adds to the sums of a cluster as one of its own patch, of this number; `corner` is that of the block.
-    pub(super) fn share(&self, number: u8, state: &State, corner: [i32; 3], rules: &Rules) -> Exact {
-        let patch = &self.patches[usize::from(number)];
-        Exact::of(state, corner, patch.weight_of(state, &rules.noise), &patch.normal(), patch.noise())
+    /// A voxel of this block as a cluster counts it: as one of its own patch, of the number `own`, or, where that is `None`, as one
+    /// beside a patch. `None` beyond the grid.
+    pub(super) fn member<'a>(
+        &self,
+        block: &Block,
+        state: &'a State,
+        own: Option<u8>,
+        rules: &Rules,
+    ) -> Option<Member<'a>> {
+        let key = block.voxel_key(state.cell())?;
+        let share = own.map(|number| {
+            let patch = &self.patches[usize::from(number)];
+            let weight = patch.weight_of(state, &rules.noise);
+            Exact::of(state, block.corner(), weight, &patch.normal(), patch.noise())
+        });
+        Some(Member { key, state, is_thin: self.is_thin(state), share })
     }
 
     /// The state of a cell that is dense.

@@ -205,7 +205,6 @@ impl Surfaces {
 
     /// Takes all voxels of a block out of their clusters, and its nodes out of the graph; returns what it was.
     fn withdraw(&mut self, grid: &Grid, block: BlockIndex, batch: &mut Batch) -> Old {
-        let corner = grid.block(block).corner();
         (0..self.segmented[block.0 as usize].loose.len())
             .for_each(|number| self.withdraw_loose(grid, block, number));
         let segmented = std::mem::take(&mut self.segmented[block.0 as usize]);
@@ -218,11 +217,9 @@ impl Surfaces {
                 continue;
             }
             let component = components[usize::from(number)];
-            if let (Some(cluster), Some(key)) =
-                (self.clusters[component.0 as usize].as_mut(), grid.block(block).voxel_key(state.cell()))
-            {
-                cluster.remove(key, state, segmented.is_thin(state));
-                cluster.sums.remove(&segmented.share(number, state, corner, &self.rules));
+            let member = segmented.member(grid.block(block), state, Some(number), &self.rules);
+            if let (Some(cluster), Some(member)) = (self.clusters[component.0 as usize].as_mut(), member) {
+                cluster.remove(&member);
                 self.changed.insert(component);
             }
         }
@@ -331,43 +328,42 @@ impl Surfaces {
         let Some(id) = self.patches[node.0 as usize] else { return };
         let (mut lost, mut gained) =
             (self.clusters[from.0 as usize].take(), self.clusters[to.0 as usize].take());
-        let here = &self.segmented[id.block.0 as usize];
-        let corner = grid.block(id.block).corner();
-        let mut carry = |block: BlockIndex, state: &State, of_patch: bool| {
-            let key = grid.block(block).voxel_key(state.cell());
-            let (Some(key), Some(lost), Some(gained)) = (key, lost.as_mut(), gained.as_mut()) else { return };
-            let is_thin = self.segmented[block.0 as usize].is_thin(state);
-            lost.remove(key, state, is_thin);
-            gained.add(key, state, is_thin);
-            if of_patch {
-                let sums = here.share(id.number, state, corner, &self.rules);
-                lost.sums.remove(&sums);
-                gained.sums.add(&sums);
-            }
-        };
-        let patch = &here.patches[usize::from(id.number)];
-        for cell in patch.cells.iter().filter(|_| !patch.is_frayed()) {
-            if let Some(state) = here.state(cell) {
-                carry(id.block, state, true);
-            }
-        }
-        for (_, block) in grid.block(id.block).around.iter() {
+        self.for_each_voxel(grid, node, id, |block, state| {
             let there = &self.segmented[block.0 as usize];
-            for loose in there.loose.iter().filter(|loose| loose.owner() == Some(node)) {
-                let state = &there.states[loose.place()];
-                let is_own = block == id.block && patch.cells.contains(state.cell());
-                carry(block, state, is_own);
+            let is_own =
+                block == id.block && there.patches[usize::from(id.number)].cells.contains(state.cell());
+            let member = there.member(grid.block(block), state, is_own.then_some(id.number), &self.rules);
+            if let (Some(member), Some(lost), Some(gained)) = (member, lost.as_mut(), gained.as_mut()) {
+                lost.remove(&member);
+                gained.add(&member);
             }
-        }
+        });
         self.clusters[from.0 as usize] = lost;
         self.clusters[to.0 as usize] = gained;
         self.changed.extend([from, to]);
     }
 
+    /// Visits the voxels that belong to a node's patch: those in it, and the loose ones beside it.
+    fn for_each_voxel(
+        &self,
+        grid: &Grid,
+        node: NodeId,
+        id: PatchId,
+        mut visit: impl FnMut(BlockIndex, &State),
+    ) {
+        let (here, patch) = (&self.segmented[id.block.0 as usize], patch(&self.segmented, id));
+        let whole = patch.cells.iter().filter(|_| !patch.is_frayed());
+        whole.filter_map(|cell| here.state(cell)).for_each(|state| visit(id.block, state));
+        for (_, block) in grid.block(id.block).around.iter() {
+            let there = &self.segmented[block.0 as usize];
+            let beside = there.loose.iter().filter(|loose| loose.owner() == Some(node));
+            beside.for_each(|loose| visit(block, &there.states[loose.place()]));
+        }
+    }
+
     /// Puts the voxels of a block that was segmented anew into their clusters.
     fn enter(&mut self, grid: &Grid, block: BlockIndex) {
         let here = &self.segmented[block.0 as usize];
-        let corner = grid.block(block).corner();
         let numbers = here.numbers();
         for state in here.states.iter() {
             let number = numbers[state.cell().index()];
@@ -375,11 +371,9 @@ impl Surfaces {
                 continue;
             }
             let component = self.graph.component(self.nodes[block.0 as usize][usize::from(number)]);
-            if let (Some(cluster), Some(key)) =
-                (self.clusters[component.0 as usize].as_mut(), grid.block(block).voxel_key(state.cell()))
-            {
-                cluster.add(key, state, here.is_thin(state));
-                cluster.sums.add(&here.share(number, state, corner, &self.rules));
+            let member = here.member(grid.block(block), state, Some(number), &self.rules);
+            if let (Some(cluster), Some(member)) = (self.clusters[component.0 as usize].as_mut(), member) {
+                cluster.add(&member);
             }
         }
         self.enter_loose(grid, block, 0..self.segmented[block.0 as usize].loose.len());

@@ -67,19 +67,14 @@ impl Surfaces {
         here.loose[number].set_owner(None);
         let state = here.loose_state(number);
         let component = self.graph.component(owner);
-        let (Some(cluster), Some(key)) =
-            (self.clusters[component.0 as usize].as_mut(), grid.block(block).voxel_key(state.cell()))
-        else {
-            return;
-        };
-        let is_thin = here.is_thin(state);
-        cluster.remove(key, state, is_thin);
-        if let Some(number) = here.number_of(state.cell())
-            && self.nodes[block.0 as usize].get(usize::from(number)) == Some(&owner)
-        {
-            cluster.sums.remove(&here.share(number, state, grid.block(block).corner(), &self.rules));
+        let nodes = &self.nodes[block.0 as usize];
+        let is_own = |number: &u8| nodes.get(usize::from(*number)) == Some(&owner);
+        let own = here.number_of(state.cell()).filter(is_own);
+        let member = here.member(grid.block(block), state, own, &self.rules);
+        if let (Some(cluster), Some(member)) = (self.clusters[component.0 as usize].as_mut(), member) {
+            cluster.remove(&member);
+            self.changed.insert(component);
         }
-        self.changed.insert(component);
     }
 
     /// Puts loose voxels of a block, by their places in its list, beside the patches that they belong to.
@@ -140,13 +135,10 @@ impl Surfaces {
         let state = here.loose_state(number);
         let node = self.nodes[owner.block.0 as usize][usize::from(owner.number)];
         let component = self.graph.component(node);
-        if let (Some(cluster), Some(key)) =
-            (self.clusters[component.0 as usize].as_mut(), grid.block(block).voxel_key(state.cell()))
-        {
-            cluster.add(key, state, here.is_thin(state));
-            if owner.block == block && here.number_of(state.cell()) == Some(owner.number) {
-                cluster.sums.add(&here.share(owner.number, state, grid.block(block).corner(), &self.rules));
-            }
+        let is_own = owner.block == block && here.number_of(state.cell()) == Some(owner.number);
+        let member = here.member(grid.block(block), state, is_own.then_some(owner.number), &self.rules);
+        if let (Some(cluster), Some(member)) = (self.clusters[component.0 as usize].as_mut(), member) {
+            cluster.add(&member);
         }
         self.changed.insert(component);
         self.segmented[block.0 as usize].loose[number].set_owner(Some(node));

@@ -9,7 +9,6 @@ use crate::engine::consistent::footprint::{Axis, Footprint};
 use crate::engine::consistent::graph::{ComponentId, NodeId};
 use crate::engine::consistent::grid::Grid;
 use crate::engine::consistent::layer::patch;
-use crate::engine::consistent::state::State;
 use crate::engine::key::ClusterId;
 use crate::engine::now::Now;
 use crate::engine::params::Params;
@@ -196,21 +195,12 @@ impl Surfaces {
         let mut footprint = Footprint::new(axis);
         for &node in self.graph.nodes(component) {
             let Some(id) = self.patches[node.0 as usize] else { continue };
-            let here = &self.segmented[id.block.0 as usize];
-            let mut enter = |block: BlockIndex, state: &State| {
+            self.for_each_voxel(grid, node, id, |block, state| {
                 let is_thin = self.segmented[block.0 as usize].is_thin(state);
                 if let Some(key) = grid.block(block).voxel_key(state.cell()).filter(|_| !is_thin) {
                     footprint.add(axis.column(key), &content(state, axis));
                 }
-            };
-            let patch = &here.patches[usize::from(id.number)];
-            let whole = patch.cells.iter().filter(|_| !patch.is_frayed());
-            whole.filter_map(|cell| here.state(cell)).for_each(|state| enter(id.block, state));
-            for (_, block) in grid.block(id.block).around.iter() {
-                let there = &self.segmented[block.0 as usize];
-                let beside = there.loose.iter().filter(|loose| loose.owner() == Some(node));
-                beside.for_each(|loose| enter(block, &there.states[loose.place()]));
-            }
+            });
         }
         footprint
     }
