@@ -5,6 +5,7 @@ use std::sync::Arc;
 use nalgebra::Vector3;
 
 use super::block::{Block, CELLS, Cell, EDGE, offset_of};
+use super::by::Place;
 use super::cells::{Cells, Window};
 use super::cluster::Member;
 use super::contacts::{Contact, Contacts};
@@ -194,12 +195,12 @@ impl Segmented {
 }
 
 pub(super) fn patch(segmented: &[Segmented], id: PatchId) -> &Patch {
-    &segmented[id.block.0 as usize].patches[usize::from(id.number)]
+    &segmented[id.block.place()].patches[usize::from(id.number)]
 }
 
 /// Where a patch meets others.
 pub(super) fn contacts_of(segmented: &[Segmented], id: PatchId) -> impl Iterator<Item = (PatchId, Contact)> {
-    segmented[id.block.0 as usize].contacts.of(id.number)
+    segmented[id.block.place()].contacts.of(id.number)
 }
 
 /// The sharper, broader or whole patch that a patch is a slice of: of those it meets, the one its points fit best. A flat patch
@@ -222,7 +223,7 @@ pub(super) fn sharper(segmented: &[Segmented], id: PatchId, rules: &Rules) -> Op
     let equal = contacts().filter_map(equal).fold(f64::INFINITY, f64::min);
     let candidates = contacts()
         .filter_map(|(other, _)| own.slice_of(patch(segmented, other), rules).map(|misfit| (misfit, other)));
-    let place = |id: PatchId| (segmented[id.block.0 as usize].contacts.corner(), id.number);
+    let place = |id: PatchId| (segmented[id.block.place()].contacts.corner(), id.number);
     let best = candidates.min_by(|a, b| a.0.total_cmp(&b.0).then_with(|| place(a.1).cmp(&place(b.1))));
     best.filter(|(misfit, _)| *misfit < equal).map(|(_, other)| other)
 }

@@ -66,6 +66,7 @@ mod apart;
 mod block;
 mod border;
 mod bounds;
+mod by;
 mod cells;
 mod class;
 mod clearing;
