@@ -33,7 +33,7 @@ pub(super) struct Bounds {
     keep_radius: f64,
     /// The scan that put a point into it last and the block; kept where there is a bound on voxels.
     by_last_seen: BTreeSet<(u64, BlockIndex)>,
-    /// As far as they were noted.
+    /// The scan that put a point into it last, as far as that was noted.
     last_seen: By<BlockIndex, u64>,
     /// The blocks below this one are looked at next, downwards.
     next: usize,
@@ -55,7 +55,7 @@ impl Bounds {
         self.next as u64
     }
 
-    /// As they were when the blocks of `grid` were saved, or with other bounds.
+    /// The bounds as they were when the blocks of `grid` were saved, or other ones over these.
     pub(super) fn restore(params: &Params, grid: &Grid, next: usize) -> Self {
         let mut bounds = Self { next, ..Self::new(params) };
         if bounds.max_voxels > 0 {

@@ -124,7 +124,7 @@ pub(super) struct PlaneFit {
 }
 
 impl PlaneFit {
-    /// Of the distances of the voxels' means to the plane.
+    /// Mean square distance of the voxels' means to the plane, in voxels^2.
     pub(super) fn mean_square(&self) -> f64 {
         quadratic(&self.covariance, &self.normal).max(0.0)
     }

@@ -294,7 +294,7 @@ pub(super) struct Uprights {
 }
 
 impl Uprights {
-    /// Those of `others` that a cluster with these edges stands beside; none of one that has no edges.
+    /// The clusters, of `others`, that one with these edges stands beside; none of one that has no edges.
     pub(super) fn of<'a>(
         cluster: &snapshot::Cluster,
         edges: Option<&[Point3<f64>; 2]>,

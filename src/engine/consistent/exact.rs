@@ -32,7 +32,8 @@ pub(super) struct Exact {
 }
 
 impl Exact {
-    /// Of one voxel that counts so much, of a patch with this normal and this noise along it; `corner` is that of its block.
+    /// The sums of one voxel that counts so much, of a patch with this normal and this noise along it; `corner` is that of its
+    /// block.
     pub(super) fn of(
         state: &State,
         corner: [i32; 3],

@@ -60,7 +60,7 @@ impl Grid {
         }
     }
 
-    /// Of these blocks, in this order.
+    /// A grid of these blocks, which have their places in this order.
     pub(super) fn of(params: &Params, blocks: Vec<Block>) -> Result<Self, RestoreError> {
         let mut grid = Self { blocks: By::from(blocks), ..Self::new(params) };
         for slot in (0..grid.blocks.len() as u32).map(BlockIndex) {

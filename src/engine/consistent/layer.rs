@@ -91,7 +91,7 @@ impl Segmented {
         Self::of(states(grid, block), block.corner(), rules)
     }
 
-    /// Of these states, ascending, in the block with this corner.
+    /// The patches of these states, ascending, in the block with this lower corner (voxel indices).
     pub(super) fn of(states: Vec<State>, corner: [i32; 3], rules: &Rules) -> Self {
         let Patches { owner, kinds } = segment(&states, rules);
         let mut members: Vec<Vec<&State>> = vec![Vec::new(); kinds.len()];

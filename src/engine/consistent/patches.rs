@@ -132,7 +132,8 @@ struct Window {
 
 struct Seed {
     state: usize,
-    /// That of its window; what is seen from near is flatter than what noise has spread.
+    /// Mean square distance of its window's points to their plane, in voxels^2; what is seen from near is flatter than what noise
+    /// has spread.
     distance: f64,
 }
 
@@ -153,7 +154,8 @@ impl<'a> Segmentation<'a> {
         region
     }
 
-    /// As [`State::within`].
+    /// How far a voxel's points are off a plane, by what its noise and [`Rules::flatness`] allow, 0 to 1; `None` where it is more,
+    /// or where the plane was seen from the other side.
     fn within(&self, state: usize, plane: &Plane) -> Option<f64> {
         let (region, scatter) = &self.shares[state];
         let is_seen = region.is_seen_from(plane);

@@ -133,7 +133,7 @@ impl Surfaces {
         &self.segmented[block].states
     }
 
-    /// The same of a block that is to rest, which they are kept of with no room to spare.
+    /// The dense voxels of a block that is to rest, as they were published; what is kept of it takes no room to spare.
     pub(super) fn rest(&mut self, block: BlockIndex) -> Arc<Vec<State>> {
         let here = &mut self.segmented[block];
         here.fit();

@@ -26,11 +26,11 @@ pub(crate) struct Voxel {
 struct Sums {
     points: u64,
     weight: u64,
-    /// Of offsets from the corner, in 1/4096 of the voxel's edge.
+    /// Sums of offsets from the corner, in 1/4096 of the voxel's edge.
     sum: [u64; 3],
-    /// Of their products: xx, xy, xz, yy, yz, zz.
+    /// Sums of their products: xx, xy, xz, yy, yz, zz.
     squares: [u64; 6],
-    /// Of unit directions towards the sensor times 1024.
+    /// Sums of unit directions towards the sensor times 1024.
     towards: [i64; 3],
 }
 

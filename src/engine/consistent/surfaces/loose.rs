@@ -91,8 +91,8 @@ impl Surfaces {
         }
     }
 
-    /// As [`Self::enter_loose`] for those of one block where blocks around it (ascending) were published; nothing is done
-    /// where one stays with its patch.
+    /// Puts the loose voxels of one block beside the patches that they belong to after blocks around it (ascending) were published;
+    /// nothing is done where one stays with its patch.
     pub(super) fn settle_loose(&mut self, grid: &Grid, beside: &[Beside], published: &[BlockIndex]) {
         let Some(&Beside { block, .. }) = beside.first() else { return };
         let around = grid.block(block).around.iter();

@@ -42,7 +42,7 @@ pub(in super::super) struct SavedSurfaces {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct SavedCluster {
     identity: Identity,
-    /// That along which its footprint is projected.
+    /// The axis along which its footprint is projected: 0 to 2.
     axis: u8,
     told: Option<SavedTold>,
 }
@@ -292,7 +292,7 @@ mod tests {
         assert!(floors > 0);
     }
 
-    /// As it was saved while the slots of blocks that had gone were kept.
+    /// A map may have been saved by what kept the slots of blocks that had gone.
     #[test]
     fn a_map_with_slots_that_no_block_has_is_the_same_without_them() {
         let drive = Drive::new(Scene::room(), 1, Stamp::from_nanos(0));
