@@ -33,7 +33,7 @@ impl Engine {
         self.insert_observed(scan, |_| {})
     }
 
-    /// As [`Self::insert`]; `done` is called at the end of each step, for those who have a clock.
+    /// Takes in a scan like [`Self::insert`]; `done` is called at the end of each step, for those who have a clock.
     pub fn insert_observed(&mut self, scan: &Scan, done: impl FnMut(PipelineStep)) -> Update {
         match &mut self.0 {
             Method::Paper(map) => map.insert_observed(scan, done),

@@ -23,7 +23,7 @@
 //! assert!(floor.normal.z > 0.999 && floor.voxel_count == 625);
 //! ```
 
-mod binning;
+pub(crate) mod binning;
 mod class;
 pub mod consistent;
 mod key;
@@ -31,7 +31,7 @@ mod map;
 mod now;
 pub mod paper;
 mod params;
-mod plane;
+pub(crate) mod plane;
 mod points;
 pub mod rand_index;
 mod rectangle;
@@ -39,6 +39,7 @@ mod saved;
 mod scan;
 mod snapshot;
 mod step;
+mod symmetric;
 
 #[cfg(test)]
 pub(crate) use binning::between;

@@ -35,7 +35,7 @@ impl Taken {
         Now { sequence: self.sequence, stamp }
     }
 
-    /// As it was when the newest scan was taken in.
+    /// The newest scan that was taken in.
     pub(crate) fn now(&self) -> Now {
         Now { sequence: self.sequence, stamp: self.stamp.unwrap_or_default() }
     }

@@ -20,17 +20,30 @@ impl PlaneFit {
         if count < 3 {
             return None;
         }
-        let eigen = SymmetricEigen::new(*covariance);
-        let mut order = [0, 1, 2];
-        order.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
-        let [l0, l1, l2] = order.map(|i| eigen.eigenvalues[i]);
+        let ([l0, l1, l2], normal) = ascending(covariance);
         if l1 <= DEGENERATE * l2 || l1 - l0 <= DEGENERATE * l2 {
             return None;
         }
-        let normal = UnitVector3::new_normalize(eigen.eigenvectors.column(order[0]).into_owned());
+        let normal = UnitVector3::new_normalize(normal);
         // Rounding may leave the eigenvalue of a perfect plane a hair below zero.
         Some(Self { normal, curvature: l0.max(0.0) / (l0 + l1 + l2) })
     }
+}
+
+/// Eigenvalues of a covariance, ascending, and the direction of the least, of either sign; it is of unit length but for rounding.
+pub(crate) fn ascending(covariance: &Matrix3<f64>) -> ([f64; 3], Vector3<f64>) {
+    let eigen = SymmetricEigen::new(*covariance);
+    let mut order = [0, 1, 2];
+    order.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
+    (order.map(|i| eigen.eigenvalues[i]), eigen.eigenvectors.column(order[0]).into_owned())
+}
+
+/// The direction in which points of this covariance spread least, in the half space of `towards`; a right angle counts as the same
+/// half. It is of unit length but for rounding.
+pub(crate) fn normal_towards(covariance: &Matrix3<f64>, towards: &Vector3<f64>) -> Vector3<f64> {
+    let eigen = SymmetricEigen::new(*covariance);
+    let normal = eigen.eigenvectors.column(eigen.eigenvalues.imin()).into_owned();
+    if normal.dot(towards) < 0.0 { -normal } else { normal }
 }
 
 /// `vector`, or its opposite where that lies in the half space of `towards`; a right angle counts as the same half.
@@ -69,6 +82,16 @@ mod tests {
             .collect::<Vec<_>>();
         assert!(fit(&octahedron).is_none());
         assert!(fit(&[[0.0; 3]; 5]).is_none());
+    }
+
+    #[test]
+    fn a_normal_is_that_of_the_least_eigenvalue_and_faces_the_side_that_is_asked_for() {
+        let covariance = Matrix3::from_diagonal(&Vector3::new(3.0, 0.5, 2.0));
+        let (values, least) = ascending(&covariance);
+        assert_eq!((values, least.abs()), ([0.5, 2.0, 3.0], Vector3::y()));
+        for towards in [Vector3::new(1.0, 2.0, 0.0), Vector3::new(1.0, -2.0, 0.0)] {
+            assert_eq!(normal_towards(&covariance, &towards), towards.y.signum() * Vector3::y());
+        }
     }
 
     #[test]

@@ -7,7 +7,7 @@ use std::sync::Arc;
 pub enum Points {
     /// Single precision.
     F32(Vec<[f32; 3]>),
-    /// The same, and what was measured too far away to be a point: up to there, the rays have met nothing.
+    /// Single precision, with what was measured too far away to be a point: up to there, the rays have met nothing.
     Ended {
         /// The points.
         points: Vec<[f32; 3]>,
@@ -56,7 +56,7 @@ impl Depths {
         Self::counted(rays, depths, measured)
     }
 
-    /// The same where it is known how many are points.
+    /// Depths as [`Self::new`] takes them, of which `measured` are points.
     pub(crate) fn counted(rays: Arc<Rays>, depths: Vec<f32>, measured: usize) -> Option<Self> {
         debug_assert_eq!(measured, depths.iter().filter(|depth| is_point(**depth)).count());
         (depths.len() == rays.x.len() * rays.y.len()).then_some(Self { rays, pixels: depths, measured })

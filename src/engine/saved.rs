@@ -106,7 +106,7 @@ pub(super) fn in_slots<'a, T>(
 /// Scans, and ids given, beyond which no map has got: they go on counting up from there.
 const MOST_COUNTED: u64 = 1 << 60;
 
-/// The same of the revisions of a cluster: one more at most with each scan.
+/// Revisions of a cluster beyond which no map has got: there is one more at most with each scan.
 pub(super) const MOST_REVISIONS: u32 = 1 << 31;
 
 /// Checks a count that goes on.

@@ -58,6 +58,11 @@ impl Clustering {
         }
     }
 
+    /// The dense voxels by ascending key, each with the number of its cluster; `None` = in no cluster.
+    pub(super) fn labels(&self) -> impl Iterator<Item = (VoxelKey, Option<u64>)> {
+        self.voxels.iter().map(|voxel| (voxel.key, voxel.cluster))
+    }
+
     /// The adjusted Rand index over the voxels that are dense in both; `None` without any.
     pub(super) fn agreement(&self, other: &Self) -> Option<f64> {
         let in_other = |key| {

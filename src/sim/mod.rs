@@ -10,7 +10,7 @@
 pub mod drive;
 pub mod kinect;
 pub mod motion;
-mod noise;
+pub(crate) mod noise;
 mod parts;
 pub mod path;
 mod pose_noise;

@@ -22,7 +22,7 @@ const GRAZING: [f64; 2] = [60.0, 85.0];
 pub(super) const SAFE_COSINE: f64 = 0.5;
 
 /// Standard deviation of a measured depth (m), Nguyen et al. 2012.
-pub(super) fn axial_sigma(depth: f64) -> f64 {
+pub(crate) fn axial_sigma(depth: f64) -> f64 {
     0.0012 + 0.0019 * (depth - 0.4) * (depth - 0.4)
 }
 

@@ -301,7 +301,7 @@ impl Block {
         self.rested().map_or(Cow::Borrowed(&self.voxels), Cow::Owned)
     }
 
-    /// The same of a block that is awake.
+    /// The voxels that hold a point, by ascending cell, of a block that is awake.
     pub(super) fn awake(&self) -> &[Voxel] {
         debug_assert!(!self.is_at_rest());
         &self.voxels

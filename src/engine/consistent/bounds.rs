@@ -17,6 +17,7 @@ use std::collections::BTreeSet;
 use nalgebra::{Point3, Vector3};
 
 use super::block::{Block, BlockIndex, EDGE};
+use super::by::By;
 use super::grid::Grid;
 use super::moves::Moves;
 use crate::engine::params::Params;
@@ -32,8 +33,8 @@ pub(super) struct Bounds {
     keep_radius: f64,
     /// The scan that put a point into it last and the block; kept where there is a bound on voxels.
     by_last_seen: BTreeSet<(u64, BlockIndex)>,
-    /// By block, as far as they were noted.
-    last_seen: Vec<u64>,
+    /// The scan that put a point into it last, as far as that was noted.
+    last_seen: By<BlockIndex, u64>,
     /// The blocks below this one are looked at next, downwards.
     next: usize,
 }
@@ -44,7 +45,7 @@ impl Bounds {
             max_voxels: params.max_voxels(),
             keep_radius: params.keep_radius(),
             by_last_seen: BTreeSet::new(),
-            last_seen: Vec::new(),
+            last_seen: By::new(),
             next: 0,
         }
     }
@@ -54,7 +55,7 @@ impl Bounds {
         self.next as u64
     }
 
-    /// As they were when the blocks of `grid` were saved, or with other bounds.
+    /// The bounds as they were when the blocks of `grid` were saved, or other ones over these.
     pub(super) fn restore(params: &Params, grid: &Grid, next: usize) -> Self {
         let mut bounds = Self { next, ..Self::new(params) };
         if bounds.max_voxels > 0 {
@@ -68,7 +69,7 @@ impl Bounds {
         let held = std::mem::replace(&mut self.max_voxels, params.max_voxels()) > 0;
         self.keep_radius = params.keep_radius();
         if self.max_voxels == 0 {
-            (self.by_last_seen, self.last_seen) = (BTreeSet::new(), Vec::new());
+            (self.by_last_seen, self.last_seen) = (BTreeSet::new(), By::new());
         } else if !held {
             self.note_all(grid);
         }
@@ -80,12 +81,12 @@ impl Bounds {
         if self.max_voxels == 0 {
             return;
         }
-        self.last_seen.resize(moves.slots() + moves.gone().len(), 0);
+        self.last_seen.list().resize(moves.slots() + moves.gone().len(), 0);
         for &gone in moves.gone() {
-            self.by_last_seen.remove(&(self.last_seen[gone.0 as usize], gone));
+            self.by_last_seen.remove(&(self.last_seen[gone], gone));
         }
         for &(from, to) in moves.moved() {
-            let last = self.last_seen[from.0 as usize];
+            let last = self.last_seen[from];
             if self.by_last_seen.remove(&(last, from)) {
                 self.by_last_seen.insert((last, to));
             }
@@ -141,9 +142,7 @@ impl Bounds {
 
     fn note_seen(&mut self, seen: &[BlockIndex], sequence: u64) {
         for &block in seen {
-            let place = block.0 as usize;
-            self.last_seen.resize(self.last_seen.len().max(place + 1), 0);
-            let before = std::mem::replace(&mut self.last_seen[place], sequence);
+            let before = std::mem::replace(self.last_seen.reach(block), sequence);
             self.by_last_seen.remove(&(before, block));
             self.by_last_seen.insert((sequence, block));
         }

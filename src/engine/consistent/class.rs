@@ -104,7 +104,7 @@ pub(crate) struct Evidence<'a> {
     pub(crate) sensor: f64,
     /// Whether it was a ceiling before: then it was above the sensor that saw it, which may have taken a lift since.
     pub(crate) was_ceiling: bool,
-    /// Of an upright cluster.
+    /// The upright clusters beside an upright one.
     pub(crate) neighbours: &'a [Neighbour],
     /// How far from each of its two upright edges an upright surface begins that turns away from there (m); infinite where none does.
     pub(crate) corners: [f64; 2],

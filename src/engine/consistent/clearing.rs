@@ -33,9 +33,9 @@ const FARTHEST: f64 = 10.0;
 /// Standard deviations of a depth by which a ray must end beyond the box around the points ([`body`]), with [`SHARE`] beside: it
 /// is the nearest point of a cell that counts, and of a Kinect's 16 that one lies nearly two before the mean already.
 const SIGMAS: f64 = 1.0;
-/// The same in voxels, for what the noise model leaves out: a pose that lags behind.
+/// How far beyond the box a ray must end besides, in voxels, for what the noise model leaves out: a pose that lags behind.
 const SHARE: f64 = 0.1;
-/// The same where depths scatter by nothing that is known.
+/// How far beyond the box a ray must end, in voxels, where depths scatter by nothing that is known.
 const SHARE_OF_UNKNOWN: f64 = 0.5;
 
 /// What clearing keeps from scan to scan: its memory.

@@ -1,17 +1,18 @@
 //! What is kept of a cluster while its voxels come and go.
 
-use nalgebra::{Matrix3, SymmetricEigen, UnitVector3, Vector3};
+use nalgebra::{Matrix3, UnitVector3, Vector3};
 
 use serde::{Deserialize, Serialize};
 
 use super::exact::Exact;
 use super::footprint::{Axis, Content, Footprint};
 use super::state::State;
-use super::symmetric::quadratic;
 use crate::engine::class::SurfaceClass;
 use crate::engine::key::{ClusterId, VoxelKey};
+use crate::engine::plane::normal_towards;
 use crate::engine::scan::Stamp;
 use crate::engine::snapshot::{self, ClusterState};
+use crate::engine::symmetric::quadratic;
 
 /// One component of patches, and the loose voxels beside them.
 #[derive(Clone, Debug)]
@@ -33,6 +34,17 @@ pub(super) struct Cluster {
     pub(super) told: Option<snapshot::Cluster>,
     /// As it was told of before this scan; while it is described.
     pub(super) before: Before,
+}
+
+/// A voxel as a cluster counts it: whatever is added is removed as the same.
+#[derive(Debug)]
+pub(super) struct Member<'a> {
+    pub(super) key: VoxelKey,
+    pub(super) state: &'a State,
+    /// It is no part of the footprint.
+    pub(super) is_thin: bool,
+    /// What it adds to the sums; `None` for a voxel beside its patch.
+    pub(super) share: Option<Exact>,
 }
 
 /// How a cluster was told of before the scan that it is described after.
@@ -112,7 +124,7 @@ pub(super) struct PlaneFit {
 }
 
 impl PlaneFit {
-    /// Of the distances of the voxels' means to the plane.
+    /// Mean square distance of the voxels' means to the plane, in voxels^2.
     pub(super) fn mean_square(&self) -> f64 {
         quadratic(&self.covariance, &self.normal).max(0.0)
     }
@@ -176,30 +188,34 @@ impl Cluster {
             return None;
         }
         let covariance = self.sums.covariance();
-        let eigen = SymmetricEigen::new(covariance);
-        let normal = eigen.eigenvectors.column(eigen.eigenvalues.imin()).into_owned();
-        let normal = if normal.dot(&self.sums.towards()) < 0.0 { -normal } else { normal };
-        let normal = UnitVector3::new_normalize(normal);
+        let normal = UnitVector3::new_normalize(normal_towards(&covariance, &self.sums.towards()));
         let (point, weight, noise) = (self.sums.mean(), self.sums.weight(), self.sums.noise());
         Some(PlaneFit { point, normal, weight, covariance, noise })
     }
 
-    /// A voxel that is thin is no part of the footprint.
-    pub(super) fn add(&mut self, key: VoxelKey, state: &State, is_thin: bool) {
+    pub(super) fn add(&mut self, member: &Member) {
+        let Member { key, state, is_thin, share } = member;
         self.voxels += 1;
         self.points += u64::from(state.count);
         if !is_thin {
             self.outlined += 1;
-            self.footprint.add(self.footprint.axis().column(key), &content(state, self.footprint.axis()));
+            self.footprint.add(self.footprint.axis().column(*key), &content(state, self.footprint.axis()));
+        }
+        if let Some(share) = share {
+            self.sums.add(share);
         }
     }
 
-    pub(super) fn remove(&mut self, key: VoxelKey, state: &State, is_thin: bool) {
+    pub(super) fn remove(&mut self, member: &Member) {
+        let Member { key, state, is_thin, share } = member;
         self.voxels -= 1;
         self.points -= u64::from(state.count);
         if !is_thin {
             self.outlined -= 1;
-            self.footprint.remove(self.footprint.axis().column(key), &content(state, self.footprint.axis()));
+            self.footprint.remove(self.footprint.axis().column(*key), &content(state, self.footprint.axis()));
+        }
+        if let Some(share) = share {
+            self.sums.remove(share);
         }
     }
 

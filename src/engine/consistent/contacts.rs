@@ -28,10 +28,10 @@ pub(super) struct Contacts {
 struct Met {
     number: u8,
     other: u8,
-    /// Of 512 voxels no more than 13,824 can touch.
+    /// Pairs of voxels that touch; of 512 no more than 13,824 can.
     pairs: u16,
     block: BlockIndex,
-    /// Of the cells' middles, two a pair.
+    /// Sum of the cells' middles, two a pair.
     sum: [i32; 3],
 }
 
@@ -47,7 +47,7 @@ impl Contacts {
         self.corner
     }
 
-    /// Of a block with this corner, which meets none.
+    /// No contacts yet, of a block with this lower corner (voxel indices).
     pub(super) const fn new(corner: [i32; 3]) -> Self {
         Self { corner, met: Vec::new() }
     }

@@ -6,7 +6,6 @@ use super::class::{Evidence, Neighbour, classify};
 use super::cluster::{Cluster, PlaneFit};
 use super::outline::{self, Detail, Drawing, Outline};
 use super::rules::{PLANAR, Rules};
-use super::symmetric::quadratic;
 use crate::engine::class::SurfaceClass;
 use crate::engine::key::ClusterId;
 use crate::engine::now::Now;
@@ -14,6 +13,7 @@ use crate::engine::params::Params;
 use crate::engine::rectangle::rectangle_around;
 use crate::engine::scan::Stamp;
 use crate::engine::snapshot::{self, ClusterState};
+use crate::engine::symmetric::quadratic;
 
 /// What is systematically wrong about a plane, about its place and at its half extent about its tilt, where it has [`SMALL`]
 /// m^2 or less. Noise averages away, this does not. Both parts were calibrated on the simulated laboratory at 5 and 8 cm.
@@ -294,7 +294,7 @@ pub(super) struct Uprights {
 }
 
 impl Uprights {
-    /// Those of `others` that a cluster with these edges stands beside; none of one that has no edges.
+    /// The clusters, of `others`, that one with these edges stands beside; none of one that has no edges.
     pub(super) fn of<'a>(
         cluster: &snapshot::Cluster,
         edges: Option<&[Point3<f64>; 2]>,

@@ -5,9 +5,10 @@
 //! of what is left when the eigenvalue is taken off the diagonal. Where two eigenvalues nearly meet, that says nothing, and
 //! nalgebra's iteration does the work.
 
-use nalgebra::{Matrix3, SymmetricEigen, Vector3};
+use nalgebra::{Matrix3, Vector3};
 
-use super::symmetric::quadratic;
+use crate::engine::plane::ascending;
+use crate::engine::symmetric::quadratic;
 
 /// Share of the spread by which the smallest eigenvalue must differ from the next.
 const LEAST_GAP: f64 = 1e-4;
@@ -60,11 +61,8 @@ impl Spread {
     }
 
     fn iterated(covariance: &Matrix3<f64>) -> Self {
-        let eigen = SymmetricEigen::new(*covariance);
-        let mut order = [0, 1, 2];
-        order.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
-        let normal = eigen.eigenvectors.column(order[0]).into_owned();
-        Self { variances: order.map(|i| eigen.eigenvalues[i]), normal }
+        let (variances, normal) = ascending(covariance);
+        Self { variances, normal }
     }
 }
 

@@ -7,8 +7,8 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::state::State;
-use super::symmetric::{PAIRS, symmetric, upper};
 use crate::engine::binning::nearest;
+use crate::engine::symmetric::{PAIRS, symmetric, upper};
 
 /// Units of a mean in a voxel.
 const UNITS: f64 = 1_048_576.0;
@@ -32,7 +32,8 @@ pub(super) struct Exact {
 }
 
 impl Exact {
-    /// Of one voxel that counts so much, of a patch with this normal and this noise along it; `corner` is that of its block.
+    /// The sums of one voxel that counts so much, of a patch with this normal and this noise along it; `corner` is that of its
+    /// block.
     pub(super) fn of(
         state: &State,
         corner: [i32; 3],

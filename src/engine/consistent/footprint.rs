@@ -92,7 +92,7 @@ pub(crate) struct Footprint {
 }
 
 impl Footprint {
-    /// Of no voxel.
+    /// A footprint of no voxel, along this axis.
     pub(crate) const fn new(axis: Axis) -> Self {
         Self { axis, tiles: Vec::new(), places: BTreeMap::new(), last: 0, has_empty: false }
     }

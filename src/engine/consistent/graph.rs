@@ -58,6 +58,7 @@ mod tests;
 
 use self::local::Local;
 pub(crate) use self::restore::Slots;
+use super::by::By;
 
 /// A node's slot; given again after its removal, from the next batch on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -151,8 +152,8 @@ struct Component {
 /// An undirected graph and its connected components.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Graph {
-    nodes: Vec<Node>,
-    components: Vec<Component>,
+    nodes: By<NodeId, Node>,
+    components: By<ComponentId, Component>,
     free_nodes: Vec<NodeId>,
     free_components: Vec<ComponentId>,
 }
@@ -166,12 +167,12 @@ impl Graph {
 
     /// The nodes of a component, in an order that the batches determine; none if it does not live.
     pub(crate) fn nodes(&self, component: ComponentId) -> &[NodeId] {
-        self.components.get(component.0 as usize).map_or(&[], |slot| &slot.nodes)
+        self.components.get(component).map_or(&[], |slot| &slot.nodes)
     }
 
     /// The sum of the weights of a component's nodes.
     pub(crate) fn weight(&self, component: ComponentId) -> u64 {
-        self.components.get(component.0 as usize).map_or(0, |slot| slot.weight)
+        self.components.get(component).map_or(0, |slot| slot.weight)
     }
 
     /// The living components, ascending.
@@ -207,15 +208,15 @@ impl Graph {
     }
 
     fn node(&self, node: NodeId) -> &Node {
-        &self.nodes[node.0 as usize]
+        &self.nodes[node]
     }
 
     fn node_mut(&mut self, node: NodeId) -> &mut Node {
-        &mut self.nodes[node.0 as usize]
+        &mut self.nodes[node]
     }
 
     fn component_mut(&mut self, component: ComponentId) -> &mut Component {
-        &mut self.components[component.0 as usize]
+        &mut self.components[component]
     }
 
     /// Takes a node out of its component.

@@ -17,6 +17,7 @@ use rustc_hash::FxBuildHasher;
 
 pub(super) use self::bin::Binned;
 use super::block::{Around, Block, BlockIndex, BlockKey, Cell, Voxel, offset_of};
+use super::by::By;
 use super::moves::Moves;
 use super::noise::NoiseModel;
 use super::state::State;
@@ -29,7 +30,7 @@ pub(super) struct Grid {
     min_points: u32,
     noise: NoiseModel,
     index: HashMap<BlockKey, BlockIndex, FxBuildHasher>,
-    blocks: Vec<Block>,
+    blocks: By<BlockIndex, Block>,
     /// Points of one scan that prove a voxel to be occupied.
     proof: u32,
     dense: u32,
@@ -52,16 +53,16 @@ impl Grid {
             min_points: params.min_points(),
             noise: params.noise_model(),
             index: HashMap::default(),
-            blocks: Vec::new(),
+            blocks: By::default(),
             proof: proof(params.min_points()),
             dense: 0,
             voxels: 0,
         }
     }
 
-    /// Of these blocks, in this order.
+    /// A grid of these blocks, which have their places in this order.
     pub(super) fn of(params: &Params, blocks: Vec<Block>) -> Result<Self, RestoreError> {
-        let mut grid = Self { blocks, ..Self::new(params) };
+        let mut grid = Self { blocks: By::from(blocks), ..Self::new(params) };
         for slot in (0..grid.blocks.len() as u32).map(BlockIndex) {
             let block = grid.block(slot);
             let (key, dense, voxels) = (block.key, block.dense, block.len());
@@ -97,40 +98,40 @@ impl Grid {
     }
 
     /// Number of blocks, which have the places below it.
-    pub(super) const fn slots(&self) -> usize {
+    pub(super) fn slots(&self) -> usize {
         self.blocks.len()
     }
 
     pub(super) fn blocks(&self) -> impl Iterator<Item = (BlockIndex, &Block)> {
-        (0..).map(BlockIndex).zip(&self.blocks)
+        (0..).map(BlockIndex).zip(self.blocks.iter())
     }
 
     pub(super) fn block(&self, block: BlockIndex) -> &Block {
-        &self.blocks[block.0 as usize]
+        &self.blocks[block]
     }
 
     pub(super) fn note_published(&mut self, block: BlockIndex, sequence: u64) {
-        self.blocks[block.0 as usize].note_published(sequence, self.min_points);
+        self.blocks[block].note_published(sequence, self.min_points);
     }
 
     /// Notes that a block holds points in dense voxels that are not published.
     pub(super) fn note_touched(&mut self, block: BlockIndex) {
-        self.blocks[block.0 as usize].touched = true;
+        self.blocks[block].touched = true;
     }
 
     /// Notes that it is time for a block to rest; whether there is something in it that is to be published first.
     pub(super) fn note_left(&mut self, block: BlockIndex) -> bool {
-        self.blocks[block.0 as usize].note_left()
+        self.blocks[block].note_left()
     }
 
     /// Puts a block to rest whose dense voxels were published as they are now: as these states.
     pub(super) fn rest(&mut self, block: BlockIndex, states: Arc<Vec<State>>) {
-        self.blocks[block.0 as usize].rest(states);
+        self.blocks[block].rest(states);
     }
 
     /// Ends the rest of a block; whether it was at rest.
     pub(super) fn wake(&mut self, block: BlockIndex) -> bool {
-        self.blocks[block.0 as usize].wake()
+        self.blocks[block].wake()
     }
 
     /// The places of all blocks, in no order.
@@ -150,10 +151,10 @@ impl Grid {
 
     /// Takes a voxel out with all its points.
     pub(super) fn remove(&mut self, block: BlockIndex, cell: Cell) -> Option<Voxel> {
-        let removed = self.blocks[block.0 as usize].remove(cell)?;
+        let removed = self.blocks[block].remove(cell)?;
         self.voxels -= 1;
         if self.is_dense(&removed) {
-            let block = &mut self.blocks[block.0 as usize];
+            let block = &mut self.blocks[block];
             block.dense -= 1;
             block.lost = true;
             self.dense -= 1;
@@ -163,7 +164,7 @@ impl Grid {
 
     /// Takes all voxels of a block out.
     pub(super) fn empty(&mut self, block: BlockIndex) {
-        let block = &mut self.blocks[block.0 as usize];
+        let block = &mut self.blocks[block];
         self.voxels -= block.len();
         block.empty();
         self.dense -= block.dense;
@@ -192,17 +193,17 @@ impl Grid {
 
     /// A block and its neighbours forget each other.
     fn unlink(&mut self, index: BlockIndex) {
-        let block = &mut self.blocks[index.0 as usize];
+        let block = &mut self.blocks[index];
         self.index.remove(&block.key);
         let around = std::mem::take(&mut block.around);
         for (place, other) in around.iter() {
-            self.blocks[other.0 as usize].around.set(26 - place, None);
+            self.blocks[other].around.set(26 - place, None);
         }
     }
 
     /// Notes that a voxel was seen through; whether it is to be cleared.
     pub(super) fn seen_through(&mut self, block: BlockIndex, cell: Cell) -> bool {
-        let voxel = self.blocks[block.0 as usize].voxel_mut(cell);
+        let voxel = self.blocks[block].voxel_mut(cell);
         voxel.is_some_and(|voxel| voxel.clearance.seen_through())
     }
 
@@ -210,7 +211,7 @@ impl Grid {
         let next = BlockIndex(self.blocks.len() as u32);
         let found = *self.index.entry(key).or_insert(next);
         if found == next {
-            self.blocks.push(Block::new(key));
+            self.blocks.list().push(Block::new(key));
             self.link(key, next);
         }
         found
@@ -224,9 +225,9 @@ impl Grid {
             let neighbour = self.index.get(&[key[0] + dx, key[1] + dy, key[2] + dz]).copied();
             around.set(place, neighbour);
             if let Some(other) = neighbour.filter(|other| *other != index) {
-                self.blocks[other.0 as usize].around.set(26 - place, Some(index));
+                self.blocks[other].around.set(26 - place, Some(index));
             }
         }
-        self.blocks[index.0 as usize].around = around;
+        self.blocks[index].around = around;
     }
 }

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use super::noise::Noise;
 use super::state::{Blur, Plane, State};
-use super::symmetric::{along, upper};
+use crate::engine::symmetric::{along, upper};
 
 /// What a state says of its points, in numbers that are ready to be used.
 #[derive(Clone, Copy, Debug)]

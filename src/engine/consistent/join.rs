@@ -13,6 +13,8 @@ const ALIGNED: f64 = 0.05;
 const JOIN_SIGMAS: f64 = 3.0;
 /// What a badly known plane excuses at most (rad): 20 degrees.
 const MAX_JOIN_ANGLE: f64 = 0.35;
+/// What each of two patches adds to the distance between their planes that is allowed, in standard deviations of its noise.
+const CUT: f64 = 0.8;
 /// Part of what is allowed of a slice that two scatters may be off each other.
 const WELL: f64 = 0.5;
 /// Angle between the facets of a bend, at most (rad): 75 degrees.
@@ -55,7 +57,7 @@ impl Patch {
     /// Whether two noisy patches lie each on the plane of the other, well within their noise. Where a block cuts a scatter, its
     /// planes are turned by more than their voxels say.
     fn is_one_scatter(&self, other: &Self, rules: &Rules) -> bool {
-        let is_noisy_and_flat = |patch: &Self| !patch.is_rough() && patch.is_noisy(rules);
+        let is_noisy_and_flat = |patch: &Self| !patch.is_rough() && patch.is_noisy();
         is_noisy_and_flat(self) && is_noisy_and_flat(other) && self.mutual_misfit(other, rules) <= WELL
     }
 
@@ -81,7 +83,7 @@ impl Patch {
         let heights = [self, other].map(|patch| patch.height_of(&meeting));
         let variance = self.height_variance(&meeting) + other.height_variance(&meeting);
         // Where a block ends within the scatter, each of the two sees one side of it.
-        let cut = rules.cut * (self.noise().sqrt() + other.noise().sqrt());
+        let cut = CUT * (self.noise().sqrt() + other.noise().sqrt());
         let allowed = (JOIN_SIGMAS * variance.sqrt()).clamp(most, 2.0 * most) + cut;
         (heights[0] - heights[1]).abs() <= allowed
     }

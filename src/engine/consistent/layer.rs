@@ -5,7 +5,9 @@ use std::sync::Arc;
 use nalgebra::Vector3;
 
 use super::block::{Block, CELLS, Cell, EDGE, offset_of};
+use super::by::Place;
 use super::cells::{Cells, Window};
+use super::cluster::Member;
 use super::contacts::{Contact, Contacts};
 use super::exact::Exact;
 use super::graph::NodeId;
@@ -33,6 +35,8 @@ pub(super) struct Segmented {
     most_points: u32,
 }
 
+/// How far the voxels of two patches that meet may lie apart, along each axis, in voxels.
+pub(super) const CONTACT_REACH: i32 = 1;
 /// Points below which a voxel may be thin; a surface that comes into view soon has more.
 const THIN: u32 = 200;
 /// One in so many of those of the voxel with the most points in its block: fewer are thin. An edge that covers as little of its
@@ -87,7 +91,7 @@ impl Segmented {
         Self::of(states(grid, block), block.corner(), rules)
     }
 
-    /// Of these states, ascending, in the block with this corner.
+    /// The patches of these states, ascending, in the block with this lower corner (voxel indices).
     pub(super) fn of(states: Vec<State>, corner: [i32; 3], rules: &Rules) -> Self {
         let Patches { owner, kinds } = segment(&states, rules);
         let mut members: Vec<Vec<&State>> = vec![Vec::new(); kinds.len()];
@@ -154,10 +158,22 @@ impl Segmented {
         self.cells.any_in(window)
     }
 
-    /// What a voxel adds to the sums of a cluster as one of its own patch, of this number; `corner` is that of the block.
-    pub(super) fn share(&self, number: u8, state: &State, corner: [i32; 3], rules: &Rules) -> Exact {
-        let patch = &self.patches[usize::from(number)];
-        Exact::of(state, corner, patch.weight_of(state, &rules.noise), &patch.normal(), patch.noise())
+    /// A voxel of this block as a cluster counts it: as one of its own patch, of the number `own`, or, where that is `None`, as one
+    /// beside a patch. `None` beyond the grid.
+    pub(super) fn member<'a>(
+        &self,
+        block: &Block,
+        state: &'a State,
+        own: Option<u8>,
+        rules: &Rules,
+    ) -> Option<Member<'a>> {
+        let key = block.voxel_key(state.cell())?;
+        let share = own.map(|number| {
+            let patch = &self.patches[usize::from(number)];
+            let weight = patch.weight_of(state, &rules.noise);
+            Exact::of(state, block.corner(), weight, &patch.normal(), patch.noise())
+        });
+        Some(Member { key, state, is_thin: self.is_thin(state), share })
     }
 
     /// The state of a cell that is dense.
@@ -179,12 +195,12 @@ impl Segmented {
 }
 
 pub(super) fn patch(segmented: &[Segmented], id: PatchId) -> &Patch {
-    &segmented[id.block.0 as usize].patches[usize::from(id.number)]
+    &segmented[id.block.place()].patches[usize::from(id.number)]
 }
 
 /// Where a patch meets others.
 pub(super) fn contacts_of(segmented: &[Segmented], id: PatchId) -> impl Iterator<Item = (PatchId, Contact)> {
-    segmented[id.block.0 as usize].contacts.of(id.number)
+    segmented[id.block.place()].contacts.of(id.number)
 }
 
 /// The sharper, broader or whole patch that a patch is a slice of: of those it meets, the one its points fit best. A flat patch
@@ -192,7 +208,7 @@ pub(super) fn contacts_of(segmented: &[Segmented], id: PatchId) -> impl Iterator
 /// in space.
 pub(super) fn sharper(segmented: &[Segmented], id: PatchId, rules: &Rules) -> Option<PatchId> {
     let own = patch(segmented, id);
-    if !own.may_be_slice(rules) {
+    if !own.may_be_slice() {
         return None;
     }
     let contacts = || contacts_of(segmented, id);
@@ -207,7 +223,7 @@ pub(super) fn sharper(segmented: &[Segmented], id: PatchId, rules: &Rules) -> Op
     let equal = contacts().filter_map(equal).fold(f64::INFINITY, f64::min);
     let candidates = contacts()
         .filter_map(|(other, _)| own.slice_of(patch(segmented, other), rules).map(|misfit| (misfit, other)));
-    let place = |id: PatchId| (segmented[id.block.0 as usize].contacts.corner(), id.number);
+    let place = |id: PatchId| (segmented[id.block.place()].contacts.corner(), id.number);
     let best = candidates.min_by(|a, b| a.0.total_cmp(&b.0).then_with(|| place(a.1).cmp(&place(b.1))));
     best.filter(|(misfit, _)| *misfit < equal).map(|(_, other)| other)
 }

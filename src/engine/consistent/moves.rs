@@ -3,6 +3,7 @@
 //! Costs O(blocks that have gone), for each table that is kept by slot.
 
 use super::block::BlockIndex;
+use super::by::{By, Place};
 use super::room;
 
 /// What became of the slots.
@@ -21,7 +22,7 @@ impl Moves {
     pub(super) fn new(slots: usize, gone: Vec<BlockIndex>) -> Self {
         debug_assert!(gone.is_sorted_by(|a, b| a < b));
         let left = slots - gone.len();
-        let (given, beyond) = gone.split_at(gone.partition_point(|block| (block.0 as usize) < left));
+        let (given, beyond) = gone.split_at(gone.partition_point(|block| block.place() < left));
         let last = (left as u32..slots as u32).map(BlockIndex);
         let last = last.filter(|block| beyond.binary_search(block).is_err());
         let moved = last.zip(given.iter().copied()).collect();
@@ -45,7 +46,7 @@ impl Moves {
 
     /// Where a block is now that has not gone.
     pub(super) fn of(&self, block: BlockIndex) -> BlockIndex {
-        if (block.0 as usize) < self.slots {
+        if block.place() < self.slots {
             return block;
         }
         let place = self.moved.binary_search_by_key(&block, |(from, _)| *from);
@@ -68,10 +69,11 @@ impl Moves {
     }
 
     /// Follows in a table that has something for each slot.
-    pub(super) fn apply<T>(&self, table: &mut Vec<T>) {
+    pub(super) fn apply<T>(&self, table: &mut By<BlockIndex, T>) {
+        let table = table.list();
         debug_assert_eq!(table.len(), self.slots + self.gone.len());
         for (from, to) in &self.moved {
-            table.swap(from.0 as usize, to.0 as usize);
+            table.swap(from.place(), to.place());
         }
         table.truncate(self.slots);
         room::shrink(table);
@@ -90,12 +92,12 @@ mod tests {
             let all = || (0..SLOTS).map(BlockIndex);
             let (gone, there): (Vec<_>, Vec<_>) = all().partition(|block| bits >> block.0 & 1 == 1);
             let moves = Moves::new(SLOTS as usize, gone.clone());
-            let mut table: Vec<_> = all().collect();
+            let mut table = By::from(all().collect::<Vec<_>>());
             moves.apply(&mut table);
-            let mut sorted = table.clone();
+            let mut sorted = table.to_vec();
             sorted.sort_unstable();
             assert_eq!(sorted, there, "without {gone:?}");
-            there.iter().for_each(|&block| assert_eq!(table[moves.of(block).0 as usize], block));
+            there.iter().for_each(|&block| assert_eq!(table[moves.of(block)], block));
             let stayed = there.iter().filter(|&&block| moves.of(block) == block).count();
             assert_eq!(stayed + moves.moved().len(), there.len());
             let mut renamed: Vec<_> = all().collect();
@@ -106,8 +108,8 @@ mod tests {
 
     #[test]
     fn a_table_that_has_become_much_shorter_gives_its_room_back() {
-        let mut table = vec![0_u8; 1000];
+        let mut table = By::from(vec![0_u8; 1000]);
         Moves::new(1000, (100..1000).map(BlockIndex).collect()).apply(&mut table);
-        assert!(table.len() == 100 && table.capacity() < 250, "{}", table.capacity());
+        assert!(table.len() == 100 && table.list().capacity() < 250, "{}", table.list().capacity());
     }
 }

@@ -59,7 +59,7 @@ impl Noise {
 }
 
 impl fmt::Display for NoiseModel {
-    /// As the parameter names it.
+    /// The value of the parameter `noise_model`.
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         out.write_str(match self {
             Self::KinectV1 => "kinect_v1",

@@ -47,7 +47,7 @@ pub(crate) struct Outline {
     pub(crate) boundary: Vec<Point3<f64>>,
     /// Clockwise.
     pub(crate) holes: Vec<Vec<Point3<f64>>>,
-    /// Of the boundary less its holes (m^2).
+    /// Area of the boundary less its holes (m^2).
     pub(crate) area: f64,
 }
 
@@ -149,7 +149,7 @@ struct Lift {
     axes: [usize; 3],
     /// Whether counter-clockwise in columns is clockwise seen from where the normal points.
     is_turned: bool,
-    /// Of a column's piece of the plane (m^2).
+    /// Area of a column's piece of the plane (m^2).
     area: f64,
 }
 

@@ -3,11 +3,12 @@
 use nalgebra::Vector3;
 
 use super::block::{Around, Block, BlockIndex, Cell, EDGE, OWN, offset_of, place_of};
+use super::by::Place;
 use super::cells::Window;
 use super::held::Held;
 use super::layer::{Segmented, patch, seen_from};
 use super::patch::{Patch, PatchId};
-use super::rules::Rules;
+use super::rules::{NOISE_FACTOR, RIM_NOISE_FACTOR, Rules};
 use super::state::{Plane, State};
 
 /// Finds the patches that the loose voxels of one block belong to.
@@ -21,6 +22,8 @@ pub(super) struct Owners<'a> {
 /// A block with the coordinates of a voxel as that block counts them.
 type Seen = (BlockIndex, [i32; 3]);
 
+/// How far a voxel beside a patch may lie from it, along each axis, in voxels.
+pub(super) const RIM_REACH: i32 = 3;
 /// How far a rival of its own patch may lie from a voxel.
 const RIVAL_REACH: i32 = 2;
 /// How many times as well a voxel must fit a narrow patch as another one: the plane of a narrow one follows its voxels.
@@ -58,8 +61,7 @@ impl<'a> Owners<'a> {
             }
             (Some(_), None) => false,
             (None, with) => {
-                let (reach, misfit) =
-                    with.map_or((self.rules.rim_reach, 1.0), |with| self.hold(at, &held, with));
+                let (reach, misfit) = with.map_or((RIM_REACH, 1.0), |with| self.hold(at, &held, with));
                 !anew.any(|there| self.is_beside(&held, there, reach, misfit))
             }
         }
@@ -89,7 +91,7 @@ impl<'a> Owners<'a> {
     /// The patches of a block near a voxel that have planes of their own.
     fn rivals(&self, (block, at): Seen) -> impl Iterator<Item = (PatchId, &'a Patch)> {
         let near = Window::around(at, RIVAL_REACH);
-        let there = &self.segmented[block.0 as usize];
+        let there = &self.segmented[block.place()];
         let patches = (0..).zip(if there.is_any_patch_in(&near) { &there.patches[..] } else { &[] });
         patches
             .filter(move |(_, patch)| !patch.is_narrow() && !patch.is_rough() && patch.cells.any_in(&near))
@@ -98,13 +100,13 @@ impl<'a> Owners<'a> {
 
     fn frayed_patch_of(&self, cell: Cell) -> Option<PatchId> {
         let block = self.around.get(OWN)?;
-        let number = self.segmented[block.0 as usize].number_of(cell)?;
+        let number = self.segmented[block.place()].number_of(cell)?;
         Some(PatchId { block, number })
     }
 
     /// The patch that fits best of those with the nearest voxels.
     fn nearest(&self, cell: Cell, held: &Held) -> Option<PatchId> {
-        (1..=self.rules.rim_reach).find_map(|reach| self.best_at(cell, held, reach))
+        (1..=RIM_REACH).find_map(|reach| self.best_at(cell, held, reach))
     }
 
     /// The patch that fits best of those with a voxel within `reach` and none nearer; of equals that of the block which lies
@@ -112,7 +114,7 @@ impl<'a> Owners<'a> {
     fn best_at(&self, cell: Cell, held: &Held, reach: i32) -> Option<PatchId> {
         let mut best: Option<(f64, PatchId)> = None;
         for (block, at) in self.blocks_near(cell, reach) {
-            let there = &self.segmented[block.0 as usize];
+            let there = &self.segmented[block.place()];
             let near = Window::around(at, reach);
             if !there.is_any_patch_in(&near) {
                 continue;
@@ -133,7 +135,7 @@ impl<'a> Owners<'a> {
 
     /// How far the patch that a voxel at these coordinates is beside lies from it, and how well it fits there.
     fn hold(&self, at: [i32; 3], held: &Held, with: PatchId) -> (i32, f64) {
-        let most = self.rules.rim_reach;
+        let most = RIM_REACH;
         let place = self.around.iter().find(|(_, block)| *block == with.block);
         let Some(at) = place.map(|(place, _)| seen_from(at, offset_of(place))) else { return (most, 1.0) };
         let patch = patch(self.segmented, with);
@@ -144,7 +146,7 @@ impl<'a> Owners<'a> {
     /// Whether a voxel fits a patch of a block nearer than `reach`, or there by `misfit`.
     fn is_beside(&self, held: &Held, (block, at): Seen, reach: i32, misfit: f64) -> bool {
         let (near, nearer) = (Window::around(at, reach), Window::around(at, reach - 1));
-        let there = &self.segmented[block.0 as usize];
+        let there = &self.segmented[block.place()];
         let fits = |patch: &Patch| {
             let most = if reach > 1 && patch.cells.any_in(&nearer) { 1.0 } else { misfit };
             patch.cells.any_in(&near) && self.beside(held, patch, most).is_some()
@@ -154,12 +156,13 @@ impl<'a> Owners<'a> {
 
     /// How well a voxel's points lie on the plane of a patch, as far as their noise lets them; `None` beyond `most`.
     fn within(&self, held: &Held, patch: &Patch, most: f64) -> Option<f64> {
-        held.misfit(&self.local(&patch.plane()), self.rules.noise_factor, self.rules.flatness, most)
+        held.misfit(&self.local(&patch.plane()), NOISE_FACTOR, self.rules.flatness, most)
     }
 
-    /// The same of a patch beside it, as far as noise and [`Rules::rim_flatness`] let them.
+    /// How well a voxel's points lie on the plane of a patch beside it, as far as noise and [`Rules::rim_flatness`] let them;
+    /// `None` beyond `most`.
     fn beside(&self, held: &Held, patch: &Patch, most: f64) -> Option<f64> {
-        held.misfit(&self.local(&patch.plane()), self.rules.rim_noise_factor, self.rules.rim_flatness, most)
+        held.misfit(&self.local(&patch.plane()), RIM_NOISE_FACTOR, self.rules.rim_flatness, most)
     }
 
     /// A plane with its point from the corner of the block.

@@ -8,9 +8,9 @@ use super::block::{BlockIndex, EDGE};
 use super::cells::Cells;
 use super::noise::Noise;
 use super::region::{Fit, Region};
-use super::rules::Rules;
+use super::rules::{RIM_NOISE_FACTOR, Rules};
 use super::state::{Plane, State};
-use super::symmetric::{along, quadratic, upper};
+use crate::engine::symmetric::{along, quadratic, upper};
 
 /// How a patch was grown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -90,23 +90,34 @@ const CUT: i32 = 2;
 
 /// Variance across its narrow side, in voxels^2, below which a patch is narrow: three rows and a half.
 const NARROW: f64 = 1.0;
+/// Standard deviation of noise, in voxels, from which on a patch may be a slice of another's scatter.
+const NOISY: f64 = 0.25;
+/// Part of a noisy patch's noise, as standard deviations, that the one which it is a slice of has at most.
+const SHARPER: f64 = 0.75;
+/// Angle between the normals of a noisy or folded patch and the one that it is a slice of, at most (rad).
+const SLICE_ANGLE: f64 = 0.6;
+/// Angle between the normals of a patch and another that it lies on without meeting it, at most (rad).
+const BESIDE_ANGLE: f64 = 0.4;
 /// Misfit of a slice, at most: scatters of a pillar seen from 6 m have 1.1 on the nearer ones' planes, and from 1.25 on a
 /// wall takes in a door that stands ajar.
 const SLICE: f64 = 1.1;
-/// The same of a folded patch, half of which lies off the plane that it is taken to be a slice of.
+/// Misfit of a folded slice, at most: half of it lies off the plane of the one that it is taken to be a slice of.
 const FOLDED_SLICE: f64 = 2.0;
 /// What a voxel of a rough patch counts in a plane by one of a flat patch: where a jamb meets the leaf of its door, voxels hold
 /// both, and turned the leaf's plane by 3 degrees.
 const ROUGH: f64 = 0.1;
+/// Angle from which on two planes that meet within a patch are no single one (rad).
+const FOLD_ANGLE: f64 = 0.12;
 /// Voxels to either side of a crease, at least.
 const FLANK: f64 = 6.0;
-/// Part of a patch's variance across its narrow side that lies along its normal, where a crease of [`Rules::fold_angle`] runs
+/// Part of a patch's variance across its narrow side that lies along its normal, where a crease of [`FOLD_ANGLE`] runs
 /// through its middle: 0.0009. Where there is less, as in most patches, none does.
 const CREASED: f64 = 0.0009;
 /// Standard deviations by which flanks that are badly known may differ more. A broad patch that is taken to be folded and is not
 /// loses little: one that is folded and not taken to be ties two surfaces together.
 const FOLD_SIGMAS: f64 = 1.5;
-/// The same of a narrow one, which may be the only bridge between two parts of a surface.
+/// Standard deviations by which badly known flanks of a narrow patch may differ more: it may be the only bridge between two parts
+/// of a surface.
 const NARROW_FOLD_SIGMAS: f64 = 3.0;
 /// A patch is much broader whose variance is so many times that.
 const BROADER: f64 = 2.0;
@@ -127,7 +138,7 @@ impl Patch {
         };
         let towards = states.iter().map(|state| state.towards()).sum::<Vector3<f64>>() / count;
         let noise_variance = quadratic(&blur, &plane.normal);
-        let is_sharp = noise_variance <= rules.noisy * rules.noisy;
+        let is_sharp = noise_variance <= NOISY * NOISY;
         let square = states.iter().map(|state| apart(&state)).sum::<Matrix3<f64>>() / count;
         Some(Self {
             cells: states.iter().map(|state| state.cell()).collect(),
@@ -189,12 +200,12 @@ impl Patch {
 
     /// Whether what it shows may be a slice of another one: its points scatter much or lie on no plane, or on two, or it is too
     /// narrow for its plane to be known by its own voxels.
-    pub(super) fn may_be_slice(&self, rules: &Rules) -> bool {
-        self.is_rough || self.is_folded || self.is_noisy(rules) || self.is_narrow()
+    pub(super) fn may_be_slice(&self) -> bool {
+        self.is_rough || self.is_folded || self.is_noisy() || self.is_narrow()
     }
 
-    pub(super) fn is_noisy(&self, rules: &Rules) -> bool {
-        self.noise() > rules.noisy * rules.noisy
+    pub(super) fn is_noisy(&self) -> bool {
+        self.noise() > NOISY * NOISY
     }
 
     pub(super) fn is_narrow(&self) -> bool {
@@ -229,13 +240,13 @@ impl Patch {
     /// own normal may be any then. `None` where it is no such slice.
     pub(super) fn slice_of(&self, other: &Self, rules: &Rules) -> Option<f64> {
         let turn = self.normal().dot(&other.normal());
-        let is_sharper = other.noise() <= rules.sharper * rules.sharper * self.noise();
+        let is_sharper = other.noise() <= SHARPER * SHARPER * self.noise();
         let may_be = if self.is_rough {
             turn > 0.0
         } else if self.is_folded {
-            !other.is_folded && !other.is_narrow() && turn >= rules.slice_angle.cos()
+            !other.is_folded && !other.is_narrow() && turn >= SLICE_ANGLE.cos()
         } else {
-            self.is_noisy(rules) && is_sharper && turn >= rules.slice_angle.cos()
+            self.is_noisy() && is_sharper && turn >= SLICE_ANGLE.cos()
                 || self.is_narrow()
                     && f64::from(other.breadth) >= BROADER * f64::from(self.breadth)
                     && self.towards.dot(&other.normal) > 0.0
@@ -247,7 +258,7 @@ impl Patch {
 
     /// Whether its points lie on the plane of another that it need not meet, as far as a slice's do.
     pub(super) fn lies_on(&self, other: &Self, rules: &Rules) -> bool {
-        self.normal().dot(&other.normal()) >= rules.beside_angle.cos() && self.misfit(other, rules) <= 1.0
+        self.normal().dot(&other.normal()) >= BESIDE_ANGLE.cos() && self.misfit(other, rules) <= 1.0
     }
 
     /// How far its points are off the plane of another, by what is allowed of a slice.
@@ -256,7 +267,7 @@ impl Patch {
         let square = off * off + along(self.square.map(f64::from), &normal);
         let noise = along(self.blur.map(f64::from), &normal);
         let flatness = rules.rim_flatness * rules.rim_flatness;
-        square / (rules.rim_noise_factor * rules.rim_noise_factor * noise + flatness)
+        square / (RIM_NOISE_FACTOR * RIM_NOISE_FACTOR * noise + flatness)
     }
 }
 
@@ -291,7 +302,7 @@ fn is_folded_along(across: &Vector3<f64>, states: &[&State], fit: &Fit, rules: &
     let (least, sigmas) = if variances[1] < NARROW {
         (rules.join_angle, NARROW_FOLD_SIGMAS)
     } else {
-        (rules.fold_angle, FOLD_SIGMAS)
+        (FOLD_ANGLE, FOLD_SIGMAS)
     };
     angle > least.max(sigmas * tilt_variance.sqrt())
 }
@@ -381,10 +392,10 @@ mod tests {
         let strip = rows(5..7, |y| 2.3 + 0.3 * (y - 6.0));
         let angle = floor.normal().angle(&strip.normal());
         assert!(angle > rules.join_angle, "{angle}");
-        assert!(strip.may_be_slice(&rules) && strip.is_frayed());
+        assert!(strip.may_be_slice() && strip.is_frayed());
         assert!(strip.slice_of(&floor, &rules).is_some());
         // Neither the other way round, nor of one that is no broader, nor where it rises from the floor.
-        assert!(!floor.may_be_slice(&rules) && floor.slice_of(&strip, &rules).is_none());
+        assert!(!floor.may_be_slice() && floor.slice_of(&strip, &rules).is_none());
         assert_eq!(strip.slice_of(&rows(3..5, |_| 2.3), &rules), None);
         assert_eq!(rows(5..7, |y| 2.3 + (y - 5.0)).slice_of(&floor, &rules), None);
     }
@@ -396,7 +407,7 @@ mod tests {
         let [floor, foot] = [rows(0..8, |_| 2.3), rows(0..8, |y| 2.3 + ramp * (y - 4.0).max(0.0))];
         // By its direction it would be joined with either.
         assert!(floor.normal().angle(&foot.normal()) < rules.join_angle);
-        assert!(foot.is_folded() && foot.is_frayed() && foot.may_be_slice(&rules));
+        assert!(foot.is_folded() && foot.is_frayed() && foot.may_be_slice());
         assert!(foot.slice_of(&floor, &rules).is_some());
         // Neither is a flat patch or a slope, nor what is bent over its whole length by as little.
         let slope = rows(0..8, |y| 2.3 + ramp * (y - 4.0));

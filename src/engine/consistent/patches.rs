@@ -20,7 +20,7 @@ use super::block::CELLS;
 use super::cells::Cells;
 use super::patch::Kind;
 use super::region::{Region, Scatter};
-use super::rules::Rules;
+use super::rules::{NOISE_FACTOR, RIM_NOISE_FACTOR, Rules};
 use super::state::{Plane, State};
 
 /// Least number of voxels of a patch.
@@ -132,7 +132,8 @@ struct Window {
 
 struct Seed {
     state: usize,
-    /// That of its window; what is seen from near is flatter than what noise has spread.
+    /// Mean square distance of its window's points to their plane, in voxels^2; what is seen from near is flatter than what noise
+    /// has spread.
     distance: f64,
 }
 
@@ -153,11 +154,12 @@ impl<'a> Segmentation<'a> {
         region
     }
 
-    /// As [`State::within`].
+    /// How far a voxel's points are off a plane, by what its noise and [`Rules::flatness`] allow, 0 to 1; `None` where it is more,
+    /// or where the plane was seen from the other side.
     fn within(&self, state: usize, plane: &Plane) -> Option<f64> {
         let (region, scatter) = &self.shares[state];
         let is_seen = region.is_seen_from(plane);
-        let misfit = is_seen.then(|| scatter.misfit(plane, self.rules.noise_factor, self.rules.flatness));
+        let misfit = is_seen.then(|| scatter.misfit(plane, NOISE_FACTOR, self.rules.flatness));
         misfit.filter(|misfit| *misfit <= 1.0)
     }
 
@@ -194,11 +196,12 @@ impl<'a> Segmentation<'a> {
     fn left_over(&self, patches: u8) -> Vec<usize> {
         let regions = self.regions(usize::from(patches));
         let planes: Vec<_> = regions.iter().filter_map(|region| Some(region.fit()?.plane)).collect();
-        let (noise_factor, flatness) = (self.rules.rim_noise_factor, self.rules.rim_flatness);
+        let flatness = self.rules.rim_flatness;
         let is_left = |&state: &usize| {
             let (region, scatter) = &self.shares[state];
-            let fits =
-                |plane| region.is_seen_from(plane) && scatter.misfit(plane, noise_factor, flatness) <= 1.0;
+            let fits = |plane| {
+                region.is_seen_from(plane) && scatter.misfit(plane, RIM_NOISE_FACTOR, flatness) <= 1.0
+            };
             self.owner[state] == FREE && !planes.iter().any(fits)
         };
         (0..self.states.len()).filter(is_left).collect()
@@ -246,15 +249,13 @@ impl<'a> Segmentation<'a> {
         }
         let (mut region, mut scatter) = self.shares[state];
         others[..count].iter().for_each(|&other| scatter.join(&self.shares[other].1));
-        if count + 1 < self.kind.least_window()
-            || scatter.fits_none(self.rules.noise_factor, self.rules.flatness)
-        {
+        if count + 1 < self.kind.least_window() || scatter.fits_none(NOISE_FACTOR, self.rules.flatness) {
             return None;
         }
         others[..count].iter().for_each(|&other| region.join(&self.shares[other].0));
         let plane = self.plane_of(&region)?;
         let fits = self.shares[state].0.is_seen_from(&plane)
-            && scatter.misfit(&plane, self.rules.noise_factor, self.rules.flatness) <= 1.0;
+            && scatter.misfit(&plane, NOISE_FACTOR, self.rules.flatness) <= 1.0;
         fits.then(|| Window { plane, distance: scatter.square_distance(&plane) })
     }
 

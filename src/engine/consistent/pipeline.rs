@@ -73,7 +73,7 @@ impl Consistent {
         self.insert_observed(scan, |_| {})
     }
 
-    /// As [`Self::insert`]; `done` is called at the end of each step, for those who have a clock.
+    /// Takes in a scan like [`Self::insert`]; `done` is called at the end of each step, for those who have a clock.
     pub fn insert_observed(&mut self, scan: &Scan, mut done: impl FnMut(PipelineStep)) -> Update {
         let now = self.taken.begin(scan.stamp);
         self.surfaces.begin();
@@ -233,7 +233,7 @@ impl Consistent {
         self.first_of(due)
     }
 
-    /// Those of the blocks that are due (ascending) which are published in this scan: all that cannot wait, and of the
+    /// The blocks, of those that are due (ascending), which are published in this scan: all that cannot wait, and of the
     /// others, the longest published first, as many as have [`SHARE`] m^2 of voxels, or one in [`PART`] where more wait.
     fn first_of(&mut self, due: Vec<BlockIndex>) -> Vec<BlockIndex> {
         let voxels = |&block: &BlockIndex| self.grid.block(block).dense;
@@ -335,7 +335,7 @@ impl Consistent {
         partition
     }
 
-    /// The same from scratch: what the definition makes of the published voxels. Costs O(map).
+    /// What the definition makes of the published voxels, from scratch. Costs O(map).
     pub fn scratch(&self) -> Partition {
         scratch::partition(&self.grid, self.surfaces.segmented(), &self.surfaces.rules)
     }

@@ -10,7 +10,7 @@ use super::block::Cell;
 use super::eigen::Spread;
 use super::noise::Noise;
 use super::state::{Plane, State};
-use super::symmetric::{along, least_at_least, quadratic, symmetric, upper};
+use crate::engine::symmetric::{along, least_at_least, quadratic, symmetric, upper};
 
 /// What is summed, one after another: weight, weighted means, their weighted products (xx, xy, xz, yy, yz, zz), directions
 /// towards the sensor, voxels. One array, so that several are added in one instruction.
@@ -56,7 +56,7 @@ impl Region {
         Self::of(states.iter().filter(is_near), noise)
     }
 
-    /// Of one voxel.
+    /// The region of one voxel, by the mean of its points.
     pub(super) fn one(state: &State, noise: &Noise) -> Self {
         let (weight, [x, y, z]) = (state.mean_weight(noise), state.mean().into());
         let [wx, wy, wz] = [x, y, z].map(|at: f64| weight * at);
@@ -64,7 +64,7 @@ impl Region {
         Self([weight, wx, wy, wz, wx * x, wx * y, wx * z, wy * y, wy * z, wz * z, tx, ty, tz, 1.0, 0.0, 0.0])
     }
 
-    /// Of one voxel, by where its points lie instead of their mean.
+    /// The region of one voxel, by where its points lie.
     pub(super) fn points(state: &State, noise: &Noise) -> Self {
         let mut region = Self::one(state, noise);
         let spread = upper(&state.spread()).map(|spread| spread * state.mean_weight(noise));
@@ -138,7 +138,7 @@ const NOISE: usize = 9;
 const COUNT: usize = 15;
 
 impl Scatter {
-    /// Of one voxel.
+    /// The scatter of one voxel's points.
     pub(super) fn one(state: &State, noise: &Noise) -> Self {
         let mut sums = [0.0; 16];
         let mean = state.mean();

@@ -31,7 +31,7 @@ pub(super) struct Rest {
 }
 
 impl Rest {
-    /// Of the voxels of a block, ascending; `dense` are the dense ones as they would be published now.
+    /// What is kept of the voxels of a block, ascending; `dense` are the dense ones as they would be published now.
     pub(super) fn new(voxels: &[Voxel], dense: Arc<Vec<State>>) -> Self {
         let is_dense = |voxel: &Voxel| dense.binary_search_by_key(&voxel.cell, State::cell).is_ok();
         let votes = voxels.iter().map(|voxel| (voxel.cell, voxel.clearance));
@@ -65,7 +65,7 @@ fn voxel(state: &State, seen: u64) -> Voxel {
     voxel
 }
 
-/// The same of one that was published as it is.
+/// A voxel that was published as it is, in a block into which the scan `seen` put a point last.
 fn published(state: &State, seen: u64) -> Voxel {
     let mut voxel = voxel(state, seen);
     voxel.published = Published::of(&voxel.moments);
@@ -82,7 +82,8 @@ pub(super) struct Leaving {
 }
 
 impl Leaving {
-    /// Of blocks that are awake, each with the scan that put a point into it last, after the scan `sequence`.
+    /// What the sensor has left of these blocks after the scan `sequence`: they are awake, each with the scan that put a point into
+    /// it last.
     pub(super) fn restore(awake: impl Iterator<Item = (u64, BlockIndex)>, sequence: u64) -> Self {
         let (seen, left): (Vec<_>, Vec<_>) = awake.partition(|(seen, _)| *seen == sequence);
         let mut blocks: Vec<_> = left.into_iter().map(|(seen, block)| (seen + REST, block)).collect();

@@ -1,7 +1,7 @@
-//! The tolerances of the definition, in voxels, for one voxel size.
+//! The tolerances of the definition that follow from the parameters, for one voxel size.
 //!
-//! They are parts of a voxel, but for what a flat patch is allowed: that grows with the sensor's bias, and from 2.7 cm down is
-//! more than some of the others, which then are as much.
+//! Those of length are parts of a voxel, but for what a flat patch is allowed: that grows with the sensor's bias, and from 2.7 cm
+//! down is more than some of the others, which then are as much.
 
 use super::noise::Noise;
 use crate::engine::params::Params;
@@ -12,43 +12,30 @@ const SENSOR_BIAS: f64 = 0.008;
 /// [`Rules::planar`] where the bias is less: walls of the laboratory have up to 0.37, its pillar has 0.52 in voxels of 8 cm.
 pub(super) const PLANAR: f64 = 0.5;
 
-/// See each rule's use.
+/// Standard deviations of noise that the points of a voxel may be off the plane of its patch.
+pub(super) const NOISE_FACTOR: f64 = 2.0;
+/// Standard deviations of noise that the points of a voxel beside a patch may be off its plane.
+pub(super) const RIM_NOISE_FACTOR: f64 = 3.0;
+
+/// What is allowed in one map: distances in voxels, angles in rad.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rules {
     /// What points scatter by.
     pub(super) noise: Noise,
-    /// Standard deviations of noise that the points of a patch's voxel may be off its plane.
-    pub(super) noise_factor: f64,
-    /// What they may be off besides.
+    /// How far the points of a voxel may be off the plane of its patch, as a root mean square, besides their noise.
     pub(super) flatness: f64,
-    /// The same where no flat patch has a place.
+    /// How far the points of a rough patch's voxel may be off its plane.
     pub(super) rough_flatness: f64,
-    /// The same for a voxel beside a patch.
-    pub(super) rim_noise_factor: f64,
+    /// How far the points of a voxel beside a patch, or of a slice, may be off its plane.
     pub(super) rim_flatness: f64,
-    /// Angle up to which touching patches are one surface, whatever is known of their planes (rad).
+    /// Angle up to which touching patches are one surface, whatever is known of their planes.
     pub(super) join_angle: f64,
-    /// Angle from which on two planes that meet within a patch are no single one (rad).
-    pub(super) fold_angle: f64,
     /// Distance between two planes where their patches meet, up to which they are one surface.
     pub(super) join_offset: f64,
-    /// What each of them adds to that, in standard deviations of its noise.
-    pub(super) cut: f64,
-    /// The same two of rough patches.
+    /// Angle up to which touching rough patches are one surface.
     pub(super) rough_angle: f64,
+    /// Distance between the planes of two rough patches where these meet, up to which they are one surface.
     pub(super) rough_offset: f64,
-    /// Standard deviation of noise from which on a patch may be a slice of another's scatter.
-    pub(super) noisy: f64,
-    /// Part of its noise, at most, that the other one has.
-    pub(super) sharper: f64,
-    /// Angle between their normals, at most (rad).
-    pub(super) slice_angle: f64,
-    /// The same of what joins a slice and the one that this is a slice of.
-    pub(super) beside_angle: f64,
-    /// How far the voxels of two patches that meet may lie apart, along each axis.
-    pub(super) contact_reach: i32,
-    /// How far a voxel beside a patch may lie from it.
-    pub(super) rim_reach: i32,
     /// Root mean square distance of a planar cluster's means from its plane, at most.
     pub(super) planar: f64,
 }
@@ -60,28 +47,18 @@ impl Rules {
         let at_least = |tolerance: f64| tolerance.max(flatness);
         Self {
             noise: Noise::new(params.noise_model(), params.voxel_size()),
-            noise_factor: 2.0,
             flatness,
             rough_flatness: at_least(0.5),
-            rim_noise_factor: 3.0,
             rim_flatness: at_least(0.4),
             join_angle: 0.17_f64.min(params.max_normal_angle()),
-            fold_angle: 0.12,
             join_offset: at_least(0.4),
-            cut: 0.8,
             rough_angle: 0.4_f64.min(params.max_normal_angle()),
             rough_offset: at_least(0.8),
-            noisy: 0.25,
-            sharper: 0.75,
-            slice_angle: 0.6,
-            beside_angle: 0.4,
-            contact_reach: 1,
-            rim_reach: 3,
             planar: at_least(PLANAR),
         }
     }
 
-    /// Those that rough patches grow by.
+    /// The rules by which rough patches grow.
     pub(super) const fn rough(&self) -> Self {
         Self { flatness: self.rough_flatness, ..*self }
     }

@@ -51,7 +51,7 @@ pub(super) struct SavedBlock<V = SavedVoxel> {
     published: u64,
     begun: u64,
     seen: u64,
-    /// Of its dense voxels, by ascending cell.
+    /// The states of its dense voxels, by ascending cell.
     pub(super) states: Vec<SavedState>,
 }
 

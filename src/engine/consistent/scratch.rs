@@ -5,9 +5,10 @@
 
 use std::collections::BTreeMap;
 
+use super::by::Place;
 use super::contacts::Contacts;
 use super::grid::Grid;
-use super::layer::{Segmented, are_joined, contacts, contacts_of, sharper};
+use super::layer::{CONTACT_REACH, Segmented, are_joined, contacts, contacts_of, sharper};
 use super::owner::Owners;
 use super::patch::PatchId;
 use super::rules::Rules;
@@ -20,7 +21,7 @@ pub(super) fn partition(grid: &Grid, segmented: &[Segmented], rules: &Rules) -> 
     let numbers = components(&ids, &segmented, rules);
     let mut partition = Partition::new();
     for (index, block) in grid.blocks() {
-        let here = &segmented[index.0 as usize];
+        let here = &segmented[index.place()];
         let patches = here.numbers();
         for state in here.states.iter() {
             let number = patches[state.cell().index()];
@@ -44,21 +45,21 @@ pub(super) fn meet(grid: &Grid, segmented: &mut [Segmented], rules: &Rules) -> V
     for (index, block) in grid.blocks() {
         let mut met = Contacts::new(block.corner());
         for (place, other) in block.around.iter() {
-            let [here, there] = [index, other].map(|block| &segmented[block.0 as usize]);
-            for ((a, b), contact) in contacts(here, there, place, block.corner(), rules.contact_reach) {
+            let [here, there] = [index, other].map(|block| &segmented[block.place()]);
+            for ((a, b), contact) in contacts(here, there, place, block.corner(), CONTACT_REACH) {
                 met.insert(a, PatchId { block: other, number: b }, &contact);
                 if other == index {
                     met.insert(b, PatchId { block: index, number: a }, &contact);
                 }
             }
         }
-        let count = segmented[index.0 as usize].patches.len();
+        let count = segmented[index.place()].patches.len();
         ids.extend((0..count).map(|number| PatchId { block: index, number: number as u8 }));
-        segmented[index.0 as usize].contacts = met;
+        segmented[index.place()].contacts = met;
     }
     let slices: Vec<_> = ids.iter().map(|&id| sharper(segmented, id, rules)).collect();
     for (id, slice) in ids.iter().zip(slices) {
-        segmented[id.block.0 as usize].patches[usize::from(id.number)].slice_of = slice;
+        segmented[id.block.place()].patches[usize::from(id.number)].slice_of = slice;
     }
     ids
 }

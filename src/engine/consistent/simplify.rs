@@ -18,7 +18,7 @@ const GONE: u32 = u32::MAX;
 /// How far an edge would move the ring, as the bits of a float, which have its order where it is not negative.
 type Rank = u64;
 
-/// That of an edge that is not to be drawn together.
+/// The rank of an edge that is not to be drawn together.
 const NEVER: Rank = Rank::MAX;
 
 /// A vertex, and the edge from there to the next.

@@ -8,7 +8,7 @@ use crate::engine::saved::{RestoreError, ensure};
 
 /// Turn from which on the sensor no longer stands still (rad).
 const TURN: f64 = 0.01;
-/// The same way, in voxels.
+/// Way from which on the sensor no longer stands still, in voxels.
 const WAY: f64 = 0.5;
 
 /// A pose that the sensor has not left.

@@ -12,8 +12,8 @@ use super::grid::Grid;
 use super::noise::Noise;
 use super::published::{PARTS, in_parts};
 use super::sums::{MOST_COVARIANCE, MOST_POINTS, MOST_TOWARDS, MOST_WEIGHT};
-use super::symmetric::{area_across, least_at_least, symmetric, upper};
 use crate::engine::binning::nearest;
+use crate::engine::symmetric::{area_across, least_at_least, symmetric, upper};
 
 /// What a voxel's mean is off by however many points it has, in voxels: the sensor's distortion, the cut at the border.
 const BIAS: f64 = 0.03;
@@ -28,7 +28,8 @@ const FULL: f64 = 144.0;
 /// Least variance of a voxel's points across the narrow side of their plane, in voxels^2, and most along its normal by that.
 const OWN_BREADTH: f64 = 0.03;
 const OWN_FLATNESS: f64 = 0.1;
-/// The same of a voxel in a strip.
+/// Least variance of the points of a strip's voxel across the narrow side of their plane, in voxels^2, and most along its normal by
+/// that.
 const SHEET_BREADTH: f64 = 0.02;
 const SHEET_FLATNESS: f64 = 0.15;
 /// Variance of noise up to which a voxel is sharp, in voxels^2: seen from 2 m at 5 cm.
@@ -95,17 +96,17 @@ impl State {
         self.cell_and_points >> CELL_BITS
     }
 
-    /// Their weight.
+    /// Weight of the points that its moments count.
     pub(super) const fn weight(&self) -> u32 {
         self.weight
     }
 
-    /// Weighted mean of its points.
+    /// Weighted mean of its points from the lower corner of its block, in voxels.
     pub(super) fn mean(&self) -> Vector3<f64> {
         self.cell().corner() + self.offset()
     }
 
-    /// The same from the voxel's corner.
+    /// Weighted mean of its points from its own lower corner, 0 to 1 along each axis.
     pub(super) fn offset(&self) -> Vector3<f64> {
         Vector3::from(self.mean.map(|part| f64::from(part) / PARTS))
     }
@@ -125,8 +126,8 @@ impl State {
         1.0 / (variance + BIAS * BIAS)
     }
 
-    /// The same in a fit of a surface with this normal, the less the less of the voxel's cross section its points cover: at
-    /// the rim of a surface they may be of the edge of a board.
+    /// What its mean counts in a fit of a surface with this normal: the less, the less of the voxel's cross section its points
+    /// cover, for at the rim of a surface they may be of the edge of a board.
     pub(super) fn weight_on(&self, normal: &Vector3<f64>, noise: &Noise) -> f64 {
         let covered = (FULL * area_across(self.spread_entries(), normal)).clamp(0.0, 1.0);
         self.mean_weight(noise) * covered * covered

@@ -17,8 +17,8 @@ use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::state::State;
-use super::symmetric::{PAIRS, symmetric, upper};
 use crate::engine::binning;
+use crate::engine::symmetric::{PAIRS, symmetric, upper};
 
 /// Units of an offset in a voxel's edge.
 pub(super) const UNITS: f64 = binning::UNITS as f64;
@@ -79,9 +79,9 @@ pub(super) struct Moments {
     towards: [f32; 3],
 }
 
-/// Points within a voxel vary by a quarter of its edge squared at most; for what rounding adds.
+/// Most that an entry of the covariance of a voxel's points can be, in voxels^2: a quarter, and what rounding adds.
 pub(super) const MOST_COVARIANCE: f64 = 0.26;
-/// The same for the length of a mean of directions.
+/// Most that a part of a mean of unit directions can be: 1, and what rounding adds.
 pub(super) const MOST_TOWARDS: f64 = 1.01;
 
 impl Moments {
@@ -126,7 +126,8 @@ impl Moments {
         self.mean = (before + way * part).map(|offset| offset as f32).into();
     }
 
-    /// Of so many points of so much weight; `towards` is a mean as well.
+    /// The moments of `points` points whose weights sum to `weight`. `mean` (voxels, from the corner) and `covariance` (voxels^2) are
+    /// weighted; `towards` is the mean of the unit directions towards the sensor.
     pub(super) fn new(
         points: u32,
         weight: u32,
@@ -139,7 +140,7 @@ impl Moments {
         Self { points, weight, mean: rounded(mean), covariance, towards: rounded(towards) }
     }
 
-    /// Those of a voxel whose state is this.
+    /// The moments that a published state tells of its voxel.
     pub(super) fn of(state: &State) -> Self {
         Self::new(state.points(), state.weight(), state.offset(), &state.spread(), state.towards())
     }

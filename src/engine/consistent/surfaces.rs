@@ -25,10 +25,11 @@ use self::landmarks::Landmarks;
 pub(super) use self::saved::SavedSurfaces;
 use self::waiting::Waiting;
 use super::block::{BlockIndex, Cell};
+use super::by::By;
 use super::cluster::Cluster;
 use super::graph::{Batch, ComponentId, End, Graph, NodeId, Outcome};
 use super::grid::Grid;
-use super::layer::{Segmented, are_joined, contacts, contacts_of, patch, sharper};
+use super::layer::{CONTACT_REACH, Segmented, are_joined, contacts, contacts_of, patch, sharper};
 use super::outline::Drawing;
 use super::patch::PatchId;
 use super::rules::Rules;
@@ -40,15 +41,12 @@ use crate::engine::params::Params;
 #[derive(Clone, Debug)]
 pub(super) struct Surfaces {
     pub(super) rules: Rules,
-    /// By block.
-    segmented: Vec<Segmented>,
-    /// The patches' nodes, by block and number.
-    nodes: Vec<Vec<NodeId>>,
-    /// By node.
-    patches: Vec<Option<PatchId>>,
+    segmented: By<BlockIndex, Segmented>,
+    /// The nodes of a block's patches, by number.
+    nodes: By<BlockIndex, Vec<NodeId>>,
+    patches: By<NodeId, Option<PatchId>>,
     graph: Graph,
-    /// By component.
-    clusters: Vec<Option<Box<Cluster>>>,
+    clusters: By<ComponentId, Option<Box<Cluster>>>,
     landmarks: Landmarks,
     waiting: Waiting,
     /// Memory to draw outlines in.
@@ -84,11 +82,11 @@ impl Surfaces {
     pub(super) fn new(params: &Params) -> Self {
         Self {
             rules: Rules::new(params),
-            segmented: Vec::new(),
-            nodes: Vec::new(),
-            patches: Vec::new(),
+            segmented: By::default(),
+            nodes: By::default(),
+            patches: By::default(),
             graph: Graph::default(),
-            clusters: Vec::new(),
+            clusters: By::default(),
             landmarks: Landmarks::new(params.voxel_size()),
             waiting: Waiting::default(),
             drawing: Drawing::default(),
@@ -105,7 +103,7 @@ impl Surfaces {
         self.counted.voxels
     }
 
-    pub(super) fn segmented(&self) -> &[Segmented] {
+    pub(super) const fn segmented(&self) -> &By<BlockIndex, Segmented> {
         &self.segmented
     }
 
@@ -114,17 +112,17 @@ impl Surfaces {
     }
 
     pub(super) fn cluster_of_node(&self, node: NodeId) -> Option<&Cluster> {
-        self.clusters[self.graph.component(node).0 as usize].as_deref()
+        self.clusters[self.graph.component(node)].as_deref()
     }
 
     /// The published voxels of a block, each with its node.
     pub(super) fn voxels(&self, block: BlockIndex) -> Vec<(&State, Option<NodeId>)> {
-        let Some(here) = self.segmented.get(block.0 as usize) else { return Vec::new() };
+        let Some(here) = self.segmented.get(block) else { return Vec::new() };
         let mut loose = here.loose.iter();
         let numbers = here.numbers();
         let node = |state: &State| match numbers[state.cell().index()] {
             number if here.is_loose(number) => loose.next().and_then(|loose| loose.owner()),
-            number => Some(self.nodes[block.0 as usize][usize::from(number)]),
+            number => Some(self.nodes[block][usize::from(number)]),
         };
         let nodes: Vec<_> = here.states.iter().map(node).collect();
         here.states.iter().zip(nodes).collect()
@@ -132,20 +130,20 @@ impl Surfaces {
 
     /// The dense voxels of a block as they were published, with those that have become dense since.
     pub(super) fn states(&self, block: BlockIndex) -> &Arc<Vec<State>> {
-        &self.segmented[block.0 as usize].states
+        &self.segmented[block].states
     }
 
-    /// The same of a block that is to rest, which they are kept of with no room to spare.
+    /// The dense voxels of a block that is to rest, as they were published; what is kept of it takes no room to spare.
     pub(super) fn rest(&mut self, block: BlockIndex) -> Arc<Vec<State>> {
-        let here = &mut self.segmented[block.0 as usize];
+        let here = &mut self.segmented[block];
         here.fit();
         Arc::clone(&here.states)
     }
 
     /// The plane that a node's patch has, with its point in voxels.
     pub(super) fn patch(&self, node: NodeId) -> Option<&super::patch::Patch> {
-        let id = self.patches[node.0 as usize]?;
-        self.segmented[id.block.0 as usize].patches.get(usize::from(id.number))
+        let id = self.patches[node]?;
+        self.segmented[id.block].patches.get(usize::from(id.number))
     }
 
     /// Forgets what the scan before has changed.
@@ -169,7 +167,7 @@ impl Surfaces {
         let mut batch = Batch::default();
         let old: Vec<_> = blocks.iter().map(|&block| self.withdraw(grid, block, &mut batch)).collect();
         for &block in blocks {
-            self.segmented[block.0 as usize] = Segmented::new(grid, grid.block(block), &self.rules);
+            self.segmented[block] = Segmented::new(grid, grid.block(block), &self.rules);
         }
         self.connect(grid, blocks, &mut batch);
         let outcome = self.graph.apply(&batch);
@@ -183,12 +181,12 @@ impl Surfaces {
             self.enter(grid, block);
         }
         beside.chunk_by(|a, b| a.block == b.block).for_each(|beside| self.settle_loose(grid, beside, blocks));
-        for gone in &outcome.removed {
+        for &gone in &outcome.removed {
             // What it was has been taken over by another cluster, or is gone with its voxels.
-            let counted = self.clusters[gone.0 as usize].take().map_or(0, |cluster| cluster.counted);
+            let counted = self.clusters[gone].take().map_or(0, |cluster| cluster.counted);
             self.counted.count(counted, 0);
-            self.landmarks.set(*gone, None);
-            self.waiting.set(*gone, None);
+            self.landmarks.set(gone, None);
+            self.waiting.set(gone, None);
         }
         for (block, cell) in dense {
             self.admit(grid, block, cell);
@@ -199,17 +197,15 @@ impl Surfaces {
 
     fn make_room(&mut self, grid: &Grid) {
         let blocks = grid.slots();
-        self.segmented.resize_with(blocks, Segmented::default);
-        self.nodes.resize_with(blocks, Vec::new);
+        self.segmented.list().resize_with(blocks, Segmented::default);
+        self.nodes.list().resize_with(blocks, Vec::new);
     }
 
     /// Takes all voxels of a block out of their clusters, and its nodes out of the graph; returns what it was.
     fn withdraw(&mut self, grid: &Grid, block: BlockIndex, batch: &mut Batch) -> Old {
-        let corner = grid.block(block).corner();
-        (0..self.segmented[block.0 as usize].loose.len())
-            .for_each(|number| self.withdraw_loose(grid, block, number));
-        let segmented = std::mem::take(&mut self.segmented[block.0 as usize]);
-        let nodes = std::mem::take(&mut self.nodes[block.0 as usize]);
+        (0..self.segmented[block].loose.len()).for_each(|number| self.withdraw_loose(grid, block, number));
+        let segmented = std::mem::take(&mut self.segmented[block]);
+        let nodes = std::mem::take(&mut self.nodes[block]);
         let components: Vec<_> = nodes.iter().map(|&node| self.graph.component(node)).collect();
         let numbers = segmented.numbers();
         for state in segmented.states.iter() {
@@ -218,15 +214,13 @@ impl Surfaces {
                 continue;
             }
             let component = components[usize::from(number)];
-            if let (Some(cluster), Some(key)) =
-                (self.clusters[component.0 as usize].as_mut(), grid.block(block).voxel_key(state.cell()))
-            {
-                cluster.remove(key, state, segmented.is_thin(state));
-                cluster.sums.remove(&segmented.share(number, state, corner, &self.rules));
+            let member = segmented.member(grid.block(block), state, Some(number), &self.rules);
+            if let (Some(cluster), Some(member)) = (self.clusters[component].as_mut(), member) {
+                cluster.remove(&member);
                 self.changed.insert(component);
             }
         }
-        nodes.iter().for_each(|node| self.patches[node.0 as usize] = None);
+        nodes.iter().for_each(|&node| self.patches[node] = None);
         batch.remove.extend(nodes);
         Old { segmented, components }
     }
@@ -236,9 +230,7 @@ impl Surfaces {
         let mut first = BTreeMap::new();
         for &block in blocks {
             first.insert(block, batch.add.len() as u32);
-            batch.add.extend(
-                self.segmented[block.0 as usize].patches.iter().map(|patch| patch.cells.len() as u32),
-            );
+            batch.add.extend(self.segmented[block].patches.iter().map(|patch| patch.cells.len() as u32));
         }
         let beside = self.slices_beside(grid, blocks);
         // What a slice met before counts as well as what it meets now.
@@ -251,10 +243,10 @@ impl Surfaces {
         let anew: Vec<_> = new.chain(slices.iter().copied()).collect();
         for &id in &anew {
             let slice_of = sharper(&self.segmented, id, &self.rules);
-            self.segmented[id.block.0 as usize].patches[usize::from(id.number)].slice_of = slice_of;
+            self.segmented[id.block].patches[usize::from(id.number)].slice_of = slice_of;
         }
         for id in slices {
-            let node = self.nodes[id.block.0 as usize][usize::from(id.number)];
+            let node = self.nodes[id.block][usize::from(id.number)];
             batch.disconnect.extend(self.graph.neighbours(node).iter().map(|&other| (node, other)));
         }
         // What goes with a removed node need not be said to go.
@@ -262,7 +254,7 @@ impl Surfaces {
         batch.disconnect.retain(|(_, other)| !gone.contains(other));
         let end = |id: PatchId| match first.get(&id.block) {
             Some(first) => End::New(first + u32::from(id.number)),
-            None => End::Old(self.nodes[id.block.0 as usize][usize::from(id.number)]),
+            None => End::Old(self.nodes[id.block][usize::from(id.number)]),
         };
         for id in anew {
             for (other, contact) in contacts_of(&self.segmented, id) {
@@ -274,8 +266,7 @@ impl Surfaces {
     }
 
     fn ids(&self, block: BlockIndex) -> impl Iterator<Item = PatchId> {
-        (0..self.segmented[block.0 as usize].patches.len())
-            .map(move |number| PatchId { block, number: number as u8 })
+        (0..self.segmented[block].patches.len()).map(move |number| PatchId { block, number: number as u8 })
     }
 
     /// Finds where the patches of a block that was segmented anew, with others (ascending), meet those around it, and tells these.
@@ -283,17 +274,17 @@ impl Surfaces {
         for (place, other) in grid.block(block).around.iter() {
             if published.binary_search(&other).is_err() {
                 // It met what this block was before.
-                self.segmented[other.0 as usize].contacts.forget(block);
+                self.segmented[other].contacts.forget(block);
             } else if other < block {
                 // It has met this one already.
                 continue;
             }
-            let [here, there] = [block, other].map(|block| &self.segmented[block.0 as usize]);
-            let met = contacts(here, there, place, grid.block(block).corner(), self.rules.contact_reach);
+            let [here, there] = [block, other].map(|block| &self.segmented[block]);
+            let met = contacts(here, there, place, grid.block(block).corner(), CONTACT_REACH);
             for ((a, b), contact) in met {
                 let [a, b] = [PatchId { block, number: a }, PatchId { block: other, number: b }];
-                self.segmented[block.0 as usize].contacts.insert(a.number, b, &contact);
-                self.segmented[other.0 as usize].contacts.insert(b.number, a, &contact);
+                self.segmented[block].contacts.insert(a.number, b, &contact);
+                self.segmented[other].contacts.insert(b.number, a, &contact);
             }
         }
     }
@@ -303,7 +294,7 @@ impl Surfaces {
         let around = blocks.iter().flat_map(|&block| grid.block(block).around.iter().map(|(_, other)| other));
         let others: BTreeSet<_> = around.filter(|other| blocks.binary_search(other).is_err()).collect();
         let ids = others.into_iter().flat_map(|other| self.ids(other));
-        ids.filter(|&id| patch(&self.segmented, id).may_be_slice(&self.rules)).collect()
+        ids.filter(|&id| patch(&self.segmented, id).may_be_slice()).collect()
     }
 
     /// Whether a patch meets one of these blocks (ascending).
@@ -315,74 +306,68 @@ impl Surfaces {
     fn number(&mut self, blocks: &[BlockIndex], outcome: &Outcome) {
         let mut added = outcome.added.iter();
         for &block in blocks {
-            let count = self.segmented[block.0 as usize].patches.len();
+            let count = self.segmented[block].patches.len();
             let nodes: Vec<_> = added.by_ref().take(count).map(|(node, _)| *node).collect();
-            for (number, node) in (0..).zip(&nodes) {
-                let place = node.0 as usize;
-                self.patches.resize(self.patches.len().max(place + 1), None);
-                self.patches[place] = Some(PatchId { block, number });
+            for (number, &node) in (0..).zip(&nodes) {
+                *self.patches.reach(node) = Some(PatchId { block, number });
             }
-            self.nodes[block.0 as usize] = nodes;
+            self.nodes[block] = nodes;
         }
     }
 
     /// Moves a patch and the loose voxels beside it to another cluster.
     fn transfer(&mut self, grid: &Grid, node: NodeId, from: ComponentId, to: ComponentId) {
-        let Some(id) = self.patches[node.0 as usize] else { return };
-        let (mut lost, mut gained) =
-            (self.clusters[from.0 as usize].take(), self.clusters[to.0 as usize].take());
-        let here = &self.segmented[id.block.0 as usize];
-        let corner = grid.block(id.block).corner();
-        let mut carry = |block: BlockIndex, state: &State, of_patch: bool| {
-            let key = grid.block(block).voxel_key(state.cell());
-            let (Some(key), Some(lost), Some(gained)) = (key, lost.as_mut(), gained.as_mut()) else { return };
-            let is_thin = self.segmented[block.0 as usize].is_thin(state);
-            lost.remove(key, state, is_thin);
-            gained.add(key, state, is_thin);
-            if of_patch {
-                let sums = here.share(id.number, state, corner, &self.rules);
-                lost.sums.remove(&sums);
-                gained.sums.add(&sums);
+        let Some(id) = self.patches[node] else { return };
+        let (mut lost, mut gained) = (self.clusters[from].take(), self.clusters[to].take());
+        self.for_each_voxel(grid, node, id, |block, state| {
+            let there = &self.segmented[block];
+            let is_own =
+                block == id.block && there.patches[usize::from(id.number)].cells.contains(state.cell());
+            let member = there.member(grid.block(block), state, is_own.then_some(id.number), &self.rules);
+            if let (Some(member), Some(lost), Some(gained)) = (member, lost.as_mut(), gained.as_mut()) {
+                lost.remove(&member);
+                gained.add(&member);
             }
-        };
-        let patch = &here.patches[usize::from(id.number)];
-        for cell in patch.cells.iter().filter(|_| !patch.is_frayed()) {
-            if let Some(state) = here.state(cell) {
-                carry(id.block, state, true);
-            }
-        }
-        for (_, block) in grid.block(id.block).around.iter() {
-            let there = &self.segmented[block.0 as usize];
-            for loose in there.loose.iter().filter(|loose| loose.owner() == Some(node)) {
-                let state = &there.states[loose.place()];
-                let is_own = block == id.block && patch.cells.contains(state.cell());
-                carry(block, state, is_own);
-            }
-        }
-        self.clusters[from.0 as usize] = lost;
-        self.clusters[to.0 as usize] = gained;
+        });
+        self.clusters[from] = lost;
+        self.clusters[to] = gained;
         self.changed.extend([from, to]);
+    }
+
+    /// Visits the voxels that belong to a node's patch: those in it, and the loose ones beside it.
+    fn for_each_voxel(
+        &self,
+        grid: &Grid,
+        node: NodeId,
+        id: PatchId,
+        mut visit: impl FnMut(BlockIndex, &State),
+    ) {
+        let (here, patch) = (&self.segmented[id.block], patch(&self.segmented, id));
+        let whole = patch.cells.iter().filter(|_| !patch.is_frayed());
+        whole.filter_map(|cell| here.state(cell)).for_each(|state| visit(id.block, state));
+        for (_, block) in grid.block(id.block).around.iter() {
+            let there = &self.segmented[block];
+            let beside = there.loose.iter().filter(|loose| loose.owner() == Some(node));
+            beside.for_each(|loose| visit(block, &there.states[loose.place()]));
+        }
     }
 
     /// Puts the voxels of a block that was segmented anew into their clusters.
     fn enter(&mut self, grid: &Grid, block: BlockIndex) {
-        let here = &self.segmented[block.0 as usize];
-        let corner = grid.block(block).corner();
+        let here = &self.segmented[block];
         let numbers = here.numbers();
         for state in here.states.iter() {
             let number = numbers[state.cell().index()];
             if here.is_loose(number) {
                 continue;
             }
-            let component = self.graph.component(self.nodes[block.0 as usize][usize::from(number)]);
-            if let (Some(cluster), Some(key)) =
-                (self.clusters[component.0 as usize].as_mut(), grid.block(block).voxel_key(state.cell()))
-            {
-                cluster.add(key, state, here.is_thin(state));
-                cluster.sums.add(&here.share(number, state, corner, &self.rules));
+            let component = self.graph.component(self.nodes[block][usize::from(number)]);
+            let member = here.member(grid.block(block), state, Some(number), &self.rules);
+            if let (Some(cluster), Some(member)) = (self.clusters[component].as_mut(), member) {
+                cluster.add(&member);
             }
         }
-        self.enter_loose(grid, block, 0..self.segmented[block.0 as usize].loose.len());
+        self.enter_loose(grid, block, 0..self.segmented[block].loose.len());
     }
 }
 

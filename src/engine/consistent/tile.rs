@@ -42,10 +42,10 @@ pub(super) trait Lanes: Copy {
     /// Points of which some are still to be added up.
     type Tile: Tile;
 
-    /// Each place along one axis ([`Local::place`]) is the depth times what column and row add.
+    /// The tile of pixels: each place along one axis ([`Local::place`]) is the depth times what column and row add.
     fn of_pixels(self, pixels: &Pixels<'_>, local: &Local) -> Self::Tile;
 
-    /// The same of points, by what a metre along each axis of the sensor adds.
+    /// The tile of listed points: each place along one axis is what their metres along each axis of the sensor add.
     fn of_points(self, points: &Listed, local: &Local) -> Self::Tile;
 
     /// Adds up the points with this key, and leaves them out from then on.

@@ -72,7 +72,7 @@ impl Voxel {
 pub(crate) struct Touched {
     pub(crate) voxel: VoxelIndex,
     pub(crate) count_before: u32,
-    /// Of a voxel that already belonged to a global cluster.
+    /// Its centre, where it already belonged to a global cluster.
     pub(crate) centre_before: Option<Centre>,
 }
 
@@ -81,7 +81,7 @@ pub(crate) struct Touched {
 pub(crate) struct Binned {
     /// Every voxel that received a point, once.
     pub(crate) touched: Vec<Touched>,
-    /// Those of them that became dense (the paper's `DU_t`), by ascending key.
+    /// The voxels that became dense (the paper's `DU_t`), by ascending key.
     pub(crate) newly_dense: Vec<VoxelIndex>,
     /// Points beyond the grid's reach.
     pub(crate) beyond: u32,
@@ -117,7 +117,7 @@ impl Grid {
         Self { voxel_size, min_points, index: HashMap::default(), voxels: Vec::new(), dense: 0 }
     }
 
-    /// Of these voxels, each of another key, in the order of the list.
+    /// A grid of these voxels, each of another key, in the order of the list.
     pub(super) fn of(voxel_size: f64, min_points: u32, voxels: Vec<Voxel>) -> Self {
         let index = (0..).map(VoxelIndex).zip(&voxels).map(|(index, voxel)| (voxel.key, index)).collect();
         let dense = voxels.iter().filter(|voxel| voxel.count >= min_points).count() as u32;

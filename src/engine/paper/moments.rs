@@ -9,6 +9,7 @@
 use nalgebra::{Matrix3, Point3};
 
 use crate::engine::key::VoxelKey;
+use crate::engine::symmetric::PAIRS;
 
 /// Units of a voxel's edge.
 const UNITS: i64 = 1 << 30;
@@ -34,16 +35,13 @@ impl Centre {
     }
 }
 
-/// Number, sum and sum of outer products (xx, xy, xz, yy, yz, zz) of a set of centres.
+/// Number, sum and sum of outer products of a set of centres, these in the order of [`PAIRS`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Moments {
     count: u32,
     sum: [i128; 3],
     outer: [i128; 6],
 }
-
-/// The index pairs of the upper triangle, in the order of [`Moments::outer`].
-const TRIANGLE: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
 
 impl Moments {
     pub(crate) const fn count(&self) -> u32 {
@@ -76,7 +74,7 @@ impl Moments {
         for (sum, c) in self.sum.iter_mut().zip(c) {
             *sum += sign * c;
         }
-        for (outer, (i, j)) in self.outer.iter_mut().zip(TRIANGLE) {
+        for (outer, (i, j)) in self.outer.iter_mut().zip(PAIRS) {
             *outer += sign * c[i] * c[j];
         }
     }
@@ -101,7 +99,7 @@ impl Moments {
         let rest: [f64; 3] = std::array::from_fn(|i| (self.sum[i] - n * origin[i]) as f64 / n as f64);
         let scale = 1.0 / (UNITS as f64 * UNITS as f64);
         let mut covariance = Matrix3::zeros();
-        for (outer, (i, j)) in self.outer.iter().zip(TRIANGLE) {
+        for (outer, (i, j)) in self.outer.iter().zip(PAIRS) {
             // The result fits whenever the sums do; a term on the way may not, hence arithmetic modulo 2^128.
             let moved = outer
                 .wrapping_sub(origin[i].wrapping_mul(self.sum[j]))
@@ -162,7 +160,7 @@ mod tests {
                 let mean = near.iter().map(|c| c[i] as f64 / UNITS as f64).sum::<f64>() / n;
                 near.iter().map(move |c| c[i] as f64 / UNITS as f64 - mean).collect::<Vec<_>>()
             };
-            for (i, j) in TRIANGLE {
+            for (i, j) in PAIRS {
                 let naive = centred(i).iter().zip(centred(j)).map(|(a, b)| a * b).sum::<f64>() / n;
                 prop_assert!((here.covariance()[(i, j)] - naive).abs() < 1e-12);
                 prop_assert!((there.covariance()[(i, j)] - naive).abs() < 1e-12);

@@ -46,7 +46,7 @@ impl Cfodi {
         self.insert_observed(scan, |_| {})
     }
 
-    /// As [`Self::insert`]; `done` is called at the end of each step, for those who have a clock.
+    /// Takes in a scan like [`Self::insert`]; `done` is called at the end of each step, for those who have a clock.
     pub fn insert_observed(&mut self, scan: &Scan, mut done: impl FnMut(PipelineStep)) -> Update {
         let now = self.taken.begin(scan.stamp);
         self.sensor = scan.sensor_origin();
@@ -123,7 +123,7 @@ impl Cfodi {
         self.static_map().partition()
     }
 
-    /// As [`Self::static_partition`], with the normals of voxels and clusters.
+    /// What the paper's baseline STATIC makes of the map as it is now, with the normals of voxels and clusters. Costs O(map).
     pub fn static_map(&self) -> statics::StaticMap {
         statics::map(&self.grid, &self.params, &self.sensor)
     }

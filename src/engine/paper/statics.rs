@@ -66,7 +66,7 @@ impl Static {
         self.insert_observed(scan, |_| {});
     }
 
-    /// As [`Self::insert`]; `done` is called at the end of each step, for those who have a clock. There is no step
+    /// Takes in a scan like [`Self::insert`]; `done` is called at the end of each step, for those who have a clock. There is no step
     /// [`PipelineStep::Globals`].
     pub fn insert_observed(&mut self, scan: &Scan, mut done: impl FnMut(PipelineStep)) {
         self.sequence += 1;

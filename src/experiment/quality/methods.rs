@@ -9,7 +9,8 @@ use super::plane::Plane;
 use crate::engine::consistent::Consistent;
 use crate::engine::paper::Cfodi;
 use crate::engine::paper::statics::StaticMap;
-use crate::engine::{ClusterId, Params, Scan, Snapshot, SurfaceClass, VoxelKey};
+use crate::engine::{Params, Scan, Snapshot, SurfaceClass, VoxelKey};
+use crate::experiment::clustering::Clustering;
 use crate::sim::truth::Class;
 
 /// A map that takes in scans and is asked at the end what it has found.
@@ -23,20 +24,16 @@ pub trait Method {
 
 /// All methods with empty maps, in the order of the table. One that is added here is in every table.
 pub fn methods(params: &Params) -> Vec<Box<dyn Method>> {
-    vec![Box::new(Paper(Cfodi::new(*params))), Box::new(Right(Consistent::new(*params)))]
+    vec![Box::new(Cfodi::new(*params)), Box::new(Consistent::new(*params))]
 }
 
-/// The consistent engine.
-struct Right(Consistent);
-
-impl Method for Right {
+impl Method for Consistent {
     fn insert(&mut self, scan: &Scan) {
-        self.0.insert(scan);
+        Self::insert(self, scan);
     }
 
     fn found(&self) -> Vec<(&'static str, Found)> {
-        let snapshot = self.0.snapshot();
-        let voxels = snapshot.voxels.iter().map(|voxel| (voxel.key, voxel.cluster.map(ClusterId::get)));
+        let snapshot = self.snapshot();
         let clusters = snapshot.clusters.iter().map(|cluster| {
             let plane = Plane::through(&cluster.centroid, &cluster.normal);
             let pose = cluster.pose;
@@ -44,7 +41,8 @@ impl Method for Right {
             let (area, class) = (cluster.area, Some(class_of(cluster.class)));
             (cluster.id.get(), FoundCluster { plane, area, class, certainty })
         });
-        vec![("consistent", Found { voxels: voxels.collect(), clusters: clusters.collect() })]
+        let voxels = Clustering::from(&snapshot).labels().collect();
+        vec![("consistent", Found { voxels, clusters: clusters.collect() })]
     }
 }
 
@@ -61,29 +59,26 @@ const fn class_of(class: SurfaceClass) -> Class {
     }
 }
 
-/// CFODI to the letter of the paper, and what STATIC makes of the same map when the last scan is in.
-struct Paper(Cfodi);
-
-impl Method for Paper {
+/// CFODI, and what STATIC makes of the same map when the last scan is in.
+impl Method for Cfodi {
     fn insert(&mut self, scan: &Scan) {
-        self.0.insert(scan);
+        Self::insert(self, scan);
     }
 
     fn found(&self) -> Vec<(&'static str, Found)> {
-        let snapshot = self.0.snapshot();
-        let statics = found_by_static(&self.0.static_map(), &snapshot);
+        let snapshot = self.snapshot();
+        let statics = found_by_static(&self.static_map(), &snapshot);
         vec![("CFODI", found_by_cfodi(&snapshot)), ("STATIC", statics)]
     }
 }
 
 /// A cluster's plane goes through its centroid.
 fn found_by_cfodi(snapshot: &Snapshot) -> Found {
-    let voxels = snapshot.voxels.iter().map(|voxel| (voxel.key, voxel.cluster.map(ClusterId::get)));
     let clusters = snapshot
         .clusters
         .iter()
         .map(|cluster| (cluster.id.get(), plane_alone(&cluster.centroid, &cluster.normal)));
-    Found { voxels: voxels.collect(), clusters: clusters.collect() }
+    Found { voxels: Clustering::from(snapshot).labels().collect(), clusters: clusters.collect() }
 }
 
 /// A cluster's plane goes through the mean of its voxels' centres, which STATIC has in common with the engine.
@@ -98,10 +93,9 @@ fn found_by_static(map: &StaticMap, snapshot: &Snapshot) -> Found {
             *count += 1.0;
         }
     }
-    let voxels = map.voxels.iter().map(|voxel| (voxel.key, voxel.cluster.map(u64::from)));
     let clusters = sums.iter().zip(&map.cluster_normals);
     let clusters = clusters.map(|((sum, count), normal)| plane_alone(&Point3::from(sum / *count), normal));
-    Found { voxels: voxels.collect(), clusters: (0..).zip(clusters).collect() }
+    Found { voxels: Clustering::from(map).labels().collect(), clusters: (0..).zip(clusters).collect() }
 }
 
 fn plane_alone(point: &Point3<f64>, normal: &Vector3<f64>) -> FoundCluster {

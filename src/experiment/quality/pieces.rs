@@ -143,7 +143,7 @@ fn nearest(
     voxel_size: f64,
     piece_of: impl Fn(VoxelKey) -> Option<usize>,
 ) -> Option<usize> {
-    let [ix, iy, iz] = voxel_index(&cell.coords, voxel_size);
+    let [ix, iy, iz] = voxel_index(cell, voxel_size);
     let own = VoxelKey::new(ix, iy, iz)?;
     if let Some(piece) = piece_of(own) {
         return Some(piece);

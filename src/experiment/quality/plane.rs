@@ -1,8 +1,9 @@
 //! Planes and how far a found one is from the true one.
 
-use nalgebra::{Isometry3, Matrix3, Point3, SymmetricEigen, Vector3};
+use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
 use super::found::FoundPlane;
+use crate::engine::plane::normal_towards;
 
 /// The plane normal . x + offset = 0, facing along its normal.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,9 +25,7 @@ impl Plane {
     pub(super) fn fit(points: &[Point3<f64>], towards: &Vector3<f64>) -> Option<Self> {
         let middle = mean(points).filter(|_| points.len() >= 3)?;
         let spread: Matrix3<f64> = points.iter().map(|point| point - middle).map(|d| d * d.transpose()).sum();
-        let eigen = SymmetricEigen::new(spread);
-        let normal = eigen.eigenvectors.column(eigen.eigenvalues.imin()).into_owned();
-        Some(Self::through(&middle, &if normal.dot(towards) < 0.0 { -normal } else { normal }))
+        Some(Self::through(&middle, &normal_towards(&spread, towards)))
     }
 
     /// Signed distance of a point, positive in front (m).

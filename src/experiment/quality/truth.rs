@@ -1,6 +1,6 @@
 //! The voxels of labelled scans, each with how many of its points belong to which surface.
 //!
-//! Bins exactly as mode `paper` does (key = floor((R x + t) / size) in `f64`), so that the dense voxels are the same; those of
+//! Bins by the arithmetic of mode `paper` (key = floor((R x + t) / size) in `f64`), so that the dense voxels are the same; those of
 //! `consistent` are too but for points at their borders and for what was cleared. Costs
 //! O(points) a scan; consecutive points of one voxel and surface are added up before the voxel is looked for.
 
@@ -12,7 +12,9 @@ use rustc_hash::FxHashMap;
 use super::pieces::Truth;
 use super::touching::Groups;
 use crate::cloud::CloudFilter;
+use crate::engine::binning::{floor, map};
 use crate::engine::{Params, Points, Scan, VoxelKey};
+use crate::sim::noise::axial_sigma;
 use crate::sim::{Scene, Surface};
 
 /// Depths along the optical axis that count (m).
@@ -133,8 +135,8 @@ impl TruthMap {
                 run = Run::begin(index, group);
             }
             run.count += 1;
-            run.sum += point;
-            run.variances += sigma(sensed[2]).powi(2);
+            run.sum += point.coords;
+            run.variances += axial_sigma(sensed[2]).powi(2);
         }
         self.flush(&run);
     }
@@ -170,23 +172,8 @@ impl TruthMap {
     }
 }
 
-/// p = R x + t, rounded as the engine does it.
-fn map(rotation: &Matrix3<f64>, translation: &Vector3<f64>, [x, y, z]: [f64; 3]) -> Vector3<f64> {
-    let axis = |i: usize| rotation[(i, 0)] * x + rotation[(i, 1)] * y + rotation[(i, 2)] * z + translation[i];
-    Vector3::new(axis(0), axis(1), axis(2))
-}
-
 /// Indices of the voxel that holds a point; far outside the grid they saturate there.
-pub(super) fn voxel_index(point: &Vector3<f64>, voxel_size: f64) -> [i32; 3] {
+pub(super) fn voxel_index(point: &Point3<f64>, voxel_size: f64) -> [i32; 3] {
     let scaled: [f64; 3] = (point / voxel_size).into();
-    // `f64::floor` is a call on plain x86-64.
-    scaled.map(|value| {
-        let truncated = value as i32;
-        truncated.saturating_sub(i32::from(value < f64::from(truncated)))
-    })
-}
-
-/// Standard deviation of a depth (m), Nguyen et al. 2012.
-fn sigma(depth: f64) -> f64 {
-    0.0012 + 0.0019 * (depth - 0.4) * (depth - 0.4)
+    scaled.map(floor)
 }

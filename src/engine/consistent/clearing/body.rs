@@ -26,7 +26,7 @@ const SPREAD: f64 = 0.5;
 pub(super) const LEAST: f64 = 0.006;
 /// Padding of what has no thickness, in voxels.
 const PADDING: f64 = 0.5;
-/// The same in shares of the depth: a cell of a [`RangeGrid`](super::super::view::RangeGrid).
+/// Padding of what has no thickness, in shares of the depth: a cell of a [`RangeGrid`](super::super::view::RangeGrid).
 const PADDING_OF_DEPTH: f64 = 1.0 / 128.0;
 
 /// Half extents along the sensor's axes (m) of the box around the `mean` of a voxel's points, which is in its frame.

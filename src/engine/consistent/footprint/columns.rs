@@ -21,13 +21,13 @@ pub(crate) struct Content {
 const UNITS: f64 = 1024.0;
 
 impl Content {
-    /// Of one voxel, by the means of its points' offsets and of their squares, each 0 to 1, in `voxel_size` and its square.
+    /// The content of one voxel, by the means of its points' offsets and of their squares, each 0 to 1, in `voxel_size` and its square.
     pub(crate) fn of(means: [f64; 2], squares: [f64; 2]) -> Self {
         let whole = |mean: f64| nearest((mean * UNITS).max(0.0)) as u32;
         Self { voxels: 1, sum: means.map(whole), squares: squares.map(whole) }
     }
 
-    /// Of a voxel with these points: their offsets from the column's lower corner, 0 to 1.
+    /// The content of a voxel with these points: their offsets from the column's lower corner, 0 to 1.
     #[cfg(test)]
     pub(crate) fn of_points(points: &[[f64; 2]]) -> Self {
         let mean = |of: &dyn Fn(f64) -> f64| {
@@ -137,7 +137,7 @@ pub(super) struct Tile {
     pub(super) key: Column,
     /// By column, see [`bit_of`].
     pub(super) covered: u64,
-    /// Of the covered columns, ascending.
+    /// What the covered columns hold, by ascending column.
     pub(super) contents: Vec<Kept>,
 }
 

@@ -113,9 +113,9 @@ impl Graph {
             let node =
                 Node { weight, component: None, place: 0, element: None, walk: None, neighbours: Vec::new() };
             let id = self.free_nodes.pop().unwrap_or(NodeId(self.nodes.len() as u32));
-            match self.nodes.get_mut(id.0 as usize) {
+            match self.nodes.get_mut(id) {
                 Some(slot) => *slot = node,
-                None => self.nodes.push(node),
+                None => self.nodes.list().push(node),
             }
             self.element(id, local);
             id

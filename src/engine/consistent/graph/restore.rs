@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use serde::{Deserialize, Serialize};
 
 use super::{Component, ComponentId, Graph, Node, NodeId};
+use crate::engine::consistent::by::By;
 use crate::engine::saved::{RestoreError, ensure};
 
 /// Which slots nodes and components have, and in which order the free ones are given. The order of a component's nodes
@@ -26,7 +27,7 @@ impl Slots {
 
 impl Graph {
     /// Slots of nodes, taken or free.
-    pub(crate) const fn node_slots(&self) -> usize {
+    pub(crate) fn node_slots(&self) -> usize {
         self.nodes.len()
     }
 
@@ -53,8 +54,8 @@ impl Graph {
         let free =
             Node { weight: 0, component: None, place: 0, element: None, walk: None, neighbours: vec![] };
         let mut graph = Self {
-            nodes: vec![free; nodes],
-            components: vec![Component::default(); slots.components.len()],
+            nodes: By::from(vec![free; nodes]),
+            components: By::from(vec![Component::default(); slots.components.len()]),
             free_nodes: slots.free_nodes.iter().copied().map(NodeId).collect(),
             free_components: slots.free_components.iter().copied().map(ComponentId).collect(),
         };
@@ -78,7 +79,7 @@ impl Graph {
             self.node_mut(a).neighbours.push(b);
             self.node_mut(b).neighbours.push(a);
         }
-        for node in &mut self.nodes {
+        for node in self.nodes.iter_mut() {
             node.neighbours.sort_unstable();
             node.neighbours.dedup();
         }

@@ -37,7 +37,7 @@ impl Grid {
             binned.seen.push(slot);
             let mut from = 0;
             for (cell, sums) in voxels {
-                let (place, is_new) = self.blocks[slot.0 as usize].place_from(from, cell);
+                let (place, is_new) = self.blocks[slot].place_from(from, cell);
                 from = place;
                 self.voxels += usize::from(is_new);
                 if self.fold(slot, place, sums, &weighing, sequence) {
@@ -58,7 +58,7 @@ impl Grid {
         weighing: &Weighing,
         sequence: u64,
     ) -> bool {
-        let block = &mut self.blocks[slot.0 as usize];
+        let block = &mut self.blocks[slot];
         let corner = Vector3::from(block.corner());
         let voxel = block.at(place);
         let corner = corner + Vector3::from(voxel.cell.coordinates());

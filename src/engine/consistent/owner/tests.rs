@@ -62,8 +62,8 @@ fn naive_nearest(state: &State, blocks: &[([i32; 3], Segmented)], rules: &Rules)
         let beside = (0..3).map(|axis| u8::from(direction[axis] != 0) << axis).sum::<u8>();
         let away = |cell: Cell| (Vector3::from(cell.coordinates()) + corner - at).amax();
         for (number, patch) in (0..).zip(&segmented.patches) {
-            let nearest = patch.cells.iter().map(away).min().filter(|away| *away <= rules.rim_reach);
-            let misfit = held.misfit(&patch.plane(), rules.rim_noise_factor, rules.rim_flatness, 1.0);
+            let nearest = patch.cells.iter().map(away).min().filter(|away| *away <= RIM_REACH);
+            let misfit = held.misfit(&patch.plane(), RIM_NOISE_FACTOR, rules.rim_flatness, 1.0);
             let id = PatchId { block, number };
             fitting.extend(nearest.zip(misfit).map(|(away, misfit)| (away, misfit, beside, id)));
         }

@@ -119,7 +119,7 @@ proptest! {
             prop_assert!(is_connected(&members), "{}, {:?}", number, kind);
             let flatness = if *kind == Kind::Rough { rules.rough_flatness } else { rules.flatness };
             let [variance, noise] = variances(&members, &rules);
-            let allowed = rules.noise_factor * rules.noise_factor * noise + flatness * flatness;
+            let allowed = NOISE_FACTOR * NOISE_FACTOR * noise + flatness * flatness;
             prop_assert!(variance <= allowed + 1e-4, "{} of {} in {}, {:?}", variance, allowed, number, kind);
         }
     }

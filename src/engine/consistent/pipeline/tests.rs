@@ -327,7 +327,7 @@ fn a_cluster_is_seen_where_it_reaches_into_a_block_by_loose_voxels_alone() {
             let cluster = engine.surfaces.cluster_of_node(*node).unwrap();
             assert_eq!(cluster.identity.last_seen, now.stamp, "{block:?}, {node:?}");
         }
-        let patches = engine.surfaces.segmented().get(block.0 as usize).map_or(0, |here| here.patches.len());
+        let patches = engine.surfaces.segmented().get(block).map_or(0, |here| here.patches.len());
         alone += usize::from(patches == 0 && !nodes.is_empty());
     }
     assert!(alone > 0);

@@ -7,8 +7,8 @@ use super::{SavedBlock, SavedConsistent, SavedGrid, SavedVoxel};
 use crate::engine::consistent::block::Cell;
 use crate::engine::consistent::published::Published;
 use crate::engine::consistent::sums::{MOST_POINTS, MOST_WEIGHT, Moments, UNITS, halvings};
-use crate::engine::consistent::symmetric::symmetric;
 use crate::engine::consistent::view::Clearance;
+use crate::engine::symmetric::symmetric;
 
 /// A voxel with the sums of its points.
 #[derive(Clone, Debug, Deserialize)]
@@ -26,11 +26,11 @@ pub(crate) struct Voxel {
 struct Sums {
     points: u64,
     weight: u64,
-    /// Of offsets from the corner, in 1/4096 of the voxel's edge.
+    /// Sums of offsets from the corner, in 1/4096 of the voxel's edge.
     sum: [u64; 3],
-    /// Of their products: xx, xy, xz, yy, yz, zz.
+    /// Sums of their products: xx, xy, xz, yy, yz, zz.
     squares: [u64; 6],
-    /// Of unit directions towards the sensor times 1024.
+    /// Sums of unit directions towards the sensor times 1024.
     towards: [i64; 3],
 }
 

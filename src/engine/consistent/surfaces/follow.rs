@@ -10,21 +10,21 @@ use crate::engine::consistent::patch::PatchId;
 impl Surfaces {
     /// Follows the blocks of `grid`, which has moved them. Those that have gone were published without a voxel.
     pub(in super::super) fn follow(&mut self, grid: &Grid, moves: &Moves) {
-        debug_assert!(moves.gone().iter().all(|gone| self.segmented[gone.0 as usize].states.is_empty()));
+        debug_assert!(moves.gone().iter().all(|&gone| self.segmented[gone].states.is_empty()));
         moves.apply(&mut self.segmented);
         moves.apply(&mut self.nodes);
         let moved = moves.moved().iter().map(|(_, to)| *to);
         let around = moved.clone().flat_map(|block| grid.block(block).around.iter());
         for block in around.map(|(_, block)| block).collect::<BTreeSet<_>>() {
-            let here = &mut self.segmented[block.0 as usize];
+            let here = &mut self.segmented[block];
             here.contacts.follow(moves);
             for of in here.patches.iter_mut().filter_map(|patch| patch.slice_of.as_mut()) {
                 of.block = moves.of(of.block);
             }
         }
         for block in moved {
-            for (number, node) in (0..).zip(&self.nodes[block.0 as usize]) {
-                self.patches[node.0 as usize] = Some(PatchId { block, number });
+            for (number, &node) in (0..).zip(&self.nodes[block]) {
+                self.patches[node] = Some(PatchId { block, number });
             }
         }
     }

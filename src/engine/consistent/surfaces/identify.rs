@@ -81,7 +81,7 @@ impl Surfaces {
             votes.cast(flow.from, flow.to, flow.weight);
         }
         for (&block, old) in blocks.iter().zip(old) {
-            let [before, now] = [&old.segmented, &self.segmented[block.0 as usize]].map(Segmented::numbers);
+            let [before, now] = [&old.segmented, &self.segmented[block]].map(Segmented::numbers);
             for state in old.segmented.states.iter() {
                 let [before, now] = [before, now].map(|numbers| numbers[state.cell().index()]);
                 if before == LOOSE {
@@ -90,7 +90,7 @@ impl Surfaces {
                 let from = old.components[usize::from(before)];
                 votes.entitle(from, 1);
                 if now != LOOSE {
-                    let node = self.nodes[block.0 as usize][usize::from(now)];
+                    let node = self.nodes[block][usize::from(now)];
                     votes.cast(from, self.graph.component(node), 1);
                 }
             }
@@ -111,7 +111,7 @@ impl Surfaces {
         before.extend(outcome.flows.iter().map(|flow| flow.from));
         let mut identities: BTreeMap<ComponentId, Known> = BTreeMap::new();
         for component in before {
-            if let Some(cluster) = self.clusters[component.0 as usize].as_mut() {
+            if let Some(cluster) = self.clusters[component].as_mut() {
                 identities.insert(component, Known::take(cluster, now));
             }
         }
@@ -135,11 +135,7 @@ impl Surfaces {
                 known.identity.take_in(&other);
                 self.removed.extend(other.id);
             }
-            let place = component.0 as usize;
-            if self.clusters.len() <= place {
-                self.clusters.resize_with(place + 1, || None);
-            }
-            match &mut self.clusters[place] {
+            match self.clusters.reach(component) {
                 Some(cluster) => (cluster.identity, cluster.told) = (known.identity, known.told),
                 none => *none = Some(Box::new(known.begin())),
             }

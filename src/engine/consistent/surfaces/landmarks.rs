@@ -25,7 +25,7 @@ const STOREY: f64 = 2.5;
 const SUNK: f64 = 0.1;
 /// Least edge of a cell (m): a few of them cover a wall, and a few walls are in each.
 const CELL: f64 = 2.0;
-/// The same in voxels: a cluster of large ones has no more cells than voxels.
+/// Least edge of a cell, in voxels: a cluster of large ones has no more cells than voxels.
 const CELL_VOXELS: f64 = 8.0;
 /// For the rounding of poses (m).
 const SLACK: f64 = 1e-3;

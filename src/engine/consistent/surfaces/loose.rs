@@ -8,7 +8,7 @@ use super::Surfaces;
 use crate::engine::consistent::block::{BlockIndex, Cell, offset_of};
 use crate::engine::consistent::cells::Cells;
 use crate::engine::consistent::grid::Grid;
-use crate::engine::consistent::owner::Owners;
+use crate::engine::consistent::owner::{Owners, RIM_REACH};
 use crate::engine::consistent::patch::PatchId;
 use crate::engine::consistent::state::State;
 
@@ -26,7 +26,7 @@ impl Surfaces {
     /// Puts a voxel that has become dense beside the patches that are there, until its block is published.
     pub(super) fn admit(&mut self, grid: &Grid, block: BlockIndex, cell: Cell) {
         let Some(voxel) = grid.block(block).voxel(cell) else { return };
-        let admitted = self.segmented[block.0 as usize].admit(State::new(voxel));
+        let admitted = self.segmented[block].admit(State::new(voxel));
         if let Some(number) = admitted {
             self.enter_loose(grid, block, std::iter::once(number));
         }
@@ -38,15 +38,15 @@ impl Surfaces {
         for &block in blocks {
             let around = grid.block(block).around.iter();
             for (place, other) in around.filter(|(_, other)| blocks.binary_search(other).is_err()) {
-                let loose = &self.segmented[other.0 as usize].loose_cells;
-                let border = loose.and(&Cells::border(offset_of(26 - place), self.rules.rim_reach));
+                let loose = &self.segmented[other].loose_cells;
+                let border = loose.and(&Cells::border(offset_of(26 - place), RIM_REACH));
                 if !border.is_empty() {
                     near.entry(other).or_default().extend(&border);
                 }
             }
         }
         let places = near.into_iter().flat_map(|(block, cells)| {
-            let loose = self.segmented[block.0 as usize].loose_cells.iter().enumerate();
+            let loose = self.segmented[block].loose_cells.iter().enumerate();
             loose.filter(move |(_, cell)| cells.contains(*cell)).map(move |(number, _)| (block, number))
         });
         let of_them =
@@ -56,30 +56,25 @@ impl Surfaces {
 
     /// Whether a loose voxel belongs to a patch of these blocks (ascending).
     fn belongs_to(&self, block: BlockIndex, number: usize, blocks: &[BlockIndex]) -> bool {
-        let owner = self.segmented[block.0 as usize].loose[number].owner();
-        let patch = owner.and_then(|owner| self.patches[owner.0 as usize]);
+        let owner = self.segmented[block].loose[number].owner();
+        let patch = owner.and_then(|owner| self.patches[owner]);
         patch.is_some_and(|patch| blocks.binary_search(&patch.block).is_ok())
     }
 
     pub(super) fn withdraw_loose(&mut self, grid: &Grid, block: BlockIndex, number: usize) {
-        let here = &mut self.segmented[block.0 as usize];
+        let here = &mut self.segmented[block];
         let Some(owner) = here.loose[number].owner() else { return };
         here.loose[number].set_owner(None);
         let state = here.loose_state(number);
         let component = self.graph.component(owner);
-        let (Some(cluster), Some(key)) =
-            (self.clusters[component.0 as usize].as_mut(), grid.block(block).voxel_key(state.cell()))
-        else {
-            return;
-        };
-        let is_thin = here.is_thin(state);
-        cluster.remove(key, state, is_thin);
-        if let Some(number) = here.number_of(state.cell())
-            && self.nodes[block.0 as usize].get(usize::from(number)) == Some(&owner)
-        {
-            cluster.sums.remove(&here.share(number, state, grid.block(block).corner(), &self.rules));
+        let nodes = &self.nodes[block];
+        let is_own = |number: &u8| nodes.get(usize::from(*number)) == Some(&owner);
+        let own = here.number_of(state.cell()).filter(is_own);
+        let member = here.member(grid.block(block), state, own, &self.rules);
+        if let (Some(cluster), Some(member)) = (self.clusters[component].as_mut(), member) {
+            cluster.remove(&member);
+            self.changed.insert(component);
         }
-        self.changed.insert(component);
     }
 
     /// Puts loose voxels of a block, by their places in its list, beside the patches that they belong to.
@@ -96,23 +91,23 @@ impl Surfaces {
         }
     }
 
-    /// As [`Self::enter_loose`] for those of one block where blocks around it (ascending) were published; nothing is done
-    /// where one stays with its patch.
+    /// Puts the loose voxels of one block beside the patches that they belong to after blocks around it (ascending) were published;
+    /// nothing is done where one stays with its patch.
     pub(super) fn settle_loose(&mut self, grid: &Grid, beside: &[Beside], published: &[BlockIndex]) {
         let Some(&Beside { block, .. }) = beside.first() else { return };
         let around = grid.block(block).around.iter();
         let new = around.filter(|(_, other)| published.binary_search(other).is_ok());
         let anew: Vec<_> = new.map(|(place, _)| place).collect();
-        let here = &self.segmented[block.0 as usize];
+        let here = &self.segmented[block];
         let owners = Owners::new(grid.block(block), &self.segmented, &self.rules);
         let stays = |number: usize| {
-            let with = here.loose[number].owner().and_then(|owner| self.patches[owner.0 as usize]);
+            let with = here.loose[number].owner().and_then(|owner| self.patches[owner]);
             owners.stays(here.loose_state(number), with, &anew)
         };
         let moving = beside.iter().filter(|it| it.is_theirs || !stays(it.number)).map(|it| it.number);
         for (number, owner) in self.owners(grid, block, moving) {
-            let node = owner.map(|owner| self.nodes[owner.block.0 as usize][usize::from(owner.number)]);
-            if node == self.segmented[block.0 as usize].loose[number].owner() {
+            let node = owner.map(|owner| self.nodes[owner.block][usize::from(owner.number)]);
+            if node == self.segmented[block].loose[number].owner() {
                 continue;
             }
             self.withdraw_loose(grid, block, number);
@@ -129,26 +124,23 @@ impl Surfaces {
         block: BlockIndex,
         numbers: impl Iterator<Item = usize>,
     ) -> Vec<(usize, Option<PatchId>)> {
-        let here = &self.segmented[block.0 as usize];
+        let here = &self.segmented[block];
         let owners = Owners::new(grid.block(block), &self.segmented, &self.rules);
         let owner = |number: usize| owners.of(here.loose_state(number));
         numbers.map(|number| (number, owner(number))).collect()
     }
 
     pub(super) fn give_loose(&mut self, grid: &Grid, block: BlockIndex, number: usize, owner: PatchId) {
-        let here = &self.segmented[block.0 as usize];
+        let here = &self.segmented[block];
         let state = here.loose_state(number);
-        let node = self.nodes[owner.block.0 as usize][usize::from(owner.number)];
+        let node = self.nodes[owner.block][usize::from(owner.number)];
         let component = self.graph.component(node);
-        if let (Some(cluster), Some(key)) =
-            (self.clusters[component.0 as usize].as_mut(), grid.block(block).voxel_key(state.cell()))
-        {
-            cluster.add(key, state, here.is_thin(state));
-            if owner.block == block && here.number_of(state.cell()) == Some(owner.number) {
-                cluster.sums.add(&here.share(owner.number, state, grid.block(block).corner(), &self.rules));
-            }
+        let is_own = owner.block == block && here.number_of(state.cell()) == Some(owner.number);
+        let member = here.member(grid.block(block), state, is_own.then_some(owner.number), &self.rules);
+        if let (Some(cluster), Some(member)) = (self.clusters[component].as_mut(), member) {
+            cluster.add(&member);
         }
         self.changed.insert(component);
-        self.segmented[block.0 as usize].loose[number].set_owner(Some(node));
+        self.segmented[block].loose[number].set_owner(Some(node));
     }
 }

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::Surfaces;
 use crate::engine::class::SurfaceClass;
 use crate::engine::consistent::block::{BlockIndex, CELLS};
+use crate::engine::consistent::by::By;
 use crate::engine::consistent::cluster::{Cluster, Identity};
 use crate::engine::consistent::describe;
 use crate::engine::consistent::footprint::{Axis, Footprint};
@@ -41,7 +42,7 @@ pub(in super::super) struct SavedSurfaces {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct SavedCluster {
     identity: Identity,
-    /// That along which its footprint is projected.
+    /// The axis along which its footprint is projected: 0 to 2.
     axis: u8,
     told: Option<SavedTold>,
 }
@@ -74,7 +75,7 @@ impl Surfaces {
             nodes: self.nodes.iter().map(|nodes| nodes.iter().map(|node| node.0).collect()).collect(),
             slots: self.graph.slots_taken(),
             clusters: (0..)
-                .zip(&self.clusters)
+                .zip(self.clusters.iter())
                 .filter_map(|(component, cluster)| Some((component, saved(cluster.as_deref()?))))
                 .collect(),
             ids_given: self.ids_given,
@@ -83,7 +84,7 @@ impl Surfaces {
 
     /// The states of a block, as they are to be saved.
     pub(in super::super) fn save_states(&self, grid: &Grid, block: BlockIndex) -> Vec<SavedState> {
-        let Some(here) = self.segmented.get(block.0 as usize) else { return Vec::new() };
+        let Some(here) = self.segmented.get(block) else { return Vec::new() };
         let admitted: BTreeSet<_> =
             here.loose.iter().filter(|loose| loose.is_admitted()).map(|loose| loose.place()).collect();
         let now = states(grid, grid.block(block));
@@ -108,7 +109,7 @@ impl Surfaces {
         let mut surfaces = Self::new(params);
         surfaces.ids_given = map.ids_given;
         for (slot, (_, block)) in (0..).map(BlockIndex).zip(blocks) {
-            surfaces.segmented.push(segmented(&block.states, grid, slot, &surfaces.rules)?);
+            surfaces.segmented.list().push(segmented(&block.states, grid, slot, &surfaces.rules)?);
         }
         let ids = scratch::meet(grid, &mut surfaces.segmented, &surfaces.rules);
         surfaces.restore_nodes(map, blocks)?;
@@ -133,12 +134,12 @@ impl Surfaces {
             format!("{given} patches, {all} nodes, or in other blocks")
         })?;
         let nodes = blocks.iter().map(|block| of_block(block).iter().copied().map(NodeId).collect());
-        self.nodes = nodes.collect();
+        self.nodes = By::from(nodes.collect::<Vec<_>>());
         Ok(())
     }
 
     fn node(&self, id: PatchId) -> NodeId {
-        self.nodes[id.block.0 as usize][usize::from(id.number)]
+        self.nodes[id.block][usize::from(id.number)]
     }
 
     fn restore_graph(&mut self, map: &SavedSurfaces, ids: &[PatchId]) -> Result<(), RestoreError> {
@@ -154,10 +155,10 @@ impl Surfaces {
             }
         }
         self.graph = Graph::restore(&map.slots, &weights, &edges)?;
-        self.patches = vec![None; self.graph.node_slots()];
+        self.patches = By::from(vec![None; self.graph.node_slots()]);
         ids.iter().for_each(|&id| {
             let node = self.node(id);
-            self.patches[node.0 as usize] = Some(id);
+            self.patches[node] = Some(id);
         });
         Ok(())
     }
@@ -175,7 +176,7 @@ impl Surfaces {
                 format!("{component:?} has {} patches: {saved:?}", self.graph.nodes(component).len())
             })?;
             let Some(saved) = saved else {
-                self.clusters.push(None);
+                self.clusters.list().push(None);
                 continue;
             };
             let identity = &saved.identity;
@@ -192,7 +193,7 @@ impl Surfaces {
             })?;
             let mut cluster = Cluster::new(identity.clone());
             cluster.footprint = Footprint::new(axis);
-            self.clusters.push(Some(Box::new(cluster)));
+            self.clusters.list().push(Some(Box::new(cluster)));
         }
         Ok(())
     }
@@ -203,8 +204,7 @@ impl Surfaces {
         params: &Params,
     ) -> Result<(), RestoreError> {
         for (component, saved) in (0..).map(ComponentId).zip(clusters) {
-            let (Some(cluster), Some(saved)) = (self.clusters[component.0 as usize].as_deref_mut(), saved)
-            else {
+            let (Some(cluster), Some(saved)) = (self.clusters[component].as_deref_mut(), saved) else {
                 continue;
             };
             cluster.refit();
@@ -292,7 +292,7 @@ mod tests {
         assert!(floors > 0);
     }
 
-    /// As it was saved while the slots of blocks that had gone were kept.
+    /// A map may have been saved by what kept the slots of blocks that had gone.
     #[test]
     fn a_map_with_slots_that_no_block_has_is_the_same_without_them() {
         let drive = Drive::new(Scene::room(), 1, Stamp::from_nanos(0));

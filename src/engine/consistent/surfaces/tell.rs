@@ -9,7 +9,6 @@ use crate::engine::consistent::footprint::{Axis, Footprint};
 use crate::engine::consistent::graph::{ComponentId, NodeId};
 use crate::engine::consistent::grid::Grid;
 use crate::engine::consistent::layer::patch;
-use crate::engine::consistent::state::State;
 use crate::engine::key::ClusterId;
 use crate::engine::now::Now;
 use crate::engine::params::Params;
@@ -44,13 +43,12 @@ impl Surfaces {
     pub(in super::super) fn note_seen(&mut self, blocks: &[BlockIndex], now: Now) {
         let Self { segmented, nodes, graph, clusters, .. } = self;
         let mut see = |node: NodeId| {
-            if let Some(cluster) = clusters[graph.component(node).0 as usize].as_mut() {
+            if let Some(cluster) = clusters[graph.component(node)].as_mut() {
                 cluster.identity.last_seen = now.stamp;
             }
         };
-        for block in blocks {
-            let (Some(here), Some(nodes)) = (segmented.get(block.0 as usize), nodes.get(block.0 as usize))
-            else {
+        for &block in blocks {
+            let (Some(here), Some(nodes)) = (segmented.get(block), nodes.get(block)) else {
                 continue;
             };
             nodes.iter().copied().for_each(&mut see);
@@ -82,7 +80,7 @@ impl Surfaces {
         }
         let mut classes = Vec::new();
         for &component in &due {
-            let Some(cluster) = self.clusters[component.0 as usize].as_deref() else { continue };
+            let Some(cluster) = self.clusters[component].as_deref() else { continue };
             let (Some(shape), Some(plane)) = (&cluster.told, &cluster.plane) else { continue };
             let planarity = Planarity::of(cluster, plane, &self.rules);
             let uprights = self.uprights(shape);
@@ -95,7 +93,7 @@ impl Surfaces {
             classes.push((component, class));
         }
         for (component, (class, confidence)) in classes {
-            if let Some(told) = self.clusters[component.0 as usize].as_mut().and_then(|c| c.told.as_mut()) {
+            if let Some(told) = self.clusters[component].as_mut().and_then(|c| c.told.as_mut()) {
                 (told.class, told.class_confidence) = (class, confidence);
             }
         }
@@ -119,7 +117,7 @@ impl Surfaces {
     pub(super) fn uprights(&self, cluster: &snapshot::Cluster) -> Uprights {
         let edges = describe::edges(cluster);
         let near = edges.map(|edges| self.landmarks.near(&edges)).unwrap_or_default();
-        let told = near.iter().filter_map(|other| self.clusters[other.0 as usize].as_ref()?.told.as_ref());
+        let told = near.iter().filter_map(|&other| self.clusters[other].as_ref()?.told.as_ref());
         Uprights::of(cluster, edges.as_ref(), told)
     }
 
@@ -130,7 +128,7 @@ impl Surfaces {
         params: &Params,
         now: Now,
     ) {
-        let Some(cluster) = self.clusters[component.0 as usize].as_deref_mut() else { return };
+        let Some(cluster) = self.clusters[component].as_deref_mut() else { return };
         let Some(id) = cluster.identity.id else {
             cluster.told = None;
             self.landmarks.set(component, None);
@@ -157,8 +155,8 @@ impl Surfaces {
     /// Counts the revisions of what is told of differently, or has taken in another.
     pub(super) fn finish(&mut self, due: &[ComponentId]) -> Vec<ChangedCluster> {
         let mut changed = Vec::new();
-        for component in due {
-            let Some(cluster) = self.clusters[component.0 as usize].as_deref_mut() else { continue };
+        for &component in due {
+            let Some(cluster) = self.clusters[component].as_deref_mut() else { continue };
             let before = std::mem::take(&mut cluster.before);
             let merged_from = std::mem::take(&mut cluster.identity.merged_from);
             let is_other = |told: &&mut snapshot::Cluster| !merged_from.is_empty() || !before.is(told);
@@ -175,7 +173,7 @@ impl Surfaces {
     /// that, which costs its voxels, once in a while.
     pub(super) fn refit(&mut self, grid: &Grid) {
         for component in self.changed.clone() {
-            let Some(cluster) = self.clusters[component.0 as usize].as_deref_mut() else { continue };
+            let Some(cluster) = self.clusters[component].as_deref_mut() else { continue };
             // Without a plane before, its axis is one that it has by chance.
             let before = cluster.plane.is_some().then(|| cluster.footprint.axis());
             cluster.refit();
@@ -184,7 +182,7 @@ impl Surfaces {
             let axis = before.map_or_else(|| Axis::dominant(&normal), |axis| axis.kept(&normal));
             if axis != cluster.footprint.axis() {
                 let footprint = self.footprint(grid, component, axis);
-                if let Some(cluster) = self.clusters[component.0 as usize].as_mut() {
+                if let Some(cluster) = self.clusters[component].as_mut() {
                     cluster.footprint = footprint;
                 }
             }
@@ -195,22 +193,13 @@ impl Surfaces {
     pub(super) fn footprint(&self, grid: &Grid, component: ComponentId, axis: Axis) -> Footprint {
         let mut footprint = Footprint::new(axis);
         for &node in self.graph.nodes(component) {
-            let Some(id) = self.patches[node.0 as usize] else { continue };
-            let here = &self.segmented[id.block.0 as usize];
-            let mut enter = |block: BlockIndex, state: &State| {
-                let is_thin = self.segmented[block.0 as usize].is_thin(state);
+            let Some(id) = self.patches[node] else { continue };
+            self.for_each_voxel(grid, node, id, |block, state| {
+                let is_thin = self.segmented[block].is_thin(state);
                 if let Some(key) = grid.block(block).voxel_key(state.cell()).filter(|_| !is_thin) {
                     footprint.add(axis.column(key), &content(state, axis));
                 }
-            };
-            let patch = &here.patches[usize::from(id.number)];
-            let whole = patch.cells.iter().filter(|_| !patch.is_frayed());
-            whole.filter_map(|cell| here.state(cell)).for_each(|state| enter(id.block, state));
-            for (_, block) in grid.block(id.block).around.iter() {
-                let there = &self.segmented[block.0 as usize];
-                let beside = there.loose.iter().filter(|loose| loose.owner() == Some(node));
-                beside.for_each(|loose| enter(block, &there.states[loose.place()]));
-            }
+            });
         }
         footprint
     }
@@ -220,7 +209,7 @@ impl Surfaces {
     pub(super) fn tell(&mut self, grid: &Grid, now: Now) {
         let mut new = Vec::new();
         for &component in &self.changed {
-            let Some(cluster) = self.clusters[component.0 as usize].as_deref_mut() else { continue };
+            let Some(cluster) = self.clusters[component].as_deref_mut() else { continue };
             // Where all voxels of a patch have gone to broader ones, what lies beside it has no plane.
             let (voxels, has_shape) = (cluster.voxels, cluster.has_shape());
             let identity = &mut cluster.identity;
@@ -235,12 +224,12 @@ impl Surfaces {
         new.sort_by_cached_key(|&component| self.first_voxel(grid, component));
         for component in new {
             self.ids_given += 1;
-            if let Some(cluster) = self.clusters[component.0 as usize].as_deref_mut() {
+            if let Some(cluster) = self.clusters[component].as_deref_mut() {
                 (cluster.identity.id, cluster.identity.revision) = (ClusterId::new(self.ids_given), 0);
             }
         }
-        for component in &self.changed {
-            let Some(cluster) = self.clusters[component.0 as usize].as_deref_mut() else { continue };
+        for &component in &self.changed {
+            let Some(cluster) = self.clusters[component].as_deref_mut() else { continue };
             let counted = if cluster.identity.id.is_some() { cluster.voxels } else { 0 };
             self.counted.count(std::mem::replace(&mut cluster.counted, counted), counted);
         }
@@ -248,7 +237,7 @@ impl Surfaces {
 
     /// The first voxel of a component's patches, by block and cell.
     pub(super) fn first_voxel(&self, grid: &Grid, component: ComponentId) -> Option<(BlockKey, Cell)> {
-        let ids = self.graph.nodes(component).iter().filter_map(|node| self.patches[node.0 as usize]);
+        let ids = self.graph.nodes(component).iter().filter_map(|&node| self.patches[node]);
         ids.filter_map(|id| Some((grid.block(id.block).key, patch(&self.segmented, id).cells.iter().next()?)))
             .min()
     }

@@ -7,6 +7,7 @@
 
 use std::collections::BTreeSet;
 
+use crate::engine::consistent::by::By;
 use crate::engine::consistent::describe::{Waits, is_grown, is_new};
 use crate::engine::consistent::graph::ComponentId;
 use crate::engine::now::Now;
@@ -15,8 +16,8 @@ use crate::engine::scan::Stamp;
 
 #[derive(Clone, Debug, Default)]
 pub(super) struct Waiting {
-    /// By component: what the sets hold of it.
-    waits: Vec<Option<Waits>>,
+    /// What the sets hold of each.
+    waits: By<ComponentId, Option<Waits>>,
     new: BTreeSet<(Stamp, ComponentId)>,
     grown: BTreeSet<(u64, ComponentId)>,
 }
@@ -24,9 +25,7 @@ pub(super) struct Waiting {
 impl Waiting {
     /// Notes what a component waits for now.
     pub(super) fn set(&mut self, component: ComponentId, waits: Option<Waits>) {
-        let place = component.0 as usize;
-        self.waits.resize(self.waits.len().max(place + 1), None);
-        let before = std::mem::replace(&mut self.waits[place], waits);
+        let before = std::mem::replace(self.waits.reach(component), waits);
         if before == waits {
             return;
         }

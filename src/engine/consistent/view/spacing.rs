@@ -25,7 +25,7 @@ const FARTHEST: usize = TILE_CELLS;
 const HOLES: f64 = 0.25;
 
 impl Gaps {
-    /// Of a camera, by its rays alone: what they have not measured is a hole, however much that is.
+    /// The gaps of a camera, by its rays alone: what they have not measured is a hole, however much that is.
     pub(super) fn of_rays(rays: &Rays) -> Self {
         Self { along_row: between(&rays.x), along_column: between(&rays.y) }
     }
@@ -44,7 +44,7 @@ fn between(rays: &[f32]) -> usize {
 }
 
 impl RangeGrid {
-    /// Of points that came in a list, by how far it is from most of the cells with points to the next one.
+    /// The gaps of points that came in a list, by how far it is from most of the cells with points to the next one.
     pub(super) fn gaps_of_list(&self) -> Gaps {
         let (mut along_row, mut along_column) = (Steps::default(), Steps::default());
         let with_points = |index: &usize| self.cells[*index].count > 0;

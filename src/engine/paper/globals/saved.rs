@@ -14,7 +14,7 @@ use crate::engine::scan::Stamp;
 /// All of [`Globals`] that does not follow from the voxels.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct SavedGlobals {
-    /// Those that live, with their slots.
+    /// The clusters that live, with their slots.
     living: Vec<(u32, SavedGlobal)>,
     /// By slot: the slot that it has been merged into, or its own.
     parents: Vec<u32>,

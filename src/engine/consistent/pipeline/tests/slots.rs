@@ -45,7 +45,7 @@ fn check_slots(engine: &Consistent) {
     assert!(engine.stale.iter().all(|block| engine.grid.block(*block).is_stale()));
     let restored = Consistent::restore(engine.params, engine.taken, &engine.save()).unwrap();
     for (slot, _) in engine.grid.blocks() {
-        let [here, there] = [engine, &restored].map(|engine| &engine.surfaces.segmented()[slot.0 as usize]);
+        let [here, there] = [engine, &restored].map(|engine| &engine.surfaces.segmented()[slot]);
         let [contacts, others] = [here, there].map(contacts);
         assert_eq!(contacts, others, "{slot:?}");
         assert!(here.patches.iter().map(|it| it.slice_of).eq(there.patches.iter().map(|it| it.slice_of)));

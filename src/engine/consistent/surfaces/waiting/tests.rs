@@ -10,7 +10,7 @@ impl Surfaces {
     /// in another state than they are in.
     pub(in crate::engine::consistent) fn check_waiting(&self, params: &Params, now: Now) -> usize {
         let mut anew = Waiting::default();
-        for (component, cluster) in (0..).map(ComponentId).zip(&self.clusters) {
+        for (component, cluster) in (0..).map(ComponentId).zip(self.clusters.iter()) {
             anew.set(component, cluster.as_deref().and_then(waits));
         }
         assert_eq!((&self.waiting.new, &self.waiting.grown), (&anew.new, &anew.grown));
@@ -34,7 +34,8 @@ impl Surfaces {
 
     /// So many more slots are free, as after many clusters that are gone.
     pub(in crate::engine::consistent) fn add_free_slots(&mut self, more: usize) {
-        self.clusters.resize_with(self.clusters.len() + more, || None);
+        let slots = self.clusters.len() + more;
+        self.clusters.list().resize_with(slots, || None);
     }
 }
 

@@ -14,7 +14,7 @@ pub(super) fn quadratic(matrix: &Matrix3<f64>, n: &Vector3<f64>) -> f64 {
     n.dot(&(matrix * n))
 }
 
-/// The same of a matrix by its entries.
+/// n . (matrix n) of a matrix by its entries.
 pub(super) fn along([xx, xy, xz, yy, yz, zz]: [f64; 6], n: &Vector3<f64>) -> f64 {
     n.x * (xx * n.x + 2.0 * (xy * n.y + xz * n.z)) + n.y * (yy * n.y + 2.0 * yz * n.z) + zz * n.z * n.z
 }
