@@ -88,8 +88,9 @@ fn a_sensor_that_sends_nothing_but_empty_clouds_for_a_while_is_warned_of() {
         }
     };
     let (_, said) = driven(Fake::default(), drive);
-    let lines: Vec<_> = said.iter().filter(|(_, line)| line.contains("no cloud has had a point")).collect();
-    assert_eq!(lines, [&(30, "/points: no cloud has had a point for 3 s".to_owned())]);
+    let begins =
+        |(level, line): &&(u8, String)| *level == 30 && line.starts_with("/points: no cloud has had a");
+    assert_eq!(said.iter().filter(begins).count(), 1, "{said:?}");
 }
 
 #[test]
