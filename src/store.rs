@@ -29,7 +29,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-pub use self::aside::{MOST_ASIDE, keep_aside, set_aside, too_many_aside};
+pub use self::aside::{MOST_ASIDE, keep_aside, newest_aside, set_aside, too_many_aside};
 use crate::engine::{RestoreError, SavedMap, SavedMapOfVersion1};
 use crate::link::folder;
 pub use crate::link::target;

@@ -86,7 +86,7 @@ pub enum CloudError {
     /// Less data than the rows take.
     #[error("{got} bytes of data, the rows take {needed}")]
     ShortData {
-        /// `height * row_step`.
+        /// `height * row_step`; of a single row what its points take.
         needed: u64,
         /// Length of `data`.
         got: usize,

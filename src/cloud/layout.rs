@@ -156,10 +156,12 @@ impl Layout {
         let coordinates =
             [description.coordinate("x")?, description.coordinate("y")?, description.coordinate("z")?];
         let row_bytes = u64::from(width) * u64::from(point_step);
-        if u64::from(row_step) < row_bytes {
+        // Nothing follows a single row: drivers leave its step at 0.
+        let step = if height == 1 { row_bytes } else { u64::from(row_step) };
+        if step < row_bytes {
             return Err(CloudError::ShortRowStep { row_step, needed: row_bytes });
         }
-        let needed = u64::from(height) * u64::from(row_step);
+        let needed = u64::from(height) * step;
         if (data_len as u64) < needed {
             return Err(CloudError::ShortData { needed, got: data_len });
         }
@@ -168,7 +170,7 @@ impl Layout {
             is_bigendian: description.is_bigendian,
             point_step: point_step as usize,
             row_bytes: row_bytes as usize,
-            row_step: row_step as usize,
+            row_step: step as usize,
             height: height as usize,
         }))
     }

@@ -273,6 +273,18 @@ fn steps_and_sizes_that_do_not_fit_the_data_are_refused_with_the_numbers() {
 }
 
 #[test]
+fn a_single_row_needs_no_step_and_all_its_points() {
+    let points = [[0.0, 0.0, 1.0], [0.0, 0.0, 2.0]];
+    let message = Form::xyz(16).message("camera", 1, &points);
+    for row_step in [0, 31, 32, 33, u32::MAX] {
+        let cloud = taken(&PointCloud2 { row_step, ..message.clone() }, &KINECT).unwrap();
+        assert_eq!(cloud, taken(&message, &KINECT).unwrap(), "{row_step}");
+        let short = PointCloud2 { row_step, data: message.data[..31].to_vec(), ..message.clone() };
+        assert_eq!(taken(&short, &KINECT).unwrap_err(), CloudError::ShortData { needed: 32, got: 31 });
+    }
+}
+
+#[test]
 fn every_refusal_has_its_own_reason() {
     let reasons = [
         CloudError::BadStamp { nanosec: 1 },

@@ -339,7 +339,7 @@ pub(super) const TABLE: &[Row] = &[
     Row::new(
         "network_interfaces",
         Default::Texts(&[]),
-        Bounds::Words("a list of IPv4 addresses, as [\"192.168.1.5\"]"),
+        Bounds::Words("a list of IPv4 addresses that a machine can have, as [\"192.168.1.5\"]"),
     )
     .means("own IPv4 addresses to be found under; empty = all", NETWORK),
     Row::integer("receive_buffer", 32 << 20, &(4096..=1 << 30))

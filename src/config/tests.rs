@@ -109,10 +109,14 @@ fn an_impossible_value_is_named_with_what_it_must_be() {
         line("keep_radius", Value::Integer(-1)),
         "keep_radius is -1.0; it must be finite and 0 m (no bound) or more"
     );
-    for other in ["eth0", "::1"] {
+    for other in ["eth0", "::1", "0.0.0.0", "255.255.255.255", "224.0.0.1"] {
         let addresses = Value::TextList(vec!["127.0.0.1".into(), other.into()]);
         let line = line("network_interfaces", addresses);
-        assert!(line.contains(other) && line.contains("it must be a list of IPv4 addresses"), "{line}");
+        assert!(
+            line.contains(other)
+                && line.contains("it must be a list of IPv4 addresses that a machine can have"),
+            "{line}"
+        );
     }
 }
 

@@ -172,8 +172,8 @@ impl Given {
 
     pub(super) fn addresses(&self, name: &str) -> Result<Vec<Ipv4Addr>, ConfigError> {
         let Value::TextList(list) = self.checked(name)? else { return self.refuse_by_row(name) };
-        let addresses: Result<_, _> = list.iter().map(|text| text.parse()).collect();
-        addresses.or_else(|_| self.refuse_by_row(name))
+        let addresses: Option<_> = list.iter().map(|text| own_address(text)).collect();
+        addresses.map_or_else(|| self.refuse_by_row(name), Ok)
     }
 
     pub(super) fn mode(&self) -> Result<Mode, ConfigError> {
@@ -269,6 +269,13 @@ impl Given {
         }
         Ok(())
     }
+}
+
+/// An address that a machine can have: a node that tells others of one that stands for none or for many is not found.
+fn own_address(text: &str) -> Option<Ipv4Addr> {
+    let address: Ipv4Addr = text.parse().ok()?;
+    let is_none = address.is_unspecified() || address.is_broadcast() || address.is_multicast();
+    (!is_none).then_some(address)
 }
 
 /// The sensors that are named by what is given, as far as they can be; the last list counts.

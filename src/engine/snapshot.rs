@@ -80,7 +80,7 @@ pub struct DenseVoxel {
     pub key: VoxelKey,
     /// Number of points counted in it, up to the newest scan.
     pub count: u32,
-    /// Mean of its points (m), fixed frame.
+    /// Mean of its points (m), fixed frame; in `consistent` with a noise model weighed by how well each scan's are known.
     pub centre: Point3<f64>,
     /// Its normal (Definition 3 in `paper`, that of its patch in `consistent`), `None` where its neighbourhood spans no
     /// plane.

@@ -21,8 +21,8 @@ const PROPERTIES: [(&str, &str); 10] = [
 
 /// Writes the dense voxels as binary little-endian PLY, one vertex each, in the order of the snapshot.
 ///
-/// Position: mean of the voxel's points, fixed frame (m). Normal: unit length, `0 0 0` where the voxel has none. Colour:
-/// that of the cluster. Label: the lower 32 bits of the cluster id, 0 for none.
+/// Position: mean of the voxel's points, weighed as in [`DenseVoxel::centre`], fixed frame (m). Normal: unit length, `0 0 0`
+/// where the voxel has none. Colour: that of the cluster. Label: the lower 32 bits of the cluster id, 0 for none.
 ///
 /// # Errors
 ///

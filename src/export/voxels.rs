@@ -7,8 +7,8 @@ use crate::engine::{ClusterId, Snapshot};
 /// Writes one line a dense voxel, by ascending (ix, iy, iz), under the header
 /// `ix,iy,iz,count,cx,cy,cz,nx,ny,nz,cluster_id`.
 ///
-/// Centre: mean of the voxel's points, fixed frame (m). Normal: unit length, `0,0,0` where the voxel has none. Cluster 0:
-/// none. Numbers have as many digits as it takes to tell them from their neighbours.
+/// Centre: mean of the voxel's points, weighed as in [`DenseVoxel::centre`](crate::engine::DenseVoxel::centre), fixed frame (m). Normal: unit length, `0,0,0`
+/// where the voxel has none. Cluster 0: none. Numbers have as many digits as it takes to tell them from their neighbours.
 ///
 /// # Errors
 ///

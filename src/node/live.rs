@@ -39,7 +39,7 @@ use super::record::Recorder;
 use super::rosout::Lines;
 use super::saving;
 use super::speak::speak;
-use super::throttle::Throttle;
+use super::throttle::{Lasting, Throttle};
 use super::transport::{Event, Input, Service, Transport};
 use super::vitals::Vitals;
 use crate::cloud::{Cloud, CloudError};
@@ -197,6 +197,7 @@ struct Live<T: Transport> {
     diagnosis: Diagnosis,
     reports: mpsc::Sender<DiagnosticArray>,
     throttle: Throttle,
+    lasting: Lasting,
     session: u64,
     /// Whether the time is simulated.
     simulated: bool,
@@ -232,6 +233,7 @@ impl<T: Transport> Live<T> {
             diagnosis,
             reports,
             throttle: Throttle::default(),
+            lasting: Lasting::default(),
             session,
             simulated: config.use_sim_time,
             clocks: Clocks::new(start),

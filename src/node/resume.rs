@@ -46,7 +46,7 @@ fn resumed(config: &Config, path: &Path) -> Result<Engine, BeginError> {
             Ok(engine)
         }
         Err(error) if error.is_missing() => {
-            info!("nothing to resume: there is no {} yet", path.display());
+            say_nothing_to_resume(path);
             Ok(Engine::new(params))
         }
         Err(StoreError::Map { error: error @ RestoreError::Parameter { .. }, .. }) => {
@@ -58,6 +58,26 @@ fn resumed(config: &Config, path: &Path) -> Result<Engine, BeginError> {
             let kept = kept_aside(path, "refused")?;
             warn!("not resumed: {error}; it is kept as {}", kept.display());
             Ok(Engine::new(params))
+        }
+    }
+}
+
+/// Says that there is no map, and whether one was there: it may have been set aside by a start that then saved none.
+fn say_nothing_to_resume(path: &Path) {
+    let newest = |why| store::newest_aside(path, why).transpose();
+    let kept: io::Result<Vec<_>> = ["before", "refused"].into_iter().filter_map(newest).collect();
+    let path = path.display();
+    match kept {
+        Ok(kept) if kept.is_empty() => info!("nothing to resume: there is no {path} yet"),
+        Ok(kept) => {
+            let names: Vec<_> = kept.iter().map(|name| name.display().to_string()).collect();
+            warn!(
+                "nothing to resume: there is no {path}; what was there is kept as {} (rename it to go on with it)",
+                names.join(" and ")
+            );
+        }
+        Err(error) => {
+            warn!("nothing to resume: there is no {path}; what is kept beside it is not known: {error}");
         }
     }
 }
@@ -147,8 +167,11 @@ impl BeginError {
 
 #[cfg(test)]
 mod tests {
+    use tracing_subscriber::layer::SubscriberExt as _;
+
     use super::*;
     use crate::config::Value;
+    use crate::node::rosout::listen;
 
     fn names(folder: &Path) -> Vec<String> {
         let names = folder.read_dir().unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
@@ -186,6 +209,30 @@ mod tests {
             }
         }
         assert_eq!(fs::read_to_string(other).unwrap(), "mine");
+    }
+
+    #[test]
+    fn where_there_is_no_map_those_that_were_set_aside_last_are_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("map");
+        let given = [("snapshot_path".to_owned(), Value::Text(path.display().to_string()))];
+        let config = Config::new(given).unwrap();
+        let said = || {
+            let (listener, mut lines) = listen();
+            let log = tracing_subscriber::registry().with(listener);
+            tracing::subscriber::with_default(log, || drop(begin(&config, true).unwrap()));
+            lines.0.try_recv().map(|line| (line.level, line.msg)).unwrap()
+        };
+        let none = format!("nothing to resume: there is no {}", path.display());
+        assert_eq!(said(), (20, format!("{none} yet")));
+        fs::create_dir(folder.path().join("map.before-3")).unwrap();
+        for name in ["map.before-1", "map.before-2", "map.refused-1"] {
+            fs::write(folder.path().join(name), name).unwrap();
+        }
+        let (level, line) = said();
+        assert_eq!(level, 30);
+        let kept = format!("{0}.before-2 and {0}.refused-1 (", path.display());
+        assert!(line.starts_with(&format!("{none}; what was there is kept as {kept}")), "{line}");
     }
 
     #[test]

@@ -31,6 +31,29 @@ impl Throttle {
     }
 }
 
+/// Remembers what lasts, by its line, and when that was written last.
+#[derive(Debug, Default)]
+pub(super) struct Lasting(BTreeMap<String, Instant>);
+
+impl Lasting {
+    const PERIOD: Duration = Duration::from_secs(60);
+
+    /// Of all that is so now what is to be written: what has begun, and what was written long ago.
+    pub(super) fn due(&mut self, lines: &[String], now: Instant) -> Vec<String> {
+        let mut due = lines.to_vec();
+        due.retain(|line| self.0.get(line).is_none_or(|last| now.duration_since(*last) >= Self::PERIOD));
+        self.0.extend(due.iter().map(|line| (line.clone(), now)));
+        due
+    }
+
+    /// What was so and is not among all that is so now.
+    pub(super) fn over(&mut self, lines: &[String]) -> Vec<String> {
+        let over = self.0.keys().filter(|line| !lines.contains(line)).cloned().collect();
+        self.0.retain(|line, _| lines.contains(line));
+        over
+    }
+}
+
 /// Writes a line into the log; at levels beyond these, for debugging alone.
 pub(super) fn say(level: Level, line: &str) {
     let line = one_line(line);
@@ -62,6 +85,18 @@ mod tests {
         let said: Vec<_> = std::iter::from_fn(|| lines.0.try_recv().ok()).collect();
         let said: Vec<_> = said.iter().map(|line| (line.level, line.msg.as_str())).collect();
         assert_eq!(said, [(30, "two\\nlines"), (20, "two\\nlines")]);
+    }
+
+    #[test]
+    fn what_lasts_is_said_when_it_begins_and_every_minute_and_when_it_is_over() {
+        let (mut lasting, start) = (Lasting::default(), Instant::now());
+        let (both, one) = (["a", "b"].map(str::to_owned), ["b".to_owned()]);
+        let said = [0, 1, 59, 60, 119].map(|s| lasting.due(&both, start + Duration::from_secs(s)).len());
+        assert_eq!(said, [2, 0, 0, 2, 0]);
+        assert!(lasting.over(&both).is_empty());
+        assert_eq!(lasting.over(&one), ["a"]);
+        assert!(lasting.over(&one).is_empty());
+        assert_eq!(lasting.due(&both, start + Duration::from_secs(119)), ["a"], "it has begun again");
     }
 
     #[test]

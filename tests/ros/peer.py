@@ -106,20 +106,14 @@ class Peer:
         topic = "/camera/depth/image_raw" + suffix
         return DepthCamera(self.node, topic, "/camera/depth/camera_info", info, reliable)
 
-    def call(self, service_type, name, request, attempts=6, timeout=3):
-        """The reply to a call; asked again where none comes, for a first reply may be lost while the two sides meet."""
+    def call(self, service_type, name, request, timeout=20):
+        """The reply to a call, made once: while the two sides meet it takes a heartbeat (3 s), and a second one would be run too."""
         client = self.node.create_client(service_type, name)
         try:
             assert client.wait_for_service(20), f"no service {name}"
-            for _ in range(attempts):
-                future = client.call_async(request)
-                end = time.monotonic() + timeout
-                while not future.done() and time.monotonic() < end:
-                    time.sleep(0.01)
-                if future.done():
-                    return future.result()
-                client.remove_pending_request(future)
-            raise AssertionError(f"{name} did not answer {attempts} calls")
+            future = client.call_async(request)
+            wait_until(f"an answer of {name}", future.done, timeout)
+            return future.result()
         finally:
             self.node.destroy_client(client)
 

@@ -20,6 +20,7 @@ REFUSED = [
     ("optical", "perhaps", ["must be", "auto", "yes", "no"]),
     ("publish_rate", "0.0", ["must be"]),
     ("network_interfaces", "[lo0]", ["must be"]),
+    ("network_interfaces", "[0.0.0.0]", ["must be"]),
     ("mode", "fast", ["must be", "consistent", "paper"]),
     ("noise_model", "kinect_v2", ["must be", "kinect_v1", "none"]),
     ("clearing", "1", ["must be"]),

@@ -21,6 +21,8 @@ pub(super) struct Intake {
     pub(super) since: Instant,
     /// When the first scan was lost or could not be used since the last good one.
     pub(super) bad_since: Option<Instant>,
+    /// When the first scan without a single point came since the last with any, or the last that could not be used.
+    pub(super) empty_since: Option<Instant>,
     /// When it was said last that none comes.
     said_quiet: Option<Instant>,
     /// The stamp of the newest good scan.
@@ -42,6 +44,7 @@ impl Intake {
             chosen: None,
             since: start,
             bad_since: None,
+            empty_since: None,
             said_quiet: None,
             newest: None,
             received: 0,
@@ -61,6 +64,11 @@ impl Intake {
     fn note_good(&mut self, cloud: &Cloud) {
         self.newest = Some(cloud.stamp);
         self.bad_since = None;
+        if cloud.total > 0 {
+            self.empty_since = None;
+        } else {
+            self.empty_since.get_or_insert(self.since);
+        }
         if let Some(blindness) = cloud.shows_nothing() {
             self.blind += 1;
             self.blindness = Some(blindness);
@@ -95,10 +103,12 @@ impl<T: Transport> Live<T> {
                 if !cloud.points.is_empty() && intake.chosen.replace(form).is_none() {
                     self.say_chosen(input);
                 }
+                self.say_when_empty(input);
                 self.say_when_ahead(sensor, cloud.stamp.seconds_since(clock));
             }
             Err(error) => {
                 intake.skipped += 1;
+                intake.empty_since = None;
                 intake.bad_since.get_or_insert(intake.since);
                 intake.fault = Some(error.clone());
             }

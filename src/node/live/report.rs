@@ -1,10 +1,13 @@
 //! What the node reports of itself once a second on `/diagnostics`.
 
+use std::time::Instant;
+
 use super::{Live, QUIET};
 use crate::engine::Stamp;
 use crate::msg::reports::{DiagnosticArray, DiagnosticStatus, Level};
 use crate::msg::ros::Header;
 use crate::node::inputs;
+use crate::node::throttle::say;
 use crate::node::transport::{NetworkState, Source, Transport};
 
 /// Stamps may be so far ahead of the clock until it is said.
@@ -113,13 +116,22 @@ impl<T: Transport> Live<T> {
         self.join.oldest().and_then(|(_, lacks)| lacks).map(ToString::to_string)
     }
 
-    fn say_network(&mut self, network: &NetworkState) {
-        for (topic, why) in &network.mismatches {
-            self.warn(format!("{topic}: {why}"), format_args!("{topic}: {why}"));
-        }
+    /// Says of each thing that does not fit when it begins, again and again while it lasts, and when it is over.
+    pub(super) fn say_network(&mut self, network: &NetworkState) {
+        let mut lines: Vec<_> =
+            network.mismatches.iter().map(|(topic, why)| format!("{topic}: {why}")).collect();
         if network.namesakes > 0 {
-            let line = self.diagnosis.namesakes(network.namesakes);
-            self.warn("namesakes", format_args!("{line}"));
+            lines.push(self.diagnosis.namesakes(network.namesakes));
+        }
+        // What comes and goes every second begins as often.
+        for line in self.lasting.due(&lines, Instant::now()) {
+            self.warn(line.clone(), format_args!("{line}"));
+        }
+        for line in self.lasting.over(&lines) {
+            say(
+                self.throttle.level(format!("over {line}"), tracing::Level::INFO),
+                &format!("it is over: {line}"),
+            );
         }
     }
 }

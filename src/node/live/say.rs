@@ -4,7 +4,7 @@ use std::borrow::Cow;
 
 use tracing::{Level, debug};
 
-use super::Live;
+use super::{Live, QUIET};
 use crate::cloud::{Camera, Cloud, CloudError};
 use crate::node::inputs;
 use crate::node::throttle::say;
@@ -47,13 +47,14 @@ impl<T: Transport> Live<T> {
     }
 
     pub(super) fn camera(&mut self, sensor: usize, camera: &Result<Camera, CloudError>) {
-        let depth = self.transport.inputs()[sensor].depth.as_ref();
-        let topic = depth.map(|depth| depth.camera_info.resolved.clone()).unwrap_or_default();
+        let Some(depth) = &self.transport.inputs()[sensor].depth else { return };
+        let (image, topic) = (depth.image.resolved.clone(), depth.camera_info.resolved.clone());
         match camera {
-            Ok(camera) if camera.is_distorted() => self.warn(
+            // Of a rectified image the coefficients are those of the one that it was made from.
+            Ok(camera) if camera.is_distorted() && !is_rectified_by_name(&image) => self.warn(
                 format!("distorted {topic}"),
                 format_args!(
-                    "{topic} tells of lens distortion: depth images are taken as rectified, and are off by it"
+                    "{topic} tells of lens distortion: images of {image} are taken as rectified, and are off by it where they are not"
                 ),
             ),
             Ok(camera) => debug!("{topic}: {}x{} pixels", camera.width(), camera.height()),
@@ -82,7 +83,23 @@ impl<T: Transport> Live<T> {
         say(level, &line);
     }
 
+    /// Says of a sensor that its driver sends, and nothing.
+    pub(super) fn say_when_empty(&mut self, input: Input) {
+        let Some(since) = self.intakes[input.sensor].empty_since else { return };
+        let elapsed = since.elapsed();
+        if elapsed >= QUIET {
+            let topic = self.topic(input);
+            let line = format_args!("{topic}: no cloud has had a point for {} s", elapsed.as_secs());
+            self.warn(format!("empty {topic}"), line);
+        }
+    }
+
     pub(super) fn warn(&mut self, kind: impl Into<Cow<'static, str>>, line: std::fmt::Arguments<'_>) {
         say(self.throttle.level(kind, Level::WARN), &line.to_string());
     }
+}
+
+/// Whether an image is rectified, by its topic's name: `image_rect`, or `image_rect_raw`.
+fn is_rectified_by_name(topic: &str) -> bool {
+    topic.rsplit('/').next().is_some_and(|name| name.contains("rect"))
 }

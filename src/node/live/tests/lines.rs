@@ -1,5 +1,6 @@
 //! What the log says of a node on a middleware made of channels.
 
+use super::reports::driven;
 use super::*;
 use crate::cloud::Camera;
 use crate::msg::ros::CameraInfo;
@@ -54,4 +55,54 @@ fn what_is_wrong_with_one_sensor_does_not_hide_it_of_another() {
             assert_eq!(lines.count(), 1, "{begin}: {said:?}");
         }
     }
+}
+
+#[test]
+fn distortion_is_said_of_an_image_that_is_not_rectified_by_its_name() {
+    for (image, times) in [("/depth/image", 1), ("/depth/image_rect_raw", 0), ("/rectified/image", 1)] {
+        let mut fake = Fake::default();
+        fake.inputs[0].depth.as_mut().unwrap().image.resolved = image.to_owned();
+        let (_, said) = heard(|| reported(fake, vec![Event::Camera(0, Ok(distorted_camera()))]));
+        let words =
+            format!("/depth/camera_info tells of lens distortion: images of {image} are taken as rectified");
+        assert_eq!(said.iter().filter(|(_, line)| line.starts_with(&words)).count(), times, "{said:?}");
+    }
+}
+
+#[test]
+fn a_sensor_that_sends_nothing_but_empty_clouds_for_a_while_is_warned_of() {
+    let sent = |seconds, total| {
+        let (stamp, frame_id) = (at(seconds), "camera".to_owned());
+        let points = Points::F32(vec![[0.0, 0.0, 1.0]; total as usize]);
+        let cloud = Cloud { stamp, frame_id, points, total, invalid: 0, out_of_range: 0 };
+        Event::Cloud(Form::Points.of(0), Ok(cloud))
+    };
+    let drive = async |live: &mut Live<Fake>| {
+        live.event(sent(10.0, 0)).await;
+        live.event(sent(10.1, 20)).await;
+        assert_eq!(live.intakes[0].empty_since, None);
+        live.event(sent(10.2, 0)).await;
+        live.intakes[0].empty_since = Instant::now().checked_sub(QUIET);
+        for seconds in [10.3, 10.4] {
+            live.event(sent(seconds, 0)).await;
+        }
+    };
+    let (_, said) = driven(Fake::default(), drive);
+    let begins =
+        |(level, line): &&(u8, String)| *level == 30 && line.starts_with("/points: no cloud has had a");
+    assert_eq!(said.iter().filter(begins).count(), 1, "{said:?}");
+}
+
+#[test]
+fn what_does_not_fit_is_said_when_it_begins_and_when_it_is_over() {
+    let line = "/tf: a publisher offers less";
+    let mismatches = vec![("/tf".to_owned(), "a publisher offers less".to_owned())];
+    let unfit = NetworkState { mismatches, ..NetworkState::default() };
+    let (_, said) = driven(Fake::default(), async |live: &mut Live<Fake>| {
+        for network in [&unfit, &unfit, &NetworkState::default(), &NetworkState::default()] {
+            live.say_network(network);
+        }
+    });
+    let said: Vec<_> = said.iter().filter(|(_, said)| said.contains(line)).cloned().collect();
+    assert_eq!(said, [(30, line.to_owned()), (20, format!("it is over: {line}"))]);
 }

@@ -30,7 +30,10 @@ pub(super) fn by_hand(config: &Config, transport: Fake) -> (Live<Fake>, mpsc::Re
 }
 
 /// The report of a node that was driven so, and what its log says meanwhile.
-fn driven(transport: Fake, drive: impl AsyncFnOnce(&mut Live<Fake>)) -> (DiagnosticArray, Vec<(u8, String)>) {
+pub(super) fn driven(
+    transport: Fake,
+    drive: impl AsyncFnOnce(&mut Live<Fake>),
+) -> (DiagnosticArray, Vec<(u8, String)>) {
     let runtime = Builder::new_current_thread().enable_time().build().unwrap();
     let run = async {
         let (mut live, mut reported) = by_hand(&Config::new([]).unwrap(), transport);
