@@ -180,14 +180,14 @@ impl Block {
     /// Whether its states are to be published: at once where a dense voxel has gone; with whatever has changed while it is
     /// young, and when the sensor has turned away; and where a quarter of the published voxels have drifted or more than a
     /// quarter of what a scan puts into it lies in voxels that are not known. Where the sensor has stood still (`since`)
-    /// from before it was published, more than half must: new things show so, and its noise, which goes on making voxels
-    /// dense, hardly ever.
+    /// from before it was published, more than half must: new things show so, and what has moved by less than a voxel, and
+    /// its noise, which goes on making voxels dense, hardly ever.
     pub(super) const fn is_due(&self, sequence: u64, since: u64) -> bool {
         let is_young = self.published <= self.begun + PUBLICATION_INTERVAL;
         let is_other = if self.published < since {
             self.unknown * 4 > self.points || self.drifted * 4 > self.dense
         } else {
-            self.unknown * 2 > self.points
+            self.unknown * 2 > self.points || self.drifted * 2 > self.dense
         };
         let waited = self.published == 0 || sequence - self.published >= PUBLICATION_INTERVAL;
         let turned_away = sequence - self.seen >= LEFT_ALONE;

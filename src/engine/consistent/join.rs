@@ -54,6 +54,14 @@ impl Patch {
             || angle <= BEND_ANGLE && self.is_one_bend(other, angle)
     }
 
+    /// Whether two patches that meet the same third are no single surface: their directions differ, or they are turned by more
+    /// than those of one surface are when both are known, and each lies off the plane of the other.
+    pub(super) fn differs_from(&self, other: &Self, rules: &Rules) -> bool {
+        let is_off = || self.misfit(other, rules).min(other.misfit(self, rules)) > 1.0;
+        let is_turned = self.normal().dot(&other.normal()) < rules.join_angle.cos();
+        !self.has_direction_of(other, rules) || is_turned && is_off()
+    }
+
     /// Whether two noisy patches lie each on the plane of the other, well within their noise. Where a block cuts a scatter, its
     /// planes are turned by more than their voxels say.
     fn is_one_scatter(&self, other: &Self, rules: &Rules) -> bool {

@@ -203,10 +203,42 @@ pub(super) fn contacts_of(segmented: &[Segmented], id: PatchId) -> impl Iterator
     segmented[id.block.place()].contacts.of(id.number)
 }
 
+/// What [`Patch::slice_of`] and [`Patch::is_bridge`] of a patch are, by those that it meets.
+pub(super) fn host(segmented: &[Segmented], id: PatchId, rules: &Rules) -> (Option<PatchId>, bool) {
+    let of = sharper(segmented, id, rules);
+    if of.is_some() || !patch(segmented, id).may_be_bridge() {
+        return (of, false);
+    }
+    let end = end_of_bridge(segmented, id, rules);
+    (end, end.is_some())
+}
+
+/// Of the patches that a patch joins the one that its points fit best, where two of these are no single surface: as where the
+/// foot of a ramp, seen from afar, has a plane between those of floor and ramp. `None` where all of them agree.
+fn end_of_bridge(segmented: &[Segmented], id: PatchId, rules: &Rules) -> Option<PatchId> {
+    let own = patch(segmented, id);
+    let joined = |(other, contact): (PatchId, Contact)| {
+        let end = patch(segmented, other);
+        let is_whole = !end.is_narrow() && !end.is_rough() && !end.is_folded();
+        (is_whole && own.joins(end, &contact, rules)).then_some(other)
+    };
+    let ends: Vec<_> = contacts_of(segmented, id).filter_map(joined).collect();
+    let differ = |a: PatchId, b: PatchId| patch(segmented, a).differs_from(patch(segmented, b), rules);
+    let is_bridge = ends.iter().enumerate().any(|(i, &a)| ends[i + 1..].iter().any(|&b| differ(a, b)));
+    let misfit = |&end: &PatchId| (own.misfit(patch(segmented, end), rules), end);
+    is_bridge.then(|| best_fit(segmented, ends.iter().map(misfit))).flatten().map(|(_, end)| end)
+}
+
+/// The least misfit; of equals the patch whose block comes first in space.
+fn best_fit(segmented: &[Segmented], fits: impl Iterator<Item = (f64, PatchId)>) -> Option<(f64, PatchId)> {
+    let place = |id: PatchId| (segmented[id.block.place()].contacts.corner(), id.number);
+    fits.min_by(|a, b| a.0.total_cmp(&b.0).then_with(|| place(a.1).cmp(&place(b.1))))
+}
+
 /// The sharper, broader or whole patch that a patch is a slice of: of those it meets, the one its points fit best. A flat patch
 /// that joins one with less noise as its equal, and fits that better, is no slice. Of equals it is the one whose block comes first
 /// in space.
-pub(super) fn sharper(segmented: &[Segmented], id: PatchId, rules: &Rules) -> Option<PatchId> {
+fn sharper(segmented: &[Segmented], id: PatchId, rules: &Rules) -> Option<PatchId> {
     let own = patch(segmented, id);
     if !own.may_be_slice() {
         return None;
@@ -223,13 +255,13 @@ pub(super) fn sharper(segmented: &[Segmented], id: PatchId, rules: &Rules) -> Op
     let equal = contacts().filter_map(equal).fold(f64::INFINITY, f64::min);
     let candidates = contacts()
         .filter_map(|(other, _)| own.slice_of(patch(segmented, other), rules).map(|misfit| (misfit, other)));
-    let place = |id: PatchId| (segmented[id.block.place()].contacts.corner(), id.number);
-    let best = candidates.min_by(|a, b| a.0.total_cmp(&b.0).then_with(|| place(a.1).cmp(&place(b.1))));
+    let best = best_fit(segmented, candidates);
     best.filter(|(misfit, _)| *misfit < equal).map(|(_, other)| other)
 }
 
 /// Whether two patches that meet so are joined. A slice is with the one it is a slice of, and else with what lies on that one's
-/// plane too; where one is folded, which lies on two planes, those that the two are slices of must lie on each other's.
+/// plane too; where one is folded or a bridge, which lies on two planes, those that the two are parts of must lie on each
+/// other's.
 pub(super) fn are_joined(
     segmented: &[Segmented],
     a: PatchId,
@@ -242,7 +274,7 @@ pub(super) fn are_joined(
     if of_a == Some(b) || of_b == Some(a) {
         return true;
     }
-    let is_part = |own: &Patch, of: Option<PatchId>| own.is_folded() && of.is_some();
+    let is_part = |own: &Patch, of: Option<PatchId>| (own.is_folded() || own.is_bridge) && of.is_some();
     if is_part(here, of_a) || is_part(there, of_b) {
         let [host_a, host_b] = [(a, of_a), (b, of_b)].map(|(own, of)| patch(segmented, of.unwrap_or(own)));
         return here.joins(there, contact, rules)

@@ -26,10 +26,11 @@
 //!    A noisy patch that lies within its noise on the plane of a sharper one, and fits no equal better, is a **slice** of its
 //!    scatter; so is one that is narrow, of a broader one whose plane it lies on, for its own normal may be any (`patch`). A
 //!    slice is joined to that one, and else only to what lies on that one's plane too, so that it ties no two surfaces
-//!    together (`layer`). A sharp patch that a crease runs through, of 7 degrees or more, is **folded**: its plane is that of
+//!    together (`layer`). A patch that a crease runs through, of 7 degrees or more, is **folded**: its plane is that of
 //!    neither surface, and may agree with both. It is a slice of the whole patch beside it that it fits best, and joined to
-//!    another only where what the two are slices of, or they themselves, lie on each other's planes, so that a ramp of 18
-//!    degrees is no part of the floor.
+//!    another only where what the two are slices of, or they themselves, lie on each other's planes. So is a **bridge**, a cut
+//!    patch (4.) that would join two which are no single surface: it is a part of the one that it fits best (`layer`). So a ramp
+//!    of 18 degrees is no part of the floor.
 //! 4. A patch of two rows at a face of its block is **cut**: where a surface ends just across the border, or scatters over
 //!    it, its plane may be any. It ties together what it ties together, but each of its voxels, as of a narrow or folded patch,
 //!    goes to a patch within two voxels that it fits better, and that is neither narrow nor rough itself; where its own is

@@ -81,8 +81,10 @@ pub(super) struct Patch {
     is_cut: bool,
     /// A crease runs through it.
     is_folded: bool,
-    /// The patch that it is a slice of.
+    /// The patch that it is a slice of, or, where it is a bridge, the one of its ends that it is a part of.
     pub(super) slice_of: Option<PatchId>,
+    /// It lies between two surfaces (`layer`): its plane may agree with both, and is that of neither.
+    pub(super) is_bridge: bool,
 }
 
 /// Rows of voxels at a face of a block that a whole surface is not known by.
@@ -113,6 +115,9 @@ const FLANK: f64 = 6.0;
 /// Part of a patch's variance across its narrow side that lies along its normal, where a crease of [`FOLD_ANGLE`] runs
 /// through its middle: 0.0009. Where there is less, as in most patches, none does.
 const CREASED: f64 = 0.0009;
+/// Standard deviation of noise along the normal, in voxels, up to which a crease is looked for: the foot of a ramp 6 m away is
+/// noisy, and ties the ramp to the floor.
+const CREASE_NOISE: f64 = 0.35;
 /// Standard deviations by which flanks that are badly known may differ more. A broad patch that is taken to be folded and is not
 /// loses little: one that is folded and not taken to be ties two surfaces together.
 const FOLD_SIGMAS: f64 = 1.5;
@@ -138,7 +143,7 @@ impl Patch {
         };
         let towards = states.iter().map(|state| state.towards()).sum::<Vector3<f64>>() / count;
         let noise_variance = quadratic(&blur, &plane.normal);
-        let is_sharp = noise_variance <= NOISY * NOISY;
+        let shows_creases = noise_variance <= CREASE_NOISE * CREASE_NOISE;
         let square = states.iter().map(|state| apart(&state)).sum::<Matrix3<f64>>() / count;
         Some(Self {
             cells: states.iter().map(|state| state.cell()).collect(),
@@ -155,8 +160,9 @@ impl Patch {
             offset_variance: (1.0 / region.weight()) as f32,
             is_rough: kind == Kind::Rough,
             is_cut: is_cut(states),
-            is_folded: kind == Kind::Flat && is_sharp && is_folded(states, &fit, rules),
+            is_folded: kind == Kind::Flat && shows_creases && is_folded(states, &fit, rules),
             slice_of: None,
+            is_bridge: false,
         })
     }
 
@@ -202,6 +208,11 @@ impl Patch {
     /// narrow for its plane to be known by its own voxels.
     pub(super) fn may_be_slice(&self) -> bool {
         self.is_rough || self.is_folded || self.is_noisy() || self.is_narrow()
+    }
+
+    /// Whether it may lie between two surfaces: where its block cuts off all but two rows, its plane may be any between theirs.
+    pub(super) fn may_be_bridge(&self) -> bool {
+        self.is_cut && !self.is_rough && !self.is_folded && !self.is_narrow()
     }
 
     pub(super) fn is_noisy(&self) -> bool {

@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use super::by::Place;
 use super::contacts::Contacts;
 use super::grid::Grid;
-use super::layer::{CONTACT_REACH, Segmented, are_joined, contacts, contacts_of, sharper};
+use super::layer::{CONTACT_REACH, Segmented, are_joined, contacts, contacts_of, host};
 use super::owner::Owners;
 use super::patch::PatchId;
 use super::rules::Rules;
@@ -39,7 +39,7 @@ pub(super) fn partition(grid: &Grid, segmented: &[Segmented], rules: &Rules) -> 
     partition
 }
 
-/// Finds all contacts and slices; returns all patches.
+/// Finds all contacts, slices and bridges; returns all patches.
 pub(super) fn meet(grid: &Grid, segmented: &mut [Segmented], rules: &Rules) -> Vec<PatchId> {
     let mut ids = Vec::new();
     for (index, block) in grid.blocks() {
@@ -57,9 +57,10 @@ pub(super) fn meet(grid: &Grid, segmented: &mut [Segmented], rules: &Rules) -> V
         ids.extend((0..count).map(|number| PatchId { block: index, number: number as u8 }));
         segmented[index.place()].contacts = met;
     }
-    let slices: Vec<_> = ids.iter().map(|&id| sharper(segmented, id, rules)).collect();
-    for (id, slice) in ids.iter().zip(slices) {
-        segmented[id.block.place()].patches[usize::from(id.number)].slice_of = slice;
+    let hosts: Vec<_> = ids.iter().map(|&id| host(segmented, id, rules)).collect();
+    for (id, host) in ids.iter().zip(hosts) {
+        let patch = &mut segmented[id.block.place()].patches[usize::from(id.number)];
+        (patch.slice_of, patch.is_bridge) = host;
     }
     ids
 }

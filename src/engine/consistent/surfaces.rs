@@ -29,9 +29,9 @@ use super::by::By;
 use super::cluster::Cluster;
 use super::graph::{Batch, ComponentId, End, Graph, NodeId, Outcome};
 use super::grid::Grid;
-use super::layer::{CONTACT_REACH, Segmented, are_joined, contacts, contacts_of, patch, sharper};
+use super::layer::{CONTACT_REACH, Segmented, are_joined, contacts, contacts_of, host, patch};
 use super::outline::Drawing;
-use super::patch::PatchId;
+use super::patch::{Patch, PatchId};
 use super::rules::Rules;
 use super::state::State;
 use crate::engine::key::ClusterId;
@@ -141,7 +141,7 @@ impl Surfaces {
     }
 
     /// The plane that a node's patch has, with its point in voxels.
-    pub(super) fn patch(&self, node: NodeId) -> Option<&super::patch::Patch> {
+    pub(super) fn patch(&self, node: NodeId) -> Option<&Patch> {
         let id = self.patches[node]?;
         self.segmented[id.block].patches.get(usize::from(id.number))
     }
@@ -225,7 +225,8 @@ impl Surfaces {
         Old { segmented, components }
     }
 
-    /// The nodes and edges of the new patches, and the edges of slices beside them that have another sharper patch now.
+    /// The nodes and edges of the new patches, and the edges of slices and bridges beside them, which may be parts of
+    /// another patch now.
     fn connect(&mut self, grid: &Grid, blocks: &[BlockIndex], batch: &mut Batch) {
         let mut first = BTreeMap::new();
         for &block in blocks {
@@ -242,8 +243,9 @@ impl Surfaces {
         let new = blocks.iter().flat_map(|&block| self.ids(block));
         let anew: Vec<_> = new.chain(slices.iter().copied()).collect();
         for &id in &anew {
-            let slice_of = sharper(&self.segmented, id, &self.rules);
-            self.segmented[id.block].patches[usize::from(id.number)].slice_of = slice_of;
+            let (slice_of, is_bridge) = host(&self.segmented, id, &self.rules);
+            let patch = &mut self.segmented[id.block].patches[usize::from(id.number)];
+            (patch.slice_of, patch.is_bridge) = (slice_of, is_bridge);
         }
         for id in slices {
             let node = self.nodes[id.block][usize::from(id.number)];
@@ -289,12 +291,13 @@ impl Surfaces {
         }
     }
 
-    /// Patches of other blocks around these that may be slices.
+    /// Patches of other blocks around these that may be slices or bridges.
     fn slices_beside(&self, grid: &Grid, blocks: &[BlockIndex]) -> Vec<PatchId> {
         let around = blocks.iter().flat_map(|&block| grid.block(block).around.iter().map(|(_, other)| other));
         let others: BTreeSet<_> = around.filter(|other| blocks.binary_search(other).is_err()).collect();
         let ids = others.into_iter().flat_map(|other| self.ids(other));
-        ids.filter(|&id| patch(&self.segmented, id).may_be_slice()).collect()
+        let may_have_host = |patch: &Patch| patch.may_be_slice() || patch.may_be_bridge();
+        ids.filter(|&id| may_have_host(patch(&self.segmented, id))).collect()
     }
 
     /// Whether a patch meets one of these blocks (ascending).

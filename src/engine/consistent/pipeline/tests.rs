@@ -61,6 +61,47 @@ fn a_ramp_and_the_floor_that_it_rises_from_are_two_surfaces() {
     }
 }
 
+/// Seen from 5 m the ramp's foot is as noisy as it is high, and its patches have planes between those of ramp and floor.
+#[test]
+fn a_ramp_seen_from_afar_is_no_part_of_the_floor() {
+    let drive = Drive::new(Scene::named("stairs").unwrap(), 1, Stamp::from_nanos(0));
+    let mut engine = Consistent::new(Params::default());
+    for index in 0..260 {
+        engine.insert(&drive.labelled_scan(index).scan);
+        if index >= 150 && index % 10 == 0 {
+            let clusters = engine.snapshot().clusters;
+            let floor = clusters.iter().find(|cluster| cluster.voxel_count > 5000).unwrap();
+            assert_eq!(floor.class, SurfaceClass::Floor, "scan {index}");
+            assert!(floor.rms_error < 0.01, "scan {index}: {}", floor.rms_error);
+        }
+    }
+}
+
+/// A plate so far before a sensor that stands still (m).
+fn plate(index: u32, distance: f32) -> Scan {
+    let places = (-40..=40).flat_map(|x| (-40..=40).map(move |y| [x, y].map(|at: i16| 0.01 * f32::from(at))));
+    let points = places.map(|[x, y]| [x, y, distance]).collect();
+    Scan {
+        stamp: Stamp::from_nanos(i64::from(index) * 33_000_000),
+        fixed_from_sensor: Isometry3::identity(),
+        points: Points::F32(points),
+    }
+}
+
+/// None of its voxels is seen through, and all go on getting points.
+#[test]
+fn what_moves_within_its_voxels_before_a_sensor_that_stands_still_is_told_of_where_it_is() {
+    let mut engine = Consistent::new(Params::default());
+    let mut told = |scans: std::ops::Range<u32>, distance: f32| {
+        scans.for_each(|index| drop(engine.insert(&plate(index, distance))));
+        let clusters = engine.snapshot().clusters;
+        clusters.iter().max_by_key(|cluster| cluster.voxel_count).unwrap().pose.translation.vector.z
+    };
+    assert!((told(0..30, 1.45) - 1.45).abs() < 0.001);
+    let moved = told(30..630, 1.48);
+    assert!((moved - 1.48).abs() < 0.01, "{moved}");
+}
+
 /// The far wall of the room is 6.5 m away when the drive begins. Its points scatter by more than a voxel, and some are out of
 /// range.
 #[test]
