@@ -10,6 +10,7 @@ pub(crate) mod cdr;
 mod channels;
 mod choose;
 mod decode;
+mod clock;
 mod error;
 mod files;
 mod metadata;

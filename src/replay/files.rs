@@ -165,7 +165,7 @@ impl Outputs<'_> {
             *story = Story::new();
         }
         if let Some(ResultFile { bag: Ok(bag), .. }) = &mut self.bag {
-            bag.shift(seconds);
+            bag.begin_session(seconds);
         }
     }
 
@@ -179,9 +179,7 @@ impl Outputs<'_> {
     /// A scan of this stamp was recorded at this time.
     pub(super) fn scan(&mut self, stamp: Stamp, recorded: Duration) -> Result<(), WriteError> {
         let Some(file) = &mut self.bag else { return Ok(()) };
-        if let Ok(bag) = &mut file.bag {
-            bag.scan(stamp, recorded);
-        }
+        file.put(|bag| bag.scan(stamp, recorded))?;
         let Some(mut level) = file.level.take() else { return Ok(()) };
         level.header.stamp = stamp.into();
         file.put(|bag| bag.transforms(&TfMessage { transforms: vec![level] }, true))
