@@ -136,6 +136,13 @@ pub struct Fed {
     pub stopped: bool,
 }
 
+impl Fed {
+    /// Whether it was told to stop before anything had become of a scan.
+    pub fn is_for_nothing(&self) -> bool {
+        self.stopped && self.tally.scans == 0 && self.tally.skipped.keys().all(|reason| *reason == STOPPED)
+    }
+}
+
 /// Why no more items are taken.
 enum Halt {
     /// The bag has ended, or what is left of it cannot be read.
@@ -202,7 +209,11 @@ fn find_transforms<V: Visitor>(
     visitor: &mut V,
 ) -> Result<(), FeedError<V::Error>> {
     let TransformTopics { changing, lasting } = decoder.transform_topics();
-    match decoder.transform_topics().elsewhere(&bag.survey(stop).topics) {
+    let survey = bag.survey(stop);
+    if !survey.is_complete && stop.load(Ordering::Relaxed) {
+        return Ok(());
+    }
+    match decoder.transform_topics().elsewhere(&survey.topics) {
         Some(Elsewhere::Pair(pair)) => {
             visitor.say(&format!(
                 "no transforms are on {changing} and {lasting}: they are read from {} and {}",
