@@ -12,7 +12,7 @@ use super::error::FeedError;
 use super::finder::Finder;
 use super::fixed_frame::FixedFrame;
 use super::reading::{Item, read};
-use super::said::Said;
+use super::said::{Remark, Said};
 use super::summary::{AFTER_JUMP, Tally};
 use crate::bag::{Bag, BagError, Decoder, Elsewhere, Message, Recorded, TransformTopics};
 use crate::cloud::{Cloud, CloudError};
@@ -129,7 +129,7 @@ pub struct Fed {
     /// Where the map lives.
     pub fixed_frame: String,
     /// What was said at the end: of the order of the messages, and of how the frame was found.
-    pub remarks: Vec<String>,
+    pub remarks: Vec<Remark>,
     /// What of the bag could not be read; `None` where all of it was.
     pub unread: Option<BagError>,
     /// Whether it was told to stop.
@@ -445,8 +445,9 @@ impl<V: Visitor> Feeder<'_, V> {
         }
         let came_later = self.unplaced.iter().any(|frame| self.finder.reaches(frame));
         let disorder = self.disorder.about(came_later || self.tally.lacks_transforms());
+        let disorder = disorder.map(Remark::warning);
         let remarks: Vec<_> = disorder.into_iter().chain(self.finder.about(&self.join)).collect();
-        remarks.iter().for_each(|line| self.visitor.say(line));
+        remarks.iter().for_each(|remark| self.visitor.say(&remark.text));
         let fixed_frame = self.finder.into_name();
         Ok(Ended::Fed(Fed { tally: self.tally, fixed_frame, remarks, unread, stopped }))
     }
