@@ -14,7 +14,7 @@ use std::fs::{self, File};
 use std::io::Write as _;
 use std::process::{Command, Output};
 
-use bags::{BagWriter, Layout, OPTICAL, POINTS, drive, stamp, wall};
+use bags::{BagWriter, Layout, drive, drive_with_late_odom};
 use tempfile::TempDir;
 
 /// A folder of the test's own with a bag in it.
@@ -87,6 +87,25 @@ fn a_result_bag_that_cannot_be_written_takes_no_other_output_with_it() {
     }
 }
 
+#[cfg(unix)]
+#[test]
+fn each_output_that_cannot_be_written_is_named_on_a_line_of_its_own() {
+    let folder = with_bag(&drive(BagWriter::new(Layout::Plain), 2));
+    let names = ["out", "voxels", "clusters", "ply", "summary"];
+    let mut arguments = Vec::new();
+    for (name, option) in names.iter().zip(["--out", "--voxels", "--clusters", "--ply", "--summary"]) {
+        std::os::unix::fs::symlink("/dev/full", folder.path().join(name)).unwrap();
+        arguments.extend([option, name]);
+    }
+    let (status, errors) = said(&replay(&folder, &arguments).output().unwrap());
+    assert_eq!(status, Some(1), "{errors}");
+    let is_said = |name: &&str| {
+        let begin = format!("cfodi: cannot write {name}: ");
+        errors.lines().filter(|line| line.starts_with(&begin) && line.contains("No space left")).count() == 1
+    };
+    assert!(names.iter().all(is_said), "{errors}");
+}
+
 #[test]
 fn a_result_bag_that_is_all_there_is_ends_the_replay_where_it_cannot_be_written() {
     let folder = with_bag(&drive(BagWriter::new(Layout::Plain), 100));
@@ -97,15 +116,7 @@ fn a_result_bag_that_is_all_there_is_ends_the_replay_where_it_cannot_be_written(
 
 #[test]
 fn a_result_bag_on_standard_output_is_not_begun_again_and_the_frame_to_give_is_named() {
-    let mut writer = BagWriter::new(Layout::Chunks);
-    writer.tf("/tf_static", stamp(0), "camera_link", OPTICAL, 0.0);
-    for i in 0..60 {
-        if i >= 40 {
-            writer.tf("/tf", stamp(i), "odom", "camera_link", 0.1 * i as f64);
-        }
-        writer.cloud(POINTS, stamp(i), &wall(i));
-    }
-    let folder = with_bag(&writer.finish());
+    let folder = with_bag(&drive_with_late_odom());
     let out = File::create(folder.path().join("out.mcap")).unwrap();
     let ended = replay(&folder, &["--out", "/dev/stdout"]).stdout(out).output().unwrap();
     let (status, errors) = said(&ended);

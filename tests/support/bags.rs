@@ -75,6 +75,11 @@ impl BagWriter {
         self.put(topic, "sensor_msgs/msg/PointCloud2", stamp, &cloud(stamp, OPTICAL, points));
     }
 
+    /// Scan `i` of a wall, on [`POINTS`].
+    pub fn scan(&mut self, i: usize) {
+        self.cloud(POINTS, stamp(i), &wall(i));
+    }
+
     pub fn tf(&mut self, topic: &str, stamp: i64, parent: &str, child: &str, x: f64) {
         self.put(topic, "tf2_msgs/msg/TFMessage", stamp, &transform(stamp, parent, child, x));
     }
@@ -132,7 +137,20 @@ pub fn drive_along(mut writer: BagWriter, scans: impl Iterator<Item = usize>) ->
     writer.tf("/tf_static", stamp(0), "camera_link", OPTICAL, 0.0);
     for i in scans {
         writer.tf("/tf", stamp(i), "map", "camera_link", 0.1 * i as f64);
-        writer.cloud(POINTS, stamp(i), &wall(i));
+        writer.scan(i);
+    }
+    writer.finish()
+}
+
+/// 60 scans, of which the first 40 come before any transform from the default frame.
+pub fn drive_with_late_odom() -> Vec<u8> {
+    let mut writer = BagWriter::new(Layout::Chunks);
+    writer.tf("/tf_static", stamp(0), "camera_link", OPTICAL, 0.0);
+    for i in 0..60 {
+        if i >= 40 {
+            writer.tf("/tf", stamp(i), "odom", "camera_link", 0.1 * i as f64);
+        }
+        writer.scan(i);
     }
     writer.finish()
 }
