@@ -3,7 +3,7 @@
 //! **Kept true.** The other is whole under its name until the new one, on the disk, has the name. Nothing that has the temporary
 //! name already is opened: it may be a link that somebody has put there.
 
-use std::fs::{self, File};
+use std::fs::{self, File, Metadata, Permissions};
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -16,13 +16,20 @@ pub(crate) struct Partial {
 }
 
 impl Partial {
-    /// Makes the file, with the rights of any new one.
+    /// Makes the file, with the permissions of the one that it is to replace; where there is none, with those of any new one.
     ///
     /// # Errors
     /// Where there is something under this name, or the system refuses it.
-    pub(crate) fn create(name: PathBuf) -> io::Result<(Self, File)> {
-        let file = File::options().write(true).create_new(true).open(&name)?;
-        Ok((Self { name, is_temporary: true }, file))
+    pub(crate) fn create(name: PathBuf, target: &Path) -> io::Result<(Self, File)> {
+        let permissions =
+            fs::metadata(target).ok().filter(Metadata::is_file).map(|about| about.permissions());
+        let file = create_new(&name, permissions.as_ref())?;
+        let partial = Self { name, is_temporary: true };
+        // The mask of the process has taken some of them away.
+        if let Some(permissions) = permissions.filter(|it| is_other(&file, it)) {
+            file.set_permissions(permissions)?;
+        }
+        Ok((partial, file))
     }
 
     /// Brings the file to the disk and gives it the other name. That its folder is on the disk is the caller's to see to.
@@ -42,6 +49,27 @@ impl Partial {
         self.is_temporary = false;
         std::mem::take(&mut self.name)
     }
+}
+
+/// Nobody can read it for a moment who could not read the other.
+#[cfg(unix)]
+fn create_new(name: &Path, permissions: Option<&Permissions>) -> io::Result<File> {
+    use std::os::unix::fs::{OpenOptionsExt as _, PermissionsExt as _};
+
+    let mut options = File::options();
+    if let Some(permissions) = permissions {
+        options.mode(permissions.mode() & 0o777);
+    }
+    options.write(true).create_new(true).open(name)
+}
+
+#[cfg(not(unix))]
+fn create_new(name: &Path, _: Option<&Permissions>) -> io::Result<File> {
+    File::options().write(true).create_new(true).open(name)
+}
+
+fn is_other(file: &File, permissions: &Permissions) -> bool {
+    file.metadata().is_ok_and(|about| about.permissions() != *permissions)
 }
 
 impl Drop for Partial {
@@ -65,7 +93,7 @@ mod tests {
         let [name, target] = ["a.part", "a"].map(|name| folder.path().join(name));
         for (settles, expected) in [(false, "before"), (true, "after")] {
             fs::write(&target, "before").unwrap();
-            let (mut partial, mut file) = Partial::create(name.clone()).unwrap();
+            let (mut partial, mut file) = Partial::create(name.clone(), &target).unwrap();
             file.write_all(b"after").unwrap();
             if settles {
                 partial.settle(&file, &target).unwrap();
@@ -81,10 +109,28 @@ mod tests {
     #[test]
     fn what_is_left_stays_under_its_temporary_name() {
         let folder = tempfile::tempdir().unwrap();
-        let name = folder.path().join("a.part");
-        let (partial, _) = Partial::create(name.clone()).unwrap();
+        let [name, target] = ["a.part", "a"].map(|name| folder.path().join(name));
+        let (partial, _) = Partial::create(name.clone(), &target).unwrap();
         assert_eq!(partial.leave(), name);
         assert!(name.exists());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn what_replaces_a_file_has_its_permissions_from_the_begin_whatever_the_mask() {
+        use std::os::unix::fs::PermissionsExt as _;
+
+        let folder = tempfile::tempdir().unwrap();
+        let [name, target] = ["a.part", "a"].map(|name| folder.path().join(name));
+        fs::write(&target, "before").unwrap();
+        for mode in [0o640, 0o600, 0o666] {
+            fs::set_permissions(&target, Permissions::from_mode(mode)).unwrap();
+            let (mut partial, file) = Partial::create(name.clone(), &target).unwrap();
+            let of = |path: &Path| fs::metadata(path).unwrap().permissions().mode() & 0o777;
+            assert_eq!(of(&name), mode, "{mode:o}");
+            partial.settle(&file, &target).unwrap();
+            assert_eq!(of(&target), mode, "{mode:o}");
+        }
     }
 
     #[cfg(unix)]
@@ -95,7 +141,7 @@ mod tests {
         fs::write(&other, "somebody's").unwrap();
         for to in [&other, &missing] {
             std::os::unix::fs::symlink(to, &name).unwrap();
-            let error = Partial::create(name.clone()).unwrap_err();
+            let error = Partial::create(name.clone(), to).unwrap_err();
             assert_eq!(error.kind(), io::ErrorKind::AlreadyExists);
             assert!(name.is_symlink() && !missing.exists());
             fs::remove_file(&name).unwrap();

@@ -218,7 +218,7 @@ fn replace(path: &Path, to: &Path, write: impl FnOnce(&mut File) -> io::Result<(
         Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
         _ => {}
     }
-    let (mut partial, mut file) = Partial::create(name)?;
+    let (mut partial, mut file) = Partial::create(name, to)?;
     write(&mut file)?;
     partial.settle(&file, to)
 }

@@ -130,6 +130,23 @@ fn a_message_that_unpacks_to_a_gigabyte_is_cut_off_within_bounds() {
     ends(&folder.put("a.mcap", &bag), &[], 1, "more than 536870912 bytes");
 }
 
+/// A map or a video that somebody has put beside the messages.
+#[test]
+fn an_attachment_larger_than_any_message_is_passed_over() {
+    let folder = folder();
+    let messages = [0, 1].map(|i| message(1, stamp(i) as u64, &good_message(i)));
+    let attachment = [&[0x09][..], &(600_u64 << 20).to_le_bytes()].concat();
+    let before = [MAGIC, &header(), &channel(1, POINTS), &messages[0], &attachment].concat();
+    let after = [&messages[1][..], &record(0x0f, &[1; 4]), &footer(0), MAGIC].concat();
+    for (left, status, said) in [(600 << 20, 0, "2 scans in"), (500 << 20, 1, "not all of the bag was read")]
+    {
+        let zeros = repeat(0).take(left);
+        let file = before.as_slice().chain(zeros).chain(if status == 0 { &after[..] } else { &[] });
+        let path = put(&folder, "a.mcap.zstd", &zstd::encode_all(file, 1).unwrap());
+        ends(&path, &[], status, said);
+    }
+}
+
 #[test]
 fn a_chunk_that_unpacks_to_a_gigabyte_is_read_as_a_stream() {
     let folder = Folder::new();

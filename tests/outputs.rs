@@ -79,6 +79,25 @@ fn a_result_bag_that_cannot_be_written_takes_no_other_output_with_it() {
     }
 }
 
+#[cfg(unix)]
+#[test]
+fn each_output_that_cannot_be_written_is_named_on_a_line_of_its_own() {
+    let folder = with_bag(&drive(BagWriter::new(Layout::Plain), 2));
+    let names = ["out", "voxels", "clusters", "ply", "summary"];
+    let mut arguments = Vec::new();
+    for (name, option) in names.iter().zip(["--out", "--voxels", "--clusters", "--ply", "--summary"]) {
+        std::os::unix::fs::symlink("/dev/full", folder.path().join(name)).unwrap();
+        arguments.extend([option, name]);
+    }
+    let (status, errors) = said(&replay(&folder, &arguments).output().unwrap());
+    assert_eq!(status, Some(1), "{errors}");
+    let is_said = |name: &&str| {
+        let begin = format!("cfodi: cannot write {name}: ");
+        errors.lines().filter(|line| line.starts_with(&begin) && line.contains("No space left")).count() == 1
+    };
+    assert!(names.iter().all(is_said), "{errors}");
+}
+
 #[test]
 fn a_result_bag_that_is_all_there_is_ends_the_replay_where_it_cannot_be_written() {
     let folder = with_bag(&drive(BagWriter::new(Layout::Plain), 100));

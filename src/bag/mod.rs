@@ -6,8 +6,10 @@
 //! are sensors, what its messages say, and that no length in it is believed before it is held against what is there. Times are
 //! those of the message headers, never the clock's.
 
+mod attachments;
 mod channels;
 mod choose;
+mod clock;
 mod decode;
 mod error;
 mod files;

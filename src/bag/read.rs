@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use mcap::sans_io::LinearReaderOptions;
 
+use super::attachments::WithoutLarge;
 use super::channels::Channels;
 use super::error::BagError;
 use super::part::{Part, ZSTD, reading};
@@ -138,18 +139,18 @@ impl Part {
         let file = File::open(&self.path).map_err(failed)?;
         let file = BufReader::with_capacity(BUFFER, Counted { file, bytes: Arc::clone(bytes) });
         // A record's length is an unchecked number, and memory is taken by it: a small file has no giant ones.
-        let limit = self.size.saturating_mul(MOST_COMPRESSED).max(SMALL_RECORD);
+        let limit = self.size.saturating_mul(MOST_COMPRESSED).max(SMALL_RECORD).min(MAX_MESSAGE_BYTES as u64);
         let options = LinearReaderOptions::default()
             .with_check_finishes_after_end_magic(true)
             .with_validate_chunk_crcs(true)
             .with_validate_data_section_crc(true)
-            .with_record_length_limit(usize::try_from(limit).unwrap_or(usize::MAX).min(MAX_MESSAGE_BYTES));
+            .with_record_length_limit(usize::try_from(limit).unwrap_or(usize::MAX));
         let source: Source = if self.is_compressed {
             Box::new(zstd::Decoder::with_buffer(file).map_err(failed)?)
         } else {
             Box::new(file)
         };
-        Ok(Records::new(source, options))
+        Ok(Records::new(Box::new(WithoutLarge::new(source, limit)), options))
     }
 }
 

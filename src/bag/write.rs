@@ -12,13 +12,14 @@ use mcap::write::NoSeek;
 use mcap::{WriteOptions, Writer};
 use serde::Serialize;
 
+use super::clock::Clock;
 use super::decode::is_transforms;
 use super::read::Message;
 use super::schemas::definition;
 use crate::engine::Stamp;
 use crate::msg::cdr;
 use crate::msg::clusters::SurfaceClusterArray;
-use crate::msg::ros::{Header, JUMP_BACK, MarkerArray, PointCloud2, TfMessage};
+use crate::msg::ros::{Header, MarkerArray, PointCloud2, TfMessage};
 use crate::msg::sent::{self, Named, Qos, Topic};
 use crate::msg::twins::{Detection3DArray, PolygonInstanceStamped, Twins};
 use crate::msg::types::{CAMERA_INFO, TRANSFORMS};
@@ -65,36 +66,6 @@ fn offered_qos(Qos { reliable, latched, depth }: Qos) -> String {
 pub(super) struct Channel {
     id: u16,
     messages: u32,
-    /// When the newest message of the input in it is logged.
-    newest: u64,
-}
-
-/// When the input's messages are logged.
-#[derive(Clone, Copy, Debug, Default)]
-struct InputClock {
-    /// Added to the times at which they were recorded (ns).
-    ahead: i64,
-    newest: u64,
-}
-
-impl InputClock {
-    /// When a message is logged. Where it jumps back behind `newest`, the newest of its topic, it and what follows are logged
-    /// after all that was before. Topics are not compared with each other: in a bag that is not in order one lies behind another.
-    fn time(&mut self, log_time: u64, newest: &mut u64) -> u64 {
-        // A clock of ROS has 63 bits: a time beyond them is copied as it is, and does not move what comes behind it.
-        if i64::try_from(log_time).is_err() {
-            return log_time;
-        }
-        let shifted = |ahead| log_time.saturating_add_signed(ahead);
-        if newest.saturating_sub(shifted(self.ahead)) as f64 * 1e-9 > JUMP_BACK {
-            let back = self.newest.saturating_sub(shifted(self.ahead));
-            self.ahead = self.ahead.saturating_add_unsigned(back);
-        }
-        let logged = shifted(self.ahead);
-        self.newest = self.newest.max(logged);
-        *newest = logged.max(*newest);
-        logged
-    }
 }
 
 /// Writes a result bag.
@@ -111,11 +82,7 @@ pub struct ResultBag<W: Write> {
     /// Of the input: by topic and type.
     copied: BTreeMap<(String, String), Channel>,
     with_input: bool,
-    /// Added to the stamps, as the time at which a message is logged (ns).
-    ahead: u64,
-    /// The input was recorded by another clock than that of the stamps.
-    follows: bool,
-    input_clock: InputClock,
+    clock: Clock,
     scratch: Vec<u8>,
 }
 
@@ -140,33 +107,30 @@ impl<W: Write> ResultBag<W> {
             writer,
             copied: BTreeMap::new(),
             with_input,
-            ahead: 0,
-            follows: false,
-            input_clock: InputClock::default(),
+            clock: Clock::default(),
             scratch: Vec::new(),
         })
     }
 
-    /// From now on messages are logged this many seconds later still: where stamps have jumped back, a player would otherwise
-    /// mix what was before the jump with what is after it.
-    pub fn shift(&mut self, seconds: f64) {
-        self.ahead = self.ahead.saturating_add((seconds * 1e9) as u64);
+    /// The stamps have jumped back by this many seconds, and a session begins with the next [`Self::scan`]: it and the input that
+    /// belongs to it are logged after all before, for a player would otherwise mix the two.
+    pub fn begin_session(&mut self, seconds: f64) {
+        self.clock.begin_session(seconds);
     }
 
     /// The input's messages are logged by the clock of the stamps, which lies so many nanoseconds after the one by which they were
     /// recorded; from the first [`Self::scan`] on as far as that shows, for the two may go at different speeds.
     pub fn follow_stamps(&mut self, offset: i64) {
-        (self.follows, self.input_clock.ahead) = (true, offset);
+        self.clock.follow_stamps(offset);
     }
 
-    /// A scan of this stamp was recorded at this time.
-    pub fn scan(&mut self, stamp: Stamp, recorded: Duration) {
-        if self.follows
-            && let Ok(recorded) = i64::try_from(recorded.as_nanos())
-        {
-            let logged = stamp.nanos().saturating_add_unsigned(self.ahead);
-            self.input_clock.ahead = logged.saturating_sub(recorded);
-        }
+    /// A scan of this stamp was recorded at this time; its results come next.
+    ///
+    /// # Errors
+    /// Those of the output.
+    pub fn scan(&mut self, stamp: Stamp, recorded: Duration) -> io::Result<()> {
+        let due = self.clock.scan(stamp, recorded);
+        due.iter().try_for_each(|message| self.copy(message))
     }
 
     /// Adds a message of `~/clusters`.
@@ -174,8 +138,8 @@ impl<W: Write> ResultBag<W> {
     /// # Errors
     /// Those of the output.
     pub fn clusters(&mut self, message: &SurfaceClusterArray) -> io::Result<()> {
-        let Self { writer, scratch, clusters, ahead, .. } = self;
-        put(writer, scratch, clusters, (&message.header, *ahead), message)
+        let Self { writer, scratch, clusters, clock, .. } = self;
+        put(writer, scratch, clusters, (&message.header, clock.ahead()), message)
     }
 
     /// Adds a message of `~/clusters_delta`.
@@ -183,8 +147,8 @@ impl<W: Write> ResultBag<W> {
     /// # Errors
     /// Those of the output.
     pub fn clusters_delta(&mut self, message: &SurfaceClusterArray) -> io::Result<()> {
-        let Self { writer, scratch, delta, ahead, .. } = self;
-        put(writer, scratch, delta, (&message.header, *ahead), message)
+        let Self { writer, scratch, delta, clock, .. } = self;
+        put(writer, scratch, delta, (&message.header, clock.ahead()), message)
     }
 
     /// Adds a message of `~/points_labelled`.
@@ -192,8 +156,8 @@ impl<W: Write> ResultBag<W> {
     /// # Errors
     /// Those of the output.
     pub fn points_labelled(&mut self, message: &PointCloud2) -> io::Result<()> {
-        let Self { writer, scratch, labelled, ahead, .. } = self;
-        put(writer, scratch, labelled, (&message.header, *ahead), message)
+        let Self { writer, scratch, labelled, clock, .. } = self;
+        put(writer, scratch, labelled, (&message.header, clock.ahead()), message)
     }
 
     /// Adds a message of `~/markers`, which has no header of its own.
@@ -201,8 +165,8 @@ impl<W: Write> ResultBag<W> {
     /// # Errors
     /// Those of the output.
     pub fn markers(&mut self, header: &Header, message: &MarkerArray) -> io::Result<()> {
-        let Self { writer, scratch, markers, ahead, .. } = self;
-        put(writer, scratch, markers, (header, *ahead), message)
+        let Self { writer, scratch, markers, clock, .. } = self;
+        put(writer, scratch, markers, (header, clock.ahead()), message)
     }
 
     /// Adds a message of `~/detections`, where it is wanted.
@@ -210,8 +174,8 @@ impl<W: Write> ResultBag<W> {
     /// # Errors
     /// Those of the output.
     pub fn detections(&mut self, message: &Detection3DArray) -> io::Result<()> {
-        let Self { writer, scratch, detections: Some(channel), ahead, .. } = self else { return Ok(()) };
-        put(writer, scratch, channel, (&message.header, *ahead), message)
+        let Self { writer, scratch, detections: Some(channel), clock, .. } = self else { return Ok(()) };
+        put(writer, scratch, channel, (&message.header, clock.ahead()), message)
     }
 
     /// Adds a message of `~/polygons`, where it is wanted.
@@ -219,8 +183,8 @@ impl<W: Write> ResultBag<W> {
     /// # Errors
     /// Those of the output.
     pub fn polygon(&mut self, message: &PolygonInstanceStamped) -> io::Result<()> {
-        let Self { writer, scratch, polygons: Some(channel), ahead, .. } = self else { return Ok(()) };
-        put(writer, scratch, channel, (&message.header, *ahead), message)
+        let Self { writer, scratch, polygons: Some(channel), clock, .. } = self else { return Ok(()) };
+        put(writer, scratch, channel, (&message.header, clock.ahead()), message)
     }
 
     /// Adds transforms of `/tf`, or of `/tf_static`, at the time of the first of them.
@@ -231,13 +195,13 @@ impl<W: Write> ResultBag<W> {
         let Some(first) = message.transforms.first() else { return Ok(()) };
         let (topic, qos) =
             if is_static { ("/tf_static", Qos::latched(1)) } else { ("/tf", Qos::reliable(100)) };
-        let Self { writer, scratch, copied, ahead, .. } = self;
+        let Self { writer, scratch, copied, clock, .. } = self;
         let key = (topic.to_owned(), TRANSFORMS.to_owned());
         if !copied.contains_key(&key) {
             copied.insert(key.clone(), channel(writer, Named { name: topic, type_name: TRANSFORMS }, qos)?);
         }
         let Some(channel) = copied.get_mut(&key) else { return Ok(()) };
-        put(writer, scratch, channel, (&first.header, *ahead), message)
+        put(writer, scratch, channel, (&first.header, clock.ahead()), message)
     }
 
     /// Whether the input's messages on this topic would be copied, had the result no topic of that name.
@@ -250,18 +214,24 @@ impl<W: Write> ResultBag<W> {
     /// # Errors
     /// Those of the output.
     pub fn input(&mut self, message: &Message) -> io::Result<()> {
-        let is_transforms = is_transforms(message.type_name());
+        let due = self.clock.message(message.log_time);
+        due.iter().try_for_each(|message| self.copy(message))?;
         let is_own = self.own.iter().any(|own| own == message.topic());
-        if is_own || !(self.with_input || is_transforms) {
+        if is_own || !(self.with_input || is_transforms(message.type_name())) {
             return Ok(());
         }
+        self.clock.hold(message).map_or(Ok(()), |message| self.copy(message))
+    }
+
+    fn copy(&mut self, message: &Message) -> io::Result<()> {
         let key = (message.topic().to_owned(), message.type_name().to_owned());
         if !self.copied.contains_key(&key) {
+            let is_transforms = is_transforms(message.type_name());
             let opened = open_copy(&mut self.writer, &message.channel, is_transforms)?;
             self.copied.insert(key.clone(), opened);
         }
         let Some(channel) = self.copied.get_mut(&key) else { return Ok(()) };
-        let log_time = self.input_clock.time(message.log_time, &mut channel.newest);
+        let log_time = self.clock.logged(message.log_time);
         write(&mut self.writer, channel, log_time, &message.data)
     }
 
@@ -270,6 +240,7 @@ impl<W: Write> ResultBag<W> {
     /// # Errors
     /// Those of the output.
     pub fn finish(mut self) -> io::Result<W> {
+        self.clock.release().iter().try_for_each(|message| self.copy(message))?;
         self.writer.finish().map_err(io::Error::other)?;
         Ok(self.writer.into_inner().into_inner())
     }
@@ -292,7 +263,7 @@ fn open_copy<W: Write>(
         (None, None) => 0,
     };
     let id = writer.add_channel(schema, &input.topic, &input.message_encoding, &input.metadata);
-    Ok(Channel { id: id.map_err(io::Error::other)?, messages: 0, newest: 0 })
+    Ok(Channel { id: id.map_err(io::Error::other)?, messages: 0 })
 }
 
 /// What writes recordings, as their header names it.
@@ -320,7 +291,7 @@ pub(super) fn channel<W: Write>(
     let schema = schema(writer, type_name)?;
     let metadata = BTreeMap::from([("offered_qos_profiles".to_owned(), offered_qos(qos))]);
     let id = writer.add_channel(schema, name, "cdr", &metadata).map_err(io::Error::other)?;
-    Ok(Channel { id, messages: 0, newest: 0 })
+    Ok(Channel { id, messages: 0 })
 }
 
 fn schema<W: Write>(writer: &mut Writer<NoSeek<W>>, type_name: &str) -> io::Result<u16> {

@@ -1,9 +1,10 @@
 //! A bag opened for a verb: which of its topics are its sensors, and what must not be written over.
 
 use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
 use std::time::Duration;
 
-use anyhow::anyhow;
+use anyhow::{anyhow, bail};
 use cfodi::args::{ArgsError, Setup};
 use cfodi::bag::{self, Bag, Choice, Decoder, Survey, TransformTopics, Wanted, choose};
 use cfodi::config::{Kind, Sensor};
@@ -59,6 +60,9 @@ pub(crate) fn open(setup: &Setup, path: &Path, wanted: &[String]) -> anyhow::Res
     })?;
     say_copies(&bag);
     let Survey { topics, is_complete } = bag.survey(&stop);
+    if !is_complete && stop.load(Ordering::Relaxed) {
+        bail!("stopped by a signal before the topics of the bag were known: nothing is written");
+    }
     // What the node would listen to is meant: where it was remapped in any case, else where the bag has scans there.
     let is_told = setup.is_given("sensors") || setup.config().sensors.iter().any(|it| it.kind != Kind::Auto);
     let (meant, usual) =

@@ -91,11 +91,20 @@ pub(crate) fn replay(setup: &Setup, options: &Options) -> anyhow::Result<Ending>
     // What can be written is, whatever becomes of the others.
     let result = std::mem::replace(&mut finished.written, Ok(()));
     let Finished { map, session, summary, .. } = &finished;
-    let written = files.write(session, map, summary);
+    let failed = files.write(session, map, summary);
     let told = page.map_or(Ok(()), |page| write_page(page, &options.input, &finished, Vec::new()));
     account(summary);
-    result.and(written).and(told)?;
+    first_of(result.err().into_iter().chain(failed).chain(told.err()))?;
     Ok(say_skipped(summary))
+}
+
+/// Gives the first of these errors, which is said last, and says the others.
+fn first_of(mut errors: impl Iterator<Item = WriteError>) -> anyhow::Result<()> {
+    let Some(first) = errors.next() else { return Ok(()) };
+    for other in errors {
+        say(format_args!("cfodi: {}", one_line(&format!("{:#}", anyhow::Error::new(other)))));
+    }
+    Err(first.into())
 }
 
 /// Says which files of a folder are read and which are not.
@@ -118,6 +127,9 @@ fn run(
         let is_direct = bag.as_ref().is_some_and(ResultFile::is_direct);
         let mut replay = Replay::new(settings(setup), Outputs { bag, story, say });
         match feed(input.feed(fixed_frame, with_messages, &mut |progress| bar.set(progress)), &mut replay)? {
+            Ended::Fed(fed) if fed.is_for_nothing() => {
+                anyhow::bail!("stopped by a signal before the first scan: nothing is written")
+            }
             Ended::Fed(fed) => return Ok(replay.finish(fed)),
             Ended::WrongFrame(better) => fixed_frame = better,
         }

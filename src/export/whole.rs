@@ -32,7 +32,7 @@ pub fn write_whole(
 }
 
 /// A file under a temporary name in the folder of the one it is to be; dropping it before [`WholeFile::commit`] leaves
-/// nothing behind.
+/// nothing behind. It has the permissions of the one that it replaces.
 ///
 /// A symbolic link stays, and its target is replaced or made. What is no regular file, such as a pipe, cannot be replaced and is
 /// written to directly; so is an open descriptor such as `/dev/stdout`, whatever is behind it, after what is there. What is written
@@ -178,7 +178,8 @@ const MOST_NAMES: u32 = 100;
 
 fn partial(target: &Path, name: &str) -> io::Result<(Partial, File)> {
     let id = std::process::id();
-    let create = |number| Partial::create(target.with_file_name(format!(".{name}.{id}-{number}.part")));
+    let create =
+        |number| Partial::create(target.with_file_name(format!(".{name}.{id}-{number}.part")), target);
     let is_taken = |error: &io::Error| error.kind() == io::ErrorKind::AlreadyExists;
     let mut tried = (1..MOST_NAMES).map(create);
     let found = tried.find(|made| !made.as_ref().is_err_and(is_taken));

@@ -12,7 +12,7 @@ use super::error::FeedError;
 use super::finder::Finder;
 use super::fixed_frame::FixedFrame;
 use super::reading::{Item, read};
-use super::said::Said;
+use super::said::{Remark, Said};
 use super::summary::{AFTER_JUMP, Tally};
 use crate::bag::{Bag, BagError, Decoder, Elsewhere, Message, Recorded, TransformTopics};
 use crate::cloud::{Cloud, CloudError};
@@ -129,11 +129,18 @@ pub struct Fed {
     /// Where the map lives.
     pub fixed_frame: String,
     /// What was said at the end: of the order of the messages, and of how the frame was found.
-    pub remarks: Vec<String>,
+    pub remarks: Vec<Remark>,
     /// What of the bag could not be read; `None` where all of it was.
     pub unread: Option<BagError>,
     /// Whether it was told to stop.
     pub stopped: bool,
+}
+
+impl Fed {
+    /// Whether it was told to stop before anything had become of a scan.
+    pub fn is_for_nothing(&self) -> bool {
+        self.stopped && self.tally.scans == 0 && self.tally.skipped.keys().all(|reason| *reason == STOPPED)
+    }
 }
 
 /// Why no more items are taken.
@@ -202,7 +209,11 @@ fn find_transforms<V: Visitor>(
     visitor: &mut V,
 ) -> Result<(), FeedError<V::Error>> {
     let TransformTopics { changing, lasting } = decoder.transform_topics();
-    match decoder.transform_topics().elsewhere(&bag.survey(stop).topics) {
+    let survey = bag.survey(stop);
+    if !survey.is_complete && stop.load(Ordering::Relaxed) {
+        return Ok(());
+    }
+    match decoder.transform_topics().elsewhere(&survey.topics) {
         Some(Elsewhere::Pair(pair)) => {
             visitor.say(&format!(
                 "no transforms are on {changing} and {lasting}: they are read from {} and {}",
@@ -434,8 +445,9 @@ impl<V: Visitor> Feeder<'_, V> {
         }
         let came_later = self.unplaced.iter().any(|frame| self.finder.reaches(frame));
         let disorder = self.disorder.about(came_later || self.tally.lacks_transforms());
+        let disorder = disorder.map(Remark::warning);
         let remarks: Vec<_> = disorder.into_iter().chain(self.finder.about(&self.join)).collect();
-        remarks.iter().for_each(|line| self.visitor.say(line));
+        remarks.iter().for_each(|remark| self.visitor.say(&remark.text));
         let fixed_frame = self.finder.into_name();
         Ok(Ended::Fed(Fed { tally: self.tally, fixed_frame, remarks, unread, stopped }))
     }

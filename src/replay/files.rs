@@ -165,7 +165,7 @@ impl Outputs<'_> {
             *story = Story::new();
         }
         if let Some(ResultFile { bag: Ok(bag), .. }) = &mut self.bag {
-            bag.shift(seconds);
+            bag.begin_session(seconds);
         }
     }
 
@@ -179,9 +179,7 @@ impl Outputs<'_> {
     /// A scan of this stamp was recorded at this time.
     pub(super) fn scan(&mut self, stamp: Stamp, recorded: Duration) -> Result<(), WriteError> {
         let Some(file) = &mut self.bag else { return Ok(()) };
-        if let Ok(bag) = &mut file.bag {
-            bag.scan(stamp, recorded);
-        }
+        file.put(|bag| bag.scan(stamp, recorded))?;
         let Some(mut level) = file.level.take() else { return Ok(()) };
         level.header.stamp = stamp.into();
         file.put(|bag| bag.transforms(&TfMessage { transforms: vec![level] }, true))
@@ -248,16 +246,15 @@ impl MapFiles {
 }
 
 impl OpenMapFiles {
-    /// Writes the map and the account; what can be written is, whatever becomes of the others.
-    ///
-    /// # Errors
-    /// The first.
-    pub fn write(self, session: &Session, map: &Snapshot, summary: &Summary) -> Result<(), WriteError> {
-        let voxels = complete(self.voxels, |out| write_voxels(out, map));
-        let clusters = complete(self.clusters, |out| write_clusters(out, session, map));
-        let ply = complete(self.ply, |out| write_ply(out, map));
-        let summary = complete(self.summary, |out| writeln!(out, "{:#}", summary.json()));
-        voxels.and(clusters).and(ply).and(summary)
+    /// Writes the map and the account; what can be written is, whatever becomes of the others. Gives the errors of those.
+    pub fn write(self, session: &Session, map: &Snapshot, summary: &Summary) -> Vec<WriteError> {
+        let written = [
+            complete(self.voxels, |out| write_voxels(out, map)),
+            complete(self.clusters, |out| write_clusters(out, session, map)),
+            complete(self.ply, |out| write_ply(out, map)),
+            complete(self.summary, |out| writeln!(out, "{:#}", summary.json())),
+        ];
+        written.into_iter().filter_map(Result::err).collect()
     }
 }
 

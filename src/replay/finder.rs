@@ -3,6 +3,7 @@
 use super::ahead::Ahead;
 use super::body::body_of;
 use super::fixed_frame::FixedFrame;
+use super::said::Remark;
 use super::tree::Tree;
 use crate::join::Join;
 use crate::msg::ros::{TfMessage, TransformStamped};
@@ -106,10 +107,11 @@ impl Finder {
     }
 
     /// What is to be said of the frame at the end: how it was guessed, and whether its z may be another way than up.
-    pub(super) fn about(&self, join: &Join) -> Vec<String> {
+    pub(super) fn about(&self, join: &Join) -> Vec<Remark> {
         let sensors: Vec<_> = join.sensors().collect();
         let guessed = self.fixed_frame.about(&self.tree, &sensors);
-        guessed.into_iter().chain(self.name().and_then(z_is_not_up)).collect()
+        let not_up = self.name().and_then(z_is_not_up).map(Remark::warning);
+        guessed.into_iter().chain(not_up).collect()
     }
 }
 

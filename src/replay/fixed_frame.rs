@@ -1,5 +1,6 @@
 //! In which frame a replayed map lives.
 
+use super::said::Remark;
 use super::tree::Tree;
 use crate::msg::ros::TransformStamped;
 use crate::tf::bare;
@@ -125,8 +126,9 @@ impl FixedFrame {
         }
     }
 
-    /// What is to be said of a guess at the end, when these sensors have sent clouds.
-    pub(super) fn about(&self, tree: &Tree, sensors: &[&str]) -> Option<String> {
+    /// What is to be said of a guess at the end, when these sensors have sent clouds: a warning where the sensor may have moved in
+    /// another way than is known.
+    pub(super) fn about(&self, tree: &Tree, sensors: &[&str]) -> Option<Remark> {
         let (name, sensor, default) = match self {
             Self::Settled(_) | Self::Open { .. } => return None,
             Self::Still { name, default, .. } => (name, None, default),
@@ -135,15 +137,16 @@ impl FixedFrame {
         };
         let in_tree = sensors.iter().find(|sensor| tree.root_of(sensor) == Some(bare(name)));
         let still = self.why_still();
-        let why = match sensor.map(String::as_str).or(in_tree.copied()) {
-            Some(sensor) if tree.moves(sensor) => "the root of the sensor's frames",
-            Some(_) => "the root of the sensor's frames, in which no transform moves it",
-            None if tree.is_empty() => &still,
-            None => "a root of the frames that there are, and the sensor's frame is not among them",
+        let (why, is_warning) = match sensor.map(String::as_str).or(in_tree.copied()) {
+            Some(sensor) if tree.moves(sensor) => ("the root of the sensor's frames", false),
+            Some(_) => ("the root of the sensor's frames, in which no transform moves it", true),
+            None if tree.is_empty() => (still.as_str(), true),
+            None => ("a root of the frames that there are, and the sensor's frame is not among them", true),
         };
-        Some(format!(
+        let text = format!(
             "the bag has no frame `{default}`: the map is made in `{name}`, {why} (choose with -p fixed_frame:=...)"
-        ))
+        );
+        Some(Remark { text, is_warning })
     }
 
     fn why_still(&self) -> String {
@@ -233,18 +236,28 @@ mod tests {
         still.level(&body_of("a_optical_frame").unwrap());
         assert_eq!(still.name(), Some("a_frame"));
         let about = still.about(&none, &["a_optical_frame"]).unwrap();
-        assert!(
-            about.contains(
-                "made in `a_frame`, the body frame (x ahead, z up) of the camera's `a_optical_frame`"
-            ),
-            "{about}"
-        );
+        let said = "made in `a_frame`, the body frame (x ahead, z up) of the camera's `a_optical_frame`";
+        assert!(about.is_warning && about.text.contains(said), "{about:?}");
         assert!(still.is_wrong(&tree(&["map a_optical_frame"], &[], &[])));
         // Whatever else is known stands.
         for mut known in [open(), FixedFrame::Settled("a_optical_frame".to_owned())] {
             let before = known.clone();
             known.level(&body_of("a_optical_frame").unwrap());
             assert_eq!(known, before);
+        }
+    }
+
+    #[test]
+    fn a_frame_below_which_the_sensor_moves_is_no_warning_and_any_other_is() {
+        let none = &[][..];
+        for (moving, fixed, sensors, is_warning) in [
+            (&["map camera"][..], none, &["camera"][..], false),
+            (none, &["map camera"][..], &["camera"], true),
+            (&["map base"], none, &["camera"], true),
+        ] {
+            let tree = tree(moving, fixed, &[]);
+            let about = found(&tree, sensors).about(&tree, sensors).unwrap();
+            assert_eq!(about.is_warning, is_warning, "{about:?}");
         }
     }
 

@@ -29,4 +29,5 @@ pub use feed::{Ended, Fed, Feed, Go, Progress, Visitor, feed};
 pub use files::{MapFiles, OpenMapFiles, Outputs, ResultFile};
 pub use fixed_frame::FixedFrame;
 pub use run::{Finished, Replay, Settings};
+pub use said::Remark;
 pub use summary::{Summary, Tally};

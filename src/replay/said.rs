@@ -1,4 +1,4 @@
-//! Lines that have been said, so that none comes without end.
+//! What is said: lines so often that none comes without end, and remarks at the end.
 
 use std::collections::BTreeMap;
 
@@ -7,6 +7,21 @@ const LINES: usize = 20;
 
 /// How much of a line tells it from others: names from a bag can be of any length.
 const CHARACTERS: usize = 500;
+
+/// What is said at the end of a replay.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Remark {
+    /// A line of the log.
+    pub text: String,
+    /// Whether something may be wrong.
+    pub is_warning: bool,
+}
+
+impl Remark {
+    pub(super) const fn warning(text: String) -> Self {
+        Self { text, is_warning: true }
+    }
+}
 
 /// What has been said how often.
 #[derive(Debug, Default)]

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use serde_json::{Map, Value as Json, json};
 
+use super::said::Remark;
 use crate::cloud::CloudError;
 use crate::config::Value;
 use crate::memory::peak_resident_mb;
@@ -103,7 +104,7 @@ pub struct Summary {
     /// Where the map lives.
     pub fixed_frame: String,
     /// What was said at the end: of the order of the messages, and of how the frame was found.
-    pub remarks: Vec<String>,
+    pub remarks: Vec<Remark>,
     /// How often a map was begun: 1, and one more for each jump back of the stamps.
     pub sessions: u64,
     /// Voxels of the map, dense or not.
@@ -179,7 +180,7 @@ impl Summary {
             "ingest_ns_per_point": (*points > 0).then(|| ingest.as_nanos() as f64 / *points as f64),
             "wall_s": self.wall.as_secs_f64(),
             "peak_rss_mb": peak_resident_mb(),
-            "remarks": self.remarks,
+            "remarks": self.remarks.iter().map(|remark| &remark.text).collect::<Vec<_>>(),
             "unread": self.unread,
             "stopped": self.stopped,
             "parameters": parameters,
@@ -201,24 +202,32 @@ impl Summary {
             title: title.to_owned(),
             fixed_frame: self.fixed_frame.clone(),
             parameters: values.map(|(name, value)| (name.clone(), value.to_string())).collect(),
-            scans: self.tally.scans,
             skipped,
-            points: self.points_used(),
             points_unused: self.points_unused(),
             wall_seconds: self.wall.as_secs_f64(),
-            notes: self.sentences(),
+            warnings: self.warnings(),
+            remarks: self.remarks(false).collect(),
             figures: Vec::new(),
         }
     }
 
+    /// The remarks that are warnings, or those that are none, as sentences.
+    fn remarks(&self, are_warnings: bool) -> impl Iterator<Item = String> {
+        let remarks = self.remarks.iter().filter(move |remark| remark.is_warning == are_warnings);
+        remarks.map(|remark| sentence(&remark.text))
+    }
+
     /// What a reader must know.
-    fn sentences(&self) -> Vec<String> {
+    fn warnings(&self) -> Vec<String> {
         let Self { tally, points_beyond_grid, .. } = self;
         let unread = self.unread.iter().map(|unread| format!("Not all of the bag was read: {unread}."));
         let stopped = self.stopped.then(|| "The replay was stopped before the end of the bag.".to_owned());
         let begun = (self.sessions > 1).then(|| {
             let jumps = self.sessions - 1;
-            format!("The stamps jumped back ({jumps} times); what is shown is what came after the last jump.")
+            format!(
+                "The stamps jumped back ({jumps} times); what is shown is what came after the last jump, but for the messages that \
+                 were skipped and the points that were not used, which are those of the whole bag."
+            )
         });
         let beyond = (*points_beyond_grid > 0).then(|| {
             let valid = tally.points_valid;
@@ -231,14 +240,13 @@ impl Summary {
             let clouds = tally.hardly_used;
             format!("Of {clouds} clouds hardly a point was used: see min_range, max_range and optical.")
         });
-        let remarks = self.remarks.iter().map(|line| sentence(line));
         let others = self.notes.iter().cloned();
         unread
             .chain(stopped)
             .chain(begun)
             .chain(beyond)
             .chain(hardly_used)
-            .chain(remarks)
+            .chain(self.remarks(true))
             .chain(others)
             .collect()
     }
@@ -286,20 +294,25 @@ mod tests {
             hardly_used: 2,
             ..Tally::default()
         };
-        let remarks = vec!["the bag has no frame `odom`".to_owned()];
-        let summary = Summary { tally, remarks, ..nothing() };
+        let remarks = [("the bag has no frame `odom`", false), ("messages lie out of order", true)]
+            .map(|(text, is_warning)| Remark { text: text.to_owned(), is_warning });
+        let summary = Summary { tally, remarks: remarks.to_vec(), ..nothing() };
         let facts = summary.facts("a.mcap");
-        assert_eq!((facts.points, facts.points_unused.as_str()), (1, "30 invalid, 69 out of range"));
+        assert_eq!((summary.points_used(), facts.points_unused.as_str()), (1, "30 invalid, 69 out of range"));
         assert_eq!(
-            facts.notes,
+            facts.warnings,
             [
                 "Of 2 clouds hardly a point was used: see min_range, max_range and optical.",
-                "The bag has no frame `odom`.",
+                "Messages lie out of order.",
             ]
         );
-        assert_eq!(summary.json()["remarks"], json!(["the bag has no frame `odom`"]));
+        assert_eq!(facts.remarks, ["The bag has no frame `odom`."]);
+        assert_eq!(
+            summary.json()["remarks"],
+            json!(["the bag has no frame `odom`", "messages lie out of order"])
+        );
         let facts = nothing().facts("a.mcap");
-        assert_eq!((facts.points_unused.as_str(), facts.notes.len()), ("", 0));
+        assert_eq!((facts.points_unused.as_str(), facts.warnings.len(), facts.remarks.len()), ("", 0, 0));
     }
 
     fn nothing() -> Summary {

@@ -13,18 +13,16 @@ pub struct Facts {
     pub fixed_frame: String,
     /// Parameters as (name, value).
     pub parameters: Vec<(String, String)>,
-    /// Scans that the engine took in.
-    pub scans: u64,
     /// Messages that could not be used, by reason.
     pub skipped: BTreeMap<Reason, u64>,
-    /// Points that all scans put into voxels.
-    pub points: u64,
-    /// What became of the others, by reason; empty where there are none.
+    /// What became of the points that were put into no voxel, by reason; empty where there are none.
     pub points_unused: String,
     /// Time that the replay took (s).
     pub wall_seconds: f64,
     /// Whole sentences that a reader must know, such as that the file is cut.
-    pub notes: Vec<String>,
+    pub warnings: Vec<String>,
+    /// Other whole sentences, such as where the map is made.
+    pub remarks: Vec<String>,
     /// Further figures.
     pub figures: Vec<Figure>,
 }

@@ -48,7 +48,8 @@ fn write_part(out: &mut dyn Write, mark: &str, story: &Story, facts: &Facts) -> 
         "title" => escaped(&facts.title),
         "frame" => escaped(&facts.fixed_frame),
         "summary" => summary(story, facts),
-        "notes" => joined(&facts.notes, |note| format!("<p class=\"note\">{}</p>\n", escaped(note))),
+        "remarks" => joined(&facts.remarks, |remark| format!("<p>{}</p>\n", escaped(remark))),
+        "warnings" => joined(&facts.warnings, |it| format!("<p class=\"note\">{}</p>\n", escaped(it))),
         "figures" => figures(&facts.figures),
         "parameters" => parameters(&facts.parameters),
         "skipped" => skipped(facts),
@@ -86,10 +87,11 @@ fn summary(story: &Story, facts: &Facts) -> String {
         // Writing to a string cannot fail.
         let _ = writeln!(html, "<div><dt>{name}</dt><dd>{value}<small>{unit}</small></dd></div>");
     };
-    add("scans taken in", &grouped(facts.scans), "");
+    let total = story.series.total();
+    add("scans taken in", &grouped(total.map_or(0, |total| total.scans)), "");
     add("messages skipped", &grouped(facts.skipped.values().sum()), "");
-    add("points used", &grouped(facts.points), "");
-    if let Some(total) = story.series.total() {
+    add("points used", &grouped(total.map_or(0, |total| total.points)), "");
+    if let Some(total) = total {
         add("dense voxels", &grouped(total.dense), "");
         add("clusters", &grouped(total.clusters), "");
         let mean = total.engine_ms / total.scans as f64;

@@ -198,6 +198,13 @@ fn the_page_counts_what_it_holds() {
 }
 
 #[test]
+fn a_warning_stands_out_and_another_remark_does_not() {
+    let [warnings, remarks] = ["cut", "in map"].map(|text| vec![text.to_owned()]);
+    let text = page(&Story::new(), &Facts { warnings, remarks, ..Facts::default() });
+    assert!(text.contains("<p>in map</p>\n<p class=\"note\">cut</p>"), "{text}");
+}
+
+#[test]
 fn names_from_a_bag_do_no_harm() {
     let evil =
         "</script><script>alert(1)</script><img src=x onerror='alert(2)'>\"&\u{202e}{{story}}".to_owned();
@@ -205,7 +212,8 @@ fn names_from_a_bag_do_no_harm() {
         title: evil.clone(),
         fixed_frame: evil.clone(),
         parameters: vec![(evil.clone(), evil.clone())],
-        notes: vec![evil.clone()],
+        warnings: vec![evil.clone()],
+        remarks: vec![evil.clone()],
         figures: vec![Figure { title: evil.clone(), svg: format!("<svg>{evil}</svg>"), caption: evil }],
         ..Facts::default()
     };

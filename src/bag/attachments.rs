@@ -1,0 +1,142 @@
+//! Attachments of any size are passed over: a recording may carry a map, a log or a video, of which no message tells.
+
+use std::io::{self, Read};
+
+use mcap::MAGIC;
+use mcap::records::op;
+
+/// Opcode and length of a record (bytes).
+const PREFIX: usize = 9;
+
+/// The checksum of the data (bytes).
+const CHECKSUM: usize = 4;
+
+/// An MCAP file without its attachments of more than `limit` bytes. These are read by their length and never held in memory. All
+/// other bytes come out as they are, but for the checksum of the data where something of it is left out: that is then 0, which
+/// stands for none.
+pub(super) struct WithoutLarge<R> {
+    source: R,
+    limit: u64,
+    /// What comes out first.
+    ready: Vec<u8>,
+    /// So many bytes of the source come out behind it; then a record begins.
+    plain: u64,
+    has_left_out: bool,
+}
+
+impl<R: Read> WithoutLarge<R> {
+    /// Reads a file from its begin.
+    pub(super) const fn new(source: R, limit: u64) -> Self {
+        Self { source, limit, ready: Vec::new(), plain: MAGIC.len() as u64, has_left_out: false }
+    }
+
+    /// Reads what a record begins with; says whether there was anything.
+    fn begin_record(&mut self) -> io::Result<bool> {
+        let prefix = self.some(PREFIX)?;
+        let Some((opcode, length)) = opcode_and_length(&prefix) else {
+            // The end of a file that is cut, or the magic of one that is whole.
+            self.ready = prefix;
+            return Ok(!self.ready.is_empty());
+        };
+        if opcode == op::ATTACHMENT && length > self.limit {
+            self.has_left_out = true;
+            io::copy(&mut self.source.by_ref().take(length), &mut io::sink())?;
+            return Ok(true);
+        }
+        (self.ready, self.plain) = (prefix, length);
+        if opcode == op::DATA_END && self.has_left_out && length >= CHECKSUM as u64 {
+            let checksum = self.some(CHECKSUM)?;
+            self.plain -= checksum.len() as u64;
+            self.ready.extend(checksum.iter().map(|_| 0));
+        }
+        Ok(true)
+    }
+
+    /// So many bytes; fewer where the source ends.
+    fn some(&mut self, count: usize) -> io::Result<Vec<u8>> {
+        let mut bytes = Vec::with_capacity(count);
+        self.source.by_ref().take(count as u64).read_to_end(&mut bytes)?;
+        Ok(bytes)
+    }
+}
+
+fn opcode_and_length(prefix: &[u8]) -> Option<(u8, u64)> {
+    let (opcode, length) = prefix.split_first()?;
+    Some((*opcode, u64::from_le_bytes(length.try_into().ok()?)))
+}
+
+impl<R: Read> Read for WithoutLarge<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        while self.ready.is_empty() && self.plain == 0 {
+            if buffer.is_empty() || !self.begin_record()? {
+                return Ok(0);
+            }
+        }
+        if !self.ready.is_empty() {
+            let count = self.ready.len().min(buffer.len());
+            buffer[..count].copy_from_slice(&self.ready[..count]);
+            self.ready.drain(..count);
+            return Ok(count);
+        }
+        let most = usize::try_from(self.plain).map_or(buffer.len(), |plain| plain.min(buffer.len()));
+        let read = self.source.read(&mut buffer[..most])?;
+        self.plain -= read as u64;
+        Ok(read)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The bytes of a record of this many.
+    fn record(opcode: u8, length: u64, there: &[u8]) -> Vec<u8> {
+        [&[opcode][..], &length.to_le_bytes(), there].concat()
+    }
+
+    fn whole(records: &[Vec<u8>]) -> Vec<u8> {
+        [MAGIC, &records.concat(), MAGIC].concat()
+    }
+
+    /// Read in pieces of every size.
+    fn passed(file: &[u8]) -> Vec<u8> {
+        let read = |piece: usize| {
+            let (mut source, mut out) = (WithoutLarge::new(file, 5), Vec::new());
+            let mut buffer = vec![0; piece];
+            loop {
+                match source.read(&mut buffer).unwrap() {
+                    0 => return out,
+                    read => out.extend(&buffer[..read]),
+                }
+            }
+        };
+        let out = read(64);
+        assert!((1..30).all(|piece| read(piece) == out));
+        out
+    }
+
+    #[test]
+    fn an_attachment_that_is_too_large_is_left_out_and_the_checksum_with_it() {
+        let [small, large] = [5, 6].map(|size| record(op::ATTACHMENT, size as u64, &vec![7; size]));
+        let message = record(op::MESSAGE, 9, b"a message");
+        let [end, without] = [[1, 2, 3, 4], [0; 4]].map(|checksum| record(op::DATA_END, 4, &checksum));
+        let footer = record(op::FOOTER, 3, b"end");
+        let kept = whole(&[small.clone(), message.clone(), end.clone(), footer.clone()]);
+        assert_eq!(passed(&kept), kept);
+        let file = whole(&[large.clone(), small.clone(), large, message.clone(), end, footer.clone()]);
+        assert_eq!(passed(&file), whole(&[small, message, without, footer]));
+    }
+
+    #[test]
+    fn what_is_cut_anywhere_or_goes_on_behind_its_end_comes_out_up_to_there() {
+        let message = record(op::MESSAGE, 9, b"a message");
+        let large = record(op::ATTACHMENT, u64::MAX, b"and some");
+        let before = [MAGIC, &message].concat();
+        assert_eq!(passed(&[&before[..], &large].concat()), before);
+        for cut in 0..before.len() {
+            assert_eq!(passed(&before[..cut]), before[..cut]);
+        }
+        let more = [&whole(&[message])[..], b"and more behind it"].concat();
+        assert_eq!(passed(&more), more);
+    }
+}

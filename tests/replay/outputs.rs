@@ -1,0 +1,94 @@
+//! Which files are written, and which are not.
+
+use std::fs;
+
+use crate::bags::{BagWriter, Layout, OPTICAL, drive, stamp};
+use crate::{Folder, replay};
+
+#[test]
+fn an_output_that_cannot_be_written_is_named_and_nothing_is_left() {
+    let folder = Folder::new();
+    let bag = folder.put("a.mcap", &drive(BagWriter::new(Layout::Plain), 2));
+    let found = replay(&bag, &["--out", "/nowhere/out.mcap"]);
+    assert!(found.status == 1 && found.errors.contains("/nowhere/out.mcap"), "{}", found.errors);
+    assert!(found.summary.is_none());
+    let cut = folder.put("b.mcap", &drive(BagWriter::new(Layout::Plain), 2)[..30_000]);
+    let out = folder.0.path().join("out.mcap");
+    assert_eq!(replay(&cut, &["--out", out.to_str().unwrap()]).status, 1);
+    let result = mcap::Summary::read(&fs::read(&out).unwrap()).unwrap().unwrap();
+    assert_eq!(result.channels.len(), 6);
+    let names: Vec<_> =
+        fs::read_dir(folder.0.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    assert!(!names.iter().any(|name| name.to_string_lossy().contains(".part")), "{names:?}");
+}
+
+#[test]
+fn a_result_in_the_folder_of_its_recording_is_no_part_of_it_and_may_be_replaced() {
+    let folder = Folder::new();
+    folder.put("a.mcap", &drive(BagWriter::new(Layout::Plain), 10));
+    let out = folder.0.path().join("result.mcap");
+    for is_there in [false, true, true] {
+        let found = replay(folder.0.path(), &["--out", out.to_str().unwrap(), "--with-input"]);
+        assert_eq!(
+            (found.status, found.number("scans"), found.number("sessions")),
+            (0, 10, 1),
+            "{}",
+            found.errors
+        );
+        let said = "not read, as a replay has written them: result.mcap\n";
+        assert_eq!(found.errors.contains(said), is_there, "{}", found.errors);
+    }
+    // Alone it is a recording like any other.
+    assert_eq!(replay(&out, &[]).number("scans"), 10);
+}
+
+#[test]
+fn no_output_replaces_a_part_of_the_input_and_none_is_begun_when_one_cannot_be_made() {
+    let folder = Folder::new();
+    folder.put("a.mcap", &drive(BagWriter::new(Layout::Plain), 2));
+    let text = "rosbag2_bagfile_information: {storage_identifier: mcap, relative_file_paths: [a.mcap]}";
+    let metadata = folder.put("metadata.yaml", text.as_bytes());
+    let found = replay(folder.0.path(), &["--ply", metadata.to_str().unwrap()]);
+    assert_eq!(
+        (found.status, fs::read_to_string(&metadata).unwrap().as_str()),
+        (2, text),
+        "{}",
+        found.errors
+    );
+    let out = folder.0.path().join("out.mcap");
+    let found = replay(folder.0.path(), &["--out", out.to_str().unwrap(), "--clusters", "/nowhere/c.json"]);
+    assert!(found.status == 1 && found.errors.contains("/nowhere/c.json"), "{}", found.errors);
+    assert!(found.summary.is_none() && !out.exists());
+}
+
+#[test]
+fn points_beyond_the_grid_are_said_and_counted() {
+    let folder = Folder::new();
+    let mut writer = BagWriter::new(Layout::Plain);
+    // The grid of 8 cm reaches 83 km.
+    writer.tf("/tf_static", stamp(0), "map", OPTICAL, 100_000.0);
+    (0..2).for_each(|i| writer.scan(i));
+    let report = folder.0.path().join("report");
+    let found = replay(&folder.put("far.mcap", &writer.finish()), &["--report", report.to_str().unwrap()]);
+    assert_eq!((found.status, found.number("points_beyond_grid"), found.number("voxels")), (0, 3200, 0));
+    assert_eq!(found.errors.matches("1600 points of a scan lie beyond").count(), 1, "{}", found.errors);
+    let account = "0 of 3200 points used (3200 beyond the grid)";
+    assert!(found.errors.contains(account), "{}", found.errors);
+    let page = fs::read_to_string(report.join("index.html")).unwrap();
+    assert!(page.contains("3200 of 3200 points lay beyond the grid&#39;s reach"), "{page}");
+}
+
+#[cfg(unix)]
+#[test]
+fn an_output_goes_through_a_link_to_what_is_not_there_yet_and_two_do_not_go_to_one_file() {
+    let folder = Folder::new();
+    let bag = folder.put("a.mcap", &drive(BagWriter::new(Layout::Plain), 2));
+    let [link, target] = ["link.json", "c.json"].map(|name| folder.0.path().join(name));
+    std::os::unix::fs::symlink("c.json", &link).unwrap();
+    let [link_text, target_text] = [&link, &target].map(|path| path.to_str().unwrap());
+    let both = replay(&bag, &["--clusters", link_text, "--ply", target_text]);
+    assert_eq!((both.status, target.exists()), (2, false), "{}", both.errors);
+    assert!(both.errors.contains("two outputs would be written to"), "{}", both.errors);
+    assert_eq!(replay(&bag, &["--clusters", link_text]).status, 0);
+    assert!(link.is_symlink() && fs::symlink_metadata(&target).unwrap().is_file());
+}

@@ -1,0 +1,199 @@
+//! Files of every shape, cut, damaged or of something else.
+
+use std::path::Path;
+
+use crate::bags::{BagWriter, Layout, OPTICAL, drive, ends_of_clouds, stamp};
+use crate::{Folder, replay};
+
+#[test]
+fn every_compression_gives_the_same_map() {
+    let folder = Folder::new();
+    let layouts = [Layout::Plain, Layout::Chunks, Layout::Zstd, Layout::Lz4].map(BagWriter::new);
+    let mut messages = BagWriter::new(Layout::Chunks);
+    messages.compress_messages = true;
+    let mut bags: Vec<_> = layouts.into_iter().chain([messages]).map(|writer| drive(writer, 30)).collect();
+    bags.push(zstd::encode_all(&bags[1][..], 3).unwrap());
+    let expected = replay(&folder.put("0.mcap", &bags[0]), &[]);
+    assert_eq!((expected.status, expected.number("scans")), (0, 30), "{}", expected.errors);
+    assert!(expected.number("dense_voxels") > 100);
+    for (i, bag) in bags.iter().enumerate().skip(1) {
+        let name = if i == bags.len() - 1 { "a.mcap.zstd".to_owned() } else { format!("{i}.mcap") };
+        let found = replay(&folder.put(&name, bag), &[]);
+        assert_eq!((found.status, found.voxels), (0, expected.voxels.clone()), "bag {i}: {}", found.errors);
+    }
+}
+
+/// A generator of the test's own, so that the cuts are the same on every run.
+fn cuts(length: usize, number: usize) -> impl Iterator<Item = usize> {
+    let mut state = 0x2545_F491_4F6C_DD1D_u64;
+    (0..number).map(move |_| {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        (state % length as u64) as usize
+    })
+}
+
+#[test]
+fn a_bag_cut_at_any_byte_gives_every_scan_before_the_cut_and_status_1() {
+    let folder = Folder::new();
+    for (name, layout) in [("plain", Layout::Plain), ("chunks", Layout::Chunks)] {
+        let bag = drive(BagWriter::new(layout), 20);
+        let ends = ends_of_clouds(&bag);
+        assert_eq!(ends.len(), 20);
+        for cut in cuts(bag.len(), 70) {
+            let found = replay(&folder.put(&format!("{name}.mcap"), &bag[..cut]), &[]);
+            let before = ends.iter().filter(|end| **end <= cut).count() as u64;
+            assert_eq!(
+                (found.status, found.number("scans")),
+                (1, before),
+                "{name} cut at {cut}: {}",
+                found.errors
+            );
+            assert!(found.errors.contains("not all of the bag was read"), "{}", found.errors);
+        }
+    }
+}
+
+#[test]
+fn a_compressed_bag_cut_at_any_byte_gives_at_least_the_whole_chunks() {
+    let folder = Folder::new();
+    let (in_chunks, plain) =
+        (drive(BagWriter::new(Layout::Zstd), 20), drive(BagWriter::new(Layout::Plain), 20));
+    let as_a_whole = zstd::encode_all(&plain[..], 3).unwrap();
+    for (name, bag) in [("chunks.mcap", in_chunks), ("whole.mcap.zstd", as_a_whole)] {
+        let ends: Vec<usize> = if name.starts_with("chunks") { ends_of_chunks(&bag) } else { Vec::new() };
+        for cut in cuts(bag.len(), 60) {
+            let found = replay(&folder.put(name, &bag[..cut]), &[]);
+            let chunks = ends.iter().filter(|end| **end <= cut).count() as u64;
+            assert_eq!(found.status, 1, "{name} cut at {cut}: {}", found.errors);
+            // A chunk holds the transforms and clouds of two scans and a half.
+            assert!(
+                found.number("scans") >= 2 * chunks.min(6),
+                "{name} cut at {cut}: {chunks} chunks, {} scans: {}",
+                found.number("scans"),
+                found.errors
+            );
+            assert!(found.number("scans") <= 20);
+        }
+    }
+}
+
+fn ends_of_chunks(bag: &[u8]) -> Vec<usize> {
+    let (mut at, mut ends) = (8, Vec::new());
+    while at + 9 <= bag.len() - 8 {
+        let length = u64::from_le_bytes(bag[at + 1..at + 9].try_into().unwrap()) as usize;
+        at += 9 + length;
+        if bag[at - 9 - length] == 6 {
+            ends.push(at);
+        }
+    }
+    ends
+}
+
+#[test]
+fn other_recordings_are_refused_with_the_command_that_converts_them() {
+    let folder = Folder::new();
+    for (name, begin) in [("a.bag", &b"#ROSBAG V2.0\nxyz"[..]), ("a.db3", b"SQLite format 3\0abc")] {
+        let found = replay(&folder.put(name, begin), &[]);
+        assert_eq!((found.status, found.summary), (2, None));
+        assert!(found.errors.contains("rosbags-convert --src "), "{}", found.errors);
+    }
+    let found = replay(&folder.put("a.txt", b"hello, hello"), &[]);
+    assert!(
+        found.status == 2 && found.errors.contains("it begins with \"hello, hello\""),
+        "{}",
+        found.errors
+    );
+    let found = replay(Path::new("/nowhere/a.mcap"), &[]);
+    assert!(found.status == 1 && found.errors.contains("cannot read /nowhere/a.mcap"), "{}", found.errors);
+    assert_eq!(replay(&folder.put("empty.mcap", b""), &[]).status, 1);
+}
+
+#[test]
+fn bytes_after_the_end_and_damaged_chunks_are_said() {
+    let folder = Folder::new();
+    let mut bag = drive(BagWriter::new(Layout::Chunks), 5);
+    let whole = bag.len();
+    bag.extend(b"more");
+    let found = replay(&folder.put("more.mcap", &bag), &[]);
+    assert_eq!((found.status, found.number("scans")), (1, 5), "{}", found.errors);
+    bag.truncate(whole);
+    let middle = ends_of_clouds(&bag)[2] - 50;
+    bag[middle] ^= 1;
+    let found = replay(&folder.put("damaged.mcap", &bag), &[]);
+    assert_eq!(found.status, 1);
+    assert!(found.errors.contains("CRC"), "{}", found.errors);
+}
+
+#[test]
+fn a_damaged_file_of_several_costs_only_its_own_scans() {
+    let folder = Folder::new();
+    let whole = drive(BagWriter::new(Layout::Plain), 10);
+    folder.put("run_2.mcap", &whole);
+    let mut writer = BagWriter::new(Layout::Plain);
+    for i in 10..20 {
+        writer.tf("/tf", stamp(i), "map", "camera_link", 0.1 * i as f64);
+        writer.scan(i);
+    }
+    folder.put("run_10.mcap", &writer.finish());
+    let found = replay(folder.0.path(), &[]);
+    assert_eq!(
+        (found.status, found.number("scans"), found.number("sessions")),
+        (0, 20, 1),
+        "{}",
+        found.errors
+    );
+    folder.put("run_2.mcap", &whole[..ends_of_clouds(&whole)[3]]);
+    let found = replay(folder.0.path(), &[]);
+    assert_eq!((found.status, found.number("scans")), (1, 14), "{}", found.errors);
+    assert!(found.errors.contains("run_2.mcap is cut"), "{}", found.errors);
+}
+
+#[test]
+fn a_file_that_lies_in_a_folder_plain_and_compressed_is_read_once_and_that_is_said() {
+    let folder = Folder::new();
+    let bag = drive(BagWriter::new(Layout::Plain), 10);
+    folder.put("a.mcap", &bag);
+    let compressed = folder.put("a.mcap.zstd", &zstd::encode_all(&bag[..], 3).unwrap());
+    let found = replay(folder.0.path(), &[]);
+    assert_eq!(
+        (found.status, found.number("scans"), found.number("sessions")),
+        (0, 10, 1),
+        "{}",
+        found.errors
+    );
+    assert!(found.errors.contains("or not at all: a.mcap.zstd\n"), "{}", found.errors);
+    let found = replay(folder.0.path(), &["--ply", compressed.to_str().unwrap()]);
+    assert!(found.status == 2 && found.errors.contains("would replace the input"), "{}", found.errors);
+}
+
+#[test]
+fn what_cannot_be_decoded_is_said_once_and_counted() {
+    let folder = Folder::new();
+    let mut writer = BagWriter::new(Layout::Plain);
+    writer.tf("/tf_static", stamp(0), "map", OPTICAL, 0.0);
+    for i in 0..5 {
+        writer.put_bytes("/tf", "tf2_msgs/msg/TFMessage", stamp(i), &[0, 1, 0, 0, 9, 9, 9, 9]);
+        writer.scan(i);
+    }
+    let found = replay(&folder.put("garbled.mcap", &writer.finish()), &[]);
+    assert_eq!(found.errors.matches("a message on /tf was skipped").count(), 1, "{}", found.errors);
+    assert_eq!(found.summary.as_ref().unwrap()["messages_undecodable"]["/tf"], 5);
+    assert_eq!(found.number("scans"), 5);
+}
+
+#[test]
+fn files_that_are_no_bag_cost_only_their_own_scans_and_all_are_counted() {
+    let folder = Folder::new();
+    folder.put("run_0.mcap", &[0; 5000]);
+    folder.put("run_1.mcap", &drive(BagWriter::new(Layout::Plain), 5));
+    folder.put("run_2.mcap", b"");
+    let found = replay(folder.0.path(), &[]);
+    assert_eq!((found.status, found.number("scans")), (1, 5), "{}", found.errors);
+    assert!(
+        found.errors.contains("run_0.mcap") && found.errors.contains("1 more of its files"),
+        "{}",
+        found.errors
+    );
+}
