@@ -159,7 +159,7 @@ step "ROS tests: sockets"
 raise_socket_buffer
 raise_readers_buffer
 run bash tests/ros/python.sh -m pytest tests/ros -m alone
-run bash tests/ros/python.sh -m pytest tests/ros -m "not alone" --numprocesses 8 --dist loadgroup   # they mostly wait
+run bash tests/ros/python.sh -m pytest tests/ros -m "not alone" --numprocesses 8 --dist loadscope   # they mostly wait
 run bash tests/colcon/python.sh -m pytest tests/colcon
 step "report: a browser"
 bash tests/report/browser.sh

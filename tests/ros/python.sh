@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Runs Python of the ROS environment in a network namespace of its own, so that tests cannot talk to anything else on the
 # machine or outside:  bash tests/ros/python.sh -m pytest tests/ros [-k NAME] [-s]
-# Several at once, which only tests that are not marked `alone` bear:  ... -m "not alone" --numprocesses 8 --dist loadgroup
+# Several at once, which only tests that are not marked `alone` bear:  ... -m "not alone" --numprocesses 8 --dist loadscope
 set -euo pipefail
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 export ROS_LOG_DIR=${ROS_LOG_DIR:-${TMPDIR:-/tmp}/cfodi-ros-log}
