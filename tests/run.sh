@@ -16,7 +16,8 @@ CFODI_SECURED=$(realpath -m "${CFODI_SECURED:-$target/secured}")
 CFODI_DEBUG_BIN=$CFODI_SECURED/cfodi
 export CFODI_DATA CFODI_TOOLS CFODI_BIN CFODI_SECURED CFODI_DEBUG_BIN
 cd "$top"
-CFODI_LEFT_OUT=$(mktemp) soaked=$(mktemp)
+bash tests/needs.sh
+CFODI_LEFT_OUT=$(mktemp) soaked=$(mktemp) preparing=$(mktemp)
 export CFODI_LEFT_OUT
 current=start
 rmem=/proc/sys/net/core/rmem_max wanted=33554432 before=
@@ -32,7 +33,7 @@ closing() {
   [ "$status" = 0 ] || echo "FAILED: $current" >&2
   local out
   out=$(sort -u "$CFODI_LEFT_OUT" | wc -l)
-  rm -f "$CFODI_LEFT_OUT" "$soaked"
+  rm -f "$CFODI_LEFT_OUT" "$soaked" "$preparing"
   if [ "$out" = 0 ]; then echo "0 tests left out"
   else echo "$out tests left out: no recordings in $CFODI_DATA or no tool for bags in $CFODI_TOOLS (set CFODI_DATA," \
     "CFODI_TOOLS), or no chromium for the report"
@@ -116,10 +117,12 @@ end_soak() {
 
 # What the later tests run on is fetched while crates are compiled. Who needs it waits for it, and makes what failed here again.
 prepare() {
+  local status=0
   for make in tests/ros/env.sh tests/bags/env.sh "tests/bags/env.sh tests/colcon" tests/report/browser.sh; do
     # shellcheck disable=SC2086
-    bash $make
-  done >/dev/null 2>&1
+    bash $make || { status=1; echo "FAILED: $make"; }
+  done >"$preparing" 2>&1
+  return "$status"
 }
 
 # The system's OpenSSL, where it can be built against, saves minutes.
@@ -150,13 +153,13 @@ begin_soak
 run cargo bench "${all[@]}" --profile test --bench '*' -- --test   # each benchmark once: that it runs, not how fast
 end_soak
 build_tested
-wait "$prepared" || true
+wait "$prepared" || { echo "not all that the next tests run on could be fetched; it is tried again:"; cat "$preparing"; } >&2
 prepared=
 step "ROS tests: sockets"
 raise_socket_buffer
 raise_readers_buffer
 run bash tests/ros/python.sh -m pytest tests/ros -m alone
-run bash tests/ros/python.sh -m pytest tests/ros -m "not alone" --numprocesses 3 --dist loadfile   # they mostly wait
+run bash tests/ros/python.sh -m pytest tests/ros -m "not alone" --numprocesses 8 --dist loadscope   # they mostly wait
 run bash tests/colcon/python.sh -m pytest tests/colcon
 step "report: a browser"
 bash tests/report/browser.sh

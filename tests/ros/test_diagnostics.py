@@ -10,6 +10,7 @@ from peer import qos
 from rcl_interfaces.msg import Log
 
 OK, WARN, ERROR = (bytes([level]) for level in range(3))
+STOCK = {"receive_buffer": 212992}  # bytes, what a stock kernel grants: where less is granted than asked for, the network is no OK
 
 
 @pytest.fixture
@@ -48,7 +49,7 @@ def send(camera, count=60, transform=clouds.still_transform, ahead_ns=0, frame_i
 
 
 def test_a_node_that_works_says_so_with_its_figures(start, peer, reports, log):
-    node = start().ready()
+    node = start(STOCK).ready()
     camera = peer.camera()
     camera.meet()
     send(camera, 80)
@@ -104,12 +105,13 @@ def test_scans_without_a_stamp_are_refused_and_that_is_said(start, peer, reports
 
 
 def test_another_node_of_its_name_is_told_of_while_it_is_there(start, reports):
-    nodes = [start().ready(), start().ready()]
+    nodes = [start(STOCK).ready(), start(STOCK).ready()]
     for node in nodes:
         node.line_with("nodes of the name /cfodi beside this one: 1")
     nodes[1].process.kill()
+    # RustDDS forgets who is silent after up to 50 s.
     reports.wait("no namesake, once the one that was killed is forgotten", lambda report: part(report, "network").level == OK,
-                 timeout=60, after=len(reports))
+                 timeout=120, after=len(reports))
     nodes[0].stop()
 
 
