@@ -217,12 +217,21 @@ pub(super) fn host(segmented: &[Segmented], id: PatchId, rules: &Rules) -> (Opti
 /// foot of a ramp, seen from afar, has a plane between those of floor and ramp. `None` where all of them agree.
 fn end_of_bridge(segmented: &[Segmented], id: PatchId, rules: &Rules) -> Option<PatchId> {
     let own = patch(segmented, id);
-    let joined = |(other, contact): (PatchId, Contact)| {
-        let end = patch(segmented, other);
-        let is_whole = !end.is_narrow() && !end.is_rough() && !end.is_folded();
-        (is_whole && own.joins(end, &contact, rules)).then_some(other)
+    let ends = || {
+        contacts_of(segmented, id).filter(|&(other, _)| {
+            let end = patch(segmented, other);
+            !end.is_narrow() && !end.is_rough() && !end.is_folded()
+        })
     };
-    let ends: Vec<_> = contacts_of(segmented, id).filter_map(joined).collect();
+    // Of two that differ one is turned by half of that at least; on most patches of walls and floors none is.
+    let most = (0.5 * rules.join_angle).cos();
+    if ends().all(|(other, _)| own.normal().dot(&patch(segmented, other).normal()) >= most) {
+        return None;
+    }
+    let joined = |(other, contact): (PatchId, Contact)| {
+        own.joins(patch(segmented, other), &contact, rules).then_some(other)
+    };
+    let ends: Vec<_> = ends().filter_map(joined).collect();
     let differ = |a: PatchId, b: PatchId| patch(segmented, a).differs_from(patch(segmented, b), rules);
     let is_bridge = ends.iter().enumerate().any(|(i, &a)| ends[i + 1..].iter().any(|&b| differ(a, b)));
     let misfit = |&end: &PatchId| (own.misfit(patch(segmented, end), rules), end);

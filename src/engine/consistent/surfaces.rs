@@ -240,13 +240,12 @@ impl Surfaces {
         let slices = beside.into_iter().zip(met);
         let slices = slices.filter(|&(id, met)| met || self.meets_any(id, blocks));
         let slices: Vec<_> = slices.map(|(id, _)| id).collect();
-        let new = blocks.iter().flat_map(|&block| self.ids(block));
-        let anew: Vec<_> = new.chain(slices.iter().copied()).collect();
-        for &id in &anew {
-            let (slice_of, is_bridge) = host(&self.segmented, id, &self.rules);
-            let patch = &mut self.segmented[id.block].patches[usize::from(id.number)];
-            (patch.slice_of, patch.is_bridge) = (slice_of, is_bridge);
+        let new: Vec<_> = blocks.iter().flat_map(|&block| self.ids(block)).collect();
+        for &id in &new {
+            self.find_host(id);
         }
+        let slices: Vec<_> = slices.into_iter().filter(|&id| self.find_host(id)).collect();
+        let anew: Vec<_> = new.into_iter().chain(slices.iter().copied()).collect();
         for id in slices {
             let node = self.nodes[id.block][usize::from(id.number)];
             batch.disconnect.extend(self.graph.neighbours(node).iter().map(|&other| (node, other)));
@@ -265,6 +264,16 @@ impl Surfaces {
                 }
             }
         }
+    }
+
+    /// Finds anew what a patch is a part of; `false` where it has neither been a bridge nor a slice nor is one, so that it is
+    /// joined to the patches that it was joined to.
+    fn find_host(&mut self, id: PatchId) -> bool {
+        let (slice_of, is_bridge) = host(&self.segmented, id, &self.rules);
+        let patch = &mut self.segmented[id.block].patches[usize::from(id.number)];
+        let was_bridge = std::mem::replace(&mut patch.is_bridge, is_bridge);
+        patch.slice_of = slice_of;
+        was_bridge || is_bridge || patch.may_be_slice()
     }
 
     fn ids(&self, block: BlockIndex) -> impl Iterator<Item = PatchId> {
