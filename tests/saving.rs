@@ -13,6 +13,7 @@
 use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
 use std::process::{Command, Stdio};
+use std::sync::mpsc::{Sender, channel};
 use std::time::Duration;
 
 use cfodi::engine::{Engine, Isometry3, Params, Points, Scan, Stamp};
@@ -58,10 +59,13 @@ fn save_until_killed(path: &Path) -> ! {
     }
 }
 
-/// The newest scan that it was about to save and the newest that it had saved, 0 for none.
-fn last_words(out: impl std::io::Read) -> [u64; 2] {
+/// The newest scan that it was about to save and the newest that it had saved, 0 for none; `begins` hears each of the first.
+fn last_words(out: impl std::io::Read, begins: &Sender<()>) -> [u64; 2] {
     let mut last = [0; 2];
     for line in BufReader::new(out).lines().map_while(Result::ok) {
+        if line.starts_with("begin ") {
+            begins.send(()).ok();
+        }
         for (word, last) in ["begin ", "saved "].iter().zip(&mut last) {
             *last = line.strip_prefix(word).and_then(|number| number.parse().ok()).unwrap_or(*last);
         }
@@ -88,9 +92,12 @@ fn whenever_it_is_killed_the_map_is_the_one_before_or_the_one_after_and_ids_go_o
             .spawn()
             .unwrap();
         let out = child.stdout.take().unwrap();
-        let listening = std::thread::spawn(move || last_words(out));
-        // From before the first map to some maps later, at other moments of saving each time.
-        std::thread::sleep(Duration::from_micros(4_000 + kill * 7_919 % 40_000));
+        let (begins, begun) = channel();
+        let listening = std::thread::spawn(move || last_words(out, &begins));
+        // From the first saving to some maps later, at other moments of saving each time. How long it takes to start is the
+        // machine's matter.
+        begun.recv().unwrap();
+        std::thread::sleep(Duration::from_micros(kill * 7_919 % 40_000));
         child.kill().unwrap();
         child.wait().unwrap();
         let [begun, saved] = listening.join().unwrap();

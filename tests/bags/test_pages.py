@@ -28,7 +28,7 @@ def rows():
 def literals():
     """All texts of the program but those of its tests, where each value stands as NUL."""
     for path in SRC.rglob("*.rs"):
-        if "tests" in path.parts or path.name.startswith("tests"):
+        if any(part.startswith("tests") for part in path.relative_to(SRC).parts):
             continue
         code, *_ = re.split(r"\n#\[cfg\(test\)\]\nmod \w+ \{", path.read_text())
         for _, literal in LITERAL.findall(code):

@@ -181,3 +181,34 @@ fn distance(grid: &Grid, block: &Block, from: &Point3<f64>) -> f64 {
     let nearest = from.coords.sup(&low).inf(&high);
     (nearest - from.coords).norm()
 }
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+    use crate::engine::scan::Stamp;
+    use crate::engine::{Engine, Isometry3, Points, Scan};
+
+    /// Each plate fills a side of one block, 64 voxels.
+    #[test]
+    fn of_what_one_scan_has_seen_the_farthest_goes_first() {
+        let at = |x: f32| {
+            (0..1024_u16).map(move |i| [x, 0.01 + 0.02 * f32::from(i % 32), 0.01 + 0.02 * f32::from(i / 32)])
+        };
+        let scan = Scan {
+            stamp: Stamp::from_nanos(1),
+            fixed_from_sensor: Isometry3::identity(),
+            points: Points::F32([2.52, 4.04, 1.0].into_iter().flat_map(at).collect()),
+        };
+        for (bound, kept) in
+            [(192, vec![12, 31, 50]), (191, vec![12, 31]), (128, vec![12, 31]), (64, vec![12])]
+        {
+            let mut engine = Engine::new(Params::default().with_max_voxels(bound).unwrap());
+            engine.insert(&scan);
+            let voxels = engine.snapshot().voxels;
+            let layers: BTreeSet<_> = voxels.iter().map(|voxel| voxel.key.indices()[0]).collect();
+            assert_eq!((voxels.len(), Vec::from_iter(layers)), (64 * kept.len(), kept), "{bound}");
+        }
+    }
+}

@@ -362,7 +362,7 @@ fn gaps(edges: &[Point3<f64>; 2], is_beside: [bool; 2], other: &snapshot::Cluste
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::Rotation3;
+    use nalgebra::{Rotation3, UnitVector3};
     use proptest::prelude::*;
 
     use super::*;
@@ -404,6 +404,71 @@ mod tests {
         // The voxels of one row: what they vary by across it is rounding.
         for across in [0.0, -1e-17] {
             assert_eq!(covariance(30.0, across), None);
+        }
+    }
+
+    #[test]
+    fn a_turn_about_the_long_side_is_known_less_well_than_one_about_the_short_side() {
+        let known = covariance(30.0, 30.0).unwrap();
+        assert!(known[(0, 0)] > 50.0 * known[(1, 1)], "{known}");
+    }
+
+    /// An upright rectangle that stands on the ground between two places, seen from the left of the way from the first to the second.
+    fn upright(id: u64, [from, to]: [[f64; 2]; 2], height: f64) -> snapshot::Cluster {
+        let [from, to] = [from, to].map(|[x, y]| Point3::new(x, y, 0.0));
+        let up = Vector3::z() * height;
+        let normal = UnitVector3::new_normalize(Vector3::z().cross(&(to - from)));
+        let boundary = vec![to, from, from + up, to + up];
+        let (pose, sides) = rectangle_around(&boundary, &from, &normal);
+        snapshot::Cluster {
+            id: ClusterId::new(id).unwrap(),
+            revision: 1,
+            state: ClusterState::Active,
+            first_seen: Stamp::default(),
+            last_seen: Stamp::default(),
+            class: SurfaceClass::Unknown,
+            class_confidence: 0.0,
+            normal,
+            offset: -normal.dot(&from.coords),
+            plane_covariance: None,
+            centroid: Point3::from(pose.translation.vector),
+            covariance: Matrix3::identity(),
+            rms_error: 0.0,
+            area: Some(sides[0] * sides[1]),
+            boundary,
+            holes: Vec::new(),
+            pose,
+            size: Vector3::new(sides[0], sides[1], 0.0),
+            voxel_count: 100,
+            point_count: 2000,
+        }
+    }
+
+    fn beside(cluster: &snapshot::Cluster, other: &snapshot::Cluster) -> Uprights {
+        Uprights::of(cluster, edges(cluster).as_ref(), std::iter::once(other))
+    }
+
+    #[test]
+    fn a_wall_is_the_neighbour_of_the_leaf_at_its_end_and_the_leaf_is_none_of_the_wall() {
+        let wall = upright(1, [[0.0, 0.0], [4.0, 0.0]], 2.5);
+        let leaf = upright(2, [[4.05, 0.05], [4.05, 0.95]], 2.0);
+        let of_leaf = beside(&leaf, &wall).neighbours;
+        let [Neighbour { normal, hinge_offset, hinge, plane_offset, highest }] = of_leaf[..] else {
+            panic!("{of_leaf:?}")
+        };
+        assert_eq!((normal, highest), (wall.normal, 2.5));
+        assert!((hinge_offset - 0.05).abs() < 1e-9 && (plane_offset - 0.5).abs() < 1e-9, "{of_leaf:?}");
+        assert!((edges(&leaf).unwrap()[hinge].y - 0.05).abs() < 1e-9, "{of_leaf:?}");
+        assert_eq!(beside(&wall, &leaf).neighbours, []);
+    }
+
+    #[test]
+    fn a_corner_is_at_the_edge_where_another_surface_turns_away_and_not_at_the_other_edge() {
+        let side = upright(1, [[0.0, 0.0], [0.0, 1.5]], 2.0);
+        for (y, at) in [(1.55, 1), (-0.05, 0)] {
+            let corners = beside(&side, &upright(2, [[0.05, y], [1.0, y]], 2.0)).corners;
+            assert!((corners[at] - 0.05_f64.hypot(0.05)).abs() < 1e-9, "{y}: {corners:?}");
+            assert_eq!(corners[1 - at], f64::INFINITY, "{y}");
         }
     }
 }

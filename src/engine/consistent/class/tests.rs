@@ -72,6 +72,15 @@ fn tables_and_steps_are_horizontal() {
 }
 
 #[test]
+fn a_kerb_of_10_cm_is_no_floor_and_a_floor_that_is_out_by_3_cm_is_one() {
+    for (height, class) in [(0.1, SurfaceClass::Horizontal), (0.03, SurfaceClass::Floor)] {
+        for height in [height, -height] {
+            assert_class(&Evidence { lowest: height, highest: height, ..surface(90.0) }, class);
+        }
+    }
+}
+
+#[test]
 fn the_ceiling_faces_down_above_the_sensor() {
     assert_class(&Evidence { lowest: 2.5, highest: 2.5, ..surface(-90.0) }, SurfaceClass::Ceiling);
     let table_from_below = Evidence { lowest: 0.7, highest: 0.7, ..surface(-90.0) };
