@@ -133,7 +133,7 @@ fn a_message_that_unpacks_to_a_gigabyte_is_cut_off_within_bounds() {
 /// A map or a video that somebody has put beside the messages.
 #[test]
 fn an_attachment_larger_than_any_message_is_passed_over() {
-    let folder = folder();
+    let folder = Folder::new();
     let messages = [0, 1].map(|i| message(1, stamp(i) as u64, &good_message(i)));
     let attachment = [&[0x09][..], &(600_u64 << 20).to_le_bytes()].concat();
     let before = [MAGIC, &header(), &channel(1, POINTS), &messages[0], &attachment].concat();
@@ -142,7 +142,7 @@ fn an_attachment_larger_than_any_message_is_passed_over() {
     {
         let zeros = repeat(0).take(left);
         let file = before.as_slice().chain(zeros).chain(if status == 0 { &after[..] } else { &[] });
-        let path = put(&folder, "a.mcap.zstd", &zstd::encode_all(file, 1).unwrap());
+        let path = folder.put("a.mcap.zstd", &zstd::encode_all(file, 1).unwrap());
         ends(&path, &[], status, said);
     }
 }

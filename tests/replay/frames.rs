@@ -161,7 +161,7 @@ fn without_any_transform_a_camera_is_level_and_what_is_upright_before_it_is_a_wa
         writer.finish()
     };
     let expected = replay(&folder.put("told.mcap", &record(&[body_to_optical()])), &[]);
-    let [out, clusters] = ["r.mcap", "c.json"].map(|name| folder.0.path().join(name));
+    let [out, clusters] = ["r.mcap", "c.json"].map(|name| folder.join(name));
     let more = ["--out", out.to_str().unwrap(), "--clusters", clusters.to_str().unwrap()];
     let found = replay(&folder.put("none.mcap", &record(&[])), &more);
     assert_eq!((found.status, found.number("scans")), (0, 30), "{}", found.errors);
@@ -222,7 +222,7 @@ fn a_static_transform_that_comes_late_shows_the_frame_too() {
         }
     }
     let late =
-        replay(&folder.put("late.mcap", &writer.finish()), &["--report", folder.0.path().to_str().unwrap()]);
+        replay(&folder.put("late.mcap", &writer.finish()), &["--report", folder.path().to_str().unwrap()]);
     let early = replay(&folder.put("early.mcap", &drive(BagWriter::new(Layout::Plain), 60)), &[]);
     assert_eq!((late.status, late.number("scans")), (0, 60), "{}", late.errors);
     assert!(late.errors.contains("made in `map`"), "{}", late.errors);

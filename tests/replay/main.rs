@@ -11,6 +11,8 @@
 mod bags;
 mod frames;
 mod outputs;
+#[path = "../support/program.rs"]
+mod program;
 mod reading;
 mod result;
 mod sensors;
@@ -19,27 +21,11 @@ mod signals;
 mod trees;
 
 use std::fs;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::path::Path;
 
 use bags::{BagWriter, stamp, wall};
+use program::{Folder, cfodi};
 use serde_json::Value;
-use tempfile::TempDir;
-
-/// A folder of the test's own, removed at its end.
-struct Folder(TempDir);
-
-impl Folder {
-    fn new() -> Self {
-        Self(tempfile::tempdir().unwrap())
-    }
-
-    fn put(&self, name: &str, bytes: &[u8]) -> PathBuf {
-        let path = self.0.path().join(name);
-        fs::write(&path, bytes).unwrap();
-        path
-    }
-}
 
 struct Replayed {
     status: i32,
@@ -48,14 +34,10 @@ struct Replayed {
     voxels: Option<String>,
 }
 
-fn cfodi(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_cfodi")).args(arguments).output().unwrap()
-}
-
 /// Replays into a folder that is new each time.
 fn replay(bag: &Path, more: &[&str]) -> Replayed {
     let out = Folder::new();
-    let (summary, voxels) = (out.0.path().join("s.json"), out.0.path().join("v.csv"));
+    let (summary, voxels) = (out.join("s.json"), out.join("v.csv"));
     let mut arguments = vec!["replay", bag.to_str().unwrap(), "--summary", summary.to_str().unwrap()];
     arguments.extend(["--voxels", voxels.to_str().unwrap()]);
     arguments.extend(more);

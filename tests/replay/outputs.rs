@@ -13,12 +13,12 @@ fn an_output_that_cannot_be_written_is_named_and_nothing_is_left() {
     assert!(found.status == 1 && found.errors.contains("/nowhere/out.mcap"), "{}", found.errors);
     assert!(found.summary.is_none());
     let cut = folder.put("b.mcap", &drive(BagWriter::new(Layout::Plain), 2)[..30_000]);
-    let out = folder.0.path().join("out.mcap");
+    let out = folder.join("out.mcap");
     assert_eq!(replay(&cut, &["--out", out.to_str().unwrap()]).status, 1);
     let result = mcap::Summary::read(&fs::read(&out).unwrap()).unwrap().unwrap();
     assert_eq!(result.channels.len(), 6);
     let names: Vec<_> =
-        fs::read_dir(folder.0.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+        fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
     assert!(!names.iter().any(|name| name.to_string_lossy().contains(".part")), "{names:?}");
 }
 
@@ -26,9 +26,9 @@ fn an_output_that_cannot_be_written_is_named_and_nothing_is_left() {
 fn a_result_in_the_folder_of_its_recording_is_no_part_of_it_and_may_be_replaced() {
     let folder = Folder::new();
     folder.put("a.mcap", &drive(BagWriter::new(Layout::Plain), 10));
-    let out = folder.0.path().join("result.mcap");
+    let out = folder.join("result.mcap");
     for is_there in [false, true, true] {
-        let found = replay(folder.0.path(), &["--out", out.to_str().unwrap(), "--with-input"]);
+        let found = replay(folder.path(), &["--out", out.to_str().unwrap(), "--with-input"]);
         assert_eq!(
             (found.status, found.number("scans"), found.number("sessions")),
             (0, 10, 1),
@@ -48,15 +48,15 @@ fn no_output_replaces_a_part_of_the_input_and_none_is_begun_when_one_cannot_be_m
     folder.put("a.mcap", &drive(BagWriter::new(Layout::Plain), 2));
     let text = "rosbag2_bagfile_information: {storage_identifier: mcap, relative_file_paths: [a.mcap]}";
     let metadata = folder.put("metadata.yaml", text.as_bytes());
-    let found = replay(folder.0.path(), &["--ply", metadata.to_str().unwrap()]);
+    let found = replay(folder.path(), &["--ply", metadata.to_str().unwrap()]);
     assert_eq!(
         (found.status, fs::read_to_string(&metadata).unwrap().as_str()),
         (2, text),
         "{}",
         found.errors
     );
-    let out = folder.0.path().join("out.mcap");
-    let found = replay(folder.0.path(), &["--out", out.to_str().unwrap(), "--clusters", "/nowhere/c.json"]);
+    let out = folder.join("out.mcap");
+    let found = replay(folder.path(), &["--out", out.to_str().unwrap(), "--clusters", "/nowhere/c.json"]);
     assert!(found.status == 1 && found.errors.contains("/nowhere/c.json"), "{}", found.errors);
     assert!(found.summary.is_none() && !out.exists());
 }
@@ -68,7 +68,7 @@ fn points_beyond_the_grid_are_said_and_counted() {
     // The grid of 8 cm reaches 83 km.
     writer.tf("/tf_static", stamp(0), "map", OPTICAL, 100_000.0);
     (0..2).for_each(|i| writer.scan(i));
-    let report = folder.0.path().join("report");
+    let report = folder.join("report");
     let found = replay(&folder.put("far.mcap", &writer.finish()), &["--report", report.to_str().unwrap()]);
     assert_eq!((found.status, found.number("points_beyond_grid"), found.number("voxels")), (0, 3200, 0));
     assert_eq!(found.errors.matches("1600 points of a scan lie beyond").count(), 1, "{}", found.errors);
@@ -83,7 +83,7 @@ fn points_beyond_the_grid_are_said_and_counted() {
 fn an_output_goes_through_a_link_to_what_is_not_there_yet_and_two_do_not_go_to_one_file() {
     let folder = Folder::new();
     let bag = folder.put("a.mcap", &drive(BagWriter::new(Layout::Plain), 2));
-    let [link, target] = ["link.json", "c.json"].map(|name| folder.0.path().join(name));
+    let [link, target] = ["link.json", "c.json"].map(|name| folder.join(name));
     std::os::unix::fs::symlink("c.json", &link).unwrap();
     let [link_text, target_text] = [&link, &target].map(|path| path.to_str().unwrap());
     let both = replay(&bag, &["--clusters", link_text, "--ply", target_text]);

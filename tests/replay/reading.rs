@@ -137,7 +137,7 @@ fn a_damaged_file_of_several_costs_only_its_own_scans() {
         writer.scan(i);
     }
     folder.put("run_10.mcap", &writer.finish());
-    let found = replay(folder.0.path(), &[]);
+    let found = replay(folder.path(), &[]);
     assert_eq!(
         (found.status, found.number("scans"), found.number("sessions")),
         (0, 20, 1),
@@ -145,7 +145,7 @@ fn a_damaged_file_of_several_costs_only_its_own_scans() {
         found.errors
     );
     folder.put("run_2.mcap", &whole[..ends_of_clouds(&whole)[3]]);
-    let found = replay(folder.0.path(), &[]);
+    let found = replay(folder.path(), &[]);
     assert_eq!((found.status, found.number("scans")), (1, 14), "{}", found.errors);
     assert!(found.errors.contains("run_2.mcap is cut"), "{}", found.errors);
 }
@@ -156,7 +156,7 @@ fn a_file_that_lies_in_a_folder_plain_and_compressed_is_read_once_and_that_is_sa
     let bag = drive(BagWriter::new(Layout::Plain), 10);
     folder.put("a.mcap", &bag);
     let compressed = folder.put("a.mcap.zstd", &zstd::encode_all(&bag[..], 3).unwrap());
-    let found = replay(folder.0.path(), &[]);
+    let found = replay(folder.path(), &[]);
     assert_eq!(
         (found.status, found.number("scans"), found.number("sessions")),
         (0, 10, 1),
@@ -164,7 +164,7 @@ fn a_file_that_lies_in_a_folder_plain_and_compressed_is_read_once_and_that_is_sa
         found.errors
     );
     assert!(found.errors.contains("or not at all: a.mcap.zstd\n"), "{}", found.errors);
-    let found = replay(folder.0.path(), &["--ply", compressed.to_str().unwrap()]);
+    let found = replay(folder.path(), &["--ply", compressed.to_str().unwrap()]);
     assert!(found.status == 2 && found.errors.contains("would replace the input"), "{}", found.errors);
 }
 
@@ -189,7 +189,7 @@ fn files_that_are_no_bag_cost_only_their_own_scans_and_all_are_counted() {
     folder.put("run_0.mcap", &[0; 5000]);
     folder.put("run_1.mcap", &drive(BagWriter::new(Layout::Plain), 5));
     folder.put("run_2.mcap", b"");
-    let found = replay(folder.0.path(), &[]);
+    let found = replay(folder.path(), &[]);
     assert_eq!((found.status, found.number("scans")), (1, 5), "{}", found.errors);
     assert!(
         found.errors.contains("run_0.mcap") && found.errors.contains("1 more of its files"),

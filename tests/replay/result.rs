@@ -17,7 +17,7 @@ const DELTAS: &str = "/cfodi/clusters_delta";
 fn each_lap_is_a_session_of_its_own_in_the_result_bag_and_plays_after_the_one_before() {
     let folder = Folder::new();
     let laps = drive_along(BagWriter::new(Layout::Plain), (0..60).chain(0..60));
-    let (bag, out) = (folder.put("laps.mcap", &laps), folder.0.path().join("out.mcap"));
+    let (bag, out) = (folder.put("laps.mcap", &laps), folder.join("out.mcap"));
     let found = replay(&bag, &["--out", out.to_str().unwrap()]);
     assert_eq!((found.status, found.number("sessions")), (0, 2), "{}", found.errors);
     let result = fs::read(&out).unwrap();
@@ -39,7 +39,7 @@ fn each_lap_is_a_session_of_its_own_in_the_result_bag_and_plays_after_the_one_be
 fn the_transforms_of_each_lap_are_played_with_its_clusters() {
     let folder = Folder::new();
     let laps = drive_along(BagWriter::new(Layout::Plain), (0..60).chain(0..60));
-    let (bag, out) = (folder.put("laps.mcap", &laps), folder.0.path().join("out.mcap"));
+    let (bag, out) = (folder.put("laps.mcap", &laps), folder.join("out.mcap"));
     assert_eq!(replay(&bag, &["--out", out.to_str().unwrap()]).status, 0);
     let result = fs::read(&out).unwrap();
     let (tf, deltas) = (times(&result, "/tf"), times(&result, DELTAS));
@@ -65,7 +65,7 @@ fn what_was_recorded_by_another_clock_is_played_with_its_clusters() {
         let stamped = if i == 0 { 0 } else { simulated(i) };
         writer.put(POINTS, "sensor_msgs/msg/PointCloud2", stamp(i), &bags::cloud(stamped, OPTICAL, &wall(i)));
     }
-    let (bag, out) = (folder.put("sim.mcap", &writer.finish()), folder.0.path().join("out.mcap"));
+    let (bag, out) = (folder.put("sim.mcap", &writer.finish()), folder.join("out.mcap"));
     let found = replay(&bag, &["--out", out.to_str().unwrap(), "--with-input"]);
     assert_eq!((found.status, found.number("scans")), (0, 199), "{}", found.errors);
     let result = fs::read(&out).unwrap();
@@ -94,7 +94,7 @@ fn clouds_that_were_recorded_late_move_no_other_message() {
             );
         }
     }
-    let (bag, out) = (folder.put("late.mcap", &writer.finish()), folder.0.path().join("out.mcap"));
+    let (bag, out) = (folder.put("late.mcap", &writer.finish()), folder.join("out.mcap"));
     assert_eq!(replay(&bag, &["--out", out.to_str().unwrap()]).number("scans"), 55);
     let result = fs::read(&out).unwrap();
     assert_eq!(times(&result, "/tf"), (0..100).map(|i| stamp(i) as u64).collect::<Vec<_>>());
@@ -118,7 +118,7 @@ fn messages_out_of_order_move_no_other_where_no_session_begins() {
         }
         writer.scan(i);
     }
-    let (bag, out) = (folder.put("late.mcap", &writer.finish()), folder.0.path().join("out.mcap"));
+    let (bag, out) = (folder.put("late.mcap", &writer.finish()), folder.join("out.mcap"));
     for more in [&["--with-input"][..], &[]] {
         let found = replay(&bag, &[&["--out", out.to_str().unwrap()], more].concat());
         assert_eq!((found.number("scans"), found.number("sessions")), (120, 1), "{}", found.errors);
@@ -148,7 +148,7 @@ fn results_and_input_of_each_lap_lie_to_each_other_as_in_the_first() {
                 writer.put(POINTS, "sensor_msgs/msg/PointCloud2", recorded, &cloud);
             }
         }
-        let (bag, out) = (folder.put("loop.mcap", &writer.finish()), folder.0.path().join("out.mcap"));
+        let (bag, out) = (folder.put("loop.mcap", &writer.finish()), folder.join("out.mcap"));
         let found = replay(&bag, &["--out", out.to_str().unwrap(), "--with-input"]);
         assert_eq!((found.number("scans"), found.number("sessions")), (150, 3), "{}", found.errors);
         let result = fs::read(&out).unwrap();
@@ -174,7 +174,7 @@ fn input_that_lies_out_of_order_keeps_its_times_within_each_lap() {
         block.clone().for_each(|i| writer.tf("/tf", stamp(i), "odom", "camera_link", 0.01 * i as f64));
         block.for_each(|i| writer.scan(i));
     }
-    let (bag, out) = (folder.put("blocks.mcap", &writer.finish()), folder.0.path().join("out.mcap"));
+    let (bag, out) = (folder.put("blocks.mcap", &writer.finish()), folder.join("out.mcap"));
     let found = replay(&bag, &["--out", out.to_str().unwrap(), "--with-input"]);
     assert_eq!((found.number("scans"), found.number("sessions")), (480, 2), "{}", found.errors);
     let result = fs::read(&out).unwrap();
@@ -193,7 +193,7 @@ fn each_topic_of_the_input_that_the_result_has_itself_is_said_not_to_be_copied()
     for topic in ["/cfodi/points_labelled", "/cfodi/markers", "/cfodi/points_labelled"] {
         writer.cloud(topic, stamp(1), &wall(1));
     }
-    let (bag, out) = (folder.put("own.mcap", &writer.finish()), folder.0.path().join("out.mcap"));
+    let (bag, out) = (folder.put("own.mcap", &writer.finish()), folder.join("out.mcap"));
     let arguments = ["--topic", POINTS, "--with-input", "--out", out.to_str().unwrap()];
     let found = replay(&bag, &arguments);
     assert_eq!((found.status, found.number("scans")), (0, 2), "{}", found.errors);

@@ -10,7 +10,7 @@ fn an_experiment_ends_where_stamps_jump_back_counts_what_it_leaves_out_and_has_s
     let folder = Folder::new();
     let lap = || (0..60).step_by(6);
     let laps = drive_along(BagWriter::new(Layout::Plain), lap().chain(lap()));
-    let (bag, out) = (folder.put("laps.mcap", &laps), folder.0.path().join("figures"));
+    let (bag, out) = (folder.put("laps.mcap", &laps), folder.join("figures"));
     let [bag, out] = [&bag, &out].map(|path| path.to_str().unwrap());
     let fixed_frame = ["--ros-args", "-p", "fixed_frame:=map"];
     let ended = cfodi(&[&["experiment", bag, "--no-effects", "--out", out], &fixed_frame[..]].concat());
@@ -24,7 +24,7 @@ fn an_experiment_ends_where_stamps_jump_back_counts_what_it_leaves_out_and_has_s
 fn stamps_that_jump_back_begin_a_session() {
     let folder = Folder::new();
     let laps = drive_along(BagWriter::new(Layout::Plain), (0..60).chain(0..3));
-    let report = folder.0.path().join("report");
+    let report = folder.join("report");
     let looped = replay(&folder.put("loop.mcap", &laps), &["--report", report.to_str().unwrap()]);
     let once = replay(&folder.put("once.mcap", &drive(BagWriter::new(Layout::Plain), 3)), &[]);
     assert_eq!((looped.number("scans"), looped.number("sessions")), (63, 2), "{}", looped.errors);

@@ -12,7 +12,7 @@ use super::contacts::{Contact, Contacts};
 use super::exact::Exact;
 use super::graph::NodeId;
 use super::grid::Grid;
-use super::patch::{Patch, PatchId};
+use super::patch::{Host, Patch, PatchId};
 use super::patches::{LOOSE, Patches, segment};
 use super::room;
 use super::rules::Rules;
@@ -203,14 +203,14 @@ pub(super) fn contacts_of(segmented: &[Segmented], id: PatchId) -> impl Iterator
     segmented[id.block.place()].contacts.of(id.number)
 }
 
-/// What [`Patch::slice_of`] and [`Patch::is_bridge`] of a patch are, by those that it meets.
-pub(super) fn host(segmented: &[Segmented], id: PatchId, rules: &Rules) -> (Option<PatchId>, bool) {
-    let of = sharper(segmented, id, rules);
-    if of.is_some() || !patch(segmented, id).may_be_bridge() {
-        return (of, false);
-    }
-    let end = end_of_bridge(segmented, id, rules);
-    (end, end.is_some())
+/// What a patch is a part of, by those that it meets.
+pub(super) fn host(segmented: &[Segmented], id: PatchId, rules: &Rules) -> Host {
+    let slice_of = sharper(segmented, id, rules).map(Host::SliceOf);
+    let end_of = || {
+        let may_be = patch(segmented, id).may_be_bridge();
+        may_be.then(|| end_of_bridge(segmented, id, rules)).flatten().map(Host::EndOf)
+    };
+    slice_of.or_else(end_of).unwrap_or_default()
 }
 
 /// Of the patches that a patch joins the one that its points fit best, where two of these are no single surface: as where the
@@ -279,12 +279,12 @@ pub(super) fn are_joined(
     rules: &Rules,
 ) -> bool {
     let [here, there] = [a, b].map(|id| patch(segmented, id));
-    let (of_a, of_b) = (here.slice_of, there.slice_of);
+    let (of_a, of_b) = (here.host.patch(), there.host.patch());
     if of_a == Some(b) || of_b == Some(a) {
         return true;
     }
-    let is_part = |own: &Patch, of: Option<PatchId>| (own.is_folded() || own.is_bridge) && of.is_some();
-    if is_part(here, of_a) || is_part(there, of_b) {
+    let is_part = |own: &Patch| own.host.is_end() || own.is_folded() && own.host != Host::None;
+    if is_part(here) || is_part(there) {
         let [host_a, host_b] = [(a, of_a), (b, of_b)].map(|(own, of)| patch(segmented, of.unwrap_or(own)));
         return here.joins(there, contact, rules)
             && host_a.lies_on(host_b, rules)

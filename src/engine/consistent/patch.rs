@@ -48,6 +48,41 @@ pub(super) struct PatchId {
     pub(super) number: u8,
 }
 
+/// What a patch is a part of, by the patches that it meets (`layer`).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum Host {
+    /// Of nothing but its cluster.
+    #[default]
+    None,
+    /// It is a slice of this sharper, broader or whole patch.
+    SliceOf(PatchId),
+    /// It is a bridge between two surfaces, with a plane that may agree with both and is that of neither. Of the patches at
+    /// its ends it is a part of this one.
+    EndOf(PatchId),
+}
+
+impl Host {
+    pub(super) const fn patch(self) -> Option<PatchId> {
+        match self {
+            Self::None => None,
+            Self::SliceOf(id) | Self::EndOf(id) => Some(id),
+        }
+    }
+
+    pub(super) const fn is_end(self) -> bool {
+        matches!(self, Self::EndOf(_))
+    }
+
+    /// The same patch, in the slot that its block has got.
+    pub(super) fn moved(self, moved: impl Fn(PatchId) -> PatchId) -> Self {
+        match self {
+            Self::None => Self::None,
+            Self::SliceOf(id) => Self::SliceOf(moved(id)),
+            Self::EndOf(id) => Self::EndOf(moved(id)),
+        }
+    }
+}
+
 /// A patch. Four of them stand in a block: but for its place, it is kept in single precision.
 #[derive(Clone, Debug)]
 pub(super) struct Patch {
@@ -81,10 +116,7 @@ pub(super) struct Patch {
     is_cut: bool,
     /// A crease runs through it.
     is_folded: bool,
-    /// The patch that it is a slice of, or, where it is a bridge, the one of its ends that it is a part of.
-    pub(super) slice_of: Option<PatchId>,
-    /// It lies between two surfaces (`layer`): its plane may agree with both, and is that of neither.
-    pub(super) is_bridge: bool,
+    pub(super) host: Host,
 }
 
 /// Rows of voxels at a face of a block that a whole surface is not known by.
@@ -161,8 +193,7 @@ impl Patch {
             is_rough: kind == Kind::Rough,
             is_cut: is_cut(states),
             is_folded: kind == Kind::Flat && shows_creases && is_folded(states, &fit, rules),
-            slice_of: None,
-            is_bridge: false,
+            host: Host::default(),
         })
     }
 

@@ -59,8 +59,7 @@ pub(super) fn meet(grid: &Grid, segmented: &mut [Segmented], rules: &Rules) -> V
     }
     let hosts: Vec<_> = ids.iter().map(|&id| host(segmented, id, rules)).collect();
     for (id, host) in ids.iter().zip(hosts) {
-        let patch = &mut segmented[id.block.place()].patches[usize::from(id.number)];
-        (patch.slice_of, patch.is_bridge) = host;
+        segmented[id.block.place()].patches[usize::from(id.number)].host = host;
     }
     ids
 }

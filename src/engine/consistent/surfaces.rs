@@ -269,11 +269,10 @@ impl Surfaces {
     /// Finds anew what a patch is a part of; `false` where it has neither been a bridge nor a slice nor is one, so that it is
     /// joined to the patches that it was joined to.
     fn find_host(&mut self, id: PatchId) -> bool {
-        let (slice_of, is_bridge) = host(&self.segmented, id, &self.rules);
+        let host = host(&self.segmented, id, &self.rules);
         let patch = &mut self.segmented[id.block].patches[usize::from(id.number)];
-        let was_bridge = std::mem::replace(&mut patch.is_bridge, is_bridge);
-        patch.slice_of = slice_of;
-        was_bridge || is_bridge || patch.may_be_slice()
+        let before = std::mem::replace(&mut patch.host, host);
+        before.is_end() || host.is_end() || patch.may_be_slice()
     }
 
     fn ids(&self, block: BlockIndex) -> impl Iterator<Item = PatchId> {

@@ -18,8 +18,8 @@ impl Surfaces {
         for block in around.map(|(_, block)| block).collect::<BTreeSet<_>>() {
             let here = &mut self.segmented[block];
             here.contacts.follow(moves);
-            for of in here.patches.iter_mut().filter_map(|patch| patch.slice_of.as_mut()) {
-                of.block = moves.of(of.block);
+            for patch in &mut here.patches {
+                patch.host = patch.host.moved(|id| PatchId { block: moves.of(id.block), ..id });
             }
         }
         for block in moved {

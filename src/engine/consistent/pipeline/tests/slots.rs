@@ -48,7 +48,7 @@ fn check_slots(engine: &Consistent) {
         let [here, there] = [engine, &restored].map(|engine| &engine.surfaces.segmented()[slot]);
         let [contacts, others] = [here, there].map(contacts);
         assert_eq!(contacts, others, "{slot:?}");
-        assert!(here.patches.iter().map(|it| it.slice_of).eq(there.patches.iter().map(|it| it.slice_of)));
+        assert!(here.patches.iter().map(|it| it.host).eq(there.patches.iter().map(|it| it.host)));
         let voxels = |engine: &Consistent| format!("{:?}", engine.surfaces.voxels(slot));
         assert_eq!(voxels(engine), voxels(&restored), "{slot:?}");
         for node in engine.surfaces.voxels(slot).into_iter().filter_map(|(_, node)| node) {
