@@ -106,14 +106,21 @@ class Peer:
         topic = "/camera/depth/image_raw" + suffix
         return DepthCamera(self.node, topic, "/camera/depth/camera_info", info, reliable)
 
-    def call(self, service_type, name, request, timeout=20):
-        """The reply to a call, made once: while the two sides meet it takes a heartbeat (3 s), and a second one would be run too."""
+    def call(self, service_type, name, request, attempts=3, timeout=8):
+        """The reply to a call. While the two sides meet it takes a heartbeat (3 s), and where a node has just come under the name
+        of another it may get none: it is asked again then, and not before, for a call that is late is run all the same."""
         client = self.node.create_client(service_type, name)
         try:
             assert client.wait_for_service(20), f"no service {name}"
-            future = client.call_async(request)
-            wait_until(f"an answer of {name}", future.done, timeout)
-            return future.result()
+            for _ in range(attempts):
+                future = client.call_async(request)
+                end = time.monotonic() + timeout
+                while not future.done() and time.monotonic() < end:
+                    time.sleep(0.01)
+                if future.done():
+                    return future.result()
+                client.remove_pending_request(future)
+            raise AssertionError(f"{name} did not answer {attempts} calls")
         finally:
             self.node.destroy_client(client)
 
