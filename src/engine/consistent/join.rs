@@ -122,6 +122,19 @@ mod tests {
     }
 
     #[test]
+    fn ramp_and_floor_differ_and_two_parts_of_either_do_not() {
+        let rules = Rules::new(&Params::default());
+        let floor = |from: i32| rows(from..from + 4, |_| 2.3);
+        let ramp = |from: i32| rows(from..from + 4, |y| 2.3 + 0.32 * (y - 4.0));
+        let differ = |a: &Patch, b: &Patch| {
+            assert_eq!(a.differs_from(b, &rules), b.differs_from(a, &rules));
+            a.differs_from(b, &rules)
+        };
+        assert!(differ(&floor(0), &ramp(4)));
+        assert!(!differ(&floor(0), &floor(4)) && !differ(&ramp(0), &ramp(4)));
+    }
+
+    #[test]
     fn narrow_facets_of_a_bend_are_one_surface_and_those_of_an_edge_are_not() {
         let rules = Rules::new(&Params::default());
         // A roof: so many rows to either side of its ridge, which is 2.6 voxels high.
