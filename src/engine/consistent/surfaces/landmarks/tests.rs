@@ -14,10 +14,16 @@ type Told<'a> = BTreeMap<ComponentId, &'a Cluster>;
 /// The floor of the storey of a cluster, from the heights of all clusters that can be one.
 fn plain_floor(cluster: &Cluster, told: &Told) -> Option<f64> {
     let ten_degrees = 10.0_f64.to_radians();
-    let is_floor = |cluster: &&&Cluster| {
+    let is_level = |cluster: &&&Cluster| {
         cluster.normal.z >= ten_degrees.cos() && cluster.area.is_some_and(|area| area >= FLOOR_AREA)
     };
-    let mut heights: Vec<_> = told.values().filter(is_floor).map(|cluster| middle(cluster)).collect();
+    let levels: Vec<_> =
+        told.values().filter(is_level).map(|level| (middle(level), level.area.unwrap())).collect();
+    let is_floor = |&&(height, area): &&(f64, f64)| {
+        let is_above = |other: f64| (height..=height + GHOST).contains(&other);
+        !levels.iter().any(|&(other, larger)| is_above(other) && larger > GHOST_SHARE * area)
+    };
+    let mut heights: Vec<_> = levels.iter().filter(is_floor).map(|(height, _)| *height).collect();
     heights.sort_by(f64::total_cmp);
     let mut floors: Vec<f64> = Vec::new();
     for height in heights {
@@ -125,6 +131,20 @@ proptest! {
             prop_assert_eq!(found, plain_uprights(cluster, &told));
         }
     }
+}
+
+#[test]
+fn a_mirror_image_below_a_floor_is_no_floor_and_the_floor_below_a_platform_is() {
+    let mut landmarks = Landmarks::new(0.08);
+    let mut put = |component, height, sides| {
+        let level = rectangle([0.0, 0.0, height], [0.0; 3], sides);
+        landmarks.set(ComponentId(component), Some(&level));
+        landmarks.floor_below(1.0)
+    };
+    assert_eq!(put(0, -0.09, [1.0, 1.3]), Some(-0.09), "nothing else is known");
+    assert_eq!(put(1, 0.0, [8.0, 4.0]), Some(0.0));
+    assert_eq!(put(2, 0.2, [20.0, 10.0]), Some(0.0), "a platform of six times the floor that is seen");
+    assert_eq!(put(3, 0.5, [80.0, 80.0]), Some(0.0), "too high for what lies below to be its image");
 }
 
 #[test]
