@@ -12,7 +12,7 @@ use super::{Facts, Figure, MOMENTS, Story, Taken, write_report};
 use crate::cloud::CloudError;
 use crate::engine::{ClusterId, Engine, Isometry3, Params, Points, Scan, Snapshot, Stamp, VoxelKey};
 use crate::reason::Reason;
-use crate::tf::{FrameError, LookupError};
+use crate::tf::{FrameError, Lack, LookupError};
 
 /// A scan of a square metre of floor and the wall beside it; each one further along +x.
 fn scan(number: u32) -> Scan {
@@ -251,7 +251,8 @@ fn a_skipped_message_is_explained() {
     let deep = FrameError::TooDeep { child: "a".to_owned(), max: 1 };
     let many = FrameError::TooManySamples { child: "a".to_owned(), max: 1 };
     let at = Stamp::default();
-    let chain = LookupError::TooDeep { fixed: "a".to_owned(), sensor: "b".to_owned(), at, max: 1 };
+    let (fixed, sensor, lack) = ("a".to_owned(), "b".to_owned(), Lack::TooDeep { max: 1 });
+    let chain = LookupError { fixed, sensor, at, lack };
     let reasons =
         [CloudError::EmptyFrameId.explained(), deep.explained(), many.explained(), chain.explained()];
     let skipped: BTreeMap<_, _> = reasons.into_iter().zip(1230..).collect();

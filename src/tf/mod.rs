@@ -29,7 +29,7 @@ use transforms::time::Timestamp;
 use crate::engine::Stamp;
 use crate::msg::ros::{JUMP_BACK, TransformStamped};
 
-pub use error::{FrameError, LookupError, Span};
+pub use error::{FrameError, Lack, LookupError, Span};
 pub use sample::{MAX_NAME_BYTES, NORM_TOLERANCE};
 pub use waiting::{Moment, Waited, WaitingQueue};
 
@@ -331,19 +331,23 @@ impl Frames {
         if fixed == sensor {
             return Ok(Isometry3::identity());
         }
-        if self.is_deep(fixed) || self.is_deep(sensor) {
-            let (fixed, sensor) = (fixed.to_owned(), sensor.to_owned());
-            return Err(LookupError::TooDeep { fixed, sensor, at: stamp, max: MAX_DEPTH });
-        }
-        self.check_joined(fixed, sensor, stamp)?;
-        let found = self.registry.get_transform(fixed, sensor, instant(stamp));
-        let transform = found.map_err(|error| explain(fixed, sensor, stamp, error))?;
-        isometry(&transform).ok_or_else(|| LookupError::Numeric {
+        self.find(fixed, sensor, stamp).map_err(|lack| LookupError {
             fixed: fixed.into(),
             sensor: sensor.into(),
             at: stamp,
-            reason: "the composed transform is not finite".into(),
+            lack,
         })
+    }
+
+    fn find(&self, fixed: &str, sensor: &str, stamp: Stamp) -> Result<Isometry3<f64>, Lack> {
+        if self.is_deep(fixed) || self.is_deep(sensor) {
+            return Err(Lack::TooDeep { max: MAX_DEPTH });
+        }
+        self.check_joined(fixed, sensor)?;
+        let found = self.registry.get_transform(fixed, sensor, instant(stamp));
+        let transform = found.map_err(|error| lack(error, stamp))?;
+        isometry(&transform)
+            .ok_or_else(|| Lack::Numeric { reason: "the composed transform is not finite".into() })
     }
 
     /// Whether a frame has more above it than is followed: a part of the tree can be put under another one.
@@ -353,19 +357,14 @@ impl Frames {
 
     /// Whether the frames are known, and of one tree. Where a lookup fails, the registry looks through all of its frames, and it
     /// reports a gap in time even where the frames are not connected: so the tree is asked first.
-    fn check_joined(&self, fixed: &str, sensor: &str, at: Stamp) -> Result<(), LookupError> {
-        let roots = [fixed, sensor].map(|frame| self.root_of(frame).ok_or(frame));
-        let (fixed, sensor) = (fixed.to_owned(), sensor.to_owned());
-        match roots {
-            [Ok(fixed_root), Ok(sensor_root)] if fixed_root == sensor_root => Ok(()),
-            [Ok(fixed_root), Ok(sensor_root)] => {
-                let (fixed_root, sensor_root) = (fixed_root.to_owned(), sensor_root.to_owned());
-                Err(LookupError::NotConnected { fixed, sensor, at, fixed_root, sensor_root })
-            }
-            [Err(frame), _] | [_, Err(frame)] => {
-                Err(LookupError::UnknownFrame { frame: frame.to_owned(), fixed, sensor, at })
-            }
+    fn check_joined(&self, fixed: &str, sensor: &str) -> Result<(), Lack> {
+        let root_of =
+            |frame| self.root_of(frame).ok_or_else(|| Lack::UnknownFrame { frame: frame.to_owned() });
+        let (fixed_root, sensor_root) = (root_of(fixed)?, root_of(sensor)?);
+        if fixed_root == sensor_root {
+            return Ok(());
         }
+        Err(Lack::NotConnected { fixed_root: fixed_root.into(), sensor_root: sensor_root.into() })
     }
 
     /// All frames, as child or parent, by name.
@@ -388,18 +387,17 @@ impl Frames {
 }
 
 /// What a lookup in one tree lacks that failed.
-fn explain(fixed: &str, sensor: &str, at: Stamp, error: RegistryError) -> LookupError {
-    let (fixed, sensor) = (fixed.to_owned(), sensor.to_owned());
+fn lack(error: RegistryError, at: Stamp) -> Lack {
     match error {
         RegistryError::NotFoundAt { frame, covered: Some((from, until)), .. } => {
             let covered = Span { from: stamp_of(from), until: stamp_of(until) };
             if at < covered.from {
-                LookupError::TooEarly { fixed, sensor, at, frame, covered }
+                Lack::TooEarly { frame, covered }
             } else {
-                LookupError::TooLate { fixed, sensor, at, frame, covered }
+                Lack::TooLate { frame, covered }
             }
         }
-        other => LookupError::Numeric { fixed, sensor, at, reason: other.to_string() },
+        other => Lack::Numeric { reason: other.to_string() },
     }
 }
 
