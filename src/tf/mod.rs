@@ -144,7 +144,7 @@ impl Frames {
     /// # Errors
     ///
     /// A [`FrameError`], and nothing of the message is in the tree. To make room for it, dynamic frames that are out of date may
-    /// have been forgotten.
+    /// have been forgotten, and all of them where it jumps back.
     pub fn insert(&mut self, message: &TransformStamped, is_static: bool) -> Result<Inserted, FrameError> {
         let sample = Sample::check(message, is_static)?;
         let jumped_back = self.jumps_back(&sample);
