@@ -16,7 +16,7 @@ pub mod engine;
 #[cfg(feature = "bag")]
 pub mod experiment;
 pub mod export;
-#[cfg(feature = "frames")]
+#[cfg(feature = "bag")]
 pub mod join;
 pub mod line;
 pub mod link;
@@ -38,7 +38,7 @@ pub mod signals;
 pub mod sim;
 #[cfg(feature = "store")]
 pub mod store;
-#[cfg(feature = "frames")]
+#[cfg(feature = "bag")]
 pub mod tf;
 pub mod worker;
 #[cfg(feature = "bag")]

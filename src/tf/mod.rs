@@ -429,7 +429,6 @@ pub(crate) fn check_place<'a>(
 }
 
 /// Whether a transform is well formed by itself; whether the tree has a place for it is another question.
-#[cfg(feature = "bag")]
 pub(crate) fn check(message: &TransformStamped, is_static: bool) -> Result<(), FrameError> {
     Sample::check(message, is_static).map(drop)
 }
