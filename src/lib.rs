@@ -10,7 +10,7 @@ pub mod args;
 #[cfg(feature = "bag")]
 pub mod bag;
 pub mod cloud;
-pub mod colour;
+mod colour;
 pub mod config;
 pub mod engine;
 #[cfg(feature = "bag")]
@@ -42,4 +42,4 @@ pub mod store;
 pub mod tf;
 pub mod worker;
 #[cfg(feature = "bag")]
-pub mod yaml;
+mod yaml;
