@@ -205,6 +205,14 @@ fn a_warning_stands_out_and_another_remark_does_not() {
 }
 
 #[test]
+fn what_stands_between_backticks_in_a_remark_is_code() {
+    let line = "frame `<a>` and `b`, not `c".to_owned();
+    let text = page(&Story::new(), &Facts { warnings: vec![line], ..Facts::default() });
+    let code = "frame <code>&lt;a&gt;</code> and <code>b</code>, not `c</p>";
+    assert!(text.contains(code), "{text}");
+}
+
+#[test]
 fn names_from_a_bag_do_no_harm() {
     let evil =
         "</script><script>alert(1)</script><img src=x onerror='alert(2)'>\"&\u{202e}{{story}}".to_owned();
