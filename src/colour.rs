@@ -18,7 +18,7 @@ const LIGHTNESS: [f64; 2] = [0.62, 0.82];
 const CHROMA: f64 = 0.14;
 
 /// sRGB of a cluster: hue and lightness from a hash of the id that keeps successive ids well apart; grey for none.
-pub fn cluster_colour(id: Option<ClusterId>) -> [u8; 3] {
+pub(crate) fn cluster_colour(id: Option<ClusterId>) -> [u8; 3] {
     let Some(id) = id else { return NO_CLUSTER };
     let hue = TAU * fraction(id.get().wrapping_mul(GOLDEN));
     let lightness = LIGHTNESS[0] + (LIGHTNESS[1] - LIGHTNESS[0]) * fraction(id.get().wrapping_mul(SILVER));

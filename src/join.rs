@@ -9,7 +9,7 @@ use std::time::Duration;
 use crate::cloud::{Cloud, CloudError};
 use crate::engine::{Scan, Stamp};
 use crate::msg::ros::{JUMP_BACK, TransformStamped};
-use crate::tf::{FrameError, Frames, Inserted, LookupError, Moment, Waited, WaitingQueue};
+use crate::tf::{FrameError, Frames, Inserted, Lack, LookupError, Moment, Waited, WaitingQueue};
 
 /// Pairs of a frame and a sensor that are remembered at most: a sender can make up ever new frames.
 const SENSORS: usize = 1000;
@@ -195,7 +195,7 @@ impl Join {
                 None => Ok(found),
                 Some(&Sensor { newest, .. }) => {
                     let (fixed, sensor) = (fixed_frame.to_owned(), frame.to_owned());
-                    Err(LookupError::NotJumpedBack { fixed, sensor, at, newest })
+                    Err(LookupError { fixed, sensor, at, lack: Lack::NotJumpedBack { newest } })
                 }
             }
         });
@@ -309,7 +309,9 @@ mod tests {
         assert!(join.cloud(0, cloud(1.0), Duration::ZERO).is_none());
         assert!(join.ready("map").is_empty());
         let (frame, lacks) = join.oldest().unwrap();
-        assert!(frame == "camera" && matches!(lacks, Some(LookupError::UnknownFrame { .. })));
+        assert!(
+            frame == "camera" && lacks.is_some_and(|error| matches!(error.lack, Lack::UnknownFrame { .. }))
+        );
         let pushed_out = join.cloud(0, cloud(2.0), Duration::ZERO).unwrap();
         assert_eq!((pushed_out.stamp, join.waiting()), (at(1.0), 1));
         let joined = join.ready("camera");

@@ -10,13 +10,13 @@ pub mod args;
 #[cfg(feature = "bag")]
 pub mod bag;
 pub mod cloud;
-pub mod colour;
+mod colour;
 pub mod config;
 pub mod engine;
 #[cfg(feature = "bag")]
 pub mod experiment;
 pub mod export;
-#[cfg(feature = "frames")]
+#[cfg(feature = "bag")]
 pub mod join;
 pub mod line;
 pub mod link;
@@ -38,8 +38,8 @@ pub mod signals;
 pub mod sim;
 #[cfg(feature = "store")]
 pub mod store;
-#[cfg(feature = "frames")]
+#[cfg(feature = "bag")]
 pub mod tf;
 pub mod worker;
 #[cfg(feature = "bag")]
-pub mod yaml;
+mod yaml;

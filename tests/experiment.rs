@@ -45,7 +45,7 @@ fn the_cabinet_gives_the_acceptance_values_and_bears_out_the_papers_conclusions(
     assert!((0.0..0.12).contains(&above), "{above} rad");
 
     let folder = tempfile::tempdir().unwrap();
-    results.write(folder.path()).unwrap();
+    assert!(results.write(folder.path()).is_empty());
     let effects = std::fs::read_to_string(folder.path().join("effects.csv")).unwrap();
     let errors = column(&effects, "depth", "normal_error_rad");
     assert!(errors[0] > errors[3] && errors[3] > errors[7], "{errors:?}");

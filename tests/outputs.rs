@@ -1,4 +1,4 @@
-//! What becomes of the files that `cfodi replay` is to write, wherever they are to go.
+//! What becomes of the files that `cfodi replay` and `cfodi experiment` are to write, wherever they are to go.
 #![cfg(all(feature = "node", target_os = "linux"))]
 #![allow(
     clippy::unwrap_used,
@@ -29,6 +29,12 @@ fn replay(folder: &Folder, more: &[&str]) -> Command {
     let mut command = command(&["replay", "a.mcap"]);
     command.current_dir(folder.path()).args(more);
     command
+}
+
+/// Whether it is said once that there is no space left for this file.
+fn is_said(errors: &str, name: &str) -> bool {
+    let start = format!("cfodi: cannot write {name}: ");
+    errors.lines().filter(|line| line.starts_with(&start) && line.contains("No space left")).count() == 1
 }
 
 #[test]
@@ -91,11 +97,24 @@ fn each_output_that_cannot_be_written_is_named_on_a_line_of_its_own() {
     }
     let (status, errors) = said(&replay(&folder, &arguments).output().unwrap());
     assert_eq!(status, Some(1), "{errors}");
-    let is_said = |name: &&str| {
-        let begin = format!("cfodi: cannot write {name}: ");
-        errors.lines().filter(|line| line.starts_with(&begin) && line.contains("No space left")).count() == 1
-    };
-    assert!(names.iter().all(is_said), "{errors}");
+    assert!(names.iter().all(|name| is_said(&errors, name)), "{errors}");
+}
+
+#[cfg(unix)]
+#[test]
+fn each_file_of_an_experiment_that_cannot_be_written_is_named_and_the_others_are_there() {
+    let folder = with_bag(&drive(BagWriter::new(Layout::Plain), 2));
+    fs::create_dir(folder.join("figures")).unwrap();
+    let names = ["scans.csv", "summary.json", "figure3a.svg", "figure2_a.png", "index.html"];
+    for name in names {
+        std::os::unix::fs::symlink("/dev/full", folder.join("figures").join(name)).unwrap();
+    }
+    let mut experiment = command(&["experiment", "a.mcap", "--no-effects", "--out", "figures"]);
+    let ended = experiment.current_dir(folder.path()).output().unwrap();
+    let (status, errors) = said(&ended);
+    assert_eq!(status, Some(1), "{errors}");
+    assert!(names.iter().all(|name| is_said(&errors, &format!("figures/{name}"))), "{errors}");
+    assert!(folder.join("figures/throughput.csv").exists() && !ended.stdout.is_empty(), "{errors}");
 }
 
 #[test]

@@ -146,7 +146,7 @@ fn floor_top_and_four_sides_of_the_cabinet_come_out_as_clusters_with_true_normal
 }
 
 /// The recording as a driver and a localisation send it: CDR bytes of clouds, transforms in two steps.
-#[cfg(feature = "frames")]
+#[cfg(feature = "bag")]
 fn through_messages(recording: &support::Recording, step: usize, params: Params) -> Cfodi {
     use byteorder::LittleEndian;
     use cdr_encoding::CdrDeserializer;
@@ -189,7 +189,7 @@ fn through_messages(recording: &support::Recording, step: usize, params: Params)
     engine
 }
 
-#[cfg(feature = "frames")]
+#[cfg(feature = "bag")]
 #[test]
 fn the_acceptance_values_come_out_through_messages_and_transforms() {
     let test = "the_acceptance_values_come_out_through_messages_and_transforms";

@@ -140,6 +140,8 @@ RUSTDOCFLAGS="-D warnings" run cargo doc --no-deps "${most[@]}"
 if cargo clippy --version >/dev/null 2>&1; then run cargo clippy --lib --no-default-features -- -D warnings
 else run cargo check --lib --no-default-features
 fi
+# As `benches/peers` builds it.
+run cargo check --lib --no-default-features --features sim
 all=(--features "security,zenoh")
 if cargo nextest --version >/dev/null 2>&1; then
   run cargo nextest run "${all[@]}" --no-fail-fast

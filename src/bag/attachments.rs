@@ -25,7 +25,7 @@ pub(super) struct WithoutLarge<R> {
 }
 
 impl<R: Read> WithoutLarge<R> {
-    /// Reads a file from its begin.
+    /// Reads a file from its start.
     pub(super) const fn new(source: R, limit: u64) -> Self {
         Self { source, limit, ready: Vec::new(), plain: MAGIC.len() as u64, has_left_out: false }
     }

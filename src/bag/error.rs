@@ -45,12 +45,12 @@ pub enum BagError {
         folder: PathBuf,
     },
     /// Something else.
-    #[error("{} is no MCAP file: it begins with {begin}", path.display())]
+    #[error("{} is no MCAP file: it begins with {start}", path.display())]
     NotMcap {
         /// The file.
         path: PathBuf,
         /// Its first bytes, escaped.
-        begin: String,
+        start: String,
     },
     /// A folder without a recording.
     #[error("{} holds neither a metadata.yaml nor a file *.mcap", path.display())]

@@ -44,10 +44,10 @@ impl Part {
 
     /// Whether it is what a replay has written.
     pub(super) fn is_result(path: &Path) -> bool {
-        let mut begin = Vec::new();
+        let mut start = Vec::new();
         let file = Self::check_regular(path).ok().and_then(|_| File::open(path).ok());
-        let read = file.and_then(|file| file.take(HEADER).read_to_end(&mut begin).ok());
-        read.is_some() && library(&begin).is_some_and(is_result)
+        let read = file.and_then(|file| file.take(HEADER).read_to_end(&mut start).ok());
+        read.is_some() && library(&start).is_some_and(is_result)
     }
 
     pub(super) fn open(path: &Path) -> Result<Self, BagError> {
@@ -55,20 +55,20 @@ impl Part {
         let about = Self::check_regular(path)?;
         let file = File::open(path).map_err(failed)?;
         let size = about.len();
-        let mut begin = Vec::new();
-        file.take(16).read_to_end(&mut begin).map_err(failed)?;
+        let mut start = Vec::new();
+        file.take(16).read_to_end(&mut start).map_err(failed)?;
         // What is too short to tell is a cut file, which reading it will say.
         let is =
-            |magic: &[u8]| !begin.is_empty() && begin.starts_with(&magic[..magic.len().min(begin.len())]);
+            |magic: &[u8]| !start.is_empty() && start.starts_with(&magic[..magic.len().min(start.len())]);
         let folder = path.with_extension("");
         if is(ROS1) {
             Err(BagError::Ros1 { path: path.to_owned(), folder })
         } else if is(SQLITE) {
             Err(sqlite(path, path.parent().unwrap_or(path)))
-        } else if is(MCAP) || is(ZSTD) || begin.is_empty() {
+        } else if is(MCAP) || is(ZSTD) || start.is_empty() {
             Ok(Self { path: path.to_owned(), size, is_compressed: is(ZSTD) })
         } else {
-            Err(BagError::NotMcap { path: path.to_owned(), begin: format!("\"{}\"", begin.escape_ascii()) })
+            Err(BagError::NotMcap { path: path.to_owned(), start: format!("\"{}\"", start.escape_ascii()) })
         }
     }
 }
@@ -80,8 +80,8 @@ fn text(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
 }
 
 /// What the header of an MCAP file, its first record, names as its writer.
-fn library(begin: &[u8]) -> Option<&[u8]> {
-    let (_, fields) = begin.strip_prefix(MCAP)?.strip_prefix(&[op::HEADER])?.split_at_checked(8)?;
+fn library(start: &[u8]) -> Option<&[u8]> {
+    let (_, fields) = start.strip_prefix(MCAP)?.strip_prefix(&[op::HEADER])?.split_at_checked(8)?;
     let (_profile, rest) = text(fields)?;
     Some(text(rest)?.0)
 }

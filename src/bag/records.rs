@@ -197,22 +197,22 @@ mod tests {
 
     /// What is read from it is one record that claims 60 MiB, and then nothing.
     struct Claims {
-        begin: &'static [u8],
+        start: &'static [u8],
         asked: usize,
     }
 
     impl Read for Claims {
         fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
             self.asked = self.asked.max(buffer.len());
-            self.begin.read(buffer)
+            self.start.read(buffer)
         }
     }
 
     #[test]
     fn no_more_is_asked_for_at_once_than_a_piece() {
-        let begin = b"\x89MCAP0\r\n\x05\0\0\xc0\x03\0\0\0\0abc";
+        let start = b"\x89MCAP0\r\n\x05\0\0\xc0\x03\0\0\0\0abc";
         let options = LinearReaderOptions::default().with_record_length_limit(64 << 20);
-        let mut records = Records::new(Claims { begin, asked: 0 }, options);
+        let mut records = Records::new(Claims { start, asked: 0 }, options);
         assert!(records.next().unwrap().unwrap_err().contains("ended in the middle of a record"));
         assert!(records.next().is_none());
         assert_eq!(records.source.asked, PIECE);

@@ -33,6 +33,7 @@ use tokio::sync::mpsc::Sender;
 use tokio::sync::oneshot;
 use tracing::info;
 
+use super::first_of;
 use super::replay::output_topics;
 
 /// Below four clouds of 640 x 480 x 16 bytes a socket buffer loses clouds.
@@ -138,9 +139,8 @@ fn drive<T: Middleware>(
     let map = map?;
     came_home(travelled)?;
     // What can be written is, whatever becomes of the others.
-    let (recorded, drawn) = (record.finish(), pictures.complete(&map));
-    recorded?;
-    let [ply, png] = drawn?;
+    let [ply, png] = pictures.names();
+    first_of(record.finish().err().into_iter().chain(pictures.complete(&map)))?;
     let result = options.out.join(RESULT);
     let files =
         format!("the map: {} and {}; all that was sent: {}", ply.display(), png.display(), result.display());
@@ -258,11 +258,14 @@ impl Pictures {
         Ok(Self { ply: ply?, png: png? })
     }
 
-    /// Gives their names.
-    fn complete(self, map: &Snapshot) -> Result<[PathBuf; 2], WriteError> {
-        let names = [&self.ply, &self.png].map(|file| file.path().to_owned());
+    fn names(&self) -> [PathBuf; 2] {
+        [&self.ply, &self.png].map(|file| file.path().to_owned())
+    }
+
+    /// Gives the errors of those that cannot be written.
+    fn complete(self, map: &Snapshot) -> impl Iterator<Item = WriteError> + use<> {
         let ply = self.ply.complete(|out| write_ply(out, map));
         let png = self.png.complete(|out| draw(map, &View::default()).write_png(out));
-        ply.and(png).map(|()| names)
+        [ply, png].into_iter().filter_map(Result::err)
     }
 }

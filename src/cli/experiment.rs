@@ -16,7 +16,7 @@ use cfodi::say::tell;
 use super::input::{Input, open};
 use super::progress::Bar;
 use super::replay::{BEGINS_AGAIN, PAGE, begin_page, say_files, say_skipped, settings, write_page};
-use super::{Ending, laboratory};
+use super::{Ending, first_of, laboratory};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Options {
@@ -51,12 +51,14 @@ fn on_recording(setup: &Setup, options: &Options, path: &Path) -> anyhow::Result
     let mut say = |line: &str| bar.say(line);
     let (results, finished) = run(setup, &input, options, &bar, &mut say)?;
     bar.finish();
-    results.write(&options.out)?;
+    // What can be written is, whatever becomes of the others.
+    let failed = results.write(&options.out);
     let figure =
         |figure: Figure| report::Figure { title: figure.title, svg: figure.svg, caption: figure.caption };
     let figures = results.figures().into_iter().map(figure).collect();
-    write_page(page, path, &finished, figures)?;
+    let told = write_page(page, path, &finished, figures);
     tell(table(&results.summary()))?;
+    first_of(failed.into_iter().chain(told.err()))?;
     tell(format_args!(
         "figures and tables: {}, to look at: {}",
         options.out.display(),

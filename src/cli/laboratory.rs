@@ -17,7 +17,7 @@ use cfodi::say::tell;
 use cfodi::sim::Scene;
 
 use super::progress::Bar;
-use super::{Ending, Wrong};
+use super::{Ending, Wrong, first_of};
 
 /// Most runs that are made at once: each holds all maps of its methods.
 const MOST_AT_ONCE: usize = 2;
@@ -115,8 +115,9 @@ pub(crate) fn laboratory(setup: &Setup, options: &Simulation, out: &Path) -> any
         laboratory.scans(),
         table.failures()
     );
-    write_whole(&page, |file| file.write_all(title.as_bytes()))?;
-    write_whole(&csv, |file| file.write_all(table.csv().as_bytes()))?;
+    let files = [(&page, title), (&csv, table.csv())];
+    let written = files.map(|(path, text)| write_whole(path, |file| file.write_all(text.as_bytes())));
+    first_of(written.into_iter().filter_map(Result::err))?;
     tell(format_args!("{tables}\nwhat does not hold: {}", page.display()))?;
     Ok(Ending::Whole)
 }

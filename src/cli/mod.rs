@@ -15,7 +15,9 @@ mod truth;
 use std::ffi::OsString;
 
 use cfodi::args::{Environment, Setup};
+use cfodi::export::WriteError;
 use cfodi::line::one_line;
+use cfodi::say::say;
 use thiserror::Error;
 
 /// How a verb has ended that did not fail.
@@ -47,4 +49,14 @@ pub(crate) fn arguments() -> Result<Vec<String>, Wrong> {
 pub(crate) fn setup(args: &[String]) -> Result<(Setup, Vec<String>), Wrong> {
     let parsed = Setup::parse(args, &Environment::of_process(), "cfodi");
     parsed.map_err(|error| Wrong(one_line(&error.to_string()).into_owned()))
+}
+
+/// Gives the first of these errors, which is said last, and says the others.
+pub(crate) fn first_of(errors: impl IntoIterator<Item = WriteError>) -> anyhow::Result<()> {
+    let mut errors = errors.into_iter();
+    let Some(first) = errors.next() else { return Ok(()) };
+    for other in errors {
+        say(format_args!("cfodi: {}", one_line(&format!("{:#}", anyhow::Error::new(other)))));
+    }
+    Err(first.into())
 }

@@ -12,9 +12,9 @@ use cfodi::replay::{Ended, Finished, MapFiles, Outputs, Replay, ResultFile, Sett
 use cfodi::report::{Facts, Figure, Story, write_report};
 use cfodi::say::say;
 
-use super::Ending;
 use super::input::{Input, check_outputs, open};
 use super::progress::Bar;
+use super::{Ending, first_of};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Options {
@@ -96,15 +96,6 @@ pub(crate) fn replay(setup: &Setup, options: &Options) -> anyhow::Result<Ending>
     account(summary);
     first_of(result.err().into_iter().chain(failed).chain(told.err()))?;
     Ok(say_skipped(summary))
-}
-
-/// Gives the first of these errors, which is said last, and says the others.
-fn first_of(mut errors: impl Iterator<Item = WriteError>) -> anyhow::Result<()> {
-    let Some(first) = errors.next() else { return Ok(()) };
-    for other in errors {
-        say(format_args!("cfodi: {}", one_line(&format!("{:#}", anyhow::Error::new(other)))));
-    }
-    Err(first.into())
 }
 
 /// Says which files of a folder are read and which are not.

@@ -101,7 +101,7 @@ pub(super) enum Coding {
     /// 32 bits, floating point (m).
     Metres,
     /// 16 bits, z = a / (number - b) (m); 0 is invalid.
-    #[cfg_attr(not(feature = "png"), expect(dead_code, reason = "compressed images only"))]
+    #[cfg_attr(not(feature = "bag"), expect(dead_code, reason = "compressed images only"))]
     Inverse { a: f32, b: f32 },
 }
 

@@ -7,11 +7,11 @@
 //!
 //! Two ways in, one conversion behind both: [`decode`] for a message in memory, [`CloudSeed`] for CDR bytes, which
 //! borrows the points from the receive buffer, so that a cloud of several megabytes is never copied. Depth images have
-//! the same two, [`decode_depth`] and [`DepthSeed`], and need a [`Camera`]; with the feature `png` compressed ones have
+//! the same two, [`decode_depth`] and [`DepthSeed`], and need a [`Camera`]; with the feature `bag` compressed ones have
 //! `decode_compressed` and `CompressedSeed`.
 
 mod camera;
-#[cfg(feature = "png")]
+#[cfg(feature = "bag")]
 mod compressed;
 mod convert;
 mod depth;
@@ -27,7 +27,7 @@ use crate::engine::{Points, Stamp};
 use crate::msg::ros::PointCloud2;
 
 pub use camera::Camera;
-#[cfg(feature = "png")]
+#[cfg(feature = "bag")]
 pub use compressed::{CompressedSeed, decode_compressed};
 pub use depth::{DepthSeed, decode_depth};
 pub use error::CloudError;

@@ -1,7 +1,7 @@
 //! Layouts of real drivers, the filter's rules, and every refusal.
 
 mod camera;
-#[cfg(feature = "png")]
+#[cfg(feature = "bag")]
 mod compressed;
 mod depth;
 mod hostile;

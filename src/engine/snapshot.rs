@@ -73,6 +73,37 @@ pub struct Cluster {
     pub point_count: u64,
 }
 
+#[cfg(test)]
+impl Cluster {
+    /// A rectangle for a test, of those full sides along the pose's x and y, seen from its +z.
+    pub(crate) fn rectangle(id: u64, pose: Isometry3<f64>, sides: [f64; 2]) -> Self {
+        let normal = UnitVector3::new_normalize(pose * Vector3::z());
+        let corner = |[x, y]: [f64; 2]| pose * Point3::new(0.5 * x * sides[0], 0.5 * y * sides[1], 0.0);
+        Self {
+            id: ClusterId::new(id).unwrap(),
+            revision: 1,
+            state: ClusterState::Active,
+            first_seen: Stamp::default(),
+            last_seen: Stamp::default(),
+            class: SurfaceClass::Unknown,
+            class_confidence: 0.0,
+            normal,
+            offset: -normal.dot(&pose.translation.vector),
+            plane_covariance: None,
+            centroid: Point3::from(pose.translation.vector),
+            covariance: Matrix3::identity(),
+            rms_error: 0.0,
+            area: Some(sides[0] * sides[1]),
+            boundary: [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(corner).to_vec(),
+            holes: Vec::new(),
+            pose,
+            size: Vector3::new(sides[0], sides[1], 0.0),
+            voxel_count: 100,
+            point_count: 2000,
+        }
+    }
+}
+
 /// One dense voxel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DenseVoxel {

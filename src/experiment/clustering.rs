@@ -59,6 +59,7 @@ impl Clustering {
     }
 
     /// The dense voxels by ascending key, each with the number of its cluster; `None` = in no cluster.
+    #[cfg(feature = "sim")]
     pub(super) fn labels(&self) -> impl Iterator<Item = (VoxelKey, Option<u64>)> {
         self.voxels.iter().map(|voxel| (voxel.key, voxel.cluster))
     }

@@ -8,51 +8,50 @@ use super::results::Results;
 use crate::export::{WriteError, write_whole};
 
 impl Results {
-    /// Writes tables, summary and figures into a folder, which is made where it is missing.
+    /// Writes tables, summary and figures into a folder, which is made where it is missing; what can be written is, whatever becomes
+    /// of the others. Gives the errors of those.
     ///
     /// `scans.csv`, `throughput.csv`, `effects.csv`, `summary.json`, the SVG of each of [`Self::figures`] and the PNG of
     /// each of [`Self::pictures`]. Figures of an earlier experiment that this one does not have are removed.
-    ///
-    /// # Errors
-    ///
-    /// Where the folder or a file cannot be written.
-    pub fn write(&self, folder: &Path) -> Result<(), WriteError> {
-        let failed = |source| WriteError { path: folder.to_owned(), source };
-        fs::create_dir_all(folder).map_err(failed)?;
-        self.remove_others(folder)?;
+    #[must_use = "a file may be missing"]
+    pub fn write(&self, folder: &Path) -> Vec<WriteError> {
+        if let Err(source) = fs::create_dir_all(folder) {
+            return vec![WriteError { path: folder.to_owned(), source }];
+        }
+        let mut failed = self.remove_others(folder);
         let text =
             |name: &str, text: &str| write_whole(&folder.join(name), |out| out.write_all(text.as_bytes()));
-        text("scans.csv", &self.scans_csv())?;
-        text("throughput.csv", &self.throughput_csv())?;
-        text("effects.csv", &self.effects_csv())?;
-        write_whole(&folder.join("summary.json"), |out| {
-            serde_json::to_writer_pretty(&mut *out, &self.summary())?;
-            writeln!(out)
-        })?;
-        for figure in self.figures() {
-            text(&format!("{}.svg", figure.name), &figure.svg)?;
-        }
-        for picture in self.pictures() {
+        let tables = [
+            text("scans.csv", &self.scans_csv()),
+            text("throughput.csv", &self.throughput_csv()),
+            text("effects.csv", &self.effects_csv()),
+            write_whole(&folder.join("summary.json"), |out| {
+                serde_json::to_writer_pretty(&mut *out, &self.summary())?;
+                writeln!(out)
+            }),
+        ];
+        let figures =
+            self.figures().into_iter().map(|figure| text(&format!("{}.svg", figure.name), &figure.svg));
+        let pictures = self.pictures().into_iter().map(|picture| {
             let path = folder.join(format!("{}.png", picture.name));
-            write_whole(&path, |out| picture.picture.write_png(out))?;
-        }
-        Ok(())
+            write_whole(&path, |out| picture.picture.write_png(out))
+        });
+        let written = tables.into_iter().chain(figures).chain(pictures);
+        failed.extend(written.filter_map(Result::err));
+        failed
     }
 
     /// Removes pictures of moments, and effects, that an earlier experiment has left and this one does not have.
-    fn remove_others(&self, folder: &Path) -> Result<(), WriteError> {
+    fn remove_others(&self, folder: &Path) -> Vec<WriteError> {
         let moments = (self.moments.len()..4).map(|place| format!("{}.png", figure2_name(place)));
         let without_effects = self.effects.is_empty();
         let effects = super::effects::names().filter(|_| without_effects);
-        for name in moments.chain(effects.map(|name| format!("effects_{name}.svg"))) {
+        let others = moments.chain(effects.map(|name| format!("effects_{name}.svg")));
+        let removed = others.map(|name| {
             let path = folder.join(name);
-            match fs::remove_file(&path) {
-                Err(source) if source.kind() != std::io::ErrorKind::NotFound => {
-                    return Err(WriteError { path, source });
-                }
-                _ => {}
-            }
-        }
-        Ok(())
+            fs::remove_file(&path).map_err(|source| WriteError { path, source })
+        });
+        let failed = removed.filter_map(Result::err);
+        failed.filter(|error| error.source.kind() != std::io::ErrorKind::NotFound).collect()
     }
 }

@@ -48,14 +48,13 @@ const SNAPSHOTS: usize = 12;
 /// use cfodi::engine::{Params, Scan};
 /// use cfodi::experiment::Experiment;
 ///
-/// # fn figures(scans: impl Iterator<Item = Scan>) -> Result<(), cfodi::export::WriteError> {
+/// # fn figures(scans: impl Iterator<Item = Scan>) -> Vec<cfodi::export::WriteError> {
 /// let begin = std::time::Instant::now();
 /// let mut experiment = Experiment::new(Params::paper(), move || begin.elapsed());
 /// for scan in scans {
 ///     experiment.scan(&scan);
 /// }
-/// experiment.finish().write("figures".as_ref())?;
-/// # Ok(())
+/// experiment.finish().write("figures".as_ref())
 /// # }
 /// ```
 pub struct Experiment<C> {

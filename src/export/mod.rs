@@ -3,17 +3,17 @@
 //! Everything is written to an `io::Write`, and depends on the snapshot alone: the same map gives the same bytes.
 //! [`write_whole`] puts such bytes into a file so that a reader finds either all of them or the file as it was before.
 
-#[cfg(feature = "png")]
+#[cfg(feature = "bag")]
 mod canvas;
-#[cfg(feature = "png")]
+#[cfg(feature = "bag")]
 mod cut;
-#[cfg(feature = "png")]
+#[cfg(feature = "bag")]
 pub mod picture;
 pub mod ply;
 pub mod voxels;
 pub mod whole;
 
-#[cfg(feature = "png")]
+#[cfg(feature = "bag")]
 pub use picture::{Picture, View, draw, draw_alike};
 pub use ply::write_ply;
 pub use voxels::write_voxels;

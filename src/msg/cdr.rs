@@ -19,8 +19,8 @@ pub(crate) fn read_with<'de, S: DeserializeSeed<'de>>(data: &'de [u8], seed: S) 
         [0, 1, _, _, body @ ..] => seed.deserialize(&mut CdrDeserializer::<LittleEndian>::new(body)),
         [0, 0, _, _, body @ ..] => seed.deserialize(&mut CdrDeserializer::<BigEndian>::new(body)),
         _ => {
-            let begin = data[..data.len().min(4)].escape_ascii();
-            return Err(format!("{} bytes that begin with \"{begin}\" are no message in CDR", data.len()));
+            let start = data[..data.len().min(4)].escape_ascii();
+            return Err(format!("{} bytes that begin with \"{start}\" are no message in CDR", data.len()));
         }
     };
     read.map_err(|error| error.to_string())

@@ -1,10 +1,12 @@
 //! Where every cloud went; a depth image counts as the cloud that it becomes.
 
 use std::collections::BTreeMap;
-use std::fmt::{self, Write};
+use std::fmt;
+
+use serde::Serialize;
 
 /// Clouds since the node's start: each that was sent is taken in, replaced, lost, or skipped for a reason.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Counts {
     /// Clouds that arrived, good or bad.
     pub received: u64,
@@ -33,17 +35,7 @@ impl Counts {
 impl fmt::Display for Counts {
     /// As JSON on one line.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut skipped = String::new();
-        for (reason, number) in &self.skipped {
-            let comma = if skipped.is_empty() { "" } else { "," };
-            write!(skipped, "{comma}\"{reason}\":{number}")?;
-        }
-        let Self { received, taken_in, replaced, lost, .. } = self;
-        write!(
-            f,
-            "{{\"received\":{received},\"taken_in\":{taken_in},\"replaced\":{replaced},\"lost\":{lost},\
-             \"skipped\":{{{skipped}}}}}"
-        )
+        f.write_str(&serde_json::to_string(self).map_err(|_| fmt::Error)?)
     }
 }
 

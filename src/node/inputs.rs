@@ -289,9 +289,9 @@ mod tests {
             sources.push(source("/cam/depth/image", "Image"));
             why_unusable(&CloudError::NoCameraInfo, (0, &all), || sources)
         };
-        let begin =
+        let start =
             "a depth image, and no camera_info has come yet; nobody publishes a CameraInfo on /info: ";
-        assert_eq!(why(&[]), format!("{begin}there is none on the network"));
+        assert_eq!(why(&[]), format!("{start}there is none on the network"));
         // Another sensor is read with the second, as one that sends registered images may be.
         let topics = [
             "/cam/colour/info",
@@ -302,12 +302,12 @@ mod tests {
         assert_eq!(
             why(&topics),
             format!(
-                "{begin}use -r depth/camera_info:=/cam/depth/camera_info or \
+                "{start}use -r depth/camera_info:=/cam/depth/camera_info or \
                  -r depth/camera_info:=/third/depth/camera_info or -r depth/camera_info:=/cam/colour/info or \
                  -r depth/camera_info:=/other/depth/camera_info"
             )
         );
-        assert_eq!(why(&topics[1..2]), format!("{begin}use -r depth/camera_info:=/other/depth/camera_info"));
+        assert_eq!(why(&topics[1..2]), format!("{start}use -r depth/camera_info:=/other/depth/camera_info"));
         assert_eq!(
             why(&["/a/camera_info", "/info"]),
             "a depth image, and no camera_info has come yet; /info has a publisher, and nothing has come of it"

@@ -193,8 +193,8 @@ fn shortened(text: &str) -> String {
     if letters <= MAX_REASON {
         return text.to_owned();
     }
-    let (begin, end) = (text.chars().take(MAX_REASON / 2), text.chars().skip(letters - MAX_REASON / 2));
-    begin.chain(" ... ".chars()).chain(end).collect()
+    let (start, end) = (text.chars().take(MAX_REASON / 2), text.chars().skip(letters - MAX_REASON / 2));
+    start.chain(" ... ".chars()).chain(end).collect()
 }
 
 fn is_listed(name: &str, asked: &ListRequest) -> bool {

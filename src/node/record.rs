@@ -73,7 +73,7 @@ impl Record {
     /// Completes the bag, which then appears; whatever comes later is not in it.
     ///
     /// # Errors
-    /// The first failure since the begin.
+    /// The first failure since the start.
     pub fn finish(mut self) -> Result<(), WriteError> {
         let bag = self.end().and_then(ResultBag::finish);
         bag.map_err(|source| WriteError { path: self.path.clone(), source })?.commit()

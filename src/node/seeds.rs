@@ -1,12 +1,14 @@
-//! What makes a scan of a message, by what holds when it comes: the filter that parameters may change, the newest camera.
+//! What makes a scan of a message, by what holds when it comes: the filter that parameters may change, the newest camera; and what
+//! was heard of a sensor.
 
 use std::cell::RefCell;
 use std::rc::Rc;
 
 use serde::de::{DeserializeSeed, Deserializer};
 
+use super::heard::Known;
 use super::parameters::Parameters;
-use super::transport::Event;
+use super::transport::{Event, Form};
 use crate::cloud::{Camera, Cloud, CloudError, CloudFilter};
 use crate::msg::ros::CameraInfo;
 
@@ -37,6 +39,29 @@ impl LatestCamera {
                 Some(Event::Camera(sensor, newest))
             }
             Err(text) => Some(Event::Garbled { topic: topic.to_owned().into(), text }),
+        }
+    }
+}
+
+/// The publishers of one topic.
+pub(super) type Publishers = Rc<RefCell<Known>>;
+
+/// What was heard of a sensor.
+#[derive(Clone, Default)]
+pub(super) struct Scans {
+    pub(super) camera: LatestCamera,
+    pub(super) points: Publishers,
+    pub(super) images: Publishers,
+    pub(super) compressed: Publishers,
+}
+
+impl Scans {
+    /// Whether a scan has come in this form, or an image that lacks its camera info alone.
+    pub(super) fn comes(&self, form: Form) -> bool {
+        match form {
+            Form::Points => self.points.borrow().comes(),
+            Form::Depth => self.images.borrow().comes(),
+            Form::CompressedDepth => self.compressed.borrow().comes(),
         }
     }
 }

@@ -48,8 +48,8 @@ fn write_part(out: &mut dyn Write, mark: &str, story: &Story, facts: &Facts) -> 
         "title" => escaped(&facts.title),
         "frame" => escaped(&facts.fixed_frame),
         "summary" => summary(story, facts),
-        "remarks" => joined(&facts.remarks, |remark| format!("<p>{}</p>\n", escaped(remark))),
-        "warnings" => joined(&facts.warnings, |it| format!("<p class=\"note\">{}</p>\n", escaped(it))),
+        "remarks" => joined(&facts.remarks, |remark| format!("<p>{}</p>\n", with_code(remark))),
+        "warnings" => joined(&facts.warnings, |it| format!("<p class=\"note\">{}</p>\n", with_code(it))),
         "figures" => figures(&facts.figures),
         "parameters" => parameters(&facts.parameters),
         "skipped" => skipped(facts),
@@ -75,6 +75,23 @@ pub(super) fn escaped(text: &str) -> String {
         }
     }
     html
+}
+
+/// A line as it is said to a terminal: what stands between two backticks is code.
+fn with_code(line: &str) -> String {
+    let line = escaped(line);
+    let (mut html, mut rest) = (String::new(), line.as_str());
+    while let Some([before, code, after]) = between_backticks(rest) {
+        html.extend([before, "<code>", code, "</code>"]);
+        rest = after;
+    }
+    html + rest
+}
+
+fn between_backticks(text: &str) -> Option<[&str; 3]> {
+    let (before, rest) = text.split_once('`')?;
+    let (code, after) = rest.split_once('`')?;
+    Some([before, code, after])
 }
 
 fn joined<T>(items: impl IntoIterator<Item = T>, html: impl FnMut(T) -> String) -> String {

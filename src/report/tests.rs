@@ -12,7 +12,7 @@ use super::{Facts, Figure, MOMENTS, Story, Taken, write_report};
 use crate::cloud::CloudError;
 use crate::engine::{ClusterId, Engine, Isometry3, Params, Points, Scan, Snapshot, Stamp, VoxelKey};
 use crate::reason::Reason;
-use crate::tf::{FrameError, LookupError};
+use crate::tf::{FrameError, Lack, LookupError};
 
 /// A scan of a square metre of floor and the wall beside it; each one further along +x.
 fn scan(number: u32) -> Scan {
@@ -205,6 +205,14 @@ fn a_warning_stands_out_and_another_remark_does_not() {
 }
 
 #[test]
+fn what_stands_between_backticks_in_a_remark_is_code() {
+    let line = "frame `<a>` and `b`, not `c".to_owned();
+    let text = page(&Story::new(), &Facts { warnings: vec![line], ..Facts::default() });
+    let code = "frame <code>&lt;a&gt;</code> and <code>b</code>, not `c</p>";
+    assert!(text.contains(code), "{text}");
+}
+
+#[test]
 fn names_from_a_bag_do_no_harm() {
     let evil =
         "</script><script>alert(1)</script><img src=x onerror='alert(2)'>\"&\u{202e}{{story}}".to_owned();
@@ -251,7 +259,8 @@ fn a_skipped_message_is_explained() {
     let deep = FrameError::TooDeep { child: "a".to_owned(), max: 1 };
     let many = FrameError::TooManySamples { child: "a".to_owned(), max: 1 };
     let at = Stamp::default();
-    let chain = LookupError::TooDeep { fixed: "a".to_owned(), sensor: "b".to_owned(), at, max: 1 };
+    let (fixed, sensor, lack) = ("a".to_owned(), "b".to_owned(), Lack::TooDeep { max: 1 });
+    let chain = LookupError { fixed, sensor, at, lack };
     let reasons =
         [CloudError::EmptyFrameId.explained(), deep.explained(), many.explained(), chain.explained()];
     let skipped: BTreeMap<_, _> = reasons.into_iter().zip(1230..).collect();

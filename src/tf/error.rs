@@ -163,121 +163,99 @@ impl fmt::Display for Seconds {
 }
 
 /// Why there is no transform from the sensor's frame into the fixed one; the text goes into a warning as it is.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum LookupError {
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LookupError {
+    /// Fixed frame.
+    pub fixed: String,
+    /// Sensor's frame.
+    pub sensor: String,
+    /// Time asked for.
+    pub at: Stamp,
+    /// What there is not.
+    pub lack: Lack,
+}
+
+/// What a lookup lacks.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Lack {
     /// No transform has named one of the frames so far.
-    #[error("no transform from {sensor} into {fixed} at {}: no frame {frame} has been seen", Seconds(*at))]
     UnknownFrame {
-        /// Fixed frame.
-        fixed: String,
-        /// Sensor's frame.
-        sensor: String,
-        /// Time asked for.
-        at: Stamp,
         /// The one that is not known.
         frame: String,
     },
     /// Both frames are known, in trees apart.
-    #[error(
-        "no transform from {sensor} into {fixed} at {}: {sensor} hangs below {sensor_root}, {fixed} below \
-         {fixed_root}, and nothing connects the two",
-        Seconds(*at)
-    )]
     NotConnected {
-        /// Fixed frame.
-        fixed: String,
-        /// Sensor's frame.
-        sensor: String,
-        /// Time asked for.
-        at: Stamp,
         /// Root of the tree that the fixed frame is in.
         fixed_root: String,
         /// Root of the tree that the sensor's frame is in.
         sensor_root: String,
     },
     /// The time asked for is already forgotten, or was never covered; waiting does not help.
-    #[error(
-        "no transform from {sensor} into {fixed} at {}: {:.6} s before the range covered by {frame}, {covered}",
-        Seconds(*at), covered.from.seconds_since(*at)
-    )]
     TooEarly {
-        /// Fixed frame.
-        fixed: String,
-        /// Sensor's frame.
-        sensor: String,
-        /// Time asked for.
-        at: Stamp,
         /// The frame between the two whose samples do not reach.
         frame: String,
         /// The range of its samples.
         covered: Span,
     },
     /// The transform for the time asked for has not come yet; it may.
-    #[error(
-        "no transform from {sensor} into {fixed} at {}: {:.6} s after the range covered by {frame}, {covered}",
-        Seconds(*at), at.seconds_since(covered.until)
-    )]
     TooLate {
-        /// Fixed frame.
-        fixed: String,
-        /// Sensor's frame.
-        sensor: String,
-        /// Time asked for.
-        at: Stamp,
         /// The frame between the two whose samples do not reach.
         frame: String,
         /// The range of its samples.
         covered: Span,
     },
     /// The stamps of the sensor have jumped back, and the transforms have not: those at this time are of before the jump.
-    #[error(
-        "no transform from {sensor} into {fixed} at {}: its stamp lies {:.3} s before that of the newest scan, and the \
-         transforms have not jumped back",
-        Seconds(*at), newest.seconds_since(*at)
-    )]
     NotJumpedBack {
-        /// Fixed frame.
-        fixed: String,
-        /// Sensor's frame.
-        sensor: String,
-        /// Time asked for.
-        at: Stamp,
         /// Stamp of the sensor's newest scan.
         newest: Stamp,
     },
     /// One of the frames has too much above it.
-    #[error(
-        "no transform from {sensor} into {fixed} at {}: one of the two has more than {max} frames above it",
-        Seconds(*at)
-    )]
     TooDeep {
-        /// Fixed frame.
-        fixed: String,
-        /// Sensor's frame.
-        sensor: String,
-        /// Time asked for.
-        at: Stamp,
         /// [`MAX_DEPTH`](super::MAX_DEPTH).
         max: usize,
     },
     /// The chain is there, but its numbers cannot be composed.
-    #[error("no transform from {sensor} into {fixed} at {}: {reason}", Seconds(*at))]
     Numeric {
-        /// Fixed frame.
-        fixed: String,
-        /// Sensor's frame.
-        sensor: String,
-        /// Time asked for.
-        at: Stamp,
         /// What overflowed.
         reason: String,
     },
 }
 
+impl std::error::Error for LookupError {}
+
+impl fmt::Display for LookupError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { fixed, sensor, at, lack } = self;
+        write!(f, "no transform from {sensor} into {fixed} at {}: ", Seconds(*at))?;
+        match lack {
+            Lack::UnknownFrame { frame } => write!(f, "no frame {frame} has been seen"),
+            Lack::NotConnected { fixed_root, sensor_root } => write!(
+                f,
+                "{sensor} hangs below {sensor_root}, {fixed} below {fixed_root}, and nothing connects the two"
+            ),
+            Lack::TooEarly { frame, covered } => {
+                let before = covered.from.seconds_since(*at);
+                write!(f, "{before:.6} s before the range covered by {frame}, {covered}")
+            }
+            Lack::TooLate { frame, covered } => {
+                let after = at.seconds_since(covered.until);
+                write!(f, "{after:.6} s after the range covered by {frame}, {covered}")
+            }
+            Lack::NotJumpedBack { newest } => write!(
+                f,
+                "its stamp lies {:.3} s before that of the newest scan, and the transforms have not jumped back",
+                newest.seconds_since(*at)
+            ),
+            Lack::TooDeep { max } => write!(f, "one of the two has more than {max} frames above it"),
+            Lack::Numeric { reason } => f.write_str(reason),
+        }
+    }
+}
+
 impl LookupError {
     /// Whether no way leads from the one frame to the other, as opposed to one that does not reach that time.
     pub const fn is_unconnected(&self) -> bool {
-        matches!(self, Self::UnknownFrame { .. } | Self::NotConnected { .. })
+        matches!(self.lack, Lack::UnknownFrame { .. } | Lack::NotConnected { .. })
     }
 
     /// A short key to count dropped scans by.
@@ -287,22 +265,22 @@ impl LookupError {
 
     /// What the error is counted by, with what that means.
     pub fn explained(&self) -> Reason {
-        let (key, sentence) = match self {
-            Self::UnknownFrame { .. } => {
+        let (key, sentence) = match self.lack {
+            Lack::UnknownFrame { .. } => {
                 ("tf_unknown_frame", "No transform names the sensor’s frame or the fixed frame.")
             }
-            Self::NotConnected { .. } => {
+            Lack::NotConnected { .. } => {
                 ("tf_not_connected", "No chain of transforms joins the sensor to the fixed frame.")
             }
-            Self::TooEarly { .. } => ("tf_too_early", "The cloud is older than the oldest transform."),
-            Self::TooLate { .. } => ("tf_too_late", "The cloud is newer than the newest transform."),
-            Self::NotJumpedBack { .. } => {
+            Lack::TooEarly { .. } => ("tf_too_early", "The cloud is older than the oldest transform."),
+            Lack::TooLate { .. } => ("tf_too_late", "The cloud is newer than the newest transform."),
+            Lack::NotJumpedBack { .. } => {
                 ("tf_not_jumped_back", "The stamps jumped back, and the transforms did not.")
             }
-            Self::TooDeep { .. } => {
+            Lack::TooDeep { .. } => {
                 ("tf_too_deep", "The sensor’s frame or the fixed frame has too many frames above it.")
             }
-            Self::Numeric { .. } => {
+            Lack::Numeric { .. } => {
                 ("tf_numeric", "The transforms to the fixed frame cannot be put together.")
             }
         };

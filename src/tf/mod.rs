@@ -16,6 +16,7 @@ mod waiting;
 #[cfg(test)]
 mod tests;
 
+use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
@@ -28,7 +29,7 @@ use transforms::time::Timestamp;
 use crate::engine::Stamp;
 use crate::msg::ros::{JUMP_BACK, TransformStamped};
 
-pub use error::{FrameError, LookupError, Span};
+pub use error::{FrameError, Lack, LookupError, Span};
 pub use sample::{MAX_NAME_BYTES, NORM_TOLERANCE};
 pub use waiting::{Moment, Waited, WaitingQueue};
 
@@ -58,6 +59,8 @@ pub struct Frames {
     registry: Registry,
     /// One edge a child frame, as in `registry`, which does not tell its own.
     edges: BTreeMap<String, Edge>,
+    /// How many edges each parent is that of.
+    parents: BTreeMap<String, usize>,
     /// Bound of all samples that are kept.
     samples: usize,
     /// The time at which the tree was full and looked through for what is out of date.
@@ -130,7 +133,8 @@ impl Frames {
     /// An empty tree.
     pub fn new() -> Self {
         let registry = Registry::with_max_age(MAX_AGE);
-        Self { registry, edges: BTreeMap::new(), samples: 0, looked: None, jumps: 0 }
+        let (edges, parents) = (BTreeMap::new(), BTreeMap::new());
+        Self { registry, edges, parents, samples: 0, looked: None, jumps: 0 }
     }
 
     /// Takes in one transform of `/tf_static` (`is_static`) or `/tf`; the stamp of a static one is not looked at.
@@ -140,7 +144,7 @@ impl Frames {
     /// # Errors
     ///
     /// A [`FrameError`], and nothing of the message is in the tree. To make room for it, dynamic frames that are out of date may
-    /// have been forgotten.
+    /// have been forgotten, and all of them where it jumps back.
     pub fn insert(&mut self, message: &TransformStamped, is_static: bool) -> Result<Inserted, FrameError> {
         let sample = Sample::check(message, is_static)?;
         let jumped_back = self.jumps_back(&sample);
@@ -249,25 +253,27 @@ impl Frames {
         } else {
             let edge = Edge { parent: sample.parent.into(), kept: sample.stamp.map(Kept::first) };
             self.samples += edge.samples();
+            *self.parents.entry(edge.parent.clone()).or_default() += 1;
             self.edges.insert(sample.child.into(), edge);
         }
     }
 
     fn remove(&mut self, child: &str) {
+        let Some(edge) = self.edges.remove(child) else { return };
         self.registry.remove_frame(child);
-        self.samples -= self.edges.remove(child).map_or(0, |edge| edge.samples());
+        self.samples -= edge.samples();
+        if let Entry::Occupied(mut edges) = self.parents.entry(edge.parent) {
+            *edges.get_mut() -= 1;
+            if *edges.get() == 0 {
+                edges.remove();
+            }
+        }
     }
 
     fn retain(&mut self, stays: impl Fn(&Edge) -> bool) {
-        let Self { registry, edges, samples, .. } = self;
-        edges.retain(|child, edge| {
-            let stays = stays(edge);
-            if !stays {
-                registry.remove_frame(child);
-                *samples -= edge.samples();
-            }
-            stays
-        });
+        let gone = self.edges.iter().filter(|(_, edge)| !stays(edge));
+        let gone: Vec<_> = gone.map(|(child, _)| child.clone()).collect();
+        gone.iter().for_each(|child| self.remove(child));
     }
 
     /// Forgets all dynamic transforms and keeps the static ones.
@@ -325,18 +331,23 @@ impl Frames {
         if fixed == sensor {
             return Ok(Isometry3::identity());
         }
-        if self.is_deep(fixed) || self.is_deep(sensor) {
-            let (fixed, sensor) = (fixed.to_owned(), sensor.to_owned());
-            return Err(LookupError::TooDeep { fixed, sensor, at: stamp, max: MAX_DEPTH });
-        }
-        let found = self.registry.get_transform(fixed, sensor, instant(stamp));
-        let transform = found.map_err(|error| self.explain(fixed, sensor, stamp, error))?;
-        isometry(&transform).ok_or_else(|| LookupError::Numeric {
+        self.find(fixed, sensor, stamp).map_err(|lack| LookupError {
             fixed: fixed.into(),
             sensor: sensor.into(),
             at: stamp,
-            reason: "the composed transform is not finite".into(),
+            lack,
         })
+    }
+
+    fn find(&self, fixed: &str, sensor: &str, stamp: Stamp) -> Result<Isometry3<f64>, Lack> {
+        if self.is_deep(fixed) || self.is_deep(sensor) {
+            return Err(Lack::TooDeep { max: MAX_DEPTH });
+        }
+        self.check_joined(fixed, sensor)?;
+        let found = self.registry.get_transform(fixed, sensor, instant(stamp));
+        let transform = found.map_err(|error| lack(error, stamp))?;
+        isometry(&transform)
+            .ok_or_else(|| Lack::Numeric { reason: "the composed transform is not finite".into() })
     }
 
     /// Whether a frame has more above it than is followed: a part of the tree can be put under another one.
@@ -344,35 +355,21 @@ impl Frames {
         self.up_from(frame).nth(MAX_DEPTH).is_some()
     }
 
-    /// What a failed lookup lacks. The registry reports a gap in time even where the frames are not connected, so
-    /// the tree is asked first.
-    fn explain(&self, fixed: &str, sensor: &str, at: Stamp, error: RegistryError) -> LookupError {
-        let (fixed, sensor) = (fixed.to_owned(), sensor.to_owned());
-        let (Some(fixed_root), Some(sensor_root)) = (self.root_of(&fixed), self.root_of(&sensor)) else {
-            let frame = if self.root_of(&fixed).is_none() { fixed.clone() } else { sensor.clone() };
-            return LookupError::UnknownFrame { fixed, sensor, at, frame };
-        };
-        if fixed_root != sensor_root {
-            let (fixed_root, sensor_root) = (fixed_root.to_owned(), sensor_root.to_owned());
-            return LookupError::NotConnected { fixed, sensor, at, fixed_root, sensor_root };
+    /// Whether the frames are known, and of one tree. Where a lookup fails, the registry looks through all of its frames, and it
+    /// reports a gap in time even where the frames are not connected: so the tree is asked first.
+    fn check_joined(&self, fixed: &str, sensor: &str) -> Result<(), Lack> {
+        let root_of =
+            |frame| self.root_of(frame).ok_or_else(|| Lack::UnknownFrame { frame: frame.to_owned() });
+        let (fixed_root, sensor_root) = (root_of(fixed)?, root_of(sensor)?);
+        if fixed_root == sensor_root {
+            return Ok(());
         }
-        match error {
-            RegistryError::NotFoundAt { frame, covered: Some((from, until)), .. } => {
-                let covered = Span { from: stamp_of(from), until: stamp_of(until) };
-                if at < covered.from {
-                    LookupError::TooEarly { fixed, sensor, at, frame, covered }
-                } else {
-                    LookupError::TooLate { fixed, sensor, at, frame, covered }
-                }
-            }
-            other => LookupError::Numeric { fixed, sensor, at, reason: other.to_string() },
-        }
+        Err(Lack::NotConnected { fixed_root: fixed_root.into(), sensor_root: sensor_root.into() })
     }
 
     /// All frames, as child or parent, by name.
     pub fn frame_names(&self) -> Vec<String> {
-        let names = self.edges.iter().flat_map(|(child, edge)| [child, &edge.parent]);
-        names.collect::<BTreeSet<_>>().into_iter().cloned().collect()
+        self.edges.keys().chain(self.parents.keys()).collect::<BTreeSet<_>>().into_iter().cloned().collect()
     }
 
     /// Whether a transform says where `frame` is, so that it has a parent.
@@ -383,14 +380,24 @@ impl Frames {
     /// The root of the tree that `frame` is in; the frame itself where it has no parent, `None` where it is unknown.
     pub fn root_of(&self, frame: &str) -> Option<&str> {
         let frame = bare(frame);
-        let mut parents = self.edges.values().map(|edge| edge.parent.as_str());
-        let above = self.edges.get(frame).map(|edge| edge.parent.as_str());
-        let mut root = above.or_else(|| parents.find(|&parent| parent == frame))?;
         // No cycle has a place in the tree, so this ends.
-        while let Some(edge) = self.edges.get(root) {
-            root = &edge.parent;
+        let above = self.up_from(frame).last().map(|edge| &edge.parent);
+        above.or_else(|| self.parents.get_key_value(frame).map(|(root, _)| root)).map(String::as_str)
+    }
+}
+
+/// What a lookup in one tree lacks that failed.
+fn lack(error: RegistryError, at: Stamp) -> Lack {
+    match error {
+        RegistryError::NotFoundAt { frame, covered: Some((from, until)), .. } => {
+            let covered = Span { from: stamp_of(from), until: stamp_of(until) };
+            if at < covered.from {
+                Lack::TooEarly { frame, covered }
+            } else {
+                Lack::TooLate { frame, covered }
+            }
         }
-        Some(root)
+        other => Lack::Numeric { reason: other.to_string() },
     }
 }
 
@@ -422,7 +429,6 @@ pub(crate) fn check_place<'a>(
 }
 
 /// Whether a transform is well formed by itself; whether the tree has a place for it is another question.
-#[cfg(feature = "bag")]
 pub(crate) fn check(message: &TransformStamped, is_static: bool) -> Result<(), FrameError> {
     Sample::check(message, is_static).map(drop)
 }

@@ -91,6 +91,14 @@ def test_a_demo_whose_bag_cannot_be_written_leaves_its_pictures(tmp_path):
     assert all((tmp_path / name).stat().st_size > 100 for name in ("map.ply", "map.png"))
 
 
+def test_a_demo_names_each_file_that_cannot_be_written(tmp_path):
+    names = ["result.mcap", "map.ply", "map.png"]
+    for name in names:
+        (tmp_path / name).symlink_to("/dev/full")
+    done = subprocess.run([BINARY, "demo", "--seconds=2", "--out", tmp_path], capture_output=True, text=True, timeout=180)
+    assert done.returncode == 1 and all(says(done.stderr, FULL, name) for name in names), done.stderr
+
+
 def test_a_single_file_that_is_mounted_gets_the_whole_output(bag, tmp_path):
     """As in a container: its name cannot be taken by another file."""
     behind, voxels = tmp_path / "behind.csv", tmp_path / "voxels.csv"

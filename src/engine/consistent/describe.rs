@@ -420,28 +420,7 @@ mod tests {
         let normal = UnitVector3::new_normalize(Vector3::z().cross(&(to - from)));
         let boundary = vec![to, from, from + up, to + up];
         let (pose, sides) = rectangle_around(&boundary, &from, &normal);
-        snapshot::Cluster {
-            id: ClusterId::new(id).unwrap(),
-            revision: 1,
-            state: ClusterState::Active,
-            first_seen: Stamp::default(),
-            last_seen: Stamp::default(),
-            class: SurfaceClass::Unknown,
-            class_confidence: 0.0,
-            normal,
-            offset: -normal.dot(&from.coords),
-            plane_covariance: None,
-            centroid: Point3::from(pose.translation.vector),
-            covariance: Matrix3::identity(),
-            rms_error: 0.0,
-            area: Some(sides[0] * sides[1]),
-            boundary,
-            holes: Vec::new(),
-            pose,
-            size: Vector3::new(sides[0], sides[1], 0.0),
-            voxel_count: 100,
-            point_count: 2000,
-        }
+        snapshot::Cluster { normal, boundary, ..snapshot::Cluster::rectangle(id, pose, sides) }
     }
 
     fn beside(cluster: &snapshot::Cluster, other: &snapshot::Cluster) -> Uprights {

@@ -150,7 +150,8 @@ async fn take(reader: SimpleDataReaderCdr<TfMessage>, taken: Rc<RefCell<Taken>>,
     pin_mut!(messages);
     while let Some(message) = messages.next().await {
         // As in `read`: a place first. What cannot be decoded is said by the reader that is always open.
-        let (Ok(place), Ok(message)) = (events.reserve().await, message) else { continue };
+        let Ok(place) = events.reserve().await else { return };
+        let Ok(message) = message else { continue };
         let info = MessageInfo::from(&message);
         if let Some(event) = event(&taken, message.into_value(), &info) {
             place.send(event);

@@ -20,11 +20,11 @@ use crate::cloud::{CloudSeed, CompressedSeed, DepthSeed};
 use crate::msg::ros::{CameraInfo, Clock, TriggerRequest, TriggerResponse};
 use crate::msg::sent::Named;
 use crate::msg::types;
-use crate::node::heard::{Known, Order, PublisherId, Taken};
+use crate::node::heard::{Order, PublisherId, Taken};
 use crate::node::middleware::OpenError;
 use crate::node::parameters::Parameters;
 use crate::node::readers::{tell_camera, tell_scan};
-use crate::node::seeds::{Decoded, LatestCamera, Told, WithCamera, WithFilter};
+use crate::node::seeds::{Decoded, LatestCamera, Publishers, Scans, Told, WithCamera, WithFilter};
 use crate::node::transport::{DepthTopics, Event, Form, Input, SensorTopics, Service};
 use crate::node::{clock, compressed};
 
@@ -40,29 +40,6 @@ pub(super) struct Memory {
     pub(super) latched: Rc<RefCell<Taken>>,
     pub(super) namesakes: Rc<Namesakes>,
 }
-
-/// What was heard of a sensor.
-#[derive(Clone, Default)]
-struct Scans {
-    camera: LatestCamera,
-    points: Publishers,
-    images: Publishers,
-    compressed: Publishers,
-}
-
-impl Scans {
-    /// Whether a scan has come in this form, or an image that lacks its camera info alone.
-    fn comes(&self, form: Form) -> bool {
-        match form {
-            Form::Points => self.points.borrow().comes(),
-            Form::Depth => self.images.borrow().comes(),
-            Form::CompressedDepth => self.compressed.borrow().comes(),
-        }
-    }
-}
-
-/// The publishers of one topic.
-type Publishers = Rc<RefCell<Known>>;
 
 /// Starts the tasks that read topics.
 pub(super) fn listen(

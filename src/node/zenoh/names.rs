@@ -86,8 +86,8 @@ impl NodeToken {
     /// The key of one of its ends; numbers begin with 1, the node's is 0.
     pub(super) fn key_of(&self, number: u64, kind: Kind, named: Named<'_>, qos: Qos) -> String {
         let (name, hash) = (mangled(named.name), hash(named.type_name));
-        let (begin, dds_type) = (self.begin(number, kind.code()), dds_type(named.type_name));
-        format!("{begin}/{name}/{dds_type}/{hash}/{}", qos.token())
+        let (start, dds_type) = (self.begin(number, kind.code()), dds_type(named.type_name));
+        format!("{start}/{name}/{dds_type}/{hash}/{}", qos.token())
     }
 
     fn begin(&self, number: u64, code: &str) -> String {
@@ -186,8 +186,8 @@ mod tests {
         assert_eq!(named.key_of_any(0), "0/robot1/chatter/std_srvs::srv::dds_::Trigger_/*");
         assert_eq!(node("/").key(), "@ros2_lv/7/aac3178e/0/0/NN/%/%/cfodi");
         let key = node("/robot").key_of(3, Kind::Service, named, LATCHED);
-        let begin = "@ros2_lv/7/aac3178e/0/3/SS/%/%robot/cfodi/%robot1%chatter/std_srvs::srv::dds_::Trigger_";
-        assert_eq!(key, format!("{begin}/{hash}/:1:,1:,:,:,,"));
+        let start = "@ros2_lv/7/aac3178e/0/3/SS/%/%robot/cfodi/%robot1%chatter/std_srvs::srv::dds_::Trigger_";
+        assert_eq!(key, format!("{start}/{hash}/:1:,1:,:,:,,"));
         assert_eq!(Qos::best_effort(10).token(), "2::,10:,:,:,,");
     }
 

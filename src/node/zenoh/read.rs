@@ -1,7 +1,6 @@
 //! The tasks that read topics: each hands events to one bounded channel.
 
 use std::borrow::Cow;
-use std::cell::RefCell;
 use std::rc::Rc;
 use std::sync::Arc;
 
@@ -15,11 +14,10 @@ use crate::msg::cdr;
 use crate::msg::ros::{Clock, TriggerRequest};
 use crate::msg::sent::{Named, Qos};
 use crate::msg::types;
-use crate::node::heard::Known;
 use crate::node::middleware::OpenError;
 use crate::node::parameters::Parameters;
 use crate::node::readers::{tell_camera, tell_scan};
-use crate::node::seeds::{Decoded, LatestCamera, Told, WithCamera, WithFilter};
+use crate::node::seeds::{Decoded, LatestCamera, Publishers, Scans, Told, WithCamera, WithFilter};
 use crate::node::transport::{DepthTopics, Event, Form, Input, SensorTopics, Service};
 use crate::node::{clock, compressed};
 
@@ -42,8 +40,8 @@ pub(super) fn listen(
 ) -> Result<Readers, OpenError> {
     let mut readers = Readers::new();
     for (number, sensor) in opener.setup.inputs()?.into_iter().enumerate() {
-        let (readers, known) = (&mut readers, Publishers::default());
-        Listening { opener, graph, readers, parameters, events, number, known }.to(sensor)?;
+        let (readers, heard) = (&mut readers, Scans::default());
+        Listening { opener, graph, readers, parameters, events, number, heard }.to(sensor)?;
     }
     for (topic, is_static) in [("/tf", false), ("/tf_static", true)] {
         let qos = Qos { latched: is_static, ..Qos::reliable(100) };
@@ -67,24 +65,6 @@ pub(super) fn listen(
     Ok(readers)
 }
 
-/// What was heard of a sensor.
-#[derive(Clone, Default)]
-struct Publishers {
-    points: Rc<RefCell<Known>>,
-    images: Rc<RefCell<Known>>,
-}
-
-impl Publishers {
-    /// Whether a scan has come in this form, which is not asked of compressed images.
-    fn come(&self, form: Form) -> bool {
-        match form {
-            Form::Points => self.points.borrow().comes(),
-            Form::Depth => self.images.borrow().comes(),
-            Form::CompressedDepth => false,
-        }
-    }
-}
-
 /// Begins to read one sensor.
 struct Listening<'a> {
     opener: &'a Rc<Opener>,
@@ -93,7 +73,7 @@ struct Listening<'a> {
     parameters: &'a Rc<Parameters>,
     events: &'a Events,
     number: usize,
-    known: Publishers,
+    heard: Scans,
 }
 
 impl Listening<'_> {
@@ -110,34 +90,34 @@ impl Listening<'_> {
     fn clouds(&mut self, topic: &str) -> Result<(), OpenError> {
         let seed = WithFilter::new(self.parameters, CloudSeed::new);
         let scans = self.opener.subscribe(Named { name: topic, type_name: types::CLOUD }, SENSOR, SCANS)?;
-        self.read(Form::Points, scans, seed, Rc::clone(&self.known.points));
+        self.read(Form::Points, scans, seed, Rc::clone(&self.heard.points));
         Ok(())
     }
 
     /// Depth images with their camera; compressed ones once they are wanted.
     fn images(&mut self, sensor: SensorTopics, topics: DepthTopics) -> Result<(), OpenError> {
-        let camera = LatestCamera::default();
+        let camera = self.heard.camera.clone();
         let infos = Named { name: &topics.camera_info.resolved, type_name: types::CAMERA_INFO };
         let infos = self.opener.subscribe(infos, SENSOR, CAMERAS)?;
         self.readers.spawn_local(read_cameras(self.number, infos, camera.clone(), self.events.clone()));
         let seed = WithCamera::new(&camera, self.parameters, DepthSeed::new);
         let images = Named { name: &topics.image.resolved, type_name: types::IMAGE };
         let images = self.opener.subscribe(images, SENSOR, SCANS)?;
-        self.read(Form::Depth, images, seed, Rc::clone(&self.known.images));
+        self.read(Form::Depth, images, seed, Rc::clone(&self.heard.images));
         let seed = WithCamera::new(&camera, self.parameters, CompressedSeed::new);
-        let (opener, graph, known) = (Rc::downgrade(self.opener), Arc::clone(self.graph), self.known.clone());
+        let (opener, graph, heard) = (Rc::downgrade(self.opener), Arc::clone(self.graph), self.heard.clone());
         let (input, events) = (Form::CompressedDepth.of(self.number), self.events.clone());
         self.readers.spawn_local(async move {
-            compressed::wanted(&sensor, || listed(&graph), |form| known.come(form)).await;
+            compressed::wanted(&sensor, || listed(&graph), |form| heard.comes(form)).await;
             let images = Named { name: &topics.compressed, type_name: types::COMPRESSED_IMAGE };
             let images = opener.upgrade().map(|opener| opener.subscribe(images, SENSOR, SCANS));
             let images = compressed::opened(images).await;
-            read_scans(input, images, seed, Rc::default(), events).await
+            read_scans(input, images, seed, heard.compressed, events).await
         });
         Ok(())
     }
 
-    fn read<S>(&mut self, form: Form, scans: Inbox, seed: S, known: Rc<RefCell<Known>>)
+    fn read<S>(&mut self, form: Form, scans: Inbox, seed: S, known: Publishers)
     where
         S: for<'de> DeserializeSeed<'de, Value = Decoded> + Clone + 'static,
     {
@@ -151,7 +131,7 @@ async fn read_scans<S>(
     input: Input,
     scans: Inbox,
     seed: S,
-    known: Rc<RefCell<Known>>,
+    known: Publishers,
     events: Events,
 ) -> Cow<'static, str>
 where

@@ -7,7 +7,7 @@ const MOVING = [0.4, 0.5, 0.67, 1];
 const MOST_PIXELS = 7e6;
 /** The picture is at rest when nothing has changed for so long (ms). */
 const REST = 140;
-/** Playing from begin to end takes about this long (ms). */
+/** Playing from start to end takes about this long (ms). */
 const PLAYING = 9000;
 
 class Viewer {

@@ -17,28 +17,13 @@ fn session() -> Session {
 
 /// A square of 1 m by 1 m with its middle at the origin, seen from above.
 pub(in crate::msg) fn square(id: u64) -> Cluster {
-    let corner = |x, y| Point3::new(x, y, 0.0);
     Cluster {
-        id: ClusterId::new(id).unwrap(),
-        revision: 1,
-        state: ClusterState::Active,
-        first_seen: Stamp::default(),
-        last_seen: Stamp::default(),
         class: SurfaceClass::Floor,
         class_confidence: 1.0,
-        normal: Vector3::z_axis(),
-        offset: 0.0,
-        plane_covariance: None,
-        centroid: Point3::origin(),
         covariance: Matrix3::zeros(),
-        rms_error: 0.0,
-        area: Some(1.0),
-        boundary: vec![corner(-0.5, -0.5), corner(0.5, -0.5), corner(0.5, 0.5), corner(-0.5, 0.5)],
-        holes: Vec::new(),
-        pose: Isometry3::identity(),
-        size: Vector3::new(1.0, 1.0, 0.0),
         voxel_count: 1,
         point_count: 100,
+        ..Cluster::rectangle(id, Isometry3::identity(), [1.0, 1.0])
     }
 }
 

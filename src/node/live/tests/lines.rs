@@ -44,15 +44,15 @@ fn what_is_wrong_with_one_sensor_does_not_hide_it_of_another() {
         ["points", "/points", "/depth/image", "/depth/camera_info"],
         ["rear", "/rear", "/rear/image", "/rear/camera_info"],
     ] {
-        for begin in [
+        for start in [
             format!("{info} tells of lens distortion"),
             format!("a cloud of {points} was skipped: header frame_id is empty"),
             format!("{points}: of 1000 points only 20 are used"),
             format!("{image} is skipped, for {points} was first"),
             format!("the stamps of the sensor {name} are "),
         ] {
-            let lines = said.iter().filter(|(level, line)| *level == 30 && line.starts_with(&begin));
-            assert_eq!(lines.count(), 1, "{begin}: {said:?}");
+            let lines = said.iter().filter(|(level, line)| *level == 30 && line.starts_with(&start));
+            assert_eq!(lines.count(), 1, "{start}: {said:?}");
         }
     }
 }

@@ -103,8 +103,8 @@ fn a_sensor_whose_every_scan_cannot_be_used_is_an_error_with_the_reason_and_what
     for (bad_for, level, why) in [(None, 1, plain), (Some(QUIET), 2, long.as_str())] {
         let image = || Event::Cloud(Form::Depth.of(0), Err(CloudError::NoCameraInfo));
         let (sensor, said) = of_sensor(bad_for, vec![image(), image(), image()]);
-        let begin = "3 of 3 scans were lost or cannot be used; why the last cannot: ";
-        assert_eq!((sensor.level, sensor.message), (level, format!("{begin}{why}")));
+        let start = "3 of 3 scans were lost or cannot be used; why the last cannot: ";
+        assert_eq!((sensor.level, sensor.message), (level, format!("{start}{why}")));
         let line = (30, format!("a cloud of /depth/image was skipped: {why}"));
         assert_eq!(said.iter().filter(|said| **said == line).count(), 1, "{said:?}");
     }
@@ -115,7 +115,7 @@ fn a_sensor_whose_every_scan_cannot_be_used_is_an_error_with_the_reason_and_what
 fn a_bad_scan_among_good_ones_or_a_lost_one_is_a_warning() {
     let bad = || Event::Cloud(Form::Points.of(0), Err(CloudError::EmptyFrameId));
     let why = "; why the last cannot: header frame_id is empty";
-    for (events, begin) in [
+    for (events, start) in [
         (vec![cloud(at(10.0), "camera"), bad()], format!("1 of 2 scans were lost or cannot be used{why}")),
         (
             vec![cloud(at(10.0), "camera"), bad(), bad()],
@@ -124,12 +124,12 @@ fn a_bad_scan_among_good_ones_or_a_lost_one_is_a_warning() {
         (vec![cloud(at(10.0), "camera"), Event::Lost(Form::Points.of(0), 1)], "1 of 2 scans".to_owned()),
     ] {
         let (sensor, _) = of_sensor(Some(QUIET), events);
-        assert!(sensor.level == 1 && sensor.message.starts_with(&begin), "{sensor:?}");
+        assert!(sensor.level == 1 && sensor.message.starts_with(&start), "{sensor:?}");
     }
     for event in [bad(), Event::Lost(Form::Points.of(0), 1)] {
         let (sensor, _) = of_sensor(None, vec![event]);
-        let begin = "1 of 1 scans were lost or cannot be used";
-        assert!(sensor.level == 1 && sensor.message.starts_with(begin), "{sensor:?}");
+        let start = "1 of 1 scans were lost or cannot be used";
+        assert!(sensor.level == 1 && sensor.message.starts_with(start), "{sensor:?}");
     }
 }
 

@@ -1,12 +1,12 @@
 //! What landmarks find is what a scan of all clusters finds.
 
-use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, UnitVector3};
+use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 use proptest::prelude::*;
 
 use super::*;
 use crate::engine::consistent::describe::{Uprights, edges, middle};
 use crate::engine::consistent::surfaces::Surfaces;
-use crate::engine::{ClusterId, ClusterState, Stamp, SurfaceClass};
+use crate::engine::ClusterId;
 
 /// The clusters that are told of, by component.
 type Told<'a> = BTreeMap<ComponentId, &'a Cluster>;
@@ -58,36 +58,13 @@ impl Surfaces {
     }
 }
 
-/// A rectangle somewhere: what of a cluster the landmarks depend on, the rest as it may be.
+/// A rectangle somewhere.
 fn rectangle(place: [f64; 3], [yaw, pitch, roll]: [f64; 3], sides: [f64; 2]) -> Cluster {
     let pose = Isometry3::from_parts(
         Translation3::from(Vector3::from(place)),
         UnitQuaternion::from_euler_angles(roll, pitch, yaw),
     );
-    let normal = UnitVector3::new_normalize(pose * Vector3::z());
-    let corner = |[x, y]: [f64; 2]| pose * Point3::new(0.5 * x * sides[0], 0.5 * y * sides[1], 0.0);
-    Cluster {
-        id: ClusterId::new(1).unwrap(),
-        revision: 0,
-        state: ClusterState::Active,
-        first_seen: Stamp::default(),
-        last_seen: Stamp::default(),
-        class: SurfaceClass::Unknown,
-        class_confidence: 0.0,
-        normal,
-        offset: -normal.dot(&pose.translation.vector),
-        plane_covariance: None,
-        centroid: Point3::from(pose.translation.vector),
-        covariance: Matrix3::identity(),
-        rms_error: 0.0,
-        area: Some(sides[0] * sides[1]),
-        boundary: [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(corner).to_vec(),
-        holes: Vec::new(),
-        pose,
-        size: Vector3::new(sides[0], sides[1], 0.02),
-        voxel_count: 10,
-        point_count: 100,
-    }
+    Cluster::rectangle(1, pose, sides)
 }
 
 /// Upright, level and sloped rectangles, from a leaf of a door to a long wall.
