@@ -54,7 +54,7 @@ pub(crate) use params::{
 };
 pub use params::{Mode, Params, ParamsError};
 pub use points::{Depths, Points, Rays};
-pub use saved::{RestoreError, SavedMap, SavedMapOfVersion1};
+pub use saved::{RestoreError, SavedMap};
 pub use scan::{Scan, Stamp};
 pub use snapshot::{ChangedCluster, Cluster, ClusterState, DenseVoxel, Snapshot, Update};
 pub use step::PipelineStep;

@@ -3,8 +3,6 @@
 //! Voxels with their moments and what was published of them, the slots of blocks, patches and clusters, and who the
 //! clusters are. Patches, joins, sums, footprints and outlines follow from these and are found again.
 
-pub(crate) mod version1;
-
 use nalgebra::Isometry3;
 use serde::{Deserialize, Serialize};
 
@@ -22,8 +20,8 @@ use crate::engine::saved::{RestoreError, ensure};
 
 /// All of a [`Consistent`](super::Consistent) but its parameters and the scans that it has taken in.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct SavedConsistent<V = SavedVoxel> {
-    pub(super) grid: SavedGrid<V>,
+pub(crate) struct SavedConsistent {
+    pub(super) grid: SavedGrid,
     pub(super) surfaces: SavedSurfaces,
     /// Where the sensor stands, and since which scan.
     pub(super) standpoint: (Isometry3<f64>, u64),
@@ -33,17 +31,17 @@ pub(crate) struct SavedConsistent<V = SavedVoxel> {
 
 /// The blocks with their slots.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct SavedGrid<V = SavedVoxel> {
+pub(super) struct SavedGrid {
     /// By ascending slot.
-    pub(super) blocks: Vec<(u32, SavedBlock<V>)>,
+    pub(super) blocks: Vec<(u32, SavedBlock)>,
     /// Slots without a block, as there were while slots were kept; none is written.
     pub(super) free: Vec<u32>,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct SavedBlock<V = SavedVoxel> {
+pub(super) struct SavedBlock {
     key: BlockKey,
-    voxels: Vec<V>,
+    voxels: Vec<SavedVoxel>,
     changed: bool,
     drifted: u32,
     points: u32,
@@ -56,7 +54,7 @@ pub(super) struct SavedBlock<V = SavedVoxel> {
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct SavedVoxel {
+struct SavedVoxel {
     cell: Cell,
     count: u32,
     moments: Moments,

@@ -21,7 +21,7 @@ use crate::engine::binning;
 use crate::engine::symmetric::{PAIRS, symmetric, upper};
 
 /// Units of an offset in a voxel's edge.
-pub(super) const UNITS: f64 = binning::UNITS as f64;
+const UNITS: f64 = binning::UNITS as f64;
 /// Most weight and most points of a voxel; beyond either both are halved.
 pub(super) const MOST_WEIGHT: u64 = u32::MAX as u64;
 pub(super) const MOST_POINTS: u64 = 1 << 20;
@@ -162,7 +162,7 @@ impl Moments {
 }
 
 /// How often a number must be halved to be no more than `most`.
-pub(super) const fn halvings(number: u64, most: u64) -> u32 {
+const fn halvings(number: u64, most: u64) -> u32 {
     let mut halvings = 0;
     while number >> halvings > most {
         halvings += 1;
