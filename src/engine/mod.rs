@@ -33,7 +33,6 @@ pub mod paper;
 mod params;
 pub(crate) mod plane;
 mod points;
-pub mod rand_index;
 mod rectangle;
 mod saved;
 mod scan;
