@@ -112,7 +112,7 @@ pub enum StoreError {
         /// Its version.
         version: u32,
     },
-    /// The map in it cannot be gone on with.
+    /// The map in it cannot be resumed.
     #[error("{path}: {error}")]
     Map {
         /// The file.
@@ -159,7 +159,7 @@ pub fn write(path: &Path, stored: &Stored) -> Result<u64, StoreError> {
     let bytes = pack(stored).map_err(refused)?;
     let target = target(path).map_err(refused)?;
     let folder = File::open(folder(&target)).map_err(refused)?;
-    replace(&target, &target, |file| file.write_all(&bytes)).map_err(refused)?;
+    write_beside(&target, &target, |file| file.write_all(&bytes)).map_err(refused)?;
     // The name is on the disk when its folder is.
     folder.sync_all().map_err(|error| StoreError::Unsure { path: path.to_owned(), error })?;
     Ok(bytes.len() as u64)
@@ -198,7 +198,7 @@ fn beside(path: &Path, end: &str) -> PathBuf {
 }
 
 /// Writes a file as `NAME.part` and gives it the name `to`, in place of what has it.
-fn replace(path: &Path, to: &Path, write: impl FnOnce(&mut File) -> io::Result<()>) -> io::Result<()> {
+fn write_beside(path: &Path, to: &Path, write: impl FnOnce(&mut File) -> io::Result<()>) -> io::Result<()> {
     let name = beside(path, "part");
     // What a killed process has left: who has the lock is the only one who writes it.
     match fs::remove_file(&name) {
@@ -282,7 +282,7 @@ impl Header {
 pub fn unpack(bytes: &[u8]) -> Result<Stored, Flaw> {
     let damaged = |what: String| Err(Flaw::Damaged(what));
     let header = Header::read(bytes)?;
-    let (begin, packed) = bytes.split_at(HEADER);
+    let (start, packed) = bytes.split_at(HEADER);
     if header.packed_length != packed.len() as u64 {
         return damaged(format!(
             "{} bytes after the header, and there are {}",
@@ -290,7 +290,7 @@ pub fn unpack(bytes: &[u8]) -> Result<Stored, Flaw> {
             packed.len()
         ));
     }
-    let found = checksum(&begin[..CHECKED], packed);
+    let found = checksum(&start[..CHECKED], packed);
     if header.checksum != found {
         return damaged(format!("its checksum is {:08x}, that of its bytes {found:08x}", header.checksum));
     }

@@ -38,7 +38,7 @@ pub(super) struct Shape {
     noise_model: NoiseModel,
 }
 
-/// A saved map that cannot be gone on with.
+/// A saved map that cannot be resumed.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum RestoreError {
     /// It was made with another parameter.
