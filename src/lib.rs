@@ -24,6 +24,7 @@ pub mod memory;
 pub mod msg;
 #[cfg(feature = "node")]
 pub mod node;
+pub mod rand_index;
 pub mod reason;
 mod replace;
 #[cfg(feature = "bag")]

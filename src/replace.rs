@@ -117,7 +117,7 @@ mod tests {
 
     #[cfg(unix)]
     #[test]
-    fn what_replaces_a_file_has_its_permissions_from_the_begin_whatever_the_mask() {
+    fn what_replaces_a_file_has_its_permissions_from_the_start_whatever_the_mask() {
         use std::os::unix::fs::PermissionsExt as _;
 
         let folder = tempfile::tempdir().unwrap();

@@ -30,7 +30,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 pub use self::aside::{MOST_ASIDE, keep_aside, newest_aside, set_aside, too_many_aside};
-use crate::engine::{RestoreError, SavedMap, SavedMapOfVersion1};
+use crate::engine::{RestoreError, SavedMap};
 use crate::link::folder;
 pub use crate::link::target;
 use crate::replace::Partial;
@@ -44,21 +44,8 @@ pub struct Stored {
     pub map: SavedMap,
 }
 
-/// A file of version 1, in which voxels had sums instead of means and covariances.
-#[derive(Deserialize)]
-struct StoredOfVersion1 {
-    frame_id: String,
-    map: SavedMapOfVersion1,
-}
-
-impl From<StoredOfVersion1> for Stored {
-    fn from(StoredOfVersion1 { frame_id, map }: StoredOfVersion1) -> Self {
-        Self { frame_id, map: map.into() }
-    }
-}
-
-/// The version of the format that is written, and the newest that can be read; all before it can.
-pub const VERSION: u32 = 2;
+/// The version of the format; no other is read.
+pub const VERSION: u32 = 3;
 
 const MAGIC: &[u8; 8] = b"cfodimap";
 const HEADER: usize = 32;
@@ -118,14 +105,14 @@ pub enum StoreError {
         what: String,
     },
     /// A later program has written it.
-    #[error("{path} is of version {version}; this program reads up to {VERSION}")]
+    #[error("{path} is of version {version}; this program reads version {VERSION}")]
     Newer {
         /// The file.
         path: PathBuf,
         /// Its version.
         version: u32,
     },
-    /// The map in it cannot be gone on with.
+    /// The map in it cannot be resumed.
     #[error("{path}: {error}")]
     Map {
         /// The file.
@@ -172,7 +159,7 @@ pub fn write(path: &Path, stored: &Stored) -> Result<u64, StoreError> {
     let bytes = pack(stored).map_err(refused)?;
     let target = target(path).map_err(refused)?;
     let folder = File::open(folder(&target)).map_err(refused)?;
-    replace(&target, &target, |file| file.write_all(&bytes)).map_err(refused)?;
+    write_beside(&target, &target, |file| file.write_all(&bytes)).map_err(refused)?;
     // The name is on the disk when its folder is.
     folder.sync_all().map_err(|error| StoreError::Unsure { path: path.to_owned(), error })?;
     Ok(bytes.len() as u64)
@@ -181,7 +168,7 @@ pub fn write(path: &Path, stored: &Stored) -> Result<u64, StoreError> {
 /// Reads the map of this name.
 ///
 /// # Errors
-/// When there is none, or it is damaged or newer.
+/// When there is none, or it is damaged or of another version.
 pub fn read(path: &Path) -> Result<Stored, StoreError> {
     let refused = |error| StoreError::Io { path: path.to_owned(), error };
     // Opening what is no file, a pipe, might never end.
@@ -211,7 +198,7 @@ fn beside(path: &Path, end: &str) -> PathBuf {
 }
 
 /// Writes a file as `NAME.part` and gives it the name `to`, in place of what has it.
-fn replace(path: &Path, to: &Path, write: impl FnOnce(&mut File) -> io::Result<()>) -> io::Result<()> {
+fn write_beside(path: &Path, to: &Path, write: impl FnOnce(&mut File) -> io::Result<()>) -> io::Result<()> {
     let name = beside(path, "part");
     // What a killed process has left: who has the lock is the only one who writes it.
     match fs::remove_file(&name) {
@@ -258,7 +245,6 @@ fn checksum(header: &[u8], packed: &[u8]) -> u32 {
 
 /// What the header says.
 struct Header {
-    version: u32,
     plain_length: u64,
     packed_length: u64,
     checksum: u32,
@@ -278,25 +264,25 @@ impl Header {
         if version > VERSION {
             return Err(Flaw::Newer(version));
         }
-        if version == 0 {
-            return damaged("it is of version 0, which there is not".to_owned());
+        if version < VERSION {
+            return damaged(format!("it is of version {version}, which is not read any more"));
         }
         let [plain_length, packed_length] = [12, 20].map(|at| number(&header[at..at + 8]));
         if plain_length > packed_length.saturating_mul(MOST_UNPACKED) {
             return damaged(format!("{packed_length} bytes that claim to be {plain_length}"));
         }
-        Ok(Self { version, plain_length, packed_length, checksum: number(&header[CHECKED..]) as u32 })
+        Ok(Self { plain_length, packed_length, checksum: number(&header[CHECKED..]) as u32 })
     }
 }
 
 /// The map in the bytes of a file.
 ///
 /// # Errors
-/// When they hold none, or one of a later version.
+/// When they hold none, or one of another version.
 pub fn unpack(bytes: &[u8]) -> Result<Stored, Flaw> {
     let damaged = |what: String| Err(Flaw::Damaged(what));
     let header = Header::read(bytes)?;
-    let (begin, packed) = bytes.split_at(HEADER);
+    let (start, packed) = bytes.split_at(HEADER);
     if header.packed_length != packed.len() as u64 {
         return damaged(format!(
             "{} bytes after the header, and there are {}",
@@ -304,7 +290,7 @@ pub fn unpack(bytes: &[u8]) -> Result<Stored, Flaw> {
             packed.len()
         ));
     }
-    let found = checksum(&begin[..CHECKED], packed);
+    let found = checksum(&start[..CHECKED], packed);
     if header.checksum != found {
         return damaged(format!("its checksum is {:08x}, that of its bytes {found:08x}", header.checksum));
     }
@@ -312,18 +298,10 @@ pub fn unpack(bytes: &[u8]) -> Result<Stored, Flaw> {
     if plain.len() as u64 != header.plain_length {
         return damaged(format!("{} bytes of map or more, and it says {}", plain.len(), header.plain_length));
     }
-    match header.version {
-        1 => decode::<StoredOfVersion1>(&plain).map(Stored::from),
-        _ => decode(&plain),
-    }
-}
-
-/// What all of these bytes are.
-fn decode<'a, T: Deserialize<'a>>(plain: &'a [u8]) -> Result<T, Flaw> {
-    match postcard::take_from_bytes(plain) {
+    match postcard::take_from_bytes(&plain) {
         Ok((stored, [])) => Ok(stored),
-        Ok((_, rest)) => Err(Flaw::Damaged(format!("{} bytes after the map", rest.len()))),
-        Err(error) => Err(Flaw::Damaged(error.to_string())),
+        Ok((_, rest)) => damaged(format!("{} bytes after the map", rest.len())),
+        Err(error) => damaged(error.to_string()),
     }
 }
 

@@ -65,7 +65,7 @@ pub(crate) fn read(path: &Path) -> io::Result<String> {
         return Ok(String::from_utf8_lossy(&bytes).into_owned());
     }
     let text = String::from_utf8(bytes).map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error))?;
-    // YAML 1.2, 5.2: a byte order mark at its begin is no part of it. The parser takes it for a letter of the first key.
+    // YAML 1.2, 5.2: a byte order mark at its beginning is no part of it. The parser takes it for a letter of the first key.
     Ok(text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text))
 }
 

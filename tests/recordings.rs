@@ -10,8 +10,8 @@ mod support;
 
 use cfodi::engine::paper::Cfodi;
 use cfodi::engine::paper::oracle::Oracle;
-use cfodi::engine::rand_index::adjusted_rand_index;
 use cfodi::engine::{ClusterId, Params, Scan, Snapshot};
+use cfodi::rand_index::adjusted_rand_index;
 
 /// What a recording must give: dense voxels, then clusters, those of 10 voxels or more, and the index to STATIC.
 struct Accepted {

@@ -7,8 +7,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use cfodi::engine::consistent::Consistent;
 use cfodi::engine::paper::Cfodi;
-use cfodi::engine::rand_index::adjusted_rand_index;
 use cfodi::engine::{ClusterId, Params, Partition, Snapshot, VoxelKey};
+use cfodi::rand_index::adjusted_rand_index;
 use nalgebra::{Point3, Vector3};
 use serde::Deserialize;
 

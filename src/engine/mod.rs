@@ -33,7 +33,6 @@ pub mod paper;
 mod params;
 pub(crate) mod plane;
 mod points;
-pub mod rand_index;
 mod rectangle;
 mod saved;
 mod scan;
@@ -54,7 +53,7 @@ pub(crate) use params::{
 };
 pub use params::{Mode, Params, ParamsError};
 pub use points::{Depths, Points, Rays};
-pub use saved::{RestoreError, SavedMap, SavedMapOfVersion1};
+pub use saved::{RestoreError, SavedMap};
 pub use scan::{Scan, Stamp};
 pub use snapshot::{ChangedCluster, Cluster, ClusterState, DenseVoxel, Snapshot, Update};
 pub use step::PipelineStep;

@@ -72,9 +72,9 @@ fn convex_hull(mut points: Vec<Vector2<f64>>) -> Vec<Vector2<f64>> {
 
 /// Adds one half without its last point, with which the other half begins.
 fn half_hull<'a>(points: impl Iterator<Item = &'a Vector2<f64>>, hull: &mut Vec<Vector2<f64>>) {
-    let begin = hull.len();
+    let start = hull.len();
     for &point in points {
-        while let [.., a, b] = hull[begin..]
+        while let [.., a, b] = hull[start..]
             && (b - a).perp(&(point - a)) <= 0.0
         {
             hull.pop();

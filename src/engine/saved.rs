@@ -26,30 +26,6 @@ pub(super) enum Method {
     Consistent(Box<consistent::SavedConsistent>),
 }
 
-/// A map as it was saved in version 1 of the format; it becomes a [`SavedMap`].
-#[derive(Clone, Debug, Deserialize)]
-pub struct SavedMapOfVersion1 {
-    shape: Shape,
-    taken: Taken,
-    method: MethodOfVersion1,
-}
-
-#[derive(Clone, Debug, Deserialize)]
-enum MethodOfVersion1 {
-    Paper(Box<paper::SavedCfodi>),
-    Consistent(Box<consistent::SavedConsistent<consistent::version1::Voxel>>),
-}
-
-impl From<SavedMapOfVersion1> for SavedMap {
-    fn from(SavedMapOfVersion1 { shape, taken, method }: SavedMapOfVersion1) -> Self {
-        let method = match method {
-            MethodOfVersion1::Paper(map) => Method::Paper(map),
-            MethodOfVersion1::Consistent(map) => Method::Consistent(Box::new((*map).into())),
-        };
-        Self { shape, taken, method }
-    }
-}
-
 /// The parameters without which a map is another one.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Shape {
@@ -62,7 +38,7 @@ pub(super) struct Shape {
     noise_model: NoiseModel,
 }
 
-/// A saved map that cannot be gone on with.
+/// A saved map that cannot be resumed.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum RestoreError {
     /// It was made with another parameter.

@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use nalgebra::UnitVector3;
 
 use crate::engine::paper::statics::StaticMap;
-use crate::engine::rand_index::adjusted_rand_index;
 use crate::engine::{ClusterId, MIN_RELIABLE_VOXELS, Snapshot, VoxelKey};
+use crate::rand_index::adjusted_rand_index;
 
 /// The dense voxels and their clusters, whatever method made them.
 #[derive(Clone, Debug, Default)]

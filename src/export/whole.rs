@@ -131,7 +131,7 @@ fn open(path: &Path) -> io::Result<Opened> {
     }
 }
 
-/// What is behind an open descriptor, at the place where it stands: opened anew, a file would be written over from its begin.
+/// What is behind an open descriptor, at the place where it stands: opened anew, a file would be written over from its beginning.
 #[cfg(unix)]
 fn behind(number: u32, path: &Path) -> io::Result<File> {
     let duplicate = match number {

@@ -11,7 +11,7 @@ use crate::engine::{Engine, RestoreError};
 use crate::store::{self, Lock, StoreError, Stored};
 
 /// The engine that a session begins with: with the map of `snapshot_path` where it is to be resumed and there is one. What
-/// cannot be used is set aside, never written over: a damaged or newer file, and one that is not to be resumed. Of what was
+/// cannot be used is set aside, never written over: a damaged file, one of another version, and one that is not to be resumed. Of what was
 /// set aside the newest [`store::MOST_ASIDE`] of each kind are kept, and the largest. The lock is the right to save there, to be
 /// kept as long as the node runs.
 ///

@@ -8,7 +8,7 @@ use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
 
-use super::{beside, folder, replace, target};
+use super::{beside, folder, target, write_beside};
 
 /// Most files of a kind that are to be kept: a node that starts again and again must not fill its disk.
 pub const MOST_ASIDE: usize = 8;
@@ -76,7 +76,7 @@ fn is_kept(_: &Path, _: &str) -> io::Result<bool> {
 /// Copies a file, and who may read it, to a name under which it is whole or not there.
 fn copy(path: &Path, name: &Path) -> io::Result<()> {
     let mut from = File::open(path)?;
-    replace(path, name, |file| {
+    write_beside(path, name, |file| {
         file.set_permissions(from.metadata()?.permissions())?;
         io::copy(&mut from, file).map(drop)
     })

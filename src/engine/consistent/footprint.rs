@@ -157,11 +157,11 @@ impl Footprint {
     /// The columns that lack a neighbour, ascending; `rows` is memory to work in.
     pub(crate) fn rim(&self, rows: &mut Vec<Row>, mut each: impl FnMut(Column, u8, &Content)) {
         self.rows(rows);
-        let mut begin = 0;
-        while let Some(first) = rows.get(begin) {
-            let end = begin + rows[begin..].partition_point(|row| row.key[0] == first.key[0]);
+        let mut start = 0;
+        while let Some(first) = rows.get(start) {
+            let end = start + rows[start..].partition_point(|row| row.key[0] == first.key[0]);
             for line in 0..1 << EDGE {
-                for row in &rows[begin..end] {
+                for row in &rows[start..end] {
                     let mut bits = row.rim & 0xFF << (line << EDGE);
                     while bits != 0 {
                         let (at, bit) = (bits.trailing_zeros(), bits & bits.wrapping_neg());
@@ -175,7 +175,7 @@ impl Footprint {
                     }
                 }
             }
-            begin = end;
+            start = end;
         }
     }
 

@@ -113,4 +113,4 @@ mod within;
 
 pub use noise::NoiseModel;
 pub use pipeline::Consistent;
-pub(super) use saved::{SavedConsistent, version1};
+pub(super) use saved::SavedConsistent;

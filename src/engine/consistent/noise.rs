@@ -48,14 +48,6 @@ impl Noise {
     pub(super) fn lateral_variance(&self, depth_variance: f64) -> f64 {
         self.model.lateral_variance(depth_variance * self.area) / self.area
     }
-
-    /// The weight of `points` points whose depth varies by `depth_variance` (voxels^2); as many as they are where none is known.
-    pub(super) fn weight_of(&self, points: f64, depth_variance: f64) -> f64 {
-        match self.model {
-            NoiseModel::KinectV1 => UNIT_SIGMA * UNIT_SIGMA * points / (depth_variance * self.area),
-            NoiseModel::None => points,
-        }
-    }
 }
 
 impl fmt::Display for NoiseModel {

@@ -10,7 +10,7 @@ use super::grid::{Binned, Grid};
 use super::layer::Segmented;
 use super::region::Region;
 use super::rest::Leaving;
-use super::saved::{SavedConsistent, SavedGrid};
+use super::saved::{SavedBlock, SavedConsistent};
 use super::scratch;
 use super::standpoint::Standpoint;
 use super::state::states;
@@ -18,7 +18,7 @@ use super::surfaces::Surfaces;
 use crate::engine::key::Partition;
 use crate::engine::now::Taken;
 use crate::engine::params::Params;
-use crate::engine::saved::RestoreError;
+use crate::engine::saved::{RestoreError, ensure};
 use crate::engine::scan::Scan;
 use crate::engine::snapshot::{DenseVoxel, Snapshot, Update};
 use crate::engine::step::PipelineStep;
@@ -122,9 +122,9 @@ impl Consistent {
     }
 
     pub(crate) fn save(&self) -> SavedConsistent {
-        let states = |block| self.surfaces.save_states(&self.grid, block);
+        let saved = |(slot, block)| SavedBlock::of(block, self.surfaces.save_states(&self.grid, slot));
         SavedConsistent {
-            grid: SavedGrid::of(&self.grid, states),
+            blocks: self.grid.blocks().map(saved).collect(),
             surfaces: self.surfaces.save(),
             standpoint: self.standpoint.save(),
             next: self.bounds.next(),
@@ -134,12 +134,15 @@ impl Consistent {
     /// The engine that was saved, after the scans that it had `taken` in.
     pub(crate) fn restore(params: Params, taken: Taken, map: &SavedConsistent) -> Result<Self, RestoreError> {
         let sequence = taken.sequence;
-        let blocks = map.grid.taken()?;
-        let grid = SavedGrid::restore(&blocks, &params, sequence)?;
-        let surfaces = Surfaces::restore(&map.surfaces, &blocks, &grid, &params, sequence)?;
+        ensure(map.next <= map.blocks.len() as u64, || {
+            format!("forgetting goes on at block {} of {}", map.next, map.blocks.len())
+        })?;
+        let blocks = map.blocks.iter().map(|block| block.restore(&params, sequence));
+        let grid = Grid::of(&params, blocks.collect::<Result<_, _>>()?)?;
+        let surfaces = Surfaces::restore(&map.surfaces, &map.blocks, &grid, &params, sequence)?;
         let stale = grid.blocks().filter(|(_, block)| block.is_stale()).map(|(slot, _)| slot).collect();
         let mut engine = Self {
-            bounds: Bounds::restore(&params, &grid, map.next(&blocks)?),
+            bounds: Bounds::restore(&params, &grid, map.next as usize),
             standpoint: Standpoint::restore(&map.standpoint, sequence)?,
             grid,
             surfaces,

@@ -42,10 +42,6 @@ fn noise_of(moments: &Moments) -> f32 {
 }
 
 impl Published {
-    pub(super) const fn new(mean: [u16; 3], drifted: bool, noise: f32, looked_at: u32) -> Self {
-        Self { mean, drifted, noise, looked_at }
-    }
-
     pub(super) fn of(moments: &Moments) -> Self {
         let mean = moments.mean().map(in_parts).into();
         Self { mean, drifted: false, noise: noise_of(moments), looked_at: moments.weight }

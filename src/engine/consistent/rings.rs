@@ -23,7 +23,7 @@ impl Rings {
 
     /// The vertices of the ring that is being drawn.
     pub(crate) fn drawn(&self) -> &[Vector2<f64>] {
-        &self.vertices[self.begin(self.ends.len())..]
+        &self.vertices[self.start(self.ends.len())..]
     }
 
     /// Takes the last vertex back.
@@ -42,7 +42,7 @@ impl Rings {
 
     /// The vertices of a ring.
     pub(crate) fn ring(&self, number: usize) -> &[Vector2<f64>] {
-        &self.vertices[self.begin(number)..self.ends[number].0]
+        &self.vertices[self.start(number)..self.ends[number].0]
     }
 
     /// Number of columns within a ring; below 0 that of a hole, around which it runs clockwise.
@@ -54,7 +54,7 @@ impl Rings {
         (0..self.len()).map(|number| self.ring(number))
     }
 
-    fn begin(&self, number: usize) -> usize {
+    fn start(&self, number: usize) -> usize {
         number.checked_sub(1).map_or(0, |before| self.ends[before].0)
     }
 }

@@ -11,7 +11,7 @@ use super::eigen::Spread;
 use super::grid::Grid;
 use super::noise::Noise;
 use super::published::{PARTS, in_parts};
-use super::sums::{MOST_COVARIANCE, MOST_POINTS, MOST_TOWARDS, MOST_WEIGHT};
+use super::sums::Moments;
 use crate::engine::binning::nearest;
 use crate::engine::symmetric::{area_across, least_at_least, symmetric, upper};
 
@@ -40,8 +40,8 @@ const SHEET: f64 = 2.0;
 const SPREAD_UNITS: f64 = 65536.0;
 const DIRECTION_UNITS: f64 = 16384.0;
 
-/// A dense voxel, published: the definition knows it to a 65536th of a voxel.
-#[derive(Clone, Debug, PartialEq)]
+/// A dense voxel, published: the definition knows it to a 65536th of a voxel. A map is saved with states as they are here.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct State {
     /// Its cell in the lowest [`CELL_BITS`], above them the number of points that its moments count.
     cell_and_points: u32,
@@ -60,31 +60,23 @@ pub(super) struct State {
 const CELL_BITS: u32 = CELLS.ilog2();
 
 impl State {
+    /// The moments of a voxel, rounded to what is kept.
     pub(super) fn new(voxel: &Voxel) -> Self {
+        let whole = |value: f64| nearest(value) as i16;
         let moments = &voxel.moments;
-        let counts = [voxel.count, moments.points, moments.weight];
-        Self::of(voxel.cell, counts, &moments.mean(), &moments.covariance(), &moments.towards())
+        Self {
+            cell_and_points: moments.points << CELL_BITS | u32::from(voxel.cell.0),
+            count: voxel.count,
+            weight: moments.weight,
+            mean: moments.mean().map(in_parts).into(),
+            spread: upper(&moments.covariance()).map(|spread| whole(spread * SPREAD_UNITS)),
+            towards: moments.towards().map(|part| whole(part * DIRECTION_UNITS)).into(),
+        }
     }
 
-    /// Rounded to what is kept. `counts` are its points, those that its moments count, and the weight of these; `mean` is from
-    /// the voxel's corner.
-    fn of(
-        cell: Cell,
-        counts: [u32; 3],
-        mean: &Vector3<f64>,
-        spread: &Matrix3<f64>,
-        towards: &Vector3<f64>,
-    ) -> Self {
-        let whole = |value: f64| nearest(value) as i16;
-        let [count, points, weight] = counts;
-        Self {
-            cell_and_points: points << CELL_BITS | u32::from(cell.0),
-            count,
-            weight,
-            mean: mean.map(in_parts).into(),
-            spread: upper(spread).map(|spread| whole(spread * SPREAD_UNITS)),
-            towards: towards.map(|part| whole(part * DIRECTION_UNITS)).into(),
-        }
+    /// Whether it can be that of a voxel's points.
+    pub(super) fn is_possible(&self) -> bool {
+        self.count > 0 && Moments::of(self).is_possible()
     }
 
     pub(super) const fn cell(&self) -> Cell {
@@ -198,68 +190,6 @@ impl Blur {
     }
 }
 
-/// A state in numbers, as it is saved.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Plain {
-    pub(super) cell: Cell,
-    count: u32,
-    mean: Vector3<f64>,
-    spread: Matrix3<f64>,
-    mean_weight: f64,
-    depth_variance: f64,
-    lateral_variance: f64,
-    towards: Vector3<f64>,
-}
-
-impl Plain {
-    pub(super) fn of(state: &State, noise: &Noise) -> Self {
-        let depth_variance = state.depth_variance(noise);
-        Self {
-            cell: state.cell(),
-            count: state.count,
-            mean: state.mean(),
-            spread: state.spread(),
-            mean_weight: state.mean_weight(noise),
-            depth_variance,
-            lateral_variance: noise.lateral_variance(depth_variance),
-            towards: state.towards(),
-        }
-    }
-
-    /// `None` where it cannot be that of a voxel's points: where a number is not within the bounds that it has there.
-    pub(super) fn state(&self, noise: &Noise) -> Option<State> {
-        let offset = self.mean - self.cell.corner();
-        let within = |value: f64, low: f64, high: f64| (low..=high).contains(&value);
-        let is_possible = self.count > 0
-            && offset.iter().all(|&offset| within(offset, 0.0, 1.0))
-            && self.spread.iter().all(|&entry| within(entry, -MOST_COVARIANCE, MOST_COVARIANCE))
-            && self.spread == self.spread.transpose()
-            && self.mean_weight >= f32::MIN_POSITIVE.into()
-            && self.mean_weight <= (1.0 / (BIAS * BIAS)).next_up()
-            && within(self.depth_variance, 0.0, 1e9)
-            && within(self.lateral_variance, 0.0, 1e9)
-            && self.towards.iter().all(|&part| within(part, -MOST_TOWARDS, MOST_TOWARDS));
-        is_possible.then(|| State::of(self.cell, self.counts(noise), &offset, &self.spread, &self.towards))
-    }
-
-    /// The points, those that its moments count, and the weight of these, by which its variances are what they are. Where no
-    /// noise is known, any are.
-    ///
-    /// Variances that were saved in single precision tell of a million points no more than a thousandth.
-    fn counts(&self, noise: &Noise) -> [u32; 3] {
-        let variance = 1.0 / self.mean_weight - BIAS * BIAS;
-        let points = match self.depth_variance {
-            0.0 => self.count.into(),
-            _ if variance > 0.0 => ALIKE * self.depth_variance / variance,
-            _ => f64::INFINITY,
-        };
-        let of_one = noise.weight_of(1.0, self.depth_variance);
-        let points = points.min(MOST_WEIGHT as f64 / of_one).round().clamp(1.0, MOST_POINTS as f64);
-        let weight = (points * of_one).round().clamp(1.0, MOST_WEIGHT as f64);
-        [self.count, points as u32, weight as u32]
-    }
-}
-
 /// A plane in space, with the side it is seen from.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Plane {
@@ -281,8 +211,8 @@ pub(super) fn states(grid: &Grid, block: &Block) -> Vec<State> {
 mod tests {
     use proptest::prelude::*;
 
-    use super::super::noise::{MAX_WEIGHT, NoiseModel};
-    use super::super::sums::{Moments, ScanSums};
+    use super::super::noise::MAX_WEIGHT;
+    use super::super::sums::ScanSums;
     use super::*;
 
     /// What is seen a little above and a little below in turns, by visits that weigh little, and rests after each of them.
@@ -307,10 +237,9 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_is_saved_is_restored_to_the_bit(
+        fn the_state_of_a_voxel_has_its_cell_and_points_and_is_possible(
             cell in 0_u16..512, points in prop::collection::vec(prop::array::uniform3(0_u64..4096), 1..40),
             towards in prop::array::uniform3(0.1..1.0), scans in prop::collection::vec(1..=MAX_WEIGHT, 1..60),
-            size in 0.001..1.0,
         ) {
             let mut scan = ScanSums::default();
             points.iter().for_each(|&point| scan.add(point));
@@ -319,42 +248,9 @@ mod tests {
                 voxel.count += scan.count;
                 voxel.moments.fold(&scan, weight, &Vector3::from(towards).normalize());
             }
-            let (state, noise) = (State::new(&voxel), Noise::new(NoiseModel::KinectV1, size));
+            let state = State::new(&voxel);
             prop_assert_eq!((state.cell(), state.points()), (voxel.cell, voxel.moments.points));
-            let restored = Plain::of(&state, &noise).state(&noise);
-            prop_assert_eq!(restored.as_ref(), Some(&state));
-            // Where no noise is known, what it says of the points is that.
-            let unknown = Noise::new(NoiseModel::None, size);
-            let plain = Plain::of(&state, &unknown);
-            let restored = plain.state(&unknown).map(|state| Plain::of(&state, &unknown));
-            prop_assert_eq!(restored, Some(plain));
-        }
-
-        #[test]
-        fn what_was_saved_in_single_precision_is_restored_as_far_as_it_goes(
-            points in 1..=MOST_POINTS as u32, weight in 1..=MAX_WEIGHT as u32, size in 0.01..1.0,
-        ) {
-            let noise = Noise::new(NoiseModel::KinectV1, size);
-            let weight = (u64::from(points) * u64::from(weight)).min(MOST_WEIGHT) as u32;
-            let counts = [points, points, weight];
-            let state = State::of(Cell(7), counts, &Vector3::repeat(0.5), &Matrix3::zeros(), &Vector3::z());
-            let exact = Plain::of(&state, &noise);
-            let single = |variance: f64| f64::from(variance as f32);
-            let restored = Plain {
-                mean_weight: single(exact.mean_weight),
-                depth_variance: single(exact.depth_variance),
-                ..exact.clone()
-            }
-            .state(&noise);
-            let restored = restored.unwrap();
-            let again = Plain::of(&restored, &noise);
-            prop_assert!((again.mean_weight / exact.mean_weight - 1.0).abs() < 1e-6, "{again:?} of {exact:?}");
-            // Of a weight that is a small whole number, half of one is rounded away; of the points, half of one where the weight
-            // is the greatest that there is.
-            let is_greatest = u64::from(restored.weight) == MOST_WEIGHT;
-            let of_points = if is_greatest { 0.5 / f64::from(restored.points()) } else { 0.0 };
-            let rounded = 1e-6 + 1.0 / f64::from(weight) + of_points;
-            prop_assert!((again.depth_variance / exact.depth_variance - 1.0).abs() < rounded, "{again:?} of {exact:?}");
+            prop_assert!(state.is_possible(), "{state:?}");
         }
     }
 }

@@ -21,10 +21,10 @@ use crate::engine::binning;
 use crate::engine::symmetric::{PAIRS, symmetric, upper};
 
 /// Units of an offset in a voxel's edge.
-pub(super) const UNITS: f64 = binning::UNITS as f64;
+const UNITS: f64 = binning::UNITS as f64;
 /// Most weight and most points of a voxel; beyond either both are halved.
-pub(super) const MOST_WEIGHT: u64 = u32::MAX as u64;
-pub(super) const MOST_POINTS: u64 = 1 << 20;
+const MOST_WEIGHT: u64 = u32::MAX as u64;
+const MOST_POINTS: u64 = 1 << 20;
 
 /// What one scan puts into a voxel; offsets in 1/4096 of its edge.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -80,9 +80,10 @@ pub(super) struct Moments {
 }
 
 /// Most that an entry of the covariance of a voxel's points can be, in voxels^2: a quarter, and what rounding adds.
-pub(super) const MOST_COVARIANCE: f64 = 0.26;
-/// Most that a part of a mean of unit directions can be: 1, and what rounding adds.
-pub(super) const MOST_TOWARDS: f64 = 1.01;
+const MOST_COVARIANCE: f64 = 0.26;
+/// Most that a part of a mean of unit directions can be: 1, and what rounding adds; a whole number of what a state
+/// is rounded to.
+const MOST_TOWARDS: f64 = 1.0 + 1.0 / 128.0;
 
 impl Moments {
     /// Whether points can have these.
@@ -162,7 +163,7 @@ impl Moments {
 }
 
 /// How often a number must be halved to be no more than `most`.
-pub(super) const fn halvings(number: u64, most: u64) -> u32 {
+const fn halvings(number: u64, most: u64) -> u32 {
     let mut halvings = 0;
     while number >> halvings > most {
         halvings += 1;
@@ -174,6 +175,7 @@ pub(super) const fn halvings(number: u64, most: u64) -> u32 {
 mod tests {
     use proptest::prelude::*;
 
+    use super::super::block::{Cell, Voxel};
     use super::super::noise::MAX_WEIGHT;
     use super::*;
 
@@ -218,6 +220,16 @@ mod tests {
             prop_assert_eq!(moments.points as usize, scans.iter().map(|(points, ..)| points.len()).sum::<usize>());
             prop_assert!(moments.is_possible(), "{moments:?}");
         }
+    }
+
+    #[test]
+    fn what_a_voxel_may_know_at_most_is_possible_as_a_state_too() {
+        let mut voxel = Voxel::new(Cell(0));
+        let towards = Vector3::repeat(MOST_TOWARDS);
+        let covariance = Matrix3::repeat(MOST_COVARIANCE);
+        voxel.count = 1;
+        voxel.moments = Moments::new(1, 1, Vector3::repeat(1.0), &covariance, towards);
+        assert!(voxel.moments.is_possible() && State::new(&voxel).is_possible());
     }
 
     #[test]

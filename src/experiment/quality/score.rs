@@ -6,8 +6,8 @@ use super::failures::failures;
 use super::found::{Found, FoundCluster};
 use super::pieces::{TrueSurface, Truth};
 use super::plane::{is_another, nees};
-use crate::engine::rand_index::adjusted_rand_index;
 use crate::engine::{MIN_RELIABLE_VOXELS, VoxelKey};
+use crate::rand_index::adjusted_rand_index;
 
 /// How one method did in one run.
 #[derive(Clone, Debug, PartialEq)]

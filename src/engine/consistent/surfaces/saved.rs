@@ -31,7 +31,7 @@ const LEAST_ALONG: f64 = 0.5;
 /// All of [`Surfaces`] that does not follow from the states of the voxels.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(in super::super) struct SavedSurfaces {
-    /// By the slot of a block: the nodes of its patches, by number.
+    /// By block: the nodes of its patches, by number.
     nodes: Vec<Vec<u32>>,
     slots: Slots,
     /// With their components.
@@ -90,17 +90,13 @@ impl Surfaces {
         let now = states(grid, grid.block(block));
         debug_assert!(now.iter().map(State::cell).eq(here.states.iter().map(State::cell)));
         let places = (0..).zip(here.states.iter().zip(&now));
-        places
-            .map(|(place, (state, now))| {
-                SavedState::of(state, now, admitted.contains(&place), &self.rules.noise)
-            })
-            .collect()
+        places.map(|(place, (state, now))| SavedState::of(state, now, admitted.contains(&place))).collect()
     }
 
-    /// The clusters of the voxels of `grid`; `blocks` say what they were published as, and which slots they had.
+    /// The clusters of the voxels of `grid`; `blocks` say what they were published as.
     pub(in super::super) fn restore(
         map: &SavedSurfaces,
-        blocks: &[(u32, &SavedBlock)],
+        blocks: &[SavedBlock],
         grid: &Grid,
         params: &Params,
         sequence: u64,
@@ -108,11 +104,11 @@ impl Surfaces {
         ensure_counted("the number of ids given", map.ids_given)?;
         let mut surfaces = Self::new(params);
         surfaces.ids_given = map.ids_given;
-        for (slot, (_, block)) in (0..).map(BlockIndex).zip(blocks) {
+        for (slot, block) in (0..).map(BlockIndex).zip(blocks) {
             surfaces.segmented.list().push(segmented(&block.states, grid, slot, &surfaces.rules)?);
         }
         let ids = scratch::meet(grid, &mut surfaces.segmented, &surfaces.rules);
-        surfaces.restore_nodes(map, blocks)?;
+        surfaces.restore_nodes(map)?;
         surfaces.restore_graph(map, &ids)?;
         let clusters = in_slots("cluster", &map.clusters, map.slots.components())?;
         surfaces.restore_clusters(&clusters, map.ids_given, sequence)?;
@@ -121,19 +117,14 @@ impl Surfaces {
         Ok(surfaces)
     }
 
-    fn restore_nodes(
-        &mut self,
-        map: &SavedSurfaces,
-        blocks: &[(u32, &SavedBlock)],
-    ) -> Result<(), RestoreError> {
-        let of_block =
-            |(slot, _): &(u32, &SavedBlock)| map.nodes.get(*slot as usize).map_or(&[][..], |nodes| nodes);
+    fn restore_nodes(&mut self, map: &SavedSurfaces) -> Result<(), RestoreError> {
         let patches = || self.segmented.iter().map(|segmented| segmented.patches.len());
-        let [given, all] = [patches().sum(), map.nodes.iter().map(Vec::len).sum::<usize>()];
-        ensure(given == all && blocks.iter().map(|block| of_block(block).len()).eq(patches()), || {
-            format!("{given} patches, {all} nodes, or in other blocks")
+        let nodes = || map.nodes.iter().map(Vec::len);
+        ensure(nodes().eq(patches()), || {
+            let [patches, nodes] = [patches().sum::<usize>(), nodes().sum()];
+            format!("{patches} patches, {nodes} nodes, or in other blocks")
         })?;
-        let nodes = blocks.iter().map(|block| of_block(block).iter().copied().map(NodeId).collect());
+        let nodes = map.nodes.iter().map(|nodes| nodes.iter().copied().map(NodeId).collect());
         self.nodes = By::from(nodes.collect::<Vec<_>>());
         Ok(())
     }
@@ -244,7 +235,7 @@ fn segmented(
     let here = grid.block(block);
     let (mut published, mut admitted) = (Vec::new(), Vec::new());
     for saved in states {
-        let state = saved.restore(grid, here, &rules.noise)?;
+        let state = saved.restore(grid, here)?;
         if saved.admitted { admitted.push(state) } else { published.push(state) }
     }
     ensure(published.is_sorted_by(|a, b| a.cell() < b.cell()), || {
@@ -265,7 +256,6 @@ fn segmented(
 mod tests {
     use crate::engine::class::SurfaceClass;
     use crate::engine::consistent::pipeline::Consistent;
-    use crate::engine::consistent::saved::SavedConsistent;
     use crate::engine::params::Params;
     use crate::engine::scan::Stamp;
     use crate::sim::{Drive, Scene};
@@ -290,35 +280,5 @@ mod tests {
             }
         }
         assert!(floors > 0);
-    }
-
-    /// A map may have been saved by what kept the slots of blocks that had gone.
-    #[test]
-    fn a_map_with_slots_that_no_block_has_is_the_same_without_them() {
-        let drive = Drive::new(Scene::room(), 1, Stamp::from_nanos(0));
-        let mut map = Consistent::new(Params::default());
-        (0..6).for_each(|index| drop(map.insert(&drive.labelled_scan(5 * index).scan)));
-        let saved = map.save();
-        let mut spread = saved.clone();
-        for (slot, _) in &mut spread.grid.blocks {
-            spread.grid.free.push(2 * *slot);
-            *slot = 2 * *slot + 1;
-        }
-        let nodes = std::mem::take(&mut spread.surfaces.nodes).into_iter();
-        spread.surfaces.nodes = nodes.flat_map(|nodes| [Vec::new(), nodes]).collect();
-        spread.next = 2 * spread.grid.blocks.len() as u64;
-        let restored = Consistent::restore(Params::default(), *map.taken(), &spread).unwrap();
-        let slots = saved.grid.blocks.len() as u64;
-        assert!(restored.save() == SavedConsistent { next: slots, ..saved.clone() });
-        spread.next += 1;
-        assert!(
-            Consistent::restore(Params::default(), *map.taken(), &spread).is_err(),
-            "next is beyond all slots"
-        );
-        spread.next = 0;
-        let place = spread.surfaces.nodes.iter().position(|nodes| !nodes.is_empty()).unwrap();
-        spread.surfaces.nodes.swap(place - 1, place);
-        let refused = Consistent::restore(Params::default(), *map.taken(), &spread);
-        assert!(refused.is_err(), "nodes of a slot without a block");
     }
 }

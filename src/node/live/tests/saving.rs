@@ -203,8 +203,8 @@ fn a_map_of_a_newer_version_is_refused_with_its_reason_and_kept_aside_and_the_no
     newer[8] = store::VERSION as u8 + 1;
     std::fs::write(&path, &newer).unwrap();
     let reason = store::read(&path).unwrap_err().to_string();
-    let (version, newest) = (store::VERSION + 1, store::VERSION);
-    let expected = format!("{} is of version {version}; this program reads up to {newest}", path.display());
+    let (version, read) = (store::VERSION + 1, store::VERSION);
+    let expected = format!("{} is of version {version}; this program reads version {read}", path.display());
     assert_eq!(reason, expected);
     assert_eq!(run(), (0, 1), "it went on with a map that it cannot read");
     assert_eq!(std::fs::read(refused).unwrap(), newer);
