@@ -92,6 +92,16 @@ impl Cells {
         self.0.iter().map(|word| word.count_ones() as usize).sum()
     }
 
+    /// For each cell that is in both sets the number of cells of this one below it; ascending.
+    pub(super) fn ranks_of(&self, others: &Self) -> impl Iterator<Item = usize> + use<> {
+        let mut below = 0;
+        self.0.into_iter().zip(others.0).flat_map(move |(own, other)| {
+            let first = below;
+            below += own.count_ones() as usize;
+            Ones(own & other).map(move |bit| first + (own & ((1 << bit) - 1)).count_ones() as usize)
+        })
+    }
+
     pub(super) fn is_empty(&self) -> bool {
         self.0 == [0; EDGE as usize]
     }
@@ -258,6 +268,8 @@ mod tests {
             let border = set.and(&Cells::border(direction, reach));
             let walk = cells.iter().copied().map(Cell).filter(is_at_border);
             prop_assert_eq!(border.iter().collect::<Vec<_>>(), walk.collect::<Vec<_>>());
+            let ranks = border.iter().map(|cell| set.rank(cell));
+            prop_assert!(set.ranks_of(&Cells::border(direction, reach)).eq(ranks));
             let mut both = border;
             both.extend(&set);
             prop_assert_eq!(both, set);

@@ -43,8 +43,27 @@ pub(super) struct Member<'a> {
     pub(super) state: &'a State,
     /// It is no part of the footprint.
     pub(super) is_thin: bool,
-    /// What it adds to the sums; `None` for a voxel beside its patch.
-    pub(super) share: Option<Exact>,
+    /// What it adds to the sums follows from this; `None` for a voxel beside its patch.
+    pub(super) share: Option<Share>,
+}
+
+/// What a voxel of a patch counts in the sums of its cluster. The sums that it adds are many times as long, and are found where
+/// they are added.
+#[derive(Debug)]
+pub(super) struct Share {
+    /// The lower corner of its block.
+    pub(super) corner: [i32; 3],
+    pub(super) weight: f64,
+    /// The normal of its patch, and the noise along it.
+    pub(super) normal: UnitVector3<f64>,
+    pub(super) noise: f64,
+}
+
+impl Member<'_> {
+    fn sums(&self) -> Option<Exact> {
+        let Share { corner, weight, normal, noise } = self.share.as_ref()?;
+        Some(Exact::of(self.state, *corner, *weight, normal, *noise))
+    }
 }
 
 /// How a cluster was told of before the scan that it is described after.
@@ -194,28 +213,28 @@ impl Cluster {
     }
 
     pub(super) fn add(&mut self, member: &Member) {
-        let Member { key, state, is_thin, share } = member;
+        let Member { key, state, is_thin, .. } = member;
         self.voxels += 1;
         self.points += u64::from(state.count);
         if !is_thin {
             self.outlined += 1;
             self.footprint.add(self.footprint.axis().column(*key), &content(state, self.footprint.axis()));
         }
-        if let Some(share) = share {
-            self.sums.add(share);
+        if let Some(sums) = member.sums() {
+            self.sums.add(&sums);
         }
     }
 
     pub(super) fn remove(&mut self, member: &Member) {
-        let Member { key, state, is_thin, share } = member;
+        let Member { key, state, is_thin, .. } = member;
         self.voxels -= 1;
         self.points -= u64::from(state.count);
         if !is_thin {
             self.outlined -= 1;
             self.footprint.remove(self.footprint.axis().column(*key), &content(state, self.footprint.axis()));
         }
-        if let Some(share) = share {
-            self.sums.remove(share);
+        if let Some(sums) = member.sums() {
+            self.sums.remove(&sums);
         }
     }
 

@@ -41,20 +41,21 @@ impl Exact {
         normal: &Vector3<f64>,
         noise: f64,
     ) -> Self {
-        let weight = i128::from(nearest(weight * WEIGHT_UNITS).max(1));
-        let whole = |value: f64| i128::from(nearest(value * UNITS));
+        // Of two numbers of 64 bits the product of 128 is a single instruction.
+        let by = |a: i64, b: i64| i128::from(a) * i128::from(b);
+        let weight = nearest(weight * WEIGHT_UNITS).max(1);
+        let whole = |value: f64| nearest(value * UNITS);
         let (mean, towards) = (state.mean(), state.towards());
-        let mean: [i128; 3] =
-            std::array::from_fn(|axis| whole(mean[axis]) + (i128::from(corner[axis]) << 20));
-        let [x, y, z] = mean;
+        let mean: [i64; 3] = std::array::from_fn(|axis| whole(mean[axis]) + (i64::from(corner[axis]) << 20));
+        let weighted = mean.map(|mean| weight * mean);
         Self {
-            weight,
-            sum: mean.map(|mean| weight * mean),
-            squares: [x * x, x * y, x * z, y * y, y * z, z * z].map(|square| weight * square),
-            spread: upper(&state.spread()).map(|spread| weight * whole(spread)),
-            towards: [0, 1, 2].map(|axis| whole(towards[axis])),
-            normal: [0, 1, 2].map(|axis| weight * whole(normal[axis])),
-            noise: weight * whole(noise),
+            weight: weight.into(),
+            sum: weighted.map(i128::from),
+            squares: PAIRS.map(|(i, j)| by(weighted[i], mean[j])),
+            spread: upper(&state.spread()).map(|spread| by(weight, whole(spread))),
+            towards: [0, 1, 2].map(|axis| whole(towards[axis]).into()),
+            normal: [0, 1, 2].map(|axis| by(weight, whole(normal[axis]))),
+            noise: by(weight, whole(noise)),
         }
     }
 

@@ -7,9 +7,8 @@ use nalgebra::Vector3;
 use super::block::{Block, CELLS, Cell, EDGE, offset_of};
 use super::by::Place;
 use super::cells::{Cells, Window};
-use super::cluster::Member;
+use super::cluster::{Member, Share};
 use super::contacts::{Contact, Contacts};
-use super::exact::Exact;
 use super::graph::NodeId;
 use super::grid::Grid;
 use super::patch::{Host, Patch, PatchId};
@@ -171,7 +170,7 @@ impl Segmented {
         let share = own.map(|number| {
             let patch = &self.patches[usize::from(number)];
             let weight = patch.weight_of(state, &rules.noise);
-            Exact::of(state, block.corner(), weight, &patch.normal(), patch.noise())
+            Share { corner: block.corner(), weight, normal: patch.normal(), noise: patch.noise() }
         });
         Some(Member { key, state, is_thin: self.is_thin(state), share })
     }

@@ -63,7 +63,7 @@ impl Simplifying {
         self.vertices.extend((0..).zip(ring).map(vertex));
         (self.left, self.tolerance) = (ring.len(), tolerance);
         self.queue.clear(ring.len());
-        for first in (0..n).step_by(LANES) {
+        for first in (0..n).step_by(EDGES) {
             let (edges, ranks) = self.propose(first);
             edges.into_iter().zip(ranks).for_each(|(edge, rank)| *self.queue.of(edge) = rank);
         }
@@ -75,23 +75,19 @@ impl Simplifying {
     }
 
     /// Notes what may be done to an edge and the next ones; returns these and how far each would move the ring.
-    fn propose(&mut self, first: u32) -> ([u32; LANES], [Rank; LANES]) {
+    fn propose(&mut self, first: u32) -> ([u32; EDGES], [Rank; EDGES]) {
         let mut at = self.vertex(first).before;
-        let around = [(); LANES + 3].map(|()| {
-            let next = self.vertex(at).next;
-            std::mem::replace(&mut at, next)
+        let mut around = Around::default();
+        let places: [_; AROUND] = std::array::from_fn(|i| {
+            let vertex = self.vertex(at);
+            (around.x[i], around.y[i], around.moved[i]) = (vertex.at.x, vertex.at.y, vertex.moved);
+            std::mem::replace(&mut at, vertex.next)
         });
-        let vertices = around.map(|index| self.vertex(index));
-        let replaced = replacements(&vertices.map(|vertex| vertex.at));
-        let edges = std::array::from_fn(|lane| around[lane + 1]);
-        let ranks = std::array::from_fn(|lane| {
-            // The new edges run through the middle of the old ones, so that moves add up to less than their sum.
-            let [a, b, c] = [0, 1, 2].map(|i| vertices[lane + i].moved);
-            let moved = 0.5 * a.max(b).max(c) + replaced.farthest[lane].sqrt();
-            if moved <= self.tolerance { moved.to_bits() } else { NEVER }
-        });
-        for (lane, &edge) in edges.iter().enumerate() {
-            self.vertices[edge as usize].proposal = Vector2::new(replaced.at.x[lane], replaced.at.y[lane]);
+        let replaced = around.replacements();
+        let edges = std::array::from_fn(|edge| places[edge + 1]);
+        let ranks = replaced.moved.map(|moved| if moved <= self.tolerance { moved.to_bits() } else { NEVER });
+        for (place, &edge) in edges.iter().enumerate() {
+            self.vertices[edge as usize].proposal = Vector2::new(replaced.x[place], replaced.y[place]);
         }
         (edges, ranks)
     }
@@ -129,171 +125,218 @@ impl Simplifying {
     }
 }
 
-/// Which edge ranks first, found by having them compete in pairs, the winners in pairs again: a change costs the
-/// height of the tree.
+/// Edges that compete at once.
+const TABLE: usize = 8;
+
+/// Which edge ranks first, found by having them compete in tables, the winners in tables again: a change costs a table in each
+/// round. By eights there are a third of the rounds that there are by pairs, and each waits for the one before.
 #[derive(Clone, Debug, Default)]
 struct Tournament {
-    /// The winner of all at 1; those of 2 k and 2 k + 1 meet for the place k. The edges are the last half.
-    ranks: Vec<Rank>,
-    half: usize,
+    /// Those of the edges, then those of their winners, and so on; the last is one table.
+    tables: Vec<[Rank; TABLE]>,
+    /// Where the tables of each round begin.
+    rounds: Vec<usize>,
 }
 
 impl Tournament {
     fn clear(&mut self, edges: usize) {
-        self.half = edges.next_power_of_two();
-        self.ranks.clear();
-        self.ranks.resize(2 * self.half, NEVER);
+        self.tables.clear();
+        self.rounds.clear();
+        let mut left = edges;
+        while self.rounds.is_empty() || left > 1 {
+            self.rounds.push(self.tables.len());
+            left = left.div_ceil(TABLE);
+            self.tables.resize(self.tables.len() + left, [NEVER; TABLE]);
+        }
     }
 
     /// The rank of an edge; to be changed by hand only until the tournament begins.
     fn of(&mut self, edge: u32) -> &mut Rank {
-        &mut self.ranks[self.half + edge as usize]
+        let edge = edge as usize;
+        &mut self.tables[edge / TABLE][edge % TABLE]
     }
 
     fn begin(&mut self) {
-        for place in (1..self.half).rev() {
-            self.ranks[place] = self.ranks[2 * place].min(self.ranks[2 * place + 1]);
+        for round in self.rounds.windows(2) {
+            for table in 0..round[1] - round[0] {
+                settle(&mut self.tables, round, table);
+            }
         }
     }
 
-    /// Without a question whether a rank has changed: all of these are settled level by level.
+    /// Without a question whether a rank has changed: all of these are settled round by round.
     fn set<const N: usize>(&mut self, edges: [(u32, Rank); N]) {
         let mut places = edges.map(|(edge, rank)| {
             *self.of(edge) = rank;
-            self.half + edge as usize
+            edge as usize
         });
-        for _ in 0..self.half.ilog2() {
+        for round in self.rounds.windows(2) {
             for place in &mut places {
-                *place /= 2;
-                self.ranks[*place] = self.ranks[2 * *place].min(self.ranks[2 * *place + 1]);
+                *place /= TABLE;
+                settle(&mut self.tables, round, *place);
             }
         }
     }
 
     /// The edge that ranks first, the lowest of equals, and its rank.
     fn first(&self) -> Option<(u32, Rank)> {
-        let rank = self.ranks[1];
-        let mut place = 1;
-        while place < self.half {
-            place = 2 * place + usize::from(self.ranks[2 * place] != rank);
+        let rank = winner(self.tables.last()?);
+        let mut place = 0;
+        for round in self.rounds.iter().rev() {
+            let table = &self.tables[round + place];
+            let first = (0..TABLE).rev().fold(0, |first, at| if table[at] == rank { at } else { first });
+            place = TABLE * place + first;
         }
-        (rank != NEVER).then_some(((place - self.half) as u32, rank))
+        (rank != NEVER).then_some((place as u32, rank))
     }
 }
 
-/// Edges that are looked at together: what one of them waits for, the others do not, and the processor does two or four steps
-/// at once.
-const LANES: usize = 4;
+/// Notes the winner of a table of one round in the next; `rounds` is where these two begin.
+#[inline]
+fn settle(tables: &mut [[Rank; TABLE]], rounds: &[usize], table: usize) {
+    tables[rounds[1] + table / TABLE][table % TABLE] = winner(&tables[rounds[0] + table]);
+}
 
-type Lanes = [f64; LANES];
+#[inline]
+fn winner(&[a, b, c, d, e, f, g, h]: &[Rank; TABLE]) -> Rank {
+    a.min(b).min(c.min(d)).min(e.min(f).min(g.min(h)))
+}
 
-/// A point or a vector in each lane.
+/// Edges that are looked at together: those that a step changes.
+const EDGES: usize = 4;
+/// The vertices that these depend on.
+const AROUND: usize = EDGES + 3;
+
+/// Vertices that follow each other, number by number, so that the processor takes those of two edges at once.
+#[derive(Default)]
+struct Around {
+    x: [f64; AROUND],
+    y: [f64; AROUND],
+    moved: [f64; AROUND],
+}
+
+/// The vertices that would take the place of the two of an edge, and how far the ring then lies from where it was, at most; more
+/// than any where there is no such vertex.
+#[derive(Default)]
+struct Replacements {
+    x: [f64; EDGES],
+    y: [f64; EDGES],
+    moved: [f64; EDGES],
+}
+
+impl Around {
+    /// What takes the place of the second and the third of each four that follow each other. Whatever might be needed is found
+    /// without asking.
+    fn replacements(&self) -> Replacements {
+        let mut replaced = Replacements::default();
+        for edge in 0..EDGES {
+            let vertex = |i: usize| Point { x: self.x[edge + i], y: self.y[edge + i] };
+            let (at, farthest) = replacement([vertex(0), vertex(1), vertex(2), vertex(3)]);
+            // The new edges run through the middle of the old ones, so that moves add up to less than their sum.
+            let moved = most(most(self.moved[edge], self.moved[edge + 1]), self.moved[edge + 2]);
+            replaced.moved[edge] = 0.5 * moved + farthest.sqrt();
+            (replaced.x[edge], replaced.y[edge]) = (at.x, at.y);
+        }
+        replaced
+    }
+}
+
+/// A point or a vector.
 #[derive(Clone, Copy)]
-struct Points {
-    x: Lanes,
-    y: Lanes,
+struct Point {
+    x: f64,
+    y: f64,
 }
 
-#[inline]
-fn each(of: impl Fn(usize) -> f64) -> Lanes {
-    std::array::from_fn(of)
-}
-
-#[inline]
-fn least(a: &Lanes, b: &Lanes) -> Lanes {
-    each(|i| if a[i] < b[i] { a[i] } else { b[i] })
-}
-
-impl Points {
-    fn each(of: impl Fn(usize) -> Vector2<f64>) -> Self {
-        Self { x: each(|i| of(i).x), y: each(|i| of(i).y) }
-    }
-
-    fn minus(&self, other: &Self) -> Self {
-        Self { x: each(|i| self.x[i] - other.x[i]), y: each(|i| self.y[i] - other.y[i]) }
+impl Point {
+    #[inline(always)]
+    fn minus(self, other: Self) -> Self {
+        Self { x: self.x - other.x, y: self.y - other.y }
     }
 
     /// `self + along * part`.
-    fn plus(&self, along: &Self, part: &Lanes) -> Self {
-        let [x, y] = [(&self.x, &along.x), (&self.y, &along.y)].map(|(a, b)| each(|i| a[i] + b[i] * part[i]));
-        Self { x, y }
+    #[inline(always)]
+    fn plus(self, along: Self, part: f64) -> Self {
+        Self { x: self.x + along.x * part, y: self.y + along.y * part }
     }
 
-    fn perp(&self, other: &Self) -> Lanes {
-        each(|i| self.x[i] * other.y[i] - self.y[i] * other.x[i])
+    #[inline(always)]
+    fn perp(self, other: Self) -> f64 {
+        self.x * other.y - self.y * other.x
     }
 
-    fn dot(&self, other: &Self) -> Lanes {
-        each(|i| self.x[i] * other.x[i] + self.y[i] * other.y[i])
+    #[inline(always)]
+    fn dot(self, other: Self) -> f64 {
+        self.x * other.x + self.y * other.y
     }
 
     /// `self` where it holds, else `other`.
-    fn or(&self, other: &Self, holds: [bool; LANES]) -> Self {
-        let pick = |a: &Lanes, b: &Lanes| each(|i| if holds[i] { a[i] } else { b[i] });
-        Self { x: pick(&self.x, &other.x), y: pick(&self.y, &other.y) }
+    #[inline(always)]
+    fn or(self, other: Self, holds: bool) -> Self {
+        Self { x: if holds { self.x } else { other.x }, y: if holds { self.y } else { other.y } }
     }
 }
 
-/// The vertices that would take the place of two, and the squares of how far the line then lies from where it was, at most;
-/// more than any where there is no such vertex.
-struct Replacements {
-    at: Points,
-    farthest: Lanes,
+/// `f64::min` and `f64::max` but for what is no number, of which there is none here and which costs as much again.
+#[inline(always)]
+fn least(a: f64, b: f64) -> f64 {
+    if a < b { a } else { b }
 }
 
-/// What takes the place of `b` and `c` between `a` and `d` without a change of area, of any four that follow each other.
-///
-/// Whatever might be needed is found without asking.
-fn replacements(vertices: &[Vector2<f64>; LANES + 3]) -> Replacements {
-    let [a, b, c, d] = [0, 1, 2, 3].map(|from| Points::each(|lane| vertices[lane + from]));
-    let (base, ab, ac) = (d.minus(&a), b.minus(&a), c.minus(&a));
-    let [of_b, of_c] = [ab.perp(&base), ac.perp(&base)];
+#[inline(always)]
+fn most(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
+}
+
+/// What takes the place of `b` and `c` between `a` and `d` without a change of area, and the square of how far the line then
+/// lies from where it was, at most.
+#[inline(always)]
+fn replacement([a, b, c, d]: [Point; 4]) -> (Point, f64) {
+    let (base, ab, ac) = (d.minus(a), b.minus(a), c.minus(a));
+    let (of_b, of_c) = (ab.perp(base), ac.perp(base));
     // Twice the area of a, b, c, d, with the sign of these heights.
-    let of_abc = ab.perp(&ac);
-    let area = each(|i| of_abc[i] + of_c[i]);
-    let on_ab: [bool; LANES] = std::array::from_fn(|i| {
-        let is_same_side = of_b[i] * of_c[i] >= 0.0;
-        if is_same_side { of_b[i].abs() > of_c[i].abs() } else { area[i] * of_b[i] > 0.0 }
-    });
+    let area = ab.perp(ac) + of_c;
+    // On one side of the base the higher one decides, else the one on the side of the area.
+    let is_same_side = of_b * of_c >= 0.0;
+    let more = if is_same_side { of_b.abs() } else { area * of_b };
+    let less = if is_same_side { of_c.abs() } else { 0.0 };
+    let on_ab = more > less;
     // From here on the vertex lies on the line from a through b: the other way round is the same.
-    let height = each(|i| if on_ab[i] { of_b[i] } else { of_c[i] });
-    let [a, b, c, d] = [a.or(&d, on_ab), b.or(&c, on_ab), c.or(&b, on_ab), d.or(&a, on_ab)];
+    let height = if on_ab { of_b } else { of_c };
+    let [a, b, c, d] = [a.or(d, on_ab), b.or(c, on_ab), c.or(b, on_ab), d.or(a, on_ab)];
     // Of no height where all four lie on a line, or else there is no such vertex.
-    let part = each(|i| if height[i] == 0.0 { 1.0 } else { area[i] / height[i] });
-    let ab = b.minus(&a);
-    let at = a.plus(&ab, &part);
-    let off = farthest(&[a, b, c, d], &at, &part);
-    let is_none: [bool; LANES] = std::array::from_fn(|i| height[i] == 0.0 && area[i] != 0.0);
-    Replacements { at, farthest: each(|i| if is_none[i] { f64::INFINITY } else { off[i] }) }
+    let quotient = area / height;
+    let part = if height == 0.0 { 1.0 } else { quotient };
+    let at = a.plus(b.minus(a), part);
+    let beyond_all = if area == 0.0 { 0.0 } else { f64::INFINITY };
+    let least_off = if height == 0.0 { beyond_all } else { 0.0 };
+    (at, most(farthest([a, b, c, d], at, part), least_off))
 }
 
 /// The square of how far a, `at`, d lies from a, b, c, d at most; `at` is that part of the way from a to b.
-#[inline]
-fn farthest([a, b, c, d]: &[Points; 4], at: &Points, part: &Lanes) -> Lanes {
-    let of_c = least(&squared_distance(c, a, at), &squared_distance(c, at, d));
+#[inline(always)]
+fn farthest([a, b, c, d]: [Point; 4], at: Point, part: f64) -> f64 {
+    let of_c = least(squared_distance(c, a, at), squared_distance(c, at, d));
     let of_b = squared_distance(b, at, d);
-    let of_new = least(&squared_distance(at, b, c), &squared_distance(at, c, d));
-    let [to_a, from_a] = [b.minus(a), at.minus(a)].map(|way| way.dot(&way));
-    each(|i| {
-        let is_before = part[i] < 0.0;
-        // Where it lies beyond b, b lies on the new line; where it lies before b, it lies on the old one.
-        let b = if part[i] > 1.0 { 0.0 } else { of_b[i] };
-        let b = if is_before && to_a[i] < b { to_a[i] } else { b };
-        let new = if part[i] > 1.0 || is_before { of_new[i] } else { 0.0 };
-        let new = if is_before && from_a[i] < new { from_a[i] } else { new };
-        of_c[i].max(b).max(new)
-    })
+    let of_new = least(squared_distance(at, b, c), squared_distance(at, c, d));
+    let [to_a, from_a] = [b.minus(a), at.minus(a)].map(|way| way.dot(way));
+    let (is_before, is_beyond) = (part < 0.0, part > 1.0);
+    // Where it lies beyond b, b lies on the new line; where it lies before b, it lies on the old one.
+    let b = if is_beyond { 0.0 } else { of_b };
+    let b = if is_before { least(to_a, b) } else { b };
+    let new = if is_beyond { of_new } else { 0.0 };
+    let new = if is_before { least(from_a, of_new) } else { new };
+    most(most(of_c, b), new)
 }
 
 /// From a point to the line from `a` to `b`, its ends included.
-#[inline]
-fn squared_distance(point: &Points, a: &Points, b: &Points) -> Lanes {
+#[inline(always)]
+fn squared_distance(point: Point, a: Point, b: Point) -> f64 {
     let (along, from) = (b.minus(a), point.minus(a));
-    let (length, dot) = (along.dot(&along), from.dot(&along));
     // Of no length, whatever part: it is 0 of that.
-    let part = each(|i| -(dot[i] / length[i].max(f64::MIN_POSITIVE)).clamp(0.0, 1.0));
-    let off = from.plus(&along, &part);
-    off.dot(&off)
+    let part = from.dot(along) / most(along.dot(along), f64::MIN_POSITIVE);
+    let off = from.plus(along, -least(most(part, 0.0), 1.0));
+    off.dot(off)
 }
 
 #[cfg(test)]

@@ -83,7 +83,7 @@ impl Surfaces {
         for (&block, old) in blocks.iter().zip(old) {
             let [before, now] = [&old.segmented, &self.segmented[block]].map(Segmented::numbers);
             for state in old.segmented.states.iter() {
-                let [before, now] = [before, now].map(|numbers| numbers[state.cell().index()]);
+                let [before, now] = [&before, &now].map(|numbers| numbers[state.cell().index()]);
                 if before == LOOSE {
                     continue;
                 }

@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 use super::Surfaces;
 use crate::engine::consistent::block::{BlockIndex, Cell, offset_of};
 use crate::engine::consistent::cells::Cells;
+use crate::engine::consistent::graph::NodeId;
 use crate::engine::consistent::grid::Grid;
 use crate::engine::consistent::owner::{Owners, RIM_REACH};
 use crate::engine::consistent::patch::PatchId;
@@ -45,19 +46,25 @@ impl Surfaces {
                 }
             }
         }
-        let places = near.into_iter().flat_map(|(block, cells)| {
-            let loose = self.segmented[block].loose_cells.iter().enumerate();
-            loose.filter(move |(_, cell)| cells.contains(*cell)).map(move |(number, _)| (block, number))
-        });
-        let of_them =
-            |(block, number)| Beside { block, number, is_theirs: self.belongs_to(block, number, blocks) };
-        places.map(of_them).collect()
+        let mut beside = Vec::new();
+        for (block, cells) in near {
+            let here = &self.segmented[block];
+            // Most of a row of loose voxels belong to one patch.
+            let mut last = (None, false);
+            beside.extend(here.loose_cells.ranks_of(&cells).map(|number| {
+                let owner = here.loose[number].owner();
+                if owner != last.0 {
+                    last = (owner, self.is_of(owner, blocks));
+                }
+                Beside { block, number, is_theirs: last.1 }
+            }));
+        }
+        beside
     }
 
-    /// Whether a loose voxel belongs to a patch of these blocks (ascending).
-    fn belongs_to(&self, block: BlockIndex, number: usize, blocks: &[BlockIndex]) -> bool {
-        let owner = self.segmented[block].loose[number].owner();
-        let patch = owner.and_then(|owner| self.patches[owner]);
+    /// Whether a node is that of a patch of these blocks (ascending).
+    fn is_of(&self, node: Option<NodeId>, blocks: &[BlockIndex]) -> bool {
+        let patch = node.and_then(|node| self.patches[node]);
         patch.is_some_and(|patch| blocks.binary_search(&patch.block).is_ok())
     }
 
