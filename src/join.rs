@@ -22,6 +22,8 @@ const NAMES: usize = 20;
 pub struct Join {
     frames: Frames,
     waiting: WaitingQueue<Arrived>,
+    /// The oldest stamp of a cloud that has come since none waited: none that waits is older.
+    waits_since: Stamp,
     /// Newest stamp that has arrived, whether or not a transform comes for it.
     arrived: BTreeMap<Key, Stamp>,
     /// Counts the arrivals whose stamps jumped back.
@@ -102,6 +104,7 @@ impl Join {
         Self {
             frames: Frames::new(),
             waiting: WaitingQueue::new(places),
+            waits_since: Stamp::default(),
             arrived: BTreeMap::new(),
             lap: 0,
             sensors: BTreeMap::new(),
@@ -134,6 +137,11 @@ impl Join {
     /// How long the one has waited that has waited longest; 0 where none does.
     pub fn longest_wait(&self, now: impl Into<Moment>) -> Duration {
         self.waiting.longest_wait(now)
+    }
+
+    /// Whether a cloud waits, and the oldest of those that have come since none did was taken more than `by` before `stamp`.
+    pub fn is_behind(&self, stamp: Stamp, by: Duration) -> bool {
+        !self.waiting.is_empty() && stamp.seconds_since(self.waits_since) > by.as_secs_f64()
     }
 
     /// The frame of the cloud that has waited longest, and what its transform lacks.
@@ -178,6 +186,8 @@ impl Join {
         // Clouds before a jump and after it must not be sorted together, and the stamps alone do not tell them apart.
         let before = self.arrived.insert((frame.clone(), sensor), stamp);
         self.lap += u64::from(before.is_some_and(|before| before.seconds_since(stamp) > JUMP_BACK));
+        let is_alone = self.waiting.is_empty();
+        self.waits_since = if is_alone { stamp } else { self.waits_since.min(stamp) };
         let arrived = Arrived { sensor, cloud, lap: self.lap, at: now };
         self.waiting.push(arrived, stamp, frame, now).map(plain)
     }

@@ -204,9 +204,18 @@ impl<W: Write> ResultBag<W> {
         put(writer, scratch, channel, (&first.header, clock.ahead()), message)
     }
 
-    /// Whether the input's messages on this topic would be copied, had the result no topic of that name.
-    pub fn replaces(&self, topic: &str) -> bool {
-        self.with_input && self.own.iter().any(|own| own == topic)
+    /// Whether a message of the input would be copied, had the result no topic of that name.
+    pub fn replaces(&self, message: &Message) -> bool {
+        self.is_wanted(message) && self.is_own(message)
+    }
+
+    /// Whether a message of the input belongs into the result.
+    fn is_wanted(&self, message: &Message) -> bool {
+        self.with_input || is_transforms(message.type_name())
+    }
+
+    fn is_own(&self, message: &Message) -> bool {
+        self.own.iter().any(|own| own == message.topic())
     }
 
     /// Copies a message of the input, where it is wanted.
@@ -216,8 +225,7 @@ impl<W: Write> ResultBag<W> {
     pub fn input(&mut self, message: &Message) -> io::Result<()> {
         let due = self.clock.message(message.log_time);
         due.iter().try_for_each(|message| self.copy(message))?;
-        let is_own = self.own.iter().any(|own| own == message.topic());
-        if is_own || !(self.with_input || is_transforms(message.type_name())) {
+        if self.is_own(message) || !self.is_wanted(message) {
             return Ok(());
         }
         self.clock.hold(message).map_or(Ok(()), |message| self.copy(message))
@@ -232,7 +240,12 @@ impl<W: Write> ResultBag<W> {
         }
         let Some(channel) = self.copied.get_mut(&key) else { return Ok(()) };
         let log_time = self.clock.logged(message.log_time);
-        write(&mut self.writer, channel, log_time, &message.data)
+        // Moved together, so that what lies between the two stays.
+        let moved = log_time.wrapping_sub(message.log_time).cast_signed();
+        let publish_time = message.publish_time.saturating_add_signed(moved);
+        let header =
+            MessageHeader { channel_id: channel.id, sequence: message.sequence, log_time, publish_time };
+        self.writer.write_to_known_channel(&header, &message.data).map_err(io::Error::other)
     }
 
     /// Writes the indexes and gives the output back.

@@ -20,12 +20,16 @@ use crate::engine::Scan;
 use crate::join::{Join, Joined, Jump, with_stamp};
 use crate::msg::ros::{TfMessage, TransformStamped};
 use crate::reason::Reason;
-use crate::tf::{LookupError, Waited};
+use crate::tf::{LookupError, MAX_AGE, Waited};
 
 /// Clouds that wait for a transform however long it takes: where there are few in a second, transforms may be few as well.
 const FEW: usize = 8;
 /// Clouds that wait for a transform at most, whatever the patience: a bound of memory.
 const MOST: usize = 64;
+
+/// How far behind the transforms a cloud may wait, by the stamps, until all is tried for it. What was known at its stamp is
+/// forgotten after twice this.
+const BEHIND: Duration = Duration::from_nanos(MAX_AGE.as_nanos() as u64 / 2);
 
 /// Frames without a way that are remembered at most: a bag can make up ever new ones.
 const UNPLACED: usize = 20;
@@ -262,7 +266,7 @@ impl<V: Visitor> Feeder<'_, V> {
             match receiver.recv_timeout(LOOK) {
                 Ok(Item::Message(message)) => self.visitor.message(&message)?,
                 Ok(Item::Recorded { recorded, at, decoding }) => {
-                    self.disorder.note(self.now.saturating_sub(at));
+                    self.disorder.note(at);
                     self.now = at;
                     self.recorded(recorded, decoding)?;
                 }
@@ -341,6 +345,14 @@ impl<V: Visitor> Feeder<'_, V> {
         if self.join.waiting() < self.places() { Ok(()) } else { self.look_ahead() }
     }
 
+    /// Tries the same before the transforms are forgotten that a cloud needs. Where scans come seldom, or the times of recording
+    /// stand still, it is long until one takes the place of another.
+    fn hurry(&mut self, message: &TfMessage) -> Result<(), V::Error> {
+        let stamps = message.transforms.iter().filter_map(|transform| transform.header.stamp.stamp());
+        let is_late = stamps.max().is_some_and(|newest| self.join.is_behind(newest, BEHIND));
+        if is_late { self.use_all_known() } else { Ok(()) }
+    }
+
     /// How many clouds may wait: only a few once one has waited as long as patience lasts.
     fn places(&self) -> usize {
         if self.join.longest_wait(self.now) < self.patience { MOST } else { FEW }
@@ -362,6 +374,9 @@ impl<V: Visitor> Feeder<'_, V> {
         // All is fed again, and nothing is to be said of what goes against a guess alone.
         if self.finder.is_wrong() {
             return Ok(());
+        }
+        if !is_static {
+            self.hurry(message)?;
         }
         for transform in &message.transforms {
             if let Some(line) = self.transform(transform, is_static) {
@@ -428,7 +443,7 @@ impl<V: Visitor> Feeder<'_, V> {
             Halt::Stop => (None, true),
         };
         if !stopped && !self.enough {
-            self.use_the_last().map_err(FeedError::Visitor)?;
+            self.use_all_known().map_err(FeedError::Visitor)?;
             stopped = self.stop.load(Ordering::Relaxed);
             if !stopped && self.finder.is_wrong() {
                 return self.wrong_frame();
@@ -453,7 +468,7 @@ impl<V: Visitor> Feeder<'_, V> {
     }
 
     /// Takes what is ready by all that can be known.
-    fn use_the_last(&mut self) -> Result<(), V::Error> {
+    fn use_all_known(&mut self) -> Result<(), V::Error> {
         self.guess();
         self.ready()?;
         self.look_ahead()

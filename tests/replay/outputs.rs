@@ -2,8 +2,10 @@
 
 use std::fs;
 
+use serde_json::Value;
+
 use crate::bags::{BagWriter, Layout, OPTICAL, drive, stamp};
-use crate::{Folder, replay};
+use crate::{Folder, cfodi, program, replay};
 
 #[test]
 fn an_output_that_cannot_be_written_is_named_and_nothing_is_left() {
@@ -59,6 +61,60 @@ fn no_output_replaces_a_part_of_the_input_and_none_is_begun_when_one_cannot_be_m
     let found = replay(folder.path(), &["--out", out.to_str().unwrap(), "--clusters", "/nowhere/c.json"]);
     assert!(found.status == 1 && found.errors.contains("/nowhere/c.json"), "{}", found.errors);
     assert!(found.summary.is_none() && !out.exists());
+}
+
+#[test]
+fn no_output_replaces_the_parameters() {
+    let folder = Folder::new();
+    let bag = folder.put("a.mcap", &drive(BagWriter::new(Layout::Plain), 2));
+    let text = "/**: {ros__parameters: {voxel_size: 0.1}}";
+    let parameters = folder.put("p.yaml", text.as_bytes());
+    let [bag, parameters] = [&bag, &parameters].map(|path| path.to_str().unwrap());
+    for option in ["--out", "--summary", "--voxels", "--clusters", "--ply"] {
+        let ended = cfodi(&["replay", bag, option, parameters, "--ros-args", "--params-file", parameters]);
+        let (status, said) = program::said(&ended);
+        assert!(status == Some(2) && said.contains("would replace the input"), "{option}: {said}");
+        assert_eq!(fs::read_to_string(parameters).unwrap(), text, "{option}");
+    }
+}
+
+#[test]
+fn where_no_scan_is_taken_in_earlier_outputs_stay_and_the_account_is_written() {
+    let folder = Folder::new();
+    let bag = folder.put("a.mcap", &drive(BagWriter::new(Layout::Plain), 5));
+    let outputs = [("--out", "r.mcap"), ("--voxels", "v.csv"), ("--clusters", "c.json"), ("--ply", "p.ply")];
+    let [summary, report] = ["s.json", "report"].map(|name| folder.argument(name));
+    let mut arguments = vec!["replay".to_owned(), bag.to_str().unwrap().to_owned()];
+    arguments.extend(outputs.iter().flat_map(|(option, name)| [(*option).to_owned(), folder.argument(name)]));
+    arguments.extend(["--summary", &summary, "--report", &report].map(str::to_owned));
+    let run = |more: &[&str]| {
+        let arguments: Vec<_> = arguments.iter().map(String::as_str).chain(more.iter().copied()).collect();
+        let (status, said) = program::said(&cfodi(&arguments));
+        let account: Value = serde_json::from_slice(&fs::read(&summary).unwrap()).unwrap();
+        (status, said, account["scans"].as_u64())
+    };
+    let read = || outputs.map(|(_, name)| fs::read(folder.join(name)).unwrap());
+    let (status, said, scans) = run(&[]);
+    assert_eq!((status, scans), (Some(0), Some(5)), "{said}");
+    let before = read();
+    for parameter in ["fixed_frame:=mpa", "max_points:=1"] {
+        let (status, said, scans) = run(&["--ros-args", "-p", parameter]);
+        assert_eq!((status, scans), (Some(1), Some(0)), "{parameter}: {said}");
+        assert!(said.contains("no scan was taken in"), "{said}");
+        assert!(read() == before, "an earlier map is lost: {parameter}");
+    }
+    assert!(folder.names().iter().all(|name| !name.contains(".part")), "{:?}", folder.names());
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn what_was_not_read_is_said_where_an_output_cannot_be_written() {
+    let folder = Folder::new();
+    let cut = folder.put("a.mcap", &drive(BagWriter::new(Layout::Plain), 5)[..70_000]);
+    let found = replay(&cut, &["--clusters", "/dev/full"]);
+    assert_eq!((found.status, found.number("scans")), (1, 3), "{}", found.errors);
+    let said = ["not all of the bag was read", "cannot write /dev/full"];
+    assert!(said.iter().all(|said| found.errors.contains(said)), "{}", found.errors);
 }
 
 #[test]

@@ -47,6 +47,29 @@ fn the_transforms_of_each_lap_are_played_with_its_clusters() {
     assert!(tf.is_sorted() && tf.iter().zip(&deltas).all(|(tf, delta)| tf.abs_diff(*delta) < 50_000_000));
 }
 
+/// In a second lap too, whose messages are logged after those of the first.
+#[test]
+fn copied_messages_keep_their_numbers_and_how_long_they_took() {
+    let folder = Folder::new();
+    let mut writer = BagWriter::new(Layout::Plain);
+    writer.lag = 7_000_000;
+    let laps = drive_along(writer, (0..60).chain(0..60));
+    let (bag, out) = (folder.put("laps.mcap", &laps), folder.join("out.mcap"));
+    assert_eq!(replay(&bag, &["--out", out.to_str().unwrap(), "--with-input"]).number("sessions"), 2);
+    let result = fs::read(&out).unwrap();
+    for topic in [POINTS, "/tf"] {
+        let numbers = |bag: &[u8]| -> Vec<u32> {
+            let messages = mcap::MessageStream::new(bag).unwrap().map(Result::unwrap);
+            let of_topic = messages.filter(|message| message.channel.topic == topic);
+            of_topic
+                .inspect(|it| assert_eq!(it.log_time - it.publish_time, 7_000_000))
+                .map(|it| it.sequence)
+                .collect()
+        };
+        assert_eq!(numbers(&result), numbers(&laps), "{topic}");
+    }
+}
+
 /// A simulator stamps by its own time, which the recorder did not know, and which goes at half the speed.
 #[test]
 fn what_was_recorded_by_another_clock_is_played_with_its_clusters() {
@@ -182,6 +205,21 @@ fn input_that_lies_out_of_order_keeps_its_times_within_each_lap() {
     assert_eq!(clouds[..240], (0..240).map(|i| stamp(i) as u64).collect::<Vec<_>>());
     assert_eq!((tf.len(), &tf), (480, &clouds));
     assert!(clouds.iter().zip(&deltas).all(|(cloud, delta)| cloud.abs_diff(*delta) < 1_000_000));
+}
+
+#[test]
+fn transforms_in_whose_place_results_go_are_said_not_to_be_copied() {
+    let folder = Folder::new();
+    let mut writer = BagWriter::new(Layout::Plain);
+    writer.tf("/tf_static", stamp(0), "camera_link", OPTICAL, 0.0);
+    for i in 0..3 {
+        writer.tf("/tf", stamp(i), "map", "camera_link", 0.1 * i as f64);
+        writer.scan(i);
+    }
+    let (bag, out) = (folder.put("a.mcap", &writer.finish()), folder.join("out.mcap"));
+    let found = replay(&bag, &["--out", out.to_str().unwrap(), "--ros-args", "-r", "~/clusters:=/tf"]);
+    assert_eq!(found.number("scans"), 3, "{}", found.errors);
+    assert_eq!(found.errors.matches("/tf of the input is not copied").count(), 1, "{}", found.errors);
 }
 
 #[test]
