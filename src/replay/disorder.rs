@@ -31,7 +31,7 @@ impl Disorder {
             self.before = Some(self.most);
         }
         self.newest = self.newest.max(at);
-        self.most = self.most.max(self.newest - at);
+        self.most = self.most.max(self.newest.saturating_sub(at));
     }
 
     /// Stamps have jumped back, and with them the times of recording where these have made a large step.

@@ -5,9 +5,11 @@ use std::sync::LazyLock;
 
 use proptest::prelude::*;
 
-use super::super::block::place_of;
-use super::super::patch::examples::rows;
+use super::super::block::{BlockIndex, place_of};
+use super::super::patch::Kind;
+use super::super::patch::examples::{self, rows};
 use super::*;
+use crate::engine::params::Params;
 
 /// Voxels by their coordinates in the block, each with the number of its patch.
 type Drawn = BTreeMap<[i32; 3], u8>;
@@ -73,4 +75,46 @@ proptest! {
         let known = naive_contacts(&here, &there, direction, corner, reach);
         prop_assert_eq!(found, known.into_iter().collect::<Vec<_>>());
     }
+}
+
+/// The foot of a ramp of 18 degrees, as it is seen from afar: the last rows of a block lie between floor and ramp. Of none of the three
+/// does the block hold more than two layers.
+#[test]
+fn what_lies_between_floor_and_ramp_is_a_part_of_the_one_that_it_fits_best() {
+    let rules = Rules::new(&Params::default());
+    let floor = rows(0..4, |_| 0.35);
+    let foot = rows(4..8, |y| 0.35 + 0.16 * (y - 4.0));
+    let corner = [0, EDGE, 0];
+    let ramp_states = examples::states(1.0, 0..3, |y| 1.0 + 0.32 * y);
+    let ramp_states: Vec<_> = ramp_states.iter().collect();
+    let ramp = Patch::new(&ramp_states, &Vector3::from(corner).map(f64::from), Kind::Flat, &rules).unwrap();
+    let id = |block: u32, number: u8| PatchId { block: BlockIndex(block), number };
+
+    let mut here = of_patches(vec![floor, foot]);
+    let mut there = Segmented { contacts: Contacts::new(corner), ..of_patches(vec![ramp]) };
+    for ((a, b), contact) in contacts(&here, &here.clone(), place_of([0; 3]), [0; 3], CONTACT_REACH) {
+        here.contacts.insert(a, id(0, b), &contact);
+        here.contacts.insert(b, id(0, a), &contact);
+    }
+    let on_floor = [here.clone(), Segmented::default()];
+    for ((a, b), contact) in contacts(&here, &there, place_of([0, 1, 0]), [0; 3], CONTACT_REACH) {
+        here.contacts.insert(a, id(1, b), &contact);
+        there.contacts.insert(b, id(0, a), &contact);
+    }
+    let all = [here, there];
+
+    assert_eq!(host(&on_floor, id(0, 1), &rules), Host::None, "one end alone is no bridge");
+    assert_eq!(host(&all, id(0, 0), &rules), Host::None, "a floor is no part of its ramp's foot");
+    let Host::EndOf(end) = host(&all, id(0, 1), &rules) else { panic!("{:?}", host(&all, id(0, 1), &rules)) };
+    let misfits = [id(0, 0), id(1, 0)].map(|end| patch(&all, id(0, 1)).misfit(patch(&all, end), &rules));
+    assert_eq!(end == id(0, 0), misfits[0] <= misfits[1], "{misfits:?}");
+    let [foot, floor, ramp] = [id(0, 1), id(0, 0), id(1, 0)];
+    let other = if end == floor { ramp } else { floor };
+    let joined = |to: PatchId| {
+        let mut all = all.clone();
+        all[0].patches[1].host = Host::EndOf(end);
+        let contact = contacts_of(&all, foot).find(|(met, _)| *met == to).unwrap().1;
+        are_joined(&all, foot, to, &contact, &rules)
+    };
+    assert!(joined(end) && !joined(other));
 }
