@@ -1,8 +1,9 @@
 //! Step 3 (section IV.B): global clusters absorb partial ones, merge, are refined and forgotten.
 //!
 //! A cluster of id `n` sits in slot `n - 1`. Merging links the younger slot to the older one (union-find), so that
-//! voxels keep their label and a merge costs O(1). A cluster's moments are at all times exactly those of its voxels'
-//! centres: [`Globals::follow`] moves them along when centres move.
+//! voxels keep their label and a merge costs O(1). Each search for the cluster of a label halves the path that it goes, by
+//! which it costs the logarithm of the number of clusters, amortised. A cluster's moments are at all times exactly those of its
+//! voxels' centres: [`Globals::follow`] moves them along when centres move.
 
 use std::collections::VecDeque;
 
@@ -73,10 +74,13 @@ impl Globals {
         self.clustered
     }
 
-    /// The cluster that a label stands for.
-    pub(crate) fn of_label(&self, label: Label) -> Option<&Global> {
-        let Label::Global(slot) = label else { return None };
-        self.slots[self.root(slot) as usize].as_deref()
+    /// Tells the id of the cluster that a label stands for.
+    pub(crate) fn ids(&self) -> impl Fn(Label) -> Option<ClusterId> {
+        let roots = self.roots();
+        move |label| {
+            let Label::Global(slot) = label else { return None };
+            self.slots[roots[slot as usize] as usize].as_ref().map(|global| global.id)
+        }
     }
 
     /// Clusters changed by this scan, by ascending id.
@@ -116,7 +120,10 @@ impl Globals {
             // The similarity that is tested again is that of the two that would join: of the partial cluster while it is
             // free, of its owner afterwards. (Testing the partial cluster in both cases misses the acceptance values.)
             match owners[pair.partial] {
-                Some(owner) => self.merge_if_similar(slot, self.root(owner), params, now),
+                Some(owner) => {
+                    let owner = self.root(owner);
+                    self.merge_if_similar(slot, owner, params, now);
+                }
                 None if self.similar(slot, &partial.normal, params) => {
                     self.absorb(slot, partial, grid, now);
                     owners[pair.partial] = Some(slot);
@@ -174,7 +181,7 @@ impl Globals {
     }
 
     /// Active global clusters and the partial ones that they are similar to and near enough, nearest first.
-    fn pairs(&self, grid: &Grid, partials: &[Partial], params: &Params, now: Now) -> Vec<Pair> {
+    fn pairs(&mut self, grid: &Grid, partials: &[Partial], params: &Params, now: Now) -> Vec<Pair> {
         let mut pairs = Vec::new();
         for (number, partial) in partials.iter().enumerate() {
             pairs.extend(self.vicinities(grid, partial).into_iter().filter_map(|(slot, vicinity)| {
@@ -190,7 +197,7 @@ impl Globals {
     }
 
     /// Definition 7: the number of directly connected pairs of voxels, by global cluster (slot, ascending).
-    fn vicinities(&self, grid: &Grid, partial: &Partial) -> Vec<(u32, u32)> {
+    fn vicinities(&mut self, grid: &Grid, partial: &Partial) -> Vec<(u32, u32)> {
         let neighbours = partial.members.iter().flat_map(|&voxel| grid.dense_neighbours(voxel)).flatten();
         let mut slots: Vec<u32> = neighbours
             .filter_map(|voxel| if let Label::Global(slot) = grid[voxel].label { Some(slot) } else { None })
@@ -272,7 +279,7 @@ impl Globals {
 
     /// The living cluster that `slot` stands for, noted as changed in this scan.
     fn change(&mut self, slot: u32, now: Now) -> Option<&mut Global> {
-        let root = self.compress(slot);
+        let root = self.root(slot);
         let global = self.slots[root as usize].as_deref_mut()?;
         if global.changed != now.sequence {
             global.changed = now.sequence;
@@ -282,16 +289,18 @@ impl Globals {
         Some(global)
     }
 
-    /// The slot that `slot` has been merged into.
-    fn root(&self, mut slot: u32) -> u32 {
-        while self.parents[slot as usize] != slot {
-            slot = self.parents[slot as usize];
+    /// By slot: that of the living cluster that it has been merged into, or its own. Costs O(slots).
+    fn roots(&self) -> Vec<u32> {
+        let mut roots = self.parents.clone();
+        // Nothing is merged into what is younger.
+        for slot in 0..roots.len() {
+            roots[slot] = roots[roots[slot] as usize];
         }
-        slot
+        roots
     }
 
-    /// [`Self::root`], halving the path so that the next search is short.
-    fn compress(&mut self, mut slot: u32) -> u32 {
+    /// One of [`Self::roots`]; halves the path to it, so that the next search is short.
+    fn root(&mut self, mut slot: u32) -> u32 {
         while self.parents[slot as usize] != slot {
             let parent = self.parents[slot as usize];
             self.parents[slot as usize] = self.parents[parent as usize];
@@ -339,6 +348,18 @@ mod tests {
     use nalgebra::Vector3;
 
     use super::*;
+
+    #[test]
+    fn the_cluster_of_a_slot_is_at_the_end_of_a_path_that_each_search_halves() {
+        let parents = (0..100_u32).map(|slot| slot.saturating_sub(1)).collect();
+        let mut globals = Globals { parents, ..Globals::default() };
+        assert_eq!(globals.roots(), [0; 100]);
+        for steps in [99, 50, 25, 13, 7, 4, 2, 1, 1] {
+            let path = std::iter::successors(Some(99), |&slot| Some(globals.parents[slot as usize]));
+            assert_eq!(path.take_while(|&slot| slot > 0).count(), steps);
+            assert_eq!(globals.root(99), 0);
+        }
+    }
 
     #[test]
     fn definition_6_the_updated_normal_is_the_mean_weighted_by_voxel_counts() {

@@ -146,6 +146,7 @@ impl Cfodi {
 
     fn voxels(&self) -> Vec<DenseVoxel> {
         let dense = self.grid.dense_voxels().into_iter().map(|voxel| &self.grid[voxel]);
+        let id = self.globals.ids();
         dense
             .map(|voxel| DenseVoxel {
                 key: voxel.key,
@@ -153,7 +154,7 @@ impl Cfodi {
                 centre: voxel.centre().metres(self.params.voxel_size()),
                 normal: voxel.surface.map(|surface| surface.normal),
                 curvature: voxel.surface.map_or(f32::NAN, |surface| surface.curvature),
-                cluster: self.globals.of_label(voxel.label).map(|global| global.id),
+                cluster: id(voxel.label),
             })
             .collect()
     }

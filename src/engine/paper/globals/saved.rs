@@ -16,8 +16,8 @@ use crate::engine::scan::Stamp;
 pub(crate) struct SavedGlobals {
     /// The clusters that live, with their slots.
     living: Vec<(u32, SavedGlobal)>,
-    /// By slot: the slot that it has been merged into, or its own.
-    parents: Vec<u32>,
+    /// By slot: that of the living cluster that it has been merged into, or its own.
+    roots: Vec<u32>,
     growths: Vec<(u64, u32)>,
 }
 
@@ -33,16 +33,18 @@ struct SavedGlobal {
 
 impl SavedGlobals {
     pub(crate) const fn slots(&self) -> usize {
-        self.parents.len()
+        self.roots.len()
     }
 
-    /// What chains of slots and of growths rely on.
+    /// What a search for a cluster, and growths, rely on.
     fn check(&self, sequence: u64) -> Result<(), RestoreError> {
         let slots = self.slots();
         ensure(u32::try_from(slots).is_ok(), || format!("{slots} clusters"))?;
-        for ((slot, &parent), global) in (0..).zip(&self.parents).zip(self.by_slot()?) {
-            ensure(parent <= slot && (parent == slot) == global.is_some(), || {
-                format!("cluster {slot} has been merged into {parent}: {global:?}")
+        let globals = self.by_slot()?;
+        for (slot, (&root, global)) in (0..).zip(self.roots.iter().zip(&globals)) {
+            let lives = |slot: u32| globals.get(slot as usize).is_some_and(Option::is_some);
+            ensure(root <= slot && lives(root) && (root == slot) == global.is_some(), || {
+                format!("cluster {slot} has been merged into {root}: {global:?}")
             })?;
         }
         for (_, global) in &self.living {
@@ -81,7 +83,7 @@ impl Globals {
                 .zip(&self.slots)
                 .filter_map(|(slot, global)| Some((slot, saved(global.as_deref()?))))
                 .collect(),
-            parents: self.parents.clone(),
+            roots: self.roots(),
             growths: self.growths.iter().copied().collect(),
         }
     }
@@ -110,7 +112,7 @@ impl Globals {
         });
         let mut globals = Self {
             slots: globals.collect(),
-            parents: map.parents.clone(),
+            parents: map.roots.clone(),
             growths: map.growths.iter().copied().collect(),
             ..Self::default()
         };
