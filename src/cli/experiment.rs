@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use anyhow::bail;
 use cfodi::args::Setup;
 use cfodi::bag::Message;
 use cfodi::config::Value;
@@ -51,6 +52,10 @@ fn on_recording(setup: &Setup, options: &Options, path: &Path) -> anyhow::Result
     let mut say = |line: &str| bar.say(line);
     let (results, finished) = run(setup, &input, options, &bar, &mut say)?;
     bar.finish();
+    if finished.summary.tally.scans == 0 {
+        say_skipped(&finished.summary);
+        bail!("no scan was taken in: nothing is written into {}", options.out.display());
+    }
     results.write(&options.out)?;
     let figure =
         |figure: Figure| report::Figure { title: figure.title, svg: figure.svg, caption: figure.caption };

@@ -19,7 +19,6 @@ impl Results {
     pub fn write(&self, folder: &Path) -> Result<(), WriteError> {
         let failed = |source| WriteError { path: folder.to_owned(), source };
         fs::create_dir_all(folder).map_err(failed)?;
-        self.remove_others(folder)?;
         let text =
             |name: &str, text: &str| write_whole(&folder.join(name), |out| out.write_all(text.as_bytes()));
         text("scans.csv", &self.scans_csv())?;
@@ -36,7 +35,8 @@ impl Results {
             let path = folder.join(format!("{}.png", picture.name));
             write_whole(&path, |out| picture.picture.write_png(out))?;
         }
-        Ok(())
+        // Last: where one of the new files cannot be written, those before are still there.
+        self.remove_others(folder)
     }
 
     /// Removes pictures of moments, and effects, that an earlier experiment has left and this one does not have.

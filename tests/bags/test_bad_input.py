@@ -202,6 +202,18 @@ def test_a_bag_without_a_usable_scan_leaves_a_result_of_no_other_time(recordings
     assert times and min(times) > bags.SECOND * 1_000_000_000, "some of it is said to be of 1970"
 
 
+def test_an_experiment_that_takes_in_no_scan_leaves_the_files_of_an_earlier_one(recordings, tmp_path):
+    figures = tmp_path / "figures"
+    figures.mkdir()
+    for name in ("figure2_b.png", "scans.csv", "index.html"):
+        (figures / name).write_text("of an earlier one")
+    done = cfodi("experiment", recordings / "cabinet_cloud320_58.mcap", "--no-effects", "--out", figures,
+                 "--ros-args", "-p", "fixed_frame:=mpa")
+    assert done.returncode == 1 and "no scan was taken in" in done.stderr and "tf_unknown_frame 58" in done.stderr
+    assert {path.name: path.read_text() for path in figures.iterdir()} == {
+        name: "of an earlier one" for name in ("figure2_b.png", "scans.csv", "index.html")}
+
+
 def test_the_truth_that_cannot_be_written_is_said_before_the_drive(tmp_path):
     done = cfodi("simulate", "--out", tmp_path / "s.mcap", "--truth", tmp_path / "no" / "T.json")
     assert done.returncode == 1 and "T.json" in done.stderr and not list(tmp_path.iterdir())
