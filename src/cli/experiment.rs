@@ -10,6 +10,7 @@ use cfodi::config::Value;
 use cfodi::engine::{Mode, Scan};
 use cfodi::experiment::{Experiment, Figure, Results, Summary};
 use cfodi::export::WriteError;
+use cfodi::line::one_line;
 use cfodi::replay::{Ended, Finished, Go, Outputs, Replay, Settings, Visitor, feed};
 use cfodi::report::{self, Story};
 use cfodi::say::tell;
@@ -17,7 +18,7 @@ use cfodi::say::tell;
 use super::input::{Input, open};
 use super::progress::Bar;
 use super::replay::{BEGINS_AGAIN, PAGE, begin_page, say_files, say_skipped, settings, write_page};
-use super::{Ending, laboratory};
+use super::{Ending, Wrong, laboratory};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Options {
@@ -45,6 +46,7 @@ pub(crate) fn experiment(setup: &Setup, options: &Options) -> anyhow::Result<End
 }
 
 fn on_recording(setup: &Setup, options: &Options, path: &Path) -> anyhow::Result<Ending> {
+    check_folder(&options.out, path)?;
     let input = open(setup, path, &options.topic)?;
     say_files(&input.bag);
     let page = begin_page(&options.out)?;
@@ -68,6 +70,16 @@ fn on_recording(setup: &Setup, options: &Options, path: &Path) -> anyhow::Result
         options.out.join(PAGE).display()
     ))?;
     Ok(say_skipped(&finished.summary))
+}
+
+/// Refuses the folder of the bag: nobody has named the files that would be replaced there.
+fn check_folder(out: &Path, bag: &Path) -> Result<(), Wrong> {
+    let is_same = out.canonicalize().is_ok_and(|out| bag.canonicalize().is_ok_and(|bag| bag == out));
+    if !is_same {
+        return Ok(());
+    }
+    let name = one_line(&out.display().to_string()).into_owned();
+    Err(Wrong(format!("{name} is the folder of the bag: an experiment takes a folder of its own (--out)")))
 }
 
 /// Feeds the bag to the experiment, again where the frame that was guessed turns out to be wrong.

@@ -214,6 +214,14 @@ def test_an_experiment_that_takes_in_no_scan_leaves_the_files_of_an_earlier_one(
         name: "of an earlier one" for name in ("figure2_b.png", "scans.csv", "index.html")}
 
 
+def test_an_experiment_writes_nothing_into_the_folder_of_its_bag(recording):
+    folder = recording("cabinet").folder()
+    before = sorted(path.name for path in folder.iterdir())
+    done = cfodi("experiment", folder, "--no-effects", "--out", folder)
+    assert done.returncode == 2 and "is the folder of the bag" in done.stderr
+    assert sorted(path.name for path in folder.iterdir()) == before
+
+
 def test_the_truth_that_cannot_be_written_is_said_before_the_drive(tmp_path):
     done = cfodi("simulate", "--out", tmp_path / "s.mcap", "--truth", tmp_path / "no" / "T.json")
     assert done.returncode == 1 and "T.json" in done.stderr and not list(tmp_path.iterdir())
