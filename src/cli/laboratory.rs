@@ -116,13 +116,14 @@ pub(crate) fn laboratory(setup: &Setup, options: &Simulation, out: &Path) -> any
     made.iter().for_each(|(seed, run)| table.add_run(*seed, run));
     let tables = table.markdown();
     let title = format!(
-        "# Scene {name}: {count} runs of {seconds} s, {} scans each\n\n{tables}\n# What does not hold\n{}",
+        "# Scene {name}: {count} runs of {seconds} s, {} scans each\n\n{tables}\n# What the lines mean\n\n{}\n# What does not hold\n{}",
         laboratory.scans(),
+        Table::legend(),
         table.failures()
     );
     write_whole(&page, |file| file.write_all(title.as_bytes()))?;
     write_whole(&csv, |file| file.write_all(table.csv().as_bytes()))?;
-    tell(format_args!("{tables}\nwhat does not hold: {}", page.display()))?;
+    tell(format_args!("{tables}\nwhat the lines mean, and what does not hold: {}", page.display()))?;
     if is_whole {
         return Ok(Ending::Whole);
     }
