@@ -159,19 +159,19 @@ fn table(summary: &Summary) -> String {
     };
     let count = |value: Option<u32>| value.map_or_else(|| "-".to_owned(), |value| value.to_string());
     let mut lines = vec![format!(
-        "{:<8} {:>8} {:>9} {:>14} {:>8} {:>14} {:>13} {:>14}",
+        "{:<8} {:>8} {:>9} {:>14} {:>10} {:>14} {:>13} {:>14}",
         "method",
         "clusters",
         "of 10+",
         "normals [rad]",
-        "ms",
+        "ms, median",
         "ms/1000 dense",
         "last/2nd 1/4",
         "points at 30Hz"
     )];
     lines.extend(summary.methods.iter().map(|method| {
         format!(
-            "{:<8} {:>8} {:>9} {:>14} {:>8} {:>14} {:>13} {:>14}",
+            "{:<8} {:>8} {:>9} {:>14} {:>10} {:>14} {:>13} {:>14}",
             method.method,
             count(method.clusters_last),
             count(method.large_clusters_last),
