@@ -60,7 +60,7 @@ const LONGEST: f64 = 3600.0;
 fn seconds(text: &str) -> Result<f64, String> {
     let seconds: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
     let fits = seconds > 0.0 && seconds <= LONGEST;
-    if fits { Ok(seconds) } else { Err(format!("{seconds} is not above 0 and at most {LONGEST}")) }
+    if fits { Ok(seconds) } else { Err(format!("{text} is not above 0 and at most {LONGEST}")) }
 }
 
 fn pose_noise(text: &str) -> Result<PoseNoise, String> {
