@@ -12,9 +12,9 @@ use cfodi::replay::{Ended, Finished, MapFiles, Outputs, Replay, ResultFile, Sett
 use cfodi::report::{Facts, Figure, Story, write_report};
 use cfodi::say::say;
 
-use super::Ending;
 use super::input::{Input, check_outputs, open};
 use super::progress::Bar;
+use super::{Ending, say_left_behind};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Options {
@@ -71,6 +71,7 @@ pub(crate) fn replay(setup: &Setup, options: &Options) -> anyhow::Result<Ending>
     let input = open(setup, &options.input, &options.topic)?;
     say_files(&input.bag);
     check_outputs(&options.outputs(), &input.bag.paths())?;
+    say_left_behind(&options.outputs());
     let files = options.map_files().create()?;
     let page = options.report.as_deref().map(begin_page).transpose()?;
     let bar = Bar::new(input.bag.size());

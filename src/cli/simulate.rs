@@ -17,7 +17,7 @@ use clap::builder::PossibleValuesParser;
 use super::input::check_outputs;
 use super::progress::Bar;
 use super::truth::truth;
-use super::{Ending, Wrong, stop};
+use super::{Ending, Wrong, say_left_behind, stop};
 
 /// The topic of the clouds.
 const POINTS: &str = "/camera/depth/points";
@@ -81,6 +81,7 @@ pub(crate) fn simulate(setup: &Setup, options: &Options) -> anyhow::Result<Endin
     let outputs: Vec<_> =
         [Some(&options.out), options.truth.as_ref()].into_iter().flatten().cloned().collect();
     check_outputs(&outputs, &[])?;
+    say_left_behind(&outputs);
     let scene = Scene::named(&options.scene).context("the scene is not built in")?;
     let drive = Drive::new(scene, options.seed, START);
     let drive = match options.pose_noise {
