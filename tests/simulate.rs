@@ -11,8 +11,7 @@
 mod program;
 
 use std::fs;
-use std::io::Read as _;
-use std::process::{Child, Command, Stdio};
+use std::process::Command;
 use std::time::{Duration, Instant};
 
 use byteorder::LittleEndian;
@@ -20,32 +19,8 @@ use cfodi::engine::Stamp;
 use cfodi::msg::ros::PointCloud2;
 use cfodi::sim::{Drive, Scene};
 use nalgebra::{Point3, Vector3};
-use program::{Folder, cfodi, command};
+use program::{Folder, Running, cfodi, listens};
 use serde_json::Value;
-
-/// A drive under way; a test that fails meanwhile leaves none behind.
-struct Running(Child);
-
-impl Running {
-    fn start(arguments: &[&str]) -> Self {
-        Self(command(arguments).stderr(Stdio::piped()).spawn().unwrap())
-    }
-
-    /// The status it ends with, and what it said.
-    fn end(mut self) -> (Option<i32>, String) {
-        let mut errors = String::new();
-        self.0.stderr.take().unwrap().read_to_string(&mut errors).unwrap();
-        (self.0.wait().unwrap().code(), errors)
-    }
-}
-
-impl Drop for Running {
-    fn drop(&mut self) {
-        // Where it has ended there is nothing to do.
-        let _ended = self.0.kill();
-        let _status = self.0.wait();
-    }
-}
 
 fn json(path: &str) -> Value {
     serde_json::from_str(&fs::read_to_string(path).unwrap()).unwrap()
@@ -204,6 +179,25 @@ fn parameters_of_the_methods_are_taken_by_the_laboratory() {
     };
     let given = csv("given", &["--ros-args", "-p", "max_normal_angle:=0.1", "-p", "clearing:=false"]);
     assert_ne!(csv("plain", &[]), given);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_signal_within_the_first_run_of_the_laboratory_leaves_the_tables_of_an_earlier_one() {
+    let folder = Folder::new();
+    let out = folder.argument("");
+    let page = folder.put("quality.md", b"earlier");
+    let arguments = ["experiment", "--scene", "room", "--seconds", "3600", "--seeds", "1", "--out", &out];
+    let mut laboratory = Running::start(&arguments);
+    while !listens(laboratory.0.id()) && laboratory.0.try_wait().unwrap().is_none() {
+        std::thread::yield_now();
+    }
+    laboratory.interrupt();
+    let (status, errors) = laboratory.end();
+    assert_eq!(status, Some(1), "{errors}");
+    assert!(errors.contains("before the first run was made: nothing is written"), "{errors}");
+    assert_eq!(fs::read_to_string(page).unwrap(), "earlier");
+    assert_eq!(folder.names(), ["quality.md"]);
 }
 
 #[test]

@@ -29,12 +29,14 @@ pub enum ArgsError {
         section: String,
     },
     /// A parameter of a type that no parameter has.
-    #[error("{name} is {value}; it must be a boolean, a number, a text or a list of texts")]
+    #[error("{name} is {value}; it must be {must}")]
     Type {
         /// The parameter.
         name: String,
         /// As given.
         value: String,
+        /// What it can be, of a parameter that is not known any type there is.
+        must: String,
     },
     /// A parameter without a value.
     #[error("{name} is given no value; an empty text is -p \"{name}:=''\"")]

@@ -2,13 +2,14 @@
 //! and values below that, all of them as often as they stand there; and what a nested value stands for, in a file or behind
 //! `-p`.
 
+use std::io::ErrorKind;
 use std::path::Path;
 
 use ros2args::{ParamAssignment, Ros2ArgsError};
 use yaml_rust2::Yaml;
 
 use super::{ArgsError, repeats};
-use crate::config::Value;
+use crate::config::{self, Value};
 use crate::yaml;
 
 /// Longest name of a parameter, and of a node or its pattern (bytes): it is copied for each value below it.
@@ -29,7 +30,10 @@ const MAX_PARTS: usize = 32;
 /// Where the file cannot be read, is no YAML within bounds, has several documents, or another shape.
 pub(super) fn assignments(path: &Path) -> Result<Vec<ParamAssignment>, Ros2ArgsError> {
     let refused = |what: String| Ros2ArgsError::ParamFileParseError(path.to_owned(), what);
-    let text = yaml::read(path).map_err(|error| refused(error.to_string()))?;
+    let text = yaml::read(path).map_err(|error| match error.kind() {
+        ErrorKind::NotFound => Ros2ArgsError::ParamFileNotFound(path.to_owned()),
+        _ => refused(error.to_string()),
+    })?;
     let documents = repeats::load(&text).map_err(|error| refused(error.to_string()))?;
     let document = match &documents[..] {
         [] => return Ok(Vec::new()),
@@ -63,13 +67,22 @@ fn read_node(
     let below = about.as_hash().filter(|below| !below.is_empty());
     let below = below.ok_or_else(|| format!("node `{node}` must have a map `{PARAMETERS}`"))?;
     for (key, about) in below {
-        if repeats::name(key) == Some(PARAMETERS) {
-            read_parameters(&node, about, assigned)?;
-        } else {
-            read_node(&node, key, about, assigned)?;
+        match repeats::name(key) {
+            Some(PARAMETERS) => read_parameters(&node, about, assigned)?,
+            // As a namespace it would be refused further below, and not by what is wrong.
+            Some(near) if is_misspelt(near) => {
+                return Err(format!("below node `{node}` stands `{near}`, where `{PARAMETERS}` is meant"));
+            }
+            _ => read_node(&node, key, about, assigned)?,
         }
     }
     Ok(())
+}
+
+/// Whether a name is hardly another one than [`PARAMETERS`].
+fn is_misspelt(name: &str) -> bool {
+    // The distance of a long name would take long.
+    name.len() < 2 * PARAMETERS.len() && strsim::levenshtein(name, PARAMETERS) <= 2
 }
 
 fn read_parameters(node: &str, about: &Yaml, assigned: &mut Vec<ParamAssignment>) -> Result<(), String> {
@@ -104,7 +117,7 @@ pub(super) fn flatten(
         Yaml::String(value) => Value::Text(value.clone()),
         Yaml::Array(list) => match list.iter().map(|text| text.as_str().map(str::to_owned)).collect() {
             Some(texts) => Value::TextList(texts),
-            None => return Err(ArgsError::Type { name, value: shown(value) }),
+            None => return Err(of_no_type(name, value)),
         },
         Yaml::Hash(map) => {
             return map.iter().try_for_each(|(key, value)| {
@@ -112,10 +125,16 @@ pub(super) fn flatten(
                 flatten(format!("{name}.{key}"), value, values)
             });
         }
-        other => return Err(ArgsError::Type { name, value: shown(other) }),
+        other => return Err(of_no_type(name, other)),
     };
     values.push((name, value));
     Ok(())
+}
+
+fn of_no_type(name: String, value: &Yaml) -> ArgsError {
+    let must = config::must_be(&name);
+    let must = must.unwrap_or_else(|| "a boolean, a number, a text or a list of texts".to_owned());
+    ArgsError::Type { name, value: shown(value), must }
 }
 
 /// Elements of a list that are said of a value that cannot be.
@@ -190,6 +209,22 @@ mod tests {
         let error =
             of_text(&format!("{}: {{{}: {{ros__parameters: {{a: 1}}}}}}", "x".repeat(200), "y".repeat(56)));
         assert!(error.unwrap_err().ends_with("has 257 bytes; at most 256 are read"));
+    }
+
+    #[test]
+    fn a_misspelt_key_of_parameters_is_told_with_the_right_one() {
+        for key in ["ros_parameters", "ros__parameter", "ros__paramters"] {
+            let error = of_text(&format!("/**: {{{key}: {{depth: 3}}}}")).unwrap_err();
+            let said = error.contains(&format!("`{key}`")) && error.contains("`ros__parameters` is meant");
+            assert!(said, "{error}");
+        }
+    }
+
+    #[test]
+    fn a_file_that_is_not_there_is_not_said_to_be_no_yaml() {
+        let error = assignments(Path::new("/nowhere/params.yaml")).unwrap_err();
+        assert!(matches!(&error, Ros2ArgsError::ParamFileNotFound(_)), "{error}");
+        assert!(error.to_string().contains("/nowhere/params.yaml"), "{error}");
     }
 
     #[test]

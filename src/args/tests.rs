@@ -187,8 +187,14 @@ fn a_value_on_the_command_line_is_bounded_like_one_in_a_file() {
     assert_eq!(error, "fixed_frame is given no value; an empty text is -p \"fixed_frame:=''\"");
     assert!(value("snapshot_path:=''").is_ok());
     let error = value("sensors:=[front, 3, 1.5, ~]").unwrap_err().to_string();
-    let must = "it must be a boolean, a number, a text or a list of texts";
-    assert_eq!(error, format!("sensors is [\"front\", 3, 1.5, null]; {must}"));
+    assert!(
+        error.starts_with("sensors is [\"front\", 3, 1.5, null]; it must be a list of 1 to 16 names"),
+        "{error}"
+    );
+    let error = value("voxel_size:=[0.05]").unwrap_err().to_string();
+    assert_eq!(error, "voxel_size is [0.05]; it must be a number");
+    let error = value("size:=[0.05]").unwrap_err().to_string();
+    assert_eq!(error, "size is [0.05]; it must be a boolean, a number, a text or a list of texts");
     for bad in
         ["depth:=", "depth:=*x", "depth:=[", ":=", "depth:=3:=4", "a:b:depth:=3", "depth:={a: 1}", "depth:=~"]
     {

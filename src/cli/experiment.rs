@@ -3,12 +3,14 @@
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use anyhow::bail;
 use cfodi::args::Setup;
 use cfodi::bag::Message;
 use cfodi::config::Value;
 use cfodi::engine::{Mode, Scan};
 use cfodi::experiment::{Experiment, Figure, Results, Summary};
 use cfodi::export::WriteError;
+use cfodi::line::one_line;
 use cfodi::replay::{Ended, Finished, Go, Outputs, Replay, Settings, Visitor, feed};
 use cfodi::report::{self, Story};
 use cfodi::say::tell;
@@ -16,7 +18,7 @@ use cfodi::say::tell;
 use super::input::{Input, open};
 use super::progress::Bar;
 use super::replay::{BEGINS_AGAIN, PAGE, begin_page, say_files, say_skipped, settings, write_page};
-use super::{Ending, first_of, laboratory};
+use super::{Ending, Wrong, first_of, laboratory};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Options {
@@ -44,6 +46,7 @@ pub(crate) fn experiment(setup: &Setup, options: &Options) -> anyhow::Result<End
 }
 
 fn on_recording(setup: &Setup, options: &Options, path: &Path) -> anyhow::Result<Ending> {
+    check_folder(&options.out, path)?;
     let input = open(setup, path, &options.topic)?;
     say_files(&input.bag);
     let page = begin_page(&options.out)?;
@@ -51,6 +54,10 @@ fn on_recording(setup: &Setup, options: &Options, path: &Path) -> anyhow::Result
     let mut say = |line: &str| bar.say(line);
     let (results, finished) = run(setup, &input, options, &bar, &mut say)?;
     bar.finish();
+    if finished.summary.tally.scans == 0 {
+        say_skipped(&finished.summary);
+        bail!("no scan was taken in: nothing is written into {}", options.out.display());
+    }
     // What can be written is, whatever becomes of the others.
     let failed = results.write(&options.out);
     let figure =
@@ -65,6 +72,16 @@ fn on_recording(setup: &Setup, options: &Options, path: &Path) -> anyhow::Result
         options.out.join(PAGE).display()
     ))?;
     Ok(say_skipped(&finished.summary))
+}
+
+/// Refuses the folder of the bag: nobody has named the files that would be replaced there.
+fn check_folder(out: &Path, bag: &Path) -> Result<(), Wrong> {
+    let is_same = out.canonicalize().is_ok_and(|out| bag.canonicalize().is_ok_and(|bag| bag == out));
+    if !is_same {
+        return Ok(());
+    }
+    let name = one_line(&out.display().to_string()).into_owned();
+    Err(Wrong(format!("{name} is the folder of the bag: an experiment takes a folder of its own (--out)")))
 }
 
 /// Feeds the bag to the experiment, again where the frame that was guessed turns out to be wrong.
@@ -144,19 +161,19 @@ fn table(summary: &Summary) -> String {
     };
     let count = |value: Option<u32>| value.map_or_else(|| "-".to_owned(), |value| value.to_string());
     let mut lines = vec![format!(
-        "{:<8} {:>8} {:>9} {:>14} {:>8} {:>14} {:>13} {:>14}",
+        "{:<8} {:>8} {:>9} {:>14} {:>10} {:>14} {:>13} {:>14}",
         "method",
         "clusters",
         "of 10+",
         "normals [rad]",
-        "ms",
+        "ms, median",
         "ms/1000 dense",
         "last/2nd 1/4",
         "points at 30Hz"
     )];
     lines.extend(summary.methods.iter().map(|method| {
         format!(
-            "{:<8} {:>8} {:>9} {:>14} {:>8} {:>14} {:>13} {:>14}",
+            "{:<8} {:>8} {:>9} {:>14} {:>10} {:>14} {:>13} {:>14}",
             method.method,
             count(method.clusters_last),
             count(method.large_clusters_last),

@@ -2,22 +2,23 @@
 
 use std::collections::BTreeMap;
 use std::num::NonZeroU32;
+use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread;
 
-use anyhow::{Context as _, anyhow};
+use anyhow::{Context as _, anyhow, bail};
 use cfodi::args::Setup;
 use cfodi::engine::Params;
 use cfodi::experiment::quality::{Laboratory, Scored, Table};
 use cfodi::export::{WholeFile, write_whole};
 use cfodi::line::one_line;
-use cfodi::say::tell;
+use cfodi::say::{say, tell};
 use cfodi::sim::Scene;
 
 use super::progress::Bar;
-use super::{Ending, Wrong, first_of};
+use super::{Ending, Wrong, first_of, stop};
 
 /// Most runs that are made at once: each holds all maps of its methods.
 const MOST_AT_ONCE: usize = 2;
@@ -105,35 +106,50 @@ pub(crate) fn laboratory(setup: &Setup, options: &Simulation, out: &Path) -> any
     for file in [&page, &csv] {
         drop(WholeFile::create(file)?);
     }
-    let mut table = Table::default();
-    for (seed, run) in runs(&laboratory, *seeds)? {
-        table.add_run(seed, &run);
+    let made = runs(&laboratory, *seeds)?;
+    if made.is_empty() {
+        bail!("stopped by a signal before the first run was made: nothing is written");
     }
+    let is_whole = made.len() as u64 == *seeds;
+    let count = if is_whole { seeds.to_string() } else { format!("{} of {seeds}", made.len()) };
+    let mut table = Table::default();
+    made.iter().for_each(|(seed, run)| table.add_run(*seed, run));
     let tables = table.markdown();
     let title = format!(
-        "# Scene {name}: {seeds} runs of {seconds} s, {} scans each\n\n{tables}\n# What does not hold\n{}",
+        "# Scene {name}: {count} runs of {seconds} s, {} scans each\n\n{tables}\n# What the lines mean\n\n{}\n# What does not hold\n{}",
         laboratory.scans(),
+        Table::legend(),
         table.failures()
     );
     let files = [(&page, title), (&csv, table.csv())];
     let written = files.map(|(path, text)| write_whole(path, |file| file.write_all(text.as_bytes())));
     first_of(written.into_iter().filter_map(Result::err))?;
-    tell(format_args!("{tables}\nwhat does not hold: {}", page.display()))?;
-    Ok(Ending::Whole)
+    tell(format_args!("{tables}\nwhat the lines mean, and what does not hold: {}", page.display()))?;
+    if is_whole {
+        return Ok(Ending::Whole);
+    }
+    say(format_args!("cfodi: stopped by a signal: the tables are of {count} runs"));
+    Ok(Ending::InPart)
 }
 
-/// The runs by seed, from 1; as many at once as there are processors, and two at most.
+/// The runs by seed, from 1, or those that were made before a signal; as many at once as there are processors, and two at most.
 fn runs(laboratory: &Laboratory, seeds: u64) -> anyhow::Result<BTreeMap<u64, Vec<Scored>>> {
     let bar = Bar::of_scans(seeds * u64::from(laboratory.scans()));
     bar.tell(format!("0 of {seeds} runs"));
     let (next, done) = (AtomicU64::new(1), Mutex::new(BTreeMap::new()));
+    let stop = stop::flag();
+    let taken = || {
+        bar.advance();
+        // A run may take minutes, and half of one cannot be scored.
+        if stop.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    };
     let work = || {
         loop {
             let seed = next.fetch_add(1, Ordering::Relaxed);
             if seed > seeds {
                 return Some(());
             }
-            let run = laboratory.run(seed, || bar.advance());
+            let Some(run) = laboratory.run(seed, taken) else { return Some(()) };
             let mut done = done.lock().ok()?;
             done.insert(seed, run);
             bar.tell(format!("{} of {seeds} runs", done.len()));

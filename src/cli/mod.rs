@@ -13,9 +13,10 @@ mod stop;
 mod truth;
 
 use std::ffi::OsString;
+use std::path::PathBuf;
 
 use cfodi::args::{Environment, Setup};
-use cfodi::export::WriteError;
+use cfodi::export::{WriteError, left_behind};
 use cfodi::line::one_line;
 use cfodi::say::say;
 use thiserror::Error;
@@ -33,6 +34,14 @@ pub(crate) enum Ending {
 #[derive(Debug, Error)]
 #[error("{0}")]
 pub(crate) struct Wrong(pub(crate) String);
+
+/// Names what killed processes have left of these outputs: its names are hidden, and it may be gigabytes.
+pub(crate) fn say_left_behind(outputs: &[PathBuf]) {
+    for path in outputs.iter().flat_map(|path| left_behind(path)) {
+        let name = path.display().to_string();
+        say(format_args!("a process that has been killed left {}: it can be removed", one_line(&name)));
+    }
+}
 
 /// The command line as text.
 pub(crate) fn arguments() -> Result<Vec<String>, Wrong> {

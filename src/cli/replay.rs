@@ -14,7 +14,7 @@ use cfodi::say::say;
 
 use super::input::{Input, check_outputs, open};
 use super::progress::Bar;
-use super::{Ending, first_of};
+use super::{Ending, first_of, say_left_behind};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Options {
@@ -71,6 +71,7 @@ pub(crate) fn replay(setup: &Setup, options: &Options) -> anyhow::Result<Ending>
     let input = open(setup, &options.input, &options.topic)?;
     say_files(&input.bag);
     check_outputs(&options.outputs(), &input.bag.paths())?;
+    say_left_behind(&options.outputs());
     let files = options.map_files().create()?;
     let page = options.report.as_deref().map(begin_page).transpose()?;
     let bar = Bar::new(input.bag.size());

@@ -17,7 +17,7 @@ use clap::builder::PossibleValuesParser;
 use super::input::check_outputs;
 use super::progress::Bar;
 use super::truth::truth;
-use super::{Ending, Wrong, stop};
+use super::{Ending, Wrong, say_left_behind, stop};
 
 /// The topic of the clouds.
 const POINTS: &str = "/camera/depth/points";
@@ -60,7 +60,7 @@ const LONGEST: f64 = 3600.0;
 fn seconds(text: &str) -> Result<f64, String> {
     let seconds: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
     let fits = seconds > 0.0 && seconds <= LONGEST;
-    if fits { Ok(seconds) } else { Err(format!("{seconds} is not above 0 and at most {LONGEST}")) }
+    if fits { Ok(seconds) } else { Err(format!("{text} is not above 0 and at most {LONGEST}")) }
 }
 
 fn pose_noise(text: &str) -> Result<PoseNoise, String> {
@@ -81,6 +81,7 @@ pub(crate) fn simulate(setup: &Setup, options: &Options) -> anyhow::Result<Endin
     let outputs: Vec<_> =
         [Some(&options.out), options.truth.as_ref()].into_iter().flatten().cloned().collect();
     check_outputs(&outputs, &[])?;
+    say_left_behind(&outputs);
     let scene = Scene::named(&options.scene).context("the scene is not built in")?;
     let drive = Drive::new(scene, options.seed, START);
     let drive = match options.pose_noise {

@@ -108,6 +108,11 @@ pub enum ConfigError {
     },
 }
 
+/// What the value of the parameter of this name must be, its type first; `None` of a name that is none of the node's own.
+pub(crate) fn must_be(name: &str) -> Option<String> {
+    table::TABLE.iter().find(|row| row.name == name)?.refusal(None)
+}
+
 /// All parameters of a node with these sensors, in the order of the documentation.
 pub fn parameters(sensors: &[String]) -> Vec<Parameter> {
     let of_node = table::TABLE.iter().map(|row| Parameter { name: row.name.to_owned(), row });

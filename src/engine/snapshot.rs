@@ -68,8 +68,9 @@ pub struct Cluster {
     pub size: Vector3<f64>,
     /// Number of member voxels.
     pub voxel_count: u32,
-    /// Number of points in the member voxels; in `consistent` as many as when these were published last, which is less than their
-    /// [`DenseVoxel::count`] by any factor while the sensor stands still.
+    /// Number of points in the member voxels; in `consistent` as many as when these were published last. Points that tell nothing new of
+    /// a voxel do not publish it again, so that this is less than the sum of their [`DenseVoxel::count`], and by any factor where
+    /// the sensor stands still.
     pub point_count: u64,
 }
 

@@ -18,7 +18,6 @@ impl Results {
         if let Err(source) = fs::create_dir_all(folder) {
             return vec![WriteError { path: folder.to_owned(), source }];
         }
-        let mut failed = self.remove_others(folder);
         let text =
             |name: &str, text: &str| write_whole(&folder.join(name), |out| out.write_all(text.as_bytes()));
         let tables = [
@@ -37,7 +36,11 @@ impl Results {
             write_whole(&path, |out| picture.picture.write_png(out))
         });
         let written = tables.into_iter().chain(figures).chain(pictures);
-        failed.extend(written.filter_map(Result::err));
+        let mut failed: Vec<_> = written.filter_map(Result::err).collect();
+        // Last, and only where all of the new ones are written: else those before are still there.
+        if failed.is_empty() {
+            failed = self.remove_others(folder);
+        }
         failed
     }
 

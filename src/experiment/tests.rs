@@ -225,3 +225,14 @@ fn what_an_earlier_experiment_left_is_removed() {
     assert!(short.finish().write(&folder.place()).is_empty());
     assert_eq!(folder.names(), sorted(&[&TABLES, &CHARTS, &PICTURES[..1]]));
 }
+
+#[test]
+fn where_a_file_cannot_be_written_nothing_of_an_earlier_experiment_is_removed() {
+    let folder = Folder::new();
+    results((0..5).map(floor)).write(&folder.place()).unwrap();
+    let blocked = folder.place().join("summary.json");
+    fs::remove_file(&blocked).unwrap();
+    fs::create_dir(&blocked).unwrap();
+    results([floor(0)]).write(&folder.place()).unwrap_err();
+    assert_eq!(folder.names(), sorted(&[&TABLES, &CHARTS, &EFFECTS, &PICTURES]));
+}

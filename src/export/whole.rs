@@ -173,6 +173,37 @@ fn temporary(target: &Path) -> io::Result<Opened> {
     Ok((file, Some((partial, target.to_owned()))))
 }
 
+/// Temporary files that processes which are gone have left of this file, ascending. They are not removed: a process in another
+/// container may be writing one.
+pub fn left_behind(path: &Path) -> Vec<PathBuf> {
+    let place = fs::canonicalize(path).or_else(|_| target(path));
+    let Some((place, name)) =
+        place.ok().and_then(|place| Some((place.clone(), place.file_name()?.to_owned())))
+    else {
+        return Vec::new();
+    };
+    let begin = format!(".{}.", name.to_string_lossy());
+    let is_left = |name: &str| writer(name, &begin).is_some_and(|id| !is_running(id));
+    let entries = fs::read_dir(folder(&place)).into_iter().flatten().flatten();
+    let left = entries.filter(|entry| is_left(&entry.file_name().to_string_lossy()));
+    let mut left: Vec<_> = left.map(|entry| entry.path()).collect();
+    left.sort();
+    left
+}
+
+/// The process whose temporary file has this name, which is to begin so.
+fn writer(name: &str, begin: &str) -> Option<u32> {
+    let (id, number) = name.strip_prefix(begin)?.strip_suffix(".part")?.split_once('-')?;
+    number.parse::<u32>().ok()?;
+    id.parse().ok()
+}
+
+/// Whether a process is there, or nobody can say.
+fn is_running(id: u32) -> bool {
+    let processes = Path::new("/proc");
+    !processes.join("self").exists() || processes.join(id.to_string()).exists()
+}
+
 /// Names that are tried: one that is taken is left alone, for it may be that of a process in another container, with the same id.
 const MOST_NAMES: u32 = 100;
 
@@ -294,6 +325,23 @@ mod tests {
         assert!(planted.is_symlink() && fs::symlink_metadata(&path).unwrap().is_file());
         let texts = [&path, &other, &of_another].map(|path| fs::read_to_string(path).unwrap());
         assert_eq!(texts, ["all", "somebody's", "half of"]);
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn what_a_process_that_is_gone_has_left_is_named_and_stays() {
+        let folder = Folder::new();
+        let own = std::process::id();
+        // No process has an id above 2^22 (proc(5), pid_max).
+        let gone = 1 << 23;
+        let left = [1, 2].map(|number| format!(".a.ply.{gone}-{number}.part"));
+        let others =
+            [format!(".a.ply.{own}-1.part"), format!(".b.ply.{gone}-1.part"), ".a.ply.x.part".to_owned()];
+        left.iter().chain(&others).for_each(|name| fs::write(folder.0.path().join(name), "").unwrap());
+        let named = left_behind(&folder.0.path().join("a.ply"));
+        assert_eq!(named, left.map(|name| folder.0.path().canonicalize().unwrap().join(name)));
+        assert!(named.iter().all(|path| path.exists()));
+        assert!(left_behind(Path::new("/nowhere/at/all.ply")).is_empty());
     }
 
     #[test]

@@ -66,7 +66,7 @@ impl Reach {
         let Self { frame_id, metres } = self;
         format!(
             "{beyond_grid} of {all} points lie beyond the grid, which reaches {metres:.0} m from the origin of \
-             `{frame_id}`, and are left out: take a fixed_frame that begins near the robot, as that of odometry does"
+             `{frame_id}`, and are left out: take a fixed_frame that begins near the robot, as that of odometry does, or a larger voxel_size"
         )
     }
 }

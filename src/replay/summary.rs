@@ -238,7 +238,7 @@ impl Summary {
             let valid = tally.points_valid;
             format!(
                 "{points_beyond_grid} of {valid} points lay beyond the grid's reach and were left out: take a \
-                 fixed_frame that begins near the robot, as that of odometry does."
+                 fixed_frame that begins near the robot, as that of odometry does, or a larger voxel_size."
             )
         });
         let hardly_used = (tally.hardly_used > 0).then(|| {

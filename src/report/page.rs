@@ -112,7 +112,11 @@ fn summary(story: &Story, facts: &Facts) -> String {
         add("dense voxels", &grouped(total.dense), "");
         add("clusters", &grouped(total.clusters), "");
         let mean = total.engine_ms / total.scans as f64;
-        add("engine, a scan", &format!("{mean:.1}"), &format!(" ms, slowest {:.1} ms", total.slowest_ms));
+        add(
+            "engine, a scan",
+            &format!("{mean:.1}"),
+            &format!(" ms on average, slowest {:.1} ms", total.slowest_ms),
+        );
     }
     if let Some((first, last)) = story.series.columns.first().zip(story.series.columns.last()) {
         let seconds = last.stamp.seconds_since(first.stamp);

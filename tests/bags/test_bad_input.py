@@ -199,6 +199,26 @@ def test_a_bag_without_a_usable_scan_leaves_no_result(recordings, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+def test_an_experiment_that_takes_in_no_scan_leaves_the_files_of_an_earlier_one(recordings, tmp_path):
+    figures = tmp_path / "figures"
+    figures.mkdir()
+    for name in ("figure2_b.png", "scans.csv", "index.html"):
+        (figures / name).write_text("of an earlier one")
+    done = cfodi("experiment", recordings / "cabinet_cloud320_58.mcap", "--no-effects", "--out", figures,
+                 "--ros-args", "-p", "fixed_frame:=mpa")
+    assert done.returncode == 1 and "no scan was taken in" in done.stderr and "tf_unknown_frame 58" in done.stderr
+    assert {path.name: path.read_text() for path in figures.iterdir()} == {
+        name: "of an earlier one" for name in ("figure2_b.png", "scans.csv", "index.html")}
+
+
+def test_an_experiment_writes_nothing_into_the_folder_of_its_bag(recording):
+    folder = recording("cabinet").folder()
+    before = sorted(path.name for path in folder.iterdir())
+    done = cfodi("experiment", folder, "--no-effects", "--out", folder)
+    assert done.returncode == 2 and "is the folder of the bag" in done.stderr
+    assert sorted(path.name for path in folder.iterdir()) == before
+
+
 def test_the_truth_that_cannot_be_written_is_said_before_the_drive(tmp_path):
     done = cfodi("simulate", "--out", tmp_path / "s.mcap", "--truth", tmp_path / "no" / "T.json")
     assert done.returncode == 1 and "T.json" in done.stderr and not list(tmp_path.iterdir())

@@ -1,12 +1,14 @@
-//! What a signal leaves that comes before anything is known.
+//! What a signal leaves that comes before anything is known, or while the program waits.
 #![cfg(target_os = "linux")]
 
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
 
 use crate::Folder;
 use crate::bags::{BagWriter, Layout, OPTICAL, stamp};
+use crate::program::{Running, listens};
 
 /// Half a gigabyte of messages that nobody reads, before the only scan; some kilobytes on the disk.
 fn long_before_its_scan() -> Vec<u8> {
@@ -16,14 +18,6 @@ fn long_before_its_scan() -> Vec<u8> {
     (0..512).for_each(|_| writer.put_bytes("/blob", "std_msgs/msg/String", stamp(0), &zeros));
     writer.scan(1);
     writer.finish()
-}
-
-/// Whether a process catches SIGINT, which would otherwise end it.
-fn listens(id: u32) -> bool {
-    const SIGINT: u64 = 1 << 1;
-    let status = fs::read_to_string(format!("/proc/{id}/status")).unwrap_or_default();
-    let caught = status.lines().find_map(|line| line.strip_prefix("SigCgt:"));
-    caught.is_some_and(|mask| u64::from_str_radix(mask.trim(), 16).unwrap() & SIGINT != 0)
 }
 
 /// Replays, with a signal as soon as it listens to one; gives its status and what it says.
@@ -52,4 +46,26 @@ fn before_the_first_scan_earlier_results_stay_and_before_the_topics_are_known_no
         assert!(errors.contains(said) && !errors.contains("no point cloud"), "{errors}");
         assert_eq!(fs::read_to_string(&summary).unwrap(), "earlier");
     }
+}
+
+#[test]
+fn a_second_signal_ends_a_replay_that_waits_for_the_reader_of_a_pipe() {
+    let folder = Folder::new();
+    let mut writer = BagWriter::new(Layout::Zstd);
+    writer.tf("/tf_static", stamp(0), "map", OPTICAL, 0.0);
+    writer.scan(1);
+    folder.put("a.mcap", &writer.finish());
+    let [bag, pipe] = ["a.mcap", "pipe"].map(|name| folder.argument(name));
+    assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    let mut replay = Running::start(&["replay", &bag, "--clusters", &pipe]);
+    let patience = Instant::now() + Duration::from_secs(60);
+    // Two that come within a second are one request.
+    while replay.0.try_wait().unwrap().is_none() {
+        assert!(Instant::now() < patience, "it still waits");
+        if listens(replay.0.id()) {
+            replay.interrupt();
+        }
+        std::thread::sleep(Duration::from_millis(300));
+    }
+    assert_eq!(replay.end().0, Some(1));
 }

@@ -2,8 +2,9 @@
 #![allow(dead_code, unreachable_pub, reason = "each test binary uses a part of it")]
 
 use std::fs::{self, DirEntry};
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Child, Command, Output, Stdio};
 
 use tempfile::TempDir;
 
@@ -27,6 +28,45 @@ pub fn errors(ended: &Output) -> String {
 /// The status, `None` after a signal, and the lines to stderr.
 pub fn said(ended: &Output) -> (Option<i32>, String) {
     (ended.status.code(), errors(ended))
+}
+
+/// The program under way; a test that fails meanwhile leaves none behind.
+pub struct Running(pub Child);
+
+impl Running {
+    pub fn start(arguments: &[&str]) -> Self {
+        Self(command(arguments).stderr(Stdio::piped()).spawn().unwrap())
+    }
+
+    /// Sends it what Ctrl-C does.
+    pub fn interrupt(&self) {
+        let sent = Command::new("kill").args(["-s", "INT", &self.0.id().to_string()]).status().unwrap();
+        assert!(sent.success());
+    }
+
+    /// The status it ends with, and what it said.
+    pub fn end(mut self) -> (Option<i32>, String) {
+        let mut errors = String::new();
+        self.0.stderr.take().unwrap().read_to_string(&mut errors).unwrap();
+        (self.0.wait().unwrap().code(), errors)
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        // Where it has ended there is nothing to do.
+        let _ended = self.0.kill();
+        let _status = self.0.wait();
+    }
+}
+
+/// Whether a process catches SIGINT, which would otherwise end it.
+#[cfg(target_os = "linux")]
+pub fn listens(id: u32) -> bool {
+    const SIGINT: u64 = 1 << 1;
+    let status = fs::read_to_string(format!("/proc/{id}/status")).unwrap_or_default();
+    let caught = status.lines().find_map(|line| line.strip_prefix("SigCgt:"));
+    caught.is_some_and(|mask| u64::from_str_radix(mask.trim(), 16).unwrap() & SIGINT != 0)
 }
 
 /// A folder of the test's own, removed at its end.

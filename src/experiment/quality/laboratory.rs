@@ -5,6 +5,7 @@
 //! truth and one of each method; the memory is that of those maps.
 
 use std::num::NonZeroU32;
+use std::ops::ControlFlow;
 
 use super::methods::{Method, methods};
 use super::score::Quality;
@@ -67,8 +68,8 @@ impl Laboratory {
         self.scans.div_ceil(self.step)
     }
 
-    /// Makes a run; `taken` is called after each scan.
-    pub fn run(&self, seed: u64, mut taken: impl FnMut()) -> Vec<Scored> {
+    /// Makes a run, unless `taken`, which is called after each scan, ends it.
+    pub fn run(&self, seed: u64, mut taken: impl FnMut() -> ControlFlow<()>) -> Option<Vec<Scored>> {
         let max_range = *RANGE.end();
         let drive = Drive::new(self.scene.clone(), seed, Stamp::from_nanos(0)).with_max_range(max_range);
         let mut seen = SeenCells::new(&self.scene, max_range);
@@ -80,9 +81,11 @@ impl Laboratory {
                 bench.truth.insert(&labelled.scan, &labelled.labels);
                 bench.methods.iter_mut().for_each(|method| method.insert(&labelled.scan));
             }
-            taken();
+            if taken().is_break() {
+                return None;
+            }
         }
-        benches.iter().flat_map(|bench| bench.score(&seen)).collect()
+        Some(benches.iter().flat_map(|bench| bench.score(&seen)).collect())
     }
 }
 
@@ -120,14 +123,32 @@ mod tests {
         Laboratory::new(scene, 1.0, step, &Params::default(), sizes)
     }
 
+    fn whole(laboratory: &Laboratory, seed: u64) -> Vec<Scored> {
+        laboratory.run(seed, || ControlFlow::Continue(())).unwrap()
+    }
+
+    #[test]
+    fn a_run_that_is_ended_takes_no_further_scan_and_scores_nothing() {
+        let mut scans = 0;
+        let run = room(&[0.16]).unwrap().run(3, || {
+            scans += 1;
+            if scans == 2 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        });
+        assert_eq!((run, scans), (None, 2));
+    }
+
     #[test]
     fn a_run_is_a_function_of_its_seed_and_scores_every_method_at_every_size() {
         let laboratory = room(&[0.1, 0.16]).unwrap();
         let mut scans = 0;
-        let run = laboratory.run(3, || scans += 1);
+        let run = laboratory.run(3, || {
+            scans += 1;
+            ControlFlow::Continue(())
+        });
+        let run = run.unwrap();
         assert_eq!((scans, laboratory.scans()), (3, 3));
-        assert_eq!(run, laboratory.run(3, || {}));
-        assert_ne!(run, laboratory.run(4, || {}));
+        assert_eq!(run, whole(&laboratory, 3));
+        assert_ne!(run, whole(&laboratory, 4));
         let of: Vec<_> = run.iter().map(|scored| (scored.voxel_size, scored.method)).collect();
         assert_eq!(
             of,
@@ -153,7 +174,7 @@ mod tests {
     fn half_a_lap_of_the_laboratory_gives_whole_surfaces_with_right_planes_and_classes() {
         let (scene, step) = (Scene::named("lab").unwrap(), NonZeroU32::new(20).unwrap());
         let laboratory = Laboratory::new(scene, 36.0, step, &Params::default(), &[0.08]).unwrap();
-        let run = laboratory.run(1, || {});
+        let run = whole(&laboratory, 1);
         let quality = &run.iter().find(|scored| scored.method == "consistent").unwrap().quality;
         let mut pooled = Pooled::default();
         pooled.add("seed 1", quality);

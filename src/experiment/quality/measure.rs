@@ -82,6 +82,64 @@ impl Measure {
         }
     }
 
+    /// What a value of it is, for whoever reads the table.
+    pub const fn meaning(self) -> &'static str {
+        match self {
+            Self::Coverage => {
+                "of the scored voxels of seen surfaces those that are in a cluster; a value for each run"
+            }
+            Self::Wholeness => {
+                "of a seen surface's scored voxels those that one cluster holds, the one with the most; a value for each surface"
+            }
+            Self::Impurity => {
+                "of a cluster's scored voxels those that are not of the surface with the most; a value for each cluster with voxels \
+                 of a seen surface"
+            }
+            Self::ImpurityOfLarge => {
+                "the same; a value for each cluster of 10 voxels or more, whatever surfaces it is on"
+            }
+            Self::RandIndex => {
+                "how far clusters and true surfaces agree on which scored voxels belong together: 1 is agreement, 0 what chance \
+                 gives; a value for each run"
+            }
+            Self::Angle => {
+                "between the true normal and that of the cluster with most of the surface; a value for each flat surface of 2 m2 or more"
+            }
+            Self::Offset => {
+                "of that cluster's plane from the true one, at the middle of what was seen; a value for each flat surface of 2 m2 or more"
+            }
+            Self::AreaOfLarge => {
+                "by how much that cluster's area differs from the seen one, as a share of this; a value for each surface of 2 m2 or more"
+            }
+            Self::AreaOfSmall => "the same; a value for each smaller surface",
+            Self::Class => {
+                "of the seen area that whose class (floor, wall, ...) is right; a value for each run"
+            }
+            Self::Nees => {
+                "normalised estimation error squared: the error of a plane in angle and offset, squared, in terms of the covariance \
+                 that is stated for it: 3 on average where that is right, more where it promises too much; a value for each surface \
+                 that is one plane"
+            }
+            Self::OffsetSigma => {
+                "the standard deviation that is stated for a plane's offset; a value for each flat surface"
+            }
+        }
+    }
+
+    /// Whether methods are compared by the mean of its values, where none is infinite by nature; else it is by the median.
+    pub const fn is_by_mean(self) -> bool {
+        matches!(
+            self,
+            Self::Coverage
+                | Self::Wholeness
+                | Self::Impurity
+                | Self::ImpurityOfLarge
+                | Self::RandIndex
+                | Self::Class
+                | Self::Nees
+        )
+    }
+
     /// In tables for programs.
     pub const fn key(self) -> &'static str {
         match self {

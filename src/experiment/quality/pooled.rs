@@ -38,18 +38,9 @@ pub struct Line {
 }
 
 impl Line {
-    /// The number that methods are compared by: a mean where nothing is infinite by nature, else a median.
+    /// The number that methods are compared by.
     pub const fn figure(&self, measure: Measure) -> f64 {
-        match measure {
-            Measure::Coverage
-            | Measure::Wholeness
-            | Measure::Impurity
-            | Measure::ImpurityOfLarge
-            | Measure::RandIndex
-            | Measure::Class
-            | Measure::Nees => self.mean,
-            _ => self.median,
-        }
+        if measure.is_by_mean() { self.mean } else { self.median }
     }
 }
 

@@ -9,6 +9,17 @@ use super::score::Quality;
 /// The method that is asked to hold the bars and to be better than the others.
 pub const JUDGED: &str = "consistent";
 
+/// What stands in the cells, and of which things the measures speak.
+const WORDS: &str = "\
+A cell has the mean or the median of the values, by which the methods are compared; then how many values meet the bar by
+themselves, the worst, and the median. `none` stands where a surface is in no cluster, or in one without such a description.
+The last column is `yes` where `consistent` meets the bar and is better than both other methods, or as good as can be.
+
+- **surface**: what hangs together of the true surface's dense voxels; in several pieces they are `wall #1`, `wall #2` and so on
+- **seen**: 0.5 m2 of it or more were to be seen; what was not is marked `(scrap)`, and nothing is asked of it
+- **scored**: a voxel with 80 % or more of its points on one surface, and their mean close to it
+";
+
 /// Pooled runs by voxel size and method, both in the order they came in.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Table {
@@ -45,6 +56,13 @@ impl Table {
     /// A section for each voxel size with a line for each measure, then what does not hold in words.
     pub fn markdown(&self) -> String {
         self.sizes.iter().map(Size::markdown).collect::<Vec<_>>().join("\n")
+    }
+
+    /// What the words and numbers of [`Self::markdown`] and of [`Self::failures`] mean.
+    pub fn legend() -> String {
+        let measures =
+            Measure::ALL.map(|measure| format!("- **{}**: {}\n", measure.name(), measure.meaning()));
+        format!("{WORDS}\n{}", measures.concat())
     }
 
     /// What does not hold in words, a list for each voxel size and method.
@@ -142,9 +160,9 @@ impl Size {
         let as_good: Vec<_> = as_good.collect();
         match (judged.holds, as_good.is_empty()) {
             (true, true) => "yes".to_owned(),
-            (false, true) => "no".to_owned(),
-            (true, false) => format!("no: not better than {}", as_good.join(" and ")),
-            (false, false) => format!("no; not better than {}", as_good.join(" and ")),
+            (false, true) => "no: bar missed".to_owned(),
+            (true, false) => format!("no: bar met but not better than {}", as_good.join(" and ")),
+            (false, false) => format!("no: bar missed and not better than {}", as_good.join(" and ")),
         }
     }
 }
@@ -163,11 +181,15 @@ fn is_better(measure: Measure, line: &Line, other: &Line) -> bool {
 fn cell(measure: Measure, line: Option<Line>) -> String {
     let Some(line) = line else { return "-".to_owned() };
     let [figure, worst] = [line.figure(measure), line.worst].map(|value| measure.show(value));
-    let middle = measure.show(line.median);
-    match measure.bar() {
-        Bar::MeanWithin(..) => format!("{figure} over {} (worst {worst}, median {middle})", line.of),
-        Bar::MedianAtMost(_) => format!("{figure} over {} (worst {worst})", line.of),
-        _ => format!("{figure} ({} of {} hold, worst {worst}, median {middle})", line.held, line.of),
+    let count = match measure.bar() {
+        Bar::EachAtLeast(_) | Bar::EachAtMost(_) => format!("{} of {} hold", line.held, line.of),
+        // Of a single value these say nothing.
+        Bar::MeanWithin(..) | Bar::MedianAtMost(_) => format!("of {}", line.of),
+    };
+    if measure.is_by_mean() {
+        format!("mean {figure} ({count}, worst {worst}, median {})", measure.show(line.median))
+    } else {
+        format!("median {figure} ({count}, worst {worst})")
     }
 }
 
@@ -237,9 +259,12 @@ mod tests {
     #[test]
     fn the_judged_method_holds_a_bar_when_it_is_also_better_than_the_others() {
         assert_eq!(holds(&table(96), Measure::Coverage), "yes");
-        assert_eq!(holds(&table(94), Measure::Coverage), "no: not better than STATIC");
-        assert_eq!(holds(&table(85), Measure::Coverage), "no; not better than STATIC");
-        assert_eq!(holds(&table(60), Measure::Coverage), "no; not better than CFODI and STATIC");
+        assert_eq!(holds(&table(94), Measure::Coverage), "no: bar met but not better than STATIC");
+        assert_eq!(holds(&table(85), Measure::Coverage), "no: bar missed and not better than STATIC");
+        assert_eq!(
+            holds(&table(60), Measure::Coverage),
+            "no: bar missed and not better than CFODI and STATIC"
+        );
         assert_eq!(holds(&table(96), Measure::Impurity), "yes", "nothing is purer than pure");
         assert_eq!(holds(&table(96), Measure::Class), "no: no value");
         let mut without = table(96);
@@ -253,12 +278,23 @@ mod tests {
         let lines: Vec<_> = text.lines().collect();
         assert_eq!(lines[0], "## Voxels of 8 cm, 2 runs");
         assert_eq!(lines[2], "| measure | bar | CFODI | STATIC | consistent | holds |");
-        let hold = |share: &str, held| format!("{share} ({held} of 2 hold, worst {share}, median {share})");
+        let hold =
+            |share: &str, held| format!("mean {share} ({held} of 2 hold, worst {share}, median {share})");
         let cells = [hold("80.0 %", 0), hold("95.0 %", 2), hold("96.0 %", 2)].join(" | ");
         assert_eq!(lines[5], format!("| scored voxels in clusters | each at least 90 % | {cells} | yes |"));
         assert_eq!(lines.len(), 5 + Measure::ALL.len());
         assert!(lines.iter().skip(2).all(|line| line.matches('|').count() == 7), "{text}");
-        assert!(lines[10].contains("| none (0 of 2 hold, worst none, median none) |"), "{}", lines[10]);
+        assert!(lines[10].contains("| median none (0 of 2 hold, worst none) |"), "{}", lines[10]);
+    }
+
+    #[test]
+    fn the_legend_tells_of_each_measure_and_of_each_word_of_the_failures() {
+        let legend = Table::legend();
+        let told = |name: &str| legend.contains(&format!("**{name}**: "));
+        assert!(Measure::ALL.iter().all(|measure| told(measure.name())), "{legend}");
+        for word in ["scrap", "scored", "seen", "#2", "`none`", "normalised estimation error squared"] {
+            assert!(legend.contains(word), "{word}");
+        }
     }
 
     #[test]
