@@ -25,6 +25,9 @@ class Planner {
   static constexpr double kLow = 0.15;  // what stands out less from the ground is no obstacle [m]: a camera's noise
   static constexpr double kAboveGround[] = {-0.05, 0.3};  // how high the origin of a base frame is [m]: below 0 by noise, not by a step
   static constexpr double kUnseen = 2.5;  // within this the ground may begin [m]: a level Kinect 1 m up sees none nearer
+  static constexpr double kTilt = 0.05;  // what rises by more in a metre is not level [m/m]: in three it would hide one of kLow
+  static constexpr double kConfident = 0.3;  // less is a guess: FLOOR and HORIZONTAL, one to a ground, may have a half each
+  static constexpr double kFacesUp = 0.9;  // the least z of the normal of what can carry the robot: up to 26 degrees
 
   Planner(double width, double height) : width_(width), height_(height) {}
 
@@ -41,26 +44,30 @@ class Planner {
   // Of the newest cloud of voxels; its stamp is 0 before there is one.
   const std_msgs::msg::Header& voxels_header() const { return header_; }
 
-  // What the robot stands on: of the level surfaces at its height the one that it is over or comes to first, or none.
+  // What the robot stands on: of the surfaces at its height the one that it is over or comes to first. None where that is not
+  // known to be level: a level one further ahead may be the foot of a ramp.
   const Cluster* ground(const Robot& robot) const {
-    const Cluster* found = nullptr;
-    std::tuple<bool, double, double> least;  // whether it is tentative, how far ahead it begins, how far below the base it is
+    const Cluster* first = nullptr;
+    std::tuple<bool, double, bool, double> least;  // tentative, how far ahead it begins, not level, how far below the base it is
     for (const auto& [id, cluster] : map.clusters()) {
-      bool level = cluster.surface_class == Cluster::CLASS_FLOOR || cluster.surface_class == Cluster::CLASS_HORIZONTAL;
       double height = above(cluster, {robot.x, robot.y, robot.z});
-      if (!level || height <= kAboveGround[0] || height >= kAboveGround[1]) continue;
+      bool level = is_level(cluster);
+      // The plane of what is not level may as well be off upwards: the robot is over it all the same.
+      double lowest = level ? kAboveGround[0] : -kAboveGround[1];
+      if (cluster.plane.coef[2] <= kFacesUp || height <= lowest || height >= kAboveGround[1]) continue;
       double begin = begins(cluster, cluster, robot, -kLow, kLow);
-      std::tuple<bool, double, double> place{cluster.state == Cluster::STATE_TENTATIVE, begin, height};
-      if (begin < kUnseen && (!found || place < least)) least = place, found = &cluster;
+      std::tuple<bool, double, bool, double> place{cluster.state == Cluster::STATE_TENTATIVE, begin, !level, height};
+      if (begin < kUnseen && (!first || place < least)) least = place, first = &cluster;
     }
-    return found;
+    return first && is_level(*first) ? first : nullptr;
   }
 
   // The raised level surface that is nearest to a height above the ground, or none.
   std::optional<Table> table(const Cluster& ground, double wished_height) const {
     std::optional<Table> nearest;
     for (const auto& [id, cluster] : map.clusters()) {
-      if (cluster.surface_class != Cluster::CLASS_HORIZONTAL || cluster.state == Cluster::STATE_TENTATIVE) continue;
+      bool reliable = cluster.state != Cluster::STATE_TENTATIVE && is_level(cluster);
+      if (cluster.surface_class != Cluster::CLASS_HORIZONTAL || !reliable) continue;
       double height = above(ground, xyz(cluster.pose.position));
       if (height <= kLow) continue;
       if (!nearest || std::abs(height - wished_height) < std::abs(nearest->height - wished_height)) nearest = Table{height, &cluster};
@@ -93,6 +100,15 @@ class Planner {
   static double above(const Cluster& cluster, const Point& point) {
     const auto& plane = cluster.plane.coef;
     return plane[0] * point[0] + plane[1] * point[1] + plane[2] * point[2] + plane[3];
+  }
+
+  // Whether a surface is known to be level: heights count from its plane, and things can be put on it.
+  static bool is_level(const Cluster& cluster) {
+    bool level = cluster.surface_class == Cluster::CLASS_FLOOR || cluster.surface_class == Cluster::CLASS_HORIZONTAL;
+    const auto& plane = cluster.plane.coef;
+    const auto& turns = cluster.plane_covariance;  // NaN where they are not known, which is less than nothing
+    return level && cluster.class_confidence > kConfident && std::hypot(plane[0], plane[1]) < kTilt &&
+           turns[0] < kTilt * kTilt && turns[4] < kTilt * kTilt;
   }
 
   // How far ahead and left of the robot a point is, and how high above the ground.

@@ -15,6 +15,9 @@ LOW = 0.15  # what stands out less from the ground is no obstacle [m]: more than
 ABOVE_GROUND = (-0.05, 0.3)  # how high the origin of a base frame is [m]: below 0 by noise, not by a step
 UNSEEN = 2.5  # within this the ground may begin [m]: a level Kinect 1 m up sees none nearer
 AHEAD = 0.2  # a stamp may be ahead of the clock by this [s]: the clocks of two machines are not set more exactly
+TILT = 0.05  # what rises by more in a metre is not level [m/m]: in three it would hide an obstacle of `LOW`
+CONFIDENT = 0.3  # less is a guess: FLOOR and HORIZONTAL, which are one to a ground, may have a half each
+FACES_UP = 0.9  # the least z of the normal of what can carry the robot: up to 26 degrees
 LEVEL = (SurfaceCluster.CLASS_FLOOR, SurfaceCluster.CLASS_HORIZONTAL)
 
 
@@ -33,17 +36,25 @@ class Planner:
         self.cloud, self.voxels = cloud, np.stack([points["x"], points["y"], points["z"]], axis=-1)
 
     def ground(self, robot):
-        """What the robot stands on: of the level surfaces at its height the one that it is over or comes to first, or None."""
-        level = [(above(c, np.array(robot[:3])), c) for c in self.map.clusters.values() if c.surface_class in LEVEL]
-        found = [(c.state == SurfaceCluster.STATE_TENTATIVE, self.begins(c, c, robot, -LOW, LOW), height, c)
-                 for height, c in level if ABOVE_GROUND[0] < height < ABOVE_GROUND[1]]
-        return min((f for f in found if f[1] < UNSEEN), key=lambda f: f[:3], default=(None,))[-1]
+        """What the robot stands on: of the surfaces at its height the one that it is over or comes to first. None where that is
+        not known to be level: a level one further ahead may be the foot of a ramp."""
+        found = [(c.state == SurfaceCluster.STATE_TENTATIVE, self.begins(c, c, robot, -LOW, LOW), not is_level(c), height, c)
+                 for height, c in self.under(robot)]
+        first = min((f for f in found if f[1] < UNSEEN), key=lambda f: f[:4], default=(None,))[-1]
+        return first if first and is_level(first) else None
+
+    def under(self, robot):
+        """(height of the base frame above it, cluster) of what faces up at the robot's height."""
+        lowest, highest = ABOVE_GROUND
+        up = [(above(c, np.array(robot[:3])), c) for c in self.map.clusters.values() if c.plane.coef[2] > FACES_UP]
+        # The plane of what is not level may as well be off upwards: the robot is over it all the same.
+        return [(height, c) for height, c in up if (lowest if is_level(c) else -highest) < height < highest]
 
     def table(self, ground, wished_height):
         """(height, cluster) of the raised level surface that is nearest to a height above the ground, or None."""
-        level = [(above(ground, xyz(c.pose.position)), c) for c in self.map.clusters.values()
-                 if c.surface_class == SurfaceCluster.CLASS_HORIZONTAL and c.state != SurfaceCluster.STATE_TENTATIVE]
-        return min((t for t in level if t[0] > LOW), key=lambda t: abs(t[0] - wished_height), default=None)
+        raised = [(above(ground, xyz(c.pose.position)), c) for c in self.map.clusters.values() if is_level(c)
+                  and c.surface_class == SurfaceCluster.CLASS_HORIZONTAL and c.state != SurfaceCluster.STATE_TENTATIVE]
+        return min((t for t in raised if t[0] > LOW), key=lambda t: abs(t[0] - wished_height), default=None)
 
     def free_ahead(self, ground, robot):
         """How far from its base frame the robot can drive straight on [m]; inf where nothing stands there."""
@@ -87,6 +98,13 @@ def xyz(point):
 def above(cluster, points):
     """How high points are above a cluster's plane [m]."""
     return points @ cluster.plane.coef[:3] + cluster.plane.coef[3]
+
+
+def is_level(cluster):
+    """Whether a surface is known to be level: heights count from its plane, and things can be put on it."""
+    turns = cluster.plane_covariance[0], cluster.plane_covariance[4]  # NaN where they are not known, which is less than nothing
+    return (cluster.surface_class in LEVEL and cluster.class_confidence > CONFIDENT
+            and math.hypot(*cluster.plane.coef[:2]) < TILT and all(turn < TILT**2 for turn in turns))
 
 
 def from_robot(robot, ground, points):

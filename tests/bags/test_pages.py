@@ -1,6 +1,7 @@
 """docs/tune.md has every parameter and every picture; what docs/trouble.md quotes is what the program says; links lead
 somewhere."""
 
+import math
 import pathlib
 import re
 
@@ -93,6 +94,27 @@ def test_every_parameter_is_a_heading_of_the_page_and_those_that_change_live_are
     assert sorted(named) == sorted(rows())
     live = re.search(r"^At any time: (.*?)\.$", page, re.MULTILINE | re.DOTALL)[1]
     assert set(re.findall(r"`(\w+)`", live)) == {name for name, row in rows().items() if "Change::Live" in row}
+
+
+def constants(path):
+    """The numbers that a file of the engine names, as they are written: name -> value, or its two values."""
+    found = re.findall(r"const (\w+): [^=]+ = \[?([\d._]+)(?:, ([\d._]+)\])?;", (SRC / "engine" / path).read_text())
+    return {name: [float(value) for value in values if value] for name, *values in found}
+
+
+def test_the_limits_of_classes_and_states_are_those_of_the_program():
+    page = " ".join((DOCS / "planner.md").read_text().split())
+    engine = {path: constants(f"consistent/{path}.rs") for path in ("class", "describe", "surfaces/tell", "surfaces/landmarks")}
+    limits = {name: value for values in engine.values() for name, value in values.items()}
+    level, upright = (round(math.degrees(limits[name][0])) for name in ("LEVEL", "UPRIGHT"))
+    (narrow, wide), (low, high) = limits["DOOR_WIDTH"], limits["DOOR_HEIGHT"]
+    for said in (f"tilted by {level} degrees at most", f"tilted by {upright} degrees or more, so a wall may lean by {90 - upright}",
+                 f"the large ones ({limits['FLOOR_AREA'][0]:g} m^2) in its storey ({limits['STOREY'][0]:g} m)",
+                 f"more than {100 * limits['STEP'][0]:g} cm higher", f"{narrow:g} to {wide:g} m wide and {low:g} to {high:g} m high",
+                 f"fewer than {limits['RELIABLE_VOXELS'][0]:g} voxels", f"less than {limits['RELIABLE_SECONDS'][0]:g} s ago",
+                 f"when it has {limits['TOLD'][0]:g} voxels", f"fewer than {limits['NO_LONGER_TOLD'][0]:g}.",
+                 f"every {limits['ROUND'][0]:g} scans"):
+        assert said in page
 
 
 def test_every_picture_is_shown_and_all_are_small():

@@ -28,6 +28,7 @@ Cluster surface(std::uint64_t id, std::uint8_t surface_class, const Corners& cor
   Cluster cluster;
   cluster.id = id;
   cluster.surface_class = surface_class;
+  cluster.class_confidence = 0.9f;
   cluster.state = Cluster::STATE_ACTIVE;
   cluster.area = 1.0;
   const auto& corner = *corners.begin();
@@ -44,6 +45,12 @@ Corners box(float y, float low, float high) { return {{2, -y, low}, {2, y, low},
 
 Cluster level(std::uint64_t id, std::uint8_t surface_class, float z, float x0, float x1, float y0, float y1) {
   return surface(id, surface_class, {{x0, y0, z}, {x1, y0, z}, {x1, y1, z}, {x0, y1, z}});
+}
+
+// 2 m wide; it is at z = 0 where it begins, and rises from there.
+Cluster tilted(std::uint64_t id, std::uint8_t surface_class, float tilt, float x0, float x1) {
+  float rise = std::tan(tilt) * (x1 - x0);
+  return surface(id, surface_class, {{x0, -1, 0}, {x1, -1, rise}, {x1, 1, rise}, {x0, 1, 0}}, {-std::sin(tilt), 0, std::cos(tilt)});
 }
 
 Planner seen(const std::vector<Cluster>& clusters) {
@@ -217,6 +224,52 @@ void unseen_ground() {
   expect("but where there is another", seen({fresh, turned}).ground(kHere)->id == 1);
 }
 
+std::uint64_t ground_of(const std::vector<Cluster>& clusters, const Planner::Robot& robot = kHere) {
+  Planner known = seen(clusters);
+  const Cluster* ground = known.ground(robot);
+  return ground ? ground->id : 0;
+}
+
+void floor_that_is_one_with_a_ramp() {
+  auto curved = level(1, Cluster::CLASS_CURVED, 0, -3, 4, -2, 2), foot = tilted(2, Cluster::CLASS_HORIZONTAL, 0.04f, 2.2f, 3.2f);
+  expect("a ramp's foot has a tilt that a floor may have", ground_of({foot}) == 2);
+  expect("it is no ground while something else is under the wheels", ground_of({curved, foot}) == 0);
+  expect("on it, it is what the robot stands on", ground_of({curved, foot}, {2.5, 0.0, 0.1, 0.0}) == 2);
+  expect("nor where that comes first", ground_of({level(1, Cluster::CLASS_CURVED, 0, 1.3, 4, -2, 2), foot}) == 0);
+  expect("nor where a best fit is too high", ground_of({level(1, Cluster::CLASS_CURVED, 0.25, -3, 4, -2, 2), foot}) == 0);
+  expect("of two below it a level one is", ground_of({curved, level(3, Cluster::CLASS_FLOOR, 0, -1, 4, -2, 2)}) == 3);
+  auto floor = level(3, Cluster::CLASS_FLOOR, 0, 2, 4, -1, 1);
+  auto ramp = tilted(1, Cluster::CLASS_SLOPE, 0.3f, 1.3f, 3);
+  expect("a ramp that leads up from afar is not at its height", ground_of({ramp, floor}) == 3);
+  expect("nor is what is high", ground_of({level(1, Cluster::CLASS_CURVED, 0.5, -3, 4, -2, 2), floor}) == 3);
+  expect("nor a wall", ground_of({wall(box(1, 0, 2)), floor}) == 3);
+}
+
+// Whether a floor is a ground and a table is one, with other values in their messages.
+bool found(float confidence, double turn_about_x, double turn_about_y) {
+  auto floor = level(1, Cluster::CLASS_FLOOR, 0, -1, 4, -1, 1), table = level(2, Cluster::CLASS_HORIZONTAL, 0.7f, 1, 2, -0.5, 0.5);
+  for (Cluster* each : {&floor, &table}) {
+    each->class_confidence = confidence;
+    each->plane_covariance[0] = turn_about_x * turn_about_x, each->plane_covariance[4] = turn_about_y * turn_about_y;
+  }
+  bool is_ground = ground_of({floor}) == 1, is_table = seen({table}).table(floor, 0.75).has_value();
+  expect("what is known to be level is so for both", is_ground == is_table);
+  return is_ground;
+}
+
+void known_to_be_level() {
+  expect("ground and table are level", found(0.9f, 0.0, 0.0));
+  expect("of floor and raised a half each is enough", found(0.5f, 0.0, 0.0));
+  expect("a guess is not", !found(0.2f, 0.0, 0.0));
+  expect("their turns are known", found(0.9f, 0.04, 0.04));
+  expect("and not hardly", !found(0.9f, 0.06, 0.0) && !found(0.9f, 0.0, 0.06));
+  expect("or not at all", !found(0.9f, NAN, NAN));
+  expect("a floor may be tilted a little", ground_of({tilted(1, Cluster::CLASS_FLOOR, 0.04f, 0, 4)}) == 1);
+  expect("but not more", ground_of({tilted(1, Cluster::CLASS_FLOOR, 0.06f, 0, 4)}) == 0);
+  auto floor = level(1, Cluster::CLASS_FLOOR, 0, -1, 4, -1, 1);
+  expect("nor a table", !seen({tilted(2, Cluster::CLASS_HORIZONTAL, 0.06f, 1, 3)}).table(floor, 0.75));
+}
+
 Freshness::Headers stamps(std::array<double, 3> seconds) {
   Freshness::Headers headers;
   for (std::size_t i = 0; i < seconds.size(); ++i) {
@@ -259,6 +312,8 @@ int main() {
   doors();
   steps();
   unseen_ground();
+  floor_that_is_one_with_a_ramp();
+  known_to_be_level();
   voxels();
   ground_and_table();
 }

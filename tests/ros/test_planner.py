@@ -25,8 +25,8 @@ from tf2_msgs.msg import TFMessage
 
 HERE = pathlib.Path(__file__).resolve().parent
 BASE = (0.0, 0.0, 0.1, 0.0)  # a base frame 10 cm above the ground, looking along x
-FLOOR, HORIZONTAL, WALL, SLOPE = (SurfaceCluster.CLASS_FLOOR, SurfaceCluster.CLASS_HORIZONTAL, SurfaceCluster.CLASS_WALL,
-                                  SurfaceCluster.CLASS_SLOPE)
+FLOOR, HORIZONTAL, WALL, SLOPE, CURVED = (SurfaceCluster.CLASS_FLOOR, SurfaceCluster.CLASS_HORIZONTAL, SurfaceCluster.CLASS_WALL,
+                                          SurfaceCluster.CLASS_SLOPE, SurfaceCluster.CLASS_CURVED)
 S = math.sqrt(0.5)
 
 
@@ -36,7 +36,7 @@ def surface(id, surface_class, corners, normal=(0.0, 0.0, 1.0), area=1.0, state=
     offset = -sum(n * m for n, m in zip(normal, middle))
     x, y, z = middle
     return SurfaceCluster(
-        id=id, surface_class=surface_class, state=state, area=area, plane=Plane(coef=[*normal, offset]),
+        id=id, surface_class=surface_class, class_confidence=0.9, state=state, area=area, plane=Plane(coef=[*normal, offset]),
         pose=Pose(position=Point(x=x, y=y, z=z)),
         boundary=ring(corners), holes=[ring(hole) for hole in holes])
 
@@ -58,6 +58,13 @@ def box(y, z):
 
 def level(id, surface_class, z, x, y, **more):
     return surface(id, surface_class, [(x[0], y[0], z), (x[1], y[0], z), (x[1], y[1], z), (x[0], y[1], z)], **more)
+
+
+def tilted(id, surface_class, tilt, x, **more):
+    """2 m wide, of a normal in the plane of x and z; it is at z = 0 where it begins, and rises from there."""
+    rise = math.tan(tilt) * (x[1] - x[0])
+    corners = [(x[0], -1.0, 0.0), (x[1], -1.0, rise), (x[1], 1.0, rise), (x[0], 1.0, 0.0)]
+    return surface(id, surface_class, corners, (-math.sin(tilt), 0.0, math.cos(tilt)), **more)
 
 
 def planner(*clusters):
@@ -228,6 +235,51 @@ def test_the_ground_may_begin_ahead_by_what_a_camera_does_not_see_of_it():
     new = level(2, HORIZONTAL, 0.05, (-1.0, 1.0), (-1.0, 1.0), state=SurfaceCluster.STATE_TENTATIVE)
     assert seen(new, turned).ground(BASE).id == 1, "the one that can be relied on"
     assert seen(new).ground(BASE).id == 2, "there is no other"
+
+
+def test_a_floor_that_is_one_with_a_ramp_makes_the_robot_stand_though_the_ramps_foot_is_called_level():
+    curved, foot = level(1, CURVED, 0.0, (-3.0, 4.0), (-2.0, 2.0)), tilted(2, HORIZONTAL, 0.04, (2.2, 3.2))
+    known = seen(curved, foot)
+    assert seen(foot).ground(BASE).id == 2, "its tilt is small enough for a floor"
+    assert known.ground(BASE) is None, "but something else is under the wheels"
+    assert known.ground((2.5, 0.0, 0.1, 0.0)).id == 2, "on it, it is what the robot stands on"
+    ahead = level(1, CURVED, 0.0, (1.3, 4.0), (-2.0, 2.0))
+    assert seen(ahead, foot).ground(BASE) is None, "or comes first, where it has not been seen below the robot"
+    best_fit = level(1, CURVED, 0.25, (-3.0, 4.0), (-2.0, 2.0))
+    assert seen(best_fit, foot).ground(BASE) is None, "its plane is a best fit only, and too high here"
+    assert seen(curved, level(3, FLOOR, 0.0, (-1.0, 4.0), (-2.0, 2.0))).ground(BASE).id == 3, "of two below it a level one"
+    ramp, high = tilted(1, SLOPE, 0.3, (1.3, 3.0)), level(1, CURVED, 0.5, (-3.0, 4.0), (-2.0, 2.0))
+    for other in (ramp, high, wall(*box((-1.0, 1.0), (0.0, 2.0)), x=1.0)):
+        assert seen(other, level(3, FLOOR, 0.0, (2.0, 4.0), (-1.0, 1.0))).ground(BASE).id == 3, "the other is not at its height"
+
+
+def test_the_ground_and_the_table_are_known_to_be_level():
+    floor, table = level(1, FLOOR, 0.0, (-1.0, 4.0), (-1.0, 1.0)), level(2, HORIZONTAL, 0.7, (1.0, 2.0), (-0.5, 0.5))
+
+    def found(**more):
+        """Whether both are, with other values in their messages."""
+        messages = []
+        for each in (floor, table):
+            messages.append(SurfaceCluster(**{name: getattr(each, name) for name in each.get_fields_and_field_types()}))
+            for name, value in more.items():
+                setattr(messages[-1], name, value)
+        ground, on = seen(messages[0]).ground(BASE), seen(messages[1]).table(floor, 0.75)
+        assert (ground is None) == (on is None)
+        return ground is not None
+
+    def turns(first, second):
+        return [first, 0.0, 0.0, 0.0, second, 0.0, 0.0, 0.0, 1e-6]
+
+    assert found()
+    assert found(class_confidence=0.5), "of floor and raised a half each"
+    assert not found(class_confidence=0.2)
+    assert found(plane_covariance=turns(0.04**2, 0.04**2))
+    assert not found(plane_covariance=turns(0.06**2, 0.0))
+    assert not found(plane_covariance=turns(0.0, 0.06**2))
+    assert not found(plane_covariance=[math.nan] * 9)
+    assert seen(tilted(1, FLOOR, 0.04, (0.0, 4.0))).ground(BASE).id == 1
+    assert seen(tilted(1, FLOOR, 0.06, (0.0, 4.0))).ground(BASE) is None
+    assert seen(tilted(2, HORIZONTAL, 0.06, (1.0, 3.0))).table(floor, 0.75) is None
 
 
 STAMPS = [99.5, 99.8, 99.9]  # of map, voxels and pose
