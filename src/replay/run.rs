@@ -165,7 +165,7 @@ impl<'a> Replay<'a> {
             stopped: fed.stopped,
             notes: self.notes,
         };
-        let written = published.and_then(|()| self.outputs.finish());
+        let written = published.and_then(|()| self.outputs.finish(summary.has_map()));
         Finished { map: snapshot, session, summary, story, written }
     }
 }
