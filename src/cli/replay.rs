@@ -99,8 +99,10 @@ pub(crate) fn replay(setup: &Setup, options: &Options) -> anyhow::Result<Ending>
             "cfodi: no scan was taken in, so there is no map: but for summary and report, outputs stay as they were",
         );
     }
+    // What was not read is said whether or not the outputs can be written.
+    let ending = say_skipped(summary);
     first_of(result.err().into_iter().chain(failed).chain(told.err()))?;
-    Ok(say_skipped(summary))
+    Ok(ending)
 }
 
 /// Gives the first of these errors, which is said last, and says the others.
@@ -209,7 +211,7 @@ fn account(summary: &Summary) {
     ));
 }
 
-/// The last word: what was not read.
+/// What was not read.
 pub(crate) fn say_skipped(summary: &Summary) -> Ending {
     let skipped: u64 = summary.tally.skipped.values().sum();
     if skipped > 0 {

@@ -91,6 +91,17 @@ fn where_no_scan_is_taken_in_earlier_outputs_stay_and_the_account_is_written() {
     assert!(folder.names().iter().all(|name| !name.contains(".part")), "{:?}", folder.names());
 }
 
+#[cfg(target_os = "linux")]
+#[test]
+fn what_was_not_read_is_said_where_an_output_cannot_be_written() {
+    let folder = Folder::new();
+    let cut = folder.put("a.mcap", &drive(BagWriter::new(Layout::Plain), 5)[..70_000]);
+    let found = replay(&cut, &["--clusters", "/dev/full"]);
+    assert_eq!((found.status, found.number("scans")), (1, 3), "{}", found.errors);
+    let said = ["not all of the bag was read", "cannot write /dev/full"];
+    assert!(said.iter().all(|said| found.errors.contains(said)), "{}", found.errors);
+}
+
 #[test]
 fn points_beyond_the_grid_are_said_and_counted() {
     let folder = Folder::new();
