@@ -13,7 +13,7 @@ use cfodi::link::target;
 use cfodi::replay::{Feed, FixedFrame, Progress, clock_offset};
 use cfodi::say::say;
 
-use super::{Wrong, stop};
+use super::{Wrong, arguments, stop};
 
 /// How long a cloud waits for its transform at least, by the times at which messages were recorded: nobody waits for it.
 const PATIENCE: Duration = Duration::from_secs(1);
@@ -163,7 +163,14 @@ fn say_choice(choice: &Choice) {
     }
 }
 
-/// Refuses an output that would replace the input or another output.
+/// The files of parameters that the command line names.
+fn parameter_files() -> Result<Vec<PathBuf>, Wrong> {
+    let arguments = arguments()?;
+    let named = arguments.windows(2).filter(|pair| pair[0] == "--params-file");
+    Ok(named.map(|pair| PathBuf::from(&pair[1])).collect())
+}
+
+/// Refuses an output that would replace the input, a file of parameters or another output.
 pub(crate) fn check_outputs(outputs: &[PathBuf], inputs: &[PathBuf]) -> Result<(), Wrong> {
     // A file that is not there yet is the same as another where its folder and name are.
     let place = |path: &PathBuf| {
@@ -174,7 +181,7 @@ pub(crate) fn check_outputs(outputs: &[PathBuf], inputs: &[PathBuf]) -> Result<(
         })
     };
     let name = |path: &Path| one_line(&path.display().to_string()).into_owned();
-    let inputs: Vec<_> = inputs.iter().filter_map(place).collect();
+    let inputs: Vec<_> = inputs.iter().chain(&parameter_files()?).filter_map(place).collect();
     let mut seen = Vec::new();
     for path in outputs {
         let Some(real) = place(path).filter(|real| !real.exists() || real.is_file()) else { continue };

@@ -64,6 +64,21 @@ fn no_output_replaces_a_part_of_the_input_and_none_is_begun_when_one_cannot_be_m
 }
 
 #[test]
+fn no_output_replaces_the_parameters() {
+    let folder = Folder::new();
+    let bag = folder.put("a.mcap", &drive(BagWriter::new(Layout::Plain), 2));
+    let text = "/**: {ros__parameters: {voxel_size: 0.1}}";
+    let parameters = folder.put("p.yaml", text.as_bytes());
+    let [bag, parameters] = [&bag, &parameters].map(|path| path.to_str().unwrap());
+    for option in ["--out", "--summary", "--voxels", "--clusters", "--ply"] {
+        let ended = cfodi(&["replay", bag, option, parameters, "--ros-args", "--params-file", parameters]);
+        let (status, said) = program::said(&ended);
+        assert!(status == Some(2) && said.contains("would replace the input"), "{option}: {said}");
+        assert_eq!(fs::read_to_string(parameters).unwrap(), text, "{option}");
+    }
+}
+
+#[test]
 fn where_no_scan_is_taken_in_earlier_outputs_stay_and_the_account_is_written() {
     let folder = Folder::new();
     let bag = folder.put("a.mcap", &drive(BagWriter::new(Layout::Plain), 5));
