@@ -16,6 +16,7 @@ mod feed;
 mod files;
 mod finder;
 mod fixed_frame;
+mod pace;
 mod reading;
 mod run;
 mod said;

@@ -4,6 +4,7 @@ use std::time::{Duration, Instant};
 
 use super::feed::{Fed, Go, Visitor};
 use super::files::Outputs;
+use super::pace::Pace;
 use super::summary::Summary;
 use crate::bag::Message;
 use crate::config::Value;
@@ -47,8 +48,8 @@ pub struct Replay<'a> {
     /// The map's names; `None` before its first scan.
     session: Option<Session>,
     sessions: u64,
-    /// Stamp of the newest snapshot in the result bag.
-    published: Option<Stamp>,
+    /// When the result bag gets a snapshot.
+    pace: Pace,
     engine_ms: Vec<f32>,
     binning: Duration,
     /// Points that lay beyond the grid's reach.
@@ -64,11 +65,11 @@ impl<'a> Replay<'a> {
     pub fn new(settings: Settings, outputs: Outputs<'a>) -> Self {
         Self {
             engine: Engine::new(settings.engine),
+            pace: Pace::new(settings.publish_period),
             settings,
             outputs,
             session: None,
             sessions: 0,
-            published: None,
             engine_ms: Vec::new(),
             binning: Duration::ZERO,
             beyond_grid: 0,
@@ -128,11 +129,6 @@ impl<'a> Replay<'a> {
         self.notes.push(sentence.to_owned());
     }
 
-    fn is_due(&self, stamp: Stamp) -> bool {
-        let period = self.settings.publish_period.as_secs_f64();
-        self.published.is_none_or(|published| stamp.seconds_since(published) >= period)
-    }
-
     /// Writes what remains, and gives the map and the account.
     pub fn finish(mut self, fed: Fed) -> Finished {
         let snapshot = self.engine.snapshot();
@@ -181,8 +177,7 @@ impl Visitor for Replay<'_> {
         let session = self.session(update.stamp, fixed_frame);
         self.tell(scan, &update, ms);
         self.outputs.update(&session, &update)?;
-        if self.outputs.bag.is_some() && self.is_due(update.stamp) {
-            self.published = Some(update.stamp);
+        if self.outputs.bag.is_some() && self.pace.is_due(update.stamp) {
             self.outputs.snapshot(&session, &self.engine.snapshot())?;
         }
         Ok(())
@@ -197,7 +192,7 @@ impl Visitor for Replay<'_> {
         }
         self.outputs.jumped_back(seconds);
         self.engine = Engine::new(self.settings.engine);
-        self.published = None;
+        self.pace = Pace::new(self.settings.publish_period);
         Ok(Go::On)
     }
 
