@@ -266,7 +266,7 @@ impl<V: Visitor> Feeder<'_, V> {
             match receiver.recv_timeout(LOOK) {
                 Ok(Item::Message(message)) => self.visitor.message(&message)?,
                 Ok(Item::Recorded { recorded, at, decoding }) => {
-                    self.disorder.note(self.now.saturating_sub(at));
+                    self.disorder.note(at);
                     self.now = at;
                     self.recorded(recorded, decoding)?;
                 }
