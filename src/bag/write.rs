@@ -204,9 +204,18 @@ impl<W: Write> ResultBag<W> {
         put(writer, scratch, channel, (&first.header, clock.ahead()), message)
     }
 
-    /// Whether the input's messages on this topic would be copied, had the result no topic of that name.
-    pub fn replaces(&self, topic: &str) -> bool {
-        self.with_input && self.own.iter().any(|own| own == topic)
+    /// Whether a message of the input would be copied, had the result no topic of that name.
+    pub fn replaces(&self, message: &Message) -> bool {
+        self.is_wanted(message) && self.is_own(message)
+    }
+
+    /// Whether a message of the input belongs into the result.
+    fn is_wanted(&self, message: &Message) -> bool {
+        self.with_input || is_transforms(message.type_name())
+    }
+
+    fn is_own(&self, message: &Message) -> bool {
+        self.own.iter().any(|own| own == message.topic())
     }
 
     /// Copies a message of the input, where it is wanted.
@@ -216,8 +225,7 @@ impl<W: Write> ResultBag<W> {
     pub fn input(&mut self, message: &Message) -> io::Result<()> {
         let due = self.clock.message(message.log_time);
         due.iter().try_for_each(|message| self.copy(message))?;
-        let is_own = self.own.iter().any(|own| own == message.topic());
-        if is_own || !(self.with_input || is_transforms(message.type_name())) {
+        if self.is_own(message) || !self.is_wanted(message) {
             return Ok(());
         }
         self.clock.hold(message).map_or(Ok(()), |message| self.copy(message))

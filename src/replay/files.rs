@@ -187,7 +187,7 @@ impl Outputs<'_> {
 
     pub(super) fn message(&mut self, message: &Message) -> Result<(), WriteError> {
         let Some(file) = &mut self.bag else { return Ok(()) };
-        let is_own = file.bag.as_ref().is_ok_and(|bag| bag.replaces(message.topic()));
+        let is_own = file.bag.as_ref().is_ok_and(|bag| bag.replaces(message));
         if is_own && file.said_own.is_due(message.topic(), 1) {
             (self.say)(&format!(
                 "{} of the input is not copied: the result has a topic of that name",

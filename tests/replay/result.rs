@@ -185,6 +185,21 @@ fn input_that_lies_out_of_order_keeps_its_times_within_each_lap() {
 }
 
 #[test]
+fn transforms_in_whose_place_results_go_are_said_not_to_be_copied() {
+    let folder = Folder::new();
+    let mut writer = BagWriter::new(Layout::Plain);
+    writer.tf("/tf_static", stamp(0), "camera_link", OPTICAL, 0.0);
+    for i in 0..3 {
+        writer.tf("/tf", stamp(i), "map", "camera_link", 0.1 * i as f64);
+        writer.scan(i);
+    }
+    let (bag, out) = (folder.put("a.mcap", &writer.finish()), folder.join("out.mcap"));
+    let found = replay(&bag, &["--out", out.to_str().unwrap(), "--ros-args", "-r", "~/clusters:=/tf"]);
+    assert_eq!(found.number("scans"), 3, "{}", found.errors);
+    assert_eq!(found.errors.matches("/tf of the input is not copied").count(), 1, "{}", found.errors);
+}
+
+#[test]
 fn each_topic_of_the_input_that_the_result_has_itself_is_said_not_to_be_copied() {
     let folder = Folder::new();
     let mut writer = BagWriter::new(Layout::Plain);
