@@ -81,7 +81,8 @@ impl Channels {
         }
         let unknown = || reason(&McapError::UnknownChannel(header.sequence, header.channel_id));
         let channel = self.known.get(header.channel_id).ok_or_else(unknown)?;
-        Ok(Message { channel, log_time: header.log_time, data })
+        let MessageHeader { sequence, log_time, publish_time, .. } = header;
+        Ok(Message { channel, log_time, publish_time, sequence, data })
     }
 
     /// All channels that the file has named, by ascending number.

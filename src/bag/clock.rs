@@ -184,7 +184,8 @@ mod tests {
             message_encoding: "cdr".to_owned(),
             metadata: BTreeMap::new(),
         };
-        Message { channel: Arc::new(channel), log_time, data: vec![0; bytes] }
+        let (channel, data) = (Arc::new(channel), vec![0; bytes]);
+        Message { channel, log_time, publish_time: log_time, sequence: 0, data }
     }
 
     /// Times in ns; those of recording jump back by 90 s with the stamps, or do not.

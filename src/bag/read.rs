@@ -32,6 +32,10 @@ pub struct Message {
     pub channel: Arc<mcap::Channel<'static>>,
     /// When it was recorded (ns).
     pub log_time: u64,
+    /// When it was sent, as its sender or the recorder says (ns).
+    pub publish_time: u64,
+    /// Its number among those of its sender; 0 where nobody counts.
+    pub sequence: u32,
     /// The serialised message, with the four bytes that begin CDR.
     pub data: Vec<u8>,
 }

@@ -240,7 +240,12 @@ impl<W: Write> ResultBag<W> {
         }
         let Some(channel) = self.copied.get_mut(&key) else { return Ok(()) };
         let log_time = self.clock.logged(message.log_time);
-        write(&mut self.writer, channel, log_time, &message.data)
+        // Moved together, so that what lies between the two stays.
+        let moved = log_time.wrapping_sub(message.log_time).cast_signed();
+        let publish_time = message.publish_time.saturating_add_signed(moved);
+        let header =
+            MessageHeader { channel_id: channel.id, sequence: message.sequence, log_time, publish_time };
+        self.writer.write_to_known_channel(&header, &message.data).map_err(io::Error::other)
     }
 
     /// Writes the indexes and gives the output back.

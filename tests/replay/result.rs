@@ -47,6 +47,29 @@ fn the_transforms_of_each_lap_are_played_with_its_clusters() {
     assert!(tf.is_sorted() && tf.iter().zip(&deltas).all(|(tf, delta)| tf.abs_diff(*delta) < 50_000_000));
 }
 
+/// In a second lap too, whose messages are logged after those of the first.
+#[test]
+fn copied_messages_keep_their_numbers_and_how_long_they_took() {
+    let folder = Folder::new();
+    let mut writer = BagWriter::new(Layout::Plain);
+    writer.lag = 7_000_000;
+    let laps = drive_along(writer, (0..60).chain(0..60));
+    let (bag, out) = (folder.put("laps.mcap", &laps), folder.join("out.mcap"));
+    assert_eq!(replay(&bag, &["--out", out.to_str().unwrap(), "--with-input"]).number("sessions"), 2);
+    let result = fs::read(&out).unwrap();
+    for topic in [POINTS, "/tf"] {
+        let numbers = |bag: &[u8]| -> Vec<u32> {
+            let messages = mcap::MessageStream::new(bag).unwrap().map(Result::unwrap);
+            let of_topic = messages.filter(|message| message.channel.topic == topic);
+            of_topic
+                .inspect(|it| assert_eq!(it.log_time - it.publish_time, 7_000_000))
+                .map(|it| it.sequence)
+                .collect()
+        };
+        assert_eq!(numbers(&result), numbers(&laps), "{topic}");
+    }
+}
+
 /// A simulator stamps by its own time, which the recorder did not know, and which goes at half the speed.
 #[test]
 fn what_was_recorded_by_another_clock_is_played_with_its_clusters() {

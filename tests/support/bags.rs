@@ -38,6 +38,10 @@ pub struct BagWriter {
     writer: Writer<Cursor<Vec<u8>>>,
     /// Whether each message is compressed by itself, as rosbag2's mode `message` does.
     pub compress_messages: bool,
+    /// How long a message takes from its sender until it is recorded (ns).
+    pub lag: u64,
+    /// How many messages there are.
+    sequence: u32,
 }
 
 impl BagWriter {
@@ -49,7 +53,12 @@ impl BagWriter {
             Layout::Zstd => options.compression(Some(Compression::Zstd)),
             Layout::Lz4 => options.compression(Some(Compression::Lz4)),
         };
-        Self { writer: options.create(Cursor::new(Vec::new())).unwrap(), compress_messages: false }
+        Self {
+            writer: options.create(Cursor::new(Vec::new())).unwrap(),
+            compress_messages: false,
+            lag: 0,
+            sequence: 0,
+        }
     }
 
     pub fn put(&mut self, topic: &str, type_name: &str, stamp: i64, message: &impl Serialize) {
@@ -61,8 +70,9 @@ impl BagWriter {
     pub fn put_bytes(&mut self, topic: &str, type_name: &str, stamp: i64, data: &[u8]) {
         let schema = self.writer.add_schema(type_name, "ros2msg", b"").unwrap();
         let channel_id = self.writer.add_channel(schema, topic, "cdr", &BTreeMap::new()).unwrap();
-        let log_time = stamp as u64;
-        let header = MessageHeader { channel_id, sequence: 0, log_time, publish_time: log_time };
+        let (log_time, sequence) = (stamp as u64, self.sequence);
+        self.sequence += 1;
+        let header = MessageHeader { channel_id, sequence, log_time, publish_time: log_time - self.lag };
         if self.compress_messages {
             let data = zstd::encode_all(data, 3).unwrap();
             self.writer.write_to_known_channel(&header, &data).unwrap();
