@@ -82,7 +82,7 @@ impl Channels {
         let unknown = || reason(&McapError::UnknownChannel(header.sequence, header.channel_id));
         let channel = self.known.get(header.channel_id).ok_or_else(unknown)?;
         let MessageHeader { sequence, log_time, publish_time, .. } = header;
-        Ok(Message { channel, log_time, publish_time, sequence, data })
+        Ok(Message { channel, log_time, publish_time, sequence, data, damage: None })
     }
 
     /// All channels that the file has named, by ascending number.

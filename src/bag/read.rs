@@ -36,8 +36,10 @@ pub struct Message {
     pub publish_time: u64,
     /// Its number among those of its sender; 0 where nobody counts.
     pub sequence: u32,
-    /// The serialised message, with the four bytes that begin CDR.
+    /// The serialised message, with the four bytes that begin CDR; compressed as it was, where that could not be undone.
     pub data: Vec<u8>,
+    /// Why its compression could not be undone.
+    pub damage: Option<String>,
 }
 
 impl Message {
@@ -49,6 +51,11 @@ impl Message {
     /// The type, as in `sensor_msgs/msg/PointCloud2`; empty where the bag does not tell.
     pub fn type_name(&self) -> &str {
         self.channel.schema.as_ref().map_or("", |schema| &schema.name)
+    }
+
+    /// The serialised message, or why there is none.
+    pub(super) fn plain(&self) -> Result<&[u8], String> {
+        self.damage.as_ref().map_or(Ok(&self.data), |damage| Err(damage.clone()))
     }
 }
 
@@ -164,7 +171,7 @@ impl Reader {
         for record in self.records.by_ref() {
             let message = record.and_then(|record| self.channels.take(record));
             if let Some(message) = message.transpose() {
-                return Some(message.and_then(decompressed));
+                return Some(message.map(decompressed));
             }
         }
         None
@@ -179,12 +186,16 @@ impl Reader {
     }
 }
 
-/// Undoes the compression of single messages, which no record tells: their channel still says `cdr`.
-fn decompressed(mut message: Message) -> Result<Message, String> {
+/// Undoes the compression of single messages, which no record tells: their channel still says `cdr`. One that is damaged costs no
+/// other.
+fn decompressed(mut message: Message) -> Message {
     if message.data.starts_with(ZSTD) {
-        message.data = decompress(&message.data).map_err(|error| format!("a compressed message: {error}"))?;
+        match decompress(&message.data) {
+            Ok(plain) => message.data = plain,
+            Err(error) => message.damage = Some(format!("a compressed message: {error}")),
+        }
     }
-    Ok(message)
+    message
 }
 
 /// The size that the frame claims is not believed: memory is doubled as long as something really comes out, and never taken

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::bags::{BagWriter, Layout, OPTICAL, drive, ends_of_clouds, stamp};
+use crate::bags::{BagWriter, Layout, OPTICAL, POINTS, drive, ends_of_clouds, stamp};
 use crate::{Folder, replay};
 
 #[test]
@@ -181,6 +181,34 @@ fn what_cannot_be_decoded_is_said_once_and_counted() {
     assert_eq!(found.errors.matches("a message on /tf was skipped").count(), 1, "{}", found.errors);
     assert_eq!(found.summary.as_ref().unwrap()["messages_undecodable"]["/tf"], 5);
     assert_eq!(found.number("scans"), 5);
+}
+
+/// Of a bag whose messages are compressed one by one, transforms as well.
+#[test]
+fn a_damaged_compressed_message_costs_itself_alone() {
+    let folder = Folder::new();
+    let mut writer = BagWriter::new(Layout::Plain);
+    writer.tf("/tf_static", stamp(0), "map", OPTICAL, 0.0);
+    for i in 0..9 {
+        writer.compress_messages = true;
+        writer.scan(i);
+        writer.compress_messages = false;
+        let topic = [("/tf", "tf2_msgs/msg/TFMessage"), (POINTS, "sensor_msgs/msg/PointCloud2")][i % 2];
+        writer.put_bytes(
+            topic.0,
+            topic.1,
+            stamp(i),
+            b"\x28\xb5\x2f\xfd, and then nothing that zstd has made",
+        );
+    }
+    let bag = folder.put("a.mcap", &writer.finish());
+    let out = folder.argument("out.mcap");
+    let found = replay(&bag, &["--out", &out, "--with-input"]);
+    assert_eq!((found.status, found.number("scans")), (0, 9), "{}", found.errors);
+    let summary = found.summary.as_ref().unwrap();
+    assert_eq!(summary["messages_undecodable"]["/tf"], 5, "{}", found.errors);
+    assert_eq!(summary["scans_skipped"]["undecodable"], 4, "{}", found.errors);
+    assert!(found.errors.contains("a compressed message: "), "{}", found.errors);
 }
 
 #[test]
