@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::bags::{BagWriter, Layout, OPTICAL, POINTS, drive, ends_of_clouds, stamp};
+use crate::bags::{BagWriter, Layout, OPTICAL, POINTS, chunks, drive, ends_of_clouds, stamp};
 use crate::{Folder, replay};
 
 #[test]
@@ -124,6 +124,36 @@ fn bytes_after_the_end_and_damaged_chunks_are_said() {
     let found = replay(&folder.put("damaged.mcap", &bag), &[]);
     assert_eq!(found.status, 1);
     assert!(found.errors.contains("CRC"), "{}", found.errors);
+}
+
+/// The first chunk names the channel, which is then taken from the summary.
+#[test]
+fn a_damaged_chunk_costs_its_own_scans_alone() {
+    let folder = Folder::new();
+    for layout in [Layout::Chunks, Layout::Zstd, Layout::Lz4] {
+        let mut writer = BagWriter::new(layout);
+        (0..20).for_each(|i| writer.scan(i));
+        let whole = writer.finish();
+        let chunks = chunks(&whole);
+        assert!(chunks.len() > 5, "{}", chunks.len());
+        for chunk in chunks {
+            let mut bag = whole.clone();
+            bag[chunk.start.midpoint(chunk.end)] ^= 1;
+            let found = replay(&folder.put("a.mcap", &bag), &[]);
+            assert_eq!(found.status, 1, "{layout:?} {chunk:?}: {}", found.errors);
+            assert!((17..=20).contains(&found.number("scans")), "{layout:?} {chunk:?}: {}", found.errors);
+            let bytes = chunk.len() - 9;
+            let said =
+                format!("a.mcap is damaged; 1 of its chunks, of {bytes} bytes, could not be read in full");
+            assert!(found.errors.contains(&said), "{}", found.errors);
+            let cut = folder.put("a.mcap", &bag[..chunk.end]);
+            assert_eq!(replay(&cut, &[]).status, 1, "{layout:?} {chunk:?}");
+            bag.truncate(bag.len() - 4);
+            let found = replay(&folder.put("a.mcap", &bag), &[]);
+            let said = ["is cut or damaged", "before that, 1 of its chunks"];
+            assert!(said.iter().all(|said| found.errors.contains(said)), "{}", found.errors);
+        }
+    }
 }
 
 #[test]
