@@ -1,4 +1,5 @@
-//! Attachments of any size are passed over: a recording may carry a map, a log or a video, of which no message tells.
+//! Attachments of any size are passed over: a recording may carry a map, a log or a video, of which no message tells. So is what
+//! is left of a chunk that is damaged.
 
 use std::io::{self, Read};
 
@@ -21,17 +22,37 @@ pub(super) struct WithoutLarge<R> {
     ready: Vec<u8>,
     /// So many bytes of the source come out behind it; then a record begins.
     plain: u64,
+    /// What the record is of which the last bytes came out, and its length; `None` where another was to begin and there was none.
+    current: Option<(u8, u64)>,
     has_left_out: bool,
 }
 
 impl<R: Read> WithoutLarge<R> {
     /// Reads a file from its start.
     pub(super) const fn new(source: R, limit: u64) -> Self {
-        Self { source, limit, ready: Vec::new(), plain: MAGIC.len() as u64, has_left_out: false }
+        Self {
+            source,
+            limit,
+            ready: Vec::new(),
+            plain: MAGIC.len() as u64,
+            current: None,
+            has_left_out: false,
+        }
+    }
+
+    /// Passes over what is left of a chunk; gives its length. `None` where something else came out last, or the source ends within
+    /// the chunk.
+    pub(super) fn pass_chunk(&mut self) -> io::Result<Option<u64>> {
+        let Some((op::CHUNK, length)) = self.current.take() else { return Ok(None) };
+        self.ready.clear();
+        self.plain -= io::copy(&mut self.source.by_ref().take(self.plain), &mut io::sink())?;
+        self.has_left_out = true;
+        Ok((self.plain == 0).then_some(length))
     }
 
     /// Reads what a record begins with; says whether there was anything.
     fn begin_record(&mut self) -> io::Result<bool> {
+        self.current = None;
         let prefix = self.some(PREFIX)?;
         let Some((opcode, length)) = opcode_and_length(&prefix) else {
             // The end of a file that is cut, or the magic of one that is whole.
@@ -43,6 +64,7 @@ impl<R: Read> WithoutLarge<R> {
             io::copy(&mut self.source.by_ref().take(length), &mut io::sink())?;
             return Ok(true);
         }
+        self.current = Some((opcode, length));
         (self.ready, self.plain) = (prefix, length);
         if opcode == op::DATA_END && self.has_left_out && length >= CHECKSUM as u64 {
             let checksum = self.some(CHECKSUM)?;
@@ -125,6 +147,33 @@ mod tests {
         assert_eq!(passed(&kept), kept);
         let file = whole(&[large.clone(), small.clone(), large, message.clone(), end, footer.clone()]);
         assert_eq!(passed(&file), whole(&[small, message, without, footer]));
+    }
+
+    #[test]
+    fn what_is_left_of_a_chunk_is_passed_over_and_of_nothing_else() {
+        let [chunk, message] = [op::CHUNK, op::MESSAGE].map(|opcode| record(opcode, 9, b"some data"));
+        let file = whole(&[message.clone(), chunk.clone(), message.clone()]);
+        let begin = MAGIC.len() + message.len();
+        for read in 1..=chunk.len() {
+            let mut source = WithoutLarge::new(&file[..], 5);
+            io::copy(&mut source.by_ref().take(begin as u64), &mut io::sink()).unwrap();
+            assert_eq!(source.pass_chunk().unwrap(), None);
+            io::copy(&mut source.by_ref().take(read as u64), &mut io::sink()).unwrap();
+            assert_eq!(source.pass_chunk().unwrap(), Some(9), "{read}");
+            let mut rest = Vec::new();
+            source.read_to_end(&mut rest).unwrap();
+            assert_eq!(rest, [&message[..], MAGIC].concat(), "{read}");
+        }
+        // Neither where it is cut, nor once more, nor where the file ends behind it.
+        let cut = &file[..begin + chunk.len() - 1];
+        let mut source = WithoutLarge::new(cut, 5);
+        io::copy(&mut source.by_ref().take(begin as u64 + 1), &mut io::sink()).unwrap();
+        assert_eq!([(); 2].map(|()| source.pass_chunk().unwrap()), [None; 2]);
+        for more in 0..PREFIX {
+            let mut source = WithoutLarge::new(&file[..begin + chunk.len() + more], 5);
+            io::copy(&mut source, &mut io::sink()).unwrap();
+            assert_eq!(source.pass_chunk().unwrap(), None, "{more}");
+        }
     }
 
     #[test]

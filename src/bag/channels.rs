@@ -24,6 +24,8 @@ pub(super) struct Channels {
     channel_ids: BTreeSet<u16>,
     /// Bytes of both.
     kept: usize,
+    /// A chunk is damaged, and may have named channels.
+    lacks_some: bool,
     is_data_over: bool,
     /// What the records behind the data say otherwise than those before.
     contradiction: Option<String>,
@@ -38,7 +40,7 @@ impl Channels {
         let known = match record {
             Record::Schema { header, data } => self.known.add_schema(header, data),
             Record::Channel(channel) => self.known.add_channel(channel),
-            Record::Message { header, data } => return self.message(header, data.into_owned()).map(Some),
+            Record::Message { header, data } => return self.message(header, data.into_owned()),
             Record::DataEnd(_) => {
                 self.is_data_over = true;
                 Ok(())
@@ -50,6 +52,14 @@ impl Channels {
             other => other?,
         }
         Ok(None)
+    }
+
+    /// A chunk is damaged. What it may have named is looked for in the file's summary; messages of a channel that is not found there
+    /// are passed over, for they belong to what is damaged.
+    pub(super) fn lack(&mut self, summary: impl Iterator<Item = Record>) {
+        self.lacks_some = true;
+        // What contradicts the data is not believed.
+        summary.for_each(|record| drop(self.take(record)));
     }
 
     /// Accounts for what is kept of a schema or a channel that is new. A file of 50 kB can hold gigabytes of them.
@@ -75,14 +85,16 @@ impl Channels {
         Ok(())
     }
 
-    fn message(&mut self, header: MessageHeader, data: Vec<u8>) -> Result<Message, String> {
+    fn message(&mut self, header: MessageHeader, data: Vec<u8>) -> Result<Option<Message>, String> {
         if let Some(reason) = self.contradiction.take() {
             return Err(reason);
         }
-        let unknown = || reason(&McapError::UnknownChannel(header.sequence, header.channel_id));
-        let channel = self.known.get(header.channel_id).ok_or_else(unknown)?;
+        let Some(channel) = self.known.get(header.channel_id) else {
+            let unknown = || reason(&McapError::UnknownChannel(header.sequence, header.channel_id));
+            return if self.lacks_some { Ok(None) } else { Err(unknown()) };
+        };
         let MessageHeader { sequence, log_time, publish_time, .. } = header;
-        Ok(Message { channel, log_time, publish_time, sequence, data })
+        Ok(Some(Message { channel, log_time, publish_time, sequence, data, damage: None }))
     }
 
     /// All channels that the file has named, by ascending number.

@@ -185,7 +185,7 @@ mod tests {
             metadata: BTreeMap::new(),
         };
         let (channel, data) = (Arc::new(channel), vec![0; bytes]);
-        Message { channel, log_time, publish_time: log_time, sequence: 0, data }
+        Message { channel, log_time, publish_time: log_time, sequence: 0, data, damage: None }
     }
 
     /// Times in ns; those of recording jump back by 90 s with the stamps, or do not.

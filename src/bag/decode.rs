@@ -202,7 +202,7 @@ impl Decoder {
 
     fn transforms(&self, message: &Message) -> Option<Recorded> {
         let is_static = self.transforms.is_static(message.topic())?;
-        Some(match read(&message.data) {
+        Some(match message.plain().and_then(read) {
             Ok(message) => Recorded::Transforms { message, is_static },
             Err(text) => Recorded::Undecodable { topic: message.topic().to_owned(), text },
         })
@@ -221,20 +221,21 @@ impl Input {
     fn look_for_camera(&mut self, message: &Message) {
         if self.lacks_camera() && self.is_info(message) {
             // What is not readable is said when its turn comes.
-            self.camera = read::<CameraInfo>(&message.data).ok().map(|info| Camera::from_info(&info));
+            let info = message.plain().and_then(read::<CameraInfo>);
+            self.camera = info.ok().map(|info| Camera::from_info(&info));
         }
     }
 
     fn decode(&mut self, sensor: usize, message: &Message, filter: &CloudFilter) -> Option<Recorded> {
         if message.topic() == self.sensor.topic {
-            return Some(Recorded::Cloud { sensor, cloud: self.scan(&message.data, filter) });
+            return Some(Recorded::Cloud { sensor, cloud: self.scan(message, filter) });
         }
         if self.is_info(message) { self.intrinsics(message) } else { None }
     }
 
     fn intrinsics(&mut self, message: &Message) -> Option<Recorded> {
         let topic = message.topic().to_owned();
-        match read::<CameraInfo>(&message.data) {
+        match message.plain().and_then(read::<CameraInfo>) {
             Ok(info) => {
                 let camera = Camera::from_info(&info);
                 let is_distorted = matches!(&camera, Ok(camera) if camera.is_distorted());
@@ -246,7 +247,8 @@ impl Input {
         }
     }
 
-    fn scan(&self, data: &[u8], filter: &CloudFilter) -> Result<Cloud, CloudError> {
+    fn scan(&self, message: &Message, filter: &CloudFilter) -> Result<Cloud, CloudError> {
+        let data = message.plain().map_err(CloudError::Undecodable)?;
         let camera = || self.camera.clone().unwrap_or(Err(CloudError::NoCameraInfo));
         let seeded = match self.sensor.kind {
             SensorKind::Cloud => read_with(data, CloudSeed::new(*filter)),

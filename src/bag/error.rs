@@ -80,7 +80,15 @@ pub enum BagError {
         /// The file.
         path: PathBuf,
     },
-    /// The bag ends in the middle, or is damaged.
+    /// It has been read to its end, but for what is damaged.
+    #[error("{} is damaged; {damage}", path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What of it.
+        damage: Damage,
+    },
+    /// The bag ends in the middle, or what is damaged leaves no way to go on.
     #[error("{} is cut or damaged; {bytes} of its {size} bytes were looked at: {reason}", path.display())]
     Cut {
         /// The file.
@@ -92,6 +100,18 @@ pub enum BagError {
         /// What was found there.
         reason: String,
     },
+}
+
+/// Chunks of a file that could not be read in full.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error("{chunks} of its chunks, of {bytes} bytes, could not be read in full: {reason}")]
+pub struct Damage {
+    /// How many.
+    pub chunks: u64,
+    /// Of all of them, as they are in the file.
+    pub bytes: u64,
+    /// What was found in the first.
+    pub reason: String,
 }
 
 impl BagError {

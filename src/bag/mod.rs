@@ -25,7 +25,7 @@ mod write;
 
 pub use choose::{Choice, ChoiceError, Sensor, SensorKind, Wanted, choose};
 pub use decode::{Decoder, Elsewhere, Recorded, TransformTopics};
-pub use error::BagError;
+pub use error::{BagError, Damage};
 pub use files::Bag;
 pub use read::{MAX_MESSAGE_BYTES, Message, Messages};
 pub use sensor::SensorBag;

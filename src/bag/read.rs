@@ -9,9 +9,10 @@ use mcap::sans_io::LinearReaderOptions;
 
 use super::attachments::WithoutLarge;
 use super::channels::Channels;
-use super::error::BagError;
+use super::error::{BagError, Damage};
 use super::part::{Part, ZSTD, reading};
 use super::records::Records;
+use super::survey::channels_of_summary;
 
 /// The largest message that is read (bytes): a cloud of 4,000,000 points in double precision with colour has 160 MB.
 pub const MAX_MESSAGE_BYTES: usize = 512 << 20;
@@ -36,8 +37,10 @@ pub struct Message {
     pub publish_time: u64,
     /// Its number among those of its sender; 0 where nobody counts.
     pub sequence: u32,
-    /// The serialised message, with the four bytes that begin CDR.
+    /// The serialised message, with the four bytes that begin CDR; compressed as it was, where that could not be undone.
     pub data: Vec<u8>,
+    /// Why its compression could not be undone.
+    pub damage: Option<String>,
 }
 
 impl Message {
@@ -49,6 +52,11 @@ impl Message {
     /// The type, as in `sensor_msgs/msg/PointCloud2`; empty where the bag does not tell.
     pub fn type_name(&self) -> &str {
         self.channel.schema.as_ref().map_or("", |schema| &schema.name)
+    }
+
+    /// The serialised message, or why there is none.
+    pub(super) fn plain(&self) -> Result<&[u8], String> {
+        self.damage.as_ref().map_or(Ok(&self.data), |damage| Err(damage.clone()))
     }
 }
 
@@ -68,9 +76,11 @@ pub struct Messages {
 type Source = Box<dyn Read + Send>;
 
 struct Reader {
-    records: Records<Source>,
+    records: Records<WithoutLarge<Source>>,
     channels: Channels,
     part: Part,
+    /// The chunks that are damaged.
+    damage: Option<Damage>,
     /// Bytes read of the files before.
     before: u64,
 }
@@ -91,7 +101,13 @@ impl Messages {
         self.next += 1;
         let before = self.bytes.load(Ordering::Relaxed);
         let records = part.records(&self.bytes);
-        Some(records.map(|records| Reader { records, channels: Channels::default(), part, before }))
+        Some(records.map(|records| Reader {
+            records,
+            channels: Channels::default(),
+            part,
+            damage: None,
+            before,
+        }))
     }
 
     /// What is to be said at the end.
@@ -130,14 +146,17 @@ impl Iterator for Messages {
                     let error = reader.cut(reason, &self.bytes);
                     self.fail(error);
                 }
-                None => self.current = None,
+                None => match reader.damaged() {
+                    Some(error) => self.fail(error),
+                    None => self.current = None,
+                },
             }
         }
     }
 }
 
 impl Part {
-    fn records(&self, bytes: &Arc<AtomicU64>) -> Result<Records<Source>, BagError> {
+    fn records(&self, bytes: &Arc<AtomicU64>) -> Result<Records<WithoutLarge<Source>>, BagError> {
         let failed = |source| reading(&self.path, source);
         Self::check_regular(&self.path)?;
         let file = File::open(&self.path).map_err(failed)?;
@@ -154,37 +173,68 @@ impl Part {
         } else {
             Box::new(file)
         };
-        Ok(Records::new(Box::new(WithoutLarge::new(source, limit)), options))
+        Ok(Records::new(WithoutLarge::new(source, limit), options))
     }
 }
 
 impl Reader {
-    /// The next message, or what is wrong.
+    /// The next message, or what is wrong. A chunk that is damaged costs what is left of it alone.
     fn advance(&mut self) -> Option<Result<Message, String>> {
-        for record in self.records.by_ref() {
-            let message = record.and_then(|record| self.channels.take(record));
-            if let Some(message) = message.transpose() {
-                return Some(message.and_then(decompressed));
+        loop {
+            let record = match self.records.next()? {
+                Ok(record) => record,
+                Err(reason) => match self.records.pass_chunk() {
+                    Some(bytes) => {
+                        self.pass(bytes, reason);
+                        continue;
+                    }
+                    None => return Some(Err(reason)),
+                },
+            };
+            if let Some(message) = self.channels.take(record).transpose() {
+                return Some(message.map(decompressed));
             }
         }
-        None
+    }
+
+    /// A chunk of so many bytes is damaged.
+    fn pass(&mut self, bytes: u64, reason: String) {
+        if self.damage.is_none() {
+            self.channels.lack(channels_of_summary(&self.part));
+        }
+        let damage = self.damage.get_or_insert(Damage { chunks: 0, bytes: 0, reason });
+        damage.chunks += 1;
+        damage.bytes += bytes;
+    }
+
+    /// What is to be said of a file that has been read to its end.
+    fn damaged(&mut self) -> Option<BagError> {
+        let damage = self.damage.take()?;
+        Some(BagError::Damaged { path: self.part.path.clone(), damage })
     }
 
     fn cut(&self, reason: String, bytes: &AtomicU64) -> BagError {
         if self.part.size == 0 {
             return BagError::Empty { path: self.part.path.clone() };
         }
+        let before =
+            self.damage.as_ref().map_or_else(String::new, |damage| format!("; before that, {damage}"));
+        let reason = reason + &before;
         let bytes = bytes.load(Ordering::Relaxed) - self.before;
         BagError::Cut { path: self.part.path.clone(), bytes, size: self.part.size, reason }
     }
 }
 
-/// Undoes the compression of single messages, which no record tells: their channel still says `cdr`.
-fn decompressed(mut message: Message) -> Result<Message, String> {
+/// Undoes the compression of single messages, which no record tells: their channel still says `cdr`. One that is damaged costs no
+/// other.
+fn decompressed(mut message: Message) -> Message {
     if message.data.starts_with(ZSTD) {
-        message.data = decompress(&message.data).map_err(|error| format!("a compressed message: {error}"))?;
+        match decompress(&message.data) {
+            Ok(plain) => message.data = plain,
+            Err(error) => message.damage = Some(format!("a compressed message: {error}")),
+        }
     }
-    Ok(message)
+    message
 }
 
 /// The size that the frame claims is not believed: memory is doubled as long as something really comes out, and never taken

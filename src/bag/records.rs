@@ -7,6 +7,8 @@ use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use mcap::records::{DataEnd, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 
+use super::attachments::WithoutLarge;
+
 /// The longest header, schema or channel that is read (bytes): the definition of a large message has 100 kB.
 const MAX_DESCRIPTION: usize = 1 << 20;
 
@@ -22,16 +24,18 @@ const STATISTICS_COUNTS: usize = 42;
 /// A record that says something of the bag's messages; it owns what it holds.
 pub(super) type Record = mcap::records::Record<'static>;
 
-/// Reads records; chunks are unpacked. Nothing comes after the first error.
+/// Reads records; chunks are unpacked. Nothing comes after an error, but where [`Records::pass_chunk`] goes on.
 pub(super) struct Records<R> {
     source: R,
     reader: LinearReader,
+    options: LinearReaderOptions,
     is_done: bool,
 }
 
 impl<R: Read> Records<R> {
     pub(super) fn new(source: R, options: LinearReaderOptions) -> Self {
-        Self { source, reader: LinearReader::new_with_options(options), is_done: false }
+        let reader = LinearReader::new_with_options(options.clone());
+        Self { source, reader, options, is_done: false }
     }
 
     fn advance(&mut self) -> Result<Option<Record>, String> {
@@ -51,6 +55,17 @@ impl<R: Read> Records<R> {
             };
             self.reader.notify_read(read);
         }
+    }
+}
+
+impl<R: Read> Records<WithoutLarge<R>> {
+    /// After an error within a chunk, goes on behind that; gives its length. `None` where the error lies elsewhere, or is that the
+    /// file ends: it stays the last word.
+    pub(super) fn pass_chunk(&mut self) -> Option<u64> {
+        let length = self.source.pass_chunk().ok().flatten()?;
+        let options = self.options.clone().with_skip_start_magic(true);
+        (self.reader, self.is_done) = (LinearReader::new_with_options(options), false);
+        Some(length)
     }
 }
 

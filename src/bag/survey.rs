@@ -55,6 +55,13 @@ fn of_summary(part: &Part) -> Option<Vec<Topic>> {
     (!topics.is_empty()).then_some(topics)
 }
 
+/// The schemas and channels of a summary, as far as there is one and it can be read.
+pub(super) fn channels_of_summary(part: &Part) -> impl Iterator<Item = Record> {
+    let records = Some(part).filter(|part| !part.is_compressed).and_then(summary);
+    let named = |record: &Record| matches!(record, Record::Schema { .. } | Record::Channel(_));
+    records.into_iter().flatten().map_while(Result::ok).filter(named)
+}
+
 fn topic(channel: &mcap::Channel<'_>, messages: Option<u64>) -> Topic {
     Topic {
         name: channel.topic.clone(),

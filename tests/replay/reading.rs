@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::bags::{BagWriter, Layout, OPTICAL, drive, ends_of_clouds, stamp};
+use crate::bags::{BagWriter, Layout, OPTICAL, POINTS, chunks, drive, ends_of_clouds, stamp};
 use crate::{Folder, replay};
 
 #[test]
@@ -126,6 +126,36 @@ fn bytes_after_the_end_and_damaged_chunks_are_said() {
     assert!(found.errors.contains("CRC"), "{}", found.errors);
 }
 
+/// The first chunk names the channel, which is then taken from the summary.
+#[test]
+fn a_damaged_chunk_costs_its_own_scans_alone() {
+    let folder = Folder::new();
+    for layout in [Layout::Chunks, Layout::Zstd, Layout::Lz4] {
+        let mut writer = BagWriter::new(layout);
+        (0..20).for_each(|i| writer.scan(i));
+        let whole = writer.finish();
+        let chunks = chunks(&whole);
+        assert!(chunks.len() > 5, "{}", chunks.len());
+        for chunk in chunks {
+            let mut bag = whole.clone();
+            bag[chunk.start.midpoint(chunk.end)] ^= 1;
+            let found = replay(&folder.put("a.mcap", &bag), &[]);
+            assert_eq!(found.status, 1, "{layout:?} {chunk:?}: {}", found.errors);
+            assert!((17..=20).contains(&found.number("scans")), "{layout:?} {chunk:?}: {}", found.errors);
+            let bytes = chunk.len() - 9;
+            let said =
+                format!("a.mcap is damaged; 1 of its chunks, of {bytes} bytes, could not be read in full");
+            assert!(found.errors.contains(&said), "{}", found.errors);
+            let cut = folder.put("a.mcap", &bag[..chunk.end]);
+            assert_eq!(replay(&cut, &[]).status, 1, "{layout:?} {chunk:?}");
+            bag.truncate(bag.len() - 4);
+            let found = replay(&folder.put("a.mcap", &bag), &[]);
+            let said = ["is cut or damaged", "before that, 1 of its chunks"];
+            assert!(said.iter().all(|said| found.errors.contains(said)), "{}", found.errors);
+        }
+    }
+}
+
 #[test]
 fn a_damaged_file_of_several_costs_only_its_own_scans() {
     let folder = Folder::new();
@@ -181,6 +211,34 @@ fn what_cannot_be_decoded_is_said_once_and_counted() {
     assert_eq!(found.errors.matches("a message on /tf was skipped").count(), 1, "{}", found.errors);
     assert_eq!(found.summary.as_ref().unwrap()["messages_undecodable"]["/tf"], 5);
     assert_eq!(found.number("scans"), 5);
+}
+
+/// Of a bag whose messages are compressed one by one, transforms as well.
+#[test]
+fn a_damaged_compressed_message_costs_itself_alone() {
+    let folder = Folder::new();
+    let mut writer = BagWriter::new(Layout::Plain);
+    writer.tf("/tf_static", stamp(0), "map", OPTICAL, 0.0);
+    for i in 0..9 {
+        writer.compress_messages = true;
+        writer.scan(i);
+        writer.compress_messages = false;
+        let topic = [("/tf", "tf2_msgs/msg/TFMessage"), (POINTS, "sensor_msgs/msg/PointCloud2")][i % 2];
+        writer.put_bytes(
+            topic.0,
+            topic.1,
+            stamp(i),
+            b"\x28\xb5\x2f\xfd, and then nothing that zstd has made",
+        );
+    }
+    let bag = folder.put("a.mcap", &writer.finish());
+    let out = folder.argument("out.mcap");
+    let found = replay(&bag, &["--out", &out, "--with-input"]);
+    assert_eq!((found.status, found.number("scans")), (0, 9), "{}", found.errors);
+    let summary = found.summary.as_ref().unwrap();
+    assert_eq!(summary["messages_undecodable"]["/tf"], 5, "{}", found.errors);
+    assert_eq!(summary["scans_skipped"]["undecodable"], 4, "{}", found.errors);
+    assert!(found.errors.contains("a compressed message: "), "{}", found.errors);
 }
 
 #[test]

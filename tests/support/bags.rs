@@ -3,6 +3,7 @@
 
 use std::collections::BTreeMap;
 use std::io::Cursor;
+use std::ops::Range;
 
 use byteorder::LittleEndian;
 use cfodi::engine::Stamp;
@@ -19,6 +20,9 @@ pub const POINTS: &str = "/camera/depth/points";
 pub const OPTICAL: &str = "camera_depth_optical_frame";
 /// Stamp of the first cloud (ns); one follows each 33 ms.
 pub const START: i64 = 1_700_000_000_000_000_000;
+
+/// The opcode of a chunk.
+const CHUNK: u8 = 6;
 
 /// How messages lie in the file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -165,6 +169,19 @@ pub fn late_odom() -> Vec<u8> {
     writer.finish()
 }
 
+/// Where each chunk lies.
+pub fn chunks(bag: &[u8]) -> Vec<Range<usize>> {
+    let (mut at, mut found) = (8, Vec::new());
+    while at + 9 <= bag.len() - 8 {
+        let length = u64::from_le_bytes(bag[at + 1..at + 9].try_into().unwrap()) as usize;
+        if bag[at] == CHUNK {
+            found.push(at..at + 9 + length);
+        }
+        at += 9 + length;
+    }
+    found
+}
+
 /// Where the record of each cloud ends, in a bag without compression: found by walking over the records.
 pub fn ends_of_clouds(bag: &[u8]) -> Vec<usize> {
     let mut ends = Vec::new();
@@ -175,7 +192,6 @@ pub fn ends_of_clouds(bag: &[u8]) -> Vec<usize> {
 /// A cloud is known by its size: all other messages are small.
 fn walk(bag: &[u8], mut at: usize, end: usize, ends: &mut Vec<usize>) {
     const MESSAGE: u8 = 5;
-    const CHUNK: u8 = 6;
     while at + 9 <= end {
         let length = u64::from_le_bytes(bag[at + 1..at + 9].try_into().unwrap()) as usize;
         match bag[at] {
