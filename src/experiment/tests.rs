@@ -229,10 +229,10 @@ fn what_an_earlier_experiment_left_is_removed() {
 #[test]
 fn where_a_file_cannot_be_written_nothing_of_an_earlier_experiment_is_removed() {
     let folder = Folder::new();
-    results((0..5).map(floor)).write(&folder.place()).unwrap();
+    assert!(results((0..5).map(floor)).write(&folder.place()).is_empty());
     let blocked = folder.place().join("summary.json");
     fs::remove_file(&blocked).unwrap();
     fs::create_dir(&blocked).unwrap();
-    results([floor(0)]).write(&folder.place()).unwrap_err();
+    assert_eq!(results([floor(0)]).write(&folder.place()).len(), 1);
     assert_eq!(folder.names(), sorted(&[&TABLES, &CHARTS, &EFFECTS, &PICTURES]));
 }

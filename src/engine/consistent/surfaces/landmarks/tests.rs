@@ -4,9 +4,9 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 use proptest::prelude::*;
 
 use super::*;
+use crate::engine::ClusterId;
 use crate::engine::consistent::describe::{Uprights, edges, middle};
 use crate::engine::consistent::surfaces::Surfaces;
-use crate::engine::ClusterId;
 
 /// The clusters that are told of, by component.
 type Told<'a> = BTreeMap<ComponentId, &'a Cluster>;
