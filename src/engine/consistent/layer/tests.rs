@@ -77,15 +77,15 @@ proptest! {
     }
 }
 
-/// The foot of a ramp of 18 degrees, as it is seen from afar: the last rows of a block lie between floor and ramp. Of none of the three
-/// does the block hold more than two layers.
+/// The foot of a ramp of 18 degrees, as it is seen from afar: the last rows of a block lie between floor and ramp. Of neither floor
+/// nor foot does the block hold more than two layers.
 #[test]
 fn what_lies_between_floor_and_ramp_is_a_part_of_the_one_that_it_fits_best() {
     let rules = Rules::new(&Params::default());
     let floor = rows(0..4, |_| 0.35);
     let foot = rows(4..8, |y| 0.35 + 0.16 * (y - 4.0));
     let corner = [0, EDGE, 0];
-    let ramp_states = examples::states(1.0, 0..3, |y| 1.0 + 0.32 * y);
+    let ramp_states = examples::states(1.0, 0..5, |y| 1.0 + 0.32 * y);
     let ramp_states: Vec<_> = ramp_states.iter().collect();
     let ramp = Patch::new(&ramp_states, &Vector3::from(corner).map(f64::from), Kind::Flat, &rules).unwrap();
     let id = |block: u32, number: u8| PatchId { block: BlockIndex(block), number };
