@@ -240,13 +240,20 @@ fn decompressed(mut message: Message) -> Message {
 /// The size that the frame claims is not believed: memory is doubled as long as something really comes out, and never taken
 /// beyond the bound.
 fn decompress(data: &[u8]) -> io::Result<Vec<u8>> {
+    const FIRST: usize = 1 << 16;
     let mut decoder = zstd::Decoder::with_buffer(data)?;
     let mut plain = Vec::new();
-    decoder.by_ref().take(MAX_MESSAGE_BYTES as u64).read_to_end(&mut plain)?;
-    if decoder.read(&mut [0])? > 0 {
-        return Err(io::Error::other(format!("more than {MAX_MESSAGE_BYTES} bytes")));
+    loop {
+        let more = plain.len().max(FIRST).min(MAX_MESSAGE_BYTES + 1 - plain.len());
+        plain.try_reserve_exact(more)?;
+        let read = decoder.by_ref().take(more as u64).read_to_end(&mut plain)?;
+        if plain.len() > MAX_MESSAGE_BYTES {
+            return Err(io::Error::other(format!("more than {MAX_MESSAGE_BYTES} bytes")));
+        }
+        if read < more {
+            return Ok(plain);
+        }
     }
-    Ok(plain)
 }
 
 /// A file that counts what is read of it.
