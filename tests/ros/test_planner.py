@@ -417,7 +417,7 @@ def test_it_stands_while_it_does_not_see_the_voxels(start, peer, robot, drive):
     drive(speed=0.2, stop_before=0.3, max_age=600.0, remap=["/cfodi/points_labelled:=/nowhere"])
     camera = peer.camera()
     camera.meet()
-    for _ in range(3):
+    for _ in range(scene.SCANS):
         camera.publish(scene.room(), time.time_ns(), clouds.still_transform())
     peer.deltas.wait("the ground", lambda m: m.clusters)
     robot.expect("no speed without the voxels", lambda speed: speed == 0.0, steadily=20)
@@ -460,7 +460,7 @@ def test_it_stands_while_the_cameras_clock_is_ahead(start, peer, robot, drive):
     camera.meet()
 
     def show(ahead):
-        for _ in range(3):
+        for _ in range(scene.SCANS):
             before, stamp = len(peer.deltas), time.time_ns() + ahead
             camera.publish(scene.room(), stamp, clouds.still_transform())
             peer.deltas.wait("the scan's delta", lambda m: m.header.stamp.nanosec == stamp % 10**9, after=before)

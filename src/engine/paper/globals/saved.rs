@@ -140,3 +140,29 @@ impl Globals {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn clusters_that_were_merged_into_one_that_does_not_live_are_refused() {
+        let stamp = Stamp::from_nanos(0);
+        let global = SavedGlobal {
+            revision: 0,
+            first_seen: stamp,
+            last_seen: stamp,
+            normal: Vector3::z(),
+            grown: 1,
+            changed: 1,
+        };
+        let check = |roots: &[u32]| {
+            let (living, growths) = (vec![(0, global.clone())], Vec::new());
+            SavedGlobals { living, roots: roots.to_vec(), growths }.check(1)
+        };
+        assert_eq!(check(&[0, 0, 0]), Ok(()));
+        for roots in [[0, 0, 1], [0, 2, 0], [0, 1, 0], [1, 0, 0], [0, 0, 9]] {
+            assert!(check(&roots).is_err(), "{roots:?}");
+        }
+    }
+}
