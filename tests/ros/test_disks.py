@@ -96,7 +96,9 @@ def test_a_demo_names_each_file_that_cannot_be_written(tmp_path):
     for name in names:
         (tmp_path / name).symlink_to("/dev/full")
     done = subprocess.run([BINARY, "demo", "--seconds=2", "--out", tmp_path], capture_output=True, text=True, timeout=180)
-    assert done.returncode == 1 and all(says(done.stderr, FULL, name) for name in names), done.stderr
+    # Each on a line of its own.
+    lines = {name: [line for line in done.stderr.splitlines() if f"/{name}: " in line] for name in names}
+    assert done.returncode == 1 and all(len(lines[name]) == 1 and says(lines[name][0], FULL, name) for name in names), done.stderr
 
 
 def test_a_single_file_that_is_mounted_gets_the_whole_output(bag, tmp_path):
