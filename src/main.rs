@@ -1,6 +1,6 @@
 //! The `cfodi` binary: one verb a file below `cli/`.
 //!
-//! Exit status: 0 when all went well, 1 when something failed an input was not read in full or none of its scans taken in, 2 for wrong arguments,
+//! Exit status: 0 when all went well, 1 when something failed or an input was not read in full, 2 for wrong arguments,
 //! parameters or keys.
 
 mod cli;

@@ -102,13 +102,15 @@ pub enum BagError {
     },
 }
 
-/// Chunks of a file that could not be read in full.
-#[derive(Clone, Debug, PartialEq, Eq, Error)]
-#[error("{chunks} of its chunks, of {bytes} bytes, could not be read in full: {reason}")]
+/// Chunks of a file, and messages that are compressed by themselves, which could not be read in full.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Error)]
+#[error("{}, of {bytes} bytes, could not be read in full: {reason}", parts(*.chunks, *.messages))]
 pub struct Damage {
-    /// How many.
+    /// How many chunks.
     pub chunks: u64,
-    /// Of all of them, as they are in the file.
+    /// How many messages.
+    pub messages: u64,
+    /// Of all of these, as they are in the file.
     pub bytes: u64,
     /// What was found in the first.
     pub reason: String,
@@ -119,6 +121,13 @@ impl BagError {
     pub fn is_wrong_argument(&self) -> bool {
         matches!(self, Self::Ros1 { .. } | Self::Sqlite { .. } | Self::NotMcap { .. } | Self::NoBag { .. })
     }
+}
+
+/// How many parts of a file, by kind; none of a kind of which there are none.
+fn parts(chunks: u64, messages: u64) -> String {
+    let kinds = [(chunks, "chunks"), (messages, "compressed messages")];
+    let kinds = kinds.iter().filter(|(count, _)| *count > 0);
+    kinds.map(|(count, kind)| format!("{count} of its {kind}")).collect::<Vec<_>>().join(" and ")
 }
 
 /// As a shell takes it.

@@ -79,7 +79,7 @@ struct Reader {
     records: Records<WithoutLarge<Source>>,
     channels: Channels,
     part: Part,
-    /// The chunks that are damaged.
+    /// What of it is damaged.
     damage: Option<Damage>,
     /// Bytes read of the files before.
     before: u64,
@@ -192,19 +192,40 @@ impl Reader {
                 },
             };
             if let Some(message) = self.channels.take(record).transpose() {
-                return Some(message.map(decompressed));
+                return Some(message.map(|message| self.decompressed(message)));
             }
         }
     }
 
     /// A chunk of so many bytes is damaged.
     fn pass(&mut self, bytes: u64, reason: String) {
-        if self.damage.is_none() {
+        if self.damage.as_ref().is_none_or(|damage| damage.chunks == 0) {
             self.channels.lack(channels_of_summary(&self.part));
         }
-        let damage = self.damage.get_or_insert(Damage { chunks: 0, bytes: 0, reason });
-        damage.chunks += 1;
+        self.count(bytes, reason).chunks += 1;
+    }
+
+    /// Counts so many damaged bytes.
+    fn count(&mut self, bytes: u64, reason: String) -> &mut Damage {
+        let damage = self.damage.get_or_insert_with(|| Damage { reason, ..Damage::default() });
         damage.bytes += bytes;
+        damage
+    }
+
+    /// Undoes the compression of single messages, which no record tells: their channel still says `cdr`. One that is damaged costs
+    /// no other.
+    fn decompressed(&mut self, mut message: Message) -> Message {
+        if message.data.starts_with(ZSTD) {
+            match decompress(&message.data) {
+                Ok(plain) => message.data = plain,
+                Err(error) => {
+                    let reason = format!("a compressed message: {error}");
+                    self.count(message.data.len() as u64, reason.clone()).messages += 1;
+                    message.damage = Some(reason);
+                }
+            }
+        }
+        message
     }
 
     /// What is to be said of a file that has been read to its end.
@@ -223,18 +244,6 @@ impl Reader {
         let bytes = bytes.load(Ordering::Relaxed) - self.before;
         BagError::Cut { path: self.part.path.clone(), bytes, size: self.part.size, reason }
     }
-}
-
-/// Undoes the compression of single messages, which no record tells: their channel still says `cdr`. One that is damaged costs no
-/// other.
-fn decompressed(mut message: Message) -> Message {
-    if message.data.starts_with(ZSTD) {
-        match decompress(&message.data) {
-            Ok(plain) => message.data = plain,
-            Err(error) => message.damage = Some(format!("a compressed message: {error}")),
-        }
-    }
-    message
 }
 
 /// The size that the frame claims is not believed: memory is doubled as long as something really comes out, and never taken

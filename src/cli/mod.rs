@@ -26,7 +26,7 @@ use thiserror::Error;
 pub(crate) enum Ending {
     /// All was done.
     Whole,
-    /// An input was not read in full, nothing of it was taken in, or a signal has stopped it; that is said already.
+    /// An input was not read in full, or a signal has stopped it; that is said already.
     InPart,
 }
 

@@ -95,11 +95,6 @@ pub(crate) fn replay(setup: &Setup, options: &Options) -> anyhow::Result<Ending>
     let failed = files.write(session, map, summary);
     let told = page.map_or(Ok(()), |page| write_page(page, &options.input, &finished, Vec::new()));
     account(summary);
-    if !summary.has_map() {
-        say(
-            "cfodi: no scan was taken in, so there is no map: but for summary and report, outputs stay as they were",
-        );
-    }
     // What was not read is said whether or not the outputs can be written.
     let ending = say_skipped(summary);
     first_of(result.err().into_iter().chain(failed).chain(told.err()))?;
@@ -221,6 +216,6 @@ pub(crate) fn say_skipped(summary: &Summary) -> Ending {
     if summary.stopped {
         say("cfodi: stopped by a signal before the end of the bag");
     }
-    let is_whole = summary.has_map() && summary.unread.is_none() && !ends_at_jump && !summary.stopped;
+    let is_whole = summary.unread.is_none() && !ends_at_jump && !summary.stopped;
     if is_whole { Ending::Whole } else { Ending::InPart }
 }

@@ -197,9 +197,8 @@ impl Outputs<'_> {
         file.put(|bag| bag.input(message))
     }
 
-    /// Completes the result bag. Without a scan there is none, but where it cannot be taken back what has begun.
-    pub(super) fn finish(&mut self, has_map: bool) -> Result<(), WriteError> {
-        self.bag.take().filter(|bag| has_map || bag.is_direct()).map_or(Ok(()), ResultFile::finish)
+    pub(super) fn finish(&mut self) -> Result<(), WriteError> {
+        self.bag.take().map_or(Ok(()), ResultFile::finish)
     }
 }
 
@@ -248,18 +247,12 @@ impl MapFiles {
 
 impl OpenMapFiles {
     /// Writes the map and the account; what can be written is, whatever becomes of the others. Gives the errors of those.
-    /// Without a scan there is no map, and the account alone is written.
-    pub fn write(mut self, session: &Session, map: &Snapshot, summary: &Summary) -> Vec<WriteError> {
-        let account = complete(self.summary.take(), |out| writeln!(out, "{:#}", summary.json()));
-        let map = if summary.has_map() { self.write_map(session, map) } else { Vec::new() };
-        map.into_iter().chain(account.err()).collect()
-    }
-
-    fn write_map(self, session: &Session, map: &Snapshot) -> Vec<WriteError> {
+    pub fn write(self, session: &Session, map: &Snapshot, summary: &Summary) -> Vec<WriteError> {
         let written = [
             complete(self.voxels, |out| write_voxels(out, map)),
             complete(self.clusters, |out| write_clusters(out, session, map)),
             complete(self.ply, |out| write_ply(out, map)),
+            complete(self.summary, |out| writeln!(out, "{:#}", summary.json())),
         ];
         written.into_iter().filter_map(Result::err).collect()
     }

@@ -161,7 +161,7 @@ impl<'a> Replay<'a> {
             stopped: fed.stopped,
             notes: self.notes,
         };
-        let written = published.and_then(|()| self.outputs.finish(summary.has_map()));
+        let written = published.and_then(|()| self.outputs.finish());
         Finished { map: snapshot, session, summary, story, written }
     }
 }

@@ -134,11 +134,6 @@ pub struct Summary {
 }
 
 impl Summary {
-    /// Whether there is a map: without a scan there is none, and nothing takes the place of an earlier one.
-    pub const fn has_map(&self) -> bool {
-        self.tally.scans > 0
-    }
-
     /// Points that were put into voxels.
     pub const fn points_used(&self) -> u64 {
         self.tally.points_valid - self.points_beyond_grid

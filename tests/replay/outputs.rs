@@ -2,8 +2,6 @@
 
 use std::fs;
 
-use serde_json::Value;
-
 use crate::bags::{BagWriter, Layout, OPTICAL, drive, stamp};
 use crate::{Folder, cfodi, program, replay};
 
@@ -76,34 +74,6 @@ fn no_output_replaces_the_parameters() {
         assert!(status == Some(2) && said.contains("would replace the input"), "{option}: {said}");
         assert_eq!(fs::read_to_string(parameters).unwrap(), text, "{option}");
     }
-}
-
-#[test]
-fn where_no_scan_is_taken_in_earlier_outputs_stay_and_the_account_is_written() {
-    let folder = Folder::new();
-    let bag = folder.put("a.mcap", &drive(BagWriter::new(Layout::Plain), 5));
-    let outputs = [("--out", "r.mcap"), ("--voxels", "v.csv"), ("--clusters", "c.json"), ("--ply", "p.ply")];
-    let [summary, report] = ["s.json", "report"].map(|name| folder.argument(name));
-    let mut arguments = vec!["replay".to_owned(), bag.to_str().unwrap().to_owned()];
-    arguments.extend(outputs.iter().flat_map(|(option, name)| [(*option).to_owned(), folder.argument(name)]));
-    arguments.extend(["--summary", &summary, "--report", &report].map(str::to_owned));
-    let run = |more: &[&str]| {
-        let arguments: Vec<_> = arguments.iter().map(String::as_str).chain(more.iter().copied()).collect();
-        let (status, said) = program::said(&cfodi(&arguments));
-        let account: Value = serde_json::from_slice(&fs::read(&summary).unwrap()).unwrap();
-        (status, said, account["scans"].as_u64())
-    };
-    let read = || outputs.map(|(_, name)| fs::read(folder.join(name)).unwrap());
-    let (status, said, scans) = run(&[]);
-    assert_eq!((status, scans), (Some(0), Some(5)), "{said}");
-    let before = read();
-    for parameter in ["fixed_frame:=mpa", "max_points:=1"] {
-        let (status, said, scans) = run(&["--ros-args", "-p", parameter]);
-        assert_eq!((status, scans), (Some(1), Some(0)), "{parameter}: {said}");
-        assert!(said.contains("no scan was taken in"), "{said}");
-        assert!(read() == before, "an earlier map is lost: {parameter}");
-    }
-    assert!(folder.names().iter().all(|name| !name.contains(".part")), "{:?}", folder.names());
 }
 
 #[cfg(target_os = "linux")]

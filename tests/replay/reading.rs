@@ -234,7 +234,12 @@ fn a_damaged_compressed_message_costs_itself_alone() {
     let bag = folder.put("a.mcap", &writer.finish());
     let out = folder.argument("out.mcap");
     let found = replay(&bag, &["--out", &out, "--with-input"]);
-    assert_eq!((found.status, found.number("scans")), (0, 9), "{}", found.errors);
+    assert_eq!((found.status, found.number("scans")), (1, 9), "{}", found.errors);
+    assert!(
+        found.errors.contains("9 of its compressed messages, of 369 bytes, could not be read"),
+        "{}",
+        found.errors
+    );
     let summary = found.summary.as_ref().unwrap();
     assert_eq!(summary["messages_undecodable"]["/tf"], 5, "{}", found.errors);
     assert_eq!(summary["scans_skipped"]["undecodable"], 4, "{}", found.errors);
