@@ -43,4 +43,4 @@ pub mod store;
 pub mod tf;
 pub mod worker;
 #[cfg(feature = "bag")]
-mod yaml;
+pub mod yaml;

@@ -13,16 +13,16 @@ use yaml_rust2::parser::{Event, Parser, Tag};
 use yaml_rust2::{ScanError, Yaml, YamlLoader};
 
 /// Longest text (bytes): the `metadata.yaml` of a bag of a week in files of a minute has two million.
-pub(crate) const MAX_BYTES: usize = 8 << 20;
+pub const MAX_BYTES: usize = 8 << 20;
 
 /// Deepest nesting.
-pub(crate) const MAX_DEPTH: usize = 64;
+pub const MAX_DEPTH: usize = 64;
 
 /// Most nodes, those that an alias stands for counted each time.
-pub(crate) const MAX_NODES: usize = 1_000_000;
+pub const MAX_NODES: usize = 1_000_000;
 
 /// Most text in scalars and tags (bytes), that which an alias stands for counted each time: one node may have all of a file.
-pub(crate) const MAX_TEXT_BYTES: usize = 64 << 20;
+pub const MAX_TEXT_BYTES: usize = 64 << 20;
 
 /// A text that is no YAML, or more than is read.
 #[derive(Debug, Error)]
@@ -48,7 +48,7 @@ pub enum YamlError {
 ///
 /// # Errors
 /// A [`YamlError`].
-pub(crate) fn load(text: &str) -> Result<Vec<Yaml>, YamlError> {
+pub fn load(text: &str) -> Result<Vec<Yaml>, YamlError> {
     check(text)?;
     Ok(YamlLoader::load_from_str(text)?)
 }
@@ -57,7 +57,7 @@ pub(crate) fn load(text: &str) -> Result<Vec<Yaml>, YamlError> {
 ///
 /// # Errors
 /// Those of the system, and where the file is no UTF-8.
-pub(crate) fn read(path: &Path) -> io::Result<String> {
+pub fn read(path: &Path) -> io::Result<String> {
     let mut bytes = Vec::new();
     File::open(path)?.take(MAX_BYTES as u64 + 1).read_to_end(&mut bytes)?;
     if bytes.len() > MAX_BYTES {
@@ -73,7 +73,7 @@ pub(crate) fn read(path: &Path) -> io::Result<String> {
 ///
 /// # Errors
 /// A [`YamlError`].
-pub(crate) fn check(text: &str) -> Result<(), YamlError> {
+pub fn check(text: &str) -> Result<(), YamlError> {
     if text.len() > MAX_BYTES {
         return Err(YamlError::Long);
     }
@@ -170,7 +170,7 @@ impl Extent {
 
 /// Nine words, named and repeated nine times, which is repeated nine times, and so on.
 #[cfg(test)]
-pub(crate) fn billion_laughs() -> String {
+pub fn billion_laughs() -> String {
     let first = "a0: &a0 [ha, ha, ha, ha, ha, ha, ha, ha, ha]\n".to_owned();
     (1..10).fold(first, |text, i| {
         text + &format!("a{i}: &a{i} [{}]\n", vec![format!("*a{}", i - 1); 9].join(", "))

@@ -65,13 +65,15 @@ fn on_recording(setup: &Setup, options: &Options, path: &Path) -> anyhow::Result
     let figures = results.figures().into_iter().map(figure).collect();
     let told = write_page(page, path, &finished, figures);
     tell(table(&results.summary()))?;
+    // What was not read is said whether or not the files can be written.
+    let ending = say_skipped(&finished.summary);
     first_of(failed.into_iter().chain(told.err()))?;
     tell(format_args!(
         "figures and tables: {}, to look at: {}",
         options.out.display(),
         options.out.join(PAGE).display()
     ))?;
-    Ok(say_skipped(&finished.summary))
+    Ok(ending)
 }
 
 /// Refuses the folder of the bag: nobody has named the files that would be replaced there.

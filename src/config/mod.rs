@@ -109,6 +109,7 @@ pub enum ConfigError {
 }
 
 /// What the value of the parameter of this name must be, its type first; `None` of a name that is none of the node's own.
+#[cfg(feature = "node")]
 pub(crate) fn must_be(name: &str) -> Option<String> {
     table::TABLE.iter().find(|row| row.name == name)?.refusal(None)
 }
