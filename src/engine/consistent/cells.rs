@@ -9,6 +9,9 @@ pub(super) struct Cells([u64; EDGE as usize]);
 /// One bit in each byte.
 const EACH_BYTE: u64 = 0x0101_0101_0101_0101;
 
+/// The last bit of each byte.
+const LAST_BITS: u64 = EACH_BYTE << 7;
+
 /// In each byte the bits below one, of which there are up to eight.
 const BITS_BELOW: [u64; 9] = below(1, EACH_BYTE);
 /// The bytes of a word below one.
@@ -81,6 +84,16 @@ impl Cells {
     /// The cells that are in both sets.
     pub(super) fn and(&self, other: &Self) -> Self {
         Self(std::array::from_fn(|x| self.0[x] & other.0[x]))
+    }
+
+    /// The cells right before and behind those of the set along an axis.
+    pub(super) fn beside(&self, axis: usize) -> Self {
+        let word = |x: usize| self.0.get(x).copied().unwrap_or(0);
+        Self(std::array::from_fn(|x| match axis {
+            0 => word(x.wrapping_sub(1)) | word(x + 1),
+            1 => self.0[x] << 8 | self.0[x] >> 8,
+            _ => (self.0[x] & !LAST_BITS) << 1 | (self.0[x] & !EACH_BYTE) >> 1,
+        }))
     }
 
     /// Takes in another set.
@@ -246,6 +259,22 @@ mod tests {
             let near: Vec<_> = set.within(&window).collect();
             prop_assert_eq!(set.any_in(&window), !near.is_empty());
             prop_assert_eq!(near, walk.collect::<Vec<_>>());
+        }
+
+        #[test]
+        fn what_lies_beside_is_found_as_by_a_walk(
+            cells in prop::collection::btree_set(0_u16..512, 0..80), axis in 0_usize..3,
+        ) {
+            let is_beside = |cell: &Cell| {
+                [-1, 1].iter().any(|step| {
+                    let mut next = cell.coordinates();
+                    next[axis] += step;
+                    (0..EDGE).contains(&next[axis]) && cells.contains(&Cell::at(next).0)
+                })
+            };
+            let walk = (0..512).map(Cell).filter(is_beside);
+            let set: Cells = cells.iter().copied().map(Cell).collect();
+            prop_assert_eq!(set.beside(axis).iter().collect::<Vec<_>>(), walk.collect::<Vec<_>>());
         }
 
         #[test]

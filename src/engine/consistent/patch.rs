@@ -149,7 +149,7 @@ const FLANK: f64 = 6.0;
 const CREASED: f64 = 0.0009;
 /// Standard deviation of noise along the normal, in voxels, up to which a crease is looked for: the foot of a ramp 6 m away is
 /// noisy, and ties the ramp to the floor.
-const CREASE_NOISE: f64 = 0.35;
+const CREASE_NOISE: f64 = 0.45;
 /// Standard deviations by which flanks that are badly known may differ more. A broad patch that is taken to be folded and is not
 /// loses little: one that is folded and not taken to be ties two surfaces together.
 const FOLD_SIGMAS: f64 = 1.5;

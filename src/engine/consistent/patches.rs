@@ -5,7 +5,8 @@
 //! their noise lets them, and face the same side; the plane is fitted anew each time the patch has grown by half. Along an
 //! edge, where no neighbourhood is flat, those in it that lie on the plane of one voxel's own points are: two rows between a
 //! lintel and a ceiling are a seed. In the end every voxel goes to the patch beside it that fits it best, so that no patch keeps what it
-//! took at an edge by being first. Patches too narrow to have a plane are none.
+//! took at an edge by being first. Where points scatter over two layers of voxels, a slope that passes from one layer to the next
+//! is flattened in each: of two patches of which one lies on the other, one is made. Patches too narrow to have a plane are none.
 //!
 //! What reaches no further along the line of sight than its noise spreads it is no patch, for its plane is that of the sight.
 //!
@@ -28,6 +29,13 @@ const MIN_VOXELS: usize = 5;
 
 /// How many times its noise a patch must spread along the line of sight, as variances.
 const STREAK: f64 = 1.5;
+
+/// Angle between the planes of two layers of one scatter, at most (rad): 20 degrees, for each border of voxels cuts the scatter,
+/// and flattens what is left of it.
+const LAYERS_ANGLE: f64 = 0.35;
+/// Part of the smaller of two layers that lies right on the other, at least. With half of it facets of the pillar become one;
+/// with 0.8 of it the floor and the foot of the ramp are joined in one seed of six.
+const LAYERED: f64 = 0.65;
 
 /// Cells around one.
 const AROUND: usize = 26;
@@ -154,6 +162,12 @@ impl<'a> Segmentation<'a> {
         region
     }
 
+    fn scatter(&self, states: impl Iterator<Item = usize>) -> Scatter {
+        let mut scatter = Scatter::default();
+        states.for_each(|state| scatter.join(&self.shares[state].1));
+        scatter
+    }
+
     /// How far a voxel's points are off a plane, by what its noise and [`Rules::flatness`] allow, 0 to 1; `None` where it is more,
     /// or where the plane was seen from the other side.
     fn within(&self, state: usize, plane: &Plane) -> Option<f64> {
@@ -171,6 +185,9 @@ impl<'a> Segmentation<'a> {
         if !self.is_one_plane() {
             self.grow_all();
             self.settle();
+            if self.kind == Kind::Flat {
+                self.unite_layers();
+            }
         }
         self.drop_fragments();
     }
@@ -335,6 +352,48 @@ impl<'a> Segmentation<'a> {
         fitting.min_by(|a, b| a.0.total_cmp(&b.0)).map_or(FREE, |(_, patch)| patch)
     }
 
+    /// Makes one of two patches that are layers of one scatter.
+    fn unite_layers(&mut self) {
+        let patches = self.planes.len();
+        let mut cells = vec![Cells::default(); patches];
+        for (state, &owner) in self.states.iter().zip(&self.owner).filter(|(_, owner)| **owner != FREE) {
+            cells[usize::from(owner)].insert(state.cell());
+        }
+        for (a, b) in (0..patches).flat_map(|a| (a + 1..patches).map(move |b| (a, b))) {
+            let Some(plane) = self.plane_of_layers([a, b], [&cells[a], &cells[b]]) else { continue };
+            self.planes[a] = plane;
+            self.owner
+                .iter_mut()
+                .filter(|owner| usize::from(**owner) == b)
+                .for_each(|owner| *owner = a as u8);
+            let upper = std::mem::take(&mut cells[b]);
+            cells[a].extend(&upper);
+        }
+    }
+
+    /// The plane through two patches with these cells; `None` unless they face one way, most of the smaller one lies right on the
+    /// other, and the points of both lie on it.
+    fn plane_of_layers(&self, patches: [usize; 2], cells: [&Cells; 2]) -> Option<Plane> {
+        let [a, b] = patches.map(|patch| self.planes[patch].normal.into_inner());
+        let [least, most] = if cells[0].len() <= cells[1].len() { cells } else { [cells[1], cells[0]] };
+        let layered = || most.beside((a + b).iamax()).and(least).len();
+        if least.is_empty()
+            || a.dot(&b) < LAYERS_ANGLE.cos()
+            || (layered() as f64) < LAYERED * least.len() as f64
+        {
+            return None;
+        }
+        let members = |patch: usize| {
+            (0..self.states.len()).filter(move |&state| usize::from(self.owner[state]) == patch)
+        };
+        let plane = self.plane_of(&self.region(patches.into_iter().flat_map(members)))?;
+        let fits = |&patch: &usize| {
+            let scatter = self.scatter(members(patch));
+            scatter.misfit(&plane, NOISE_FACTOR, self.rules.flatness) <= 1.0
+        };
+        patches.iter().all(fits).then_some(plane)
+    }
+
     fn refit(&mut self) {
         let planes = self.regions(self.planes.len()).into_iter().zip(&self.planes);
         self.planes = planes.map(|(region, plane)| self.plane_of(&region).unwrap_or(*plane)).collect();
@@ -363,8 +422,7 @@ impl<'a> Segmentation<'a> {
     /// Whether the voxels of a region reach no further along the line of sight, within their plane, than noise spreads them.
     /// Such a plane is the one of the sight, and what scatters there is of another.
     fn is_streak(&self, members: &[usize], region: &Region, plane: &Plane) -> bool {
-        let mut scatter = Scatter::default();
-        members.iter().for_each(|&member| scatter.join(&self.shares[member].1));
+        let scatter = self.scatter(members.iter().copied());
         region
             .sight_in(plane)
             .is_some_and(|sight| region.variance_along(&sight) < STREAK * scatter.noise_along(&sight))

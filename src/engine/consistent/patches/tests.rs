@@ -132,3 +132,41 @@ proptest! {
         prop_assert!(owner.iter().all(|number| *number == 0), "{:?}", owner);
     }
 }
+
+/// The voxels of a floor at this height that rises by 18 degrees from the third row along x on. Points scatter over 1.2 voxels along
+/// z, as much as noise has them 3 m away.
+fn foot_of_a_ramp(floor: f64) -> Vec<State> {
+    let mut scans: BTreeMap<Cell, ScanSums> = BTreeMap::new();
+    let steps = (0..EDGE * FINE).flat_map(|i| (0..EDGE * FINE).map(move |j| (i, j)));
+    for ((i, j), part) in steps.flat_map(|at| (0..8).map(move |part| (at, part))) {
+        let [x, y] = [i, j].map(|step| (f64::from(step) + 0.5) / f64::from(FINE));
+        let noise = 0.15 * (f64::from(part) - 3.5);
+        let point = Vector3::new(x, y, floor + 18.0_f64.to_radians().tan() * (x - 2.5).max(0.0) + noise);
+        let at = point.map(|along| along.floor() as i32);
+        if (0..EDGE).contains(&at.z) {
+            let offset = (point - at.map(f64::from)).map(|offset| (offset * 4096.0) as u64);
+            scans.entry(Cell::at(at.into())).or_default().add(offset.into());
+        }
+    }
+    let weight = Params::default().noise_model().weight(3.0);
+    let voxel = |(cell, scan): (Cell, ScanSums)| {
+        let mut voxel = Voxel::new(cell);
+        voxel.count = scan.count;
+        voxel.moments.fold(&scan, weight, &Vector3::new(-0.7, 0.0, 0.7));
+        State::new(&voxel)
+    };
+    scans.into_iter().map(voxel).collect()
+}
+
+/// Each layer alone is flat: the border between them cuts the slope's scatter.
+#[test]
+fn layers_of_one_scatter_are_one_patch() {
+    for floor in [0.1, 0.3] {
+        let states = foot_of_a_ramp(floor);
+        let Patches { owner, kinds } = segment(&states, &Rules::new(&Params::default()));
+        let of = |number: u8| states.iter().zip(&owner).filter(move |(_, owner)| **owner == number);
+        let broadest = (0..kinds.len() as u8).max_by_key(|&number| of(number).count()).unwrap();
+        let layers: BTreeSet<_> = of(broadest).map(|(state, _)| state.cell().coordinates()[2]).collect();
+        assert!(of(broadest).count() >= 80 && layers.len() >= 2, "{floor}: {layers:?} of {}", states.len());
+    }
+}
