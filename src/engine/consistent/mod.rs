@@ -15,9 +15,9 @@
 //!    that no surface is known to (`state`), a third of the memory. Where no scan has put a point for 64 scans, whatever was
 //!    put there is published, and the voxels keep no more than that until the next (`rest`).
 //! 2. The dense voxels of a block form planar **patches**, grown from the flattest places, a voxel belonging to the plane
-//!    that its points lie on as well as their noise lets them; from what is left, **strips** of sharp voxels that may be one
-//!    row, and **rough** patches with half a voxel's tolerance (`rules`). What reaches no further along the line of sight than its
-//!    noise spreads it is none of these. What fits none is **loose** (`patches`), and so is what has become dense since the
+//!    that its points lie on as well as their noise lets them; two of which one lies on the other are layers of one scatter, and
+//!    one patch; from what is left, **strips** of sharp voxels that may be one row, and **rough** patches with half a voxel's
+//!    tolerance (`rules`). What reaches no further along the line of sight than its noise spreads it is none of these. What fits none is **loose** (`patches`), and so is what has become dense since the
 //!    block was published. A voxel whose sharp points show a sheet belongs to no plane across that sheet (`state`), so that
 //!    two rows of a wall and two of a ceiling are no bevel.
 //! 3. Two patches that touch, in a block or across its border, are **joined** when their planes agree in direction and

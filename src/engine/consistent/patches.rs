@@ -366,8 +366,8 @@ impl<'a> Segmentation<'a> {
                 .iter_mut()
                 .filter(|owner| usize::from(**owner) == b)
                 .for_each(|owner| *owner = a as u8);
-            let upper = std::mem::take(&mut cells[b]);
-            cells[a].extend(&upper);
+            let other = std::mem::take(&mut cells[b]);
+            cells[a].extend(&other);
         }
     }
 
@@ -375,11 +375,11 @@ impl<'a> Segmentation<'a> {
     /// other, and the points of both lie on it.
     fn plane_of_layers(&self, patches: [usize; 2], cells: [&Cells; 2]) -> Option<Plane> {
         let [a, b] = patches.map(|patch| self.planes[patch].normal.into_inner());
-        let [least, most] = if cells[0].len() <= cells[1].len() { cells } else { [cells[1], cells[0]] };
-        let layered = || most.beside((a + b).iamax()).and(least).len();
-        if least.is_empty()
+        let [smaller, larger] = if cells[0].len() <= cells[1].len() { cells } else { [cells[1], cells[0]] };
+        let layered = || larger.beside((a + b).iamax()).and(smaller).len();
+        if smaller.is_empty()
             || a.dot(&b) < LAYERS_ANGLE.cos()
-            || (layered() as f64) < LAYERED * least.len() as f64
+            || (layered() as f64) < LAYERED * smaller.len() as f64
         {
             return None;
         }

@@ -40,17 +40,17 @@ impl Surface {
         let steps = (0..EDGE * FINE).flat_map(|i| (0..EDGE * FINE).map(move |j| (i, j)));
         steps.map(point).filter(|point| (0.0..edge).contains(&point[up])).collect()
     }
+}
 
-    /// What a scan of it puts into each voxel.
-    fn sums(&self) -> BTreeMap<Cell, ScanSums> {
-        let mut sums: BTreeMap<_, ScanSums> = BTreeMap::new();
-        for point in self.points() {
-            let at = point.map(|along| along.floor() as i32);
-            let offset = (point - at.map(f64::from)).map(|offset| (offset * 4096.0) as u64);
-            sums.entry(Cell::at(at.into())).or_default().add(offset.into());
-        }
-        sums
+/// What a scan puts into each voxel, by its points from the block's corner.
+fn sums(points: impl IntoIterator<Item = Vector3<f64>>) -> BTreeMap<Cell, ScanSums> {
+    let mut sums: BTreeMap<_, ScanSums> = BTreeMap::new();
+    for point in points {
+        let at = point.map(|along| along.floor() as i32);
+        let offset = (point - at.map(f64::from)).map(|offset| (offset * 4096.0) as u64);
+        sums.entry(Cell::at(at.into())).or_default().add(offset.into());
     }
+    sums
 }
 
 fn direction() -> impl Strategy<Value = UnitVector3<f64>> {
@@ -64,9 +64,18 @@ fn surface(scatter: impl Strategy<Value = f64>) -> impl Strategy<Value = Surface
 
 /// The voxels of surfaces that were scanned one after another, from this direction and so far away (m).
 fn states(surfaces: &[Surface], towards: &Vector3<f64>, distance: f64) -> Vec<State> {
+    scanned(surfaces.iter().map(|surface| sums(surface.points())), towards, distance)
+}
+
+/// The voxels that these scans fill.
+fn scanned(
+    scans: impl Iterator<Item = BTreeMap<Cell, ScanSums>>,
+    towards: &Vector3<f64>,
+    distance: f64,
+) -> Vec<State> {
     let weight = Params::default().noise_model().weight(distance);
     let mut voxels: BTreeMap<Cell, Voxel> = BTreeMap::new();
-    for (cell, scan) in surfaces.iter().flat_map(Surface::sums) {
+    for (cell, scan) in scans.flatten() {
         let voxel = voxels.entry(cell).or_insert_with(|| Voxel::new(cell));
         voxel.count += scan.count;
         voxel.moments.fold(&scan, weight, towards);
@@ -136,26 +145,15 @@ proptest! {
 /// The voxels of a floor at this height that rises by 18 degrees from the third row along x on. Points scatter over 1.2 voxels along
 /// z, as much as noise has them 3 m away.
 fn foot_of_a_ramp(floor: f64) -> Vec<State> {
-    let mut scans: BTreeMap<Cell, ScanSums> = BTreeMap::new();
-    let steps = (0..EDGE * FINE).flat_map(|i| (0..EDGE * FINE).map(move |j| (i, j)));
-    for ((i, j), part) in steps.flat_map(|at| (0..8).map(move |part| (at, part))) {
+    let point = |(i, j, part): (i32, i32, i32)| {
         let [x, y] = [i, j].map(|step| (f64::from(step) + 0.5) / f64::from(FINE));
         let noise = 0.15 * (f64::from(part) - 3.5);
-        let point = Vector3::new(x, y, floor + 18.0_f64.to_radians().tan() * (x - 2.5).max(0.0) + noise);
-        let at = point.map(|along| along.floor() as i32);
-        if (0..EDGE).contains(&at.z) {
-            let offset = (point - at.map(f64::from)).map(|offset| (offset * 4096.0) as u64);
-            scans.entry(Cell::at(at.into())).or_default().add(offset.into());
-        }
-    }
-    let weight = Params::default().noise_model().weight(3.0);
-    let voxel = |(cell, scan): (Cell, ScanSums)| {
-        let mut voxel = Voxel::new(cell);
-        voxel.count = scan.count;
-        voxel.moments.fold(&scan, weight, &Vector3::new(-0.7, 0.0, 0.7));
-        State::new(&voxel)
+        Vector3::new(x, y, floor + 18.0_f64.to_radians().tan() * (x - 2.5).max(0.0) + noise)
     };
-    scans.into_iter().map(voxel).collect()
+    let steps = (0..EDGE * FINE).flat_map(|i| (0..EDGE * FINE).map(move |j| (i, j)));
+    let parts = steps.flat_map(|(i, j)| (0..8).map(move |part| (i, j, part)));
+    let scan = sums(parts.map(point).filter(|point| point.z >= 0.0));
+    scanned([scan].into_iter(), &Vector3::new(-0.7, 0.0, 0.7), 3.0)
 }
 
 /// Each layer alone is flat: the border between them cuts the slope's scatter.

@@ -73,6 +73,7 @@ fn floor_before_the_ramp(voxel_size: f64, from: u32, scans: impl Iterator<Item =
             let level = clusters.iter().filter(|cluster| cluster.normal.z > 0.9);
             let floor = level.max_by_key(|cluster| cluster.voxel_count).unwrap();
             assert_eq!(floor.class, SurfaceClass::Floor, "{voxel_size}, scan {index}: {}", floor.rms_error);
+            assert!(floor.voxel_count > 5000, "{voxel_size}, scan {index}: {}", floor.voxel_count);
             worst = worst.max(floor.rms_error);
         }
     }
