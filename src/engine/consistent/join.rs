@@ -35,6 +35,14 @@ impl Patch {
             && self.is_level_with(other, contact, rules)
     }
 
+    /// Whether a patch is one surface with another that has less noise, and neither is a slice for what it is alone.
+    pub(super) fn is_equal_of(&self, other: &Self, contact: &Contact, rules: &Rules) -> bool {
+        !self.is_rough()
+            && !self.is_folded()
+            && other.has_less_noise(self)
+            && self.joins(other, contact, rules)
+    }
+
     /// Whether two narrow patches lie each on the plane of the other as if they were one.
     fn is_in_line_with(&self, other: &Self, rules: &Rules) -> bool {
         self.is_narrow() && other.is_narrow() && self.mutual_misfit(other, rules) <= ALIGNED

@@ -244,27 +244,28 @@ fn best_fit(segmented: &[Segmented], fits: impl Iterator<Item = (f64, PatchId)>)
 }
 
 /// The sharper, broader or whole patch that a patch is a slice of: of those it meets, the one its points fit best. A flat patch
-/// that joins one with less noise as its equal, and fits that better, is no slice. Of equals it is the one whose block comes first
-/// in space.
+/// that joins one with less noise as its equal, and fits that better, is no slice; what leads away from the best is no equal. Of
+/// several that fit alike it is the one whose block comes first in space.
 fn sharper(segmented: &[Segmented], id: PatchId, rules: &Rules) -> Option<PatchId> {
     let own = patch(segmented, id);
     if !own.may_be_slice() {
         return None;
     }
     let contacts = || contacts_of(segmented, id);
-    let equal = |(other, contact): (PatchId, Contact)| {
-        let other = patch(segmented, other);
-        let is_equal = !own.is_rough()
-            && !own.is_folded()
-            && other.has_less_noise(own)
-            && own.joins(other, &contact, rules);
-        is_equal.then(|| own.misfit(other, rules))
-    };
-    let equal = contacts().filter_map(equal).fold(f64::INFINITY, f64::min);
     let candidates = contacts()
         .filter_map(|(other, _)| own.slice_of(patch(segmented, other), rules).map(|misfit| (misfit, other)));
-    let best = best_fit(segmented, candidates);
-    best.filter(|(misfit, _)| *misfit < equal).map(|(_, other)| other)
+    let (misfit, best) = best_fit(segmented, candidates)?;
+    // Where a wall and a door that stands ajar meet, so do their scatters. One that lies on the best plane too, and is turned off it,
+    // leads from the one surface to the other.
+    let leads_away = |other: &Patch| {
+        let best = patch(segmented, best);
+        other.normal().dot(&best.normal()) < rules.join_angle.cos() && other.slice_of(best, rules).is_some()
+    };
+    let fits_equal = |(other, contact): (PatchId, Contact)| {
+        let other = patch(segmented, other);
+        own.misfit(other, rules) <= misfit && own.is_equal_of(other, &contact, rules) && !leads_away(other)
+    };
+    (!contacts().any(fits_equal)).then_some(best)
 }
 
 /// Whether two patches that meet so are joined. A slice is with the one it is a slice of, and else with what lies on that one's

@@ -17,14 +17,16 @@
 //! 2. The dense voxels of a block form planar **patches**, grown from the flattest places, a voxel belonging to the plane
 //!    that its points lie on as well as their noise lets them; two of which one lies on the other are layers of one scatter, and
 //!    one patch; from what is left, **strips** of sharp voxels that may be one row, and **rough** patches with half a voxel's
-//!    tolerance (`rules`). What reaches no further along the line of sight than its noise spreads it is none of these. What fits none is **loose** (`patches`), and so is what has become dense since the
-//!    block was published. A voxel whose sharp points show a sheet belongs to no plane across that sheet (`state`), so that
-//!    two rows of a wall and two of a ceiling are no bevel.
+//!    tolerance (`rules`). What reaches no further along the line of sight than its noise spreads it is none of these. What
+//!    fits none is **loose** (`patches`), and so is what has become dense since the block was published. A voxel whose sharp
+//!    points show a sheet belongs to no plane across that sheet (`state`), so that two rows of a wall and two of a ceiling
+//!    are no bevel.
 //! 3. Two patches that touch, in a block or across its border, are **joined** when their planes agree in direction and
 //!    where they meet, as far as both are known, or, where both are noisy, each lies well on the other's plane; narrow ones
 //!    also where they are facets of one **bend**, of a radius of two voxels or more; rough ones with each other alone (`join`).
 //!    A noisy patch that lies within its noise on the plane of a sharper one, and fits no equal better, is a **slice** of its
-//!    scatter; so is one that is narrow, of a broader one whose plane it lies on, for its own normal may be any (`patch`). A
+//!    scatter; no equal is one that lies so on that plane too and is turned off it, which leads to another surface. A
+//!    slice is also what is narrow, of a broader one whose plane it lies on, for its own normal may be any (`patch`). A
 //!    slice is joined to that one, and else only to what lies on that one's plane too, so that it ties no two surfaces
 //!    together (`layer`). A patch that a crease runs through, of 7 degrees or more, is **folded**: its plane is that of
 //!    neither surface, and may agree with both. It is a slice of the whole patch beside it that it fits best, and joined to

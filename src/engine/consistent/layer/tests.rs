@@ -7,7 +7,7 @@ use proptest::prelude::*;
 
 use super::super::block::{BlockIndex, place_of};
 use super::super::patch::Kind;
-use super::super::patch::examples::{self, rows};
+use super::super::patch::examples::{self, rows, rows_from};
 use super::*;
 use crate::engine::params::Params;
 
@@ -77,6 +77,41 @@ proptest! {
     }
 }
 
+fn id(block: u32, number: u8) -> PatchId {
+    PatchId { block: BlockIndex(block), number }
+}
+
+/// The first block, of these patches, which meet each other.
+fn of_a_block(patches: Vec<Patch>) -> Segmented {
+    let mut here = of_patches(patches);
+    for ((a, b), contact) in contacts(&here, &here.clone(), place_of([0; 3]), [0; 3], CONTACT_REACH) {
+        here.contacts.insert(a, id(0, b), &contact);
+        here.contacts.insert(b, id(0, a), &contact);
+    }
+    here
+}
+
+/// A wall, what its points scattered by when it was seen from afar, and beside that the scatter of a door that stands ajar.
+#[test]
+fn what_scatters_before_a_wall_is_a_slice_of_it_though_it_fits_a_scatter_that_leads_away_better() {
+    let rules = Rules::new(&Params::default());
+    let wall = rows_from(2.5, 0..4, |_| 2.15);
+    let scatter = rows_from(4.5, 0..4, |y| 3.0 + 0.01 * y);
+    let beside = |slope: f64| {
+        let beside = rows_from(4.4, 4..8, |y| 3.05 + slope * (y - 4.0));
+        let turn = beside.normal().angle(&wall.normal());
+        assert!(beside.slice_of(&wall, &rules).is_some(), "{slope}");
+        let all = [of_a_block(vec![wall.clone(), scatter.clone(), beside])];
+        let contact = contacts_of(&all, id(0, 1)).find(|(met, _)| *met == id(0, 2)).unwrap().1;
+        let [scatter, beside] = [1, 2].map(|number| patch(&all, id(0, number)));
+        assert!(scatter.is_equal_of(beside, &contact, &rules), "{slope}");
+        assert!(scatter.misfit(beside, &rules) < scatter.misfit(&wall, &rules), "{slope}");
+        (turn > rules.join_angle, host(&all, id(0, 1), &rules))
+    };
+    assert_eq!(beside(0.18), (true, Host::SliceOf(id(0, 0))));
+    assert_eq!(beside(0.01), (false, Host::None), "what goes on as it does is its equal");
+}
+
 /// The foot of a ramp of 18 degrees, as it is seen from afar: the last rows of a block lie between floor and ramp. Of neither floor
 /// nor foot does the block hold more than two layers.
 #[test]
@@ -88,14 +123,9 @@ fn what_lies_between_floor_and_ramp_is_a_part_of_the_one_that_it_fits_best() {
     let ramp_states = examples::states(1.0, 0..5, |y| 1.0 + 0.32 * y);
     let ramp_states: Vec<_> = ramp_states.iter().collect();
     let ramp = Patch::new(&ramp_states, &Vector3::from(corner).map(f64::from), Kind::Flat, &rules).unwrap();
-    let id = |block: u32, number: u8| PatchId { block: BlockIndex(block), number };
 
-    let mut here = of_patches(vec![floor, foot]);
+    let mut here = of_a_block(vec![floor, foot]);
     let mut there = Segmented { contacts: Contacts::new(corner), ..of_patches(vec![ramp]) };
-    for ((a, b), contact) in contacts(&here, &here.clone(), place_of([0; 3]), [0; 3], CONTACT_REACH) {
-        here.contacts.insert(a, id(0, b), &contact);
-        here.contacts.insert(b, id(0, a), &contact);
-    }
     let on_floor = [here.clone(), Segmented::default()];
     for ((a, b), contact) in contacts(&here, &there, place_of([0, 1, 0]), [0; 3], CONTACT_REACH) {
         here.contacts.insert(a, id(1, b), &contact);
