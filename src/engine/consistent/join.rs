@@ -35,7 +35,7 @@ impl Patch {
             && self.is_level_with(other, contact, rules)
     }
 
-    /// Whether a patch is one surface with another that has less noise, and neither is a slice for what it is alone.
+    /// Whether a flat patch is one surface with another that has less noise, and so need be no slice of a third.
     pub(super) fn is_equal_of(&self, other: &Self, contact: &Contact, rules: &Rules) -> bool {
         !self.is_rough()
             && !self.is_folded()
