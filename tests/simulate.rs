@@ -181,6 +181,41 @@ fn parameters_of_the_methods_are_taken_by_the_laboratory() {
     assert_ne!(csv("plain", &[]), given);
 }
 
+#[test]
+fn the_laboratory_scores_on_the_way_if_it_is_asked_to() {
+    let folder = Folder::new();
+    let out = folder.argument("");
+    let laboratory = |score_every: &str| {
+        let arguments =
+            ["experiment", "--scene", "room", "--seconds", "0.5", "--seeds", "2", "--scan-step", "3"];
+        let more = ["--voxel-size", "0.16", "--score-every", score_every, "--out", &out];
+        let ended = cfodi(&[&arguments[..], &more].concat());
+        (ended.status.code(), String::from_utf8_lossy(&ended.stderr).into_owned())
+    };
+    let (status, errors) = laboratory("0.6");
+    assert_eq!(status, Some(2), "{errors}");
+    assert!(errors.contains("--score-every 0.6 is longer than the drive: --seconds 0.5"), "{errors}");
+    assert!(folder.names().is_empty());
+    let (status, errors) = laboratory("0.2");
+    assert_eq!(status, Some(0), "{errors}");
+    assert_eq!(folder.names(), ["on_the_way.csv", "quality.csv", "quality.md"]);
+    let page = fs::read_to_string(folder.argument("quality.md")).unwrap();
+    assert!(
+        page.contains("\n## On the way, voxels of 16 cm\n") && page.contains("\nOn the way a cell"),
+        "{page}"
+    );
+    let csv = fs::read_to_string(folder.argument("on_the_way.csv")).unwrap();
+    let at: Vec<_> =
+        csv.lines().skip(1).map(|line| line.split(',').take(4).collect::<Vec<_>>().join(" ")).collect();
+    let moments = ["1 0.200", "1 0.400", "2 0.200", "2 0.400"];
+    let methods = ["CFODI", "STATIC", "consistent"];
+    let expected: Vec<_> = moments
+        .iter()
+        .flat_map(|moment| methods.iter().map(move |method| format!("{moment} 0.16 {method}")))
+        .collect();
+    assert_eq!(at, expected);
+}
+
 #[cfg(target_os = "linux")]
 #[test]
 fn a_signal_within_the_first_run_of_the_laboratory_leaves_the_tables_of_an_earlier_one() {

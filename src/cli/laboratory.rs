@@ -11,7 +11,7 @@ use std::thread;
 use anyhow::{Context as _, anyhow, bail};
 use cfodi::args::Setup;
 use cfodi::engine::Params;
-use cfodi::experiment::quality::{Laboratory, Scored, Table};
+use cfodi::experiment::quality::{Laboratory, Run, Table, Way};
 use cfodi::export::{WholeFile, write_whole};
 use cfodi::line::one_line;
 use cfodi::say::{say, tell};
@@ -41,6 +41,9 @@ pub(crate) struct Simulation {
     /// Takes every n-th of the 30 scans a second
     #[arg(long, default_value_t = NonZeroU32::MIN, conflicts_with = "input", allow_negative_numbers = true)]
     scan_step: NonZeroU32,
+    /// Scores on the way as well, each time that so many seconds have gone by [s]
+    #[arg(long, conflicts_with = "input", allow_negative_numbers = true, value_parser = seconds)]
+    score_every: Option<f64>,
     /// Edge of a voxel [m], again for another; in place of the parameter of that name
     #[arg(long, default_values_t = [0.05, 0.08], conflicts_with = "input")]
     #[arg(allow_negative_numbers = true, value_parser = metres)]
@@ -72,8 +75,12 @@ const USED: [&str; 9] = [
 ];
 
 /// Refuses arguments that are wrong.
-fn check(setup: &Setup, sizes: &[f64]) -> Result<(), Wrong> {
-    if let Some(size) = given_twice(sizes) {
+fn check(setup: &Setup, options: &Simulation) -> Result<(), Wrong> {
+    let Simulation { seconds, score_every, voxel_size, .. } = options;
+    if let Some(every) = score_every.filter(|every| every > seconds) {
+        return Err(Wrong(format!("--score-every {every} is longer than the drive: --seconds {seconds}")));
+    }
+    if let Some(size) = given_twice(voxel_size) {
         return Err(Wrong(format!("--voxel-size {size} is given twice: its runs would be counted twice")));
     }
     let unused = setup.given_beside(&USED);
@@ -92,18 +99,55 @@ fn given_twice(sizes: &[f64]) -> Option<f64> {
     twice.map(|(_, size)| *size)
 }
 
-/// Makes the runs, writes `quality.md` and `quality.csv` and prints the table.
+/// What came out of the runs that were made.
+struct Outcome {
+    table: Table,
+    way: Way,
+}
+
+impl Outcome {
+    fn of(runs: BTreeMap<u64, Run>) -> Self {
+        let mut outcome = Self { table: Table::default(), way: Way::default() };
+        for (seed, run) in runs {
+            outcome.table.add_run(seed, &run.end);
+            outcome.way.add_run(seed, run.moments);
+        }
+        outcome
+    }
+
+    /// What is printed.
+    fn tables(&self) -> String {
+        let parts = [self.table.markdown(), self.way.markdown()];
+        parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join("\n")
+    }
+
+    fn page(&self, title: &str) -> String {
+        format!(
+            "# {title}\n\n{}\n# What the lines mean\n\n{}{}\n# What does not hold\n{}",
+            self.tables(),
+            Table::legend(),
+            if self.way.is_empty() { "" } else { Way::LEGEND },
+            self.table.failures()
+        )
+    }
+}
+
+/// Makes the runs, writes `quality.md`, `quality.csv` and, if it scores on the way, `on_the_way.csv`, and prints the tables.
 pub(crate) fn laboratory(setup: &Setup, options: &Simulation, out: &Path) -> anyhow::Result<Ending> {
     let name = options.scene.as_deref().unwrap_or_default();
     let scene = Scene::named(name).with_context(|| format!("there is no scene {name}"))?;
-    let Simulation { seeds, seconds, scan_step, voxel_size, .. } = options;
-    check(setup, voxel_size)?;
-    let laboratory = Laboratory::new(scene, *seconds, *scan_step, &setup.config().engine, voxel_size)?;
+    let Simulation { seeds, seconds, scan_step, score_every, voxel_size, .. } = options;
+    check(setup, options)?;
+    let mut laboratory = Laboratory::new(scene, *seconds, *scan_step, &setup.config().engine, voxel_size)?;
+    if let Some(every) = score_every {
+        laboratory = laboratory.with_score_every(*every);
+    }
     std::fs::create_dir_all(out).with_context(|| format!("cannot make {}", out.display()))?;
-    let [page, csv] = ["quality.md", "quality.csv"].map(|name| out.join(name));
+    let [page, csv, way] = ["quality.md", "quality.csv", "on_the_way.csv"].map(|name| out.join(name));
+    let way = score_every.is_some().then_some(way);
     // Who has named a folder that cannot be written to is not to wait for the runs. The files are given up again: a signal
     // during the runs would leave them half-made.
-    for file in [&page, &csv] {
+    for file in [&page, &csv].into_iter().chain(&way) {
         drop(WholeFile::create(file)?);
     }
     let made = runs(&laboratory, *seeds)?;
@@ -112,19 +156,14 @@ pub(crate) fn laboratory(setup: &Setup, options: &Simulation, out: &Path) -> any
     }
     let is_whole = made.len() as u64 == *seeds;
     let count = if is_whole { seeds.to_string() } else { format!("{} of {seeds}", made.len()) };
-    let mut table = Table::default();
-    made.iter().for_each(|(seed, run)| table.add_run(*seed, run));
-    let tables = table.markdown();
-    let title = format!(
-        "# Scene {name}: {count} runs of {seconds} s, {} scans each\n\n{tables}\n# What the lines mean\n\n{}\n# What does not hold\n{}",
-        laboratory.scans(),
-        Table::legend(),
-        table.failures()
-    );
-    let files = [(&page, title), (&csv, table.csv())];
+    let outcome = Outcome::of(made);
+    let title = format!("Scene {name}: {count} runs of {seconds} s, {} scans each", laboratory.scans());
+    let files = [(&page, outcome.page(&title)), (&csv, outcome.table.csv())];
+    let files = files.into_iter().chain(way.as_ref().map(|way| (way, outcome.way.csv())));
     let written = files.map(|(path, text)| write_whole(path, |file| file.write_all(text.as_bytes())));
-    first_of(written.into_iter().filter_map(Result::err))?;
-    tell(format_args!("{tables}\nwhat the lines mean, and what does not hold: {}", page.display()))?;
+    first_of(written.collect::<Vec<_>>().into_iter().filter_map(Result::err))?;
+    let (tables, page) = (outcome.tables(), page.display());
+    tell(format_args!("{tables}\nwhat the lines mean, and what does not hold: {page}"))?;
     if is_whole {
         return Ok(Ending::Whole);
     }
@@ -133,7 +172,7 @@ pub(crate) fn laboratory(setup: &Setup, options: &Simulation, out: &Path) -> any
 }
 
 /// The runs by seed, from 1, or those that were made before a signal; as many at once as there are processors, and two at most.
-fn runs(laboratory: &Laboratory, seeds: u64) -> anyhow::Result<BTreeMap<u64, Vec<Scored>>> {
+fn runs(laboratory: &Laboratory, seeds: u64) -> anyhow::Result<BTreeMap<u64, Run>> {
     let bar = Bar::of_scans(seeds * u64::from(laboratory.scans()));
     bar.tell(format!("0 of {seeds} runs"));
     let (next, done) = (AtomicU64::new(1), Mutex::new(BTreeMap::new()));

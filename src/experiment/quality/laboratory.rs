@@ -1,8 +1,8 @@
-//! A drive through a simulated scene, with every method scored against the truth at its end.
+//! A drive through a simulated scene, with every method scored against the truth at its end, and on the way if that is asked for.
 //!
 //! Each scan is simulated once for all methods and voxel sizes. A run is a function of the laboratory and its seed alone,
 //! so runs can be made in parallel. Per scan it costs the simulation (some 20 ms), and for each voxel size a map of the
-//! truth and one of each method; the memory is that of those maps.
+//! truth and one of each method; the memory is that of those maps. Scoring costs as much as some scans.
 
 use std::num::NonZeroU32;
 use std::ops::ControlFlow;
@@ -11,6 +11,7 @@ use super::methods::{Method, methods};
 use super::score::Quality;
 use super::table::Table;
 use super::truth::{RANGE, SeenPart, TruthMap};
+use super::way::Moment;
 use crate::engine::{Params, ParamsError, Stamp};
 use crate::sim::drive::SCANS_PER_SECOND;
 use crate::sim::{Drive, Scene, SeenCells};
@@ -25,6 +26,17 @@ pub struct Laboratory {
     scans: u32,
     /// Every how-manieth of them is taken.
     step: u32,
+    /// Scans between two scores on the way, those left out included.
+    score_every: Option<u32>,
+}
+
+/// How every method did in one run, at each voxel size.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Run {
+    /// On the way, where that is asked for: the end may be among it.
+    pub moments: Vec<Moment>,
+    /// After the last scan.
+    pub end: Vec<Scored>,
 }
 
 /// What one method did in one run.
@@ -60,7 +72,21 @@ impl Laboratory {
     ) -> Result<Self, ParamsError> {
         let params = voxel_sizes.iter().map(|&size| params.with_voxel_size(size));
         let scans = (seconds * f64::from(SCANS_PER_SECOND)).round() as u32;
-        Ok(Self { scene, params: params.collect::<Result<_, _>>()?, scans, step: step.get() })
+        Ok(Self {
+            scene,
+            params: params.collect::<Result<_, _>>()?,
+            scans,
+            step: step.get(),
+            score_every: None,
+        })
+    }
+
+    /// The same, with every method scored on the way too: by the first scan that is taken when so many seconds (to the next scan)
+    /// have gone by, and so on.
+    #[must_use]
+    pub fn with_score_every(self, seconds: f64) -> Self {
+        let scans = (seconds * f64::from(SCANS_PER_SECOND)).round().max(1.0) as u32;
+        Self { score_every: Some(scans), ..self }
     }
 
     /// Scans that a run takes.
@@ -69,11 +95,12 @@ impl Laboratory {
     }
 
     /// Makes a run, unless `taken`, which is called after each scan, ends it.
-    pub fn run(&self, seed: u64, mut taken: impl FnMut() -> ControlFlow<()>) -> Option<Vec<Scored>> {
+    pub fn run(&self, seed: u64, mut taken: impl FnMut() -> ControlFlow<()>) -> Option<Run> {
         let max_range = *RANGE.end();
         let drive = Drive::new(self.scene.clone(), seed, Stamp::from_nanos(0)).with_max_range(max_range);
         let mut seen = SeenCells::new(&self.scene, max_range);
         let mut benches: Vec<_> = self.params.iter().map(|params| Bench::new(&self.scene, params)).collect();
+        let mut moments = Vec::new();
         for index in (0..self.scans).step_by(self.step as usize) {
             let labelled = drive.labelled_scan(index);
             seen.add(&drive, index);
@@ -81,11 +108,22 @@ impl Laboratory {
                 bench.truth.insert(&labelled.scan, &labelled.labels);
                 bench.methods.iter_mut().for_each(|method| method.insert(&labelled.scan));
             }
+            if self.is_moment(index) {
+                let seconds = f64::from(index) / f64::from(SCANS_PER_SECOND);
+                let scored = benches.iter().flat_map(|bench| bench.score(&seen));
+                moments.extend(scored.map(|scored| Moment::new(seconds, &scored)));
+            }
             if taken().is_break() {
                 return None;
             }
         }
-        Some(benches.iter().flat_map(|bench| bench.score(&seen)).collect())
+        Some(Run { moments, end: benches.iter().flat_map(|bench| bench.score(&seen)).collect() })
+    }
+
+    /// Whether a time to score has come since the scan that was taken before this one.
+    fn is_moment(&self, index: u32) -> bool {
+        let before = index.saturating_sub(self.step);
+        self.score_every.is_some_and(|every| index / every > before / every)
     }
 }
 
@@ -105,8 +143,8 @@ impl Bench {
 
 impl Table {
     /// Adds a run; its failures are named after its seed.
-    pub fn add_run(&mut self, seed: u64, run: &[Scored]) {
-        for Scored { voxel_size, method, quality } in run {
+    pub fn add_run(&mut self, seed: u64, end: &[Scored]) {
+        for Scored { voxel_size, method, quality } in end {
             self.add(*voxel_size, method, &format!("seed {seed}"), quality);
         }
     }
@@ -123,7 +161,7 @@ mod tests {
         Laboratory::new(scene, 1.0, step, &Params::default(), sizes)
     }
 
-    fn whole(laboratory: &Laboratory, seed: u64) -> Vec<Scored> {
+    fn whole(laboratory: &Laboratory, seed: u64) -> Run {
         laboratory.run(seed, || ControlFlow::Continue(())).unwrap()
     }
 
@@ -149,7 +187,8 @@ mod tests {
         assert_eq!((scans, laboratory.scans()), (3, 3));
         assert_eq!(run, whole(&laboratory, 3));
         assert_ne!(run, whole(&laboratory, 4));
-        let of: Vec<_> = run.iter().map(|scored| (scored.voxel_size, scored.method)).collect();
+        assert_eq!(run.moments, [], "nobody asked for any");
+        let of: Vec<_> = run.end.iter().map(|scored| (scored.voxel_size, scored.method)).collect();
         assert_eq!(
             of,
             [
@@ -162,11 +201,27 @@ mod tests {
             ]
         );
         let mut table = Table::default();
-        table.add_run(3, &run);
+        table.add_run(3, &run.end);
         let coverage = table.pooled(0.1, "STATIC").and_then(|pooled| pooled.line(Measure::Coverage)).unwrap();
         assert!(coverage.worst > 0.8, "{coverage:?}");
-        let names: Vec<_> = run[0].quality.surfaces.iter().map(|surface| surface.name.as_str()).collect();
+        let names: Vec<_> = run.end[0].quality.surfaces.iter().map(|surface| surface.name.as_str()).collect();
         assert!(names.contains(&"floor"), "{names:?}");
+    }
+
+    #[test]
+    fn on_the_way_it_scores_each_time_that_so_many_seconds_have_gone_by() {
+        let (scene, step) = (Scene::named("room").unwrap(), NonZeroU32::new(4).unwrap());
+        let laboratory = Laboratory::new(scene, 1.0, step, &Params::default(), &[0.16]).unwrap();
+        let end = whole(&laboratory, 3).end;
+        // Of the scans 0, 4, ... 28 those that are the first at or after the 9th, the 18th and the 27th.
+        let run = whole(&laboratory.clone().with_score_every(0.3), 3);
+        assert_eq!(run.end, end, "it only looks on");
+        let judged = |moment: &&Moment| moment.method == "consistent";
+        let seconds: Vec<_> = run.moments.iter().filter(judged).map(|moment| moment.seconds).collect();
+        assert_eq!(seconds, [12.0 / 30.0, 20.0 / 30.0, 28.0 / 30.0]);
+        assert_eq!(run.moments.len(), 3 * 3, "of every method");
+        let last: Vec<_> = end.iter().map(|scored| Moment::new(28.0 / 30.0, scored)).collect();
+        assert_eq!(run.moments[6..], last);
     }
 
     /// The bounds are a little below what comes of it, to find what makes clusters worse. Of 10 planes all hold their bars.
@@ -175,7 +230,7 @@ mod tests {
         let (scene, step) = (Scene::named("lab").unwrap(), NonZeroU32::new(20).unwrap());
         let laboratory = Laboratory::new(scene, 36.0, step, &Params::default(), &[0.08]).unwrap();
         let run = whole(&laboratory, 1);
-        let quality = &run.iter().find(|scored| scored.method == "consistent").unwrap().quality;
+        let quality = &run.end.iter().find(|scored| scored.method == "consistent").unwrap().quality;
         let mut pooled = Pooled::default();
         pooled.add("seed 1", quality);
         let line = |measure| pooled.line(measure).unwrap();

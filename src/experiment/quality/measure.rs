@@ -251,6 +251,12 @@ fn share(some: impl Iterator<Item = f64>, all: impl Iterator<Item = f64>) -> Vec
 }
 
 impl Bar {
+    /// The value of these that is furthest to the wrong side.
+    pub(super) fn worst(self, values: impl Iterator<Item = f64>) -> Option<f64> {
+        let badness = |value: f64| if matches!(self, Self::EachAtLeast(_)) { -value } else { value };
+        values.max_by(|a, b| badness(*a).total_cmp(&badness(*b)))
+    }
+
     /// Whether a single value is good.
     pub fn holds_for(self, value: f64) -> bool {
         match self {

@@ -25,9 +25,10 @@ mod table;
 mod tests;
 mod touching;
 mod truth;
+mod way;
 
 pub use found::{Found, FoundCluster, FoundPlane};
-pub use laboratory::{Laboratory, Scored};
+pub use laboratory::{Laboratory, Run, Scored};
 pub use measure::{Bar, Measure};
 pub use methods::{Method, methods};
 pub use pieces::{SEEN_AREA, TrueSurface, Truth};
@@ -36,3 +37,4 @@ pub use pooled::{Line, Pooled};
 pub use score::{ClusterScore, Computes, Described, Quality, SurfaceScore};
 pub use table::{JUDGED, Table};
 pub use truth::{SeenPart, TruthMap};
+pub use way::{Moment, Way};

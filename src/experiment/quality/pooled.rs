@@ -62,11 +62,7 @@ impl Pooled {
         let (mean, median) = (mean(values)?, median(values)?);
         let bar = measure.bar();
         let held = values.iter().filter(|value| bar.holds_for(**value)).count();
-        let badness = |value: f64| match bar {
-            Bar::EachAtLeast(_) => -value,
-            _ => value,
-        };
-        let worst = values.iter().copied().max_by(|a, b| badness(*a).total_cmp(&badness(*b)))?;
+        let worst = bar.worst(values.iter().copied())?;
         let holds = match bar {
             Bar::EachAtLeast(_) | Bar::EachAtMost(_) => held == values.len(),
             Bar::MeanWithin(_, _, cases) => bar.holds_for(mean) && values.len() >= cases,

@@ -207,11 +207,11 @@ fn bar(measure: Measure) -> String {
     }
 }
 
-fn number(value: f64) -> String {
+pub(super) fn number(value: f64) -> String {
     if value.is_infinite() { "inf".to_owned() } else { format!("{value:.6}") }
 }
 
-fn centimetres(metres: f64) -> String {
+pub(super) fn centimetres(metres: f64) -> String {
     format!("{} cm", (metres * 1e4).round() / 100.0)
 }
 
