@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::super::statistics::mean;
+use super::super::statistics::{mean, median};
 use super::laboratory::Scored;
 use super::measure::Measure;
 use super::pooled::{Line, Pooled};
@@ -45,8 +45,8 @@ pub struct Way {
 impl Way {
     /// What the words and numbers of [`Self::markdown`] mean beyond those of [`Table::legend`](super::Table::legend).
     pub const LEGEND: &str = "
-On the way a cell has the mean over all moments of what the methods are compared by, then the worst of them, and in how many there
-was `none`. What counts as seen grows from moment to moment, and with it what is asked of the methods.
+On the way a cell has the mean over all moments of what the methods are compared by, then their median, the worst of them, and in how
+many there was `none`. What counts as seen grows from moment to moment, and with it what is asked of the methods.
 ";
 
     /// Adds those of a run.
@@ -84,7 +84,7 @@ was `none`. What counts as seen grows from moment to moment, and with it what is
         text
     }
 
-    /// The mean over the moments, and the worst of them.
+    /// The mean over the moments, their median, and the worst of them.
     fn cell(&self, voxel_size: f64, method: &str, measure: Measure) -> String {
         let here = |moment: &Moment| moment.voxel_size == voxel_size && moment.method == method;
         let of = self.moments.iter().filter(|(_, moment)| here(moment));
@@ -92,7 +92,8 @@ was `none`. What counts as seen grows from moment to moment, and with it what is
             of.filter_map(|(seed, moment)| Some((moment.figure(measure)?, *seed, moment.seconds))).collect();
         let told: Vec<_> =
             figures.iter().map(|(figure, ..)| *figure).filter(|value| value.is_finite()).collect();
-        let (Some(mean), Some(worst)) = (mean(&told), measure.bar().worst(told.iter().copied())) else {
+        let worst = measure.bar().worst(told.iter().copied());
+        let (Some(mean), Some(median), Some(worst)) = (mean(&told), median(&told), worst) else {
             return "-".to_owned();
         };
         let at = figures.iter().find(|(figure, ..)| *figure == worst);
@@ -101,7 +102,8 @@ was `none`. What counts as seen grows from moment to moment, and with it what is
             0 => String::new(),
             none => format!(", none in {none} of {}", figures.len()),
         };
-        format!("{} (worst {}{at}{none})", measure.show(mean), measure.show(worst))
+        let [mean, median, worst] = [mean, median, worst].map(|value| measure.show(value));
+        format!("{mean} (median {median}, worst {worst}{at}{none})")
     }
 
     /// A line for each seed, moment, voxel size and method, with what the methods are compared by: lengths in m, angles in
@@ -152,9 +154,9 @@ mod tests {
         let line = |start: &str| text.lines().find(|line| line.starts_with(start)).unwrap();
         assert_eq!(
             line("| adjusted Rand index"),
-            "| adjusted Rand index | 0.750 (worst 0.500 at 1.0 s of seed 3) |"
+            "| adjusted Rand index | 0.750 (median 0.800, worst 0.500 at 1.0 s of seed 3) |"
         );
-        let angle = "0.50 deg (worst 0.75 deg at 2.0 s of seed 4, none in 1 of 3)";
+        let angle = "0.50 deg (median 0.50 deg, worst 0.75 deg at 2.0 s of seed 4, none in 1 of 3)";
         assert_eq!(line("| angle of planes"), format!("| angle of planes from 2 m2 on | {angle} |"));
         assert_eq!(line("| NEES of planes"), "| NEES of planes | - |");
         assert_eq!(Way::default().markdown(), "");
