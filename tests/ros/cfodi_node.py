@@ -57,7 +57,11 @@ class Cfodi:
 
     def wait(self, timeout=10):
         """The exit status, once the log has been read to its end."""
-        status = self.process.wait(timeout)
+        try:
+            status = self.process.wait(timeout)
+        except subprocess.TimeoutExpired:
+            what = "\n".join([f"it has not ended within {timeout} s", *threads(self.process.pid), *self.lines[-20:]])
+            raise AssertionError(what) from None
         self._reader.join(5)
         return status
 
@@ -75,6 +79,19 @@ class Cfodi:
             self.process.kill()
             self.process.wait()
         self._reader.join(5)
+
+
+def threads(process):
+    """What each thread of a process does, for whoever has to find out why it does not end."""
+    found = []
+    for task in pathlib.Path(f"/proc/{process}/task").glob("*"):
+        try:
+            name, where = ((task / file).read_text().strip() for file in ("comm", "wchan"))
+            state = (task / "stat").read_text().rpartition(")")[2].split()[0]
+        except OSError:  # It has ended meanwhile.
+            continue
+        found.append(f"thread {task.name} {name}: {state} in {where}")
+    return found
 
 
 def skipped(counts):
