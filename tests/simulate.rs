@@ -192,9 +192,10 @@ fn the_laboratory_scores_on_the_way_if_it_is_asked_to() {
         let ended = cfodi(&[&arguments[..], &more].concat());
         (ended.status.code(), String::from_utf8_lossy(&ended.stderr).into_owned())
     };
-    let (status, errors) = laboratory("0.6");
+    // Of half a second the last third scan is that at 12 / 30 s.
+    let (status, errors) = laboratory("0.5");
     assert_eq!(status, Some(2), "{errors}");
-    assert!(errors.contains("--score-every 0.6 is longer than the drive: --seconds 0.5"), "{errors}");
+    assert!(errors.contains("--score-every 0.5: the last scan is taken at 0.400 s"), "{errors}");
     assert!(folder.names().is_empty());
     let (status, errors) = laboratory("0.2");
     assert_eq!(status, Some(0), "{errors}");

@@ -75,12 +75,8 @@ const USED: [&str; 9] = [
 ];
 
 /// Refuses arguments that are wrong.
-fn check(setup: &Setup, options: &Simulation) -> Result<(), Wrong> {
-    let Simulation { seconds, score_every, voxel_size, .. } = options;
-    if let Some(every) = score_every.filter(|every| every > seconds) {
-        return Err(Wrong(format!("--score-every {every} is longer than the drive: --seconds {seconds}")));
-    }
-    if let Some(size) = given_twice(voxel_size) {
+fn check(setup: &Setup, sizes: &[f64]) -> Result<(), Wrong> {
+    if let Some(size) = given_twice(sizes) {
         return Err(Wrong(format!("--voxel-size {size} is given twice: its runs would be counted twice")));
     }
     let unused = setup.given_beside(&USED);
@@ -137,10 +133,13 @@ pub(crate) fn laboratory(setup: &Setup, options: &Simulation, out: &Path) -> any
     let name = options.scene.as_deref().unwrap_or_default();
     let scene = Scene::named(name).with_context(|| format!("there is no scene {name}"))?;
     let Simulation { seeds, seconds, scan_step, score_every, voxel_size, .. } = options;
-    check(setup, options)?;
+    check(setup, voxel_size)?;
     let mut laboratory = Laboratory::new(scene, *seconds, *scan_step, &setup.config().engine, voxel_size)?;
     if let Some(every) = score_every {
-        laboratory = laboratory.with_score_every(*every);
+        let end = laboratory.ends_at();
+        laboratory = laboratory.with_score_every(*every).ok_or_else(|| {
+            Wrong(format!("--score-every {every}: the last scan is taken at {end:.3} s, so nothing would be scored on the way"))
+        })?;
     }
     std::fs::create_dir_all(out).with_context(|| format!("cannot make {}", out.display()))?;
     let [page, csv, way] = ["quality.md", "quality.csv", "on_the_way.csv"].map(|name| out.join(name));

@@ -82,11 +82,19 @@ impl Laboratory {
     }
 
     /// The same, with every method scored on the way too: by the first scan that is taken when so many seconds (to the next scan)
-    /// have gone by, and so on.
-    #[must_use]
-    pub fn with_score_every(self, seconds: f64) -> Self {
-        let scans = (seconds * f64::from(SCANS_PER_SECOND)).round().max(1.0) as u32;
-        Self { score_every: Some(scans), ..self }
+    /// have gone by, and so on. `None` where the last scan is taken before.
+    pub fn with_score_every(self, seconds: f64) -> Option<Self> {
+        let every = (seconds * f64::from(SCANS_PER_SECOND)).round().max(1.0) as u32;
+        (every <= self.last()).then_some(Self { score_every: Some(every), ..self })
+    }
+
+    /// When the last scan of a run is taken (s since the first).
+    pub fn ends_at(&self) -> f64 {
+        f64::from(self.last()) / f64::from(SCANS_PER_SECOND)
+    }
+
+    const fn last(&self) -> u32 {
+        self.scans().saturating_sub(1) * self.step
     }
 
     /// Scans that a run takes.
@@ -214,7 +222,7 @@ mod tests {
         let laboratory = Laboratory::new(scene, 1.0, step, &Params::default(), &[0.16]).unwrap();
         let end = whole(&laboratory, 3).end;
         // Of the scans 0, 4, ... 28 those that are the first at or after the 9th, the 18th and the 27th.
-        let run = whole(&laboratory.clone().with_score_every(0.3), 3);
+        let run = whole(&laboratory.clone().with_score_every(0.3).unwrap(), 3);
         assert_eq!(run.end, end, "it only looks on");
         let judged = |moment: &&Moment| moment.method == "consistent";
         let seconds: Vec<_> = run.moments.iter().filter(judged).map(|moment| moment.seconds).collect();
@@ -222,6 +230,9 @@ mod tests {
         assert_eq!(run.moments.len(), 3 * 3, "of every method");
         let last: Vec<_> = end.iter().map(|scored| Moment::new(28.0 / 30.0, scored)).collect();
         assert_eq!(run.moments[6..], last);
+        // The last scan is that at 28 / 30 s.
+        assert!(laboratory.clone().with_score_every(0.93).is_some());
+        assert_eq!(laboratory.with_score_every(0.96), None, "nothing would be scored");
     }
 
     /// The bounds are a little below what comes of it, to find what makes clusters worse. Of 10 planes all hold their bars.

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use super::super::statistics::{mean, median};
 use super::laboratory::Scored;
 use super::measure::Measure;
-use super::pooled::{Line, Pooled};
+use super::pooled::Pooled;
 use super::table::{centimetres, number};
 
 /// What one method did up to one scan of a run.
@@ -26,7 +26,7 @@ impl Moment {
         let Scored { voxel_size, method, quality } = scored;
         let mut pooled = Pooled::default();
         pooled.add("", quality);
-        let figure = |measure| pooled.line(measure).map(|line: Line| line.figure(measure));
+        let figure = |measure| pooled.line(measure).map(|line| line.figure(measure));
         Self { seconds, voxel_size: *voxel_size, method, figures: Measure::ALL.map(figure) }
     }
 
@@ -84,7 +84,7 @@ many there was `none`. What counts as seen grows from moment to moment, and with
         text
     }
 
-    /// The mean over the moments, their median, and the worst of them.
+    /// The mean over the moments, their median, and the worst of them; `-` where the method computes no such thing.
     fn cell(&self, voxel_size: f64, method: &str, measure: Measure) -> String {
         let here = |moment: &Moment| moment.voxel_size == voxel_size && moment.method == method;
         let of = self.moments.iter().filter(|(_, moment)| here(moment));
@@ -92,17 +92,18 @@ many there was `none`. What counts as seen grows from moment to moment, and with
             of.filter_map(|(seed, moment)| Some((moment.figure(measure)?, *seed, moment.seconds))).collect();
         let told: Vec<_> =
             figures.iter().map(|(figure, ..)| *figure).filter(|value| value.is_finite()).collect();
+        let none = match figures.len() - told.len() {
+            0 => String::new(),
+            none => format!("none in {none} of {}", figures.len()),
+        };
         let worst = measure.bar().worst(told.iter().copied());
         let (Some(mean), Some(median), Some(worst)) = (mean(&told), median(&told), worst) else {
-            return "-".to_owned();
+            return if none.is_empty() { "-".to_owned() } else { none };
         };
         let at = figures.iter().find(|(figure, ..)| *figure == worst);
         let at = at.map_or(String::new(), |(_, seed, seconds)| format!(" at {seconds:.1} s of seed {seed}"));
-        let none = match figures.len() - told.len() {
-            0 => String::new(),
-            none => format!(", none in {none} of {}", figures.len()),
-        };
         let [mean, median, worst] = [mean, median, worst].map(|value| measure.show(value));
+        let none = if none.is_empty() { none } else { format!(", {none}") };
         format!("{mean} (median {median}, worst {worst}{at}{none})")
     }
 
@@ -160,6 +161,10 @@ mod tests {
         assert_eq!(line("| angle of planes"), format!("| angle of planes from 2 m2 on | {angle} |"));
         assert_eq!(line("| NEES of planes"), "| NEES of planes | - |");
         assert_eq!(Way::default().markdown(), "");
+        let mut never = Way::default();
+        never.add_run(1, [moment(1.0, 0.5, Some(f64::INFINITY))]);
+        let text = never.markdown();
+        assert!(text.contains("| angle of planes from 2 m2 on | none in 1 of 1 |"), "{text}");
     }
 
     #[test]
