@@ -6,6 +6,9 @@
 //! dense voxel. One room of the two is shut, so that its surfaces are the same at every size; through the door of the other its
 //! floor is one with that of the storey, and a cluster costs its rim where it changes.
 //!
+//! How much longer a scan takes in the last map than in the first is told of drives in the two by turns, for from minute to minute
+//! a shared machine is not equally fast: of [`TURNS`] pairs for each kind of room the median.
+//!
 //! Then the longest scan while the map grew, step by step beside what is usual for the same view elsewhere, and the longest
 //! binning: in it the lists of blocks double. Takes minutes and 1 GB; with `--test` seconds. A path as argument is where the
 //! figure goes, `target/scale.svg` else.
@@ -36,6 +39,8 @@ const SIZES: [u32; 5] = [10_000, 100_000, 1_000_000, 3_000_000, 10_000_000];
 /// Scans of a drive before those that count: what the views before have left to be published has been by then.
 const LEAD: usize = 30;
 const COUNTED: usize = 100;
+/// Drives in the first map and in the last, by turns.
+const TURNS: usize = 5;
 /// What the last line is about.
 const BEYOND: f64 = 1e8;
 
@@ -79,6 +84,8 @@ struct Bench {
     /// The next view by which the map grows.
     next: usize,
     growing: Vec<Growing>,
+    /// Scans of a drive that count.
+    counted: usize,
 }
 
 fn main() {
@@ -89,16 +96,15 @@ fn main() {
         .map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("target/scale.svg"), PathBuf::from);
     let sizes: &[u32] = if is_test { &[10_000, 60_000] } else { &SIZES };
     let counted = if is_test { 10 } else { COUNTED };
-    let mut bench = Bench::new();
-    for room in Place::rooms(0) {
-        bench.drive(room, counted);
-    }
+    let mut bench = Bench::new(counted);
     println!(
         "a scan, median and p99 (ms), of rooms seen before with the door shut, open; of new ones, shut, open"
     );
     println!("{:>12} {:>12} {:>8} {:>6} {:>8}", "dense voxels", "with points", "clusters", "MB", "B/voxel");
-    let rows: Vec<_> = sizes.iter().map(|&size| bench.row(size, counted)).collect();
-    tell_ratios(&rows[0], &rows[rows.len() - 1]);
+    let rows: Vec<_> = sizes.iter().map(|&size| bench.row(size)).collect();
+    let mut first = Bench::new(counted);
+    first.grow_to(sizes[0]);
+    tell_ratios(&mut first, &mut bench);
     bench.tell_longest("scan", |steps| steps.iter().sum());
     bench.tell_longest("binning", |steps| steps[0]);
     tell_beyond(&rows[rows.len() - 1]);
@@ -110,33 +116,48 @@ fn main() {
 }
 
 impl Bench {
-    fn new() -> Self {
+    /// A map of the first two rooms, so that these are seen before.
+    fn new(counted: usize) -> Self {
         let mut camera = Camera::new();
         drop(camera.scan(&Place(0).view(0)));
         let engine = Engine::new(Params::default());
         let (told, growing) = (BTreeMap::new(), Vec::new());
-        Self { engine, camera, told, dense: 0, before: resident(), next: 0, growing }
+        let mut bench =
+            Self { engine, camera, told, dense: 0, before: resident(), next: 0, growing, counted };
+        for room in Place::rooms(0) {
+            bench.drive(room);
+        }
+        bench
     }
 
-    /// Grows to this size and drives.
-    fn row(&mut self, size: u32, counted: usize) -> Row {
+    fn grow_to(&mut self, size: u32) {
         while self.dense < size {
             self.grow();
         }
+    }
+
+    /// Grows to this size and drives.
+    fn row(&mut self, size: u32) -> Row {
+        self.grow_to(size);
         let voxels = self.dense;
         let bytes = resident() - self.before;
         print!("{voxels:12} {:12} {:8}", self.engine.voxel_count(), self.told.len());
         print!(" {:6.0} {:8.0}", bytes / 1e6, bytes / f64::from(voxels));
-        let next = self.next.div_ceil(Place::KINDS * Place::VIEWS).max(1);
-        let [[a, b], [c, d]] = [0, next].map(Place::rooms);
-        let times = [a, b, c, d].map(|room| self.drive(room, counted));
+        let times = self.drives(0);
         times.iter().for_each(|times| print!(" {:8.2} {:6.2}", times.median, times.p99));
         println!();
         Row { voxels, bytes, times }
     }
 
-    fn drive(&mut self, room: Place, counted: usize) -> Times {
-        let scans = (0..LEAD + counted).map(|image| self.insert(&room.drive(image)).iter().sum());
+    /// Drives in rooms seen before, with a shut and with an open door, and in new ones, which each turn has of its own.
+    fn drives(&mut self, turn: usize) -> [Times; 4] {
+        let next = self.next.div_ceil(Place::KINDS * Place::VIEWS).max(1);
+        let [[a, b], [c, d]] = [0, next + turn].map(Place::rooms);
+        [a, b, c, d].map(|room| self.drive(room))
+    }
+
+    fn drive(&mut self, room: Place) -> Times {
+        let scans = (0..LEAD + self.counted).map(|image| self.insert(&room.drive(image)).iter().sum());
         let mut times: Vec<f64> = scans.skip(LEAD).collect();
         times.sort_by(f64::total_cmp);
         Times { median: times[times.len() / 2], p99: times[(times.len() * 99).div_ceil(100) - 1] }
@@ -194,10 +215,25 @@ impl Bench {
     }
 }
 
-fn tell_ratios(first: &Row, last: &Row) {
-    let ratios: Vec<_> =
-        (0..4).map(|drive| format!("{:.2}", last.times[drive].median / first.times[drive].median)).collect();
-    println!("medians at {} by those at {}: {}", last.voxels, first.voxels, ratios.join(", "));
+fn tell_ratios(first: &mut Bench, last: &mut Bench) {
+    let sizes = [last.dense, first.dense];
+    let mut ratios = [const { Vec::new() }; 4];
+    for turn in 1..=TURNS {
+        let (small, large) = (first.drives(turn), last.drives(turn));
+        for ((ratios, small), large) in ratios.iter_mut().zip(small).zip(large) {
+            ratios.push(large.median / small.median);
+        }
+    }
+    let told = ratios.map(|mut ratios| {
+        ratios.sort_by(f64::total_cmp);
+        format!("{:.2} ({:.2} to {:.2})", ratios[TURNS / 2], ratios[0], ratios[TURNS - 1])
+    });
+    println!(
+        "medians at {} by those at {}, of {TURNS} drives by turns: {}",
+        sizes[0],
+        sizes[1],
+        told.join(", ")
+    );
 }
 
 fn tell_beyond(row: &Row) {

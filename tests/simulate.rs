@@ -185,19 +185,18 @@ fn parameters_of_the_methods_are_taken_by_the_laboratory() {
 fn the_laboratory_scores_on_the_way_if_it_is_asked_to() {
     let folder = Folder::new();
     let out = folder.argument("");
-    let laboratory = |score_every: &str| {
+    let laboratory = |more: &[&str]| {
         let arguments =
             ["experiment", "--scene", "room", "--seconds", "0.5", "--seeds", "2", "--scan-step", "3"];
-        let more = ["--voxel-size", "0.16", "--score-every", score_every, "--out", &out];
-        let ended = cfodi(&[&arguments[..], &more].concat());
+        let ended = cfodi(&[&arguments[..], &["--voxel-size", "0.16", "--out", &out], more].concat());
         (ended.status.code(), String::from_utf8_lossy(&ended.stderr).into_owned())
     };
     // Of half a second the last third scan is that at 12 / 30 s.
-    let (status, errors) = laboratory("0.5");
+    let (status, errors) = laboratory(&["--score-every", "0.5"]);
     assert_eq!(status, Some(2), "{errors}");
     assert!(errors.contains("--score-every 0.5: the last scan is taken at 0.400 s"), "{errors}");
     assert!(folder.names().is_empty());
-    let (status, errors) = laboratory("0.2");
+    let (status, errors) = laboratory(&["--score-every", "0.2"]);
     assert_eq!(status, Some(0), "{errors}");
     assert_eq!(folder.names(), ["on_the_way.csv", "quality.csv", "quality.md"]);
     let page = fs::read_to_string(folder.argument("quality.md")).unwrap();
@@ -215,6 +214,8 @@ fn the_laboratory_scores_on_the_way_if_it_is_asked_to() {
         .flat_map(|moment| methods.iter().map(move |method| format!("{moment} 0.16 {method}")))
         .collect();
     assert_eq!(at, expected);
+    assert_eq!(laboratory(&[]), (Some(0), String::new()));
+    assert_eq!(folder.names(), ["quality.csv", "quality.md"], "what is not of this run is gone");
 }
 
 #[cfg(target_os = "linux")]

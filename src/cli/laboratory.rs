@@ -1,6 +1,7 @@
 //! `cfodi experiment --scene`: every method driven through a simulated scene and scored against its truth.
 
 use std::collections::BTreeMap;
+use std::io::ErrorKind;
 use std::num::NonZeroU32;
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -128,7 +129,8 @@ impl Outcome {
     }
 }
 
-/// Makes the runs, writes `quality.md`, `quality.csv` and, if it scores on the way, `on_the_way.csv`, and prints the tables.
+/// Makes the runs, writes `quality.md`, `quality.csv` and, if it scores on the way, `on_the_way.csv`, and prints the tables. The
+/// `on_the_way.csv` of an earlier run goes where there is none to replace it, for it would be taken for this one's.
 pub(crate) fn laboratory(setup: &Setup, options: &Simulation, out: &Path) -> anyhow::Result<Ending> {
     let name = options.scene.as_deref().unwrap_or_default();
     let scene = Scene::named(name).with_context(|| format!("there is no scene {name}"))?;
@@ -143,7 +145,7 @@ pub(crate) fn laboratory(setup: &Setup, options: &Simulation, out: &Path) -> any
     }
     std::fs::create_dir_all(out).with_context(|| format!("cannot make {}", out.display()))?;
     let [page, csv, way] = ["quality.md", "quality.csv", "on_the_way.csv"].map(|name| out.join(name));
-    let way = score_every.is_some().then_some(way);
+    let (way, stale) = if score_every.is_some() { (Some(way), None) } else { (None, Some(way)) };
     // Who has named a folder that cannot be written to is not to wait for the runs. The files are given up again: a signal
     // during the runs would leave them half-made.
     for file in [&page, &csv].into_iter().chain(&way) {
@@ -161,6 +163,7 @@ pub(crate) fn laboratory(setup: &Setup, options: &Simulation, out: &Path) -> any
     let files = files.into_iter().chain(way.as_ref().map(|way| (way, outcome.way.csv())));
     let written = files.map(|(path, text)| write_whole(path, |file| file.write_all(text.as_bytes())));
     first_of(written.collect::<Vec<_>>().into_iter().filter_map(Result::err))?;
+    stale.map_or(Ok(()), |stale| remove(&stale))?;
     let (tables, page) = (outcome.tables(), page.display());
     tell(format_args!("{tables}\nwhat the lines mean, and what does not hold: {page}"))?;
     if is_whole {
@@ -168,6 +171,16 @@ pub(crate) fn laboratory(setup: &Setup, options: &Simulation, out: &Path) -> any
     }
     say(format_args!("cfodi: stopped by a signal: the tables are of {count} runs"));
     Ok(Ending::InPart)
+}
+
+/// Takes away a file, if there is one.
+fn remove(path: &Path) -> anyhow::Result<()> {
+    match std::fs::remove_file(path) {
+        Err(error) if error.kind() != ErrorKind::NotFound => {
+            Err(error).with_context(|| format!("cannot remove {}", path.display()))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// The runs by seed, from 1, or those that were made before a signal; as many at once as there are processors, and two at most.

@@ -92,8 +92,18 @@ impl Depths {
         self.list_of(|depth| -depth)
     }
 
+    /// Tells the points of each row.
+    pub(crate) fn each_row(&self, tell: impl FnMut(&[[f32; 3]])) {
+        self.each_row_of(|depth| depth, tell);
+    }
+
     fn list_of(&self, depth: impl Fn(f32) -> f32) -> Vec<[f32; 3]> {
         let mut list = Vec::with_capacity(self.measured);
+        self.each_row_of(depth, |row| list.extend_from_slice(row));
+        list
+    }
+
+    fn each_row_of(&self, depth: impl Fn(f32) -> f32, mut tell: impl FnMut(&[[f32; 3]])) {
         let mut points = vec![[0.0; 3]; self.rays.x.len()];
         for (row, y) in self.rows().zip(&self.rays.y) {
             let mut measured = 0;
@@ -103,9 +113,8 @@ impl Depths {
                 points[measured] = [z * x, z * y, z];
                 measured += usize::from(is_point(z));
             }
-            list.extend_from_slice(&points[..measured]);
+            tell(&points[..measured]);
         }
-        list
     }
 }
 

@@ -112,6 +112,23 @@ impl Run {
     }
 }
 
+/// A scan on its way into the grid.
+struct Binning {
+    places: Exact,
+    /// What has not been put into its voxel yet.
+    run: Run,
+    sequence: u64,
+    binned: Binned,
+}
+
+impl Binning {
+    fn new(scan: &Scan, voxel_size: f64, sequence: u64) -> Self {
+        let rotation = scan.fixed_from_sensor.rotation.to_rotation_matrix().into_inner();
+        let places = Exact::new(rotation, scan.fixed_from_sensor.translation.vector, voxel_size);
+        Self { places, run: Run::begin([0; 3]), sequence, binned: Binned::default() }
+    }
+}
+
 impl Grid {
     pub(crate) fn new(voxel_size: f64, min_points: u32) -> Self {
         Self { voxel_size, min_points, index: HashMap::default(), voxels: Vec::new(), dense: 0 }
@@ -175,14 +192,14 @@ impl Grid {
 
     /// Puts the points of a scan into their voxels; `sequence` is the number of the scan.
     pub(crate) fn bin(&mut self, scan: &Scan, sequence: u64) -> Binned {
-        let mut binned = Binned::default();
+        let mut binning = Binning::new(scan, self.voxel_size, sequence);
         match &scan.points {
-            Points::F32(points) | Points::Ended { points, .. } => {
-                self.bin_points(points, scan, sequence, &mut binned);
-            }
-            Points::F64(points) => self.bin_points(points, scan, sequence, &mut binned),
-            Points::Depths(depths) => self.bin_points(&depths.list(), scan, sequence, &mut binned),
+            Points::F32(points) | Points::Ended { points, .. } => self.bin_points(points, &mut binning),
+            Points::F64(points) => self.bin_points(points, &mut binning),
+            Points::Depths(depths) => depths.each_row(|row| self.bin_points(row, &mut binning)),
         }
+        let Binning { run, mut binned, .. } = binning;
+        self.flush(&run, sequence, &mut binned);
         for touched in &binned.touched {
             if touched.count_before < self.min_points && self.is_dense(touched.voxel) {
                 binned.newly_dense.push(touched.voxel);
@@ -193,22 +210,13 @@ impl Grid {
         binned
     }
 
-    fn bin_points<T: Copy + Into<f64>>(
-        &mut self,
-        points: &[[T; 3]],
-        scan: &Scan,
-        sequence: u64,
-        binned: &mut Binned,
-    ) {
-        let rotation = scan.fixed_from_sensor.rotation.to_rotation_matrix().into_inner();
-        let translation = scan.fixed_from_sensor.translation.vector;
-        let mut places = Exact::new(rotation, translation, self.voxel_size);
-        let mut run = Run::begin([0; 3]);
+    fn bin_points<T: Copy + Into<f64>>(&mut self, points: &[[T; 3]], binning: &mut Binning) {
+        let Binning { places, run, sequence, binned } = binning;
         for batch in points.chunks(BATCH) {
             for (index, offset) in places.place(batch) {
                 if index != run.index {
-                    self.flush(&run, sequence, binned);
-                    run = Run::begin(index);
+                    self.flush(run, *sequence, binned);
+                    *run = Run::begin(index);
                 }
                 if run.key.is_none() {
                     binned.beyond += 1;
@@ -218,7 +226,6 @@ impl Grid {
                 (0..3).for_each(|axis| run.sum[axis] += offset[axis] as u64);
             }
         }
-        self.flush(&run, sequence, binned);
     }
 
     fn flush(&mut self, run: &Run, sequence: u64, binned: &mut Binned) {
