@@ -96,6 +96,34 @@ impl Cells {
         }))
     }
 
+    /// The cells of the set and those around them.
+    pub(super) fn with_around(&self) -> Self {
+        let in_words = self.0.map(|word| {
+            let beside = word | (word & !LAST_BITS) << 1 | (word & !EACH_BYTE) >> 1;
+            beside | beside << 8 | beside >> 8
+        });
+        let word = |x: usize| in_words.get(x).copied().unwrap_or(0);
+        Self(std::array::from_fn(|x| word(x.wrapping_sub(1)) | in_words[x] | word(x + 1)))
+    }
+
+    /// The cells of the set that a walk from one to the next around it reaches from this one.
+    pub(super) fn connected_with(&self, cell: Cell) -> Self {
+        let mut reached = Self::default();
+        reached.insert(cell);
+        loop {
+            let next = reached.with_around().and(self);
+            if next == reached {
+                return reached;
+            }
+            reached = next;
+        }
+    }
+
+    /// Those of the cells that are not in another set.
+    pub(super) fn without(&self, other: &Self) -> Self {
+        Self(std::array::from_fn(|x| self.0[x] & !other.0[x]))
+    }
+
     /// Takes in another set.
     pub(super) fn extend(&mut self, other: &Self) {
         self.0.iter_mut().zip(other.0).for_each(|(word, other)| *word |= other);
@@ -278,6 +306,23 @@ mod tests {
         }
 
         #[test]
+        fn what_is_connected_is_found_as_by_a_walk(cells in prop::collection::btree_set(0_u16..512, 1..80)) {
+            let set: Cells = cells.iter().copied().map(Cell).collect();
+            let around = |cell: Cell| set.near(cell.coordinates());
+            let first = Cell(*cells.first().unwrap());
+            let mut walked = vec![first];
+            let mut next = 0;
+            while next < walked.len() {
+                let new: Vec<_> = around(walked[next]).filter(|cell| !walked.contains(cell)).collect();
+                walked.extend(new);
+                next += 1;
+            }
+            prop_assert_eq!(set.connected_with(first), walked.into_iter().collect());
+            let beside = (0..512).map(Cell).filter(|cell| set.any_in(&Window::around(cell.coordinates(), 1)));
+            prop_assert!(set.with_around().iter().eq(beside));
+        }
+
+        #[test]
         fn borders_and_ranks_are_those_of_a_list(
             cells in prop::collection::btree_set(0_u16..512, 0..80),
             direction in prop::array::uniform3(-1..2_i32), reach in 1..4_i32,
@@ -299,6 +344,7 @@ mod tests {
             prop_assert_eq!(border.iter().collect::<Vec<_>>(), walk.collect::<Vec<_>>());
             let ranks = border.iter().map(|cell| set.rank(cell));
             prop_assert!(set.ranks_of(&Cells::border(direction, reach)).eq(ranks));
+            prop_assert!(set.without(&border).iter().eq(set.iter().filter(|cell| !is_at_border(cell))));
             let mut both = border;
             both.extend(&set);
             prop_assert_eq!(both, set);

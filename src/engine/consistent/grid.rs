@@ -40,8 +40,8 @@ pub(super) struct Grid {
 /// Fewer points of one scan than this may be strays.
 const MOST_STRAYS: u32 = 3;
 
-/// Points of one scan that prove a voxel to be occupied: a quarter of those that make it dense. A single one may be a stray, but
-/// where it makes a voxel dense.
+/// Points of one scan that prove a voxel to be occupied: a quarter of those that make it dense, two at least and
+/// [`MOST_STRAYS`] at most. A single one may be a stray, but where it makes a voxel dense.
 fn proof(min_points: u32) -> u32 {
     (min_points / 4).clamp(2, MOST_STRAYS).min(min_points)
 }

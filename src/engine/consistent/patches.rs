@@ -17,6 +17,8 @@
 //!
 //! Costs some 30 us for a block with one surface's edge in it.
 
+use std::cell::OnceCell;
+
 use super::block::CELLS;
 use super::cells::Cells;
 use super::patch::Kind;
@@ -42,6 +44,10 @@ const AROUND: usize = 26;
 
 const NO_STATE: u16 = u16::MAX;
 const FREE: u8 = u8::MAX;
+
+/// Planes of a patch that grows are numbered; it has been refused by none, or is in a patch.
+const NO_PLANE: u8 = 0;
+const TAKEN: u8 = u8::MAX;
 
 /// The patches of a block.
 pub(super) struct Patches {
@@ -95,7 +101,10 @@ struct Segmentation<'a> {
     is_one_side: bool,
     rules: &'a Rules,
     kind: Kind,
-    neighbours: Neighbours,
+    /// The cells of the states, in the same order.
+    occupied: Cells,
+    /// Found when patches grow: a block of one plane needs none.
+    neighbours: OnceCell<Neighbours>,
     owner: Vec<u8>,
     planes: Vec<Plane>,
 }
@@ -109,10 +118,10 @@ struct Neighbours {
 }
 
 impl Neighbours {
-    fn new(states: &[State]) -> Self {
+    /// Of states with these cells.
+    fn new(states: &[State], mut others: Cells) -> Self {
         let mut places = [NO_STATE; CELLS];
         (0..).zip(states).for_each(|(place, state)| places[state.cell().index()] = place);
-        let mut others: Cells = states.iter().map(State::cell).collect();
         let (mut begins, mut all) = (Vec::with_capacity(states.len() + 1), Vec::new());
         begins.push(0);
         for state in states {
@@ -152,8 +161,14 @@ impl<'a> Segmentation<'a> {
             .map(|state| (kind.share(state, &rules.noise), Scatter::one(state, &rules.noise)))
             .collect();
         let (owner, is_one_side) = (vec![FREE; states.len()], is_one_side(states));
-        let neighbours = Neighbours::new(states);
-        Self { states, shares, is_one_side, rules, kind, neighbours, owner, planes: Vec::new() }
+        let occupied = states.iter().map(State::cell).collect();
+        let (neighbours, planes) = (OnceCell::new(), Vec::new());
+        Self { states, shares, is_one_side, rules, kind, occupied, neighbours, owner, planes }
+    }
+
+    /// The states of the cells around a state's, ascending.
+    fn neighbours(&self, state: usize) -> impl Iterator<Item = usize> {
+        self.neighbours.get_or_init(|| Neighbours::new(self.states, self.occupied)).of(state)
     }
 
     fn region(&self, states: impl Iterator<Item = usize>) -> Region {
@@ -173,12 +188,14 @@ impl<'a> Segmentation<'a> {
     fn within(&self, state: usize, plane: &Plane) -> Option<f64> {
         let (region, scatter) = &self.shares[state];
         let is_seen = region.is_seen_from(plane);
-        let misfit = is_seen.then(|| scatter.misfit(plane, NOISE_FACTOR, self.rules.flatness));
+        let misfit = is_seen.then(|| scatter.misfit_of_one(plane, NOISE_FACTOR, self.rules.flatness));
         misfit.filter(|misfit| *misfit <= 1.0)
     }
 
+    /// Whether it is within what they allow.
     fn belongs(&self, state: usize, plane: &Plane) -> bool {
-        self.within(state, plane).is_some()
+        let (region, scatter) = &self.shares[state];
+        region.is_seen_from(plane) && scatter.is_one_allowed(plane, NOISE_FACTOR, self.rules.flatness)
     }
 
     fn run(&mut self) {
@@ -217,7 +234,7 @@ impl<'a> Segmentation<'a> {
         let is_left = |&state: &usize| {
             let (region, scatter) = &self.shares[state];
             let fits = |plane| {
-                region.is_seen_from(plane) && scatter.misfit(plane, RIM_NOISE_FACTOR, flatness) <= 1.0
+                region.is_seen_from(plane) && scatter.is_one_allowed(plane, RIM_NOISE_FACTOR, flatness)
             };
             self.owner[state] == FREE && !planes.iter().any(fits)
         };
@@ -260,7 +277,7 @@ impl<'a> Segmentation<'a> {
         let is_in = |other: &usize| self.owner[*other] == FREE && is_in(*other);
         let mut others = [0; AROUND];
         let mut count = 0;
-        for other in self.neighbours.of(state).filter(is_in) {
+        for other in self.neighbours(state).filter(is_in) {
             others[count] = other;
             count += 1;
         }
@@ -310,24 +327,33 @@ impl<'a> Segmentation<'a> {
     /// time they have become half as many again.
     fn reach(&self, seed: usize, plane: &Plane) -> Vec<usize> {
         let mut plane = *plane;
-        let mut is_free: Vec<_> = self.owner.iter().map(|owner| *owner == FREE).collect();
-        is_free[seed] = false;
+        // Of each voxel the last plane that it did not belong to: it is not asked of that again.
+        let mut refused: Vec<_> =
+            self.owner.iter().map(|owner| if *owner == FREE { NO_PLANE } else { TAKEN }).collect();
+        let mut number = NO_PLANE + 1;
+        refused[seed] = TAKEN;
         let mut members = vec![seed];
         let mut region = self.shares[seed].0;
         let (mut next, mut refit_at) = (0, 12);
         while next < members.len() {
-            for other in self.neighbours.of(members[next]) {
-                if !is_free[other] || !self.belongs(other, &plane) {
+            for other in self.neighbours(members[next]) {
+                if refused[other] >= number {
                     continue;
                 }
-                is_free[other] = false;
+                if !self.belongs(other, &plane) {
+                    refused[other] = number;
+                    continue;
+                }
+                refused[other] = TAKEN;
                 members.push(other);
                 region.join(&self.shares[other].0);
             }
             next += 1;
             if members.len() >= refit_at {
                 refit_at = members.len() * 3 / 2;
-                plane = self.plane_of(&region).unwrap_or(plane);
+                if let Some(fitted) = self.plane_of(&region) {
+                    (plane, number) = (fitted, number + 1);
+                }
             }
         }
         members.sort_unstable();
@@ -337,28 +363,38 @@ impl<'a> Segmentation<'a> {
     /// Gives every voxel to the patch in its neighbourhood that fits it best, twice.
     fn settle(&mut self) {
         for _ in 0..2 {
-            let owner = (0..self.states.len()).map(|state| self.best_owner(state)).collect();
-            self.owner = owner;
+            self.owner = self.best_owners();
             self.refit();
         }
     }
 
-    fn best_owner(&self, state: usize) -> u8 {
-        let owners = self.neighbours.of(state).chain([state]).map(|other| self.owner[other]);
-        let near = owners.filter(|&owner| owner != FREE).fold(0_u128, |near, owner| near | 1 << owner);
-        let candidates = (0..self.planes.len() as u8).filter(|patch| near >> patch & 1 == 1);
-        let within = |patch: u8| self.within(state, &self.planes[usize::from(patch)]);
-        let fitting = candidates.filter_map(|patch| Some((within(patch)?, patch)));
-        fitting.min_by(|a, b| a.0.total_cmp(&b.0)).map_or(FREE, |(_, patch)| patch)
+    /// For each voxel the patch that fits it best of those in its neighbourhood, of equals the first.
+    fn best_owners(&self) -> Vec<u8> {
+        let mut best = vec![(FREE, f64::INFINITY); self.states.len()];
+        for (number, (cells, plane)) in (0..).zip(self.cells().iter().zip(&self.planes)) {
+            for state in self.occupied.ranks_of(&cells.with_around()) {
+                if let Some(misfit) = self.within(state, plane).filter(|misfit| *misfit < best[state].1) {
+                    best[state] = (number, misfit);
+                }
+            }
+        }
+        best.into_iter().map(|(number, _)| number).collect()
+    }
+
+    /// The cells of each patch.
+    fn cells(&self) -> Vec<Cells> {
+        let mut cells = vec![Cells::default(); self.planes.len()];
+        for (state, &owner) in self.states.iter().zip(&self.owner) {
+            if let Some(cells) = cells.get_mut(usize::from(owner)) {
+                cells.insert(state.cell());
+            }
+        }
+        cells
     }
 
     /// Makes one of two patches that are layers of one scatter.
     fn unite_layers(&mut self) {
-        let patches = self.planes.len();
-        let mut cells = vec![Cells::default(); patches];
-        for (state, &owner) in self.states.iter().zip(&self.owner).filter(|(_, owner)| **owner != FREE) {
-            cells[usize::from(owner)].insert(state.cell());
-        }
+        let (patches, mut cells) = (self.planes.len(), self.cells());
         for (a, b) in (0..patches).flat_map(|a| (a + 1..patches).map(move |b| (a, b))) {
             let Some(plane) = self.plane_of_layers([a, b], [&cells[a], &cells[b]]) else { continue };
             self.planes[a] = plane;
@@ -399,16 +435,19 @@ impl<'a> Segmentation<'a> {
         self.planes = planes.map(|(region, plane)| self.plane_of(&region).unwrap_or(*plane)).collect();
     }
 
-    /// Splits patches that are not connected, and sets loose what is too small to have a plane.
+    /// Splits patches that are not connected, and sets loose what is too small to have a plane. They are numbered by their first
+    /// voxels.
     fn drop_fragments(&mut self) {
+        let (mut left, mut patches) = (self.cells(), 0);
         let before = std::mem::replace(&mut self.owner, vec![FREE; self.states.len()]);
-        let mut seen = vec![false; self.states.len()];
-        let mut patches = 0;
         for first in 0..self.states.len() {
-            if seen[first] || before[first] == FREE {
+            let Some(left) = left.get_mut(usize::from(before[first])) else { continue };
+            if !left.contains(self.states[first].cell()) {
                 continue;
             }
-            let members = self.connected(first, &before, &mut seen);
+            let fragment = left.connected_with(self.states[first].cell());
+            *left = left.without(&fragment);
+            let members: Vec<_> = self.occupied.ranks_of(&fragment).collect();
             let region = self.region(members.iter().copied());
             let is_patch =
                 self.plane_of(&region).is_some_and(|plane| !self.is_streak(&members, &region, &plane));
@@ -426,22 +465,6 @@ impl<'a> Segmentation<'a> {
         region
             .sight_in(plane)
             .is_some_and(|sight| region.variance_along(&sight) < STREAK * scatter.noise_along(&sight))
-    }
-
-    fn connected(&self, first: usize, owner: &[u8], seen: &mut [bool]) -> Vec<usize> {
-        let mut members = vec![first];
-        seen[first] = true;
-        let mut next = 0;
-        while next < members.len() {
-            for other in self.neighbours.of(members[next]) {
-                if !seen[other] && owner[other] == owner[first] {
-                    seen[other] = true;
-                    members.push(other);
-                }
-            }
-            next += 1;
-        }
-        members
     }
 
     /// The plane of a region that is broad enough to have one.

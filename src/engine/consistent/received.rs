@@ -51,8 +51,10 @@ struct ReceivedBlock {
 /// In place of the sums of a voxel that has received no point.
 const NONE: u32 = u32::MAX;
 
-/// Blocks whose memory is kept for the next scan, 8 MB: a Kinect's view has some hundred to a thousand.
+/// Blocks whose memory is kept in any case, 8 MB: a Kinect's view has some hundred to a thousand.
 const KEPT: usize = 4096;
+/// Voxels whose sums' memory is kept in any case, 10 MB: such a view has some thousand to ten thousand.
+const KEPT_SUMS: usize = 1 << 17;
 
 impl ReceivedBlock {
     fn new() -> Self {
@@ -68,10 +70,7 @@ impl ReceivedBlock {
 impl Received {
     /// Takes in a scan in place of the one before; returns how many of its points lie beyond the grid.
     pub(super) fn take(&mut self, scan: &Scan, voxel_size: f64) -> u32 {
-        self.sums.clear();
-        self.blocks.truncate(KEPT);
-        self.order.clear();
-        self.index.clear();
+        self.make_room();
         self.recent.clear();
         self.beyond = 0;
         let pose = &scan.fixed_from_sensor;
@@ -92,6 +91,23 @@ impl Received {
         }
         self.order.sort_unstable_by_key(|&block| self.blocks[block as usize].key);
         self.beyond
+    }
+
+    /// Forgets the scan before. Of its memory as much stays as that scan needed twice, and not less than is usual.
+    fn make_room(&mut self) {
+        let blocks = KEPT.max(2 * self.order.len());
+        let sums = KEPT_SUMS.max(2 * self.sums.len());
+        self.sums.clear();
+        self.sums.shrink_to(sums);
+        self.blocks.truncate(blocks);
+        self.blocks.shrink_to(blocks);
+        self.order.clear();
+        self.order.shrink_to(blocks);
+        self.index.clear();
+        // A map has up to twice the room that is asked for, and to clear it costs all of that.
+        if self.index.capacity() > 4 * blocks {
+            self.index.shrink_to(blocks);
+        }
     }
 
     /// The blocks by ascending key, each with its voxels by ascending cell.

@@ -157,13 +157,38 @@ impl Scatter {
 
     /// Mean square distance of the points to a plane by what is allowed of them on the mean; 1 is just allowed.
     pub(super) fn misfit(&self, plane: &Plane, noise_factor: f64, flatness: f64) -> f64 {
-        let noise = self.noise_along(&plane.normal);
-        self.square_distance(plane) / (noise_factor * noise_factor * noise + flatness * flatness)
+        let [distance, allowed] = self.distance_and_allowed(plane, noise_factor, flatness, self.0[COUNT]);
+        distance / allowed
+    }
+
+    /// [`Self::misfit`] of one voxel's points.
+    pub(super) fn misfit_of_one(&self, plane: &Plane, noise_factor: f64, flatness: f64) -> f64 {
+        let [distance, allowed] = self.distance_and_allowed(plane, noise_factor, flatness, 1.0);
+        distance / allowed
+    }
+
+    /// Whether that is allowed.
+    pub(super) fn is_one_allowed(&self, plane: &Plane, noise_factor: f64, flatness: f64) -> bool {
+        let [distance, allowed] = self.distance_and_allowed(plane, noise_factor, flatness, 1.0);
+        distance <= allowed
     }
 
     /// Mean square distance of the points to a plane.
     pub(super) fn square_distance(&self, plane: &Plane) -> f64 {
-        let (count, height) = (self.0[COUNT], plane.normal.dot(&plane.point));
+        self.square_distance_of(plane, self.0[COUNT])
+    }
+
+    /// Both of the points of so many voxels: what divides by one that the compiler knows to be 1 divides by nothing.
+    #[inline(always)]
+    fn distance_and_allowed(&self, plane: &Plane, noise_factor: f64, flatness: f64, count: f64) -> [f64; 2] {
+        let noise = self.along(&plane.normal, NOISE) / count;
+        let allowed = noise_factor * noise_factor * noise + flatness * flatness;
+        [self.square_distance_of(plane, count), allowed]
+    }
+
+    #[inline(always)]
+    fn square_distance_of(&self, plane: &Plane, count: f64) -> f64 {
+        let height = plane.normal.dot(&plane.point);
         let sum = plane.normal.dot(&vector(&self.0, MEAN));
         self.along(&plane.normal, SQUARE) / count - height * (2.0 * sum / count - height)
     }
@@ -239,9 +264,12 @@ mod tests {
             let normal = UnitVector3::new_normalize(Vector3::from(normal));
             let plane = Plane { point: Vector3::from(point), normal };
             let scatter = Scatter::one(&state, &noise());
+            let by_sums = scatter.misfit(&plane, 2.0, 0.2);
+            prop_assert_eq!(scatter.misfit_of_one(&plane, 2.0, 0.2), by_sums);
+            prop_assert_eq!(scatter.is_one_allowed(&plane, 2.0, 0.2), by_sums <= 1.0);
             // What is stored of the points may have them closer together than a plane is thick; a voxel's misfit has not.
             let thickness = along(upper(&state.thickness(&noise())), &normal).min(0.0);
-            let one = scatter.misfit(&plane, 2.0, 0.2) - thickness / (4.0 * scatter.noise_along(&normal) + 0.04);
+            let one = by_sums - thickness / (4.0 * scatter.noise_along(&normal) + 0.04);
             let other = Held::new(&state, &noise()).misfit(&plane, 2.0, 0.2, f64::INFINITY);
             prop_assert_eq!(Region::one(&state, &noise()).is_seen_from(&plane), other.is_some());
             prop_assert!(other.is_none_or(|other| (one - other).abs() <= 1e-9 * (1.0 + other)), "{one} {other:?}");

@@ -2,7 +2,8 @@
 //!
 //! After every [`Surfaces::publish`] the partition is the one that `scratch` finds on the same published states. A block
 //! that is published takes its patches and its voxels out of their clusters, is segmented anew, and puts them in again;
-//! joins change only at its own patches, and loose voxels look for their patch anew within three voxels of it (`loose`).
+//! joins change only at its own patches and at slices and bridges that meet it, and loose voxels look for their patch anew within
+//! three voxels of it (`loose`).
 //! The graph says which clusters that merged or split; whole patches then move, those of the smaller sides. So the work
 //! follows the blocks that are published, their neighbours and the smaller side of what splits or merges.
 //!

@@ -119,6 +119,7 @@ impl Graph {
         outcome.removed = before.filter(|&component| self.nodes(component).is_empty()).collect();
         outcome.removed.sort_unstable();
         outcome.removed.dedup();
+        outcome.removed.iter().for_each(|&component| self.component_mut(component).nodes = Vec::new());
         self.free_components.extend(&outcome.removed);
     }
 }

@@ -155,3 +155,23 @@ fn blocks_that_share_a_place_among_the_recent_ones_are_kept_apart() {
     let (sums, _) = received(&scan(Points::F32(points), Isometry3::identity()), 0.1);
     assert_eq!(sums.values().map(|sums| sums.count).collect::<Vec<_>>(), [320, 320]);
 }
+
+#[test]
+fn a_scan_of_scattered_points_leaves_no_memory_behind() {
+    let along = |i: usize, step: usize| (i * step % 61) as f32 - 30.0;
+    let scattered = (0..61 * 61 * 61).map(|i| [along(i, 1), along(i / 61, 1), along(i / 3721, 1)]).collect();
+    let small = scan(Points::F32(vec![[0.5; 3]; 100]), Isometry3::identity());
+    let mut received = Received::default();
+    received.take(&scan(Points::F32(scattered), Isometry3::identity()), 0.1);
+    let room = |received: &Received| {
+        [received.sums.capacity(), received.blocks.capacity(), received.index.capacity()]
+    };
+    assert_eq!(received.sums.len(), 61 * 61 * 61);
+    let most = room(&received);
+    // What the next one may need is kept once.
+    received.take(&small, 0.1);
+    received.take(&small, 0.1);
+    let [sums, blocks, index] = room(&received);
+    assert!(sums <= KEPT_SUMS && blocks <= KEPT && index <= 4 * KEPT, "{most:?} {:?}", room(&received));
+    assert_eq!(received.in_order().map(|(_, sums)| sums.count()).sum::<usize>(), 1);
+}

@@ -220,7 +220,7 @@ impl Surfaces {
                 self.removed.extend(identity.id.take());
             }
         }
-        // The order of components is that of the points within the scan, which must not decide.
+        // The order of components depends on what was there before, which must not decide.
         new.sort_by_cached_key(|&component| self.first_voxel(grid, component));
         for component in new {
             self.ids_given += 1;
