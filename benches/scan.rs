@@ -72,20 +72,21 @@ fn bench(criterion: &mut Criterion) {
         let mut engine = Cfodi::new(params);
         scans.iter().for_each(|scan| drop(engine.insert(scan)));
         group.bench_function(format!("STATIC {label}, a map"), |b| b.iter(|| engine.static_partition()));
-        group.bench_function(format!("snapshot {label}"), |b| b.iter(|| engine.snapshot()));
+        group.bench_function(format!("snapshot {label}, paper"), |b| b.iter(|| engine.snapshot()));
         save(&mut group, label, &scans, params.with_mode(Mode::Consistent));
     }
     group.finish();
     simulator(criterion);
 }
 
-/// What a map costs on its way into a file and back, without the disk.
+/// What a map costs on its way to those who read all of it, and into a file and back, without the disk.
 fn save(group: &mut Group, label: &str, scans: &[Scan], params: Params) {
     let mut engine = Engine::new(params);
     scans.iter().for_each(|scan| drop(engine.insert(scan)));
     let stored = Stored { frame_id: "map".to_owned(), map: engine.save() };
     let bytes = pack(&stored).unwrap();
     println!("save {label}: {} voxels, {} bytes", engine.voxel_count(), bytes.len());
+    group.bench_function(format!("snapshot {label}, consistent"), |b| b.iter(|| engine.snapshot()));
     group.bench_function(format!("save {label}, engine"), |b| b.iter(|| engine.save()));
     group.bench_function(format!("save {label}, pack"), |b| b.iter(|| pack(&stored)));
     group.bench_function(format!("save {label}, unpack"), |b| b.iter(|| unpack(&bytes)));

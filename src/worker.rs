@@ -4,6 +4,9 @@
 //! can count it. One place would do for a sensor; but a transform that comes at 10 Hz releases three scans at once,
 //! and all but one of them would be lost each time: there are as many places as scans may wait for a transform. The
 //! engine waits for nothing but the sink that takes its outputs.
+//!
+//! A snapshot costs as much as the map is large, and while it is made no scan is taken in: where that would cost scans, snapshots
+//! take a tenth of the time at most, however often they are asked for ([`rest_after`]).
 
 use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -33,6 +36,8 @@ pub enum Output {
         session: u64,
         /// The map.
         snapshot: Arc<Snapshot>,
+        /// How long the engine worked on it.
+        took: Duration,
     },
     /// All of the map, as asked for by [`Worker::request_save`].
     Saved {
@@ -59,6 +64,17 @@ struct Beginning {
     is_jump: bool,
 }
 
+/// How many times as long as a snapshot took the next one is put off.
+const REST: u32 = 9;
+/// What a snapshot may take that need not be put off while no scan waits: one that comes meanwhile waits no longer than for the
+/// next one.
+const SHORT: Duration = Duration::from_millis(30);
+
+/// How long the next snapshot is put off after one that took so long.
+pub fn rest_after(took: Duration) -> Duration {
+    took * REST
+}
+
 /// What waits for the worker.
 #[derive(Default)]
 struct Pending {
@@ -69,8 +85,31 @@ struct Pending {
     /// Oldest first.
     scans: VecDeque<Scan>,
     snapshot: bool,
+    rest: Option<Rest>,
     save: bool,
     stop: bool,
+}
+
+/// After a snapshot.
+struct Rest {
+    until: Instant,
+    /// It only holds while scans wait.
+    is_short: bool,
+}
+
+impl Pending {
+    /// How long a snapshot that is asked for is still put off; `None` where none is. The last one is not.
+    fn put_off(&self) -> Option<Duration> {
+        let holds = |rest: &&Rest| self.snapshot && !self.stop && !(rest.is_short && self.scans.is_empty());
+        let rest = self.rest.as_ref().filter(holds)?;
+        Some(rest.until.saturating_duration_since(Instant::now())).filter(|left| !left.is_zero())
+    }
+
+    fn is_idle(&self) -> bool {
+        let has_nothing = self.session.is_none() && self.params.is_none() && self.scans.is_empty();
+        let has_snapshot = self.snapshot && self.put_off().is_none();
+        has_nothing && !has_snapshot && !self.save && !self.stop
+    }
 }
 
 /// What the worker does next, in this order.
@@ -110,18 +149,32 @@ impl Mailbox {
     }
 
     fn take(&self) -> Task {
-        let idle = |p: &Pending| p.session.is_none() && p.params.is_none() && p.scans.is_empty();
-        let empty = |p: &mut Pending| idle(p) && !p.snapshot && !p.save && !p.stop;
-        let waited = self.filled.wait_while(self.lock(), empty);
-        let mut pending = waited.unwrap_or_else(PoisonError::into_inner);
+        let mut pending = self.lock();
+        while pending.is_idle() {
+            pending = match pending.put_off() {
+                Some(left) => {
+                    let waited = self.filled.wait_timeout(pending, left);
+                    waited.unwrap_or_else(PoisonError::into_inner).0
+                }
+                None => self.filled.wait(pending).unwrap_or_else(PoisonError::into_inner),
+            };
+        }
+        let is_put_off = pending.put_off().is_some();
         let scan = pending.scans.pop_front();
         // The end comes after all scans and with the whole map; a snapshot in between must not wait for a pause.
         let stop = pending.stop && pending.scans.is_empty();
         let is_time = stop || !pending.stop;
-        let snapshot = is_time && std::mem::take(&mut pending.snapshot);
+        let snapshot = is_time && !is_put_off && std::mem::take(&mut pending.snapshot);
         let save = is_time && std::mem::take(&mut pending.save);
         let (session, params) = (pending.session.take(), pending.params.take());
         Task { session, params, scan, snapshot, save, stop }
+    }
+
+    /// Puts the next snapshot off after one that took so long, but for that of a session which is to begin.
+    fn rest(&self, took: Duration) {
+        let rest = Rest { until: Instant::now() + rest_after(took), is_short: took <= SHORT };
+        let mut pending = self.lock();
+        pending.rest = Some(rest).filter(|_| pending.session.is_none());
     }
 }
 
@@ -159,7 +212,8 @@ impl Worker {
         })
     }
 
-    /// Asks for the map: after the next scan where one waits, and after all scans when the worker is about to end.
+    /// Asks for the map: after the next scan where one waits, and after all scans when the worker is about to end. It is put off
+    /// where the one before took long ([`rest_after`]).
     pub fn request_snapshot(&self) {
         self.mailbox.put(|pending| pending.snapshot = true);
     }
@@ -190,6 +244,7 @@ impl Worker {
         self.mailbox.put(|pending| {
             let is_jump = is_jump || pending.session.take().is_some_and(|before| before.is_jump);
             pending.session = Some(Beginning { session, is_jump });
+            pending.rest = None;
             std::mem::take(&mut pending.scans).len()
         })
     }
@@ -236,7 +291,11 @@ fn work(mailbox: &Mailbox, mut engine: Engine, mut session: u64, sink: &mut impl
             sink(Output::Scan { session, points: scan.points.len(), update, took: start.elapsed() });
         }
         if task.snapshot {
-            sink(Output::Snapshot { session, snapshot: Arc::new(engine.snapshot()) });
+            let start = Instant::now();
+            let snapshot = Arc::new(engine.snapshot());
+            let took = start.elapsed();
+            mailbox.rest(took);
+            sink(Output::Snapshot { session, snapshot, took });
         }
         if task.save {
             sink(Output::Saved { session, map: Box::new(engine.save()) });
@@ -308,13 +367,44 @@ pub(crate) mod tests {
     }
 
     #[test]
+    fn after_a_long_snapshot_the_next_is_put_off_and_after_a_short_one_only_while_scans_wait() {
+        let after = |took: Duration, stop: bool, waiting: i64| {
+            let mailbox = Mailbox::default();
+            mailbox.rest(took);
+            mailbox.put(|pending| {
+                (pending.snapshot, pending.stop) = (true, stop);
+                pending.scans.extend((0..waiting).map(scan));
+                (pending.put_off().is_some(), pending.is_idle())
+            })
+        };
+        let long = Duration::from_secs(60);
+        assert_eq!([after(long, false, 0), after(long, false, 2)], [(true, true), (true, false)]);
+        assert_eq!([after(SHORT, false, 0), after(SHORT, false, 2)], [(false, false), (true, false)]);
+        assert_eq!(after(long, true, 0), (false, false), "the last one is not put off");
+    }
+
+    #[test]
+    fn a_snapshot_that_was_put_off_comes_and_that_of_a_new_session_at_once() {
+        let (worker, outputs) = started();
+        worker.mailbox.rest(2 * SHORT);
+        let begin = Instant::now();
+        worker.request_snapshot();
+        assert!(matches!(outputs.recv_timeout(PATIENCE).unwrap(), Output::Snapshot { session: 1, .. }));
+        assert!(begin.elapsed() > SHORT * REST);
+        worker.mailbox.rest(100 * PATIENCE);
+        assert_eq!(worker.reset(2), 0);
+        worker.request_snapshot();
+        assert!(matches!(outputs.recv_timeout(PATIENCE).unwrap(), Output::Snapshot { session: 2, .. }));
+    }
+
+    #[test]
     fn a_reset_throws_the_map_away_and_begins_a_session() {
         let (worker, outputs) = started();
         assert!(!worker.submit(scan(1)));
         assert!(matches!(outputs.recv_timeout(PATIENCE).unwrap(), Output::Scan { session: 1, .. }));
         assert_eq!(worker.reset(9), 0);
         worker.request_snapshot();
-        let Output::Snapshot { session, snapshot } = outputs.recv_timeout(PATIENCE).unwrap() else {
+        let Output::Snapshot { session, snapshot, .. } = outputs.recv_timeout(PATIENCE).unwrap() else {
             panic!()
         };
         assert_eq!((session, snapshot.sequence), (9, 0));

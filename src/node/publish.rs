@@ -23,7 +23,7 @@ use crate::msg::clusters::{Session, SurfaceClusterArray};
 use crate::msg::labelled::labelled_points;
 use crate::msg::markers::Markers;
 use crate::msg::twins::{PolygonInstanceStamped, Twins, detections, polygons};
-use crate::worker::Output;
+use crate::worker::{Output, rest_after};
 
 /// Between two polygons: nav2's collision monitor keeps the last five that it has not yet taken, and would have no others of
 /// a map that comes at once.
@@ -77,7 +77,7 @@ async fn take(
     (counts, vitals): Seen,
     (saver, mut beyond): (Option<Saver>, Beyond),
 ) -> Ended {
-    let mut ended = Ended::default();
+    let (mut ended, mut put_off) = (Ended::default(), PutOff::default());
     while let Some(output) = outputs.recv().await {
         match output {
             Output::Scan { session, points, update, took } => {
@@ -90,7 +90,11 @@ async fn take(
                 }
                 wire.send(Outgoing::Delta(SurfaceClusterArray::delta(&wire.session(session), &update))).await;
             }
-            Output::Snapshot { session, snapshot } => {
+            Output::Snapshot { session, snapshot, took } => {
+                if let Some(line) = put_off.line(session, snapshot.voxels.len(), took) {
+                    warn!("{line}");
+                }
+                vitals.borrow_mut().snapshot_took = took;
                 vitals.borrow_mut().map = Some(MapSize::of(session, &snapshot));
                 vitals.borrow_mut().newest = Some((session, snapshot.sequence));
                 newest.send_replace(Some((session, Arc::clone(&snapshot))));
@@ -159,6 +163,28 @@ impl<T: Transport> Wire<T> {
         if let Err(failure) = self.transport.publish(message).await {
             self.unsent.borrow_mut().note(topic, &failure);
         }
+    }
+}
+
+/// How long snapshots are put off, from which on it is said.
+const LONG: Duration = Duration::from_secs(1);
+
+/// Snapshots of a large map are put off, for they hold up scans: said once a session.
+#[derive(Debug, Default)]
+struct PutOff {
+    said: Option<u64>,
+}
+
+impl PutOff {
+    fn line(&mut self, session: u64, dense_voxels: usize, took: Duration) -> Option<String> {
+        let rest = rest_after(took);
+        if rest < LONG || self.said.replace(session) == Some(session) {
+            return None;
+        }
+        let (took, rest) = (took.as_millis(), rest.as_secs_f64());
+        Some(format!(
+            "a snapshot of {dense_voxels} dense voxels takes {took} ms, in which no scan is taken in: the next comes {rest:.1} s after              it at the earliest, whatever publish_rate says; clusters_delta comes with every scan"
+        ))
     }
 }
 
@@ -310,10 +336,27 @@ mod tests {
             let snapshot = Arc::new(engine.snapshot());
             outputs.extend([
                 Output::Scan { session: 1, points: 20, update, took: Duration::ZERO },
-                Output::Snapshot { session: 1, snapshot },
+                Output::Snapshot { session: 1, snapshot, took: Duration::ZERO },
             ]);
         }
         outputs
+    }
+
+    #[test]
+    fn that_snapshots_are_put_off_for_long_is_said_once_a_session() {
+        let mut put_off = PutOff::default();
+        let mut said = |session, ms| put_off.line(session, 2_000_000, Duration::from_millis(ms));
+        assert_eq!(said(1, 100), None);
+        let line = said(1, 250).unwrap();
+        assert!(
+            line.contains("of 2000000 dense voxels takes 250 ms") && line.contains("2.2 s after"),
+            "{line}"
+        );
+        assert!(
+            [said(1, 300).is_none(), said(2, 300).is_some(), said(2, 20).is_none()]
+                .iter()
+                .all(|as_it_is| *as_it_is)
+        );
     }
 
     #[test]

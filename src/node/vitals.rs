@@ -11,6 +11,8 @@ use crate::msg::labelled;
 pub(super) struct Vitals {
     /// How long the engine worked on each scan since that report.
     pub(super) took: Vec<Duration>,
+    /// How long it worked on the newest snapshot of the map.
+    pub(super) snapshot_took: Duration,
     /// Points of these scans, and how many of them lay beyond the grid.
     pub(super) points: Points,
     /// The newest map that was seen.

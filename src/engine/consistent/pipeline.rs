@@ -1,14 +1,12 @@
 //! The consistent engine itself: one scan in, what it changed out.
 
-use nalgebra::UnitVector3;
+mod voxels;
 
-use super::block::{Block, BlockIndex, Cell, Voxel};
+use super::block::{BlockIndex, Cell};
 use super::bounds::Bounds;
 use super::clearing::Clearing;
-use super::graph::NodeId;
 use super::grid::{Binned, Grid};
 use super::layer::Segmented;
-use super::region::Region;
 use super::rest::Leaving;
 use super::saved::{SavedBlock, SavedConsistent};
 use super::scratch;
@@ -20,7 +18,7 @@ use crate::engine::now::Taken;
 use crate::engine::params::Params;
 use crate::engine::saved::{RestoreError, ensure};
 use crate::engine::scan::Scan;
-use crate::engine::snapshot::{DenseVoxel, Snapshot, Update};
+use crate::engine::snapshot::{Snapshot, Update};
 use crate::engine::step::PipelineStep;
 
 /// The map of one session: a grid of voxels and the clusters that the definition makes of them.
@@ -279,48 +277,6 @@ impl Consistent {
 
     fn unclustered(&self) -> u32 {
         self.grid.dense() - self.surfaces.clustered()
-    }
-
-    fn voxels(&self) -> Vec<DenseVoxel> {
-        let mut voxels = Vec::with_capacity(self.grid.dense() as usize);
-        for (index, block) in self.grid.blocks() {
-            let published = self.surfaces.voxels(index);
-            let now = states(&self.grid, block);
-            let noise = &self.surfaces.rules.noise;
-            for voxel in block.voxels().iter().filter(|voxel| self.grid.is_dense(voxel)) {
-                let place = published.binary_search_by_key(&voxel.cell, |(state, _)| state.cell());
-                let node = place.ok().and_then(|place| published[place].1);
-                let patch = node.and_then(|node| self.surfaces.patch(node));
-                let of_patch = patch.map(|patch| (patch.normal(), patch.curvature()));
-                let shape = of_patch.or_else(|| {
-                    let fit = Region::around(&now, voxel.cell, noise).fit()?;
-                    Some((fit.plane.normal, fit.curvature() as f32))
-                });
-                voxels.extend(self.voxel(block, voxel, shape, node));
-            }
-        }
-        voxels.sort_unstable_by_key(|voxel| voxel.key);
-        voxels
-    }
-
-    /// A voxel has the normal of its patch, which sees further than the voxel's own neighbourhood, and its curvature; `shape`
-    /// is both.
-    fn voxel(
-        &self,
-        block: &Block,
-        voxel: &Voxel,
-        shape: Option<(UnitVector3<f64>, f32)>,
-        node: Option<NodeId>,
-    ) -> Option<DenseVoxel> {
-        let cluster = node.and_then(|node| self.surfaces.cluster_of_node(node));
-        Some(DenseVoxel {
-            key: block.voxel_key(voxel.cell)?,
-            count: voxel.count,
-            centre: self.grid.centre(block, voxel),
-            normal: shape.map(|(normal, _)| normal),
-            curvature: shape.map_or(f32::NAN, |(_, curvature)| curvature),
-            cluster: cluster.and_then(|cluster| cluster.identity.id),
-        })
     }
 }
 

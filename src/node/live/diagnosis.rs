@@ -128,6 +128,7 @@ impl Diagnosis {
     pub(super) fn of_engine(&self) -> DiagnosticStatus {
         let mut took = std::mem::take(&mut self.vitals.borrow_mut().took);
         took.sort_unstable();
+        let snapshot_took = self.vitals.borrow().snapshot_took;
         let ms =
             |took: Option<&Duration>| format!("{:.2}", took.map_or(0.0, |took| took.as_secs_f64() * 1e3));
         let (counts, before) = (self.counts.borrow(), &self.before.counts);
@@ -137,6 +138,7 @@ impl Diagnosis {
         part.value("rate [Hz]", format!("{rate:.2}"));
         part.value("engine, median [ms]", ms(took.get(took.len() / 2)));
         part.value("engine, longest [ms]", ms(took.last()));
+        part.value("snapshot, newest [ms]", ms(Some(&snapshot_took)));
         part.value("received in all", counts.received).value("taken in in all", counts.taken_in);
         part.value("replaced in all", counts.replaced).value("lost in all", counts.lost);
         for (reason, number) in &counts.skipped {
