@@ -67,6 +67,10 @@ pub struct Frames {
     looked: Option<Stamp>,
     /// How often transforms have jumped back.
     jumps: u64,
+    /// The frame whose newest transform was the last that jumped back, and from where.
+    jumped: Option<(String, Stamp)>,
+    /// Frames with two publishers whose stamps lie apart: of them no transform jumps back.
+    to_and_fro: BTreeSet<String>,
 }
 
 #[derive(Debug)]
@@ -87,7 +91,7 @@ impl Edge {
 }
 
 /// What an accepted transform did beside being stored.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Inserted {
     /// Nothing.
     Stored,
@@ -101,6 +105,12 @@ pub enum Inserted {
     /// Its stamp lies more than [`JUMP_BACK`] before its frame's newest, as when a bag loops: all other dynamic
     /// transforms are gone, the static ones stay.
     JumpedBack,
+    /// It is where its frame had jumped back from: two publishers have stamps that lie so far apart (s). From now on none of
+    /// that frame's transforms is taken for a jump.
+    ToAndFro {
+        /// Between the newest stamps of the two.
+        apart: f64,
+    },
 }
 
 impl Inserted {
@@ -119,6 +129,10 @@ impl Inserted {
             Self::JumpedBack => Some(format!(
                 "the transforms of {child} have jumped back in time: all before that change are forgotten"
             )),
+            Self::ToAndFro { apart } => Some(format!(
+                "the transforms of {child} jump to and fro by {apart:.1} s: they have two publishers, one of which is late; those of \
+                 other frames are forgotten for it no more"
+            )),
         }
     }
 }
@@ -134,7 +148,8 @@ impl Frames {
     pub fn new() -> Self {
         let registry = Registry::with_max_age(MAX_AGE);
         let (edges, parents) = (BTreeMap::new(), BTreeMap::new());
-        Self { registry, edges, parents, samples: 0, looked: None, jumps: 0 }
+        let (jumped, to_and_fro) = (None, BTreeSet::new());
+        Self { registry, edges, parents, samples: 0, looked: None, jumps: 0, jumped, to_and_fro }
     }
 
     /// Takes in one transform of `/tf_static` (`is_static`) or `/tf`; the stamp of a static one is not looked at.
@@ -149,13 +164,37 @@ impl Frames {
         let sample = Sample::check(message, is_static)?;
         let jumped_back = self.jumps_back(&sample);
         self.check_place(&sample, jumped_back)?;
+        let apart = self.apart(&sample);
         if jumped_back {
-            self.jumps += 1;
-            self.clear_dynamic();
+            self.jump_back(&sample);
+        } else {
+            self.jumped.take_if(|(child, _)| child == sample.child);
         }
         self.make_room(&sample)?;
         let inserted = self.store(&sample)?;
+        if let Some(apart) = apart {
+            self.to_and_fro.insert(sample.child.to_owned());
+            return Ok(Inserted::ToAndFro { apart });
+        }
         Ok(if jumped_back { Inserted::JumpedBack } else { inserted })
+    }
+
+    /// Forgets what is of the time before a jump.
+    fn jump_back(&mut self, sample: &Sample<'_>) {
+        self.jumps += 1;
+        let newest = self.edges.get(sample.child).and_then(Edge::newest);
+        self.clear_dynamic();
+        self.jumped = newest.map(|newest| (sample.child.to_owned(), newest));
+    }
+
+    /// How far the stamps of a frame's two publishers lie apart, where its last transform jumped back and this one leaps to where
+    /// that came from. What plays again from its beginning gets there step by step.
+    fn apart(&self, sample: &Sample<'_>) -> Option<f64> {
+        let (_, before) = self.jumped.as_ref().filter(|(child, _)| child == sample.child)?;
+        let (stamp, last) = (sample.stamp?, self.edges.get(sample.child)?.newest()?);
+        let is_back = before.seconds_since(stamp) <= JUMP_BACK;
+        let apart = stamp.seconds_since(last);
+        (is_back && apart > JUMP_BACK && self.to_and_fro.len() < MAX_FRAMES).then_some(apart)
     }
 
     /// Whether a transform of `/tf` that was overtaken by others is still of use: it is about the frame as it is, and taking it
@@ -169,6 +208,9 @@ impl Frames {
     }
 
     fn jumps_back(&self, sample: &Sample<'_>) -> bool {
+        if self.to_and_fro.contains(sample.child) {
+            return false;
+        }
         let newest = self.edges.get(sample.child).and_then(Edge::newest);
         newest.zip(sample.stamp).is_some_and(|(newest, stamp)| newest.seconds_since(stamp) > JUMP_BACK)
     }

@@ -278,6 +278,41 @@ fn a_bag_that_loops_clears_the_dynamic_transforms_and_keeps_the_static_ones() {
 }
 
 #[test]
+fn a_frame_of_two_publishers_whose_stamps_lie_apart_clears_what_others_have_once() {
+    let mut frames = robot();
+    frames.dynamic("map", "tag", 2.0, 0.0);
+    assert_eq!(frames.dynamic("map", "tag", 0.5, 0.0), Inserted::JumpedBack);
+    let found = frames.dynamic("map", "tag", 2.1, 0.0);
+    assert!(matches!(found, Inserted::ToAndFro { apart } if (apart - 1.6).abs() < 1e-9), "{found:?}");
+    for step in 0..50 {
+        let now = 2.2 + 0.1 * f64::from(step);
+        assert_eq!(frames.dynamic("odom", "base_link", now, now), Inserted::Stored);
+        assert_eq!(frames.dynamic("map", "tag", now - 1.6, 0.0), Inserted::Stored);
+        assert_eq!(frames.dynamic("map", "tag", now, 0.0), Inserted::Stored);
+    }
+    assert_eq!(frames.x("odom", "camera", 3.0).unwrap(), 3.5);
+    assert_eq!(frames.jumps(), 1);
+    // A bag that begins again is still told by the others.
+    assert_eq!(frames.dynamic("odom", "base_link", 2.2, 0.0), Inserted::JumpedBack);
+    assert_eq!(frames.frame_names(), ["base_link", "camera", "odom"]);
+}
+
+#[test]
+fn a_bag_that_loops_is_no_frame_of_two_publishers_when_it_comes_to_its_end_again() {
+    let mut frames = Frames::new();
+    for lap in 0..3 {
+        for step in 0..40 {
+            let expected = if lap > 0 && step == 0 { Inserted::JumpedBack } else { Inserted::Stored };
+            assert_eq!(
+                frames.dynamic("odom", "base_link", 0.1 * f64::from(step), 0.0),
+                expected,
+                "{lap} {step}"
+            );
+        }
+    }
+}
+
+#[test]
 fn a_jump_back_frees_the_places_of_what_it_clears() {
     let mut frames = Frames::new();
     frames.dynamic("b", "c", 5.0, 0.0);
