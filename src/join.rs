@@ -124,6 +124,11 @@ impl Join {
     /// The frames that have been seen, for a person to choose from.
     pub fn frames_seen(&self) -> String {
         let known = self.frames.frame_names();
+        if known.is_empty() {
+            return "no transform has come at all: nobody publishes on /tf and /tf_static, or on others (-r /tf:=... -r \
+                    /tf_static:=...)"
+                .to_owned();
+        }
         let (shown, more) = (&known[..known.len().min(NAMES)], known.len().saturating_sub(NAMES));
         let more = if more > 0 { format!(" and {more} more") } else { String::new() };
         format!("frames seen: {}{more} (choose with -p fixed_frame:=...)", shown.join(", "))

@@ -76,8 +76,13 @@ pub enum ChoiceError {
         held: String,
     },
     /// No topic has scans.
-    #[error("the bag has no point cloud and no depth image; it holds:{0}")]
-    Nothing(String),
+    #[error("the bag has no point cloud and no depth image{hint}; it holds:{held}")]
+    Nothing {
+        /// What may have been meant.
+        hint: String,
+        /// The list.
+        held: String,
+    },
     /// Several topics have scans.
     #[error("several topics could be meant: choose with {choices}; the bag holds:{held}")]
     Several {
@@ -101,7 +106,7 @@ pub enum ChoiceError {
 impl ChoiceError {
     /// Whether more of a bag that is cut could have helped.
     pub fn is_for_lack(&self) -> bool {
-        matches!(self, Self::NoTopic { .. } | Self::Nothing(_) | Self::NoCameraInfo { .. })
+        matches!(self, Self::NoTopic { .. } | Self::Nothing { .. } | Self::NoCameraInfo { .. })
     }
 }
 
@@ -175,8 +180,31 @@ fn only<'a>(topics: &[Topic], candidates: &[Candidate<'a>]) -> Result<Candidate<
             }
         }
     }
-    Err(ChoiceError::Nothing(held(topics)))
+    Err(ChoiceError::Nothing { hint: otherwise(topics), held: held(topics) })
 }
+
+/// How scans could be had of a bag that has none as it is.
+fn otherwise(topics: &[Topic]) -> String {
+    let has_messages = || topics.iter().filter(|topic| topic.messages != Some(0));
+    let of_ros_1 =
+        |topic: &Topic| topic.encoding == "ros1" && SCANS_OF_ROS_1.contains(&topic.type_name.as_str());
+    if has_messages().any(of_ros_1) {
+        return " in CDR: its messages are serialised as in ROS 1; convert the .bag that it was made of: rosbags-convert \
+                --src X.bag --dst X --dst-storage mcap"
+            .to_owned();
+    }
+    let mut images = has_messages().filter(|topic| kind_by_type(topic) == Some(SensorKind::Depth));
+    images.next().map_or_else(String::new, |image| {
+        format!(
+            " that is called one; an image of depths by another name is taken with --topic {}",
+            one_line(&image.name)
+        )
+    })
+}
+
+/// What ROS 1 calls the types of scans.
+const SCANS_OF_ROS_1: [&str; 3] =
+    ["sensor_msgs/PointCloud2", "sensor_msgs/Image", "sensor_msgs/CompressedImage"];
 
 /// What a topic is taken for when nobody has named it: an image is one of depth only when its name says so, and what a
 /// replay wrote is no sensor.
@@ -390,7 +418,21 @@ mod tests {
         let text = |name: &str| choose(&kinect(), &[wanted(name)], &[], None).unwrap_err().to_string();
         assert!(text("/camera/depth/point").contains("is /camera/depth/points meant?"));
         assert!(text("/camera/depth/camera_info").contains("carries sensor_msgs/msg/CameraInfo"));
-        assert_eq!(choose(&[], &[], &[], None).unwrap_err(), ChoiceError::Nothing(" nothing".to_owned()));
+        let image = topics(&[("/oak/stereo/image_raw", "Image"), ("/oak/stereo/camera_info", "CameraInfo")]);
+        let error = choose(&image, &[], &[], None).unwrap_err().to_string();
+        assert!(
+            error.contains("another name is taken with --topic /oak/stereo/image_raw; it holds:"),
+            "{error}"
+        );
+        let mut ros_1 = topics(&[("/camera/depth/points", "PointCloud2")]);
+        (ros_1[0].encoding, ros_1[0].type_name) = ("ros1".to_owned(), "sensor_msgs/PointCloud2".to_owned());
+        let error = choose(&ros_1, &[], &[], None).unwrap_err().to_string();
+        assert!(
+            error.contains("serialised as in ROS 1; convert the .bag that it was made of: rosbags-convert"),
+            "{error}"
+        );
+        let nothing = ChoiceError::Nothing { hint: String::new(), held: " nothing".to_owned() };
+        assert_eq!(choose(&[], &[], &[], None).unwrap_err(), nothing);
         let bare = topics(&[("/depth", "Image")]);
         let text = choose(&bare, &[], &[], None).unwrap_err().to_string();
         assert!(text.contains("on /camera_info") && text.contains("(0 in the bag)"), "{text}");

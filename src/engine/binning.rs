@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Vector3};
 
 /// p = R x + t, each term rounded on its own so that every processor finds the same voxel. The plain form of what
 /// [`Fixed`] and [`Exact`] begin with, for what bins beside the engine: the truth of the experiments.
-#[cfg(any(test, feature = "bag"))]
+#[cfg(any(test, all(feature = "bag", feature = "sim")))]
 pub(crate) fn map(
     rotation: &Matrix3<f64>,
     translation: &Vector3<f64>,

@@ -132,7 +132,11 @@ pub enum BeginError {
     #[error("--resume needs the parameter snapshot_path: the file of the map")]
     NoPath,
     /// It cannot be written later.
-    #[error("snapshot_path is {0}; it must be a file in a folder that exists")]
+    #[error(
+        "snapshot_path is {}; it must be a file in a folder that exists{}",
+        .0.display(),
+        if .0.starts_with("~") { ", and `~` is not expanded here" } else { "" }
+    )]
     NoFolder(PathBuf),
     /// It is another map.
     #[error("{path}: {error}; start with that, or without --resume")]

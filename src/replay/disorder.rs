@@ -47,7 +47,7 @@ impl Disorder {
         is_felt.then(|| {
             format!(
                 "messages lie in the bag up to {:.1} s out of the order in which they were recorded, and are read as they lie: where \
-                 transforms were missing for it, or sessions began, `mcap sort` helps",
+                 transforms were missing for it, or sessions began, `mcap sort` helps, and of several files `mcap merge`",
                 self.most.as_secs_f64()
             )
         })

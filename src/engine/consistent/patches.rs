@@ -440,12 +440,10 @@ impl<'a> Segmentation<'a> {
     fn drop_fragments(&mut self) {
         let (mut left, mut patches) = (self.cells(), 0);
         let before = std::mem::replace(&mut self.owner, vec![FREE; self.states.len()]);
-        for first in 0..self.states.len() {
-            let Some(left) = left.get_mut(usize::from(before[first])) else { continue };
-            if !left.contains(self.states[first].cell()) {
-                continue;
-            }
-            let fragment = left.connected_with(self.states[first].cell());
+        for (state, &number) in self.states.iter().zip(&before) {
+            let left = left.get_mut(usize::from(number)).filter(|left| left.contains(state.cell()));
+            let Some(left) = left else { continue };
+            let fragment = left.connected_with(state.cell());
             *left = left.without(&fragment);
             let members: Vec<_> = self.occupied.ranks_of(&fragment).collect();
             let region = self.region(members.iter().copied());

@@ -239,6 +239,9 @@ fn what_cannot_be_resumed_is_kept_aside_and_what_contradicts_the_parameters_is_l
     let nowhere = Value::Text(folder.path().join("none/map").display().to_string());
     let nowhere = Config::new([("snapshot_path".to_owned(), nowhere)]).unwrap();
     assert!(begin(&nowhere, false).unwrap_err().to_string().contains("a folder that exists"));
+    let home = Config::new([("snapshot_path".to_owned(), Value::Text("~/map.cfodi".to_owned()))]).unwrap();
+    let error = begin(&home, false).unwrap_err().to_string();
+    assert!(error.ends_with("a folder that exists, and `~` is not expanded here"), "{error}");
     let error = begin(&Config::new([]).unwrap(), true).unwrap_err().to_string();
     assert_eq!(error, "--resume needs the parameter snapshot_path: the file of the map");
 }
