@@ -9,7 +9,7 @@ use std::time::Duration;
 use crate::cloud::{Cloud, CloudError};
 use crate::engine::{Scan, Stamp};
 use crate::msg::ros::{JUMP_BACK, TransformStamped};
-use crate::tf::{FrameError, Frames, Inserted, Lack, LookupError, Moment, Waited, WaitingQueue};
+use crate::tf::{FrameError, Frames, Inserted, Lack, LookupError, Moment, Waited, WaitingQueue, bare};
 
 /// Pairs of a frame and a sensor that are remembered at most: a sender can make up ever new frames.
 const SENSORS: usize = 1000;
@@ -163,6 +163,17 @@ impl Join {
     /// Which sensor has sent clouds in this frame.
     pub fn sensor_in(&self, frame: &str) -> Option<usize> {
         self.arrived.keys().find(|(known, _)| known == frame).map(|(_, sensor)| *sensor)
+    }
+
+    /// What is to be said of clouds in a frame that is the fixed one, where something moves below it: where their sensor stood
+    /// nobody knows.
+    pub fn without_viewpoint(&self, frame: &str, fixed_frame: &str) -> Option<String> {
+        (bare(frame) == bare(fixed_frame) && self.frames.moves_below(fixed_frame)).then(|| {
+            format!(
+                "clouds come in `{fixed_frame}` itself, so that nobody knows where the sensor stood: min_range, max_range and clearing \
+                 go by its origin; the driver's own cloud is in the sensor's frame"
+            )
+        })
     }
 
     /// Takes in a transform.

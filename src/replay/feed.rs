@@ -188,6 +188,7 @@ pub fn feed<V: Visitor>(feed: Feed<'_>, visitor: &mut V) -> Result<Ended, FeedEr
         enough: false,
         tally: Tally::default(),
         unplaced: BTreeSet::new(),
+        without_viewpoint: None,
         skips_said: Said::default(),
         transforms_said: Said::default(),
     };
@@ -249,6 +250,8 @@ struct Feeder<'a, V> {
     tally: Tally,
     /// Frames of which a scan was skipped because they had no way to the fixed one.
     unplaced: BTreeSet<String>,
+    /// What is to be said of clouds in the fixed frame.
+    without_viewpoint: Option<String>,
     /// Why scans of which frame were skipped.
     skips_said: Said,
     /// What transforms have done or were refused for.
@@ -326,6 +329,11 @@ impl<V: Visitor> Feeder<'_, V> {
             && self.tally.note_hardly_used()
         {
             self.visitor.say(&line);
+        }
+        if self.without_viewpoint.is_none()
+            && let Some(fixed_frame) = self.finder.name()
+        {
+            self.without_viewpoint = self.join.without_viewpoint(&cloud.frame_id, fixed_frame);
         }
         self.make_room()?;
         self.join.set_places(self.places());
@@ -460,8 +468,8 @@ impl<V: Visitor> Feeder<'_, V> {
         }
         let came_later = self.unplaced.iter().any(|frame| self.finder.reaches(frame));
         let disorder = self.disorder.about(came_later || self.tally.lacks_transforms());
-        let disorder = disorder.map(Remark::warning);
-        let remarks: Vec<_> = disorder.into_iter().chain(self.finder.about(&self.join)).collect();
+        let warnings = disorder.into_iter().chain(self.without_viewpoint).map(Remark::warning);
+        let remarks: Vec<_> = warnings.chain(self.finder.about(&self.join)).collect();
         remarks.iter().for_each(|remark| self.visitor.say(&remark.text));
         let fixed_frame = self.finder.into_name();
         Ok(Ended::Fed(Fed { tally: self.tally, fixed_frame, remarks, unread, stopped }))

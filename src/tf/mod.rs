@@ -355,6 +355,15 @@ impl Frames {
         std::iter::successors(self.edges.get(frame), |edge| self.edges.get(&edge.parent))
     }
 
+    /// Whether anything moves below a frame: transforms of `/tf` lead there from it.
+    pub fn moves_below(&self, frame: &str) -> bool {
+        let frame = bare(frame);
+        let is_below = |edge: &Edge| {
+            edge.parent == frame || self.up_from(&edge.parent).any(|above| above.parent == frame)
+        };
+        self.edges.values().any(|edge| edge.kept.is_some() && is_below(edge))
+    }
+
     /// How often transforms have jumped back: see [`Inserted::JumpedBack`].
     pub const fn jumps(&self) -> u64 {
         self.jumps

@@ -6,7 +6,7 @@ use cfodi::msg::ros::{Quaternion, TfMessage};
 use serde_json::Value;
 
 use crate::bags::{self, BagWriter, Layout, OPTICAL, POINTS, drive, late_odom, stamp, wall};
-use crate::{Folder, Replayed, cfodi, replay};
+use crate::{Folder, Replayed, cfodi, put_cloud, replay};
 
 #[test]
 fn a_static_transform_may_come_last_and_a_cloud_before_its_transform() {
@@ -21,6 +21,28 @@ fn a_static_transform_may_come_last_and_a_cloud_before_its_transform() {
     let early = replay(&folder.put("early.mcap", &drive(BagWriter::new(Layout::Plain), 30)), &[]);
     assert_eq!((late.status, late.number("scans")), (0, 30), "{}", late.errors);
     assert_eq!(late.voxels, early.voxels);
+}
+
+#[test]
+fn clouds_in_the_fixed_frame_of_a_robot_that_moves_are_warned_of() {
+    let folder = Folder::new();
+    let bag = |frame: &str| {
+        let mut writer = BagWriter::new(Layout::Plain);
+        for i in 0..12 {
+            writer.tf("/tf", stamp(i), "odom", "base_link", 0.1 * i as f64);
+            writer.tf("/tf", stamp(i), "base_link", OPTICAL, 0.0);
+            put_cloud(&mut writer, POINTS, frame, i);
+        }
+        writer.finish()
+    };
+    let said = "clouds come in `odom` itself, so that nobody knows where the sensor stood";
+    let found = replay(&folder.put("registered.mcap", &bag("odom")), &[]);
+    assert_eq!((found.status, found.number("scans")), (0, 12), "{}", found.errors);
+    assert!(found.errors.contains(said), "{}", found.errors);
+    assert!(found.summary.as_ref().unwrap()["remarks"][0].as_str().unwrap().contains(said));
+    let found = replay(&folder.put("driver.mcap", &bag(OPTICAL)), &[]);
+    assert_eq!((found.status, found.number("scans")), (0, 12), "{}", found.errors);
+    assert!(!found.errors.contains(said), "{}", found.errors);
 }
 
 /// A camera that is mounted anew, and a frame that is told to stand still once it has moved.

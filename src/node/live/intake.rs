@@ -36,6 +36,8 @@ pub(super) struct Intake {
     /// Since then: good scans that show next to nothing, and what is to be said of the newest.
     pub(super) blind: u64,
     pub(super) blindness: Option<String>,
+    /// It was said that its clouds come in the fixed frame.
+    pub(super) is_known_without_viewpoint: bool,
 }
 
 impl Intake {
@@ -53,6 +55,7 @@ impl Intake {
             fault: None,
             blind: 0,
             blindness: None,
+            is_known_without_viewpoint: false,
         }
     }
 

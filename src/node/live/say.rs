@@ -12,11 +12,20 @@ use crate::node::transport::{Input, Transport};
 use crate::tf::Waited;
 
 impl<T: Transport> Live<T> {
-    /// Says when next to nothing of a cloud is of use: its unit, frame or range may be others than assumed.
+    /// Says when next to nothing of a cloud is of use, for its unit, frame or range may be others than assumed, and when it does not
+    /// say where its sensor stood.
     pub(super) fn look_at(&mut self, input: Input, cloud: &Cloud) {
         if let Some(line) = cloud.hardly_used() {
             let topic = self.topic(input);
             self.warn(format!("hardly_used {topic}"), format_args!("{topic}: {line}"));
+        }
+        if self.intakes[input.sensor].is_known_without_viewpoint {
+            return;
+        }
+        if let Some(line) = self.join.without_viewpoint(&cloud.frame_id, &self.fixed_frame) {
+            self.intakes[input.sensor].is_known_without_viewpoint = true;
+            let topic = self.topic(input);
+            self.warn(format!("viewpoint {topic}"), format_args!("{topic}: {line}"));
         }
     }
 
