@@ -105,10 +105,10 @@ impl Pending {
         Some(rest.until.saturating_duration_since(Instant::now())).filter(|left| !left.is_zero())
     }
 
-    fn is_idle(&self) -> bool {
+    /// Whether there is nothing to do but a snapshot that is put off.
+    fn is_idle(&self, is_put_off: bool) -> bool {
         let has_nothing = self.session.is_none() && self.params.is_none() && self.scans.is_empty();
-        let has_snapshot = self.snapshot && self.put_off().is_none();
-        has_nothing && !has_snapshot && !self.save && !self.stop
+        has_nothing && (is_put_off || !self.snapshot) && !self.save && !self.stop
     }
 }
 
@@ -150,21 +150,22 @@ impl Mailbox {
 
     fn take(&self) -> Task {
         let mut pending = self.lock();
-        while pending.is_idle() {
-            pending = match pending.put_off() {
+        let mut put_off = pending.put_off();
+        while pending.is_idle(put_off.is_some()) {
+            pending = match put_off {
                 Some(left) => {
                     let waited = self.filled.wait_timeout(pending, left);
                     waited.unwrap_or_else(PoisonError::into_inner).0
                 }
                 None => self.filled.wait(pending).unwrap_or_else(PoisonError::into_inner),
             };
+            put_off = pending.put_off();
         }
-        let is_put_off = pending.put_off().is_some();
         let scan = pending.scans.pop_front();
         // The end comes after all scans and with the whole map; a snapshot in between must not wait for a pause.
         let stop = pending.stop && pending.scans.is_empty();
         let is_time = stop || !pending.stop;
-        let snapshot = is_time && !is_put_off && std::mem::take(&mut pending.snapshot);
+        let snapshot = is_time && put_off.is_none() && std::mem::take(&mut pending.snapshot);
         let save = is_time && std::mem::take(&mut pending.save);
         let (session, params) = (pending.session.take(), pending.params.take());
         Task { session, params, scan, snapshot, save, stop }
@@ -374,7 +375,8 @@ pub(crate) mod tests {
             mailbox.put(|pending| {
                 (pending.snapshot, pending.stop) = (true, stop);
                 pending.scans.extend((0..waiting).map(scan));
-                (pending.put_off().is_some(), pending.is_idle())
+                let is_put_off = pending.put_off().is_some();
+                (is_put_off, pending.is_idle(is_put_off))
             })
         };
         let long = Duration::from_secs(60);
