@@ -85,6 +85,7 @@ struct Pending {
     /// Oldest first.
     scans: VecDeque<Scan>,
     snapshot: bool,
+    /// What puts the next snapshot off.
     rest: Option<Rest>,
     save: bool,
     stop: bool,

@@ -45,7 +45,7 @@ pub enum BagError {
         folder: PathBuf,
     },
     /// Something else.
-    #[error("{} is no MCAP file: it begins with {start}", path.display())]
+    #[error("{} is no MCAP file: it begins with {start}{}", path.display(), instead_of(path))]
     NotMcap {
         /// The file.
         path: PathBuf,
@@ -121,6 +121,12 @@ impl BagError {
     pub fn is_wrong_argument(&self) -> bool {
         matches!(self, Self::Ros1 { .. } | Self::Sqlite { .. } | Self::NotMcap { .. } | Self::NoBag { .. })
     }
+}
+
+/// What to give in place of a file that is no recording, but stands beside one.
+fn instead_of(path: &Path) -> &'static str {
+    let is_metadata = path.file_name().is_some_and(|name| name == "metadata.yaml");
+    if is_metadata { "; give the folder that it lies in" } else { "" }
 }
 
 /// How many parts of a file, by kind; none of a kind of which there are none.

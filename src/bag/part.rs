@@ -68,12 +68,7 @@ impl Part {
         } else if is(MCAP) || is(ZSTD) || start.is_empty() {
             Ok(Self { path: path.to_owned(), size, is_compressed: is(ZSTD) })
         } else {
-            let is_metadata = path.file_name().is_some_and(|name| name == "metadata.yaml");
-            let hint = if is_metadata { "; give the folder that it lies in" } else { "" };
-            Err(BagError::NotMcap {
-                path: path.to_owned(),
-                start: format!("\"{}\"{hint}", start.escape_ascii()),
-            })
+            Err(BagError::NotMcap { path: path.to_owned(), start: format!("\"{}\"", start.escape_ascii()) })
         }
     }
 }

@@ -9,6 +9,8 @@
 //! [`WaitingQueue`] holds scans until the transform at their stamp has come.
 
 mod error;
+mod inserted;
+mod jumps;
 mod kept;
 mod sample;
 mod waiting;
@@ -30,9 +32,11 @@ use crate::engine::Stamp;
 use crate::msg::ros::{JUMP_BACK, TransformStamped};
 
 pub use error::{FrameError, Lack, LookupError, Span};
+pub use inserted::Inserted;
 pub use sample::{MAX_NAME_BYTES, NORM_TOLERANCE};
 pub use waiting::{Moment, Waited, WaitingQueue};
 
+use jumps::Jumps;
 use kept::Kept;
 use sample::{Sample, instant, stamp_of};
 
@@ -65,12 +69,7 @@ pub struct Frames {
     samples: usize,
     /// The time at which the tree was full and looked through for what is out of date.
     looked: Option<Stamp>,
-    /// How often transforms have jumped back.
-    jumps: u64,
-    /// The frame whose newest transform was the last that jumped back, and from where.
-    jumped: Option<(String, Stamp)>,
-    /// Frames with two publishers whose stamps lie apart: of them no transform jumps back.
-    to_and_fro: BTreeSet<String>,
+    jumps: Jumps,
 }
 
 #[derive(Debug)]
@@ -90,53 +89,6 @@ impl Edge {
     }
 }
 
-/// What an accepted transform did beside being stored.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Inserted {
-    /// Nothing.
-    Stored,
-    /// It moved its frame under another parent; the frame's past is gone.
-    Reparented {
-        /// The parent before.
-        before: String,
-    },
-    /// It made a static frame dynamic or a dynamic one static; the frame's past is gone.
-    KindChanged,
-    /// Its stamp lies more than [`JUMP_BACK`] before its frame's newest, as when a bag loops: all other dynamic
-    /// transforms are gone, the static ones stay.
-    JumpedBack,
-    /// It is where its frame had jumped back from: two publishers have stamps that lie so far apart (s). From now on none of
-    /// that frame's transforms is taken for a jump.
-    ToAndFro {
-        /// Between the newest stamps of the two.
-        apart: f64,
-    },
-}
-
-impl Inserted {
-    /// What to say of it, with the words that the transform has; `None` where nothing is to be said.
-    pub fn about(&self, transform: &TransformStamped) -> Option<String> {
-        let (child, parent) = (bare(&transform.child_frame_id), bare(&transform.header.frame_id));
-        match self {
-            Self::Stored => None,
-            Self::Reparented { before } => Some(format!(
-                "{child} was below {before} and is now below {parent}, and its past is forgotten: where this is said again, two \
-                 publishers contradict each other"
-            )),
-            Self::KindChanged => Some(format!(
-                "{child} comes with transforms that change and with static ones: the newest counts, and its past is forgotten"
-            )),
-            Self::JumpedBack => Some(format!(
-                "the transforms of {child} have jumped back in time: all before that change are forgotten"
-            )),
-            Self::ToAndFro { apart } => Some(format!(
-                "the transforms of {child} jump to and fro by {apart:.1} s: they have two publishers, one of which is late; those of \
-                 other frames are forgotten for it no more"
-            )),
-        }
-    }
-}
-
 impl Default for Frames {
     fn default() -> Self {
         Self::new()
@@ -148,8 +100,7 @@ impl Frames {
     pub fn new() -> Self {
         let registry = Registry::with_max_age(MAX_AGE);
         let (edges, parents) = (BTreeMap::new(), BTreeMap::new());
-        let (jumped, to_and_fro) = (None, BTreeSet::new());
-        Self { registry, edges, parents, samples: 0, looked: None, jumps: 0, jumped, to_and_fro }
+        Self { registry, edges, parents, samples: 0, looked: None, jumps: Jumps::default() }
     }
 
     /// Takes in one transform of `/tf_static` (`is_static`) or `/tf`; the stamp of a static one is not looked at.
@@ -164,37 +115,21 @@ impl Frames {
         let sample = Sample::check(message, is_static)?;
         let jumped_back = self.jumps_back(&sample);
         self.check_place(&sample, jumped_back)?;
-        let apart = self.apart(&sample);
+        let newest = self.newest(sample.child);
+        let mut apart = None;
         if jumped_back {
-            self.jump_back(&sample);
+            self.jumps.note_back(sample.child, newest);
+            self.clear_dynamic();
         } else {
-            self.jumped.take_if(|(child, _)| child == sample.child);
+            apart = self.jumps.note_on(sample.child, newest, sample.stamp);
         }
         self.make_room(&sample)?;
         let inserted = self.store(&sample)?;
-        if let Some(apart) = apart {
-            self.to_and_fro.insert(sample.child.to_owned());
-            return Ok(Inserted::ToAndFro { apart });
-        }
-        Ok(if jumped_back { Inserted::JumpedBack } else { inserted })
-    }
-
-    /// Forgets what is of the time before a jump.
-    fn jump_back(&mut self, sample: &Sample<'_>) {
-        self.jumps += 1;
-        let newest = self.edges.get(sample.child).and_then(Edge::newest);
-        self.clear_dynamic();
-        self.jumped = newest.map(|newest| (sample.child.to_owned(), newest));
-    }
-
-    /// How far the stamps of a frame's two publishers lie apart, where its last transform jumped back and this one leaps to where
-    /// that came from. What plays again from its beginning gets there step by step.
-    fn apart(&self, sample: &Sample<'_>) -> Option<f64> {
-        let (_, before) = self.jumped.as_ref().filter(|(child, _)| child == sample.child)?;
-        let (stamp, last) = (sample.stamp?, self.edges.get(sample.child)?.newest()?);
-        let is_back = before.seconds_since(stamp) <= JUMP_BACK;
-        let apart = stamp.seconds_since(last);
-        (is_back && apart > JUMP_BACK && self.to_and_fro.len() < MAX_FRAMES).then_some(apart)
+        Ok(match apart {
+            Some(apart) => Inserted::ToAndFro { apart },
+            None if jumped_back => Inserted::JumpedBack,
+            None => inserted,
+        })
     }
 
     /// Whether a transform of `/tf` that was overtaken by others is still of use: it is about the frame as it is, and taking it
@@ -208,11 +143,12 @@ impl Frames {
     }
 
     fn jumps_back(&self, sample: &Sample<'_>) -> bool {
-        if self.to_and_fro.contains(sample.child) {
-            return false;
-        }
-        let newest = self.edges.get(sample.child).and_then(Edge::newest);
-        newest.zip(sample.stamp).is_some_and(|(newest, stamp)| newest.seconds_since(stamp) > JUMP_BACK)
+        self.jumps.is_back(sample.child, self.newest(sample.child), sample.stamp)
+    }
+
+    /// The newest stamp of a frame, where it is a dynamic one.
+    fn newest(&self, child: &str) -> Option<Stamp> {
+        self.edges.get(child).and_then(Edge::newest)
     }
 
     /// Whether the tree has a place for the sample's edge: no cycle, and not too deep.
@@ -358,6 +294,10 @@ impl Frames {
     /// Whether anything moves below a frame: transforms of `/tf` lead there from it.
     pub fn moves_below(&self, frame: &str) -> bool {
         let frame = bare(frame);
+        // Asked of each cloud of a camera that stands still, which is mostly above nothing.
+        if !self.parents.contains_key(frame) {
+            return false;
+        }
         let is_below = |edge: &Edge| {
             edge.parent == frame || self.up_from(&edge.parent).any(|above| above.parent == frame)
         };
@@ -366,7 +306,7 @@ impl Frames {
 
     /// How often transforms have jumped back: see [`Inserted::JumpedBack`].
     pub const fn jumps(&self) -> u64 {
-        self.jumps
+        self.jumps.count()
     }
 
     /// The isometry that maps coordinates of the frame `sensor` into the frame `fixed` at `stamp`.

@@ -1,6 +1,7 @@
 //! Each rule of the adapter by name, and lookups against composition by hand.
 
 mod hostile;
+mod jumps;
 
 use nalgebra::{Point3, Translation3, Vector3};
 use proptest::prelude::*;
@@ -260,76 +261,6 @@ fn a_static_frame_that_comes_as_dynamic_is_released_and_the_other_way_round() {
     assert_eq!(frames.x("odom", "camera", 1.5), Err("tf_too_late"));
     assert_eq!(frames.fixed("base_link", "camera", 0.5), Inserted::KindChanged);
     assert_eq!(frames.x("odom", "camera", 1.5), Ok(3.5));
-}
-
-#[test]
-fn a_bag_that_loops_clears_the_dynamic_transforms_and_keeps_the_static_ones() {
-    let mut frames = robot();
-    assert_eq!(
-        frames.dynamic("odom", "base_link", 1.0, 5.0),
-        Inserted::Stored,
-        "one second back is a late message"
-    );
-    assert_eq!(frames.dynamic("odom", "base_link", 0.999, 6.0), Inserted::JumpedBack);
-    assert_eq!(frames.frame_names(), ["base_link", "camera", "odom"], "map -> odom is of the time before");
-    assert_eq!(frames.x("odom", "camera", 0.999), Ok(6.5));
-    assert_eq!(frames.x("odom", "camera", 1.5), Err("tf_too_late"));
-    assert_eq!(frames.dynamic("map", "odom", 0.0, 1.0), Inserted::Stored);
-}
-
-#[test]
-fn a_frame_of_two_publishers_whose_stamps_lie_apart_clears_what_others_have_once() {
-    let mut frames = robot();
-    frames.dynamic("map", "tag", 2.0, 0.0);
-    assert_eq!(frames.dynamic("map", "tag", 0.5, 0.0), Inserted::JumpedBack);
-    let found = frames.dynamic("map", "tag", 2.1, 0.0);
-    assert!(matches!(found, Inserted::ToAndFro { apart } if (apart - 1.6).abs() < 1e-9), "{found:?}");
-    for step in 0..50 {
-        let now = 2.2 + 0.1 * f64::from(step);
-        assert_eq!(frames.dynamic("odom", "base_link", now, now), Inserted::Stored);
-        assert_eq!(frames.dynamic("map", "tag", now - 1.6, 0.0), Inserted::Stored);
-        assert_eq!(frames.dynamic("map", "tag", now, 0.0), Inserted::Stored);
-    }
-    assert_eq!(frames.x("odom", "camera", 3.0).unwrap(), 3.5);
-    assert_eq!(frames.jumps(), 1);
-    // A bag that begins again is still told by the others.
-    assert_eq!(frames.dynamic("odom", "base_link", 2.2, 0.0), Inserted::JumpedBack);
-    assert_eq!(frames.frame_names(), ["base_link", "camera", "odom"]);
-}
-
-#[test]
-fn a_bag_that_loops_is_no_frame_of_two_publishers_when_it_comes_to_its_end_again() {
-    let mut frames = Frames::new();
-    for lap in 0..3 {
-        for step in 0..40 {
-            let expected = if lap > 0 && step == 0 { Inserted::JumpedBack } else { Inserted::Stored };
-            assert_eq!(
-                frames.dynamic("odom", "base_link", 0.1 * f64::from(step), 0.0),
-                expected,
-                "{lap} {step}"
-            );
-        }
-    }
-}
-
-#[test]
-fn a_jump_back_frees_the_places_of_what_it_clears() {
-    let mut frames = Frames::new();
-    frames.dynamic("b", "c", 5.0, 0.0);
-    frames.dynamic("a", "b", 5.0, 0.0);
-    // With c still under b, b under c would be a cycle; what stays after the jump allows it.
-    assert_eq!(frames.dynamic("c", "b", 0.0, 1.0), Inserted::JumpedBack);
-    assert_eq!(frames.x("c", "b", 0.0), Ok(1.0));
-}
-
-#[test]
-fn a_scan_from_before_the_transforms_clears_them_only_when_they_are_far_ahead() {
-    let mut frames = robot();
-    assert!(!frames.forget_after(at(1.0)));
-    assert_eq!(frames.x("odom", "camera", 1.0), Ok(2.5));
-    assert!(frames.forget_after(at(0.5)));
-    assert_eq!(frames.frame_names(), ["base_link", "camera"]);
-    assert!(!frames.forget_after(at(-99.0)), "nothing dynamic is left");
 }
 
 #[test]

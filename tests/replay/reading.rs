@@ -105,6 +105,12 @@ fn other_recordings_are_refused_with_the_command_that_converts_them() {
         "{}",
         found.errors
     );
+    let found = replay(&folder.put("metadata.yaml", b"rosbag2_bagfile_information:\n"), &[]);
+    assert!(
+        found.status == 2 && found.errors.contains("; give the folder that it lies in"),
+        "{}",
+        found.errors
+    );
     let found = replay(Path::new("/nowhere/a.mcap"), &[]);
     assert!(found.status == 1 && found.errors.contains("cannot read /nowhere/a.mcap"), "{}", found.errors);
     assert_eq!(replay(&folder.put("empty.mcap", b""), &[]).status, 1);

@@ -85,6 +85,15 @@ def test_a_cloud_without_a_transform_is_warned_of_by_both_frames_and_skipped(sta
     assert "transform" in next(iter(counts["skipped"])), counts
 
 
+def test_clouds_in_the_fixed_frame_of_a_robot_that_moves_are_warned_of_once(start, peer):
+    node, camera = begin(start, peer)
+    for _ in range(8):
+        take_in(camera, peer.deltas, cloud=clouds.cloud(clouds.wall(), frame_id="map"))
+    node.line_with("/camera/depth/points: clouds come in `map` itself, so that nobody knows where the sensor stood")
+    node.stop()
+    assert sum("come in `map` itself" in line for line in node.lines) == 1
+
+
 def test_a_transform_that_comes_after_its_cloud_is_waited_for(start, peer):
     node, camera = begin(start, peer, tf_timeout=2.0)
     stamp = time.time_ns()

@@ -1,0 +1,51 @@
+//! What becomes of a transform that is taken in.
+
+use super::bare;
+use crate::msg::ros::TransformStamped;
+
+/// What an accepted transform did beside being stored.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Inserted {
+    /// Nothing.
+    Stored,
+    /// It moved its frame under another parent; the frame's past is gone.
+    Reparented {
+        /// The parent before.
+        before: String,
+    },
+    /// It made a static frame dynamic or a dynamic one static; the frame's past is gone.
+    KindChanged,
+    /// Its stamp lies more than [`JUMP_BACK`](crate::msg::ros::JUMP_BACK) before its frame's newest, as when a bag loops: all other dynamic
+    /// transforms are gone, the static ones stay.
+    JumpedBack,
+    /// It is where its frame had jumped back from: two publishers have stamps that lie so far apart (s). From now on none of
+    /// that frame's transforms is taken for a jump.
+    ToAndFro {
+        /// Between the newest stamps of the two.
+        apart: f64,
+    },
+}
+
+impl Inserted {
+    /// What to say of it, with the words that the transform has; `None` where nothing is to be said.
+    pub fn about(&self, transform: &TransformStamped) -> Option<String> {
+        let (child, parent) = (bare(&transform.child_frame_id), bare(&transform.header.frame_id));
+        match self {
+            Self::Stored => None,
+            Self::Reparented { before } => Some(format!(
+                "{child} was below {before} and is now below {parent}, and its past is forgotten: where this is said again, two \
+                 publishers contradict each other"
+            )),
+            Self::KindChanged => Some(format!(
+                "{child} comes with transforms that change and with static ones: the newest counts, and its past is forgotten"
+            )),
+            Self::JumpedBack => Some(format!(
+                "the transforms of {child} have jumped back in time: all before that change are forgotten"
+            )),
+            Self::ToAndFro { apart } => Some(format!(
+                "the transforms of {child} jump to and fro by {apart:.1} s: they have two publishers, one of which is late; those of \
+                 other frames are forgotten for it no more"
+            )),
+        }
+    }
+}
