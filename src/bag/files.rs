@@ -9,6 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::error::BagError;
 use super::metadata::{self, Metadata};
+use super::order::side_by_side;
 use super::part::{Part, reading, sqlite};
 use super::read::Messages;
 use super::survey::survey;
@@ -45,7 +46,9 @@ impl Bag {
         if !about.is_dir() {
             return Ok(Self::of(vec![Part::open(path)?]));
         }
-        let Chosen { paths, copies, listed, remarks } = match description(path)? {
+        let description = description(path)?;
+        let is_described = description.is_some();
+        let Chosen { paths, copies, listed, mut remarks } = match description {
             Some(text) => Chosen::of_metadata(path, metadata::parse(path, &text)?)?,
             None => Chosen::of_folder(path)?,
         };
@@ -63,6 +66,7 @@ impl Bag {
                 files.push(part?);
             }
         }
+        remarks.extend((!is_described).then(|| in_order_of_reading(&mut files)).flatten());
         Ok(Self { listed, copies, remarks, ..Self::of(files) })
     }
 
@@ -103,7 +107,7 @@ impl Bag {
         if stop.load(Ordering::Relaxed) { found } else { self.surveyed.get_or_init(|| found).clone() }
     }
 
-    /// All messages in the order of the file.
+    /// All messages in the order of the file; of files that were recorded side by side, by the times of recording.
     pub fn messages(&self) -> Messages {
         Messages::new(self.files.clone())
     }
@@ -136,15 +140,15 @@ impl Chosen {
         // Where there is nothing else, these are what is meant.
         let (paths, results) = if recorded.is_empty() { (results, recorded) } else { (recorded, results) };
         let left_out = remark("not read, as a replay has written them", &results, 1);
-        let together =
-            remark("without a metadata.yaml these are read as one recording, in this order", &paths, 2);
-        Ok(Self {
-            paths,
-            copies,
-            listed: Vec::new(),
-            remarks: left_out.into_iter().chain(together).collect(),
-        })
+        Ok(Self { paths, copies, listed: Vec::new(), remarks: left_out.into_iter().collect() })
     }
+}
+
+/// Puts the files of a folder that nothing describes into the order in which they are read, and says which that is.
+fn in_order_of_reading(files: &mut Vec<Part>) -> Option<String> {
+    let how = if side_by_side(files) { "by the times of their messages" } else { "in this order" };
+    let paths: Vec<_> = files.iter().map(|part| part.path.clone()).collect();
+    remark(&format!("without a metadata.yaml these are read as one recording, {how}"), &paths, 2)
 }
 
 /// Names the files that something is to be said of, where there are so many.

@@ -14,6 +14,7 @@ mod decode;
 mod error;
 mod files;
 mod metadata;
+mod order;
 mod part;
 mod read;
 mod records;

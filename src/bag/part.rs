@@ -20,6 +20,8 @@ pub(super) struct Part {
     pub(super) size: u64,
     /// Whether the whole file is a stream of zstd.
     pub(super) is_compressed: bool,
+    /// When its first message was recorded (ns), where it is read from then on, beside others.
+    pub(super) begins: Option<u64>,
 }
 
 const MCAP: &[u8] = b"\x89MCAP0\r\n";
@@ -32,7 +34,7 @@ impl Part {
     /// A file that cannot be opened, or is none of a bag: reading it says so.
     pub(super) fn unopened(path: &Path) -> Self {
         let size = path.metadata().map_or(0, |about| about.len());
-        Self { path: path.to_owned(), size, is_compressed: false }
+        Self { path: path.to_owned(), size, is_compressed: false, begins: None }
     }
 
     /// Refuses what is no regular file: opening a pipe would wait for its writer, and a device has no end.
@@ -66,7 +68,7 @@ impl Part {
         } else if is(SQLITE) {
             Err(sqlite(path, path.parent().unwrap_or(path)))
         } else if is(MCAP) || is(ZSTD) || start.is_empty() {
-            Ok(Self { path: path.to_owned(), size, is_compressed: is(ZSTD) })
+            Ok(Self { path: path.to_owned(), size, is_compressed: is(ZSTD), begins: None })
         } else {
             Err(BagError::NotMcap { path: path.to_owned(), start: format!("\"{}\"", start.escape_ascii()) })
         }

@@ -1,5 +1,6 @@
-//! The messages of a bag in the order of its file.
+//! The messages of a bag in the order of its file, or of its files by time.
 
+use std::collections::VecDeque;
 use std::fs::File;
 use std::io::{self, BufReader, Read};
 use std::sync::Arc;
@@ -22,6 +23,9 @@ const BUFFER: usize = 256 << 10;
 
 /// No sensor's message shrinks to less than this part.
 const MOST_COMPRESSED: u64 = 64;
+
+/// Files that are read side by side at most: each has a chunk in memory.
+const AT_ONCE: usize = 16;
 
 /// A record that is taken whatever the file's size (bytes).
 const SMALL_RECORD: u64 = 64 << 20;
@@ -62,10 +66,10 @@ impl Message {
 
 /// Reads a bag's messages. What cannot be read of a file is said last, after the messages of the files behind it.
 pub struct Messages {
-    files: Vec<Part>,
-    /// The file being read, and its place among the bag's files.
-    current: Option<Reader>,
-    next: usize,
+    /// Those that are still to be opened.
+    files: VecDeque<Part>,
+    /// Those that are being read, each with its next message.
+    open: Vec<(Reader, Option<Message>)>,
     /// Bytes read of all files, as they are on disk.
     bytes: Arc<AtomicU64>,
     /// The first error, and the number of files with further ones.
@@ -81,13 +85,17 @@ struct Reader {
     part: Part,
     /// What of it is damaged.
     damage: Option<Damage>,
-    /// Bytes read of the files before.
-    before: u64,
+    /// Bytes read of it, as they are on disk.
+    bytes: Arc<AtomicU64>,
 }
+
+/// A file has no more messages, and what of it could not be read.
+struct End(Option<BagError>);
 
 impl Messages {
     pub(super) fn new(files: Vec<Part>) -> Self {
-        Self { files, current: None, next: 0, bytes: Arc::default(), failure: None, other_failures: 0 }
+        let (files, open) = (files.into(), Vec::new());
+        Self { files, open, bytes: Arc::default(), failure: None, other_failures: 0 }
     }
 
     /// A counter of the bytes read so far of `Bag::size`; another thread may look at it.
@@ -95,19 +103,36 @@ impl Messages {
         Arc::clone(&self.bytes)
     }
 
-    /// Opens the next file; there is none where this gives `None`.
-    fn open_next(&mut self) -> Option<Result<Reader, BagError>> {
-        let part = self.files.get(self.next).cloned()?;
-        self.next += 1;
-        let before = self.bytes.load(Ordering::Relaxed);
-        let records = part.records(&self.bytes);
-        Some(records.map(|records| Reader {
-            records,
-            channels: Channels::default(),
-            part,
-            damage: None,
-            before,
-        }))
+    /// Opens the next file, where none is open or its messages begin by the time `until`; says whether it did.
+    fn open_next(&mut self, until: Option<u64>) -> bool {
+        let is_due =
+            |part: &Part| until.is_none_or(|until| part.begins.is_some_and(|begins| begins <= until));
+        if self.open.len() >= AT_ONCE || !self.files.front().is_some_and(is_due) {
+            return false;
+        }
+        let Some(part) = self.files.pop_front() else { return false };
+        match Reader::open(part, &self.bytes) {
+            Ok(reader) => self.open.push((reader, None)),
+            Err(error) => self.fail(error),
+        }
+        true
+    }
+
+    /// Reads the next message of each file that is open; one that has none is closed.
+    fn fill(&mut self) {
+        let mut i = 0;
+        while let Some((reader, head)) = self.open.get_mut(i) {
+            match head.take().map_or_else(|| reader.advance(), Ok) {
+                Ok(message) => {
+                    *head = Some(message);
+                    i += 1;
+                }
+                Err(End(error)) => {
+                    self.open.remove(i);
+                    error.into_iter().for_each(|error| self.fail(error));
+                }
+            }
+        }
     }
 
     /// What is to be said at the end.
@@ -118,7 +143,6 @@ impl Messages {
     }
 
     fn fail(&mut self, error: BagError) {
-        self.current = None;
         if self.failure.is_none() {
             self.failure = Some(error);
         } else {
@@ -132,35 +156,28 @@ impl Iterator for Messages {
 
     fn next(&mut self) -> Option<Self::Item> {
         loop {
-            let Some(reader) = &mut self.current else {
-                match self.open_next() {
-                    Some(Ok(reader)) => self.current = Some(reader),
-                    Some(Err(error)) => self.fail(error),
-                    None => return self.failure().map(Err),
-                }
+            self.fill();
+            let heads = self.open.iter().enumerate();
+            let heads = heads.filter_map(|(i, (_, head))| Some((head.as_ref()?.log_time, i)));
+            let earliest = heads.min();
+            if self.open_next(earliest.map(|(time, _)| time)) {
                 continue;
-            };
-            match reader.advance() {
-                Some(Ok(message)) => return Some(Ok(message)),
-                Some(Err(reason)) => {
-                    let error = reader.cut(reason, &self.bytes);
-                    self.fail(error);
-                }
-                None => match reader.damaged() {
-                    Some(error) => self.fail(error),
-                    None => self.current = None,
-                },
             }
+            return match earliest {
+                Some((_, i)) => self.open[i].1.take().map(Ok),
+                None => self.failure().map(Err),
+            };
         }
     }
 }
 
 impl Part {
-    fn records(&self, bytes: &Arc<AtomicU64>) -> Result<Records<WithoutLarge<Source>>, BagError> {
+    /// Reads it, and counts the bytes.
+    fn records(&self, bytes: Counters) -> Result<Records<WithoutLarge<Source>>, BagError> {
         let failed = |source| reading(&self.path, source);
         Self::check_regular(&self.path)?;
         let file = File::open(&self.path).map_err(failed)?;
-        let file = BufReader::with_capacity(BUFFER, Counted { file, bytes: Arc::clone(bytes) });
+        let file = BufReader::with_capacity(BUFFER, Counted { file, bytes });
         // A record's length is an unchecked number, and memory is taken by it: a small file has no giant ones.
         let limit = self.size.saturating_mul(MOST_COMPRESSED).max(SMALL_RECORD).min(MAX_MESSAGE_BYTES as u64);
         let options = LinearReaderOptions::default()
@@ -178,21 +195,31 @@ impl Part {
 }
 
 impl Reader {
-    /// The next message, or what is wrong. A chunk that is damaged costs what is left of it alone.
-    fn advance(&mut self) -> Option<Result<Message, String>> {
+    /// Opens a file; the bytes that are read of it are counted in `all`, too.
+    fn open(part: Part, all: &Arc<AtomicU64>) -> Result<Self, BagError> {
+        let bytes = Arc::default();
+        let records = part.records([Arc::clone(all), Arc::clone(&bytes)])?;
+        Ok(Self { records, channels: Channels::default(), part, damage: None, bytes })
+    }
+
+    /// The next message. A chunk that is damaged costs what is left of it alone.
+    fn advance(&mut self) -> Result<Message, End> {
         loop {
-            let record = match self.records.next()? {
-                Ok(record) => record,
-                Err(reason) => match self.records.pass_chunk() {
+            let record = match self.records.next() {
+                None => return Err(End(self.damaged())),
+                Some(Ok(record)) => record,
+                Some(Err(reason)) => match self.records.pass_chunk() {
                     Some(bytes) => {
                         self.pass(bytes, reason);
                         continue;
                     }
-                    None => return Some(Err(reason)),
+                    None => return Err(self.cut(reason)),
                 },
             };
-            if let Some(message) = self.channels.take(record).transpose() {
-                return Some(message.map(|message| self.decompressed(message)));
+            match self.channels.take(record) {
+                Ok(Some(message)) => return Ok(self.decompressed(message)),
+                Ok(None) => {}
+                Err(reason) => return Err(self.cut(reason)),
             }
         }
     }
@@ -234,15 +261,15 @@ impl Reader {
         Some(BagError::Damaged { path: self.part.path.clone(), damage })
     }
 
-    fn cut(&self, reason: String, bytes: &AtomicU64) -> BagError {
+    fn cut(&self, reason: String) -> End {
         if self.part.size == 0 {
-            return BagError::Empty { path: self.part.path.clone() };
+            return End(Some(BagError::Empty { path: self.part.path.clone() }));
         }
         let before =
             self.damage.as_ref().map_or_else(String::new, |damage| format!("; before that, {damage}"));
         let reason = reason + &before;
-        let bytes = bytes.load(Ordering::Relaxed) - self.before;
-        BagError::Cut { path: self.part.path.clone(), bytes, size: self.part.size, reason }
+        let bytes = self.bytes.load(Ordering::Relaxed);
+        End(Some(BagError::Cut { path: self.part.path.clone(), bytes, size: self.part.size, reason }))
     }
 }
 
@@ -265,16 +292,21 @@ fn decompress(data: &[u8]) -> io::Result<Vec<u8>> {
     }
 }
 
+/// Bytes read of all files, and of one.
+type Counters = [Arc<AtomicU64>; 2];
+
 /// A file that counts what is read of it.
 struct Counted {
     file: File,
-    bytes: Arc<AtomicU64>,
+    bytes: Counters,
 }
 
 impl Read for Counted {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         let read = self.file.read(buffer)?;
-        self.bytes.fetch_add(read as u64, Ordering::Relaxed);
+        for bytes in &self.bytes {
+            bytes.fetch_add(read as u64, Ordering::Relaxed);
+        }
         Ok(read)
     }
 }

@@ -62,6 +62,15 @@ pub(super) fn channels_of_summary(part: &Part) -> impl Iterator<Item = Record> {
     records.into_iter().flatten().map_while(Result::ok).filter(named)
 }
 
+/// When the first and the last message of a file were recorded (ns), as its summary says; 0 where it has none.
+pub(super) fn times(part: &Part) -> Option<(u64, u64)> {
+    let records = summary(part).filter(|_| !part.is_compressed)?;
+    records.map_while(Result::ok).find_map(|record| match record {
+        Record::Statistics(all) => Some((all.message_start_time, all.message_end_time)),
+        _ => None,
+    })
+}
+
 fn topic(channel: &mcap::Channel<'_>, messages: Option<u64>) -> Topic {
     Topic {
         name: channel.topic.clone(),

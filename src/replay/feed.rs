@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use super::ahead::Ahead;
 use super::disorder::Disorder;
+use super::early::Early;
 use super::error::FeedError;
 use super::finder::Finder;
 use super::fixed_frame::FixedFrame;
@@ -184,6 +185,7 @@ pub fn feed<V: Visitor>(feed: Feed<'_>, visitor: &mut V) -> Result<Ended, FeedEr
         patience,
         now: Duration::ZERO,
         disorder: Disorder::default(),
+        early: Early::new(patience),
         finder: Finder::new(fixed_frame),
         enough: false,
         tally: Tally::default(),
@@ -244,6 +246,7 @@ struct Feeder<'a, V> {
     /// When the last message was recorded.
     now: Duration,
     disorder: Disorder,
+    early: Early,
     finder: Finder,
     /// The visitor wants no more.
     enough: bool,
@@ -350,7 +353,7 @@ impl<V: Visitor> Feeder<'_, V> {
         }
         self.guess();
         self.ready()?;
-        if self.join.waiting() < self.places() { Ok(()) } else { self.look_ahead() }
+        if self.join.waiting() < self.places() { Ok(()) } else { self.look_far_ahead() }
     }
 
     /// Tries the same before the transforms are forgotten that a cloud needs. Where scans come seldom, or the times of recording
@@ -358,7 +361,12 @@ impl<V: Visitor> Feeder<'_, V> {
     fn hurry(&mut self, message: &TfMessage) -> Result<(), V::Error> {
         let stamps = message.transforms.iter().filter_map(|transform| transform.header.stamp.stamp());
         let is_late = stamps.max().is_some_and(|newest| self.join.is_behind(newest, BEHIND));
-        if is_late { self.use_all_known() } else { Ok(()) }
+        if !is_late {
+            return Ok(());
+        }
+        self.guess();
+        self.ready()?;
+        self.look_far_ahead()
     }
 
     /// How many clouds may wait: only a few once one has waited as long as patience lasts.
@@ -377,6 +385,16 @@ impl<V: Visitor> Feeder<'_, V> {
         if self.finder.look_ahead(&self.ahead, &mut self.join) { self.ready() } else { Ok(()) }
     }
 
+    /// The same, and what else lies ahead of the cloud that has waited longest.
+    fn look_far_ahead(&mut self) -> Result<(), V::Error> {
+        self.look_ahead()?;
+        while let Some(transform) = self.early.next(&self.ahead, &self.join) {
+            self.take_in(&transform, false);
+            self.ready()?;
+        }
+        Ok(())
+    }
+
     fn transforms(&mut self, message: &TfMessage, is_static: bool) -> Result<(), V::Error> {
         self.finder.note(message, is_static);
         // All is fed again, and nothing is to be said of what goes against a guess alone.
@@ -387,11 +405,17 @@ impl<V: Visitor> Feeder<'_, V> {
             self.hurry(message)?;
         }
         for transform in &message.transforms {
-            if let Some(line) = self.transform(transform, is_static) {
-                self.visitor.say(&line);
+            if !self.early.turn(transform, is_static) {
+                self.take_in(transform, is_static);
             }
         }
         self.ready()
+    }
+
+    fn take_in(&mut self, transform: &TransformStamped, is_static: bool) {
+        if let Some(line) = self.transform(transform, is_static) {
+            self.visitor.say(&line);
+        }
     }
 
     /// Takes in a transform, and gives what is to be said of it.
@@ -469,7 +493,8 @@ impl<V: Visitor> Feeder<'_, V> {
         let came_later = self.unplaced.iter().any(|frame| self.finder.reaches(frame));
         let disorder = self.disorder.about(came_later || self.tally.lacks_transforms());
         let warnings = disorder.into_iter().chain(self.without_viewpoint).map(Remark::warning);
-        let remarks: Vec<_> = warnings.chain(self.finder.about(&self.join)).collect();
+        let remarks: Vec<_> =
+            warnings.chain(self.early.about()).chain(self.finder.about(&self.join)).collect();
         remarks.iter().for_each(|remark| self.visitor.say(&remark.text));
         let fixed_frame = self.finder.into_name();
         Ok(Ended::Fed(Fed { tally: self.tally, fixed_frame, remarks, unread, stopped }))

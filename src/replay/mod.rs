@@ -11,6 +11,7 @@ mod body;
 mod clocks;
 mod clusters;
 mod disorder;
+mod early;
 mod error;
 mod feed;
 mod files;

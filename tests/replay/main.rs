@@ -10,6 +10,7 @@
 #[path = "../support/bags.rs"]
 mod bags;
 mod frames;
+mod late;
 mod outputs;
 #[path = "../support/program.rs"]
 mod program;

@@ -186,6 +186,43 @@ fn a_damaged_file_of_several_costs_only_its_own_scans() {
     assert!(found.errors.contains("run_2.mcap is cut"), "{}", found.errors);
 }
 
+/// As of two recorders that ran at one time, where a third file went on behind.
+#[test]
+fn files_that_were_recorded_side_by_side_are_read_by_their_times() {
+    let folder = Folder::new();
+    let [mut clouds, mut transforms, mut rest] = [(); 3].map(|()| BagWriter::new(Layout::Chunks));
+    transforms.tf("/tf_static", stamp(0), "camera_link", OPTICAL, 0.0);
+    for i in 0..200 {
+        let (clouds, transforms) =
+            if i < 150 { (&mut clouds, Some(&mut transforms)) } else { (&mut rest, None) };
+        clouds.scan(i);
+        let step = |writer: &mut BagWriter| writer.tf("/tf", stamp(i), "map", "camera_link", 0.1 * i as f64);
+        transforms.map_or_else(|| step(clouds), step);
+    }
+    folder.put("a_clouds.mcap", &rest.finish());
+    folder.put("b_clouds.mcap", &clouds.finish());
+    let transforms = folder.put("c_transforms.mcap", &transforms.finish());
+    let found = replay(folder.path(), &[]);
+    let ended = (found.status, found.number("scans"), found.number("sessions"));
+    assert_eq!(ended, (0, 200, 1), "{}", found.errors);
+    let said = "read as one recording, by the times of their messages: ";
+    assert!(found.errors.contains(said), "{}", found.errors);
+    let one = Folder::new();
+    let expected = replay(&one.put("one.mcap", &drive(BagWriter::new(Layout::Chunks), 200)), &[]);
+    assert!(found.voxels == expected.voxels, "another map");
+    // What is cut tells no times: one file is read after the other, and what it holds is used as far as it can be.
+    let whole = std::fs::read(&transforms).unwrap();
+    std::fs::write(&transforms, &whole[..whole.len() * 9 / 10]).unwrap();
+    let found = replay(folder.path(), &[]);
+    assert_eq!(found.status, 1, "{}", found.errors);
+    assert!(
+        found.errors.contains("read as one recording, in this order: a_clouds.mcap, b_"),
+        "{}",
+        found.errors
+    );
+    assert!(found.number("scans") >= 50, "{}", found.errors);
+}
+
 #[test]
 fn a_file_that_lies_in_a_folder_plain_and_compressed_is_read_once_and_that_is_said() {
     let folder = Folder::new();

@@ -52,19 +52,6 @@ fn where_messages_lie_out_of_order_and_transforms_are_missing_for_it_that_is_sai
 }
 
 #[test]
-fn where_all_transforms_lie_behind_the_scans_that_is_said_too() {
-    let folder = Folder::new();
-    let mut writer = BagWriter::new(Layout::Chunks);
-    writer.tf("/tf_static", stamp(0), "camera_link", OPTICAL, 0.0);
-    (0..200).for_each(|i| writer.scan(i));
-    (0..200).for_each(|i| writer.tf("/tf", stamp(i), "odom", "camera_link", 0.01 * i as f64));
-    let found = replay(&folder.put("behind.mcap", &writer.finish()), &[]);
-    let skipped = found.summary.as_ref().unwrap()["scans_skipped"]["tf_unknown_frame"].as_u64().unwrap();
-    assert_eq!((found.status, found.number("scans") + skipped), (0, 200), "{}", found.errors);
-    assert!(skipped > 0 && found.errors.contains("`mcap sort` helps"), "{}", found.errors);
-}
-
-#[test]
 fn where_disorder_makes_stamps_jump_back_what_came_before_the_first_jump_is_said() {
     let folder = Folder::new();
     let mut writer = BagWriter::new(Layout::Chunks);

@@ -1,0 +1,89 @@
+//! Transforms that lie far behind the clouds they place: poses that were found after the drive and merged into its bag.
+
+use crate::bags::{BagWriter, Layout, OPTICAL, ends_of_clouds, stamp};
+use crate::{Folder, Replayed, replay};
+
+/// Clouds of a drive: more than may wait.
+const CLOUDS: usize = 150;
+
+/// The edges that lead from the map to the camera, and how far they move from cloud to cloud (m).
+const EDGES: [(&str, &str, f64); 2] = [("map", "odom", 0.02), ("odom", "base", 0.1)];
+
+/// A drive whose edges of these children lie behind all else; of `map` to `odom` each scan in `lacks` has no transform.
+fn bag(late: &[&str], lacks: std::ops::Range<usize>) -> Vec<u8> {
+    let mut writer = BagWriter::new(Layout::Chunks);
+    writer.tf("/tf_static", stamp(0), "base", OPTICAL, 0.0);
+    let is_there = |child: &str, i: usize| child != "odom" || !lacks.contains(&i);
+    for i in 0..CLOUDS {
+        for (parent, child, step) in EDGES {
+            if !late.contains(&child) && is_there(child, i) {
+                writer.tf("/tf", stamp(i), parent, child, step * i as f64);
+            }
+        }
+        writer.scan(i);
+    }
+    for i in 0..CLOUDS {
+        for (parent, child, step) in EDGES {
+            if late.contains(&child) && is_there(child, i) {
+                writer.tf("/tf", stamp(i), parent, child, step * i as f64);
+            }
+        }
+    }
+    writer.finish()
+}
+
+fn replayed(bag: &[u8]) -> Replayed {
+    replay(&Folder::new().put("a.mcap", bag), &["--ros-args", "-p", "fixed_frame:=map"])
+}
+
+#[test]
+fn poses_that_lie_behind_all_clouds_place_each() {
+    let expected = replayed(&bag(&[], 0..0));
+    assert_eq!((expected.status, expected.number("scans")), (0, CLOUDS as u64), "{}", expected.errors);
+    assert!(!expected.errors.contains("before their turn"), "{}", expected.errors);
+    for late in [&["odom"][..], &["base"], &["odom", "base"]] {
+        let found = replayed(&bag(late, 0..0));
+        assert_eq!((found.status, found.number("scans")), (0, CLOUDS as u64), "{late:?}: {}", found.errors);
+        assert!(found.voxels == expected.voxels, "{late:?}: another map");
+        for frame in late {
+            let said = format!("transforms of `{frame}` lie far behind the clouds in the bag");
+            assert!(found.errors.contains(&said), "{late:?}: {}", found.errors);
+        }
+    }
+}
+
+#[test]
+fn the_frame_is_found_where_all_poses_lie_behind_all_clouds() {
+    let folder = Folder::new();
+    let found = replay(&folder.put("a.mcap", &bag(&["odom", "base"], 0..0)), &[]);
+    assert_eq!((found.status, found.number("scans")), (0, CLOUDS as u64), "{}", found.errors);
+}
+
+#[test]
+fn over_a_gap_of_seconds_no_cloud_is_placed_that_would_not_have_waited_for_its_end() {
+    let lacks = 20..100;
+    let beside = replayed(&bag(&[], lacks.clone()));
+    let behind = replayed(&bag(&["odom"], lacks));
+    for found in [&beside, &behind] {
+        assert!(found.errors.contains("0.033000 s after the range covered by odom"), "{}", found.errors);
+        let (least, waited) = (CLOUDS as u64 - 80, 1000 / 33 + 2);
+        assert!((least..=least + waited).contains(&found.number("scans")), "{}", found.errors);
+    }
+}
+
+#[test]
+fn what_begins_late_places_no_cloud_from_before_its_first_stamp() {
+    let found = replayed(&bag(&["odom"], 0..100));
+    assert_eq!((found.status, found.number("scans")), (0, CLOUDS as u64 - 100), "{}", found.errors);
+}
+
+#[test]
+fn what_is_read_ahead_is_the_same_from_run_to_run_and_for_a_cut_bag() {
+    let folder = Folder::new();
+    let whole = bag(&["odom"], 0..0);
+    let cut = ends_of_clouds(&whole).last().unwrap() + 8000;
+    let cut = folder.put("cut.mcap", &whole[..cut]);
+    let [first, second] = [(); 2].map(|()| replay(&cut, &["--ros-args", "-p", "fixed_frame:=map"]));
+    assert!((20..CLOUDS as u64).contains(&first.number("scans")), "{}", first.errors);
+    assert!(first.voxels == second.voxels, "another map");
+}
