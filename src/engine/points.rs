@@ -56,6 +56,13 @@ impl Depths {
         Self::counted(rays, depths, measured)
     }
 
+    /// Depths as [`Self::new`] takes them, asked for by the number of the pixel, row by row.
+    pub fn by_pixel(rays: Arc<Rays>, depth: impl FnMut(usize) -> f32) -> Self {
+        let pixels: Vec<_> = (0..rays.x.len() * rays.y.len()).map(depth).collect();
+        let measured = pixels.iter().filter(|depth| is_point(**depth)).count();
+        Self { rays, pixels, measured }
+    }
+
     /// Depths as [`Self::new`] takes them, of which `measured` are points.
     pub(crate) fn counted(rays: Arc<Rays>, depths: Vec<f32>, measured: usize) -> Option<Self> {
         debug_assert_eq!(measured, depths.iter().filter(|depth| is_point(**depth)).count());

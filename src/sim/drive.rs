@@ -6,6 +6,8 @@
 
 mod messages;
 
+use std::sync::Arc;
+
 use nalgebra::{Isometry3, Point3};
 use rand::rngs::Xoshiro256PlusPlus;
 use rand::{Rng, SeedableRng};
@@ -16,7 +18,7 @@ use super::pose_noise::PoseNoise;
 use super::raycast::View;
 use super::robot::Robot;
 use super::scene::Scene;
-use crate::engine::{Points, Scan, Stamp};
+use crate::engine::{Depths, Points, Scan, Stamp};
 
 /// Scans a second of a Kinect.
 pub const SCANS_PER_SECOND: u32 = 30;
@@ -116,6 +118,22 @@ impl Drive {
         let (points, labels) = measured;
         let (stamp, fixed_from_sensor) = (self.stamp(index), self.fixed_from_optical(index));
         LabelledScan { scan: Scan { stamp, fixed_from_sensor, points: Points::F32(points) }, labels }
+    }
+
+    /// The same as the depths of the camera's pixels, which are what its driver sends. Depths beyond `max_range` (m) are no points:
+    /// they tell that up to there is nothing.
+    pub fn labelled_depths(&self, index: u32, max_range: f64) -> LabelledScan {
+        let DepthImage { depths, mut labels, .. } = self.image(index);
+        let is_far = |depth: f32| f64::from(depth) > max_range;
+        let mut measured = depths.iter();
+        labels.retain(|_| measured.next().is_some_and(|&depth| !depth.is_nan() && !is_far(depth)));
+        let depths = Depths::by_pixel(Arc::new(self.kinect.rays()), |pixel| match depths[pixel] {
+            none if none.is_nan() => f32::INFINITY,
+            far if is_far(far) => -far,
+            near => near,
+        });
+        let (stamp, fixed_from_sensor) = (self.stamp(index), self.fixed_from_optical(index));
+        LabelledScan { scan: Scan { stamp, fixed_from_sensor, points: Points::Depths(depths) }, labels }
     }
 
     /// What rays without noise meet at a step, within the Kinect's range: label and point in the fixed frame.

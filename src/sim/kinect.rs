@@ -12,6 +12,7 @@ use super::noise::{
 };
 use super::raycast::View;
 use super::scene::Scene;
+use crate::engine::Rays;
 
 /// Intrinsics and range of a depth camera without distortion.
 #[derive(Clone, Debug, PartialEq)]
@@ -114,6 +115,14 @@ impl Kinect {
                 ([x * z, y * z, z], label)
             })
         })
+    }
+
+    /// Where its pixels look.
+    pub fn rays(&self) -> Rays {
+        Rays {
+            x: (0..self.width).map(|column| self.direction_x(column) as f32).collect(),
+            y: (0..self.height).map(|row| self.direction_y(row) as f32).collect(),
+        }
     }
 
     /// What is measured in a pixel.

@@ -151,6 +151,16 @@ impl Shape {
         corners.collect()
     }
 
+    /// Away from the surface at a point that lies on it or straight before or behind it; some direction in the middle of a bent one.
+    fn outwards(&self, local: &Point3<f64>) -> UnitVector3<f64> {
+        let away = match self {
+            Self::Rectangle { .. } | Self::Disc { .. } => Vector3::z(),
+            Self::Cylinder { .. } => Vector3::new(local.x, local.y, 0.0),
+            Self::Sphere { .. } => local.coords,
+        };
+        UnitVector3::try_new(away, f64::EPSILON).unwrap_or_else(Vector3::x_axis)
+    }
+
     /// Whether there is a surface at (u, v), which lies in the ranges of both.
     pub fn reaches(&self, [u, v]: [f64; 2]) -> bool {
         match self {
@@ -299,6 +309,12 @@ impl Surface {
     /// Towards the side it is seen from, at the start; the axis of one that is bent.
     pub fn normal(&self) -> UnitVector3<f64> {
         self.pose() * Vector3::z_axis()
+    }
+
+    /// Its normal at a point that lies on it, at the start.
+    pub fn normal_at(&self, point: &Point3<f64>) -> UnitVector3<f64> {
+        let pose = self.pose();
+        pose * self.shape.outwards(&pose.inverse_transform_point(point))
     }
 
     /// Distance from `point` to the nearest point of the surface (m); `None` when it is not there.

@@ -105,12 +105,12 @@ impl Laboratory {
     /// Makes a run, unless `taken`, which is called after each scan, ends it.
     pub fn run(&self, seed: u64, mut taken: impl FnMut() -> ControlFlow<()>) -> Option<Run> {
         let max_range = *RANGE.end();
-        let drive = Drive::new(self.scene.clone(), seed, Stamp::from_nanos(0)).with_max_range(max_range);
+        let drive = Drive::new(self.scene.clone(), seed, Stamp::from_nanos(0));
         let mut seen = SeenCells::new(&self.scene, max_range);
         let mut benches: Vec<_> = self.params.iter().map(|params| Bench::new(&self.scene, params)).collect();
         let mut moments = Vec::new();
         for index in (0..self.scans).step_by(self.step as usize) {
-            let labelled = drive.labelled_scan(index);
+            let labelled = drive.labelled_depths(index, max_range);
             seen.add(&drive, index);
             for bench in &mut benches {
                 bench.truth.insert(&labelled.scan, &labelled.labels);
@@ -247,12 +247,12 @@ mod tests {
         let line = |measure| pooled.line(measure).unwrap();
         let said = pooled.failures.join("\n");
         assert!(line(Measure::RandIndex).worst > 0.93, "{said}");
-        assert!(line(Measure::Wholeness).held >= 11, "{said}");
-        assert!(line(Measure::Class).worst > 0.92, "{said}");
+        // What lies ahead of the robot by then is in parts, and some of it in no cluster.
+        assert!(line(Measure::Wholeness).held >= 10, "{said}");
+        assert!(line(Measure::Class).worst > 0.86, "{said}");
         assert!(line(Measure::Angle).holds && line(Measure::Offset).holds, "{said}");
         let door = quality.surfaces.iter().find(|surface| surface.name == "closet door/left").unwrap();
-        let right = door.described.and_then(|described| described.class_right).unwrap();
-        assert!(right > 0.9 * door.seen_area, "{right} m2 of {door:?}");
+        assert!(door.class_right > 0.9 * door.seen_area, "{door:?}");
     }
 
     #[test]

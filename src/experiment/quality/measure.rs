@@ -109,7 +109,8 @@ impl Measure {
                 "of that cluster's plane from the true one, at the middle of what was seen; a value for each flat surface of 2 m2 or more"
             }
             Self::AreaOfLarge => {
-                "by how much that cluster's area differs from the seen one, as a share of this; a value for each surface of 2 m2 or more"
+                "by how much that cluster's area differs from the seen one, as a share of this; of a bent surface in the cluster's plane, \
+                 for there its boundary lies; a value for each surface of 2 m2 or more"
             }
             Self::AreaOfSmall => "the same; a value for each smaller surface",
             Self::Class => {
@@ -223,7 +224,7 @@ impl Measure {
                 small.map(|surface| of(surface, |found| found.area_error)).collect()
             }
             Self::Class if computes.class => share(
-                surfaces.iter().filter_map(|surface| surface.described?.class_right),
+                surfaces.iter().map(|surface| surface.class_right),
                 surfaces.iter().map(|surface| surface.seen_area),
             ),
             Self::Nees if computes.certainty => {

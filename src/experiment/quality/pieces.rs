@@ -20,6 +20,8 @@ const MAJORITY: f64 = 0.8;
 const SIGMAS: f64 = 2.0;
 /// How many voxels away a truth cell looks for its surface.
 const CELL_REACH: i32 = 2;
+/// Places in a voxel, along the normal, at which it looks for any.
+const STEPS: i32 = 8;
 /// Furthest from one plane that cells lie which are one plane (m).
 const FLAT: f64 = 1e-3;
 
@@ -29,10 +31,12 @@ pub struct TrueSurface {
     /// That of the simulated surface that most of its cells lie on; with a number where several seen surfaces have it, and
     /// `(scrap)` where it does not count as seen.
     pub name: String,
-    /// Area of its truth cells that a noise-free ray has hit (m^2).
+    /// Area of its truth cells that a noise-free ray has hit and that lie at dense voxels (m^2).
     pub seen_area: f64,
     /// The same by class.
     pub areas: BTreeMap<Class, f64>,
+    /// Normals and areas (m^2) of those cells of one that is bent.
+    pub bends: Vec<(Vector3<f64>, f64)>,
     /// Middle of those cells; `None` without a cell.
     pub middle: Option<Point3<f64>>,
     /// The plane of its rectangle, or the least squares plane through its cells where it has several; `None` where it is
@@ -51,6 +55,17 @@ impl TrueSurface {
     pub fn is_seen(&self) -> bool {
         // A cell has 4e-4 m^2; a sum of them that is 0.5 m^2 but for rounding is enough.
         self.seen_area >= SEEN_AREA - 1e-9
+    }
+
+    /// What of the seen area a boundary in a plane can hold (m^2): of one that is bent its shadow there. A convex one casts that of
+    /// what faces the one way, or the other.
+    pub(super) fn area_on(&self, plane: &Plane) -> f64 {
+        let shadow = |side: f64| -> f64 {
+            let facing =
+                self.bends.iter().map(|(normal, area)| (side * plane.normal.dot(normal)).max(0.0) * area);
+            facing.sum()
+        };
+        if self.bends.is_empty() { self.seen_area } else { shadow(1.0).max(shadow(-1.0)) }
     }
 }
 
@@ -86,10 +101,15 @@ impl Truth {
             }
         }
         for (index, surface) in map.surfaces.iter().enumerate() {
-            let Some(group) = map.groups.of_label(surface.label()) else { continue };
+            let group = map.groups.of_label(surface.label()).filter(|&group| map.stays(group));
+            let Some(group) = group else { continue };
             let SeenPart { cells, area } = seen(surface.label());
             let area = area / cells.len() as f64;
+            let is_dense = |key: &VoxelKey| piece_of.contains_key(key);
             for cell in cells {
+                if !is_mapped(&cell, &surface.normal_at(&cell), map.voxel_size, is_dense) {
+                    continue;
+                }
                 let piece = nearest(&cell, map.voxel_size, |key| {
                     piece_of.get(&key).copied().filter(|&piece| pieces[piece].group == group)
                 });
@@ -129,22 +149,20 @@ fn components(dense: &[&TruthVoxel]) -> (FxHashMap<VoxelKey, usize>, Vec<Piece>)
 }
 
 fn is_scored(map: &TruthMap, voxel: &TruthVoxel) -> bool {
-    let Some((group, points)) = voxel.majority() else { return false };
+    let Some((group, points)) = voxel.majority().filter(|(group, _)| map.stays(*group)) else { return false };
     let mean = voxel.mean();
     let distances = map.groups.members(group).filter_map(|index| map.surfaces[index].distance(&mean, 0.0));
     f64::from(points) >= MAJORITY * f64::from(voxel.count())
         && distances.fold(f64::INFINITY, f64::min) <= SIGMAS * voxel.sigma()
 }
 
-/// The piece of the voxel that holds `cell`, or of the voxel with one whose middle is nearest; the lower key of two as
-/// near.
+/// The piece of the voxel that holds `cell`, or of the voxel with one whose middle is nearest; the lower key of two as near.
 fn nearest(
     cell: &Point3<f64>,
     voxel_size: f64,
     piece_of: impl Fn(VoxelKey) -> Option<usize>,
 ) -> Option<usize> {
-    let [ix, iy, iz] = voxel_index(cell, voxel_size);
-    let own = VoxelKey::new(ix, iy, iz)?;
+    let own = key_at(cell, voxel_size)?;
     if let Some(piece) = piece_of(own) {
         return Some(piece);
     }
@@ -159,6 +177,26 @@ fn nearest(
         Some(((middle - cell.coords).norm_squared(), piece_of(key)?))
     });
     found.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, piece)| piece)
+}
+
+/// Whether a dense voxel with a majority lies at a cell of a surface with this normal, or straight before or behind it, where noise
+/// moves points to. Of a cell where there is none too little was measured to be in any map.
+fn is_mapped(
+    cell: &Point3<f64>,
+    normal: &Vector3<f64>,
+    voxel_size: f64,
+    is_dense: impl Fn(&VoxelKey) -> bool,
+) -> bool {
+    let mut places = (0..=CELL_REACH * STEPS).flat_map(|step| {
+        let away = normal * (f64::from(step) / f64::from(STEPS) * voxel_size);
+        [cell + away, cell - away]
+    });
+    places.any(|place| key_at(&place, voxel_size).is_some_and(|key| is_dense(&key)))
+}
+
+fn key_at(place: &Point3<f64>, voxel_size: f64) -> Option<VoxelKey> {
+    let [ix, iy, iz] = voxel_index(place, voxel_size);
+    VoxelKey::new(ix, iy, iz)
 }
 
 impl Piece {
@@ -179,11 +217,15 @@ impl Piece {
             let fitted = (shares.len() > 1).then(|| Plane::fit(&points, &main.normal()));
             fitted.flatten().unwrap_or_else(own)
         });
+        let bends = self.cells.iter().filter(|_| plane.is_none());
+        let bends =
+            bends.map(|(index, cell, area)| (map.surfaces[*index].normal_at(cell).into_inner(), *area));
         let on = |plane: Plane| points.iter().all(|point| plane.height(point).abs() <= FLAT);
         TrueSurface {
             name: main.name().to_owned(),
             seen_area: shares.values().sum(),
             areas,
+            bends: bends.collect(),
             middle: mean(&points),
             plane,
             is_one_plane: plane.is_some_and(on),

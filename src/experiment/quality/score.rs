@@ -16,7 +16,7 @@ pub struct Quality {
     pub surfaces: Vec<SurfaceScore>,
     /// The clusters that hold a scored voxel, by number.
     pub clusters: Vec<ClusterScore>,
-    /// Adjusted Rand index over the scored voxels of seen surfaces; those in no cluster are each a cluster of their own.
+    /// Adjusted Rand index over the scored voxels; those in no cluster are each a cluster of their own.
     pub rand_index: f64,
     /// Which of the things that a method may leave out it computes.
     pub computes: Computes,
@@ -52,6 +52,8 @@ pub struct SurfaceScore {
     pub clustered: u32,
     /// The clusters that hold some of them, and how many, the most first.
     pub holders: Vec<(u64, u32)>,
+    /// Seen area whose class was found (m^2): each of its clusters has the share of the area that it has of the scored voxels.
+    pub class_right: f64,
     /// How the cluster that holds the most describes it; `None` where none of them is in a cluster.
     pub described: Option<Described>,
 }
@@ -63,10 +65,8 @@ pub struct Described {
     pub angle: Option<f64>,
     /// Distance of the true plane from the found one at the middle of the seen cells (m); `None` where the surface is bent.
     pub offset: Option<f64>,
-    /// (found - seen) / seen area.
+    /// (found - seen) / seen area, of one that is bent in the cluster's plane.
     pub area_error: Option<f64>,
-    /// Seen area of the class that was found (m^2).
-    pub class_right: Option<f64>,
     /// Normalised estimation error squared of the plane, 3 degrees of freedom; `None` where the truth is not one plane, or not this.
     pub nees: Option<f64>,
     /// Standard deviation of the plane's offset (m).
@@ -150,6 +150,14 @@ impl Truth {
                 is_one_plane: surface.plane.is_some() && surface.is_one_plane,
                 scored: surface.scored,
                 clustered: holders.iter().map(|(_, count)| count).sum(),
+                class_right: holders
+                    .iter()
+                    .map(|(number, count)| {
+                        let right =
+                            found.clusters.get(number).and_then(|cluster| surface.areas.get(&cluster.class?));
+                        right.unwrap_or(&0.0) * f64::from(*count) / f64::from(surface.scored)
+                    })
+                    .sum(),
                 described: cluster.map(|cluster| describe(surface, cluster)),
                 holders,
             }
@@ -180,15 +188,12 @@ impl Truth {
     }
 
     fn rand_index(&self, cluster_of: &BTreeMap<VoxelKey, u64>) -> f64 {
-        let of_seen = self.scored.iter().filter(|(_, surface)| self.surfaces[*surface].is_seen());
         // A voxel in no cluster has a name that no other voxel has.
-        let pairs: Vec<_> = of_seen
-            .map(|(key, surface)| {
-                let cluster = cluster_of.get(key).copied();
-                (*surface, (cluster, cluster.is_none().then_some(*key)))
-            })
-            .collect();
-        adjusted_rand_index(&pairs)
+        let pairs = self.scored.iter().map(|(key, surface)| {
+            let cluster = cluster_of.get(key).copied();
+            (*surface, (cluster, cluster.is_none().then_some(*key)))
+        });
+        adjusted_rand_index(&pairs.collect::<Vec<_>>())
     }
 }
 
@@ -209,8 +214,7 @@ fn describe(surface: &TrueSurface, cluster: &FoundCluster) -> Described {
             let on_truth = middle - plane.normal * plane.height(&middle);
             cluster.plane.height(&on_truth).abs()
         }),
-        area_error: cluster.area.map(|area| (area - surface.seen_area) / surface.seen_area),
-        class_right: cluster.class.map(|class| surface.areas.get(&class).copied().unwrap_or(0.0)),
+        area_error: cluster.area.map(|area| area / surface.area_on(&cluster.plane) - 1.0),
         nees: exact.zip(stated).map(|(plane, stated)| nees(&plane, &cluster.plane, stated)),
         offset_sigma: stated.map(|stated| stated.covariance[(2, 2)].sqrt()),
     }

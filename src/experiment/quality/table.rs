@@ -158,6 +158,11 @@ impl Size {
             })
             .map(|(name, _)| name.as_str());
         let as_good: Vec<_> = as_good.collect();
+        if let Bar::MeanWithin(_, _, cases) = measure.bar()
+            && judged.of < cases
+        {
+            return format!("no: {} of {cases} cases", judged.of);
+        }
         match (judged.holds, as_good.is_empty()) {
             (true, true) => "yes".to_owned(),
             (false, true) => "no: bar missed".to_owned(),
@@ -230,6 +235,7 @@ mod tests {
             scored: 100,
             clustered: held,
             holders: vec![(1, held)],
+            class_right: 0.0,
             described: None,
         };
         let surfaces = vec![("wall".to_owned(), held)];

@@ -66,11 +66,14 @@ fn seen(surface: &Surface, holds: impl Fn(&Point3<f64>) -> bool) -> SeenPart {
 /// What a perfect method finds: cluster i + 1 is surface i.
 fn perfect(truth: &Truth) -> Found {
     let voxels = truth.scored.iter().map(|(key, surface)| (*key, Some(*surface as u64 + 1))).collect();
-    let clusters = truth.surfaces.iter().map(|surface| FoundCluster {
-        plane: surface.plane.unwrap_or(Plane { normal: Vector3::x(), offset: 0.0 }),
-        area: Some(surface.seen_area),
-        class: surface.areas.keys().next().copied(),
-        certainty: surface.plane.map(|plane| certainty(&plane, &surface.middle.unwrap())),
+    let clusters = truth.surfaces.iter().map(|surface| {
+        let plane = surface.plane.unwrap_or(Plane { normal: Vector3::x(), offset: 0.0 });
+        FoundCluster {
+            plane,
+            area: Some(surface.area_on(&plane)),
+            class: surface.areas.keys().next().copied(),
+            certainty: surface.plane.map(|plane| certainty(&plane, &surface.middle.unwrap())),
+        }
     });
     Found { voxels, clusters: (1..).zip(clusters).collect() }
 }
@@ -141,6 +144,19 @@ fn a_surface_cut_in_two_is_not_whole_and_both_halves_are_pure() {
     assert!(quality.failures[0].contains("cluster 7 holds"), "{:?}", quality.failures);
 }
 
+/// The half that has the right class is right, and not the whole for its sake.
+#[test]
+fn each_cluster_of_a_surface_has_its_share_of_the_area_whose_class_is_right() {
+    let truth = truth_of(corner());
+    let mut found = perfect(&truth);
+    let of_wall = found.voxels.iter_mut().filter(|(_, cluster)| *cluster == Some(1));
+    of_wall.step_by(2).for_each(|(_, cluster)| *cluster = Some(7));
+    found.clusters.insert(7, FoundCluster { class: Some(Class::Floor), ..found.clusters[&1].clone() });
+    let quality = truth.score(&found);
+    assert!((quality.surfaces[0].class_right - 3.0).abs() < 0.01, "{:?}", quality.surfaces[0]);
+    assert!((line(&quality, Measure::Class).worst - 5.56 / 8.56).abs() < 1e-3);
+}
+
 #[test]
 fn two_surfaces_merged_are_each_whole_in_a_cluster_that_is_mixed() {
     let truth = truth_of(corner());
@@ -157,7 +173,7 @@ fn two_surfaces_merged_are_each_whole_in_a_cluster_that_is_mixed() {
     assert!((side.angle.unwrap() - 90.0).abs() < 1e-6);
     assert!((side.offset.unwrap() - 0.64).abs() < 0.01, "{side:?}");
     assert!((side.area_error.unwrap() - (6.0 / 2.56 - 1.0)).abs() < 1e-6);
-    assert_eq!(side.class_right, Some(0.0));
+    assert_eq!(quality.surfaces[1].class_right, 0.0);
     assert!((line(&quality, Measure::Class).worst - 6.0 / 8.56).abs() < 1e-6);
     assert!(
         quality
@@ -187,7 +203,8 @@ fn scored_voxels_in_no_cluster_lower_coverage_and_are_clusters_of_their_own() {
     assert!((coverage - (1.0 - lost as f64 / count as f64)).abs() < 1e-12 && coverage < 0.8);
     assert_eq!(line(&quality, Measure::Impurity).worst, 0.0);
     assert!(quality.rand_index < 0.9, "{}", quality.rand_index);
-    assert_eq!(failing(&quality), [Measure::Coverage, Measure::Wholeness, Measure::RandIndex]);
+    let expected = [Measure::Coverage, Measure::Wholeness, Measure::RandIndex, Measure::Class];
+    assert_eq!(failing(&quality), expected);
 }
 
 #[test]

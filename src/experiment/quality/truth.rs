@@ -91,8 +91,8 @@ impl Run {
 }
 
 impl TruthMap {
-    /// An empty map of a scene, with voxels as the engine of these parameters has them. A surface that moves is taken where
-    /// it is at the start.
+    /// An empty map of a scene, with voxels as the engine of these parameters has them. Of a surface that moves nothing is asked: the
+    /// truth forgets no point, and a map is to forget those of where it was.
     pub fn new(scene: &Scene, params: &Params) -> Self {
         Self {
             voxel_size: params.voxel_size(),
@@ -157,6 +157,11 @@ impl TruthMap {
         }
         voxel.sum += run.sum;
         voxel.variances += run.variances;
+    }
+
+    /// Whether none of the surfaces of a group moves.
+    pub(super) fn stays(&self, group: u32) -> bool {
+        self.groups.members(group).all(|index| self.surfaces[index].motion().is_none())
     }
 
     /// The dense voxels by ascending key.

@@ -129,6 +129,24 @@ fn the_table_is_seen_on_the_way() {
     assert!(on_table > 500, "{on_table} points");
 }
 
+/// As points they are those that another drive measures up to there; what lies beyond is told as the end of a ray.
+#[test]
+fn labelled_depths_are_the_points_up_to_a_range_and_where_farther_rays_end() {
+    let drive = Drive::new(Scene::named("lab").unwrap(), 3, Stamp::from_nanos(0));
+    let near = drive.clone().with_max_range(1.5);
+    for index in [0, 700] {
+        let LabelledScan { scan, labels } = drive.labelled_depths(index, 1.5);
+        let expected = near.labelled_scan(index);
+        let Points::Depths(depths) = &scan.points else { panic!("{index}") };
+        assert_eq!(Points::F32(depths.list()), expected.scan.points);
+        assert_eq!((labels.len(), labels), (depths.len(), expected.labels));
+        let all = drive.labelled_scan(index).scan.points.len();
+        let ends = depths.ends();
+        assert!(ends.len() == all - depths.len() && !ends.is_empty(), "{index}: {} of {all}", ends.len());
+        assert!(ends.iter().all(|[_, _, z]| *z > 1.5), "{index}");
+    }
+}
+
 #[test]
 fn a_labelled_scan_holds_the_points_of_the_message_on_the_surfaces_of_its_labels() {
     for name in Scene::NAMES {
