@@ -158,11 +158,18 @@ fn the_edge_of_a_board_does_not_tilt_its_top() {
 
 #[test]
 fn what_scatters_beyond_an_edge_is_no_part_of_the_outline() {
-    // Within one block of eight voxels; those beyond the edge have 25 points each, the wall's 20,000 or 64.
-    let beyond = rectangle([2.03, 0.48, 0.0], [Y, Z], [0.08, 0.56], 0.016);
-    for (step, width) in [(0.00056, 0.48), (0.01, 0.56)] {
+    // Within one block of eight voxels; those beyond the edge have 28 or 25 points each, the wall's 20,000 or 64.
+    let sliver = rectangle([2.03, 0.48, 0.0], [Y, Z], [0.02, 0.56], 0.0075);
+    // What was seen for a short time before all the rest was looked at for long is as much of the wall.
+    let seen_before = rectangle([2.03, 0.48, 0.0], [Y, Z], [0.08, 0.56], 0.016);
+    for (beyond, step, width) in [
+        (&sliver, 0.00056, 0.48),
+        (&seen_before, 0.00056, 0.56),
+        (&sliver, 0.01, 0.5),
+        (&seen_before, 0.01, 0.56),
+    ] {
         let mut points = rectangle([2.03, 0.0, 0.0], [Y, Z], [0.48, 0.56], step);
-        points.extend(&beyond);
+        points.extend(beyond);
         let snapshot = found(&points, [0.0, 0.25, 0.3], 0.08);
         let [wall] = &snapshot.clusters[..] else { panic!("{:?}", snapshot.clusters) };
         assert_eq!(wall.voxel_count, 49, "with those beyond the edge");

@@ -3,7 +3,7 @@
 //! Whole blocks go, so that what remains of a surface has few new edges.
 //!
 //! **Kept true.** After each scan no more than `max_voxels` voxels hold points: the blocks go that have not been seen for
-//! longest, of those seen last in one scan the farthest first. Beyond `keep_radius` nothing is kept that the scan put there,
+//! longest, of those seen last in one scan the farthest first. Beyond `keep_radius`, to a block, nothing is kept that the scan put there,
 //! and what the sensor has left behind is gone when all blocks that are there have had their turn: [`LOOKS`] have it in a scan,
 //! so 4 scans (0.13 s of a Kinect's) for the 2,000 that there may be within 6 m at 8 cm. Turns go down the list, for a block
 //! that moves in it moves down: none is passed over, and one that has moved waits for two rounds at most.

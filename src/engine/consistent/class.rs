@@ -93,13 +93,15 @@ pub(crate) struct Evidence<'a> {
     pub(crate) voxels: u32,
     /// Edge of a voxel (m).
     pub(crate) voxel_size: f64,
-    /// Root mean square distance of the points from the plane, and up to which one it is a plane (m).
+    /// Root mean square distance of its voxels' means from the plane, and up to which one it is a plane, in voxels.
     pub(crate) rms: f64,
     pub(crate) tolerance: f64,
     /// Angle between its normal and the mean of its members' own (rad).
     pub(crate) across: f64,
     /// z of the lowest known large surface that faces up in its storey, which may be this one (m).
     pub(crate) floor: Option<f64>,
+    /// z of the lowest floor of all (m), where it lies below that.
+    pub(crate) floor_above: Option<f64>,
     /// z of the sensor (m).
     pub(crate) sensor: f64,
     /// Whether it was a ceiling before: then it was above the sensor that saw it, which may have taken a lift since.
@@ -186,7 +188,7 @@ impl Evidence<'_> {
     }
 
     fn facing_up(&self) -> (SurfaceClass, f64) {
-        let Some(floor) = self.floor else {
+        let Some(floor) = self.floor.or(self.floor_above) else {
             let area = (self.area - c::FLOOR_AREA) / c::FLOOR_AREA;
             let class = if area >= 0.0 { SurfaceClass::Floor } else { SurfaceClass::Horizontal };
             return (class, likely(area.abs(), c::AREA_SIGMA));

@@ -91,9 +91,11 @@ impl Clearing {
             for voxel in here.awake().iter().filter(|voxel| voxel.hit != sequence as u32) {
                 let mean = corner + view.to_mean(voxel);
                 let margin = view.margin(&mean);
-                if self.ranges.ends_past(&mean, margin + View::least(&mean))
-                    && self.ranges.sees_through(&mean, &view.body(&voxel.moments, &mean), margin)
-                {
+                let sees_through = || {
+                    let (half, is_thin) = view.body(&voxel.moments, &mean);
+                    self.ranges.sees_through(&mean, (&half, is_thin), margin)
+                };
+                if self.ranges.ends_past(&mean, margin + View::least(&mean)) && sees_through() {
                     self.through.push((block, voxel.cell));
                 }
             }
@@ -154,7 +156,7 @@ impl View {
         self.steps * (Vector3::from(voxel.cell.coordinates()).map(f64::from) + voxel.moments.mean())
     }
 
-    fn body(&self, moments: &Moments, mean: &Point3<f64>) -> Vector3<f64> {
+    fn body(&self, moments: &Moments, mean: &Point3<f64>) -> (Vector3<f64>, [bool; 3]) {
         body::half_extents(&self.steps, self.voxel_size, self.noise, moments, mean)
     }
 

@@ -174,6 +174,8 @@ fn plane_covariance(
 pub(super) struct Surroundings {
     /// z of the floor of its storey (m).
     pub(super) floor: Option<f64>,
+    /// z of the lowest floor (m), where it lies below all.
+    pub(super) floor_above: Option<f64>,
     /// z of the sensor (m).
     pub(super) sensor: f64,
     /// Whether it has been taken for a ceiling.
@@ -227,6 +229,7 @@ pub(super) fn class(
         tolerance: planarity.tolerance,
         across: planarity.across,
         floor: surroundings.floor,
+        floor_above: surroundings.floor_above,
         sensor: surroundings.sensor,
         was_ceiling: surroundings.was_ceiling,
         neighbours: &uprights.neighbours,

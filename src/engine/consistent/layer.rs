@@ -36,7 +36,7 @@ pub(super) struct Segmented {
 
 /// How far the voxels of two patches that meet may lie apart, along each axis, in voxels.
 pub(super) const CONTACT_REACH: i32 = 1;
-/// Points below which a voxel may be thin; a surface that comes into view soon has more.
+/// Points below which a voxel may be thin, where they are a sliver of it: one that a surface covers was seen for a short time alone.
 const THIN: u32 = 200;
 /// One in so many of those of the voxel with the most points in its block: fewer are thin. An edge that covers as little of its
 /// voxel moves the outline by less than that part of one.
@@ -148,8 +148,10 @@ impl Segmented {
 
     /// Whether so few of the points hereabouts are in a voxel that it is no part of an outline: where a surface was looked at
     /// for long, what scatters beyond its edges becomes dense too.
-    pub(super) fn is_thin(&self, state: &State) -> bool {
-        state.count < THIN && u64::from(state.count) * PART_OF_THIN < u64::from(self.most_points)
+    pub(super) fn is_thin(&self, state: &State, rules: &Rules) -> bool {
+        let has_few =
+            state.count < THIN && u64::from(state.count) * PART_OF_THIN < u64::from(self.most_points);
+        has_few && state.is_sliver(&rules.noise)
     }
 
     /// Whether a patch has a voxel in a window.
@@ -172,7 +174,7 @@ impl Segmented {
             let weight = patch.weight_of(state, &rules.noise);
             Share { corner: block.corner(), weight, normal: patch.normal(), noise: patch.noise() }
         });
-        Some(Member { key, state, is_thin: self.is_thin(state), share })
+        Some(Member { key, state, is_thin: self.is_thin(state, rules), share })
     }
 
     /// The state of a cell that is dense.

@@ -10,8 +10,8 @@
 //!    when a quarter of a scan's points fall into voxels that were not published or a quarter of the voxels have
 //!    drifted; at once when a dense voxel is gone (`block`, `published`). While the sensor stands still, half of a
 //!    scan's points must (`standpoint`): its noise adds to the map for long, and moves next to nothing of what is told
-//!    of. While it moves, a scan publishes 3 m^2 of known voxels anew, or an eighth of what is due; the others wait for
-//!    the next (`pipeline`), so that hardly a scan takes twice the usual time. States are rounded to parts of a voxel
+//!    of. While it moves, a scan publishes what cannot wait, and with it 3 m^2 of known voxels anew, or an eighth of what is due besides; the
+//!    others wait for the next (`pipeline`), so that hardly a scan takes twice the usual time. States are rounded to parts of a voxel
 //!    that no surface is known to (`state`), a third of the memory. Where no scan has put a point for 64 scans, whatever was
 //!    put there is published, and the voxels keep no more than that until the next (`rest`).
 //! 2. The dense voxels of a block form planar **patches**, grown from the flattest places, a voxel belonging to the plane

@@ -3,7 +3,8 @@
 //! A [`RangeGrid`] keeps, for every direction from the sensor, the smallest depth that was measured there. A box is seen
 //! through when all directions towards it were measured and end beyond it. What was not measured proves nothing, but where the
 //! sensor's own rays are farther apart than directions are ([`spacing`]): there all those towards the box that were measured must
-//! end beyond it, one of them next to its centre, and none may be farther from one that was than rays are from each other.
+//! end beyond it, one of them next to its centre and the next ones beside that, and none may be farther from one that was than rays
+//! are from each other. What is thin must have a ray in the direction of its own centre.
 //! [`RangeGrid::blocks_in_view`] names the blocks in which such voxels may lie, and [`Clearance`] says when one has been
 //! seen through often enough to lose its points.
 //!
@@ -12,8 +13,9 @@
 //!
 //! **Why floors are safe.** A ray just above a floor voxel ends far behind it, but the floor within the voxel lies in the
 //! voxel's own directions, and the floor before it in those just below: the smallest depth over all of them is not
-//! beyond the voxel, however shallow the angle. So it is at the edge of a table: the voxel that holds the last few
-//! millimetres has the table itself in the directions beside it, which the padding of `clearing`'s boxes takes in.
+//! beyond the voxel, however shallow the angle. Where rays are apart, the next one below ends on the floor before the voxel. So it
+//! is at the edge of a table: the voxel that holds the last few millimetres has the table itself in the directions beside it, which
+//! the padding of `clearing`'s boxes takes in.
 //!
 //! Any box can be looked at. With the cubes of voxels, what stood on a floor would stay up to 15 cm above it, as long as
 //! it is seen from 1.5 m or more: the rays beside it end on the floor, too near behind the cubes to tell. `clearing`
@@ -198,18 +200,30 @@ impl RangeGrid {
 
     /// Whether a box was seen through.
     ///
-    /// `centre` is its centre; `half` its reach from there along the sensor's axes. `margin` is how far beyond its far side a
-    /// ray must end.
-    pub(crate) fn sees_through(&self, centre: &Point3<f64>, half: &Vector3<f64>, margin: f64) -> bool {
+    /// `centre` is its centre; `half` its reach from there along the sensor's axes, along which what is in it may be thin. `margin` is
+    /// how far beyond its far side a ray must end.
+    pub(crate) fn sees_through(
+        &self,
+        centre: &Point3<f64>,
+        (half, is_thin): (&Vector3<f64>, [bool; 3]),
+        margin: f64,
+    ) -> bool {
         let [x, y, z] = [centre.x, centre.y, centre.z].map(|coordinate| coordinate as f32);
         let (index, depth) = cell_and_depth([x, y, z]);
         let face = Face::new(index as usize / FACE_CELLS);
         let reach = (face.half_depth(half) + margin) as f32;
         let cell = self.cells[index as usize];
         // The cell of the centre decides for most boxes: it is they that are measured.
-        if !self.may_end_beyond(cell, depth + reach)
-            || !self.gaps.is_none() && !self.is_next_to_ray(index as usize)
-        {
+        if !self.may_end_beyond(cell, depth + reach) {
+            return false;
+        }
+        // What is thin lies beside a ray that is a cell away.
+        let is_thin = self.gaps.cross(face.across().map(|axis| is_thin[axis]));
+        let is_passed = |index| {
+            let is_near = if is_thin { self.is_ray(index) } else { self.is_next_to_ray(index) };
+            is_near && self.passes_on_both_sides(index, depth + reach)
+        };
+        if !self.gaps.is_none() && !is_passed(index as usize) {
             return false;
         }
         Face::all().all(|face| {

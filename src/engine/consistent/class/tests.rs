@@ -26,6 +26,7 @@ fn surface(elevation: f64) -> Evidence<'static> {
         tolerance: 0.02,
         across: 0.0,
         floor: Some(0.0),
+        floor_above: None,
         sensor: 1.0,
         was_ceiling: false,
         neighbours: &[],
@@ -67,6 +68,8 @@ fn tables_and_steps_are_horizontal() {
             SurfaceClass::Horizontal,
         );
     }
+    let hollow = Evidence { floor: None, floor_above: Some(0.2), area: 6.0, ..surface(90.0) };
+    assert_class(&hollow, SurfaceClass::Horizontal);
     let small = Evidence { floor: None, area: 0.2, ..surface(90.0) };
     assert_eq!(classify(&small).0, SurfaceClass::Horizontal);
 }

@@ -29,7 +29,11 @@ const PADDING: f64 = 0.5;
 /// Padding of what has no thickness, in shares of the depth: a cell of a [`RangeGrid`](super::super::view::RangeGrid).
 const PADDING_OF_DEPTH: f64 = 1.0 / 128.0;
 
-/// Half extents along the sensor's axes (m) of the box around the `mean` of a voxel's points, which is in its frame.
+/// Parts of a voxel's edge that points spread over: what spreads over less is thin.
+const THIN: f64 = 0.5;
+
+/// Half extents along the sensor's axes (m) of the box around the `mean` of a voxel's points, which is in its frame, and along
+/// which of them the points are thin.
 ///
 /// `steps` are one voxel along each axis of the grid, in the sensor's frame (m).
 pub(super) fn half_extents(
@@ -38,7 +42,7 @@ pub(super) fn half_extents(
     noise: NoiseModel,
     moments: &Moments,
     mean: &Point3<f64>,
-) -> Vector3<f64> {
+) -> (Vector3<f64>, [bool; 3]) {
     let spread =
         (steps * moments.covariance() * steps.transpose()).diagonal().map(|square| square.max(0.0).sqrt());
     let axis = mean.coords.iamax();
@@ -49,7 +53,8 @@ pub(super) fn half_extents(
     thinness[axis] = 0.0;
     let padding = thinness * (PADDING * voxel_size + PADDING_OF_DEPTH * depth);
     let half = scatter(&(steps / voxel_size), noise, moments) + spread * SPREAD + padding;
-    half.sup(&Vector3::repeat(LEAST * depth))
+    let is_thin = [0, 1, 2].map(|axis| spread[axis] < THIN * full);
+    (half.sup(&Vector3::repeat(LEAST * depth)), is_thin)
 }
 
 /// How far from where they were measured the points may belong, along the sensor's axes (m).

@@ -349,6 +349,16 @@ fn a_point_that_strays_into_an_empty_voxel_now_and_then_does_not_keep_it_however
 /// Voxels that a thing has while it is there, and after it has been away for `away` scans; `scan` gives points at so many metres from
 /// a sensor that stands still, x forward, of the thing or, where it is away, of the wall behind it.
 fn left_of_a_thing(params: &Params, away: u64, scan: impl Fn(u64, bool) -> Points) -> [usize; 2] {
+    left_in(params, away, scan, |point| point.coords.amax() < 3.5 && point.coords.norm() > 1.5)
+}
+
+/// The same of the voxels whose means lie where `is_near` says.
+fn left_in(
+    params: &Params,
+    away: u64,
+    scan: impl Fn(u64, bool) -> Points,
+    is_near: impl Fn(&Point3<f64>) -> bool,
+) -> [usize; 2] {
     const STAYS: u64 = 12;
     let mut grid = Grid::new(params);
     let (mut clearing, mut binned) = (Clearing::new(), Binned::default());
@@ -360,7 +370,6 @@ fn left_of_a_thing(params: &Params, away: u64, scan: impl Fn(u64, bool) -> Point
         grid.bin(&scan, sequence, &mut binned);
         clearing.clear(&mut grid, &scan, sequence);
         if sequence == STAYS || sequence == STAYS + away {
-            let is_near = |point: &Point3<f64>| point.coords.amax() < 3.5 && point.coords.norm() > 1.5;
             let voxels = |block: &Block| {
                 let is_of_thing =
                     |voxel: &&Voxel| grid.is_dense(voxel) && is_near(&grid.centre(block, voxel));
@@ -412,6 +421,55 @@ fn what_lies_between_the_lines_of_a_lidar_stays() {
     let scan = |number, is_there| if is_there { seeing(number, true) } else { passing(number, false) };
     let [there, left] = left_of_a_thing(&params, 60, scan);
     assert!(there > 20 && left == there, "{left} of {there} voxels are left");
+}
+
+/// A floor that some lines end before and others pass over, and a board in the air that they pass over and under.
+#[test]
+fn a_floor_and_a_board_between_the_lines_of_a_lidar_stay() {
+    let params = Params::default().with_voxel_size(0.1).unwrap().with_noise_model(NoiseModel::None);
+    let jitter = |i: u64| ((i as f64 * 0.618).fract() - 0.5) * 0.01;
+    let level = |height: f64, number: u64| {
+        let places = (0..60_u64).flat_map(|x| (0..40_u64).map(move |y| (x, y)));
+        let point = move |(x, y): (u64, u64)| {
+            let at = [5.0 + 0.05 * x as f64, 0.05 * y as f64 - 1.0, height + jitter(number + 7 * x + y)];
+            at.map(|c| c as f32)
+        };
+        places.map(point).collect::<Vec<_>>()
+    };
+    for (lines, degrees) in [(16, 30.0), (32, 31.0)] {
+        for height in [-0.65, -0.25] {
+            let end = |ray: Vector3<f64>| {
+                let wall = ray * (12.0 / ray.x.abs().max(ray.y.abs()));
+                let floor = ray * (-0.65 / ray.z.min(-1e-9));
+                let board = ray * (height / ray.z.min(-1e-9));
+                let is_board = (5.0..8.0).contains(&board.x) && board.y.abs() < 1.0;
+                let floor = if floor.norm() < wall.norm() { floor } else { wall };
+                (if is_board { board } else { floor }).map(|c| c as f32).into()
+            };
+            let ends = |number: u64| {
+                let rays = (0..lines).flat_map(|line| (0..1800).map(move |step| (line, step)));
+                let ray = move |(line, step): (u32, u32)| {
+                    let up = (degrees * (f64::from(line) / f64::from(lines - 1) - 0.5)).to_radians();
+                    let around = 0.2 * (f64::from(step) + (number as f64 * 0.618).fract()).to_radians();
+                    Vector3::new(around.cos() * up.cos(), around.sin() * up.cos(), up.sin())
+                };
+                rays.map(ray).map(end).collect::<Vec<[f32; 3]>>()
+            };
+            let scan =
+                |number, is_there| Points::F32(if is_there { level(height, number) } else { ends(number) });
+            // Not its rim, where points of the floor beside it come in, and where a line passes the board within half a degree.
+            let is_within = |point: &Point3<f64>| {
+                (point.z - height).abs() < 0.04 && (5.5..7.0).contains(&point.x) && point.y.abs() < 0.8
+            };
+            let [there, left] = left_in(&params, 70, scan, is_within);
+            // Of the board goes what a line grazes that ends on it farther on.
+            let most = if height < -0.5 { 0 } else { there / 8 };
+            assert!(
+                there > 200 && there - left <= most,
+                "{lines} lines, {height} m: {left} of {there} are left"
+            );
+        }
+    }
 }
 
 #[test]

@@ -27,6 +27,9 @@ const STOREY: f64 = 2.5;
 /// a floor of 32 m^2.
 const GHOST: f64 = 0.3;
 const GHOST_SHARE: f64 = 10.0;
+/// Area below which (m^2) it is none either where the other lies higher, but less than a storey: a pit, or a landing that is seen down
+/// a stairwell. Of a floor that a robot drives on, below a platform, more is soon seen.
+const PIT: f64 = 4.0;
 /// How far a piece of a floor may lie below it (m).
 const SUNK: f64 = 0.1;
 /// Least edge of a cell (m): a few of them cover a wall, and a few walls are in each.
@@ -108,22 +111,31 @@ impl Landmarks {
         }
     }
 
+    /// z of the lowest floor (m).
+    pub(super) fn lowest_floor(&self) -> Option<f64> {
+        self.floor_above(f64::NEG_INFINITY)
+    }
+
     /// z of the floor of the storey that a surface with its middle at this height is in (m), `None` below the lowest. The lowest
     /// large surface that faces up, and is no ghost, is a floor, and so is the next one that is a storey higher, and so on.
     pub(super) fn floor_below(&self, middle: f64) -> Option<f64> {
-        let above = |least: f64| {
-            let mut levels = self.levels.range((Height(least), ComponentId(0))..);
-            levels.find(|(at, area)| !self.is_ghost(at.0, **area)).map(|(at, _)| at.0.0)
-        };
         // So far up that a storey is less than is told apart, the next is at least another.
-        let next = |floor: &f64| above((floor + STOREY).max(floor.next_up()));
-        let floors = successors(above(f64::NEG_INFINITY), next);
+        let next = |floor: &f64| self.floor_above((floor + STOREY).max(floor.next_up()));
+        let floors = successors(self.lowest_floor(), next);
         floors.take_while(|floor| *floor <= middle + SUNK).last()
     }
 
-    /// Whether there is a much larger surface just above one at this height, which has this area.
+    /// z of the lowest from here on that is large and no ghost (m).
+    fn floor_above(&self, least: f64) -> Option<f64> {
+        let mut levels = self.levels.range((Height(least), ComponentId(0))..);
+        levels.find(|(at, area)| !self.is_ghost(at.0, **area)).map(|(at, _)| at.0.0)
+    }
+
+    /// Whether there is a much larger surface just above one at this height, which has this area; above a small one, whether there is
+    /// in its storey.
     fn is_ghost(&self, height: Height, area: f64) -> bool {
-        let above = (height, ComponentId(0))..=(Height(height.0 + GHOST), ComponentId(u32::MAX));
+        let reach = if area < PIT { STOREY } else { GHOST };
+        let above = (height, ComponentId(0))..=(Height(height.0 + reach), ComponentId(u32::MAX));
         self.levels.range(above).any(|(_, other)| *other > GHOST_SHARE * area)
     }
 

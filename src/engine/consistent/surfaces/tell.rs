@@ -84,8 +84,10 @@ impl Surfaces {
             let (Some(shape), Some(plane)) = (&cluster.told, &cluster.plane) else { continue };
             let planarity = Planarity::of(cluster, plane, &self.rules);
             let uprights = self.uprights(shape);
+            let floor = self.landmarks.floor_below(describe::middle(shape));
             let surroundings = Surroundings {
-                floor: self.landmarks.floor_below(describe::middle(shape)),
+                floor,
+                floor_above: if floor.is_none() { self.landmarks.lowest_floor() } else { None },
                 sensor: sensor_height,
                 was_ceiling: cluster.before.class() == SurfaceClass::Ceiling,
             };
@@ -195,7 +197,7 @@ impl Surfaces {
         for &node in self.graph.nodes(component) {
             let Some(id) = self.patches[node] else { continue };
             self.for_each_voxel(grid, node, id, |block, state| {
-                let is_thin = self.segmented[block].is_thin(state);
+                let is_thin = self.segmented[block].is_thin(state, &self.rules);
                 if let Some(key) = grid.block(block).voxel_key(state.cell()).filter(|_| !is_thin) {
                     footprint.add(axis.column(key), &content(state, axis));
                 }

@@ -33,7 +33,7 @@ impl Face {
     }
 
     /// The axes of the columns and of the rows.
-    const fn across(self) -> [usize; 2] {
+    pub(super) const fn across(self) -> [usize; 2] {
         match self.axis() {
             0 => [1, 2],
             1 => [0, 2],

@@ -7,7 +7,7 @@
 use std::ops::Range;
 
 use super::patch::{Face, Patch};
-use super::{CELLS, RangeGrid, TILE_CELLS, split};
+use super::{CELLS, FACE_CELLS, RangeGrid, TILE_CELLS, split};
 use crate::engine::points::Rays;
 
 /// Cells between those that neighbouring rays fall into, at most, along a row of cells and along a column of them.
@@ -28,6 +28,11 @@ impl Gaps {
     /// The gaps of a camera, by its rays alone: what they have not measured is a hole, however much that is.
     pub(super) fn of_rays(rays: &Rays) -> Self {
         Self { along_row: between(&rays.x), along_column: between(&rays.y) }
+    }
+
+    /// Whether they are along an axis, of those that columns and rows run along, for which this holds.
+    pub(super) const fn cross(self, [along_row, along_column]: [bool; 2]) -> bool {
+        along_row && self.along_row > 0 || along_column && self.along_column > 0
     }
 
     pub(super) const fn is_none(self) -> bool {
@@ -70,8 +75,35 @@ impl RangeGrid {
         rows.any(|row| columns.clone().any(|column| self.is_measured(face, row, column)))
     }
 
+    /// Whether, wherever rays are apart, the next ones to both sides of a cell end beyond `least` too: else what is there may lie between
+    /// two rays, as a floor does that the one ends before and the other passes over.
+    pub(super) fn passes_on_both_sides(&self, index: usize, least: f32) -> bool {
+        let Gaps { along_row, along_column } = self.gaps;
+        let (face, row, column) = split(index);
+        let columns = around(column, along_row, &(0..CELLS));
+        let rows = around(row, along_column, &(0..CELLS));
+        let in_row =
+            |row: usize| self.ends_beyond_of((face * CELLS + row) * CELLS, columns.clone(), 1, least);
+        let in_column =
+            |column: usize| self.ends_beyond_of(face * FACE_CELLS + column, rows.clone(), CELLS, least);
+        (along_column == 0 || on_both_sides(row, along_column, in_row))
+            && (along_row == 0 || on_both_sides(column, along_row, in_column))
+    }
+
+    /// Whether all of some cells that were measured end beyond `least`; `None` where none was.
+    fn ends_beyond_of(&self, first: usize, places: Range<usize>, step: usize, least: f32) -> Option<bool> {
+        let cells = places.map(|place| self.cells[first + place * step]);
+        let mut nearest = cells.filter(|cell| cell.count >= self.min_count).map(|cell| cell.nearest);
+        nearest.next().map(|first| nearest.fold(first, f32::min) > least)
+    }
+
+    /// Whether rays went into a cell.
+    pub(super) fn is_ray(&self, index: usize) -> bool {
+        self.cells[index].count >= self.min_count
+    }
+
     fn is_measured(&self, face: usize, row: usize, column: usize) -> bool {
-        self.cells[(face * CELLS + row) * CELLS + column].count >= self.min_count
+        self.is_ray((face * CELLS + row) * CELLS + column)
     }
 
     /// Whether each cell of a patch was measured or has one in the patch that was, no farther than rays are apart.
@@ -83,6 +115,13 @@ impl RangeGrid {
         };
         patch.rows.clone().all(|row| patch.columns.clone().all(|column| near(row, column)))
     }
+}
+
+/// Whether the first lines of cells before `at` and after it in which rays went, no farther than these are apart, end beyond.
+fn on_both_sides(at: usize, gap: usize, ends: impl Fn(usize) -> Option<bool>) -> bool {
+    let before = (1..=(gap + 1).min(at)).find_map(|steps| ends(at - steps));
+    let after = (1..=(gap + 1).min(CELLS - 1 - at)).find_map(|steps| ends(at + steps));
+    before == Some(true) && after == Some(true)
 }
 
 /// From so many before `at` to as many after it, of those `within`.

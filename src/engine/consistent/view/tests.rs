@@ -86,7 +86,7 @@ impl Sensor {
 
     fn look(&self, grid: &RangeGrid, key: [i32; 3], edge: f64, margin: impl Fn(f64) -> f64) -> bool {
         let (centre, half) = self.voxel(key, edge);
-        grid.sees_through(&centre, &padded(&centre, half), margin(centre.coords.norm()))
+        grid.sees_through(&centre, (&padded(&centre, half), [false; 3]), margin(centre.coords.norm()))
     }
 }
 

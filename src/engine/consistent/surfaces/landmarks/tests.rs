@@ -20,7 +20,8 @@ fn plain_floor(cluster: &Cluster, told: &Told) -> Option<f64> {
     let levels: Vec<_> =
         told.values().filter(is_level).map(|level| (middle(level), level.area.unwrap())).collect();
     let is_floor = |&&(height, area): &&(f64, f64)| {
-        let is_above = |other: f64| (height..=height + GHOST).contains(&other);
+        let reach = if area < PIT { STOREY } else { GHOST };
+        let is_above = |other: f64| (height..=height + reach).contains(&other);
         !levels.iter().any(|&(other, larger)| is_above(other) && larger > GHOST_SHARE * area)
     };
     let mut heights: Vec<_> = levels.iter().filter(is_floor).map(|(height, _)| *height).collect();
@@ -122,6 +123,20 @@ fn a_mirror_image_below_a_floor_is_no_floor_and_the_floor_below_a_platform_is() 
     assert_eq!(put(1, 0.0, [8.0, 4.0]), Some(0.0));
     assert_eq!(put(2, 0.2, [20.0, 10.0]), Some(0.0), "a platform of six times the floor that is seen");
     assert_eq!(put(3, 0.5, [80.0, 80.0]), Some(0.0), "too high for what lies below to be its image");
+}
+
+#[test]
+fn a_pit_in_a_floor_is_no_floor_however_deep_it_is() {
+    for depth in [0.12, 0.35, 1.4, 2.4] {
+        let mut landmarks = Landmarks::new(0.08);
+        landmarks.set(ComponentId(0), Some(&rectangle([0.0; 3], [0.0; 3], [8.0, 4.0])));
+        landmarks.set(ComponentId(1), Some(&rectangle([9.0, 0.0, -depth], [0.0; 3], [3.0, 1.0])));
+        assert_eq!(landmarks.floor_below(0.0), Some(0.0), "{depth}");
+        assert_eq!((landmarks.floor_below(-depth), landmarks.lowest_floor()), (None, Some(0.0)), "{depth}");
+        // As much of it that it may be a room.
+        landmarks.set(ComponentId(1), Some(&rectangle([9.0, 0.0, -depth], [0.0; 3], [3.0, 3.0])));
+        assert_eq!(landmarks.floor_below(0.0), Some(-depth), "{depth}");
+    }
 }
 
 #[test]
