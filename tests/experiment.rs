@@ -35,7 +35,7 @@ fn the_cabinet_gives_the_acceptance_values_and_bears_out_the_papers_conclusions(
     let results = experiment.finish();
 
     let summary = results.summary();
-    let [cfodi, statics] = [&summary.methods[0], &summary.methods[1]];
+    let [cfodi, consistent, statics] = [0, 1, 2].map(|method| &summary.methods[method]);
     assert_eq!((summary.scans, cfodi.dense_voxels_last), (58, Some(14_342)));
     assert_eq!((cfodi.clusters_last, cfodi.large_clusters_last), (Some(292), Some(32)));
     assert_eq!((statics.clusters_last, statics.large_clusters_last), (Some(252), Some(37)));
@@ -43,6 +43,11 @@ fn the_cabinet_gives_the_acceptance_values_and_bears_out_the_papers_conclusions(
     // "The error of CFODI is slightly higher than that of STATIC."
     let above = cfodi.normal_error_above_static_rad.unwrap();
     assert!((0.0..0.12).contains(&above), "{above} rad");
+
+    // What mode `consistent` mends.
+    assert!(10 * consistent.single_clusters_last.unwrap() <= cfodi.single_clusters_last.unwrap());
+    assert!(consistent.share_in_clusters_last.unwrap() >= 0.9);
+    assert!(consistent.normal_error_mean_rad.unwrap() < statics.normal_error_mean_rad.unwrap());
 
     let folder = tempfile::tempdir().unwrap();
     assert!(results.write(folder.path()).is_empty());

@@ -163,10 +163,12 @@ fn table(summary: &Summary) -> String {
     };
     let count = |value: Option<u32>| value.map_or_else(|| "-".to_owned(), |value| value.to_string());
     let mut lines = vec![format!(
-        "{:<8} {:>8} {:>9} {:>14} {:>10} {:>14} {:>13} {:>14}",
+        "{:<10} {:>8} {:>7} {:>6} {:>12} {:>13} {:>10} {:>13} {:>12} {:>14}",
         "method",
         "clusters",
         "of 10+",
+        "of 1",
+        "in clusters",
         "normals [rad]",
         "ms, median",
         "ms/1000 dense",
@@ -175,10 +177,12 @@ fn table(summary: &Summary) -> String {
     )];
     lines.extend(summary.methods.iter().map(|method| {
         format!(
-            "{:<8} {:>8} {:>9} {:>14} {:>10} {:>14} {:>13} {:>14}",
+            "{:<10} {:>8} {:>7} {:>6} {:>12} {:>13} {:>10} {:>13} {:>12} {:>14}",
             method.method,
             count(method.clusters_last),
             count(method.large_clusters_last),
+            count(method.single_clusters_last),
+            number(method.share_in_clusters_last, 3),
             number(method.normal_error_mean_rad, 3),
             number(method.ms_median, 1),
             number(method.ms_per_1000_dense_voxels, 2),

@@ -33,6 +33,10 @@ pub(super) struct Quality {
     pub(super) clusters: u32,
     /// Those of [`MIN_RELIABLE_VOXELS`] or more.
     pub(super) large_clusters: u32,
+    /// Those of one voxel.
+    pub(super) single_clusters: u32,
+    /// Voxels in clusters.
+    pub(super) clustered_voxels: u32,
     /// Mean angle, over all voxels in clusters, between a voxel's normal and its cluster's (rad, 0 to pi/2: the sign of
     /// a normal does not count); `None` without a voxel in a cluster.
     pub(super) normal_error: Option<f64>,
@@ -54,6 +58,8 @@ impl Clustering {
             dense_voxels: self.voxels.len() as u32,
             clusters: sizes.len() as u32,
             large_clusters: sizes.values().filter(|&&size| size >= MIN_RELIABLE_VOXELS).count() as u32,
+            single_clusters: sizes.values().filter(|&&size| size == 1).count() as u32,
+            clustered_voxels: sizes.values().sum(),
             normal_error: (count > 0).then(|| sum / f64::from(count)),
         }
     }

@@ -3,9 +3,10 @@
 use std::time::Duration;
 
 use super::clustering::Clustering;
+use crate::engine::consistent::Consistent;
 use crate::engine::paper::Cfodi;
 use crate::engine::paper::statics::Static;
-use crate::engine::{Params, PipelineStep, Scan, Snapshot};
+use crate::engine::{Mode, Params, PipelineStep, Scan, Snapshot};
 
 /// A method and how the figures show it.
 #[derive(Clone, Copy, Debug)]
@@ -20,13 +21,22 @@ pub(super) struct Method {
     pub(super) start: fn(Params) -> Box<dyn Clusterer>,
 }
 
+/// Mode `consistent`.
+const CONSISTENT: &str = "consistent";
+
 /// All methods, the baseline last. Colours are those of Okabe and Ito (2008), told apart by every kind of eye.
-pub(super) const METHODS: [Method; 2] = [
+pub(super) const METHODS: [Method; 3] = [
     Method {
         name: "CFODI",
         key: "cfodi",
         colour: [0, 114, 178],
         start: |params| Box::new(Cfodi::new(params)),
+    },
+    Method {
+        name: CONSISTENT,
+        key: CONSISTENT,
+        colour: [0, 158, 115],
+        start: |params| Box::new(Consistent::new(params.with_mode(Mode::Consistent).with_clearing(true))),
     },
     Method {
         name: "STATIC",
@@ -59,6 +69,21 @@ impl Clusterer for Cfodi {
 
     fn snapshot(&self) -> Option<Snapshot> {
         Some(Cfodi::snapshot(self))
+    }
+}
+
+/// It has no steps of the paper's.
+impl Clusterer for Consistent {
+    fn insert(&mut self, scan: &Scan, _: &mut dyn FnMut(PipelineStep)) {
+        Self::insert(self, scan);
+    }
+
+    fn clustering(&self) -> Clustering {
+        Clustering::from(&Self::snapshot(self))
+    }
+
+    fn snapshot(&self) -> Option<Snapshot> {
+        Some(Self::snapshot(self))
     }
 }
 

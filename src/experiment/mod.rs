@@ -1,4 +1,5 @@
-//! The paper's figures (section V) on any recording: CFODI beside the baseline STATIC, and the effects of parameters.
+//! The paper's figures (section V) on any recording: CFODI and mode `consistent` beside the baseline STATIC, and the effects of
+//! parameters.
 //!
 //! Scans go by once and are not kept; of each remain its numbers, and of the map a bounded set of snapshots. Every method
 //! has maps of its own, so that none works on what another has binned. Time comes from a clock that is handed in: with a

@@ -6,7 +6,7 @@ use super::live::Taken;
 use super::method::{METHODS, Timing};
 use crate::engine::{Params, Snapshot, Stamp};
 
-/// What an experiment has found. Lists "by method" are in one order, CFODI first, STATIC last.
+/// What an experiment has found. Lists "by method" are in one order: CFODI, `consistent`, STATIC.
 #[derive(Clone, Debug)]
 pub struct Results {
     pub(super) params: Params,

@@ -21,7 +21,7 @@ pub struct Summary {
     pub stream_s: f64,
     /// What all methods worked with.
     pub parameters: ParametersSummary,
-    /// CFODI first, STATIC last.
+    /// CFODI first, then mode `consistent`, STATIC last.
     pub methods: Vec<MethodSummary>,
     /// The maps of figure 2.
     pub figure2: Vec<MomentSummary>,
@@ -54,6 +54,10 @@ pub struct MethodSummary {
     pub large_clusters_mean: Option<f64>,
     /// Clusters of 10 voxels or more.
     pub large_clusters_last: Option<u32>,
+    /// Those of one voxel.
+    pub single_clusters_last: Option<u32>,
+    /// Share of the dense voxels that are in clusters.
+    pub share_in_clusters_last: Option<f64>,
     /// Angle between a voxel's normal and its cluster's, mean over all voxels in clusters (rad).
     pub normal_error_mean_rad: Option<f64>,
     /// Angle between a voxel's normal and its cluster's, mean over all voxels in clusters (rad).
@@ -150,6 +154,10 @@ impl Results {
             clusters_last: last.map(|q| q.clusters),
             large_clusters_mean: mean(&large),
             large_clusters_last: last.map(|q| q.large_clusters),
+            single_clusters_last: last.map(|q| q.single_clusters),
+            share_in_clusters_last: last.and_then(|q| {
+                (q.dense_voxels > 0).then(|| f64::from(q.clustered_voxels) / f64::from(q.dense_voxels))
+            }),
             normal_error_mean_rad: mean(&errors),
             normal_error_last_rad: last.and_then(|q| q.normal_error),
             normal_error_above_static_rad: self.error_above_baseline(method),

@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use tempfile::TempDir;
 
+use super::clustering::Quality;
 use super::*;
 use crate::engine::{Isometry3, Points, Stamp};
 
@@ -144,10 +145,13 @@ fn a_simulated_drive_gives_all_files_well_formed_and_the_same_on_a_second_run() 
 }
 
 #[test]
-fn both_methods_agree_on_what_one_scan_shows() {
+fn all_methods_agree_on_what_one_scan_shows() {
     let results = results([floor(0)]);
-    let [cfodi, statics] = [0, 1].map(|method| results.records[0].methods[method].quality);
+    let [cfodi, consistent, statics] = [0, 1, 2].map(|method| results.records[0].methods[method].quality);
     assert_eq!(cfodi, statics);
+    let Quality { dense_voxels, clusters, single_clusters, clustered_voxels, .. } = consistent;
+    assert_eq!((dense_voxels, clusters, single_clusters), (cfodi.dense_voxels, 1, 0));
+    assert!(10 * clustered_voxels > 9 * dense_voxels, "{consistent:?}");
     assert_eq!((cfodi.clusters, cfodi.large_clusters), (1, 1));
     assert!(cfodi.normal_error.unwrap() < 1e-6);
     assert_eq!(results.summary().methods[0].rand_index_to_static_last, Some(1.0));
@@ -156,7 +160,7 @@ fn both_methods_agree_on_what_one_scan_shows() {
 #[test]
 fn times_are_those_of_the_clock_and_stream_time_that_of_the_stamps() {
     let mut experiment = Experiment::new(Params::paper(), {
-        // Each read is 1 ms later: four steps and the way back make 5 ms of CFODI, one step less of STATIC.
+        // Each read is 1 ms later: four steps and the way back make 5 ms of CFODI, one step less of STATIC, none of the other.
         let mut now = Duration::ZERO;
         move || {
             now += Duration::from_millis(1);
@@ -166,13 +170,14 @@ fn times_are_those_of_the_clock_and_stream_time_that_of_the_stamps() {
     (0..3).for_each(|number| experiment.scan(&floor(number)));
     let results = experiment.finish();
     for record in &results.records {
-        assert_eq!(record.methods.iter().map(|m| m.time.total.as_millis()).collect::<Vec<_>>(), [5, 4]);
-        assert_eq!(record.methods[1].time.steps[3], None);
+        assert_eq!(record.methods.iter().map(|m| m.time.total.as_millis()).collect::<Vec<_>>(), [5, 1, 4]);
+        assert_eq!(record.methods[2].time.steps[3], None);
+        assert_eq!(record.methods[1].time.steps, [None; 4]);
     }
     assert_eq!(results.seconds(), Some(vec![0.0, 0.5, 1.0]));
     let summary = results.summary();
-    assert_eq!((summary.methods[0].ms_median, summary.methods[1].ms_mean), (Some(5.0), Some(4.0)));
-    assert_eq!(summary.methods[1].live.share_of_points, Some(1.0));
+    assert_eq!((summary.methods[0].ms_median, summary.methods[2].ms_mean), (Some(5.0), Some(4.0)));
+    assert_eq!(summary.methods[2].live.share_of_points, Some(1.0));
     assert!(results.effects.iter().all(|effect| effect.cases.iter().all(|c| c.median_ms == Some(5.0))));
 }
 
