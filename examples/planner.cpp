@@ -1,10 +1,11 @@
 // Keeps clear of obstacles and finds the table, as examples/planner.py does: the node around planner.hpp.
 // Depends on rclcpp, cfodi_msgs, geometry_msgs, sensor_msgs and tf2_msgs.
 #include <chrono>
-#include <cmath>
-#include <map>
+#include <csignal>
+#include <exception>
 #include <memory>
 #include <string>
+#include <thread>
 #include <tuple>
 
 #include <geometry_msgs/msg/twist.hpp>
@@ -15,55 +16,54 @@
 
 class PlannerNode : public rclcpp::Node {
  public:
-  PlannerNode() : Node("planner"), planner_(declare_parameter("width", 0.5), declare_parameter("height", 1.2)) {
+  PlannerNode() : Node("planner"), driver_(parameters()) {
     using Array = MapReader::Array;
-    auto frame = declare_parameter<std::string>("base_frame", "base_link");
-    clusters_ = create_subscription<Array>(
-        "/cfodi/clusters", rclcpp::QoS(1).transient_local(), [this](const Array& message) { planner_.map.snapshot(message); });
+    clusters_ = create_subscription<Array>("/cfodi/clusters", rclcpp::QoS(1).transient_local(),
+                                           [this](const Array& message) { driver_.planner.map.snapshot(message); });
     deltas_ = create_subscription<Array>(
-        "/cfodi/clusters_delta", 20, [this](const Array& message) { planner_.map.delta(message); });
+        "/cfodi/clusters_delta", 20, [this](const Array& message) { driver_.planner.map.delta(message); });
     points_ = create_subscription<sensor_msgs::msg::PointCloud2>(
         "/cfodi/points_labelled", rclcpp::SensorDataQoS(),
-        [this](const sensor_msgs::msg::PointCloud2& cloud) { planner_.points(cloud); });
-    transforms_ = create_subscription<tf2_msgs::msg::TFMessage>("/tf", 100, [this, frame](const tf2_msgs::msg::TFMessage& message) {
-      for (const auto& transform : message.transforms) {
-        if (transform.child_frame_id == frame) poses_[transform.header.frame_id] = transform;
-      }
-    });
+        [this](const sensor_msgs::msg::PointCloud2& cloud) { driver_.planner.points(cloud); });
+    transforms_ = create_subscription<tf2_msgs::msg::TFMessage>(
+        "/tf", 100, [this](const tf2_msgs::msg::TFMessage& message) { driver_.transforms(message); });
     commands_ = create_publisher<geometry_msgs::msg::Twist>("cmd_vel", 1);
-    timer_ = create_wall_timer(std::chrono::milliseconds(100), [this] {
-      geometry_msgs::msg::Twist command;
-      command.linear.x = speed();
-      commands_->publish(command);
-    });
+    timer_ = create_wall_timer(std::chrono::milliseconds(100), [this] { command(); });
+  }
+
+  // The last command, for a base may keep it.
+  void stop() {
+    commands_->publish(geometry_msgs::msg::Twist());
+    std::this_thread::sleep_for(std::chrono::milliseconds(200));  // the middleware sends it, and again where it was lost
   }
 
  private:
-  double speed() {
-    const auto& map = planner_.map.header();
-    auto pose = poses_.find(map.frame_id);
+  Parameters parameters() {
+    Parameters given;
+    given.base_frame = declare_parameter<std::string>("base_frame", given.base_frame);
+    auto declare = [this](const char* name, double& value) { value = declare_parameter(name, value); };
+    declare("width", given.width), declare("height", given.height), declare("wished_height", given.wished_height);
+    declare("speed", given.speed), declare("stop_before", given.stop_before), declare("slow_from", given.slow_from);
+    declare("max_age", given.max_age);
+    return given;
+  }
+
+  void command() {
     std::chrono::duration<double> steady = std::chrono::steady_clock::now().time_since_epoch();
-    Freshness::Headers seen{map, planner_.voxels_header(), pose == poses_.end() ? std_msgs::msg::Header() : pose->second.header};
-    // A robot that sees nothing, or does not know where it is, stands.
-    if (!freshness_.holds(seen, now().seconds(), steady.count()) || pose == poses_.end()) return 0.0;
-    const auto& at = pose->second.transform.translation;
-    const auto& q = pose->second.transform.rotation;
-    Planner::Robot robot{at.x, at.y, at.z, std::atan2(2 * (q.w * q.z + q.x * q.y), 1 - 2 * (q.y * q.y + q.z * q.z))};
-    const auto* ground = planner_.ground(robot);
-    if (!ground) return 0.0;
-    if (auto table = planner_.table(*ground, wished_height_)) {
+    auto [speed, why] = driver_.speed(now().seconds(), steady.count());
+    geometry_msgs::msg::Twist command;
+    command.linear.x = speed;
+    commands_->publish(command);
+    if (auto line = standing_.line(why, steady.count())) RCLCPP_INFO(get_logger(), "%s", line->c_str());
+    if (const auto& table = driver_.table) {
       const auto& [p, size] = std::tie(table->cluster->pose.position, table->cluster->size);
       RCLCPP_INFO_THROTTLE(get_logger(), *get_clock(), 1000, "table: %.2f m high, %.2f x %.2f m, its middle at (%.2f, %.2f, %.2f)",
                            table->height, size.x, size.y, p.x, p.y, p.z);
     }
-    return speed_ * std::clamp((planner_.free_ahead(*ground, robot) - stop_before_) / (slow_from_ - stop_before_), 0.0, 1.0);
   }
 
-  Planner planner_;
-  double wished_height_ = declare_parameter("wished_height", 0.75), speed_ = declare_parameter("speed", 0.3);
-  double stop_before_ = declare_parameter("stop_before", 0.5), slow_from_ = declare_parameter("slow_from", 1.5);
-  Freshness freshness_{declare_parameter("max_age", 1.0)};
-  std::map<std::string, geometry_msgs::msg::TransformStamped> poses_;
+  Driver driver_;
+  Standing standing_;
   rclcpp::Subscription<MapReader::Array>::SharedPtr clusters_, deltas_;
   rclcpp::Subscription<sensor_msgs::msg::PointCloud2>::SharedPtr points_;
   rclcpp::Subscription<tf2_msgs::msg::TFMessage>::SharedPtr transforms_;
@@ -71,8 +71,34 @@ class PlannerNode : public rclcpp::Node {
   rclcpp::TimerBase::SharedPtr timer_;
 };
 
+volatile std::sig_atomic_t ended = 0;
+
+// Until a signal comes; whatever ends it, the robot stops.
+void drive(const std::shared_ptr<PlannerNode>& node) {
+  rclcpp::executors::SingleThreadedExecutor executor;
+  executor.add_node(node);
+  try {
+    while (rclcpp::ok() && !ended) executor.spin_once(std::chrono::milliseconds(100));
+  } catch (...) {
+    node->stop();
+    throw;
+  }
+  node->stop();
+}
+
 int main(int argc, char** argv) {
-  rclcpp::init(argc, argv);
-  rclcpp::spin(std::make_shared<PlannerNode>());
+  for (int each : {SIGINT, SIGTERM}) std::signal(each, [](int) { ended = 1; });
+  // Its own handlers shut ROS down at once, and no stop could be sent.
+  rclcpp::init(argc, argv, rclcpp::InitOptions(), rclcpp::SignalHandlerOptions::None);
+  std::shared_ptr<PlannerNode> node;
+  try {
+    node = std::make_shared<PlannerNode>();
+  } catch (const std::exception& error) {  // parameters that are impossible, or of another type
+    RCLCPP_FATAL(rclcpp::get_logger("planner"), "%s", error.what());
+    rclcpp::shutdown();
+    return 2;
+  }
+  drive(node);
   rclcpp::shutdown();
+  return 0;
 }

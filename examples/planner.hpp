@@ -4,16 +4,34 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iomanip>
 #include <limits>
+#include <map>
 #include <optional>
+#include <sstream>
+#include <stdexcept>
+#include <string>
 #include <tuple>
 #include <utility>
 #include <vector>
 
 #include <sensor_msgs/msg/point_cloud2.hpp>
 #include <sensor_msgs/point_cloud2_iterator.hpp>
+#include <tf2_msgs/msg/tf_message.hpp>
 
 #include "map_reader.hpp"
+
+// Why the robot stands: the reason is the same for as long as it is so, its numbers are of now.
+struct Why { std::string reason, numbers; };
+
+// All of these in a row, numbers with four digits.
+template <typename... Parts>
+std::string in_words(const Parts&... parts) {
+  std::ostringstream to;
+  to << std::setprecision(4);
+  (to << ... << parts);
+  return to.str();
+}
 
 class Planner {
  public:
@@ -47,6 +65,12 @@ class Planner {
   // What the robot stands on: of the surfaces at its height the one that it is over or comes to first. None where that is not
   // known to be level: a level one further ahead may be the foot of a ramp.
   const Cluster* ground(const Robot& robot) const {
+    const auto* first = stands_on(robot);
+    return first && is_level(*first) ? first : nullptr;
+  }
+
+  // That surface, level or not; none where none is seen.
+  const Cluster* stands_on(const Robot& robot) const {
     const Cluster* first = nullptr;
     std::tuple<bool, double, bool, double> least;  // tentative, how far ahead it begins, not level, how far below the base it is
     for (const auto& [id, cluster] : map.clusters()) {
@@ -59,7 +83,21 @@ class Planner {
       std::tuple<bool, double, bool, double> place{cluster.state == Cluster::STATE_TENTATIVE, begin, !level, height};
       if (begin < kUnseen && (!first || place < least)) least = place, first = &cluster;
     }
-    return first && is_level(*first) ? first : nullptr;
+    return first;
+  }
+
+  Why no_ground(const Robot& robot) const {
+    const auto* first = stands_on(robot);
+    if (!first) {
+      return {in_words("no floor is seen below the robot or up to ", kUnseen, " m ahead"),
+              in_words("its base frame is at (", robot.x, ", ", robot.y, ", ", robot.z, ")")};
+    }
+    const auto& turns = first->plane_covariance;
+    double rise = std::hypot(first->plane.coef[0], first->plane.coef[1]);
+    double known = std::sqrt(std::max({turns[0], turns[4], 0.0}));
+    return {"what is below the robot or first ahead is not known to be level",
+            in_words("cluster ", first->id, ": class ", int{first->surface_class}, ", confidence ", first->class_confidence,
+                     ", rises by ", rise, " m/m, which is known to ", known)};
   }
 
   // The raised level surface that is nearest to a height above the ground, or none.
@@ -191,26 +229,152 @@ class Planner {
 // near the clock, and have come not long ago by a clock that nobody sets.
 class Freshness {
  public:
-  using Headers = std::array<std_msgs::msg::Header, 3>;
+  struct Seen { std::string what; std_msgs::msg::Header header; std::string hint; };  // what to look at where it does not come
+  using All = std::array<Seen, 3>;
 
   static constexpr double kAhead = 0.2;  // a stamp may be ahead of the clock by this [s]: clocks are not set more exactly
 
   explicit Freshness(double max_age) : max_age_(max_age) {}
 
-  // Of these three, by the clock of the stamps and a steady one [s]; a time of 0 is none. Asked again and again.
-  bool holds(const Headers& headers, double now, double steady) {
-    bool fresh = now > 0.0;
-    for (std::size_t i = 0; i < headers.size(); ++i) {
-      double stamp = headers[i].stamp.sec + 1e-9 * headers[i].stamp.nanosec;
-      if (came_[i].stamp != stamp) came_[i] = {stamp, steady};
-      double age = now - stamp;
-      fresh = fresh && stamp > 0.0 && -kAhead < age && age < max_age_ && steady - came_[i].since < max_age_;
+  // Which of these is not of now, none where all are. The stamps and `now` are of one clock, `steady` of a steady one [s]; a time
+  // of 0 is none. Asked again and again.
+  std::optional<Why> lacks(const All& all, double now, double steady) {
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      double stamp = seconds(all[i].header);
+      if (came_[i].stamp != stamp || came_[i].what != all[i].what) came_[i] = {all[i].what, stamp, steady};
     }
-    return fresh;
+    if (now <= 0.0) return Why{"no time has come on /clock", "use_sim_time asks for it"};
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      if (auto why = lack(all[i], now - came_[i].stamp, steady - came_[i].since)) return why;
+    }
+    return std::nullopt;
   }
 
  private:
-  struct Came { double stamp = 0.0, since = 0.0; };
+  struct Came { std::string what; double stamp = 0.0, since = 0.0; };
+
+  static double seconds(const std_msgs::msg::Header& header) { return header.stamp.sec + 1e-9 * header.stamp.nanosec; }
+
+  // The same of one of them, by its age and how long ago it came [s].
+  std::optional<Why> lack(const Seen& seen, double age, double since) const {
+    auto allowed = in_words("max_age is ", max_age_, " s", seen.hint.empty() ? "" : "; " + seen.hint);
+    if (seconds(seen.header) <= 0.0) return Why{"no " + seen.what + " has come", seen.hint};
+    if (age >= max_age_) return Why{"the " + seen.what + " is too old", in_words(age, " s, ", allowed)};
+    if (age <= -kAhead) return Why{"the " + seen.what + " is ahead of the clock", in_words("by ", -age, " s: two clocks differ")};
+    if (since < max_age_) return std::nullopt;
+    return Why{"no new " + seen.what + " comes", in_words("for ", since, " s, ", allowed)};
+  }
+
   double max_age_;
   std::array<Came, 3> came_;
+};
+
+// What docs/planner.md says of them [m, m/s, s].
+struct Parameters {
+  std::string base_frame = "base_link";
+  double width = 0.5, height = 1.2, wished_height = 0.75, speed = 0.3, stop_before = 0.5, slow_from = 1.5, max_age = 1.0;
+
+  // Why nobody can drive by these, with their numbers; empty where one can.
+  std::string impossible() const {
+    const std::pair<const char*, double> numbers[] = {
+        {"width", width}, {"height", height}, {"wished_height", wished_height}, {"speed", speed},
+        {"stop_before", stop_before}, {"slow_from", slow_from}, {"max_age", max_age}};
+    for (auto [name, value] : numbers) {
+      if (value >= 0.0 && std::isfinite(value)) continue;
+      return in_words(name, " is ", value, "; it must be a finite number and not below 0");
+    }
+    const std::tuple<const char*, double, double> limits[] = {
+        {"width", width, 0.0}, {"height", height, Planner::kLow}, {"max_age", max_age, 0.0}};
+    for (auto [name, value, least] : limits) {
+      if (value <= least) return in_words(name, " is ", value, "; it must be more than ", least);
+    }
+    if (slow_from > stop_before) return "";
+    return in_words("slow_from is ", slow_from, " and stop_before is ", stop_before,
+                    "; slow_from must be more, for the robot slows down between the two");
+  }
+};
+
+// How fast the robot drives by what has come, and why it stands.
+class Driver {
+ public:
+  struct Speed { double value; std::optional<Why> why; };  // [m/s]; why it stands, none where it drives
+
+  // std::invalid_argument if it cannot drive so.
+  explicit Driver(const Parameters& given)
+      : planner(given.width, given.height), given_(possible(given)), freshness_(given.max_age) {}
+
+  Planner planner;  // feed it as it says
+  std::optional<Planner::Table> table;  // none while it does not see one; its cluster is the map's
+
+  // Takes a message of /tf.
+  void transforms(const tf2_msgs::msg::TFMessage& message) {
+    for (const auto& transform : message.transforms) {
+      if (transform.child_frame_id == given_.base_frame) poses_[transform.header.frame_id] = transform;
+    }
+  }
+
+  // By two clocks, as Freshness::lacks has it.
+  Speed speed(double now, double steady) {
+    const auto& map = planner.map.header();
+    auto pose = poses_.find(map.frame_id);
+    table.reset();
+    Freshness::All seen{{
+        {"map", map, "cfodi is not heard, or takes in no scan"},
+        {"cloud of labelled points", planner.voxels_header(), "large ones are lost where net.core.rmem_default is small"},
+        {"transform from `" + map.frame_id + "` straight to `" + given_.base_frame + "`",
+         pose == poses_.end() ? std_msgs::msg::Header() : pose->second.header, ""},
+    }};
+    // A robot that sees nothing, or does not know where it is, stands.
+    if (auto lack = freshness_.lacks(seen, now, steady)) return {0.0, lack};
+    Planner::Robot robot = place(pose->second.transform);
+    const auto* ground = planner.ground(robot);
+    if (!ground) return {0.0, planner.no_ground(robot)};
+    table = planner.table(*ground, given_.wished_height);
+    return before(planner.free_ahead(*ground, robot));
+  }
+
+  // The same, where the robot can drive so far straight on [m].
+  Speed before(double free) const {
+    double stop_before = given_.stop_before;
+    if (free <= stop_before) {
+      return {0.0, Why{"an obstacle is ahead", in_words(free, " m from the base frame, stop_before is ", stop_before, " m")}};
+    }
+    if (given_.speed == 0.0) return {0.0, Why{"the parameter speed is 0", ""}};
+    return {given_.speed * std::min((free - stop_before) / (given_.slow_from - stop_before), 1.0), std::nullopt};
+  }
+
+ private:
+  static const Parameters& possible(const Parameters& given) {
+    if (auto why = given.impossible(); !why.empty()) throw std::invalid_argument(why);
+    return given;
+  }
+
+  static Planner::Robot place(const geometry_msgs::msg::Transform& transform) {
+    const auto& at = transform.translation;
+    const auto& q = transform.rotation;
+    return {at.x, at.y, at.z, std::atan2(2 * (q.w * q.z + q.x * q.y), 1 - 2 * (q.y * q.y + q.z * q.z))};
+  }
+
+  Parameters given_;
+  Freshness freshness_;
+  std::map<std::string, geometry_msgs::msg::TransformStamped> poses_;
+};
+
+// Puts into words why the robot stands: when the reason is a new one, though not more than once a second, and every 5 s.
+class Standing {
+ public:
+  // What to say now, by a steady clock [s]; `why` is none while the robot drives.
+  std::optional<std::string> line(const std::optional<Why>& why, double steady) {
+    if (!why) {
+      reason_.clear();
+      return std::nullopt;
+    }
+    if (steady - said_ < (why->reason == reason_ ? 5.0 : 1.0)) return std::nullopt;
+    reason_ = why->reason, said_ = steady;
+    return "the robot stands: " + why->reason + (why->numbers.empty() ? "" : " (" + why->numbers + ")");
+  }
+
+ private:
+  std::string reason_;
+  double said_ = -std::numeric_limits<double>::infinity();
 };

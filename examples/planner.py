@@ -1,10 +1,12 @@
 """Keeps clear of obstacles and finds the table: `python3 planner.py --ros-args -p wished_height:=0.75`.
 
 Drives straight on by `cmd_vel`, more slowly before an obstacle and not at all half a metre before it, and says where the
-table is. An example: a robot needs an emergency stop beside it. docs/planner.md goes through it.
+table is, or why it stands. An example: a robot needs an emergency stop beside it. docs/planner.md goes through it.
 """
 
 import math
+import signal
+import sys
 import time
 
 import numpy as np
@@ -19,6 +21,10 @@ TILT = 0.05  # what rises by more in a metre is not level [m/m]: in three it wou
 CONFIDENT = 0.3  # less is a guess: FLOOR and HORIZONTAL, which are one to a ground, may have a half each
 FACES_UP = 0.9  # the least z of the normal of what can carry the robot: up to 26 degrees
 LEVEL = (SurfaceCluster.CLASS_FLOOR, SurfaceCluster.CLASS_HORIZONTAL)
+MAP, LABELLED = "map", "cloud of labelled points"
+HINTS = {MAP: "cfodi is not heard, or takes in no scan", LABELLED: "large ones are lost where net.core.rmem_default is small"}
+PARAMETERS = {"base_frame": "base_link", "width": 0.5, "height": 1.2, "wished_height": 0.75, "speed": 0.3, "stop_before": 0.5,
+              "slow_from": 1.5, "max_age": 1.0}
 
 
 class Planner:
@@ -38,10 +44,24 @@ class Planner:
     def ground(self, robot):
         """What the robot stands on: of the surfaces at its height the one that it is over or comes to first. None where that is
         not known to be level: a level one further ahead may be the foot of a ramp."""
+        first = self.stands_on(robot)
+        return first if first and is_level(first) else None
+
+    def stands_on(self, robot):
+        """That surface, level or not; None where none is seen."""
         found = [(c.state == SurfaceCluster.STATE_TENTATIVE, self.begins(c, c, robot, -LOW, LOW), not is_level(c), height, c)
                  for height, c in self.under(robot)]
-        first = min((f for f in found if f[1] < UNSEEN), key=lambda f: f[:4], default=(None,))[-1]
-        return first if first and is_level(first) else None
+        return min((f for f in found if f[1] < UNSEEN), key=lambda f: f[:4], default=(None,))[-1]
+
+    def no_ground(self, robot):
+        """Why there is no ground: a reason and its numbers."""
+        if (first := self.stands_on(robot)) is None:
+            at = ", ".join(f"{c:.4g}" for c in robot[:3])
+            return f"no floor is seen below the robot or up to {UNSEEN:g} m ahead", f"its base frame is at ({at})"
+        rise, known = math.hypot(*first.plane.coef[:2]), math.sqrt(max(first.plane_covariance[0], first.plane_covariance[4], 0.0))
+        return ("what is below the robot or first ahead is not known to be level",
+                f"cluster {first.id}: class {first.surface_class}, confidence {first.class_confidence:.4g}, "
+                f"rises by {rise:.4g} m/m, which is known to {known:.4g}")
 
     def under(self, robot):
         """(height of the base frame above it, cluster) of what faces up at the robot's height."""
@@ -77,13 +97,102 @@ class Freshness:
     be near the clock, and have come not long ago by a clock that nobody sets."""
 
     def __init__(self, max_age):
-        self.max_age, self.came = max_age, [(0.0, 0.0)] * 3
+        self.max_age, self.came = max_age, {}
 
-    def holds(self, stamps, now, steady):
-        """Of these three, by the clock of the stamps and a steady one [s]; a time of 0 is none. Asked again and again."""
-        self.came = [old if old[0] == stamp else (stamp, steady) for old, stamp in zip(self.came, stamps)]
-        return now > 0.0 and all(stamp > 0.0 and -AHEAD < now - stamp < self.max_age and steady - since < self.max_age
-                                 for stamp, since in self.came)
+    def lacks(self, stamps, now, steady):
+        """Which of these is not of now: a reason and its numbers, None where all are. `stamps`, by name, and `now` are of one
+        clock, `steady` of a steady one [s]; a time of 0 is none. Asked again and again."""
+        before = self.came
+        self.came = {what: before[what] if what in before and before[what][0] == stamp else (stamp, steady)
+                     for what, stamp in stamps.items()}
+        if now <= 0.0:
+            return "no time has come on /clock", "use_sim_time asks for it"
+        found = (self.lack(what, stamp, now - stamp, steady - self.came[what][1]) for what, stamp in stamps.items())
+        return next((lack for lack in found if lack), None)
+
+    def lack(self, what, stamp, age, since):
+        """The same of one of them, by its age and how long ago it came [s]."""
+        allowed = f"max_age is {self.max_age:.4g} s" + ("; " + HINTS[what] if what in HINTS else "")
+        if stamp <= 0.0:
+            return f"no {what} has come", HINTS.get(what, "")
+        if age >= self.max_age:
+            return f"the {what} is too old", f"{age:.4g} s, {allowed}"
+        if age <= -AHEAD:
+            return f"the {what} is ahead of the clock", f"by {-age:.4g} s: two clocks differ"
+        if since >= self.max_age:
+            return f"no new {what} comes", f"for {since:.4g} s, {allowed}"
+        return None
+
+
+class Driver:
+    """How fast the robot drives by what has come, and why it stands. `given` are PARAMETERS: ValueError for impossible ones."""
+
+    def __init__(self, given):
+        if why := impossible(given):
+            raise ValueError(why)
+        self.given, self.poses, self.table = given, {}, None  # (height, cluster) of the table, None while it does not see one
+        self.planner, self.freshness = Planner(given["width"], given["height"]), Freshness(given["max_age"])
+
+    def transforms(self, message):
+        """Takes a message of /tf."""
+        self.poses.update((t.header.frame_id, t) for t in message.transforms if t.child_frame_id == self.given["base_frame"])
+
+    def speed(self, now, steady):
+        """(speed [m/s], why it stands: a reason and its numbers, or None). By two clocks, as `Freshness.lacks` has it."""
+        planner, given, self.table = self.planner, self.given, None
+        latest = planner.map.latest
+        frame = latest.header.frame_id if latest else ""
+        pose = self.poses.get(frame)
+        stamps = {MAP: seconds(latest), LABELLED: seconds(planner.cloud),
+                  f"transform from `{frame}` straight to `{given['base_frame']}`": seconds(pose)}
+        if lack := self.freshness.lacks(stamps, now, steady):
+            return 0.0, lack  # a robot that sees nothing, or does not know where it is, stands
+        robot = place(pose.transform)
+        if (ground := planner.ground(robot)) is None:
+            return 0.0, planner.no_ground(robot)
+        self.table = planner.table(ground, given["wished_height"])
+        return self.before(planner.free_ahead(ground, robot))
+
+    def before(self, free):
+        """The same, where the robot can drive so far straight on [m]."""
+        speed, stop_before, slow_from = (self.given[name] for name in ("speed", "stop_before", "slow_from"))
+        if free <= stop_before:
+            return 0.0, ("an obstacle is ahead", f"{free:.4g} m from the base frame, stop_before is {stop_before:.4g} m")
+        if speed == 0.0:
+            return 0.0, ("the parameter speed is 0", "")
+        return speed * min((free - stop_before) / (slow_from - stop_before), 1.0), None
+
+
+class Standing:
+    """Puts into words why the robot stands: when the reason is a new one, though not more than once a second, and every 5 s."""
+
+    def __init__(self):
+        self.reason, self.said = None, -math.inf
+
+    def line(self, why, steady):
+        """What to say now, by a steady clock [s], or None; `why` is a reason and its numbers, None while the robot drives."""
+        if why is None:
+            self.reason = None
+            return None
+        reason, numbers = why
+        if steady - self.said < (5.0 if reason == self.reason else 1.0):
+            return None
+        self.reason, self.said = reason, steady
+        return f"the robot stands: {reason}" + (f" ({numbers})" if numbers else "")
+
+
+def impossible(given):
+    """Why nobody can drive by these parameters, with their numbers, or None."""
+    for name, value in given.items():
+        if name != "base_frame" and not 0.0 <= value < math.inf:
+            return f"{name} is {value:.4g}; it must be a finite number and not below 0"
+    for name, least in (("width", 0.0), ("height", LOW), ("max_age", 0.0)):
+        if given[name] <= least:
+            return f"{name} is {given[name]:.4g}; it must be more than {least:.4g}"
+    if given["slow_from"] <= given["stop_before"]:
+        return (f"slow_from is {given['slow_from']:.4g} and stop_before is {given['stop_before']:.4g}; slow_from must be more, "
+                "for the robot slows down between the two")
+    return None
 
 
 def seconds(message):
@@ -93,6 +202,12 @@ def seconds(message):
 
 def xyz(point):
     return np.array([point.x, point.y, point.z])
+
+
+def place(transform):
+    """(x, y, z, yaw) of a frame in the one above it."""
+    q = transform.rotation
+    return (*xyz(transform.translation), math.atan2(2 * (q.w * q.z + q.x * q.y), 1 - 2 * (q.y * q.y + q.z * q.z)))
 
 
 def above(cluster, points):
@@ -141,58 +256,68 @@ def nearest(pieces, least, most):
     return (begin[within, 0] + shares[:, within] * way[within, 0]).clip(0.0).min(initial=math.inf)
 
 
-def main():
-    import rclpy
+def say_table(logger, height, table):
+    p, q = table.pose.position, table.pose.orientation
+    logger.info(f"table {table.id}: {height:.2f} m high, {table.size.x:.2f} x {table.size.y:.2f} m, middle ({p.x:.2f}, "
+                f"{p.y:.2f}, {p.z:.2f}), turned ({q.x:.2f}, {q.y:.2f}, {q.z:.2f}, {q.w:.2f})", throttle_duration_sec=1.0)
+
+
+def drive(node, driver, ended):
+    """Until something stands in the list `ended`."""
     from geometry_msgs.msg import Twist
     from rclpy.clock import Clock, ClockType
+    from rclpy.executors import SingleThreadedExecutor
     from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
     from sensor_msgs.msg import PointCloud2
     from tf2_msgs.msg import TFMessage
 
-    rclpy.init()
-    node = rclpy.create_node("planner")
-    defaults = {"base_frame": "base_link", "width": 0.5, "height": 1.2, "wished_height": 0.75, "speed": 0.3,
-                "stop_before": 0.5, "slow_from": 1.5, "max_age": 1.0}
-    given = {name: node.declare_parameter(name, default).value for name, default in defaults.items()}
-    planner, freshness, poses = Planner(given["width"], given["height"]), Freshness(given["max_age"]), {}
+    planner, standing = driver.planner, Standing()
     commands = node.create_publisher(Twist, "cmd_vel", 1)
 
-    def transforms(message):
-        poses.update((t.header.frame_id, t) for t in message.transforms if t.child_frame_id == given["base_frame"])
-
-    def speed():
-        latest = planner.map.latest
-        pose = poses.get(latest.header.frame_id) if latest else None
-        stamps = [seconds(message) for message in (latest, planner.cloud, pose)]
-        if not freshness.holds(stamps, 1e-9 * node.get_clock().now().nanoseconds, time.monotonic()):
-            return 0.0  # a robot that sees nothing, or does not know where it is, stands
-        q = pose.transform.rotation
-        yaw = math.atan2(2 * (q.w * q.z + q.x * q.y), 1 - 2 * (q.y * q.y + q.z * q.z))
-        robot = (*xyz(pose.transform.translation), yaw)
-        if (ground := planner.ground(robot)) is None:
-            return 0.0
-        if found := planner.table(ground, given["wished_height"]):
-            height, table = found
-            p, q = table.pose.position, table.pose.orientation
-            node.get_logger().info(
-                f"table {table.id}: {height:.2f} m high, {table.size.x:.2f} x {table.size.y:.2f} m, middle ({p.x:.2f}, "
-                f"{p.y:.2f}, {p.z:.2f}), turned ({q.x:.2f}, {q.y:.2f}, {q.z:.2f}, {q.w:.2f})", throttle_duration_sec=1.0)
-        free = planner.free_ahead(ground, robot) - given["stop_before"]
-        return given["speed"] * min(max(free / (given["slow_from"] - given["stop_before"]), 0.0), 1.0)
-
-    def drive():
-        command = Twist()
-        command.linear.x = speed()
-        commands.publish(command)
+    def command():
+        twist, steady = Twist(), time.monotonic()
+        twist.linear.x, why = driver.speed(1e-9 * node.get_clock().now().nanoseconds, steady)
+        commands.publish(twist)
+        if line := standing.line(why, steady):
+            node.get_logger().info(line)
+        if driver.table:
+            say_table(node.get_logger(), *driver.table)
 
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     node.create_subscription(SurfaceClusterArray, "/cfodi/clusters", planner.map.snapshot, latched)
     node.create_subscription(SurfaceClusterArray, "/cfodi/clusters_delta", planner.map.delta, 20)
     node.create_subscription(PointCloud2, "/cfodi/points_labelled", planner.points, qos_profile_sensor_data)
-    node.create_subscription(TFMessage, "/tf", transforms, 100)
-    node.create_timer(0.1, drive, clock=Clock(clock_type=ClockType.STEADY_TIME))  # a base keeps its last command: /clock can stop
-    rclpy.spin(node)
+    node.create_subscription(TFMessage, "/tf", driver.transforms, 100)
+    node.create_timer(0.1, command, clock=Clock(clock_type=ClockType.STEADY_TIME))  # a base keeps the last: /clock can stop
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    try:
+        while not ended:
+            executor.spin_once(timeout_sec=0.1)
+    finally:
+        commands.publish(Twist())  # the last one that a base may keep
+        time.sleep(0.2)  # the middleware sends it, and again where it was lost
+
+
+def main():
+    import rclpy
+    from rclpy.exceptions import ParameterException
+    from rclpy.signals import SignalHandlerOptions
+
+    ended = []
+    for each in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(each, lambda number, _: ended.append(number))
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)  # its own shut ROS down at once, and no stop could be sent
+    node = rclpy.create_node("planner")
+    try:
+        driver = Driver({name: node.declare_parameter(name, default).value for name, default in PARAMETERS.items()})
+    except (ParameterException, ValueError) as error:
+        node.get_logger().fatal(str(error))
+        return 2
+    drive(node, driver, ended)
+    rclpy.shutdown()
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

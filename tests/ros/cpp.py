@@ -17,8 +17,8 @@ def compile(source, *options, includes=()):
     subprocess.run([compiler, "-std=c++17", "-Wall", "-Wextra", "-Werror", *folders, str(source), *options], check=True)
 
 
-def run(source, folder):
+def run(source, folder, includes=()):
     """Compiles a program into a folder and runs it; it ends with another status than 0 where something is not so."""
     program = folder / source.stem
-    compile(source, "-o", str(program))
+    compile(source, "-o", str(program), includes=includes)
     subprocess.run([str(program)], check=True)

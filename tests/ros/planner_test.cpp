@@ -270,43 +270,162 @@ void known_to_be_level() {
   expect("nor a table", !seen({tilted(2, Cluster::CLASS_HORIZONTAL, 0.06f, 1, 3)}).table(floor, 0.75));
 }
 
-Freshness::Headers stamps(std::array<double, 3> seconds) {
-  Freshness::Headers headers;
-  for (std::size_t i = 0; i < seconds.size(); ++i) {
-    headers[i].stamp.sec = static_cast<std::int32_t>(seconds[i]);
-    headers[i].stamp.nanosec = static_cast<std::uint32_t>(std::lround(1e9 * (seconds[i] - headers[i].stamp.sec)));
-  }
-  return headers;
+std_msgs::msg::Header at(double seconds, const char* frame = "odom") {
+  std_msgs::msg::Header header;
+  header.frame_id = frame;
+  header.stamp.sec = static_cast<std::int32_t>(seconds);
+  header.stamp.nanosec = static_cast<std::uint32_t>(std::lround(1e9 * (seconds - header.stamp.sec)));
+  return header;
+}
+
+Freshness::All stamps(std::array<double, 3> seconds) {
+  return {{{"map", at(seconds[0]), ""}, {"cloud", at(seconds[1]), "a hint"}, {"pose", at(seconds[2]), ""}}};
 }
 
 const std::array<double, 3> kStamps{99.5, 99.8, 99.9};  // of map, voxels and pose
 
-bool is_fresh(std::array<double, 3> seconds, double now) { return Freshness(1.0).holds(stamps(seconds), now, 7.0); }
+// Why they are not of now; empty where they are.
+std::string lack(std::array<double, 3> seconds, double now) {
+  auto why = Freshness(1.0).lacks(stamps(seconds), now, 7.0);
+  return why ? why->reason : "";
+}
 
 void near_the_clock() {
-  expect("what came just now is fresh", is_fresh(kStamps, 100.0));
-  expect("an old map is not", !is_fresh(kStamps, 100.6));
-  expect("a clock may be a little ahead", is_fresh(kStamps, 99.75));
-  expect("but not far", !is_fresh(kStamps, 99.65));
-  expect("nor that of the camera alone", !is_fresh({130.0, 130.0, 99.9}, 100.0));
-  expect("without voxels nothing is fresh", !is_fresh({99.5, 0.0, 99.9}, 100.0));
-  expect("nor without a clock", !is_fresh({0.0, 0.0, 0.0}, 0.0) && !is_fresh({0.1, 0.1, 0.1}, 0.0));
-  expect("no voxels are none when the clock begins", !is_fresh({0.1, 0.0, 0.1}, 0.5));
+  expect("what came just now is fresh", lack(kStamps, 100.0).empty());
+  expect("an old map is not", lack(kStamps, 100.6) == "the map is too old");
+  expect("a clock may be a little ahead", lack(kStamps, 99.75).empty());
+  expect("but not far", lack(kStamps, 99.65) == "the pose is ahead of the clock");
+  expect("nor that of the camera alone", lack({130.0, 130.0, 99.9}, 100.0) == "the map is ahead of the clock");
+  expect("without voxels nothing is fresh", lack({99.5, 0.0, 99.9}, 100.0) == "no cloud has come");
+  expect("nor without a clock", lack({0.0, 0.0, 0.0}, 0.0) == "no time has come on /clock" && !lack({0.1, 0.1, 0.1}, 0.0).empty());
+  expect("no voxels are none when the clock begins", lack({0.1, 0.0, 0.1}, 0.5) == "no cloud has come");
+  auto old = Freshness(1.0).lacks(stamps({100.5, 98.5, 100.9}), 101.0, 7.0);
+  expect("it says how old, and what to look at", old->numbers == "2.5 s, max_age is 1 s; a hint");
 }
 
 void new_by_a_steady_clock() {
   Freshness freshness(1.0);
-  expect("it is fresh when it comes", freshness.holds(stamps(kStamps), 100.0, 7.0));
-  expect("and for a while", freshness.holds(stamps(kStamps), 100.0, 7.9));
-  expect("but not for ever where the clock stands still", !freshness.holds(stamps(kStamps), 100.0, 8.1));
-  expect("what comes again is fresh", freshness.holds(stamps({100.5, 100.8, 100.9}), 101.0, 8.2));
-  expect("a new pose is not enough", !freshness.holds(stamps({100.5, 100.8, 100.6}), 100.7, 9.3));
-  expect("all must come", freshness.holds(stamps({100.6, 100.6, 100.6}), 100.7, 9.4));
+  expect("it is fresh when it comes", !freshness.lacks(stamps(kStamps), 100.0, 7.0));
+  expect("and for a while", !freshness.lacks(stamps(kStamps), 100.0, 7.9));
+  auto still = freshness.lacks(stamps(kStamps), 100.0, 8.125);
+  expect("but not for ever where the clock stands still", still && still->reason == "no new map comes");
+  expect("it says for how long", still->numbers == "for 1.125 s, max_age is 1 s");
+  expect("what comes again is fresh", !freshness.lacks(stamps({100.5, 100.8, 100.9}), 101.0, 8.2));
+  expect("a new pose is not enough", freshness.lacks(stamps({100.5, 100.8, 100.6}), 100.7, 9.3).has_value());
+  expect("all must come", !freshness.lacks(stamps({100.6, 100.6, 100.6}), 100.7, 9.4));
+}
+
+std::string refused(void (*change)(Parameters&)) {
+  Parameters given;
+  change(given);
+  return given.impossible();
+}
+
+void impossible_parameters() {
+  expect("the defaults are possible", refused([](Parameters&) {}).empty());
+  expect("a speed of 0 is", refused([](Parameters& p) { p.speed = 0.0; }).empty());
+  expect("one cannot stop before one slows down", refused([](Parameters& p) { p.stop_before = 4.0; }) ==
+         "slow_from is 1.5 and stop_before is 4; slow_from must be more, for the robot slows down between the two");
+  expect("nor where one does", !refused([](Parameters& p) { p.stop_before = p.slow_from; }).empty());
+  expect("nothing is below 0", refused([](Parameters& p) { p.speed = -0.3; }) ==
+         "speed is -0.3; it must be a finite number and not below 0");
+  expect("or endless", refused([](Parameters& p) { p.slow_from = INFINITY; }) ==
+         "slow_from is inf; it must be a finite number and not below 0");
+  expect("or no number", !refused([](Parameters& p) { p.wished_height = NAN; }).empty());
+  expect("a robot has a width", refused([](Parameters& p) { p.width = 0.0; }) == "width is 0; it must be more than 0");
+  expect("it is higher than what it drives over", refused([](Parameters& p) { p.height = 0.15; }) ==
+         "height is 0.15; it must be more than 0.15");
+  expect("nothing is of this very moment", !refused([](Parameters& p) { p.max_age = 0.0; }).empty());
+  bool thrown = false;
+  try {
+    Parameters given;
+    given.stop_before = 4.0;
+    Driver driver(given);
+  } catch (const std::invalid_argument&) {
+    thrown = true;
+  }
+  expect("nobody drives by impossible ones", thrown);
+}
+
+void never_faster_towards_an_obstacle() {
+  for (double stop_before : {0.0, 0.5, 1.4999}) {
+    Parameters given;
+    given.stop_before = stop_before;
+    Driver driver(given);
+    double before = 0.0;
+    for (double free = 0.0; free < 5.0; free += 0.01) {
+      auto [speed, why] = driver.before(free);
+      expect("it is not faster nearer to an obstacle", speed >= before && speed <= given.speed);
+      expect("it stands before one, and says so", (free <= stop_before) == (speed == 0.0) && why.has_value() == (speed == 0.0));
+      before = speed;
+    }
+    expect("far from any it has its speed", driver.before(kFree).value, given.speed);
+  }
+}
+
+// Why a robot stands to whom this has come, at 100 s; empty where it drives.
+std::string stands(Driver& driver, double base_height, double now = 100.0) {
+  tf2_msgs::msg::TFMessage message;
+  message.transforms.emplace_back();
+  auto& transform = message.transforms.back();
+  transform.header = at(100.0), transform.child_frame_id = "base_link";
+  transform.transform.translation.z = base_height, transform.transform.rotation.w = 1.0;
+  driver.transforms(message);
+  auto why = driver.speed(now, 7.0).why;
+  return why ? why->reason : "";
+}
+
+void snapshot(Driver& driver, std::uint64_t sequence, const std::vector<Cluster>& clusters) {
+  MapReader::Array map;
+  map.header = at(100.0), map.session_id = 1, map.sequence = sequence;
+  map.clusters.assign(clusters.begin(), clusters.end());
+  driver.planner.map.snapshot(map);
+}
+
+void why_it_stands() {
+  Driver driver{Parameters()};
+  expect("there is no map", driver.speed(100.0, 7.0).why->reason == "no map has come");
+  snapshot(driver, 1, {level(1, Cluster::CLASS_FLOOR, 0, -5, 5, -5, 5)});
+  auto why = driver.speed(100.0, 7.0).why;
+  expect("there are no points", why->reason == "no cloud of labelled points has come");
+  expect("it says what to look at", why->numbers.find("net.core.rmem_default") != std::string::npos);
+  sensor_msgs::msg::PointCloud2 none;
+  none.header = at(100.0);
+  driver.planner.points(none);
+  expect("there is no pose", driver.speed(100.0, 7.0).why->reason == "no transform from `odom` straight to `base_link` has come");
+  expect("it drives where all is there", stands(driver, 0.1).empty());
+  expect("the map is old", stands(driver, 0.1, 101.5) == "the map is too old");
+  expect("there is no floor", stands(driver, 3.0) == "no floor is seen below the robot or up to 2.5 m ahead");
+  snapshot(driver, 2, {level(1, Cluster::CLASS_CURVED, 0, -5, 5, -5, 5)});
+  expect("it is not level", stands(driver, 0.1) == "what is below the robot or first ahead is not known to be level");
+  why = driver.speed(100.0, 7.0).why;
+  expect("it says which", why->numbers == "cluster 1: class 6, confidence 0.9, rises by 0 m/m, which is known to 0");
+  auto near = surface(2, Cluster::CLASS_WALL, {{0.25, -3, 0}, {0.25, 3, 0}, {0.25, 3, 2}, {0.25, -3, 2}}, {-1, 0, 0});
+  snapshot(driver, 3, {level(1, Cluster::CLASS_FLOOR, 0, -5, 5, -5, 5), near});
+  expect("a wall is near", stands(driver, 0.1) == "an obstacle is ahead");
+  expect("it says how near", driver.speed(100.0, 7.0).why->numbers == "0.25 m from the base frame, stop_before is 0.5 m");
+}
+
+void when_it_says_so() {
+  Standing standing;
+  const Why map{"no map has come", ""}, near{"an obstacle is ahead", "0.3 m"}, nearer{"an obstacle is ahead", "0.2 m"};
+  expect("it says why at once", standing.line(map, 1.0).value() == "the robot stands: no map has come");
+  expect("not again and again", !standing.line(map, 1.1) && !standing.line(map, 5.9));
+  expect("but every 5 s", standing.line(map, 6.0).has_value());
+  expect("a new reason comes a second later at the earliest", !standing.line(near, 6.1));
+  expect("with its numbers", standing.line(near, 7.0).value() == "the robot stands: an obstacle is ahead (0.3 m)");
+  expect("other numbers are no other reason", !standing.line(nearer, 8.5));
+  expect("nothing is said while it drives", !standing.line(std::nullopt, 9.0));
+  expect("after that the same is new", standing.line(nearer, 9.1).has_value());
 }
 
 int main() {
   near_the_clock();
   new_by_a_steady_clock();
+  impossible_parameters();
+  never_faster_towards_an_obstacle();
+  why_it_stands();
+  when_it_says_so();
   outlines();
   within_outlines();
   doors();

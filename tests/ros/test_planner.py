@@ -4,6 +4,7 @@ import math
 import os
 import pathlib
 import re
+import signal
 import subprocess
 import sys
 import threading
@@ -16,9 +17,9 @@ import numpy as np
 import pytest
 import scene
 from cfodi_msgs.msg import SurfaceCluster, SurfaceClusterArray
-from geometry_msgs.msg import Point, Point32, Polygon, Pose, Twist
+from geometry_msgs.msg import Point, Point32, Polygon, Pose, Quaternion, Transform, TransformStamped, Twist, Vector3
 from peer import qos, wait_until
-from planner import Freshness, Planner
+from planner import LABELLED, PARAMETERS, Driver, Freshness, Planner, Standing, impossible
 from sensor_msgs.msg import PointCloud2, PointField
 from shape_msgs.msg import Plane
 from tf2_msgs.msg import TFMessage
@@ -285,37 +286,150 @@ def test_the_ground_and_the_table_are_known_to_be_level():
 STAMPS = [99.5, 99.8, 99.9]  # of map, voxels and pose
 
 
-@pytest.mark.parametrize("stamps, now, holds", [
-    (STAMPS, 100.0, True),
-    (STAMPS, 100.6, False),  # the map is old
-    (STAMPS, 99.75, True),  # the clock of the pose is a little ahead
-    (STAMPS, 99.65, False),  # too far ahead
-    ([130.0, 130.0, 99.9], 100.0, False),  # so is the camera's, which may have died half a minute ago
-    ([99.5, 0.0, 99.9], 100.0, False),  # no voxels have come
-    ([0.0, 0.0, 0.0], 0.0, False),  # no /clock has come
-    ([0.1, 0.1, 0.1], 0.0, False),
-    ([0.1, 0.0, 0.1], 0.5, False),
+def lack(freshness, stamps, now, steady):
+    """Why they are not of now: a reason and its numbers, or None."""
+    return freshness.lacks(dict(zip(("map", LABELLED, "pose"), stamps)), now, steady)
+
+
+@pytest.mark.parametrize("stamps, now, reason, numbers", [
+    (STAMPS, 100.0, None, None),
+    (STAMPS, 100.75, "the map is too old", "1.25 s, max_age is 1 s; cfodi is not heard, or takes in no scan"),
+    ([100.5, 98.5, 100.9], 101.0, "the cloud of labelled points is too old", "net.core.rmem_default"),
+    (STAMPS, 99.75, None, None),  # the clock of the pose is a little ahead
+    (STAMPS, 99.65, "the pose is ahead of the clock", "by 0.25 s"),
+    ([130.0, 130.0, 99.9], 100.0, "the map is ahead of the clock", "by 30 s"),  # though the camera may have died since
+    ([99.5, 0.0, 99.9], 100.0, "no cloud of labelled points has come", "net.core.rmem_default"),
+    ([0.0, 0.0, 0.0], 0.0, "no time has come on /clock", "use_sim_time"),
+    ([0.1, 0.1, 0.1], 0.0, "no time has come on /clock", "use_sim_time"),
+    ([0.1, 0.0, 0.1], 0.5, "no cloud of labelled points has come", "net.core.rmem_default"),
 ])
-def test_what_is_seen_is_of_now_where_all_stamps_are_near_the_clock(stamps, now, holds):
-    assert Freshness(1.0).holds(stamps, now, 7.0) is holds
+def test_what_is_seen_is_of_now_where_all_stamps_are_near_the_clock(stamps, now, reason, numbers):
+    found = lack(Freshness(1.0), stamps, now, 7.0)
+    assert found is None if reason is None else found[0] == reason and numbers in found[1]
+    assert found is None or is_explained(found)
+
+
+def is_explained(why):
+    """Whether docs/trouble.md has a line about it."""
+    page = (cpp.EXAMPLES.parent / "docs" / "trouble.md").read_text()
+    rows = page.split("\n## A planner that stands\n")[1].split("\n## ")[0]
+    cells = re.findall(r"^\| (`.*?`) \| ", rows, re.MULTILINE)
+    quoted = [one or other for cell in cells for one, other in re.findall(r"``(.+?)``|`([^`]+)`", cell)]
+    assert len(quoted) > 8
+    return any(re.search(".+".join(map(re.escape, words.split("..."))), why[0]) for words in quoted)
 
 
 def test_what_does_not_come_again_grows_old_though_the_clock_is_set_or_stands_still():
     freshness = Freshness(1.0)
-    assert freshness.holds(STAMPS, 100.0, 7.0)
-    assert freshness.holds(STAMPS, 100.0, 7.9)
-    assert not freshness.holds(STAMPS, 100.0, 8.1), "the clock stands still"
-    assert freshness.holds([100.5, 100.8, 100.9], 101.0, 8.2)
-    assert not freshness.holds([100.5, 100.8, 100.6], 100.7, 9.3), "the clock was set back, and the pose alone is new"
-    assert freshness.holds([100.6, 100.6, 100.6], 100.7, 9.4)
+    assert not lack(freshness, STAMPS, 100.0, 7.0)
+    assert not lack(freshness, STAMPS, 100.0, 7.9)
+    reason, numbers = lack(freshness, STAMPS, 100.0, 8.125)
+    assert reason == "no new map comes" and numbers.startswith("for 1.125 s, max_age is 1 s"), "the clock stands still"
+    assert is_explained((reason, numbers))
+    assert not lack(freshness, [100.5, 100.8, 100.9], 101.0, 8.2)
+    assert lack(freshness, [100.5, 100.8, 100.6], 100.7, 9.3), "the clock was set back, and the pose alone is new"
+    assert not lack(freshness, [100.6, 100.6, 100.6], 100.7, 9.4)
+
+
+@pytest.mark.parametrize("given, why", [
+    ({}, None),
+    ({"speed": 0.0, "stop_before": 0.0, "wished_height": 0.0}, None),
+    ({"stop_before": 4.0}, "slow_from is 1.5 and stop_before is 4; slow_from must be more"),
+    ({"stop_before": 1.5}, "slow_from is 1.5 and stop_before is 1.5; slow_from must be more"),
+    ({"speed": -0.3}, "speed is -0.3; it must be a finite number and not below 0"),
+    ({"slow_from": math.inf}, "slow_from is inf; it must be a finite number and not below 0"),
+    ({"wished_height": math.nan}, "wished_height is nan; it must be a finite number and not below 0"),
+    ({"width": 0.0}, "width is 0; it must be more than 0"),
+    ({"height": 0.15}, "height is 0.15; it must be more than 0.15"),  # nothing would be in its way
+    ({"max_age": 0.0}, "max_age is 0; it must be more than 0"),
+])
+def test_parameters_by_which_nobody_can_drive_are_refused_with_their_numbers(given, why):
+    given = PARAMETERS | given
+    if why is None:
+        assert impossible(given) is None
+        return
+    assert impossible(given).startswith(why)
+    with pytest.raises(ValueError, match=re.escape(why)):
+        Driver(given)
+
+
+@pytest.mark.parametrize("stop_before", [0.0, 0.5, 1.4999])
+def test_it_is_never_faster_nearer_to_an_obstacle(stop_before):
+    driver = Driver(PARAMETERS | {"stop_before": stop_before})
+    distances = np.arange(0.0, 5.0, 0.01)
+    speeds, whys = zip(*map(driver.before, distances))
+    assert (np.diff(speeds) >= 0.0).all() and speeds[-1] == PARAMETERS["speed"]
+    assert [speed == 0.0 for speed in speeds] == [free <= stop_before for free in distances]
+    assert [why is not None for why in whys] == [speed == 0.0 for speed in speeds]
+    assert driver.before(math.inf) == (PARAMETERS["speed"], None)
+
+
+class Seeing:
+    """A driver to whom all of this has come, with stamps of 100 s."""
+
+    def __init__(self, **parameters):
+        self.driver, self.sequence = Driver(PARAMETERS | parameters), 0
+
+    def sees(self, *clusters):
+        self.sequence += 1
+        self.driver.planner.map.snapshot(of_now(SurfaceClusterArray(session_id=1, sequence=self.sequence, clusters=clusters)))
+
+    def stands(self, z=0.1, now=100.0):
+        """Why, where its base frame is so high."""
+        self.driver.transforms(TFMessage(transforms=[of_now(TransformStamped(
+            child_frame_id="base_link", transform=Transform(translation=Vector3(z=z), rotation=Quaternion(w=1.0))))]))
+        why = self.driver.speed(now, 7.0)[1]
+        assert why is None or is_explained(why)
+        return why
+
+
+def of_now(message):
+    message.header.frame_id, message.header.stamp.sec = "odom", 100
+    return message
+
+
+def test_it_knows_why_it_stands():
+    seeing, floor = Seeing(), level(1, FLOOR, 0.0, (-5.0, 5.0), (-5.0, 5.0))
+    driver = seeing.driver
+    assert driver.speed(100.0, 7.0) == (0.0, ("no map has come", "cfodi is not heard, or takes in no scan"))
+    seeing.sees(floor)
+    assert driver.speed(100.0, 7.0)[1][0] == "no cloud of labelled points has come"
+    driver.planner.points(of_now(clouds_of([])))
+    why = driver.speed(100.0, 7.0)[1]
+    assert why[0] == "no transform from `odom` straight to `base_link` has come" and is_explained(why)
+    assert seeing.stands() is None
+    assert seeing.stands(now=101.5)[0] == "the map is too old"
+    assert seeing.stands(z=3.0) == ("no floor is seen below the robot or up to 2.5 m ahead", "its base frame is at (0, 0, 3)")
+    seeing.sees(level(1, CURVED, 0.0, (-5.0, 5.0), (-5.0, 5.0)))
+    assert seeing.stands() == ("what is below the robot or first ahead is not known to be level",
+                               "cluster 1: class 6, confidence 0.9, rises by 0 m/m, which is known to 0")
+    seeing.sees(floor, wall(*box((-3.0, 3.0), (0.0, 2.0)), x=0.25))
+    assert seeing.stands() == ("an obstacle is ahead", "0.25 m from the base frame, stop_before is 0.5 m")
+    seeing = Seeing(speed=0.0)
+    seeing.sees(floor)
+    seeing.driver.planner.points(of_now(clouds_of([])))
+    assert seeing.stands() == ("the parameter speed is 0", "")
+
+
+def test_it_says_why_it_stands_where_that_is_new_and_every_5_s():
+    standing, map = Standing(), ("no map has come", "")
+    near, nearer = (("an obstacle is ahead", f"{away} m") for away in (0.3, 0.2))
+    assert standing.line(map, 1.0) == "the robot stands: no map has come"
+    assert standing.line(map, 1.1) is None and standing.line(map, 5.9) is None
+    assert standing.line(map, 6.0) == "the robot stands: no map has come"
+    assert standing.line(near, 6.1) is None, "two reasons in turn do not fill the log"
+    assert standing.line(near, 7.0) == "the robot stands: an obstacle is ahead (0.3 m)"
+    assert standing.line(nearer, 8.5) is None, "other numbers are no other reason"
+    assert standing.line(None, 9.0) is None
+    assert standing.line(nearer, 9.1) == "the robot stands: an obstacle is ahead (0.2 m)", "it has driven since"
 
 
 def test_the_planner_in_cpp_compiles_against_the_generated_headers_and_does_the_same(tmp_path):
     cpp.run(HERE / "planner_test.cpp", tmp_path)
 
 
-def test_the_node_in_cpp_is_sound_as_far_as_it_can_be_told_without_rclcpp():
-    cpp.compile(cpp.EXAMPLES / "planner.cpp", "-fsyntax-only", includes=[HERE / "rclcpp_stand_in"])
+def test_the_node_in_cpp_does_the_same_as_far_as_it_can_be_told_without_rclcpp(tmp_path):
+    cpp.run(HERE / "planner_node_test.cpp", tmp_path, includes=[HERE / "rclcpp_stand_in"])
 
 
 def test_the_code_in_the_documentation_is_that_of_the_example():
@@ -352,6 +466,15 @@ class Robot:
         wait_until(what, lambda: len(self.commands) >= begin + steadily and all(
             condition(self.commands[-i].linear.x) for i in range(1, steadily + 1)), timeout)
 
+    def expect_last(self, what, speed):
+        """Waits until nothing more comes, and the last command is this."""
+        def same():
+            before = len(self.commands)
+            time.sleep(0.3)
+            return before == len(self.commands) and self.commands[before - 1].linear.x == speed
+
+        wait_until(f"{what} as the last command", same)
+
     def close(self):
         self.over.set()
         self._thread.join()
@@ -362,6 +485,57 @@ def robot(peer):
     robot = Robot(peer)
     yield robot
     robot.close()
+
+
+class Map:
+    """Says ten times a second that there is a floor, and no voxel: what the example drives by, without the program."""
+
+    def __init__(self, peer):
+        self.over, self.count = threading.Event(), 0
+        self._clusters = peer.node.create_publisher(SurfaceClusterArray, "/cfodi/clusters", qos(1, latched=True))
+        self._points = peer.node.create_publisher(PointCloud2, "/cfodi/points_labelled", qos(5, reliable=False))
+        self._thread = threading.Thread(target=self._tell, daemon=True)
+        self._thread.start()
+
+    def _tell(self):
+        while not self.over.wait(0.1):
+            self.count += 1
+            floor = level(1, FLOOR, 0.0, (-5.0, 5.0), (-5.0, 5.0))
+            map = SurfaceClusterArray(session_id=1, sequence=self.count, clusters=[floor])
+            for publisher, message in ((self._clusters, map), (self._points, clouds_of([]))):
+                message.header.frame_id = "map"
+                message.header.stamp.sec, message.header.stamp.nanosec = divmod(time.time_ns(), 10**9)
+                publisher.publish(message)
+
+    def close(self):
+        self.over.set()
+        self._thread.join()
+
+
+@pytest.fixture
+def floor(peer):
+    floor = Map(peer)
+    yield floor
+    floor.close()
+
+
+class Log(list):
+    """The lines of a process so far, and the process."""
+
+    def __init__(self, process):
+        super().__init__()
+        self.process = process
+        self._reader = threading.Thread(target=lambda: self.extend(process.stdout), daemon=True)
+        self._reader.start()
+
+    def expect(self, text):
+        return wait_until(f"the words: {text}", lambda: [line for line in self if text in line])
+
+    def end(self):
+        """Its exit status, when all that it said is here."""
+        status = self.process.wait(timeout=20)
+        self._reader.join()
+        return status
 
 
 @pytest.fixture
@@ -375,10 +549,8 @@ def drive(own_network):
         command = [sys.executable, str(cpp.EXAMPLES / "planner.py"), "--ros-args", *given]
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
                                    env=os.environ | {"PYTHONPATH": f"{cpp.EXAMPLES}:{os.environ['PYTHONPATH']}"})
-        lines = []
-        threading.Thread(target=lambda: lines.extend(process.stdout), daemon=True).start()
         started.append(process)
-        return lines
+        return Log(process)
 
     yield drive
     for process in started:
@@ -405,8 +577,10 @@ def test_it_finds_the_cabinets_top_and_stops_before_its_side(recordings, start, 
     robot.expect("no speed before its side", lambda speed: speed == 0.0)
     robot.stands(-2.3, 0.45, math.pi)
     robot.expect("full speed again", lambda speed: speed == pytest.approx(0.3))
-    said = wait_until("the table", lambda: [re.search(r"table \d+: ([\d.]+) m high, ([\d.]+) x ([\d.]+) m", line) for line in lines])
-    height, length, width = map(float, said[-1].groups())
+    table = re.compile(r"table \d+: ([\d.]+) m high, ([\d.]+) x ([\d.]+) m")
+    said = wait_until("the table", lambda: table.findall("".join(lines)))
+    height, length, width = map(float, said[-1])
+    lines.expect("the robot stands: an obstacle is ahead")
     assert height == pytest.approx(0.55, abs=0.04), "as its owners measured it"
     assert (length, width) == (pytest.approx(0.79, abs=0.08), pytest.approx(0.45, abs=0.08)), "within a voxel"
 
@@ -414,13 +588,15 @@ def test_it_finds_the_cabinets_top_and_stops_before_its_side(recordings, start, 
 def test_it_stands_while_it_does_not_see_the_voxels(start, peer, robot, drive):
     start().ready()
     peer.record_node()
-    drive(speed=0.2, stop_before=0.3, max_age=600.0, remap=["/cfodi/points_labelled:=/nowhere"])
+    lines = drive(speed=0.2, stop_before=0.3, max_age=600.0, remap=["/cfodi/points_labelled:=/nowhere"])
     camera = peer.camera()
     camera.meet()
     for _ in range(scene.SCANS):
         camera.publish(scene.room(), time.time_ns(), clouds.still_transform())
     peer.deltas.wait("the ground", lambda m: m.clusters)
     robot.expect("no speed without the voxels", lambda speed: speed == 0.0, steadily=20)
+    said = lines.expect("the robot stands: no cloud of labelled points has come")
+    assert "net.core.rmem_default" in said[0]
     drive(speed=0.2, stop_before=0.3, max_age=600.0)
     robot.expect("some speed with them", lambda speed: speed > 0.1, steadily=1)
 
@@ -428,10 +604,12 @@ def test_it_stands_while_it_does_not_see_the_voxels(start, peer, robot, drive):
 def test_it_stands_where_the_map_grows_old_or_there_is_no_ground(start, peer, robot, drive):
     start().ready()
     peer.record_node()
-    drive(speed=0.2, stop_before=0.3, max_age=3.0)
+    lines = drive(speed=0.2, stop_before=0.3, max_age=3.0)
     camera = peer.camera()
     camera.meet()
     robot.expect("no speed without a map", lambda speed: speed == 0.0)
+    said = lines.expect("the robot stands: no map has come")
+    assert "takes in no scan" in said[0], "those of a program that has seen none come without a stamp"
     over = threading.Event()
 
     def keep_showing():
@@ -444,12 +622,14 @@ def test_it_stands_where_the_map_grows_old_or_there_is_no_ground(start, peer, ro
         robot.expect("some speed towards the table", lambda speed: 0.1 < speed <= 0.2)
         robot.stands(0.0, 0.0, 0.0, z=3.0)
         robot.expect("no speed without ground", lambda speed: speed == 0.0)
+        lines.expect("the robot stands: no floor is seen below the robot or up to 2.5 m ahead (its base frame is at (0, 0, 3))")
         robot.stands(0.0, 0.0, 0.0)
         robot.expect("some speed again", lambda speed: 0.1 < speed <= 0.2)
     finally:
         over.set()
         shown.join()
     robot.expect("no speed when the map is old", lambda speed: speed == 0.0)
+    lines.expect("the robot stands: the map is too old (")
 
 
 def test_it_stands_while_the_cameras_clock_is_ahead(start, peer, robot, drive):
@@ -472,5 +652,42 @@ def test_it_stands_while_the_cameras_clock_is_ahead(start, peer, robot, drive):
 
 
 def test_it_says_that_it_stands_while_there_is_no_clock(robot, drive):
-    drive(use_sim_time="true")
+    lines = drive(use_sim_time="true")
     robot.expect("no speed", lambda speed: speed == 0.0)
+    lines.expect("the robot stands: no time has come on /clock")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_stops_the_robot_and_ends_it_in_peace(robot, floor, drive, number):
+    lines = drive()
+    robot.expect("full speed", lambda speed: speed == pytest.approx(0.3))
+    lines.process.send_signal(number)
+    assert lines.end() == 0
+    robot.expect_last("a stop", 0.0)
+    assert not any("Traceback" in line or "Error" in line for line in lines), lines
+
+
+def test_an_error_stops_the_robot_too(robot, floor, drive, peer):
+    lines = drive()
+    robot.expect("full speed", lambda speed: speed == pytest.approx(0.3))
+    wrong = peer.node.create_publisher(PointCloud2, "/cfodi/points_labelled", qos(5, reliable=False))
+    wait_until("the end by a cloud without fields", lambda: wrong.publish(PointCloud2()) or lines.process.poll() is not None)
+    assert lines.end() != 0 and any("KeyError" in line for line in lines), lines
+    robot.expect_last("a stop", 0.0)
+
+
+@pytest.mark.parametrize("given, words", [
+    ({"stop_before": 4.0}, "slow_from is 1.5 and stop_before is 4; slow_from must be more"),
+    ({"speed": ".nan"}, "speed is nan; it must be a finite number and not below 0"),
+    ({"speed": 1}, "expecting type 'DOUBLE'"),
+])
+def test_it_does_not_start_with_impossible_parameters(robot, floor, drive, given, words):
+    lines = drive(**given)
+    assert lines.end() == 2
+    assert any(words in line for line in lines), lines
+    assert not any("Traceback" in line for line in lines), lines
+    assert not len(robot.commands)
+
+
+def test_it_says_that_it_only_looks(robot, floor, drive):
+    drive(speed=0.0).expect("the robot stands: the parameter speed is 0")
