@@ -14,6 +14,9 @@ use crate::tf::{FrameError, Frames, Inserted, Lack, LookupError, Moment, Waited,
 /// Pairs of a frame and a sensor that are remembered at most: a sender can make up ever new frames.
 const SENSORS: usize = 1000;
 
+/// Frames of REP 105 that stand still.
+const MAPS: [&str; 4] = ["odom", "map", "world", "earth"];
+
 /// Names of frames that a message shows at most.
 const NAMES: usize = 20;
 
@@ -165,13 +168,14 @@ impl Join {
         self.arrived.keys().find(|(known, _)| known == frame).map(|(_, sensor)| *sensor)
     }
 
-    /// What is to be said of clouds in a frame that is the fixed one, where something moves below it: where their sensor stood
-    /// nobody knows.
+    /// What is to be said of clouds in a frame that is the fixed one, lies above it or has the name of a map (REP 105), where
+    /// something moves below it: where their sensor stood nobody knows.
     pub fn without_viewpoint(&self, frame: &str, fixed_frame: &str) -> Option<String> {
-        (bare(frame) == bare(fixed_frame) && self.frames.moves_below(fixed_frame)).then(|| {
+        let is_no_sensor = MAPS.contains(&bare(frame)) || self.frames.is_above(frame, fixed_frame);
+        (is_no_sensor && self.frames.moves_below(frame)).then(|| {
             format!(
-                "clouds come in `{fixed_frame}` itself, so that nobody knows where the sensor stood: min_range, max_range and clearing \
-                 go by its origin; the driver's own cloud is in the sensor's frame"
+                "clouds come in `{frame}`, so that nobody knows where the sensor stood: min_range, max_range, keep_radius and clearing go \
+                 by that frame's origin; the driver's own cloud is in the sensor's frame"
             )
         })
     }

@@ -5,6 +5,7 @@
 
 mod cli;
 
+use std::ffi::OsStr;
 use std::process::ExitCode;
 
 use cfodi::args::ArgsError;
@@ -13,6 +14,7 @@ use cfodi::line::one_line;
 use cfodi::node::process::ProcessError;
 use cfodi::replay::FeedError;
 use cfodi::say::say;
+use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
 
 use crate::cli::{Ending, Wrong, demo, experiment, replay, run, simulate};
@@ -63,8 +65,7 @@ fn main() -> ExitCode {
 
 fn verb() -> anyhow::Result<Ending> {
     let (setup, rest) = cli::setup(&cli::arguments()?)?;
-    // Clap ends the program with status 2 and says what is wrong.
-    let cli = Cli::parse_from(rest);
+    let cli = Cli::try_parse_from(&rest).unwrap_or_else(|error| refused(&error, &rest));
     let lines = cli::log::start(setup.log_level.as_deref(), setup.rosout);
     cli::log::say_idle(&setup);
     match cli.verb {
@@ -74,6 +75,21 @@ fn verb() -> anyhow::Result<Ending> {
         Verb::Demo(options) => demo::demo(&setup, &options, lines).map(|()| Ending::Whole),
         Verb::Simulate(options) => simulate::simulate(&setup, &options),
     }
+}
+
+/// Ends the program as Clap does, with help and version too; where ROS arguments stand before `--ros-args`, says where they belong.
+fn refused(error: &clap::Error, arguments: &[impl AsRef<OsStr>]) -> ! {
+    drop(error.print());
+    let is_ros = |argument: &&str| {
+        ["-p", "--param", "-r", "--remap", "--params-file", "--log-level"].contains(argument)
+    };
+    let ros = arguments.iter().filter_map(|argument| argument.as_ref().to_str()).find(is_ros);
+    if let Some(argument) = ros.filter(|_| error.kind() == ErrorKind::UnknownArgument) {
+        say(format_args!(
+            "{argument} is a ROS argument: it follows --ros-args, as in --ros-args {argument} ..."
+        ));
+    }
+    std::process::exit(error.exit_code())
 }
 
 fn text(error: &anyhow::Error) -> String {

@@ -145,7 +145,7 @@ impl Chosen {
 }
 
 /// Puts the files of a folder that nothing describes into the order in which they are read, and says which that is.
-fn in_order_of_reading(files: &mut Vec<Part>) -> Option<String> {
+fn in_order_of_reading(files: &mut [Part]) -> Option<String> {
     let how = if side_by_side(files) { "by the times of their messages" } else { "in this order" };
     let paths: Vec<_> = files.iter().map(|part| part.path.clone()).collect();
     remark(&format!("without a metadata.yaml these are read as one recording, {how}"), &paths, 2)

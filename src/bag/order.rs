@@ -6,7 +6,7 @@ use super::survey::times;
 /// Where files were recorded side by side, as one of clouds and one of transforms, has them read in the order of their first
 /// messages, each from when its time has come; says whether it is so. They stay as they are where one does not tell its times,
 /// and where each ends before another begins.
-pub(super) fn side_by_side(files: &mut Vec<Part>) -> bool {
+pub(super) fn side_by_side(files: &mut [Part]) -> bool {
     let times: Option<Vec<_>> = files.iter().map(times).collect();
     let Some(times) = times.filter(|times| overlap(times)) else { return false };
     for (part, (begins, _)) in files.iter_mut().zip(times) {

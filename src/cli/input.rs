@@ -90,6 +90,9 @@ pub(crate) fn open(setup: &Setup, path: &Path, wanted: &[String]) -> anyhow::Res
     let transforms =
         TransformTopics { changing: setup.resolve("/tf")?, lasting: setup.resolve("/tf_static")? };
     say_unread(&transforms, &topics);
+    if is_complete {
+        say_absent(setup, &transforms, &topics);
+    }
     let decoder = Decoder::new(choice.sensors, setup.config().filter, transforms);
     let patience = setup.config().tf_timeout.max(PATIENCE);
     Ok(Input { bag, decoder, fixed_frame, patience })
@@ -116,6 +119,17 @@ fn say_unread(transforms: &TransformTopics, topics: &[bag::Topic]) {
             "transforms are read from {changing} and {lasting}, not from {} (choose with -r /tf:=... -r /tf_static:=...)",
             unread.join(" and ")
         )));
+    }
+}
+
+/// Says which topic of transforms, of those that somebody has named, the bag does not have.
+fn say_absent(setup: &Setup, TransformTopics { changing, lasting }: &TransformTopics, topics: &[bag::Topic]) {
+    for (usual, name) in [("/tf", changing), ("/tf_static", lasting)] {
+        let name = name.trim_start_matches('/');
+        if setup.is_remapped(usual) && !topics.iter().any(|topic| topic.name.trim_start_matches('/') == name)
+        {
+            say(one_line(&format!("the bag has no /{name}, from which -r {usual}:=... has transforms read")));
+        }
     }
 }
 

@@ -20,7 +20,7 @@ impl Bar {
 
     /// A bar for so many simulated scans.
     pub(crate) fn of_scans(scans: u64) -> Self {
-        Self::styled(ProgressBar::new(scans), "{wide_bar} {pos} of {len} scans, {msg}, {eta} left")
+        Self::styled(ProgressBar::new(scans), "{wide_bar} {pos} of {len} scans, {eta} left {msg}")
     }
 
     fn styled(bar: ProgressBar, template: &str) -> Self {

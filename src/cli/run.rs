@@ -5,6 +5,7 @@ use std::ffi::OsString;
 use std::future::pending;
 use std::io;
 use std::os::unix::process::CommandExt as _;
+use std::path::PathBuf;
 use std::process::Command;
 
 use cfodi::args::{Rmw, Setup};
@@ -61,12 +62,18 @@ fn run_over<T: Middleware>(setup: &Setup, options: &Options, lines: Lines) -> an
 /// come back, or frees what it holds. Returns only where that fails.
 fn begin_anew(adds_resume: bool, changed: &[(String, Value)]) -> io::Error {
     let program = match env::current_exe() {
-        Ok(program) => program,
+        Ok(program) => in_place(program),
         Err(error) => return error,
     };
     let args = env::args_os().skip(1).collect();
     let args = if adds_resume { resuming(args) } else { args };
     Command::new(program).args(with_changes(args, changed)).exec()
+}
+
+/// What lies where the program lay: Linux adds a word to the path of a file that another has taken the place of.
+fn in_place(program: PathBuf) -> PathBuf {
+    let replaced = program.to_str().and_then(|path| path.strip_suffix(" (deleted)")).map(PathBuf::from);
+    replaced.filter(|path| !program.exists() && path.exists()).unwrap_or(program)
 }
 
 /// The option belongs behind the verb: what follows may be ROS arguments.
@@ -89,6 +96,8 @@ fn with_changes(mut args: Vec<OsString>, changed: &[(String, Value)]) -> Vec<OsS
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
     use cfodi::args::Environment;
 
     use super::*;
@@ -100,6 +109,20 @@ mod tests {
         assert_eq!(resumed, words("run --resume --ros-args -p snapshot_path:=map"));
         let resumed = resuming(words("--ros-args -p a:=1 -- run"));
         assert_eq!(resumed, words("--ros-args -p a:=1 -- run --resume"));
+    }
+
+    #[test]
+    fn a_program_that_was_replaced_begins_anew_as_the_new_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let [there, gone] = ["cfodi", "gone"].map(|name| folder.path().join(name));
+        std::fs::write(&there, "").unwrap();
+        let replaced = |path: &Path| PathBuf::from(format!("{} (deleted)", path.display()));
+        assert_eq!(in_place(there.clone()), there);
+        assert_eq!(in_place(replaced(&there)), there);
+        assert_eq!(in_place(replaced(&gone)), replaced(&gone));
+        let odd = replaced(&there);
+        std::fs::write(&odd, "").unwrap();
+        assert_eq!(in_place(odd.clone()), odd, "such a name is one like any other");
     }
 
     #[test]

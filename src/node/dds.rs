@@ -169,6 +169,14 @@ impl Transport for Dds {
         &self.inputs
     }
 
+    fn losses(&self) -> &'static str {
+        "see receive_buffer"
+    }
+
+    fn silences(&self) -> &'static str {
+        "or its messages are too large for the socket receive buffer, or it sends by shared memory only"
+    }
+
     fn sources(&self) -> Vec<Source> {
         self.network().sources()
     }
@@ -182,6 +190,7 @@ impl Transport for Dds {
         NetworkState {
             receive_buffer: Some(self.receive_buffer),
             mismatches: network.mismatches(),
+            without_router: false,
             namesakes: network.namesakes(&self.memory),
         }
     }

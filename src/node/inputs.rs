@@ -78,7 +78,7 @@ pub(super) fn why_quiet(
     sensor: &SensorTopics,
     chosen: Option<Form>,
     sources: &[Source],
-    quiet: Duration,
+    (quiet, silences): (Duration, &str),
 ) -> String {
     let is_wanted = |form: &Form| chosen.is_none_or(|chosen| chosen == *form);
     let wanted: Vec<_> = Form::ALL
@@ -90,8 +90,7 @@ pub(super) fn why_quiet(
     let on = |form, topic: &str| sources.iter().find(|source| source.topic == topic && carries(source, form));
     if let Some((_, silent)) = wanted.iter().find(|(form, topic)| on(*form, topic).is_some()) {
         return format!(
-            "{silent} has a publisher, but no cloud has come for {} s: either it is silent, or its messages are too large \
-             for the socket receive buffer, or it sends by shared memory only",
+            "{silent} has a publisher, but no cloud has come for {} s: either it is silent, {silences}",
             quiet.as_secs()
         );
     }
@@ -265,7 +264,8 @@ mod tests {
     #[test]
     fn silence_is_explained_for_each_form_and_after_the_choice_for_the_chosen_one() {
         let sources = [source("/a/points", "PointCloud2"), source("/b", "Image")];
-        let why = |points, image, chosen| why_quiet(&sensor(points, image), chosen, &sources, QUIET);
+        let why =
+            |points, image, chosen| why_quiet(&sensor(points, image), chosen, &sources, (QUIET, "or deaf"));
         assert!(why("/x", "/y", None).contains("nobody publishes on /x or /y or /y/compressedDepth; "));
         assert!(
             why("/b", "/y", None)

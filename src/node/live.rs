@@ -161,6 +161,10 @@ async fn drive<T: Transport>(
         tokio::select! {
             () = &mut shutdown => break None,
             ended = &mut publishing => {
+                events.close();
+                while let Ok(event) = events.try_recv() {
+                    live.put_away(event).await;
+                }
                 count_buried(&live.counts);
                 return Err(death(ended.ok()));
             }

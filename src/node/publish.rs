@@ -307,6 +307,14 @@ mod tests {
             unreachable!("nothing is read")
         }
 
+        fn losses(&self) -> &'static str {
+            "see receive_buffer"
+        }
+
+        fn silences(&self) -> &'static str {
+            "or it sends by shared memory only"
+        }
+
         fn sources(&self) -> Vec<Source> {
             Vec::new()
         }

@@ -196,6 +196,8 @@ pub struct NetworkState {
     pub mismatches: Vec<(String, String)>,
     /// Other nodes of this node's name.
     pub namesakes: usize,
+    /// Where others are found by a router: it has gone.
+    pub without_router: bool,
 }
 
 /// A message could not be sent.
@@ -267,7 +269,13 @@ pub trait Transport: 'static {
     /// The topics that scans come from, by sensor.
     fn inputs(&self) -> &[SensorTopics];
 
-    /// Every topic that has a publisher now, by name.
+    /// What a person may look at where scans were sent and have not come.
+    fn losses(&self) -> &'static str;
+
+    /// Why nothing may come of a publisher that is there, beside that it is silent.
+    fn silences(&self) -> &'static str;
+
+    /// Every topic that has a publisher now, by name; none where that cannot be known.
     fn sources(&self) -> Vec<Source>;
 
     /// What can be known of the network now.

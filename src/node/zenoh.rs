@@ -7,6 +7,7 @@
 
 mod answers;
 mod config;
+mod graph;
 mod mailbox;
 mod names;
 mod opener;
@@ -14,9 +15,10 @@ mod outlet;
 mod parameters;
 mod read;
 
+use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::rc::Rc;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use std::time::Duration;
 
 use tokio::sync::{Notify, mpsc, oneshot};
@@ -24,18 +26,18 @@ use tokio::time::{sleep, timeout};
 use tracing::{info, warn};
 use zenoh::config::WhatAmI;
 use zenoh::pubsub::Subscriber;
-use zenoh::sample::SampleKind;
 use zenoh::session::TransportEvent;
 use zenoh::{Session, Wait as _};
 
 use self::answers::Answers;
+use self::graph::Graph;
 pub use self::opener::Call;
 use self::opener::Opener;
 use self::outlet::Outlet;
 use super::middleware::{Adding, Middleware, OpenError, Opened};
 use super::parameters::Parameters;
 use super::readers::{self, Readers};
-use super::transport::{Form, NetworkState, Outgoing, SendError, SensorTopics, Service, Source, Transport};
+use super::transport::{NetworkState, Outgoing, SendError, SensorTopics, Service, Source, Transport};
 use crate::args::Setup;
 use crate::args::security::{Security, SecurityError};
 use crate::config::Value;
@@ -49,14 +51,8 @@ const EVENTS: usize = 16;
 /// knows what it has told.
 const LOOK: Duration = Duration::from_secs(1);
 
-/// Publishers of others that are remembered: anyone may declare as many as it likes.
-const SOURCES: usize = 4096;
-
 /// Adds events to those of the network.
 type Events = Adding<Zenoh>;
-
-/// Publishers by their tokens' keys.
-type Graph = Arc<Mutex<BTreeMap<String, Source>>>;
 
 fn opening<E: ToString>(what: &str) -> impl FnOnce(E) -> OpenError {
     move |error| OpenError::Open { what: what.to_owned(), text: error.to_string() }
@@ -81,6 +77,8 @@ pub struct Zenoh {
     answers: Answers,
     /// A router has come or gone.
     router_news: Arc<Notify>,
+    /// There was a router, and now there is none.
+    lacks_router: Cell<bool>,
     session: Session,
     parameters: Rc<Parameters>,
     inputs: Vec<SensorTopics>,
@@ -102,11 +100,12 @@ impl Zenoh {
         Ok(Self {
             outlets,
             readers: tokio::sync::Mutex::new(readers),
-            _graph_reader: read_graph(session, setup, Arc::clone(&graph))?,
+            _graph_reader: graph.read(session, setup, opener.node().clone())?,
             graph,
             _opener: opener,
             answers,
             router_news: router_news(session)?,
+            lacks_router: Cell::new(false),
             session: session.clone(),
             parameters,
             inputs: setup.inputs()?,
@@ -120,11 +119,13 @@ impl Zenoh {
         loop {
             match routers(&self.session).await {
                 Ok(0) if has_router == Some(true) => {
+                    self.lacks_router.set(true);
                     warn!("the Zenoh router has gone; it is connected to again when it is there");
                     has_router = Some(false);
                 }
                 Ok(0) => has_router = Some(false),
                 Ok(_) => {
+                    self.lacks_router.set(false);
                     if has_router == Some(false) {
                         info!("a Zenoh router is there");
                     }
@@ -179,46 +180,6 @@ async fn find_router(session: &Session, looks: u64) -> Result<(), OpenError> {
         }
     }
     Ok(())
-}
-
-/// Keeps the publishers of the domain.
-fn read_graph(session: &Session, setup: &Setup, graph: Graph) -> Result<Subscriber<()>, OpenError> {
-    let inputs = setup.inputs()?;
-    let is_input = move |topic: &str| {
-        let mut topics = inputs.iter().flat_map(|input| Form::ALL.map(|form| input.topic(form)));
-        topics.any(|of| of == Some(topic))
-    };
-    let note = move |sample: zenoh::sample::Sample| {
-        let key = sample.key_expr().as_str();
-        let mut graph = graph.lock().unwrap_or_else(PoisonError::into_inner);
-        match (sample.kind(), names::source(key)) {
-            (SampleKind::Put, Some(source)) if has_room(graph.len(), is_input(&source.topic)) => {
-                graph.insert(key.to_owned(), source);
-            }
-            (SampleKind::Put, _) => {}
-            (SampleKind::Delete, _) => {
-                graph.remove(key);
-            }
-        }
-    };
-    let liveliness = session.liveliness();
-    let declared =
-        liveliness.declare_subscriber(names::tokens(setup.domain)).history(true).callback(note).wait();
-    declared.map_err(opening("the graph"))
-}
-
-/// Whether one more publisher is remembered: a flood of others must not hide those that the node waits for.
-const fn has_room(remembered: usize, is_input: bool) -> bool {
-    remembered < if is_input { 2 * SOURCES } else { SOURCES }
-}
-
-/// Every topic that has a publisher now, by name.
-fn listed(graph: &Graph) -> Vec<Source> {
-    let graph = graph.lock().unwrap_or_else(PoisonError::into_inner);
-    let mut sources: Vec<_> = graph.values().cloned().collect();
-    sources.sort();
-    sources.dedup();
-    sources
 }
 
 /// Closes a session, however many ends it had.
@@ -296,8 +257,16 @@ impl Transport for Zenoh {
         &self.inputs
     }
 
+    fn losses(&self) -> &'static str {
+        "the node was busy, or the link is slow"
+    }
+
+    fn silences(&self) -> &'static str {
+        "or its messages do not come through"
+    }
+
     fn sources(&self) -> Vec<Source> {
-        listed(&self.graph)
+        self.graph.sources()
     }
 
     fn node_name(&self) -> &str {
@@ -305,7 +274,8 @@ impl Transport for Zenoh {
     }
 
     fn network_state(&self) -> NetworkState {
-        NetworkState::default()
+        let without_router = self.lacks_router.get();
+        NetworkState { namesakes: self.graph.namesakes(), without_router, ..NetworkState::default() }
     }
 
     async fn failed(&self) -> String {
@@ -330,15 +300,4 @@ fn encoded(message: &Outgoing) -> Result<Vec<u8>, cdr_encoding::Error> {
         Outgoing::Polygon(message) => cdr::write(&mut bytes, message),
     }?;
     Ok(bytes)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn however_many_publishers_there_are_those_of_the_nodes_own_topics_are_remembered() {
-        assert!(has_room(SOURCES - 1, false) && !has_room(SOURCES, false));
-        assert!(has_room(SOURCES, true) && !has_room(2 * SOURCES, true));
-    }
 }

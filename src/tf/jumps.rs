@@ -1,11 +1,12 @@
 //! Which transforms jump back in time, and which frames only seem to.
 //!
 //! A bag that loops and a simulator that is reset play again from the beginning. Two publishers of one frame, one of which is
-//! late, send an older stamp with every other message: what comes next is where the frame was before.
+//! late, send an older stamp with every other message: what comes next is where the frame was before. Where the later one falls
+//! silent, the frame has jumped back after all, once the other has gone on alone for as long as transforms are kept.
 
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
 
-use super::MAX_FRAMES;
+use super::{MAX_AGE, MAX_FRAMES};
 use crate::engine::Stamp;
 use crate::msg::ros::JUMP_BACK;
 
@@ -14,8 +15,9 @@ pub(super) struct Jumps {
     count: u64,
     /// The frame whose transform was the last that jumped back, and from where.
     last: Option<(String, Stamp)>,
-    /// Frames with two publishers whose stamps lie apart: of them no transform jumps back.
-    to_and_fro: BTreeSet<String>,
+    /// Frames with two publishers whose stamps lie apart: of them no transform jumps back. Since which stamp the later one has been
+    /// silent, where the newest was not its.
+    to_and_fro: BTreeMap<String, Option<Stamp>>,
 }
 
 impl Jumps {
@@ -28,12 +30,17 @@ impl Jumps {
     pub(super) fn is_back(&self, child: &str, newest: Option<Stamp>, stamp: Option<Stamp>) -> bool {
         let is_back =
             newest.zip(stamp).is_some_and(|(newest, stamp)| newest.seconds_since(stamp) > JUMP_BACK);
-        is_back && !self.to_and_fro.contains(child)
+        let is_alone = |since: &Option<Stamp>| {
+            let silent = since.zip(stamp).map(|(since, stamp)| stamp.seconds_since(since));
+            silent.is_some_and(|silent| silent > MAX_AGE.as_secs_f64())
+        };
+        is_back && self.to_and_fro.get(child).is_none_or(is_alone)
     }
 
     /// Notes a transform that jumps back from the newest of its frame.
     pub(super) fn note_back(&mut self, child: &str, newest: Option<Stamp>) {
         self.count += 1;
+        self.to_and_fro.remove(child);
         self.last = newest.map(|newest| (child.to_owned(), newest));
     }
 
@@ -45,6 +52,13 @@ impl Jumps {
         newest: Option<Stamp>,
         stamp: Option<Stamp>,
     ) -> Option<f64> {
+        if let Some(since) = self.to_and_fro.get_mut(child) {
+            let is_behind =
+                newest.zip(stamp).is_some_and(|(newest, stamp)| newest.seconds_since(stamp) > JUMP_BACK);
+            // From its beginning anew, where it plays in a loop.
+            let earlier = |stamp: Stamp| since.map_or(stamp, |since| since.min(stamp));
+            *since = stamp.filter(|_| is_behind).map(earlier);
+        }
         let (_, before) = self.last.take_if(|(last, _)| last == child)?;
         let (stamp, newest) = (stamp?, newest?);
         let apart = stamp.seconds_since(newest);
@@ -52,7 +66,7 @@ impl Jumps {
         if !is_there || apart <= JUMP_BACK || self.to_and_fro.len() >= MAX_FRAMES {
             return None;
         }
-        self.to_and_fro.insert(child.to_owned());
+        self.to_and_fro.insert(child.to_owned(), None);
         Some(apart)
     }
 }

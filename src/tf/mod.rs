@@ -291,6 +291,12 @@ impl Frames {
         std::iter::successors(self.edges.get(frame), |edge| self.edges.get(&edge.parent))
     }
 
+    /// Whether a frame is another one, or one of those above it.
+    pub fn is_above(&self, frame: &str, below: &str) -> bool {
+        let (frame, below) = (bare(frame), bare(below));
+        frame == below || self.up_from(below).any(|edge| edge.parent == frame)
+    }
+
     /// Whether anything moves below a frame: transforms of `/tf` lead there from it.
     pub fn moves_below(&self, frame: &str) -> bool {
         let frame = bare(frame);

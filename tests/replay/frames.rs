@@ -35,7 +35,7 @@ fn clouds_in_the_fixed_frame_of_a_robot_that_moves_are_warned_of() {
         }
         writer.finish()
     };
-    let said = "clouds come in `odom` itself, so that nobody knows where the sensor stood";
+    let said = "clouds come in `odom`, so that nobody knows where the sensor stood";
     let found = replay(&folder.put("registered.mcap", &bag("odom")), &[]);
     assert_eq!((found.status, found.number("scans")), (0, 12), "{}", found.errors);
     assert!(found.errors.contains(said), "{}", found.errors);
@@ -43,6 +43,19 @@ fn clouds_in_the_fixed_frame_of_a_robot_that_moves_are_warned_of() {
     let found = replay(&folder.put("driver.mcap", &bag(OPTICAL)), &[]);
     assert_eq!((found.status, found.number("scans")), (0, 12), "{}", found.errors);
     assert!(!found.errors.contains(said), "{}", found.errors);
+    // Above the fixed frame, and a map between that one and what moves.
+    for (frame, fixed_frame) in [("odom", "base_link"), ("odom", "map")] {
+        let mut writer = BagWriter::new(Layout::Plain);
+        for i in 0..12 {
+            writer.tf("/tf", stamp(i), "map", "odom", 0.0);
+            writer.tf("/tf", stamp(i), "odom", "base_link", 0.1 * i as f64);
+            put_cloud(&mut writer, POINTS, frame, i);
+        }
+        let given = ["--ros-args", "-p", &format!("fixed_frame:={fixed_frame}")];
+        let found = replay(&folder.put("others.mcap", &writer.finish()), &given);
+        assert_eq!((found.status, found.number("scans")), (0, 12), "{}", found.errors);
+        assert!(found.errors.contains(said), "{frame} in {fixed_frame}: {}", found.errors);
+    }
 }
 
 /// A camera that is mounted anew, and a frame that is told to stand still once it has moved.

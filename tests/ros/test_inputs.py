@@ -89,7 +89,7 @@ def test_clouds_in_the_fixed_frame_of_a_robot_that_moves_are_warned_of_once(star
     node, camera = begin(start, peer)
     for _ in range(8):
         take_in(camera, peer.deltas, cloud=clouds.cloud(clouds.wall(), frame_id="map"))
-    node.line_with("/camera/depth/points: clouds come in `map` itself, so that nobody knows where the sensor stood")
+    node.line_with("/camera/depth/points: clouds come in `map`, so that nobody knows where the sensor stood")
     node.stop()
     assert sum("come in `map` itself" in line for line in node.lines) == 1
 

@@ -7,8 +7,8 @@
 //! A marker's identity is (ns, id), and an id has 32 bits: cluster ids are mapped to slots, which are used
 //! again when a cluster has gone. Each message holds all that is to be seen, since one who joins late gets no other;
 //! markers are updated in place and deleted only when there is nothing more to show for them. No identity is twice
-//! in a message, which RViz calls an error. A viewer keeps only the newest message and may miss one, so deletions are
-//! said several times.
+//! in a message, which RViz calls an error. A viewer keeps only the newest message and may miss many, so deletions are
+//! said several times at once, and then again and again in turn, as long as nothing else has the identity.
 
 mod fill;
 mod shape;
@@ -21,7 +21,7 @@ use earcut::Earcut;
 
 use super::clusters::Session;
 use super::ros::{Header, Marker, MarkerArray};
-use crate::engine::Snapshot;
+use crate::engine::{Snapshot, Stamp};
 use shape::Style;
 use shown::Shown;
 pub(super) use shown::left_out;
@@ -36,8 +36,13 @@ const CLUSTERS: &str = "clusters";
 const UNCLUSTERED: &str = "unclustered";
 const NORMALS: &str = "normals";
 
-/// How many messages say a deletion.
+/// How many messages say a deletion at once.
 const REPEATS: u8 = 5;
+/// Deletions that a message says again.
+const AGAIN: usize = 50;
+/// For how long (s, by the stamps) the messages of a session begin with the deletion of all: a viewer may be found seconds after the
+/// node has begun.
+const CLEARED: f64 = 10.0;
 
 /// What a marker is known by.
 type Identity = (String, i32);
@@ -48,10 +53,14 @@ pub struct Markers {
     slots: Slots,
     /// What the newest message shows.
     shown: BTreeSet<Identity>,
-    /// What has gone, with the number of messages that have said so; forgotten when enough have.
+    /// What has gone, with the number of messages that have said so.
     gone: BTreeMap<Identity, u8>,
+    /// What was said again last.
+    said_again: Option<Identity>,
     /// Messages sent in this session; the first ones tell viewers to delete what was there before.
     sent: u8,
+    /// Stamp of the first of them.
+    began: Option<Stamp>,
     /// Its buffers serve all clusters.
     earcut: Earcut<f64>,
 }
@@ -61,7 +70,7 @@ impl Markers {
     pub fn update(&mut self, session: &Session, snapshot: &Snapshot) -> MarkerArray {
         let header = session.header(snapshot.stamp);
         let additions = self.additions(&header, snapshot);
-        let mut markers = self.deletions(&header, &additions);
+        let mut markers = self.deletions(&header, snapshot.stamp, &additions);
         markers.extend(additions);
         MarkerArray { markers }
     }
@@ -94,21 +103,37 @@ impl Markers {
     }
 
     /// What is to be deleted before `additions` are added.
-    fn deletions(&mut self, header: &Header, additions: &[Marker]) -> Vec<Marker> {
+    fn deletions(&mut self, header: &Header, stamp: Option<Stamp>, additions: &[Marker]) -> Vec<Marker> {
         let now: BTreeSet<Identity> = additions.iter().map(|marker| (marker.ns.clone(), marker.id)).collect();
         let before = std::mem::replace(&mut self.shown, now);
         self.gone.extend(before.into_iter().map(|identity| (identity, 0)));
-        self.gone.retain(|identity, said| *said < REPEATS && !self.shown.contains(identity));
+        self.gone.retain(|identity, _| !self.shown.contains(identity));
         let mut deletions = Vec::new();
-        if self.sent < REPEATS {
-            self.sent += 1;
+        self.began = self.began.or(stamp);
+        let is_new = self.began.zip(stamp).is_some_and(|(began, now)| now.seconds_since(began) < CLEARED);
+        if is_new || self.sent < REPEATS {
+            self.sent = self.sent.saturating_add(1);
             deletions.push(Marker { header: header.clone(), action: Marker::DELETEALL, ..Marker::default() });
         }
-        for ((ns, slot), said) in &mut self.gone {
-            *said += 1;
+        let again = self.again();
+        let due =
+            self.gone.iter_mut().filter(|(identity, said)| **said < REPEATS || again.contains(*identity));
+        for ((ns, slot), said) in due {
+            *said = said.saturating_add(1);
             deletions.push(Marker { action: Marker::DELETE, ..shape::marker(header, ns, *slot, 0) });
         }
         deletions
+    }
+
+    /// Which of those that have been said are said again: the next ones in turn.
+    fn again(&mut self) -> BTreeSet<Identity> {
+        let after = self.said_again.take();
+        let is_later = |identity: &Identity| after.as_ref().is_none_or(|after| identity > after);
+        let old = || self.gone.iter().filter(|(_, said)| **said >= REPEATS).map(|(identity, _)| identity);
+        let later = old().filter(|identity| is_later(identity));
+        let in_turn: Vec<_> = later.chain(old().filter(|identity| !is_later(identity))).take(AGAIN).collect();
+        self.said_again = in_turn.last().map(|&identity| identity.clone());
+        in_turn.into_iter().cloned().collect()
     }
 }
 

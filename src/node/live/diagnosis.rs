@@ -200,6 +200,9 @@ impl Diagnosis {
             part.value("other nodes of its name", network.namesakes);
             part.raise(Level::Warn, self.namesakes(network.namesakes));
         }
+        if network.without_router {
+            part.raise(Level::Warn, "the router has gone, without which others are not found");
+        }
         if let Some(got) = network.receive_buffer.filter(|&got| got < wish) {
             part.raise(
                 Level::Warn,

@@ -157,11 +157,16 @@ impl<T: Transport> Live<T> {
         intake.lost = intake.lost.saturating_add(number);
         intake.bad_since.get_or_insert_with(Instant::now);
         let total = self.counts.borrow().lost;
-        self.warn("lost", format_args!("{total} clouds were sent and never arrived (see receive_buffer)"));
+        let look = self.transport.losses();
+        self.warn("lost", format_args!("{total} clouds were sent and never arrived ({look})"));
     }
 
     /// Takes a sensor in any form again where nobody sends the chosen one any more: its driver may come back with another.
     pub(super) fn forget_gone(&mut self, sources: &[Source]) {
+        // Nobody at all is known right after the network was joined, or while the middleware stands still.
+        if sources.is_empty() {
+            return;
+        }
         for (intake, topics) in self.intakes.iter_mut().zip(self.transport.inputs()) {
             let is_gone = |form: &mut Form| !inputs::is_offered(topics, *form, sources);
             if intake.since.elapsed() >= QUIET
@@ -192,7 +197,7 @@ impl<T: Transport> Live<T> {
                 topics,
                 intake.chosen,
                 &inputs::free(sensor, inputs, &sources),
-                now - intake.since,
+                (now - intake.since, self.transport.silences()),
             );
             self.warn(format!("quiet {}", topics.name), format_args!("{line}"));
         }

@@ -59,7 +59,8 @@ impl<T: Transport> Live<T> {
         part.value("lost", intake.lost).value("skipped", intake.skipped);
         if intake.since.elapsed() >= QUIET {
             let free = inputs::free(sensor, self.transport.inputs(), sources);
-            let why = inputs::why_quiet(topics, intake.chosen, &free, intake.since.elapsed());
+            let quiet = (intake.since.elapsed(), self.transport.silences());
+            let why = inputs::why_quiet(topics, intake.chosen, &free, quiet);
             part.raise(Level::Error, why);
         }
         let bad = intake.lost.saturating_add(intake.skipped);

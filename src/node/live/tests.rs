@@ -88,6 +88,14 @@ impl Transport for Fake {
         &self.inputs
     }
 
+    fn losses(&self) -> &'static str {
+        "see receive_buffer"
+    }
+
+    fn silences(&self) -> &'static str {
+        "or it sends by shared memory only"
+    }
+
     fn sources(&self) -> Vec<Source> {
         self.sources.clone()
     }

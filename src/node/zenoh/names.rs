@@ -90,6 +90,13 @@ impl NodeToken {
         format!("{start}/{name}/{dds_type}/{hash}/{}", qos.token())
     }
 
+    /// Whether a token is that of another node of this name.
+    pub(super) fn has_namesake(&self, token: &str) -> bool {
+        let parts: Vec<_> = token.split('/').take(10).collect();
+        let [TOKENS, _, id, _, _, "NN", _, namespace, name] = parts[..] else { return false };
+        id != self.id && namespace == mangled(&self.namespace) && name == mangled(&self.name)
+    }
+
     fn begin(&self, number: u64, code: &str) -> String {
         let Self { domain, id, namespace, name } = self;
         // The third part is the enclave, for which there are no keys.

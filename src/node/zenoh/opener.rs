@@ -57,6 +57,11 @@ impl Opener {
         Ok(opener)
     }
 
+    /// The node as others know it.
+    pub(super) const fn node(&self) -> &NodeToken {
+        &self.node
+    }
+
     fn declare(&self, key: String) -> Result<(), OpenError> {
         let token = self.session.liveliness().declare_token(key).wait().map_err(opening("a token"))?;
         self.tokens.borrow_mut().push(token);

@@ -2,13 +2,13 @@
 
 use std::borrow::Cow;
 use std::rc::Rc;
-use std::sync::Arc;
 
 use serde::de::{DeserializeOwned, DeserializeSeed};
 
+use super::graph::Graph;
 use super::mailbox::Room;
 use super::opener::{Call, Calls, Inbox, Opener, lost};
-use super::{Events, Graph, Readers, listed};
+use super::{Events, Readers};
 use crate::cloud::{CloudError, CloudSeed, CompressedSeed, DepthSeed};
 use crate::msg::cdr;
 use crate::msg::ros::{Clock, TriggerRequest};
@@ -105,10 +105,10 @@ impl Listening<'_> {
         let images = self.opener.subscribe(images, SENSOR, SCANS)?;
         self.read(Form::Depth, images, seed, Rc::clone(&self.heard.images));
         let seed = WithCamera::new(&camera, self.parameters, CompressedSeed::new);
-        let (opener, graph, heard) = (Rc::downgrade(self.opener), Arc::clone(self.graph), self.heard.clone());
+        let (opener, graph, heard) = (Rc::downgrade(self.opener), self.graph.clone(), self.heard.clone());
         let (input, events) = (Form::CompressedDepth.of(self.number), self.events.clone());
         self.readers.spawn_local(async move {
-            compressed::wanted(&sensor, || listed(&graph), |form| heard.comes(form)).await;
+            compressed::wanted(&sensor, || graph.sources(), |form| heard.comes(form)).await;
             let images = Named { name: &topics.compressed, type_name: types::COMPRESSED_IMAGE };
             let images = opener.upgrade().map(|opener| opener.subscribe(images, SENSOR, SCANS));
             let images = compressed::opened(images).await;

@@ -37,6 +37,23 @@ fn a_frame_of_two_publishers_whose_stamps_lie_apart_clears_what_others_have_once
     assert_eq!(frames.frame_names(), ["base_link", "camera", "odom"]);
 }
 
+/// One whose clock is an hour ahead, until somebody ends it.
+#[test]
+fn a_frame_of_two_publishers_goes_on_as_one_when_the_later_one_has_been_silent() {
+    let mut frames = robot();
+    let now = |step: u32| 10.0 + 0.1 * f64::from(step);
+    for step in 0..30 {
+        frames.dynamic("odom", "base_link", now(step) + 3600.0, 0.0);
+        frames.dynamic("odom", "base_link", now(step), now(step));
+    }
+    let jumps = frames.jumps();
+    let back = (30..400)
+        .find(|&step| frames.dynamic("odom", "base_link", now(step), now(step)) == Inserted::JumpedBack);
+    assert_eq!((back, frames.jumps()), (Some(130), jumps + 1), "after ten seconds alone");
+    frames.dynamic("odom", "base_link", now(131), now(131));
+    assert_eq!(frames.x("odom", "camera", now(131)), Ok(now(131) + 0.5));
+}
+
 #[test]
 fn a_bag_that_loops_is_no_frame_of_two_publishers_when_it_comes_to_its_end_again() {
     let mut frames = Frames::new();
@@ -62,6 +79,8 @@ fn something_moves_below_a_frame_where_dynamic_transforms_lead_there_from_it() {
         ["/map", "odom", "base_link", "hall", "nowhere"].map(|frame| frames.moves_below(frame)),
         [true, false, false, false, false]
     );
+    let above = |frame| frames.is_above(frame, "/odom");
+    assert_eq!(["/map", "odom", "base_link", "hall"].map(above), [true, true, false, false]);
 }
 
 #[test]

@@ -104,12 +104,50 @@ fn slots_of_gone_clusters_are_deleted_and_used_again() {
         let next = update(&[1 << 40]);
         assert!(gone.iter().all(|deletion| next.contains(deletion)));
     }
-    assert!(update(&[1 << 40]).iter().all(|(_, _, action)| *action == Marker::ADD));
+    let next = update(&[1 << 40]);
+    assert!(gone.iter().all(|deletion| next.contains(deletion)), "they are said again, for they are few");
     let again = update(&[9, 1 << 40]);
     assert!(
         again.contains(&line(SURFACES, 0, Marker::ADD)) && again.contains(&line(SURFACES, 1, Marker::ADD))
     );
     assert!(again.iter().all(|(_, _, action)| *action == Marker::ADD));
+}
+
+/// However many messages it has missed, and however many markers have gone meanwhile.
+#[test]
+fn a_viewer_that_has_missed_many_messages_sees_what_all_see_after_some() {
+    let mut markers = Markers::default();
+    let mut late = Viewer::of(&markers.update(&session(), &map((1..=100).map(square).collect(), 0)));
+    let few = map(vec![square(7)], 0);
+    (0..40).for_each(|_| drop(markers.update(&session(), &few)));
+    let mut messages = 0;
+    let all = loop {
+        let message = markers.update(&session(), &few);
+        assert!(message.markers.len() < AGAIN + 10, "{}", message.markers.len());
+        late.take(&message);
+        messages += 1;
+        if late == Viewer::of(&message) {
+            break messages;
+        }
+        assert!(messages < 100);
+    };
+    assert_eq!(all, (3 * 99_usize).div_ceil(AGAIN));
+}
+
+/// A viewer that is found late has what a node showed before that was ended.
+#[test]
+fn all_is_deleted_at_the_beginning_for_some_seconds_and_some_messages() {
+    let begins = |seconds: f64, messages: usize| {
+        let mut markers = Markers::default();
+        let stamps = (0..messages).map(|i| Stamp::from_nanos((seconds * 1e9 * i as f64) as i64 + 5));
+        let updates = stamps.map(|stamp| {
+            let map = Snapshot { stamp: Some(stamp), ..map(vec![square(1)], 0) };
+            markers.update(&session(), &map).markers[0].action == Marker::DELETEALL
+        });
+        updates.take_while(|deletes| *deletes).count()
+    };
+    assert_eq!(begins(0.1, 300), 100);
+    assert_eq!(begins(60.0, 300), usize::from(REPEATS));
 }
 
 #[test]

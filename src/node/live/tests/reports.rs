@@ -234,6 +234,7 @@ fn who_does_not_fit_and_a_buffer_cut_short_are_warnings() {
         receive_buffer: Some(receive_buffer),
         mismatches: vec![("/tf_static".to_owned(), "a publisher offers less".to_owned())],
         namesakes: 0,
+        without_router: false,
     };
     let transport = reported(Fake { network: network(32 << 20), ..Fake::default() }, Vec::new());
     let said = last(&transport, "network");
@@ -252,7 +253,7 @@ fn who_does_not_fit_and_a_buffer_cut_short_are_warnings() {
 #[test]
 fn other_nodes_of_its_name_are_a_warning_with_their_number() {
     for namesakes in [1, 2] {
-        let network = NetworkState { receive_buffer: None, mismatches: Vec::new(), namesakes };
+        let network = NetworkState { namesakes, ..NetworkState::default() };
         let transport = reported(Fake { network, ..Fake::default() }, Vec::new());
         let said = last(&transport, "network");
         let words = format!("nodes of the name /robot/cfodi beside this one: {namesakes}; who calls");
