@@ -12,6 +12,7 @@ from cfodi_node import accounted
 from diagnostic_msgs.msg import DiagnosticArray
 from drives import ATTEMPTS, drive, is_good
 from peer import qos, wait_until
+from sensor_msgs.msg import CameraInfo
 
 STOCK_BUFFER = 212_992  # net.core.rmem_max of a Linux that nobody has tuned: holds six datagrams of 64 KB
 ENOUGH_FOR_RAW = 2 * STOCK_BUFFER  # a raw image of 640x480 is ten such datagrams, sent at once
@@ -81,6 +82,21 @@ def test_images_before_the_first_camera_info_are_counted(start, peer):
     take_in(camera, peer, depth_images.image(depth_images.wall()))
     counts = node.stop()
     assert counts["skipped"] == {"no_camera_info": 3} and counts["taken_in"] == 1, counts
+
+
+def test_a_camera_info_that_was_said_once_before_the_node_began_is_heard(start, peer):
+    info = peer.node.create_publisher(CameraInfo, INFO, qos(1, latched=True))
+    info.publish(depth_images.wall_info())
+    node, camera = begin(start, peer)
+    camera.info = None
+    # It comes with a heartbeat, up to 3 s after the two have found each other.
+    for _ in range(150):
+        camera.publish(depth_images.image(depth_images.wall()), time.time_ns(), clouds.still_transform())
+        time.sleep(0.1)
+        if len(peer.deltas):
+            break
+    assert len(peer.deltas), node.lines
+    assert node.stop()["taken_in"] > 0
 
 
 def test_a_camera_info_of_another_name_is_named_with_the_words_that_choose_it(start, peer):

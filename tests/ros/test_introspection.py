@@ -60,9 +60,9 @@ def test_the_topics_have_their_types_and_qualities_of_service(found, expected, s
     for topic, wanted in expected.items():
         qualities = [(i.topic_type, i.qos_profile.reliability, i.qos_profile.durability) for i in infos_of(topic)]
         # A raw depth image has a second reader, for publishers that send again what was lost; transforms have one that
-        # waits for no heartbeat.
-        second = {"/depth/image": RELIABLE, "/tf": BEST_EFFORT}
-        both = [wanted, (wanted[0], second[topic], VOLATILE)] if found == "subscriptions" and topic in second else [wanted]
+        # waits for no heartbeat, and a camera's info one for what was said once before.
+        second = {"/depth/image": (RELIABLE, VOLATILE), "/tf": (BEST_EFFORT, VOLATILE), "/depth/camera_info": (RELIABLE, LATCHED)}
+        both = [wanted, (wanted[0], *second[topic])] if found == "subscriptions" and topic in second else [wanted]
         assert sorted(qualities) == sorted(both), topic
 
 

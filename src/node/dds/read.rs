@@ -142,18 +142,25 @@ impl Listening<'_, '_> {
         Ok(())
     }
 
+    /// What the camera of all images says of itself. One that said it once, before the node began, keeps it for readers that ask for
+    /// it; drivers that say it again and again keep nothing, and fit no such reader.
+    fn cameras(&mut self, name: &str) -> Result<(), OpenError> {
+        let latched = (!has_keys(self.opener.security)).then(latched_qos);
+        let taken = Rc::default();
+        for qos in [scan_qos(policy::Reliability::BestEffort)].into_iter().chain(latched) {
+            let infos = self.opener.subscribe(Named { name, type_name: types::CAMERA_INFO }, &qos)?;
+            let (camera, events) = (self.heard.camera.clone(), self.events.clone());
+            let of = (self.number, name.to_owned());
+            self.readers.spawn_local(read_cameras(of, infos, Rc::clone(&taken), camera, events));
+        }
+        Ok(())
+    }
+
     /// Raw depth images, and the camera of all.
     fn images(&mut self, DepthTopics { image, camera_info, .. }: &DepthTopics) -> Result<(), OpenError> {
         let best_effort = policy::Reliability::BestEffort;
-        let (qos, camera) = (scan_qos(best_effort), self.heard.camera.clone());
-        let name = camera_info.resolved.clone();
-        let infos = self.opener.subscribe(Named { name: &name, type_name: types::CAMERA_INFO }, &qos)?;
-        self.readers.spawn_local(read_cameras(
-            (self.number, name),
-            infos,
-            camera.clone(),
-            self.events.clone(),
-        ));
+        let camera = self.heard.camera.clone();
+        self.cameras(&camera_info.resolved)?;
         let repaired =
             policy::Reliability::Reliable { max_blocking_time: rustdds::Duration::from_millis(100) };
         let repaired = (!has_keys(self.opener.security)).then_some((repaired, true));
@@ -248,17 +255,28 @@ fn of_publisher((scan, info): (Decoded, MessageInfo)) -> (Decoded, (PublisherId,
     (scan, (info.publisher_gid().to_bytes16(), info.sequence_number()))
 }
 
-/// Reads what a camera says of itself until the node ends.
+/// Reads what a camera says of itself until the node ends; `taken` is what this reader and the topic's other one have had.
 async fn read_cameras(
     (sensor, topic): (usize, String),
     infos: Subscription<CameraInfo>,
+    taken: Rc<RefCell<Taken>>,
     camera: LatestCamera,
     events: Events,
 ) -> Cow<'static, str> {
     let infos = infos.async_stream();
     pin_mut!(infos);
     while let Some(info) = infos.next().await {
-        let info = info.map(|(info, _)| info).map_err(|error| error.to_string());
+        let info = match info {
+            Ok((info, about)) => {
+                let (publisher, number) = (about.publisher_gid().to_bytes16(), about.sequence_number());
+                // What was overtaken by the other reader is not what the camera is now.
+                if taken.borrow_mut().note(publisher, number) != Order::New {
+                    continue;
+                }
+                Ok(info)
+            }
+            Err(error) => Err(error.to_string()),
+        };
         if !tell_camera(&events, (&camera, sensor, &topic), info).await {
             break;
         }

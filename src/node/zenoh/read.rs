@@ -98,7 +98,7 @@ impl Listening<'_> {
     fn images(&mut self, sensor: SensorTopics, topics: DepthTopics) -> Result<(), OpenError> {
         let camera = self.heard.camera.clone();
         let infos = Named { name: &topics.camera_info.resolved, type_name: types::CAMERA_INFO };
-        let infos = self.opener.subscribe(infos, SENSOR, CAMERAS)?;
+        let infos = self.opener.subscribe(infos, Qos { latched: true, ..SENSOR }, CAMERAS)?;
         self.readers.spawn_local(read_cameras(self.number, infos, camera.clone(), self.events.clone()));
         let seed = WithCamera::new(&camera, self.parameters, DepthSeed::new);
         let images = Named { name: &topics.image.resolved, type_name: types::IMAGE };
