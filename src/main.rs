@@ -45,7 +45,7 @@ enum Verb {
     /// A recorded bag through the same engine: every scan, in order, as fast as the processor allows
     #[command(after_help = ROS_ARGUMENTS)]
     Replay(replay::Options),
-    /// The paper's figures and tables on a recording, CFODI beside STATIC; with --scene, scores against a simulator's truth
+    /// The paper's figures and tables on a recording, CFODI and mode consistent beside STATIC; with --scene, scores against a simulator's truth
     #[command(after_help = ROS_ARGUMENTS)]
     Experiment(experiment::Options),
     /// The main job with nothing installed: a simulated robot drives, the live node clusters and publishes

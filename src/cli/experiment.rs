@@ -1,4 +1,4 @@
-//! `cfodi experiment`: the paper's figures on a recording, CFODI beside STATIC, or the scores in a simulated scene.
+//! `cfodi experiment`: the paper's figures on a recording, CFODI and mode `consistent` beside STATIC, or the scores in a simulated scene.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};

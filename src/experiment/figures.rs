@@ -111,7 +111,7 @@ impl Results {
         let mut lines = self.lines(|measured| f64::from(measured.quality.clusters));
         for method in 0..METHODS.len() {
             let of = |measured: &Measured| f64::from(measured.quality.large_clusters);
-            lines.push(large(series(method, Style::Dashed, self.over_time(method, of))));
+            lines.push(large(method, series(method, Style::Dashed, self.over_time(method, of))));
         }
         let summary = self.summary();
         let caption = format!(
@@ -243,9 +243,11 @@ fn series(method: usize, style: Style, points: Vec<(f64, f64)>) -> Series {
     Series { name: method.name.to_owned(), colour: method.colour, style, points }
 }
 
-/// The series named as that of the clusters that can be relied on.
-fn large(series: Series) -> Series {
-    Series { name: format!("{}, {MIN_RELIABLE_VOXELS} voxels or more", series.name), ..series }
+/// The series as that of the clusters that can be relied on. The legend has room to tell so of the first.
+fn large(method: usize, series: Series) -> Series {
+    let name =
+        if method == 0 { format!("dashed: {MIN_RELIABLE_VOXELS} voxels or more") } else { String::new() };
+    Series { name, ..series }
 }
 
 /// Sums of points (millions) up to each time.
