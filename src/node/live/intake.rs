@@ -158,7 +158,7 @@ impl<T: Transport> Live<T> {
         intake.bad_since.get_or_insert_with(Instant::now);
         let total = self.counts.borrow().lost;
         let look = self.transport.losses();
-        self.warn("lost", format_args!("{total} clouds were sent and never arrived ({look})"));
+        self.warn("lost", format_args!("{total} clouds were sent and never arrived: {look}"));
     }
 
     /// Takes a sensor in any form again where nobody sends the chosen one any more: its driver may come back with another.
