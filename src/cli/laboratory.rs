@@ -186,7 +186,7 @@ fn remove(path: &Path) -> anyhow::Result<()> {
 /// The runs by seed, from 1, or those that were made before a signal; as many at once as there are processors, and two at most.
 fn runs(laboratory: &Laboratory, seeds: u64) -> anyhow::Result<BTreeMap<u64, Run>> {
     let bar = Bar::of_scans(seeds * u64::from(laboratory.scans()));
-    bar.tell(format!("0 of {seeds} runs"));
+    bar.tell(&format!("0 of {seeds} runs"));
     let (next, done) = (AtomicU64::new(1), Mutex::new(BTreeMap::new()));
     let stop = stop::flag();
     let taken = || {
@@ -203,7 +203,7 @@ fn runs(laboratory: &Laboratory, seeds: u64) -> anyhow::Result<BTreeMap<u64, Run
             let Some(run) = laboratory.run(seed, taken) else { return Some(()) };
             let mut done = done.lock().ok()?;
             done.insert(seed, run);
-            bar.tell(format!("{} of {seeds} runs", done.len()));
+            bar.tell(&format!("{} of {seeds} runs", done.len()));
         }
     };
     let at_once = thread::available_parallelism().map_or(1, usize::from).min(MOST_AT_ONCE);

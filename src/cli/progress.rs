@@ -20,7 +20,7 @@ impl Bar {
 
     /// A bar for so many simulated scans.
     pub(crate) fn of_scans(scans: u64) -> Self {
-        Self::styled(ProgressBar::new(scans), "{wide_bar} {pos} of {len} scans, {eta} left {msg}")
+        Self::styled(ProgressBar::new(scans), "{wide_bar} {pos} of {len} scans{msg}, {eta} left")
     }
 
     fn styled(bar: ProgressBar, template: &str) -> Self {
@@ -37,8 +37,9 @@ impl Bar {
         self.0.inc(1);
     }
 
-    pub(crate) fn tell(&self, message: String) {
-        self.0.set_message(message);
+    /// Says this behind the number of scans.
+    pub(crate) fn tell(&self, message: &str) {
+        self.0.set_message(format!(", {message}"));
     }
 
     pub(crate) fn set(&self, progress: Progress) {

@@ -15,9 +15,9 @@ use super::fixed_frame::FixedFrame;
 use super::reading::{Item, read};
 use super::said::{Remark, Said};
 use super::summary::{AFTER_JUMP, Tally};
-use crate::bag::{Bag, BagError, Decoder, Elsewhere, Message, Recorded, TransformTopics};
+use super::visitor::{Go, Visitor};
+use crate::bag::{Bag, BagError, Decoder, Elsewhere, Recorded, TransformTopics};
 use crate::cloud::{Cloud, CloudError};
-use crate::engine::Scan;
 use crate::join::{Join, Joined, Jump, with_stamp};
 use crate::msg::ros::{TfMessage, TransformStamped};
 use crate::reason::Reason;
@@ -50,45 +50,6 @@ const SESSION_ENDED: Reason =
 const STOPPED: Reason =
     Reason::new("shutdown", "The replay was stopped while the scan waited for its transform.");
 const NOT_LOOKED_UP: Reason = Reason::new("tf_not_looked_up", "No transform was looked for before the end.");
-
-/// What becomes of the scans.
-pub trait Visitor {
-    /// Why it cannot go on.
-    type Error;
-
-    /// A scan, recorded at this time (since the epoch), in the frame `fixed_frame`.
-    ///
-    /// # Errors
-    /// Ends the feeding.
-    fn scan(&mut self, scan: &Scan, recorded: Duration, fixed_frame: &str) -> Result<(), Self::Error>;
-
-    /// Stamps have jumped back by this many seconds: the next scan begins a new session. Says whether it is wanted.
-    ///
-    /// # Errors
-    /// Ends the feeding.
-    fn jumped_back(&mut self, seconds: f64) -> Result<Go, Self::Error>;
-
-    /// The map is made in a frame that no transform of the bag names, above a camera's own by this one.
-    fn level(&mut self, _: &TransformStamped) {}
-
-    /// A message of the bag, where [`Feed::with_messages`] asks for them.
-    ///
-    /// # Errors
-    /// Ends the feeding.
-    fn message(&mut self, message: &Message) -> Result<(), Self::Error>;
-
-    /// Something that a person should know.
-    fn say(&mut self, line: &str);
-}
-
-/// Whether to go on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Go {
-    /// What follows is wanted.
-    On,
-    /// What follows is only counted.
-    Home,
-}
 
 /// How far a replay has come.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

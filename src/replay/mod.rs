@@ -23,13 +23,15 @@ mod run;
 mod said;
 mod summary;
 mod tree;
+mod visitor;
 
 pub use clocks::clock_offset;
 pub use clusters::write_clusters;
 pub use error::FeedError;
-pub use feed::{Ended, Fed, Feed, Go, Progress, Visitor, feed};
+pub use feed::{Ended, Fed, Feed, Progress, feed};
 pub use files::{MapFiles, OpenMapFiles, Outputs, ResultFile};
 pub use fixed_frame::FixedFrame;
 pub use run::{Finished, Replay, Settings};
 pub use said::Remark;
 pub use summary::{Summary, Tally};
+pub use visitor::{Go, Visitor};

@@ -2,10 +2,11 @@
 
 use std::time::{Duration, Instant};
 
-use super::feed::{Fed, Go, Visitor};
+use super::feed::Fed;
 use super::files::Outputs;
 use super::pace::Pace;
 use super::summary::Summary;
+use super::visitor::{Go, Visitor};
 use crate::bag::Message;
 use crate::config::Value;
 use crate::engine::{ClusterState, Engine, Params, PipelineStep, Scan, Snapshot, Stamp, Update};

@@ -440,22 +440,37 @@ def test_the_code_in_the_documentation_is_that_of_the_example():
         assert snippet in code
 
 
-class Robot:
-    """Says on /tf where it is, ten times a second, and hears `cmd_vel`."""
+class Told:
+    """Says something ten times a second, until it is closed."""
 
-    def __init__(self, peer, frame="map"):
-        self.frame, self.pose, self.over = frame, BASE, threading.Event()
-        self.commands = peer.record("/cmd_vel", Twist, qos(10))
-        self._tf = peer.node.create_publisher(TFMessage, "/tf", qos(100))
-        self._thread = threading.Thread(target=self._tell, daemon=True)
+    def __init__(self):
+        self.over = threading.Event()
+        self._thread = threading.Thread(target=self._go_on, daemon=True)
         self._thread.start()
 
-    def _tell(self):
+    def _go_on(self):
         while not self.over.wait(0.1):
-            x, y, z, yaw = self.pose
-            turn = (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2))
-            transform = clouds.transform(self.frame, "base_link", (x, y, z), turn)
-            self._tf.publish(clouds.stamped(transform, clouds.TF_STAMP, time.time_ns()))
+            self.tell()
+
+    def close(self):
+        self.over.set()
+        self._thread.join()
+
+
+class Robot(Told):
+    """Says on /tf where it is, and hears `cmd_vel`."""
+
+    def __init__(self, peer, frame="map"):
+        self.frame, self.pose = frame, BASE
+        self.commands = peer.record("/cmd_vel", Twist, qos(10))
+        self._tf = peer.node.create_publisher(TFMessage, "/tf", qos(100))
+        super().__init__()
+
+    def tell(self):
+        x, y, z, yaw = self.pose
+        turn = (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2))
+        transform = clouds.transform(self.frame, "base_link", (x, y, z), turn)
+        self._tf.publish(clouds.stamped(transform, clouds.TF_STAMP, time.time_ns()))
 
     def stands(self, x, y, yaw, z=0.1):
         self.pose = (x, y, z, yaw)
@@ -475,10 +490,6 @@ class Robot:
 
         wait_until(f"{what} as the last command", same)
 
-    def close(self):
-        self.over.set()
-        self._thread.join()
-
 
 @pytest.fixture
 def robot(peer):
@@ -487,29 +498,23 @@ def robot(peer):
     robot.close()
 
 
-class Map:
-    """Says ten times a second that there is a floor, and no voxel: what the example drives by, without the program."""
+class Map(Told):
+    """Says that there is a floor, and no voxel: what the example drives by, without the program."""
 
     def __init__(self, peer):
-        self.over, self.count = threading.Event(), 0
+        self.count = 0
         self._clusters = peer.node.create_publisher(SurfaceClusterArray, "/cfodi/clusters", qos(1, latched=True))
         self._points = peer.node.create_publisher(PointCloud2, "/cfodi/points_labelled", qos(5, reliable=False))
-        self._thread = threading.Thread(target=self._tell, daemon=True)
-        self._thread.start()
+        super().__init__()
 
-    def _tell(self):
-        while not self.over.wait(0.1):
-            self.count += 1
-            floor = level(1, FLOOR, 0.0, (-5.0, 5.0), (-5.0, 5.0))
-            map = SurfaceClusterArray(session_id=1, sequence=self.count, clusters=[floor])
-            for publisher, message in ((self._clusters, map), (self._points, clouds_of([]))):
-                message.header.frame_id = "map"
-                message.header.stamp.sec, message.header.stamp.nanosec = divmod(time.time_ns(), 10**9)
-                publisher.publish(message)
-
-    def close(self):
-        self.over.set()
-        self._thread.join()
+    def tell(self):
+        self.count += 1
+        floor = level(1, FLOOR, 0.0, (-5.0, 5.0), (-5.0, 5.0))
+        map = SurfaceClusterArray(session_id=1, sequence=self.count, clusters=[floor])
+        for publisher, message in ((self._clusters, map), (self._points, clouds_of([]))):
+            message.header.frame_id = "map"
+            message.header.stamp.sec, message.header.stamp.nanosec = divmod(time.time_ns(), 10**9)
+            publisher.publish(message)
 
 
 @pytest.fixture

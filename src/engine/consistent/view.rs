@@ -217,9 +217,9 @@ impl RangeGrid {
         if !self.may_end_beyond(cell, depth + reach) {
             return false;
         }
-        // What is thin lies beside a ray that is a cell away.
-        let is_thin = self.gaps.cross(face.across().map(|axis| is_thin[axis]));
         let is_passed = |index| {
+            // What is thin lies beside a ray that is a cell away.
+            let is_thin = self.gaps.cross(face.across().map(|axis| is_thin[axis]));
             let is_near = if is_thin { self.is_ray(index) } else { self.is_next_to_ray(index) };
             is_near && self.passes_on_both_sides(index, depth + reach)
         };

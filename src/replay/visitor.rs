@@ -1,0 +1,46 @@
+//! Who is handed the scans of a bag, and says whether to go on.
+
+use std::time::Duration;
+
+use crate::bag::Message;
+use crate::engine::Scan;
+use crate::msg::ros::TransformStamped;
+
+/// What becomes of the scans.
+pub trait Visitor {
+    /// Why it cannot go on.
+    type Error;
+
+    /// A scan, recorded at this time (since the epoch), in the frame `fixed_frame`.
+    ///
+    /// # Errors
+    /// Ends the feeding.
+    fn scan(&mut self, scan: &Scan, recorded: Duration, fixed_frame: &str) -> Result<(), Self::Error>;
+
+    /// Stamps have jumped back by this many seconds: the next scan begins a new session. Says whether it is wanted.
+    ///
+    /// # Errors
+    /// Ends the feeding.
+    fn jumped_back(&mut self, seconds: f64) -> Result<Go, Self::Error>;
+
+    /// The map is made in a frame that no transform of the bag names, above a camera's own by this one.
+    fn level(&mut self, _: &TransformStamped) {}
+
+    /// A message of the bag, where [`Feed::with_messages`](super::Feed::with_messages) asks for them.
+    ///
+    /// # Errors
+    /// Ends the feeding.
+    fn message(&mut self, message: &Message) -> Result<(), Self::Error>;
+
+    /// Something that a person should know.
+    fn say(&mut self, line: &str);
+}
+
+/// Whether to go on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Go {
+    /// What follows is wanted.
+    On,
+    /// What follows is only counted.
+    Home,
+}
