@@ -45,7 +45,7 @@ pub struct Stored {
 }
 
 /// The version of the format; no other is read.
-pub const VERSION: u32 = 3;
+pub const VERSION: u32 = 4;
 
 const MAGIC: &[u8; 8] = b"cfodimap";
 const HEADER: usize = 32;

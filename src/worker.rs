@@ -5,16 +5,18 @@
 //! and all but one of them would be lost each time: there are as many places as scans may wait for a transform. The
 //! engine waits for nothing but the sink that takes its outputs.
 //!
-//! A snapshot costs as much as the map is large, and while it is made no scan is taken in: where that would cost scans, snapshots
-//! take a tenth of the time at most, however often they are asked for ([`rest_after`]).
+//! Whoever wants all of the map gets it as it was frozen after a scan, which takes a moment: a snapshot is made of that on a
+//! thread of its own, `cfodi-map`, and what is to be saved comes out frozen. Freezing costs as much as the map is large, and
+//! meanwhile no scan is taken in: where that would cost scans, it takes a tenth of the time at most, however often it is asked
+//! for; and what is made of it takes half of a core at most ([`Took::rest`]).
 
 use std::collections::VecDeque;
-use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use crate::engine::{Engine, Params, SavedMap, Scan, Snapshot, Update};
+use crate::engine::{Engine, Frozen, Params, Scan, Snapshot, Update};
 
 /// What the worker has to say.
 #[derive(Clone, Debug)]
@@ -36,22 +38,22 @@ pub enum Output {
         session: u64,
         /// The map.
         snapshot: Arc<Snapshot>,
-        /// How long the engine worked on it.
-        took: Duration,
+        /// How long that took.
+        took: Took,
     },
     /// All of the map, as asked for by [`Worker::request_save`].
     Saved {
         /// The session it belongs to.
         session: u64,
         /// The map.
-        map: Box<SavedMap>,
+        map: Box<Frozen>,
     },
     /// All of the map that a session has ended with, as asked for by [`Worker::jump`], where there is anything in it.
     Ended {
         /// The session that has ended.
         session: u64,
         /// The map.
-        map: Box<SavedMap>,
+        map: Box<Frozen>,
     },
     /// The engine has panicked; nothing more will come.
     Died(String),
@@ -64,15 +66,31 @@ struct Beginning {
     is_jump: bool,
 }
 
-/// How many times as long as a snapshot took the next one is put off.
+/// What a snapshot took.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Took {
+    /// In which the engine took in no scan.
+    pub freezing: Duration,
+    /// In which a thread beside the engine was busy.
+    pub making: Duration,
+}
+
+/// How many times as long as the engine was held up the next snapshot is put off.
 const REST: u32 = 9;
-/// What a snapshot may take that need not be put off while no scan waits: one that comes meanwhile waits no longer than for the
-/// next one.
+/// What the engine may be held up for a snapshot that need not be put off while no scan waits: one that comes meanwhile waits no
+/// longer than for the next one.
 const SHORT: Duration = Duration::from_millis(30);
 
-/// How long the next snapshot is put off after one that took so long.
-pub fn rest_after(took: Duration) -> Duration {
-    took * REST
+impl Took {
+    /// How long the next snapshot is put off, whoever waits.
+    pub fn rest(self) -> Duration {
+        self.making.max(if self.freezing > SHORT { self.freezing * REST } else { Duration::ZERO })
+    }
+
+    /// How long it is put off while scans wait.
+    fn rest_before_scans(self) -> Duration {
+        self.rest().max(self.freezing * REST)
+    }
 }
 
 /// What waits for the worker.
@@ -86,24 +104,43 @@ struct Pending {
     scans: VecDeque<Scan>,
     snapshot: bool,
     /// What puts the next snapshot off.
-    rest: Option<Rest>,
+    off: Option<Off>,
     save: bool,
     stop: bool,
 }
 
-/// After a snapshot.
-struct Rest {
-    until: Instant,
-    /// It only holds while scans wait.
-    is_short: bool,
+/// What puts a snapshot off.
+#[derive(Clone, Copy)]
+enum Off {
+    /// One that is being made.
+    Making,
+    /// One that took long.
+    Rest {
+        until: Instant,
+        /// While scans wait.
+        until_before_scans: Instant,
+    },
+}
+
+impl Off {
+    fn after(took: Took) -> Self {
+        let now = Instant::now();
+        Self::Rest { until: now + took.rest(), until_before_scans: now + took.rest_before_scans() }
+    }
 }
 
 impl Pending {
-    /// How long a snapshot that is asked for is still put off; `None` where none is. The last one is not.
+    /// How long a snapshot that is asked for is still put off, for ever while another is being made; `None` where none is. The last
+    /// one is not.
     fn put_off(&self) -> Option<Duration> {
-        let holds = |rest: &&Rest| self.snapshot && !self.stop && !(rest.is_short && self.scans.is_empty());
-        let rest = self.rest.as_ref().filter(holds)?;
-        Some(rest.until.saturating_duration_since(Instant::now())).filter(|left| !left.is_zero())
+        let left = match self.off.filter(|_| self.snapshot && !self.stop)? {
+            Off::Making => Duration::MAX,
+            Off::Rest { until, until_before_scans } => {
+                let until = if self.scans.is_empty() { until } else { until_before_scans };
+                until.saturating_duration_since(Instant::now())
+            }
+        };
+        Some(left).filter(|left| !left.is_zero())
     }
 
     /// Whether there is nothing to do but a snapshot that is put off.
@@ -154,11 +191,11 @@ impl Mailbox {
         let mut put_off = pending.put_off();
         while pending.is_idle(put_off.is_some()) {
             pending = match put_off {
-                Some(left) => {
+                Some(left) if left < Duration::MAX => {
                     let waited = self.filled.wait_timeout(pending, left);
                     waited.unwrap_or_else(PoisonError::into_inner).0
                 }
-                None => self.filled.wait(pending).unwrap_or_else(PoisonError::into_inner),
+                _ => self.filled.wait(pending).unwrap_or_else(PoisonError::into_inner),
             };
             put_off = pending.put_off();
         }
@@ -173,16 +210,14 @@ impl Mailbox {
     }
 
     /// Puts the next snapshot off after one that took so long, but for that of a session which is to begin.
-    fn rest(&self, took: Duration) {
-        let rest = Rest { until: Instant::now() + rest_after(took), is_short: took <= SHORT };
-        let mut pending = self.lock();
-        pending.rest = Some(rest).filter(|_| pending.session.is_none());
+    fn rest(&self, took: Took) {
+        self.put(|pending| pending.off = Some(Off::after(took)).filter(|_| pending.session.is_none()));
     }
 }
 
 impl Worker {
     /// Starts the thread `cfodi-engine` with the map of `engine` under the id `session`; at most `places` scans wait for
-    /// it, and `sink` is called on that thread.
+    /// it. `sink` is called on that thread, and with snapshots on another, never with one of a session after outputs of the next.
     ///
     /// # Errors
     /// When the system gives no thread.
@@ -190,7 +225,7 @@ impl Worker {
         engine: Engine,
         session: u64,
         places: usize,
-        sink: impl FnMut(Output) + Send + 'static,
+        sink: impl FnMut(Output) + Clone + Send + 'static,
     ) -> std::io::Result<Self> {
         let mailbox = Arc::new(Mailbox::default());
         let thread = std::thread::Builder::new().name("cfodi-engine".to_owned()).spawn({
@@ -215,7 +250,7 @@ impl Worker {
     }
 
     /// Asks for the map: after the next scan where one waits, and after all scans when the worker is about to end. It is put off
-    /// where the one before took long ([`rest_after`]).
+    /// while the one before is being made, and after it where that took long ([`Took::rest`]).
     pub fn request_snapshot(&self) {
         self.mailbox.put(|pending| pending.snapshot = true);
     }
@@ -246,7 +281,7 @@ impl Worker {
         self.mailbox.put(|pending| {
             let is_jump = is_jump || pending.session.take().is_some_and(|before| before.is_jump);
             pending.session = Some(Beginning { session, is_jump });
-            pending.rest = None;
+            pending.off = pending.off.filter(|off| matches!(off, Off::Making));
             std::mem::take(&mut pending.scans).len()
         })
     }
@@ -262,7 +297,12 @@ impl Drop for Worker {
     }
 }
 
-fn guard(mailbox: &Mailbox, engine: Engine, session: u64, mut sink: impl FnMut(Output)) {
+fn guard(
+    mailbox: &Arc<Mailbox>,
+    engine: Engine,
+    session: u64,
+    mut sink: impl FnMut(Output) + Clone + Send + 'static,
+) {
     let work = AssertUnwindSafe(|| work(mailbox, engine, session, &mut sink));
     if let Err(panic) = catch_unwind(work) {
         let text = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
@@ -271,11 +311,19 @@ fn guard(mailbox: &Mailbox, engine: Engine, session: u64, mut sink: impl FnMut(O
     }
 }
 
-fn work(mailbox: &Mailbox, mut engine: Engine, mut session: u64, sink: &mut impl FnMut(Output)) {
+fn work(
+    mailbox: &Arc<Mailbox>,
+    mut engine: Engine,
+    mut session: u64,
+    sink: &mut (impl FnMut(Output) + Clone + Send + 'static),
+) {
+    let mut making = Making::default();
     loop {
         let task = mailbox.take();
         if let Some(Beginning { session: new, is_jump }) = task.session {
-            let map = is_jump.then(|| Box::new(engine.save()));
+            making.finish();
+            mailbox.lock().off = None;
+            let map = is_jump.then(|| Box::new(engine.freeze()));
             if let Some(map) = map.filter(|map| map.sequence() > 0) {
                 sink(Output::Ended { session, map });
             }
@@ -293,166 +341,70 @@ fn work(mailbox: &Mailbox, mut engine: Engine, mut session: u64, sink: &mut impl
             sink(Output::Scan { session, points: scan.points.len(), update, took: start.elapsed() });
         }
         if task.snapshot {
+            making.finish();
             let start = Instant::now();
-            let snapshot = Arc::new(engine.snapshot());
-            let took = start.elapsed();
-            mailbox.rest(took);
-            sink(Output::Snapshot { session, snapshot, took });
+            let map = engine.freeze();
+            let (freezing, mailbox, mut sink) = (start.elapsed(), Arc::clone(mailbox), sink.clone());
+            mailbox.lock().off = Some(Off::Making);
+            making.begin(move || {
+                let mut made = Made { mailbox: &mailbox, took: None };
+                let start = Instant::now();
+                let snapshot = Arc::new(map.snapshot());
+                drop(map);
+                let took = Took { freezing, making: start.elapsed() };
+                sink(Output::Snapshot { session, snapshot, took });
+                made.took = Some(took);
+            });
         }
         if task.save {
-            sink(Output::Saved { session, map: Box::new(engine.save()) });
+            sink(Output::Saved { session, map: Box::new(engine.freeze()) });
         }
         if task.stop {
+            making.finish();
             return;
         }
     }
 }
 
-#[cfg(test)]
-pub(crate) mod tests {
-    use std::sync::mpsc::{Receiver, channel};
-    use std::time::Duration;
+/// Lets the next snapshot begin when it is dropped, after a pause where this one was made.
+struct Made<'a> {
+    mailbox: &'a Mailbox,
+    took: Option<Took>,
+}
 
-    use super::*;
-    use crate::engine::{Isometry3, Params, Points, Stamp};
+impl Drop for Made<'_> {
+    fn drop(&mut self) {
+        match self.took {
+            Some(took) => self.mailbox.rest(took),
+            None => self.mailbox.put(|pending| pending.off = None),
+        }
+    }
+}
 
-    /// The engine of a test panics at a scan of this stamp.
-    pub(crate) const DEADLY: Stamp = Stamp::from_nanos(13_131_313_131_313);
+/// The thread that makes a snapshot, one at a time.
+#[derive(Default)]
+struct Making(Option<JoinHandle<()>>);
 
-    const PATIENCE: Duration = Duration::from_secs(60);
-
-    fn scan(stamp: i64) -> Scan {
-        Scan {
-            stamp: Stamp::from_nanos(stamp),
-            fixed_from_sensor: Isometry3::identity(),
-            points: Points::F32(Vec::new()),
+impl Making {
+    /// Has it made; here, where the system gives no thread.
+    fn begin(&mut self, make: impl FnOnce() + Send + 'static) {
+        let make = Arc::new(Mutex::new(Some(make)));
+        let there = Arc::clone(&make);
+        let take = |make: &Mutex<Option<_>>| make.lock().unwrap_or_else(PoisonError::into_inner).take();
+        let thread = std::thread::Builder::new().name("cfodi-map".to_owned());
+        match thread.spawn(move || take(&there).into_iter().for_each(|make| make())) {
+            Ok(thread) => self.0 = Some(thread),
+            Err(_) => take(&make).into_iter().for_each(|make| make()),
         }
     }
 
-    /// Scans that may wait.
-    const PLACES: usize = 8;
-
-    fn engine() -> Engine {
-        Engine::new(Params::paper())
-    }
-
-    fn started() -> (Worker, Receiver<Output>) {
-        let (sender, receiver) = channel();
-        (Worker::start(engine(), 1, PLACES, move |output| drop(sender.send(output))).unwrap(), receiver)
-    }
-
-    #[test]
-    fn in_a_full_mailbox_the_oldest_scan_is_replaced_and_said_to_be() {
-        let (entered, enter) = channel();
-        let (leave, left) = channel::<()>();
-        let (sender, receiver) = channel();
-        let worker = Worker::start(engine(), 1, PLACES, move |output| {
-            entered.send(()).unwrap();
-            left.recv().unwrap();
-            sender.send(output).unwrap();
-        });
-        let worker = worker.unwrap();
-        assert!(!worker.submit(scan(1)));
-        enter.recv_timeout(PATIENCE).unwrap();
-        let places = PLACES as i64;
-        assert!((2..2 + places).all(|stamp| !worker.submit(scan(stamp))));
-        assert!(worker.submit(scan(2 + places)));
-        (0..=places).for_each(|_| leave.send(()).unwrap());
-        drop(worker);
-        let stamps: Vec<_> = receiver
-            .iter()
-            .filter_map(|output| {
-                if let Output::Scan { update, .. } = output { Some(update.stamp.nanos()) } else { None }
-            })
-            .collect();
-        assert_eq!(stamps, [1].into_iter().chain(3..3 + places).collect::<Vec<_>>());
-    }
-
-    #[test]
-    fn after_a_long_snapshot_the_next_is_put_off_and_after_a_short_one_only_while_scans_wait() {
-        let after = |took: Duration, stop: bool, waiting: i64| {
-            let mailbox = Mailbox::default();
-            mailbox.rest(took);
-            mailbox.put(|pending| {
-                (pending.snapshot, pending.stop) = (true, stop);
-                pending.scans.extend((0..waiting).map(scan));
-                let is_put_off = pending.put_off().is_some();
-                (is_put_off, pending.is_idle(is_put_off))
-            })
-        };
-        let long = Duration::from_secs(60);
-        assert_eq!([after(long, false, 0), after(long, false, 2)], [(true, true), (true, false)]);
-        assert_eq!([after(SHORT, false, 0), after(SHORT, false, 2)], [(false, false), (true, false)]);
-        assert_eq!(after(long, true, 0), (false, false), "the last one is not put off");
-    }
-
-    #[test]
-    fn a_snapshot_that_was_put_off_comes_and_that_of_a_new_session_at_once() {
-        let (worker, outputs) = started();
-        worker.mailbox.rest(2 * SHORT);
-        let begin = Instant::now();
-        worker.request_snapshot();
-        assert!(matches!(outputs.recv_timeout(PATIENCE).unwrap(), Output::Snapshot { session: 1, .. }));
-        assert!(begin.elapsed() > SHORT * REST);
-        worker.mailbox.rest(100 * PATIENCE);
-        assert_eq!(worker.reset(2), 0);
-        worker.request_snapshot();
-        assert!(matches!(outputs.recv_timeout(PATIENCE).unwrap(), Output::Snapshot { session: 2, .. }));
-    }
-
-    #[test]
-    fn a_reset_throws_the_map_away_and_begins_a_session() {
-        let (worker, outputs) = started();
-        assert!(!worker.submit(scan(1)));
-        assert!(matches!(outputs.recv_timeout(PATIENCE).unwrap(), Output::Scan { session: 1, .. }));
-        assert_eq!(worker.reset(9), 0);
-        worker.request_snapshot();
-        let Output::Snapshot { session, snapshot, .. } = outputs.recv_timeout(PATIENCE).unwrap() else {
-            panic!()
-        };
-        assert_eq!((session, snapshot.sequence), (9, 0));
-    }
-
-    #[test]
-    fn at_a_jump_the_map_comes_out_before_the_session_begins_unless_it_is_empty() {
-        let (worker, outputs) = started();
-        assert_eq!(worker.jump(2), 0);
-        worker.request_snapshot();
-        let first = outputs.recv_timeout(PATIENCE).unwrap();
-        assert!(matches!(first, Output::Snapshot { session: 2, .. }), "{first:?}");
-        assert!(!worker.submit(scan(1)));
-        assert!(matches!(outputs.recv_timeout(PATIENCE).unwrap(), Output::Scan { session: 2, .. }));
-        assert_eq!(worker.jump(3), 0);
-        worker.request_save();
-        drop(worker);
-        let maps = outputs.iter().filter_map(|output| match output {
-            Output::Ended { session, map } => Some(("ended", session, map.sequence())),
-            Output::Saved { session, map } => Some(("saved", session, map.sequence())),
-            _ => None,
-        });
-        assert_eq!(maps.collect::<Vec<_>>(), [("ended", 2, 1), ("saved", 3, 0)]);
-    }
-
-    #[test]
-    fn a_saved_map_has_all_scans_that_were_waiting_when_the_worker_ends() {
-        let (worker, outputs) = started();
-        (1..=5).for_each(|stamp| assert!(!worker.submit(scan(stamp))));
-        worker.request_save();
-        drop(worker);
-        let last = outputs.iter().filter_map(|output| {
-            if let Output::Saved { session, map } = output { Some((session, map.sequence())) } else { None }
-        });
-        assert_eq!(last.last(), Some((1, 5)));
-    }
-
-    #[test]
-    fn a_panic_on_the_thread_is_reported_and_not_silent() {
-        let (sender, receiver) = channel();
-        let worker = Worker::start(engine(), 1, PLACES, move |output| {
-            assert!(!matches!(output, Output::Scan { .. }), "no room");
-            drop(sender.send(output));
-        });
-        assert!(!worker.unwrap().submit(scan(1)));
-        assert!(matches!(receiver.recv_timeout(PATIENCE).unwrap(), Output::Died(text) if text == "no room"));
+    /// Waits for its end, and panics as it has.
+    fn finish(&mut self) {
+        if let Some(Err(panic)) = self.0.take().map(JoinHandle::join) {
+            resume_unwind(panic);
+        }
     }
 }
+
+#[cfg(test)]
+pub(crate) mod tests;

@@ -204,7 +204,10 @@ fn same_but_moved(
     }
     prop_assert_eq!(here.clusters.len(), there.clusters.len());
     for (a, b) in here.clusters.iter().zip(&there.clusters) {
-        prop_assert_eq!((a.id, a.voxel_count, a.class), (b.id, b.voxel_count, b.class));
+        prop_assert_eq!((a.id, a.voxel_count), (b.id, b.voxel_count));
+        // What lies right between two classes is told so.
+        let sure = a.class_confidence.max(b.class_confidence) >= 0.5;
+        prop_assert!(a.class == b.class || !sure, "{:?} and {:?}", a, b);
         prop_assert!((a.centroid + by - b.centroid).norm() < 1e-5, "{:?} and {:?}", a, b);
         prop_assert!(a.normal.angle(&b.normal) < 1e-5, "{:?} and {:?}", a, b);
         // The plane passes the same side of its own centroid.

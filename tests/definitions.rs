@@ -130,6 +130,27 @@ fn forgetting_a_cluster_is_complete_after_the_interval_and_then_not_expanded() {
 }
 
 #[test]
+fn a_map_that_goes_on_with_another_interval_says_in_a_delta_when_a_cluster_is_complete_by_that() {
+    let with = |interval: i64| params().with_expansion_interval(interval).unwrap();
+    for (before, after) in [(3, 8), (0, 4), (8, 3)] {
+        let mut engine = Engine::new(with(before));
+        engine.insert(&scan(1, &floor(0..10, 0..10)));
+        (2..=6).for_each(|number| drop(engine.insert(&scan(number, &[]))));
+        let mut engine = Engine::restore(with(after), &engine.save()).unwrap();
+        let mut told = engine.snapshot().clusters;
+        for number in 7..=12 {
+            let update = engine.insert(&scan(number, &[]));
+            for changed in update.changed {
+                told.retain(|cluster| cluster.id != changed.cluster.id);
+                told.push(changed.cluster);
+            }
+            assert_eq!(engine.snapshot().clusters, told, "{before} to {after}, scan {number}");
+        }
+        assert_eq!(told[0].state, ClusterState::Complete, "{before} to {after}");
+    }
+}
+
+#[test]
 fn a_cluster_of_fewer_than_ten_voxels_is_tentative() {
     let snapshot = after(params(), &[floor(0..3, 0..3)]);
     assert_eq!((sizes(&snapshot), snapshot.clusters[0].state), (vec![9], ClusterState::Tentative));

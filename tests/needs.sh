@@ -6,7 +6,8 @@ here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 missing=()
 
 need() {  # TOOL PACKAGE
-  command -v "$1" >/dev/null || missing+=("$1 (apt-get install $2)")
+  # A word of the shell alone, as `kill` can be, is no program that others can call.
+  type -P "$1" >/dev/null || missing+=("$1 (apt-get install $2)")
 }
 
 command -v cargo >/dev/null || missing+=("cargo (https://rustup.rs)")
@@ -16,6 +17,7 @@ need make make
 need flock util-linux
 need unshare util-linux
 need nsenter util-linux
+need kill procps
 
 if python=$(bash "$here/python311.sh" 2>/dev/null); then
   "$python" -c 'import ensurepip, venv' 2>/dev/null || missing+=("venv of $python (apt-get install python3.11-venv)")

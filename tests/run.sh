@@ -31,12 +31,13 @@ closing() {
   [ -z "$default_before" ] || echo "$default_before" > "$default" ||
     echo "net.core.rmem_default could not be put back to $default_before" >&2
   [ "$status" = 0 ] || echo "FAILED: $current" >&2
-  local out
+  local out reasons
   out=$(sort -u "$CFODI_LEFT_OUT" | wc -l)
+  reasons=$(sed 's/.*: //' "$CFODI_LEFT_OUT" | sort | uniq -c | sed 's/^ *//' | paste -sd ';' | sed 's/;/; /g')
   rm -f "$CFODI_LEFT_OUT" "$soaked" "$preparing"
   if [ "$out" = 0 ]; then echo "0 tests left out"
-  else echo "$out tests left out: no recordings in $CFODI_DATA or no tool for bags in $CFODI_TOOLS (set CFODI_DATA," \
-    "CFODI_TOOLS), or no chromium for the report"
+  else echo "$out tests left out: $reasons (recordings: $CFODI_DATA, tools: $CFODI_TOOLS; CFODI_DATA and CFODI_TOOLS" \
+    "name others)"
   fi
   exit "$status"
 }

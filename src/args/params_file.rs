@@ -89,8 +89,9 @@ fn read_parameters(node: &str, about: &Yaml, assigned: &mut Vec<ParamAssignment>
     let parameters = about.as_hash();
     let parameters = parameters.ok_or_else(|| format!("node `{node}` must have a map `{PARAMETERS}`"))?;
     for (name, value) in parameters {
-        let name = repeats::name(name).ok_or("the name of a parameter must be a text")?;
-        assigned.push(ParamAssignment::new_node_specific(node.into(), name.into(), value.clone()));
+        // As in ROS, what reads like a number is a name here.
+        let name = repeats::name(name).map_or_else(|| shown(name), str::to_owned);
+        assigned.push(ParamAssignment::new_node_specific(node.into(), name, value.clone()));
     }
     Ok(())
 }

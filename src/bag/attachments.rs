@@ -12,6 +12,20 @@ const PREFIX: usize = 9;
 /// The checksum of the data (bytes).
 const CHECKSUM: usize = 4;
 
+/// What knows where its records end.
+pub(super) trait Bounded: Read {
+    /// Whether there can be so many bytes more for what is read of a chunk.
+    fn has(&self, bytes: usize) -> bool;
+}
+
+impl<R: Read> Bounded for WithoutLarge<R> {
+    fn has(&self, bytes: usize) -> bool {
+        // Behind its end what the next record begins with is asked for.
+        let left = if self.plain == 0 { PREFIX as u64 } else { self.plain };
+        !matches!(self.current, Some((op::CHUNK, _))) || bytes as u64 <= left || !self.ready.is_empty()
+    }
+}
+
 /// An MCAP file without its attachments of more than `limit` bytes. These are read by their length and never held in memory. All
 /// other bytes come out as they are, but for the checksum of the data where something of it is left out: that is then 0, which
 /// stands for none.

@@ -149,7 +149,7 @@ fn named<'a>(topics: &'a [Topic], name: &str) -> Result<Candidate<'a>, ChoiceErr
         let hint = hint(topics, name);
         return Err(ChoiceError::NoTopic { topic: name.to_owned(), hint, held: held(topics) });
     };
-    let usable = of_name.iter().find_map(|topic| Some((*topic, kind_by_type(topic)?)));
+    let usable = of_name.iter().find_map(|topic| Some((*topic, kind_of(&topic.type_name, &topic.encoding)?)));
     usable.ok_or_else(|| {
         let [type_name, encoding] =
             [&first.type_name, &first.encoding].map(|text| one_line(text).into_owned());
@@ -159,7 +159,7 @@ fn named<'a>(topics: &'a [Topic], name: &str) -> Result<Candidate<'a>, ChoiceErr
 
 /// The topic with scans whose name is nearest, where that is near enough to be meant.
 fn hint(topics: &[Topic], name: &str) -> String {
-    let usable = topics.iter().filter(|topic| kind_by_type(topic).is_some());
+    let usable = topics.iter().filter(|topic| kind_of(&topic.type_name, &topic.encoding).is_some());
     let distances = usable.map(|topic| (strsim::damerau_levenshtein(&topic.name, name), &topic.name));
     match distances.min() {
         Some((distance, near)) if 2 * distance < name.len() => format!(" (is {} meant?)", one_line(near)),
@@ -193,7 +193,8 @@ fn otherwise(topics: &[Topic]) -> String {
                 --src X.bag --dst X --dst-storage mcap"
             .to_owned();
     }
-    let mut images = has_messages().filter(|topic| kind_by_type(topic) == Some(SensorKind::Depth));
+    let mut images =
+        has_messages().filter(|topic| kind_of(&topic.type_name, &topic.encoding) == Some(SensorKind::Depth));
     images.next().map_or_else(String::new, |image| {
         format!(
             " that is called one; an image of depths by another name is taken with --topic {}",
@@ -210,7 +211,7 @@ const SCANS_OF_ROS_1: [&str; 3] =
 /// replay wrote is no sensor.
 fn kind(topic: &Topic) -> Option<SensorKind> {
     // Recorders write channels for topics that nobody has fed.
-    let kind = kind_by_type(topic).filter(|_| topic.messages != Some(0))?;
+    let kind = kind_of(&topic.type_name, &topic.encoding).filter(|_| topic.messages != Some(0))?;
     let is_sensor = match kind {
         SensorKind::Cloud => !topic.name.ends_with("/points_labelled"),
         SensorKind::Depth | SensorKind::CompressedDepth => topic.name.to_lowercase().contains("depth"),
@@ -218,11 +219,12 @@ fn kind(topic: &Topic) -> Option<SensorKind> {
     is_sensor.then_some(kind)
 }
 
-fn kind_by_type(topic: &Topic) -> Option<SensorKind> {
-    if topic.encoding != "cdr" {
+/// What messages of a type are, in this encoding.
+pub(super) fn kind_of(type_name: &str, encoding: &str) -> Option<SensorKind> {
+    if encoding != "cdr" {
         return None;
     }
-    match topic.type_name.as_str() {
+    match type_name {
         types::CLOUD => Some(SensorKind::Cloud),
         types::IMAGE => Some(SensorKind::Depth),
         types::COMPRESSED_IMAGE => Some(SensorKind::CompressedDepth),
@@ -245,7 +247,10 @@ fn info_topic(
     kind: SensorKind,
     info: Option<&str>,
 ) -> Result<String, ChoiceError> {
-    let infos: Vec<_> = topics.iter().filter(|topic| topic.type_name == types::CAMERA_INFO).collect();
+    // Recorders write channels for topics that nobody has fed; who names one is to be told that.
+    let has_any = |topic: &Topic| topic.messages != Some(0) || Some(topic.name.as_str()) == info;
+    let infos = topics.iter().filter(|topic| topic.type_name == types::CAMERA_INFO && has_any(topic));
+    let infos: Vec<_> = infos.collect();
     let up = |name: &str| name.rsplit_once('/').map_or(String::new(), |(above, _)| above.to_owned());
     // The name of a compressed image is that of the plain one and its transport.
     let above = if kind == SensorKind::Depth { up(&image.name) } else { up(&up(&image.name)) };
@@ -397,6 +402,11 @@ mod tests {
         let both = ["/front/image", "/rear/image"].map(wanted);
         assert_eq!(infos(&both, None), ["/front/camera_info", "/rear/camera_info"]);
         assert_eq!(infos(&both, Some("/depth/camera_info")), ["/depth/camera_info"; 2]);
+        // One that nobody has fed is none, wherever it lies.
+        let mut one = topics[2..].to_vec();
+        one[1].messages = Some(0);
+        let sensors = choose(&one, &[wanted("/rear/image")], &[], None).unwrap().sensors;
+        assert_eq!(sensors[0].info_topic.as_deref(), Some("/depth/camera_info"));
         let info = Some("/depth/camera_info".to_owned());
         let rear = Wanted { info, ..wanted("/rear/image") };
         assert_eq!(

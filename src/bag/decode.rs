@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use super::choose::{Sensor, SensorKind};
+use super::choose::{Sensor, SensorKind, kind_of};
 use super::read::Message;
 use super::topic::Topic;
 use crate::cloud::{Camera, Cloud, CloudError, CloudFilter, CloudSeed, CompressedSeed, DepthSeed, Optical};
@@ -227,10 +227,16 @@ impl Input {
     }
 
     fn decode(&mut self, sensor: usize, message: &Message, filter: &CloudFilter) -> Option<Recorded> {
-        if message.topic() == self.sensor.topic {
+        // A topic may have channels of several types.
+        let kind = || kind_of(message.type_name(), &message.channel.message_encoding);
+        if message.topic() == self.sensor.topic && kind() == Some(self.sensor.kind) {
             return Some(Recorded::Cloud { sensor, cloud: self.scan(message, filter) });
         }
-        if self.is_info(message) { self.intrinsics(message) } else { None }
+        if self.is_info(message) && message.type_name() == types::CAMERA_INFO {
+            self.intrinsics(message)
+        } else {
+            None
+        }
     }
 
     fn intrinsics(&mut self, message: &Message) -> Option<Recorded> {

@@ -187,14 +187,19 @@ fn without_copies(paths: Vec<PathBuf>) -> (Vec<PathBuf>, Vec<PathBuf>) {
 fn mcap_files(folder: &Path) -> Result<Vec<PathBuf>, BagError> {
     let entries = fs::read_dir(folder).map_err(|source| reading(folder, source))?;
     let paths = entries.map(|entry| entry.map(|entry| entry.path()));
-    let mut paths: Vec<PathBuf> =
-        paths.collect::<Result<_, _>>().map_err(|source| reading(folder, source))?;
+    let all: Vec<PathBuf> = paths.collect::<Result<_, _>>().map_err(|source| reading(folder, source))?;
+    let mut paths = all.clone();
     paths.retain(|path| {
         let name = name(path);
         [".mcap", ".mcap.zstd", ".mcap.zst"].iter().any(|end| name.ends_with(end)) && !name.starts_with('.')
     });
     paths.sort_by_cached_key(|path| in_order(&name(path)));
-    if paths.is_empty() { Err(BagError::NoBag { path: folder.to_owned() }) } else { Ok(paths) }
+    if !paths.is_empty() {
+        return Ok(paths);
+    }
+    // What a recorder leaves that was killed.
+    let in_sqlite = all.into_iter().find(|path| name(path).contains(".db3"));
+    Err(in_sqlite.map_or_else(|| BagError::NoBag { path: folder.to_owned() }, |path| sqlite(&path, folder)))
 }
 
 /// A key by which `_10` comes after `_9`: the texts and the numbers of a name in turn, a number by its length without
@@ -225,13 +230,14 @@ mod tests {
     }
 
     fn result(path: &Path) {
-        let [clusters, clusters_delta, markers, points_labelled] =
-            ["/c", "/d", "/m", "/p"].map(str::to_owned);
+        let [clusters, clusters_delta, markers, points_labelled, diagnostics] =
+            ["/c", "/d", "/m", "/p", "/s"].map(str::to_owned);
         let topics = OutputTopics {
             clusters,
             clusters_delta,
             markers,
             points_labelled,
+            diagnostics,
             detections: None,
             polygons: None,
         };

@@ -65,7 +65,9 @@ impl Part {
         let folder = path.with_extension("");
         if is(ROS1) {
             Err(BagError::Ros1 { path: path.to_owned(), folder })
-        } else if is(SQLITE) {
+        } else if is(SQLITE)
+            || is(ZSTD) && unpacked_start(path).is_some_and(|start| start.starts_with(SQLITE))
+        {
             Err(sqlite(path, path.parent().unwrap_or(path)))
         } else if is(MCAP) || is(ZSTD) || start.is_empty() {
             Ok(Self { path: path.to_owned(), size, is_compressed: is(ZSTD), begins: None })
@@ -73,6 +75,13 @@ impl Part {
             Err(BagError::NotMcap { path: path.to_owned(), start: format!("\"{}\"", start.escape_ascii()) })
         }
     }
+}
+
+/// What a compressed file begins with, as far as it can be unpacked.
+fn unpacked_start(path: &Path) -> Option<Vec<u8>> {
+    let mut start = Vec::new();
+    let unpacked = zstd::Decoder::new(File::open(path).ok()?).ok()?;
+    unpacked.take(SQLITE.len() as u64).read_to_end(&mut start).ok().map(|_| start)
 }
 
 /// A text behind its length, and what follows it.

@@ -25,7 +25,7 @@ const BUFFER: usize = 256 << 10;
 const MOST_COMPRESSED: u64 = 64;
 
 /// Files that are read side by side at most: each has a chunk in memory.
-const AT_ONCE: usize = 16;
+const AT_ONCE: usize = 64;
 
 /// A record that is taken whatever the file's size (bytes).
 const SMALL_RECORD: u64 = 64 << 20;

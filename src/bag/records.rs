@@ -7,7 +7,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use mcap::records::{DataEnd, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 
-use super::attachments::WithoutLarge;
+use super::attachments::{Bounded, WithoutLarge};
 
 /// The longest header, schema or channel that is read (bytes): the definition of a large message has 100 kB.
 const MAX_DESCRIPTION: usize = 1 << 20;
@@ -21,6 +21,8 @@ const MESSAGE_HEADER: usize = 22;
 /// What stands before the counts of single channels (bytes).
 const STATISTICS_COUNTS: usize = 42;
 
+const NO_FIT: &str = "a record does not fit its chunk";
+
 /// A record that says something of the bag's messages; it owns what it holds.
 pub(super) type Record = mcap::records::Record<'static>;
 
@@ -32,7 +34,7 @@ pub(super) struct Records<R> {
     is_done: bool,
 }
 
-impl<R: Read> Records<R> {
+impl<R: Bounded> Records<R> {
     pub(super) fn new(source: R, options: LinearReaderOptions) -> Self {
         let reader = LinearReader::new_with_options(options.clone());
         Self { source, reader, options, is_done: false }
@@ -48,6 +50,9 @@ impl<R: Read> Records<R> {
                     None => continue,
                 },
             };
+            if !self.source.has(wanted) {
+                return Err(NO_FIT.to_owned());
+            }
             // Memory follows what arrives, not what a length claims: what is wanted beyond that is asked for again.
             let read = match self.source.read(self.reader.insert(wanted.min(PIECE))) {
                 Err(error) if error.kind() == ErrorKind::Interrupted => continue,
@@ -69,21 +74,17 @@ impl<R: Read> Records<WithoutLarge<R>> {
     }
 }
 
-impl<R: Read> Iterator for Records<R> {
+impl<R: Bounded> Iterator for Records<R> {
     type Item = Result<Record, String>;
 
-    /// The next record, or what is wrong. Where overflow is checked, the library panics on a record that is longer than its
-    /// chunk, if that is not compressed; where it is not, it reads on to the end of the file.
+    /// The next record, or what is wrong. Of a record that is longer than its chunk, if that is not compressed, the library reads
+    /// on to the end of the file, or panics where overflow is checked; unless its source says before that there is no more.
     fn next(&mut self) -> Option<Self::Item> {
         if self.is_done {
             return None;
         }
         let record = catch_unwind(AssertUnwindSafe(|| self.advance())).unwrap_or_else(|panic| {
-            if is_overflow(&*panic) {
-                Err("a record does not fit its chunk".to_owned())
-            } else {
-                resume_unwind(panic)
-            }
+            if is_overflow(&*panic) { Err(NO_FIT.to_owned()) } else { resume_unwind(panic) }
         });
         self.is_done = !matches!(record, Ok(Some(_)));
         record.transpose()
@@ -220,6 +221,12 @@ mod tests {
         fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
             self.asked = self.asked.max(buffer.len());
             self.start.read(buffer)
+        }
+    }
+
+    impl Bounded for Claims {
+        fn has(&self, _: usize) -> bool {
+            true
         }
     }
 

@@ -74,6 +74,16 @@ const DEFINITIONS: &[(&str, &str)] = &[
          string id\n",
     ),
     ("vision_msgs/Detection3DArray", "std_msgs/Header header\nvision_msgs/Detection3D[] detections\n"),
+    ("diagnostic_msgs/KeyValue", "string key\nstring value\n"),
+    (
+        "diagnostic_msgs/DiagnosticStatus",
+        "byte OK=0\nbyte WARN=1\nbyte ERROR=2\nbyte STALE=3\nbyte level\nstring name\nstring message\nstring hardware_id\n\
+         diagnostic_msgs/KeyValue[] values\n",
+    ),
+    (
+        "diagnostic_msgs/DiagnosticArray",
+        "std_msgs/Header header\ndiagnostic_msgs/DiagnosticStatus[] status\n",
+    ),
     ("cfodi_msgs/SurfaceCluster", include_str!("../../msg/SurfaceCluster.msg")),
     ("cfodi_msgs/SurfaceClusterArray", include_str!("../../msg/SurfaceClusterArray.msg")),
 ];

@@ -8,6 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use mcap::records::op;
 use mcap::sans_io::LinearReaderOptions;
 
+use super::attachments::Bounded;
 use super::channels::Channels;
 use super::part::Part;
 use super::read::{MAX_MESSAGE_BYTES, Messages};
@@ -53,6 +54,13 @@ fn of_summary(part: &Part) -> Option<Vec<Topic>> {
     topics.sort();
     // A summary may leave channels out: it then tells nothing.
     (!topics.is_empty()).then_some(topics)
+}
+
+impl Bounded for BufReader<File> {
+    /// A summary has no chunks.
+    fn has(&self, _: usize) -> bool {
+        true
+    }
 }
 
 /// The schemas and channels of a summary, as far as there is one and it can be read.

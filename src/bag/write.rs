@@ -4,7 +4,6 @@
 
 use std::collections::BTreeMap;
 use std::io::{self, Write};
-use std::sync::Arc;
 use std::time::Duration;
 
 use mcap::records::MessageHeader;
@@ -13,16 +12,19 @@ use mcap::{WriteOptions, Writer};
 use serde::Serialize;
 
 use super::clock::Clock;
+use super::copies::Copies;
 use super::decode::is_transforms;
+use super::qos;
 use super::read::Message;
 use super::schemas::definition;
 use crate::engine::Stamp;
 use crate::msg::cdr;
 use crate::msg::clusters::SurfaceClusterArray;
+use crate::msg::reports::DiagnosticArray;
 use crate::msg::ros::{Header, MarkerArray, PointCloud2, TfMessage};
 use crate::msg::sent::{self, Named, Qos, Topic};
 use crate::msg::twins::{Detection3DArray, PolygonInstanceStamped, Twins};
-use crate::msg::types::{CAMERA_INFO, TRANSFORMS};
+use crate::msg::types::TRANSFORMS;
 
 /// Names of the topics that a result bag holds, remappings applied.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -32,6 +34,7 @@ pub struct OutputTopics {
     pub clusters_delta: String,
     pub markers: String,
     pub points_labelled: String,
+    pub diagnostics: String,
     /// `None` where it is not wanted.
     pub detections: Option<String>,
     /// As `detections`.
@@ -40,7 +43,8 @@ pub struct OutputTopics {
 
 impl OutputTopics {
     fn names(&self) -> impl Iterator<Item = &String> {
-        let always = [&self.clusters, &self.clusters_delta, &self.markers, &self.points_labelled];
+        let Self { clusters, clusters_delta, markers, points_labelled, diagnostics, .. } = self;
+        let always = [clusters, clusters_delta, markers, points_labelled, diagnostics];
         always.into_iter().chain(&self.detections).chain(&self.polygons)
     }
 
@@ -48,17 +52,6 @@ impl OutputTopics {
     pub fn twins(&self) -> Twins {
         Twins { detections: self.detections.is_some(), polygons: self.polygons.is_some() }
     }
-}
-
-/// How a topic was offered, as `rosbag2` writes it: a player offers it again so, and readers want every field.
-fn offered_qos(Qos { reliable, latched, depth }: Qos) -> String {
-    let reliability = if reliable { "reliable" } else { "best_effort" };
-    let durability = if latched { "transient_local" } else { "volatile" };
-    format!(
-        "- {{history: keep_last, depth: {depth}, reliability: {reliability}, durability: {durability}, \
-         deadline: {{sec: 0, nsec: 0}}, lifespan: {{sec: 0, nsec: 0}}, liveliness: automatic, \
-         liveliness_lease_duration: {{sec: 0, nsec: 0}}, avoid_ros_namespace_conventions: false}}"
-    )
 }
 
 /// A channel of the result, and how many messages it has.
@@ -75,12 +68,14 @@ pub struct ResultBag<W: Write> {
     delta: Channel,
     markers: Channel,
     labelled: Channel,
+    diagnostics: Channel,
     detections: Option<Channel>,
     polygons: Option<Channel>,
     /// Names of the channels above: input of the same name is not copied.
     own: Vec<String>,
-    /// Of the input: by topic and type.
-    copied: BTreeMap<(String, String), Channel>,
+    /// Of transforms that are no input, by topic.
+    transforms: BTreeMap<&'static str, Channel>,
+    copies: Copies,
     with_input: bool,
     clock: Clock,
     scratch: Vec<u8>,
@@ -101,11 +96,13 @@ impl<W: Write> ResultBag<W> {
             delta: open(&topics.clusters_delta, sent::DELTA)?,
             markers: open(&topics.markers, sent::MARKERS)?,
             labelled: open(&topics.points_labelled, sent::LABELLED)?,
+            diagnostics: open(&topics.diagnostics, sent::DIAGNOSTICS)?,
             detections: topics.detections.as_ref().map(|name| open(name, sent::DETECTIONS)).transpose()?,
             polygons: topics.polygons.as_ref().map(|name| open(name, sent::POLYGONS)).transpose()?,
             own: topics.names().cloned().collect(),
             writer,
-            copied: BTreeMap::new(),
+            transforms: BTreeMap::new(),
+            copies: Copies::default(),
             with_input,
             clock: Clock::default(),
             scratch: Vec::new(),
@@ -160,6 +157,15 @@ impl<W: Write> ResultBag<W> {
         put(writer, scratch, labelled, (&message.header, clock.ahead()), message)
     }
 
+    /// Adds a message of `/diagnostics`.
+    ///
+    /// # Errors
+    /// Those of the output.
+    pub fn diagnostics(&mut self, message: &DiagnosticArray) -> io::Result<()> {
+        let Self { writer, scratch, diagnostics, clock, .. } = self;
+        put(writer, scratch, diagnostics, (&message.header, clock.ahead()), message)
+    }
+
     /// Adds a message of `~/markers`, which has no header of its own.
     ///
     /// # Errors
@@ -195,12 +201,11 @@ impl<W: Write> ResultBag<W> {
         let Some(first) = message.transforms.first() else { return Ok(()) };
         let (topic, qos) =
             if is_static { ("/tf_static", Qos::latched(1)) } else { ("/tf", Qos::reliable(100)) };
-        let Self { writer, scratch, copied, clock, .. } = self;
-        let key = (topic.to_owned(), TRANSFORMS.to_owned());
-        if !copied.contains_key(&key) {
-            copied.insert(key.clone(), channel(writer, Named { name: topic, type_name: TRANSFORMS }, qos)?);
+        let Self { writer, scratch, transforms, clock, .. } = self;
+        if !transforms.contains_key(topic) {
+            transforms.insert(topic, channel(writer, Named { name: topic, type_name: TRANSFORMS }, qos)?);
         }
-        let Some(channel) = copied.get_mut(&key) else { return Ok(()) };
+        let Some(channel) = transforms.get_mut(topic) else { return Ok(()) };
         put(writer, scratch, channel, (&first.header, clock.ahead()), message)
     }
 
@@ -232,19 +237,12 @@ impl<W: Write> ResultBag<W> {
     }
 
     fn copy(&mut self, message: &Message) -> io::Result<()> {
-        let key = (message.topic().to_owned(), message.type_name().to_owned());
-        if !self.copied.contains_key(&key) {
-            let is_transforms = is_transforms(message.type_name());
-            let opened = open_copy(&mut self.writer, &message.channel, is_transforms)?;
-            self.copied.insert(key.clone(), opened);
-        }
-        let Some(channel) = self.copied.get_mut(&key) else { return Ok(()) };
+        let channel_id = self.copies.of(&message.channel, &mut self.writer)?;
         let log_time = self.clock.logged(message.log_time);
         // Moved together, so that what lies between the two stays.
         let moved = log_time.wrapping_sub(message.log_time).cast_signed();
         let publish_time = message.publish_time.saturating_add_signed(moved);
-        let header =
-            MessageHeader { channel_id: channel.id, sequence: message.sequence, log_time, publish_time };
+        let header = MessageHeader { channel_id, sequence: message.sequence, log_time, publish_time };
         self.writer.write_to_known_channel(&header, &message.data).map_err(io::Error::other)
     }
 
@@ -257,26 +255,6 @@ impl<W: Write> ResultBag<W> {
         self.writer.finish().map_err(io::Error::other)?;
         Ok(self.writer.into_inner().into_inner())
     }
-}
-
-/// A channel like that of the input. Transforms and intrinsics get the definitions of ROS 2, whose layout theirs is: what
-/// has come from ROS 1 still carries other names, which readers refuse.
-fn open_copy<W: Write>(
-    writer: &mut Writer<NoSeek<W>>,
-    input: &Arc<mcap::Channel<'static>>,
-    is_transforms: bool,
-) -> io::Result<Channel> {
-    let name = input.schema.as_ref().map_or("", |schema| schema.name.as_str());
-    let known = if is_transforms { Some(TRANSFORMS) } else { Some(name).filter(|name| *name == CAMERA_INFO) };
-    let schema = match (known, &input.schema) {
-        (Some(known), _) => schema(writer, known)?,
-        (None, Some(own)) => {
-            writer.add_schema(&own.name, &own.encoding, &own.data).map_err(io::Error::other)?
-        }
-        (None, None) => 0,
-    };
-    let id = writer.add_channel(schema, &input.topic, &input.message_encoding, &input.metadata);
-    Ok(Channel { id: id.map_err(io::Error::other)?, messages: 0 })
 }
 
 /// What writes recordings, as their header names it.
@@ -302,12 +280,12 @@ pub(super) fn channel<W: Write>(
     qos: Qos,
 ) -> io::Result<Channel> {
     let schema = schema(writer, type_name)?;
-    let metadata = BTreeMap::from([("offered_qos_profiles".to_owned(), offered_qos(qos))]);
+    let metadata = BTreeMap::from([("offered_qos_profiles".to_owned(), qos::offered(qos))]);
     let id = writer.add_channel(schema, name, "cdr", &metadata).map_err(io::Error::other)?;
     Ok(Channel { id, messages: 0 })
 }
 
-fn schema<W: Write>(writer: &mut Writer<NoSeek<W>>, type_name: &str) -> io::Result<u16> {
+pub(super) fn schema<W: Write>(writer: &mut Writer<NoSeek<W>>, type_name: &str) -> io::Result<u16> {
     let text =
         definition(type_name).ok_or_else(|| io::Error::other(format!("no definition of {type_name}")))?;
     writer.add_schema(type_name, "ros2msg", text.as_bytes()).map_err(io::Error::other)
@@ -355,18 +333,19 @@ mod tests {
             clusters_delta: name(sent::DELTA),
             markers: name(sent::MARKERS),
             points_labelled: name(sent::LABELLED),
+            diagnostics: name(sent::DIAGNOSTICS),
             detections: Some(name(sent::DETECTIONS)),
             polygons: Some(name(sent::POLYGONS)),
         };
         let bag = ResultBag::new(Vec::new(), &topics, false).unwrap().finish().unwrap();
         let summary = mcap::Summary::read(&bag).unwrap().unwrap();
-        assert_eq!(summary.channels.len(), 6);
-        for topic in sent::TOPICS.into_iter().filter(|topic| topic.name.starts_with('~')) {
+        assert_eq!(summary.channels.len(), 7);
+        for topic in sent::TOPICS.into_iter().filter(|topic| topic.name != sent::LOG.name) {
             let channel = summary.channels.values().find(|channel| channel.topic == topic.name).unwrap();
             assert_eq!(channel.schema.as_ref().unwrap().name, topic.type_name);
-            assert_eq!(channel.metadata["offered_qos_profiles"], offered_qos(topic.qos));
+            assert_eq!(channel.metadata["offered_qos_profiles"], qos::offered(topic.qos));
         }
-        let many = offered_qos(sent::POLYGONS.qos);
+        let many = qos::offered(sent::POLYGONS.qos);
         assert!(many.contains("depth: 4096, reliability: reliable, durability: volatile"), "{many}");
     }
 }

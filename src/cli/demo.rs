@@ -12,7 +12,6 @@ use std::time::{Duration, Instant};
 use anyhow::Context as _;
 use cfodi::args::security::Security;
 use cfodi::args::{Rmw, Setup};
-use cfodi::cloud::{CloudFilter, decode};
 use cfodi::engine::Snapshot;
 use cfodi::export::{View, WholeFile, WriteError, draw, write_ply};
 use cfodi::msg::ros::TfMessage;
@@ -100,6 +99,8 @@ fn drive<T: Middleware>(
     over_network: bool,
     open_robot: impl FnOnce(&Setup) -> Result<Option<Robot>, OpenError>,
 ) -> anyhow::Result<()> {
+    // Before a map is set aside for a node that cannot start.
+    setup.check_names().map_err(ProcessError::from)?;
     T::security(setup).map_err(ProcessError::from)?;
     std::fs::create_dir_all(&options.out)
         .with_context(|| format!("cannot make {}", options.out.display()))?;
@@ -120,7 +121,7 @@ fn drive<T: Middleware>(
                 drive: Drive::new(Scene::room(), options.seed, now()),
                 steps: options.seconds * SCANS_PER_SECOND,
                 recorder: recorder.clone(),
-                inside: (!over_network).then_some((events, setup.config().filter)),
+                inside: (!over_network).then_some(events),
                 over: Arc::clone(&over),
             };
             let robot = Builder::new().name("cfodi-robot".to_owned()).spawn(move || {
@@ -166,7 +167,7 @@ struct Journey<R> {
     /// Gets the transforms.
     recorder: Recorder,
     /// Where clouds go that the network cannot carry.
-    inside: Option<(Sender<Event<R>>, CloudFilter)>,
+    inside: Option<Sender<Event<R>>>,
     /// Set when the node has ended.
     over: Arc<AtomicBool>,
 }
@@ -186,8 +187,8 @@ impl<R> Journey<R> {
             let step = self.drive.step(index);
             self.transforms(step.tf, false)?;
             match (&self.inside, &self.robot) {
-                (Some((events, filter)), _) => {
-                    self.hand_over(events, Event::Cloud(Form::Points.of(0), decode(&step.cloud, filter)));
+                (Some(events), _) => {
+                    self.hand_over(events, Event::Handed(Form::Points.of(0), Box::new(step.cloud)));
                 }
                 (None, Some(robot)) => robot.send_cloud(step.cloud).map_err(|failure| failure.to_string())?,
                 (None, None) => {}
@@ -200,7 +201,7 @@ impl<R> Journey<R> {
 
     fn transforms(&self, message: TfMessage, is_static: bool) -> Result<(), String> {
         self.recorder.transforms(&message, is_static);
-        if let Some((events, _)) = &self.inside {
+        if let Some(events) = &self.inside {
             self.hand_over(events, Event::Transforms { message: message.clone(), is_static });
         }
         let Some(robot) = &self.robot else { return Ok(()) };

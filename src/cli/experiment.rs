@@ -11,7 +11,7 @@ use cfodi::engine::{Mode, Scan};
 use cfodi::experiment::{Experiment, Figure, Results, Summary};
 use cfodi::export::WriteError;
 use cfodi::line::one_line;
-use cfodi::replay::{Ended, Finished, Go, Outputs, Replay, Settings, Visitor, feed};
+use cfodi::replay::{Ended, Finished, Go, Outputs, Replay, Settings, Tally, Visitor, feed};
 use cfodi::report::{self, Story};
 use cfodi::say::tell;
 
@@ -135,9 +135,15 @@ struct Scans<'a, C> {
 impl<C: FnMut() -> Duration> Visitor for Scans<'_, C> {
     type Error = WriteError;
 
-    fn scan(&mut self, scan: &Scan, recorded: Duration, fixed_frame: &str) -> Result<(), WriteError> {
+    fn scan(
+        &mut self,
+        scan: &Scan,
+        recorded: Duration,
+        fixed_frame: &str,
+        tally: &Tally,
+    ) -> Result<(), WriteError> {
         self.experiment.scan(scan);
-        self.replay.scan(scan, recorded, fixed_frame)
+        self.replay.scan(scan, recorded, fixed_frame, tally)
     }
 
     fn jumped_back(&mut self, seconds: f64) -> Result<Go, WriteError> {

@@ -143,6 +143,7 @@ pub(crate) const BEGINS_AGAIN: &str =
 
 pub(crate) fn settings(setup: &Setup) -> Settings {
     Settings {
+        node: setup.fully_qualified_name(),
         engine: setup.config().engine,
         publish_period: setup.config().publish_period,
         parameters: setup.parameters.values().map(|(name, value)| (name.clone(), value.clone())).collect(),
@@ -175,6 +176,7 @@ pub(crate) fn output_topics(setup: &Setup) -> anyhow::Result<OutputTopics> {
         clusters_delta: name(sent::DELTA.name)?,
         markers: name(sent::MARKERS.name)?,
         points_labelled: name(sent::LABELLED.name)?,
+        diagnostics: name(sent::DIAGNOSTICS.name)?,
         detections: setup.config().twins.detections.then(|| name(sent::DETECTIONS.name)).transpose()?,
         polygons: setup.config().twins.polygons.then(|| name(sent::POLYGONS.name)).transpose()?,
     })

@@ -8,7 +8,9 @@ use std::os::unix::process::CommandExt as _;
 use std::path::PathBuf;
 use std::process::Command;
 
+use cfodi::args::security::Security;
 use cfodi::args::{Rmw, Setup};
+use cfodi::cloud::z_is_not_up;
 use cfodi::config::Value;
 use cfodi::node::dds::Dds;
 use cfodi::node::middleware::Middleware;
@@ -17,7 +19,6 @@ use cfodi::node::resume::begin;
 use cfodi::node::rosout::Lines;
 #[cfg(feature = "zenoh")]
 use cfodi::node::zenoh::Zenoh;
-use cfodi::tf::z_is_not_up;
 use clap::Args;
 use tracing::warn;
 
@@ -42,7 +43,7 @@ pub(crate) fn run(setup: &Setup, options: &Options, lines: Lines) -> anyhow::Res
 fn run_over<T: Middleware>(setup: &Setup, options: &Options, lines: Lines) -> anyhow::Result<()> {
     // Before a map is set aside for a node that cannot start.
     setup.check_names().map_err(ProcessError::from)?;
-    T::security(setup).map_err(ProcessError::from)?;
+    let security = T::security(setup).map_err(ProcessError::from)?;
     let (engine, _lock) = begin(setup.config(), options.resume).map_err(ProcessError::from)?;
     match live_node::<T>(setup, engine, None, lines, |_| Ok(()), pending()) {
         Err(ProcessError::Deaf { why, changed }) => {
@@ -52,7 +53,8 @@ fn run_over<T: Middleware>(setup: &Setup, options: &Options, lines: Lines) -> an
                 |path| format!("the map of {}", path.display()),
             );
             warn!("{why}: the process begins anew in its place, with {map}");
-            Err(ProcessError::Anew(begin_anew(path.is_some() && !options.resume, &changed)).into())
+            let adds_resume = path.is_some() && !options.resume;
+            Err(ProcessError::Anew(begin_anew(adds_resume, &changed, &security)).into())
         }
         ended => Ok(ended.map(drop)?),
     }
@@ -60,14 +62,19 @@ fn run_over<T: Middleware>(setup: &Setup, options: &Options, lines: Lines) -> an
 
 /// Puts this program in its own place, under the same process id: nothing else ends a thread of the middleware that does not
 /// come back, or frees what it holds. Returns only where that fails.
-fn begin_anew(adds_resume: bool, changed: &[(String, Value)]) -> io::Error {
+fn begin_anew(adds_resume: bool, changed: &[(String, Value)], security: &Security) -> io::Error {
     let program = match env::current_exe() {
         Ok(program) => in_place(program),
         Err(error) => return error,
     };
     let args = env::args_os().skip(1).collect();
     let args = if adds_resume { resuming(args) } else { args };
-    Command::new(program).args(with_changes(args, changed)).exec()
+    Command::new(program).args(with_changes(args, changed)).envs(with_keys(security)).exec()
+}
+
+/// A node that had keys does not come back without: those that are gone by then end it.
+fn with_keys(security: &Security) -> Option<(&'static str, &'static str)> {
+    matches!(security, Security::Keys(_)).then_some(("ROS_SECURITY_STRATEGY", "Enforce"))
 }
 
 /// What lies where the program lay: Linux adds a word to the path of a file that another has taken the place of.
@@ -99,6 +106,7 @@ mod tests {
     use std::path::Path;
 
     use cfodi::args::Environment;
+    use cfodi::args::security::Enclave;
 
     use super::*;
 
@@ -109,6 +117,13 @@ mod tests {
         assert_eq!(resumed, words("run --resume --ros-args -p snapshot_path:=map"));
         let resumed = resuming(words("--ros-args -p a:=1 -- run"));
         assert_eq!(resumed, words("--ros-args -p a:=1 -- run --resume"));
+    }
+
+    #[test]
+    fn who_had_keys_does_not_begin_anew_without() {
+        let keys = Security::Keys(Enclave { name: "/cfodi".to_owned(), folder: PathBuf::from("/keys") });
+        assert_eq!(with_keys(&keys), Some(("ROS_SECURITY_STRATEGY", "Enforce")));
+        assert_eq!(with_keys(&Security::Off), None);
     }
 
     #[test]

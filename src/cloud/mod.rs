@@ -129,6 +129,18 @@ impl Optical {
     }
 }
 
+/// What is to be said of a fixed frame that is an optical one by its name: classes of surfaces go by its z, which is to be up (REP
+/// 103, 105), and there z looks ahead.
+pub fn z_is_not_up(fixed_frame: &str) -> Option<String> {
+    let is_optical = fixed_frame.ends_with("_optical") || Optical::Auto.of_frame(fixed_frame);
+    is_optical.then(|| {
+        format!(
+            "the fixed frame `{fixed_frame}` is an optical one by its name, whose z looks ahead: classes of surfaces need one whose z \
+             is up, and are wrong in it"
+        )
+    })
+}
+
 /// The valid points in range of a message in memory.
 ///
 /// A message of zero height or width is a valid scan without points, whatever its fields say.

@@ -333,3 +333,13 @@ fn an_absurd_count_of_fields_ends_with_the_data() {
     bytes[24..28].copy_from_slice(&u32::MAX.to_le_bytes());
     assert!(by_seed(&bytes, KINECT).is_err());
 }
+
+#[test]
+fn an_optical_frame_is_no_fixed_frame_by_its_name() {
+    for name in ["camera_depth_optical_frame", "/robot/left_optical", "kinect_depth", "robot/kinect_depth"] {
+        assert!(z_is_not_up(name).is_some_and(|line| line.contains(name)), "{name}");
+    }
+    for name in ["odom", "camera_depth_frame", "optical_table", "optical"] {
+        assert_eq!(z_is_not_up(name), None);
+    }
+}

@@ -85,10 +85,11 @@ impl Current {
                 return Err(ConfigError::Impossible { name, value, must });
             }
             if let Some(because) = self.is_fixed(parameter).filter(|_| value != *now) {
-                // What could never be is told so.
-                let listed =
-                    self.values.get_key_value("sensors").map(|(name, list)| (name.clone(), list.clone()));
-                Config::new(listed.into_iter().chain([(name.clone(), value)]))?;
+                // What could not be at a start either is told so: with these sensors, and in this mode.
+                let beside = ["mode", "sensors"].into_iter().filter(|beside| *beside != name);
+                let beside = beside.filter_map(|beside| self.values.get_key_value(beside));
+                let beside = beside.map(|(name, value)| (name.clone(), value.clone()));
+                Config::new(beside.chain([(name.clone(), value)]))?;
                 return Err(ConfigError::Fixed { name, value: now.clone(), because });
             }
             values.insert(name, value);
@@ -209,6 +210,9 @@ mod tests {
             let error = change(&mut current, &[(name, value)]).unwrap_err();
             assert!(error.contains("where mode is `paper`"), "{error}");
         }
+        // No start in this mode would take it either.
+        let error = change(&mut current, &[("max_voxels", Value::Integer(5000))]).unwrap_err();
+        assert!(error.contains("must be 0 where mode is `paper`") && !error.contains("start"), "{error}");
         assert_eq!(change(&mut current, &[("publish_rate", Value::Double(1.0))]).unwrap().len(), 1);
         assert_eq!(change(&mut begin(), &[("clearing", Value::Boolean(false))]).unwrap().len(), 1);
     }

@@ -129,6 +129,19 @@ mod tests {
     }
 
     #[test]
+    fn a_list_that_cannot_be_is_what_is_refused_whatever_is_given_for_its_sensors() {
+        let kind = ("front.kind".to_owned(), text("depth"));
+        for list in [text("front"), Value::TextList(vec!["front".to_owned(); 2])] {
+            let error =
+                Config::new([("sensors".to_owned(), list.clone()), kind.clone()]).unwrap_err().to_string();
+            assert!(
+                error.starts_with(&format!("sensors is {list}; it must be a list of 1 to 16")),
+                "{error}"
+            );
+        }
+    }
+
+    #[test]
     fn a_topic_that_is_given_as_a_parameter_is_told_so() {
         let line = |list: &[&str], name| config(list, &[(name, "/camera")]).unwrap_err();
         for (list, name) in [

@@ -64,9 +64,15 @@ impl Given {
         let mut given: BTreeMap<_, _> =
             declared.map(|parameter| (parameter.name, (parameter.row.default(), parameter.row))).collect();
         let mut told = BTreeSet::new();
+        let sensors = values.iter().rev().find(|(name, _)| name == "sensors").cloned();
         for (name, value) in values {
             let Some((known, row)) = given.get_mut(&name) else {
-                return Err(unknown(name, value, given.keys().cloned()));
+                // Of sensors whose list cannot be no parameter is known.
+                let sensors = sensors.filter(|(_, list)| names(list).is_empty());
+                return Err(sensors.map_or_else(
+                    || unknown(name, value, given.keys().cloned()),
+                    |(name, value)| ConfigError::Impossible { must: given[&name].1.must(), name, value },
+                ));
             };
             *known = row.as_declared(value);
             told.insert(name);

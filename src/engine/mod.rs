@@ -4,7 +4,8 @@
 //! Everything here is pure: no ROS, no async, no I/O, no clock, no thread; the same scans give the same
 //! map, whatever the order of the points within a scan.
 //!
-//! Its cost follows the points of the scan and the voxels it touched, never the size of the map.
+//! Its cost follows the points of the scan, the voxels it touched and the outlines of the clusters that it changed, never the
+//! size of the map.
 //!
 //! ```
 //! use cfodi::engine::{Engine, Isometry3, Params, Points, Scan, Stamp};
@@ -26,6 +27,7 @@
 pub(crate) mod binning;
 mod class;
 pub mod consistent;
+mod frozen;
 mod key;
 mod map;
 mod now;
@@ -44,6 +46,7 @@ mod symmetric;
 pub(crate) use binning::between;
 pub use class::SurfaceClass;
 pub use consistent::NoiseModel;
+pub use frozen::Frozen;
 pub use key::{ClusterId, DIRECTIONS, GRID_REACH, Partition, VoxelKey};
 pub use map::Engine;
 pub use nalgebra::Isometry3;

@@ -29,7 +29,8 @@ impl Taken {
     /// Counts the next scan.
     pub(crate) fn begin(&mut self, stamp: Stamp) -> Now {
         self.sequence += 1;
-        let newest = self.stamp.filter(|_| !std::mem::take(&mut self.is_resumed));
+        let is_resumed = std::mem::take(&mut self.is_resumed);
+        let newest = self.stamp.filter(|_| !is_resumed);
         let stamp = newest.map_or(stamp, |newest| newest.max(stamp));
         self.stamp = Some(stamp);
         Now { sequence: self.sequence, stamp }
@@ -60,5 +61,12 @@ mod tests {
         let mut taken = Taken { sequence: 7, stamp: Some(Stamp::from_nanos(100)), is_resumed: true };
         let nows = [5, 9, 7].map(|nanos| taken.begin(Stamp::from_nanos(nanos)));
         assert_eq!(nows.map(|now| (now.sequence, now.stamp.nanos())), [(8, 5), (9, 9), (10, 9)]);
+    }
+
+    #[test]
+    fn after_a_restart_with_an_empty_map_a_late_second_scan_turns_nothing_back() {
+        let mut taken = Taken { is_resumed: true, ..Taken::default() };
+        let stamps = [9, 7].map(|nanos| taken.begin(Stamp::from_nanos(nanos)).stamp.nanos());
+        assert_eq!(stamps, [9, 9]);
     }
 }

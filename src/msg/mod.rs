@@ -12,6 +12,8 @@ pub mod clusters;
 pub mod labelled;
 pub mod markers;
 pub mod parameters;
+#[cfg(feature = "bag")]
+pub(crate) mod part;
 pub mod reports;
 pub mod ros;
 pub mod sent;

@@ -8,7 +8,6 @@ mod clocks;
 mod diagnosis;
 mod ending;
 mod intake;
-mod part;
 mod report;
 mod saving_figures;
 mod say;
@@ -42,7 +41,7 @@ use super::speak::speak;
 use super::throttle::{Lasting, Throttle};
 use super::transport::{Event, Input, Service, Transport};
 use super::vitals::Vitals;
-use crate::cloud::{Cloud, CloudError};
+use crate::cloud::{Cloud, CloudError, CloudFilter, decode};
 use crate::config::Config;
 use crate::engine::{Engine, Snapshot};
 use crate::join::{Join, Joined, Jump};
@@ -119,7 +118,8 @@ pub async fn run<T: Transport>(
     (shutdown, given_up): (impl Future<Output = ()>, impl Future<Output = ()>),
 ) -> Result<Arc<Snapshot>, LiveError> {
     let (reports, receiver) = mpsc::channel(WAITING_REPORTS);
-    let mut speaking = tokio::task::spawn_local(speak(Rc::clone(&transport), receiver, lines));
+    let mut speaking =
+        tokio::task::spawn_local(speak((Rc::clone(&transport), recorder.clone()), receiver, lines));
     let ends = (shutdown, given_up);
     let ended = drive(config, engine, (transport, recorder), events, counts, reports, ends).await;
     if tokio::time::timeout(LAST_WORDS, &mut speaking).await.is_err() {
@@ -211,6 +211,8 @@ struct Live<T: Transport> {
     /// By sensor.
     intakes: Vec<Intake>,
     fixed_frame: String,
+    /// Of clouds that are handed over.
+    filter: CloudFilter,
     tf_timeout: Duration,
     /// `None` where the map is not saved.
     calls_for_map: Option<CallsForMap<Call<T::Request>>>,
@@ -244,6 +246,7 @@ impl<T: Transport> Live<T> {
             said_clock: false,
             intakes,
             fixed_frame: config.fixed_frame.clone(),
+            filter: config.filter,
             tf_timeout: config.tf_timeout,
             calls_for_map: config.snapshot_path.as_ref().map(|_| CallsForMap::default()),
         }
@@ -252,6 +255,7 @@ impl<T: Transport> Live<T> {
     async fn event(&mut self, event: Event<T::Request>) {
         match event {
             Event::Cloud(input, cloud) => self.scan(input, cloud),
+            Event::Handed(input, cloud) => self.scan(input, decode(&cloud, &self.filter)),
             Event::Lost(input, number) => self.lost(input, number),
             Event::Camera(sensor, camera) => self.camera(sensor, &camera),
             Event::Transforms { message, is_static } => self.transforms(&message.transforms, is_static),

@@ -23,7 +23,7 @@ use crate::msg::clusters::{Session, SurfaceClusterArray};
 use crate::msg::labelled::labelled_points;
 use crate::msg::markers::Markers;
 use crate::msg::twins::{PolygonInstanceStamped, Twins, detections, polygons};
-use crate::worker::{Output, rest_after};
+use crate::worker::{Output, Took};
 
 /// Between two polygons: nav2's collision monitor keeps the last five that it has not yet taken, and would have no others of
 /// a map that comes at once.
@@ -96,7 +96,7 @@ async fn take(
                 }
                 vitals.borrow_mut().snapshot_took = took;
                 vitals.borrow_mut().map = Some(MapSize::of(session, &snapshot));
-                vitals.borrow_mut().newest = Some((session, snapshot.sequence));
+                vitals.borrow_mut().note_map(session, snapshot.sequence);
                 newest.send_replace(Some((session, Arc::clone(&snapshot))));
                 ended.map = Some(snapshot);
             }
@@ -169,22 +169,23 @@ impl<T: Transport> Wire<T> {
 /// How long snapshots are put off, from which on it is said.
 const LONG: Duration = Duration::from_secs(1);
 
-/// Snapshots of a large map are put off, for they hold up scans: said once a session.
+/// Snapshots of a large map are put off, for they take long: said once a session.
 #[derive(Debug, Default)]
 struct PutOff {
     said: Option<u64>,
 }
 
 impl PutOff {
-    fn line(&mut self, session: u64, dense_voxels: usize, took: Duration) -> Option<String> {
-        let rest = rest_after(took);
+    fn line(&mut self, session: u64, dense_voxels: usize, took: Took) -> Option<String> {
+        let rest = took.rest();
         if rest < LONG || self.said.replace(session) == Some(session) {
             return None;
         }
-        let (took, rest) = (took.as_millis(), rest.as_secs_f64());
+        let [freezing, making] = [took.freezing, took.making].map(|took| took.as_millis());
+        let rest = rest.as_secs_f64();
         Some(format!(
-            "a snapshot of {dense_voxels} dense voxels takes {took} ms, in which no scan is taken in: the next comes {rest:.1} s after \
-             it at the earliest, whatever publish_rate says; clusters_delta comes with every scan"
+            "a snapshot of {dense_voxels} dense voxels takes {making} ms, in {freezing} ms of which no scan is taken in: the next \
+             begins {rest:.1} s after it at the earliest, whatever publish_rate says; clusters_delta comes with every scan"
         ))
     }
 }
@@ -338,14 +339,14 @@ mod tests {
         let mut outputs = Vec::new();
         for number in 0..scans {
             let update = engine.insert(&Scan {
-                stamp: Stamp::from_nanos(number),
+                stamp: Stamp::from_nanos(1 + number),
                 fixed_from_sensor: Isometry3::identity(),
                 points: engine::Points::F32(vec![[0.0, 0.0, 1.0]; 20]),
             });
             let snapshot = Arc::new(engine.snapshot());
             outputs.extend([
                 Output::Scan { session: 1, points: 20, update, took: Duration::ZERO },
-                Output::Snapshot { session: 1, snapshot, took: Duration::ZERO },
+                Output::Snapshot { session: 1, snapshot, took: Took::default() },
             ]);
         }
         outputs
@@ -354,17 +355,16 @@ mod tests {
     #[test]
     fn that_snapshots_are_put_off_for_long_is_said_once_a_session() {
         let mut put_off = PutOff::default();
-        let mut said = |session, ms| put_off.line(session, 2_000_000, Duration::from_millis(ms));
-        assert_eq!(said(1, 100), None);
-        let line = said(1, 250).unwrap();
-        assert!(
-            line.contains("of 2000000 dense voxels takes 250 ms") && line.contains("2.2 s after"),
-            "{line}"
-        );
-        assert_eq!(
-            [said(1, 300).is_some(), said(2, 300).is_some(), said(2, 20).is_some()],
-            [false, true, false]
-        );
+        let mut said = |session, [freezing, making]: [u64; 2]| {
+            let [freezing, making] = [freezing, making].map(Duration::from_millis);
+            put_off.line(session, 2_000_000, Took { freezing, making })
+        };
+        assert_eq!(said(1, [100, 900]), None);
+        let line = said(1, [250, 900]).unwrap();
+        assert!(line.contains("of 2000000 dense voxels takes 900 ms, in 250 ms of which"), "{line}");
+        assert!(line.contains("2.2 s after"), "{line}");
+        assert_eq!([said(1, [300, 0]), said(3, [20, 900])], [None, None]);
+        assert!(said(2, [300, 0]).is_some() && said(3, [20, 1100]).is_some());
     }
 
     #[test]

@@ -13,7 +13,7 @@ use tokio::sync::mpsc::{Receiver, Sender, WeakSender, channel};
 use super::transport::Outgoing;
 use crate::bag::{OutputTopics, ResultBag};
 use crate::export::{WholeFile, WriteError};
-use crate::msg::ros::TfMessage;
+use crate::msg::ros::{TfMessage, Time};
 
 /// Messages that may wait for the disk: the largest, all voxels of a map, has megabytes.
 const WAITING: usize = 32;
@@ -39,7 +39,8 @@ impl Entry {
                 Outgoing::Markers(markers) => {
                     markers.markers.first().map_or(Ok(()), |first| bag.markers(&first.header, markers))
                 }
-                Outgoing::Diagnostics(_) | Outgoing::Log(_) => Ok(()),
+                Outgoing::Diagnostics(report) => bag.diagnostics(report),
+                Outgoing::Log(_) => Ok(()),
             },
         }
     }
@@ -98,10 +99,24 @@ impl Drop for Record {
 #[derive(Clone, Debug)]
 pub struct Recorder(WeakSender<Entry>);
 
+/// Whether a message has a time that it can stand under in a bag: a map without a scan has none.
+fn has_stamp(message: &Outgoing) -> bool {
+    let header = match message {
+        Outgoing::Clusters(array) | Outgoing::Delta(array) => Some(&array.header),
+        Outgoing::Labelled(cloud) => Some(&cloud.header),
+        Outgoing::Detections(array) => Some(&array.header),
+        Outgoing::Polygon(polygon) => Some(&polygon.header),
+        Outgoing::Markers(markers) => markers.markers.first().map(|first| &first.header),
+        Outgoing::Diagnostics(report) => Some(&report.header),
+        Outgoing::Log(_) => None,
+    };
+    header.is_some_and(|header| header.stamp != Time::default())
+}
+
 impl Recorder {
-    /// Adds what the node sends of the map.
+    /// Adds what the node sends of itself and of the map, once there is a scan in it.
     pub(super) async fn outgoing(&self, message: &Outgoing) {
-        if let Some(open) = self.0.upgrade() {
+        if let Some(open) = self.0.upgrade().filter(|_| has_stamp(message)) {
             drop(open.send(Entry::Outgoing(message.clone())).await);
         }
     }
@@ -129,7 +144,7 @@ pub(super) mod tests {
     use super::*;
     use crate::bag::Bag;
     use crate::msg::clusters::SurfaceClusterArray;
-    use crate::msg::ros::{PointCloud2, TransformStamped};
+    use crate::msg::ros::{Header, Marker, MarkerArray, PointCloud2, TransformStamped};
 
     /// A bag that begins.
     pub(in crate::node) fn begun(path: &Path) -> (Record, Recorder) {
@@ -139,6 +154,7 @@ pub(super) mod tests {
             clusters_delta: topic("clusters_delta"),
             markers: topic("markers"),
             points_labelled: topic("points_labelled"),
+            diagnostics: "/diagnostics".to_owned(),
             detections: None,
             polygons: None,
         };
@@ -155,6 +171,10 @@ pub(super) mod tests {
         tokio::runtime::Builder::new_current_thread().build().unwrap()
     }
 
+    fn header() -> Header {
+        Header { stamp: Time { sec: 5, nanosec: 0 }, ..Header::default() }
+    }
+
     fn transforms() -> TfMessage {
         TfMessage { transforms: vec![TransformStamped::default()] }
     }
@@ -164,8 +184,16 @@ pub(super) mod tests {
         let folder = tempfile::tempdir().unwrap();
         let (path, runtime) = (folder.path().join("result.mcap"), runtime());
         let (record, recorder) = begun(&path);
-        let delta = || Outgoing::Delta(SurfaceClusterArray::default());
+        let delta =
+            || Outgoing::Delta(SurfaceClusterArray { header: header(), ..SurfaceClusterArray::default() });
         recorder.transforms(&transforms(), true);
+        // It would make the bag begin in 1970.
+        let empty = [
+            Outgoing::Clusters(SurfaceClusterArray::default()),
+            Outgoing::Labelled(PointCloud2::default()),
+            Outgoing::Markers(MarkerArray { markers: vec![Marker::default()] }),
+        ];
+        empty.iter().for_each(|message| runtime.block_on(recorder.outgoing(message)));
         (0..3 * WAITING).for_each(|_| runtime.block_on(recorder.outgoing(&delta())));
         recorder.transforms(&transforms(), false);
         record.finish().unwrap();
@@ -194,7 +222,11 @@ pub(super) mod tests {
             let mixed = (i ^ (i >> 15)).wrapping_mul(0x2c1b_3c6d);
             ((mixed ^ (mixed >> 12)).wrapping_mul(0x297a_2d39) >> 24) as u8
         };
-        let cloud = PointCloud2 { data: (0..1 << 20).map(noise).collect(), ..PointCloud2::default() };
+        let cloud = PointCloud2 {
+            data: (0..1 << 20).map(noise).collect(),
+            header: header(),
+            ..PointCloud2::default()
+        };
         let cloud = Outgoing::Labelled(cloud);
         (0..2 * WAITING).for_each(|_| runtime.block_on(recorder.outgoing(&cloud)));
         let error = record.finish().unwrap_err();

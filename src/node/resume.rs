@@ -23,8 +23,7 @@ pub fn begin(config: &Config, resume: bool) -> Result<(Engine, Option<Lock>), Be
         return if resume { Err(BeginError::NoPath) } else { Ok((Engine::new(config.engine), None)) };
     };
     let Ok(target) = store::target(path) else { return Err(BeginError::NoFolder(path.to_owned())) };
-    let folder = target.parent().filter(|folder| !folder.as_os_str().is_empty());
-    if folder.is_some_and(|folder| !folder.is_dir()) || path.is_dir() {
+    if !can_be_file(&target) {
         return Err(BeginError::NoFolder(path.to_owned()));
     }
     let lock = store::lock(path).map_err(BeginError::Locked)?;
@@ -36,6 +35,15 @@ pub fn begin(config: &Config, resume: bool) -> Result<(Engine, Option<Lock>), Be
         info!("not resumed: what was in {} is kept as {}", path.display(), kept.display());
     }
     Ok((Engine::new(config.engine), Some(lock)))
+}
+
+/// Whether this is a regular file, or could become one. What else has a name there (a device, a pipe) is not to be set aside.
+fn can_be_file(target: &Path) -> bool {
+    // `file_name` passes over what makes a name that of a folder.
+    let name = target.as_os_str().as_encoded_bytes();
+    let is_named = target.file_name().is_some() && !name.ends_with(b"/") && !name.ends_with(b"/.");
+    let folder = target.parent().filter(|folder| !folder.as_os_str().is_empty());
+    is_named && folder.is_none_or(Path::is_dir) && target.metadata().map_or(true, |data| data.is_file())
 }
 
 fn resumed(config: &Config, path: &Path) -> Result<Engine, BeginError> {
@@ -213,6 +221,24 @@ mod tests {
             }
         }
         assert_eq!(fs::read_to_string(other).unwrap(), "mine");
+    }
+
+    #[test]
+    fn what_is_no_regular_file_or_names_a_folder_is_refused_and_left_where_it_is() {
+        let folder = tempfile::tempdir().unwrap();
+        let link = folder.path().join("map");
+        std::os::unix::fs::symlink("/dev/null", &link).unwrap();
+        let new = folder.path().join("new/");
+        for path in [Path::new("/dev/null"), &link, &new, folder.path()] {
+            let given = [("snapshot_path".to_owned(), Value::Text(path.display().to_string()))];
+            let config = Config::new(given).unwrap();
+            for resume in [false, true] {
+                let refused = begin(&config, resume).err();
+                assert!(matches!(refused, Some(BeginError::NoFolder(_))), "{}: {refused:?}", path.display());
+            }
+        }
+        assert_eq!(names(folder.path()), ["map"]);
+        assert!(!Path::new("/dev/null").metadata().unwrap().is_file());
     }
 
     #[test]

@@ -10,7 +10,7 @@ use tracing::{Level, warn};
 
 use super::resume::remove_oldest;
 use super::throttle::{Throttle, say};
-use crate::engine::SavedMap;
+use crate::engine::Frozen;
 use crate::store::{self, StoreError, Stored};
 
 /// A map that has been written, or why it was not.
@@ -29,7 +29,7 @@ pub(super) struct InFile {
 #[derive(Debug)]
 enum Task {
     /// Write the map of a session, in place of the one before; with `last` where a jump has ended it, and nobody waits for that.
-    Write { session: u64, map: Box<SavedMap>, last: Option<OnItsWay> },
+    Write { session: u64, map: Box<Frozen>, last: Option<OnItsWay> },
     /// Give the file a second name before a map of this session or a later one takes its place: nobody has asked for the old
     /// map to be given up. Maps of earlier sessions that are still on their way are written first, and it is they that are
     /// kept.
@@ -55,14 +55,14 @@ pub(super) struct Saver {
 
 impl Saver {
     /// Has the map of a session written, in place of the one before.
-    pub(super) fn write(&self, session: u64, map: Box<SavedMap>) {
+    pub(super) fn write(&self, session: u64, map: Box<Frozen>) {
         self.send(Task::Write { session, map, last: None });
         self.keeps.set(false);
     }
 
     /// Has the map written that a jump has ended a session with, and kept. While one such is on its way another is given up, and
     /// what is in the file of its session is kept instead: a clock that jumps for ever is faster than any disk.
-    pub(super) fn end(&self, session: u64, map: Box<SavedMap>) {
+    pub(super) fn end(&self, session: u64, map: Box<Frozen>) {
         if self.last.borrow().strong_count() == 0 {
             let last = OnItsWay::default();
             self.last.replace(Arc::downgrade(&last));
@@ -123,7 +123,7 @@ fn start_on(
                 Task::Keep { before } => keeping.before.push(before),
                 Task::Write { session, map, last } => {
                     let sequence = map.sequence();
-                    let stored = Stored { frame_id: frame_id.clone(), map: *map };
+                    let stored = Stored { frame_id: frame_id.clone(), map: map.save() };
                     let result = keeping.keep(&path, session).and_then(|()| write(&path, &stored));
                     let result = result.map(|bytes| InFile { session, sequence, bytes });
                     if last.is_some() {

@@ -1,4 +1,4 @@
-//! Sends what the node says of itself: lines of its log to `/rosout`, reports to `/diagnostics`.
+//! Sends what the node says of itself: lines of its log to `/rosout`, reports to `/diagnostics`, and these to a recorder too.
 
 use std::rc::Rc;
 use std::time::Instant;
@@ -6,6 +6,7 @@ use std::time::Instant;
 use tokio::sync::mpsc;
 use tracing::error;
 
+use super::record::Recorder;
 use super::rosout::Lines;
 use super::throttle::Throttle;
 use super::transport::{Outgoing, Transport};
@@ -13,7 +14,7 @@ use crate::msg::reports::{DiagnosticArray, Log};
 
 /// Sends until no more reports come, then the lines that still wait.
 pub(super) async fn speak(
-    transport: Rc<impl Transport>,
+    (transport, recorder): (Rc<impl Transport>, Option<Recorder>),
     mut reports: mpsc::Receiver<DiagnosticArray>,
     Lines(mut lines): Lines,
 ) {
@@ -23,7 +24,13 @@ pub(super) async fn speak(
     loop {
         tokio::select! {
             report = reports.recv() => match report {
-                Some(report) => voice.send(Outgoing::Diagnostics(report)).await,
+                Some(report) => {
+                    let report = Outgoing::Diagnostics(report);
+                    if let Some(recorder) = &recorder {
+                        recorder.outgoing(&report).await;
+                    }
+                    voice.send(report).await;
+                }
                 None => break,
             },
             Some(log) = lines.recv() => voice.send(named(log)).await,

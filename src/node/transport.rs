@@ -113,6 +113,8 @@ impl Service {
 pub enum Event<Request> {
     /// A cloud or a depth image, decoded.
     Cloud(Input, Result<Cloud, CloudError>),
+    /// A cloud that was handed over inside the process, to be decoded by the parameters that hold when it is heard.
+    Handed(Input, Box<PointCloud2>),
     /// Clouds that a publisher sent and that never arrived, by the gap in its sequence numbers.
     Lost(Input, u64),
     /// What the intrinsics of the sensor of this number are, when they have changed.

@@ -5,14 +5,15 @@ use std::time::Duration;
 use crate::config::Config;
 use crate::engine::{GRID_REACH, Snapshot};
 use crate::msg::labelled;
+use crate::worker::Took;
 
 /// What the engine has done since the last report, and what its map is like.
 #[derive(Debug, Default)]
 pub(super) struct Vitals {
     /// How long the engine worked on each scan since that report.
     pub(super) took: Vec<Duration>,
-    /// How long it worked on the newest snapshot of the map.
-    pub(super) snapshot_took: Duration,
+    /// What the newest snapshot of the map took.
+    pub(super) snapshot_took: Took,
     /// Points of these scans, and how many of them lay beyond the grid.
     pub(super) points: Points,
     /// The newest map that was seen.
@@ -22,6 +23,12 @@ pub(super) struct Vitals {
 }
 
 impl Vitals {
+    /// A map of a session was seen. One that was long in making may have fewer scans than are known of already.
+    pub(super) fn note_map(&mut self, session: u64, sequence: u64) {
+        let known = self.newest.filter(|(newest, _)| *newest == session).map_or(0, |(_, known)| known);
+        self.newest = Some((session, sequence.max(known)));
+    }
+
     /// A scan was taken in.
     pub(super) fn note(&mut self, took: Duration, points: Points) {
         self.took.push(took);

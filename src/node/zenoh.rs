@@ -7,7 +7,9 @@
 
 mod answers;
 mod config;
+mod discards;
 mod graph;
+mod latched;
 mod mailbox;
 mod names;
 mod opener;

@@ -410,7 +410,7 @@ impl<V: Visitor> Feeder<'_, V> {
                 }
             }
             self.tally.take(total, invalid, scan.points.len());
-            self.visitor.scan(&scan, at.wall, fixed_frame)?;
+            self.visitor.scan(&scan, at.wall, fixed_frame, &self.tally)?;
         }
         Ok(())
     }

@@ -14,6 +14,7 @@ use crate::msg::caps::Caps;
 use crate::msg::clusters::{Session, SurfaceClusterArray};
 use crate::msg::labelled::labelled_points;
 use crate::msg::markers::Markers;
+use crate::msg::reports::DiagnosticArray;
 use crate::msg::ros::{TfMessage, TransformStamped};
 use crate::msg::twins::{Twins, detections, polygons};
 use crate::report::Story;
@@ -157,6 +158,10 @@ impl Outputs<'_> {
         let Some(bag) = &mut self.bag else { return Ok(()) };
         bag.caps.reached(snapshot).iter().for_each(|line| (self.say)(line));
         bag.snapshot(session, snapshot)
+    }
+
+    pub(super) fn diagnostics(&mut self, report: &DiagnosticArray) -> Result<(), WriteError> {
+        self.bag.as_mut().map_or(Ok(()), |file| file.put(|bag| bag.diagnostics(report)))
     }
 
     /// A session ends: what a report tells is the map, which begins anew; the result bag goes on in time.

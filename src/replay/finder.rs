@@ -5,9 +5,10 @@ use super::body::body_of;
 use super::fixed_frame::FixedFrame;
 use super::said::Remark;
 use super::tree::Tree;
+use crate::cloud::z_is_not_up;
 use crate::join::Join;
 use crate::msg::ros::{TfMessage, TransformStamped};
-use crate::tf::{LookupError, z_is_not_up};
+use crate::tf::LookupError;
 
 /// What is known so far.
 pub(super) struct Finder {

@@ -10,6 +10,7 @@ mod ahead;
 mod body;
 mod clocks;
 mod clusters;
+mod diagnosis;
 mod disorder;
 mod early;
 mod error;

@@ -2,10 +2,11 @@
 
 use std::time::{Duration, Instant};
 
+use super::diagnosis::Diagnosis;
 use super::feed::Fed;
 use super::files::Outputs;
 use super::pace::Pace;
-use super::summary::Summary;
+use super::summary::{Summary, Tally};
 use super::visitor::{Go, Visitor};
 use crate::bag::Message;
 use crate::config::Value;
@@ -15,9 +16,14 @@ use crate::msg::clusters::Session;
 use crate::msg::ros::TransformStamped;
 use crate::report::{Story, Taken};
 
+/// Time between two reports, as the live node has it.
+const REPORT: Duration = Duration::from_secs(1);
+
 /// What a replay is made with.
 #[derive(Clone, Debug)]
 pub struct Settings {
+    /// The node that it stands for.
+    pub node: String,
     /// Of the engine.
     pub engine: Params,
     /// Time between two snapshots, in the time of the stamps.
@@ -51,6 +57,9 @@ pub struct Replay<'a> {
     sessions: u64,
     /// When the result bag gets a snapshot.
     pace: Pace,
+    /// When it gets a report.
+    reports: Pace,
+    diagnosis: Diagnosis,
     engine_ms: Vec<f32>,
     binning: Duration,
     /// Points that lay beyond the grid's reach.
@@ -67,6 +76,8 @@ impl<'a> Replay<'a> {
         Self {
             engine: Engine::new(settings.engine),
             pace: Pace::new(settings.publish_period),
+            reports: Pace::new(REPORT),
+            diagnosis: Diagnosis::default(),
             settings,
             outputs,
             session: None,
@@ -170,7 +181,13 @@ impl<'a> Replay<'a> {
 impl Visitor for Replay<'_> {
     type Error = WriteError;
 
-    fn scan(&mut self, scan: &Scan, recorded: Duration, fixed_frame: &str) -> Result<(), WriteError> {
+    fn scan(
+        &mut self,
+        scan: &Scan,
+        recorded: Duration,
+        fixed_frame: &str,
+        tally: &Tally,
+    ) -> Result<(), WriteError> {
         self.outputs.scan(scan.stamp, recorded)?;
         let (update, ms) = self.insert(scan);
         self.sessions += u64::from(update.sequence == 1);
@@ -178,6 +195,10 @@ impl Visitor for Replay<'_> {
         let session = self.session(update.stamp, fixed_frame);
         self.tell(scan, &update, ms);
         self.outputs.update(&session, &update)?;
+        if self.outputs.bag.is_some() && self.reports.is_due(update.stamp) {
+            let report = self.diagnosis.report(&self.settings.node, update.stamp, tally, &self.engine);
+            self.outputs.diagnostics(&report)?;
+        }
         if self.outputs.bag.is_some() && self.pace.is_due(update.stamp) {
             self.outputs.snapshot(&session, &self.engine.snapshot())?;
         }
@@ -194,6 +215,7 @@ impl Visitor for Replay<'_> {
         self.outputs.jumped_back(seconds);
         self.engine = Engine::new(self.settings.engine);
         self.pace = Pace::new(self.settings.publish_period);
+        self.reports = Pace::new(REPORT);
         Ok(Go::On)
     }
 

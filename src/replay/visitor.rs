@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use super::summary::Tally;
 use crate::bag::Message;
 use crate::engine::Scan;
 use crate::msg::ros::TransformStamped;
@@ -11,11 +12,17 @@ pub trait Visitor {
     /// Why it cannot go on.
     type Error;
 
-    /// A scan, recorded at this time (since the epoch), in the frame `fixed_frame`.
+    /// A scan, recorded at this time (since the epoch), in the frame `fixed_frame`; `tally` is what has become of the bag until then.
     ///
     /// # Errors
     /// Ends the feeding.
-    fn scan(&mut self, scan: &Scan, recorded: Duration, fixed_frame: &str) -> Result<(), Self::Error>;
+    fn scan(
+        &mut self,
+        scan: &Scan,
+        recorded: Duration,
+        fixed_frame: &str,
+        tally: &Tally,
+    ) -> Result<(), Self::Error>;
 
     /// Stamps have jumped back by this many seconds: the next scan begins a new session. Says whether it is wanted.
     ///

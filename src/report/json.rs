@@ -30,6 +30,7 @@ pub(super) fn write_story(out: &mut dyn Write, story: &Story) -> io::Result<()> 
             merge.into.to_string(),
             merge.from.iter().map(ToString::to_string).collect::<Vec<_>>(),
         ])).collect::<Vec<_>>(),
+        "start": story.series.first.map_or_else(|| json!([0, 0]), |first| time(first.into())),
         "scans": scans(&story.series.columns),
     });
     write!(out, "{{\"story\":{},\"moments\":[", escaped(&head.to_string()))?;
@@ -107,7 +108,6 @@ fn scans(columns: &[Column]) -> Value {
     let row = |value: &dyn Fn(&Column) -> Value| columns.iter().map(value).collect::<Value>();
     json!({
         "count": row(&|column| json!(column.scans)),
-        "stamp": row(&|column| time(column.stamp.into())),
         "points": row(&|column| number(column.points as f64 / column.scans as f64)),
         "engine_ms": row(&|column| number(column.engine_ms / column.scans as f64)),
         "slowest_ms": row(&|column| number(column.slowest_ms)),

@@ -2,7 +2,7 @@
 //! was skipped and why.
 //!
 //! A [`Story`] is built up while the scans go through the engine, in memory that grows with the
-//! map and not with the length of the bag; [`write_report`] makes the page of it. Everything is pure: the same story and
+//! map and not with the length of the bag, but for the ids of each merge; [`write_report`] makes the page of it. Everything is pure: the same story and
 //! [`Facts`] give the same bytes. The page needs no network and refuses itself any: its viewer (`viewer/*.js`) draws in
 //! software on a 2-D canvas.
 //!

@@ -118,8 +118,8 @@ fn summary(story: &Story, facts: &Facts) -> String {
             &format!(" ms on average, slowest {:.1} ms", total.slowest_ms),
         );
     }
-    if let Some((first, last)) = story.series.columns.first().zip(story.series.columns.last()) {
-        let seconds = last.stamp.seconds_since(first.stamp);
+    if let Some((first, last)) = story.series.first.zip(story.series.columns.last()) {
+        let seconds = last.stamp.seconds_since(first);
         add("recorded", &format!("{seconds:.2}"), " s");
     }
     add("replay took", &format!("{:.2}", facts.wall_seconds), " s");

@@ -46,18 +46,21 @@ pub(super) const COLUMNS: usize = 1024;
 /// The columns, in time; all but the last of the same number of scans.
 #[derive(Clone, Debug)]
 pub(super) struct Series {
+    /// Stamp of the first scan.
+    pub(super) first: Option<Stamp>,
     pub(super) columns: Vec<Column>,
     scans_per_column: u64,
 }
 
 impl Default for Series {
     fn default() -> Self {
-        Self { columns: Vec::new(), scans_per_column: 1 }
+        Self { first: None, columns: Vec::new(), scans_per_column: 1 }
     }
 }
 
 impl Series {
     pub(super) fn push(&mut self, scan: Column) {
+        self.first.get_or_insert(scan.stamp);
         match self.columns.last_mut() {
             Some(last) if last.scans < self.scans_per_column => *last = last.and_then(&scan),
             _ => self.columns.push(scan),
@@ -123,6 +126,7 @@ mod tests {
             series.push(scan(number));
             assert!(series.columns.len() <= COLUMNS);
         }
+        assert_eq!(series.first, Some(Stamp::from_nanos(1)));
         let total = series.total().unwrap();
         assert_eq!((total.scans, total.points, total.newly_dense), (10_001, 20_002, 30_003));
         assert_eq!((total.clusters, total.slowest_ms, total.engine_ms), (10_001, 10_001.0, 5_000.5));

@@ -1,7 +1,7 @@
 //! Which transforms jump back in time, and which frames only seem to.
 //!
 //! A bag that loops and a simulator that is reset play again from the beginning. Two publishers of one frame, one of which is
-//! late, send an older stamp with every other message: what comes next is where the frame was before. Where the later one falls
+//! late, send older stamps by turns: what comes next, or a few messages later, is where the frame was before. Where the later one falls
 //! silent, the frame has jumped back after all, once the other has gone on alone for as long as transforms are kept.
 
 use std::collections::BTreeMap;
@@ -59,11 +59,12 @@ impl Jumps {
             let earlier = |stamp: Stamp| since.map_or(stamp, |since| since.min(stamp));
             *since = stamp.filter(|_| is_behind).map(earlier);
         }
-        let (_, before) = self.last.take_if(|(last, _)| last == child)?;
         let (stamp, newest) = (stamp?, newest?);
+        // The late one may send several before the other's next.
+        let is_there = |before: &Stamp| before.seconds_since(stamp) <= JUMP_BACK;
+        self.last.take_if(|(last, before)| last == child && is_there(before))?;
         let apart = stamp.seconds_since(newest);
-        let is_there = before.seconds_since(stamp) <= JUMP_BACK;
-        if !is_there || apart <= JUMP_BACK || self.to_and_fro.len() >= MAX_FRAMES {
+        if apart <= JUMP_BACK || self.to_and_fro.len() >= MAX_FRAMES {
             return None;
         }
         self.to_and_fro.insert(child.to_owned(), None);

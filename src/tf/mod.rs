@@ -435,18 +435,6 @@ pub(crate) fn bare(name: &str) -> &str {
     name.trim_start_matches('/')
 }
 
-/// What is to be said of a fixed frame that is an optical one by its name: classes of surfaces go by its z, which is to be up (REP
-/// 103, 105), and there z looks ahead.
-pub fn z_is_not_up(fixed_frame: &str) -> Option<String> {
-    let is_optical = ["_optical_frame", "_optical"].iter().any(|end| fixed_frame.ends_with(end));
-    is_optical.then(|| {
-        format!(
-            "the fixed frame `{fixed_frame}` is an optical one by its name, whose z looks ahead: classes of surfaces need one whose z \
-             is up, and are wrong in it"
-        )
-    })
-}
-
 /// In the engine's types; `None` where a long chain has overflowed.
 fn isometry(transform: &Transform<Timestamp>) -> Option<Isometry3<f64>> {
     let (t, r) = (transform.translation(), transform.rotation());

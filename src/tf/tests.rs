@@ -348,16 +348,6 @@ fn the_number_of_frames_is_bounded_and_known_ones_still_update() {
 }
 
 #[test]
-fn an_optical_frame_is_no_fixed_frame_by_its_name() {
-    for name in ["camera_depth_optical_frame", "/robot/left_optical"] {
-        assert!(z_is_not_up(name).is_some_and(|line| line.contains(name)), "{name}");
-    }
-    for name in ["odom", "camera_depth_frame", "optical_table", "optical"] {
-        assert_eq!(z_is_not_up(name), None);
-    }
-}
-
-#[test]
 fn stamps_before_1970_keep_their_order() {
     let mut frames = Frames::new();
     frames.dynamic("odom", "camera", -START - 1.0, 1.0);

@@ -32,7 +32,7 @@ def recordings(request):
         return bags.DATA
     if noted := os.environ.get("CFODI_LEFT_OUT"):
         with open(noted, "a") as file:
-            file.write(request.node.name + "\n")
+            file.write(f"{request.node.name}: no recordings or no tool for bags\n")
     pytest.skip("no recordings (set CFODI_DATA and CFODI_TOOLS)")
 
 

@@ -24,7 +24,7 @@ def test_all_that_a_machine_lacks_is_named_before_anything_is_built(tmp_path):
     status, said = run("run.sh", PATH=str(tmp_path), OPENSSL_NO_VENDOR="", CARGO_TARGET_DIR=str(tmp_path / "target"))
     assert status == 1 and "FAILED" not in said
     lacks = [line.split(" ")[1] for line in said.splitlines()[1:]]
-    assert lacks == ["cargo", "cc", "c++", "make", "flock", "unshare", "nsenter", "python3.11", "OpenSSL"]
+    assert lacks == ["cargo", "cc", "c++", "make", "flock", "unshare", "nsenter", "kill", "python3.11", "OpenSSL"]
     assert said.count("apt-get install") >= len(lacks) - 1
 
 

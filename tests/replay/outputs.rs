@@ -16,7 +16,7 @@ fn an_output_that_cannot_be_written_is_named_and_nothing_is_left() {
     let out = folder.join("out.mcap");
     assert_eq!(replay(&cut, &["--out", out.to_str().unwrap()]).status, 1);
     let result = mcap::Summary::read(&fs::read(&out).unwrap()).unwrap().unwrap();
-    assert_eq!(result.channels.len(), 6);
+    assert_eq!(result.channels.len(), 7);
     let names: Vec<_> =
         fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
     assert!(!names.iter().any(|name| name.to_string_lossy().contains(".part")), "{names:?}");

@@ -1,5 +1,6 @@
 //! Files of every shape, cut, damaged or of something else.
 
+use std::io::Read as _;
 use std::path::Path;
 
 use crate::bags::{BagWriter, Layout, OPTICAL, POINTS, chunks, drive, ends_of_clouds, stamp};
@@ -56,27 +57,42 @@ fn a_bag_cut_at_any_byte_gives_every_scan_before_the_cut_and_status_1() {
 }
 
 #[test]
-fn a_compressed_bag_cut_at_any_byte_gives_at_least_the_whole_chunks() {
+fn a_bag_in_compressed_chunks_cut_at_any_byte_gives_at_least_the_whole_chunks() {
     let folder = Folder::new();
-    let (in_chunks, plain) =
-        (drive(BagWriter::new(Layout::Zstd), 20), drive(BagWriter::new(Layout::Plain), 20));
-    let as_a_whole = zstd::encode_all(&plain[..], 3).unwrap();
-    for (name, bag) in [("chunks.mcap", in_chunks), ("whole.mcap.zstd", as_a_whole)] {
-        let ends: Vec<usize> = if name.starts_with("chunks") { ends_of_chunks(&bag) } else { Vec::new() };
-        for cut in cuts(bag.len(), 60) {
-            let found = replay(&folder.put(name, &bag[..cut]), &[]);
-            let chunks = ends.iter().filter(|end| **end <= cut).count() as u64;
-            assert_eq!(found.status, 1, "{name} cut at {cut}: {}", found.errors);
-            // A chunk holds the transforms and clouds of two scans and a half.
-            assert!(
-                found.number("scans") >= 2 * chunks.min(6),
-                "{name} cut at {cut}: {chunks} chunks, {} scans: {}",
-                found.number("scans"),
-                found.errors
-            );
-            assert!(found.number("scans") <= 20);
-        }
+    let bag = drive(BagWriter::new(Layout::Zstd), 20);
+    let ends = ends_of_chunks(&bag);
+    // The same messages are in the chunks of one that is not compressed.
+    let plain = drive(BagWriter::new(Layout::Chunks), 20);
+    let (plain_ends, clouds) = (ends_of_chunks(&plain), ends_of_clouds(&plain));
+    assert!(ends.len() > 5 && ends.len() == plain_ends.len(), "{} and {}", ends.len(), plain_ends.len());
+    for cut in cuts(bag.len(), 60) {
+        let found = replay(&folder.put("chunks.mcap", &bag[..cut]), &[]);
+        let chunks = ends.iter().filter(|end| **end <= cut).count();
+        let end = chunks.checked_sub(1).map_or(0, |last| plain_ends[last]);
+        let least = clouds.iter().filter(|cloud| **cloud <= end).count() as u64;
+        assert_eq!(found.status, 1, "cut at {cut}: {}", found.errors);
+        let scans = found.number("scans");
+        assert!((least..=20).contains(&scans), "cut at {cut}: {scans} of {least}: {}", found.errors);
     }
+}
+
+#[test]
+fn a_bag_compressed_as_a_whole_and_cut_at_any_byte_gives_every_scan_that_can_be_unpacked() {
+    let folder = Folder::new();
+    let plain = drive(BagWriter::new(Layout::Plain), 20);
+    let (bag, ends) = (zstd::encode_all(&plain[..], 3).unwrap(), ends_of_clouds(&plain));
+    let mut most = 0;
+    for cut in cuts(bag.len(), 60) {
+        let mut unpacked = Vec::new();
+        let rest = zstd::Decoder::new(&bag[..cut]).unwrap().read_to_end(&mut unpacked);
+        assert!(rest.is_err());
+        let before = ends.iter().filter(|end| **end <= unpacked.len()).count() as u64;
+        let found = replay(&folder.put("whole.mcap.zstd", &bag[..cut]), &[]);
+        let scans = found.number("scans");
+        assert_eq!((found.status, scans), (1, before), "cut at {cut}: {}", found.errors);
+        most = most.max(scans);
+    }
+    assert!(most > 10, "{most}");
 }
 
 fn ends_of_chunks(bag: &[u8]) -> Vec<usize> {
@@ -99,6 +115,14 @@ fn other_recordings_are_refused_with_the_command_that_converts_them() {
         assert_eq!((found.status, found.summary), (2, None));
         assert!(found.errors.contains("rosbags-convert --src "), "{}", found.errors);
     }
+    // Compressed, and beside no metadata, as a recorder leaves it that was killed.
+    let packed = zstd::encode_all(&b"SQLite format 3\0abc"[..], 3).unwrap();
+    let found = replay(&folder.put("b.db3.zstd", &packed), &[]);
+    assert!(found.status == 2 && found.errors.contains("rosbags-convert --src "), "{}", found.errors);
+    let alone = Folder::new();
+    alone.put("x_0.db3", b"SQLite format 3\0abc");
+    let found = replay(alone.path(), &[]);
+    assert!(found.status == 2 && found.errors.contains("rosbags-convert --src "), "{}", found.errors);
     let found = replay(&folder.put("a.txt", b"hello, hello"), &[]);
     assert!(
         found.status == 2 && found.errors.contains("it begins with \"hello, hello\""),
@@ -158,6 +182,32 @@ fn a_damaged_chunk_costs_its_own_scans_alone() {
             let found = replay(&folder.put("a.mcap", &bag), &[]);
             let said = ["is cut or damaged", "before that, 1 of its chunks"];
             assert!(said.iter().all(|said| found.errors.contains(said)), "{}", found.errors);
+        }
+    }
+}
+
+#[test]
+fn a_length_in_a_chunk_that_is_wrong_costs_the_scans_of_that_chunk_alone() {
+    let folder = Folder::new();
+    let mut writer = BagWriter::new(Layout::Chunks);
+    (0..20).for_each(|i| writer.scan(i));
+    let whole = writer.finish();
+    let chunks = chunks(&whole);
+    for chunk in &chunks[1..chunks.len() - 1] {
+        for more in [1 << 10, 64 << 10, 10 << 20, u64::MAX >> 1] {
+            let mut bag = whole.clone();
+            // Of the first record in it, behind what a chunk begins with.
+            let length = &mut bag[chunk.start + 9 + 40 + 1..][..8];
+            let before = u64::from_le_bytes((&*length).try_into().unwrap());
+            length.copy_from_slice(&(before + more).to_le_bytes());
+            let found = replay(&folder.put("a.mcap", &bag), &[]);
+            let said = format!("1 of its chunks, of {} bytes, could not be read in full", chunk.len() - 9);
+            assert!(
+                found.status == 1 && found.errors.contains(&said),
+                "{chunk:?} + {more}: {}",
+                found.errors
+            );
+            assert!(found.number("scans") >= 17, "{chunk:?} + {more}: {}", found.number("scans"));
         }
     }
 }

@@ -18,7 +18,7 @@ BINARY = os.environ.get("CFODI_BIN") or TOP / "target/release/cfodi"
 def leave_out(request, why):
     if noted := os.environ.get("CFODI_LEFT_OUT"):
         with open(noted, "a") as file:
-            file.write(request.node.name + "\n")
+            file.write(f"{request.node.name}: {why}\n")
     pytest.skip(why)
 
 
@@ -71,6 +71,14 @@ def made_report(request, open_browser, make_report):
 
 
 @pytest.fixture
+def report_of_the_letter(request, open_browser, make_report):
+    """Of mode `paper`, which knows no outline, area or class."""
+    if not RECORDING.is_file():
+        leave_out(request, "no recordings (set CFODI_DATA)")
+    return make_report("--ros-args", "-p", "mode:=paper")
+
+
+@pytest.fixture
 def empty_report(request, open_browser, make_report):
     """Of a map without a voxel."""
     if not RECORDING.is_file():
@@ -82,3 +90,9 @@ def empty_report(request, open_browser, make_report):
 def page(open_browser, made_report):
     from viewer import Page
     return Page(open_browser(), made_report)
+
+
+@pytest.fixture
+def page_of_the_letter(open_browser, report_of_the_letter):
+    from viewer import Page
+    return Page(open_browser(), report_of_the_letter)

@@ -41,13 +41,10 @@ def own_network():
 
 @pytest.fixture
 def recordings(request):
-    """The folder of the recordings. Where it is not there the test is left out, and its name is noted for the last line."""
+    """The folder of the recordings. Where it is not there the test is left out."""
     folder = network.recordings()
     if folder is None:
-        if noted := os.environ.get("CFODI_LEFT_OUT"):
-            with open(noted, "a") as file:
-                file.write(request.node.name + "\n")
-        pytest.skip("no recordings (set CFODI_DATA)")
+        network.leave_out(request, "no recordings (set CFODI_DATA)")
     return folder
 
 

@@ -11,6 +11,9 @@ LIVE = pathlib.Path(__file__).resolve().parents[1] / "soak" / "live.py"
 sys.path.append(str(LIVE.parent))
 
 from account import Account, Window
+from live import FAULTS as ALL_FAULTS
+
+FAULTS = [fault.__name__.replace("_", " ") for fault, _ in ALL_FAULTS]
 
 BEGIN = 1000  # s
 
@@ -74,3 +77,5 @@ def test_a_minute_with_every_fault_once_leaves_nothing_wrong(large_buffers):
     done = subprocess.run([sys.executable, LIVE, *arguments.split()], stdout=subprocess.PIPE, text=True, timeout=280)
     print(done.stdout)
     assert done.returncode == 0, done.stdout
+    missing = [name for name in FAULTS if name not in done.stdout]
+    assert not missing, f"no time was left for {missing}"

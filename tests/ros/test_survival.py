@@ -16,7 +16,7 @@ import pytest
 from cfodi_node import REPOSITORY, accounted, skipped
 from faults import Driver, hogs, no_network, stall, stopped
 from follow import follow
-from network import other_machine
+from network import leave_out, other_machine
 
 STALL = 5  # s
 HASTE = 200  # Hz
@@ -200,10 +200,10 @@ def test_where_the_clock_is_set_back_scans_come_again_at_once_in_the_same_map(st
 
 
 @pytest.fixture
-def machine(own_network):
+def machine(own_network, request):
     """Where the driver is, at the other end of a wire."""
     if not shutil.which("ip"):
-        pytest.skip("no `ip` (iproute2) to lay a wire with")
+        leave_out(request, "no `ip` (iproute2) to lay a wire with")
     with other_machine("10.9.0.2") as machine:
         yield machine
 

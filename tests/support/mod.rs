@@ -47,7 +47,7 @@ fn leave_out(test: &str, folder: &Path) {
     eprintln!("{test} left out: no recording in {}", folder.display());
     if let Some(list) = std::env::var_os("CFODI_LEFT_OUT") {
         let mut list = File::options().append(true).create(true).open(list).unwrap();
-        writeln!(list, "{test}").unwrap();
+        writeln!(list, "{test}: no recordings or no tool for bags").unwrap();
     }
 }
 

@@ -127,8 +127,8 @@ pub(super) struct Block {
     cells: Cells,
     /// By ascending cell; none while it rests.
     voxels: Vec<Voxel>,
-    /// The voxels of a block at rest.
-    rest: Option<Rest>,
+    /// The voxels of a block at rest, shared with what was frozen of the map meanwhile.
+    rest: Option<Arc<Rest>>,
     /// Number of dense voxels.
     pub(super) dense: u32,
     /// Whether a voxel has become dense, or has doubled its weight, since the block was published.
@@ -261,7 +261,7 @@ impl Block {
     /// Keeps its voxels as they are published, or would be; `states` are the dense ones.
     pub(super) fn rest(&mut self, states: Arc<Vec<State>>) {
         debug_assert!(self.rest.is_none() && !self.is_stale() && !self.touched);
-        self.rest = Some(Rest::new(&std::mem::take(&mut self.voxels), states));
+        self.rest = Some(Arc::new(Rest::new(&std::mem::take(&mut self.voxels), states)));
     }
 
     /// Ends its rest; whether it was at rest.

@@ -43,7 +43,7 @@
 //! `scratch` is that from scratch; `surfaces` keeps it while blocks are published, and property tests hold the two
 //! equal after every scan, removals included. Its cost follows the published blocks and their neighbours, and the
 //! smaller side of what splits or merges (`graph`), never the size of the map; what leaves the engine is described anew
-//! where it changed, and what it is judged by is found without a look at all clusters (`surfaces/landmarks`).
+//! where it changed, which for an outline costs as much as the whole cluster is large, and what it is judged by is found without a look at all clusters (`surfaces/landmarks`).
 //!
 //! # Why patches of blocks
 //!
@@ -79,6 +79,7 @@ mod describe;
 mod eigen;
 mod exact;
 mod footprint;
+mod frozen;
 mod graph;
 mod grid;
 mod held;
@@ -113,6 +114,7 @@ mod trace;
 mod view;
 mod within;
 
+pub(super) use frozen::FrozenConsistent;
 pub use noise::NoiseModel;
 pub use pipeline::Consistent;
 pub(super) use saved::SavedConsistent;

@@ -1,14 +1,13 @@
 //! The consistent engine itself: one scan in, what it changed out.
 
-mod voxels;
-
 use super::block::{BlockIndex, Cell};
 use super::bounds::Bounds;
 use super::clearing::Clearing;
+use super::frozen::FrozenConsistent;
 use super::grid::{Binned, Grid};
 use super::layer::Segmented;
 use super::rest::Leaving;
-use super::saved::{SavedBlock, SavedConsistent};
+use super::saved::SavedConsistent;
 use super::scratch;
 use super::standpoint::Standpoint;
 use super::state::states;
@@ -107,10 +106,6 @@ impl Consistent {
         update
     }
 
-    pub(crate) const fn taken(&self) -> &Taken {
-        &self.taken
-    }
-
     /// See [`Engine::tune`](crate::engine::Engine::tune).
     pub(crate) fn tune(&mut self, params: &Params) {
         self.params = self.params.tuned(params);
@@ -119,11 +114,13 @@ impl Consistent {
         self.bounds.tune(&self.params, &self.grid);
     }
 
-    pub(crate) fn save(&self) -> SavedConsistent {
-        let saved = |(slot, block)| SavedBlock::of(block, self.surfaces.save_states(&self.grid, slot));
-        SavedConsistent {
-            blocks: self.grid.blocks().map(saved).collect(),
-            surfaces: self.surfaces.save(),
+    /// The map as it is now.
+    pub(crate) fn freeze(&self) -> FrozenConsistent {
+        FrozenConsistent {
+            grid: self.grid.clone(),
+            surfaces: self.surfaces.freeze(),
+            noise: self.surfaces.rules.noise,
+            taken: self.taken,
             standpoint: self.standpoint.save(),
             next: self.bounds.next(),
         }
@@ -169,14 +166,7 @@ impl Consistent {
 
     /// The whole map as it is now. Costs O(map).
     pub fn snapshot(&self) -> Snapshot {
-        Snapshot {
-            sequence: self.taken.sequence,
-            stamp: self.taken.stamp,
-            voxel_size: self.params.voxel_size(),
-            clusters: self.surfaces.told().into_iter().cloned().collect(),
-            voxels: self.voxels(),
-            unclustered_voxels: self.unclustered(),
-        }
+        self.freeze().snapshot()
     }
 
     /// Takes out what the scan has seen through; returns the blocks that have lost voxels by it.
@@ -283,15 +273,7 @@ impl Consistent {
 impl Consistent {
     /// The clusters of the published voxels, those that are too small to be told of included.
     pub fn partition(&self) -> Partition {
-        let mut partition = Partition::new();
-        for (index, block) in self.grid.blocks() {
-            for (state, node) in self.surfaces.voxels(index) {
-                let number = node.map(|node| self.surfaces.component(node));
-                partition.extend(block.voxel_key(state.cell()).map(|key| (key, number)));
-            }
-        }
-        partition.sort_unstable();
-        partition
+        self.freeze().partition()
     }
 
     /// What the definition makes of the published voxels, from scratch. Costs O(map).

@@ -248,7 +248,7 @@ mod tests {
         #[test]
         fn the_state_of_a_voxel_has_its_cell_and_points_and_is_possible(
             cell in 0_u16..512, points in prop::collection::vec(prop::array::uniform3(0_u64..4096), 1..40),
-            towards in prop::array::uniform3(0.1..1.0), scans in prop::collection::vec(1..=MAX_WEIGHT, 1..60),
+            towards in prop::array::uniform3(prop_oneof![-1.0..-0.1, 0.1..1.0]), scans in prop::collection::vec(1..=MAX_WEIGHT, 1..60),
         ) {
             let mut scan = ScanSums::default();
             points.iter().for_each(|&point| scan.add(point));

@@ -184,7 +184,7 @@ mod tests {
 
     fn scans() -> impl Strategy<Value = Vec<Seen>> {
         let point = prop::array::uniform3(0..binning::UNITS as u64);
-        let towards = prop::array::uniform3(0.1..1.0);
+        let towards = prop::array::uniform3(prop_oneof![-1.0..-0.1, 0.1..1.0]);
         prop::collection::vec((prop::collection::vec(point, 1..40), 1..=MAX_WEIGHT, towards), 1..60)
     }
 

@@ -12,6 +12,7 @@
 //! where it is still most of a cluster, and does not bring it into another's.
 
 mod follow;
+mod frozen;
 mod identify;
 mod landmarks;
 mod loose;
@@ -22,6 +23,7 @@ mod waiting;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
+pub(super) use self::frozen::FrozenSurfaces;
 use self::landmarks::Landmarks;
 pub(super) use self::saved::SavedSurfaces;
 use self::waiting::Waiting;
@@ -104,29 +106,13 @@ impl Surfaces {
         self.counted.voxels
     }
 
+    #[cfg(test)]
+    pub(super) fn cluster(&self, component: ComponentId) -> Option<&Cluster> {
+        self.clusters[component].as_deref()
+    }
+
     pub(super) const fn segmented(&self) -> &By<BlockIndex, Segmented> {
         &self.segmented
-    }
-
-    pub(super) fn component(&self, node: NodeId) -> u32 {
-        self.graph.component(node).0
-    }
-
-    pub(super) fn cluster_of_node(&self, node: NodeId) -> Option<&Cluster> {
-        self.clusters[self.graph.component(node)].as_deref()
-    }
-
-    /// The published voxels of a block, each with its node.
-    pub(super) fn voxels(&self, block: BlockIndex) -> Vec<(&State, Option<NodeId>)> {
-        let Some(here) = self.segmented.get(block) else { return Vec::new() };
-        let mut loose = here.loose.iter();
-        let numbers = here.numbers();
-        let node = |state: &State| match numbers[state.cell().index()] {
-            number if here.is_loose(number) => loose.next().and_then(|loose| loose.owner()),
-            number => Some(self.nodes[block][usize::from(number)]),
-        };
-        let nodes: Vec<_> = here.states.iter().map(node).collect();
-        here.states.iter().zip(nodes).collect()
     }
 
     /// The dense voxels of a block as they were published, with those that have become dense since.
@@ -139,12 +125,6 @@ impl Surfaces {
         let here = &mut self.segmented[block];
         here.fit();
         Arc::clone(&here.states)
-    }
-
-    /// The plane that a node's patch has, with its point in voxels.
-    pub(super) fn patch(&self, node: NodeId) -> Option<&Patch> {
-        let id = self.patches[node]?;
-        self.segmented[id.block].patches.get(usize::from(id.number))
     }
 
     /// Forgets what the scan before has changed.

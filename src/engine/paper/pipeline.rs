@@ -84,7 +84,7 @@ impl Cfodi {
     pub(crate) fn restore(params: Params, taken: Taken, map: &SavedCfodi) -> Result<Self, RestoreError> {
         ensure(map.sensor.iter().all(|c| c.is_finite()), || format!("the sensor is at {}", map.sensor))?;
         let grid = saved::grid(&map.voxels, map.globals.slots(), &params, taken.sequence)?;
-        let globals = Globals::restore(&map.globals, &grid, taken.sequence)?;
+        let globals = Globals::restore(&map.globals, &grid, &params, taken.now())?;
         Ok(Self { grid, globals, search: Neighbourhood::default(), taken, sensor: map.sensor, params })
     }
 

@@ -30,7 +30,7 @@ pub(super) fn interval(period: Duration) -> Interval {
 }
 
 impl<T: Transport> Live<T> {
-    /// Goes on by these parameters. What points are taken in is up to those who decode them.
+    /// Goes on by these parameters. What points are taken in of a message from outside is up to those who decode it.
     pub(super) fn change(&mut self, config: &Config) {
         let Timers { snapshots, savings } = &mut self.timers;
         if snapshots.period() != config.publish_period {
@@ -41,7 +41,7 @@ impl<T: Transport> Live<T> {
             *savings = interval(config.snapshot_period);
             savings.reset();
         }
-        self.tf_timeout = config.tf_timeout;
+        (self.filter, self.tf_timeout) = (config.filter, config.tf_timeout);
         self.join.set_places(places(config));
         self.worker.set_places(places(config));
         self.worker.tune(config.engine);

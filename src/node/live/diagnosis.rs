@@ -5,10 +5,10 @@ use std::cell::RefCell;
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
-use super::part::Part;
 use super::saving_figures::SavingFigures;
 use crate::config::Config;
 use crate::memory::resident_mb;
+use crate::msg::part::Part;
 use crate::msg::reports::{DiagnosticStatus, Level};
 use crate::node::counts::Counts;
 use crate::node::publish::Seen;
@@ -138,7 +138,8 @@ impl Diagnosis {
         part.value("rate [Hz]", format!("{rate:.2}"));
         part.value("engine, median [ms]", ms(took.get(took.len() / 2)));
         part.value("engine, longest [ms]", ms(took.last()));
-        part.value("snapshot, newest [ms]", ms(Some(&snapshot_took)));
+        part.value("held up for a snapshot, newest [ms]", ms(Some(&snapshot_took.freezing)));
+        part.value("snapshot, newest [ms]", ms(Some(&snapshot_took.making)));
         part.value("received in all", counts.received).value("taken in in all", counts.taken_in);
         part.value("replaced in all", counts.replaced).value("lost in all", counts.lost);
         for (reason, number) in &counts.skipped {

@@ -10,7 +10,7 @@ use crate::node::rosout::listen;
 #[test]
 fn before_a_disk_that_does_not_answer_three_maps_wait_and_three_tasks_to_keep() {
     let (saver, waiting) = queue();
-    let map = || Box::new(Engine::new(Params::default()).save());
+    let map = || Box::new(Engine::new(Params::default()).freeze());
     let jumps = |from: u64| (from..from + 1000).for_each(|session| saver.end(session, map()));
     for session in [1, 2000, 4000] {
         saver.write(session, map());
@@ -55,12 +55,12 @@ fn a_file_that_was_to_be_kept_while_no_task_had_a_place_is_kept_when_one_has() {
     assert!(matches!(waiting.try_recv(), Ok(Task::Keep { before: 3 })));
 }
 
-fn map_of(scans: u64) -> SavedMap {
+fn map_of(scans: u64) -> Frozen {
     let mut engine = Engine::new(Params::default());
     let (stamp, points) = (Stamp::default(), Points::F32(Vec::new()));
     let scan = Scan { stamp, fixed_from_sensor: Isometry3::identity(), points };
     (0..scans).for_each(|_| drop(engine.insert(&scan)));
-    engine.save()
+    engine.freeze()
 }
 
 #[test]
@@ -127,7 +127,7 @@ fn of_jumps_without_end_the_newest_maps_are_kept_and_the_largest() {
     let mut large = Engine::new(Params::default());
     let points = Points::F32((0..1000u16).map(|i| [f32::from(i), 0.0, 1.0]).collect());
     large.insert(&Scan { stamp: Stamp::default(), fixed_from_sensor: Isometry3::identity(), points });
-    saver.write(1, Box::new(large.save()));
+    saver.write(1, Box::new(large.freeze()));
     results.blocking_recv().unwrap().unwrap();
     for session in 2..30 {
         saver.keep(session);

@@ -79,7 +79,31 @@ fn build(file: &str, changes: &str) -> Result<Config, OpenError> {
         let inserted = config.insert_json5(key.trim(), value.trim());
         inserted.map_err(|error| wrong(OVERRIDE, change, &error))?;
     }
-    Ok(config)
+    match endpoints(&config).into_iter().find(|endpoint| !endpoint.starts_with(TCP)) {
+        None => Ok(config),
+        Some(other) if changes.contains(&other) => Err(wrong(OVERRIDE, &other, &NO_TCP)),
+        Some(other) => Err(wrong(FILE, &other, &NO_TCP)),
+    }
+}
+
+/// What the endpoints begin with that this program has.
+const TCP: &str = "tcp/";
+const NO_TCP: &str = "this program has TCP alone: tcp/HOST:PORT";
+
+/// All that it connects to or listens at, whatever it is by then: there are lists of them, by mode if need be.
+fn endpoints(config: &Config) -> Vec<String> {
+    let lists = ["connect/endpoints", "listen/endpoints"].map(|key| config.get_json(key));
+    let lists = lists.into_iter().flatten().filter_map(|list| serde_json::from_str(&list).ok());
+    let (mut left, mut endpoints): (Vec<serde_json::Value>, _) = (lists.collect(), Vec::new());
+    while let Some(value) = left.pop() {
+        match value {
+            serde_json::Value::String(endpoint) => endpoints.push(endpoint),
+            serde_json::Value::Array(list) => left.extend(list),
+            serde_json::Value::Object(by_mode) => left.extend(by_mode.into_iter().map(|(_, list)| list)),
+            _ => {}
+        }
+    }
+    endpoints
 }
 
 fn wrong(name: &'static str, value: &str, text: &impl ToString) -> OpenError {
@@ -116,6 +140,16 @@ mod tests {
             ("", "mode", "ZENOH_CONFIG_OVERRIDE is \"mode\": it must be key=value"),
             ("", "mode=nothing", "ZENOH_CONFIG_OVERRIDE is \"mode=nothing\": "),
             ("", "no/such/key=1", "ZENOH_CONFIG_OVERRIDE is \"no/such/key=1\": "),
+            (
+                "",
+                r#"connect/endpoints=["tls/r:7447"]"#,
+                "ZENOH_CONFIG_OVERRIDE is \"tls/r:7447\": this program",
+            ),
+            (
+                "",
+                r#"listen/endpoints={peer: ["tcp/[::1]:0", "udp/[::1]:0"]}"#,
+                "ZENOH_CONFIG_OVERRIDE is \"udp/[::1]:0\": this program has TCP alone",
+            ),
         ] {
             let error = build(file, changes).err().map(|error| error.to_string()).unwrap_or_default();
             assert!(error.starts_with(words), "{error}");

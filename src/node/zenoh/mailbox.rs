@@ -32,9 +32,8 @@ impl<T> Mailbox<T> {
         Self { room, inside: Mutex::new(inside), arrived: Notify::new() }
     }
 
-    /// Adds a message of so many bytes; one that is too large for itself is dropped.
-    pub(super) fn put(&self, message: T, bytes: usize) {
-        // What goes is freed when nobody waits for the lock.
+    /// Adds a message of so many bytes; returns what has no room for it: where it is too large for itself, that too.
+    pub(super) fn put(&self, message: T, bytes: usize) -> Vec<T> {
         let mut gone = Vec::new();
         {
             let mut inside = self.inside.lock().unwrap_or_else(PoisonError::into_inner);
@@ -48,6 +47,7 @@ impl<T> Mailbox<T> {
             }
         }
         self.arrived.notify_one();
+        gone
     }
 
     /// The oldest message, and how many before it were dropped.
@@ -75,11 +75,10 @@ mod tests {
     #[test]
     fn the_newest_stay_within_number_and_bytes_and_the_others_are_counted() {
         let mailbox = Mailbox::new(Room { messages: 3, bytes: 100 });
-        for (message, bytes) in [('a', 10), ('b', 10), ('c', 10), ('d', 10)] {
-            mailbox.put(message, bytes);
-        }
+        let gone = ['a', 'b', 'c', 'd'].map(|message| mailbox.put(message, 10));
+        assert_eq!(gone.concat(), ['a']);
         assert_eq!(mailbox.try_take(), Some(('b', 1)));
-        mailbox.put('e', 85);
+        assert_eq!(mailbox.put('e', 85), ['c']);
         assert_eq!(mailbox.try_take(), Some(('d', 1)));
         assert_eq!((mailbox.try_take(), mailbox.try_take()), (Some(('e', 0)), None));
     }
@@ -87,10 +86,10 @@ mod tests {
     #[test]
     fn a_message_that_is_larger_than_the_room_is_dropped_and_counted_with_the_next() {
         let mailbox = Mailbox::new(Room { messages: 3, bytes: 100 });
-        mailbox.put('a', usize::MAX);
-        mailbox.put('b', 101);
+        assert_eq!(mailbox.put('a', usize::MAX), ['a']);
+        assert_eq!(mailbox.put('b', 101), ['b']);
         assert_eq!(mailbox.try_take(), None);
-        mailbox.put('c', 100);
+        assert!(mailbox.put('c', 100).is_empty());
         assert_eq!(mailbox.try_take(), Some(('c', 2)));
     }
 

@@ -16,6 +16,7 @@ use zenoh::{Session, Wait as _};
 use zenoh_ext::{AdvancedSubscriber, AdvancedSubscriberBuilderExt as _, HistoryConfig};
 
 use super::answers::{Answers, Held, Places};
+use super::discards::Discards;
 use super::mailbox::{Mailbox, Room};
 use super::names::{Attachment, Kind, NodeToken, publisher_id};
 use super::{Events, opening};
@@ -44,6 +45,7 @@ pub(super) struct Opener {
     ends: Cell<u64>,
     tokens: RefCell<Vec<LivelinessToken>>,
     answers: Answers,
+    discards: Discards<Query>,
 }
 
 impl Opener {
@@ -52,7 +54,8 @@ impl Opener {
         let (namespace, name) = (namespace.clone(), name.clone());
         let node = NodeToken { domain: *domain, id: session.zid().to_string(), namespace, name };
         let (setup, session) = (setup.clone(), session.clone());
-        let opener = Self { setup, session, node, ends: Cell::new(0), tokens: RefCell::default(), answers };
+        let (ends, tokens, discards) = (Cell::new(0), RefCell::default(), Discards::start()?);
+        let opener = Self { setup, session, node, ends, tokens, answers, discards };
         opener.declare(opener.node.key())?;
         Ok(opener)
     }
@@ -86,7 +89,7 @@ impl Opener {
         let put = move |sample: Sample| {
             if sample.kind() == SampleKind::Put {
                 let bytes = sample.payload().len();
-                there.put(sample, bytes);
+                drop(there.put(sample, bytes));
             }
         };
         let key = named.key_of_any(self.setup.domain);
@@ -112,9 +115,10 @@ impl Opener {
         let named = Named { name: &resolved, type_name };
         let mailbox = Arc::new(Mailbox::new(room));
         let there = Arc::clone(&mailbox);
+        let discards = self.discards.clone();
         let put = move |query: Query| {
             let bytes = query.payload().map_or(0, ZBytes::len);
-            there.put(query, bytes);
+            discards.add(there.put(query, bytes));
         };
         let key = named.key_of_any(self.setup.domain);
         let queryable = self.session.declare_queryable(key).complete(true).callback(put).wait();

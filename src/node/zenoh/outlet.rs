@@ -1,5 +1,5 @@
 //! What the node sends. A reader that is slow, or behind a link that is, holds nothing up: Zenoh drops for it what it cannot
-//! pass on within some milliseconds.
+//! pass on within some milliseconds, and what it keeps for late readers is handed to it on a thread aside.
 
 use std::cell::Cell;
 use std::collections::BTreeMap;
@@ -8,8 +8,9 @@ use std::time::Duration;
 use zenoh::Wait as _;
 use zenoh::pubsub::Publisher;
 use zenoh::qos::CongestionControl;
-use zenoh_ext::{AdvancedPublisher, AdvancedPublisherBuilderExt as _, CacheConfig, MissDetectionConfig};
+use zenoh_ext::{AdvancedPublisherBuilderExt as _, CacheConfig, MissDetectionConfig};
 
+use super::latched::Latched;
 use super::names::{Attachment, Kind};
 use super::opener::Opener;
 use super::opening;
@@ -37,21 +38,11 @@ pub(super) fn open(opener: &Opener) -> Result<BTreeMap<&'static str, Outlet>, Op
 enum Sender {
     Live(Publisher<'static>),
     /// Keeps the newest for late readers.
-    Latched(Aside<AdvancedPublisher<'static>>),
+    Latched(Latched<Message>),
 }
 
-/// Something that is waited for where it is dropped: Zenoh panics where it is waited for within a runtime of one thread.
-struct Aside<T: Send + 'static>(Option<T>);
-
-impl<T: Send + 'static> Drop for Aside<T> {
-    fn drop(&mut self) {
-        let inside = self.0.take();
-        let dropping = std::thread::Builder::new().name("cfodi-zenoh".to_owned()).spawn(move || drop(inside));
-        if let Ok(dropping) = dropping {
-            drop(dropping.join());
-        }
-    }
-}
+/// In CDR, with its attachment.
+type Message = (Vec<u8>, Vec<u8>);
 
 /// A topic that is published.
 pub(super) struct Outlet {
@@ -70,8 +61,11 @@ impl Outlet {
         let sender = if qos.latched {
             let latched = publisher.cache(CacheConfig::default().max_samples(qos.depth));
             let missed = MissDetectionConfig::default().sporadic_heartbeat(HEARTBEAT);
-            let latched = latched.publisher_detection().sample_miss_detection(missed);
-            Sender::Latched(Aside(Some(latched.wait().map_err(opening(&resolved))?)))
+            let latched = latched.publisher_detection().sample_miss_detection(missed).wait();
+            let latched = latched.map_err(opening(&resolved))?;
+            let put =
+                move |(message, attachment): Message| latched.put(message).attachment(attachment).wait();
+            Sender::Latched(Latched::start(qos.depth, put).map_err(opening("a thread"))?)
         } else {
             Sender::Live(publisher.wait().map_err(opening(&resolved))?)
         };
@@ -84,13 +78,15 @@ impl Outlet {
         self.sent.set(self.sent.get() + 1);
         let attachment =
             Attachment { number: self.sent.get(), stamp: clock::now().nanos(), publisher: self.id };
-        let sent = match &self.sender {
-            Sender::Live(publisher) => publisher.put(message).attachment(attachment.bytes()).wait(),
-            Sender::Latched(Aside(Some(publisher))) => {
-                publisher.put(message).attachment(attachment.bytes()).wait()
+        match &self.sender {
+            Sender::Live(publisher) => {
+                let sent = publisher.put(message).attachment(attachment.bytes()).wait();
+                sent.map_err(|error| SendError::refused(self.name, &error))
             }
-            Sender::Latched(Aside(None)) => Ok(()),
-        };
-        sent.map_err(|error| SendError::refused(self.name, &error))
+            Sender::Latched(latched) => {
+                let before = latched.send((message, attachment.bytes()));
+                before.map_or(Ok(()), |error| Err(SendError::refused(self.name, &error)))
+            }
+        }
     }
 }

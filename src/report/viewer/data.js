@@ -80,7 +80,7 @@ function readStory(json) {
     colours: bytesOf(story.colours),
     merges: story.merges.map(([scan, into, from]) => ({ scan, into, from })),
     scans: story.scans,
-    start: story.scans.stamp[0] ?? [0, 0],
+    start: story.start,
     moments: moments.map((moment) => ({
       scan: moment.head[0],
       stamp: moment.head[1],

@@ -37,6 +37,23 @@ fn a_frame_of_two_publishers_whose_stamps_lie_apart_clears_what_others_have_once
     assert_eq!(frames.frame_names(), ["base_link", "camera", "odom"]);
 }
 
+#[test]
+fn nor_does_one_whose_late_publisher_sends_several_times_as_often_clear_it_again_and_again() {
+    for often in [2, 3, 5] {
+        let mut frames = robot();
+        for step in 0..100 {
+            let now = 2.2 + 0.1 * f64::from(step);
+            frames.dynamic("map", "tag", now, 0.0);
+            for part in 0..often {
+                let late = now - 1.6 + 0.1 * f64::from(part) / f64::from(often);
+                frames.dynamic("map", "tag", late, 0.0);
+            }
+            assert_eq!(frames.dynamic("odom", "base_link", now, now), Inserted::Stored);
+        }
+        assert_eq!(frames.jumps(), 1, "{often} times");
+    }
+}
+
 /// One whose clock is an hour ahead, until somebody ends it.
 #[test]
 fn a_frame_of_two_publishers_goes_on_as_one_when_the_later_one_has_been_silent() {

@@ -376,17 +376,19 @@ fn a_cluster_is_seen_where_it_reaches_into_a_block_by_loose_voxels_alone() {
     let mut engine = Consistent::new(Params::default());
     (0..20).for_each(|_| drop(engine.insert(&next())));
     let blocks: Vec<_> = engine.grid.blocks().map(|(slot, _)| slot).collect();
+    let frozen = engine.surfaces.freeze();
     let mut alone = 0;
     for (number, block) in (1..).zip(blocks) {
         let now = Now { sequence: 20, stamp: Stamp::from_nanos(number * 1_000_000_000_000) };
         engine.surfaces.note_seen(&[block], now);
-        let nodes: Vec<_> = engine.surfaces.voxels(block).into_iter().filter_map(|(_, node)| node).collect();
-        for node in &nodes {
-            let cluster = engine.surfaces.cluster_of_node(*node).unwrap();
-            assert_eq!(cluster.identity.last_seen, now.stamp, "{block:?}, {node:?}");
+        let components: Vec<_> =
+            frozen.voxels(block).into_iter().filter_map(|(_, face)| Some(face?.component)).collect();
+        for &component in &components {
+            let cluster = engine.surfaces.cluster(component).unwrap();
+            assert_eq!(cluster.identity.last_seen, now.stamp, "{block:?}, {component:?}");
         }
         let patches = engine.surfaces.segmented().get(block).map_or(0, |here| here.patches.len());
-        alone += usize::from(patches == 0 && !nodes.is_empty());
+        alone += usize::from(patches == 0 && !components.is_empty());
     }
     assert!(alone > 0);
 }

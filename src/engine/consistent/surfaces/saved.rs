@@ -18,7 +18,6 @@ use crate::engine::consistent::patch::PatchId;
 use crate::engine::consistent::rules::Rules;
 use crate::engine::consistent::saved::{SavedBlock, SavedState};
 use crate::engine::consistent::scratch;
-use crate::engine::consistent::state::{State, states};
 use crate::engine::params::Params;
 use crate::engine::saved::{MOST_REVISIONS, RestoreError, ensure, ensure_counted, in_slots};
 use crate::engine::scan::Stamp;
@@ -32,7 +31,7 @@ const LEAST_ALONG: f64 = 0.5;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(in super::super) struct SavedSurfaces {
     /// By block: the nodes of its patches, by number.
-    nodes: Vec<Vec<u32>>,
+    pub(super) nodes: Vec<Vec<u32>>,
     slots: Slots,
     /// With their components.
     clusters: Vec<(u32, SavedCluster)>,
@@ -56,41 +55,30 @@ struct SavedTold {
     last_seen: Stamp,
 }
 
+impl SavedCluster {
+    fn of(cluster: &Cluster) -> Self {
+        let told = cluster.told.as_ref().map(|told| SavedTold {
+            state: told.state,
+            class: told.class,
+            class_confidence: told.class_confidence,
+            last_seen: told.last_seen,
+        });
+        Self { identity: cluster.identity.clone(), axis: cluster.footprint.axis().index() as u8, told }
+    }
+}
+
 impl Surfaces {
-    pub(in super::super) fn save(&self) -> SavedSurfaces {
-        let told = |cluster: &Cluster| {
-            cluster.told.as_ref().map(|told| SavedTold {
-                state: told.state,
-                class: told.class,
-                class_confidence: told.class_confidence,
-                last_seen: told.last_seen,
-            })
-        };
-        let saved = |cluster: &Cluster| SavedCluster {
-            identity: cluster.identity.clone(),
-            axis: cluster.footprint.axis().index() as u8,
-            told: told(cluster),
-        };
+    /// All but the nodes of the blocks.
+    pub(super) fn save(&self) -> SavedSurfaces {
+        let clusters = (0..).zip(self.clusters.iter());
         SavedSurfaces {
-            nodes: self.nodes.iter().map(|nodes| nodes.iter().map(|node| node.0).collect()).collect(),
+            nodes: Vec::new(),
             slots: self.graph.slots_taken(),
-            clusters: (0..)
-                .zip(self.clusters.iter())
-                .filter_map(|(component, cluster)| Some((component, saved(cluster.as_deref()?))))
+            clusters: clusters
+                .filter_map(|(component, cluster)| Some((component, SavedCluster::of(cluster.as_deref()?))))
                 .collect(),
             ids_given: self.ids_given,
         }
-    }
-
-    /// The states of a block, as they are to be saved.
-    pub(in super::super) fn save_states(&self, grid: &Grid, block: BlockIndex) -> Vec<SavedState> {
-        let Some(here) = self.segmented.get(block) else { return Vec::new() };
-        let admitted: BTreeSet<_> =
-            here.loose.iter().filter(|loose| loose.is_admitted()).map(|loose| loose.place()).collect();
-        let now = states(grid, grid.block(block));
-        debug_assert!(now.iter().map(State::cell).eq(here.states.iter().map(State::cell)));
-        let places = (0..).zip(here.states.iter().zip(&now));
-        places.map(|(place, (state, now))| SavedState::of(state, now, admitted.contains(&place))).collect()
     }
 
     /// The clusters of the voxels of `grid`; `blocks` say what they were published as.
@@ -265,9 +253,9 @@ mod tests {
         let drive = Drive::new(Scene::room(), 1, Stamp::from_nanos(0));
         let mut map = Consistent::new(Params::default());
         (0..6).for_each(|index| drop(map.insert(&drive.labelled_scan(5 * index).scan)));
-        let saved = map.save();
-        let restored = |saved: &_| Consistent::restore(Params::default(), *map.taken(), saved);
-        assert!(restored(&saved).is_ok_and(|map| map.save() == saved));
+        let saved = map.freeze().save();
+        let restored = |saved: &_| Consistent::restore(Params::default(), *map.freeze().taken(), saved);
+        assert!(restored(&saved).is_ok_and(|map| map.freeze().save() == saved));
         let mut floors = 0;
         for (place, (_, cluster)) in saved.surfaces.clusters.iter().enumerate() {
             if cluster.told.as_ref().is_some_and(|told| told.class == SurfaceClass::Floor) {

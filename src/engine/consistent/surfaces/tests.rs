@@ -71,9 +71,10 @@ impl Bench {
     /// The id of the cluster that a voxel is in.
     fn id_at(&self, [x, y, z]: [i32; 3]) -> Option<u64> {
         let (block, cell) = place(VoxelKey::new(x, y, z)?);
-        let voxels = self.surfaces.voxels(self.grid.find(block)?);
-        let (_, node) = voxels.into_iter().find(|(state, _)| state.cell() == cell)?;
-        Some(self.surfaces.cluster_of_node(node?)?.identity.id?.get())
+        let frozen = self.surfaces.freeze();
+        let voxels = frozen.voxels(self.grid.find(block)?);
+        let (_, face) = voxels.into_iter().find(|(state, _)| state.cell() == cell)?;
+        Some(face?.cluster?.get())
     }
 
     fn told(&self) -> Vec<u64> {

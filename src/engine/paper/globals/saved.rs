@@ -3,11 +3,13 @@
 use nalgebra::{UnitVector3, Vector3};
 use serde::{Deserialize, Serialize};
 
-use super::{Global, Globals, Moments};
+use super::{Global, Globals, Moments, is_active};
 use crate::engine::key::{ClusterId, VoxelKey};
+use crate::engine::now::Now;
 use crate::engine::paper::extremes::Extremes;
 use crate::engine::paper::grid::{Grid, Label};
 use crate::engine::paper::saved::is_unit;
+use crate::engine::params::Params;
 use crate::engine::saved::{MOST_REVISIONS, RestoreError, ensure, in_slots};
 use crate::engine::scan::Stamp;
 
@@ -18,7 +20,6 @@ pub(crate) struct SavedGlobals {
     living: Vec<(u32, SavedGlobal)>,
     /// By slot: that of the living cluster that it has been merged into, or its own.
     roots: Vec<u32>,
-    growths: Vec<(u64, u32)>,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -36,7 +37,7 @@ impl SavedGlobals {
         self.roots.len()
     }
 
-    /// What a search for a cluster, and growths, rely on.
+    /// What a search for a cluster relies on.
     fn check(&self, sequence: u64) -> Result<(), RestoreError> {
         let slots = self.slots();
         ensure(u32::try_from(slots).is_ok(), || format!("{slots} clusters"))?;
@@ -53,14 +54,15 @@ impl SavedGlobals {
                 && global.revision <= MOST_REVISIONS;
             ensure(possible, || format!("an impossible cluster after {sequence} scans: {global:?}"))?;
         }
-        let mut before = 0;
-        for &(scan, slot) in &self.growths {
-            ensure((before..=sequence).contains(&scan) && (slot as usize) < slots, || {
-                format!("cluster {slot} of {slots} grew in scan {scan}, after one in {before} of {sequence}")
-            })?;
-            before = scan;
-        }
         Ok(())
+    }
+
+    /// The clusters that may become complete, by the scan in which they grew last.
+    fn growths(&self, params: &Params, now: Now) -> Vec<(u64, u32)> {
+        let growths = self.living.iter().map(|(slot, global)| (global.grown, *slot));
+        let mut growths: Vec<_> = growths.filter(|(grown, _)| is_active(*grown, params, now)).collect();
+        growths.sort_unstable();
+        growths
     }
 
     fn by_slot(&self) -> Result<Vec<Option<&SavedGlobal>>, RestoreError> {
@@ -84,13 +86,17 @@ impl Globals {
                 .filter_map(|(slot, global)| Some((slot, saved(global.as_deref()?))))
                 .collect(),
             roots: self.roots(),
-            growths: self.growths.iter().copied().collect(),
         }
     }
 
     /// The clusters of the voxels of `grid`, whose labels are below the number of slots.
-    pub(crate) fn restore(map: &SavedGlobals, grid: &Grid, sequence: u64) -> Result<Self, RestoreError> {
-        map.check(sequence)?;
+    pub(crate) fn restore(
+        map: &SavedGlobals,
+        grid: &Grid,
+        params: &Params,
+        now: Now,
+    ) -> Result<Self, RestoreError> {
+        map.check(now.sequence)?;
         // Until the first voxel comes.
         let origin = VoxelKey::new(0, 0, 0).unwrap_or_else(|| unreachable!("the origin is within reach"));
         let globals = (1..).zip(map.by_slot()?).map(|(number, saved)| {
@@ -113,7 +119,7 @@ impl Globals {
         let mut globals = Self {
             slots: globals.collect(),
             parents: map.roots.clone(),
-            growths: map.growths.iter().copied().collect(),
+            growths: map.growths(params, now).into(),
             ..Self::default()
         };
         globals.enter(grid);
@@ -157,8 +163,7 @@ mod tests {
             changed: 1,
         };
         let check = |roots: &[u32]| {
-            let (living, growths) = (vec![(0, global.clone())], Vec::new());
-            SavedGlobals { living, roots: roots.to_vec(), growths }.check(1)
+            SavedGlobals { living: vec![(0, global.clone())], roots: roots.to_vec() }.check(1)
         };
         assert_eq!(check(&[0, 0, 0]), Ok(()));
         for roots in [[0, 0, 1], [0, 2, 0], [0, 1, 0], [1, 0, 0], [0, 0, 9]] {

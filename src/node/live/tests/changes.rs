@@ -1,6 +1,8 @@
 //! Parameters that change while the node runs.
 
 use super::*;
+use crate::sim::drive::Drive;
+use crate::sim::scene::Scene;
 
 fn config(name: &str, value: f64) -> Config {
     Config::new([(name.to_owned(), Value::Double(value))]).unwrap()
@@ -48,4 +50,18 @@ fn what_the_engine_goes_on_by_reaches_it_before_the_next_scan() {
         assert_eq!(counts.taken_in, 1);
         assert_eq!(transport.deltas.borrow()[0].unclustered_voxels, voxels);
     }
+}
+
+#[test]
+fn a_cloud_that_is_handed_over_is_decoded_by_the_parameters_of_that_moment() {
+    let drive = Drive::new(Scene::room(), 1, at(10.0));
+    let handed = |index| {
+        let mut cloud = drive.step(index).cloud;
+        cloud.header.frame_id = "camera".to_owned();
+        Event::Handed(Form::Points.of(0), Box::new(cloud))
+    };
+    let fewer = Config::new([("max_points".to_owned(), Value::Integer(1))]).unwrap();
+    let events = vec![transform(at(0.0), true), handed(0), Event::Changed(Box::new(fewer)), handed(1)];
+    let (_, counts, _) = node(Fake::default(), events, 1);
+    assert_eq!((counts.taken_in, counts.skipped.into_values().sum::<u64>()), (1, 1));
 }

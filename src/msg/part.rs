@@ -6,13 +6,13 @@ use crate::line::one_line;
 use crate::msg::reports::{DiagnosticStatus, KeyValue, Level};
 
 /// A part of the node, with the worst that is to be said of it.
-pub(super) struct Part {
-    pub(super) status: DiagnosticStatus,
+pub(crate) struct Part {
+    pub(crate) status: DiagnosticStatus,
     level: Level,
 }
 
 impl Part {
-    pub(super) fn new(node: &str, part: &str, fine: impl Into<String>) -> Self {
+    pub(crate) fn new(node: &str, part: &str, fine: impl Into<String>) -> Self {
         let name = format!("{}: {part}", node.trim_start_matches('/'));
         Self {
             status: DiagnosticStatus { name, message: fine.into(), ..Default::default() },
@@ -20,13 +20,13 @@ impl Part {
         }
     }
 
-    pub(super) fn value(&mut self, key: impl Into<String>, value: impl Display) -> &mut Self {
+    pub(crate) fn value(&mut self, key: impl Into<String>, value: impl Display) -> &mut Self {
         self.status.values.push(KeyValue { key: key.into(), value: value.to_string() });
         self
     }
 
     /// Says this, with what was said before where that is as bad, alone where that is better.
-    pub(super) fn raise(&mut self, level: Level, line: impl AsRef<str>) {
+    pub(crate) fn raise(&mut self, level: Level, line: impl AsRef<str>) {
         let line = one_line(line.as_ref());
         if level > self.level {
             self.level = level;
@@ -37,7 +37,7 @@ impl Part {
         }
     }
 
-    pub(super) fn finish(mut self) -> DiagnosticStatus {
+    pub(crate) fn finish(mut self) -> DiagnosticStatus {
         self.status.level = self.level as u8;
         self.status
     }

@@ -5,14 +5,14 @@ use std::ops::Range;
 
 use nalgebra::UnitVector3;
 
-use super::Consistent;
+use super::FrozenConsistent;
 use crate::engine::consistent::block::{Block, BlockIndex, BlockKey, EDGE, Voxel};
-use crate::engine::consistent::graph::NodeId;
 use crate::engine::consistent::region::Region;
 use crate::engine::consistent::state::states;
+use crate::engine::key::ClusterId;
 use crate::engine::snapshot::DenseVoxel;
 
-impl Consistent {
+impl FrozenConsistent {
     /// All dense voxels by ascending key. Blocks are sorted, and not voxels, which are fifty times as many.
     pub(super) fn voxels(&self) -> Vec<DenseVoxel> {
         let mut blocks: Vec<_> = self.grid.blocks().map(|(index, block)| (block.key, index)).collect();
@@ -33,43 +33,38 @@ impl Consistent {
         voxels
     }
 
-    /// The dense voxels of a block, ascending.
+    /// The dense voxels of a block, ascending. A voxel has the normal of its patch, which sees further than the voxel's own
+    /// neighbourhood, and its curvature.
     fn put_voxels(&self, index: BlockIndex, voxels: &mut Vec<DenseVoxel>) {
         let block = self.grid.block(index);
         let published = self.surfaces.voxels(index);
         let now = OnceCell::new();
-        let noise = &self.surfaces.rules.noise;
         for voxel in block.voxels().iter().filter(|voxel| self.grid.is_dense(voxel)) {
             let place = published.binary_search_by_key(&voxel.cell, |(state, _)| state.cell());
-            let node = place.ok().and_then(|place| published[place].1);
-            let patch = node.and_then(|node| self.surfaces.patch(node));
-            let of_patch = patch.map(|patch| (patch.normal(), patch.curvature()));
-            let shape = of_patch.or_else(|| {
+            let face = place.ok().and_then(|place| published[place].1);
+            let shape = face.map(|face| (face.normal, face.curvature)).or_else(|| {
                 let now = now.get_or_init(|| states(&self.grid, block));
-                let fit = Region::around(now, voxel.cell, noise).fit()?;
+                let fit = Region::around(now, voxel.cell, &self.noise).fit()?;
                 Some((fit.plane.normal, fit.curvature() as f32))
             });
-            voxels.extend(self.voxel(block, voxel, shape, node));
+            voxels.extend(self.voxel(block, voxel, shape, face.and_then(|face| face.cluster)));
         }
     }
 
-    /// A voxel has the normal of its patch, which sees further than the voxel's own neighbourhood, and its curvature; `shape`
-    /// is both.
     fn voxel(
         &self,
         block: &Block,
         voxel: &Voxel,
         shape: Option<(UnitVector3<f64>, f32)>,
-        node: Option<NodeId>,
+        cluster: Option<ClusterId>,
     ) -> Option<DenseVoxel> {
-        let cluster = node.and_then(|node| self.surfaces.cluster_of_node(node));
         Some(DenseVoxel {
             key: block.voxel_key(voxel.cell)?,
             count: voxel.count,
             centre: self.grid.centre(block, voxel),
             normal: shape.map(|(normal, _)| normal),
             curvature: shape.map_or(f32::NAN, |(_, curvature)| curvature),
-            cluster: cluster.and_then(|cluster| cluster.identity.id),
+            cluster,
         })
     }
 }
@@ -100,8 +95,8 @@ mod tests {
     use nalgebra::Isometry3;
     use proptest::prelude::*;
 
-    use super::*;
     use crate::engine::binning::between;
+    use crate::engine::consistent::Consistent;
     use crate::engine::params::Params;
     use crate::engine::points::Points;
     use crate::engine::scan::{Scan, Stamp};
@@ -118,7 +113,7 @@ mod tests {
             let stamp = Stamp::from_nanos(0);
             let scan = Scan { stamp, fixed_from_sensor: Isometry3::identity(), points: Points::F32(points) };
             engine.insert(&scan);
-            let voxels = engine.voxels();
+            let voxels = engine.freeze().voxels();
             prop_assert_eq!(voxels.len(), engine.dense_count());
             prop_assert!(voxels.is_sorted_by(|a, b| a.key < b.key));
         }

@@ -1,0 +1,226 @@
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::time::Duration;
+
+use super::*;
+use crate::engine::{Isometry3, Params, Points, Stamp};
+
+/// The engine of a test panics at a scan of this stamp.
+pub(crate) const DEADLY: Stamp = Stamp::from_nanos(13_131_313_131_313);
+
+const PATIENCE: Duration = Duration::from_secs(60);
+
+fn scan(stamp: i64) -> Scan {
+    Scan {
+        stamp: Stamp::from_nanos(stamp),
+        fixed_from_sensor: Isometry3::identity(),
+        points: Points::F32(Vec::new()),
+    }
+}
+
+/// Scans that may wait.
+const PLACES: usize = 8;
+
+fn engine() -> Engine {
+    Engine::new(Params::paper())
+}
+
+fn started() -> (Worker, Receiver<Output>) {
+    let (sender, receiver) = channel();
+    (Worker::start(engine(), 1, PLACES, move |output| drop(sender.send(output))).unwrap(), receiver)
+}
+
+#[test]
+fn in_a_full_mailbox_the_oldest_scan_is_replaced_and_said_to_be() {
+    let (entered, enter) = channel();
+    let (leave, left) = channel::<()>();
+    let (left, (sender, receiver)) = (Arc::new(Mutex::new(left)), channel());
+    let worker = Worker::start(engine(), 1, PLACES, move |output| {
+        entered.send(()).unwrap();
+        left.lock().unwrap().recv().unwrap();
+        sender.send(output).unwrap();
+    });
+    let worker = worker.unwrap();
+    assert!(!worker.submit(scan(1)));
+    enter.recv_timeout(PATIENCE).unwrap();
+    let places = PLACES as i64;
+    assert!((2..2 + places).all(|stamp| !worker.submit(scan(stamp))));
+    assert!(worker.submit(scan(2 + places)));
+    (0..=places).for_each(|_| leave.send(()).unwrap());
+    drop(worker);
+    let stamps: Vec<_> =
+        receiver
+            .iter()
+            .filter_map(|output| {
+                if let Output::Scan { update, .. } = output { Some(update.stamp.nanos()) } else { None }
+            })
+            .collect();
+    assert_eq!(stamps, [1].into_iter().chain(3..3 + places).collect::<Vec<_>>());
+}
+
+#[test]
+fn after_a_snapshot_that_held_the_engine_up_the_next_is_put_off_for_long_only_while_scans_wait() {
+    let after = |freezing: Duration, making: Duration, stop: bool, waiting: i64| {
+        let mailbox = Mailbox::default();
+        mailbox.rest(Took { freezing, making });
+        mailbox.put(|pending| {
+            (pending.snapshot, pending.stop) = (true, stop);
+            pending.scans.extend((0..waiting).map(scan));
+            let is_put_off = pending.put_off().is_some();
+            (is_put_off, pending.is_idle(is_put_off))
+        })
+    };
+    let (no_time, long) = (Duration::ZERO, Duration::from_secs(60));
+    assert_eq!(
+        [after(long, no_time, false, 0), after(long, no_time, false, 2)],
+        [(true, true), (true, false)]
+    );
+    assert_eq!(
+        [after(SHORT, no_time, false, 0), after(SHORT, no_time, false, 2)],
+        [(false, false), (true, false)]
+    );
+    assert_eq!(
+        [after(no_time, long, false, 0), after(no_time, long, false, 2)],
+        [(true, true), (true, false)]
+    );
+    assert_eq!(after(long, long, true, 0), (false, false), "the last one is not put off");
+}
+
+#[test]
+fn a_snapshot_that_was_put_off_comes_and_that_of_a_new_session_at_once() {
+    let (worker, outputs) = started();
+    worker.mailbox.rest(Took { freezing: 2 * SHORT, making: SHORT });
+    let begin = Instant::now();
+    worker.request_snapshot();
+    assert!(matches!(outputs.recv_timeout(PATIENCE).unwrap(), Output::Snapshot { session: 1, .. }));
+    assert!(begin.elapsed() > SHORT * REST);
+    worker.mailbox.rest(Took { freezing: 100 * PATIENCE, making: SHORT });
+    assert_eq!(worker.reset(2), 0);
+    worker.request_snapshot();
+    assert!(matches!(outputs.recv_timeout(PATIENCE).unwrap(), Output::Snapshot { session: 2, .. }));
+}
+
+/// A sink that lets a snapshot through when it is told to.
+fn slow_for_maps() -> (Worker, Receiver<Output>, Sender<()>) {
+    let (sender, receiver) = channel();
+    let (leave, left) = channel::<()>();
+    let left = Arc::new(Mutex::new(left));
+    let worker = Worker::start(engine(), 1, PLACES, move |output| {
+        if let Output::Snapshot { .. } = output {
+            _ = left.lock().unwrap().recv();
+        }
+        drop(sender.send(output));
+    });
+    (worker.unwrap(), receiver, leave)
+}
+
+#[test]
+fn while_a_snapshot_is_made_scans_are_taken_in_and_no_other_one_is_begun() {
+    let (worker, outputs, leave) = slow_for_maps();
+    let next = || outputs.recv_timeout(PATIENCE).unwrap();
+    worker.request_snapshot();
+    for stamp in 1..=3 {
+        assert!(!worker.submit(scan(stamp)));
+        worker.request_snapshot();
+        assert!(matches!(next(), Output::Scan { update, .. } if update.sequence == stamp as u64));
+    }
+    leave.send(()).unwrap();
+    assert!(matches!(next(), Output::Snapshot { snapshot, .. } if snapshot.sequence <= 1));
+    leave.send(()).unwrap();
+    assert!(matches!(next(), Output::Snapshot { snapshot, .. } if snapshot.sequence == 3));
+    worker.request_snapshot();
+    drop(leave);
+    drop(worker);
+    let left: Vec<_> = outputs.iter().collect();
+    assert!(matches!(&left[..], [Output::Snapshot { snapshot, .. }] if snapshot.sequence == 3), "{left:?}");
+}
+
+#[test]
+fn a_snapshot_of_a_session_never_comes_after_what_belongs_to_the_next() {
+    let (worker, outputs, leave) = slow_for_maps();
+    worker.request_snapshot();
+    assert_eq!(worker.reset(2), 0);
+    assert!(!worker.submit(scan(1)));
+    leave.send(()).unwrap();
+    let sessions = (0..2).map(|_| match outputs.recv_timeout(PATIENCE).unwrap() {
+        Output::Snapshot { session, .. } => ("map", session),
+        Output::Scan { session, .. } => ("scan", session),
+        other => panic!("{other:?}"),
+    });
+    let sessions: Vec<_> = sessions.collect();
+    assert!(
+        sessions == [("map", 1), ("scan", 2)]
+            || sessions == [("map", 2), ("scan", 2)]
+            || sessions == [("scan", 2), ("map", 2)],
+        "{sessions:?}"
+    );
+}
+
+#[test]
+fn a_panic_while_a_snapshot_is_made_is_reported_too() {
+    let (sender, receiver) = channel();
+    let worker = Worker::start(engine(), 1, PLACES, move |output| {
+        assert!(!matches!(output, Output::Snapshot { .. }), "no room");
+        drop(sender.send(output));
+    });
+    let worker = worker.unwrap();
+    worker.request_snapshot();
+    worker.request_snapshot();
+    drop(worker);
+    assert!(matches!(receiver.recv_timeout(PATIENCE).unwrap(), Output::Died(text) if text == "no room"));
+}
+
+#[test]
+fn a_reset_throws_the_map_away_and_begins_a_session() {
+    let (worker, outputs) = started();
+    assert!(!worker.submit(scan(1)));
+    assert!(matches!(outputs.recv_timeout(PATIENCE).unwrap(), Output::Scan { session: 1, .. }));
+    assert_eq!(worker.reset(9), 0);
+    worker.request_snapshot();
+    let Output::Snapshot { session, snapshot, .. } = outputs.recv_timeout(PATIENCE).unwrap() else {
+        panic!()
+    };
+    assert_eq!((session, snapshot.sequence), (9, 0));
+}
+
+#[test]
+fn at_a_jump_the_map_comes_out_before_the_session_begins_unless_it_is_empty() {
+    let (worker, outputs) = started();
+    assert_eq!(worker.jump(2), 0);
+    worker.request_snapshot();
+    let first = outputs.recv_timeout(PATIENCE).unwrap();
+    assert!(matches!(first, Output::Snapshot { session: 2, .. }), "{first:?}");
+    assert!(!worker.submit(scan(1)));
+    assert!(matches!(outputs.recv_timeout(PATIENCE).unwrap(), Output::Scan { session: 2, .. }));
+    assert_eq!(worker.jump(3), 0);
+    worker.request_save();
+    drop(worker);
+    let maps = outputs.iter().filter_map(|output| match output {
+        Output::Ended { session, map } => Some(("ended", session, map.sequence())),
+        Output::Saved { session, map } => Some(("saved", session, map.sequence())),
+        _ => None,
+    });
+    assert_eq!(maps.collect::<Vec<_>>(), [("ended", 2, 1), ("saved", 3, 0)]);
+}
+
+#[test]
+fn a_saved_map_has_all_scans_that_were_waiting_when_the_worker_ends() {
+    let (worker, outputs) = started();
+    (1..=5).for_each(|stamp| assert!(!worker.submit(scan(stamp))));
+    worker.request_save();
+    drop(worker);
+    let last = outputs.iter().filter_map(|output| {
+        if let Output::Saved { session, map } = output { Some((session, map.sequence())) } else { None }
+    });
+    assert_eq!(last.last(), Some((1, 5)));
+}
+
+#[test]
+fn a_panic_on_the_thread_is_reported_and_not_silent() {
+    let (sender, receiver) = channel();
+    let worker = Worker::start(engine(), 1, PLACES, move |output| {
+        assert!(!matches!(output, Output::Scan { .. }), "no room");
+        drop(sender.send(output));
+    });
+    assert!(!worker.unwrap().submit(scan(1)));
+    assert!(matches!(receiver.recv_timeout(PATIENCE).unwrap(), Output::Died(text) if text == "no room"));
+}
