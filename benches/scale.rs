@@ -107,12 +107,32 @@ fn main() {
     tell_ratios(&mut first, &mut bench);
     bench.tell_longest("scan", |steps| steps.iter().sum());
     bench.tell_longest("binning", |steps| steps[0]);
+    tell_whole(&bench.engine);
     tell_beyond(&rows[rows.len() - 1]);
     if is_test {
         assert_eq!(bench.engine.snapshot().voxels.len(), bench.dense as usize, "the updates tell all");
     }
     figure::draw(&rows, &path).unwrap();
     println!("{}", path.display());
+}
+
+/// How long the engine is held up for whoever wants all of the map, and what is made of that beside it.
+fn tell_whole(engine: &Engine) {
+    let ms = |begin: Instant| begin.elapsed().as_secs_f64() * 1e3;
+    for _ in 0..3 {
+        let begin = Instant::now();
+        let map = engine.freeze();
+        let freezing = ms(begin);
+        let begin = Instant::now();
+        let snapshot = map.snapshot();
+        let making = ms(begin);
+        let begin = Instant::now();
+        drop(map.save());
+        let (voxels, saving) = (snapshot.voxels.len(), ms(begin));
+        println!(
+            "{voxels} dense voxels: frozen in {freezing:.0} ms; then a snapshot in {making:.0}, a map to save in {saving:.0} ms"
+        );
+    }
 }
 
 impl Bench {

@@ -86,6 +86,7 @@ fn save(group: &mut Group, label: &str, scans: &[Scan], params: Params) {
     let stored = Stored { frame_id: "map".to_owned(), map: engine.save() };
     let bytes = pack(&stored).unwrap();
     println!("save {label}: {} voxels, {} bytes", engine.voxel_count(), bytes.len());
+    group.bench_function(format!("freeze {label}, consistent"), |b| b.iter(|| engine.freeze()));
     group.bench_function(format!("snapshot {label}, consistent"), |b| b.iter(|| engine.snapshot()));
     group.bench_function(format!("save {label}, engine"), |b| b.iter(|| engine.save()));
     group.bench_function(format!("save {label}, pack"), |b| b.iter(|| pack(&stored)));

@@ -12,10 +12,12 @@ mod reader;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
+use std::sync::Arc;
 
 use cfodi::engine::consistent::Consistent;
 use cfodi::engine::{
-    Cluster, DenseVoxel, Engine, Isometry3, Mode, NoiseModel, Params, Points, Scan, Snapshot, Stamp, VoxelKey,
+    Cluster, DenseVoxel, Depths, Engine, Isometry3, Mode, NoiseModel, Params, Points, Rays, Scan, Snapshot,
+    Stamp, VoxelKey,
 };
 use nalgebra::{Matrix3, Point3, Translation3, UnitQuaternion, Vector3};
 use proptest::prelude::*;
@@ -113,6 +115,11 @@ fn uniform(index: u64) -> f64 {
     ((bits ^ (bits >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
 }
 
+/// x or y of a ray at z = 1, of the pixel `i` of so many in a row or column.
+fn tangent(i: usize, count: usize) -> f64 {
+    (i as f64 - 0.5 * (count - 1) as f64) * 0.0073
+}
+
 /// Columns and rows of an image: at least one ray in each direction that the engine tells apart.
 const IMAGE: [usize; 2] = [96, 72];
 
@@ -128,25 +135,42 @@ impl Stream {
         })
     }
 
-    fn scan(&self, number: usize) -> Scan {
-        let fixed_from_sensor = self.poses[number];
-        let origin = Point3::from(fixed_from_sensor.translation.vector);
-        let there: Vec<_> = self.solids.iter().filter(|solid| solid.there.contains(&number)).collect();
-        let mut points = Vec::new();
-        for pixel in 0..IMAGE[0] * IMAGE[1] {
-            let tangent = |i: usize, count: usize| (i as f64 - 0.5 * (count - 1) as f64) * 0.0073;
-            let ray =
-                Vector3::new(tangent(pixel % IMAGE[0], IMAGE[0]), tangent(pixel / IMAGE[0], IMAGE[1]), 1.0);
-            let direction = fixed_from_sensor * ray;
-            let depths = there.iter().filter_map(|solid| solid.meets(&origin, &direction));
-            if let Some(depth) = depths.min_by(f64::total_cmp) {
-                let index = (number * IMAGE[0] * IMAGE[1] + pixel) as u64;
-                let noise = 0.004 * depth * (uniform(self.seed ^ (index << 8)) - 0.5);
-                points.push((ray * (depth + noise)).map(|c| c as f32).into());
+    /// All scans as a depth camera has them, with what lies beyond this range (m).
+    fn images(&self, range: f64) -> impl Iterator<Item = Scan> {
+        let by_row = |count| (0..count).map(|i| tangent(i, count) as f32).collect();
+        let rays = Arc::new(Rays { x: by_row(IMAGE[0]), y: by_row(IMAGE[1]) });
+        (0..self.poses.len()).map(move |number| {
+            let mut depths = vec![f32::INFINITY; IMAGE[0] * IMAGE[1]];
+            for (pixel, _, depth) in self.seen(number) {
+                depths[pixel] = if depth > range { -depth } else { depth } as f32;
             }
-        }
+            let depths = Depths::new(Arc::clone(&rays), depths).unwrap();
+            Scan { points: Points::Depths(depths), ..self.scan(number) }
+        })
+    }
+
+    fn scan(&self, number: usize) -> Scan {
+        let points = self.seen(number).map(|(_, ray, depth)| (ray * depth).map(|c| c as f32).into());
         let stamp = Stamp::from_nanos(number as i64 * 33_333_333);
-        Scan { stamp, fixed_from_sensor, points: Points::F32(points) }
+        Scan { stamp, fixed_from_sensor: self.poses[number], points: Points::F32(points.collect()) }
+    }
+
+    /// The pixels that see something, each with its ray and the depth there.
+    fn seen(&self, number: usize) -> impl Iterator<Item = (usize, Vector3<f64>, f64)> {
+        let pose = self.poses[number];
+        let origin = Point3::from(pose.translation.vector);
+        let there: Vec<_> = self.solids.iter().filter(|solid| solid.there.contains(&number)).collect();
+        (0..IMAGE[0] * IMAGE[1]).filter_map(move |pixel| {
+            let [x, y] = [(pixel % IMAGE[0], IMAGE[0]), (pixel / IMAGE[0], IMAGE[1])]
+                .map(|(i, count)| tangent(i, count));
+            let ray = Vector3::new(x, y, 1.0);
+            let direction = pose * ray;
+            let depths = there.iter().filter_map(|solid| solid.meets(&origin, &direction));
+            let depth = depths.min_by(f64::total_cmp)?;
+            let index = (number * IMAGE[0] * IMAGE[1] + pixel) as u64;
+            let noise = 0.004 * depth * (uniform(self.seed ^ (index << 8)) - 0.5);
+            Some((pixel, ray, depth + noise))
+        })
     }
 }
 
@@ -223,8 +247,10 @@ proptest! {
 
     #[test]
     fn a_map_equals_its_definition_and_its_updates_add_up_to_it(params in params(), stream in stream(24)) {
+        let is_image = stream.seed % 2 == 1;
+        let scans: Vec<_> = if is_image { stream.images(4.5).collect() } else { stream.scans().collect() };
         let (mut map, mut reader) = (Consistent::new(params), Reader::default());
-        for scan in stream.scans() {
+        for scan in scans {
             let update = map.insert(&scan);
             prop_assert_eq!(canonical(map.partition(), [0; 3]), canonical(map.scratch(), [0; 3]));
             reader.apply(&update);
