@@ -2,6 +2,7 @@
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
+use std::panic::resume_unwind;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -228,7 +229,7 @@ struct Maps {
 }
 
 impl Maps {
-    async fn send(&mut self, session: u64, snapshot: &Snapshot, wire: &Wire<impl Transport>) {
+    async fn send(&mut self, session: u64, snapshot: &Arc<Snapshot>, wire: &Wire<impl Transport>) {
         let now = tokio::time::Instant::now();
         let period = self.came.replace(now).map_or(SPREAD, |before| now - before);
         if std::mem::replace(&mut self.session, session) != session {
@@ -239,19 +240,42 @@ impl Maps {
         for line in self.caps.reached(snapshot) {
             warn!("{line}");
         }
-        let session = wire.session(session);
-        wire.send(Outgoing::Clusters(SurfaceClusterArray::snapshot(&session, snapshot))).await;
-        wire.send(Outgoing::Labelled(labelled_points(&session, snapshot))).await;
-        wire.send(Outgoing::Markers(self.markers.update(&session, snapshot))).await;
-        if self.twins.detections {
-            wire.send(Outgoing::Detections(detections(&session, snapshot))).await;
-        }
         let is_newer = std::mem::replace(&mut self.outlined, snapshot.stamp) != snapshot.stamp;
-        if self.twins.polygons && is_newer {
-            let polygons = polygons(&session, snapshot).collect();
-            send_polygons(polygons, SPREAD.min(period / 2), wire).await;
+        let twins = Twins { polygons: self.twins.polygons && is_newer, ..self.twins };
+        let (session, snapshot) = (wire.session(session), Arc::clone(snapshot));
+        let mut markers = std::mem::take(&mut self.markers);
+        // Those of a large map take a tenth of a second, in which the node hears nothing.
+        let made = tokio::task::spawn_blocking(move || {
+            let made = messages(&session, &snapshot, &mut markers, twins);
+            (made, polygons_of(&session, &snapshot, twins), markers)
+        });
+        let (messages, polygons, markers) = match made.await {
+            Ok(made) => made,
+            Err(error) if error.is_panic() => resume_unwind(error.into_panic()),
+            // The runtime ends.
+            Err(_) => return,
+        };
+        self.markers = markers;
+        for message in messages {
+            wire.send(message).await;
         }
+        send_polygons(polygons, SPREAD.min(period / 2), wire).await;
     }
+}
+
+/// The messages of a map but for its polygons, in the order in which they go out.
+fn messages(session: &Session, snapshot: &Snapshot, markers: &mut Markers, twins: Twins) -> Vec<Outgoing> {
+    let mut messages = vec![
+        Outgoing::Clusters(SurfaceClusterArray::snapshot(session, snapshot)),
+        Outgoing::Labelled(labelled_points(session, snapshot)),
+        Outgoing::Markers(markers.update(session, snapshot)),
+    ];
+    messages.extend(twins.detections.then(|| Outgoing::Detections(detections(session, snapshot))));
+    messages
+}
+
+fn polygons_of(session: &Session, snapshot: &Snapshot, twins: Twins) -> Vec<PolygonInstanceStamped> {
+    if twins.polygons { polygons(session, snapshot).collect() } else { Vec::new() }
 }
 
 /// Sends the polygons of a map, evenly over this time where they are many.
