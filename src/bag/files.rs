@@ -188,8 +188,7 @@ fn mcap_files(folder: &Path) -> Result<Vec<PathBuf>, BagError> {
     let entries = fs::read_dir(folder).map_err(|source| reading(folder, source))?;
     let paths = entries.map(|entry| entry.map(|entry| entry.path()));
     let all: Vec<PathBuf> = paths.collect::<Result<_, _>>().map_err(|source| reading(folder, source))?;
-    let mut paths = all.clone();
-    paths.retain(|path| {
+    let (mut paths, others): (Vec<_>, Vec<_>) = all.into_iter().partition(|path| {
         let name = name(path);
         [".mcap", ".mcap.zstd", ".mcap.zst"].iter().any(|end| name.ends_with(end)) && !name.starts_with('.')
     });
@@ -198,7 +197,7 @@ fn mcap_files(folder: &Path) -> Result<Vec<PathBuf>, BagError> {
         return Ok(paths);
     }
     // What a recorder leaves that was killed.
-    let in_sqlite = all.into_iter().find(|path| name(path).contains(".db3"));
+    let in_sqlite = others.into_iter().find(|path| name(path).contains(".db3"));
     Err(in_sqlite.map_or_else(|| BagError::NoBag { path: folder.to_owned() }, |path| sqlite(&path, folder)))
 }
 

@@ -43,7 +43,8 @@
 //! `scratch` is that from scratch; `surfaces` keeps it while blocks are published, and property tests hold the two
 //! equal after every scan, removals included. Its cost follows the published blocks and their neighbours, and the
 //! smaller side of what splits or merges (`graph`), never the size of the map; what leaves the engine is described anew
-//! where it changed, which for an outline costs as much as the whole cluster is large, and what it is judged by is found without a look at all clusters (`surfaces/landmarks`).
+//! where it changed, which for an outline costs as much as the whole cluster is large, and what it is judged by is found without
+//! a look at all clusters (`surfaces/landmarks`).
 //!
 //! # Why patches of blocks
 //!

@@ -251,9 +251,7 @@ mod tests {
 
     /// Of any octant.
     fn direction() -> impl Strategy<Value = [f64; 3]> {
-        let part = (0.1..1.0_f64, any::<bool>())
-            .prop_map(|(size, is_negative)| if is_negative { -size } else { size });
-        prop::array::uniform3(part)
+        prop::array::uniform3(prop_oneof![-1.0..-0.1, 0.1..1.0])
     }
 
     fn noise() -> Noise {

@@ -3,6 +3,7 @@
 
 use std::env;
 
+use serde_json::Value;
 use zenoh::Config;
 
 use crate::node::middleware::OpenError;
@@ -90,20 +91,17 @@ fn build(file: &str, changes: &str) -> Result<Config, OpenError> {
 const TCP: &str = "tcp/";
 const NO_TCP: &str = "this program has TCP alone: tcp/HOST:PORT";
 
-/// All that it connects to or listens at, whatever it is by then: there are lists of them, by mode if need be.
+/// All that it connects to and listens at in its mode; those of other modes are not opened.
 fn endpoints(config: &Config) -> Vec<String> {
-    let lists = ["connect/endpoints", "listen/endpoints"].map(|key| config.get_json(key));
-    let lists = lists.into_iter().flatten().filter_map(|list| serde_json::from_str(&list).ok());
-    let (mut left, mut endpoints): (Vec<serde_json::Value>, _) = (lists.collect(), Vec::new());
-    while let Some(value) = left.pop() {
-        match value {
-            serde_json::Value::String(endpoint) => endpoints.push(endpoint),
-            serde_json::Value::Array(list) => left.extend(list),
-            serde_json::Value::Object(by_mode) => left.extend(by_mode.into_iter().map(|(_, list)| list)),
-            _ => {}
-        }
-    }
-    endpoints
+    let value = |key| serde_json::from_str::<Value>(&config.get_json(key).ok()?).ok();
+    let mode = value("mode").and_then(|mode| mode.as_str().map(str::to_owned));
+    let of_mode = |list: Value| match list {
+        Value::Object(mut by_mode) => by_mode.remove(mode.as_deref().unwrap_or("peer")),
+        list => Some(list),
+    };
+    let lists = ["connect/endpoints", "listen/endpoints"].into_iter().filter_map(value).filter_map(of_mode);
+    let lists = lists.filter_map(|list| serde_json::from_value::<Vec<String>>(list).ok());
+    lists.flatten().collect()
 }
 
 fn wrong(name: &'static str, value: &str, text: &impl ToString) -> OpenError {
@@ -119,6 +117,14 @@ mod tests {
         let config = build("", "").unwrap();
         assert!(config.get_json("connect/endpoints").unwrap().contains("tcp/localhost:7447"));
         assert_eq!(config.get_json("scouting/multicast/enabled").unwrap(), "false");
+    }
+
+    #[test]
+    fn endpoints_of_a_mode_that_it_is_not_in_may_be_of_any_transport() {
+        let lists = r#"connect/endpoints={router: ["tls/r:7447"], client: ["tcp/r:7447"]}"#;
+        assert!(build("", lists).is_ok());
+        assert!(build("", &format!(r#"mode="client";{lists}"#)).is_ok());
+        assert!(build("", &format!(r#"mode="router";{lists}"#)).is_err());
     }
 
     #[test]

@@ -6,11 +6,12 @@ use std::sync::Arc;
 
 use nalgebra::UnitVector3;
 
+use super::saved::SavedCluster;
 use super::{SavedSurfaces, Surfaces};
 use crate::engine::consistent::block::BlockIndex;
 use crate::engine::consistent::by::By;
 use crate::engine::consistent::cells::Cells;
-use crate::engine::consistent::graph::{ComponentId, NodeId};
+use crate::engine::consistent::graph::{ComponentId, NodeId, Slots};
 use crate::engine::consistent::grid::Grid;
 use crate::engine::consistent::layer::{Loose, numbers};
 use crate::engine::consistent::saved::SavedState;
@@ -30,8 +31,10 @@ pub(in super::super) struct FrozenSurfaces {
     pub(in super::super) told: Vec<Cluster>,
     /// Voxels in them.
     pub(in super::super) clustered: u32,
-    /// Without nodes.
-    saved: SavedSurfaces,
+    /// All that is saved of the clusters, with their components, and of the graph.
+    clusters: Vec<(u32, SavedCluster)>,
+    slots: Slots,
+    ids_given: u64,
 }
 
 /// A block as it was published last.
@@ -89,7 +92,9 @@ impl Surfaces {
             faces,
             told: self.told().into_iter().cloned().collect(),
             clustered: self.clustered(),
-            saved: self.save(),
+            clusters: self.save_clusters(),
+            slots: self.graph.slots_taken(),
+            ids_given: self.ids_given,
         }
     }
 }
@@ -118,9 +123,12 @@ impl FrozenSurfaces {
             let patches = self.layer(block).map_or(&[][..], |(_, patches, _)| patches);
             patches.iter().map(|patch| patch.node.0).collect()
         };
-        let mut saved = self.saved.clone();
-        saved.nodes = blocks.map(nodes).collect();
-        saved
+        SavedSurfaces {
+            nodes: blocks.map(nodes).collect(),
+            slots: self.slots.clone(),
+            clusters: self.clusters.clone(),
+            ids_given: self.ids_given,
+        }
     }
 
     /// The states of a block, as they are to be saved.

@@ -32,14 +32,14 @@ const LEAST_ALONG: f64 = 0.5;
 pub(in super::super) struct SavedSurfaces {
     /// By block: the nodes of its patches, by number.
     pub(super) nodes: Vec<Vec<u32>>,
-    slots: Slots,
+    pub(super) slots: Slots,
     /// With their components.
-    clusters: Vec<(u32, SavedCluster)>,
-    ids_given: u64,
+    pub(super) clusters: Vec<(u32, SavedCluster)>,
+    pub(super) ids_given: u64,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct SavedCluster {
+pub(super) struct SavedCluster {
     identity: Identity,
     /// The axis along which its footprint is projected: 0 to 2.
     axis: u8,
@@ -68,17 +68,12 @@ impl SavedCluster {
 }
 
 impl Surfaces {
-    /// All but the nodes of the blocks.
-    pub(super) fn save(&self) -> SavedSurfaces {
+    /// The clusters, with their components.
+    pub(super) fn save_clusters(&self) -> Vec<(u32, SavedCluster)> {
         let clusters = (0..).zip(self.clusters.iter());
-        SavedSurfaces {
-            nodes: Vec::new(),
-            slots: self.graph.slots_taken(),
-            clusters: clusters
-                .filter_map(|(component, cluster)| Some((component, SavedCluster::of(cluster.as_deref()?))))
-                .collect(),
-            ids_given: self.ids_given,
-        }
+        clusters
+            .filter_map(|(component, cluster)| Some((component, SavedCluster::of(cluster.as_deref()?))))
+            .collect()
     }
 
     /// The clusters of the voxels of `grid`; `blocks` say what they were published as.
