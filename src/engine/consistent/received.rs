@@ -4,8 +4,8 @@
 //! far. That is found by block and cell: the block in a small table by its place (`recent`), and in a map only when the table
 //! does not hold it; the cell in a list of the block's.
 //!
-//! The loops are compiled for what the target has always had, and for AVX2, and the processor is asked which to take
-//! ([`dispatch`], by `pulp`).
+//! The loops are compiled for what the target has always had, for AVX2 and for AVX-512, and the processor is asked which to
+//! take ([`dispatch`], by `pulp`).
 
 use hashbrown::HashMap;
 use nalgebra::Isometry3;

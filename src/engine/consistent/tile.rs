@@ -4,8 +4,8 @@
 //! that a pass has no branch and several points are done in one instruction. A tile of 8 x 8 pixels lies in 2 to 4 voxels of 8 cm.
 //! Where there are more than [`PASSES`], the rest is added point by point.
 //!
-//! What takes most of the time is written once in plain Rust ([`Plain`]), of which the compiler makes vectors, and once for AVX2
-//! (`avx2`).
+//! What takes most of the time is written in plain Rust ([`Plain`]), of which the compiler makes vectors, and for AVX2 and AVX-512
+//! (`avx2`, `avx512`).
 
 use pulp::{Arch, NullaryFnOnce};
 
@@ -14,6 +14,8 @@ use super::sums::ScanSums;
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
+#[cfg(target_arch = "x86_64")]
+mod avx512;
 
 /// Pixels along the edge of a tile of an image.
 pub(super) const SIDE: usize = 8;
@@ -71,7 +73,9 @@ pub(super) trait OnTiles {
 /// Does work on tiles in code for the processor at hand.
 pub(super) fn dispatch(work: impl OnTiles) {
     #[cfg(target_arch = "x86_64")]
-    if let Some(lanes) = avx2::Avx2::new() {
+    if let Some(lanes) = avx512::Avx512::new() {
+        return lanes.dispatch(Running(work, lanes));
+    } else if let Some(lanes) = avx2::Avx2::new() {
         return lanes.dispatch(Running(work, lanes));
     }
     Arch::new().dispatch(Running(work, Plain));
@@ -249,3 +253,6 @@ impl Lanes for Plain {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;
