@@ -260,6 +260,17 @@ impl Worker {
         self.mailbox.put(|pending| pending.save = true);
     }
 
+    /// Lets the thread take in what waits and end, with a snapshot of the whole map and, to save it, all of it; dropping waits for
+    /// that. All of it is asked for in one step: the engine, which is quick to take what it is asked for, would else have made the
+    /// last map before it knew that scans were still to come.
+    pub fn end(&self, save: bool) {
+        self.mailbox.put(|pending| {
+            pending.snapshot = true;
+            pending.save |= save;
+            pending.stop = true;
+        });
+    }
+
     /// Lets the engine go on by these parameters from the next scan on; see [`Engine::tune`].
     pub fn tune(&self, params: Params) {
         self.mailbox.put(|pending| pending.params = Some(params));

@@ -202,16 +202,41 @@ fn at_a_jump_the_map_comes_out_before_the_session_begins_unless_it_is_empty() {
     assert_eq!(maps.collect::<Vec<_>>(), [("ended", 2, 1), ("saved", 3, 0)]);
 }
 
-#[test]
-fn a_saved_map_has_all_scans_that_were_waiting_when_the_worker_ends() {
-    let (worker, outputs) = started();
-    (1..=5).for_each(|stamp| assert!(!worker.submit(scan(stamp))));
-    worker.request_save();
-    drop(worker);
-    let last = outputs.iter().filter_map(|output| {
-        if let Output::Saved { session, map } = output { Some((session, map.sequence())) } else { None }
+/// A worker whose sink holds up the first scan until it is told to go on, or nobody is there to tell it.
+fn held_up_at_first() -> (Worker, Receiver<Output>, Sender<()>) {
+    let (sender, receiver) = channel();
+    let (leave, left) = channel::<()>();
+    let left = Arc::new(Mutex::new(left));
+    let worker = Worker::start(engine(), 1, PLACES, move |output| {
+        let is_first = matches!(&output, Output::Scan { update, .. } if update.sequence == 1);
+        drop(sender.send(output));
+        if is_first {
+            drop(left.lock().unwrap().recv());
+        }
     });
-    assert_eq!(last.last(), Some((1, 5)));
+    (worker.unwrap(), receiver, leave)
+}
+
+#[test]
+fn the_last_maps_have_all_scans_that_were_waiting_when_the_worker_was_told_to_end() {
+    let (worker, outputs, leave) = held_up_at_first();
+    (1..=5).for_each(|stamp| assert!(!worker.submit(scan(stamp))));
+    assert!(matches!(outputs.recv_timeout(PATIENCE).unwrap(), Output::Scan { .. }));
+    worker.end(true);
+    drop(leave);
+    // It is dropped when all is done: that it is to end it has learned before.
+    let last: Vec<_> = std::iter::from_fn(|| outputs.recv_timeout(PATIENCE).ok()).collect();
+    drop(worker);
+    let mut maps: Vec<_> = last
+        .iter()
+        .filter_map(|output| match output {
+            Output::Saved { map, .. } => Some(("saved", map.sequence())),
+            Output::Snapshot { snapshot, .. } => Some(("snapshot", snapshot.sequence)),
+            _ => None,
+        })
+        .collect();
+    maps.sort_unstable();
+    assert_eq!(maps, [("saved", 5), ("snapshot", 5)]);
 }
 
 #[test]

@@ -61,13 +61,10 @@ impl<T: Transport> Live<T> {
         let waiting = self.join.give_up(self.clocks.moment());
         waiting.iter().for_each(|_| self.counts.borrow_mut().skip("shutdown"));
         let Self { worker, transport, calls_for_map, counts, .. } = self;
-        worker.request_snapshot();
-        if calls_for_map.is_some() {
-            worker.request_save();
-        }
-        // The worker may wait for a place among the outputs, which this thread empties.
-        drop(tokio::task::spawn_blocking(move || drop(worker)).await);
+        worker.end(calls_for_map.is_some());
         let ended = publishing.await;
+        // Its outputs have ended, and so has it: nobody waits here for a place among them, which this thread empties.
+        drop(worker);
         let saved = match written {
             Some((written, file)) => last_written(written, calls_for_map, &*transport, file).await,
             None => Ok(()),

@@ -1,7 +1,11 @@
 //! The node's end while its disk takes its time.
 
+use std::sync::Mutex;
+
 use super::*;
+use crate::engine::Scan;
 use crate::node::live::calls::{LastFile, last_written};
+use crate::node::publish::Ended;
 use crate::node::saving::InFile;
 
 #[test]
@@ -85,4 +89,52 @@ async fn at_the_end_a_call_is_told_of_the_map_that_it_asked_for_and_where_that_f
     let reason = "map is in use by another process";
     let stays = format!("{}; the map that was saved may come back: {reason}", begun.1);
     assert_eq!(told([Some(1), None]).await, [saved, (false, stays), (false, reason.to_owned())]);
+}
+
+/// Where the runtime has no thread free for what is done aside, and the engine takes its scans meanwhile.
+#[test]
+fn the_last_map_has_all_scans_that_were_waiting_when_the_node_ends() {
+    const SCANS: u64 = 5;
+    let (outputs, mut taken) = mpsc::unbounded_channel();
+    let ((go_on, held), (tell, told)) = (std::sync::mpsc::channel::<()>(), std::sync::mpsc::channel());
+    let held = std::sync::Arc::new(Mutex::new(held));
+    let sink = move |output| {
+        let sequence = if let Output::Scan { update, .. } = &output { update.sequence } else { 0 };
+        drop(outputs.send(output));
+        if sequence == 1 {
+            drop(held.lock().unwrap().recv());
+        }
+        if sequence == SCANS {
+            drop(tell.send(()));
+        }
+    };
+    let config = Config::new([]).unwrap();
+    let worker = Worker::start(Engine::new(config.engine), 1, SCANS as usize, sink).unwrap();
+    for number in 0..SCANS {
+        let (stamp, points) = (at(10.0 + number as f64), crate::engine::Points::F32(Vec::new()));
+        let scan = Scan { stamp, fixed_from_sensor: crate::engine::Isometry3::identity(), points };
+        assert!(!worker.submit(scan));
+    }
+    let runtime = Builder::new_current_thread().max_blocking_threads(1).enable_time().build().unwrap();
+    let ended = LocalSet::new().block_on(&runtime, async {
+        let busy = tokio::task::spawn_blocking(move || drop(told.recv_timeout(PATIENCE)));
+        assert!(matches!(taken.recv().await, Some(Output::Scan { .. })));
+        let publishing = tokio::task::spawn_local(async move {
+            let mut ended = Ended::default();
+            while let Some(output) = taken.recv().await {
+                if let Output::Snapshot { snapshot, .. } = output {
+                    ended.map = Some(snapshot);
+                }
+            }
+            ended
+        });
+        let (reports, _reported) = mpsc::channel(1);
+        let live = Live::new(&config, Rc::new(Fake::default()), (worker, 1), Seen::default(), reports);
+        let no_file: Option<(_, LastFile<std::future::Pending<()>>)> = None;
+        // The end is asked for before the engine goes on.
+        let (ended, ()) = tokio::join!(live.finish(publishing, no_file), async move { drop(go_on) });
+        busy.await.unwrap();
+        ended
+    });
+    assert_eq!(ended.unwrap().sequence, SCANS);
 }
