@@ -282,7 +282,8 @@ impl Worker {
         self.begin(session, false)
     }
 
-    /// As [`Self::reset`], where nobody has asked for the map to be thrown away: it comes out as [`Output::Ended`].
+    /// As [`Self::reset`], where nobody has asked for the map to be thrown away: it comes out as [`Output::Ended`], unless a reset
+    /// that has not yet begun throws it away.
     #[must_use = "scans thrown away are to be counted"]
     pub fn jump(&self, session: u64) -> usize {
         self.begin(session, true)
@@ -290,7 +291,8 @@ impl Worker {
 
     fn begin(&self, session: u64, is_jump: bool) -> usize {
         self.mailbox.put(|pending| {
-            let is_jump = is_jump || pending.session.take().is_some_and(|before| before.is_jump);
+            // One that is still to begin has taken nothing in: it decides what becomes of the map.
+            let is_jump = pending.session.take().map_or(is_jump, |before| before.is_jump);
             pending.session = Some(Beginning { session, is_jump });
             pending.off = pending.off.filter(|off| matches!(off, Off::Making));
             std::mem::take(&mut pending.scans).len()

@@ -218,6 +218,27 @@ fn held_up_at_first() -> (Worker, Receiver<Output>, Sender<()>) {
 }
 
 #[test]
+fn of_a_jump_and_a_reset_before_the_engine_hears_of_either_the_first_decides_what_becomes_of_the_map() {
+    type Begin = fn(&Worker, u64) -> usize;
+    let ended = |first: Begin, second: Begin| {
+        let (worker, outputs, leave) = held_up_at_first();
+        assert!(!worker.submit(scan(1)));
+        assert!(matches!(outputs.recv_timeout(PATIENCE).unwrap(), Output::Scan { .. }));
+        assert_eq!([first(&worker, 2), second(&worker, 3)], [0, 0]);
+        drop(leave);
+        drop(worker);
+        let ended = outputs.iter().filter_map(|output| match output {
+            Output::Ended { session, map } => Some((session, map.sequence())),
+            _ => None,
+        });
+        ended.collect::<Vec<_>>()
+    };
+    assert_eq!(ended(Worker::reset, Worker::jump), [], "who called for the reset wants the map gone");
+    assert_eq!(ended(Worker::jump, Worker::reset), [(1, 1)]);
+    assert_eq!(ended(Worker::jump, Worker::jump), [(1, 1)]);
+}
+
+#[test]
 fn the_last_maps_have_all_scans_that_were_waiting_when_the_worker_was_told_to_end() {
     let (worker, outputs, leave) = held_up_at_first();
     (1..=5).for_each(|stamp| assert!(!worker.submit(scan(stamp))));
