@@ -29,7 +29,6 @@ use self::calls_for_map::{Call, CallsForMap};
 use self::change::{Timers, interval};
 use self::clocks::Clocks;
 use self::diagnosis::Diagnosis;
-use self::ending::{count_buried, death};
 use self::intake::Intake;
 use self::session::new_session;
 use super::counts::Counts;
@@ -157,21 +156,14 @@ async fn drive<T: Transport>(
     diagnoses.reset();
     let mut tick = interval(TICK);
     let (mut shutdown, mut failed) = (pin!(shutdown), pin!(transport.failed()));
-    let broken = loop {
+    let (ended, broken) = loop {
         tokio::select! {
-            () = &mut shutdown => break None,
-            ended = &mut publishing => {
-                events.close();
-                while let Ok(event) = events.try_recv() {
-                    live.put_away(event).await;
-                }
-                count_buried(&live.counts);
-                return Err(death(ended.ok()));
-            }
-            reason = &mut failed => break Some(LiveError::Deaf(reason)),
+            () = &mut shutdown => break (None, None),
+            ended = &mut publishing => break (Some(ended), None),
+            reason = &mut failed => break (None, Some(LiveError::Deaf(reason))),
             event = events.recv() => match event {
                 Some(event) => live.event(event).await,
-                None => break Some(LiveError::Deaf("no more events".to_owned())),
+                None => break (None, Some(LiveError::Deaf("no more events".to_owned()))),
             },
             _ = tick.tick() => live.tick(),
             _ = live.timers.snapshots.tick() => live.worker.request_snapshot(),
@@ -179,7 +171,8 @@ async fn drive<T: Transport>(
             _ = diagnoses.tick() => live.report(),
             result = next(&mut written) => match result {
                 Some(result) => live.written(&result).await,
-                None => break Some(LiveError::SaverDied),
+                // Of itself, or because the engine has: that the end finds.
+                None => break (None, None),
             },
         }
     };
@@ -188,6 +181,12 @@ async fn drive<T: Transport>(
         live.put_away(event).await;
     }
     let file = config.snapshot_path.clone().map(|path| LastFile { path, given_up });
+    let publishing = async {
+        match ended {
+            Some(ended) => ended,
+            None => publishing.await,
+        }
+    };
     let map = live.finish(publishing, written.zip(file)).await;
     broken.map_or(map, Err)
 }

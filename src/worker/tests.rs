@@ -211,7 +211,7 @@ fn held_up_at_first() -> (Worker, Receiver<Output>, Sender<()>) {
         let is_first = matches!(&output, Output::Scan { update, .. } if update.sequence == 1);
         drop(sender.send(output));
         if is_first {
-            drop(left.lock().unwrap().recv());
+            _ = left.lock().unwrap().recv();
         }
     });
     (worker.unwrap(), receiver, leave)

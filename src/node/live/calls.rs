@@ -3,6 +3,7 @@
 use std::future::Future;
 use std::path::PathBuf;
 use std::pin::pin;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use tokio::sync::mpsc::UnboundedReceiver;
@@ -10,6 +11,7 @@ use tracing::{debug, warn};
 
 use super::calls_for_map::{Call, CallsForMap, MOST_CALLS};
 use super::{Live, LiveError};
+use crate::engine::Snapshot;
 use crate::msg::ros::TriggerResponse;
 use crate::node::saving::{InFile, Written};
 use crate::node::transport::{Service, Transport};
@@ -98,13 +100,15 @@ pub(super) struct LastFile<GivenUp> {
 }
 
 /// Waits for the map of the node's end, unless it is given up; whoever waits for one is told how that went, or how one went that was
-/// still on its way.
+/// still on its way. Where there is no such map, for the node has `ended` with an error or the thread that writes has died, they are
+/// told that.
 pub(super) async fn last_written<T: Transport>(
+    ended: Result<Arc<Snapshot>, LiveError>,
     mut written: UnboundedReceiver<Written>,
     mut calls: Option<CallsForMap<Call<T::Request>>>,
     transport: &T,
     file: LastFile<impl Future<Output = ()>>,
-) -> Result<(), LiveError> {
+) -> Result<Arc<Snapshot>, LiveError> {
     let mut given_up = pin!(given_up(file));
     let mut last = None;
     loop {
@@ -120,13 +124,21 @@ pub(super) async fn last_written<T: Transport>(
         log(&result);
         // Where it was not written, the next one may be.
         if let Some(calls) = calls.as_mut().filter(|_| result.is_ok()) {
-            tell(calls.end().0, &result, transport).await;
+            tell(calls.end().0, |call| call.response(&result), transport).await;
         }
         last = Some(result);
     }
-    let last = last.ok_or(LiveError::SaverDied)?;
-    tell(calls.into_iter().flat_map(CallsForMap::into_calls), &last, transport).await;
-    last.map(drop).map_err(LiveError::NotSaved)
+    let calls = calls.into_iter().flat_map(CallsForMap::into_calls);
+    match ended.and_then(|map| Ok((map, last.ok_or(LiveError::SaverDied)?))) {
+        Ok((map, last)) => {
+            tell(calls, |call| call.response(&last), transport).await;
+            last.map(|_| map).map_err(LiveError::NotSaved)
+        }
+        Err(error) => {
+            tell(calls, |call| call.failure(&error), transport).await;
+            Err(error)
+        }
+    }
 }
 
 /// Resolves when the map is given up; says before that it can be.
@@ -140,11 +152,11 @@ async fn given_up(LastFile { path, given_up }: LastFile<impl Future<Output = ()>
 /// Answers calls at the node's end.
 async fn tell<T: Transport>(
     calls: impl IntoIterator<Item = Call<T::Request>>,
-    result: &Written,
+    response: impl Fn(&Call<T::Request>) -> TriggerResponse,
     transport: &T,
 ) {
     for call in calls {
-        let response = call.response(result);
+        let response = response(&call);
         if let Err(failure) = transport.answer(call.service, call.request, response).await {
             warn!("{} could not be answered: {failure}", call.service.name());
         }

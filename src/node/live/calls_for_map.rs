@@ -1,5 +1,7 @@
 //! Calls of services that wait for a map to be written, and what they are told.
 
+use std::fmt::Display;
+
 use crate::msg::ros::TriggerResponse;
 use crate::node::saving::{InFile, Written};
 use crate::node::transport::Service;
@@ -71,6 +73,7 @@ impl<Request> Call<Request> {
     /// What the caller is told.
     pub(super) fn response(&self, written: &Written) -> TriggerResponse {
         let (success, message) = match (self.service, written) {
+            (_, Err(error)) => return self.failure(error),
             (Service::Save, Ok(map)) if map.session != self.session => {
                 let (new, old) = (map.session, self.session);
                 (
@@ -81,14 +84,21 @@ impl<Request> Call<Request> {
             (Service::Save, Ok(InFile { sequence: scans, bytes, .. })) => {
                 (true, format!("{scans} scans saved, {bytes} bytes"))
             }
-            (Service::Save, Err(error)) => (false, error.to_string()),
             // A later session gives up what was saved as well.
             (Service::Reset, Ok(_)) => (true, begun(self.session)),
-            (Service::Reset, Err(error)) => {
-                (false, format!("{}; the map that was saved may come back: {error}", begun(self.session)))
-            }
         };
         TriggerResponse { success, message }
+    }
+
+    /// What the caller is told where no map has been written, for this reason.
+    pub(super) fn failure(&self, reason: &impl Display) -> TriggerResponse {
+        let message = match self.service {
+            Service::Save => reason.to_string(),
+            Service::Reset => {
+                format!("{}; the map that was saved may come back: {reason}", begun(self.session))
+            }
+        };
+        TriggerResponse { success: false, message }
     }
 }
 

@@ -5,7 +5,7 @@ use std::future::Future;
 use std::sync::Arc;
 
 use tokio::sync::mpsc::UnboundedReceiver;
-use tokio::task::JoinHandle;
+use tokio::task::JoinError;
 
 use super::calls::{LastFile, last_written};
 use super::calls_for_map::Call;
@@ -19,13 +19,13 @@ use crate::node::saving::Written;
 use crate::node::transport::{Event, Service, Transport};
 
 /// Counts what was under way when the engine died.
-pub(super) fn count_buried(counts: &RefCell<Counts>) {
+fn count_buried(counts: &RefCell<Counts>) {
     let mut counts = counts.borrow_mut();
     let known = counts.taken_in + counts.replaced + counts.skipped.values().sum::<u64>();
     (known..counts.received).for_each(|_| counts.skip("engine_died"));
 }
 
-pub(super) fn death(ended: Option<Ended>) -> LiveError {
+fn death(ended: Option<Ended>) -> LiveError {
     LiveError::Died(ended.and_then(|ended| ended.died).unwrap_or_else(|| "it has ended".to_owned()))
 }
 
@@ -52,29 +52,32 @@ impl<T: Transport> Live<T> {
         }
     }
 
-    /// Lets the worker take in what waits, and everything be sent and saved; the last thing sent is the whole map.
+    /// Lets the worker take in what waits, and everything be sent and saved; the last thing sent is the whole map. Where the engine
+    /// has died, what is on its way to the disk still gets there.
     pub(super) async fn finish(
-        mut self,
-        publishing: JoinHandle<Ended>,
+        self,
+        publishing: impl Future<Output = Result<Ended, JoinError>>,
         written: Option<(UnboundedReceiver<Written>, LastFile<impl Future<Output = ()>>)>,
     ) -> Result<Arc<Snapshot>, LiveError> {
-        let waiting = self.join.give_up(self.clocks.moment());
-        waiting.iter().for_each(|_| self.counts.borrow_mut().skip("shutdown"));
-        let Self { worker, transport, calls_for_map, counts, .. } = self;
+        let Self { worker, transport, calls_for_map, counts, mut join, clocks, .. } = self;
         worker.end(calls_for_map.is_some());
         let ended = publishing.await;
         // Its outputs have ended, and so has it: nobody waits here for a place among them, which this thread empties.
         drop(worker);
-        let saved = match written {
-            Some((written, file)) => last_written(written, calls_for_map, &*transport, file).await,
-            None => Ok(()),
-        };
-        match ended {
-            Ok(Ended { map: Some(map), died: None }) => saved.map(|()| map),
+        let ended = match ended {
+            Ok(Ended { map: Some(map), died: None }) => {
+                let waiting = join.give_up(clocks.moment());
+                waiting.iter().for_each(|_| counts.borrow_mut().skip("shutdown"));
+                Ok(map)
+            }
             ended => {
                 count_buried(&counts);
                 Err(death(ended.ok()))
             }
+        };
+        match written {
+            Some((written, file)) => last_written(ended, written, calls_for_map, &*transport, file).await,
+            None => ended,
         }
     }
 }

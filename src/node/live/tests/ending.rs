@@ -30,6 +30,11 @@ fn calls_that_still_wait_at_the_end_are_told_that_nothing_was_done_or_of_the_las
     }
 }
 
+/// The map that a node ends with.
+fn map() -> Arc<Snapshot> {
+    Arc::new(Engine::new(Params::paper()).snapshot())
+}
+
 fn file<GivenUp>(given_up: GivenUp) -> LastFile<GivenUp> {
     LastFile { path: "map".into(), given_up }
 }
@@ -46,7 +51,7 @@ fn a_map_that_takes_long_at_the_end_is_told_of_and_given_up_when_that_is_asked_f
     let transport = Fake::default();
     let runtime = Builder::new_current_thread().enable_time().build().unwrap();
     let begun = Instant::now();
-    let last = last_written(written, Some(calls), &transport, file(async {}));
+    let last = last_written(Ok(map()), written, Some(calls), &transport, file(async {}));
     let (ended, said) = heard(|| runtime.block_on(last));
     assert!(begun.elapsed() >= Duration::from_secs(2), "it was given up before it was said");
     let words = "the map is being written to map: one more signal ends the node without it";
@@ -73,10 +78,63 @@ async fn told(results: [Option<u64>; 2]) -> Vec<(bool, String)> {
     assert!(!calls.begin(Some(call(Service::Reset, 2))), "one is");
     calls.wait(call(Service::Save, 2));
     let transport = Fake::default();
-    let ended = last_written(written, Some(calls), &transport, file(std::future::pending())).await;
+    let ended = last_written(Ok(map()), written, Some(calls), &transport, file(std::future::pending())).await;
     assert_eq!(ended.is_ok(), results[1].is_some(), "{ended:?}");
+    replies(&transport)
+}
+
+fn replies(transport: &Fake) -> Vec<(bool, String)> {
     let replies = transport.replies.take();
     replies.into_iter().map(|TriggerResponse { success, message }| (success, message)).collect()
+}
+
+/// What a call to save and one to reset are told where the node ends so, and of its maps nothing more is heard but this.
+async fn told_without_a_map(
+    ended: Result<Arc<Snapshot>, LiveError>,
+    written: Option<InFile>,
+) -> (String, Vec<(bool, String)>) {
+    let (sender, results) = mpsc::unbounded_channel();
+    written.into_iter().for_each(|written| sender.send(Ok(written)).unwrap());
+    drop(sender);
+    let mut calls = CallsForMap::default();
+    for service in [Service::Save, Service::Reset] {
+        calls.begin(Some(Call { service, session: 2, request: () }));
+    }
+    let transport = Fake::default();
+    let ended = last_written(ended, results, Some(calls), &transport, file(std::future::pending())).await;
+    (ended.unwrap_err().to_string(), replies(&transport))
+}
+
+#[tokio::test]
+async fn calls_that_wait_for_a_map_are_told_where_its_thread_or_the_engine_has_died() {
+    let begun = "session 2 begins with an empty map; the map that was saved may come back: ";
+    let died = || Err(LiveError::Died("no room".to_owned()));
+    for (ended, reason) in [
+        (Ok(map()), "the thread that saves the map has died"),
+        (died(), "the engine's thread has died: no room"),
+    ] {
+        let told = [reason.to_owned(), format!("{begun}{reason}")].map(|message| (false, message));
+        assert_eq!(told_without_a_map(ended, None).await, (reason.to_owned(), told.to_vec()));
+    }
+    let on_its_way = InFile { session: 2, sequence: 4, bytes: 99 };
+    let (reason, told) = told_without_a_map(died(), Some(on_its_way)).await;
+    let saved = (true, "4 scans saved, 99 bytes".to_owned());
+    assert_eq!(told, [saved, (false, format!("{begun}{reason}"))]);
+}
+
+#[test]
+fn a_call_to_save_that_the_engine_s_death_overtakes_is_told_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let events = vec![
+        transform(at(0.0), true),
+        cloud(DEADLY, "camera"),
+        Event::Call(Service::Save, ()),
+        Event::Call(Service::Save, ()),
+    ];
+    let (ended, _, transport) = node_with(&saving_in(folder.path()), Fake::default(), events, u64::MAX);
+    let reason = ended.unwrap_err().to_string();
+    assert!(reason.contains("a panic for the test"), "{reason}");
+    assert_eq!(replies(&transport), vec![(false, reason); 2]);
 }
 
 #[tokio::test]
@@ -102,10 +160,10 @@ fn the_last_map_has_all_scans_that_were_waiting_when_the_node_ends() {
         let sequence = if let Output::Scan { update, .. } = &output { update.sequence } else { 0 };
         drop(outputs.send(output));
         if sequence == 1 {
-            drop(held.lock().unwrap().recv());
+            _ = held.lock().unwrap().recv();
         }
         if sequence == SCANS {
-            drop(tell.send(()));
+            _ = tell.send(());
         }
     };
     let config = Config::new([]).unwrap();
@@ -117,7 +175,7 @@ fn the_last_map_has_all_scans_that_were_waiting_when_the_node_ends() {
     }
     let runtime = Builder::new_current_thread().max_blocking_threads(1).enable_time().build().unwrap();
     let ended = LocalSet::new().block_on(&runtime, async {
-        let busy = tokio::task::spawn_blocking(move || drop(told.recv_timeout(PATIENCE)));
+        let busy = tokio::task::spawn_blocking(move || told.recv_timeout(PATIENCE).is_ok());
         assert!(matches!(taken.recv().await, Some(Output::Scan { .. })));
         let publishing = tokio::task::spawn_local(async move {
             let mut ended = Ended::default();
@@ -133,7 +191,7 @@ fn the_last_map_has_all_scans_that_were_waiting_when_the_node_ends() {
         let no_file: Option<(_, LastFile<std::future::Pending<()>>)> = None;
         // The end is asked for before the engine goes on.
         let (ended, ()) = tokio::join!(live.finish(publishing, no_file), async move { drop(go_on) });
-        busy.await.unwrap();
+        assert!(busy.await.unwrap(), "the engine has taken in all before");
         ended
     });
     assert_eq!(ended.unwrap().sequence, SCANS);
