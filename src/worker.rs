@@ -10,10 +10,11 @@
 //! meanwhile no scan is taken in: where that would cost scans, it takes a tenth of the time at most, however often it is asked
 //! for; and what is made of it takes half of a core at most ([`Took::rest`]).
 
+use std::any::Any;
 use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
-use std::thread::JoinHandle;
+use std::thread::{Builder, JoinHandle};
 use std::time::{Duration, Instant};
 
 use crate::engine::{Engine, Frozen, Params, Scan, Snapshot, Update};
@@ -228,7 +229,7 @@ impl Worker {
         sink: impl FnMut(Output) + Clone + Send + 'static,
     ) -> std::io::Result<Self> {
         let mailbox = Arc::new(Mailbox::default());
-        let thread = std::thread::Builder::new().name("cfodi-engine".to_owned()).spawn({
+        let thread = Builder::new().name("cfodi-engine".to_owned()).spawn({
             let mailbox = Arc::clone(&mailbox);
             move || guard(&mailbox, engine, session, sink)
         })?;
@@ -318,10 +319,27 @@ fn guard(
 ) {
     let work = AssertUnwindSafe(|| work(mailbox, engine, session, &mut sink));
     if let Err(panic) = catch_unwind(work) {
-        let text = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
-        let text = text.or_else(|| panic.downcast_ref::<String>().cloned());
-        sink(Output::Died(text.unwrap_or_else(|| "without a message".to_owned())));
+        sink(Output::Died(words(&*panic)));
     }
+}
+
+/// What something has panicked with.
+pub(crate) fn words(panic: &(dyn Any + Send)) -> String {
+    let text = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
+    let text = text.or_else(|| panic.downcast_ref::<String>().cloned());
+    text.unwrap_or_else(|| "without a message".to_owned())
+}
+
+/// Has something done on a thread of its own; here, where the system gives none.
+pub(crate) fn spawn_or_do(thread: Builder, work: impl FnOnce() + Send + 'static) -> Option<JoinHandle<()>> {
+    let work = Arc::new(Mutex::new(Some(work)));
+    let there = Arc::clone(&work);
+    let take = |work: &Mutex<Option<_>>| work.lock().unwrap_or_else(PoisonError::into_inner).take();
+    let thread = thread.spawn(move || take(&there).into_iter().for_each(|work| work())).ok();
+    if thread.is_none() {
+        take(&work).into_iter().for_each(|work| work());
+    }
+    thread
 }
 
 fn work(
@@ -401,14 +419,7 @@ struct Making(Option<JoinHandle<()>>);
 impl Making {
     /// Has it made; here, where the system gives no thread.
     fn begin(&mut self, make: impl FnOnce() + Send + 'static) {
-        let make = Arc::new(Mutex::new(Some(make)));
-        let there = Arc::clone(&make);
-        let take = |make: &Mutex<Option<_>>| make.lock().unwrap_or_else(PoisonError::into_inner).take();
-        let thread = std::thread::Builder::new().name("cfodi-map".to_owned());
-        match thread.spawn(move || take(&there).into_iter().for_each(|make| make())) {
-            Ok(thread) => self.0 = Some(thread),
-            Err(_) => take(&make).into_iter().for_each(|make| make()),
-        }
+        self.0 = spawn_or_do(Builder::new().name("cfodi-map".to_owned()), make);
     }
 
     /// Waits for its end, and panics as it has.

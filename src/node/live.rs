@@ -92,6 +92,9 @@ pub enum LiveError {
     /// The node cannot hear any more.
     #[error("the node is deaf: {0}")]
     Deaf(String),
+    /// What it has to say cannot be made or sent any more.
+    #[error("the node is mute: {0}")]
+    Mute(String),
     /// The thread that writes maps has ended by itself.
     #[error("the thread that saves the map has died")]
     SaverDied,
@@ -149,7 +152,9 @@ async fn drive<T: Transport>(
     let (saver, mut written) = saver.map_err(failed("the thread that saves the map"))?.unzip();
     let vitals: Rc<RefCell<Vitals>> = Rc::default();
     let seen = (Rc::clone(&counts), Rc::clone(&vitals));
-    let publishing = publish((Rc::clone(&transport), recorder), receiver, seen, config.clone(), saver);
+    let (broken, mut muted) = mpsc::channel(1);
+    let outlets = (Rc::clone(&transport), recorder);
+    let publishing = publish(outlets, receiver, seen, config.clone(), saver, broken);
     let mut publishing = tokio::task::spawn_local(publishing);
     let mut live = Live::new(config, Rc::clone(&transport), (worker, session), (counts, vitals), reports);
     let mut diagnoses = interval(REPORTS);
@@ -160,6 +165,7 @@ async fn drive<T: Transport>(
         tokio::select! {
             () = &mut shutdown => break (None, None),
             ended = &mut publishing => break (Some(ended), None),
+            Some(why) = muted.recv() => break (None, Some(LiveError::Mute(why))),
             reason = &mut failed => break (None, Some(LiveError::Deaf(reason))),
             event = events.recv() => match event {
                 Some(event) => live.event(event).await,
@@ -188,7 +194,8 @@ async fn drive<T: Transport>(
         }
     };
     let map = live.finish(publishing, written.zip(file)).await;
-    broken.map_or(map, Err)
+    // The last map may have been the first of which no messages could be made.
+    broken.or_else(|| muted.try_recv().ok().map(LiveError::Mute)).map_or(map, Err)
 }
 
 struct Live<T: Transport> {

@@ -2,12 +2,13 @@
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
-use std::panic::resume_unwind;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::rc::Rc;
 use std::sync::Arc;
+use std::thread::Builder;
 use std::time::{Duration, Instant};
 
-use tokio::sync::{mpsc, watch};
+use tokio::sync::{mpsc, oneshot, watch};
 use tokio::time::sleep_until;
 use tracing::{error, warn};
 
@@ -24,7 +25,7 @@ use crate::msg::clusters::{Session, SurfaceClusterArray};
 use crate::msg::labelled::labelled_points;
 use crate::msg::markers::Markers;
 use crate::msg::twins::{PolygonInstanceStamped, Twins, detections, polygons};
-use crate::worker::{Output, Took};
+use crate::worker::{Output, Took, spawn_or_do, words};
 
 /// Between two polygons: nav2's collision monitor keeps the last five that it has not yet taken, and would have no others of
 /// a map that comes at once.
@@ -49,13 +50,15 @@ pub(super) struct Ended {
 }
 
 /// Publishes until the worker has ended or died. A map that waits for its readers holds up no delta, and is replaced by
-/// the next one.
+/// the next one. Where no messages can be made of a map, `broken` is told why, and everything but maps goes on, so that the last
+/// one can still be saved.
 pub(super) async fn publish(
     (transport, recorder): Outlets<impl Transport>,
     outputs: mpsc::Receiver<Output>,
     seen: Seen,
     config: Config,
     saver: Option<Saver>,
+    broken: mpsc::Sender<String>,
 ) -> Ended {
     let (newest, maps) = watch::channel(None);
     let beyond = Beyond::new(Reach::of(&config));
@@ -63,7 +66,7 @@ pub(super) async fn publish(
     let publisher = Maps { twins: config.twins, ..Maps::default() };
     let (ended, ()) = tokio::join!(
         take(outputs, &wire, newest, seen, (saver, beyond)),
-        publish_maps(maps, publisher, &wire)
+        publish_maps(maps, publisher, &wire, broken)
     );
     ended
 }
@@ -117,11 +120,21 @@ async fn take(
     ended
 }
 
-async fn publish_maps(mut newest: watch::Receiver<Newest>, mut publisher: Maps, wire: &Wire<impl Transport>) {
+async fn publish_maps(
+    mut newest: watch::Receiver<Newest>,
+    mut publisher: Maps,
+    wire: &Wire<impl Transport>,
+    broken: mpsc::Sender<String>,
+) {
     while newest.changed().await.is_ok() {
         let map = newest.borrow_and_update().clone();
-        if let Some((session, snapshot)) = map {
-            publisher.send(session, &snapshot, wire).await;
+        if let Some((session, snapshot)) = map
+            && let Err(why) = publisher.send(session, &snapshot, wire).await
+        {
+            error!("the messages of a map could not be made: {why}");
+            // The first one is told, and there is no other.
+            drop(broken.try_send(why));
+            return;
         }
     }
 }
@@ -229,7 +242,14 @@ struct Maps {
 }
 
 impl Maps {
-    async fn send(&mut self, session: u64, snapshot: &Arc<Snapshot>, wire: &Wire<impl Transport>) {
+    /// # Errors
+    /// What making its messages has panicked with.
+    async fn send(
+        &mut self,
+        session: u64,
+        snapshot: &Arc<Snapshot>,
+        wire: &Wire<impl Transport>,
+    ) -> Result<(), String> {
         let now = tokio::time::Instant::now();
         let period = self.came.replace(now).map_or(SPREAD, |before| now - before);
         if std::mem::replace(&mut self.session, session) != session {
@@ -245,26 +265,38 @@ impl Maps {
         let (session, snapshot) = (wire.session(session), Arc::clone(snapshot));
         let mut markers = std::mem::take(&mut self.markers);
         // Those of a large map take a tenth of a second, in which the node hears nothing.
-        let made = tokio::task::spawn_blocking(move || {
+        let made = aside(Builder::new().name("cfodi-messages".to_owned()), move || {
             let made = messages(&session, &snapshot, &mut markers, twins);
             (made, polygons_of(&session, &snapshot, twins), markers)
         });
-        let (messages, polygons, markers) = match made.await {
-            Ok(made) => made,
-            Err(error) if error.is_panic() => resume_unwind(error.into_panic()),
-            // The runtime ends.
-            Err(_) => return,
-        };
+        let (messages, polygons, markers) = made.await?;
         self.markers = markers;
         for message in messages {
             wire.send(message).await;
         }
         send_polygons(polygons, SPREAD.min(period / 2), wire).await;
+        Ok(())
     }
+}
+
+/// Makes something on a thread of its own; here, where the system gives none.
+///
+/// # Errors
+/// What it has panicked with.
+async fn aside<T: Send + 'static>(
+    thread: Builder,
+    make: impl FnOnce() -> T + Send + 'static,
+) -> Result<T, String> {
+    let (tell, told) = oneshot::channel();
+    spawn_or_do(thread, move || drop(tell.send(catch_unwind(AssertUnwindSafe(make)))));
+    let made = told.await.map_err(|error| error.to_string())?;
+    made.map_err(|panic| words(&*panic))
 }
 
 /// The messages of a map but for its polygons, in the order in which they go out.
 fn messages(session: &Session, snapshot: &Snapshot, markers: &mut Markers, twins: Twins) -> Vec<Outgoing> {
+    #[cfg(test)]
+    assert!(snapshot.stamp != Some(tests::UNSPEAKABLE), "a panic for the test");
     let mut messages = vec![
         Outgoing::Clusters(SurfaceClusterArray::snapshot(session, snapshot)),
         Outgoing::Labelled(labelled_points(session, snapshot)),
@@ -290,182 +322,4 @@ async fn send_polygons(polygons: Vec<PolygonInstanceStamped>, spread: Duration, 
 }
 
 #[cfg(test)]
-mod tests {
-    use std::time::Duration;
-
-    use tokio::sync::Semaphore;
-
-    use super::*;
-    use crate::engine::{self, Engine, Isometry3, Params, Scan};
-    use crate::msg::ros::TriggerResponse;
-    use crate::node::record::tests::{begun, recorded};
-    use crate::node::transport::{NetworkState, SensorTopics, Service, Source};
-
-    /// Maps wait for being let through; what is sent is kept, with its number.
-    struct Slow {
-        sent: RefCell<Vec<(&'static str, u64)>>,
-        through: Semaphore,
-    }
-
-    impl Transport for Slow {
-        type Request = ();
-
-        async fn publish(&self, message: Outgoing) -> Result<(), SendError> {
-            let sent = match message {
-                Outgoing::Delta(delta) => ("delta", delta.sequence),
-                Outgoing::Clusters(map) => {
-                    self.through.acquire().await.unwrap().forget();
-                    ("map", map.sequence)
-                }
-                Outgoing::Polygon(polygon) => ("polygon", polygon.polygon.id.cast_unsigned()),
-                _ => return Ok(()),
-            };
-            self.sent.borrow_mut().push(sent);
-            Ok(())
-        }
-
-        async fn answer(&self, _: Service, (): (), _: TriggerResponse) -> Result<(), SendError> {
-            Ok(())
-        }
-
-        fn inputs(&self) -> &[SensorTopics] {
-            unreachable!("nothing is read")
-        }
-
-        fn losses(&self) -> &'static str {
-            "see receive_buffer"
-        }
-
-        fn silences(&self) -> &'static str {
-            "or it sends by shared memory only"
-        }
-
-        fn sources(&self) -> Vec<Source> {
-            Vec::new()
-        }
-
-        fn node_name(&self) -> &'static str {
-            "/cfodi"
-        }
-
-        fn network_state(&self) -> NetworkState {
-            NetworkState::default()
-        }
-
-        async fn failed(&self) -> String {
-            std::future::pending().await
-        }
-    }
-
-    /// What a worker gives that takes in this many scans, with the map after each.
-    fn outputs(scans: i64) -> Vec<Output> {
-        let mut engine = Engine::new(Params::default());
-        let mut outputs = Vec::new();
-        for number in 0..scans {
-            let update = engine.insert(&Scan {
-                stamp: Stamp::from_nanos(1 + number),
-                fixed_from_sensor: Isometry3::identity(),
-                points: engine::Points::F32(vec![[0.0, 0.0, 1.0]; 20]),
-            });
-            let snapshot = Arc::new(engine.snapshot());
-            outputs.extend([
-                Output::Scan { session: 1, points: 20, update, took: Duration::ZERO },
-                Output::Snapshot { session: 1, snapshot, took: Took::default() },
-            ]);
-        }
-        outputs
-    }
-
-    #[test]
-    fn that_snapshots_are_put_off_for_long_is_said_once_a_session() {
-        let mut put_off = PutOff::default();
-        let mut said = |session, [freezing, making]: [u64; 2]| {
-            let [freezing, making] = [freezing, making].map(Duration::from_millis);
-            put_off.line(session, 2_000_000, Took { freezing, making })
-        };
-        assert_eq!(said(1, [100, 900]), None);
-        let line = said(1, [250, 900]).unwrap();
-        assert!(line.contains("of 2000000 dense voxels takes 900 ms, in 250 ms of which"), "{line}");
-        assert!(line.contains("2.2 s after"), "{line}");
-        assert_eq!([said(1, [300, 0]), said(3, [20, 900])], [None, None]);
-        assert!(said(2, [300, 0]).is_some() && said(3, [20, 1100]).is_some());
-    }
-
-    #[test]
-    fn points_beyond_the_grid_are_said_once_a_session_and_once_in_a_while_where_sessions_alternate() {
-        let mut beyond = Beyond::new(Reach::of(&Config::new([]).unwrap()));
-        let (start, points) = (Instant::now(), Points { all: 20, beyond_grid: 1 });
-        let mut says =
-            |session, seconds| beyond.line(session, points, start + Duration::from_secs(seconds)).is_some();
-        assert!(says(1, 0) && !says(1, 9) && says(2, 10));
-        assert!((3..9).all(|session| !says(session, 11)), "sessions that alternate");
-        assert!(says(9, 15) && !says(9, 30));
-        assert!(
-            beyond.line(10, Points { all: 20, beyond_grid: 0 }, start + Duration::from_secs(60)).is_none()
-        );
-    }
-
-    #[tokio::test]
-    async fn a_map_that_waits_holds_up_no_delta_and_is_followed_by_the_newest() {
-        let slow = Rc::new(Slow { sent: RefCell::default(), through: Semaphore::new(0) });
-        let (sender, receiver) = mpsc::channel(1);
-        let config = Config::new([]).unwrap();
-        let publishing = publish((Rc::clone(&slow), None), receiver, Seen::default(), config, None);
-        let worker = async {
-            for output in outputs(4) {
-                sender.send(output).await.unwrap();
-            }
-            while sender.capacity() == 0 {
-                tokio::task::yield_now().await;
-            }
-            drop(sender);
-            assert_eq!(*slow.sent.borrow(), [1, 2, 3, 4].map(|number| ("delta", number)));
-            slow.through.add_permits(4);
-        };
-        let (ended, ()) = tokio::join!(publishing, worker);
-        assert_eq!(slow.sent.borrow()[4..], [("map", 1), ("map", 4)]);
-        assert_eq!(ended.map.map(|map| map.sequence), Some(4));
-    }
-
-    #[tokio::test]
-    async fn what_is_sent_of_the_map_is_recorded_too() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("result.mcap");
-        let (record, recorder) = begun(&path);
-        let slow = Rc::new(Slow { sent: RefCell::default(), through: Semaphore::new(1) });
-        let (sender, receiver) = mpsc::channel(10);
-        outputs(1).into_iter().for_each(|output| sender.try_send(output).unwrap());
-        drop(sender);
-        let config = Config::new([]).unwrap();
-        publish((Rc::clone(&slow), Some(recorder)), receiver, Seen::default(), config, None).await;
-        record.finish().unwrap();
-        assert_eq!(*slow.sent.borrow(), [("delta", 1), ("map", 1)]);
-        let mut topics = recorded(&path);
-        topics.sort();
-        let names = ["clusters", "clusters_delta", "markers", "points_labelled"];
-        assert_eq!(topics, names.map(|name| format!("/cfodi/{name}")));
-    }
-
-    #[tokio::test]
-    async fn the_polygons_of_a_map_go_out_once_and_one_of_no_cluster_among_them() {
-        let slow = Rc::new(Slow { sent: RefCell::default(), through: Semaphore::new(6) });
-        let wire = Wire {
-            transport: Rc::clone(&slow),
-            recorder: None,
-            unsent: RefCell::default(),
-            frame_id: "odom".to_owned(),
-        };
-        let mut publisher = Maps { twins: Twins { polygons: true, ..Twins::default() }, ..Maps::default() };
-        let mut maps = vec![Arc::new(Engine::new(Params::default()).snapshot())];
-        for output in outputs(2) {
-            if let Output::Snapshot { snapshot, .. } = output {
-                maps.push(snapshot);
-            }
-        }
-        for (session, map) in [(1, 0), (1, 1), (1, 1), (1, 2), (1, 2), (2, 2)] {
-            publisher.send(session, &maps[map], &wire).await;
-        }
-        let of_none = slow.sent.borrow().iter().filter(|sent| **sent == ("polygon", 0)).count();
-        assert_eq!(of_none, 3, "with each map that is new: {:?}", slow.sent.borrow());
-    }
-}
+pub(super) mod tests;

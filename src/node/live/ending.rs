@@ -17,6 +17,7 @@ use crate::node::counts::Counts;
 use crate::node::publish::Ended;
 use crate::node::saving::Written;
 use crate::node::transport::{Event, Service, Transport};
+use crate::worker::words;
 
 /// Counts what was under way when the engine died.
 fn count_buried(counts: &RefCell<Counts>) {
@@ -25,8 +26,12 @@ fn count_buried(counts: &RefCell<Counts>) {
     (known..counts.received).for_each(|_| counts.skip("engine_died"));
 }
 
-fn death(ended: Option<Ended>) -> LiveError {
-    LiveError::Died(ended.and_then(|ended| ended.died).unwrap_or_else(|| "it has ended".to_owned()))
+fn death(ended: Result<Ended, JoinError>) -> LiveError {
+    match ended.map_err(JoinError::try_into_panic) {
+        Ok(ended) => LiveError::Died(ended.died.unwrap_or_else(|| "it has ended".to_owned())),
+        Err(Ok(panic)) => LiveError::Mute(words(&*panic)),
+        Err(Err(error)) => LiveError::Mute(error.to_string()),
+    }
 }
 
 impl<T: Transport> Live<T> {
@@ -72,7 +77,7 @@ impl<T: Transport> Live<T> {
             }
             ended => {
                 count_buried(&counts);
-                Err(death(ended.ok()))
+                Err(death(ended))
             }
         };
         match written {

@@ -21,6 +21,7 @@ use crate::config::Value;
 use crate::engine::{Params, Points, Stamp};
 use crate::msg::clusters::SurfaceClusterArray;
 use crate::msg::ros::{Header, Quaternion, Transform, TransformStamped, TriggerResponse, Vector3};
+use crate::node::publish::tests::UNSPEAKABLE;
 use crate::node::resume::begin;
 use crate::node::rosout::listen;
 use crate::node::transport::{
@@ -328,6 +329,24 @@ fn a_panic_of_the_engine_ends_the_node_with_an_error_and_the_counts_close() {
         "{error}"
     );
     assert_eq!((counts.received, counts.taken_in, counts.skipped.get("engine_died")), (4, 1, Some(&3)));
+}
+
+#[test]
+fn a_panic_in_making_messages_ends_the_node_with_its_words_and_the_map_is_saved_all_the_same() {
+    let folder = tempfile::tempdir().unwrap();
+    let events = || vec![transform(at(0.0), true), cloud(UNSPEAKABLE, "camera")];
+    // It is found while the node runs, or with the last map.
+    for taken_in in [u64::MAX, 1] {
+        let (ran, said) = heard(|| node_with(&saving_in(folder.path()), Fake::default(), events(), taken_in));
+        let (ended, counts, _) = ran;
+        assert_eq!(ended.unwrap_err().to_string(), "the node is mute: a panic for the test");
+        assert_eq!((counts.received, counts.taken_in), (1, 1));
+        let line = "the messages of a map could not be made: a panic for the test";
+        assert_eq!(said.iter().filter(|(_, said)| said == line).count(), 1, "{said:?}");
+        let path = folder.path().join("map");
+        assert_eq!(store::read(&path).unwrap().map.sequence(), 1);
+        std::fs::remove_file(path).unwrap();
+    }
 }
 
 #[test]
