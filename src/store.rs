@@ -23,7 +23,7 @@ mod aside;
 
 use std::ffi::OsString;
 use std::fs::{self, File, TryLockError};
-use std::io::{self, Read as _, Write as _};
+use std::io::{self, BufWriter, Read as _, Write};
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
@@ -150,13 +150,15 @@ pub fn lock(path: &Path) -> Result<Lock, StoreError> {
     }
 }
 
-/// Writes a map under this name, in place of the one before; returns the bytes of the file.
+/// Writes a map under this name, in place of the one before; returns the bytes of the file. While the disk takes its time, only these
+/// are held.
 ///
 /// # Errors
 /// When the system refuses it; the one before is then as it was, unless it is [`StoreError::Unsure`].
-pub fn write(path: &Path, stored: &Stored) -> Result<u64, StoreError> {
+pub fn write(path: &Path, stored: Stored) -> Result<u64, StoreError> {
     let refused = |error| StoreError::Io { path: path.to_owned(), error };
-    let bytes = pack(stored).map_err(refused)?;
+    let bytes = pack(&stored).map_err(refused)?;
+    drop(stored);
     let target = target(path).map_err(refused)?;
     let folder = File::open(folder(&target)).map_err(refused)?;
     write_beside(&target, &target, |file| file.write_all(&bytes)).map_err(refused)?;
@@ -219,21 +221,48 @@ pub enum Flaw {
     Damaged(String),
 }
 
-/// The bytes of a file.
+/// The bytes of a file. Unpacked, a large map has more than all else that is held of it: no more of that is there at once than the
+/// packer takes in one piece.
 ///
 /// # Errors
 /// When the encoder finds no memory.
 pub fn pack(stored: &Stored) -> io::Result<Vec<u8>> {
-    let plain = postcard::to_stdvec(stored).map_err(io::Error::other)?;
-    let packed = zstd::encode_all(&plain[..], LEVEL)?;
-    let mut bytes = Vec::with_capacity(HEADER + packed.len());
-    bytes.extend(MAGIC);
-    bytes.extend(VERSION.to_le_bytes());
-    bytes.extend((plain.len() as u64).to_le_bytes());
-    bytes.extend((packed.len() as u64).to_le_bytes());
-    bytes.extend(checksum(&bytes, &packed).to_le_bytes());
-    bytes.extend(packed);
+    let packer = zstd::Encoder::new(vec![0; HEADER], LEVEL)?;
+    let pieces = BufWriter::with_capacity(PIECE, Counted { to: packer, length: 0 });
+    let pieces = postcard::to_io(stored, pieces).map_err(io::Error::other)?;
+    let Counted { to: packer, length } = pieces.into_inner().map_err(io::IntoInnerError::into_error)?;
+    let mut bytes = packer.finish()?;
+    let (start, packed) = bytes.split_at_mut(HEADER);
+    let mut header = Vec::with_capacity(HEADER);
+    header.extend(MAGIC);
+    header.extend(VERSION.to_le_bytes());
+    header.extend(length.to_le_bytes());
+    header.extend((packed.len() as u64).to_le_bytes());
+    header.extend(checksum(&header, packed).to_le_bytes());
+    start.copy_from_slice(&header);
     Ok(bytes)
+}
+
+/// What the packer takes in one piece: of each number on its own it would be slow.
+const PIECE: usize = 1 << 17;
+
+/// Counts the bytes on their way.
+struct Counted<W> {
+    to: W,
+    length: u64,
+}
+
+impl<W: Write> Write for Counted<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let written = self.to.write(bytes)?;
+        self.length += written as u64;
+        Ok(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        // What is packed comes out when the frame ends.
+        Ok(())
+    }
 }
 
 fn checksum(header: &[u8], packed: &[u8]) -> u32 {

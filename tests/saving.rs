@@ -54,7 +54,7 @@ fn save_until_killed(path: &Path) -> ! {
         let sequence = engine.save().sequence();
         engine.insert(&scan(sequence));
         writeln!(out, "\nbegin {}", sequence + 1).unwrap();
-        store::write(path, &Stored { frame_id: "odom".to_owned(), map: engine.save() }).unwrap();
+        store::write(path, Stored { frame_id: "odom".to_owned(), map: engine.save() }).unwrap();
         writeln!(out, "\nsaved {}", sequence + 1).unwrap();
     }
 }

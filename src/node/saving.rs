@@ -112,7 +112,7 @@ pub(super) fn start(path: PathBuf, frame_id: String) -> std::io::Result<(Saver, 
 fn start_on(
     path: PathBuf,
     frame_id: String,
-    mut write: impl FnMut(&Path, &Stored) -> Result<u64, StoreError> + Send + 'static,
+    mut write: impl FnMut(&Path, Stored) -> Result<u64, StoreError> + Send + 'static,
 ) -> std::io::Result<(Saver, UnboundedReceiver<Written>)> {
     let (saver, waiting) = queue();
     let (written, results) = unbounded_channel();
@@ -124,7 +124,9 @@ fn start_on(
                 Task::Write { session, map, last } => {
                     let sequence = map.sequence();
                     let stored = Stored { frame_id: frame_id.clone(), map: map.save() };
-                    let result = keeping.keep(&path, session).and_then(|()| write(&path, &stored));
+                    // What is written is held while the disk takes its time, and no more.
+                    drop(map);
+                    let result = keeping.keep(&path, session).and_then(|()| write(&path, stored));
                     let result = result.map(|bytes| InFile { session, sequence, bytes });
                     if last.is_some() {
                         keeping.say_last(&result);

@@ -39,7 +39,7 @@ fn what_is_read_is_what_was_written() {
     for params in [Params::default(), Params::paper()] {
         for scans in [0, 1, 5] {
             let engine = engine(params, scans);
-            let bytes = write(&path, &stored(&engine)).unwrap();
+            let bytes = write(&path, stored(&engine)).unwrap();
             assert_eq!(bytes, path.metadata().unwrap().len());
             let read = read(&path).unwrap();
             assert_eq!((&read, read.map.sequence()), (&stored(&engine), scans as u64));
@@ -115,10 +115,10 @@ fn where_a_map_cannot_be_written_the_one_before_stays() {
     let folder = tempdir().unwrap();
     let path = folder.path().join("map");
     let before = stored(&engine(Params::default(), 1));
-    write(&path, &before).unwrap();
+    write(&path, before.clone()).unwrap();
     // In the way of what is written beside it.
     std::fs::create_dir(folder.path().join("map.part")).unwrap();
-    let error = write(&path, &stored(&engine(Params::default(), 2))).unwrap_err();
+    let error = write(&path, stored(&engine(Params::default(), 2))).unwrap_err();
     assert!(error.to_string().contains("map: "), "{error}");
     assert_eq!(read(&path).unwrap(), before);
     assert!(read(&folder.path().join("none")).unwrap_err().is_missing());
@@ -135,13 +135,13 @@ fn what_is_beside_a_map_is_not_followed_and_what_a_killed_process_has_left_there
     let map = stored(&engine(Params::default(), 1));
     for to in [&other, &missing] {
         std::os::unix::fs::symlink(to, &part).unwrap();
-        write(&path, &map).unwrap();
+        write(&path, map.clone()).unwrap();
         std::os::unix::fs::symlink(to, &part).unwrap();
         assert!(keep_aside_by(no_links, &path, "before").unwrap().is_some());
         assert!(part.symlink_metadata().is_err() && !missing.exists());
     }
     std::fs::write(&part, "x".repeat(1 << 20)).unwrap();
-    write(&path, &map).unwrap();
+    write(&path, map.clone()).unwrap();
     assert!(!part.exists());
     assert_eq!(read(&path).unwrap(), map);
     std::os::unix::fs::symlink(&other, &lock_file).unwrap();
@@ -188,11 +188,11 @@ fn what_is_kept_beside_its_name_keeps_its_name_too_where_files_can_be_linked_and
         assert_eq!(keep().unwrap(), None, "there is nothing yet");
         for number in 1..=3 {
             let before = stored(&engine(Params::default(), number));
-            write(&path, &before).unwrap();
+            write(&path, before.clone()).unwrap();
             let kept = keep().unwrap().unwrap();
             assert_eq!(kept, folder.path().join(format!("map.before-{number}")));
             assert_eq!(read(&path).unwrap(), before, "there was a moment without a map");
-            write(&path, &stored(&engine(Params::default(), 0))).unwrap();
+            write(&path, stored(&engine(Params::default(), 0))).unwrap();
             assert_eq!(read(&kept).unwrap(), before);
         }
         assert_eq!(folder.path().read_dir().unwrap().count(), 4, "nothing beside the maps");
@@ -307,6 +307,21 @@ fn a_map_of_which_nearly_all_was_forgotten_can_be_read() {
     assert_eq!(unpack(&bytes).unwrap(), stored(&engine));
 }
 
+#[test]
+fn to_pack_a_map_takes_less_memory_than_it_has_unpacked() {
+    let mut engine = Engine::new(Params::default());
+    // A block each.
+    let points = (0..20_000).map(|i| [i % 27, i / 27 % 27, i / 729].map(|steps| steps as f32 * 0.7));
+    let points = Points::F32(points.collect());
+    engine.insert(&Scan { stamp: Stamp::default(), fixed_from_sensor: Isometry3::identity(), points });
+    let (stored, mut bytes) = (stored(&engine), Vec::new());
+    let memory = allocation_counter::measure(|| bytes = pack(&stored).unwrap());
+    let unpacked = number(&bytes[12..20]);
+    eprintln!("{unpacked} bytes are packed into {}, with {} at once", bytes.len(), memory.bytes_max);
+    assert!(unpacked > 1 << 20 && memory.bytes_max < unpacked, "{memory:?}");
+    assert_eq!(unpack(&bytes).unwrap(), stored);
+}
+
 #[cfg(unix)]
 #[test]
 fn a_symbolic_link_stays_and_what_it_leads_to_is_replaced_locked_and_set_aside() {
@@ -317,7 +332,7 @@ fn a_symbolic_link_stays_and_what_it_leads_to_is_replaced_locked_and_set_aside()
     std::os::unix::fs::symlink("link", &second).unwrap();
     let engine = engine(Params::default(), 1);
     for written in 1..3 {
-        write(&second, &stored(&engine)).unwrap();
+        write(&second, stored(&engine)).unwrap();
         assert!(fs::symlink_metadata(&real).unwrap().is_file() && link.is_symlink() && second.is_symlink());
         assert_eq!(
             set_aside(&link, "before").unwrap(),
@@ -327,7 +342,7 @@ fn a_symbolic_link_stays_and_what_it_leads_to_is_replaced_locked_and_set_aside()
     let _lock = lock(&link).unwrap();
     let circle = folder.path().join("circle");
     std::os::unix::fs::symlink("circle", &circle).unwrap();
-    assert!(write(&circle, &stored(&engine)).is_err() && lock(&circle).is_err() && circle.is_symlink());
+    assert!(write(&circle, stored(&engine)).is_err() && lock(&circle).is_err() && circle.is_symlink());
     assert!(matches!(lock(&real).unwrap_err(), StoreError::InUse { .. }));
 }
 

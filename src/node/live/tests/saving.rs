@@ -227,10 +227,10 @@ fn what_cannot_be_resumed_is_kept_aside_and_what_contradicts_the_parameters_is_l
     assert_eq!(names(), ["map.lock", "map.refused-1"]);
     let stored =
         |frame_id: &str, params| Stored { frame_id: frame_id.to_owned(), map: Engine::new(params).save() };
-    store::write(&path, &stored("map", config.engine)).unwrap();
+    store::write(&path, stored("map", config.engine)).unwrap();
     let error = begin(&config, true).unwrap_err().to_string();
     assert!(error.contains("made with fixed_frame map, now it is odom"), "{error}");
-    store::write(&path, &stored("odom", Params::paper())).unwrap();
+    store::write(&path, stored("odom", Params::paper())).unwrap();
     let error = begin(&config, true).unwrap_err().to_string();
     assert!(error.contains("made with mode paper, now it is consistent"), "{error}");
     assert_eq!(names(), ["map", "map.lock", "map.refused-1"]);
