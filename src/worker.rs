@@ -47,14 +47,14 @@ pub enum Output {
         /// The session it belongs to.
         session: u64,
         /// The map.
-        map: Box<Frozen>,
+        map: Arc<Frozen>,
     },
     /// All of the map that a session has ended with, as asked for by [`Worker::jump`], where there is anything in it.
     Ended {
         /// The session that has ended.
         session: u64,
         /// The map.
-        map: Box<Frozen>,
+        map: Arc<Frozen>,
     },
     /// The engine has panicked; nothing more will come.
     Died(String),
@@ -256,7 +256,8 @@ impl Worker {
         self.mailbox.put(|pending| pending.snapshot = true);
     }
 
-    /// Asks for all of the map, to save it; when, as with [`Self::request_snapshot`].
+    /// Asks for all of the map, to save it: after the next scan where one waits, and after all scans when the worker is about to end.
+    /// It is never put off, for who saves asks for one at a time and waits for it.
     pub fn request_save(&self) {
         self.mailbox.put(|pending| pending.save = true);
     }
@@ -317,8 +318,11 @@ fn guard(
     session: u64,
     mut sink: impl FnMut(Output) + Clone + Send + 'static,
 ) {
-    let work = AssertUnwindSafe(|| work(mailbox, engine, session, &mut sink));
+    let mut making = Making::default();
+    let work = AssertUnwindSafe(|| work(mailbox, engine, session, &mut making, &mut sink));
     if let Err(panic) = catch_unwind(work) {
+        // A snapshot that is being made still comes, and nothing after this. Whether it panics as well makes no difference.
+        drop(catch_unwind(AssertUnwindSafe(|| making.finish())));
         sink(Output::Died(words(&*panic)));
     }
 }
@@ -346,15 +350,15 @@ fn work(
     mailbox: &Arc<Mailbox>,
     mut engine: Engine,
     mut session: u64,
+    making: &mut Making,
     sink: &mut (impl FnMut(Output) + Clone + Send + 'static),
 ) {
-    let mut making = Making::default();
     loop {
         let task = mailbox.take();
         if let Some(Beginning { session: new, is_jump }) = task.session {
             making.finish();
             mailbox.lock().off = None;
-            let map = is_jump.then(|| Box::new(engine.freeze()));
+            let map = is_jump.then(|| Arc::new(engine.freeze()));
             if let Some(map) = map.filter(|map| map.sequence() > 0) {
                 sink(Output::Ended { session, map });
             }
@@ -373,28 +377,35 @@ fn work(
         }
         if task.snapshot {
             making.finish();
-            let start = Instant::now();
-            let map = engine.freeze();
-            let (freezing, mailbox, mut sink) = (start.elapsed(), Arc::clone(mailbox), sink.clone());
-            mailbox.lock().off = Some(Off::Making);
-            making.begin(move || {
-                let mut made = Made { mailbox: &mailbox, took: None };
-                let start = Instant::now();
-                let snapshot = Arc::new(map.snapshot());
-                drop(map);
-                let took = Took { freezing, making: start.elapsed() };
-                sink(Output::Snapshot { session, snapshot, took });
-                made.took = Some(took);
-            });
         }
-        if task.save {
-            sink(Output::Saved { session, map: Box::new(engine.freeze()) });
+        // Frozen once for both.
+        let start = Instant::now();
+        let map = (task.snapshot || task.save).then(|| Arc::new(engine.freeze()));
+        let freezing = start.elapsed();
+        if let Some(map) = map.clone().filter(|_| task.snapshot) {
+            mailbox.lock().off = Some(Off::Making);
+            let (mailbox, sink) = (Arc::clone(mailbox), sink.clone());
+            making.begin(move || make(&mailbox, session, map, freezing, sink));
+        }
+        if let Some(map) = map.filter(|_| task.save) {
+            sink(Output::Saved { session, map });
         }
         if task.stop {
             making.finish();
             return;
         }
     }
+}
+
+/// Makes a snapshot of a map that it took so long to freeze.
+fn make(mailbox: &Mailbox, session: u64, map: Arc<Frozen>, freezing: Duration, mut sink: impl FnMut(Output)) {
+    let mut made = Made { mailbox, took: None };
+    let start = Instant::now();
+    let snapshot = Arc::new(map.snapshot());
+    drop(map);
+    let took = Took { freezing, making: start.elapsed() };
+    sink(Output::Snapshot { session, snapshot, took });
+    made.took = Some(took);
 }
 
 /// Lets the next snapshot begin when it is dropped, after a pause where this one was made.

@@ -29,7 +29,7 @@ pub(super) struct InFile {
 #[derive(Debug)]
 enum Task {
     /// Write the map of a session, in place of the one before; with `last` where a jump has ended it, and nobody waits for that.
-    Write { session: u64, map: Box<Frozen>, last: Option<OnItsWay> },
+    Write { session: u64, map: Arc<Frozen>, last: Option<OnItsWay> },
     /// Give the file a second name before a map of this session or a later one takes its place: nobody has asked for the old
     /// map to be given up. Maps of earlier sessions that are still on their way are written first, and it is they that are
     /// kept.
@@ -55,14 +55,14 @@ pub(super) struct Saver {
 
 impl Saver {
     /// Has the map of a session written, in place of the one before.
-    pub(super) fn write(&self, session: u64, map: Box<Frozen>) {
+    pub(super) fn write(&self, session: u64, map: Arc<Frozen>) {
         self.send(Task::Write { session, map, last: None });
         self.keeps.set(false);
     }
 
     /// Has the map written that a jump has ended a session with, and kept. While one such is on its way another is given up, and
     /// what is in the file of its session is kept instead: a clock that jumps for ever is faster than any disk.
-    pub(super) fn end(&self, session: u64, map: Box<Frozen>) {
+    pub(super) fn end(&self, session: u64, map: Arc<Frozen>) {
         if self.last.borrow().strong_count() == 0 {
             let last = OnItsWay::default();
             self.last.replace(Arc::downgrade(&last));

@@ -156,6 +156,35 @@ fn a_snapshot_of_a_session_never_comes_after_what_belongs_to_the_next() {
 }
 
 #[test]
+fn after_the_word_that_the_engine_has_died_nothing_comes_not_even_a_snapshot_that_was_being_made() {
+    let (sender, outputs) = channel();
+    let (leave, left) = channel::<()>();
+    let left = Arc::new(Mutex::new(left));
+    let worker = Worker::start(engine(), 1, PLACES, move |output| {
+        match output {
+            Output::Snapshot { .. } => _ = left.lock().unwrap().recv(),
+            // At once: to say it on stderr takes its time.
+            Output::Scan { .. } => resume_unwind(Box::new("no room")),
+            _ => {}
+        }
+        drop(sender.send(output));
+    });
+    let worker = worker.unwrap();
+    worker.request_snapshot();
+    let patience = Instant::now();
+    while !matches!(worker.mailbox.lock().off, Some(Off::Making)) {
+        assert!(patience.elapsed() < PATIENCE, "no snapshot is made");
+        std::thread::yield_now();
+    }
+    assert!(!worker.submit(scan(1)));
+    assert!(outputs.recv_timeout(Duration::from_millis(100)).is_err(), "the end waits for it");
+    leave.send(()).unwrap();
+    drop(worker);
+    let last: Vec<_> = outputs.iter().collect();
+    assert!(matches!(&last[..], [Output::Snapshot { .. }, Output::Died(_)]), "{last:?}");
+}
+
+#[test]
 fn a_panic_while_a_snapshot_is_made_is_reported_too() {
     let (sender, receiver) = channel();
     let worker = Worker::start(engine(), 1, PLACES, move |output| {

@@ -1,8 +1,11 @@
 //! The map as it was after a scan, which no later scan changes: whatever leaves the engine of all of the map is made of it, by
 //! another thread if need be, while the engine goes on.
 //!
-//! **Cost.** Blocks at rest, nearly all of a large map, share what they hold with the engine; only those that the sensor has seen
-//! in the last 64 scans are copied. So to freeze a map takes a twentieth of what it takes to make a snapshot of it.
+//! **Cost.** O(map). Blocks at rest, nearly all of a large map, share their voxels with the engine, and all blocks what was
+//! published of theirs; the voxels of those that the sensor has seen in the last 64 scans are copied. So is, of every block, what
+//! stands beside its voxels: its place in the grid and in the index by place, its patches, each with the component and plane that
+//! it has, and its loose voxels; and all clusters that are told of. All the same it takes a twentieth of what it takes to make a
+//! snapshot of it.
 
 mod voxels;
 

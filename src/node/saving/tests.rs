@@ -10,7 +10,7 @@ use crate::node::rosout::listen;
 #[test]
 fn before_a_disk_that_does_not_answer_three_maps_wait_and_three_tasks_to_keep() {
     let (saver, waiting) = queue();
-    let map = || Box::new(Engine::new(Params::default()).freeze());
+    let map = || Arc::new(Engine::new(Params::default()).freeze());
     let jumps = |from: u64| (from..from + 1000).for_each(|session| saver.end(session, map()));
     for session in [1, 2000, 4000] {
         saver.write(session, map());
@@ -36,11 +36,11 @@ fn a_last_map_that_found_no_place_or_is_done_with_holds_up_none_that_comes_later
         let is_last = |task: &Task| matches!(task, Task::Write { last: Some(_), .. });
         waiting.try_iter().filter(is_last).count()
     };
-    (0..PLACES).for_each(|_| saver.write(1, Box::new(map_of(0))));
-    saver.end(1, Box::new(map_of(0)));
+    (0..PLACES).for_each(|_| saver.write(1, Arc::new(map_of(0))));
+    saver.end(1, Arc::new(map_of(0)));
     assert_eq!(last_maps(), 0);
     for session in 2..5 {
-        saver.end(session, Box::new(map_of(0)));
+        saver.end(session, Arc::new(map_of(0)));
         assert_eq!(last_maps(), 1, "session {session}");
     }
 }
@@ -48,7 +48,7 @@ fn a_last_map_that_found_no_place_or_is_done_with_holds_up_none_that_comes_later
 #[test]
 fn a_file_that_was_to_be_kept_while_no_task_had_a_place_is_kept_when_one_has() {
     let (saver, waiting) = queue();
-    (0..PLACES).for_each(|_| saver.write(1, Box::new(map_of(0))));
+    (0..PLACES).for_each(|_| saver.write(1, Arc::new(map_of(0))));
     saver.keep(2);
     assert!(waiting.try_iter().all(|task| matches!(task, Task::Write { .. })));
     saver.keep(3);
@@ -78,12 +78,12 @@ fn the_map_that_a_jump_ends_is_kept_and_where_the_one_before_is_still_on_its_way
         };
         let (saver, mut results) = start_on(folder.path().join("map"), "map".to_owned(), write).unwrap();
         let mut written = || results.blocking_recv().unwrap().ok().map(|file| file.sequence);
-        saver.write(1, Box::new(map_of(5)));
-        saver.end(1, Box::new(map_of(7)));
-        saver.write(2, Box::new(map_of(1)));
+        saver.write(1, Arc::new(map_of(5)));
+        saver.end(1, Arc::new(map_of(7)));
+        saver.write(2, Arc::new(map_of(1)));
         let first = if is_on_its_way { None } else { Some([written(), written()]) };
-        saver.end(2, Box::new(map_of(3)));
-        saver.write(3, Box::new(map_of(2)));
+        saver.end(2, Arc::new(map_of(3)));
+        saver.write(3, Arc::new(map_of(2)));
         let first = first.unwrap_or_else(|| {
             may_end.send(()).unwrap();
             [written(), written()]
@@ -103,13 +103,13 @@ fn the_map_that_a_jump_ends_is_kept_and_where_the_one_before_is_still_on_its_way
 fn a_map_that_no_other_takes_the_place_of_is_kept_once_at_jumps_without_end() {
     let folder = tempfile::tempdir().unwrap();
     let (saver, mut results) = start(folder.path().join("map"), "map".to_owned()).unwrap();
-    saver.write(1, Box::new(map_of(7)));
+    saver.write(1, Arc::new(map_of(7)));
     results.blocking_recv().unwrap().unwrap();
     let in_the_way = folder.path().join("map.part");
     std::fs::create_dir(&in_the_way).unwrap();
     for session in 1..30 {
-        saver.end(session, Box::new(map_of(2)));
-        saver.write(session + 1, Box::new(map_of(1)));
+        saver.end(session, Arc::new(map_of(2)));
+        saver.write(session + 1, Arc::new(map_of(1)));
         assert!(results.blocking_recv().unwrap().is_err());
     }
     std::fs::remove_dir(in_the_way).unwrap();
@@ -127,11 +127,11 @@ fn of_jumps_without_end_the_newest_maps_are_kept_and_the_largest() {
     let mut large = Engine::new(Params::default());
     let points = Points::F32((0..1000u16).map(|i| [f32::from(i), 0.0, 1.0]).collect());
     large.insert(&Scan { stamp: Stamp::default(), fixed_from_sensor: Isometry3::identity(), points });
-    saver.write(1, Box::new(large.freeze()));
+    saver.write(1, Arc::new(large.freeze()));
     results.blocking_recv().unwrap().unwrap();
     for session in 2..30 {
         saver.keep(session);
-        saver.write(session, Box::new(map_of(session)));
+        saver.write(session, Arc::new(map_of(session)));
         results.blocking_recv().unwrap().unwrap();
     }
     let read = |number: u64| store::read(&folder.path().join(format!("map.before-{number}"))).ok();
@@ -172,7 +172,7 @@ fn a_map_that_cannot_be_kept_at_a_jump_is_not_written_over_until_it_can() {
     std::fs::write(&in_the_way, "").unwrap();
     let (saver, mut results) = start(path.clone(), "map".to_owned()).unwrap();
     let mut write = |session, scans| {
-        saver.write(session, Box::new(map_of(scans)));
+        saver.write(session, Arc::new(map_of(scans)));
         results.blocking_recv().unwrap()
     };
     write(1, 7).unwrap();
