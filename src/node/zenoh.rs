@@ -285,6 +285,7 @@ impl Transport for Zenoh {
             reason = readers::ended(&self.readers) => reason,
             reason = self.closed() => reason,
             reason = self.answers.ended() => reason,
+            reason = outlet::ended(&self.outlets) => reason,
         }
     }
 }

@@ -7,11 +7,15 @@ use std::io;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::{Builder, JoinHandle};
 
+use tokio::sync::mpsc;
+
 /// The way to the thread. When it is dropped, what still waits is sent, and then the thread ends.
 pub(super) struct Latched<T> {
     /// Messages that may wait; beyond, the oldest goes, which nobody would be given any more.
     places: usize,
     queue: Arc<Queue<T>>,
+    /// Closed when the thread ends.
+    alive: mpsc::Sender<()>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -36,8 +40,13 @@ impl<T: Send + 'static> Latched<T> {
         let inside = Inside { waiting: VecDeque::new(), failed: None, ends: false };
         let queue = Arc::new(Queue { inside: Mutex::new(inside), filled: Condvar::new() });
         let there = Arc::clone(&queue);
-        let thread = Builder::new().name("cfodi-latched".to_owned()).spawn(move || there.send_all(put))?;
-        Ok(Self { places, queue, thread: Some(thread) })
+        let (alive, lives) = mpsc::channel(1);
+        let thread = Builder::new().name("cfodi-latched".to_owned());
+        let thread = thread.spawn(move || {
+            let _lives = lives;
+            there.send_all(put);
+        });
+        Ok(Self { places, queue, alive, thread: Some(thread?) })
     }
 
     /// Hands over a message; returns why one before could not be sent.
@@ -50,13 +59,18 @@ impl<T: Send + 'static> Latched<T> {
             inside.failed.take()
         })
     }
+
+    /// Resolves when the thread has ended: nothing would be sent any more.
+    pub(super) async fn ended(&self) {
+        self.alive.closed().await;
+    }
 }
 
 impl<T> Drop for Latched<T> {
     fn drop(&mut self) {
         self.queue.change(|inside| inside.ends = true);
         if let Some(thread) = self.thread.take() {
-            // There is nobody left to tell of a panic there.
+            // Who looked has been told of a panic there.
             drop(thread.join());
         }
     }
@@ -92,6 +106,9 @@ impl<T> Queue<T> {
 #[cfg(test)]
 mod tests {
     use std::sync::mpsc::{channel, sync_channel};
+    use std::time::Duration;
+
+    use futures::FutureExt as _;
 
     use super::*;
 
@@ -114,5 +131,14 @@ mod tests {
         (0..3).for_each(|_| through.send(()).unwrap());
         ending.join().unwrap();
         assert_eq!(sent.iter().collect::<Vec<_>>(), [4, 5]);
+    }
+
+    #[tokio::test]
+    async fn it_is_known_when_the_thread_has_died() {
+        let put = |_: u32| -> Result<(), &str> { std::panic::resume_unwind(Box::new("died")) };
+        let latched = Latched::start(2, put).unwrap();
+        assert!(latched.ended().now_or_never().is_none());
+        assert_eq!(latched.send(1), None);
+        tokio::time::timeout(Duration::from_secs(60), latched.ended()).await.unwrap();
     }
 }

@@ -5,6 +5,7 @@ use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::time::Duration;
 
+use futures::future::select_all;
 use zenoh::Wait as _;
 use zenoh::pubsub::Publisher;
 use zenoh::qos::CongestionControl;
@@ -33,6 +34,11 @@ pub(super) fn open(opener: &Opener) -> Result<BTreeMap<&'static str, Outlet>, Op
     };
     let topics = sent::TOPICS.into_iter().filter(is_asked_for);
     topics.map(|topic| Ok((topic.name, Outlet::open(opener, topic)?))).collect()
+}
+
+/// Resolves, with a reason, when one of them sends nothing any more.
+pub(super) async fn ended(outlets: &BTreeMap<&'static str, Outlet>) -> String {
+    select_all(outlets.values().map(|outlet| Box::pin(outlet.ended()))).await.0
 }
 
 enum Sender {
@@ -70,6 +76,15 @@ impl Outlet {
             Sender::Live(publisher.wait().map_err(opening(&resolved))?)
         };
         Ok(Self { name, sender, id: opener.tell(Kind::Publisher, named, qos)?, sent: Cell::new(0) })
+    }
+
+    /// Resolves, with a reason, when the thread that sends has ended; never where the node's own does.
+    async fn ended(&self) -> String {
+        match &self.sender {
+            Sender::Live(_) => std::future::pending().await,
+            Sender::Latched(latched) => latched.ended().await,
+        }
+        format!("the thread that sends {} has ended", self.name)
     }
 
     /// Sends a message in CDR.
