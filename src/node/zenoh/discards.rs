@@ -7,7 +7,8 @@ use std::thread::Builder;
 use super::opening;
 use crate::node::middleware::OpenError;
 
-/// What may wait: as much as a caller sends in seconds, and some megabytes. Who goes on beyond that is held up.
+/// What may wait: as much as a caller sends in seconds. Of each there is only what its end needs, some hundred bytes and its key.
+/// Who goes on beyond that is held up.
 const PLACES: usize = 10_000;
 
 /// The way to the thread, which ends with the last of them.

@@ -88,7 +88,7 @@ impl Opener {
         let there = Arc::clone(&mailbox);
         let put = move |sample: Sample| {
             if sample.kind() == SampleKind::Put {
-                let bytes = sample.payload().len();
+                let bytes = length([Some(sample.payload()), sample.attachment()]);
                 drop(there.put(sample, bytes));
             }
         };
@@ -117,8 +117,8 @@ impl Opener {
         let there = Arc::clone(&mailbox);
         let discards = self.discards.clone();
         let put = move |query: Query| {
-            let bytes = query.payload().map_or(0, ZBytes::len);
-            discards.add(there.put(query, bytes));
+            let bytes = bytes_of(&query);
+            discards.add(there.put(query, bytes).into_iter().map(emptied));
         };
         let key = named.key_of_any(self.setup.domain);
         let queryable = self.session.declare_queryable(key).complete(true).callback(put).wait();
@@ -128,6 +128,22 @@ impl Opener {
         let (places, answers) = (Places::new(UNDER_WAY), self.answers.clone());
         Ok(Calls { name, key, mailbox, places, answers, _queryable: queryable })
     }
+}
+
+fn length<const N: usize>(parts: [Option<&ZBytes>; N]) -> usize {
+    parts.into_iter().flatten().map(ZBytes::len).sum()
+}
+
+/// What a call has in bytes, as far as a caller may make it long.
+fn bytes_of(query: &Query) -> usize {
+    length([query.payload(), query.attachment()]) + query.parameters().as_str().len()
+}
+
+/// A call of which nothing but the end is needed, without what it has brought.
+fn emptied(mut query: Query) -> Query {
+    query.payload_mut().map(std::mem::take);
+    query.attachment_mut().map(std::mem::take);
+    query
 }
 
 /// Kept while it is listened.
@@ -253,7 +269,30 @@ impl Call {
 
 #[cfg(test)]
 mod tests {
+    use zenoh::Config;
+
     use super::*;
+
+    /// A session that neither looks for others nor lets any in.
+    fn alone() -> Session {
+        let mut config = Config::default();
+        let settings =
+            [("mode", "\"peer\""), ("scouting/multicast/enabled", "false"), ("listen/endpoints", "[]")];
+        settings.into_iter().for_each(|(key, value)| config.insert_json5(key, value).unwrap());
+        zenoh::open(config).wait().unwrap()
+    }
+
+    #[test]
+    fn a_call_counts_with_all_that_it_has_brought_and_waits_for_its_end_without() {
+        let (session, (sender, calls)) = (alone(), std::sync::mpsc::channel());
+        let put = move |query: Query| sender.send(query).unwrap();
+        let _queryable = session.declare_queryable("call").callback(put).wait().unwrap();
+        let _replies =
+            session.get("call?a=1").payload(vec![1; 10_000]).attachment(vec![2; 500]).wait().unwrap();
+        let call = calls.recv_timeout(Duration::from_secs(60)).unwrap();
+        assert_eq!(bytes_of(&call), 10_503);
+        assert_eq!(bytes_of(&emptied(call)), 3);
+    }
 
     #[test]
     fn messages_that_found_no_room_are_told_with_their_number() {
