@@ -112,6 +112,24 @@ impl TileSums {
     }
 }
 
+/// Of what the nine sums are products, with the offsets of all points and of those that are here by axis: x, y, z, xx, xy, xz, yy, yz
+/// and zz.
+#[cfg(target_arch = "x86_64")]
+#[inline(always)]
+const fn factors<V: Copy>(one: V, [x, y, z]: [V; 3], [x_here, y_here, z_here]: [V; 3]) -> [(V, V); 9] {
+    [
+        (x_here, one),
+        (y_here, one),
+        (z_here, one),
+        (x_here, x),
+        (x_here, y),
+        (x_here, z),
+        (y_here, y),
+        (y_here, z),
+        (z_here, z),
+    ]
+}
+
 /// Tells `sink` the sums of each voxel in the tile, of most voxels once.
 #[inline(always)]
 pub(super) fn sum_by_voxel<L: Lanes>(lanes: L, tile: &mut L::Tile, sink: &mut impl Sink) {

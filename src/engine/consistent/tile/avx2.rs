@@ -10,7 +10,7 @@ use std::arch::x86_64::{__m256d, __m256i};
 use pulp::x86::V3;
 use pulp::{NullaryFnOnce, cast};
 
-use super::{Lanes, Listed, Local, LocalKey, Pixels, TILE, Tile, TileSums};
+use super::{Lanes, Listed, Local, LocalKey, Pixels, TILE, Tile, TileSums, factors};
 use crate::engine::consistent::local::{AXIS_BITS, UNIT_BITS};
 
 /// Whole numbers of 32 bits in a vector.
@@ -188,23 +188,12 @@ impl Avx2 {
         let ones = avx._mm256_set1_epi16(1);
         let mut sums = [avx._mm256_setzero_si256(); 9];
         for pair in 0..PAIRS {
-            let x: __m256i = cast(tile.offsets[0][pair]);
-            let y: __m256i = cast(tile.offsets[1][pair]);
-            let z: __m256i = cast(tile.offsets[2][pair]);
-            let x_here = avx2._mm256_and_si256(x, is_here[pair]);
-            let y_here = avx2._mm256_and_si256(y, is_here[pair]);
-            let z_here = avx2._mm256_and_si256(z, is_here[pair]);
-            let factors = [
-                (x_here, ones),
-                (y_here, ones),
-                (z_here, ones),
-                (x_here, x),
-                (x_here, y),
-                (x_here, z),
-                (y_here, y),
-                (y_here, z),
-                (z_here, z),
-            ];
+            let (mut all, mut here) = ([ones; 3], [ones; 3]);
+            for axis in 0..3 {
+                all[axis] = cast(tile.offsets[axis][pair]);
+                here[axis] = avx2._mm256_and_si256(all[axis], is_here[pair]);
+            }
+            let factors = factors(ones, all, here);
             for (sum, (a, b)) in sums.iter_mut().zip(factors) {
                 *sum = avx2._mm256_add_epi32(*sum, avx2._mm256_madd_epi16(a, b));
             }

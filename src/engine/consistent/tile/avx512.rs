@@ -8,7 +8,7 @@ use std::arch::x86_64::{__m256i, __m512d, __m512i};
 use pulp::x86::V4;
 use pulp::{NullaryFnOnce, cast};
 
-use super::{Lanes, Listed, Local, LocalKey, Pixels, SIDE, TILE, Tile, TileSums};
+use super::{Lanes, Listed, Local, LocalKey, Pixels, SIDE, TILE, Tile, TileSums, factors};
 use crate::engine::consistent::local::{AXIS_BITS, UNIT_BITS};
 
 /// Whole numbers of 32 bits in a vector.
@@ -177,23 +177,12 @@ impl Avx512 {
         let ones = avx._mm512_set1_epi16(1);
         let mut sums = [avx._mm512_setzero_si512(); 9];
         for half in 0..HALVES {
-            let x: __m512i = cast(tile.offsets[0][half]);
-            let y: __m512i = cast(tile.offsets[1][half]);
-            let z: __m512i = cast(tile.offsets[2][half]);
-            let x_here = avx._mm512_and_si512(x, is_here[half]);
-            let y_here = avx._mm512_and_si512(y, is_here[half]);
-            let z_here = avx._mm512_and_si512(z, is_here[half]);
-            let factors = [
-                (x_here, ones),
-                (y_here, ones),
-                (z_here, ones),
-                (x_here, x),
-                (x_here, y),
-                (x_here, z),
-                (y_here, y),
-                (y_here, z),
-                (z_here, z),
-            ];
+            let (mut all, mut here) = ([ones; 3], [ones; 3]);
+            for axis in 0..3 {
+                all[axis] = cast(tile.offsets[axis][half]);
+                here[axis] = avx._mm512_and_si512(all[axis], is_here[half]);
+            }
+            let factors = factors(ones, all, here);
             for (sum, (a, b)) in sums.iter_mut().zip(factors) {
                 *sum = avx._mm512_add_epi32(*sum, words._mm512_madd_epi16(a, b));
             }
