@@ -109,7 +109,8 @@ pub enum LiveError {
 /// which is not asked before.
 ///
 /// # Errors
-/// When the engine's thread dies, the middleware stops, or the last map cannot be saved or is given up.
+/// When the engine's thread dies, the messages of a map cannot be made, the middleware stops, or the last map cannot be saved or is
+/// given up.
 pub async fn run<T: Transport>(
     config: &Config,
     engine: Engine,
