@@ -77,7 +77,8 @@ raise_socket_buffer() {
 # need no build of their own. Into CFODI_SECURED, since the next `cargo build` would write over it.
 keep_secured() {
   mkdir -p "$CFODI_SECURED"
-  cp "$target/debug/cfodi" "$target/debug/examples/"{clusters,robot} "$CFODI_SECURED"
+  # A program that somebody runs cannot be written to, but replaced.
+  cp --remove-destination "$target/debug/cfodi" "$target/debug/examples/"{clusters,robot} "$CFODI_SECURED"
 }
 
 # Without these features, as most users build it: our own code as in a release, and of the crates those that the tests' build has
@@ -90,7 +91,7 @@ build_tested() {
   CARGO_INCREMENTAL=0 "${build[@]}" 2>&1 | tee "$target/tested/log"
   # Lines for builds without a feature are compiled here alone. `-D warnings` as RUSTFLAGS would have all crates made anew.
   if grep -q '^warning: `cfodi`' "$target/tested/log"; then echo "warnings are errors" >&2; exit 1; fi
-  cp "$target/debug/cfodi" "$target/tested"
+  cp --remove-destination "$target/debug/cfodi" "$target/tested"
 }
 
 # The readers of the tests have what is the default: on a stock kernel's 208 KiB, best-effort points of half a megabyte are lost
