@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
+#include <cstring>
 #include <iomanip>
 #include <limits>
 #include <map>
@@ -16,7 +18,6 @@
 #include <vector>
 
 #include <sensor_msgs/msg/point_cloud2.hpp>
-#include <sensor_msgs/point_cloud2_iterator.hpp>
 #include <tf2_msgs/msg/tf_message.hpp>
 
 #include "map_reader.hpp"
@@ -51,12 +52,21 @@ class Planner {
 
   MapReader map;  // feed it from ~/clusters and ~/clusters_delta
 
-  // Takes a message of ~/points_labelled: an outline does not hold all voxels, see docs/planner.md.
+  // Takes a message of ~/points_labelled: an outline does not hold all voxels, see docs/planner.md. std::invalid_argument where it
+  // is none, for the iterators of sensor_msgs read beyond its end then.
   void points(const sensor_msgs::msg::PointCloud2& cloud) {
     voxels_.clear();
     header_ = cloud.header;
-    if (cloud.data.empty()) return;  // the iterators take the address of its first byte
-    for (sensor_msgs::PointCloud2ConstIterator<float> at(cloud, "x"); at != at.end(); ++at) voxels_.push_back({at[0], at[1], at[2]});
+    if (cloud.data.empty()) return;
+    const std::size_t step = cloud.point_step, size = cloud.data.size(), at[] = {offset(cloud, "x"), offset(cloud, "y"), offset(cloud, "z")};
+    if (step == 0 || size % step != 0) {
+      throw std::invalid_argument(in_words("a cloud of labelled points has ", size, " bytes, of points of ", step));
+    }
+    for (const std::uint8_t* point = cloud.data.data(); point != cloud.data.data() + size; point += step) {
+      std::array<float, 3> voxel;
+      for (int i = 0; i < 3; ++i) std::memcpy(&voxel[i], point + at[i], sizeof(float));
+      voxels_.push_back({voxel[0], voxel[1], voxel[2]});
+    }
   }
 
   // Of the newest cloud of voxels; its stamp is 0 before there is one.
@@ -130,6 +140,15 @@ class Planner {
  private:
   struct Piece { Point begin, end; };
   static constexpr double kInfinite = std::numeric_limits<double>::infinity();
+
+  // Where a point of a cloud has a coordinate.
+  static std::size_t offset(const sensor_msgs::msg::PointCloud2& cloud, const char* axis) {
+    for (const auto& field : cloud.fields) {
+      bool is_float = field.datatype == sensor_msgs::msg::PointField::FLOAT32 && !cloud.is_bigendian;
+      if (field.name == axis && is_float && field.offset + sizeof(float) <= cloud.point_step) return field.offset;
+    }
+    throw std::invalid_argument(in_words("a cloud of labelled points of ", cloud.point_step, " bytes has no 32-bit ", axis));
+  }
 
   template <typename P>
   static Point xyz(const P& point) { return {point.x, point.y, point.z}; }
@@ -241,23 +260,26 @@ class Freshness {
   std::optional<Why> lacks(const All& all, double now, double steady) {
     for (std::size_t i = 0; i < all.size(); ++i) {
       double stamp = seconds(all[i].header);
-      if (came_[i].stamp != stamp || came_[i].what != all[i].what) came_[i] = {all[i].what, stamp, steady};
+      bool same = came_[i].what == all[i].what;
+      if (!same || came_[i].stamp != stamp) came_[i] = {all[i].what, stamp, steady, same && came_[i].stamp > 0.0};
     }
     if (now <= 0.0) return Why{"no time has come on /clock", "use_sim_time asks for it"};
     for (std::size_t i = 0; i < all.size(); ++i) {
-      if (auto why = lack(all[i], now - came_[i].stamp, steady - came_[i].since)) return why;
+      if (auto why = lack(all[i], now - came_[i].stamp, steady - came_[i].since, came_[i].again)) return why;
     }
     return std::nullopt;
   }
 
  private:
-  struct Came { std::string what; double stamp = 0.0, since = 0.0; };
+  struct Came { std::string what; double stamp = 0.0, since = 0.0; bool again = false; };
 
   static double seconds(const std_msgs::msg::Header& header) { return header.stamp.sec + 1e-9 * header.stamp.nanosec; }
 
-  // The same of one of them, by its age and how long ago it came [s].
-  std::optional<Why> lack(const Seen& seen, double age, double since) const {
-    auto allowed = in_words("max_age is ", max_age_, " s", seen.hint.empty() ? "" : "; " + seen.hint);
+  // The same of one of them, by its age and how long ago it came [s], and whether one came before.
+  std::optional<Why> lack(const Seen& seen, double age, double since, bool again) const {
+    bool lags = again && age >= max_age_ && since < max_age_;
+    auto hint = lags ? "it comes, and its stamps are behind the clock" : seen.hint;
+    auto allowed = in_words("max_age is ", max_age_, " s", hint.empty() ? "" : "; " + hint);
     if (seconds(seen.header) <= 0.0) return Why{"no " + seen.what + " has come", seen.hint};
     if (age >= max_age_) return Why{"the " + seen.what + " is too old", in_words(age, " s, ", allowed)};
     if (age <= -kAhead) return Why{"the " + seen.what + " is ahead of the clock", in_words("by ", -age, " s: two clocks differ")};

@@ -33,6 +33,7 @@ class Planner:
     def __init__(self, width, height):
         self.map, self.width, self.height = MapReader(), width, height
         self.voxels, self.cloud = np.empty((0, 3)), None  # outlines do not hold all, see docs/planner.md
+        self.outlines = {}  # by id, each with the cluster that it is of: one that has changed comes as another
 
     def points(self, cloud):
         """Takes a message of ~/points_labelled."""
@@ -78,6 +79,7 @@ class Planner:
 
     def free_ahead(self, ground, robot):
         """How far from its base frame the robot can drive straight on [m]; inf where nothing stands there."""
+        self.outlines = {each: self.outlines[each] for each in self.map.clusters.keys() & self.outlines.keys()}
         ahead, left, height = from_robot(robot, ground, self.voxels).T
         in_way = (ahead > 0) & (abs(left) < self.width / 2) & (height > LOW) & (height < self.height)
         clusters = (c for c in self.map.clusters.values() if c.id != ground.id)
@@ -86,10 +88,18 @@ class Planner:
     def begins(self, cluster, ground, robot, low, high):
         """How far ahead a cluster begins in the robot's lane between two heights above the ground [m]; inf where it does not."""
         least, most = np.array([0.0, -self.width / 2, low]), np.array([math.inf, self.width / 2, high])
-        sides = from_robot(robot, ground, outline(cluster))
+        sides = from_robot(robot, ground, self.outline(cluster))
         # A surface is flat: what of it is nearest is at its outline, or else where it meets an end or a side of the lane.
         ends = [cut(sides, axis, at) for axis, at in ((0, least[0]), (1, least[1]), (1, most[1]))]
         return nearest(np.concatenate([sides, *ends]), least, most)
+
+    def outline(self, cluster):
+        """The sides of its outline, put together once."""
+        of, sides = self.outlines.get(cluster.id, (None, None))
+        if of is not cluster:
+            sides = outline(cluster)
+            self.outlines[cluster.id] = cluster, sides
+        return sides
 
 
 class Freshness:
@@ -103,18 +113,20 @@ class Freshness:
         """Which of these is not of now: a reason and its numbers, None where all are. `stamps`, by name, and `now` are of one
         clock, `steady` of a steady one [s]; a time of 0 is none. Asked again and again."""
         before = self.came
-        self.came = {what: before[what] if what in before and before[what][0] == stamp else (stamp, steady)
-                     for what, stamp in stamps.items()}
+        self.came = {what: before[what] if what in before and before[what][0] == stamp
+                     else (stamp, steady, what in before and before[what][0] > 0.0) for what, stamp in stamps.items()}
         if now <= 0.0:
             return "no time has come on /clock", "use_sim_time asks for it"
-        found = (self.lack(what, stamp, now - stamp, steady - self.came[what][1]) for what, stamp in stamps.items())
+        found = (self.lack(what, stamp, now - stamp, steady - since, again) for what, (stamp, since, again) in self.came.items())
         return next((lack for lack in found if lack), None)
 
-    def lack(self, what, stamp, age, since):
-        """The same of one of them, by its age and how long ago it came [s]."""
-        allowed = f"max_age is {self.max_age:.4g} s" + ("; " + HINTS[what] if what in HINTS else "")
+    def lack(self, what, stamp, age, since, again):
+        """The same of one of them, by its age and how long ago it came [s], and whether one came before."""
+        lags = again and age >= self.max_age and since < self.max_age
+        hint = "it comes, and its stamps are behind the clock" if lags else HINTS.get(what, "")
+        allowed = f"max_age is {self.max_age:.4g} s" + ("; " + hint if hint else "")
         if stamp <= 0.0:
-            return f"no {what} has come", HINTS.get(what, "")
+            return f"no {what} has come", hint
         if age >= self.max_age:
             return f"the {what} is too old", f"{age:.4g} s, {allowed}"
         if age <= -AHEAD:

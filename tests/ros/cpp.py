@@ -8,12 +8,12 @@ import subprocess
 EXAMPLES = pathlib.Path(__file__).resolve().parents[2] / "examples"
 
 
-def compile(source, *options, includes=()):
+def compile(source, *options, includes=(), examples=EXAMPLES):
     generated = [package for prefix in os.environ["AMENT_PREFIX_PATH"].split(":")
                  for package in sorted(pathlib.Path(prefix, "include").iterdir()) if package.is_dir()]
     compiler = shutil.which(os.environ.get("CXX", "c++"))
     assert compiler, "no C++ compiler (the ROS environment needs one too)"
-    folders = [f"-I{folder}" for folder in (*generated, EXAMPLES, *includes)]
+    folders = [f"-I{folder}" for folder in (*generated, examples, *includes)]
     subprocess.run([compiler, "-std=c++17", "-Wall", "-Wextra", "-Werror", *folders, str(source), *options], check=True)
 
 

@@ -166,11 +166,39 @@ void voxels() {
   expect("those of a cluster without an outline are in the way", known.free_ahead(ground, kHere), 0.8);
   known.points(cloud({{1.0, 0.0, 0.7, 2}}));
   expect("and those of one whose outline is that of another part", known.free_ahead(ground, kHere), 1.0);
-  sensor_msgs::msg::PointCloud2 empty;  // without fields too: the iterators throw where they look into it
+  sensor_msgs::msg::PointCloud2 empty;  // without fields too
   empty.header.stamp.sec = 7;
   known.points(empty);
   expect("an empty cloud takes them away", known.free_ahead(ground, kHere), 2.0);
   expect("and is the newest", known.voxels_header().stamp.sec == 7);
+}
+
+// What is said of a cloud that is none; empty where it is one.
+std::string refused_cloud(void (*change)(sensor_msgs::msg::PointCloud2&)) {
+  Planner known = planner({});
+  auto wrong = cloud({{1.5, 0.1, 0.4, 0}, {0.7, 0.0, 0.1, 1}});
+  change(wrong);
+  try {
+    known.points(wrong);
+  } catch (const std::invalid_argument& error) {
+    return error.what();
+  }
+  return "";
+}
+
+void clouds_that_are_none() {
+  using Cloud = sensor_msgs::msg::PointCloud2;
+  expect("one that is one is taken", refused_cloud([](Cloud&) {}).empty());
+  expect("so is one with other fields before", refused_cloud([](Cloud& it) {
+    for (auto& field : it.fields) field.offset = (field.offset + 4) % 16;
+  }).empty());
+  const std::string size = "a cloud of labelled points has 31 bytes, of points of 16", x = "a cloud of labelled points of 16 bytes has no 32-bit x";
+  expect("a point that is cut off", refused_cloud([](Cloud& it) { it.data.pop_back(); }) == size);
+  expect("points of no bytes", !refused_cloud([](Cloud& it) { it.point_step = 0; }).empty());
+  expect("a coordinate beyond its point", refused_cloud([](Cloud& it) { it.fields[0].offset = 13; }) == x);
+  expect("one that is no float", refused_cloud([](Cloud& it) { it.fields[0].datatype = sensor_msgs::msg::PointField::INT32; }) == x);
+  expect("none at all", refused_cloud([](Cloud& it) { it.fields.erase(it.fields.begin()); }) == x);
+  expect("bytes the other way round", refused_cloud([](Cloud& it) { it.is_bigendian = true; }) == x);
 }
 
 void ground_and_table() {
@@ -303,6 +331,16 @@ void near_the_clock() {
   expect("it says how old, and what to look at", old->numbers == "2.5 s, max_age is 1 s; a hint");
 }
 
+void stamps_behind_the_clock() {
+  Freshness freshness(1.0);
+  auto numbers = [&](double ahead, double steady) {  // the others come each time
+    return freshness.lacks(stamps({99.0 + steady / 8, 98.0 + ahead, 99.0 + steady / 8}), 100.5, steady)->numbers;
+  };
+  expect("one may be the last", numbers(0.0, 7.0) == "2.5 s, max_age is 1 s; a hint");
+  expect("where another has come it is the stamps", numbers(0.5, 7.25) == "2 s, max_age is 1 s; it comes, and its stamps are behind the clock");
+  expect("until none comes any more", numbers(0.5, 8.5) == "2 s, max_age is 1 s; a hint");
+}
+
 void new_by_a_steady_clock() {
   Freshness freshness(1.0);
   expect("it is fresh when it comes", !freshness.lacks(stamps(kStamps), 100.0, 7.0));
@@ -421,6 +459,7 @@ void when_it_says_so() {
 
 int main() {
   near_the_clock();
+  stamps_behind_the_clock();
   new_by_a_steady_clock();
   impossible_parameters();
   never_faster_towards_an_obstacle();
@@ -434,5 +473,6 @@ int main() {
   floor_that_is_one_with_a_ramp();
   known_to_be_level();
   voxels();
+  clouds_that_are_none();
   ground_and_table();
 }

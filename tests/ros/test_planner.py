@@ -4,6 +4,7 @@ import math
 import os
 import pathlib
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -309,6 +310,14 @@ def test_what_is_seen_is_of_now_where_all_stamps_are_near_the_clock(stamps, now,
     assert found is None or is_explained(found)
 
 
+def test_of_what_comes_with_stamps_behind_the_clock_that_is_said():
+    freshness = Freshness(1.0)
+    steps = ((98.0, 7.0), (98.5, 7.25), (98.5, 8.5))  # the others come each time
+    said = [lack(freshness, [99.0 + steady / 8, stamp, 99.0 + steady / 8], 100.5, steady)[1] for stamp, steady in steps]
+    behind = "2 s, max_age is 1 s; it comes, and its stamps are behind the clock"
+    assert "rmem_default" in said[0] and said[1] == behind and "rmem_default" in said[2], said
+
+
 def is_explained(why):
     """Whether docs/trouble.md has a line about it."""
     page = (cpp.EXAMPLES.parent / "docs" / "trouble.md").read_text()
@@ -430,6 +439,15 @@ def test_the_planner_in_cpp_compiles_against_the_generated_headers_and_does_the_
 
 def test_the_node_in_cpp_does_the_same_as_far_as_it_can_be_told_without_rclcpp(tmp_path):
     cpp.run(HERE / "planner_node_test.cpp", tmp_path, includes=[HERE / "rclcpp_stand_in"])
+
+
+def test_the_node_in_cpp_needs_no_other_file_than_the_page_names(tmp_path):
+    page = (cpp.EXAMPLES.parent / "docs" / "planner.md").read_text()
+    named = re.findall(r"`(\w+\.[ch]pp)`", page.split("\nIn C++, in a package of your own ")[1].split("```")[0])
+    for name in named:
+        shutil.copy(cpp.EXAMPLES / name, tmp_path)
+    source, options = tmp_path / "planner.cpp", ("-c", "-o", str(tmp_path / "planner.o"))
+    cpp.compile(source, *options, includes=[HERE / "rclcpp_stand_in"], examples=tmp_path)
 
 
 def test_the_code_in_the_documentation_is_that_of_the_example():
