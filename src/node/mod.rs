@@ -6,6 +6,7 @@
 //! and what could be; `compressed` says when compressed depth images are read; [`process`] is all of it as a process; `publish` turns the worker's outputs into messages;
 //! [`record`] keeps them; `parameters` answers the parameter services.
 
+mod aside;
 mod clock;
 mod compressed;
 pub mod counts;

@@ -2,16 +2,16 @@
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::rc::Rc;
 use std::sync::Arc;
 use std::thread::Builder;
 use std::time::{Duration, Instant};
 
-use tokio::sync::{mpsc, oneshot, watch};
+use tokio::sync::{mpsc, watch};
 use tokio::time::sleep_until;
 use tracing::{error, warn};
 
+use super::aside::aside;
 use super::counts::Counts;
 use super::record::Recorder;
 use super::saving::Saver;
@@ -25,7 +25,7 @@ use crate::msg::clusters::{Session, SurfaceClusterArray};
 use crate::msg::labelled::labelled_points;
 use crate::msg::markers::Markers;
 use crate::msg::twins::{PolygonInstanceStamped, Twins, detections, polygons};
-use crate::worker::{Output, Took, spawn_or_do, words};
+use crate::worker::{Output, Took};
 
 /// Between two polygons: nav2's collision monitor keeps the last five that it has not yet taken, and would have no others of
 /// a map that comes at once.
@@ -277,20 +277,6 @@ impl Maps {
         send_polygons(polygons, SPREAD.min(period / 2), wire).await;
         Ok(())
     }
-}
-
-/// Makes something on a thread of its own; here, where the system gives none.
-///
-/// # Errors
-/// What it has panicked with.
-async fn aside<T: Send + 'static>(
-    thread: Builder,
-    make: impl FnOnce() -> T + Send + 'static,
-) -> Result<T, String> {
-    let (tell, told) = oneshot::channel();
-    spawn_or_do(thread, move || drop(tell.send(catch_unwind(AssertUnwindSafe(make)))));
-    let made = told.await.map_err(|error| error.to_string())?;
-    made.map_err(|panic| words(&*panic))
 }
 
 /// The messages of a map but for its polygons, in the order in which they go out.

@@ -96,6 +96,15 @@ def test_outlines_within_the_robots_width_and_height_are_in_its_way_and_others_a
     assert free(level(3, HORIZONTAL, 0.05, (1.0, 1.8), (-0.2, 0.6))) == math.inf, "it is the noise of the ground"
 
 
+def test_of_a_surface_that_has_changed_the_new_outline_is_in_its_way_and_of_one_that_is_gone_nothing_is_kept():
+    known, ground = planner(level(3, HORIZONTAL, 0.7, (1.0, 1.8), (-0.2, 0.6)))
+    assert [known.free_ahead(ground, BASE) for _ in range(2)] == pytest.approx([1.0, 1.0])
+    known.map.snapshot(SurfaceClusterArray(session_id=1, sequence=2, clusters=[ground, level(3, HORIZONTAL, 0.7, (1.5, 1.8), (-0.2, 0.6))]))
+    assert known.free_ahead(ground, BASE) == pytest.approx(1.5)
+    known.map.snapshot(SurfaceClusterArray(session_id=1, sequence=3, clusters=[ground]))
+    assert known.free_ahead(ground, BASE) == math.inf and 3 not in known.outlines
+
+
 def test_a_surface_is_in_its_way_where_its_outline_is_beside_above_and_below():
     assert free(wall(*box((-3.0, 3.0), (-0.5, 2.5)))) == pytest.approx(2.0)
     top = level(3, HORIZONTAL, 0.7, (1.0, 2.0), (-1.5, 1.5))

@@ -7,6 +7,8 @@
 //! What takes most of the time is written in plain Rust ([`Plain`]), of which the compiler makes vectors, and for AVX2 and AVX-512
 //! (`avx2`, `avx512`).
 
+#[cfg(target_arch = "x86_64")]
+use pulp::Simd;
 use pulp::{Arch, NullaryFnOnce};
 
 use super::local::{Local, LocalKey};
@@ -110,6 +112,27 @@ impl TileSums {
     fn widened(&self) -> ScanSums {
         ScanSums { count: self.count, sum: self.sum.map(u64::from), squares: self.squares.map(u64::from) }
     }
+}
+
+/// What is not less than these bits is no finite number in single precision above 0.
+#[cfg(target_arch = "x86_64")]
+const INFINITY: i32 = f32::INFINITY.to_bits() as i32;
+
+/// Places of pixels along one axis ([`Lanes::of_pixels`]), before they are rounded.
+#[cfg(target_arch = "x86_64")]
+#[inline(always)]
+fn of_depths<S: Simd>(simd: S, depths: S::f64s, columns: S::f64s, row: f64, origin: f64) -> S::f64s {
+    let directions = simd.add_f64s(columns, simd.splat_f64s(row));
+    simd.add_f64s(simd.mul_f64s(depths, directions), simd.splat_f64s(origin))
+}
+
+/// Places of listed points along one axis ([`Lanes::of_points`]), before they are rounded.
+#[cfg(target_arch = "x86_64")]
+#[inline(always)]
+fn of_metres<S: Simd>(simd: S, [x, y, z]: [S::f64s; 3], units: [f64; 3], origin: f64) -> S::f64s {
+    let [a, b, c] = [simd.splat_f64s(units[0]), simd.splat_f64s(units[1]), simd.splat_f64s(units[2])];
+    let from_sensor = simd.add_f64s(simd.mul_f64s(a, x), simd.mul_f64s(b, y));
+    simd.add_f64s(simd.add_f64s(from_sensor, simd.mul_f64s(c, z)), simd.splat_f64s(origin))
 }
 
 /// Of what the nine sums are products, with the offsets of all points and of those that are here by axis: x, y, z, xx, xy, xz, yy, yz

@@ -6,12 +6,14 @@
 
 use std::collections::BTreeSet;
 use std::net::Ipv4Addr;
+use std::thread::Builder;
 use std::time::{Duration, Instant};
 
 use netdev::prelude::Ipv4Net;
 use tracing::warn;
 
 use crate::args::Setup;
+use crate::node::aside::aside;
 
 /// Time between two looks. Two that find the same are enough: an address may come and go while a network is set up.
 const LOOK: Duration = Duration::from_secs(1);
@@ -48,7 +50,8 @@ impl Addresses {
             tokio::time::sleep(LOOK).await;
             let only = self.only.clone();
             // Some drivers of network cards take their time to tell of them.
-            let Ok(now) = tokio::task::spawn_blocking(move || read(&only)).await else { continue };
+            let thread = Builder::new().name("cfodi-addresses".to_owned());
+            let Ok(now) = aside(thread, move || read(&only)).await else { continue };
             let change = looks.change(now);
             if let Some(change) = change.filter(|_| self.at.elapsed() >= STAY) {
                 return format!("the addresses of this machine have changed ({change})");

@@ -180,17 +180,3 @@ async fn the_polygons_of_a_map_go_out_once_and_one_of_no_cluster_among_them() {
     let of_none = slow.sent.borrow().iter().filter(|sent| **sent == ("polygon", 0)).count();
     assert_eq!(of_none, 3, "with each map that is new: {:?}", slow.sent.borrow());
 }
-
-#[tokio::test]
-async fn what_is_made_aside_is_made_here_where_there_is_no_thread_and_a_panic_is_told_with_its_words() {
-    let thread = || std::thread::current().id();
-    let here = thread();
-    // As much of a stack as no address has.
-    let none = || Builder::new().stack_size(1 << 60);
-    assert_eq!(aside(none(), thread).await, Ok(here));
-    assert!(aside(Builder::new(), thread).await.unwrap() != here);
-    for builder in [none(), Builder::new()] {
-        let panics = || std::panic::resume_unwind(Box::new("no room"));
-        assert_eq!(aside::<()>(builder, panics).await, Err("no room".to_owned()));
-    }
-}

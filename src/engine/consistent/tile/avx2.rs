@@ -5,12 +5,14 @@
 
 #![expect(clippy::needless_range_loop, reason = "several arrays have the same place")]
 
-use std::arch::x86_64::{__m256d, __m256i};
+use std::arch::x86_64::__m256i;
 
 use pulp::x86::V3;
-use pulp::{NullaryFnOnce, cast};
+use pulp::{NullaryFnOnce, cast, f64x4};
 
-use super::{Lanes, Listed, Local, LocalKey, Pixels, TILE, Tile, TileSums, factors};
+use super::{
+    INFINITY, Lanes, Listed, Local, LocalKey, Pixels, TILE, Tile, TileSums, factors, of_depths, of_metres,
+};
 use crate::engine::consistent::local::{AXIS_BITS, UNIT_BITS};
 
 /// Whole numbers of 32 bits in a vector.
@@ -24,7 +26,6 @@ const ROWS_OF_WORD: usize = 4;
 const WORDS: usize = ROWS / ROWS_OF_WORD;
 /// Vectors of 16 offsets.
 const PAIRS: usize = ROWS / 2;
-const INFINITY: i32 = f32::INFINITY.to_bits() as i32;
 
 /// A processor with AVX2.
 #[derive(Clone, Copy, Debug)]
@@ -107,12 +108,11 @@ impl Row for Pixels<'_> {
         let depths = lanes.wide(depths);
         let mut places = [bits; 3];
         for axis in 0..3 {
-            let columns: [__m256d; 2] = cast(*self.columns[axis]);
-            let (step, origin) = (avx._mm256_set1_pd(steps[axis]), avx._mm256_set1_pd(local.origin[axis]));
-            let mut along = [origin; 2];
+            let columns: [f64x4; 2] = cast(*self.columns[axis]);
+            let mut along = depths;
             for half in 0..2 {
-                let direction = avx._mm256_add_pd(columns[half], step);
-                along[half] = avx._mm256_add_pd(avx._mm256_mul_pd(depths[half], direction), origin);
+                along[half] =
+                    of_depths(lanes.0, depths[half], columns[half], steps[axis], local.origin[axis]);
             }
             places[axis] = lanes.rounded(along);
         }
@@ -131,14 +131,10 @@ impl Row for Listed {
         let (x, y, z) = (lanes.wide(x), lanes.wide(y), lanes.wide(z));
         let mut places = [size; 3];
         for axis in 0..3 {
-            let [a, b, c] = local.units[axis];
-            let [a, b, c] = [avx._mm256_set1_pd(a), avx._mm256_set1_pd(b), avx._mm256_set1_pd(c)];
-            let origin = avx._mm256_set1_pd(local.origin[axis]);
-            let mut along = [origin; 2];
+            let mut along = x;
             for half in 0..2 {
-                let (x, y) = (avx._mm256_mul_pd(a, x[half]), avx._mm256_mul_pd(b, y[half]));
-                let from_sensor = avx._mm256_add_pd(avx._mm256_add_pd(x, y), avx._mm256_mul_pd(c, z[half]));
-                along[half] = avx._mm256_add_pd(from_sensor, origin);
+                let metres = [x[half], y[half], z[half]];
+                along[half] = of_metres(lanes.0, metres, local.units[axis], local.origin[axis]);
             }
             places[axis] = lanes.rounded(along);
         }
@@ -268,16 +264,16 @@ impl Avx2 {
     }
 
     #[inline(always)]
-    fn wide(self, numbers: &[f32; LANES]) -> [__m256d; 2] {
+    fn wide(self, numbers: &[f32; LANES]) -> [f64x4; 2] {
         let [low, high]: [[f32; DOUBLES]; 2] = cast(*numbers);
-        [self.0.avx._mm256_cvtps_pd(cast(low)), self.0.avx._mm256_cvtps_pd(cast(high))]
+        [cast(self.0.avx._mm256_cvtps_pd(cast(low))), cast(self.0.avx._mm256_cvtps_pd(cast(high)))]
     }
 
     /// The nearest whole numbers, those half way between two even; [`i32::MIN`] of what is none or too large.
     #[inline(always)]
-    fn rounded(self, [low, high]: [__m256d; 2]) -> __m256i {
+    fn rounded(self, [low, high]: [f64x4; 2]) -> __m256i {
         let avx = self.0.avx;
-        avx._mm256_set_m128i(avx._mm256_cvtpd_epi32(high), avx._mm256_cvtpd_epi32(low))
+        avx._mm256_set_m128i(avx._mm256_cvtpd_epi32(cast(high)), avx._mm256_cvtpd_epi32(cast(low)))
     }
 
     /// The sum of each vector's numbers.

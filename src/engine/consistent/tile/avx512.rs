@@ -3,12 +3,15 @@
 
 #![expect(clippy::needless_range_loop, reason = "several arrays have the same place")]
 
-use std::arch::x86_64::{__m256i, __m512d, __m512i};
+use std::arch::x86_64::{__m256i, __m512i};
 
 use pulp::x86::V4;
-use pulp::{NullaryFnOnce, cast};
+use pulp::{NullaryFnOnce, cast, f64x8};
 
-use super::{Lanes, Listed, Local, LocalKey, Pixels, SIDE, TILE, Tile, TileSums, factors};
+use super::{
+    INFINITY, Lanes, Listed, Local, LocalKey, Pixels, SIDE, TILE, Tile, TileSums, factors, of_depths,
+    of_metres,
+};
 use crate::engine::consistent::local::{AXIS_BITS, UNIT_BITS};
 
 /// Whole numbers of 32 bits in a vector.
@@ -21,7 +24,6 @@ const HALVES: usize = PAIRS / 2;
 const OFFSET: u32 = 16;
 /// Those of the first pair.
 const BELOW: i32 = (1 << OFFSET) - 1;
-const INFINITY: i32 = f32::INFINITY.to_bits() as i32;
 
 /// A processor with AVX-512 as servers have had it since Skylake.
 #[derive(Clone, Copy, Debug)]
@@ -85,19 +87,14 @@ impl Pair for Pixels<'_> {
         let bits = lanes.joined([cast(*rows[0]), cast(*rows[1])]);
         let is_above_0 = avx._mm512_cmpgt_epi32_mask(bits, avx._mm512_setzero_si512());
         let is_point = avx._mm512_mask_cmpgt_epi32_mask(is_above_0, avx._mm512_set1_epi32(INFINITY), bits);
-        let mut depths = [avx._mm512_set1_pd(0.0); 2];
-        for row in 0..2 {
-            depths[row] = avx._mm512_cvtps_pd(cast(*rows[row]));
-        }
+        let depths = [lanes.wide(rows[0]), lanes.wide(rows[1])];
         let mut places = [bits; 3];
         for axis in 0..3 {
-            let columns: __m512d = cast(*self.columns[axis]);
-            let origin = avx._mm512_set1_pd(local.origin[axis]);
-            let mut along = [origin; 2];
+            let columns: f64x8 = cast(*self.columns[axis]);
+            let mut along = depths;
             for row in 0..2 {
-                let step = avx._mm512_set1_pd(self.rows[2 * pair + row][axis]);
-                let direction = avx._mm512_add_pd(columns, step);
-                along[row] = avx._mm512_add_pd(avx._mm512_mul_pd(depths[row], direction), origin);
+                let step = self.rows[2 * pair + row][axis];
+                along[row] = of_depths(lanes.0, depths[row], columns, step, local.origin[axis]);
             }
             places[axis] = lanes.rounded(along);
         }
@@ -113,23 +110,17 @@ impl Pair for Listed {
         let zs = [cast(*of(2, 0)), cast(*of(2, 1))];
         let size = avx._mm512_and_si512(lanes.joined(zs), avx._mm512_set1_epi32(i32::MAX));
         let is_point = avx._mm512_cmpgt_epi32_mask(avx._mm512_set1_epi32(INFINITY), size);
-        let mut metres = [[avx._mm512_set1_pd(0.0); 3]; 2];
+        let mut metres = [[lanes.wide(of(2, 0)); 3]; 2];
         for row in 0..2 {
             for axis in 0..3 {
-                metres[row][axis] = avx._mm512_cvtps_pd(cast(*of(axis, row)));
+                metres[row][axis] = lanes.wide(of(axis, row));
             }
         }
         let mut places = [size; 3];
         for axis in 0..3 {
-            let [a, b, c] = local.units[axis];
-            let [a, b, c] = [avx._mm512_set1_pd(a), avx._mm512_set1_pd(b), avx._mm512_set1_pd(c)];
-            let origin = avx._mm512_set1_pd(local.origin[axis]);
-            let mut along = [origin; 2];
+            let mut along = [metres[0][axis]; 2];
             for row in 0..2 {
-                let [x, y, z] = metres[row];
-                let (x, y) = (avx._mm512_mul_pd(a, x), avx._mm512_mul_pd(b, y));
-                let from_sensor = avx._mm512_add_pd(avx._mm512_add_pd(x, y), avx._mm512_mul_pd(c, z));
-                along[row] = avx._mm512_add_pd(from_sensor, origin);
+                along[row] = of_metres(lanes.0, metres[row], local.units[axis], local.origin[axis]);
             }
             places[axis] = lanes.rounded(along);
         }
@@ -255,11 +246,16 @@ impl Avx512 {
         avx._mm512_inserti64x4::<1>(avx._mm512_castsi256_si512(low), high)
     }
 
+    #[inline(always)]
+    fn wide(self, numbers: &[f32; SIDE]) -> f64x8 {
+        cast(self.0.avx512f._mm512_cvtps_pd(cast(*numbers)))
+    }
+
     /// The nearest whole numbers, those half way between two even; [`i32::MIN`] of what is none or too large.
     #[inline(always)]
-    fn rounded(self, [low, high]: [__m512d; 2]) -> __m512i {
+    fn rounded(self, [low, high]: [f64x8; 2]) -> __m512i {
         let avx = self.0.avx512f;
-        self.joined([avx._mm512_cvtpd_epi32(low), avx._mm512_cvtpd_epi32(high)])
+        self.joined([avx._mm512_cvtpd_epi32(cast(low)), avx._mm512_cvtpd_epi32(cast(high))])
     }
 
     /// The sum of each vector's numbers.
