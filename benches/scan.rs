@@ -24,9 +24,9 @@ use cfodi::engine::paper::Cfodi;
 use cfodi::engine::{Engine, Isometry3, Mode, Params, Scan, Stamp};
 use cfodi::msg::ros::PointCloud2;
 use cfodi::sim::{Drive, Scene};
-use cfodi::store::{Stored, pack, unpack};
+use cfodi::store::{pack, unpack};
 use criterion::measurement::WallTime;
-use criterion::{BenchmarkGroup, Criterion, criterion_group, criterion_main};
+use criterion::{BatchSize, BenchmarkGroup, Criterion, criterion_group, criterion_main};
 
 type Group<'a> = BenchmarkGroup<'a, WallTime>;
 
@@ -83,16 +83,15 @@ fn bench(criterion: &mut Criterion) {
 fn save(group: &mut Group, label: &str, scans: &[Scan], params: Params) {
     let mut engine = Engine::new(params);
     scans.iter().for_each(|scan| drop(engine.insert(scan)));
-    let stored = Stored { frame_id: "map".to_owned(), map: engine.save() };
-    let bytes = pack(&stored).unwrap();
+    let bytes = pack("map", &engine.freeze()).unwrap();
     println!("save {label}: {} voxels, {} bytes", engine.voxel_count(), bytes.len());
     group.bench_function(format!("freeze {label}, consistent"), |b| b.iter(|| engine.freeze()));
     group.bench_function(format!("snapshot {label}, consistent"), |b| b.iter(|| engine.snapshot()));
-    group.bench_function(format!("save {label}, engine"), |b| b.iter(|| engine.save()));
-    group.bench_function(format!("save {label}, pack"), |b| b.iter(|| pack(&stored)));
+    let frozen = engine.freeze();
+    group.bench_function(format!("save {label}"), |b| b.iter(|| pack("map", &frozen)));
     group.bench_function(format!("save {label}, unpack"), |b| b.iter(|| unpack(&bytes)));
     group.bench_function(format!("save {label}, restore"), |b| {
-        b.iter(|| Engine::restore(params, &stored.map));
+        b.iter_batched(|| engine.save(), |map| Engine::restore(params, map), BatchSize::PerIteration);
     });
 }
 

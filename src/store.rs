@@ -21,6 +21,7 @@
 
 mod aside;
 
+use std::borrow::Borrow;
 use std::ffi::OsString;
 use std::fs::{self, File, TryLockError};
 use std::io::{self, BufWriter, Read as _, Write};
@@ -30,18 +31,25 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 pub use self::aside::{MOST_ASIDE, keep_aside, newest_aside, set_aside, too_many_aside};
-use crate::engine::{RestoreError, SavedMap};
+use crate::engine::{Frozen, RestoreError, SavedMap};
 use crate::link::folder;
 pub use crate::link::target;
 use crate::replace::Partial;
 
 /// What a file holds.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize)]
 pub struct Stored {
     /// The fixed frame of the map.
     pub frame_id: String,
     /// The map.
     pub map: SavedMap,
+}
+
+/// What a [`Stored`] is written from.
+#[derive(Serialize)]
+struct Storing<'a> {
+    frame_id: &'a str,
+    map: &'a Frozen,
 }
 
 /// The version of the format; no other is read.
@@ -155,10 +163,10 @@ pub fn lock(path: &Path) -> Result<Lock, StoreError> {
 ///
 /// # Errors
 /// When the system refuses it; the one before is then as it was, unless it is [`StoreError::Unsure`].
-pub fn write(path: &Path, stored: Stored) -> Result<u64, StoreError> {
+pub fn write(path: &Path, frame_id: &str, map: impl Borrow<Frozen>) -> Result<u64, StoreError> {
     let refused = |error| StoreError::Io { path: path.to_owned(), error };
-    let bytes = pack(&stored).map_err(refused)?;
-    drop(stored);
+    let bytes = pack(frame_id, map.borrow()).map_err(refused)?;
+    drop(map);
     let target = target(path).map_err(refused)?;
     let folder = File::open(folder(&target)).map_err(refused)?;
     write_beside(&target, &target, |file| file.write_all(&bytes)).map_err(refused)?;
@@ -180,12 +188,14 @@ pub fn read(path: &Path) -> Result<Stored, StoreError> {
     let mut file = File::open(path).map_err(refused)?;
     let mut bytes = Vec::new();
     io::Read::by_ref(&mut file).take(HEADER as u64).read_to_end(&mut bytes).map_err(refused)?;
-    // No more than the header says is read, and one byte that shows that there is more; `unpack` looks at it again.
+    // No more than the header says is read, and one byte that shows that there is more; `plain` looks at it again.
     if let Ok(header) = Header::read(&bytes) {
         let rest = header.packed_length.saturating_add(1);
         file.take(rest).read_to_end(&mut bytes).map_err(refused)?;
     }
-    match unpack(&bytes) {
+    let plain = plain(&bytes);
+    drop(bytes);
+    match plain.and_then(|plain| decode(&plain)) {
         Ok(stored) => Ok(stored),
         Err(Flaw::Newer(version)) => Err(StoreError::Newer { path: path.to_owned(), version }),
         Err(Flaw::Damaged(what)) => Err(StoreError::Damaged { path: path.to_owned(), what }),
@@ -221,15 +231,15 @@ pub enum Flaw {
     Damaged(String),
 }
 
-/// The bytes of a file. Unpacked, a large map has more than all else that is held of it: no more of that is there at once than the
-/// packer takes in one piece.
+/// The bytes of a file. As plain data or unpacked bytes a large map has more than all else that is held of it: no more of the one is
+/// there at once than a block, and of the other than the packer takes in one piece.
 ///
 /// # Errors
 /// When the encoder finds no memory.
-pub fn pack(stored: &Stored) -> io::Result<Vec<u8>> {
+pub fn pack(frame_id: &str, map: &Frozen) -> io::Result<Vec<u8>> {
     let packer = zstd::Encoder::new(vec![0; HEADER], LEVEL)?;
     let pieces = BufWriter::with_capacity(PIECE, Counted { to: packer, length: 0 });
-    let pieces = postcard::to_io(stored, pieces).map_err(io::Error::other)?;
+    let pieces = postcard::to_io(&Storing { frame_id, map }, pieces).map_err(io::Error::other)?;
     let Counted { to: packer, length } = pieces.into_inner().map_err(io::IntoInnerError::into_error)?;
     let mut bytes = packer.finish()?;
     let (start, packed) = bytes.split_at_mut(HEADER);
@@ -309,6 +319,11 @@ impl Header {
 /// # Errors
 /// When they hold none, or one of another version.
 pub fn unpack(bytes: &[u8]) -> Result<Stored, Flaw> {
+    decode(&plain(bytes)?)
+}
+
+/// The unpacked bytes of a map.
+fn plain(bytes: &[u8]) -> Result<Vec<u8>, Flaw> {
     let damaged = |what: String| Err(Flaw::Damaged(what));
     let header = Header::read(bytes)?;
     let (start, packed) = bytes.split_at(HEADER);
@@ -327,10 +342,14 @@ pub fn unpack(bytes: &[u8]) -> Result<Stored, Flaw> {
     if plain.len() as u64 != header.plain_length {
         return damaged(format!("{} bytes of map or more, and it says {}", plain.len(), header.plain_length));
     }
-    match postcard::take_from_bytes(&plain) {
+    Ok(plain)
+}
+
+fn decode(plain: &[u8]) -> Result<Stored, Flaw> {
+    match postcard::take_from_bytes(plain) {
         Ok((stored, [])) => Ok(stored),
-        Ok((_, rest)) => damaged(format!("{} bytes after the map", rest.len())),
-        Err(error) => damaged(error.to_string()),
+        Ok((_, rest)) => Err(Flaw::Damaged(format!("{} bytes after the map", rest.len()))),
+        Err(error) => Err(Flaw::Damaged(error.to_string())),
     }
 }
 

@@ -280,7 +280,7 @@ proptest! {
         for (number, scan) in stream.scans().enumerate() {
             if stops.contains(&number) {
                 let saved = resumed.save();
-                resumed = Engine::restore(params, &saved).unwrap();
+                resumed = Engine::restore(params, saved.clone()).unwrap();
                 prop_assert_eq!(saved, resumed.save());
                 prop_assert_eq!(format!("{:?}", unbroken.snapshot()), format!("{:?}", resumed.snapshot()));
             }

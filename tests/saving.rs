@@ -40,7 +40,7 @@ fn scan(number: u64) -> Scan {
 
 fn resumed(path: &Path) -> Engine {
     match store::read(path) {
-        Ok(Stored { map, .. }) => Engine::restore(Params::default(), &map).unwrap(),
+        Ok(Stored { map, .. }) => Engine::restore(Params::default(), map).unwrap(),
         Err(error) if error.is_missing() => Engine::new(Params::default()),
         Err(error) => panic!("{error}"),
     }
@@ -54,7 +54,7 @@ fn save_until_killed(path: &Path) -> ! {
         let sequence = engine.save().sequence();
         engine.insert(&scan(sequence));
         writeln!(out, "\nbegin {}", sequence + 1).unwrap();
-        store::write(path, Stored { frame_id: "odom".to_owned(), map: engine.save() }).unwrap();
+        store::write(path, "odom", engine.freeze()).unwrap();
         writeln!(out, "\nsaved {}", sequence + 1).unwrap();
     }
 }

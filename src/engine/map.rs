@@ -58,19 +58,20 @@ impl Engine {
     }
 
     /// The engine that was saved: its next scan gives what it would have given without a stop. Bounds, clearing and
-    /// `expansion_interval` may be others. Costs O(map).
+    /// `expansion_interval` may be others. Costs O(map); of what was saved each piece goes when it is taken in.
     ///
     /// # Errors
     /// When the map was made with other parameters, or is none that an engine saves.
-    pub fn restore(params: Params, map: &SavedMap) -> Result<Self, RestoreError> {
+    pub fn restore(params: Params, map: SavedMap) -> Result<Self, RestoreError> {
+        let SavedMap(map) = map;
         map.check(&params)?;
         let taken = Taken { is_resumed: true, ..map.taken };
-        Ok(Self(match (&map.method, params.mode()) {
+        Ok(Self(match (map.method, params.mode()) {
             (saved::Method::Paper(map), Mode::Paper) => {
-                Method::Paper(Box::new(Cfodi::restore(params, taken, map)?))
+                Method::Paper(Box::new(Cfodi::restore(params, taken, &map)?))
             }
             (saved::Method::Consistent(map), Mode::Consistent) => {
-                Method::Consistent(Box::new(Consistent::restore(params, taken, map)?))
+                Method::Consistent(Box::new(Consistent::restore(params, taken, *map)?))
             }
             (_, mode) => {
                 return Err(RestoreError::Contradiction(format!(

@@ -12,18 +12,23 @@ use super::now::Taken;
 use super::params::{Mode, Params};
 use super::{consistent, paper};
 
-/// A map as it was after a scan; see [`Engine::save`](super::Engine::save).
+/// A map as it was after a scan; see [`Engine::save`](super::Engine::save). What is written of a large one is better made of a
+/// [`Frozen`](super::Frozen), piece by piece.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+pub struct SavedMap(pub(super) Saved<consistent::SavedConsistent>);
+
+/// `C` is what a map of mode `consistent` is held in.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct SavedMap {
+pub(super) struct Saved<C> {
     pub(super) shape: Shape,
     pub(super) taken: Taken,
-    pub(super) method: Method,
+    pub(super) method: Method<C>,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) enum Method {
+pub(super) enum Method<C> {
     Paper(Box<paper::SavedCfodi>),
-    Consistent(Box<consistent::SavedConsistent>),
+    Consistent(Box<C>),
 }
 
 /// The parameters without which a map is another one.
@@ -93,9 +98,11 @@ pub(super) fn ensure_counted(name: &str, count: u64) -> Result<(), RestoreError>
 impl SavedMap {
     /// Number of scans taken in so far.
     pub const fn sequence(&self) -> u64 {
-        self.taken.sequence
+        self.0.taken.sequence
     }
+}
 
+impl<C> Saved<C> {
     /// Checks the parts that both methods have.
     pub(super) fn check(&self, params: &Params) -> Result<(), RestoreError> {
         self.shape.check(params)?;

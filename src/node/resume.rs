@@ -98,7 +98,8 @@ fn read(config: &Config, path: &Path) -> Result<(Engine, u64), StoreError> {
         let (name, now) = ("fixed_frame", config.fixed_frame.clone());
         return Err(refused(RestoreError::Parameter { name, saved: frame_id, now }));
     }
-    Ok((Engine::restore(config.engine, &map).map_err(refused)?, map.sequence()))
+    let scans = map.sequence();
+    Ok((Engine::restore(config.engine, map).map_err(refused)?, scans))
 }
 
 /// Gives the file of a map another name beside its own.

@@ -11,7 +11,7 @@ use tracing::{Level, warn};
 use super::resume::remove_oldest;
 use super::throttle::{Throttle, say};
 use crate::engine::Frozen;
-use crate::store::{self, StoreError, Stored};
+use crate::store::{self, StoreError};
 
 /// A map that has been written, or why it was not.
 pub(super) type Written = Result<InFile, StoreError>;
@@ -112,7 +112,7 @@ pub(super) fn start(path: PathBuf, frame_id: String) -> std::io::Result<(Saver, 
 fn start_on(
     path: PathBuf,
     frame_id: String,
-    mut write: impl FnMut(&Path, Stored) -> Result<u64, StoreError> + Send + 'static,
+    mut write: impl FnMut(&Path, &str, Arc<Frozen>) -> Result<u64, StoreError> + Send + 'static,
 ) -> std::io::Result<(Saver, UnboundedReceiver<Written>)> {
     let (saver, waiting) = queue();
     let (written, results) = unbounded_channel();
@@ -123,10 +123,7 @@ fn start_on(
                 Task::Keep { before } => keeping.before.push(before),
                 Task::Write { session, map, last } => {
                     let sequence = map.sequence();
-                    let stored = Stored { frame_id: frame_id.clone(), map: map.save() };
-                    // What is written is held while the disk takes its time, and no more.
-                    drop(map);
-                    let result = keeping.keep(&path, session).and_then(|()| write(&path, stored));
+                    let result = keeping.keep(&path, session).and_then(|()| write(&path, &frame_id, map));
                     let result = result.map(|bytes| InFile { session, sequence, bytes });
                     if last.is_some() {
                         keeping.say_last(&result);

@@ -25,11 +25,11 @@ pub fn run(bytes: &[u8]) {
         postcard::from_bytes(bytes.rest()).ok()
     };
     if let Some(map) = map {
-        go_on(params, &map, &mut Bytes::new(scans));
+        go_on(params, map, &mut Bytes::new(scans));
     }
 }
 
-fn go_on(params: Params, map: &SavedMap, bytes: &mut Bytes<'_>) {
+fn go_on(params: Params, map: SavedMap, bytes: &mut Bytes<'_>) {
     let Ok(mut engine) = Engine::restore(params, map) else { return };
     let mut reader = Reader::of(&engine.snapshot());
     for number in 0..3 {
@@ -37,6 +37,6 @@ fn go_on(params: Params, map: &SavedMap, bytes: &mut Bytes<'_>) {
         reader.apply(&update);
         reader.agrees(&update, &engine.snapshot());
     }
-    let again = Engine::restore(params, &engine.save()).expect("what an engine saves can be restored");
+    let again = Engine::restore(params, engine.save()).expect("what an engine saves can be restored");
     assert_eq!(format!("{:?}", again.snapshot()), format!("{:?}", engine.snapshot()));
 }

@@ -3,7 +3,7 @@
 use byteorder::{BigEndian, LittleEndian};
 use cfodi::engine::{Engine, Isometry3, Mode, Points, Scan, Stamp};
 use cfodi::msg::ros::{CameraInfo, CompressedImage, Image, PointCloud2, PointField};
-use cfodi::store::{self, Stored};
+use cfodi::store;
 use serde::Serialize;
 
 use super::bags::{self, BagWriter, Layout, OPTICAL, POINTS, header, stamp};
@@ -175,12 +175,15 @@ fn maps() -> Vec<Seed> {
     {
         let mut engine = Engine::new(params);
         for scans in 0..3 {
-            let map = engine.save();
+            let map = engine.freeze();
             let first = [vec![mode], vec![17; 64]].concat();
             let plain = postcard::to_stdvec(&map).unwrap();
-            let stored = Stored { frame_id: "odom".to_owned(), map };
             let of = |kind: u8, bytes: &[u8]| [&[kind], &first[..], bytes].concat();
-            seeds.push(("snapshot", format!("{name}_{scans}_file"), of(1, &store::pack(&stored).unwrap())));
+            seeds.push((
+                "snapshot",
+                format!("{name}_{scans}_file"),
+                of(1, &store::pack("odom", &map).unwrap()),
+            ));
             seeds.push(("snapshot", format!("{name}_{scans}_map"), of(0, &plain)));
             let corner =
                 (0..80).map(|i| [[i % 8, i / 8, 10], [10, i / 8, i % 8]][i % 2].map(|c| c as f32 * 0.1));

@@ -10,6 +10,7 @@
 mod voxels;
 
 use nalgebra::Isometry3;
+use serde::{Serialize, Serializer};
 
 use super::grid::Grid;
 use super::noise::Noise;
@@ -44,13 +45,22 @@ impl FrozenConsistent {
     }
 
     pub(crate) fn save(&self) -> SavedConsistent {
-        let saved = |(slot, block)| SavedBlock::of(block, self.surfaces.save_states(&self.grid, slot));
-        SavedConsistent {
-            blocks: self.grid.blocks().map(saved).collect(),
-            surfaces: self.surfaces.save(),
-            standpoint: self.standpoint,
-            next: self.next,
-        }
+        self.saved(self.blocks().collect())
+    }
+
+    /// The same to be written: each block is made when its turn comes.
+    pub(crate) fn pieces(&self) -> SavedConsistent<Pieces<'_>> {
+        self.saved(Pieces(self))
+    }
+
+    fn saved<B>(&self, blocks: B) -> SavedConsistent<B> {
+        let (standpoint, next) = (self.standpoint, self.next);
+        SavedConsistent { blocks, surfaces: self.surfaces.save(), standpoint, next }
+    }
+
+    fn blocks(&self) -> impl Iterator<Item = SavedBlock> {
+        let blocks = self.grid.blocks();
+        blocks.map(|(slot, block)| SavedBlock::of(block, self.surfaces.save_states(&self.grid, slot)))
     }
 
     pub(crate) const fn taken(&self) -> &Taken {
@@ -67,5 +77,14 @@ impl FrozenConsistent {
         }
         partition.sort_unstable();
         partition
+    }
+}
+
+/// The blocks of a frozen map, which are a list of [`SavedBlock`] when they are written.
+pub(crate) struct Pieces<'a>(&'a FrozenConsistent);
+
+impl Serialize for Pieces<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_seq(self.0.blocks())
     }
 }

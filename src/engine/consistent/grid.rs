@@ -60,19 +60,16 @@ impl Grid {
         }
     }
 
-    /// A grid of these blocks, which have their places in this order.
-    pub(super) fn of(params: &Params, blocks: Vec<Block>) -> Result<Self, RestoreError> {
-        let mut grid = Self { blocks: By::from(blocks), ..Self::new(params) };
-        for slot in (0..grid.blocks.len() as u32).map(BlockIndex) {
-            let block = grid.block(slot);
-            let (key, dense, voxels) = (block.key, block.dense, block.len());
-            grid.dense += dense;
-            grid.voxels += voxels;
-            let before = grid.index.insert(key, slot);
-            ensure(before.is_none(), || format!("two blocks at {key:?}"))?;
-            grid.link(key, slot);
-        }
-        Ok(grid)
+    /// Takes in a block with its voxels, at the next place of the list.
+    pub(super) fn restore(&mut self, block: Block) -> Result<BlockIndex, RestoreError> {
+        let slot = BlockIndex(self.blocks.len() as u32);
+        let key = block.key;
+        ensure(self.index.insert(key, slot).is_none(), || format!("two blocks at {key:?}"))?;
+        self.dense += block.dense;
+        self.voxels += block.len();
+        self.blocks.list().push(block);
+        self.link(key, slot);
+        Ok(slot)
     }
 
     pub(super) const fn voxel_size(&self) -> f64 {

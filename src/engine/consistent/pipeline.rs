@@ -7,7 +7,7 @@ use super::frozen::FrozenConsistent;
 use super::grid::{Binned, Grid};
 use super::layer::Segmented;
 use super::rest::Leaving;
-use super::saved::SavedConsistent;
+use super::saved::{SavedBlock, SavedConsistent};
 use super::scratch;
 use super::standpoint::Standpoint;
 use super::state::states;
@@ -127,26 +127,34 @@ impl Consistent {
     }
 
     /// The engine that was saved, after the scans that it had `taken` in.
-    pub(crate) fn restore(params: Params, taken: Taken, map: &SavedConsistent) -> Result<Self, RestoreError> {
-        let sequence = taken.sequence;
-        ensure(map.next <= map.blocks.len() as u64, || {
-            format!("forgetting goes on at block {} of {}", map.next, map.blocks.len())
+    pub(crate) fn restore(params: Params, taken: Taken, map: SavedConsistent) -> Result<Self, RestoreError> {
+        let SavedConsistent { blocks, surfaces, standpoint, next } = map;
+        ensure(next <= blocks.len() as u64, || {
+            format!("forgetting goes on at block {next} of {}", blocks.len())
         })?;
-        let blocks = map.blocks.iter().map(|block| block.restore(&params, sequence));
-        let grid = Grid::of(&params, blocks.collect::<Result<_, _>>()?)?;
-        let surfaces = Surfaces::restore(&map.surfaces, &map.blocks, &grid, &params, sequence)?;
-        let stale = grid.blocks().filter(|(_, block)| block.is_stale()).map(|(slot, _)| slot).collect();
-        let mut engine = Self {
-            bounds: Bounds::restore(&params, &grid, map.next as usize),
-            standpoint: Standpoint::restore(&map.standpoint, sequence)?,
-            grid,
-            surfaces,
-            stale,
-            taken,
-            ..Self::new(params)
-        };
-        engine.restore_rest();
+        let sequence = taken.sequence;
+        let standpoint = Standpoint::restore(&standpoint, sequence)?;
+        let mut engine = Self { standpoint, taken, ..Self::new(params) };
+        // Each goes when its voxels are in the grid, and those are at rest where they are to be: a large map is in memory once.
+        blocks.into_iter().try_for_each(|block| engine.restore_block(&block))?;
+        engine.surfaces.restore(&surfaces, &engine.grid, &engine.params, sequence)?;
+        engine.bounds = Bounds::restore(&engine.params, &engine.grid, next as usize);
+        engine.stale =
+            engine.grid.blocks().filter(|(_, block)| block.is_stale()).map(|(slot, _)| slot).collect();
+        engine.restore_leaving();
         Ok(engine)
+    }
+
+    /// Takes in a block with what was published of it. Whether it is at rest follows from what it holds, and what of that is
+    /// published.
+    fn restore_block(&mut self, saved: &SavedBlock) -> Result<(), RestoreError> {
+        let block = self.grid.restore(saved.restore(&self.params, self.taken.sequence)?)?;
+        self.surfaces.restore_block(&saved.states, &self.grid, self.grid.block(block))?;
+        if states(&self.grid, self.grid.block(block)) != **self.surfaces.states(block) {
+            self.grid.note_touched(block);
+        }
+        self.rest(block);
+        Ok(())
     }
 
     /// The parameters it works with.
@@ -175,18 +183,9 @@ impl Consistent {
         clearing.clear(&mut self.grid, scan, self.taken.sequence)
     }
 
-    /// Which blocks are at rest follows from what they hold, and what of that is published.
-    fn restore_rest(&mut self) {
-        let sequence = self.taken.sequence;
-        for block in (0..self.grid.slots() as u32).map(BlockIndex) {
-            let here = self.grid.block(block);
-            if states(&self.grid, here) != **self.surfaces.states(block) {
-                self.grid.note_touched(block);
-            }
-            self.rest(block);
-        }
+    fn restore_leaving(&mut self) {
         let awake = self.grid.blocks().filter(|(_, block)| !block.is_empty() && !block.is_at_rest());
-        self.leaving = Leaving::restore(awake.map(|(slot, block)| (block.seen, slot)), sequence);
+        self.leaving = Leaving::restore(awake.map(|(slot, block)| (block.seen, slot)), self.taken.sequence);
     }
 
     /// Puts the blocks to rest that the sensor has left for long. Those that have changed are published first.

@@ -17,11 +17,12 @@ use crate::engine::key::GRID_REACH;
 use crate::engine::params::{MAX_POINTS, Params};
 use crate::engine::saved::{RestoreError, ensure};
 
-/// All of a [`Consistent`](super::Consistent) but its parameters and the scans that it has taken in.
+/// All of a [`Consistent`](super::Consistent) but its parameters and the scans that it has taken in. The blocks `B` are a list of
+/// [`SavedBlock`], or what is written as one.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct SavedConsistent {
+pub(crate) struct SavedConsistent<B = Vec<SavedBlock>> {
     /// In the order of the grid's list.
-    pub(super) blocks: Vec<SavedBlock>,
+    pub(super) blocks: B,
     pub(super) surfaces: SavedSurfaces,
     /// Where the sensor stands, and since which scan.
     pub(super) standpoint: (Isometry3<f64>, u64),
@@ -30,7 +31,7 @@ pub(crate) struct SavedConsistent {
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct SavedBlock {
+pub(crate) struct SavedBlock {
     key: BlockKey,
     voxels: Vec<SavedVoxel>,
     changed: bool,

@@ -27,7 +27,7 @@ use crate::node::rosout::listen;
 use crate::node::transport::{
     DepthTopics, Form, NetworkState, Outgoing, SendError, SensorTopics, Source, TopicName,
 };
-use crate::store::{self, Stored};
+use crate::store;
 use crate::worker::tests::DEADLY;
 
 /// How long a test waits for what must come.

@@ -69,9 +69,9 @@ fn the_map_that_a_jump_ends_is_kept_and_where_the_one_before_is_still_on_its_way
         let folder = tempfile::tempdir().unwrap();
         // Where the first saving is under way, it ends when it may, and has failed then.
         let ((may_end, ends), mut waits) = (sync_channel::<()>(0), is_on_its_way);
-        let write = move |path: &Path, stored: Stored| {
+        let write = move |path: &Path, frame_id: &str, map: Arc<Frozen>| {
             if !std::mem::take(&mut waits) {
-                return store::write(path, stored);
+                return store::write(path, frame_id, map);
             }
             ends.recv().unwrap();
             Err(StoreError::InUse { path: path.to_owned() })

@@ -189,7 +189,7 @@ fn a_map_that_is_tuned_goes_on_as_one_that_was_saved_and_restored_with_the_other
     let mut tuned = Engine::new(Params::default());
     (0..8).for_each(|_| drop(tuned.insert(&next())));
     for params in stages {
-        let mut restored = Engine::restore(params, &tuned.save()).unwrap();
+        let mut restored = Engine::restore(params, tuned.save()).unwrap();
         tuned.tune(&params);
         assert_eq!(tuned.params(), &params);
         for _ in 0..6 {

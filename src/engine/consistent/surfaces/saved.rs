@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Surfaces;
 use crate::engine::class::SurfaceClass;
-use crate::engine::consistent::block::{BlockIndex, CELLS};
+use crate::engine::consistent::block::{Block, CELLS};
 use crate::engine::consistent::by::By;
 use crate::engine::consistent::cluster::{Cluster, Identity};
 use crate::engine::consistent::describe;
@@ -16,7 +16,7 @@ use crate::engine::consistent::grid::Grid;
 use crate::engine::consistent::layer::{Segmented, are_joined, contacts_of, patch};
 use crate::engine::consistent::patch::PatchId;
 use crate::engine::consistent::rules::Rules;
-use crate::engine::consistent::saved::{SavedBlock, SavedState};
+use crate::engine::consistent::saved::SavedState;
 use crate::engine::consistent::scratch;
 use crate::engine::params::Params;
 use crate::engine::saved::{MOST_REVISIONS, RestoreError, ensure, ensure_counted, in_slots};
@@ -76,28 +76,40 @@ impl Surfaces {
             .collect()
     }
 
-    /// The clusters of the voxels of `grid`; `blocks` say what they were published as.
+    /// The next block, as it was published last.
+    pub(in super::super) fn restore_block(
+        &mut self,
+        states: &[SavedState],
+        grid: &Grid,
+        block: &Block,
+    ) -> Result<(), RestoreError> {
+        let segmented = segmented(states, grid, block, &self.rules)?;
+        self.segmented.list().push(segmented);
+        Ok(())
+    }
+
+    /// The clusters of the blocks of `grid`, all of which were restored.
     pub(in super::super) fn restore(
+        &mut self,
         map: &SavedSurfaces,
-        blocks: &[SavedBlock],
         grid: &Grid,
         params: &Params,
         sequence: u64,
-    ) -> Result<Self, RestoreError> {
+    ) -> Result<(), RestoreError> {
         ensure_counted("the number of ids given", map.ids_given)?;
-        let mut surfaces = Self::new(params);
-        surfaces.ids_given = map.ids_given;
-        for (slot, block) in (0..).map(BlockIndex).zip(blocks) {
-            surfaces.segmented.list().push(segmented(&block.states, grid, slot, &surfaces.rules)?);
-        }
-        let ids = scratch::meet(grid, &mut surfaces.segmented, &surfaces.rules);
-        surfaces.restore_nodes(map)?;
-        surfaces.restore_graph(map, &ids)?;
+        self.ids_given = map.ids_given;
+        let ids = scratch::meet(grid, &mut self.segmented, &self.rules);
+        self.restore_nodes(map)?;
+        self.restore_graph(map, &ids)?;
         let clusters = in_slots("cluster", &map.clusters, map.slots.components())?;
-        surfaces.restore_clusters(&clusters, map.ids_given, sequence)?;
-        (0..grid.slots() as u32).for_each(|block| surfaces.enter(grid, BlockIndex(block)));
-        surfaces.restore_told(&clusters, params)?;
-        Ok(surfaces)
+        self.restore_clusters(&clusters, map.ids_given, sequence)?;
+        for (block, here) in grid.blocks() {
+            if here.is_at_rest() {
+                self.segmented[block].fit();
+            }
+            self.enter(grid, block);
+        }
+        self.restore_told(&clusters, params)
     }
 
     fn restore_nodes(&mut self, map: &SavedSurfaces) -> Result<(), RestoreError> {
@@ -212,10 +224,9 @@ impl Surfaces {
 fn segmented(
     states: &[SavedState],
     grid: &Grid,
-    block: BlockIndex,
+    here: &Block,
     rules: &Rules,
 ) -> Result<Segmented, RestoreError> {
-    let here = grid.block(block);
     let (mut published, mut admitted) = (Vec::new(), Vec::new());
     for saved in states {
         let state = saved.restore(grid, here)?;
@@ -239,6 +250,7 @@ fn segmented(
 mod tests {
     use crate::engine::class::SurfaceClass;
     use crate::engine::consistent::pipeline::Consistent;
+    use crate::engine::consistent::saved::SavedConsistent;
     use crate::engine::params::Params;
     use crate::engine::scan::Stamp;
     use crate::sim::{Drive, Scene};
@@ -249,7 +261,9 @@ mod tests {
         let mut map = Consistent::new(Params::default());
         (0..6).for_each(|index| drop(map.insert(&drive.labelled_scan(5 * index).scan)));
         let saved = map.freeze().save();
-        let restored = |saved: &_| Consistent::restore(Params::default(), *map.freeze().taken(), saved);
+        let restored = |saved: &SavedConsistent| {
+            Consistent::restore(Params::default(), *map.freeze().taken(), saved.clone())
+        };
         assert!(restored(&saved).is_ok_and(|map| map.freeze().save() == saved));
         let mut floors = 0;
         for (place, (_, cluster)) in saved.surfaces.clusters.iter().enumerate() {

@@ -225,12 +225,10 @@ fn what_cannot_be_resumed_is_kept_aside_and_what_contradicts_the_parameters_is_l
     std::fs::write(&path, "damaged").unwrap();
     assert_eq!(begin(&config, true).unwrap().0.voxel_count(), 0);
     assert_eq!(names(), ["map.lock", "map.refused-1"]);
-    let stored =
-        |frame_id: &str, params| Stored { frame_id: frame_id.to_owned(), map: Engine::new(params).save() };
-    store::write(&path, stored("map", config.engine)).unwrap();
+    store::write(&path, "map", Engine::new(config.engine).freeze()).unwrap();
     let error = begin(&config, true).unwrap_err().to_string();
     assert!(error.contains("made with fixed_frame map, now it is odom"), "{error}");
-    store::write(&path, stored("odom", Params::paper())).unwrap();
+    store::write(&path, "odom", Engine::new(Params::paper()).freeze()).unwrap();
     let error = begin(&config, true).unwrap_err().to_string();
     assert!(error.contains("made with mode paper, now it is consistent"), "{error}");
     assert_eq!(names(), ["map", "map.lock", "map.refused-1"]);

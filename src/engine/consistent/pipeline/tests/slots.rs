@@ -43,7 +43,7 @@ fn check_slots(engine: &Consistent) {
     }
     assert_eq!(engine.grid.keys().len(), slots);
     assert!(engine.stale.iter().all(|block| engine.grid.block(*block).is_stale()));
-    let restored = Consistent::restore(engine.params, engine.taken, &engine.freeze().save()).unwrap();
+    let restored = Consistent::restore(engine.params, engine.taken, engine.freeze().save()).unwrap();
     let frozen = [engine, &restored].map(|engine| engine.surfaces.freeze());
     for (slot, _) in engine.grid.blocks() {
         let [here, there] = [engine, &restored].map(|engine| &engine.surfaces.segmented()[slot]);
@@ -104,7 +104,7 @@ fn a_map_that_had_many_blocks_at_once_has_slots_for_those_it_has_and_is_restored
     let mut engine = Engine::new(params);
     engine.insert(&scan(1, 0.0, many_blocks()));
     let saved = engine.freeze().save();
-    let mut restored = Engine::restore(params, &saved).unwrap();
+    let mut restored = Engine::restore(params, saved.clone()).unwrap();
     assert!(restored.freeze().save() == saved);
     for number in 2..6 {
         let scan = scan(number, 0.0, plate()[..900].to_vec());
