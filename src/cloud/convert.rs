@@ -1,11 +1,12 @@
 //! The one loop over the points: read, judge, keep.
 
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
 
 use super::CloudFilter;
 use super::layout::{Coordinate, Layout, Precision};
 use super::pinhole;
 use crate::engine::Points;
+use crate::engine::arch::arch;
 
 /// What a message came down to.
 #[derive(Clone, Debug, PartialEq)]
@@ -180,7 +181,7 @@ fn gather<T: Copy + Default + Into<f64>, R: Iterator<Item = [T; 3]>>(
     let kept = Vec::with_capacity(count);
     let most_ends = if keeps_ends { count } else { 0 };
     let gathered = Gathered { gate, most_ends, kept, far: Vec::new(), invalid: 0, out_of_range: 0 };
-    let gathered = Arch::new().dispatch(Gathering { rows, gathered });
+    let gathered = arch().dispatch(Gathering { rows, gathered });
     let Gathered { kept, far, invalid, out_of_range, .. } = gathered;
     Converted { points: wrap(kept, far), invalid, out_of_range }
 }

@@ -6,12 +6,13 @@
 
 use std::sync::Arc;
 
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
 use serde::de::SeqAccess;
 
 use super::convert::{Converted, Gate, judged};
 use super::seed::{DepthImage, ImageSeed, lent, next};
 use super::{Camera, Cloud, CloudError, CloudFilter, layout};
+use crate::engine::arch::arch;
 use crate::engine::{Depths, Points};
 use crate::msg::ros::{Header, Image};
 
@@ -223,7 +224,7 @@ impl Sight<'_> {
         // The image fits its data, so this is at most twice the message.
         let mut depths = Vec::with_capacity(self.rows * (grid.row_bytes / N));
         let reading = Reading { sight: self, grid, read, depths: &mut depths };
-        let [measured, kept] = Arch::new().dispatch(reading);
+        let [measured, kept] = arch().dispatch(reading);
         let invalid = depths.len() as u32 - measured;
         let depths = Depths::counted(Arc::new(self.camera.rays()), depths, kept as usize);
         debug_assert!(depths.is_some(), "the image has the camera's size");

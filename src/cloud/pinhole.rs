@@ -6,10 +6,11 @@
 
 use std::sync::Arc;
 
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
 
 use super::convert::{Converted, Gate, front, judged};
 use super::layout::Layout;
+use crate::engine::arch::arch;
 use crate::engine::{Depths, Points, Rays};
 
 /// Least number of columns and rows; smaller clouds are lists.
@@ -42,7 +43,7 @@ fn depths_of<const N: usize>(layout: &Layout, data: &[u8], gate: &Gate) -> Optio
     let mut depths = Vec::with_capacity(rays.x.len() * rays.y.len());
     let judge = Judge { rays: &rays, range: gate.depths() };
     let reading = Reading::<N> { layout, data, judge: &judge, depths: &mut depths };
-    let tally = Arch::new().dispatch(reading)?;
+    let tally = arch().dispatch(reading)?;
     let invalid = depths.len() as u32 - tally.measured;
     let points = Points::Depths(Depths::counted(Arc::new(rays), depths, tally.kept as usize)?);
     Some(Converted { points, invalid, out_of_range: tally.measured - tally.kept })

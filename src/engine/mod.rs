@@ -24,6 +24,7 @@
 //! assert!(floor.normal.z > 0.999 && floor.voxel_count == 625);
 //! ```
 
+pub(crate) mod arch;
 pub(crate) mod binning;
 mod class;
 pub mod consistent;

@@ -13,6 +13,7 @@ use pulp::{Arch, NullaryFnOnce};
 
 use super::local::{Local, LocalKey};
 use super::sums::ScanSums;
+use crate::engine::arch::arch;
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
@@ -74,13 +75,13 @@ pub(super) trait OnTiles {
 
 /// Does work on tiles in code for the processor at hand.
 pub(super) fn dispatch(work: impl OnTiles) {
-    #[cfg(target_arch = "x86_64")]
-    if let Some(lanes) = avx512::Avx512::new() {
-        return lanes.dispatch(Running(work, lanes));
-    } else if let Some(lanes) = avx2::Avx2::new() {
-        return lanes.dispatch(Running(work, lanes));
+    match arch() {
+        #[cfg(target_arch = "x86_64")]
+        Arch::V4(simd) => simd.vectorize(Running(work, avx512::Avx512(simd))),
+        #[cfg(target_arch = "x86_64")]
+        Arch::V3(simd) => simd.vectorize(Running(work, avx2::Avx2(simd))),
+        other => other.dispatch(Running(work, Plain)),
     }
-    Arch::new().dispatch(Running(work, Plain));
 }
 
 struct Running<W, L>(W, L);

@@ -34,10 +34,11 @@
 use std::ops::Range;
 
 use nalgebra::{Point3, Rotation3, Vector3};
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
 
 pub(crate) use clearance::Clearance;
 
+use crate::engine::arch::arch;
 use crate::engine::points::Points;
 use patch::{Face, Patch};
 use spacing::Gaps;
@@ -144,7 +145,7 @@ impl RangeGrid {
 
     /// Takes in points; returns how many.
     fn fill_list(&mut self, points: &[[f32; 3]]) -> usize {
-        Arch::new().dispatch(Filling { grid: self, points });
+        arch().dispatch(Filling { grid: self, points });
         points.len()
     }
 

@@ -8,7 +8,7 @@
 use std::arch::x86_64::__m256i;
 
 use pulp::x86::V3;
-use pulp::{NullaryFnOnce, cast, f64x4};
+use pulp::{cast, f64x4};
 
 use super::{
     INFINITY, Lanes, Listed, Local, LocalKey, Pixels, TILE, Tile, TileSums, factors, of_depths, of_metres,
@@ -29,18 +29,7 @@ const PAIRS: usize = ROWS / 2;
 
 /// A processor with AVX2.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Avx2(V3);
-
-impl Avx2 {
-    /// `None` on any other.
-    pub(super) fn new() -> Option<Self> {
-        V3::try_new().map(Self)
-    }
-
-    pub(super) fn dispatch<W: NullaryFnOnce<Output = ()>>(self, work: W) {
-        self.0.vectorize(work);
-    }
-}
+pub(super) struct Avx2(pub(super) V3);
 
 /// Keys row by row; the offsets of two rows at a time, in the order in which two vectors are packed.
 #[derive(Clone, Copy, Debug)]

@@ -6,7 +6,7 @@
 use std::arch::x86_64::{__m256i, __m512i};
 
 use pulp::x86::V4;
-use pulp::{NullaryFnOnce, cast, f64x8};
+use pulp::{cast, f64x8};
 
 use super::{
     INFINITY, Lanes, Listed, Local, LocalKey, Pixels, SIDE, TILE, Tile, TileSums, factors, of_depths,
@@ -27,18 +27,7 @@ const BELOW: i32 = (1 << OFFSET) - 1;
 
 /// A processor with AVX-512 as servers have had it since Skylake.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Avx512(V4);
-
-impl Avx512 {
-    /// `None` on any other.
-    pub(super) fn new() -> Option<Self> {
-        V4::try_new().map(Self)
-    }
-
-    pub(super) fn dispatch<W: NullaryFnOnce<Output = ()>>(self, work: W) {
-        self.0.vectorize(work);
-    }
-}
+pub(super) struct Avx512(pub(super) V4);
 
 /// Keys two rows at a time; offsets four, those of the first two in the lower half of each lane.
 #[derive(Clone, Copy, Debug)]

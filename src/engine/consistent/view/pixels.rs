@@ -2,10 +2,11 @@
 //!
 //! So what is nearest is found down the columns first, several of them in one instruction, and along a row of cells once.
 
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
 
 use super::spacing::Gaps;
 use super::{CELLS, Cell, RangeGrid, cell_and_depth, farther};
+use crate::engine::arch::arch;
 use crate::engine::points::{Depths, Rays};
 
 /// What the rows of pixels in one row of cells have so far, by column of pixels; its memory stays for the next scan.
@@ -30,7 +31,7 @@ impl RangeGrid {
         if is_ahead(depths.rays()) {
             let mut line = std::mem::take(&mut self.line);
             line.begin(&depths.rays().x);
-            let measured = Arch::new().dispatch(Filling { grid: self, line: &mut line, depths });
+            let measured = arch().dispatch(Filling { grid: self, line: &mut line, depths });
             self.line = line;
             (measured as usize, Some(Gaps::of_rays(depths.rays())))
         } else {
