@@ -20,7 +20,8 @@ pub struct VoxelKey {
 pub const GRID_REACH: i32 = 1 << 20;
 
 /// The six directions of Definition 1, in the order +x -x +y -y +z -z.
-pub const DIRECTIONS: [[i32; 3]; 6] = [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]];
+pub(crate) const DIRECTIONS: [[i32; 3]; 6] =
+    [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]];
 
 impl VoxelKey {
     /// The voxel with these indices, or `None` outside the grid's reach.

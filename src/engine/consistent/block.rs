@@ -228,11 +228,12 @@ impl Block {
         (self.points, self.unknown) = (0, 0);
     }
 
-    /// The scan in which it was published last, and that in which it was so first since the sensor turned to it.
+    /// The scan in which it was published last.
     pub(super) const fn published(&self) -> u64 {
         self.published
     }
 
+    /// That in which it was published first since the sensor turned to it.
     pub(super) const fn begun(&self) -> u64 {
         self.begun
     }

@@ -22,9 +22,7 @@ mod calibration {
     /// A level surface this much higher or lower than the floor is another.
     pub(super) const STEP: f64 = 0.07;
     pub(super) const HEIGHT_SIGMA: f64 = 0.02;
-    /// Without a known floor: area from which a level surface below the sensor is one.
-    pub(super) const FLOOR_AREA: f64 = 1.0;
-    /// Deviation of an area, relative to that one.
+    /// Deviation of an area, relative to [`FLOOR_AREA`](super::FLOOR_AREA).
     pub(super) const AREA_SIGMA: f64 = 0.5;
     /// Deviation of rms / tolerance, of many voxels; of n voxels more by the root of 1 + `SUPPORT` / n.
     pub(super) const FIT_SIGMA: f64 = 0.15;
@@ -56,6 +54,9 @@ mod calibration {
     pub(super) const ALONE: f64 = 0.25;
 }
 use calibration as c;
+
+/// Area from which on a level surface that faces up can be the floor (m^2).
+pub(super) const FLOOR_AREA: f64 = 1.0;
 
 /// A larger upright cluster whose outline ends 0.3 m beyond an upright one's edge at most, which is 1 m off its plane at
 /// most.
@@ -189,9 +190,9 @@ impl Evidence<'_> {
 
     fn facing_up(&self) -> (SurfaceClass, f64) {
         let Some(floor) = self.floor.or(self.floor_above) else {
-            let area = (self.area - c::FLOOR_AREA) / c::FLOOR_AREA;
-            let class = if area >= 0.0 { SurfaceClass::Floor } else { SurfaceClass::Horizontal };
-            return (class, likely(area.abs(), c::AREA_SIGMA));
+            // What is large enough is a floor itself.
+            let area = (FLOOR_AREA - self.area) / FLOOR_AREA;
+            return (SurfaceClass::Horizontal, likely(area, c::AREA_SIGMA));
         };
         let margin = c::STEP - (self.middle() - floor).abs();
         let class = if margin >= 0.0 { SurfaceClass::Floor } else { SurfaceClass::Horizontal };

@@ -340,7 +340,8 @@ fn is_folded_along(across: &Vector3<f64>, states: &[&State], fit: &Fit, rules: &
     }
     let [Some(one), Some(other)] = flanks.map(|flank| flank.fit()) else { return false };
     let tilt_variance = tilt_variance(&flanks[0], &one) + tilt_variance(&flanks[1], &other);
-    let angle = one.plane.normal.angle(&other.plane.normal);
+    // Each flank faces the sensor by itself: one that is seen along its plane may have its normal on the other side.
+    let angle = one.plane.normal.dot(&other.plane.normal).abs().min(1.0).acos();
     let (least, sigmas) = if variances[1] < NARROW {
         (rules.join_angle, NARROW_FOLD_SIGMAS)
     } else {
@@ -380,14 +381,15 @@ pub(super) mod examples {
         rows: std::ops::Range<i32>,
         height: impl Fn(f64) -> f64,
     ) -> Patch {
-        let (states, rules) = (states(distance, rows, height), Rules::new(&Params::default()));
+        let (states, rules) = (states(distance, &Vector3::z(), rows, height), Rules::new(&Params::default()));
         let states: Vec<_> = states.iter().collect();
         Patch::new(&states, &Vector3::zeros(), Kind::Flat, &rules).unwrap()
     }
 
-    /// The voxels of such rows.
+    /// The voxels of such rows, seen from this direction.
     pub(in super::super) fn states(
         distance: f64,
+        towards: &Vector3<f64>,
         rows: std::ops::Range<i32>,
         height: impl Fn(f64) -> f64,
     ) -> Vec<State> {
@@ -403,7 +405,7 @@ pub(super) mod examples {
             }
             let mut voxel = Voxel::new(Cell::at([x, y, z as i32]));
             voxel.count = scan.count;
-            voxel.moments.fold(&scan, noise.weight(distance), &Vector3::z());
+            voxel.moments.fold(&scan, noise.weight(distance), towards);
             states.push(State::new(&voxel));
         }
         states
@@ -421,7 +423,7 @@ mod tests {
         let flat = rows(0..4, |_| 2.3);
         let rough = Patch { is_rough: true, ..flat.clone() };
         let noise = Rules::new(&Params::default()).noise;
-        for state in states(1.0, 0..4, |_| 2.3) {
+        for state in states(1.0, &Vector3::z(), 0..4, |_| 2.3) {
             let [sure, unsure] = [&flat, &rough].map(|patch| patch.weight_of(&state, &noise));
             assert!(unsure > 0.0 && unsure <= 0.2 * sure, "{unsure} of {sure}");
         }
@@ -460,5 +462,20 @@ mod tests {
             None,
             "two folded ones would tie the surfaces together"
         );
+    }
+
+    #[test]
+    fn what_is_bent_a_little_is_not_folded_because_one_flank_was_seen_from_behind() {
+        let rules = Rules::new(&Params::default());
+        // The sensor is above one flank's plane and below the other's.
+        let grazing = Vector3::new(0.0, 1.0, 0.03).normalize();
+        let is_folded = |bend: f64| {
+            let states = states(1.0, &grazing, 0..8, |y| 2.3 + (bend / 2.0) * (y - 4.0).abs());
+            let mut all = Region::default();
+            states.iter().for_each(|state| all.join(&Region::one(state, &rules.noise)));
+            let states: Vec<_> = states.iter().collect();
+            is_folded_along(&Vector3::y(), &states, &all.fit().unwrap(), &rules)
+        };
+        assert_eq!([0.1, 0.2].map(is_folded), [false, true]);
     }
 }

@@ -33,7 +33,7 @@
 
 use std::ops::Range;
 
-use nalgebra::{Point3, Rotation3, Vector3};
+use nalgebra::{Point3, Vector3};
 use pulp::{Simd, WithSimd};
 
 pub(crate) use clearance::Clearance;
@@ -273,12 +273,6 @@ impl WithSimd for Filling<'_> {
     fn with_simd<S: Simd>(self, _: S) {
         self.points.chunks(BATCH).for_each(|batch| self.grid.fill_batch(batch));
     }
-}
-
-/// How far a cube with this edge, parallel to the axes of the fixed frame, reaches from its centre along those of the
-/// sensor's frame: from half an edge to half a diagonal. The same for all voxels of a scan.
-pub(crate) fn half_extents(sensor_from_fixed: &Rotation3<f64>, edge: f64) -> Vector3<f64> {
-    sensor_from_fixed.matrix().abs() * Vector3::repeat(0.5 * edge)
 }
 
 /// The largest of these depths that are those of points, finite and above 0; as bits, of which a processor takes several at once:

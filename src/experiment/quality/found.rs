@@ -26,6 +26,8 @@ pub struct FoundCluster {
     pub area: Option<f64>,
     /// What it is to a planner; [`Class::Other`] = the method does not know.
     pub class: Option<Class>,
+    /// Probability that this is right, 0 to 1.
+    pub confidence: Option<f64>,
     /// How sure the plane is.
     pub certainty: Option<FoundPlane>,
 }

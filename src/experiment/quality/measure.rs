@@ -1,5 +1,6 @@
 //! The measures, what each asks for, and the values that a run gives to each.
 
+use super::confidence::calibration_error;
 use super::score::{ClusterScore, Described, Quality, SurfaceScore};
 
 /// Seen area from which on planes are held to their bars and areas to the narrow one (m^2).
@@ -28,6 +29,8 @@ pub enum Measure {
     AreaOfSmall,
     /// Share of the seen area whose class is right; one value a run.
     Class,
+    /// By how much the confidences of classes differ from the share of the area that is right; one value a run.
+    Confidence,
     /// Normalised estimation error squared of a plane.
     Nees,
     /// Standard deviation that is stated for a plane's offset (m).
@@ -49,7 +52,7 @@ pub enum Bar {
 
 impl Measure {
     /// All of them, in the order of the table.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 13] = [
         Self::Coverage,
         Self::Wholeness,
         Self::Impurity,
@@ -60,6 +63,7 @@ impl Measure {
         Self::AreaOfLarge,
         Self::AreaOfSmall,
         Self::Class,
+        Self::Confidence,
         Self::Nees,
         Self::OffsetSigma,
     ];
@@ -77,6 +81,7 @@ impl Measure {
             Self::AreaOfLarge => "error of areas from 2 m2 on",
             Self::AreaOfSmall => "error of areas below 2 m2",
             Self::Class => "area with the right class",
+            Self::Confidence => "error of the confidence in classes",
             Self::Nees => "NEES of planes",
             Self::OffsetSigma => "sigma of offsets",
         }
@@ -116,6 +121,10 @@ impl Measure {
             Self::Class => {
                 "of the seen area that whose class (floor, wall, ...) is right; a value for each run"
             }
+            Self::Confidence => {
+                "of classes that are stated with about the same confidence, in bins of 0.1, how far this is from the share of their area \
+                 that is right (the expected calibration error); a value for each run"
+            }
             Self::Nees => {
                 "normalised estimation error squared: the error of a plane in angle and offset, squared, in terms of the covariance \
                  that is stated for it: 3 on average where that is right, more where it promises too much; a value for each surface \
@@ -137,6 +146,7 @@ impl Measure {
                 | Self::ImpurityOfLarge
                 | Self::RandIndex
                 | Self::Class
+                | Self::Confidence
                 | Self::Nees
         )
     }
@@ -154,6 +164,7 @@ impl Measure {
             Self::AreaOfLarge => "area_error_large",
             Self::AreaOfSmall => "area_error_small",
             Self::Class => "class_area",
+            Self::Confidence => "class_confidence_error",
             Self::Nees => "plane_nees",
             Self::OffsetSigma => "plane_offset_sigma_m",
         }
@@ -167,7 +178,7 @@ impl Measure {
             Self::RandIndex | Self::Class => Bar::EachAtLeast(0.95),
             Self::Angle => Bar::EachAtMost(0.5),
             Self::Offset => Bar::EachAtMost(0.01),
-            Self::AreaOfLarge => Bar::EachAtMost(0.1),
+            Self::AreaOfLarge | Self::Confidence => Bar::EachAtMost(0.1),
             Self::AreaOfSmall => Bar::EachAtMost(0.25),
             Self::Nees => Bar::MeanWithin(1.5, 6.0, 200),
             Self::OffsetSigma => Bar::MedianAtMost(0.005),
@@ -227,6 +238,9 @@ impl Measure {
                 surfaces.iter().map(|surface| surface.class_right),
                 surfaces.iter().map(|surface| surface.seen_area),
             ),
+            Self::Confidence => {
+                calibration_error(surfaces.iter().flat_map(|surface| &surface.stated)).into_iter().collect()
+            }
             Self::Nees if computes.certainty => {
                 // What is another surface fails by its angle: it would make a mean of all the others worthless.
                 let is_judged =

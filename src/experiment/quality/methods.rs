@@ -38,8 +38,9 @@ impl Method for Consistent {
             let plane = Plane::through(&cluster.centroid, &cluster.normal);
             let pose = cluster.pose;
             let certainty = cluster.plane_covariance.map(|covariance| FoundPlane { pose, covariance });
-            let (area, class) = (cluster.area, Some(class_of(cluster.class)));
-            (cluster.id.get(), FoundCluster { plane, area, class, certainty })
+            let class = Some(class_of(cluster.class));
+            let confidence = Some(f64::from(cluster.class_confidence));
+            (cluster.id.get(), FoundCluster { plane, area: cluster.area, class, confidence, certainty })
         });
         let voxels = Clustering::from(&snapshot).labels().collect();
         vec![("consistent", Found { voxels, clusters: clusters.collect() })]
@@ -99,7 +100,13 @@ fn found_by_static(map: &StaticMap, snapshot: &Snapshot) -> Found {
 }
 
 fn plane_alone(point: &Point3<f64>, normal: &Vector3<f64>) -> FoundCluster {
-    FoundCluster { plane: Plane::through(point, normal), area: None, class: None, certainty: None }
+    FoundCluster {
+        plane: Plane::through(point, normal),
+        area: None,
+        class: None,
+        confidence: None,
+        certainty: None,
+    }
 }
 
 #[cfg(test)]

@@ -11,6 +11,7 @@
 //! Pure; lengths are metres, angles degrees where a field says so. The truth costs O(points) a scan and O(voxels + cells)
 //! at the end, a score O(voxels) for each method.
 
+mod confidence;
 mod failures;
 mod found;
 mod laboratory;
@@ -27,6 +28,7 @@ mod touching;
 mod truth;
 mod way;
 
+pub use confidence::StatedClass;
 pub use found::{Found, FoundCluster, FoundPlane};
 pub use laboratory::{Laboratory, Run, Scored};
 pub use measure::{Bar, Measure};

@@ -57,6 +57,11 @@ impl TrueSurface {
         self.seen_area >= SEEN_AREA - 1e-9
     }
 
+    /// What of the seen area has this class (m^2).
+    pub(super) fn area_of(&self, class: Option<Class>) -> f64 {
+        class.and_then(|class| self.areas.get(&class)).copied().unwrap_or_default()
+    }
+
     /// What of the seen area a boundary in a plane can hold (m^2): of one that is bent its shadow there. A convex one casts that of
     /// what faces the one way, or the other.
     pub(super) fn area_on(&self, plane: &Plane) -> f64 {

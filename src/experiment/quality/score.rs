@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use super::confidence::StatedClass;
 use super::failures::failures;
 use super::found::{Found, FoundCluster};
 use super::pieces::{TrueSurface, Truth};
@@ -54,6 +55,8 @@ pub struct SurfaceScore {
     pub holders: Vec<(u64, u32)>,
     /// Seen area whose class was found (m^2): each of its clusters has the share of the area that it has of the scored voxels.
     pub class_right: f64,
+    /// How sure its clusters are of their classes.
+    pub stated: Vec<StatedClass>,
     /// How the cluster that holds the most describes it; `None` where none of them is in a cluster.
     pub described: Option<Described>,
 }
@@ -143,6 +146,9 @@ impl Truth {
         let scores = seen.map(|(surface, counts)| {
             let holders = most_first(counts);
             let cluster = holders.first().and_then(|(number, _)| found.clusters.get(number));
+            let held = holders.iter().filter_map(|(number, count)| {
+                Some((found.clusters.get(number)?, f64::from(*count) / f64::from(surface.scored)))
+            });
             SurfaceScore {
                 name: surface.name.clone(),
                 seen_area: surface.seen_area,
@@ -150,14 +156,20 @@ impl Truth {
                 is_one_plane: surface.plane.is_some() && surface.is_one_plane,
                 scored: surface.scored,
                 clustered: holders.iter().map(|(_, count)| count).sum(),
-                class_right: holders
-                    .iter()
-                    .map(|(number, count)| {
-                        let right =
-                            found.clusters.get(number).and_then(|cluster| surface.areas.get(&cluster.class?));
-                        right.unwrap_or(&0.0) * f64::from(*count) / f64::from(surface.scored)
-                    })
+                class_right: held
+                    .clone()
+                    .map(|(cluster, share)| surface.area_of(cluster.class) * share)
                     .sum(),
+                stated: held
+                    .filter_map(|(cluster, share)| {
+                        let (area, right) = (surface.seen_area, surface.area_of(cluster.class));
+                        Some(StatedClass {
+                            confidence: cluster.confidence?,
+                            area: area * share,
+                            right: right * share,
+                        })
+                    })
+                    .collect(),
                 described: cluster.map(|cluster| describe(surface, cluster)),
                 holders,
             }

@@ -236,6 +236,7 @@ mod tests {
             clustered: held,
             holders: vec![(1, held)],
             class_right: 0.0,
+            stated: Vec::new(),
             described: None,
         };
         let surfaces = vec![("wall".to_owned(), held)];

@@ -72,6 +72,7 @@ fn perfect(truth: &Truth) -> Found {
             plane,
             area: Some(surface.area_on(&plane)),
             class: surface.areas.keys().next().copied(),
+            confidence: Some(1.0),
             certainty: surface.plane.map(|plane| certainty(&plane, &surface.middle.unwrap())),
         }
     });

@@ -120,7 +120,7 @@ fn what_lies_between_floor_and_ramp_is_a_part_of_the_one_that_it_fits_best() {
     let floor = rows(0..4, |_| 0.35);
     let foot = rows(4..8, |y| 0.35 + 0.16 * (y - 4.0));
     let corner = [0, EDGE, 0];
-    let ramp_states = examples::states(1.0, 0..5, |y| 1.0 + 0.32 * y);
+    let ramp_states = examples::states(1.0, &Vector3::z(), 0..5, |y| 1.0 + 0.32 * y);
     let ramp_states: Vec<_> = ramp_states.iter().collect();
     let ramp = Patch::new(&ramp_states, &Vector3::from(corner).map(f64::from), Kind::Flat, &rules).unwrap();
 

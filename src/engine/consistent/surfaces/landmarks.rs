@@ -13,13 +13,11 @@ use std::iter::successors;
 
 use nalgebra::{Point3, Vector3};
 
-use crate::engine::consistent::class::faces_up;
+use crate::engine::consistent::class::{FLOOR_AREA, faces_up};
 use crate::engine::consistent::describe::{is_upright, middle, reach};
 use crate::engine::consistent::graph::ComponentId;
 use crate::engine::snapshot::Cluster;
 
-/// Area from which on a level surface that faces up can be the floor (m^2).
-const FLOOR_AREA: f64 = 1.0;
 /// Least height of a storey, from floor to floor (m): tables, cupboards and landings below are in it.
 const STOREY: f64 = 2.5;
 /// A surface is no floor where another lies above it by no more than this (m), with more than so many times its area: it is the

@@ -1,4 +1,4 @@
-//! Loose voxels, whose patch is found by what lies around them: those in no patch, and those of frayed ones (cut or narrow).
+//! Loose voxels, whose patch is found by what lies around them: those in no patch, and those of frayed ones (cut, folded or narrow).
 //!
 //! They look for it anew when a block around them is published, and are moved only where it is another one.
 

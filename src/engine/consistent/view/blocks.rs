@@ -1,9 +1,15 @@
 //! Which blocks of voxels a scan may say something about.
 
-use nalgebra::{Isometry3, Point3, Vector3};
+use nalgebra::{Isometry3, Point3, Rotation3, Vector3};
 
 use super::patch::{Face, Patch};
-use super::{RangeGrid, TILE_CELLS, TILES, half_extents};
+use super::{RangeGrid, TILE_CELLS, TILES};
+
+/// How far a cube with this edge, parallel to the axes of the fixed frame, reaches from its centre along those of the
+/// sensor's frame: from half an edge to half a diagonal.
+pub(super) fn cube_reach(sensor_from_fixed: &Rotation3<f64>, edge: f64) -> Vector3<f64> {
+    sensor_from_fixed.matrix().abs() * Vector3::repeat(0.5 * edge)
+}
 
 impl RangeGrid {
     /// Lists the blocks in which voxels may have been seen through, by ascending key, in place of what `blocks` held.
@@ -28,7 +34,7 @@ impl RangeGrid {
         let [low, high] = [low, high].map(|corner| corner.coords.map(|x| (x / block_edge).floor() as i32));
         let sensor_from_fixed = fixed_from_sensor.inverse();
         let rotation = sensor_from_fixed.rotation.to_rotation_matrix();
-        let half = half_extents(&rotation, block_edge);
+        let half = cube_reach(&rotation, block_edge);
         let is_in_view = |key: &[i32; 3]| {
             let middle = Vector3::from(*key).map(|b| (f64::from(b) + 0.5) * block_edge);
             let centre = rotation * Point3::from(middle) + sensor_from_fixed.translation.vector;

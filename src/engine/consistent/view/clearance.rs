@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 /// How often a voxel has been seen through, less what speaks for it.
 ///
 /// One look is no proof: a depth scatters, a pose lags behind. So the points of a voxel are dropped when it was seen through
-/// [`Clearance::LIMIT`] times. Where a voxel is looked at in every 2nd to 4th of 30 scans a second, that takes 0.3 to 0.7 s.
+/// [`Clearance::LIMIT`] times, of which there is one in three scans.
 ///
 /// Several points in one scan are a proof: something is there, and they take all votes back. One or two are none, but where a
 /// single one makes a voxel dense: beside an

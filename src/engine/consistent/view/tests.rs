@@ -81,7 +81,10 @@ impl Sensor {
     fn voxel(&self, key: [i32; 3], edge: f64) -> (Point3<f64>, Vector3<f64>) {
         let centre = Point3::from(Vector3::from(key).map(|i| (f64::from(i) + 0.5) * edge));
         let sensor_from_fixed = self.fixed_from_sensor.inverse();
-        (sensor_from_fixed * centre, half_extents(&sensor_from_fixed.rotation.to_rotation_matrix(), edge))
+        (
+            sensor_from_fixed * centre,
+            super::blocks::cube_reach(&sensor_from_fixed.rotation.to_rotation_matrix(), edge),
+        )
     }
 
     fn look(&self, grid: &RangeGrid, key: [i32; 3], edge: f64, margin: impl Fn(f64) -> f64) -> bool {

@@ -64,7 +64,7 @@ fn drive(edge: f64, share: f64) -> Outcome {
         }
         grid.fill(&Points::F32(scanned));
         let inverse = pose.inverse();
-        let half = half_extents(&inverse.rotation.to_rotation_matrix(), edge);
+        let half = super::blocks::cube_reach(&inverse.rotation.to_rotation_matrix(), edge);
         for (key, votes) in &mut votes {
             let centre = inverse * Point3::from(Vector3::from(*key).map(|i| (f64::from(i) + 0.5) * edge));
             if centre.z > 0.4 && centre.z < 6.0 {
