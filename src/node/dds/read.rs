@@ -51,7 +51,7 @@ pub(super) fn listen(
 ) -> Result<Readers, OpenError> {
     let mut readers = Readers::new();
     for (number, sensor) in opener.setup.inputs()?.into_iter().enumerate() {
-        let heard = memory.scans.borrow_mut().entry(number).or_default().clone();
+        let heard = memory.scans.borrow_mut().entry(number).or_default().anew();
         let readers = &mut readers;
         Listening { opener, sources, readers, parameters, events, number, heard }.to(sensor)?;
     }
