@@ -241,9 +241,8 @@ where
     let scans = subscription.async_stream_seed(Told(seed));
     pin_mut!(scans);
     while let Some(sample) = scans.next().await {
-        let told = known.borrow_mut().tell(sample.map(of_publisher), reliably);
-        let Some(scan) = told else { continue };
-        if !tell_scan(&events, input, scan).await {
+        let takes = || known.borrow_mut().tell(sample.map(of_publisher), reliably);
+        if !tell_scan(&events, input, takes).await {
             break;
         }
     }

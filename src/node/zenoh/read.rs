@@ -141,17 +141,18 @@ where
         let received = scans.take().await;
         let decoded = cdr::read_with(&received.bytes(), Told(seed.clone()));
         let scan = decoded.unwrap_or_else(|text| Err(CloudError::Undecodable(text)));
-        // Where messages have numbers, what was dropped here is a gap in them.
-        let told = if let Some(origin) = received.origin() {
-            known.borrow_mut().tell(Ok::<_, String>((scan, origin)), false)
-        } else {
-            known.borrow_mut().note(&scan);
-            Some((scan, received.dropped))
-        };
-        let Some(scan) = told else { continue };
+        let (origin, dropped) = (received.origin(), received.dropped);
         // Nobody keeps a message while the node is busy.
         drop(received);
-        if !tell_scan(&events, input, scan).await {
+        // Where messages have numbers, what was dropped here is a gap in them.
+        let takes = || {
+            if let Some(origin) = origin {
+                return known.borrow_mut().tell(Ok::<_, String>((scan, origin)), false);
+            }
+            known.borrow_mut().note(&scan);
+            Some((scan, dropped))
+        };
+        if !tell_scan(&events, input, takes).await {
             break;
         }
     }
