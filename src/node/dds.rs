@@ -5,6 +5,7 @@
 //! when it is full: what the middleware then drops shows as a gap in the publisher's sequence numbers.
 
 mod addresses;
+mod answering;
 mod latched;
 mod mismatch;
 mod namesakes;
@@ -12,6 +13,7 @@ mod network;
 mod opener;
 mod outlet;
 mod parameters;
+mod patience;
 mod pulse;
 mod read;
 mod robot;

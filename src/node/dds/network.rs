@@ -15,6 +15,7 @@ use tokio::sync::Mutex;
 use self::sessions::Sessions;
 use super::Readers;
 use super::addresses::Addresses;
+use super::answering::Answering;
 use super::mismatch::Ends;
 use super::outlet::Outlet;
 use super::pulse::Pulse;
@@ -40,6 +41,9 @@ const FAREWELL: Duration = Duration::from_millis(100);
 /// before too. With a reader of all topics that never acknowledges, an hour; with sessions that alternate, some minutes.
 const MOST_REOPENED: u32 = 1000;
 
+/// One of the node's own services.
+pub(super) type Triggers = Answering<Server<TriggerRequest, TriggerResponse>>;
+
 pub(super) struct Network {
     // Fields are dropped in this order: publishers and the service before the node, the node before the participant.
     clusters: Outlet<SurfaceClusterArray>,
@@ -53,8 +57,8 @@ pub(super) struct Network {
     /// `None` where no parameter asks for them.
     detections: Option<Outlet<Detection3DArray>>,
     polygons: Option<Outlet<PolygonInstanceStamped>>,
-    reset: Rc<Server<TriggerRequest, TriggerResponse>>,
-    save: Rc<Server<TriggerRequest, TriggerResponse>>,
+    reset: Rc<Triggers>,
+    save: Rc<Triggers>,
     /// What reads; none of these ends by itself.
     readers: Mutex<Readers>,
     /// `None` where the keys do not permit it.
@@ -126,7 +130,7 @@ impl Network {
         Err(outlet.refusal())
     }
 
-    const fn server(&self, service: Service) -> &Rc<Server<TriggerRequest, TriggerResponse>> {
+    const fn triggers(&self, service: Service) -> &Rc<Triggers> {
         match service {
             Service::Reset => &self.reset,
             Service::Save => &self.save,
@@ -139,8 +143,7 @@ impl Network {
         request: RmwRequestId,
         response: TriggerResponse,
     ) -> Result<(), SendError> {
-        let sent = self.server(service).async_send_response(request, response).await;
-        sent.map_err(|error| SendError::unanswered(service.name(), &error))
+        self.triggers(service).answer_aside(request, response).await
     }
 
     pub(super) fn sources(&self) -> Vec<Source> {

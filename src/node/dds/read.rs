@@ -7,17 +7,17 @@ use std::rc::Rc;
 
 use futures::{StreamExt, pin_mut};
 use ros2_client::qos::{Durability, History};
-use ros2_client::{MessageInfo, QosProfile, RmwRequestId, Server, Subscription};
+use ros2_client::{MessageInfo, QosProfile, RmwRequestId, Subscription};
 use rustdds::policy::{self, ResourceLimits};
 use rustdds::{QosPolicyBuilder, TopicDescription as _};
 use serde::de::{DeserializeOwned, DeserializeSeed};
 
 use super::namesakes::Namesakes;
-use super::network::Sources;
+use super::network::{Sources, Triggers};
 use super::{Events, Opener, Readers, latched, opening, parameters, reliable};
 use crate::args::security::Security;
 use crate::cloud::{CloudSeed, CompressedSeed, DepthSeed};
-use crate::msg::ros::{CameraInfo, Clock, TriggerRequest, TriggerResponse};
+use crate::msg::ros::{CameraInfo, Clock};
 use crate::msg::sent::Named;
 use crate::msg::types;
 use crate::node::heard::{Order, PublisherId, Taken};
@@ -305,13 +305,9 @@ async fn read<M: DeserializeOwned + 'static>(
     topic.into()
 }
 
-pub(super) async fn serve(
-    service: Service,
-    server: Rc<Server<TriggerRequest, TriggerResponse>>,
-    events: Events,
-) -> Cow<'static, str> {
+pub(super) async fn serve(service: Service, triggers: Rc<Triggers>, events: Events) -> Cow<'static, str> {
     loop {
-        let event = match server.async_receive_request().await {
+        let event = match triggers.server.async_receive_request().await {
             Ok((request, _)) => Event::Call(service, request),
             Err(error) => Event::Garbled { topic: service.name().into(), text: error.to_string() },
         };
