@@ -70,6 +70,14 @@ fn opening<E: std::fmt::Display>(what: &str) -> impl FnOnce(E) -> OpenError {
     move |error| OpenError::Open { what: what.to_owned(), text: error.to_string() }
 }
 
+/// Who has called one of the node's own services.
+#[derive(Clone, Copy, Debug)]
+pub struct Caller {
+    id: RmwRequestId,
+    /// The number of the network that it was heard on.
+    network: u32,
+}
+
 /// The node on DDS, for as long as it runs: where a thread of the middleware ends, topics were opened anew too often, the
 /// system's clock was set back, or this machine has another address, the network is joined anew under the same name, and nothing that is known is forgotten.
 pub struct Dds {
@@ -152,7 +160,7 @@ impl Middleware for Dds {
 }
 
 impl Transport for Dds {
-    type Request = RmwRequestId;
+    type Request = Caller;
 
     async fn publish(&self, message: Outgoing) -> Result<(), SendError> {
         self.network().publish(message).await
@@ -161,10 +169,15 @@ impl Transport for Dds {
     async fn answer(
         &self,
         service: Service,
-        request: RmwRequestId,
+        Caller { id, network }: Caller,
         response: TriggerResponse,
     ) -> Result<(), SendError> {
-        self.network().answer(service, request, response).await
+        let now = self.network();
+        if network == now.number {
+            return now.answer(service, id, response).await;
+        }
+        now.answer_once_found(service, id, response);
+        Ok(())
     }
 
     fn inputs(&self) -> &[SensorTopics] {
@@ -219,3 +232,6 @@ impl Transport for Dds {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

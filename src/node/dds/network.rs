@@ -1,5 +1,6 @@
 //! The node's topics and services on one participant of DDS.
 
+mod callers;
 mod open;
 mod sessions;
 
@@ -70,6 +71,8 @@ pub(super) struct Network {
     participant: DomainParticipant,
     sources: Sources,
     sessions: RefCell<Sessions>,
+    /// How often the network has been joined, this time among them.
+    pub(super) number: u32,
     /// How often a topic was opened anew.
     reopened: Cell<u32>,
     /// When it had last not been set back.
@@ -140,10 +143,10 @@ impl Network {
     pub(super) async fn answer(
         &self,
         service: Service,
-        request: RmwRequestId,
+        caller: RmwRequestId,
         response: TriggerResponse,
     ) -> Result<(), SendError> {
-        self.triggers(service).answer_aside(request, response).await
+        self.triggers(service).answer_aside(caller, response).await
     }
 
     pub(super) fn sources(&self) -> Vec<Source> {

@@ -83,6 +83,7 @@ impl Network {
             context: opener.context,
             sources,
             sessions: RefCell::default(),
+            number: memory.next_number(),
             reopened: Cell::new(0),
             time_of_day,
             addresses,
@@ -97,7 +98,8 @@ impl Network {
 
     fn listen_to_calls(&self, events: &Events) -> Result<(), OpenError> {
         for service in [Service::Reset, Service::Save] {
-            let serving = read::serve(service, Rc::clone(self.triggers(service)), events.clone());
+            let serving =
+                read::serve(service, (Rc::clone(self.triggers(service)), self.number), events.clone());
             self.readers.try_lock().map_err(opening(service.name()))?.spawn_local(serving);
         }
         Ok(())
