@@ -5,6 +5,7 @@
 //! when it is full: what the middleware then drops shows as a gap in the publisher's sequence numbers.
 
 mod addresses;
+mod answering;
 mod latched;
 mod mismatch;
 mod namesakes;
@@ -12,6 +13,7 @@ mod network;
 mod opener;
 mod outlet;
 mod parameters;
+mod patience;
 mod pulse;
 mod read;
 mod robot;
@@ -66,6 +68,14 @@ impl ros2_client::Message for TriggerResponse {}
 
 fn opening<E: std::fmt::Display>(what: &str) -> impl FnOnce(E) -> OpenError {
     move |error| OpenError::Open { what: what.to_owned(), text: error.to_string() }
+}
+
+/// Who has called one of the node's own services.
+#[derive(Clone, Copy, Debug)]
+pub struct Caller {
+    id: RmwRequestId,
+    /// The number of the network that it was heard on.
+    network: u32,
 }
 
 /// The node on DDS, for as long as it runs: where a thread of the middleware ends, topics were opened anew too often, the
@@ -150,7 +160,7 @@ impl Middleware for Dds {
 }
 
 impl Transport for Dds {
-    type Request = RmwRequestId;
+    type Request = Caller;
 
     async fn publish(&self, message: Outgoing) -> Result<(), SendError> {
         self.network().publish(message).await
@@ -159,10 +169,15 @@ impl Transport for Dds {
     async fn answer(
         &self,
         service: Service,
-        request: RmwRequestId,
+        Caller { id, network }: Caller,
         response: TriggerResponse,
     ) -> Result<(), SendError> {
-        self.network().answer(service, request, response).await
+        let now = self.network();
+        if network == now.number {
+            return now.answer(service, id, response).await;
+        }
+        now.answer_once_found(service, id, response);
+        Ok(())
     }
 
     fn inputs(&self) -> &[SensorTopics] {

@@ -49,6 +49,11 @@ impl Known {
         self.comes
     }
 
+    /// The network is joined anew: its readers have heard nothing yet.
+    pub(super) fn begin_anew(&mut self) {
+        self.heard.begin_anew();
+    }
+
     /// Notes a scan, with or without a number.
     pub(super) const fn note(&mut self, scan: &Decoded) {
         self.comes |= matches!(scan, Ok(_) | Err(CloudError::NoCameraInfo));
@@ -92,6 +97,14 @@ struct Publisher {
 }
 
 impl Heard {
+    /// What came by readers that are there no more was taken, and says nothing about what the new ones hear.
+    fn begin_anew(&mut self) {
+        self.garbled_reliably = false;
+        for publisher in self.publishers.values_mut() {
+            publisher.taken = publisher.taken.max(publisher.reliable.take());
+        }
+    }
+
     /// Notes a sample that tells no publisher; says whether it is to be told: once, where both readers have it.
     fn tells_garbled(&mut self, reliably: bool) -> bool {
         self.garbled_reliably |= reliably;
@@ -245,6 +258,36 @@ pub(super) mod tests {
     fn without_a_reliable_reader_every_sample_is_taken() {
         let (mut heard, publisher) = (Heard::default(), PublisherId::default());
         assert!([5, 7, 6].into_iter().all(|number| heard.takes(publisher, number, false)));
+    }
+
+    #[test]
+    fn new_readers_are_not_held_against_a_reliable_one_that_is_gone() {
+        let (mut known, publisher) = (Known::default(), PublisherId::default());
+        let mut lost = |numbers: &[i64], reliably, begins_anew: bool| -> Vec<_> {
+            if begins_anew {
+                known.begin_anew();
+            }
+            let mut tell = |&number: &i64| {
+                let sample = (Err(CloudError::NoCameraInfo), (publisher, number));
+                known.tell(Ok::<_, String>(sample), reliably).map(|(_, lost)| lost)
+            };
+            numbers.iter().map(&mut tell).collect()
+        };
+        assert_eq!(lost(&[1, 2, 3], true, false), [Some(0); 3]);
+        assert_eq!(lost(&[3, 4], false, false), [None; 2]);
+        assert_eq!(lost(&[4, 5], false, true), [Some(0); 2]);
+        assert_eq!(lost(&[3, 5, 6], true, false), [None, None, Some(0)]);
+        assert_eq!(lost(&[7], false, false), [None]);
+    }
+
+    #[test]
+    fn after_the_network_was_joined_anew_a_sample_without_a_header_is_told_by_either_reader() {
+        let mut heard = Heard::default();
+        assert!(
+            heard.takes(publisher(0), 1, true) && heard.tells_garbled(true) && !heard.tells_garbled(false)
+        );
+        heard.begin_anew();
+        assert!(heard.tells_garbled(false));
     }
 
     #[test]

@@ -9,7 +9,7 @@ use std::cell::{Cell, RefCell};
 use std::time::Instant;
 
 use tokio::sync::mpsc::Sender;
-use tracing::{debug, info};
+use tracing::{debug, info, warn};
 
 pub(super) use self::serve::{Calls, MOST_CALLS, ParameterService, Serves, Setter, Tells, answer_all, serve};
 use super::clock;
@@ -28,6 +28,9 @@ use crate::msg::sent::{Qos, Topic};
 
 /// Names that one request may have: there are not as many parameters.
 const MOST_NAMES: usize = 256;
+
+/// Why one that has more is refused.
+const TOO_MANY: &str = "a request may have 256 entries at most: there are not as many parameters";
 
 /// What stands between the parts of a parameter's name.
 const SEPARATOR: char = '.';
@@ -93,10 +96,19 @@ impl Parameters {
         }
     }
 
+    /// Whether a request of so many entries is refused, before anything is done for them.
+    fn refuses(&self, entries: usize) -> bool {
+        let is_refused = entries > MOST_NAMES;
+        if is_refused && self.throttle.borrow_mut().allows(TOO_MANY, Instant::now()) {
+            warn!("a request with {entries} entries was refused: {TOO_MANY}");
+        }
+        is_refused
+    }
+
     /// Something of each parameter; of none where one of them is unknown, as rclcpp has it.
     fn of_each<T>(&self, asked: &Names, of: impl Fn(&Current, (&config::Parameter, &Value)) -> T) -> Vec<T> {
         let current = self.current.borrow();
-        if asked.names.len() > MOST_NAMES {
+        if self.refuses(asked.names.len()) {
             return Vec::new();
         }
         let found = asked.names.iter().map(|name| current.get(name).map(|found| of(&current, found)));
@@ -106,6 +118,9 @@ impl Parameters {
     pub(super) fn list(&self, asked: &ListRequest) -> ListResponse {
         let current = self.current.borrow();
         let mut result = ListParametersResult::default();
+        if self.refuses(asked.prefixes.len()) {
+            return ListResponse { result };
+        }
         for name in current.names().filter(|name| is_listed(name, asked)) {
             result.names.push(name.to_owned());
             if let Some((prefix, _)) = name.rsplit_once(SEPARATOR)
@@ -119,6 +134,9 @@ impl Parameters {
 
     /// Sets all of these values or none, and says what has changed.
     pub(super) fn set(&self, wanted: SetRequest) -> (SetParametersResult, Option<ParameterEvent>) {
+        if self.refuses(wanted.parameters.len()) {
+            return (SetParametersResult { successful: false, reason: TOO_MANY.to_owned() }, None);
+        }
         match self.change(wanted) {
             Ok(changed) => {
                 (SetParametersResult { successful: true, reason: String::new() }, self.event(changed))
@@ -338,6 +356,24 @@ mod tests {
         let reason = parameters(&[]).set(wanted(&[("optical", long)])).0.reason;
         assert!(reason.starts_with("optical is ") && reason.ends_with("it must be `auto`, `yes` or `no`"));
         assert!(reason.len() < 1000, "{}", reason.len());
+    }
+
+    #[test]
+    fn a_request_with_more_entries_than_there_can_be_parameters_is_refused_whole() {
+        let parameters = parameters(&[]);
+        let listed = |prefixes: usize| {
+            let asked = ListRequest { prefixes: vec!["tf_timeout".to_owned(); prefixes], depth: 0 };
+            parameters.list(&asked).result.names.len()
+        };
+        assert_eq!([MOST_NAMES, MOST_NAMES + 1].map(listed), [1, 0]);
+        let got = |asked: usize| parameters.get(&names(&vec!["tf_timeout"; asked])).values.len();
+        assert_eq!([MOST_NAMES, MOST_NAMES + 1].map(got), [MOST_NAMES, 0]);
+        let mut values = vec![("tf_timeout", Value::Double(0.5)); MOST_NAMES + 1];
+        let (result, event) = parameters.set(wanted(&values));
+        assert!(!result.successful && result.reason == TOO_MANY && event.is_none());
+        assert!(TOO_MANY.contains(&MOST_NAMES.to_string()));
+        values.pop();
+        assert_ne!(parameters.set(wanted(&values)).0.reason, TOO_MANY);
     }
 
     #[test]

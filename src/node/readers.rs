@@ -22,16 +22,22 @@ pub(super) async fn ended(readers: &Mutex<Readers>) -> String {
     }
 }
 
-/// Tells the node how many scans were lost before this one, then the scan; whether the node is there to hear of it.
+/// Most events of one scan.
+const OF_SCAN: usize = 2;
+
+/// Tells the node of a scan, where `takes` gives one: how many were lost before it, then the scan; whether the node is there to hear
+/// of it. Nothing is taken before there are places: what was taken is told, whatever ends this task.
 pub(super) async fn tell_scan<R>(
     events: &Sender<Event<R>>,
     input: Input,
-    (scan, lost): (Decoded, u64),
+    takes: impl FnOnce() -> Option<(Decoded, u64)>,
 ) -> bool {
-    if lost > 0 && events.send(Event::Lost(input, lost)).await.is_err() {
-        return false;
-    }
-    events.send(Event::Cloud(input, scan)).await.is_ok()
+    let Ok(places) = events.reserve_many(OF_SCAN).await else { return false };
+    let Some((scan, lost)) = takes() else { return true };
+    let lost = (lost > 0).then_some(Event::Lost(input, lost));
+    let told = lost.into_iter().chain([Event::Cloud(input, scan)]);
+    told.zip(places).for_each(|(event, place)| place.send(event));
+    true
 }
 
 /// Keeps the newest camera for the seeds and tells the node of one that differs from the one before; whether the node is there
@@ -49,20 +55,25 @@ pub(super) async fn tell_camera<R>(
 
 #[cfg(test)]
 mod tests {
+    use std::cell::Cell;
     use std::panic::resume_unwind;
+    use std::time::Duration;
 
     use tokio::sync::mpsc::channel;
+    use tokio::time::timeout;
 
     use super::super::transport::Form;
     use super::*;
     use crate::cloud::CloudError;
+    use crate::engine::Stamp;
 
     #[tokio::test]
     async fn what_was_lost_is_told_before_the_scan_and_nothing_to_a_node_that_has_ended() {
         let (events, mut node) = channel::<Event<()>>(4);
         let (input, scan) = (Form::Points.of(1), || Err(CloudError::NoCameraInfo));
-        assert!(tell_scan(&events, input, (scan(), 0)).await);
-        assert!(tell_scan(&events, input, (scan(), 3)).await);
+        assert!(tell_scan(&events, input, || Some((scan(), 0))).await);
+        assert!(tell_scan(&events, input, || None).await);
+        assert!(tell_scan(&events, input, || Some((scan(), 3))).await);
         assert!(matches!(node.try_recv(), Ok(Event::Cloud(from, _)) if from == input));
         assert!(matches!(node.try_recv(), Ok(Event::Lost(from, 3)) if from == input));
         assert!(matches!(node.try_recv(), Ok(Event::Cloud(..))) && node.try_recv().is_err());
@@ -70,10 +81,25 @@ mod tests {
         assert!(tell_camera(&events, (&camera, 1, "/info"), Err("cut".to_owned())).await);
         assert!(matches!(node.try_recv(), Ok(Event::Garbled { topic, .. }) if topic == "/info"));
         drop(node);
-        assert!(
-            !tell_scan(&events, input, (scan(), 3)).await && !tell_scan(&events, input, (scan(), 0)).await
-        );
+        assert!(!tell_scan(&events, input, || Some((scan(), 3))).await);
         assert!(!tell_camera(&events, (&camera, 1, "/info"), Err("cut".to_owned())).await);
+    }
+
+    /// What is not taken shows as a gap in the numbers.
+    #[tokio::test]
+    async fn a_scan_that_waits_for_a_place_when_its_reader_is_stopped_was_not_taken() {
+        let (events, mut node) = channel::<Event<()>>(2);
+        events.try_send(Event::Clock(Stamp::default())).unwrap();
+        let taken = Cell::new(false);
+        let takes = || {
+            taken.set(true);
+            None
+        };
+        let telling = tell_scan(&events, Form::Points.of(0), takes);
+        assert!(timeout(Duration::from_millis(20), telling).await.is_err() && !taken.get());
+        assert!(
+            node.try_recv().is_ok() && tell_scan(&events, Form::Points.of(0), takes).await && taken.get()
+        );
     }
 
     #[tokio::test]

@@ -56,6 +56,14 @@ pub(super) struct Scans {
 }
 
 impl Scans {
+    /// The same where the network is joined anew.
+    pub(super) fn anew(&self) -> Self {
+        for known in [&self.points, &self.images, &self.compressed] {
+            known.borrow_mut().begin_anew();
+        }
+        self.clone()
+    }
+
     /// Whether a scan has come in this form, or an image that lacks its camera info alone.
     pub(super) fn comes(&self, form: Form) -> bool {
         match form {

@@ -37,6 +37,15 @@ impl Jumps {
         is_back && self.to_and_fro.get(child).is_none_or(is_alone)
     }
 
+    /// Whether a transform leaps to where its frame's last one jumped back from.
+    pub(super) fn is_leap(&self, child: &str, newest: Option<Stamp>, stamp: Option<Stamp>) -> bool {
+        let Some((_, before)) = self.last.as_ref().filter(|(last, _)| last == child) else { return false };
+        let leaps = |(newest, stamp): (Stamp, Stamp)| {
+            before.seconds_since(stamp) <= JUMP_BACK && stamp.seconds_since(newest) > JUMP_BACK
+        };
+        newest.zip(stamp).is_some_and(leaps)
+    }
+
     /// Notes a transform that jumps back from the newest of its frame.
     pub(super) fn note_back(&mut self, child: &str, newest: Option<Stamp>) {
         self.count += 1;

@@ -67,6 +67,8 @@ pub struct Frames {
     parents: BTreeMap<String, usize>,
     /// Bound of all samples that are kept.
     samples: usize,
+    /// No dynamic sample that is kept is newer; `None` where there is none.
+    newest: Option<Stamp>,
     /// The time at which the tree was full and looked through for what is out of date.
     looked: Option<Stamp>,
     jumps: Jumps,
@@ -100,7 +102,7 @@ impl Frames {
     pub fn new() -> Self {
         let registry = Registry::with_max_age(MAX_AGE);
         let (edges, parents) = (BTreeMap::new(), BTreeMap::new());
-        Self { registry, edges, parents, samples: 0, looked: None, jumps: Jumps::default() }
+        Self { registry, edges, parents, samples: 0, newest: None, looked: None, jumps: Jumps::default() }
     }
 
     /// Takes in one transform of `/tf_static` (`is_static`) or `/tf`; the stamp of a static one is not looked at.
@@ -132,14 +134,23 @@ impl Frames {
         })
     }
 
-    /// Whether a transform of `/tf` that was overtaken by others is still of use: it is about the frame as it is, and taking it
-    /// in is no jump back in time. One that [`Self::insert`] refuses counts as of use: it is to get there, for its reason to be
-    /// said.
+    /// Whether a transform of `/tf` that was overtaken by others is still of use: it is about the frame as it is, taking it
+    /// in is no jump back in time, and it is not of the time before one. One that [`Self::insert`] refuses counts as of use: it is
+    /// to get there, for its reason to be said.
     pub fn is_of_use(&self, message: &TransformStamped) -> bool {
         let Ok(sample) = Sample::check(message, false) else { return true };
         let edge = self.edges.get(sample.child);
         edge.is_none_or(|edge| edge.parent == sample.parent && edge.kept.is_some())
             && !self.jumps_back(&sample)
+            && !self.was_before_a_jump(&sample)
+    }
+
+    /// Whether an overtaken transform is of the time before a jump back: what has overtaken it is in, so that it lies far ahead of
+    /// all else for no other reason. Of its own frame it may, where that comes seldom.
+    fn was_before_a_jump(&self, sample: &Sample<'_>) -> bool {
+        let ahead = self.newest.zip(sample.stamp).map(|(newest, stamp)| stamp.seconds_since(newest));
+        ahead.is_some_and(|ahead| ahead > JUMP_BACK)
+            || self.jumps.is_leap(sample.child, self.newest(sample.child), sample.stamp)
     }
 
     fn jumps_back(&self, sample: &Sample<'_>) -> bool {
@@ -234,6 +245,7 @@ impl Frames {
             *self.parents.entry(edge.parent.clone()).or_default() += 1;
             self.edges.insert(sample.child.into(), edge);
         }
+        self.newest = self.newest.max(sample.stamp);
     }
 
     fn remove(&mut self, child: &str) {
@@ -252,6 +264,7 @@ impl Frames {
         let gone = self.edges.iter().filter(|(_, edge)| !stays(edge));
         let gone: Vec<_> = gone.map(|(child, _)| child.clone()).collect();
         gone.iter().for_each(|child| self.remove(child));
+        self.newest = self.edges.values().filter_map(Edge::newest).max();
     }
 
     /// Forgets all dynamic transforms and keeps the static ones.

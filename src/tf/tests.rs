@@ -60,6 +60,7 @@ impl Frames {
             assert!(self.registry.get_transform(&edge.parent, child, instant(stamp)).is_ok(), "{child}");
         }
         assert_eq!(self.samples, self.edges.values().map(Edge::samples).sum::<usize>());
+        assert!(self.newest >= self.edges.values().filter_map(Edge::newest).max());
         let mut parents = BTreeMap::<_, usize>::new();
         self.edges.values().for_each(|edge| *parents.entry(edge.parent.clone()).or_default() += 1);
         assert_eq!(self.parents, parents);
@@ -261,6 +262,37 @@ fn a_static_frame_that_comes_as_dynamic_is_released_and_the_other_way_round() {
     assert_eq!(frames.x("odom", "camera", 1.5), Err("tf_too_late"));
     assert_eq!(frames.fixed("base_link", "camera", 0.5), Inserted::KindChanged);
     assert_eq!(frames.x("odom", "camera", 1.5), Ok(3.5));
+}
+
+#[test]
+fn an_overtaken_transform_of_the_time_before_a_jump_back_is_of_no_use() {
+    let of_use = |frames: &Frames, child: &str, seconds: f64| {
+        frames.is_of_use(&message("odom", child, seconds, &shift(0.0)))
+    };
+    for other in [None, Some(1000.0)] {
+        let mut frames = Frames::new();
+        frames.dynamic("odom", "camera", 100.0, 0.0);
+        assert_eq!(frames.dynamic("odom", "camera", 0.0, 0.0), Inserted::JumpedBack);
+        assert!(of_use(&frames, "wheel", 0.9) && !of_use(&frames, "wheel", 99.9));
+        // Of another robot, or by another clock.
+        other.map(|seconds| frames.dynamic("earth", "other", seconds, 0.0));
+        assert!(of_use(&frames, "camera", 0.9) && !of_use(&frames, "camera", 99.9), "beside {other:?}");
+        frames.sanity_check();
+    }
+}
+
+#[test]
+fn an_overtaken_transform_of_a_frame_that_comes_seldom_is_of_use() {
+    let mut frames = Frames::new();
+    let of_use = |frames: &Frames, seconds: f64| {
+        frames.is_of_use(&message("base_link", "gripper", seconds, &shift(0.0)))
+    };
+    assert!(of_use(&frames, 0.0), "nothing is known");
+    frames.dynamic("base_link", "gripper", 0.0, 0.0);
+    frames.dynamic("odom", "base_link", 5.1, 0.0);
+    assert!(of_use(&frames, 5.0) && !of_use(&frames, 6.2));
+    frames.clear_dynamic();
+    assert!(of_use(&frames, 6.2));
 }
 
 #[test]

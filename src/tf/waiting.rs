@@ -9,6 +9,7 @@ use std::time::Duration;
 
 use super::LookupError;
 use crate::engine::Stamp;
+use crate::msg::ros::JUMP_BACK;
 
 /// When something happens, by two clocks: one that never goes back, such as the system's monotonic one, and a simulated one
 /// where there is one.
@@ -28,10 +29,12 @@ impl From<Duration> for Moment {
 
 impl Moment {
     /// The time since `earlier`, by the clock that has gone on less. A simulator that runs slowly or is halted sends
-    /// transforms late, so its own time counts; one that runs fast does not make the network faster, so the other does.
+    /// transforms late, so its own time counts; one that runs fast does not make the network faster, so the other does. So it does
+    /// where the simulated one has jumped back: until that is where it was, it tells nothing.
     pub fn since(self, earlier: Self) -> Duration {
         let wall = self.wall.saturating_sub(earlier.wall);
         let simulated = self.simulated.zip(earlier.simulated).map(|(now, then)| now.seconds_since(then));
+        let simulated = simulated.filter(|seconds| *seconds >= -JUMP_BACK);
         let simulated = simulated.and_then(|seconds| Duration::try_from_secs_f64(seconds.max(0.0)).ok());
         simulated.map_or(wall, |simulated| simulated.min(wall))
     }
@@ -245,7 +248,8 @@ mod tests {
         let before_a_step = moment(1001, 5000);
         assert_eq!(moment(1040, 6000).since(before_a_step), ms(39));
         assert_eq!(moment(9000, 5100).since(before_a_step), ms(100), "a slow simulator");
-        assert_eq!(moment(9000, 4000).since(before_a_step), ms(0), "one that was set back");
+        assert_eq!(moment(9000, 4000).since(before_a_step), ms(0), "one that comes late");
+        assert_eq!(moment(9000, 3999).since(before_a_step), ms(7999), "one that has jumped back");
         assert_eq!(Moment::from(ms(1500)).since(before_a_step), ms(499));
     }
 

@@ -1,5 +1,6 @@
 //! The node's topics and services on one participant of DDS.
 
+mod callers;
 mod open;
 mod sessions;
 
@@ -15,6 +16,7 @@ use tokio::sync::Mutex;
 use self::sessions::Sessions;
 use super::Readers;
 use super::addresses::Addresses;
+use super::answering::Answering;
 use super::mismatch::Ends;
 use super::outlet::Outlet;
 use super::pulse::Pulse;
@@ -40,6 +42,9 @@ const FAREWELL: Duration = Duration::from_millis(100);
 /// before too. With a reader of all topics that never acknowledges, an hour; with sessions that alternate, some minutes.
 const MOST_REOPENED: u32 = 1000;
 
+/// One of the node's own services.
+pub(super) type Triggers = Answering<Server<TriggerRequest, TriggerResponse>>;
+
 pub(super) struct Network {
     // Fields are dropped in this order: publishers and the service before the node, the node before the participant.
     clusters: Outlet<SurfaceClusterArray>,
@@ -53,8 +58,8 @@ pub(super) struct Network {
     /// `None` where no parameter asks for them.
     detections: Option<Outlet<Detection3DArray>>,
     polygons: Option<Outlet<PolygonInstanceStamped>>,
-    reset: Rc<Server<TriggerRequest, TriggerResponse>>,
-    save: Rc<Server<TriggerRequest, TriggerResponse>>,
+    reset: Rc<Triggers>,
+    save: Rc<Triggers>,
     /// What reads; none of these ends by itself.
     readers: Mutex<Readers>,
     /// `None` where the keys do not permit it.
@@ -66,6 +71,8 @@ pub(super) struct Network {
     participant: DomainParticipant,
     sources: Sources,
     sessions: RefCell<Sessions>,
+    /// How often the network has been joined, this time among them.
+    pub(super) number: u32,
     /// How often a topic was opened anew.
     reopened: Cell<u32>,
     /// When it had last not been set back.
@@ -126,7 +133,7 @@ impl Network {
         Err(outlet.refusal())
     }
 
-    const fn server(&self, service: Service) -> &Rc<Server<TriggerRequest, TriggerResponse>> {
+    const fn triggers(&self, service: Service) -> &Rc<Triggers> {
         match service {
             Service::Reset => &self.reset,
             Service::Save => &self.save,
@@ -136,11 +143,10 @@ impl Network {
     pub(super) async fn answer(
         &self,
         service: Service,
-        request: RmwRequestId,
+        caller: RmwRequestId,
         response: TriggerResponse,
     ) -> Result<(), SendError> {
-        let sent = self.server(service).async_send_response(request, response).await;
-        sent.map_err(|error| SendError::unanswered(service.name(), &error))
+        self.triggers(service).answer_aside(caller, response).await
     }
 
     pub(super) fn sources(&self) -> Vec<Source> {

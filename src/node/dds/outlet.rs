@@ -1,35 +1,23 @@
 //! A topic that is published reliably, and that no reader takes from the others for long.
 //!
-//! RustDDS 0.15.1 takes no message while some reader has not acknowledged the last so many. One that it has just found
-//! counts as if it had acknowledged none of all that were ever sent, until its first `ACKNACK` some milliseconds later: it
-//! is waited for. One that is stopped, behind a wall, or slower than what is sent, stays so: the topic is opened anew, which
-//! all readers find at once. Those that keep up may miss the deltas in between, as when one is lost, and go on from the next
-//! snapshot.
+//! One that does not acknowledge what is sent is waited for, as [`super::patience`] says. Where it stays so the topic is opened
+//! anew, which all readers find at once. Those that keep up may miss the deltas in between, as when one is lost, and go on from
+//! the next snapshot.
 
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
-use std::time::Duration;
 
 use ros2_client::{Node, Publisher, WriteError};
 use rustdds::{Topic, TopicDescription as _};
 use serde::Serialize;
-use tokio::time::{Instant, sleep};
+use tokio::time::Instant;
 use tracing::warn;
 
+use super::patience::{Patience, REST};
 use super::{Opener, opening, reliable_output};
 use crate::msg::sent;
 use crate::node::middleware::OpenError;
 use crate::node::transport::SendError;
-
-/// What readers are waited for, in any [`REST`]: whatever they do, the engine's outputs find room meanwhile.
-const PATIENCE: Duration = Duration::from_millis(500);
-
-/// Time until a message is offered again; then twice as long, up to the most: it is encoded anew each time.
-const AGAIN: Duration = Duration::from_millis(2);
-const SELDOM: Duration = Duration::from_millis(64);
-
-/// A topic is not opened anew for the others more often.
-const REST: Duration = Duration::from_secs(5);
 
 pub(super) struct Outlet<M: Serialize> {
     name: &'static str,
@@ -38,26 +26,7 @@ pub(super) struct Outlet<M: Serialize> {
     most: i32,
     publisher: RefCell<Rc<Publisher<M>>>,
     opened: Cell<Instant>,
-    patience: RefCell<Patience>,
-}
-
-/// How long is waited, in all.
-struct Patience {
-    since: Instant,
-    spent: Duration,
-}
-
-impl Patience {
-    fn new() -> Self {
-        Self { since: Instant::now(), spent: Duration::ZERO }
-    }
-
-    fn left(&mut self) -> Duration {
-        if self.since.elapsed() >= REST {
-            *self = Self::new();
-        }
-        PATIENCE.saturating_sub(self.spent)
-    }
+    patience: Patience,
 }
 
 impl<M: Serialize> Outlet<M> {
@@ -73,24 +42,13 @@ impl<M: Serialize> Outlet<M> {
             most,
             publisher: RefCell::new(Rc::new(publisher)),
             opened: Cell::new(Instant::now()),
-            patience: RefCell::new(Patience::new()),
+            patience: Patience::new(),
         })
     }
 
     /// Gives the message back where a reader keeps it from being sent, and has had time for acknowledging.
-    pub(super) async fn send(&self, mut message: M) -> Result<Option<M>, SendError> {
-        let mut pause = AGAIN;
-        while let Some(refused) = self.offer(message).await? {
-            pause = pause.min(self.patience.borrow_mut().left());
-            if pause.is_zero() {
-                return Ok(Some(refused));
-            }
-            sleep(pause).await;
-            self.patience.borrow_mut().spent += pause;
-            message = refused;
-            pause = (2 * pause).min(SELDOM);
-        }
-        Ok(None)
+    pub(super) async fn send(&self, message: M) -> Result<Option<M>, SendError> {
+        self.patience.offer(message, async |message| self.offer(message).await).await
     }
 
     async fn offer(&self, message: M) -> Result<Option<M>, SendError> {
@@ -102,7 +60,7 @@ impl<M: Serialize> Outlet<M> {
         }
     }
 
-    /// Whether it may be opened anew.
+    /// Whether it may be opened anew: not more often than others are waited for.
     pub(super) fn has_rested(&self) -> bool {
         self.opened.get().elapsed() >= REST
     }
@@ -129,22 +87,5 @@ impl<M: Serialize> Outlet<M> {
 
     pub(super) fn refusal(&self) -> SendError {
         SendError::Unacknowledged { topic: self.name, most: self.most }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn readers_are_waited_for_so_long_in_any_rest_and_no_longer() {
-        let mut patience = Patience::new();
-        assert_eq!(patience.left(), PATIENCE);
-        patience.spent = PATIENCE / 2;
-        assert_eq!(patience.left(), PATIENCE / 2);
-        patience.spent = 2 * PATIENCE;
-        assert_eq!(patience.left(), Duration::ZERO);
-        patience.since -= REST;
-        assert_eq!(patience.left(), PATIENCE);
     }
 }

@@ -3,9 +3,11 @@
 
 use std::rc::Rc;
 
-use ros2_client::{Message, Publisher, RmwRequestId, Server};
+use ros2_client::{Message, RmwRequestId, Server};
 
-use super::{Events, Opener, Readers, reliable_output};
+use super::answering::Answering;
+use super::outlet::Outlet;
+use super::{Events, Opener, Readers};
 use crate::msg::parameters::{
     DescribeResponse, GetResponse, ListRequest, ListResponse, Names, ParameterEvent, SetAtomicallyResponse,
     SetRequest, SetResponse, TypesResponse,
@@ -33,18 +35,14 @@ pub(super) fn serve(
     parameters: &Rc<Parameters>,
     events: &Events,
 ) -> Result<(), OpenError> {
-    let qos = reliable_output(EVENTS.qos, EVENTS.qos.depth as i32);
-    let changes = Changes(opener.publisher(EVENTS.named(), &qos)?);
+    let changes = Outlet::open(opener, EVENTS, EVENTS.qos.depth as i32)?;
     let setter = Setter { parameters: Rc::clone(parameters), changes, events: events.clone() };
     parameters::serve(&mut Opening { opener, readers, events }, setter)
 }
 
-struct Changes(Publisher<ParameterEvent>);
-
-impl Tells for Changes {
+impl Tells for Outlet<ParameterEvent> {
     async fn tell(&self, change: ParameterEvent) -> Result<(), SendError> {
-        let told = self.0.async_publish(change).await;
-        told.map_err(|error| SendError::refused(EVENTS.name, &error))
+        self.send(change).await?.map_or(Ok(()), |_| Err(self.refusal()))
     }
 }
 
@@ -54,34 +52,35 @@ struct Opening<'a, 'b> {
     events: &'a Events,
 }
 
-impl<Q: Message + Clone + 'static, A: Message + 'static> Serves<Q, A> for Opening<'_, '_> {
+impl<Q: Message + Clone + 'static, A: Message + Clone + 'static> Serves<Q, A> for Opening<'_, '_> {
     fn serve(
         &mut self,
         service: ParameterService,
         answer: impl AsyncFn(Q) -> A + 'static,
     ) -> Result<(), OpenError> {
         let (named, events) = (service.named(), self.events.clone());
-        let server = Served { name: named.name, server: self.opener.server(named, MOST_CALLS)?, events };
-        self.readers.spawn_local(parameters::answer_all(service, server, answer));
+        let answering = Answering::new(named.name, self.opener.server(named, MOST_CALLS)?);
+        let served = Served { answering, events };
+        self.readers.spawn_local(parameters::answer_all(service, served, answer));
         Ok(())
     }
 }
 
 struct Served<Q: Message, A: Message> {
-    name: &'static str,
-    server: Server<Q, A>,
+    answering: Answering<Server<Q, A>>,
     events: Events,
 }
 
-impl<Q: Message + 'static, A: Message + 'static> Calls<Q, A> for Served<Q, A> {
+impl<Q: Message + 'static, A: Message + Clone + 'static> Calls<Q, A> for Served<Q, A> {
     type Caller = RmwRequestId;
 
     async fn take(&self) -> Option<(RmwRequestId, Q)> {
         loop {
-            match self.server.async_receive_request().await {
+            match self.answering.server.async_receive_request().await {
                 Ok(call) => return Some(call),
                 Err(error) => {
-                    let garbled = Event::Garbled { topic: self.name.into(), text: error.to_string() };
+                    let garbled =
+                        Event::Garbled { topic: self.answering.name.into(), text: error.to_string() };
                     self.events.send(garbled).await.ok()?;
                 }
             }
@@ -89,7 +88,6 @@ impl<Q: Message + 'static, A: Message + 'static> Calls<Q, A> for Served<Q, A> {
     }
 
     async fn answer(&self, caller: RmwRequestId, response: A) -> Result<(), SendError> {
-        let sent = self.server.async_send_response(caller, response).await;
-        sent.map_err(|error| SendError::unanswered(self.name, &error))
+        self.answering.answer(caller, response).await
     }
 }

@@ -1,23 +1,23 @@
 //! The tasks that read topics: each hands events to one bounded channel.
 
 use std::borrow::Cow;
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::collections::BTreeMap;
 use std::rc::Rc;
 
 use futures::{StreamExt, pin_mut};
 use ros2_client::qos::{Durability, History};
-use ros2_client::{MessageInfo, QosProfile, RmwRequestId, Server, Subscription};
+use ros2_client::{MessageInfo, QosProfile, Subscription};
 use rustdds::policy::{self, ResourceLimits};
 use rustdds::{QosPolicyBuilder, TopicDescription as _};
 use serde::de::{DeserializeOwned, DeserializeSeed};
 
 use super::namesakes::Namesakes;
-use super::network::Sources;
-use super::{Events, Opener, Readers, latched, opening, parameters, reliable};
+use super::network::{Sources, Triggers};
+use super::{Caller, Events, Opener, Readers, latched, opening, parameters, reliable};
 use crate::args::security::Security;
 use crate::cloud::{CloudSeed, CompressedSeed, DepthSeed};
-use crate::msg::ros::{CameraInfo, Clock, TriggerRequest, TriggerResponse};
+use crate::msg::ros::{CameraInfo, Clock};
 use crate::msg::sent::Named;
 use crate::msg::types;
 use crate::node::heard::{Order, PublisherId, Taken};
@@ -39,6 +39,15 @@ pub(super) struct Memory {
     transforms: Rc<RefCell<Taken>>,
     pub(super) latched: Rc<RefCell<Taken>>,
     pub(super) namesakes: Rc<Namesakes>,
+    joined: Rc<Cell<u32>>,
+}
+
+impl Memory {
+    /// Counts the networks that are joined.
+    pub(super) fn next_number(&self) -> u32 {
+        self.joined.update(|number| number + 1);
+        self.joined.get()
+    }
 }
 
 /// Starts the tasks that read topics.
@@ -51,7 +60,7 @@ pub(super) fn listen(
 ) -> Result<Readers, OpenError> {
     let mut readers = Readers::new();
     for (number, sensor) in opener.setup.inputs()?.into_iter().enumerate() {
-        let heard = memory.scans.borrow_mut().entry(number).or_default().clone();
+        let heard = memory.scans.borrow_mut().entry(number).or_default().anew();
         let readers = &mut readers;
         Listening { opener, sources, readers, parameters, events, number, heard }.to(sensor)?;
     }
@@ -241,9 +250,8 @@ where
     let scans = subscription.async_stream_seed(Told(seed));
     pin_mut!(scans);
     while let Some(sample) = scans.next().await {
-        let told = known.borrow_mut().tell(sample.map(of_publisher), reliably);
-        let Some(scan) = told else { continue };
-        if !tell_scan(&events, input, scan).await {
+        let takes = || known.borrow_mut().tell(sample.map(of_publisher), reliably);
+        if !tell_scan(&events, input, takes).await {
             break;
         }
     }
@@ -288,7 +296,7 @@ async fn read<M: DeserializeOwned + 'static>(
     topic: &'static str,
     subscription: Subscription<M>,
     events: Events,
-    event: impl Fn(M, &MessageInfo) -> Option<Event<RmwRequestId>>,
+    event: impl Fn(M, &MessageInfo) -> Option<Event<Caller>>,
 ) -> Cow<'static, str> {
     let messages = subscription.async_stream();
     pin_mut!(messages);
@@ -306,14 +314,15 @@ async fn read<M: DeserializeOwned + 'static>(
     topic.into()
 }
 
+/// Hands on the calls of a service that are heard on the network of this number.
 pub(super) async fn serve(
     service: Service,
-    server: Rc<Server<TriggerRequest, TriggerResponse>>,
+    (triggers, network): (Rc<Triggers>, u32),
     events: Events,
 ) -> Cow<'static, str> {
     loop {
-        let event = match server.async_receive_request().await {
-            Ok((request, _)) => Event::Call(service, request),
+        let event = match triggers.server.async_receive_request().await {
+            Ok((id, _)) => Event::Call(service, Caller { id, network }),
             Err(error) => Event::Garbled { topic: service.name().into(), text: error.to_string() },
         };
         if events.send(event).await.is_err() {

@@ -43,6 +43,11 @@ impl<T: Transport> Live<T> {
                 counts.received += 1;
                 counts.skip(cloud.as_ref().map_or_else(CloudError::reason, |_| "shutdown"));
             }
+            Event::Handed(..) => {
+                let mut counts = self.counts.borrow_mut();
+                counts.received += 1;
+                counts.skip("shutdown");
+            }
             Event::Lost(_, number) => self.counts.borrow_mut().lose(number),
             Event::Call(service, request) => match &mut self.calls_for_map {
                 Some(calls) if service == Service::Save => {

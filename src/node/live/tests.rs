@@ -249,14 +249,33 @@ fn under_a_slow_clock_a_cloud_waits_by_that_clock() {
     assert_eq!((counts.taken_in, counts.skipped.len()), (1, 0));
 }
 
+fn late(seconds: f64) -> Event<()> {
+    let Event::Transforms { message, .. } = transform(at(seconds), false) else { unreachable!() };
+    Event::LateTransforms(message)
+}
+
+/// Clouds of a lap may come before its first `/clock`.
+#[test]
+fn a_cloud_that_came_by_the_clock_of_the_lap_before_is_given_up_in_time() {
+    let mut events = vec![Event::Clock(at(100.0)), transform(at(100.0), false), cloud(at(100.0), "camera")];
+    events.extend([cloud(at(0.1), "camera"), cloud(at(0.15), "nowhere"), transform(at(0.1), false)]);
+    let (_, counts, _) = node(Fake::default(), events, 1);
+    assert_eq!((counts.received, counts.skipped.get("transform_timeout")), (3, Some(&1)));
+}
+
 #[test]
 fn a_transform_that_was_overtaken_counts_unless_it_would_be_a_jump_back() {
-    let late = |seconds: f64| {
-        let Event::Transforms { message, .. } = transform(at(seconds), false) else { unreachable!() };
-        Event::LateTransforms(message)
-    };
     let events = vec![transform(at(10.0), false), late(5.0), late(9.5), cloud(at(9.8), "camera")];
     assert_eq!(node(Fake::default(), events, 1).1.taken_in, 1);
+}
+
+#[test]
+fn a_transform_of_the_lap_before_that_comes_late_does_not_count() {
+    let mut events = vec![transform(at(100.0), false), transform(at(0.0), false), late(99.99)];
+    events.extend([transform(at(0.1), false), cloud(at(0.05), "camera")]);
+    let ((_, counts, _), said) = heard(|| node(Fake::default(), events, 1));
+    assert_eq!((counts.taken_in, counts.skipped.len()), (1, 0));
+    assert!(!said.iter().any(|(_, line)| line.contains("to and fro")), "{said:?}");
 }
 
 #[test]

@@ -116,6 +116,9 @@ pub(in crate::node) struct Setter<R, T> {
 impl<R, T: Tells> Setter<R, T> {
     async fn set_each(&self, wanted: SetRequest) -> SetResponse {
         let mut results = Vec::new();
+        if self.parameters.refuses(wanted.parameters.len()) {
+            return SetResponse { results };
+        }
         for parameter in wanted.parameters {
             tokio::task::yield_now().await;
             results.push(self.set(SetRequest { parameters: vec![parameter] }).await);
@@ -206,6 +209,17 @@ mod tests {
         assert_eq!(each, [true, false]);
         assert_eq!(told.0.borrow().len(), 1);
         assert!(matches!(node.try_recv(), Ok(Event::Changed(_))) && node.try_recv().is_err());
+    }
+
+    #[tokio::test]
+    async fn of_more_values_than_there_can_be_parameters_none_is_set() {
+        let (events, mut node) = channel::<Event<()>>(16);
+        let (told, current) = (Told::default(), Current::new([]).unwrap());
+        let parameters = Rc::new(Parameters::new("/cfodi".to_owned(), current));
+        let setter = Setter { parameters, changes: told.clone(), events };
+        let wanted = SetRequest { parameters: vec![timeout(0.5); 257] };
+        assert!(setter.set_each(wanted).await.results.is_empty());
+        assert!(told.0.borrow().is_empty() && node.try_recv().is_err());
     }
 
     /// Calls that were made before, and their answers.

@@ -20,11 +20,14 @@ use crate::node::readers::{tell_camera, tell_scan};
 use crate::node::seeds::{Decoded, LatestCamera, Publishers, Scans, Told, WithCamera, WithFilter};
 use crate::node::transport::{DepthTopics, Event, Form, Input, SensorTopics, Service};
 use crate::node::{clock, compressed};
+use crate::tf::MAX_FRAMES;
 
 /// Scans that may wait: as many as wait for the engine; of bytes, two of the greatest clouds.
 const SCANS: Room = Room { messages: 8, bytes: 1 << 29 };
 const CAMERAS: Room = Room { messages: 2, bytes: 1 << 20 };
 const TRANSFORMS: Room = Room { messages: 100, bytes: 16 << 20 };
+/// What is latched comes from all publishers at once, and not again.
+const LATCHED: Room = Room { messages: MAX_FRAMES, bytes: 16 << 20 };
 const CLOCKS: Room = Room { messages: 10, bytes: 1 << 16 };
 const CALLS: Room = Room { messages: 10, bytes: 1 << 16 };
 
@@ -43,11 +46,11 @@ pub(super) fn listen(
         let (readers, heard) = (&mut readers, Scans::default());
         Listening { opener, graph, readers, parameters, events, number, heard }.to(sensor)?;
     }
-    for (topic, is_static) in [("/tf", false), ("/tf_static", true)] {
+    for (topic, is_static, room) in [("/tf", false, TRANSFORMS), ("/tf_static", true, LATCHED)] {
         let qos = Qos { latched: is_static, ..Qos::reliable(100) };
         let resolved = opener.setup.resolve(topic)?;
         let transforms =
-            opener.subscribe(Named { name: &resolved, type_name: types::TRANSFORMS }, qos, TRANSFORMS)?;
+            opener.subscribe(Named { name: &resolved, type_name: types::TRANSFORMS }, qos, room)?;
         let event = move |message| Event::Transforms { message, is_static };
         readers.spawn_local(read(topic, transforms, events.clone(), event));
     }
@@ -141,17 +144,18 @@ where
         let received = scans.take().await;
         let decoded = cdr::read_with(&received.bytes(), Told(seed.clone()));
         let scan = decoded.unwrap_or_else(|text| Err(CloudError::Undecodable(text)));
-        // Where messages have numbers, what was dropped here is a gap in them.
-        let told = if let Some(origin) = received.origin() {
-            known.borrow_mut().tell(Ok::<_, String>((scan, origin)), false)
-        } else {
-            known.borrow_mut().note(&scan);
-            Some((scan, received.dropped))
-        };
-        let Some(scan) = told else { continue };
+        let (origin, dropped) = (received.origin(), received.dropped);
         // Nobody keeps a message while the node is busy.
         drop(received);
-        if !tell_scan(&events, input, scan).await {
+        // Where messages have numbers, what was dropped here is a gap in them.
+        let takes = || {
+            if let Some(origin) = origin {
+                return known.borrow_mut().tell(Ok::<_, String>((scan, origin)), false);
+            }
+            known.borrow_mut().note(&scan);
+            Some((scan, dropped))
+        };
+        if !tell_scan(&events, input, takes).await {
             break;
         }
     }
@@ -198,4 +202,16 @@ async fn serve(service: Service, calls: Calls, events: Events) -> Cow<'static, s
         }
     }
     service.name().into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::node::zenoh::mailbox::Mailbox;
+
+    #[test]
+    fn latched_transforms_of_some_thousand_publishers_wait_together() {
+        let mailbox = Mailbox::new(LATCHED);
+        assert!((0..5000).all(|publisher| mailbox.put(publisher, 200).is_empty()));
+    }
 }

@@ -10,13 +10,14 @@ use serde::Serialize;
 use tokio::sync::Mutex;
 use tracing::warn;
 
-use super::{Network, Sources};
+use super::{Network, Sources, Triggers};
 use crate::args::Setup;
 use crate::args::security::Security;
 use crate::msg::sent;
 use crate::msg::twins::{Detection3DArray, PolygonInstanceStamped};
 use crate::node::clock::TimeOfDay;
 use crate::node::dds::addresses::Addresses;
+use crate::node::dds::answering::Answering;
 use crate::node::dds::latched::{self, Latched};
 use crate::node::dds::outlet::Outlet;
 use crate::node::dds::pulse::Pulse;
@@ -72,8 +73,8 @@ impl Network {
             log: permitted(Outlet::open(&mut opener, sent::LOG, REPORTS)),
             detections: detections(setup, &mut opener)?,
             polygons: polygons(setup, &mut opener)?,
-            reset: Rc::new(opener.server(Service::Reset.named(), CALLS)?),
-            save: Rc::new(opener.server(Service::Save.named(), CALLS)?),
+            reset: triggers(&mut opener, Service::Reset)?,
+            save: triggers(&mut opener, Service::Save)?,
             pulse,
             participant: opener.participant.clone(),
             readers: Mutex::new(read::listen(&mut opener, &sources, memory, parameters, events)?),
@@ -82,6 +83,7 @@ impl Network {
             context: opener.context,
             sources,
             sessions: RefCell::default(),
+            number: memory.next_number(),
             reopened: Cell::new(0),
             time_of_day,
             addresses,
@@ -96,7 +98,8 @@ impl Network {
 
     fn listen_to_calls(&self, events: &Events) -> Result<(), OpenError> {
         for service in [Service::Reset, Service::Save] {
-            let serving = read::serve(service, Rc::clone(self.server(service)), events.clone());
+            let serving =
+                read::serve(service, (Rc::clone(self.triggers(service)), self.number), events.clone());
             self.readers.try_lock().map_err(opening(service.name()))?.spawn_local(serving);
         }
         Ok(())
@@ -130,6 +133,10 @@ impl Network {
         self.readers.try_lock().map_err(opening(latched::TOPIC))?.spawn_local(latched.read(news));
         Ok(())
     }
+}
+
+fn triggers(opener: &mut Opener<'_>, service: Service) -> Result<Rc<Triggers>, OpenError> {
+    Ok(Rc::new(Answering::new(service.name(), opener.server(service.named(), CALLS)?)))
 }
 
 /// What is of use and not needed: where it cannot be opened the node does without, and says so.

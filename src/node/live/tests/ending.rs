@@ -30,6 +30,17 @@ fn calls_that_still_wait_at_the_end_are_told_that_nothing_was_done_or_of_the_las
     }
 }
 
+#[test]
+fn a_cloud_that_was_handed_over_and_not_heard_before_the_end_is_counted() {
+    let runtime = Builder::new_current_thread().enable_time().build().unwrap();
+    let counts = runtime.block_on(async {
+        let (mut live, _reported) = reports::by_hand(&Config::new([]).unwrap(), Fake::default());
+        live.put_away(Event::Handed(Form::Points.of(0), Box::default())).await;
+        live.counts.take()
+    });
+    assert_eq!((counts.received, counts.skipped.get("shutdown")), (1, Some(&1)));
+}
+
 /// The map that a node ends with.
 fn map() -> Arc<Snapshot> {
     Arc::new(Engine::new(Params::paper()).snapshot())
