@@ -1,17 +1,15 @@
 //! The instructions that loops over points are run in: the widest that the processor has, which is asked.
 //!
-//! To measure what each is worth, a build is held to fewer by `RUSTFLAGS='--cfg cfodi_simd="plain"'`, or `"avx2"`.
+//! To measure what each is worth, a build is held to fewer where `CFODI_SIMD` is `plain` or `avx2` while it is compiled.
 
 use pulp::Arch;
 
 /// The widest instructions of the processor that this build takes.
 pub(crate) fn arch() -> Arch {
-    if cfg!(cfodi_simd = "plain") {
-        return Arch::Scalar;
+    match option_env!("CFODI_SIMD") {
+        Some("plain") => Arch::Scalar,
+        #[cfg(target_arch = "x86_64")]
+        Some("avx2") => pulp::x86::V3::try_new().map_or(Arch::Scalar, Arch::V3),
+        _ => Arch::new(),
     }
-    #[cfg(target_arch = "x86_64")]
-    if cfg!(cfodi_simd = "avx2") {
-        return pulp::x86::V3::try_new().map_or(Arch::Scalar, Arch::V3);
-    }
-    Arch::new()
 }
