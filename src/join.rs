@@ -3,6 +3,8 @@
 //! A cloud waits for the transform at its stamp; a scan whose stamp jumps back begins a new session. No clock inside:
 //! time is an argument.
 
+mod hint;
+
 use std::collections::BTreeMap;
 use std::time::Duration;
 
@@ -16,9 +18,6 @@ const SENSORS: usize = 1000;
 
 /// Frames of REP 105 that stand still.
 const MAPS: [&str; 4] = ["odom", "map", "world", "earth"];
-
-/// Names of frames that a message shows at most.
-const NAMES: usize = 20;
 
 /// Joins clouds with their transforms.
 #[derive(Debug)]
@@ -122,19 +121,6 @@ impl Join {
     /// The tree of frames.
     pub const fn frames(&self) -> &Frames {
         &self.frames
-    }
-
-    /// The frames that have been seen, for a person to choose from.
-    pub fn frames_seen(&self) -> String {
-        let known = self.frames.frame_names();
-        if known.is_empty() {
-            return "no transform has come at all: nobody publishes on /tf and /tf_static, or on others (-r /tf:=... -r \
-                    /tf_static:=...)"
-                .to_owned();
-        }
-        let (shown, more) = (&known[..known.len().min(NAMES)], known.len().saturating_sub(NAMES));
-        let more = if more > 0 { format!(" and {more} more") } else { String::new() };
-        format!("frames seen: {}{more} (choose with -p fixed_frame:=...)", shown.join(", "))
     }
 
     /// The number of clouds that wait.

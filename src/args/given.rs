@@ -7,6 +7,7 @@ use ros2args::names::build_node_fqn;
 use ros2args::{ParamAssignment, Ros2Args, match_wildcard_pattern};
 
 use super::ArgsError;
+use super::others::for_others;
 use super::params_file::{assignments, flatten};
 use crate::config::{ConfigError, Value, as_meant};
 
@@ -27,22 +28,33 @@ pub(super) struct Given {
     origin: Option<Rc<Origin>>,
 }
 
-/// Files count in their order, the command line after them.
+/// Files count in their order, the command line after them. What is to be said of those that have nothing for this node stands
+/// beside them.
 ///
 /// # Errors
 /// At a file that cannot be read, and at the first value that no parameter can have.
-pub(super) fn given(ros: &Ros2Args, namespace: &str, name: &str) -> Result<Vec<Given>, ArgsError> {
+pub(super) fn given(
+    ros: &Ros2Args,
+    namespace: &str,
+    name: &str,
+) -> Result<(Vec<Given>, Vec<String>), ArgsError> {
     let node = build_node_fqn(namespace, name);
     let is_for_node = |param: &ParamAssignment| {
         param.node_name.as_ref().is_none_or(|pattern| match_wildcard_pattern(pattern, &node))
     };
     let mut assigned: Vec<(ParamAssignment, Option<&Path>)> = Vec::new();
+    let mut passed_over = Vec::new();
     for file in &ros.param_files {
-        let of_file = assignments(file)?.into_iter().filter(is_for_node);
-        assigned.extend(of_file.map(|param| (param, Some(file.as_path()))));
+        let (of_file, others): (Vec<_>, Vec<_>) = assignments(file)?.into_iter().partition(is_for_node);
+        // A file of a robot has parameters of many nodes: only one without any of this one is odd.
+        let others = if of_file.is_empty() { &others[..] } else { &[] };
+        passed_over.extend(for_others(&file.display().to_string(), others, &node));
+        assigned.extend(of_file.into_iter().map(|param| (param, Some(file.as_path()))));
     }
-    let on_line = ros.param_assignments.iter().filter(|param| is_for_node(param));
-    assigned.extend(on_line.map(|param| (param.clone(), None)));
+    let (on_line, others): (Vec<_>, Vec<_>) = ros.param_assignments.iter().cloned().partition(is_for_node);
+    // There each is given to this program.
+    passed_over.extend(for_others("a -p", &others, &node));
+    assigned.extend(on_line.into_iter().map(|param| (param, None)));
     let mut given = Vec::new();
     for (param, file) in assigned {
         let origin = file.zip(param.node_name);
@@ -56,7 +68,7 @@ pub(super) fn given(ros: &Ros2Args, namespace: &str, name: &str) -> Result<Vec<G
         };
         given.extend(values.into_iter().map(meant));
     }
-    Ok(given)
+    Ok((given, passed_over))
 }
 
 /// The family of a parameter that every node of ROS has and that changes nothing here: a file may give it to all nodes of a robot.

@@ -2,6 +2,7 @@
 
 mod error;
 mod given;
+mod others;
 mod params_file;
 mod remap;
 mod repeats;
@@ -84,6 +85,7 @@ pub struct Setup {
     given: BTreeSet<String>,
     /// Parameters of every node of ROS that were given a value, and have no effect.
     idle: BTreeSet<&'static str>,
+    passed_over: Vec<String>,
 }
 
 impl Setup {
@@ -110,8 +112,9 @@ impl Setup {
         let namespace = absolute(renamed(&name, &["__ns"]).unwrap_or_default());
         ros2args::names::validate_node_name(&name)?;
         ros2args::names::validate_namespace(&namespace)?;
+        let (given, passed_over) = given(&ros, &namespace, &name)?;
         let (without_effect, given): (Vec<_>, Vec<_>) =
-            given(&ros, &namespace, &name)?.into_iter().partition(|given| idle(&given.name).is_some());
+            given.into_iter().partition(|given| idle(&given.name).is_some());
         let values = given.iter().map(|given| (given.name.clone(), given.value.clone()));
         let remaps = ros.remap_rules.iter().filter(|rule| rule.applies_to_node(&name));
         let setup = Self {
@@ -125,6 +128,7 @@ impl Setup {
             rosout: ros.logging_output.rosout != Some(false),
             discovery: environment.discovery.clone(),
             remaps: remaps.map(Rule::new).collect(),
+            passed_over,
             name,
             namespace,
         };
@@ -144,6 +148,11 @@ impl Setup {
     /// The parameters, or their families, that were given and that every node of ROS has, where they have no effect on this one.
     pub fn idle(&self) -> impl Iterator<Item = &'static str> {
         self.idle.iter().copied()
+    }
+
+    /// What is to be said of files and arguments that have parameters for other nodes alone, a line each.
+    pub fn passed_over(&self) -> &[String] {
+        &self.passed_over
     }
 
     /// Whether a parameter or another name was given.

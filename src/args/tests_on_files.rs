@@ -111,3 +111,26 @@ fn what_every_node_of_ros_has_is_taken_and_named_and_what_no_one_knows_is_refuse
     assert!(!parse("--ros-args -p depht:=3").unwrap_err().to_string().contains("stands in"));
     assert!(parse("--ros-args -p qos_override.depth:=3").is_err());
 }
+
+#[test]
+fn a_file_or_an_argument_that_has_nothing_for_the_node_is_told_with_the_nodes_that_it_is_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("params.yaml");
+    let told = |arguments: &str, text: &str| -> Vec<String> {
+        std::fs::write(&file, text).unwrap();
+        let line = format!("--ros-args {arguments} --params-file {}", file.display());
+        parse(&line).unwrap().passed_over().to_vec()
+    };
+    let other = "/cfodi: {ros__parameters: {depth: 3}}";
+    let name = file.display().to_string();
+    let line = format!("{name} has nothing for /robot1/cfodi; it is for /cfodi");
+    assert_eq!(told("-r __ns:=/robot1", other), [line.as_str()]);
+    // Without that node the file is as before, and so is one that has something for both.
+    assert!(told("", other).is_empty());
+    assert!(told("-r __ns:=/robot1", &format!("{other}\n/**: {{ros__parameters: {{depth: 3}}}}")).is_empty());
+    for nothing in ["", "/cfodi: {ros__parameters: {}}"] {
+        assert!(told("-r __ns:=/robot1", nothing).is_empty(), "{nothing}");
+    }
+    let line = "a -p has nothing for /cfodi; it is for eyes";
+    assert_eq!(told("-p eyes:depth:=3 -p depth:=2", other), [line]);
+}

@@ -35,8 +35,17 @@ pub struct Sensor {
 pub struct Wanted {
     /// Its name.
     pub topic: String,
-    /// The topic of its images' intrinsics, which is preferred to all others if the bag has it.
-    pub info: Option<String>,
+    /// Where its images' intrinsics are looked for first.
+    pub info: Option<Info>,
+}
+
+/// The topic of images' intrinsics, which is preferred to all others if the bag has it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Info {
+    /// Its name.
+    pub topic: String,
+    /// Whether somebody has named it: no other takes its place, for it may be that of another camera.
+    pub is_named: bool,
 }
 
 /// The sensors of a bag.
@@ -111,7 +120,7 @@ impl ChoiceError {
 }
 
 /// The sensors to read: those `wanted`, each by its name; where none is, the first of the `usual` names that has scans, else the
-/// only point cloud, else the only depth image. `info` names the topic of the intrinsics of images for which no other is wanted,
+/// only point cloud, else the only depth image. `info` is the topic of the intrinsics of images for which no other is wanted,
 /// where it is not their sibling.
 ///
 /// # Errors
@@ -120,7 +129,7 @@ pub fn choose(
     topics: &[Topic],
     wanted: &[Wanted],
     usual: &[String],
-    info: Option<&str>,
+    info: Option<&Info>,
 ) -> Result<Choice, ChoiceError> {
     if wanted.is_empty() {
         let candidates: Vec<_> = topics.iter().filter_map(|topic| Some((topic, kind(topic)?))).collect();
@@ -134,7 +143,7 @@ pub fn choose(
     for wanted in wanted {
         let candidate = named(topics, &wanted.topic)?;
         if sensors.iter().all(|chosen| chosen.topic != candidate.0.name) {
-            sensors.push(sensor(topics, candidate, wanted.info.as_deref().or(info))?);
+            sensors.push(sensor(topics, candidate, wanted.info.as_ref().or(info))?);
         }
     }
     Ok(Choice { sensors, passed_over: Vec::new() })
@@ -143,10 +152,10 @@ pub fn choose(
 type Candidate<'a> = (&'a Topic, SensorKind);
 
 fn named<'a>(topics: &'a [Topic], name: &str) -> Result<Candidate<'a>, ChoiceError> {
-    let same = |topic: &&Topic| topic.name.trim_start_matches('/') == name.trim_start_matches('/');
-    let of_name: Vec<&Topic> = topics.iter().filter(same).collect();
+    let of_name: Vec<&Topic> = topics.iter().filter(|topic| is_called(topic, name)).collect();
     let Some(first) = of_name.first() else {
-        let hint = hint(topics, name);
+        let usable = topics.iter().filter(|topic| kind_of(&topic.type_name, &topic.encoding).is_some());
+        let hint = nearest(usable, name);
         return Err(ChoiceError::NoTopic { topic: name.to_owned(), hint, held: held(topics) });
     };
     let usable = of_name.iter().find_map(|topic| Some((*topic, kind_of(&topic.type_name, &topic.encoding)?)));
@@ -157,9 +166,13 @@ fn named<'a>(topics: &'a [Topic], name: &str) -> Result<Candidate<'a>, ChoiceErr
     })
 }
 
-/// The topic with scans whose name is nearest, where that is near enough to be meant.
-fn hint(topics: &[Topic], name: &str) -> String {
-    let usable = topics.iter().filter(|topic| kind_of(&topic.type_name, &topic.encoding).is_some());
+/// Whether a topic has this name, with or without the slash before it.
+fn is_called(topic: &Topic, name: &str) -> bool {
+    topic.name.trim_start_matches('/') == name.trim_start_matches('/')
+}
+
+/// The topic whose name is nearest, where that is near enough to be meant.
+fn nearest<'a>(usable: impl Iterator<Item = &'a Topic>, name: &str) -> String {
     let distances = usable.map(|topic| (strsim::damerau_levenshtein(&topic.name, name), &topic.name));
     match distances.min() {
         Some((distance, near)) if 2 * distance < name.len() => format!(" (is {} meant?)", one_line(near)),
@@ -232,7 +245,11 @@ pub(super) fn kind_of(type_name: &str, encoding: &str) -> Option<SensorKind> {
     }
 }
 
-fn sensor(topics: &[Topic], (topic, kind): Candidate<'_>, info: Option<&str>) -> Result<Sensor, ChoiceError> {
+fn sensor(
+    topics: &[Topic],
+    (topic, kind): Candidate<'_>,
+    info: Option<&Info>,
+) -> Result<Sensor, ChoiceError> {
     let info_topic = match kind {
         SensorKind::Cloud => None,
         SensorKind::Depth | SensorKind::CompressedDepth => Some(info_topic(topics, topic, kind, info)?),
@@ -240,34 +257,41 @@ fn sensor(topics: &[Topic], (topic, kind): Candidate<'_>, info: Option<&str>) ->
     Ok(Sensor { topic: topic.name.clone(), kind, info_topic })
 }
 
-/// The topic named `camera_info` beside the image (as `image_transport` looks for it), else the only one there is.
+/// The topic that somebody has named; else the one named `camera_info` beside the image (as `image_transport` looks for it), else
+/// the only one there is.
 fn info_topic(
     topics: &[Topic],
     image: &Topic,
     kind: SensorKind,
-    info: Option<&str>,
+    info: Option<&Info>,
 ) -> Result<String, ChoiceError> {
+    let refused = |hint: &str| {
+        let [topic, hint] = [&image.name, hint].map(|text| one_line(text).into_owned());
+        ChoiceError::NoCameraInfo { topic, hint, held: held(topics) }
+    };
     // Recorders write channels for topics that nobody has fed; who names one is to be told that.
-    let has_any = |topic: &Topic| topic.messages != Some(0) || Some(topic.name.as_str()) == info;
+    let has_any =
+        |topic: &Topic| topic.messages != Some(0) || info.is_some_and(|info| is_called(topic, &info.topic));
     let infos = topics.iter().filter(|topic| topic.type_name == types::CAMERA_INFO && has_any(topic));
     let infos: Vec<_> = infos.collect();
+    let wanted = info.and_then(|info| infos.iter().find(|topic| is_called(topic, &info.topic)));
+    if let (None, Some(Info { topic, is_named: true })) = (wanted, info) {
+        let meant = nearest(infos.into_iter(), topic);
+        return Err(refused(&format!(" on {topic}, where -r has it read{meant}")));
+    }
     let up = |name: &str| name.rsplit_once('/').map_or(String::new(), |(above, _)| above.to_owned());
     // The name of a compressed image is that of the plain one and its transport.
     let above = if kind == SensorKind::Depth { up(&image.name) } else { up(&up(&image.name)) };
     let sibling = format!("{above}/camera_info");
     let named = |name: &str| infos.iter().find(|topic| topic.name == name);
     let beside = format!("{}/camera_info", up(&image.name));
-    let found = info.and_then(named).or_else(|| named(&sibling)).or_else(|| named(&beside));
+    let found = wanted.or_else(|| named(&sibling)).or_else(|| named(&beside));
     match (found, &infos[..]) {
         (Some(found), _) | (None, [found]) => Ok(found.name.clone()),
-        _ => {
-            let hint = format!(
-                " on {sibling}, or where -r depth/camera_info:=TOPIC says ({} in the bag)",
-                infos.len()
-            );
-            let (topic, hint) = (one_line(&image.name).into_owned(), one_line(&hint).into_owned());
-            Err(ChoiceError::NoCameraInfo { topic, hint, held: held(topics) })
-        }
+        _ => Err(refused(&format!(
+            " on {sibling}, or where -r depth/camera_info:=TOPIC says ({} in the bag)",
+            infos.len()
+        ))),
     }
 }
 
@@ -396,7 +420,8 @@ mod tests {
             ("/depth/camera_info", "CameraInfo"),
         ]);
         let infos = |wanted: &[Wanted], info: Option<&str>| -> Vec<_> {
-            let sensors = choose(&topics, wanted, &[], info).unwrap().sensors.into_iter();
+            let info = info.map(|topic| Info { topic: topic.to_owned(), is_named: true });
+            let sensors = choose(&topics, wanted, &[], info.as_ref()).unwrap().sensors.into_iter();
             sensors.map(|sensor| sensor.info_topic.unwrap()).collect()
         };
         let both = ["/front/image", "/rear/image"].map(wanted);
@@ -407,12 +432,39 @@ mod tests {
         one[1].messages = Some(0);
         let sensors = choose(&one, &[wanted("/rear/image")], &[], None).unwrap().sensors;
         assert_eq!(sensors[0].info_topic.as_deref(), Some("/depth/camera_info"));
-        let info = Some("/depth/camera_info".to_owned());
+        let info = Some(Info { topic: "/depth/camera_info".to_owned(), is_named: false });
         let rear = Wanted { info, ..wanted("/rear/image") };
         assert_eq!(
             infos(&[wanted("/front/image"), rear], None),
             ["/front/camera_info", "/depth/camera_info"]
         );
+    }
+
+    #[test]
+    fn intrinsics_that_somebody_has_named_are_never_replaced_by_those_of_another_camera() {
+        let topics = kinect();
+        let image = |name: &str, is_named| {
+            let info = Some(Info { topic: name.to_owned(), is_named });
+            [Wanted { info, ..wanted("/camera/depth/image_raw") }]
+        };
+        let found = |name: &str, is_named| {
+            choose(&topics, &image(name, is_named), &[], None)
+                .map(|choice| choice.sensors[0].info_topic.clone())
+        };
+        for name in ["/camera/rgb/camera_info", "camera/rgb/camera_info"] {
+            assert_eq!(found(name, true).unwrap().as_deref(), Some("/camera/rgb/camera_info"));
+        }
+        let missing = "/camera/depth/camera_inf";
+        assert_eq!(found(missing, false).unwrap().as_deref(), Some("/camera/depth/camera_info"));
+        let error = found(missing, true).unwrap_err();
+        assert!(error.is_for_lack());
+        let said = format!(
+            "/camera/depth/image_raw need a sensor_msgs/msg/CameraInfo on {missing}, where -r has it read (is \
+             /camera/depth/camera_info meant?); the bag holds:"
+        );
+        assert!(error.to_string().contains(&said), "{error}");
+        // What is there under that name and is something else does not help.
+        assert!(found("/camera/depth/points", true).is_err());
     }
 
     #[test]

@@ -63,6 +63,11 @@ impl TransformTopics {
         if is(&self.lasting) { Some(true) } else { is(&self.changing).then_some(false) }
     }
 
+    /// Which of a bag's topics have transforms.
+    pub fn all(topics: &[Topic]) -> impl Iterator<Item = &str> {
+        topics.iter().filter(|topic| is_transforms(&topic.type_name)).map(|topic| topic.name.as_str())
+    }
+
     /// The topics of transforms in a bag that are not read, where one of those that are read is missing.
     pub fn passed_over(&self, topics: &[Topic]) -> Vec<String> {
         if let Some(Elsewhere::Pair(_)) = self.elsewhere(topics) {

@@ -44,6 +44,16 @@ pub enum BagError {
         /// A folder for the result.
         folder: PathBuf,
     },
+    /// What the node has learned.
+    #[error(
+        "{} is a saved map and no bag; the node goes on with it: cfodi run --resume --ros-args -p snapshot_path:={}",
+        path.display(),
+        quoted(path)
+    )]
+    SavedMap {
+        /// The file.
+        path: PathBuf,
+    },
     /// Something else.
     #[error("{} is no MCAP file: it begins with {start}{}", path.display(), instead_of(path))]
     NotMcap {
@@ -119,7 +129,14 @@ pub struct Damage {
 impl BagError {
     /// Whether another argument would have been right, as opposed to an input that cannot be read in full.
     pub fn is_wrong_argument(&self) -> bool {
-        matches!(self, Self::Ros1 { .. } | Self::Sqlite { .. } | Self::NotMcap { .. } | Self::NoBag { .. })
+        matches!(
+            self,
+            Self::Ros1 { .. }
+                | Self::Sqlite { .. }
+                | Self::SavedMap { .. }
+                | Self::NotMcap { .. }
+                | Self::NoBag { .. }
+        )
     }
 }
 

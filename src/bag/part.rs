@@ -29,6 +29,8 @@ const MCAP: &[u8] = b"\x89MCAP0\r\n";
 pub(super) const ZSTD: &[u8] = b"\x28\xb5\x2f\xfd";
 const ROS1: &[u8] = b"#ROSBAG";
 const SQLITE: &[u8] = b"SQLite format 3";
+/// How a map begins that the node has saved.
+const SAVED_MAP: &[u8] = b"cfodimap";
 
 impl Part {
     /// A file that cannot be opened, or is none of a bag: reading it says so.
@@ -71,6 +73,8 @@ impl Part {
             Err(sqlite(path, path.parent().unwrap_or(path)))
         } else if is(MCAP) || is(ZSTD) || start.is_empty() {
             Ok(Self { path: path.to_owned(), size, is_compressed: is(ZSTD), begins: None })
+        } else if start.starts_with(SAVED_MAP) {
+            Err(BagError::SavedMap { path: path.to_owned() })
         } else {
             Err(BagError::NotMcap { path: path.to_owned(), start: format!("\"{}\"", start.escape_ascii()) })
         }

@@ -1,12 +1,13 @@
 //! A bag opened for a verb: which of its topics are its sensors, and what must not be written over.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use anyhow::{anyhow, bail};
 use cfodi::args::{ArgsError, Setup};
-use cfodi::bag::{self, Bag, Choice, Decoder, Survey, TransformTopics, Wanted, choose};
+use cfodi::bag::{self, Bag, Choice, Decoder, Info, Survey, TransformTopics, Wanted, choose};
 use cfodi::config::{Kind, Sensor};
 use cfodi::line::one_line;
 use cfodi::link::target;
@@ -52,6 +53,12 @@ pub(crate) fn open(setup: &Setup, path: &Path, wanted: &[String]) -> anyhow::Res
     if setup.config().snapshot_path.is_some() {
         say("snapshot_path is not used: only `cfodi run` saves its map");
     }
+    if path == Path::new(DASH) {
+        return Err(Wrong(format!(
+            "`{DASH}` is no input: give a file, or /dev/stdin where one is redirected to it"
+        ))
+        .into());
+    }
     // Listened for before the first reading, which may take long.
     let stop = stop::flag();
     let bag = Bag::open(path).map_err(|error| {
@@ -70,8 +77,8 @@ pub(crate) fn open(setup: &Setup, path: &Path, wanted: &[String]) -> anyhow::Res
     let named = wanted.iter().map(|topic| Wanted { topic: topic.clone(), info: None });
     let wanted = if wanted.is_empty() { meant } else { named.collect() };
     // Who has given the intrinsics another name means these; else each image has its own.
-    let info = setup.is_remapped(INFO).then(|| setup.resolve(INFO)).transpose()?;
-    let choice = choose(&topics, &wanted, &usual, info.as_deref()).or_else(|error| {
+    let info = Some(info(setup, INFO)?).filter(|info| info.is_named);
+    let choice = choose(&topics, &wanted, &usual, info.as_ref()).or_else(|error| {
         // The error itself has several lines: what the bag holds.
         let text = format!("{}: {error}", one_line(&path.display().to_string()));
         if is_complete || !error.is_for_lack() {
@@ -89,10 +96,10 @@ pub(crate) fn open(setup: &Setup, path: &Path, wanted: &[String]) -> anyhow::Res
     };
     let transforms =
         TransformTopics { changing: setup.resolve("/tf")?, lasting: setup.resolve("/tf_static")? };
-    say_unread(&transforms, &topics);
     if is_complete {
-        say_absent(setup, &transforms, &topics);
+        check_named(setup, &transforms, &topics)?;
     }
+    say_unread(&transforms, &topics);
     let decoder = Decoder::new(choice.sensors, setup.config().filter, transforms);
     let patience = setup.config().tf_timeout.max(PATIENCE);
     Ok(Input { bag, decoder, fixed_frame, patience })
@@ -122,15 +129,30 @@ fn say_unread(transforms: &TransformTopics, topics: &[bag::Topic]) {
     }
 }
 
-/// Says which topic of transforms, of those that somebody has named, the bag does not have.
-fn say_absent(setup: &Setup, TransformTopics { changing, lasting }: &TransformTopics, topics: &[bag::Topic]) {
+/// Refuses a topic of transforms that somebody has named and that the bag does not have: without those that move the sensor its
+/// scans would lie on one another. Where the bag has no static ones at all, their topic is only said: none can be missing, and who
+/// has named it may have named those of a robot.
+fn check_named(
+    setup: &Setup,
+    TransformTopics { changing, lasting }: &TransformTopics,
+    topics: &[bag::Topic],
+) -> Result<(), Wrong> {
+    let there: BTreeSet<_> = TransformTopics::all(topics).collect();
     for (usual, name) in [("/tf", changing), ("/tf_static", lasting)] {
-        let name = name.trim_start_matches('/');
-        if setup.is_remapped(usual) && !topics.iter().any(|topic| topic.name.trim_start_matches('/') == name)
-        {
-            say(one_line(&format!("the bag has no /{name}, from which -r {usual}:=... has transforms read")));
+        let bare = |name: &str| name.trim_start_matches('/').to_owned();
+        if !setup.is_remapped(usual) || there.iter().any(|topic| bare(topic) == bare(name)) {
+            continue;
         }
+        let line = format!("the bag has no transforms on {name}, from which -r {usual}:=... has them read");
+        if name == changing || there.iter().any(|topic| topic.contains("static")) {
+            let held = there.iter().copied().collect::<Vec<_>>().join(" and ");
+            let held =
+                if held.is_empty() { "it has none".to_owned() } else { format!("it has some on {held}") };
+            return Err(Wrong(one_line(&format!("{line}; {held}")).into_owned()));
+        }
+        say(one_line(&line));
     }
+    Ok(())
 }
 
 /// The topics of the sensors that are listed.
@@ -139,11 +161,16 @@ fn of_sensors(setup: &Setup) -> Result<Vec<Wanted>, ArgsError> {
         let topic = sensor.points().map(str::to_owned).or_else(|| sensor.image())?;
         Some((topic, sensor.camera_info()))
     };
-    let wanted = |(topic, info): (String, Option<String>)| {
-        let info = info.map(|info| setup.resolve(&info)).transpose()?;
+    let wanted = |(topic, name): (String, Option<String>)| {
+        let info = name.map(|name| info(setup, &name)).transpose()?;
         Ok(Wanted { topic: setup.resolve(&topic)?, info })
     };
     setup.config().sensors.iter().filter_map(of_sensor).map(wanted).collect()
+}
+
+/// The topic of intrinsics that has this name before remapping.
+fn info(setup: &Setup, name: &str) -> Result<Info, ArgsError> {
+    Ok(Info { topic: setup.resolve(name)?, is_named: setup.is_remapped(name) })
 }
 
 /// The names on which the node listens without a list.
@@ -184,8 +211,15 @@ fn parameter_files() -> Result<Vec<PathBuf>, Wrong> {
     Ok(named.map(|pair| PathBuf::from(&pair[1])).collect())
 }
 
-/// Refuses an output that would replace the input, a file of parameters or another output.
+/// What other programs take for the standard input or output; a file of this name is `./-`.
+const DASH: &str = "-";
+
+/// Refuses an output that would replace the input, a file of parameters or another output, and one that is taken for the standard
+/// output and would be a file.
 pub(crate) fn check_outputs(outputs: &[PathBuf], inputs: &[PathBuf]) -> Result<(), Wrong> {
+    if outputs.iter().any(|path| path == Path::new(DASH)) {
+        return Err(Wrong(format!("`{DASH}` is no output: the standard output is /dev/stdout")));
+    }
     // A file that is not there yet is the same as another where its folder and name are.
     let place = |path: &PathBuf| {
         path.canonicalize().ok().or_else(|| {
@@ -208,4 +242,54 @@ pub(crate) fn check_outputs(outputs: &[PathBuf], inputs: &[PathBuf]) -> Result<(
         seen.push(real);
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use cfodi::args::Environment;
+
+    use super::*;
+
+    /// Whether a bag with transforms on these topics is taken with these arguments; what is said where not.
+    fn checked(arguments: &str, names: &[&str]) -> Result<(), String> {
+        let arguments: Vec<_> = arguments.split_whitespace().map(str::to_owned).collect();
+        let (setup, _) = Setup::parse(&arguments, &Environment::default(), "cfodi").unwrap();
+        let topic = |name: &&str| bag::Topic {
+            name: (*name).to_owned(),
+            type_name: "tf2_msgs/msg/TFMessage".to_owned(),
+            encoding: "cdr".to_owned(),
+            messages: Some(0),
+        };
+        let topics: Vec<_> = names.iter().map(topic).collect();
+        let [changing, lasting] = ["/tf", "/tf_static"].map(|name| setup.resolve(name).unwrap());
+        check_named(&setup, &TransformTopics { changing, lasting }, &topics).map_err(|error| error.0)
+    }
+
+    #[test]
+    fn transforms_that_somebody_has_named_must_be_there_but_static_ones_where_there_are_none() {
+        let error = checked("--ros-args -r /tf:=/foo", &["/tf", "/tf_static"]).unwrap_err();
+        let words = "the bag has no transforms on /foo, from which -r /tf:=... has them read; it has some on /tf and /tf_static";
+        assert_eq!(error, words);
+        let error = checked("--ros-args -r /tf_static:=/foo", &["/tf", "/tf_static"]).unwrap_err();
+        assert!(
+            error.starts_with("the bag has no transforms on /foo, from which -r /tf_static:=..."),
+            "{error}"
+        );
+        assert!(checked("--ros-args -r /tf:=/foo", &[]).unwrap_err().ends_with("; it has none"));
+        let robot = "--ros-args -r /tf:=/a/tf -r /tf_static:=/a/tf_static";
+        for names in [&["/a/tf", "/a/tf_static"][..], &["a/tf", "/b/tf"]] {
+            assert_eq!(checked(robot, names), Ok(()), "{names:?}");
+        }
+        assert!(checked(robot, &["/a/tf", "/b/tf_static"]).is_err());
+        assert_eq!(checked("", &[]), Ok(()), "nobody has named any");
+    }
+
+    #[test]
+    fn what_other_programs_take_for_the_standard_output_is_refused_and_a_file_of_that_name_is_not() {
+        let checked = |name: &str| check_outputs(&[PathBuf::from(name)], &[]).map_err(|error| error.0);
+        assert!(checked("-").unwrap_err().ends_with("/dev/stdout"));
+        for name in ["./-", "-a", "/dev/stdout"] {
+            assert_eq!(checked(name), Ok(()), "{name}");
+        }
+    }
 }

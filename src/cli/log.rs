@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use cfodi::args::Setup;
 use cfodi::node::rosout::{Lines, listen};
-use tracing::{Metadata, info};
+use tracing::{Metadata, info, warn};
 use tracing_subscriber::filter::{DynFilterFn, EnvFilter};
 use tracing_subscriber::fmt;
 use tracing_subscriber::layer::{Layer as _, SubscriberExt as _};
@@ -36,8 +36,11 @@ pub(crate) fn start(level: Option<&str>, rosout: bool) -> Lines {
     said
 }
 
-/// Says which parameters have no effect that a file gives to all nodes of a robot.
+/// Says which parameters have no effect: those that a file gives to all nodes of a robot, and those that are for other nodes alone.
 pub(crate) fn say_idle(setup: &Setup) {
+    for line in setup.passed_over() {
+        warn!("{line}");
+    }
     for name in setup.idle() {
         info!("the parameter {name} has no effect on this node");
     }

@@ -50,7 +50,7 @@ fn resumed(config: &Config, path: &Path) -> Result<Engine, BeginError> {
     let params = config.engine;
     match read(config, path) {
         Ok((engine, scans)) => {
-            info!("resumed: {} voxels of {scans} scans from {}", engine.voxel_count(), path.display());
+            say_resumed(path, engine.voxel_count(), scans);
             Ok(engine)
         }
         Err(error) if error.is_missing() => {
@@ -70,18 +70,37 @@ fn resumed(config: &Config, path: &Path) -> Result<Engine, BeginError> {
     }
 }
 
+/// Says what is resumed; of a map of no scan also whether a better one was there: it may have been set aside by a start that then
+/// took in nothing.
+fn say_resumed(path: &Path, voxels: usize, scans: u64) {
+    let line = format!("resumed: {voxels} voxels of {scans} scans from {}", path.display());
+    // Of those that were set aside another may be as empty.
+    let size = path.metadata().map_or(0, |about| about.len());
+    let kept = if scans == 0 { kept_larger(path, size) } else { Ok(None) };
+    match kept {
+        Ok(None) => info!("{line}"),
+        Ok(Some(names)) => warn!("{line}; what was there is kept as {names} (rename it to go on with it)"),
+        Err(error) => warn!("{line}; what is kept beside it is not known: {error}"),
+    }
+}
+
+/// The newest file of each kind, of more than so many bytes, that was set aside; `None` where there is none.
+fn kept_larger(path: &Path, size: u64) -> io::Result<Option<String>> {
+    let newest = |why| store::newest_aside(path, why, size).transpose();
+    let kept: io::Result<Vec<_>> = ["before", "refused"].into_iter().filter_map(newest).collect();
+    let names: Vec<_> = kept?.iter().map(|name| name.display().to_string()).collect();
+    Ok((!names.is_empty()).then(|| names.join(" and ")))
+}
+
 /// Says that there is no map, and whether one was there: it may have been set aside by a start that then saved none.
 fn say_nothing_to_resume(path: &Path) {
-    let newest = |why| store::newest_aside(path, why).transpose();
-    let kept: io::Result<Vec<_>> = ["before", "refused"].into_iter().filter_map(newest).collect();
+    let kept = kept_larger(path, 0);
     let path = path.display();
     match kept {
-        Ok(kept) if kept.is_empty() => info!("nothing to resume: there is no {path} yet"),
-        Ok(kept) => {
-            let names: Vec<_> = kept.iter().map(|name| name.display().to_string()).collect();
+        Ok(None) => info!("nothing to resume: there is no {path} yet"),
+        Ok(Some(names)) => {
             warn!(
-                "nothing to resume: there is no {path}; what was there is kept as {} (rename it to go on with it)",
-                names.join(" and ")
+                "nothing to resume: there is no {path}; what was there is kept as {names} (rename it to go on with it)"
             );
         }
         Err(error) => {
@@ -264,6 +283,30 @@ mod tests {
         assert_eq!(level, 30);
         let kept = format!("{0}.before-2 and {0}.refused-1 (", path.display());
         assert!(line.starts_with(&format!("{none}; what was there is kept as {kept}")), "{line}");
+    }
+
+    #[test]
+    fn where_the_map_has_no_scan_the_newest_of_those_set_aside_that_has_more_is_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("map");
+        let given = [("snapshot_path".to_owned(), Value::Text(path.display().to_string()))];
+        let config = Config::new(given).unwrap();
+        let empty = Engine::new(config.engine);
+        store::write(&path, &config.fixed_frame, empty.freeze()).unwrap();
+        let said = || {
+            let (listener, mut lines) = listen();
+            let log = tracing_subscriber::registry().with(listener);
+            tracing::subscriber::with_default(log, || drop(begin(&config, true).unwrap()));
+            lines.0.try_recv().map(|line| (line.level, line.msg)).unwrap()
+        };
+        let resumed = format!("resumed: 0 voxels of 0 scans from {}", path.display());
+        fs::copy(&path, folder.path().join("map.before-3")).unwrap();
+        assert_eq!(said(), (20, resumed.clone()), "what is kept is as empty");
+        let size = path.metadata().unwrap().len();
+        fs::write(folder.path().join("map.before-2"), vec![0; size as usize + 1]).unwrap();
+        let kept =
+            format!("what was there is kept as {}.before-2 (rename it to go on with it)", path.display());
+        assert_eq!(said(), (30, format!("{resumed}; {kept}")));
     }
 
     #[test]

@@ -423,8 +423,9 @@ impl<V: Visitor> Feeder<'_, V> {
             self.unplaced.insert(waited.frame_id.clone());
         }
         if self.skips_said.is_due(&format!("{} {}", reason.key, waited.frame_id), 1) {
-            let why = waited.last_error.as_ref().map_or_else(String::new, ToString::to_string);
-            self.visitor.say(&format!("a scan was skipped: {why}; {}", self.join.frames_seen()));
+            let why = waited.last_error.as_ref().map(ToString::to_string);
+            let words: Vec<_> = why.into_iter().chain(self.join.hint(waited.last_error.as_ref())).collect();
+            self.visitor.say(&format!("a scan was skipped: {}", words.join("; ")));
         }
     }
 

@@ -74,9 +74,10 @@ impl Tally {
         }
     }
 
-    /// Whether scans were skipped for want of a transform at their time.
+    /// Whether scans were skipped for want of a transform at their time, or of one that has jumped back with them.
     pub(super) fn lacks_transforms(&self) -> bool {
-        self.skipped.keys().any(|reason| ["tf_too_early", "tf_too_late"].contains(&reason.key))
+        let of_time = ["tf_too_early", "tf_too_late", "tf_not_jumped_back"];
+        self.skipped.keys().any(|reason| of_time.contains(&reason.key))
     }
 
     pub(super) fn undecodable(&mut self, topic: &str) -> bool {

@@ -103,13 +103,13 @@ pub fn too_many_aside(path: &Path, why: &str) -> io::Result<Vec<PathBuf>> {
     Ok(files.into_iter().map(|aside| name(path, why, aside.number)).collect())
 }
 
-/// The file of a kind that was set aside last; `None` where there is none.
+/// The file of a kind, of more than so many bytes, that was set aside last; `None` where there is none.
 ///
 /// # Errors
 /// When the system does not list them.
-pub fn newest_aside(path: &Path, why: &str) -> io::Result<Option<PathBuf>> {
+pub fn newest_aside(path: &Path, why: &str, size: u64) -> io::Result<Option<PathBuf>> {
     let path = &target(path)?;
-    let newest = asides(path, why)?.into_iter().rfind(|aside| aside.is_file);
+    let newest = asides(path, why)?.into_iter().rfind(|aside| aside.is_file && aside.size > size);
     Ok(newest.map(|aside| name(path, why, aside.number)))
 }
 

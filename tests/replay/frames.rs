@@ -102,6 +102,9 @@ fn transforms_of_other_names_are_read_where_these_are_given_and_named_where_not(
     let found = replay(&bag, &["--ros-args", "-r", "/tf:=/robot1/tf"]);
     let said = "transforms are read from /robot1/tf and /tf_static, not from /robot1/tf_static";
     assert!(found.errors.contains(said), "{}", found.errors);
+    let found = replay(&bag, &["--ros-args", "-r", "/tf:=/robot2/tf"]);
+    assert!(found.status == 2 && found.summary.is_none(), "{}", found.errors);
+    assert!(found.errors.contains("the bag has no transforms on /robot2/tf, from which"), "{}", found.errors);
     // The only ones are taken without being named.
     let found = replay(&bag, &["--ros-args", "-r", "__ns:=/robot1"]);
     assert_eq!((found.status, found.number("scans")), (0, 12), "{}", found.errors);

@@ -118,3 +118,20 @@ fn an_output_goes_through_a_link_to_what_is_not_there_yet_and_two_do_not_go_to_o
     assert_eq!(replay(&bag, &["--clusters", link_text]).status, 0);
     assert!(link.is_symlink() && fs::symlink_metadata(&target).unwrap().is_file());
 }
+
+#[test]
+fn a_dash_is_refused_with_the_name_of_what_it_stands_for_elsewhere() {
+    let folder = Folder::new();
+    let bag = folder.put("a.mcap", &drive(BagWriter::new(Layout::Plain), 3));
+    let bag = bag.to_str().unwrap();
+    for (arguments, instead) in [
+        (&["replay", "-"][..], "/dev/stdin"),
+        (&["replay", bag, "--summary", "-"], "/dev/stdout"),
+        (&["replay", bag, "--out", "-"], "/dev/stdout"),
+        (&["simulate", "--out", "-"], "/dev/stdout"),
+    ] {
+        let ended = cfodi(arguments);
+        let errors = String::from_utf8_lossy(&ended.stderr);
+        assert!(ended.status.code() == Some(2) && errors.contains(instead), "{arguments:?}: {errors}");
+    }
+}

@@ -353,3 +353,18 @@ fn files_that_are_no_bag_cost_only_their_own_scans_and_all_are_counted() {
         found.errors
     );
 }
+
+#[test]
+fn a_saved_map_is_told_from_other_files_with_the_command_that_takes_it() {
+    let folder = Folder::new();
+    let map = cfodi::engine::Engine::new(cfodi::engine::Params::default()).freeze();
+    let map = folder.put("some.map", &cfodi::store::pack("odom", &map).unwrap());
+    let found = replay(&map, &[]);
+    assert_eq!((found.status, &found.summary), (2, &None), "{}", found.errors);
+    let words = format!("cfodi run --resume --ros-args -p snapshot_path:={}", map.display());
+    assert!(
+        found.errors.contains("is a saved map and no bag") && found.errors.contains(&words),
+        "{}",
+        found.errors
+    );
+}

@@ -68,6 +68,26 @@ fn where_disorder_makes_stamps_jump_back_what_came_before_the_first_jump_is_said
     assert!(found.summary.as_ref().unwrap()["remarks"][0].as_str().unwrap().contains("mcap sort"));
 }
 
+/// Of a bag in which a part of the scans was put behind the others, and the transforms were not.
+#[test]
+fn scans_that_lie_behind_later_ones_are_a_disorder_though_their_transforms_are_there() {
+    let folder = Folder::new();
+    let mut writer = BagWriter::new(Layout::Chunks);
+    writer.tf("/tf_static", stamp(0), "camera_link", OPTICAL, 0.0);
+    for i in 0..120 {
+        writer.tf("/tf", stamp(i), "odom", "camera_link", 0.01 * i as f64);
+        if i >= 60 {
+            writer.scan(i);
+        }
+    }
+    (0..60).for_each(|i| writer.scan(i));
+    let found = replay(&folder.put("behind.mcap", &writer.finish()), &[]);
+    let skipped = &found.summary.as_ref().unwrap()["scans_skipped"];
+    assert_eq!(found.number("sessions"), 1, "{}", found.errors);
+    assert!(skipped["tf_not_jumped_back"].as_u64().unwrap() > 30, "{skipped}");
+    assert!(found.errors.contains("`mcap sort` helps"), "{}", found.errors);
+}
+
 /// Sorting would make one map of both laps.
 #[test]
 fn a_lap_is_no_disorder_though_a_scan_of_it_lacks_its_transform() {

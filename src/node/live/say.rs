@@ -71,7 +71,7 @@ impl<T: Transport> Live<T> {
         }
     }
 
-    /// Counts a cloud that got no transform in time, and says which frames there were.
+    /// Counts a cloud that got no transform in time, and says what helps.
     pub(super) fn skip(&mut self, waited: &Waited<Cloud>, reason: &'static str) {
         self.counts.borrow_mut().skip(reason);
         let why = waited.last_error.as_ref().map_or_else(String::new, ToString::to_string);
@@ -83,11 +83,14 @@ impl<T: Transport> Live<T> {
         if let Some(fault) = self.clock_fault() {
             line = format!("{line}; {fault}");
         }
+        self.diagnosis.waited(waited.waited);
         self.diagnosis.given_up(line.clone());
         // Thousands of frames take longer to list than a cloud to skip.
         let level = self.throttle.level(reason, Level::WARN);
-        if level == Level::WARN {
-            line = format!("{line}; {}", self.join.frames_seen());
+        if level == Level::WARN
+            && let Some(hint) = self.join.hint(waited.last_error.as_ref())
+        {
+            line = format!("{line}; {hint}");
         }
         say(level, &line);
     }

@@ -341,3 +341,14 @@ fn a_simulated_clock_that_does_not_come_is_told_of_and_said_once_and_so_is_that_
     assert_eq!(said[1..], [(20, "/clock comes now".to_owned()), (30, halted.to_owned())]);
     assert_eq!(sensor, format!("its stamps are 10.1 s behind the clock; {halted}"));
 }
+
+#[test]
+fn a_scan_that_was_given_up_has_waited_too() {
+    let (report, _) = driven(Fake::default(), async |live| {
+        live.event(cloud(at(10.0), "camera")).await;
+        let waited = live.join.give_up(Duration::from_secs(9)).remove(0);
+        live.skip(&crate::tf::Waited { waited: Duration::from_millis(250), ..waited }, "transform_timeout");
+    });
+    let transforms = part(&report, "transforms");
+    assert_eq!(["given up", "longest wait [s]"].map(|key| value(&transforms, key)), ["1", "0.250"]);
+}

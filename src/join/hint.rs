@@ -1,0 +1,110 @@
+//! What helps where a cloud has got no transform: another thing for each reason.
+
+use super::Join;
+use crate::tf::{Lack, LookupError};
+
+/// Names of frames that a message shows at most.
+const NAMES: usize = 20;
+
+impl Join {
+    /// What to do where a lookup has failed for this reason, with the frames that have been seen where it is one of them; `None`
+    /// where the reason itself says all.
+    pub fn hint(&self, why: Option<&LookupError>) -> Option<String> {
+        let Some(LookupError { fixed, lack, .. }) = why else { return Some(self.frames_seen()) };
+        let seen = || self.frames_seen();
+        match lack {
+            Lack::UnknownFrame { .. } if self.frames.frame_names().is_empty() => Some(seen()),
+            Lack::UnknownFrame { frame } if frame == fixed => {
+                Some(format!("{} (choose with -p fixed_frame:=...)", seen()))
+            }
+            Lack::UnknownFrame { frame } => Some(format!(
+                "{}; nobody says where `{frame}` is: a robot description does, or ros2 run tf2_ros static_transform_publisher",
+                seen()
+            )),
+            Lack::NotConnected { .. } => Some(format!(
+                "{} (choose with -p fixed_frame:=..., or connect the two by ros2 run tf2_ros static_transform_publisher)",
+                seen()
+            )),
+            Lack::TooLate { .. } => {
+                Some("see tf_timeout, and whether one clock stamps both clouds and transforms".to_owned())
+            }
+            Lack::TooEarly { .. } => {
+                Some("see whether one clock stamps both clouds and transforms".to_owned())
+            }
+            Lack::NotJumpedBack { .. } | Lack::TooDeep { .. } | Lack::Numeric { .. } => None,
+        }
+    }
+
+    /// The frames that have been seen.
+    fn frames_seen(&self) -> String {
+        let known = self.frames.frame_names();
+        if known.is_empty() {
+            return "no transform has come at all: nobody publishes on /tf and /tf_static, or on others (-r /tf:=... -r \
+                    /tf_static:=...)"
+                .to_owned();
+        }
+        let (shown, more) = (&known[..known.len().min(NAMES)], known.len().saturating_sub(NAMES));
+        let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+        format!("frames seen: {}{more}", shown.join(", "))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::engine::Stamp;
+    use crate::msg::ros::{Header, Transform, TransformStamped};
+
+    fn transform(parent: &str, child: &str, seconds: i64) -> TransformStamped {
+        let stamp = Stamp::from_nanos(seconds * 1_000_000_000).into();
+        let header = Header { stamp, frame_id: parent.to_owned() };
+        TransformStamped { header, child_frame_id: child.to_owned(), transform: Transform::default() }
+    }
+
+    /// What helps a scan that was taken at this time.
+    fn hint(join: &Join, fixed: &str, sensor: &str, seconds: i64) -> Option<String> {
+        let at = Stamp::from_nanos(seconds * 1_000_000_000);
+        join.hint(Some(&join.frames().lookup(fixed, sensor, at).unwrap_err()))
+    }
+
+    #[test]
+    fn each_reason_for_which_there_is_no_transform_has_the_words_that_help_against_it() {
+        let mut join = Join::new(1);
+        let none = hint(&join, "odom", "camera", 1).unwrap();
+        assert!(none.starts_with("no transform has come at all"), "{none}");
+        assert_eq!(join.hint(None).unwrap(), none);
+        for second in [10, 11] {
+            join.transform(&transform("odom", "base", second), false).unwrap();
+        }
+        join.transform(&transform("head", "camera", 0), true).unwrap();
+        let seen = "frames seen: base, camera, head, odom";
+        assert_eq!(join.hint(None).as_deref(), Some(seen));
+        let expected = |more: &str| Some(format!("{seen}{more}"));
+        let choose = " (choose with -p fixed_frame:=...)";
+        for sensor in ["base", "nowhere"] {
+            assert_eq!(hint(&join, "map", sensor, 10), expected(choose));
+        }
+        let publisher = "ros2 run tf2_ros static_transform_publisher";
+        let nobody =
+            format!("; nobody says where `kinect_depth` is: a robot description does, or {publisher}");
+        assert_eq!(hint(&join, "odom", "kinect_depth", 10), expected(&nobody));
+        let connect = format!(" (choose with -p fixed_frame:=..., or connect the two by {publisher})");
+        assert_eq!(hint(&join, "odom", "camera", 10), expected(&connect));
+        let clock = "whether one clock stamps both clouds and transforms";
+        assert_eq!(hint(&join, "odom", "base", 12), Some(format!("see tf_timeout, and {clock}")));
+        assert_eq!(hint(&join, "odom", "base", 9), Some(format!("see {clock}")));
+        let (fixed, sensor, at) = ("odom".to_owned(), "base".to_owned(), Stamp::default());
+        let back = LookupError { fixed, sensor, at, lack: Lack::NotJumpedBack { newest: at } };
+        assert_eq!(join.hint(Some(&back)), None);
+    }
+
+    #[test]
+    fn of_very_many_frames_only_some_are_listed() {
+        let mut join = Join::new(1);
+        for i in 0..30 {
+            join.transform(&transform("odom", &format!("frame_{i:02}"), 0), true).unwrap();
+        }
+        let seen = join.hint(None).unwrap();
+        assert!(seen.ends_with("frame_18, frame_19 and 11 more"), "{seen}");
+    }
+}
