@@ -7,7 +7,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use cfodi::engine::consistent::Consistent;
 use cfodi::engine::paper::Cfodi;
-use cfodi::engine::{ClusterId, Params, Partition, Snapshot, VoxelKey};
+use cfodi::engine::{ClusterId, Params, Snapshot, VoxelKey, canonical};
 use cfodi::rand_index::adjusted_rand_index;
 use nalgebra::{Point3, Vector3};
 use serde::Deserialize;
@@ -83,15 +83,6 @@ fn the_six_faces_of_the_cabinet_are_six_clusters() {
     }
 }
 
-/// Numbers that name the clusters by their first voxel.
-fn canonical(partition: &Partition) -> Vec<(VoxelKey, Option<usize>)> {
-    let mut first = BTreeMap::new();
-    let number = |(place, &(key, cluster)): (usize, &(VoxelKey, Option<u32>))| {
-        (key, cluster.map(|cluster| *first.entry(cluster).or_insert(place)))
-    };
-    partition.iter().enumerate().map(number).collect()
-}
-
 #[test]
 fn on_recordings_the_map_is_that_of_its_definition() {
     for (name, step) in [("tum_fr3_cabinet58", 1), ("tum_rpy179", 3)] {
@@ -104,7 +95,7 @@ fn on_recordings_the_map_is_that_of_its_definition() {
             for (number, scan) in (1..).zip(recording.scans(step)) {
                 map.insert(&scan);
                 if number % 10 == 0 {
-                    assert_eq!(canonical(&map.partition()), canonical(&map.scratch()), "scan {number}");
+                    assert_eq!(canonical(map.partition()), canonical(map.scratch()), "scan {number}");
                 }
             }
             // What waits for being published makes little difference. A voxel in no cluster is one by itself.

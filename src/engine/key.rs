@@ -1,5 +1,6 @@
 //! Names of things in the grid: voxels by their index, clusters by their lasting id.
 
+use std::collections::BTreeMap;
 use std::fmt;
 use std::num::NonZeroU64;
 
@@ -49,6 +50,16 @@ impl VoxelKey {
 /// The dense voxels by ascending key, each with the number of its cluster; `None` = in no cluster. Numbers name clusters in it
 /// alone.
 pub type Partition = Vec<(VoxelKey, Option<u32>)>;
+
+/// The same with the clusters numbered in the order of their first voxels: partitions that differ in names alone become equal.
+pub fn canonical(partition: Partition) -> Partition {
+    let mut names = BTreeMap::new();
+    let named = partition.into_iter().map(|(key, number)| {
+        let next = names.len() as u32;
+        (key, number.map(|number| *names.entry(number).or_insert(next)))
+    });
+    named.collect()
+}
 
 /// Lasting name of a global cluster: counts up from 1 within a session and is never used again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]

@@ -48,7 +48,7 @@ pub(crate) use binning::between;
 pub use class::SurfaceClass;
 pub use consistent::NoiseModel;
 pub use frozen::Frozen;
-pub use key::{ClusterId, GRID_REACH, Partition, VoxelKey};
+pub use key::{ClusterId, GRID_REACH, Partition, VoxelKey, canonical};
 pub use map::Engine;
 pub use nalgebra::Isometry3;
 pub(crate) use params::{

@@ -1,11 +1,9 @@
 //! The engine on any scans: each mode equals its definition after every scan, and its updates add up to its snapshots.
 
-use std::collections::BTreeMap;
-
+use cfodi::engine::canonical;
 use cfodi::engine::consistent::Consistent;
 use cfodi::engine::paper::Cfodi;
 use cfodi::engine::paper::oracle::Oracle;
-use cfodi::engine::{Partition, VoxelKey};
 
 use super::bytes::Bytes;
 use super::reader::Reader;
@@ -69,14 +67,4 @@ fn consistent(bytes: &mut Bytes<'_>) {
         let bound = params.max_voxels();
         assert!(bound == 0 || map.voxel_count() as u64 <= bound);
     }
-}
-
-/// The same partition with numbers by first appearance.
-fn canonical(partition: Partition) -> Vec<(VoxelKey, Option<u32>)> {
-    let mut names = BTreeMap::new();
-    let named = partition.into_iter().map(|(key, number)| {
-        let next = names.len() as u32;
-        (key, number.map(|number| *names.entry(number).or_insert(next)))
-    });
-    named.collect()
 }

@@ -54,8 +54,18 @@ pub struct Scored {
 struct Bench {
     params: Params,
     truth: TruthMap,
-    methods: Vec<Box<dyn Method>>,
+    methods: Vec<(Box<dyn Method>, AsFromScratch)>,
 }
+
+/// On how many of the scans at which it was looked at a method's partition was what its definition gives from scratch.
+#[derive(Clone, Copy, Debug, Default)]
+struct AsFromScratch {
+    equal: u32,
+    of: u32,
+}
+
+/// Scans, of those taken, from one such look to the next.
+const LOOK: u32 = 50;
 
 impl Laboratory {
     /// A drive of so many seconds through a scene, scored at each voxel size (m) with the other parameters as they are; 30
@@ -114,7 +124,10 @@ impl Laboratory {
             seen.add(&drive, index);
             for bench in &mut benches {
                 bench.truth.insert(&labelled.scan, &labelled.labels);
-                bench.methods.iter_mut().for_each(|method| method.insert(&labelled.scan));
+                bench.methods.iter_mut().for_each(|(method, _)| method.insert(&labelled.scan));
+            }
+            if (index / self.step + 1).is_multiple_of(LOOK) || index == self.last() {
+                benches.iter_mut().for_each(Bench::look);
             }
             if self.is_moment(index) {
                 let seconds = f64::from(index) / f64::from(SCANS_PER_SECOND);
@@ -137,15 +150,31 @@ impl Laboratory {
 
 impl Bench {
     fn new(scene: &Scene, params: &Params) -> Self {
-        Self { params: *params, truth: TruthMap::new(scene, params), methods: methods(params) }
+        let methods = methods(params).into_iter().map(|method| (method, AsFromScratch::default()));
+        Self { params: *params, truth: TruthMap::new(scene, params), methods: methods.collect() }
+    }
+
+    fn look(&mut self) {
+        for (method, looks) in &mut self.methods {
+            let is_equal = method.is_as_from_scratch();
+            looks.of += u32::from(is_equal.is_some());
+            looks.equal += u32::from(is_equal == Some(true));
+        }
     }
 
     fn score(&self, seen: &SeenCells) -> Vec<Scored> {
         let truth =
             self.truth.truth(|label| SeenPart { cells: seen.cells(label).collect(), area: seen.area(label) });
-        let found = self.methods.iter().flat_map(|method| method.found());
         let voxel_size = self.params.voxel_size();
-        found.map(|(method, found)| Scored { voxel_size, method, quality: truth.score(&found) }).collect()
+        let mut scored = Vec::new();
+        for (method, looks) in &self.methods {
+            let as_from_scratch = (looks.of > 0).then(|| f64::from(looks.equal) / f64::from(looks.of));
+            for (method, found) in method.found() {
+                let quality = Quality { as_from_scratch, ..truth.score(&found) };
+                scored.push(Scored { voxel_size, method, quality });
+            }
+        }
+        scored
     }
 }
 
@@ -208,6 +237,8 @@ mod tests {
                 (0.16, "consistent")
             ]
         );
+        let as_from_scratch: Vec<_> = run.end.iter().map(|scored| scored.quality.as_from_scratch).collect();
+        assert_eq!(as_from_scratch[..3], [None, None, Some(1.0)]);
         let mut table = Table::default();
         table.add_run(3, &run.end);
         let coverage = table.pooled(0.1, "STATIC").and_then(|pooled| pooled.line(Measure::Coverage)).unwrap();

@@ -9,6 +9,8 @@ const LARGE: f64 = 2.0;
 /// One line of the table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Measure {
+    /// Share of the scans on which the partition is what the definition gives from scratch; one value a run.
+    AsFromScratch,
     /// Share of the scored voxels of seen surfaces that are in clusters; one value a run.
     Coverage,
     /// Share of a seen surface's scored voxels that one cluster holds.
@@ -52,7 +54,7 @@ pub enum Bar {
 
 impl Measure {
     /// All of them, in the order of the table.
-    pub const ALL: [Self; 13] = [
+    pub const ALL: [Self; 14] = [
         Self::Coverage,
         Self::Wholeness,
         Self::Impurity,
@@ -66,11 +68,13 @@ impl Measure {
         Self::Confidence,
         Self::Nees,
         Self::OffsetSigma,
+        Self::AsFromScratch,
     ];
 
     /// In words.
     pub const fn name(self) -> &'static str {
         match self {
+            Self::AsFromScratch => "scans after which it is as from scratch",
             Self::Coverage => "scored voxels in clusters",
             Self::Wholeness => "share of a surface in one cluster",
             Self::Impurity => "share of a cluster on other surfaces",
@@ -90,6 +94,10 @@ impl Measure {
     /// What a value of it is, for whoever reads the table.
     pub const fn meaning(self) -> &'static str {
         match self {
+            Self::AsFromScratch => {
+                "of every 50th scan and the last those after which the clusters are, up to their names, what the method's definition gives \
+                 from scratch on the same voxels; a value for each run"
+            }
             Self::Coverage => {
                 "of the scored voxels of seen surfaces those that are in a cluster; a value for each run"
             }
@@ -140,7 +148,8 @@ impl Measure {
     pub const fn is_by_mean(self) -> bool {
         matches!(
             self,
-            Self::Coverage
+            Self::AsFromScratch
+                | Self::Coverage
                 | Self::Wholeness
                 | Self::Impurity
                 | Self::ImpurityOfLarge
@@ -154,6 +163,7 @@ impl Measure {
     /// In tables for programs.
     pub const fn key(self) -> &'static str {
         match self {
+            Self::AsFromScratch => "as_from_scratch",
             Self::Coverage => "coverage",
             Self::Wholeness => "wholeness",
             Self::Impurity => "impurity",
@@ -173,6 +183,7 @@ impl Measure {
     /// What it asks for.
     pub const fn bar(self) -> Bar {
         match self {
+            Self::AsFromScratch => Bar::EachAtLeast(1.0),
             Self::Coverage | Self::Wholeness => Bar::EachAtLeast(0.9),
             Self::Impurity | Self::ImpurityOfLarge => Bar::EachAtMost(0.05),
             Self::RandIndex | Self::Class => Bar::EachAtLeast(0.95),
@@ -213,6 +224,7 @@ impl Measure {
             surface.described.as_ref().and_then(value).map_or(f64::INFINITY, f64::abs)
         };
         match self {
+            Self::AsFromScratch => quality.as_from_scratch.into_iter().collect(),
             Self::Coverage => share(
                 surfaces.iter().map(|surface| f64::from(surface.clustered)),
                 surfaces.iter().map(|surface| f64::from(surface.scored)),

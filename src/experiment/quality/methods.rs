@@ -9,7 +9,7 @@ use super::plane::Plane;
 use crate::engine::consistent::Consistent;
 use crate::engine::paper::Cfodi;
 use crate::engine::paper::statics::StaticMap;
-use crate::engine::{Params, Scan, Snapshot, SurfaceClass, VoxelKey};
+use crate::engine::{Params, Scan, Snapshot, SurfaceClass, VoxelKey, canonical};
 use crate::experiment::clustering::Clustering;
 use crate::sim::truth::Class;
 
@@ -20,6 +20,11 @@ pub trait Method {
 
     /// What it has found, once by each name under which its map is scored.
     fn found(&self) -> Vec<(&'static str, Found)>;
+
+    /// Whether its partition is what its definition gives from scratch; `None` for a method whose clusters follow from their history.
+    fn is_as_from_scratch(&self) -> Option<bool> {
+        None
+    }
 }
 
 /// All methods with empty maps, in the order of the table. One that is added here is in every table.
@@ -44,6 +49,10 @@ impl Method for Consistent {
         });
         let voxels = Clustering::from(&snapshot).labels().collect();
         vec![("consistent", Found { voxels, clusters: clusters.collect() })]
+    }
+
+    fn is_as_from_scratch(&self) -> Option<bool> {
+        Some(canonical(self.partition()) == canonical(self.scratch()))
     }
 }
 

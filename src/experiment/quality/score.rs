@@ -19,6 +19,8 @@ pub struct Quality {
     pub clusters: Vec<ClusterScore>,
     /// Adjusted Rand index over the scored voxels; those in no cluster are each a cluster of their own.
     pub rand_index: f64,
+    /// Of the scans at which it was looked at the share on which the partition was what the method's definition gives from scratch.
+    pub as_from_scratch: Option<f64>,
     /// Which of the things that a method may leave out it computes.
     pub computes: Computes,
     /// What does not hold, in words.
@@ -124,6 +126,7 @@ impl Truth {
             surfaces: self.surface_scores(found, &cluster_of),
             clusters: self.cluster_scores(&cluster_of),
             rand_index: self.rand_index(&cluster_of),
+            as_from_scratch: None,
             computes: Computes {
                 area: found.clusters.values().any(|cluster| cluster.area.is_some()),
                 class: found.clusters.values().any(|cluster| cluster.class.is_some()),

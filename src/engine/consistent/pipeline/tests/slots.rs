@@ -6,6 +6,7 @@ use super::*;
 use crate::engine::consistent::block::{BlockKey, offset_of};
 use crate::engine::consistent::contacts::Contact;
 use crate::engine::consistent::patch::PatchId;
+use crate::engine::key::canonical;
 
 /// One point in each of 60 x 60 x 10 blocks of 8 cm, 1 m and more before the sensor.
 const MANY: usize = 60 * 60 * 10;
@@ -86,16 +87,6 @@ fn whatever_is_forgotten_slots_have_blocks_and_the_map_is_what_its_definition_ma
         }
         assert!(moves > 0, "none moves with {voxels} and {radius}");
     }
-}
-
-/// The same partition with numbers by first appearance.
-fn canonical(partition: Partition) -> Partition {
-    let mut names = BTreeMap::new();
-    let named = partition.into_iter().map(|(key, number)| {
-        let next = names.len() as u32;
-        (key, number.map(|number| *names.entry(number).or_insert(next)))
-    });
-    named.collect()
 }
 
 #[test]
