@@ -9,8 +9,6 @@ const LARGE: f64 = 2.0;
 /// One line of the table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Measure {
-    /// Share of the scans on which the partition is what the definition gives from scratch; one value a run.
-    AsFromScratch,
     /// Share of the scored voxels of seen surfaces that are in clusters; one value a run.
     Coverage,
     /// Share of a seen surface's scored voxels that one cluster holds.
@@ -37,6 +35,8 @@ pub enum Measure {
     Nees,
     /// Standard deviation that is stated for a plane's offset (m).
     OffsetSigma,
+    /// Share of the scans on which the partition is what the definition gives from scratch; one value a run.
+    AsFromScratch,
 }
 
 /// What a measure asks for.
