@@ -4,6 +4,14 @@
 
 use pulp::Arch;
 
+const _: () = assert!(
+    match option_env!("CFODI_SIMD") {
+        None => true,
+        Some(most) => matches!(most.as_bytes(), b"plain" | b"avx2"),
+    },
+    "CFODI_SIMD is `plain`, `avx2` or not set"
+);
+
 /// The widest instructions of the processor that this build takes.
 pub(crate) fn arch() -> Arch {
     match option_env!("CFODI_SIMD") {

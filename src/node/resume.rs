@@ -216,8 +216,7 @@ mod tests {
     fn starts_again_and_again_keep_the_newest_eight_files_of_each_kind_and_the_largest_and_touch_no_other() {
         let folder = tempfile::tempdir().unwrap();
         let [path, other] = ["map", "map.before-1.mine"].map(|name| folder.path().join(name));
-        let given = [("snapshot_path".to_owned(), Value::Text(path.display().to_string()))];
-        let config = Config::new(given).unwrap();
+        let config = saving_in(&path);
         fs::write(&other, "mine").unwrap();
         for number in 1..=20 {
             for resume in [false, true] {
@@ -250,8 +249,7 @@ mod tests {
         std::os::unix::fs::symlink("/dev/null", &link).unwrap();
         let new = folder.path().join("new/");
         for path in [Path::new("/dev/null"), &link, &new, folder.path()] {
-            let given = [("snapshot_path".to_owned(), Value::Text(path.display().to_string()))];
-            let config = Config::new(given).unwrap();
+            let config = saving_in(path);
             for resume in [false, true] {
                 let refused = begin(&config, resume).err();
                 assert!(matches!(refused, Some(BeginError::NoFolder(_))), "{}: {refused:?}", path.display());
@@ -261,25 +259,30 @@ mod tests {
         assert!(!Path::new("/dev/null").metadata().unwrap().is_file());
     }
 
+    fn saving_in(path: &Path) -> Config {
+        Config::new([("snapshot_path".to_owned(), Value::Text(path.display().to_string()))]).unwrap()
+    }
+
+    /// The first line that is said when a session is to be resumed, and its level.
+    fn said(config: &Config) -> (u8, String) {
+        let (listener, mut lines) = listen();
+        let log = tracing_subscriber::registry().with(listener);
+        tracing::subscriber::with_default(log, || drop(begin(config, true).unwrap()));
+        lines.0.try_recv().map(|line| (line.level, line.msg)).unwrap()
+    }
+
     #[test]
     fn where_there_is_no_map_those_that_were_set_aside_last_are_named() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("map");
-        let given = [("snapshot_path".to_owned(), Value::Text(path.display().to_string()))];
-        let config = Config::new(given).unwrap();
-        let said = || {
-            let (listener, mut lines) = listen();
-            let log = tracing_subscriber::registry().with(listener);
-            tracing::subscriber::with_default(log, || drop(begin(&config, true).unwrap()));
-            lines.0.try_recv().map(|line| (line.level, line.msg)).unwrap()
-        };
+        let config = saving_in(&path);
         let none = format!("nothing to resume: there is no {}", path.display());
-        assert_eq!(said(), (20, format!("{none} yet")));
+        assert_eq!(said(&config), (20, format!("{none} yet")));
         fs::create_dir(folder.path().join("map.before-3")).unwrap();
         for name in ["map.before-1", "map.before-2", "map.refused-1"] {
             fs::write(folder.path().join(name), name).unwrap();
         }
-        let (level, line) = said();
+        let (level, line) = said(&config);
         assert_eq!(level, 30);
         let kept = format!("{0}.before-2 and {0}.refused-1 (", path.display());
         assert!(line.starts_with(&format!("{none}; what was there is kept as {kept}")), "{line}");
@@ -289,24 +292,17 @@ mod tests {
     fn where_the_map_has_no_scan_the_newest_of_those_set_aside_that_has_more_is_named() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("map");
-        let given = [("snapshot_path".to_owned(), Value::Text(path.display().to_string()))];
-        let config = Config::new(given).unwrap();
+        let config = saving_in(&path);
         let empty = Engine::new(config.engine);
         store::write(&path, &config.fixed_frame, empty.freeze()).unwrap();
-        let said = || {
-            let (listener, mut lines) = listen();
-            let log = tracing_subscriber::registry().with(listener);
-            tracing::subscriber::with_default(log, || drop(begin(&config, true).unwrap()));
-            lines.0.try_recv().map(|line| (line.level, line.msg)).unwrap()
-        };
         let resumed = format!("resumed: 0 voxels of 0 scans from {}", path.display());
         fs::copy(&path, folder.path().join("map.before-3")).unwrap();
-        assert_eq!(said(), (20, resumed.clone()), "what is kept is as empty");
+        assert_eq!(said(&config), (20, resumed.clone()), "what is kept is as empty");
         let size = path.metadata().unwrap().len();
         fs::write(folder.path().join("map.before-2"), vec![0; size as usize + 1]).unwrap();
         let kept =
             format!("what was there is kept as {}.before-2 (rename it to go on with it)", path.display());
-        assert_eq!(said(), (30, format!("{resumed}; {kept}")));
+        assert_eq!(said(&config), (30, format!("{resumed}; {kept}")));
     }
 
     #[test]

@@ -323,6 +323,27 @@ fn to_pack_a_map_takes_less_memory_than_it_has_unpacked() {
     assert_eq!(unpack(&bytes).unwrap(), stored(&engine));
 }
 
+#[test]
+fn what_is_restored_is_not_in_memory_beside_all_that_it_is_restored_from() {
+    let params = Params::default();
+    let mut engine = Engine::new(params);
+    // Blocks that are full, as on a surface.
+    let points = (0..400_000).map(|i| [i % 800, i / 800, 0].map(|steps| steps as f32 * 0.02 + 0.001));
+    let points = Points::F32(points.collect());
+    for number in 0..3 {
+        let stamp = Stamp::from_nanos(number);
+        engine.insert(&Scan { stamp, fixed_from_sensor: Isometry3::identity(), points: points.clone() });
+    }
+    let mut saved = None;
+    let of_saved = allocation_counter::measure(|| saved = Some(engine.save()));
+    let (map, mut restored) = (saved.unwrap(), None);
+    let restoring = allocation_counter::measure(|| restored = Some(Engine::restore(params, map).unwrap()));
+    eprintln!("{of_saved:?} is taken in: {restoring:?}");
+    assert_eq!(restored.unwrap().save(), engine.save());
+    let beside = restoring.bytes_max as i64 - restoring.bytes_current;
+    assert!(of_saved.bytes_current > 1 << 20 && beside < of_saved.bytes_current / 4, "{beside} bytes");
+}
+
 #[cfg(unix)]
 #[test]
 fn a_symbolic_link_stays_and_what_it_leads_to_is_replaced_locked_and_set_aside() {

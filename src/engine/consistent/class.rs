@@ -190,7 +190,7 @@ impl Evidence<'_> {
 
     fn facing_up(&self) -> (SurfaceClass, f64) {
         let Some(floor) = self.floor.or(self.floor_above) else {
-            // What is large enough is a floor itself.
+            // What is large enough is one of the floors that it is held against: `describe` looks to that.
             let area = (FLOOR_AREA - self.area) / FLOOR_AREA;
             return (SurfaceClass::Horizontal, likely(area, c::AREA_SIGMA));
         };

@@ -2,7 +2,7 @@
 
 use nalgebra::{Isometry3, Matrix2, Matrix3, Point3, SymmetricEigen, Vector3};
 
-use super::class::{Evidence, Neighbour, classify};
+use super::class::{Evidence, FLOOR_AREA, Neighbour, classify, faces_up};
 use super::cluster::{Cluster, PlaneFit};
 use super::outline::{self, Detail, Drawing, Outline};
 use super::rules::{PLANAR, Rules};
@@ -215,6 +215,11 @@ pub(super) fn class(
     let level = level(cluster);
     let (width, height) = (extent(cluster, &level), extent(cluster, &n.cross(&level)));
     let (lowest, highest) = extent(cluster, &Vector3::z());
+    let is_level = cluster.area.is_some_and(|area| area >= FLOOR_AREA) && faces_up(&n);
+    debug_assert!(
+        !is_level || surroundings.floor.or(surroundings.floor_above).is_some(),
+        "itself a floor: {cluster:?}"
+    );
     classify(&Evidence {
         normal: n,
         tilt_covariance: tilt_covariance(cluster),

@@ -60,6 +60,14 @@ fn the_floor_is_level_faces_up_and_lies_where_the_lowest_large_surface_is() {
 }
 
 #[test]
+fn what_is_too_small_for_a_floor_is_raised_where_no_floor_is_known() {
+    let small = |area| Evidence { floor: None, area, ..surface(90.0) };
+    assert_class(&small(0.2), SurfaceClass::Horizontal);
+    // The less surely the nearer it is to being one.
+    assert!(classify(&small(0.9)).1 < classify(&small(0.5)).1);
+}
+
+#[test]
 fn tables_and_steps_are_horizontal() {
     for height in [0.17, 0.45, 0.74] {
         assert_class(
