@@ -258,6 +258,31 @@ def sniff(seconds, meanwhile):
     return heard
 
 
+HEARTBEAT, GAP = 7, 8
+
+
+def submessages(packet):
+    """Where each submessage of an RTPS message begins, its kind, byte order and length (DDSI-RTPS 2.5, 9.4.5.1)."""
+    at = 20
+    while at + 4 <= len(packet):
+        order = "<" if packet[at + 1] & 1 else ">"
+        length = struct.unpack_from(order + "H", packet, at + 2)[0]
+        yield at, packet[at], order, length
+        if length == 0:
+            break
+        at += 4 + length
+
+
+def has_a_forged_range(packet):
+    """Whether a `HEARTBEAT` or a `GAP` in it tells of more than a million messages: two numbers behind two entities."""
+    for at, kind, order, _ in submessages(packet):
+        if kind in (HEARTBEAT, GAP) and at + 28 <= len(packet):
+            high, low, last_high, last_low = struct.unpack_from(order + "iIiI", packet, at + 12)
+            if (last_high - high << 32) + last_low - low > 1 << 20:
+                return True
+    return False
+
+
 def mutated(packet, rng):
     data = bytearray(packet)
     for _ in range(rng.randrange(1, 8)):
@@ -287,8 +312,10 @@ def test_datagrams_of_garbage_leave_the_node_alive(start, peer):
             for _ in range(300):
                 out.sendto(rng.randbytes(rng.randrange(0, 200)), ("127.0.0.1", port))
                 out.sendto(b"RTPS\x02\x04" + rng.randbytes(rng.randrange(0, 300)), ("127.0.0.1", port))
-            for _ in range(1500):
-                out.sendto(mutated(rng.choice(packets), rng), ("127.0.0.1", port))
+            changed = [mutated(rng.choice(packets), rng) for _ in range(1500)]
+            for packet in changed:
+                if not has_a_forged_range(packet):  # what those do is the next test's
+                    out.sendto(packet, ("127.0.0.1", port))
             time.sleep(0.2)
     time.sleep(1)
     survived(node, camera, peer)
@@ -298,26 +325,26 @@ def heartbeats(packets):
     """Header and `HEARTBEAT` (DDSI-RTPS 2.5, 8.3.8.6) of each writer: what the last such packet of it has."""
     found = {}
     for packet in packets:
-        at = 20
-        while at + 4 <= len(packet):
-            kind, flags = packet[at], packet[at + 1]
-            length = struct.unpack_from("<H" if flags & 1 else ">H", packet, at + 2)[0]
-            if kind == 7 and flags & 1 and length == 28:
+        for at, kind, order, length in submessages(packet):
+            if kind == HEARTBEAT and order == "<" and length == 28:
                 found[packet[8:20] + packet[at + 8:at + 12]] = packet[:20], packet[at:at + 32]
-            if length == 0:
-                break
-            at += 4 + length
     return found.values()
 
 
-def forged(header, heartbeat, last, count=1 << 20):
-    """The same, where the writer has messages up to the number `last`."""
-    return header + heartbeat[:20] + struct.pack("<iIi", last >> 32, last & 0xffffffff, count)
+def forged_heartbeat(header, heartbeat):
+    """The same, where the writer has messages up to the number 2^62."""
+    return header + heartbeat[:20] + struct.pack("<iIi", 1 << 30, 0, 1 << 20)
+
+
+def forged_gap(header, heartbeat):
+    """A `GAP` (8.3.8.4) of that writer, by which its messages from 2^20 up to 2^62 will never come."""
+    return header + struct.pack("<BBH", GAP, 1, 28) + heartbeat[4:12] + struct.pack("<iIiII", 0, 1 << 20, 1 << 30, 0, 0)
 
 
 @pytest.mark.alone
 @pytest.mark.timeout(300)
-def test_a_forged_heartbeat_that_holds_the_middleware_costs_seconds_and_no_map(start, peer, tmp_path):
+@pytest.mark.parametrize("forged", [forged_heartbeat, forged_gap])
+def test_a_forged_range_that_holds_the_middleware_costs_seconds_and_no_map(start, peer, tmp_path, forged):
     nobody = ports()
     node, camera = begin(start, peer, parameters={"snapshot_path": tmp_path / "map"})
     packets = sniff(3, lambda: camera.publish(clouds.cloud(clouds.wall(side=20)), time.time_ns(), clouds.still_transform()))
@@ -327,7 +354,7 @@ def test_a_forged_heartbeat_that_holds_the_middleware_costs_seconds_and_no_map(s
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
         for header, heartbeat in heartbeats(packets):
             for port in ports() - nobody:
-                out.sendto(forged(header, heartbeat, 1 << 62), ("127.0.0.1", port))
+                out.sendto(forged(header, heartbeat), ("127.0.0.1", port))
     node.line_with("the middleware has not answered for 5 s: the process begins anew in its place, with the map of")
     assert re.search(r" resumed: [1-9]\d* voxels", node.line_with("resumed: "))
     after = peer.clusters.wait("the map that was saved", lambda m: m.session_id != before.session_id, 20, seen)
