@@ -25,7 +25,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::time::Instant;
 
-use cfodi::engine::{ClusterId, Engine, Params, Update};
+use cfodi::engine::{ClusterId, Engine, Frozen, Params, Update};
 use cfodi::memory::resident_mb;
 
 use crate::building::{Place, View};
@@ -98,7 +98,7 @@ fn main() {
     let counted = if is_test { 10 } else { COUNTED };
     let mut bench = Bench::new(counted);
     println!(
-        "a scan, median and p99 (ms), of rooms seen before with the door shut, open; of new ones, shut, open"
+        "a scan, median and p99 (ms), of rooms seen before with the door shut, open; of new ones, shut, open; freezing, the scan after"
     );
     println!("{:>12} {:>12} {:>8} {:>6} {:>8}", "dense voxels", "with points", "clusters", "MB", "B/voxel");
     let rows: Vec<_> = sizes.iter().map(|&size| bench.row(size)).collect();
@@ -107,7 +107,7 @@ fn main() {
     tell_ratios(&mut first, &mut bench);
     bench.tell_longest("scan", |steps| steps.iter().sum());
     bench.tell_longest("binning", |steps| steps[0]);
-    tell_whole(&bench.engine);
+    tell_whole(&mut bench);
     tell_beyond(&rows[rows.len() - 1]);
     if is_test {
         assert_eq!(bench.engine.snapshot().voxels.len(), bench.dense as usize, "the updates tell all");
@@ -116,13 +116,10 @@ fn main() {
     println!("{}", path.display());
 }
 
-/// How long the engine is held up for whoever wants all of the map, and what is made of that beside it.
-fn tell_whole(engine: &Engine) {
-    let ms = |begin: Instant| begin.elapsed().as_secs_f64() * 1e3;
+/// What is made of a frozen map, beside the engine.
+fn tell_whole(bench: &mut Bench) {
+    let (map, [freezing, _]) = bench.freeze();
     for _ in 0..3 {
-        let begin = Instant::now();
-        let map = engine.freeze();
-        let freezing = ms(begin);
         let begin = Instant::now();
         let snapshot = map.snapshot();
         let (voxels, making) = (snapshot.voxels.len(), ms(begin));
@@ -131,9 +128,13 @@ fn tell_whole(engine: &Engine) {
         drop(map.save());
         let saving = ms(begin);
         println!(
-            "{voxels} dense voxels: frozen in {freezing:.0} ms; then a snapshot in {making:.0}, a map to save in {saving:.0} ms"
+            "{voxels} dense voxels, frozen in {freezing:.1} ms: a snapshot in {making:.0}, a map to save in {saving:.0} ms"
         );
     }
+}
+
+fn ms(begin: Instant) -> f64 {
+    begin.elapsed().as_secs_f64() * 1e3
 }
 
 impl Bench {
@@ -166,7 +167,8 @@ impl Bench {
         print!(" {:6.0} {:8.0}", bytes / 1e6, bytes / f64::from(voxels));
         let times = self.drives(0);
         times.iter().for_each(|times| print!(" {:8.2} {:6.2}", times.median, times.p99));
-        println!();
+        let (_, [freezing, after]) = self.freeze();
+        println!(" {freezing:8.2} {after:6.2}");
         Row { voxels, bytes, times }
     }
 
@@ -178,10 +180,14 @@ impl Bench {
     }
 
     fn drive(&mut self, room: Place) -> Times {
-        let scans = (0..LEAD + self.counted).map(|image| self.insert(&room.drive(image)).iter().sum());
+        let scans = (0..LEAD + self.counted).map(|image| self.time(&room.drive(image)));
         let mut times: Vec<f64> = scans.skip(LEAD).collect();
         times.sort_by(f64::total_cmp);
         Times { median: times[times.len() / 2], p99: times[(times.len() * 99).div_ceil(100) - 1] }
+    }
+
+    fn time(&mut self, view: &View) -> f64 {
+        self.insert(view).iter().sum()
     }
 
     fn grow(&mut self) {
@@ -211,6 +217,16 @@ impl Bench {
         let told = update.changed.iter().map(|changed| (changed.cluster.id, changed.cluster.voxel_count));
         self.told.extend(told);
         self.dense = self.told.values().sum::<u32>() + update.unclustered_voxels;
+    }
+
+    /// The map frozen after a drive, and how long that and the scan after it took, which copies what it changes.
+    fn freeze(&mut self) -> (Frozen, [f64; 2]) {
+        let [room, _] = Place::rooms(0);
+        self.drive(room);
+        let begin = Instant::now();
+        let map = self.engine.freeze();
+        let freezing = ms(begin);
+        (map, [freezing, self.time(&room.drive(LEAD + self.counted))])
     }
 
     /// The scan by which the map grew that `took` longest, beside what is usual for its view.

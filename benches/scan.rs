@@ -3,8 +3,10 @@
 //! On the cabinet recording where there is one (`CFODI_DATA`), on the simulated room otherwise. A group holds: `read`,
 //! the yardstick: summing the bytes of one cloud after the other; `decode`, `PointCloud2` bytes to points; `insert`, a
 //! whole drive from an empty map on, divided by its scans, in mode `paper` and in mode `consistent`, and the ratio of the
-//! two; `STATIC`, one re-clustering of the whole map; `snapshot`; `save`, the map to the bytes of a file and back. The group `sim` is the simulator on one of its scenes
-//! after the other: `labelled_scan` and, what scores are measured by, `true_hits`.
+//! two; of that `ingest`, points into voxels, `normals` and `clusters`, which in mode `consistent` are found together, and `globals`,
+//! merging or describing; `STATIC`, one re-clustering of the whole map; `freeze`; `snapshot`; `save`, the map to the bytes of a
+//! file and back. The group `sim` is the simulator on one of its scenes after the other: `labelled_scan` and, what scores are
+//! measured by, `true_hits`.
 #![allow(
     missing_docs,
     clippy::unwrap_used,
@@ -13,6 +15,7 @@
     reason = "a benchmark"
 )]
 
+mod drive;
 #[path = "../tests/support/mod.rs"]
 mod support;
 
@@ -21,7 +24,7 @@ use std::time::{Duration, Instant};
 
 use cfodi::cloud::{Cloud, CloudFilter, decode};
 use cfodi::engine::paper::Cfodi;
-use cfodi::engine::{Engine, Isometry3, Mode, Params, Scan, Stamp};
+use cfodi::engine::{Engine, Isometry3, Mode, Params, PipelineStep, Scan, Stamp};
 use cfodi::msg::ros::PointCloud2;
 use cfodi::sim::{Drive, Scene};
 use cfodi::store::{pack, unpack};
@@ -32,16 +35,6 @@ type Group<'a> = BenchmarkGroup<'a, WallTime>;
 
 const FILTER: CloudFilter = CloudFilter::DEFAULT;
 
-/// Messages with the sensor's poses, and what they are called.
-fn drive() -> (&'static str, Vec<(PointCloud2, Isometry3<f64>)>) {
-    if let Some(recording) = support::recording("tum_fr3_cabinet58", "benches on the cabinet recording") {
-        let rows = recording.rows().iter();
-        return ("cabinet", rows.map(|row| (recording.message(row), row.map_from_optical)).collect());
-    }
-    let drive = Drive::new(Scene::room(), 1, Stamp::from_nanos(0));
-    ("room", (0..60).map(|i| (drive.step(10 * i).cloud, drive.fixed_from_optical(10 * i))).collect())
-}
-
 fn scans(drive: &[(PointCloud2, Isometry3<f64>)]) -> Vec<Scan> {
     let scan = |(message, pose): &(PointCloud2, Isometry3<f64>)| {
         let Cloud { stamp, points, .. } = decode(message, &FILTER).unwrap();
@@ -51,7 +44,7 @@ fn scans(drive: &[(PointCloud2, Isometry3<f64>)]) -> Vec<Scan> {
 }
 
 fn bench(criterion: &mut Criterion) {
-    let (name, drive) = drive();
+    let (name, drive) = drive::drive();
     let scans = scans(&drive);
     let mut group = criterion.benchmark_group(name);
     group.sample_size(10);
@@ -107,11 +100,30 @@ fn insert(group: &mut Group, label: &str, scans: &[Scan], paper: Params) {
                 drives.iter().sum()
             });
         });
+        steps(group, label, mode, scans, params);
         shortest
     });
     if let [Some(paper), Some(consistent)] = shortest {
         let ratio = consistent.div_duration_f64(paper);
         println!("insert {label}: consistent takes {ratio:.2} times as long as paper (shortest drives)\n");
+    }
+}
+
+/// What each step of it takes.
+fn steps(group: &mut Group, label: &str, mode: &str, scans: &[Scan], params: Params) {
+    let steps = [
+        (PipelineStep::Binned, "ingest"),
+        (PipelineStep::Normals, "normals"),
+        (PipelineStep::Partials, "clusters"),
+        (PipelineStep::Globals, "globals"),
+    ];
+    for (step, name) in steps {
+        if step == PipelineStep::Normals && params.mode() == Mode::Consistent {
+            continue;
+        }
+        group.bench_function(format!("{name} {label}, a scan, {mode}"), |b| {
+            b.iter_custom(|iterations| (0..iterations).map(|_| time_of_a_step(step, scans, params)).sum());
+        });
     }
 }
 
@@ -121,6 +133,21 @@ fn time_of_a_scan(scans: &[Scan], params: Params) -> Duration {
     let begin = Instant::now();
     scans.iter().for_each(|scan| drop(black_box(engine.insert(scan))));
     begin.elapsed() / scans.len() as u32
+}
+
+/// Likewise.
+fn time_of_a_step(step: PipelineStep, scans: &[Scan], params: Params) -> Duration {
+    let mut engine = Engine::new(params);
+    let mut took = Duration::ZERO;
+    for scan in scans {
+        let mut begin = Instant::now();
+        drop(black_box(engine.insert_observed(scan, |done| {
+            let end = Instant::now();
+            let lasted = end - std::mem::replace(&mut begin, end);
+            took += if done == step { lasted } else { Duration::ZERO };
+        })));
+    }
+    took / scans.len() as u32
 }
 
 fn simulator(criterion: &mut Criterion) {

@@ -6,9 +6,9 @@
 //! engine waits for nothing but the sink that takes its outputs.
 //!
 //! Whoever wants all of the map gets it as it was frozen after a scan, which takes a moment: a snapshot is made of that on a
-//! thread of its own, `cfodi-map`, and what is to be saved comes out frozen. Freezing costs as much as the map is large, and
-//! meanwhile no scan is taken in: where that would cost scans, it takes a tenth of the time at most, however often it is asked
-//! for; and what is made of it takes half of a core at most ([`Took::rest`]).
+//! thread of its own, `cfodi-map`, and what is to be saved comes out frozen. Meanwhile no scan is taken in: where that would cost
+//! scans, as in large maps of mode `paper`, it takes a tenth of the time at most, however often it is asked for; and what is made
+//! of it takes half of a core at most ([`Took::rest`]).
 
 use std::any::Any;
 use std::collections::VecDeque;

@@ -119,7 +119,7 @@ impl Around {
 /// The place of a block among those around it.
 pub(super) const OWN: usize = 13;
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Block {
     pub(super) key: BlockKey,
     pub(super) around: Around,
@@ -158,23 +158,7 @@ const LEFT_ALONE: u64 = 15;
 impl Block {
     /// A block at this place, without a voxel.
     pub(super) fn new(key: BlockKey) -> Self {
-        Self {
-            key,
-            around: Around::default(),
-            cells: Cells::default(),
-            voxels: Vec::new(),
-            rest: None,
-            dense: 0,
-            changed: false,
-            touched: false,
-            lost: false,
-            drifted: 0,
-            points: 0,
-            unknown: 0,
-            published: 0,
-            begun: 0,
-            seen: 0,
-        }
+        Self { key, ..Self::default() }
     }
 
     /// Whether its states are to be published: at once where a dense voxel has gone; with whatever has changed while it is

@@ -81,7 +81,7 @@ impl Bounds {
         if self.max_voxels == 0 {
             return;
         }
-        self.last_seen.list().resize(moves.slots() + moves.gone().len(), 0);
+        self.last_seen.set_len(moves.slots() + moves.gone().len());
         for &gone in moves.gone() {
             self.by_last_seen.remove(&(self.last_seen[gone], gone));
         }

@@ -1,5 +1,7 @@
 //! What is kept of a cluster while its voxels come and go.
 
+use std::sync::Arc;
+
 use nalgebra::{Matrix3, UnitVector3, Vector3};
 
 use serde::{Deserialize, Serialize};
@@ -31,7 +33,7 @@ pub(super) struct Cluster {
     /// Its part of the voxels in clusters that are told of.
     pub(super) counted: u32,
     /// As it was told of last.
-    pub(super) told: Option<snapshot::Cluster>,
+    pub(super) told: Option<Arc<snapshot::Cluster>>,
     /// As it was told of before this scan; while it is described.
     pub(super) before: Before,
 }
@@ -73,7 +75,7 @@ pub(super) enum Before {
     New,
     /// Its shape is the same.
     Standing(Standing),
-    Other(Box<snapshot::Cluster>),
+    Other(Arc<snapshot::Cluster>),
 }
 
 /// What is told of a cluster that may change while its voxels do not.

@@ -1,18 +1,16 @@
 //! The map as it was after a scan, which no later scan changes: whatever leaves the engine of all of the map is made of it, by
 //! another thread if need be, while the engine goes on.
 //!
-//! **Cost.** O(map). Blocks at rest, nearly all of a large map, share their voxels with the engine, and all blocks what was
-//! published of theirs; the voxels of those that the sensor has seen in the last 64 scans are copied. So is, of every block, what
-//! stands beside its voxels: its place in the grid and in the index by place, its patches, each with the component and plane that
-//! it has, and its loose voxels; and all clusters that are told of. All the same it takes a twentieth of what it takes to make a
-//! snapshot of it.
+//! **Cost.** To freeze it, a pointer for each page of blocks, patches and components ([`By`](super::by::By)), and who each cluster
+//! is. Nothing else is copied then: the map shares all that it holds with the engine, which has a page for itself from the first
+//! change on that it makes there, so that the scans after it pay for what they change. What is made of it costs O(map).
 
 mod voxels;
 
 use nalgebra::Isometry3;
 use serde::{Serialize, Serializer};
 
-use super::grid::Grid;
+use super::grid::Blocks;
 use super::noise::Noise;
 use super::saved::{SavedBlock, SavedConsistent};
 use super::surfaces::FrozenSurfaces;
@@ -22,7 +20,7 @@ use crate::engine::snapshot::Snapshot;
 
 #[derive(Clone, Debug)]
 pub(crate) struct FrozenConsistent {
-    pub(super) grid: Grid,
+    pub(super) grid: Blocks,
     pub(super) surfaces: FrozenSurfaces,
     pub(super) noise: Noise,
     pub(super) taken: Taken,
@@ -38,7 +36,7 @@ impl FrozenConsistent {
             sequence: self.taken.sequence,
             stamp: self.taken.stamp,
             voxel_size: self.grid.voxel_size(),
-            clusters: self.surfaces.told.clone(),
+            clusters: self.surfaces.told(),
             voxels: self.voxels(),
             unclustered_voxels: self.grid.dense() - self.surfaces.clustered,
         }
@@ -69,8 +67,9 @@ impl FrozenConsistent {
 
     pub(super) fn partition(&self) -> Partition {
         let mut partition = Partition::new();
+        let faces = self.surfaces.faces();
         for (index, block) in self.grid.blocks() {
-            for (state, face) in self.surfaces.voxels(index) {
+            for (state, face) in self.surfaces.voxels(index, &faces) {
                 let number = face.map(|face| face.component.0);
                 partition.extend(block.voxel_key(state.cell()).map(|key| (key, number)));
             }

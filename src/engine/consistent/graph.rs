@@ -127,7 +127,7 @@ pub(crate) struct Outcome {
     pub(crate) expanded: u64,
 }
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 struct Node {
     weight: u32,
     /// None if the slot is free, and for a new node until its batch is done.
@@ -149,7 +149,7 @@ struct Component {
     weight: u64,
 }
 
-/// An undirected graph and its connected components.
+/// An undirected graph and its connected components. A copy shares with it what neither changes ([`By`]).
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Graph {
     nodes: By<NodeId, Node>,

@@ -9,6 +9,7 @@
 
 mod bin;
 
+use std::ops::Deref;
 use std::sync::Arc;
 
 use hashbrown::HashMap;
@@ -24,17 +25,61 @@ use super::state::State;
 use crate::engine::params::Params;
 use crate::engine::saved::{RestoreError, ensure};
 
+/// The blocks with their voxels, but not where they are found. A copy shares with the grid what neither changes ([`By`]).
 #[derive(Clone, Debug)]
-pub(super) struct Grid {
+pub(super) struct Blocks {
     voxel_size: f64,
     min_points: u32,
+    list: By<BlockIndex, Block>,
+    dense: u32,
+}
+
+impl Blocks {
+    pub(super) const fn voxel_size(&self) -> f64 {
+        self.voxel_size
+    }
+
+    /// Number of dense voxels.
+    pub(super) const fn dense(&self) -> u32 {
+        self.dense
+    }
+
+    pub(super) const fn is_dense(&self, voxel: &Voxel) -> bool {
+        voxel.count >= self.min_points
+    }
+
+    /// All blocks, by their places.
+    pub(super) fn blocks(&self) -> impl Iterator<Item = (BlockIndex, &Block)> {
+        (0..).map(BlockIndex).zip(self.list.iter())
+    }
+
+    pub(super) fn block(&self, block: BlockIndex) -> &Block {
+        &self.list[block]
+    }
+
+    /// Mean of a voxel's points (m), fixed frame.
+    pub(super) fn centre(&self, block: &Block, voxel: &Voxel) -> Point3<f64> {
+        let corner = Vector3::from(block.corner()) + Vector3::from(voxel.cell.coordinates());
+        Point3::from((corner.map(f64::from) + voxel.moments.mean()) * self.voxel_size)
+    }
+}
+
+#[derive(Clone, Debug)]
+pub(super) struct Grid {
+    blocks: Blocks,
     noise: NoiseModel,
     index: HashMap<BlockKey, BlockIndex, FxBuildHasher>,
-    blocks: By<BlockIndex, Block>,
     /// Points of one scan that prove a voxel to be occupied.
     proof: u32,
-    dense: u32,
     voxels: usize,
+}
+
+impl Deref for Grid {
+    type Target = Blocks;
+
+    fn deref(&self) -> &Blocks {
+        &self.blocks
+    }
 }
 
 /// Fewer points of one scan than this may be strays.
@@ -48,46 +93,41 @@ fn proof(min_points: u32) -> u32 {
 
 impl Grid {
     pub(super) fn new(params: &Params) -> Self {
-        Self {
+        let blocks = Blocks {
             voxel_size: params.voxel_size(),
             min_points: params.min_points(),
+            list: By::default(),
+            dense: 0,
+        };
+        Self {
+            blocks,
             noise: params.noise_model(),
             index: HashMap::default(),
-            blocks: By::default(),
             proof: proof(params.min_points()),
-            dense: 0,
             voxels: 0,
         }
     }
 
+    /// The blocks as they are now: whatever changes in the grid, these stay.
+    pub(super) fn freeze(&self) -> Blocks {
+        self.blocks.clone()
+    }
+
     /// Takes in a block with its voxels, at the next place of the list.
     pub(super) fn restore(&mut self, block: Block) -> Result<BlockIndex, RestoreError> {
-        let slot = BlockIndex(self.blocks.len() as u32);
+        let slot = BlockIndex(self.blocks.list.len() as u32);
         let key = block.key;
         ensure(self.index.insert(key, slot).is_none(), || format!("two blocks at {key:?}"))?;
-        self.dense += block.dense;
+        self.blocks.dense += block.dense;
         self.voxels += block.len();
-        self.blocks.list().push(block);
+        self.blocks.list.push(block);
         self.link(key, slot);
         Ok(slot)
-    }
-
-    pub(super) const fn voxel_size(&self) -> f64 {
-        self.voxel_size
-    }
-
-    /// Number of dense voxels.
-    pub(super) const fn dense(&self) -> u32 {
-        self.dense
     }
 
     /// Number of voxels that hold a point.
     pub(super) const fn len(&self) -> usize {
         self.voxels
-    }
-
-    pub(super) const fn is_dense(&self, voxel: &Voxel) -> bool {
-        voxel.count >= self.min_points
     }
 
     pub(super) const fn noise(&self) -> NoiseModel {
@@ -96,39 +136,31 @@ impl Grid {
 
     /// Number of blocks, which have the places below it.
     pub(super) fn slots(&self) -> usize {
-        self.blocks.len()
-    }
-
-    pub(super) fn blocks(&self) -> impl Iterator<Item = (BlockIndex, &Block)> {
-        (0..).map(BlockIndex).zip(self.blocks.iter())
-    }
-
-    pub(super) fn block(&self, block: BlockIndex) -> &Block {
-        &self.blocks[block]
+        self.blocks.list.len()
     }
 
     pub(super) fn note_published(&mut self, block: BlockIndex, sequence: u64) {
-        self.blocks[block].note_published(sequence, self.min_points);
+        self.blocks.list[block].note_published(sequence, self.blocks.min_points);
     }
 
     /// Notes that a block holds points in dense voxels that are not published.
     pub(super) fn note_touched(&mut self, block: BlockIndex) {
-        self.blocks[block].touched = true;
+        self.blocks.list[block].touched = true;
     }
 
     /// Notes that it is time for a block to rest; whether there is something in it that is to be published first.
     pub(super) fn note_left(&mut self, block: BlockIndex) -> bool {
-        self.blocks[block].note_left()
+        self.blocks.list[block].note_left()
     }
 
     /// Puts a block to rest whose dense voxels were published as they are now: as these states.
     pub(super) fn rest(&mut self, block: BlockIndex, states: Arc<Vec<State>>) {
-        self.blocks[block].rest(states);
+        self.blocks.list[block].rest(states);
     }
 
     /// Ends the rest of a block; whether it was at rest.
     pub(super) fn wake(&mut self, block: BlockIndex) -> bool {
-        self.blocks[block].wake()
+        self.blocks.list[block].wake()
     }
 
     /// The places of all blocks, in no order.
@@ -140,31 +172,25 @@ impl Grid {
         self.index.get(&key).copied()
     }
 
-    /// Mean of a voxel's points (m), fixed frame.
-    pub(super) fn centre(&self, block: &Block, voxel: &Voxel) -> Point3<f64> {
-        let corner = Vector3::from(block.corner()) + Vector3::from(voxel.cell.coordinates());
-        Point3::from((corner.map(f64::from) + voxel.moments.mean()) * self.voxel_size)
-    }
-
     /// Takes a voxel out with all its points.
     pub(super) fn remove(&mut self, block: BlockIndex, cell: Cell) -> Option<Voxel> {
-        let removed = self.blocks[block].remove(cell)?;
+        let removed = self.blocks.list[block].remove(cell)?;
         self.voxels -= 1;
         if self.is_dense(&removed) {
-            let block = &mut self.blocks[block];
+            let block = &mut self.blocks.list[block];
             block.dense -= 1;
             block.lost = true;
-            self.dense -= 1;
+            self.blocks.dense -= 1;
         }
         Some(removed)
     }
 
     /// Takes all voxels of a block out.
     pub(super) fn empty(&mut self, block: BlockIndex) {
-        let block = &mut self.blocks[block];
+        let block = &mut self.blocks.list[block];
         self.voxels -= block.len();
         block.empty();
-        self.dense -= block.dense;
+        self.blocks.dense -= block.dense;
         block.lost |= block.dense > 0;
         block.dense = 0;
     }
@@ -177,8 +203,8 @@ impl Grid {
         gone.sort_unstable();
         gone.dedup();
         gone.iter().for_each(|&block| self.unlink(block));
-        let moves = Moves::new(self.blocks.len(), gone);
-        moves.apply(&mut self.blocks);
+        let moves = Moves::new(self.blocks.list.len(), gone);
+        moves.apply(&mut self.blocks.list);
         let moved: Vec<_> = moves.moved().iter().map(|&(_, to)| (self.block(to).key, to)).collect();
         self.index.extend(moved.iter().copied());
         moved.into_iter().for_each(|(key, to)| self.link(key, to));
@@ -190,25 +216,25 @@ impl Grid {
 
     /// A block and its neighbours forget each other.
     fn unlink(&mut self, index: BlockIndex) {
-        let block = &mut self.blocks[index];
+        let block = &mut self.blocks.list[index];
         self.index.remove(&block.key);
         let around = std::mem::take(&mut block.around);
         for (place, other) in around.iter() {
-            self.blocks[other].around.set(26 - place, None);
+            self.blocks.list[other].around.set(26 - place, None);
         }
     }
 
     /// Notes that a voxel was seen through; whether it is to be cleared.
     pub(super) fn seen_through(&mut self, block: BlockIndex, cell: Cell) -> bool {
-        let voxel = self.blocks[block].voxel_mut(cell);
+        let voxel = self.blocks.list[block].voxel_mut(cell);
         voxel.is_some_and(|voxel| voxel.clearance.seen_through())
     }
 
     pub(super) fn block_at(&mut self, key: BlockKey) -> BlockIndex {
-        let next = BlockIndex(self.blocks.len() as u32);
+        let next = BlockIndex(self.blocks.list.len() as u32);
         let found = *self.index.entry(key).or_insert(next);
         if found == next {
-            self.blocks.list().push(Block::new(key));
+            self.blocks.list.push(Block::new(key));
             self.link(key, next);
         }
         found
@@ -222,9 +248,9 @@ impl Grid {
             let neighbour = self.index.get(&[key[0] + dx, key[1] + dy, key[2] + dz]).copied();
             around.set(place, neighbour);
             if let Some(other) = neighbour.filter(|other| *other != index) {
-                self.blocks[other].around.set(26 - place, Some(index));
+                self.blocks.list[other].around.set(26 - place, Some(index));
             }
         }
-        self.blocks[index].around = around;
+        self.blocks.list[index].around = around;
     }
 }

@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use nalgebra::Vector3;
 
-use super::block::{Block, CELLS, Cell, EDGE, offset_of};
-use super::by::Place;
+use super::block::{Block, BlockIndex, CELLS, Cell, EDGE, offset_of};
+use super::by::By;
 use super::cells::{Cells, Window};
 use super::cluster::{Member, Share};
 use super::contacts::{Contact, Contacts};
@@ -33,6 +33,9 @@ pub(super) struct Segmented {
     /// Most points of a voxel.
     most_points: u32,
 }
+
+/// All blocks.
+pub(super) type Layers = By<BlockIndex, Segmented>;
 
 /// How far the voxels of two patches that meet may lie apart, along each axis, in voxels.
 pub(super) const CONTACT_REACH: i32 = 1;
@@ -200,17 +203,17 @@ pub(super) fn numbers<'a>(patches: impl Iterator<Item = &'a Cells>) -> [u8; CELL
     numbers
 }
 
-pub(super) fn patch(segmented: &[Segmented], id: PatchId) -> &Patch {
-    &segmented[id.block.place()].patches[usize::from(id.number)]
+pub(super) fn patch(segmented: &Layers, id: PatchId) -> &Patch {
+    &segmented[id.block].patches[usize::from(id.number)]
 }
 
 /// Where a patch meets others.
-pub(super) fn contacts_of(segmented: &[Segmented], id: PatchId) -> impl Iterator<Item = (PatchId, Contact)> {
-    segmented[id.block.place()].contacts.of(id.number)
+pub(super) fn contacts_of(segmented: &Layers, id: PatchId) -> impl Iterator<Item = (PatchId, Contact)> {
+    segmented[id.block].contacts.of(id.number)
 }
 
 /// What a patch is a part of, by those that it meets.
-pub(super) fn host(segmented: &[Segmented], id: PatchId, rules: &Rules) -> Host {
+pub(super) fn host(segmented: &Layers, id: PatchId, rules: &Rules) -> Host {
     let slice_of = sharper(segmented, id, rules).map(Host::SliceOf);
     let end_of = || {
         let may_be = patch(segmented, id).may_be_bridge();
@@ -221,7 +224,7 @@ pub(super) fn host(segmented: &[Segmented], id: PatchId, rules: &Rules) -> Host 
 
 /// Of the patches that a patch joins the one that its points fit best, where two of these are no single surface: as where the
 /// foot of a ramp, seen from afar, has a plane between those of floor and ramp. `None` where all of them agree.
-fn end_of_bridge(segmented: &[Segmented], id: PatchId, rules: &Rules) -> Option<PatchId> {
+fn end_of_bridge(segmented: &Layers, id: PatchId, rules: &Rules) -> Option<PatchId> {
     let own = patch(segmented, id);
     let ends = || {
         contacts_of(segmented, id).filter(|&(other, _)| {
@@ -245,15 +248,15 @@ fn end_of_bridge(segmented: &[Segmented], id: PatchId, rules: &Rules) -> Option<
 }
 
 /// The least misfit; of equals the patch whose block comes first in space.
-fn best_fit(segmented: &[Segmented], fits: impl Iterator<Item = (f64, PatchId)>) -> Option<(f64, PatchId)> {
-    let place = |id: PatchId| (segmented[id.block.place()].contacts.corner(), id.number);
+fn best_fit(segmented: &Layers, fits: impl Iterator<Item = (f64, PatchId)>) -> Option<(f64, PatchId)> {
+    let place = |id: PatchId| (segmented[id.block].contacts.corner(), id.number);
     fits.min_by(|a, b| a.0.total_cmp(&b.0).then_with(|| place(a.1).cmp(&place(b.1))))
 }
 
 /// The sharper, broader or whole patch that a patch is a slice of: of those it meets, the one its points fit best. A flat patch
 /// that joins one with less noise as its equal, and fits that better, is no slice; what leads away from the best is no equal. Of
 /// several that fit alike it is the one whose block comes first in space.
-fn sharper(segmented: &[Segmented], id: PatchId, rules: &Rules) -> Option<PatchId> {
+fn sharper(segmented: &Layers, id: PatchId, rules: &Rules) -> Option<PatchId> {
     let own = patch(segmented, id);
     if !own.may_be_slice() {
         return None;
@@ -279,7 +282,7 @@ fn sharper(segmented: &[Segmented], id: PatchId, rules: &Rules) -> Option<PatchI
 /// plane too; where one is folded or a bridge, which lies on two planes, those that the two are parts of must lie on each
 /// other's.
 pub(super) fn are_joined(
-    segmented: &[Segmented],
+    segmented: &Layers,
     a: PatchId,
     b: PatchId,
     contact: &Contact,

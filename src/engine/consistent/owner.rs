@@ -3,10 +3,9 @@
 use nalgebra::Vector3;
 
 use super::block::{Around, Block, BlockIndex, Cell, EDGE, OWN, offset_of, place_of};
-use super::by::Place;
 use super::cells::Window;
 use super::held::Held;
-use super::layer::{Segmented, patch, seen_from};
+use super::layer::{Layers, patch, seen_from};
 use super::patch::{Patch, PatchId};
 use super::rules::{NOISE_FACTOR, RIM_NOISE_FACTOR, Rules};
 use super::state::{Plane, State};
@@ -15,7 +14,7 @@ use super::state::{Plane, State};
 pub(super) struct Owners<'a> {
     around: &'a Around,
     corner: Vector3<f64>,
-    segmented: &'a [Segmented],
+    segmented: &'a Layers,
     rules: &'a Rules,
 }
 
@@ -30,7 +29,7 @@ const RIVAL_REACH: i32 = 2;
 const NARROW_HANDICAP: f64 = 2.0;
 
 impl<'a> Owners<'a> {
-    pub(super) fn new(block: &'a Block, segmented: &'a [Segmented], rules: &'a Rules) -> Self {
+    pub(super) fn new(block: &'a Block, segmented: &'a Layers, rules: &'a Rules) -> Self {
         let corner = Vector3::from(block.corner()).map(f64::from);
         Self { around: &block.around, corner, segmented, rules }
     }
@@ -91,7 +90,7 @@ impl<'a> Owners<'a> {
     /// The patches of a block near a voxel that have planes of their own.
     fn rivals(&self, (block, at): Seen) -> impl Iterator<Item = (PatchId, &'a Patch)> {
         let near = Window::around(at, RIVAL_REACH);
-        let there = &self.segmented[block.place()];
+        let there = &self.segmented[block];
         let patches = (0..).zip(if there.is_any_patch_in(&near) { &there.patches[..] } else { &[] });
         patches
             .filter(move |(_, patch)| !patch.is_narrow() && !patch.is_rough() && patch.cells.any_in(&near))
@@ -100,7 +99,7 @@ impl<'a> Owners<'a> {
 
     fn frayed_patch_of(&self, cell: Cell) -> Option<PatchId> {
         let block = self.around.get(OWN)?;
-        let number = self.segmented[block.place()].number_of(cell)?;
+        let number = self.segmented[block].number_of(cell)?;
         Some(PatchId { block, number })
     }
 
@@ -114,7 +113,7 @@ impl<'a> Owners<'a> {
     fn best_at(&self, cell: Cell, held: &Held, reach: i32) -> Option<PatchId> {
         let mut best: Option<(f64, PatchId)> = None;
         for (block, at) in self.blocks_near(cell, reach) {
-            let there = &self.segmented[block.place()];
+            let there = &self.segmented[block];
             let near = Window::around(at, reach);
             if !there.is_any_patch_in(&near) {
                 continue;
@@ -146,7 +145,7 @@ impl<'a> Owners<'a> {
     /// Whether a voxel fits a patch of a block nearer than `reach`, or there by `misfit`.
     fn is_beside(&self, held: &Held, (block, at): Seen, reach: i32, misfit: f64) -> bool {
         let (near, nearer) = (Window::around(at, reach), Window::around(at, reach - 1));
-        let there = &self.segmented[block.place()];
+        let there = &self.segmented[block];
         let fits = |patch: &Patch| {
             let most = if reach > 1 && patch.cells.any_in(&nearer) { 1.0 } else { misfit };
             patch.cells.any_in(&near) && self.beside(held, patch, most).is_some()

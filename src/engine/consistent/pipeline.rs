@@ -117,7 +117,7 @@ impl Consistent {
     /// The map as it is now.
     pub(crate) fn freeze(&self) -> FrozenConsistent {
         FrozenConsistent {
-            grid: self.grid.clone(),
+            grid: self.grid.freeze(),
             surfaces: self.surfaces.freeze(),
             noise: self.surfaces.rules.noise,
             taken: self.taken,
@@ -168,7 +168,7 @@ impl Consistent {
     }
 
     /// Number of dense voxels.
-    pub const fn dense_count(&self) -> usize {
+    pub fn dense_count(&self) -> usize {
         self.grid.dense() as usize
     }
 
@@ -283,7 +283,7 @@ impl Consistent {
     /// What the definition makes of the voxels as they are now, published or not. Costs O(map).
     pub fn scratch_of_all(&self) -> Partition {
         let rules = &self.surfaces.rules;
-        let segmented: Vec<_> =
+        let segmented =
             self.grid.blocks().map(|(_, block)| Segmented::new(&self.grid, block, rules)).collect();
         scratch::partition(&self.grid, &segmented, rules)
     }

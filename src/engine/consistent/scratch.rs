@@ -5,23 +5,22 @@
 
 use std::collections::BTreeMap;
 
-use super::by::Place;
 use super::contacts::Contacts;
 use super::grid::Grid;
-use super::layer::{CONTACT_REACH, Segmented, are_joined, contacts, contacts_of, host};
+use super::layer::{CONTACT_REACH, Layers, are_joined, contacts, contacts_of, host};
 use super::owner::Owners;
 use super::patch::PatchId;
 use super::rules::Rules;
 use crate::engine::key::Partition;
 
 /// What the definition makes of segmented blocks, whatever is known of their contacts.
-pub(super) fn partition(grid: &Grid, segmented: &[Segmented], rules: &Rules) -> Partition {
-    let mut segmented = segmented.to_vec();
+pub(super) fn partition(grid: &Grid, segmented: &Layers, rules: &Rules) -> Partition {
+    let mut segmented = segmented.clone();
     let ids = meet(grid, &mut segmented, rules);
     let numbers = components(&ids, &segmented, rules);
     let mut partition = Partition::new();
     for (index, block) in grid.blocks() {
-        let here = &segmented[index.place()];
+        let here = &segmented[index];
         let patches = here.numbers();
         for state in here.states.iter() {
             let number = patches[state.cell().index()];
@@ -40,12 +39,12 @@ pub(super) fn partition(grid: &Grid, segmented: &[Segmented], rules: &Rules) -> 
 }
 
 /// Finds all contacts, slices and bridges; returns all patches.
-pub(super) fn meet(grid: &Grid, segmented: &mut [Segmented], rules: &Rules) -> Vec<PatchId> {
+pub(super) fn meet(grid: &Grid, segmented: &mut Layers, rules: &Rules) -> Vec<PatchId> {
     let mut ids = Vec::new();
     for (index, block) in grid.blocks() {
         let mut met = Contacts::new(block.corner());
         for (place, other) in block.around.iter() {
-            let [here, there] = [index, other].map(|block| &segmented[block.place()]);
+            let [here, there] = [index, other].map(|block| &segmented[block]);
             for ((a, b), contact) in contacts(here, there, place, block.corner(), CONTACT_REACH) {
                 met.insert(a, PatchId { block: other, number: b }, &contact);
                 if other == index {
@@ -53,19 +52,19 @@ pub(super) fn meet(grid: &Grid, segmented: &mut [Segmented], rules: &Rules) -> V
                 }
             }
         }
-        let count = segmented[index.place()].patches.len();
+        let count = segmented[index].patches.len();
         ids.extend((0..count).map(|number| PatchId { block: index, number: number as u8 }));
-        segmented[index.place()].contacts = met;
+        segmented[index].contacts = met;
     }
     let hosts: Vec<_> = ids.iter().map(|&id| host(segmented, id, rules)).collect();
     for (id, host) in ids.iter().zip(hosts) {
-        segmented[id.block.place()].patches[usize::from(id.number)].host = host;
+        segmented[id.block].patches[usize::from(id.number)].host = host;
     }
     ids
 }
 
 /// The number of the component of each patch.
-fn components(ids: &[PatchId], segmented: &[Segmented], rules: &Rules) -> BTreeMap<PatchId, u32> {
+fn components(ids: &[PatchId], segmented: &Layers, rules: &Rules) -> BTreeMap<PatchId, u32> {
     let mut neighbours: BTreeMap<PatchId, Vec<PatchId>> = ids.iter().map(|&id| (id, Vec::new())).collect();
     for &id in ids {
         for (other, contact) in contacts_of(segmented, id) {

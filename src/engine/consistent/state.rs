@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::block::{Block, CELLS, Cell, Voxel};
 use super::eigen::Spread;
-use super::grid::Grid;
+use super::grid::Blocks;
 use super::noise::Noise;
 use super::published::{PARTS, in_parts};
 use super::sums::Moments;
@@ -208,9 +208,9 @@ pub(super) struct Plane {
 }
 
 /// The dense voxels of a block as they are now, by ascending cell.
-pub(super) fn states(grid: &Grid, block: &Block) -> Vec<State> {
+pub(super) fn states(blocks: &Blocks, block: &Block) -> Vec<State> {
     let voxels = block.voxels();
-    let dense = voxels.iter().filter(|voxel| grid.is_dense(voxel));
+    let dense = voxels.iter().filter(|voxel| blocks.is_dense(voxel));
     let mut states = Vec::with_capacity(block.dense as usize);
     states.extend(dense.map(State::new));
     states

@@ -23,7 +23,7 @@ mod waiting;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-pub(super) use self::frozen::FrozenSurfaces;
+pub(super) use self::frozen::{Faces, FrozenSurfaces};
 use self::landmarks::Landmarks;
 pub(super) use self::saved::SavedSurfaces;
 use self::waiting::Waiting;
@@ -32,7 +32,7 @@ use super::by::By;
 use super::cluster::Cluster;
 use super::graph::{Batch, ComponentId, End, Graph, NodeId, Outcome};
 use super::grid::Grid;
-use super::layer::{CONTACT_REACH, Segmented, are_joined, contacts, contacts_of, host, patch};
+use super::layer::{CONTACT_REACH, Layers, Segmented, are_joined, contacts, contacts_of, host, patch};
 use super::outline::Drawing;
 use super::patch::{Patch, PatchId};
 use super::rules::Rules;
@@ -44,7 +44,7 @@ use crate::engine::params::Params;
 #[derive(Clone, Debug)]
 pub(super) struct Surfaces {
     pub(super) rules: Rules,
-    segmented: By<BlockIndex, Segmented>,
+    segmented: Layers,
     /// The nodes of a block's patches, by number.
     nodes: By<BlockIndex, Vec<NodeId>>,
     patches: By<NodeId, Option<PatchId>>,
@@ -111,7 +111,7 @@ impl Surfaces {
         self.clusters[component].as_deref()
     }
 
-    pub(super) const fn segmented(&self) -> &By<BlockIndex, Segmented> {
+    pub(super) const fn segmented(&self) -> &Layers {
         &self.segmented
     }
 
@@ -178,15 +178,15 @@ impl Surfaces {
 
     fn make_room(&mut self, grid: &Grid) {
         let blocks = grid.slots();
-        self.segmented.list().resize_with(blocks, Segmented::default);
-        self.nodes.list().resize_with(blocks, Vec::new);
+        self.segmented.set_len(blocks);
+        self.nodes.set_len(blocks);
     }
 
     /// Takes all voxels of a block out of their clusters, and its nodes out of the graph; returns what it was.
     fn withdraw(&mut self, grid: &Grid, block: BlockIndex, batch: &mut Batch) -> Old {
         (0..self.segmented[block].loose.len()).for_each(|number| self.withdraw_loose(grid, block, number));
-        let segmented = std::mem::take(&mut self.segmented[block]);
-        let nodes = std::mem::take(&mut self.nodes[block]);
+        let segmented = self.segmented.take(block);
+        let nodes = self.nodes.take(block);
         let components: Vec<_> = nodes.iter().map(|&node| self.graph.component(node)).collect();
         let numbers = segmented.numbers();
         for state in segmented.states.iter() {

@@ -9,6 +9,7 @@ use super::FrozenConsistent;
 use crate::engine::consistent::block::{Block, BlockIndex, BlockKey, EDGE, Voxel};
 use crate::engine::consistent::region::Region;
 use crate::engine::consistent::state::states;
+use crate::engine::consistent::surfaces::Faces;
 use crate::engine::key::ClusterId;
 use crate::engine::snapshot::DenseVoxel;
 
@@ -18,13 +19,14 @@ impl FrozenConsistent {
         let mut blocks: Vec<_> = self.grid.blocks().map(|(index, block)| (block.key, index)).collect();
         blocks.sort_unstable();
         let mut voxels = Vec::with_capacity(self.grid.dense() as usize);
+        let faces = self.surfaces.faces();
         // Blocks with the same x: all that holds voxels of these eight x.
         let mut slab = Vec::new();
         for blocks in blocks.chunk_by(|(a, _), (b, _)| a[0] == b[0]) {
             slab.clear();
             let of_block = |&(key, index): &(BlockKey, BlockIndex)| {
                 let begin = slab.len();
-                self.put_voxels(index, &mut slab);
+                self.put_voxels(index, &faces, &mut slab);
                 (key[1], begin..slab.len())
             };
             let mut ranges: Vec<_> = blocks.iter().map(of_block).collect();
@@ -35,9 +37,9 @@ impl FrozenConsistent {
 
     /// The dense voxels of a block, ascending. A voxel has the normal of its patch, which sees further than the voxel's own
     /// neighbourhood, and its curvature.
-    fn put_voxels(&self, index: BlockIndex, voxels: &mut Vec<DenseVoxel>) {
+    fn put_voxels(&self, index: BlockIndex, faces: &Faces, voxels: &mut Vec<DenseVoxel>) {
         let block = self.grid.block(index);
-        let published = self.surfaces.voxels(index);
+        let published = self.surfaces.voxels(index, faces);
         let now = OnceCell::new();
         for voxel in block.voxels().iter().filter(|voxel| self.grid.is_dense(voxel)) {
             let place = published.binary_search_by_key(&voxel.cell, |(state, _)| state.cell());

@@ -74,7 +74,7 @@ impl Graph {
 
     fn new_component(&mut self) -> ComponentId {
         self.free_components.pop().unwrap_or_else(|| {
-            self.components.list().push(super::Component::default());
+            self.components.push(super::Component::default());
             ComponentId(self.components.len() as u32 - 1)
         })
     }

@@ -110,13 +110,8 @@ impl Graph {
     /// Gives slots to new nodes, which are in no component yet.
     pub(super) fn add(&mut self, weights: &[u32], local: &mut Local) -> Vec<NodeId> {
         let give = |&weight| {
-            let node =
-                Node { weight, component: None, place: 0, element: None, walk: None, neighbours: Vec::new() };
             let id = self.free_nodes.pop().unwrap_or(NodeId(self.nodes.len() as u32));
-            match self.nodes.get_mut(id) {
-                Some(slot) => *slot = node,
-                None => self.nodes.list().push(node),
-            }
+            *self.nodes.reach(id) = Node { weight, ..Node::default() };
             self.element(id, local);
             id
         };

@@ -4,8 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
 
-use super::{Component, ComponentId, Graph, Node, NodeId};
-use crate::engine::consistent::by::By;
+use super::{Component, ComponentId, Graph, NodeId};
 use crate::engine::saved::{RestoreError, ensure};
 
 /// Which slots nodes and components have, and in which order the free ones are given. The order of a component's nodes
@@ -51,14 +50,13 @@ impl Graph {
         let living = (0..).zip(&slots.components).filter(|(_, nodes)| !nodes.is_empty());
         let living = living.map(|(slot, _)| slot);
         ensure_all("components", slots.components.len(), living, &slots.free_components)?;
-        let free =
-            Node { weight: 0, component: None, place: 0, element: None, walk: None, neighbours: vec![] };
         let mut graph = Self {
-            nodes: By::from(vec![free; nodes]),
-            components: By::from(vec![Component::default(); slots.components.len()]),
             free_nodes: slots.free_nodes.iter().copied().map(NodeId).collect(),
             free_components: slots.free_components.iter().copied().map(ComponentId).collect(),
+            ..Self::default()
         };
+        graph.nodes.set_len(nodes);
+        graph.components.set_len(slots.components.len());
         weights.iter().for_each(|(&node, &weight)| graph.node_mut(node).weight = weight);
         for (component, nodes) in (0..).map(ComponentId).zip(&slots.components) {
             for &node in nodes {
@@ -79,9 +77,10 @@ impl Graph {
             self.node_mut(a).neighbours.push(b);
             self.node_mut(b).neighbours.push(a);
         }
-        for node in self.nodes.iter_mut() {
-            node.neighbours.sort_unstable();
-            node.neighbours.dedup();
+        for node in (0..self.nodes.len() as u32).map(NodeId) {
+            let neighbours = &mut self.node_mut(node).neighbours;
+            neighbours.sort_unstable();
+            neighbours.dedup();
         }
     }
 

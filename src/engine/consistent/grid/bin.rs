@@ -6,7 +6,8 @@
 use nalgebra::{Isometry3, Matrix3, Vector3};
 
 use super::Grid;
-use crate::engine::consistent::block::{BlockIndex, Cell};
+use crate::engine::consistent::block::{Block, BlockIndex, Cell};
+use crate::engine::consistent::noise::NoiseModel;
 use crate::engine::consistent::received::Received;
 use crate::engine::consistent::sums::ScanSums;
 use crate::engine::params::MAX_POINTS;
@@ -30,45 +31,57 @@ impl Grid {
         binned.seen.clear();
         binned.dense.clear();
         binned.beyond = binned.received.take(scan, self.voxel_size);
-        let weighing = Weighing::new(&scan.fixed_from_sensor);
+        let folding = Folding {
+            weighing: Weighing::new(&scan.fixed_from_sensor),
+            voxel_size: self.voxel_size,
+            min_points: self.min_points,
+            proof: self.proof,
+            noise: self.noise,
+            sequence,
+        };
         for (block_key, voxels) in binned.received.in_order() {
             let slot = self.block_at(block_key);
             self.wake(slot);
             binned.seen.push(slot);
+            let block = &mut self.blocks.list[slot];
             let mut from = 0;
             for (cell, sums) in voxels {
-                let (place, is_new) = self.blocks[slot].place_from(from, cell);
+                let (place, is_new) = block.place_from(from, cell);
                 from = place;
                 self.voxels += usize::from(is_new);
-                if self.fold(slot, place, sums, &weighing, sequence) {
+                if folding.fold(block, place, sums) {
                     binned.dense.push((slot, cell));
                 }
             }
         }
         binned.seen.sort_unstable();
-        self.dense += binned.dense.len() as u32;
+        self.blocks.dense += binned.dense.len() as u32;
     }
+}
 
+/// What a voxel needs to know to take in what a scan put into it.
+struct Folding {
+    weighing: Weighing,
+    voxel_size: f64,
+    min_points: u32,
+    proof: u32,
+    noise: NoiseModel,
+    sequence: u64,
+}
+
+impl Folding {
     /// Adds what a scan put into a voxel to what it had; whether it became dense by it.
-    fn fold(
-        &mut self,
-        slot: BlockIndex,
-        place: usize,
-        scan: &ScanSums,
-        weighing: &Weighing,
-        sequence: u64,
-    ) -> bool {
-        let block = &mut self.blocks[slot];
+    fn fold(&self, block: &mut Block, place: usize, scan: &ScanSums) -> bool {
         let corner = Vector3::from(block.corner());
         let voxel = block.at(place);
         let corner = corner + Vector3::from(voxel.cell.coordinates());
         let mean = (corner.map(f64::from) + scan.mean()) * self.voxel_size;
-        let (depth, towards) = weighing.of(&mean);
+        let (depth, towards) = self.weighing.of(&mean);
         let halvings = voxel.moments.fold(scan, self.noise.weight(depth), &towards);
         voxel.published.note_halved(halvings);
         let was_dense = voxel.count >= self.min_points;
         voxel.count = voxel.count.saturating_add(scan.count).min(MAX_POINTS);
-        voxel.hit = sequence as u32;
+        voxel.hit = self.sequence as u32;
         if scan.count >= self.proof {
             voxel.clearance.received_points();
         } else {
@@ -79,7 +92,7 @@ impl Grid {
         let doubled = is_dense && voxel.published.is_doubled(&voxel.moments);
         let known = voxel.published.is_known();
         let drifts = known && doubled && voxel.published.has_begun_to_drift(&voxel.moments);
-        block.note_seen(sequence);
+        block.note_seen(self.sequence);
         block.changed |= doubled;
         block.touched |= is_dense;
         block.drifted += u32::from(drifts);

@@ -6,6 +6,7 @@ use std::sync::LazyLock;
 use proptest::prelude::*;
 
 use super::super::block::Voxel;
+use super::super::layer::Segmented;
 use super::super::layer::tests::of_patches;
 use super::super::patch::examples::rows;
 use super::super::sums::ScanSums;
@@ -92,7 +93,7 @@ proptest! {
         }
         let (state, rules) = (voxel(at, up), Rules::new(&Params::default()));
         let known = naive_nearest(&state, &blocks, &rules);
-        let segmented: Vec<_> = blocks.into_iter().map(|(_, segmented)| segmented).collect();
+        let segmented = blocks.into_iter().map(|(_, segmented)| segmented).collect();
         prop_assert_eq!(Owners::new(&here, &segmented, &rules).of(&state), known);
     }
 }

@@ -377,12 +377,13 @@ fn a_cluster_is_seen_where_it_reaches_into_a_block_by_loose_voxels_alone() {
     (0..20).for_each(|_| drop(engine.insert(&next())));
     let blocks: Vec<_> = engine.grid.blocks().map(|(slot, _)| slot).collect();
     let frozen = engine.surfaces.freeze();
+    let faces = frozen.faces();
     let mut alone = 0;
     for (number, block) in (1..).zip(blocks) {
         let now = Now { sequence: 20, stamp: Stamp::from_nanos(number * 1_000_000_000_000) };
         engine.surfaces.note_seen(&[block], now);
         let components: Vec<_> =
-            frozen.voxels(block).into_iter().filter_map(|(_, face)| Some(face?.component)).collect();
+            frozen.voxels(block, &faces).into_iter().filter_map(|(_, face)| Some(face?.component)).collect();
         for &component in &components {
             let cluster = engine.surfaces.cluster(component).unwrap();
             assert_eq!(cluster.identity.last_seen, now.stamp, "{block:?}, {component:?}");

@@ -2,6 +2,7 @@
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
 use super::{Now, Old, Surfaces};
 use crate::engine::consistent::block::BlockIndex;
@@ -50,7 +51,7 @@ impl Votes {
 /// differently then, and the plane that it had with the axis along which that was drawn.
 struct Known {
     identity: Identity,
-    told: Option<snapshot::Cluster>,
+    told: Option<Arc<snapshot::Cluster>>,
     drawn: Option<(PlaneFit, Axis)>,
 }
 

@@ -1,13 +1,13 @@
 //! The clusters as plain data, and back: every patch, contact, join and sum is found anew.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
 use super::Surfaces;
 use crate::engine::class::SurfaceClass;
 use crate::engine::consistent::block::{Block, CELLS};
-use crate::engine::consistent::by::By;
 use crate::engine::consistent::cluster::{Cluster, Identity};
 use crate::engine::consistent::describe;
 use crate::engine::consistent::footprint::{Axis, Footprint};
@@ -18,6 +18,7 @@ use crate::engine::consistent::patch::PatchId;
 use crate::engine::consistent::rules::Rules;
 use crate::engine::consistent::saved::SavedState;
 use crate::engine::consistent::scratch;
+use crate::engine::key::ClusterId;
 use crate::engine::params::Params;
 use crate::engine::saved::{MOST_REVISIONS, RestoreError, ensure, ensure_counted, in_slots};
 use crate::engine::scan::Stamp;
@@ -65,6 +66,10 @@ impl SavedCluster {
         });
         Self { identity: cluster.identity.clone(), axis: cluster.footprint.axis().index() as u8, told }
     }
+
+    pub(super) const fn id(&self) -> Option<ClusterId> {
+        self.identity.id
+    }
 }
 
 impl Surfaces {
@@ -84,7 +89,7 @@ impl Surfaces {
         block: &Block,
     ) -> Result<(), RestoreError> {
         let segmented = segmented(states, grid, block, &self.rules)?;
-        self.segmented.list().push(segmented);
+        self.segmented.push(segmented);
         Ok(())
     }
 
@@ -120,7 +125,7 @@ impl Surfaces {
             format!("{patches} patches, {nodes} nodes, or in other blocks")
         })?;
         let nodes = map.nodes.iter().map(|nodes| nodes.iter().copied().map(NodeId).collect());
-        self.nodes = By::from(nodes.collect::<Vec<_>>());
+        self.nodes = nodes.collect();
         Ok(())
     }
 
@@ -141,7 +146,7 @@ impl Surfaces {
             }
         }
         self.graph = Graph::restore(&map.slots, &weights, &edges)?;
-        self.patches = By::from(vec![None; self.graph.node_slots()]);
+        self.patches.set_len(self.graph.node_slots());
         ids.iter().for_each(|&id| {
             let node = self.node(id);
             self.patches[node] = Some(id);
@@ -162,7 +167,7 @@ impl Surfaces {
                 format!("{component:?} has {} patches: {saved:?}", self.graph.nodes(component).len())
             })?;
             let Some(saved) = saved else {
-                self.clusters.list().push(None);
+                self.clusters.push(None);
                 continue;
             };
             let identity = &saved.identity;
@@ -179,7 +184,7 @@ impl Surfaces {
             })?;
             let mut cluster = Cluster::new(identity.clone());
             cluster.footprint = Footprint::new(axis);
-            self.clusters.list().push(Some(Box::new(cluster)));
+            self.clusters.push(Some(Box::new(cluster)));
         }
         Ok(())
     }
@@ -203,15 +208,16 @@ impl Surfaces {
             ensure(told.is_some() == saved.told.is_some(), || {
                 format!("{component:?} can be told of: {}, and was: {:?}", told.is_some(), saved.told)
             })?;
-            cluster.told = told;
+            cluster.told = told.map(Arc::new);
             if let (Some(told), Some(saved)) = (&mut cluster.told, &saved.told) {
                 ensure((0.0..=1.0).contains(&saved.class_confidence), || format!("confidence of {saved:?}"))?;
+                let told = Arc::make_mut(told);
                 (told.state, told.last_seen) = (saved.state, saved.last_seen);
                 (told.class, told.class_confidence) = (saved.class, saved.class_confidence);
             }
             cluster.counted = if cluster.identity.id.is_some() { cluster.voxels } else { 0 };
             self.counted.count(0, cluster.counted);
-            self.landmarks.set(component, cluster.told.as_ref());
+            self.landmarks.set(component, cluster.told.as_deref());
             self.waiting.set(component, describe::waits(cluster));
         }
         // What was entered is no news.

@@ -1,5 +1,7 @@
 //! What leaves the engine of the clusters: ids for those that are large enough, and descriptions, each as it was told of last.
 
+use std::sync::Arc;
+
 use super::Surfaces;
 use crate::engine::class::SurfaceClass;
 use crate::engine::consistent::block::{BlockIndex, BlockKey, Cell};
@@ -27,7 +29,7 @@ const MOST_WAITING: usize = 32;
 
 impl Surfaces {
     /// The clusters that are told of, by ascending id, each as it was told of last.
-    pub(in super::super) fn told(&self) -> Vec<&snapshot::Cluster> {
+    pub(in super::super) fn told(&self) -> Vec<&Arc<snapshot::Cluster>> {
         let mut told: Vec<_> =
             self.clusters.iter().flatten().filter_map(|cluster| cluster.told.as_ref()).collect();
         told.sort_unstable_by_key(|cluster| cluster.id);
@@ -96,6 +98,7 @@ impl Surfaces {
         }
         for (component, (class, confidence)) in classes {
             if let Some(told) = self.clusters[component].as_mut().and_then(|c| c.told.as_mut()) {
+                let told = Arc::make_mut(told);
                 (told.class, told.class_confidence) = (class, confidence);
             }
         }
@@ -119,7 +122,7 @@ impl Surfaces {
     pub(super) fn uprights(&self, cluster: &snapshot::Cluster) -> Uprights {
         let edges = describe::edges(cluster);
         let near = edges.map(|edges| self.landmarks.near(&edges)).unwrap_or_default();
-        let told = near.iter().filter_map(|&other| self.clusters[other].as_ref()?.told.as_ref());
+        let told = near.iter().filter_map(|&other| self.clusters[other].as_ref()?.told.as_deref());
         Uprights::of(cluster, edges.as_ref(), told)
     }
 
@@ -142,13 +145,14 @@ impl Surfaces {
             cluster.before = Before::Standing(Standing::of(told));
             cluster.told = before;
         } else {
-            cluster.before = before.map_or(Before::New, |told| Before::Other(Box::new(told)));
-            cluster.told = describe::describe(cluster, id, params, &mut self.drawing);
-            self.landmarks.set(component, cluster.told.as_ref());
+            cluster.before = before.map_or(Before::New, Before::Other);
+            cluster.told = describe::describe(cluster, id, params, &mut self.drawing).map(Arc::new);
+            self.landmarks.set(component, cluster.told.as_deref());
         }
         let state = describe::state(cluster, params, now);
         let last_seen = cluster.identity.last_seen;
         if let Some(told) = &mut cluster.told {
+            let told = Arc::make_mut(told);
             (told.state, told.last_seen) = (state, last_seen);
         }
         self.waiting.set(component, describe::waits(cluster));
@@ -161,9 +165,10 @@ impl Surfaces {
             let Some(cluster) = self.clusters[component].as_deref_mut() else { continue };
             let before = std::mem::take(&mut cluster.before);
             let merged_from = std::mem::take(&mut cluster.identity.merged_from);
-            let is_other = |told: &&mut snapshot::Cluster| !merged_from.is_empty() || !before.is(told);
+            let is_other = |told: &&mut Arc<snapshot::Cluster>| !merged_from.is_empty() || !before.is(told);
             let Some(told) = cluster.told.as_mut().filter(is_other) else { continue };
             cluster.identity.revision += 1;
+            let told = Arc::make_mut(told);
             told.revision = cluster.identity.revision;
             changed.push(ChangedCluster { cluster: told.clone(), merged_from });
         }

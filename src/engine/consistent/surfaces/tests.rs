@@ -72,7 +72,8 @@ impl Bench {
     fn id_at(&self, [x, y, z]: [i32; 3]) -> Option<u64> {
         let (block, cell) = place(VoxelKey::new(x, y, z)?);
         let frozen = self.surfaces.freeze();
-        let voxels = frozen.voxels(self.grid.find(block)?);
+        let faces = frozen.faces();
+        let voxels = frozen.voxels(self.grid.find(block)?, &faces);
         let (_, face) = voxels.into_iter().find(|(state, _)| state.cell() == cell)?;
         Some(face?.cluster?.get())
     }

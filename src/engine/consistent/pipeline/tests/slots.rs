@@ -46,12 +46,14 @@ fn check_slots(engine: &Consistent) {
     assert!(engine.stale.iter().all(|block| engine.grid.block(*block).is_stale()));
     let restored = Consistent::restore(engine.params, engine.taken, engine.freeze().save()).unwrap();
     let frozen = [engine, &restored].map(|engine| engine.surfaces.freeze());
+    let frozen = frozen.map(|surfaces| (surfaces.faces(), surfaces));
     for (slot, _) in engine.grid.blocks() {
         let [here, there] = [engine, &restored].map(|engine| &engine.surfaces.segmented()[slot]);
         let [contacts, others] = [here, there].map(contacts);
         assert_eq!(contacts, others, "{slot:?}");
         assert!(here.patches.iter().map(|it| it.host).eq(there.patches.iter().map(|it| it.host)));
-        let [voxels, others] = frozen.each_ref().map(|surfaces| format!("{:?}", surfaces.voxels(slot)));
+        let voxels = frozen.each_ref().map(|(faces, surfaces)| format!("{:?}", surfaces.voxels(slot, faces)));
+        let [voxels, others] = voxels;
         assert_eq!(voxels, others, "{slot:?}");
     }
     assert_eq!(engine.surfaces.segmented().len(), slots);
@@ -86,6 +88,25 @@ fn whatever_is_forgotten_slots_have_blocks_and_the_map_is_what_its_definition_ma
             assert!(kept == scratch, "after {} scans", engine.taken.sequence);
         }
         assert!(moves > 0, "none moves with {voxels} and {radius}");
+    }
+}
+
+#[test]
+fn what_was_frozen_stays_as_it_was_whatever_is_forgotten_and_seen_after_it() {
+    let params = Params::default().with_max_voxels(2000).unwrap().with_keep_radius(3.0).unwrap();
+    let mut next = laboratory();
+    let mut engine = Consistent::new(params);
+    let mut frozen = Vec::new();
+    for _ in 0..8 {
+        (0..3).for_each(|_| drop(engine.insert(&next())));
+        let map = engine.freeze();
+        let then = (map.save(), format!("{:?}", map.snapshot()));
+        frozen.push((map, then));
+    }
+    for (number, (map, (saved, snapshot))) in frozen.iter().enumerate() {
+        assert!(map.save() == *saved, "{number}");
+        // As a text, in which what has no curvature is equal to itself.
+        assert!(format!("{:?}", map.snapshot()) == *snapshot, "{number}");
     }
 }
 

@@ -45,7 +45,7 @@ impl Surfaces {
     pub(in crate::engine::consistent) fn check_landmarks(&self) -> usize {
         let clusters = (0..).map(ComponentId).zip(self.clusters.iter());
         let told: Told =
-            clusters.filter_map(|(id, cluster)| Some((id, cluster.as_ref()?.told.as_ref()?))).collect();
+            clusters.filter_map(|(id, cluster)| Some((id, cluster.as_ref()?.told.as_deref()?))).collect();
         let mut anew = Landmarks { cell: self.landmarks.cell, ..Landmarks::new(1.0) };
         told.iter().for_each(|(&component, cluster)| anew.set(component, Some(cluster)));
         assert_eq!(self.landmarks, anew);

@@ -35,7 +35,7 @@ impl Surfaces {
     /// So many more slots are free, as after many clusters that are gone.
     pub(in crate::engine::consistent) fn add_free_slots(&mut self, more: usize) {
         let slots = self.clusters.len() + more;
-        self.clusters.list().resize_with(slots, || None);
+        self.clusters.set_len(slots);
     }
 }
 
