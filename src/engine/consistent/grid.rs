@@ -8,15 +8,15 @@
 //! follows what is there, whatever was there once.
 
 mod bin;
+mod index;
 
 use std::ops::Deref;
 use std::sync::Arc;
 
-use hashbrown::HashMap;
 use nalgebra::{Point3, Vector3};
-use rustc_hash::FxBuildHasher;
 
 pub(super) use self::bin::Binned;
+use self::index::Index;
 use super::block::{Around, Block, BlockIndex, BlockKey, Cell, Voxel, offset_of};
 use super::by::By;
 use super::moves::Moves;
@@ -68,7 +68,7 @@ impl Blocks {
 pub(super) struct Grid {
     blocks: Blocks,
     noise: NoiseModel,
-    index: HashMap<BlockKey, BlockIndex, FxBuildHasher>,
+    index: Index,
     /// Points of one scan that prove a voxel to be occupied.
     proof: u32,
     voxels: usize,
@@ -102,7 +102,7 @@ impl Grid {
         Self {
             blocks,
             noise: params.noise_model(),
-            index: HashMap::default(),
+            index: Index::new(),
             proof: proof(params.min_points()),
             voxels: 0,
         }
@@ -160,16 +160,23 @@ impl Grid {
 
     /// Ends the rest of a block; whether it was at rest.
     pub(super) fn wake(&mut self, block: BlockIndex) -> bool {
-        self.blocks.list[block].wake()
+        // Most are awake: what another copy shares is copied when it is changed alone.
+        self.block(block).is_at_rest() && self.blocks.list[block].wake()
     }
 
-    /// The places of all blocks, in no order.
+    /// The places of all blocks.
     pub(super) fn keys(&self) -> impl ExactSizeIterator<Item = BlockKey> {
-        self.index.keys().copied()
+        self.blocks.list.iter().map(|block| block.key)
+    }
+
+    /// Number of blocks that are found by their places.
+    #[cfg(test)]
+    pub(super) fn findable(&self) -> usize {
+        self.index.len()
     }
 
     pub(super) fn find(&self, key: BlockKey) -> Option<BlockIndex> {
-        self.index.get(&key).copied()
+        self.index.get(key)
     }
 
     /// Takes a voxel out with all its points.
@@ -206,18 +213,17 @@ impl Grid {
         let moves = Moves::new(self.blocks.list.len(), gone);
         moves.apply(&mut self.blocks.list);
         let moved: Vec<_> = moves.moved().iter().map(|&(_, to)| (self.block(to).key, to)).collect();
-        self.index.extend(moved.iter().copied());
-        moved.into_iter().for_each(|(key, to)| self.link(key, to));
-        if self.index.len() < self.index.capacity() / 4 {
-            self.index.shrink_to(2 * self.index.len());
+        for &(key, to) in &moved {
+            self.index.insert(key, to);
         }
+        moved.into_iter().for_each(|(key, to)| self.link(key, to));
         moves
     }
 
     /// A block and its neighbours forget each other.
     fn unlink(&mut self, index: BlockIndex) {
         let block = &mut self.blocks.list[index];
-        self.index.remove(&block.key);
+        self.index.remove(block.key);
         let around = std::mem::take(&mut block.around);
         for (place, other) in around.iter() {
             self.blocks.list[other].around.set(26 - place, None);
@@ -232,12 +238,12 @@ impl Grid {
 
     pub(super) fn block_at(&mut self, key: BlockKey) -> BlockIndex {
         let next = BlockIndex(self.blocks.list.len() as u32);
-        let found = *self.index.entry(key).or_insert(next);
-        if found == next {
+        self.index.get(key).unwrap_or_else(|| {
+            self.index.insert(key, next);
             self.blocks.list.push(Block::new(key));
             self.link(key, next);
-        }
-        found
+            next
+        })
     }
 
     /// A block and its neighbours get to know each other.
@@ -245,7 +251,7 @@ impl Grid {
         let mut around = Around::default();
         for place in 0..27 {
             let [dx, dy, dz] = offset_of(place);
-            let neighbour = self.index.get(&[key[0] + dx, key[1] + dy, key[2] + dz]).copied();
+            let neighbour = self.index.get([key[0] + dx, key[1] + dy, key[2] + dz]);
             around.set(place, neighbour);
             if let Some(other) = neighbour.filter(|other| *other != index) {
                 self.blocks.list[other].around.set(26 - place, Some(index));
