@@ -17,9 +17,9 @@ use std::collections::BTreeSet;
 use nalgebra::{Point3, Vector3};
 
 use super::block::{Block, BlockIndex, EDGE};
-use super::by::By;
 use super::grid::Grid;
 use super::moves::Moves;
+use super::shared::Shared;
 use crate::engine::params::Params;
 
 /// Blocks that a scan looks at, in turn, for being too far away.
@@ -34,7 +34,7 @@ pub(super) struct Bounds {
     /// The scan that put a point into it last and the block; kept where there is a bound on voxels.
     by_last_seen: BTreeSet<(u64, BlockIndex)>,
     /// The scan that put a point into it last, as far as that was noted.
-    last_seen: By<BlockIndex, u64>,
+    last_seen: Shared<BlockIndex, u64>,
     /// The blocks below this one are looked at next, downwards.
     next: usize,
 }
@@ -45,7 +45,7 @@ impl Bounds {
             max_voxels: params.max_voxels(),
             keep_radius: params.keep_radius(),
             by_last_seen: BTreeSet::new(),
-            last_seen: By::new(),
+            last_seen: Shared::new(),
             next: 0,
         }
     }
@@ -69,7 +69,7 @@ impl Bounds {
         let held = std::mem::replace(&mut self.max_voxels, params.max_voxels()) > 0;
         self.keep_radius = params.keep_radius();
         if self.max_voxels == 0 {
-            (self.by_last_seen, self.last_seen) = (BTreeSet::new(), By::new());
+            (self.by_last_seen, self.last_seen) = (BTreeSet::new(), Shared::new());
         } else if !held {
             self.note_all(grid);
         }

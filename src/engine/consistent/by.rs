@@ -1,20 +1,10 @@
 //! Lists whose places are named by a type of their own: a node is no place in a list of blocks.
-//!
-//! A list is kept in pages of [`PAGE`] items. A copy of it shares them, and each of the two has a page for itself from the first
-//! change that it makes there. So a copy of a list of a map costs a pointer for each page, whatever the items hold, and what goes
-//! on changing pays for what it changes. No page ever moves either: a list that grows does not pause to copy itself.
 
-use std::array;
 use std::marker::PhantomData;
-use std::ops::{Index, IndexMut};
-use std::sync::Arc;
+use std::ops::{Deref, Index, IndexMut};
 
 use super::block::BlockIndex;
 use super::graph::{ComponentId, NodeId};
-use super::room;
-
-/// Items that are shared, and copied, together.
-const PAGE: usize = 16;
 
 /// A number that names a place in a list.
 pub(super) trait Place: Copy {
@@ -42,86 +32,45 @@ impl Place for ComponentId {
 /// What there is of each `I`.
 #[derive(Clone, Debug)]
 pub(super) struct By<I, T> {
-    /// What the last one has beyond the end of the list is nothing.
-    pages: Vec<Arc<[T; PAGE]>>,
-    len: usize,
-    names: PhantomData<I>,
-}
-
-impl<I, T> By<I, T> {
-    pub(super) const fn new() -> Self {
-        Self { pages: Vec::new(), len: 0, names: PhantomData }
-    }
-
-    pub(super) const fn len(&self) -> usize {
-        self.len
-    }
-
-    /// All that there is, in the order of the places.
-    pub(super) fn iter(&self) -> impl ExactSizeIterator<Item = &T> {
-        (0..self.len).map(|place| &self.pages[place / PAGE][place % PAGE])
-    }
+    list: Vec<T>,
+    by: PhantomData<I>,
 }
 
 impl<I: Place, T> By<I, T> {
+    pub(super) const fn new() -> Self {
+        Self { list: Vec::new(), by: PhantomData }
+    }
+
     /// `None` beyond the end of the list.
     pub(super) fn get(&self, at: I) -> Option<&T> {
-        (at.place() < self.len).then(|| &self[at])
-    }
-}
-
-impl<I, T: Clone + Default> By<I, T> {
-    pub(super) fn push(&mut self, item: T) {
-        let place = self.len;
-        self.set_len(place + 1);
-        *self.at(place) = item;
+        self.list.get(at.place())
     }
 
-    /// Fills the list up with nothing, or cuts it off; one that has become much shorter than it was gives most of its room back.
-    pub(super) fn set_len(&mut self, len: usize) {
-        let pages = len.div_ceil(PAGE);
-        let cut_off = len..self.len.min(pages * PAGE);
-        self.pages.resize_with(pages, || Arc::new(array::from_fn(|_| T::default())));
-        cut_off.for_each(|place| *self.at(place) = T::default());
-        self.len = len;
-        room::shrink(&mut self.pages);
-    }
-
-    fn at(&mut self, place: usize) -> &mut T {
-        &mut Arc::make_mut(&mut self.pages[place / PAGE])[place % PAGE]
-    }
-}
-
-impl<I: Place, T: Clone + Default> By<I, T> {
     /// What there is of `at`; where the list is too short, it is first filled up with nothing.
-    pub(super) fn reach(&mut self, at: I) -> &mut T {
-        if self.len <= at.place() {
-            self.set_len(at.place() + 1);
+    pub(super) fn reach(&mut self, at: I) -> &mut T
+    where
+        T: Default,
+    {
+        if self.list.len() <= at.place() {
+            self.list.resize_with(at.place() + 1, T::default);
         }
-        self.at(at.place())
+        &mut self.list[at.place()]
     }
 
-    pub(super) fn take(&mut self, at: I) -> T {
-        std::mem::take(&mut self[at])
+    pub(super) fn push(&mut self, item: T) {
+        self.list.push(item);
     }
 
-    pub(super) fn swap(&mut self, a: I, b: I) {
-        let (first, second) = (self.take(a), self.take(b));
-        self[a] = second;
-        // Last, for `b` may be `a`.
-        self[b] = first;
-    }
-}
-
-impl<I, T: Clone + Default> FromIterator<T> for By<I, T> {
-    fn from_iter<L: IntoIterator<Item = T>>(items: L) -> Self {
-        let mut by = Self::new();
-        items.into_iter().for_each(|item| by.push(item));
-        by
+    /// Fills the list up with nothing, or cuts it off.
+    pub(super) fn set_len(&mut self, len: usize)
+    where
+        T: Default,
+    {
+        self.list.resize_with(len, T::default);
     }
 }
 
-impl<I, T> Default for By<I, T> {
+impl<I: Place, T> Default for By<I, T> {
     fn default() -> Self {
         Self::new()
     }
@@ -131,27 +80,28 @@ impl<I: Place, T> Index<I> for By<I, T> {
     type Output = T;
 
     fn index(&self, at: I) -> &T {
-        debug_assert!(at.place() < self.len);
-        &self.pages[at.place() / PAGE][at.place() % PAGE]
+        &self.list[at.place()]
     }
 }
 
-impl<I: Place, T: Clone + Default> IndexMut<I> for By<I, T> {
+impl<I: Place, T> IndexMut<I> for By<I, T> {
     fn index_mut(&mut self, at: I) -> &mut T {
-        debug_assert!(at.place() < self.len);
-        self.at(at.place())
+        &mut self.list[at.place()]
+    }
+}
+
+/// All that there is, in the order of the places.
+impl<I, T> Deref for By<I, T> {
+    type Target = [T];
+
+    fn deref(&self) -> &[T] {
+        &self.list
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use proptest::prelude::*;
-
     use super::*;
-
-    fn all<T: Clone>(by: &By<NodeId, T>) -> Vec<T> {
-        by.iter().cloned().collect()
-    }
 
     #[test]
     fn a_list_reaches_as_far_as_it_is_asked_to_and_no_further() {
@@ -159,88 +109,8 @@ mod tests {
         assert_eq!(by.get(NodeId(0)), None);
         *by.reach(NodeId(2)) = 7;
         by[NodeId(0)] = 5;
-        assert_eq!((all(&by), by.get(NodeId(3))), (vec![5, 0, 7], None));
+        assert_eq!((by.to_vec(), by.get(NodeId(3))), (vec![5, 0, 7], None));
         *by.reach(NodeId(1)) += 1;
-        assert_eq!(all(&by), [5, 1, 7]);
-    }
-
-    #[test]
-    fn a_list_that_has_become_much_shorter_gives_its_room_back() {
-        let mut by: By<NodeId, u8> = (0..250).cycle().take(1000 * PAGE).collect();
-        by.set_len(100 * PAGE);
-        assert!(by.pages.len() == 100 && by.pages.capacity() < 250, "{}", by.pages.capacity());
-    }
-
-    #[test]
-    fn a_copy_shares_all_pages_but_those_that_were_changed_since() {
-        let mut by: By<NodeId, usize> = (0..10 * PAGE).collect();
-        let copy = by.clone();
-        by[NodeId(0)] = 7;
-        by[NodeId(1)] = 8;
-        let shared = by.pages.iter().zip(&copy.pages).filter(|(a, b)| Arc::ptr_eq(a, b));
-        assert_eq!(shared.count(), 9);
-    }
-
-    #[derive(Clone, Debug)]
-    enum Change {
-        Push(u8),
-        SetLen(usize),
-        Reach(u32, u8),
-        Set(usize, u8),
-        Swap(usize, usize),
-        Copy,
-    }
-
-    fn change() -> impl Strategy<Value = Change> {
-        prop_oneof![
-            4 => any::<u8>().prop_map(Change::Push),
-            1 => (0..5 * PAGE).prop_map(Change::SetLen),
-            1 => (0..5 * PAGE as u32, any::<u8>()).prop_map(|(at, item)| Change::Reach(at, item)),
-            4 => any::<(usize, u8)>().prop_map(|(at, item)| Change::Set(at, item)),
-            2 => any::<(usize, usize)>().prop_map(|(a, b)| Change::Swap(a, b)),
-            1 => Just(Change::Copy),
-        ]
-    }
-
-    proptest! {
-        #[test]
-        fn a_list_and_its_copies_are_what_plain_vectors_are(changes in prop::collection::vec(change(), 0..200)) {
-            let (mut by, mut plain) = (By::<NodeId, u8>::new(), Vec::new());
-            let mut copies = Vec::new();
-            for change in changes {
-                let node = |at: usize| NodeId((at % plain.len().max(1)) as u32);
-                match change {
-                    Change::Push(item) => {
-                        by.push(item);
-                        plain.push(item);
-                    }
-                    Change::SetLen(len) => {
-                        by.set_len(len);
-                        plain.resize(len, 0);
-                    }
-                    Change::Reach(at, item) => {
-                        plain.resize(plain.len().max(at as usize + 1), 0);
-                        plain[at as usize] = item;
-                        *by.reach(NodeId(at)) = item;
-                    }
-                    Change::Set(at, item) if !plain.is_empty() => {
-                        let at = node(at);
-                        (by[at], plain[at.place()]) = (item, item);
-                    }
-                    Change::Swap(a, b) if !plain.is_empty() => {
-                        let [a, b] = [a, b].map(node);
-                        by.swap(a, b);
-                        plain.swap(a.place(), b.place());
-                    }
-                    Change::Set(..) | Change::Swap(..) => {}
-                    Change::Copy => copies.push((by.clone(), plain.clone())),
-                }
-                prop_assert_eq!(by.len(), plain.len());
-                prop_assert_eq!(all(&by), &plain[..]);
-            }
-            for (copy, plain) in copies {
-                prop_assert_eq!(all(&copy), plain);
-            }
-        }
+        assert_eq!(by.to_vec(), [5, 1, 7]);
     }
 }

@@ -58,7 +58,7 @@ mod tests;
 
 use self::local::Local;
 pub(crate) use self::restore::Slots;
-use super::by::By;
+use super::shared::Shared;
 
 /// A node's slot; given again after its removal, from the next batch on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -149,11 +149,11 @@ struct Component {
     weight: u64,
 }
 
-/// An undirected graph and its connected components. A copy shares with it what neither changes ([`By`]).
+/// An undirected graph and its connected components. A copy shares with it what neither changes ([`Shared`]).
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Graph {
-    nodes: By<NodeId, Node>,
-    components: By<ComponentId, Component>,
+    nodes: Shared<NodeId, Node>,
+    components: Shared<ComponentId, Component>,
     free_nodes: Vec<NodeId>,
     free_components: Vec<ComponentId>,
 }

@@ -18,19 +18,19 @@ use nalgebra::{Point3, Vector3};
 pub(super) use self::bin::Binned;
 use self::index::Index;
 use super::block::{Around, Block, BlockIndex, BlockKey, Cell, Voxel, offset_of};
-use super::by::By;
 use super::moves::Moves;
 use super::noise::NoiseModel;
+use super::shared::Shared;
 use super::state::State;
 use crate::engine::params::Params;
 use crate::engine::saved::{RestoreError, ensure};
 
-/// The blocks with their voxels, but not where they are found. A copy shares with the grid what neither changes ([`By`]).
+/// The blocks with their voxels, but not where they are found. A copy shares with the grid what neither changes ([`Shared`]).
 #[derive(Clone, Debug)]
 pub(super) struct Blocks {
     voxel_size: f64,
     min_points: u32,
-    list: By<BlockIndex, Block>,
+    list: Shared<BlockIndex, Block>,
     dense: u32,
 }
 
@@ -96,7 +96,7 @@ impl Grid {
         let blocks = Blocks {
             voxel_size: params.voxel_size(),
             min_points: params.min_points(),
-            list: By::default(),
+            list: Shared::default(),
             dense: 0,
         };
         Self {

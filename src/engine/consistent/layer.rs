@@ -5,7 +5,6 @@ use std::sync::Arc;
 use nalgebra::Vector3;
 
 use super::block::{Block, BlockIndex, CELLS, Cell, EDGE, offset_of};
-use super::by::By;
 use super::cells::{Cells, Window};
 use super::cluster::{Member, Share};
 use super::contacts::{Contact, Contacts};
@@ -15,6 +14,7 @@ use super::patch::{Host, Patch, PatchId};
 use super::patches::{LOOSE, Patches, segment};
 use super::room;
 use super::rules::Rules;
+use super::shared::Shared;
 use super::state::{State, states};
 
 /// A block as it was published last.
@@ -35,7 +35,7 @@ pub(super) struct Segmented {
 }
 
 /// All blocks.
-pub(super) type Layers = By<BlockIndex, Segmented>;
+pub(super) type Layers = Shared<BlockIndex, Segmented>;
 
 /// How far the voxels of two patches that meet may lie apart, along each axis, in voxels.
 pub(super) const CONTACT_REACH: i32 = 1;

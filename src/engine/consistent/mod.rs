@@ -105,6 +105,7 @@ mod room;
 mod rules;
 mod saved;
 mod scratch;
+mod shared;
 mod simplify;
 mod standpoint;
 mod state;

@@ -3,7 +3,8 @@
 //! Costs O(blocks that have gone), for each table that is kept by slot.
 
 use super::block::BlockIndex;
-use super::by::{By, Place};
+use super::by::Place;
+use super::shared::Shared;
 
 /// What became of the slots.
 #[derive(Clone, Debug)]
@@ -68,7 +69,7 @@ impl Moves {
     }
 
     /// Follows in a table that has something for each slot.
-    pub(super) fn apply<T: Clone + Default>(&self, table: &mut By<BlockIndex, T>) {
+    pub(super) fn apply<T: Clone + Default>(&self, table: &mut Shared<BlockIndex, T>) {
         debug_assert_eq!(table.len(), self.slots + self.gone.len());
         self.moved.iter().for_each(|&(from, to)| table.swap(from, to));
         table.set_len(self.slots);
@@ -87,7 +88,7 @@ mod tests {
             let all = || (0..SLOTS).map(BlockIndex);
             let (gone, there): (Vec<_>, Vec<_>) = all().partition(|block| bits >> block.0 & 1 == 1);
             let moves = Moves::new(SLOTS as usize, gone.clone());
-            let mut table: By<_, _> = all().map(Some).collect();
+            let mut table: Shared<_, _> = all().map(Some).collect();
             moves.apply(&mut table);
             let mut sorted: Vec<_> = table.iter().copied().flatten().collect();
             sorted.sort_unstable();

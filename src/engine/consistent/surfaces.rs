@@ -27,7 +27,7 @@ pub(super) use self::frozen::{Faces, FrozenSurfaces};
 use self::landmarks::Landmarks;
 pub(super) use self::saved::SavedSurfaces;
 use self::waiting::Waiting;
-use super::block::{BlockIndex, Cell};
+use super::block::{BlockIndex, CELLS, Cell};
 use super::by::By;
 use super::cluster::Cluster;
 use super::graph::{Batch, ComponentId, End, Graph, NodeId, Outcome};
@@ -36,6 +36,7 @@ use super::layer::{CONTACT_REACH, Layers, Segmented, are_joined, contacts, conta
 use super::outline::Drawing;
 use super::patch::{Patch, PatchId};
 use super::rules::Rules;
+use super::shared::Shared;
 use super::state::State;
 use crate::engine::key::ClusterId;
 use crate::engine::now::Now;
@@ -46,7 +47,7 @@ pub(super) struct Surfaces {
     pub(super) rules: Rules,
     segmented: Layers,
     /// The nodes of a block's patches, by number.
-    nodes: By<BlockIndex, Vec<NodeId>>,
+    nodes: Shared<BlockIndex, Vec<NodeId>>,
     patches: By<NodeId, Option<PatchId>>,
     graph: Graph,
     clusters: By<ComponentId, Option<Box<Cluster>>>,
@@ -85,8 +86,8 @@ impl Surfaces {
     pub(super) fn new(params: &Params) -> Self {
         Self {
             rules: Rules::new(params),
-            segmented: By::default(),
-            nodes: By::default(),
+            segmented: Layers::default(),
+            nodes: Shared::default(),
             patches: By::default(),
             graph: Graph::default(),
             clusters: By::default(),
@@ -144,7 +145,8 @@ impl Surfaces {
     ) {
         self.make_room(grid);
         let beside = self.beside(grid, blocks);
-        beside.iter().filter(|it| it.is_theirs).for_each(|it| self.withdraw_loose(grid, it.block, it.number));
+        let by_block = || beside.chunk_by(|a, b| a.block == b.block);
+        by_block().for_each(|beside| self.withdraw_loose(grid, beside));
         let mut batch = Batch::default();
         let old: Vec<_> = blocks.iter().map(|&block| self.withdraw(grid, block, &mut batch)).collect();
         for &block in blocks {
@@ -161,7 +163,7 @@ impl Surfaces {
         for &block in blocks {
             self.enter(grid, block);
         }
-        beside.chunk_by(|a, b| a.block == b.block).for_each(|beside| self.settle_loose(grid, beside, blocks));
+        by_block().for_each(|beside| self.settle_loose(grid, beside, blocks));
         for &gone in &outcome.removed {
             // What it was has been taken over by another cluster, or is gone with its voxels.
             let counted = self.clusters[gone].take().map_or(0, |cluster| cluster.counted);
@@ -184,21 +186,21 @@ impl Surfaces {
 
     /// Takes all voxels of a block out of their clusters, and its nodes out of the graph; returns what it was.
     fn withdraw(&mut self, grid: &Grid, block: BlockIndex, batch: &mut Batch) -> Old {
-        (0..self.segmented[block].loose.len()).for_each(|number| self.withdraw_loose(grid, block, number));
+        (0..self.segmented[block].loose.len()).for_each(|number| self.leave_loose(grid, block, number));
         let segmented = self.segmented.take(block);
         let nodes = self.nodes.take(block);
         let components: Vec<_> = nodes.iter().map(|&node| self.graph.component(node)).collect();
         let numbers = segmented.numbers();
-        for state in segmented.states.iter() {
-            let number = numbers[state.cell().index()];
+        for (number, row) in rows(&segmented.states, &numbers) {
             if segmented.is_loose(number) {
                 continue;
             }
             let component = components[usize::from(number)];
-            let member = segmented.member(grid.block(block), state, Some(number), &self.rules);
-            if let (Some(cluster), Some(member)) = (self.clusters[component].as_mut(), member) {
-                cluster.remove(&member);
-                self.changed.insert(component);
+            let Some(cluster) = self.clusters[component].as_mut() else { continue };
+            self.changed.insert(component);
+            for state in row {
+                let member = segmented.member(grid.block(block), state, Some(number), &self.rules);
+                member.iter().for_each(|member| cluster.remove(member));
             }
         }
         nodes.iter().for_each(|&node| self.patches[node] = None);
@@ -348,19 +350,26 @@ impl Surfaces {
     fn enter(&mut self, grid: &Grid, block: BlockIndex) {
         let here = &self.segmented[block];
         let numbers = here.numbers();
-        for state in here.states.iter() {
-            let number = numbers[state.cell().index()];
+        for (number, row) in rows(&here.states, &numbers) {
             if here.is_loose(number) {
                 continue;
             }
             let component = self.graph.component(self.nodes[block][usize::from(number)]);
-            let member = here.member(grid.block(block), state, Some(number), &self.rules);
-            if let (Some(cluster), Some(member)) = (self.clusters[component].as_mut(), member) {
-                cluster.add(&member);
+            let Some(cluster) = self.clusters[component].as_mut() else { continue };
+            for state in row {
+                let member = here.member(grid.block(block), state, Some(number), &self.rules);
+                member.iter().for_each(|member| cluster.add(member));
             }
         }
         self.enter_loose(grid, block, 0..self.segmented[block].loose.len());
     }
+}
+
+/// The states of a block in rows of one patch, or of none, with its number.
+fn rows<'a>(states: &'a [State], numbers: &[u8; CELLS]) -> impl Iterator<Item = (u8, &'a [State])> {
+    let number = |state: &State| numbers[state.cell().index()];
+    let rows = states.chunk_by(move |a, b| number(a) == number(b));
+    rows.filter_map(move |row| Some((number(row.first()?), row)))
 }
 
 /// A block before it was published anew.

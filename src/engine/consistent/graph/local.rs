@@ -56,12 +56,12 @@ impl Local {
 impl Graph {
     /// The node's element, made when it is first asked for.
     fn element(&mut self, node: NodeId, local: &mut Local) -> u32 {
-        let slot = self.node_mut(node);
-        *slot.element.get_or_insert_with(|| {
+        self.node(node).element.unwrap_or_else(|| {
             let element = local.nodes.len() as u32;
             local.nodes.push(node);
             local.terminal.push(false);
             local.parents.push(element);
+            self.node_mut(node).element = Some(element);
             element
         })
     }

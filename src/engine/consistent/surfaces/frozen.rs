@@ -13,6 +13,7 @@ use crate::engine::consistent::graph::{ComponentId, Graph, NodeId};
 use crate::engine::consistent::grid::Blocks;
 use crate::engine::consistent::layer::Layers;
 use crate::engine::consistent::saved::SavedState;
+use crate::engine::consistent::shared::Shared;
 use crate::engine::consistent::state::{State, states};
 use crate::engine::key::ClusterId;
 use crate::engine::snapshot::Cluster;
@@ -20,7 +21,7 @@ use crate::engine::snapshot::Cluster;
 #[derive(Clone, Debug)]
 pub(in super::super) struct FrozenSurfaces {
     segmented: Layers,
-    nodes: By<BlockIndex, Vec<NodeId>>,
+    nodes: Shared<BlockIndex, Vec<NodeId>>,
     graph: Graph,
     /// All that is saved of the clusters, with their components.
     clusters: Vec<(u32, SavedCluster)>,

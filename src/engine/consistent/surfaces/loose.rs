@@ -68,10 +68,10 @@ impl Surfaces {
         patch.is_some_and(|patch| blocks.binary_search(&patch.block).is_ok())
     }
 
-    pub(super) fn withdraw_loose(&mut self, grid: &Grid, block: BlockIndex, number: usize) {
-        let here = &mut self.segmented[block];
+    /// Takes a loose voxel out of the cluster of its owner, which it still has.
+    pub(super) fn leave_loose(&mut self, grid: &Grid, block: BlockIndex, number: usize) {
+        let here = &self.segmented[block];
         let Some(owner) = here.loose[number].owner() else { return };
-        here.loose[number].set_owner(None);
         let state = here.loose_state(number);
         let component = self.graph.component(owner);
         let nodes = &self.nodes[block];
@@ -84,6 +84,20 @@ impl Surfaces {
         }
     }
 
+    /// Takes those of the loose voxels of one block out of their clusters that belong to patches that go.
+    pub(super) fn withdraw_loose(&mut self, grid: &Grid, beside: &[Beside]) {
+        let theirs = || beside.iter().filter(|it| it.is_theirs);
+        theirs().for_each(|it| self.leave_loose(grid, it.block, it.number));
+        if let Some(first) = theirs().next() {
+            self.set_owners(first.block, theirs().map(|it| (it.number, None)));
+        }
+    }
+
+    fn set_owners(&mut self, block: BlockIndex, owners: impl Iterator<Item = (usize, Option<NodeId>)>) {
+        let loose = &mut self.segmented[block].loose;
+        owners.for_each(|(number, owner)| loose[number].set_owner(owner));
+    }
+
     /// Puts loose voxels of a block, by their places in its list, beside the patches that they belong to.
     pub(super) fn enter_loose(
         &mut self,
@@ -91,11 +105,12 @@ impl Surfaces {
         block: BlockIndex,
         numbers: impl Iterator<Item = usize>,
     ) {
-        for (number, owner) in self.owners(grid, block, numbers) {
-            if let Some(owner) = owner {
-                self.give_loose(grid, block, number, owner);
-            }
+        let owners = self.owners(grid, block, numbers);
+        let mut given = Vec::with_capacity(owners.len());
+        for (number, owner) in owners {
+            given.extend(owner.map(|owner| (number, Some(self.enter_beside(grid, block, number, owner)))));
         }
+        self.set_owners(block, given.into_iter());
     }
 
     /// Puts the loose voxels of one block beside the patches that they belong to after blocks around it (ascending) were published;
@@ -112,15 +127,20 @@ impl Surfaces {
             owners.stays(here.loose_state(number), with, &anew)
         };
         let moving = beside.iter().filter(|it| it.is_theirs || !stays(it.number)).map(|it| it.number);
+        let mut moved = Vec::new();
         for (number, owner) in self.owners(grid, block, moving) {
             let node = owner.map(|owner| self.nodes[owner.block][usize::from(owner.number)]);
             if node == self.segmented[block].loose[number].owner() {
                 continue;
             }
-            self.withdraw_loose(grid, block, number);
+            self.leave_loose(grid, block, number);
             if let Some(owner) = owner {
-                self.give_loose(grid, block, number, owner);
+                self.enter_beside(grid, block, number, owner);
             }
+            moved.push((number, node));
+        }
+        if !moved.is_empty() {
+            self.set_owners(block, moved.into_iter());
         }
     }
 
@@ -137,7 +157,8 @@ impl Surfaces {
         numbers.map(|number| (number, owner(number))).collect()
     }
 
-    pub(super) fn give_loose(&mut self, grid: &Grid, block: BlockIndex, number: usize, owner: PatchId) {
+    /// Puts a loose voxel into the cluster of a patch beside it; returns the patch's node.
+    fn enter_beside(&mut self, grid: &Grid, block: BlockIndex, number: usize, owner: PatchId) -> NodeId {
         let here = &self.segmented[block];
         let state = here.loose_state(number);
         let node = self.nodes[owner.block][usize::from(owner.number)];
@@ -148,6 +169,6 @@ impl Surfaces {
             cluster.add(&member);
         }
         self.changed.insert(component);
-        self.segmented[block].loose[number].set_owner(Some(node));
+        node
     }
 }
