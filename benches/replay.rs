@@ -39,6 +39,8 @@ fn bench(criterion: &mut Criterion) {
         group.bench_function("read", |b| {
             b.iter(|| black_box(fs::read(bag).unwrap().into_iter().map(u64::from).sum::<u64>()));
         });
+        let account = errors(&cfodi(&["replay", bag]));
+        assert!(account.contains(&format!("{} scans in ", drive.len())), "{account}");
         for size in ["0.08", "0.05"] {
             let voxel_size = format!("voxel_size:={size}");
             group.bench_function(format!("replay, voxels of {size} m"), |b| {

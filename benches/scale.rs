@@ -10,7 +10,7 @@
 //! a shared machine is not equally fast: of [`TURNS`] pairs for each kind of room the median.
 //!
 //! Then the longest scan while the map grew, step by step beside what is usual for the same view elsewhere, and the longest
-//! binning: in it the lists of blocks double; and what all of the map costs who wants it. Takes minutes and 4 GB; with `--test`
+//! binning; and what all of the map costs who wants it. Takes six minutes and 5 GB; with `--test`
 //! seconds. A path as argument is where the figure goes, `target/scale.svg` else.
 #![allow(missing_docs, clippy::unwrap_used, clippy::print_stdout, reason = "a benchmark")]
 

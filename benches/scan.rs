@@ -3,8 +3,8 @@
 //! On the cabinet recording where there is one (`CFODI_DATA`), on the simulated room otherwise. A group holds: `read`,
 //! the yardstick: summing the bytes of one cloud after the other; `decode`, `PointCloud2` bytes to points; `insert`, a
 //! whole drive from an empty map on, divided by its scans, in mode `paper` and in mode `consistent`, and the ratio of the
-//! two; of that `ingest`, points into voxels, `normals` and `clusters`, which in mode `consistent` are found together, and `globals`,
-//! merging or describing; `STATIC`, one re-clustering of the whole map; `freeze`; `snapshot`; `save`, the map to the bytes of a
+//! two; of that `ingest`, points into voxels, `normals` and `clusters`, which in mode `consistent` are found together, after what
+//! was seen through is taken out, and `globals`, merging or describing; `STATIC`, one re-clustering of the whole map; `freeze`; `snapshot`; `save`, the map to the bytes of a
 //! file and back. The group `sim` is the simulator on one of its scenes after the other: `labelled_scan` and, what scores are
 //! measured by, `true_hits`.
 #![allow(

@@ -75,6 +75,11 @@ impl Contacts {
         self.met.shrink_to_fit();
     }
 
+    /// Whether a patch of the block meets one of this other block.
+    pub(super) fn meets(&self, block: BlockIndex) -> bool {
+        self.met.iter().any(|met| met.block == block)
+    }
+
     /// Forgets the patches of another block.
     pub(super) fn forget(&mut self, block: BlockIndex) {
         self.met.retain(|met| met.block != block);

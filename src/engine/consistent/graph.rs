@@ -31,7 +31,8 @@
 //! 4. Labels move: those of nodes in parts that were searched to their end, and in the lighter of merged components.
 //!
 //! So a batch costs what it names with its neighbours, the smaller sides of cuts, the ways around them and the lighter
-//! sides of merges, never the size of a component. A node's neighbours are a sorted vector: a change at a node of degree
+//! sides of merges, never the size of a component; but after a copy was made, once for each page that it touches, the nodes there
+//! with their neighbours, and the components there with all their nodes. A node's neighbours are a sorted vector: a change at a node of degree
 //! d costs O(d). Nothing is hashed. A node takes 56 bytes and 4 for each neighbour, beside 4 in its component.
 //!
 //! # Why not Holm, de Lichtenberg and Thorup

@@ -48,6 +48,12 @@ impl Blocks {
         voxel.count >= self.min_points
     }
 
+    /// What part of the pages is shared with another copy.
+    #[cfg(test)]
+    pub(super) fn shared_with(&self, other: &Self) -> f64 {
+        self.list.shared_with(&other.list)
+    }
+
     /// All blocks, by their places.
     pub(super) fn blocks(&self) -> impl Iterator<Item = (BlockIndex, &Block)> {
         (0..).map(BlockIndex).zip(self.list.iter())
@@ -160,19 +166,13 @@ impl Grid {
 
     /// Ends the rest of a block; whether it was at rest.
     pub(super) fn wake(&mut self, block: BlockIndex) -> bool {
-        // Most are awake: what another copy shares is copied when it is changed alone.
+        // Asked first: most are awake, and what is to be changed is copied where a frozen map shares it.
         self.block(block).is_at_rest() && self.blocks.list[block].wake()
     }
 
-    /// The places of all blocks.
+    /// The places of all blocks, in no order.
     pub(super) fn keys(&self) -> impl ExactSizeIterator<Item = BlockKey> {
-        self.blocks.list.iter().map(|block| block.key)
-    }
-
-    /// Number of blocks that are found by their places.
-    #[cfg(test)]
-    pub(super) fn findable(&self) -> usize {
-        self.index.len()
+        self.index.keys()
     }
 
     pub(super) fn find(&self, key: BlockKey) -> Option<BlockIndex> {

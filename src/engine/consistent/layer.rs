@@ -127,7 +127,11 @@ impl Segmented {
 
     /// For each cell the number of its patch, or [`LOOSE`]: for a walk over all of them.
     pub(super) fn numbers(&self) -> [u8; CELLS] {
-        numbers(self.patches.iter().map(|patch| &patch.cells))
+        let mut numbers = [LOOSE; CELLS];
+        for (number, patch) in (0..).zip(&self.patches) {
+            patch.cells.iter().for_each(|cell| numbers[cell.index()] = number);
+        }
+        numbers
     }
 
     /// Gives back what room there is to spare.
@@ -192,15 +196,6 @@ impl Segmented {
         room::insert(Arc::make_mut(&mut self.states), place, state);
         Some(number)
     }
-}
-
-/// For each cell the number of the patch, of those with these cells, that it is in, or [`LOOSE`].
-pub(super) fn numbers<'a>(patches: impl Iterator<Item = &'a Cells>) -> [u8; CELLS] {
-    let mut numbers = [LOOSE; CELLS];
-    for (number, cells) in (0..).zip(patches) {
-        cells.iter().for_each(|cell| numbers[cell.index()] = number);
-    }
-    numbers
 }
 
 pub(super) fn patch(segmented: &Layers, id: PatchId) -> &Patch {

@@ -2,7 +2,8 @@
 //!
 //! A list is kept in pages of [`PAGE`] items. A copy of it shares them, and each of the two has a page for itself from the first
 //! change that it makes there. So a copy of a list of a map costs a pointer for each page, whatever the items hold, and what goes
-//! on changing pays for what it changes. No page ever moves either: a list that grows does not pause to copy itself.
+//! on changing pays for what it changes. No page ever moves either: a list that grows does not pause to copy itself, but for the
+//! pointers.
 
 use std::array;
 use std::marker::PhantomData;
@@ -31,6 +32,13 @@ impl<I, T> Shared<I, T> {
 
     pub(super) const fn len(&self) -> usize {
         self.len
+    }
+
+    /// What part of the pages is shared with another list, at the same places.
+    #[cfg(test)]
+    pub(super) fn shared_with(&self, other: &Self) -> f64 {
+        let shared = self.pages.iter().zip(&other.pages).filter(|(a, b)| Arc::ptr_eq(a, b));
+        shared.count() as f64 / self.pages.len() as f64
     }
 
     /// All that there is, in the order of the places.
@@ -107,14 +115,14 @@ impl<I: Place, T> Index<I> for Shared<I, T> {
     type Output = T;
 
     fn index(&self, at: I) -> &T {
-        debug_assert!(at.place() < self.len);
+        assert!(at.place() < self.len, "place {} of {}", at.place(), self.len);
         &self.pages[at.place() / PAGE][at.place() % PAGE]
     }
 }
 
 impl<I: Place, T: Clone + Default> IndexMut<I> for Shared<I, T> {
     fn index_mut(&mut self, at: I) -> &mut T {
-        debug_assert!(at.place() < self.len);
+        assert!(at.place() < self.len, "place {} of {}", at.place(), self.len);
         self.at(at.place())
     }
 }
@@ -154,8 +162,21 @@ mod tests {
         let copy = list.clone();
         list[NodeId(0)] = 7;
         list[NodeId(1)] = 8;
-        let shared = list.pages.iter().zip(&copy.pages).filter(|(a, b)| Arc::ptr_eq(a, b));
-        assert_eq!(shared.count(), 9);
+        assert_eq!(list.shared_with(&copy), 0.9);
+    }
+
+    #[test]
+    fn what_is_swapped_with_itself_stays() {
+        let mut list: Shared<NodeId, u8> = (1..3).collect();
+        list.swap(NodeId(0), NodeId(0));
+        assert_eq!(all(&list), [1, 2]);
+    }
+
+    #[test]
+    #[should_panic(expected = "place 3 of 3")]
+    fn there_is_nothing_beyond_the_end_though_its_page_goes_on() {
+        let list: Shared<NodeId, u8> = (0..3).collect();
+        println!("{}", list[NodeId(3)]);
     }
 
     #[derive(Clone, Debug)]

@@ -266,8 +266,10 @@ impl Surfaces {
     fn meet(&mut self, grid: &Grid, block: BlockIndex, published: &[BlockIndex]) {
         for (place, other) in grid.block(block).around.iter() {
             if published.binary_search(&other).is_err() {
-                // It met what this block was before.
-                self.segmented[other].contacts.forget(block);
+                // It may have met what this block was before.
+                if self.segmented[other].contacts.meets(block) {
+                    self.segmented[other].contacts.forget(block);
+                }
             } else if other < block {
                 // It has met this one already.
                 continue;

@@ -98,8 +98,10 @@ impl Surfaces {
         }
         for (component, (class, confidence)) in classes {
             if let Some(told) = self.clusters[component].as_mut().and_then(|c| c.told.as_mut()) {
-                let told = Arc::make_mut(told);
-                (told.class, told.class_confidence) = (class, confidence);
+                if (told.class, told.class_confidence) != (class, confidence) {
+                    let told = Arc::make_mut(told);
+                    (told.class, told.class_confidence) = (class, confidence);
+                }
             }
         }
         let changed = self.finish(&due);
@@ -152,8 +154,10 @@ impl Surfaces {
         let state = describe::state(cluster, params, now);
         let last_seen = cluster.identity.last_seen;
         if let Some(told) = &mut cluster.told {
-            let told = Arc::make_mut(told);
-            (told.state, told.last_seen) = (state, last_seen);
+            if (told.state, told.last_seen) != (state, last_seen) {
+                let told = Arc::make_mut(told);
+                (told.state, told.last_seen) = (state, last_seen);
+            }
         }
         self.waiting.set(component, describe::waits(cluster));
     }

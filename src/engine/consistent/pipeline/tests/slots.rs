@@ -42,7 +42,7 @@ fn check_slots(engine: &Consistent) {
             assert_eq!(block.around.get(place), beside, "{slot:?} of {slots}, {offset:?}");
         }
     }
-    assert_eq!(engine.grid.findable(), slots);
+    assert_eq!(engine.grid.keys().len(), slots);
     assert!(engine.stale.iter().all(|block| engine.grid.block(*block).is_stale()));
     let restored = Consistent::restore(engine.params, engine.taken, engine.freeze().save()).unwrap();
     let frozen = [engine, &restored].map(|engine| engine.surfaces.freeze());
@@ -108,6 +108,18 @@ fn what_was_frozen_stays_as_it_was_whatever_is_forgotten_and_seen_after_it() {
         // As a text, in which what has no curvature is equal to itself.
         assert!(format!("{:?}", map.snapshot()) == *snapshot, "{number}");
     }
+}
+
+#[test]
+fn a_scan_after_the_map_was_frozen_copies_what_it_changes_alone() {
+    let mut next = laboratory();
+    let mut engine = Consistent::new(Params::default());
+    (0..40).for_each(|_| drop(engine.insert(&next())));
+    let (blocks, layers) = (engine.grid.freeze(), engine.surfaces.segmented().clone());
+    engine.insert(&next());
+    let shared = [engine.grid.shared_with(&blocks), engine.surfaces.segmented().shared_with(&layers)];
+    println!("{shared:?}, {} of {} blocks seen", engine.binned.seen.len(), engine.grid.slots());
+    assert!(shared.iter().all(|shared| *shared > 0.5), "{shared:?}");
 }
 
 #[test]
