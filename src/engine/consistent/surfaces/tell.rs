@@ -97,11 +97,11 @@ impl Surfaces {
             classes.push((component, class));
         }
         for (component, (class, confidence)) in classes {
-            if let Some(told) = self.clusters[component].as_mut().and_then(|c| c.told.as_mut()) {
-                if (told.class, told.class_confidence) != (class, confidence) {
-                    let told = Arc::make_mut(told);
-                    (told.class, told.class_confidence) = (class, confidence);
-                }
+            let told = self.clusters[component].as_mut().and_then(|cluster| cluster.told.as_mut());
+            if let Some(told) = told.filter(|told| (told.class, told.class_confidence) != (class, confidence))
+            {
+                let told = Arc::make_mut(told);
+                (told.class, told.class_confidence) = (class, confidence);
             }
         }
         let changed = self.finish(&due);
@@ -153,11 +153,10 @@ impl Surfaces {
         }
         let state = describe::state(cluster, params, now);
         let last_seen = cluster.identity.last_seen;
-        if let Some(told) = &mut cluster.told {
-            if (told.state, told.last_seen) != (state, last_seen) {
-                let told = Arc::make_mut(told);
-                (told.state, told.last_seen) = (state, last_seen);
-            }
+        let told = cluster.told.as_mut();
+        if let Some(told) = told.filter(|told| (told.state, told.last_seen) != (state, last_seen)) {
+            let told = Arc::make_mut(told);
+            (told.state, told.last_seen) = (state, last_seen);
         }
         self.waiting.set(component, describe::waits(cluster));
     }
