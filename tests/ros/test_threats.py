@@ -313,9 +313,10 @@ def test_datagrams_of_garbage_leave_the_node_alive(start, peer):
                 out.sendto(rng.randbytes(rng.randrange(0, 200)), ("127.0.0.1", port))
                 out.sendto(b"RTPS\x02\x04" + rng.randbytes(rng.randrange(0, 300)), ("127.0.0.1", port))
             changed = [mutated(rng.choice(packets), rng) for _ in range(1500)]
+            changed = [packet for packet in changed if not has_a_forged_range(packet)]  # what those do is the next test's
+            assert len(changed) > 1400, f"{len(changed)} of 1500 are without a forged range"
             for packet in changed:
-                if not has_a_forged_range(packet):  # what those do is the next test's
-                    out.sendto(packet, ("127.0.0.1", port))
+                out.sendto(packet, ("127.0.0.1", port))
             time.sleep(0.2)
     time.sleep(1)
     survived(node, camera, peer)

@@ -118,8 +118,8 @@ fn a_scan_after_the_map_was_frozen_copies_what_it_changes_alone() {
     let (blocks, layers) = (engine.grid.freeze(), engine.surfaces.segmented().clone());
     engine.insert(&next());
     let shared = [engine.grid.shared_with(&blocks), engine.surfaces.segmented().shared_with(&layers)];
-    println!("{shared:?}, {} of {} blocks seen", engine.binned.seen.len(), engine.grid.slots());
-    assert!(shared.iter().all(|shared| *shared > 0.5), "{shared:?}");
+    let seen = engine.binned.seen.len();
+    assert!(shared.iter().all(|shared| *shared > 0.5), "{shared:?}, {seen} of {} seen", engine.grid.slots());
 }
 
 #[test]
