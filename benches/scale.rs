@@ -118,8 +118,8 @@ fn main() {
 
 /// What is made of a frozen map, beside the engine.
 fn tell_whole(bench: &mut Bench) {
-    let (map, [freezing, _]) = bench.freeze();
     for _ in 0..3 {
+        let (map, [freezing, _]) = bench.freeze();
         let begin = Instant::now();
         let snapshot = map.snapshot();
         let (voxels, making) = (snapshot.voxels.len(), ms(begin));

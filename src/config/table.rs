@@ -273,11 +273,8 @@ pub(super) const OF_SENSOR: &[Row] = &[
         .means("what its depths scatter by, in mode `consistent`; as `noise_model`, which follows it where not given", MAP),
 ];
 
-const NOISE_MODELS: &[&str] = &["kinect_v1", "none"];
-const NOISE_MODEL: &str = match ENGINE.noise_model() {
-    NoiseModel::KinectV1 => "kinect_v1",
-    NoiseModel::None => "none",
-};
+const NOISE_MODELS: &[&str] = &[NoiseModel::KinectV1.as_str(), NoiseModel::None.as_str()];
+const NOISE_MODEL: &str = ENGINE.noise_model().as_str();
 
 const MODE: &str = match ENGINE.mode() {
     Mode::Consistent => "consistent",

@@ -32,7 +32,7 @@ fn the_letter_forgets_nothing_and_is_not_told_to() {
     };
     let current = Current::new([("mode".to_owned(), Value::Text("paper".into()))]).unwrap();
     assert_eq!(current.get("clearing").unwrap().1, &Value::Boolean(false));
-    assert_eq!(with(&[]).unwrap().engine, Params::paper());
+    assert_eq!(with(&[]).unwrap().engine, Params::paper().with_clearing(false));
     assert!(with(&[("clearing", Value::Boolean(false))]).is_ok());
     let refused = |more: (&str, Value)| with(&[more]).unwrap_err().to_string();
     assert_eq!(

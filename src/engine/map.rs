@@ -82,8 +82,8 @@ impl Engine {
         }))
     }
 
-    /// Goes on by those of `params` that [`Params::tuned`] names, from the next scan on, as a map does that was saved and
-    /// restored with them; the letter keeps its own. Costs O(map) where `max_voxels` begins to hold, O(1) elsewhere.
+    /// Takes over the parameters that [`Params::tuned`] names, from the next scan on, as if the map had been saved and restored with
+    /// them. Does nothing in `paper`. Costs O(map) where `max_voxels` begins to hold, O(1) elsewhere.
     pub fn tune(&mut self, params: &Params) {
         if let Method::Consistent(map) = &mut self.0 {
             map.tune(params);

@@ -58,9 +58,9 @@ pub(crate) use params::{
 pub use params::{Mode, Params, ParamsError};
 pub use points::{Depths, Points, Rays};
 pub use saved::{RestoreError, SavedMap};
-pub use scan::{Scan, Stamp};
+pub use scan::{JUMP_BACK, Scan, Stamp};
 pub use snapshot::{ChangedCluster, Cluster, ClusterState, DenseVoxel, Snapshot, Update};
 pub use step::PipelineStep;
 
-/// Clusters with fewer voxels are [`ClusterState::Tentative`].
+/// Clusters with fewer voxels are [`ClusterState::Tentative`] in [`Mode::Paper`]; in `consistent` the bound is 20.
 pub const MIN_RELIABLE_VOXELS: u32 = 10;

@@ -115,7 +115,7 @@ impl Params {
 
     /// The defaults for the method to the letter, which forgets nothing.
     pub fn paper() -> Self {
-        Self::default().with_mode(Mode::Paper).with_clearing(false)
+        Self::default().with_mode(Mode::Paper)
     }
 
     /// How points become clusters.
@@ -153,7 +153,7 @@ impl Params {
         self.expansion_interval
     }
 
-    /// What the sensor's depths scatter by; the letter does not ask.
+    /// What the sensor's depths scatter by. Not used in [`Mode::Paper`].
     pub const fn noise_model(&self) -> NoiseModel {
         self.noise_model
     }
@@ -163,12 +163,12 @@ impl Params {
         self.clearing && matches!(self.mode, Mode::Consistent)
     }
 
-    /// Most voxels that hold points; 0 = no bound. The letter does not ask.
+    /// Most voxels that hold points; 0 = no bound. Not used in [`Mode::Paper`].
     pub const fn max_voxels(&self) -> u64 {
         self.max_voxels
     }
 
-    /// How far from the sensor voxels are kept (m); 0 = no bound. The letter does not ask.
+    /// How far from the sensor voxels are kept (m); 0 = no bound. Not used in [`Mode::Paper`].
     pub const fn keep_radius(&self) -> f64 {
         self.keep_radius
     }

@@ -24,7 +24,15 @@ impl Stamp {
     pub fn seconds_since(self, earlier: Self) -> f64 {
         self.0.saturating_sub(earlier.0) as f64 * 1e-9
     }
+
+    /// By how many seconds it lies before the newest stamp of the same clock, where that is more than [`JUMP_BACK`].
+    pub fn jump_back_from(self, newest: Self) -> Option<f64> {
+        Some(newest.seconds_since(self)).filter(|back| *back > JUMP_BACK)
+    }
 }
+
+/// A stamp that lies further back than this is of a clock that jumped, and not of a late message (s).
+pub const JUMP_BACK: f64 = 1.0;
 
 /// All valid points of one sensor message and the sensor's pose in the fixed frame.
 ///

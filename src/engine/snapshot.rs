@@ -30,9 +30,8 @@ pub struct Cluster {
     pub state: ClusterState,
     /// Stamp of the scan that created it.
     pub first_seen: Stamp,
-    /// Newest stamp of the scans that put a point into one of its voxels; in `consistent`, into a block of 8 x 8 x 8 voxels
-    /// that it reaches into, as of when the cluster was told of: at a change, and every 30 scans, in large maps every
-    /// 60, 120, ...
+    /// Stamp of the newest scan that put a point into one of its voxels. In `consistent` into any block of 8 x 8 x 8 voxels that it
+    /// reaches into, and without another change told anew only every 30 scans, in large maps every 60, 120, ...
     pub last_seen: Stamp,
     /// What it is to a robot; always unknown in `paper`.
     pub class: SurfaceClass,
@@ -68,9 +67,9 @@ pub struct Cluster {
     pub size: Vector3<f64>,
     /// Number of member voxels.
     pub voxel_count: u32,
-    /// Number of points in the member voxels; in `consistent` as many as when these were published last. Points that tell nothing new of
-    /// a voxel do not publish it again, so that this is less than the sum of their [`DenseVoxel::count`], and by any factor where
-    /// the sensor stands still.
+    /// Number of points in the member voxels. In `consistent` that when each was published last: points that tell nothing new of a voxel
+    /// do not publish it again, so that this lags behind the sum of their [`DenseVoxel::count`], by any factor where the sensor
+    /// stands still.
     pub point_count: u64,
 }
 

@@ -3,6 +3,7 @@
 use nalgebra::Vector3;
 
 use super::block::BlockIndex;
+use super::by::Place;
 use super::moves::Moves;
 use super::patch::PatchId;
 
@@ -70,9 +71,19 @@ impl Contacts {
         }
     }
 
+    /// Whether there is no room to spare.
+    pub(super) const fn is_fit(&self) -> bool {
+        self.met.len() == self.met.capacity()
+    }
+
     /// Gives back what room there is to spare.
     pub(super) fn fit(&mut self) {
         self.met.shrink_to_fit();
+    }
+
+    /// Whether a patch of the block meets one of a block behind so many others.
+    pub(super) fn names_any_beyond(&self, blocks: usize) -> bool {
+        self.met.iter().any(|met| met.block.place() >= blocks)
     }
 
     /// Whether a patch of the block meets one of this other block.

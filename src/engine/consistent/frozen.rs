@@ -20,7 +20,7 @@ use crate::engine::snapshot::Snapshot;
 
 #[derive(Clone, Debug)]
 pub(crate) struct FrozenConsistent {
-    pub(super) grid: Blocks,
+    pub(super) blocks: Blocks,
     pub(super) surfaces: FrozenSurfaces,
     pub(super) noise: Noise,
     pub(super) taken: Taken,
@@ -35,15 +35,15 @@ impl FrozenConsistent {
         Snapshot {
             sequence: self.taken.sequence,
             stamp: self.taken.stamp,
-            voxel_size: self.grid.voxel_size(),
+            voxel_size: self.blocks.voxel_size(),
             clusters: self.surfaces.told(),
             voxels: self.voxels(),
-            unclustered_voxels: self.grid.dense() - self.surfaces.clustered,
+            unclustered_voxels: self.blocks.dense() - self.surfaces.clustered,
         }
     }
 
     pub(crate) fn save(&self) -> SavedConsistent {
-        self.saved(self.blocks().collect())
+        self.saved(self.saved_blocks().collect())
     }
 
     /// The same to be written: each block is made when its turn comes.
@@ -56,9 +56,9 @@ impl FrozenConsistent {
         SavedConsistent { blocks, surfaces: self.surfaces.save(), standpoint, next }
     }
 
-    fn blocks(&self) -> impl Iterator<Item = SavedBlock> {
-        let blocks = self.grid.blocks();
-        blocks.map(|(slot, block)| SavedBlock::of(block, self.surfaces.save_states(&self.grid, slot)))
+    fn saved_blocks(&self) -> impl Iterator<Item = SavedBlock> {
+        let blocks = self.blocks.blocks();
+        blocks.map(|(slot, block)| SavedBlock::of(block, self.surfaces.save_states(&self.blocks, slot)))
     }
 
     pub(crate) const fn taken(&self) -> &Taken {
@@ -68,7 +68,7 @@ impl FrozenConsistent {
     pub(super) fn partition(&self) -> Partition {
         let mut partition = Partition::new();
         let faces = self.surfaces.faces();
-        for (index, block) in self.grid.blocks() {
+        for (index, block) in self.blocks.blocks() {
             for (state, face) in self.surfaces.voxels(index, &faces) {
                 let number = face.map(|face| face.component.0);
                 partition.extend(block.voxel_key(state.cell()).map(|key| (key, number)));
@@ -84,6 +84,6 @@ pub(crate) struct Pieces<'a>(&'a FrozenConsistent);
 
 impl Serialize for Pieces<'_> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_seq(self.0.blocks())
+        serializer.collect_seq(self.0.saved_blocks())
     }
 }

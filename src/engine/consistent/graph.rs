@@ -31,9 +31,8 @@
 //! 4. Labels move: those of nodes in parts that were searched to their end, and in the lighter of merged components.
 //!
 //! So a batch costs what it names with its neighbours, the smaller sides of cuts, the ways around them and the lighter
-//! sides of merges, never the size of a component; but after a copy was made, once for each page that it touches, the nodes there
-//! with their neighbours, and the components there with all their nodes. A node's neighbours are a sorted vector: a change at a node of degree
-//! d costs O(d). Nothing is hashed. A node takes 56 bytes and 4 for each neighbour, beside 4 in its component.
+//! sides of merges, never the size of a component; but after [`Graph::freeze`], once for each page of components that it changes, the
+//! components there with all their nodes. A node's neighbours are a sorted vector: a change at a node of degree d costs O(d). Nothing is hashed. A node takes 56 bytes and 4 for each neighbour, beside 4 in its component.
 //!
 //! # Why not Holm, de Lichtenberg and Thorup
 //!
@@ -51,12 +50,14 @@
 //! that merge and split in turn.
 
 mod assign;
+mod frozen;
 mod local;
 mod restore;
 mod search;
 #[cfg(test)]
 mod tests;
 
+pub(crate) use self::frozen::FrozenGraph;
 use self::local::Local;
 pub(crate) use self::restore::Slots;
 use super::shared::Shared;
@@ -150,9 +151,10 @@ struct Component {
     weight: u64,
 }
 
-/// An undirected graph and its connected components. A copy shares with it what neither changes ([`Shared`]).
+/// An undirected graph and its connected components.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Graph {
+    /// In pages, so that a list that grows does not pause to copy itself; none is frozen.
     nodes: Shared<NodeId, Node>,
     components: Shared<ComponentId, Component>,
     free_nodes: Vec<NodeId>,

@@ -54,6 +54,12 @@ impl Blocks {
         self.list.shared_with(&other.list)
     }
 
+    /// The places of each page that is not shared with another copy.
+    #[cfg(test)]
+    pub(super) fn copied_since(&self, other: &Self) -> impl Iterator<Item = std::ops::Range<usize>> {
+        self.list.copied_since(&other.list)
+    }
+
     /// All blocks, by their places.
     pub(super) fn blocks(&self) -> impl Iterator<Item = (BlockIndex, &Block)> {
         (0..).map(BlockIndex).zip(self.list.iter())

@@ -35,7 +35,7 @@ pub(super) struct Segmented {
 }
 
 /// All blocks.
-pub(super) type Layers = Shared<BlockIndex, Segmented>;
+pub(super) type SegmentedBlocks = Shared<BlockIndex, Segmented>;
 
 /// How far the voxels of two patches that meet may lie apart, along each axis, in voxels.
 pub(super) const CONTACT_REACH: i32 = 1;
@@ -134,11 +134,6 @@ impl Segmented {
         numbers
     }
 
-    /// Gives back what room there is to spare.
-    pub(super) fn fit(&mut self) {
-        self.contacts.fit();
-    }
-
     /// Whether the patch of a dense voxel with this number is found by what lies around it.
     pub(super) fn is_loose(&self, number: u8) -> bool {
         self.patches.get(usize::from(number)).is_none_or(Patch::is_frayed)
@@ -198,28 +193,31 @@ impl Segmented {
     }
 }
 
-pub(super) fn patch(segmented: &Layers, id: PatchId) -> &Patch {
+pub(super) fn patch(segmented: &SegmentedBlocks, id: PatchId) -> &Patch {
     &segmented[id.block].patches[usize::from(id.number)]
 }
 
 /// Where a patch meets others.
-pub(super) fn contacts_of(segmented: &Layers, id: PatchId) -> impl Iterator<Item = (PatchId, Contact)> {
+pub(super) fn contacts_of(
+    segmented: &SegmentedBlocks,
+    id: PatchId,
+) -> impl Iterator<Item = (PatchId, Contact)> {
     segmented[id.block].contacts.of(id.number)
 }
 
 /// What a patch is a part of, by those that it meets.
-pub(super) fn host(segmented: &Layers, id: PatchId, rules: &Rules) -> Host {
+pub(super) fn host(segmented: &SegmentedBlocks, id: PatchId, rules: &Rules) -> Host {
     let slice_of = sharper(segmented, id, rules).map(Host::SliceOf);
     let end_of = || {
         let may_be = patch(segmented, id).may_be_bridge();
-        may_be.then(|| end_of_bridge(segmented, id, rules)).flatten().map(Host::EndOf)
+        may_be.then(|| end_of_bridge(segmented, id, rules)).flatten().map(Host::BridgeTo)
     };
     slice_of.or_else(end_of).unwrap_or_default()
 }
 
 /// Of the patches that a patch joins the one that its points fit best, where two of these are no single surface: as where the
 /// foot of a ramp, seen from afar, has a plane between those of floor and ramp. `None` where all of them agree.
-fn end_of_bridge(segmented: &Layers, id: PatchId, rules: &Rules) -> Option<PatchId> {
+fn end_of_bridge(segmented: &SegmentedBlocks, id: PatchId, rules: &Rules) -> Option<PatchId> {
     let own = patch(segmented, id);
     let ends = || {
         contacts_of(segmented, id).filter(|&(other, _)| {
@@ -243,7 +241,10 @@ fn end_of_bridge(segmented: &Layers, id: PatchId, rules: &Rules) -> Option<Patch
 }
 
 /// The least misfit; of equals the patch whose block comes first in space.
-fn best_fit(segmented: &Layers, fits: impl Iterator<Item = (f64, PatchId)>) -> Option<(f64, PatchId)> {
+fn best_fit(
+    segmented: &SegmentedBlocks,
+    fits: impl Iterator<Item = (f64, PatchId)>,
+) -> Option<(f64, PatchId)> {
     let place = |id: PatchId| (segmented[id.block].contacts.corner(), id.number);
     fits.min_by(|a, b| a.0.total_cmp(&b.0).then_with(|| place(a.1).cmp(&place(b.1))))
 }
@@ -251,7 +252,7 @@ fn best_fit(segmented: &Layers, fits: impl Iterator<Item = (f64, PatchId)>) -> O
 /// The sharper, broader or whole patch that a patch is a slice of: of those it meets, the one its points fit best. A flat patch
 /// that joins one with less noise as its equal, and fits that better, is no slice; what leads away from the best is no equal. Of
 /// several that fit alike it is the one whose block comes first in space.
-fn sharper(segmented: &Layers, id: PatchId, rules: &Rules) -> Option<PatchId> {
+fn sharper(segmented: &SegmentedBlocks, id: PatchId, rules: &Rules) -> Option<PatchId> {
     let own = patch(segmented, id);
     if !own.may_be_slice() {
         return None;
@@ -277,7 +278,7 @@ fn sharper(segmented: &Layers, id: PatchId, rules: &Rules) -> Option<PatchId> {
 /// plane too; where one is folded or a bridge, which lies on two planes, those that the two are parts of must lie on each
 /// other's.
 pub(super) fn are_joined(
-    segmented: &Layers,
+    segmented: &SegmentedBlocks,
     a: PatchId,
     b: PatchId,
     contact: &Contact,
@@ -288,7 +289,7 @@ pub(super) fn are_joined(
     if of_a == Some(b) || of_b == Some(a) {
         return true;
     }
-    let is_part = |own: &Patch| own.host.is_end() || own.is_folded() && own.host != Host::None;
+    let is_part = |own: &Patch| own.host.is_bridge() || own.is_folded() && own.host != Host::None;
     if is_part(here) || is_part(there) {
         let [host_a, host_b] = [(a, of_a), (b, of_b)].map(|(own, of)| patch(segmented, of.unwrap_or(own)));
         return here.joins(there, contact, rules)

@@ -14,9 +14,9 @@
 //!    others wait for the next (`pipeline`), so that hardly a scan takes twice the usual time. States are rounded to parts of a voxel
 //!    that no surface is known to (`state`), a third of the memory. Where no scan has put a point for 64 scans, whatever was
 //!    put there is published, and the voxels keep no more than that until the next (`rest`).
-//! 2. The dense voxels of a block form planar **patches**, grown from the flattest places, a voxel belonging to the plane
-//!    that its points lie on as well as their noise lets them; two of which one lies on the other are layers of one scatter, and
-//!    one patch; from what is left, **strips** of sharp voxels that may be one row, and **rough** patches with half a voxel's
+//! 2. The dense voxels of a block form planar **patches**, grown from the flattest places. A voxel belongs to a plane if its points
+//!    lie on it within their noise. Where noise spreads a surface over two layers of voxels, the two patches that are found
+//!    there become one. From what is left, **strips** of sharp voxels that may be one row, and **rough** patches with half a voxel's
 //!    tolerance (`rules`). What reaches no further along the line of sight than its noise spreads it is none of these. What
 //!    fits none is **loose** (`patches`), and so is what has become dense since the block was published. A voxel whose sharp
 //!    points show a sheet belongs to no plane across that sheet (`state`), so that two rows of a wall and two of a ceiling
@@ -42,7 +42,8 @@
 //!
 //! `scratch` is that from scratch; `surfaces` keeps it while blocks are published, and property tests hold the two
 //! equal after every scan, removals included. Its cost follows the published blocks and their neighbours, and the
-//! smaller side of what splits or merges (`graph`), never the size of the map; what leaves the engine is described anew
+//! smaller side of what splits or merges (`graph`), never the size of the map, but for lists of components that a frozen map shares
+//! (`graph`); what leaves the engine is described anew
 //! where it changed, which for an outline costs as much as the whole cluster is large, and what it is judged by is found without
 //! a look at all clusters (`surfaces/landmarks`).
 //!

@@ -20,6 +20,16 @@ pub enum NoiseModel {
     None,
 }
 
+impl NoiseModel {
+    /// As in the parameter.
+    pub const fn as_str(self) -> &'static str {
+        match self {
+            Self::KinectV1 => "kinect_v1",
+            Self::None => "none",
+        }
+    }
+}
+
 /// The sigma (m) at which a point weighs 1: a Kinect's at 9 m. The least sigma of a Kinect, 1.2 mm, gives 2^14.
 const UNIT_SIGMA: f64 = 0.1536;
 
@@ -53,10 +63,7 @@ impl Noise {
 impl fmt::Display for NoiseModel {
     /// The value of the parameter `noise_model`.
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        out.write_str(match self {
-            Self::KinectV1 => "kinect_v1",
-            Self::None => "none",
-        })
+        out.write_str(self.as_str())
     }
 }
 

@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 use super::block::{Around, Block, BlockIndex, Cell, EDGE, OWN, offset_of, place_of};
 use super::cells::Window;
 use super::held::Held;
-use super::layer::{Layers, patch, seen_from};
+use super::layer::{SegmentedBlocks, patch, seen_from};
 use super::patch::{Patch, PatchId};
 use super::rules::{NOISE_FACTOR, RIM_NOISE_FACTOR, Rules};
 use super::state::{Plane, State};
@@ -14,7 +14,7 @@ use super::state::{Plane, State};
 pub(super) struct Owners<'a> {
     around: &'a Around,
     corner: Vector3<f64>,
-    segmented: &'a Layers,
+    segmented: &'a SegmentedBlocks,
     rules: &'a Rules,
 }
 
@@ -29,7 +29,7 @@ const RIVAL_REACH: i32 = 2;
 const NARROW_HANDICAP: f64 = 2.0;
 
 impl<'a> Owners<'a> {
-    pub(super) fn new(block: &'a Block, segmented: &'a Layers, rules: &'a Rules) -> Self {
+    pub(super) fn new(block: &'a Block, segmented: &'a SegmentedBlocks, rules: &'a Rules) -> Self {
         let corner = Vector3::from(block.corner()).map(f64::from);
         Self { around: &block.around, corner, segmented, rules }
     }

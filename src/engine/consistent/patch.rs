@@ -58,19 +58,19 @@ pub(super) enum Host {
     SliceOf(PatchId),
     /// It is a bridge between two surfaces, with a plane that may agree with both and is that of neither. Of the patches at
     /// its ends it is a part of this one.
-    EndOf(PatchId),
+    BridgeTo(PatchId),
 }
 
 impl Host {
     pub(super) const fn patch(self) -> Option<PatchId> {
         match self {
             Self::None => None,
-            Self::SliceOf(id) | Self::EndOf(id) => Some(id),
+            Self::SliceOf(id) | Self::BridgeTo(id) => Some(id),
         }
     }
 
-    pub(super) const fn is_end(self) -> bool {
-        matches!(self, Self::EndOf(_))
+    pub(super) const fn is_bridge(self) -> bool {
+        matches!(self, Self::BridgeTo(_))
     }
 
     /// The same patch, in the slot that its block has got.
@@ -78,7 +78,7 @@ impl Host {
         match self {
             Self::None => Self::None,
             Self::SliceOf(id) => Self::SliceOf(moved(id)),
-            Self::EndOf(id) => Self::EndOf(moved(id)),
+            Self::BridgeTo(id) => Self::BridgeTo(moved(id)),
         }
     }
 }

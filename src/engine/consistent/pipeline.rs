@@ -117,7 +117,7 @@ impl Consistent {
     /// The map as it is now.
     pub(crate) fn freeze(&self) -> FrozenConsistent {
         FrozenConsistent {
-            grid: self.grid.freeze(),
+            blocks: self.grid.freeze(),
             surfaces: self.surfaces.freeze(),
             noise: self.surfaces.rules.noise,
             taken: self.taken,

@@ -7,14 +7,14 @@ use std::collections::BTreeMap;
 
 use super::contacts::Contacts;
 use super::grid::Grid;
-use super::layer::{CONTACT_REACH, Layers, are_joined, contacts, contacts_of, host};
+use super::layer::{CONTACT_REACH, SegmentedBlocks, are_joined, contacts, contacts_of, host};
 use super::owner::Owners;
 use super::patch::PatchId;
 use super::rules::Rules;
 use crate::engine::key::Partition;
 
 /// What the definition makes of segmented blocks, whatever is known of their contacts.
-pub(super) fn partition(grid: &Grid, segmented: &Layers, rules: &Rules) -> Partition {
+pub(super) fn partition(grid: &Grid, segmented: &SegmentedBlocks, rules: &Rules) -> Partition {
     let mut segmented = segmented.clone();
     let ids = meet(grid, &mut segmented, rules);
     let numbers = components(&ids, &segmented, rules);
@@ -39,7 +39,7 @@ pub(super) fn partition(grid: &Grid, segmented: &Layers, rules: &Rules) -> Parti
 }
 
 /// Finds all contacts, slices and bridges; returns all patches.
-pub(super) fn meet(grid: &Grid, segmented: &mut Layers, rules: &Rules) -> Vec<PatchId> {
+pub(super) fn meet(grid: &Grid, segmented: &mut SegmentedBlocks, rules: &Rules) -> Vec<PatchId> {
     let mut ids = Vec::new();
     for (index, block) in grid.blocks() {
         let mut met = Contacts::new(block.corner());
@@ -64,7 +64,7 @@ pub(super) fn meet(grid: &Grid, segmented: &mut Layers, rules: &Rules) -> Vec<Pa
 }
 
 /// The number of the component of each patch.
-fn components(ids: &[PatchId], segmented: &Layers, rules: &Rules) -> BTreeMap<PatchId, u32> {
+fn components(ids: &[PatchId], segmented: &SegmentedBlocks, rules: &Rules) -> BTreeMap<PatchId, u32> {
     let mut neighbours: BTreeMap<PatchId, Vec<PatchId>> = ids.iter().map(|&id| (id, Vec::new())).collect();
     for &id in ids {
         for (other, contact) in contacts_of(segmented, id) {

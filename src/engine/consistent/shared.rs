@@ -41,6 +41,13 @@ impl<I, T> Shared<I, T> {
         shared.count() as f64 / self.pages.len() as f64
     }
 
+    /// The places of each page that is not shared with another list.
+    #[cfg(test)]
+    pub(super) fn copied_since(&self, other: &Self) -> impl Iterator<Item = std::ops::Range<usize>> {
+        let pages = self.pages.iter().zip(&other.pages).enumerate();
+        pages.filter(|(_, (a, b))| !Arc::ptr_eq(a, b)).map(|(page, _)| page * PAGE..(page + 1) * PAGE)
+    }
+
     /// All that there is, in the order of the places.
     pub(super) fn iter(&self) -> impl ExactSizeIterator<Item = &T> {
         (0..self.len).map(|place| &self.pages[place / PAGE][place % PAGE])

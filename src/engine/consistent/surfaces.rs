@@ -5,7 +5,8 @@
 //! joins change only at its own patches and at slices and bridges that meet it, and loose voxels look for their patch anew within
 //! three voxels of it (`loose`).
 //! The graph says which clusters that merged or split; whole patches then move, those of the smaller sides. So the work
-//! follows the blocks that are published, their neighbours and the smaller side of what splits or merges.
+//! follows the blocks that are published, their neighbours and the smaller side of what splits or merges; after each freezing it also
+//! copies, once, what it changes of what the frozen map shares.
 //!
 //! Identity: the voxels that were in a cluster before vote for the one they are in now. A cluster's id goes where most of its
 //! voxels went; of several that come together the oldest stays. What has lost more than half of its voxels at once keeps its id
@@ -32,7 +33,9 @@ use super::by::By;
 use super::cluster::Cluster;
 use super::graph::{Batch, ComponentId, End, Graph, NodeId, Outcome};
 use super::grid::Grid;
-use super::layer::{CONTACT_REACH, Layers, Segmented, are_joined, contacts, contacts_of, host, patch};
+use super::layer::{
+    CONTACT_REACH, Segmented, SegmentedBlocks, are_joined, contacts, contacts_of, host, patch,
+};
 use super::outline::Drawing;
 use super::patch::{Patch, PatchId};
 use super::rules::Rules;
@@ -45,7 +48,7 @@ use crate::engine::params::Params;
 #[derive(Clone, Debug)]
 pub(super) struct Surfaces {
     pub(super) rules: Rules,
-    segmented: Layers,
+    segmented: SegmentedBlocks,
     /// The nodes of a block's patches, by number.
     nodes: Shared<BlockIndex, Vec<NodeId>>,
     patches: By<NodeId, Option<PatchId>>,
@@ -86,7 +89,7 @@ impl Surfaces {
     pub(super) fn new(params: &Params) -> Self {
         Self {
             rules: Rules::new(params),
-            segmented: Layers::default(),
+            segmented: SegmentedBlocks::default(),
             nodes: Shared::default(),
             patches: By::default(),
             graph: Graph::default(),
@@ -112,8 +115,12 @@ impl Surfaces {
         self.clusters[component].as_deref()
     }
 
-    pub(super) const fn segmented(&self) -> &Layers {
+    pub(super) const fn segmented(&self) -> &SegmentedBlocks {
         &self.segmented
+    }
+
+    fn node(&self, id: PatchId) -> NodeId {
+        self.nodes[id.block][usize::from(id.number)]
     }
 
     /// The dense voxels of a block as they were published, with those that have become dense since.
@@ -123,9 +130,10 @@ impl Surfaces {
 
     /// The dense voxels of a block that is to rest, as they were published; what is kept of it takes no room to spare.
     pub(super) fn rest(&mut self, block: BlockIndex) -> Arc<Vec<State>> {
-        let here = &mut self.segmented[block];
-        here.fit();
-        Arc::clone(&here.states)
+        if !self.segmented[block].contacts.is_fit() {
+            self.segmented[block].contacts.fit();
+        }
+        Arc::clone(&self.segmented[block].states)
     }
 
     /// Forgets what the scan before has changed.
@@ -230,7 +238,7 @@ impl Surfaces {
         let slices: Vec<_> = slices.into_iter().filter(|&id| self.find_host(id)).collect();
         let anew: Vec<_> = new.into_iter().chain(slices.iter().copied()).collect();
         for id in slices {
-            let node = self.nodes[id.block][usize::from(id.number)];
+            let node = self.node(id);
             batch.disconnect.extend(self.graph.neighbours(node).iter().map(|&other| (node, other)));
         }
         // What goes with a removed node need not be said to go.
@@ -238,7 +246,7 @@ impl Surfaces {
         batch.disconnect.retain(|(_, other)| !gone.contains(other));
         let end = |id: PatchId| match first.get(&id.block) {
             Some(first) => End::New(first + u32::from(id.number)),
-            None => End::Old(self.nodes[id.block][usize::from(id.number)]),
+            None => End::Old(self.node(id)),
         };
         for id in anew {
             for (other, contact) in contacts_of(&self.segmented, id) {
@@ -255,7 +263,7 @@ impl Surfaces {
         let host = host(&self.segmented, id, &self.rules);
         let patch = &mut self.segmented[id.block].patches[usize::from(id.number)];
         let before = std::mem::replace(&mut patch.host, host);
-        before.is_end() || host.is_end() || patch.may_be_slice()
+        before.is_bridge() || host.is_bridge() || patch.may_be_slice()
     }
 
     fn ids(&self, block: BlockIndex) -> impl Iterator<Item = PatchId> {

@@ -16,9 +16,9 @@ use crate::engine::snapshot::DenseVoxel;
 impl FrozenConsistent {
     /// All dense voxels by ascending key. Blocks are sorted, and not voxels, which are fifty times as many.
     pub(super) fn voxels(&self) -> Vec<DenseVoxel> {
-        let mut blocks: Vec<_> = self.grid.blocks().map(|(index, block)| (block.key, index)).collect();
+        let mut blocks: Vec<_> = self.blocks.blocks().map(|(index, block)| (block.key, index)).collect();
         blocks.sort_unstable();
-        let mut voxels = Vec::with_capacity(self.grid.dense() as usize);
+        let mut voxels = Vec::with_capacity(self.blocks.dense() as usize);
         let faces = self.surfaces.faces();
         // Blocks with the same x: all that holds voxels of these eight x.
         let mut slab = Vec::new();
@@ -38,14 +38,14 @@ impl FrozenConsistent {
     /// The dense voxels of a block, ascending. A voxel has the normal of its patch, which sees further than the voxel's own
     /// neighbourhood, and its curvature.
     fn put_voxels(&self, index: BlockIndex, faces: &Faces, voxels: &mut Vec<DenseVoxel>) {
-        let block = self.grid.block(index);
+        let block = self.blocks.block(index);
         let published = self.surfaces.voxels(index, faces);
         let now = OnceCell::new();
-        for voxel in block.voxels().iter().filter(|voxel| self.grid.is_dense(voxel)) {
+        for voxel in block.voxels().iter().filter(|voxel| self.blocks.is_dense(voxel)) {
             let place = published.binary_search_by_key(&voxel.cell, |(state, _)| state.cell());
             let face = place.ok().and_then(|place| published[place].1);
             let shape = face.map(|face| (face.normal, face.curvature)).or_else(|| {
-                let now = now.get_or_init(|| states(&self.grid, block));
+                let now = now.get_or_init(|| states(&self.blocks, block));
                 let fit = Region::around(now, voxel.cell, &self.noise).fit()?;
                 Some((fit.plane.normal, fit.curvature() as f32))
             });
@@ -63,7 +63,7 @@ impl FrozenConsistent {
         Some(DenseVoxel {
             key: block.voxel_key(voxel.cell)?,
             count: voxel.count,
-            centre: self.grid.centre(block, voxel),
+            centre: self.blocks.centre(block, voxel),
             normal: shape.map(|(normal, _)| normal),
             curvature: shape.map_or(f32::NAN, |(_, curvature)| curvature),
             cluster,

@@ -4,17 +4,17 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
 
-use super::{Component, ComponentId, Graph, NodeId};
+use super::{ComponentId, Graph, NodeId};
 use crate::engine::saved::{RestoreError, ensure};
 
 /// Which slots nodes and components have, and in which order the free ones are given. The order of a component's nodes
 /// counts as well: it decides which part keeps the slot.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Slots {
-    free_nodes: Vec<u32>,
+    pub(super) free_nodes: Vec<u32>,
     /// The nodes of each slot.
-    components: Vec<Vec<u32>>,
-    free_components: Vec<u32>,
+    pub(super) components: Vec<Vec<u32>>,
+    pub(super) free_components: Vec<u32>,
 }
 
 impl Slots {
@@ -28,15 +28,6 @@ impl Graph {
     /// Slots of nodes, taken or free.
     pub(crate) fn node_slots(&self) -> usize {
         self.nodes.len()
-    }
-
-    pub(crate) fn slots_taken(&self) -> Slots {
-        let nodes = |component: &Component| component.nodes.iter().map(|node| node.0).collect();
-        Slots {
-            free_nodes: self.free_nodes.iter().map(|node| node.0).collect(),
-            components: self.components.iter().map(nodes).collect(),
-            free_components: self.free_components.iter().map(|component| component.0).collect(),
-        }
     }
 
     /// The graph of these nodes and edges (in one direction or both) in the slots of `slots`.
@@ -146,7 +137,7 @@ mod tests {
     #[test]
     fn a_graph_has_the_slots_that_it_had() {
         let graph = restore(&slots(), &[(0, 1), (1, 0)]).unwrap();
-        assert_eq!(graph.slots_taken(), slots());
+        assert_eq!(graph.freeze().slots_taken(), slots());
         assert_eq!(graph.neighbours(NodeId(0)), [NodeId(1)]);
         assert_eq!((graph.component(NodeId(3)), graph.weight(ComponentId(2))), (ComponentId(0), 10));
     }

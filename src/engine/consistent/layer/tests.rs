@@ -101,7 +101,7 @@ fn what_scatters_before_a_wall_is_a_slice_of_it_though_it_fits_a_scatter_that_le
         let beside = rows_from(4.4, 4..8, |y| 3.05 + slope * (y - 4.0));
         let turn = beside.normal().angle(&wall.normal());
         assert!(beside.slice_of(&wall, &rules).is_some(), "{slope}");
-        let all = Layers::from_iter([of_a_block(vec![wall.clone(), scatter.clone(), beside])]);
+        let all = SegmentedBlocks::from_iter([of_a_block(vec![wall.clone(), scatter.clone(), beside])]);
         let contact = contacts_of(&all, id(0, 1)).find(|(met, _)| *met == id(0, 2)).unwrap().1;
         let [scatter, beside] = [1, 2].map(|number| patch(&all, id(0, number)));
         assert!(scatter.is_equal_of(beside, &contact, &rules), "{slope}");
@@ -126,23 +126,25 @@ fn what_lies_between_floor_and_ramp_is_a_part_of_the_one_that_it_fits_best() {
 
     let mut here = of_a_block(vec![floor, foot]);
     let mut there = Segmented { contacts: Contacts::new(corner), ..of_patches(vec![ramp]) };
-    let on_floor = Layers::from_iter([here.clone(), Segmented::default()]);
+    let on_floor = SegmentedBlocks::from_iter([here.clone(), Segmented::default()]);
     for ((a, b), contact) in contacts(&here, &there, place_of([0, 1, 0]), [0; 3], CONTACT_REACH) {
         here.contacts.insert(a, id(1, b), &contact);
         there.contacts.insert(b, id(0, a), &contact);
     }
-    let all = Layers::from_iter([here, there]);
+    let all = SegmentedBlocks::from_iter([here, there]);
 
     assert_eq!(host(&on_floor, id(0, 1), &rules), Host::None, "one end alone is no bridge");
     assert_eq!(host(&all, id(0, 0), &rules), Host::None, "a floor is no part of its ramp's foot");
-    let Host::EndOf(end) = host(&all, id(0, 1), &rules) else { panic!("{:?}", host(&all, id(0, 1), &rules)) };
+    let Host::BridgeTo(end) = host(&all, id(0, 1), &rules) else {
+        panic!("{:?}", host(&all, id(0, 1), &rules))
+    };
     let misfits = [id(0, 0), id(1, 0)].map(|end| patch(&all, id(0, 1)).misfit(patch(&all, end), &rules));
     assert_eq!(end == id(0, 0), misfits[0] <= misfits[1], "{misfits:?}");
     let [foot, floor, ramp] = [id(0, 1), id(0, 0), id(1, 0)];
     let other = if end == floor { ramp } else { floor };
     let joined = |to: PatchId| {
         let mut all = all.clone();
-        all[foot.block].patches[1].host = Host::EndOf(end);
+        all[foot.block].patches[1].host = Host::BridgeTo(end);
         let contact = contacts_of(&all, foot).find(|(met, _)| *met == to).unwrap().1;
         are_joined(&all, foot, to, &contact, &rules)
     };

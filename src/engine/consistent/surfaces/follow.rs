@@ -16,6 +16,10 @@ impl Surfaces {
         let moved = moves.moved().iter().map(|(_, to)| *to);
         let around = moved.clone().flat_map(|block| grid.block(block).around.iter());
         for block in around.map(|(_, block)| block).collect::<BTreeSet<_>>() {
+            // Most name none: then nothing is copied that a frozen map shares. A host is met as well.
+            if !self.segmented[block].contacts.names_any_beyond(moves.slots()) {
+                continue;
+            }
             let here = &mut self.segmented[block];
             here.contacts.follow(moves);
             for patch in &mut here.patches {

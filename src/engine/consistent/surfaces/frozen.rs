@@ -9,9 +9,9 @@ use super::saved::SavedCluster;
 use super::{SavedSurfaces, Surfaces};
 use crate::engine::consistent::block::BlockIndex;
 use crate::engine::consistent::by::By;
-use crate::engine::consistent::graph::{ComponentId, Graph, NodeId};
+use crate::engine::consistent::graph::{ComponentId, FrozenGraph, NodeId};
 use crate::engine::consistent::grid::Blocks;
-use crate::engine::consistent::layer::Layers;
+use crate::engine::consistent::layer::SegmentedBlocks;
 use crate::engine::consistent::saved::SavedState;
 use crate::engine::consistent::shared::Shared;
 use crate::engine::consistent::state::{State, states};
@@ -20,9 +20,9 @@ use crate::engine::snapshot::Cluster;
 
 #[derive(Clone, Debug)]
 pub(in super::super) struct FrozenSurfaces {
-    segmented: Layers,
+    segmented: SegmentedBlocks,
     nodes: Shared<BlockIndex, Vec<NodeId>>,
-    graph: Graph,
+    graph: FrozenGraph,
     /// All that is saved of the clusters, with their components.
     clusters: Vec<(u32, SavedCluster)>,
     /// The clusters that are told of, by ascending id.
@@ -51,7 +51,7 @@ impl Surfaces {
         FrozenSurfaces {
             segmented: self.segmented.clone(),
             nodes: self.nodes.clone(),
-            graph: self.graph.clone(),
+            graph: self.graph.freeze(),
             clusters: self.save_clusters(),
             told: self.told().into_iter().cloned().collect(),
             clustered: self.clustered(),
@@ -66,21 +66,43 @@ impl FrozenSurfaces {
         self.told.iter().map(|cluster| Cluster::clone(cluster)).collect()
     }
 
+    /// What each patch is for its voxels, by its node.
     pub(in super::super) fn faces(&self) -> Faces {
         let mut ids = By::<ComponentId, Option<ClusterId>>::new();
         for (component, cluster) in &self.clusters {
             *ids.reach(ComponentId(*component)) = cluster.id();
         }
+        let mut components = By::<NodeId, Option<ComponentId>>::new();
+        self.graph.nodes().for_each(|(node, component)| *components.reach(node) = Some(component));
         let mut faces = Faces::new();
         for (here, nodes) in self.segmented.iter().zip(self.nodes.iter()) {
             for (patch, &node) in here.patches.iter().zip(nodes) {
-                let component = self.graph.component(node);
+                let Some(component) = components[node] else { unreachable!("{node:?} is in no component") };
                 let cluster = ids.get(component).copied().flatten();
                 let (normal, curvature) = (patch.normal(), patch.curvature());
                 *faces.reach(node) = Some(Face { component, cluster, normal, curvature });
             }
         }
         faces
+    }
+
+    /// What part of each of its lists is shared with another map's.
+    #[cfg(test)]
+    pub(in super::super) fn shared_with(&self, other: &Self) -> [f64; 3] {
+        [
+            self.segmented.shared_with(&other.segmented),
+            self.nodes.shared_with(&other.nodes),
+            self.graph.shared_with(&other.graph),
+        ]
+    }
+
+    /// The places of each page of its lists by block that is not shared with another map's.
+    #[cfg(test)]
+    pub(in super::super) fn copied_since(
+        &self,
+        other: &Self,
+    ) -> impl Iterator<Item = std::ops::Range<usize>> {
+        self.segmented.copied_since(&other.segmented).chain(self.nodes.copied_since(&other.nodes))
     }
 
     /// The published voxels of a block, ascending, each with the one of `faces` that it belongs to.

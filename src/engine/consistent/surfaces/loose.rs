@@ -68,7 +68,8 @@ impl Surfaces {
         patch.is_some_and(|patch| blocks.binary_search(&patch.block).is_ok())
     }
 
-    /// Takes a loose voxel out of the cluster of its owner, which it still has.
+    /// Takes a loose voxel out of the cluster of its owner. That it has another one, or none, from then on is for the caller to note, or
+    /// it would be taken out twice.
     pub(super) fn leave_loose(&mut self, grid: &Grid, block: BlockIndex, number: usize) {
         let here = &self.segmented[block];
         let Some(owner) = here.loose[number].owner() else { return };
@@ -89,13 +90,13 @@ impl Surfaces {
         let theirs = || beside.iter().filter(|it| it.is_theirs);
         theirs().for_each(|it| self.leave_loose(grid, it.block, it.number));
         if let Some(first) = theirs().next() {
-            self.set_owners(first.block, theirs().map(|it| (it.number, None)));
+            self.set_owners(first.block, theirs().map(|it| (it.number, None)).collect());
         }
     }
 
-    fn set_owners(&mut self, block: BlockIndex, owners: impl Iterator<Item = (usize, Option<NodeId>)>) {
+    fn set_owners(&mut self, block: BlockIndex, owners: Vec<(usize, Option<NodeId>)>) {
         let loose = &mut self.segmented[block].loose;
-        owners.for_each(|(number, owner)| loose[number].set_owner(owner));
+        owners.into_iter().for_each(|(number, owner)| loose[number].set_owner(owner));
     }
 
     /// Puts loose voxels of a block, by their places in its list, beside the patches that they belong to.
@@ -105,12 +106,11 @@ impl Surfaces {
         block: BlockIndex,
         numbers: impl Iterator<Item = usize>,
     ) {
-        let owners = self.owners(grid, block, numbers);
-        let mut given = Vec::with_capacity(owners.len());
-        for (number, owner) in owners {
-            given.extend(owner.map(|owner| (number, Some(self.enter_beside(grid, block, number, owner)))));
-        }
-        self.set_owners(block, given.into_iter());
+        let owners = self.owners(grid, block, numbers).into_iter();
+        let owners: Vec<_> = owners.filter_map(|(number, owner)| Some((number, owner?))).collect();
+        owners.iter().for_each(|&(number, owner)| self.enter_near(grid, block, number, owner));
+        let given = owners.into_iter().map(|(number, owner)| (number, Some(self.node(owner))));
+        self.set_owners(block, given.collect());
     }
 
     /// Puts the loose voxels of one block beside the patches that they belong to after blocks around it (ascending) were published;
@@ -129,18 +129,18 @@ impl Surfaces {
         let moving = beside.iter().filter(|it| it.is_theirs || !stays(it.number)).map(|it| it.number);
         let mut moved = Vec::new();
         for (number, owner) in self.owners(grid, block, moving) {
-            let node = owner.map(|owner| self.nodes[owner.block][usize::from(owner.number)]);
+            let node = owner.map(|owner| self.node(owner));
             if node == self.segmented[block].loose[number].owner() {
                 continue;
             }
             self.leave_loose(grid, block, number);
             if let Some(owner) = owner {
-                self.enter_beside(grid, block, number, owner);
+                self.enter_near(grid, block, number, owner);
             }
             moved.push((number, node));
         }
         if !moved.is_empty() {
-            self.set_owners(block, moved.into_iter());
+            self.set_owners(block, moved);
         }
     }
 
@@ -157,18 +157,17 @@ impl Surfaces {
         numbers.map(|number| (number, owner(number))).collect()
     }
 
-    /// Puts a loose voxel into the cluster of a patch beside it; returns the patch's node.
-    fn enter_beside(&mut self, grid: &Grid, block: BlockIndex, number: usize, owner: PatchId) -> NodeId {
+    /// Puts a loose voxel into the cluster of the patch that it belongs to, one near it or its own, which is frayed. That this is its
+    /// owner is for the caller to note.
+    fn enter_near(&mut self, grid: &Grid, block: BlockIndex, number: usize, owner: PatchId) {
         let here = &self.segmented[block];
         let state = here.loose_state(number);
-        let node = self.nodes[owner.block][usize::from(owner.number)];
-        let component = self.graph.component(node);
+        let component = self.graph.component(self.node(owner));
         let is_own = owner.block == block && here.number_of(state.cell()) == Some(owner.number);
         let member = here.member(grid.block(block), state, is_own.then_some(owner.number), &self.rules);
         if let (Some(cluster), Some(member)) = (self.clusters[component].as_mut(), member) {
             cluster.add(&member);
         }
         self.changed.insert(component);
-        node
     }
 }

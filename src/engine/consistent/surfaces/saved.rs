@@ -110,7 +110,7 @@ impl Surfaces {
         self.restore_clusters(&clusters, map.ids_given, sequence)?;
         for (block, here) in grid.blocks() {
             if here.is_at_rest() {
-                self.segmented[block].fit();
+                self.segmented[block].contacts.fit();
             }
             self.enter(grid, block);
         }
@@ -127,10 +127,6 @@ impl Surfaces {
         let nodes = map.nodes.iter().map(|nodes| nodes.iter().copied().map(NodeId).collect());
         self.nodes = nodes.collect();
         Ok(())
-    }
-
-    fn node(&self, id: PatchId) -> NodeId {
-        self.nodes[id.block][usize::from(id.number)]
     }
 
     fn restore_graph(&mut self, map: &SavedSurfaces, ids: &[PatchId]) -> Result<(), RestoreError> {

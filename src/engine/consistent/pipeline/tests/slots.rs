@@ -1,6 +1,6 @@
 //! Slots follow the blocks that are there.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::*;
 use crate::engine::consistent::block::{BlockKey, offset_of};
@@ -25,6 +25,11 @@ fn plate() -> Vec<[f32; 3]> {
 fn scan(number: i64, x: f64, points: Vec<[f32; 3]>) -> Scan {
     let fixed_from_sensor = Isometry3::translation(x, 0.0, 0.0);
     Scan { stamp: Stamp::from_nanos(number * 33_333_333), fixed_from_sensor, points: Points::F32(points) }
+}
+
+/// A scan from the place of another that shows nothing.
+fn blind(view: &Scan) -> Scan {
+    Scan { points: Points::F32(Vec::new()), ..view.clone() }
 }
 
 fn centimetres() -> Params {
@@ -95,10 +100,15 @@ fn whatever_is_forgotten_slots_have_blocks_and_the_map_is_what_its_definition_ma
 fn what_was_frozen_stays_as_it_was_whatever_is_forgotten_and_seen_after_it() {
     let params = Params::default().with_max_voxels(2000).unwrap().with_keep_radius(3.0).unwrap();
     let mut next = laboratory();
+    let views: Vec<_> = (0..12).map(|_| next()).collect();
     let mut engine = Consistent::new(params);
     let mut frozen = Vec::new();
-    for _ in 0..8 {
-        (0..3).for_each(|_| drop(engine.insert(&next())));
+    for (number, views) in (0..).zip(views.chunks(3).cycle().take(8)) {
+        views.iter().for_each(|view| drop(engine.insert(view)));
+        if number % 2 == 1 {
+            // Long enough for all blocks to come to rest; the next view wakes some.
+            (0..70).for_each(|_| drop(engine.insert(&blind(&views[0]))));
+        }
         let map = engine.freeze();
         let then = (map.save(), format!("{:?}", map.snapshot()));
         frozen.push((map, then));
@@ -115,11 +125,28 @@ fn a_scan_after_the_map_was_frozen_copies_what_it_changes_alone() {
     let mut next = laboratory();
     let mut engine = Consistent::new(Params::default());
     (0..40).for_each(|_| drop(engine.insert(&next())));
-    let (blocks, layers) = (engine.grid.freeze(), engine.surfaces.segmented().clone());
-    engine.insert(&next());
-    let shared = [engine.grid.shared_with(&blocks), engine.surfaces.segmented().shared_with(&layers)];
-    let seen = engine.binned.seen.len();
-    assert!(shared.iter().all(|shared| *shared > 0.5), "{shared:?}, {seen} of {} seen", engine.grid.slots());
+    let view = next();
+    // Until all that was due is published, and all blocks are at rest.
+    (0..70).for_each(|_| drop(engine.insert(&blind(&view))));
+    let frozen = engine.freeze();
+    let shared = |engine: &Consistent| {
+        let now = engine.freeze();
+        let [segmented, nodes, graph] = now.surfaces.shared_with(&frozen.surfaces);
+        [now.blocks.shared_with(&frozen.blocks), segmented, nodes, graph]
+    };
+    assert_eq!(shared(&engine), [1.0; 4], "freezing copies nothing");
+    engine.insert(&blind(&view));
+    assert_eq!(shared(&engine), [1.0; 4], "nor does a scan that shows nothing");
+    engine.insert(&view);
+    assert!(shared(&engine).iter().all(|part| *part < 1.0), "{:?}", shared(&engine));
+    let around = |block: &BlockIndex| engine.grid.block(*block).around.iter().map(|(_, beside)| beside);
+    let reached: BTreeSet<_> = engine.binned.seen.iter().flat_map(around).collect();
+    let now = engine.freeze();
+    let copied = now.blocks.copied_since(&frozen.blocks).chain(now.surfaces.copied_since(&frozen.surfaces));
+    for page in copied {
+        let blocks = BlockIndex(page.start as u32)..BlockIndex(page.end as u32);
+        assert!(reached.range(blocks.clone()).next().is_some(), "{blocks:?}");
+    }
 }
 
 #[test]

@@ -1,0 +1,47 @@
+//! Which nodes hang together, as it was after a batch.
+
+use super::restore::Slots;
+use super::{Component, ComponentId, Graph, NodeId};
+use crate::engine::consistent::shared::Shared;
+
+/// The components of a [`Graph`], with their slots. It shares with the graph what no batch has changed since.
+#[derive(Clone, Debug)]
+pub(crate) struct FrozenGraph {
+    components: Shared<ComponentId, Component>,
+    free_nodes: Vec<NodeId>,
+    free_components: Vec<ComponentId>,
+}
+
+impl Graph {
+    /// As it is now.
+    pub(crate) fn freeze(&self) -> FrozenGraph {
+        FrozenGraph {
+            components: self.components.clone(),
+            free_nodes: self.free_nodes.clone(),
+            free_components: self.free_components.clone(),
+        }
+    }
+}
+
+impl FrozenGraph {
+    /// Each node that is there, with its component.
+    pub(crate) fn nodes(&self) -> impl Iterator<Item = (NodeId, ComponentId)> {
+        let components = (0..).map(ComponentId).zip(self.components.iter());
+        components.flat_map(|(at, component)| component.nodes.iter().map(move |&node| (node, at)))
+    }
+
+    pub(crate) fn slots_taken(&self) -> Slots {
+        let nodes = |component: &Component| component.nodes.iter().map(|node| node.0).collect();
+        Slots {
+            free_nodes: self.free_nodes.iter().map(|node| node.0).collect(),
+            components: self.components.iter().map(nodes).collect(),
+            free_components: self.free_components.iter().map(|component| component.0).collect(),
+        }
+    }
+
+    /// What part of its pages is shared with another.
+    #[cfg(test)]
+    pub(crate) fn shared_with(&self, other: &Self) -> f64 {
+        self.components.shared_with(&other.components)
+    }
+}
