@@ -110,19 +110,20 @@ fn run(
     }
 }
 
-/// The settings with the method to the letter, which the paper's figures are about, whatever the mode; and so they are told.
+/// The settings with the method to the letter, which the paper's figures are about, whatever the mode; and so they are told. What
+/// mode `consistent` alone asks of them stays as given.
 fn letter(setup: &Setup) -> Settings {
     let mut settings = settings(setup);
-    settings.engine = settings.engine.with_mode(Mode::Paper).with_clearing(false);
+    // Where the mode was given as `paper`, that is off for it alone.
+    let clears = !setup.is_given("clearing") || settings.engine.clearing();
     for (name, value) in &mut settings.parameters {
         match name.as_str() {
             "mode" => *value = Value::Text("paper".to_owned()),
-            "clearing" => *value = Value::Boolean(false),
-            "max_voxels" => *value = Value::Integer(0),
-            "keep_radius" => *value = Value::Double(0.0),
+            "clearing" => *value = Value::Boolean(clears),
             _ => {}
         }
     }
+    settings.engine = settings.engine.with_mode(Mode::Paper).with_clearing(clears);
     settings
 }
 

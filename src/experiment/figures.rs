@@ -243,7 +243,7 @@ fn series(method: usize, style: Style, points: Vec<(f64, f64)>) -> Series {
     Series { name: method.name.to_owned(), colour: method.colour, style, points }
 }
 
-/// The series as that of the clusters that can be relied on. The legend has room to tell so of the first.
+/// The series as that of the large clusters. The legend has room to tell so of the first.
 fn large(method: usize, series: Series) -> Series {
     let name =
         if method == 0 { format!("dashed: {MIN_RELIABLE_VOXELS} voxels or more") } else { String::new() };

@@ -36,7 +36,7 @@ pub(super) const METHODS: [Method; 3] = [
         name: CONSISTENT,
         key: CONSISTENT,
         colour: [0, 158, 115],
-        start: |params| Box::new(Consistent::new(params.with_mode(Mode::Consistent).with_clearing(true))),
+        start: |params| Box::new(Consistent::new(params.with_mode(Mode::Consistent))),
     },
     Method {
         name: "STATIC",

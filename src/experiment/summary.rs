@@ -6,7 +6,7 @@ use super::live::arrival;
 use super::method::METHODS;
 use super::results::{Measured, Results};
 use super::statistics::{largest, last_quarter_over_second, line, mean, median};
-use crate::engine::{Params, PipelineStep};
+use crate::engine::{Mode, Params, PipelineStep};
 
 /// The experiment in numbers; `None` (`null` in JSON) where there is nothing to take a number of.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -37,6 +37,11 @@ pub struct ParametersSummary {
     pub max_normal_angle: f64,
     pub min_vicinity: u32,
     pub expansion_interval: u32,
+    /// This and what follows are asked for by mode `consistent` alone.
+    pub noise_model: &'static str,
+    pub clearing: bool,
+    pub max_voxels: u64,
+    pub keep_radius: f64,
 }
 
 /// One method in numbers: means are over the scans, `last` is after the last one.
@@ -212,6 +217,10 @@ impl ParametersSummary {
             max_normal_angle: params.max_normal_angle(),
             min_vicinity: params.min_vicinity(),
             expansion_interval: params.expansion_interval(),
+            noise_model: params.noise_model().as_str(),
+            clearing: params.with_mode(Mode::Consistent).clearing(),
+            max_voxels: params.max_voxels(),
+            keep_radius: params.keep_radius(),
         }
     }
 }

@@ -136,7 +136,7 @@ impl Measure {
             Self::Nees => {
                 "normalised estimation error squared: the error of a plane in angle and offset, squared, in terms of the covariance \
                  that is stated for it: 3 on average where that is right, more where it promises too much; a value for each surface \
-                 that is one plane"
+                 that is one plane, but for those of which the plane is turned by 45 degrees or more, which is another surface's"
             }
             Self::OffsetSigma => {
                 "the standard deviation that is stated for a plane's offset; a value for each flat surface"

@@ -9,7 +9,7 @@ use super::plane::Plane;
 use crate::engine::consistent::Consistent;
 use crate::engine::paper::Cfodi;
 use crate::engine::paper::statics::StaticMap;
-use crate::engine::{Params, Scan, Snapshot, SurfaceClass, VoxelKey, canonical};
+use crate::engine::{DenseVoxel, Params, Scan, Snapshot, SurfaceClass, VoxelKey, canonical};
 use crate::experiment::clustering::Clustering;
 use crate::sim::truth::Class;
 
@@ -91,21 +91,41 @@ fn found_by_cfodi(snapshot: &Snapshot) -> Found {
     Found { voxels: Clustering::from(snapshot).labels().collect(), clusters: clusters.collect() }
 }
 
-/// A cluster's plane goes through the mean of its voxels' centres, which STATIC has in common with the engine.
+/// A cluster's plane goes through the mean of its voxels' centres, which STATIC has in common with the engine. It faces the side from
+/// which the engine has seen them: STATIC turns all normals towards the last scan's sensor, which may stand behind the wall by then.
 fn found_by_static(map: &StaticMap, snapshot: &Snapshot) -> Found {
-    let centres: BTreeMap<VoxelKey, Point3<f64>> =
-        snapshot.voxels.iter().map(|voxel| (voxel.key, voxel.centre)).collect();
-    let mut sums = vec![(Vector3::zeros(), 0.0); map.cluster_normals.len()];
+    let seen: BTreeMap<VoxelKey, &DenseVoxel> =
+        snapshot.voxels.iter().map(|voxel| (voxel.key, voxel)).collect();
+    let mut sums = vec![Sums::default(); map.cluster_normals.len()];
     for voxel in &map.voxels {
-        if let Some((cluster, centre)) = voxel.cluster.zip(centres.get(&voxel.key)) {
-            let (sum, count) = &mut sums[cluster as usize];
-            *sum += centre.coords;
-            *count += 1.0;
+        if let Some((cluster, seen)) = voxel.cluster.zip(seen.get(&voxel.key)) {
+            sums[cluster as usize].add(seen);
         }
     }
-    let clusters = sums.iter().zip(&map.cluster_normals);
-    let clusters = clusters.map(|((sum, count), normal)| plane_alone(&Point3::from(sum / *count), normal));
+    let clusters = sums.iter().zip(&map.cluster_normals).map(|(sums, normal)| sums.plane(normal));
     Found { voxels: Clustering::from(map).labels().collect(), clusters: (0..).zip(clusters).collect() }
+}
+
+/// Sums over the voxels of a cluster, as the engine has seen them.
+#[derive(Clone, Default)]
+struct Sums {
+    centres: Vector3<f64>,
+    normals: Vector3<f64>,
+    voxels: f64,
+}
+
+impl Sums {
+    fn add(&mut self, voxel: &DenseVoxel) {
+        self.centres += voxel.centre.coords;
+        self.normals += voxel.normal.map_or_else(Vector3::zeros, |normal| *normal);
+        self.voxels += 1.0;
+    }
+
+    /// The plane of this normal, or of its opposite.
+    fn plane(&self, normal: &Vector3<f64>) -> FoundCluster {
+        let facing = if normal.dot(&self.normals) < 0.0 { -normal } else { *normal };
+        plane_alone(&Point3::from(self.centres / self.voxels), &facing)
+    }
 }
 
 fn plane_alone(point: &Point3<f64>, normal: &Vector3<f64>) -> FoundCluster {
@@ -133,6 +153,9 @@ mod tests {
         let (stamp, points) = (Stamp::from_nanos(1), Points::F32(points.collect()));
         let mut paper = methods(&Params::default()).swap_remove(0);
         paper.insert(&Scan { stamp, fixed_from_sensor, points });
+        // Towards a sensor that has gone below the floor STATIC turns it, though it was seen from above.
+        let (stamp, below) = (Stamp::from_nanos(2), Isometry3::translation(0.0, 0.0, -3.0));
+        paper.insert(&Scan { stamp, fixed_from_sensor: below, points: Points::F32(Vec::new()) });
         for (name, found) in paper.found() {
             assert_eq!((found.voxels.len(), found.clusters.len()), (625, 1), "{name}");
             let (number, floor) = found.clusters.first_key_value().unwrap();

@@ -120,7 +120,11 @@ impl Size {
         _ = writeln!(text, "| measure | bar | {} | holds |", names.join(" | "));
         _ = writeln!(text, "|---|---|{}---|", "---|".repeat(names.len()));
         let counts = self.methods.iter().map(|(_, p)| format!("{} in {} clusters", p.seen, p.clusters));
-        _ = writeln!(text, "| seen surfaces | | {} | |", counts.collect::<Vec<_>>().join(" | "));
+        _ = writeln!(
+            text,
+            "| seen surfaces, clusters with scored voxels | | {} | |",
+            counts.collect::<Vec<_>>().join(" | ")
+        );
         for measure in Measure::ALL {
             let cells = names.iter().map(|name| cell(measure, self.line(name, measure)));
             let cells = cells.collect::<Vec<_>>().join(" | ");
