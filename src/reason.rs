@@ -9,6 +9,11 @@ pub struct Reason {
     pub sentence: &'static str,
 }
 
+/// Keys of scans that are skipped for no fault of theirs, by the live node and by a replay.
+pub const SESSION_ENDED: &str = "session_ended";
+/// As above, at the end.
+pub const SHUTDOWN: &str = "shutdown";
+
 impl Reason {
     /// A reason by its key and its sentence.
     pub const fn new(key: &'static str, sentence: &'static str) -> Self {

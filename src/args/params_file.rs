@@ -89,8 +89,8 @@ fn read_parameters(node: &str, about: &Yaml, assigned: &mut Vec<ParamAssignment>
     let parameters = about.as_hash();
     let parameters = parameters.ok_or_else(|| format!("node `{node}` must have a map `{PARAMETERS}`"))?;
     for (name, value) in parameters {
-        // As in ROS, what reads like a number is a name here.
-        let name = repeats::name(name).map_or_else(|| shown(name), str::to_owned);
+        // As in ROS, what reads like a number is a name here. One that has come before keeps its mark: see `flatten`.
+        let name = name.as_str().map_or_else(|| shown(name), str::to_owned);
         assigned.push(ParamAssignment::new_node_specific(node.into(), name, value.clone()));
     }
     Ok(())
@@ -99,12 +99,15 @@ fn read_parameters(node: &str, about: &Yaml, assigned: &mut Vec<ParamAssignment>
 /// Adds a value under its name; a nested map stands for names joined by dots.
 ///
 /// # Errors
-/// At a name that is too long, and at a value of a type that no parameter has.
+/// At a name that is too long or has come before in its map, and at a value of a type that no parameter has.
 pub(super) fn flatten(
     name: String,
     value: &Yaml,
     values: &mut Vec<(String, Value)>,
 ) -> Result<(), ArgsError> {
+    if let Some(name) = repeats::unmarked(&name) {
+        return Err(ArgsError::Repeated(name.to_owned()));
+    }
     if name.len() > MAX_NAME_BYTES {
         return Err(ArgsError::LongName { begin: name.chars().take(SHOWN).collect(), bytes: name.len() });
     }
@@ -122,7 +125,7 @@ pub(super) fn flatten(
         },
         Yaml::Hash(map) => {
             return map.iter().try_for_each(|(key, value)| {
-                let key = repeats::name(key).map_or_else(|| shown(key), str::to_owned);
+                let key = key.as_str().map_or_else(|| shown(key), str::to_owned);
                 flatten(format!("{name}.{key}"), value, values)
             });
         }
@@ -210,6 +213,25 @@ mod tests {
         let error =
             of_text(&format!("{}: {{{}: {{ros__parameters: {{a: 1}}}}}}", "x".repeat(200), "y".repeat(56)));
         assert!(error.unwrap_err().ends_with("has 257 bytes; at most 256 are read"));
+    }
+
+    #[test]
+    fn a_parameter_that_stands_twice_in_one_map_is_refused_and_one_of_two_sections_is_not() {
+        let of = |text: &str| -> Result<Vec<_>, String> {
+            let mut values = Vec::new();
+            for param in of_text(text)? {
+                flatten(param.name, &param.value, &mut values).map_err(|error| error.to_string())?;
+            }
+            Ok(values)
+        };
+        let twice = of("/**: {ros__parameters: {depth: 3, voxel_size: 0.05, depth: 4}}").unwrap_err();
+        assert_eq!(twice, "depth is given twice in one map of parameters, and only one value can be meant");
+        let nested = of("/**: {ros__parameters: {front: {kind: cloud, kind: depth}}}").unwrap_err();
+        assert!(nested.starts_with("front.kind is given twice"), "{nested}");
+        let sections = of("/**: {ros__parameters: {depth: 3}}\n/**: {ros__parameters: {depth: 4}}").unwrap();
+        assert_eq!(sections, [3, 4].map(|depth| ("depth".to_owned(), Value::Integer(depth))));
+        let nul = of("/**: {ros__parameters: {\"depth\\0x\": 3}}").unwrap();
+        assert_eq!(nul, [("depth\0x".to_owned(), Value::Integer(3))], "no name of ours");
     }
 
     #[test]

@@ -34,7 +34,14 @@ pub(super) fn load(text: &str) -> Result<Vec<Yaml>, YamlError> {
 
 /// A key as it stands in the text, where it is a text.
 pub(super) fn name(key: &Yaml) -> Option<&str> {
-    key.as_str().map(|key| key.split_once(MARK).map_or(key, |(name, _)| name))
+    key.as_str().map(|key| unmarked(key).unwrap_or(key))
+}
+
+/// A key that has come before in its mapping, without its mark. What a text itself has behind such a letter is no mark unless it is
+/// a number.
+pub(super) fn unmarked(key: &str) -> Option<&str> {
+    let (name, times) = key.split_once(MARK)?;
+    times.parse::<usize>().is_ok().then_some(name)
 }
 
 /// Hands events on to the loader, and marks keys.

@@ -68,13 +68,21 @@ fn sections_of_one_name_are_read_both_and_of_a_parameter_the_last_value_counts()
         ("/**: {ros__parameters: {depth: 3}}\n/**: {ros__parameters: {depth: 5}}", 5),
         ("/**: {ros__parameters: {depth: 3}}\n/**: {ros__parameters: {min_points: 5}}", 3),
         ("/**:\n  ros__parameters:\n    depth: 3\n  ros__parameters:\n    min_points: 5\n", 3),
-        ("/**: {ros__parameters: {depth: 3, min_points: 9, depth: 6}}", 6),
         ("/**: {cfodi: {ros__parameters: {depth: 3}}, cfodi: {ros__parameters: {depth: 2}}}", 2),
         ("/**: {ros__parameters: {depth: 3}}\nother: {ros__parameters: {depth: 5, depth: 6}}", 3),
     ];
     for (text, expected) in table {
         assert_eq!(depth("", text), expected, "{text}");
     }
+}
+
+#[test]
+fn a_parameter_that_stands_twice_in_one_map_is_refused_but_for_another_node() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("robot.yaml");
+    std::fs::write(&file, "/**: {ros__parameters: {depth: 3, min_points: 9, depth: 6}}").unwrap();
+    let error = parse(&format!("--ros-args --params-file {}", file.display())).unwrap_err().to_string();
+    assert!(error.starts_with("depth is given twice in one map"), "{error}");
 }
 
 #[test]

@@ -152,7 +152,7 @@ pub fn choose(
 type Candidate<'a> = (&'a Topic, SensorKind);
 
 fn named<'a>(topics: &'a [Topic], name: &str) -> Result<Candidate<'a>, ChoiceError> {
-    let of_name: Vec<&Topic> = topics.iter().filter(|topic| is_called(topic, name)).collect();
+    let of_name: Vec<&Topic> = topics.iter().filter(|topic| topic.is_called(name)).collect();
     let Some(first) = of_name.first() else {
         let usable = topics.iter().filter(|topic| kind_of(&topic.type_name, &topic.encoding).is_some());
         let hint = nearest(usable, name);
@@ -164,11 +164,6 @@ fn named<'a>(topics: &'a [Topic], name: &str) -> Result<Candidate<'a>, ChoiceErr
             [&first.type_name, &first.encoding].map(|text| one_line(text).into_owned());
         ChoiceError::NoScans { topic: name.to_owned(), type_name, encoding, held: held(topics) }
     })
-}
-
-/// Whether a topic has this name, with or without the slash before it.
-fn is_called(topic: &Topic, name: &str) -> bool {
-    topic.name.trim_start_matches('/') == name.trim_start_matches('/')
 }
 
 /// The topic whose name is nearest, where that is near enough to be meant.
@@ -271,10 +266,10 @@ fn info_topic(
     };
     // Recorders write channels for topics that nobody has fed; who names one is to be told that.
     let has_any =
-        |topic: &Topic| topic.messages != Some(0) || info.is_some_and(|info| is_called(topic, &info.topic));
+        |topic: &Topic| topic.messages != Some(0) || info.is_some_and(|info| topic.is_called(&info.topic));
     let infos = topics.iter().filter(|topic| topic.type_name == types::CAMERA_INFO && has_any(topic));
     let infos: Vec<_> = infos.collect();
-    let wanted = info.and_then(|info| infos.iter().find(|topic| is_called(topic, &info.topic)));
+    let wanted = info.and_then(|info| infos.iter().find(|topic| topic.is_called(&info.topic)));
     if let (None, Some(Info { topic, is_named: true })) = (wanted, info) {
         let meant = nearest(infos.into_iter(), topic);
         return Err(refused(&format!(" on {topic}, where -r has it read{meant}")));

@@ -13,6 +13,13 @@ pub struct Topic {
     pub messages: Option<u64>,
 }
 
+impl Topic {
+    /// Whether it has this name, with or without the slash before it.
+    pub fn is_called(&self, name: &str) -> bool {
+        self.name.trim_start_matches('/') == name.trim_start_matches('/')
+    }
+}
+
 /// What is known of a bag's topics.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Survey {

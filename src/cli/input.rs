@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use anyhow::{anyhow, bail};
 use cfodi::args::{ArgsError, Setup};
-use cfodi::bag::{self, Bag, Choice, Decoder, Info, Survey, TransformTopics, Wanted, choose};
+use cfodi::bag::{self, Bag, Choice, Decoder, Info, SensorKind, Survey, TransformTopics, Wanted, choose};
 use cfodi::config::{Kind, Sensor};
 use cfodi::line::one_line;
 use cfodi::link::target;
@@ -70,14 +70,20 @@ pub(crate) fn open(setup: &Setup, path: &Path, wanted: &[String]) -> anyhow::Res
     if !is_complete && stop.load(Ordering::Relaxed) {
         bail!("stopped by a signal before the topics of the bag were known: nothing is written");
     }
+    // As the node does.
+    setup.check_names()?;
     // What the node would listen to is meant: where it was remapped in any case, else where the bag has scans there.
-    let is_told = setup.is_given("sensors") || setup.config().sensors.iter().any(|it| it.kind != Kind::Auto);
-    let (meant, usual) =
-        if is_told { (of_sensors(setup)?, Vec::new()) } else { (remapped(setup)?, usual(setup)?) };
-    let named = wanted.iter().map(|topic| Wanted { topic: topic.clone(), info: None });
-    let wanted = if wanted.is_empty() { meant } else { named.collect() };
+    let auto = auto_sensor(setup);
+    let (meant, usual) = match auto {
+        Some(sensor) => (remapped(setup, sensor, &topics)?, usual(setup, sensor)?),
+        None => (of_sensors(setup)?, Vec::new()),
+    };
+    let named: Vec<_> = wanted.iter().map(|topic| Wanted { topic: topic.clone(), info: None }).collect();
+    let is_meant = named.is_empty();
+    let wanted = if is_meant { meant } else { named };
     // Who has given the intrinsics another name means these; else each image has its own.
-    let info = Some(info(setup, INFO)?).filter(|info| info.is_named);
+    let name = auto.and_then(Sensor::camera_info).unwrap_or_else(|| INFO.to_owned());
+    let info = Some(info(setup, &name)?).filter(|info| info.is_named);
     let choice = choose(&topics, &wanted, &usual, info.as_ref()).or_else(|error| {
         // The error itself has several lines: what the bag holds.
         let text = format!("{}: {error}", one_line(&path.display().to_string()));
@@ -88,6 +94,9 @@ pub(crate) fn open(setup: &Setup, path: &Path, wanted: &[String]) -> anyhow::Res
         say(format_args!("cfodi: {text}"));
         Ok(Choice { sensors: Vec::new(), passed_over: Vec::new() })
     })?;
+    if is_meant && auto.is_none() {
+        check_kinds(&setup.config().sensors, &choice.sensors)?;
+    }
     say_choice(&choice);
     let fixed_frame = if setup.is_given("fixed_frame") {
         FixedFrame::Settled(setup.config().fixed_frame.clone())
@@ -155,6 +164,27 @@ fn check_named(
     Ok(())
 }
 
+/// The sensor that may send clouds or depth images, where that is left open.
+fn auto_sensor(setup: &Setup) -> Option<&Sensor> {
+    setup.config().sensors.iter().find(|sensor| sensor.kind == Kind::Auto)
+}
+
+/// Refuses a listed sensor whose topic has what the node would not listen to there.
+fn check_kinds(listed: &[Sensor], chosen: &[bag::Sensor]) -> Result<(), Wrong> {
+    for (Sensor { name, kind }, found) in listed.iter().zip(chosen) {
+        let carried = if found.kind == SensorKind::Cloud { Kind::Cloud } else { Kind::Depth };
+        if *kind != carried {
+            let [kind, carried] = [kind, &carried].map(|kind| kind.as_str());
+            let line = format!(
+                "the sensor {name} is of kind {kind}, and {} carries {carried} (-p {name}.kind:={carried})",
+                found.topic
+            );
+            return Err(Wrong(one_line(&line).into_owned()));
+        }
+    }
+    Ok(())
+}
+
 /// The topics of the sensors that are listed.
 fn of_sensors(setup: &Setup) -> Result<Vec<Wanted>, ArgsError> {
     let of_sensor = |sensor: &Sensor| {
@@ -173,19 +203,23 @@ fn info(setup: &Setup, name: &str) -> Result<Info, ArgsError> {
     Ok(Info { topic: setup.resolve(name)?, is_named: setup.is_remapped(name) })
 }
 
-/// The names on which the node listens without a list.
-const DEFAULT: [&str; 2] = ["points", "depth/image"];
+/// The names on which the node listens for a sensor of which it is left open what it sends.
+fn names(sensor: &Sensor) -> impl Iterator<Item = String> {
+    sensor.points().map(str::to_owned).into_iter().chain(sensor.image())
+}
 
-/// The topic that somebody has put in the place of one of those.
-fn remapped(setup: &Setup) -> Result<Vec<Wanted>, ArgsError> {
-    let remapped = DEFAULT.into_iter().find(|name| setup.is_remapped(name));
-    let wanted = |name| Ok(Wanted { topic: setup.resolve(name)?, info: None });
-    remapped.into_iter().map(wanted).collect()
+/// The topic that somebody has put in the place of one of those: of two the first that the bag has.
+fn remapped(setup: &Setup, sensor: &Sensor, topics: &[bag::Topic]) -> Result<Vec<Wanted>, ArgsError> {
+    let remapped = names(sensor).filter(|name| setup.is_remapped(name)).map(|name| setup.resolve(&name));
+    let remapped = remapped.collect::<Result<Vec<_>, _>>()?;
+    let is_there = |name: &&String| topics.iter().any(|topic| topic.is_called(name));
+    let first = remapped.iter().find(is_there).or(remapped.first());
+    Ok(first.map(|topic| Wanted { topic: topic.clone(), info: None }).into_iter().collect())
 }
 
 /// The topics of those names.
-fn usual(setup: &Setup) -> Result<Vec<String>, ArgsError> {
-    DEFAULT.into_iter().map(|name| setup.resolve(name)).collect()
+fn usual(setup: &Setup, sensor: &Sensor) -> Result<Vec<String>, ArgsError> {
+    names(sensor).map(|name| setup.resolve(&name)).collect()
 }
 
 fn say_choice(choice: &Choice) {

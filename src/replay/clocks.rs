@@ -2,7 +2,7 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use crate::bag::{Bag, Decoder, Recorded};
+use crate::bag::{Bag, Decoder, Message, Recorded};
 
 /// Scans that are looked at: the stamp of one alone may be a stray.
 const FIRST: usize = 9;
@@ -17,7 +17,9 @@ const DATED: u64 = 365 * 24 * 3600 * 1_000_000_000;
 
 /// How far the stamps of the scans lie after the times at which they were recorded (ns), by the median of the first few, read
 /// up to `stop`; `None` where both are of one clock.
-pub fn clock_offset(bag: &Bag, decoder: Decoder, stop: &AtomicBool) -> Option<i64> {
+pub fn clock_offset(bag: &Bag, mut decoder: Decoder, stop: &AtomicBool) -> Option<i64> {
+    // Without its camera no image is a scan, and that may come last.
+    decoder.look_for_cameras(messages(bag, stop));
     let offsets = stamps(bag, decoder, stop)
         .filter_map(|(stamp, recorded)| stamp.checked_sub(i64::try_from(recorded).ok()?));
     median(offsets).filter(|offset| offset.unsigned_abs() > APART)
@@ -31,8 +33,7 @@ pub(super) fn begins_at_zero(bag: &Bag, decoder: Decoder, stop: &AtomicBool) -> 
 
 /// When the scans were taken, and when recorded (ns); those of stamp zero may be of a driver that does not say.
 fn stamps(bag: &Bag, mut decoder: Decoder, stop: &AtomicBool) -> impl Iterator<Item = (i64, u64)> {
-    let messages = bag.messages().map_while(Result::ok).take_while(|_| !stop.load(Ordering::Relaxed));
-    let scans = messages.flat_map(move |message| {
+    let scans = messages(bag, stop).flat_map(move |message| {
         let clouds = decoder.decode(&message).into_iter().filter_map(|recorded| match recorded {
             Recorded::Cloud { cloud: Ok(cloud), .. } => Some(cloud.stamp.nanos()),
             _ => None,
@@ -40,6 +41,11 @@ fn stamps(bag: &Bag, mut decoder: Decoder, stop: &AtomicBool) -> impl Iterator<I
         clouds.map(|stamp| (stamp, message.log_time)).collect::<Vec<_>>()
     });
     scans.filter(|(stamp, _)| *stamp != 0)
+}
+
+/// Those that can be read, up to `stop`.
+fn messages(bag: &Bag, stop: &AtomicBool) -> impl Iterator<Item = Message> {
+    bag.messages().map_while(Result::ok).take_while(|_| !stop.load(Ordering::Relaxed))
 }
 
 /// Of the first few.

@@ -20,7 +20,7 @@ use crate::bag::{Bag, BagError, Decoder, Elsewhere, Recorded, TransformTopics};
 use crate::cloud::{Cloud, CloudError};
 use crate::join::{Join, Joined, Jump, with_stamp};
 use crate::msg::ros::{TfMessage, TransformStamped};
-use crate::reason::Reason;
+use crate::reason::{self, Reason};
 use crate::tf::{LookupError, MAX_AGE, Waited};
 
 /// Clouds that wait for a transform however long it takes: where there are few in a second, transforms may be few as well.
@@ -46,9 +46,9 @@ const BETWEEN: usize = 2;
 
 /// Why scans are skipped that waited for their transform when something came between.
 const SESSION_ENDED: Reason =
-    Reason::new("session_ended", "The stamps jumped back while the scan waited for its transform.");
+    Reason::new(reason::SESSION_ENDED, "The stamps jumped back while the scan waited for its transform.");
 const STOPPED: Reason =
-    Reason::new("shutdown", "The replay was stopped while the scan waited for its transform.");
+    Reason::new(reason::SHUTDOWN, "The replay was stopped while the scan waited for its transform.");
 const NOT_LOOKED_UP: Reason = Reason::new("tf_not_looked_up", "No transform was looked for before the end.");
 
 /// How far a replay has come.
@@ -262,7 +262,7 @@ impl<V: Visitor> Feeder<'_, V> {
             Recorded::Cloud { sensor, cloud } => {
                 match cloud.and_then(|cloud| with_stamp(cloud, || self.ahead.begins_at_zero())) {
                     Ok(cloud) => {
-                        self.tally.decoding += decoding;
+                        self.tally.decoded(cloud.total, decoding);
                         self.cloud(sensor, cloud)?;
                     }
                     Err(error) => self.refused(&error),

@@ -27,8 +27,10 @@ pub struct Tally {
     pub transforms_refused: BTreeMap<Reason, u64>,
     /// Messages of topics that are read, but not readable ones, by topic.
     pub undecodable: BTreeMap<String, u64>,
-    /// Time for decoding scans.
+    /// Time for decoding scans, those among them that were skipped afterwards.
     pub decoding: Duration,
+    /// Points of all of these.
+    pub points_decoded: u64,
     /// Points of the scans taken in, valid or not.
     pub points: u64,
     /// Those of them without a measurement.
@@ -48,6 +50,11 @@ impl Tally {
     /// Whether scans were left out because the stamps had jumped back before them.
     pub fn ends_at_jump(&self) -> bool {
         self.skipped.contains_key(&AFTER_JUMP)
+    }
+
+    pub(super) fn decoded(&mut self, total: u32, time: Duration) {
+        self.decoding += time;
+        self.points_decoded += u64::from(total);
     }
 
     pub(super) fn take(&mut self, total: u32, invalid: u32, valid: usize) {
@@ -152,11 +159,17 @@ impl Summary {
         there.map(|(reason, points)| format!("{points} {reason}")).collect::<Vec<_>>().join(", ")
     }
 
+    /// Time for decoding a point and for binning it (ns); `None` where none was taken in.
+    fn ingest_ns_per_point(&self) -> Option<f64> {
+        let Tally { decoding, points_decoded, points, .. } = self.tally;
+        let each = |time: Duration, points: u64| time.as_nanos() as f64 / points as f64;
+        (points > 0).then(|| each(decoding, points_decoded) + each(self.binning, points))
+    }
+
     /// As the contract has it.
     pub fn json(&self) -> Json {
         let tally = &self.tally;
-        let Tally { scans, skipped, transforms_refused, undecodable, decoding, points, .. } = tally;
-        let ingest = *decoding + self.binning;
+        let Tally { scans, skipped, transforms_refused, undecodable, points, .. } = tally;
         let mut parameters: Map<String, Json> =
             self.parameters.iter().map(|(name, value)| (name.clone(), parameter(value))).collect();
         parameters.insert("fixed_frame".to_owned(), json!(self.fixed_frame));
@@ -178,7 +191,7 @@ impl Summary {
             "clusters": self.clusters,
             "clusters_active": self.clusters_active,
             "engine_ms": { "p50": at(0.5), "p90": at(0.9), "p99": at(0.99), "max": at(1.0) },
-            "ingest_ns_per_point": (*points > 0).then(|| ingest.as_nanos() as f64 / *points as f64),
+            "ingest_ns_per_point": self.ingest_ns_per_point(),
             "wall_s": self.wall.as_secs_f64(),
             "peak_rss_mb": peak_resident_mb(),
             "remarks": self.remarks.iter().map(|remark| &remark.text).collect::<Vec<_>>(),

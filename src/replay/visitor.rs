@@ -30,7 +30,8 @@ pub trait Visitor {
     /// Ends the feeding.
     fn jumped_back(&mut self, seconds: f64) -> Result<Go, Self::Error>;
 
-    /// The map is made in a frame that no transform of the bag names, above a camera's own by this one.
+    /// Nothing in the bag says how the camera is mounted, so that the map is made in its body frame (x ahead, y left, z up); the static
+    /// transform leads from that, the parent, to the optical frame.
     fn level(&mut self, _: &TransformStamped) {}
 
     /// A message of the bag, where [`Feed::with_messages`](super::Feed::with_messages) asks for them.

@@ -194,6 +194,33 @@ def test_two_sensors_and_no_choice_are_never_mixed_in_silence(tmp_path):
     assert all(f"--topic {topic}" in done.stderr for topic in ("/front/points", "/back/points")), done.stderr
 
 
+LISTED = ["--ros-args", "-p", "sensors:=[points]", "-p", "points.kind:=auto"]
+
+
+@pytest.mark.parametrize("more", [[], ["-r", "points:=/nowhere/points", "-r", f"depth/image:={bags.IMAGE}"]],
+                         ids=["as they are", "the second of two names"])
+def test_defaults_that_are_given_in_words_change_nothing(more, images, tmp_path):
+    """As `ros2 param dump` writes them."""
+    for number, arguments in enumerate([LISTED, ["--ros-args"]]):
+        output = tmp_path / str(number)
+        done = cfodi("replay", images, "--voxels", output, *arguments, *more)
+        assert done.returncode == 0 and f"reading {bags.IMAGE}" in done.stderr, done.stderr
+    assert (tmp_path / "0").read_bytes() == (tmp_path / "1").read_bytes()
+
+
+@pytest.mark.parametrize("rules, said", [
+    ({"a": bags.POINTS, "b": bags.POINTS}, f"the sensors a and b are both read from {bags.POINTS}"),
+    ({"a": bags.IMAGE, "b": bags.POINTS}, f"the sensor a is of kind cloud, and {bags.IMAGE} carries depth (-p a.kind:=depth)")])
+def test_listed_sensors_that_the_node_would_refuse_or_never_hear_are_refused(rules, said, tmp_path):
+    def both(bag, stamp, scan):
+        scene.cloud(bag, stamp, scan)
+        scene.image(bag, stamp, scan)
+    folder = scene.write(tmp_path / "both", both)
+    remaps = [word for name, topic in rules.items() for word in ("-r", f"{name}:={topic}")]
+    done = cfodi("replay", folder, "--ros-args", "-p", "sensors:=[a, b]", *remaps)
+    assert done.returncode == 2 and said in done.stderr, done.stderr
+
+
 def test_without_odom_the_root_is_the_fixed_frame_and_is_named(clouds, tmp_path):
     run = Replay(clouds, tmp_path / "fallen", parameters=PAPER)
     named = Replay(clouds, tmp_path / "named", parameters=PAPER | {"fixed_frame": "map"})
