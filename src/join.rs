@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use crate::cloud::{Cloud, CloudError};
 use crate::engine::{Scan, Stamp};
-use crate::msg::ros::{JUMP_BACK, TransformStamped};
+use crate::msg::ros::TransformStamped;
 use crate::tf::{FrameError, Frames, Inserted, Lack, LookupError, Moment, Waited, WaitingQueue, bare};
 
 /// Pairs of a frame and a sensor that are remembered at most: a sender can make up ever new frames.
@@ -45,11 +45,6 @@ struct Sensor {
     /// How often the transforms had jumped back when it came. A scan whose stamp jumps back waits until they have jumped once
     /// more, if any of them move the sensor: those that are there are from before the jump.
     jumps: u64,
-}
-
-/// Whether a stamp has jumped back behind the newest of its sensor.
-fn is_back(stamp: Stamp, newest: Stamp) -> bool {
-    newest.seconds_since(stamp) > JUMP_BACK
 }
 
 /// A cloud whose stamp says when it was taken: a moving sensor cannot be placed at the time when its scan happens to come.
@@ -91,7 +86,7 @@ pub struct Joined {
     pub jumped_back: Option<Jump>,
 }
 
-/// A sensor's stamps have jumped back by more than [`JUMP_BACK`].
+/// A sensor's stamps have jumped back by more than [`JUMP_BACK`](crate::engine::JUMP_BACK).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Jump {
     /// How far (s).
@@ -121,6 +116,11 @@ impl Join {
     /// The tree of frames.
     pub const fn frames(&self) -> &Frames {
         &self.frames
+    }
+
+    /// How many clouds may wait.
+    pub const fn places(&self) -> usize {
+        self.waiting.capacity()
     }
 
     /// The number of clouds that wait.
@@ -154,8 +154,8 @@ impl Join {
         self.arrived.keys().find(|(known, _)| known == frame).map(|(_, sensor)| *sensor)
     }
 
-    /// What is to be said of clouds in a frame that is the fixed one, lies above it or has the name of a map (REP 105), where
-    /// something moves below it: where their sensor stood nobody knows.
+    /// A warning of clouds whose frame is no sensor's: the fixed one, one above it, or one with the name of a map (REP 105). Only where
+    /// something moves below that frame, for nobody knows then where the sensor stood; else `None`.
     pub fn without_viewpoint(&self, frame: &str, fixed_frame: &str) -> Option<String> {
         let is_no_sensor = MAPS.contains(&bare(frame)) || self.frames.is_above(frame, fixed_frame);
         (is_no_sensor && self.frames.moves_below(frame)).then(|| {
@@ -191,7 +191,7 @@ impl Join {
         }
         // Clouds before a jump and after it must not be sorted together, and the stamps alone do not tell them apart.
         let before = self.arrived.insert((frame.clone(), sensor), stamp);
-        self.lap += u64::from(before.is_some_and(|before| before.seconds_since(stamp) > JUMP_BACK));
+        self.lap += u64::from(before.is_some_and(|before| stamp.jump_back_from(before).is_some()));
         let is_alone = self.waiting.is_empty();
         self.waits_since = if is_alone { stamp } else { self.waits_since.min(stamp) };
         let arrived = Arrived { sensor, cloud, lap: self.lap, at: now };
@@ -203,7 +203,8 @@ impl Join {
         let Self { frames, waiting, sensors, .. } = self;
         let mut ready = waiting.take_ready(|arrived, frame, at| {
             let found = frames.lookup(fixed_frame, frame, at)?;
-            let jumped = sensors.get(&arrived.key()).filter(|sensor| is_back(at, sensor.newest));
+            let jumped =
+                sensors.get(&arrived.key()).filter(|sensor| at.jump_back_from(sensor.newest).is_some());
             let goes_on = |sensor: &&Sensor| {
                 sensor.jumps == frames.jumps() && frames.way_reaches_beyond(fixed_frame, frame, at)
             };
@@ -231,10 +232,10 @@ impl Join {
     fn jumped_back(&mut self, scan: &Arrived) -> Option<Jump> {
         let (key, stamp) = (scan.key(), scan.cloud.stamp);
         let newest = self.sensors.get(&key).map(|sensor| sensor.newest);
-        let jump = newest.filter(|newest| is_back(stamp, *newest)).map(|newest| {
+        let jump = newest.and_then(|newest| stamp.jump_back_from(newest)).map(|seconds| {
             self.sensors.clear();
             let before = self.waiting.take_if(Moment::default(), |arrived| arrived.lap < scan.lap);
-            Jump { seconds: newest.seconds_since(stamp), given_up: before.len() }
+            Jump { seconds, given_up: before.len() }
         });
         if self.sensors.len() >= SENSORS {
             self.sensors.clear();

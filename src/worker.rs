@@ -262,9 +262,8 @@ impl Worker {
         self.mailbox.put(|pending| pending.save = true);
     }
 
-    /// Lets the thread take in what waits and end, with a snapshot of the whole map and, to save it, all of it; dropping waits for
-    /// that. All of it is asked for in one step: the engine, which is quick to take what it is asked for, would else have made the
-    /// last map before it knew that scans were still to come.
+    /// Ends the thread: it takes in the scans that wait, sends a snapshot and, with `save`, the frozen map, and stops. Dropping waits
+    /// for that. All three are asked for in one step: of three, the engine could make the last map before the last scans are in.
     pub fn end(&self, save: bool) {
         self.mailbox.put(|pending| {
             pending.snapshot = true;

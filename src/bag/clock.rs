@@ -10,8 +10,7 @@
 use std::time::Duration;
 
 use super::read::Message;
-use crate::engine::Stamp;
-use crate::msg::ros::JUMP_BACK;
+use crate::engine::{JUMP_BACK, Stamp};
 
 /// From where on a step back of the times of recording may be that of a lap (ns).
 const BACK: u64 = (JUMP_BACK * 1e9) as u64;

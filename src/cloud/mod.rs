@@ -116,8 +116,9 @@ pub enum Optical {
 impl Optical {
     /// Whether data in this frame is optical.
     ///
-    /// `Auto` takes names that end in `_optical_frame` (REP 103), and `kinect_depth`, the frame of the Kinect v1
-    /// driver, whose axes are optical too. A namespace before the name (`robot/kinect_depth`) does not matter.
+    /// `Auto` takes names that end in `_optical_frame`, as drivers name such frames, and `kinect_depth`, that of the Kinect v1 driver;
+    /// a namespace before the name (`robot/kinect_depth`) does not matter. It does not take `_optical`, the suffix of REP 103, which
+    /// the frame of a cloud seldom has.
     pub fn of_frame(self, frame_id: &str) -> bool {
         match self {
             Self::Yes => true,

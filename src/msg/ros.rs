@@ -6,9 +6,6 @@ use serde::{Deserialize, Serialize};
 
 use crate::engine::Stamp;
 
-/// A stamp that lies further back than this is a clock that jumped, not a late message (s).
-pub const JUMP_BACK: f64 = 1.0;
-
 /// `builtin_interfaces/Time`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Time {

@@ -1,15 +1,18 @@
 //! When compressed depth images are read: only where nothing else comes of a camera.
 //!
 //! `image_transport` offers images raw and compressed side by side, and where somebody reads the compressed ones it packs a PNG
-//! of every image, within the driver's own call. So they are read where no raw ones are offered, or where those do not come.
+//! of every image, within the driver's own call. So they are read where no raw ones are offered, or where those do not come, and no
+//! longer than that: a Kinect may be plugged in long after its driver has started.
 
+use std::borrow::Cow;
 use std::fmt::Display;
 use std::future::pending;
 use std::time::Duration;
 
-use tracing::warn;
+use tracing::{info, warn};
 
 use super::inputs::is_offered;
+use super::seeds::Scans;
 use super::transport::{Form, SensorTopics, Source};
 
 /// Time between two looks at who publishes.
@@ -22,13 +25,32 @@ const ALONE: u32 = 2;
 /// large for the network.
 const MUTE: u32 = 20;
 
+/// Reads the compressed images of a camera for as long as they are wanted, again and again; `read` opens a reader of them and reads until
+/// the node ends, and `are_wanted` says whether they are already: where the network is joined anew, and they were read before.
+pub(super) async fn read_while_wanted(
+    sensor: &SensorTopics,
+    heard: &Scans,
+    mut are_wanted: bool,
+    sources: impl Fn() -> Vec<Source>,
+    read: impl AsyncFn() -> Cow<'static, str>,
+) -> Cow<'static, str> {
+    loop {
+        if !are_wanted {
+            wanted(sensor, &sources, |form| heard.comes(form)).await;
+        }
+        tokio::select! {
+            ended = read() => return ended,
+            () = unwanted(sensor, &sources, || heard.chosen.get()) => {}
+        }
+        let topic = sensor.topic(Form::CompressedDepth).unwrap_or_default();
+        info!("{topic} is read no more: scans are made of what comes in another form");
+        are_wanted = false;
+    }
+}
+
 /// Resolves when the compressed images of a camera are to be read. `comes` says whether it has come in a form, as
 /// [`Known::comes`](super::heard::Known::comes) has it: while that is offered too they are not.
-pub(super) async fn wanted(
-    sensor: &SensorTopics,
-    sources: impl Fn() -> Vec<Source>,
-    comes: impl Fn(Form) -> bool,
-) {
+async fn wanted(sensor: &SensorTopics, sources: impl Fn() -> Vec<Source>, comes: impl Fn(Form) -> bool) {
     let mut looks = Looks::default();
     let mut rest = LOOK;
     loop {
@@ -43,6 +65,22 @@ pub(super) async fn wanted(
         } else {
             LOOK
         };
+    }
+}
+
+/// Resolves when compressed images that are read are of no use: scans are made of what comes in another form, and that is offered.
+/// `chosen` says which form it is.
+async fn unwanted(
+    sensor: &SensorTopics,
+    sources: impl Fn() -> Vec<Source>,
+    chosen: impl Fn() -> Option<Form>,
+) {
+    loop {
+        tokio::time::sleep(REST).await;
+        let other = chosen().filter(|form| *form != Form::CompressedDepth);
+        if other.is_some_and(|form| is_offered(sensor, form, &sources())) {
+            return;
+        }
     }
 }
 
@@ -118,6 +156,32 @@ mod tests {
             wanted_after_looks(Form::Points, "/points", "PointCloud2"),
         );
         assert_eq!((raw, clouds), (3, 3));
+    }
+
+    #[tokio::test]
+    async fn compressed_images_that_are_read_are_given_up_for_the_raw_ones_that_scans_are_made_of_while_these_are_offered()
+     {
+        let source = |topic: &str, kind: &str| Source {
+            topic: topic.to_owned(),
+            type_name: format!("sensor_msgs/msg/{kind}"),
+        };
+        let compressed = source(&format!("/depth{COMPRESSED_DEPTH}"), "CompressedImage");
+        let both = vec![source("/depth", "Image"), compressed.clone()];
+        let table = [
+            (Some(Form::Depth), both.clone(), true),
+            (Some(Form::Depth), vec![compressed], false),
+            (Some(Form::CompressedDepth), both.clone(), false),
+            (None, both, false),
+        ];
+        let sensor = sensor();
+        let given_up = table.iter().map(|(chosen, sources, _)| {
+            let unwanted = unwanted(&sensor, || sources.clone(), || *chosen);
+            tokio::time::timeout(3 * REST, unwanted)
+        });
+        let given_up = futures::future::join_all(given_up).await;
+        for ((chosen, sources, are_given_up), given_up) in table.iter().zip(given_up) {
+            assert_eq!(given_up.is_ok(), *are_given_up, "{chosen:?} of {sources:?}");
+        }
     }
 
     /// After which of these looks it is enough.

@@ -20,6 +20,15 @@ pub struct Counts {
     pub skipped: BTreeMap<&'static str, u64>,
 }
 
+/// Why a cloud is skipped, beside what its [`CloudError`](crate::cloud::CloudError) says: it got no transform in time.
+pub const TRANSFORM_TIMEOUT: &str = "transform_timeout";
+/// It waited for its transform and made place for another.
+pub const WAITING_QUEUE_FULL: &str = "waiting_queue_full";
+/// Scans of its sensor are made of what comes in another form.
+pub const OTHER_INPUT: &str = "other_input";
+/// The engine's thread has died.
+pub const ENGINE_DIED: &str = "engine_died";
+
 impl Counts {
     /// Counts clouds that never arrived: so many that the sum saturates where somebody makes up numbers.
     pub fn lose(&mut self, clouds: u64) {

@@ -39,7 +39,7 @@ use super::middleware::{Adding, Middleware, OpenError, Opened};
 use super::parameters::Parameters;
 use super::process::{receive_buffer, say_discovery, say_receive_buffer};
 use super::readers::Readers;
-use super::transport::{NetworkState, Outgoing, SendError, SensorTopics, Service, Source, Transport};
+use super::transport::{Input, NetworkState, Outgoing, SendError, SensorTopics, Service, Source, Transport};
 use crate::args::Setup;
 use crate::args::security::{Security, SecurityError};
 use crate::config::Value;
@@ -182,6 +182,10 @@ impl Transport for Dds {
 
     fn inputs(&self) -> &[SensorTopics] {
         &self.inputs
+    }
+
+    fn chosen(&self, input: Input) {
+        self.memory.choose(input);
     }
 
     fn losses(&self) -> &'static str {

@@ -31,7 +31,7 @@ use self::clocks::Clocks;
 use self::diagnosis::Diagnosis;
 use self::intake::Intake;
 use self::session::new_session;
-use super::counts::Counts;
+use super::counts::{Counts, TRANSFORM_TIMEOUT, WAITING_QUEUE_FULL};
 use super::publish::{Outlets, Seen, publish};
 use super::record::Recorder;
 use super::rosout::Lines;
@@ -46,11 +46,12 @@ use crate::engine::{Engine, Snapshot};
 use crate::join::{Join, Joined, Jump};
 use crate::msg::reports::DiagnosticArray;
 use crate::msg::ros::{TfMessage, TransformStamped};
+use crate::reason::SESSION_ENDED;
 use crate::store::StoreError;
 use crate::worker::{Output, Worker};
 
 /// Clouds that may wait for their transform, and scans that may wait for the engine, for one message may release them all:
-/// as many as Kinects send within `tf_timeout`, at least a quarter of a second of each, within bounds of memory.
+/// as many as Kinects send within `tf_timeout`, and at least eight of each, but of all sensors together no more than memory has room for.
 fn places(config: &Config) -> usize {
     let of_each = (config.tf_timeout.as_secs_f64() * 30.0) as usize + 2;
     (of_each.max(8) * config.sensors.len()).min(64)
@@ -286,7 +287,7 @@ impl<T: Transport> Live<T> {
             Ok(cloud) => {
                 self.look_at(input, &cloud);
                 if let Some(pushed_out) = self.join.cloud(input.sensor, cloud, self.clocks.moment()) {
-                    self.skip(&pushed_out, "waiting_queue_full");
+                    self.skip(&pushed_out, WAITING_QUEUE_FULL);
                 }
                 self.submit_ready();
             }
@@ -299,7 +300,7 @@ impl<T: Transport> Live<T> {
             match self.join.transform(transform, is_static) {
                 Ok(inserted) => {
                     if let Some(line) = inserted.about(transform) {
-                        self.warn("tf", format_args!("{line}"));
+                        self.warn(inserted.kind(), format_args!("{line}"));
                     }
                 }
                 Err(error) => self.warn(error.reason(), format_args!("a transform was refused: {error}")),
@@ -313,7 +314,7 @@ impl<T: Transport> Live<T> {
             let waited = self.clocks.moment().since(at);
             self.diagnosis.waited(waited);
             if let Some(Jump { seconds, given_up }) = jumped_back {
-                (0..given_up).for_each(|_| self.counts.borrow_mut().skip("session_ended"));
+                (0..given_up).for_each(|_| self.counts.borrow_mut().skip(SESSION_ENDED));
                 self.start_session(
                     &format!("the stamps of the scans have jumped back by {seconds:.3} s"),
                     true,
@@ -333,7 +334,7 @@ impl<T: Transport> Live<T> {
 
     fn tick(&mut self) {
         for waited in self.join.expired(self.clocks.moment(), self.tf_timeout) {
-            self.skip(&waited, "transform_timeout");
+            self.skip(&waited, TRANSFORM_TIMEOUT);
         }
         self.say_when_quiet(Instant::now());
         self.say_of_clock();

@@ -1,4 +1,4 @@
-//! The live node: the only place with ROS, async and a clock.
+//! The live node: a middleware's events in, messages out.
 //!
 //! It begins with a [`Setup`], which [`args`] has checked. [`transport`] is what it needs of a [`middleware`]; [`dds`] is that
 //! over ROS 2's DDS, and the only module that imports `ros2_client`; `zenoh`, with the feature of that name, is it over Zenoh;

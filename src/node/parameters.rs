@@ -13,7 +13,7 @@ use tracing::{debug, info, warn};
 
 pub(super) use self::serve::{Calls, MOST_CALLS, ParameterService, Serves, Setter, Tells, answer_all, serve};
 use super::clock;
-use super::throttle::Throttle;
+use super::throttle::{Often, Throttle};
 use super::transport::Event;
 use crate::cloud::CloudFilter;
 use crate::config::{self, Bounds, Changed, Config, ConfigError, Current, Value};
@@ -50,13 +50,15 @@ pub(super) struct Parameters {
     /// Newest simulated time.
     clock: Cell<Option<Stamp>>,
     throttle: RefCell<Throttle>,
+    /// What changes were told of.
+    told: RefCell<Often>,
 }
 
 impl Parameters {
     /// Those that the node `node` starts with.
     pub(super) fn new(node: String, current: Current) -> Self {
         let current = RefCell::new(current);
-        Self { node, current, clock: Cell::new(None), throttle: RefCell::default() }
+        Self { node, current, clock: Cell::new(None), throttle: RefCell::default(), told: RefCell::default() }
     }
 
     /// What they stand for.
@@ -176,7 +178,7 @@ impl Parameters {
         for Changed { name, before, now } in &changed {
             let line = format!("{name} is {now} from now on, it was {before}");
             // Somebody may change it a thousand times a second.
-            if self.throttle.borrow_mut().allows(name.clone(), Instant::now()) {
+            if self.told.borrow_mut().allows(name, Instant::now()) {
                 info!("{line}");
             } else {
                 debug!("{line}");

@@ -1,7 +1,7 @@
 //! What makes a scan of a message, by what holds when it comes: the filter that parameters may change, the newest camera; and what
 //! was heard of a sensor.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 
 use serde::de::{DeserializeSeed, Deserializer};
@@ -53,6 +53,8 @@ pub(super) struct Scans {
     pub(super) points: Publishers,
     pub(super) images: Publishers,
     pub(super) compressed: Publishers,
+    /// The form that scans are made of, or were made of last.
+    pub(super) chosen: Rc<Cell<Option<Form>>>,
 }
 
 impl Scans {

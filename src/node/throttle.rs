@@ -31,6 +31,25 @@ impl Throttle {
     }
 }
 
+/// Remembers how often each kind of line was written of late.
+#[derive(Debug, Default)]
+pub(super) struct Often(BTreeMap<String, (Instant, u32)>);
+
+impl Often {
+    /// Lines of a kind within a [`Throttle::PERIOD`]: more than one person asks for.
+    const MOST: u32 = 10;
+
+    /// Whether a line of this kind may be written now; if so it counts as written.
+    pub(super) fn allows(&mut self, kind: &str, now: Instant) -> bool {
+        let (since, lines) = self.0.entry(kind.to_owned()).or_insert((now, 0));
+        if now.duration_since(*since) >= Throttle::PERIOD {
+            (*since, *lines) = (now, 0);
+        }
+        *lines += 1;
+        *lines <= Self::MOST
+    }
+}
+
 /// Remembers what lasts, by its line, and when that was written last.
 #[derive(Debug, Default)]
 pub(super) struct Lasting(BTreeMap<String, Instant>);
@@ -46,7 +65,12 @@ impl Lasting {
         due
     }
 
-    /// What was so and is not among all that is so now.
+    /// A line that was due was not written: it is due again the next time.
+    pub(super) fn put_off(&mut self, line: &str) {
+        self.0.remove(line);
+    }
+
+    /// What was written of, and is not among all that is so now.
     pub(super) fn over(&mut self, lines: &[String]) -> Vec<String> {
         let over = self.0.keys().filter(|line| !lines.contains(line)).cloned().collect();
         self.0.retain(|line, _| lines.contains(line));
@@ -97,6 +121,18 @@ mod tests {
         assert_eq!(lasting.over(&one), ["a"]);
         assert!(lasting.over(&one).is_empty());
         assert_eq!(lasting.due(&both, start + Duration::from_secs(119)), ["a"], "it has begun again");
+        lasting.put_off("a");
+        assert!(lasting.over(&one).is_empty(), "nobody was told that it had begun");
+        assert_eq!(lasting.due(&both, start + Duration::from_secs(119)), ["a"]);
+    }
+
+    #[test]
+    fn what_may_be_said_often_is_said_ten_times_in_five_seconds() {
+        let (mut often, start) = (Often::default(), Instant::now());
+        let said = |often: &mut Often, at| (0..100).filter(|_| often.allows("a", at)).count();
+        assert_eq!([said(&mut often, start), said(&mut often, start + Duration::from_secs(4))], [10, 0]);
+        assert!(often.allows("b", start));
+        assert_eq!(said(&mut often, start + Duration::from_secs(5)), 10);
     }
 
     #[test]

@@ -271,6 +271,9 @@ pub trait Transport: 'static {
     /// The topics that scans come from, by sensor.
     fn inputs(&self) -> &[SensorTopics];
 
+    /// Is told what scans of a sensor are made of from now on.
+    fn chosen(&self, _: Input) {}
+
     /// What a person may look at where scans were sent and have not come.
     fn losses(&self) -> &'static str;
 

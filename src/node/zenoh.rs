@@ -39,7 +39,8 @@ use self::outlet::Outlet;
 use super::middleware::{Adding, Middleware, OpenError, Opened};
 use super::parameters::Parameters;
 use super::readers::{self, Readers};
-use super::transport::{NetworkState, Outgoing, SendError, SensorTopics, Service, Source, Transport};
+use super::seeds::Scans;
+use super::transport::{Input, NetworkState, Outgoing, SendError, SensorTopics, Service, Source, Transport};
 use crate::args::Setup;
 use crate::args::security::{Security, SecurityError};
 use crate::config::Value;
@@ -84,6 +85,8 @@ pub struct Zenoh {
     session: Session,
     parameters: Rc<Parameters>,
     inputs: Vec<SensorTopics>,
+    /// What was heard of each of these.
+    scans: Vec<Scans>,
     /// Fully qualified.
     name: String,
 }
@@ -97,7 +100,9 @@ impl Zenoh {
         let opener = Rc::new(Opener::new(setup, session, answers.clone())?);
         let graph = Graph::default();
         let outlets = outlet::open(&opener)?;
-        let mut readers = read::listen(&opener, &graph, &parameters, events)?;
+        let inputs = setup.inputs()?;
+        let scans = vec![Scans::default(); inputs.len()];
+        let mut readers = read::listen(&opener, &graph, &parameters, &scans, events)?;
         parameters::serve(&opener, &mut readers, &parameters, events)?;
         Ok(Self {
             outlets,
@@ -110,7 +115,8 @@ impl Zenoh {
             lacks_router: Cell::new(false),
             session: session.clone(),
             parameters,
-            inputs: setup.inputs()?,
+            inputs,
+            scans,
             name: setup.fully_qualified_name(),
         })
     }
@@ -257,6 +263,10 @@ impl Transport for Zenoh {
 
     fn inputs(&self) -> &[SensorTopics] {
         &self.inputs
+    }
+
+    fn chosen(&self, Input { sensor, form }: Input) {
+        self.scans[sensor].chosen.set(Some(form));
     }
 
     fn losses(&self) -> &'static str {

@@ -15,7 +15,7 @@ pub enum Inserted {
     },
     /// It made a static frame dynamic or a dynamic one static; the frame's past is gone.
     KindChanged,
-    /// Its stamp lies more than [`JUMP_BACK`](crate::msg::ros::JUMP_BACK) before its frame's newest, as when a bag loops: all other dynamic
+    /// Its stamp lies more than [`JUMP_BACK`](crate::engine::JUMP_BACK) before its frame's newest, as when a bag loops: all other dynamic
     /// transforms are gone, the static ones stay.
     JumpedBack,
     /// It is where its frame had jumped back from: two publishers have stamps that lie so far apart (s). From now on none of
@@ -27,6 +27,17 @@ pub enum Inserted {
 }
 
 impl Inserted {
+    /// Names what has happened: of each kind something is to be said, whatever else was said of late.
+    pub const fn kind(&self) -> &'static str {
+        match self {
+            Self::Stored => "tf_stored",
+            Self::Reparented { .. } => "tf_reparented",
+            Self::KindChanged => "tf_kind_changed",
+            Self::JumpedBack => "tf_jumped_back",
+            Self::ToAndFro { .. } => "tf_to_and_fro",
+        }
+    }
+
     /// What to say of it, with the words that the transform has; `None` where nothing is to be said.
     pub fn about(&self, transform: &TransformStamped) -> Option<String> {
         let (child, parent) = (bare(&transform.child_frame_id), bare(&transform.header.frame_id));

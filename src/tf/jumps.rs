@@ -7,8 +7,12 @@
 use std::collections::BTreeMap;
 
 use super::{MAX_AGE, MAX_FRAMES};
-use crate::engine::Stamp;
-use crate::msg::ros::JUMP_BACK;
+use crate::engine::{JUMP_BACK, Stamp};
+
+/// Whether the stamp of a transform has jumped back from the newest of its frame; neither has one where a transform is static.
+fn has_jumped(newest: Option<Stamp>, stamp: Option<Stamp>) -> bool {
+    newest.zip(stamp).is_some_and(|(newest, stamp)| stamp.jump_back_from(newest).is_some())
+}
 
 #[derive(Debug, Default)]
 pub(super) struct Jumps {
@@ -28,8 +32,7 @@ impl Jumps {
 
     /// Whether a transform with this stamp jumps back from the newest of its frame.
     pub(super) fn is_back(&self, child: &str, newest: Option<Stamp>, stamp: Option<Stamp>) -> bool {
-        let is_back =
-            newest.zip(stamp).is_some_and(|(newest, stamp)| newest.seconds_since(stamp) > JUMP_BACK);
+        let is_back = has_jumped(newest, stamp);
         let is_alone = |since: &Option<Stamp>| {
             let silent = since.zip(stamp).map(|(since, stamp)| stamp.seconds_since(since));
             silent.is_some_and(|silent| silent > MAX_AGE.as_secs_f64())
@@ -41,7 +44,7 @@ impl Jumps {
     pub(super) fn is_leap(&self, child: &str, newest: Option<Stamp>, stamp: Option<Stamp>) -> bool {
         let Some((_, before)) = self.last.as_ref().filter(|(last, _)| last == child) else { return false };
         let leaps = |(newest, stamp): (Stamp, Stamp)| {
-            before.seconds_since(stamp) <= JUMP_BACK && stamp.seconds_since(newest) > JUMP_BACK
+            stamp.jump_back_from(*before).is_none() && newest.jump_back_from(stamp).is_some()
         };
         newest.zip(stamp).is_some_and(leaps)
     }
@@ -62,15 +65,14 @@ impl Jumps {
         stamp: Option<Stamp>,
     ) -> Option<f64> {
         if let Some(since) = self.to_and_fro.get_mut(child) {
-            let is_behind =
-                newest.zip(stamp).is_some_and(|(newest, stamp)| newest.seconds_since(stamp) > JUMP_BACK);
+            let is_behind = has_jumped(newest, stamp);
             // From its beginning anew, where it plays in a loop.
             let earlier = |stamp: Stamp| since.map_or(stamp, |since| since.min(stamp));
             *since = stamp.filter(|_| is_behind).map(earlier);
         }
         let (stamp, newest) = (stamp?, newest?);
         // The late one may send several before the other's next.
-        let is_there = |before: &Stamp| before.seconds_since(stamp) <= JUMP_BACK;
+        let is_there = |before: &Stamp| stamp.jump_back_from(*before).is_none();
         self.last.take_if(|(last, before)| last == child && is_there(before))?;
         let apart = stamp.seconds_since(newest);
         if apart <= JUMP_BACK || self.to_and_fro.len() >= MAX_FRAMES {

@@ -28,8 +28,8 @@ use transforms::errors::RegistryError;
 use transforms::geometry::Transform;
 use transforms::time::Timestamp;
 
-use crate::engine::Stamp;
-use crate::msg::ros::{JUMP_BACK, TransformStamped};
+use crate::engine::{JUMP_BACK, Stamp};
+use crate::msg::ros::TransformStamped;
 
 pub use error::{FrameError, Lack, LookupError, Span};
 pub use inserted::Inserted;
@@ -134,9 +134,9 @@ impl Frames {
         })
     }
 
-    /// Whether a transform of `/tf` that was overtaken by others is still of use: it is about the frame as it is, taking it
-    /// in is no jump back in time, and it is not of the time before one. One that [`Self::insert`] refuses counts as of use: it is
-    /// to get there, for its reason to be said.
+    /// Whether a transform of `/tf` that was overtaken by others should still be inserted: its frame is dynamic and has this parent,
+    /// and it neither jumps back in time nor is of the time before a jump. One that [`Self::insert`] would refuse should be too, so
+    /// that the refusal is told.
     pub fn is_of_use(&self, message: &TransformStamped) -> bool {
         let Ok(sample) = Sample::check(message, false) else { return true };
         let edge = self.edges.get(sample.child);
@@ -414,7 +414,7 @@ fn lack(error: RegistryError, at: Stamp) -> Lack {
 /// Whether the newest of the dynamic ones lies more than [`JUMP_BACK`] after `stamp`.
 fn reach_beyond<'a>(edges: impl Iterator<Item = &'a Edge>, stamp: Stamp) -> bool {
     let newest = edges.filter_map(Edge::newest).max();
-    newest.is_some_and(|newest| newest.seconds_since(stamp) > JUMP_BACK)
+    newest.is_some_and(|newest| stamp.jump_back_from(newest).is_some())
 }
 
 /// Whether a tree in which `above` gives the parent of a frame has a place for a new link: no cycle, and not too deep.

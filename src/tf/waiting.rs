@@ -8,8 +8,7 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use super::LookupError;
-use crate::engine::Stamp;
-use crate::msg::ros::JUMP_BACK;
+use crate::engine::{JUMP_BACK, Stamp};
 
 /// When something happens, by two clocks: one that never goes back, such as the system's monotonic one, and a simulated one
 /// where there is one.
@@ -28,9 +27,9 @@ impl From<Duration> for Moment {
 }
 
 impl Moment {
-    /// The time since `earlier`, by the clock that has gone on less. A simulator that runs slowly or is halted sends
-    /// transforms late, so its own time counts; one that runs fast does not make the network faster, so the other does. So it does
-    /// where the simulated one has jumped back: until that is where it was, it tells nothing.
+    /// The time since `earlier`: the shorter of the time by the wall and the simulated one. A simulator that is slow or halted sends
+    /// transforms late, so its own time counts; one that is fast does not make the network faster, so that of the wall does. That
+    /// alone counts while the simulated clock lies more than [`JUMP_BACK`] before `earlier`.
     pub fn since(self, earlier: Self) -> Duration {
         let wall = self.wall.saturating_sub(earlier.wall);
         let simulated = self.simulated.zip(earlier.simulated).map(|(now, then)| now.seconds_since(then));
@@ -82,6 +81,11 @@ impl<T, E> WaitingQueue<T, E> {
     /// have left.
     pub const fn set_capacity(&mut self, capacity: usize) {
         self.capacity = capacity;
+    }
+
+    /// How many items may wait.
+    pub const fn capacity(&self) -> usize {
+        self.capacity
     }
 
     /// The number of items that wait.

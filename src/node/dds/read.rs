@@ -48,6 +48,11 @@ impl Memory {
         self.joined.update(|number| number + 1);
         self.joined.get()
     }
+
+    /// Notes the form that scans of a sensor are made of.
+    pub(super) fn choose(&self, Input { sensor, form }: Input) {
+        self.scans.borrow_mut().entry(sensor).or_default().chosen.set(Some(form));
+    }
 }
 
 /// Starts the tasks that read topics.
@@ -184,7 +189,7 @@ impl Listening<'_, '_> {
         Ok(())
     }
 
-    /// Compressed depth images, once they are wanted.
+    /// Compressed depth images, while they are wanted.
     fn compressed(&mut self, sensor: SensorTopics, name: String) -> Result<(), OpenError> {
         let qos = scan_qos(policy::Reliability::BestEffort);
         let named = Named { name: &name, type_name: types::COMPRESSED_IMAGE };
@@ -195,15 +200,16 @@ impl Listening<'_, '_> {
         let seed = WithCamera::new(&heard.camera, self.parameters, CompressedSeed::new);
         let input = Form::CompressedDepth.of(self.number);
         self.readers.spawn_local(async move {
-            if !heard.comes(Form::CompressedDepth) {
-                compressed::wanted(&sensor, || sources.list(), |form| heard.comes(form)).await;
-            }
-            sources.answer().await;
-            let images = node.upgrade().map(|node| node.borrow_mut().create_subscription(&topic, None));
-            let images = compressed::opened(images).await;
-            let known = heard.compressed;
-            let reading = Reading { input, topic: name, known, reliably: false };
-            read_scans(reading, images, seed, events).await
+            let are_wanted = heard.comes(Form::CompressedDepth);
+            let read = async || {
+                sources.answer().await;
+                let images = node.upgrade().map(|node| node.borrow_mut().create_subscription(&topic, None));
+                let images = compressed::opened(images).await;
+                let known = Rc::clone(&heard.compressed);
+                let reading = Reading { input, topic: name.clone(), known, reliably: false };
+                read_scans(reading, images, seed.clone(), events.clone()).await
+            };
+            compressed::read_while_wanted(&sensor, &heard, are_wanted, || sources.list(), read).await
         });
         Ok(())
     }

@@ -3,7 +3,6 @@
 use std::time::{Duration, Instant};
 
 use crate::engine::Stamp;
-use crate::msg::ros::JUMP_BACK;
 use crate::node::clock::now;
 use crate::tf::Moment;
 
@@ -25,7 +24,7 @@ impl Clocks {
     /// Takes in what the simulated clock says at this moment; the seconds by which it has jumped back.
     pub(super) fn hear(&mut self, stamp: Stamp, moment: Instant) -> Option<f64> {
         self.heard = moment;
-        let back = self.newest.map(|newest| newest.seconds_since(stamp)).filter(|back| *back > JUMP_BACK);
+        let back = self.newest.and_then(|newest| stamp.jump_back_from(newest));
         self.newest = if back.is_some() { Some(stamp) } else { self.newest.max(Some(stamp)) };
         back
     }

@@ -2,6 +2,7 @@
 //! stands beside them. No worker is needed to tell it.
 
 use std::cell::RefCell;
+use std::collections::BTreeMap;
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
@@ -10,7 +11,7 @@ use crate::config::Config;
 use crate::memory::resident_mb;
 use crate::msg::part::Part;
 use crate::msg::reports::{DiagnosticStatus, Level};
-use crate::node::counts::Counts;
+use crate::node::counts::{Counts, TRANSFORM_TIMEOUT, WAITING_QUEUE_FULL};
 use crate::node::publish::Seen;
 use crate::node::transport::NetworkState;
 use crate::node::vitals::{Reach, Vitals};
@@ -22,8 +23,8 @@ struct Before {
     counts: Counts,
     /// The longest that a scan has waited for its transform since.
     longest_wait: Duration,
-    /// What the newest cloud without a transform lacked.
-    without_transform: Option<String>,
+    /// What the newest cloud without a transform lacked, of each sensor.
+    without_transform: BTreeMap<Option<usize>, String>,
     /// How many sessions a jump has begun, and what is to be said of the newest.
     jumps: u64,
     jump: Option<String>,
@@ -31,7 +32,8 @@ struct Before {
 
 impl Before {
     fn new(at: Instant, counts: Counts) -> Self {
-        Self { at, counts, longest_wait: Duration::ZERO, without_transform: None, jumps: 0, jump: None }
+        let without_transform = BTreeMap::new();
+        Self { at, counts, longest_wait: Duration::ZERO, without_transform, jumps: 0, jump: None }
     }
 }
 
@@ -66,9 +68,9 @@ impl Diagnosis {
         self.before.longest_wait = self.before.longest_wait.max(waited);
     }
 
-    /// A scan was given up without a transform, for this reason.
-    pub(super) fn given_up(&mut self, why: String) {
-        self.before.without_transform = Some(why);
+    /// A scan of a sensor, where that is known, was given up without a transform, for this reason.
+    pub(super) fn given_up(&mut self, sensor: Option<usize>, why: String) {
+        self.before.without_transform.insert(sensor, why);
     }
 
     /// A jump has begun a session.
@@ -111,14 +113,15 @@ impl Diagnosis {
     ) -> DiagnosticStatus {
         let before = &self.before;
         let mut part = self.part("transforms", format!("every scan has its way to `{fixed_frame}`"));
-        let given_up = self.since_before("transform_timeout") + self.since_before("waiting_queue_full");
+        let given_up = self.since_before(TRANSFORM_TIMEOUT) + self.since_before(WAITING_QUEUE_FULL);
         part.value("scans that wait", waiting);
         part.value("longest wait [s]", format!("{:.3}", before.longest_wait.as_secs_f64()));
         part.value("given up", given_up);
         if given_up > 0 {
             let taken_in = self.counts.borrow().taken_in > before.counts.taken_in;
             let level = if taken_in { Level::Warn } else { Level::Error };
-            part.raise(level, before.without_transform.clone().unwrap_or_default());
+            let whys: Vec<_> = before.without_transform.values().map(String::as_str).collect();
+            part.raise(level, whys.join("; "));
         } else if let Some(why) = halted {
             part.raise(Level::Warn, why);
         }
@@ -240,8 +243,8 @@ mod tests {
     #[test]
     fn a_report_is_about_the_time_since_the_one_before() {
         let mut diagnosis = diagnosis();
-        diagnosis.counts.borrow_mut().skip("transform_timeout");
-        diagnosis.given_up("no way".to_owned());
+        diagnosis.counts.borrow_mut().skip(TRANSFORM_TIMEOUT);
+        diagnosis.given_up(Some(0), "no way".to_owned());
         diagnosis.waited(Duration::from_millis(200));
         diagnosis.waited(Duration::from_millis(100));
         diagnosis.jumped("a jump".to_owned());
@@ -264,9 +267,9 @@ mod tests {
         let mut diagnosis = diagnosis();
         let stuck = diagnosis.of_transforms("odom", 1, Some("no frame `map`".to_owned()));
         assert_eq!((stuck.level, stuck.message.as_str()), (1, "no frame `map`"));
-        diagnosis.counts.borrow_mut().skip("waiting_queue_full");
+        diagnosis.counts.borrow_mut().skip(WAITING_QUEUE_FULL);
         diagnosis.counts.borrow_mut().taken_in += 1;
-        diagnosis.given_up("no way".to_owned());
+        diagnosis.given_up(Some(0), "no way".to_owned());
         let given_up = diagnosis.of_transforms("odom", 1, Some("no frame `map`".to_owned()));
         assert_eq!((given_up.level, given_up.message.as_str()), (1, "no way"));
     }

@@ -13,17 +13,18 @@ use super::{Live, LiveError};
 use crate::cloud::CloudError;
 use crate::engine::Snapshot;
 use crate::msg::ros::TriggerResponse;
-use crate::node::counts::Counts;
+use crate::node::counts::{Counts, ENGINE_DIED};
 use crate::node::publish::Ended;
 use crate::node::saving::Written;
 use crate::node::transport::{Event, Service, Transport};
+use crate::reason::SHUTDOWN;
 use crate::worker::words;
 
 /// Counts what was under way when the engine died.
 fn count_buried(counts: &RefCell<Counts>) {
     let mut counts = counts.borrow_mut();
     let known = counts.taken_in + counts.replaced + counts.skipped.values().sum::<u64>();
-    (known..counts.received).for_each(|_| counts.skip("engine_died"));
+    (known..counts.received).for_each(|_| counts.skip(ENGINE_DIED));
 }
 
 fn death(ended: Result<Ended, JoinError>) -> LiveError {
@@ -41,12 +42,12 @@ impl<T: Transport> Live<T> {
             Event::Cloud(_, cloud) => {
                 let mut counts = self.counts.borrow_mut();
                 counts.received += 1;
-                counts.skip(cloud.as_ref().map_or_else(CloudError::reason, |_| "shutdown"));
+                counts.skip(cloud.as_ref().map_or_else(CloudError::reason, |_| SHUTDOWN));
             }
             Event::Handed(..) => {
                 let mut counts = self.counts.borrow_mut();
                 counts.received += 1;
-                counts.skip("shutdown");
+                counts.skip(SHUTDOWN);
             }
             Event::Lost(_, number) => self.counts.borrow_mut().lose(number),
             Event::Call(service, request) => match &mut self.calls_for_map {
@@ -77,7 +78,7 @@ impl<T: Transport> Live<T> {
         let ended = match ended {
             Ok(Ended { map: Some(map), died: None }) => {
                 let waiting = join.give_up(clocks.moment());
-                waiting.iter().for_each(|_| counts.borrow_mut().skip("shutdown"));
+                waiting.iter().for_each(|_| counts.borrow_mut().skip(SHUTDOWN));
                 Ok(map)
             }
             ended => {

@@ -9,6 +9,7 @@ use super::{Live, QUIET, QUIET_AGAIN};
 use crate::cloud::{Cloud, CloudError};
 use crate::engine::Stamp;
 use crate::join::with_stamp;
+use crate::node::counts::OTHER_INPUT;
 use crate::node::inputs;
 use crate::node::transport::{Form, Input, Source, Transport};
 
@@ -104,6 +105,7 @@ impl<T: Transport> Live<T> {
             Ok(cloud) => {
                 intake.note_good(cloud);
                 if !cloud.points.is_empty() && intake.chosen.replace(form).is_none() {
+                    self.transport.chosen(input);
                     self.say_chosen(input);
                 }
                 self.say_when_empty(input);
@@ -142,7 +144,7 @@ impl<T: Transport> Live<T> {
     fn skip_other(&mut self, input: Input) {
         let Input { sensor, form } = input;
         self.counts.borrow_mut().received += 1;
-        self.counts.borrow_mut().skip("other_input");
+        self.counts.borrow_mut().skip(OTHER_INPUT);
         let chosen = self.intakes[sensor].chosen.unwrap_or(form);
         let line = inputs::how_to_choose(&self.transport.inputs()[sensor], chosen, form);
         self.warn(format!("other_input {}", self.topic(input)), format_args!("{line}"));

@@ -124,9 +124,14 @@ impl<T: Transport> Live<T> {
         if network.namesakes > 0 {
             lines.push(self.diagnosis.namesakes(network.namesakes));
         }
-        // What comes and goes every second begins as often.
-        for line in self.lasting.due(&lines, Instant::now()) {
-            self.warn(line.clone(), format_args!("{line}"));
+        // What comes and goes every second begins as often: it is said where it still is so when its turn comes.
+        let now = Instant::now();
+        for line in self.lasting.due(&lines, now) {
+            if self.throttle.allows(line.clone(), now) {
+                say(tracing::Level::WARN, &line);
+            } else {
+                self.lasting.put_off(&line);
+            }
         }
         for line in self.lasting.over(&lines) {
             say(

@@ -6,6 +6,7 @@ use tracing::{Level, debug};
 
 use super::{Live, QUIET};
 use crate::cloud::{Camera, Cloud, CloudError};
+use crate::node::counts::WAITING_QUEUE_FULL;
 use crate::node::inputs;
 use crate::node::throttle::say;
 use crate::node::transport::{Input, Transport};
@@ -83,10 +84,17 @@ impl<T: Transport> Live<T> {
         if let Some(fault) = self.clock_fault() {
             line = format!("{line}; {fault}");
         }
+        if reason == WAITING_QUEUE_FULL {
+            let places = self.join.places();
+            line = format!(
+                "{line}; it made place for a newer one: {places} clouds may wait, of all sensors together, whatever tf_timeout is"
+            );
+        }
+        let sensor = self.join.sensor_in(frame_id);
         self.diagnosis.waited(waited.waited);
-        self.diagnosis.given_up(line.clone());
+        self.diagnosis.given_up(sensor, line.clone());
         // Thousands of frames take longer to list than a cloud to skip.
-        let level = self.throttle.level(reason, Level::WARN);
+        let level = self.throttle.level(kind_of(reason, sensor), Level::WARN);
         if level == Level::WARN
             && let Some(hint) = self.join.hint(waited.last_error.as_ref())
         {
@@ -109,6 +117,11 @@ impl<T: Transport> Live<T> {
     pub(super) fn warn(&mut self, kind: impl Into<Cow<'static, str>>, line: std::fmt::Arguments<'_>) {
         say(self.throttle.level(kind, Level::WARN), &line.to_string());
     }
+}
+
+/// The kind of line that says why clouds of a sensor are skipped: what one lacks must not hide what another does.
+fn kind_of(reason: &str, sensor: Option<usize>) -> String {
+    sensor.map_or_else(|| reason.to_owned(), |sensor| format!("{reason} {sensor}"))
 }
 
 /// Whether an image is rectified, by its topic's name: `image_rect`, or `image_rect_raw`.

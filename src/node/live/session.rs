@@ -11,6 +11,7 @@ use crate::msg::ros::TriggerResponse;
 use crate::node::clock::now;
 use crate::node::throttle::say;
 use crate::node::transport::{Service, Transport};
+use crate::reason::SESSION_ENDED;
 
 /// A session id that was not used before: the time of day in ns, or one more than the one before.
 pub(super) fn new_session(before: u64) -> u64 {
@@ -47,7 +48,7 @@ impl<T: Transport> Live<T> {
     /// Begins a session that no scan has asked for: what waits is given up.
     fn begin_session(&mut self, why: &str, is_jump: bool) {
         for _ in self.join.give_up(self.clocks.moment()) {
-            self.counts.borrow_mut().skip("session_ended");
+            self.counts.borrow_mut().skip(SESSION_ENDED);
         }
         self.start_session(why, is_jump);
     }
@@ -59,7 +60,7 @@ impl<T: Transport> Live<T> {
         let is_kept = is_jump && self.calls_for_map.is_some();
         let thrown_away =
             if is_kept { self.worker.jump(self.session) } else { self.worker.reset(self.session) };
-        (0..thrown_away).for_each(|_| self.counts.borrow_mut().skip("session_ended"));
+        (0..thrown_away).for_each(|_| self.counts.borrow_mut().skip(SESSION_ENDED));
         self.say_begun(format!("{why}: {}", begun(self.session)), is_jump);
         self.worker.request_snapshot();
         if is_jump {

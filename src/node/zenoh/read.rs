@@ -39,11 +39,12 @@ pub(super) fn listen(
     opener: &Rc<Opener>,
     graph: &Graph,
     parameters: &Rc<Parameters>,
+    scans: &[Scans],
     events: &Events,
 ) -> Result<Readers, OpenError> {
     let mut readers = Readers::new();
-    for (number, sensor) in opener.setup.inputs()?.into_iter().enumerate() {
-        let (readers, heard) = (&mut readers, Scans::default());
+    for (number, (sensor, heard)) in opener.setup.inputs()?.into_iter().zip(scans).enumerate() {
+        let (readers, heard) = (&mut readers, heard.clone());
         Listening { opener, graph, readers, parameters, events, number, heard }.to(sensor)?;
     }
     for (topic, is_static, room) in [("/tf", false, TRANSFORMS), ("/tf_static", true, LATCHED)] {
@@ -97,7 +98,7 @@ impl Listening<'_> {
         Ok(())
     }
 
-    /// Depth images with their camera; compressed ones once they are wanted.
+    /// Depth images with their camera; compressed ones while they are wanted.
     fn images(&mut self, sensor: SensorTopics, topics: DepthTopics) -> Result<(), OpenError> {
         let camera = self.heard.camera.clone();
         let infos = Named { name: &topics.camera_info.resolved, type_name: types::CAMERA_INFO };
@@ -111,11 +112,13 @@ impl Listening<'_> {
         let (opener, graph, heard) = (Rc::downgrade(self.opener), self.graph.clone(), self.heard.clone());
         let (input, events) = (Form::CompressedDepth.of(self.number), self.events.clone());
         self.readers.spawn_local(async move {
-            compressed::wanted(&sensor, || graph.sources(), |form| heard.comes(form)).await;
-            let images = Named { name: &topics.compressed, type_name: types::COMPRESSED_IMAGE };
-            let images = opener.upgrade().map(|opener| opener.subscribe(images, SENSOR, SCANS));
-            let images = compressed::opened(images).await;
-            read_scans(input, images, seed, heard.compressed, events).await
+            let read = async || {
+                let images = Named { name: &topics.compressed, type_name: types::COMPRESSED_IMAGE };
+                let images = opener.upgrade().map(|opener| opener.subscribe(images, SENSOR, SCANS));
+                let images = compressed::opened(images).await;
+                read_scans(input, images, seed.clone(), Rc::clone(&heard.compressed), events.clone()).await
+            };
+            compressed::read_while_wanted(&sensor, &heard, false, || graph.sources(), read).await
         });
         Ok(())
     }
