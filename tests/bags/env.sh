@@ -30,7 +30,7 @@ echo "building the environment of tests/$name in $dir" >&2
 rm -rf "$dir"   # half-built
 mkdir -p "$dir"
 "$python" -m venv "$dir/venv" >&2 || die "$python cannot make a virtual environment (Debian: apt-get install python3.11-venv)"
-"$dir/venv/bin/pip" install -q --disable-pip-version-check --no-deps -r "$of/requirements.txt" >&2
+bash "$here/../retry.sh" "$dir/venv/bin/pip" install -q --disable-pip-version-check --no-deps -r "$of/requirements.txt" >&2
 "$dir/venv/bin/pip" check --disable-pip-version-check >&2 || die "$of/requirements.txt is not complete"
 touch "$dir/complete"
 echo "$dir"

@@ -55,7 +55,7 @@ class Cfodi:
         wait_until(f"the line `ready:` with {name}", found)
         return self
 
-    def wait(self, timeout=10):
+    def wait(self, timeout=60):
         """The exit status, once the log has been read to its end."""
         try:
             status = self.process.wait(timeout)
@@ -65,7 +65,7 @@ class Cfodi:
         self._reader.join(5)
         return status
 
-    def stop(self, with_signal=signal.SIGINT, timeout=10):
+    def stop(self, with_signal=signal.SIGINT, timeout=60):
         """Ends it as a user does and returns what it counted, the last line of its log."""
         self.process.send_signal(with_signal)
         assert self.wait(timeout) == 0, "\n".join(self.lines[-20:])

@@ -152,8 +152,9 @@ class Robot:
             wait_until(f"a subscription of {name}", writer.get_matched_subscriptions)
         time.sleep(1.5)
 
-    def drive(self, topic, ros_type, data, count=20, rate=20):
-        """The same message again and again, each time with its transform."""
+    def drive(self, topic, ros_type, data, count=20, rate=5):
+        """The same message again and again, each time with its transform; seldom enough for every one to be taken in on a machine that
+        holds the node up."""
         still = clouds.still_transform()
         for _ in range(count):
             stamp = time.time_ns()

@@ -1,4 +1,5 @@
-"""Drives of a camera at 30 Hz. A machine that is busy with something else spoils one now and then: hence some attempts."""
+"""Drives of a camera at 30 Hz. A machine that is busy with something else for some seconds spoils one now and then: hence some
+attempts, with a pause between them (`attempts`)."""
 
 import json
 import pathlib
@@ -8,9 +9,17 @@ import time
 
 from cfodi_node import skipped
 
-ATTEMPTS = 3
+ATTEMPTS = 6
+PAUSE = 5  # s
 PLAY = pathlib.Path(__file__).with_name("play.py")
 LEAST_RATE = 25  # that of a camera is 30
+
+
+def attempts():
+    """The numbers of the attempts, from 0 on, each but the first after a pause."""
+    for number in range(ATTEMPTS):
+        time.sleep(PAUSE if number else 0)
+        yield number
 
 
 def drive(node, pause, *arguments):

@@ -35,7 +35,7 @@ rm -rf "$dir"   # half-built
 mkdir -p "$install"
 "$python" -m venv "$venv" >&2 || die "$python cannot make a virtual environment (Debian: apt-get install python3.11-venv)"
 # The wheels under-declare what they need, so the freeze is complete and nothing is resolved.
-"$venv/bin/pip" install -q --disable-pip-version-check --no-deps -r "$here/requirements.txt" >&2
+bash "$here/../retry.sh" "$venv/bin/pip" install -q --disable-pip-version-check --no-deps -r "$here/requirements.txt" >&2
 
 # Their CMake exports hold the include folders of the container they were built in.
 paths=$("$venv/bin/python" -c 'import sysconfig; print(sysconfig.get_path("include"))')

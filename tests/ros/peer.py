@@ -5,6 +5,7 @@ import time
 
 import rclpy
 from cfodi_msgs.msg import SurfaceClusterArray
+from rclpy.duration import Duration
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
@@ -137,12 +138,15 @@ class Camera:
 
     def meet(self, timeout=30):
         """Waits for the node. What a best-effort subscription misses before it is matched on both sides, nobody counts:
-        hence the pause. The static transform goes out again, for a latched one may take a heartbeat (3 s) to arrive."""
+        hence the pause. The static transform goes out again, for a latched one may take a heartbeat (3 s) to arrive; that the node
+        has it shows that it knows this side."""
         publishers = (self._cloud, self._tf, self._tf_static)
         wait_until("a subscription of points, /tf and /tf_static",
                    lambda: all(p.get_subscription_count() for p in publishers), timeout)
         time.sleep(0.5)
         self._tf_static.publish(clouds.static_transform())
+        # Of a reader that was killed nobody hears before it is forgotten.
+        self._tf_static.wait_for_all_acked(Duration(seconds=5))
         time.sleep(1.0)
 
     def publish(self, cloud, stamp_ns, transform=None):

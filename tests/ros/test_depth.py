@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from cfodi_node import accounted
 from diagnostic_msgs.msg import DiagnosticArray
-from drives import ATTEMPTS, drive, is_good
+from drives import attempts, drive, is_good
 from peer import qos, wait_until
 from sensor_msgs.msg import CameraInfo
 
@@ -45,7 +45,7 @@ def take_in(camera, peer, image):
 def test_at_30_hz_95_percent_are_taken_in_on_a_small_socket_buffer(kind, buffer, recordings, start):
     if (granted := network.granted_buffer(buffer)) < buffer:
         pytest.fail(f"the kernel grants {granted} bytes to a socket: sysctl -w net.core.rmem_max={buffer}")
-    for _ in range(ATTEMPTS):
+    for _ in attempts():
         node = start({"receive_buffer": buffer}, remaps=REMAPS).ready()
         played, counts = drive(node, 1, str(recordings), *kind, "--seconds=20")
         # When the last image is the one that is lost, no later number tells.
@@ -74,7 +74,7 @@ def test_images_before_the_first_camera_info_are_counted(start, peer):
     info, camera.info = camera.info, None
     for _ in range(3):
         camera.publish(depth_images.image(depth_images.wall()), time.time_ns(), clouds.still_transform())
-        time.sleep(0.1)
+        time.sleep(0.3)
     node.line_with("camera_info")
     camera.info = info
     camera._info.publish(info)
@@ -125,7 +125,7 @@ def test_bad_images_are_counted_by_reason_and_the_next_good_one_is_taken_in(star
     bad = [depth_images.image(depth_images.wall()[:50]), good.replace(b"16UC1\0", b"bgr8x\0"), good[:100]]
     for data in bad:
         camera.publish(data, time.time_ns(), clouds.still_transform())
-        time.sleep(0.1)
+        time.sleep(0.3)
     take_in(camera, peer, good)
     counts = node.stop()
     assert counts["skipped"] == {"image_size": 1, "unknown_encoding": 1, "undecodable": 1}, counts
@@ -150,7 +150,7 @@ def test_the_first_input_is_the_only_one_and_it_is_said_how_to_choose(start, pee
     take_in(camera, peer, depth_images.image(depth_images.wall()))
     for _ in range(3):
         points.publish(clouds.cloud(clouds.wall()), time.time_ns(), clouds.still_transform())
-        time.sleep(0.1)
+        time.sleep(0.3)
     node.line_with("/camera/depth/points is skipped", "-r depth/image:=/unused")
     take_in(camera, peer, depth_images.image(depth_images.wall()))
     counts = node.stop()
@@ -207,3 +207,18 @@ def test_compressed_images_are_read_where_raw_ones_are_offered_and_no_good_one_c
     node.line_with(f"scans are made of {IMAGE}/compressedDepth")
     counts = node.stop()
     assert counts["taken_in"] == 1 and counts["skipped"] == {"image_size": 1}, counts
+
+
+def test_compressed_images_are_read_no_more_once_raw_ones_come(start, peer):
+    """A Kinect that is plugged in long after its driver has offered both."""
+    node = start(remaps=REMAPS).ready()
+    peer.record_node()
+    raw, packed = cameras(peer)
+    raw.meet()
+    packed.meet()
+    take_in(raw, peer, depth_images.image(depth_images.wall()))
+    node.line_with(f"{IMAGE}/compressedDepth is read no more")
+    wait_until("nobody to pack a PNG for", lambda: packed._cloud.get_subscription_count() == 0)
+    take_in(raw, peer, depth_images.image(depth_images.wall()))
+    counts = node.stop()
+    assert counts["taken_in"] == 2 and not counts["skipped"], counts

@@ -180,7 +180,7 @@ def test_the_shell_scripts_start_the_node(script, arguments, topics, peer, tmp_p
         wait_until("its inputs", lambda: all(peer.node.count_subscribers(topic) for topic in topics))
         assert parameters(peer, ["voxel_size"]) == {"voxel_size": 0.1}
         node.terminate()
-        assert node.wait(10) == 0
+        assert node.wait() == 0
     finally:
         node.kill()
         node.wait()

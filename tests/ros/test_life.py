@@ -32,7 +32,7 @@ REFUSED = [
 @pytest.mark.parametrize("name, value, says", REFUSED)
 def test_an_impossible_parameter_ends_it_with_status_2_and_says_why(name, value, says, start):
     node = start({name: value})
-    assert node.wait(10) == 2
+    assert node.wait() == 2
     lines = [line for line in node.lines if all(part in line for part in (name, value.strip("[]"), *says))]
     assert lines, f"no line with {name}, {value}, {says}:\n" + "\n".join(node.lines)
     assert not any("ready:" in line for line in node.lines)
@@ -41,14 +41,14 @@ def test_an_impossible_parameter_ends_it_with_status_2_and_says_why(name, value,
 @pytest.mark.parametrize("name, value", [("clearing", "true"), ("max_voxels", "9"), ("keep_radius", "2.5")])
 def test_the_papers_mode_is_not_told_to_forget(name, value, start):
     node = start({"mode": "paper", name: value})
-    assert node.wait(10) == 2
+    assert node.wait() == 2
     assert [line for line in node.lines if all(part in line for part in (name, value, "`paper`"))], "\n".join(node.lines)
 
 
 @pytest.mark.parametrize("name, nearest", [("voxel_sise", "voxel_size"), ("min_vicinty", "min_vicinity")])
 def test_an_unknown_parameter_ends_it_with_status_2_and_the_nearest_right_name(name, nearest, start):
     node = start({name: 1})
-    assert node.wait(10) == 2
+    assert node.wait() == 2
     assert [line for line in node.lines if name in line and nearest in line], "\n".join(node.lines)
 
 
@@ -56,7 +56,7 @@ def test_an_unknown_parameter_ends_it_with_status_2_and_the_nearest_right_name(n
 def test_sigint_and_sigterm_end_it_with_status_0_and_it_leaves_the_graph(ending, start, peer):
     node = start().ready()
     wait_until("the node in the graph", lambda: "/cfodi" in node_names(peer))
-    node.stop(ending, timeout=20)
+    node.stop(ending)
     wait_until("the node gone", lambda: "/cfodi" not in node_names(peer), 20)
 
 
@@ -97,9 +97,9 @@ def test_snapshots_go_out_at_publish_rate_even_when_no_scan_came(start, peer):
     start({"publish_rate": 5.0}).ready()
     peer.record_node()
     peer.clusters.wait("a first snapshot")
-    before = len(peer.clusters)
+    before, begin = len(peer.clusters), time.monotonic()
     time.sleep(4)
-    came = len(peer.clusters) - before
-    assert 16 <= came <= 24, came
+    came, expected = len(peer.clusters) - before, 5 * (time.monotonic() - begin)
+    assert 0.8 * expected <= came <= 1.2 * expected, (came, expected)
     assert peer.clusters[-1].sequence == 0 and not peer.clusters[-1].clusters
     assert len({message.session_id for message in peer.clusters}) == 1

@@ -101,6 +101,6 @@ def test_what_cannot_be_ends_it_with_status_2_and_a_line_that_says_why(name, way
     (tmp_path / "params.yaml").write_text(f"/**:\n  ros__parameters:\n    {name}: {value}\n")
     arguments = ["--params-file", str(tmp_path / "params.yaml")] if way == "file" else ["-p", f"{name}:={value}"]
     node = start(fixed_frame=None, points=None, arguments=arguments)
-    assert node.wait(10) == 2
+    assert node.wait() == 2
     assert [line for line in node.lines if all(part in line for part in says)], "\n".join(node.lines)
     assert not any("ready:" in line for line in node.lines)

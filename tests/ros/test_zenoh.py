@@ -86,7 +86,7 @@ def test_clouds_come_in_and_clusters_deltas_and_markers_go_out(zenoh_node, robot
     wait_until("a delta for each scan", lambda: len(deltas) >= robot.sent - 2)
     markers.wait("markers of a surface", lambda array: any(len(marker.points) > 0 for marker in array.markers))
     late = robot.read("/cfodi/clusters", ARRAY, qos=LATCHED)
-    assert has_wall(late.wait("what is kept for late readers", timeout=5))
+    assert has_wall(late.wait("what is kept for late readers"))
     counts = node.stop()
     assert_taken_in(counts, robot.sent)
 
@@ -97,21 +97,9 @@ def test_a_name_that_a_rule_makes_is_not_remapped_by_another(zenoh_node, robot):
     wait_until("a reader of each", lambda: robot.readers("/rear") and robot.readers("/back"))
 
 
-@pytest.mark.parametrize("form, suffix, message_type", [
-    (depth_images.image, "", IMAGE), (depth_images.compressed, "/compressedDepth", COMPRESSED)], ids=["raw", "compressed"])
-def test_depth_images_with_their_camera_come_in(form, suffix, message_type, zenoh_node, robot):
-    topic = "/camera/depth/image_raw" + suffix
-    remaps = {"depth/image": "/camera/depth/image_raw", "depth/camera_info": "/camera/depth/camera_info"}
-    node = zenoh_node(remaps=remaps, points=None).ready()
-    clusters = robot.read("/cfodi/clusters", ARRAY)
-    image, info = form(depth_images.wall()), depth_images.wall_info()
-    for offered in {(topic, message_type), ("/camera/depth/image_raw/compressedDepth", COMPRESSED)}:
-        robot.publisher(*offered)
-    robot.meet()
-    wait_until("a reader of the images", lambda: robot.readers(topic))
-    time.sleep(2)
-    if not suffix:
-        assert not robot.readers(topic + "/compressedDepth")
+def show_wall(robot, topic, message_type, image):
+    """Twenty depth images, each with its camera and its transforms."""
+    info = depth_images.wall_info()
     for _ in range(20):
         stamp = time.time_ns()
         robot.publish("/tf", TF, clouds.stamped(clouds.static_transform(), clouds.TF_STAMP, stamp))
@@ -120,9 +108,40 @@ def test_depth_images_with_their_camera_come_in(form, suffix, message_type, zeno
         time.sleep(0.02)
         robot.publish(topic, message_type, clouds.stamped(image, clouds.CLOUD_STAMP, stamp))
         time.sleep(0.03)
+
+
+@pytest.mark.parametrize("form, suffix, message_type", [
+    (depth_images.image, "", IMAGE), (depth_images.compressed, "/compressedDepth", COMPRESSED)], ids=["raw", "compressed"])
+def test_depth_images_with_their_camera_come_in(form, suffix, message_type, zenoh_node, robot):
+    topic = "/camera/depth/image_raw" + suffix
+    remaps = {"depth/image": "/camera/depth/image_raw", "depth/camera_info": "/camera/depth/camera_info"}
+    node = zenoh_node(remaps=remaps, points=None).ready()
+    clusters = robot.read("/cfodi/clusters", ARRAY)
+    for offered in {(topic, message_type), ("/camera/depth/image_raw/compressedDepth", COMPRESSED)}:
+        robot.publisher(*offered)
+    robot.meet()
+    wait_until("a reader of the images", lambda: robot.readers(topic))
+    time.sleep(2)
+    if not suffix:
+        assert not robot.readers(topic + "/compressedDepth")
+    show_wall(robot, topic, message_type, form(depth_images.wall()))
     clusters.wait("a map with a wall", has_wall)
     counts = node.stop()
     assert_taken_in(counts, 20)
+
+
+def test_compressed_images_are_read_no_more_once_raw_ones_come(zenoh_node, robot):
+    """A Kinect that is plugged in long after its driver has offered both."""
+    topic, packed = "/camera/depth/image_raw", "/camera/depth/image_raw/compressedDepth"
+    remaps = {"depth/image": topic, "depth/camera_info": "/camera/depth/camera_info"}
+    zenoh_node(remaps=remaps, points=None).ready()
+    for offered in ((topic, IMAGE), (packed, COMPRESSED)):
+        robot.publisher(*offered)
+    robot.meet()
+    wait_until("a reader of the compressed images", lambda: robot.readers(packed), 60)
+    show_wall(robot, topic, IMAGE, depth_images.image(depth_images.wall()))
+    wait_until("nobody to pack a PNG for", lambda: not robot.readers(packed), 60)
+    assert robot.readers(topic)
 
 
 def test_static_transforms_from_before_the_node_are_asked_for(zenoh_node, robot):
@@ -146,6 +165,7 @@ def test_static_transforms_from_before_the_node_are_asked_for(zenoh_node, robot)
 def test_reset_is_called_and_answered(zenoh_node, robot):
     node = zenoh_node().ready()
     clusters = robot.read("/cfodi/clusters", ARRAY)
+    robot.meet()
     robot.drive()
     session = clusters.wait("a map with a wall", has_wall).session_id
     answer = robot.trigger("/cfodi/reset")
@@ -256,11 +276,13 @@ def memory(node):
 
 def test_parameters_are_shown_and_changed_as_over_dds(zenoh_node, robot):
     node = zenoh_node().ready()
+    robot.meet()
     listed = robot.call("/cfodi/list_parameters", ListParameters, ListParameters.Request())
     assert "voxel_size" in listed.result.names
     got = robot.call("/cfodi/get_parameters", GetParameters, GetParameters.Request(names=["voxel_size"]))
     assert got.values == [ParameterValue(type=3, double_value=0.08)]
     changes = robot.read("/parameter_events", "rcl_interfaces/msg/ParameterEvent")
+    wait_until("its token", lambda: robot.readers("/parameter_events"))
     time.sleep(1)
     for number, successful in ((0.5, True), (61.0, False)):
         parameter = Parameter(name="tf_timeout", value=ParameterValue(type=3, double_value=number))

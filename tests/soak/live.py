@@ -134,16 +134,24 @@ def prepared(arguments, folder):
 def soak(robot, arguments, account):
     """Injects a fault every so often until the time is over."""
     begin = time.monotonic()
-    due = begin + arguments.fault_every
+    end, due = begin + arguments.seconds, begin + arguments.fault_every
     number = 0
-    while time.monotonic() < begin + arguments.seconds:
+    while time.monotonic() < end or lacks_faults(arguments, number):
         assert robot.node.process.poll() is None, "the node has ended:\n" + "\n".join(robot.node.lines[-20:])
         robot.listener.look()
-        if time.monotonic() >= due and time.monotonic() < begin + arguments.seconds - QUIET_AT_THE_END:
+        has_time = time.monotonic() < end - QUIET_AT_THE_END or lacks_faults(arguments, number)
+        if time.monotonic() >= due and has_time:
             account.windows.append(injected(robot, *FAULTS[number % len(FAULTS)]))
             number += 1
             due = max(due + arguments.fault_every, time.monotonic())
+            if arguments.every_fault and not lacks_faults(arguments, number):
+                end = max(end, time.monotonic() + QUIET_AT_THE_END)
         time.sleep(0.05)
+
+
+def lacks_faults(arguments, number):
+    """Whether there is to be a fault yet, however long the others took: `number` there have been."""
+    return arguments.every_fault and number < len(FAULTS)
 
 
 def injected(robot, fault, allowance):
@@ -180,6 +188,7 @@ def main():
     parser.add_argument("--seconds", type=float, default=1800)
     parser.add_argument("--rate", type=float, default=30, help="scans a second")
     parser.add_argument("--fault-every", type=float, default=20, help="seconds from one fault to the next")
+    parser.add_argument("--every-fault", action="store_true", help="goes on until each fault has come")
     parser.add_argument("--max-voxels", type=int, default=8000, help="0 = no bound")
     parser.add_argument("--scans", choices=["cabinet", "room"], help="the recording where it is there, else the room")
     parser.add_argument("--size", type=int, nargs=2, default=[640, 480], help="of the room's images")
