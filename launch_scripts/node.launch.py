@@ -1,6 +1,6 @@
 """The node with every input, and RViz. cloud, kinect_v1 and replay include it.
 
-What is given here goes before what params_file says; what is left empty is as params_file says, but RViz does not read it.
+What is given here overrides params_file; what is left empty is as params_file says (RViz does not read that file).
 """
 
 import pathlib
