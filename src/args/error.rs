@@ -52,9 +52,6 @@ pub enum ArgsError {
         /// Its length.
         bytes: usize,
     },
-    /// A parameter that stands twice in one map, of which YAML keeps none and rcl the last.
-    #[error("{0} is given twice in one map of parameters, and only one value can be meant")]
-    Repeated(String),
     /// A value that is more than is read.
     #[error("the value of {name} is refused: {bound}")]
     Value {

@@ -10,6 +10,7 @@ use super::ArgsError;
 use super::others::for_others;
 use super::params_file::{assignments, flatten};
 use crate::config::{ConfigError, Value, as_meant};
+use crate::line::one_line;
 
 /// Where a parameter stands.
 #[derive(Debug)]
@@ -43,24 +44,28 @@ pub(super) fn given(
         param.node_name.as_ref().is_none_or(|pattern| match_wildcard_pattern(pattern, &node))
     };
     let mut assigned: Vec<(ParamAssignment, Option<&Path>)> = Vec::new();
-    let mut passed_over = Vec::new();
+    let mut warnings = Vec::new();
     for file in &ros.param_files {
         let (of_file, others): (Vec<_>, Vec<_>) = assignments(file)?.into_iter().partition(is_for_node);
         // A file of a robot has parameters of many nodes: only one without any of this one is odd.
         let others = if of_file.is_empty() { &others[..] } else { &[] };
-        passed_over.extend(for_others(&file.display().to_string(), others, &node));
+        warnings.extend(for_others(&file.display().to_string(), others, &node));
         assigned.extend(of_file.into_iter().map(|param| (param, Some(file.as_path()))));
     }
     let (on_line, others): (Vec<_>, Vec<_>) = ros.param_assignments.iter().cloned().partition(is_for_node);
     // There each is given to this program.
-    passed_over.extend(for_others("a -p", &others, &node));
+    warnings.extend(for_others("a -p", &others, &node));
     assigned.extend(on_line.into_iter().map(|param| (param, None)));
     let mut given = Vec::new();
     for (param, file) in assigned {
         let origin = file.zip(param.node_name);
         let origin = origin.map(|(file, section)| Rc::new(Origin { file: file.to_owned(), section }));
-        let mut values = Vec::new();
-        flatten(param.name, &param.value, &mut values)?;
+        let (mut values, mut repeated) = (Vec::new(), Vec::new());
+        flatten(param.name, &param.value, &mut values, &mut repeated)?;
+        let place = file.map_or_else(|| "a -p".to_owned(), |file| file.display().to_string());
+        warnings.extend(repeated.iter().map(|name| {
+            one_line(&format!("{place} has {name} twice in one map: the last value counts")).into_owned()
+        }));
         let meant = |(name, value): (String, Value)| Given {
             value: as_meant(&name, value),
             name,
@@ -68,7 +73,7 @@ pub(super) fn given(
         };
         given.extend(values.into_iter().map(meant));
     }
-    Ok((given, passed_over))
+    Ok((given, warnings))
 }
 
 /// The family of a parameter that every node of ROS has and that changes nothing here: a file may give it to all nodes of a robot.

@@ -85,7 +85,7 @@ pub struct Setup {
     given: BTreeSet<String>,
     /// Parameters of every node of ROS that were given a value, and have no effect.
     idle: BTreeSet<&'static str>,
-    passed_over: Vec<String>,
+    warnings: Vec<String>,
 }
 
 impl Setup {
@@ -112,7 +112,7 @@ impl Setup {
         let namespace = absolute(renamed(&name, &["__ns"]).unwrap_or_default());
         ros2args::names::validate_node_name(&name)?;
         ros2args::names::validate_namespace(&namespace)?;
-        let (given, passed_over) = given(&ros, &namespace, &name)?;
+        let (given, warnings) = given(&ros, &namespace, &name)?;
         let (without_effect, given): (Vec<_>, Vec<_>) =
             given.into_iter().partition(|given| idle(&given.name).is_some());
         let values = given.iter().map(|given| (given.name.clone(), given.value.clone()));
@@ -128,7 +128,7 @@ impl Setup {
             rosout: ros.logging_output.rosout != Some(false),
             discovery: environment.discovery.clone(),
             remaps: remaps.map(Rule::new).collect(),
-            passed_over,
+            warnings,
             name,
             namespace,
         };
@@ -150,9 +150,9 @@ impl Setup {
         self.idle.iter().copied()
     }
 
-    /// What is to be said of files and arguments that have parameters for other nodes alone, a line each.
-    pub fn passed_over(&self) -> &[String] {
-        &self.passed_over
+    /// What is to be said of files and arguments that have parameters for other nodes alone, or one twice, a line each.
+    pub fn warnings(&self) -> &[String] {
+        &self.warnings
     }
 
     /// Whether a parameter or another name was given.

@@ -96,18 +96,20 @@ fn read_parameters(node: &str, about: &Yaml, assigned: &mut Vec<ParamAssignment>
     Ok(())
 }
 
-/// Adds a value under its name; a nested map stands for names joined by dots.
+/// Adds a value under its name, and to `repeated` a name that has come before in its map; a nested map stands for names joined by dots.
 ///
 /// # Errors
-/// At a name that is too long or has come before in its map, and at a value of a type that no parameter has.
+/// At a name that is too long, and at a value of a type that no parameter has.
 pub(super) fn flatten(
     name: String,
     value: &Yaml,
     values: &mut Vec<(String, Value)>,
+    repeated: &mut Vec<String>,
 ) -> Result<(), ArgsError> {
-    if let Some(name) = repeats::unmarked(&name) {
-        return Err(ArgsError::Repeated(name.to_owned()));
-    }
+    let name = repeats::unmarked(&name).map(str::to_owned).map_or(name, |name| {
+        repeated.push(name.clone());
+        name
+    });
     if name.len() > MAX_NAME_BYTES {
         return Err(ArgsError::LongName { begin: name.chars().take(SHOWN).collect(), bytes: name.len() });
     }
@@ -126,7 +128,7 @@ pub(super) fn flatten(
         Yaml::Hash(map) => {
             return map.iter().try_for_each(|(key, value)| {
                 let key = key.as_str().map_or_else(|| shown(key), str::to_owned);
-                flatten(format!("{name}.{key}"), value, values)
+                flatten(format!("{name}.{key}"), value, values, repeated)
             });
         }
         other => return Err(of_no_type(name, other)),
@@ -177,7 +179,7 @@ mod tests {
     /// What a value of this text stands for as the parameter `a`.
     fn flat(text: &str) -> Result<Vec<(String, Value)>, String> {
         let mut values = Vec::new();
-        let flattened = flatten("a".to_owned(), &yaml::load(text).unwrap()[0], &mut values);
+        let flattened = flatten("a".to_owned(), &yaml::load(text).unwrap()[0], &mut values, &mut Vec::new());
         flattened.map(|()| values).map_err(|error| error.to_string())
     }
 
@@ -216,21 +218,22 @@ mod tests {
     }
 
     #[test]
-    fn a_parameter_that_stands_twice_in_one_map_is_refused_and_one_of_two_sections_is_not() {
-        let of = |text: &str| -> Result<Vec<_>, String> {
-            let mut values = Vec::new();
-            for param in of_text(text)? {
-                flatten(param.name, &param.value, &mut values).map_err(|error| error.to_string())?;
+    fn a_parameter_that_stands_twice_in_one_map_is_told_and_one_of_two_sections_is_not() {
+        let of = |text: &str| {
+            let (mut values, mut repeated) = (Vec::new(), Vec::new());
+            for param in of_text(text).unwrap() {
+                flatten(param.name, &param.value, &mut values, &mut repeated).unwrap();
             }
-            Ok(values)
+            (values, repeated)
         };
-        let twice = of("/**: {ros__parameters: {depth: 3, voxel_size: 0.05, depth: 4}}").unwrap_err();
-        assert_eq!(twice, "depth is given twice in one map of parameters, and only one value can be meant");
-        let nested = of("/**: {ros__parameters: {front: {kind: cloud, kind: depth}}}").unwrap_err();
-        assert!(nested.starts_with("front.kind is given twice"), "{nested}");
-        let sections = of("/**: {ros__parameters: {depth: 3}}\n/**: {ros__parameters: {depth: 4}}").unwrap();
-        assert_eq!(sections, [3, 4].map(|depth| ("depth".to_owned(), Value::Integer(depth))));
-        let nul = of("/**: {ros__parameters: {\"depth\\0x\": 3}}").unwrap();
+        let both = [3, 4].map(|depth| ("depth".to_owned(), Value::Integer(depth)));
+        let (values, repeated) = of("/**: {ros__parameters: {depth: 3, depth: 4}}");
+        assert_eq!((&values[..], &repeated[..]), (&both[..], &["depth".to_owned()][..]));
+        let (_, repeated) = of("/**: {ros__parameters: {front: {kind: cloud, kind: depth}}}");
+        assert_eq!(repeated, ["front.kind"]);
+        let sections = of("/**: {ros__parameters: {depth: 3}}\n/**: {ros__parameters: {depth: 4}}");
+        assert_eq!(sections, (both.to_vec(), Vec::new()));
+        let (nul, _) = of("/**: {ros__parameters: {\"depth\\0x\": 3}}");
         assert_eq!(nul, [("depth\0x".to_owned(), Value::Integer(3))], "no name of ours");
     }
 

@@ -68,6 +68,7 @@ fn sections_of_one_name_are_read_both_and_of_a_parameter_the_last_value_counts()
         ("/**: {ros__parameters: {depth: 3}}\n/**: {ros__parameters: {depth: 5}}", 5),
         ("/**: {ros__parameters: {depth: 3}}\n/**: {ros__parameters: {min_points: 5}}", 3),
         ("/**:\n  ros__parameters:\n    depth: 3\n  ros__parameters:\n    min_points: 5\n", 3),
+        ("/**: {ros__parameters: {depth: 3, min_points: 9, depth: 6}}", 6),
         ("/**: {cfodi: {ros__parameters: {depth: 3}}, cfodi: {ros__parameters: {depth: 2}}}", 2),
         ("/**: {ros__parameters: {depth: 3}}\nother: {ros__parameters: {depth: 5, depth: 6}}", 3),
     ];
@@ -77,12 +78,18 @@ fn sections_of_one_name_are_read_both_and_of_a_parameter_the_last_value_counts()
 }
 
 #[test]
-fn a_parameter_that_stands_twice_in_one_map_is_refused_but_for_another_node() {
+fn of_a_parameter_that_stands_twice_in_one_map_it_is_said_which_value_counts() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("robot.yaml");
-    std::fs::write(&file, "/**: {ros__parameters: {depth: 3, min_points: 9, depth: 6}}").unwrap();
-    let error = parse(&format!("--ros-args --params-file {}", file.display())).unwrap_err().to_string();
-    assert!(error.starts_with("depth is given twice in one map"), "{error}");
+    let said = |text: &str| {
+        std::fs::write(&file, text).unwrap();
+        let setup = parse(&format!("--ros-args --params-file {}", file.display())).unwrap();
+        (setup.config().engine.depth(), setup.warnings().to_vec())
+    };
+    let line = format!("{} has depth twice in one map: the last value counts", file.display());
+    assert_eq!(said("/**: {ros__parameters: {depth: 3, min_points: 9, depth: 6}}"), (6, vec![line]));
+    let other = "/**: {ros__parameters: {depth: 3}}\nother: {ros__parameters: {depth: 5, depth: 6}}";
+    assert_eq!(said(other), (3, Vec::new()));
 }
 
 #[test]
@@ -127,7 +134,7 @@ fn a_file_or_an_argument_that_has_nothing_for_the_node_is_told_with_the_nodes_th
     let told = |arguments: &str, text: &str| -> Vec<String> {
         std::fs::write(&file, text).unwrap();
         let line = format!("--ros-args {arguments} --params-file {}", file.display());
-        parse(&line).unwrap().passed_over().to_vec()
+        parse(&line).unwrap().warnings().to_vec()
     };
     let other = "/cfodi: {ros__parameters: {depth: 3}}";
     let name = file.display().to_string();

@@ -36,9 +36,10 @@ pub(crate) fn start(level: Option<&str>, rosout: bool) -> Lines {
     said
 }
 
-/// Says which parameters have no effect: those that a file gives to all nodes of a robot, and those that are for other nodes alone.
+/// Says which parameters have no effect: those that a file gives to all nodes of a robot, those that are for other nodes alone, and those
+/// of which another value counts.
 pub(crate) fn say_idle(setup: &Setup) {
-    for line in setup.passed_over() {
+    for line in setup.warnings() {
         warn!("{line}");
     }
     for name in setup.idle() {
