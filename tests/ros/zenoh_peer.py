@@ -127,10 +127,11 @@ class Robot:
         wait_until(f"the token of {name}", lambda: any(reply.ok for reply in self.session.liveliness.get(token)))
         time.sleep(1.5)
 
-    def readers(self, topic):
-        """How many subscriptions of a topic there are."""
-        token = f"@ros2_lv/0/*/*/*/MS/%/*/*/{topic.replace('/', '%')}/**"
-        return sum(reply.ok is not None for reply in self.session.liveliness.get(token))
+    def are_read(self, *topics):
+        """Which of these somebody reads, by one look: one that comes back empty tells nothing of what is read no more."""
+        replies = self.session.liveliness.get("@ros2_lv/0/*/*/*/MS/**")
+        named = {str(reply.ok.key_expr).split("/")[9].replace("%", "/") for reply in replies if reply.ok is not None}
+        return tuple(topic in named for topic in topics)
 
     def trigger(self, service, attempts=6):
         """The answer to a call; asked again where none comes, while the two sides meet."""

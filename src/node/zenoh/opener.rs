@@ -1,6 +1,6 @@
 //! The node's ends on a session: what it listens to, what it sends, what it serves, each with its token.
 
-use std::cell::{Cell, RefCell};
+use std::cell::Cell;
 use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
@@ -37,13 +37,13 @@ const UNDER_WAY: usize = 128;
 /// Time for a publisher to send what it keeps for late readers.
 const HISTORY: Duration = Duration::from_secs(10);
 
-/// A node on a session; others see it, and the ends it has got so far, while it is kept.
+/// A node on a session; others see it while it is kept, and each of its ends while that is.
 pub(super) struct Opener {
     pub(super) setup: Setup,
     pub(super) session: Session,
     node: NodeToken,
+    _token: LivelinessToken,
     ends: Cell<u64>,
-    tokens: RefCell<Vec<LivelinessToken>>,
     answers: Answers,
     discards: Discards<Query>,
 }
@@ -54,10 +54,8 @@ impl Opener {
         let (namespace, name) = (namespace.clone(), name.clone());
         let node = NodeToken { domain: *domain, id: session.zid().to_string(), namespace, name };
         let (setup, session) = (setup.clone(), session.clone());
-        let (ends, tokens, discards) = (Cell::new(0), RefCell::default(), Discards::start()?);
-        let opener = Self { setup, session, node, ends, tokens, answers, discards };
-        opener.declare(opener.node.key())?;
-        Ok(opener)
+        let (token, ends, discards) = (declare(&session, node.key())?, Cell::new(0), Discards::start()?);
+        Ok(Self { setup, session, node, _token: token, ends, answers, discards })
     }
 
     /// The node as others know it.
@@ -65,19 +63,11 @@ impl Opener {
         &self.node
     }
 
-    fn declare(&self, key: String) -> Result<(), OpenError> {
-        let token = self.session.liveliness().declare_token(key).wait().map_err(opening("a token"))?;
-        self.tokens.borrow_mut().push(token);
-        Ok(())
-    }
-
-    /// Tells others of an end; what names it in its messages.
-    pub(super) fn tell(&self, kind: Kind, named: Named<'_>, qos: Qos) -> Result<PublisherId, OpenError> {
+    /// Tells others of an end.
+    pub(super) fn tell(&self, kind: Kind, named: Named<'_>, qos: Qos) -> Result<Known, OpenError> {
         self.ends.set(self.ends.get() + 1);
         let key = self.node.key_of(self.ends.get(), kind, named, qos);
-        let id = publisher_id(&key);
-        self.declare(key)?;
-        Ok(id)
+        Ok(Known { id: publisher_id(&key), _token: declare(&self.session, key)? })
     }
 
     /// Listens to a topic, by its resolved name, of which remappings would make another; what is kept of a latched one for late
@@ -101,8 +91,8 @@ impl Opener {
         } else {
             Reader::Live(subscriber.wait().map_err(opening(resolved))?)
         };
-        self.tell(Kind::Subscription, named, qos)?;
-        Ok(Inbox { name: resolved.to_owned(), mailbox, _reader: reader })
+        let known = self.tell(Kind::Subscription, named, qos)?;
+        Ok(Inbox { name: resolved.to_owned(), mailbox, _reader: reader, _known: known })
     }
 
     /// Serves calls.
@@ -123,11 +113,22 @@ impl Opener {
         let key = named.key_of_any(self.setup.domain);
         let queryable = self.session.declare_queryable(key).complete(true).callback(put).wait();
         let queryable = queryable.map_err(opening(&resolved))?;
-        self.tell(Kind::Service, named, SERVICES)?;
+        let known = self.tell(Kind::Service, named, SERVICES)?;
         let key = named.key(self.setup.domain);
         let (places, answers) = (Places::new(UNDER_WAY), self.answers.clone());
-        Ok(Calls { name, key, mailbox, places, answers, _queryable: queryable })
+        Ok(Calls { name, key, mailbox, places, answers, _queryable: queryable, _known: known })
     }
+}
+
+fn declare(session: &Session, key: String) -> Result<LivelinessToken, OpenError> {
+    session.liveliness().declare_token(key).wait().map_err(opening("a token"))
+}
+
+/// An end that others know of while this is kept.
+pub(super) struct Known {
+    /// What names it in its messages.
+    pub(super) id: PublisherId,
+    _token: LivelinessToken,
 }
 
 fn length<const N: usize>(parts: [Option<&ZBytes>; N]) -> usize {
@@ -158,6 +159,7 @@ pub(super) struct Inbox {
     pub(super) name: String,
     mailbox: Arc<Mailbox<Sample>>,
     _reader: Reader,
+    _known: Known,
 }
 
 /// A message as it came.
@@ -196,6 +198,7 @@ pub(super) struct Calls {
     places: Places,
     answers: Answers,
     _queryable: Queryable<()>,
+    _known: Known,
 }
 
 impl Calls {

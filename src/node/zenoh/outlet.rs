@@ -13,11 +13,10 @@ use zenoh_ext::{AdvancedPublisherBuilderExt as _, CacheConfig, MissDetectionConf
 
 use super::latched::Latched;
 use super::names::{Attachment, Kind};
-use super::opener::Opener;
+use super::opener::{Known, Opener};
 use super::opening;
 use crate::msg::sent::{self, Named, Topic};
 use crate::node::clock;
-use crate::node::heard::PublisherId;
 use crate::node::middleware::OpenError;
 use crate::node::transport::SendError;
 
@@ -54,7 +53,7 @@ type Message = (Vec<u8>, Vec<u8>);
 pub(super) struct Outlet {
     name: &'static str,
     sender: Sender,
-    id: PublisherId,
+    known: Known,
     sent: Cell<i64>,
 }
 
@@ -75,7 +74,7 @@ impl Outlet {
         } else {
             Sender::Live(publisher.wait().map_err(opening(&resolved))?)
         };
-        Ok(Self { name, sender, id: opener.tell(Kind::Publisher, named, qos)?, sent: Cell::new(0) })
+        Ok(Self { name, sender, known: opener.tell(Kind::Publisher, named, qos)?, sent: Cell::new(0) })
     }
 
     /// Resolves, with a reason, when the thread that sends has ended; never where the node's own does.
@@ -92,7 +91,7 @@ impl Outlet {
         let message = message.map_err(|error| SendError::refused(self.name, &error))?;
         self.sent.set(self.sent.get() + 1);
         let attachment =
-            Attachment { number: self.sent.get(), stamp: clock::now().nanos(), publisher: self.id };
+            Attachment { number: self.sent.get(), stamp: clock::now().nanos(), publisher: self.known.id };
         match &self.sender {
             Sender::Live(publisher) => {
                 let sent = publisher.put(message).attachment(attachment.bytes()).wait();
