@@ -331,7 +331,7 @@ class Driver {
   // Takes a message of /tf.
   void transforms(const tf2_msgs::msg::TFMessage& message) {
     for (const auto& transform : message.transforms) {
-      if (transform.child_frame_id == given_.base_frame) poses_[transform.header.frame_id] = transform;
+      if (bare(transform.child_frame_id) == bare(given_.base_frame)) poses_[bare(transform.header.frame_id)] = transform;
     }
   }
 
@@ -343,11 +343,12 @@ class Driver {
     Freshness::All seen{{
         {"map", map, "cfodi is not heard, or takes in no scan"},
         {"cloud of labelled points", planner.voxels_header(), "large ones are lost where net.core.rmem_default is small"},
-        {"transform from `" + map.frame_id + "` straight to `" + given_.base_frame + "`",
+        {"transform from `" + map.frame_id + "` straight to `" + bare(given_.base_frame) + "`",
          pose == poses_.end() ? std_msgs::msg::Header() : pose->second.header, ""},
     }};
     // A robot that sees nothing, or does not know where it is, stands.
     if (auto lack = freshness_.lacks(seen, now, steady)) return {0.0, lack};
+    if (auto why = differs()) return {0.0, why};
     Planner::Robot robot = place(pose->second.transform);
     const auto* ground = planner.ground(robot);
     if (!ground) return {0.0, planner.no_ground(robot)};
@@ -371,6 +372,22 @@ class Driver {
     return given;
   }
 
+  // Whether what has come does not belong together.
+  std::optional<Why> differs() {
+    const auto& frame = planner.map.header().frame_id;
+    const auto& other = planner.voxels_header().frame_id;
+    if (other != frame) {
+      return Why{"map and labelled points are in different frames", "`" + frame + "` and `" + other + "`: are they of one node?"};
+    }
+    if (!session_id_) session_id_ = planner.map.session_id();
+    if (planner.map.session_id() == *session_id_) return std::nullopt;
+    // What stands before the robot may be too near to be seen again.
+    return Why{"a new session has begun, which knows nothing of what was seen before", "see that the way is free and start again"};
+  }
+
+  // The name of a frame without the slash that ROS 1 has before it, as cfodi takes it.
+  static std::string bare(const std::string& frame) { return frame.substr(std::min(frame.find_first_not_of('/'), frame.size())); }
+
   static Planner::Robot place(const geometry_msgs::msg::Transform& transform) {
     const auto& at = transform.translation;
     const auto& q = transform.rotation;
@@ -378,6 +395,7 @@ class Driver {
   }
 
   Parameters given_;
+  std::optional<std::uint64_t> session_id_;  // of the first map that it has driven by
   Freshness freshness_;
   std::map<std::string, geometry_msgs::msg::TransformStamped> poses_;
 };

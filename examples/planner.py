@@ -144,10 +144,11 @@ class Driver:
             raise ValueError(why)
         self.given, self.poses, self.table = given, {}, None  # (height, cluster) of the table, None while it does not see one
         self.planner, self.freshness = Planner(given["width"], given["height"]), Freshness(given["max_age"])
+        self.base_frame, self.session_id = bare(given["base_frame"]), None  # the session of the first map that it has driven by
 
     def transforms(self, message):
         """Takes a message of /tf."""
-        self.poses.update((t.header.frame_id, t) for t in message.transforms if t.child_frame_id == self.given["base_frame"])
+        self.poses.update((bare(t.header.frame_id), t) for t in message.transforms if bare(t.child_frame_id) == self.base_frame)
 
     def speed(self, now, steady):
         """(speed [m/s], why it stands: a reason and its numbers, or None). By two clocks, as `Freshness.lacks` has it."""
@@ -156,14 +157,24 @@ class Driver:
         frame = latest.header.frame_id if latest else ""
         pose = self.poses.get(frame)
         stamps = {MAP: seconds(latest), LABELLED: seconds(planner.cloud),
-                  f"transform from `{frame}` straight to `{given['base_frame']}`": seconds(pose)}
-        if lack := self.freshness.lacks(stamps, now, steady):
+                  f"transform from `{frame}` straight to `{self.base_frame}`": seconds(pose)}
+        if lack := self.freshness.lacks(stamps, now, steady) or self.differs(frame):
             return 0.0, lack  # a robot that sees nothing, or does not know where it is, stands
         robot = place(pose.transform)
         if (ground := planner.ground(robot)) is None:
             return 0.0, planner.no_ground(robot)
         self.table = planner.table(ground, given["wished_height"])
         return self.before(planner.free_ahead(ground, robot))
+
+    def differs(self, frame):
+        """Whether what has come does not belong together: a reason and its numbers, None where it does."""
+        if (other := self.planner.cloud.header.frame_id) != frame:
+            return "map and labelled points are in different frames", f"`{frame}` and `{other}`: are they of one node?"
+        session_id = self.planner.map.session_id
+        self.session_id = self.session_id or session_id
+        if session_id != self.session_id:  # what stands before the robot may be too near to be seen again
+            return "a new session has begun, which knows nothing of what was seen before", "see that the way is free and start again"
+        return None
 
     def before(self, free):
         """The same, where the robot can drive so far straight on [m]."""
@@ -210,6 +221,11 @@ def impossible(given):
 def seconds(message):
     """The stamp of a message; 0 where there is none."""
     return message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec if message else 0.0
+
+
+def bare(frame):
+    """The name of a frame without the slash that ROS 1 has before it, as cfodi takes it."""
+    return frame.lstrip("/")
 
 
 def xyz(point):

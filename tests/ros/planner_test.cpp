@@ -402,20 +402,20 @@ void never_faster_towards_an_obstacle() {
 }
 
 // Why a robot stands to whom this has come, at 100 s; empty where it drives.
-std::string stands(Driver& driver, double base_height, double now = 100.0) {
+std::string stands(Driver& driver, double base_height, double now = 100.0, const std::string& slash = "") {
   tf2_msgs::msg::TFMessage message;
   message.transforms.emplace_back();
   auto& transform = message.transforms.back();
-  transform.header = at(100.0), transform.child_frame_id = "base_link";
+  transform.header = at(100.0, (slash + "odom").c_str()), transform.child_frame_id = slash + "base_link";
   transform.transform.translation.z = base_height, transform.transform.rotation.w = 1.0;
   driver.transforms(message);
   auto why = driver.speed(now, 7.0).why;
   return why ? why->reason : "";
 }
 
-void snapshot(Driver& driver, std::uint64_t sequence, const std::vector<Cluster>& clusters) {
+void snapshot(Driver& driver, std::uint64_t sequence, const std::vector<Cluster>& clusters, std::uint64_t session_id = 1) {
   MapReader::Array map;
-  map.header = at(100.0), map.session_id = 1, map.sequence = sequence;
+  map.header = at(100.0), map.session_id = session_id, map.sequence = sequence;
   map.clusters.assign(clusters.begin(), clusters.end());
   driver.planner.map.snapshot(map);
 }
@@ -444,6 +444,32 @@ void why_it_stands() {
   expect("it says how near", driver.speed(100.0, 7.0).why->numbers == "0.25 m from the base frame, stop_before is 0.5 m");
 }
 
+void what_does_not_belong_together() {
+  Driver driver{Parameters()};
+  auto floor = level(1, Cluster::CLASS_FLOOR, 0, -5, 5, -5, 5);
+  snapshot(driver, 1, {floor});
+  sensor_msgs::msg::PointCloud2 none;
+  none.header = at(100.0, "map");
+  driver.planner.points(none);
+  expect("the points are elsewhere", stands(driver, 0.1) == "map and labelled points are in different frames");
+  none.header = at(100.0);
+  driver.planner.points(none);
+  expect("it drives by what belongs together", stands(driver, 0.1).empty());
+  snapshot(driver, 2, {floor}, 2);
+  expect("another session is not its own", stands(driver, 0.1) == "a new session has begun, which knows nothing of what was seen before");
+}
+
+void slashes_of_ros_1() {
+  Parameters given;
+  given.base_frame = "/base_link";
+  Driver driver{given};
+  snapshot(driver, 1, {level(1, Cluster::CLASS_FLOOR, 0, -5, 5, -5, 5)});
+  sensor_msgs::msg::PointCloud2 none;
+  none.header = at(100.0);
+  driver.planner.points(none);
+  expect("names of frames may have a slash", stands(driver, 0.1, 100.0, "/").empty());
+}
+
 void when_it_says_so() {
   Standing standing;
   const Why map{"no map has come", ""}, near{"an obstacle is ahead", "0.3 m"}, nearer{"an obstacle is ahead", "0.2 m"};
@@ -464,6 +490,8 @@ int main() {
   impossible_parameters();
   never_faster_towards_an_obstacle();
   why_it_stands();
+  what_does_not_belong_together();
+  slashes_of_ros_1();
   when_it_says_so();
   outlines();
   within_outlines();

@@ -388,9 +388,10 @@ class Seeing:
     def __init__(self, **parameters):
         self.driver, self.sequence = Driver(PARAMETERS | parameters), 0
 
-    def sees(self, *clusters):
+    def sees(self, *clusters, session_id=1):
         self.sequence += 1
-        self.driver.planner.map.snapshot(of_now(SurfaceClusterArray(session_id=1, sequence=self.sequence, clusters=clusters)))
+        map = SurfaceClusterArray(session_id=session_id, sequence=self.sequence, clusters=clusters)
+        self.driver.planner.map.snapshot(of_now(map))
 
     def stands(self, z=0.1, now=100.0):
         """Why, where its base frame is so high."""
@@ -404,6 +405,31 @@ class Seeing:
 def of_now(message):
     message.header.frame_id, message.header.stamp.sec = "odom", 100
     return message
+
+
+def test_what_does_not_belong_together_is_not_driven_by():
+    seeing, floor = Seeing(), level(1, FLOOR, 0.0, (-5.0, 5.0), (-5.0, 5.0))
+    seeing.sees(floor)
+    elsewhere = of_now(clouds_of([]))
+    elsewhere.header.frame_id = "map"
+    seeing.driver.planner.points(elsewhere)
+    assert seeing.stands()[0] == "map and labelled points are in different frames"
+    seeing.driver.planner.points(of_now(clouds_of([])))
+    assert seeing.stands() is None
+    seeing.sees(floor, session_id=2)
+    assert seeing.stands()[0] == "a new session has begun, which knows nothing of what was seen before"
+    seeing.sees(floor, session_id=1)
+    assert seeing.stands() is None
+
+
+def test_names_of_frames_may_have_the_slash_of_ros_1():
+    seeing = Seeing(base_frame="/kinect")
+    seeing.sees(level(1, FLOOR, 0.0, (-5.0, 5.0), (-5.0, 5.0)))
+    seeing.driver.planner.points(of_now(clouds_of([])))
+    pose = of_now(TransformStamped(child_frame_id="/kinect", transform=Transform(translation=Vector3(z=0.1), rotation=Quaternion(w=1.0))))
+    pose.header.frame_id = "/odom"
+    seeing.driver.transforms(TFMessage(transforms=[pose]))
+    assert seeing.driver.speed(100.0, 7.0)[1] is None
 
 
 def test_it_knows_why_it_stands():
