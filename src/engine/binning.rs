@@ -125,9 +125,9 @@ pub(crate) fn nearest(value: f64) -> i64 {
 /// What [`floored`] stays within.
 const MOST: f64 = (1_u64 << 42) as f64;
 
-/// The floor; beyond 2^42 it stays there.
+/// The floor; beyond 2^42 it stays there, and so does what is no number.
 fn floored(value: f64) -> f64 {
-    let value = value.clamp(-MOST, MOST);
+    let value = if value.abs() <= MOST { value } else { MOST.copysign(value) };
     let nearest = (value + ROUNDING) - ROUNDING;
     if nearest > value { nearest - 1.0 } else { nearest }
 }
@@ -156,6 +156,7 @@ mod tests {
             assert_eq!(i64::from(floor(value)), (value.floor() as i64).min(i64::from(i32::MAX)), "{value}");
         }
         assert_eq!([floored(f64::MAX), floored(f64::NEG_INFINITY)], [MOST, -MOST]);
+        assert_eq!(floored(f64::NAN).abs(), MOST);
         assert_eq!([f64::NAN, 1e300, -1e300].map(floor), [0, i32::MAX, i32::MIN]);
     }
 

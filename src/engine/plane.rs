@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, SymmetricEigen, UnitVector3, Vector3};
 
 /// Ratio below which an eigenvalue counts as zero (reading R4).
-const DEGENERATE: f64 = 1e-6;
+pub(crate) const DEGENERATE: f64 = 1e-6;
 
 /// A plane through the mean of the points it was fitted to.
 #[derive(Clone, Copy, Debug)]

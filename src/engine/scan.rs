@@ -41,7 +41,7 @@ pub const JUMP_BACK: f64 = 1.0;
 pub struct Scan {
     /// Acquisition time of the message.
     pub stamp: Stamp,
-    /// Maps sensor coordinates into the fixed frame.
+    /// Maps sensor coordinates into the fixed frame. With one that is not finite all points count as beyond the grid.
     pub fixed_from_sensor: Isometry3<f64>,
     /// The valid points, sensor frame (m); finite.
     pub points: Points,

@@ -45,7 +45,8 @@ pub struct Cluster {
     /// Covariance of the plane: turn about the pose's x, turn about its y, place along its z at its origin (rad^2, rad m,
     /// m^2); `None` where it is not known.
     pub plane_covariance: Option<Matrix3<f64>>,
-    /// Mean of the members' centres (m); in `consistent` weighed by how well each is known.
+    /// Mean of the members' centres (m); in `consistent` of the voxels in its patches, each by how well it is known: those beside a
+    /// patch are in the counts, boundary and area alone.
     pub centroid: Point3<f64>,
     /// Covariance of the members: of their centres (`paper`), or of their points, weighed likewise (m^2).
     pub covariance: Matrix3<f64>,

@@ -83,8 +83,12 @@ fn pose(bytes: &mut Bytes<'_>, stray: Stray) -> Isometry3<f64> {
     let [x, y, z] = [(); 3].map(|()| bytes.within(-2.0, 2.0));
     let [yaw, pitch] = [(); 2].map(|()| bytes.within(-3.1, 3.1));
     let mut place = Vector3::new(x, y, z);
-    if stray == Stray::Anywhere && bytes.below(16) == 1 {
-        place[usize::from(bytes.below(3))] = bytes.one_of(&ENDS);
+    if stray == Stray::Anywhere {
+        match bytes.below(16) {
+            1 => place[usize::from(bytes.below(3))] = bytes.one_of(&ENDS),
+            2 => place.fill(f64::NAN),
+            _ => {}
+        }
     }
     Isometry3::from_parts(place.into(), UnitQuaternion::from_euler_angles(pitch, 0.3 * pitch, yaw))
 }

@@ -12,51 +12,81 @@ use nalgebra::{Matrix2, UnitVector3};
 
 use crate::engine::SurfaceClass;
 
-/// Limits of the classes, and how uncertain their margins are.
+pub(super) mod evidence;
+
+/// Limits of the classes and of the evidence for them, and how uncertain their margins are.
 mod calibration {
-    /// Surfaces up to this inclination are level (10 degrees), from the next one on upright (70 degrees).
+    /// Area from which on a level surface that faces up can be the floor (m^2).
+    pub(in super::super) const FLOOR_AREA: f64 = 1.0;
+    /// Inclination up to which a surface is level (rad): 10 degrees.
     pub(super) const LEVEL: f64 = 0.174_533;
+    /// Inclination from which on it is upright (rad): 70 degrees.
     pub(super) const UPRIGHT: f64 = 1.221_730;
-    /// Error of a tilt beside its covariance: that of the fixed frame's up.
+    /// Error of a tilt beside its covariance (rad): that of the fixed frame's up.
     pub(super) const TILT_SIGMA: f64 = 0.017;
-    /// A level surface this much higher or lower than the floor is another.
+    /// A level surface this much higher or lower than the floor is another (m).
     pub(super) const STEP: f64 = 0.07;
+    /// Deviation of a height (m).
     pub(super) const HEIGHT_SIGMA: f64 = 0.02;
-    /// Deviation of an area, relative to [`FLOOR_AREA`](super::FLOOR_AREA).
+    /// Deviation of an area, relative to [`FLOOR_AREA`].
     pub(super) const AREA_SIGMA: f64 = 0.5;
     /// Deviation of rms / tolerance, of many voxels; of n voxels more by the root of 1 + `SUPPORT` / n.
     pub(super) const FIT_SIGMA: f64 = 0.15;
-    /// Angle from which on the members' own normals are across the plane: a slice's is turned by no more than this.
+    /// [`Rules::planar`](crate::engine::consistent::rules::Rules::planar) in standard deviations of the noise. Where the points of a
+    /// wall scatter over several layers of voxels, as from 4 m on in voxels of 5 cm, the layers' means scatter by 0.85 of it.
+    pub(super) const NOISY_PLANAR: f64 = 1.25;
+    /// Angle from which on the members' own normals are across the plane (rad): a slice's is turned by no more than this.
     pub(super) const ACROSS: f64 = 0.6;
+    /// Deviation of that angle (rad).
     pub(super) const ACROSS_SIGMA: f64 = 0.12;
     /// Voxels for a support of 1 - 1/e.
     pub(super) const SUPPORT: f64 = 8.0;
-    /// Widths and heights of doors; what is smaller, down to `PART` of it, may be part of one. The widest is a leaf of
-    /// 1.1 m with the jamb that stands beside it when it is open.
+    /// Widths of doors (m). The widest is a leaf of 1.1 m with the jamb that stands beside it when it is open.
     pub(super) const DOOR_WIDTH: [f64; 2] = [0.6, 1.35];
+    /// Heights of doors (m).
     pub(super) const DOOR_HEIGHT: [f64; 2] = [1.7, 2.3];
+    /// What is smaller than a door, down to this part of its least width and height, may be part of one.
     pub(super) const PART: f64 = 0.5;
+    /// Deviation of a door's width and height, and of its distances from walls and corners (m).
     pub(super) const SIZE_SIGMA: f64 = 0.05;
-    /// Angle from which a door is open (15 degrees).
+    /// Angle from which a door is open (rad): 15 degrees.
     pub(super) const OPEN: f64 = 0.261_799;
-    /// A hinge lies this close to its wall's plane, and so does a shut door.
+    /// A hinge lies this close to its wall's plane, and so does a shut door (m).
     pub(super) const HINGE: f64 = 0.3;
-    /// Angle from which a door may as well be the next wall of the room (75 degrees), unless its wall is higher than
+    /// Deviation of how far a shut door stands out of its wall's plane, in voxels.
+    pub(super) const SHUT_SIGMA: f64 = 0.25;
+    /// Angle from which a door may as well be the next wall of the room (rad), 75 degrees, unless its wall is higher than
     /// itself by `HIGHER`.
     pub(super) const CORNER: f64 = 1.308_997;
+    /// By how much a wall is higher than the door in it, at least (m).
     pub(super) const HIGHER: f64 = 0.1;
-    /// Within this distance of an edge that is free on a door, no other upright surface begins there and turns away: a cupboard's side
-    /// and its front meet so, and neither is a door.
+    /// Within this distance of an edge that is free on a door (m), no other upright surface begins there and turns away: a cupboard's
+    /// side and its front meet so, and neither is a door.
     pub(super) const CORNER_GAP: f64 = 0.15;
-    /// Clearance above the floor up to which a surface certainly stands on it, and from which it counts half.
+    /// Least angle between two surfaces with a corner between them (60 degrees), as its cosine.
+    pub(super) const TURNED: f64 = 0.5;
+    /// Least width of what makes a corner (m): the edge of a leaf and the reveal of a doorway are narrower.
+    pub(super) const CORNER_WIDTH: f64 = 0.25;
+    /// Part of a surface's height that is beside what makes a corner with it, at least.
+    pub(super) const CORNER_PART: f64 = 0.5;
+    /// Least inclination of what others can stand beside, as its cosine: 70.1 degrees, so that all of it is upright.
+    pub(super) const UPRIGHT_COSINE: f64 = 0.34;
+    /// Inclination up to which a surface leans too much for a door, as its cosine: 60 degrees.
+    pub(super) const LEANING_COSINE: f64 = 0.5;
+    /// Inclination up to which all directions in a plane are taken for horizontal, as its sine.
+    pub(super) const LEVEL_SINE: f64 = 1e-6;
+    /// How far beyond an upright surface's edge another may begin and still be beside it (m).
+    pub(super) const BESIDE: f64 = 0.3;
+    /// How far its edge may be off the other's plane (m). A hinge is within [`HINGE`] of it, and so is the middle of a shut leaf,
+    /// whose edges then are within 0.5 m: what is farther off makes no door of a cluster.
+    pub(super) const OFF_PLANE: f64 = 1.0;
+    /// Clearance above the floor up to which a surface certainly stands on it, and from which it counts half (m).
     pub(super) const STANDS: [f64; 2] = [0.3, 1.0];
     /// How likely an upright surface of a door's size is a door when no wall beside it is known.
     pub(super) const ALONE: f64 = 0.25;
 }
 use calibration as c;
-
-/// Area from which on a level surface that faces up can be the floor (m^2).
-pub(super) const FLOOR_AREA: f64 = 1.0;
+pub(super) use calibration::FLOOR_AREA;
 
 /// A larger upright cluster whose outline ends 0.3 m beyond an upright one's edge at most, which is 1 m off its plane at
 /// most.
@@ -190,7 +220,7 @@ impl Evidence<'_> {
 
     fn facing_up(&self) -> (SurfaceClass, f64) {
         let Some(floor) = self.floor.or(self.floor_above) else {
-            // What is large enough is one of the floors that it is held against: `describe` looks to that.
+            // What is large enough is one of the floors that it is held against: `Evidence::of` looks to that.
             let area = (FLOOR_AREA - self.area) / FLOOR_AREA;
             return (SurfaceClass::Horizontal, likely(area, c::AREA_SIGMA));
         };
@@ -240,7 +270,7 @@ impl Evidence<'_> {
         let offset = wall.plane_offset.abs();
         let shut = Margins::all(&[
             (c::OPEN - angle, sigma),
-            (offset - self.voxel_size, 0.25 * self.voxel_size),
+            (offset - self.voxel_size, c::SHUT_SIGMA * self.voxel_size),
             (c::HINGE - offset, c::SIZE_SIGMA),
             (self.corners[0].min(self.corners[1]) - c::CORNER_GAP, c::SIZE_SIGMA),
         ]);

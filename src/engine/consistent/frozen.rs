@@ -36,7 +36,7 @@ impl FrozenConsistent {
             sequence: self.taken.sequence,
             stamp: self.taken.stamp,
             voxel_size: self.blocks.voxel_size(),
-            clusters: self.surfaces.told(),
+            clusters: self.surfaces.descriptions(),
             voxels: self.voxels(),
             unclustered_voxels: self.blocks.dense() - self.surfaces.clustered,
         }

@@ -28,10 +28,10 @@
 //!    scatter; no equal is one that lies so on that plane too and is turned off it, which leads to another surface. A
 //!    slice is also what is narrow, of a broader one whose plane it lies on, for its own normal may be any (`patch`). A
 //!    slice is joined to that one, and else only to what lies on that one's plane too, so that it ties no two surfaces
-//!    together (`layer`). A patch that a crease runs through, of 7 degrees or more, is **folded**: its plane is that of
+//!    together (`host`). A patch that a crease runs through, of 7 degrees or more, is **folded**: its plane is that of
 //!    neither surface, and may agree with both. It is a slice of the whole patch beside it that it fits best, and joined to
 //!    another only where what the two are slices of, or they themselves, lie on each other's planes. So is a **bridge**, a cut
-//!    patch (4.) that would join two which are no single surface: it is a part of the one that it fits best (`layer`). So a ramp
+//!    patch (4.) that would join two which are no single surface: it is a part of the one that it fits best (`host`). So a ramp
 //!    of 18 degrees is no part of the floor.
 //! 4. A patch of two rows at a face of its block is **cut**: where a surface ends just across the border, or scatters over
 //!    it, its plane may be any. It ties together what it ties together, but each of its voxels, as of a narrow or folded patch,
@@ -43,7 +43,7 @@
 //! `scratch` is that from scratch; `surfaces` keeps it while blocks are published, and property tests hold the two
 //! equal after every scan, removals included. Its cost follows the published blocks and their neighbours, and the
 //! smaller side of what splits or merges (`graph`), never the size of the map, but for lists of components that a frozen map shares
-//! (`graph`); what leaves the engine is described anew
+//! (`graph`), and for a look at the keys of all blocks where the view is wider than the map (`view/blocks`); what leaves the engine is described anew
 //! where it changed, which for an outline costs as much as the whole cluster is large, and what it is judged by is found without
 //! a look at all clusters (`surfaces/landmarks`).
 //!
@@ -63,8 +63,8 @@
 //! In the sums a voxel counts by how much of its cross section its points cover, so that the edge of a board, a sliver in
 //! its voxels, does not tilt the plane of its top (`state`), and little where its patch is rough, so that a door leaf is not
 //! turned by the voxels that it shares with its jamb (`patch`); `describe` makes of them what leaves the engine: plane and
-//! covariance, outline with holes (`outline`, `trace`, `border`, `rim`, `simplify`), class (`class`). A voxel with hardly any
-//! of the points hereabouts, where noise beyond an edge has become dense, is no part of the outline (`layer`). What the sensor
+//! covariance, outline with holes (`outline`, `trace`, `border`, `rim`, `simplify`); `class` names it. A voxel with hardly any
+//! of the points hereabouts, where noise beyond an edge has become dense, is no part of the outline (`segmented`). What the sensor
 //! looks through loses its points (`clearing`, `view`), what is too far or too much is forgotten (`bounds`).
 
 mod apart;
@@ -85,8 +85,8 @@ mod frozen;
 mod graph;
 mod grid;
 mod held;
+mod host;
 mod join;
-mod layer;
 mod local;
 mod moves;
 mod noise;
@@ -106,6 +106,7 @@ mod room;
 mod rules;
 mod saved;
 mod scratch;
+mod segmented;
 mod shared;
 mod simplify;
 mod standpoint;

@@ -5,9 +5,9 @@ use nalgebra::Vector3;
 use super::block::{Around, Block, BlockIndex, Cell, EDGE, OWN, offset_of, place_of};
 use super::cells::Window;
 use super::held::Held;
-use super::layer::{SegmentedBlocks, patch, seen_from};
 use super::patch::{Patch, PatchId};
 use super::rules::{NOISE_FACTOR, RIM_NOISE_FACTOR, Rules};
+use super::segmented::{SegmentedBlocks, patch, seen_from};
 use super::state::{Plane, State};
 
 /// Finds the patches that the loose voxels of one block belong to.

@@ -48,7 +48,7 @@ pub(super) struct PatchId {
     pub(super) number: u8,
 }
 
-/// What a patch is a part of, by the patches that it meets (`layer`).
+/// What a patch is a part of, by the patches that it meets (`host`).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Host {
     /// Of nothing but its cluster.

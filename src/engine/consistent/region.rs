@@ -10,6 +10,7 @@ use super::block::Cell;
 use super::eigen::Spread;
 use super::noise::Noise;
 use super::state::{Plane, State};
+use crate::engine::plane::DEGENERATE;
 use crate::engine::symmetric::{along, least_at_least, quadratic, symmetric, upper};
 
 /// What is summed, one after another: weight, weighted means, their weighted products (xx, xy, xz, yy, yz, zz), directions
@@ -32,6 +33,12 @@ pub(super) struct Fit {
 }
 
 impl Fit {
+    /// Whether the voxels span a plane (reading R4).
+    pub(super) fn spans_plane(&self) -> bool {
+        let [l0, l1, l2] = self.variances;
+        l1.min(l1 - l0) > DEGENERATE * l2
+    }
+
     /// The smallest variance over the sum: 0 (flat) to 1/3.
     pub(super) fn curvature(&self) -> f64 {
         self.variances[0] / self.variances.iter().sum::<f64>().max(f64::MIN_POSITIVE)

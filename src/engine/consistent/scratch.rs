@@ -7,10 +7,11 @@ use std::collections::BTreeMap;
 
 use super::contacts::Contacts;
 use super::grid::Grid;
-use super::layer::{CONTACT_REACH, SegmentedBlocks, are_joined, contacts, contacts_of, host};
+use super::host::{are_joined, host};
 use super::owner::Owners;
 use super::patch::PatchId;
 use super::rules::Rules;
+use super::segmented::{SegmentedBlocks, contacts, contacts_of};
 use crate::engine::key::Partition;
 
 /// What the definition makes of segmented blocks, whatever is known of their contacts.
@@ -45,7 +46,7 @@ pub(super) fn meet(grid: &Grid, segmented: &mut SegmentedBlocks, rules: &Rules) 
         let mut met = Contacts::new(block.corner());
         for (place, other) in block.around.iter() {
             let [here, there] = [index, other].map(|block| &segmented[block]);
-            for ((a, b), contact) in contacts(here, there, place, block.corner(), CONTACT_REACH) {
+            for ((a, b), contact) in contacts(here, there, place, block.corner()) {
                 met.insert(a, PatchId { block: other, number: b }, &contact);
                 if other == index {
                     met.insert(b, PatchId { block: index, number: a }, &contact);

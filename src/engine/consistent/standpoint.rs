@@ -41,11 +41,12 @@ impl Standpoint {
         self.since
     }
 
-    /// Takes up a new one where the sensor has moved by half a voxel or turned by 0.01 rad from this.
+    /// Takes up a new one where the sensor has moved by half a voxel or turned by 0.01 rad from this; none from a pose that is nowhere.
     pub(super) fn follow(&mut self, fixed_from_sensor: &Isometry3<f64>, voxel_size: f64, sequence: u64) {
         let moved = self.pose.inv_mul(fixed_from_sensor);
-        let is_left = moved.translation.vector.norm() > WAY * voxel_size || moved.rotation.angle() > TURN;
-        if self.since == 0 || is_left {
+        let (way, turn) = (moved.translation.vector.norm(), moved.rotation.angle());
+        let is_left = self.since == 0 || way > WAY * voxel_size || turn > TURN;
+        if is_left && way.is_finite() && turn.is_finite() {
             (self.pose, self.since) = (*fixed_from_sensor, sequence);
         }
     }

@@ -33,12 +33,11 @@ use super::by::By;
 use super::cluster::Cluster;
 use super::graph::{Batch, ComponentId, End, Graph, NodeId, Outcome};
 use super::grid::Grid;
-use super::layer::{
-    CONTACT_REACH, Segmented, SegmentedBlocks, are_joined, contacts, contacts_of, host, patch,
-};
+use super::host::{are_joined, host};
 use super::outline::Drawing;
 use super::patch::{Patch, PatchId};
 use super::rules::Rules;
+use super::segmented::{Segmented, SegmentedBlocks, contacts, contacts_of, patch};
 use super::shared::Shared;
 use super::state::State;
 use crate::engine::key::ClusterId;
@@ -78,7 +77,7 @@ struct Counted {
 }
 
 impl Counted {
-    /// A cluster has so many voxels that are told of after so many before: none while it has no id.
+    /// A cluster has `now` voxels that are told of, and had `before`: none while it has no id.
     fn count(&mut self, before: u32, now: u32) {
         self.voxels = self.voxels + now - before;
         self.clusters = self.clusters + usize::from(now > 0) - usize::from(before > 0);
@@ -183,7 +182,7 @@ impl Surfaces {
             self.admit(grid, block, cell);
         }
         self.refit(grid);
-        self.tell(grid, now);
+        self.grant_ids(grid, now);
     }
 
     fn make_room(&mut self, grid: &Grid) {
@@ -283,7 +282,7 @@ impl Surfaces {
                 continue;
             }
             let [here, there] = [block, other].map(|block| &self.segmented[block]);
-            let met = contacts(here, there, place, grid.block(block).corner(), CONTACT_REACH);
+            let met = contacts(here, there, place, grid.block(block).corner());
             for ((a, b), contact) in met {
                 let [a, b] = [PatchId { block, number: a }, PatchId { block: other, number: b }];
                 self.segmented[block].contacts.insert(a.number, b, &contact);

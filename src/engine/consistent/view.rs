@@ -40,13 +40,13 @@ pub(crate) use clearance::Clearance;
 
 use crate::engine::arch::arch;
 use crate::engine::points::Points;
-use patch::{Face, Patch};
+use silhouette::{Face, Silhouette};
 use spacing::Gaps;
 
 mod blocks;
 mod clearance;
-mod patch;
 mod pixels;
+mod silhouette;
 mod spacing;
 #[cfg(test)]
 mod tests;
@@ -73,20 +73,20 @@ const SPARSE: u32 = 8;
 /// Points whose cells are computed at once, so that the compiler can do several in one instruction.
 const BATCH: usize = 256;
 
-/// A direction: how far the nearest point in it is, and how many there are.
+/// What was measured in a direction: how far the nearest point in it is, and how many there are.
 #[derive(Clone, Copy, Debug)]
-struct Cell {
+struct RangeCell {
     nearest: f32,
     count: u32,
 }
 
-const EMPTY: Cell = Cell { nearest: f32::INFINITY, count: 0 };
+const EMPTY: RangeCell = RangeCell { nearest: f32::INFINITY, count: 0 };
 
 /// The smallest depth in each direction from the sensor, of one scan; reused for the next.
 #[derive(Clone, Debug)]
 pub(crate) struct RangeGrid {
     /// Six faces, row by row.
-    cells: Vec<Cell>,
+    cells: Vec<RangeCell>,
     /// Where the cells with points are: parts of rows, none in two of them. There may be cells without a point between.
     occupied: Vec<Range<usize>>,
     /// Six faces, row by row: the largest of the cells' smallest depths; 0 in a tile without points.
@@ -228,7 +228,8 @@ impl RangeGrid {
             return false;
         }
         Face::all().all(|face| {
-            Patch::new(face, centre, half, CELLS).is_none_or(|patch| self.ends_beyond(face, &patch, margin))
+            Silhouette::new(face, centre, half, CELLS)
+                .is_none_or(|cells| self.ends_beyond(face, &cells, margin))
         })
     }
 
@@ -244,19 +245,19 @@ impl RangeGrid {
     }
 
     /// Whether a cell does not speak against a box of which this is the largest depth.
-    fn may_end_beyond(&self, cell: Cell, least: f32) -> bool {
+    fn may_end_beyond(&self, cell: RangeCell, least: f32) -> bool {
         if cell.count >= self.min_count { cell.nearest > least } else { !self.gaps.is_none() }
     }
 
-    /// Whether all cells of a patch were measured, or lie between such, and end beyond the box by `margin`.
-    fn ends_beyond(&self, face: Face, patch: &Patch, margin: f64) -> bool {
-        let least = (patch.far + margin) as f32;
-        let all_end = patch.rows.clone().all(|row| {
+    /// Whether all cells of a silhouette were measured, or lie between such, and end beyond the box by `margin`.
+    fn ends_beyond(&self, face: Face, silhouette: &Silhouette, margin: f64) -> bool {
+        let least = (silhouette.far + margin) as f32;
+        let all_end = silhouette.rows.clone().all(|row| {
             let start = (face.index() * CELLS + row) * CELLS;
-            let cells = &self.cells[start + patch.columns.start..start + patch.columns.end];
+            let cells = &self.cells[start + silhouette.columns.start..start + silhouette.columns.end];
             cells.iter().all(|cell| self.may_end_beyond(*cell, least))
         });
-        all_end && (self.gaps.is_none() || self.lies_between_rays(face, patch))
+        all_end && (self.gaps.is_none() || self.lies_between_rays(face, silhouette))
     }
 }
 

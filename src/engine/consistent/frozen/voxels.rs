@@ -7,7 +7,7 @@ use nalgebra::UnitVector3;
 
 use super::FrozenConsistent;
 use crate::engine::consistent::block::{Block, BlockIndex, BlockKey, EDGE, Voxel};
-use crate::engine::consistent::region::Region;
+use crate::engine::consistent::region::{Fit, Region};
 use crate::engine::consistent::state::states;
 use crate::engine::consistent::surfaces::Faces;
 use crate::engine::key::ClusterId;
@@ -36,7 +36,7 @@ impl FrozenConsistent {
     }
 
     /// The dense voxels of a block, ascending. A voxel has the normal of its patch, which sees further than the voxel's own
-    /// neighbourhood, and its curvature.
+    /// neighbourhood, and its curvature; one in no patch that of its neighbourhood in its block.
     fn put_voxels(&self, index: BlockIndex, faces: &Faces, voxels: &mut Vec<DenseVoxel>) {
         let block = self.blocks.block(index);
         let published = self.surfaces.voxels(index, faces);
@@ -46,7 +46,7 @@ impl FrozenConsistent {
             let face = place.ok().and_then(|place| published[place].1);
             let shape = face.map(|face| (face.normal, face.curvature)).or_else(|| {
                 let now = now.get_or_init(|| states(&self.blocks, block));
-                let fit = Region::around(now, voxel.cell, &self.noise).fit()?;
+                let fit = Region::around(now, voxel.cell, &self.noise).fit().filter(Fit::spans_plane)?;
                 Some((fit.plane.normal, fit.curvature() as f32))
             });
             voxels.extend(self.voxel(block, voxel, shape, face.and_then(|face| face.cluster)));
@@ -98,10 +98,30 @@ mod tests {
     use proptest::prelude::*;
 
     use crate::engine::binning::between;
-    use crate::engine::consistent::Consistent;
+    use crate::engine::consistent::{Consistent, NoiseModel};
     use crate::engine::params::Params;
     use crate::engine::points::Points;
     use crate::engine::scan::{Scan, Stamp};
+
+    /// A pole, one voxel wide.
+    #[test]
+    fn what_spans_no_plane_has_no_normal() {
+        let params = Params::default().with_min_points(1).unwrap().with_voxel_size(0.1).unwrap();
+        let params = params.with_noise_model(NoiseModel::None);
+        let normals = |rows: &[f32]| {
+            let mut engine = Consistent::new(params);
+            let points =
+                (0..3).flat_map(|along| rows.iter().map(move |&y| [0.05 + 0.1 * along as f32, y, 1.05]));
+            let points = Points::F32(points.collect());
+            engine.insert(&Scan {
+                stamp: Stamp::from_nanos(0),
+                fixed_from_sensor: Isometry3::identity(),
+                points,
+            });
+            engine.freeze().voxels().iter().filter(|voxel| voxel.normal.is_some()).count()
+        };
+        assert_eq!((normals(&[0.05]), normals(&[0.05, 0.15, 0.25])), (0, 9));
+    }
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(32))]

@@ -6,9 +6,9 @@ use std::sync::LazyLock;
 use proptest::prelude::*;
 
 use super::super::block::Voxel;
-use super::super::layer::Segmented;
-use super::super::layer::tests::of_patches;
 use super::super::patch::examples::rows;
+use super::super::segmented::Segmented;
+use super::super::segmented::tests::of_patches;
 use super::super::sums::ScanSums;
 use super::*;
 use crate::engine::params::Params;

@@ -11,8 +11,8 @@ use crate::engine::consistent::block::BlockIndex;
 use crate::engine::consistent::by::By;
 use crate::engine::consistent::graph::{ComponentId, FrozenGraph, NodeId};
 use crate::engine::consistent::grid::Blocks;
-use crate::engine::consistent::layer::SegmentedBlocks;
 use crate::engine::consistent::saved::SavedState;
+use crate::engine::consistent::segmented::SegmentedBlocks;
 use crate::engine::consistent::shared::Shared;
 use crate::engine::consistent::state::{State, states};
 use crate::engine::key::ClusterId;
@@ -53,7 +53,7 @@ impl Surfaces {
             nodes: self.nodes.clone(),
             graph: self.graph.freeze(),
             clusters: self.save_clusters(),
-            told: self.told().into_iter().cloned().collect(),
+            told: self.descriptions().into_iter().cloned().collect(),
             clustered: self.clustered(),
             ids_given: self.ids_given,
         }
@@ -62,7 +62,7 @@ impl Surfaces {
 
 impl FrozenSurfaces {
     /// The clusters that are told of, by ascending id.
-    pub(in super::super) fn told(&self) -> Vec<Cluster> {
+    pub(in super::super) fn descriptions(&self) -> Vec<Cluster> {
         self.told.iter().map(|cluster| Cluster::clone(cluster)).collect()
     }
 

@@ -9,8 +9,8 @@ use crate::engine::consistent::block::BlockIndex;
 use crate::engine::consistent::cluster::{Cluster, Identity, PlaneFit};
 use crate::engine::consistent::footprint::{Axis, Footprint};
 use crate::engine::consistent::graph::{ComponentId, Outcome};
-use crate::engine::consistent::layer::Segmented;
 use crate::engine::consistent::patches::LOOSE;
+use crate::engine::consistent::segmented::Segmented;
 use crate::engine::snapshot;
 
 /// Votes of voxels of patches.

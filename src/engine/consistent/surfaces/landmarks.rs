@@ -13,14 +13,14 @@ use std::iter::successors;
 
 use nalgebra::{Point3, Vector3};
 
+use crate::engine::consistent::class::evidence::{is_upright, middle, reach};
 use crate::engine::consistent::class::{FLOOR_AREA, faces_up};
-use crate::engine::consistent::describe::{is_upright, middle, reach};
 use crate::engine::consistent::graph::ComponentId;
 use crate::engine::snapshot::Cluster;
 
 /// Least height of a storey, from floor to floor (m): tables, cupboards and landings below are in it.
 const STOREY: f64 = 2.5;
-/// A surface is no floor where another lies above it by no more than this (m), with more than so many times its area: it is the
+/// A surface is no floor where another lies above it by no more than this (m), with more than [`GHOST_SHARE`] times its area: it is the
 /// mirror image of a part of that one, or noise below it, or a hollow in it. On the cabinet recording (8 cm) 1.3 m^2 lie 9 cm below
 /// a floor of 32 m^2.
 const GHOST: f64 = 0.3;

@@ -6,18 +6,20 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use super::Surfaces;
+use super::waiting::Waits;
 use crate::engine::class::SurfaceClass;
 use crate::engine::consistent::block::{Block, CELLS};
 use crate::engine::consistent::cluster::{Cluster, Identity};
-use crate::engine::consistent::describe;
+use crate::engine::consistent::describe::shape_of;
 use crate::engine::consistent::footprint::{Axis, Footprint};
 use crate::engine::consistent::graph::{ComponentId, Graph, NodeId, Slots};
 use crate::engine::consistent::grid::Grid;
-use crate::engine::consistent::layer::{Segmented, are_joined, contacts_of, patch};
+use crate::engine::consistent::host::are_joined;
 use crate::engine::consistent::patch::PatchId;
 use crate::engine::consistent::rules::Rules;
 use crate::engine::consistent::saved::SavedState;
 use crate::engine::consistent::scratch;
+use crate::engine::consistent::segmented::{Segmented, contacts_of, patch};
 use crate::engine::key::ClusterId;
 use crate::engine::params::Params;
 use crate::engine::saved::{MOST_REVISIONS, RestoreError, ensure, ensure_counted, in_slots};
@@ -200,7 +202,7 @@ impl Surfaces {
             let leans = cluster.plane.as_ref().is_none_or(|plane| plane.normal[axis].abs() >= LEAST_ALONG);
             ensure(leans, || format!("{component:?} is drawn along axis {axis}, which lies in its plane"))?;
             let drawing = &mut self.drawing;
-            let told = cluster.identity.id.and_then(|id| describe::describe(cluster, id, params, drawing));
+            let told = cluster.identity.id.and_then(|id| shape_of(cluster, id, params, drawing));
             ensure(told.is_some() == saved.told.is_some(), || {
                 format!("{component:?} can be told of: {}, and was: {:?}", told.is_some(), saved.told)
             })?;
@@ -214,7 +216,7 @@ impl Surfaces {
             cluster.counted = if cluster.identity.id.is_some() { cluster.voxels } else { 0 };
             self.counted.count(0, cluster.counted);
             self.landmarks.set(component, cluster.told.as_deref());
-            self.waiting.set(component, describe::waits(cluster));
+            self.waiting.set(component, Waits::of(cluster));
         }
         // What was entered is no news.
         self.changed.clear();

@@ -3,14 +3,17 @@
 use std::sync::Arc;
 
 use super::Surfaces;
+use super::waiting::{Waits, state};
 use crate::engine::class::SurfaceClass;
 use crate::engine::consistent::block::{BlockIndex, BlockKey, Cell};
+use crate::engine::consistent::class::evidence::{self, Planarity, Surroundings, Uprights};
+use crate::engine::consistent::class::{Evidence, classify};
 use crate::engine::consistent::cluster::{Before, Standing, content};
-use crate::engine::consistent::describe::{self, Planarity, Surroundings, Uprights};
+use crate::engine::consistent::describe::shape_of;
 use crate::engine::consistent::footprint::{Axis, Footprint};
 use crate::engine::consistent::graph::{ComponentId, NodeId};
 use crate::engine::consistent::grid::Grid;
-use crate::engine::consistent::layer::patch;
+use crate::engine::consistent::segmented::patch;
 use crate::engine::key::ClusterId;
 use crate::engine::now::Now;
 use crate::engine::params::Params;
@@ -29,7 +32,7 @@ const MOST_WAITING: usize = 32;
 
 impl Surfaces {
     /// The clusters that are told of, by ascending id, each as it was told of last.
-    pub(in super::super) fn told(&self) -> Vec<&Arc<snapshot::Cluster>> {
+    pub(in super::super) fn descriptions(&self) -> Vec<&Arc<snapshot::Cluster>> {
         let mut told: Vec<_> =
             self.clusters.iter().flatten().filter_map(|cluster| cluster.told.as_ref()).collect();
         told.sort_unstable_by_key(|cluster| cluster.id);
@@ -86,15 +89,15 @@ impl Surfaces {
             let (Some(shape), Some(plane)) = (&cluster.told, &cluster.plane) else { continue };
             let planarity = Planarity::of(cluster, plane, &self.rules);
             let uprights = self.uprights(shape);
-            let floor = self.landmarks.floor_below(describe::middle(shape));
+            let floor = self.landmarks.floor_below(evidence::middle(shape));
             let surroundings = Surroundings {
                 floor,
                 floor_above: if floor.is_none() { self.landmarks.lowest_floor() } else { None },
                 sensor: sensor_height,
                 was_ceiling: cluster.before.class() == SurfaceClass::Ceiling,
             };
-            let class = describe::class(shape, planarity, &uprights, surroundings, params.voxel_size());
-            classes.push((component, class));
+            let evidence = Evidence::of(shape, planarity, &uprights, surroundings, params.voxel_size());
+            classes.push((component, classify(&evidence)));
         }
         for (component, (class, confidence)) in classes {
             let told = self.clusters[component].as_mut().and_then(|cluster| cluster.told.as_mut());
@@ -122,12 +125,13 @@ impl Surfaces {
 
     /// The upright clusters that this one stands beside.
     pub(super) fn uprights(&self, cluster: &snapshot::Cluster) -> Uprights {
-        let edges = describe::edges(cluster);
+        let edges = evidence::edges(cluster);
         let near = edges.map(|edges| self.landmarks.near(&edges)).unwrap_or_default();
         let told = near.iter().filter_map(|&other| self.clusters[other].as_ref()?.told.as_deref());
         Uprights::of(cluster, edges.as_ref(), told)
     }
 
+    /// Describes a cluster anew where it has `changed`, and finds its state; its class follows once all others are described.
     pub(super) fn describe_shape(
         &mut self,
         component: ComponentId,
@@ -148,17 +152,17 @@ impl Surfaces {
             cluster.told = before;
         } else {
             cluster.before = before.map_or(Before::New, Before::Other);
-            cluster.told = describe::describe(cluster, id, params, &mut self.drawing).map(Arc::new);
+            cluster.told = shape_of(cluster, id, params, &mut self.drawing).map(Arc::new);
             self.landmarks.set(component, cluster.told.as_deref());
         }
-        let state = describe::state(cluster, params, now);
+        let state = state(cluster, params, now);
         let last_seen = cluster.identity.last_seen;
         let told = cluster.told.as_mut();
         if let Some(told) = told.filter(|told| (told.state, told.last_seen) != (state, last_seen)) {
             let told = Arc::make_mut(told);
             (told.state, told.last_seen) = (state, last_seen);
         }
-        self.waiting.set(component, describe::waits(cluster));
+        self.waiting.set(component, Waits::of(cluster));
     }
 
     /// Counts the revisions of what is told of differently, or has taken in another.
@@ -216,7 +220,7 @@ impl Surfaces {
 
     /// Gives ids to clusters that have become large enough and have a plane, and takes them from those that no longer are or
     /// have.
-    pub(super) fn tell(&mut self, grid: &Grid, now: Now) {
+    pub(super) fn grant_ids(&mut self, grid: &Grid, now: Now) {
         let mut new = Vec::new();
         for &component in &self.changed {
             let Some(cluster) = self.clusters[component].as_deref_mut() else { continue };

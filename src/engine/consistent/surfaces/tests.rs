@@ -79,7 +79,7 @@ impl Bench {
     }
 
     fn told(&self) -> Vec<u64> {
-        self.surfaces.told().iter().map(|cluster| cluster.id.get()).collect()
+        self.surfaces.descriptions().iter().map(|cluster| cluster.id.get()).collect()
     }
 
     fn removed(&self) -> Vec<u64> {
@@ -87,7 +87,7 @@ impl Bench {
     }
 }
 
-/// The middles of so many parts of a stretch.
+/// The middles of `count` equal parts of a stretch.
 fn parts(low: f64, high: f64, count: u32) -> impl Iterator<Item = f64> + Clone {
     (0..count).map(move |i| low + (high - low) * (f64::from(i) + 0.5) / f64::from(count))
 }
@@ -128,7 +128,7 @@ fn what_is_left_of_a_thing_is_that_thing_while_it_stands_for_itself() {
     assert_eq!((bench.removed(), bench.told()), (vec![], vec![1]));
 }
 
-/// A wall whose normal is horizontal and turned so (rad) from x.
+/// A wall whose normal is horizontal and `turned` (rad) from x.
 fn wall(turned: f64) -> Vec<Point3<f64>> {
     let (sin, cos) = turned.sin_cos();
     let column = |s: f64| parts(0.0, 0.8, 48).map(move |z| Point3::new(1.025 - s * sin, 1.025 + s * cos, z));

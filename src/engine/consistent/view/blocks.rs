@@ -2,7 +2,7 @@
 
 use nalgebra::{Isometry3, Point3, Rotation3, Vector3};
 
-use super::patch::{Face, Patch};
+use super::silhouette::{Face, Silhouette};
 use super::{RangeGrid, TILE_CELLS, TILES};
 
 /// How far a cube with this edge, parallel to the axes of the fixed frame, reaches from its centre along those of the
@@ -58,16 +58,17 @@ impl RangeGrid {
     /// `centre` and `half` as in [`RangeGrid::sees_through`].
     fn may_see_into(&self, centre: &Point3<f64>, half: &Vector3<f64>, max_depth: f64) -> bool {
         Face::all().filter(|face| self.faces[face.index()]).any(|face| {
-            Patch::new(face, centre, half, TILES)
-                .is_some_and(|patch| patch.near < max_depth && self.any_tile_beyond(face, &patch))
+            Silhouette::new(face, centre, half, TILES)
+                .is_some_and(|tiles| tiles.near < max_depth && self.any_tile_beyond(face, &tiles))
         })
     }
 
-    fn any_tile_beyond(&self, face: Face, patch: &Patch) -> bool {
-        let near = patch.near as f32;
-        patch.rows.clone().any(|row| {
+    fn any_tile_beyond(&self, face: Face, silhouette: &Silhouette) -> bool {
+        let near = silhouette.near as f32;
+        silhouette.rows.clone().any(|row| {
             let start = (face.index() * TILES + row) * TILES;
-            self.tiles[start + patch.columns.start..start + patch.columns.end].iter().any(|&far| far > near)
+            let tiles = &self.tiles[start + silhouette.columns.start..start + silhouette.columns.end];
+            tiles.iter().any(|&far| far > near)
         })
     }
 

@@ -5,7 +5,7 @@
 use pulp::{Simd, WithSimd};
 
 use super::spacing::Gaps;
-use super::{CELLS, Cell, RangeGrid, cell_and_depth, farther};
+use super::{CELLS, RangeCell, RangeGrid, cell_and_depth, farther};
 use crate::engine::arch::arch;
 use crate::engine::points::{Depths, Rays};
 
@@ -51,7 +51,7 @@ impl RangeGrid {
                 nearest = depth.min(nearest);
                 count += measured;
             }
-            *cell = Cell { nearest: f32::from_bits(nearest), count };
+            *cell = RangeCell { nearest: f32::from_bits(nearest), count };
             all += count;
         }
         self.occupied.push(part);

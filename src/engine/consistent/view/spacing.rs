@@ -6,7 +6,7 @@
 
 use std::ops::Range;
 
-use super::patch::{Face, Patch};
+use super::silhouette::{Face, Silhouette};
 use super::{CELLS, FACE_CELLS, RangeGrid, TILE_CELLS, split};
 use crate::engine::points::Rays;
 
@@ -61,7 +61,7 @@ impl RangeGrid {
         Gaps { along_row: along_row.most() - 1, along_column: along_column.most() - 1 }
     }
 
-    /// Steps of so many cells to the next one with points; `None` where that is farther than [`FARTHEST`], or beyond the face.
+    /// Steps of `step` cells to the next one with points; `None` where there are more than [`FARTHEST`], or than `within` on the face.
     fn to_next(&self, index: usize, step: usize, within: usize) -> Option<usize> {
         (1..=FARTHEST.min(within)).find(|count| self.cells[index + count * step].count > 0)
     }
@@ -106,14 +106,14 @@ impl RangeGrid {
         self.is_ray((face * CELLS + row) * CELLS + column)
     }
 
-    /// Whether each cell of a patch was measured or has one in the patch that was, no farther than rays are apart.
-    pub(super) fn lies_between_rays(&self, face: Face, patch: &Patch) -> bool {
+    /// Whether each cell of a silhouette was measured or has one in it that was, no farther than rays are apart.
+    pub(super) fn lies_between_rays(&self, face: Face, silhouette: &Silhouette) -> bool {
         let near = |row: usize, column: usize| {
-            let mut rows = around(row, self.gaps.along_column, &patch.rows);
-            let columns = around(column, self.gaps.along_row, &patch.columns);
+            let mut rows = around(row, self.gaps.along_column, &silhouette.rows);
+            let columns = around(column, self.gaps.along_row, &silhouette.columns);
             rows.any(|row| columns.clone().any(|column| self.is_measured(face.index(), row, column)))
         };
-        patch.rows.clone().all(|row| patch.columns.clone().all(|column| near(row, column)))
+        silhouette.rows.clone().all(|row| silhouette.columns.clone().all(|column| near(row, column)))
     }
 }
 
@@ -124,12 +124,12 @@ fn on_both_sides(at: usize, gap: usize, ends: impl Fn(usize) -> Option<bool>) ->
     before == Some(true) && after == Some(true)
 }
 
-/// From so many before `at` to as many after it, of those `within`.
+/// From `reach` before `at` to `reach` after it, of those `within`.
 fn around(at: usize, reach: usize, within: &Range<usize>) -> Range<usize> {
     within.start.max(at.saturating_sub(reach))..within.end.min(at + reach + 1)
 }
 
-/// How many cells have the next one so many steps away.
+/// How many cells have the next one 1, 2, ... steps away.
 #[derive(Default)]
 struct Steps([u32; FARTHEST]);
 

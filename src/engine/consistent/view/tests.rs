@@ -184,7 +184,7 @@ fn a_cell_has_the_smallest_depth_of_its_points_and_their_number() {
             let across = [[1, 2], [0, 2], [0, 1]][axis];
             let face = 2 * axis + usize::from(point[axis] < 0.0);
             let cell = &mut naive[(face * CELLS + cell(across[1])) * CELLS + cell(across[0])];
-            *cell = Cell { nearest: cell.nearest.min(depth), count: cell.count + 1 };
+            *cell = RangeCell { nearest: cell.nearest.min(depth), count: cell.count + 1 };
         }
         let differing =
             grid.cells.iter().zip(&naive).filter(|(a, b)| a.nearest != b.nearest || a.count != b.count);

@@ -5,7 +5,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::engine::ClusterId;
-use crate::engine::consistent::describe::{Uprights, edges, middle};
+use crate::engine::consistent::class::evidence::{Uprights, edges, middle};
 use crate::engine::consistent::surfaces::Surfaces;
 
 /// The clusters that are told of, by component.

@@ -1,8 +1,6 @@
 //! What waits is what the clusters wait for, and is due when its time has come.
 
 use super::*;
-use crate::engine::consistent::cluster::Cluster;
-use crate::engine::consistent::describe::{state, waits};
 use crate::engine::consistent::surfaces::Surfaces;
 
 impl Surfaces {
@@ -11,7 +9,7 @@ impl Surfaces {
     pub(in crate::engine::consistent) fn check_waiting(&self, params: &Params, now: Now) -> usize {
         let mut anew = Waiting::default();
         for (component, cluster) in (0..).map(ComponentId).zip(self.clusters.iter()) {
-            anew.set(component, cluster.as_deref().and_then(waits));
+            anew.set(component, cluster.as_deref().and_then(Waits::of));
         }
         assert_eq!((&self.waiting.new, &self.waiting.grown), (&anew.new, &anew.grown));
         let clusters: Vec<&Cluster> = self.clusters.iter().filter_map(Option::as_deref).collect();
@@ -32,7 +30,7 @@ impl Surfaces {
         self.clusters.iter().filter_map(|cluster| behind(cluster.as_deref()?)).fold(0.0, f64::max)
     }
 
-    /// So many more slots are free, as after many clusters that are gone.
+    /// Leaves `more` slots free, as after many clusters that are gone.
     pub(in crate::engine::consistent) fn add_free_slots(&mut self, more: usize) {
         let slots = self.clusters.len() + more;
         self.clusters.set_len(slots);

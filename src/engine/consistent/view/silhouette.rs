@@ -1,4 +1,4 @@
-//! Which directions a box covers: a patch of cells on each face of the cube around the sensor.
+//! Which directions a box covers: its silhouette on each face of the cube around the sensor.
 
 use std::ops::Range;
 
@@ -59,7 +59,7 @@ impl Face {
 
 /// The cells of a face in which a box may be seen.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Patch {
+pub(super) struct Silhouette {
     pub(super) columns: Range<usize>,
     pub(super) rows: Range<usize>,
     /// Smallest depth of the box; 0 where it reaches behind the sensor.
@@ -68,7 +68,7 @@ pub(super) struct Patch {
     pub(super) far: f64,
 }
 
-impl Patch {
+impl Silhouette {
     /// `None` where the box is not seen on this face; `count` is the number of cells along the face's edge.
     pub(super) fn new(face: Face, centre: &Point3<f64>, half: &Vector3<f64>, count: usize) -> Option<Self> {
         let (depth, reach) = (face.sign() * centre[face.axis()], face.half_depth(half));

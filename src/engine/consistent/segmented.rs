@@ -1,4 +1,4 @@
-//! The patches of all blocks, and where they meet.
+//! A block as it was published last: its patches, what is loose, and where they meet others.
 
 use std::sync::Arc;
 
@@ -10,7 +10,7 @@ use super::cluster::{Member, Share};
 use super::contacts::{Contact, Contacts};
 use super::graph::NodeId;
 use super::grid::Grid;
-use super::patch::{Host, Patch, PatchId};
+use super::patch::{Patch, PatchId};
 use super::patches::{LOOSE, Patches, segment};
 use super::room;
 use super::rules::Rules;
@@ -38,7 +38,7 @@ pub(super) struct Segmented {
 pub(super) type SegmentedBlocks = Shared<BlockIndex, Segmented>;
 
 /// How far the voxels of two patches that meet may lie apart, along each axis, in voxels.
-pub(super) const CONTACT_REACH: i32 = 1;
+const REACH: i32 = 1;
 /// Points below which a voxel may be thin, where they are a sliver of it: one that a surface covers was seen for a short time alone.
 const THIN: u32 = 200;
 /// One in so many of those of the voxel with the most points in its block: fewer are thin. An edge that covers as little of its
@@ -205,112 +205,16 @@ pub(super) fn contacts_of(
     segmented[id.block].contacts.of(id.number)
 }
 
-/// What a patch is a part of, by those that it meets.
-pub(super) fn host(segmented: &SegmentedBlocks, id: PatchId, rules: &Rules) -> Host {
-    let slice_of = sharper(segmented, id, rules).map(Host::SliceOf);
-    let end_of = || {
-        let may_be = patch(segmented, id).may_be_bridge();
-        may_be.then(|| end_of_bridge(segmented, id, rules)).flatten().map(Host::BridgeTo)
-    };
-    slice_of.or_else(end_of).unwrap_or_default()
-}
-
-/// Of the patches that a patch joins the one that its points fit best, where two of these are no single surface: as where the
-/// foot of a ramp, seen from afar, has a plane between those of floor and ramp. `None` where all of them agree.
-fn end_of_bridge(segmented: &SegmentedBlocks, id: PatchId, rules: &Rules) -> Option<PatchId> {
-    let own = patch(segmented, id);
-    let ends = || {
-        contacts_of(segmented, id).filter(|&(other, _)| {
-            let end = patch(segmented, other);
-            !end.is_narrow() && !end.is_rough() && !end.is_folded()
-        })
-    };
-    // Of two that differ one is turned by half of that at least; on most patches of walls and floors none is.
-    let most = (0.5 * rules.join_angle).cos();
-    if ends().all(|(other, _)| own.normal().dot(&patch(segmented, other).normal()) >= most) {
-        return None;
-    }
-    let joined = |(other, contact): (PatchId, Contact)| {
-        own.joins(patch(segmented, other), &contact, rules).then_some(other)
-    };
-    let ends: Vec<_> = ends().filter_map(joined).collect();
-    let differ = |a: PatchId, b: PatchId| patch(segmented, a).differs_from(patch(segmented, b), rules);
-    let is_bridge = ends.iter().enumerate().any(|(i, &a)| ends[i + 1..].iter().any(|&b| differ(a, b)));
-    let misfit = |&end: &PatchId| (own.misfit(patch(segmented, end), rules), end);
-    is_bridge.then(|| best_fit(segmented, ends.iter().map(misfit))).flatten().map(|(_, end)| end)
-}
-
-/// The least misfit; of equals the patch whose block comes first in space.
-fn best_fit(
-    segmented: &SegmentedBlocks,
-    fits: impl Iterator<Item = (f64, PatchId)>,
-) -> Option<(f64, PatchId)> {
-    let place = |id: PatchId| (segmented[id.block].contacts.corner(), id.number);
-    fits.min_by(|a, b| a.0.total_cmp(&b.0).then_with(|| place(a.1).cmp(&place(b.1))))
-}
-
-/// The sharper, broader or whole patch that a patch is a slice of: of those it meets, the one its points fit best. A flat patch
-/// that joins one with less noise as its equal, and fits that better, is no slice; what leads away from the best is no equal. Of
-/// several that fit alike it is the one whose block comes first in space.
-fn sharper(segmented: &SegmentedBlocks, id: PatchId, rules: &Rules) -> Option<PatchId> {
-    let own = patch(segmented, id);
-    if !own.may_be_slice() {
-        return None;
-    }
-    let contacts = || contacts_of(segmented, id);
-    let candidates = contacts()
-        .filter_map(|(other, _)| own.slice_of(patch(segmented, other), rules).map(|misfit| (misfit, other)));
-    let (misfit, best) = best_fit(segmented, candidates)?;
-    // Where a wall and a door that stands ajar meet, so do their scatters. One that lies on the best plane too, and is turned off it,
-    // leads from the one surface to the other.
-    let leads_away = |other: &Patch| {
-        let best = patch(segmented, best);
-        other.normal().dot(&best.normal()) < rules.join_angle.cos() && other.slice_of(best, rules).is_some()
-    };
-    let fits_equal = |(other, contact): (PatchId, Contact)| {
-        let other = patch(segmented, other);
-        own.misfit(other, rules) <= misfit && own.is_equal_of(other, &contact, rules) && !leads_away(other)
-    };
-    (!contacts().any(fits_equal)).then_some(best)
-}
-
-/// Whether two patches that meet so are joined. A slice is with the one it is a slice of, and else with what lies on that one's
-/// plane too; where one is folded or a bridge, which lies on two planes, those that the two are parts of must lie on each
-/// other's.
-pub(super) fn are_joined(
-    segmented: &SegmentedBlocks,
-    a: PatchId,
-    b: PatchId,
-    contact: &Contact,
-    rules: &Rules,
-) -> bool {
-    let [here, there] = [a, b].map(|id| patch(segmented, id));
-    let (of_a, of_b) = (here.host.patch(), there.host.patch());
-    if of_a == Some(b) || of_b == Some(a) {
-        return true;
-    }
-    let is_part = |own: &Patch| own.host.is_bridge() || own.is_folded() && own.host != Host::None;
-    if is_part(here) || is_part(there) {
-        let [host_a, host_b] = [(a, of_a), (b, of_b)].map(|(own, of)| patch(segmented, of.unwrap_or(own)));
-        return here.joins(there, contact, rules)
-            && host_a.lies_on(host_b, rules)
-            && host_b.lies_on(host_a, rules);
-    }
-    let lies_on =
-        |own: &Patch, of: Option<PatchId>| of.is_none_or(|of| own.lies_on(patch(segmented, of), rules));
-    here.joins(there, contact, rules) && lies_on(there, of_a) && lies_on(here, of_b)
-}
-
-/// Contacts between the patches of a block and those of the block in direction `place` (of [`Around`]), by their numbers.
+/// Contacts between the patches of a block with this lower corner (voxel indices) and those of the block in direction `place`, as
+/// [`offset_of`] has it, by their numbers.
 pub(super) fn contacts(
     here: &Segmented,
     there: &Segmented,
     place: usize,
     corner: [i32; 3],
-    reach: i32,
 ) -> Vec<((u8, u8), Contact)> {
     let direction = offset_of(place);
-    let border = Cells::border(direction, reach);
+    let border = Cells::border(direction, REACH);
     let mut contacts = Vec::new();
     for (number, own) in (0..).zip(&here.patches) {
         // In its own block, each pair is met once.
@@ -323,7 +227,7 @@ pub(super) fn contacts(
         let mut met = vec![Contact::default(); others.len()];
         for cell in cells.iter() {
             let at = cell.coordinates();
-            let near = Window::around(seen_from(at, direction), reach);
+            let near = Window::around(seen_from(at, direction), REACH);
             if !there.is_any_patch_in(&near) {
                 continue;
             }
