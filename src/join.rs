@@ -13,6 +13,8 @@ use crate::engine::{Scan, Stamp};
 use crate::msg::ros::TransformStamped;
 use crate::tf::{FrameError, Frames, Inserted, Lack, LookupError, Moment, Waited, WaitingQueue, bare};
 
+pub use hint::GivenUp;
+
 /// Pairs of a frame and a sensor that are remembered at most: a sender can make up ever new frames.
 const SENSORS: usize = 1000;
 

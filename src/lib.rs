@@ -41,6 +41,7 @@ pub mod sim;
 pub mod store;
 #[cfg(feature = "bag")]
 pub mod tf;
+mod thread;
 pub mod worker;
 #[cfg(feature = "bag")]
 pub mod yaml;

@@ -1,5 +1,6 @@
 //! What a name of a file stands for, whether or not the file is there yet.
 
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::{fs, io};
 
@@ -33,7 +34,15 @@ pub(crate) fn descriptor(path: &Path) -> Option<u32> {
     None
 }
 
+/// The last part of a name; `None` of one that only a folder can have.
+pub(crate) fn file_name(path: &Path) -> Option<&OsStr> {
+    // `Path::file_name` passes over what makes a name that of a folder.
+    let name = path.as_os_str().as_encoded_bytes();
+    let is_folder = name.ends_with(b"/") || name.ends_with(b"/.");
+    path.file_name().filter(|_| !is_folder)
+}
+
 /// The folder that a name is in.
-pub(crate) fn folder(path: &Path) -> &Path {
+pub fn folder(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }

@@ -1,5 +1,7 @@
 //! Why something that was sent is not used, for accounts.
 
+use serde::{Serialize, Serializer};
+
 /// A key to count by, and what it means to a reader.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Reason {
@@ -9,14 +11,22 @@ pub struct Reason {
     pub sentence: &'static str,
 }
 
-/// Keys of scans that are skipped for no fault of theirs, by the live node and by a replay.
-pub const SESSION_ENDED: &str = "session_ended";
-/// As above, at the end.
-pub const SHUTDOWN: &str = "shutdown";
+/// Why the live node and a replay skip scans for no fault of theirs: their session has ended.
+pub const SESSION_ENDED: Reason =
+    Reason::new("session_ended", "Time jumped back, or a reset was called, while the scan waited.");
+/// The end has come.
+pub const SHUTDOWN: Reason = Reason::new("shutdown", "The program ended while the scan waited.");
 
 impl Reason {
     /// A reason by its key and its sentence.
     pub const fn new(key: &'static str, sentence: &'static str) -> Self {
         Self { key, sentence }
+    }
+}
+
+impl Serialize for Reason {
+    /// As its key.
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.key)
     }
 }

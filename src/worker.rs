@@ -10,7 +10,6 @@
 //! scans, as in large maps of mode `paper`, it takes a tenth of the time at most, however often it is asked for; and what is made
 //! of it takes half of a core at most ([`Took::rest`]).
 
-use std::any::Any;
 use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -18,6 +17,7 @@ use std::thread::{Builder, JoinHandle};
 use std::time::{Duration, Instant};
 
 use crate::engine::{Engine, Frozen, Params, Scan, Snapshot, Update};
+use crate::thread::{panic_text, spawn_or_run};
 
 /// What the worker has to say.
 #[derive(Clone, Debug)]
@@ -322,27 +322,8 @@ fn guard(
     if let Err(panic) = catch_unwind(work) {
         // A snapshot that is being made still comes, and nothing after this. Whether it panics as well makes no difference.
         drop(catch_unwind(AssertUnwindSafe(|| making.finish())));
-        sink(Output::Died(words(&*panic)));
+        sink(Output::Died(panic_text(&*panic)));
     }
-}
-
-/// What something has panicked with.
-pub(crate) fn words(panic: &(dyn Any + Send)) -> String {
-    let text = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
-    let text = text.or_else(|| panic.downcast_ref::<String>().cloned());
-    text.unwrap_or_else(|| "without a message".to_owned())
-}
-
-/// Has something done on a thread of its own; here, where the system gives none.
-pub(crate) fn spawn_or_do(thread: Builder, work: impl FnOnce() + Send + 'static) -> Option<JoinHandle<()>> {
-    let work = Arc::new(Mutex::new(Some(work)));
-    let there = Arc::clone(&work);
-    let take = |work: &Mutex<Option<_>>| work.lock().unwrap_or_else(PoisonError::into_inner).take();
-    let thread = thread.spawn(move || take(&there).into_iter().for_each(|work| work())).ok();
-    if thread.is_none() {
-        take(&work).into_iter().for_each(|work| work());
-    }
-    thread
 }
 
 fn work(
@@ -429,7 +410,7 @@ struct Making(Option<JoinHandle<()>>);
 impl Making {
     /// Has it made; here, where the system gives no thread.
     fn begin(&mut self, make: impl FnOnce() + Send + 'static) {
-        self.0 = spawn_or_do(Builder::new().name("cfodi-map".to_owned()), make);
+        self.0 = spawn_or_run(Builder::new().name("cfodi-map".to_owned()), make);
     }
 
     /// Waits for its end, and panics as it has.

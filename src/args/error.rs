@@ -18,11 +18,11 @@ pub enum ArgsError {
     /// A parameter that cannot be.
     #[error(transparent)]
     Config(#[from] ConfigError),
-    /// A parameter that cannot be, of a file.
+    /// A parameter of a file that is refused.
     #[error("{error}; it stands in {file} under `{section}`")]
     InFile {
-        /// Why not.
-        error: Box<ConfigError>,
+        /// Why.
+        error: Box<Self>,
         /// The file.
         file: PathBuf,
         /// The nodes that it is for there.

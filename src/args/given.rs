@@ -61,7 +61,8 @@ pub(super) fn given(
         let origin = file.zip(param.node_name);
         let origin = origin.map(|(file, section)| Rc::new(Origin { file: file.to_owned(), section }));
         let (mut values, mut repeated) = (Vec::new(), Vec::new());
-        flatten(param.name, &param.value, &mut values, &mut repeated)?;
+        flatten(param.name, &param.value, &mut values, &mut repeated)
+            .map_err(|error| in_file(error, origin.as_deref()))?;
         let place = file.map_or_else(|| "a -p".to_owned(), |file| file.display().to_string());
         warnings.extend(repeated.iter().map(|name| {
             one_line(&format!("{place} has {name} twice in one map: the last value counts")).into_owned()
@@ -85,13 +86,14 @@ pub(super) fn idle(name: &str) -> Option<&'static str> {
     name.starts_with("qos_overrides.").then_some("qos_overrides")
 }
 
-/// Says of a parameter that nobody knows where it stands: the files of a robot are many.
+/// Says of a parameter that is refused where it stands: the files of a robot are many. Of several of its name the last counts.
 pub(super) fn located(error: ConfigError, given: &[Given]) -> ArgsError {
-    let ConfigError::Unknown { name, .. } = &error else { return error.into() };
-    match given.iter().find(|given| given.name == *name).and_then(|given| given.origin.as_deref()) {
-        Some(Origin { file, section }) => {
-            ArgsError::InFile { error: error.into(), file: file.clone(), section: section.clone() }
-        }
-        None => error.into(),
-    }
+    let last = |name: &str| given.iter().rev().find(|given| given.name == name);
+    let origin = error.parameter().and_then(last).and_then(|given| given.origin.clone());
+    in_file(error.into(), origin.as_deref())
+}
+
+fn in_file(error: ArgsError, origin: Option<&Origin>) -> ArgsError {
+    let Some(Origin { file, section }) = origin else { return error };
+    ArgsError::InFile { error: error.into(), file: file.clone(), section: section.clone() }
 }

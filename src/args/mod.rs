@@ -39,8 +39,6 @@ pub struct Environment {
 impl Environment {
     /// That of this process.
     pub fn of_process() -> Self {
-        // What is no text is no number either, nor the name of a middleware, and is refused as such.
-        let variable = |name| std::env::var_os(name).map(|value| value.to_string_lossy().into_owned());
         Self {
             domain: variable("ROS_DOMAIN_ID"),
             rmw: variable("RMW_IMPLEMENTATION"),
@@ -48,6 +46,11 @@ impl Environment {
             discovery: discovery(variable),
         }
     }
+}
+
+/// A variable of this process; what is no text is not left out, but comes as a text that is refused.
+pub(crate) fn variable(name: &str) -> Option<String> {
+    std::env::var_os(name).map(|value| value.to_string_lossy().into_owned())
 }
 
 fn discovery(variable: impl Fn(&'static str) -> Option<String>) -> Vec<(&'static str, String)> {

@@ -10,6 +10,8 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
+use super::variable;
+
 /// Whether DDS Security was built in.
 pub const BUILT_IN: bool = cfg!(feature = "security");
 
@@ -115,8 +117,7 @@ pub enum SecurityError {
 impl Asked {
     /// What the variables of this process ask for.
     pub fn of_process() -> Self {
-        // What is no text is no value either, and is refused as such: it must not switch security off.
-        let variable = |name| std::env::var_os(name).map(|value| value.to_string_lossy().into_owned());
+        // One that is no text must not switch security off.
         Self {
             enable: variable("ROS_SECURITY_ENABLE"),
             strategy: variable("ROS_SECURITY_STRATEGY"),

@@ -44,8 +44,15 @@ pub struct Wanted {
 pub struct Info {
     /// Its name.
     pub topic: String,
+    /// The name that a remapping has it read from another topic by, as `depth/camera_info`.
+    pub plain: String,
     /// Whether somebody has named it: no other takes its place, for it may be that of another camera.
     pub is_named: bool,
+}
+
+impl Info {
+    /// The plain name without a list of sensors.
+    pub const PLAIN: &str = "depth/camera_info";
 }
 
 /// The sensors of a bag.
@@ -72,7 +79,7 @@ pub enum ChoiceError {
     },
     /// The topic's messages are no scans.
     #[error(
-        "{topic} carries {type_name} as {encoding}, no point cloud and no depth image in CDR; the bag holds:{held}"
+        "{topic} carries {type_name} as {encoding}, no point cloud and no depth image in CDR{hint}; the bag holds:{held}"
     )]
     NoScans {
         /// As given.
@@ -81,6 +88,8 @@ pub enum ChoiceError {
         type_name: String,
         /// Its encoding.
         encoding: String,
+        /// How it could be had.
+        hint: &'static str,
         /// The list.
         held: String,
     },
@@ -162,7 +171,8 @@ fn named<'a>(topics: &'a [Topic], name: &str) -> Result<Candidate<'a>, ChoiceErr
     usable.ok_or_else(|| {
         let [type_name, encoding] =
             [&first.type_name, &first.encoding].map(|text| one_line(text).into_owned());
-        ChoiceError::NoScans { topic: name.to_owned(), type_name, encoding, held: held(topics) }
+        let hint = if is_of_ros_1(first) { OF_ROS_1 } else { "" };
+        ChoiceError::NoScans { topic: name.to_owned(), type_name, encoding, hint, held: held(topics) }
     })
 }
 
@@ -194,12 +204,8 @@ fn only<'a>(topics: &[Topic], candidates: &[Candidate<'a>]) -> Result<Candidate<
 /// How scans could be had of a bag that has none as it is.
 fn otherwise(topics: &[Topic]) -> String {
     let has_messages = || topics.iter().filter(|topic| topic.messages != Some(0));
-    let of_ros_1 =
-        |topic: &Topic| topic.encoding == "ros1" && SCANS_OF_ROS_1.contains(&topic.type_name.as_str());
-    if has_messages().any(of_ros_1) {
-        return " in CDR: its messages are serialised as in ROS 1; convert the .bag that it was made of: rosbags-convert \
-                --src X.bag --dst X --dst-storage mcap"
-            .to_owned();
+    if has_messages().any(is_of_ros_1) {
+        return format!(" in CDR{OF_ROS_1}");
     }
     let mut images =
         has_messages().filter(|topic| kind_of(&topic.type_name, &topic.encoding) == Some(SensorKind::Depth));
@@ -209,6 +215,14 @@ fn otherwise(topics: &[Topic]) -> String {
             one_line(&image.name)
         )
     })
+}
+
+/// What is said of scans in a bag that is none of ROS 2 but for its storage.
+const OF_ROS_1: &str = ": its messages are serialised as in ROS 1; convert the .bag that it was made of: rosbags-convert --src \
+                        X.bag --dst X --dst-storage mcap";
+
+fn is_of_ros_1(topic: &Topic) -> bool {
+    topic.encoding == "ros1" && SCANS_OF_ROS_1.contains(&topic.type_name.as_str())
 }
 
 /// What ROS 1 calls the types of scans.
@@ -270,7 +284,7 @@ fn info_topic(
     let infos = topics.iter().filter(|topic| topic.type_name == types::CAMERA_INFO && has_any(topic));
     let infos: Vec<_> = infos.collect();
     let wanted = info.and_then(|info| infos.iter().find(|topic| topic.is_called(&info.topic)));
-    if let (None, Some(Info { topic, is_named: true })) = (wanted, info) {
+    if let (None, Some(Info { topic, is_named: true, .. })) = (wanted, info) {
         let meant = nearest(infos.into_iter(), topic);
         return Err(refused(&format!(" on {topic}, where -r has it read{meant}")));
     }
@@ -284,7 +298,8 @@ fn info_topic(
     match (found, &infos[..]) {
         (Some(found), _) | (None, [found]) => Ok(found.name.clone()),
         _ => Err(refused(&format!(
-            " on {sibling}, or where -r depth/camera_info:=TOPIC says ({} in the bag)",
+            " on {sibling}, or where -r {}:=TOPIC says ({} in the bag)",
+            info.map_or(Info::PLAIN, |info| &info.plain),
             infos.len()
         ))),
     }

@@ -5,7 +5,10 @@ use std::collections::BTreeSet;
 use super::choose::{Sensor, SensorKind, kind_of};
 use super::read::Message;
 use super::topic::Topic;
-use crate::cloud::{Camera, Cloud, CloudError, CloudFilter, CloudSeed, CompressedSeed, DepthSeed, Optical};
+use crate::cloud::{
+    Camera, Cloud, CloudError, CloudFilter, CloudSeed, CompressedSeed, DepthSeed, Optical,
+    is_optical_by_name, is_rectified_by_name,
+};
 use crate::msg::cdr::{read, read_with};
 use crate::msg::ros::{CameraInfo, TfMessage};
 use crate::msg::types;
@@ -181,8 +184,7 @@ impl Decoder {
     pub fn is_optical(&self, sensor: usize, frame: &str) -> bool {
         let optical = self.filter.optical;
         let is_image = self.sensors.get(sensor).is_some_and(|input| input.sensor.kind != SensorKind::Cloud);
-        // The name that REP 103 has, which is seldom that of a driver's cloud.
-        let is_named = optical == Optical::Auto && frame.ends_with("_optical");
+        let is_named = optical == Optical::Auto && is_optical_by_name(frame);
         is_image || is_named || optical.of_frame(frame)
     }
 
@@ -249,7 +251,8 @@ impl Input {
         match message.plain().and_then(read::<CameraInfo>) {
             Ok(info) => {
                 let camera = Camera::from_info(&info);
-                let is_distorted = matches!(&camera, Ok(camera) if camera.is_distorted());
+                let is_distorted = matches!(&camera, Ok(camera) if camera.is_distorted())
+                    && !is_rectified_by_name(&self.sensor.topic);
                 self.camera = Some(camera);
                 let is_first = !std::mem::replace(&mut self.has_come, true);
                 (is_first && is_distorted).then_some(Recorded::Distorted { topic })

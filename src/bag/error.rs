@@ -31,16 +31,16 @@ pub enum BagError {
     },
     /// A recording in a data base.
     #[error(
-        "{} is a bag in SQLite; convert its folder: rosbags-convert --src {} --dst {} --dst-storage mcap",
+        "{} is a bag in SQLite; convert it: rosbags-convert --src {} --dst {} --dst-storage mcap",
         path.display(),
-        quoted(source_folder),
+        sources.iter().map(|path| quoted(path)).collect::<Vec<_>>().join(" "),
         quoted(folder)
     )]
     Sqlite {
         /// The file, or the folder that names it.
         path: PathBuf,
-        /// The folder with its `metadata.yaml`.
-        source_folder: PathBuf,
+        /// The folder with its `metadata.yaml`, or its files where it has none.
+        sources: Vec<PathBuf>,
         /// A folder for the result.
         folder: PathBuf,
     },

@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 use std::fs;
 use std::io;
+use std::ops::Deref;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -11,13 +12,13 @@ use super::error::BagError;
 use super::metadata::{self, Metadata};
 use super::order::side_by_side;
 use super::part::{Part, reading, sqlite};
-use super::read::Messages;
+use super::read::{Message, Messages};
 use super::survey::survey;
 use super::topic::{Survey, Topic};
 use crate::yaml;
 
 /// What a recorder says of a folder.
-const METADATA: &str = "metadata.yaml";
+pub(super) const METADATA: &str = "metadata.yaml";
 
 /// Files that a line names at most.
 const NAMED: usize = 20;
@@ -111,6 +112,14 @@ impl Bag {
     pub fn messages(&self) -> Messages {
         Messages::new(self.files.clone())
     }
+
+    /// As [`Self::messages`], up to the first that cannot be read, and up to `stop`.
+    pub(crate) fn readable_until<S>(&self, stop: S) -> impl Iterator<Item = Message> + use<S>
+    where
+        S: Deref<Target = AtomicBool>,
+    {
+        self.messages().map_while(Result::ok).take_while(move |_| !stop.load(Ordering::Relaxed))
+    }
 }
 
 /// Which files of a folder are its recording.
@@ -126,7 +135,7 @@ impl Chosen {
     fn of_metadata(folder: &Path, metadata: Metadata) -> Result<Self, BagError> {
         let Metadata { files: paths, storage, topics: listed } = metadata;
         if storage == "sqlite3" {
-            return Err(sqlite(folder, folder));
+            return Err(sqlite(folder, vec![folder.to_owned()]));
         }
         let mut others = mcap_files(folder).unwrap_or_default();
         others.retain(|path| !paths.contains(path));
@@ -196,9 +205,17 @@ fn mcap_files(folder: &Path) -> Result<Vec<PathBuf>, BagError> {
     if !paths.is_empty() {
         return Ok(paths);
     }
+    if let Some(bag) = others.iter().find(|path| path.extension().is_some_and(|end| end == "bag")) {
+        return Err(BagError::Ros1 { path: bag.clone(), folder: bag.with_extension("") });
+    }
     // What a recorder leaves that was killed.
-    let in_sqlite = others.into_iter().find(|path| name(path).contains(".db3"));
-    Err(in_sqlite.map_or_else(|| BagError::NoBag { path: folder.to_owned() }, |path| sqlite(&path, folder)))
+    let mut in_sqlite = others;
+    in_sqlite.retain(|path| name(path).contains(".db3"));
+    in_sqlite.sort_by_cached_key(|path| in_order(&name(path)));
+    Err(match in_sqlite.first().cloned() {
+        Some(first) => sqlite(&first, in_sqlite),
+        None => BagError::NoBag { path: folder.to_owned() },
+    })
 }
 
 /// A key by which `_10` comes after `_9`: the texts and the numbers of a name in turn, a number by its length without
@@ -219,27 +236,20 @@ fn in_order(name: &str) -> (Vec<(String, usize, String)>, String) {
 
 #[cfg(test)]
 mod tests {
+    use std::convert::Infallible;
     use std::fs::File;
 
     use super::super::{OutputTopics, ResultBag, SensorBag};
     use super::*;
+    use crate::msg::twins::Twins;
 
     fn recording(path: &Path) {
         SensorBag::new(File::create(path).unwrap(), "/points").unwrap().finish().unwrap();
     }
 
     fn result(path: &Path) {
-        let [clusters, clusters_delta, markers, points_labelled, diagnostics] =
-            ["/c", "/d", "/m", "/p", "/s"].map(str::to_owned);
-        let topics = OutputTopics {
-            clusters,
-            clusters_delta,
-            markers,
-            points_labelled,
-            diagnostics,
-            detections: None,
-            polygons: None,
-        };
+        let topics =
+            OutputTopics::new(Twins::default(), |name| Ok::<_, Infallible>(name.to_owned())).unwrap();
         ResultBag::new(File::create(path).unwrap(), &topics, true).unwrap().finish().unwrap();
     }
 

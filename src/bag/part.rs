@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use mcap::records::op;
 
 use super::error::BagError;
+use super::files::METADATA;
 use super::write::is_result;
 
 /// Bytes of a file by which it is known who wrote it.
@@ -70,7 +71,10 @@ impl Part {
         } else if is(SQLITE)
             || is(ZSTD) && unpacked_start(path).is_some_and(|start| start.starts_with(SQLITE))
         {
-            Err(sqlite(path, path.parent().unwrap_or(path)))
+            let folder = path.parent().filter(|folder| folder.join(METADATA).is_file());
+            let folder =
+                folder.map(|folder| if folder.as_os_str().is_empty() { Path::new(".") } else { folder });
+            Err(sqlite(path, vec![folder.unwrap_or(path).to_owned()]))
         } else if is(MCAP) || is(ZSTD) || start.is_empty() {
             Ok(Self { path: path.to_owned(), size, is_compressed: is(ZSTD), begins: None })
         } else if start.starts_with(SAVED_MAP) {
@@ -105,14 +109,13 @@ pub(super) fn reading(path: &Path, source: io::Error) -> BagError {
     BagError::Io { path: path.to_owned(), source }
 }
 
-pub(super) fn sqlite(path: &Path, source_folder: &Path) -> BagError {
-    let source_folder = if source_folder.as_os_str().is_empty() { Path::new(".") } else { source_folder };
-    let name = source_folder.canonicalize().ok().and_then(|folder| folder.file_name().map(ToOwned::to_owned));
-    let mut folder = name.unwrap_or_else(|| "bag".into());
+/// What is in a data base is converted by its folder, where that says what it holds, else by its files.
+pub(super) fn sqlite(path: &Path, sources: Vec<PathBuf>) -> BagError {
+    let first = sources.first().map_or(path, PathBuf::as_path);
+    let plain = first.canonicalize().unwrap_or_else(|_| first.to_owned());
+    let name = if plain.is_dir() { plain.file_name() } else { plain.file_stem() };
+    let mut folder = name.unwrap_or("bag".as_ref()).to_owned();
     folder.push("_mcap");
-    BagError::Sqlite {
-        path: path.to_owned(),
-        source_folder: source_folder.to_owned(),
-        folder: source_folder.parent().unwrap_or(source_folder).join(folder),
-    }
+    let folder = first.parent().unwrap_or(first).join(folder);
+    BagError::Sqlite { path: path.to_owned(), sources, folder }
 }

@@ -19,38 +19,31 @@ use super::read::Message;
 use super::schemas::definition;
 use crate::engine::Stamp;
 use crate::msg::cdr;
-use crate::msg::clusters::SurfaceClusterArray;
-use crate::msg::reports::DiagnosticArray;
-use crate::msg::ros::{Header, MarkerArray, PointCloud2, TfMessage};
-use crate::msg::sent::{self, Named, Qos, Topic};
-use crate::msg::twins::{Detection3DArray, PolygonInstanceStamped, Twins};
+use crate::msg::outgoing::Outgoing;
+use crate::msg::ros::{Header, TfMessage};
+use crate::msg::sent::{self, Named, Qos};
+use crate::msg::twins::Twins;
 use crate::msg::types::TRANSFORMS;
 
-/// Names of the topics that a result bag holds, remappings applied.
+/// The topics that a result bag holds, by their names in the program, with those that remappings give them.
 #[derive(Clone, Debug, PartialEq, Eq)]
-#[expect(missing_docs, reason = "the topics of the node, by their names")]
-pub struct OutputTopics {
-    pub clusters: String,
-    pub clusters_delta: String,
-    pub markers: String,
-    pub points_labelled: String,
-    pub diagnostics: String,
-    /// `None` where it is not wanted.
-    pub detections: Option<String>,
-    /// As `detections`.
-    pub polygons: Option<String>,
-}
+pub struct OutputTopics(BTreeMap<&'static str, String>);
 
 impl OutputTopics {
-    fn names(&self) -> impl Iterator<Item = &String> {
-        let Self { clusters, clusters_delta, markers, points_labelled, diagnostics, .. } = self;
-        let always = [clusters, clusters_delta, markers, points_labelled, diagnostics];
-        always.into_iter().chain(&self.detections).chain(&self.polygons)
+    /// All that the node sends but its log, with these twins; `resolve` gives a topic its name.
+    ///
+    /// # Errors
+    /// The first of `resolve`.
+    pub fn new<E>(twins: Twins, resolve: impl Fn(&'static str) -> Result<String, E>) -> Result<Self, E> {
+        let names = sent::TOPICS.into_iter().filter(|topic| *topic != sent::LOG && twins.include(topic));
+        names.map(|topic| Ok((topic.name, resolve(topic.name)?))).collect::<Result<_, _>>().map(Self)
     }
 
     /// The twins that are wanted.
     pub fn twins(&self) -> Twins {
-        Twins { detections: self.detections.is_some(), polygons: self.polygons.is_some() }
+        let [detections, polygons] =
+            [sent::DETECTIONS, sent::POLYGONS].map(|topic| self.0.contains_key(topic.name));
+        Twins { detections, polygons }
     }
 }
 
@@ -64,15 +57,9 @@ pub(super) struct Channel {
 /// Writes a result bag.
 pub struct ResultBag<W: Write> {
     writer: Writer<NoSeek<W>>,
-    clusters: Channel,
-    delta: Channel,
-    markers: Channel,
-    labelled: Channel,
-    diagnostics: Channel,
-    detections: Option<Channel>,
-    polygons: Option<Channel>,
-    /// Names of the channels above: input of the same name is not copied.
-    own: Vec<String>,
+    /// By the topics' names in the program.
+    channels: BTreeMap<&'static str, Channel>,
+    topics: OutputTopics,
     /// Of transforms that are no input, by topic.
     transforms: BTreeMap<&'static str, Channel>,
     copies: Copies,
@@ -88,18 +75,16 @@ impl<W: Write> ResultBag<W> {
     /// Those of `out`.
     pub fn new(out: W, topics: &OutputTopics, with_input: bool) -> io::Result<Self> {
         let mut writer = writer(out, RESULTS)?;
-        let mut open = |name: &String, Topic { type_name, qos, .. }| {
-            channel(&mut writer, Named { name, type_name }, qos)
-        };
+        let mut channels = BTreeMap::new();
+        for topic in sent::TOPICS {
+            if let Some(name) = topics.0.get(topic.name) {
+                let named = Named { name, ..topic.named() };
+                channels.insert(topic.name, channel(&mut writer, named, topic.qos)?);
+            }
+        }
         Ok(Self {
-            clusters: open(&topics.clusters, sent::CLUSTERS)?,
-            delta: open(&topics.clusters_delta, sent::DELTA)?,
-            markers: open(&topics.markers, sent::MARKERS)?,
-            labelled: open(&topics.points_labelled, sent::LABELLED)?,
-            diagnostics: open(&topics.diagnostics, sent::DIAGNOSTICS)?,
-            detections: topics.detections.as_ref().map(|name| open(name, sent::DETECTIONS)).transpose()?,
-            polygons: topics.polygons.as_ref().map(|name| open(name, sent::POLYGONS)).transpose()?,
-            own: topics.names().cloned().collect(),
+            channels,
+            topics: topics.clone(),
             writer,
             transforms: BTreeMap::new(),
             copies: Copies::default(),
@@ -130,67 +115,16 @@ impl<W: Write> ResultBag<W> {
         due.iter().try_for_each(|message| self.copy(message))
     }
 
-    /// Adds a message of `~/clusters`.
+    /// Adds a message of the node at the time of its header, where the bag has its topic; markers without any have no time.
     ///
     /// # Errors
     /// Those of the output.
-    pub fn clusters(&mut self, message: &SurfaceClusterArray) -> io::Result<()> {
-        let Self { writer, scratch, clusters, clock, .. } = self;
-        put(writer, scratch, clusters, (&message.header, clock.ahead()), message)
-    }
-
-    /// Adds a message of `~/clusters_delta`.
-    ///
-    /// # Errors
-    /// Those of the output.
-    pub fn clusters_delta(&mut self, message: &SurfaceClusterArray) -> io::Result<()> {
-        let Self { writer, scratch, delta, clock, .. } = self;
-        put(writer, scratch, delta, (&message.header, clock.ahead()), message)
-    }
-
-    /// Adds a message of `~/points_labelled`.
-    ///
-    /// # Errors
-    /// Those of the output.
-    pub fn points_labelled(&mut self, message: &PointCloud2) -> io::Result<()> {
-        let Self { writer, scratch, labelled, clock, .. } = self;
-        put(writer, scratch, labelled, (&message.header, clock.ahead()), message)
-    }
-
-    /// Adds a message of `/diagnostics`.
-    ///
-    /// # Errors
-    /// Those of the output.
-    pub fn diagnostics(&mut self, message: &DiagnosticArray) -> io::Result<()> {
-        let Self { writer, scratch, diagnostics, clock, .. } = self;
-        put(writer, scratch, diagnostics, (&message.header, clock.ahead()), message)
-    }
-
-    /// Adds a message of `~/markers`, which has no header of its own.
-    ///
-    /// # Errors
-    /// Those of the output.
-    pub fn markers(&mut self, header: &Header, message: &MarkerArray) -> io::Result<()> {
-        let Self { writer, scratch, markers, clock, .. } = self;
-        put(writer, scratch, markers, (header, clock.ahead()), message)
-    }
-
-    /// Adds a message of `~/detections`, where it is wanted.
-    ///
-    /// # Errors
-    /// Those of the output.
-    pub fn detections(&mut self, message: &Detection3DArray) -> io::Result<()> {
-        let Self { writer, scratch, detections: Some(channel), clock, .. } = self else { return Ok(()) };
-        put(writer, scratch, channel, (&message.header, clock.ahead()), message)
-    }
-
-    /// Adds a message of `~/polygons`, where it is wanted.
-    ///
-    /// # Errors
-    /// Those of the output.
-    pub fn polygon(&mut self, message: &PolygonInstanceStamped) -> io::Result<()> {
-        let Self { writer, scratch, polygons: Some(channel), clock, .. } = self else { return Ok(()) };
-        put(writer, scratch, channel, (&message.header, clock.ahead()), message)
+    pub fn put(&mut self, message: &Outgoing) -> io::Result<()> {
+        let Some(channel) = self.channels.get_mut(message.topic().name) else { return Ok(()) };
+        let Some(header) = message.header() else { return Ok(()) };
+        self.scratch.clear();
+        message.write(&mut self.scratch).map_err(io::Error::other)?;
+        write(&mut self.writer, channel, logged(header, self.clock.ahead()), &self.scratch)
     }
 
     /// Adds transforms of `/tf`, or of `/tf_static`, at the time of the first of them.
@@ -220,7 +154,7 @@ impl<W: Write> ResultBag<W> {
     }
 
     fn is_own(&self, message: &Message) -> bool {
-        self.own.iter().any(|own| own == message.topic())
+        self.topics.0.values().any(|own| own == message.topic())
     }
 
     /// Copies a message of the input, where it is wanted.
@@ -291,7 +225,7 @@ pub(super) fn schema<W: Write>(writer: &mut Writer<NoSeek<W>>, type_name: &str) 
     writer.add_schema(type_name, "ros2msg", text.as_bytes()).map_err(io::Error::other)
 }
 
-/// Adds a message at the time of its header, and so many nanoseconds ahead.
+/// Adds a message at the time of its header, and `ahead` nanoseconds more.
 pub(super) fn put<W: Write>(
     writer: &mut Writer<NoSeek<W>>,
     scratch: &mut Vec<u8>,
@@ -301,8 +235,13 @@ pub(super) fn put<W: Write>(
 ) -> io::Result<()> {
     scratch.clear();
     cdr::write(scratch, message).map_err(io::Error::other)?;
+    write(writer, channel, logged(header, ahead), scratch)
+}
+
+/// The time of a header, and `ahead` nanoseconds more.
+fn logged(header: &Header, ahead: u64) -> u64 {
     let stamp = header.stamp.stamp().map_or(0, |stamp| u64::try_from(stamp.nanos()).unwrap_or(0));
-    write(writer, channel, stamp.saturating_add(ahead), scratch)
+    stamp.saturating_add(ahead)
 }
 
 fn write<W: Write>(
@@ -323,20 +262,14 @@ fn write<W: Write>(
 
 #[cfg(test)]
 mod tests {
+    use std::convert::Infallible;
+
     use super::*;
 
     #[test]
     fn each_topic_is_offered_as_the_node_offers_it() {
-        let name = |topic: Topic| topic.name.to_owned();
-        let topics = OutputTopics {
-            clusters: name(sent::CLUSTERS),
-            clusters_delta: name(sent::DELTA),
-            markers: name(sent::MARKERS),
-            points_labelled: name(sent::LABELLED),
-            diagnostics: name(sent::DIAGNOSTICS),
-            detections: Some(name(sent::DETECTIONS)),
-            polygons: Some(name(sent::POLYGONS)),
-        };
+        let twins = Twins { detections: true, polygons: true };
+        let topics = OutputTopics::new(twins, |name| Ok::<_, Infallible>(name.to_owned())).unwrap();
         let bag = ResultBag::new(Vec::new(), &topics, false).unwrap().finish().unwrap();
         let summary = mcap::Summary::read(&bag).unwrap().unwrap();
         assert_eq!(summary.channels.len(), 7);

@@ -32,8 +32,8 @@ use tokio::sync::mpsc::Sender;
 use tokio::sync::oneshot;
 use tracing::info;
 
-use super::first_of;
 use super::replay::output_topics;
+use super::{Wrong, first_of};
 
 /// Below four clouds of 640 x 480 x 16 bytes a socket buffer loses clouds.
 const ENOUGH: usize = 4 * 640 * 480 * 16;
@@ -60,7 +60,8 @@ pub(crate) struct Options {
 
 pub(crate) fn demo(setup: &Setup, options: &Options, lines: Lines) -> anyhow::Result<()> {
     if setup.is_given("sensors") {
-        return Err(ProcessError::Sensors.into());
+        let text = "sensors was given, and the simulated robot has one sensor, on the topic `points`";
+        return Err(Wrong(text.to_owned()).into());
     }
     match setup.rmw().map_err(ProcessError::from)? {
         Rmw::Dds => {
@@ -110,14 +111,14 @@ fn drive<T: Middleware>(
     let over = Arc::new(AtomicBool::new(false));
     let (arrived, arrival) = oneshot::channel::<()>();
     let (engine, _lock) = begin(setup.config(), false).map_err(ProcessError::from)?;
-    let map = live_node::<T>(
+    let map = live_node::<T, anyhow::Error>(
         setup,
         engine,
         Some(recorder.clone()),
         lines,
         |events: Adding<T>| {
             let journey = Journey {
-                robot: open_robot(setup)?,
+                robot: open_robot(setup).map_err(ProcessError::from)?,
                 drive: Drive::new(Scene::room(), options.seed, now()),
                 steps: options.seconds * SCANS_PER_SECOND,
                 recorder: recorder.clone(),
@@ -129,7 +130,7 @@ fn drive<T: Middleware>(
                 let _arrived = arrived;
                 journey.travel()
             });
-            travelling = Some(robot.map_err(ProcessError::Robot)?);
+            travelling = Some(robot.context("cannot start the simulated robot")?);
             info!("the simulated robot drives for {} s", options.seconds);
             Ok(())
         },

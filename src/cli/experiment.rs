@@ -118,7 +118,7 @@ fn letter(setup: &Setup) -> Settings {
     let clears = !setup.is_given("clearing") || settings.engine.clearing();
     for (name, value) in &mut settings.parameters {
         match name.as_str() {
-            "mode" => *value = Value::Text("paper".to_owned()),
+            "mode" => *value = Value::from(Mode::Paper),
             "clearing" => *value = Value::Boolean(clears),
             _ => {}
         }

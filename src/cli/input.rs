@@ -10,7 +10,8 @@ use cfodi::args::{ArgsError, Setup};
 use cfodi::bag::{self, Bag, Choice, Decoder, Info, SensorKind, Survey, TransformTopics, Wanted, choose};
 use cfodi::config::{Kind, Sensor};
 use cfodi::line::one_line;
-use cfodi::link::target;
+use cfodi::link::{folder, target};
+use cfodi::msg::types::COMPRESSED_DEPTH;
 use cfodi::replay::{Feed, FixedFrame, Progress, clock_offset};
 use cfodi::say::say;
 
@@ -45,14 +46,29 @@ impl Input {
     }
 }
 
-/// The topic of a camera's intrinsics without a list of sensors, before remapping.
-const INFO: &str = "depth/camera_info";
-
 /// Opens the bag and chooses its sensors.
 pub(crate) fn open(setup: &Setup, path: &Path, wanted: &[String]) -> anyhow::Result<Input> {
     if setup.config().snapshot_path.is_some() {
         say("snapshot_path is not used: only `cfodi run` saves its map");
     }
+    let (bag, survey) = surveyed(path)?;
+    // As the node does.
+    setup.check_names()?;
+    let Choice { sensors, .. } = chosen(setup, path, wanted, &survey)?;
+    let transforms =
+        TransformTopics { changing: setup.resolve("/tf")?, lasting: setup.resolve("/tf_static")? };
+    let Survey { topics, is_complete } = survey;
+    if is_complete {
+        check_named(setup, &transforms, &topics)?;
+    }
+    say_unread(&transforms, &topics);
+    let decoder = Decoder::new(sensors, setup.config().filter, transforms);
+    let patience = setup.config().tf_timeout.max(PATIENCE);
+    Ok(Input { bag, decoder, fixed_frame: fixed_frame(setup), patience })
+}
+
+/// The bag, and what is in it.
+fn surveyed(path: &Path) -> anyhow::Result<(Bag, Survey)> {
     if path == Path::new(DASH) {
         return Err(Wrong(format!(
             "`{DASH}` is no input: give a file, or /dev/stdin where one is redirected to it"
@@ -66,28 +82,36 @@ pub(crate) fn open(setup: &Setup, path: &Path, wanted: &[String]) -> anyhow::Res
         if error.is_wrong_argument() { Wrong(text).into() } else { anyhow!("{text}") }
     })?;
     say_copies(&bag);
-    let Survey { topics, is_complete } = bag.survey(&stop);
-    if !is_complete && stop.load(Ordering::Relaxed) {
+    let survey = bag.survey(&stop);
+    if !survey.is_complete && stop.load(Ordering::Relaxed) {
         bail!("stopped by a signal before the topics of the bag were known: nothing is written");
     }
-    // As the node does.
-    setup.check_names()?;
+    Ok((bag, survey))
+}
+
+/// The sensors that the parameters mean, or those on the topics that are wanted; says which.
+fn chosen(
+    setup: &Setup,
+    path: &Path,
+    wanted: &[String],
+    Survey { topics, is_complete }: &Survey,
+) -> anyhow::Result<Choice> {
     // What the node would listen to is meant: where it was remapped in any case, else where the bag has scans there.
     let auto = auto_sensor(setup);
     let (meant, usual) = match auto {
-        Some(sensor) => (remapped(setup, sensor, &topics)?, usual(setup, sensor)?),
-        None => (of_sensors(setup)?, Vec::new()),
+        Some(sensor) => (remapped(setup, sensor, topics)?, usual(setup, sensor, topics)?),
+        None => (of_sensors(setup, topics)?, Vec::new()),
     };
     let named: Vec<_> = wanted.iter().map(|topic| Wanted { topic: topic.clone(), info: None }).collect();
     let is_meant = named.is_empty();
     let wanted = if is_meant { meant } else { named };
     // Who has given the intrinsics another name means these; else each image has its own.
-    let name = auto.and_then(Sensor::camera_info).unwrap_or_else(|| INFO.to_owned());
+    let name = auto.and_then(Sensor::camera_info).unwrap_or_else(|| Info::PLAIN.to_owned());
     let info = Some(info(setup, &name)?).filter(|info| info.is_named);
-    let choice = choose(&topics, &wanted, &usual, info.as_ref()).or_else(|error| {
+    let choice = choose(topics, &wanted, &usual, info.as_ref()).or_else(|error| {
         // The error itself has several lines: what the bag holds.
         let text = format!("{}: {error}", one_line(&path.display().to_string()));
-        if is_complete || !error.is_for_lack() {
+        if *is_complete || !error.is_for_lack() {
             return Err(Wrong(text));
         }
         // What is not in a bag that is cut may have been behind the cut: nothing can be read, but nobody was wrong.
@@ -98,20 +122,13 @@ pub(crate) fn open(setup: &Setup, path: &Path, wanted: &[String]) -> anyhow::Res
         check_kinds(&setup.config().sensors, &choice.sensors)?;
     }
     say_choice(&choice);
-    let fixed_frame = if setup.is_given("fixed_frame") {
-        FixedFrame::Settled(setup.config().fixed_frame.clone())
-    } else {
-        FixedFrame::Open { default: setup.config().fixed_frame.clone() }
-    };
-    let transforms =
-        TransformTopics { changing: setup.resolve("/tf")?, lasting: setup.resolve("/tf_static")? };
-    if is_complete {
-        check_named(setup, &transforms, &topics)?;
-    }
-    say_unread(&transforms, &topics);
-    let decoder = Decoder::new(choice.sensors, setup.config().filter, transforms);
-    let patience = setup.config().tf_timeout.max(PATIENCE);
-    Ok(Input { bag, decoder, fixed_frame, patience })
+    Ok(choice)
+}
+
+/// The fixed frame that was given, or else one that the bag shows.
+fn fixed_frame(setup: &Setup) -> FixedFrame {
+    let name = setup.config().fixed_frame.clone();
+    if setup.is_given("fixed_frame") { FixedFrame::Settled(name) } else { FixedFrame::Open { default: name } }
 }
 
 /// Says which files are not read.
@@ -186,21 +203,21 @@ fn check_kinds(listed: &[Sensor], chosen: &[bag::Sensor]) -> Result<(), Wrong> {
 }
 
 /// The topics of the sensors that are listed.
-fn of_sensors(setup: &Setup) -> Result<Vec<Wanted>, ArgsError> {
+fn of_sensors(setup: &Setup, topics: &[bag::Topic]) -> Result<Vec<Wanted>, ArgsError> {
     let of_sensor = |sensor: &Sensor| {
         let topic = sensor.points().map(str::to_owned).or_else(|| sensor.image())?;
         Some((topic, sensor.camera_info()))
     };
     let wanted = |(topic, name): (String, Option<String>)| {
         let info = name.map(|name| info(setup, &name)).transpose()?;
-        Ok(Wanted { topic: setup.resolve(&topic)?, info })
+        Ok(Wanted { topic: resolved(setup, &topic, topics)?, info })
     };
     setup.config().sensors.iter().filter_map(of_sensor).map(wanted).collect()
 }
 
 /// The topic of intrinsics that has this name before remapping.
 fn info(setup: &Setup, name: &str) -> Result<Info, ArgsError> {
-    Ok(Info { topic: setup.resolve(name)?, is_named: setup.is_remapped(name) })
+    Ok(Info { topic: setup.resolve(name)?, plain: name.to_owned(), is_named: setup.is_remapped(name) })
 }
 
 /// The names on which the node listens for a sensor of which it is left open what it sends.
@@ -210,16 +227,26 @@ fn names(sensor: &Sensor) -> impl Iterator<Item = String> {
 
 /// The topic that somebody has put in the place of one of those: of two the first that the bag has.
 fn remapped(setup: &Setup, sensor: &Sensor, topics: &[bag::Topic]) -> Result<Vec<Wanted>, ArgsError> {
-    let remapped = names(sensor).filter(|name| setup.is_remapped(name)).map(|name| setup.resolve(&name));
-    let remapped = remapped.collect::<Result<Vec<_>, _>>()?;
-    let is_there = |name: &&String| topics.iter().any(|topic| topic.is_called(name));
-    let first = remapped.iter().find(is_there).or(remapped.first());
+    let remapped = names(sensor).filter(|name| setup.is_remapped(name));
+    let remapped = remapped.map(|name| resolved(setup, &name, topics)).collect::<Result<Vec<_>, _>>()?;
+    let first = remapped.iter().find(|name| is_in(topics, name)).or(remapped.first());
     Ok(first.map(|topic| Wanted { topic: topic.clone(), info: None }).into_iter().collect())
 }
 
 /// The topics of those names.
-fn usual(setup: &Setup, sensor: &Sensor) -> Result<Vec<String>, ArgsError> {
-    names(sensor).map(|name| setup.resolve(&name)).collect()
+fn usual(setup: &Setup, sensor: &Sensor, topics: &[bag::Topic]) -> Result<Vec<String>, ArgsError> {
+    names(sensor).map(|name| resolved(setup, &name, topics)).collect()
+}
+
+fn is_in(topics: &[bag::Topic], name: &str) -> bool {
+    topics.iter().any(|topic| topic.is_called(name))
+}
+
+/// The topic that has this name before remapping; compressed images beside it where the bag has none there, as the node reads them.
+fn resolved(setup: &Setup, name: &str, topics: &[bag::Topic]) -> Result<String, ArgsError> {
+    let topic = setup.resolve(name)?;
+    let compressed = setup.resolve(&format!("{topic}{COMPRESSED_DEPTH}"))?;
+    Ok(if !is_in(topics, &topic) && is_in(topics, &compressed) { compressed } else { topic })
 }
 
 fn say_choice(choice: &Choice) {
@@ -258,8 +285,7 @@ pub(crate) fn check_outputs(outputs: &[PathBuf], inputs: &[PathBuf]) -> Result<(
     let place = |path: &PathBuf| {
         path.canonicalize().ok().or_else(|| {
             let path = target(path).ok()?;
-            let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
-            Some(folder.unwrap_or(Path::new(".")).canonicalize().ok()?.join(path.file_name()?))
+            Some(folder(&path).canonicalize().ok()?.join(path.file_name()?))
         })
     };
     let name = |path: &Path| one_line(&path.display().to_string()).into_owned();

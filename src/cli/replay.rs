@@ -7,7 +7,6 @@ use cfodi::args::Setup;
 use cfodi::bag::{Bag, OutputTopics};
 use cfodi::export::{WholeFile, WriteError};
 use cfodi::line::one_line;
-use cfodi::msg::sent;
 use cfodi::replay::{Ended, Finished, MapFiles, Outputs, Replay, ResultFile, Settings, Summary, feed};
 use cfodi::report::{Facts, Figure, Story, write_report};
 use cfodi::say::say;
@@ -170,16 +169,7 @@ pub(crate) fn write_page(
 }
 
 pub(crate) fn output_topics(setup: &Setup) -> anyhow::Result<OutputTopics> {
-    let name = |name| setup.resolve(name).context("an output's name");
-    Ok(OutputTopics {
-        clusters: name(sent::CLUSTERS.name)?,
-        clusters_delta: name(sent::DELTA.name)?,
-        markers: name(sent::MARKERS.name)?,
-        points_labelled: name(sent::LABELLED.name)?,
-        diagnostics: name(sent::DIAGNOSTICS.name)?,
-        detections: setup.config().twins.detections.then(|| name(sent::DETECTIONS.name)).transpose()?,
-        polygons: setup.config().twins.polygons.then(|| name(sent::POLYGONS.name)).transpose()?,
-    })
+    OutputTopics::new(setup.config().twins, |name| setup.resolve(name)).context("an output's name")
 }
 
 /// What came of it.

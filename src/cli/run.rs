@@ -45,7 +45,7 @@ fn run_over<T: Middleware>(setup: &Setup, options: &Options, lines: Lines) -> an
     setup.check_names().map_err(ProcessError::from)?;
     let security = T::security(setup).map_err(ProcessError::from)?;
     let (engine, _lock) = begin(setup.config(), options.resume).map_err(ProcessError::from)?;
-    match live_node::<T>(setup, engine, None, lines, |_| Ok(()), pending()) {
+    match live_node::<T, ProcessError>(setup, engine, None, lines, |_| Ok(()), pending()) {
         Err(ProcessError::Deaf { why, changed }) => {
             let path = setup.config().snapshot_path.as_deref();
             let map = path.map_or_else(
@@ -54,7 +54,8 @@ fn run_over<T: Middleware>(setup: &Setup, options: &Options, lines: Lines) -> an
             );
             warn!("{why}: the process begins anew in its place, with {map}");
             let adds_resume = path.is_some() && !options.resume;
-            Err(ProcessError::Anew(begin_anew(adds_resume, &changed, &security)).into())
+            let error = anyhow::Error::from(begin_anew(adds_resume, &changed, &security));
+            Err(error.context("the node is deaf, and the process cannot begin anew"))
         }
         ended => Ok(ended.map(drop)?),
     }

@@ -3,6 +3,7 @@
 use super::CloudError;
 use crate::engine::Rays;
 use crate::msg::ros::CameraInfo;
+use crate::msg::types::COMPRESSED_DEPTH;
 
 /// A pinhole camera: focal lengths, principal point and size of the images it sends (px).
 ///
@@ -100,4 +101,11 @@ impl Camera {
         let corners = [self.ray(0.0, 0.0), self.ray(self.width as f32, self.height as f32)];
         corners.iter().flatten().fold(1.0, |widest, ray| ray.abs().max(widest))
     }
+}
+
+/// Whether an image is rectified, by its topic's name: `image_rect`, or `image_rect_raw`, compressed or not. The coefficients of
+/// distortion beside it are those of the image that it was made from.
+pub fn is_rectified_by_name(topic: &str) -> bool {
+    let image = topic.strip_suffix(COMPRESSED_DEPTH).unwrap_or(topic);
+    image.rsplit('/').next().is_some_and(|name| name.contains("rect"))
 }

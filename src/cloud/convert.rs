@@ -1,4 +1,5 @@
-//! The one loop over the points: read, judge, keep.
+//! From the points of a cloud to a list of those to be kept: read, judge, keep. `depth` and `pinhole` have loops of their own, and
+//! judge depths as it is done here.
 
 use pulp::{Simd, WithSimd};
 

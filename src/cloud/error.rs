@@ -170,13 +170,8 @@ pub enum CloudError {
 }
 
 impl CloudError {
-    /// A short key to count refused messages by.
-    pub fn reason(&self) -> &'static str {
-        self.explained().key
-    }
-
-    /// What the error is counted by, with what that means.
-    pub fn explained(&self) -> Reason {
+    /// What refused messages are counted by, with what that means.
+    pub fn reason(&self) -> Reason {
         let (key, sentence) = match self {
             Self::BadStamp { .. } => {
                 ("bad_stamp", "The nanoseconds of the header’s stamp do not fit a second.")

@@ -26,7 +26,7 @@ mod tests;
 use crate::engine::{Points, Stamp};
 use crate::msg::ros::PointCloud2;
 
-pub use camera::Camera;
+pub use camera::{Camera, is_rectified_by_name};
 #[cfg(feature = "bag")]
 pub use compressed::{CompressedSeed, decode_compressed};
 pub use depth::{DepthSeed, decode_depth};
@@ -130,11 +130,15 @@ impl Optical {
     }
 }
 
+/// Whether a frame is optical by the name that a driver or REP 103 gives it.
+pub fn is_optical_by_name(frame: &str) -> bool {
+    frame.ends_with("_optical") || Optical::Auto.of_frame(frame)
+}
+
 /// What is to be said of a fixed frame that is an optical one by its name: classes of surfaces go by its z, which is to be up (REP
 /// 103, 105), and there z looks ahead.
 pub fn z_is_not_up(fixed_frame: &str) -> Option<String> {
-    let is_optical = fixed_frame.ends_with("_optical") || Optical::Auto.of_frame(fixed_frame);
-    is_optical.then(|| {
+    is_optical_by_name(fixed_frame).then(|| {
         format!(
             "the fixed frame `{fixed_frame}` is an optical one by its name, whose z looks ahead: classes of surfaces need one whose z \
              is up, and are wrong in it"

@@ -310,7 +310,7 @@ fn every_refusal_has_its_own_reason() {
         CloudError::Png(String::new()),
         CloudError::Undecodable(String::new()),
     ]
-    .map(|error| error.reason());
+    .map(|error| error.reason().key);
     let distinct: std::collections::BTreeSet<_> = reasons.into_iter().collect();
     assert_eq!(distinct.len(), reasons.len());
     assert!(reasons.iter().all(|reason| reason.chars().all(|c| c.is_ascii_lowercase() || c == '_')));

@@ -60,7 +60,7 @@ impl Current {
     }
 
     /// Why a parameter keeps its value while the node runs; `None` where it can change.
-    pub fn is_fixed(&self, parameter: &Parameter) -> Option<&'static str> {
+    pub fn why_fixed(&self, parameter: &Parameter) -> Option<&'static str> {
         match parameter.row.change {
             Change::Live => None,
             Change::LiveInConsistent if self.config.engine.mode() == Mode::Consistent => None,
@@ -84,7 +84,7 @@ impl Current {
             if let Some(must) = parameter.row.refusal(Some(&value)) {
                 return Err(ConfigError::Impossible { name, value, must });
             }
-            if let Some(because) = self.is_fixed(parameter).filter(|_| value != *now) {
+            if let Some(because) = self.why_fixed(parameter).filter(|_| value != *now) {
                 // What could not be at a start either is told so: with these sensors, and in this mode.
                 let beside = ["mode", "sensors"].into_iter().filter(|beside| *beside != name);
                 let beside = beside.filter_map(|beside| self.values.get_key_value(beside));

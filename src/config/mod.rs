@@ -9,6 +9,7 @@ mod table;
 #[cfg(test)]
 mod tests;
 mod value;
+mod word;
 
 use std::net::Ipv4Addr;
 use std::path::PathBuf;
@@ -21,7 +22,7 @@ pub use self::sensors::{Kind, Sensor};
 pub use self::table::{Bounds, Parameter};
 use self::value::Given;
 pub use self::value::{Value, as_meant};
-use crate::cloud::{CloudFilter, Optical};
+use crate::cloud::CloudFilter;
 use crate::engine::{Params, ParamsError};
 use crate::msg::twins::Twins;
 
@@ -108,6 +109,21 @@ pub enum ConfigError {
     },
 }
 
+impl ConfigError {
+    /// The parameter that was given and is refused; `None` where it is none by itself.
+    #[cfg(feature = "node")]
+    pub(crate) fn parameter(&self) -> Option<&str> {
+        match self {
+            Self::Unknown { name, .. }
+            | Self::Topic { name }
+            | Self::Impossible { name, .. }
+            | Self::Type { name, .. }
+            | Self::Fixed { name, .. } => Some(name),
+            Self::Engine(_) => None,
+        }
+    }
+}
+
 /// What the value of the parameter of this name must be, its type first; `None` of a name that is none of the node's own.
 #[cfg(feature = "node")]
 pub(crate) fn must_be(name: &str) -> Option<String> {
@@ -173,15 +189,10 @@ fn engine(given: &Given) -> Result<Params, ConfigError> {
 
 fn filter(given: &Given) -> Result<CloudFilter, ConfigError> {
     given.check_ranges()?;
-    let optical = match given.text("optical")? {
-        "yes" => Optical::Yes,
-        "no" => Optical::No,
-        _ => Optical::Auto,
-    };
     Ok(CloudFilter {
         min_range: given.number("min_range")?,
         max_range: given.number("max_range")?,
-        optical,
+        optical: given.word("optical")?,
         max_points: given.integer("max_points")? as u32,
     })
 }

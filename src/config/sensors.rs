@@ -1,6 +1,7 @@
 //! The sensors that one map is made from: `sensors`, and of each its `<name>.kind` and `<name>.noise_model`.
 
 use super::table::TABLE;
+use super::word::Word as _;
 
 /// Sensors of one node at most.
 pub(super) const MOST_SENSORS: usize = 16;
@@ -24,12 +25,8 @@ pub enum Kind {
 
 impl Kind {
     /// As in the parameter.
-    pub const fn as_str(self) -> &'static str {
-        match self {
-            Self::Auto => "auto",
-            Self::Cloud => "cloud",
-            Self::Depth => "depth",
-        }
+    pub fn as_str(self) -> &'static str {
+        self.word()
     }
 }
 
@@ -50,8 +47,8 @@ pub(super) fn have_topic(mut parameters: impl Iterator<Item = String>, name: &st
     };
     parameters.any(|parameter| {
         let sensor = parameter.strip_suffix(".kind").map(str::to_owned);
-        let kinds = [Kind::Auto, Kind::Cloud, Kind::Depth].into_iter();
-        sensor.is_some_and(|sensor| kinds.map(|kind| Sensor { name: sensor.clone(), kind }).any(of))
+        let kinds = Kind::ALL.iter();
+        sensor.is_some_and(|sensor| kinds.map(|&kind| Sensor { name: sensor.clone(), kind }).any(of))
     })
 }
 

@@ -6,8 +6,9 @@ use std::f64::consts::FRAC_PI_2;
 use std::ops::RangeInclusive;
 
 use super::Value;
-use super::sensors::{MAX_SENSOR_NAME_BYTES, MOST_SENSORS};
-use crate::cloud::CloudFilter;
+use super::sensors::{Kind, MAX_SENSOR_NAME_BYTES, MOST_SENSORS};
+use super::word::Word;
+use crate::cloud::{CloudFilter, Optical};
 use crate::engine::{self, Mode, NoiseModel, Params};
 use crate::msg::ros::MAX_FRAME_ID_BYTES;
 
@@ -121,6 +122,11 @@ impl Row {
 
     const fn text(name: &'static str, default: &'static str, bounds: Bounds) -> Self {
         Self::new(name, Default::Text(default), bounds)
+    }
+
+    /// One of the words of a type.
+    const fn word<T: Word>(name: &'static str) -> Self {
+        Self::text(name, T::DEFAULT, Bounds::OneOf(T::WORDS))
     }
 
     const fn unit(self, unit: &'static str) -> Self {
@@ -244,7 +250,7 @@ const FILTER: CloudFilter = CloudFilter::DEFAULT;
 const MAP: Change = Change::AtStart("the map is made with it");
 const NETWORK: Change = Change::AtStart("the network is joined with it");
 
-pub(super) const FORGETS_NOTHING: &str = "0 where mode is `paper`: the letter forgets nothing";
+pub(super) const FORGETS_NOTHING: &str = "0 where mode is `paper`, which forgets nothing";
 
 const FRAME: Bounds = {
     assert!(MAX_FRAME_ID_BYTES == 256, "the words below say so");
@@ -261,30 +267,22 @@ const SENSORS: Bounds = {
 
 /// Of each sensor, below its name; what is not given follows from the others.
 pub(super) const OF_SENSOR: &[Row] = &[
-    Row::text("kind", "cloud", Bounds::OneOf(&["cloud", "depth", "auto"]))
+    Row::word::<Kind>("kind")
         .also("`auto` only for a sensor that is alone")
         .means(
             "what it sends: `cloud` on `<name>`, `depth` on `<name>/image` with `<name>/camera_info`, `auto` either of \
              clouds on `<name>` and depth images on `depth/image`, whichever come first",
             NETWORK,
         ),
-    Row::text("noise_model", NOISE_MODEL, Bounds::OneOf(NOISE_MODELS))
+    Row::word::<NoiseModel>("noise_model")
         .also("as `noise_model` and the same for all sensors: one map weighs its points in one way")
         .means("what its depths scatter by, in mode `consistent`; as `noise_model`, which follows it where not given", MAP),
 ];
 
-const NOISE_MODELS: &[&str] = &[NoiseModel::KinectV1.as_str(), NoiseModel::None.as_str()];
-const NOISE_MODEL: &str = ENGINE.noise_model().as_str();
-
-const MODE: &str = match ENGINE.mode() {
-    Mode::Consistent => "consistent",
-    Mode::Paper => "paper",
-};
-
 /// In the order of the documentation.
 pub(super) const TABLE: &[Row] = &[
     Row::text("fixed_frame", "odom", FRAME).means("frame in which the map lives, its z up", MAP),
-    Row::text("mode", MODE, Bounds::OneOf(&["consistent", "paper"])).means(
+    Row::word::<Mode>("mode").means(
         "`consistent`: clusters as one definition has them, whatever the order of the scans; `paper`: CFODI to the letter",
         MAP,
     ),
@@ -307,10 +305,9 @@ pub(super) const TABLE: &[Row] = &[
         .unit("scans")
         .zero("never complete")
         .means("time without growth until a cluster is complete, delta", Change::LiveInConsistent),
-    Row::text("noise_model", NOISE_MODEL, Bounds::OneOf(NOISE_MODELS))
-        .means("what depths scatter by, in mode `consistent`", MAP),
+    Row::word::<NoiseModel>("noise_model").means("what depths scatter by, in mode `consistent`", MAP),
     Row::boolean("clearing", ENGINE.clearing())
-        .also("false where mode is `paper`: the letter forgets nothing")
+        .also("false where mode is `paper`, which forgets nothing")
         .means("whether what the sensor looks through is forgotten", Change::LiveInConsistent),
     Row::integer("max_voxels", ENGINE.max_voxels() as i64, &engine::MAX_VOXELS)
         .zero("no bound")
@@ -319,7 +316,7 @@ pub(super) const TABLE: &[Row] = &[
     Row::number("keep_radius", ENGINE.keep_radius(), &engine::KEEP_RADIUS)
         .unit("m")
         .zero("no bound")
-        .also("at least min_range where it is not 0; 0 where mode is `paper`: the letter forgets nothing")
+        .also("at least min_range where it is not 0; 0 where mode is `paper`, which forgets nothing")
         .means("how far from the sensor voxels are kept, in mode `consistent`", Change::LiveInConsistent),
     Row::number("max_range", FILTER.max_range, &(0.0..=FARTHEST))
         .unit("m")
@@ -329,7 +326,7 @@ pub(super) const TABLE: &[Row] = &[
         .unit("m")
         .also("at most max_range")
         .means("nearest point: depth in an optical frame, else distance", Change::Live),
-    Row::text("optical", "auto", Bounds::OneOf(&["auto", "yes", "no"]))
+    Row::word::<Optical>("optical")
         .means("whether clouds have optical axes; `auto`: their frame's name tells", Change::Live),
     Row::integer("max_points", FILTER.max_points as i64, &(1..=MAX_SCAN_POINTS))
         .means("most points of one scan; a larger one is refused", Change::Live),

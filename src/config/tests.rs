@@ -37,15 +37,15 @@ fn the_letter_forgets_nothing_and_is_not_told_to() {
     let refused = |more: (&str, Value)| with(&[more]).unwrap_err().to_string();
     assert_eq!(
         refused(("clearing", Value::Boolean(true))),
-        "clearing is true; it must be false where mode is `paper`: the letter forgets nothing"
+        "clearing is true; it must be false where mode is `paper`, which forgets nothing"
     );
     assert_eq!(
         refused(("max_voxels", Value::Integer(9))),
-        "max_voxels is 9; it must be 0 where mode is `paper`: the letter forgets nothing"
+        "max_voxels is 9; it must be 0 where mode is `paper`, which forgets nothing"
     );
     assert_eq!(
         refused(("keep_radius", Value::Double(2.5))),
-        "keep_radius is 2.5; it must be 0 where mode is `paper`: the letter forgets nothing"
+        "keep_radius is 2.5; it must be 0 where mode is `paper`, which forgets nothing"
     );
 }
 

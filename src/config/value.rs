@@ -7,6 +7,7 @@ use std::net::Ipv4Addr;
 use super::ConfigError;
 use super::sensors::{self, Kind, Sensor};
 use super::table::{FORGETS_NOTHING, Row, TABLE};
+use super::word::Word;
 use crate::engine::{Mode, NoiseModel};
 use crate::msg::ros::MAX_FRAME_ID_BYTES;
 use crate::msg::twins::Twins;
@@ -85,7 +86,7 @@ impl Given {
     /// Gives those parameters a value that were not given one and follow from others.
     fn derive(&mut self, told: &BTreeSet<String>) {
         let mut derived = Vec::new();
-        if *self.get("mode") == Value::Text("paper".to_owned()) {
+        if *self.get("mode") == Value::from(Mode::Paper) {
             derived.push(("clearing".to_owned(), Value::Boolean(false)));
         }
         let names = names(self.get("sensors"));
@@ -96,7 +97,7 @@ impl Given {
         }
         let kind = if names == [sensors::DEFAULT] { Kind::Auto } else { Kind::Cloud };
         for name in &names {
-            derived.push((format!("{name}.kind"), Value::Text(kind.as_str().to_owned())));
+            derived.push((format!("{name}.kind"), Value::from(kind)));
         }
         self.put(derived, told);
         let of_all = self.get("noise_model").clone();
@@ -168,6 +169,11 @@ impl Given {
         }
     }
 
+    /// The value that the text is the word of.
+    pub(super) fn word<T: Word>(&self, name: &str) -> Result<T, ConfigError> {
+        T::of_word(self.text(name)?).map_or_else(|| self.refuse_by_row(name), Ok)
+    }
+
     pub(super) fn frame(&self, name: &str) -> Result<String, ConfigError> {
         let frame = self.text(name)?.trim_start_matches('/');
         if frame.is_empty() || frame.len() > MAX_FRAME_ID_BYTES {
@@ -183,24 +189,18 @@ impl Given {
     }
 
     pub(super) fn mode(&self) -> Result<Mode, ConfigError> {
-        match self.text("mode")? {
-            "paper" => Ok(Mode::Paper),
-            _ => Ok(Mode::Consistent),
-        }
+        self.word("mode")
     }
 
     /// That of all sensors, which must be the same: one map weighs its points in one way.
     pub(super) fn noise_model(&self) -> Result<NoiseModel, ConfigError> {
-        let model = self.text("noise_model")?;
+        let model: NoiseModel = self.word("noise_model")?;
         for name in self.sensors()?.into_iter().map(|sensor| sensor.name + ".noise_model") {
-            if self.text(&name)? != model {
+            if self.word::<NoiseModel>(&name)? != model {
                 return self.refuse_beside(&name);
             }
         }
-        match model {
-            "none" => Ok(NoiseModel::None),
-            _ => Ok(NoiseModel::KinectV1),
-        }
+        Ok(model)
     }
 
     pub(super) fn sensors(&self) -> Result<Vec<Sensor>, ConfigError> {
@@ -210,12 +210,10 @@ impl Given {
         }
         let sensor = |name: &String| {
             let key = format!("{name}.kind");
-            let kind = match self.text(&key)? {
-                "auto" if list.len() > 1 => return self.refuse_beside(&key),
-                "auto" => Kind::Auto,
-                "depth" => Kind::Depth,
-                _ => Kind::Cloud,
-            };
+            let kind: Kind = self.word(&key)?;
+            if kind == Kind::Auto && list.len() > 1 {
+                return self.refuse_beside(&key);
+            }
             Ok(Sensor { name: name.clone(), kind })
         };
         list.iter().map(sensor).collect()

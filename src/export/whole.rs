@@ -6,7 +6,7 @@ use std::io::{self, BufWriter, Write};
 use std::os::fd::AsFd as _;
 use std::path::{Path, PathBuf};
 
-use crate::link::{descriptor, folder, target};
+use crate::link::{descriptor, file_name, folder, target};
 use crate::replace::Partial;
 
 /// A file could not be written; the cause is its `source`.
@@ -161,11 +161,8 @@ fn within(error: &io::Error, words: impl std::fmt::Display) -> io::Error {
 }
 
 fn temporary(target: &Path) -> io::Result<Opened> {
-    // `file_name` passes over what makes a name that of a folder.
-    let name = target.as_os_str().as_encoded_bytes();
-    let is_folder = name.ends_with(b"/") || name.ends_with(b"/.");
-    let name = target.file_name().filter(|_| !is_folder);
-    let name = name.ok_or_else(|| io::Error::new(io::ErrorKind::InvalidInput, "not a file name"))?;
+    let name =
+        file_name(target).ok_or_else(|| io::Error::new(io::ErrorKind::InvalidInput, "not a file name"))?;
     let (partial, file) = partial(target, &name.to_string_lossy()).map_err(|error| {
         // The file itself may well be one that can be written.
         within(&error, format_args!("no new file can be made in {}", folder(target).display()))

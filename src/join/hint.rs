@@ -6,10 +6,22 @@ use crate::tf::{Lack, LookupError};
 /// Names of frames that a message shows at most.
 const NAMES: usize = 20;
 
+/// How a cloud was given up that got no transform.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum GivenUp {
+    /// It has waited as long as a cloud may.
+    TimedOut,
+    /// It made place for a newer one.
+    PushedOut,
+    /// It still waited at the end.
+    AtEnd,
+}
+
 impl Join {
-    /// What to do where a lookup has failed for this reason, with the frames that have been seen where it is one of them; `None`
-    /// where the reason itself says all.
-    pub fn hint(&self, why: Option<&LookupError>) -> Option<String> {
+    /// What the user can do about a cloud that was given up, `why` being what its last lookup lacked; `None` where that says all.
+    /// Where no lookup was made, or a frame is not known or not connected, the frames that have been seen are listed. `tf_timeout`
+    /// is mentioned for a cloud that timed out alone: a longer one would not have helped any other.
+    pub fn hint(&self, why: Option<&LookupError>, given_up: GivenUp) -> Option<String> {
         let Some(LookupError { fixed, lack, .. }) = why else { return Some(self.frames_seen()) };
         let seen = || self.frames_seen();
         match lack {
@@ -25,10 +37,10 @@ impl Join {
                 "{} (choose with -p fixed_frame:=..., or connect the two by ros2 run tf2_ros static_transform_publisher)",
                 seen()
             )),
-            Lack::TooLate { .. } => {
+            Lack::TooLate { .. } if given_up == GivenUp::TimedOut => {
                 Some("see tf_timeout, and whether one clock stamps both clouds and transforms".to_owned())
             }
-            Lack::TooEarly { .. } => {
+            Lack::TooLate { .. } | Lack::TooEarly { .. } => {
                 Some("see whether one clock stamps both clouds and transforms".to_owned())
             }
             Lack::NotJumpedBack { .. } | Lack::TooDeep { .. } | Lack::Numeric { .. } => None,
@@ -64,7 +76,7 @@ mod tests {
     /// What helps a scan that was taken at this time.
     fn hint(join: &Join, fixed: &str, sensor: &str, seconds: i64) -> Option<String> {
         let at = Stamp::from_nanos(seconds * 1_000_000_000);
-        join.hint(Some(&join.frames().lookup(fixed, sensor, at).unwrap_err()))
+        join.hint(Some(&join.frames().lookup(fixed, sensor, at).unwrap_err()), GivenUp::TimedOut)
     }
 
     #[test]
@@ -72,13 +84,13 @@ mod tests {
         let mut join = Join::new(1);
         let none = hint(&join, "odom", "camera", 1).unwrap();
         assert!(none.starts_with("no transform has come at all"), "{none}");
-        assert_eq!(join.hint(None).unwrap(), none);
+        assert_eq!(join.hint(None, GivenUp::TimedOut).unwrap(), none);
         for second in [10, 11] {
             join.transform(&transform("odom", "base", second), false).unwrap();
         }
         join.transform(&transform("head", "camera", 0), true).unwrap();
         let seen = "frames seen: base, camera, head, odom";
-        assert_eq!(join.hint(None).as_deref(), Some(seen));
+        assert_eq!(join.hint(None, GivenUp::TimedOut).as_deref(), Some(seen));
         let expected = |more: &str| Some(format!("{seen}{more}"));
         let choose = " (choose with -p fixed_frame:=...)";
         for sensor in ["base", "nowhere"] {
@@ -93,9 +105,13 @@ mod tests {
         let clock = "whether one clock stamps both clouds and transforms";
         assert_eq!(hint(&join, "odom", "base", 12), Some(format!("see tf_timeout, and {clock}")));
         assert_eq!(hint(&join, "odom", "base", 9), Some(format!("see {clock}")));
+        let late = join.frames().lookup("odom", "base", Stamp::from_nanos(12_000_000_000)).unwrap_err();
+        for given_up in [GivenUp::PushedOut, GivenUp::AtEnd] {
+            assert_eq!(join.hint(Some(&late), given_up), Some(format!("see {clock}")), "{given_up:?}");
+        }
         let (fixed, sensor, at) = ("odom".to_owned(), "base".to_owned(), Stamp::default());
         let back = LookupError { fixed, sensor, at, lack: Lack::NotJumpedBack { newest: at } };
-        assert_eq!(join.hint(Some(&back)), None);
+        assert_eq!(join.hint(Some(&back), GivenUp::TimedOut), None);
     }
 
     #[test]
@@ -104,7 +120,7 @@ mod tests {
         for i in 0..30 {
             join.transform(&transform("odom", &format!("frame_{i:02}"), 0), true).unwrap();
         }
-        let seen = join.hint(None).unwrap();
+        let seen = join.hint(None, GivenUp::AtEnd).unwrap();
         assert!(seen.ends_with("frame_18, frame_19 and 11 more"), "{seen}");
     }
 }

@@ -5,18 +5,24 @@ use crate::engine::Snapshot;
 
 /// Keeps track of which caps have been told.
 #[derive(Clone, Debug, Default)]
-pub struct Caps([bool; 3]);
+pub struct Caps {
+    session: u64,
+    told: [bool; 3],
+}
 
 impl Caps {
-    /// A sentence for each output whose cap this map exceeds for the first time.
-    pub fn reached(&mut self, snapshot: &Snapshot) -> Vec<String> {
+    /// A sentence for each output whose cap this map exceeds for the first time in its session.
+    pub fn reached(&mut self, session: u64, snapshot: &Snapshot) -> Vec<String> {
+        if self.session != session {
+            *self = Self { session, ..Self::default() };
+        }
         let [surfaces, cubes] = markers::left_out(snapshot);
         let sentences =
             [surfaces, cubes, labelled::left_out(snapshot.voxels.len(), snapshot.unclustered_voxels)];
         let is_new = |(sentence, told): (Option<String>, &mut bool)| {
             sentence.filter(|_| !std::mem::replace(told, true))
         };
-        sentences.into_iter().zip(&mut self.0).filter_map(is_new).collect()
+        sentences.into_iter().zip(&mut self.told).filter_map(is_new).collect()
     }
 }
 
@@ -37,11 +43,12 @@ mod tests {
     }
 
     #[test]
-    fn a_cap_is_told_once_and_only_when_it_is_exceeded() {
+    fn a_cap_is_told_once_a_session_and_only_when_it_is_exceeded() {
         let mut caps = Caps::default();
-        assert!(caps.reached(&map(markers::MAX_CUBES)).is_empty());
-        let told = caps.reached(&map(markers::MAX_CUBES + 1));
+        assert!(caps.reached(1, &map(markers::MAX_CUBES)).is_empty());
+        let told = caps.reached(1, &map(markers::MAX_CUBES + 1));
         assert_eq!(told, ["~/markers shows the first 20000 of 20001 voxels as cubes"]);
-        assert!(caps.reached(&map(markers::MAX_CUBES + 2)).is_empty());
+        assert!(caps.reached(1, &map(markers::MAX_CUBES + 2)).is_empty());
+        assert_eq!(caps.reached(2, &map(markers::MAX_CUBES + 2)).len(), 1);
     }
 }

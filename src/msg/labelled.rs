@@ -33,7 +33,7 @@ pub fn labelled_points(session: &Session, snapshot: &Snapshot) -> PointCloud2 {
     }
 }
 
-/// A sentence where some of so many dense voxels, of which so many are in no cluster, are left out.
+/// Says how many are shown of this many dense voxels, of which `unclustered` are in no cluster; `None` where all are.
 pub(crate) fn left_out(voxels: usize, unclustered: u32) -> Option<String> {
     let first = MAX_LABELLED.min(unclustered as usize);
     let sentence = || {
@@ -44,8 +44,8 @@ pub(crate) fn left_out(voxels: usize, unclustered: u32) -> Option<String> {
     (voxels > MAX_LABELLED).then(sentence)
 }
 
-/// At most so many of the voxels, in their order: those in no cluster, and where there is room for some of a kind alone, one in
-/// so many of these, so that no place is left out as a whole.
+/// At most `most` of the voxels, in their order: those in no cluster, and of clusters as many as there is room for. Where not all
+/// of a kind have room, they are evenly spaced, so that no place is left out as a whole.
 fn shown(voxels: &[DenseVoxel], most: usize) -> Vec<&DenseVoxel> {
     let unclustered = voxels.iter().filter(|voxel| voxel.cluster.is_none()).count();
     let first = unclustered.min(most);
@@ -58,7 +58,7 @@ fn shown(voxels: &[DenseVoxel], most: usize) -> Vec<&DenseVoxel> {
     voxels.iter().filter(is_shown).collect()
 }
 
-/// Takes so many of so many, or all where there are fewer, evenly.
+/// Picks `most` of `all` items, evenly spaced.
 struct Thinned {
     all: usize,
     most: usize,

@@ -2,7 +2,7 @@
 //!
 //! Pure functions from values to values; a field order here is the order on the wire. [`ros`] holds the types of the
 //! ROS packages, [`parameters`] those of the parameter services, [`clusters`] those of `cfodi_msgs` (in the folder `msg/`),
-//! [`twins`] the clusters in messages of others; [`sent`] is on which topics they go, and [`types`] of which types those are that
+//! [`twins`] the clusters in messages of others; [`outgoing`] is any of those that go out, [`sent`] on which topics, and [`types`] of which types those are that
 //! come.
 
 pub mod caps;
@@ -11,6 +11,8 @@ pub(crate) mod cdr;
 pub mod clusters;
 pub mod labelled;
 pub mod markers;
+#[cfg(feature = "bag")]
+pub mod outgoing;
 pub mod parameters;
 #[cfg(feature = "bag")]
 pub(crate) mod part;

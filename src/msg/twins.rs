@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::clusters::{Session, polygon, pose};
 use super::ros::{Header, Polygon, Pose, Vector3};
+use super::sent::{self, Topic};
 use crate::engine::{Cluster, Snapshot, SurfaceClass};
 
 /// Which twins are sent.
@@ -20,6 +21,17 @@ pub struct Twins {
     pub detections: bool,
     /// [`polygons`].
     pub polygons: bool,
+}
+
+impl Twins {
+    /// Whether a topic is sent; all but those of twins always are.
+    pub fn include(self, topic: &Topic) -> bool {
+        match *topic {
+            sent::DETECTIONS => self.detections,
+            sent::POLYGONS => self.polygons,
+            _ => true,
+        }
+    }
 }
 
 /// `geometry_msgs/PoseWithCovariance`.

@@ -6,6 +6,8 @@ pub const CLOUD: &str = "sensor_msgs/msg/PointCloud2";
 pub const IMAGE: &str = "sensor_msgs/msg/Image";
 /// Depth images as PNG.
 pub const COMPRESSED_IMAGE: &str = "sensor_msgs/msg/CompressedImage";
+/// What `image_transport` appends to the name of depth images for these.
+pub const COMPRESSED_DEPTH: &str = "/compressedDepth";
 /// The intrinsics of depth images.
 pub const CAMERA_INFO: &str = "sensor_msgs/msg/CameraInfo";
 /// Transforms, changing or lasting.

@@ -5,7 +5,7 @@ use std::thread::Builder;
 
 use tokio::sync::oneshot;
 
-use crate::worker::{spawn_or_do, words};
+use crate::thread::{panic_text, spawn_or_run};
 
 /// Makes something on a thread of its own; here, where the system gives none.
 ///
@@ -16,9 +16,9 @@ pub(super) async fn aside<T: Send + 'static>(
     make: impl FnOnce() -> T + Send + 'static,
 ) -> Result<T, String> {
     let (tell, told) = oneshot::channel();
-    spawn_or_do(thread, move || drop(tell.send(catch_unwind(AssertUnwindSafe(make)))));
+    spawn_or_run(thread, move || drop(tell.send(catch_unwind(AssertUnwindSafe(make)))));
     let made = told.await.map_err(|error| error.to_string())?;
-    made.map_err(|panic| words(&*panic))
+    made.map_err(|panic| panic_text(&*panic))
 }
 
 #[cfg(test)]

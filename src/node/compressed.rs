@@ -38,6 +38,7 @@ pub(super) async fn read_while_wanted(
     loop {
         if !are_wanted {
             wanted(sensor, &sources, |form| heard.comes(form)).await;
+            heard.compressed.borrow_mut().begin_after_pause();
         }
         tokio::select! {
             ended = read() => return ended,
@@ -116,9 +117,9 @@ impl Looks {
 mod tests {
     use std::cell::Cell;
 
-    use super::super::inputs::COMPRESSED_DEPTH;
     use super::super::transport::{DepthTopics, TopicName};
     use super::*;
+    use crate::msg::types::COMPRESSED_DEPTH;
 
     fn sensor() -> SensorTopics {
         let topic = |name: &str| TopicName { plain: name.to_owned(), resolved: name.to_owned() };

@@ -31,19 +31,20 @@ use tracing::warn;
 
 use self::addresses::say_addresses;
 use self::network::Network;
-use self::opener::{Opener, reliable, reliable_output};
+use self::opener::{Opener, check_interface, reliable, reliable_output};
 use self::read::Memory;
 pub use self::robot::Robot;
 pub use self::snapshot_reader::SnapshotReader;
-use super::middleware::{Adding, Middleware, OpenError, Opened};
+use super::middleware::{Adding, EVENTS, Middleware, OpenError, Opened};
 use super::parameters::Parameters;
 use super::process::{receive_buffer, say_discovery, say_receive_buffer};
 use super::readers::Readers;
-use super::transport::{Input, NetworkState, Outgoing, SendError, SensorTopics, Service, Source, Transport};
+use super::transport::{Input, NetworkState, SendError, SensorTopics, Service, Source, Transport};
 use crate::args::Setup;
 use crate::args::security::{Security, SecurityError};
 use crate::config::Value;
 use crate::memory::prefault;
+use crate::msg::outgoing::Outgoing;
 use crate::msg::ros::{TriggerRequest, TriggerResponse};
 
 /// Receive buffers to have memory for before anything is received. RustDDS 0.15.1 empties a socket before it works on what was
@@ -54,21 +55,15 @@ const BURSTS: usize = 2;
 /// More than that of them (bytes) is asked for to be safe, and no memory.
 const LARGEST_BURST: usize = 64 << 20;
 
-/// Events that wait for the node; a cloud that finds no place waits in the middleware.
-const EVENTS: usize = 16;
-
-/// Time until the network is joined again where an address was not there.
+/// Time until the network is joined again where no address was there, and how many times it is tried until that is said again.
 const AGAIN: Duration = Duration::from_secs(5);
+const SAID_EVERY: u64 = 12;
 
 /// Adds events to those of the network.
 type Events = Adding<Dds>;
 
 impl ros2_client::Message for TriggerRequest {}
 impl ros2_client::Message for TriggerResponse {}
-
-fn opening<E: std::fmt::Display>(what: &str) -> impl FnOnce(E) -> OpenError {
-    move |error| OpenError::Open { what: what.to_owned(), text: error.to_string() }
-}
 
 /// Who has called one of the node's own services.
 #[derive(Clone, Copy, Debug)]
@@ -99,10 +94,29 @@ impl Dds {
         Rc::clone(&self.network.borrow())
     }
 
-    /// The network before is left without a farewell, for which its threads may be gone.
+    /// Joins anew, as soon as one of the interfaces that are asked for is there: after a sleep a wireless one comes back late.
     async fn join_anew(&self, reason: &str) -> Result<(), OpenError> {
-        warn!("{reason}: the network is joined anew, the map stays");
+        for attempt in 0_u64.. {
+            match self.try_to_join_anew(reason).await {
+                Err(error @ OpenError::Interface { .. }) => {
+                    if attempt.is_multiple_of(SAID_EVERY) {
+                        let seconds = AGAIN.as_secs();
+                        warn!(
+                            "{reason}: the network cannot be joined anew: {error}; it is tried every {seconds} s"
+                        );
+                    }
+                    tokio::time::sleep(AGAIN).await;
+                }
+                ended => return ended,
+            }
+        }
+        Ok(())
+    }
+
+    /// The network before is left without a farewell, for which its threads may be gone.
+    async fn try_to_join_anew(&self, reason: &str) -> Result<(), OpenError> {
         let anew = Network::open(&self.setup, &self.security, &self.memory, &self.parameters, &self.events)?;
+        warn!("{reason}: the network is joined anew, the map stays");
         let before = self.network.replace(Rc::new(anew));
         before.deafen().await;
         Ok(())
@@ -123,11 +137,12 @@ impl Middleware for Dds {
     }
 
     async fn open(setup: &Setup, security: Security) -> Result<Opened<Self>, OpenError> {
+        // One that is named and not there is an error now, and may come back later.
+        setup.config().network_interfaces.iter().copied().try_for_each(check_interface)?;
         prefault(BURSTS * setup.config().receive_buffer.min(LARGEST_BURST));
         let (events, receiver) = mpsc::channel(EVENTS);
         let memory = Memory::default();
-        let parameters = Parameters::new(setup.fully_qualified_name(), setup.parameters.clone());
-        let parameters = Rc::new(parameters);
+        let parameters = Rc::new(Parameters::of(setup));
         let network = Network::open(setup, &security, &memory, &parameters, &events)?;
         let dds = Self {
             setup: setup.clone(),
@@ -224,14 +239,8 @@ impl Transport for Dds {
                 reason = network.has_other_addresses() => reason,
             };
             drop(network);
-            match self.join_anew(&reason).await {
-                Ok(()) => {}
-                // After a sleep a wireless interface comes back late.
-                Err(error @ OpenError::Interface { .. }) => {
-                    warn!("{error}; it is tried again in {} s", AGAIN.as_secs());
-                    tokio::time::sleep(AGAIN).await;
-                }
-                Err(error) => return error.to_string(),
+            if let Err(error) = self.join_anew(&reason).await {
+                return error.to_string();
             }
         }
     }

@@ -26,8 +26,8 @@ const fn are_near(a: i64, b: i64) -> bool {
     a.abs_diff(b) <= LATE.unsigned_abs()
 }
 
-/// What an entry of a publisher is, with those of many others forgotten.
-fn of<T: Default>(publishers: &mut BTreeMap<PublisherId, T>, publisher: PublisherId) -> &mut T {
+/// The publisher's entry; when too many are remembered, all are dropped first.
+fn entry<T: Default>(publishers: &mut BTreeMap<PublisherId, T>, publisher: PublisherId) -> &mut T {
     if publishers.len() >= PUBLISHERS {
         publishers.clear();
     }
@@ -52,6 +52,11 @@ impl Known {
     /// The network is joined anew: its readers have heard nothing yet.
     pub(super) fn begin_anew(&mut self) {
         self.heard.begin_anew();
+    }
+
+    /// The topic was not read for a while: what was sent meanwhile is not lost.
+    pub(super) fn begin_after_pause(&mut self) {
+        self.gaps = Gaps::default();
     }
 
     /// Notes a scan, with or without a number.
@@ -117,7 +122,7 @@ impl Heard {
     /// one has of a publisher is needed only while its numbers are far from those of the reliable one: a forged heartbeat can
     /// make that one wait for ever, or go on at a number of its own.
     fn takes(&mut self, publisher: PublisherId, number: i64, reliably: bool) -> bool {
-        let heard = of(&mut self.publishers, publisher);
+        let heard = entry(&mut self.publishers, publisher);
         if reliably {
             heard.reliable = Some(number);
             return heard.taken.is_none_or(|taken| number > taken || !are_near(number, taken));
@@ -145,7 +150,7 @@ struct Gaps {
 
 impl Gaps {
     fn lost_before(&mut self, publisher: PublisherId, number: i64) -> u64 {
-        let entry = of(&mut self.newest, publisher);
+        let entry = entry(&mut self.newest, publisher);
         let newest = *entry.get_or_insert(number);
         let gap = number.saturating_sub(newest).saturating_sub(1).max(0);
         if number > newest || !are_near(number, newest) {
@@ -185,7 +190,7 @@ impl Taken {
 
     /// Notes a message.
     pub(super) fn note(&mut self, publisher: PublisherId, number: i64) -> Order {
-        let entry = of(&mut self.0, publisher);
+        let entry = entry(&mut self.0, publisher);
         let newest = entry.get_or_insert(Newest { number: number.saturating_sub(1), before: u128::MAX });
         if !are_near(number, newest.number) {
             *newest = Newest { number, before: 0 };
@@ -278,6 +283,22 @@ pub(super) mod tests {
         assert_eq!(lost(&[4, 5], false, true), [Some(0); 2]);
         assert_eq!(lost(&[3, 5, 6], true, false), [None, None, Some(0)]);
         assert_eq!(lost(&[7], false, false), [None]);
+    }
+
+    #[test]
+    fn what_was_sent_while_nobody_read_is_not_lost() {
+        let mut known = Known::default();
+        let mut lost = |number: i64, after_pause: bool| {
+            if after_pause {
+                known.begin_after_pause();
+            }
+            let sample = (Err(CloudError::NoCameraInfo), (publisher(0), number));
+            known.tell(Ok::<_, String>(sample), false).unwrap().1
+        };
+        assert_eq!(
+            [(1, false), (3, false), (9000, true), (9002, false)].map(|(n, p)| lost(n, p)),
+            [0, 1, 0, 1]
+        );
     }
 
     #[test]

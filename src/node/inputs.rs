@@ -5,13 +5,10 @@ use std::time::Duration;
 use super::transport::{DepthTopics, Form, SensorTopics, Source, TopicName};
 use crate::cloud::CloudError;
 use crate::msg::sent;
-use crate::msg::types::{CAMERA_INFO, CLOUD, COMPRESSED_IMAGE, IMAGE};
+use crate::msg::types::{CAMERA_INFO, CLOUD, COMPRESSED_DEPTH, COMPRESSED_IMAGE, IMAGE};
 
 /// Topics of one type that are named at most: somebody may publish thousands.
 const NAMED: usize = 20;
-
-/// What `image_transport` appends to the name of an image.
-pub(super) const COMPRESSED_DEPTH: &str = "/compressedDepth";
 
 impl Form {
     pub(super) const ALL: [Self; 3] = [Self::Points, Self::Depth, Self::CompressedDepth];

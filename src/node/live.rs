@@ -1,6 +1,7 @@
 //! The live node: joins clouds (those that depth images became too) with their transforms, hands scans to the worker,
 //! answers calls.
 
+mod beside;
 mod calls;
 mod calls_for_map;
 mod change;
@@ -23,7 +24,9 @@ use std::time::{Duration, Instant};
 
 use thiserror::Error;
 use tokio::sync::mpsc;
+use tokio::task::JoinError;
 
+use self::beside::Beside;
 use self::calls::{LastFile, next};
 use self::calls_for_map::{Call, CallsForMap};
 use self::change::{Timers, interval};
@@ -31,24 +34,22 @@ use self::clocks::Clocks;
 use self::diagnosis::Diagnosis;
 use self::intake::Intake;
 use self::session::new_session;
-use super::counts::{Counts, TRANSFORM_TIMEOUT, WAITING_QUEUE_FULL};
-use super::publish::{Outlets, Seen, publish};
-use super::record::Recorder;
+use super::counts::Counts;
+pub use super::publish::Outlets;
+use super::publish::{Ended, Seen};
 use super::rosout::Lines;
-use super::saving;
 use super::speak::speak;
 use super::throttle::{Lasting, Throttle};
 use super::transport::{Event, Input, Service, Transport};
-use super::vitals::Vitals;
 use crate::cloud::{Cloud, CloudError, CloudFilter, decode};
 use crate::config::Config;
 use crate::engine::{Engine, Snapshot};
-use crate::join::{Join, Joined, Jump};
+use crate::join::{GivenUp, Join, Joined, Jump};
 use crate::msg::reports::DiagnosticArray;
 use crate::msg::ros::{TfMessage, TransformStamped};
 use crate::reason::SESSION_ENDED;
 use crate::store::StoreError;
-use crate::worker::{Output, Worker};
+use crate::worker::Worker;
 
 /// Clouds that may wait for their transform, and scans that may wait for the engine, for one message may release them all:
 /// as many as Kinects send within `tf_timeout`, and at least eight of each, but of all sensors together no more than memory has room for.
@@ -56,9 +57,6 @@ fn places(config: &Config) -> usize {
     let of_each = (config.tf_timeout.as_secs_f64() * 30.0) as usize + 2;
     (of_each.max(8) * config.sensors.len()).min(64)
 }
-
-/// Outputs of the worker that wait to be sent; when full, the worker waits too, and newer scans replace older ones.
-const OUTPUTS: usize = 64;
 
 /// How long no cloud may come before it is said why, and how long until it is said again.
 const QUIET: Duration = Duration::from_secs(3);
@@ -104,28 +102,46 @@ pub enum LiveError {
     NotSaved(StoreError),
 }
 
-/// Runs the node with the map of `engine` until `shutdown` resolves and returns the map of that moment, which is saved where
-/// `snapshot_path` says; `counts` says where every cloud went; `lines` are those of the log, for `/rosout`;
-/// what is sent of the map goes to `recorder` too. Where the last map takes long to save, it is given up when `given_up` resolves,
-/// which is not asked before.
+/// What a node is run with.
+#[derive(Debug)]
+pub struct Start<T: Transport> {
+    /// With the map that it begins with.
+    pub engine: Engine,
+    /// Where what it has to say goes.
+    pub outlets: Outlets<T>,
+    /// What it hears.
+    pub events: mpsc::Receiver<Event<T::Request>>,
+    /// Where every cloud goes.
+    pub counts: Rc<RefCell<Counts>>,
+    /// Those of the log, for `/rosout`.
+    pub lines: Lines,
+}
+
+/// Runs a node until `shutdown` resolves and returns the map of that moment, which is saved where `snapshot_path` says. Where that
+/// takes long it is given up when `given_up` resolves, which is not asked before.
 ///
 /// # Errors
 /// When the engine's thread dies, the messages of a map cannot be made, the middleware stops, or the last map cannot be saved or is
 /// given up.
 pub async fn run<T: Transport>(
     config: &Config,
-    engine: Engine,
-    (transport, recorder): (Rc<T>, Option<Recorder>),
-    events: mpsc::Receiver<Event<T::Request>>,
-    counts: Rc<RefCell<Counts>>,
-    lines: Lines,
-    (shutdown, given_up): (impl Future<Output = ()>, impl Future<Output = ()>),
+    start: Start<T>,
+    shutdown: impl Future<Output = ()>,
+    given_up: impl Future<Output = ()>,
 ) -> Result<Arc<Snapshot>, LiveError> {
+    let Start { engine, outlets, events, counts, lines } = start;
     let (reports, receiver) = mpsc::channel(WAITING_REPORTS);
-    let mut speaking =
-        tokio::task::spawn_local(speak((Rc::clone(&transport), recorder.clone()), receiver, lines));
-    let ends = (shutdown, given_up);
-    let ended = drive(config, engine, (transport, recorder), events, counts, reports, ends).await;
+    let mut speaking = tokio::task::spawn_local(speak(outlets.clone(), receiver, lines));
+    let seen = Seen { counts, vitals: Rc::default() };
+    let (session, transport) = (new_session(0), Rc::clone(&outlets.transport));
+    let ended = match Beside::start(config, engine, session, outlets, seen.clone()) {
+        Ok((worker, beside)) => {
+            let live = Live::new(config, transport, worker, session, seen, reports);
+            let file = config.snapshot_path.clone().map(|path| LastFile { path, given_up });
+            live.run(events, beside, shutdown, file).await
+        }
+        Err(error) => Err(error),
+    };
     if tokio::time::timeout(LAST_WORDS, &mut speaking).await.is_err() {
         speaking.abort();
         drop(speaking.await);
@@ -133,71 +149,13 @@ pub async fn run<T: Transport>(
     ended
 }
 
-/// Until the node's end.
-async fn drive<T: Transport>(
-    config: &Config,
-    engine: Engine,
-    (transport, recorder): Outlets<T>,
-    mut events: mpsc::Receiver<Event<T::Request>>,
-    counts: Rc<RefCell<Counts>>,
-    reports: mpsc::Sender<DiagnosticArray>,
-    (shutdown, given_up): (impl Future<Output = ()>, impl Future<Output = ()>),
-) -> Result<Arc<Snapshot>, LiveError> {
-    let (outputs, receiver) = mpsc::channel::<Output>(OUTPUTS);
-    let sink = move |output| drop(outputs.blocking_send(output));
-    let session = new_session(0);
-    let failed = |thread| move |error| LiveError::Start { thread, error };
-    let worker =
-        Worker::start(engine, session, places(config), sink).map_err(failed("the engine's thread"))?;
-    let start = |path| saving::start(path, config.fixed_frame.clone());
-    let saver = config.snapshot_path.clone().map(start).transpose();
-    let (saver, mut written) = saver.map_err(failed("the thread that saves the map"))?.unzip();
-    let vitals: Rc<RefCell<Vitals>> = Rc::default();
-    let seen = (Rc::clone(&counts), Rc::clone(&vitals));
-    let (broken, mut muted) = mpsc::channel(1);
-    let outlets = (Rc::clone(&transport), recorder);
-    let publishing = publish(outlets, receiver, seen, config.clone(), saver, broken);
-    let mut publishing = tokio::task::spawn_local(publishing);
-    let mut live = Live::new(config, Rc::clone(&transport), (worker, session), (counts, vitals), reports);
-    let mut diagnoses = interval(REPORTS);
-    diagnoses.reset();
-    let mut tick = interval(TICK);
-    let (mut shutdown, mut failed) = (pin!(shutdown), pin!(transport.failed()));
-    let (ended, broken) = loop {
-        tokio::select! {
-            () = &mut shutdown => break (None, None),
-            ended = &mut publishing => break (Some(ended), None),
-            Some(why) = muted.recv() => break (None, Some(LiveError::Mute(why))),
-            reason = &mut failed => break (None, Some(LiveError::Deaf(reason))),
-            event = events.recv() => match event {
-                Some(event) => live.event(event).await,
-                None => break (None, Some(LiveError::Deaf("no more events".to_owned()))),
-            },
-            _ = tick.tick() => live.tick(),
-            _ = live.timers.snapshots.tick() => live.worker.request_snapshot(),
-            _ = live.timers.savings.tick(), if written.is_some() => live.save_what_changed(),
-            _ = diagnoses.tick() => live.report(),
-            result = next(&mut written) => match result {
-                Some(result) => live.written(&result).await,
-                // Of itself, or because the engine has: that the end finds.
-                None => break (None, None),
-            },
-        }
-    };
-    events.close();
-    while let Ok(event) = events.try_recv() {
-        live.put_away(event).await;
-    }
-    let file = config.snapshot_path.clone().map(|path| LastFile { path, given_up });
-    let publishing = async {
-        match ended {
-            Some(ended) => ended,
-            None => publishing.await,
-        }
-    };
-    let map = live.finish(publishing, written.zip(file)).await;
-    // The last map may have been the first of which no messages could be made.
-    broken.or_else(|| muted.try_recv().ok().map(LiveError::Mute)).map_or(map, Err)
+/// Why a node stops.
+enum Stop {
+    /// Somebody wants it to, or what has ended says so itself.
+    Asked,
+    /// Publishing has ended, and so.
+    Published(Result<Ended, JoinError>),
+    Broken(LiveError),
 }
 
 struct Live<T: Transport> {
@@ -230,13 +188,14 @@ impl<T: Transport> Live<T> {
     fn new(
         config: &Config,
         transport: Rc<T>,
-        (worker, session): (Worker, u64),
-        (counts, vitals): Seen,
+        worker: Worker,
+        session: u64,
+        seen: Seen,
         reports: mpsc::Sender<DiagnosticArray>,
     ) -> Self {
         let start = Instant::now();
         let intakes = vec![Intake::new(start); transport.inputs().len()];
-        let seen = (Rc::clone(&counts), vitals);
+        let counts = Rc::clone(&seen.counts);
         let diagnosis = Diagnosis::new(config, transport.node_name(), seen, start);
         Self {
             transport,
@@ -257,6 +216,70 @@ impl<T: Transport> Live<T> {
             filter: config.filter,
             tf_timeout: config.tf_timeout,
             calls_for_map: config.snapshot_path.as_ref().map(|_| CallsForMap::default()),
+        }
+    }
+
+    /// Until the node's end.
+    async fn run(
+        mut self,
+        mut events: mpsc::Receiver<Event<T::Request>>,
+        mut beside: Beside,
+        shutdown: impl Future<Output = ()>,
+        file: Option<LastFile<impl Future<Output = ()>>>,
+    ) -> Result<Arc<Snapshot>, LiveError> {
+        let stop = self.listen(&mut events, &mut beside, shutdown).await;
+        events.close();
+        while let Ok(event) = events.try_recv() {
+            self.put_away(event).await;
+        }
+        let Beside { publishing, mut muted, written } = beside;
+        let (published, broken) = match stop {
+            Stop::Asked => (None, None),
+            Stop::Published(ended) => (Some(ended), None),
+            Stop::Broken(error) => (None, Some(error)),
+        };
+        let publishing = async {
+            match published {
+                Some(ended) => ended,
+                None => publishing.await,
+            }
+        };
+        let map = self.finish(publishing, written.zip(file)).await;
+        // The last map may have been the first of which no messages could be made.
+        broken.or_else(|| muted.try_recv().ok().map(LiveError::Mute)).map_or(map, Err)
+    }
+
+    /// Takes in what is heard, and does what is due, until there is a reason to stop.
+    async fn listen(
+        &mut self,
+        events: &mut mpsc::Receiver<Event<T::Request>>,
+        Beside { publishing, muted, written }: &mut Beside,
+        shutdown: impl Future<Output = ()>,
+    ) -> Stop {
+        let transport = Rc::clone(&self.transport);
+        let (mut shutdown, mut failed) = (pin!(shutdown), pin!(transport.failed()));
+        let (mut reports, mut tick) = (interval(REPORTS), interval(TICK));
+        reports.reset();
+        loop {
+            tokio::select! {
+                () = &mut shutdown => return Stop::Asked,
+                ended = &mut *publishing => return Stop::Published(ended),
+                Some(why) = muted.recv() => return Stop::Broken(LiveError::Mute(why)),
+                reason = &mut failed => return Stop::Broken(LiveError::Deaf(reason)),
+                event = events.recv() => match event {
+                    Some(event) => self.event(event).await,
+                    None => return Stop::Broken(LiveError::Deaf("no more events".to_owned())),
+                },
+                _ = tick.tick() => self.tick(),
+                _ = self.timers.snapshots.tick() => self.worker.request_snapshot(),
+                _ = self.timers.savings.tick(), if written.is_some() => self.save_what_changed(),
+                _ = reports.tick() => self.report(),
+                result = next(written) => match result {
+                    Some(result) => self.written(&result).await,
+                    // Of itself, or because the engine has: that the end finds.
+                    None => return Stop::Asked,
+                },
+            }
         }
     }
 
@@ -287,7 +310,7 @@ impl<T: Transport> Live<T> {
             Ok(cloud) => {
                 self.look_at(input, &cloud);
                 if let Some(pushed_out) = self.join.cloud(input.sensor, cloud, self.clocks.moment()) {
-                    self.skip(&pushed_out, WAITING_QUEUE_FULL);
+                    self.skip(&pushed_out, GivenUp::PushedOut);
                 }
                 self.submit_ready();
             }
@@ -303,7 +326,9 @@ impl<T: Transport> Live<T> {
                         self.warn(inserted.kind(), format_args!("{line}"));
                     }
                 }
-                Err(error) => self.warn(error.reason(), format_args!("a transform was refused: {error}")),
+                Err(error) => {
+                    self.warn(error.reason().key, format_args!("a transform was refused: {error}"));
+                }
             }
         }
         self.submit_ready();
@@ -334,7 +359,7 @@ impl<T: Transport> Live<T> {
 
     fn tick(&mut self) {
         for waited in self.join.expired(self.clocks.moment(), self.tf_timeout) {
-            self.skip(&waited, TRANSFORM_TIMEOUT);
+            self.skip(&waited, GivenUp::TimedOut);
         }
         self.say_when_quiet(Instant::now());
         self.say_of_clock();

@@ -54,6 +54,16 @@ pub enum OpenError {
     Security(#[from] SecurityError),
 }
 
+impl OpenError {
+    /// Says that `what` cannot be opened, for a reason of the middleware.
+    pub(super) fn opening<E: ToString>(what: &str) -> impl FnOnce(E) -> Self {
+        move |error| Self::Open { what: what.to_owned(), text: error.to_string() }
+    }
+}
+
+/// Events that wait for the node; a cloud that finds no place waits in the middleware, over Zenoh in its mailbox.
+pub(super) const EVENTS: usize = 16;
+
 /// A transport as it was opened: with what others in this process add events by, and where they come out.
 pub type Opened<T> = (T, Adding<T>, Receiver<Event<<T as Transport>::Request>>);
 

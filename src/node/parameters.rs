@@ -15,6 +15,7 @@ pub(super) use self::serve::{Calls, MOST_CALLS, ParameterService, Serves, Setter
 use super::clock;
 use super::throttle::{Often, Throttle};
 use super::transport::Event;
+use crate::args::Setup;
 use crate::cloud::CloudFilter;
 use crate::config::{self, Bounds, Changed, Config, ConfigError, Current, Value};
 use crate::engine::Stamp;
@@ -55,8 +56,12 @@ pub(super) struct Parameters {
 }
 
 impl Parameters {
-    /// Those that the node `node` starts with.
-    pub(super) fn new(node: String, current: Current) -> Self {
+    /// Those that the node starts with.
+    pub(super) fn of(setup: &Setup) -> Self {
+        Self::new(setup.fully_qualified_name(), setup.parameters.clone())
+    }
+
+    fn new(node: String, current: Current) -> Self {
         let current = RefCell::new(current);
         Self { node, current, clock: Cell::new(None), throttle: RefCell::default(), told: RefCell::default() }
     }
@@ -230,7 +235,7 @@ fn descriptor(current: &Current, parameter: &config::Parameter) -> ParameterDesc
         kind: on_wire(&parameter.default()).kind,
         description: parameter.description(),
         additional_constraints: parameter.constraints(),
-        read_only: current.is_fixed(parameter).is_some(),
+        read_only: current.why_fixed(parameter).is_some(),
         ..ParameterDescriptor::default()
     };
     match parameter.bounds() {
@@ -329,7 +334,7 @@ mod tests {
         assert_eq!(described[2].additional_constraints, "`auto`, `yes` or `no`");
         assert_eq!(
             described[3].additional_constraints,
-            "0 = no bound; 0 where mode is `paper`: the letter forgets nothing"
+            "0 = no bound; 0 where mode is `paper`, which forgets nothing"
         );
     }
 

@@ -13,7 +13,7 @@ use tracing::{info, warn};
 
 use super::counts::Counts;
 use super::inputs::reads;
-use super::live::{self, LiveError};
+use super::live::{self, LiveError, Outlets, Start};
 use super::middleware::{Adding, Middleware, OpenError};
 use super::record::Recorder;
 use super::resume::BeginError;
@@ -44,12 +44,6 @@ pub enum ProcessError {
     /// The network must not be joined.
     #[error(transparent)]
     Security(#[from] SecurityError),
-    /// Sensors were named where there is one.
-    #[error("sensors was given, and the simulated robot has one sensor, on the topic `points`")]
-    Sensors,
-    /// The system gives no thread.
-    #[error("cannot start the simulated robot: {0}")]
-    Robot(std::io::Error),
     /// What was saved cannot be begun with.
     #[error(transparent)]
     Begin(#[from] BeginError),
@@ -64,9 +58,6 @@ pub enum ProcessError {
         /// Parameters that were set to other values since it began.
         changed: Vec<(String, Value)>,
     },
-    /// The process was to begin anew in its place and cannot.
-    #[error("the node is deaf, and the process cannot begin anew: {0}")]
-    Anew(std::io::Error),
 }
 
 impl ProcessError {
@@ -74,7 +65,7 @@ impl ProcessError {
     pub fn is_configuration(&self) -> bool {
         match self {
             Self::Begin(error) => error.is_configuration(),
-            Self::Security(_) | Self::Rmw(_) | Self::Sensors | Self::Name(_) => true,
+            Self::Security(_) | Self::Rmw(_) | Self::Name(_) => true,
             Self::Network(error) => {
                 matches!(error, OpenError::Security(_) | OpenError::Name(_) | OpenError::Variable { .. })
             }
@@ -162,37 +153,36 @@ fn say_security(middleware: &str, security: &Security) {
 /// of the map goes to `recorder` too, `lines` are those of its log; `begin` is called once it listens.
 ///
 /// # Errors
-/// When the network cannot be joined, or the node fails.
-pub fn live_node<T: Middleware>(
+/// When the network cannot be joined, the node fails, or `begin` does.
+pub fn live_node<T: Middleware, E: From<ProcessError>>(
     setup: &Setup,
     engine: Engine,
     recorder: Option<Recorder>,
     lines: Lines,
-    begin: impl FnOnce(Adding<T>) -> Result<(), ProcessError>,
+    begin: impl FnOnce(Adding<T>) -> Result<(), E>,
     done: impl Future<Output = ()>,
-) -> Result<Arc<Snapshot>, ProcessError> {
-    let security = T::security(setup)?;
+) -> Result<Arc<Snapshot>, E> {
+    let security = T::security(setup).map_err(ProcessError::from)?;
     let runtime =
         tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(ProcessError::Runtime)?;
     let counts = Rc::new(RefCell::new(Counts::default()));
     let tasks = LocalSet::new();
     let ended = tasks.block_on(&runtime, async {
         T::say_system(setup);
-        let (transport, events, receiver) = T::open(setup, security.clone()).await?;
+        let opened = T::open(setup, security.clone()).await;
+        let (transport, events, receiver) = opened.map_err(ProcessError::from)?;
         say_security(T::NAME, &security);
         let transport = Rc::new(transport);
         // Whoever reads that it is ready may end it at once.
         let (ends, signals) = (signals(), signals());
         say_ready(setup, transport.inputs());
         begin(events)?;
+        let outlets = Outlets { transport: Rc::clone(&transport), recorder };
         let map = live::run(
             setup.config(),
-            engine,
-            (Rc::clone(&transport), recorder),
-            receiver,
-            Rc::clone(&counts),
-            lines,
-            (ending(ends, done), asked_again()),
+            Start { engine, outlets, events: receiver, counts: Rc::clone(&counts), lines },
+            ending(ends, done),
+            asked_again(),
         )
         .await;
         let changed = transport.changed(setup);
@@ -201,14 +191,14 @@ pub fn live_node<T: Middleware>(
             Err(LiveError::Deaf(why)) => Err(deaf(why, changed, signals).await),
             map => map.map_err(ProcessError::from),
         };
-        Ok::<_, ProcessError>((map, network))
+        Ok::<_, E>((map, network))
     });
     let map = ended.and_then(|(map, network)| {
         match network {
             Some(network) => drop((tasks, network)),
             None => std::mem::forget(tasks),
         }
-        map
+        map.map_err(E::from)
     });
     say(format_args!("counts {}", counts.borrow()));
     map

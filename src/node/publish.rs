@@ -16,15 +16,15 @@ use super::counts::Counts;
 use super::record::Recorder;
 use super::saving::Saver;
 use super::throttle::Throttle;
-use super::transport::{Outgoing, SendError, Transport};
+use super::transport::{SendError, Transport};
 use super::vitals::{MapSize, Points, Reach, Vitals};
 use crate::config::Config;
 use crate::engine::{Snapshot, Stamp};
 use crate::msg::caps::Caps;
 use crate::msg::clusters::{Session, SurfaceClusterArray};
-use crate::msg::labelled::labelled_points;
 use crate::msg::markers::Markers;
-use crate::msg::twins::{PolygonInstanceStamped, Twins, detections, polygons};
+use crate::msg::outgoing::{Outgoing, of_map, polygons_of};
+use crate::msg::twins::Twins;
 use crate::worker::{Output, Took};
 
 /// Between two polygons: nav2's collision monitor keeps the last five that it has not yet taken, and would have no others of
@@ -34,11 +34,29 @@ const PAUSE: Duration = Duration::from_millis(10);
 /// Over which the polygons of a map go out at most: what is newer waits behind them.
 const SPREAD: Duration = Duration::from_millis(250);
 
-/// Where every cloud went, and how the engine and its map are.
-pub(super) type Seen = (Rc<RefCell<Counts>>, Rc<RefCell<Vitals>>);
+/// What is noted of a run.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Seen {
+    /// Where every cloud went.
+    pub(super) counts: Rc<RefCell<Counts>>,
+    /// How the engine and its map are.
+    pub(super) vitals: Rc<RefCell<Vitals>>,
+}
 
-/// Where messages go: over the middleware, and what is sent of the map into a recording too.
-pub(super) type Outlets<T> = (Rc<T>, Option<Recorder>);
+/// Where messages go.
+#[derive(Debug)]
+pub struct Outlets<T> {
+    /// All of them.
+    pub transport: Rc<T>,
+    /// What is sent of the map, and reports.
+    pub recorder: Option<Recorder>,
+}
+
+impl<T> Clone for Outlets<T> {
+    fn clone(&self) -> Self {
+        Self { transport: Rc::clone(&self.transport), recorder: self.recorder.clone() }
+    }
+}
 
 /// How publishing ended.
 #[derive(Debug, Default)]
@@ -53,7 +71,7 @@ pub(super) struct Ended {
 /// the next one. Where no messages can be made of a map, `broken` is told why, and everything but maps goes on, so that the last
 /// one can still be saved.
 pub(super) async fn publish(
-    (transport, recorder): Outlets<impl Transport>,
+    outlets: Outlets<impl Transport>,
     outputs: mpsc::Receiver<Output>,
     seen: Seen,
     config: Config,
@@ -62,7 +80,7 @@ pub(super) async fn publish(
 ) -> Ended {
     let (newest, maps) = watch::channel(None);
     let beyond = Beyond::new(Reach::of(&config));
-    let wire = Wire { transport, recorder, unsent: RefCell::default(), frame_id: config.fixed_frame };
+    let wire = Wire { outlets, unsent: RefCell::default(), frame_id: config.fixed_frame };
     let publisher = Maps { twins: config.twins, ..Maps::default() };
     let (ended, ()) = tokio::join!(
         take(outputs, &wire, newest, seen, (saver, beyond)),
@@ -78,7 +96,7 @@ async fn take(
     mut outputs: mpsc::Receiver<Output>,
     wire: &Wire<impl Transport>,
     newest: watch::Sender<Newest>,
-    (counts, vitals): Seen,
+    Seen { counts, vitals }: Seen,
     (saver, mut beyond): (Option<Saver>, Beyond),
 ) -> Ended {
     let (mut ended, mut put_off) = (Ended::default(), PutOff::default());
@@ -141,8 +159,7 @@ async fn publish_maps(
 
 /// Where messages go out.
 struct Wire<T> {
-    transport: Rc<T>,
-    recorder: Option<Recorder>,
+    outlets: Outlets<T>,
     unsent: RefCell<Unsent>,
     frame_id: String,
 }
@@ -170,11 +187,12 @@ impl<T: Transport> Wire<T> {
     }
 
     async fn send(&self, message: Outgoing) {
-        let topic = message.topic();
-        if let Some(recorder) = &self.recorder {
+        let topic = message.topic().name;
+        let Outlets { transport, recorder } = &self.outlets;
+        if let Some(recorder) = recorder {
             recorder.outgoing(&message).await;
         }
-        if let Err(failure) = self.transport.publish(message).await {
+        if let Err(failure) = transport.publish(message).await {
             self.unsent.borrow_mut().note(topic, &failure);
         }
     }
@@ -253,11 +271,9 @@ impl Maps {
         let now = tokio::time::Instant::now();
         let period = self.came.replace(now).map_or(SPREAD, |before| now - before);
         if std::mem::replace(&mut self.session, session) != session {
-            self.markers.reset();
-            self.caps = Caps::default();
             self.outlined = None;
         }
-        for line in self.caps.reached(snapshot) {
+        for line in self.caps.reached(session, snapshot) {
             warn!("{line}");
         }
         let is_newer = std::mem::replace(&mut self.outlined, snapshot.stamp) != snapshot.stamp;
@@ -266,10 +282,9 @@ impl Maps {
         let mut markers = std::mem::take(&mut self.markers);
         // Those of a large map take a tenth of a second, in which the node hears nothing.
         let made = aside(Builder::new().name("cfodi-messages".to_owned()), move || {
-            let made = messages(&session, &snapshot, &mut markers, twins);
-            (made, polygons_of(&session, &snapshot, twins), markers)
+            (messages(&session, &snapshot, &mut markers, twins), markers)
         });
-        let (messages, polygons, markers) = made.await?;
+        let ((messages, polygons), markers) = made.await?;
         self.markers = markers;
         for message in messages {
             wire.send(message).await;
@@ -279,30 +294,25 @@ impl Maps {
     }
 }
 
-/// The messages of a map but for its polygons, in the order in which they go out.
-fn messages(session: &Session, snapshot: &Snapshot, markers: &mut Markers, twins: Twins) -> Vec<Outgoing> {
+/// The messages of a map but for its polygons, and these.
+fn messages(
+    session: &Session,
+    snapshot: &Snapshot,
+    markers: &mut Markers,
+    twins: Twins,
+) -> (Vec<Outgoing>, Vec<Outgoing>) {
     #[cfg(test)]
     assert!(snapshot.stamp != Some(tests::UNSPEAKABLE), "a panic for the test");
-    let mut messages = vec![
-        Outgoing::Clusters(SurfaceClusterArray::snapshot(session, snapshot)),
-        Outgoing::Labelled(labelled_points(session, snapshot)),
-        Outgoing::Markers(markers.update(session, snapshot)),
-    ];
-    messages.extend(twins.detections.then(|| Outgoing::Detections(detections(session, snapshot))));
-    messages
-}
-
-fn polygons_of(session: &Session, snapshot: &Snapshot, twins: Twins) -> Vec<PolygonInstanceStamped> {
-    if twins.polygons { polygons(session, snapshot).collect() } else { Vec::new() }
+    (of_map(session, snapshot, markers, twins), polygons_of(session, snapshot, twins))
 }
 
 /// Sends the polygons of a map, evenly over this time where they are many.
-async fn send_polygons(polygons: Vec<PolygonInstanceStamped>, spread: Duration, wire: &Wire<impl Transport>) {
+async fn send_polygons(polygons: Vec<Outgoing>, spread: Duration, wire: &Wire<impl Transport>) {
     let pause = PAUSE.min(spread / u32::try_from(polygons.len().max(1)).unwrap_or(u32::MAX));
     let mut due = tokio::time::Instant::now();
     for polygon in polygons {
         sleep_until(due).await;
-        wire.send(Outgoing::Polygon(polygon)).await;
+        wire.send(polygon).await;
         due += pause;
     }
 }

@@ -10,9 +10,9 @@ use std::thread::{Builder, JoinHandle};
 
 use tokio::sync::mpsc::{Receiver, Sender, WeakSender, channel};
 
-use super::transport::Outgoing;
 use crate::bag::{OutputTopics, ResultBag};
 use crate::export::{WholeFile, WriteError};
+use crate::msg::outgoing::Outgoing;
 use crate::msg::ros::{TfMessage, Time};
 
 /// Messages that may wait for the disk: the largest, all voxels of a map, has megabytes.
@@ -30,18 +30,7 @@ impl Entry {
     fn write(&self, bag: &mut ToFile) -> io::Result<()> {
         match self {
             Self::Transforms { message, is_static } => bag.transforms(message, *is_static),
-            Self::Outgoing(message) => match message {
-                Outgoing::Clusters(array) => bag.clusters(array),
-                Outgoing::Delta(array) => bag.clusters_delta(array),
-                Outgoing::Labelled(cloud) => bag.points_labelled(cloud),
-                Outgoing::Detections(array) => bag.detections(array),
-                Outgoing::Polygon(polygon) => bag.polygon(polygon),
-                Outgoing::Markers(markers) => {
-                    markers.markers.first().map_or(Ok(()), |first| bag.markers(&first.header, markers))
-                }
-                Outgoing::Diagnostics(report) => bag.diagnostics(report),
-                Outgoing::Log(_) => Ok(()),
-            },
+            Self::Outgoing(message) => bag.put(message),
         }
     }
 }
@@ -101,16 +90,7 @@ pub struct Recorder(WeakSender<Entry>);
 
 /// Whether a message has a time that it can stand under in a bag: a map without a scan has none.
 fn has_stamp(message: &Outgoing) -> bool {
-    let header = match message {
-        Outgoing::Clusters(array) | Outgoing::Delta(array) => Some(&array.header),
-        Outgoing::Labelled(cloud) => Some(&cloud.header),
-        Outgoing::Detections(array) => Some(&array.header),
-        Outgoing::Polygon(polygon) => Some(&polygon.header),
-        Outgoing::Markers(markers) => markers.markers.first().map(|first| &first.header),
-        Outgoing::Diagnostics(report) => Some(&report.header),
-        Outgoing::Log(_) => None,
-    };
-    header.is_some_and(|header| header.stamp != Time::default())
+    message.header().is_some_and(|header| header.stamp != Time::default())
 }
 
 impl Recorder {
@@ -139,25 +119,20 @@ fn write(mut bag: ToFile, mut waiting: Receiver<Entry>) -> io::Result<ToFile> {
 
 #[cfg(test)]
 pub(super) mod tests {
+    use std::convert::Infallible;
+
     use tokio::runtime::Runtime;
 
     use super::*;
     use crate::bag::Bag;
     use crate::msg::clusters::SurfaceClusterArray;
     use crate::msg::ros::{Header, Marker, MarkerArray, PointCloud2, TransformStamped};
+    use crate::msg::twins::Twins;
 
     /// A bag that begins.
     pub(in crate::node) fn begun(path: &Path) -> (Record, Recorder) {
-        let topic = |name: &str| format!("/cfodi/{name}");
-        let topics = OutputTopics {
-            clusters: topic("clusters"),
-            clusters_delta: topic("clusters_delta"),
-            markers: topic("markers"),
-            points_labelled: topic("points_labelled"),
-            diagnostics: "/diagnostics".to_owned(),
-            detections: None,
-            polygons: None,
-        };
+        let resolved = |name: &str| Ok::<_, Infallible>(name.replace('~', "/cfodi"));
+        let topics = OutputTopics::new(Twins::default(), resolved).unwrap();
         Record::create(path, &topics).unwrap()
     }
 

@@ -8,6 +8,7 @@ use tracing::{info, warn};
 
 use crate::config::Config;
 use crate::engine::{Engine, RestoreError};
+use crate::link::{file_name, folder};
 use crate::store::{self, Lock, StoreError, Stored};
 
 /// The engine that a session begins with: with the map of `snapshot_path` where it is to be resumed and there is one. What
@@ -39,11 +40,8 @@ pub fn begin(config: &Config, resume: bool) -> Result<(Engine, Option<Lock>), Be
 
 /// Whether this is a regular file, or could become one. What else has a name there (a device, a pipe) is not to be set aside.
 fn can_be_file(target: &Path) -> bool {
-    // `file_name` passes over what makes a name that of a folder.
-    let name = target.as_os_str().as_encoded_bytes();
-    let is_named = target.file_name().is_some() && !name.ends_with(b"/") && !name.ends_with(b"/.");
-    let folder = target.parent().filter(|folder| !folder.as_os_str().is_empty());
-    is_named && folder.is_none_or(Path::is_dir) && target.metadata().map_or(true, |data| data.is_file())
+    let has_place = file_name(target).is_some() && folder(target).is_dir();
+    has_place && target.metadata().map_or(true, |data| data.is_file())
 }
 
 fn resumed(config: &Config, path: &Path) -> Result<Engine, BeginError> {

@@ -36,7 +36,7 @@ enum Task {
     Keep { before: u64 },
 }
 
-/// Goes with the last map of a session: whatever becomes of that, nobody need say that it is on its way no more.
+/// Dropped with the session's last map, so that [`Saver`] sees when it is done.
 type OnItsWay = Arc<()>;
 
 /// Most that waits for the thread. `CallsForMap` lets one map be under way, a jump adds one, and the node's end asks for one more;

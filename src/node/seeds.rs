@@ -66,6 +66,12 @@ impl Scans {
         self.clone()
     }
 
+    /// Whether compressed images are what is read: where the network is joined anew they go on.
+    pub(super) fn reads_compressed(&self) -> bool {
+        let form = self.chosen.get();
+        form.map_or_else(|| self.comes(Form::CompressedDepth), |form| form == Form::CompressedDepth)
+    }
+
     /// Whether a scan has come in this form, or an image that lacks its camera info alone.
     pub(super) fn comes(&self, form: Form) -> bool {
         match form {

@@ -6,15 +6,16 @@ use std::time::Instant;
 use tokio::sync::mpsc;
 use tracing::error;
 
-use super::record::Recorder;
+use super::publish::Outlets;
 use super::rosout::Lines;
 use super::throttle::Throttle;
-use super::transport::{Outgoing, Transport};
+use super::transport::Transport;
+use crate::msg::outgoing::Outgoing;
 use crate::msg::reports::{DiagnosticArray, Log};
 
 /// Sends until no more reports come, then the lines that still wait.
 pub(super) async fn speak(
-    (transport, recorder): (Rc<impl Transport>, Option<Recorder>),
+    Outlets { transport, recorder }: Outlets<impl Transport>,
     mut reports: mpsc::Receiver<DiagnosticArray>,
     Lines(mut lines): Lines,
 ) {
@@ -48,7 +49,7 @@ struct Voice<T> {
 
 impl<T: Transport> Voice<T> {
     async fn send(&mut self, message: Outgoing) {
-        let topic = message.topic();
+        let topic = message.topic().name;
         if let Err(failure) = self.transport.publish(message).await
             && self.throttle.allows(topic, Instant::now())
         {

@@ -70,7 +70,7 @@ impl Lasting {
         self.0.remove(line);
     }
 
-    /// What was written of, and is not among all that is so now.
+    /// Conditions that were logged and no longer hold.
     pub(super) fn over(&mut self, lines: &[String]) -> Vec<String> {
         let over = self.0.keys().filter(|line| !lines.contains(line)).cloned().collect();
         self.0.retain(|line, _| lines.contains(line));

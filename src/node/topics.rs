@@ -2,12 +2,12 @@
 
 use std::collections::BTreeMap;
 
-use super::inputs::COMPRESSED_DEPTH;
 use super::parameters::{self, ParameterService};
 use super::transport::{DepthTopics, Form, SensorTopics, Service, TopicName};
 use crate::args::{ArgsError, Setup};
 use crate::config::Sensor;
 use crate::msg::sent;
+use crate::msg::types::COMPRESSED_DEPTH;
 
 /// A topic that nobody reads.
 pub(super) const PULSE: &str = "~/_pulse";

@@ -9,11 +9,9 @@ use thiserror::Error;
 use crate::cloud::{Camera, Cloud, CloudError};
 use crate::config::Config;
 use crate::engine::Stamp;
-use crate::msg::clusters::SurfaceClusterArray;
-use crate::msg::reports::{DiagnosticArray, Log};
-use crate::msg::ros::{MarkerArray, PointCloud2, TfMessage, TriggerResponse};
-use crate::msg::sent::{self, Named};
-use crate::msg::twins::{Detection3DArray, PolygonInstanceStamped};
+use crate::msg::outgoing::Outgoing;
+use crate::msg::ros::{PointCloud2, TfMessage, TriggerResponse};
+use crate::msg::sent::Named;
 
 /// In which form a sensor's scans come.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -143,43 +141,6 @@ pub enum Event<Request> {
     },
 }
 
-/// Something to go out.
-#[derive(Clone, Debug)]
-pub enum Outgoing {
-    /// On `~/clusters`.
-    Clusters(SurfaceClusterArray),
-    /// On `~/clusters_delta`.
-    Delta(SurfaceClusterArray),
-    /// On `~/markers`.
-    Markers(MarkerArray),
-    /// On `~/points_labelled`.
-    Labelled(PointCloud2),
-    /// On `/diagnostics`.
-    Diagnostics(DiagnosticArray),
-    /// On `/rosout`.
-    Log(Log),
-    /// On `~/detections`.
-    Detections(Detection3DArray),
-    /// On `~/polygons`.
-    Polygon(PolygonInstanceStamped),
-}
-
-impl Outgoing {
-    /// Name of its topic.
-    pub const fn topic(&self) -> &'static str {
-        match self {
-            Self::Clusters(_) => sent::CLUSTERS.name,
-            Self::Delta(_) => sent::DELTA.name,
-            Self::Markers(_) => sent::MARKERS.name,
-            Self::Labelled(_) => sent::LABELLED.name,
-            Self::Diagnostics(_) => sent::DIAGNOSTICS.name,
-            Self::Log(_) => sent::LOG.name,
-            Self::Detections(_) => sent::DETECTIONS.name,
-            Self::Polygon(_) => sent::POLYGONS.name,
-        }
-    }
-}
-
 /// A topic that somebody publishes.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Source {
@@ -280,7 +241,7 @@ pub trait Transport: 'static {
     /// Why nothing may come of a publisher that is there, beside that it is silent.
     fn silences(&self) -> &'static str;
 
-    /// Every topic that has a publisher now, by name; none where that cannot be known.
+    /// Every topic that another publishes now, by name; none where that cannot be known.
     fn sources(&self) -> Vec<Source>;
 
     /// What can be known of the network now.
@@ -295,6 +256,7 @@ mod tests {
     use std::error::Error;
 
     use super::*;
+    use crate::msg::sent;
 
     #[test]
     fn what_could_not_be_sent_is_an_error_that_names_its_topic() {

@@ -36,19 +36,16 @@ use self::graph::Graph;
 pub use self::opener::Call;
 use self::opener::Opener;
 use self::outlet::Outlet;
-use super::middleware::{Adding, Middleware, OpenError, Opened};
+use super::middleware::{Adding, EVENTS, Middleware, OpenError, Opened};
 use super::parameters::Parameters;
 use super::readers::{self, Readers};
 use super::seeds::Scans;
-use super::transport::{Input, NetworkState, Outgoing, SendError, SensorTopics, Service, Source, Transport};
+use super::transport::{Input, NetworkState, SendError, SensorTopics, Service, Source, Transport};
 use crate::args::Setup;
 use crate::args::security::{Security, SecurityError};
 use crate::config::Value;
-use crate::msg::cdr;
+use crate::msg::outgoing::Outgoing;
 use crate::msg::ros::TriggerResponse;
-
-/// Events that wait for the node; a cloud that finds no place waits in its mailbox.
-const EVENTS: usize = 16;
 
 /// Time between two looks for a router where there is none at the start, and at whether the session is open; and until Zenoh itself
 /// knows what it has told.
@@ -57,16 +54,15 @@ const LOOK: Duration = Duration::from_secs(1);
 /// Adds events to those of the network.
 type Events = Adding<Zenoh>;
 
-fn opening<E: ToString>(what: &str) -> impl FnOnce(E) -> OpenError {
-    move |error| OpenError::Open { what: what.to_owned(), text: error.to_string() }
-}
-
-/// Runs what waits for Zenoh on a thread of its own: Zenoh panics where it is waited for within a runtime of one thread.
-async fn aside<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> Result<T, OpenError> {
+/// Runs what waits for Zenoh on a thread of its own, never on this one: within a runtime of one thread Zenoh panics where it is
+/// waited for.
+async fn off_the_runtime<T: Send + 'static>(
+    work: impl FnOnce() -> T + Send + 'static,
+) -> Result<T, OpenError> {
     let (done, result) = oneshot::channel();
     let thread = std::thread::Builder::new().name("cfodi-zenoh".to_owned());
-    thread.spawn(move || drop(done.send(work()))).map_err(opening("a thread"))?;
-    result.await.map_err(opening("Zenoh"))
+    thread.spawn(move || drop(done.send(work()))).map_err(OpenError::opening("a thread"))?;
+    result.await.map_err(OpenError::opening("Zenoh"))
 }
 
 /// The node on Zenoh.
@@ -82,6 +78,8 @@ pub struct Zenoh {
     router_news: Arc<Notify>,
     /// There was a router, and now there is none.
     lacks_router: Cell<bool>,
+    /// It was said at the start that there is none.
+    said_no_router: bool,
     session: Session,
     parameters: Rc<Parameters>,
     inputs: Vec<SensorTopics>,
@@ -93,9 +91,13 @@ pub struct Zenoh {
 
 impl Zenoh {
     /// The node's ends on a session.
-    fn on(session: &Session, setup: &Setup, events: &Events) -> Result<Self, OpenError> {
-        let parameters = Parameters::new(setup.fully_qualified_name(), setup.parameters.clone());
-        let parameters = Rc::new(parameters);
+    fn on(
+        session: &Session,
+        setup: &Setup,
+        said_no_router: bool,
+        events: &Events,
+    ) -> Result<Self, OpenError> {
+        let parameters = Rc::new(Parameters::of(setup));
         let answers = Answers::start()?;
         let opener = Rc::new(Opener::new(setup, session, answers.clone())?);
         let graph = Graph::default();
@@ -113,6 +115,7 @@ impl Zenoh {
             answers,
             router_news: router_news(session)?,
             lacks_router: Cell::new(false),
+            said_no_router,
             session: session.clone(),
             parameters,
             inputs,
@@ -123,7 +126,7 @@ impl Zenoh {
 
     /// Resolves when the session is closed; says meanwhile when a router is found and lost.
     async fn closed(&self) -> String {
-        let mut has_router = None;
+        let mut has_router = self.said_no_router.then_some(false);
         loop {
             match routers(&self.session).await {
                 Ok(0) if has_router == Some(true) => {
@@ -162,24 +165,24 @@ fn router_news(session: &Session) -> Result<Arc<Notify>, OpenError> {
         }
     };
     let (info, what) = (session.info(), "the news of routers");
-    info.transport_events_listener().callback(tell).background().wait().map_err(opening(what))?;
+    info.transport_events_listener().callback(tell).background().wait().map_err(OpenError::opening(what))?;
     Ok(news)
 }
 
 /// How many routers the session is connected to.
 async fn routers(session: &Session) -> Result<usize, OpenError> {
     let session = session.clone();
-    aside(move || session.info().routers_zid().wait().count()).await
+    off_the_runtime(move || session.info().routers_zid().wait().count()).await
 }
 
-/// Waits for a router for so many looks, and says where there is none.
-async fn find_router(session: &Session, looks: u64) -> Result<(), OpenError> {
+/// Looks for a router `looks` times at most, and says where there is none; whether it has said so.
+async fn find_router(session: &Session, looks: u64) -> Result<bool, OpenError> {
     for look in 0..looks {
         if look > 0 {
             sleep(LOOK).await;
         }
         if routers(session).await? > 0 {
-            return Ok(());
+            return Ok(look > 0);
         }
         if look % 10 == 0 {
             warn!(
@@ -187,12 +190,12 @@ async fn find_router(session: &Session, looks: u64) -> Result<(), OpenError> {
             );
         }
     }
-    Ok(())
+    Ok(looks > 0)
 }
 
 /// Closes a session, however many ends it had.
 async fn close(session: Session) {
-    let closed = aside(move || {
+    let closed = off_the_runtime(move || {
         let closed = session.close().wait();
         drop(session);
         closed.map_err(|error| error.to_string())
@@ -213,11 +216,13 @@ impl Middleware for Zenoh {
 
     async fn open(setup: &Setup, _: Security) -> Result<Opened<Self>, OpenError> {
         let (config, looks) = (config::of_process()?, config::router_checks()?);
-        let opened = aside(move || zenoh::open(config).wait().map_err(opening("a Zenoh session")));
+        let opened = off_the_runtime(move || {
+            zenoh::open(config).wait().map_err(OpenError::opening("a Zenoh session"))
+        });
         let session = opened.await??;
         let (events, receiver) = mpsc::channel(EVENTS);
         let found = find_router(&session, looks.unwrap_or(0)).await;
-        match found.and_then(|()| Self::on(&session, setup, &events)) {
+        match found.and_then(|said_no_router| Self::on(&session, setup, said_no_router, &events)) {
             Ok(node) => {
                 // Not the last one: dropping that waits.
                 drop(session);
@@ -251,10 +256,9 @@ impl Transport for Zenoh {
     type Request = Call;
 
     async fn publish(&self, message: Outgoing) -> Result<(), SendError> {
-        match self.outlets.get(message.topic()) {
-            Some(outlet) => outlet.send(encoded(&message)),
-            None => Ok(()),
-        }
+        let Some(outlet) = self.outlets.get(message.topic().name) else { return Ok(()) };
+        let mut bytes = Vec::new();
+        outlet.send(message.write(&mut bytes).map(|()| bytes))
     }
 
     async fn answer(&self, _: Service, call: Call, response: TriggerResponse) -> Result<(), SendError> {
@@ -298,19 +302,4 @@ impl Transport for Zenoh {
             reason = outlet::ended(&self.outlets) => reason,
         }
     }
-}
-
-/// A message in CDR.
-fn encoded(message: &Outgoing) -> Result<Vec<u8>, cdr_encoding::Error> {
-    let mut bytes = Vec::new();
-    match message {
-        Outgoing::Clusters(message) | Outgoing::Delta(message) => cdr::write(&mut bytes, message),
-        Outgoing::Markers(message) => cdr::write(&mut bytes, message),
-        Outgoing::Labelled(message) => cdr::write(&mut bytes, message),
-        Outgoing::Diagnostics(message) => cdr::write(&mut bytes, message),
-        Outgoing::Log(message) => cdr::write(&mut bytes, message),
-        Outgoing::Detections(message) => cdr::write(&mut bytes, message),
-        Outgoing::Polygon(message) => cdr::write(&mut bytes, message),
-    }?;
-    Ok(bytes)
 }

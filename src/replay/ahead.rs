@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::clocks;
-use crate::bag::{Bag, Decoder, Message, Recorded};
+use crate::bag::{Bag, Decoder, Recorded};
 use crate::msg::ros::TransformStamped;
 
 /// A bag to look ahead in, up to a signal; what cannot be read is said when its turn comes.
@@ -19,7 +19,7 @@ pub(super) struct Ahead<'a> {
 impl<'a> Ahead<'a> {
     /// Finds the cameras of the sensors first.
     pub(super) fn new(bag: &'a Bag, mut decoder: Decoder, stop: Arc<AtomicBool>) -> Self {
-        decoder.look_for_cameras(messages(bag, Arc::clone(&stop)));
+        decoder.look_for_cameras(bag.readable_until(Arc::clone(&stop)));
         Self { bag, decoder, stop, begins_at_zero: None }
     }
 
@@ -36,7 +36,7 @@ impl<'a> Ahead<'a> {
     /// The transforms of the whole bag, in order, with whether they are static.
     pub(super) fn transforms(&self) -> impl Iterator<Item = (TransformStamped, bool)> + use<> {
         let mut decoder = self.decoder.of_transforms();
-        let messages = messages(self.bag, Arc::clone(&self.stop));
+        let messages = self.bag.readable_until(Arc::clone(&self.stop));
         let recorded = messages.flat_map(move |message| decoder.decode(&message));
         recorded.flat_map(|recorded| match recorded {
             Recorded::Transforms { message, is_static } => {
@@ -56,8 +56,4 @@ impl<'a> Ahead<'a> {
         let Self { bag, decoder, stop, begins_at_zero } = self;
         *begins_at_zero.get_or_insert_with(|| clocks::begins_at_zero(bag, decoder.clone(), stop))
     }
-}
-
-fn messages(bag: &Bag, stop: Arc<AtomicBool>) -> impl Iterator<Item = Message> + use<> {
-    bag.messages().map_while(Result::ok).take_while(move |_| !stop.load(Ordering::Relaxed))
 }

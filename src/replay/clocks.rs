@@ -1,8 +1,8 @@
 //! The two clocks of a bag: the one by which its messages are stamped, and the one by which they were recorded.
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 
-use crate::bag::{Bag, Decoder, Message, Recorded};
+use crate::bag::{Bag, Decoder, Recorded};
 
 /// Scans that are looked at: the stamp of one alone may be a stray.
 const FIRST: usize = 9;
@@ -19,7 +19,7 @@ const DATED: u64 = 365 * 24 * 3600 * 1_000_000_000;
 /// up to `stop`; `None` where both are of one clock.
 pub fn clock_offset(bag: &Bag, mut decoder: Decoder, stop: &AtomicBool) -> Option<i64> {
     // Without its camera no image is a scan, and that may come last.
-    decoder.look_for_cameras(messages(bag, stop));
+    decoder.look_for_cameras(bag.readable_until(stop));
     let offsets = stamps(bag, decoder, stop)
         .filter_map(|(stamp, recorded)| stamp.checked_sub(i64::try_from(recorded).ok()?));
     median(offsets).filter(|offset| offset.unsigned_abs() > APART)
@@ -33,7 +33,7 @@ pub(super) fn begins_at_zero(bag: &Bag, decoder: Decoder, stop: &AtomicBool) -> 
 
 /// When the scans were taken, and when recorded (ns); those of stamp zero may be of a driver that does not say.
 fn stamps(bag: &Bag, mut decoder: Decoder, stop: &AtomicBool) -> impl Iterator<Item = (i64, u64)> {
-    let scans = messages(bag, stop).flat_map(move |message| {
+    let scans = bag.readable_until(stop).flat_map(move |message| {
         let clouds = decoder.decode(&message).into_iter().filter_map(|recorded| match recorded {
             Recorded::Cloud { cloud: Ok(cloud), .. } => Some(cloud.stamp.nanos()),
             _ => None,
@@ -41,11 +41,6 @@ fn stamps(bag: &Bag, mut decoder: Decoder, stop: &AtomicBool) -> impl Iterator<I
         clouds.map(|stamp| (stamp, message.log_time)).collect::<Vec<_>>()
     });
     scans.filter(|(stamp, _)| *stamp != 0)
-}
-
-/// Those that can be read, up to `stop`.
-fn messages(bag: &Bag, stop: &AtomicBool) -> impl Iterator<Item = Message> {
-    bag.messages().map_while(Result::ok).take_while(|_| !stop.load(Ordering::Relaxed))
 }
 
 /// Of the first few.

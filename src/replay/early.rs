@@ -19,7 +19,7 @@ use crate::tf::{Lack, bare};
 /// Frames of which transforms are taken before their turn at most: each has a reader of the bag.
 const FRAMES: usize = 8;
 
-/// Transforms of a bag, with how many of all lie before each.
+/// Transforms of a bag, each with its index among all of them.
 type Transforms = Peekable<Box<dyn Iterator<Item = (usize, TransformStamped)>>>;
 
 /// What was taken before its turn.
@@ -36,7 +36,7 @@ pub(super) struct Early {
 /// Reads one frame's transforms of `/tf`, from the first whose turn had not come.
 struct Reader {
     transforms: Transforms,
-    /// Those of which fewer lie before them were taken, or had had their turn.
+    /// Transforms before this index have been taken, or have had their turn.
     taken: usize,
     count: u64,
 }

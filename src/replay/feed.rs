@@ -18,9 +18,9 @@ use super::summary::{AFTER_JUMP, Tally};
 use super::visitor::{Go, Visitor};
 use crate::bag::{Bag, BagError, Decoder, Elsewhere, Recorded, TransformTopics};
 use crate::cloud::{Cloud, CloudError};
-use crate::join::{Join, Joined, Jump, with_stamp};
+use crate::join::{GivenUp, Join, Joined, Jump, with_stamp};
 use crate::msg::ros::{TfMessage, TransformStamped};
-use crate::reason::{self, Reason};
+use crate::reason::{Reason, SESSION_ENDED, SHUTDOWN};
 use crate::tf::{LookupError, MAX_AGE, Waited};
 
 /// Clouds that wait for a transform however long it takes: where there are few in a second, transforms may be few as well.
@@ -39,16 +39,12 @@ const UNPLACED: usize = 20;
 const LOOK: Duration = Duration::from_millis(100);
 
 /// How often it is said that a frame has changed its parent: what is said again tells of two publishers.
-const TWICE: u32 = 2;
+const MOST_REPARENTINGS_SAID: u32 = 2;
 
 /// Messages between the two threads at most.
 const BETWEEN: usize = 2;
 
-/// Why scans are skipped that waited for their transform when something came between.
-const SESSION_ENDED: Reason =
-    Reason::new(reason::SESSION_ENDED, "The stamps jumped back while the scan waited for its transform.");
-const STOPPED: Reason =
-    Reason::new(reason::SHUTDOWN, "The replay was stopped while the scan waited for its transform.");
+/// Why scans are skipped that were given up before a transform was looked for.
 const NOT_LOOKED_UP: Reason = Reason::new("tf_not_looked_up", "No transform was looked for before the end.");
 
 /// How far a replay has come.
@@ -105,7 +101,7 @@ pub struct Fed {
 impl Fed {
     /// Whether it was told to stop before anything had become of a scan.
     pub fn is_for_nothing(&self) -> bool {
-        self.stopped && self.tally.scans == 0 && self.tally.skipped.keys().all(|reason| *reason == STOPPED)
+        self.stopped && self.tally.scans == 0 && self.tally.skipped.keys().all(|reason| *reason == SHUTDOWN)
     }
 }
 
@@ -151,7 +147,9 @@ pub fn feed<V: Visitor>(feed: Feed<'_>, visitor: &mut V) -> Result<Ended, FeedEr
         enough: false,
         tally: Tally::default(),
         unplaced: BTreeSet::new(),
+        lacks_transforms: false,
         without_viewpoint: None,
+        distorted: BTreeSet::new(),
         skips_said: Said::default(),
         transforms_said: Said::default(),
     };
@@ -214,8 +212,12 @@ struct Feeder<'a, V> {
     tally: Tally,
     /// Frames of which a scan was skipped because they had no way to the fixed one.
     unplaced: BTreeSet<String>,
+    /// Scans were skipped for want of a transform at their time, or of one that has jumped back with them.
+    lacks_transforms: bool,
     /// What is to be said of clouds in the fixed frame.
     without_viewpoint: Option<String>,
+    /// What is to be said of cameras.
+    distorted: BTreeSet<String>,
     /// Why scans of which frame were skipped.
     skips_said: Said,
     /// What transforms have done or were refused for.
@@ -270,8 +272,9 @@ impl<V: Visitor> Feeder<'_, V> {
             }
             Recorded::Transforms { message, is_static } => self.transforms(&message, is_static)?,
             Recorded::Distorted { topic } => {
-                let line = format!("{topic} tells of lens distortion: depth images are taken as rectified");
-                self.visitor.say(&line);
+                self.distorted.insert(format!(
+                    "{topic} tells of lens distortion: depth images are taken as rectified, and are off by it where they are not"
+                ));
             }
             Recorded::Undecodable { topic, text } => {
                 if self.tally.undecodable(&topic) {
@@ -283,7 +286,7 @@ impl<V: Visitor> Feeder<'_, V> {
     }
 
     fn refused(&mut self, error: &CloudError) {
-        if self.tally.skip(error.explained()) {
+        if self.tally.skip(error.reason()) {
             self.visitor.say(&format!("a scan was skipped: {error}"));
         }
     }
@@ -302,7 +305,9 @@ impl<V: Visitor> Feeder<'_, V> {
         self.make_room()?;
         self.join.set_places(self.places());
         if let Some(pushed_out) = self.join.cloud(sensor, cloud, self.now) {
-            self.skip(&pushed_out);
+            // While patience lasts, only the bound of memory takes a cloud's place from it.
+            let is_over = pushed_out.waited >= self.patience;
+            self.skip(&pushed_out, if is_over { GivenUp::TimedOut } else { GivenUp::PushedOut });
         }
         self.ready()
     }
@@ -383,9 +388,11 @@ impl<V: Visitor> Feeder<'_, V> {
     fn transform(&mut self, transform: &TransformStamped, is_static: bool) -> Option<String> {
         let said = &mut self.transforms_said;
         match self.join.transform(transform, is_static) {
-            Ok(inserted) => inserted.about(transform).filter(|line| said.is_due(line, TWICE)),
+            Ok(inserted) => {
+                inserted.about(transform).filter(|line| said.is_due(line, MOST_REPARENTINGS_SAID))
+            }
             Err(error) => {
-                let reason = error.explained();
+                let reason = error.reason();
                 self.tally.refuse_transform(reason);
                 let is_due = said.is_due(&format!("{} {}", reason.key, transform.child_frame_id), 1);
                 is_due.then(|| format!("a transform was refused: {error}"))
@@ -415,16 +422,17 @@ impl<V: Visitor> Feeder<'_, V> {
         Ok(())
     }
 
-    fn skip(&mut self, waited: &Waited<Cloud>) {
-        let reason = waited.last_error.as_ref().map_or(NOT_LOOKED_UP, LookupError::explained);
+    fn skip(&mut self, waited: &Waited<Cloud>, given_up: GivenUp) {
+        let lacks = waited.last_error.as_ref();
+        let reason = lacks.map_or(NOT_LOOKED_UP, LookupError::reason);
         self.tally.skip(reason);
-        let has_no_way = waited.last_error.as_ref().is_some_and(LookupError::is_unconnected);
-        if has_no_way && self.unplaced.len() < UNPLACED {
+        self.lacks_transforms |= lacks.is_some_and(LookupError::is_of_time);
+        if lacks.is_some_and(LookupError::is_unconnected) && self.unplaced.len() < UNPLACED {
             self.unplaced.insert(waited.frame_id.clone());
         }
         if self.skips_said.is_due(&format!("{} {}", reason.key, waited.frame_id), 1) {
-            let why = waited.last_error.as_ref().map(ToString::to_string);
-            let words: Vec<_> = why.into_iter().chain(self.join.hint(waited.last_error.as_ref())).collect();
+            let hint = self.join.hint(lacks, given_up);
+            let words: Vec<_> = lacks.map(ToString::to_string).into_iter().chain(hint).collect();
             self.visitor.say(&format!("a scan was skipped: {}", words.join("; ")));
         }
     }
@@ -447,14 +455,15 @@ impl<V: Visitor> Feeder<'_, V> {
             if self.enough {
                 self.tally.skip_all(AFTER_JUMP, 1);
             } else if stopped {
-                self.tally.skip_all(STOPPED, 1);
+                self.tally.skip_all(SHUTDOWN, 1);
             } else {
-                self.skip(&waited);
+                self.skip(&waited, GivenUp::AtEnd);
             }
         }
         let came_later = self.unplaced.iter().any(|frame| self.finder.reaches(frame));
-        let disorder = self.disorder.about(came_later || self.tally.lacks_transforms());
-        let warnings = disorder.into_iter().chain(self.without_viewpoint).map(Remark::warning);
+        let disorder = self.disorder.about(came_later || self.lacks_transforms);
+        let warnings = disorder.into_iter().chain(self.without_viewpoint).chain(self.distorted);
+        let warnings = warnings.map(Remark::warning);
         let remarks: Vec<_> =
             warnings.chain(self.early.about()).chain(self.finder.about(&self.join)).collect();
         remarks.iter().for_each(|remark| self.visitor.say(&remark.text));

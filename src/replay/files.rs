@@ -12,11 +12,11 @@ use crate::engine::{Snapshot, Stamp, Update};
 use crate::export::{WholeFile, WriteError, write_ply, write_voxels};
 use crate::msg::caps::Caps;
 use crate::msg::clusters::{Session, SurfaceClusterArray};
-use crate::msg::labelled::labelled_points;
 use crate::msg::markers::Markers;
+use crate::msg::outgoing::{Outgoing, of_map, polygons_of};
 use crate::msg::reports::DiagnosticArray;
 use crate::msg::ros::{TfMessage, TransformStamped};
-use crate::msg::twins::{Twins, detections, polygons};
+use crate::msg::twins::Twins;
 use crate::report::Story;
 
 /// A result bag under way.
@@ -34,8 +34,6 @@ pub struct ResultFile {
     is_direct: bool,
     /// Where a camera's frame is, until the first scan tells the time to say it at.
     level: Option<TransformStamped>,
-    /// The session that the markers are of.
-    session: u64,
     /// Version of the newest snapshot.
     published: Option<(u64, u64)>,
 }
@@ -78,7 +76,6 @@ impl ResultFile {
             caps: Caps::default(),
             twins: topics.twins(),
             said_own: Said::default(),
-            session: 0,
             published: None,
         })
     }
@@ -95,12 +92,7 @@ impl ResultFile {
     }
 
     fn update(&mut self, session: &Session, update: &Update) -> Result<(), WriteError> {
-        if std::mem::replace(&mut self.session, session.id) != session.id {
-            self.markers.reset();
-            self.caps = Caps::default();
-        }
-        let delta = SurfaceClusterArray::delta(session, update);
-        self.put(|bag| bag.clusters_delta(&delta))
+        self.put(|bag| bag.put(&Outgoing::Delta(SurfaceClusterArray::delta(session, update))))
     }
 
     fn put(
@@ -121,32 +113,14 @@ impl ResultFile {
         if self.published.replace(version) == Some(version) {
             return Ok(());
         }
-        let clusters = SurfaceClusterArray::snapshot(session, snapshot);
-        let (markers, twins) = (self.markers.update(session, snapshot), self.twins);
-        self.put(|bag| {
-            bag.clusters(&clusters)?;
-            bag.points_labelled(&labelled_points(session, snapshot))?;
-            bag.markers(&clusters.header, &markers)?;
-            write_twins(bag, twins, session, snapshot)
-        })
+        let messages = of_map(session, snapshot, &mut self.markers, self.twins);
+        let polygons = polygons_of(session, snapshot, self.twins);
+        self.put(|bag| messages.iter().chain(&polygons).try_for_each(|message| bag.put(message)))
     }
 
     fn finish(self) -> Result<(), WriteError> {
         self.bag.and_then(ResultBag::finish).map_err(failed(&self.path))?.commit()
     }
-}
-
-fn write_twins(
-    bag: &mut ResultBag<WholeFile>,
-    twins: Twins,
-    session: &Session,
-    snapshot: &Snapshot,
-) -> io::Result<()> {
-    if twins.detections {
-        bag.detections(&detections(session, snapshot))?;
-    }
-    let mut polygons = polygons(session, snapshot).filter(|_| twins.polygons);
-    polygons.try_for_each(|polygon| bag.polygon(&polygon))
 }
 
 impl Outputs<'_> {
@@ -156,12 +130,13 @@ impl Outputs<'_> {
 
     pub(super) fn snapshot(&mut self, session: &Session, snapshot: &Snapshot) -> Result<(), WriteError> {
         let Some(bag) = &mut self.bag else { return Ok(()) };
-        bag.caps.reached(snapshot).iter().for_each(|line| (self.say)(line));
+        bag.caps.reached(session.id, snapshot).iter().for_each(|line| (self.say)(line));
         bag.snapshot(session, snapshot)
     }
 
     pub(super) fn diagnostics(&mut self, report: &DiagnosticArray) -> Result<(), WriteError> {
-        self.bag.as_mut().map_or(Ok(()), |file| file.put(|bag| bag.diagnostics(report)))
+        let report = || Outgoing::Diagnostics(report.clone());
+        self.bag.as_mut().map_or(Ok(()), |file| file.put(|bag| bag.put(&report())))
     }
 
     /// A session ends: what a report tells is the map, which begins anew; the result bag goes on in time.

@@ -81,12 +81,6 @@ impl Tally {
         }
     }
 
-    /// Whether scans were skipped for want of a transform at their time, or of one that has jumped back with them.
-    pub(super) fn lacks_transforms(&self) -> bool {
-        let of_time = ["tf_too_early", "tf_too_late", "tf_not_jumped_back"];
-        self.skipped.keys().any(|reason| of_time.contains(&reason.key))
-    }
-
     pub(super) fn undecodable(&mut self, topic: &str) -> bool {
         let count = self.undecodable.entry(topic.to_owned()).or_default();
         *count += 1;
@@ -207,7 +201,7 @@ impl Summary {
         let reasons = self.tally.skipped.iter().chain(&self.tally.transforms_refused);
         let undecodable: u64 = self.tally.undecodable.values().sum();
         let mut skipped: BTreeMap<Reason, u64> = BTreeMap::new();
-        let not_read = CloudError::Undecodable(String::new()).explained();
+        let not_read = CloudError::Undecodable(String::new()).reason();
         let other = (undecodable > 0).then_some((&not_read, &undecodable));
         for (reason, count) in reasons.chain(other) {
             *skipped.entry(*reason).or_default() += count;

@@ -261,8 +261,7 @@ fn a_skipped_message_is_explained() {
     let at = Stamp::default();
     let (fixed, sensor, lack) = ("a".to_owned(), "b".to_owned(), Lack::TooDeep { max: 1 });
     let chain = LookupError { fixed, sensor, at, lack };
-    let reasons =
-        [CloudError::EmptyFrameId.explained(), deep.explained(), many.explained(), chain.explained()];
+    let reasons = [CloudError::EmptyFrameId.reason(), deep.reason(), many.reason(), chain.reason()];
     let skipped: BTreeMap<_, _> = reasons.into_iter().zip(1230..).collect();
     let text = page(&Story::new(), &Facts { skipped: skipped.clone(), ..Facts::default() });
     for (Reason { key, sentence }, count) in skipped {

@@ -109,13 +109,8 @@ pub enum FrameError {
 }
 
 impl FrameError {
-    /// A short key to count refused transforms by.
-    pub fn reason(&self) -> &'static str {
-        self.explained().key
-    }
-
-    /// What the error is counted by, with what that means.
-    pub fn explained(&self) -> Reason {
+    /// What refused transforms are counted by, with what that means.
+    pub fn reason(&self) -> Reason {
         let (key, sentence) = match self {
             Self::EmptyName { .. } => ("empty_name", "A transform names no frame."),
             Self::LongName { .. } => ("long_name", "A transform’s frame has too long a name."),
@@ -258,13 +253,13 @@ impl LookupError {
         matches!(self.lack, Lack::UnknownFrame { .. } | Lack::NotConnected { .. })
     }
 
-    /// A short key to count dropped scans by.
-    pub fn reason(&self) -> &'static str {
-        self.explained().key
+    /// Whether a way leads from the one frame to the other, but not at that time, or not since the stamps jumped back.
+    pub const fn is_of_time(&self) -> bool {
+        matches!(self.lack, Lack::TooEarly { .. } | Lack::TooLate { .. } | Lack::NotJumpedBack { .. })
     }
 
-    /// What the error is counted by, with what that means.
-    pub fn explained(&self) -> Reason {
+    /// What skipped scans are counted by, with what that means.
+    pub fn reason(&self) -> Reason {
         let (key, sentence) = match self.lack {
             Lack::UnknownFrame { .. } => {
                 ("tf_unknown_frame", "No transform names the sensor’s frame or the fixed frame.")
@@ -285,5 +280,28 @@ impl LookupError {
             }
         };
         Reason::new(key, sentence)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_lookup_lacks_a_way_or_its_time_or_neither() {
+        let (frame, at) = (|| "f".to_owned(), Stamp::default());
+        let covered = Span { from: at, until: at };
+        let of = |lack| {
+            let error = LookupError { fixed: frame(), sensor: frame(), at, lack };
+            (error.reason().key, error.is_unconnected(), error.is_of_time())
+        };
+        assert_eq!(of(Lack::UnknownFrame { frame: frame() }), ("tf_unknown_frame", true, false));
+        let apart = Lack::NotConnected { fixed_root: frame(), sensor_root: frame() };
+        assert_eq!(of(apart), ("tf_not_connected", true, false));
+        assert_eq!(of(Lack::TooEarly { frame: frame(), covered }), ("tf_too_early", false, true));
+        assert_eq!(of(Lack::TooLate { frame: frame(), covered }), ("tf_too_late", false, true));
+        assert_eq!(of(Lack::NotJumpedBack { newest: at }), ("tf_not_jumped_back", false, true));
+        assert_eq!(of(Lack::TooDeep { max: 1 }), ("tf_too_deep", false, false));
+        assert_eq!(of(Lack::Numeric { reason: String::new() }), ("tf_numeric", false, false));
     }
 }

@@ -19,8 +19,8 @@ pub(super) struct Jumps {
     count: u64,
     /// The frame whose transform was the last that jumped back, and from where.
     last: Option<(String, Stamp)>,
-    /// Frames with two publishers whose stamps lie apart: of them no transform jumps back. Since which stamp the later one has been
-    /// silent, where the newest was not its.
+    /// Frames with two publishers whose stamps lie apart: of them no transform jumps back. The value is the stamp since
+    /// which only the one with the earlier stamps has sent; `None` where the other one sent last.
     to_and_fro: BTreeMap<String, Option<Stamp>>,
 }
 

@@ -1,6 +1,7 @@
 """Inputs that are cut, are no bags, or hold something else; arguments and parameters that cannot be."""
 
 import random
+import shlex
 import shutil
 import struct
 
@@ -132,7 +133,32 @@ def test_a_bag_in_sqlite_is_refused_with_the_command_that_converts_it(recording,
     folder = bags.convert(recording("cabinet").bag(), tmp_path / "sqlite", "--include-topic", "/tf", storage="sqlite3")
     (tmp_path / "one").mkdir()
     refused(bags.only_file(folder), tmp_path / "one", "rosbags-convert", "--dst-storage mcap")
-    refused(folder, tmp_path, "rosbags-convert", "--dst-storage mcap")
+    converted_as_said(refused(folder, tmp_path, "rosbags-convert", "--dst-storage mcap"))
+
+
+@pytest.mark.parametrize("is_named", [True, False])
+def test_a_data_base_without_metadata_is_converted_by_the_command_that_is_said(is_named, recording, tmp_path):
+    folder = bags.convert(recording("cabinet").bag(), tmp_path / "sqlite", "--include-topic", "/tf", storage="sqlite3")
+    alone = tmp_path / "left by a recorder" / "run_0.db3"
+    alone.parent.mkdir()
+    shutil.copy(bags.only_file(folder), alone)
+    converted_as_said(refused(alone if is_named else alone.parent, tmp_path, "rosbags-convert"))
+
+
+def test_a_folder_with_a_ros_1_bag_is_refused_with_the_command_that_converts_it(recording, tmp_path):
+    folder = tmp_path / "ros1"
+    folder.mkdir()
+    (folder / "run.bag").symlink_to(recording("cabinet").bag())
+    said = refused(folder, tmp_path, "rosbags-convert").stderr
+    assert f"--src {folder}/run.bag --dst {folder}/run " in said
+
+
+def converted_as_said(refusal):
+    """Runs the command of a refusal, and reads what it makes."""
+    command = shlex.split(refusal.stderr[refusal.stderr.index("rosbags-convert"):])
+    bags.run(*command)
+    done = cfodi("replay", command[command.index("--dst") + 1])
+    assert "the bag has no point cloud" in done.stderr, "a bag that is read, and has transforms alone"
 
 
 def test_a_topic_that_is_not_there_is_answered_with_those_that_are(recording):

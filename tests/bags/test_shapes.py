@@ -71,6 +71,22 @@ def test_png_images_give_what_raw_ones_give(topic, images, tmp_path):
              Replay(images, tmp_path / "b", parameters=PAPER))
 
 
+@pytest.mark.parametrize("rules", [
+    ["-r", f"depth/image:={bags.IMAGE}"],
+    ["-r", "depth/image:=/unused", "-r", f"/unused/compressedDepth:={bags.IMAGE}/compressedDepth",
+     "-r", f"depth/camera_info:={bags.INFO}"],
+    ["-p", "sensors:=[rear]", "-p", "rear.kind:=depth", "-r", f"rear/image:={bags.IMAGE}"],
+], ids=["beside", "by its own name", "listed"])
+def test_png_images_are_found_where_the_live_node_finds_them(rules, tmp_path):
+    def sensor(bag, stamp, scan):
+        bag.info(stamp, scene.WIDTH, scene.HEIGHT, scene.FOCAL)
+        bag.compressed(stamp, scene.depth(scan), bags.IMAGE + "/compressedDepth")
+
+    packed = scene.write(tmp_path / "packed", sensor)
+    run = Replay(packed, tmp_path, "--ros-args", *rules, outputs=("summary",))
+    assert run.summary()["scans"] == scene.SCANS and f"reading {bags.IMAGE}/compressedDepth with {bags.INFO}" in run.stderr
+
+
 def test_float_images_packed_by_their_inverse_are_unpacked(tmp_path):
     """image_transport's compressedDepth of a 32FC1 image, with its usual parameters (depth_quantization 100, 10 m)."""
     a = np.float32(100 * 101)

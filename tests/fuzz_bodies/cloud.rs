@@ -38,7 +38,7 @@ pub fn check(decoded: Result<Cloud, CloudError>, filter: &CloudFilter, bytes: us
     let cloud = match decoded {
         Ok(cloud) => cloud,
         Err(error) => {
-            assert!(error.to_string().len() < 4000 && !error.reason().is_empty());
+            assert!(error.to_string().len() < 4000 && !error.reason().key.is_empty());
             return;
         }
     };

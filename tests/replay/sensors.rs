@@ -86,18 +86,18 @@ fn a_sensor_that_lags_behind_another_begins_no_session() {
 #[test]
 fn a_camera_info_that_comes_late_is_looked_for_ahead() {
     let folder = Folder::new();
-    let record = |info_at: usize, is_readable: bool| {
+    let record = |topic: &str, info_at: usize, is_readable: bool| {
         let mut writer = BagWriter::new(Layout::Chunks);
         writer.tf("/tf_static", stamp(0), "map", OPTICAL, 0.0);
         for i in 0..30 {
             if i == info_at {
                 let k = [50.0, 0.0, 20.0, 0.0, 50.0, 20.0, 0.0, 0.0, 1.0];
                 let info = CameraInfo { width: 40, height: 40, k, d: vec![0.1], ..CameraInfo::default() };
-                let (topic, type_name) = ("/depth/camera_info", "sensor_msgs/msg/CameraInfo");
+                let (beside, type_name) = ("/depth/camera_info", "sensor_msgs/msg/CameraInfo");
                 if is_readable {
-                    writer.put(topic, type_name, stamp(i), &info);
+                    writer.put(beside, type_name, stamp(i), &info);
                 } else {
-                    writer.put_bytes(topic, type_name, stamp(i), &[0, 1, 0, 0, 9]);
+                    writer.put_bytes(beside, type_name, stamp(i), &[0, 1, 0, 0, 9]);
                 }
             }
             let image = Image {
@@ -109,14 +109,17 @@ fn a_camera_info_that_comes_late_is_looked_for_ahead() {
                 step: 80,
                 data: [208, 7].repeat(1600),
             };
-            writer.put("/depth/image", "sensor_msgs/msg/Image", stamp(i), &image);
+            writer.put(topic, "sensor_msgs/msg/Image", stamp(i), &image);
         }
         replay(&folder.put("depth.mcap", &writer.finish()), &[])
     };
-    let (early, late, none) = (record(0, true), record(25, true), record(25, false));
+    let plain = "/depth/image";
+    let (early, late, none) = (record(plain, 0, true), record(plain, 25, true), record(plain, 25, false));
     assert_eq!((early.number("scans"), late.number("scans")), (30, 30), "{}", late.errors);
     assert_eq!(early.voxels, late.voxels);
     assert_eq!(late.errors.matches("tells of lens distortion").count(), 1, "{}", late.errors);
+    let rectified = record("/depth/image_rect", 0, true);
+    assert_eq!((rectified.number("scans"), rectified.errors.contains("distortion")), (30, false));
     let skipped = &none.summary.as_ref().unwrap()["scans_skipped"];
     assert_eq!(skipped, &serde_json::json!({ "no_camera_info": 30 }), "{}", none.errors);
 }

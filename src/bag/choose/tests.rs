@@ -107,7 +107,8 @@ fn each_image_has_the_intrinsics_that_are_wanted_for_it_then_its_own_whatever_th
         ("/depth/camera_info", "CameraInfo"),
     ]);
     let infos = |wanted: &[Wanted], info: Option<&str>| -> Vec<_> {
-        let info = info.map(|topic| Info { topic: topic.to_owned(), is_named: true });
+        let info =
+            info.map(|topic| Info { topic: topic.to_owned(), plain: Info::PLAIN.to_owned(), is_named: true });
         let sensors = choose(&topics, wanted, &[], info.as_ref()).unwrap().sensors.into_iter();
         sensors.map(|sensor| sensor.info_topic.unwrap()).collect()
     };
@@ -119,7 +120,8 @@ fn each_image_has_the_intrinsics_that_are_wanted_for_it_then_its_own_whatever_th
     one[1].messages = Some(0);
     let sensors = choose(&one, &[wanted("/rear/image")], &[], None).unwrap().sensors;
     assert_eq!(sensors[0].info_topic.as_deref(), Some("/depth/camera_info"));
-    let info = Some(Info { topic: "/depth/camera_info".to_owned(), is_named: false });
+    let info =
+        Some(Info { topic: "/depth/camera_info".to_owned(), plain: Info::PLAIN.to_owned(), is_named: false });
     let rear = Wanted { info, ..wanted("/rear/image") };
     assert_eq!(infos(&[wanted("/front/image"), rear], None), ["/front/camera_info", "/depth/camera_info"]);
 }
@@ -128,7 +130,7 @@ fn each_image_has_the_intrinsics_that_are_wanted_for_it_then_its_own_whatever_th
 fn intrinsics_that_somebody_has_named_are_never_replaced_by_those_of_another_camera() {
     let topics = kinect();
     let image = |name: &str, is_named| {
-        let info = Some(Info { topic: name.to_owned(), is_named });
+        let info = Some(Info { topic: name.to_owned(), plain: "rear/camera_info".to_owned(), is_named });
         [Wanted { info, ..wanted("/camera/depth/image_raw") }]
     };
     let found = |name: &str, is_named| {

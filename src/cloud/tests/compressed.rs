@@ -124,7 +124,7 @@ fn what_is_no_png_of_16_bits_is_refused_with_its_format() {
     {
         let other = png_of((3, 2), color, depth, &vec![7; bytes]);
         let refused = png_taken(&message("16UC1; png compressed", other), camera(3, 2)).unwrap_err();
-        assert_eq!(refused.reason(), "png_kind");
+        assert_eq!(refused.reason().key, "png_kind");
         assert!(refused.to_string().contains("16UC1; png compressed"), "{refused}");
     }
 }
@@ -143,9 +143,9 @@ fn a_png_is_compared_with_camera_and_bound_before_it_is_unpacked() {
     let size = CloudError::ImageSize { width, height, camera_width: 3, camera_height: 2 };
     assert_eq!(png_taken(&claims(width, height), camera(3, 2)), Err(size));
     let huge = png_taken(&claims(width, height), camera(width, height));
-    assert_eq!(huge.unwrap_err().reason(), "too_many_points");
+    assert_eq!(huge.unwrap_err().reason().key, "too_many_points");
     // It is the camera's size, and its pixels end too early.
-    assert_eq!(png_taken(&claims(3, 200), camera(3, 200)).unwrap_err().reason(), "png");
+    assert_eq!(png_taken(&claims(3, 200), camera(3, 200)).unwrap_err().reason().key, "png");
 }
 
 /// The checksum of PNG, bit by bit.
@@ -159,7 +159,7 @@ fn a_cut_image_is_an_error_at_every_length() {
     let (camera, data) = (camera(3, 2), with_header(1.0, 0.0, &png16(3, &DEPTHS)));
     for length in 0..data.len() {
         let cut = message("32FC1; compressedDepth", data[..length].to_vec());
-        let reason = png_taken(&cut, camera).map(drop).map_err(|error| error.reason());
+        let reason = png_taken(&cut, camera).map(drop).map_err(|error| error.reason().key);
         let expected = if length < 12 { "short_header" } else { "png" };
         // The last chunk says only that the file ends.
         assert!(reason == Err(expected) || length >= data.len() - 12, "{length}: {reason:?}");
@@ -222,7 +222,8 @@ fn what_a_png_packs_beside_its_pixels_is_not_unpacked() {
         let image = message("png", [&good[..33], &extra.repeat(50), &good[33..]].concat());
         let mut told = Err("png");
         let memory = allocation_counter::measure(|| {
-            told = png_taken(&image, camera(3, 2)).map(|cloud| cloud.total).map_err(|error| error.reason());
+            told =
+                png_taken(&image, camera(3, 2)).map(|cloud| cloud.total).map_err(|error| error.reason().key);
         });
         assert!(told == Ok(6) || told == Err("png"), "{told:?}");
         // The message, a copy of it, and no sixteen million.
@@ -237,5 +238,5 @@ fn an_image_that_unpacks_to_more_than_its_camera_s_is_cut_to_it_or_refused() {
     let sum = crc32(&png[12..29]);
     png[29..33].copy_from_slice(&sum.to_be_bytes());
     let told = png_taken(&message("png", png), camera(3, 2)).map(|cloud| cloud.total);
-    assert!(told == Ok(6) || told.as_ref().is_err_and(|error| error.reason() == "png"), "{told:?}");
+    assert!(told == Ok(6) || told.as_ref().is_err_and(|error| error.reason().key == "png"), "{told:?}");
 }

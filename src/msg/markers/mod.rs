@@ -50,6 +50,8 @@ type Identity = (String, i32);
 /// Keeps track of what a viewer has been shown.
 #[derive(Default)]
 pub struct Markers {
+    /// With another all begins anew.
+    session: u64,
     slots: Slots,
     /// What the newest message shows.
     shown: BTreeSet<Identity>,
@@ -66,18 +68,16 @@ pub struct Markers {
 }
 
 impl Markers {
-    /// The markers of this map, and the deletions since the calls before.
+    /// The markers of this map, and the deletions since the calls before. With another session viewers are told to delete everything.
     pub fn update(&mut self, session: &Session, snapshot: &Snapshot) -> MarkerArray {
+        if self.session != session.id {
+            *self = Self { session: session.id, ..Self::default() };
+        }
         let header = session.header(snapshot.stamp);
         let additions = self.additions(&header, snapshot);
         let mut markers = self.deletions(&header, snapshot.stamp, &additions);
         markers.extend(additions);
         MarkerArray { markers }
-    }
-
-    /// Begins anew, as after a reset: viewers are told to delete everything.
-    pub fn reset(&mut self) {
-        *self = Self::default();
     }
 
     fn additions(&mut self, header: &Header, snapshot: &Snapshot) -> Vec<Marker> {

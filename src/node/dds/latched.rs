@@ -20,9 +20,9 @@ use tokio::task::JoinSet;
 use tokio::time::sleep;
 use tracing::warn;
 
+use super::Events;
 use super::pulse::Pulse;
 use super::threads::Threads;
-use super::{Events, opening};
 use crate::msg::ros::TfMessage;
 use crate::msg::sent::Named;
 use crate::msg::types;
@@ -138,10 +138,10 @@ impl Latched {
 
     fn open(&self) -> Result<SimpleDataReaderCdr<TfMessage>, OpenError> {
         // Not as one of the node's: what the libraries tell others of the node would name those before too.
-        let subscriber = self.participant.create_subscriber(&self.qos).map_err(opening(TOPIC))?;
+        let subscriber = self.participant.create_subscriber(&self.qos).map_err(OpenError::opening(TOPIC))?;
         subscriber
             .create_simple_datareader_no_key(&self.topic, Some(self.qos.clone()))
-            .map_err(opening(TOPIC))
+            .map_err(OpenError::opening(TOPIC))
     }
 }
 

@@ -12,7 +12,7 @@ use ros2_client::qos::Durability;
 use rustdds::no_key::SimpleDataReaderCdr;
 use rustdds::{DomainParticipant, GUID, RTPSEntity as _, TopicKind};
 
-use super::{opening, reliable};
+use super::reliable;
 use crate::node::middleware::OpenError;
 
 /// On which each participant tells of its nodes; no topic of ROS, and not renamed like those.
@@ -42,9 +42,9 @@ impl Namesakes {
         let qos = (&reliable(WAITING, Durability::TransientLocal)).into();
         let kind = "rmw_dds_common::msg::dds_::ParticipantEntitiesInfo_".to_owned();
         let topic = participant.create_topic(TOPIC.to_owned(), kind, &qos, TopicKind::NoKey);
-        let subscriber = participant.create_subscriber(&qos).map_err(opening(TOPIC))?;
-        let topic = topic.map_err(opening(TOPIC))?;
-        subscriber.create_simple_datareader_no_key(&topic, Some(qos)).map_err(opening(TOPIC))
+        let subscriber = participant.create_subscriber(&qos).map_err(OpenError::opening(TOPIC))?;
+        let topic = topic.map_err(OpenError::opening(TOPIC))?;
+        subscriber.create_simple_datareader_no_key(&topic, Some(qos)).map_err(OpenError::opening(TOPIC))
     }
 
     /// How many there are among the participants of these writers: who was killed does not tell that it has gone.

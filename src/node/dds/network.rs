@@ -9,7 +9,7 @@ use std::rc::Rc;
 use std::time::Duration;
 
 use ros2_client::{Context, Node, Publisher, RmwRequestId, Server};
-use rustdds::DomainParticipant;
+use rustdds::{DomainParticipant, RTPSEntity as _};
 use serde::Serialize;
 use tokio::sync::Mutex;
 
@@ -23,6 +23,7 @@ use super::pulse::Pulse;
 use super::read::Memory;
 use super::threads::Threads;
 use crate::msg::clusters::SurfaceClusterArray;
+use crate::msg::outgoing::Outgoing;
 use crate::msg::reports::{DiagnosticArray, Log};
 use crate::msg::ros::{MarkerArray, PointCloud2, TriggerRequest, TriggerResponse};
 use crate::msg::sent;
@@ -30,7 +31,7 @@ use crate::msg::twins::{Detection3DArray, PolygonInstanceStamped};
 use crate::node::clock::TimeOfDay;
 use crate::node::readers;
 use crate::node::topics::ros_type;
-use crate::node::transport::{Outgoing, SendError, Service, Source};
+use crate::node::transport::{SendError, Service, Source};
 
 /// Time between two looks at the middleware's threads.
 const LOOK: Duration = Duration::from_millis(250);
@@ -244,15 +245,18 @@ impl Sources {
         }
     }
 
-    /// Every topic that has a publisher now, by name.
+    /// Every topic that another publishes now, by name.
     pub(super) fn list(&self) -> Vec<Source> {
         // As in `mismatches`.
         if !self.threads.live() {
             return Vec::new();
         }
         let writers = self.participant.discovered_writers();
+        let own = self.participant.guid().prefix;
+        // RustDDS discovers the node itself too.
         let mut sources: Vec<_> = writers
             .iter()
+            .filter(|writer| writer.publication_topic_data.key.prefix != own)
             .filter_map(|writer| {
                 let data = &writer.publication_topic_data;
                 let topic = data.topic_name.strip_prefix("rt/")?;

@@ -17,7 +17,7 @@ use rustdds::{
 use serde::Serialize;
 
 use super::mismatch::Ends;
-use super::{opening, secure};
+use super::secure;
 use crate::args::Setup;
 use crate::args::security::Security;
 use crate::msg::sent::{Named, Qos};
@@ -41,12 +41,12 @@ impl<'a> Opener<'a> {
     /// `security` is decided once: keys that are gone by now must not open the node to everyone.
     pub(super) fn new(setup: &'a Setup, security: &'a Security) -> Result<Self, OpenError> {
         let participant = participant(setup, security)?;
-        let context =
-            Context::from_domain_participant(participant.clone()).map_err(opening("a ROS context"))?;
-        let name = NodeName::new(&setup.namespace, &setup.name).map_err(opening("the node"))?;
+        let context = Context::from_domain_participant(participant.clone())
+            .map_err(OpenError::opening("a ROS context"))?;
+        let name = NodeName::new(&setup.namespace, &setup.name).map_err(OpenError::opening("the node"))?;
         // The parameter services are those of `parameters`; what the node says goes where readers cannot hold it up.
         let options = NodeOptions::new().start_parameter_services(false).enable_rosout(false);
-        let node = context.new_node(name, options).map_err(opening("the node"))?;
+        let node = context.new_node(name, options).map_err(OpenError::opening("the node"))?;
         let node = Rc::new(RefCell::new(node));
         Ok(Self { setup, security, participant, context, node, ends: Ends::default() })
     }
@@ -73,7 +73,7 @@ impl<'a> Opener<'a> {
         let (package, kind) = package_and_kind(type_name);
         let kind = MessageTypeName::new(package, kind).dds_msg_type();
         let topic = self.participant.create_topic(format!("rt{name}"), kind, qos, TopicKind::NoKey);
-        topic.map_err(opening(name))
+        topic.map_err(OpenError::opening(name))
     }
 
     /// Reads a topic, by its resolved name.
@@ -84,7 +84,7 @@ impl<'a> Opener<'a> {
     ) -> Result<Subscription<M>, OpenError> {
         let topic = self.resolved_topic(resolved, qos)?;
         self.ends.reads(topic.name(), qos.clone());
-        self.node.borrow_mut().create_subscription(&topic, None).map_err(opening(resolved.name))
+        self.node.borrow_mut().create_subscription(&topic, None).map_err(OpenError::opening(resolved.name))
     }
 
     pub(super) fn publisher<M: Serialize>(
@@ -94,7 +94,7 @@ impl<'a> Opener<'a> {
     ) -> Result<Publisher<M>, OpenError> {
         let topic = self.topic(named, qos)?;
         self.ends.publishes(topic.name(), qos.clone());
-        self.node.borrow_mut().create_publisher(&topic, None).map_err(opening(named.name))
+        self.node.borrow_mut().create_publisher(&topic, None).map_err(OpenError::opening(named.name))
     }
 
     pub(super) fn server<Q: ros2_client::Message + Clone + 'static, A: ros2_client::Message + 'static>(
@@ -103,13 +103,13 @@ impl<'a> Opener<'a> {
         depth: usize,
     ) -> Result<Server<Q, A>, OpenError> {
         let resolved = self.setup.resolve_service(name)?;
-        let service = Name::parse(&resolved).map_err(opening(&resolved))?;
+        let service = Name::parse(&resolved).map_err(OpenError::opening(&resolved))?;
         let (package, kind) = package_and_kind(type_name);
         let kind = ServiceTypeName::new(package, kind);
         let qos = reliable(depth, Durability::Volatile);
         let mapping = mapping(self.setup);
         let server = self.node.borrow_mut().create_server(mapping, &service, &kind, qos.clone(), qos);
-        server.map_err(opening(&resolved))
+        server.map_err(OpenError::opening(&resolved))
     }
 }
 
@@ -128,17 +128,25 @@ pub(super) fn participant(setup: &Setup, security: &Security) -> Result<DomainPa
     let builder = DomainParticipantBuilder::new(setup.domain)
         .socket_receive_buffer_size(setup.config().receive_buffer)
         .socket_send_buffer_size(setup.config().receive_buffer);
-    let only = &setup.config().network_interfaces;
-    only.iter().copied().try_for_each(check_interface)?;
-    let builder = if only.is_empty() {
-        builder
-    } else {
-        builder.with_only_networks(only.iter().copied().map(IpAddr::V4))
-    };
+    let only = those_there(&setup.config().network_interfaces)?;
+    let builder =
+        if only.is_empty() { builder } else { builder.with_only_networks(only.into_iter().map(IpAddr::V4)) };
     match security {
-        Security::Off | Security::Unsecured(_) => builder.build().map_err(opening("a DDS participant")),
+        Security::Off | Security::Unsecured(_) => {
+            builder.build().map_err(OpenError::opening("a DDS participant"))
+        }
         Security::Keys(enclave) => secure::build(builder, enclave.clone()),
     }
+}
+
+/// Those of the addresses that the machine has; where it has none of them, why not the first.
+fn those_there(addresses: &[Ipv4Addr]) -> Result<Vec<Ipv4Addr>, OpenError> {
+    let there: Vec<_> =
+        addresses.iter().copied().filter(|address| check_interface(*address).is_ok()).collect();
+    if there.is_empty() {
+        addresses.first().copied().map_or(Ok(()), check_interface)?;
+    }
+    Ok(there)
 }
 
 /// `RustDDS` takes any address, and is deaf where the machine does not have it.

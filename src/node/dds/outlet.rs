@@ -14,7 +14,7 @@ use tokio::time::Instant;
 use tracing::warn;
 
 use super::patience::{Patience, REST};
-use super::{Opener, opening, reliable_output};
+use super::{Opener, reliable_output};
 use crate::msg::sent;
 use crate::node::middleware::OpenError;
 use crate::node::transport::SendError;
@@ -35,7 +35,8 @@ impl<M: Serialize> Outlet<M> {
         let (name, qos) = (row.name, reliable_output(row.qos, most));
         let topic = opener.topic(row.named(), &qos)?;
         opener.ends.publishes(topic.name(), qos);
-        let publisher = opener.node.borrow_mut().create_publisher(&topic, None).map_err(opening(name))?;
+        let publisher =
+            opener.node.borrow_mut().create_publisher(&topic, None).map_err(OpenError::opening(name))?;
         Ok(Self {
             name,
             topic,

@@ -11,7 +11,7 @@ use rustdds::policy::{History, Ownership, Reliability, ResourceLimits};
 use rustdds::{QosPolicyBuilder, WriteOptionsBuilder};
 use tokio::time::{sleep, timeout};
 
-use super::{Opener, opening};
+use super::Opener;
 use crate::msg::sent::Named;
 use crate::node::middleware::OpenError;
 use crate::node::topics::PULSE;
@@ -35,8 +35,8 @@ impl Pulse {
             .resource_limits(ResourceLimits { max_samples: 1, max_instances: 1, max_samples_per_instance: 1 })
             .build();
         let topic = opener.topic(Named { name: PULSE, type_name: "std_msgs/msg/Empty" }, &qos)?;
-        let publisher = opener.participant.create_publisher(&qos).map_err(opening(PULSE))?;
-        publisher.create_datawriter_no_key_cdr(&topic, None).map(Self).map_err(opening(PULSE))
+        let publisher = opener.participant.create_publisher(&qos).map_err(OpenError::opening(PULSE))?;
+        publisher.create_datawriter_no_key_cdr(&topic, None).map(Self).map_err(OpenError::opening(PULSE))
     }
 
     /// Whether the message before is taken up within [`BEAT`].

@@ -14,7 +14,7 @@ use serde::de::{DeserializeOwned, DeserializeSeed};
 
 use super::namesakes::Namesakes;
 use super::network::{Sources, Triggers};
-use super::{Caller, Events, Opener, Readers, latched, opening, parameters, reliable};
+use super::{Caller, Events, Opener, Readers, latched, parameters, reliable};
 use crate::args::security::Security;
 use crate::cloud::{CloudSeed, CompressedSeed, DepthSeed};
 use crate::msg::ros::{CameraInfo, Clock};
@@ -102,7 +102,7 @@ pub(super) fn listen(
         readers.spawn_local(read("/clock", times, events.clone(), time));
     }
     parameters::serve(opener, &mut readers, parameters, events)?;
-    let spinner = opener.node.borrow_mut().spinner().map_err(opening("the graph"))?;
+    let spinner = opener.node.borrow_mut().spinner().map_err(OpenError::opening("the graph"))?;
     readers.spawn_local(async {
         drop(spinner.spin().await);
         "the graph".into()
@@ -200,7 +200,7 @@ impl Listening<'_, '_> {
         let seed = WithCamera::new(&heard.camera, self.parameters, CompressedSeed::new);
         let input = Form::CompressedDepth.of(self.number);
         self.readers.spawn_local(async move {
-            let are_wanted = heard.comes(Form::CompressedDepth);
+            let are_wanted = heard.reads_compressed();
             let read = async || {
                 sources.answer().await;
                 let images = node.upgrade().map(|node| node.borrow_mut().create_subscription(&topic, None));
@@ -326,13 +326,12 @@ pub(super) async fn serve(
     (triggers, network): (Rc<Triggers>, u32),
     events: Events,
 ) -> Cow<'static, str> {
-    loop {
-        let event = match triggers.server.async_receive_request().await {
+    // A place first: a call that was taken must not go with this task, which ends where the network is joined anew.
+    while let Ok(place) = events.reserve().await {
+        place.send(match triggers.server.async_receive_request().await {
             Ok((id, _)) => Event::Call(service, Caller { id, network }),
             Err(error) => Event::Garbled { topic: service.name().into(), text: error.to_string() },
-        };
-        if events.send(event).await.is_err() {
-            return service.name().into();
-        }
+        });
     }
+    service.name().into()
 }

@@ -26,7 +26,7 @@ pub(super) fn build(
         CreateError::NotAllowedBySecurity { reason } => {
             SecurityError::Refused { enclave, text: reason }.into()
         }
-        other => super::opening("a DDS participant")(other),
+        other => OpenError::opening("a DDS participant")(other),
     })
 }
 

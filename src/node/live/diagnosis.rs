@@ -15,6 +15,7 @@ use crate::node::counts::{Counts, TRANSFORM_TIMEOUT, WAITING_QUEUE_FULL};
 use crate::node::publish::Seen;
 use crate::node::transport::NetworkState;
 use crate::node::vitals::{Reach, Vitals};
+use crate::reason::Reason;
 
 /// What was counted when the last report was made, and what has happened since: the next one is about the time between.
 #[derive(Debug)]
@@ -51,7 +52,7 @@ pub(super) struct Diagnosis {
 }
 
 impl Diagnosis {
-    pub(super) fn new(config: &Config, node: &str, (counts, vitals): Seen, start: Instant) -> Self {
+    pub(super) fn new(config: &Config, node: &str, Seen { counts, vitals }: Seen, start: Instant) -> Self {
         Self {
             node: node.to_owned(),
             counts,
@@ -99,8 +100,8 @@ impl Diagnosis {
         Part::new(&self.node, part, fine)
     }
 
-    fn since_before(&self, reason: &str) -> u64 {
-        let skipped = |counts: &Counts| counts.skipped.get(reason).copied().unwrap_or_default();
+    fn since_before(&self, reason: Reason) -> u64 {
+        let skipped = |counts: &Counts| counts.skipped.get(&reason).copied().unwrap_or_default();
         skipped(&self.counts.borrow()) - skipped(&self.before.counts)
     }
 
@@ -146,7 +147,7 @@ impl Diagnosis {
         part.value("received in all", counts.received).value("taken in in all", counts.taken_in);
         part.value("replaced in all", counts.replaced).value("lost in all", counts.lost);
         for (reason, number) in &counts.skipped {
-            part.value(format!("skipped in all, {reason}"), number);
+            part.value(format!("skipped in all, {}", reason.key), number);
         }
         if replaced > 0 {
             part.raise(
@@ -259,6 +260,7 @@ mod tests {
         diagnosis.begin_second();
         let (fine, figures) = ("every scan has its way to `odom`", ["0", "0.000"].map(str::to_owned));
         assert_eq!(said(&diagnosis), (0, fine.to_owned(), figures, (0, "empty".to_owned())));
+        assert_eq!(value(&diagnosis.of_engine(), "skipped in all, transform_timeout"), "1");
     }
 
     /// A simulated clock that is halted gives none up.

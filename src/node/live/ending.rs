@@ -18,7 +18,7 @@ use crate::node::publish::Ended;
 use crate::node::saving::Written;
 use crate::node::transport::{Event, Service, Transport};
 use crate::reason::SHUTDOWN;
-use crate::worker::words;
+use crate::thread::panic_text;
 
 /// Counts what was under way when the engine died.
 fn count_buried(counts: &RefCell<Counts>) {
@@ -30,7 +30,7 @@ fn count_buried(counts: &RefCell<Counts>) {
 fn death(ended: Result<Ended, JoinError>) -> LiveError {
     match ended.map_err(JoinError::try_into_panic) {
         Ok(ended) => LiveError::Died(ended.died.unwrap_or_else(|| "it has ended".to_owned())),
-        Err(Ok(panic)) => LiveError::Mute(words(&*panic)),
+        Err(Ok(panic)) => LiveError::Mute(panic_text(&*panic)),
         Err(Err(error)) => LiveError::Mute(error.to_string()),
     }
 }

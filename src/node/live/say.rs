@@ -5,11 +5,13 @@ use std::borrow::Cow;
 use tracing::{Level, debug};
 
 use super::{Live, QUIET};
-use crate::cloud::{Camera, Cloud, CloudError};
-use crate::node::counts::WAITING_QUEUE_FULL;
+use crate::cloud::{Camera, Cloud, CloudError, is_rectified_by_name};
+use crate::join::GivenUp;
+use crate::node::counts::{TRANSFORM_TIMEOUT, WAITING_QUEUE_FULL};
 use crate::node::inputs;
 use crate::node::throttle::say;
 use crate::node::transport::{Input, Transport};
+use crate::reason::{Reason, SHUTDOWN};
 use crate::tf::Waited;
 
 impl<T: Transport> Live<T> {
@@ -40,7 +42,7 @@ impl<T: Transport> Live<T> {
         self.counts.borrow_mut().skip(error.reason());
         let topic = self.topic(input);
         // To ask who publishes takes longer than to skip a cloud.
-        let level = self.throttle.level(format!("{} {topic}", error.reason()), Level::WARN);
+        let level = self.throttle.level(format!("{} {topic}", error.reason().key), Level::WARN);
         let is_due = level == Level::WARN;
         let why = if is_due { self.why_unusable(input.sensor, error) } else { error.to_string() };
         say(level, &format!("a cloud of {topic} was skipped: {why}"));
@@ -68,12 +70,15 @@ impl<T: Transport> Live<T> {
                 ),
             ),
             Ok(camera) => debug!("{topic}: {}x{} pixels", camera.width(), camera.height()),
-            Err(error) => self.warn(format!("{} {topic}", error.reason()), format_args!("{topic}: {error}")),
+            Err(error) => {
+                self.warn(format!("{} {topic}", error.reason().key), format_args!("{topic}: {error}"));
+            }
         }
     }
 
-    /// Counts a cloud that got no transform in time, and says what helps.
-    pub(super) fn skip(&mut self, waited: &Waited<Cloud>, reason: &'static str) {
+    /// Counts a cloud that got no transform, and says what helps.
+    pub(super) fn skip(&mut self, waited: &Waited<Cloud>, given_up: GivenUp) {
+        let reason = reason_of(given_up);
         self.counts.borrow_mut().skip(reason);
         let why = waited.last_error.as_ref().map_or_else(String::new, ToString::to_string);
         let (seconds, frame_id, fixed_frame) =
@@ -84,7 +89,7 @@ impl<T: Transport> Live<T> {
         if let Some(fault) = self.clock_fault() {
             line = format!("{line}; {fault}");
         }
-        if reason == WAITING_QUEUE_FULL {
+        if given_up == GivenUp::PushedOut {
             let places = self.join.places();
             line = format!(
                 "{line}; it made place for a newer one: {places} clouds may wait, of all sensors together, whatever tf_timeout is"
@@ -94,9 +99,9 @@ impl<T: Transport> Live<T> {
         self.diagnosis.waited(waited.waited);
         self.diagnosis.given_up(sensor, line.clone());
         // Thousands of frames take longer to list than a cloud to skip.
-        let level = self.throttle.level(kind_of(reason, sensor), Level::WARN);
+        let level = self.throttle.level(kind_of(reason.key, sensor), Level::WARN);
         if level == Level::WARN
-            && let Some(hint) = self.join.hint(waited.last_error.as_ref())
+            && let Some(hint) = self.join.hint(waited.last_error.as_ref(), given_up)
         {
             line = format!("{line}; {hint}");
         }
@@ -119,12 +124,16 @@ impl<T: Transport> Live<T> {
     }
 }
 
+/// What a cloud without a transform is counted by.
+const fn reason_of(given_up: GivenUp) -> Reason {
+    match given_up {
+        GivenUp::TimedOut => TRANSFORM_TIMEOUT,
+        GivenUp::PushedOut => WAITING_QUEUE_FULL,
+        GivenUp::AtEnd => SHUTDOWN,
+    }
+}
+
 /// The kind of line that says why clouds of a sensor are skipped: what one lacks must not hide what another does.
 fn kind_of(reason: &str, sensor: Option<usize>) -> String {
     sensor.map_or_else(|| reason.to_owned(), |sensor| format!("{reason} {sensor}"))
-}
-
-/// Whether an image is rectified, by its topic's name: `image_rect`, or `image_rect_raw`.
-fn is_rectified_by_name(topic: &str) -> bool {
-    topic.rsplit('/').next().is_some_and(|name| name.contains("rect"))
 }

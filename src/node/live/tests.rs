@@ -20,13 +20,13 @@ use super::*;
 use crate::config::Value;
 use crate::engine::{Params, Points, Stamp};
 use crate::msg::clusters::SurfaceClusterArray;
+use crate::msg::outgoing::Outgoing;
 use crate::msg::ros::{Header, Quaternion, Transform, TransformStamped, TriggerResponse, Vector3};
+use crate::node::counts::{ENGINE_DIED, TRANSFORM_TIMEOUT};
 use crate::node::publish::tests::UNSPEAKABLE;
 use crate::node::resume::begin;
 use crate::node::rosout::listen;
-use crate::node::transport::{
-    DepthTopics, Form, NetworkState, Outgoing, SendError, SensorTopics, Source, TopicName,
-};
+use crate::node::transport::{DepthTopics, Form, NetworkState, SendError, SensorTopics, Source, TopicName};
 use crate::store;
 use crate::worker::tests::DEADLY;
 
@@ -180,12 +180,17 @@ fn node_until<Stop: Future<Output = ()>>(
     let enough = stop(sender.clone(), Rc::clone(&counts));
     let runtime = Builder::new_current_thread().enable_time().build().unwrap();
     let (engine, _lock) = begin(config, config.snapshot_path.is_some()).unwrap();
-    let ends = (enough, std::future::pending());
-    let live =
-        run(config, engine, (Rc::clone(&transport), None), receiver, Rc::clone(&counts), listen().1, ends);
+    let outlets = Outlets { transport: Rc::clone(&transport), recorder: None };
+    let start = Start { engine, outlets, events: receiver, counts: Rc::clone(&counts), lines: listen().1 };
+    let live = run(config, start, enough, std::future::pending());
     let ended = LocalSet::new().block_on(&runtime, live);
     drop(sender);
     (ended.map(drop), counts.borrow().clone(), transport)
+}
+
+/// How many clouds were skipped, by the keys of the reasons.
+fn by_key(counts: Counts) -> Vec<(&'static str, u64)> {
+    counts.skipped.into_iter().map(|(reason, number)| (reason.key, number)).collect()
 }
 
 /// What the log says meanwhile: levels and lines.
@@ -227,7 +232,7 @@ fn a_cloud_waits_for_its_transform_and_one_without_is_skipped_with_its_reason() 
     let (ended, counts, transport) = node(Fake::default(), events, 1);
     ended.unwrap();
     assert_eq!((counts.received, counts.taken_in), (2, 1));
-    assert_eq!(counts.skipped.get("transform_timeout"), Some(&1));
+    assert_eq!(counts.skipped.get(&TRANSFORM_TIMEOUT), Some(&1));
     assert_eq!(transport.deltas.borrow().len(), 1);
 }
 
@@ -260,7 +265,7 @@ fn a_cloud_that_came_by_the_clock_of_the_lap_before_is_given_up_in_time() {
     let mut events = vec![Event::Clock(at(100.0)), transform(at(100.0), false), cloud(at(100.0), "camera")];
     events.extend([cloud(at(0.1), "camera"), cloud(at(0.15), "nowhere"), transform(at(0.1), false)]);
     let (_, counts, _) = node(Fake::default(), events, 1);
-    assert_eq!((counts.received, counts.skipped.get("transform_timeout")), (3, Some(&1)));
+    assert_eq!((counts.received, counts.skipped.get(&TRANSFORM_TIMEOUT)), (3, Some(&1)));
 }
 
 #[test]
@@ -308,7 +313,7 @@ fn a_scan_that_jumps_back_begins_a_session_and_a_stray_stamp_without_transform_d
         cloud(at(20.1), "camera"),
     ];
     let (_, counts, transport) = node(Fake::default(), events, 2);
-    assert_eq!((counts.taken_in, counts.skipped.get("transform_timeout")), (2, Some(&1)));
+    assert_eq!((counts.taken_in, counts.skipped.get(&TRANSFORM_TIMEOUT)), (2, Some(&1)));
     assert_eq!(transport.deltas.borrow()[0].session_id, transport.deltas.borrow()[1].session_id);
     let events = vec![
         transform(at(0.0), true),
@@ -347,7 +352,7 @@ fn a_panic_of_the_engine_ends_the_node_with_an_error_and_the_counts_close() {
         error.starts_with("the engine's thread has died: ") && error.contains("a panic for the test"),
         "{error}"
     );
-    assert_eq!((counts.received, counts.taken_in, counts.skipped.get("engine_died")), (4, 1, Some(&3)));
+    assert_eq!((counts.received, counts.taken_in, counts.skipped.get(&ENGINE_DIED)), (4, 1, Some(&3)));
 }
 
 #[test]

@@ -120,8 +120,8 @@ async fn a_map_that_waits_holds_up_no_delta_and_is_followed_by_the_newest() {
     let slow = Rc::new(Slow { sent: RefCell::default(), through: Semaphore::new(0) });
     let (sender, receiver) = mpsc::channel(1);
     let config = Config::new([]).unwrap();
-    let publishing =
-        publish((Rc::clone(&slow), None), receiver, Seen::default(), config, None, mpsc::channel(1).0);
+    let outlets = Outlets { transport: Rc::clone(&slow), recorder: None };
+    let publishing = publish(outlets, receiver, Seen::default(), config, None, mpsc::channel(1).0);
     let worker = async {
         for output in outputs(4) {
             sender.send(output).await.unwrap();
@@ -148,8 +148,8 @@ async fn what_is_sent_of_the_map_is_recorded_too() {
     outputs(1).into_iter().for_each(|output| sender.try_send(output).unwrap());
     drop(sender);
     let config = Config::new([]).unwrap();
-    publish((Rc::clone(&slow), Some(recorder)), receiver, Seen::default(), config, None, mpsc::channel(1).0)
-        .await;
+    let outlets = Outlets { transport: Rc::clone(&slow), recorder: Some(recorder) };
+    publish(outlets, receiver, Seen::default(), config, None, mpsc::channel(1).0).await;
     record.finish().unwrap();
     assert_eq!(*slow.sent.borrow(), [("delta", 1), ("map", 1)]);
     let mut topics = recorded(&path);
@@ -162,8 +162,7 @@ async fn what_is_sent_of_the_map_is_recorded_too() {
 async fn the_polygons_of_a_map_go_out_once_and_one_of_no_cluster_among_them() {
     let slow = Rc::new(Slow { sent: RefCell::default(), through: Semaphore::new(6) });
     let wire = Wire {
-        transport: Rc::clone(&slow),
-        recorder: None,
+        outlets: Outlets { transport: Rc::clone(&slow), recorder: None },
         unsent: RefCell::default(),
         frame_id: "odom".to_owned(),
     };

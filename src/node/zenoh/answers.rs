@@ -10,7 +10,6 @@ use tokio::sync::mpsc::{UnboundedReceiver, UnboundedSender, unbounded_channel};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, oneshot};
 use tracing::warn;
 
-use super::opening;
 use crate::line::one_line;
 use crate::node::middleware::OpenError;
 use crate::node::throttle::Throttle;
@@ -26,7 +25,7 @@ impl Answers {
     pub(super) fn start() -> Result<Self, OpenError> {
         let (tasks, waiting) = unbounded_channel();
         let thread = Builder::new().name("cfodi-answers".to_owned());
-        thread.spawn(move || work(waiting)).map_err(opening("a thread"))?;
+        thread.spawn(move || work(waiting)).map_err(OpenError::opening("a thread"))?;
         Ok(Self(tasks))
     }
 

@@ -1,11 +1,10 @@
 //! The session's configuration, from where `rmw_zenoh` takes it: a file that `ZENOH_SESSION_CONFIG_URI` names, or what is below;
 //! then what `ZENOH_CONFIG_OVERRIDE` says.
 
-use std::env;
-
 use serde_json::Value;
 use zenoh::Config;
 
+use crate::args::variable;
 use crate::node::middleware::OpenError;
 
 const FILE: &str = "ZENOH_SESSION_CONFIG_URI";
@@ -37,7 +36,7 @@ const DEFAULT: [(&str, &str); 15] = [
 /// # Errors
 /// When a variable cannot be, with its name and value.
 pub(super) fn of_process() -> Result<Config, OpenError> {
-    build(&variable(FILE), &variable(OVERRIDE))
+    build(&trimmed(FILE), &trimmed(OVERRIDE))
 }
 
 /// How often to look for a router before the node goes on without; nothing where it does not look. As in ROS, 0 is for ever.
@@ -45,12 +44,12 @@ pub(super) fn of_process() -> Result<Config, OpenError> {
 /// # Errors
 /// When it is no number.
 pub(super) fn router_checks() -> Result<Option<u64>, OpenError> {
-    checks(&variable(ATTEMPTS))
+    checks(&trimmed(ATTEMPTS))
 }
 
-/// What is no text is no value either, and is refused as such.
-fn variable(name: &str) -> String {
-    env::var_os(name).map(|value| value.to_string_lossy().trim().to_owned()).unwrap_or_default()
+/// A variable without the blanks around it; empty where it is not set.
+fn trimmed(name: &str) -> String {
+    variable(name).unwrap_or_default().trim().to_owned()
 }
 
 fn checks(text: &str) -> Result<Option<u64>, OpenError> {

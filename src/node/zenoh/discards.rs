@@ -4,7 +4,6 @@
 use std::sync::mpsc::{SyncSender, sync_channel};
 use std::thread::Builder;
 
-use super::opening;
 use crate::node::middleware::OpenError;
 
 /// What may wait: as much as a caller sends in seconds. Of each there is only what its end needs, some hundred bytes and its key.
@@ -24,7 +23,7 @@ impl<T: Send + 'static> Discards<T> {
     pub(super) fn start() -> Result<Self, OpenError> {
         let (sender, waiting) = sync_channel(PLACES);
         let thread = Builder::new().name("cfodi-discards".to_owned());
-        thread.spawn(move || waiting.iter().for_each(drop::<T>)).map_err(opening("a thread"))?;
+        thread.spawn(move || waiting.iter().for_each(drop::<T>)).map_err(OpenError::opening("a thread"))?;
         Ok(Self(sender))
     }
 

@@ -8,7 +8,6 @@ use zenoh::sample::{Sample, SampleKind};
 use zenoh::{Session, Wait as _};
 
 use super::names::{self, NodeToken};
-use super::opening;
 use crate::args::Setup;
 use crate::node::middleware::OpenError;
 use crate::node::transport::{Form, SensorTopics, Source};
@@ -32,7 +31,7 @@ struct Told {
 }
 
 impl Graph {
-    /// Every topic that has a publisher now, by name.
+    /// Every topic that another publishes now, by name.
     pub(super) fn sources(&self) -> Vec<Source> {
         let mut sources: Vec<_> = self.told().sources.values().cloned().collect();
         sources.sort();
@@ -59,7 +58,7 @@ impl Graph {
         };
         let tokens = names::tokens(setup.domain);
         let declared = session.liveliness().declare_subscriber(tokens).history(true).callback(note).wait();
-        declared.map_err(opening("the graph"))
+        declared.map_err(OpenError::opening("the graph"))
     }
 
     fn told(&self) -> MutexGuard<'_, Told> {
@@ -75,7 +74,8 @@ impl Told {
             self.namesakes.remove(key);
         } else if node.has_namesake(key) && self.namesakes.len() < NAMESAKES {
             self.namesakes.insert(key.to_owned());
-        } else if let Some(source) = names::source(key)
+        } else if !node.is_own(key)
+            && let Some(source) = names::source(key)
             && has_room(self.sources.len(), reads(inputs, &source.topic))
         {
             self.sources.insert(key.to_owned(), source);
@@ -95,7 +95,9 @@ const fn has_room(remembered: usize, is_input: bool) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use super::super::names::Kind;
     use super::*;
+    use crate::msg::sent;
 
     fn node(id: &str) -> NodeToken {
         NodeToken { domain: 0, id: id.to_owned(), namespace: "/robot".to_owned(), name: "cfodi".to_owned() }
@@ -115,6 +117,16 @@ mod tests {
         assert_eq!(note(&node("b2").key(), true), 1);
         assert_eq!(note(&node("c3").key(), true), 2);
         assert_eq!(note(&node("b2").key(), false), 1);
+    }
+
+    #[test]
+    fn what_the_node_publishes_itself_is_no_source() {
+        let (own, mut told) = (node("a1"), Told::default());
+        for from in [node("a1"), node("b2")] {
+            let key = from.key_of(3, Kind::Publisher, sent::LABELLED.named(), sent::LABELLED.qos);
+            told.note(&key, true, &own, &[]);
+        }
+        assert_eq!(told.sources.len(), 1);
     }
 
     #[test]

@@ -90,6 +90,11 @@ impl NodeToken {
         format!("{start}/{name}/{dds_type}/{hash}/{}", qos.token())
     }
 
+    /// Whether a token is of this node, or of one of its ends.
+    pub(super) fn is_own(&self, token: &str) -> bool {
+        token.split('/').nth(2) == Some(&self.id)
+    }
+
     /// Whether a token is that of another node of this name.
     pub(super) fn has_namesake(&self, token: &str) -> bool {
         let parts: Vec<_> = token.split('/').take(10).collect();

@@ -15,11 +15,11 @@ use zenoh::sample::{Sample, SampleKind};
 use zenoh::{Session, Wait as _};
 use zenoh_ext::{AdvancedSubscriber, AdvancedSubscriberBuilderExt as _, HistoryConfig};
 
+use super::Events;
 use super::answers::{Answers, Held, Places};
 use super::discards::Discards;
 use super::mailbox::{Mailbox, Room};
 use super::names::{Attachment, Kind, NodeToken, publisher_id};
-use super::{Events, opening};
 use crate::args::Setup;
 use crate::msg::cdr;
 use crate::msg::sent::{Named, Qos};
@@ -87,9 +87,9 @@ impl Opener {
         let reader = if qos.latched {
             let history = HistoryConfig::default().detect_late_publishers().max_samples(qos.depth);
             let subscriber = subscriber.history(history).query_timeout(HISTORY).subscriber_detection();
-            Reader::Latched(subscriber.wait().map_err(opening(resolved))?)
+            Reader::Latched(subscriber.wait().map_err(OpenError::opening(resolved))?)
         } else {
-            Reader::Live(subscriber.wait().map_err(opening(resolved))?)
+            Reader::Live(subscriber.wait().map_err(OpenError::opening(resolved))?)
         };
         let known = self.tell(Kind::Subscription, named, qos)?;
         Ok(Inbox { name: resolved.to_owned(), mailbox, _reader: reader, _known: known })
@@ -112,7 +112,7 @@ impl Opener {
         };
         let key = named.key_of_any(self.setup.domain);
         let queryable = self.session.declare_queryable(key).complete(true).callback(put).wait();
-        let queryable = queryable.map_err(opening(&resolved))?;
+        let queryable = queryable.map_err(OpenError::opening(&resolved))?;
         let known = self.tell(Kind::Service, named, SERVICES)?;
         let key = named.key(self.setup.domain);
         let (places, answers) = (Places::new(UNDER_WAY), self.answers.clone());
@@ -121,7 +121,7 @@ impl Opener {
 }
 
 fn declare(session: &Session, key: String) -> Result<LivelinessToken, OpenError> {
-    session.liveliness().declare_token(key).wait().map_err(opening("a token"))
+    session.liveliness().declare_token(key).wait().map_err(OpenError::opening("a token"))
 }
 
 /// An end that others know of while this is kept.

@@ -14,7 +14,6 @@ use zenoh_ext::{AdvancedPublisherBuilderExt as _, CacheConfig, MissDetectionConf
 use super::latched::Latched;
 use super::names::{Attachment, Kind};
 use super::opener::{Known, Opener};
-use super::opening;
 use crate::msg::sent::{self, Named, Topic};
 use crate::node::clock;
 use crate::node::middleware::OpenError;
@@ -25,13 +24,8 @@ const HEARTBEAT: Duration = Duration::from_millis(500);
 
 /// Opens all topics that parameters ask for, by their names.
 pub(super) fn open(opener: &Opener) -> Result<BTreeMap<&'static str, Outlet>, OpenError> {
-    let twins = &opener.setup.config().twins;
-    let is_asked_for = |topic: &Topic| match *topic {
-        sent::DETECTIONS => twins.detections,
-        sent::POLYGONS => twins.polygons,
-        _ => true,
-    };
-    let topics = sent::TOPICS.into_iter().filter(is_asked_for);
+    let twins = opener.setup.config().twins;
+    let topics = sent::TOPICS.into_iter().filter(|topic| twins.include(topic));
     topics.map(|topic| Ok((topic.name, Outlet::open(opener, topic)?))).collect()
 }
 
@@ -67,12 +61,12 @@ impl Outlet {
             let latched = publisher.cache(CacheConfig::default().max_samples(qos.depth));
             let missed = MissDetectionConfig::default().sporadic_heartbeat(HEARTBEAT);
             let latched = latched.publisher_detection().sample_miss_detection(missed).wait();
-            let latched = latched.map_err(opening(&resolved))?;
+            let latched = latched.map_err(OpenError::opening(&resolved))?;
             let put =
                 move |(message, attachment): Message| latched.put(message).attachment(attachment).wait();
-            Sender::Latched(Latched::start(qos.depth, put).map_err(opening("a thread"))?)
+            Sender::Latched(Latched::start(qos.depth, put).map_err(OpenError::opening("a thread"))?)
         } else {
-            Sender::Live(publisher.wait().map_err(opening(&resolved))?)
+            Sender::Live(publisher.wait().map_err(OpenError::opening(&resolved))?)
         };
         Ok(Self { name, sender, known: opener.tell(Kind::Publisher, named, qos)?, sent: Cell::new(0) })
     }

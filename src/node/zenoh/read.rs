@@ -28,7 +28,8 @@ const CAMERAS: Room = Room { messages: 2, bytes: 1 << 20 };
 const TRANSFORMS: Room = Room { messages: 100, bytes: 16 << 20 };
 /// What is latched comes from all publishers at once, and not again.
 const LATCHED: Room = Room { messages: MAX_FRAMES, bytes: 16 << 20 };
-const CLOCKS: Room = Room { messages: 10, bytes: 1 << 16 };
+/// The newest alone counts.
+const CLOCKS: Room = Room { messages: 1, bytes: 1 << 16 };
 const CALLS: Room = Room { messages: 10, bytes: 1 << 16 };
 
 /// What sensors are read with, and the clock.
@@ -60,7 +61,7 @@ pub(super) fn listen(
         let clocks = opener.subscribe(Named { name: &resolved, type_name: types::CLOCK }, SENSOR, CLOCKS)?;
         let parameters = Rc::clone(parameters);
         let event = move |clock: Clock| clock::event(clock, &parameters);
-        readers.spawn_local(read("/clock", clocks, events.clone(), event));
+        readers.spawn_local(read_clock(clocks, events.clone(), event));
     }
     for service in [Service::Reset, Service::Save] {
         let calls = opener.serve(service.named(), CALLS)?;
@@ -194,6 +195,21 @@ async fn read<M: DeserializeOwned>(
             if events.send(event).await.is_err() {
                 return topic.into();
             }
+        }
+    }
+}
+
+/// Reads the simulated time, of which what found no room is not missed.
+async fn read_clock(
+    clocks: Inbox,
+    events: Events,
+    event: impl Fn(Clock) -> Event<Call>,
+) -> Cow<'static, str> {
+    let garbled = |text| Event::Garbled { topic: "/clock".into(), text };
+    loop {
+        let clock = cdr::read(&clocks.take().await.bytes()).map_or_else(garbled, &event);
+        if events.send(clock).await.is_err() {
+            return "/clock".into();
         }
     }
 }

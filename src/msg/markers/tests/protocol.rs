@@ -157,8 +157,7 @@ fn a_new_session_begins_with_the_deletion_of_all() {
     for _ in 0..2 * REPEATS {
         viewer.take(&markers.update(&session(), &map(vec![square(1), square(2)], 1)));
     }
-    markers.reset();
-    let message = markers.update(&session(), &map(Vec::new(), 0));
+    let message = markers.update(&Session { id: 2, ..session() }, &map(Vec::new(), 0));
     assert_eq!(message.markers[0].action, Marker::DELETEALL);
     viewer.take(&message);
     assert_eq!(viewer, Viewer::default());

@@ -23,7 +23,7 @@ use crate::node::dds::outlet::Outlet;
 use crate::node::dds::pulse::Pulse;
 use crate::node::dds::read::{self, Memory};
 use crate::node::dds::threads::Threads;
-use crate::node::dds::{Events, Opener, namesakes, opening};
+use crate::node::dds::{Events, Opener, namesakes};
 use crate::node::middleware::OpenError;
 use crate::node::parameters::Parameters;
 use crate::node::transport::Service;
@@ -100,7 +100,7 @@ impl Network {
         for service in [Service::Reset, Service::Save] {
             let serving =
                 read::serve(service, (Rc::clone(self.triggers(service)), self.number), events.clone());
-            self.readers.try_lock().map_err(opening(service.name()))?.spawn_local(serving);
+            self.readers.try_lock().map_err(OpenError::opening(service.name()))?.spawn_local(serving);
         }
         Ok(())
     }
@@ -111,7 +111,10 @@ impl Network {
         match namesakes.open(&self.participant) {
             Ok(reader) => {
                 let reading = namesakes::read(reader, namesakes, name);
-                self.readers.try_lock().map_err(opening("the names of nodes"))?.spawn_local(reading);
+                self.readers
+                    .try_lock()
+                    .map_err(OpenError::opening("the names of nodes"))?
+                    .spawn_local(reading);
             }
             Err(error) => warn!("it will not be noticed when another node has this name: {error}"),
         }
@@ -130,7 +133,7 @@ impl Network {
             taken: Rc::clone(&memory.latched),
             events: events.clone(),
         };
-        self.readers.try_lock().map_err(opening(latched::TOPIC))?.spawn_local(latched.read(news));
+        self.readers.try_lock().map_err(OpenError::opening(latched::TOPIC))?.spawn_local(latched.read(news));
         Ok(())
     }
 }

@@ -12,7 +12,7 @@ fn config(name: &str, value: f64) -> Config {
 fn a_shorter_tf_timeout_holds_for_clouds_that_wait_already() {
     let patience = Instant::now();
     let events = vec![cloud(at(10.0), "nowhere"), Event::Changed(Box::new(config("tf_timeout", 0.0)))];
-    let given_up = |counts: &RefCell<Counts>| counts.borrow().skipped.contains_key("transform_timeout");
+    let given_up = |counts: &RefCell<Counts>| counts.borrow().skipped.contains_key(&TRANSFORM_TIMEOUT);
     let (ended, counts, _) =
         node_until(&config("tf_timeout", 60.0), Fake::default(), events, move |_, counts| async move {
             while !given_up(&counts) && patience.elapsed() < Duration::from_secs(50) {
@@ -20,7 +20,7 @@ fn a_shorter_tf_timeout_holds_for_clouds_that_wait_already() {
             }
         });
     ended.unwrap();
-    assert_eq!(counts.skipped.into_iter().collect::<Vec<_>>(), [("transform_timeout", 1)]);
+    assert_eq!(by_key(counts), [("transform_timeout", 1)]);
 }
 
 /// Transforms at 2 Hz, beside a Kinect.

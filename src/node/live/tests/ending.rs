@@ -7,6 +7,8 @@ use crate::engine::Scan;
 use crate::node::live::calls::{LastFile, last_written};
 use crate::node::publish::Ended;
 use crate::node::saving::InFile;
+use crate::reason::SHUTDOWN;
+use crate::worker::Output;
 
 #[test]
 fn calls_that_still_wait_at_the_end_are_told_that_nothing_was_done_or_of_the_last_map() {
@@ -38,7 +40,7 @@ fn a_cloud_that_was_handed_over_and_not_heard_before_the_end_is_counted() {
         live.put_away(Event::Handed(Form::Points.of(0), Box::default())).await;
         live.counts.take()
     });
-    assert_eq!((counts.received, counts.skipped.get("shutdown")), (1, Some(&1)));
+    assert_eq!((counts.received, counts.skipped.get(&SHUTDOWN)), (1, Some(&1)));
 }
 
 /// The map that a node ends with.
@@ -198,7 +200,7 @@ fn the_last_map_has_all_scans_that_were_waiting_when_the_node_ends() {
             ended
         });
         let (reports, _reported) = mpsc::channel(1);
-        let live = Live::new(&config, Rc::new(Fake::default()), (worker, 1), Seen::default(), reports);
+        let live = Live::new(&config, Rc::new(Fake::default()), worker, 1, Seen::default(), reports);
         let no_file: Option<(_, LastFile<std::future::Pending<()>>)> = None;
         // The end is asked for before the engine goes on.
         let (ended, ()) = tokio::join!(live.finish(publishing, no_file), async move { drop(go_on) });

@@ -26,7 +26,7 @@ fn worst(transport: &Fake, of: &str) -> DiagnosticStatus {
 pub(super) fn by_hand(config: &Config, transport: Fake) -> (Live<Fake>, mpsc::Receiver<DiagnosticArray>) {
     let (reports, reported) = mpsc::channel(1);
     let worker = Worker::start(Engine::new(config.engine), 1, 1, |_| {}).unwrap();
-    (Live::new(config, Rc::new(transport), (worker, 1), Seen::default(), reports), reported)
+    (Live::new(config, Rc::new(transport), worker, 1, Seen::default(), reports), reported)
 }
 
 /// The report of a node that was driven so, and what its log says meanwhile.
@@ -347,7 +347,7 @@ fn a_scan_that_was_given_up_has_waited_too() {
     let (report, _) = driven(Fake::default(), async |live| {
         live.event(cloud(at(10.0), "camera")).await;
         let waited = live.join.give_up(Duration::from_secs(9)).remove(0);
-        live.skip(&crate::tf::Waited { waited: Duration::from_millis(250), ..waited }, "transform_timeout");
+        live.skip(&crate::tf::Waited { waited: Duration::from_millis(250), ..waited }, GivenUp::TimedOut);
     });
     let transforms = part(&report, "transforms");
     assert_eq!(["given up", "longest wait [s]"].map(|key| value(&transforms, key)), ["1", "0.250"]);
@@ -361,7 +361,7 @@ fn what_one_sensor_lacks_does_not_hide_what_another_does_and_a_full_queue_is_tol
             live.event(Event::Cloud(Form::Points.of(sensor % 2), scan)).await;
         }
         for (number, waited) in live.join.give_up(Duration::from_secs(9)).into_iter().enumerate() {
-            live.skip(&waited, [TRANSFORM_TIMEOUT, WAITING_QUEUE_FULL][number / 2]);
+            live.skip(&waited, [GivenUp::TimedOut, GivenUp::PushedOut][number / 2]);
         }
     };
     let (report, said) = driven(two(), run);
