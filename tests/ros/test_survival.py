@@ -232,6 +232,23 @@ def test_under_another_address_of_its_machine_the_node_is_heard_again_in_the_sam
     assert not any("begins with an empty map" in line for line in node.lines), node.lines
 
 
+def test_of_two_interfaces_that_are_asked_for_the_one_that_is_back_is_enough(start, drive, machine, new_peer):
+    """Wi-Fi that comes and goes, and a tether that was pulled before."""
+    tether, radio = "10.9.0.77", "10.9.0.1"
+    machine.wire_has(radio)
+    machine.wire_has(tether)
+    node = start({"network_interfaces": f"[{radio}, {tether}]"}).ready()
+    driver = drive("--at-once", "--rate", 10, prefix=machine.inside)
+    node.line_with("scans are made of", timeout=60)
+    machine.wire_has("10.9.0.78", before=tether)
+    machine.wire_has("10.9.0.79", before=radio)
+    time.sleep(5)
+    machine.wire_has(radio, before="10.9.0.79")
+    heard_anew(node, new_peer, [f"new: {radio}", f"gone: {tether}"])
+    driver.finish()
+    add_up(node.stop())
+
+
 def test_a_node_that_is_there_before_its_network_says_so_and_is_heard_once_that_is_up(start, drive, machine, new_peer):
     """As at the start of a robot."""
     node = start().ready()

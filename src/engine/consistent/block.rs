@@ -54,7 +54,7 @@ impl Cell {
 pub(super) type BlockKey = [i32; 3];
 
 /// The block of a voxel and its cell there.
-pub(super) fn place(key: VoxelKey) -> (BlockKey, Cell) {
+pub(super) fn block_and_cell(key: VoxelKey) -> (BlockKey, Cell) {
     let indices = key.indices();
     (indices.map(|i| i.div_euclid(EDGE)), Cell::at(indices.map(|i| i.rem_euclid(EDGE))))
 }
@@ -294,23 +294,23 @@ impl Block {
 
     /// The voxel of a cell in a block that is awake.
     pub(super) fn voxel(&self, cell: Cell) -> Option<&Voxel> {
-        self.awake().get(self.place(cell)?)
+        self.awake().get(self.rank(cell)?)
     }
 
-    /// The voxel at a place of the list of a block that is awake.
-    pub(super) fn at(&mut self, place: usize) -> &mut Voxel {
+    /// The voxel of this rank in a block that is awake.
+    pub(super) fn at(&mut self, rank: usize) -> &mut Voxel {
         debug_assert!(!self.is_at_rest());
-        &mut self.voxels[place]
+        &mut self.voxels[rank]
     }
 
     pub(super) fn voxel_mut(&mut self, cell: Cell) -> Option<&mut Voxel> {
         debug_assert!(!self.is_at_rest());
-        let place = self.place(cell)?;
-        self.voxels.get_mut(place)
+        let rank = self.rank(cell)?;
+        self.voxels.get_mut(rank)
     }
 
-    /// The place of a cell's voxel in the list.
-    fn place(&self, cell: Cell) -> Option<usize> {
+    /// The rank of a cell's voxel: its place in the list, which is in the order of cells.
+    fn rank(&self, cell: Cell) -> Option<usize> {
         self.cells.contains(cell).then(|| self.cells.rank(cell))
     }
 
@@ -325,16 +325,16 @@ impl Block {
         self.key.map(|i| i * EDGE)
     }
 
-    /// The place of a cell's voxel in the list, and whether it was begun, without points, for there was none. All voxels before
+    /// The rank of a cell's voxel, and whether it was begun, without points, for there was none. All voxels before
     /// `from` have lower cells: who comes to cells in their order passes each voxel once.
-    pub(super) fn place_from(&mut self, from: usize, cell: Cell) -> (usize, bool) {
+    pub(super) fn rank_from(&mut self, from: usize, cell: Cell) -> (usize, bool) {
         debug_assert!(from <= self.cells.rank(cell) && !self.is_at_rest());
-        let place = from + self.voxels[from..].iter().take_while(|voxel| voxel.cell < cell).count();
-        let is_new = self.voxels.get(place).is_none_or(|voxel| voxel.cell != cell);
+        let rank = from + self.voxels[from..].iter().take_while(|voxel| voxel.cell < cell).count();
+        let is_new = self.voxels.get(rank).is_none_or(|voxel| voxel.cell != cell);
         if is_new {
-            self.insert(place, Voxel::new(cell));
+            self.insert(rank, Voxel::new(cell));
         }
-        (place, is_new)
+        (rank, is_new)
     }
 
     /// Puts a voxel where none is; `false` where one is.
@@ -346,16 +346,16 @@ impl Block {
         is_new
     }
 
-    fn insert(&mut self, place: usize, voxel: Voxel) {
+    fn insert(&mut self, rank: usize, voxel: Voxel) {
         self.cells.insert(voxel.cell);
-        room::insert(&mut self.voxels, place, voxel);
+        room::insert(&mut self.voxels, rank, voxel);
     }
 
     /// Takes a voxel out of a block that is awake, with all its points.
     pub(super) fn remove(&mut self, cell: Cell) -> Option<Voxel> {
-        let place = self.place(cell)?;
+        let rank = self.rank(cell)?;
         self.cells.remove(cell);
-        Some(self.voxels.remove(place))
+        Some(self.voxels.remove(rank))
     }
 
     /// Takes all voxels out.

@@ -11,7 +11,7 @@ use hashbrown::HashMap;
 use nalgebra::Isometry3;
 use rustc_hash::FxBuildHasher;
 
-use super::block::{BlockKey, CELLS, Cell, place};
+use super::block::{BlockKey, CELLS, Cell, block_and_cell};
 use super::cells::Cells;
 use super::local::{Local, LocalKey};
 use super::recent::Recent;
@@ -132,7 +132,7 @@ impl Received {
                     self.beyond += 1;
                     continue;
                 };
-                let (block, cell) = place(key);
+                let (block, cell) = block_and_cell(key);
                 let block = self.block(block);
                 self.sums_of(block, cell).add(at.map(|units| (units & (UNITS - 1)) as u64));
             }
@@ -194,7 +194,7 @@ impl Receiver<'_> {
     #[cold]
     fn find(&mut self, first: LocalKey) -> u32 {
         let voxel = self.local.voxel(first);
-        let block = voxel.map_or(Recent::BEYOND, |voxel| self.received.block(place(voxel).0));
+        let block = voxel.map_or(Recent::BEYOND, |voxel| self.received.block(block_and_cell(voxel).0));
         self.received.recent.put(first, block);
         block
     }

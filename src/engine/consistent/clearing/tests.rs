@@ -6,7 +6,7 @@ use std::sync::Arc;
 use rustc_hash::FxHashMap;
 
 use super::*;
-use crate::engine::consistent::block::{CELLS, place};
+use crate::engine::consistent::block::{CELLS, block_and_cell};
 use crate::engine::consistent::grid::Binned;
 use crate::engine::consistent::noise::NoiseModel;
 use crate::engine::key::VoxelKey;
@@ -314,7 +314,7 @@ fn dense_for(min_points: i64, every: i64, scans: i64) -> Option<i64> {
     let params = params(0.08).with_min_points(min_points).unwrap();
     let mut grid = Grid::new(&params);
     let (mut clearing, mut binned) = (Clearing::new(), Binned::default());
-    let (block, cell) = place(VoxelKey::new(0, 0, 25).unwrap());
+    let (block, cell) = block_and_cell(VoxelKey::new(0, 0, 25).unwrap());
     for sequence in 1..=BEFORE + scans {
         let is_there = sequence <= BEFORE;
         let mut depths = vec![if is_there { PLATE } else { -7.5 }; 100 * 80];

@@ -46,10 +46,10 @@ impl Grid {
             let block = &mut self.blocks.list[slot];
             let mut from = 0;
             for (cell, sums) in voxels {
-                let (place, is_new) = block.place_from(from, cell);
-                from = place;
+                let (rank, is_new) = block.rank_from(from, cell);
+                from = rank;
                 self.voxels += usize::from(is_new);
-                if folding.fold(block, place, sums) {
+                if folding.fold(block, rank, sums) {
                     binned.dense.push((slot, cell));
                 }
             }
@@ -71,9 +71,9 @@ struct Folding {
 
 impl Folding {
     /// Adds what a scan put into a voxel to what it had; whether it became dense by it.
-    fn fold(&self, block: &mut Block, place: usize, scan: &ScanSums) -> bool {
+    fn fold(&self, block: &mut Block, rank: usize, scan: &ScanSums) -> bool {
         let corner = Vector3::from(block.corner());
-        let voxel = block.at(place);
+        let voxel = block.at(rank);
         let corner = corner + Vector3::from(voxel.cell.coordinates());
         let mean = (corner.map(f64::from) + scan.mean()) * self.voxel_size;
         let (depth, towards) = self.weighing.of(&mean);

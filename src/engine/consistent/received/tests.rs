@@ -19,7 +19,7 @@ fn add(naive: &mut Naive, local: &Local, places: [i32; 3]) -> bool {
     let voxel = local.voxel(key).filter(|_| key != LocalKey::NONE);
     if let Some(voxel) = voxel {
         let offsets = places.map(|place| u64::from(place as u32 % 4096));
-        naive.entry(place(voxel)).or_default().add(offsets);
+        naive.entry(block_and_cell(voxel)).or_default().add(offsets);
     }
     voxel.is_some()
 }
@@ -136,7 +136,7 @@ fn points_beyond_the_region_are_placed_in_double_precision() {
     let (sums, beyond) =
         received(&scan(Points::F32(points), Isometry3::translation(0.025, 0.025, 0.025)), 0.05);
     let voxels: Vec<_> = sums.keys().copied().collect();
-    let key = |x, y, z| place(VoxelKey::new(x, y, z).unwrap());
+    let key = |x, y, z| block_and_cell(VoxelKey::new(x, y, z).unwrap());
     assert_eq!(voxels, [key(-4000, 60, 20), key(20, 0, 0), key(1200, 0, 0)]);
     assert_eq!((beyond, sums.values().map(|sums| sums.count).sum::<u32>()), (2, 3));
 }

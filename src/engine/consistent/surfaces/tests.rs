@@ -5,7 +5,7 @@ use std::f64::consts::FRAC_PI_4;
 use nalgebra::{Isometry3, Point3};
 
 use super::*;
-use crate::engine::consistent::block::place;
+use crate::engine::consistent::block::block_and_cell;
 use crate::engine::consistent::grid::Binned;
 use crate::engine::key::VoxelKey;
 use crate::engine::points::Points;
@@ -70,7 +70,7 @@ impl Bench {
 
     /// The id of the cluster that a voxel is in.
     fn id_at(&self, [x, y, z]: [i32; 3]) -> Option<u64> {
-        let (block, cell) = place(VoxelKey::new(x, y, z)?);
+        let (block, cell) = block_and_cell(VoxelKey::new(x, y, z)?);
         let frozen = self.surfaces.freeze();
         let faces = frozen.faces();
         let voxels = frozen.voxels(self.grid.find(block)?, &faces);
