@@ -4,6 +4,7 @@
 //! time is an argument.
 
 mod hint;
+mod waiting;
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -11,9 +12,12 @@ use std::time::Duration;
 use crate::cloud::{Cloud, CloudError};
 use crate::engine::{Scan, Stamp};
 use crate::msg::ros::TransformStamped;
-use crate::tf::{FrameError, Frames, Inserted, Lack, LookupError, Moment, Waited, WaitingQueue, bare};
+use crate::tf::{FrameError, Frames, Inserted, Lack, LookupError, bare};
 
 pub use hint::GivenUp;
+pub use waiting::{Moment, Waited};
+
+use waiting::{Arrived, Waiting};
 
 /// Pairs of a frame and a sensor that are remembered at most: a sender can make up ever new frames.
 const SENSORS: usize = 1000;
@@ -25,7 +29,7 @@ const MAPS: [&str; 4] = ["odom", "map", "world", "earth"];
 #[derive(Debug)]
 pub struct Join {
     frames: Frames,
-    waiting: WaitingQueue<Arrived>,
+    waiting: Waiting,
     /// The oldest stamp of a cloud that has come since none waited: none that waits is older.
     waits_since: Stamp,
     /// Newest stamp that has arrived, whether or not a transform comes for it.
@@ -58,21 +62,6 @@ pub fn with_stamp(cloud: Cloud, is_simulated: impl FnOnce() -> bool) -> Result<C
     if cloud.stamp.nanos() != 0 || is_simulated() { Ok(cloud) } else { Err(CloudError::NoStamp) }
 }
 
-/// A cloud of a sensor, and the lap in which it arrived.
-#[derive(Debug)]
-struct Arrived {
-    sensor: usize,
-    cloud: Cloud,
-    lap: u64,
-    at: Moment,
-}
-
-impl Arrived {
-    fn key(&self) -> Key {
-        (self.cloud.frame_id.clone(), self.sensor)
-    }
-}
-
 /// A cloud whose transform is known.
 #[derive(Clone, Debug)]
 pub struct Joined {
@@ -102,7 +91,7 @@ impl Join {
     pub fn new(places: usize) -> Self {
         Self {
             frames: Frames::new(),
-            waiting: WaitingQueue::new(places),
+            waiting: Waiting::new(places),
             waits_since: Stamp::default(),
             arrived: BTreeMap::new(),
             lap: 0,
@@ -110,9 +99,10 @@ impl Join {
         }
     }
 
-    /// Lets at most `places` clouds wait from now on; see [`WaitingQueue::set_capacity`].
+    /// Lets at most `places` clouds wait from now on; where more do, a new one takes the place of the one that has waited longest
+    /// until others have left.
     pub const fn set_places(&mut self, places: usize) {
-        self.waiting.set_capacity(places);
+        self.waiting.set_places(places);
     }
 
     /// The tree of frames.
@@ -122,7 +112,7 @@ impl Join {
 
     /// How many clouds may wait.
     pub const fn places(&self) -> usize {
-        self.waiting.capacity()
+        self.waiting.places()
     }
 
     /// The number of clouds that wait.
@@ -131,7 +121,7 @@ impl Join {
     }
 
     /// How long the one has waited that has waited longest; 0 where none does.
-    pub fn longest_wait(&self, now: impl Into<Moment>) -> Duration {
+    pub fn longest_wait(&self, now: Moment) -> Duration {
         self.waiting.longest_wait(now)
     }
 
@@ -186,24 +176,24 @@ impl Join {
     }
 
     /// Lets a cloud of a sensor wait for its transform; gives the one that has waited longest where there was no place.
-    pub fn cloud(&mut self, sensor: usize, cloud: Cloud, now: impl Into<Moment>) -> Option<Waited<Cloud>> {
-        let (stamp, frame, now) = (cloud.stamp, cloud.frame_id.clone(), now.into());
+    pub fn cloud(&mut self, sensor: usize, cloud: Cloud, now: Moment) -> Option<Waited> {
+        let stamp = cloud.stamp;
         if self.arrived.len() >= SENSORS {
             self.arrived.clear();
         }
         // Clouds before a jump and after it must not be sorted together, and the stamps alone do not tell them apart.
-        let before = self.arrived.insert((frame.clone(), sensor), stamp);
+        let before = self.arrived.insert((cloud.frame_id.clone(), sensor), stamp);
         self.lap += u64::from(before.is_some_and(|before| stamp.jump_back_from(before).is_some()));
         let is_alone = self.waiting.is_empty();
         self.waits_since = if is_alone { stamp } else { self.waits_since.min(stamp) };
-        let arrived = Arrived { sensor, cloud, lap: self.lap, at: now };
-        self.waiting.push(arrived, stamp, frame, now).map(plain)
+        self.waiting.push(Arrived { sensor, cloud, lap: self.lap, at: now, lacks: None })
     }
 
     /// Takes the clouds whose way to `fixed_frame` is known now: those before a jump first, then by ascending stamp.
     pub fn ready(&mut self, fixed_frame: &str) -> Vec<Joined> {
         let Self { frames, waiting, sensors, .. } = self;
-        let mut ready = waiting.take_ready(|arrived, frame, at| {
+        let ready = waiting.take_ready(|arrived| {
+            let (frame, at) = (arrived.cloud.frame_id.as_str(), arrived.cloud.stamp);
             let found = frames.lookup(fixed_frame, frame, at)?;
             let jumped =
                 sensors.get(&arrived.key()).filter(|sensor| at.jump_back_from(sensor.newest).is_some());
@@ -218,7 +208,6 @@ impl Join {
                 }
             }
         });
-        ready.sort_by_key(|(arrived, _)| arrived.lap);
         let joined = ready.into_iter().map(|(arrived, fixed_from_sensor)| {
             // Only a scan with a transform tells the time: a stray stamp has none.
             let jumped_back = self.jumped_back(&arrived);
@@ -236,8 +225,7 @@ impl Join {
         let newest = self.sensors.get(&key).map(|sensor| sensor.newest);
         let jump = newest.and_then(|newest| stamp.jump_back_from(newest)).map(|seconds| {
             self.sensors.clear();
-            let before = self.waiting.take_if(Moment::default(), |arrived| arrived.lap < scan.lap);
-            Jump { seconds, given_up: before.len() }
+            Jump { seconds, given_up: self.waiting.drop_before(scan.lap) }
         });
         if self.sensors.len() >= SENSORS {
             self.sensors.clear();
@@ -249,13 +237,13 @@ impl Join {
     }
 
     /// Takes the clouds that have waited for `timeout` or longer.
-    pub fn expired(&mut self, now: impl Into<Moment>, timeout: Duration) -> Vec<Waited<Cloud>> {
-        self.waiting.take_expired(now, timeout).into_iter().map(plain).collect()
+    pub fn expired(&mut self, now: Moment, timeout: Duration) -> Vec<Waited> {
+        self.waiting.take_expired(now, timeout)
     }
 
     /// Takes all clouds that wait: at the end, and for a new session.
-    pub fn give_up(&mut self, now: impl Into<Moment>) -> Vec<Waited<Cloud>> {
-        self.waiting.take_all(now).into_iter().map(plain).collect()
+    pub fn give_up(&mut self, now: Moment) -> Vec<Waited> {
+        self.waiting.take_all(now)
     }
 
     /// Begins a session: stamps may be any again. Transforms after `stamp` are forgotten where one is given.
@@ -266,11 +254,6 @@ impl Join {
             self.frames.forget_after(stamp);
         }
     }
-}
-
-fn plain(waited: Waited<Arrived>) -> Waited<Cloud> {
-    let Waited { item, stamp, frame_id, waited, last_error } = waited;
-    Waited { item: item.cloud, stamp, frame_id, waited, last_error }
 }
 
 #[cfg(test)]
@@ -298,7 +281,7 @@ mod tests {
     }
 
     fn back(join: &mut Join, seconds: f64) -> Vec<Option<f64>> {
-        assert!(join.cloud(0, cloud(seconds), Duration::ZERO).is_none());
+        assert!(join.cloud(0, cloud(seconds), Moment::default()).is_none());
         let jumps = join.ready("map").into_iter().map(|joined| joined.jumped_back);
         jumps.map(|jump| jump.map(|jump| jump.seconds)).collect()
     }
@@ -325,14 +308,14 @@ mod tests {
     #[test]
     fn a_cloud_waits_for_its_transform_and_knows_what_it_lacks() {
         let mut join = Join::new(1);
-        assert!(join.cloud(0, cloud(1.0), Duration::ZERO).is_none());
+        assert!(join.cloud(0, cloud(1.0), Moment::default()).is_none());
         assert!(join.ready("map").is_empty());
         let (frame, lacks) = join.oldest().unwrap();
         assert!(
             frame == "camera" && lacks.is_some_and(|error| matches!(error.lack, Lack::UnknownFrame { .. }))
         );
-        let pushed_out = join.cloud(0, cloud(2.0), Duration::ZERO).unwrap();
-        assert_eq!((pushed_out.stamp, join.waiting()), (at(1.0), 1));
+        let pushed_out = join.cloud(0, cloud(2.0), Moment::default()).unwrap();
+        assert_eq!((pushed_out.cloud.stamp, join.waiting()), (at(1.0), 1));
         let joined = join.ready("camera");
         assert_eq!((joined.len(), joined[0].scan.stamp), (1, at(2.0)));
         assert_eq!((joined[0].total, joined[0].invalid), (2, 1));
@@ -352,7 +335,7 @@ mod tests {
         for seconds in [10.0, 10.1, 10.2] {
             assert_eq!(back(&mut join, seconds), [None]);
             let late = Cloud { frame_id: "other".into(), ..cloud(seconds - 5.0) };
-            assert!(join.cloud(0, late, Duration::ZERO).is_none());
+            assert!(join.cloud(0, late, Moment::default()).is_none());
             assert_eq!(join.ready("map")[0].jumped_back, None);
         }
     }
@@ -362,7 +345,7 @@ mod tests {
         let mut join = joined_with_static_camera();
         let jumps =
             [(0, 10.0), (1, 8.0), (0, 10.1), (1, 8.1), (0, 10.2), (1, 7.0)].map(|(sensor, seconds)| {
-                assert!(join.cloud(sensor, cloud(seconds), Duration::ZERO).is_none());
+                assert!(join.cloud(sensor, cloud(seconds), Moment::default()).is_none());
                 join.ready("map")[0].jumped_back.is_some()
             });
         assert_eq!(jumps, [false, false, false, false, false, true]);
@@ -373,7 +356,7 @@ mod tests {
         let mut join = Join::new(8);
         let lost = Cloud { frame_id: "lost".into(), ..cloud(11.0) };
         let laps = [cloud(10.0), cloud(10.5), lost, cloud(5.0), cloud(5.5)];
-        assert!(laps.into_iter().all(|cloud| join.cloud(0, cloud, Duration::ZERO).is_none()));
+        assert!(laps.into_iter().all(|cloud| join.cloud(0, cloud, Moment::default()).is_none()));
         static_camera(&mut join, "camera");
         let ready = join.ready("map");
         let stamps: Vec<_> = ready.iter().map(|joined| joined.scan.stamp).collect();
@@ -401,17 +384,34 @@ mod tests {
     }
 
     #[test]
+    fn a_waiting_cloud_leaves_when_its_transform_comes_or_when_it_has_waited_too_long() {
+        let mut join = Join::new(8);
+        odometry(&mut join, 2.0, 4.0);
+        assert!(join.cloud(0, cloud(2.5), Moment::default()).is_none());
+        assert_eq!(places(&mut join), (Vec::new(), 0));
+        odometry(&mut join, 3.0, 6.0);
+        assert_eq!(places(&mut join), (vec![(at(2.5), 5.0)], 0));
+
+        assert!(join.cloud(0, cloud(9.0), Moment::default()).is_none());
+        assert_eq!(places(&mut join), (Vec::new(), 0));
+        let [early, late] = [199, 200].map(|ms| Moment::from(Duration::from_millis(ms)));
+        assert!(join.expired(early, late.wall).is_empty());
+        let expired = join.expired(late, late.wall);
+        assert_eq!(expired[0].lacks.as_ref().unwrap().reason().key, "tf_too_late");
+    }
+
+    #[test]
     fn after_a_jump_back_the_transforms_of_before_count_no_more() {
         let mut join = Join::new(8);
         for tenth in 0..50 {
-            assert!(join.cloud(0, cloud(f64::from(tenth) * 0.1), Duration::ZERO).is_none());
+            assert!(join.cloud(0, cloud(f64::from(tenth) * 0.1), Moment::default()).is_none());
             odometry(&mut join, f64::from(tenth) * 0.1, 0.0);
             assert_eq!(places(&mut join).0.len(), 1);
         }
         // The robot is elsewhere, and its clouds come before their transforms.
         for tenth in 20..25 {
             let seconds = f64::from(tenth) * 0.1;
-            assert!(join.cloud(0, cloud(seconds), Duration::ZERO).is_none());
+            assert!(join.cloud(0, cloud(seconds), Moment::default()).is_none());
             assert_eq!(places(&mut join), (Vec::new(), 0), "at {seconds} s");
             odometry(&mut join, seconds, 20.0);
             assert_eq!(places(&mut join), (vec![(at(seconds), 20.0)], usize::from(tenth == 20)));
@@ -428,7 +428,7 @@ mod tests {
             let header = Header { stamp: at(seconds + 1.5).into(), frame_id: "map".into() };
             let (child_frame_id, transform) = ("odom".to_owned(), Transform::default());
             join.transform(&TransformStamped { header, child_frame_id, transform }, false).unwrap();
-            assert!(join.cloud(0, cloud(seconds), Duration::ZERO).is_none());
+            assert!(join.cloud(0, cloud(seconds), Moment::default()).is_none());
             let ready = join.ready("odom").into_iter();
             sessions.extend(ready.map(|joined| joined.jumped_back.is_some()));
         }
@@ -442,9 +442,9 @@ mod tests {
         for tenth in 0..100 {
             let seconds = f64::from(tenth) * 0.1;
             odometry(&mut join, seconds, 0.0);
-            assert!(join.cloud(0, cloud(seconds), Duration::ZERO).is_none());
+            assert!(join.cloud(0, cloud(seconds), Moment::default()).is_none());
             if tenth == 50 {
-                assert!(join.cloud(0, cloud(2.0), Duration::ZERO).is_none());
+                assert!(join.cloud(0, cloud(2.0), Moment::default()).is_none());
             }
             let (places, jumps) = places(&mut join);
             assert_eq!(jumps, 0);
@@ -483,7 +483,7 @@ mod tests {
         let mut join = joined_with_static_camera();
         assert_eq!(back(&mut join, 10.0), [None]);
         let stray = Cloud { frame_id: "lost".into(), ..cloud(9_000.0) };
-        assert!(join.cloud(0, stray, Duration::ZERO).is_none());
+        assert!(join.cloud(0, stray, Moment::default()).is_none());
         assert_eq!(back(&mut join, 10.1), [None]);
     }
 }

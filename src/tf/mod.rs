@@ -5,15 +5,12 @@
 //! samples ([`MAX_SAMPLES`]), the work of a lookup by [`MAX_DEPTH`].
 //! The arithmetic is that of the `transforms` crate; the rules around it are those that tf2's users expect. Metres,
 //! unit quaternions, and times from the messages.
-//!
-//! [`WaitingQueue`] holds scans until the transform at their stamp has come.
 
 mod error;
 mod inserted;
 mod jumps;
 mod kept;
 mod sample;
-mod waiting;
 
 #[cfg(test)]
 mod tests;
@@ -34,7 +31,6 @@ use crate::msg::ros::TransformStamped;
 pub use error::{FrameError, Lack, LookupError, Span};
 pub use inserted::Inserted;
 pub use sample::{MAX_NAME_BYTES, NORM_TOLERANCE};
-pub use waiting::{Moment, Waited, WaitingQueue};
 
 use jumps::Jumps;
 use kept::Kept;

@@ -391,24 +391,6 @@ fn stamps_before_1970_keep_their_order() {
     }
 }
 
-#[test]
-fn a_waiting_scan_leaves_when_its_transform_comes() {
-    let mut frames = robot();
-    let mut queue = WaitingQueue::new(8);
-    queue.push("scan", at(2.5), "camera".into(), Duration::ZERO);
-    let ready = |queue: &mut WaitingQueue<_>, frames: &Frames| {
-        queue.take_ready(|_, sensor, stamp| frames.lookup("odom", sensor, stamp))
-    };
-    assert!(ready(&mut queue, &frames).is_empty());
-    frames.dynamic("odom", "base_link", 3.0, 6.0);
-    assert_eq!(ready(&mut queue, &frames), [("scan", shift(5.5))]);
-
-    queue.push("lost", at(9.0), "camera".into(), Duration::ZERO);
-    assert!(ready(&mut queue, &frames).is_empty());
-    let expired = queue.take_expired(Duration::from_millis(200), Duration::from_millis(200));
-    assert_eq!(expired[0].last_error.as_ref().unwrap().reason().key, "tf_too_late");
-}
-
 fn pose() -> impl Strategy<Value = Isometry3<f64>> {
     let vector = prop::array::uniform3(-3.0..3.0_f64).prop_map(Vector3::from);
     (vector.clone(), vector).prop_map(|(translation, turn)| Isometry3::new(translation, turn))

@@ -4,11 +4,10 @@ use std::cell::OnceCell;
 use std::fs;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
-use std::time::Duration;
 
 use cfodi::bag::{Bag, Decoder, Recorded, TransformTopics, Wanted, choose};
 use cfodi::cloud::CloudFilter;
-use cfodi::join::{GivenUp, Join};
+use cfodi::join::{GivenUp, Join, Moment};
 use tempfile::TempDir;
 
 use super::bytes::Bytes;
@@ -76,7 +75,7 @@ fn take(recorded: Recorded, join: &mut Join) {
         Recorded::Cloud { sensor, cloud } => {
             check(cloud.clone(), &FILTER, 1 << 16);
             if let Ok(cloud) = cloud {
-                drop(join.cloud(sensor, cloud, Duration::ZERO));
+                drop(join.cloud(sensor, cloud, Moment::default()));
                 for joined in join.ready("map") {
                     assert!(joined.scan.sensor_origin().iter().all(|value| value.is_finite()));
                 }

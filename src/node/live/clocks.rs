@@ -3,8 +3,8 @@
 use std::time::{Duration, Instant};
 
 use crate::engine::Stamp;
+use crate::join::Moment;
 use crate::node::clock::now;
-use crate::tf::Moment;
 
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Clocks {

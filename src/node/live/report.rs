@@ -111,7 +111,7 @@ impl<T: Transport> Live<T> {
     /// What the oldest scan lacks that waits for its transform, where it has waited too long: none is given up while a simulated
     /// clock is halted.
     fn stuck(&self) -> Option<String> {
-        if self.join.longest_wait(self.clocks.elapsed()) < QUIET.max(self.tf_timeout) {
+        if self.join.longest_wait(self.clocks.elapsed().into()) < QUIET.max(self.tf_timeout) {
             return None;
         }
         self.join.oldest().and_then(|(_, lacks)| lacks).map(ToString::to_string)

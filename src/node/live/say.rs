@@ -6,13 +6,12 @@ use tracing::{Level, debug};
 
 use super::{Live, QUIET};
 use crate::cloud::{Camera, Cloud, CloudError, is_rectified_by_name};
-use crate::join::GivenUp;
+use crate::join::{GivenUp, Waited};
 use crate::node::counts::{TRANSFORM_TIMEOUT, WAITING_QUEUE_FULL};
 use crate::node::inputs;
 use crate::node::throttle::say;
 use crate::node::transport::{Input, Transport};
 use crate::reason::{Reason, SHUTDOWN};
-use crate::tf::Waited;
 
 impl<T: Transport> Live<T> {
     /// Says when next to nothing of a cloud is of use, for its unit, frame or range may be others than assumed, and when it does not
@@ -77,12 +76,12 @@ impl<T: Transport> Live<T> {
     }
 
     /// Counts a cloud that got no transform, and says what helps.
-    pub(super) fn skip(&mut self, waited: &Waited<Cloud>, given_up: GivenUp) {
+    pub(super) fn skip(&mut self, waited: &Waited, given_up: GivenUp) {
+        let Waited { cloud: Cloud { frame_id, .. }, waited, lacks } = waited;
         let reason = reason_of(given_up);
         self.counts.borrow_mut().skip(reason);
-        let why = waited.last_error.as_ref().map_or_else(String::new, ToString::to_string);
-        let (seconds, frame_id, fixed_frame) =
-            (waited.waited.as_secs_f64(), &waited.frame_id, &self.fixed_frame);
+        let why = lacks.as_ref().map_or_else(String::new, ToString::to_string);
+        let (seconds, fixed_frame) = (waited.as_secs_f64(), &self.fixed_frame);
         let mut line = format!(
             "a cloud was skipped after {seconds:.2} s without a transform from `{frame_id}` to `{fixed_frame}`: {why}"
         );
@@ -96,12 +95,12 @@ impl<T: Transport> Live<T> {
             );
         }
         let sensor = self.join.sensor_in(frame_id);
-        self.diagnosis.waited(waited.waited);
+        self.diagnosis.waited(*waited);
         self.diagnosis.given_up(sensor, line.clone());
         // Thousands of frames take longer to list than a cloud to skip.
         let level = self.throttle.level(kind_of(reason.key, sensor), Level::WARN);
         if level == Level::WARN
-            && let Some(hint) = self.join.hint(waited.last_error.as_ref(), given_up)
+            && let Some(hint) = self.join.hint(lacks.as_ref(), given_up)
         {
             line = format!("{line}; {hint}");
         }

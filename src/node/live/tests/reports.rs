@@ -2,6 +2,7 @@
 
 use super::lines::two;
 use super::*;
+use crate::join::Waited;
 use crate::msg::reports::DiagnosticStatus;
 
 /// What a report says of a part.
@@ -346,8 +347,8 @@ fn a_simulated_clock_that_does_not_come_is_told_of_and_said_once_and_so_is_that_
 fn a_scan_that_was_given_up_has_waited_too() {
     let (report, _) = driven(Fake::default(), async |live| {
         live.event(cloud(at(10.0), "camera")).await;
-        let waited = live.join.give_up(Duration::from_secs(9)).remove(0);
-        live.skip(&crate::tf::Waited { waited: Duration::from_millis(250), ..waited }, GivenUp::TimedOut);
+        let waited = live.join.give_up(Duration::from_secs(9).into()).remove(0);
+        live.skip(&Waited { waited: Duration::from_millis(250), ..waited }, GivenUp::TimedOut);
     });
     let transforms = part(&report, "transforms");
     assert_eq!(["given up", "longest wait [s]"].map(|key| value(&transforms, key)), ["1", "0.250"]);
@@ -360,7 +361,7 @@ fn what_one_sensor_lacks_does_not_hide_what_another_does_and_a_full_queue_is_tol
             let Event::Cloud(_, scan) = cloud(at(10.0), frame) else { unreachable!() };
             live.event(Event::Cloud(Form::Points.of(sensor % 2), scan)).await;
         }
-        for (number, waited) in live.join.give_up(Duration::from_secs(9)).into_iter().enumerate() {
+        for (number, waited) in live.join.give_up(Duration::from_secs(9).into()).into_iter().enumerate() {
             live.skip(&waited, [GivenUp::TimedOut, GivenUp::PushedOut][number / 2]);
         }
     };
