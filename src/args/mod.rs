@@ -8,6 +8,7 @@ mod remap;
 mod repeats;
 mod rmw;
 pub mod security;
+mod topics;
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -20,6 +21,7 @@ use self::given::{given, idle, located};
 use self::remap::{Kind, Rule, readable};
 pub use self::rmw::{Rmw, RmwError};
 use self::security::{Asked, BUILT_IN, Security, SecurityError};
+pub use self::topics::{DepthTopics, SensorTopics, TopicName};
 use crate::config::{Config, Current};
 use crate::yaml::{self, YamlError};
 

@@ -6,18 +6,8 @@ use thiserror::Error;
 
 use super::topic::Topic;
 use crate::line::one_line;
+use crate::msg::form::Form;
 use crate::msg::types;
-
-/// What a sensor's messages are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum SensorKind {
-    /// `sensor_msgs/PointCloud2`.
-    Cloud,
-    /// `sensor_msgs/Image`, with a `CameraInfo` beside it.
-    Depth,
-    /// `sensor_msgs/CompressedImage`, with a `CameraInfo` beside it.
-    CompressedDepth,
-}
 
 /// A topic whose messages are scans.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -25,7 +15,7 @@ pub struct Sensor {
     /// Its name.
     pub topic: String,
     /// What its messages are.
-    pub kind: SensorKind,
+    pub form: Form,
     /// Where its intrinsics come from; `None` for clouds.
     pub info_topic: Option<String>,
 }
@@ -141,7 +131,7 @@ pub fn choose(
     info: Option<&Info>,
 ) -> Result<Choice, ChoiceError> {
     if wanted.is_empty() {
-        let candidates: Vec<_> = topics.iter().filter_map(|topic| Some((topic, kind(topic)?))).collect();
+        let candidates: Vec<_> = topics.iter().filter_map(|topic| Some((topic, form(topic)?))).collect();
         let named = |name: &String| candidates.iter().copied().find(|(topic, _)| topic.name == *name);
         let chosen = usual.iter().find_map(named).map_or_else(|| only(topics, &candidates), Ok)?;
         let others = candidates.iter().filter(|(topic, _)| topic.name != chosen.0.name);
@@ -158,16 +148,16 @@ pub fn choose(
     Ok(Choice { sensors, passed_over: Vec::new() })
 }
 
-type Candidate<'a> = (&'a Topic, SensorKind);
+type Candidate<'a> = (&'a Topic, Form);
 
 fn named<'a>(topics: &'a [Topic], name: &str) -> Result<Candidate<'a>, ChoiceError> {
     let of_name: Vec<&Topic> = topics.iter().filter(|topic| topic.is_called(name)).collect();
     let Some(first) = of_name.first() else {
-        let usable = topics.iter().filter(|topic| kind_of(&topic.type_name, &topic.encoding).is_some());
+        let usable = topics.iter().filter(|topic| form_of(&topic.type_name, &topic.encoding).is_some());
         let hint = nearest(usable, name);
         return Err(ChoiceError::NoTopic { topic: name.to_owned(), hint, held: held(topics) });
     };
-    let usable = of_name.iter().find_map(|topic| Some((*topic, kind_of(&topic.type_name, &topic.encoding)?)));
+    let usable = of_name.iter().find_map(|topic| Some((*topic, form_of(&topic.type_name, &topic.encoding)?)));
     usable.ok_or_else(|| {
         let [type_name, encoding] =
             [&first.type_name, &first.encoding].map(|text| one_line(text).into_owned());
@@ -186,13 +176,13 @@ fn nearest<'a>(usable: impl Iterator<Item = &'a Topic>, name: &str) -> String {
 }
 
 fn only<'a>(topics: &[Topic], candidates: &[Candidate<'a>]) -> Result<Candidate<'a>, ChoiceError> {
-    for wanted in [SensorKind::Cloud, SensorKind::Depth, SensorKind::CompressedDepth] {
-        let of_kind: Vec<_> = candidates.iter().copied().filter(|candidate| candidate.1 == wanted).collect();
-        match of_kind[..] {
+    for wanted in Form::ALL {
+        let of_form: Vec<_> = candidates.iter().copied().filter(|candidate| candidate.1 == wanted).collect();
+        match of_form[..] {
             [] => {}
             [one] => return Ok(one),
             _ => {
-                let words = of_kind.iter().map(|(topic, _)| format!("--topic {}", one_line(&topic.name)));
+                let words = of_form.iter().map(|(topic, _)| format!("--topic {}", one_line(&topic.name)));
                 let choices = words.collect::<Vec<_>>().join(" or ");
                 return Err(ChoiceError::Several { choices, held: held(topics) });
             }
@@ -208,7 +198,7 @@ fn otherwise(topics: &[Topic]) -> String {
         return format!(" in CDR{OF_ROS_1}");
     }
     let mut images =
-        has_messages().filter(|topic| kind_of(&topic.type_name, &topic.encoding) == Some(SensorKind::Depth));
+        has_messages().filter(|topic| form_of(&topic.type_name, &topic.encoding) == Some(Form::Depth));
     images.next().map_or_else(String::new, |image| {
         format!(
             " that is called one; an image of depths by another name is taken with --topic {}",
@@ -229,41 +219,28 @@ fn is_of_ros_1(topic: &Topic) -> bool {
 const SCANS_OF_ROS_1: [&str; 3] =
     ["sensor_msgs/PointCloud2", "sensor_msgs/Image", "sensor_msgs/CompressedImage"];
 
-/// What a topic is taken for when nobody has named it: an image is one of depth only when its name says so, and what a
-/// replay wrote is no sensor.
-fn kind(topic: &Topic) -> Option<SensorKind> {
+/// What a topic is taken for when nobody has named it.
+fn form(topic: &Topic) -> Option<Form> {
     // Recorders write channels for topics that nobody has fed.
-    let kind = kind_of(&topic.type_name, &topic.encoding).filter(|_| topic.messages != Some(0))?;
-    let is_sensor = match kind {
-        SensorKind::Cloud => !topic.name.ends_with("/points_labelled"),
-        SensorKind::Depth | SensorKind::CompressedDepth => topic.name.to_lowercase().contains("depth"),
-    };
-    is_sensor.then_some(kind)
+    let form = form_of(&topic.type_name, &topic.encoding).filter(|_| topic.messages != Some(0))?;
+    form.is_of_sensor(&topic.name).then_some(form)
 }
 
 /// What messages of a type are, in this encoding.
-pub(super) fn kind_of(type_name: &str, encoding: &str) -> Option<SensorKind> {
-    if encoding != "cdr" {
-        return None;
-    }
-    match type_name {
-        types::CLOUD => Some(SensorKind::Cloud),
-        types::IMAGE => Some(SensorKind::Depth),
-        types::COMPRESSED_IMAGE => Some(SensorKind::CompressedDepth),
-        _ => None,
-    }
+pub(super) fn form_of(type_name: &str, encoding: &str) -> Option<Form> {
+    Form::of_type(type_name).filter(|_| encoding == "cdr")
 }
 
 fn sensor(
     topics: &[Topic],
-    (topic, kind): Candidate<'_>,
+    (topic, form): Candidate<'_>,
     info: Option<&Info>,
 ) -> Result<Sensor, ChoiceError> {
-    let info_topic = match kind {
-        SensorKind::Cloud => None,
-        SensorKind::Depth | SensorKind::CompressedDepth => Some(info_topic(topics, topic, kind, info)?),
+    let info_topic = match form {
+        Form::Points => None,
+        Form::Depth | Form::CompressedDepth => Some(info_topic(topics, topic, form, info)?),
     };
-    Ok(Sensor { topic: topic.name.clone(), kind, info_topic })
+    Ok(Sensor { topic: topic.name.clone(), form, info_topic })
 }
 
 /// The topic that somebody has named; else the one named `camera_info` beside the image (as `image_transport` looks for it), else
@@ -271,7 +248,7 @@ fn sensor(
 fn info_topic(
     topics: &[Topic],
     image: &Topic,
-    kind: SensorKind,
+    form: Form,
     info: Option<&Info>,
 ) -> Result<String, ChoiceError> {
     let refused = |hint: &str| {
@@ -288,12 +265,8 @@ fn info_topic(
         let meant = nearest(infos.into_iter(), topic);
         return Err(refused(&format!(" on {topic}, where -r has it read{meant}")));
     }
-    let up = |name: &str| name.rsplit_once('/').map_or(String::new(), |(above, _)| above.to_owned());
-    // The name of a compressed image is that of the plain one and its transport.
-    let above = if kind == SensorKind::Depth { up(&image.name) } else { up(&up(&image.name)) };
-    let sibling = format!("{above}/camera_info");
+    let [sibling, beside] = form.camera_infos_beside(&image.name);
     let named = |name: &str| infos.iter().find(|topic| topic.name == name);
-    let beside = format!("{}/camera_info", up(&image.name));
     let found = wanted.or_else(|| named(&sibling)).or_else(|| named(&beside));
     match (found, &infos[..]) {
         (Some(found), _) | (None, [found]) => Ok(found.name.clone()),

@@ -10,6 +10,7 @@ use mcap::write::NoSeek;
 use super::decode::is_transforms;
 use super::qos::{in_words, offered};
 use super::write::schema;
+use crate::msg::heard::TF_STATIC;
 use crate::msg::sent::Qos;
 use crate::msg::types::{CAMERA_INFO, TRANSFORMS};
 
@@ -18,7 +19,7 @@ const OFFERED: &str = "offered_qos_profiles";
 
 /// How static transforms are offered, which a listener asks for: a player takes what it is not told for volatile. All messages of a
 /// recording come from this one publisher, and none of its publishers' may push out that of another.
-const STATIC: Qos = Qos::latched(100);
+const STATIC: Qos = TF_STATIC.qos;
 
 /// One for all channels of the input that say the same of their messages: a recording in several files has one in each.
 #[derive(Default)]

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use super::choose::{Sensor, SensorKind, kind_of};
+use super::choose::{Sensor, form_of};
 use super::read::Message;
 use super::topic::Topic;
 use crate::cloud::{
@@ -10,6 +10,8 @@ use crate::cloud::{
     is_optical_by_name, is_rectified_by_name,
 };
 use crate::msg::cdr::{read, read_with};
+use crate::msg::form::Form;
+use crate::msg::heard::{TF, TF_STATIC};
 use crate::msg::ros::{CameraInfo, TfMessage};
 use crate::msg::types;
 
@@ -55,7 +57,7 @@ pub struct TransformTopics {
 
 impl Default for TransformTopics {
     fn default() -> Self {
-        Self { changing: "/tf".to_owned(), lasting: "/tf_static".to_owned() }
+        Self { changing: TF.name.to_owned(), lasting: TF_STATIC.name.to_owned() }
     }
 }
 
@@ -102,10 +104,10 @@ impl TransformTopics {
 
     /// The pair that a topic is one of by its name; it alone, where its name does not tell.
     fn like(name: &str) -> Self {
-        let namespace = name.strip_suffix("/tf_static").or_else(|| name.strip_suffix("/tf"));
+        let namespace = name.strip_suffix(TF_STATIC.name).or_else(|| name.strip_suffix(TF.name));
         let named =
-            |end: &str| namespace.map_or_else(|| name.to_owned(), |namespace| format!("{namespace}/{end}"));
-        Self { changing: named("tf"), lasting: named("tf_static") }
+            |end: &str| namespace.map_or_else(|| name.to_owned(), |namespace| format!("{namespace}{end}"));
+        Self { changing: named(TF.name), lasting: named(TF_STATIC.name) }
     }
 
     /// The arguments that have these read.
@@ -183,7 +185,7 @@ impl Decoder {
     /// Whether the axes of what a sensor sends in this frame are optical: z ahead, x right, y down.
     pub fn is_optical(&self, sensor: usize, frame: &str) -> bool {
         let optical = self.filter.optical;
-        let is_image = self.sensors.get(sensor).is_some_and(|input| input.sensor.kind != SensorKind::Cloud);
+        let is_image = self.sensors.get(sensor).is_some_and(|input| input.sensor.form != Form::Points);
         let is_named = optical == Optical::Auto && is_optical_by_name(frame);
         is_image || is_named || optical.of_frame(frame)
     }
@@ -235,8 +237,8 @@ impl Input {
 
     fn decode(&mut self, sensor: usize, message: &Message, filter: &CloudFilter) -> Option<Recorded> {
         // A topic may have channels of several types.
-        let kind = || kind_of(message.type_name(), &message.channel.message_encoding);
-        if message.topic() == self.sensor.topic && kind() == Some(self.sensor.kind) {
+        let form = || form_of(message.type_name(), &message.channel.message_encoding);
+        if message.topic() == self.sensor.topic && form() == Some(self.sensor.form) {
             return Some(Recorded::Cloud { sensor, cloud: self.scan(message, filter) });
         }
         if self.is_info(message) && message.type_name() == types::CAMERA_INFO {
@@ -264,10 +266,10 @@ impl Input {
     fn scan(&self, message: &Message, filter: &CloudFilter) -> Result<Cloud, CloudError> {
         let data = message.plain().map_err(CloudError::Undecodable)?;
         let camera = || self.camera.clone().unwrap_or(Err(CloudError::NoCameraInfo));
-        let seeded = match self.sensor.kind {
-            SensorKind::Cloud => read_with(data, CloudSeed::new(*filter)),
-            SensorKind::Depth => read_with(data, DepthSeed::new(camera()?, *filter)),
-            SensorKind::CompressedDepth => read_with(data, CompressedSeed::new(camera()?, *filter)),
+        let seeded = match self.sensor.form {
+            Form::Points => read_with(data, CloudSeed::new(*filter)),
+            Form::Depth => read_with(data, DepthSeed::new(camera()?, *filter)),
+            Form::CompressedDepth => read_with(data, CompressedSeed::new(camera()?, *filter)),
         };
         seeded.unwrap_or_else(|text| Err(CloudError::Undecodable(text)))
     }

@@ -26,7 +26,7 @@ mod survey;
 mod topic;
 mod write;
 
-pub use choose::{Choice, ChoiceError, Info, Sensor, SensorKind, Wanted, choose};
+pub use choose::{Choice, ChoiceError, Info, Sensor, Wanted, choose};
 pub use decode::{Decoder, Elsewhere, Recorded, TransformTopics};
 pub use error::{BagError, Damage};
 pub use files::Bag;

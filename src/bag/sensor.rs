@@ -8,6 +8,7 @@ use mcap::Writer;
 use mcap::write::NoSeek;
 
 use super::write::{Channel, RECORDER, channel, put, writer};
+use crate::msg::heard::of_robot;
 use crate::msg::ros::{PointCloud2, TfMessage};
 use crate::msg::sent::{Named, Qos};
 use crate::msg::types;
@@ -28,11 +29,11 @@ impl<W: Write> SensorBag<W> {
     /// Those of `out`.
     pub fn new(out: W, points: &str) -> io::Result<Self> {
         let mut writer = writer(out, RECORDER)?;
-        let tf = |name| Named { name, type_name: types::TRANSFORMS };
+        let [changing, lasting] = [false, true].map(of_robot);
         let clouds = Named { name: points, type_name: types::CLOUD };
         Ok(Self {
-            static_transforms: channel(&mut writer, tf("/tf_static"), Qos::latched(1))?,
-            transforms: channel(&mut writer, tf("/tf"), Qos::reliable(100))?,
+            static_transforms: channel(&mut writer, lasting.named(), lasting.qos)?,
+            transforms: channel(&mut writer, changing.named(), changing.qos)?,
             points: channel(&mut writer, clouds, Qos::best_effort(10))?,
             writer,
             scratch: Vec::new(),

@@ -19,11 +19,11 @@ use super::read::Message;
 use super::schemas::definition;
 use crate::engine::Stamp;
 use crate::msg::cdr;
+use crate::msg::heard::of_robot;
 use crate::msg::outgoing::Outgoing;
 use crate::msg::ros::{Header, TfMessage};
 use crate::msg::sent::{self, Named, Qos};
 use crate::msg::twins::Twins;
-use crate::msg::types::TRANSFORMS;
 
 /// The topics that a result bag holds, by their names in the program, with those that remappings give them.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -133,13 +133,12 @@ impl<W: Write> ResultBag<W> {
     /// Those of the output.
     pub fn transforms(&mut self, message: &TfMessage, is_static: bool) -> io::Result<()> {
         let Some(first) = message.transforms.first() else { return Ok(()) };
-        let (topic, qos) =
-            if is_static { ("/tf_static", Qos::latched(1)) } else { ("/tf", Qos::reliable(100)) };
+        let topic = of_robot(is_static);
         let Self { writer, scratch, transforms, clock, .. } = self;
-        if !transforms.contains_key(topic) {
-            transforms.insert(topic, channel(writer, Named { name: topic, type_name: TRANSFORMS }, qos)?);
+        if !transforms.contains_key(topic.name) {
+            transforms.insert(topic.name, channel(writer, topic.named(), topic.qos)?);
         }
-        let Some(channel) = transforms.get_mut(topic) else { return Ok(()) };
+        let Some(channel) = transforms.get_mut(topic.name) else { return Ok(()) };
         put(writer, scratch, channel, (&first.header, clock.ahead()), message)
     }
 

@@ -17,7 +17,6 @@ use cfodi::export::{View, WholeFile, WriteError, draw, write_ply};
 use cfodi::msg::ros::TfMessage;
 use cfodi::node::dds::{Dds, Robot};
 use cfodi::node::middleware::{Adding, Middleware, OpenError};
-use cfodi::node::now;
 use cfodi::node::process::{ProcessError, live_node, receive_buffer};
 use cfodi::node::record::{Record, Recorder};
 use cfodi::node::resume::begin;
@@ -25,6 +24,7 @@ use cfodi::node::rosout::Lines;
 use cfodi::node::transport::{Event, Form};
 #[cfg(feature = "zenoh")]
 use cfodi::node::zenoh::Zenoh;
+use cfodi::node::{check_names, now};
 use cfodi::say::tell;
 use cfodi::sim::drive::SCANS_PER_SECOND;
 use cfodi::sim::{Drive, Scene};
@@ -101,7 +101,7 @@ fn drive<T: Middleware>(
     open_robot: impl FnOnce(&Setup) -> Result<Option<Robot>, OpenError>,
 ) -> anyhow::Result<()> {
     // Before a map is set aside for a node that cannot start.
-    setup.check_names().map_err(ProcessError::from)?;
+    check_names(setup).map_err(ProcessError::from)?;
     T::security(setup).map_err(ProcessError::from)?;
     std::fs::create_dir_all(&options.out)
         .with_context(|| format!("cannot make {}", options.out.display()))?;

@@ -6,12 +6,14 @@ use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use anyhow::{anyhow, bail};
-use cfodi::args::{ArgsError, Setup};
-use cfodi::bag::{self, Bag, Choice, Decoder, Info, SensorKind, Survey, TransformTopics, Wanted, choose};
+use cfodi::args::{ArgsError, DepthTopics, SensorTopics, Setup, TopicName};
+use cfodi::bag::{self, Bag, Choice, Decoder, Info, Survey, TransformTopics, Wanted, choose};
 use cfodi::config::{Kind, Sensor};
 use cfodi::line::one_line;
 use cfodi::link::{folder, target};
-use cfodi::msg::types::COMPRESSED_DEPTH;
+use cfodi::msg::form::Form;
+use cfodi::msg::heard::{TF, TF_STATIC};
+use cfodi::node::check_names;
 use cfodi::replay::{Feed, FixedFrame, Progress, clock_offset};
 use cfodi::say::say;
 
@@ -53,10 +55,9 @@ pub(crate) fn open(setup: &Setup, path: &Path, wanted: &[String]) -> anyhow::Res
     }
     let (bag, survey) = surveyed(path)?;
     // As the node does.
-    setup.check_names()?;
+    check_names(setup)?;
     let Choice { sensors, .. } = chosen(setup, path, wanted, &survey)?;
-    let transforms =
-        TransformTopics { changing: setup.resolve("/tf")?, lasting: setup.resolve("/tf_static")? };
+    let transforms = transforms(setup)?;
     let Survey { topics, is_complete } = survey;
     if is_complete {
         check_named(setup, &transforms, &topics)?;
@@ -65,6 +66,11 @@ pub(crate) fn open(setup: &Setup, path: &Path, wanted: &[String]) -> anyhow::Res
     let decoder = Decoder::new(sensors, setup.config().filter, transforms);
     let patience = setup.config().tf_timeout.max(PATIENCE);
     Ok(Input { bag, decoder, fixed_frame: fixed_frame(setup), patience })
+}
+
+/// The topics that transforms are read from.
+fn transforms(setup: &Setup) -> Result<TransformTopics, ArgsError> {
+    Ok(TransformTopics { changing: setup.resolve(TF.name)?, lasting: setup.resolve(TF_STATIC.name)? })
 }
 
 /// The bag, and what is in it.
@@ -97,17 +103,17 @@ fn chosen(
     Survey { topics, is_complete }: &Survey,
 ) -> anyhow::Result<Choice> {
     // What the node would listen to is meant: where it was remapped in any case, else where the bag has scans there.
-    let auto = auto_sensor(setup);
-    let (meant, usual) = match auto {
-        Some(sensor) => (remapped(setup, sensor, topics)?, usual(setup, sensor, topics)?),
-        None => (of_sensors(setup, topics)?, Vec::new()),
+    let sensors = setup.sensor_topics()?;
+    let is_auto = is_left_open(setup);
+    let (meant, usual) = match &sensors[..] {
+        [sensor] if is_auto => (remapped(setup, sensor, topics), usual(sensor, topics)),
+        listed => (of_sensors(setup, listed, topics), Vec::new()),
     };
     let named: Vec<_> = wanted.iter().map(|topic| Wanted { topic: topic.clone(), info: None }).collect();
     let is_meant = named.is_empty();
     let wanted = if is_meant { meant } else { named };
     // Who has given the intrinsics another name means these; else each image has its own.
-    let name = auto.and_then(Sensor::camera_info).unwrap_or_else(|| Info::PLAIN.to_owned());
-    let info = Some(info(setup, &name)?).filter(|info| info.is_named);
+    let info = Some(info(setup, &setup.topic_name(Info::PLAIN)?)).filter(|info| info.is_named);
     let choice = choose(topics, &wanted, &usual, info.as_ref()).or_else(|error| {
         // The error itself has several lines: what the bag holds.
         let text = format!("{}: {error}", one_line(&path.display().to_string()));
@@ -118,7 +124,7 @@ fn chosen(
         say(format_args!("cfodi: {text}"));
         Ok(Choice { sensors: Vec::new(), passed_over: Vec::new() })
     })?;
-    if is_meant && auto.is_none() {
+    if is_meant && !is_auto {
         check_kinds(&setup.config().sensors, &choice.sensors)?;
     }
     say_choice(&choice);
@@ -164,7 +170,7 @@ fn check_named(
     topics: &[bag::Topic],
 ) -> Result<(), Wrong> {
     let there: BTreeSet<_> = TransformTopics::all(topics).collect();
-    for (usual, name) in [("/tf", changing), ("/tf_static", lasting)] {
+    for (usual, name) in [(TF.name, changing), (TF_STATIC.name, lasting)] {
         let bare = |name: &str| name.trim_start_matches('/').to_owned();
         if !setup.is_remapped(usual) || there.iter().any(|topic| bare(topic) == bare(name)) {
             continue;
@@ -181,15 +187,15 @@ fn check_named(
     Ok(())
 }
 
-/// The sensor that may send clouds or depth images, where that is left open.
-fn auto_sensor(setup: &Setup) -> Option<&Sensor> {
-    setup.config().sensors.iter().find(|sensor| sensor.kind == Kind::Auto)
+/// Whether it is left open what the sensor sends, which is then the only one.
+fn is_left_open(setup: &Setup) -> bool {
+    setup.config().sensors.iter().any(|sensor| sensor.kind == Kind::Auto)
 }
 
 /// Refuses a listed sensor whose topic has what the node would not listen to there.
 fn check_kinds(listed: &[Sensor], chosen: &[bag::Sensor]) -> Result<(), Wrong> {
     for (Sensor { name, kind }, found) in listed.iter().zip(chosen) {
-        let carried = if found.kind == SensorKind::Cloud { Kind::Cloud } else { Kind::Depth };
+        let carried = if found.form == Form::Points { Kind::Cloud } else { Kind::Depth };
         if *kind != carried {
             let [kind, carried] = [kind, &carried].map(|kind| kind.as_str());
             let line = format!(
@@ -203,50 +209,50 @@ fn check_kinds(listed: &[Sensor], chosen: &[bag::Sensor]) -> Result<(), Wrong> {
 }
 
 /// The topics of the sensors that are listed.
-fn of_sensors(setup: &Setup, topics: &[bag::Topic]) -> Result<Vec<Wanted>, ArgsError> {
-    let of_sensor = |sensor: &Sensor| {
-        let topic = sensor.points().map(str::to_owned).or_else(|| sensor.image())?;
-        Some((topic, sensor.camera_info()))
+fn of_sensors(setup: &Setup, listed: &[SensorTopics], topics: &[bag::Topic]) -> Vec<Wanted> {
+    let wanted = |sensor: &SensorTopics| {
+        let (_, topic) = read_from(sensor, topics).next()?;
+        let info = sensor.depth.as_ref().map(|depth| info(setup, &depth.camera_info));
+        Some(Wanted { topic: topic.to_owned(), info })
     };
-    let wanted = |(topic, name): (String, Option<String>)| {
-        let info = name.map(|name| info(setup, &name)).transpose()?;
-        Ok(Wanted { topic: resolved(setup, &topic, topics)?, info })
-    };
-    setup.config().sensors.iter().filter_map(of_sensor).map(wanted).collect()
+    listed.iter().filter_map(wanted).collect()
 }
 
-/// The topic of intrinsics that has this name before remapping.
-fn info(setup: &Setup, name: &str) -> Result<Info, ArgsError> {
-    Ok(Info { topic: setup.resolve(name)?, plain: name.to_owned(), is_named: setup.is_remapped(name) })
+/// The topic of intrinsics.
+fn info(setup: &Setup, TopicName { plain, resolved }: &TopicName) -> Info {
+    Info { topic: resolved.clone(), plain: plain.clone(), is_named: setup.is_remapped(plain) }
 }
 
-/// The names on which the node listens for a sensor of which it is left open what it sends.
-fn names(sensor: &Sensor) -> impl Iterator<Item = String> {
-    sensor.points().map(str::to_owned).into_iter().chain(sensor.image())
+/// The topics that a sensor may be read from, clouds first: each by what a remapping names it, and as the bag has it.
+fn read_from<'a>(
+    SensorTopics { points, depth, .. }: &'a SensorTopics,
+    topics: &[bag::Topic],
+) -> impl Iterator<Item = (&'a TopicName, &'a str)> {
+    let points = points.as_ref().map(|points| (points, points.resolved.as_str()));
+    let images = depth.as_ref().map(|depth| (&depth.image, images(depth, topics)));
+    points.into_iter().chain(images)
+}
+
+/// The topic of images; compressed ones beside it where the bag has none there, as the node reads them.
+fn images<'a>(DepthTopics { image, compressed, .. }: &'a DepthTopics, topics: &[bag::Topic]) -> &'a str {
+    if !is_in(topics, &image.resolved) && is_in(topics, compressed) { compressed } else { &image.resolved }
 }
 
 /// The topic that somebody has put in the place of one of those: of two the first that the bag has.
-fn remapped(setup: &Setup, sensor: &Sensor, topics: &[bag::Topic]) -> Result<Vec<Wanted>, ArgsError> {
-    let remapped = names(sensor).filter(|name| setup.is_remapped(name));
-    let remapped = remapped.map(|name| resolved(setup, &name, topics)).collect::<Result<Vec<_>, _>>()?;
-    let first = remapped.iter().find(|name| is_in(topics, name)).or(remapped.first());
-    Ok(first.map(|topic| Wanted { topic: topic.clone(), info: None }).into_iter().collect())
+fn remapped(setup: &Setup, sensor: &SensorTopics, topics: &[bag::Topic]) -> Vec<Wanted> {
+    let remapped = read_from(sensor, topics).filter(|(name, _)| setup.is_remapped(&name.plain));
+    let remapped: Vec<_> = remapped.map(|(_, topic)| topic).collect();
+    let first = remapped.iter().find(|topic| is_in(topics, topic)).or(remapped.first());
+    first.map(|&topic| Wanted { topic: topic.to_owned(), info: None }).into_iter().collect()
 }
 
-/// The topics of those names.
-fn usual(setup: &Setup, sensor: &Sensor, topics: &[bag::Topic]) -> Result<Vec<String>, ArgsError> {
-    names(sensor).map(|name| resolved(setup, &name, topics)).collect()
+/// All of those.
+fn usual(sensor: &SensorTopics, topics: &[bag::Topic]) -> Vec<String> {
+    read_from(sensor, topics).map(|(_, topic)| topic.to_owned()).collect()
 }
 
 fn is_in(topics: &[bag::Topic], name: &str) -> bool {
     topics.iter().any(|topic| topic.is_called(name))
-}
-
-/// The topic that has this name before remapping; compressed images beside it where the bag has none there, as the node reads them.
-fn resolved(setup: &Setup, name: &str, topics: &[bag::Topic]) -> Result<String, ArgsError> {
-    let topic = setup.resolve(name)?;
-    let compressed = setup.resolve(&format!("{topic}{COMPRESSED_DEPTH}"))?;
-    Ok(if !is_in(topics, &topic) && is_in(topics, &compressed) { compressed } else { topic })
 }
 
 fn say_choice(choice: &Choice) {
@@ -310,19 +316,22 @@ mod tests {
 
     use super::*;
 
+    fn topics(names: &[&str], type_name: &str) -> Vec<bag::Topic> {
+        let topic = |name: &&str| bag::Topic {
+            name: (*name).to_owned(),
+            type_name: type_name.to_owned(),
+            encoding: "cdr".to_owned(),
+            messages: Some(0),
+        };
+        names.iter().map(topic).collect()
+    }
+
     /// Whether a bag with transforms on these topics is taken with these arguments; what is said where not.
     fn checked(arguments: &str, names: &[&str]) -> Result<(), String> {
         let arguments: Vec<_> = arguments.split_whitespace().map(str::to_owned).collect();
         let (setup, _) = Setup::parse(&arguments, &Environment::default(), "cfodi").unwrap();
-        let topic = |name: &&str| bag::Topic {
-            name: (*name).to_owned(),
-            type_name: "tf2_msgs/msg/TFMessage".to_owned(),
-            encoding: "cdr".to_owned(),
-            messages: Some(0),
-        };
-        let topics: Vec<_> = names.iter().map(topic).collect();
-        let [changing, lasting] = ["/tf", "/tf_static"].map(|name| setup.resolve(name).unwrap());
-        check_named(&setup, &TransformTopics { changing, lasting }, &topics).map_err(|error| error.0)
+        let topics = topics(names, "tf2_msgs/msg/TFMessage");
+        check_named(&setup, &transforms(&setup).unwrap(), &topics).map_err(|error| error.0)
     }
 
     #[test]
@@ -342,6 +351,16 @@ mod tests {
         }
         assert!(checked(robot, &["/a/tf", "/b/tf_static"]).is_err());
         assert_eq!(checked("", &[]), Ok(()), "nobody has named any");
+    }
+
+    #[test]
+    fn compressed_images_are_read_beside_images_and_not_beside_clouds() {
+        let (setup, _) = Setup::parse(&[], &Environment::default(), "cfodi").unwrap();
+        let sensors = setup.sensor_topics().unwrap();
+        let packed = ["/points/compressedDepth", "/depth/image/compressedDepth"];
+        let topics = topics(&packed, "sensor_msgs/msg/CompressedImage");
+        assert_eq!(usual(&sensors[0], &topics), ["/points", packed[1]]);
+        assert_eq!(usual(&sensors[0], &[]), ["/points", "/depth/image"]);
     }
 
     #[test]

@@ -12,6 +12,7 @@ use cfodi::args::security::Security;
 use cfodi::args::{Rmw, Setup};
 use cfodi::cloud::z_is_not_up;
 use cfodi::config::Value;
+use cfodi::node::check_names;
 use cfodi::node::dds::Dds;
 use cfodi::node::middleware::Middleware;
 use cfodi::node::process::{ProcessError, live_node};
@@ -42,7 +43,7 @@ pub(crate) fn run(setup: &Setup, options: &Options, lines: Lines) -> anyhow::Res
 
 fn run_over<T: Middleware>(setup: &Setup, options: &Options, lines: Lines) -> anyhow::Result<()> {
     // Before a map is set aside for a node that cannot start.
-    setup.check_names().map_err(ProcessError::from)?;
+    check_names(setup).map_err(ProcessError::from)?;
     let security = T::security(setup).map_err(ProcessError::from)?;
     let (engine, _lock) = begin(setup.config(), options.resume).map_err(ProcessError::from)?;
     match live_node::<T, ProcessError>(setup, engine, None, lines, |_| Ok(()), pending()) {

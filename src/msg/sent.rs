@@ -38,14 +38,14 @@ impl Qos {
     }
 }
 
-/// A topic that is sent.
+/// A topic that is sent, or heard.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Topic {
     /// Its name in the program: remappings give it another.
     pub name: &'static str,
     /// Its type, as `sensor_msgs/msg/PointCloud2`.
     pub type_name: &'static str,
-    /// How it is offered.
+    /// How it is offered, or listened to.
     pub qos: Qos,
 }
 

@@ -5,6 +5,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use super::parameters::Parameters;
 use super::transport::Event;
 use crate::engine::Stamp;
+use crate::msg::heard::CLOCK;
 use crate::msg::ros::Clock;
 
 /// Now; the epoch where the machine's clock is before it.
@@ -40,7 +41,7 @@ impl TimeOfDay {
 pub(super) fn event<R>(clock: Clock, parameters: &Parameters) -> Event<R> {
     let Some(stamp) = clock.clock.stamp() else {
         let text = format!("{} ns in a second", clock.clock.nanosec);
-        return Event::Garbled { topic: "/clock".into(), text };
+        return Event::Garbled { topic: CLOCK.name.into(), text };
     };
     parameters.note_clock(stamp);
     Event::Clock(stamp)

@@ -151,7 +151,7 @@ impl Middleware for Dds {
             memory,
             parameters,
             network: RefCell::new(Rc::new(network)),
-            inputs: setup.inputs()?,
+            inputs: setup.sensor_topics()?,
             name: setup.fully_qualified_name(),
             receive_buffer: receive_buffer(setup),
         };

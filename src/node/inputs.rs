@@ -4,23 +4,11 @@ use std::time::Duration;
 
 use super::transport::{DepthTopics, Form, SensorTopics, Source, TopicName};
 use crate::cloud::CloudError;
-use crate::msg::sent;
-use crate::msg::types::{CAMERA_INFO, CLOUD, COMPRESSED_DEPTH, COMPRESSED_IMAGE, IMAGE};
+use crate::msg::form::{folder, is_of_depth};
+use crate::msg::types::{CAMERA_INFO, COMPRESSED_DEPTH};
 
 /// Topics of one type that are named at most: somebody may publish thousands.
 const NAMED: usize = 20;
-
-impl Form {
-    pub(super) const ALL: [Self; 3] = [Self::Points, Self::Depth, Self::CompressedDepth];
-
-    const fn type_name(self) -> &'static str {
-        match self {
-            Self::Points => CLOUD,
-            Self::Depth => IMAGE,
-            Self::CompressedDepth => COMPRESSED_IMAGE,
-        }
-    }
-}
 
 /// The topics that a sensor is read from, for a person.
 pub(super) fn reads(sensor: &SensorTopics) -> String {
@@ -106,17 +94,21 @@ pub(super) fn why_quiet(
 
 /// What a sensor could be read from instead.
 fn choices(sensor: &SensorTopics, sources: &[Source]) -> String {
-    // What another node made of clouds is no sensor's.
-    let of_nodes = sent::LABELLED.name.trim_start_matches('~');
-    let of_sensors = || sources.iter().filter(|source| !source.topic.ends_with(of_nodes));
-    let of_type = |kind: &'static str| of_sensors().filter(move |source| source.type_name == kind);
-    let topics = |kind| of_type(kind).map(|source| source.topic.as_str()).take(NAMED);
+    let topics = |form: Form| {
+        let of_form = sources.iter().filter(move |source| source.type_name == form.type_name());
+        of_form.map(|source| source.topic.as_str())
+    };
+    let clouds = topics(Form::Points).filter(|topic| Form::Points.is_of_sensor(topic)).take(NAMED);
     let as_points =
-        |points: &TopicName| topics(CLOUD).map(|topic| format!("-r {}:={topic}", points.plain)).collect();
+        |points: &TopicName| clouds.map(|topic| format!("-r {}:={topic}", points.plain)).collect();
     let clouds: Vec<_> = sensor.points.as_ref().map(as_points).unwrap_or_default();
-    let raw = topics(IMAGE);
-    let compressed = topics(COMPRESSED_IMAGE).filter_map(|topic| topic.strip_suffix(COMPRESSED_DEPTH));
-    let (mut depth, other): (Vec<_>, Vec<_>) = raw.chain(compressed).partition(|topic| is_of_depth(topic));
+    let raw = topics(Form::Depth).take(NAMED);
+    // `image_transport` offers images of colours so too, and sends none: the plain name says whether they are of depth. In a bag
+    // such a topic has no message.
+    let compressed = topics(Form::CompressedDepth).take(NAMED);
+    let compressed = compressed.filter_map(|topic| topic.strip_suffix(COMPRESSED_DEPTH));
+    let images = raw.chain(compressed);
+    let (mut depth, other): (Vec<_>, Vec<_>) = images.partition(|topic| Form::Depth.is_of_sensor(topic));
     depth.sort_unstable();
     depth.dedup();
     let as_depth = |names: &DepthTopics| depth.iter().map(|image| image_words(names, image)).collect();
@@ -140,14 +132,6 @@ fn choices(sensor: &SensorTopics, sources: &[Source]) -> String {
         parts.push(format!("other Image topics: {}", other.join(", ")));
     }
     parts.join("; ")
-}
-
-fn is_of_depth(topic: &str) -> bool {
-    topic.to_lowercase().contains("depth")
-}
-
-fn folder(topic: &str) -> &str {
-    topic.rsplit_once('/').map_or("", |(folder, _)| folder)
 }
 
 /// Why scans of a sensor cannot be used, and where its camera infos may be if that is what they lack.
@@ -195,9 +179,9 @@ fn camera_infos(
 
 /// A camera's info stands beside its image.
 fn image_words(names: &DepthTopics, image: &str) -> String {
-    let folder = folder(image);
+    let [info, _] = Form::Depth.camera_infos_beside(image);
     let DepthTopics { image: as_image, camera_info, .. } = names;
-    format!("-r {}:={image} -r {}:={folder}/camera_info", as_image.plain, camera_info.plain)
+    format!("-r {}:={image} -r {}:={info}", as_image.plain, camera_info.plain)
 }
 
 #[cfg(test)]

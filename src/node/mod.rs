@@ -33,6 +33,7 @@ mod vitals;
 pub mod zenoh;
 
 pub use self::clock::now;
+pub use self::topics::check_names;
 pub use crate::args::{self, Setup};
 
 #[cfg(not(any(feature = "humble", feature = "jazzy")))]

@@ -6,23 +6,14 @@ use std::future::Future;
 
 use thiserror::Error;
 
+pub use crate::args::{DepthTopics, SensorTopics, TopicName};
 use crate::cloud::{Camera, Cloud, CloudError};
 use crate::config::Config;
 use crate::engine::Stamp;
+pub use crate::msg::form::Form;
 use crate::msg::outgoing::Outgoing;
 use crate::msg::ros::{PointCloud2, TfMessage, TriggerResponse};
 use crate::msg::sent::Named;
-
-/// In which form a sensor's scans come.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Form {
-    /// `sensor_msgs/PointCloud2`.
-    Points,
-    /// `sensor_msgs/Image`.
-    Depth,
-    /// `sensor_msgs/CompressedImage` beside the images.
-    CompressedDepth,
-}
 
 impl Form {
     /// What the sensor of this number sends in this form.
@@ -38,48 +29,6 @@ pub struct Input {
     pub sensor: usize,
     /// Its form.
     pub form: Form,
-}
-
-/// A topic that is read.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct TopicName {
-    /// As a remapping names it: `points`.
-    pub plain: String,
-    /// Fully qualified, remappings applied.
-    pub resolved: String,
-}
-
-/// The topics that one sensor's scans come from.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct SensorTopics {
-    /// The sensor's name.
-    pub name: String,
-    /// Its clouds.
-    pub points: Option<TopicName>,
-    /// Its depth images.
-    pub depth: Option<DepthTopics>,
-}
-
-/// The topics of depth images.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct DepthTopics {
-    /// The images.
-    pub image: TopicName,
-    /// The camera's intrinsics, which both kinds of depth image need.
-    pub camera_info: TopicName,
-    /// Fully qualified; `compressedDepth` below the images.
-    pub compressed: String,
-}
-
-impl SensorTopics {
-    /// The topic of a form, where the sensor is read in it.
-    pub fn topic(&self, form: Form) -> Option<&str> {
-        match form {
-            Form::Points => self.points.as_ref().map(|points| points.resolved.as_str()),
-            Form::Depth => self.depth.as_ref().map(|depth| depth.image.resolved.as_str()),
-            Form::CompressedDepth => self.depth.as_ref().map(|depth| depth.compressed.as_str()),
-        }
-    }
 }
 
 /// What can be called; each is a `std_srvs/Trigger`.

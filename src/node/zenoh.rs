@@ -102,7 +102,7 @@ impl Zenoh {
         let opener = Rc::new(Opener::new(setup, session, answers.clone())?);
         let graph = Graph::default();
         let outlets = outlet::open(&opener)?;
-        let inputs = setup.inputs()?;
+        let inputs = setup.sensor_topics()?;
         let scans = vec![Scans::default(); inputs.len()];
         let mut readers = read::listen(&opener, &graph, &parameters, &scans, events)?;
         parameters::serve(&opener, &mut readers, &parameters, events)?;

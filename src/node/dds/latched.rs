@@ -23,16 +23,14 @@ use tracing::warn;
 use super::Events;
 use super::pulse::Pulse;
 use super::threads::Threads;
+use crate::msg::heard::TF_STATIC;
 use crate::msg::ros::TfMessage;
-use crate::msg::sent::Named;
-use crate::msg::types;
 use crate::node::heard::{Order, PublisherId, Taken};
 use crate::node::middleware::OpenError;
 use crate::node::transport::Event;
 
 /// Where transforms come that hold for all time.
-pub(super) const TOPIC: &str = "/tf_static";
-pub(super) const NAMED: Named<'_> = Named { name: TOPIC, type_name: types::TRANSFORMS };
+const TOPIC: &str = TF_STATIC.name;
 
 /// Time between two openings: publishers that come together are heard by one reader.
 const REST: Duration = Duration::from_millis(200);

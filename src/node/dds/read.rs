@@ -17,6 +17,7 @@ use super::network::{Sources, Triggers};
 use super::{Caller, Events, Opener, Readers, latched, parameters, reliable};
 use crate::args::security::Security;
 use crate::cloud::{CloudSeed, CompressedSeed, DepthSeed};
+use crate::msg::heard::{CLOCK, TF, TF_STATIC};
 use crate::msg::ros::{CameraInfo, Clock};
 use crate::msg::sent::Named;
 use crate::msg::types;
@@ -27,9 +28,6 @@ use crate::node::readers::{tell_camera, tell_scan};
 use crate::node::seeds::{Decoded, LatestCamera, Publishers, Scans, Told, WithCamera, WithFilter};
 use crate::node::transport::{DepthTopics, Event, Form, Input, SensorTopics, Service};
 use crate::node::{clock, compressed};
-
-/// Messages of transforms that may wait.
-const TRANSFORMS: usize = 100;
 
 /// What was heard, for readers that come after: a publisher's numbers go on when the network is joined anew.
 #[derive(Clone, Default)]
@@ -64,19 +62,17 @@ pub(super) fn listen(
     events: &Events,
 ) -> Result<Readers, OpenError> {
     let mut readers = Readers::new();
-    for (number, sensor) in opener.setup.inputs()?.into_iter().enumerate() {
+    for (number, sensor) in opener.setup.sensor_topics()?.into_iter().enumerate() {
         let heard = memory.scans.borrow_mut().entry(number).or_default().anew();
         let readers = &mut readers;
         Listening { opener, sources, readers, parameters, events, number, heard }.to(sensor)?;
     }
     // The reliable reader takes nothing of a publisher before its heartbeat, up to 3 s; the other one at once.
-    let at_once =
-        (&QosProfile::subscription_default().history(History::KeepLast { depth: TRANSFORMS })).into();
-    let at_once = (!has_keys(opener.security)).then_some(at_once);
-    let repaired = (&reliable(TRANSFORMS, Durability::Volatile)).into();
-    let topic = opener.setup.resolve("/tf")?;
+    let at_once = (!has_keys(opener.security)).then(|| best_effort(TF.qos.depth));
+    let repaired = (&reliable(TF.qos.depth, Durability::Volatile)).into();
+    let topic = opener.setup.resolve(TF.name)?;
     for qos in at_once.into_iter().chain([repaired]) {
-        let dynamic = opener.subscribe(Named { name: &topic, type_name: types::TRANSFORMS }, &qos)?;
+        let dynamic = opener.subscribe(Named { name: &topic, ..TF.named() }, &qos)?;
         let taken = Rc::clone(&memory.transforms);
         let transforms = move |message, info: &MessageInfo| match taken
             .borrow_mut()
@@ -86,20 +82,20 @@ pub(super) fn listen(
             Order::Late => Some(Event::LateTransforms(message)),
             Order::Known => None,
         };
-        readers.spawn_local(read("/tf", dynamic, events.clone(), transforms));
+        readers.spawn_local(read(TF.name, dynamic, events.clone(), transforms));
     }
     let taken = Rc::clone(&memory.latched);
     let transforms = move |message, info: &MessageInfo| latched::event(&taken, message, info);
-    let topic = opener.setup.resolve(latched::TOPIC)?;
-    let latched = opener.subscribe(Named { name: &topic, type_name: types::TRANSFORMS }, &latched_qos())?;
-    readers.spawn_local(read(latched::TOPIC, latched, events.clone(), transforms));
+    let topic = opener.setup.resolve(TF_STATIC.name)?;
+    let latched = opener.subscribe(Named { name: &topic, ..TF_STATIC.named() }, &latched_qos())?;
+    readers.spawn_local(read(TF_STATIC.name, latched, events.clone(), transforms));
     if opener.setup.config().use_sim_time {
-        let qos = (&QosProfile::subscription_default()).into();
-        let topic = opener.setup.resolve("/clock")?;
-        let times = opener.subscribe(Named { name: &topic, type_name: types::CLOCK }, &qos)?;
+        let topic = opener.setup.resolve(CLOCK.name)?;
+        let named = Named { name: &topic, ..CLOCK.named() };
+        let times = opener.subscribe(named, &best_effort(CLOCK.qos.depth))?;
         let parameters = Rc::clone(parameters);
         let time = move |clock: Clock, _: &MessageInfo| Some(clock::event(clock, &parameters));
-        readers.spawn_local(read("/clock", times, events.clone(), time));
+        readers.spawn_local(read(CLOCK.name, times, events.clone(), time));
     }
     parameters::serve(opener, &mut readers, parameters, events)?;
     let spinner = opener.node.borrow_mut().spinner().map_err(OpenError::opening("the graph"))?;
@@ -112,7 +108,12 @@ pub(super) fn listen(
 
 /// Of the readers of latched transforms.
 pub(super) fn latched_qos() -> rustdds::QosPolicies {
-    (&reliable(TRANSFORMS, Durability::TransientLocal)).into()
+    (&reliable(TF_STATIC.qos.depth, Durability::TransientLocal)).into()
+}
+
+/// Of readers to which nothing that was lost comes again.
+fn best_effort(depth: usize) -> rustdds::QosPolicies {
+    (&QosProfile::subscription_default().history(History::KeepLast { depth })).into()
 }
 
 /// Whether messages come by DDS Security. Then there is one reader a topic: with two of `/tf`, transforms did not always come.

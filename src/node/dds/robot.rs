@@ -8,8 +8,9 @@ use ros2_client::{Publisher, QosProfile};
 use super::opener::Kept;
 use super::{Opener, reliable};
 use crate::args::Setup;
+use crate::msg::heard::of_robot;
 use crate::msg::ros::{PointCloud2, TfMessage};
-use crate::msg::sent::Named;
+use crate::msg::sent::{Named, Topic};
 use crate::msg::types;
 use crate::node::middleware::OpenError;
 use crate::node::transport::SendError;
@@ -19,8 +20,8 @@ use crate::node::transport::SendError;
 const PATIENCE: WhenFull = WhenFull::Wait(Duration::from_millis(500));
 
 const POINTS: &str = "points";
-const TF: &str = "/tf";
-const TF_STATIC: &str = "/tf_static";
+const TF: Topic = of_robot(false);
+const TF_STATIC: Topic = of_robot(true);
 
 /// Publishers of a simulated robot: its own participant, so that its clouds really cross the network stack.
 pub struct Robot {
@@ -39,13 +40,13 @@ impl Robot {
         let setup = setup.for_node("simulated_robot");
         let security = setup.security()?;
         let mut opener = Opener::new(&setup, &security)?;
-        let tf = |name| Named { name, type_name: types::TRANSFORMS };
         let best_effort = &QosProfile::subscription_default().into();
         let points = opener.publisher(Named { name: POINTS, type_name: types::CLOUD }, best_effort)?;
         let patient =
             |depth, durability| (&reliable(depth, durability).reliability_reliable(PATIENCE)).into();
-        let dynamic = opener.publisher(tf(TF), &patient(100, Durability::Volatile))?;
-        let latched = opener.publisher(tf(TF_STATIC), &patient(1, Durability::TransientLocal))?;
+        let dynamic = opener.publisher(TF.named(), &patient(TF.qos.depth, Durability::Volatile))?;
+        let latched =
+            opener.publisher(TF_STATIC.named(), &patient(TF_STATIC.qos.depth, Durability::TransientLocal))?;
         Ok(Self { points, tf: dynamic, tf_static: latched, _kept: opener.into_kept() })
     }
 
@@ -63,6 +64,6 @@ impl Robot {
     /// When the middleware refuses them.
     pub fn send_transforms(&self, message: TfMessage, is_static: bool) -> Result<(), SendError> {
         let (topic, publisher) = if is_static { (TF_STATIC, &self.tf_static) } else { (TF, &self.tf) };
-        publisher.publish(message).map_err(|error| SendError::refused(topic, &error))
+        publisher.publish(message).map_err(|error| SendError::refused(topic.name, &error))
     }
 }

@@ -51,7 +51,7 @@ impl Graph {
         setup: &Setup,
         node: NodeToken,
     ) -> Result<Subscriber<()>, OpenError> {
-        let (graph, inputs) = (self.clone(), setup.inputs()?);
+        let (graph, inputs) = (self.clone(), setup.sensor_topics()?);
         let note = move |sample: Sample| {
             let is_there = sample.kind() == SampleKind::Put;
             graph.told().note(sample.key_expr().as_str(), is_there, &node, &inputs);

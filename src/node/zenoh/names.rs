@@ -181,6 +181,7 @@ mod tests {
     use super::*;
     use crate::args::{Environment, Setup};
     use crate::msg::sent;
+    use crate::node::check_names;
     use crate::node::parameters::{self, ParameterService};
 
     const LATCHED: Qos = Qos::latched(1);
@@ -220,7 +221,7 @@ mod tests {
     #[test]
     fn every_type_that_the_node_sends_or_serves_has_its_hash() {
         let setup = Setup::parse(&[], &Environment::default(), "cfodi").unwrap().0;
-        assert!(setup.check_names().is_ok());
+        assert!(check_names(&setup).is_ok());
         let services = ParameterService::ALL.map(|service| service.named().type_name);
         let topics = sent::TOPICS.into_iter().chain([parameters::EVENTS]);
         let types = topics.map(|topic| topic.type_name);

@@ -11,6 +11,7 @@ use super::opener::{Call, Calls, Inbox, Opener, lost};
 use super::{Events, Readers};
 use crate::cloud::{CloudError, CloudSeed, CompressedSeed, DepthSeed};
 use crate::msg::cdr;
+use crate::msg::heard::{CLOCK, TF, TF_STATIC};
 use crate::msg::ros::{Clock, TriggerRequest};
 use crate::msg::sent::{Named, Qos};
 use crate::msg::types;
@@ -32,7 +33,7 @@ const LATCHED: Room = Room { messages: MAX_FRAMES, bytes: 16 << 20 };
 const CLOCKS: Room = Room { messages: 1, bytes: 1 << 16 };
 const CALLS: Room = Room { messages: 10, bytes: 1 << 16 };
 
-/// What sensors are read with, and the clock.
+/// What sensors are read with.
 const SENSOR: Qos = Qos::best_effort(2);
 
 /// Starts the tasks that read topics and calls.
@@ -44,21 +45,19 @@ pub(super) fn listen(
     events: &Events,
 ) -> Result<Readers, OpenError> {
     let mut readers = Readers::new();
-    for (number, (sensor, heard)) in opener.setup.inputs()?.into_iter().zip(scans).enumerate() {
+    for (number, (sensor, heard)) in opener.setup.sensor_topics()?.into_iter().zip(scans).enumerate() {
         let (readers, heard) = (&mut readers, heard.clone());
         Listening { opener, graph, readers, parameters, events, number, heard }.to(sensor)?;
     }
-    for (topic, is_static, room) in [("/tf", false, TRANSFORMS), ("/tf_static", true, LATCHED)] {
-        let qos = Qos { latched: is_static, ..Qos::reliable(100) };
-        let resolved = opener.setup.resolve(topic)?;
-        let transforms =
-            opener.subscribe(Named { name: &resolved, type_name: types::TRANSFORMS }, qos, room)?;
+    for (topic, is_static, room) in [(TF, false, TRANSFORMS), (TF_STATIC, true, LATCHED)] {
+        let resolved = opener.setup.resolve(topic.name)?;
+        let transforms = opener.subscribe(Named { name: &resolved, ..topic.named() }, topic.qos, room)?;
         let event = move |message| Event::Transforms { message, is_static };
-        readers.spawn_local(read(topic, transforms, events.clone(), event));
+        readers.spawn_local(read(topic.name, transforms, events.clone(), event));
     }
     if opener.setup.config().use_sim_time {
-        let resolved = opener.setup.resolve("/clock")?;
-        let clocks = opener.subscribe(Named { name: &resolved, type_name: types::CLOCK }, SENSOR, CLOCKS)?;
+        let resolved = opener.setup.resolve(CLOCK.name)?;
+        let clocks = opener.subscribe(Named { name: &resolved, ..CLOCK.named() }, CLOCK.qos, CLOCKS)?;
         let parameters = Rc::clone(parameters);
         let event = move |clock: Clock| clock::event(clock, &parameters);
         readers.spawn_local(read_clock(clocks, events.clone(), event));
@@ -205,11 +204,11 @@ async fn read_clock(
     events: Events,
     event: impl Fn(Clock) -> Event<Call>,
 ) -> Cow<'static, str> {
-    let garbled = |text| Event::Garbled { topic: "/clock".into(), text };
+    let garbled = |text| Event::Garbled { topic: CLOCK.name.into(), text };
     loop {
         let clock = cdr::read(&clocks.take().await.bytes()).map_or_else(garbled, &event);
         if events.send(clock).await.is_err() {
-            return "/clock".into();
+            return CLOCK.name.into();
         }
     }
 }

@@ -13,12 +13,13 @@ use tracing::warn;
 use super::{Network, Sources, Triggers};
 use crate::args::Setup;
 use crate::args::security::Security;
+use crate::msg::heard::TF_STATIC;
 use crate::msg::sent;
 use crate::msg::twins::{Detection3DArray, PolygonInstanceStamped};
 use crate::node::clock::TimeOfDay;
 use crate::node::dds::addresses::Addresses;
 use crate::node::dds::answering::Answering;
-use crate::node::dds::latched::{self, Latched};
+use crate::node::dds::latched::Latched;
 use crate::node::dds::outlet::Outlet;
 use crate::node::dds::pulse::Pulse;
 use crate::node::dds::read::{self, Memory};
@@ -63,7 +64,7 @@ impl Network {
         let pulse = pulse(&opener);
         let (participant, threads) = (opener.participant.clone(), Rc::new(threads));
         let sources = Sources { participant, threads, pulse: pulse.clone() };
-        let transforms = opener.topic(latched::NAMED, &read::latched_qos())?;
+        let transforms = opener.topic(TF_STATIC.named(), &read::latched_qos())?;
         let network = Self {
             clusters: Outlet::open(&mut opener, sent::CLUSTERS, SNAPSHOTS)?,
             delta: Outlet::open(&mut opener, sent::DELTA, DELTAS)?,
@@ -133,7 +134,7 @@ impl Network {
             taken: Rc::clone(&memory.latched),
             events: events.clone(),
         };
-        self.readers.try_lock().map_err(OpenError::opening(latched::TOPIC))?.spawn_local(latched.read(news));
+        self.readers.try_lock().map_err(OpenError::opening(TF_STATIC.name))?.spawn_local(latched.read(news));
         Ok(())
     }
 }
