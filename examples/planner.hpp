@@ -382,7 +382,7 @@ class Driver {
     if (!session_id_) session_id_ = planner.map.session_id();
     if (planner.map.session_id() == *session_id_) return std::nullopt;
     // What stands before the robot may be too near to be seen again.
-    return Why{"a new session has begun, which knows nothing of what was seen before", "see that the way is free and start again"};
+    return Why{"a new session has begun, which may know nothing of what was seen before", "see that the way is free and start again"};
   }
 
   // The name of a frame without the slash that ROS 1 has before it, as cfodi takes it.

@@ -173,7 +173,7 @@ class Driver:
         session_id = self.planner.map.session_id
         self.session_id = self.session_id or session_id
         if session_id != self.session_id:  # what stands before the robot may be too near to be seen again
-            return "a new session has begun, which knows nothing of what was seen before", "see that the way is free and start again"
+            return "a new session has begun, which may know nothing of what was seen before", "see that the way is free and start again"
         return None
 
     def before(self, free):

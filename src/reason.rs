@@ -12,10 +12,13 @@ pub struct Reason {
 }
 
 /// Why the live node and a replay skip scans for no fault of theirs: their session has ended.
-pub const SESSION_ENDED: Reason =
-    Reason::new("session_ended", "Time jumped back, or a reset was called, while the scan waited.");
-/// The end has come.
-pub const SHUTDOWN: Reason = Reason::new("shutdown", "The program ended while the scan waited.");
+pub const SESSION_ENDED: Reason = Reason::new(
+    "session_ended",
+    "The stamps jumped back, or the map was reset, while the scan waited for its transform.",
+);
+/// The same where the node or the replay was stopped.
+pub const SHUTDOWN: Reason =
+    Reason::new("shutdown", "It was stopped while the scan waited for its transform.");
 
 impl Reason {
     /// A reason by its key and its sentence.

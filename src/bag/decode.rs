@@ -32,10 +32,13 @@ pub enum Recorded {
         /// Whether they hold for all time.
         is_static: bool,
     },
-    /// A camera with lens distortion, which is not undone: said once a sensor.
+    /// A camera with lens distortion, which is not undone, unless its images have the name of rectified ones; told with the first of
+    /// its messages.
     Distorted {
         /// The topic of its intrinsics.
         topic: String,
+        /// That of its images.
+        image: String,
     },
     /// A message of a topic that is read, but not a readable one.
     Undecodable {
@@ -257,7 +260,8 @@ impl Input {
                     && !is_rectified_by_name(&self.sensor.topic);
                 self.camera = Some(camera);
                 let is_first = !std::mem::replace(&mut self.has_come, true);
-                (is_first && is_distorted).then_some(Recorded::Distorted { topic })
+                let image = self.sensor.topic.clone();
+                (is_first && is_distorted).then_some(Recorded::Distorted { topic, image })
             }
             Err(text) => Some(Recorded::Undecodable { topic, text }),
         }

@@ -31,10 +31,9 @@ pub enum BagError {
     },
     /// A recording in a data base.
     #[error(
-        "{} is a bag in SQLite; convert it: rosbags-convert --src {} --dst {} --dst-storage mcap",
+        "{} is a bag in SQLite; convert it: {}",
         path.display(),
-        sources.iter().map(|path| quoted(path)).collect::<Vec<_>>().join(" "),
-        quoted(folder)
+        conversion(sources, folder)
     )]
     Sqlite {
         /// The file, or the folder that names it.
@@ -151,6 +150,24 @@ fn parts(chunks: u64, messages: u64) -> String {
     let kinds = [(chunks, "chunks"), (messages, "compressed messages")];
     let kinds = kinds.iter().filter(|(count, _)| *count > 0);
     kinds.map(|(count, kind)| format!("{count} of its {kind}")).collect::<Vec<_>>().join(" and ")
+}
+
+/// The commands that convert data bases; `rosbags-convert` takes no file that is packed.
+fn conversion(sources: &[PathBuf], folder: &Path) -> String {
+    let is_packed = |path: &Path| path.extension().is_some_and(|end| end == "zst" || end == "zstd");
+    let (mut commands, mut unpacked) = (Vec::new(), Vec::new());
+    for path in sources {
+        if is_packed(path) {
+            let plain = quoted(&path.with_extension(""));
+            commands.push(format!("zstd -d {} -o {plain}", quoted(path)));
+            unpacked.push(plain);
+        } else {
+            unpacked.push(quoted(path));
+        }
+    }
+    let sources = unpacked.join(" ");
+    commands.push(format!("rosbags-convert --src {sources} --dst {} --dst-storage mcap", quoted(folder)));
+    commands.join(" && ")
 }
 
 /// As a shell takes it.

@@ -210,7 +210,7 @@ fn mcap_files(folder: &Path) -> Result<Vec<PathBuf>, BagError> {
     }
     // What a recorder leaves that was killed.
     let mut in_sqlite = others;
-    in_sqlite.retain(|path| name(path).contains(".db3"));
+    in_sqlite.retain(|path| [".db3", ".db3.zstd", ".db3.zst"].iter().any(|end| name(path).ends_with(end)));
     in_sqlite.sort_by_cached_key(|path| in_order(&name(path)));
     Err(match in_sqlite.first().cloned() {
         Some(first) => sqlite(&first, in_sqlite),

@@ -235,7 +235,9 @@ fn read_from<'a>(
 
 /// The topic of images; compressed ones beside it where the bag has none there, as the node reads them.
 fn images<'a>(DepthTopics { image, compressed, .. }: &'a DepthTopics, topics: &[bag::Topic]) -> &'a str {
-    if !is_in(topics, &image.resolved) && is_in(topics, compressed) { compressed } else { &image.resolved }
+    // Recorders write channels for topics that nobody has fed.
+    let is_fed = |name: &str| topics.iter().any(|topic| topic.is_called(name) && topic.messages != Some(0));
+    if !is_fed(&image.resolved) && is_fed(compressed) { compressed } else { &image.resolved }
 }
 
 /// The topic that somebody has put in the place of one of those: of two the first that the bag has.

@@ -19,7 +19,7 @@ use super::{Ending, first_of, say_left_behind};
 pub(crate) struct Options {
     /// An MCAP file, one compressed as a whole (.mcap.zstd), or a folder that rosbags-convert or ros2 bag record made
     input: PathBuf,
-    /// The sensor's topic; again for a second sensor. Without it, `points` or `depth/image`, else the only cloud or depth image
+    /// The sensor's topic; again for a second sensor. Without it, `points` or `depth/image` (or its compressedDepth), else the only cloud or depth image
     #[arg(long)]
     topic: Vec<String>,
     /// The result as a bag: clusters, deltas, markers, labelled points, transforms

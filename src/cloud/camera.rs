@@ -103,6 +103,13 @@ impl Camera {
     }
 }
 
+/// What is to be said of distortion that the intrinsics on this topic tell of: it is not undone in the images on the other.
+pub fn distortion(info: &str, image: &str) -> String {
+    format!(
+        "{info} tells of lens distortion: images of {image} are taken as rectified, and are off by it where they are not"
+    )
+}
+
 /// Whether an image is rectified, by its topic's name: `image_rect`, or `image_rect_raw`, compressed or not. The coefficients of
 /// distortion beside it are those of the image that it was made from.
 pub fn is_rectified_by_name(topic: &str) -> bool {

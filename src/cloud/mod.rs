@@ -26,7 +26,7 @@ mod tests;
 use crate::engine::{Points, Stamp};
 use crate::msg::ros::PointCloud2;
 
-pub use camera::{Camera, is_rectified_by_name};
+pub use camera::{Camera, distortion, is_rectified_by_name};
 #[cfg(feature = "bag")]
 pub use compressed::{CompressedSeed, decode_compressed};
 pub use depth::{DepthSeed, decode_depth};

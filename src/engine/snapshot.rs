@@ -114,8 +114,8 @@ pub struct DenseVoxel {
     pub count: u32,
     /// Mean of its points (m), fixed frame; in `consistent` with a noise model weighed by how well each scan's are known.
     pub centre: Point3<f64>,
-    /// Its normal (Definition 3 in `paper`, that of its patch in `consistent`), `None` where its neighbourhood spans no
-    /// plane.
+    /// Its normal (Definition 3 in `paper`; in `consistent` that of its patch, and of a voxel in none that of its neighbourhood),
+    /// `None` where its neighbourhood spans no plane.
     pub normal: Option<UnitVector3<f64>>,
     /// Smallest eigenvalue over the sum, of the covariance whose fit gave the normal: 0 (flat) to 1/3; NaN without a normal.
     pub curvature: f32,

@@ -20,7 +20,7 @@ pub enum GivenUp {
 impl Join {
     /// What the user can do about a cloud that was given up, `why` being what its last lookup lacked; `None` where that says all.
     /// Where no lookup was made, or a frame is not known or not connected, the frames that have been seen are listed. `tf_timeout`
-    /// is mentioned for a cloud that timed out alone: a longer one would not have helped any other.
+    /// is mentioned only for a cloud that timed out: a longer one would not have helped any other.
     pub fn hint(&self, why: Option<&LookupError>, given_up: GivenUp) -> Option<String> {
         let Some(LookupError { fixed, lack, .. }) = why else { return Some(self.frames_seen()) };
         let seen = || self.frames_seen();

@@ -96,21 +96,22 @@ impl Dds {
 
     /// Joins anew, as soon as one of the interfaces that are asked for is there: after a sleep a wireless one comes back late.
     async fn join_anew(&self, reason: &str) -> Result<(), OpenError> {
-        for attempt in 0_u64.. {
+        let mut attempts = 0_u64;
+        loop {
             match self.try_to_join_anew(reason).await {
                 Err(error @ OpenError::Interface { .. }) => {
-                    if attempt.is_multiple_of(SAID_EVERY) {
+                    if attempts.is_multiple_of(SAID_EVERY) {
                         let seconds = AGAIN.as_secs();
                         warn!(
                             "{reason}: the network cannot be joined anew: {error}; it is tried every {seconds} s"
                         );
                     }
+                    attempts += 1;
                     tokio::time::sleep(AGAIN).await;
                 }
                 ended => return ended,
             }
         }
-        Ok(())
     }
 
     /// The network before is left without a farewell, for which its threads may be gone.
@@ -137,7 +138,7 @@ impl Middleware for Dds {
     }
 
     async fn open(setup: &Setup, security: Security) -> Result<Opened<Self>, OpenError> {
-        // One that is named and not there is an error now, and may come back later.
+        // At the start each must be there; where the network is joined anew, one is enough.
         setup.config().network_interfaces.iter().copied().try_for_each(check_interface)?;
         prefault(BURSTS * setup.config().receive_buffer.min(LARGEST_BURST));
         let (events, receiver) = mpsc::channel(EVENTS);
@@ -213,6 +214,10 @@ impl Transport for Dds {
 
     fn sources(&self) -> Vec<Source> {
         self.network().sources()
+    }
+
+    fn knows_all_sources(&self) -> bool {
+        self.network().knows_all_sources()
     }
 
     fn node_name(&self) -> &str {

@@ -140,7 +140,10 @@ pub async fn run<T: Transport>(
             let file = config.snapshot_path.clone().map(|path| LastFile { path, given_up });
             live.run(events, beside, shutdown, file).await
         }
-        Err(error) => Err(error),
+        Err(error) => {
+            drop(reports);
+            Err(error)
+        }
     };
     if tokio::time::timeout(LAST_WORDS, &mut speaking).await.is_err() {
         speaking.abort();

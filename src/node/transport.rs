@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 use std::fmt;
 use std::future::Future;
+use std::time::Duration;
 
 use thiserror::Error;
 
@@ -89,6 +90,9 @@ pub enum Event<Request> {
         text: String,
     },
 }
+
+/// Time for those that are on a network to be found.
+pub(super) const DISCOVERY: Duration = Duration::from_secs(5);
 
 /// A topic that somebody publishes.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -190,8 +194,11 @@ pub trait Transport: 'static {
     /// Why nothing may come of a publisher that is there, beside that it is silent.
     fn silences(&self) -> &'static str;
 
-    /// Every topic that another publishes now, by name; none where that cannot be known.
+    /// Every topic that another publishes now, as far as it is known, by name.
     fn sources(&self) -> Vec<Source>;
+
+    /// Whether these are all: not for some seconds after the network was joined.
+    fn knows_all_sources(&self) -> bool;
 
     /// What can be known of the network now.
     fn network_state(&self) -> NetworkState;

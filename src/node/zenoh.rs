@@ -21,7 +21,7 @@ use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::rc::Rc;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use tokio::sync::{Notify, mpsc, oneshot};
 use tokio::time::{sleep, timeout};
@@ -40,7 +40,7 @@ use super::middleware::{Adding, EVENTS, Middleware, OpenError, Opened};
 use super::parameters::Parameters;
 use super::readers::{self, Readers};
 use super::seeds::Scans;
-use super::transport::{Input, NetworkState, SendError, SensorTopics, Service, Source, Transport};
+use super::transport::{DISCOVERY, Input, NetworkState, SendError, SensorTopics, Service, Source, Transport};
 use crate::args::Setup;
 use crate::args::security::{Security, SecurityError};
 use crate::config::Value;
@@ -78,6 +78,8 @@ pub struct Zenoh {
     router_news: Arc<Notify>,
     /// There was a router, and now there is none.
     lacks_router: Cell<bool>,
+    /// When it came back last, or the session was opened.
+    found_router: Cell<Instant>,
     /// It was said at the start that there is none.
     said_no_router: bool,
     session: Session,
@@ -115,6 +117,7 @@ impl Zenoh {
             answers,
             router_news: router_news(session)?,
             lacks_router: Cell::new(false),
+            found_router: Cell::new(Instant::now()),
             said_no_router,
             session: session.clone(),
             parameters,
@@ -136,7 +139,9 @@ impl Zenoh {
                 }
                 Ok(0) => has_router = Some(false),
                 Ok(_) => {
-                    self.lacks_router.set(false);
+                    if self.lacks_router.replace(false) {
+                        self.found_router.set(Instant::now());
+                    }
                     if has_router == Some(false) {
                         info!("a Zenoh router is there");
                     }
@@ -283,6 +288,10 @@ impl Transport for Zenoh {
 
     fn sources(&self) -> Vec<Source> {
         self.graph.sources()
+    }
+
+    fn knows_all_sources(&self) -> bool {
+        !self.lacks_router.get() && self.found_router.get().elapsed() >= DISCOVERY
     }
 
     fn node_name(&self) -> &str {

@@ -76,7 +76,7 @@ pub struct Fed {
     pub tally: Tally,
     /// Where the map lives.
     pub fixed_frame: String,
-    /// What was said at the end: of the order of the messages, and of how the frame was found.
+    /// What was said at the end: of the order of the messages, of cameras and clouds, and of how the frame was found.
     pub remarks: Vec<Remark>,
     /// What of the bag could not be read; `None` where all of it was.
     pub unread: Option<BagError>,
@@ -218,7 +218,7 @@ impl<V: Visitor> Feeder<'_, V> {
                 }
             }
             Recorded::Transforms { message, is_static } => self.transforms(&message, is_static)?,
-            Recorded::Distorted { topic } => self.account.note_distorted(&topic),
+            Recorded::Distorted { topic, image } => self.account.note_distorted(&topic, &image),
             Recorded::Undecodable { topic, text } => {
                 let line = self.account.undecodable(&topic, &text);
                 self.say(line);

@@ -105,7 +105,7 @@ pub struct Summary {
     pub tally: Tally,
     /// Where the map lives.
     pub fixed_frame: String,
-    /// What was said at the end: of the order of the messages, and of how the frame was found.
+    /// What was said at the end: of the order of the messages, of cameras and clouds, and of how the frame was found.
     pub remarks: Vec<Remark>,
     /// How often a map was begun: 1, and one more for each jump back of the stamps.
     pub sessions: u64,

@@ -66,9 +66,18 @@ fn over_a_gap_of_seconds_no_cloud_is_placed_that_would_not_have_waited_for_its_e
     let behind = replayed(&bag(&["odom"], lacks));
     for found in [&beside, &behind] {
         assert!(found.errors.contains("0.033000 s after the range covered by odom"), "{}", found.errors);
+        assert!(found.errors.contains("see tf_timeout"), "{}", found.errors);
         let (least, waited) = (CLOUDS as u64 - 80, 1000 / 33 + 2);
         assert!((least..=least + waited).contains(&found.number("scans")), "{}", found.errors);
     }
+}
+
+#[test]
+fn of_what_waits_at_the_end_no_longer_wait_is_advised() {
+    let found = replayed(&bag(&[], CLOUDS - 10..CLOUDS));
+    assert_eq!((found.status, found.number("scans")), (0, CLOUDS as u64 - 10), "{}", found.errors);
+    assert!(found.errors.contains("s after the range covered by odom"), "{}", found.errors);
+    assert!(!found.errors.contains("tf_timeout"), "{}", found.errors);
 }
 
 #[test]

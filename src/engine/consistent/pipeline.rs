@@ -1,5 +1,7 @@
 //! The consistent engine itself: one scan in, what it changed out.
 
+use nalgebra::Point3;
+
 use super::block::{BlockIndex, Cell};
 use super::bounds::Bounds;
 use super::clearing::Clearing;
@@ -73,16 +75,12 @@ impl Consistent {
     /// Takes in a scan like [`Self::insert`]; `done` is called at the end of each step, for those who have a clock.
     pub fn insert_observed(&mut self, scan: &Scan, mut done: impl FnMut(PipelineStep)) -> Update {
         let now = self.taken.begin(scan.stamp);
+        let sensor = self.sensor(scan);
         self.surfaces.begin();
         self.grid.bin(scan, now.sequence, &mut self.binned);
         done(PipelineStep::Binned);
         let mut thinned = self.clear(scan);
-        thinned.extend(self.bounds.forget(
-            &mut self.grid,
-            &self.binned.seen,
-            &scan.sensor_origin(),
-            now.sequence,
-        ));
+        thinned.extend(self.bounds.forget(&mut self.grid, &self.binned.seen, &sensor, now.sequence));
         self.standpoint.follow(&scan.fixed_from_sensor, self.params.voxel_size(), now.sequence);
         self.leave();
         let due = self.due(&thinned);
@@ -91,7 +89,7 @@ impl Consistent {
         due.iter().for_each(|&block| self.rest(block));
         done(PipelineStep::Partials);
         self.surfaces.note_seen(&self.binned.seen, now);
-        let changed = self.surfaces.describe(&self.params, scan.sensor_origin().z, now);
+        let changed = self.surfaces.describe(&self.params, sensor.z, now);
         let update = Update {
             sequence: now.sequence,
             stamp: now.stamp,
@@ -104,6 +102,12 @@ impl Consistent {
         self.release(&thinned);
         done(PipelineStep::Globals);
         update
+    }
+
+    /// Where the sensor stands; where it stood, of a scan that lies nowhere.
+    fn sensor(&self, scan: &Scan) -> Point3<f64> {
+        let origin = scan.sensor_origin();
+        if origin.iter().all(|along| along.is_finite()) { origin } else { self.standpoint.origin() }
     }
 
     /// See [`Engine::tune`](crate::engine::Engine::tune).

@@ -2,7 +2,7 @@
 //!
 //! Two sensors that take turns at one map never count as standing still.
 
-use nalgebra::Isometry3;
+use nalgebra::{Isometry3, Point3};
 
 use crate::engine::saved::{RestoreError, ensure};
 
@@ -35,6 +35,11 @@ impl Standpoint {
             && since <= sequence;
         ensure(possible, || format!("the sensor stands at {pose} since scan {since} of {sequence}"))?;
         Ok(Self { pose, since })
+    }
+
+    /// Where the sensor stands (m).
+    pub(super) fn origin(&self) -> Point3<f64> {
+        self.pose.translation.vector.into()
     }
 
     pub(super) const fn since(&self) -> u64 {

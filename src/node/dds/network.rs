@@ -6,7 +6,7 @@ mod sessions;
 
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use ros2_client::{Context, Node, Publisher, RmwRequestId, Server};
 use rustdds::{DomainParticipant, RTPSEntity as _};
@@ -31,7 +31,7 @@ use crate::msg::twins::{Detection3DArray, PolygonInstanceStamped};
 use crate::node::clock::TimeOfDay;
 use crate::node::readers;
 use crate::node::topics::ros_type;
-use crate::node::transport::{SendError, Service, Source};
+use crate::node::transport::{DISCOVERY, SendError, Service, Source};
 
 /// Time between two looks at the middleware's threads.
 const LOOK: Duration = Duration::from_millis(250);
@@ -154,6 +154,11 @@ impl Network {
         self.sources.list()
     }
 
+    /// Whether there has been time to find them.
+    pub(super) fn knows_all_sources(&self) -> bool {
+        self.sources.joined.elapsed() >= DISCOVERY && self.sources.threads.live()
+    }
+
     /// The topics of the node on which a peer asks for more than is offered, or offers less than is asked for.
     pub(super) fn mismatches(&self) -> Vec<(String, String)> {
         // Where one of its threads has died, what they share may not be readable any more.
@@ -233,6 +238,8 @@ pub(super) struct Sources {
     participant: DomainParticipant,
     threads: Rc<Threads>,
     pulse: Option<Rc<Pulse>>,
+    /// When the network was.
+    joined: Instant,
 }
 
 impl Sources {

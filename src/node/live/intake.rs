@@ -165,9 +165,7 @@ impl<T: Transport> Live<T> {
 
     /// Takes a sensor in any form again where nobody sends the chosen one any more: its driver may come back with another.
     pub(super) fn forget_gone(&mut self, sources: &[Source]) {
-        // Nobody at all is known right after the network was joined, or while the middleware stands still; without a router those
-        // that are there may not be known.
-        if sources.is_empty() || self.transport.network_state().without_router {
+        if !self.transport.knows_all_sources() {
             return;
         }
         for (intake, topics) in self.intakes.iter_mut().zip(self.transport.inputs()) {

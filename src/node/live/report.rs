@@ -21,7 +21,9 @@ impl<T: Transport> Live<T> {
     pub(super) fn report(&mut self) {
         let is_quiet = self.intakes.iter().any(|intake| intake.since.elapsed() >= QUIET);
         let sources = if is_quiet { self.transport.sources() } else { Vec::new() };
-        self.forget_gone(&sources);
+        if is_quiet {
+            self.forget_gone(&sources);
+        }
         // A reader that takes none of them must not hold up the node: what is not reported now is in the next one.
         let Ok(place) = self.reports.clone().try_reserve_owned() else { return };
         let clock = self.clocks.now();

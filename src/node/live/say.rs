@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use tracing::{Level, debug};
 
 use super::{Live, QUIET};
-use crate::cloud::{Camera, Cloud, CloudError, is_rectified_by_name};
+use crate::cloud::{Camera, Cloud, CloudError, distortion, is_rectified_by_name};
 use crate::join::{GivenUp, Waited};
 use crate::node::counts::{TRANSFORM_TIMEOUT, WAITING_QUEUE_FULL};
 use crate::node::inputs;
@@ -62,12 +62,9 @@ impl<T: Transport> Live<T> {
         let (image, topic) = (depth.image.resolved.clone(), depth.camera_info.resolved.clone());
         match camera {
             // Of a rectified image the coefficients are those of the one that it was made from.
-            Ok(camera) if camera.is_distorted() && !is_rectified_by_name(&image) => self.warn(
-                format!("distorted {topic}"),
-                format_args!(
-                    "{topic} tells of lens distortion: images of {image} are taken as rectified, and are off by it where they are not"
-                ),
-            ),
+            Ok(camera) if camera.is_distorted() && !is_rectified_by_name(&image) => {
+                self.warn(format!("distorted {topic}"), format_args!("{}", distortion(&topic, &image)));
+            }
             Ok(camera) => debug!("{topic}: {}x{} pixels", camera.width(), camera.height()),
             Err(error) => {
                 self.warn(format!("{} {topic}", error.reason().key), format_args!("{topic}: {error}"));

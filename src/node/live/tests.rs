@@ -8,6 +8,7 @@ mod lines;
 mod reports;
 mod saving;
 
+use std::cell::Cell;
 use std::os::unix::fs::MetadataExt as _;
 
 use tokio::runtime::Builder;
@@ -37,6 +38,7 @@ const PATIENCE: Duration = Duration::from_secs(60);
 struct Fake {
     inputs: Vec<SensorTopics>,
     sources: Vec<Source>,
+    knows_all: Cell<bool>,
     network: NetworkState,
     deltas: RefCell<Vec<SurfaceClusterArray>>,
     reports: RefCell<Vec<DiagnosticArray>>,
@@ -59,6 +61,7 @@ impl Default for Fake {
         Self {
             inputs,
             sources: Vec::new(),
+            knows_all: Cell::new(true),
             network: NetworkState::default(),
             deltas: RefCell::default(),
             reports: RefCell::default(),
@@ -99,6 +102,10 @@ impl Transport for Fake {
 
     fn sources(&self) -> Vec<Source> {
         self.sources.clone()
+    }
+
+    fn knows_all_sources(&self) -> bool {
+        self.knows_all.get()
     }
 
     fn node_name(&self) -> &'static str {

@@ -56,6 +56,10 @@ impl Transport for Slow {
         Vec::new()
     }
 
+    fn knows_all_sources(&self) -> bool {
+        true
+    }
+
     fn node_name(&self) -> &'static str {
         "/cfodi"
     }

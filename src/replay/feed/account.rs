@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::time::Duration;
 
-use crate::cloud::{Cloud, CloudError};
+use crate::cloud::{Cloud, CloudError, distortion};
 use crate::join::{GivenUp, Join, Waited};
 use crate::msg::ros::TransformStamped;
 use crate::reason::{Reason, SESSION_ENDED};
@@ -46,10 +46,8 @@ impl Account {
         self.disorder.note(at);
     }
 
-    pub(super) fn note_distorted(&mut self, topic: &str) {
-        self.distorted.insert(format!(
-            "{topic} tells of lens distortion: depth images are taken as rectified, and are off by it where they are not"
-        ));
+    pub(super) fn note_distorted(&mut self, topic: &str, image: &str) {
+        self.distorted.insert(distortion(topic, image));
     }
 
     pub(super) fn undecodable(&mut self, topic: &str, text: &str) -> Option<String> {

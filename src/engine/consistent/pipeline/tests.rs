@@ -396,23 +396,29 @@ fn a_cluster_is_seen_where_it_reaches_into_a_block_by_loose_voxels_alone() {
 
 /// As of a registration that has failed. What is due is published with it all the same.
 #[test]
-fn a_scan_that_lies_nowhere_is_counted_and_moves_no_point_of_the_map() {
+fn a_scan_that_lies_nowhere_is_counted_and_neither_moves_a_point_of_the_map_nor_forgets_a_class() {
     let drive = Drive::new(Scene::named("lab").unwrap(), 1, Stamp::from_nanos(0)).with_max_range(6.0);
-    let mut engine = Engine::new(Params::default());
+    let params = Params::default().with_keep_radius(20.0).unwrap();
+    let mut engine = Engine::new(params);
     let scan = |index| drive.labelled_scan(index).scan;
     (0..60).step_by(20).for_each(|index| drop(engine.insert(&scan(index))));
     let points = |engine: &Engine| {
         let voxels = engine.snapshot().voxels;
         voxels.iter().map(|voxel| (voxel.key, voxel.count, voxel.centre)).collect::<Vec<_>>()
     };
-    let before = points(&engine);
-    let not_there = Translation3::new(f64::NAN, 0.0, 0.0) * UnitQuaternion::identity();
+    let known = |engine: &Engine| {
+        engine.snapshot().clusters.iter().filter(|cluster| cluster.class != SurfaceClass::Unknown).count()
+    };
+    let (before, known_before) = (points(&engine), known(&engine));
+    let at = |along: f64| Translation3::new(along, 0.0, along) * UnitQuaternion::identity();
     let not_turned = UnitQuaternion::new_unchecked(nalgebra::Quaternion::new(f64::NAN, 0.0, 0.0, 0.0));
-    for pose in [not_there, Isometry3::from_parts(Translation3::identity(), not_turned)] {
+    for pose in [at(f64::NAN), at(f64::INFINITY), Isometry3::from_parts(Translation3::identity(), not_turned)]
+    {
         let scan = Scan { fixed_from_sensor: pose, ..scan(80) };
         let update = engine.insert(&scan);
         assert_eq!((update.points_beyond_grid as usize, update.newly_dense), (scan.points.len(), 0));
     }
     assert!(points(&engine) == before);
-    Engine::restore(Params::default(), engine.save()).unwrap();
+    assert!(known(&engine) >= known_before && known_before > 5, "{} of {known_before}", known(&engine));
+    Engine::restore(params, engine.save()).unwrap();
 }

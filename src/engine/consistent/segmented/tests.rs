@@ -36,7 +36,7 @@ fn block(drawn: &Drawn) -> Segmented {
     of_patches((0..PATCHES).map(patch).collect())
 }
 
-/// Two patches meet in each pair of voxels that lie within [`REACH`] of each other along each axis. Within a block the one with the
+/// Two patches meet in each pair of voxels that touch, be it with a corner. Within a block the one with the
 /// lower number meets the other.
 fn naive_contacts(
     here: &Drawn,
@@ -50,7 +50,7 @@ fn naive_contacts(
         for (b, other) in there {
             let (a, b) = (from + Vector3::from(*a), to + Vector3::from(*b));
             let is_met = direction != [0; 3] || own < other;
-            if is_met && (a - b).amax() <= REACH {
+            if is_met && (a - b).amax() <= 1 {
                 let contact = contacts.entry((*own, *other)).or_default();
                 contact.pairs += 1;
                 contact.sum += (a + b).map(f64::from) + Vector3::repeat(1.0);

@@ -2,6 +2,7 @@
 
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
+use std::time::Instant;
 
 use ros2_client::QosProfile;
 use ros2_client::qos::History;
@@ -63,7 +64,7 @@ impl Network {
         let mut opener = opener?;
         let pulse = pulse(&opener);
         let (participant, threads) = (opener.participant.clone(), Rc::new(threads));
-        let sources = Sources { participant, threads, pulse: pulse.clone() };
+        let sources = Sources { participant, threads, pulse: pulse.clone(), joined: Instant::now() };
         let transforms = opener.topic(TF_STATIC.named(), &read::latched_qos())?;
         let network = Self {
             clusters: Outlet::open(&mut opener, sent::CLUSTERS, SNAPSHOTS)?,

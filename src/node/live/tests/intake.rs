@@ -71,9 +71,14 @@ fn where_nobody_sends_the_chosen_form_any_more_the_next_that_comes_is_taken() {
         live.event(of(Form::Depth, 10.0)).await;
         let mut chosen = Vec::new();
         // Where nobody at all is known, it cannot be known who has gone.
-        for (quiet, sources) in [(Duration::ZERO, &other[..]), (QUIET, &image), (QUIET, &[]), (QUIET, &other)]
-        {
+        for (quiet, sources, knows_all) in [
+            (Duration::ZERO, &other[..], true),
+            (QUIET, &image, true),
+            (QUIET, &[], false),
+            (QUIET, &[], true),
+        ] {
             live.intakes[0].since = Instant::now().checked_sub(quiet).unwrap();
+            live.transport.knows_all.set(knows_all);
             live.forget_gone(sources);
             chosen.push(live.intakes[0].chosen);
         }
