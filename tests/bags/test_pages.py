@@ -8,7 +8,7 @@ import re
 from bags import REPOSITORY
 
 SRC, DOCS = REPOSITORY / "src", REPOSITORY / "docs"
-ROW = re.compile(r'Row::(?:text|integer|number|boolean|new)\(\s*"(\w+)"')
+ROW = re.compile(r"Row::\w+(?:::<\w+>)?\(\s*\"(\w+)\"")
 # What else can hold a quotation mark is passed over: comments, characters, raw texts.
 LITERAL = re.compile(r'''//[^\n]*|'(?:[^'\\]|\\.)'|r(#+)".*?"\1|"((?:[^"\\]|\\.)*)"''', re.DOTALL)
 PLACE = re.compile(r"\{[^{}]*\}")
