@@ -48,6 +48,12 @@ pub struct Scan {
 }
 
 impl Scan {
+    /// Whether its pose is finite: it lies somewhere.
+    pub(crate) fn is_placed(&self) -> bool {
+        let Isometry3 { rotation, translation } = &self.fixed_from_sensor;
+        rotation.coords.iter().chain(translation.vector.iter()).all(|along| along.is_finite())
+    }
+
     /// Where the sensor stood: the origin of its frame, in the fixed frame (m).
     pub fn sensor_origin(&self) -> Point3<f64> {
         Point3::from(self.fixed_from_sensor.translation.vector)

@@ -106,8 +106,7 @@ impl Consistent {
 
     /// Where the sensor stands; where it stood, of a scan that lies nowhere.
     fn sensor(&self, scan: &Scan) -> Point3<f64> {
-        let origin = scan.sensor_origin();
-        if origin.iter().all(|along| along.is_finite()) { origin } else { self.standpoint.origin() }
+        if scan.is_placed() { scan.sensor_origin() } else { self.standpoint.origin() }
     }
 
     /// See [`Engine::tune`](crate::engine::Engine::tune).

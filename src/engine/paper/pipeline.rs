@@ -49,7 +49,7 @@ impl Cfodi {
     /// Takes in a scan like [`Self::insert`]; `done` is called at the end of each step, for those who have a clock.
     pub fn insert_observed(&mut self, scan: &Scan, mut done: impl FnMut(PipelineStep)) -> Update {
         let now = self.taken.begin(scan.stamp);
-        if scan.sensor_origin().iter().all(|along| along.is_finite()) {
+        if scan.is_placed() {
             self.sensor = scan.sensor_origin();
         }
         self.globals.begin();
