@@ -323,7 +323,7 @@ mod tests {
             name: (*name).to_owned(),
             type_name: type_name.to_owned(),
             encoding: "cdr".to_owned(),
-            messages: Some(0),
+            messages: Some(1),
         };
         names.iter().map(topic).collect()
     }
