@@ -187,10 +187,12 @@ impl Decoder {
 
     /// Whether the axes of what a sensor sends in this frame are optical: z ahead, x right, y down.
     pub fn is_optical(&self, sensor: usize, frame: &str) -> bool {
-        let optical = self.filter.optical;
         let is_image = self.sensors.get(sensor).is_some_and(|input| input.sensor.form != Form::Points);
-        let is_named = optical == Optical::Auto && is_optical_by_name(frame);
-        is_image || is_named || optical.of_frame(frame)
+        is_image
+            || match self.filter.optical {
+                Optical::Auto => is_optical_by_name(frame),
+                given => given.of_frame(frame),
+            }
     }
 
     /// Takes the first intrinsics of each camera out of these messages, for the images before them: drivers send both together
