@@ -12,7 +12,7 @@ use std::time::Duration;
 use crate::cloud::{Cloud, CloudError};
 use crate::engine::{Scan, Stamp};
 use crate::msg::ros::TransformStamped;
-use crate::tf::{FrameError, Frames, Inserted, Lack, LookupError, bare};
+use crate::tf::{FrameError, Frames, Inserted, Lack, LookupError};
 
 pub use hint::GivenUp;
 pub use waiting::{Moment, Waited};
@@ -149,7 +149,7 @@ impl Join {
     /// A warning of clouds whose frame is no sensor's: the fixed one, one above it, or one with the name of a map (REP 105). Only where
     /// something moves below that frame, for nobody knows then where the sensor stood; else `None`.
     pub fn without_viewpoint(&self, frame: &str, fixed_frame: &str) -> Option<String> {
-        let is_no_sensor = MAPS.contains(&bare(frame)) || self.frames.is_above(frame, fixed_frame);
+        let is_no_sensor = MAPS.contains(&frame) || self.frames.is_above(frame, fixed_frame);
         (is_no_sensor && self.frames.moves_below(frame)).then(|| {
             format!(
                 "clouds come in `{frame}`, so that nobody knows where the sensor stood: min_range, max_range, keep_radius and clearing go \

@@ -179,7 +179,7 @@ fn through_messages(recording: &support::Recording, step: usize, params: Params)
         .unwrap();
     for row in recording.rows().iter().step_by(step) {
         let map_from_link = row.map_from_optical * link_from_optical.inverse();
-        frames.insert(&transform(row.stamp, "/map", "/camera_link", &map_from_link), false).unwrap();
+        frames.insert(&transform(row.stamp, "map", "camera_link", &map_from_link), false).unwrap();
         let bytes = cdr_encoding::to_vec::<PointCloud2, LittleEndian>(&recording.message(row)).unwrap();
         let mut bytes = CdrDeserializer::<LittleEndian>::new(&bytes);
         let cloud = CloudSeed::new(filter).deserialize(&mut bytes).unwrap().unwrap();

@@ -32,9 +32,9 @@ pub(super) fn stamp(header: &Header) -> Result<Stamp, CloudError> {
     time.stamp().ok_or(CloudError::BadStamp { nanosec: time.nanosec })
 }
 
-/// The header's frame without leading slashes: names from ROS 1 still carry one.
+/// The header's frame: there, and not endless.
 pub(super) fn frame_id(header: &Header) -> Result<&str, CloudError> {
-    let name = header.frame_id.trim_start_matches('/');
+    let name = header.frame_id.as_str();
     match name.len() {
         0 => Err(CloudError::EmptyFrameId),
         bytes if bytes > MAX_FRAME_ID_BYTES => {

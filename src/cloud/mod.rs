@@ -42,7 +42,7 @@ use layout::{Description, Layout};
 pub struct Cloud {
     /// Time of acquisition.
     pub stamp: Stamp,
-    /// The sensor's frame, without leading slashes; not empty.
+    /// The sensor's frame; not empty.
     pub frame_id: String,
     /// The points that passed the filter, in the order of the message, and where rays end that were measured beyond it, up to 100 m
     /// (m); finite.

@@ -174,7 +174,7 @@ fn engine(given: &Given) -> Result<Params, ConfigError> {
     given.check_no_bounds()?;
     // The table's bounds are the engine's: what is beyond them is refused in the table's words, before the engine is asked.
     Ok(Params::DEFAULT
-        .with_mode(given.mode()?)
+        .with_mode(given.word("mode")?)
         .with_noise_model(given.noise_model()?)
         .with_clearing(given.clearing()?)
         .with_max_voxels(given.integer("max_voxels")?)?

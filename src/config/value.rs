@@ -9,7 +9,7 @@ use super::sensors::{self, Kind, Sensor};
 use super::table::{FORGETS_NOTHING, Row, TABLE};
 use super::word::Word;
 use crate::engine::{Mode, NoiseModel};
-use crate::msg::ros::MAX_FRAME_ID_BYTES;
+use crate::msg::ros::{MAX_FRAME_ID_BYTES, bare};
 use crate::msg::twins::Twins;
 
 /// A parameter's value, of the ROS parameter types that are used here.
@@ -175,7 +175,7 @@ impl Given {
     }
 
     pub(super) fn frame(&self, name: &str) -> Result<String, ConfigError> {
-        let frame = self.text(name)?.trim_start_matches('/');
+        let frame = bare(self.text(name)?);
         if frame.is_empty() || frame.len() > MAX_FRAME_ID_BYTES {
             return self.refuse_by_row(name);
         }
@@ -188,8 +188,9 @@ impl Given {
         addresses.map_or_else(|| self.refuse_by_row(name), Ok)
     }
 
-    pub(super) fn mode(&self) -> Result<Mode, ConfigError> {
-        self.word("mode")
+    /// Whether the mode is `paper`, which refuses what only `consistent` has.
+    fn is_paper(&self) -> Result<bool, ConfigError> {
+        Ok(self.word::<Mode>("mode")? == Mode::Paper)
     }
 
     /// That of all sensors, which must be the same: one map weighs its points in one way.
@@ -233,7 +234,7 @@ impl Given {
                 }
             }
         }
-        if twins.polygons && self.mode()? == Mode::Paper {
+        if twins.polygons && self.is_paper()? {
             return self.refuse_beside("twins");
         }
         Ok(twins)
@@ -241,7 +242,7 @@ impl Given {
 
     pub(super) fn clearing(&self) -> Result<bool, ConfigError> {
         let clearing = self.boolean("clearing")?;
-        if clearing && self.mode()? == Mode::Paper {
+        if clearing && self.is_paper()? {
             return self.refuse_beside("clearing");
         }
         Ok(clearing)
@@ -249,7 +250,7 @@ impl Given {
 
     /// Bounds that only the mode `consistent` has: 0 in the other.
     pub(super) fn check_no_bounds(&self) -> Result<(), ConfigError> {
-        if self.mode()? == Mode::Paper {
+        if self.is_paper()? {
             if self.integer("max_voxels")? > 0 {
                 return self.refuse_beside("max_voxels");
             }

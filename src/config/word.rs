@@ -47,8 +47,11 @@ macro_rules! words {
     };
 }
 
-words!(Mode, Params::DEFAULT.mode(), { Consistent => "consistent", Paper => "paper" });
-// The engine has these words: it names the model where it refuses a saved map.
+// The engine has the words of these two: it names them where it refuses a saved map.
+words!(Mode, Params::DEFAULT.mode(), {
+    Consistent => Mode::Consistent.as_str(),
+    Paper => Mode::Paper.as_str()
+});
 words!(NoiseModel, Params::DEFAULT.noise_model(), {
     KinectV1 => NoiseModel::KinectV1.as_str(),
     None => NoiseModel::None.as_str()

@@ -18,6 +18,16 @@ pub enum Mode {
     Consistent,
 }
 
+impl Mode {
+    /// As in the parameter.
+    pub const fn as_str(self) -> &'static str {
+        match self {
+            Self::Paper => "paper",
+            Self::Consistent => "consistent",
+        }
+    }
+}
+
 /// Parameters of the engine; every value of this type is a possible one.
 ///
 /// Where both modes have a parameter, its default is the paper's (section V), but for `min_vicinity` and

@@ -66,7 +66,7 @@ pub(super) fn ensure(holds: bool, what: impl FnOnce() -> String) -> Result<(), R
     if holds { Ok(()) } else { Err(RestoreError::Contradiction(what())) }
 }
 
-/// What was saved with its slot, by slot; there are so many of them.
+/// What was saved with its slot, by slot; there are `slots` of these.
 pub(super) fn in_slots<'a, T>(
     what: &str,
     saved: &'a [(u32, T)],
@@ -129,7 +129,7 @@ impl Shape {
     /// The parameters by name. `consistent` asks for neither depth nor vicinity, `paper` for no noise.
     fn values(&self) -> Vec<(&'static str, String)> {
         let both = [
-            ("mode", format!("{:?}", self.mode).to_lowercase()),
+            ("mode", self.mode.as_str().to_owned()),
             ("voxel_size", self.voxel_size.to_string()),
             ("min_points", self.min_points.to_string()),
             ("max_normal_angle", self.max_normal_angle.to_string()),

@@ -4,7 +4,7 @@ use super::chart::{Panel, Series, Style, svg};
 use super::clustering::Quality;
 use super::effects::{Case, Effect};
 use super::live::arrival;
-use super::method::METHODS;
+use super::method::Method;
 use super::results::{Measured, Results};
 use super::statistics::line;
 use crate::engine::MIN_RELIABLE_VOXELS;
@@ -37,7 +37,6 @@ pub struct MapPicture {
 }
 
 const GREY: [u8; 3] = [205, 205, 205];
-const BASELINE: usize = METHODS.len() - 1;
 
 /// Name of the picture of a moment, from 0.
 pub(super) fn figure2_name(place: usize) -> String {
@@ -78,14 +77,14 @@ impl Results {
             .map_or_else(|| (numbers(), "scan".to_owned()), |seconds| (seconds, "stream time (s)".to_owned()))
     }
 
-    fn over_time(&self, method: usize, of: impl Fn(&Measured) -> f64) -> Vec<(f64, f64)> {
+    fn over_time(&self, method: Method, of: impl Fn(&Measured) -> f64) -> Vec<(f64, f64)> {
         self.times().0.into_iter().zip(self.of_method(method).map(of)).collect()
     }
 
     /// A line for each method.
     fn lines(&self, of: impl Fn(&Measured) -> f64 + Copy) -> Vec<Series> {
         let line = |method| series(method, Style::Line, self.over_time(method, of));
-        (0..METHODS.len()).map(line).collect()
+        Method::ALL.into_iter().map(line).collect()
     }
 
     fn single(&self, name: &str, title: &str, caption: String, y: &str, series: Vec<Series>) -> Figure {
@@ -96,12 +95,13 @@ impl Results {
     fn figure3a(&self) -> Figure {
         let of = |measured: &Measured| measured.quality.normal_error.unwrap_or(f64::NAN);
         let summary = self.summary();
+        let cfodi = &summary.methods[Method::Cfodi as usize];
         let caption = format!(
             "Angle between the normal of each cluster and those of its members, mean over all members. Mean over the \
              scans: {}; {} is above STATIC by {} (in the paper by 0.12 rad).",
             of_methods(&summary, |method| number(method.normal_error_mean_rad, 3, " rad")),
-            METHODS[0].name,
-            number(summary.methods[0].normal_error_above_static_rad, 3, " rad"),
+            cfodi.method,
+            number(cfodi.normal_error_above_static_rad, 3, " rad"),
         );
         let title = "Figure 3a: average error of normals";
         self.single("figure3a", title, caption, "mean error (rad)", self.lines(of))
@@ -109,11 +109,12 @@ impl Results {
 
     fn figure3b(&self) -> Figure {
         let mut lines = self.lines(|measured| f64::from(measured.quality.clusters));
-        for method in 0..METHODS.len() {
+        for method in Method::ALL {
             let of = |measured: &Measured| f64::from(measured.quality.large_clusters);
             lines.push(large(method, series(method, Style::Dashed, self.over_time(method, of))));
         }
         let summary = self.summary();
+        let cfodi = &summary.methods[Method::Cfodi as usize];
         let caption = format!(
             "Clusters, and those of {MIN_RELIABLE_VOXELS} voxels or more. After the last scan: {}; adjusted Rand index \
              of {} to STATIC {}. In the paper both methods find similar numbers.",
@@ -122,8 +123,8 @@ impl Results {
                 number(method.clusters_last.map(f64::from), 0, ""),
                 number(method.large_clusters_last.map(f64::from), 0, "")
             )),
-            METHODS[0].name,
-            number(summary.methods[0].rand_index_to_static_last, 2, ""),
+            cfodi.method,
+            number(cfodi.rand_index_to_static_last, 2, ""),
         );
         self.single("figure3b", "Figure 3b: number of clusters", caption, "clusters", lines)
     }
@@ -132,7 +133,7 @@ impl Results {
         let caption = format!(
             "Time from a scan to the clusters of the whole map: all of {}'s insertion; STATIC bins the scan and clusters \
              everything anew. Median: {}. In the paper CFODI stays near 340 ms and STATIC grows linearly.",
-            METHODS[0].name,
+            Method::Cfodi.name(),
             of_methods(&self.summary(), |method| number(method.ms_median, 1, " ms")),
         );
         let title = "Figure 3c: time of a scan";
@@ -141,7 +142,7 @@ impl Results {
 
     fn growth(&self) -> Figure {
         let mut all = Vec::new();
-        for method in 0..METHODS.len() {
+        for method in Method::ALL {
             let points = self.time_by_size(method);
             let ends = line(&points).map(|(slope, start)| {
                 let xs = points.iter().map(|point| point.0);
@@ -172,7 +173,7 @@ impl Results {
                 self.records.iter().zip(0..).map(|(record, i)| (arrival(i).as_secs_f64(), record.points)),
             ),
         }];
-        for (method, taken) in self.taken.iter().enumerate() {
+        for (method, taken) in Method::ALL.into_iter().zip(&self.taken) {
             let done = taken.iter().map(|taken| (taken.done.as_secs_f64(), taken.points));
             all.push(series(method, Style::Line, cumulated(done)));
         }
@@ -204,17 +205,18 @@ fn effect_figure(effect: &Effect) -> Figure {
         series(method, Style::Marked, points.collect())
     };
     let both = |of: fn(&Quality) -> Option<f64>| {
-        let own = line(0, &|case| of(&case.quality));
-        vec![own, line(BASELINE, &|case| of(&case.statics))]
+        let own = line(Method::Cfodi, &|case| of(&case.quality));
+        vec![own, line(Method::Static, &|case| of(&case.statics))]
     };
+    let cfodi = |of: fn(&Case) -> Option<f64>| vec![line(Method::Cfodi, &of)];
     let large = format!("clusters of {MIN_RELIABLE_VOXELS} voxels or more");
     let panels = [
         ("clusters", "clusters", both(|quality| Some(f64::from(quality.clusters)))),
         (&large, "clusters", both(|quality| Some(f64::from(quality.large_clusters)))),
         ("average error of normals", "mean error (rad)", both(|quality| quality.normal_error)),
-        ("agreement with STATIC", "adjusted Rand index", vec![line(0, &|case| case.rand_index)]),
-        ("time of a scan", "median (ms)", vec![line(0, &|case| case.median_ms)]),
-        ("dense voxels", "voxels", vec![line(0, &|case| Some(f64::from(case.quality.dense_voxels)))]),
+        ("agreement with STATIC", "adjusted Rand index", cfodi(|case| case.rand_index)),
+        ("time of a scan", "median (ms)", cfodi(|case| case.median_ms)),
+        ("dense voxels", "voxels", cfodi(|case| Some(f64::from(case.quality.dense_voxels)))),
     ];
     let panels = panels.map(|(title, y, series)| Panel {
         title: title.to_owned(),
@@ -238,15 +240,16 @@ fn figure(name: &str, title: &str, caption: String, panels: &[Panel]) -> Figure 
     Figure { name: name.to_owned(), title: title.to_owned(), caption, svg }
 }
 
-fn series(method: usize, style: Style, points: Vec<(f64, f64)>) -> Series {
-    let method = &METHODS[method];
-    Series { name: method.name.to_owned(), colour: method.colour, style, points }
+fn series(method: Method, style: Style, points: Vec<(f64, f64)>) -> Series {
+    Series { name: method.name().to_owned(), colour: method.colour(), style, points }
 }
 
-/// The series as that of the large clusters. The legend has room to tell so of the first.
-fn large(method: usize, series: Series) -> Series {
-    let name =
-        if method == 0 { format!("dashed: {MIN_RELIABLE_VOXELS} voxels or more") } else { String::new() };
+/// The series as that of the large clusters. The legend has room to tell so of one.
+fn large(method: Method, series: Series) -> Series {
+    let name = match method {
+        Method::Cfodi => format!("dashed: {MIN_RELIABLE_VOXELS} voxels or more"),
+        Method::Consistent | Method::Static => String::new(),
+    };
     Series { name, ..series }
 }
 

@@ -9,8 +9,8 @@ use std::time::Duration;
 use super::method::{Clusterer, timed};
 use crate::engine::Scan;
 
-/// Scans a second of a Kinect.
-const SCANS_PER_SECOND: u64 = 30;
+/// Scans that arrive in a second: as many as a Kinect sends, whatever the rate of the recording.
+const ARRIVALS_PER_SECOND: u64 = 30;
 
 /// A scan that a method managed to take in; times are those of the stream, from the arrival of scan 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -28,9 +28,9 @@ pub(super) struct Taken {
 /// When scan `index` arrives.
 pub(super) fn arrival(index: u64) -> Duration {
     // Whole seconds apart, so that no product is too large.
-    let rest = index % SCANS_PER_SECOND;
-    Duration::from_secs(index / SCANS_PER_SECOND)
-        + Duration::from_nanos(rest * 1_000_000_000 / SCANS_PER_SECOND)
+    let rest = index % ARRIVALS_PER_SECOND;
+    Duration::from_secs(index / ARRIVALS_PER_SECOND)
+        + Duration::from_nanos(rest * 1_000_000_000 / ARRIVALS_PER_SECOND)
 }
 
 /// A method that takes in what it manages.
@@ -76,7 +76,7 @@ mod tests {
     use crate::engine::paper::statics::Static;
     use crate::engine::{Params, Points, Stamp};
 
-    /// Offers scans of one point to a method that takes so long (ms) for each that it takes in.
+    /// Offers scans of one point to a method; `took` is how long (ms) it takes for each that it takes in.
     fn taken(scans: u64, took: impl IntoIterator<Item = u64>) -> Vec<Taken> {
         let mut run = LiveRun::new(Box::new(Static::new(Params::paper())));
         let mut took = took.into_iter();

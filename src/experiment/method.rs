@@ -8,43 +8,57 @@ use crate::engine::paper::Cfodi;
 use crate::engine::paper::statics::Static;
 use crate::engine::{Mode, Params, PipelineStep, Scan, Snapshot};
 
-/// A method and how the figures show it.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Method {
-    /// As the paper calls it.
-    pub(super) name: &'static str,
-    /// In names of columns and keys.
-    pub(super) key: &'static str,
-    /// sRGB.
-    pub(super) colour: [u8; 3],
-    /// With an empty map.
-    pub(super) start: fn(Params) -> Box<dyn Clusterer>,
+/// A method, and how figures and tables show it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Method {
+    /// CFODI to the letter.
+    Cfodi,
+    /// Mode `consistent`.
+    Consistent,
+    /// The paper's baseline.
+    Static,
 }
 
-/// Mode `consistent`.
-const CONSISTENT: &str = "consistent";
+impl Method {
+    /// All of them, in their order: of what is kept by method, the place of one is `method as usize`.
+    pub(super) const ALL: [Self; 3] = [Self::Cfodi, Self::Consistent, Self::Static];
 
-/// All methods, the baseline last. Colours are those of Okabe and Ito (2008), told apart by every kind of eye.
-pub(super) const METHODS: [Method; 3] = [
-    Method {
-        name: "CFODI",
-        key: "cfodi",
-        colour: [0, 114, 178],
-        start: |params| Box::new(Cfodi::new(params)),
-    },
-    Method {
-        name: CONSISTENT,
-        key: CONSISTENT,
-        colour: [0, 158, 115],
-        start: |params| Box::new(Consistent::new(params.with_mode(Mode::Consistent))),
-    },
-    Method {
-        name: "STATIC",
-        key: "static",
-        colour: [213, 94, 0],
-        start: |params| Box::new(Static::new(params)),
-    },
-];
+    /// As the paper calls it, or the parameter `mode`.
+    pub(super) const fn name(self) -> &'static str {
+        match self {
+            Self::Cfodi => "CFODI",
+            Self::Consistent => Mode::Consistent.as_str(),
+            Self::Static => "STATIC",
+        }
+    }
+
+    /// In names of columns.
+    pub(super) const fn key(self) -> &'static str {
+        match self {
+            Self::Cfodi => "cfodi",
+            Self::Consistent => Mode::Consistent.as_str(),
+            Self::Static => "static",
+        }
+    }
+
+    /// sRGB, of the colours of Okabe and Ito (2008), which every kind of eye tells apart.
+    pub(super) const fn colour(self) -> [u8; 3] {
+        match self {
+            Self::Cfodi => [0, 114, 178],
+            Self::Consistent => [0, 158, 115],
+            Self::Static => [213, 94, 0],
+        }
+    }
+
+    /// The method with an empty map.
+    pub(super) fn start(self, params: Params) -> Box<dyn Clusterer> {
+        match self {
+            Self::Cfodi => Box::new(Cfodi::new(params)),
+            Self::Consistent => Box::new(Consistent::new(params.with_mode(Mode::Consistent))),
+            Self::Static => Box::new(Static::new(params)),
+        }
+    }
+}
 
 /// A method at work on a map of its own.
 pub(super) trait Clusterer {
@@ -128,6 +142,11 @@ pub(super) fn timed(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn methods_stand_in_their_order() {
+        assert_eq!(Method::ALL.map(|method| method as usize), [0, 1, 2]);
+    }
 
     #[test]
     fn each_step_lasts_from_the_end_of_the_one_before() {

@@ -34,7 +34,7 @@ pub use summary::{Live, MethodSummary, MomentSummary, ParametersSummary, StepsMs
 use crate::engine::{Params, Scan};
 use effects::Sweep;
 use live::LiveRun;
-use method::{Clusterer, METHODS, Method, timed};
+use method::{Clusterer, Method, timed};
 use results::{Measured, Moment, ScanRecord};
 use thinned::Thinned;
 
@@ -61,9 +61,9 @@ const SNAPSHOTS: usize = 12;
 pub struct Experiment<C> {
     clock: C,
     params: Params,
-    /// Of each of [`METHODS`]: the run that takes in every scan.
+    /// By method: the run that takes in every scan.
     runs: Vec<Box<dyn Clusterer>>,
-    /// Of each of [`METHODS`]: the run that takes in what it manages.
+    /// By method: the run that takes in what it manages.
     live: Vec<LiveRun>,
     sweep: Sweep,
     moments: Thinned<Moment>,
@@ -73,12 +73,12 @@ pub struct Experiment<C> {
 impl<C: FnMut() -> Duration> Experiment<C> {
     /// An experiment with these parameters, and with the values of section V.B for one of them at a time.
     pub fn new(params: Params, clock: C) -> Self {
-        let start = |method: &Method| (method.start)(params);
+        let start = |method: Method| method.start(params);
         Self {
             clock,
             params,
-            runs: METHODS.iter().map(start).collect(),
-            live: METHODS.iter().map(|method| LiveRun::new(start(method))).collect(),
+            runs: Method::ALL.into_iter().map(start).collect(),
+            live: Method::ALL.into_iter().map(|method| LiveRun::new(start(method))).collect(),
             sweep: Sweep::new(params),
             moments: Thinned::new(SNAPSHOTS),
             records: Vec::new(),
@@ -114,9 +114,8 @@ impl<C: FnMut() -> Duration> Experiment<C> {
         let count = records.len() as u64;
         let newest = records.len().checked_sub(1).and_then(|index| moment(&runs, index));
         let clusterings: Vec<_> = runs.iter().map(|run| run.clustering()).collect();
-        let baseline = clusterings.last();
-        let rand_indices =
-            clusterings.iter().map(|clustering| baseline.and_then(|b| clustering.agreement(b))).collect();
+        let statics = &clusterings[Method::Static as usize];
+        let rand_indices = clusterings.iter().map(|clustering| clustering.agreement(statics)).collect();
         Results {
             params,
             records,

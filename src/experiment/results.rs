@@ -3,7 +3,7 @@
 use super::clustering::Quality;
 use super::effects::Effect;
 use super::live::Taken;
-use super::method::{METHODS, Timing};
+use super::method::{Method, Timing};
 use crate::engine::{Params, Snapshot, Stamp};
 
 /// What an experiment has found. Lists "by method" are in one order: CFODI, `consistent`, STATIC.
@@ -14,7 +14,7 @@ pub struct Results {
     pub(super) records: Vec<ScanRecord>,
     /// By method: the scans that it managed at 30 Hz.
     pub(super) taken: Vec<Vec<Taken>>,
-    /// By method: the adjusted Rand index to the baseline after the last scan.
+    /// By method: the adjusted Rand index to STATIC after the last scan.
     pub(super) rand_indices: Vec<Option<f64>>,
     /// At most four: the first scan, two between, the last.
     pub(super) moments: Vec<Moment>,
@@ -61,8 +61,8 @@ impl Results {
     }
 
     /// What was measured of one method, by scan.
-    pub(super) fn of_method(&self, method: usize) -> impl Iterator<Item = &Measured> {
-        self.records.iter().map(move |record| &record.methods[method])
+    pub(super) fn of_method(&self, method: Method) -> impl Iterator<Item = &Measured> {
+        self.records.iter().map(move |record| &record.methods[method as usize])
     }
 
     /// The time of each scan (s) from the stamp of the first; `None` where the stamps do not go forward, and so say
@@ -74,10 +74,9 @@ impl Results {
         (forward && *seconds.last()? > 0.0).then_some(seconds)
     }
 
-    /// How much larger a method's normal errors are than the baseline's, mean over the scans (rad).
-    pub(super) fn error_above_baseline(&self, method: usize) -> Option<f64> {
-        let baseline = METHODS.len() - 1;
-        let errors = self.of_method(method).zip(self.of_method(baseline));
+    /// How much larger a method's normal errors are than STATIC's, mean over the scans (rad).
+    pub(super) fn error_above_static(&self, method: Method) -> Option<f64> {
+        let errors = self.of_method(method).zip(self.of_method(Method::Static));
         let differences: Vec<f64> = errors
             .filter_map(|(own, other)| Some(own.quality.normal_error? - other.quality.normal_error?))
             .collect();

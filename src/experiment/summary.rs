@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::live::arrival;
-use super::method::METHODS;
+use super::method::Method;
 use super::results::{Measured, Results};
 use super::statistics::{largest, last_quarter_over_second, line, mean, median};
 use crate::engine::{Mode, Params, PipelineStep};
@@ -140,12 +140,12 @@ impl Results {
             recorded_s: seconds.as_ref().and_then(|seconds| seconds.last().copied()),
             stream_s: arrival(self.records.len() as u64).as_secs_f64(),
             parameters: ParametersSummary::of(&self.params),
-            methods: (0..METHODS.len()).map(|method| self.summary_of(method)).collect(),
+            methods: Method::ALL.into_iter().map(|method| self.summary_of(method)).collect(),
             figure2: moments.collect(),
         }
     }
 
-    fn summary_of(&self, method: usize) -> MethodSummary {
+    fn summary_of(&self, method: Method) -> MethodSummary {
         let quality: Vec<_> = self.of_method(method).map(|measured| measured.quality).collect();
         let ms: Vec<f64> = self.of_method(method).map(Measured::ms).collect();
         let clusters: Vec<f64> = quality.iter().map(|q| f64::from(q.clusters)).collect();
@@ -153,7 +153,7 @@ impl Results {
         let errors: Vec<f64> = quality.iter().filter_map(|q| q.normal_error).collect();
         let last = quality.last();
         MethodSummary {
-            method: METHODS[method].name,
+            method: method.name(),
             dense_voxels_last: last.map(|q| q.dense_voxels),
             clusters_mean: mean(&clusters),
             clusters_last: last.map(|q| q.clusters),
@@ -165,8 +165,8 @@ impl Results {
             }),
             normal_error_mean_rad: mean(&errors),
             normal_error_last_rad: last.and_then(|q| q.normal_error),
-            normal_error_above_static_rad: self.error_above_baseline(method),
-            rand_index_to_static_last: self.rand_indices[method],
+            normal_error_above_static_rad: self.error_above_static(method),
+            rand_index_to_static_last: self.rand_indices[method as usize],
             ms_mean: mean(&ms),
             ms_median: median(&ms),
             ms_max: largest(&ms),
@@ -178,13 +178,13 @@ impl Results {
     }
 
     /// Dense voxels and time (ms) of each scan.
-    pub(super) fn time_by_size(&self, method: usize) -> Vec<(f64, f64)> {
+    pub(super) fn time_by_size(&self, method: Method) -> Vec<(f64, f64)> {
         self.of_method(method)
             .map(|measured| (f64::from(measured.quality.dense_voxels), measured.ms()))
             .collect()
     }
 
-    fn steps(&self, method: usize) -> StepsMs {
+    fn steps(&self, method: Method) -> StepsMs {
         let of = |step: PipelineStep| {
             let times: Vec<f64> = self
                 .of_method(method)
@@ -200,8 +200,8 @@ impl Results {
         }
     }
 
-    fn live(&self, method: usize) -> Live {
-        let taken = &self.taken[method];
+    fn live(&self, method: Method) -> Live {
+        let taken = &self.taken[method as usize];
         let (points, all) = (taken.iter().map(|taken| taken.points).sum::<u64>(), self.points());
         let share_of_points = (all > 0).then(|| points as f64 / all as f64);
         Live { scans: taken.len(), points, share_of_points }

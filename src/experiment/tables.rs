@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use super::clustering::Quality;
 use super::live::arrival;
-use super::method::METHODS;
+use super::method::Method;
 use super::results::{Measured, Results};
 
 /// A table: its header, then its lines.
@@ -27,7 +27,7 @@ fn cell(value: Option<impl Display>) -> String {
     value.map(|value| value.to_string()).unwrap_or_default()
 }
 
-/// A number with so many digits behind the point.
+/// A number with `digits` digits behind the point.
 fn fixed(value: Option<f64>, digits: usize) -> String {
     cell(value.map(|value| format!("{value:.digits$}")))
 }
@@ -38,7 +38,8 @@ fn ms(time: Option<Duration>) -> String {
 
 /// The columns `names` of each method.
 fn of_each_method(names: &[&str]) -> Vec<String> {
-    METHODS.iter().flat_map(|method| names.iter().map(|name| format!("{}_{name}", method.key))).collect()
+    let of = |method: Method| names.iter().map(move |name| format!("{}_{name}", method.key()));
+    Method::ALL.into_iter().flat_map(of).collect()
 }
 
 fn words(names: &[&str]) -> Vec<String> {
@@ -90,7 +91,7 @@ impl Results {
         let header = words(&["scan", "arrived_s", "points", "points_arrived"]);
         let mut table = Table::new(&[header, of_each_method(&LIVE)].concat());
         let mut arrived = 0;
-        let mut totals = [0; METHODS.len()];
+        let mut totals = [0; Method::ALL.len()];
         let mut taken: Vec<_> = self.taken.iter().map(|taken| taken.iter().peekable()).collect();
         for (index, record) in self.records.iter().enumerate() {
             arrived += record.points;

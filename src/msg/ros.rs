@@ -2,7 +2,7 @@
 //!
 //! Serialised as CDR by serde; units and meanings are those of the packages named at each type.
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::engine::Stamp;
 
@@ -47,12 +47,26 @@ pub struct Duration {
 /// Longest name of a frame that is taken (bytes): names are kept, and a sender can make up ever new ones.
 pub const MAX_FRAME_ID_BYTES: usize = 256;
 
+/// The name of a frame without leading slashes: ROS 1 put one, tf2 takes none. They are taken off where a name comes in, with a
+/// message or as a parameter, so that whoever compares names need not think of them.
+pub(crate) fn bare(name: &str) -> &str {
+    name.trim_start_matches('/')
+}
+
+/// Reads the name of a frame.
+fn frame_name<'de, D: Deserializer<'de>>(deserializer: D) -> Result<String, D::Error> {
+    let mut name = String::deserialize(deserializer)?;
+    name.drain(..name.len() - bare(&name).len());
+    Ok(name)
+}
+
 /// `std_msgs/Header`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Header {
     /// Time of acquisition.
     pub stamp: Time,
-    /// Coordinate frame of the data.
+    /// Coordinate frame of the data; as it is read, without leading slashes.
+    #[serde(deserialize_with = "frame_name")]
     pub frame_id: String,
 }
 
@@ -131,7 +145,8 @@ pub struct Transform {
 pub struct TransformStamped {
     /// Stamp and parent frame.
     pub header: Header,
-    /// Child frame.
+    /// Child frame; as it is read, without leading slashes.
+    #[serde(deserialize_with = "frame_name")]
     pub child_frame_id: String,
     /// Maps child coordinates into the parent frame.
     pub transform: Transform,
@@ -372,4 +387,26 @@ pub struct TriggerResponse {
     pub success: bool,
     /// What was done, or why not.
     pub message: String,
+}
+
+#[cfg(test)]
+mod tests {
+    use byteorder::LittleEndian;
+
+    use super::*;
+
+    #[test]
+    fn names_of_frames_are_read_without_leading_slashes() {
+        let read = |parent: &str, child: &str| {
+            let header = Header { frame_id: parent.to_owned(), ..Header::default() };
+            let child_frame_id = child.to_owned();
+            let sent = TransformStamped { header, child_frame_id, ..TransformStamped::default() };
+            let bytes = cdr_encoding::to_vec::<_, LittleEndian>(&sent).unwrap();
+            let (read, _) = cdr_encoding::from_bytes::<TransformStamped, LittleEndian>(&bytes).unwrap();
+            (read.header.frame_id, read.child_frame_id)
+        };
+        let names = |parent: &str, child: &str| (parent.to_owned(), child.to_owned());
+        assert_eq!(read("/map", "//robot/camera"), names("map", "robot/camera"));
+        assert_eq!(read("odom", "/"), names("odom", ""));
+    }
 }

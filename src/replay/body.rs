@@ -4,12 +4,11 @@
 //! made there would have floors for walls.
 
 use crate::msg::ros::{Header, Quaternion, Transform, TransformStamped, Vector3};
-use crate::tf::{bare, check};
+use crate::tf::check;
 
 /// From the body frame of a camera (x ahead, y left, z up) to its optical frame (z ahead, x right, y down), as REP 103 has the
 /// two; `None` where the names that this would take are none.
 pub(super) fn body_of(optical: &str) -> Option<TransformStamped> {
-    let optical = bare(optical);
     let transform = TransformStamped {
         header: Header { frame_id: name_of(optical), ..Header::default() },
         child_frame_id: optical.to_owned(),
@@ -39,7 +38,7 @@ mod tests {
     #[test]
     fn the_body_frame_is_called_as_drivers_call_it() {
         for (optical, body) in [
-            ("/camera_depth_optical_frame", "camera_depth_frame"),
+            ("camera_depth_optical_frame", "camera_depth_frame"),
             ("robot/left_optical", "robot/left"),
             ("kinect_depth", "kinect_depth_body"),
             ("_optical", "_optical_body"),
@@ -47,7 +46,7 @@ mod tests {
             let transform = body_of(optical).unwrap();
             assert_eq!(
                 (transform.header.frame_id.as_str(), transform.child_frame_id.as_str()),
-                (body, bare(optical))
+                (body, optical)
             );
         }
         assert_eq!(body_of(&"k".repeat(MAX_NAME_BYTES)), None);

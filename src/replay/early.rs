@@ -14,7 +14,7 @@ use super::said::Remark;
 use crate::engine::Stamp;
 use crate::join::Join;
 use crate::msg::ros::TransformStamped;
-use crate::tf::{Lack, bare};
+use crate::tf::Lack;
 
 /// Frames of which transforms are taken before their turn at most: each has a reader of the bag.
 const FRAMES: usize = 8;
@@ -50,7 +50,7 @@ impl Early {
     pub(super) fn turn(&mut self, transform: &TransformStamped, is_static: bool) -> bool {
         let before = self.passed;
         self.passed += 1;
-        let reader = (!is_static).then(|| self.readers.get(bare(&transform.child_frame_id))).flatten();
+        let reader = (!is_static).then(|| self.readers.get(&transform.child_frame_id)).flatten();
         reader.is_some_and(|reader| before < reader.taken)
     }
 
@@ -75,7 +75,7 @@ impl Early {
                 .into_iter()
                 .find_map(|root| self.take(ahead, root, |_, stamp| stamp <= error.at)),
             Lack::UnknownFrame { .. } => {
-                let root = join.frames().root_of(sensor).unwrap_or(bare(sensor));
+                let root = join.frames().root_of(sensor).unwrap_or(sensor);
                 self.take(ahead, root, |_, stamp| stamp <= error.at)
             }
             _ => None,
@@ -121,7 +121,7 @@ impl Reader {
         let frame = frame.to_owned();
         let of_frame = ahead.transforms().enumerate().skip(passed).filter_map(
             move |(before, (transform, is_static))| {
-                (!is_static && bare(&transform.child_frame_id) == frame).then_some((before, transform))
+                (!is_static && transform.child_frame_id == frame).then_some((before, transform))
             },
         );
         let transforms: Box<dyn Iterator<Item = _>> = Box::new(of_frame);

@@ -3,7 +3,6 @@
 use super::said::Remark;
 use super::tree::Tree;
 use crate::msg::ros::TransformStamped;
-use crate::tf::bare;
 
 /// The fixed frame: as given, or found out from the bag.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -96,10 +95,8 @@ impl FixedFrame {
         match self {
             Self::Still { .. } => !tree.is_empty(),
             Self::Guessed { name, sensor, default } => {
-                let has_grown = tree.top(name) != bare(name);
-                has_grown
-                    || tree.has(default)
-                    || tree.beyond(sensor).is_some_and(|beyond| beyond != bare(name))
+                let has_grown = tree.top(name) != name;
+                has_grown || tree.has(default) || tree.beyond(sensor).is_some_and(|beyond| beyond != name)
             }
             Self::Settled(_) | Self::Open { .. } | Self::Found { .. } => false,
         }
@@ -135,7 +132,7 @@ impl FixedFrame {
             Self::Guessed { name, sensor, default } => (name, Some(sensor), default),
             Self::Found { name, sensor, default } => (name, sensor.as_ref(), default),
         };
-        let in_tree = sensors.iter().find(|sensor| tree.root_of(sensor) == Some(bare(name)));
+        let in_tree = sensors.iter().find(|sensor| tree.root_of(sensor) == Some(name.as_str()));
         let still = self.why_still();
         let (why, is_warning) = match sensor.map(String::as_str).or(in_tree.copied()) {
             Some(sensor) if tree.moves(sensor) => ("the root of the sensor's frames", false),
@@ -189,7 +186,7 @@ mod tests {
     #[test]
     fn the_root_of_all_transforms_is_found_and_the_default_before_it() {
         let some = Some("a");
-        assert_eq!(found(&tree(&["/b /a", "c b", "x y"], &[], &[]), &["a"]), root("c", some));
+        assert_eq!(found(&tree(&["b a", "c b", "x y"], &[], &[]), &["a"]), root("c", some));
         assert_eq!(
             found(&tree(&["b a", "odom x"], &[], &[]), &["a"]),
             FixedFrame::Settled("odom".to_owned())

@@ -23,8 +23,8 @@ use crate::engine::{Depths, Points, Scan, Stamp};
 /// Scans a second of a Kinect.
 pub const SCANS_PER_SECOND: u32 = 30;
 
-/// By how many steps of a drive scans lie apart that come so many times a second; `None` where steps do not give that: it must
-/// divide [`SCANS_PER_SECOND`].
+/// By how many steps of a drive scans lie apart of which `in_a_second` come each second; `None` where steps do not give that: it
+/// must divide [`SCANS_PER_SECOND`].
 pub const fn steps_apart(in_a_second: u32) -> Option<u32> {
     match SCANS_PER_SECOND.checked_rem(in_a_second) {
         Some(0) => Some(SCANS_PER_SECOND / in_a_second),

@@ -38,7 +38,7 @@ impl Piece {
     }
 }
 
-/// A route that can be asked for the place after so many metres.
+/// A route that can be asked for the place at a distance (m) along it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Path {
     pieces: Vec<Piece>,

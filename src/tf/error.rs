@@ -8,7 +8,7 @@ use crate::reason::Reason;
 /// Why a transform was not taken into the tree.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum FrameError {
-    /// A name is empty, perhaps after its leading slashes were taken off.
+    /// A name is empty, or was nothing but slashes.
     #[error("transform from child `{child}` to parent `{parent}`: a frame name is empty")]
     EmptyName {
         /// Parent frame.

@@ -1,6 +1,5 @@
 //! What becomes of a transform that is taken in.
 
-use super::bare;
 use crate::msg::ros::TransformStamped;
 
 /// What an accepted transform did beside being stored.
@@ -40,7 +39,7 @@ impl Inserted {
 
     /// What to say of it, with the words that the transform has; `None` where nothing is to be said.
     pub fn about(&self, transform: &TransformStamped) -> Option<String> {
-        let (child, parent) = (bare(&transform.child_frame_id), bare(&transform.header.frame_id));
+        let (child, parent) = (&transform.child_frame_id, &transform.header.frame_id);
         match self {
             Self::Stored => None,
             Self::Reparented { before } => Some(format!(

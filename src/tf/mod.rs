@@ -53,7 +53,7 @@ pub const MAX_DEPTH: usize = 256;
 
 /// The tree of frames with the recent past of its dynamic edges.
 ///
-/// Names are taken without leading slashes everywhere.
+/// Names are compared as they are: those that are read have no leading slash.
 #[derive(Debug)]
 pub struct Frames {
     registry: Registry,
@@ -284,7 +284,7 @@ impl Frames {
     /// Whether the newest of the dynamic transforms on the way from `sensor` to `fixed` lies more than [`JUMP_BACK`] after
     /// `stamp`; `false` where there is none, whatever others do.
     pub fn way_reaches_beyond(&self, fixed: &str, sensor: &str, stamp: Stamp) -> bool {
-        let [fixed, sensor] = [fixed, sensor].map(|frame| self.up_from(bare(frame)).collect::<Vec<_>>());
+        let [fixed, sensor] = [fixed, sensor].map(|frame| self.up_from(frame).collect::<Vec<_>>());
         // What lies above both is on the way of neither.
         let shared = fixed.iter().rev().zip(sensor.iter().rev());
         let shared = shared.take_while(|(one, other)| std::ptr::eq(**one, **other)).count();
@@ -302,13 +302,11 @@ impl Frames {
 
     /// Whether a frame is another one, or one of those above it.
     pub fn is_above(&self, frame: &str, below: &str) -> bool {
-        let (frame, below) = (bare(frame), bare(below));
         frame == below || self.up_from(below).any(|edge| edge.parent == frame)
     }
 
     /// Whether anything moves below a frame: transforms of `/tf` lead there from it.
     pub fn moves_below(&self, frame: &str) -> bool {
-        let frame = bare(frame);
         // Asked of each cloud of a camera that stands still, which is mostly above nothing.
         if !self.parents.contains_key(frame) {
             return false;
@@ -333,7 +331,6 @@ impl Frames {
     ///
     /// A [`LookupError`] that says what is lacking.
     pub fn lookup(&self, fixed: &str, sensor: &str, stamp: Stamp) -> Result<Isometry3<f64>, LookupError> {
-        let (fixed, sensor) = (bare(fixed), bare(sensor));
         if fixed == sensor {
             return Ok(Isometry3::identity());
         }
@@ -380,12 +377,11 @@ impl Frames {
 
     /// Whether a transform says where `frame` is, so that it has a parent.
     pub fn is_placed(&self, frame: &str) -> bool {
-        self.edges.contains_key(bare(frame))
+        self.edges.contains_key(frame)
     }
 
     /// The root of the tree that `frame` is in; the frame itself where it has no parent, `None` where it is unknown.
     pub fn root_of(&self, frame: &str) -> Option<&str> {
-        let frame = bare(frame);
         // No cycle has a place in the tree, so this ends.
         let above = self.up_from(frame).last().map(|edge| &edge.parent);
         above.or_else(|| self.parents.get_key_value(frame).map(|(root, _)| root)).map(String::as_str)
@@ -437,11 +433,6 @@ pub(crate) fn check_place<'a>(
 /// Whether a transform is well formed by itself; whether the tree has a place for it is another question.
 pub(crate) fn check(message: &TransformStamped, is_static: bool) -> Result<(), FrameError> {
     Sample::check(message, is_static).map(drop)
-}
-
-/// The name without leading slashes: ROS 1 put one, tf2 takes none.
-pub(crate) fn bare(name: &str) -> &str {
-    name.trim_start_matches('/')
 }
 
 /// In the engine's types; `None` where a long chain has overflowed.

@@ -4,7 +4,7 @@ use transforms::errors::TransformError;
 use transforms::geometry::{Quaternion, Transform, Vector3};
 use transforms::time::{self, Timestamp};
 
-use super::{FrameError, bare};
+use super::FrameError;
 use crate::engine::Stamp;
 use crate::msg::ros::{MAX_FRAME_ID_BYTES, TransformStamped};
 
@@ -58,7 +58,7 @@ impl<'a> Sample<'a> {
 
 /// The names of parent and child: there, not endless, and different.
 fn names(message: &TransformStamped) -> Result<(&str, &str), FrameError> {
-    let (parent, child) = (bare(&message.header.frame_id), bare(&message.child_frame_id));
+    let (parent, child) = (message.header.frame_id.as_str(), message.child_frame_id.as_str());
     if let Some(name) = [parent, child].into_iter().find(|name| name.len() > MAX_NAME_BYTES) {
         return Err(FrameError::LongName { bytes: name.len(), max: MAX_NAME_BYTES });
     }

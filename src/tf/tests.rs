@@ -146,23 +146,15 @@ fn an_unknown_frame_is_told_from_one_that_is_not_connected() {
 
 #[test]
 fn a_frame_against_itself_is_the_identity_even_before_any_transform() {
-    assert_eq!(Frames::new().lookup("camera", "/camera", at(0.0)), Ok(Isometry3::identity()));
-}
-
-#[test]
-fn names_are_taken_without_leading_slashes() {
-    let mut frames = Frames::new();
-    frames.fixed("/base_link", "//camera", 0.5);
-    assert_eq!(frames.frame_names(), ["base_link", "camera"]);
-    assert_eq!(frames.x("base_link", "/camera", 1.0), Ok(0.5));
+    assert_eq!(Frames::new().lookup("camera", "camera", at(0.0)), Ok(Isometry3::identity()));
 }
 
 #[test]
 fn frames_are_listed_by_name_and_know_their_root() {
     let frames = robot();
     assert_eq!(frames.frame_names(), ["base_link", "camera", "map", "odom"]);
-    assert_eq!(frames.root_of("/camera"), Some("map"));
-    assert_eq!(["/camera", "map", "world"].map(|frame| frames.is_placed(frame)), [true, false, false]);
+    assert_eq!(frames.root_of("camera"), Some("map"));
+    assert_eq!(["camera", "map", "world"].map(|frame| frames.is_placed(frame)), [true, false, false]);
     assert_eq!(frames.root_of("map"), Some("map"));
     assert_eq!(frames.root_of("world"), None);
 }
@@ -198,9 +190,9 @@ fn a_refused_transform_names_its_frames_and_changes_nothing() {
         frames.sanity_check();
         (error.reason().key, error.to_string())
     };
-    let (reason, text) = refused(|m| m.header.frame_id = "/".into());
+    let (reason, text) = refused(|m| m.header.frame_id.clear());
     assert_eq!((reason, text.contains("child `base_link`")), ("empty_name", true));
-    let (reason, text) = refused(|m| m.header.frame_id = "/base_link".into());
+    let (reason, text) = refused(|m| m.header.frame_id = "base_link".into());
     assert_eq!((reason, text.as_str()), ("self_transform", "frame base_link cannot be its own parent"));
     let (reason, text) = refused(|m| m.header.frame_id = "camera".into());
     assert_eq!((reason, text.contains("base_link cannot be put under camera")), ("cycle", true));
@@ -306,7 +298,7 @@ fn a_way_reaches_as_far_as_its_own_transforms() {
         assert_eq!(frames.way_reaches_beyond(sensor, fixed, at(seconds)), reaches, "{fixed} {sensor}");
         reaches
     };
-    assert!(reaches("odom", "camera", 0.5) && !reaches("/odom", "/camera", 1.0));
+    assert!(reaches("odom", "camera", 0.5) && !reaches("odom", "camera", 1.0));
     assert!(reaches("wheel", "camera", 7.5) && !reaches("map", "camera", 7.5));
     assert!(!reaches("odom", "post", -99.0) && reaches("map", "post", -99.0));
     assert!(!reaches("base_link", "camera", -99.0) && !reaches("odom", "odom", -99.0));

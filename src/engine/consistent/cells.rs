@@ -17,7 +17,7 @@ const BITS_BELOW: [u64; 9] = below(1, EACH_BYTE);
 /// The bytes of a word below one.
 const BYTES_BELOW: [u64; 9] = below(8, 1);
 
-/// For 0 to 8 steps what lies below them in a word: so many times `step` bits, each time in every place of `places`.
+/// For 0 to 8 steps what lies below them in a word: `step` bits for each of them, the same in every place of `places`.
 const fn below(step: u32, places: u64) -> [u64; 9] {
     let (mut below, mut count) = ([0; 9], 1);
     while count < below.len() {

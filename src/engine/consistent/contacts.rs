@@ -81,7 +81,7 @@ impl Contacts {
         self.met.shrink_to_fit();
     }
 
-    /// Whether a patch of the block meets one of a block behind so many others.
+    /// Whether a patch of the block meets one of a block whose place is `blocks` or beyond.
     pub(super) fn names_any_beyond(&self, blocks: usize) -> bool {
         self.met.iter().any(|met| met.block.place() >= blocks)
     }
@@ -114,7 +114,7 @@ impl Contacts {
         Contact { pairs, sum: Vector3::from(met.sum).map(f64::from) + self.corners(pairs) }
     }
 
-    /// What the corner of the block is of the sum of so many pairs.
+    /// What the corner of the block contributes to the sum of `pairs` pairs.
     fn corners(&self, pairs: u32) -> Vector3<f64> {
         Vector3::from(self.corner).map(f64::from) * f64::from(2 * pairs)
     }

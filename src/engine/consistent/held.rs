@@ -23,8 +23,9 @@ impl Held {
         Self { mean: state.mean(), blur: state.blur(noise), thickness: upper(&state.thickness(noise)) }
     }
 
-    /// How far its points are off a plane, by so many standard deviations of their noise and `flatness` (as variances); 1 is
-    /// just allowed. `None` where it is more than `most`, or where the plane was seen from the other side.
+    /// How far its points are off a plane: the mean square of their distances, over what `noise_factor` standard deviations of
+    /// their noise and `flatness` allow; 1 is just allowed. `None` where it is more than `most`, or where the plane was seen from
+    /// the other side.
     pub(super) fn misfit(&self, plane: &Plane, noise_factor: f64, flatness: f64, most: f64) -> Option<f64> {
         let normal = &plane.normal;
         let sight = self.blur.towards.dot(normal);

@@ -145,7 +145,7 @@ mod tests {
     #[test]
     fn narrow_facets_of_a_bend_are_one_surface_and_those_of_an_edge_are_not() {
         let rules = Rules::new(&Params::default());
-        // A roof: so many rows to either side of its ridge, which is 2.6 voxels high.
+        // A roof of `rows_each` rows to either side of its ridge, which is 2.6 voxels high.
         let bent = |rows_each: i32, slope: f64| {
             let ridge = f64::from(rows_each);
             let height = |y: f64| 2.6 - slope * (y - ridge).abs();

@@ -18,7 +18,7 @@ pub(super) struct Moves {
 }
 
 impl Moves {
-    /// Where of so many slots some are given back: those of `gone`, ascending.
+    /// Of `slots` slots those of `gone` (ascending) are given back.
     pub(super) fn new(slots: usize, gone: Vec<BlockIndex>) -> Self {
         debug_assert!(gone.is_sorted_by(|a, b| a < b));
         let left = slots - gone.len();

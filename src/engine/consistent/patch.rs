@@ -156,7 +156,7 @@ const FOLD_SIGMAS: f64 = 1.5;
 /// Standard deviations by which badly known flanks of a narrow patch may differ more: it may be the only bridge between two parts
 /// of a surface.
 const NARROW_FOLD_SIGMAS: f64 = 3.0;
-/// A patch is much broader whose variance is so many times that.
+/// A patch is much broader than another where its variance across its narrow side is this many times the other's.
 const BROADER: f64 = 2.0;
 
 impl Patch {

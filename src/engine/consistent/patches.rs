@@ -215,7 +215,7 @@ impl<'a> Segmentation<'a> {
         numbers.max().map_or(0, |number| number + 1)
     }
 
-    /// The regions of so many patches, by number.
+    /// The regions of the patches below number `patches`, by number.
     fn regions(&self, patches: usize) -> Vec<Region> {
         let mut regions = vec![Region::default(); patches];
         for ((share, _), &owner) in self.shares.iter().zip(&self.owner) {
@@ -226,7 +226,7 @@ impl<'a> Segmentation<'a> {
         regions
     }
 
-    /// The states in none of so many patches that fit none of these beside it.
+    /// The states that are in no patch and fit the plane of none below number `patches`.
     fn left_over(&self, patches: u8) -> Vec<usize> {
         let regions = self.regions(usize::from(patches));
         let planes: Vec<_> = regions.iter().filter_map(|region| Some(region.fit()?.plane)).collect();

@@ -185,7 +185,7 @@ impl Scatter {
         self.square_distance_of(plane, self.0[COUNT])
     }
 
-    /// Both of the points of so many voxels: what divides by one that the compiler knows to be 1 divides by nothing.
+    /// Both for the points of `count` voxels; where the compiler knows that this is 1, nothing is divided.
     #[inline(always)]
     fn distance_and_allowed(&self, plane: &Plane, noise_factor: f64, flatness: f64, count: f64) -> [f64; 2] {
         let noise = self.along(&plane.normal, NOISE) / count;

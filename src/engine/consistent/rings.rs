@@ -31,7 +31,7 @@ impl Rings {
         self.vertices.pop();
     }
 
-    /// Closes the ring that is being drawn, around so many columns.
+    /// Closes the ring that is being drawn; `columns` is the number of columns within it, below 0 for a hole.
     pub(crate) fn end(&mut self, columns: i64) {
         self.ends.push((self.vertices.len(), columns));
     }

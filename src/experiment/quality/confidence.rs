@@ -12,7 +12,7 @@ pub struct StatedClass {
     pub right: f64,
 }
 
-/// Classes of about the same confidence are held against what is right of them, in so many bins.
+/// Number of bins of confidence: what is stated with one of the same bin is held together against what is right of it.
 const BINS: usize = 10;
 
 /// Over the bins the mean of |confidence - share that is right|, by area: 0 where the confidences are what they say; `None`

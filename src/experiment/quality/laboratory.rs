@@ -7,7 +7,7 @@
 use std::num::NonZeroU32;
 use std::ops::ControlFlow;
 
-use super::methods::{Method, methods};
+use super::maps::{ScoredMap, scored_maps};
 use super::score::Quality;
 use super::table::Table;
 use super::truth::{RANGE, SeenPart, TruthMap};
@@ -54,7 +54,7 @@ pub struct Scored {
 struct Bench {
     params: Params,
     truth: TruthMap,
-    methods: Vec<(Box<dyn Method>, AsFromScratch)>,
+    maps: Vec<(Box<dyn ScoredMap>, AsFromScratch)>,
 }
 
 /// On how many of the scans at which it was looked at a method's partition was what its definition gives from scratch.
@@ -68,7 +68,7 @@ struct AsFromScratch {
 const LOOK: u32 = 50;
 
 impl Laboratory {
-    /// A drive of so many seconds through a scene, scored at each voxel size (m) with the other parameters as they are; 30
+    /// A drive of `seconds` (s) through a scene, scored at each of `voxel_sizes` (m) with the other parameters as they are; 30
     /// scans a second, of which every `step`-th is taken.
     ///
     /// # Errors
@@ -91,8 +91,8 @@ impl Laboratory {
         })
     }
 
-    /// The same, with every method scored on the way too: by the first scan that is taken when so many seconds (to the next scan)
-    /// have gone by, and so on. `None` where the last scan is taken before.
+    /// The same, with every method scored on the way too: each time that `seconds` (s, rounded to whole scans) have gone by,
+    /// after the first scan that is taken then. `None` where the last scan is taken before the first such time.
     pub fn with_score_every(self, seconds: f64) -> Option<Self> {
         let every = (seconds * f64::from(SCANS_PER_SECOND)).round().max(1.0) as u32;
         (every <= self.last()).then_some(Self { score_every: Some(every), ..self })
@@ -124,7 +124,7 @@ impl Laboratory {
             seen.add(&drive, index);
             for bench in &mut benches {
                 bench.truth.insert(&labelled.scan, &labelled.labels);
-                bench.methods.iter_mut().for_each(|(method, _)| method.insert(&labelled.scan));
+                bench.maps.iter_mut().for_each(|(map, _)| map.insert(&labelled.scan));
             }
             if (index / self.step + 1).is_multiple_of(LOOK) || index == self.last() {
                 benches.iter_mut().for_each(Bench::look);
@@ -150,13 +150,13 @@ impl Laboratory {
 
 impl Bench {
     fn new(scene: &Scene, params: &Params) -> Self {
-        let methods = methods(params).into_iter().map(|method| (method, AsFromScratch::default()));
-        Self { params: *params, truth: TruthMap::new(scene, params), methods: methods.collect() }
+        let maps = scored_maps(params).into_iter().map(|map| (map, AsFromScratch::default()));
+        Self { params: *params, truth: TruthMap::new(scene, params), maps: maps.collect() }
     }
 
     fn look(&mut self) {
-        for (method, looks) in &mut self.methods {
-            let is_equal = method.is_as_from_scratch();
+        for (map, looks) in &mut self.maps {
+            let is_equal = map.is_as_from_scratch();
             looks.of += u32::from(is_equal.is_some());
             looks.equal += u32::from(is_equal == Some(true));
         }
@@ -167,9 +167,9 @@ impl Bench {
             self.truth.truth(|label| SeenPart { cells: seen.cells(label).collect(), area: seen.area(label) });
         let voxel_size = self.params.voxel_size();
         let mut scored = Vec::new();
-        for (method, looks) in &self.methods {
+        for (map, looks) in &self.maps {
             let as_from_scratch = (looks.of > 0).then(|| f64::from(looks.equal) / f64::from(looks.of));
-            for (method, found) in method.found() {
+            for (method, found) in map.found() {
                 let quality = Quality { as_from_scratch, ..truth.score(&found) };
                 scored.push(Scored { voxel_size, method, quality });
             }
@@ -248,7 +248,7 @@ mod tests {
     }
 
     #[test]
-    fn on_the_way_it_scores_each_time_that_so_many_seconds_have_gone_by() {
+    fn on_the_way_it_scores_each_time_that_the_seconds_have_gone_by() {
         let (scene, step) = (Scene::named("room").unwrap(), NonZeroU32::new(4).unwrap());
         let laboratory = Laboratory::new(scene, 1.0, step, &Params::default(), &[0.16]).unwrap();
         let end = whole(&laboratory, 3).end;

@@ -46,10 +46,27 @@ pub enum Bar {
     EachAtLeast(f64),
     /// Every value is at most this.
     EachAtMost(f64),
-    /// The mean is within these, over so many values or more.
-    MeanWithin(f64, f64, usize),
+    /// The mean is within these bounds.
+    MeanWithin {
+        /// The lower bound.
+        least: f64,
+        /// The upper bound.
+        most: f64,
+        /// Least number of values that it must be the mean of.
+        cases: usize,
+    },
     /// The median is at most this.
     MedianAtMost(f64),
+}
+
+/// How the values of a measure are shown.
+pub(super) struct Scale {
+    /// What a value is multiplied with.
+    pub(super) factor: f64,
+    /// Digits behind the point.
+    pub(super) digits: usize,
+    /// As it stands behind the number; empty where there is none.
+    pub(super) unit: &'static str,
 }
 
 impl Measure {
@@ -191,25 +208,26 @@ impl Measure {
             Self::Offset => Bar::EachAtMost(0.01),
             Self::AreaOfLarge | Self::Confidence => Bar::EachAtMost(0.1),
             Self::AreaOfSmall => Bar::EachAtMost(0.25),
-            Self::Nees => Bar::MeanWithin(1.5, 6.0, 200),
+            Self::Nees => Bar::MeanWithin { least: 1.5, most: 6.0, cases: 200 },
             Self::OffsetSigma => Bar::MedianAtMost(0.005),
         }
     }
 
-    /// What a value is multiplied with to be shown, the digits behind the point, and the unit.
-    pub(super) const fn shown(self) -> (f64, usize, &'static str) {
-        match self {
+    /// How its values are shown.
+    pub(super) const fn scale(self) -> Scale {
+        let (factor, digits, unit) = match self {
             Self::RandIndex => (1.0, 3, ""),
             Self::Angle => (1.0, 2, " deg"),
             Self::Offset | Self::OffsetSigma => (1e3, 1, " mm"),
             Self::Nees => (1.0, 2, ""),
             _ => (100.0, 1, " %"),
-        }
+        };
+        Scale { factor, digits, unit }
     }
 
     /// A value with its unit; an infinite one says that there was nothing to measure where something should be.
     pub fn show(self, value: f64) -> String {
-        let (factor, digits, unit) = self.shown();
+        let Scale { factor, digits, unit } = self.scale();
         if value.is_infinite() { "none".to_owned() } else { format!("{:.digits$}{unit}", value * factor) }
     }
 
@@ -289,7 +307,7 @@ impl Bar {
         match self {
             Self::EachAtLeast(least) => value >= least,
             Self::EachAtMost(most) | Self::MedianAtMost(most) => value <= most,
-            Self::MeanWithin(least, most, _) => (least..=most).contains(&value),
+            Self::MeanWithin { least, most, .. } => (least..=most).contains(&value),
         }
     }
 }

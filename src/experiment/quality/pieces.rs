@@ -88,8 +88,16 @@ struct Piece {
     group: u32,
     voxels: u32,
     scored: u32,
-    /// Index of the surface, middle and area of each seen cell.
-    cells: Vec<(usize, Point3<f64>, f64)>,
+    cells: Vec<SeenCell>,
+}
+
+/// A cell that was seen of a surface.
+struct SeenCell {
+    /// Index of the surface.
+    surface: usize,
+    middle: Point3<f64>,
+    /// m^2.
+    area: f64,
 }
 
 impl Truth {
@@ -119,7 +127,7 @@ impl Truth {
                     piece_of.get(&key).copied().filter(|&piece| pieces[piece].group == group)
                 });
                 if let Some(piece) = piece {
-                    pieces[piece].cells.push((index, cell, area));
+                    pieces[piece].cells.push(SeenCell { surface: index, middle: cell, area });
                 }
             }
         }
@@ -208,7 +216,7 @@ impl Piece {
     fn surface(&self, map: &TruthMap) -> TrueSurface {
         // Seen area of each simulated surface of it.
         let mut shares: BTreeMap<usize, f64> = BTreeMap::new();
-        self.cells.iter().for_each(|(index, _, area)| *shares.entry(*index).or_default() += area);
+        self.cells.iter().for_each(|cell| *shares.entry(cell.surface).or_default() += cell.area);
         let mut areas = BTreeMap::new();
         for (&index, area) in &shares {
             *areas.entry(map.surfaces[index].class()).or_default() += area;
@@ -216,7 +224,7 @@ impl Piece {
         // Of two with as much area the first, which without a cell is that of the group.
         let main = shares.iter().rev().max_by(|a, b| a.1.total_cmp(b.1));
         let main = &map.surfaces[main.map_or(self.group as usize, |(index, _)| *index)];
-        let points: Vec<_> = self.cells.iter().map(|(_, cell, _)| *cell).collect();
+        let points: Vec<_> = self.cells.iter().map(|cell| cell.middle).collect();
         let own = || Plane::through(&main.pose().translation.vector.into(), &main.normal());
         let plane = main.shape().is_flat().then(|| {
             let fitted = (shares.len() > 1).then(|| Plane::fit(&points, &main.normal()));
@@ -224,7 +232,7 @@ impl Piece {
         });
         let bends = self.cells.iter().filter(|_| plane.is_none());
         let bends =
-            bends.map(|(index, cell, area)| (map.surfaces[*index].normal_at(cell).into_inner(), *area));
+            bends.map(|cell| (map.surfaces[cell.surface].normal_at(&cell.middle).into_inner(), cell.area));
         let on = |plane: Plane| points.iter().all(|point| plane.height(point).abs() <= FLAT);
         TrueSurface {
             name: main.name().to_owned(),

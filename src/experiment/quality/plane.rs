@@ -51,7 +51,7 @@ impl Plane {
 /// those of tens of degrees it does not apply, and at a right angle a plane has no place along the other's normal.
 const ANOTHER: f64 = 45.0;
 
-/// Whether a plane that is turned by so much (degrees) is that of another surface, of which the angle tells all.
+/// Whether a plane that is turned by `angle` (degrees) is that of another surface, of which the angle tells all.
 pub(super) fn is_another(angle: f64) -> bool {
     angle >= ANOTHER
 }

@@ -65,7 +65,7 @@ impl Pooled {
         let worst = bar.worst(values.iter().copied())?;
         let holds = match bar {
             Bar::EachAtLeast(_) | Bar::EachAtMost(_) => held == values.len(),
-            Bar::MeanWithin(_, _, cases) => bar.holds_for(mean) && values.len() >= cases,
+            Bar::MeanWithin { cases, .. } => bar.holds_for(mean) && values.len() >= cases,
             Bar::MedianAtMost(_) => bar.holds_for(median),
         };
         Some(Line { held, of: values.len(), worst, median, mean, holds })

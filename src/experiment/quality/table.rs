@@ -2,12 +2,13 @@
 
 use std::fmt::Write as _;
 
-use super::measure::{Bar, Measure};
+use super::super::method::Method;
+use super::measure::{Bar, Measure, Scale};
 use super::pooled::{Line, Pooled};
 use super::score::Quality;
 
 /// The method that is asked to hold the bars and to be better than the others.
-pub const JUDGED: &str = "consistent";
+pub const JUDGED: &str = Method::Consistent.name();
 
 /// What stands in the cells, and of which things the measures speak.
 const WORDS: &str = "\
@@ -162,7 +163,7 @@ impl Size {
             })
             .map(|(name, _)| name.as_str());
         let as_good: Vec<_> = as_good.collect();
-        if let Bar::MeanWithin(_, _, cases) = measure.bar()
+        if let Bar::MeanWithin { cases, .. } = measure.bar()
             && judged.of < cases
         {
             return format!("no: {} of {cases} cases", judged.of);
@@ -182,7 +183,7 @@ fn is_better(measure: Measure, line: &Line, other: &Line) -> bool {
     match measure.bar() {
         Bar::EachAtLeast(_) => mine > others || mine >= 1.0,
         Bar::EachAtMost(_) | Bar::MedianAtMost(_) => mine < others || mine <= 0.0,
-        Bar::MeanWithin(..) => line.holds && !other.holds,
+        Bar::MeanWithin { .. } => line.holds && !other.holds,
     }
 }
 
@@ -193,7 +194,7 @@ fn cell(measure: Measure, line: Option<Line>) -> String {
     let count = match measure.bar() {
         Bar::EachAtLeast(_) | Bar::EachAtMost(_) => format!("{} of {} hold", line.held, line.of),
         // Of a single value these say nothing.
-        Bar::MeanWithin(..) | Bar::MedianAtMost(_) => format!("of {}", line.of),
+        Bar::MeanWithin { .. } | Bar::MedianAtMost(_) => format!("of {}", line.of),
     };
     if measure.is_by_mean() {
         format!("mean {figure} ({count}, worst {worst}, median {})", measure.show(line.median))
@@ -203,13 +204,13 @@ fn cell(measure: Measure, line: Option<Line>) -> String {
 }
 
 fn bar(measure: Measure) -> String {
-    let (factor, _, unit) = measure.shown();
+    let Scale { factor, unit, .. } = measure.scale();
     // Rounded, since 0.95 times 100 is not quite 95.
     let shown = |value: f64| (value * factor * 1e6).round() / 1e6;
     match measure.bar() {
         Bar::EachAtLeast(least) => format!("each at least {}{unit}", shown(least)),
         Bar::EachAtMost(most) => format!("each at most {}{unit}", shown(most)),
-        Bar::MeanWithin(least, most, cases) => {
+        Bar::MeanWithin { least, most, cases } => {
             format!("mean {} to {}{unit} over {cases} or more", shown(least), shown(most))
         }
         Bar::MedianAtMost(most) => format!("median at most {}{unit}", shown(most)),
@@ -229,7 +230,7 @@ mod tests {
     use super::super::score::{ClusterScore, Computes, SurfaceScore};
     use super::*;
 
-    /// A surface of which a cluster holds so many of 100 scored voxels, and nothing else.
+    /// A surface of which a cluster holds `held` of 100 scored voxels, and nothing else.
     fn run(held: u32) -> Quality {
         let surface = SurfaceScore {
             name: "wall".to_owned(),

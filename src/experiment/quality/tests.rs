@@ -333,7 +333,7 @@ fn nees_asks_for_two_hundred_cases_and_for_a_covariance() {
     assert_eq!(line(&truth.score(&found), Measure::Nees).worst, f64::INFINITY);
 }
 
-/// What is found where the plane of the first surface is turned by so much (degrees).
+/// The score where the plane of the first surface is turned by `degrees`.
 fn turned(truth: &Truth, degrees: f64) -> Quality {
     let mut found = perfect(truth);
     let cluster = found.clusters.get_mut(&1).unwrap();

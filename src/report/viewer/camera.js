@@ -38,7 +38,7 @@ class Camera {
     this.elevation = clamp(this.elevation + dy * 0.008, -Math.PI / 2, Math.PI / 2);
   }
 
-  /** Moves the map by so many CSS px. */
+  /** Moves the map by (dx, dy) CSS px. */
   move(dx, dy) {
     const { right, down } = this.axes();
     this.target = sum(this.target, sum(scaled(right, -dx / this.scale), scaled(down, -dy / this.scale)));
@@ -59,7 +59,7 @@ class Camera {
     return [dot(right, from) * this.scale, dot(down, from) * this.scale];
   }
 
-  /** Shows all of the given voxels, less a few outliers, in a picture of so many CSS px. */
+  /** Shows all of the given voxels, less a few outliers, in a picture of `width` by `height` CSS px. */
   fit(keys, isShown, width, height) {
     const { right, down, towards } = this.axes();
     const spans = [right, down, towards].map((axis) => this.span(keys, isShown, axis));

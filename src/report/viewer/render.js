@@ -8,7 +8,7 @@ const BORDER = 0.06;
 const BORDER_FROM = 9;
 /** Cosine up to which a surface beyond a right angle still counts as facing the viewer: normals are noisy. */
 const FACING = -0.1;
-/** A voxel in no cluster goes with the nearest one of a cluster up to so many voxels away along each axis. */
+/** Voxels, along each axis, up to which a voxel in no cluster goes with the nearest one of a cluster. */
 const AROUND = 2;
 /** Eye-dome lighting: the least distance (CSS px) from which on a neighbour in front counts in full. */
 const REACH = 14;

@@ -176,7 +176,7 @@ proptest! {
             (0..4_usize, 0..4_usize, any::<(i32, u32, bool)>(), any::<[f64; 3]>(), any::<[f64; 4]>(), any::<bool>()),
             0..40),
     ) {
-        let names = ["a", "b", "/c", ""];
+        let names = ["a", "b", "c", ""];
         let mut frames = robot();
         for (parent, child, (sec, nanosec, is_static), [x, y, z], [qx, qy, qz, qw], is_unit) in steps {
             let mut message = message(names[parent], names[child], 0.0, &shift(0.0));

@@ -305,7 +305,8 @@ fn as_list(depths: Depths) -> Points {
 }
 
 /// A camera stands still before a plate at 2 m, which is taken away after ten scans; from then on one point strays into the place
-/// of a voxel of it every `every` scans. After how many scans that voxel is no longer dense, if within so many.
+/// of a voxel of it every `every` scans. After how many scans that voxel is no longer dense; `None` where it still is after
+/// `scans`.
 fn dense_for(min_points: i64, every: i64, scans: i64) -> Option<i64> {
     const PLATE: f32 = 2.03;
     const BEFORE: i64 = 10;
@@ -346,8 +347,8 @@ fn a_point_that_strays_into_an_empty_voxel_now_and_then_does_not_keep_it_however
     assert_eq!(dense_for(1, 12, 60), None, "where one point is a surface");
 }
 
-/// Voxels that a thing has while it is there, and after it has been away for `away` scans; `scan` gives points at so many metres from
-/// a sensor that stands still, x forward, of the thing or, where it is away, of the wall behind it.
+/// Voxels that a thing has while it is there, and after it has been away for `away` scans; `scan` gives points (m), as seen
+/// from a sensor that stands still, x forward, of the thing or, where it is away, of the wall behind it.
 fn left_of_a_thing(params: &Params, away: u64, scan: impl Fn(u64, bool) -> Points) -> [usize; 2] {
     left_in(params, away, scan, |point| point.coords.amax() < 3.5 && point.coords.norm() > 1.5)
 }
@@ -381,8 +382,8 @@ fn left_in(
     [left[0], left[1]]
 }
 
-/// A lidar that turns, of so many lines over so many degrees, the whole raised by some; in another phase in each scan. A wall is 6 m
-/// away all round, and in 3 m a thing of 0.8 x 1.2 m.
+/// A lidar that turns, its `lines` spread over `degrees`, the whole raised by `raised` degrees; in another phase in each scan. A
+/// wall is 6 m away all round, and in 3 m a thing of 0.8 x 1.2 m.
 fn lidar(lines: u32, degrees: f64, raised: f64) -> impl Fn(u64, bool) -> Points {
     let ray = move |line: u32, step: u32, phase: f64| {
         let up = (degrees * (f64::from(line) / f64::from(lines - 1) - 0.5) + raised).to_radians();

@@ -23,8 +23,8 @@ use crate::engine::snapshot::{self, ChangedCluster};
 const TOLD: u32 = 10;
 const NO_LONGER_TOLD: u32 = 7;
 
-/// Every cluster that is told of is looked at again once in so many scans, a second of a Kinect's; in twice, four times, ... as
-/// many where a scan would else look at more than [`LOOKS`], on average.
+/// Scans, a second of a Kinect's, in which every cluster that is told of is looked at again once; twice, four times, ... as many
+/// where a scan would otherwise look at more than [`LOOKS`], on average.
 const ROUND: usize = 30;
 const LOOKS: usize = 16;
 /// Most clusters that a scan looks at because their state is another by time alone; the next one looks at more.
@@ -64,7 +64,7 @@ impl Surfaces {
     }
 
     /// Describes anew what has changed, those whose state is another by time alone and, so that classes and times do not grow
-    /// old, one cluster in so many of the others; returns those that are told of differently than before, by ascending id.
+    /// old, those of the others whose turn it is; returns those that are told of differently than before, by ascending id.
     pub(in super::super) fn describe(
         &mut self,
         params: &Params,

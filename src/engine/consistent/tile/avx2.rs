@@ -21,7 +21,7 @@ const LANES: usize = 8;
 const DOUBLES: usize = 4;
 /// Vectors of keys, each of a row.
 const ROWS: usize = TILE / LANES;
-/// A word with a bit for each point has so many of these.
+/// Rows in a word with a bit for each point.
 const ROWS_OF_WORD: usize = 4;
 const WORDS: usize = ROWS / ROWS_OF_WORD;
 /// Vectors of 16 offsets.

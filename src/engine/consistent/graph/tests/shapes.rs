@@ -11,7 +11,7 @@ pub(super) enum Shape {
     Path(u32),
     Cycle(u32),
     Grid(u32, u32),
-    /// So many cliques of so many nodes each; one edge between each and the next.
+    /// The number of cliques, and that of nodes in each; one edge between each and the next.
     Cliques(u32, u32),
     /// Paths of one length that meet in one node.
     Star(u32, u32),

@@ -1,4 +1,4 @@
-//! The methods that are scored, behind one trait.
+//! The maps that are scored, behind one trait.
 
 use std::collections::BTreeMap;
 
@@ -11,14 +11,15 @@ use crate::engine::paper::Cfodi;
 use crate::engine::paper::statics::StaticMap;
 use crate::engine::{DenseVoxel, Params, Scan, Snapshot, SurfaceClass, VoxelKey, canonical};
 use crate::experiment::clustering::Clustering;
+use crate::experiment::method::Method;
 use crate::sim::truth::Class;
 
 /// A map that takes in scans and is asked at the end what it has found.
-pub trait Method {
+pub trait ScoredMap {
     /// Takes in a scan.
     fn insert(&mut self, scan: &Scan);
 
-    /// What it has found, once by each name under which its map is scored.
+    /// What each method that it is scored for has found, by the method's name.
     fn found(&self) -> Vec<(&'static str, Found)>;
 
     /// Whether its partition is what its definition gives from scratch; `None` for a method whose clusters follow from their history.
@@ -27,12 +28,12 @@ pub trait Method {
     }
 }
 
-/// All methods with empty maps, in the order of the table. One that is added here is in every table.
-pub fn methods(params: &Params) -> Vec<Box<dyn Method>> {
+/// Empty maps of all methods, in the order of the table.
+pub fn scored_maps(params: &Params) -> Vec<Box<dyn ScoredMap>> {
     vec![Box::new(Cfodi::new(*params)), Box::new(Consistent::new(*params))]
 }
 
-impl Method for Consistent {
+impl ScoredMap for Consistent {
     fn insert(&mut self, scan: &Scan) {
         Self::insert(self, scan);
     }
@@ -48,7 +49,7 @@ impl Method for Consistent {
             (cluster.id.get(), FoundCluster { plane, area: cluster.area, class, confidence, certainty })
         });
         let voxels = Clustering::from(&snapshot).labels().collect();
-        vec![("consistent", Found { voxels, clusters: clusters.collect() })]
+        vec![(Method::Consistent.name(), Found { voxels, clusters: clusters.collect() })]
     }
 
     fn is_as_from_scratch(&self) -> Option<bool> {
@@ -70,7 +71,7 @@ const fn class_of(class: SurfaceClass) -> Class {
 }
 
 /// CFODI, and what STATIC makes of the same map when the last scan is in.
-impl Method for Cfodi {
+impl ScoredMap for Cfodi {
     fn insert(&mut self, scan: &Scan) {
         Self::insert(self, scan);
     }
@@ -78,7 +79,7 @@ impl Method for Cfodi {
     fn found(&self) -> Vec<(&'static str, Found)> {
         let snapshot = self.snapshot();
         let statics = found_by_static(&self.static_map(), &snapshot);
-        vec![("CFODI", found_by_cfodi(&snapshot)), ("STATIC", statics)]
+        vec![(Method::Cfodi.name(), found_by_cfodi(&snapshot)), (Method::Static.name(), statics)]
     }
 }
 
@@ -146,12 +147,23 @@ mod tests {
     use crate::engine::{Points, Stamp};
 
     #[test]
+    fn every_method_is_scored_once() {
+        let maps = scored_maps(&Params::default());
+        let found = maps.iter().flat_map(|map| map.found());
+        let mut scored: Vec<_> = found.map(|(name, _)| name).collect();
+        let mut all = Method::ALL.map(Method::name);
+        scored.sort_unstable();
+        all.sort_unstable();
+        assert_eq!(scored, all);
+    }
+
+    #[test]
     fn both_find_the_floor_with_its_plane() {
         let points =
             (0..40_000).map(|i| [(i % 200) as f32 * 0.01 + 0.001, (i / 200) as f32 * 0.01 + 0.001, -0.99]);
         let fixed_from_sensor = Isometry3::translation(0.0, 0.0, 1.0);
         let (stamp, points) = (Stamp::from_nanos(1), Points::F32(points.collect()));
-        let mut paper = methods(&Params::default()).swap_remove(0);
+        let mut paper = scored_maps(&Params::default()).swap_remove(0);
         paper.insert(&Scan { stamp, fixed_from_sensor, points });
         // Towards a sensor that has gone below the floor STATIC turns it, though it was seen from above.
         let (stamp, below) = (Stamp::from_nanos(2), Isometry3::translation(0.0, 0.0, -3.0));
