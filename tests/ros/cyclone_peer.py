@@ -6,6 +6,7 @@ import re
 import struct
 import time
 
+from cfodi_msgs.msg import SurfaceClusterArray
 from cyclonedds.core import Policy, Qos
 from cyclonedds.domain import Domain, DomainParticipant
 from cyclonedds.idl import make_idl_struct, types
@@ -17,7 +18,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from tf2_msgs.msg import TFMessage
 
 import clouds
-from peer import wait_until
+from peer import until_taken_in, wait_until
 
 #: What a test's network has is `lo`, of which CycloneDDS expects no multicast.
 LOOPBACK = """<CycloneDDS><Domain><General><AllowMulticast>true</AllowMulticast>
@@ -68,12 +69,16 @@ class Inbox:
     def all(self):
         """Those that have come."""
         samples = self._reader.take(1000)
+        samples = [sample for sample in samples if sample.sample_info.valid_data]  # others tell that a writer is gone
         self._messages += [deserialize_message(sample.serialize(use_version_2=False), self._type) for sample in samples]
         return self._messages
 
-    def wait(self, what, condition=lambda message: True, timeout=20):
+    def wait(self, what, condition=lambda message: True, timeout=60):
         """The first that meets the condition."""
         return wait_until(what, lambda: [message for message in self.all() if condition(message)], timeout)[0]
+
+    def has_publisher(self):
+        return bool(self._reader.get_matched_publications())
 
 
 class Client:
@@ -112,10 +117,11 @@ class Robot:
         self._domain = Domain(0, LOOPBACK)
         self._participant = DomainParticipant(0)
         self._writers, self.sent = {}, 0
+        self.deltas = self.read("/cfodi/clusters_delta", SurfaceClusterArray, depth=2000)
 
     def close(self):
         self._writers.clear()
-        del self._participant, self._domain
+        del self.deltas, self._participant, self._domain
 
     def publisher(self, topic, ros_type, **more):
         if topic not in self._writers:
@@ -144,21 +150,27 @@ class Robot:
         return Inbox(DataReader(self._participant, read, qos=qos(**more)), ros_type)
 
     def meet(self):
-        """Waits for the node's subscriptions. What a best-effort one misses before it is matched on both sides, nobody counts:
-        hence the pause."""
+        """Waits for the node's subscriptions and its deltas. What a best-effort subscription misses before it is matched on both
+        sides, nobody counts: hence the pause."""
         self.publish("/tf_static", TFMessage, clouds.static_transform(), latched=True, depth=1)
         self.publisher("/tf", TFMessage, depth=100)
         for name, writer in self._writers.items():
             wait_until(f"a subscription of {name}", writer.get_matched_subscriptions)
+        wait_until("a publisher of deltas", self.deltas.has_publisher)
         time.sleep(1.5)
 
     def drive(self, topic, ros_type, data, count=20, rate=5):
-        """The same message again and again, each time with its transform; seldom enough for every one to be taken in on a machine that
-        holds the node up."""
+        """The same message again and again, each time with its transform, and not before the delta of the one before has come; once
+        more where none comes."""
         still = clouds.still_transform()
-        for _ in range(count):
+
+        def send():
             stamp = time.time_ns()
             self.publish("/tf", TFMessage, clouds.stamped(still, clouds.TF_STAMP, stamp))
             self.publish(topic, ros_type, clouds.stamped(data, clouds.CLOUD_STAMP, stamp))
             self.sent += 1
             time.sleep(1 / rate)
+            return stamp
+
+        for _ in range(count):
+            until_taken_in(send, self.deltas, seconds=5)

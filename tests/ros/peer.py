@@ -23,13 +23,41 @@ def qos(depth, reliable=True, latched=False):
         durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE)
 
 
-def wait_until(what, condition, timeout=20):
+def wait_until(what, condition, timeout=60):
     """The first true value of `condition()`; fails with `what`, a text or what gives one then, where there is none in time."""
     end = time.monotonic() + timeout
     while not (value := condition()):
         assert time.monotonic() < end, f"not within {timeout} s: {what() if callable(what) else what}"
         time.sleep(0.02)
     return value
+
+
+def send_until(what, send, condition, pause=0.1):
+    """The first true value of `condition()`, for which a busy machine may need more than one of what `send()` sends: it is sent
+    again and again, with a pause (s) after each time."""
+    def met():
+        send()
+        time.sleep(pause)
+        return condition()
+
+    return wait_until(what, met)
+
+
+def until_taken_in(send, deltas, seconds=3, attempts=10):
+    """Sends a scan by `send()`, which returns its stamp, and another one where its delta does not come within so many seconds;
+    returns the delta. What was sent before is then on its way no more."""
+    for _ in range(attempts):
+        sent = send()
+        try:
+            return deltas.wait("the delta of a scan", lambda message: stamp(message) == sent, timeout=seconds)
+        except AssertionError:
+            continue
+    raise AssertionError(f"none of {attempts} scans was taken in")
+
+
+def stamp(message):
+    """That of its header (ns)."""
+    return message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
 
 
 class Recording:
@@ -48,7 +76,7 @@ class Recording:
             self._decoded[index] = deserialize_message(self.raw[index][1], self._type)
         return self._decoded[index]
 
-    def wait(self, what, condition=lambda message: True, timeout=20, after=0):
+    def wait(self, what, condition=lambda message: True, timeout=60, after=0):
         """The first message from number `after` on that meets the condition."""
         seen = after
 
@@ -112,7 +140,7 @@ class Peer:
         of another it may get none: it is asked again then, and not before, for a call that is late is run all the same."""
         client = self.node.create_client(service_type, name)
         try:
-            assert client.wait_for_service(20), f"no service {name}"
+            assert client.wait_for_service(60), f"no service {name}"
             for _ in range(attempts):
                 future = client.call_async(request)
                 end = time.monotonic() + timeout
@@ -136,7 +164,7 @@ class Camera:
         self._tf_static = node.create_publisher(TFMessage, "/tf_static", qos(1, latched=True))
         self._tf_static.publish(clouds.static_transform())
 
-    def meet(self, timeout=30):
+    def meet(self, timeout=60):
         """Waits for the node. What a best-effort subscription misses before it is matched on both sides, nobody counts:
         hence the pause. The static transform goes out again, for a latched one may take a heartbeat (3 s) to arrive; that the node
         has it shows that it knows this side."""
@@ -150,10 +178,11 @@ class Camera:
         time.sleep(1.0)
 
     def publish(self, cloud, stamp_ns, transform=None):
-        """One serialised cloud, after the transform (none: no transform) with the same stamp."""
+        """One serialised cloud, after the transform (none: no transform) with the same stamp, which is returned."""
         if transform is not None:
             self._tf.publish(clouds.stamped(transform, clouds.TF_STAMP, stamp_ns))
         self.publish_as_is(clouds.stamped(cloud, clouds.CLOUD_STAMP, stamp_ns))
+        return stamp_ns
 
     def publish_as_is(self, data):
         self.sent += 1
@@ -169,11 +198,11 @@ class DepthCamera(Camera):
         self.info = info
         self._info = node.create_publisher(CameraInfo, info_topic, qos(5))
 
-    def meet(self, timeout=30):
+    def meet(self, timeout=60):
         wait_until("a subscription of the camera info", self._info.get_subscription_count, timeout)
         super().meet(timeout)
 
     def publish(self, cloud, stamp_ns, transform=None):
         if self.info is not None:
             self._info.publish(clouds.stamped(self.info, clouds.CLOUD_STAMP, stamp_ns))
-        super().publish(cloud, stamp_ns, transform)
+        return super().publish(cloud, stamp_ns, transform)

@@ -5,6 +5,7 @@ import time
 
 import clouds
 import numpy as np
+from peer import until_taken_in
 
 STEP = 0.03  # points of one scan are sparse: some scans make a voxel dense
 TABLE = {"height": 0.5, "from": 1.5, "to": 2.1, "side": 0.45}
@@ -57,7 +58,6 @@ def show(camera, deltas, cloud):
     """Sends such a cloud until its voxels are dense; returns the stamp of the last scan."""
     first_stamp, transform = time.time_ns(), clouds.still_transform()
     for number in range(SCANS):
-        stamp, before = first_stamp + number * 33_333_333, len(deltas)
-        camera.publish(cloud, stamp, transform)
-        deltas.wait(f"the delta of scan {number}", lambda m: m.header.stamp.nanosec == stamp % 10**9, after=before)
+        stamp = first_stamp + number * 33_333_333
+        until_taken_in(lambda: camera.publish(cloud, stamp, transform), deltas)
     return stamp

@@ -2,6 +2,7 @@
 
 import compare
 import pytest
+from peer import until_taken_in
 
 FIRST_STAMP, PERIOD = 1_700_000_000 * 10**9, 33_333_333
 
@@ -19,7 +20,9 @@ def test_the_cabinet_gives_the_accepted_counts(min_vicinity, clusters, of_10_vox
     camera.meet()
     scans = 0
     for scan in clouds.cabinet(recordings):
-        send(camera, peer.deltas, scan, FIRST_STAMP + scans * PERIOD)
+        # The next one must not replace it, and best effort may lose one.
+        stamp = FIRST_STAMP + scans * PERIOD
+        until_taken_in(lambda: camera.publish(scan.cloud, stamp, scan.transform), peer.deltas, seconds=8, attempts=3)
         scans += 1
     assert scans == 58
     snapshot = peer.clusters.wait("the snapshot of the last scan", lambda m: m.sequence == scans)
@@ -30,16 +33,3 @@ def test_the_cabinet_gives_the_accepted_counts(min_vicinity, clusters, of_10_vox
     assert_within_half_a_percent("dense voxels", points.width * points.height, 14_342)
     assert_within_half_a_percent("clusters", len(sizes), clusters)
     assert_within_half_a_percent("clusters of 10 voxels or more", sum(size >= 10 for size in sizes), of_10_voxels)
-
-
-def send(camera, deltas, scan, stamp, attempts=3):
-    """Until the scan's delta is there: the next scan must not replace it, and best effort may lose one."""
-    before = len(deltas)
-    for last in range(attempts - 1, -1, -1):
-        camera.publish(scan.cloud, stamp, scan.transform)
-        try:
-            deltas.wait(f"the delta of the scan of {stamp}", lambda m: compare.stamp(m) == stamp, timeout=8, after=before)
-            return
-        except AssertionError:
-            if not last:
-                raise

@@ -11,7 +11,7 @@ import pytest
 from cfodi_node import accounted
 from diagnostic_msgs.msg import DiagnosticArray
 from drives import attempts, drive, is_good
-from peer import qos, wait_until
+from peer import qos, send_until, wait_until
 from sensor_msgs.msg import CameraInfo
 
 STOCK_BUFFER = 212_992  # net.core.rmem_max of a Linux that nobody has tuned: holds six datagrams of 64 KB
@@ -33,6 +33,10 @@ def take_in(camera, peer, image):
     stamp, before = time.time_ns(), len(peer.deltas)
     camera.publish(image, stamp, clouds.still_transform())
     return peer.deltas.wait("the delta of a good image", lambda m: compare.stamp(m) == stamp, after=before)
+
+
+def send_wall(camera):
+    camera.publish(depth_images.image(depth_images.wall()), time.time_ns(), clouds.still_transform())
 
 
 @pytest.mark.alone
@@ -73,7 +77,7 @@ def test_images_before_the_first_camera_info_are_counted(start, peer):
     node, camera = begin(start, peer)
     info, camera.info = camera.info, None
     for _ in range(3):
-        camera.publish(depth_images.image(depth_images.wall()), time.time_ns(), clouds.still_transform())
+        send_wall(camera)
         time.sleep(0.3)
     node.line_with("camera_info")
     camera.info = info
@@ -90,12 +94,7 @@ def test_a_camera_info_that_was_said_once_before_the_node_began_is_heard(start, 
     node, camera = begin(start, peer)
     camera.info = None
     # It comes with a heartbeat, up to 3 s after the two have found each other.
-    for _ in range(150):
-        camera.publish(depth_images.image(depth_images.wall()), time.time_ns(), clouds.still_transform())
-        time.sleep(0.1)
-        if len(peer.deltas):
-            break
-    assert len(peer.deltas), node.lines
+    send_until("the delta of an image", lambda: send_wall(camera), lambda: len(peer.deltas))
     assert node.stop()["taken_in"] > 0
 
 
@@ -105,15 +104,17 @@ def test_a_camera_info_of_another_name_is_named_with_the_words_that_choose_it(st
     camera = peer.depth_camera(depth_images.wall_info())
     wait_until("the node", camera._cloud.get_subscription_count)
     time.sleep(1)
-    # They are said after three seconds of such images; a line that repeats is said every five.
-    for _ in range(80):
-        camera.publish(depth_images.image(depth_images.wall()), time.time_ns(), clouds.still_transform())
-        time.sleep(0.1)
     words = "nobody publishes a CameraInfo on /depth/camera_info: use -r depth/camera_info:=" + INFO
-    node.line_with(f"a cloud of {IMAGE} was skipped: ", words)
-    sensor = "cfodi: sensor points"
-    reports.wait("an error with these words", lambda report: any(
-        status.name == sensor and status.level == b"\2" and words in status.message for status in report.status))
+
+    def has_the_error(report):
+        sensor = "cfodi: sensor points"
+        return any(s.name == sensor and s.level == b"\2" and words in s.message for s in report.status)
+
+    def are_there():
+        return node.said(f"a cloud of {IMAGE} was skipped: ", words) and any(map(has_the_error, reports))
+
+    # They are said after three seconds of such images; a line that repeats is said every five.
+    send_until("a line and an error with these words", lambda: send_wall(camera), are_there)
     assert node.stop()["taken_in"] == 0
 
 
@@ -137,7 +138,7 @@ def test_a_camera_info_that_projects_nothing_is_said_and_counted(start, peer):
     camera.info = depth_images.camera_info(160, 120, 0.0, 0.0, 0.0, 0.0)
     camera._info.publish(camera.info)
     time.sleep(0.5)
-    camera.publish(depth_images.image(depth_images.wall()), time.time_ns(), clouds.still_transform())
+    send_wall(camera)
     node.line_with(INFO, "fx 0")
     time.sleep(0.5)
     assert node.stop()["skipped"] == {"bad_intrinsics": 1}

@@ -1,13 +1,15 @@
 """Several sensors in one map, several nodes on one network, and what starts anew."""
 
 import time
+from collections import Counter
 
 import clouds
+import compare
 import depth_images
 import pytest
 from cfodi_msgs.msg import SurfaceClusterArray
 from cfodi_node import accounted
-from peer import qos, wait_until
+from peer import qos, send_until, until_taken_in, wait_until
 
 BEHIND = "rear_optical_frame"
 #: Looks along -x of the map, from a metre above its origin.
@@ -22,11 +24,13 @@ def rear_transform():
 
 
 def send_both(front, rear, count=30):
+    """Returns the last two stamps."""
     cloud, image = clouds.cloud(clouds.wall()), depth_images.image(depth_images.wall(), frame_id=BEHIND)
     for _ in range(count):
-        front.publish(cloud, time.time_ns(), clouds.still_transform())
-        rear.publish(image, time.time_ns(), rear_transform())
+        last = {front.publish(cloud, time.time_ns(), clouds.still_transform()),
+                rear.publish(image, time.time_ns(), rear_transform())}
         time.sleep(1 / 5)  # seldom enough for every one to be taken in on a machine that holds the node up
+    return last
 
 
 def test_a_cloud_and_a_depth_camera_fill_one_map(start, peer):
@@ -36,7 +40,7 @@ def test_a_cloud_and_a_depth_camera_fill_one_map(start, peer):
     front, rear = peer.camera("/front/points"), peer.depth_camera(depth_images.wall_info())
     front.meet()
     rear.meet()
-    send_both(front, rear)
+    last = send_both(front, rear)
     node.line_with("scans of the sensor front are made of /front/points")
     node.line_with("scans of the sensor rear are made of /camera/depth/image_raw")
 
@@ -44,6 +48,7 @@ def test_a_cloud_and_a_depth_camera_fill_one_map(start, peer):
         places = [cluster.centroid.x for cluster in snapshot.clusters]
         return any(x > 1.9 for x in places) and any(x < -1.9 for x in places)
     peer.clusters.wait("a map with a wall before and one behind", has_both)
+    wait_until("the deltas of the last scans", lambda: last <= set(compare.by_stamp(peer.deltas)))
     counts = node.stop()
     assert counts["taken_in"] == front.sent + rear.sent == accounted(counts), counts
 
@@ -52,8 +57,9 @@ def test_a_sensor_that_is_silent_is_named_while_the_other_is_heard(start, peer):
     node = start(TWO, REMAPS, points=None).ready()
     front = peer.camera("/front/points")
     front.meet()
-    node.line_with("nobody publishes on /camera/depth/image_raw")
-    assert not any("nobody publishes on /front/points" in line for line in node.lines)
+    met = len(node.lines)
+    node.line_with("nobody publishes on /camera/depth/image_raw", after=met)
+    assert not node.said("nobody publishes on /front/points", after=met)
     node.stop()
 
 
@@ -76,32 +82,42 @@ def test_a_name_that_a_rule_makes_is_not_remapped_by_another(start, peer):
         "a reader of each", lambda: [peer.node.count_subscribers(topic) for topic in ("/rear", "/back")] == [1, 1])
 
 
+def send(camera):
+    return camera.publish(clouds.cloud(clouds.wall()), time.time_ns(), clouds.still_transform())
+
+
 def test_two_nodes_in_two_namespaces_take_a_sensor_each(start, peer):
-    cameras, nodes = {}, {}
+    cameras, nodes, deltas = {}, {}, {}
     for robot in ("left", "right"):
         arguments = ["-r", f"__ns:=/{robot}"]
         nodes[robot] = start(points=f"/{robot}/points", arguments=arguments).ready(f"/{robot}/cfodi")
         cameras[robot] = peer.camera(f"/{robot}/points")
+        deltas[robot] = peer.record(f"/{robot}/cfodi/clusters_delta", SurfaceClusterArray, qos(100))
     for camera in cameras.values():
         camera.meet()
-    for count, robot in ((3, "left"), (5, "right")):
-        for _ in range(count):
-            cameras[robot].publish(clouds.cloud(clouds.wall()), time.time_ns(), clouds.still_transform())
-            time.sleep(0.3)
-    time.sleep(1)
-    assert [nodes[robot].stop()["taken_in"] for robot in ("left", "right")] == [3, 5]
+    numbers = {"left": 3, "right": 5}
+    for robot, number in numbers.items():
+        for _ in range(number):
+            until_taken_in(lambda: send(cameras[robot]), deltas[robot])
+    for robot, number in numbers.items():
+        counts = nodes[robot].stop()
+        assert number <= counts["taken_in"] and accounted(counts) <= cameras[robot].sent, counts
 
 
 def test_two_nodes_of_one_name_both_work(start, peer):
     nodes = [start().ready(), start().ready()]
+    deltas = peer.record("/cfodi/clusters_delta", SurfaceClusterArray, qos(100))
     camera = peer.camera()
     wait_until("both nodes", lambda: camera._cloud.get_subscription_count() == 2)
     camera.meet()
-    for _ in range(5):
-        camera.publish(clouds.cloud(clouds.wall()), time.time_ns(), clouds.still_transform())
-        time.sleep(0.3)
-    time.sleep(1)
-    assert [node.stop()["taken_in"] for node in nodes] == [5, 5]
+
+    def taken_in_by_both():
+        return list(Counter(map(compare.stamp, deltas)).values()).count(2)
+
+    send_until("five scans that both take in", lambda: send(camera), lambda: taken_in_by_both() >= 5, pause=0.3)
+    for node in nodes:
+        counts = node.stop()
+        assert 5 <= counts["taken_in"] and accounted(counts) <= camera.sent, counts
 
 
 def flows_after(camera, deltas, seconds=20):

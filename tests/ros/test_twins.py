@@ -97,7 +97,7 @@ def test_who_reads_as_nav2_does_has_the_polygons_of_all_clusters(start, peer):
         assert len(outlined) >= 20
         return {p.polygon.id for p in of_stamp(polygons, snapshot)} == outlined | {OF_NONE}
 
-    wait_until("the polygons of all clusters", has_all_of_a_map)
+    wait_until("the polygons of all clusters", has_all_of_a_map, timeout=120)
 
 
 def test_the_letter_knows_no_classes_and_no_covariance(start, peer):

@@ -25,6 +25,7 @@ CLOUD, TF = "sensor_msgs/msg/PointCloud2", "tf2_msgs/msg/TFMessage"
 IMAGE, INFO = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo"
 COMPRESSED = "sensor_msgs/msg/CompressedImage"
 ARRAY, MARKERS = "cfodi_msgs/msg/SurfaceClusterArray", "visualization_msgs/msg/MarkerArray"
+TRANSFORMS = (clouds.static_transform(), clouds.still_transform())
 ROUTER = f"""import sys, zenoh
 config = zenoh.Config()
 for key, value in (("mode", '"router"'), ("listen/endpoints", '["tcp/127.0.0.1:{PORT}"]'),
@@ -79,7 +80,7 @@ def definitions(folder):
 class Inbox(list):
     """The messages of a topic."""
 
-    def wait(self, what, condition=lambda message: True, timeout=20):
+    def wait(self, what, condition=lambda message: True, timeout=60):
         """The first that meets the condition."""
         return wait_until(what, lambda: [message for message in self if condition(message)], timeout)[0]
 
@@ -116,15 +117,27 @@ class Robot:
         fields = {name: getattr(message, name) for name in message.__dataclass_fields__ if name != "__msgtype__"}
         publisher.publish(**fields)
 
+    def publish_transforms(self, stamp, transforms=TRANSFORMS):
+        for transform in transforms:
+            self.publish("/tf", TF, clouds.stamped(transform, clouds.TF_STAMP, stamp))
+
+    def publish_scan(self, topic, message_type, data, stamp):
+        self.publish(topic, message_type, clouds.stamped(data, clouds.CLOUD_STAMP, stamp))
+        self.sent += 1
+
     def read(self, topic, message_type, **more):
         inbox = Inbox()
         self._keep(ROS2Subscriber(topic, message_type, callback=inbox.append, **more))
         return inbox
 
     def meet(self, name="/cfodi"):
-        """Waits for a node: what is sent while the two sides find their way past the router may be lost."""
+        """Waits for a link to a node: what is sent while the two sides go over to it from the router may be lost."""
         token = f"@ros2_lv/0/*/0/0/NN/%/*/{name.rsplit('/', 1)[1]}"
-        wait_until(f"the token of {name}", lambda: any(reply.ok for reply in self.session.liveliness.get(token)))
+
+        def linked():
+            nodes = {str(reply.ok.key_expr).split("/")[2] for reply in self.session.liveliness.get(token) if reply.ok}
+            return nodes and nodes <= {str(peer) for peer in self.session.session.info.peers_zid()}
+        wait_until(f"a link to {name}", linked)
         time.sleep(1.5)
 
     def are_read(self, *topics):
@@ -159,16 +172,15 @@ class Robot:
             time.sleep(1)
         raise AssertionError(f"{service} did not answer {attempts} calls")
 
-    def drive(self, topic="/camera/depth/points", count=20, rate=20):
-        """Clouds of a wall, each with its transforms."""
-        cloud, still = clouds.cloud(clouds.wall()), clouds.still_transform()
+    def drive(self, topic="/camera/depth/points", count=20, rate=20, transforms=TRANSFORMS):
+        """Clouds of a wall, each with its transforms; returns the last stamp."""
+        cloud = clouds.cloud(clouds.wall())
         for _ in range(count):
             stamp = time.time_ns()
-            self.publish("/tf", TF, clouds.stamped(clouds.static_transform(), clouds.TF_STAMP, stamp))
-            self.publish("/tf", TF, clouds.stamped(still, clouds.TF_STAMP, stamp))
-            self.publish(topic, CLOUD, clouds.stamped(cloud, clouds.CLOUD_STAMP, stamp))
-            self.sent += 1
+            self.publish_transforms(stamp, transforms)
+            self.publish_scan(topic, CLOUD, cloud, stamp)
             time.sleep(1 / rate)
+        return stamp
 
     def put(self, topic, message_type, data, attachment=None):
         """Any bytes, as a message of that type."""

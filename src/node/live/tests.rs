@@ -236,7 +236,9 @@ fn reported(transport: Fake, events: Vec<Event<()>>) -> Rc<Fake> {
 #[test]
 fn a_cloud_waits_for_its_transform_and_one_without_is_skipped_with_its_reason() {
     let events = vec![cloud(at(10.0), "camera"), cloud(at(10.0), "nowhere"), transform(at(10.0), false)];
-    let (ended, counts, transport) = node(Fake::default(), events, 1);
+    // Long enough for a busy machine.
+    let config = Config::new([("tf_timeout".to_owned(), Value::Double(2.0))]).unwrap();
+    let (ended, counts, transport) = node_with(&config, Fake::default(), events, 1);
     ended.unwrap();
     assert_eq!((counts.received, counts.taken_in), (2, 1));
     assert_eq!(counts.skipped.get(&TRANSFORM_TIMEOUT), Some(&1));
