@@ -166,11 +166,15 @@ fn named<'a>(topics: &'a [Topic], name: &str) -> Result<Candidate<'a>, ChoiceErr
     })
 }
 
-/// The topic whose name is nearest, where that is near enough to be meant.
+/// The topic whose name is nearest, where that is near enough to be meant or no other is usable.
 fn nearest<'a>(usable: impl Iterator<Item = &'a Topic>, name: &str) -> String {
     let distances = usable.map(|topic| (strsim::damerau_levenshtein(&topic.name, name), &topic.name));
-    match distances.min() {
-        Some((distance, near)) if 2 * distance < name.len() => format!(" (is {} meant?)", one_line(near)),
+    let mut distances: Vec<_> = distances.collect();
+    distances.sort_unstable();
+    match distances[..] {
+        [(distance, near), ref others @ ..] if others.is_empty() || 2 * distance < name.len() => {
+            format!(" (is {} meant?)", one_line(near))
+        }
         _ => String::new(),
     }
 }

@@ -111,10 +111,10 @@ fn chosen(
     };
     let named: Vec<_> = wanted.iter().map(|topic| Wanted { topic: topic.clone(), info: None }).collect();
     let is_meant = named.is_empty();
-    let wanted = if is_meant { meant } else { named };
+    let wanted = if is_meant { &meant } else { &named };
     // Who has given the intrinsics another name means these; else each image has its own.
     let info = Some(info(setup, &setup.topic_name(Info::PLAIN)?)).filter(|info| info.is_named);
-    let choice = choose(topics, &wanted, &usual, info.as_ref()).or_else(|error| {
+    let mut choice = choose(topics, wanted, &usual, info.as_ref()).or_else(|error| {
         // The error itself has several lines: what the bag holds.
         let text = format!("{}: {error}", one_line(&path.display().to_string()));
         if *is_complete || !error.is_for_lack() {
@@ -126,6 +126,11 @@ fn chosen(
     })?;
     if is_meant && !is_auto {
         check_kinds(&setup.config().sensors, &choice.sensors)?;
+    }
+    if !is_meant {
+        let is_read = |topic: &String| choice.sensors.iter().any(|sensor| sensor.topic == *topic);
+        let others = meant.into_iter().map(|meant| meant.topic).filter(|topic| is_in(topics, topic));
+        choice.passed_over = others.filter(|topic| !is_read(topic)).collect();
     }
     say_choice(&choice);
     Ok(choice)

@@ -58,7 +58,7 @@ pub(super) struct Arrived {
     pub(super) cloud: Cloud,
     pub(super) lap: u64,
     pub(super) at: Moment,
-    /// What its last lookup lacked, `None` if there was none.
+    /// What its last lookup lacked, of all that was covered since it came; `None` if there was none.
     pub(super) lacks: Option<LookupError>,
 }
 
@@ -129,7 +129,10 @@ impl Waiting {
         for mut arrived in std::mem::take(&mut self.clouds) {
             match lookup(&arrived) {
                 Ok(found) => ready.push((arrived, found)),
-                Err(error) => {
+                Err(mut error) => {
+                    if let Some(before) = &arrived.lacks {
+                        error.remember(before);
+                    }
                     arrived.lacks = Some(error);
                     self.clouds.push_back(arrived);
                 }
@@ -141,9 +144,17 @@ impl Waiting {
 
     /// Takes the clouds that have waited for `timeout` or longer, in the order in which they came.
     pub(super) fn take_expired(&mut self, now: Moment, timeout: Duration) -> Vec<Waited> {
-        let expired = |arrived: &Arrived| now.since(arrived.at) >= timeout;
+        self.take(now, |arrived| now.since(arrived.at) >= timeout)
+    }
+
+    /// Takes the clouds from before a jump back to `stamp`, in the order in which they came.
+    pub(super) fn take_overtaken(&mut self, stamp: Stamp, now: Moment) -> Vec<Waited> {
+        self.take(now, |arrived| stamp.jump_back_from(arrived.cloud.stamp).is_some())
+    }
+
+    fn take(&mut self, now: Moment, goes: impl Fn(&Arrived) -> bool) -> Vec<Waited> {
         let (gone, kept): (VecDeque<_>, VecDeque<_>) =
-            std::mem::take(&mut self.clouds).into_iter().partition(expired);
+            std::mem::take(&mut self.clouds).into_iter().partition(goes);
         self.clouds = kept;
         gone.into_iter().map(|arrived| arrived.give_up(now)).collect()
     }
@@ -155,7 +166,7 @@ impl Waiting {
         before - self.clouds.len()
     }
 
-    /// Takes all clouds, in the order in which they came: for the end, and for a clock that jumped back.
+    /// Takes all clouds, in the order in which they came.
     pub(super) fn take_all(&mut self, now: Moment) -> Vec<Waited> {
         std::mem::take(&mut self.clouds).into_iter().map(|arrived| arrived.give_up(now)).collect()
     }

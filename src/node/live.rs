@@ -47,7 +47,6 @@ use crate::engine::{Engine, Snapshot};
 use crate::join::{GivenUp, Join, Joined, Jump};
 use crate::msg::reports::DiagnosticArray;
 use crate::msg::ros::{TfMessage, TransformStamped};
-use crate::reason::SESSION_ENDED;
 use crate::store::StoreError;
 use crate::worker::Worker;
 
@@ -310,6 +309,9 @@ impl<T: Transport> Live<T> {
     fn cloud(&mut self, input: Input, cloud: Result<Cloud, CloudError>) {
         self.counts.borrow_mut().received += 1;
         match cloud {
+            Ok(cloud) if self.join.is_overtaken(input.sensor, &cloud, self.clocks.moment()) => {
+                self.count_ended(1);
+            }
             Ok(cloud) => {
                 self.look_at(input, &cloud);
                 if let Some(pushed_out) = self.join.cloud(input.sensor, cloud, self.clocks.moment()) {
@@ -342,7 +344,7 @@ impl<T: Transport> Live<T> {
             let waited = self.clocks.moment().since(at);
             self.diagnosis.waited(waited);
             if let Some(Jump { seconds, given_up }) = jumped_back {
-                (0..given_up).for_each(|_| self.counts.borrow_mut().skip(SESSION_ENDED));
+                self.count_ended(given_up);
                 self.start_session(
                     &format!("the stamps of the scans have jumped back by {seconds:.3} s"),
                     true,

@@ -89,17 +89,23 @@ pub(super) async fn publish(
     ended
 }
 
-/// A map and its session.
-type Newest = Option<(u64, Arc<Snapshot>)>;
+/// A map to publish.
+#[derive(Clone, Debug)]
+struct Newest {
+    session: u64,
+    snapshot: Arc<Snapshot>,
+    /// Whether a scan of this session is in it: before the first it may be one that was saved.
+    is_live: bool,
+}
 
 async fn take(
     mut outputs: mpsc::Receiver<Output>,
     wire: &Wire<impl Transport>,
-    newest: watch::Sender<Newest>,
+    newest: watch::Sender<Option<Newest>>,
     Seen { counts, vitals }: Seen,
     (saver, mut beyond): (Option<Saver>, Beyond),
 ) -> Ended {
-    let (mut ended, mut put_off) = (Ended::default(), PutOff::default());
+    let (mut ended, mut put_off, mut scanned) = (Ended::default(), PutOff::default(), None);
     while let Some(output) = outputs.recv().await {
         match output {
             Output::Scan { session, points, update, took } => {
@@ -107,6 +113,7 @@ async fn take(
                 let points = Points { all: points as u64, beyond_grid: u64::from(update.points_beyond_grid) };
                 vitals.borrow_mut().note(took, points);
                 vitals.borrow_mut().newest = Some((session, update.sequence));
+                scanned = Some(session);
                 if let Some(line) = beyond.line(session, points, Instant::now()) {
                     warn!("{line}");
                 }
@@ -119,7 +126,8 @@ async fn take(
                 vitals.borrow_mut().snapshot_took = took;
                 vitals.borrow_mut().map = Some(MapSize::of(session, &snapshot));
                 vitals.borrow_mut().note_map(session, snapshot.sequence);
-                newest.send_replace(Some((session, Arc::clone(&snapshot))));
+                let is_live = scanned == Some(session);
+                newest.send_replace(Some(Newest { session, snapshot: Arc::clone(&snapshot), is_live }));
                 ended.map = Some(snapshot);
             }
             Output::Saved { session, map } => {
@@ -139,15 +147,15 @@ async fn take(
 }
 
 async fn publish_maps(
-    mut newest: watch::Receiver<Newest>,
+    mut newest: watch::Receiver<Option<Newest>>,
     mut publisher: Maps,
     wire: &Wire<impl Transport>,
     broken: mpsc::Sender<String>,
 ) {
     while newest.changed().await.is_ok() {
         let map = newest.borrow_and_update().clone();
-        if let Some((session, snapshot)) = map
-            && let Err(why) = publisher.send(session, &snapshot, wire).await
+        if let Some(map) = map
+            && let Err(why) = publisher.send(map, wire).await
         {
             error!("the messages of a map could not be made: {why}");
             // The first one is told, and there is no other.
@@ -262,23 +270,19 @@ struct Maps {
 impl Maps {
     /// # Errors
     /// What making its messages has panicked with.
-    async fn send(
-        &mut self,
-        session: u64,
-        snapshot: &Arc<Snapshot>,
-        wire: &Wire<impl Transport>,
-    ) -> Result<(), String> {
+    async fn send(&mut self, map: Newest, wire: &Wire<impl Transport>) -> Result<(), String> {
+        let Newest { session, snapshot, is_live } = map;
         let now = tokio::time::Instant::now();
         let period = self.came.replace(now).map_or(SPREAD, |before| now - before);
         if std::mem::replace(&mut self.session, session) != session {
             self.outlined = None;
         }
-        for line in self.caps.reached(session, snapshot) {
+        for line in self.caps.reached(session, &snapshot) {
             warn!("{line}");
         }
         let is_newer = std::mem::replace(&mut self.outlined, snapshot.stamp) != snapshot.stamp;
-        let twins = Twins { polygons: self.twins.polygons && is_newer, ..self.twins };
-        let (session, snapshot) = (wire.session(session), Arc::clone(snapshot));
+        let twins = Twins { polygons: self.twins.polygons && is_live && is_newer, ..self.twins };
+        let session = wire.session(session);
         let mut markers = std::mem::take(&mut self.markers);
         // Those of a large map take a tenth of a second, in which the node hears nothing.
         let made = aside(Builder::new().name("cfodi-messages".to_owned()), move || {

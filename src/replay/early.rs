@@ -3,7 +3,8 @@
 //! Poses that were found after the drive and merged into its bag may all lie behind the last cloud. To wait for them would be to
 //! keep every cloud. So a second reader of the bag goes ahead for each frame of which one lacks, and takes of that frame what the
 //! cloud that has waited longest needs, and no more: what is known at its stamp would be forgotten. When the turn of
-//! what was taken so comes, it is passed by.
+//! what was taken so comes, it is passed by. Where no transform of the bag reaches the cloud's stamp nothing is taken: a sensor whose
+//! clock is an hour ahead would have all of them taken, and what the other sensors need forgotten.
 
 use std::collections::BTreeMap;
 use std::iter::Peekable;
@@ -36,6 +37,9 @@ pub(super) struct Early {
 /// Reads one frame's transforms of `/tf`, from the first whose turn had not come.
 struct Reader {
     transforms: Transforms,
+    /// The stamps of the same transforms, read until one reaches the clouds; [`Self::newest`] is the newest so far.
+    stamps: Box<dyn Iterator<Item = Stamp>>,
+    newest: Option<Stamp>,
     /// Transforms before this index have been taken, or have had their turn.
     taken: usize,
     count: u64,
@@ -62,46 +66,31 @@ impl Early {
         }
         let (sensor, error) = join.oldest()?;
         let error = error?;
+        let (at, gap, passed) = (error.at, self.gap, self.passed);
+        let mut first = |root: &str| self.reader(ahead, root)?.take(passed, |_, stamp| stamp <= at);
         match &error.lack {
             Lack::TooLate { frame, covered } => {
-                let gap = self.gap;
-                self.take(ahead, frame, |transform, stamp| {
-                    let is_near = stamp <= error.at || stamp.seconds_since(covered.until) <= gap;
-                    is_near && join.is_of_use(transform)
-                })
+                let reader = self.reader(ahead, frame)?;
+                let is_near = |stamp: Stamp| stamp <= at || stamp.seconds_since(covered.until) <= gap;
+                let helps = |transform: &_, stamp| is_near(stamp) && join.is_of_use(transform);
+                if reader.reaches(at) { reader.take(passed, helps) } else { None }
             }
             // What puts a frame below another that is not static.
-            Lack::NotConnected { sensor_root, fixed_root } => [sensor_root, fixed_root]
-                .into_iter()
-                .find_map(|root| self.take(ahead, root, |_, stamp| stamp <= error.at)),
-            Lack::UnknownFrame { .. } => {
-                let root = join.frames().root_of(sensor).unwrap_or(sensor);
-                self.take(ahead, root, |_, stamp| stamp <= error.at)
+            Lack::NotConnected { sensor_root, fixed_root } => {
+                [sensor_root, fixed_root].into_iter().find_map(|root| first(root))
             }
+            Lack::UnknownFrame { .. } => first(join.frames().root_of(sensor).unwrap_or(sensor)),
             _ => None,
         }
     }
 
-    /// The next transform of a frame, where `helps` says so of it and its stamp.
-    fn take(
-        &mut self,
-        ahead: &Ahead<'_>,
-        frame: &str,
-        helps: impl Fn(&TransformStamped, Stamp) -> bool,
-    ) -> Option<TransformStamped> {
+    /// That of a frame; `None` where there are too many.
+    fn reader(&mut self, ahead: &Ahead<'_>, frame: &str) -> Option<&mut Reader> {
         if !self.readers.contains_key(frame) && self.readers.len() >= FRAMES {
             return None;
         }
         let passed = self.passed;
-        let reader =
-            self.readers.entry(frame.to_owned()).or_insert_with(|| Reader::new(ahead, frame, passed));
-        while reader.transforms.next_if(|(before, _)| *before < passed).is_some() {}
-        let (before, transform) = reader.transforms.next_if(|(_, transform)| {
-            transform.header.stamp.stamp().is_some_and(|stamp| helps(transform, stamp))
-        })?;
-        reader.taken = before + 1;
-        reader.count += 1;
-        Some(transform)
+        Some(self.readers.entry(frame.to_owned()).or_insert_with(|| Reader::new(ahead, frame, passed)))
     }
 
     /// What is to be said at the end.
@@ -118,13 +107,38 @@ impl Early {
 
 impl Reader {
     fn new(ahead: &Ahead<'_>, frame: &str, passed: usize) -> Self {
-        let frame = frame.to_owned();
-        let of_frame = ahead.transforms().enumerate().skip(passed).filter_map(
-            move |(before, (transform, is_static))| {
+        let of_frame = || {
+            let frame = frame.to_owned();
+            ahead.transforms().enumerate().skip(passed).filter_map(move |(before, (transform, is_static))| {
                 (!is_static && transform.child_frame_id == frame).then_some((before, transform))
-            },
-        );
-        let transforms: Box<dyn Iterator<Item = _>> = Box::new(of_frame);
-        Self { transforms: transforms.peekable(), taken: 0, count: 0 }
+            })
+        };
+        let transforms: Box<dyn Iterator<Item = _>> = Box::new(of_frame());
+        let stamps = Box::new(of_frame().filter_map(|(_, transform)| transform.header.stamp.stamp()));
+        Self { transforms: transforms.peekable(), stamps, newest: None, taken: 0, count: 0 }
+    }
+
+    /// Whether some transform is as new as this.
+    fn reaches(&mut self, at: Stamp) -> bool {
+        while self.newest.is_none_or(|newest| newest < at) {
+            let Some(stamp) = self.stamps.next() else { return false };
+            self.newest = self.newest.max(Some(stamp));
+        }
+        true
+    }
+
+    /// The next transform whose turn has not come, `passed` being those whose turn has, where `helps` says so of it and its stamp.
+    fn take(
+        &mut self,
+        passed: usize,
+        helps: impl Fn(&TransformStamped, Stamp) -> bool,
+    ) -> Option<TransformStamped> {
+        while self.transforms.next_if(|(before, _)| *before < passed).is_some() {}
+        let (before, transform) = self.transforms.next_if(|(_, transform)| {
+            transform.header.stamp.stamp().is_some_and(|stamp| helps(transform, stamp))
+        })?;
+        self.taken = before + 1;
+        self.count += 1;
+        Some(transform)
     }
 }

@@ -114,9 +114,11 @@ impl Story {
         }
     }
 
-    /// Keeps the map as it is at the end, whether or not a moment is wanted.
+    /// Keeps the map as it is at the end, whether or not a moment is wanted; without a scan there is none.
     pub fn finish(&mut self, snapshot: &Snapshot) {
-        self.moment(snapshot);
+        if self.scans > 0 {
+            self.moment(snapshot);
+        }
     }
 
     /// The first, third ... moment; what the others told is told by those after them.

@@ -239,7 +239,9 @@ fn names_from_a_bag_do_no_harm() {
 
 #[test]
 fn a_story_without_a_scan_is_a_page() {
-    let text = page(&Story::new(), &Facts::default());
+    let mut story = Story::new();
+    story.finish(&Engine::new(Params::default()).snapshot());
+    let text = page(&story, &Facts::default());
     assert_eq!(data(&text)["moments"], serde_json::json!([]));
     assert!(!text.contains("{{") && text.ends_with("</html>\n"));
 }

@@ -258,6 +258,17 @@ impl LookupError {
         matches!(self.lack, Lack::TooEarly { .. } | Lack::TooLate { .. } | Lack::NotJumpedBack { .. })
     }
 
+    /// Takes what a lookup of the same `before` this one found covered as covered still: the oldest samples are forgotten meanwhile,
+    /// and a cloud that came too early by a moment would seem to by as long as it has waited.
+    pub(crate) fn remember(&mut self, before: &Self) {
+        let lacks = (&mut self.lack, &before.lack);
+        if let (Lack::TooEarly { frame, covered }, Lack::TooEarly { frame: same, covered: earlier }) = lacks
+            && frame == same
+        {
+            covered.from = covered.from.min(earlier.from);
+        }
+    }
+
     /// What skipped scans are counted by, with what that means.
     pub fn reason(&self) -> Reason {
         let (key, sentence) = match self.lack {
@@ -286,6 +297,25 @@ impl LookupError {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_was_covered_is_so_still_for_a_cloud_that_waits() {
+        let stamp = Stamp::from_nanos;
+        let early = |frame: &str, from| {
+            let covered = Span { from: stamp(from), until: stamp(from + 10) };
+            let lack = Lack::TooEarly { frame: frame.to_owned(), covered };
+            LookupError { fixed: "odom".to_owned(), sensor: "camera".to_owned(), at: stamp(1), lack }
+        };
+        let covered = |before: &LookupError, from| {
+            let mut now = early("base", from);
+            now.remember(before);
+            let Lack::TooEarly { covered, .. } = now.lack else { panic!("{now}") };
+            (covered.from.nanos(), covered.until.nanos())
+        };
+        assert_eq!(covered(&early("base", 3), 40), (3, 50));
+        assert_eq!(covered(&early("base", 40), 3), (3, 13), "one that came late");
+        assert_eq!(covered(&early("head", 3), 40), (40, 50), "of another frame");
+    }
 
     #[test]
     fn a_lookup_lacks_a_way_or_its_time_or_neither() {

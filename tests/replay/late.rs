@@ -1,6 +1,6 @@
 //! Transforms that lie far behind the clouds they place: poses that were found after the drive and merged into its bag.
 
-use crate::bags::{BagWriter, Layout, OPTICAL, ends_of_clouds, stamp};
+use crate::bags::{self, BagWriter, Layout, OPTICAL, ends_of_clouds, stamp, wall};
 use crate::{Folder, Replayed, replay};
 
 /// Clouds of a drive: more than may wait.
@@ -84,6 +84,41 @@ fn of_what_waits_at_the_end_no_longer_wait_is_advised() {
 fn what_begins_late_places_no_cloud_from_before_its_first_stamp() {
     let found = replayed(&bag(&["odom"], 0..100));
     assert_eq!((found.status, found.number("scans")), (0, CLOUDS as u64 - 100), "{}", found.errors);
+}
+
+/// More than the time (33 ms each) over which transforms are remembered.
+const LONG: usize = 400;
+
+#[test]
+fn a_cloud_from_before_the_first_transform_is_that_much_too_early_however_long_it_has_waited() {
+    let mut writer = BagWriter::new(Layout::Chunks);
+    writer.tf("/tf_static", stamp(0), "base", OPTICAL, 0.0);
+    writer.scan(0);
+    for i in 1..LONG {
+        writer.tf("/tf", stamp(i), "map", "base", 0.01 * i as f64);
+        writer.scan(i);
+    }
+    let found = replayed(&writer.finish());
+    assert_eq!((found.status, found.number("scans")), (0, LONG as u64 - 1), "{}", found.errors);
+    assert!(found.errors.contains("0.033000 s before the range covered by base"), "{}", found.errors);
+}
+
+#[test]
+fn a_sensor_whose_clock_is_an_hour_ahead_takes_no_transform_from_another() {
+    let mut writer = BagWriter::new(Layout::Chunks);
+    writer.tf("/tf_static", stamp(0), "base", OPTICAL, 0.0);
+    for i in 0..LONG {
+        writer.tf("/tf", stamp(i), "map", "base", 0.01 * i as f64);
+        writer.cloud("/left", stamp(i), &wall(i));
+        let ahead = bags::cloud(stamp(i) + 3_600_000_000_000, OPTICAL, &wall(i));
+        writer.put("/right", "sensor_msgs/msg/PointCloud2", stamp(i), &ahead);
+    }
+    let bag = Folder::new();
+    let found = replay(&bag.put("a.mcap", &writer.finish()), &["--topic", "/left", "--topic", "/right"]);
+    let skipped = &found.summary.as_ref().unwrap()["scans_skipped"];
+    assert_eq!(skipped, &serde_json::json!({ "tf_too_late": LONG }), "{}", found.errors);
+    assert_eq!((found.status, found.number("scans")), (0, LONG as u64), "{}", found.errors);
+    assert!(!found.errors.contains("before their turn"), "{}", found.errors);
 }
 
 #[test]

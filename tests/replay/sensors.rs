@@ -45,6 +45,9 @@ fn two_sensors_fill_one_map() {
         replay(&bag, &options.collect::<Vec<_>>())
     };
     assert_eq!(listed(&["-r", "rear:=/right"]).number("scans"), 8);
+    let one = replay(&bag, &["--topic", "/left", "--ros-args", "-p", "sensors:=[left, right]"]);
+    assert_eq!(one.number("scans"), 4, "{}", one.errors);
+    assert!(one.errors.contains("reading /left (not /right: choose with --topic)"), "{}", one.errors);
     let missing = listed(&[]);
     assert_eq!(missing.status, 2);
     assert!(missing.errors.contains("/rear"), "{}", missing.errors);

@@ -164,6 +164,9 @@ fn several_clouds_are_asked_about_and_the_list_is_shown() {
 fn what_does_not_fit_is_said_with_what_is_there() {
     let text = |name: &str| choose(&kinect(), &[wanted(name)], &[], None).unwrap_err().to_string();
     assert!(text("/camera/depth/point").contains("is /camera/depth/points meant?"));
+    let one = topics(&[("/camera/depth/points", "PointCloud2")]);
+    let error = choose(&one, &[wanted("/points")], &[], None).unwrap_err().to_string();
+    assert!(error.contains("no topic /points (is /camera/depth/points meant?)"), "{error}");
     assert!(text("/camera/depth/camera_info").contains("carries sensor_msgs/msg/CameraInfo"));
     let image = topics(&[("/oak/stereo/image_raw", "Image"), ("/oak/stereo/camera_info", "CameraInfo")]);
     let error = choose(&image, &[], &[], None).unwrap_err().to_string();

@@ -61,7 +61,9 @@ pub struct Markers {
     said_again: Option<Identity>,
     /// Messages sent in this session; the first ones tell viewers to delete what was there before.
     sent: u8,
-    /// Stamp of the first of them.
+    /// Stamp of the first of them: that of a saved map where the session goes on with one.
+    first: Option<Stamp>,
+    /// The first stamp that is another.
     began: Option<Stamp>,
     /// Its buffers serve all clusters.
     earcut: Earcut<f64>,
@@ -109,7 +111,11 @@ impl Markers {
         self.gone.extend(before.into_iter().map(|identity| (identity, 0)));
         self.gone.retain(|identity, _| !self.shown.contains(identity));
         let mut deletions = Vec::new();
-        self.began = self.began.or(stamp);
+        if self.sent == 0 {
+            self.first = stamp;
+        } else if stamp != self.first {
+            self.began = self.began.or(stamp);
+        }
         let is_new = self.began.zip(stamp).is_some_and(|(began, now)| now.seconds_since(began) < CLEARED);
         if is_new || self.sent < REPEATS {
             self.sent = self.sent.saturating_add(1);

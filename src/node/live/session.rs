@@ -21,14 +21,18 @@ pub(super) fn new_session(before: u64) -> u64 {
 impl<T: Transport> Live<T> {
     pub(super) fn clock(&mut self, stamp: Stamp) {
         if let Some(back) = self.clocks.hear(stamp, Instant::now()) {
-            self.join.begin_session(Some(stamp));
-            self.begin_session(&format!("/clock has jumped back by {back:.3} s"), true);
+            let given_up = self.join.jump_back(stamp, self.clocks.moment());
+            self.count_ended(given_up.len());
+            // They are of the lap before.
+            self.intakes.iter_mut().for_each(|intake| intake.newest = None);
+            self.start_session(&format!("/clock has jumped back by {back:.3} s"), true);
         }
     }
 
     pub(super) async fn reset(&mut self, request: T::Request) {
-        self.join.begin_session(None);
-        self.begin_session("~/reset was called", false);
+        let given_up = self.join.begin_session(self.clocks.moment());
+        self.count_ended(given_up.len());
+        self.start_session("~/reset was called", false);
         let call = Call { service: Service::Reset, session: self.session, request };
         let (success, message) = match &self.calls_for_map {
             None => (true, begun(call.session)),
@@ -45,12 +49,9 @@ impl<T: Transport> Live<T> {
         self.answer(Service::Reset, call.request, TriggerResponse { success, message }).await;
     }
 
-    /// Begins a session that no scan has asked for: what waits is given up.
-    fn begin_session(&mut self, why: &str, is_jump: bool) {
-        for _ in self.join.give_up(self.clocks.moment()) {
-            self.counts.borrow_mut().skip(SESSION_ENDED);
-        }
-        self.start_session(why, is_jump);
+    /// Counts scans whose session has ended.
+    pub(super) fn count_ended(&self, scans: usize) {
+        (0..scans).for_each(|_| self.counts.borrow_mut().skip(SESSION_ENDED));
     }
 
     /// Begins a session. Nobody has asked for a jump: the map that it ends is kept, and the new one saved. A reset does the latter
@@ -60,7 +61,7 @@ impl<T: Transport> Live<T> {
         let is_kept = is_jump && self.calls_for_map.is_some();
         let thrown_away =
             if is_kept { self.worker.jump(self.session) } else { self.worker.reset(self.session) };
-        (0..thrown_away).for_each(|_| self.counts.borrow_mut().skip(SESSION_ENDED));
+        self.count_ended(thrown_away);
         self.say_begun(format!("{why}: {}", begun(self.session)), is_jump);
         self.worker.request_snapshot();
         if is_jump {

@@ -177,8 +177,11 @@ async fn the_polygons_of_a_map_go_out_once_and_one_of_no_cluster_among_them() {
             maps.push(snapshot);
         }
     }
-    for (session, map) in [(1, 0), (1, 1), (1, 1), (1, 2), (1, 2), (2, 2)] {
-        publisher.send(session, &maps[map], &wire).await.unwrap();
+    let shown = [(1, 0, false), (1, 1, true), (1, 1, true), (1, 2, true), (1, 2, true), (2, 2, true)];
+    // Of a map that was saved nothing goes out.
+    for (session, map, is_live) in shown.into_iter().chain([(3, 2, false)]) {
+        let snapshot = Arc::clone(&maps[map]);
+        publisher.send(Newest { session, snapshot, is_live }, &wire).await.unwrap();
     }
     let of_none = slow.sent.borrow().iter().filter(|sent| **sent == ("polygon", 0)).count();
     assert_eq!(of_none, 3, "with each map that is new: {:?}", slow.sent.borrow());

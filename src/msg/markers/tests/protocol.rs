@@ -137,17 +137,20 @@ fn a_viewer_that_has_missed_many_messages_sees_what_all_see_after_some() {
 /// A viewer that is found late has what a node showed before that was ended.
 #[test]
 fn all_is_deleted_at_the_beginning_for_some_seconds_and_some_messages() {
-    let begins = |seconds: f64, messages: usize| {
+    let begins = |first: i64, seconds: f64, messages: usize| {
         let mut markers = Markers::default();
         let stamps = (0..messages).map(|i| Stamp::from_nanos((seconds * 1e9 * i as f64) as i64 + 5));
-        let updates = stamps.map(|stamp| {
+        let updates = std::iter::once(Stamp::from_nanos(first)).chain(stamps).map(|stamp| {
             let map = Snapshot { stamp: Some(stamp), ..map(vec![square(1)], 0) };
             markers.update(&session(), &map).markers[0].action == Marker::DELETEALL
         });
         updates.take_while(|deletes| *deletes).count()
     };
-    assert_eq!(begins(0.1, 300), 100);
-    assert_eq!(begins(60.0, 300), usize::from(REPEATS));
+    // Of an empty map, of one that was saved an hour before, and of one that was saved by a clock that is ahead.
+    for first in [0, -3_600_000_000_000, 3_600_000_000_000] {
+        assert_eq!(begins(first, 0.1, 300), 1 + 100);
+        assert_eq!(begins(first, 60.0, 300), usize::from(REPEATS));
+    }
 }
 
 #[test]

@@ -3,6 +3,7 @@
 use super::*;
 use crate::msg::ros::Time;
 use crate::node::counts::WAITING_QUEUE_FULL;
+use crate::reason::SESSION_ENDED;
 
 /// The events, then a good transform and a good cloud at `seconds`; gives how the node ended and what it counted.
 fn survives(hostile: Vec<Event<()>>, seconds: f64, taken_in: u64) -> (Counts, Rc<Fake>) {

@@ -194,9 +194,11 @@ fn sessions_that_alternate_are_said_once_and_are_a_warning_and_those_that_were_a
 
 /// A bag in a loop that is played with `--clock`.
 #[test]
-fn a_lap_begins_one_session_whether_its_first_scan_or_its_clock_comes_first() {
+fn a_lap_begins_one_session_whether_its_first_scan_or_its_clock_comes_first_or_one_that_is_late() {
     let (scan, clock) = (|seconds| cloud(at(seconds), "camera"), |seconds| Event::Clock(at(seconds)));
-    for lap in [[scan(1.0), clock(1.1)], [clock(1.0), scan(1.0)]] {
+    for lap in
+        [vec![scan(1.0), clock(1.1)], vec![clock(1.0), scan(1.0)], vec![clock(1.0), scan(20.03), scan(1.0)]]
+    {
         let (report, _) = driven(Fake::default(), async |live| {
             let before = [transform(at(0.0), true), clock(20.0), scan(20.0)];
             for event in before.into_iter().chain(lap).chain([clock(1.2), scan(1.2)]) {
