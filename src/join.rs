@@ -22,9 +22,6 @@ use waiting::{Arrived, Waiting};
 /// Pairs of a frame and a sensor that are remembered at most: a sender can make up ever new frames.
 const SENSORS: usize = 1000;
 
-/// How long a message may be on its way that was sent before another one of another topic.
-const OVERTAKEN: Duration = Duration::from_secs(1);
-
 /// Frames of REP 105 that stand still.
 const MAPS: [&str; 4] = ["odom", "map", "world", "earth"];
 
@@ -37,8 +34,6 @@ pub struct Join {
     waits_since: Stamp,
     /// Newest stamp that has arrived, whether or not a transform comes for it.
     arrived: BTreeMap<Key, Stamp>,
-    /// Where a clock has jumped back: the newest stamps that had arrived before it, and when it came.
-    overtaken: (BTreeMap<Key, Stamp>, Moment),
     /// Counts the arrivals whose stamps jumped back.
     lap: u64,
     /// What this session has had.
@@ -99,7 +94,6 @@ impl Join {
             waiting: Waiting::new(places),
             waits_since: Stamp::default(),
             arrived: BTreeMap::new(),
-            overtaken: (BTreeMap::new(), Moment::default()),
             lap: 0,
             sensors: BTreeMap::new(),
         }
@@ -259,31 +253,13 @@ impl Join {
         self.give_up(now)
     }
 
-    /// Begins a session with a clock that has jumped back to `stamp`, after which all transforms are forgotten. Gives the clouds that
-    /// waited from before the jump: what a sensor has sent since may have come before the clock did, and waits on.
-    pub fn jump_back(&mut self, stamp: Stamp, now: Moment) -> Vec<Waited> {
+    /// Begins a session with a clock that has jumped back to `stamp`; transforms of after it are forgotten. Gives the clouds that waited
+    /// and are from before the jump. Those that were taken after it may have come before the clock did, and wait on.
+    pub fn clock_jumped_back(&mut self, stamp: Stamp, now: Moment) -> Vec<Waited> {
         self.sensors.clear();
+        self.arrived.retain(|_, newest| stamp.jump_back_from(*newest).is_none());
         self.frames.forget_after(stamp);
-        let arrived = std::mem::take(&mut self.arrived).into_iter();
-        let (before, since) = arrived.partition(|(_, newest)| stamp.jump_back_from(*newest).is_some());
-        (self.overtaken, self.arrived) = ((before, now), since);
-        self.waiting.take_overtaken(stamp, now)
-    }
-
-    /// Whether a clock that has jumped back came before this cloud, which was sent before it: that of a sensor whose own stamps have not
-    /// jumped back yet, within [`OVERTAKEN`] of the clock.
-    pub fn is_overtaken(&mut self, sensor: usize, cloud: &Cloud, now: Moment) -> bool {
-        let (before, jumped) = &mut self.overtaken;
-        if now.wall.saturating_sub(jumped.wall) > OVERTAKEN {
-            before.clear();
-        }
-        let key = (cloud.frame_id.clone(), sensor);
-        let newest = before.get(&key);
-        let is_overtaken = newest.is_some_and(|newest| cloud.stamp.jump_back_from(*newest).is_none());
-        if !is_overtaken {
-            before.remove(&key);
-        }
-        is_overtaken
+        self.waiting.take_from_before(stamp, now)
     }
 }
 
@@ -326,23 +302,14 @@ mod tests {
     }
 
     #[test]
-    fn with_a_clock_that_jumps_back_what_was_sent_before_it_goes_and_what_was_sent_since_waits_on() {
+    fn with_a_clock_that_jumps_back_what_is_from_before_it_goes_and_what_is_from_after_it_waits_on() {
         let mut join = Join::new(4);
-        let now = |seconds| Moment::from(Duration::from_secs_f64(seconds));
         let stamps = |waited: &[Waited]| waited.iter().map(|waited| waited.cloud.stamp).collect::<Vec<_>>();
         for (sensor, seconds) in [(0, 20.0), (1, 20.0), (1, 1.0)] {
-            assert_eq!(join.cloud(sensor, cloud(seconds), now(5.0)), None);
+            assert_eq!(join.cloud(sensor, cloud(seconds), Moment::default()), None);
         }
-        assert_eq!(stamps(&join.jump_back(at(1.1), now(5.0))), [at(20.0); 2]);
-        assert_eq!(join.waiting(), 1);
-        let mut is_overtaken =
-            |sensor, seconds, moment| join.is_overtaken(sensor, &cloud(seconds), now(moment));
-        assert!(is_overtaken(0, 20.03, 5.9) && !is_overtaken(1, 20.03, 5.9));
-        assert!(!is_overtaken(0, 1.0, 5.9) && !is_overtaken(0, 20.06, 5.9), "it has jumped back since");
-        assert_eq!(stamps(&join.give_up(now(6.0))), [at(1.0)]);
-        assert_eq!(join.cloud(0, cloud(20.0), now(6.0)), None);
-        assert_eq!(join.jump_back(at(1.0), now(6.0)).len(), 1);
-        assert!(!join.is_overtaken(0, &cloud(20.03), now(7.1)), "a clock that jumped alone");
+        assert_eq!(stamps(&join.clock_jumped_back(at(1.1), Moment::default())), [at(20.0); 2]);
+        assert_eq!(stamps(&join.begin_session(Moment::default())), [at(1.0)]);
     }
 
     #[test]

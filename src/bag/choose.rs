@@ -154,7 +154,10 @@ fn named<'a>(topics: &'a [Topic], name: &str) -> Result<Candidate<'a>, ChoiceErr
     let of_name: Vec<&Topic> = topics.iter().filter(|topic| topic.is_called(name)).collect();
     let Some(first) = of_name.first() else {
         let usable = topics.iter().filter(|topic| form_of(&topic.type_name, &topic.encoding).is_some());
-        let hint = nearest(usable, name);
+        let hint = match topics.iter().filter(|topic| form(topic).is_some()).collect::<Vec<_>>()[..] {
+            [one] => is_meant(&one.name),
+            _ => nearest(usable, name),
+        };
         return Err(ChoiceError::NoTopic { topic: name.to_owned(), hint, held: held(topics) });
     };
     let usable = of_name.iter().find_map(|topic| Some((*topic, form_of(&topic.type_name, &topic.encoding)?)));
@@ -166,17 +169,17 @@ fn named<'a>(topics: &'a [Topic], name: &str) -> Result<Candidate<'a>, ChoiceErr
     })
 }
 
-/// The topic whose name is nearest, where that is near enough to be meant or no other is usable.
+/// The topic whose name is nearest, where that is near enough to be meant.
 fn nearest<'a>(usable: impl Iterator<Item = &'a Topic>, name: &str) -> String {
     let distances = usable.map(|topic| (strsim::damerau_levenshtein(&topic.name, name), &topic.name));
-    let mut distances: Vec<_> = distances.collect();
-    distances.sort_unstable();
-    match distances[..] {
-        [(distance, near), ref others @ ..] if others.is_empty() || 2 * distance < name.len() => {
-            format!(" (is {} meant?)", one_line(near))
-        }
+    match distances.min() {
+        Some((distance, near)) if 2 * distance < name.len() => is_meant(near),
         _ => String::new(),
     }
+}
+
+fn is_meant(name: &str) -> String {
+    format!(" (is {} meant?)", one_line(name))
 }
 
 fn only<'a>(topics: &[Topic], candidates: &[Candidate<'a>]) -> Result<Candidate<'a>, ChoiceError> {

@@ -128,12 +128,18 @@ fn chosen(
         check_kinds(&setup.config().sensors, &choice.sensors)?;
     }
     if !is_meant {
-        let is_read = |topic: &String| choice.sensors.iter().any(|sensor| sensor.topic == *topic);
-        let others = meant.into_iter().map(|meant| meant.topic).filter(|topic| is_in(topics, topic));
-        choice.passed_over = others.filter(|topic| !is_read(topic)).collect();
+        choice.passed_over = passed_over(&meant, &choice.sensors, topics);
     }
     say_choice(&choice);
     Ok(choice)
+}
+
+/// The topics with messages that the parameters mean and that are not read.
+fn passed_over(meant: &[Wanted], read: &[bag::Sensor], topics: &[bag::Topic]) -> Vec<String> {
+    let is_fed = |topic: &&bag::Topic| topic.messages != Some(0);
+    let of = |name: &str| topics.iter().filter(is_fed).find(|topic| topic.is_called(name));
+    let meant = meant.iter().filter_map(|meant| Some(of(&meant.topic)?.name.clone()));
+    meant.filter(|name| read.iter().all(|sensor| sensor.topic != *name)).collect()
 }
 
 /// The fixed frame that was given, or else one that the bag shows.

@@ -131,7 +131,7 @@ impl Waiting {
                 Ok(found) => ready.push((arrived, found)),
                 Err(mut error) => {
                     if let Some(before) = &arrived.lacks {
-                        error.remember(before);
+                        error.keep_start(before);
                     }
                     arrived.lacks = Some(error);
                     self.clouds.push_back(arrived);
@@ -148,7 +148,7 @@ impl Waiting {
     }
 
     /// Takes the clouds from before a jump back to `stamp`, in the order in which they came.
-    pub(super) fn take_overtaken(&mut self, stamp: Stamp, now: Moment) -> Vec<Waited> {
+    pub(super) fn take_from_before(&mut self, stamp: Stamp, now: Moment) -> Vec<Waited> {
         self.take(now, |arrived| stamp.jump_back_from(arrived.cloud.stamp).is_some())
     }
 

@@ -309,9 +309,6 @@ impl<T: Transport> Live<T> {
     fn cloud(&mut self, input: Input, cloud: Result<Cloud, CloudError>) {
         self.counts.borrow_mut().received += 1;
         match cloud {
-            Ok(cloud) if self.join.is_overtaken(input.sensor, &cloud, self.clocks.moment()) => {
-                self.count_ended(1);
-            }
             Ok(cloud) => {
                 self.look_at(input, &cloud);
                 if let Some(pushed_out) = self.join.cloud(input.sensor, cloud, self.clocks.moment()) {

@@ -105,7 +105,9 @@ async fn take(
     Seen { counts, vitals }: Seen,
     (saver, mut beyond): (Option<Saver>, Beyond),
 ) -> Ended {
-    let (mut ended, mut put_off, mut scanned) = (Ended::default(), PutOff::default(), None);
+    let (mut ended, mut put_off) = (Ended::default(), PutOff::default());
+    // The number of the first scan of the newest session.
+    let mut first = (0, u64::MAX);
     while let Some(output) = outputs.recv().await {
         match output {
             Output::Scan { session, points, update, took } => {
@@ -113,7 +115,9 @@ async fn take(
                 let points = Points { all: points as u64, beyond_grid: u64::from(update.points_beyond_grid) };
                 vitals.borrow_mut().note(took, points);
                 vitals.borrow_mut().newest = Some((session, update.sequence));
-                scanned = Some(session);
+                if first.0 != session {
+                    first = (session, update.sequence);
+                }
                 if let Some(line) = beyond.line(session, points, Instant::now()) {
                     warn!("{line}");
                 }
@@ -126,7 +130,7 @@ async fn take(
                 vitals.borrow_mut().snapshot_took = took;
                 vitals.borrow_mut().map = Some(MapSize::of(session, &snapshot));
                 vitals.borrow_mut().note_map(session, snapshot.sequence);
-                let is_live = scanned == Some(session);
+                let is_live = first.0 == session && snapshot.sequence >= first.1;
                 newest.send_replace(Some(Newest { session, snapshot: Arc::clone(&snapshot), is_live }));
                 ended.map = Some(snapshot);
             }

@@ -3,7 +3,7 @@
 //! Poses that were found after the drive and merged into its bag may all lie behind the last cloud. To wait for them would be to
 //! keep every cloud. So a second reader of the bag goes ahead for each frame of which one lacks, and takes of that frame what the
 //! cloud that has waited longest needs, and no more: what is known at its stamp would be forgotten. When the turn of
-//! what was taken so comes, it is passed by. Where no transform of the bag reaches the cloud's stamp nothing is taken: a sensor whose
+//! what was taken so comes, it is passed by. Where none of that frame reaches the cloud's stamp nothing is taken: a sensor whose
 //! clock is an hour ahead would have all of them taken, and what the other sensors need forgotten.
 
 use std::collections::BTreeMap;
@@ -118,7 +118,7 @@ impl Reader {
         Self { transforms: transforms.peekable(), stamps, newest: None, taken: 0, count: 0 }
     }
 
-    /// Whether some transform is as new as this.
+    /// Whether some transform, from where this reader began on, is as new as this.
     fn reaches(&mut self, at: Stamp) -> bool {
         while self.newest.is_none_or(|newest| newest < at) {
             let Some(stamp) = self.stamps.next() else { return false };

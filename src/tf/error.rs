@@ -258,14 +258,14 @@ impl LookupError {
         matches!(self.lack, Lack::TooEarly { .. } | Lack::TooLate { .. } | Lack::NotJumpedBack { .. })
     }
 
-    /// Takes what a lookup of the same `before` this one found covered as covered still: the oldest samples are forgotten meanwhile,
-    /// and a cloud that came too early by a moment would seem to by as long as it has waited.
-    pub(crate) fn remember(&mut self, before: &Self) {
-        let lacks = (&mut self.lack, &before.lack);
-        if let (Lack::TooEarly { frame, covered }, Lack::TooEarly { frame: same, covered: earlier }) = lacks
+    /// Keeps the start of the range that an earlier lookup for the same cloud has found. The oldest samples are forgotten meanwhile: a
+    /// cloud that was taken a moment too early would seem to be too early by all the time for which it has waited.
+    pub(crate) fn keep_start(&mut self, earlier: &Self) {
+        let lacks = (&mut self.lack, &earlier.lack);
+        if let (Lack::TooEarly { frame, covered }, Lack::TooEarly { frame: same, covered: found }) = lacks
             && frame == same
         {
-            covered.from = covered.from.min(earlier.from);
+            covered.from = covered.from.min(found.from);
         }
     }
 
@@ -308,7 +308,7 @@ mod tests {
         };
         let covered = |before: &LookupError, from| {
             let mut now = early("base", from);
-            now.remember(before);
+            now.keep_start(before);
             let Lack::TooEarly { covered, .. } = now.lack else { panic!("{now}") };
             (covered.from.nanos(), covered.until.nanos())
         };

@@ -21,10 +21,11 @@ pub(super) fn new_session(before: u64) -> u64 {
 impl<T: Transport> Live<T> {
     pub(super) fn clock(&mut self, stamp: Stamp) {
         if let Some(back) = self.clocks.hear(stamp, Instant::now()) {
-            let given_up = self.join.jump_back(stamp, self.clocks.moment());
+            let given_up = self.join.clock_jumped_back(stamp, self.clocks.moment());
             self.count_ended(given_up.len());
-            // They are of the lap before.
-            self.intakes.iter_mut().for_each(|intake| intake.newest = None);
+            for intake in &mut self.intakes {
+                intake.newest.take_if(|newest| stamp.jump_back_from(*newest).is_some());
+            }
             self.start_session(&format!("/clock has jumped back by {back:.3} s"), true);
         }
     }

@@ -163,8 +163,34 @@ async fn what_is_sent_of_the_map_is_recorded_too() {
 }
 
 #[tokio::test]
+async fn a_map_from_before_the_first_scan_is_not_live_though_that_scan_overtakes_it() {
+    let is_live = async |map: usize| {
+        let (sender, receiver) = mpsc::channel(2);
+        let scan_2 = 2;
+        let mut chosen: Vec<_> = outputs(2).into_iter().enumerate().collect();
+        chosen.retain(|(number, _)| [scan_2, map].contains(number));
+        chosen.sort_by_key(|(number, _)| *number != scan_2);
+        for (_, output) in chosen {
+            sender.send(output).await.unwrap();
+        }
+        drop(sender);
+        let outlets = Outlets {
+            transport: Rc::new(Slow { sent: RefCell::default(), through: Semaphore::new(0) }),
+            recorder: None,
+        };
+        let wire = Wire { outlets, unsent: RefCell::default(), frame_id: "odom".to_owned() };
+        let beyond = Beyond::new(Reach::of(&Config::new([]).unwrap()));
+        let (newest, maps) = watch::channel(None);
+        take(receiver, &wire, newest, Seen::default(), (None, beyond)).await;
+        maps.borrow().as_ref().is_some_and(|map| map.is_live)
+    };
+    let [map_1, map_2] = [1, 3];
+    assert!(!is_live(map_1).await && is_live(map_2).await);
+}
+
+#[tokio::test]
 async fn the_polygons_of_a_map_go_out_once_and_one_of_no_cluster_among_them() {
-    let slow = Rc::new(Slow { sent: RefCell::default(), through: Semaphore::new(6) });
+    let slow = Rc::new(Slow { sent: RefCell::default(), through: Semaphore::new(7) });
     let wire = Wire {
         outlets: Outlets { transport: Rc::clone(&slow), recorder: None },
         unsent: RefCell::default(),
