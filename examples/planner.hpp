@@ -55,18 +55,8 @@ class Planner {
   // Takes a message of ~/points_labelled: an outline does not hold all voxels, see docs/planner.md. std::invalid_argument where it
   // is none, for the iterators of sensor_msgs read beyond its end then.
   void points(const sensor_msgs::msg::PointCloud2& cloud) {
-    voxels_.clear();
+    voxels_ = cloud.data.empty() ? std::vector<Point>() : voxels_of(cloud);
     header_ = cloud.header;
-    if (cloud.data.empty()) return;
-    const std::size_t step = cloud.point_step, size = cloud.data.size(), at[] = {offset(cloud, "x"), offset(cloud, "y"), offset(cloud, "z")};
-    if (step == 0 || size % step != 0) {
-      throw std::invalid_argument(in_words("a cloud of labelled points has ", size, " bytes, of points of ", step));
-    }
-    for (const std::uint8_t* point = cloud.data.data(); point != cloud.data.data() + size; point += step) {
-      std::array<float, 3> voxel;
-      for (int i = 0; i < 3; ++i) std::memcpy(&voxel[i], point + at[i], sizeof(float));
-      voxels_.push_back({voxel[0], voxel[1], voxel[2]});
-    }
   }
 
   // Of the newest cloud of voxels; its stamp is 0 before there is one.
@@ -88,7 +78,7 @@ class Planner {
       bool level = is_level(cluster);
       // The plane of what is not level may as well be off upwards: the robot is over it all the same.
       double lowest = level ? kAboveGround[0] : -kAboveGround[1];
-      if (cluster.plane.coef[2] <= kFacesUp || height <= lowest || height >= kAboveGround[1]) continue;
+      if (!(cluster.plane.coef[2] > kFacesUp && lowest < height && height < kAboveGround[1])) continue;
       double begin = begins(cluster, cluster, robot, -kLow, kLow);
       std::tuple<bool, double, bool, double> place{cluster.state == Cluster::STATE_TENTATIVE, begin, !level, height};
       if (begin < kUnseen && (!first || place < least)) least = place, first = &cluster;
@@ -140,6 +130,21 @@ class Planner {
  private:
   struct Piece { Point begin, end; };
   static constexpr double kInfinite = std::numeric_limits<double>::infinity();
+
+  // The points of a cloud that has some.
+  static std::vector<Point> voxels_of(const sensor_msgs::msg::PointCloud2& cloud) {
+    const std::size_t step = cloud.point_step, size = cloud.data.size(), at[] = {offset(cloud, "x"), offset(cloud, "y"), offset(cloud, "z")};
+    if (step == 0 || size % step != 0) {
+      throw std::invalid_argument(in_words("a cloud of labelled points has ", size, " bytes, of points of ", step));
+    }
+    std::vector<Point> voxels;
+    for (const std::uint8_t* point = cloud.data.data(); point != cloud.data.data() + size; point += step) {
+      std::array<float, 3> voxel;
+      for (int i = 0; i < 3; ++i) std::memcpy(&voxel[i], point + at[i], sizeof(float));
+      voxels.push_back({voxel[0], voxel[1], voxel[2]});
+    }
+    return voxels;
+  }
 
   // Where a point of a cloud has a coordinate.
   static std::size_t offset(const sensor_msgs::msg::PointCloud2& cloud, const char* axis) {
@@ -349,6 +354,7 @@ class Driver {
     // A robot that sees nothing, or does not know where it is, stands.
     if (auto lack = freshness_.lacks(seen, now, steady)) return {0.0, lack};
     if (auto why = differs()) return {0.0, why};
+    if (auto why = no_place(pose->second.transform)) return {0.0, why};
     Planner::Robot robot = place(pose->second.transform);
     const auto* ground = planner.ground(robot);
     if (!ground) return {0.0, planner.no_ground(robot)};
@@ -387,6 +393,16 @@ class Driver {
 
   // The name of a frame without the slash that ROS 1 has before it, as cfodi takes it.
   static std::string bare(const std::string& frame) { return frame.substr(std::min(frame.find_first_not_of('/'), frame.size())); }
+
+  // Why it is none, if so: an odometry that has lost itself may send no numbers, or no rotation, which cfodi and tf2 refuse.
+  static std::optional<Why> no_place(const geometry_msgs::msg::Transform& transform) {
+    const auto& at = transform.translation;
+    const auto& q = transform.rotation;
+    bool is_turned = std::abs(std::sqrt(q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w) - 1.0) < 0.01;
+    if (is_turned && std::isfinite(at.x) && std::isfinite(at.y) && std::isfinite(at.z)) return std::nullopt;
+    return Why{"the robot's transform is no place", in_words("translation (", at.x, ", ", at.y, ", ", at.z, "), rotation (", q.x, ", ",
+                                                             q.y, ", ", q.z, ", ", q.w, ")")};
+  }
 
   static Planner::Robot place(const geometry_msgs::msg::Transform& transform) {
     const auto& at = transform.translation;

@@ -160,6 +160,8 @@ class Driver:
                   f"transform from `{frame}` straight to `{self.base_frame}`": seconds(pose)}
         if lack := self.freshness.lacks(stamps, now, steady) or self.differs(frame):
             return 0.0, lack  # a robot that sees nothing, or does not know where it is, stands
+        if not is_place(pose.transform):
+            return 0.0, ("the robot's transform is no place", numbers(pose.transform))
         robot = place(pose.transform)
         if (ground := planner.ground(robot)) is None:
             return 0.0, planner.no_ground(robot)
@@ -236,6 +238,18 @@ def place(transform):
     """(x, y, z, yaw) of a frame in the one above it."""
     q = transform.rotation
     return (*xyz(transform.translation), math.atan2(2 * (q.w * q.z + q.x * q.y), 1 - 2 * (q.y * q.y + q.z * q.z)))
+
+
+def is_place(transform):
+    """Whether it is one: an odometry that has lost itself may send no numbers, or no rotation, which cfodi and tf2 refuse."""
+    q = transform.rotation
+    return bool(np.isfinite(xyz(transform.translation)).all()) and abs(math.hypot(q.x, q.y, q.z, q.w) - 1.0) < 0.01
+
+
+def numbers(transform):
+    """Its own, in words."""
+    at, q = transform.translation, transform.rotation
+    return f"translation ({at.x:.4g}, {at.y:.4g}, {at.z:.4g}), rotation ({q.x:.4g}, {q.y:.4g}, {q.z:.4g}, {q.w:.4g})"
 
 
 def above(cluster, points):

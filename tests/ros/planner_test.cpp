@@ -178,9 +178,12 @@ std::string refused_cloud(void (*change)(sensor_msgs::msg::PointCloud2&)) {
   Planner known = planner({});
   auto wrong = cloud({{1.5, 0.1, 0.4, 0}, {0.7, 0.0, 0.1, 1}});
   change(wrong);
+  known.points(cloud({{0.8, 0.0, 0.3, 77}}));
+  const auto before = known.voxels_header();
   try {
     known.points(wrong);
   } catch (const std::invalid_argument& error) {
+    expect("what was there before stays", known.voxels_header() == before && known.free_ahead(level(1, Cluster::CLASS_FLOOR, 0, -5, 5, -5, 5), kHere) < 1.0);
     return error.what();
   }
   return "";
@@ -459,6 +462,26 @@ void what_does_not_belong_together() {
   expect("another session is not its own", stands(driver, 0.1) == "a new session has begun, which may know nothing of what was seen before");
 }
 
+void what_is_no_place() {
+  Driver driver{Parameters()};
+  snapshot(driver, 1, {level(1, Cluster::CLASS_FLOOR, 0, -5, 5, -5, 5)});
+  sensor_msgs::msg::PointCloud2 none;
+  none.header = at(100.0);
+  driver.planner.points(none);
+  expect("it drives from a place", stands(driver, 0.1).empty());
+  const double nan = std::numeric_limits<double>::quiet_NaN(), places[][3] = {{nan, 0, 1}, {0, nan, 1}, {0, 0, nan}, {0, 0, 0}, {0, 0, 1.02}};
+  for (const auto& [x, z, w] : places) {
+    tf2_msgs::msg::TFMessage message;
+    message.transforms.emplace_back();
+    auto& transform = message.transforms.back();
+    transform.header = at(100.0, "odom"), transform.child_frame_id = "base_link";
+    transform.transform.translation.x = x, transform.transform.translation.z = z, transform.transform.rotation.w = w;
+    driver.transforms(message);
+    auto speed = driver.speed(100.0, 7.0);
+    expect("it stands where that is none", speed.value == 0.0 && speed.why && speed.why->reason == "the robot's transform is no place");
+  }
+}
+
 void slashes_of_ros_1() {
   Parameters given;
   given.base_frame = "/base_link";
@@ -491,6 +514,7 @@ int main() {
   never_faster_towards_an_obstacle();
   why_it_stands();
   what_does_not_belong_together();
+  what_is_no_place();
   slashes_of_ros_1();
   when_it_says_so();
   outlines();

@@ -422,6 +422,20 @@ def test_what_does_not_belong_together_is_not_driven_by():
     assert seeing.stands() is None
 
 
+@pytest.mark.parametrize("translation, rotation", [
+    (Vector3(x=math.nan), Quaternion(w=1.0)), (Vector3(z=math.inf), Quaternion(w=1.0)), (Vector3(), Quaternion(w=math.nan)),
+    (Vector3(), Quaternion(w=0.0)), (Vector3(), Quaternion(w=1.02))], ids=["x", "z", "rotation", "none", "long"])
+def test_it_stands_where_its_transform_is_no_place(translation, rotation):
+    seeing = Seeing()
+    seeing.sees(level(1, FLOOR, 0.0, (-5.0, 5.0), (-5.0, 5.0)))
+    seeing.driver.planner.points(of_now(clouds_of([])))
+    assert seeing.stands() is None
+    lost = Transform(translation=translation, rotation=rotation)
+    seeing.driver.transforms(TFMessage(transforms=[of_now(TransformStamped(child_frame_id="base_link", transform=lost))]))
+    speed, why = seeing.driver.speed(100.0, 7.0)
+    assert (speed, why[0]) == (0.0, "the robot's transform is no place") and is_explained(why)
+
+
 def test_names_of_frames_may_have_the_slash_of_ros_1():
     seeing = Seeing(base_frame="/kinect")
     seeing.sees(level(1, FLOOR, 0.0, (-5.0, 5.0), (-5.0, 5.0)))
