@@ -197,6 +197,23 @@ fn a_channel_that_changes_its_meaning_ends_the_bag_with_a_reason() {
     assert!(messages.len() == 1 && failure.is_some(), "{failure:?}");
 }
 
+#[test]
+fn what_a_chunk_says_wrongly_costs_that_chunk_alone() {
+    let in_chunk = |records: &[Vec<u8>]| chunk("", records.concat().len() as u64, &records.concat());
+    let of = |channel, time| message(channel, time, b"abcd");
+    let first = in_chunk(&[channel(1, POINTS), of(1, 7)]);
+    // Its schema was in what is damaged.
+    let lost = record(0x04, &mcap_bytes::channel_body(3, 3, "/other", "cdr"));
+    for wrong in [of(9, 8), channel(1, "/other"), record(0x03, &[1, 0, 0xff, 0xff, 0xff, 0xff])] {
+        let rest = in_chunk(&[lost.clone(), of(3, 9), channel(2, "/others"), of(2, 10)]);
+        let (messages, failure) = read(&whole(&[first.clone(), in_chunk(&[wrong, of(1, 8)]), rest].concat()));
+        let times: Vec<_> = messages.iter().map(|message| message.log_time).collect();
+        assert_eq!(times, [7, 10], "{failure:?}");
+        let said = failure.map(|failure| failure.to_string()).unwrap_or_default();
+        assert!(said.contains("1 of its chunks"), "{said}");
+    }
+}
+
 /// Bodies of a header, a schema and channels in which a string, or what is to be a map of strings, claims 4 GB.
 fn claims_of_four_gigabytes() -> Vec<(u8, Vec<u8>)> {
     let (much, none, id) = ([0xff; 4], [0; 4], [1, 0]);

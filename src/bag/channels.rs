@@ -47,7 +47,12 @@ impl Channels {
             }
             _ => Ok(()),
         };
-        match known.map_err(|error| reason(&error)) {
+        let known = match known {
+            // Its schema was in what is damaged: its messages are passed over.
+            Err(McapError::UnknownSchema(..)) if self.lacks_some => Ok(()),
+            other => other.map_err(|error| reason(&error)),
+        };
+        match known {
             Err(reason) if self.is_data_over => self.contradiction = Some(reason),
             other => other?,
         }

@@ -205,21 +205,14 @@ impl Reader {
     /// The next message. A chunk that is damaged costs what is left of it alone.
     fn advance(&mut self) -> Result<Message, End> {
         loop {
-            let record = match self.records.next() {
-                None => return Err(End(self.damaged())),
-                Some(Ok(record)) => record,
-                Some(Err(reason)) => match self.records.pass_chunk() {
-                    Some(bytes) => {
-                        self.pass(bytes, reason);
-                        continue;
-                    }
-                    None => return Err(self.cut(reason)),
-                },
-            };
-            match self.channels.take(record) {
+            let Some(record) = self.records.next() else { return Err(End(self.damaged())) };
+            match record.and_then(|record| self.channels.take(record)) {
                 Ok(Some(message)) => return Ok(self.decompressed(message)),
                 Ok(None) => {}
-                Err(reason) => return Err(self.cut(reason)),
+                Err(reason) => match self.records.pass_chunk() {
+                    Some(bytes) => self.pass(bytes, reason),
+                    None => return Err(self.cut(reason)),
+                },
             }
         }
     }
