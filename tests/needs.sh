@@ -24,7 +24,7 @@ if python=$(bash "$here/python311.sh" 2>/dev/null); then
   include=$("$python" -c 'import sysconfig; print(sysconfig.get_path("include"))')
   [ -e "$include/Python.h" ] || missing+=("$include/Python.h (apt-get install python3.11-dev)")
 else
-  missing+=("python3.11 with venv and Python.h (apt-get install python3.11 python3.11-venv python3.11-dev)")
+  missing+=("python3.11 with venv and Python.h (apt-get install python3.11 python3.11-venv python3.11-dev; where there is none: uv python install 3.11)")
 fi
 
 # OpenSSL is built from source where there is none to build against. Debian's perl-base, which is always there, is too little.

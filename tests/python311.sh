@@ -6,5 +6,5 @@ for candidate in python3.11 python3; do
     exec "$candidate" -c 'import sys; print(sys.executable)'
   fi
 done
-echo "no CPython 3.11 here, for which the tests' packages are built (Debian: apt-get install python3.11)" >&2
+echo "no CPython 3.11 here, for which the tests' packages are built (Debian 12: apt-get install python3.11; elsewhere: uv python install 3.11)" >&2
 exit 1
