@@ -14,6 +14,29 @@ use crate::cloud::CloudError;
 /// A publisher, as the middleware names it.
 pub(super) type PublisherId = [u8; 16];
 
+/// Where a message comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Origin {
+    pub(super) publisher: PublisherId,
+    /// Which of the publisher's messages it is: it counts them.
+    pub(super) number: i64,
+}
+
+/// A scan as a reader has it.
+#[derive(Debug)]
+pub(super) struct Sample {
+    pub(super) scan: Decoded,
+    pub(super) origin: Origin,
+}
+
+/// A scan that is to be taken.
+#[derive(Debug)]
+pub(super) struct NextScan {
+    pub(super) scan: Decoded,
+    /// Scans that were sent before it and never arrived.
+    pub(super) lost_before: u64,
+}
+
 /// Publishers to remember; a driver that restarts is a new one each time.
 const PUBLISHERS: usize = 1000;
 
@@ -64,22 +87,23 @@ impl Known {
         self.comes |= matches!(scan, Ok(_) | Err(CloudError::NoCameraInfo));
     }
 
-    /// A scan that is to be taken, and how many were lost before it; a sample comes with its publisher and number.
+    /// The scan of a sample, where it is to be taken; that of one without so much as a header is an error.
     pub(super) fn tell<E: ToString>(
         &mut self,
-        sample: Result<(Decoded, (PublisherId, i64)), E>,
+        sample: Result<Sample, E>,
         reliably: bool,
-    ) -> Option<(Decoded, u64)> {
+    ) -> Option<NextScan> {
         match sample {
-            Ok((scan, (publisher, number))) => {
+            Ok(Sample { scan, origin: Origin { publisher, number } }) => {
                 self.note(&scan);
                 let takes = self.heard.takes(publisher, number, reliably);
-                takes.then(|| (scan, self.gaps.lost_before(publisher, number)))
+                takes.then(|| NextScan { scan, lost_before: self.gaps.lost_before(publisher, number) })
             }
             Err(error) => {
                 let tells = self.heard.tells_garbled(reliably);
                 self.gaps.undecodable += u64::from(tells);
-                tells.then(|| (Err(CloudError::Undecodable(error.to_string())), 0))
+                let scan = Err(CloudError::Undecodable(error.to_string()));
+                tells.then_some(NextScan { scan, lost_before: 0 })
             }
         }
     }
@@ -220,6 +244,11 @@ pub(super) mod tests {
         name
     }
 
+    /// A scan of this number that lacks its camera info.
+    fn sample(publisher: PublisherId, number: i64) -> Sample {
+        Sample { scan: Err(CloudError::NoCameraInfo), origin: Origin { publisher, number } }
+    }
+
     /// A camera info that comes more than ten seconds late must not have the driver pack PNGs for good.
     #[test]
     fn an_image_that_lacks_its_camera_info_alone_comes_and_one_that_is_bad_does_not() {
@@ -273,8 +302,7 @@ pub(super) mod tests {
                 known.begin_anew();
             }
             let mut tell = |&number: &i64| {
-                let sample = (Err(CloudError::NoCameraInfo), (publisher, number));
-                known.tell(Ok::<_, String>(sample), reliably).map(|(_, lost)| lost)
+                known.tell(Ok::<_, String>(sample(publisher, number)), reliably).map(|next| next.lost_before)
             };
             numbers.iter().map(&mut tell).collect()
         };
@@ -292,8 +320,7 @@ pub(super) mod tests {
             if after_pause {
                 known.begin_after_pause();
             }
-            let sample = (Err(CloudError::NoCameraInfo), (publisher(0), number));
-            known.tell(Ok::<_, String>(sample), false).unwrap().1
+            known.tell(Ok::<_, String>(sample(publisher(0), number)), false).unwrap().lost_before
         };
         assert_eq!(
             [(1, false), (3, false), (9000, true), (9002, false)].map(|(n, p)| lost(n, p)),

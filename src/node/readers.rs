@@ -6,7 +6,8 @@ use tokio::sync::Mutex;
 use tokio::sync::mpsc::Sender;
 use tokio::task::JoinSet;
 
-use super::seeds::{Decoded, LatestCamera};
+use super::heard::NextScan;
+use super::seeds::CameraTopic;
 use super::transport::{Event, Input};
 use crate::msg::ros::CameraInfo;
 
@@ -30,11 +31,11 @@ const OF_SCAN: usize = 2;
 pub(super) async fn tell_scan<R>(
     events: &Sender<Event<R>>,
     input: Input,
-    takes: impl FnOnce() -> Option<(Decoded, u64)>,
+    takes: impl FnOnce() -> Option<NextScan>,
 ) -> bool {
     let Ok(places) = events.reserve_many(OF_SCAN).await else { return false };
-    let Some((scan, lost)) = takes() else { return true };
-    let lost = (lost > 0).then_some(Event::Lost(input, lost));
+    let Some(NextScan { scan, lost_before }) = takes() else { return true };
+    let lost = (lost_before > 0).then_some(Event::Lost(input, lost_before));
     let told = lost.into_iter().chain([Event::Cloud(input, scan)]);
     told.zip(places).for_each(|(event, place)| place.send(event));
     true
@@ -44,10 +45,10 @@ pub(super) async fn tell_scan<R>(
 /// to hear of it.
 pub(super) async fn tell_camera<R>(
     events: &Sender<Event<R>>,
-    (camera, sensor, topic): (&LatestCamera, usize, &str),
+    topic: &CameraTopic,
     info: Result<CameraInfo, String>,
 ) -> bool {
-    match camera.event((sensor, topic), info) {
+    match topic.event(info) {
         Some(event) => events.send(event).await.is_ok(),
         None => true,
     }
@@ -62,6 +63,7 @@ mod tests {
     use tokio::sync::mpsc::channel;
     use tokio::time::timeout;
 
+    use super::super::seeds::LatestCamera;
     use super::super::transport::Form;
     use super::*;
     use crate::cloud::CloudError;
@@ -70,19 +72,20 @@ mod tests {
     #[tokio::test]
     async fn what_was_lost_is_told_before_the_scan_and_nothing_to_a_node_that_has_ended() {
         let (events, mut node) = channel::<Event<()>>(4);
-        let (input, scan) = (Form::Points.of(1), || Err(CloudError::NoCameraInfo));
-        assert!(tell_scan(&events, input, || Some((scan(), 0))).await);
+        let input = Form::Points.of(1);
+        let next = |lost_before| Some(NextScan { scan: Err(CloudError::NoCameraInfo), lost_before });
+        assert!(tell_scan(&events, input, || next(0)).await);
         assert!(tell_scan(&events, input, || None).await);
-        assert!(tell_scan(&events, input, || Some((scan(), 3))).await);
+        assert!(tell_scan(&events, input, || next(3)).await);
         assert!(matches!(node.try_recv(), Ok(Event::Cloud(from, _)) if from == input));
         assert!(matches!(node.try_recv(), Ok(Event::Lost(from, 3)) if from == input));
         assert!(matches!(node.try_recv(), Ok(Event::Cloud(..))) && node.try_recv().is_err());
-        let camera = LatestCamera::default();
-        assert!(tell_camera(&events, (&camera, 1, "/info"), Err("cut".to_owned())).await);
+        let infos = CameraTopic { sensor: 1, name: "/info".to_owned(), camera: LatestCamera::default() };
+        assert!(tell_camera(&events, &infos, Err("cut".to_owned())).await);
         assert!(matches!(node.try_recv(), Ok(Event::Garbled { topic, .. }) if topic == "/info"));
         drop(node);
-        assert!(!tell_scan(&events, input, || Some((scan(), 3))).await);
-        assert!(!tell_camera(&events, (&camera, 1, "/info"), Err("cut".to_owned())).await);
+        assert!(!tell_scan(&events, input, || next(3)).await);
+        assert!(!tell_camera(&events, &infos, Err("cut".to_owned())).await);
     }
 
     /// What is not taken shows as a gap in the numbers.

@@ -25,20 +25,27 @@ impl Default for LatestCamera {
     }
 }
 
-impl LatestCamera {
+/// A topic on which the camera of a sensor says what it is.
+pub(super) struct CameraTopic {
+    /// Number of the sensor.
+    pub(super) sensor: usize,
+    /// Fully qualified.
+    pub(super) name: String,
+    /// Shared with the seeds of the sensor's images.
+    pub(super) camera: LatestCamera,
+}
+
+impl CameraTopic {
     /// Keeps the camera of a message, or what is wrong with it; what to tell the node, where it differs from the one before.
-    pub(super) fn event<R>(
-        &self,
-        (sensor, topic): (usize, &str),
-        info: Result<CameraInfo, String>,
-    ) -> Option<Event<R>> {
+    pub(super) fn event<R>(&self, info: Result<CameraInfo, String>) -> Option<Event<R>> {
+        let LatestCamera(known) = &self.camera;
         match info.map(|info| Camera::from_info(&info)) {
-            Ok(newest) if *self.0.borrow() == newest => None,
+            Ok(newest) if *known.borrow() == newest => None,
             Ok(newest) => {
-                self.0.borrow_mut().clone_from(&newest);
-                Some(Event::Camera(sensor, newest))
+                known.borrow_mut().clone_from(&newest);
+                Some(Event::Camera(self.sensor, newest))
             }
-            Err(text) => Some(Event::Garbled { topic: topic.to_owned().into(), text }),
+            Err(text) => Some(Event::Garbled { topic: self.name.clone().into(), text }),
         }
     }
 }
@@ -84,11 +91,14 @@ impl Scans {
 
 /// A seed made for the filter that holds when a cloud comes.
 #[derive(Clone)]
-pub(super) struct WithFilter<S>(Rc<Parameters>, fn(CloudFilter) -> S);
+pub(super) struct WithFilter<S> {
+    parameters: Rc<Parameters>,
+    seed: fn(CloudFilter) -> S,
+}
 
 impl<S> WithFilter<S> {
     pub(super) fn new(parameters: &Rc<Parameters>, seed: fn(CloudFilter) -> S) -> Self {
-        Self(Rc::clone(parameters), seed)
+        Self { parameters: Rc::clone(parameters), seed }
     }
 }
 
@@ -96,7 +106,7 @@ impl<'de, S: DeserializeSeed<'de, Value = Decoded>> DeserializeSeed<'de> for Wit
     type Value = Decoded;
 
     fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Decoded, D::Error> {
-        (self.1)(self.0.filter()).deserialize(deserializer)
+        (self.seed)(self.parameters.filter()).deserialize(deserializer)
     }
 }
 

@@ -21,11 +21,11 @@ use crate::msg::heard::{CLOCK, TF, TF_STATIC};
 use crate::msg::ros::{CameraInfo, Clock};
 use crate::msg::sent::Named;
 use crate::msg::types;
-use crate::node::heard::{Order, PublisherId, Taken};
+use crate::node::heard::{Order, Origin, Sample, Taken};
 use crate::node::middleware::OpenError;
 use crate::node::parameters::Parameters;
 use crate::node::readers::{tell_camera, tell_scan};
-use crate::node::seeds::{Decoded, LatestCamera, Publishers, Scans, Told, WithCamera, WithFilter};
+use crate::node::seeds::{CameraTopic, Decoded, Publishers, Scans, Told, WithCamera, WithFilter};
 use crate::node::transport::{DepthTopics, Event, Form, Input, SensorTopics, Service};
 use crate::node::{clock, compressed};
 
@@ -164,9 +164,9 @@ impl Listening<'_, '_> {
         let taken = Rc::default();
         for qos in [scan_qos(policy::Reliability::BestEffort)].into_iter().chain(latched) {
             let infos = self.opener.subscribe(Named { name, type_name: types::CAMERA_INFO }, &qos)?;
-            let (camera, events) = (self.heard.camera.clone(), self.events.clone());
-            let of = (self.number, name.to_owned());
-            self.readers.spawn_local(read_cameras(of, infos, Rc::clone(&taken), camera, events));
+            let (sensor, camera) = (self.number, self.heard.camera.clone());
+            let topic = CameraTopic { sensor, name: name.to_owned(), camera };
+            self.readers.spawn_local(read_cameras(topic, infos, Rc::clone(&taken), self.events.clone()));
         }
         Ok(())
     }
@@ -266,16 +266,16 @@ where
 }
 
 /// A scan with its publisher and number.
-fn of_publisher((scan, info): (Decoded, MessageInfo)) -> (Decoded, (PublisherId, i64)) {
-    (scan, (info.publisher_gid().to_bytes16(), info.sequence_number()))
+fn of_publisher((scan, info): (Decoded, MessageInfo)) -> Sample {
+    let origin = Origin { publisher: info.publisher_gid().to_bytes16(), number: info.sequence_number() };
+    Sample { scan, origin }
 }
 
 /// Reads what a camera says of itself until the node ends; `taken` is what this reader and the topic's other one have had.
 async fn read_cameras(
-    (sensor, topic): (usize, String),
+    topic: CameraTopic,
     infos: Subscription<CameraInfo>,
     taken: Rc<RefCell<Taken>>,
-    camera: LatestCamera,
     events: Events,
 ) -> Cow<'static, str> {
     let infos = infos.async_stream();
@@ -292,11 +292,11 @@ async fn read_cameras(
             }
             Err(error) => Err(error.to_string()),
         };
-        if !tell_camera(&events, (&camera, sensor, &topic), info).await {
+        if !tell_camera(&events, &topic, info).await {
             break;
         }
     }
-    topic.into()
+    topic.name.into()
 }
 
 async fn read<M: DeserializeOwned + 'static>(
@@ -324,7 +324,8 @@ async fn read<M: DeserializeOwned + 'static>(
 /// Hands on the calls of a service that are heard on the network of this number.
 pub(super) async fn serve(
     service: Service,
-    (triggers, network): (Rc<Triggers>, u32),
+    triggers: Rc<Triggers>,
+    network: u32,
     events: Events,
 ) -> Cow<'static, str> {
     // A place first: a call that was taken must not go with this task, which ends where the network is joined anew.

@@ -24,7 +24,7 @@ use crate::args::Setup;
 use crate::msg::cdr;
 use crate::msg::sent::{Named, Qos};
 use crate::node::clock;
-use crate::node::heard::PublisherId;
+use crate::node::heard::{Origin, PublisherId};
 use crate::node::middleware::OpenError;
 use crate::node::transport::{Event, SendError};
 
@@ -183,9 +183,9 @@ impl Received {
     }
 
     /// Who sent it, and its number, where it tells.
-    pub(super) fn origin(&self) -> Option<(PublisherId, i64)> {
-        let attachment = Attachment::read(&self.sample.attachment()?.to_bytes())?;
-        Some((attachment.publisher, attachment.number))
+    pub(super) fn origin(&self) -> Option<Origin> {
+        let Attachment { publisher, number, .. } = Attachment::read(&self.sample.attachment()?.to_bytes())?;
+        Some(Origin { publisher, number })
     }
 }
 

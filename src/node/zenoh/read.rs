@@ -15,10 +15,11 @@ use crate::msg::heard::{CLOCK, TF, TF_STATIC};
 use crate::msg::ros::{Clock, TriggerRequest};
 use crate::msg::sent::{Named, Qos};
 use crate::msg::types;
+use crate::node::heard::{NextScan, Sample};
 use crate::node::middleware::OpenError;
 use crate::node::parameters::Parameters;
 use crate::node::readers::{tell_camera, tell_scan};
-use crate::node::seeds::{Decoded, LatestCamera, Publishers, Scans, Told, WithCamera, WithFilter};
+use crate::node::seeds::{CameraTopic, Decoded, Publishers, Scans, Told, WithCamera, WithFilter};
 use crate::node::transport::{DepthTopics, Event, Form, Input, SensorTopics, Service};
 use crate::node::{clock, compressed};
 use crate::tf::MAX_FRAMES;
@@ -103,7 +104,9 @@ impl Listening<'_> {
         let camera = self.heard.camera.clone();
         let infos = Named { name: &topics.camera_info.resolved, type_name: types::CAMERA_INFO };
         let infos = self.opener.subscribe(infos, Qos { latched: true, ..SENSOR }, CAMERAS)?;
-        self.readers.spawn_local(read_cameras(self.number, infos, camera.clone(), self.events.clone()));
+        let name = topics.camera_info.resolved.clone();
+        let topic = CameraTopic { sensor: self.number, name, camera: camera.clone() };
+        self.readers.spawn_local(read_cameras(topic, infos, self.events.clone()));
         let seed = WithCamera::new(&camera, self.parameters, DepthSeed::new);
         let images = Named { name: &topics.image.resolved, type_name: types::IMAGE };
         let images = self.opener.subscribe(images, SENSOR, SCANS)?;
@@ -153,10 +156,10 @@ where
         // Where messages have numbers, what was dropped here is a gap in them.
         let takes = || {
             if let Some(origin) = origin {
-                return known.borrow_mut().tell(Ok::<_, String>((scan, origin)), false);
+                return known.borrow_mut().tell(Ok::<_, String>(Sample { scan, origin }), false);
             }
             known.borrow_mut().note(&scan);
-            Some((scan, dropped))
+            Some(NextScan { scan, lost_before: dropped })
         };
         if !tell_scan(&events, input, takes).await {
             break;
@@ -166,16 +169,11 @@ where
 }
 
 /// Reads what a camera says of itself until the node ends.
-async fn read_cameras(
-    sensor: usize,
-    infos: Inbox,
-    camera: LatestCamera,
-    events: Events,
-) -> Cow<'static, str> {
+async fn read_cameras(topic: CameraTopic, infos: Inbox, events: Events) -> Cow<'static, str> {
     loop {
         let info = cdr::read(&infos.take().await.bytes());
-        if !tell_camera(&events, (&camera, sensor, &infos.name), info).await {
-            return infos.name.into();
+        if !tell_camera(&events, &topic, info).await {
+            return topic.name.into();
         }
     }
 }

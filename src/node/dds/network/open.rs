@@ -101,7 +101,7 @@ impl Network {
     fn listen_to_calls(&self, events: &Events) -> Result<(), OpenError> {
         for service in [Service::Reset, Service::Save] {
             let serving =
-                read::serve(service, (Rc::clone(self.triggers(service)), self.number), events.clone());
+                read::serve(service, Rc::clone(self.triggers(service)), self.number, events.clone());
             self.readers.try_lock().map_err(OpenError::opening(service.name()))?.spawn_local(serving);
         }
         Ok(())
