@@ -143,6 +143,19 @@ proptest! {
 }
 
 #[test]
+fn a_scan_that_lies_nowhere_makes_no_voxel_dense() {
+    let patch =
+        Patch { corner: Vector3::zeros(), turn: UnitQuaternion::identity(), sides: [1.0, 1.0], points: 900 };
+    let fixed_from_sensor = Isometry3::translation(f64::NAN, 0.0, 0.0);
+    let nowhere = Scan { fixed_from_sensor, ..scan(0, &[patch], [0.0; 3], 7) };
+    let (mut engine, mut oracle) = (Cfodi::new(Params::paper()), Oracle::new(Params::paper()));
+    assert_eq!(engine.insert(&nowhere).points_beyond_grid as usize, nowhere.points.len());
+    oracle.insert(&nowhere);
+    assert_eq!(oracle.difference(&engine.snapshot()), None);
+    assert_eq!(engine.snapshot().unclustered_voxels, 0);
+}
+
+#[test]
 fn where_a_ray_ends_too_far_away_is_no_point() {
     let patch =
         Patch { corner: Vector3::zeros(), turn: UnitQuaternion::identity(), sides: [1.0, 1.0], points: 9000 };

@@ -38,7 +38,8 @@ impl VoxelKey {
 
     /// The voxel one step further along `direction`, or `None` at the edge of the grid.
     pub fn step(self, direction: [i32; 3]) -> Option<Self> {
-        Self::new(self.ix + direction[0], self.iy + direction[1], self.iz + direction[2])
+        let [x, y, z] = direction;
+        Self::new(self.ix.checked_add(x)?, self.iy.checked_add(y)?, self.iz.checked_add(z)?)
     }
 
     /// The directly connected voxels (Definition 1) in the order +x -x +y -y +z -z.
@@ -100,5 +101,6 @@ mod tests {
         assert_eq!(edge.neighbours().count(), 4);
         assert_eq!(VoxelKey::new(GRID_REACH, 0, 0), None);
         assert_eq!(VoxelKey::new(0, 0, i32::MIN), None);
+        assert_eq!(VoxelKey::new(1, 0, 0).unwrap().step([i32::MAX, 0, 0]), None);
     }
 }

@@ -47,6 +47,8 @@ pub struct Static {
     /// Number of scans taken in.
     sequence: u64,
     cluster_normals: Vec<UnitVector3<f64>>,
+    /// Where the sensor stood last.
+    sensor: Point3<f64>,
 }
 
 impl Static {
@@ -57,6 +59,7 @@ impl Static {
             search: Neighbourhood::default(),
             sequence: 0,
             cluster_normals: Vec::new(),
+            sensor: Point3::origin(),
             params,
         }
     }
@@ -70,10 +73,13 @@ impl Static {
     /// [`PipelineStep::Globals`].
     pub fn insert_observed(&mut self, scan: &Scan, mut done: impl FnMut(PipelineStep)) {
         self.sequence += 1;
+        if scan.is_placed() {
+            self.sensor = scan.sensor_origin();
+        }
         self.grid.bin(scan, self.sequence);
         done(PipelineStep::Binned);
-        let Self { grid, params, search, .. } = self;
-        self.cluster_normals = cluster(grid, params, &scan.sensor_origin(), search, done);
+        let Self { grid, params, search, sensor, .. } = self;
+        self.cluster_normals = cluster(grid, params, sensor, search, done);
     }
 
     /// The whole map as it is now.
@@ -142,9 +148,11 @@ mod tests {
     fn reading_r11_static_of_every_scan_is_static_of_the_engines_map() {
         let params = Params::paper().with_voxel_size(0.1).unwrap().with_min_points(1).unwrap();
         let (mut statics, mut engine) = (Static::new(params), Cfodi::new(params));
-        for number in 0..3 {
-            statics.insert(&scan(number));
-            engine.insert(&scan(number));
+        // The last one lies nowhere.
+        let nowhere = Scan { fixed_from_sensor: Isometry3::translation(f64::NAN, 0.0, 0.0), ..scan(3) };
+        for scan in (0..3).map(scan).chain([nowhere]) {
+            statics.insert(&scan);
+            engine.insert(&scan);
             assert_eq!(statics.map(), engine.static_map());
             assert_eq!(statics.map().partition(), engine.static_partition());
         }

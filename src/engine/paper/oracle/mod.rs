@@ -91,6 +91,9 @@ impl Oracle {
         let mut newly_dense = BTreeSet::new();
         for point in points {
             let point = rotation * point + scan.fixed_from_sensor.translation.vector;
+            if !point.iter().all(|c| c.is_finite()) {
+                continue;
+            }
             let index = point.map(|c| (c / self.params.voxel_size()).floor() as i32);
             let Some(key) = VoxelKey::new(index.x, index.y, index.z) else { continue };
             let cell = self.cells.entry(key).or_default();
