@@ -87,7 +87,8 @@ impl Known {
         self.comes |= matches!(scan, Ok(_) | Err(CloudError::NoCameraInfo));
     }
 
-    /// The scan of a sample, where it is to be taken; that of one without so much as a header is an error.
+    /// The scan of a sample, where it is to be taken. What could not be read as one is told as a scan that cannot be used, with
+    /// nothing lost before it.
     pub(super) fn tell<E: ToString>(
         &mut self,
         sample: Result<Sample, E>,
