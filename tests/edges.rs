@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 use std::collections::BTreeMap;
+use std::f64::consts::PI;
 use std::ops::Range;
 
 use cfodi::engine::consistent::Consistent;
@@ -18,15 +19,21 @@ fn rectangle(corner: [f64; 3], sides: [[f64; 3]; 2], lengths: [f64; 2], step: f6
 
 /// What is found of these points, seen from a place in the direction of +x.
 fn found(points: &[Vector3<f64>], from: [f64; 3], voxel_size: f64) -> Snapshot {
+    let mut map = Consistent::new(Params::default().with_voxel_size(voxel_size).unwrap());
+    look(&mut map, 1, points, from, 0.0);
+    map.snapshot()
+}
+
+/// Takes in these points as scan `number`, seen from a place in the direction of +x turned by an angle about z (rad).
+fn look(map: &mut Consistent, number: i64, points: &[Vector3<f64>], from: [f64; 3], turned: f64) {
     // Optical axes: x to the right, y down, z forwards.
     let axes = Matrix3::new(0.0, 0.0, 1.0, -1.0, 0.0, 0.0, 0.0, -1.0, 0.0);
     let rotation = UnitQuaternion::from(Rotation3::from_matrix_unchecked(axes));
+    let rotation = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), turned) * rotation;
     let fixed_from_sensor = Isometry3::from_parts(Vector3::from(from).into(), rotation);
     let sensed = points.iter().map(|point| fixed_from_sensor.inverse() * nalgebra::Point3::from(*point));
     let points = Points::F64(sensed.map(|point| point.coords.into()).collect());
-    let mut map = Consistent::new(Params::default().with_voxel_size(voxel_size).unwrap());
-    map.insert(&Scan { stamp: Stamp::from_nanos(1), fixed_from_sensor, points });
-    map.snapshot()
+    map.insert(&Scan { stamp: Stamp::from_nanos(number), fixed_from_sensor, points });
 }
 
 /// Number of voxels by cluster, of those whose points have their mean within these bounds (m); 0 = in no cluster.
@@ -46,6 +53,20 @@ fn wholeness(snapshot: &Snapshot, bounds: &[Range<f64>; 3]) -> (f64, usize) {
     let found = clusters.iter().filter(|(id, _)| **id != 0);
     let most = found.clone().map(|(_, voxels)| *voxels).max().unwrap_or(0);
     (most as f64 / all as f64, found.count())
+}
+
+/// Uniform numbers from 0 to 1, the same each time.
+fn random() -> impl FnMut() -> f64 {
+    let mut seed = 1_u64;
+    move || {
+        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (seed >> 11) as f64 / (1_u64 << 53) as f64
+    }
+}
+
+/// Of twelve uniform numbers the sum has a variance of one.
+fn normal(uniform: &mut impl FnMut() -> f64) -> f64 {
+    (0..12).map(|_| uniform()).sum::<f64>() - 6.0
 }
 
 const EVERYWHERE: [Range<f64>; 3] = [0.0..9.0, -3.0..3.0, 0.0..3.0];
@@ -123,20 +144,14 @@ fn the_scatter_of_a_far_wall_is_no_plane_along_the_sight() {
     // The noise of a Kinect at 5.8 m (m).
     const SIGMA: f64 = 0.06;
     let from = [0.0, 2.0, 1.1];
-    let mut seed = 1_u64;
-    let mut uniform = || {
-        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (seed >> 11) as f64 / (1_u64 << 53) as f64
-    };
+    let mut random = random();
     // The last rows of the wall lie in blocks of their own, which end at y = 0.4 m.
     for i in 0..8 {
         let end = 0.42 + 0.02 * f64::from(i);
         let wall = rectangle([5.6, end - 1.4, 0.02], [Y, Z], [1.4, 2.0], 0.005);
-        let scattered = (0..5).flat_map(|_| wall.clone()).map(|point| {
-            // Of twelve uniform numbers the sum has a variance of one.
-            let scatter = SIGMA * ((0..12).map(|_| uniform()).sum::<f64>() - 6.0);
-            point + (point - Vector3::from(from)).normalize() * scatter
-        });
+        let scattered = (0..5)
+            .flat_map(|_| wall.clone())
+            .map(|point| point + (point - Vector3::from(from)).normalize() * SIGMA * normal(&mut random));
         let (share, _) = wholeness(&found(&scattered.collect::<Vec<_>>(), from, 0.05), &EVERYWHERE);
         assert!(share >= 0.998, "wall up to {end} m: {share}");
     }
@@ -157,23 +172,70 @@ fn the_edge_of_a_board_does_not_tilt_its_top() {
 }
 
 #[test]
+fn a_panel_within_a_layer_of_voxels_is_one_surface_from_whatever_side_it_is_seen() {
+    for (i, thickness) in (0..5).flat_map(|i| [0.0, 0.01, 0.02].map(|thickness| (i, thickness))) {
+        // A layer is from x = 2.0 to 2.08 m.
+        let x = 2.02 + 0.01 * f64::from(i);
+        let face = |at| rectangle([at, -0.5, 0.6], [Y, Z], [1.0, 1.0], 0.01);
+        let (front, back) = (face(x - 0.5 * thickness), face(x + 0.5 * thickness));
+        let mut map = Consistent::new(Params::default().with_voxel_size(0.08).unwrap());
+        for number in 1..=20 {
+            // Past the middle of it, so that it is looked at from the right and from the left.
+            let y = 0.2 * f64::from(number % 10 - 5);
+            match number {
+                1..=10 => look(&mut map, number.into(), &front, [x - 1.5, y, 1.1], 0.0),
+                _ => look(&mut map, number.into(), &back, [x + 1.5, y, 1.1], PI),
+            }
+        }
+        let snapshot = map.snapshot();
+        let (share, count) = wholeness(&snapshot, &EVERYWHERE);
+        assert!(share >= 0.98 && count == 1, "{thickness} m at {x} m: {share} of {count}");
+        assert!(snapshot.clusters[0].normal.x < -0.99, "{:?}", snapshot.clusters[0].normal);
+    }
+}
+
+#[test]
+fn a_floor_that_is_seen_from_opposite_ends_of_a_room_faces_up() {
+    // At 3 m a ray meets it at 20 degrees, and noise scatters it by a third of a voxel along the ray.
+    let mut random = random();
+    let mut map = Consistent::new(Params::default().with_voxel_size(0.05).unwrap());
+    let floor = rectangle([2.03, -0.5, 0.021], [X, Y], [1.0, 1.0], 0.01);
+    for number in 1..=20 {
+        let (x, turned) = if number % 2 == 0 { (-0.5, 0.0) } else { (5.5, PI) };
+        let from = Vector3::new(x, 0.0, 1.1);
+        let scattered: Vec<_> = floor
+            .iter()
+            .map(|point| point + (point - from).normalize() * 0.014 * normal(&mut random))
+            .collect();
+        look(&mut map, number, &scattered, from.into(), turned);
+    }
+    let snapshot = map.snapshot();
+    let (share, count) = wholeness(&snapshot, &EVERYWHERE);
+    assert!(share >= 0.98 && count == 1, "{share} of {count}");
+    assert!(snapshot.clusters[0].normal.z > 0.99, "{:?}", snapshot.clusters[0].normal);
+}
+
+#[test]
 fn what_scatters_beyond_an_edge_is_no_part_of_the_outline() {
     // Within one block of eight voxels; those beyond the edge have 28 or 25 points each, the wall's 20,000 or 64.
     let sliver = rectangle([2.03, 0.48, 0.0], [Y, Z], [0.02, 0.56], 0.0075);
     // What was seen for a short time before all the rest was looked at for long is as much of the wall.
     let seen_before = rectangle([2.03, 0.48, 0.0], [Y, Z], [0.08, 0.56], 0.016);
-    for (beyond, step, width) in [
+    let cases = [
         (&sliver, 0.00056, 0.48),
         (&seen_before, 0.00056, 0.56),
         (&sliver, 0.01, 0.5),
         (&seen_before, 0.01, 0.56),
-    ] {
+    ];
+    // From 2 m, and from where noise is as thick as a voxel.
+    for (sensor, (beyond, step, width)) in [0.0, -2.5].into_iter().flat_map(|x| cases.map(|case| (x, case))) {
         let mut points = rectangle([2.03, 0.0, 0.0], [Y, Z], [0.48, 0.56], step);
         points.extend(beyond);
-        let snapshot = found(&points, [0.0, 0.25, 0.3], 0.08);
+        let snapshot = found(&points, [sensor, 0.25, 0.3], 0.08);
         let [wall] = &snapshot.clusters[..] else { panic!("{:?}", snapshot.clusters) };
         assert_eq!(wall.voxel_count, 49, "with those beyond the edge");
         let (area, expected) = (wall.area.unwrap(), width * 0.56);
-        assert!((area - expected).abs() < 0.03 * expected, "points {step} m apart: {area} of {expected} m2");
+        let off = (area - expected).abs();
+        assert!(off < 0.03 * expected, "points {step} m apart from {sensor} m: {area} of {expected} m2");
     }
 }

@@ -181,7 +181,8 @@ fn gather<T: Copy + Default + Into<f64>, R: Iterator<Item = [T; 3]>>(
     // The layout fits the data, so each list is at most three times the message.
     let kept = Vec::with_capacity(count);
     let most_ends = if keeps_ends { count } else { 0 };
-    let gathered = Gathered { gate, most_ends, kept, far: Vec::new(), invalid: 0, out_of_range: 0 };
+    let chosen = [[T::default(); 3]; BATCH];
+    let gathered = Gathered { gate, most_ends, chosen, kept, far: Vec::new(), invalid: 0, out_of_range: 0 };
     let gathered = arch().dispatch(Gathering { rows, gathered });
     let Gathered { kept, far, invalid, out_of_range, .. } = gathered;
     Converted { points: wrap(kept, far), invalid, out_of_range }
@@ -229,6 +230,8 @@ struct Gathered<'a, T> {
     gate: &'a Gate,
     /// 0 where the ends of rays are of no use.
     most_ends: usize,
+    /// Those that a batch is found to keep, at its front.
+    chosen: [[T; 3]; BATCH],
     kept: Vec<[T; 3]>,
     far: Vec<[T; 3]>,
     invalid: u32,
@@ -247,13 +250,13 @@ impl<T: Copy + Default + Into<f64>> Gathered<'_, T> {
             valid += u32::from(is_valid);
             all += keeps[i];
         }
-        let (mut kept, mut next) = ([[T::default(); 3]; BATCH], 0);
+        let mut next = 0;
         for i in 0..count.min(BATCH) {
             // Written without asking, and overwritten where it is not kept: a branch costs more.
-            kept[next] = [xs[i], ys[i], zs[i]];
+            self.chosen[next] = [xs[i], ys[i], zs[i]];
             next += keeps[i] as usize;
         }
-        self.kept.extend_from_slice(&kept[..next]);
+        self.kept.extend_from_slice(&self.chosen[..next]);
         self.invalid += count as u32 - valid;
         self.out_of_range += valid - all;
         if valid > all && self.most_ends > 0 {

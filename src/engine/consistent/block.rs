@@ -374,3 +374,60 @@ pub(super) const fn offset_of(place: usize) -> [i32; 3] {
 pub(super) const fn place_of([x, y, z]: [i32; 3]) -> usize {
     ((x + 1) * 9 + (y + 1) * 3 + z + 1) as usize
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Whether a block is due after this scan, and urgent, where the sensor stands since another one. It was published in scan 10,
+    /// first in scan 1, has 40 dense voxels, and scan 20 was the last that put points into them, 100; `change` says what
+    /// is different.
+    fn judged(sequence: u64, since: u64, change: impl Fn(&mut Block)) -> (bool, bool) {
+        let mut block =
+            Block { published: 10, begun: 1, seen: 20, dense: 40, points: 100, ..Block::default() };
+        block.changed = true;
+        change(&mut block);
+        (block.is_due(sequence, since), block.is_urgent(since))
+    }
+
+    const NOT_DUE: (bool, bool) = (false, false);
+    const DUE: (bool, bool) = (true, false);
+    const AT_ONCE: (bool, bool) = (true, true);
+
+    #[test]
+    fn a_block_whose_voxels_have_changed_is_due_when_a_quarter_is_new_or_the_sensor_has_turned_away() {
+        assert_eq!(judged(20, 15, |_| ()), NOT_DUE);
+        assert_eq!(judged(20, 15, |block| block.unknown = 25), NOT_DUE);
+        assert_eq!(judged(20, 15, |block| block.unknown = 26), DUE);
+        assert_eq!(judged(20, 15, |block| block.drifted = 10), NOT_DUE);
+        assert_eq!(judged(20, 15, |block| block.drifted = 11), DUE);
+        // Of what was published it is nothing, however much of it.
+        assert_eq!(judged(20, 15, |block| (block.changed, block.unknown) = (false, 100)), NOT_DUE);
+        assert_eq!(judged(34, 30, |_| ()), NOT_DUE);
+        assert_eq!(judged(35, 30, |_| ()), DUE);
+    }
+
+    #[test]
+    fn where_the_sensor_has_stood_since_a_block_was_published_half_must_be_new_and_that_is_urgent() {
+        assert_eq!(judged(20, 10, |block| block.unknown = 50), (false, true));
+        assert_eq!(judged(20, 10, |block| block.unknown = 51), AT_ONCE);
+        assert_eq!(judged(20, 10, |block| block.drifted = 20), (false, true));
+        assert_eq!(judged(20, 10, |block| block.drifted = 21), AT_ONCE);
+        assert_eq!(judged(20, 11, |block| block.unknown = 50), DUE);
+    }
+
+    #[test]
+    fn a_block_is_published_every_third_scan_at_most_but_where_a_voxel_has_gone() {
+        assert_eq!(judged(20, 19, |block| (block.published, block.unknown) = (18, 100)), NOT_DUE);
+        assert_eq!(judged(21, 19, |block| (block.published, block.unknown) = (18, 100)), DUE);
+        assert_eq!(judged(20, 19, |block| (block.published, block.lost) = (19, true)), AT_ONCE);
+    }
+
+    #[test]
+    fn a_young_block_is_due_with_whatever_has_changed_and_one_that_was_never_published_at_once() {
+        assert_eq!(judged(20, 15, |block| block.begun = 6), NOT_DUE);
+        assert_eq!(judged(20, 15, |block| block.begun = 7), DUE);
+        assert_eq!(judged(20, 15, |block| (block.published, block.begun) = (0, 0)), AT_ONCE);
+        assert_eq!(judged(20, 15, |block| (block.published, block.changed) = (0, false)), (false, true));
+    }
+}

@@ -128,10 +128,11 @@ impl State {
     /// Whether its points cover less than half of what a plane through the voxel has of it, whatever way that is turned: those of a
     /// surface that ends in it, or beside it.
     pub(super) fn is_sliver(&self, noise: &Noise) -> bool {
-        let spread = self.spread() - self.blur(noise).covariance();
-        let part = |a: usize, b: usize| spread[(a, a)] * spread[(b, b)] - spread[(a, b)] * spread[(a, b)];
+        let Spread { variances, .. } = Spread::of(&(self.spread() - self.blur(noise).covariance()));
+        // Points are cut at the voxel's faces, and what noise would scatter them by is not.
+        let [a, b, c] = variances.map(|variance| variance.max(0.0));
         // The square of the part that is covered, where there is no spread along the normal; more, where there is.
-        FULL * (part(0, 1) + part(0, 2) + part(1, 2)) < 0.25
+        FULL * (a * b + a * c + b * c) < 0.25
     }
 
     /// Mean direction towards the sensor, of length 1 at most.

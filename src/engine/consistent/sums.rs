@@ -18,7 +18,7 @@ use serde::{Deserialize, Serialize};
 
 use super::state::State;
 use crate::engine::binning;
-use crate::engine::symmetric::{PAIRS, symmetric, upper};
+use crate::engine::symmetric::{PAIRS, quadratic, symmetric, upper};
 
 /// Units of an offset in a voxel's edge.
 const UNITS: f64 = binning::UNITS as f64;
@@ -84,6 +84,13 @@ const MOST_COVARIANCE: f64 = 0.26;
 /// Most that a part of a mean of unit directions can be: 1, and what rounding adds; a whole number of what a state
 /// is rounded to.
 const MOST_TOWARDS: f64 = 1.0 + 1.0 / 128.0;
+/// Most variance of the points along the normal of a plane that was seen from both sides, in voxels^2: of those that fill a
+/// voxel it is a twelfth.
+const MOST_THICK: f64 = 0.07;
+/// How much better than a plane that was seen from one side must one fit that was seen from both, in variances.
+const PARTED: f64 = 8.0;
+/// How many points that fill the voxel count with those that it has: of few it is not known how they lie.
+const UNKNOWN: f64 = 16.0;
 
 impl Moments {
     /// Whether points can have these.
@@ -100,7 +107,8 @@ impl Moments {
     }
 
     /// Adds a scan's points, each of this weight and seen from this direction (of unit length); returns how often the weight
-    /// was halved.
+    /// was halved. What is seen of the other side counts as seen from the first: of a panel thinner than a voxel the two would
+    /// cancel out.
     pub(super) fn fold(&mut self, scan: &ScanSums, weight: u64, towards: &Vector3<f64>) -> u32 {
         let count = u64::from(scan.count);
         let points = u64::from(self.points) + count;
@@ -108,10 +116,29 @@ impl Moments {
         self.take_in(scan, (weight * count) as f64 / weights as f64);
         let part = count as f64 / points as f64;
         let seen = self.towards();
+        let towards = if self.is_other_side(&seen, towards) { -towards } else { *towards };
         self.towards = (seen + (towards - seen) * part).map(|along| along as f32).into();
         let halvings = halvings(weights, MOST_WEIGHT).max(halvings(points, MOST_POINTS));
         (self.points, self.weight) = (((points >> halvings).max(1)) as u32, (weights >> halvings) as u32);
         halvings
+    }
+
+    /// Whether what is seen from this direction is the other side of what was seen before: whether the points lie on a plane
+    /// that parts the two directions rather than on one that has both on one side. The flatter a direction meets a plane, the
+    /// less likely is it to have seen it.
+    fn is_other_side(&self, seen: &Vector3<f64>, towards: &Vector3<f64>) -> bool {
+        if seen.dot(towards) >= 0.0 {
+            return false;
+        }
+        let seen = seen.normalize();
+        // The normals of the two planes; half their lengths are the sines of the angles at which the directions meet them.
+        let normals = [towards - seen, towards + seen];
+        let known = f64::from(self.points) / (f64::from(self.points) + UNKNOWN);
+        let unknown = Matrix3::from_diagonal_element((1.0 - known) / 12.0);
+        let covariance = self.covariance() * known + unknown;
+        let [parted, shared] = normals.map(|normal| quadratic(&covariance, &normal));
+        let [parting, sharing] = normals.map(|normal| normal.norm_squared());
+        parted <= MOST_THICK * parting && PARTED * parted * sharing * sharing <= shared * parting * parting
     }
 
     /// Moves mean and covariance towards those of a scan that has this part of all the weight.
@@ -182,9 +209,11 @@ mod tests {
     /// A scan of some points in one voxel: these, their weight and where they were seen from.
     type Seen = (Vec<[u64; 3]>, u64, [f64; 3]);
 
+    /// Seen from any directions of one octant.
     fn scans() -> impl Strategy<Value = Vec<Seen>> {
         let point = prop::array::uniform3(0..binning::UNITS as u64);
-        let towards = prop::array::uniform3(prop_oneof![-1.0..-0.1, 0.1..1.0]);
+        let towards =
+            prop::array::uniform3(0.0..1.0).prop_filter("none", |towards| towards.iter().sum::<f64>() > 0.1);
         prop::collection::vec((prop::collection::vec(point, 1..40), 1..=MAX_WEIGHT, towards), 1..60)
     }
 
@@ -220,6 +249,38 @@ mod tests {
             prop_assert_eq!(moments.points as usize, scans.iter().map(|(points, ..)| points.len()).sum::<usize>());
             prop_assert!(moments.is_possible(), "{moments:?}");
         }
+
+        /// As a panel is, of a quarter of a voxel at most, from up to 30 degrees off its normal on either side.
+        #[test]
+        fn what_is_seen_from_both_sides_counts_as_seen_from_the_first(
+            towards in prop::collection::vec((prop::array::uniform2(-0.4..0.4), any::<bool>()), 1..30), height in 0_u64..3072,
+        ) {
+            let (mut moments, mut expected) = (Moments::default(), Vector3::zeros());
+            let first = towards[0].1;
+            for &([x, y], is_front) in &towards {
+                let mut scan = ScanSums::default();
+                let face = height + if is_front { 1024 } else { 0 };
+                let place = |i: u64| [i % 8 * 512, i / 8 * 512, face];
+                (0..64).map(place).for_each(|point| scan.add(point));
+                let direction = Vector3::new(x, y, if is_front { 1.0 } else { -1.0 }).normalize();
+                moments.fold(&scan, 1, &direction);
+                expected += if is_front == first { direction } else { -direction };
+            }
+            expected /= towards.len() as f64;
+            prop_assert!((moments.towards() - expected).amax() < 1e-6, "{} {expected}", moments.towards());
+        }
+    }
+
+    #[test]
+    fn what_is_seen_from_opposite_ends_of_a_floor_is_seen_from_above() {
+        let mut scan = ScanSums::default();
+        (0..64_u64).for_each(|i| scan.add([i % 8 * 512, i / 8 * 512, 2048]));
+        let mut moments = Moments::default();
+        for i in 0..20 {
+            let along = if i % 2 == 0 { 1.0 } else { -1.0 };
+            moments.fold(&scan, 1, &Vector3::new(along, 0.0, 0.3).normalize());
+        }
+        assert!(moments.towards().z > 0.2, "{}", moments.towards());
     }
 
     #[test]

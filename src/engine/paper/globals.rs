@@ -5,7 +5,7 @@
 //! which it costs the logarithm of the number of clusters, amortised. A cluster's moments are at all times exactly those of its
 //! voxels' centres: [`Globals::follow`] moves them along when centres move.
 
-use std::collections::VecDeque;
+use std::collections::BTreeSet;
 
 use nalgebra::UnitVector3;
 
@@ -50,8 +50,8 @@ pub(crate) struct Globals {
     /// Slots changed in this scan, each once, and ids merged away in it.
     changed: Vec<u32>,
     removed: Vec<ClusterId>,
-    /// (scan, slot) of each growth, oldest first, until it is decided whether the cluster became complete by it.
-    growths: VecDeque<(u64, u32)>,
+    /// (scan, slot) of the last growth of each living cluster, until it is decided whether that is complete by it.
+    growths: BTreeSet<(u64, u32)>,
     /// Voxels in clusters.
     clustered: u32,
 }
@@ -154,6 +154,7 @@ impl Globals {
     /// Notices clusters that have become complete, and counts the revisions of all that changed.
     pub(crate) fn finish(&mut self, params: &Params, now: Now) {
         self.complete(params, now);
+        debug_assert!(self.growths.len() <= self.living().count(), "{:?}", self.growths);
         self.changed.sort_unstable();
         self.removed.sort_unstable();
         for &slot in &self.changed {
@@ -165,16 +166,11 @@ impl Globals {
     }
 
     fn complete(&mut self, params: &Params, now: Now) {
-        if params.expansion_interval() == 0 {
-            self.growths.clear();
-        }
-        while let Some(&(grown, slot)) = self.growths.front()
+        while let Some(&(grown, slot)) = self.growths.first()
             && !is_active(grown, params, now)
         {
-            self.growths.pop_front();
-            let global = self.slots[slot as usize].as_deref();
-            let completes = |global: &Global| global.grown == grown && global.is_reliable();
-            if global.is_some_and(completes) {
+            self.growths.pop_first();
+            if self.slots[slot as usize].as_deref().is_some_and(Global::is_reliable) {
                 self.change(slot, now);
             }
         }
@@ -231,7 +227,7 @@ impl Globals {
         })));
         self.parents.push(slot);
         self.changed.push(slot);
-        self.growths.push_back((now.sequence, slot));
+        self.growths.insert((now.sequence, slot));
         slot
     }
 
@@ -255,6 +251,7 @@ impl Globals {
         self.change(younger, now);
         let Some(gone) = self.slots[younger as usize].take() else { return };
         self.parents[younger as usize] = older;
+        self.growths.remove(&(gone.grown, younger));
         self.removed.push(gone.id);
         let Some(global) = self.grow(older, now) else { return };
         global.normal =
@@ -270,8 +267,11 @@ impl Globals {
 
     /// A living cluster that absorbs or merges in this scan.
     fn grow(&mut self, slot: u32, now: Now) -> Option<&mut Global> {
-        self.growths.push_back((now.sequence, slot));
-        let global = self.change(slot, now)?;
+        let root = self.root(slot);
+        let grown = self.slots[root as usize].as_deref()?.grown;
+        self.growths.remove(&(grown, root));
+        self.growths.insert((now.sequence, root));
+        let global = self.change(root, now)?;
         global.grown = now.sequence;
         global.refine = true;
         Some(global)

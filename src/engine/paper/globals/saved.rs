@@ -1,5 +1,7 @@
 //! The global clusters as plain data, and back.
 
+use std::collections::BTreeSet;
+
 use nalgebra::{UnitVector3, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -58,11 +60,9 @@ impl SavedGlobals {
     }
 
     /// The clusters that may become complete, by the scan in which they grew last.
-    fn growths(&self, params: &Params, now: Now) -> Vec<(u64, u32)> {
+    fn growths(&self, params: &Params, now: Now) -> BTreeSet<(u64, u32)> {
         let growths = self.living.iter().map(|(slot, global)| (global.grown, *slot));
-        let mut growths: Vec<_> = growths.filter(|(grown, _)| is_active(*grown, params, now)).collect();
-        growths.sort_unstable();
-        growths
+        growths.filter(|(grown, _)| is_active(*grown, params, now)).collect()
     }
 
     fn by_slot(&self) -> Result<Vec<Option<&SavedGlobal>>, RestoreError> {
@@ -119,7 +119,7 @@ impl Globals {
         let mut globals = Self {
             slots: globals.collect(),
             parents: map.roots.clone(),
-            growths: map.growths(params, now).into(),
+            growths: map.growths(params, now),
             ..Self::default()
         };
         globals.enter(grid);
