@@ -26,6 +26,8 @@ pub(super) struct Channels {
     kept: usize,
     /// A chunk is damaged, and may have named channels.
     lacks_some: bool,
+    /// Messages of a channel that nothing else names.
+    passed_over: u64,
     is_data_over: bool,
     /// What the records behind the data say otherwise than those before.
     contradiction: Option<String>,
@@ -60,7 +62,7 @@ impl Channels {
     }
 
     /// A chunk is damaged. What it may have named is looked for in the file's summary; messages of a channel that is not found there
-    /// are passed over, for they belong to what is damaged.
+    /// are passed over and counted, for they belong to what is damaged.
     pub(super) fn lack(&mut self, summary: impl Iterator<Item = Record>) {
         self.lacks_some = true;
         // What contradicts the data is not believed.
@@ -95,11 +97,19 @@ impl Channels {
             return Err(reason);
         }
         let Some(channel) = self.known.get(header.channel_id) else {
-            let unknown = || reason(&McapError::UnknownChannel(header.sequence, header.channel_id));
-            return if self.lacks_some { Ok(None) } else { Err(unknown()) };
+            if !self.lacks_some {
+                return Err(reason(&McapError::UnknownChannel(header.sequence, header.channel_id)));
+            }
+            self.passed_over += 1;
+            return Ok(None);
         };
         let MessageHeader { sequence, log_time, publish_time, .. } = header;
         Ok(Some(Message { channel, log_time, publish_time, sequence, data, damage: None }))
+    }
+
+    /// How many messages were passed over: a damaged chunk alone has named their channel.
+    pub(super) const fn passed_over(&self) -> u64 {
+        self.passed_over
     }
 
     /// All channels that the file has named, by ascending number.

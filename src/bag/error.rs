@@ -111,9 +111,13 @@ pub enum BagError {
     },
 }
 
-/// Chunks of a file, and messages that are compressed by themselves, which could not be read in full.
+/// Chunks of a file, and messages that are compressed by themselves, which could not be read in full; and what was lost with them.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Error)]
-#[error("{}, of {bytes} bytes, could not be read in full: {reason}", parts(*.chunks, *.messages))]
+#[error(
+    "{}, of {bytes} bytes, could not be read in full{}: {reason}",
+    parts(*.chunks, *.messages),
+    lost(*.without_channel)
+)]
 pub struct Damage {
     /// How many chunks.
     pub chunks: u64,
@@ -121,6 +125,8 @@ pub struct Damage {
     pub messages: u64,
     /// Of all of these, as they are in the file.
     pub bytes: u64,
+    /// How many messages outside of these chunks were passed over, because one of these alone has named their channel.
+    pub without_channel: u64,
     /// What was found in the first.
     pub reason: String,
 }
@@ -150,6 +156,14 @@ fn parts(chunks: u64, messages: u64) -> String {
     let kinds = [(chunks, "chunks"), (messages, "compressed messages")];
     let kinds = kinds.iter().filter(|(count, _)| *count > 0);
     kinds.map(|(count, kind)| format!("{count} of its {kind}")).collect::<Vec<_>>().join(" and ")
+}
+
+/// What else is lost of a file; nothing where there are no such messages.
+fn lost(without_channel: u64) -> String {
+    if without_channel == 0 {
+        return String::new();
+    }
+    format!(", nor could {without_channel} of its messages, whose channel nothing else names")
 }
 
 /// The commands that convert data bases; `rosbags-convert` takes no file that is packed.

@@ -249,17 +249,21 @@ impl Reader {
     }
 
     /// What is to be said of a file that has been read to its end.
-    fn damaged(&mut self) -> Option<BagError> {
-        let damage = self.damage.take()?;
-        Some(BagError::Damaged { path: self.part.path.clone(), damage })
+    fn damaged(&self) -> Option<BagError> {
+        Some(BagError::Damaged { path: self.part.path.clone(), damage: self.damage()? })
+    }
+
+    /// What of it is damaged, and what is lost with that.
+    fn damage(&self) -> Option<Damage> {
+        let without_channel = self.channels.passed_over();
+        self.damage.clone().map(|damage| Damage { without_channel, ..damage })
     }
 
     fn cut(&self, reason: String) -> End {
         if self.part.size == 0 {
             return End(Some(BagError::Empty { path: self.part.path.clone() }));
         }
-        let before =
-            self.damage.as_ref().map_or_else(String::new, |damage| format!("; before that, {damage}"));
+        let before = self.damage().map_or_else(String::new, |damage| format!("; before that, {damage}"));
         let reason = reason + &before;
         let bytes = self.bytes.load(Ordering::Relaxed);
         End(Some(BagError::Cut { path: self.part.path.clone(), bytes, size: self.part.size, reason }))

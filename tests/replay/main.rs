@@ -11,6 +11,8 @@
 mod bags;
 mod frames;
 mod late;
+#[path = "../support/mcap_bytes.rs"]
+mod mcap_bytes;
 mod outputs;
 #[path = "../support/program.rs"]
 mod program;

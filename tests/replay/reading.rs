@@ -4,7 +4,11 @@ use std::io::Read as _;
 use std::path::Path;
 
 use crate::bags::{BagWriter, Layout, OPTICAL, POINTS, chunks, drive, ends_of_clouds, stamp};
+use crate::mcap_bytes::{MAGIC, footer, record};
 use crate::{Folder, replay};
+
+/// Where the length of the first record in a chunk stands, behind what the chunk begins with.
+const FIRST_LENGTH: usize = 9 + 40 + 1;
 
 #[test]
 fn every_compression_gives_the_same_map() {
@@ -196,8 +200,7 @@ fn a_length_in_a_chunk_that_is_wrong_costs_the_scans_of_that_chunk_alone() {
     for chunk in &chunks[1..chunks.len() - 1] {
         for more in [1 << 10, 64 << 10, 10 << 20, u64::MAX >> 1] {
             let mut bag = whole.clone();
-            // Of the first record in it, behind what a chunk begins with.
-            let length = &mut bag[chunk.start + 9 + 40 + 1..][..8];
+            let length = &mut bag[chunk.start + FIRST_LENGTH..][..8];
             let before = u64::from_le_bytes((&*length).try_into().unwrap());
             length.copy_from_slice(&(before + more).to_le_bytes());
             let found = replay(&folder.put("a.mcap", &bag), &[]);
@@ -208,6 +211,35 @@ fn a_length_in_a_chunk_that_is_wrong_costs_the_scans_of_that_chunk_alone() {
                 found.errors
             );
             assert!(found.number("scans") >= 17, "{chunk:?} + {more}: {}", found.number("scans"));
+        }
+    }
+}
+
+/// Of a file without the summary, which names each channel once more; cut before it, or made without one.
+#[test]
+fn messages_whose_channel_a_damaged_chunk_alone_names_are_counted() {
+    let folder = Folder::new();
+    let mut writer = BagWriter::new(Layout::Chunks);
+    let other = |writer: &mut BagWriter, i| {
+        writer.put_bytes("/other", "std_msgs/msg/String", stamp(i), &vec![0; 60_000]);
+    };
+    // A channel is named where the chunk before its first message ends: that of the clouds in the second one.
+    (0..2).for_each(|i| other(&mut writer, i));
+    for i in 2..9 {
+        writer.scan(i);
+        other(&mut writer, i);
+    }
+    let mut cut = writer.finish();
+    let chunks = chunks(&cut);
+    cut.truncate(chunks.last().unwrap().end);
+    cut[chunks[0].start + FIRST_LENGTH..][..8].fill(0xff);
+    let ended = [&cut[..], &record(0x0f, &[0; 4]), &footer(0), MAGIC].concat();
+    for (bag, how) in [(cut, "is cut or damaged"), (ended, "is damaged; 1 of its chunks")] {
+        let found = replay(&folder.put("a.mcap", &bag), &[]);
+        assert_eq!((found.status, found.number("scans")), (1, 7), "{}", found.errors);
+        let unread = found.summary.as_ref().unwrap()["unread"].as_str().unwrap();
+        for said in [how, ", nor could 8 of its messages, whose channel nothing else names"] {
+            assert!(unread.contains(said) && found.errors.contains(said), "{unread}: {}", found.errors);
         }
     }
 }
