@@ -20,16 +20,13 @@ use std::fs;
 use std::io::{Read as _, Write as _, repeat};
 use std::os::unix::ffi::OsStrExt as _;
 use std::path::Path;
-use std::process::{Command, Output, Stdio};
+use std::process::{Command, Output};
 use std::sync::atomic::AtomicBool;
 
 use bags::{BagWriter, Layout, OPTICAL, POINTS, drive, stamp, wall};
 use cfodi::bag::{Bag, BagError, Message};
 use mcap_bytes::{MAGIC, channel, chunk, footer, header, message, record, whole};
-use program::{Folder, command, errors};
-
-/// Kibibytes of address space that a replay of anything small has enough of.
-const ENOUGH: u64 = 2 << 20;
+use program::{Folder, command, errors, replay_within};
 
 /// All that can be read of a bag of these bytes, and what is said at its end.
 fn read(bytes: &[u8]) -> (Vec<Message>, Option<BagError>) {
@@ -46,17 +43,6 @@ fn read(bytes: &[u8]) -> (Vec<Message>, Option<BagError>) {
         }
     }
     (messages, failure)
-}
-
-/// Replays with no more than [`ENOUGH`] of memory.
-fn replay_within(bag: &Path, more: &[&str]) -> Output {
-    let mut command = Command::new("sh");
-    command.args([
-        "-c",
-        &format!("ulimit -v {ENOUGH}; exec \"$0\" replay \"$@\""),
-        env!("CARGO_BIN_EXE_cfodi"),
-    ]);
-    command.arg(bag).args(more).stdin(Stdio::null()).output().unwrap()
 }
 
 /// It ends by itself, with that status and words, within bounds of memory.
@@ -129,6 +115,20 @@ fn a_message_that_unpacks_to_a_gigabyte_is_cut_off_within_bounds() {
     assert!(zeros.len() < 100_000);
     let bag = whole(&[channel(1, POINTS), message(1, 7, &zeros)].concat());
     ends(&folder.put("a.mcap", &bag), &[], 1, "more than 536870912 bytes");
+}
+
+/// Of a recorder that compresses each message by itself: 48 files, each with one of 40 MiB that waits for its turn.
+#[test]
+fn no_message_of_files_side_by_side_is_unpacked_before_its_turn() {
+    let folder = Folder::new();
+    let zeros = zstd::encode_all(repeat(0).take(40 << 20), 1).unwrap();
+    for i in 0..48 {
+        let mut writer = BagWriter::new(Layout::Plain);
+        writer.put_bytes("/other", "std_msgs/msg/String", stamp(i), b"abcd");
+        writer.put_bytes(POINTS, "sensor_msgs/msg/PointCloud2", stamp(100 + i), &zeros);
+        folder.put(&format!("{i}.mcap"), &writer.finish());
+    }
+    ends(folder.path(), &["--ros-args", "-p", "fixed_frame:=map"], 0, "empty_frame_id 48");
 }
 
 /// A map or a video that somebody has put beside the messages.

@@ -1,8 +1,9 @@
 //! Recorded bags: MCAP files as `rosbags-convert` and `ros2 bag record` write them, in; result bags out.
 //!
-//! Keeps true: a bag is read once from its start to its end, and memory is bounded by its largest chunk and message and by
-//! the images that wait for their camera, whatever the file's size; a bag that is cut short gives every message before the
-//! cut, and then says so. Reading is the crate `mcap`; what stands here is which files a bag is made of, which of its topics
+//! Keeps true: a bag is read once from its start to its end, and memory is bounded by its largest chunk and message, of files
+//! that are read side by side by those of each, and by the images that wait for their camera, whatever a file's size; a message
+//! that is compressed by itself is unpacked when its turn comes; a bag that is cut short gives every message before the cut, and
+//! then says so. Reading is the crate `mcap`; what stands here is which files a bag is made of, which of its topics
 //! are sensors, what its messages say, and that no length in it is believed before it is held against what is there. Times are
 //! those of the message headers, never the clock's.
 

@@ -24,7 +24,7 @@ const BUFFER: usize = 256 << 10;
 /// No sensor's message shrinks to less than this part.
 const MOST_COMPRESSED: u64 = 64;
 
-/// Files that are read side by side at most: each has a chunk in memory.
+/// Files that are read side by side at most: each has a chunk and a message in memory.
 const AT_ONCE: usize = 64;
 
 /// A record that is taken whatever the file's size (bytes).
@@ -68,7 +68,7 @@ impl Message {
 pub struct Messages {
     /// Those that are still to be opened.
     files: VecDeque<Part>,
-    /// Those that are being read, each with its next message.
+    /// Those that are being read, each with its next message: one that is compressed by itself waits so for its turn.
     open: Vec<(Reader, Option<Message>)>,
     /// Bytes read of all files, as they are on disk.
     bytes: Arc<AtomicU64>,
@@ -164,7 +164,10 @@ impl Iterator for Messages {
                 continue;
             }
             return match earliest {
-                Some((_, i)) => self.open[i].1.take().map(Ok),
+                Some((_, i)) => {
+                    let (reader, head) = &mut self.open[i];
+                    head.take().map(|message| Ok(reader.decompressed(message)))
+                }
                 None => self.failure().map(Err),
             };
         }
@@ -202,12 +205,12 @@ impl Reader {
         Ok(Self { records, channels: Channels::default(), part, damage: None, bytes })
     }
 
-    /// The next message. A chunk that is damaged costs what is left of it alone.
+    /// The next message, still compressed where it is so by itself. A chunk that is damaged costs what is left of it alone.
     fn advance(&mut self) -> Result<Message, End> {
         loop {
             let Some(record) = self.records.next() else { return Err(End(self.damaged())) };
             match record.and_then(|record| self.channels.take(record)) {
-                Ok(Some(message)) => return Ok(self.decompressed(message)),
+                Ok(Some(message)) => return Ok(message),
                 Ok(None) => {}
                 Err(reason) => match self.records.pass_chunk() {
                     Some(bytes) => self.pass(bytes, reason),
@@ -233,7 +236,7 @@ impl Reader {
     }
 
     /// Undoes the compression of single messages, which no record tells: their channel still says `cdr`. One that is damaged costs
-    /// no other.
+    /// no other. Done when a message's turn has come: of all files that are read side by side, one holds an unpacked message at a time.
     fn decompressed(&mut self, mut message: Message) -> Message {
         if message.data.starts_with(ZSTD) {
             match decompress(&message.data) {

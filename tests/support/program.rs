@@ -15,6 +15,17 @@ pub fn command(arguments: &[&str]) -> Command {
     command
 }
 
+/// Kibibytes of address space that a replay of anything small has enough of.
+const ENOUGH: u64 = 2 << 20;
+
+/// What came of a replay with no more than [`ENOUGH`] of memory.
+pub fn replay_within(bag: &Path, more: &[&str]) -> Output {
+    let limited = format!("ulimit -v {ENOUGH}; exec \"$0\" replay \"$@\"");
+    let mut command = Command::new("sh");
+    command.args(["-c", &limited, env!("CARGO_BIN_EXE_cfodi")]);
+    command.arg(bag).args(more).stdin(Stdio::null()).output().unwrap()
+}
+
 /// What came of the program with these arguments.
 pub fn cfodi(arguments: &[&str]) -> Output {
     command(arguments).output().unwrap()
