@@ -67,6 +67,8 @@ pub fn with_stamp(cloud: Cloud, is_simulated: impl FnOnce() -> bool) -> Result<C
 pub struct Joined {
     /// For the engine.
     pub scan: Scan,
+    /// The sensor that it is of, as in [`Join::cloud`].
+    pub sensor: usize,
     /// When its cloud came, by the clocks of [`Join::cloud`].
     pub at: Moment,
     /// Points in the message, valid or not.
@@ -211,9 +213,9 @@ impl Join {
         let joined = ready.into_iter().map(|(arrived, fixed_from_sensor)| {
             // Only a scan with a transform tells the time: a stray stamp has none.
             let jumped_back = self.jumped_back(&arrived);
-            let Arrived { cloud, at, .. } = arrived;
+            let Arrived { sensor, cloud, at, .. } = arrived;
             let scan = Scan { stamp: cloud.stamp, fixed_from_sensor, points: cloud.points };
-            Joined { scan, at, total: cloud.total, invalid: cloud.invalid, jumped_back }
+            Joined { scan, sensor, at, total: cloud.total, invalid: cloud.invalid, jumped_back }
         });
         joined.collect()
     }

@@ -1,12 +1,14 @@
 //! When what a result bag holds is logged.
 //!
 //! Results are logged by their stamps, the input at the times of its recording. Only a new session moves either: what comes after a
-//! jump back is logged after what was before it, and input and results lie to each other as in the first session.
+//! jump back is logged after what was before it, and input and results lie to each other as in the first session. Its results
+//! come after the newest one before, which may be that of a sensor whose clock is ahead of that of the one that jumps back.
 //!
 //! In a bag in a loop the times of recording may jump back as well. That shows before the session does, for a scan waits for its
 //! transforms: so input that comes after a step back is held back until it is known whether it is of a new session. Messages out of
 //! order, of which there is no session, keep their times.
 
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 use super::read::Message;
@@ -30,14 +32,16 @@ pub(super) struct Clock {
     input_ahead: i64,
     /// The input was recorded by another clock than that of the stamps.
     follows: bool,
-    /// How long after its results the first scan is logged (ns).
-    lag: Option<i64>,
+    /// How long after its stamp the first scan of each sensor is logged (ns).
+    lags: BTreeMap<usize, i64>,
     /// A session has begun, and its first scan is still to come.
     is_new: bool,
     /// When the message before was recorded.
     last: u64,
     /// When the newest message of the input is logged.
     newest: u64,
+    /// When the newest result is logged.
+    newest_result: u64,
     step: Option<Step>,
 }
 
@@ -71,9 +75,15 @@ impl Clock {
         (self.follows, self.input_ahead) = (true, offset);
     }
 
-    /// What is added to the stamps of results (ns).
-    pub(super) const fn ahead(&self) -> u64 {
-        self.ahead
+    /// When a result of this stamp is logged.
+    pub(super) fn result(&mut self, stamp: Stamp) -> u64 {
+        let logged = self.of_result(stamp);
+        self.newest_result = self.newest_result.max(logged);
+        logged
+    }
+
+    fn of_result(&self, stamp: Stamp) -> u64 {
+        u64::try_from(stamp.nanos()).unwrap_or(0).saturating_add(self.ahead)
     }
 
     /// A session begins: the stamps have jumped back by this many seconds.
@@ -82,27 +92,31 @@ impl Clock {
         self.is_new = true;
     }
 
-    /// A scan of this stamp was recorded at this time. Gives what of the input was held back and is to be logged.
-    pub(super) fn scan(&mut self, stamp: Stamp, recorded: Duration) -> Vec<Message> {
+    /// A scan of this sensor, of this stamp, was recorded at this time. Gives what of the input was held back and is to be logged.
+    pub(super) fn scan(&mut self, sensor: usize, stamp: Stamp, recorded: Duration) -> Vec<Message> {
         let begins = std::mem::take(&mut self.is_new);
         let recorded = u64::try_from(recorded.as_nanos()).unwrap_or(u64::MAX);
-        let result = stamp.nanos().saturating_add_unsigned(self.ahead);
+        if !self.follows && is_time(recorded) {
+            self.meet(sensor, stamp, recorded, begins);
+        }
+        if begins {
+            self.go_on_after_results(stamp);
+        }
         if let (true, Ok(recorded)) = (self.follows, i64::try_from(recorded)) {
-            self.input_ahead = result.saturating_sub(recorded);
-        } else if is_time(recorded) {
-            self.meet(result, recorded, begins);
+            self.input_ahead = self.moved(stamp).saturating_sub(recorded);
         }
         let is_known = begins || self.step.as_ref().is_some_and(|step| step.is_behind(recorded));
         if is_known { self.release() } else { Vec::new() }
     }
 
     /// Moves whichever is behind, input or results, where a session begins.
-    fn meet(&mut self, result: i64, recorded: u64, begins: bool) {
+    fn meet(&mut self, sensor: usize, stamp: Stamp, recorded: u64, begins: bool) {
         if begins {
             self.go_on_after_a_step_back(recorded);
         }
-        let late = i64::try_from(self.shifted(recorded)).unwrap_or(i64::MAX).saturating_sub(result);
-        let lag = *self.lag.get_or_insert(late);
+        let logged = i64::try_from(self.shifted(recorded)).unwrap_or(i64::MAX);
+        let late = logged.saturating_sub(self.moved(stamp));
+        let lag = *self.lags.entry(sensor).or_insert(late);
         if begins {
             let more = late.saturating_sub(lag);
             self.ahead = self.ahead.saturating_add(u64::try_from(more).unwrap_or(0));
@@ -118,6 +132,14 @@ impl Clock {
             let back = self.newest.saturating_sub(self.shifted(earliest.min(recorded)));
             self.input_ahead = self.input_ahead.saturating_add_unsigned(back);
         }
+    }
+
+    /// Lets the results of a session whose first scan has this stamp, than which none of them is older, come after all results before,
+    /// where they would not; its input goes with them.
+    fn go_on_after_results(&mut self, stamp: Stamp) {
+        let back = self.newest_result.saturating_sub(self.of_result(stamp));
+        self.ahead = self.ahead.saturating_add(back);
+        self.input_ahead = self.input_ahead.saturating_add_unsigned(back);
     }
 
     /// A message of the input was recorded at this time. Gives what was held back before it and is to be logged first.
@@ -163,6 +185,11 @@ impl Clock {
         logged
     }
 
+    /// A stamp with what is added to it, also where that lies before 1970.
+    const fn moved(&self, stamp: Stamp) -> i64 {
+        stamp.nanos().saturating_add_unsigned(self.ahead)
+    }
+
     const fn shifted(&self, recorded: u64) -> u64 {
         recorded.saturating_add_signed(self.input_ahead)
     }
@@ -204,14 +231,14 @@ mod tests {
             let scan =
                 |seconds: u64| (Stamp::from_nanos((seconds * SECOND) as i64), Duration::from_secs(seconds));
             let (stamp, recorded) = scan(100);
-            assert!(clock.scan(stamp, recorded).is_empty());
+            assert!(clock.scan(0, stamp, recorded).is_empty());
             if begins {
                 clock.begin_session(90.0);
             }
             let (stamp, recorded) = scan(10);
-            assert_eq!(clock.scan(stamp, recorded), [behind]);
+            assert_eq!(clock.scan(0, stamp, recorded), [behind]);
             assert_eq!((clock.logged(10 * SECOND), clock.logged(u64::MAX)), (logged * SECOND, u64::MAX));
-            assert_eq!(clock.ahead(), (logged - 10) * SECOND);
+            assert_eq!(clock.result(Stamp::default()), (logged - 10) * SECOND);
         }
     }
 

@@ -7,7 +7,7 @@ use std::io::{self, Write};
 use mcap::Writer;
 use mcap::write::NoSeek;
 
-use super::write::{Channel, RECORDER, channel, put, writer};
+use super::write::{Channel, RECORDER, channel, logged, put, writer};
 use crate::msg::heard::of_robot;
 use crate::msg::ros::{PointCloud2, TfMessage};
 use crate::msg::sent::{Named, Qos};
@@ -47,7 +47,7 @@ impl<W: Write> SensorBag<W> {
     pub fn transforms(&mut self, message: &TfMessage, is_static: bool) -> io::Result<()> {
         let Some(first) = message.transforms.first() else { return Ok(()) };
         let channel = if is_static { &mut self.static_transforms } else { &mut self.transforms };
-        put(&mut self.writer, &mut self.scratch, channel, (&first.header, 0), message)
+        put(&mut self.writer, &mut self.scratch, channel, logged(&first.header), message)
     }
 
     /// Adds a cloud at the time of its header.
@@ -55,7 +55,7 @@ impl<W: Write> SensorBag<W> {
     /// # Errors
     /// Those of the output.
     pub fn points(&mut self, message: &PointCloud2) -> io::Result<()> {
-        put(&mut self.writer, &mut self.scratch, &mut self.points, (&message.header, 0), message)
+        put(&mut self.writer, &mut self.scratch, &mut self.points, logged(&message.header), message)
     }
 
     /// Writes the indexes and gives the output back.

@@ -106,12 +106,12 @@ impl<W: Write> ResultBag<W> {
         self.clock.follow_stamps(offset);
     }
 
-    /// A scan of this stamp was recorded at this time; its results come next.
+    /// A scan of this sensor, of this stamp, was recorded at this time; its results come next.
     ///
     /// # Errors
     /// Those of the output.
-    pub fn scan(&mut self, stamp: Stamp, recorded: Duration) -> io::Result<()> {
-        let due = self.clock.scan(stamp, recorded);
+    pub fn scan(&mut self, sensor: usize, stamp: Stamp, recorded: Duration) -> io::Result<()> {
+        let due = self.clock.scan(sensor, stamp, recorded);
         due.iter().try_for_each(|message| self.copy(message))
     }
 
@@ -124,7 +124,7 @@ impl<W: Write> ResultBag<W> {
         let Some(header) = message.header() else { return Ok(()) };
         self.scratch.clear();
         message.write(&mut self.scratch).map_err(io::Error::other)?;
-        write(&mut self.writer, channel, logged(header, self.clock.ahead()), &self.scratch)
+        write(&mut self.writer, channel, self.clock.result(stamp(header)), &self.scratch)
     }
 
     /// Adds transforms of `/tf`, or of `/tf_static`, at the time of the first of them.
@@ -139,7 +139,7 @@ impl<W: Write> ResultBag<W> {
             transforms.insert(topic.name, channel(writer, topic.named(), topic.qos)?);
         }
         let Some(channel) = transforms.get_mut(topic.name) else { return Ok(()) };
-        put(writer, scratch, channel, (&first.header, clock.ahead()), message)
+        put(writer, scratch, channel, clock.result(stamp(&first.header)), message)
     }
 
     /// Whether a message of the input would be copied, had the result no topic of that name.
@@ -224,23 +224,27 @@ pub(super) fn schema<W: Write>(writer: &mut Writer<NoSeek<W>>, type_name: &str) 
     writer.add_schema(type_name, "ros2msg", text.as_bytes()).map_err(io::Error::other)
 }
 
-/// Adds a message at the time of its header, and `ahead` nanoseconds more.
+/// Adds a message at this time.
 pub(super) fn put<W: Write>(
     writer: &mut Writer<NoSeek<W>>,
     scratch: &mut Vec<u8>,
     channel: &mut Channel,
-    (header, ahead): (&Header, u64),
+    log_time: u64,
     message: &impl Serialize,
 ) -> io::Result<()> {
     scratch.clear();
     cdr::write(scratch, message).map_err(io::Error::other)?;
-    write(writer, channel, logged(header, ahead), scratch)
+    write(writer, channel, log_time, scratch)
 }
 
-/// The time of a header, and `ahead` nanoseconds more.
-fn logged(header: &Header, ahead: u64) -> u64 {
-    let stamp = header.stamp.stamp().map_or(0, |stamp| u64::try_from(stamp.nanos()).unwrap_or(0));
-    stamp.saturating_add(ahead)
+/// That of a header; zero where it has none that can be.
+fn stamp(header: &Header) -> Stamp {
+    header.stamp.stamp().unwrap_or_default()
+}
+
+/// When a message with this header is logged where nothing moves it.
+pub(super) fn logged(header: &Header) -> u64 {
+    Clock::default().result(stamp(header))
 }
 
 fn write<W: Write>(

@@ -11,7 +11,7 @@ use cfodi::engine::{Mode, Scan};
 use cfodi::experiment::{Experiment, Figure, Results, Summary};
 use cfodi::export::WriteError;
 use cfodi::line::one_line;
-use cfodi::replay::{Ended, Finished, Go, Outputs, Replay, Settings, Tally, Visitor, feed};
+use cfodi::replay::{Ended, Finished, Go, Origin, Outputs, Replay, Settings, Tally, Visitor, feed};
 use cfodi::report::{self, Story};
 use cfodi::say::tell;
 
@@ -139,12 +139,12 @@ impl<C: FnMut() -> Duration> Visitor for Scans<'_, C> {
     fn scan(
         &mut self,
         scan: &Scan,
-        recorded: Duration,
+        origin: Origin,
         fixed_frame: &str,
         tally: &Tally,
     ) -> Result<(), WriteError> {
         self.experiment.scan(scan);
-        self.replay.scan(scan, recorded, fixed_frame, tally)
+        self.replay.scan(scan, origin, fixed_frame, tally)
     }
 
     fn jumped_back(&mut self, seconds: f64) -> Result<Go, WriteError> {

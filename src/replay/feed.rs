@@ -16,7 +16,7 @@ use super::fixed_frame::FixedFrame;
 use super::reading::{Item, Reading};
 use super::said::Remark;
 use super::summary::{AFTER_JUMP, Tally};
-use super::visitor::{Go, Visitor};
+use super::visitor::{Go, Origin, Visitor};
 use crate::bag::{Bag, BagError, Decoder, Elsewhere, Recorded, TransformTopics};
 use crate::cloud::Cloud;
 use crate::join::{GivenUp, Join, Joined, Jump, Moment, Waited, with_stamp};
@@ -333,7 +333,7 @@ impl<V: Visitor> Feeder<'_, V> {
             return Ok(());
         }
         let mut ready = self.join.ready(fixed_frame).into_iter();
-        while let Some(Joined { scan, at, total, invalid, jumped_back }) = ready.next() {
+        while let Some(Joined { scan, sensor, at, total, invalid, jumped_back }) = ready.next() {
             if let Some(Jump { seconds, given_up }) = jumped_back {
                 self.account.jumped_back(given_up);
                 if self.visitor.jumped_back(seconds)? == Go::Home {
@@ -343,7 +343,8 @@ impl<V: Visitor> Feeder<'_, V> {
                 }
             }
             self.account.tally.take(total, invalid, scan.points.len());
-            self.visitor.scan(&scan, at.wall, fixed_frame, &self.account.tally)?;
+            let origin = Origin { sensor, recorded: at.wall };
+            self.visitor.scan(&scan, origin, fixed_frame, &self.account.tally)?;
         }
         Ok(())
     }

@@ -2,11 +2,11 @@
 
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
 use super::clusters::write_clusters;
 use super::said::Said;
 use super::summary::Summary;
+use super::visitor::Origin;
 use crate::bag::{Message, OutputTopics, ResultBag};
 use crate::engine::{Snapshot, Stamp, Update};
 use crate::export::{WholeFile, WriteError, write_ply, write_voxels};
@@ -156,10 +156,10 @@ impl Outputs<'_> {
         }
     }
 
-    /// A scan of this stamp was recorded at this time.
-    pub(super) fn scan(&mut self, stamp: Stamp, recorded: Duration) -> Result<(), WriteError> {
+    /// A scan of this stamp is taken in.
+    pub(super) fn scan(&mut self, stamp: Stamp, origin: Origin) -> Result<(), WriteError> {
         let Some(file) = &mut self.bag else { return Ok(()) };
-        file.put(|bag| bag.scan(stamp, recorded))?;
+        file.put(|bag| bag.scan(origin.sensor, stamp, origin.recorded))?;
         let Some(mut level) = file.level.take() else { return Ok(()) };
         level.header.stamp = stamp.into();
         file.put(|bag| bag.transforms(&TfMessage { transforms: vec![level] }, true))

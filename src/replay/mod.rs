@@ -35,4 +35,4 @@ pub use fixed_frame::FixedFrame;
 pub use run::{Finished, Replay, Settings};
 pub use said::Remark;
 pub use summary::{Summary, Tally};
-pub use visitor::{Go, Visitor};
+pub use visitor::{Go, Origin, Visitor};

@@ -7,7 +7,7 @@ use super::feed::Fed;
 use super::files::Outputs;
 use super::pace::Pace;
 use super::summary::{Summary, Tally};
-use super::visitor::{Go, Visitor};
+use super::visitor::{Go, Origin, Visitor};
 use crate::bag::Message;
 use crate::config::Value;
 use crate::engine::{ClusterState, Engine, Params, PipelineStep, Scan, Snapshot, Stamp, Update};
@@ -184,11 +184,11 @@ impl Visitor for Replay<'_> {
     fn scan(
         &mut self,
         scan: &Scan,
-        recorded: Duration,
+        origin: Origin,
         fixed_frame: &str,
         tally: &Tally,
     ) -> Result<(), WriteError> {
-        self.outputs.scan(scan.stamp, recorded)?;
+        self.outputs.scan(scan.stamp, origin)?;
         let (update, ms) = self.insert(scan);
         self.sessions += u64::from(update.sequence == 1);
         self.count_beyond(update.points_beyond_grid);

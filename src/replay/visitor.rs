@@ -7,19 +7,28 @@ use crate::bag::Message;
 use crate::engine::Scan;
 use crate::msg::ros::TransformStamped;
 
+/// Where a scan comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Origin {
+    /// Its sensor, as its place among those of the [`Decoder`](crate::bag::Decoder).
+    pub sensor: usize,
+    /// When it was recorded (since the epoch).
+    pub recorded: Duration,
+}
+
 /// What becomes of the scans.
 pub trait Visitor {
     /// Why it cannot go on.
     type Error;
 
-    /// A scan, recorded at this time (since the epoch), in the frame `fixed_frame`; `tally` is what has become of the bag until then.
+    /// A scan, in the frame `fixed_frame`; `tally` is what has become of the bag until then.
     ///
     /// # Errors
     /// Ends the feeding.
     fn scan(
         &mut self,
         scan: &Scan,
-        recorded: Duration,
+        origin: Origin,
         fixed_frame: &str,
         tally: &Tally,
     ) -> Result<(), Self::Error>;

@@ -186,6 +186,55 @@ fn results_and_input_of_each_lap_lie_to_each_other_as_in_the_first() {
     }
 }
 
+/// In it each scan is placed as it comes.
+const IN_MAP: [&str; 3] = ["--ros-args", "-p", "fixed_frame:=map"];
+
+/// A camera's topic whose clock is an hour ahead of that of the clouds on [`POINTS`].
+const AHEAD: &str = "/ahead/points";
+
+/// How far (ns).
+const HOUR: i64 = 3_600_000_000_000;
+
+fn put_ahead(writer: &mut BagWriter, i: usize, recorded: i64) {
+    let cloud = bags::cloud(stamp(i) + HOUR, OPTICAL, &wall(i));
+    writer.put(AHEAD, "sensor_msgs/msg/PointCloud2", recorded, &cloud);
+}
+
+/// Whichever of the two comes first in each lap, and whether or not the times of recording jump back as well.
+#[test]
+fn results_of_a_lap_come_after_those_of_the_one_before_though_the_clocks_of_two_sensors_differ() {
+    let folder = Folder::new();
+    let firsts = [[false; 3], [true; 3], [false, true, false]];
+    for (pause, begins_ahead) in firsts.into_iter().flat_map(|laps| [(165, laps), (0, laps)]) {
+        let mut writer = BagWriter::new(Layout::Chunks);
+        writer.tf("/tf_static", stamp(0), "map", OPTICAL, 0.0);
+        for (lap, i) in (0..3).flat_map(|lap| (0..60).map(move |i| (lap, i))) {
+            let recorded = stamp(i + lap * pause);
+            for is_ahead in [begins_ahead[lap], !begins_ahead[lap]] {
+                if !is_ahead {
+                    let cloud = bags::cloud(stamp(i), OPTICAL, &wall(i));
+                    writer.put(POINTS, "sensor_msgs/msg/PointCloud2", recorded, &cloud);
+                } else if i % 3 == 0 {
+                    put_ahead(&mut writer, i, recorded);
+                }
+            }
+        }
+        let (bag, out) = (folder.put("loop.mcap", &writer.finish()), folder.join("out.mcap"));
+        let more = ["--topic", POINTS, "--topic", AHEAD, "--with-input", "--out", out.to_str().unwrap()];
+        let found = replay(&bag, &[&more[..], &IN_MAP].concat());
+        let case = format!("pause {pause}, begins with the one ahead: {begins_ahead:?}: {}", found.errors);
+        assert_eq!((found.number("scans"), found.number("sessions")), (240, 3), "{case}");
+        let result = fs::read(&out).unwrap();
+        for topic in [DELTAS, "/cfodi/clusters", "/diagnostics"] {
+            assert!(times(&result, topic).is_sorted(), "{topic}, {case}");
+        }
+        // Its first cloud is the first or second of a lap, and from then on results are logged by its clock.
+        let (clouds, deltas) = (times(&result, AHEAD), times(&result, DELTAS));
+        let apart = [0, 1, 2].map(|lap| deltas[80 * lap + 1].abs_diff(clouds[20 * lap]));
+        assert_eq!(apart, [HOUR as u64; 3], "{case}");
+    }
+}
+
 /// As where each chunk holds one topic.
 #[test]
 fn input_that_lies_out_of_order_keeps_its_times_within_each_lap() {
