@@ -1,4 +1,7 @@
 //! When snapshots are due, by the stamps of the scans.
+//!
+//! Scans that leave the newest stamp where it is are those of a sensor whose clock is behind that of another. The other one, an hour
+//! ahead, may have fallen silent: until the newest stamp goes on, time goes by as they were recorded.
 
 use std::time::Duration;
 
@@ -10,30 +13,55 @@ use crate::engine::Stamp;
 pub(super) struct Pace {
     /// Time between two (ns).
     period: i64,
-    /// When the next one is due; `None` before the first scan.
-    due: Option<Stamp>,
-    /// The stamp of the scan before.
-    last: Option<Stamp>,
+    /// How long until the next one is due, from the scan before (ns); 0 before the first scan.
+    left: i64,
+    /// `None` before the first scan.
+    last: Option<Last>,
+}
+
+/// The scan before.
+#[derive(Clone, Copy, Debug)]
+struct Last {
+    /// The newest stamp until then.
+    newest: Stamp,
+    /// When it was recorded.
+    recorded: Duration,
+    /// How far time has gone on by recording since the newest stamp came (ns).
+    ahead: i64,
 }
 
 impl Pace {
     pub(super) fn new(period: Duration) -> Self {
-        Self { period: i64::try_from(period.as_nanos()).unwrap_or(i64::MAX), due: None, last: None }
+        Self { period: i64::try_from(period.as_nanos()).unwrap_or(i64::MAX), left: 0, last: None }
     }
 
-    /// A scan has come: says whether a snapshot is due with it.
-    pub(super) fn is_due(&mut self, stamp: Stamp) -> bool {
-        let step = self.last.replace(stamp).map_or(0, |last| stamp.nanos().saturating_sub(last.nanos()));
-        let nearest = stamp.nanos().saturating_add(step.max(0) / 2);
-        if self.due.is_some_and(|due| nearest < due.nanos()) {
+    /// A scan of this stamp has come, and was recorded at this time: says whether a snapshot is due with it.
+    pub(super) fn is_due(&mut self, stamp: Stamp, recorded: Duration) -> bool {
+        let step = self.step(stamp, recorded);
+        self.left = self.left.saturating_sub(step);
+        if self.left > step / 2 {
             return false;
         }
         // What is late by a period or more is not made up for.
-        let next = self.due.map(|due| due.nanos().saturating_add(self.period));
-        let next = next.filter(|next| *next > stamp.nanos());
-        let next = next.unwrap_or_else(|| stamp.nanos().saturating_add(self.period));
-        self.due = Some(Stamp::from_nanos(next));
+        let next = self.left.saturating_add(self.period);
+        self.left = if next > 0 { next } else { self.period };
         true
+    }
+
+    /// How far time has gone on since the scan before (ns).
+    fn step(&mut self, stamp: Stamp, recorded: Duration) -> i64 {
+        let last = self.last.unwrap_or(Last { newest: stamp, recorded, ahead: 0 });
+        let (step, ahead) = if stamp > last.newest {
+            // What has gone by already by recording does not go by again.
+            let by_stamps = stamp.nanos().saturating_sub(last.newest.nanos());
+            (by_stamps.saturating_sub(last.ahead).max(0), 0)
+        } else {
+            let by_recording = recorded.saturating_sub(last.recorded).as_nanos();
+            let step = i64::try_from(by_recording).unwrap_or(i64::MAX);
+            (step, last.ahead.saturating_add(step))
+        };
+        self.last = Some(Last { newest: last.newest.max(stamp), recorded, ahead });
+        step
     }
 }
 
@@ -41,11 +69,19 @@ impl Pace {
 mod tests {
     use super::*;
 
+    const SECOND: i64 = 1_000_000_000;
+    const HOUR: i64 = 3600 * SECOND;
+
+    fn is_due(pace: &mut Pace, stamp: i64, recorded: i64) -> bool {
+        pace.is_due(Stamp::from_nanos(stamp), Duration::from_nanos(recorded.cast_unsigned()))
+    }
+
     /// How many snapshots of 1000 scans 1/30 s apart, give or take a millisecond, come at this rate.
     fn snapshots(rate: f64, jitter: i64) -> usize {
         let mut pace = Pace::new(Duration::from_secs_f64(1.0 / rate));
-        let stamps = (0..1000).map(|i| i * 1_000_000_000 / 30 + (i * 7919 % 3 - 1) * jitter);
-        stamps.filter(|stamp| pace.is_due(Stamp::from_nanos(*stamp))).count()
+        let stamps = (0..1000).map(|i| SECOND + i * SECOND / 30 + (i * 7919 % 3 - 1) * jitter);
+        // A simulator goes at half the speed.
+        stamps.filter(|stamp| is_due(&mut pace, *stamp, 2 * *stamp)).count()
     }
 
     #[test]
@@ -59,11 +95,35 @@ mod tests {
         }
     }
 
+    /// The newest stamps as a map has them of two sensors at 30 Hz, one of them an hour ahead, which sends a scan each so many.
+    #[test]
+    fn the_rate_is_kept_beside_a_sensor_that_is_ahead_and_sends_seldom_or_once() {
+        for each in [1, 7, 30, 60, 3000] {
+            let mut pace = Pace::new(Duration::from_millis(500));
+            let mut newest = 0;
+            let due = (0..3000).filter(|i| {
+                let recorded = SECOND + i * SECOND / 30;
+                newest = newest.max(if i % each == 0 { recorded + HOUR } else { recorded });
+                is_due(&mut pace, newest, recorded)
+            });
+            assert!(due.count().abs_diff(200) <= 1, "one of {each}");
+        }
+    }
+
+    /// Times (s) by stamps and by recording.
+    #[test]
+    fn time_by_recording_holds_up_nothing_once_the_newest_stamp_goes_on() {
+        let mut pace = Pace::new(Duration::from_secs(1));
+        let scans = [(10, 10), (10, 14), (10, 5_000), (10, 11), (10, 12), (11, 13), (12, 14), (12, 14)];
+        let due = scans.map(|(stamp, recorded)| is_due(&mut pace, stamp * SECOND, recorded * SECOND));
+        assert_eq!(due, [true, true, true, false, true, false, true, false]);
+    }
+
     #[test]
     fn a_pause_is_not_made_up_for_and_a_stamp_back_by_less_than_a_jump_waits() {
         let mut pace = Pace::new(Duration::from_secs(1));
         let due = [0, 200, 9_900, 10_100, 10_000, 10_500, 10_950]
-            .map(|ms| pace.is_due(Stamp::from_nanos(ms * 1_000_000)));
+            .map(|ms| is_due(&mut pace, ms * 1_000_000, ms * 1_000_000));
         assert_eq!(due, [true, false, true, false, false, false, true]);
     }
 }

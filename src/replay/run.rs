@@ -26,7 +26,7 @@ pub struct Settings {
     pub node: String,
     /// Of the engine.
     pub engine: Params,
-    /// Time between two snapshots, in the time of the stamps.
+    /// Time between two snapshots, in the time of the stamps, or of recording while the newest of these stands still.
     pub publish_period: Duration,
     /// All parameters, for the account.
     pub parameters: Vec<(String, Value)>,
@@ -195,11 +195,11 @@ impl Visitor for Replay<'_> {
         let session = self.session(update.stamp, fixed_frame);
         self.tell(scan, &update, ms);
         self.outputs.update(&session, &update)?;
-        if self.outputs.bag.is_some() && self.reports.is_due(update.stamp) {
+        if self.outputs.bag.is_some() && self.reports.is_due(update.stamp, origin.recorded) {
             let report = self.diagnosis.report(&self.settings.node, update.stamp, tally, &self.engine);
             self.outputs.diagnostics(&report)?;
         }
-        if self.outputs.bag.is_some() && self.pace.is_due(update.stamp) {
+        if self.outputs.bag.is_some() && self.pace.is_due(update.stamp, origin.recorded) {
             self.outputs.snapshot(&session, &self.engine.snapshot())?;
         }
         Ok(())

@@ -235,6 +235,23 @@ fn results_of_a_lap_come_after_those_of_the_one_before_though_the_clocks_of_two_
     }
 }
 
+/// The other sensor sends one cloud, an hour ahead.
+#[test]
+fn snapshots_and_reports_go_on_while_the_newest_stamp_stands_still() {
+    let folder = Folder::new();
+    let mut writer = BagWriter::new(Layout::Chunks);
+    writer.tf("/tf_static", stamp(0), "map", OPTICAL, 0.0);
+    put_ahead(&mut writer, 0, stamp(0));
+    (0..150).for_each(|i| writer.scan(i));
+    let (bag, out) = (folder.put("a.mcap", &writer.finish()), folder.join("out.mcap"));
+    let more = ["--topic", POINTS, "--topic", AHEAD, "--out", out.to_str().unwrap()];
+    let found = replay(&bag, &[&more[..], &IN_MAP].concat());
+    assert_eq!((found.number("scans"), found.number("sessions")), (151, 1), "{}", found.errors);
+    let result = fs::read(&out).unwrap();
+    // Of 4.9 s: two snapshots and one report a second, from the first scan on, and the snapshot of the end.
+    assert_eq!([times(&result, "/cfodi/clusters").len(), times(&result, "/diagnostics").len()], [11, 5]);
+}
+
 /// As where each chunk holds one topic.
 #[test]
 fn input_that_lies_out_of_order_keeps_its_times_within_each_lap() {
