@@ -196,7 +196,7 @@ fn a_panel_within_a_layer_of_voxels_is_one_surface_from_whatever_side_it_is_seen
 
 #[test]
 fn a_floor_that_is_seen_from_opposite_ends_of_a_room_faces_up() {
-    // At 3 m a ray meets it at 20 degrees, and noise scatters it by a third of a voxel along the ray.
+    // At 3 m a ray meets it at 20 degrees, and noise scatters it by more than a quarter of a voxel along the ray.
     let mut random = random();
     let mut map = Consistent::new(Params::default().with_voxel_size(0.05).unwrap());
     let floor = rectangle([2.03, -0.5, 0.021], [X, Y], [1.0, 1.0], 0.01);

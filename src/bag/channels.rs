@@ -26,7 +26,7 @@ pub(super) struct Channels {
     kept: usize,
     /// A chunk is damaged, and may have named channels.
     lacks_some: bool,
-    /// Messages of a channel that nothing else names.
+    /// Messages whose channel, or its schema, was in what is damaged.
     passed_over: u64,
     is_data_over: bool,
     /// What the records behind the data say otherwise than those before.
@@ -107,7 +107,7 @@ impl Channels {
         Ok(Some(Message { channel, log_time, publish_time, sequence, data, damage: None }))
     }
 
-    /// How many messages were passed over: a damaged chunk alone has named their channel.
+    /// How many messages were passed over: a damaged chunk alone has named their channel or its schema.
     pub(super) const fn passed_over(&self) -> u64 {
         self.passed_over
     }

@@ -32,7 +32,8 @@ pub(super) struct Clock {
     input_ahead: i64,
     /// The input was recorded by another clock than that of the stamps.
     follows: bool,
-    /// How long after its stamp the first scan of each sensor is logged (ns).
+    /// How long after its stamp the first scan of each sensor is logged (ns). What first comes with a later session is taken to lie
+    /// as it should.
     lags: BTreeMap<usize, i64>,
     /// A session has begun, and its first scan is still to come.
     is_new: bool,
@@ -83,7 +84,7 @@ impl Clock {
     }
 
     fn of_result(&self, stamp: Stamp) -> u64 {
-        u64::try_from(stamp.nanos()).unwrap_or(0).saturating_add(self.ahead)
+        unmoved(stamp).saturating_add(self.ahead)
     }
 
     /// A session begins: the stamps have jumped back by this many seconds.
@@ -134,8 +135,8 @@ impl Clock {
         }
     }
 
-    /// Lets the results of a session whose first scan has this stamp, than which none of them is older, come after all results before,
-    /// where they would not; its input goes with them.
+    /// Lets the results of a session whose first scan has this stamp come after all results before, where they would not; its input
+    /// goes with them. Results are logged by the newest stamp of their session, so none comes before that of its first scan.
     fn go_on_after_results(&mut self, stamp: Stamp) {
         let back = self.newest_result.saturating_sub(self.of_result(stamp));
         self.ahead = self.ahead.saturating_add(back);
@@ -193,6 +194,11 @@ impl Clock {
     const fn shifted(&self, recorded: u64) -> u64 {
         recorded.saturating_add_signed(self.input_ahead)
     }
+}
+
+/// When a result of this stamp is logged where nothing moves it.
+pub(super) fn unmoved(stamp: Stamp) -> u64 {
+    u64::try_from(stamp.nanos()).unwrap_or(0)
 }
 
 #[cfg(test)]

@@ -125,7 +125,7 @@ pub struct Damage {
     pub messages: u64,
     /// Of all of these, as they are in the file.
     pub bytes: u64,
-    /// How many messages outside of these chunks were passed over, because one of these alone has named their channel.
+    /// How many messages were passed over, because one of these chunks alone has named their channel or its schema.
     pub without_channel: u64,
     /// What was found in the first.
     pub reason: String,
@@ -163,7 +163,7 @@ fn lost(without_channel: u64) -> String {
     if without_channel == 0 {
         return String::new();
     }
-    format!(", nor could {without_channel} of its messages, whose channel nothing else names")
+    format!(", nor could {without_channel} of its messages, whose channel or schema nothing else names")
 }
 
 /// The commands that convert data bases; `rosbags-convert` takes no file that is packed.

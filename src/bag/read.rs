@@ -30,7 +30,7 @@ const AT_ONCE: usize = 64;
 /// A record that is taken whatever the file's size (bytes).
 const SMALL_RECORD: u64 = 64 << 20;
 
-/// A message as the bag holds it; decompressed.
+/// A message as the bag holds it, decompressed when its turn comes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Message {
     /// Topic, type and encoding.

@@ -11,7 +11,7 @@ use mcap::write::NoSeek;
 use mcap::{WriteOptions, Writer};
 use serde::Serialize;
 
-use super::clock::Clock;
+use super::clock::{Clock, unmoved};
 use super::copies::Copies;
 use super::decode::is_transforms;
 use super::qos;
@@ -244,7 +244,7 @@ fn stamp(header: &Header) -> Stamp {
 
 /// When a message with this header is logged where nothing moves it.
 pub(super) fn logged(header: &Header) -> u64 {
-    Clock::default().result(stamp(header))
+    unmoved(stamp(header))
 }
 
 fn write<W: Write>(

@@ -238,7 +238,7 @@ fn messages_whose_channel_a_damaged_chunk_alone_names_are_counted() {
         let found = replay(&folder.put("a.mcap", &bag), &[]);
         assert_eq!((found.status, found.number("scans")), (1, 7), "{}", found.errors);
         let unread = found.summary.as_ref().unwrap()["unread"].as_str().unwrap();
-        for said in [how, ", nor could 8 of its messages, whose channel nothing else names"] {
+        for said in [how, ", nor could 8 of its messages, whose channel or schema nothing else names"] {
             assert!(unread.contains(said) && found.errors.contains(said), "{unread}: {}", found.errors);
         }
     }

@@ -379,13 +379,13 @@ pub(super) const fn place_of([x, y, z]: [i32; 3]) -> usize {
 mod tests {
     use super::*;
 
-    /// Whether a block is due after this scan, and urgent, where the sensor stands since another one. It was published in scan 10,
-    /// first in scan 1, has 40 dense voxels, and scan 20 was the last that put points into them, 100; `change` says what
-    /// is different.
+    /// Whether a block is due after scan `sequence`, and urgent, where the sensor has stood still since scan `since`. The block was
+    /// published in scan 10, and in scan 1 first. The last points came with scan 20, 100 of them, into 40 dense voxels, and some
+    /// of these have changed. `change` says what is different.
     fn judged(sequence: u64, since: u64, change: impl Fn(&mut Block)) -> (bool, bool) {
+        let (published, begun, seen) = (10, 1, 20);
         let mut block =
-            Block { published: 10, begun: 1, seen: 20, dense: 40, points: 100, ..Block::default() };
-        block.changed = true;
+            Block { published, begun, seen, dense: 40, points: 100, changed: true, ..Block::default() };
         change(&mut block);
         (block.is_due(sequence, since), block.is_urgent(since))
     }

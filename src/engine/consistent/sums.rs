@@ -75,7 +75,7 @@ pub(super) struct Moments {
     mean: [f32; 3],
     /// Weighted covariance, in voxels^2: xx, xy, xz, yy, yz, zz.
     covariance: [f32; 6],
-    /// Mean of the unit directions towards the sensor, one a point.
+    /// Mean of the unit directions towards the sensor, one a point, those from the other side of a thin panel turned.
     towards: [f32; 3],
 }
 
@@ -107,8 +107,7 @@ impl Moments {
     }
 
     /// Adds a scan's points, each of this weight and seen from this direction (of unit length); returns how often the weight
-    /// was halved. What is seen of the other side counts as seen from the first: of a panel thinner than a voxel the two would
-    /// cancel out.
+    /// was halved. What is seen of the other side of a thin panel counts as seen from the first: the two would cancel out.
     pub(super) fn fold(&mut self, scan: &ScanSums, weight: u64, towards: &Vector3<f64>) -> u32 {
         let count = u64::from(scan.count);
         let points = u64::from(self.points) + count;
@@ -116,7 +115,7 @@ impl Moments {
         self.take_in(scan, (weight * count) as f64 / weights as f64);
         let part = count as f64 / points as f64;
         let seen = self.towards();
-        let towards = if self.is_other_side(&seen, towards) { -towards } else { *towards };
+        let towards = if self.is_other_side(&seen, towards, points) { -towards } else { *towards };
         self.towards = (seen + (towards - seen) * part).map(|along| along as f32).into();
         let halvings = halvings(weights, MOST_WEIGHT).max(halvings(points, MOST_POINTS));
         (self.points, self.weight) = (((points >> halvings).max(1)) as u32, (weights >> halvings) as u32);
@@ -125,15 +124,15 @@ impl Moments {
 
     /// Whether what is seen from this direction is the other side of what was seen before: whether the points lie on a plane
     /// that parts the two directions rather than on one that has both on one side. The flatter a direction meets a plane, the
-    /// less likely is it to have seen it.
-    fn is_other_side(&self, seen: &Vector3<f64>, towards: &Vector3<f64>) -> bool {
+    /// less likely is it to have seen it. `points` is how many the covariance is of.
+    fn is_other_side(&self, seen: &Vector3<f64>, towards: &Vector3<f64>, points: u64) -> bool {
         if seen.dot(towards) >= 0.0 {
             return false;
         }
         let seen = seen.normalize();
         // The normals of the two planes; half their lengths are the sines of the angles at which the directions meet them.
         let normals = [towards - seen, towards + seen];
-        let known = f64::from(self.points) / (f64::from(self.points) + UNKNOWN);
+        let known = points as f64 / (points as f64 + UNKNOWN);
         let unknown = Matrix3::from_diagonal_element((1.0 - known) / 12.0);
         let covariance = self.covariance() * known + unknown;
         let [parted, shared] = normals.map(|normal| quadratic(&covariance, &normal));
@@ -183,7 +182,7 @@ impl Moments {
         symmetric(self.covariance.map(f64::from))
     }
 
-    /// Mean direction towards the sensor; its length is 1 where all points were seen from one side.
+    /// Mean direction towards the sensor; its length is 1 where all points were seen along one line.
     pub(super) fn towards(&self) -> Vector3<f64> {
         Vector3::from(self.towards.map(f64::from))
     }
@@ -248,6 +247,20 @@ mod tests {
             prop_assert!((moments.towards() - towards).amax() < 1e-6, "{} {towards}", moments.towards());
             prop_assert_eq!(moments.points as usize, scans.iter().map(|(points, ..)| points.len()).sum::<usize>());
             prop_assert!(moments.is_possible(), "{moments:?}");
+        }
+
+        #[test]
+        fn whatever_is_folded_is_possible(
+            scans in scans(), octants in prop::collection::vec(prop::array::uniform3(any::<bool>()), 60),
+        ) {
+            let mut moments = Moments::default();
+            for ((points, weight, towards), octant) in scans.iter().zip(octants) {
+                let mut scan = ScanSums::default();
+                points.iter().for_each(|&point| scan.add(point));
+                let turned = [0, 1, 2].map(|i| if octant[i] { towards[i] } else { -towards[i] });
+                moments.fold(&scan, *weight, &Vector3::from(turned).normalize());
+                prop_assert!(moments.is_possible(), "{moments:?}");
+            }
         }
 
         /// As a panel is, of a quarter of a voxel at most, from up to 30 degrees off its normal on either side.
