@@ -176,10 +176,11 @@ fn a_panel_within_a_layer_of_voxels_is_one_surface_from_whatever_side_it_is_seen
     for (i, thickness) in (0..5).flat_map(|i| [0.0, 0.01, 0.02].map(|thickness| (i, thickness))) {
         // A layer is from x = 2.0 to 2.08 m.
         let x = 2.02 + 0.01 * f64::from(i);
-        let face = |at| rectangle([at, -0.5, 0.6], [Y, Z], [1.0, 1.0], 0.01);
+        let face = |at| rectangle([at, -0.52, 0.6], [Y, Z], [1.0, 1.0], 0.01);
         let (front, back) = (face(x - 0.5 * thickness), face(x + 0.5 * thickness));
         let mut map = Consistent::new(Params::default().with_voxel_size(0.08).unwrap());
-        for number in 1..=20 {
+        // Longer from behind, so that what was seen last does not decide.
+        for number in 1..=30 {
             // Past the middle of it, so that it is looked at from the right and from the left.
             let y = 0.2 * f64::from(number % 10 - 5);
             match number {
@@ -187,6 +188,8 @@ fn a_panel_within_a_layer_of_voxels_is_one_surface_from_whatever_side_it_is_seen
                 _ => look(&mut map, number.into(), &back, [x + 1.5, y, 1.1], PI),
             }
         }
+        // All that was seen is published once the sensor has turned away.
+        (31..=45).for_each(|number| look(&mut map, number, &[], [x + 1.5, 0.0, 1.1], 0.0));
         let snapshot = map.snapshot();
         let (share, count) = wholeness(&snapshot, &EVERYWHERE);
         assert!(share >= 0.98 && count == 1, "{thickness} m at {x} m: {share} of {count}");
