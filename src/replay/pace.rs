@@ -31,8 +31,8 @@ struct Last {
     still: i64,
 }
 
-/// How long the newest stamp may stand still, by recording, and no time go by (ns). A simulator that takes ten seconds for one still
-/// moves it in less.
+/// How long the newest stamp may stand still, by recording, and no time go by (ns). With a sensor of 30 Hz, a simulator that takes
+/// ten seconds for one still moves it in less.
 const PATIENCE: i64 = 1_000_000_000;
 
 impl Pace {

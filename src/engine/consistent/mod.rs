@@ -3,18 +3,19 @@
 //!
 //! # The definition
 //!
-//! 1. A voxel holds count, mean and covariance of its points and the mean of the directions towards the sensor, each
-//!    scan summed exactly and weighed by its noise (`sums`, `noise`). Of a panel up to a quarter of the voxel thick the other
-//!    side counts as seen from the first: its two sides are one surface, those of a wall in two layers of voxels are two. Its **state** is what these were when its block of
-//!    8 x 8 x 8 voxels was published last, or when it became dense after that. A block is published with whatever has
-//!    changed while it is young and when the sensor has turned away; in between, not more often than every third scan,
-//!    when a quarter of a scan's points fall into voxels that were not published or a quarter of the voxels have
-//!    drifted; at once when a dense voxel is gone (`block`, `published`). While the sensor stands still, half of a
-//!    scan's points must (`standpoint`): its noise adds to the map for long, and moves next to nothing of what is told
-//!    of. While it moves, a scan publishes what cannot wait, and with it 3 m^2 of known voxels anew, or an eighth of what is due besides; the
-//!    others wait for the next (`pipeline`), so that hardly a scan takes twice the usual time. States are rounded to parts of a voxel
-//!    that no surface is known to (`state`), a third of the memory. Where no scan has put a point for 64 scans, whatever was
-//!    put there is published, and the voxels keep no more than that until the next (`rest`).
+//! 1. A voxel holds count, mean and covariance of its points and the mean of the directions towards the sensor, each scan
+//!    summed exactly and weighed by its noise (`sums`, `noise`). Of a panel up to a quarter of the voxel thick the other
+//!    side counts as seen from the first: its two sides are one surface, those of a wall in two layers of voxels are two.
+//!    Its **state** is what these were when its block of 8 x 8 x 8 voxels was published last, or when it became dense
+//!    after that. A block is published with whatever has changed while it is young and when the sensor has turned away;
+//!    in between, not more often than every third scan, when a quarter of a scan's points fall into voxels that were not
+//!    published or a quarter of the voxels have drifted; at once when a dense voxel is gone (`block`, `published`). While
+//!    the sensor stands still, half of a scan's points must (`standpoint`): its noise adds to the map for long, and moves
+//!    next to nothing of what is told of. While it moves, a scan publishes what cannot wait, and with it 3 m^2 of known
+//!    voxels anew, or an eighth of what is due besides; the others wait for the next (`pipeline`), so that hardly a scan
+//!    takes twice the usual time. States are rounded to parts of a voxel that no surface is known to (`state`), a third
+//!    of the memory. Where no scan has put a point for 64 scans, whatever was put there is published, and the voxels keep
+//!    no more than that until the next (`rest`).
 //! 2. The dense voxels of a block form planar **patches**, grown from the flattest places. A voxel belongs to a plane if its points
 //!    lie on it within their noise. Where noise spreads a surface over two layers of voxels, the two patches that are found
 //!    there become one. From what is left, **strips** of sharp voxels that may be one row, and **rough** patches with half a voxel's
