@@ -60,6 +60,14 @@ def clusters_read(reader):
     return int(maps[-1].split()[-2]) if maps else None
 
 
+def comes(condition, timeout):
+    """Whether `condition()` is true in time."""
+    end = time.monotonic() + timeout
+    while not (value := condition()) and time.monotonic() < end:
+        time.sleep(0.05)
+    return bool(value)
+
+
 def refused(node, capture, *says):
     """It ends with status 2, says why in one line, and nothing has crossed the network."""
     assert node.wait(60) == 2, "\n".join(node.lines)
@@ -175,6 +183,7 @@ def test_permissive_with_bad_keys_ends_it_too(start, keys):
     refused(node, capture, "identity CA")
 
 
+@pytest.mark.alone  # on busy cores, which it makes itself too, those with keys often do not find each other
 def test_who_has_keys_gets_clusters_and_who_has_none_gets_nothing(start, peer, run, keys, large_buffers):
     def enclave(name):
         return ["--ros-args", "--enclave", name]
@@ -185,12 +194,22 @@ def test_who_has_keys_gets_clusters_and_who_has_none_gets_nothing(start, peer, r
     foreign = run("clusters", *enclave("/planner"), environment=stranger.variables())
     unsecured = peer.record("/cfodi/clusters", SurfaceClusterArray, qos(10, latched=True))
     best_effort = peer.record("/cfodi/clusters", SurfaceClusterArray, qos(10, reliable=False))
-    planner = run("clusters", *enclave("/planner"), environment=keys.variables())
-    node = start(fixed_frame="odom", points="/points", arguments=ENCLAVE, environment=keys.variables(),
-                 binary=SECURED / "cfodi").ready()
-    node.line_with("DDS is secured", "/robot/cfodi")
-    run("robot", "2", *enclave("/driver"), environment=keys.variables())
-    wait_until("clusters at the planner", lambda: (clusters_read(planner) or 0) > 5, 60)
+
+    def planner_gets_clusters():
+        node = start(fixed_frame="odom", points="/points", arguments=ENCLAVE, environment=keys.variables(),
+                     binary=SECURED / "cfodi").ready()
+        node.line_with("DDS is secured", "/robot/cfodi")
+        planner = run("clusters", *enclave("/planner"), environment=keys.variables())
+        driver = run("robot", "2", *enclave("/driver"), environment=keys.variables())
+        gets = comes(lambda: (clusters_read(planner) or 0) > 5, 45)
+        if not gets:
+            node.end()
+            planner.kill()
+            driver.kill()
+        return gets
+
+    # RustDDS may lose any of them to what it asks of `foreign`: docs/security.md.
+    assert any(planner_gets_clusters() for _ in range(3))
     time.sleep(3)
     for reader in (outsider, foreign):
         assert "reading" in reader.lines and clusters_read(reader) is None

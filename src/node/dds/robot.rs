@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use ros2_client::qos::{Durability, WhenFull};
 use ros2_client::{Publisher, QosProfile};
+use rustdds::TopicDescription as _;
 
 use super::opener::Kept;
 use super::{Opener, reliable};
@@ -26,9 +27,11 @@ const TF_STATIC: Topic = of_robot(true);
 /// Publishers of a simulated robot: its own participant, so that its clouds really cross the network stack.
 pub struct Robot {
     points: Publisher<PointCloud2>,
+    /// The topic of `points` by its name in DDS.
+    points_topic: String,
     tf: Publisher<TfMessage>,
     tf_static: Publisher<TfMessage>,
-    _kept: Kept,
+    kept: Kept,
 }
 
 impl Robot {
@@ -41,21 +44,34 @@ impl Robot {
         let security = setup.security()?;
         let mut opener = Opener::new(&setup, &security)?;
         let best_effort = &QosProfile::subscription_default().into();
-        let points = opener.publisher(Named { name: POINTS, type_name: types::CLOUD }, best_effort)?;
+        let cloud = Named { name: POINTS, type_name: types::CLOUD };
+        let points_topic = opener.topic(cloud, best_effort)?.name();
+        let points = opener.publisher(cloud, best_effort)?;
         let patient =
             |depth, durability| (&reliable(depth, durability).reliability_reliable(PATIENCE)).into();
         let dynamic = opener.publisher(TF.named(), &patient(TF.qos.depth, Durability::Volatile))?;
         let latched =
             opener.publisher(TF_STATIC.named(), &patient(TF_STATIC.qos.depth, Durability::TransientLocal))?;
-        Ok(Self { points, tf: dynamic, tf_static: latched, _kept: opener.into_kept() })
+        Ok(Self { points, points_topic, tf: dynamic, tf_static: latched, kept: opener.into_kept() })
     }
 
-    /// Sends a cloud.
+    /// Sends a cloud, where somebody reads clouds.
     ///
     /// # Errors
     /// When the middleware refuses it.
     pub fn send_cloud(&self, cloud: PointCloud2) -> Result<(), SendError> {
+        if !self.is_read() {
+            return Ok(());
+        }
         self.points.publish(cloud).map_err(|error| SendError::refused(POINTS, &error))
+    }
+
+    /// With DDS Security `RustDDS` 0.15.1 signs each datagram of a cloud whether or not somebody reads it, and looks at nothing
+    /// that has arrived until all clouds are sent. Where a core has no time for both, nobody would ever be found.
+    fn is_read(&self) -> bool {
+        let (_, participant) = &self.kept;
+        let readers = participant.discovered_readers();
+        readers.iter().any(|reader| *reader.subscription_topic_data.topic_name() == self.points_topic)
     }
 
     /// Sends transforms on `/tf`, or on `/tf_static`.
