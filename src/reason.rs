@@ -25,6 +25,11 @@ impl Reason {
     pub const fn new(key: &'static str, sentence: &'static str) -> Self {
         Self { key, sentence }
     }
+
+    /// Whether a transform was missing or of no use: `tf_` begins the keys of these.
+    pub fn is_of_transforms(&self) -> bool {
+        self.key.starts_with("tf_")
+    }
 }
 
 impl Serialize for Reason {

@@ -65,7 +65,7 @@ pub(crate) fn demo(setup: &Setup, options: &Options, lines: Lines) -> anyhow::Re
     }
     match setup.rmw().map_err(ProcessError::from)? {
         Rmw::Dds => {
-            let over_dds = carries_clouds(setup)?;
+            let over_dds = carries_clouds(setup).map_err(ProcessError::from)?;
             drive::<Dds>(setup, options, lines, over_dds, |setup| Robot::open(setup).map(Some))
         }
         #[cfg(feature = "zenoh")]
@@ -77,7 +77,7 @@ pub(crate) fn demo(setup: &Setup, options: &Options, lines: Lines) -> anyhow::Re
 }
 
 /// Whether clouds can cross DDS; where not, it is said why.
-fn carries_clouds(setup: &Setup) -> Result<bool, ProcessError> {
+fn carries_clouds(setup: &Setup) -> Result<bool, OpenError> {
     // Clouds at 30 Hz take more encrypting than a core has, in both participants of this process.
     let secured = matches!(setup.security()?, Security::Keys(_));
     let has_room = receive_buffer(setup) >= ENOUGH;
@@ -102,7 +102,7 @@ fn drive<T: Middleware>(
 ) -> anyhow::Result<()> {
     // Before a map is set aside for a node that cannot start.
     check_names(setup).map_err(ProcessError::from)?;
-    T::security(setup).map_err(ProcessError::from)?;
+    T::check(setup).map_err(ProcessError::from)?;
     std::fs::create_dir_all(&options.out)
         .with_context(|| format!("cannot make {}", options.out.display()))?;
     let (record, recorder) = Record::create(&options.out.join(RESULT), &output_topics(setup)?)?;
@@ -140,6 +140,10 @@ fn drive<T: Middleware>(
     let travelled = travelling.map(JoinHandle::join);
     let map = map?;
     came_home(travelled)?;
+    if map.sequence == 0 {
+        let text = "no scan of the simulated robot was taken in: it sends clouds on `points`, and transforms from `odom` on";
+        anyhow::bail!(text);
+    }
     // What can be written is, whatever becomes of the others.
     let [ply, png] = pictures.names();
     first_of(record.finish().err().into_iter().chain(pictures.complete(&map)))?;

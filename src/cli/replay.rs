@@ -7,7 +7,7 @@ use cfodi::args::Setup;
 use cfodi::bag::{Bag, OutputTopics};
 use cfodi::export::{WholeFile, WriteError};
 use cfodi::line::one_line;
-use cfodi::replay::{Ended, Finished, MapFiles, Outputs, Replay, ResultFile, Settings, Summary, feed};
+use cfodi::replay::{Ended, Finished, MapFiles, Outputs, Replay, ResultFile, Settings, Summary, Tally, feed};
 use cfodi::report::{Facts, Figure, Story, write_report};
 use cfodi::say::say;
 
@@ -105,6 +105,13 @@ pub(crate) fn say_files(bag: &Bag) {
     bag.remarks().iter().for_each(|line| say(one_line(line)));
 }
 
+/// What is said where there is no result.
+fn for_nothing(Tally { skipped, .. }: &Tally) -> String {
+    let skipped: Vec<_> = skipped.iter().map(|(reason, count)| format!("{} {count}", reason.key)).collect();
+    let skipped = if skipped.is_empty() { String::new() } else { format!(" (skipped: {})", skipped.join(", ")) };
+    format!("stopped by a signal before a scan was taken in{skipped}: nothing is written")
+}
+
 /// Feeds the bag to an engine, again where the frame that was guessed turns out to be wrong.
 fn run(
     setup: &Setup,
@@ -120,9 +127,7 @@ fn run(
         let is_direct = bag.as_ref().is_some_and(ResultFile::is_direct);
         let mut replay = Replay::new(settings(setup), Outputs { bag, story, say });
         match feed(input.feed(fixed_frame, with_messages, &mut |progress| bar.set(progress)), &mut replay)? {
-            Ended::Fed(fed) if fed.is_for_nothing() => {
-                anyhow::bail!("stopped by a signal before the first scan: nothing is written")
-            }
+            Ended::Fed(fed) if fed.is_for_nothing() => anyhow::bail!(for_nothing(&fed.tally)),
             Ended::Fed(fed) => return Ok(replay.finish(fed)),
             Ended::WrongFrame(better) => fixed_frame = better,
         }

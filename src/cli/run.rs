@@ -44,7 +44,7 @@ pub(crate) fn run(setup: &Setup, options: &Options, lines: Lines) -> anyhow::Res
 fn run_over<T: Middleware>(setup: &Setup, options: &Options, lines: Lines) -> anyhow::Result<()> {
     // Before a map is set aside for a node that cannot start.
     check_names(setup).map_err(ProcessError::from)?;
-    let security = T::security(setup).map_err(ProcessError::from)?;
+    let security = T::check(setup).map_err(ProcessError::from)?;
     let (engine, _lock) = begin(setup.config(), options.resume).map_err(ProcessError::from)?;
     match live_node::<T, ProcessError>(setup, engine, None, lines, |_| Ok(()), pending()) {
         Err(ProcessError::Deaf { why, changed }) => {

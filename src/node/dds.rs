@@ -41,7 +41,7 @@ use super::process::{receive_buffer, say_discovery, say_receive_buffer};
 use super::readers::Readers;
 use super::transport::{Input, NetworkState, SendError, SensorTopics, Service, Source, Transport};
 use crate::args::Setup;
-use crate::args::security::{Security, SecurityError};
+use crate::args::security::Security;
 use crate::config::Value;
 use crate::memory::prefault;
 use crate::msg::outgoing::Outgoing;
@@ -127,8 +127,10 @@ impl Dds {
 impl Middleware for Dds {
     const NAME: &str = "DDS";
 
-    fn security(setup: &Setup) -> Result<Security, SecurityError> {
-        setup.security()
+    fn check(setup: &Setup) -> Result<Security, OpenError> {
+        // At the start each must be there; where the network is joined anew, one is enough.
+        setup.config().network_interfaces.iter().copied().try_for_each(check_interface)?;
+        Ok(setup.security()?)
     }
 
     fn say_system(setup: &Setup) {
@@ -138,8 +140,6 @@ impl Middleware for Dds {
     }
 
     async fn open(setup: &Setup, security: Security) -> Result<Opened<Self>, OpenError> {
-        // At the start each must be there; where the network is joined anew, one is enough.
-        setup.config().network_interfaces.iter().copied().try_for_each(check_interface)?;
         prefault(BURSTS * setup.config().receive_buffer.min(LARGEST_BURST));
         let (events, receiver) = mpsc::channel(EVENTS);
         let memory = Memory::default();

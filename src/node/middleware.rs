@@ -78,8 +78,8 @@ pub trait Middleware: Transport<Request: Send> + Sized {
     /// What the node does about security over this middleware.
     ///
     /// # Errors
-    /// When the node must not open a socket.
-    fn security(setup: &Setup) -> Result<Security, SecurityError>;
+    /// When the node must not open a socket, or cannot be opened whatever the network is like.
+    fn check(setup: &Setup) -> Result<Security, OpenError>;
 
     /// Says in the log what the system gives it, before it is opened.
     fn say_system(setup: &Setup);

@@ -19,7 +19,7 @@ use super::record::Recorder;
 use super::resume::BeginError;
 use super::rosout::Lines;
 use super::transport::SensorTopics;
-use crate::args::security::{Security, SecurityError};
+use crate::args::security::Security;
 use crate::args::{ArgsError, RmwError, Setup};
 use crate::config::Value;
 use crate::engine::{Engine, Snapshot};
@@ -41,9 +41,6 @@ pub enum ProcessError {
     /// The middleware that was asked for cannot be had.
     #[error(transparent)]
     Rmw(#[from] RmwError),
-    /// The network must not be joined.
-    #[error(transparent)]
-    Security(#[from] SecurityError),
     /// What was saved cannot be begun with.
     #[error(transparent)]
     Begin(#[from] BeginError),
@@ -65,7 +62,7 @@ impl ProcessError {
     pub fn is_configuration(&self) -> bool {
         match self {
             Self::Begin(error) => error.is_configuration(),
-            Self::Security(_) | Self::Rmw(_) | Self::Name(_) => true,
+            Self::Rmw(_) | Self::Name(_) => true,
             Self::Network(error) => {
                 matches!(error, OpenError::Security(_) | OpenError::Name(_) | OpenError::Variable { .. })
             }
@@ -162,7 +159,7 @@ pub fn live_node<T: Middleware, E: From<ProcessError>>(
     begin: impl FnOnce(Adding<T>) -> Result<(), E>,
     done: impl Future<Output = ()>,
 ) -> Result<Arc<Snapshot>, E> {
-    let security = T::security(setup).map_err(ProcessError::from)?;
+    let security = T::check(setup).map_err(ProcessError::from)?;
     let runtime =
         tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(ProcessError::Runtime)?;
     let counts = Rc::new(RefCell::new(Counts::default()));

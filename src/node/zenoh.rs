@@ -42,7 +42,7 @@ use super::readers::{self, Readers};
 use super::seeds::Scans;
 use super::transport::{DISCOVERY, Input, NetworkState, SendError, SensorTopics, Service, Source, Transport};
 use crate::args::Setup;
-use crate::args::security::{Security, SecurityError};
+use crate::args::security::Security;
 use crate::config::Value;
 use crate::msg::outgoing::Outgoing;
 use crate::msg::ros::TriggerResponse;
@@ -213,8 +213,10 @@ async fn close(session: Session) {
 impl Middleware for Zenoh {
     const NAME: &str = "Zenoh";
 
-    fn security(setup: &Setup) -> Result<Security, SecurityError> {
-        setup.security_over_zenoh()
+    fn check(setup: &Setup) -> Result<Security, OpenError> {
+        config::of_process()?;
+        config::router_checks()?;
+        Ok(setup.security_over_zenoh()?)
     }
 
     fn say_system(_: &Setup) {}

@@ -21,7 +21,7 @@ use crate::bag::{Bag, BagError, Decoder, Elsewhere, Recorded, TransformTopics};
 use crate::cloud::Cloud;
 use crate::join::{GivenUp, Join, Joined, Jump, Moment, Waited, with_stamp};
 use crate::msg::ros::{TfMessage, TransformStamped};
-use crate::reason::SHUTDOWN;
+use crate::reason::{Reason, SHUTDOWN};
 use crate::tf::MAX_AGE;
 
 /// Clouds that wait for a transform however long it takes: where there are few in a second, transforms may be few as well.
@@ -85,9 +85,14 @@ pub struct Fed {
 }
 
 impl Fed {
-    /// Whether it was told to stop before anything had become of a scan.
-    pub fn is_for_nothing(&self) -> bool {
-        self.stopped && self.tally.scans == 0 && self.tally.skipped.keys().all(|reason| *reason == SHUTDOWN)
+    /// Whether it was told to stop before a scan was taken in.
+    pub const fn is_for_nothing(&self) -> bool {
+        self.stopped && self.tally.scans == 0
+    }
+
+    /// Whether no scan was taken in, some for want of transforms.
+    fn lacked_transforms(&self) -> bool {
+        !self.stopped && self.tally.scans == 0 && self.tally.skipped.keys().any(Reason::is_of_transforms)
     }
 }
 
@@ -107,7 +112,10 @@ enum Halt {
 /// When the visitor cannot go on, and where it is told to stop before the right frame is known. A bag that cannot be read to its end is no error: [`Fed::unread`] says so.
 pub fn feed<V: Visitor>(feed: Feed<'_>, visitor: &mut V) -> Result<Ended, FeedError<V::Error>> {
     let Feed { bag, mut decoder, fixed_frame, patience, with_messages, stop, progress } = feed;
-    find_transforms(bag, &mut decoder, &fixed_frame, &stop, visitor)?;
+    let others = find_transforms(bag, &mut decoder, &stop, visitor);
+    if !matches!(fixed_frame, FixedFrame::Settled(_)) && let Some(others) = others {
+        return Err(others);
+    }
     let ahead = Ahead::new(bag, decoder, Arc::clone(&stop));
     let reading = Reading::start(bag.messages(), ahead.decoder(), with_messages).map_err(FeedError::Start)?;
     let mut feeder = Feeder {
@@ -126,22 +134,25 @@ pub fn feed<V: Visitor>(feed: Feed<'_>, visitor: &mut V) -> Result<Ended, FeedEr
     if died {
         return Err(FeedError::Died);
     }
-    feeder.finish(halt)
+    match (feeder.finish(halt)?, others) {
+        // The frame that was given is no sensor's own.
+        (Ended::Fed(fed), Some(others)) if fed.lacked_transforms() => Err(others),
+        (ended, _) => Ok(ended),
+    }
 }
 
-/// Where the bag has no transforms on the topics that are read, takes the only others that there are. A sensor is not taken to stand
-/// still while any might tell how it moved.
+/// Where the bag has no transforms on the topics that are read, takes the only others that there are. Where there are several, which
+/// is returned, any might tell how a sensor moved.
 fn find_transforms<V: Visitor>(
     bag: &Bag,
     decoder: &mut Decoder,
-    fixed_frame: &FixedFrame,
     stop: &AtomicBool,
     visitor: &mut V,
-) -> Result<(), FeedError<V::Error>> {
+) -> Option<FeedError<V::Error>> {
     let TransformTopics { changing, lasting } = decoder.transform_topics();
     let survey = bag.survey(stop);
     if !survey.is_complete && stop.load(Ordering::Relaxed) {
-        return Ok(());
+        return None;
     }
     match decoder.transform_topics().elsewhere(&survey.topics) {
         Some(Elsewhere::Pair(pair)) => {
@@ -150,13 +161,13 @@ fn find_transforms<V: Visitor>(
                 pair.changing, pair.lasting
             ));
             decoder.read_transforms_from(pair);
-            Ok(())
+            None
         }
-        Some(Elsewhere::Several(choices)) if !matches!(fixed_frame, FixedFrame::Settled(_)) => {
+        Some(Elsewhere::Several(choices)) => {
             let (changing, lasting) = (changing.clone(), lasting.clone());
-            Err(FeedError::Elsewhere { changing, lasting, choices: Elsewhere::remappings(&choices) })
+            Some(FeedError::Elsewhere { changing, lasting, choices: Elsewhere::remappings(&choices) })
         }
-        _ => Ok(()),
+        None => None,
     }
 }
 

@@ -129,6 +129,10 @@ fn a_sensor_is_not_taken_to_stand_still_while_transforms_of_several_names_could_
         let choice = format!("-r /tf:={robot}/tf -r /tf_static:={robot}/tf_static");
         assert!(found.errors.contains(&choice), "{}", found.errors);
     }
+    // A frame that is none of a sensor's own needs them too, given or not.
+    let given = replay(&bag, &["--ros-args", "-p", "fixed_frame:=map"]);
+    assert_eq!((given.status, given.errors.lines().last()), (2, found.errors.lines().last()));
+    assert!(given.summary.is_none(), "{}", given.errors);
     let fixed_frame = format!("fixed_frame:={OPTICAL}");
     for given in [&["-r", "/tf:=/robot1/tf"][..], &["-p", &fixed_frame]] {
         let found = replay(&bag, &[&["--ros-args"], given].concat());
