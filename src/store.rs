@@ -53,7 +53,7 @@ struct Storing<'a> {
 }
 
 /// The version of the format; no other is read.
-pub const VERSION: u32 = 4;
+pub const VERSION: u32 = 5;
 
 const MAGIC: &[u8; 8] = b"cfodimap";
 const HEADER: usize = 32;

@@ -542,6 +542,36 @@ fn nothing_is_kept_beyond_keep_radius() {
     });
 }
 
+#[test]
+fn what_splits_off_was_seen_when_the_whole_was() {
+    // A floor like a U, whose bend is forgotten once the sensor has gone back.
+    let strip = |x: Range<i32>, y: Range<i32>| x.flat_map(move |x| y.clone().map(move |y| [x, y]));
+    let cells = strip(50..600, 50..100).chain(strip(50..600, -100..-50)).chain(strip(600..650, -100..100));
+    let floor: Vec<_> = cells.map(|cell| cell.map(|at| 0.01 * f64::from(at))).collect();
+    let mut map = Consistent::new(Params::default().with_keep_radius(8.0).unwrap());
+    let mut look = |second: i64, x: f64, floor: &[[f64; 2]]| {
+        let fixed_from_sensor = pose(Vector3::new(x, 0.0, 1.5), 0.0);
+        let sensed =
+            |[x, y]: &[f64; 2]| (fixed_from_sensor.inverse() * Point3::new(*x, *y, 0.02)).coords.into();
+        let points = Points::F64(floor.iter().map(sensed).collect());
+        map.insert(&Scan { stamp: Stamp::from_nanos(1_000_000_000 * second), fixed_from_sensor, points });
+        map.snapshot()
+    };
+    let whole = (1..=20).map(|second| look(second, 0.0, &floor)).last().unwrap();
+    assert_eq!(whole.clusters.len(), 1);
+    let parts = (101..=140).map(|second| look(second, -3.0, &[])).last().unwrap();
+    assert_eq!(parts.clusters.len(), 2);
+    for part in parts.clusters {
+        let seen = [part.first_seen, part.last_seen];
+        assert_eq!(
+            seen,
+            [1, 20].map(|second| Stamp::from_nanos(1_000_000_000 * second)),
+            "{}",
+            part.id.get()
+        );
+    }
+}
+
 /// In voxels far smaller than the noise some patches lose all their voxels to broader ones: what hangs on them has no plane,
 /// and was never told of.
 #[cfg(feature = "sim")]

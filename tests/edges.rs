@@ -198,6 +198,38 @@ fn a_panel_within_a_layer_of_voxels_is_one_surface_from_whatever_side_it_is_seen
 }
 
 #[test]
+fn a_wall_whose_face_noise_from_behind_has_hit_first_faces_who_sees_it() {
+    let mut random = random();
+    for (share, seconds) in
+        [0.1, 0.5, 0.9].into_iter().flat_map(|share| [1, 5].map(|seconds| (share, seconds)))
+    {
+        // Where the face lies in a layer of voxels, which begins at x = 2 m; the other face is 10 cm behind it.
+        let face = 2.0 + 0.08 * share;
+        let mut seen = |from: [f64; 3], at: f64| -> Vec<_> {
+            let distance = (from[0] - at).abs();
+            // What a Kinect has of noise and between two pixels (m).
+            let (sigma, step) = (0.0012 + 0.0019 * (distance - 0.4_f64).powi(2), distance / 525.0);
+            let from = Vector3::from(from);
+            let points = rectangle([at, -0.52, 0.6], [Y, Z], [1.0, 1.0], step).into_iter();
+            points.map(|point| point + (point - from).normalize() * sigma * normal(&mut random)).collect()
+        };
+        let mut map = Consistent::new(Params::default().with_voxel_size(0.08).unwrap());
+        let (behind, before) = ([face + 5.1, 0.0, 1.1], [face - 2.0, 0.0, 1.1]);
+        let looks = 30 * seconds;
+        (1..=looks).for_each(|number| look(&mut map, number, &seen(behind, face + 0.1), behind, PI));
+        (looks + 1..=looks + 6).for_each(|number| look(&mut map, number, &seen(before, face), before, 0.0));
+        (looks + 7..=looks + 21).for_each(|number| look(&mut map, number, &[], before, PI));
+        let snapshot = map.snapshot();
+        let bounds = [2.0..2.08, -0.44..0.4, 0.72..1.52];
+        let clusters = clusters_in(&snapshot, &bounds);
+        let largest = snapshot.clusters.iter().max_by_key(|cluster| clusters.get(&cluster.id.get())).unwrap();
+        let (most, _) = wholeness(&snapshot, &bounds);
+        let [normal, which] = [largest.normal.x, share];
+        assert!(most >= 0.98 && normal < -0.98, "face at {which}, {seconds} s from behind: {most}, {normal}");
+    }
+}
+
+#[test]
 fn a_floor_that_is_seen_from_opposite_ends_of_a_room_faces_up() {
     // At 3 m a ray meets it at 20 degrees, and noise scatters it by more than a quarter of a voxel along the ray.
     let mut random = random();

@@ -108,7 +108,8 @@ pub(crate) fn say_files(bag: &Bag) {
 /// What is said where there is no result.
 fn for_nothing(Tally { skipped, .. }: &Tally) -> String {
     let skipped: Vec<_> = skipped.iter().map(|(reason, count)| format!("{} {count}", reason.key)).collect();
-    let skipped = if skipped.is_empty() { String::new() } else { format!(" (skipped: {})", skipped.join(", ")) };
+    let skipped =
+        if skipped.is_empty() { String::new() } else { format!(" (skipped: {})", skipped.join(", ")) };
     format!("stopped by a signal before a scan was taken in{skipped}: nothing is written")
 }
 

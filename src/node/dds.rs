@@ -11,6 +11,7 @@ mod mismatch;
 mod namesakes;
 mod network;
 mod opener;
+mod opening;
 mod outlet;
 mod parameters;
 mod patience;
@@ -32,6 +33,7 @@ use tracing::warn;
 use self::addresses::say_addresses;
 use self::network::Network;
 use self::opener::{Opener, check_interface, reliable, reliable_output};
+use self::opening::in_time;
 use self::read::Memory;
 pub use self::robot::Robot;
 pub use self::snapshot_reader::SnapshotReader;
@@ -58,6 +60,9 @@ const LARGEST_BURST: usize = 64 << 20;
 /// Time until the network is joined again where no address was there, and how many times it is tried until that is said again.
 const AGAIN: Duration = Duration::from_secs(5);
 const SAID_EVERY: u64 = 12;
+/// How often the network is tried to be joined anew where the middleware fails, as it does when it is stopped meanwhile.
+const FAILURES: u32 = 3;
+const SOON: Duration = Duration::from_millis(500);
 
 /// Adds events to those of the network.
 type Events = Adding<Dds>;
@@ -96,7 +101,7 @@ impl Dds {
 
     /// Joins anew, as soon as one of the interfaces that are asked for is there: after a sleep a wireless one comes back late.
     async fn join_anew(&self, reason: &str) -> Result<(), OpenError> {
-        let mut attempts = 0_u64;
+        let (mut attempts, mut failures) = (0_u64, 0);
         loop {
             match self.try_to_join_anew(reason).await {
                 Err(error @ OpenError::Interface { .. }) => {
@@ -109,6 +114,11 @@ impl Dds {
                     attempts += 1;
                     tokio::time::sleep(AGAIN).await;
                 }
+                Err(error @ OpenError::Open { .. }) if failures + 1 < FAILURES => {
+                    failures += 1;
+                    warn!("{reason}: the network cannot be joined anew: {error}; it is tried again");
+                    tokio::time::sleep(SOON).await;
+                }
                 ended => return ended,
             }
         }
@@ -116,7 +126,8 @@ impl Dds {
 
     /// The network before is left without a farewell, for which its threads may be gone.
     async fn try_to_join_anew(&self, reason: &str) -> Result<(), OpenError> {
-        let anew = Network::open(&self.setup, &self.security, &self.memory, &self.parameters, &self.events)?;
+        let Self { setup, security, memory, parameters, events, .. } = self;
+        let anew = in_time(|| Network::open(setup, security, memory, parameters, events))?;
         warn!("{reason}: the network is joined anew, the map stays");
         let before = self.network.replace(Rc::new(anew));
         before.deafen().await;
@@ -144,7 +155,7 @@ impl Middleware for Dds {
         let (events, receiver) = mpsc::channel(EVENTS);
         let memory = Memory::default();
         let parameters = Rc::new(Parameters::of(setup));
-        let network = Network::open(setup, &security, &memory, &parameters, &events)?;
+        let network = in_time(|| Network::open(setup, &security, &memory, &parameters, &events))?;
         let dds = Self {
             setup: setup.clone(),
             security,

@@ -19,7 +19,7 @@ use super::throttle::Throttle;
 use super::transport::{SendError, Transport};
 use super::vitals::{MapSize, Points, Reach, Vitals};
 use crate::config::Config;
-use crate::engine::{Snapshot, Stamp};
+use crate::engine::Snapshot;
 use crate::msg::caps::Caps;
 use crate::msg::clusters::{Session, SurfaceClusterArray};
 use crate::msg::markers::Markers;
@@ -265,8 +265,9 @@ struct Maps {
     /// What has been said in this session.
     caps: Caps,
     twins: Twins,
-    /// Stamp of the newest polygons. They go out once: nav2's collision monitor takes each that comes too old for a free way.
-    outlined: Option<Stamp>,
+    /// The scan of the newest polygons. They go out once: nav2's collision monitor takes each that comes too old for a free way. The
+    /// newest stamp would not do: where one sensor's is ahead, the scans of the others leave it as it is.
+    outlined: u64,
     /// When the newest map came: the rate may be changed while the node runs.
     came: Option<tokio::time::Instant>,
 }
@@ -279,12 +280,12 @@ impl Maps {
         let now = tokio::time::Instant::now();
         let period = self.came.replace(now).map_or(SPREAD, |before| now - before);
         if std::mem::replace(&mut self.session, session) != session {
-            self.outlined = None;
+            self.outlined = 0;
         }
         for line in self.caps.reached(session, &snapshot) {
             warn!("{line}");
         }
-        let is_newer = std::mem::replace(&mut self.outlined, snapshot.stamp) != snapshot.stamp;
+        let is_newer = std::mem::replace(&mut self.outlined, snapshot.sequence) != snapshot.sequence;
         let twins = Twins { polygons: self.twins.polygons && is_live && is_newer, ..self.twins };
         let session = wire.session(session);
         let mut markers = std::mem::take(&mut self.markers);

@@ -113,7 +113,9 @@ enum Halt {
 pub fn feed<V: Visitor>(feed: Feed<'_>, visitor: &mut V) -> Result<Ended, FeedError<V::Error>> {
     let Feed { bag, mut decoder, fixed_frame, patience, with_messages, stop, progress } = feed;
     let others = find_transforms(bag, &mut decoder, &stop, visitor);
-    if !matches!(fixed_frame, FixedFrame::Settled(_)) && let Some(others) = others {
+    if !matches!(fixed_frame, FixedFrame::Settled(_))
+        && let Some(others) = others
+    {
         return Err(others);
     }
     let ahead = Ahead::new(bag, decoder, Arc::clone(&stop));

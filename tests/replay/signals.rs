@@ -42,7 +42,8 @@ fn before_the_first_scan_earlier_results_stay_and_before_the_topics_are_known_no
     let bag = long_before_its_scan();
     let [path, summary] = ["a.mcap", "s.json"].map(|name| folder.argument(name));
     // Without its summary a bag tells its topics only when all of it is read.
-    for (length, said) in [(bag.len(), "before a scan was taken in"), (bag.len() - 100, "before the topics")] {
+    for (length, said) in [(bag.len(), "before a scan was taken in"), (bag.len() - 100, "before the topics")]
+    {
         folder.put("a.mcap", &bag[..length]);
         // On a busy machine the signal may come when that is over.
         let mut attempts = (0..5).map(|_| {

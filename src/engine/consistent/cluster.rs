@@ -173,10 +173,20 @@ impl Identity {
         }
     }
 
-    /// Takes in what another one was.
-    pub(super) fn take_in(&mut self, other: &Self) {
+    /// One that is new, of voxels that were another's.
+    pub(super) fn part_of(other: &Self) -> Self {
+        Self { last_seen: other.last_seen, ..Self::new(other.first_seen) }
+    }
+
+    /// It was seen whenever another one was.
+    pub(super) fn was_seen_with(&mut self, other: &Self) {
         self.first_seen = self.first_seen.min(other.first_seen);
         self.last_seen = self.last_seen.max(other.last_seen);
+    }
+
+    /// Takes in what another one was.
+    pub(super) fn take_in(&mut self, other: &Self) {
+        self.was_seen_with(other);
         self.merged_from.extend(other.id);
     }
 }

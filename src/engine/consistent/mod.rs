@@ -5,7 +5,8 @@
 //!
 //! 1. A voxel holds count, mean and covariance of its points and the mean of the directions towards the sensor, each scan
 //!    summed exactly and weighed by its noise (`sums`, `noise`). Of a panel up to a quarter of the voxel thick the other
-//!    side counts as seen from the first: its two sides are one surface, those of a wall in two layers of voxels are two.
+//!    side counts as seen from the first, or the first as from the other once that has eight times its weight: its two sides are
+//!    one surface, those of a wall in two layers of voxels are two, whichever face noise from behind it has hit first.
 //!    Its **state** is what these were when its block of 8 x 8 x 8 voxels was published last, or when it became dense
 //!    after that. A block is published with whatever has changed while it is young and when the sensor has turned away;
 //!    in between, not more often than every third scan, when a quarter of a scan's points fall into voxels that were not

@@ -71,6 +71,8 @@ pub(super) struct Moments {
     /// Number of points, halved with the weight.
     pub(super) points: u32,
     pub(super) weight: u32,
+    /// That of the points that were seen from the other side of a thin panel than `towards`.
+    weight_behind: u32,
     /// Weighted mean offset from the corner, in voxels.
     mean: [f32; 3],
     /// Weighted covariance, in voxels^2: xx, xy, xz, yy, yz, zz.
@@ -89,6 +91,8 @@ const MOST_TOWARDS: f64 = 1.0 + 1.0 / 128.0;
 const MOST_THICK: f64 = 0.07;
 /// How much better than a plane that was seen from one side must one fit that was seen from both, in variances.
 const PARTED: f64 = 8.0;
+/// How many times the weight of one side of a panel must that of the other be, for it to be the side that it was seen from.
+const OUTWEIGHS: u64 = 8;
 /// How many points that fill the voxel count with those that it has: of few it is not known how they lie.
 const UNKNOWN: f64 = 16.0;
 
@@ -100,6 +104,7 @@ impl Moments {
         };
         self.points > 0
             && self.points <= self.weight
+            && self.weight_behind <= self.weight
             && u64::from(self.points) <= MOST_POINTS
             && within(&self.mean, 0.0..=1.0)
             && within(&self.covariance, -MOST_COVARIANCE..=MOST_COVARIANCE)
@@ -107,7 +112,8 @@ impl Moments {
     }
 
     /// Adds a scan's points, each of this weight and seen from this direction (of unit length); returns how often the weight
-    /// was halved. What is seen of the other side of a thin panel counts as seen from the first: the two would cancel out.
+    /// was halved. What is seen of the other side of a thin panel counts as seen from the first: the two would cancel out. Where
+    /// the other has far more weight it is taken for the first: a wall's face, too, may have been hit first by noise from behind it.
     pub(super) fn fold(&mut self, scan: &ScanSums, weight: u64, towards: &Vector3<f64>) -> u32 {
         let count = u64::from(scan.count);
         let points = u64::from(self.points) + count;
@@ -115,10 +121,17 @@ impl Moments {
         self.take_in(scan, (weight * count) as f64 / weights as f64);
         let part = count as f64 / points as f64;
         let seen = self.towards();
-        let towards = if self.is_other_side(&seen, towards, points) { -towards } else { *towards };
+        let is_behind = self.is_other_side(&seen, towards, points);
+        let behind = u64::from(self.weight_behind) + if is_behind { weight * count } else { 0 };
+        let is_outweighed = behind > OUTWEIGHS * (weights - behind);
+        let turned = |direction: Vector3<f64>, turns: bool| if turns { -direction } else { direction };
+        let seen = turned(seen, is_outweighed);
+        let towards = turned(*towards, is_behind != is_outweighed);
         self.towards = (seen + (towards - seen) * part).map(|along| along as f32).into();
+        let behind = if is_outweighed { weights - behind } else { behind };
         let halvings = halvings(weights, MOST_WEIGHT).max(halvings(points, MOST_POINTS));
-        (self.points, self.weight) = (((points >> halvings).max(1)) as u32, (weights >> halvings) as u32);
+        self.points = (points >> halvings).max(1) as u32;
+        [self.weight, self.weight_behind] = [weights, behind].map(|weight| (weight >> halvings) as u32);
         halvings
     }
 
@@ -154,7 +167,7 @@ impl Moments {
     }
 
     /// The moments of `points` points whose weights sum to `weight`. `mean` (voxels, from the corner) and `covariance` (voxels^2) are
-    /// weighted; `towards` is the mean of the unit directions towards the sensor.
+    /// weighted; `towards` is the mean of the unit directions towards the sensor, all from one side.
     pub(super) fn new(
         points: u32,
         weight: u32,
@@ -164,7 +177,7 @@ impl Moments {
     ) -> Self {
         let rounded = |exact: Vector3<f64>| exact.map(|part| part as f32).into();
         let covariance = upper(covariance).map(|entry| entry as f32);
-        Self { points, weight, mean: rounded(mean), covariance, towards: rounded(towards) }
+        Self { points, weight, weight_behind: 0, mean: rounded(mean), covariance, towards: rounded(towards) }
     }
 
     /// The moments that a published state tells of its voxel.
@@ -265,11 +278,11 @@ mod tests {
 
         /// As a panel is, of a quarter of a voxel at most, from up to 30 degrees off its normal on either side.
         #[test]
-        fn what_is_seen_from_both_sides_counts_as_seen_from_the_first(
+        fn what_is_seen_from_both_sides_counts_as_seen_from_the_first_or_from_one_that_outweighs_it(
             towards in prop::collection::vec((prop::array::uniform2(-0.4..0.4), any::<bool>()), 1..30), height in 0_u64..3072,
         ) {
             let (mut moments, mut expected) = (Moments::default(), Vector3::zeros());
-            let first = towards[0].1;
+            let (mut side, mut looks) = (towards[0].1, [0_u64; 2]);
             for &([x, y], is_front) in &towards {
                 let mut scan = ScanSums::default();
                 let face = height + if is_front { 1024 } else { 0 };
@@ -277,11 +290,34 @@ mod tests {
                 (0..64).map(place).for_each(|point| scan.add(point));
                 let direction = Vector3::new(x, y, if is_front { 1.0 } else { -1.0 }).normalize();
                 moments.fold(&scan, 1, &direction);
-                expected += if is_front == first { direction } else { -direction };
+                expected += if is_front { direction } else { -direction };
+                looks[usize::from(is_front)] += 1;
+                if looks[usize::from(!side)] > OUTWEIGHS * looks[usize::from(side)] {
+                    side = !side;
+                }
             }
-            expected /= towards.len() as f64;
+            expected *= if side { 1.0 } else { -1.0 } / towards.len() as f64;
             prop_assert!((moments.towards() - expected).amax() < 1e-6, "{} {expected}", moments.towards());
         }
+    }
+
+    #[test]
+    fn a_face_that_noise_from_behind_has_hit_first_is_seen_from_the_front() {
+        let mut moments = Moments::default();
+        let few = |at: u64| {
+            let mut scan = ScanSums::default();
+            (0..6).for_each(|i| scan.add([at * 37 % 4096, i * 600, 4000 - i * 80]));
+            scan
+        };
+        // Half a minute of it.
+        (0..1000).for_each(|at| _ = moments.fold(&few(at), 14, &-Vector3::z()));
+        assert!(moments.towards().z < -0.9, "{}", moments.towards());
+        let mut face = ScanSums::default();
+        (0..400_u64).for_each(|i| face.add([i % 20 * 200, i / 20 * 200, 3900]));
+        (0..3).for_each(|_| _ = moments.fold(&face, 650, &Vector3::z()));
+        assert!(moments.towards().z > 0.9, "{}", moments.towards());
+        (0..1000).for_each(|at| _ = moments.fold(&few(at), 14, &-Vector3::z()));
+        assert!(moments.towards().z > 0.9, "{}", moments.towards());
     }
 
     #[test]

@@ -5,7 +5,7 @@ use std::time::Duration;
 use tokio::sync::Semaphore;
 
 use super::*;
-use crate::engine::{self, Engine, Isometry3, Params, Scan};
+use crate::engine::{self, Engine, Isometry3, Params, Scan, Stamp};
 use crate::msg::ros::TriggerResponse;
 use crate::node::record::tests::{begun, recorded};
 use crate::node::transport::{NetworkState, SensorTopics, Service, Source};
@@ -190,7 +190,7 @@ async fn a_map_from_before_the_first_scan_is_not_live_though_that_scan_overtakes
 
 #[tokio::test]
 async fn the_polygons_of_a_map_go_out_once_and_one_of_no_cluster_among_them() {
-    let slow = Rc::new(Slow { sent: RefCell::default(), through: Semaphore::new(7) });
+    let slow = Rc::new(Slow { sent: RefCell::default(), through: Semaphore::new(8) });
     let wire = Wire {
         outlets: Outlets { transport: Rc::clone(&slow), recorder: None },
         unsent: RefCell::default(),
@@ -203,12 +203,17 @@ async fn the_polygons_of_a_map_go_out_once_and_one_of_no_cluster_among_them() {
             maps.push(snapshot);
         }
     }
-    let shown = [(1, 0, false), (1, 1, true), (1, 1, true), (1, 2, true), (1, 2, true), (2, 2, true)];
+    // Another sensor's scan, whose clock is behind.
+    let mut same_stamp = Snapshot::clone(&maps[2]);
+    same_stamp.sequence += 1;
+    maps.push(Arc::new(same_stamp));
+    let shown =
+        [(1, 0, false), (1, 1, true), (1, 1, true), (1, 2, true), (1, 2, true), (1, 3, true), (2, 2, true)];
     // Of a map that was saved nothing goes out.
     for (session, map, is_live) in shown.into_iter().chain([(3, 2, false)]) {
         let snapshot = Arc::clone(&maps[map]);
         publisher.send(Newest { session, snapshot, is_live }, &wire).await.unwrap();
     }
     let of_none = slow.sent.borrow().iter().filter(|sent| **sent == ("polygon", 0)).count();
-    assert_eq!(of_none, 3, "with each map that is new: {:?}", slow.sent.borrow());
+    assert_eq!(of_none, 4, "with each map that is new: {:?}", slow.sent.borrow());
 }

@@ -8,7 +8,7 @@ use super::{Now, Old, Surfaces};
 use crate::engine::consistent::block::BlockIndex;
 use crate::engine::consistent::cluster::{Cluster, Identity, PlaneFit};
 use crate::engine::consistent::footprint::{Axis, Footprint};
-use crate::engine::consistent::graph::{ComponentId, Outcome};
+use crate::engine::consistent::graph::{ComponentId, Flow, Outcome};
 use crate::engine::consistent::patches::LOOSE;
 use crate::engine::consistent::segmented::Segmented;
 use crate::engine::snapshot;
@@ -116,6 +116,7 @@ impl Surfaces {
                 identities.insert(component, Known::take(cluster, now));
             }
         }
+        let mut parts = parts(&outcome.flows, &identities);
         let mut claims: BTreeMap<ComponentId, Vec<Known>> = BTreeMap::new();
         for (from, known) in identities {
             match votes.heir(from) {
@@ -130,7 +131,9 @@ impl Surfaces {
                 (identity.id.is_none(), identity.id, identity.first_seen)
             });
             let mut claimants = claimants.into_iter();
-            let unknown = || Known { identity: Identity::new(now.stamp), told: None, drawn: None };
+            let part = parts.remove(&component);
+            let new = || part.unwrap_or_else(|| Identity::new(now.stamp));
+            let unknown = || Known { identity: new(), told: None, drawn: None };
             let mut known = claimants.next().unwrap_or_else(unknown);
             for Known { identity: other, .. } in claimants {
                 known.identity.take_in(&other);
@@ -143,6 +146,17 @@ impl Surfaces {
             self.changed.insert(component);
         }
     }
+}
+
+/// Who a component is that patches went to from others, if it is none of these.
+fn parts(flows: &[Flow], identities: &BTreeMap<ComponentId, Known>) -> BTreeMap<ComponentId, Identity> {
+    let mut parts: BTreeMap<_, Identity> = BTreeMap::new();
+    for flow in flows {
+        if let Some(Known { identity, .. }) = identities.get(&flow.from) {
+            parts.entry(flow.to).or_insert_with(|| Identity::part_of(identity)).was_seen_with(identity);
+        }
+    }
+    parts
 }
 
 #[cfg(test)]
