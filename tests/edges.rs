@@ -230,6 +230,29 @@ fn a_wall_whose_face_noise_from_behind_has_hit_first_faces_who_sees_it() {
 }
 
 #[test]
+fn a_panel_that_is_seen_from_behind_now_and_then_faces_that_side_in_the_end() {
+    let panel = rectangle([2.05, -0.52, 0.6], [Y, Z], [1.0, 1.0], 0.01);
+    let (before, behind) = ([0.55, 0.0, 1.1], [3.55, 0.0, 1.1]);
+    let mut map = Consistent::new(Params::default().with_voxel_size(0.08).unwrap());
+    let mut number = 0;
+    let mut looks = |count: i64, points: &[Vector3<f64>], from: [f64; 3], turned: f64| {
+        (0..count).for_each(|i| look(&mut map, number + i, points, from, turned));
+        number += count;
+        map.snapshot()
+    };
+    looks(2, &panel, before, 0.0);
+    // In between it is at rest.
+    let facing = [1, 2, 3, 4].map(|_| {
+        looks(5, &panel, behind, PI);
+        looks(70, &[], behind, 0.0).clusters[0].normal.x
+    });
+    assert!(
+        facing[2] < -0.99 && facing[3] > 0.99,
+        "after 5, 10, 15 and 20 looks for 2 from the front: {facing:?}"
+    );
+}
+
+#[test]
 fn a_floor_that_is_seen_from_opposite_ends_of_a_room_faces_up() {
     // At 3 m a ray meets it at 20 degrees, and noise scatters it by more than a quarter of a voxel along the ray.
     let mut random = random();

@@ -107,7 +107,7 @@ fn drive<T: Middleware>(
         .with_context(|| format!("cannot make {}", options.out.display()))?;
     let (record, recorder) = Record::create(&options.out.join(RESULT), &output_topics(setup)?)?;
     let pictures = Pictures::create(&options.out)?;
-    let mut travelling: Option<JoinHandle<Result<(), String>>> = None;
+    let mut travelling: Option<JoinHandle<Result<bool, String>>> = None;
     let over = Arc::new(AtomicBool::new(false));
     let (arrived, arrival) = oneshot::channel::<()>();
     let (engine, _lock) = begin(setup.config(), false).map_err(ProcessError::from)?;
@@ -139,11 +139,7 @@ fn drive<T: Middleware>(
     over.store(true, Ordering::Release);
     let travelled = travelling.map(JoinHandle::join);
     let map = map?;
-    came_home(travelled)?;
-    if map.sequence == 0 {
-        let text = "no scan of the simulated robot was taken in: it sends clouds on `points`, and transforms from `odom` on";
-        anyhow::bail!(text);
-    }
+    let has_arrived = came_home(travelled)?;
     // What can be written is, whatever becomes of the others.
     let [ply, png] = pictures.names();
     first_of(record.finish().err().into_iter().chain(pictures.complete(&map)))?;
@@ -151,15 +147,21 @@ fn drive<T: Middleware>(
     let files =
         format!("the map: {} and {}; all that was sent: {}", ply.display(), png.display(), result.display());
     tell(format_args!("{}\n{files}", table(&map)))?;
+    if has_arrived && map.sequence == 0 {
+        anyhow::bail!(
+            "no scan was taken in: the simulated robot sends clouds on `points`, and transforms from `odom` on"
+        );
+    }
     Ok(())
 }
 
-/// What became of the robot's thread.
-fn came_home(travelled: Option<std::thread::Result<Result<(), String>>>) -> anyhow::Result<()> {
+/// What became of the robot's thread: whether the robot has gone all its way.
+fn came_home(travelled: Option<std::thread::Result<Result<bool, String>>>) -> anyhow::Result<bool> {
     match travelled {
         Some(Ok(Err(text))) => anyhow::bail!("the simulated robot stopped: {text}"),
         Some(Err(_)) => anyhow::bail!("the simulated robot's thread has died"),
-        Some(Ok(Ok(()))) | None => Ok(()),
+        Some(Ok(Ok(has_arrived))) => Ok(has_arrived),
+        None => Ok(false),
     }
 }
 
@@ -178,7 +180,8 @@ struct Journey<R> {
 }
 
 impl<R> Journey<R> {
-    fn travel(&self) -> Result<(), String> {
+    /// Whether it has gone all its way.
+    fn travel(&self) -> Result<bool, String> {
         let begin = Instant::now();
         self.transforms(self.drive.static_transforms(), true)?;
         for index in 0..self.steps {
@@ -187,7 +190,7 @@ impl<R> Journey<R> {
                 std::thread::sleep(early);
             }
             if self.over.load(Ordering::Acquire) {
-                return Ok(());
+                return Ok(false);
             }
             let step = self.drive.step(index);
             self.transforms(step.tf, false)?;
@@ -201,7 +204,7 @@ impl<R> Journey<R> {
         }
         // Time for the last clouds on their way.
         std::thread::sleep(Duration::from_millis(300));
-        Ok(())
+        Ok(true)
     }
 
     fn transforms(&self, message: TfMessage, is_static: bool) -> Result<(), String> {

@@ -75,10 +75,10 @@ pub trait Middleware: Transport<Request: Send> + Sized {
     /// For a person.
     const NAME: &str;
 
-    /// What the node does about security over this middleware.
+    /// Checks what can be known before anything is opened, and says what the node does about security over this middleware.
     ///
     /// # Errors
-    /// When the node must not open a socket, or cannot be opened whatever the network is like.
+    /// When the node must not open a socket, or could not be opened as it is set up.
     fn check(setup: &Setup) -> Result<Security, OpenError>;
 
     /// Says in the log what the system gives it, before it is opened.

@@ -406,3 +406,18 @@ impl<V: Visitor> Feeder<'_, V> {
         right.map(Ended::WrongFrame).ok_or(FeedError::Stopped)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_stopped_before_a_scan_was_taken_in_is_for_nothing_though_some_were_refused() {
+        let fed = |stopped, scans| {
+            let tally = Tally { scans, skipped: [(AFTER_JUMP, 3), (SHUTDOWN, 1)].into(), ..Tally::default() };
+            Fed { tally, fixed_frame: String::new(), remarks: Vec::new(), unread: None, stopped }
+        };
+        assert!(fed(true, 0).is_for_nothing());
+        assert!(!fed(true, 1).is_for_nothing() && !fed(false, 0).is_for_nothing());
+    }
+}

@@ -5,18 +5,14 @@ use std::fs;
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-use cfodi::msg::ros::PointCloud2;
-
 use crate::Folder;
-use crate::bags::{BagWriter, Layout, OPTICAL, POINTS, cloud, stamp, wall};
+use crate::bags::{BagWriter, Layout, OPTICAL, stamp};
 use crate::program::{Running, listens};
 
-/// Half a gigabyte of messages that nobody reads, before the only scan that can be used; some kilobytes on the disk.
+/// Half a gigabyte of messages that nobody reads, before the only scan; some kilobytes on the disk.
 fn long_before_its_scan() -> Vec<u8> {
     let mut writer = BagWriter::new(Layout::Zstd);
     writer.tf("/tf_static", stamp(0), "map", OPTICAL, 0.0);
-    let without_points = PointCloud2 { point_step: 0, ..cloud(stamp(0), OPTICAL, &wall(0)) };
-    writer.put(POINTS, "sensor_msgs/msg/PointCloud2", stamp(0), &without_points);
     let zeros = vec![0; 1 << 20];
     (0..512).for_each(|_| writer.put_bytes("/blob", "std_msgs/msg/String", stamp(0), &zeros));
     writer.scan(1);

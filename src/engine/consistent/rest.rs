@@ -26,18 +26,36 @@ pub(super) struct Rest {
     dense: Arc<Vec<State>>,
     /// The others.
     others: Box<[State]>,
-    /// Votes of those that were seen through, ascending.
-    votes: Box<[(Cell, Clearance)]>,
+    /// Of the few that have such, ascending: what a state does not hold.
+    beside: Box<[Beside]>,
+}
+
+/// What a voxel holds beside its state.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Beside {
+    cell: Cell,
+    /// How often it was seen through.
+    clearance: Clearance,
+    /// See [`Moments`].
+    weight_behind: u32,
+}
+
+impl Beside {
+    /// `None` where there is nothing.
+    fn of(voxel: &Voxel) -> Option<Self> {
+        let Voxel { cell, clearance, moments: Moments { weight_behind, .. }, .. } = *voxel;
+        let is_something = clearance != Clearance::default() || weight_behind > 0;
+        is_something.then_some(Self { cell, clearance, weight_behind })
+    }
 }
 
 impl Rest {
     /// What is kept of the voxels of a block, ascending; `dense` are the dense ones as they would be published now.
     pub(super) fn new(voxels: &[Voxel], dense: Arc<Vec<State>>) -> Self {
         let is_dense = |voxel: &Voxel| dense.binary_search_by_key(&voxel.cell, State::cell).is_ok();
-        let votes = voxels.iter().map(|voxel| (voxel.cell, voxel.clearance));
         Self {
             others: voxels.iter().filter(|voxel| !is_dense(voxel)).map(State::new).collect(),
-            votes: votes.filter(|(_, votes)| *votes != Clearance::default()).collect(),
+            beside: voxels.iter().filter_map(Beside::of).collect(),
             dense,
         }
     }
@@ -48,10 +66,13 @@ impl Rest {
         voxels.extend(self.dense.iter().map(|state| published(state, seen)));
         voxels.extend(self.others.iter().map(|state| voxel(state, seen)));
         voxels.sort_unstable_by_key(|voxel| voxel.cell);
-        let mut votes = self.votes.iter().peekable();
+        let mut beside = self.beside.iter().peekable();
         for voxel in &mut voxels {
-            if let Some((_, clearance)) = votes.next_if(|(cell, _)| *cell == voxel.cell) {
-                voxel.clearance = *clearance;
+            if let Some(&Beside { clearance, weight_behind, .. }) =
+                beside.next_if(|beside| beside.cell == voxel.cell)
+            {
+                voxel.clearance = clearance;
+                voxel.moments.weight_behind = weight_behind;
             }
         }
         voxels

@@ -72,7 +72,7 @@ pub(super) struct Moments {
     pub(super) points: u32,
     pub(super) weight: u32,
     /// That of the points that were seen from the other side of a thin panel than `towards`.
-    weight_behind: u32,
+    pub(super) weight_behind: u32,
     /// Weighted mean offset from the corner, in voxels.
     mean: [f32; 3],
     /// Weighted covariance, in voxels^2: xx, xy, xz, yy, yz, zz.
