@@ -16,7 +16,7 @@
 //!    voxels anew, or an eighth of what is due besides; the others wait for the next (`pipeline`), so that hardly a scan
 //!    takes twice the usual time. States are rounded to parts of a voxel that no surface is known to (`state`), a third
 //!    of the memory. Where no scan has put a point for 64 scans, whatever was put there is published, and the voxels keep
-//!    no more than that until the next (`rest`).
+//!    no more than that until the next, but for what was seen through them and from behind (`rest`).
 //! 2. The dense voxels of a block form planar **patches**, grown from the flattest places. A voxel belongs to a plane if its points
 //!    lie on it within their noise. Where noise spreads a surface over two layers of voxels, the two patches that are found
 //!    there become one. From what is left, **strips** of sharp voxels that may be one row, and **rough** patches with half a voxel's

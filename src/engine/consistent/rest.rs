@@ -2,8 +2,8 @@
 //! and the surfaces share one copy of it, and what the others hold is as little.
 //!
 //! A block is at rest [`REST`] scans after the last that put a point into it, once everything that was put there is
-//! published. The moments of its voxels are rounded to states by that, to 2^-16 of a voxel. It wakes when a scan puts a
-//! point into it or looks through it, and holds the same then. So a map of ten million voxels takes 90 bytes for each, and
+//! published. The moments of its voxels are rounded to states by that, to 2^-16 of a voxel; what a state has no place for is kept
+//! beside it. It wakes when a scan puts a point into it or looks through it, and holds the same then. So a map of ten million voxels takes 90 bytes for each, and
 //! the work follows the blocks that come into view and leave it.
 
 use std::collections::VecDeque;
