@@ -1,4 +1,4 @@
-//! A block of 8 x 8 x 8 voxels: what each voxel has counted, and when the block's states are to be published.
+//! A block of 8 x 8 x 8 voxels: what each voxel has counted.
 
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -7,8 +7,9 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use super::cells::Cells;
+use super::news::News;
 use super::published::Published;
-use super::rest::{REST, Rest};
+use super::rest::Rest;
 use super::room;
 use super::state::State;
 use super::sums::Moments;
@@ -131,29 +132,8 @@ pub(super) struct Block {
     rest: Option<Arc<Rest>>,
     /// Number of dense voxels.
     pub(super) dense: u32,
-    /// Whether a voxel has become dense, or has doubled its weight, since the block was published.
-    pub(super) changed: bool,
-    /// Whether a scan has put points into a dense voxel since then.
-    pub(super) touched: bool,
-    /// A dense voxel has gone: its place must not be told of any longer.
-    pub(super) lost: bool,
-    /// Published voxels that have drifted since then.
-    pub(super) drifted: u32,
-    /// Points that the newest scan put into dense voxels, and those of them that are in voxels that were not published.
-    pub(super) points: u32,
-    pub(super) unknown: u32,
-    /// The scan in which it was published last; 0 = never.
-    published: u64,
-    /// The scan in which it was published first since the sensor turned to it.
-    begun: u64,
-    /// The scan that put a point here last.
-    pub(super) seen: u64,
+    pub(super) news: News,
 }
-
-/// Scans between two publications of a block.
-const PUBLICATION_INTERVAL: u64 = 3;
-/// Scans without a point after which a block is published whatever has changed in it.
-const LEFT_ALONE: u64 = 15;
 
 impl Block {
     /// A block at this place, without a voxel.
@@ -161,91 +141,24 @@ impl Block {
         Self { key, ..Self::default() }
     }
 
-    /// Whether its states are to be published: at once where a dense voxel has gone; with whatever has changed while it is
-    /// young, and when the sensor has turned away; and where a quarter of the published voxels have drifted or more than a
-    /// quarter of what a scan puts into it lies in voxels that are not known. Where the sensor has stood still (`since`)
-    /// from before it was published, more than half must: new things show so, and what has moved by less than a voxel, and
-    /// its noise, which goes on making voxels dense, hardly ever.
-    pub(super) const fn is_due(&self, sequence: u64, since: u64) -> bool {
-        let is_young = self.published <= self.begun + PUBLICATION_INTERVAL;
-        let is_other = if self.published < since {
-            self.unknown * 4 > self.points || self.drifted * 4 > self.dense
-        } else {
-            self.unknown * 2 > self.points || self.drifted * 2 > self.dense
-        };
-        let waited = self.published == 0 || sequence - self.published >= PUBLICATION_INTERVAL;
-        let turned_away = sequence - self.seen >= LEFT_ALONE;
-        self.lost || self.is_stale() && (waited && (is_young || is_other) || turned_away)
-    }
-
-    /// Whether its states, where they are due, are to be published in this very scan: nothing may be told of what is gone,
-    /// nothing is told yet of what was never published, and what the sensor sees from where it stands (`since`) is soon whole.
-    pub(super) const fn is_urgent(&self, since: u64) -> bool {
-        self.lost || self.published == 0 || self.published >= since
-    }
-
-    /// Whether anything has changed since its states were published.
-    pub(super) const fn is_stale(&self) -> bool {
-        self.lost || self.changed
-    }
-
-    /// Begins to count what a scan puts into it.
-    pub(super) const fn note_seen(&mut self, sequence: u64) {
-        if self.seen != sequence {
-            (self.seen, self.points, self.unknown) = (sequence, 0, 0);
-        }
-    }
-
     /// Notes that its states are published as they are now.
     pub(super) fn note_published(&mut self, sequence: u64, min_points: u32) {
-        let turned_away = sequence - self.seen >= LEFT_ALONE;
-        if self.published == 0 || turned_away {
-            self.begun = sequence;
-        }
         let dense = |voxel: &&mut Voxel| voxel.count >= min_points;
         self.voxels
             .iter_mut()
             .filter(dense)
             .for_each(|voxel| voxel.published = Published::of(&voxel.moments));
-        (self.changed, self.touched, self.lost) = (false, false, false);
-        (self.drifted, self.published) = (0, sequence);
-        (self.points, self.unknown) = (0, 0);
-    }
-
-    /// The scan in which it was published last.
-    pub(super) const fn published(&self) -> u64 {
-        self.published
-    }
-
-    /// That in which it was published first since the sensor turned to it.
-    pub(super) const fn begun(&self) -> u64 {
-        self.begun
-    }
-
-    pub(super) const fn note_begun(&mut self, begun: u64, published: u64) {
-        (self.begun, self.published) = (begun, published);
-    }
-
-    /// Notes that it is time to rest; whether there is something in it that is to be published first.
-    pub(super) const fn note_left(&mut self) -> bool {
-        self.changed |= self.touched;
-        self.is_stale()
-    }
-
-    /// Whether no scan has put a point into it for so long that it is to rest.
-    pub(super) const fn is_left(&self, sequence: u64) -> bool {
-        sequence - self.seen >= REST
+        self.news.note_published(sequence);
     }
 
     /// Whether it is to be put to rest now.
     pub(super) fn is_to_rest(&self, sequence: u64) -> bool {
-        let is_published = !self.is_stale() && !self.touched;
-        !self.is_empty() && !self.is_at_rest() && is_published && self.is_left(sequence)
+        !self.is_empty() && !self.is_at_rest() && self.news.is_told() && self.news.is_left(sequence)
     }
 
     /// Keeps its voxels as they are published, or would be; `states` are the dense ones.
     pub(super) fn rest(&mut self, states: Arc<Vec<State>>) {
-        debug_assert!(self.rest.is_none() && !self.is_stale() && !self.touched);
+        debug_assert!(self.rest.is_none() && self.news.is_told());
         self.rest = Some(Arc::new(Rest::new(&std::mem::take(&mut self.voxels), states)));
     }
 
@@ -259,7 +172,7 @@ impl Block {
 
     /// All voxels of a block at rest.
     fn rested(&self) -> Option<Vec<Voxel>> {
-        self.rest.as_ref().map(|rest| rest.voxels(self.seen))
+        self.rest.as_ref().map(|rest| rest.voxels(self.news.seen()))
     }
 
     pub(super) const fn is_at_rest(&self) -> bool {
@@ -373,61 +286,4 @@ pub(super) const fn offset_of(place: usize) -> [i32; 3] {
 /// The place in [`Around`] of a direction.
 pub(super) const fn place_of([x, y, z]: [i32; 3]) -> usize {
     ((x + 1) * 9 + (y + 1) * 3 + z + 1) as usize
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Whether a block is due after scan `sequence`, and urgent, where the sensor has stood still since scan `since`. The block was
-    /// published in scan 10, and in scan 1 first. The last points came with scan 20, 100 of them, into 40 dense voxels, and some
-    /// of these have changed. `change` says what is different.
-    fn judged(sequence: u64, since: u64, change: impl Fn(&mut Block)) -> (bool, bool) {
-        let (published, begun, seen) = (10, 1, 20);
-        let mut block =
-            Block { published, begun, seen, dense: 40, points: 100, changed: true, ..Block::default() };
-        change(&mut block);
-        (block.is_due(sequence, since), block.is_urgent(since))
-    }
-
-    const NOT_DUE: (bool, bool) = (false, false);
-    const DUE: (bool, bool) = (true, false);
-    const AT_ONCE: (bool, bool) = (true, true);
-
-    #[test]
-    fn a_block_whose_voxels_have_changed_is_due_when_a_quarter_is_new_or_the_sensor_has_turned_away() {
-        assert_eq!(judged(20, 15, |_| ()), NOT_DUE);
-        assert_eq!(judged(20, 15, |block| block.unknown = 25), NOT_DUE);
-        assert_eq!(judged(20, 15, |block| block.unknown = 26), DUE);
-        assert_eq!(judged(20, 15, |block| block.drifted = 10), NOT_DUE);
-        assert_eq!(judged(20, 15, |block| block.drifted = 11), DUE);
-        // Of what was published it is nothing, however much of it.
-        assert_eq!(judged(20, 15, |block| (block.changed, block.unknown) = (false, 100)), NOT_DUE);
-        assert_eq!(judged(34, 30, |_| ()), NOT_DUE);
-        assert_eq!(judged(35, 30, |_| ()), DUE);
-    }
-
-    #[test]
-    fn where_the_sensor_has_stood_since_a_block_was_published_half_must_be_new_and_that_is_urgent() {
-        assert_eq!(judged(20, 10, |block| block.unknown = 50), (false, true));
-        assert_eq!(judged(20, 10, |block| block.unknown = 51), AT_ONCE);
-        assert_eq!(judged(20, 10, |block| block.drifted = 20), (false, true));
-        assert_eq!(judged(20, 10, |block| block.drifted = 21), AT_ONCE);
-        assert_eq!(judged(20, 11, |block| block.unknown = 50), DUE);
-    }
-
-    #[test]
-    fn a_block_is_published_every_third_scan_at_most_but_where_a_voxel_has_gone() {
-        assert_eq!(judged(20, 19, |block| (block.published, block.unknown) = (18, 100)), NOT_DUE);
-        assert_eq!(judged(21, 19, |block| (block.published, block.unknown) = (18, 100)), DUE);
-        assert_eq!(judged(20, 19, |block| (block.published, block.lost) = (19, true)), AT_ONCE);
-    }
-
-    #[test]
-    fn a_young_block_is_due_with_whatever_has_changed_and_one_that_was_never_published_at_once() {
-        assert_eq!(judged(20, 15, |block| block.begun = 6), NOT_DUE);
-        assert_eq!(judged(20, 15, |block| block.begun = 7), DUE);
-        assert_eq!(judged(20, 15, |block| (block.published, block.begun) = (0, 0)), AT_ONCE);
-        assert_eq!(judged(20, 15, |block| (block.published, block.changed) = (0, false)), (false, true));
-    }
 }

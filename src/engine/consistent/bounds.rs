@@ -97,7 +97,7 @@ impl Bounds {
     /// Notes when the blocks were seen last.
     fn note_all(&mut self, grid: &Grid) {
         for (slot, block) in grid.blocks() {
-            self.note_seen(&[slot], block.seen);
+            self.note_seen(&[slot], block.news.seen());
         }
     }
 

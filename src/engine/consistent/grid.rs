@@ -157,12 +157,12 @@ impl Grid {
 
     /// Notes that a block holds points in dense voxels that are not published.
     pub(super) fn note_touched(&mut self, block: BlockIndex) {
-        self.blocks.list[block].touched = true;
+        self.blocks.list[block].news.note_touched();
     }
 
     /// Notes that it is time for a block to rest; whether there is something in it that is to be published first.
     pub(super) fn note_left(&mut self, block: BlockIndex) -> bool {
-        self.blocks.list[block].note_left()
+        self.blocks.list[block].news.note_left()
     }
 
     /// Puts a block to rest whose dense voxels were published as they are now: as these states.
@@ -192,7 +192,7 @@ impl Grid {
         if self.is_dense(&removed) {
             let block = &mut self.blocks.list[block];
             block.dense -= 1;
-            block.lost = true;
+            block.news.note_lost();
             self.blocks.dense -= 1;
         }
         Some(removed)
@@ -204,7 +204,9 @@ impl Grid {
         self.voxels -= block.len();
         block.empty();
         self.blocks.dense -= block.dense;
-        block.lost |= block.dense > 0;
+        if block.dense > 0 {
+            block.news.note_lost();
+        }
         block.dense = 0;
     }
 

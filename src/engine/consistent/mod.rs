@@ -10,10 +10,10 @@
 //!    Its **state** is what these were when its block of 8 x 8 x 8 voxels was published last, or when it became dense
 //!    after that. A block is published with whatever has changed while it is young and when the sensor has turned away;
 //!    in between, not more often than every third scan, when a quarter of a scan's points fall into voxels that were not
-//!    published or a quarter of the voxels have drifted; at once when a dense voxel is gone (`block`, `published`). While
+//!    published or a quarter of the voxels have drifted; at once when a dense voxel is gone (`news`, `published`). While
 //!    the sensor stands still, half of a scan's points must (`standpoint`): its noise adds to the map for long, and moves
-//!    next to nothing of what is told of. While it moves, a scan publishes what cannot wait, and with it 3 m^2 of known
-//!    voxels anew, or an eighth of what is due besides; the others wait for the next (`pipeline`), so that hardly a scan
+//!    next to nothing of what is told of. While it moves, a scan publishes what cannot wait, and as many more of what is due
+//!    as make 3 m^2 with it, or an eighth of these others; the rest waits for the next (`due`), so that hardly a scan
 //!    takes twice the usual time. States are rounded to parts of a voxel that no surface is known to (`state`), a third
 //!    of the memory. Where no scan has put a point for 64 scans, whatever was put there is published, and the voxels keep
 //!    no more than that until the next, but for what was seen through them and from behind (`rest`).
@@ -81,6 +81,7 @@ mod clearing;
 mod cluster;
 mod contacts;
 mod describe;
+mod due;
 mod eigen;
 mod exact;
 mod footprint;
@@ -92,6 +93,7 @@ mod host;
 mod join;
 mod local;
 mod moves;
+mod news;
 mod noise;
 mod outline;
 mod owner;

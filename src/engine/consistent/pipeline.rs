@@ -5,6 +5,7 @@ use nalgebra::Point3;
 use super::block::{BlockIndex, Cell};
 use super::bounds::Bounds;
 use super::clearing::Clearing;
+use super::due::Due;
 use super::frozen::FrozenConsistent;
 use super::grid::{Binned, Grid};
 use super::rest::Leaving;
@@ -15,7 +16,7 @@ use super::standpoint::Standpoint;
 use super::state::states;
 use super::surfaces::Surfaces;
 use crate::engine::key::Partition;
-use crate::engine::now::Taken;
+use crate::engine::now::{Now, Taken};
 use crate::engine::params::Params;
 use crate::engine::saved::{RestoreError, ensure};
 use crate::engine::scan::Scan;
@@ -33,22 +34,12 @@ pub struct Consistent {
     clearing: Option<Clearing>,
     bounds: Bounds,
     standpoint: Standpoint,
-    /// Blocks that wait for being published, ascending.
-    stale: Vec<BlockIndex>,
+    /// Blocks that wait for being published.
+    due: Due,
     /// Blocks that are to rest.
     leaving: Leaving,
     taken: Taken,
 }
-
-/// Area of known dense voxels that one scan publishes anew (m^2); what is due beyond that waits. On the recordings the 99th
-/// percentile of a scan's time is twice the median with it, four times without.
-///
-/// Blocks with the most news first instead of those that wait longest: while the sensor walks round the cabinet (5 cm), the
-/// partition is nearer to that of all voxels as they are (adjusted Rand index 0.82 instead of 0.72), but clusters take 17 % longer;
-/// 4 m^2 or a sixth of the longest waiting gives 0.85 for 8 %.
-const SHARE: f64 = 3.0;
-/// Where more is due, this part of it: what waits is published within half a second or so.
-const PART: u32 = 8;
 
 impl Consistent {
     /// A map without a scan.
@@ -60,7 +51,7 @@ impl Consistent {
             clearing: params.clearing().then(Clearing::new),
             bounds: Bounds::new(&params),
             standpoint: Standpoint::new(),
-            stale: Vec::new(),
+            due: Due::default(),
             leaving: Leaving::default(),
             taken: Taken::default(),
             params,
@@ -79,26 +70,13 @@ impl Consistent {
         self.surfaces.begin();
         self.grid.bin(scan, now.sequence, &mut self.binned);
         done(PipelineStep::Binned);
-        let mut thinned = self.clear(scan);
-        thinned.extend(self.bounds.forget(&mut self.grid, &self.binned.seen, &sensor, now.sequence));
+        let thinned = self.thin(scan, &sensor, now);
         self.standpoint.follow(&scan.fixed_from_sensor, self.params.voxel_size(), now.sequence);
         self.leave();
-        let due = self.due(&thinned);
-        self.surfaces.publish(&self.grid, &due, self.binned.dense.iter().copied(), now);
-        due.iter().for_each(|&block| self.grid.note_published(block, now.sequence));
-        due.iter().for_each(|&block| self.rest(block));
+        self.publish(&thinned, now);
         done(PipelineStep::Partials);
         self.surfaces.note_seen(&self.binned.seen, now);
-        let changed = self.surfaces.describe(&self.params, sensor.z, now);
-        let update = Update {
-            sequence: now.sequence,
-            stamp: now.stamp,
-            changed,
-            removed: self.surfaces.removed(),
-            newly_dense: self.newly_dense(),
-            points_beyond_grid: self.binned.beyond,
-            unclustered_voxels: self.unclustered(),
-        };
+        let update = self.update(&sensor, now);
         self.release(&thinned);
         done(PipelineStep::Globals);
         update
@@ -142,8 +120,7 @@ impl Consistent {
         blocks.into_iter().try_for_each(|block| engine.restore_block(&block))?;
         engine.surfaces.restore(&surfaces, &engine.grid, &engine.params, sequence)?;
         engine.bounds = Bounds::restore(&engine.params, &engine.grid, next as usize);
-        engine.stale =
-            engine.grid.blocks().filter(|(_, block)| block.is_stale()).map(|(slot, _)| slot).collect();
+        engine.due = Due::restore(&engine.grid);
         engine.restore_leaving();
         Ok(engine)
     }
@@ -180,15 +157,41 @@ impl Consistent {
         self.freeze().snapshot()
     }
 
-    /// Takes out what the scan has seen through; returns the blocks that have lost voxels by it.
-    fn clear(&mut self, scan: &Scan) -> Vec<BlockIndex> {
-        let Some(clearing) = &mut self.clearing else { return Vec::new() };
-        clearing.clear(&mut self.grid, scan, self.taken.sequence)
+    /// Takes out what the scan has seen through and what is beyond the bounds; returns the blocks that have lost voxels by it.
+    fn thin(&mut self, scan: &Scan, sensor: &Point3<f64>, now: Now) -> Vec<BlockIndex> {
+        let clearing = self.clearing.as_mut();
+        let mut thinned =
+            clearing.map_or_else(Vec::new, |clearing| clearing.clear(&mut self.grid, scan, now.sequence));
+        thinned.extend(self.bounds.forget(&mut self.grid, &self.binned.seen, sensor, now.sequence));
+        thinned
+    }
+
+    /// Publishes the blocks whose turn it is, and makes their clusters anew.
+    fn publish(&mut self, thinned: &[BlockIndex], now: Now) {
+        let touched = self.binned.seen.iter().chain(thinned);
+        let due = self.due.take(&self.grid, touched, now.sequence, self.standpoint.since());
+        self.surfaces.publish(&self.grid, &due, self.binned.dense.iter().copied(), now);
+        due.iter().for_each(|&block| self.grid.note_published(block, now.sequence));
+        due.iter().for_each(|&block| self.rest(block));
+    }
+
+    /// What the scan has changed of what is told.
+    fn update(&mut self, sensor: &Point3<f64>, now: Now) -> Update {
+        Update {
+            sequence: now.sequence,
+            stamp: now.stamp,
+            changed: self.surfaces.describe(&self.params, sensor.z, now),
+            removed: self.surfaces.removed(),
+            newly_dense: self.newly_dense(),
+            points_beyond_grid: self.binned.beyond,
+            unclustered_voxels: self.unclustered(),
+        }
     }
 
     fn restore_leaving(&mut self) {
         let awake = self.grid.blocks().filter(|(_, block)| !block.is_empty() && !block.is_at_rest());
-        self.leaving = Leaving::restore(awake.map(|(slot, block)| (block.seen, slot)), self.taken.sequence);
+        self.leaving =
+            Leaving::restore(awake.map(|(slot, block)| (block.news.seen(), slot)), self.taken.sequence);
     }
 
     /// Puts the blocks to rest that the sensor has left for long. Those that have changed are published first.
@@ -197,8 +200,8 @@ impl Consistent {
         let woken = self.clearing.as_ref().map_or(&[][..], |clearing| &clearing.woken);
         self.leaving.follow(&self.binned.seen, woken, sequence);
         while let Some(block) = self.leaving.pop(sequence) {
-            if self.grid.block(block).is_left(sequence) && self.grid.note_left(block) {
-                self.stale.push(block);
+            if self.grid.block(block).news.is_left(sequence) && self.grid.note_left(block) {
+                self.due.push(block);
             }
             self.rest(block);
         }
@@ -213,42 +216,6 @@ impl Consistent {
         }
     }
 
-    /// The blocks to be published now, ascending; the other stale ones go on waiting. What has changed is in those that
-    /// the scan put points into and those that have lost voxels.
-    fn due(&mut self, thinned: &[BlockIndex]) -> Vec<BlockIndex> {
-        let grid = &self.grid;
-        self.stale
-            .extend(self.binned.seen.iter().chain(thinned).filter(|&&block| grid.block(block).is_stale()));
-        self.stale.sort_unstable();
-        self.stale.dedup();
-        let (sequence, since) = (self.taken.sequence, self.standpoint.since());
-        let due = self.stale.extract_if(.., |block| grid.block(*block).is_due(sequence, since)).collect();
-        self.first_of(due)
-    }
-
-    /// The blocks, of those that are due (ascending), which are published in this scan: all that cannot wait, and of the
-    /// others, the longest published first, as many as have [`SHARE`] m^2 of voxels, or one in [`PART`] where more wait.
-    fn first_of(&mut self, due: Vec<BlockIndex>) -> Vec<BlockIndex> {
-        let voxels = |&block: &BlockIndex| self.grid.block(block).dense;
-        let (mut first, mut others): (Vec<_>, Vec<_>) =
-            due.into_iter().partition(|&block| self.grid.block(block).is_urgent(self.standpoint.since()));
-        let size = self.params.voxel_size();
-        let share = ((SHARE / (size * size)) as u32).saturating_sub(first.iter().map(voxels).sum());
-        // One at least: a block whose turn never comes would wait for ever.
-        let most = share.max(others.iter().map(voxels).sum::<u32>() / PART).max(1);
-        others.sort_by_key(|&block| self.grid.block(block).published());
-        let mut taken = 0;
-        let later = others.iter().position(|block| {
-            let is_over = taken >= most;
-            taken += voxels(block);
-            is_over
-        });
-        self.stale.extend(others.drain(later.unwrap_or(others.len())..));
-        first.extend(others);
-        first.sort_unstable();
-        first
-    }
-
     /// Takes those of these blocks out that have lost all their voxels. Their places in the list go to others, so this comes
     /// last.
     fn release(&mut self, thinned: &[BlockIndex]) {
@@ -257,7 +224,7 @@ impl Consistent {
             self.surfaces.follow(&self.grid, &moves);
             self.bounds.follow(&moves);
             self.leaving.rename(&moves);
-            moves.rename(&mut self.stale);
+            self.due.rename(&moves);
         }
     }
 

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::block::{Block, BlockKey, CELLS, Cell, EDGE, Voxel};
 use super::grid::Grid;
+use super::news::News;
 use super::published::Published;
 use super::state::State;
 use super::sums::Moments;
@@ -34,13 +35,7 @@ pub(crate) struct SavedConsistent<B = Vec<SavedBlock>> {
 pub(crate) struct SavedBlock {
     key: BlockKey,
     voxels: Vec<SavedVoxel>,
-    changed: bool,
-    drifted: u32,
-    points: u32,
-    unknown: u32,
-    published: u64,
-    begun: u64,
-    seen: u64,
+    news: News,
     /// The states of its dense voxels, by ascending cell.
     pub(super) states: Vec<SavedState>,
 }
@@ -103,13 +98,7 @@ impl SavedBlock {
         Self {
             key: block.key,
             voxels: block.voxels().iter().map(voxel).collect(),
-            changed: block.changed,
-            drifted: block.drifted,
-            points: block.points,
-            unknown: block.unknown,
-            published: block.published(),
-            begun: block.begun(),
-            seen: block.seen,
+            news: block.news.saved(),
             states,
         }
     }
@@ -119,24 +108,14 @@ impl SavedBlock {
         ensure(!self.voxels.is_empty(), || format!("block {key:?} has no voxel"))?;
         let reach = GRID_REACH / EDGE;
         ensure(key.iter().all(|i| (-reach..reach).contains(i)), || format!("block {key:?} is out of reach"))?;
-        let scans = [self.published, self.begun, self.seen];
-        let few =
-            self.drifted as usize <= CELLS && self.unknown <= self.points && self.points <= MAX_POINTS / 4;
-        ensure(few && scans.iter().all(|&scan| scan <= sequence), || {
-            format!(
-                "block {key:?} counts what cannot be: scans {scans:?}, {} drifted, {} of {} points unknown",
-                self.drifted, self.unknown, self.points
-            )
-        })?;
+        self.news.check(key, sequence)?;
         let mut block = Block::new(key);
         for voxel in &self.voxels {
             let is_new = voxel.cell.index() < CELLS && block.restore(voxel.restore()?);
             ensure(is_new, || format!("{:?} of block {key:?} is there twice or outside", voxel.cell))?;
         }
         block.dense = block.awake().iter().filter(|voxel| voxel.count >= params.min_points()).count() as u32;
-        (block.changed, block.drifted, block.seen) = (self.changed, self.drifted, self.seen);
-        (block.points, block.unknown) = (self.points, self.unknown);
-        block.note_begun(self.begun, self.published);
+        block.news = self.news;
         ensure(self.states.len() == block.dense as usize, || {
             format!("block {key:?} has {} dense voxels and states of {}", block.dense, self.states.len())
         })?;

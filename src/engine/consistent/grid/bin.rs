@@ -7,6 +7,7 @@ use nalgebra::{Isometry3, Matrix3, Vector3};
 
 use super::Grid;
 use crate::engine::consistent::block::{Block, BlockIndex, Cell};
+use crate::engine::consistent::news::Folded;
 use crate::engine::consistent::noise::NoiseModel;
 use crate::engine::consistent::received::Received;
 use crate::engine::consistent::sums::ScanSums;
@@ -89,18 +90,12 @@ impl Folding {
         }
         let is_dense = voxel.count >= self.min_points;
         let newly_dense = is_dense && !was_dense;
-        let doubled = is_dense && voxel.published.is_doubled(&voxel.moments);
-        let known = voxel.published.is_known();
-        let drifts = known && doubled && voxel.published.has_begun_to_drift(&voxel.moments);
-        block.note_seen(self.sequence);
-        block.changed |= doubled;
-        block.touched |= is_dense;
-        block.drifted += u32::from(drifts);
+        let has_doubled = is_dense && voxel.published.is_doubled(&voxel.moments);
+        let is_known = voxel.published.is_known();
+        let drifts = is_known && has_doubled && voxel.published.has_begun_to_drift(&voxel.moments);
         block.dense += u32::from(newly_dense);
-        if is_dense {
-            block.points += scan.count;
-            block.unknown += if known { 0 } else { scan.count };
-        }
+        let folded = Folded { points: scan.count, is_dense, is_known, has_doubled, drifts };
+        block.news.note_points(self.sequence, &folded);
         newly_dense
     }
 }

@@ -48,7 +48,7 @@ fn check_slots(engine: &Consistent) {
         }
     }
     assert_eq!(engine.grid.keys().len(), slots);
-    assert!(engine.stale.iter().all(|block| engine.grid.block(*block).is_stale()));
+    assert!(engine.due.stale().iter().all(|block| engine.grid.block(*block).news.is_stale()));
     let restored = Consistent::restore(engine.params, engine.taken, engine.freeze().save()).unwrap();
     let frozen = [engine, &restored].map(|engine| engine.surfaces.freeze());
     let frozen = frozen.map(|surfaces| (surfaces.faces(), surfaces));
