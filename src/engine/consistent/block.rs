@@ -283,6 +283,11 @@ pub(super) const fn offset_of(place: usize) -> [i32; 3] {
     [place / 9 - 1, place / 3 % 3 - 1, place % 3 - 1]
 }
 
+/// The place in [`Around`] of the opposite direction.
+pub(super) const fn opposite(place: usize) -> usize {
+    26 - place
+}
+
 /// The place in [`Around`] of a direction.
 pub(super) const fn place_of([x, y, z]: [i32; 3]) -> usize {
     ((x + 1) * 9 + (y + 1) * 3 + z + 1) as usize

@@ -17,7 +17,7 @@ use nalgebra::{Point3, Vector3};
 
 pub(super) use self::bin::Binned;
 use self::index::Index;
-use super::block::{Around, Block, BlockIndex, BlockKey, Cell, Voxel, offset_of};
+use super::block::{Around, Block, BlockIndex, BlockKey, Cell, Voxel, offset_of, opposite};
 use super::moves::Moves;
 use super::noise::NoiseModel;
 use super::shared::Shared;
@@ -234,7 +234,7 @@ impl Grid {
         self.index.remove(block.key);
         let around = std::mem::take(&mut block.around);
         for (place, other) in around.iter() {
-            self.blocks.list[other].around.set(26 - place, None);
+            self.blocks.list[other].around.set(opposite(place), None);
         }
     }
 
@@ -262,7 +262,7 @@ impl Grid {
             let neighbour = self.index.get([key[0] + dx, key[1] + dy, key[2] + dz]);
             around.set(place, neighbour);
             if let Some(other) = neighbour.filter(|other| *other != index) {
-                self.blocks.list[other].around.set(26 - place, Some(index));
+                self.blocks.list[other].around.set(opposite(place), Some(index));
             }
         }
         self.blocks.list[index].around = around;

@@ -92,6 +92,7 @@ mod held;
 mod host;
 mod join;
 mod local;
+mod meet;
 mod moves;
 mod news;
 mod noise;

@@ -7,7 +7,7 @@ use super::cells::Window;
 use super::held::Held;
 use super::patch::{Patch, PatchId};
 use super::rules::{NOISE_FACTOR, RIM_NOISE_FACTOR, Rules};
-use super::segmented::{SegmentedBlocks, patch, seen_from};
+use super::segmented::{SegmentedBlocks, seen_from};
 use super::state::{Plane, State};
 
 /// Finds the patches that the loose voxels of one block belong to.
@@ -68,7 +68,7 @@ impl<'a> Owners<'a> {
 
     /// What a rival's misfit must be below to take a voxel of its own patch from the one that it is with.
     fn claim(&self, held: &Held, own: PatchId, with: PatchId) -> f64 {
-        let patch = patch(self.segmented, with);
+        let patch = self.segmented.patch(with);
         let handicap = if own == with && patch.is_narrow() { NARROW_HANDICAP } else { 1.0 };
         self.within(held, patch, 1.0).map_or(f64::INFINITY, |misfit| handicap * misfit)
     }
@@ -137,7 +137,7 @@ impl<'a> Owners<'a> {
         let most = RIM_REACH;
         let place = self.around.iter().find(|(_, block)| *block == with.block);
         let Some(at) = place.map(|(place, _)| seen_from(at, offset_of(place))) else { return (most, 1.0) };
-        let patch = patch(self.segmented, with);
+        let patch = self.segmented.patch(with);
         let reach = (1..most).find(|reach| patch.cells.any_in(&Window::around(at, *reach)));
         (reach.unwrap_or(most), self.beside(held, patch, 1.0).unwrap_or(1.0))
     }

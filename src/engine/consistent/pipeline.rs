@@ -255,7 +255,7 @@ impl Consistent {
         let rules = &self.surfaces.rules;
         let segmented =
             self.grid.blocks().map(|(_, block)| Segmented::new(&self.grid, block, rules)).collect();
-        scratch::partition(&self.grid, &segmented, rules)
+        scratch::partition_of(&self.grid, segmented, rules)
     }
 }
 

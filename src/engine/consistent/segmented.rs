@@ -100,8 +100,8 @@ impl Segmented {
         for (state, &number) in states.iter().zip(&owner).filter(|(_, number)| **number != LOOSE) {
             members[usize::from(number)].push(state);
         }
-        let middle = Vector3::from(corner).map(f64::from);
-        let patch = |(states, kind): (&Vec<&State>, _)| Patch::new(states, &middle, kind, rules);
+        let low = Vector3::from(corner).map(f64::from);
+        let patch = |(states, kind): (&Vec<&State>, _)| Patch::new(states, &low, kind, rules);
         // With no room to spare.
         let mut patches = Vec::with_capacity(members.len());
         patches.extend(members.iter().zip(kinds).filter_map(patch));
@@ -117,6 +117,20 @@ impl Segmented {
             patches,
             contacts: Contacts::new(corner),
         }
+    }
+
+    /// The same found anew from the states, with nothing known of what it meets; in the block with this lower corner (voxel
+    /// indices).
+    pub(super) fn anew(&self, corner: [i32; 3], rules: &Rules) -> Self {
+        let admitted = self.loose.iter().filter(|loose| loose.is_admitted());
+        let admitted: Cells = admitted.map(|loose| self.states[loose.place()].cell()).collect();
+        let (admitted, published): (Vec<_>, Vec<_>) =
+            self.states.iter().cloned().partition(|state| admitted.contains(state.cell()));
+        let mut anew = Self::of(published, corner, rules);
+        for state in admitted {
+            anew.admit(state);
+        }
+        anew
     }
 
     /// The number of the patch that a cell is in.
@@ -193,16 +207,20 @@ impl Segmented {
     }
 }
 
-pub(super) fn patch(segmented: &SegmentedBlocks, id: PatchId) -> &Patch {
-    &segmented[id.block].patches[usize::from(id.number)]
-}
+impl SegmentedBlocks {
+    /// The patches of a block.
+    pub(super) fn ids(&self, block: BlockIndex) -> impl Iterator<Item = PatchId> + use<> {
+        (0..self[block].patches.len()).map(move |number| PatchId { block, number: number as u8 })
+    }
 
-/// Where a patch meets others.
-pub(super) fn contacts_of(
-    segmented: &SegmentedBlocks,
-    id: PatchId,
-) -> impl Iterator<Item = (PatchId, Contact)> {
-    segmented[id.block].contacts.of(id.number)
+    pub(super) fn patch(&self, id: PatchId) -> &Patch {
+        &self[id.block].patches[usize::from(id.number)]
+    }
+
+    /// Where a patch meets others.
+    pub(super) fn contacts_of(&self, id: PatchId) -> impl Iterator<Item = (PatchId, Contact)> {
+        self[id.block].contacts.of(id.number)
+    }
 }
 
 /// Contacts between the patches of a block with this lower corner (voxel indices) and those of the block in direction `place`, as

@@ -36,8 +36,8 @@ fn what_scatters_before_a_wall_is_a_slice_of_it_though_it_fits_a_scatter_that_le
         let turn = beside.normal().angle(&wall.normal());
         assert!(beside.slice_of(&wall, &rules).is_some(), "{slope}");
         let all = SegmentedBlocks::from_iter([of_a_block(vec![wall.clone(), scatter.clone(), beside])]);
-        let contact = contacts_of(&all, id(0, 1)).find(|(met, _)| *met == id(0, 2)).unwrap().1;
-        let [scatter, beside] = [1, 2].map(|number| patch(&all, id(0, number)));
+        let contact = all.contacts_of(id(0, 1)).find(|(met, _)| *met == id(0, 2)).unwrap().1;
+        let [scatter, beside] = [1, 2].map(|number| all.patch(id(0, number)));
         assert!(scatter.is_equal_of(beside, &contact, &rules), "{slope}");
         assert!(scatter.misfit(beside, &rules) < scatter.misfit(&wall, &rules), "{slope}");
         (turn > rules.join_angle, host(&all, id(0, 1), &rules))
@@ -73,14 +73,14 @@ fn what_lies_between_floor_and_ramp_is_a_part_of_the_one_that_it_fits_best() {
     let Host::BridgeTo(end) = host(&all, id(0, 1), &rules) else {
         panic!("{:?}", host(&all, id(0, 1), &rules))
     };
-    let misfits = [id(0, 0), id(1, 0)].map(|end| patch(&all, id(0, 1)).misfit(patch(&all, end), &rules));
+    let misfits = [id(0, 0), id(1, 0)].map(|end| all.patch(id(0, 1)).misfit(all.patch(end), &rules));
     assert_eq!(end == id(0, 0), misfits[0] <= misfits[1], "{misfits:?}");
     let [foot, floor, ramp] = [id(0, 1), id(0, 0), id(1, 0)];
     let other = if end == floor { ramp } else { floor };
     let joined = |to: PatchId| {
         let mut all = all.clone();
         all[foot.block].patches[1].host = Host::BridgeTo(end);
-        let contact = contacts_of(&all, foot).find(|(met, _)| *met == to).unwrap().1;
+        let contact = all.contacts_of(foot).find(|(met, _)| *met == to).unwrap().1;
         are_joined(&all, foot, to, &contact, &rules)
     };
     assert!(joined(end) && !joined(other));

@@ -4,13 +4,14 @@ use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use super::{Now, Old, Surfaces};
-use crate::engine::consistent::block::BlockIndex;
+use super::members::Old;
+use super::{Published, Surfaces};
 use crate::engine::consistent::cluster::{Cluster, Identity, PlaneFit};
 use crate::engine::consistent::footprint::{Axis, Footprint};
 use crate::engine::consistent::graph::{ComponentId, Flow, Outcome};
 use crate::engine::consistent::patches::LOOSE;
 use crate::engine::consistent::segmented::Segmented;
+use crate::engine::now::Now;
 use crate::engine::snapshot;
 
 /// Votes of voxels of patches.
@@ -75,13 +76,13 @@ impl Known {
 
 impl Surfaces {
     /// Where the voxels of each component that was touched are now.
-    pub(super) fn votes(&self, blocks: &[BlockIndex], old: &[Old], outcome: &Outcome) -> Votes {
+    pub(super) fn votes(&self, published: Published<'_>, old: &[Old], outcome: &Outcome) -> Votes {
         let mut votes = Votes::default();
         for flow in &outcome.flows {
             votes.entitle(flow.from, flow.weight);
             votes.cast(flow.from, flow.to, flow.weight);
         }
-        for (&block, old) in blocks.iter().zip(old) {
+        for (block, old) in published.iter().zip(old) {
             let [before, now] = [&old.segmented, &self.segmented[block]].map(Segmented::numbers);
             for state in old.segmented.states.iter() {
                 let [before, now] = [&before, &now].map(|numbers| numbers[state.cell().index()]);

@@ -4,8 +4,8 @@
 
 use std::collections::BTreeMap;
 
-use super::Surfaces;
-use crate::engine::consistent::block::{BlockIndex, Cell, offset_of};
+use super::{Published, Surfaces};
+use crate::engine::consistent::block::{BlockIndex, Cell, offset_of, opposite};
 use crate::engine::consistent::cells::Cells;
 use crate::engine::consistent::graph::NodeId;
 use crate::engine::consistent::grid::Grid;
@@ -33,14 +33,14 @@ impl Surfaces {
         }
     }
 
-    /// Loose voxels of other blocks within reach of these (ascending), by ascending block and number.
-    pub(super) fn beside(&self, grid: &Grid, blocks: &[BlockIndex]) -> Vec<Beside> {
+    /// Loose voxels of other blocks within reach of these, by ascending block and number.
+    pub(super) fn beside(&self, grid: &Grid, published: Published<'_>) -> Vec<Beside> {
         let mut near = BTreeMap::<BlockIndex, Cells>::new();
-        for &block in blocks {
+        for block in published.iter() {
             let around = grid.block(block).around.iter();
-            for (place, other) in around.filter(|(_, other)| blocks.binary_search(other).is_err()) {
+            for (place, other) in around.filter(|(_, other)| !published.has(*other)) {
                 let loose = &self.segmented[other].loose_cells;
-                let border = loose.and(&Cells::border(offset_of(26 - place), RIM_REACH));
+                let border = loose.and(&Cells::border(offset_of(opposite(place)), RIM_REACH));
                 if !border.is_empty() {
                     near.entry(other).or_default().extend(&border);
                 }
@@ -54,7 +54,7 @@ impl Surfaces {
             beside.extend(here.loose_cells.ranks_of(&cells).map(|number| {
                 let owner = here.loose[number].owner();
                 if owner != last.0 {
-                    last = (owner, self.is_of(owner, blocks));
+                    last = (owner, self.is_of(owner, published));
                 }
                 Beside { block, number, is_theirs: last.1 }
             }));
@@ -62,10 +62,10 @@ impl Surfaces {
         beside
     }
 
-    /// Whether a node is that of a patch of these blocks (ascending).
-    fn is_of(&self, node: Option<NodeId>, blocks: &[BlockIndex]) -> bool {
+    /// Whether a node is that of a patch of these blocks.
+    fn is_of(&self, node: Option<NodeId>, published: Published<'_>) -> bool {
         let patch = node.and_then(|node| self.patches[node]);
-        patch.is_some_and(|patch| blocks.binary_search(&patch.block).is_ok())
+        patch.is_some_and(|patch| published.has(patch.block))
     }
 
     /// Takes a loose voxel out of the cluster of its owner. That it has another one, or none, from then on is for the caller to note, or
@@ -113,12 +113,12 @@ impl Surfaces {
         self.set_owners(block, given.collect());
     }
 
-    /// Puts the loose voxels of one block beside the patches that they belong to after blocks around it (ascending) were published;
+    /// Puts the loose voxels of one block beside the patches that they belong to after blocks around it were published;
     /// nothing is done where one stays with its patch.
-    pub(super) fn settle_loose(&mut self, grid: &Grid, beside: &[Beside], published: &[BlockIndex]) {
+    pub(super) fn settle_loose(&mut self, grid: &Grid, beside: &[Beside], published: Published<'_>) {
         let Some(&Beside { block, .. }) = beside.first() else { return };
         let around = grid.block(block).around.iter();
-        let new = around.filter(|(_, other)| published.binary_search(other).is_ok());
+        let new = around.filter(|(_, other)| published.has(*other));
         let anew: Vec<_> = new.map(|(place, _)| place).collect();
         let here = &self.segmented[block];
         let owners = Owners::new(grid.block(block), &self.segmented, &self.rules);

@@ -14,12 +14,12 @@ use crate::engine::consistent::describe::shape_of;
 use crate::engine::consistent::footprint::{Axis, Footprint};
 use crate::engine::consistent::graph::{ComponentId, Graph, NodeId, Slots};
 use crate::engine::consistent::grid::Grid;
-use crate::engine::consistent::host::are_joined;
+use crate::engine::consistent::host::joined_with;
+use crate::engine::consistent::meet::meet_all;
 use crate::engine::consistent::patch::PatchId;
 use crate::engine::consistent::rules::Rules;
 use crate::engine::consistent::saved::SavedState;
-use crate::engine::consistent::scratch;
-use crate::engine::consistent::segmented::{Segmented, contacts_of, patch};
+use crate::engine::consistent::segmented::Segmented;
 use crate::engine::key::ClusterId;
 use crate::engine::params::Params;
 use crate::engine::saved::{MOST_REVISIONS, RestoreError, ensure, ensure_counted, in_slots};
@@ -105,7 +105,7 @@ impl Surfaces {
     ) -> Result<(), RestoreError> {
         ensure_counted("the number of ids given", map.ids_given)?;
         self.ids_given = map.ids_given;
-        let ids = scratch::meet(grid, &mut self.segmented, &self.rules);
+        let ids = meet_all(grid, &mut self.segmented, &self.rules);
         self.restore_nodes(map)?;
         self.restore_graph(map, &ids)?;
         let clusters = in_slots("cluster", &map.clusters, map.slots.components())?;
@@ -132,16 +132,13 @@ impl Surfaces {
     }
 
     fn restore_graph(&mut self, map: &SavedSurfaces, ids: &[PatchId]) -> Result<(), RestoreError> {
-        let weight = |&id: &PatchId| (self.node(id), patch(&self.segmented, id).cells.len() as u32);
+        let weight = |&id: &PatchId| (self.node(id), self.segmented.patch(id).cells.len() as u32);
         let weights: BTreeMap<_, _> = ids.iter().map(weight).collect();
         ensure(weights.len() == ids.len(), || format!("{} patches at {} nodes", ids.len(), weights.len()))?;
         let mut edges = Vec::new();
         for &id in ids {
-            for (other, contact) in contacts_of(&self.segmented, id) {
-                if are_joined(&self.segmented, id, other, &contact, &self.rules) {
-                    edges.push((self.node(id), self.node(other)));
-                }
-            }
+            let joined = joined_with(&self.segmented, id, &self.rules);
+            edges.extend(joined.map(|other| (self.node(id), self.node(other))));
         }
         self.graph = Graph::restore(&map.slots, &weights, &edges)?;
         self.patches.set_len(self.graph.node_slots());
