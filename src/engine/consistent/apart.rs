@@ -59,7 +59,7 @@ impl Comparing {
     /// Whether all lie within the first; no edge meets another.
     fn are_within_the_first(&mut self, rings: &Rings) -> bool {
         self.within.ask(rings.iter().skip(1));
-        self.within.count(rings.iter().take(1)).iter().all(|&around| around == 1)
+        self.within.innermost(rings.iter().take(1)).iter().all(Option::is_some)
     }
 }
 

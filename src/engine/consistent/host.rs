@@ -19,12 +19,7 @@ pub(super) fn host(segmented: &SegmentedBlocks, id: PatchId, rules: &Rules) -> H
 /// foot of a ramp, seen from afar, has a plane between those of floor and ramp. `None` where all of them agree.
 fn end_of_bridge(segmented: &SegmentedBlocks, id: PatchId, rules: &Rules) -> Option<PatchId> {
     let own = segmented.patch(id);
-    let ends = || {
-        segmented.contacts_of(id).filter(|&(other, _)| {
-            let end = segmented.patch(other);
-            !end.is_narrow() && !end.is_rough() && !end.is_folded()
-        })
-    };
+    let ends = || segmented.contacts_of(id).filter(|&(other, _)| segmented.patch(other).is_whole());
     // Of two that differ one is turned by half of that at least; on most patches of walls and floors none is.
     let most = (0.5 * rules.join_angle).cos();
     if ends().all(|(other, _)| own.normal().dot(&segmented.patch(other).normal()) >= most) {

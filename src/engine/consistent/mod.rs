@@ -26,7 +26,7 @@
 //!    are no bevel.
 //! 3. Two patches that touch, in a block or across its border, are **joined** when their planes agree in direction and
 //!    where they meet, as far as both are known, or, where both are noisy, each lies well on the other's plane; narrow ones
-//!    also where they are facets of one **bend**, of a radius of two voxels or more; rough ones with each other alone (`join`).
+//!    also where they are facets of one **bend**, of a radius of two voxels or more; rough ones with each other alone (`patch/join`).
 //!    A noisy patch that lies within its noise on the plane of a sharper one, and fits no equal better, is a **slice** of its
 //!    scatter; no equal is one that lies so on that plane too and is turned off it, which leads to another surface. A
 //!    slice is also what is narrow, of a broader one whose plane it lies on, for its own normal may be any (`patch`). A
@@ -90,7 +90,6 @@ mod graph;
 mod grid;
 mod held;
 mod host;
-mod join;
 mod local;
 mod meet;
 mod moves;

@@ -12,12 +12,11 @@ const PUBLICATION_INTERVAL: u64 = 3;
 /// Scans without a point after which a block is published whatever has changed in it.
 const LEFT_ALONE: u64 = 15;
 
-/// What a scan has made of a voxel into which it put points.
+/// What a scan has made of a dense voxel into which it put points.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Folded {
     /// How many.
     pub(super) points: u32,
-    pub(super) is_dense: bool,
     /// Whether it was published before.
     pub(super) is_known: bool,
     /// Whether it has become dense, or has doubled its weight, since it was published.
@@ -101,18 +100,20 @@ impl News {
         self.published
     }
 
-    /// Notes what the scan `sequence` has made of a voxel.
-    pub(super) const fn note_points(&mut self, sequence: u64, voxel: &Folded) {
+    /// Notes that the scan `sequence` put a point into the block.
+    pub(super) const fn note_seen(&mut self, sequence: u64) {
         if self.seen != sequence {
             (self.seen, self.points, self.unknown) = (sequence, 0, 0);
         }
+    }
+
+    /// Notes what that scan has made of a dense voxel.
+    pub(super) const fn note_folded(&mut self, voxel: Folded) {
+        self.touched = true;
         self.changed |= voxel.has_doubled;
-        self.touched |= voxel.is_dense;
         self.drifted += voxel.drifts as u32;
-        if voxel.is_dense {
-            self.points += voxel.points;
-            self.unknown += if voxel.is_known { 0 } else { voxel.points };
-        }
+        self.points += voxel.points;
+        self.unknown += if voxel.is_known { 0 } else { voxel.points };
     }
 
     /// Notes that dense voxels hold what is not published.

@@ -43,7 +43,7 @@ impl Default for Detail {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Outline {
     /// Counter-clockwise seen from where the normal points; the last vertex joins the first. Of several parts that do
-    /// not even touch at a corner, the largest.
+    /// not even touch at a corner, the one with most area.
     pub(crate) boundary: Vec<Point3<f64>>,
     /// Clockwise.
     pub(crate) holes: Vec<Vec<Point3<f64>>>,
@@ -56,6 +56,10 @@ pub(crate) struct Outline {
 pub(crate) struct Drawing {
     tracing: Tracing,
     traced: Rings,
+    /// The traced rings that run around a part, with the area of each less its holes (voxels^2), and those of holes.
+    parts: Vec<usize>,
+    areas: Vec<f64>,
+    holes: Vec<usize>,
     /// The traced rings of the outline, the boundary first.
     kept: Vec<usize>,
     simplifying: Simplifying,
@@ -87,36 +91,41 @@ impl Outline {
 impl Drawing {
     /// Chooses the largest part as the boundary, and its holes; `None` where there is no part.
     fn keep(&mut self, least_hole: u32) -> Option<()> {
-        let Self { traced, kept, .. } = self;
-        let is_part = |&number: &usize| traced.columns(number) >= 0;
-        let (mut largest, mut parts) = (None, 0);
-        for part in (0..traced.len()).filter(is_part) {
-            parts += 1;
-            let area = 0.5 * doubled_area(traced.ring(part));
-            // Of equal parts the first.
-            if largest.is_none_or(|(_, most)| area > most) {
-                largest = Some((part, area));
-            }
-        }
-        let (boundary, _) = largest?;
+        let Self { traced, parts, holes, kept, .. } = self;
+        let all = || (0..traced.len()).map(|number| (number, traced.columns(number)));
+        parts.clear();
+        parts.extend(all().filter(|(_, columns)| *columns >= 0).map(|(number, _)| number));
+        holes.clear();
+        holes.extend(
+            all().filter(|(_, columns)| *columns <= -i64::from(least_hole)).map(|(number, _)| number),
+        );
         kept.clear();
-        kept.push(boundary);
-        let is_large = |&number: &usize| traced.columns(number) <= -i64::from(least_hole);
-        kept.extend((0..traced.len()).filter(|number| !is_part(number)).filter(is_large));
-        if parts > 1 {
-            self.leave_out_of_others();
+        if let [part] = parts[..] {
+            kept.push(part);
+            kept.extend_from_slice(holes);
+            return Some(());
         }
-        Some(())
+        self.keep_largest()
     }
 
-    /// Leaves out the holes of the other parts, of which some may stand in a hole of the boundary.
-    fn leave_out_of_others(&mut self) {
-        let Self { traced, kept, within, .. } = self;
-        let boundary = kept[0];
-        within.ask(kept.iter().skip(1).map(|hole| traced.ring(*hole)));
-        let others = (0..traced.len()).filter(|part| *part != boundary && traced.columns(*part) >= 0);
-        let mut around = within.count(others.map(|part| traced.ring(part))).iter();
-        kept.retain(|ring| *ring == boundary || around.next() == Some(&0));
+    /// The same of several parts, of which some may stand in holes of others.
+    fn keep_largest(&mut self) -> Option<()> {
+        let Self { traced, parts, holes, areas, kept, within, .. } = self;
+        let area = |number: &usize| 0.5 * doubled_area(traced.ring(*number));
+        areas.clear();
+        areas.extend(parts.iter().map(area));
+        within.ask(holes.iter().map(|hole| traced.ring(*hole)));
+        let owners = within.innermost(parts.iter().map(|part| traced.ring(*part)));
+        for (hole, owner) in holes.iter().zip(owners) {
+            // A hole is clockwise: its area is below 0.
+            owner.iter().for_each(|&part| areas[part as usize] += area(hole));
+        }
+        // Of equal parts the first.
+        let largest = (0..parts.len()).max_by(|&a, &b| areas[a].total_cmp(&areas[b]).then(b.cmp(&a)))?;
+        kept.push(parts[largest]);
+        let own = holes.iter().zip(owners).filter(|(_, owner)| **owner == Some(largest as u32));
+        kept.extend(own.map(|(hole, _)| *hole));
+        Some(())
     }
 
     /// Draws the kept rings with as few vertices as `tolerance` allows without one that crosses itself or another.

@@ -1,16 +1,23 @@
-//! A patch: the planar piece of a surface that lies in one block, and when it is a slice of another.
+//! A patch: the planar piece of a surface that lies in one block.
 //!
 //! Positions are in voxels from the corner of voxel (0, 0, 0).
 
+#[cfg(test)]
+pub(super) mod examples;
+mod fold;
+mod join;
+mod slice;
+
 use nalgebra::{Matrix3, UnitVector3, Vector3};
 
+use self::fold::is_folded;
 use super::block::{BlockIndex, EDGE};
 use super::cells::Cells;
 use super::noise::Noise;
 use super::region::{Fit, Region};
-use super::rules::{RIM_NOISE_FACTOR, Rules};
+use super::rules::Rules;
 use super::state::{Plane, State};
-use crate::engine::symmetric::{along, quadratic, upper};
+use crate::engine::symmetric::{quadratic, upper};
 
 /// How a patch was grown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -126,41 +133,12 @@ const CUT: i32 = 2;
 const NARROW: f64 = 1.0;
 /// Standard deviation of noise, in voxels, from which on a patch may be a slice of another's scatter.
 const NOISY: f64 = 0.25;
-/// Part of a noisy patch's noise, as standard deviations, that the one which it is a slice of has at most.
-const SHARPER: f64 = 0.75;
-/// Angle between the normals of a noisy or folded patch and the one that it is a slice of, at most (rad).
-const SLICE_ANGLE: f64 = 0.6;
-/// Angle between the normals of a patch and another that it lies on without meeting it, at most (rad).
-const BESIDE_ANGLE: f64 = 0.4;
-/// Misfit of a slice, at most: scatters of a pillar seen from 6 m have 1.1 on the nearer ones' planes, and from 1.25 on a
-/// wall takes in a door that stands ajar.
-const SLICE: f64 = 1.1;
-/// Misfit of a folded slice, at most: half of it lies off the plane of the one that it is taken to be a slice of.
-const FOLDED_SLICE: f64 = 2.0;
 /// What a voxel of a rough patch counts in a plane by one of a flat patch: where a jamb meets the leaf of its door, voxels hold
 /// both, and turned the leaf's plane by 3 degrees.
 const ROUGH: f64 = 0.1;
-/// Angle from which on two planes that meet within a patch are no single one (rad).
-const FOLD_ANGLE: f64 = 0.12;
-/// Voxels to either side of a crease, at least.
-const FLANK: f64 = 6.0;
-/// Part of a patch's variance across its narrow side that lies along its normal, where a crease of [`FOLD_ANGLE`] runs
-/// through its middle: 0.0009. Where there is less, as in most patches, none does.
-const CREASED: f64 = 0.0009;
-/// Standard deviation of noise along the normal, in voxels, up to which a crease is looked for: the foot of a ramp 6 m away is
-/// noisy, and ties the ramp to the floor.
-const CREASE_NOISE: f64 = 0.45;
-/// Standard deviations by which flanks that are badly known may differ more. A broad patch that is taken to be folded and is not
-/// loses little: one that is folded and not taken to be ties two surfaces together.
-const FOLD_SIGMAS: f64 = 1.5;
-/// Standard deviations by which badly known flanks of a narrow patch may differ more: it may be the only bridge between two parts
-/// of a surface.
-const NARROW_FOLD_SIGMAS: f64 = 3.0;
-/// A patch is much broader than another where its variance across its narrow side is this many times the other's.
-const BROADER: f64 = 2.0;
 
 impl Patch {
-    /// `None` where the states span no plane; `corner` is that of their block.
+    /// `None` of fewer than three states; `corner` is that of their block.
     pub(super) fn new(states: &[&State], corner: &Vector3<f64>, kind: Kind, rules: &Rules) -> Option<Self> {
         let noise = &rules.noise;
         let region = Region::sum(states.iter().map(|state| kind.share(state, noise)));
@@ -175,7 +153,6 @@ impl Patch {
         };
         let towards = states.iter().map(|state| state.towards()).sum::<Vector3<f64>>() / count;
         let noise_variance = quadratic(&blur, &plane.normal);
-        let shows_creases = noise_variance <= CREASE_NOISE * CREASE_NOISE;
         let square = states.iter().map(|state| apart(&state)).sum::<Matrix3<f64>>() / count;
         Some(Self {
             cells: states.iter().map(|state| state.cell()).collect(),
@@ -192,7 +169,7 @@ impl Patch {
             offset_variance: (1.0 / region.weight()) as f32,
             is_rough: kind == Kind::Rough,
             is_cut: is_cut(states),
-            is_folded: kind == Kind::Flat && shows_creases && is_folded(states, &fit, rules),
+            is_folded: kind == Kind::Flat && is_folded(states, &fit, noise_variance, rules),
             host: Host::default(),
         })
     }
@@ -243,7 +220,7 @@ impl Patch {
 
     /// Whether it may lie between two surfaces: where its block cuts off all but two rows, its plane may be any between theirs.
     pub(super) fn may_be_bridge(&self) -> bool {
-        self.is_cut && !self.is_rough && !self.is_folded && !self.is_narrow()
+        self.is_cut && self.is_whole()
     }
 
     pub(super) fn is_noisy(&self) -> bool {
@@ -256,6 +233,11 @@ impl Patch {
 
     pub(super) fn has_less_noise(&self, other: &Self) -> bool {
         self.noise < other.noise
+    }
+
+    /// Whether its plane is that of one surface, known by its own voxels.
+    pub(super) fn is_whole(&self) -> bool {
+        !self.is_rough && !self.is_folded && !self.is_narrow()
     }
 
     pub(super) const fn is_rough(&self) -> bool {
@@ -276,78 +258,10 @@ impl Patch {
     pub(super) fn is_frayed(&self) -> bool {
         self.is_cut || self.is_folded || self.is_narrow()
     }
-
-    /// How well its points lie on the plane of a patch whose slice it may be, up to 1: of a flat one where it is rough, of a
-    /// whole one where it is folded, of one with less noise where it is noisy, of a much broader one where it is narrow, for its
-    /// own normal may be any then. `None` where it is no such slice.
-    pub(super) fn slice_of(&self, other: &Self, rules: &Rules) -> Option<f64> {
-        let turn = self.normal().dot(&other.normal());
-        let is_sharper = other.noise() <= SHARPER * SHARPER * self.noise();
-        let may_be = if self.is_rough {
-            turn > 0.0
-        } else if self.is_folded {
-            !other.is_folded && !other.is_narrow() && turn >= SLICE_ANGLE.cos()
-        } else {
-            self.is_noisy() && is_sharper && turn >= SLICE_ANGLE.cos()
-                || self.is_narrow()
-                    && f64::from(other.breadth) >= BROADER * f64::from(self.breadth)
-                    && self.towards.dot(&other.normal) > 0.0
-        };
-        let may_be = may_be && !other.is_rough;
-        let most = if self.is_folded { FOLDED_SLICE } else { SLICE };
-        may_be.then(|| self.misfit(other, rules)).filter(|misfit| *misfit <= most)
-    }
-
-    /// Whether its points lie on the plane of another that it need not meet, as far as a slice's do.
-    pub(super) fn lies_on(&self, other: &Self, rules: &Rules) -> bool {
-        self.normal().dot(&other.normal()) >= BESIDE_ANGLE.cos() && self.misfit(other, rules) <= 1.0
-    }
-
-    /// How far its points are off the plane of another, by what is allowed of a slice.
-    pub(super) fn misfit(&self, other: &Self, rules: &Rules) -> f64 {
-        let (normal, off) = (other.normal(), other.height_of(&self.mean()));
-        let square = off * off + along(self.square.map(f64::from), &normal);
-        let noise = along(self.blur.map(f64::from), &normal);
-        let flatness = rules.rim_flatness * rules.rim_flatness;
-        square / (RIM_NOISE_FACTOR * RIM_NOISE_FACTOR * noise + flatness)
-    }
 }
 
 fn single(entries: [f64; 6]) -> [f32; 6] {
     entries.map(|entry| entry as f32)
-}
-
-/// Whether a crease runs through a patch with this fit: the voxels to either side of its middle have planes of different
-/// directions. Tried are the two axes of the grid that lie nearest to its plane, and their diagonals.
-fn is_folded(states: &[&State], fit: &Fit, rules: &Rules) -> bool {
-    if fit.variances[0] < CREASED * fit.variances[1] {
-        return false;
-    }
-    let steepest = fit.plane.normal.iamax();
-    let [a, b] = [1, 2].map(|next| Vector3::ith((steepest + next) % 3, 1.0));
-    [a, b, a + b, a - b].iter().any(|across| is_folded_along(across, states, fit, rules))
-}
-
-fn is_folded_along(across: &Vector3<f64>, states: &[&State], fit: &Fit, rules: &Rules) -> bool {
-    let Fit { plane, variances } = fit;
-    let mut flanks = [Region::default(); 2];
-    for state in states {
-        let is_beyond = across.dot(&(state.mean() - plane.point)) > 0.0;
-        flanks[usize::from(is_beyond)].join(&Region::one(state, &rules.noise));
-    }
-    if flanks.iter().any(|flank| flank.voxels() < FLANK) {
-        return false;
-    }
-    let [Some(one), Some(other)] = flanks.map(|flank| flank.fit()) else { return false };
-    let tilt_variance = tilt_variance(&flanks[0], &one) + tilt_variance(&flanks[1], &other);
-    // Each flank faces the sensor by itself: one that is seen along its plane may have its normal on the other side.
-    let angle = one.plane.normal.dot(&other.plane.normal).abs().min(1.0).acos();
-    let (least, sigmas) = if variances[1] < NARROW {
-        (rules.join_angle, NARROW_FOLD_SIGMAS)
-    } else {
-        (FOLD_ANGLE, FOLD_SIGMAS)
-    };
-    angle > least.max(sigmas * tilt_variance.sqrt())
 }
 
 /// Variance of the tilt of a region's plane about its most uncertain axis (rad^2).
@@ -360,56 +274,6 @@ fn is_cut(states: &[&State]) -> bool {
         let mut rows = states.iter().map(|state| state.cell().coordinates()[axis]);
         rows.clone().all(|row| row < CUT) || rows.all(|row| row >= EDGE - CUT)
     })
-}
-
-/// Patches of known surfaces, for tests.
-#[cfg(test)]
-pub(super) mod examples {
-    use super::super::block::{Cell, Voxel};
-    use super::super::sums::ScanSums;
-    use super::*;
-    use crate::engine::params::Params;
-
-    /// Rows of eight voxels along x, each with points on the surface z = `height`(y) that is seen from above.
-    pub(in super::super) fn rows(rows: std::ops::Range<i32>, height: impl Fn(f64) -> f64) -> Patch {
-        rows_from(1.0, rows, height)
-    }
-
-    /// The same with the noise of a sensor at this distance (m).
-    pub(in super::super) fn rows_from(
-        distance: f64,
-        rows: std::ops::Range<i32>,
-        height: impl Fn(f64) -> f64,
-    ) -> Patch {
-        let (states, rules) = (states(distance, &Vector3::z(), rows, height), Rules::new(&Params::default()));
-        let states: Vec<_> = states.iter().collect();
-        Patch::new(&states, &Vector3::zeros(), Kind::Flat, &rules).unwrap()
-    }
-
-    /// The voxels of such rows, seen from this direction.
-    pub(in super::super) fn states(
-        distance: f64,
-        towards: &Vector3<f64>,
-        rows: std::ops::Range<i32>,
-        height: impl Fn(f64) -> f64,
-    ) -> Vec<State> {
-        let noise = Params::default().noise_model();
-        let mut states = Vec::new();
-        for (x, y) in rows.flat_map(|y| (0..8).map(move |x| (x, y))) {
-            let middle = f64::from(y) + 0.5;
-            let z = height(middle).floor();
-            let mut scan = ScanSums::default();
-            for (a, b) in (0..64_u64).flat_map(|a| (0..64_u64).map(move |b| (a, b))) {
-                let up = height(f64::from(y) + (b as f64 + 0.5) / 64.0) - z;
-                scan.add([a * 64 + 32, b * 64 + 32, (up.clamp(0.0, 0.999) * 4096.0) as u64]);
-            }
-            let mut voxel = Voxel::new(Cell::at([x, y, z as i32]));
-            voxel.count = scan.count;
-            voxel.moments.fold(&scan, noise.weight(distance), towards);
-            states.push(State::new(&voxel));
-        }
-        states
-    }
 }
 
 #[cfg(test)]
@@ -427,55 +291,5 @@ mod tests {
             let [sure, unsure] = [&flat, &rough].map(|patch| patch.weight_of(&state, &noise));
             assert!(unsure > 0.0 && unsure <= 0.2 * sure, "{unsure} of {sure}");
         }
-    }
-
-    #[test]
-    fn a_narrow_patch_on_a_broad_one_s_plane_is_a_slice_of_it_whatever_its_normal() {
-        let rules = Rules::new(&Params::default());
-        let floor = rows(0..5, |_| 2.3);
-        let strip = rows(5..7, |y| 2.3 + 0.3 * (y - 6.0));
-        let angle = floor.normal().angle(&strip.normal());
-        assert!(angle > rules.join_angle, "{angle}");
-        assert!(strip.may_be_slice() && strip.is_frayed());
-        assert!(strip.slice_of(&floor, &rules).is_some());
-        // Neither the other way round, nor of one that is no broader, nor where it rises from the floor.
-        assert!(!floor.may_be_slice() && floor.slice_of(&strip, &rules).is_none());
-        assert_eq!(strip.slice_of(&rows(3..5, |_| 2.3), &rules), None);
-        assert_eq!(rows(5..7, |y| 2.3 + (y - 5.0)).slice_of(&floor, &rules), None);
-    }
-
-    #[test]
-    fn a_patch_with_a_crease_is_a_slice_of_one_of_the_two_surfaces_and_what_is_bent_less_is_none() {
-        let rules = Rules::new(&Params::default());
-        let ramp = 18.0_f64.to_radians().tan();
-        let [floor, foot] = [rows(0..8, |_| 2.3), rows(0..8, |y| 2.3 + ramp * (y - 4.0).max(0.0))];
-        // By its direction it would be joined with either.
-        assert!(floor.normal().angle(&foot.normal()) < rules.join_angle);
-        assert!(foot.is_folded() && foot.is_frayed() && foot.may_be_slice());
-        assert!(foot.slice_of(&floor, &rules).is_some());
-        // Neither is a flat patch or a slope, nor what is bent over its whole length by as little.
-        let slope = rows(0..8, |y| 2.3 + ramp * (y - 4.0));
-        let bent = rows(0..8, |y| 2.3 + 0.01 * (y - 4.0) * (y - 4.0));
-        assert!([&floor, &slope, &bent].iter().all(|patch| !patch.is_folded()));
-        assert_eq!(
-            foot.slice_of(&foot.clone(), &rules),
-            None,
-            "two folded ones would tie the surfaces together"
-        );
-    }
-
-    #[test]
-    fn what_is_bent_a_little_is_not_folded_because_one_flank_was_seen_from_behind() {
-        let rules = Rules::new(&Params::default());
-        // The sensor is above one flank's plane and below the other's.
-        let grazing = Vector3::new(0.0, 1.0, 0.03).normalize();
-        let is_folded = |bend: f64| {
-            let states = states(1.0, &grazing, 0..8, |y| 2.3 + (bend / 2.0) * (y - 4.0).abs());
-            let mut all = Region::default();
-            states.iter().for_each(|state| all.join(&Region::one(state, &rules.noise)));
-            let states: Vec<_> = states.iter().collect();
-            is_folded_along(&Vector3::y(), &states, &all.fit().unwrap(), &rules)
-        };
-        assert_eq!([0.1, 0.2].map(is_folded), [false, true]);
     }
 }

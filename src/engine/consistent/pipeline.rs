@@ -212,7 +212,7 @@ impl Consistent {
         let here = self.grid.block(block);
         if here.is_to_rest(self.taken.sequence) {
             debug_assert_eq!(states(&self.grid, here), **self.surfaces.states(block));
-            self.grid.rest(block, self.surfaces.rest(block));
+            self.grid.rest(block, self.surfaces.states_to_rest(block));
         }
     }
 

@@ -19,7 +19,7 @@ use super::view::Clearance;
 /// Scans without a point after which a block is to rest.
 pub(super) const REST: u64 = 64;
 
-/// What a block at rest keeps of its dense voxels.
+/// What a block at rest keeps of its voxels.
 #[derive(Clone, Debug)]
 pub(super) struct Rest {
     /// The dense ones, as the surfaces have them.

@@ -102,7 +102,7 @@ impl Segmented {
         }
         let low = Vector3::from(corner).map(f64::from);
         let patch = |(states, kind): (&Vec<&State>, _)| Patch::new(states, &low, kind, rules);
-        // With no room to spare.
+        // With no room to spare. Each has the voxels of a seed at least, so none is left out, and numbers stay.
         let mut patches = Vec::with_capacity(members.len());
         patches.extend(members.iter().zip(kinds).filter_map(patch));
         let is_loose = |number: u8| patches.get(usize::from(number)).is_none_or(Patch::is_frayed);

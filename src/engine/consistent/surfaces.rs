@@ -130,7 +130,7 @@ impl Surfaces {
     }
 
     /// The dense voxels of a block that is to rest, as they were published; what is kept of it takes no room to spare.
-    pub(super) fn rest(&mut self, block: BlockIndex) -> Arc<Vec<State>> {
+    pub(super) fn states_to_rest(&mut self, block: BlockIndex) -> Arc<Vec<State>> {
         if !self.segmented[block].contacts.is_fit() {
             self.segmented[block].contacts.fit();
         }

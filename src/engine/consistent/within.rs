@@ -1,8 +1,8 @@
 //! Which rings lie within others, many at once.
 //!
 //! A ring that meets no other lies within it wholly or not at all, so that any of its points tells. One is taken on a
-//! line through the middles of columns, which nearly every ring crosses, and the others are counted that have been
-//! entered along that line below it. Lines are shared by the rings of a row, and an edge crosses no more of them than it
+//! line through the middles of columns, which nearly every ring crosses, and of the others that have been entered along that
+//! line below it and not left, the last is the innermost around it. Lines are shared by the rings of a row, and an edge crosses no more of them than it
 //! is long: costs O(n log n) for n columns at the rim. Lengths in columns.
 
 use nalgebra::Vector2;
@@ -19,7 +19,9 @@ pub(crate) struct Within {
     /// The lines that these lie on, by their x, ascending.
     lines: Vec<f64>,
     met: Vec<Met>,
-    counts: Vec<i32>,
+    /// The rings that have been entered and not left, from the outermost to the innermost.
+    entered: Vec<u32>,
+    innermost: Vec<Option<u32>>,
 }
 
 /// What is met along a line.
@@ -31,8 +33,10 @@ struct Met {
 
 #[derive(Clone, Copy, Debug)]
 enum What {
-    /// A ring is entered, 1, or left, -1.
-    Crossing(i32),
+    /// The ring of this number is entered.
+    Entry(u32),
+    /// It is left.
+    Exit(u32),
     /// The point of this number.
     Point(u32),
 }
@@ -48,30 +52,41 @@ impl Within {
         self.lines.dedup();
     }
 
-    /// How many of `around` each of the rings lies within, which meets none of these; they run counter-clockwise.
-    pub(crate) fn count<'a>(&mut self, around: impl Iterator<Item = &'a [Vertex]>) -> &[i32] {
-        let Self { points, lines, met, counts } = self;
+    /// The innermost of `around` that each of the rings lies within, by their numbers; it meets none of these, and they run
+    /// counter-clockwise and do not cross.
+    pub(crate) fn innermost<'a>(&mut self, around: impl Iterator<Item = &'a [Vertex]>) -> &[Option<u32>] {
+        let Self { points, lines, met, entered, innermost } = self;
         met.clear();
         met.extend((0..).zip(&*points).map(|(number, &at)| Met { at, what: What::Point(number) }));
-        for (a, b) in around.flat_map(edges) {
-            let (least, most) = (a.x.min(b.x), a.x.max(b.x));
-            let turn = if a.x < b.x { 1 } else { -1 };
-            let from = lines.partition_point(|line| *line < least);
-            let crossed = lines[from..].iter().take_while(|line| **line < most);
-            met.extend(crossed.map(|&line| Met { at: on_line(a, b, line), what: What::Crossing(turn) }));
-        }
-        met.sort_unstable_by(|a, b| a.at.x.total_cmp(&b.at.x).then(a.at.y.total_cmp(&b.at.y)));
-        counts.clear();
-        counts.resize(points.len(), 0);
-        // At the end of a line all rings have been left.
-        let mut entered = 0;
-        for met in &*met {
-            match met.what {
-                What::Crossing(turn) => entered += turn,
-                What::Point(number) => counts[number as usize] = entered,
+        for (number, ring) in (0..).zip(around) {
+            for (a, b) in edges(ring) {
+                let (least, most) = (a.x.min(b.x), a.x.max(b.x));
+                let what = if a.x < b.x { What::Entry(number) } else { What::Exit(number) };
+                let from = lines.partition_point(|line| *line < least);
+                let crossed = lines[from..].iter().take_while(|line| **line < most);
+                met.extend(crossed.map(|&line| Met { at: on_line(a, b, line), what }));
             }
         }
-        counts
+        met.sort_unstable_by(|a, b| a.at.x.total_cmp(&b.at.x).then(a.at.y.total_cmp(&b.at.y)));
+        innermost.clear();
+        innermost.resize(points.len(), None);
+        // At the end of a line all rings have been left.
+        entered.clear();
+        for met in &*met {
+            match met.what {
+                What::Entry(ring) => entered.push(ring),
+                What::Exit(ring) => leave(entered, ring),
+                What::Point(number) => innermost[number as usize] = entered.last().copied(),
+            }
+        }
+        innermost
+    }
+}
+
+/// Takes a ring from the end of those that have been entered: it is the last, but for one that is left at the same place.
+fn leave(entered: &mut Vec<u32>, ring: u32) {
+    if let Some(place) = entered.iter().rposition(|other| *other == ring) {
+        entered.remove(place);
     }
 }
 

@@ -90,12 +90,16 @@ impl Folding {
         }
         let is_dense = voxel.count >= self.min_points;
         let newly_dense = is_dense && !was_dense;
-        let has_doubled = is_dense && voxel.published.is_doubled(&voxel.moments);
-        let is_known = voxel.published.is_known();
-        let drifts = is_known && has_doubled && voxel.published.has_begun_to_drift(&voxel.moments);
         block.dense += u32::from(newly_dense);
-        let folded = Folded { points: scan.count, is_dense, is_known, has_doubled, drifts };
-        block.news.note_points(self.sequence, &folded);
+        block.news.note_seen(self.sequence);
+        if is_dense {
+            let voxel = block.at(rank);
+            let has_doubled = voxel.published.is_doubled(&voxel.moments);
+            let is_known = voxel.published.is_known();
+            let drifts = is_known && has_doubled && voxel.published.has_begun_to_drift(&voxel.moments);
+            let folded = Folded { points: scan.count, is_known, has_doubled, drifts };
+            block.news.note_folded(folded);
+        }
         newly_dense
     }
 }

@@ -398,12 +398,24 @@ fn parts_that_touch_at_a_corner_share_a_boundary_and_others_are_left_out() {
     assert!(outline.boundary.iter().all(|point| point.x > 5.9));
 }
 
+/// The outermost columns of a square.
+fn frame(corner: i32, side: i32) -> impl Iterator<Item = Column> {
+    let last = corner + side - 1;
+    square([corner; 2], side).filter(move |column| column.iter().any(|&c| c == corner || c == last))
+}
+
+#[test]
+fn the_largest_part_is_the_one_with_most_area_whatever_stands_around_it() {
+    let thing = full(&frame(0, 15).chain(square([3, 3], 9)).collect::<Vec<_>>()).outline();
+    assert!((thing.area - 81.0).abs() < 1.5 && thing.holes.is_empty(), "{thing:?}");
+    let is_middle = |column: &Column| column.iter().all(|c| (6..9).contains(c));
+    let holed = square([3, 3], 9).filter(|column| !is_middle(column));
+    let holed = full(&frame(0, 15).chain(holed).collect::<Vec<_>>()).outline();
+    assert!((holed.area - 72.0).abs() < 1.5 && holed.holes.len() == 1, "{holed:?}");
+}
+
 #[test]
 fn the_hole_of_a_part_within_a_hole_is_not_the_boundarys() {
-    let frame = |corner: i32, side: i32| {
-        let last = corner + side - 1;
-        square([corner; 2], side).filter(move |column| column.iter().any(|&c| c == corner || c == last))
-    };
     let outline = full(&frame(0, 15).chain(frame(4, 7)).collect::<Vec<_>>()).outline();
     assert_eq!(outline.holes.len(), 1);
     assert!((outline.area - 56.0).abs() < 1.5, "{outline:?}");

@@ -24,16 +24,20 @@ pub(super) fn drawn(traced: &Rings, detail: &Detail) -> Rings {
     rings
 }
 
-/// The largest part, the first of equals, and the holes that lie in no other.
+/// The part with most area less its holes, the first of equals, and these holes: those around which it is the smallest.
 fn kept(traced: &Rings, least_hole: u32) -> Vec<usize> {
-    let (mut parts, holes): (Vec<_>, Vec<_>) = (0..traced.len()).partition(|ring| traced.columns(*ring) >= 0);
-    let area = |ring: &usize| doubled_area(traced.ring(*ring));
-    parts.sort_by(|a, b| area(b).total_cmp(&area(a)));
-    let is_kept = |hole: &usize| {
-        let is_in = |part: &usize| lies_within(traced.ring(*hole)[0], traced.ring(*part));
-        traced.columns(*hole) <= -i64::from(least_hole) && is_in(&parts[0]) && !parts[1..].iter().any(is_in)
+    let area = |ring: usize| doubled_area(traced.ring(ring));
+    let parts = || (0..traced.len()).filter(|part| traced.columns(*part) >= 0);
+    let is_large = |hole: &usize| traced.columns(*hole) <= -i64::from(least_hole);
+    let owner = |hole: usize| {
+        let around = parts().filter(|part| lies_within(traced.ring(hole)[0], traced.ring(*part)));
+        around.min_by(|a, b| area(*a).total_cmp(&area(*b)))
     };
-    std::iter::once(parts[0]).chain(holes.into_iter().filter(is_kept)).collect()
+    let holes_of =
+        |part: usize| (0..traced.len()).filter(is_large).filter(move |hole| owner(*hole) == Some(part));
+    let rest = |part: usize| area(part) + holes_of(part).map(area).sum::<f64>();
+    let largest = parts().max_by(|a, b| rest(*a).total_cmp(&rest(*b)).then(b.cmp(a))).unwrap();
+    std::iter::once(largest).chain(holes_of(largest)).collect()
 }
 
 /// Whether no edge meets another but at its ends, and all rings lie within the first.

@@ -1,8 +1,8 @@
 //! When two patches that meet are one surface.
 
-use super::contacts::Contact;
-use super::patch::Patch;
-use super::rules::Rules;
+use super::Patch;
+use crate::engine::consistent::contacts::Contact;
+use crate::engine::consistent::rules::Rules;
 
 /// Pairs of voxels that make a contact.
 const MIN_PAIRS: u32 = 3;
@@ -14,7 +14,7 @@ const JOIN_SIGMAS: f64 = 3.0;
 /// What a badly known plane excuses at most (rad): 20 degrees.
 const MAX_JOIN_ANGLE: f64 = 0.35;
 /// What each of two patches adds to the distance between their planes that is allowed, in standard deviations of its noise.
-const CUT: f64 = 0.8;
+const CUT_SIGMAS: f64 = 0.8;
 /// Part of what is allowed of a slice that two scatters may be off each other.
 const WELL: f64 = 0.5;
 /// Angle between the facets of a bend, at most (rad): 75 degrees.
@@ -28,7 +28,7 @@ const FACET: usize = 12;
 
 impl Patch {
     /// Whether two patches that meet so are one surface; a rough one is none with a flat one. Free of order.
-    pub(super) fn joins(&self, other: &Self, contact: &Contact, rules: &Rules) -> bool {
+    pub(in super::super) fn joins(&self, other: &Self, contact: &Contact, rules: &Rules) -> bool {
         self.is_rough() == other.is_rough()
             && (contact.pairs >= MIN_PAIRS || self.is_in_line_with(other, rules))
             && self.has_direction_of(other, rules)
@@ -36,7 +36,7 @@ impl Patch {
     }
 
     /// Whether a flat patch is one surface with another that has less noise, and so need be no slice of a third.
-    pub(super) fn is_equal_of(&self, other: &Self, contact: &Contact, rules: &Rules) -> bool {
+    pub(in super::super) fn is_equal_of(&self, other: &Self, contact: &Contact, rules: &Rules) -> bool {
         !self.is_rough()
             && !self.is_folded()
             && other.has_less_noise(self)
@@ -64,7 +64,7 @@ impl Patch {
 
     /// Whether two patches that meet the same third are no single surface: their directions differ, or they are turned by more
     /// than those of one surface are when both are known, and each lies off the plane of the other.
-    pub(super) fn differs_from(&self, other: &Self, rules: &Rules) -> bool {
+    pub(in super::super) fn differs_from(&self, other: &Self, rules: &Rules) -> bool {
         let is_off = || self.misfit(other, rules).min(other.misfit(self, rules)) > 1.0;
         let is_turned = self.normal().dot(&other.normal()) < rules.join_angle.cos();
         !self.has_direction_of(other, rules) || is_turned && is_off()
@@ -99,7 +99,7 @@ impl Patch {
         let heights = [self, other].map(|patch| patch.height_of(&meeting));
         let variance = self.height_variance(&meeting) + other.height_variance(&meeting);
         // Where a block ends within the scatter, each of the two sees one side of it.
-        let cut = CUT * (self.noise().sqrt() + other.noise().sqrt());
+        let cut = CUT_SIGMAS * (self.noise().sqrt() + other.noise().sqrt());
         let allowed = (JOIN_SIGMAS * variance.sqrt()).clamp(most, 2.0 * most) + cut;
         (heights[0] - heights[1]).abs() <= allowed
     }
