@@ -6,7 +6,7 @@ use std::f64::consts::PI;
 use std::ops::Range;
 
 use cfodi::engine::consistent::Consistent;
-use cfodi::engine::{ClusterId, Isometry3, Params, Points, Scan, Snapshot, Stamp};
+use cfodi::engine::{ClusterId, Isometry3, NoiseModel, Params, Points, Scan, Snapshot, Stamp};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 /// The points of a rectangle, a `step` from each other (m): a corner, and its two sides with their lengths (m).
@@ -295,5 +295,40 @@ fn what_scatters_beyond_an_edge_is_no_part_of_the_outline() {
         let (area, expected) = (wall.area.unwrap(), width * 0.56);
         let off = (area - expected).abs();
         assert!(off < 0.03 * expected, "points {step} m apart from {sensor} m: {area} of {expected} m2");
+    }
+}
+
+/// How a board of 1 x 0.8 m, 3 m ahead, is told of that a lidar passes with eight lines 10 cm apart, one for each row of voxels,
+/// fifteen times: how far its normal is off, by its standard deviations, the larger of these (rad), and the confidence of its class.
+fn board_in_lines(uniform: &mut impl FnMut() -> f64) -> (f64, f64, f32) {
+    let params = Params::default().with_voxel_size(0.1).unwrap().with_noise_model(NoiseModel::None);
+    let mut map = Consistent::new(params.with_min_points(5).unwrap());
+    for number in 1..=15 {
+        let lines = (0..8).flat_map(|line| (0..100).map(move |at| (line, at)));
+        let point = |(line, at)| {
+            let [y, z] = [0.01 * f64::from(at) - 0.495, 0.1 * f64::from(line) + 0.05];
+            Vector3::new(3.05 + 0.02 * normal(uniform), y, z)
+        };
+        let points: Vec<_> = lines.map(point).collect();
+        look(&mut map, number, &points, [0.0, 0.0, 0.4], 0.0);
+    }
+    let snapshot = map.snapshot();
+    let board = snapshot.clusters.iter().max_by_key(|cluster| cluster.voxel_count).unwrap();
+    let [x, y] =
+        [0, 1].map(|axis| board.pose.rotation.to_rotation_matrix().matrix().column(axis).into_owned());
+    let off = Vector3::new(-1.0, 0.0, 0.0);
+    let off = [-off.dot(&y), off.dot(&x)];
+    let covariance = board.plane_covariance.unwrap();
+    let sigmas = [0, 1].map(|turn| covariance[(turn, turn)].sqrt());
+    let worst = (off[0] / sigmas[0]).abs().max((off[1] / sigmas[1]).abs());
+    (worst, sigmas[0].max(sigmas[1]), board.class_confidence)
+}
+
+#[test]
+fn what_is_seen_in_single_lines_is_known_as_well_as_its_points_say() {
+    let mut uniform = random();
+    for _ in 0..8 {
+        let (off, sigma, confidence) = board_in_lines(&mut uniform);
+        assert!(off < 3.0 && sigma < 0.02 && confidence > 0.8, "{off} sigmas of {sigma}, {confidence}");
     }
 }

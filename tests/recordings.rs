@@ -32,9 +32,13 @@ fn sizes(labels: impl Iterator<Item = Option<u64>>) -> (usize, usize) {
     (count.len(), count.values().filter(|&&n| n >= 10).count())
 }
 
+/// A voxel in no cluster is one by itself.
 fn agreement(snapshot: &Snapshot, statics: &[Option<u64>]) -> f64 {
-    let labels = snapshot.voxels.iter().map(|voxel| voxel.cluster.map(ClusterId::get));
-    adjusted_rand_index(&labels.zip(statics.iter().copied()).collect::<Vec<_>>())
+    let pairs =
+        snapshot.voxels.iter().zip(statics).map(|(voxel, number)| {
+            (voxel.cluster.map(ClusterId::get).ok_or(voxel.key), number.ok_or(voxel.key))
+        });
+    adjusted_rand_index(&pairs.collect::<Vec<_>>())
 }
 
 fn accept(name: &str, step: usize, test: &str, accepted: &Accepted) {

@@ -24,6 +24,13 @@ struct Member {
     cluster: Option<u64>,
 }
 
+impl Member {
+    /// The number of its cluster, or its key where it is in none.
+    fn label(&self) -> Result<u64, VoxelKey> {
+        self.cluster.ok_or(self.key)
+    }
+}
+
 /// How many clusters there are, and how well their normals are those of their members.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Quality {
@@ -70,14 +77,14 @@ impl Clustering {
         self.voxels.iter().map(|voxel| (voxel.key, voxel.cluster))
     }
 
-    /// The adjusted Rand index over the voxels that are dense in both; `None` without any.
+    /// The adjusted Rand index over the voxels that are dense in both, each in no cluster being one by itself; `None` without any.
     pub(super) fn agreement(&self, other: &Self) -> Option<f64> {
         let in_other = |key| {
             let place = other.voxels.binary_search_by_key(&key, |voxel| voxel.key).ok()?;
-            Some(other.voxels[place].cluster)
+            Some(other.voxels[place].label())
         };
         let pairs: Vec<_> =
-            self.voxels.iter().filter_map(|voxel| Some((voxel.cluster, in_other(voxel.key)?))).collect();
+            self.voxels.iter().filter_map(|voxel| Some((voxel.label(), in_other(voxel.key)?))).collect();
         (!pairs.is_empty()).then(|| adjusted_rand_index(&pairs))
     }
 }
@@ -178,5 +185,16 @@ mod tests {
         let a = clustering(&[(None, Some(1)), (None, Some(1)), (None, Some(2)), (None, None)], &[]);
         let b = clustering(&[(None, Some(5)), (None, Some(5)), (None, Some(4))], &[]);
         assert_eq!(a.agreement(&b), Some(1.0));
+    }
+
+    #[test]
+    fn what_is_in_no_cluster_is_nothing_to_agree_about() {
+        let of = |cluster| {
+            clustering(
+                &[(None, Some(1)), (None, Some(cluster)), (None, None), (None, None), (None, None)],
+                &[],
+            )
+        };
+        assert_eq!(of(1).agreement(&of(2)), Some(0.0));
     }
 }

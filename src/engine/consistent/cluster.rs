@@ -6,7 +6,7 @@ use nalgebra::{Matrix3, UnitVector3, Vector3};
 
 use serde::{Deserialize, Serialize};
 
-use super::exact::Exact;
+use super::exact::{Exact, Weight};
 use super::footprint::{Axis, Content, Footprint};
 use super::state::State;
 use crate::engine::class::SurfaceClass;
@@ -55,7 +55,7 @@ pub(super) struct Member<'a> {
 pub(super) struct Share {
     /// The lower corner of its block.
     pub(super) corner: [i32; 3],
-    pub(super) weight: f64,
+    pub(super) weight: Weight,
     /// The normal of its patch, and the noise along it.
     pub(super) normal: UnitVector3<f64>,
     pub(super) noise: f64,
@@ -138,7 +138,7 @@ pub(super) struct PlaneFit {
     pub(super) point: Vector3<f64>,
     pub(super) normal: UnitVector3<f64>,
     /// Inverse variance at `point`.
-    pub(super) weight: f64,
+    pub(super) information: f64,
     pub(super) covariance: Matrix3<f64>,
     /// Mean variance of the points along their patches' normals that is noise.
     pub(super) noise: f64,
@@ -220,8 +220,8 @@ impl Cluster {
         }
         let covariance = self.sums.covariance();
         let normal = UnitVector3::new_normalize(normal_towards(&covariance, &self.sums.towards()));
-        let (point, weight, noise) = (self.sums.mean(), self.sums.weight(), self.sums.noise());
-        Some(PlaneFit { point, normal, weight, covariance, noise })
+        let (point, information, noise) = (self.sums.mean(), self.sums.information(), self.sums.noise());
+        Some(PlaneFit { point, normal, information, covariance, noise })
     }
 
     pub(super) fn add(&mut self, member: &Member) {

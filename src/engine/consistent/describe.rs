@@ -108,7 +108,7 @@ fn plane_covariance(
         moment(&y, &y), -moment(&x, &y), my,
         -moment(&x, &y), moment(&x, &x), -mx,
         my, -mx, 1.0,
-    ) * (plane.weight / (size * size));
+    ) * (plane.information / (size * size));
     let noise = information.cholesky()?.inverse();
     let part = SMALL / area.max(SMALL);
     let waves = WAVES * WAVES * plane.mean_square() * size * size * part;
@@ -130,7 +130,7 @@ mod tests {
         let plane = PlaneFit {
             point: Vector3::zeros(),
             normal: Vector3::z_axis(),
-            weight: 1e5,
+            information: 1e5,
             covariance: Matrix3::from_diagonal(&Vector3::new(x, y, 0.0)),
             noise: 0.0,
         };

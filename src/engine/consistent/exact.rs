@@ -15,9 +15,20 @@ const UNITS: f64 = 1_048_576.0;
 /// Units of a voxel's weight in a fit.
 const WEIGHT_UNITS: f64 = 64.0;
 
+/// What a voxel counts in the fit of a plane.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Weight {
+    /// Inverse variance of its mean, in voxels^-2.
+    pub(super) most: f64,
+    /// The part of that which it counts, 0 to 1: it may hold what is not of the plane.
+    pub(super) part: f64,
+}
+
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Exact {
     weight: i128,
+    /// Weights by the part that each is of the inverse variance: the variance of the weighted sum of the means.
+    variance: i128,
     sum: [i128; 3],
     /// xx, xy, xz, yy, yz, zz.
     squares: [i128; 6],
@@ -37,19 +48,23 @@ impl Exact {
     pub(super) fn of(
         state: &State,
         corner: [i32; 3],
-        weight: f64,
+        weight: Weight,
         normal: &Vector3<f64>,
         noise: f64,
     ) -> Self {
         // Of two numbers of 64 bits the product of 128 is a single instruction.
         let by = |a: i64, b: i64| i128::from(a) * i128::from(b);
-        let weight = nearest(weight * WEIGHT_UNITS).max(1);
+        let Weight { most, part } = weight;
+        let weight = nearest(most * part * WEIGHT_UNITS).max(1);
         let whole = |value: f64| nearest(value * UNITS);
+        // What counts by so little that it is rounded up counts by that.
+        let part = whole(weight as f64 / (most * WEIGHT_UNITS)).max(1);
         let (mean, towards) = (state.mean(), state.towards());
         let mean: [i64; 3] = std::array::from_fn(|axis| whole(mean[axis]) + (i64::from(corner[axis]) << 20));
         let weighted = mean.map(|mean| weight * mean);
         Self {
             weight: weight.into(),
+            variance: by(weight, part),
             sum: weighted.map(i128::from),
             squares: PAIRS.map(|(i, j)| by(weighted[i], mean[j])),
             spread: upper(&state.spread()).map(|spread| by(weight, whole(spread))),
@@ -69,6 +84,7 @@ impl Exact {
 
     fn combine(&mut self, other: &Self, by: impl Fn(i128, i128) -> i128) {
         self.weight = by(self.weight, other.weight);
+        self.variance = by(self.variance, other.variance);
         (0..3).for_each(|i| self.sum[i] = by(self.sum[i], other.sum[i]));
         (0..6).for_each(|i| self.squares[i] = by(self.squares[i], other.squares[i]));
         (0..6).for_each(|i| self.spread[i] = by(self.spread[i], other.spread[i]));
@@ -81,9 +97,11 @@ impl Exact {
         self.weight == 0
     }
 
-    /// Inverse variance of the plane's place at the mean, in voxels^-2.
-    pub(super) fn weight(&self) -> f64 {
-        self.weight as f64 / WEIGHT_UNITS
+    /// Inverse variance of the plane's place at the mean, in voxels^-2. Where all voxels count the same part it is that of their
+    /// means, however small that part.
+    pub(super) fn information(&self) -> f64 {
+        let weight = self.weight as f64 / WEIGHT_UNITS;
+        weight * weight / (self.variance as f64 / (WEIGHT_UNITS * UNITS))
     }
 
     /// Weighted mean, in voxels.

@@ -13,6 +13,7 @@ use nalgebra::{Matrix3, UnitVector3, Vector3};
 use self::fold::is_folded;
 use super::block::{BlockIndex, EDGE};
 use super::cells::Cells;
+use super::exact::Weight;
 use super::noise::Noise;
 use super::region::{Fit, Region};
 use super::rules::Rules;
@@ -250,8 +251,9 @@ impl Patch {
     }
 
     /// What one of its voxels counts in the plane of its cluster.
-    pub(super) fn weight_of(&self, state: &State, noise: &Noise) -> f64 {
-        state.weight_on(&self.normal(), noise) * if self.is_rough { ROUGH } else { 1.0 }
+    pub(super) fn weight_of(&self, state: &State, noise: &Noise) -> Weight {
+        let most = state.mean_weight(noise) * if self.is_rough { ROUGH } else { 1.0 };
+        Weight { most, part: state.part_on(&self.normal()) }
     }
 
     /// Whether each of its voxels may as well be another one's: it is cut, folded or narrow.
@@ -288,7 +290,11 @@ mod tests {
         let rough = Patch { is_rough: true, ..flat.clone() };
         let noise = Rules::new(&Params::default()).noise;
         for state in states(1.0, &Vector3::z(), 0..4, |_| 2.3) {
-            let [sure, unsure] = [&flat, &rough].map(|patch| patch.weight_of(&state, &noise));
+            let weight = |patch: &Patch| {
+                let Weight { most, part } = patch.weight_of(&state, &noise);
+                most * part
+            };
+            let [sure, unsure] = [&flat, &rough].map(weight);
             assert!(unsure > 0.0 && unsure <= 0.2 * sure, "{unsure} of {sure}");
         }
     }

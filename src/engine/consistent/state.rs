@@ -118,11 +118,11 @@ impl State {
         1.0 / (variance + BIAS * BIAS)
     }
 
-    /// What its mean counts in a fit of a surface with this normal: the less, the less of the voxel's cross section its points
-    /// cover, for at the rim of a surface they may be of the edge of a board.
-    pub(super) fn weight_on(&self, normal: &Vector3<f64>, noise: &Noise) -> f64 {
+    /// What part of [`Self::mean_weight`] its mean counts in a fit of a surface with this normal: the less, the less of the voxel's
+    /// cross section its points cover, for at the rim of a surface they may be of the edge of a board.
+    pub(super) fn part_on(&self, normal: &Vector3<f64>) -> f64 {
         let covered = (FULL * area_across(self.spread_entries(), normal)).clamp(0.0, 1.0);
-        self.mean_weight(noise) * covered * covered
+        covered * covered
     }
 
     /// Whether its points cover less than half of what a plane through the voxel has of it, whatever way that is turned: those of a
