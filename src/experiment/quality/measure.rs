@@ -113,7 +113,7 @@ impl Measure {
         match self {
             Self::AsFromScratch => {
                 "of every 50th scan and the last those after which the clusters are, up to their names, what the method's definition gives \
-                 from scratch on the same voxels; a value for each run"
+                 from scratch on the same voxels, in `consistent` as each was published last; a value for each run"
             }
             Self::Coverage => {
                 "of the scored voxels of seen surfaces those that are in a cluster; a value for each run"
