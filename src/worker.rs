@@ -8,16 +8,20 @@
 //! Whoever wants all of the map gets it as it was frozen after a scan, which takes a moment: a snapshot is made of that on a
 //! thread of its own, `cfodi-map`, and what is to be saved comes out frozen. Meanwhile no scan is taken in: where that would cost
 //! scans, as in large maps of mode `paper`, it takes a tenth of the time at most, however often it is asked for; and what is made
-//! of it takes half of a core at most ([`Took::rest`]).
+//! of it takes half of a core at most ([`Took::rest`]). A map that has stayed as it was is neither frozen nor made again: the snapshot
+//! before comes once more.
+
+mod making;
 
 use std::collections::VecDeque;
-use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::{Builder, JoinHandle};
 use std::time::{Duration, Instant};
 
+use self::making::Making;
 use crate::engine::{Engine, Frozen, Params, Scan, Snapshot, Update};
-use crate::thread::{panic_text, spawn_or_run};
+use crate::thread::panic_text;
 
 /// What the worker has to say.
 #[derive(Clone, Debug)]
@@ -161,6 +165,13 @@ struct Task {
     stop: bool,
 }
 
+impl Task {
+    /// Whether the map may be another afterwards.
+    const fn touches_map(&self) -> bool {
+        self.session.is_some() || self.params.is_some() || self.scan.is_some()
+    }
+}
+
 #[derive(Default)]
 struct Mailbox {
     pending: Mutex<Pending>,
@@ -218,7 +229,7 @@ impl Mailbox {
 
 impl Worker {
     /// Starts the thread `cfodi-engine` with the map of `engine` under the id `session`; at most `places` scans wait for
-    /// it. `sink` is called on that thread, and with snapshots on another, never with one of a session after outputs of the next.
+    /// it. `sink` is called on that thread, and with new snapshots on another, never with one of a session after outputs of the next.
     ///
     /// # Errors
     /// When the system gives no thread.
@@ -251,7 +262,8 @@ impl Worker {
     }
 
     /// Asks for the map: after the next scan where one waits, and after all scans when the worker is about to end. It is put off
-    /// while the one before is being made, and after it where that took long ([`Took::rest`]).
+    /// while the one before is being made, and after it where that took long ([`Took::rest`]). Where nothing has come since that could
+    /// have changed the map, it is the one before, with what that took.
     pub fn request_snapshot(&self) {
         self.mailbox.put(|pending| pending.snapshot = true);
     }
@@ -335,6 +347,9 @@ fn work(
 ) {
     loop {
         let task = mailbox.take();
+        if task.touches_map() {
+            making.forget();
+        }
         if let Some(Beginning { session: new, is_jump }) = task.session {
             making.finish();
             mailbox.lock().off = None;
@@ -355,17 +370,21 @@ fn work(
             let update = engine.insert(&scan);
             sink(Output::Scan { session, points: scan.points.len(), update, took: start.elapsed() });
         }
+        let mut makes = task.snapshot;
         if task.snapshot {
             making.finish();
+            if let Some((snapshot, took)) = making.newest() {
+                makes = false;
+                sink(Output::Snapshot { session, snapshot, took });
+            }
         }
         // Frozen once for both.
         let start = Instant::now();
-        let map = (task.snapshot || task.save).then(|| Arc::new(engine.freeze()));
+        let map = (makes || task.save).then(|| Arc::new(engine.freeze()));
         let freezing = start.elapsed();
-        if let Some(map) = map.clone().filter(|_| task.snapshot) {
+        if let Some(map) = map.clone().filter(|_| makes) {
             mailbox.lock().off = Some(Off::Making);
-            let (mailbox, sink) = (Arc::clone(mailbox), sink.clone());
-            making.begin(move || make(&mailbox, session, map, freezing, sink));
+            making.begin(mailbox, session, (map, freezing), sink.clone());
         }
         if let Some(map) = map.filter(|_| task.save) {
             sink(Output::Saved { session, map });
@@ -373,50 +392,6 @@ fn work(
         if task.stop {
             making.finish();
             return;
-        }
-    }
-}
-
-/// Makes a snapshot of a map that it took so long to freeze.
-fn make(mailbox: &Mailbox, session: u64, map: Arc<Frozen>, freezing: Duration, mut sink: impl FnMut(Output)) {
-    let mut made = Made { mailbox, took: None };
-    let start = Instant::now();
-    let snapshot = Arc::new(map.snapshot());
-    drop(map);
-    let took = Took { freezing, making: start.elapsed() };
-    sink(Output::Snapshot { session, snapshot, took });
-    made.took = Some(took);
-}
-
-/// Lets the next snapshot begin when it is dropped, after a pause where this one was made.
-struct Made<'a> {
-    mailbox: &'a Mailbox,
-    took: Option<Took>,
-}
-
-impl Drop for Made<'_> {
-    fn drop(&mut self) {
-        match self.took {
-            Some(took) => self.mailbox.rest(took),
-            None => self.mailbox.put(|pending| pending.off = None),
-        }
-    }
-}
-
-/// The thread that makes a snapshot, one at a time.
-#[derive(Default)]
-struct Making(Option<JoinHandle<()>>);
-
-impl Making {
-    /// Has it made; here, where the system gives no thread.
-    fn begin(&mut self, make: impl FnOnce() + Send + 'static) {
-        self.0 = spawn_or_run(Builder::new().name("cfodi-map".to_owned()), make);
-    }
-
-    /// Waits for its end, and panics as it has.
-    fn finish(&mut self) {
-        if let Some(Err(panic)) = self.0.take().map(JoinHandle::join) {
-            resume_unwind(panic);
         }
     }
 }

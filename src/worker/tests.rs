@@ -1,3 +1,4 @@
+use std::panic::resume_unwind;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::Duration;
 
@@ -96,6 +97,38 @@ fn a_snapshot_that_was_put_off_comes_and_that_of_a_new_session_at_once() {
     assert_eq!(worker.reset(2), 0);
     worker.request_snapshot();
     assert!(matches!(outputs.recv_timeout(PATIENCE).unwrap(), Output::Snapshot { session: 2, .. }));
+}
+
+/// A robot at its dock, its driver off.
+#[test]
+fn of_a_map_that_stays_as_it_is_the_same_snapshot_comes_again_and_no_other_is_made() {
+    let (worker, outputs) = started();
+    let map = || {
+        worker.request_snapshot();
+        loop {
+            if let Output::Snapshot { session, snapshot, took } = outputs.recv_timeout(PATIENCE).unwrap() {
+                return (session, snapshot, took);
+            }
+        }
+    };
+    let comes_again = |(session, snapshot, took): &(u64, Arc<Snapshot>, Took)| {
+        worker.request_save();
+        let again = map();
+        (again.0, again.2) == (*session, *took) && Arc::ptr_eq(&again.1, snapshot)
+    };
+    let empty = map();
+    assert!(comes_again(&empty) && comes_again(&empty));
+    assert!(!worker.submit(scan(1)));
+    let of_scan = map();
+    assert_eq!((of_scan.0, of_scan.1.sequence), (1, 1));
+    assert!(comes_again(&of_scan));
+    worker.tune(Params::paper());
+    let tuned = map();
+    assert!(!Arc::ptr_eq(&tuned.1, &of_scan.1) && tuned.1 == of_scan.1);
+    assert_eq!(worker.reset(2), 0);
+    let of_reset = map();
+    assert_eq!((of_reset.0, of_reset.1.sequence), (2, 0));
+    assert!(comes_again(&of_reset));
 }
 
 /// A sink that lets a snapshot through when it is told to.
