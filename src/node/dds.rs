@@ -41,7 +41,7 @@ use super::middleware::{Adding, EVENTS, Middleware, OpenError, Opened};
 use super::parameters::Parameters;
 use super::process::{receive_buffer, say_discovery, say_receive_buffer};
 use super::readers::Readers;
-use super::transport::{Input, NetworkState, SendError, SensorTopics, Service, Source, Transport};
+use super::transport::{Event, Input, NetworkState, SendError, SensorTopics, Service, Source, Transport};
 use crate::args::Setup;
 use crate::args::security::Security;
 use crate::config::Value;
@@ -124,13 +124,16 @@ impl Dds {
         }
     }
 
-    /// The network before is left without a farewell, for which its threads may be gone.
+    /// The network before is left without a farewell, for which its threads may be gone; late readers are given nothing of what was
+    /// sent there, so that the node is told.
     async fn try_to_join_anew(&self, reason: &str) -> Result<(), OpenError> {
         let Self { setup, security, memory, parameters, events, .. } = self;
         let anew = in_time(|| Network::open(setup, security, memory, parameters, events))?;
         warn!("{reason}: the network is joined anew, the map stays");
         let before = self.network.replace(Rc::new(anew));
         before.deafen().await;
+        // Where the node ends, nobody hears it or needs to.
+        drop(events.send(Event::Joined).await);
         Ok(())
     }
 }

@@ -297,6 +297,7 @@ impl<T: Transport> Live<T> {
                 self.transforms(&transforms, false);
             }
             Event::Clock(stamp) => self.clock(stamp),
+            Event::Joined => self.worker.request_snapshot(),
             Event::Changed(config) => self.change(&config),
             Event::Call(Service::Reset, request) => self.reset(request).await,
             Event::Call(Service::Save, request) => self.save_for(request).await,

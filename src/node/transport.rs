@@ -80,6 +80,8 @@ pub enum Event<Request> {
     Clock(Stamp),
     /// A call of a service.
     Call(Service, Request),
+    /// The network was joined anew: on topics that are kept for late readers nothing is left.
+    Joined,
     /// Parameters have changed: what they stand for now.
     Changed(Box<Config>),
     /// A message of another topic that could not be decoded.

@@ -40,6 +40,8 @@ struct Fake {
     sources: Vec<Source>,
     knows_all: Cell<bool>,
     network: NetworkState,
+    /// How many whole maps.
+    maps: Cell<u32>,
     deltas: RefCell<Vec<SurfaceClusterArray>>,
     reports: RefCell<Vec<DiagnosticArray>>,
     replies: RefCell<Vec<TriggerResponse>>,
@@ -63,6 +65,7 @@ impl Default for Fake {
             sources: Vec::new(),
             knows_all: Cell::new(true),
             network: NetworkState::default(),
+            maps: Cell::default(),
             deltas: RefCell::default(),
             reports: RefCell::default(),
             replies: RefCell::default(),
@@ -76,6 +79,7 @@ impl Transport for Fake {
 
     async fn publish(&self, message: Outgoing) -> Result<(), SendError> {
         match message {
+            Outgoing::Clusters(_) => self.maps.set(self.maps.get() + 1),
             Outgoing::Delta(delta) => self.deltas.borrow_mut().push(delta),
             Outgoing::Diagnostics(report) => self.reports.borrow_mut().push(report),
             _ => {}
@@ -389,4 +393,22 @@ fn a_reader_that_has_ended_ends_the_node_with_an_error() {
     sender.send("reading /points has ended".to_owned()).unwrap();
     let (ended, _, _) = node(transport, Vec::new(), u64::MAX);
     assert_eq!(ended.unwrap_err().to_string(), "the node is deaf: reading /points has ended");
+}
+
+#[test]
+fn when_the_network_was_joined_anew_the_map_goes_out_at_once_for_late_readers() {
+    let seldom = Config::new([("publish_rate".to_owned(), Value::Double(0.01))]).unwrap();
+    let transport = Rc::new(Fake::default());
+    let sent = Rc::clone(&transport);
+    let (ended, _, _) = node_until(&seldom, transport, Vec::new(), |events, _| async move {
+        let patience = Instant::now();
+        for map in 1..=2 {
+            while sent.maps.get() < map && patience.elapsed() < PATIENCE {
+                tokio::time::sleep(TICK).await;
+            }
+            assert_eq!(sent.maps.get(), map);
+            events.try_send(Event::Joined).unwrap();
+        }
+    });
+    ended.unwrap();
 }
