@@ -1,5 +1,6 @@
 //! The time of day: the only place that asks for it; and the time that `/clock` tells.
 
+use std::cell::Cell;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use super::parameters::Parameters;
@@ -37,6 +38,30 @@ impl TimeOfDay {
     }
 }
 
+/// The time of day, for as long as something goes by it.
+#[derive(Debug)]
+pub(super) struct Watch {
+    begun: Instant,
+    /// When it had last not been set back.
+    newest: Cell<TimeOfDay>,
+}
+
+impl Watch {
+    pub(super) const fn begin(now: TimeOfDay) -> Self {
+        Self { begun: now.after, newest: Cell::new(now) }
+    }
+
+    /// By how much it is behind where it was, once it has been watched for `stay`: until then what was set back may be put right, and
+    /// is no loss; where it is not, it is told of then.
+    pub(super) fn set_back(&self, now: TimeOfDay, stay: Duration) -> Option<Duration> {
+        let back = now.set_back_since(&self.newest.get());
+        if back.is_none() {
+            self.newest.set(now);
+        }
+        back.filter(|_| now.before.duration_since(self.begun) >= stay)
+    }
+}
+
 /// What a message on `/clock` says.
 pub(super) fn event<R>(clock: Clock, parameters: &Parameters) -> Event<R> {
     let Some(stamp) = clock.clock.stamp() else {
@@ -67,16 +92,36 @@ mod tests {
         assert!(asking.len() == 1 && asking[0].ends_with("node/clock.rs"), "{asking:?}");
     }
 
-    #[test]
-    fn a_time_of_day_that_was_set_back_is_told_from_one_that_was_read_late() {
+    fn ms(milliseconds: u64) -> Duration {
+        Duration::from_millis(milliseconds)
+    }
+
+    /// Makes readings: when it was read between `before` and `after`, and how much it was set by until then (ms).
+    fn readings() -> impl Fn([u64; 3], u64, u64) -> TimeOfDay {
         let (start, first) = (Instant::now(), UNIX_EPOCH + Duration::from_secs(1000));
-        let ms = Duration::from_millis;
-        // When it was read between `before` and `after`, and how much it was set by until then (ms).
-        let reading = |[before, read, after]: [u64; 3], set_forward, set_back| TimeOfDay {
+        move |[before, read, after], set_forward, set_back| TimeOfDay {
             before: start + ms(before),
             time: first + ms(read) + ms(set_forward) - ms(set_back),
             after: start + ms(after),
+        }
+    }
+
+    #[test]
+    fn a_time_of_day_that_is_set_back_again_soon_is_told_of_after_a_while_where_it_still_is() {
+        // What a watch tells of looks at these times, when it was set back so far (ms).
+        let told = |looks: [[u64; 2]; 4]| {
+            let reading = readings();
+            let watch = Watch::begin(reading([0; 3], 0, 0));
+            looks.map(|[at, set_back]| watch.set_back(reading([at; 3], 0, set_back), ms(5000)))
         };
+        assert_eq!(told([[250, 0], [500, 900], [4999, 900], [5000, 900]]), [None, None, None, Some(ms(900))]);
+        assert_eq!(told([[250, 900], [1200, 0], [5000, 0], [5250, 0]]), [None; 4], "it was put right");
+        assert_eq!(told([[9000, 0], [9250, 300], [9500, 300], [9750, 0]])[1..3], [Some(ms(300)); 2]);
+    }
+
+    #[test]
+    fn a_time_of_day_that_was_set_back_is_told_from_one_that_was_read_late() {
+        let reading = readings();
         let earlier = reading([0; 3], 0, 0);
         let since = |later: TimeOfDay| later.set_back_since(&earlier);
         assert_eq!(since(reading([250; 3], 0, 0)), None);

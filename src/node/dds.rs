@@ -57,6 +57,10 @@ const BURSTS: usize = 2;
 /// More than that of them (bytes) is asked for to be safe, and no memory.
 const LARGEST_BURST: usize = 64 << 20;
 
+/// Time that a network stays joined at least, for scans rest while it is joined anew: containers may bring addresses all the time, and
+/// a clock that is being disciplined may be set back again and again. What has ended is not waited for.
+const STAY: Duration = Duration::from_secs(5);
+
 /// Time until the network is joined again where no address was there, and how many times it is tried until that is said again.
 const AGAIN: Duration = Duration::from_secs(5);
 const SAID_EVERY: u64 = 12;

@@ -12,14 +12,12 @@ use std::time::{Duration, Instant};
 use netdev::prelude::Ipv4Net;
 use tracing::warn;
 
+use super::STAY;
 use crate::args::Setup;
 use crate::node::aside::aside;
 
 /// Time between two looks. Two that find the same are enough: an address may come and go while a network is set up.
 const LOOK: Duration = Duration::from_secs(1);
-
-/// Time that a network stays joined at least, for scans rest while it is joined anew: containers may bring addresses all the time.
-const STAY: Duration = Duration::from_secs(5);
 
 type Set = BTreeSet<Ipv4Addr>;
 

@@ -14,7 +14,6 @@ use serde::Serialize;
 use tokio::sync::Mutex;
 
 use self::sessions::Sessions;
-use super::Readers;
 use super::addresses::Addresses;
 use super::answering::Answering;
 use super::mismatch::Ends;
@@ -22,13 +21,14 @@ use super::outlet::Outlet;
 use super::pulse::Pulse;
 use super::read::Memory;
 use super::threads::Threads;
+use super::{Readers, STAY};
 use crate::msg::clusters::SurfaceClusterArray;
 use crate::msg::outgoing::Outgoing;
 use crate::msg::reports::{DiagnosticArray, Log};
 use crate::msg::ros::{MarkerArray, PointCloud2, TriggerRequest, TriggerResponse};
 use crate::msg::sent;
 use crate::msg::twins::{Detection3DArray, PolygonInstanceStamped};
-use crate::node::clock::TimeOfDay;
+use crate::node::clock::{TimeOfDay, Watch};
 use crate::node::readers;
 use crate::node::topics::ros_type;
 use crate::node::transport::{DISCOVERY, SendError, Service, Source};
@@ -76,8 +76,9 @@ pub(super) struct Network {
     pub(super) number: u32,
     /// How often a topic was opened anew.
     reopened: Cell<u32>,
-    /// When it had last not been set back.
-    time_of_day: Cell<TimeOfDay>,
+    /// RustDDS 0.15.1 orders what comes by it: where it was set back, best-effort readers are handed nothing until it is past where it
+    /// was.
+    time_of_day: Watch,
     addresses: Addresses,
 }
 
@@ -208,7 +209,7 @@ impl Network {
             if self.reopened.get() >= MOST_REOPENED {
                 return format!("topics were opened anew {MOST_REOPENED} times");
             }
-            if let Some(back) = self.set_back() {
+            if let Some(back) = self.time_of_day.set_back(TimeOfDay::read(), STAY) {
                 return format!("the system's clock was set back by {:.1} s", back.as_secs_f64());
             }
             tokio::time::sleep(LOOK).await;
@@ -218,17 +219,6 @@ impl Network {
     /// As [`Self::worn_out`], for an address that this machine has got since.
     pub(super) async fn has_other_addresses(&self) -> String {
         self.addresses.have_changed().await
-    }
-
-    /// By how much the time of day was set back since this network was joined. RustDDS 0.15.1 orders what comes by it, and hands
-    /// best-effort readers nothing until it is past where it was.
-    fn set_back(&self) -> Option<Duration> {
-        let now = TimeOfDay::read();
-        let back = now.set_back_since(&self.time_of_day.get());
-        if back.is_none() {
-            self.time_of_day.set(now);
-        }
-        back
     }
 }
 

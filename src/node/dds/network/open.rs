@@ -17,7 +17,7 @@ use crate::args::security::Security;
 use crate::msg::heard::TF_STATIC;
 use crate::msg::sent;
 use crate::msg::twins::{Detection3DArray, PolygonInstanceStamped};
-use crate::node::clock::TimeOfDay;
+use crate::node::clock::{TimeOfDay, Watch};
 use crate::node::dds::addresses::Addresses;
 use crate::node::dds::answering::Answering;
 use crate::node::dds::latched::Latched;
@@ -58,7 +58,7 @@ impl Network {
         parameters: &Rc<Parameters>,
         events: &Events,
     ) -> Result<Self, OpenError> {
-        let time_of_day = Cell::new(TimeOfDay::read());
+        let time_of_day = Watch::begin(TimeOfDay::read());
         let addresses = Addresses::at_joining(&setup.config().network_interfaces);
         let (opener, threads) = Threads::started_by(|| Opener::new(setup, security));
         let mut opener = opener?;
