@@ -171,7 +171,7 @@ pub fn write(path: &Path, frame_id: &str, map: impl Borrow<Frozen>) -> Result<u6
     let folder = File::open(folder(&target)).map_err(refused)?;
     write_beside(&target, &target, |file| file.write_all(&bytes)).map_err(refused)?;
     // The name is on the disk when its folder is.
-    folder.sync_all().map_err(|error| StoreError::Unsure { path: path.to_owned(), error })?;
+    synced(folder.sync_all()).map_err(|error| StoreError::Unsure { path: path.to_owned(), error })?;
     Ok(bytes.len() as u64)
 }
 
@@ -220,6 +220,18 @@ fn write_beside(path: &Path, to: &Path, write: impl FnOnce(&mut File) -> io::Res
     let (mut partial, mut file) = Partial::create(name, to)?;
     write(&mut file)?;
     partial.settle(&file, to)
+}
+
+/// What bringing a folder to the disk has come to.
+fn synced(folder: io::Result<()>) -> io::Result<()> {
+    use io::ErrorKind::{InvalidInput, Unsupported};
+
+    match folder {
+        // Some file systems, such as VirtualBox's shared folders and some of 9p, refuse it for any folder: nothing safer can be had
+        // there, and PostgreSQL takes it so too.
+        Err(error) if matches!(error.kind(), InvalidInput | Unsupported) => Ok(()),
+        other => other,
+    }
 }
 
 /// Why bytes are no map.

@@ -8,7 +8,7 @@ use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
 
-use super::{beside, folder, target, write_beside};
+use super::{beside, folder, synced, target, write_beside};
 
 /// Most files of a kind that are to be kept: a node that starts again and again must not fill its disk.
 pub const MOST_ASIDE: usize = 8;
@@ -50,7 +50,7 @@ pub(super) fn keep_aside_by(
     let folder = File::open(folder(path))?;
     link(path, &name).or_else(|_| copy(path, &name))?;
     // A disk may take changes of a folder in another order: the map must not lose its name before it has this one.
-    if let Err(error) = folder.sync_all() {
+    if let Err(error) = synced(folder.sync_all()) {
         drop(fs::remove_file(&name));
         return Err(error);
     }

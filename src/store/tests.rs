@@ -51,6 +51,18 @@ fn what_is_read_is_what_was_written() {
 }
 
 #[test]
+fn where_a_file_system_brings_no_folder_to_the_disk_that_is_no_failure_and_any_other_is() {
+    use io::ErrorKind::{InvalidInput, PermissionDenied, StorageFull, Unsupported};
+
+    const EIO: i32 = 5;
+    const EINVAL: i32 = 22;
+    let refused = [InvalidInput.into(), Unsupported.into(), io::Error::from_raw_os_error(EINVAL)];
+    assert!(refused.into_iter().all(|error| synced(Err(error)).is_ok()) && synced(Ok(())).is_ok());
+    let failed = [StorageFull.into(), PermissionDenied.into(), io::Error::from_raw_os_error(EIO)];
+    assert!(failed.into_iter().all(|error| synced(Err(error)).is_err()));
+}
+
+#[test]
 fn each_byte_that_is_another_and_each_cut_is_refused() {
     let whole = packed();
     assert!(unpack(&whole).is_ok());
