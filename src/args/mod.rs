@@ -25,6 +25,9 @@ pub use self::topics::{DepthTopics, SensorTopics, TopicName};
 use crate::config::{Config, Current};
 use crate::yaml::{self, YamlError};
 
+/// The variable that is set where a process has put itself in its own place.
+pub const BEGINS_ANEW: &str = "CFODI_BEGINS_ANEW";
+
 /// What the environment says about the node.
 #[derive(Clone, Debug, Default)]
 pub struct Environment {
@@ -36,6 +39,8 @@ pub struct Environment {
     pub security: Asked,
     /// The variables of discovery that ROS's own middlewares go by, where they are set to change it.
     pub discovery: Vec<(&'static str, String)>,
+    /// [`BEGINS_ANEW`] is set.
+    pub begins_anew: bool,
 }
 
 impl Environment {
@@ -46,6 +51,7 @@ impl Environment {
             rmw: variable("RMW_IMPLEMENTATION"),
             security: Asked::of_process(),
             discovery: discovery(variable),
+            begins_anew: variable(BEGINS_ANEW).is_some(),
         }
     }
 }
@@ -82,6 +88,8 @@ pub struct Setup {
     pub log_level: Option<String>,
     /// Whether the lines of the log are sent to `/rosout`.
     pub rosout: bool,
+    /// Whether the node goes on in the place of one whose middleware has failed.
+    pub begins_anew: bool,
     rmw: String,
     discovery: Vec<(&'static str, String)>,
     security: Asked,
@@ -131,6 +139,7 @@ impl Setup {
             security: Asked { enclave: ros.enclave.clone(), ..environment.security.clone() },
             log_level: log_level(&ros, &namespace, &name),
             rosout: ros.logging_output.rosout != Some(false),
+            begins_anew: environment.begins_anew,
             discovery: environment.discovery.clone(),
             remaps: remaps.map(Rule::new).collect(),
             warnings,

@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use std::process::Command;
 
 use cfodi::args::security::Security;
-use cfodi::args::{Rmw, Setup};
+use cfodi::args::{BEGINS_ANEW, Rmw, Setup};
 use cfodi::cloud::z_is_not_up;
 use cfodi::config::Value;
 use cfodi::node::check_names;
@@ -71,7 +71,14 @@ fn begin_anew(adds_resume: bool, changed: &[(String, Value)], security: &Securit
     };
     let args = env::args_os().skip(1).collect();
     let args = if adds_resume { resuming(args) } else { args };
-    Command::new(program).args(with_changes(args, changed)).envs(with_keys(security)).exec()
+    anew(program, with_changes(args, changed), security).exec()
+}
+
+/// Says to the next process what it is, too: an interface that has gone meanwhile must not end it.
+fn anew(program: PathBuf, args: Vec<OsString>, security: &Security) -> Command {
+    let mut command = Command::new(program);
+    command.args(args).envs(with_keys(security)).env(BEGINS_ANEW, "1");
+    command
 }
 
 /// A node that had keys does not come back without: those that are gone by then end it.
@@ -126,6 +133,23 @@ mod tests {
         let keys = Security::Keys(Enclave { name: "/cfodi".to_owned(), folder: PathBuf::from("/keys") });
         assert_eq!(with_keys(&keys), Some(("ROS_SECURITY_STRATEGY", "Enforce")));
         assert_eq!(with_keys(&Security::Off), None);
+    }
+
+    /// One adapter of two was pulled meanwhile.
+    #[test]
+    fn who_begins_anew_says_so_and_does_with_one_of_its_interfaces() {
+        let command = anew(PathBuf::from("cfodi"), vec!["run".into()], &Security::Off);
+        let given: Vec<_> = command.get_envs().collect();
+        assert_eq!(given, [(BEGINS_ANEW.as_ref(), Some("1".as_ref()))]);
+        let checked = |begins_anew: bool, addresses: &str| {
+            let environment = Environment { begins_anew, ..Environment::default() };
+            let args = ["--ros-args".to_owned(), "-p".to_owned(), format!("network_interfaces:={addresses}")];
+            Dds::check(&Setup::parse(&args, &environment, "cfodi").unwrap().0)
+        };
+        // No machine has the last one, which is for documents.
+        let (one, two, none) = (r#"["127.0.0.1"]"#, r#"["127.0.0.1", "192.0.2.1"]"#, r#"["192.0.2.1"]"#);
+        assert_eq!([one, two, none].map(|given| checked(false, given).is_ok()), [true, false, false]);
+        assert_eq!([one, two, none].map(|given| checked(true, given).is_ok()), [true, true, false]);
     }
 
     #[test]

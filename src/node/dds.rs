@@ -32,7 +32,7 @@ use tracing::warn;
 
 use self::addresses::say_addresses;
 use self::network::Network;
-use self::opener::{Opener, check_interface, reliable, reliable_output};
+use self::opener::{Opener, check_interface, reliable, reliable_output, those_there};
 use self::opening::in_time;
 use self::read::Memory;
 pub use self::robot::Robot;
@@ -146,8 +146,13 @@ impl Middleware for Dds {
     const NAME: &str = "DDS";
 
     fn check(setup: &Setup) -> Result<Security, OpenError> {
-        // At the start each must be there; where the network is joined anew, one is enough.
-        setup.config().network_interfaces.iter().copied().try_for_each(check_interface)?;
+        let addresses = &setup.config().network_interfaces;
+        // At the start each must be there; where the network is joined anew, be it by a process in this one's place, one is enough.
+        if setup.begins_anew {
+            those_there(addresses)?;
+        } else {
+            addresses.iter().copied().try_for_each(check_interface)?;
+        }
         Ok(setup.security()?)
     }
 

@@ -140,7 +140,7 @@ pub(super) fn participant(setup: &Setup, security: &Security) -> Result<DomainPa
 }
 
 /// Those of the addresses that the machine has; where it has none of them, why not the first.
-fn those_there(addresses: &[Ipv4Addr]) -> Result<Vec<Ipv4Addr>, OpenError> {
+pub(super) fn those_there(addresses: &[Ipv4Addr]) -> Result<Vec<Ipv4Addr>, OpenError> {
     let there: Vec<_> =
         addresses.iter().copied().filter(|address| check_interface(*address).is_ok()).collect();
     if there.is_empty() {
