@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Runs cfodi beside a driver that publishes depth images, each with its camera info beside it.
-# usage: launch_scripts/depth.sh [IMAGE_TOPIC] [more ROS arguments, as -p voxel_size:=0.05]
+# usage: launch_scripts/depth.sh [IMAGE_TOPIC] [more ROS arguments, as -p voxel_size:=0.05, which count before those here]
 set -euo pipefail
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 topic=/depth/image_raw
@@ -17,5 +17,6 @@ case $topic in
   */*) info=${topic%/*}/camera_info ;;
   *) info=camera_info ;;
 esac
-exec "$cfodi" run --ros-args --params-file "$here/config/kinect.yaml" \
-  -r "depth/image:=$topic" -r "depth/camera_info:=$info" "$@"
+# Of values the last counts, of rules for a name the first.
+exec "$cfodi" run --ros-args --params-file "$here/config/kinect.yaml" "$@" \
+  --ros-args -r "depth/image:=$topic" -r "depth/camera_info:=$info"

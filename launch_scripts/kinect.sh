@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Runs cfodi beside a Kinect driver that publishes clouds.
-# usage: launch_scripts/kinect.sh [CLOUD_TOPIC] [more ROS arguments, as -p voxel_size:=0.05]
+# usage: launch_scripts/kinect.sh [CLOUD_TOPIC] [more ROS arguments, as -p voxel_size:=0.05, which count before those here]
 set -euo pipefail
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 topic=/camera/depth/points
@@ -13,4 +13,5 @@ if ! command -v "$cfodi" >/dev/null; then
   echo "$0: there is no cfodi: \`cargo install --path . --locked\` in its repository makes it" >&2
   exit 1
 fi
-exec "$cfodi" run --ros-args --params-file "$here/config/kinect.yaml" -r "points:=$topic" "$@"
+# Of values the last counts, of rules for a name the first.
+exec "$cfodi" run --ros-args --params-file "$here/config/kinect.yaml" "$@" --ros-args -r "points:=$topic"

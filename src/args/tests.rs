@@ -246,3 +246,47 @@ fn every_file_under_config_is_possible() {
         parse(&format!("--ros-args --params-file {}", file.display())).unwrap();
     }
 }
+
+/// The node as a script of `launch_scripts` starts it, and its other arguments: instead of the program, its command line is said.
+#[cfg(unix)]
+fn started(script: &str, arguments: &str) -> (Setup, Vec<String>) {
+    let folder = tempfile::tempdir().unwrap();
+    let said = folder.path().join("said");
+    std::fs::write(&said, "cfodi() { :; }\nexec() { printf '%s\\n' \"$@\"; }\n").unwrap();
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("launch_scripts").join(script);
+    let mut bash = std::process::Command::new("bash");
+    bash.arg(script).args(arguments.split_whitespace()).env("BASH_ENV", &said);
+    let done = bash.output().unwrap();
+    let line = String::from_utf8(done.stdout).unwrap();
+    let args: Vec<_> = line.lines().skip(1).map(str::to_owned).collect();
+    Setup::parse(&args, &Environment::default(), "cfodi").unwrap()
+}
+
+#[cfg(unix)]
+#[test]
+fn what_a_script_is_given_counts_before_what_it_says_itself() {
+    let table = [
+        ("kinect.sh", "", "points", "/camera/depth/points"),
+        ("kinect.sh", "/a", "points", "/a"),
+        ("kinect.sh", "-r points:=/x", "points", "/x"),
+        ("kinect.sh", "/a -r points:=/x", "points", "/x"),
+        ("kinect.sh", "-r __ns:=/robot -p depth:=3", "points", "/camera/depth/points"),
+        ("kinect.sh", "-r points:=/x -- --resume", "points", "/x"),
+        ("kinect.sh", "-- --resume", "points", "/camera/depth/points"),
+        ("depth.sh", "/a/image", "depth/image", "/a/image"),
+        ("depth.sh", "/a/image", "depth/camera_info", "/a/camera_info"),
+        ("depth.sh", "-r depth/image:=/x", "depth/image", "/x"),
+        ("depth.sh", "/a/image -r depth/camera_info:=/x", "depth/camera_info", "/x"),
+        ("depth.sh", "/a/image -r depth/camera_info:=/x", "depth/image", "/a/image"),
+    ];
+    for (script, arguments, name, expected) in table {
+        let (setup, rest) = started(script, arguments);
+        assert_eq!(setup.resolve(name).unwrap(), expected, "{script} {arguments}");
+        let resume = arguments.ends_with("--resume").then_some("--resume");
+        assert!(rest.iter().map(String::as_str).eq(["run"].into_iter().chain(resume)), "{rest:?}");
+    }
+    for script in ["kinect.sh", "depth.sh"] {
+        let voxel_size = |arguments| started(script, arguments).0.config().engine.voxel_size();
+        assert_eq!((voxel_size(""), voxel_size("-p voxel_size:=0.05")), (0.08, 0.05));
+    }
+}

@@ -170,6 +170,9 @@ def test_a_replay_plays_the_bag_on_its_own_time(tmp_path):
     ("kinect.sh", ["/front/points"], ["/front/points"]),
     ("depth.sh", ["/front/image_raw"], ["/front/image_raw", "/front/camera_info"]),
     ("depth.sh", ["image_raw"], ["/image_raw", "/camera_info"]),
+    ("kinect.sh", ["-r", "points:=/front/points"], ["/front/points"]),
+    ("depth.sh", ["image_raw", "-r", "depth/image:=/front/image_raw", "-r", "depth/camera_info:=/front/info"],
+     ["/front/image_raw", "/front/info"]),
 ])
 def test_the_shell_scripts_start_the_node(script, arguments, topics, peer, tmp_path):
     (tmp_path / "cfodi").symlink_to(program())
