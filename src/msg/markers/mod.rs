@@ -41,7 +41,7 @@ const REPEATS: u8 = 5;
 /// Deletions that a message says again.
 const AGAIN: usize = 50;
 /// For how long (s, by the stamps) the messages of a session begin with the deletion of all: a viewer may be found seconds after the
-/// node has begun.
+/// node has begun, and what an earlier process has shown is not known.
 const CLEARED: f64 = 10.0;
 
 /// What a marker is known by.
@@ -55,7 +55,8 @@ pub struct Markers {
     slots: Slots,
     /// What the newest message shows.
     shown: BTreeSet<Identity>,
-    /// What has gone, with the number of messages that have said so.
+    /// What has gone, with the number of messages that have said so; slots are used again, so there are
+    /// no more than the markers of the most clusters that were there at once.
     gone: BTreeMap<Identity, u8>,
     /// What was said again last.
     said_again: Option<Identity>,
@@ -70,16 +71,24 @@ pub struct Markers {
 }
 
 impl Markers {
-    /// The markers of this map, and the deletions since the calls before. With another session viewers are told to delete everything.
+    /// The markers of this map, and the deletions since the calls before. With another session viewers are told to delete everything,
+    /// and those that miss it each marker of the sessions before, in turn.
     pub fn update(&mut self, session: &Session, snapshot: &Snapshot) -> MarkerArray {
         if self.session != session.id {
-            *self = Self { session: session.id, ..Self::default() };
+            self.begin(session.id);
         }
         let header = session.header(snapshot.stamp);
         let additions = self.additions(&header, snapshot);
         let mut markers = self.deletions(&header, snapshot.stamp, &additions);
         markers.extend(additions);
         MarkerArray { markers }
+    }
+
+    /// Whatever was shown has gone with its session. The deletion of all says so at first, and in turn it is said again.
+    fn begin(&mut self, session: u64) {
+        let Self { shown, gone, .. } = std::mem::take(self);
+        let gone = gone.into_keys().chain(shown).map(|identity| (identity, REPEATS)).collect();
+        *self = Self { session, gone, ..Self::default() };
     }
 
     fn additions(&mut self, header: &Header, snapshot: &Snapshot) -> Vec<Marker> {

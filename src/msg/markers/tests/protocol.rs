@@ -113,25 +113,30 @@ fn slots_of_gone_clusters_are_deleted_and_used_again() {
     assert!(again.iter().all(|(_, _, action)| *action == Marker::ADD));
 }
 
-/// However many messages it has missed, and however many markers have gone meanwhile.
+/// However many messages it has missed, however many markers have gone meanwhile, and whatever sessions have begun.
 #[test]
 fn a_viewer_that_has_missed_many_messages_sees_what_all_see_after_some() {
-    let mut markers = Markers::default();
-    let mut late = Viewer::of(&markers.update(&session(), &map((1..=100).map(square).collect(), 0)));
     let few = map(vec![square(7)], 0);
-    (0..40).for_each(|_| drop(markers.update(&session(), &few)));
-    let mut messages = 0;
-    let all = loop {
-        let message = markers.update(&session(), &few);
-        assert!(message.markers.len() < AGAIN + 10, "{}", message.markers.len());
-        late.take(&message);
-        messages += 1;
-        if late == Viewer::of(&message) {
-            break messages;
+    for sessions in [[1, 1], [1, 2], [2, 2], [2, 3]] {
+        let mut markers = Markers::default();
+        let mut late = Viewer::of(&markers.update(&session(), &map((1..=100).map(square).collect(), 0)));
+        let mut next = |id| markers.update(&Session { id, ..session() }, &few);
+        for id in sessions {
+            (0..40).for_each(|_| drop(next(id)));
         }
-        assert!(messages < 100);
-    };
-    assert_eq!(all, (3 * 99_usize).div_ceil(AGAIN));
+        let mut messages = 0;
+        let all = loop {
+            let message = next(sessions[1]);
+            assert!(message.markers.len() < AGAIN + 10, "{}", message.markers.len());
+            late.take(&message);
+            messages += 1;
+            if late == Viewer::of(&message) {
+                break messages;
+            }
+            assert!(messages < 100, "{sessions:?}: {} markers stay", late.0.len());
+        };
+        assert_eq!(all, (3 * 99_usize).div_ceil(AGAIN), "{sessions:?}");
+    }
 }
 
 /// A viewer that is found late has what a node showed before that was ended.
