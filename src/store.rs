@@ -60,7 +60,10 @@ const HEADER: usize = 32;
 /// Where the checksum begins.
 const CHECKED: usize = 28;
 /// How many times as long as the packed map the unpacked one is at most; a real one is some 2 to 5 times as long. What it
-/// takes in memory follows its unpacked length: nothing in it is worth more than some tens of its bytes.
+/// takes in memory follows its unpacked length. As it is read, and before it is checked, an element of a list takes at most 11 times
+/// the fewest bytes that it can be (a cluster does; blocks, and voxels of mode `paper`, 10, ids 8, states 6, all others 4), and
+/// the list twice that while it grows: of the file some 350 and 700 times. Nothing in it is worth more than some tens of its bytes
+/// once it is restored.
 const MOST_UNPACKED: u64 = 32;
 /// zstd's level: 1 packs a map in a tenth of the time of its default and makes it a few per cent larger.
 const LEVEL: i32 = 1;

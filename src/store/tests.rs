@@ -110,6 +110,41 @@ fn lengths_that_the_file_does_not_bear_out_are_refused_before_anything_is_alloca
     assert_eq!(damage(&claiming(trailing.len() as u64, &packed)), "3 bytes after the map");
 }
 
+/// What is checked is in memory by then.
+#[test]
+fn a_list_that_claims_millions_takes_some_times_its_bytes_and_is_refused() {
+    const ELEMENTS: usize = 1 << 18;
+    let [consistent, paper] = [Params::default(), Params::paper()];
+    // Of each list where its length stands in a map without a scan, bytes from the end; what is before it and behind it where it is
+    // in an element of another; and the least that an element of it can be.
+    let lists: [(_, _, usize, [&[u8]; 3]); 11] = [
+        ("blocks", consistent, 65, [&[], &[], &[0; 12]]),
+        ("states of a block", consistent, 65, [&[1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0], &[], &[0; 3]]),
+        ("nodes by block", consistent, 64, [&[], &[], &[0]]),
+        ("free nodes", consistent, 63, [&[], &[], &[0]]),
+        ("nodes by component", consistent, 62, [&[], &[], &[0]]),
+        ("free components", consistent, 61, [&[], &[], &[0]]),
+        ("clusters", consistent, 60, [&[], &[], &[0; 10]]),
+        ("ids that a cluster has taken in", consistent, 60, [&[1, 0, 0, 0, 0, 0, 0, 0], &[0, 0], &[1]]),
+        ("voxels", paper, 27, [&[], &[], &[0; 10]]),
+        ("clusters of mode paper", paper, 26, [&[], &[], &[0; 30]]),
+        ("what they were merged into", paper, 25, [&[], &[], &[0]]),
+    ];
+    for (name, params, from_end, [before, behind, element]) in lists {
+        let empty = plain(&pack("odom", &Engine::new(params).freeze()).unwrap()).unwrap();
+        let (start, end) = empty.split_at(empty.len() - from_end);
+        let length = postcard::to_stdvec(&ELEMENTS).unwrap();
+        let claiming = [start, before, &length, &element.repeat(ELEMENTS), behind, &end[1..]].concat();
+        let mut read = None;
+        let memory = allocation_counter::measure(|| read = Some(decode(&claiming).unwrap()));
+        let times = memory.bytes_max as f64 / claiming.len() as f64;
+        eprintln!("{name}: {times:.1} times its bytes");
+        assert!(times < 24.0, "{name}: {times:.1} times its bytes");
+        let refused = Engine::restore(params, read.unwrap().map).unwrap_err();
+        assert!(matches!(refused, RestoreError::Contradiction(_)), "{name}: {refused}");
+    }
+}
+
 #[test]
 fn a_map_of_other_parameters_is_refused_by_name_and_values() {
     let map = engine(Params::default(), 2).save();

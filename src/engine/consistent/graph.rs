@@ -51,6 +51,7 @@
 
 mod assign;
 mod frozen;
+mod lists;
 mod local;
 mod restore;
 mod search;
@@ -58,6 +59,7 @@ mod search;
 mod tests;
 
 pub(crate) use self::frozen::FrozenGraph;
+pub(crate) use self::lists::NodeLists;
 use self::local::Local;
 pub(crate) use self::restore::Slots;
 use super::shared::Shared;

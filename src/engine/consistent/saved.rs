@@ -57,13 +57,13 @@ pub(super) struct SavedState {
     /// It has become dense since its block was published.
     pub(super) admitted: bool,
     /// `None` where it is as it would be published now.
-    state: Option<State>,
+    state: Option<Box<State>>,
 }
 
 impl SavedState {
     /// `now` is what it would be published as.
     pub(super) fn of(state: &State, now: &State, admitted: bool) -> Self {
-        Self { cell: state.cell(), admitted, state: (now != state).then(|| state.clone()) }
+        Self { cell: state.cell(), admitted, state: (now != state).then(|| Box::new(state.clone())) }
     }
 
     /// The state of a dense voxel of this block.
@@ -80,7 +80,7 @@ impl SavedState {
         ensure(state.is_possible() && state.cell() == self.cell, || {
             format!("an impossible state: {state:?}")
         })?;
-        Ok(state.clone())
+        Ok(State::clone(state))
     }
 }
 

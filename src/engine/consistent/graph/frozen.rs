@@ -31,10 +31,10 @@ impl FrozenGraph {
     }
 
     pub(crate) fn slots_taken(&self) -> Slots {
-        let nodes = |component: &Component| component.nodes.iter().map(|node| node.0).collect();
+        let lists = self.components.iter().map(|component| component.nodes.iter().map(|node| node.0));
         Slots {
             free_nodes: self.free_nodes.iter().map(|node| node.0).collect(),
-            components: self.components.iter().map(nodes).collect(),
+            components: lists.collect(),
             free_components: self.free_components.iter().map(|component| component.0).collect(),
         }
     }

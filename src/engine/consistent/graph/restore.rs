@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
 
-use super::{ComponentId, Graph, NodeId};
+use super::{ComponentId, Graph, NodeId, NodeLists};
 use crate::engine::saved::{RestoreError, ensure};
 
 /// Which slots nodes and components have, and in which order the free ones are given. The order of a component's nodes
@@ -13,7 +13,7 @@ use crate::engine::saved::{RestoreError, ensure};
 pub(crate) struct Slots {
     pub(super) free_nodes: Vec<u32>,
     /// The nodes of each slot.
-    pub(super) components: Vec<Vec<u32>>,
+    pub(super) components: NodeLists,
     pub(super) free_components: Vec<u32>,
 }
 
@@ -38,7 +38,7 @@ impl Graph {
     ) -> Result<Self, RestoreError> {
         let nodes = weights.len() + slots.free_nodes.len();
         ensure_all("nodes", nodes, weights.keys().map(|node| node.0), &slots.free_nodes)?;
-        let living = (0..).zip(&slots.components).filter(|(_, nodes)| !nodes.is_empty());
+        let living = (0..).zip(slots.components.iter()).filter(|(_, nodes)| !nodes.is_empty());
         let living = living.map(|(slot, _)| slot);
         ensure_all("components", slots.components.len(), living, &slots.free_components)?;
         let mut graph = Self {
@@ -49,7 +49,7 @@ impl Graph {
         graph.nodes.set_len(nodes);
         graph.components.set_len(slots.components.len());
         weights.iter().for_each(|(&node, &weight)| graph.node_mut(node).weight = weight);
-        for (component, nodes) in (0..).map(ComponentId).zip(&slots.components) {
+        for (component, nodes) in (0..).map(ComponentId).zip(slots.components.iter()) {
             for &node in nodes {
                 let known = weights.contains_key(&NodeId(node));
                 ensure(known && graph.node(NodeId(node)).component.is_none(), || {
@@ -125,7 +125,11 @@ mod tests {
 
     /// Three nodes, two of them joined, in slots 0, 1 and 3; slot 2 is free, as is component 1.
     fn slots() -> Slots {
-        Slots { free_nodes: vec![2], components: vec![vec![3], vec![], vec![1, 0]], free_components: vec![1] }
+        Slots { free_nodes: vec![2], components: lists([&[3], &[], &[1, 0]]), free_components: vec![1] }
+    }
+
+    fn lists(components: [&[u32]; 3]) -> NodeLists {
+        components.into_iter().map(|nodes| nodes.iter().copied()).collect()
     }
 
     fn restore(slots: &Slots, edges: &[(u32, u32)]) -> Result<Graph, RestoreError> {
@@ -155,10 +159,10 @@ mod tests {
         other(&|slots| slots.free_components = vec![]);
         // A find of the fuzzer: the free slot was beyond the list.
         other(&|slots| slots.free_components = vec![1, 3]);
-        other(&|slots| slots.components[0] = vec![2]);
-        other(&|slots| slots.components[0] = vec![3, 3]);
-        other(&|slots| slots.components[0] = vec![9]);
-        other(&|slots| slots.components[2] = vec![1]);
+        other(&|slots| slots.components = lists([&[2], &[], &[1, 0]]));
+        other(&|slots| slots.components = lists([&[3, 3], &[], &[1, 0]]));
+        other(&|slots| slots.components = lists([&[9], &[], &[1, 0]]));
+        other(&|slots| slots.components = lists([&[3], &[], &[1]]));
         assert!(restore(&slots(), &[]).is_err(), "it does not hang together");
         assert!(restore(&slots(), &[(0, 1), (1, 3)]).is_err(), "an edge leads out");
     }

@@ -129,9 +129,8 @@ impl FrozenSurfaces {
     }
 
     pub(in super::super) fn save(&self) -> SavedSurfaces {
-        let nodes = |nodes: &Vec<NodeId>| nodes.iter().map(|node| node.0).collect();
         SavedSurfaces {
-            nodes: self.nodes.iter().map(nodes).collect(),
+            nodes: self.nodes.iter().map(|nodes| nodes.iter().map(|node| node.0)).collect(),
             slots: self.graph.slots_taken(),
             clusters: self.clusters.clone(),
             ids_given: self.ids_given,

@@ -12,7 +12,7 @@ use crate::engine::consistent::block::{Block, CELLS};
 use crate::engine::consistent::cluster::{Cluster, Identity};
 use crate::engine::consistent::describe::shape_of;
 use crate::engine::consistent::footprint::{Axis, Footprint};
-use crate::engine::consistent::graph::{ComponentId, Graph, NodeId, Slots};
+use crate::engine::consistent::graph::{ComponentId, Graph, NodeId, NodeLists, Slots};
 use crate::engine::consistent::grid::Grid;
 use crate::engine::consistent::host::joined_with;
 use crate::engine::consistent::meet::meet_all;
@@ -34,7 +34,7 @@ const LEAST_ALONG: f64 = 0.5;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(in super::super) struct SavedSurfaces {
     /// By block: the nodes of its patches, by number.
-    pub(super) nodes: Vec<Vec<u32>>,
+    pub(super) nodes: NodeLists,
     pub(super) slots: Slots,
     /// With their components.
     pub(super) clusters: Vec<(u32, SavedCluster)>,
@@ -120,8 +120,10 @@ impl Surfaces {
     }
 
     fn restore_nodes(&mut self, map: &SavedSurfaces) -> Result<(), RestoreError> {
+        let (lists, blocks) = (map.nodes.len(), self.segmented.len());
+        ensure(lists == blocks, || format!("nodes of {lists} blocks, and there are {blocks}"))?;
         let patches = || self.segmented.iter().map(|segmented| segmented.patches.len());
-        let nodes = || map.nodes.iter().map(Vec::len);
+        let nodes = || map.nodes.iter().map(<[u32]>::len);
         ensure(nodes().eq(patches()), || {
             let [patches, nodes] = [patches().sum::<usize>(), nodes().sum()];
             format!("{patches} patches, {nodes} nodes, or in other blocks")
