@@ -17,7 +17,8 @@ themselves, the worst, and the median. `none` stands where a surface is in no cl
 The last column is `yes` where `consistent` meets the bar and is better than both other methods, or as good as can be.
 
 - **surface**: what hangs together of the true surface's dense voxels; in several pieces they are `wall #1`, `wall #2` and so on
-- **seen**: 0.5 m2 of it or more were to be seen; what was not is marked `(scrap)`, and nothing is asked of it
+- **seen**: 0.5 m2 of it or more were to be seen, of which only what lies by voxels that became dense counts, here and in areas; what
+  was not is marked `(scrap)`, and nothing is asked of it
 - **scored**: a voxel with 80 % or more of its points on one surface, and their mean close to it
 ";
 

@@ -45,8 +45,8 @@ pub struct Way {
 impl Way {
     /// What the words and numbers of [`Self::markdown`] mean beyond those of [`Table::legend`](super::Table::legend).
     pub const LEGEND: &str = "
-On the way a cell has the mean over all moments of what the methods are compared by, then their median, the worst of them, and in how
-many there was `none`. What counts as seen grows from moment to moment, and with it what is asked of the methods.
+On the way a cell has the mean of what the methods are compared by, its median and the worst, each over the moments that have a value,
+and in how many there was `none`. What counts as seen grows from moment to moment, and with it what is asked of the methods.
 ";
 
     /// Adds those of a run.
