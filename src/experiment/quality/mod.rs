@@ -5,8 +5,9 @@
 //!
 //! **A true surface** is a 6-connected component of the dense voxels most of whose points belong to it; rectangles that
 //! touch within half a voxel of one plane count as one. It is *seen* when 0.5 m^2 of its 2 cm cells were hit by a
-//! noise-free ray in range and lie by a voxel that became dense; the others count in no area. **Scored** are voxels with 80 % or more of their points on one surface and the mean of the
-//! points within 2 sigma of it. A scored voxel that is in no cluster is a cluster of its own.
+//! noise-free ray in range and lie by a voxel that became dense; the others count in no area. **Scored** are voxels with
+//! 80 % or more of their points on one surface and the mean of the points within 2 sigma of it. A scored voxel that is in
+//! no cluster is a cluster of its own.
 //!
 //! Pure; lengths are metres, angles degrees where a field says so. The truth costs O(points) a scan and O(voxels + cells)
 //! at the end, a score O(voxels) for each method.
