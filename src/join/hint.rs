@@ -12,15 +12,25 @@ pub enum GivenUp {
     /// It has waited as long as a cloud may.
     TimedOut,
     /// It made place for a newer one.
-    PushedOut,
+    PushedOut {
+        /// A longer `tf_timeout` lets more wait.
+        longer_helps: bool,
+    },
     /// It still waited at the end.
     AtEnd,
+}
+
+impl GivenUp {
+    /// Whether a longer `tf_timeout` would have let it wait for a transform that comes later.
+    const fn is_cured_by_tf_timeout(self) -> bool {
+        matches!(self, Self::TimedOut | Self::PushedOut { longer_helps: true })
+    }
 }
 
 impl Join {
     /// What the user can do about a cloud that was given up, `why` being what its last lookup lacked; `None` where that says all.
     /// Where no lookup was made, or a frame is not known or not connected, the frames that have been seen are listed. `tf_timeout`
-    /// is mentioned only for a cloud that timed out: a longer one would not have helped any other.
+    /// is mentioned only where a longer one lets such a cloud wait longer.
     pub fn hint(&self, why: Option<&LookupError>, given_up: GivenUp) -> Option<String> {
         let Some(LookupError { fixed, lack, .. }) = why else { return Some(self.frames_seen()) };
         let seen = || self.frames_seen();
@@ -37,7 +47,7 @@ impl Join {
                 "{} (choose with -p fixed_frame:=..., or connect the two by ros2 run tf2_ros static_transform_publisher)",
                 seen()
             )),
-            Lack::TooLate { .. } if given_up == GivenUp::TimedOut => {
+            Lack::TooLate { .. } if given_up.is_cured_by_tf_timeout() => {
                 Some("see tf_timeout, and whether one clock stamps both clouds and transforms".to_owned())
             }
             Lack::TooLate { .. } | Lack::TooEarly { .. } => {
@@ -106,9 +116,12 @@ mod tests {
         assert_eq!(hint(&join, "odom", "base", 12), Some(format!("see tf_timeout, and {clock}")));
         assert_eq!(hint(&join, "odom", "base", 9), Some(format!("see {clock}")));
         let late = join.frames().lookup("odom", "base", Stamp::from_nanos(12_000_000_000)).unwrap_err();
-        for given_up in [GivenUp::PushedOut, GivenUp::AtEnd] {
-            assert_eq!(join.hint(Some(&late), given_up), Some(format!("see {clock}")), "{given_up:?}");
-        }
+        let pushed_out = |longer_helps| join.hint(Some(&late), GivenUp::PushedOut { longer_helps });
+        assert_eq!(pushed_out(true), Some(format!("see tf_timeout, and {clock}")));
+        assert_eq!(
+            [pushed_out(false), join.hint(Some(&late), GivenUp::AtEnd)],
+            [(); 2].map(|()| Some(format!("see {clock}")))
+        );
         let (fixed, sensor, at) = ("odom".to_owned(), "base".to_owned(), Stamp::default());
         let back = LookupError { fixed, sensor, at, lack: Lack::NotJumpedBack { newest: at } };
         assert_eq!(join.hint(Some(&back), GivenUp::TimedOut), None);

@@ -50,11 +50,14 @@ use crate::msg::ros::{TfMessage, TransformStamped};
 use crate::store::StoreError;
 use crate::worker::Worker;
 
+/// Clouds that may wait at most, of all sensors together, whatever `tf_timeout` is.
+const MOST_PLACES: usize = 64;
+
 /// Clouds that may wait for their transform, and scans that may wait for the engine, for one message may release them all:
 /// as many as Kinects send within `tf_timeout`, and at least eight of each, but of all sensors together no more than memory has room for.
 fn places(config: &Config) -> usize {
     let of_each = (config.tf_timeout.as_secs_f64() * 30.0) as usize + 2;
-    (of_each.max(8) * config.sensors.len()).min(64)
+    (of_each.max(8) * config.sensors.len()).min(MOST_PLACES)
 }
 
 /// How long no cloud may come before it is said why, and how long until it is said again.
@@ -313,7 +316,8 @@ impl<T: Transport> Live<T> {
             Ok(cloud) => {
                 self.look_at(input, &cloud);
                 if let Some(pushed_out) = self.join.cloud(input.sensor, cloud, self.clocks.moment()) {
-                    self.skip(&pushed_out, GivenUp::PushedOut);
+                    let longer_helps = self.join.places() < MOST_PLACES;
+                    self.skip(&pushed_out, GivenUp::PushedOut { longer_helps });
                 }
                 self.submit_ready();
             }

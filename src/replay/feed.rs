@@ -258,7 +258,8 @@ impl<V: Visitor> Feeder<'_, V> {
         if let Some(pushed_out) = self.join.cloud(sensor, cloud, self.now) {
             // While patience lasts, only the bound of memory takes a cloud's place from it.
             let is_over = pushed_out.waited >= self.patience;
-            self.skip(&pushed_out, if is_over { GivenUp::TimedOut } else { GivenUp::PushedOut });
+            let for_room = GivenUp::PushedOut { longer_helps: false };
+            self.skip(&pushed_out, if is_over { GivenUp::TimedOut } else { for_room });
         }
         self.ready()
     }

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 
 use tracing::{Level, debug};
 
-use super::{Live, QUIET};
+use super::{Live, MOST_PLACES, QUIET};
 use crate::cloud::{Camera, Cloud, CloudError, distortion, is_rectified_by_name};
 use crate::join::{GivenUp, Waited};
 use crate::node::counts::{TRANSFORM_TIMEOUT, WAITING_QUEUE_FULL};
@@ -85,11 +85,8 @@ impl<T: Transport> Live<T> {
         if let Some(fault) = self.clock_fault() {
             line = format!("{line}; {fault}");
         }
-        if given_up == GivenUp::PushedOut {
-            let places = self.join.places();
-            line = format!(
-                "{line}; it made place for a newer one: {places} clouds may wait, of all sensors together, whatever tf_timeout is"
-            );
+        if let GivenUp::PushedOut { longer_helps } = given_up {
+            line = format!("{line}; it made place for a newer one: {}", self.about_places(longer_helps));
         }
         let sensor = self.join.sensor_in(frame_id);
         self.diagnosis.waited(*waited);
@@ -102,6 +99,18 @@ impl<T: Transport> Live<T> {
             line = format!("{line}; {hint}");
         }
         say(level, &line);
+    }
+
+    /// How many clouds may wait, and whether more do with a longer `tf_timeout`.
+    fn about_places(&self, longer_helps: bool) -> String {
+        let places = self.join.places();
+        if longer_helps {
+            format!(
+                "{places} clouds may wait, of all sensors together, and up to {MOST_PLACES} with a larger tf_timeout"
+            )
+        } else {
+            format!("{places} clouds may wait, of all sensors together, whatever tf_timeout is")
+        }
     }
 
     /// Says of a sensor that its driver sends, and nothing.
@@ -124,7 +133,7 @@ impl<T: Transport> Live<T> {
 const fn reason_of(given_up: GivenUp) -> Reason {
     match given_up {
         GivenUp::TimedOut => TRANSFORM_TIMEOUT,
-        GivenUp::PushedOut => WAITING_QUEUE_FULL,
+        GivenUp::PushedOut { .. } => WAITING_QUEUE_FULL,
         GivenUp::AtEnd => SHUTDOWN,
     }
 }

@@ -373,14 +373,15 @@ fn a_scan_that_was_given_up_has_waited_too() {
 }
 
 #[test]
-fn what_one_sensor_lacks_does_not_hide_what_another_does_and_a_full_queue_is_told_with_its_places() {
+fn what_one_sensor_lacks_does_not_hide_what_another_does_nor_that_the_queue_is_full() {
     let run = async |live: &mut Live<Fake>| {
         for (sensor, frame) in ["front", "rear", "front"].into_iter().enumerate() {
             let Event::Cloud(_, scan) = cloud(at(10.0), frame) else { unreachable!() };
             live.event(Event::Cloud(Form::Points.of(sensor % 2), scan)).await;
         }
         for (number, waited) in live.join.give_up(Duration::from_secs(9).into()).into_iter().enumerate() {
-            live.skip(&waited, [GivenUp::TimedOut, GivenUp::PushedOut][number / 2]);
+            let pushed_out = GivenUp::PushedOut { longer_helps: true };
+            live.skip(&waited, [GivenUp::TimedOut, pushed_out][number / 2]);
         }
     };
     let (report, said) = driven(two(), run);
@@ -389,7 +390,7 @@ fn what_one_sensor_lacks_does_not_hide_what_another_does_and_a_full_queue_is_tol
         said[number].0 == 30 && said[number].1.contains(&format!("from `{frame}`"))
     };
     assert!(said.len() == 3 && of(0, "front") && of(1, "rear") && of(2, "front"), "{said:?}");
-    assert!(said[2].1.contains("8 clouds may wait, of all sensors together"), "{said:?}");
+    assert!(said[2].1.contains("it made place for a newer one"), "{said:?}");
     let message = part(&report, "transforms").message;
     assert!(["front", "rear"].iter().all(|frame| message.contains(&format!("from `{frame}`"))), "{message}");
 }
