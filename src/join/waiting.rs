@@ -65,6 +65,8 @@ pub(super) struct Arrived {
 /// A cloud that left without its transform.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Waited {
+    /// The sensor that it is of, as in [`Join::cloud`](super::Join::cloud).
+    pub sensor: usize,
     /// The cloud.
     pub cloud: Cloud,
     /// How long it waited.
@@ -178,8 +180,8 @@ impl Arrived {
     }
 
     fn give_up(self, now: Moment) -> Waited {
-        let Self { cloud, at, lacks, .. } = self;
-        Waited { cloud, waited: now.since(at), lacks }
+        let Self { sensor, cloud, at, lacks, .. } = self;
+        Waited { sensor, cloud, waited: now.since(at), lacks }
     }
 }
 
@@ -274,14 +276,15 @@ mod tests {
         let out = waiting.push(Arrived { at: ms(100), ..arrived(2, 1) }).unwrap();
         let Arrived { cloud, .. } = arrived(0, 90);
         let lacks = Some(later(&arrived(0, 90)));
-        assert_eq!(out, Waited { cloud, waited: Duration::from_millis(10), lacks });
+        assert_eq!(out, Waited { sensor: 0, cloud, waited: Duration::from_millis(10), lacks });
         assert_eq!(ready(&mut waiting, 100), [(2, 1.0), (1, 95.0)]);
     }
 
     #[test]
     fn a_queue_of_no_places_gives_the_cloud_back() {
-        let out = Waiting::new(0).push(arrived(0, 5)).unwrap();
-        assert_eq!(out, Waited { cloud: arrived(0, 5).cloud, waited: Duration::ZERO, lacks: None });
+        let out = Waiting::new(0).push(arrived(3, 5)).unwrap();
+        let cloud = arrived(3, 5).cloud;
+        assert_eq!(out, Waited { sensor: 3, cloud, waited: Duration::ZERO, lacks: None });
     }
 
     #[test]
@@ -291,13 +294,13 @@ mod tests {
         let timeout = Duration::from_millis(200);
         assert!(waiting.take_expired(ms(199), timeout).is_empty());
         assert_eq!(waiting.longest_wait(ms(300)), Duration::from_millis(300));
-        let waited = |stamp: i64, waited: u64| {
-            let arrived = arrived(0, stamp);
+        let waited = |sensor: usize, stamp: i64, waited: u64| {
+            let arrived = arrived(sensor, stamp);
             let lacks = Some(later(&arrived));
-            Waited { cloud: arrived.cloud, waited: Duration::from_millis(waited), lacks }
+            Waited { sensor, cloud: arrived.cloud, waited: Duration::from_millis(waited), lacks }
         };
-        assert_eq!(waiting.take_expired(ms(300), timeout), [waited(0, 300), waited(100, 200)]);
-        assert_eq!(waiting.take_all(ms(300)), [waited(150, 150)]);
+        assert_eq!(waiting.take_expired(ms(300), timeout), [waited(0, 0, 300), waited(1, 100, 200)]);
+        assert_eq!(waiting.take_all(ms(300)), [waited(2, 150, 150)]);
         assert!(waiting.is_empty());
     }
 

@@ -342,7 +342,7 @@ impl<T: Transport> Live<T> {
     }
 
     fn submit_ready(&mut self) {
-        for Joined { scan, at, jumped_back, .. } in self.join.ready(&self.fixed_frame) {
+        for Joined { scan, sensor, at, jumped_back, .. } in self.join.ready(&self.fixed_frame) {
             let waited = self.clocks.moment().since(at);
             self.diagnosis.waited(waited);
             if let Some(Jump { seconds, given_up }) = jumped_back {
@@ -354,14 +354,23 @@ impl<T: Transport> Live<T> {
                 // The clock of that lap comes next, and begins no session of its own.
                 self.clocks.follow(scan.stamp);
             }
+            self.diagnosis.handed().hand(sensor, scan.stamp);
             if self.worker.submit(scan) {
-                self.counts.borrow_mut().replaced += 1;
-                let replaced = self.counts.borrow().replaced;
-                let line =
-                    format_args!("the engine is slower than the sensor: {replaced} scans replaced so far");
-                self.warn("replaced", line);
+                self.note_replaced();
             }
         }
+    }
+
+    /// The scan that was handed over last has taken the place of an older one.
+    fn note_replaced(&mut self) {
+        self.counts.borrow_mut().replaced += 1;
+        let replaced = self.counts.borrow().replaced;
+        let line = format!("the engine is slower than the sensor: {replaced} scans replaced so far");
+        let sensor = self.diagnosis.handed().replace(self.join.places());
+        if let Some(intake) = sensor.and_then(|sensor| self.intakes.get_mut(sensor)) {
+            intake.give_up(line.clone());
+        }
+        self.warn("replaced", format_args!("{line}"));
     }
 
     fn tick(&mut self) {

@@ -11,6 +11,7 @@ mod clock;
 mod compressed;
 pub mod counts;
 pub mod dds;
+mod handed;
 mod heard;
 mod inputs;
 pub mod live;

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use super::handed::Handed;
 use crate::config::Config;
 use crate::engine::{GRID_REACH, Snapshot};
 use crate::msg::labelled;
@@ -14,6 +15,8 @@ pub(super) struct Vitals {
     pub(super) took: Vec<Duration>,
     /// What the newest snapshot of the map took.
     pub(super) snapshot_took: Took,
+    /// Whose these scans were.
+    pub(super) handed: Handed,
     /// Points of these scans, and how many of them lay beyond the grid.
     pub(super) points: Points,
     /// The newest map that was seen.
@@ -32,6 +35,7 @@ impl Vitals {
     /// A scan was taken in.
     pub(super) fn note(&mut self, took: Duration, points: Points) {
         self.took.push(took);
+        self.handed.take_in();
         self.points.add(points);
     }
 

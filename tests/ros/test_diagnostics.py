@@ -67,6 +67,7 @@ def test_a_node_that_works_says_so_with_its_figures(start, peer, reports, log):
     sensor = part(report, "sensor points")
     assert sensor.level == OK and sensor.message.endswith("scans/s on /camera/depth/points"), sensor
     assert abs(float(values(sensor)["age of the newest [s]"])) < 5
+    assert abs(float(values(sensor)["age of the newest taken in [s]"])) < 5 and int(values(sensor)["taken in"]) > 0
     figures = values(part(report, "engine"))
     assert 0 < float(figures["engine, median [ms]"]) <= float(figures["engine, longest [ms]"])
     assert int(figures["taken in in all"]) > 0
@@ -87,6 +88,8 @@ def test_what_is_not_right_is_said_by_its_part(start, peer, reports, log):
     send(camera, 40, transform=None, frame_id="nowhere")
     _, figures = wait_for(reports, "transforms", ERROR, "nowhere", "map", after=before)
     assert int(figures["given up"]) > 0
+    _, of_sensor = wait_for(reports, "sensor points", WARN, "none of its scans is taken into the map", "nowhere", after=before)
+    assert int(of_sensor["taken in"]) == 0 and "age of the newest taken in [s]" not in of_sensor
     warned = log.wait("the same on /rosout", lambda line: line.level == 30 and "nowhere" in line.msg)
     assert "frames seen" in warned.msg
     before = len(reports)

@@ -1,7 +1,7 @@
 //! What the node knows of its engine, its map and its network for the reports on `/diagnostics`; what is heard of the sensors
 //! stands beside them. No worker is needed to tell it.
 
-use std::cell::RefCell;
+use std::cell::{RefCell, RefMut};
 use std::collections::BTreeMap;
 use std::rc::Rc;
 use std::time::{Duration, Instant};
@@ -12,6 +12,7 @@ use crate::memory::resident_mb;
 use crate::msg::part::Part;
 use crate::msg::reports::{DiagnosticStatus, Level};
 use crate::node::counts::{Counts, TRANSFORM_TIMEOUT, WAITING_QUEUE_FULL};
+use crate::node::handed::Handed;
 use crate::node::publish::Seen;
 use crate::node::transport::NetworkState;
 use crate::node::vitals::{Reach, Vitals};
@@ -25,7 +26,7 @@ struct Before {
     /// The longest that a scan has waited for its transform since.
     longest_wait: Duration,
     /// What the newest cloud without a transform lacked, of each sensor.
-    without_transform: BTreeMap<Option<usize>, String>,
+    without_transform: BTreeMap<usize, String>,
     /// How many sessions a jump has begun, and what is to be said of the newest.
     jumps: u64,
     jump: Option<String>,
@@ -69,9 +70,14 @@ impl Diagnosis {
         self.before.longest_wait = self.before.longest_wait.max(waited);
     }
 
-    /// A scan of a sensor, where that is known, was given up without a transform, for this reason.
-    pub(super) fn given_up(&mut self, sensor: Option<usize>, why: String) {
+    /// A scan of a sensor was given up without a transform, for this reason.
+    pub(super) fn given_up(&mut self, sensor: usize, why: String) {
         self.before.without_transform.insert(sensor, why);
+    }
+
+    /// Which sensor's scans the engine takes in.
+    pub(super) fn handed(&self) -> RefMut<'_, Handed> {
+        RefMut::map(self.vitals.borrow_mut(), |vitals| &mut vitals.handed)
     }
 
     /// A jump has begun a session.
@@ -94,6 +100,7 @@ impl Diagnosis {
     /// A report was made.
     pub(super) fn begin_second(&mut self) {
         self.before = Before::new(Instant::now(), self.counts.borrow().clone());
+        self.handed().begin_second();
     }
 
     pub(super) fn part(&self, part: &str, fine: impl Into<String>) -> Part {
@@ -245,7 +252,7 @@ mod tests {
     fn a_report_is_about_the_time_since_the_one_before() {
         let mut diagnosis = diagnosis();
         diagnosis.counts.borrow_mut().skip(TRANSFORM_TIMEOUT);
-        diagnosis.given_up(Some(0), "no way".to_owned());
+        diagnosis.given_up(0, "no way".to_owned());
         diagnosis.waited(Duration::from_millis(200));
         diagnosis.waited(Duration::from_millis(100));
         diagnosis.jumped("a jump".to_owned());
@@ -271,7 +278,7 @@ mod tests {
         assert_eq!((stuck.level, stuck.message.as_str()), (1, "no frame `map`"));
         diagnosis.counts.borrow_mut().skip(WAITING_QUEUE_FULL);
         diagnosis.counts.borrow_mut().taken_in += 1;
-        diagnosis.given_up(Some(0), "no way".to_owned());
+        diagnosis.given_up(0, "no way".to_owned());
         let given_up = diagnosis.of_transforms("odom", 1, Some("no frame `map`".to_owned()));
         assert_eq!((given_up.level, given_up.message.as_str()), (1, "no way"));
     }

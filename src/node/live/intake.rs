@@ -26,7 +26,7 @@ pub(super) struct Intake {
     pub(super) empty_since: Option<Instant>,
     /// When it was said last that none comes.
     said_quiet: Option<Instant>,
-    /// The stamp of the newest good scan.
+    /// The stamp of the newest good scan, whether or not it is taken in.
     pub(super) newest: Option<Stamp>,
     /// Since the last report: scans that came, those of them that could not be used, and those that never arrived.
     pub(super) received: u64,
@@ -37,8 +37,21 @@ pub(super) struct Intake {
     /// Since then: good scans that show next to nothing, and what is to be said of the newest.
     pub(super) blind: u64,
     pub(super) blindness: Option<String>,
+    /// Since then: good scans that were given up, without a transform or for newer ones.
+    pub(super) given_up: u64,
+    /// What was given up since a report in whose time one was taken in.
+    pub(super) left_out: Option<LeftOut>,
     /// It was said that its clouds come in the fixed frame.
     pub(super) is_known_without_viewpoint: bool,
+}
+
+/// Scans that were good, and were given up all the same.
+#[derive(Clone, Debug)]
+pub(super) struct LeftOut {
+    /// When the first was.
+    pub(super) since: Instant,
+    /// Why the newest was.
+    pub(super) why: String,
 }
 
 impl Intake {
@@ -56,13 +69,24 @@ impl Intake {
             fault: None,
             blind: 0,
             blindness: None,
+            given_up: 0,
+            left_out: None,
             is_known_without_viewpoint: false,
         }
     }
 
-    pub(super) fn begin_second(&mut self) {
+    /// A report was made, in whose time scans of it were taken in or not.
+    pub(super) fn begin_second(&mut self, were_taken_in: bool) {
         (self.received, self.skipped, self.lost, self.fault) = (0, 0, 0, None);
-        (self.blind, self.blindness) = (0, None);
+        (self.blind, self.blindness, self.given_up) = (0, None, 0);
+        self.left_out.take_if(|_| were_taken_in);
+    }
+
+    /// A good scan was given up, for this reason.
+    pub(super) fn give_up(&mut self, why: String) {
+        self.given_up += 1;
+        let since = self.left_out.take().map_or_else(Instant::now, |left_out| left_out.since);
+        self.left_out = Some(LeftOut { since, why });
     }
 
     fn note_good(&mut self, cloud: &Cloud) {

@@ -2,8 +2,10 @@
 
 use std::time::Instant;
 
+use super::intake::LeftOut;
 use super::{Live, QUIET};
 use crate::engine::Stamp;
+use crate::msg::part::Part;
 use crate::msg::reports::{DiagnosticArray, DiagnosticStatus, Level};
 use crate::msg::ros::Header;
 use crate::node::inputs;
@@ -37,8 +39,8 @@ impl<T: Transport> Live<T> {
         let transforms = diagnosis.of_transforms(&self.fixed_frame, self.join.waiting(), self.halted());
         let (engine, map) = (diagnosis.of_engine(), diagnosis.of_map(self.session));
         status.extend([transforms, engine, map, diagnosis.of_network(&network)]);
-        for intake in &mut self.intakes {
-            intake.begin_second();
+        for (sensor, intake) in self.intakes.iter_mut().enumerate() {
+            intake.begin_second(self.diagnosis.handed().of(sensor).scans > 0);
         }
         self.diagnosis.begin_second();
         let report = DiagnosticArray { header: Header { stamp: clock.into(), ..Header::default() }, status };
@@ -85,7 +87,21 @@ impl<T: Transport> Live<T> {
                 part.raise(Level::Warn, line);
             }
         }
+        self.add_taken_in(&mut part, sensor, clock);
         part.finish()
+    }
+
+    /// What of a sensor the map has: scans that come may all be given up, while those of others are taken in.
+    fn add_taken_in(&self, part: &mut Part, sensor: usize, clock: Stamp) {
+        let (intake, taken_in) = (&self.intakes[sensor], self.diagnosis.handed().of(sensor));
+        part.value("taken in", taken_in.scans).value("given up", intake.given_up);
+        if let Some(stamp) = taken_in.newest {
+            part.value("age of the newest taken in [s]", format!("{:.3}", clock.seconds_since(stamp)));
+        }
+        if let Some(LeftOut { since, why }) = intake.left_out.as_ref().filter(|_| taken_in.scans == 0) {
+            let level = if since.elapsed() >= QUIET { Level::Error } else { Level::Warn };
+            part.raise(level, format!("none of its scans is taken into the map; why the last is not: {why}"));
+        }
     }
 
     /// What is to be said of stamps of this age (s).

@@ -74,7 +74,7 @@ impl<T: Transport> Live<T> {
 
     /// Counts a cloud that got no transform, and says what helps.
     pub(super) fn skip(&mut self, waited: &Waited, given_up: GivenUp) {
-        let Waited { cloud: Cloud { frame_id, .. }, waited, lacks } = waited;
+        let &Waited { sensor, cloud: Cloud { ref frame_id, .. }, waited, ref lacks } = waited;
         let reason = reason_of(given_up);
         self.counts.borrow_mut().skip(reason);
         let why = lacks.as_ref().map_or_else(String::new, ToString::to_string);
@@ -88,9 +88,9 @@ impl<T: Transport> Live<T> {
         if let GivenUp::PushedOut { longer_helps } = given_up {
             line = format!("{line}; it made place for a newer one: {}", self.about_places(longer_helps));
         }
-        let sensor = self.join.sensor_in(frame_id);
-        self.diagnosis.waited(*waited);
+        self.diagnosis.waited(waited);
         self.diagnosis.given_up(sensor, line.clone());
+        self.intakes[sensor].give_up(line.clone());
         // Thousands of frames take longer to list than a cloud to skip.
         let level = self.throttle.level(kind_of(reason.key, sensor), Level::WARN);
         if level == Level::WARN
@@ -139,6 +139,6 @@ const fn reason_of(given_up: GivenUp) -> Reason {
 }
 
 /// The kind of line that says why clouds of a sensor are skipped: what one lacks must not hide what another does.
-fn kind_of(reason: &str, sensor: Option<usize>) -> String {
-    sensor.map_or_else(|| reason.to_owned(), |sensor| format!("{reason} {sensor}"))
+fn kind_of(reason: &str, sensor: usize) -> String {
+    format!("{reason} {sensor}")
 }

@@ -63,6 +63,7 @@ impl<T: Transport> Live<T> {
         let thrown_away =
             if is_kept { self.worker.jump(self.session) } else { self.worker.reset(self.session) };
         self.count_ended(thrown_away);
+        self.diagnosis.handed().begin_session(thrown_away);
         self.say_begun(format!("{why}: {}", begun(self.session)), is_jump);
         self.worker.request_snapshot();
         if is_jump {

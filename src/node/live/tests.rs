@@ -7,6 +7,7 @@ mod intake;
 mod lines;
 mod reports;
 mod saving;
+mod taken_in;
 
 use std::cell::Cell;
 use std::os::unix::fs::MetadataExt as _;
