@@ -73,6 +73,7 @@ def test_a_node_that_works_says_so_with_its_figures(start, peer, reports, log):
     assert int(figures["taken in in all"]) > 0
     assert part(report, "transforms").level == OK and part(report, "network").level == OK
     of_map = values(part(report, "map"))
+    assert int(of_map["scans taken in since these figures"]) >= 0
     assert int(of_map["dense voxels"]) > 100 and 5 < float(of_map["memory [MB]"]) < 2000
     ready = log.wait("the line `ready` on /rosout", lambda line: "ready:" in line.msg)
     assert (ready.name, ready.level) == ("cfodi", 20) and ready.file.endswith(".rs") and ready.stamp.sec > 0

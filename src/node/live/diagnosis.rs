@@ -172,6 +172,10 @@ impl Diagnosis {
             part.status.message = format!("clusters: {clusters}; dense voxels: {voxels}");
             part.value("clusters", clusters).value("dense voxels", voxels);
             part.value("unclustered voxels", map.unclustered_voxels).value("sequence", map.sequence);
+            // They are those of the newest snapshot, which is made seldom where publish_rate is low or the map large.
+            let newest = self.vitals.borrow().newest.filter(|(newest, _)| *newest == session);
+            let since = newest.map_or(0, |(_, sequence)| sequence.saturating_sub(map.sequence));
+            part.value("scans taken in since these figures", since);
         }
         part.value("session", session).value("sessions begun by a jump", self.before.jumps);
         if let Some(jump) = &self.before.jump {
@@ -281,6 +285,22 @@ mod tests {
         diagnosis.given_up(0, "no way".to_owned());
         let given_up = diagnosis.of_transforms("odom", 1, Some("no frame `map`".to_owned()));
         assert_eq!((given_up.level, given_up.message.as_str()), (1, "no way"));
+    }
+
+    /// Snapshots are published seldom, or the map is so large that they take long.
+    #[test]
+    fn the_figures_of_a_map_tell_how_many_scans_have_been_taken_in_since() {
+        let diagnosis = diagnosis();
+        let since = |newest| {
+            let map =
+                MapSize { session: 1, sequence: 9, clusters: 0, dense_voxels: 0, unclustered_voxels: 0 };
+            (diagnosis.vitals.borrow_mut().map, diagnosis.vitals.borrow_mut().newest) = (Some(map), newest);
+            let map = diagnosis.of_map(1);
+            ["sequence", "scans taken in since these figures"].map(|key| value(&map, key))
+        };
+        assert_eq!(since(Some((1, 609))), ["9", "600"]);
+        // A snapshot that was long in making, and a scan of another session.
+        assert_eq!([since(Some((1, 9))), since(Some((2, 20)))], [["9", "0"]; 2]);
     }
 
     #[test]
