@@ -11,14 +11,15 @@
 //! of it takes half of a core at most ([`Took::rest`]). A map that has stayed as it was is neither frozen nor made again: the snapshot
 //! before comes once more.
 
+mod mailbox;
 mod making;
 
-use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::thread::{Builder, JoinHandle};
 use std::time::{Duration, Instant};
 
+use self::mailbox::{Beginning, Mailbox, Off};
 use self::making::Making;
 use crate::engine::{Engine, Frozen, Params, Scan, Snapshot, Update};
 use crate::thread::panic_text;
@@ -64,13 +65,6 @@ pub enum Output {
     Died(String),
 }
 
-/// A session to begin with an empty map.
-struct Beginning {
-    session: u64,
-    /// The map that it ends is asked for.
-    is_jump: bool,
-}
-
 /// What a snapshot took.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Took {
@@ -98,133 +92,12 @@ impl Took {
     }
 }
 
-/// What waits for the worker.
-#[derive(Default)]
-struct Pending {
-    /// Before anything else.
-    session: Option<Beginning>,
-    /// What the engine is to go on with, before the next scan.
-    params: Option<Params>,
-    /// Oldest first.
-    scans: VecDeque<Scan>,
-    snapshot: bool,
-    /// What puts the next snapshot off.
-    off: Option<Off>,
-    save: bool,
-    stop: bool,
-}
-
-/// What puts a snapshot off.
-#[derive(Clone, Copy)]
-enum Off {
-    /// One that is being made.
-    Making,
-    /// One that took long.
-    Rest {
-        until: Instant,
-        /// While scans wait.
-        until_before_scans: Instant,
-    },
-}
-
-impl Off {
-    fn after(took: Took) -> Self {
-        let now = Instant::now();
-        Self::Rest { until: now + took.rest(), until_before_scans: now + took.rest_before_scans() }
-    }
-}
-
-impl Pending {
-    /// How long a snapshot that is asked for is still put off, for ever while another is being made; `None` where none is. The last
-    /// one is not.
-    fn put_off(&self) -> Option<Duration> {
-        let left = match self.off.filter(|_| self.snapshot && !self.stop)? {
-            Off::Making => Duration::MAX,
-            Off::Rest { until, until_before_scans } => {
-                let until = if self.scans.is_empty() { until } else { until_before_scans };
-                until.saturating_duration_since(Instant::now())
-            }
-        };
-        Some(left).filter(|left| !left.is_zero())
-    }
-
-    /// Whether there is nothing to do but a snapshot that is put off.
-    fn is_idle(&self, is_put_off: bool) -> bool {
-        let has_nothing = self.session.is_none() && self.params.is_none() && self.scans.is_empty();
-        has_nothing && (is_put_off || !self.snapshot) && !self.save && !self.stop
-    }
-}
-
-/// What the worker does next, in this order.
-struct Task {
-    session: Option<Beginning>,
-    params: Option<Params>,
-    scan: Option<Scan>,
-    snapshot: bool,
-    save: bool,
-    stop: bool,
-}
-
-impl Task {
-    /// Whether the map may be another afterwards.
-    const fn touches_map(&self) -> bool {
-        self.session.is_some() || self.params.is_some() || self.scan.is_some()
-    }
-}
-
-#[derive(Default)]
-struct Mailbox {
-    pending: Mutex<Pending>,
-    filled: Condvar,
-}
-
 /// Handle to the worker thread; dropping it lets the thread take in what waits and end.
 pub struct Worker {
     /// Scans that may wait.
     places: usize,
     mailbox: Arc<Mailbox>,
     thread: Option<JoinHandle<()>>,
-}
-
-impl Mailbox {
-    fn lock(&self) -> MutexGuard<'_, Pending> {
-        // No change of the mailbox can panic on its way: a panic elsewhere leaves nothing half done.
-        self.pending.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    fn put<T>(&self, change: impl FnOnce(&mut Pending) -> T) -> T {
-        let result = change(&mut self.lock());
-        self.filled.notify_one();
-        result
-    }
-
-    fn take(&self) -> Task {
-        let mut pending = self.lock();
-        let mut put_off = pending.put_off();
-        while pending.is_idle(put_off.is_some()) {
-            pending = match put_off {
-                Some(left) if left < Duration::MAX => {
-                    let waited = self.filled.wait_timeout(pending, left);
-                    waited.unwrap_or_else(PoisonError::into_inner).0
-                }
-                _ => self.filled.wait(pending).unwrap_or_else(PoisonError::into_inner),
-            };
-            put_off = pending.put_off();
-        }
-        let scan = pending.scans.pop_front();
-        // The end comes after all scans and with the whole map; a snapshot in between must not wait for a pause.
-        let stop = pending.stop && pending.scans.is_empty();
-        let is_time = stop || !pending.stop;
-        let snapshot = is_time && put_off.is_none() && std::mem::take(&mut pending.snapshot);
-        let save = is_time && std::mem::take(&mut pending.save);
-        let (session, params) = (pending.session.take(), pending.params.take());
-        Task { session, params, scan, snapshot, save, stop }
-    }
-
-    /// Puts the next snapshot off after one that took so long, but for that of a session which is to begin.
-    fn rest(&self, took: Took) {
-        self.put(|pending| pending.off = Some(Off::after(took)).filter(|_| pending.session.is_none()));
-    }
 }
 
 impl Worker {
@@ -330,68 +203,90 @@ fn guard(
     mut sink: impl FnMut(Output) + Clone + Send + 'static,
 ) {
     let mut making = Making::default();
-    let work = AssertUnwindSafe(|| work(mailbox, engine, session, &mut making, &mut sink));
-    if let Err(panic) = catch_unwind(work) {
+    let work = Work { mailbox, engine, session, making: &mut making, sink: &mut sink };
+    if let Err(panic) = catch_unwind(AssertUnwindSafe(|| work.all())) {
         // A snapshot that is being made still comes, and nothing after this. Whether it panics as well makes no difference.
         drop(catch_unwind(AssertUnwindSafe(|| making.finish())));
         sink(Output::Died(panic_text(&*panic)));
     }
 }
 
-fn work(
-    mailbox: &Arc<Mailbox>,
-    mut engine: Engine,
-    mut session: u64,
-    making: &mut Making,
-    sink: &mut (impl FnMut(Output) + Clone + Send + 'static),
-) {
-    loop {
-        let task = mailbox.take();
-        if task.touches_map() {
-            making.forget();
-        }
-        if let Some(Beginning { session: new, is_jump }) = task.session {
-            making.finish();
-            mailbox.lock().off = None;
-            let map = is_jump.then(|| Arc::new(engine.freeze()));
-            if let Some(map) = map.filter(|map| map.sequence() > 0) {
-                sink(Output::Ended { session, map });
+/// The thread's work on the map of a session.
+struct Work<'a, S> {
+    mailbox: &'a Arc<Mailbox>,
+    engine: Engine,
+    session: u64,
+    making: &'a mut Making,
+    sink: &'a mut S,
+}
+
+impl<S: FnMut(Output) + Clone + Send + 'static> Work<'_, S> {
+    /// Does what comes, until the end.
+    fn all(mut self) {
+        loop {
+            let task = self.mailbox.take();
+            if task.touches_map() {
+                self.making.forget();
             }
-            session = new;
-            engine = Engine::new(*engine.params());
-        }
-        if let Some(params) = task.params {
-            engine.tune(&params);
-        }
-        if let Some(scan) = task.scan {
-            #[cfg(test)]
-            assert_ne!(scan.stamp, tests::DEADLY, "a panic for the test");
-            let start = Instant::now();
-            let update = engine.insert(&scan);
-            sink(Output::Scan { session, points: scan.points.len(), update, took: start.elapsed() });
-        }
-        let mut makes = task.snapshot;
-        if task.snapshot {
-            making.finish();
-            if let Some((snapshot, took)) = making.newest() {
-                makes = false;
-                sink(Output::Snapshot { session, snapshot, took });
+            if let Some(beginning) = task.session {
+                self.begin(beginning);
+            }
+            if let Some(params) = task.params {
+                self.engine.tune(&params);
+            }
+            if let Some(scan) = task.scan {
+                self.take_in(&scan);
+            }
+            let makes = task.snapshot && !self.gives_again();
+            self.give(makes, task.save);
+            if task.stop {
+                self.making.finish();
+                return;
             }
         }
-        // Frozen once for both.
-        let start = Instant::now();
-        let map = (makes || task.save).then(|| Arc::new(engine.freeze()));
-        let freezing = start.elapsed();
-        if let Some(map) = map.clone().filter(|_| makes) {
-            mailbox.lock().off = Some(Off::Making);
-            making.begin(mailbox, session, (map, freezing), sink.clone());
+    }
+
+    fn begin(&mut self, Beginning { session, is_jump }: Beginning) {
+        self.making.finish();
+        self.mailbox.lock().off = None;
+        let map = is_jump.then(|| Arc::new(self.engine.freeze()));
+        if let Some(map) = map.filter(|map| map.sequence() > 0) {
+            (self.sink)(Output::Ended { session: self.session, map });
         }
-        if let Some(map) = map.filter(|_| task.save) {
-            sink(Output::Saved { session, map });
-        }
-        if task.stop {
-            making.finish();
+        self.session = session;
+        self.engine = Engine::new(*self.engine.params());
+    }
+
+    fn take_in(&mut self, scan: &Scan) {
+        #[cfg(test)]
+        assert_ne!(scan.stamp, tests::DEADLY, "a panic for the test");
+        let (session, start) = (self.session, Instant::now());
+        let update = self.engine.insert(scan);
+        (self.sink)(Output::Scan { session, points: scan.points.len(), update, took: start.elapsed() });
+    }
+
+    /// Waits for a snapshot that is being made; where there is one of the map as it is, that is given again.
+    fn gives_again(&mut self) -> bool {
+        self.making.finish();
+        let Some((snapshot, took)) = self.making.newest() else { return false };
+        (self.sink)(Output::Snapshot { session: self.session, snapshot, took });
+        true
+    }
+
+    /// Has a snapshot made of the map, or gives the map to be saved, or both: it is frozen once.
+    fn give(&mut self, makes: bool, saves: bool) {
+        if !makes && !saves {
             return;
+        }
+        let (session, start) = (self.session, Instant::now());
+        let map = Arc::new(self.engine.freeze());
+        if makes {
+            let frozen = (Arc::clone(&map), start.elapsed());
+            self.mailbox.lock().off = Some(Off::Making);
+            self.making.begin(self.mailbox, session, frozen, self.sink.clone());
+        }
+        if saves {
+            (self.sink)(Output::Saved { session, map });
         }
     }
 }

@@ -8,10 +8,10 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use super::bag_file::{BagFile, reading, sqlite};
 use super::error::BagError;
 use super::metadata::{self, Metadata};
 use super::order::side_by_side;
-use super::part::{Part, reading, sqlite};
 use super::read::{Message, Messages};
 use super::survey::survey;
 use super::topic::{Survey, Topic};
@@ -26,7 +26,7 @@ const NAMED: usize = 20;
 /// A recording that can be read: which files, in which order.
 #[derive(Clone, Debug)]
 pub struct Bag {
-    files: Vec<Part>,
+    files: Vec<BagFile>,
     /// As `metadata.yaml` lists them; empty where there is none.
     listed: Vec<Topic>,
     /// Files of its folder that hold what another one holds.
@@ -45,7 +45,7 @@ impl Bag {
     pub fn open(path: &Path) -> Result<Self, BagError> {
         let about = fs::metadata(path).map_err(|source| reading(path, source))?;
         if !about.is_dir() {
-            return Ok(Self::of(vec![Part::open(path)?]));
+            return Ok(Self::of(vec![BagFile::open(path)?]));
         }
         let description = description(path)?;
         let is_described = description.is_some();
@@ -53,25 +53,25 @@ impl Bag {
             Some(text) => Chosen::of_metadata(path, metadata::parse(path, &text)?)?,
             None => Chosen::of_folder(path)?,
         };
-        let opened: Vec<_> = paths.iter().map(|path| Part::open(path)).collect();
+        let opened: Vec<_> = paths.iter().map(|path| BagFile::open(path)).collect();
         let mut files = Vec::new();
         if opened.iter().any(Result::is_ok) {
             // One that cannot be opened costs only its own messages: it fails when its turn comes.
             files = paths
                 .iter()
                 .zip(opened)
-                .map(|(path, part)| part.unwrap_or_else(|_| Part::unopened(path)))
+                .map(|(path, bag_file)| bag_file.unwrap_or_else(|_| BagFile::unopened(path)))
                 .collect();
         } else {
-            for part in opened {
-                files.push(part?);
+            for bag_file in opened {
+                files.push(bag_file?);
             }
         }
         remarks.extend((!is_described).then(|| in_order_of_reading(&mut files)).flatten());
         Ok(Self { listed, copies, remarks, ..Self::of(files) })
     }
 
-    const fn of(files: Vec<Part>) -> Self {
+    const fn of(files: Vec<BagFile>) -> Self {
         Self { files, listed: Vec::new(), copies: Vec::new(), remarks: Vec::new(), surveyed: OnceLock::new() }
     }
 
@@ -88,13 +88,13 @@ impl Bag {
 
     /// Bytes on disk.
     pub fn size(&self) -> u64 {
-        self.files.iter().map(|part| part.size).sum()
+        self.files.iter().map(|bag_file| bag_file.size).sum()
     }
 
     /// The files that it is made of, its description and copies of them among them.
     pub fn paths(&self) -> Vec<PathBuf> {
-        let described = self.files.iter().filter_map(|part| Some(part.path.parent()?.join(METADATA)));
-        let files = self.files.iter().map(|part| part.path.clone());
+        let described = self.files.iter().filter_map(|bag_file| Some(bag_file.path.parent()?.join(METADATA)));
+        let files = self.files.iter().map(|bag_file| bag_file.path.clone());
         files.chain(described).chain(self.copies.iter().cloned()).collect()
     }
 
@@ -145,7 +145,8 @@ impl Chosen {
 
     fn of_folder(folder: &Path) -> Result<Self, BagError> {
         let (paths, copies) = without_copies(mcap_files(folder)?);
-        let (results, recorded): (Vec<_>, Vec<_>) = paths.into_iter().partition(|path| Part::is_result(path));
+        let (results, recorded): (Vec<_>, Vec<_>) =
+            paths.into_iter().partition(|path| BagFile::is_result(path));
         // Where there is nothing else, these are what is meant.
         let (paths, results) = if recorded.is_empty() { (results, recorded) } else { (recorded, results) };
         let left_out = remark("not read, as a replay has written them", &results, 1);
@@ -154,9 +155,9 @@ impl Chosen {
 }
 
 /// Puts the files of a folder that nothing describes into the order in which they are read, and says which that is.
-fn in_order_of_reading(files: &mut [Part]) -> Option<String> {
+fn in_order_of_reading(files: &mut [BagFile]) -> Option<String> {
     let how = if side_by_side(files) { "by the times of their messages" } else { "in this order" };
-    let paths: Vec<_> = files.iter().map(|part| part.path.clone()).collect();
+    let paths: Vec<_> = files.iter().map(|bag_file| bag_file.path.clone()).collect();
     remark(&format!("without a metadata.yaml these are read as one recording, {how}"), &paths, 2)
 }
 
@@ -176,7 +177,7 @@ fn name(path: &Path) -> String {
 fn description(folder: &Path) -> Result<Option<String>, BagError> {
     let path = folder.join(METADATA);
     let read = || yaml::read(&path).map_err(|source| reading(&path, source));
-    match Part::check_regular(&path).and_then(|_| read()) {
+    match BagFile::check_regular(&path).and_then(|_| read()) {
         Ok(text) => Ok(Some(text)),
         Err(BagError::Io { source, .. }) if source.kind() == io::ErrorKind::NotFound => Ok(None),
         Err(error) => Err(error),
@@ -256,7 +257,7 @@ mod tests {
     /// The names of the files that are read of a folder, and what is said of the others.
     fn read_of(folder: &Path) -> (Vec<String>, Vec<String>) {
         let bag = Bag::open(folder).unwrap();
-        (bag.files.iter().map(|part| name(&part.path)).collect(), bag.remarks)
+        (bag.files.iter().map(|bag_file| name(&bag_file.path)).collect(), bag.remarks)
     }
 
     #[test]

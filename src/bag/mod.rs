@@ -8,6 +8,7 @@
 //! those of the message headers, never the clock's.
 
 mod attachments;
+mod bag_file;
 mod channels;
 mod choose;
 mod clock;
@@ -17,7 +18,6 @@ mod error;
 mod files;
 mod metadata;
 mod order;
-mod part;
 mod qos;
 mod read;
 mod records;

@@ -1,18 +1,18 @@
 //! In which order files are read that lie in one folder and nothing lists.
 
-use super::part::Part;
+use super::bag_file::BagFile;
 use super::survey::times;
 
 /// Where files were recorded side by side, as one of clouds and one of transforms, has them read in the order of their first
 /// messages, each from when its time has come; says whether it is so. They stay as they are where one does not tell its times,
 /// and where each ends before another begins.
-pub(super) fn side_by_side(files: &mut [Part]) -> bool {
+pub(super) fn side_by_side(files: &mut [BagFile]) -> bool {
     let times: Option<Vec<_>> = files.iter().map(times).collect();
     let Some(times) = times.filter(|times| overlap(times)) else { return false };
-    for (part, (begins, _)) in files.iter_mut().zip(times) {
-        part.begins = Some(begins);
+    for (bag_file, (begins, _)) in files.iter_mut().zip(times) {
+        bag_file.begins = Some(begins);
     }
-    files.sort_by_key(|part| part.begins);
+    files.sort_by_key(|bag_file| bag_file.begins);
     true
 }
 

@@ -9,9 +9,9 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use mcap::sans_io::LinearReaderOptions;
 
 use super::attachments::WithoutLarge;
+use super::bag_file::{BagFile, ZSTD, reading};
 use super::channels::Channels;
 use super::error::{BagError, Damage};
-use super::part::{Part, ZSTD, reading};
 use super::records::Records;
 use super::survey::channels_of_summary;
 
@@ -67,7 +67,7 @@ impl Message {
 /// Reads a bag's messages. What cannot be read of a file is said last, after the messages of the files behind it.
 pub struct Messages {
     /// Those that are still to be opened.
-    files: VecDeque<Part>,
+    files: VecDeque<BagFile>,
     /// Those that are being read, each with its next message: one that is compressed by itself waits so for its turn.
     open: Vec<(Reader, Option<Message>)>,
     /// Bytes read of all files, as they are on disk.
@@ -82,7 +82,7 @@ type Source = Box<dyn Read + Send>;
 struct Reader {
     records: Records<WithoutLarge<Source>>,
     channels: Channels,
-    part: Part,
+    bag_file: BagFile,
     /// What of it is damaged.
     damage: Option<Damage>,
     /// Bytes read of it, as they are on disk.
@@ -93,7 +93,7 @@ struct Reader {
 struct End(Option<BagError>);
 
 impl Messages {
-    pub(super) fn new(files: Vec<Part>) -> Self {
+    pub(super) fn new(files: Vec<BagFile>) -> Self {
         let (files, open) = (files.into(), Vec::new());
         Self { files, open, bytes: Arc::default(), failure: None, other_failures: 0 }
     }
@@ -105,13 +105,14 @@ impl Messages {
 
     /// Opens the next file, where none is open or its messages begin by the time `until`; says whether it did.
     fn open_next(&mut self, until: Option<u64>) -> bool {
-        let is_due =
-            |part: &Part| until.is_none_or(|until| part.begins.is_some_and(|begins| begins <= until));
+        let is_due = |bag_file: &BagFile| {
+            until.is_none_or(|until| bag_file.begins.is_some_and(|begins| begins <= until))
+        };
         if self.open.len() >= AT_ONCE || !self.files.front().is_some_and(is_due) {
             return false;
         }
-        let Some(part) = self.files.pop_front() else { return false };
-        match Reader::open(part, &self.bytes) {
+        let Some(bag_file) = self.files.pop_front() else { return false };
+        match Reader::open(bag_file, &self.bytes) {
             Ok(reader) => self.open.push((reader, None)),
             Err(error) => self.fail(error),
         }
@@ -174,7 +175,7 @@ impl Iterator for Messages {
     }
 }
 
-impl Part {
+impl BagFile {
     /// Reads it, and counts the bytes.
     fn records(&self, bytes: Counters) -> Result<Records<WithoutLarge<Source>>, BagError> {
         let failed = |source| reading(&self.path, source);
@@ -199,10 +200,10 @@ impl Part {
 
 impl Reader {
     /// Opens a file; the bytes that are read of it are counted in `all`, too.
-    fn open(part: Part, all: &Arc<AtomicU64>) -> Result<Self, BagError> {
+    fn open(bag_file: BagFile, all: &Arc<AtomicU64>) -> Result<Self, BagError> {
         let bytes = Arc::default();
-        let records = part.records([Arc::clone(all), Arc::clone(&bytes)])?;
-        Ok(Self { records, channels: Channels::default(), part, damage: None, bytes })
+        let records = bag_file.records([Arc::clone(all), Arc::clone(&bytes)])?;
+        Ok(Self { records, channels: Channels::default(), bag_file, damage: None, bytes })
     }
 
     /// The next message, still compressed where it is so by itself. A chunk that is damaged costs what is left of it alone.
@@ -223,7 +224,7 @@ impl Reader {
     /// A chunk of so many bytes is damaged.
     fn pass(&mut self, bytes: u64, reason: String) {
         if self.damage.as_ref().is_none_or(|damage| damage.chunks == 0) {
-            self.channels.lack(channels_of_summary(&self.part));
+            self.channels.lack(channels_of_summary(&self.bag_file));
         }
         self.count(bytes, reason).chunks += 1;
     }
@@ -253,7 +254,7 @@ impl Reader {
 
     /// What is to be said of a file that has been read to its end.
     fn damaged(&self) -> Option<BagError> {
-        Some(BagError::Damaged { path: self.part.path.clone(), damage: self.damage()? })
+        Some(BagError::Damaged { path: self.bag_file.path.clone(), damage: self.damage()? })
     }
 
     /// What of it is damaged, and what is lost with that.
@@ -263,13 +264,13 @@ impl Reader {
     }
 
     fn cut(&self, reason: String) -> End {
-        if self.part.size == 0 {
-            return End(Some(BagError::Empty { path: self.part.path.clone() }));
+        if self.bag_file.size == 0 {
+            return End(Some(BagError::Empty { path: self.bag_file.path.clone() }));
         }
         let before = self.damage().map_or_else(String::new, |damage| format!("; before that, {damage}"));
         let reason = reason + &before;
         let bytes = self.bytes.load(Ordering::Relaxed);
-        End(Some(BagError::Cut { path: self.part.path.clone(), bytes, size: self.part.size, reason }))
+        End(Some(BagError::Cut { path: self.bag_file.path.clone(), bytes, size: self.bag_file.size, reason }))
     }
 }
 

@@ -9,14 +9,14 @@ use mcap::records::op;
 use mcap::sans_io::LinearReaderOptions;
 
 use super::attachments::Bounded;
+use super::bag_file::BagFile;
 use super::channels::Channels;
-use super::part::Part;
 use super::read::{MAX_MESSAGE_BYTES, Messages};
 use super::records::{Record, Records};
 use super::topic::{Survey, Topic};
 
 /// From the summaries where each file has one, else from `listed`, else by reading all up to `stop`.
-pub(super) fn survey(files: &[Part], listed: &[Topic], stop: &AtomicBool) -> Survey {
+pub(super) fn survey(files: &[BagFile], listed: &[Topic], stop: &AtomicBool) -> Survey {
     let summaries: Option<Vec<_>> = files.iter().map(of_summary).collect();
     let (found, is_complete): (Vec<Topic>, bool) = match summaries {
         Some(summaries) => (summaries.into_iter().flatten().collect(), true),
@@ -35,12 +35,12 @@ pub(super) fn survey(files: &[Part], listed: &[Topic], stop: &AtomicBool) -> Sur
 }
 
 /// From the end of the file; `None` where that cannot be sought or is missing.
-fn of_summary(part: &Part) -> Option<Vec<Topic>> {
-    if part.is_compressed {
+fn of_summary(bag_file: &BagFile) -> Option<Vec<Topic>> {
+    if bag_file.is_compressed {
         return None;
     }
     let (mut channels, mut counts) = (Channels::default(), None);
-    for record in summary(part)? {
+    for record in summary(bag_file)? {
         match record.ok()? {
             // An empty list of counts is one that was not made.
             Record::Statistics(all) => {
@@ -64,15 +64,15 @@ impl Bounded for BufReader<File> {
 }
 
 /// The schemas and channels of a summary, as far as there is one and it can be read.
-pub(super) fn channels_of_summary(part: &Part) -> impl Iterator<Item = Record> {
-    let records = Some(part).filter(|part| !part.is_compressed).and_then(summary);
+pub(super) fn channels_of_summary(bag_file: &BagFile) -> impl Iterator<Item = Record> {
+    let records = Some(bag_file).filter(|bag_file| !bag_file.is_compressed).and_then(summary);
     let named = |record: &Record| matches!(record, Record::Schema { .. } | Record::Channel(_));
     records.into_iter().flatten().map_while(Result::ok).filter(named)
 }
 
 /// When the first and the last message of a file were recorded (ns), as its summary says; 0 where it has none.
-pub(super) fn times(part: &Part) -> Option<(u64, u64)> {
-    let records = summary(part).filter(|_| !part.is_compressed)?;
+pub(super) fn times(bag_file: &BagFile) -> Option<(u64, u64)> {
+    let records = summary(bag_file).filter(|_| !bag_file.is_compressed)?;
     records.map_while(Result::ok).find_map(|record| match record {
         Record::Statistics(all) => Some((all.message_start_time, all.message_end_time)),
         _ => None,
@@ -89,12 +89,12 @@ fn topic(channel: &mcap::Channel<'_>, messages: Option<u64>) -> Topic {
 }
 
 /// The records of the summary, from where the footer says that it begins.
-fn summary(part: &Part) -> Option<Records<BufReader<File>>> {
-    Part::check_regular(&part.path).ok()?;
-    let mut file = BufReader::new(File::open(&part.path).ok()?);
-    let start = summary_start(&mut file, part.size)?;
+fn summary(bag_file: &BagFile) -> Option<Records<BufReader<File>>> {
+    BagFile::check_regular(&bag_file.path).ok()?;
+    let mut file = BufReader::new(File::open(&bag_file.path).ok()?);
+    let start = summary_start(&mut file, bag_file.size)?;
     // No record is longer than what is left of the file, whatever it claims.
-    let left = usize::try_from(part.size.checked_sub(start)?).unwrap_or(usize::MAX);
+    let left = usize::try_from(bag_file.size.checked_sub(start)?).unwrap_or(usize::MAX);
     file.seek(SeekFrom::Start(start)).ok()?;
     let options = LinearReaderOptions::default()
         .with_skip_start_magic(true)
@@ -117,7 +117,7 @@ fn summary_start(file: &mut BufReader<File>, size: u64) -> Option<u64> {
 }
 
 /// By reading all of it: a cut bag has no summary, and one that is compressed as a whole cannot be sought.
-fn of_messages(files: &[Part], stop: &AtomicBool) -> (Vec<Topic>, bool) {
+fn of_messages(files: &[BagFile], stop: &AtomicBool) -> (Vec<Topic>, bool) {
     let mut topics = BTreeMap::<(String, String, String), Topic>::new();
     for message in Messages::new(files.to_vec()) {
         let message = message.ok().filter(|_| !stop.load(Ordering::Relaxed));
@@ -146,7 +146,7 @@ mod tests {
         };
         let sum = |counts: [u64; 2]| {
             // Without a summary it is the list that counts.
-            let files = [Part::unopened(Path::new("/no/such.mcap"))];
+            let files = [BagFile::unopened(Path::new("/no/such.mcap"))];
             survey(&files, &counts.map(topic), &AtomicBool::new(false)).topics[0].messages
         };
         assert_eq!(sum([u64::MAX - 1, 1]), Some(u64::MAX));
@@ -162,7 +162,7 @@ mod tests {
         let header = mcap::records::MessageHeader { channel_id, sequence: 0, log_time: 1, publish_time: 1 };
         (0..3).for_each(|_| writer.write_to_known_channel(&header, b"").unwrap());
         writer.finish().unwrap();
-        let files = [Part::open(&path).unwrap()];
+        let files = [BagFile::open(&path).unwrap()];
         let (topics, is_complete) = of_messages(&files, &AtomicBool::new(false));
         assert_eq!((topics[0].messages, is_complete), (Some(3), true));
         assert_eq!(of_messages(&files, &AtomicBool::new(true)), (Vec::new(), false));

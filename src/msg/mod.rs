@@ -16,10 +16,10 @@ pub mod markers;
 #[cfg(feature = "bag")]
 pub mod outgoing;
 pub mod parameters;
-#[cfg(feature = "bag")]
-pub(crate) mod part;
 pub mod reports;
 pub mod ros;
 pub mod sent;
+#[cfg(feature = "bag")]
+pub(crate) mod status;
 pub mod twins;
 pub mod types;

@@ -19,7 +19,7 @@ use super::throttle::Throttle;
 use super::transport::{SendError, Transport};
 use super::vitals::{MapSize, Points, Reach, Vitals};
 use crate::config::Config;
-use crate::engine::Snapshot;
+use crate::engine::{Snapshot, Update};
 use crate::msg::caps::Caps;
 use crate::msg::clusters::{Session, SurfaceClusterArray};
 use crate::msg::markers::Markers;
@@ -82,10 +82,17 @@ pub(super) async fn publish(
     let beyond = Beyond::new(Reach::of(&config));
     let wire = Wire { outlets, unsent: RefCell::default(), frame_id: config.fixed_frame };
     let publisher = Maps { twins: config.twins, ..Maps::default() };
-    let (ended, ()) = tokio::join!(
-        take(outputs, &wire, newest, seen, (saver, beyond)),
-        publish_maps(maps, publisher, &wire, broken)
-    );
+    let taking = Taking {
+        wire: &wire,
+        newest,
+        seen,
+        saver,
+        beyond,
+        put_off: PutOff::default(),
+        first: (0, u64::MAX),
+        ended: Ended::default(),
+    };
+    let (ended, ()) = tokio::join!(taking.all(outputs), publish_maps(maps, publisher, &wire, broken));
     ended
 }
 
@@ -98,56 +105,66 @@ struct Newest {
     is_live: bool,
 }
 
-async fn take(
-    mut outputs: mpsc::Receiver<Output>,
-    wire: &Wire<impl Transport>,
+/// Takes what the worker has to say: deltas go out at once, maps to whoever publishes them.
+struct Taking<'a, T> {
+    wire: &'a Wire<T>,
     newest: watch::Sender<Option<Newest>>,
-    Seen { counts, vitals }: Seen,
-    (saver, mut beyond): (Option<Saver>, Beyond),
-) -> Ended {
-    let (mut ended, mut put_off) = (Ended::default(), PutOff::default());
-    // The number of the first scan of the newest session.
-    let mut first = (0, u64::MAX);
-    while let Some(output) = outputs.recv().await {
-        match output {
-            Output::Scan { session, points, update, took } => {
-                counts.borrow_mut().taken_in += 1;
-                let points = Points { all: points as u64, beyond_grid: u64::from(update.points_beyond_grid) };
-                vitals.borrow_mut().note(took, points);
-                vitals.borrow_mut().newest = Some((session, update.sequence));
-                if first.0 != session {
-                    first = (session, update.sequence);
+    seen: Seen,
+    saver: Option<Saver>,
+    beyond: Beyond,
+    put_off: PutOff,
+    /// The newest session, and the number of its first scan.
+    first: (u64, u64),
+    ended: Ended,
+}
+
+impl<T: Transport> Taking<'_, T> {
+    async fn all(mut self, mut outputs: mpsc::Receiver<Output>) -> Ended {
+        while let Some(output) = outputs.recv().await {
+            match output {
+                Output::Scan { session, points, update, took } => {
+                    self.scan(session, points as u64, &update, took).await;
                 }
-                if let Some(line) = beyond.line(session, points, Instant::now()) {
-                    warn!("{line}");
+                Output::Snapshot { session, snapshot, took } => self.snapshot(session, snapshot, took),
+                Output::Saved { session, map } => {
+                    if let Some(saver) = &self.saver {
+                        saver.write(session, map);
+                    }
                 }
-                wire.send(Outgoing::Delta(SurfaceClusterArray::delta(&wire.session(session), &update))).await;
+                Output::Ended { session, map } => {
+                    if let Some(saver) = &self.saver {
+                        saver.end(session, map);
+                    }
+                }
+                Output::Died(text) => self.ended.died = Some(text),
             }
-            Output::Snapshot { session, snapshot, took } => {
-                if let Some(line) = put_off.line(session, snapshot.voxels.len(), took) {
-                    warn!("{line}");
-                }
-                vitals.borrow_mut().snapshot_took = took;
-                vitals.borrow_mut().map = Some(MapSize::of(session, &snapshot));
-                vitals.borrow_mut().note_map(session, snapshot.sequence);
-                let is_live = first.0 == session && snapshot.sequence >= first.1;
-                newest.send_replace(Some(Newest { session, snapshot: Arc::clone(&snapshot), is_live }));
-                ended.map = Some(snapshot);
-            }
-            Output::Saved { session, map } => {
-                if let Some(saver) = &saver {
-                    saver.write(session, map);
-                }
-            }
-            Output::Ended { session, map } => {
-                if let Some(saver) = &saver {
-                    saver.end(session, map);
-                }
-            }
-            Output::Died(text) => ended.died = Some(text),
         }
+        self.ended
     }
-    ended
+
+    async fn scan(&mut self, session: u64, points: u64, update: &Update, took: Duration) {
+        let points = Points { all: points, beyond_grid: u64::from(update.points_beyond_grid) };
+        self.seen.counts.borrow_mut().taken_in += 1;
+        self.seen.vitals.borrow_mut().note_scan((session, update.sequence), took, points);
+        if self.first.0 != session {
+            self.first = (session, update.sequence);
+        }
+        if let Some(line) = self.beyond.line(session, points, Instant::now()) {
+            warn!("{line}");
+        }
+        let delta = SurfaceClusterArray::delta(&self.wire.session(session), update);
+        self.wire.send(Outgoing::Delta(delta)).await;
+    }
+
+    fn snapshot(&mut self, session: u64, snapshot: Arc<Snapshot>, took: Took) {
+        if let Some(line) = self.put_off.line(session, snapshot.voxels.len(), took) {
+            warn!("{line}");
+        }
+        self.seen.vitals.borrow_mut().note_snapshot(MapSize::of(session, &snapshot), took);
+        let is_live = self.first.0 == session && snapshot.sequence >= self.first.1;
+        self.newest.send_replace(Some(Newest { session, snapshot: Arc::clone(&snapshot), is_live }));
+        self.ended.map = Some(snapshot);
+    }
 }
 
 async fn publish_maps(

@@ -26,17 +26,19 @@ pub(super) struct Vitals {
 }
 
 impl Vitals {
-    /// A map of a session was seen. One that was long in making may have fewer scans than are known of already.
-    pub(super) fn note_map(&mut self, session: u64, sequence: u64) {
-        let known = self.newest.filter(|(newest, _)| *newest == session).map_or(0, |(_, known)| known);
-        self.newest = Some((session, sequence.max(known)));
-    }
-
-    /// A scan was taken in.
-    pub(super) fn note(&mut self, took: Duration, points: Points) {
+    /// The scan by which the map of a session has so many was taken in.
+    pub(super) fn note_scan(&mut self, newest: (u64, u64), took: Duration, points: Points) {
         self.took.push(took);
         self.handed.take_in();
         self.points.add(points);
+        self.newest = Some(newest);
+    }
+
+    /// A map was seen. One that was long in making may have fewer scans than are known of already.
+    pub(super) fn note_snapshot(&mut self, map: MapSize, took: Took) {
+        let known = self.newest.filter(|(session, _)| *session == map.session).map_or(0, |(_, known)| known);
+        self.newest = Some((map.session, map.sequence.max(known)));
+        (self.map, self.snapshot_took) = (Some(map), took);
     }
 
     /// What `~/points_labelled` leaves out of the map of this session.

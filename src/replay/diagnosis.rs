@@ -2,9 +2,9 @@
 
 use super::summary::Tally;
 use crate::engine::{Engine, Stamp};
-use crate::msg::part::Part;
 use crate::msg::reports::{DiagnosticArray, Level};
 use crate::msg::ros::Header;
+use crate::msg::status::StatusBuilder;
 
 #[derive(Debug, Default)]
 pub(super) struct Diagnosis {
@@ -21,7 +21,7 @@ impl Diagnosis {
         tally: &Tally,
         engine: &Engine,
     ) -> DiagnosticArray {
-        let mut part = Part::new(node, "replay", format!("{} scans taken in", tally.scans));
+        let mut part = StatusBuilder::new(node, "replay", format!("{} scans taken in", tally.scans));
         part.value("taken in in all", tally.scans);
         for (reason, number) in &tally.skipped {
             part.value(format!("skipped in all, {}", reason.key), number);

@@ -5,7 +5,8 @@ use std::sync::{Arc, OnceLock};
 use std::thread::{Builder, JoinHandle};
 use std::time::{Duration, Instant};
 
-use super::{Mailbox, Output, Took};
+use super::mailbox::Mailbox;
+use super::{Output, Took};
 use crate::engine::{Frozen, Snapshot};
 use crate::thread::spawn_or_run;
 

@@ -238,6 +238,11 @@ impl Block {
         self.key.map(|i| i * EDGE)
     }
 
+    /// The same place, in voxels from the corner of voxel (0, 0, 0).
+    pub(super) fn low(&self) -> Vector3<f64> {
+        Vector3::from(self.corner()).map(f64::from)
+    }
+
     /// The rank of a cell's voxel, and whether it was begun, without points, for there was none. All voxels before
     /// `from` have lower cells: who comes to cells in their order passes each voxel once.
     pub(super) fn rank_from(&mut self, from: usize, cell: Cell) -> (usize, bool) {

@@ -14,7 +14,7 @@
 use std::cmp::Reverse;
 use std::collections::BTreeSet;
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::Point3;
 
 use super::block::{Block, BlockIndex, EDGE};
 use super::grid::Grid;
@@ -176,8 +176,8 @@ impl Bounds {
 /// From a point to the nearest point of a block (m).
 fn distance(grid: &Grid, block: &Block, from: &Point3<f64>) -> f64 {
     let size = grid.voxel_size();
-    let low = Vector3::from(block.corner()).map(|i| f64::from(i) * size);
-    let high = Vector3::from(block.corner()).map(|i| f64::from(i + EDGE) * size);
+    let low = block.low() * size;
+    let high = block.low().add_scalar(f64::from(EDGE)) * size;
     let nearest = from.coords.sup(&low).inf(&high);
     (nearest - from.coords).norm()
 }

@@ -148,12 +148,12 @@ impl View {
 
     /// The corner of a block.
     fn corner(&self, block: &Block) -> Point3<f64> {
-        Point3::from(self.steps * Vector3::from(block.corner()).map(f64::from) + self.origin)
+        Point3::from(self.steps * block.low() + self.origin)
     }
 
     /// From there to the mean of a voxel's points.
     fn to_mean(&self, voxel: &Voxel) -> Vector3<f64> {
-        self.steps * (Vector3::from(voxel.cell.coordinates()).map(f64::from) + voxel.moments.mean())
+        self.steps * (voxel.cell.corner() + voxel.moments.mean())
     }
 
     fn body(&self, moments: &Moments, mean: &Point3<f64>) -> (Vector3<f64>, [bool; 3]) {

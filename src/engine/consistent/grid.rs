@@ -13,7 +13,7 @@ mod index;
 use std::ops::Deref;
 use std::sync::Arc;
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::Point3;
 
 pub(super) use self::bin::Binned;
 use self::index::Index;
@@ -71,8 +71,7 @@ impl Blocks {
 
     /// Mean of a voxel's points (m), fixed frame.
     pub(super) fn centre(&self, block: &Block, voxel: &Voxel) -> Point3<f64> {
-        let corner = Vector3::from(block.corner()) + Vector3::from(voxel.cell.coordinates());
-        Point3::from((corner.map(f64::from) + voxel.moments.mean()) * self.voxel_size)
+        Point3::from((block.low() + voxel.cell.corner() + voxel.moments.mean()) * self.voxel_size)
     }
 }
 

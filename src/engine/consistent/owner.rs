@@ -30,7 +30,7 @@ const NARROW_HANDICAP: f64 = 2.0;
 
 impl<'a> Owners<'a> {
     pub(super) fn new(block: &'a Block, segmented: &'a SegmentedBlocks, rules: &'a Rules) -> Self {
-        let corner = Vector3::from(block.corner()).map(f64::from);
+        let corner = block.low();
         Self { around: &block.around, corner, segmented, rules }
     }
 

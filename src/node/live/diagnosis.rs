@@ -9,8 +9,8 @@ use std::time::{Duration, Instant};
 use super::saving_figures::SavingFigures;
 use crate::config::Config;
 use crate::memory::resident_mb;
-use crate::msg::part::Part;
 use crate::msg::reports::{DiagnosticStatus, Level};
+use crate::msg::status::StatusBuilder;
 use crate::node::counts::{Counts, TRANSFORM_TIMEOUT, WAITING_QUEUE_FULL};
 use crate::node::handed::Handed;
 use crate::node::publish::Seen;
@@ -103,8 +103,8 @@ impl Diagnosis {
         self.handed().begin_second();
     }
 
-    pub(super) fn part(&self, part: &str, fine: impl Into<String>) -> Part {
-        Part::new(&self.node, part, fine)
+    pub(super) fn part(&self, part: &str, fine: impl Into<String>) -> StatusBuilder {
+        StatusBuilder::new(&self.node, part, fine)
     }
 
     fn since_before(&self, reason: Reason) -> u64 {

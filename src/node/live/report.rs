@@ -5,9 +5,9 @@ use std::time::Instant;
 use super::intake::LeftOut;
 use super::{Live, QUIET};
 use crate::engine::Stamp;
-use crate::msg::part::Part;
 use crate::msg::reports::{DiagnosticArray, DiagnosticStatus, Level};
 use crate::msg::ros::Header;
+use crate::msg::status::StatusBuilder;
 use crate::node::inputs;
 use crate::node::throttle::say;
 use crate::node::transport::{NetworkState, Source, Transport};
@@ -92,7 +92,7 @@ impl<T: Transport> Live<T> {
     }
 
     /// What of a sensor the map has: scans that come may all be given up, while those of others are taken in.
-    fn add_taken_in(&self, part: &mut Part, sensor: usize, clock: Stamp) {
+    fn add_taken_in(&self, part: &mut StatusBuilder, sensor: usize, clock: Stamp) {
         let (intake, taken_in) = (&self.intakes[sensor], self.diagnosis.handed().of(sensor));
         part.value("taken in", taken_in.scans).value("given up", intake.given_up);
         if let Some(stamp) = taken_in.newest {

@@ -73,10 +73,9 @@ struct Folding {
 impl Folding {
     /// Adds what a scan put into a voxel to what it had; whether it became dense by it.
     fn fold(&self, block: &mut Block, rank: usize, scan: &ScanSums) -> bool {
-        let corner = Vector3::from(block.corner());
+        let low = block.low();
         let voxel = block.at(rank);
-        let corner = corner + Vector3::from(voxel.cell.coordinates());
-        let mean = (corner.map(f64::from) + scan.mean()) * self.voxel_size;
+        let mean = (low + voxel.cell.corner() + scan.mean()) * self.voxel_size;
         let (depth, towards) = self.weighing.of(&mean);
         let halvings = voxel.moments.fold(scan, self.noise.weight(depth), &towards);
         voxel.published.note_halved(halvings);

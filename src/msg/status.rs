@@ -6,12 +6,12 @@ use crate::line::one_line;
 use crate::msg::reports::{DiagnosticStatus, KeyValue, Level};
 
 /// A part of the node, with the worst that is to be said of it.
-pub(crate) struct Part {
+pub(crate) struct StatusBuilder {
     pub(crate) status: DiagnosticStatus,
     level: Level,
 }
 
-impl Part {
+impl StatusBuilder {
     pub(crate) fn new(node: &str, part: &str, fine: impl Into<String>) -> Self {
         let name = format!("{}: {part}", node.trim_start_matches('/'));
         Self {

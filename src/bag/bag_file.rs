@@ -15,7 +15,7 @@ const HEADER: u64 = 256;
 
 /// One file of a bag.
 #[derive(Clone, Debug)]
-pub(super) struct Part {
+pub(super) struct BagFile {
     pub(super) path: PathBuf,
     /// Bytes on disk.
     pub(super) size: u64,
@@ -33,7 +33,7 @@ const SQLITE: &[u8] = b"SQLite format 3";
 /// How a map begins that the node has saved.
 const SAVED_MAP: &[u8] = b"cfodimap";
 
-impl Part {
+impl BagFile {
     /// A file that cannot be opened, or is none of a bag: reading it says so.
     pub(super) fn unopened(path: &Path) -> Self {
         let size = path.metadata().map_or(0, |about| about.len());
