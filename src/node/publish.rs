@@ -79,19 +79,10 @@ pub(super) async fn publish(
     broken: mpsc::Sender<String>,
 ) -> Ended {
     let (newest, maps) = watch::channel(None);
-    let beyond = Beyond::new(Reach::of(&config));
+    let reach = Reach::of(&config);
     let wire = Wire { outlets, unsent: RefCell::default(), frame_id: config.fixed_frame };
     let publisher = Maps { twins: config.twins, ..Maps::default() };
-    let taking = Taking {
-        wire: &wire,
-        newest,
-        seen,
-        saver,
-        beyond,
-        put_off: PutOff::default(),
-        first: (0, u64::MAX),
-        ended: Ended::default(),
-    };
+    let taking = Taking::new(&wire, newest, seen, saver, reach);
     let (ended, ()) = tokio::join!(taking.all(outputs), publish_maps(maps, publisher, &wire, broken));
     ended
 }
@@ -118,7 +109,18 @@ struct Taking<'a, T> {
     ended: Ended,
 }
 
-impl<T: Transport> Taking<'_, T> {
+impl<'a, T: Transport> Taking<'a, T> {
+    fn new(
+        wire: &'a Wire<T>,
+        newest: watch::Sender<Option<Newest>>,
+        seen: Seen,
+        saver: Option<Saver>,
+        reach: Reach,
+    ) -> Self {
+        let (beyond, put_off, first) = (Beyond::new(reach), PutOff::default(), (0, u64::MAX));
+        Self { wire, newest, seen, saver, beyond, put_off, first, ended: Ended::default() }
+    }
+
     async fn all(mut self, mut outputs: mpsc::Receiver<Output>) -> Ended {
         while let Some(output) = outputs.recv().await {
             match output {

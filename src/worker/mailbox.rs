@@ -134,3 +134,37 @@ impl Mailbox {
         self.put(|pending| pending.off = Some(Off::after(took)).filter(|_| pending.session.is_none()));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::SHORT;
+    use super::super::tests::scan;
+    use super::*;
+
+    #[test]
+    fn after_a_snapshot_that_held_the_engine_up_the_next_is_put_off_for_long_only_while_scans_wait() {
+        let after = |freezing: Duration, making: Duration, stop: bool, waiting: i64| {
+            let mailbox = Mailbox::default();
+            mailbox.rest(Took { freezing, making });
+            mailbox.put(|pending| {
+                (pending.snapshot, pending.stop) = (true, stop);
+                pending.scans.extend((0..waiting).map(scan));
+                let is_put_off = pending.put_off().is_some();
+                (is_put_off, pending.is_idle(is_put_off))
+            })
+        };
+        let (no_time, long) = (Duration::ZERO, Duration::from_secs(60));
+        assert_eq!(
+            [after(long, no_time, false, 0), after(long, no_time, false, 2)],
+            [(true, true), (true, false)]
+        );
+        assert_eq!(after(SHORT, no_time, false, 0), (false, false));
+        // A busy machine may hold this thread up until the pause is over.
+        assert!((0..3).any(|_| after(SHORT, no_time, false, 2) == (true, false)), "put off while scans wait");
+        assert_eq!(
+            [after(no_time, long, false, 0), after(no_time, long, false, 2)],
+            [(true, true), (true, false)]
+        );
+        assert_eq!(after(long, long, true, 0), (false, false), "the last one is not put off");
+    }
+}

@@ -1,4 +1,5 @@
 use std::panic::resume_unwind;
+use std::sync::Mutex;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::Duration;
 
@@ -10,7 +11,7 @@ pub(crate) const DEADLY: Stamp = Stamp::from_nanos(13_131_313_131_313);
 
 const PATIENCE: Duration = Duration::from_secs(60);
 
-fn scan(stamp: i64) -> Scan {
+pub(super) fn scan(stamp: i64) -> Scan {
     Scan {
         stamp: Stamp::from_nanos(stamp),
         fixed_from_sensor: Isometry3::identity(),
@@ -56,33 +57,6 @@ fn in_a_full_mailbox_the_oldest_scan_is_replaced_and_said_to_be() {
             })
             .collect();
     assert_eq!(stamps, [1].into_iter().chain(3..3 + places).collect::<Vec<_>>());
-}
-
-#[test]
-fn after_a_snapshot_that_held_the_engine_up_the_next_is_put_off_for_long_only_while_scans_wait() {
-    let after = |freezing: Duration, making: Duration, stop: bool, waiting: i64| {
-        let mailbox = Mailbox::default();
-        mailbox.rest(Took { freezing, making });
-        mailbox.put(|pending| {
-            (pending.snapshot, pending.stop) = (true, stop);
-            pending.scans.extend((0..waiting).map(scan));
-            let is_put_off = pending.put_off().is_some();
-            (is_put_off, pending.is_idle(is_put_off))
-        })
-    };
-    let (no_time, long) = (Duration::ZERO, Duration::from_secs(60));
-    assert_eq!(
-        [after(long, no_time, false, 0), after(long, no_time, false, 2)],
-        [(true, true), (true, false)]
-    );
-    assert_eq!(after(SHORT, no_time, false, 0), (false, false));
-    // A busy machine may hold this thread up until the pause is over.
-    assert!((0..3).any(|_| after(SHORT, no_time, false, 2) == (true, false)), "put off while scans wait");
-    assert_eq!(
-        [after(no_time, long, false, 0), after(no_time, long, false, 2)],
-        [(true, true), (true, false)]
-    );
-    assert_eq!(after(long, long, true, 0), (false, false), "the last one is not put off");
 }
 
 #[test]

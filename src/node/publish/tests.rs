@@ -179,9 +179,9 @@ async fn a_map_from_before_the_first_scan_is_not_live_though_that_scan_overtakes
             recorder: None,
         };
         let wire = Wire { outlets, unsent: RefCell::default(), frame_id: "odom".to_owned() };
-        let beyond = Beyond::new(Reach::of(&Config::new([]).unwrap()));
+        let reach = Reach::of(&Config::new([]).unwrap());
         let (newest, maps) = watch::channel(None);
-        take(receiver, &wire, newest, Seen::default(), (None, beyond)).await;
+        Taking::new(&wire, newest, Seen::default(), None, reach).all(receiver).await;
         maps.borrow().as_ref().is_some_and(|map| map.is_live)
     };
     let [map_1, map_2] = [1, 3];
