@@ -116,7 +116,7 @@ impl Frames {
         let newest = self.newest(sample.child);
         let mut apart = None;
         if jumped_back {
-            self.jumps.note_back(sample.child, newest);
+            self.jumps.note_back(sample.child, newest, sample.stamp);
             self.clear_dynamic();
         } else {
             apart = self.jumps.note_on(sample.child, newest, sample.stamp);

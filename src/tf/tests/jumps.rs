@@ -86,6 +86,53 @@ fn a_bag_that_loops_is_no_frame_of_two_publishers_when_it_comes_to_its_end_again
     }
 }
 
+/// As a map's poses at keyframes are sent.
+#[test]
+fn nor_is_one_whose_frame_comes_less_than_once_a_second() {
+    for (step, steps) in [(1.1, 30), (2.0, 10), (5.0, 4), (20.0, 4)] {
+        let mut frames = Frames::new();
+        for lap in 0..4 {
+            for count in 0..steps {
+                let expected = if lap > 0 && count == 0 { Inserted::JumpedBack } else { Inserted::Stored };
+                let seconds = step * f64::from(count);
+                assert_eq!(
+                    frames.dynamic("odom", "base_link", seconds, 0.0),
+                    expected,
+                    "{seconds} s of lap {lap}, every {step} s"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn an_overtaken_transform_of_such_a_frame_is_of_use_at_the_end_of_a_lap_too() {
+    let mut frames = Frames::new();
+    for seconds in [0.0, 5.0, 10.0, 15.0, 0.0, 5.0, 10.0] {
+        frames.dynamic("odom", "base_link", seconds, 0.0);
+    }
+    frames.dynamic("map", "tag", 15.1, 0.0);
+    assert_eq!(frames.jumps(), 1);
+    assert!(frames.is_of_use(&message("odom", "base_link", 15.0, &shift(0.0))));
+}
+
+#[test]
+fn two_publishers_that_send_less_than_once_a_second_are_found_at_their_second_turn() {
+    for (period, late, by) in [(2.0, 1.5, 0.1), (2.0, 30.0, 0.1), (5.0, 7.0, 2.0), (1.5, 2.2, 0.7)] {
+        let mut frames = Frames::new();
+        let found = (0..6).map(|turn| {
+            let now = period * f64::from(turn);
+            let of_first = frames.dynamic("map", "tag", now, 0.0);
+            [of_first, frames.dynamic("map", "tag", now + by - late, 0.0)]
+        });
+        let found: Vec<_> = found.flatten().collect();
+        assert_eq!(found[..2], [Inserted::Stored, Inserted::JumpedBack], "every {period} s, {late} s late");
+        assert!(matches!(found[2], Inserted::ToAndFro { apart } if apart > JUMP_BACK), "{found:?}");
+        assert!(found[3..].iter().all(|inserted| *inserted == Inserted::Stored), "{found:?}");
+        assert_eq!(frames.jumps(), 1);
+    }
+}
+
 #[test]
 fn something_moves_below_a_frame_where_dynamic_transforms_lead_there_from_it() {
     let mut frames = Frames::new();
