@@ -1,9 +1,11 @@
 //! Clouds and transforms to scans: the path that the live node and a replay have in common.
 //!
-//! A cloud waits for the transform at its stamp; a scan whose stamp jumps back begins a new session. No clock inside:
-//! time is an argument.
+//! A cloud waits for the transform at its stamp; a scan whose stamp jumps back begins a new session. Keeps true: a lap ([`laps`])
+//! begins one session at most, whichever sensor's scan is ready first, and what it gives up is from before that lap. No clock
+//! inside: time is an argument.
 
 mod hint;
+mod laps;
 mod waiting;
 
 use std::collections::BTreeMap;
@@ -17,6 +19,7 @@ use crate::tf::{FrameError, Frames, Inserted, Lack, LookupError};
 pub use hint::GivenUp;
 pub use waiting::{Moment, Waited};
 
+use laps::Laps;
 use waiting::{Arrived, Waiting};
 
 /// Pairs of a frame and a sensor that are remembered at most: a sender can make up ever new frames.
@@ -32,10 +35,10 @@ pub struct Join {
     waiting: Waiting,
     /// The oldest stamp of a cloud that has come since none waited: none that waits is older.
     waits_since: Stamp,
-    /// Newest stamp that has arrived, whether or not a transform comes for it.
-    arrived: BTreeMap<Key, Stamp>,
-    /// Counts the arrivals whose stamps jumped back.
-    lap: u64,
+    /// Of all clouds that have come.
+    laps: Laps,
+    /// The lap that began this session.
+    session: u64,
     /// What this session has had.
     sensors: BTreeMap<Key, Sensor>,
 }
@@ -95,8 +98,8 @@ impl Join {
             frames: Frames::new(),
             waiting: Waiting::new(places),
             waits_since: Stamp::default(),
-            arrived: BTreeMap::new(),
-            lap: 0,
+            laps: Laps::default(),
+            session: 0,
             sensors: BTreeMap::new(),
         }
     }
@@ -140,12 +143,12 @@ impl Join {
     /// The frames of the sensors that have sent a cloud in this session, that of the cloud that has waited longest first.
     pub fn sensors(&self) -> impl Iterator<Item = &str> {
         let oldest = self.oldest().map(|(frame, _)| frame);
-        oldest.into_iter().chain(self.arrived.keys().map(|(frame, _)| frame.as_str()))
+        oldest.into_iter().chain(self.laps.sensors().map(|(frame, _)| frame.as_str()))
     }
 
     /// Which sensor has sent clouds in this frame.
     pub fn sensor_in(&self, frame: &str) -> Option<usize> {
-        self.arrived.keys().find(|(known, _)| known == frame).map(|(_, sensor)| *sensor)
+        self.laps.sensors().find(|(known, _)| known == frame).map(|(_, sensor)| *sensor)
     }
 
     /// A warning of clouds whose frame is no sensor's: the fixed one, one above it, or one with the name of a map (REP 105). Only where
@@ -180,15 +183,11 @@ impl Join {
     /// Lets a cloud of a sensor wait for its transform; gives the one that has waited longest where there was no place.
     pub fn cloud(&mut self, sensor: usize, cloud: Cloud, now: Moment) -> Option<Waited> {
         let stamp = cloud.stamp;
-        if self.arrived.len() >= SENSORS {
-            self.arrived.clear();
-        }
         // Clouds before a jump and after it must not be sorted together, and the stamps alone do not tell them apart.
-        let before = self.arrived.insert((cloud.frame_id.clone(), sensor), stamp);
-        self.lap += u64::from(before.is_some_and(|before| stamp.jump_back_from(before).is_some()));
+        let lap = self.laps.arrive((cloud.frame_id.clone(), sensor), stamp);
         let is_alone = self.waiting.is_empty();
         self.waits_since = if is_alone { stamp } else { self.waits_since.min(stamp) };
-        self.waiting.push(Arrived { sensor, cloud, lap: self.lap, at: now, lacks: None })
+        self.waiting.push(Arrived { sensor, cloud, lap, at: now, lacks: None })
     }
 
     /// Takes the clouds whose way to `fixed_frame` is known now: those before a jump first, then by ascending stamp.
@@ -223,11 +222,15 @@ impl Join {
     /// Notes a scan; gives the jump where it begins a new session. Its stamp is compared with those of its own sensor alone:
     /// another may be late, or its clock off.
     fn jumped_back(&mut self, scan: &Arrived) -> Option<Jump> {
+        // Late, from before the jump that began this session: the sensor's first from after it would seem to jump from here.
+        if scan.lap < self.session {
+            return None;
+        }
         let (key, stamp) = (scan.key(), scan.cloud.stamp);
         let newest = self.sensors.get(&key).map(|sensor| sensor.newest);
         let jump = newest.and_then(|newest| stamp.jump_back_from(newest)).map(|seconds| {
-            self.sensors.clear();
-            Jump { seconds, given_up: self.waiting.drop_before(scan.lap) }
+            self.enter(scan.lap);
+            Jump { seconds, given_up: self.drop_before(scan) }
         });
         if self.sensors.len() >= SENSORS {
             self.sensors.clear();
@@ -236,6 +239,23 @@ impl Join {
         let newest = newest.map_or(stamp, |newest| newest.max(stamp));
         self.sensors.insert(key, Sensor { newest, jumps: self.frames.jumps() });
         jump
+    }
+
+    /// Begins a session in this lap.
+    fn enter(&mut self, lap: u64) {
+        self.sensors.clear();
+        self.session = lap;
+    }
+
+    /// Drops the clouds from before the lap that this scan begins; says how many there were. Of a sensor that is not in that lap yet,
+    /// they are those whose stamps lie where the scan's has jumped back from: a sensor that sends once a lap is never seen to jump.
+    fn drop_before(&mut self, scan: &Arrived) -> usize {
+        let Self { laps, waiting, .. } = self;
+        waiting.drop_where(|other| {
+            let is_there_too = || laps.of(&other.key()).is_some_and(|lap| lap >= scan.lap);
+            let is_after = || scan.cloud.stamp.jump_back_from(other.cloud.stamp).is_some();
+            other.lap < scan.lap && (is_there_too() || is_after())
+        })
     }
 
     /// Takes the clouds that have waited for `timeout` or longer.
@@ -250,16 +270,16 @@ impl Join {
 
     /// Begins a session: stamps may be any again. Gives the clouds that waited.
     pub fn begin_session(&mut self, now: Moment) -> Vec<Waited> {
-        self.sensors.clear();
-        self.arrived.clear();
+        self.enter(self.laps.newest());
+        self.laps.forget();
         self.give_up(now)
     }
 
     /// Begins a session with a clock that has jumped back to `stamp`; transforms of after it are forgotten. Gives the clouds that waited
     /// and are from before the jump. Those that were taken after it may have come before the clock did, and wait on.
     pub fn clock_jumped_back(&mut self, stamp: Stamp, now: Moment) -> Vec<Waited> {
-        self.sensors.clear();
-        self.arrived.retain(|_, newest| stamp.jump_back_from(*newest).is_none());
+        self.enter(self.laps.newest());
+        self.laps.forget_before(stamp);
         self.frames.forget_after(stamp);
         self.waiting.take_from_before(stamp, now)
     }

@@ -1,3 +1,5 @@
+mod laps;
+
 use super::*;
 use crate::engine::Points;
 use crate::msg::ros::{Header, Transform};

@@ -51,7 +51,7 @@ pub(super) struct Waiting {
     clouds: VecDeque<Arrived>,
 }
 
-/// A cloud of a sensor, and the lap in which it arrived.
+/// A cloud of a sensor, and its lap.
 #[derive(Debug)]
 pub(super) struct Arrived {
     pub(super) sensor: usize,
@@ -161,10 +161,10 @@ impl Waiting {
         gone.into_iter().map(|arrived| arrived.give_up(now)).collect()
     }
 
-    /// Drops the clouds of the laps before this one; says how many there were.
-    pub(super) fn drop_before(&mut self, lap: u64) -> usize {
+    /// Drops these clouds; says how many there were.
+    pub(super) fn drop_where(&mut self, goes: impl Fn(&Arrived) -> bool) -> usize {
         let before = self.clouds.len();
-        self.clouds.retain(|arrived| arrived.lap >= lap);
+        self.clouds.retain(|arrived| !goes(arrived));
         before - self.clouds.len()
     }
 
@@ -239,13 +239,14 @@ mod tests {
     }
 
     #[test]
-    fn clouds_of_earlier_laps_are_ready_first_and_those_that_are_not_are_dropped_with_their_lap() {
+    fn clouds_of_earlier_laps_are_ready_first_and_those_that_are_not_can_be_dropped_with_their_lap() {
         let mut waiting = waiting(8, &[30, 50]);
         for (sensor, stamp) in [(2, 20), (3, 60), (4, 10)] {
             assert_eq!(waiting.push(Arrived { lap: 1, ..arrived(sensor, stamp) }), None);
         }
         assert_eq!(ready(&mut waiting, 30), [(0, 30.0), (4, 10.0), (2, 20.0)]);
-        assert_eq!((waiting.drop_before(1), waiting.drop_before(1)), (1, 0));
+        let mut drop_first = || waiting.drop_where(|arrived| arrived.lap < 1);
+        assert_eq!((drop_first(), drop_first()), (1, 0));
         assert_eq!(ready(&mut waiting, 60), [(3, 60.0)]);
     }
 
