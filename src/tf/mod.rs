@@ -10,6 +10,7 @@ mod error;
 mod inserted;
 mod jumps;
 mod kept;
+mod room;
 mod sample;
 
 #[cfg(test)]
@@ -42,8 +43,9 @@ pub const MAX_AGE: Duration = Duration::from_secs(10);
 /// Most child frames that are kept.
 pub const MAX_FRAMES: usize = 10_000;
 
-/// Most samples of one dynamic frame: those of [`MAX_AGE`] at 1000 Hz, and as many again.
-pub const MAX_FRAME_SAMPLES: usize = 20_000;
+/// Most samples of one dynamic frame: those of [`MAX_AGE`] at 1000 Hz, three times. Of one that comes more often a sample is kept
+/// each ms.
+pub const MAX_FRAME_SAMPLES: usize = 30_000;
 
 /// Most samples of all dynamic frames, about 100 bytes each.
 pub const MAX_SAMPLES: usize = 500_000;
@@ -121,8 +123,12 @@ impl Frames {
         } else {
             apart = self.jumps.note_on(sample.child, newest, sample.stamp);
         }
-        self.make_room(&sample)?;
-        let inserted = self.store(&sample)?;
+        let inserted = if self.can_spare(&sample) {
+            Inserted::Stored
+        } else {
+            self.make_room(&sample)?;
+            self.store(&sample)?
+        };
         Ok(match apart {
             Some(apart) => Inserted::ToAndFro { apart },
             None if jumped_back => Inserted::JumpedBack,
@@ -167,42 +173,6 @@ impl Frames {
         let stays = |edge: &&Edge| !only_statics_stay || edge.kept.is_none();
         let above = |frame: &str| self.edges.get(frame).filter(stays).map(|edge| edge.parent.as_str());
         check_place(sample.parent, sample.child, above)
-    }
-
-    /// Refuses a sample where too much is kept, once what is out of date is forgotten.
-    fn make_room(&mut self, sample: &Sample<'_>) -> Result<(), FrameError> {
-        let kept = self.edges.get(sample.child).map(|edge| edge.kept);
-        let is_full = |frames: &Self| {
-            let no_frame = kept.is_none() && frames.edges.len() >= MAX_FRAMES;
-            (no_frame, sample.stamp.is_some() && frames.samples >= MAX_SAMPLES)
-        };
-        if is_full(self) != (false, false) {
-            self.forget_stale(sample.stamp);
-        }
-        let child = || sample.child.to_owned();
-        match is_full(self) {
-            (true, _) => return Err(FrameError::TooManyFrames { child: child(), max: MAX_FRAMES }),
-            (_, true) => return Err(FrameError::TooManySamples { child: child(), max: MAX_SAMPLES }),
-            _ => {}
-        }
-        let grown = kept.flatten().zip(sample.stamp).map_or(0, |(kept, stamp)| kept.with(stamp).bound());
-        if grown > MAX_FRAME_SAMPLES {
-            return Err(FrameError::TooManySamples { child: child(), max: MAX_FRAME_SAMPLES });
-        }
-        Ok(())
-    }
-
-    /// Forgets the dynamic frames of another time than `stamp` (or the newest there is): nothing is looked up there.
-    fn forget_stale(&mut self, stamp: Option<Stamp>) {
-        let newest = || self.edges.values().filter_map(Edge::newest).max();
-        let Some(now) = stamp.or_else(newest) else { return };
-        let is_far = |other: Stamp, seconds: f64| other.seconds_since(now).abs() > seconds;
-        // Looking through all takes time, and a sender of ever new names would have it done for each.
-        if self.looked.is_some_and(|looked| !is_far(looked, 1.0)) {
-            return;
-        }
-        self.looked = Some(now);
-        self.retain(|edge| !edge.newest().is_some_and(|newest| is_far(newest, MAX_AGE.as_secs_f64())));
     }
 
     /// Stores a sample that has a place.
@@ -325,7 +295,7 @@ impl Frames {
     /// The isometry that maps coordinates of the frame `sensor` into the frame `fixed` at `stamp`.
     ///
     /// Equal names give the identity, known or not: the answer holds either way. Between two samples the way is a straight line,
-    /// as in tf2, however far apart they are within [`MAX_AGE`], and whether or not others between them were refused.
+    /// as in tf2, however far apart they are within [`MAX_AGE`], and whether or not others between them were refused or spared.
     ///
     /// # Errors
     ///

@@ -103,22 +103,53 @@ fn the_samples_of_a_frame_are_bounded_and_time_makes_room_again() {
         message.header.stamp = Stamp::from_nanos(nanos).into();
         frames.insert(&message, false).map_err(|error| error.reason().key)
     };
-    for nanos in 0..MAX_FRAME_SAMPLES as i64 {
-        assert_eq!(insert(&mut frames, nanos), Ok(Inserted::Stored));
+    // By turns far from each other and from the newest: none of them can be spared.
+    let newest = 900_000_000;
+    assert_eq!(insert(&mut frames, newest), Ok(Inserted::Stored));
+    for nanos in 1..MAX_FRAME_SAMPLES as i64 {
+        assert_eq!(insert(&mut frames, nanos + nanos % 2 * 400_000_000), Ok(Inserted::Stored));
     }
-    assert_eq!(insert(&mut frames, MAX_FRAME_SAMPLES as i64), Err("too_many_samples"));
-    assert_eq!(insert(&mut frames, 5), Err("too_many_samples"));
-    let later = 10_000_000_001 + MAX_FRAME_SAMPLES as i64;
-    assert_eq!(insert(&mut frames, later), Err("too_many_samples"), "the flood may still be looked up");
-    assert_eq!(insert(&mut frames, 2 * later), Ok(Inserted::Stored));
+    assert_eq!(insert(&mut frames, 200_000_000), Err("too_many_samples"));
+    assert_eq!(insert(&mut frames, newest + 1_000_000), Err("too_many_samples"));
+    assert_eq!(insert(&mut frames, newest + 1), Ok(Inserted::Stored), "as good as stored");
+    let later = 10_000_000_001;
+    assert_eq!(
+        insert(&mut frames, newest + later),
+        Err("too_many_samples"),
+        "the flood may still be looked up"
+    );
+    assert_eq!(insert(&mut frames, newest + 2 * later), Ok(Inserted::Stored));
     frames.sanity_check();
+}
+
+#[test]
+fn a_frame_of_2000_hz_can_be_looked_up_at_any_time_as_if_all_were_kept() {
+    // In order, in pairs the wrong way round, and the same with blocks of ten.
+    for block in [1, 2, 10] {
+        let mut frames = Frames::new();
+        let x = |seconds: f64| (0.7 * seconds).sin();
+        let mut insert = |count: i64| {
+            let seconds = count as f64 * 0.0005;
+            let mut message = message("odom", "camera", 0.0, &shift(x(seconds)));
+            message.header.stamp = Stamp::from_nanos(count * 500_000).into();
+            assert_eq!(frames.insert(&message, false), Ok(Inserted::Stored), "at {seconds} s");
+        };
+        (0..60_000 / block).for_each(|from| (0..block).rev().for_each(|i| insert(from * block + i)));
+        frames.sanity_check();
+        // The newest may have been spared.
+        for tick in 80_001..119_996 {
+            let found = frames.lookup("odom", "camera", Stamp::from_nanos(tick * 250_000)).unwrap();
+            let expected = x(tick as f64 * 0.00025);
+            assert!((found.translation.x - expected).abs() < 1e-5, "{tick}, {block}: {found}");
+        }
+    }
 }
 
 #[test]
 fn the_samples_of_all_frames_are_bounded_and_those_of_another_time_make_room() {
     let mut frames = Frames::new();
     frames.dynamic("odom", "camera", 0.0, 1.0);
-    let each = 10_000;
+    let each = 5_000;
     for i in 0..MAX_SAMPLES {
         let mut message = message("odom", &format!("flood{}", i / each), 0.0, &shift(1.0));
         message.header.stamp.nanosec = 1000 + (i % each) as u32;
