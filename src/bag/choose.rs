@@ -132,7 +132,7 @@ pub fn choose(
 ) -> Result<Choice, ChoiceError> {
     if wanted.is_empty() {
         let candidates: Vec<_> = topics.iter().filter_map(|topic| Some((topic, form(topic)?))).collect();
-        let named = |name: &String| candidates.iter().copied().find(|(topic, _)| topic.name == *name);
+        let named = |name: &String| candidates.iter().copied().find(|(topic, _)| topic.is_called(name));
         let chosen = usual.iter().find_map(named).map_or_else(|| only(topics, &candidates), Ok)?;
         let others = candidates.iter().filter(|(topic, _)| topic.name != chosen.0.name);
         let passed_over = others.map(|(topic, _)| topic.name.clone()).collect();

@@ -71,6 +71,16 @@ fn the_first_usual_name_that_has_scans_is_taken_and_the_others_are_known() {
 }
 
 #[test]
+fn a_usual_name_is_known_without_its_slash() {
+    let topics = topics(&[("camera/points", "PointCloud2"), ("points", "PointCloud2")]);
+    let choice = choose(&topics, &[], &["/points".to_owned()], None).unwrap();
+    assert_eq!(
+        (names(&choice), choice.passed_over.as_slice()),
+        (vec!["points"], &["camera/points".to_owned()][..])
+    );
+}
+
+#[test]
 fn without_a_cloud_the_depth_image_is_taken_with_its_own_intrinsics() {
     let choice = choose(&kinect()[1..5], &[], &[], None).unwrap();
     assert_eq!(names(&choice), ["/camera/depth/image_raw"]);
