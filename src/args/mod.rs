@@ -1,6 +1,7 @@
 //! A ROS command line -> who the node is, what it listens to, and its checked configuration.
 
 mod error;
+mod expand;
 mod given;
 mod others;
 mod params_file;
@@ -14,7 +15,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use ros2args::Ros2Args;
-use ros2args::names::{build_node_fqn, expand_topic_name};
+use ros2args::names::build_node_fqn;
 
 pub use self::error::ArgsError;
 use self::given::{given, idle, located};
@@ -220,14 +221,16 @@ impl Setup {
     }
 
     fn resolve_as(&self, kind: Kind, name: &str) -> Result<String, ArgsError> {
-        let expand = |name: &str| {
-            expand_topic_name(&self.namespace, &self.name, name)
-                .map_err(|error| ArgsError::Name(name.to_owned(), error))
-        };
+        let expand = |name: &str| self.expand(kind, name);
         let expanded = expand(name)?;
         let fits = |rule: &&Rule| rule.is_for(kind) && expand(&rule.from).is_ok_and(|from| from == expanded);
         let rule = self.remaps.iter().find(fits);
         rule.map_or(Ok(expanded), |rule| expand(&rule.to))
+    }
+
+    fn expand(&self, kind: Kind, name: &str) -> Result<String, ArgsError> {
+        let expanded = expand::expand(kind, &self.namespace, &self.name, name);
+        expanded.map_err(|error| ArgsError::Name(name.to_owned(), error))
     }
 
     /// Whether a parameter was given a value, as opposed to having its default.
@@ -242,7 +245,7 @@ impl Setup {
 
     /// Whether a rule gives this topic another name.
     pub fn is_remapped(&self, name: &str) -> bool {
-        let expanded = expand_topic_name(&self.namespace, &self.name, name).ok();
+        let expanded = self.expand(Kind::Topic, name).ok();
         self.resolve(name).is_ok_and(|resolved| Some(resolved) != expanded)
     }
 
