@@ -51,10 +51,11 @@ impl Watch {
         Self { begun: now.after, newest: Cell::new(now) }
     }
 
-    /// By how much it is behind where it was, once it has been watched for `stay`: until then what was set back may be put right, and
-    /// is no loss; where it is not, it is told of then.
+    /// By how much it was set back, while it is not past where it was before, and once it has been watched for `stay`: what is over by
+    /// then, or was put right, is no loss.
     pub(super) fn set_back(&self, now: TimeOfDay, stay: Duration) -> Option<Duration> {
-        let back = now.set_back_since(&self.newest.get());
+        let newest = self.newest.get();
+        let back = now.set_back_since(&newest).filter(|_| now.time < newest.time);
         if back.is_none() {
             self.newest.set(now);
         }
@@ -114,9 +115,15 @@ mod tests {
             let watch = Watch::begin(reading([0; 3], 0, 0));
             looks.map(|[at, set_back]| watch.set_back(reading([at; 3], 0, set_back), ms(5000)))
         };
-        assert_eq!(told([[250, 0], [500, 900], [4999, 900], [5000, 900]]), [None, None, None, Some(ms(900))]);
-        assert_eq!(told([[250, 900], [1200, 0], [5000, 0], [5250, 0]]), [None; 4], "it was put right");
-        assert_eq!(told([[9000, 0], [9250, 300], [9500, 300], [9750, 0]])[1..3], [Some(ms(300)); 2]);
+        let long = [[250, 0], [500, 9000], [4999, 9000], [5000, 9000]];
+        assert_eq!(told(long), [None, None, None, Some(ms(9000))]);
+        assert_eq!(told([[250, 9000], [1200, 0], [5000, 0], [5250, 0]]), [None; 4], "it was put right");
+        assert_eq!(
+            told([[250, 0], [500, 900], [1500, 900], [5250, 900]]),
+            [None; 4],
+            "it is past where it was"
+        );
+        assert_eq!(told([[9000, 0], [9250, 300], [9500, 300], [9750, 0]]), [None, Some(ms(300)), None, None]);
     }
 
     #[test]

@@ -34,7 +34,8 @@ impl Handed {
     }
 
     /// The one that was handed over last has replaced the first of those that wait, after which so many do; gives whose that was.
-    /// Where more do, because there were more places before, it may be that of one behind it.
+    /// Where more do, because there were more places before, it may be that of one behind it, and so may what is told of sensors until
+    /// these have gone.
     pub(super) fn replace(&mut self, places: usize) -> Option<usize> {
         let first = self.under_way.len().checked_sub(places + 1)?;
         self.under_way.remove(first).map(|(sensor, _)| sensor)

@@ -184,8 +184,8 @@ def test_a_node_that_stalls_for_5_s_goes_on_in_the_same_map(start, peer, drive):
 
 def test_where_the_clock_is_set_back_scans_come_again_soon_in_the_same_map(start, peer, drive, tmp_path):
     """The clock of the node's machine goes back by ten minutes, that of the sensors' does not. RustDDS would hand on no cloud
-    for as long: the node notices, joins the network anew once it has been there for 5 s, and says why. As after a stall, scans until it is heard again are
-    counted as lost, and readers miss deltas once."""
+    for as long: the node notices, joins the network anew once it has been there for 5 s, and says why. As after a stall, scans
+    until it is heard again are counted as lost, and readers miss deltas once."""
     library, is_set_back = tmp_path / "set_back.so", tmp_path / "is_set_back"
     source = pathlib.Path(__file__).with_name("set_back.cpp")
     cpp.compile(source, "-shared", "-fPIC", "-Wl,--as-needed", "-o", str(library))

@@ -197,4 +197,11 @@ mod tests {
             assert!(!are_apart(&all(other)));
         }
     }
+
+    #[test]
+    fn a_ring_whose_foremost_vertex_lies_on_the_middle_of_a_column_is_entered_there_and_left() {
+        let floor = vec![[50.0, 0.0], [100.0, 50.0], [50.0, 100.0], [0.5, 50.0]];
+        let with = |at| Comparing::default().are_apart(&rings(&[floor.clone(), square(at, 1.0)]));
+        assert_eq!([[40.0, 50.0], [0.2, 60.0], [0.2, 20.0]].map(with), [true, false, false]);
+    }
 }

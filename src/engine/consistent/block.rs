@@ -132,6 +132,7 @@ pub(super) struct Block {
     rest: Option<Arc<Rest>>,
     /// Number of dense voxels.
     pub(super) dense: u32,
+    /// Since its states were published.
     pub(super) news: News,
 }
 

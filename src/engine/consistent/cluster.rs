@@ -137,7 +137,7 @@ pub(super) struct Identity {
 pub(super) struct PlaneFit {
     pub(super) point: Vector3<f64>,
     pub(super) normal: UnitVector3<f64>,
-    /// Inverse variance at `point`.
+    /// Inverse variance at `point`. That of its turn follows by `covariance` where voxels count the same part all over it.
     pub(super) information: f64,
     pub(super) covariance: Matrix3<f64>,
     /// Mean variance of the points along their patches' normals that is noise.

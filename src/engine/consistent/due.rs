@@ -17,7 +17,7 @@ const PART: u32 = 8;
 /// The blocks that have something to publish.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Due {
-    /// Ascending but for those of [`Self::push`].
+    /// In any order, and some of them twice, until they are next looked at.
     stale: Vec<BlockIndex>,
 }
 

@@ -18,7 +18,7 @@ const WEIGHT_UNITS: f64 = 64.0;
 /// What a voxel counts in the fit of a plane.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Weight {
-    /// Inverse variance of its mean, in voxels^-2.
+    /// Inverse variance of its mean, in voxels^-2; a tenth of it in a rough patch, whose points lie off its plane.
     pub(super) most: f64,
     /// The part of that which it counts, 0 to 1: it may hold what is not of the plane.
     pub(super) part: f64,
@@ -97,8 +97,8 @@ impl Exact {
         self.weight == 0
     }
 
-    /// Inverse variance of the plane's place at the mean, in voxels^-2. Where all voxels count the same part it is that of their
-    /// means, however small that part.
+    /// Inverse variance of the plane's place at the mean, in voxels^-2. Where all voxels count the same part it is the sum of what
+    /// each would count at most, however small that part.
     pub(super) fn information(&self) -> f64 {
         let weight = self.weight as f64 / WEIGHT_UNITS;
         weight * weight / (self.variance as f64 / (WEIGHT_UNITS * UNITS))

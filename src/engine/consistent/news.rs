@@ -25,6 +25,7 @@ pub(super) struct Folded {
     pub(super) drifts: bool,
 }
 
+/// What a block has to tell.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct News {
     /// Whether a voxel has become dense, or has doubled its weight, since the block was published.

@@ -92,13 +92,12 @@ impl Drawing {
     /// Chooses the largest part as the boundary, and its holes; `None` where there is no part.
     fn keep(&mut self, least_hole: u32) -> Option<()> {
         let Self { traced, parts, holes, kept, .. } = self;
+        let least_hole = i64::from(least_hole.max(1));
         let all = || (0..traced.len()).map(|number| (number, traced.columns(number)));
         parts.clear();
         parts.extend(all().filter(|(_, columns)| *columns >= 0).map(|(number, _)| number));
         holes.clear();
-        holes.extend(
-            all().filter(|(_, columns)| *columns <= -i64::from(least_hole)).map(|(number, _)| number),
-        );
+        holes.extend(all().filter(|(_, columns)| *columns <= -least_hole).map(|(number, _)| number));
         kept.clear();
         if let [part] = parts[..] {
             kept.push(part);

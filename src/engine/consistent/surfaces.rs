@@ -152,7 +152,7 @@ impl Surfaces {
         dense: impl Iterator<Item = (BlockIndex, Cell)>,
         now: Now,
     ) {
-        let published = Published(blocks);
+        let published = PublishedBlocks(blocks);
         self.make_room(grid);
         let beside = self.beside(grid, published);
         let by_block = || beside.chunk_by(|a, b| a.block == b.block);
@@ -190,9 +190,9 @@ impl Surfaces {
 
 /// The blocks that are published together, ascending.
 #[derive(Clone, Copy, Debug)]
-struct Published<'a>(&'a [BlockIndex]);
+struct PublishedBlocks<'a>(&'a [BlockIndex]);
 
-impl Published<'_> {
+impl PublishedBlocks<'_> {
     fn iter(&self) -> impl Iterator<Item = BlockIndex> {
         self.0.iter().copied()
     }

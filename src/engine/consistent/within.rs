@@ -2,8 +2,8 @@
 //!
 //! A ring that meets no other lies within it wholly or not at all, so that any of its points tells. One is taken on a
 //! line through the middles of columns, which nearly every ring crosses, and of the others that have been entered along that
-//! line below it and not left, the last is the innermost around it. Lines are shared by the rings of a row, and an edge crosses no more of them than it
-//! is long: costs O(n log n) for n columns at the rim. Lengths in columns.
+//! line below it and not left, the last is the innermost around it. Lines are shared by the rings of a row, and an edge
+//! crosses no more of them than it is long: costs O(n log n) for n columns at the rim. Lengths in columns.
 
 use nalgebra::Vector2;
 
@@ -31,7 +31,9 @@ struct Met {
     what: What,
 }
 
-#[derive(Clone, Copy, Debug)]
+///
+/// In this order at one place: a ring whose foremost vertex lies on a line is entered there, and left at once.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum What {
     /// The ring of this number is entered.
     Entry(u32),
@@ -67,23 +69,25 @@ impl Within {
                 met.extend(crossed.map(|&line| Met { at: on_line(a, b, line), what }));
             }
         }
-        met.sort_unstable_by(|a, b| a.at.x.total_cmp(&b.at.x).then(a.at.y.total_cmp(&b.at.y)));
+        let place = |a: &Met, b: &Met| a.at.x.total_cmp(&b.at.x).then(a.at.y.total_cmp(&b.at.y));
+        met.sort_unstable_by(|a, b| place(a, b).then(a.what.cmp(&b.what)));
         innermost.clear();
         innermost.resize(points.len(), None);
-        // At the end of a line all rings have been left.
-        entered.clear();
-        for met in &*met {
-            match met.what {
-                What::Entry(ring) => entered.push(ring),
-                What::Exit(ring) => leave(entered, ring),
-                What::Point(number) => innermost[number as usize] = entered.last().copied(),
+        for line in met.chunk_by(|a, b| a.at.x == b.at.x) {
+            entered.clear();
+            for met in line {
+                match met.what {
+                    What::Entry(ring) => entered.push(ring),
+                    What::Exit(ring) => leave(entered, ring),
+                    What::Point(number) => innermost[number as usize] = entered.last().copied(),
+                }
             }
         }
         innermost
     }
 }
 
-/// Takes a ring from the end of those that have been entered: it is the last, but for one that is left at the same place.
+/// Takes a ring out of those that have been entered: it is the last of them, but for those that are left at the same place.
 fn leave(entered: &mut Vec<u32>, ring: u32) {
     if let Some(place) = entered.iter().rposition(|other| *other == ring) {
         entered.remove(place);
@@ -99,7 +103,10 @@ fn point(ring: &[Vertex]) -> Vertex {
     edges(ring).find_map(crossing).unwrap_or(ring[0])
 }
 
-/// The point of an edge on a line that it crosses.
+/// The point of an edge on a line that it crosses: its end to the last bit, where the next edge begins.
 fn on_line(a: &Vertex, b: &Vertex, line: f64) -> Vertex {
+    if line == b.x {
+        return *b;
+    }
     Vertex::new(line, a.y + (line - a.x) / (b.x - a.x) * (b.y - a.y))
 }

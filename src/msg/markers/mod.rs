@@ -55,8 +55,8 @@ pub struct Markers {
     slots: Slots,
     /// What the newest message shows.
     shown: BTreeSet<Identity>,
-    /// What has gone, with the number of messages that have said so; slots are used again, so there are
-    /// no more than the markers of the most clusters that were there at once.
+    /// What has gone, with the number of messages that have said so; slots are used again, so there are no more than the markers of
+    /// the most clusters that were there at once.
     gone: BTreeMap<Identity, u8>,
     /// What was said again last.
     said_again: Option<Identity>,

@@ -98,7 +98,8 @@ impl<T: Transport> Live<T> {
         if let Some(stamp) = taken_in.newest {
             part.value("age of the newest taken in [s]", format!("{:.3}", clock.seconds_since(stamp)));
         }
-        if let Some(LeftOut { since, why }) = intake.left_out.as_ref().filter(|_| taken_in.scans == 0) {
+        let is_left_out = taken_in.scans == 0 && intake.since.elapsed() < QUIET;
+        if let Some(LeftOut { since, why }) = intake.left_out.as_ref().filter(|_| is_left_out) {
             let level = if since.elapsed() >= QUIET { Level::Error } else { Level::Warn };
             part.raise(level, format!("none of its scans is taken into the map; why the last is not: {why}"));
         }

@@ -12,6 +12,7 @@ use crate::node::inputs;
 use crate::node::throttle::say;
 use crate::node::transport::{Input, Transport};
 use crate::reason::{Reason, SHUTDOWN};
+use crate::tf::Lack;
 
 impl<T: Transport> Live<T> {
     /// Says when next to nothing of a cloud is of use, for its unit, frame or range may be others than assumed, and when it does not
@@ -86,7 +87,9 @@ impl<T: Transport> Live<T> {
             line = format!("{line}; {fault}");
         }
         if let GivenUp::PushedOut { longer_helps } = given_up {
-            line = format!("{line}; it made place for a newer one: {}", self.about_places(longer_helps));
+            let is_late = lacks.as_ref().is_some_and(|why| matches!(why.lack, Lack::TooLate { .. }));
+            let more = longer_helps.then_some(is_late);
+            line = format!("{line}; it made place for a newer one: {}", self.about_places(more));
         }
         self.diagnosis.waited(waited);
         self.diagnosis.given_up(sensor, line.clone());
@@ -101,15 +104,13 @@ impl<T: Transport> Live<T> {
         say(level, &line);
     }
 
-    /// How many clouds may wait, and whether more do with a longer `tf_timeout`.
-    fn about_places(&self, longer_helps: bool) -> String {
-        let places = self.join.places();
-        if longer_helps {
-            format!(
-                "{places} clouds may wait, of all sensors together, and up to {MOST_PLACES} with a larger tf_timeout"
-            )
-        } else {
-            format!("{places} clouds may wait, of all sensors together, whatever tf_timeout is")
+    /// How many clouds may wait, and where more do with a longer `tf_timeout`, whether that would help.
+    fn about_places(&self, more: Option<bool>) -> String {
+        let line = format!("{} clouds may wait, of all sensors together", self.join.places());
+        match more {
+            Some(true) => format!("{line}, and up to {MOST_PLACES} with a larger tf_timeout"),
+            Some(false) => line,
+            None => format!("{line}, whatever tf_timeout is"),
         }
     }
 

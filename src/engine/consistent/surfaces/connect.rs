@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::{Published, Surfaces};
+use super::{PublishedBlocks, Surfaces};
 use crate::engine::consistent::block::BlockIndex;
 use crate::engine::consistent::graph::{Batch, End, Outcome};
 use crate::engine::consistent::grid::Grid;
@@ -13,9 +13,9 @@ use crate::engine::consistent::segmented::contacts;
 impl Surfaces {
     /// The nodes and edges of the new patches, and the edges of slices and bridges beside them, which may be parts of
     /// another patch now.
-    pub(super) fn connect(&mut self, grid: &Grid, published: Published<'_>, batch: &mut Batch) {
+    pub(super) fn connect(&mut self, grid: &Grid, published: PublishedBlocks<'_>, batch: &mut Batch) {
         let first = self.add_nodes(published, batch);
-        let slices = self.meet_all(grid, published);
+        let slices = self.meet_new(grid, published);
         let mut anew: Vec<_> = published.iter().flat_map(|block| self.segmented.ids(block)).collect();
         for &id in &anew {
             self.find_host(id);
@@ -34,7 +34,7 @@ impl Surfaces {
     }
 
     /// Adds a node for each new patch; returns the place of each block's first one among them.
-    fn add_nodes(&self, published: Published<'_>, batch: &mut Batch) -> BTreeMap<BlockIndex, u32> {
+    fn add_nodes(&self, published: PublishedBlocks<'_>, batch: &mut Batch) -> BTreeMap<BlockIndex, u32> {
         let mut first = BTreeMap::new();
         for block in published.iter() {
             first.insert(block, batch.add.len() as u32);
@@ -45,7 +45,7 @@ impl Surfaces {
 
     /// Finds where the new patches meet others; returns the patches of other blocks that may be slices or bridges and that meet them,
     /// or met what was there before.
-    fn meet_all(&mut self, grid: &Grid, published: Published<'_>) -> Vec<PatchId> {
+    fn meet_new(&mut self, grid: &Grid, published: PublishedBlocks<'_>) -> Vec<PatchId> {
         let slices = self.slices_beside(grid, published);
         let met: Vec<_> = slices.iter().map(|&id| self.meets_any(id, published)).collect();
         published.iter().for_each(|block| self.meet(grid, block, published));
@@ -73,7 +73,7 @@ impl Surfaces {
     }
 
     /// Finds where the patches of a block that was segmented anew, with others, meet those around it, and tells these.
-    fn meet(&mut self, grid: &Grid, block: BlockIndex, published: Published<'_>) {
+    fn meet(&mut self, grid: &Grid, block: BlockIndex, published: PublishedBlocks<'_>) {
         for (place, other) in grid.block(block).around.iter() {
             if !published.has(other) {
                 // It may have met what this block was before.
@@ -95,7 +95,7 @@ impl Surfaces {
     }
 
     /// Patches of other blocks around these that may be slices or bridges.
-    fn slices_beside(&self, grid: &Grid, published: Published<'_>) -> Vec<PatchId> {
+    fn slices_beside(&self, grid: &Grid, published: PublishedBlocks<'_>) -> Vec<PatchId> {
         let around =
             published.iter().flat_map(|block| grid.block(block).around.iter().map(|(_, other)| other));
         let others: BTreeSet<_> = around.filter(|&other| !published.has(other)).collect();
@@ -105,12 +105,12 @@ impl Surfaces {
     }
 
     /// Whether a patch meets one of these blocks.
-    fn meets_any(&self, id: PatchId, published: Published<'_>) -> bool {
+    fn meets_any(&self, id: PatchId, published: PublishedBlocks<'_>) -> bool {
         self.segmented.contacts_of(id).any(|(other, _)| published.has(other.block))
     }
 
     /// Writes down which nodes the new patches have got.
-    pub(super) fn number(&mut self, published: Published<'_>, outcome: &Outcome) {
+    pub(super) fn number(&mut self, published: PublishedBlocks<'_>, outcome: &Outcome) {
         let mut added = outcome.added.iter();
         for block in published.iter() {
             let count = self.segmented[block].patches.len();

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use super::members::Old;
-use super::{Published, Surfaces};
+use super::{PublishedBlocks, Surfaces};
 use crate::engine::consistent::cluster::{Cluster, Identity, PlaneFit};
 use crate::engine::consistent::footprint::{Axis, Footprint};
 use crate::engine::consistent::graph::{ComponentId, Flow, Outcome};
@@ -76,7 +76,7 @@ impl Known {
 
 impl Surfaces {
     /// Where the voxels of each component that was touched are now.
-    pub(super) fn votes(&self, published: Published<'_>, old: &[Old], outcome: &Outcome) -> Votes {
+    pub(super) fn votes(&self, published: PublishedBlocks<'_>, old: &[Old], outcome: &Outcome) -> Votes {
         let mut votes = Votes::default();
         for flow in &outcome.flows {
             votes.entitle(flow.from, flow.weight);

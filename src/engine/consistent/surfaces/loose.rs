@@ -4,7 +4,7 @@
 
 use std::collections::BTreeMap;
 
-use super::{Published, Surfaces};
+use super::{PublishedBlocks, Surfaces};
 use crate::engine::consistent::block::{BlockIndex, Cell, offset_of, opposite};
 use crate::engine::consistent::cells::Cells;
 use crate::engine::consistent::graph::NodeId;
@@ -34,7 +34,7 @@ impl Surfaces {
     }
 
     /// Loose voxels of other blocks within reach of these, by ascending block and number.
-    pub(super) fn beside(&self, grid: &Grid, published: Published<'_>) -> Vec<Beside> {
+    pub(super) fn beside(&self, grid: &Grid, published: PublishedBlocks<'_>) -> Vec<Beside> {
         let mut near = BTreeMap::<BlockIndex, Cells>::new();
         for block in published.iter() {
             let around = grid.block(block).around.iter();
@@ -63,7 +63,7 @@ impl Surfaces {
     }
 
     /// Whether a node is that of a patch of these blocks.
-    fn is_of(&self, node: Option<NodeId>, published: Published<'_>) -> bool {
+    fn is_of(&self, node: Option<NodeId>, published: PublishedBlocks<'_>) -> bool {
         let patch = node.and_then(|node| self.patches[node]);
         patch.is_some_and(|patch| published.has(patch.block))
     }
@@ -115,7 +115,7 @@ impl Surfaces {
 
     /// Puts the loose voxels of one block beside the patches that they belong to after blocks around it were published;
     /// nothing is done where one stays with its patch.
-    pub(super) fn settle_loose(&mut self, grid: &Grid, beside: &[Beside], published: Published<'_>) {
+    pub(super) fn settle_loose(&mut self, grid: &Grid, beside: &[Beside], published: PublishedBlocks<'_>) {
         let Some(&Beside { block, .. }) = beside.first() else { return };
         let around = grid.block(block).around.iter();
         let new = around.filter(|(_, other)| published.has(*other));

@@ -1,6 +1,6 @@
 //! The voxels of the clusters: those of patches, and the loose ones beside them.
 
-use super::{Published, Surfaces};
+use super::{PublishedBlocks, Surfaces};
 use crate::engine::consistent::block::{BlockIndex, CELLS};
 use crate::engine::consistent::graph::{Batch, ComponentId, Moved, NodeId};
 use crate::engine::consistent::grid::Grid;
@@ -10,7 +10,12 @@ use crate::engine::consistent::state::State;
 
 impl Surfaces {
     /// Takes the voxels of these blocks out of their clusters, and finds their patches anew; returns what the blocks were.
-    pub(super) fn replace(&mut self, grid: &Grid, published: Published<'_>, batch: &mut Batch) -> Vec<Old> {
+    pub(super) fn replace(
+        &mut self,
+        grid: &Grid,
+        published: PublishedBlocks<'_>,
+        batch: &mut Batch,
+    ) -> Vec<Old> {
         let old = published.iter().map(|block| self.withdraw(grid, block, batch)).collect();
         for block in published.iter() {
             self.segmented[block] = Segmented::new(grid, grid.block(block), &self.rules);

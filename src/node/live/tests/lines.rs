@@ -110,24 +110,27 @@ fn what_does_not_fit_is_said_when_it_begins_and_when_it_is_over() {
 /// A sensor that is faster than a Kinect, and transforms that come later than eight of its clouds.
 #[test]
 fn of_a_cloud_that_is_pushed_out_tf_timeout_is_said_to_help_where_it_lets_more_wait_and_not_elsewhere() {
-    let said = |tf_timeout: f64, clouds: u16| {
+    let said_in = |frame: &str, tf_timeout: f64, clouds: u16| {
         let config = Config::new([("tf_timeout".to_owned(), Value::Double(tf_timeout))]).unwrap();
         let runtime = Builder::new_current_thread().enable_time().build().unwrap();
         let run = async {
             let (mut live, _reported) = by_hand(&config, Fake::default());
             live.event(transform(at(10.0), false)).await;
             for number in 1..=clouds {
-                live.event(cloud(at(10.0 + f64::from(number) / 90.0), "camera")).await;
+                live.event(cloud(at(10.0 + f64::from(number) / 90.0), frame)).await;
             }
         };
         let ((), said) = heard(|| runtime.block_on(run));
         let pushed_out = said.into_iter().find(|(_, line)| line.contains("it made place for a newer one"));
         pushed_out.map(|(_, line)| line.split_once("a newer one: ").unwrap().1.to_owned())
     };
+    let said = |tf_timeout, clouds| said_in("camera", tf_timeout, clouds);
     let clock = "whether one clock stamps both clouds and transforms";
     let more = "8 clouds may wait, of all sensors together, and up to 64 with a larger tf_timeout";
     assert_eq!([said(0.2, 8), said(0.2, 9)], [None, Some(format!("{more}; see tf_timeout, and {clock}"))]);
     assert_eq!(said(1.0, 9), None, "the larger one has places for it");
+    let no_way = said_in("nowhere", 0.2, 9).unwrap();
+    assert!(no_way.starts_with("8 clouds may wait, of all sensors together; frames seen"), "{no_way}");
     let no_more = "64 clouds may wait, of all sensors together, whatever tf_timeout is";
     assert_eq!(said(60.0, 65), Some(format!("{no_more}; see {clock}")));
 }

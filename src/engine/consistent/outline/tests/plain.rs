@@ -28,7 +28,7 @@ pub(super) fn drawn(traced: &Rings, detail: &Detail) -> Rings {
 fn kept(traced: &Rings, least_hole: u32) -> Vec<usize> {
     let area = |ring: usize| doubled_area(traced.ring(ring));
     let parts = || (0..traced.len()).filter(|part| traced.columns(*part) >= 0);
-    let is_large = |hole: &usize| traced.columns(*hole) <= -i64::from(least_hole);
+    let is_large = |hole: &usize| traced.columns(*hole) <= -i64::from(least_hole.max(1));
     let owner = |hole: usize| {
         let around = parts().filter(|part| lies_within(traced.ring(hole)[0], traced.ring(*part)));
         around.min_by(|a, b| area(*a).total_cmp(&area(*b)))
