@@ -1,6 +1,6 @@
 //! Clouds and transforms to scans: the path that the live node and a replay have in common.
 //!
-//! A cloud waits for the transform at its stamp; a scan whose stamp jumps back begins a new session. Keeps true: a lap ([`laps`])
+//! A cloud waits for the transform at its stamp; a scan whose stamp jumps back begins a new session. Keeps true: a lap (`laps`)
 //! begins one session at most, whichever sensor's scan is ready first, and what it gives up is from before that lap. No clock
 //! inside: time is an argument.
 
