@@ -106,11 +106,13 @@ impl<T: Transport> Live<T> {
 
     /// How many clouds may wait, and where more do with a longer `tf_timeout`, whether that would help.
     fn about_places(&self, more: Option<bool>) -> String {
-        let line = format!("{} clouds may wait, of all sensors together", self.join.places());
+        let places = self.join.places();
         match more {
-            Some(true) => format!("{line}, and up to {MOST_PLACES} with a larger tf_timeout"),
-            Some(false) => line,
-            None => format!("{line}, whatever tf_timeout is"),
+            Some(true) => format!(
+                "{places} clouds may wait, of all sensors together, and up to {MOST_PLACES} with a larger tf_timeout"
+            ),
+            Some(false) => format!("{places} clouds may wait, of all sensors together"),
+            None => format!("{places} clouds may wait, of all sensors together, whatever tf_timeout is"),
         }
     }
 
