@@ -88,8 +88,8 @@ impl<T: Transport> Live<T> {
         }
         if let GivenUp::PushedOut { longer_helps } = given_up {
             let is_late = lacks.as_ref().is_some_and(|why| matches!(why.lack, Lack::TooLate { .. }));
-            let more = longer_helps.then_some(is_late);
-            line = format!("{line}; it made place for a newer one: {}", self.about_places(more));
+            let places = self.about_places(longer_helps, is_late);
+            line = format!("{line}; it made place for a newer one: {places}");
         }
         self.diagnosis.waited(waited);
         self.diagnosis.given_up(sensor, line.clone());
@@ -104,15 +104,17 @@ impl<T: Transport> Live<T> {
         say(level, &line);
     }
 
-    /// How many clouds may wait, and where more do with a longer `tf_timeout`, whether that would help.
-    fn about_places(&self, more: Option<bool>) -> String {
+    /// How many clouds may wait, and, where a transform `is_late` and nothing else is lacking, whether a longer `tf_timeout` lets more wait.
+    fn about_places(&self, longer_helps: bool, is_late: bool) -> String {
         let places = self.join.places();
-        match more {
-            Some(true) => format!(
+        match (longer_helps, is_late) {
+            (true, true) => format!(
                 "{places} clouds may wait, of all sensors together, and up to {MOST_PLACES} with a larger tf_timeout"
             ),
-            Some(false) => format!("{places} clouds may wait, of all sensors together"),
-            None => format!("{places} clouds may wait, of all sensors together, whatever tf_timeout is"),
+            (true, false) => format!("{places} clouds may wait, of all sensors together"),
+            (false, _) => {
+                format!("{places} clouds may wait, of all sensors together, whatever tf_timeout is")
+            }
         }
     }
 

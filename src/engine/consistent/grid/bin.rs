@@ -45,6 +45,7 @@ impl Grid {
             self.wake(slot);
             binned.seen.push(slot);
             let block = &mut self.blocks.list[slot];
+            block.news.note_seen(sequence);
             let mut from = 0;
             for (cell, sums) in voxels {
                 let (rank, is_new) = block.rank_from(from, cell);
@@ -89,16 +90,14 @@ impl Folding {
         }
         let is_dense = voxel.count >= self.min_points;
         let newly_dense = is_dense && !was_dense;
-        block.dense += u32::from(newly_dense);
-        block.news.note_seen(self.sequence);
-        if is_dense {
-            let voxel = block.at(rank);
+        let folded = is_dense.then(|| {
             let has_doubled = voxel.published.is_doubled(&voxel.moments);
             let is_known = voxel.published.is_known();
             let drifts = is_known && has_doubled && voxel.published.has_begun_to_drift(&voxel.moments);
-            let folded = Folded { points: scan.count, is_known, has_doubled, drifts };
-            block.news.note_folded(folded);
-        }
+            Folded { points: scan.count, is_known, has_doubled, drifts }
+        });
+        block.dense += u32::from(newly_dense);
+        folded.into_iter().for_each(|folded| block.news.note_folded(folded));
         newly_dense
     }
 }
