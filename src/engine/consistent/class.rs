@@ -231,11 +231,12 @@ impl Evidence<'_> {
 
     fn facing_down(&self) -> (SurfaceClass, f64) {
         let above = self.middle() - self.sensor;
-        if self.was_ceiling && above < 0.0 {
-            return (SurfaceClass::Ceiling, 1.0);
+        if above < 0.0 && !self.was_ceiling {
+            return (SurfaceClass::Unknown, 0.0);
         }
-        let class = if above >= 0.0 { SurfaceClass::Ceiling } else { SurfaceClass::Unknown };
-        (class, likely(above, c::HEIGHT_SIGMA))
+        // What was one is one still when the sensor has gone up past it. How sure that is tells how clearly it lies on either
+        // side: what was hardly one from below is not a certain one from above.
+        (SurfaceClass::Ceiling, likely(above.abs(), c::HEIGHT_SIGMA))
     }
 
     fn upright(&self) -> (SurfaceClass, f64) {

@@ -1,8 +1,9 @@
 //! The sparse voxel grid: what each voxel has counted, and step 1's binning of a scan (section III.B).
 //!
 //! A voxel holds the number of its points and the integer sum of their offsets from its corner, so that its centre
-//! depends neither on the order of the points nor on the distance from the origin. Binning costs one hash look-up per
-//! run of consecutive points in the same voxel.
+//! depends neither on the order of the points nor on the distance from the origin, until it is full ([`MAX_POINTS`]): runs
+//! that would be more than that are left out whole. Binning costs one hash look-up per run of consecutive points in the same
+//! voxel.
 
 use hashbrown::HashMap;
 use nalgebra::{UnitVector3, Vector3};

@@ -102,6 +102,19 @@ fn the_ceiling_faces_down_above_the_sensor() {
 }
 
 #[test]
+fn a_ceiling_is_no_surer_once_the_sensor_has_gone_up_past_it() {
+    let seen_from =
+        |sensor| Evidence { lowest: 0.7, highest: 0.7, sensor, was_ceiling: true, ..surface(-90.0) };
+    let confidences = (600..=800).map(|millimetres| {
+        let (class, confidence) = classify(&seen_from(f64::from(millimetres) / 1e3));
+        assert_eq!(class, SurfaceClass::Ceiling);
+        confidence
+    });
+    let confidences: Vec<f32> = confidences.collect();
+    assert!(confidences.windows(2).all(|pair| (pair[1] - pair[0]).abs() < 0.05), "{confidences:?}");
+}
+
+#[test]
 fn what_is_upright_is_a_wall() {
     assert_class(&Evidence { highest: 2.5, height: 2.5, width: 4.0, ..surface(0.0) }, SurfaceClass::Wall);
     assert_class(&Evidence { highest: 2.5, height: 2.5, width: 4.0, ..surface(-15.0) }, SurfaceClass::Wall);
