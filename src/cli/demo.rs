@@ -49,7 +49,7 @@ pub(crate) struct Options {
     /// Folder for the map, `map.ply` and `map.png`, and for what was sent, `result.mcap`
     #[arg(long, default_value = "cfodi-demo")]
     out: PathBuf,
-    /// How long the robot drives (s)
+    /// How long the robot drives [s]
     #[arg(long, default_value_t = 30, allow_negative_numbers = true)]
     #[arg(value_parser = clap::value_parser!(u32).range(1..=3600))]
     seconds: u32,

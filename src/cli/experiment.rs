@@ -25,7 +25,7 @@ pub(crate) struct Options {
     /// An MCAP file, one compressed as a whole (.mcap.zstd), or a folder that rosbags-convert or ros2 bag record made
     #[arg(required_unless_present = "scene")]
     input: Option<PathBuf>,
-    /// The sensor's topic; again for a second sensor. Without it, `points` or `depth/image`, else the only cloud or depth image
+    /// The sensor's topic; again for a second sensor. Without it, `points` or `depth/image` (or its compressedDepth), else the only cloud or depth image
     #[arg(long)]
     topic: Vec<String>,
     /// Folder for the figures, the tables, and a report that shows them with the map

@@ -26,8 +26,8 @@ const MOST_AT_ONCE: usize = 2;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Simulation {
-    /// A simulated scene instead of a recording: its clusters are scored against the truth. Every mode is run, and what is sensed
-    /// is the simulator's: parameters of these are refused
+    /// A simulated scene instead of a recording, scored against its truth. Every mode is run: parameters of mode, voxel size,
+    /// frames and sensing are refused
     #[arg(long, value_parser = clap::builder::PossibleValuesParser::new(Scene::NAMES))]
     #[arg(conflicts_with_all = ["input", "topic", "no_effects"])]
     scene: Option<String>,

@@ -33,7 +33,7 @@ pub(crate) struct Options {
     /// Where the robot drives
     #[arg(long, default_value = "lab", value_parser = PossibleValuesParser::new(Scene::NAMES))]
     scene: String,
-    /// How long it drives (s)
+    /// How long it drives [s]
     #[arg(long, default_value = "30", value_name = "S", allow_negative_numbers = true, value_parser = seconds)]
     seconds: f64,
     /// Decides the noise of sensor and pose
