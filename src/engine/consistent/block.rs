@@ -7,13 +7,13 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use super::cells::Cells;
-use super::news::News;
-use super::published::Published;
-use super::rest::Rest;
-use super::room;
+use super::clearing::Clearance;
+use super::lists::room;
+use super::publish::news::News;
+use super::publish::published::Published;
+use super::publish::rest::Rest;
 use super::state::State;
 use super::sums::Moments;
-use super::view::Clearance;
 use crate::engine::key::VoxelKey;
 
 /// Voxels along the edge of a block.

@@ -18,8 +18,8 @@ use nalgebra::Point3;
 
 use super::block::{Block, BlockIndex, EDGE};
 use super::grid::Grid;
-use super::moves::Moves;
-use super::shared::Shared;
+use super::grid::moves::Moves;
+use super::lists::shared::Shared;
 use crate::engine::params::Params;
 
 /// Blocks that a scan looks at, in turn, for being too far away.

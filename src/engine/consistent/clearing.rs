@@ -1,7 +1,7 @@
 //! Voxels that the sensor now looks through lose their points.
 //!
 //! **Kept true.** A voxel goes only when it was seen through several times with little that speaks for it in between
-//! (see [`Clearance`](super::view::Clearance)), never in a scan that puts a point into it. What is not dense goes as well:
+//! (see [`Clearance`]), never in a scan that puts a point into it. What is not dense goes as well:
 //! strays would else pile up until they are dense.
 //!
 //! **What is looked at.** Not the cube of the voxel but where its points are ([`body`]): they are gone when every ray
@@ -14,16 +14,18 @@
 //! voxel with points in a third of the blocks in view; the body is asked for only where that ray ends beyond the mean. It
 //! follows the scan and the view, which ends at the farthest point, or at [`FARTHEST`].
 
+mod body;
+mod view;
+
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
+pub(crate) use self::view::Clearance;
+use self::view::RangeGrid;
 use super::block::{Block, BlockIndex, BlockKey, Cell, EDGE, Voxel};
 use super::grid::Grid;
 use super::noise::NoiseModel;
 use super::sums::Moments;
-use super::view::RangeGrid;
 use crate::engine::scan::Scan;
-
-mod body;
 
 /// Scans between two looks at a block.
 const TURNS: i64 = 3;

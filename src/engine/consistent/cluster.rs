@@ -7,7 +7,7 @@ use nalgebra::{Matrix3, UnitVector3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::exact::{Exact, Weight};
-use super::footprint::{Axis, Content, Footprint};
+use super::outline::footprint::{Axis, Content, Footprint};
 use super::state::State;
 use crate::engine::class::SurfaceClass;
 use crate::engine::key::{ClusterId, VoxelKey};

@@ -62,7 +62,7 @@ pub(crate) use self::frozen::FrozenGraph;
 pub(crate) use self::lists::NodeLists;
 use self::local::Local;
 pub(crate) use self::restore::Slots;
-use super::shared::Shared;
+use super::lists::shared::Shared;
 
 /// A node's slot; given again after its removal, from the next batch on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]

@@ -9,6 +9,7 @@
 
 mod bin;
 mod index;
+pub(super) mod moves;
 
 use std::ops::Deref;
 use std::sync::Arc;
@@ -17,10 +18,10 @@ use nalgebra::Point3;
 
 pub(super) use self::bin::Binned;
 use self::index::Index;
+use self::moves::Moves;
 use super::block::{Around, Block, BlockIndex, BlockKey, Cell, Voxel, offset_of, opposite};
-use super::moves::Moves;
+use super::lists::shared::Shared;
 use super::noise::NoiseModel;
-use super::shared::Shared;
 use super::state::State;
 use crate::engine::params::Params;
 use crate::engine::saved::{RestoreError, ensure};

@@ -10,18 +10,18 @@
 //!    Its **state** is what these were when its block of 8 x 8 x 8 voxels was published last, or when it became dense
 //!    after that. A block is published with whatever has changed while it is young and when the sensor has turned away;
 //!    in between, not more often than every third scan, when a quarter of a scan's points fall into voxels that were not
-//!    published or a quarter of the voxels have drifted; at once when a dense voxel is gone (`news`, `published`). While
-//!    the sensor stands still, half of a scan's points must (`standpoint`): its noise adds to the map for long, and moves
+//!    published or a quarter of the voxels have drifted; at once when a dense voxel is gone (`publish/news`, `publish/published`). While
+//!    the sensor stands still, half of a scan's points must (`publish/standpoint`): its noise adds to the map for long, and moves
 //!    next to nothing of what is told of. While it moves, a scan publishes what cannot wait, and as many more of what is due
-//!    as make 3 m^2 with it, or an eighth of these others; the rest waits for the next (`due`), so that hardly a scan
+//!    as make 3 m^2 with it, or an eighth of these others; the rest waits for the next (`publish/due`), so that hardly a scan
 //!    takes twice the usual time. States are rounded to parts of a voxel that no surface is known to (`state`), a third
 //!    of the memory. Where no scan has put a point for 64 scans, whatever was put there is published, and the voxels keep
-//!    no more than that until the next, but for what was seen through them and from behind (`rest`).
+//!    no more than that until the next, but for what was seen through them and from behind (`publish/rest`).
 //! 2. The dense voxels of a block form planar **patches**, grown from the flattest places. A voxel belongs to a plane if its points
 //!    lie on it within their noise. Where noise spreads a surface over two layers of voxels, the two patches that are found
 //!    there become one. From what is left, **strips** of sharp voxels that may be one row, and **rough** patches with half a voxel's
 //!    tolerance (`rules`). What reaches no further along the line of sight than its noise spreads it is none of these. What
-//!    fits none is **loose** (`patches`), and so is what has become dense since the block was published. A voxel whose sharp
+//!    fits none is **loose** (`patch/segment`), and so is what has become dense since the block was published. A voxel whose sharp
 //!    points show a sheet belongs to no plane across that sheet (`state`), so that two rows of a wall and two of a ceiling
 //!    are no bevel.
 //! 3. Two patches that touch, in a block or across its border, are **joined** when their planes agree in direction and
@@ -31,22 +31,22 @@
 //!    scatter; no equal is one that lies so on that plane too and is turned off it, which leads to another surface. A
 //!    slice is also what is narrow, of a broader one whose plane it lies on, for its own normal may be any (`patch`). A
 //!    slice is joined to that one, and else only to what lies on that one's plane too, so that it ties no two surfaces
-//!    together (`host`). A patch that a crease runs through, of 7 degrees or more, is **folded**: its plane is that of
+//!    together (`patch/host`). A patch that a crease runs through, of 7 degrees or more, is **folded**: its plane is that of
 //!    neither surface, and may agree with both. It is a slice of the whole patch beside it that it fits best, and joined to
 //!    another only where what the two are slices of, or they themselves, lie on each other's planes. So is a **bridge**, a cut
-//!    patch (4.) that would join two which are no single surface: it is a part of the one that it fits best (`host`). So a ramp
+//!    patch (4.) that would join two which are no single surface: it is a part of the one that it fits best (`patch/host`). So a ramp
 //!    of 18 degrees is no part of the floor.
 //! 4. A patch of two rows at a face of its block is **cut**: where a surface ends just across the border, or scatters over
 //!    it, its plane may be any. It ties together what it ties together, but each of its voxels, as of a narrow or folded patch,
 //!    goes to a patch within two voxels that it fits better, and that is neither narrow nor rough itself; where its own is
-//!    narrow, to one that it fits up to half as well (`owner`).
+//!    narrow, to one that it fits up to half as well (`patch/owner`).
 //! 5. A **cluster** is a component of joined patches, with the loose voxels within three voxels of a patch whose plane their
 //!    points fit.
 //!
 //! `scratch` is that from scratch; `surfaces` keeps it while blocks are published, and property tests hold the two
 //! equal after every scan, removals included. Its cost follows the published blocks and their neighbours, and the
 //! smaller side of what splits or merges (`graph`), never the size of the map, but for lists of components that a frozen map shares
-//! (`graph`), and for a look at the keys of all blocks where the view is wider than the map (`view/blocks`); what leaves the engine is described anew
+//! (`graph`), and for a look at the keys of all blocks where the view is wider than the map (`clearing/view/blocks`); what leaves the engine is described anew
 //! where it changed, which for an outline costs as much as the whole cluster is large, and what it is judged by is found without
 //! a look at all clusters (`surfaces/landmarks`).
 //!
@@ -62,66 +62,53 @@
 //!
 //! # What becomes of it
 //!
-//! A cluster keeps exact sums (`exact`), its footprint (`footprint`) and its identity (`cluster`) while voxels come and go.
+//! A cluster keeps exact sums (`exact`), its footprint (`outline/footprint`) and its identity (`cluster`) while voxels come and go.
 //! In the sums a voxel counts by how much of its cross section its points cover, so that the edge of a board, a sliver in
 //! its voxels, does not tilt the plane of its top (`state`), and little where its patch is rough, so that a door leaf is not
 //! turned by the voxels that it shares with its jamb (`patch`); `describe` makes of them what leaves the engine: plane and
-//! covariance, outline with holes (`outline`, `trace`, `border`, `rim`, `simplify`); `class` names it. A voxel with hardly any
-//! of the points hereabouts, where noise beyond an edge has become dense, is no part of the outline (`segmented`). What the sensor
-//! looks through loses its points (`clearing`, `view`), what is too far or too much is forgotten (`bounds`).
+//! covariance, outline with holes (`outline`); `class` names it. A voxel with hardly any
+//! of the points hereabouts, where noise beyond an edge has become dense, is no part of the outline (`patch/segmented`). What the sensor
+//! looks through loses its points (`clearing`), what is too far or too much is forgotten (`bounds`).
 
-mod apart;
-mod block;
-mod border;
-mod bounds;
-mod by;
-mod cells;
-mod class;
-mod clearing;
-mod cluster;
-mod contacts;
-mod describe;
-mod due;
-mod eigen;
-mod exact;
-mod footprint;
-mod frozen;
-mod graph;
-mod grid;
-mod held;
-mod host;
-mod local;
-mod meet;
-mod moves;
-mod news;
-mod noise;
-mod outline;
-mod owner;
-mod patch;
-mod patches;
+// What is done with a scan, one step after another, and the definition that the outcome is held to.
 mod pipeline;
-mod published;
-mod received;
-mod recent;
-mod region;
-mod rest;
-mod rim;
-mod rings;
-mod room;
-mod rules;
-mod saved;
 mod scratch;
-mod segmented;
-mod shared;
-mod simplify;
-mod standpoint;
-mod state;
+
+// Points, summed by voxel and folded into the voxels of blocks, each weighed by its noise.
+mod block;
+mod cells;
+mod grid;
+mod noise;
 mod sums;
+
+// What takes voxels out again.
+mod bounds;
+mod clearing;
+
+// The states of voxels, and when they are published.
+mod eigen;
+mod publish;
+mod state;
+
+// Planar patches of each block, what they are joined to, and which loose voxels are theirs.
+mod patch;
+mod rules;
+
+// Clusters of joined patches, kept while blocks are published.
+mod cluster;
+mod exact;
+mod graph;
 mod surfaces;
-mod tile;
-mod trace;
-mod view;
-mod within;
+
+// What leaves the engine: outlines and classes; the map as it was after a scan, and saved.
+mod class;
+mod describe;
+mod frozen;
+mod outline;
+mod saved;
+
+// What the map is kept in.
+mod lists;
 
 pub(super) use frozen::FrozenConsistent;
 pub use noise::NoiseModel;

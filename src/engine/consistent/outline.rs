@@ -1,18 +1,27 @@
 //! A cluster's outline: the polygon around its footprint and its holes, on its plane.
 //!
-//! The rings of the footprint end where the points do ([`super::rim`]), are drawn with few vertices at the same area
-//! ([`super::simplify`]) and are lifted onto the plane along the footprint's axis. No ring crosses itself or another,
-//! holes lie within the boundary ([`super::apart`]), and the area is that of the polygon less the holes. Costs O(r log r)
+//! The rings of the footprint end where the points do ([`self::rim`]), are drawn with few vertices at the same area
+//! ([`self::simplify`]) and are lifted onto the plane along the footprint's axis. No ring crosses itself or another,
+//! holes lie within the boundary ([`self::apart`]), and the area is that of the polygon less the holes. Costs O(r log r)
 //! for r columns at the rim, however many holes there are. Lengths in m.
+
+mod apart;
+mod border;
+pub(super) mod footprint;
+mod rim;
+mod rings;
+mod simplify;
+mod trace;
+mod within;
 
 use nalgebra::{Point3, UnitVector3, Vector2};
 
-use super::apart::Comparing;
-use super::footprint::{Column, Footprint};
-use super::rings::{Rings, doubled_area};
-use super::simplify::Simplifying;
-use super::trace::{Tracing, rings};
-use super::within::Within;
+use self::apart::Comparing;
+use self::footprint::{Column, Footprint};
+use self::rings::{Rings, doubled_area};
+use self::simplify::Simplifying;
+use self::trace::{Tracing, rings};
+use self::within::Within;
 
 /// How often the tolerance is halved before a ring is left as it was traced.
 const ATTEMPTS: usize = 3;

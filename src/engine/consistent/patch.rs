@@ -2,20 +2,28 @@
 //!
 //! Positions are in voxels from the corner of voxel (0, 0, 0).
 
+pub(super) mod contacts;
 #[cfg(test)]
 pub(super) mod examples;
 mod fold;
+mod held;
+pub(super) mod host;
 mod join;
+pub(super) mod meet;
+pub(super) mod owner;
+pub(super) mod region;
+pub(super) mod segment;
+pub(super) mod segmented;
 mod slice;
 
 use nalgebra::{Matrix3, UnitVector3, Vector3};
 
 use self::fold::is_folded;
+use self::region::{Fit, Region};
 use super::block::{BlockIndex, EDGE};
 use super::cells::Cells;
 use super::exact::Weight;
 use super::noise::Noise;
-use super::region::{Fit, Region};
 use super::rules::Rules;
 use super::state::{Plane, State};
 use crate::engine::symmetric::{quadratic, upper};

@@ -7,13 +7,13 @@ use nalgebra::Isometry3;
 use serde::{Deserialize, Serialize};
 
 use super::block::{Block, BlockKey, CELLS, Cell, EDGE, Voxel};
+use super::clearing::Clearance;
 use super::grid::Grid;
-use super::news::News;
-use super::published::Published;
+use super::publish::news::News;
+use super::publish::published::Published;
 use super::state::State;
 use super::sums::Moments;
 use super::surfaces::SavedSurfaces;
-use super::view::Clearance;
 use crate::engine::key::GRID_REACH;
 use crate::engine::params::{MAX_POINTS, Params};
 use crate::engine::saved::{RestoreError, ensure};

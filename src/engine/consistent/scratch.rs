@@ -7,12 +7,12 @@
 use std::collections::BTreeMap;
 
 use super::grid::Grid;
-use super::host::joined_with;
-use super::meet::meet_all;
-use super::owner::Owners;
 use super::patch::PatchId;
+use super::patch::host::joined_with;
+use super::patch::meet::meet_all;
+use super::patch::owner::Owners;
+use super::patch::segmented::SegmentedBlocks;
 use super::rules::Rules;
-use super::segmented::SegmentedBlocks;
 use crate::engine::key::Partition;
 
 /// What the definition makes of the states of segmented blocks, whatever else is known of these.

@@ -10,7 +10,7 @@ use super::block::{Block, CELLS, Cell, Voxel};
 use super::eigen::Spread;
 use super::grid::Blocks;
 use super::noise::Noise;
-use super::published::{PARTS, in_parts};
+use super::publish::published::{PARTS, in_parts};
 use super::sums::Moments;
 use crate::engine::binning::nearest;
 use crate::engine::symmetric::{area_across, least_at_least, symmetric, upper};

@@ -26,7 +26,7 @@ const SPREAD: f64 = 0.5;
 pub(super) const LEAST: f64 = 0.006;
 /// Padding of what has no thickness, in voxels.
 const PADDING: f64 = 0.5;
-/// Padding of what has no thickness, in shares of the depth: a cell of a [`RangeGrid`](super::super::view::RangeGrid).
+/// Padding of what has no thickness, in shares of the depth: a cell of a [`RangeGrid`](super::view::RangeGrid).
 const PADDING_OF_DEPTH: f64 = 1.0 / 128.0;
 
 /// Parts of a voxel's edge that points spread over: what spreads over less is thin.

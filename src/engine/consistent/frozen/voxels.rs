@@ -7,7 +7,7 @@ use nalgebra::UnitVector3;
 
 use super::FrozenConsistent;
 use crate::engine::consistent::block::{Block, BlockIndex, BlockKey, EDGE, Voxel};
-use crate::engine::consistent::region::{Fit, Region};
+use crate::engine::consistent::patch::region::{Fit, Region};
 use crate::engine::consistent::state::states;
 use crate::engine::consistent::surfaces::Faces;
 use crate::engine::key::ClusterId;

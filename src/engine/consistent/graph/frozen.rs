@@ -2,7 +2,7 @@
 
 use super::restore::Slots;
 use super::{Component, ComponentId, Graph, NodeId};
-use crate::engine::consistent::shared::Shared;
+use crate::engine::consistent::lists::shared::Shared;
 
 /// The components of a [`Graph`], with their slots. It shares with the graph what no batch has changed since.
 #[derive(Clone, Debug)]

@@ -3,13 +3,18 @@
 //! What a voxel received (`received`) is folded into its sums at the end, with one weight, so that the order of points does
 //! not matter. Voxels come block by block, so a block is looked up once.
 
+mod local;
+mod received;
+mod recent;
+mod tile;
+
 use nalgebra::{Isometry3, Matrix3, Vector3};
 
+use self::received::Received;
 use super::Grid;
 use crate::engine::consistent::block::{Block, BlockIndex, Cell};
-use crate::engine::consistent::news::Folded;
 use crate::engine::consistent::noise::NoiseModel;
-use crate::engine::consistent::received::Received;
+use crate::engine::consistent::publish::news::Folded;
 use crate::engine::consistent::sums::ScanSums;
 use crate::engine::params::MAX_POINTS;
 use crate::engine::scan::Scan;

@@ -4,8 +4,8 @@ use nalgebra::{Rotation3, Vector3};
 use proptest::prelude::*;
 
 use self::plain::lies_within;
+use super::footprint::{Axis, Content};
 use super::*;
-use crate::engine::consistent::footprint::{Axis, Content};
 use crate::engine::key::VoxelKey;
 
 mod plain;

@@ -2,8 +2,8 @@
 
 use nalgebra::Vector3;
 
+use super::region::{Fit, Region};
 use super::{NARROW, tilt_variance};
-use crate::engine::consistent::region::{Fit, Region};
 use crate::engine::consistent::rules::Rules;
 use crate::engine::consistent::state::State;
 

@@ -1,7 +1,7 @@
 //! When two patches that meet are one surface.
 
 use super::Patch;
-use crate::engine::consistent::contacts::Contact;
+use super::contacts::Contact;
 use crate::engine::consistent::rules::Rules;
 
 /// Pairs of voxels that make a contact.

@@ -6,9 +6,9 @@ use super::{PublishedBlocks, Surfaces};
 use crate::engine::consistent::block::BlockIndex;
 use crate::engine::consistent::graph::{Batch, End, Outcome};
 use crate::engine::consistent::grid::Grid;
-use crate::engine::consistent::host::{host, joined_with};
+use crate::engine::consistent::patch::host::{host, joined_with};
+use crate::engine::consistent::patch::segmented::contacts;
 use crate::engine::consistent::patch::{Patch, PatchId};
-use crate::engine::consistent::segmented::contacts;
 
 impl Surfaces {
     /// The nodes and edges of the new patches, and the edges of slices and bridges beside them, which may be parts of

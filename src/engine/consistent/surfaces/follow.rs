@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use super::Surfaces;
 use crate::engine::consistent::grid::Grid;
-use crate::engine::consistent::moves::Moves;
+use crate::engine::consistent::grid::moves::Moves;
 use crate::engine::consistent::patch::PatchId;
 
 impl Surfaces {

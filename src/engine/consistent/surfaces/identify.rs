@@ -7,10 +7,10 @@ use std::sync::Arc;
 use super::members::Old;
 use super::{PublishedBlocks, Surfaces};
 use crate::engine::consistent::cluster::{Cluster, Identity, PlaneFit};
-use crate::engine::consistent::footprint::{Axis, Footprint};
 use crate::engine::consistent::graph::{ComponentId, Flow, Outcome};
-use crate::engine::consistent::patches::LOOSE;
-use crate::engine::consistent::segmented::Segmented;
+use crate::engine::consistent::outline::footprint::{Axis, Footprint};
+use crate::engine::consistent::patch::segment::LOOSE;
+use crate::engine::consistent::patch::segmented::Segmented;
 use crate::engine::now::Now;
 use crate::engine::snapshot;
 

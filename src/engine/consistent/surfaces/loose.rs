@@ -9,8 +9,8 @@ use crate::engine::consistent::block::{BlockIndex, Cell, offset_of, opposite};
 use crate::engine::consistent::cells::Cells;
 use crate::engine::consistent::graph::NodeId;
 use crate::engine::consistent::grid::Grid;
-use crate::engine::consistent::owner::{Owners, RIM_REACH};
 use crate::engine::consistent::patch::PatchId;
+use crate::engine::consistent::patch::owner::{Owners, RIM_REACH};
 use crate::engine::consistent::state::State;
 
 /// A loose voxel beside blocks that are published.

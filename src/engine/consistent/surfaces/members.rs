@@ -5,7 +5,7 @@ use crate::engine::consistent::block::{BlockIndex, CELLS};
 use crate::engine::consistent::graph::{Batch, ComponentId, Moved, NodeId};
 use crate::engine::consistent::grid::Grid;
 use crate::engine::consistent::patch::PatchId;
-use crate::engine::consistent::segmented::Segmented;
+use crate::engine::consistent::patch::segmented::Segmented;
 use crate::engine::consistent::state::State;
 
 impl Surfaces {

@@ -3,9 +3,9 @@
 use super::Surfaces;
 use crate::engine::consistent::block::{BlockKey, Cell};
 use crate::engine::consistent::cluster::content;
-use crate::engine::consistent::footprint::{Axis, Footprint};
 use crate::engine::consistent::graph::ComponentId;
 use crate::engine::consistent::grid::Grid;
+use crate::engine::consistent::outline::footprint::{Axis, Footprint};
 use crate::engine::key::ClusterId;
 use crate::engine::now::Now;
 

@@ -8,9 +8,9 @@
 
 use std::collections::BTreeSet;
 
-use crate::engine::consistent::by::By;
 use crate::engine::consistent::cluster::Cluster;
 use crate::engine::consistent::graph::ComponentId;
+use crate::engine::consistent::lists::by::By;
 use crate::engine::now::Now;
 use crate::engine::params::Params;
 use crate::engine::scan::Stamp;

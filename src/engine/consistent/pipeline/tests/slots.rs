@@ -4,8 +4,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::*;
 use crate::engine::consistent::block::{BlockKey, offset_of};
-use crate::engine::consistent::contacts::Contact;
 use crate::engine::consistent::patch::PatchId;
+use crate::engine::consistent::patch::contacts::Contact;
 use crate::engine::key::canonical;
 
 /// One point in each of 60 x 60 x 10 blocks of 8 cm, 1 m and more before the sensor.

@@ -1,0 +1,116 @@
+//! Lists whose places are named by a type of their own: a node is no place in a list of blocks.
+
+use std::marker::PhantomData;
+use std::ops::{Deref, Index, IndexMut};
+
+use crate::engine::consistent::block::BlockIndex;
+use crate::engine::consistent::graph::{ComponentId, NodeId};
+
+/// A number that names a place in a list.
+pub(crate) trait Place: Copy {
+    fn place(self) -> usize;
+}
+
+impl Place for BlockIndex {
+    fn place(self) -> usize {
+        self.0 as usize
+    }
+}
+
+impl Place for NodeId {
+    fn place(self) -> usize {
+        self.0 as usize
+    }
+}
+
+impl Place for ComponentId {
+    fn place(self) -> usize {
+        self.0 as usize
+    }
+}
+
+/// What there is of each `I`.
+#[derive(Clone, Debug)]
+pub(crate) struct By<I, T> {
+    list: Vec<T>,
+    by: PhantomData<I>,
+}
+
+impl<I: Place, T> By<I, T> {
+    pub(crate) const fn new() -> Self {
+        Self { list: Vec::new(), by: PhantomData }
+    }
+
+    /// `None` beyond the end of the list.
+    pub(crate) fn get(&self, at: I) -> Option<&T> {
+        self.list.get(at.place())
+    }
+
+    /// What there is of `at`; where the list is too short, it is first filled up with nothing.
+    pub(crate) fn reach(&mut self, at: I) -> &mut T
+    where
+        T: Default,
+    {
+        if self.list.len() <= at.place() {
+            self.list.resize_with(at.place() + 1, T::default);
+        }
+        &mut self.list[at.place()]
+    }
+
+    pub(crate) fn push(&mut self, item: T) {
+        self.list.push(item);
+    }
+
+    /// Fills the list up with nothing, or cuts it off.
+    pub(crate) fn set_len(&mut self, len: usize)
+    where
+        T: Default,
+    {
+        self.list.resize_with(len, T::default);
+    }
+}
+
+impl<I: Place, T> Default for By<I, T> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<I: Place, T> Index<I> for By<I, T> {
+    type Output = T;
+
+    fn index(&self, at: I) -> &T {
+        &self.list[at.place()]
+    }
+}
+
+impl<I: Place, T> IndexMut<I> for By<I, T> {
+    fn index_mut(&mut self, at: I) -> &mut T {
+        &mut self.list[at.place()]
+    }
+}
+
+/// All that there is, in the order of the places.
+impl<I, T> Deref for By<I, T> {
+    type Target = [T];
+
+    fn deref(&self) -> &[T] {
+        &self.list
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_list_reaches_as_far_as_it_is_asked_to_and_no_further() {
+        let mut by = By::<NodeId, u8>::default();
+        assert_eq!(by.get(NodeId(0)), None);
+        *by.reach(NodeId(2)) = 7;
+        by[NodeId(0)] = 5;
+        assert_eq!((by.to_vec(), by.get(NodeId(3))), (vec![5, 0, 7], None));
+        *by.reach(NodeId(1)) += 1;
+        assert_eq!(by.to_vec(), [5, 1, 7]);
+    }
+}
