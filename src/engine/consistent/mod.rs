@@ -21,9 +21,9 @@
 //!    lie on it within their noise. Where noise spreads a surface over two layers of voxels, the two patches that are found
 //!    there become one. From what is left, **strips** of sharp voxels that may be one row, and **rough** patches with half a voxel's
 //!    tolerance (`rules`). What reaches no further along the line of sight than its noise spreads it is none of these. What
-//!    fits none is **loose** (`patch/segment`), and so is what has become dense since the block was published. A voxel whose sharp
-//!    points show a sheet belongs to no plane across that sheet (`state`), so that two rows of a wall and two of a ceiling
-//!    are no bevel.
+//!    fits none is in no patch (`patch/segment`), and neither is what has become dense since the block was published. A voxel
+//!    whose sharp points show a sheet belongs to no plane across that sheet (`state`), so that two rows of a wall and two of
+//!    a ceiling are no bevel.
 //! 3. Two patches that touch, in a block or across its border, are **joined** when their planes agree in direction and
 //!    where they meet, as far as both are known, or, where both are noisy, each lies well on the other's plane; narrow ones
 //!    also where they are facets of one **bend**, of a radius of two voxels or more; rough ones with each other alone (`patch/join`).
@@ -39,9 +39,10 @@
 //! 4. A patch of two rows at a face of its block is **cut**: where a surface ends just across the border, or scatters over
 //!    it, its plane may be any. It ties together what it ties together, but each of its voxels, as of a narrow or folded patch,
 //!    goes to a patch within two voxels that it fits better, and that is neither narrow nor rough itself; where its own is
-//!    narrow, to one that it fits up to half as well (`patch/owner`).
-//! 5. A **cluster** is a component of joined patches, with the loose voxels within three voxels of a patch whose plane their
-//!    points fit.
+//!    narrow, to one that it fits up to half as well (`patch/owner`). Cut, folded and narrow patches are **frayed**. A voxel is
+//!    **loose** whose patch is found by what lies around it: one of a frayed patch, or one in none.
+//! 5. A **cluster** is a component of joined patches, with the loose voxels that belong to them; one in no patch belongs to the
+//!    nearest within three voxels whose plane its points fit.
 //!
 //! `scratch` is that from scratch; `surfaces` keeps it while blocks are published, and property tests hold the two
 //! equal after every scan, removals included. Its cost follows the published blocks and their neighbours, and the

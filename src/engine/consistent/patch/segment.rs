@@ -12,8 +12,8 @@
 //!
 //! From what is left, and lies beside no plane either, **strips** grow: sharp voxels whose own points have the breadth that
 //! a row of means has not, as where a surface crosses a corner of the block, or ends behind another. Then **rough** patches
-//! grow in the same way with half a voxel's tolerance: plants, cables, shelves full of things. What then is left are loose
-//! voxels.
+//! grow in the same way with half a voxel's tolerance: plants, cables, shelves full of things. What then is left is in no
+//! patch.
 //!
 //! Costs some 30 us for a block with one surface's edge in it.
 
@@ -43,7 +43,10 @@ const LAYERED: f64 = 0.65;
 const AROUND: usize = 26;
 
 const NO_STATE: u16 = u16::MAX;
-const FREE: u8 = u8::MAX;
+/// The number of the patch of what is in none.
+pub(crate) const NO_PATCH: u8 = u8::MAX;
+/// Most patches of a block, of each kind; what lies beyond is in none.
+const MAX_PATCHES: usize = 80;
 
 /// Planes of a patch that grows are numbered; it has been refused by none, or is in a patch.
 const NO_PLANE: u8 = 0;
@@ -51,7 +54,7 @@ const TAKEN: u8 = u8::MAX;
 
 /// The patches of a block.
 pub(super) struct Patches {
-    /// For each state the number of its patch, from 0; [`LOOSE`] = in none.
+    /// For each state the number of its patch, from 0; [`NO_PATCH`] = in none.
     pub(super) owner: Vec<u8>,
     /// How each was grown.
     pub(super) kinds: Vec<Kind>,
@@ -67,7 +70,7 @@ pub(super) fn segment(states: &[State], rules: &Rules) -> Patches {
     let is_sharp = |state: &usize| states[*state].is_sheet();
     let sharp: Vec<_> = rest.iter().copied().filter(is_sharp).collect();
     patches.grow(Kind::Strip, states, &sharp, rules);
-    rest.retain(|&state| patches.owner[state] == FREE);
+    rest.retain(|&state| patches.owner[state] == NO_PATCH);
     patches.grow(Kind::Rough, states, &rest, &rules.rough());
     patches
 }
@@ -82,16 +85,11 @@ impl Patches {
         let mut segmentation = Segmentation::new(&picked, rules, kind);
         segmentation.run();
         let first = self.kinds.len() as u8;
-        let found = some.iter().zip(&segmentation.owner).filter(|(_, number)| **number != FREE);
+        let found = some.iter().zip(&segmentation.owner).filter(|(_, number)| **number != NO_PATCH);
         found.for_each(|(&state, number)| self.owner[state] = first + number);
         self.kinds.resize(self.kinds.len() + usize::from(segmentation.count()), kind);
     }
 }
-
-/// In no patch.
-pub(crate) const LOOSE: u8 = FREE;
-/// Most patches of a block, of each kind; what lies beyond is loose.
-const MAX_PATCHES: usize = 80;
 
 struct Segmentation<'a> {
     states: &'a [State],
@@ -160,7 +158,7 @@ impl<'a> Segmentation<'a> {
             .iter()
             .map(|state| (kind.share(state, &rules.noise), Scatter::one(state, &rules.noise)))
             .collect();
-        let (owner, is_one_side) = (vec![FREE; states.len()], is_one_side(states));
+        let (owner, is_one_side) = (vec![NO_PATCH; states.len()], is_one_side(states));
         let occupied = states.iter().map(State::cell).collect();
         let (neighbours, planes) = (OnceCell::new(), Vec::new());
         Self { states, shares, is_one_side, rules, kind, occupied, neighbours, owner, planes }
@@ -211,7 +209,7 @@ impl<'a> Segmentation<'a> {
 
     /// Number of patches.
     fn count(&self) -> u8 {
-        let numbers = self.owner.iter().filter(|number| **number != FREE);
+        let numbers = self.owner.iter().filter(|number| **number != NO_PATCH);
         numbers.max().map_or(0, |number| number + 1)
     }
 
@@ -236,7 +234,7 @@ impl<'a> Segmentation<'a> {
             let fits = |plane| {
                 region.is_seen_from(plane) && scatter.is_one_allowed(plane, RIM_NOISE_FACTOR, flatness)
             };
-            self.owner[state] == FREE && !planes.iter().any(fits)
+            self.owner[state] == NO_PATCH && !planes.iter().any(fits)
         };
         (0..self.states.len()).filter(is_left).collect()
     }
@@ -256,7 +254,7 @@ impl<'a> Segmentation<'a> {
         let mut seeds: Vec<_> = (0..self.states.len()).filter_map(|state| self.seed(state)).collect();
         seeds.sort_by(|a, b| a.distance.total_cmp(&b.distance).then(a.state.cmp(&b.state)));
         for seed in seeds {
-            if self.owner[seed.state] == FREE && self.planes.len() < MAX_PATCHES {
+            if self.owner[seed.state] == NO_PATCH && self.planes.len() < MAX_PATCHES {
                 self.grow(seed.state);
             }
         }
@@ -274,7 +272,7 @@ impl<'a> Segmentation<'a> {
     }
 
     fn window_of(&self, state: usize, is_in: impl Fn(usize) -> bool) -> Option<Window> {
-        let is_in = |other: &usize| self.owner[*other] == FREE && is_in(*other);
+        let is_in = |other: &usize| self.owner[*other] == NO_PATCH && is_in(*other);
         let mut others = [0; AROUND];
         let mut count = 0;
         for other in self.neighbours(state).filter(is_in) {
@@ -329,7 +327,7 @@ impl<'a> Segmentation<'a> {
         let mut plane = *plane;
         // Of each voxel the last plane that it did not belong to: it is not asked of that again.
         let mut refused: Vec<_> =
-            self.owner.iter().map(|owner| if *owner == FREE { NO_PLANE } else { TAKEN }).collect();
+            self.owner.iter().map(|owner| if *owner == NO_PATCH { NO_PLANE } else { TAKEN }).collect();
         let mut number = NO_PLANE + 1;
         refused[seed] = TAKEN;
         let mut members = vec![seed];
@@ -370,7 +368,7 @@ impl<'a> Segmentation<'a> {
 
     /// For each voxel the patch that fits it best of those in its neighbourhood, of equals the first.
     fn best_owners(&self) -> Vec<u8> {
-        let mut best = vec![(FREE, f64::INFINITY); self.states.len()];
+        let mut best = vec![(NO_PATCH, f64::INFINITY); self.states.len()];
         for (number, (cells, plane)) in (0..).zip(self.cells().iter().zip(&self.planes)) {
             for state in self.occupied.ranks_of(&cells.with_around()) {
                 if let Some(misfit) = self.within(state, plane).filter(|misfit| *misfit < best[state].1) {
@@ -435,11 +433,11 @@ impl<'a> Segmentation<'a> {
         self.planes = planes.map(|(region, plane)| self.plane_of(&region).unwrap_or(*plane)).collect();
     }
 
-    /// Splits patches that are not connected, and sets loose what is too small to have a plane. They are numbered by their first
+    /// Splits patches that are not connected, and leaves out what is too small to have a plane. They are numbered by their first
     /// voxels.
     fn drop_fragments(&mut self) {
         let (mut left, mut patches) = (self.cells(), 0);
-        let before = std::mem::replace(&mut self.owner, vec![FREE; self.states.len()]);
+        let before = std::mem::replace(&mut self.owner, vec![NO_PATCH; self.states.len()]);
         for (state, &number) in self.states.iter().zip(&before) {
             let left = left.get_mut(usize::from(number)).filter(|left| left.contains(state.cell()));
             let Some(left) = left else { continue };

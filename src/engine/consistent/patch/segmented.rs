@@ -5,7 +5,7 @@ use std::sync::Arc;
 use nalgebra::Vector3;
 
 use super::contacts::{Contact, Contacts};
-use super::segment::{LOOSE, Patches, segment};
+use super::segment::{NO_PATCH, Patches, segment};
 use super::{Patch, PatchId};
 use crate::engine::consistent::block::{Block, BlockIndex, CELLS, Cell, EDGE, offset_of};
 use crate::engine::consistent::cells::{Cells, Window};
@@ -97,7 +97,7 @@ impl Segmented {
     pub(crate) fn of(states: Vec<State>, corner: [i32; 3], rules: &Rules) -> Self {
         let Patches { owner, kinds } = segment(&states, rules);
         let mut members: Vec<Vec<&State>> = vec![Vec::new(); kinds.len()];
-        for (state, &number) in states.iter().zip(&owner).filter(|(_, number)| **number != LOOSE) {
+        for (state, &number) in states.iter().zip(&owner).filter(|(_, number)| **number != NO_PATCH) {
             members[usize::from(number)].push(state);
         }
         let low = Vector3::from(corner).map(f64::from);
@@ -105,8 +105,7 @@ impl Segmented {
         // With no room to spare. Each has the voxels of a seed at least, so none is left out, and numbers stay.
         let mut patches = Vec::with_capacity(members.len());
         patches.extend(members.iter().zip(kinds).filter_map(patch));
-        let is_loose = |number: u8| patches.get(usize::from(number)).is_none_or(Patch::is_frayed);
-        let loose: Vec<_> = (0..).zip(&owner).filter(|(_, number)| is_loose(**number)).collect();
+        let loose: Vec<_> = (0..).zip(&owner).filter(|(_, number)| is_loose(&patches, **number)).collect();
         let loose: Vec<_> = loose.into_iter().map(|(place, _)| Loose::new(place)).collect();
         Self {
             cells: patches.iter().flat_map(|patch| patch.cells.iter()).collect(),
@@ -139,9 +138,9 @@ impl Segmented {
         Some(number as u8)
     }
 
-    /// For each cell the number of its patch, or [`LOOSE`]: for a walk over all of them.
+    /// For each cell the number of its patch, or [`NO_PATCH`]: for a walk over all of them.
     pub(crate) fn numbers(&self) -> [u8; CELLS] {
-        let mut numbers = [LOOSE; CELLS];
+        let mut numbers = [NO_PATCH; CELLS];
         for (number, patch) in (0..).zip(&self.patches) {
             patch.cells.iter().for_each(|cell| numbers[cell.index()] = number);
         }
@@ -150,7 +149,7 @@ impl Segmented {
 
     /// Whether the patch of a dense voxel with this number is found by what lies around it.
     pub(crate) fn is_loose(&self, number: u8) -> bool {
-        self.patches.get(usize::from(number)).is_none_or(Patch::is_frayed)
+        is_loose(&self.patches, number)
     }
 
     /// The loose voxel of this number.
@@ -205,6 +204,11 @@ impl Segmented {
         room::insert(Arc::make_mut(&mut self.states), place, state);
         Some(number)
     }
+}
+
+/// Whether a dense voxel is loose that is in the patch of this number, or, beyond these patches, in none.
+fn is_loose(patches: &[Patch], number: u8) -> bool {
+    patches.get(usize::from(number)).is_none_or(Patch::is_frayed)
 }
 
 impl SegmentedBlocks {

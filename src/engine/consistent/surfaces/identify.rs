@@ -9,7 +9,7 @@ use super::{PublishedBlocks, Surfaces};
 use crate::engine::consistent::cluster::{Cluster, Identity, PlaneFit};
 use crate::engine::consistent::graph::{ComponentId, Flow, Outcome};
 use crate::engine::consistent::outline::footprint::{Axis, Footprint};
-use crate::engine::consistent::patch::segment::LOOSE;
+use crate::engine::consistent::patch::segment::NO_PATCH;
 use crate::engine::consistent::patch::segmented::Segmented;
 use crate::engine::now::Now;
 use crate::engine::snapshot;
@@ -19,7 +19,7 @@ use crate::engine::snapshot;
 pub(super) struct Votes {
     /// How many of a component are now in another.
     cast: BTreeMap<(ComponentId, ComponentId), u64>,
-    /// How many there were of it; those that are gone or loose now cast none.
+    /// How many there were of it; those that are gone or in no patch now cast none.
     entitled: BTreeMap<ComponentId, u64>,
 }
 
@@ -86,12 +86,12 @@ impl Surfaces {
             let [before, now] = [&old.segmented, &self.segmented[block]].map(Segmented::numbers);
             for state in old.segmented.states.iter() {
                 let [before, now] = [&before, &now].map(|numbers| numbers[state.cell().index()]);
-                if before == LOOSE {
+                if before == NO_PATCH {
                     continue;
                 }
                 let from = old.components[usize::from(before)];
                 votes.entitle(from, 1);
-                if now != LOOSE {
+                if now != NO_PATCH {
                     let node = self.nodes[block][usize::from(now)];
                     votes.cast(from, self.graph.component(node), 1);
                 }

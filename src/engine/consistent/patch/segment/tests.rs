@@ -120,7 +120,7 @@ proptest! {
         let (states, rules) = (states(&surfaces, &towards, distance), Rules::new(&Params::default()));
         let Patches { owner, kinds } = segment(&states, &rules);
         prop_assert_eq!(owner.len(), states.len());
-        prop_assert!(owner.iter().all(|&number| number == LOOSE || usize::from(number) < kinds.len()));
+        prop_assert!(owner.iter().all(|&number| number == NO_PATCH || usize::from(number) < kinds.len()));
         for (number, kind) in (0..).zip(&kinds) {
             let own = states.iter().zip(&owner).filter(|(_, of)| **of == number);
             let members: Vec<_> = own.map(|(state, _)| state).collect();
