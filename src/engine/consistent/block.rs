@@ -246,7 +246,7 @@ impl Block {
 
     /// The rank of a cell's voxel, and whether it was begun, without points, for there was none. All voxels before
     /// `from` have lower cells: who comes to cells in their order passes each voxel once.
-    pub(super) fn rank_from(&mut self, from: usize, cell: Cell) -> (usize, bool) {
+    pub(super) fn rank_or_insert(&mut self, from: usize, cell: Cell) -> (usize, bool) {
         debug_assert!(from <= self.cells.rank(cell) && !self.is_at_rest());
         let rank = from + self.voxels[from..].iter().take_while(|voxel| voxel.cell < cell).count();
         let is_new = self.voxels.get(rank).is_none_or(|voxel| voxel.cell != cell);

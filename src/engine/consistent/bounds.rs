@@ -142,7 +142,7 @@ impl Bounds {
 
     fn note_seen(&mut self, seen: &[BlockIndex], sequence: u64) {
         for &block in seen {
-            let before = std::mem::replace(self.last_seen.reach(block), sequence);
+            let before = std::mem::replace(self.last_seen.grow_to(block), sequence);
             self.by_last_seen.remove(&(before, block));
             self.by_last_seen.insert((sequence, block));
         }

@@ -72,7 +72,7 @@ impl Clearing {
         self.look(grid, &scan.fixed_from_sensor, sequence);
         let mut cleared = Vec::new();
         for (block, cell) in self.through.drain(..) {
-            if grid.seen_through(block, cell) {
+            if grid.note_seen_through(block, cell) {
                 cleared.extend(grid.remove(block, cell).map(|_| block));
             }
         }

@@ -239,9 +239,9 @@ impl Grid {
     }
 
     /// Notes that a voxel was seen through; whether it is to be cleared.
-    pub(super) fn seen_through(&mut self, block: BlockIndex, cell: Cell) -> bool {
+    pub(super) fn note_seen_through(&mut self, block: BlockIndex, cell: Cell) -> bool {
         let voxel = self.blocks.list[block].voxel_mut(cell);
-        voxel.is_some_and(|voxel| voxel.clearance.seen_through())
+        voxel.is_some_and(|voxel| voxel.clearance.note_seen_through())
     }
 
     pub(super) fn block_at(&mut self, key: BlockKey) -> BlockIndex {

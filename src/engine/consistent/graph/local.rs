@@ -111,7 +111,7 @@ impl Graph {
     pub(super) fn add(&mut self, weights: &[u32], local: &mut Local) -> Vec<NodeId> {
         let give = |&weight| {
             let id = self.free_nodes.pop().unwrap_or(NodeId(self.nodes.len() as u32));
-            *self.nodes.reach(id) = Node { weight, ..Node::default() };
+            *self.nodes.grow_to(id) = Node { weight, ..Node::default() };
             self.element(id, local);
             id
         };

@@ -53,7 +53,7 @@ impl Grid {
             block.news.note_seen(sequence);
             let mut from = 0;
             for (cell, sums) in voxels {
-                let (rank, is_new) = block.rank_from(from, cell);
+                let (rank, is_new) = block.rank_or_insert(from, cell);
                 from = rank;
                 self.voxels += usize::from(is_new);
                 if folding.fold(block, rank, sums) {
@@ -89,16 +89,16 @@ impl Folding {
         voxel.count = voxel.count.saturating_add(scan.count).min(MAX_POINTS);
         voxel.hit = self.sequence as u32;
         if scan.count >= self.proof {
-            voxel.clearance.received_points();
+            voxel.clearance.note_points();
         } else {
-            voxel.clearance.received_strays();
+            voxel.clearance.note_strays();
         }
         let is_dense = voxel.count >= self.min_points;
         let newly_dense = is_dense && !was_dense;
         let folded = is_dense.then(|| {
             let has_doubled = voxel.published.is_doubled(&voxel.moments);
             let is_known = voxel.published.is_known();
-            let drifts = is_known && has_doubled && voxel.published.has_begun_to_drift(&voxel.moments);
+            let drifts = is_known && has_doubled && voxel.published.note_drift(&voxel.moments);
             Folded { points: scan.count, is_known, has_doubled, drifts }
         });
         block.dense += u32::from(newly_dense);

@@ -56,11 +56,11 @@ impl Moves {
 
     /// Names blocks by their slots of now, and leaves out those that have gone.
     pub(crate) fn rename(&self, blocks: &mut Vec<BlockIndex>) {
-        blocks.retain_mut(|block| self.renames(block));
+        blocks.retain_mut(|block| self.try_rename(block));
     }
 
     /// Names a block by its slot of now; `false` where it has gone.
-    pub(crate) fn renames(&self, block: &mut BlockIndex) -> bool {
+    pub(crate) fn try_rename(&self, block: &mut BlockIndex) -> bool {
         let is_there = self.gone.binary_search(block).is_err();
         if is_there {
             *block = self.of(*block);

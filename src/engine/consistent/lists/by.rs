@@ -47,7 +47,7 @@ impl<I: Place, T> By<I, T> {
     }
 
     /// What there is of `at`; where the list is too short, it is first filled up with nothing.
-    pub(crate) fn reach(&mut self, at: I) -> &mut T
+    pub(crate) fn grow_to(&mut self, at: I) -> &mut T
     where
         T: Default,
     {
@@ -107,10 +107,10 @@ mod tests {
     fn a_list_reaches_as_far_as_it_is_asked_to_and_no_further() {
         let mut by = By::<NodeId, u8>::default();
         assert_eq!(by.get(NodeId(0)), None);
-        *by.reach(NodeId(2)) = 7;
+        *by.grow_to(NodeId(2)) = 7;
         by[NodeId(0)] = 5;
         assert_eq!((by.to_vec(), by.get(NodeId(3))), (vec![5, 0, 7], None));
-        *by.reach(NodeId(1)) += 1;
+        *by.grow_to(NodeId(1)) += 1;
         assert_eq!(by.to_vec(), [5, 1, 7]);
     }
 }

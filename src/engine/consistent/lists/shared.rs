@@ -85,7 +85,7 @@ impl<I, T: Clone + Default> Shared<I, T> {
 
 impl<I: Place, T: Clone + Default> Shared<I, T> {
     /// What there is of `at`; where the list is too short, it is first filled up with nothing.
-    pub(crate) fn reach(&mut self, at: I) -> &mut T {
+    pub(crate) fn grow_to(&mut self, at: I) -> &mut T {
         if self.len <= at.place() {
             self.set_len(at.place() + 1);
         }
@@ -149,10 +149,10 @@ mod tests {
     fn a_list_reaches_as_far_as_it_is_asked_to_and_no_further() {
         let mut list = Shared::<NodeId, u8>::default();
         assert_eq!(list.get(NodeId(0)), None);
-        *list.reach(NodeId(2)) = 7;
+        *list.grow_to(NodeId(2)) = 7;
         list[NodeId(0)] = 5;
         assert_eq!((all(&list), list.get(NodeId(3))), (vec![5, 0, 7], None));
-        *list.reach(NodeId(1)) += 1;
+        *list.grow_to(NodeId(1)) += 1;
         assert_eq!(all(&list), [5, 1, 7]);
     }
 
@@ -226,7 +226,7 @@ mod tests {
                     Change::Reach(at, item) => {
                         plain.resize(plain.len().max(at as usize + 1), 0);
                         plain[at as usize] = item;
-                        *list.reach(NodeId(at)) = item;
+                        *list.grow_to(NodeId(at)) = item;
                     }
                     Change::Set(at, item) if !plain.is_empty() => {
                         let at = node(at);

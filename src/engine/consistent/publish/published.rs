@@ -67,8 +67,8 @@ impl Published {
         self.looked_at = if halvings < u32::BITS { self.looked_at >> halvings } else { 0 };
     }
 
-    /// Looks whether its points have moved, or are known much better; `true` the first time they are.
-    pub(crate) fn has_begun_to_drift(&mut self, moments: &Moments) -> bool {
+    /// Notes whether its points have moved, or are known much better; `true` the first time they are.
+    pub(crate) fn note_drift(&mut self, moments: &Moments) -> bool {
         self.looked_at = moments.weight;
         let mean = moments.mean();
         let moved = (0..3).any(|i| (mean[i] - f64::from(self.mean[i]) / PARTS).abs() > DRIFT);

@@ -123,7 +123,7 @@ impl Leaving {
 
     /// Names blocks by the places that they have now.
     pub(crate) fn rename(&mut self, moves: &Moves) {
-        self.blocks.retain_mut(|(_, block)| moves.renames(block));
+        self.blocks.retain_mut(|(_, block)| moves.try_rename(block));
         moves.rename(&mut self.seen);
         self.seen.sort_unstable();
     }

@@ -116,7 +116,7 @@ impl Surfaces {
             let count = self.segmented[block].patches.len();
             let nodes: Vec<_> = added.by_ref().take(count).map(|(node, _)| *node).collect();
             for (number, &node) in (0..).zip(&nodes) {
-                *self.patches.reach(node) = Some(PatchId { block, number });
+                *self.patches.grow_to(node) = Some(PatchId { block, number });
             }
             self.nodes[block] = nodes;
         }

@@ -70,17 +70,17 @@ impl FrozenSurfaces {
     pub(in super::super) fn faces(&self) -> Faces {
         let mut ids = By::<ComponentId, Option<ClusterId>>::new();
         for (component, cluster) in &self.clusters {
-            *ids.reach(ComponentId(*component)) = cluster.id();
+            *ids.grow_to(ComponentId(*component)) = cluster.id();
         }
         let mut components = By::<NodeId, Option<ComponentId>>::new();
-        self.graph.nodes().for_each(|(node, component)| *components.reach(node) = Some(component));
+        self.graph.nodes().for_each(|(node, component)| *components.grow_to(node) = Some(component));
         let mut faces = Faces::new();
         for (here, nodes) in self.segmented.iter().zip(self.nodes.iter()) {
             for (patch, &node) in here.patches.iter().zip(nodes) {
                 let Some(component) = components[node] else { unreachable!("{node:?} is in no component") };
                 let cluster = ids.get(component).copied().flatten();
                 let (normal, curvature) = (patch.normal(), patch.curvature());
-                *faces.reach(node) = Some(Face { component, cluster, normal, curvature });
+                *faces.grow_to(node) = Some(Face { component, cluster, normal, curvature });
             }
         }
         faces

@@ -140,7 +140,7 @@ impl Surfaces {
                 known.identity.take_in(&other);
                 self.removed.extend(other.id);
             }
-            match self.clusters.reach(component) {
+            match self.clusters.grow_to(component) {
                 Some(cluster) => (cluster.identity, cluster.told) = (known.identity, known.told),
                 none => *none = Some(Box::new(known.begin())),
             }

@@ -100,7 +100,7 @@ impl Surfaces {
                 (told.class, told.class_confidence) = (class, confidence);
             }
         }
-        let changed = self.finish(&due);
+        let changed = self.count_revisions(&due);
         self.due = due;
         changed
     }
@@ -159,7 +159,7 @@ impl Surfaces {
     }
 
     /// Counts the revisions of what is told of differently, or has taken in another.
-    pub(super) fn finish(&mut self, due: &[ComponentId]) -> Vec<ChangedCluster> {
+    pub(super) fn count_revisions(&mut self, due: &[ComponentId]) -> Vec<ChangedCluster> {
         let mut changed = Vec::new();
         for &component in due {
             let Some(cluster) = self.clusters[component].as_deref_mut() else { continue };

@@ -76,7 +76,7 @@ pub(super) struct Waiting {
 impl Waiting {
     /// Notes what a component waits for now.
     pub(super) fn set(&mut self, component: ComponentId, waits: Option<Waits>) {
-        let before = std::mem::replace(self.waits.reach(component), waits);
+        let before = std::mem::replace(self.waits.grow_to(component), waits);
         if before == waits {
             return;
         }

@@ -21,18 +21,18 @@ impl Clearance {
     pub(crate) const LIMIT: u8 = 5;
 
     /// The voxel was seen through; whether it is to be cleared.
-    pub(crate) const fn seen_through(&mut self) -> bool {
+    pub(crate) const fn note_seen_through(&mut self) -> bool {
         self.0 = self.0.saturating_add(1);
         self.0 >= Self::LIMIT
     }
 
     /// The voxel received enough points in one scan to prove that something is there.
-    pub(crate) const fn received_points(&mut self) {
+    pub(crate) const fn note_points(&mut self) {
         self.0 = 0;
     }
 
     /// The voxel received so few points in one scan that they may be strays.
-    pub(crate) const fn received_strays(&mut self) {
+    pub(crate) const fn note_strays(&mut self) {
         self.0 = self.0.saturating_sub(1);
     }
 
@@ -50,7 +50,7 @@ mod tests {
     #[test]
     fn a_voxel_is_cleared_at_the_fifth_vote_and_stays_so() {
         let mut clearance = Clearance::default();
-        let cleared: Vec<bool> = (0..300).map(|_| clearance.seen_through()).collect();
+        let cleared: Vec<bool> = (0..300).map(|_| clearance.note_seen_through()).collect();
         assert_eq!(cleared[..6], [false, false, false, false, true, true]);
         assert!(cleared[4..].iter().all(|&cleared| cleared));
     }
@@ -60,10 +60,10 @@ mod tests {
         let mut clearance = Clearance::default();
         let looks = (1..).take_while(|look| {
             if look % 3 == 0 {
-                clearance.received_strays();
+                clearance.note_strays();
                 return true;
             }
-            !clearance.seen_through()
+            !clearance.note_seen_through()
         });
         assert_eq!(looks.count(), 10);
     }
@@ -72,11 +72,11 @@ mod tests {
     fn points_take_all_votes_back() {
         let mut clearance = Clearance::default();
         for _ in 0..4 {
-            clearance.seen_through();
+            clearance.note_seen_through();
         }
         assert_eq!(clearance.votes(), 4);
-        clearance.received_points();
-        assert!(!clearance.seen_through());
+        clearance.note_points();
+        assert!(!clearance.note_seen_through());
         assert_eq!(clearance.votes(), 1);
     }
 }

@@ -59,7 +59,7 @@ fn drive(edge: f64, share: f64) -> Outcome {
         let scanned = points(&camera, &scene, &pose, &mut rng);
         for point in &scanned {
             if let Some(votes) = votes.get_mut(&key_of(&(pose * Point3::from(point.map(f64::from))), edge)) {
-                votes.received_points();
+                votes.note_points();
             }
         }
         grid.fill(&Points::F32(scanned));
@@ -75,7 +75,7 @@ fn drive(edge: f64, share: f64) -> Outcome {
                     margin(centre.z, edge, share),
                 ) {
                     outcome.seen_through += 1;
-                    votes.seen_through();
+                    votes.note_seen_through();
                     outcome.worst = outcome.worst.max(votes.votes());
                 }
             }
