@@ -9,8 +9,8 @@ use serde::{Deserialize, Serialize};
 use super::cells::Cells;
 use super::clearing::Clearance;
 use super::lists::room;
+use super::publish::baseline::Baseline;
 use super::publish::news::News;
-use super::publish::published::Published;
 use super::publish::rest::Rest;
 use super::state::State;
 use super::sums::Moments;
@@ -66,7 +66,7 @@ pub(super) struct Voxel {
     /// Points counted since it was last cleared.
     pub(super) count: u32,
     pub(super) moments: Moments,
-    pub(super) published: Published,
+    pub(super) baseline: Baseline,
     /// Scan that put a point here last, modulo 2^32.
     pub(super) hit: u32,
     /// How often it was seen through.
@@ -80,7 +80,7 @@ impl Voxel {
             cell,
             count: 0,
             moments: Moments::default(),
-            published: Published::default(),
+            baseline: Baseline::default(),
             hit: 0,
             clearance: Clearance::default(),
         }
@@ -145,10 +145,7 @@ impl Block {
     /// Notes that its states are published as they are now.
     pub(super) fn note_published(&mut self, sequence: u64, min_points: u32) {
         let dense = |voxel: &&mut Voxel| voxel.count >= min_points;
-        self.voxels
-            .iter_mut()
-            .filter(dense)
-            .for_each(|voxel| voxel.published = Published::of(&voxel.moments));
+        self.voxels.iter_mut().filter(dense).for_each(|voxel| voxel.baseline = Baseline::of(&voxel.moments));
         self.news.note_published(sequence);
     }
 

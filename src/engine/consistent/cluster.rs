@@ -1,12 +1,14 @@
 //! What is kept of a cluster while its voxels come and go.
 
+pub(super) mod sums;
+
 use std::sync::Arc;
 
 use nalgebra::{Matrix3, UnitVector3, Vector3};
 
 use serde::{Deserialize, Serialize};
 
-use super::exact::{Exact, Weight};
+use self::sums::{ClusterSums, Weight};
 use super::outline::footprint::{Axis, Content, Footprint};
 use super::state::State;
 use crate::engine::class::SurfaceClass;
@@ -21,7 +23,7 @@ use crate::engine::symmetric::quadratic;
 pub(super) struct Cluster {
     pub(super) identity: Identity,
     /// Over the voxels of its patches.
-    pub(super) sums: Exact,
+    pub(super) sums: ClusterSums,
     /// Voxels of its patches and those beside them.
     pub(super) voxels: u32,
     pub(super) points: u64,
@@ -29,7 +31,7 @@ pub(super) struct Cluster {
     pub(super) outlined: u32,
     pub(super) footprint: Footprint,
     /// The plane through its patches, as [`Cluster::refit`] found it last.
-    pub(super) plane: Option<PlaneFit>,
+    pub(super) plane: Option<ClusterPlane>,
     /// Its part of the voxels in clusters that are told of.
     pub(super) counted: u32,
     /// As it was told of last.
@@ -62,9 +64,9 @@ pub(super) struct Share {
 }
 
 impl Member<'_> {
-    fn sums(&self) -> Option<Exact> {
+    fn sums(&self) -> Option<ClusterSums> {
         let Share { corner, weight, normal, noise } = self.share.as_ref()?;
-        Some(Exact::of(self.state, *corner, *weight, normal, *noise))
+        Some(ClusterSums::of(self.state, *corner, *weight, normal, *noise))
     }
 }
 
@@ -134,7 +136,7 @@ pub(super) struct Identity {
 
 /// The plane of a cluster, in voxels.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct PlaneFit {
+pub(super) struct ClusterPlane {
     pub(super) point: Vector3<f64>,
     pub(super) normal: UnitVector3<f64>,
     /// Inverse variance at `point`. That of its turn follows by `covariance` where voxels count the same part all over it.
@@ -144,7 +146,7 @@ pub(super) struct PlaneFit {
     pub(super) noise: f64,
 }
 
-impl PlaneFit {
+impl ClusterPlane {
     /// Mean square distance of the voxels' means to the plane, in voxels^2.
     pub(super) fn mean_square(&self) -> f64 {
         quadratic(&self.covariance, &self.normal).max(0.0)
@@ -196,7 +198,7 @@ impl Cluster {
         let footprint = Footprint::new(Axis::dominant(&Vector3::z_axis()));
         Self {
             identity,
-            sums: Exact::default(),
+            sums: ClusterSums::default(),
             voxels: 0,
             points: 0,
             outlined: 0,
@@ -214,14 +216,14 @@ impl Cluster {
     }
 
     /// The plane through its patches; `None` where there is none.
-    fn fit(&self) -> Option<PlaneFit> {
+    fn fit(&self) -> Option<ClusterPlane> {
         if self.sums.is_empty() {
             return None;
         }
         let covariance = self.sums.covariance();
         let normal = UnitVector3::new_normalize(normal_towards(&covariance, &self.sums.towards()));
         let (point, information, noise) = (self.sums.mean(), self.sums.information(), self.sums.noise());
-        Some(PlaneFit { point, normal, information, covariance, noise })
+        Some(ClusterPlane { point, normal, information, covariance, noise })
     }
 
     pub(super) fn add(&mut self, member: &Member) {
@@ -258,9 +260,9 @@ impl Cluster {
 
 /// What a voxel contributes to its column, however many points it has.
 pub(super) fn content(state: &State, axis: Axis) -> Content {
-    let (within, spread) = (state.offset(), state.spread());
+    let (within, covariance) = (state.offset(), state.covariance());
     let others = axis.others();
-    let square = |i: usize| spread[(i, i)].max(0.0) + within[i] * within[i];
+    let square = |i: usize| covariance[(i, i)].max(0.0) + within[i] * within[i];
     Content::of(others.map(|i| within[i]), others.map(square))
 }
 

@@ -3,7 +3,7 @@
 
 use nalgebra::{Isometry3, Matrix3, Point3, SymmetricEigen, Vector3};
 
-use super::cluster::{Cluster, PlaneFit};
+use super::cluster::{Cluster, ClusterPlane};
 use super::outline::{self, Detail, Drawing, Outline};
 use super::rules::PLANAR;
 use crate::engine::class::SurfaceClass;
@@ -39,9 +39,9 @@ pub(super) fn shape_of(
     let point = Point3::from(plane.point * size);
     let normal = plane.normal;
     let offset = -normal.dot(&point.coords);
-    let on = outline::Plane { normal, d: offset };
+    let on = outline::PlaneEquation { normal, d: offset };
     let outline = Outline::new(&cluster.footprint, &on, size, &Detail::default(), drawing)?;
-    let covariance = without_negative((plane.covariance + cluster.sums.spread()) * (size * size));
+    let covariance = without_negative((plane.covariance + cluster.sums.covariance_within()) * (size * size));
     let rms_error = quadratic(&covariance, &normal).max(0.0).sqrt();
     let (pose, sides) = rectangle_around(&outline.boundary, &point, &normal);
     Some(snapshot::Cluster {
@@ -90,7 +90,7 @@ fn without_negative(covariance: Matrix3<f64>) -> Matrix3<f64> {
 /// the voxels' means, and what does not average away. `None` where rounding leaves nothing of it: voxels in one row
 /// say nothing of the turn about it, and variances came out negative.
 fn plane_covariance(
-    plane: &PlaneFit,
+    plane: &ClusterPlane,
     pose: &Isometry3<f64>,
     sides: [f64; 2],
     area: f64,
@@ -127,7 +127,7 @@ mod tests {
 
     /// The covariance of a level plane whose voxels vary by `x` and `y` along these axes (voxels^2).
     fn covariance(x: f64, y: f64) -> Option<Matrix3<f64>> {
-        let plane = PlaneFit {
+        let plane = ClusterPlane {
             point: Vector3::zeros(),
             normal: Vector3::z_axis(),
             information: 1e5,

@@ -15,12 +15,12 @@ const LEAST_GAP: f64 = 1e-4;
 
 /// Variances of points, ascending, and the unit direction of the smallest.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Spread {
+pub(super) struct Eigen {
     pub(super) variances: [f64; 3],
     pub(super) normal: Vector3<f64>,
 }
 
-impl Spread {
+impl Eigen {
     pub(super) fn of(covariance: &Matrix3<f64>) -> Self {
         Self::closed(covariance).unwrap_or_else(|| Self::iterated(covariance))
     }
@@ -81,7 +81,7 @@ mod tests {
         ) {
             let turn = Rotation3::from_scaled_axis(turn.into()).into_inner();
             let covariance = turn * Matrix3::from_diagonal(&variances.into()) * turn.transpose();
-            let [closed, iterated] = [Spread::of(&covariance), Spread::iterated(&covariance)];
+            let [closed, iterated] = [Eigen::of(&covariance), Eigen::iterated(&covariance)];
             let most = iterated.variances[2];
             for (a, b) in closed.variances.into_iter().zip(iterated.variances) {
                 prop_assert!((a - b).abs() <= 1e-12 * most, "{closed:?} {iterated:?}");
@@ -98,8 +98,8 @@ mod tests {
     #[test]
     fn a_ball_and_a_point_have_some_normal() {
         for covariance in [Matrix3::identity(), Matrix3::zeros()] {
-            let spread = Spread::of(&covariance);
-            assert!((spread.normal.norm() - 1.0).abs() < 1e-12, "{spread:?}");
+            let eigen = Eigen::of(&covariance);
+            assert!((eigen.normal.norm() - 1.0).abs() < 1e-12, "{eigen:?}");
         }
     }
 }

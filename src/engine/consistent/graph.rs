@@ -52,16 +52,16 @@
 mod assign;
 mod frozen;
 mod lists;
-mod local;
 mod restore;
 mod search;
 #[cfg(test)]
 mod tests;
+mod union;
 
 pub(crate) use self::frozen::FrozenGraph;
 pub(crate) use self::lists::NodeLists;
-use self::local::Local;
 pub(crate) use self::restore::Slots;
+use self::union::BatchUnion;
 use super::lists::shared::Shared;
 
 /// A node's slot; given again after its removal, from the next batch on.
@@ -199,16 +199,16 @@ impl Graph {
     /// If the batch names a node that is not there, removes one twice, joins one to itself or to one that it removes.
     /// The graph is of no use afterwards.
     pub(crate) fn apply(&mut self, batch: &Batch) -> Outcome {
-        let mut local = Local::default();
-        let gone = self.remove(&batch.remove, &mut local);
-        self.disconnect(&batch.disconnect, &mut local);
-        let added = self.add(&batch.add, &mut local);
-        self.connect(&batch.connect, &added, &mut local);
-        self.unite_neighbours(&mut local);
-        let (parts, expanded) = self.parts(&mut local);
+        let mut union = BatchUnion::default();
+        let gone = self.remove(&batch.remove, &mut union);
+        self.disconnect(&batch.disconnect, &mut union);
+        let added = self.add(&batch.add, &mut union);
+        self.connect(&batch.connect, &added, &mut union);
+        self.unite_neighbours(&mut union);
+        let (parts, expanded) = self.parts(&mut union);
         let mut outcome = Outcome { gone, expanded, ..Outcome::default() };
-        self.assign(parts, &added, &mut local, &mut outcome);
-        self.release(&local, &mut outcome);
+        self.assign(parts, &added, &mut union, &mut outcome);
+        self.release(&union, &mut outcome);
         outcome
     }
 

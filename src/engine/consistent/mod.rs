@@ -10,7 +10,7 @@
 //!    Its **state** is what these were when its block of 8 x 8 x 8 voxels was published last, or when it became dense
 //!    after that. A block is published with whatever has changed while it is young and when the sensor has turned away;
 //!    in between, not more often than every third scan, when a quarter of a scan's points fall into voxels that were not
-//!    published or a quarter of the voxels have drifted; at once when a dense voxel is gone (`publish/news`, `publish/published`). While
+//!    published or a quarter of the voxels have drifted; at once when a dense voxel is gone (`publish/news`, `publish/baseline`). While
 //!    the sensor stands still, half of a scan's points must (`publish/standpoint`): its noise adds to the map for long, and moves
 //!    next to nothing of what is told of. While it moves, a scan publishes what cannot wait, and as many more of what is due
 //!    as make 3 m^2 with it, or an eighth of these others; the rest waits for the next (`publish/due`), so that hardly a scan
@@ -63,7 +63,7 @@
 //!
 //! # What becomes of it
 //!
-//! A cluster keeps exact sums (`exact`), its footprint (`outline/footprint`) and its identity (`cluster`) while voxels come and go.
+//! A cluster keeps exact sums (`cluster/sums`), its footprint (`outline/footprint`) and its identity (`cluster`) while voxels come and go.
 //! In the sums a voxel counts by how much of its cross section its points cover, so that the edge of a board, a sliver in
 //! its voxels, does not tilt the plane of its top (`state`), and little where its patch is rough, so that a door leaf is not
 //! turned by the voxels that it shares with its jamb (`patch`); `describe` makes of them what leaves the engine: plane and
@@ -88,6 +88,7 @@ mod clearing;
 
 // The states of voxels, and when they are published.
 mod eigen;
+mod plane;
 mod publish;
 mod state;
 
@@ -97,7 +98,6 @@ mod rules;
 
 // Clusters of joined patches, kept while blocks are published.
 mod cluster;
-mod exact;
 mod graph;
 mod surfaces;
 

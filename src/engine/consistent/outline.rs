@@ -28,7 +28,7 @@ const ATTEMPTS: usize = 3;
 
 /// The plane `normal . x + d = 0`.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Plane {
+pub(crate) struct PlaneEquation {
     pub(crate) normal: UnitVector3<f64>,
     pub(crate) d: f64,
 }
@@ -82,7 +82,7 @@ impl Outline {
     /// The outline of `footprint` on `plane`, which does not hold the footprint's axis; `None` of no columns.
     pub(crate) fn new(
         footprint: &Footprint,
-        plane: &Plane,
+        plane: &PlaneEquation,
         voxel_size: f64,
         detail: &Detail,
         drawing: &mut Drawing,
@@ -160,7 +160,7 @@ impl Drawing {
 /// From columns to the plane.
 struct Lift {
     origin: Column,
-    plane: Plane,
+    plane: PlaneEquation,
     voxel_size: f64,
     /// The axis of projection and the two others.
     axes: [usize; 3],
@@ -171,7 +171,7 @@ struct Lift {
 }
 
 impl Lift {
-    fn new(footprint: &Footprint, plane: &Plane, voxel_size: f64, origin: Column) -> Self {
+    fn new(footprint: &Footprint, plane: &PlaneEquation, voxel_size: f64, origin: Column) -> Self {
         let axis = footprint.axis().index();
         let [u, v] = footprint.axis().others();
         let along = plane.normal[axis];

@@ -2,16 +2,16 @@
 //!
 //! Positions are in voxels from the corner of voxel (0, 0, 0).
 
+mod candidate;
 pub(super) mod contacts;
 #[cfg(test)]
 pub(super) mod examples;
 mod fold;
-mod held;
 pub(super) mod host;
 mod join;
 pub(super) mod meet;
 pub(super) mod owner;
-pub(super) mod region;
+pub(super) mod plane_sums;
 pub(super) mod segment;
 pub(super) mod segmented;
 mod slice;
@@ -19,13 +19,14 @@ mod slice;
 use nalgebra::{Matrix3, UnitVector3, Vector3};
 
 use self::fold::is_folded;
-use self::region::{Fit, Region};
+use self::plane_sums::{Fit, PlaneSums};
 use super::block::{BlockIndex, EDGE};
 use super::cells::Cells;
-use super::exact::Weight;
+use super::cluster::sums::Weight;
 use super::noise::Noise;
+use super::plane::Plane;
 use super::rules::Rules;
-use super::state::{Plane, State};
+use super::state::State;
 use crate::engine::symmetric::{quadratic, upper};
 
 /// How a patch was grown.
@@ -41,8 +42,8 @@ pub(super) enum Kind {
 
 impl Kind {
     /// What a voxel adds to the fit of a plane.
-    pub(super) fn share(self, state: &State, noise: &Noise) -> Region {
-        if self == Self::Strip { Region::points(state, noise) } else { Region::one(state, noise) }
+    pub(super) fn share(self, state: &State, noise: &Noise) -> PlaneSums {
+        if self == Self::Strip { PlaneSums::points(state, noise) } else { PlaneSums::one(state, noise) }
     }
 
     /// Least variance across its narrow side that a plane is known by, in voxels^2: the means of two rows of voxels have
@@ -150,15 +151,15 @@ impl Patch {
     /// `None` of fewer than three states; `corner` is that of their block.
     pub(super) fn new(states: &[&State], corner: &Vector3<f64>, kind: Kind, rules: &Rules) -> Option<Self> {
         let noise = &rules.noise;
-        let region = Region::sum(states.iter().map(|state| kind.share(state, noise)));
-        let fit = region.fit()?;
+        let sums = PlaneSums::sum(states.iter().map(|state| kind.share(state, noise)));
+        let fit = sums.fit()?;
         let Fit { plane, variances } = fit;
         let count = states.len() as f64;
         let mean = states.iter().map(|state| state.mean()).sum::<Vector3<f64>>() / count;
         let blur = states.iter().map(|state| state.blur(noise).covariance()).sum::<Matrix3<f64>>() / count;
         let apart = |state: &&&State| {
             let from_mean = state.mean() - mean;
-            state.spread() + from_mean * from_mean.transpose()
+            state.covariance() + from_mean * from_mean.transpose()
         };
         let towards = states.iter().map(|state| state.towards()).sum::<Vector3<f64>>() / count;
         let noise_variance = quadratic(&blur, &plane.normal);
@@ -174,8 +175,8 @@ impl Patch {
             noise: noise_variance as f32,
             breadth: variances[1] as f32,
             curvature: fit.curvature() as f32,
-            tilt_variance: tilt_variance(&region, &fit) as f32,
-            offset_variance: (1.0 / region.weight()) as f32,
+            tilt_variance: tilt_variance(&sums, &fit) as f32,
+            offset_variance: (1.0 / sums.weight()) as f32,
             is_rough: kind == Kind::Rough,
             is_cut: is_cut(states),
             is_folded: kind == Kind::Flat && is_folded(states, &fit, noise_variance, rules),
@@ -274,9 +275,9 @@ fn single(entries: [f64; 6]) -> [f32; 6] {
     entries.map(|entry| entry as f32)
 }
 
-/// Variance of the tilt of a region's plane about its most uncertain axis (rad^2).
-fn tilt_variance(region: &Region, fit: &Fit) -> f64 {
-    1.0 / (region.weight() * fit.variances[1])
+/// Variance of the tilt of the plane of these sums about its most uncertain axis (rad^2).
+fn tilt_variance(sums: &PlaneSums, fit: &Fit) -> f64 {
+    1.0 / (sums.weight() * fit.variances[1])
 }
 
 fn is_cut(states: &[&State]) -> bool {

@@ -9,8 +9,8 @@ use serde::{Deserialize, Serialize};
 use super::block::{Block, BlockKey, CELLS, Cell, EDGE, Voxel};
 use super::clearing::Clearance;
 use super::grid::Grid;
+use super::publish::baseline::Baseline;
 use super::publish::news::News;
-use super::publish::published::Published;
 use super::state::State;
 use super::sums::Moments;
 use super::surfaces::SavedSurfaces;
@@ -45,7 +45,7 @@ struct SavedVoxel {
     cell: Cell,
     count: u32,
     moments: Moments,
-    published: Published,
+    baseline: Baseline,
     hit: u32,
     clearance: Clearance,
 }
@@ -91,7 +91,7 @@ impl SavedBlock {
             cell: voxel.cell,
             count: voxel.count,
             moments: voxel.moments,
-            published: voxel.published,
+            baseline: voxel.baseline,
             hit: voxel.hit,
             clearance: voxel.clearance,
         };
@@ -127,13 +127,13 @@ impl SavedVoxel {
     fn restore(&self) -> Result<Voxel, RestoreError> {
         let possible = (1..=MAX_POINTS).contains(&self.count)
             && self.moments.is_possible()
-            && self.published.is_possible();
+            && self.baseline.is_possible();
         ensure(possible, || format!("an impossible voxel: {self:?}"))?;
         Ok(Voxel {
             cell: self.cell,
             count: self.count,
             moments: self.moments,
-            published: self.published,
+            baseline: self.baseline,
             hit: self.hit,
             clearance: self.clearance,
         })

@@ -7,10 +7,11 @@ use nalgebra::{Matrix3, UnitVector3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::block::{Block, CELLS, Cell, Voxel};
-use super::eigen::Spread;
+use super::eigen::Eigen;
 use super::grid::Blocks;
 use super::noise::Noise;
-use super::publish::published::{PARTS, in_parts};
+use super::plane::Plane;
+use super::publish::baseline::{PARTS, in_parts};
 use super::sums::Moments;
 use crate::engine::binning::nearest;
 use crate::engine::symmetric::{area_across, least_at_least, symmetric, upper};
@@ -34,10 +35,10 @@ const SHEET_BREADTH: f64 = 0.02;
 const SHEET_FLATNESS: f64 = 0.15;
 /// Variance of noise up to which a voxel is sharp, in voxels^2: seen from 2 m at 5 cm.
 const SHARP: f64 = 0.02;
-/// How many times its spread counts then.
+/// How many times its covariance counts then.
 const SHEET: f64 = 2.0;
 /// Units of what is kept of a covariance, in voxels^2, and of a direction.
-const SPREAD_UNITS: f64 = 65536.0;
+const COVARIANCE_UNITS: f64 = 65536.0;
 const DIRECTION_UNITS: f64 = 16384.0;
 
 /// A dense voxel, published: the definition knows it to a 65536th of a voxel. A map is saved with states as they are here.
@@ -52,7 +53,7 @@ pub(super) struct State {
     /// Weighted mean of its points from its corner, in [`PARTS`] of its edge.
     mean: [u16; 3],
     /// Weighted covariance of its points: xx, xy, xz, yy, yz, zz.
-    spread: [i16; 6],
+    covariance: [i16; 6],
     /// Mean direction towards the sensor, of length 1 at most.
     towards: [i16; 3],
 }
@@ -69,7 +70,7 @@ impl State {
             count: voxel.count,
             weight: moments.weight,
             mean: moments.mean().map(in_parts).into(),
-            spread: upper(&moments.covariance()).map(|spread| whole(spread * SPREAD_UNITS)),
+            covariance: upper(&moments.covariance()).map(|entry| whole(entry * COVARIANCE_UNITS)),
             towards: moments.towards().map(|part| whole(part * DIRECTION_UNITS)).into(),
         }
     }
@@ -104,12 +105,12 @@ impl State {
     }
 
     /// Weighted covariance of its points.
-    pub(super) fn spread(&self) -> Matrix3<f64> {
-        symmetric(self.spread_entries())
+    pub(super) fn covariance(&self) -> Matrix3<f64> {
+        symmetric(self.covariance_entries())
     }
 
-    fn spread_entries(&self) -> [f64; 6] {
-        self.spread.map(|spread| f64::from(spread) / SPREAD_UNITS)
+    fn covariance_entries(&self) -> [f64; 6] {
+        self.covariance.map(|entry| f64::from(entry) / COVARIANCE_UNITS)
     }
 
     /// What its mean counts in a fit.
@@ -121,14 +122,14 @@ impl State {
     /// What part of [`Self::mean_weight`] its mean counts in a fit of a surface with this normal: the less, the less of the voxel's
     /// cross section its points cover, for at the rim of a surface they may be of the edge of a board.
     pub(super) fn part_on(&self, normal: &Vector3<f64>) -> f64 {
-        let covered = (FULL * area_across(self.spread_entries(), normal)).clamp(0.0, 1.0);
+        let covered = (FULL * area_across(self.covariance_entries(), normal)).clamp(0.0, 1.0);
         covered * covered
     }
 
     /// Whether its points cover less than half of what a plane through the voxel has of it, whatever way that is turned: those of a
     /// surface that ends in it, or beside it.
     pub(super) fn is_sliver(&self, noise: &Noise) -> bool {
-        let Spread { variances, .. } = Spread::of(&(self.spread() - self.blur(noise).covariance()));
+        let Eigen { variances, .. } = Eigen::of(&(self.covariance() - self.blur(noise).covariance()));
         // Points are cut at the voxel's faces, and what noise would scatter them by is not.
         let [a, b, c] = variances.map(|variance| variance.max(0.0));
         // The square of the part that is covered, where there is no spread along the normal; more, where there is.
@@ -154,7 +155,7 @@ impl State {
 
     /// The plane of its own points, where they lie on one.
     pub(super) fn own_plane(&self) -> Option<Plane> {
-        let Spread { variances, normal } = self.flat_spread(OWN_FLATNESS)?;
+        let Eigen { variances, normal } = self.flat_eigen(OWN_FLATNESS)?;
         let is_flat = variances[1] >= OWN_BREADTH && variances[0] <= OWN_FLATNESS * variances[1];
         let normal = if normal.dot(&self.towards()) < 0.0 { -normal } else { normal };
         is_flat.then(|| Plane { point: self.mean(), normal: UnitVector3::new_normalize(normal) })
@@ -162,24 +163,24 @@ impl State {
 
     /// Whether its points lie on a plane, be it of half a row.
     pub(super) fn is_sheet(&self) -> bool {
-        self.flat_spread(SHEET_FLATNESS).is_some_and(|Spread { variances, .. }| {
+        self.flat_eigen(SHEET_FLATNESS).is_some_and(|Eigen { variances, .. }| {
             variances[1] >= SHEET_BREADTH && variances[0] <= SHEET_FLATNESS * variances[1]
         })
     }
 
-    /// How its points spread; `None` where it is seen at once that their least variance is more than that part of the next,
-    /// which is half of all at most.
-    fn flat_spread(&self, flatness: f64) -> Option<Spread> {
-        let entries = self.spread_entries();
+    /// How its points spread along the axes of their covariance; `None` where it is seen at once that their least variance is more
+    /// than that part of the next, which is half of all at most.
+    fn flat_eigen(&self, flatness: f64) -> Option<Eigen> {
+        let entries = self.covariance_entries();
         let half = 0.5 * (entries[0] + entries[3] + entries[5]);
-        (least_at_least(entries) <= flatness * half).then(|| Spread::of(&symmetric(entries)))
+        (least_at_least(entries) <= flatness * half).then(|| Eigen::of(&symmetric(entries)))
     }
 
-    /// How its points spread about a plane, which counts more where they are sharp: a voxel in which a surface shows as a
+    /// Covariance of its points as it counts about a plane: more where they are sharp, for a voxel in which a surface shows as a
     /// sheet lies on no plane across that sheet, even where its mean does.
-    pub(super) fn thickness(&self, noise: &Noise) -> Matrix3<f64> {
+    pub(super) fn weighted_covariance(&self, noise: &Noise) -> Matrix3<f64> {
         let is_sharp = self.depth_variance(noise) <= SHARP;
-        self.spread() * if is_sharp { SHEET } else { 1.0 }
+        self.covariance() * if is_sharp { SHEET } else { 1.0 }
     }
 }
 
@@ -198,14 +199,6 @@ impl Blur {
     pub(super) fn covariance(&self) -> Matrix3<f64> {
         self.towards * self.towards.transpose() * self.deep + Matrix3::from_diagonal_element(self.lateral)
     }
-}
-
-/// A plane in space, with the side it is seen from.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Plane {
-    pub(super) point: Vector3<f64>,
-    /// Towards the side it was seen from.
-    pub(super) normal: UnitVector3<f64>,
 }
 
 /// The dense voxels of a block as they are now, by ascending cell.

@@ -9,7 +9,7 @@
 //!
 //! Nothing overflows: a square has 24 bits and a scan at most 2^24 points. Where the weights of a voxel exceed 2^32 or its
 //! points 2^20, both are halved ([`Moments::fold`]), by which old scans fade where a voxel has been seen for long. For the sums
-//! of a cluster see `exact`.
+//! of a cluster see `cluster/sums`.
 
 use std::ops::RangeInclusive;
 
@@ -182,7 +182,7 @@ impl Moments {
 
     /// The moments that a published state tells of its voxel.
     pub(super) fn of(state: &State) -> Self {
-        Self::new(state.points(), state.weight(), state.offset(), &state.spread(), state.towards())
+        Self::new(state.points(), state.weight(), state.offset(), &state.covariance(), state.towards())
     }
 
     /// Weighted mean offset from the corner, in voxels.

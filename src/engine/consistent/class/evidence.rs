@@ -6,7 +6,7 @@
 use nalgebra::{Matrix2, Point3, Vector3};
 
 use super::{Evidence, FLOOR_AREA, Neighbour, calibration as c, faces_up};
-use crate::engine::consistent::cluster::{Cluster, PlaneFit};
+use crate::engine::consistent::cluster::{Cluster, ClusterPlane};
 use crate::engine::consistent::rules::Rules;
 use crate::engine::snapshot;
 
@@ -35,7 +35,7 @@ pub(in super::super) struct Planarity {
 }
 
 impl Planarity {
-    pub(in super::super) fn of(cluster: &Cluster, plane: &PlaneFit, rules: &Rules) -> Self {
+    pub(in super::super) fn of(cluster: &Cluster, plane: &ClusterPlane, rules: &Rules) -> Self {
         Self {
             rms: plane.mean_square().sqrt(),
             tolerance: rules.planar.max(c::NOISY_PLANAR * plane.noise.sqrt()),

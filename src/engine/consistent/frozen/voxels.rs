@@ -7,7 +7,7 @@ use nalgebra::UnitVector3;
 
 use super::FrozenConsistent;
 use crate::engine::consistent::block::{Block, BlockIndex, BlockKey, EDGE, Voxel};
-use crate::engine::consistent::patch::region::{Fit, Region};
+use crate::engine::consistent::patch::plane_sums::{Fit, PlaneSums};
 use crate::engine::consistent::state::states;
 use crate::engine::consistent::surfaces::Faces;
 use crate::engine::key::ClusterId;
@@ -46,7 +46,7 @@ impl FrozenConsistent {
             let face = place.ok().and_then(|place| published[place].1);
             let shape = face.map(|face| (face.normal, face.curvature)).or_else(|| {
                 let now = now.get_or_init(|| states(&self.blocks, block));
-                let fit = Region::around(now, voxel.cell, &self.noise).fit().filter(Fit::spans_plane)?;
+                let fit = PlaneSums::around(now, voxel.cell, &self.noise).fit().filter(Fit::spans_plane)?;
                 Some((fit.plane.normal, fit.curvature() as f32))
             });
             voxels.extend(self.voxel(block, voxel, shape, face.and_then(|face| face.cluster)));

@@ -3,8 +3,8 @@
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
 
-use super::local::Local;
 use super::search::{Extent, Part};
+use super::union::BatchUnion;
 use super::{ComponentId, Flow, Graph, Moved, NodeId, Outcome};
 
 /// What one component before the batch gives to one after it.
@@ -21,25 +21,25 @@ impl Graph {
         &mut self,
         parts: Vec<Part>,
         added: &[NodeId],
-        local: &mut Local,
+        union: &mut BatchUnion,
         outcome: &mut Outcome,
     ) {
         // By root and component before.
         let mut shares: BTreeMap<(u32, ComponentId), Share> = BTreeMap::new();
         for part in &parts {
-            let share = shares.entry((local.root(part.element), part.from)).or_default();
+            let share = shares.entry((union.root(part.element), part.from)).or_default();
             share.weight += part.weight;
             share.rest |= matches!(part.extent, Extent::Rest);
         }
-        let slots = self.slots(&shares, local, outcome);
+        let slots = self.slots(&shares, union, outcome);
         let flows =
             shares.iter().map(|(&(root, from), share)| Flow { from, to: slots[&root], weight: share.weight });
         outcome.flows = flows.collect();
         outcome.flows.sort_unstable_by_key(|flow| (flow.from, flow.to));
-        self.relabel(parts, &slots, local, outcome);
+        self.relabel(parts, &slots, union, outcome);
         for &node in added {
             let Some(element) = self.node(node).element else { continue };
-            let to = slots[&local.root(element)];
+            let to = slots[&union.root(element)];
             self.enter(node, to);
             outcome.added.push((node, to));
         }
@@ -49,12 +49,12 @@ impl Graph {
     fn slots(
         &mut self,
         shares: &BTreeMap<(u32, ComponentId), Share>,
-        local: &mut Local,
+        union: &mut BatchUnion,
         outcome: &mut Outcome,
     ) -> BTreeMap<u32, ComponentId> {
         let mut slots = BTreeMap::new();
-        for root in 0..local.nodes.len() as u32 {
-            if local.root(root) != root {
+        for root in 0..union.nodes.len() as u32 {
+            if union.root(root) != root {
                 continue;
             }
             let of_class = shares.range((root, ComponentId(0))..=(root, ComponentId(u32::MAX)));
@@ -83,13 +83,13 @@ impl Graph {
         &mut self,
         parts: Vec<Part>,
         slots: &BTreeMap<u32, ComponentId>,
-        local: &mut Local,
+        union: &mut BatchUnion,
         outcome: &mut Outcome,
     ) {
         // Parts that were searched leave first: then what is left in a component is its rest.
         let mut rests = Vec::new();
         for part in parts {
-            let (from, to) = (part.from, slots[&local.root(part.element)]);
+            let (from, to) = (part.from, slots[&union.root(part.element)]);
             match part.extent {
                 _ if from == to => {}
                 Extent::Searched(nodes) => self.move_all(&nodes, from, to, outcome),
@@ -111,8 +111,8 @@ impl Graph {
     }
 
     /// Frees what went, for the next batch.
-    pub(super) fn release(&mut self, local: &Local, outcome: &mut Outcome) {
-        local.nodes.iter().for_each(|&node| self.node_mut(node).element = None);
+    pub(super) fn release(&mut self, union: &BatchUnion, outcome: &mut Outcome) {
+        union.nodes.iter().for_each(|&node| self.node_mut(node).element = None);
         self.free_nodes.extend(outcome.gone.iter().map(|&(node, _)| node));
         let before = outcome.gone.iter().map(|&(_, from)| from);
         let before = before.chain(outcome.moved.iter().map(|moved| moved.from));

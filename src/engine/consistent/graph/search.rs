@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use super::local::Local;
+use super::union::BatchUnion;
 use super::{ComponentId, Graph, NodeId};
 
 /// Nodes of one component before the batch that are together afterwards.
@@ -48,15 +48,15 @@ struct Search<'a> {
 
 impl Graph {
     /// What the batch left of each component that it touched, and how many nodes were expanded to see it.
-    pub(super) fn parts(&mut self, local: &mut Local) -> (Vec<Part>, u64) {
+    pub(super) fn parts(&mut self, union: &mut BatchUnion) -> (Vec<Part>, u64) {
         let mut members: Vec<(ComponentId, u32)> =
-            (0..).zip(&local.nodes).filter_map(|(e, &node)| Some((self.node(node).component?, e))).collect();
+            (0..).zip(&union.nodes).filter_map(|(e, &node)| Some((self.node(node).component?, e))).collect();
         members.sort_unstable();
         let (mut parts, mut apart, mut expanded) = (Vec::new(), Vec::new(), 0);
         for chunk in members.chunk_by(|one, other| one.0 == other.0) {
             let component = chunk[0].0;
             let elements: Vec<u32> = chunk.iter().map(|&(_, element)| element).collect();
-            if local.unite_if_whole(&elements) {
+            if union.unite_if_whole(&elements) {
                 parts.push(self.whole(component, elements[0]));
             } else {
                 apart.push((component, elements));
@@ -64,13 +64,13 @@ impl Graph {
         }
         // What was whole at a glance may have joined the terminals of these.
         for (component, elements) in apart {
-            if local.unite_if_whole(&elements) {
+            if union.unite_if_whole(&elements) {
                 parts.push(self.whole(component, elements[0]));
             } else {
-                let mut search = Search::new(self, component, &elements, local);
-                search.run(local);
+                let mut search = Search::new(self, component, &elements, union);
+                search.run(union);
                 expanded += search.expanded;
-                search.finish(&elements, local, &mut parts);
+                search.finish(&elements, union, &mut parts);
             }
         }
         (parts, expanded)
@@ -83,15 +83,15 @@ impl Graph {
 
 impl<'a> Search<'a> {
     /// A walk for each class of the component's elements.
-    fn new(graph: &'a mut Graph, component: ComponentId, elements: &[u32], local: &mut Local) -> Self {
-        let mut classes: Vec<(u32, u32)> = elements.iter().map(|&e| (local.root(e), e)).collect();
+    fn new(graph: &'a mut Graph, component: ComponentId, elements: &[u32], union: &mut BatchUnion) -> Self {
+        let mut classes: Vec<(u32, u32)> = elements.iter().map(|&e| (union.root(e), e)).collect();
         classes.sort_unstable();
         let mut walks = Vec::new();
         for class in classes.chunk_by(|one, other| one.0 == other.0) {
             let number = walks.len() as u32;
-            let pending: VecDeque<NodeId> = class.iter().map(|&(_, e)| local.nodes[e as usize]).collect();
+            let pending: VecDeque<NodeId> = class.iter().map(|&(_, e)| union.nodes[e as usize]).collect();
             pending.iter().for_each(|&node| graph.node_mut(node).walk = Some(number));
-            let runs = class.iter().any(|&(_, e)| local.terminal[e as usize]);
+            let runs = class.iter().any(|&(_, e)| union.terminal[e as usize]);
             let element = class[0].0;
             walks.push(Walk { parent: number, element, runs, done: Vec::new(), pending, weight: 0 });
         }
@@ -107,7 +107,7 @@ impl<'a> Search<'a> {
     }
 
     /// Walks in turn, one node each, until a single one runs.
-    fn run(&mut self, local: &mut Local) {
+    fn run(&mut self, union: &mut BatchUnion) {
         let all = 0..self.walks.len() as u32;
         let mut turns: VecDeque<u32> = all.filter(|&walk| self.walks[walk as usize].runs).collect();
         while self.running > 1
@@ -118,7 +118,7 @@ impl<'a> Search<'a> {
                 continue;
             }
             if let Some(node) = walk.pending.pop_front() {
-                self.expand(number, node, local);
+                self.expand(number, node, union);
                 turns.push_back(number);
             } else {
                 walk.runs = false;
@@ -127,7 +127,7 @@ impl<'a> Search<'a> {
         }
     }
 
-    fn expand(&mut self, number: u32, node: NodeId, local: &mut Local) {
+    fn expand(&mut self, number: u32, node: NodeId, union: &mut BatchUnion) {
         self.expanded += 1;
         let slot = self.graph.node_mut(node);
         let neighbours = std::mem::take(&mut slot.neighbours);
@@ -140,7 +140,7 @@ impl<'a> Search<'a> {
                 continue;
             }
             if let Some(other) = slot.walk {
-                self.meet(number, other, local);
+                self.meet(number, other, union);
             } else {
                 slot.walk = Some(number);
                 self.walks[number as usize].pending.push_back(neighbour);
@@ -151,7 +151,7 @@ impl<'a> Search<'a> {
 
     /// Takes in the walk that `other` belongs to by now. It has not come to its end, or it would hold the node that is
     /// being expanded.
-    fn meet(&mut self, number: u32, other: u32, local: &mut Local) {
+    fn meet(&mut self, number: u32, other: u32, union: &mut BatchUnion) {
         let other = self.root(other);
         if other == number {
             return;
@@ -162,7 +162,7 @@ impl<'a> Search<'a> {
         let (mut done, mut pending) = (std::mem::take(&mut taken.done), std::mem::take(&mut taken.pending));
         let (weight, element) = (taken.weight, taken.element);
         let walk = &mut self.walks[number as usize];
-        local.unite(walk.element, element);
+        union.unite(walk.element, element);
         walk.weight += weight;
         // The longer lists stay in place.
         if done.len() > walk.done.len() {
@@ -176,7 +176,7 @@ impl<'a> Search<'a> {
     }
 
     /// The parts, and no trace of the search in the nodes.
-    fn finish(self, elements: &[u32], local: &mut Local, parts: &mut Vec<Part>) {
+    fn finish(self, elements: &[u32], union: &mut BatchUnion, parts: &mut Vec<Part>) {
         let Self { graph, component: from, walks, .. } = self;
         let mut rest = graph.whole(from, elements[0]);
         // Where no walk that ended was, there is the rest: walks that were never met too.
@@ -194,7 +194,7 @@ impl<'a> Search<'a> {
                 of_rest.push(walk.element);
             }
         }
-        local.unite_all(&of_rest);
+        union.unite_all(&of_rest);
         rest.element = of_rest.first().copied().unwrap_or(rest.element);
         parts.push(rest);
     }

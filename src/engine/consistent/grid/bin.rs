@@ -3,9 +3,9 @@
 //! What a voxel received (`received`) is folded into its sums at the end, with one weight, so that the order of points does
 //! not matter. Voxels come block by block, so a block is looked up once.
 
-mod local;
 mod received;
 mod recent;
+mod region;
 mod tile;
 
 use nalgebra::{Isometry3, Matrix3, Vector3};
@@ -84,7 +84,7 @@ impl Folding {
         let mean = (low + voxel.cell.corner() + scan.mean()) * self.voxel_size;
         let (depth, towards) = self.weighing.of(&mean);
         let halvings = voxel.moments.fold(scan, self.noise.weight(depth), &towards);
-        voxel.published.note_halved(halvings);
+        voxel.baseline.note_halved(halvings);
         let was_dense = voxel.count >= self.min_points;
         voxel.count = voxel.count.saturating_add(scan.count).min(MAX_POINTS);
         voxel.hit = self.sequence as u32;
@@ -96,9 +96,9 @@ impl Folding {
         let is_dense = voxel.count >= self.min_points;
         let newly_dense = is_dense && !was_dense;
         let folded = is_dense.then(|| {
-            let has_doubled = voxel.published.is_doubled(&voxel.moments);
-            let is_known = voxel.published.is_known();
-            let drifts = is_known && has_doubled && voxel.published.note_drift(&voxel.moments);
+            let has_doubled = voxel.baseline.is_doubled(&voxel.moments);
+            let is_known = voxel.baseline.is_known();
+            let drifts = is_known && has_doubled && voxel.baseline.note_drift(&voxel.moments);
             Folded { points: scan.count, is_known, has_doubled, drifts }
         });
         block.dense += u32::from(newly_dense);

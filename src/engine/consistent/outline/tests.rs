@@ -93,9 +93,9 @@ impl Pose {
         Self { turn, shift: Vector3::from_fn(|_, _| random.uniform(-3.0, 3.0)) }
     }
 
-    fn plane(&self) -> Plane {
+    fn plane(&self) -> PlaneEquation {
         let normal = UnitVector3::new_normalize(self.turn * Vector3::z());
-        Plane { normal, d: -normal.dot(&self.shift) }
+        PlaneEquation { normal, d: -normal.dot(&self.shift) }
     }
 
     /// Points where `is_seen` holds of the first coordinate, with a noise of 5 mm along the normal.
@@ -120,7 +120,7 @@ impl Pose {
 #[derive(Debug)]
 struct Seen {
     footprint: Footprint,
-    plane: Plane,
+    plane: PlaneEquation,
     voxel_size: f64,
 }
 
@@ -134,7 +134,7 @@ fn seen(shape: &Shape, voxel_size: f64, scans: usize, random: &mut Random) -> Se
 }
 
 /// The footprint of the dense voxels.
-fn binned(points: &[Vector3<f64>], plane: &Plane, voxel_size: f64) -> Footprint {
+fn binned(points: &[Vector3<f64>], plane: &PlaneEquation, voxel_size: f64) -> Footprint {
     let axis = Axis::dominant(&plane.normal);
     let mut voxels: BTreeMap<VoxelKey, Vec<[f64; 2]>> = BTreeMap::new();
     for point in points {
@@ -182,7 +182,7 @@ fn any_footprint() -> impl Strategy<Value = Seen> {
         for (column, points) in columns {
             footprint.add(column, &Content::of_points(&points));
         }
-        Seen { footprint, plane: Plane { normal, d }, voxel_size: 0.05 }
+        Seen { footprint, plane: PlaneEquation { normal, d }, voxel_size: 0.05 }
     })
 }
 
@@ -199,17 +199,17 @@ fn any_holed() -> impl Strategy<Value = Seen> {
             let content = Content::of_points(&[point, [0.5, 0.5]]);
             is_there.then(|| footprint.add([x, y], &content));
         }
-        Seen { footprint, plane: Plane { normal: Vector3::z_axis(), d: 0.0 }, voxel_size: 0.05 }
+        Seen { footprint, plane: PlaneEquation { normal: Vector3::z_axis(), d: 0.0 }, voxel_size: 0.05 }
     })
 }
 
 /// Two directions of the plane, the normal between the first and the second.
-fn basis(plane: &Plane) -> [Vector3<f64>; 2] {
+fn basis(plane: &PlaneEquation) -> [Vector3<f64>; 2] {
     let u = plane.normal.cross(&Vector3::ith(plane.normal.iamin(), 1.0)).normalize();
     [u, plane.normal.cross(&u)]
 }
 
-fn in_plane(ring: &[Point3<f64>], plane: &Plane) -> Vec<Vector2<f64>> {
+fn in_plane(ring: &[Point3<f64>], plane: &PlaneEquation) -> Vec<Vector2<f64>> {
     let [u, v] = basis(plane);
     let foot = plane.normal.scale(-plane.d);
     ring.iter().map(|point| point.coords - foot).map(|p| Vector2::new(u.dot(&p), v.dot(&p))).collect()
@@ -375,7 +375,7 @@ fn a_strip_that_most_scans_miss_moves_the_area_by_less_than_two_percent() {
 
 /// Full columns on the plane z = 0, voxels of 1 m.
 fn full(columns: &[Column]) -> Seen {
-    let plane = Plane { normal: Vector3::z_axis(), d: 0.0 };
+    let plane = PlaneEquation { normal: Vector3::z_axis(), d: 0.0 };
     let mut footprint = Footprint::new(Axis::dominant(&plane.normal));
     let points: Vec<_> = (0..1024).map(|i| [i % 32, i / 32].map(|at| (f64::from(at) + 0.5) / 32.0)).collect();
     columns.iter().for_each(|&column| footprint.add(column, &Content::of_points(&points)));

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::region::{Fit, Region};
+use super::plane_sums::{Fit, PlaneSums};
 use super::{NARROW, tilt_variance};
 use crate::engine::consistent::rules::Rules;
 use crate::engine::consistent::state::State;
@@ -37,10 +37,10 @@ pub(super) fn is_folded(states: &[&State], fit: &Fit, noise_variance: f64, rules
 
 fn is_folded_along(across: &Vector3<f64>, states: &[&State], fit: &Fit, rules: &Rules) -> bool {
     let Fit { plane, variances } = fit;
-    let mut flanks = [Region::default(); 2];
+    let mut flanks = [PlaneSums::default(); 2];
     for state in states {
         let is_beyond = across.dot(&(state.mean() - plane.point)) > 0.0;
-        flanks[usize::from(is_beyond)].join(&Region::one(state, &rules.noise));
+        flanks[usize::from(is_beyond)].join(&PlaneSums::one(state, &rules.noise));
     }
     if flanks.iter().any(|flank| flank.voxels() < FLANK) {
         return false;
@@ -70,8 +70,8 @@ mod tests {
         let grazing = Vector3::new(0.0, 1.0, 0.03).normalize();
         let is_folded = |bend: f64| {
             let states = states(1.0, &grazing, 0..8, |y| 2.3 + (bend / 2.0) * (y - 4.0).abs());
-            let mut all = Region::default();
-            states.iter().for_each(|state| all.join(&Region::one(state, &rules.noise)));
+            let mut all = PlaneSums::default();
+            states.iter().for_each(|state| all.join(&PlaneSums::one(state, &rules.noise)));
             let states: Vec<_> = states.iter().collect();
             is_folded_along(&Vector3::y(), &states, &all.fit().unwrap(), &rules)
         };

@@ -2,13 +2,14 @@
 
 use nalgebra::Vector3;
 
-use super::held::Held;
+use super::candidate::Candidate;
 use super::segmented::{SegmentedBlocks, seen_from};
 use super::{Patch, PatchId};
 use crate::engine::consistent::block::{Around, Block, BlockIndex, Cell, EDGE, OWN, offset_of, place_of};
 use crate::engine::consistent::cells::Window;
+use crate::engine::consistent::plane::Plane;
 use crate::engine::consistent::rules::{NOISE_FACTOR, RIM_NOISE_FACTOR, Rules};
-use crate::engine::consistent::state::{Plane, State};
+use crate::engine::consistent::state::State;
 
 /// Finds the patches that the loose voxels of one block belong to.
 pub(crate) struct Owners<'a> {
@@ -39,46 +40,47 @@ impl<'a> Owners<'a> {
     /// voxels that is neither narrow nor rough, and fits that better; where its own is narrow, [`NARROW_HANDICAP`] times as
     /// badly will do.
     pub(crate) fn of(&self, state: &State) -> Option<PatchId> {
-        let held = Held::new(state, &self.rules.noise);
+        let candidate = Candidate::new(state, &self.rules.noise);
         match self.frayed_patch_of(state.cell()) {
-            Some(own) => self.best_rival(state.cell(), &held, own).or(Some(own)),
-            None => self.nearest(state.cell(), &held),
+            Some(own) => self.best_rival(state.cell(), &candidate, own).or(Some(own)),
+            None => self.nearest(state.cell(), &candidate),
         }
     }
 
     /// Whether a loose voxel still belongs to the patch that it belonged to (`None` = to none) before the blocks at these
     /// places around its own were segmented anew, which that patch is in none of. It may where this says no.
     pub(crate) fn stays(&self, state: &State, with: Option<PatchId>, anew: &[usize]) -> bool {
-        let (held, at) = (Held::new(state, &self.rules.noise), state.cell().coordinates());
+        let (candidate, at) = (Candidate::new(state, &self.rules.noise), state.cell().coordinates());
         let seen = |&place: &usize| Some((self.around.get(place)?, seen_from(at, offset_of(place))));
         let mut anew = anew.iter().filter_map(seen);
         match (self.frayed_patch_of(state.cell()), with) {
             (Some(own), Some(with)) => {
-                let most = self.claim(&held, own, with).min(1.0);
-                let is_better = |rival: &Patch| self.within(&held, rival, most).is_some();
+                let most = self.claim(&candidate, own, with).min(1.0);
+                let is_better = |rival: &Patch| self.within(&candidate, rival, most).is_some();
                 !anew.any(|there| self.rivals(there).any(|(_, rival)| is_better(rival)))
             }
             (Some(_), None) => false,
             (None, with) => {
-                let (reach, misfit) = with.map_or((RIM_REACH, 1.0), |with| self.hold(at, &held, with));
-                !anew.any(|there| self.is_beside(&held, there, reach, misfit))
+                let (reach, misfit) = with.map_or((RIM_REACH, 1.0), |with| self.hold(at, &candidate, with));
+                !anew.any(|there| self.is_beside(&candidate, there, reach, misfit))
             }
         }
     }
 
     /// What a rival's misfit must be below to take a voxel of its own patch from the one that it is with.
-    fn claim(&self, held: &Held, own: PatchId, with: PatchId) -> f64 {
+    fn claim(&self, candidate: &Candidate, own: PatchId, with: PatchId) -> f64 {
         let patch = self.segmented.patch(with);
         let handicap = if own == with && patch.is_narrow() { NARROW_HANDICAP } else { 1.0 };
-        self.within(held, patch, 1.0).map_or(f64::INFINITY, |misfit| handicap * misfit)
+        self.within(candidate, patch, 1.0).map_or(f64::INFINITY, |misfit| handicap * misfit)
     }
 
     /// The rival of its own patch that a voxel fits best; `None` where it fits none better than that.
-    fn best_rival(&self, cell: Cell, held: &Held, own: PatchId) -> Option<PatchId> {
-        let (mut best, mut most) = (None, self.claim(held, own, own));
+    fn best_rival(&self, cell: Cell, candidate: &Candidate, own: PatchId) -> Option<PatchId> {
+        let (mut best, mut most) = (None, self.claim(candidate, own, own));
         for there in self.blocks_near(cell, RIVAL_REACH) {
             for (id, rival) in self.rivals(there).filter(|(id, _)| *id != own) {
-                if let Some(misfit) = self.within(held, rival, most.min(1.0)).filter(|misfit| *misfit < most)
+                if let Some(misfit) =
+                    self.within(candidate, rival, most.min(1.0)).filter(|misfit| *misfit < most)
                 {
                     (best, most) = (Some(id), misfit);
                 }
@@ -104,13 +106,13 @@ impl<'a> Owners<'a> {
     }
 
     /// The patch that fits best of those with the nearest voxels.
-    fn nearest(&self, cell: Cell, held: &Held) -> Option<PatchId> {
-        (1..=RIM_REACH).find_map(|reach| self.best_at(cell, held, reach))
+    fn nearest(&self, cell: Cell, candidate: &Candidate) -> Option<PatchId> {
+        (1..=RIM_REACH).find_map(|reach| self.best_at(cell, candidate, reach))
     }
 
     /// The patch that fits best of those with a voxel within `reach` and none nearer; of equals that of the block which lies
     /// first, as [`Self::blocks_near`] has them.
-    fn best_at(&self, cell: Cell, held: &Held, reach: i32) -> Option<PatchId> {
+    fn best_at(&self, cell: Cell, candidate: &Candidate, reach: i32) -> Option<PatchId> {
         let mut best: Option<(f64, PatchId)> = None;
         for (block, at) in self.blocks_near(cell, reach) {
             let there = &self.segmented[block];
@@ -123,7 +125,7 @@ impl<'a> Owners<'a> {
                 if !patch.cells.any_in(&near) || reach > 1 && patch.cells.any_in(&nearer) {
                     continue;
                 }
-                let Some(misfit) = self.beside(held, patch, 1.0) else { continue };
+                let Some(misfit) = self.beside(candidate, patch, 1.0) else { continue };
                 if best.is_none_or(|(least, _)| misfit < least) {
                     best = Some((misfit, PatchId { block, number }));
                 }
@@ -133,35 +135,35 @@ impl<'a> Owners<'a> {
     }
 
     /// How far the patch that a voxel at these coordinates is beside lies from it, and how well it fits there.
-    fn hold(&self, at: [i32; 3], held: &Held, with: PatchId) -> (i32, f64) {
+    fn hold(&self, at: [i32; 3], candidate: &Candidate, with: PatchId) -> (i32, f64) {
         let most = RIM_REACH;
         let place = self.around.iter().find(|(_, block)| *block == with.block);
         let Some(at) = place.map(|(place, _)| seen_from(at, offset_of(place))) else { return (most, 1.0) };
         let patch = self.segmented.patch(with);
         let reach = (1..most).find(|reach| patch.cells.any_in(&Window::around(at, *reach)));
-        (reach.unwrap_or(most), self.beside(held, patch, 1.0).unwrap_or(1.0))
+        (reach.unwrap_or(most), self.beside(candidate, patch, 1.0).unwrap_or(1.0))
     }
 
     /// Whether a voxel fits a patch of a block nearer than `reach`, or there by `misfit`.
-    fn is_beside(&self, held: &Held, (block, at): Seen, reach: i32, misfit: f64) -> bool {
+    fn is_beside(&self, candidate: &Candidate, (block, at): Seen, reach: i32, misfit: f64) -> bool {
         let (near, nearer) = (Window::around(at, reach), Window::around(at, reach - 1));
         let there = &self.segmented[block];
         let fits = |patch: &Patch| {
             let most = if reach > 1 && patch.cells.any_in(&nearer) { 1.0 } else { misfit };
-            patch.cells.any_in(&near) && self.beside(held, patch, most).is_some()
+            patch.cells.any_in(&near) && self.beside(candidate, patch, most).is_some()
         };
         there.is_any_patch_in(&near) && there.patches.iter().any(fits)
     }
 
     /// How well a voxel's points lie on the plane of a patch, as far as their noise lets them; `None` beyond `most`.
-    fn within(&self, held: &Held, patch: &Patch, most: f64) -> Option<f64> {
-        held.misfit(&self.local(&patch.plane()), NOISE_FACTOR, self.rules.flatness, most)
+    fn within(&self, candidate: &Candidate, patch: &Patch, most: f64) -> Option<f64> {
+        candidate.misfit(&self.local(&patch.plane()), NOISE_FACTOR, self.rules.flatness, most)
     }
 
     /// How well a voxel's points lie on the plane of a patch beside it, as far as noise and [`Rules::rim_flatness`] let them;
     /// `None` beyond `most`.
-    fn beside(&self, held: &Held, patch: &Patch, most: f64) -> Option<f64> {
-        held.misfit(&self.local(&patch.plane()), RIM_NOISE_FACTOR, self.rules.rim_flatness, most)
+    fn beside(&self, candidate: &Candidate, patch: &Patch, most: f64) -> Option<f64> {
+        candidate.misfit(&self.local(&patch.plane()), RIM_NOISE_FACTOR, self.rules.rim_flatness, most)
     }
 
     /// A plane with its point from the corner of the block.

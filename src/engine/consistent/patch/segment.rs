@@ -20,11 +20,12 @@
 use std::cell::OnceCell;
 
 use super::Kind;
-use super::region::{Region, Scatter};
+use super::plane_sums::{PlaneSums, ResidualSums};
 use crate::engine::consistent::block::CELLS;
 use crate::engine::consistent::cells::Cells;
+use crate::engine::consistent::plane::Plane;
 use crate::engine::consistent::rules::{NOISE_FACTOR, RIM_NOISE_FACTOR, Rules};
-use crate::engine::consistent::state::{Plane, State};
+use crate::engine::consistent::state::State;
 
 /// Least number of voxels of a patch.
 const MIN_VOXELS: usize = 5;
@@ -94,7 +95,7 @@ impl Patches {
 struct Segmentation<'a> {
     states: &'a [State],
     /// What each of them adds to a fit.
-    shares: Vec<(Region, Scatter)>,
+    shares: Vec<(PlaneSums, ResidualSums)>,
     /// All were seen from one side, whichever two are compared.
     is_one_side: bool,
     rules: &'a Rules,
@@ -156,7 +157,7 @@ impl<'a> Segmentation<'a> {
     fn new(states: &'a [State], rules: &'a Rules, kind: Kind) -> Self {
         let shares = states
             .iter()
-            .map(|state| (kind.share(state, &rules.noise), Scatter::one(state, &rules.noise)))
+            .map(|state| (kind.share(state, &rules.noise), ResidualSums::one(state, &rules.noise)))
             .collect();
         let (owner, is_one_side) = (vec![NO_PATCH; states.len()], is_one_side(states));
         let occupied = states.iter().map(State::cell).collect();
@@ -169,31 +170,31 @@ impl<'a> Segmentation<'a> {
         self.neighbours.get_or_init(|| Neighbours::new(self.states, self.occupied)).of(state)
     }
 
-    fn region(&self, states: impl Iterator<Item = usize>) -> Region {
-        let mut region = Region::default();
-        states.for_each(|state| region.join(&self.shares[state].0));
-        region
+    fn plane_sums(&self, states: impl Iterator<Item = usize>) -> PlaneSums {
+        let mut sums = PlaneSums::default();
+        states.for_each(|state| sums.join(&self.shares[state].0));
+        sums
     }
 
-    fn scatter(&self, states: impl Iterator<Item = usize>) -> Scatter {
-        let mut scatter = Scatter::default();
-        states.for_each(|state| scatter.join(&self.shares[state].1));
-        scatter
+    fn residual_sums(&self, states: impl Iterator<Item = usize>) -> ResidualSums {
+        let mut residuals = ResidualSums::default();
+        states.for_each(|state| residuals.join(&self.shares[state].1));
+        residuals
     }
 
     /// How far a voxel's points are off a plane, by what its noise and [`Rules::flatness`] allow, 0 to 1; `None` where it is more,
     /// or where the plane was seen from the other side.
     fn within(&self, state: usize, plane: &Plane) -> Option<f64> {
-        let (region, scatter) = &self.shares[state];
-        let is_seen = region.is_seen_from(plane);
-        let misfit = is_seen.then(|| scatter.misfit_of_one(plane, NOISE_FACTOR, self.rules.flatness));
+        let (sums, residuals) = &self.shares[state];
+        let is_seen = sums.is_seen_from(plane);
+        let misfit = is_seen.then(|| residuals.misfit_of_one(plane, NOISE_FACTOR, self.rules.flatness));
         misfit.filter(|misfit| *misfit <= 1.0)
     }
 
     /// Whether it is within what they allow.
     fn belongs(&self, state: usize, plane: &Plane) -> bool {
-        let (region, scatter) = &self.shares[state];
-        region.is_seen_from(plane) && scatter.is_one_allowed(plane, NOISE_FACTOR, self.rules.flatness)
+        let (sums, residuals) = &self.shares[state];
+        sums.is_seen_from(plane) && residuals.is_one_allowed(plane, NOISE_FACTOR, self.rules.flatness)
     }
 
     fn run(&mut self) {
@@ -213,26 +214,26 @@ impl<'a> Segmentation<'a> {
         numbers.max().map_or(0, |number| number + 1)
     }
 
-    /// The regions of the patches below number `patches`, by number.
-    fn regions(&self, patches: usize) -> Vec<Region> {
-        let mut regions = vec![Region::default(); patches];
+    /// The sums of the patches below number `patches`, by number.
+    fn sums_by_patch(&self, patches: usize) -> Vec<PlaneSums> {
+        let mut all = vec![PlaneSums::default(); patches];
         for ((share, _), &owner) in self.shares.iter().zip(&self.owner) {
-            if let Some(region) = regions.get_mut(usize::from(owner)) {
-                region.join(share);
+            if let Some(sums) = all.get_mut(usize::from(owner)) {
+                sums.join(share);
             }
         }
-        regions
+        all
     }
 
     /// The states that are in no patch and fit the plane of none below number `patches`.
     fn left_over(&self, patches: u8) -> Vec<usize> {
-        let regions = self.regions(usize::from(patches));
-        let planes: Vec<_> = regions.iter().filter_map(|region| Some(region.fit()?.plane)).collect();
+        let all = self.sums_by_patch(usize::from(patches));
+        let planes: Vec<_> = all.iter().filter_map(|sums| Some(sums.fit()?.plane)).collect();
         let flatness = self.rules.rim_flatness;
         let is_left = |&state: &usize| {
-            let (region, scatter) = &self.shares[state];
+            let (sums, residuals) = &self.shares[state];
             let fits = |plane| {
-                region.is_seen_from(plane) && scatter.is_one_allowed(plane, RIM_NOISE_FACTOR, flatness)
+                sums.is_seen_from(plane) && residuals.is_one_allowed(plane, RIM_NOISE_FACTOR, flatness)
             };
             self.owner[state] == NO_PATCH && !planes.iter().any(fits)
         };
@@ -241,7 +242,7 @@ impl<'a> Segmentation<'a> {
 
     /// Whether one plane passes through all; then they are patch 0.
     fn is_one_plane(&mut self) -> bool {
-        let Some(plane) = self.plane_of(&self.region(0..self.states.len())) else { return false };
+        let Some(plane) = self.plane_of(&self.plane_sums(0..self.states.len())) else { return false };
         let one = (0..self.states.len()).all(|state| self.belongs(state, &plane));
         if one {
             self.owner.fill(0);
@@ -279,16 +280,16 @@ impl<'a> Segmentation<'a> {
             others[count] = other;
             count += 1;
         }
-        let (mut region, mut scatter) = self.shares[state];
-        others[..count].iter().for_each(|&other| scatter.join(&self.shares[other].1));
-        if count + 1 < self.kind.least_window() || scatter.fits_none(NOISE_FACTOR, self.rules.flatness) {
+        let (mut sums, mut residuals) = self.shares[state];
+        others[..count].iter().for_each(|&other| residuals.join(&self.shares[other].1));
+        if count + 1 < self.kind.least_window() || residuals.fits_none(NOISE_FACTOR, self.rules.flatness) {
             return None;
         }
-        others[..count].iter().for_each(|&other| region.join(&self.shares[other].0));
-        let plane = self.plane_of(&region)?;
+        others[..count].iter().for_each(|&other| sums.join(&self.shares[other].0));
+        let plane = self.plane_of(&sums)?;
         let fits = self.shares[state].0.is_seen_from(&plane)
-            && scatter.misfit(&plane, NOISE_FACTOR, self.rules.flatness) <= 1.0;
-        fits.then(|| Window { plane, distance: scatter.square_distance(&plane) })
+            && residuals.misfit(&plane, NOISE_FACTOR, self.rules.flatness) <= 1.0;
+        fits.then(|| Window { plane, distance: residuals.square_distance(&plane) })
     }
 
     fn seed(&self, state: usize) -> Option<Seed> {
@@ -303,7 +304,7 @@ impl<'a> Segmentation<'a> {
         let mut members = self.reach(seed, &plane);
         // The second fit sees the whole patch, the third what that one reaches.
         for _ in 0..3 {
-            let fitted = self.plane_of(&self.region(members.iter().copied()));
+            let fitted = self.plane_of(&self.plane_sums(members.iter().copied()));
             let Some(fitted) = fitted.filter(|plane| self.belongs(seed, plane)) else { break };
             plane = fitted;
             let reached = self.reach(seed, &plane);
@@ -312,8 +313,8 @@ impl<'a> Segmentation<'a> {
             }
             members = reached;
         }
-        let region = self.region(members.iter().copied());
-        if members.len() < MIN_VOXELS || self.is_streak(&members, &region, &plane) {
+        let sums = self.plane_sums(members.iter().copied());
+        if members.len() < MIN_VOXELS || self.is_streak(&members, &sums, &plane) {
             return;
         }
         let number = self.planes.len() as u8;
@@ -331,7 +332,7 @@ impl<'a> Segmentation<'a> {
         let mut number = NO_PLANE + 1;
         refused[seed] = TAKEN;
         let mut members = vec![seed];
-        let mut region = self.shares[seed].0;
+        let mut sums = self.shares[seed].0;
         let (mut next, mut refit_at) = (0, 12);
         while next < members.len() {
             for other in self.neighbours(members[next]) {
@@ -344,12 +345,12 @@ impl<'a> Segmentation<'a> {
                 }
                 refused[other] = TAKEN;
                 members.push(other);
-                region.join(&self.shares[other].0);
+                sums.join(&self.shares[other].0);
             }
             next += 1;
             if members.len() >= refit_at {
                 refit_at = members.len() * 3 / 2;
-                if let Some(fitted) = self.plane_of(&region) {
+                if let Some(fitted) = self.plane_of(&sums) {
                     (plane, number) = (fitted, number + 1);
                 }
             }
@@ -420,17 +421,17 @@ impl<'a> Segmentation<'a> {
         let members = |patch: usize| {
             (0..self.states.len()).filter(move |&state| usize::from(self.owner[state]) == patch)
         };
-        let plane = self.plane_of(&self.region(patches.into_iter().flat_map(members)))?;
+        let plane = self.plane_of(&self.plane_sums(patches.into_iter().flat_map(members)))?;
         let fits = |&patch: &usize| {
-            let scatter = self.scatter(members(patch));
-            scatter.misfit(&plane, NOISE_FACTOR, self.rules.flatness) <= 1.0
+            let residuals = self.residual_sums(members(patch));
+            residuals.misfit(&plane, NOISE_FACTOR, self.rules.flatness) <= 1.0
         };
         patches.iter().all(fits).then_some(plane)
     }
 
     fn refit(&mut self) {
-        let planes = self.regions(self.planes.len()).into_iter().zip(&self.planes);
-        self.planes = planes.map(|(region, plane)| self.plane_of(&region).unwrap_or(*plane)).collect();
+        let planes = self.sums_by_patch(self.planes.len()).into_iter().zip(&self.planes);
+        self.planes = planes.map(|(sums, plane)| self.plane_of(&sums).unwrap_or(*plane)).collect();
     }
 
     /// Splits patches that are not connected, and leaves out what is too small to have a plane. They are numbered by their first
@@ -444,9 +445,8 @@ impl<'a> Segmentation<'a> {
             let fragment = left.connected_with(state.cell());
             *left = left.without(&fragment);
             let members: Vec<_> = self.occupied.ranks_of(&fragment).collect();
-            let region = self.region(members.iter().copied());
-            let is_patch =
-                self.plane_of(&region).is_some_and(|plane| !self.is_streak(&members, &region, &plane));
+            let sums = self.plane_sums(members.iter().copied());
+            let is_patch = self.plane_of(&sums).is_some_and(|plane| !self.is_streak(&members, &sums, &plane));
             if members.len() >= MIN_VOXELS && is_patch && patches < MAX_PATCHES {
                 members.iter().for_each(|&member| self.owner[member] = patches as u8);
                 patches += 1;
@@ -454,18 +454,17 @@ impl<'a> Segmentation<'a> {
         }
     }
 
-    /// Whether the voxels of a region reach no further along the line of sight, within their plane, than noise spreads them.
+    /// Whether voxels with these sums reach no further along the line of sight, within their plane, than noise spreads them.
     /// Such a plane is the one of the sight, and what scatters there is of another.
-    fn is_streak(&self, members: &[usize], region: &Region, plane: &Plane) -> bool {
-        let scatter = self.scatter(members.iter().copied());
-        region
-            .sight_in(plane)
-            .is_some_and(|sight| region.variance_along(&sight) < STREAK * scatter.noise_along(&sight))
+    fn is_streak(&self, members: &[usize], sums: &PlaneSums, plane: &Plane) -> bool {
+        let residuals = self.residual_sums(members.iter().copied());
+        sums.sight_in(plane)
+            .is_some_and(|sight| sums.variance_along(&sight) < STREAK * residuals.noise_along(&sight))
     }
 
-    /// The plane of a region that is broad enough to have one.
-    fn plane_of(&self, region: &Region) -> Option<Plane> {
-        region.fit().filter(|fit| fit.variances[1] >= self.kind.least_breadth()).map(|fit| fit.plane)
+    /// The plane of voxels that are broad enough to have one.
+    fn plane_of(&self, sums: &PlaneSums) -> Option<Plane> {
+        sums.fit().filter(|fit| fit.variances[1] >= self.kind.least_breadth()).map(|fit| fit.plane)
     }
 }
 

@@ -9,7 +9,7 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use super::published::Published;
+use super::baseline::Baseline;
 use crate::engine::consistent::block::{BlockIndex, Cell, Voxel};
 use crate::engine::consistent::clearing::Clearance;
 use crate::engine::consistent::grid::moves::Moves;
@@ -89,7 +89,7 @@ fn voxel(state: &State, seen: u64) -> Voxel {
 /// A voxel that was published as it is, in a block into which the scan `seen` put a point last.
 fn published(state: &State, seen: u64) -> Voxel {
     let mut voxel = voxel(state, seen);
-    voxel.published = Published::of(&voxel.moments);
+    voxel.baseline = Baseline::of(&voxel.moments);
     voxel
 }
 

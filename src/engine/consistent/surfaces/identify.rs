@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use super::members::Old;
 use super::{PublishedBlocks, Surfaces};
-use crate::engine::consistent::cluster::{Cluster, Identity, PlaneFit};
+use crate::engine::consistent::cluster::{Cluster, ClusterPlane, Identity};
 use crate::engine::consistent::graph::{ComponentId, Flow, Outcome};
 use crate::engine::consistent::outline::footprint::{Axis, Footprint};
 use crate::engine::consistent::patch::segment::NO_PATCH;
@@ -53,7 +53,7 @@ impl Votes {
 struct Known {
     identity: Identity,
     told: Option<Arc<snapshot::Cluster>>,
-    drawn: Option<(PlaneFit, Axis)>,
+    drawn: Option<(ClusterPlane, Axis)>,
 }
 
 impl Known {

@@ -11,8 +11,8 @@ use hashbrown::HashMap;
 use nalgebra::Isometry3;
 use rustc_hash::FxBuildHasher;
 
-use super::local::{Local, LocalKey};
 use super::recent::Recent;
+use super::region::{LocalKey, SensorRegion};
 use super::tile::{Lanes, Listed, OnTiles, Pixels, Plain, SIDE, Sink, TILE, Tile, dispatch, sum_by_voxel};
 use crate::engine::binning::{BATCH, Fixed, UNITS};
 use crate::engine::consistent::block::{BlockKey, CELLS, Cell, block_and_cell};
@@ -74,13 +74,13 @@ impl Received {
         self.recent.clear();
         self.beyond = 0;
         let pose = &scan.fixed_from_sensor;
-        match (&scan.points, Local::new(pose, voxel_size)) {
-            (Points::Depths(depths), Some(local)) => {
-                let receiver = Receiver { received: self, local, pose, voxel_size };
+        match (&scan.points, SensorRegion::new(pose, voxel_size)) {
+            (Points::Depths(depths), Some(region)) => {
+                let receiver = Receiver { received: self, region, pose, voxel_size };
                 dispatch(OfDepths { depths, receiver });
             }
-            (Points::F32(points) | Points::Ended { points, .. }, Some(local)) => {
-                let receiver = Receiver { received: self, local, pose, voxel_size };
+            (Points::F32(points) | Points::Ended { points, .. }, Some(region)) => {
+                let receiver = Receiver { received: self, region, pose, voxel_size };
                 dispatch(OfPoints { points, receiver });
             }
             (Points::Depths(depths), None) => self.take_far(&depths.list(), pose, voxel_size),
@@ -170,7 +170,7 @@ impl Received {
 /// A scan on its way into the voxels.
 struct Receiver<'a> {
     received: &'a mut Received,
-    local: Local,
+    region: SensorRegion,
     pose: &'a Isometry3<f64>,
     voxel_size: f64,
 }
@@ -193,7 +193,7 @@ impl Receiver<'_> {
     /// The block with this first voxel; all of it lies within the grid or beyond.
     #[cold]
     fn find(&mut self, first: LocalKey) -> u32 {
-        let voxel = self.local.voxel(first);
+        let voxel = self.region.voxel(first);
         let block = voxel.map_or(Recent::BEYOND, |voxel| self.received.block(block_and_cell(voxel).0));
         self.received.recent.put(first, block);
         block
@@ -251,11 +251,11 @@ impl<'a> Strip<'a> {
 impl OnTiles for OfDepths<'_> {
     #[inline(always)]
     fn run(mut self, lanes: impl Lanes) {
-        let (depths, local) = (self.depths, self.receiver.local);
+        let (depths, region) = (self.depths, self.receiver.region);
         let rays = depths.rays();
         // A place is depth x (column + row) from the sensor.
         let mut columns = std::mem::take(&mut self.receiver.received.columns);
-        for (columns, [x, _, z]) in columns.iter_mut().zip(local.units) {
+        for (columns, [x, _, z]) in columns.iter_mut().zip(region.units) {
             columns.clear();
             columns.extend(rays.x.chunks(SIDE).map(|rays| {
                 let mut tile = [0.0; SIDE];
@@ -267,13 +267,13 @@ impl OnTiles for OfDepths<'_> {
         while let Some(strip) = Strip::next(&mut rows) {
             let mut steps = [[0.0; 3]; SIDE];
             for (step, ray) in steps.iter_mut().zip(&strip.rays) {
-                (0..3).for_each(|axis| step[axis] = local.units[axis][1] * f64::from(*ray));
+                (0..3).for_each(|axis| step[axis] = region.units[axis][1] * f64::from(*ray));
             }
             let [xs, ys, zs] = &columns;
             for (number, ((x, y), z)) in xs.iter().zip(ys).zip(zs).enumerate() {
                 let first = number * SIDE;
                 let pixels = Pixels { depths: strip.tile(first), columns: [x, y, z], rows: &steps };
-                let mut tile = lanes.of_pixels(&pixels, &local);
+                let mut tile = lanes.of_pixels(&pixels, &region);
                 if tile.has_far() {
                     self.take_far(&pixels, &strip.rays, first);
                 }
@@ -288,7 +288,7 @@ impl OfDepths<'_> {
     #[cold]
     fn take_far(&mut self, pixels: &Pixels<'_>, rows: &[f32; SIDE], first: usize) {
         let columns = &self.depths.rays().x;
-        let tile = Plain.of_pixels(pixels, &self.receiver.local);
+        let tile = Plain.of_pixels(pixels, &self.receiver.region);
         let far = (0..TILE).filter(|&i| tile.is_far(i)).map(|i| {
             let z = pixels.depths[i / SIDE][i % SIDE];
             [columns.get(first + i % SIDE).map_or(0.0, |x| x * z), rows[i / SIDE] * z, z]
@@ -306,15 +306,15 @@ struct OfPoints<'a> {
 impl OnTiles for OfPoints<'_> {
     #[inline(always)]
     fn run(mut self, lanes: impl Lanes) {
-        let local = self.receiver.local;
+        let region = self.receiver.region;
         for batch in self.points.chunks(TILE) {
             let mut listed: Listed = [[f32::INFINITY; TILE]; 3];
             for (i, point) in batch.iter().enumerate() {
                 (0..3).for_each(|axis| listed[axis][i] = point[axis]);
             }
-            let mut tile = lanes.of_points(&listed, &local);
+            let mut tile = lanes.of_points(&listed, &region);
             if tile.has_far() {
-                let far = Plain.of_points(&listed, &local);
+                let far = Plain.of_points(&listed, &region);
                 self.receiver.take_far((0..TILE).filter(|&i| far.is_far(i)).map(|i| batch[i]));
             }
             sum_by_voxel(lanes, &mut tile, &mut self.receiver);

@@ -2,7 +2,7 @@
 //!
 //! One place for each block of a cube with an edge of 16, so that blocks near each other never share one.
 
-use super::local::LocalKey;
+use super::region::LocalKey;
 use crate::engine::consistent::block::EDGE;
 
 const BITS: u32 = 4;

@@ -11,7 +11,7 @@
 use pulp::Simd;
 use pulp::{Arch, NullaryFnOnce};
 
-use super::local::{Local, LocalKey};
+use super::region::{LocalKey, SensorRegion};
 use crate::engine::arch::arch;
 use crate::engine::consistent::sums::ScanSums;
 
@@ -47,11 +47,11 @@ pub(super) trait Lanes: Copy {
     /// Points of which some are still to be added up.
     type Tile: Tile;
 
-    /// The tile of pixels: each place along one axis ([`Local::place`]) is the depth times what column and row add.
-    fn of_pixels(self, pixels: &Pixels<'_>, local: &Local) -> Self::Tile;
+    /// The tile of pixels: each place along one axis ([`SensorRegion::place`]) is the depth times what column and row add.
+    fn of_pixels(self, pixels: &Pixels<'_>, region: &SensorRegion) -> Self::Tile;
 
     /// The tile of listed points: each place along one axis is what their metres along each axis of the sensor add.
-    fn of_points(self, points: &Listed, local: &Local) -> Self::Tile;
+    fn of_points(self, points: &Listed, region: &SensorRegion) -> Self::Tile;
 
     /// Adds up the points with this key, and leaves them out from then on.
     fn pass(self, tile: &mut Self::Tile, key: LocalKey) -> TileSums;
@@ -195,13 +195,13 @@ impl PlainTile {
         let [xs, ys, zs] = places;
         let mut tile = Self { keys: [0; TILE], offsets: [[0; TILE]; 3], far: 0, next: LocalKey::NONE.0 };
         for i in 0..TILE {
-            let key = Local::key([xs[i], ys[i], zs[i]]);
+            let key = SensorRegion::key([xs[i], ys[i], zs[i]]);
             tile.keys[i] = if is_point(i) { key.0 } else { LocalKey::NONE.0 };
             tile.next = tile.next.min(tile.keys[i]);
             tile.far |= u64::from(is_point(i) & (key == LocalKey::NONE)) << i;
         }
         for (offsets, places) in tile.offsets.iter_mut().zip(places) {
-            (0..TILE).for_each(|i| offsets[i] = Local::offset(places[i]));
+            (0..TILE).for_each(|i| offsets[i] = SensorRegion::offset(places[i]));
         }
         tile
     }
@@ -234,14 +234,15 @@ impl Lanes for Plain {
 
     #[inline(always)]
     #[expect(clippy::needless_bitwise_bool, reason = "a lazy operator is a branch")]
-    fn of_pixels(self, pixels: &Pixels<'_>, local: &Local) -> PlainTile {
+    fn of_pixels(self, pixels: &Pixels<'_>, region: &SensorRegion) -> PlainTile {
         let mut places = [[0; TILE]; 3];
         for (axis, places) in places.iter_mut().enumerate() {
-            let (columns, origin) = (pixels.columns[axis], local.origin[axis]);
+            let (columns, origin) = (pixels.columns[axis], region.origin[axis]);
             for (v, depths) in pixels.depths.iter().enumerate() {
                 let row = pixels.rows[v][axis];
                 for u in 0..SIDE {
-                    places[v * SIDE + u] = Local::place(f64::from(depths[u]) * (columns[u] + row), origin);
+                    places[v * SIDE + u] =
+                        SensorRegion::place(f64::from(depths[u]) * (columns[u] + row), origin);
                 }
             }
         }
@@ -252,14 +253,14 @@ impl Lanes for Plain {
     }
 
     #[inline(always)]
-    fn of_points(self, points: &Listed, local: &Local) -> PlainTile {
+    fn of_points(self, points: &Listed, region: &SensorRegion) -> PlainTile {
         let [xs, ys, zs] = points;
         let mut places = [[0; TILE]; 3];
         for (axis, places) in places.iter_mut().enumerate() {
-            let ([a, b, c], origin) = (local.units[axis], local.origin[axis]);
+            let ([a, b, c], origin) = (region.units[axis], region.origin[axis]);
             for i in 0..TILE {
                 let [x, y, z] = [xs[i], ys[i], zs[i]].map(f64::from);
-                places[i] = Local::place(a * x + b * y + c * z, origin);
+                places[i] = SensorRegion::place(a * x + b * y + c * z, origin);
             }
         }
         PlainTile::new(&places, |i| zs[i].abs() < f32::INFINITY)

@@ -56,7 +56,7 @@ fn voxel(at: [i32; 3], up: u64) -> State {
 /// Of the patches that a voxel fits with a voxel of theirs within reach, the nearest; of several the one that it fits best, and
 /// of equals the one in its own block, or in the one beside it along x, before those along y and z.
 fn naive_nearest(state: &State, blocks: &[([i32; 3], Segmented)], rules: &Rules) -> Option<PatchId> {
-    let (held, at) = (Held::new(state, &rules.noise), Vector3::from(state.cell().coordinates()));
+    let (candidate, at) = (Candidate::new(state, &rules.noise), Vector3::from(state.cell().coordinates()));
     let mut fitting = Vec::new();
     for (block, (direction, segmented)) in (0..).map(BlockIndex).zip(blocks) {
         let corner = Vector3::from(*direction) * EDGE;
@@ -64,7 +64,7 @@ fn naive_nearest(state: &State, blocks: &[([i32; 3], Segmented)], rules: &Rules)
         let away = |cell: Cell| (Vector3::from(cell.coordinates()) + corner - at).amax();
         for (number, patch) in (0..).zip(&segmented.patches) {
             let nearest = patch.cells.iter().map(away).min().filter(|away| *away <= RIM_REACH);
-            let misfit = held.misfit(&patch.plane(), RIM_NOISE_FACTOR, rules.rim_flatness, 1.0);
+            let misfit = candidate.misfit(&patch.plane(), RIM_NOISE_FACTOR, rules.rim_flatness, 1.0);
             let id = PatchId { block, number };
             fitting.extend(nearest.zip(misfit).map(|(away, misfit)| (away, misfit, beside, id)));
         }

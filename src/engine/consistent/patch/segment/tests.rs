@@ -100,7 +100,8 @@ fn is_connected(members: &[&State]) -> bool {
 fn variances(members: &[&State], rules: &Rules) -> [f64; 2] {
     let count = members.len() as f64;
     let mean = members.iter().map(|state| state.mean()).sum::<Vector3<f64>>() / count;
-    let about = |state: &&State| state.spread() + (state.mean() - mean) * (state.mean() - mean).transpose();
+    let about =
+        |state: &&State| state.covariance() + (state.mean() - mean) * (state.mean() - mean).transpose();
     let square = members.iter().map(about).sum::<Matrix3<f64>>() / count;
     let noise =
         members.iter().map(|state| state.blur(&rules.noise).covariance()).sum::<Matrix3<f64>>() / count;

@@ -14,9 +14,9 @@ use crate::engine::scan::Stamp;
 type Naive = BTreeMap<(BlockKey, Cell), ScanSums>;
 
 /// Adds a point whose places are known.
-fn add(naive: &mut Naive, local: &Local, places: [i32; 3]) -> bool {
-    let key = Local::key(places);
-    let voxel = local.voxel(key).filter(|_| key != LocalKey::NONE);
+fn add(naive: &mut Naive, region: &SensorRegion, places: [i32; 3]) -> bool {
+    let key = SensorRegion::key(places);
+    let voxel = region.voxel(key).filter(|_| key != LocalKey::NONE);
     if let Some(voxel) = voxel {
         let offsets = places.map(|place| u64::from(place as u32 % 4096));
         naive.entry(block_and_cell(voxel)).or_default().add(offsets);
@@ -26,16 +26,16 @@ fn add(naive: &mut Naive, local: &Local, places: [i32; 3]) -> bool {
 
 /// One point after the other, by the definition of a place in a list or in an image.
 fn naive(scan: &Scan, voxel_size: f64) -> Naive {
-    let local = Local::new(&scan.fixed_from_sensor, voxel_size).unwrap();
+    let region = SensorRegion::new(&scan.fixed_from_sensor, voxel_size).unwrap();
     let mut naive = Naive::new();
     match &scan.points {
         Points::F32(points) | Points::Ended { points, .. } => {
             for [x, y, z] in points.iter().map(|point| point.map(f64::from)) {
                 let place = |axis: usize| {
-                    let [a, b, c] = local.units[axis];
-                    Local::place(a * x + b * y + c * z, local.origin[axis])
+                    let [a, b, c] = region.units[axis];
+                    SensorRegion::place(a * x + b * y + c * z, region.origin[axis])
                 };
-                add(&mut naive, &local, [0, 1, 2].map(place));
+                add(&mut naive, &region, [0, 1, 2].map(place));
             }
         }
         Points::Depths(depths) => {
@@ -44,10 +44,10 @@ fn naive(scan: &Scan, voxel_size: f64) -> Naive {
                 let pixels = row.iter().zip(&rays.x).map(|(&z, &x)| (f64::from(z), f64::from(x)));
                 for (z, x) in pixels.filter(|(z, _)| *z > 0.0) {
                     let place = |axis: usize| {
-                        let [a, b, c] = local.units[axis];
-                        Local::place(z * ((a * x + c) + b * f64::from(*y)), local.origin[axis])
+                        let [a, b, c] = region.units[axis];
+                        SensorRegion::place(z * ((a * x + c) + b * f64::from(*y)), region.origin[axis])
                     };
-                    add(&mut naive, &local, [0, 1, 2].map(place));
+                    add(&mut naive, &region, [0, 1, 2].map(place));
                 }
             }
         }
@@ -114,16 +114,17 @@ proptest! {
 
     #[test]
     fn a_place_is_rounded_down(point in prop::array::uniform3(between(-8.0, 8.0)), pose in pose(), size in 0.03..0.5) {
-        let local = Local::new(&pose, size).unwrap();
+        let region = SensorRegion::new(&pose, size).unwrap();
         let exact = pose * Point3::from(point.map(f64::from)) / size;
         let [x, y, z] = point.map(f64::from);
         let places = [0, 1, 2].map(|axis| {
-            let [a, b, c] = local.units[axis];
-            Local::place(a * x + b * y + c * z, local.origin[axis])
+            let [a, b, c] = region.units[axis];
+            SensorRegion::place(a * x + b * y + c * z, region.origin[axis])
         });
-        let voxel = local.voxel(Local::key(places)).unwrap().indices();
+        let voxel = region.voxel(SensorRegion::key(places)).unwrap().indices();
         for axis in 0..3 {
-            let units = exact[axis] * 4096.0 - f64::from(voxel[axis]) * 4096.0 - f64::from(Local::offset(places[axis]));
+            let offset = f64::from(SensorRegion::offset(places[axis]));
+            let units = exact[axis] * 4096.0 - f64::from(voxel[axis]) * 4096.0 - offset;
             // 10 km away a number in double precision has an error of 2e-12 m.
             prop_assert!((-1e-6..1.0 + 1e-6).contains(&units), "{units}");
         }

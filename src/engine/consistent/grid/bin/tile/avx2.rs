@@ -11,9 +11,10 @@ use pulp::x86::V3;
 use pulp::{cast, f64x4};
 
 use super::{
-    INFINITY, Lanes, Listed, Local, LocalKey, Pixels, TILE, Tile, TileSums, factors, of_depths, of_metres,
+    INFINITY, Lanes, Listed, LocalKey, Pixels, SensorRegion, TILE, Tile, TileSums, factors, of_depths,
+    of_metres,
 };
-use crate::engine::consistent::grid::bin::local::{AXIS_BITS, UNIT_BITS};
+use crate::engine::consistent::grid::bin::region::{AXIS_BITS, UNIT_BITS};
 
 /// Whole numbers of 32 bits in a vector.
 const LANES: usize = 8;
@@ -82,12 +83,12 @@ impl Tile for Packed {
 /// What a row of a tile is made of.
 trait Row {
     /// The places of its points by axis, and which of them are points.
-    fn places(&self, lanes: Avx2, local: &Local, row: usize) -> ([__m256i; 3], __m256i);
+    fn places(&self, lanes: Avx2, region: &SensorRegion, row: usize) -> ([__m256i; 3], __m256i);
 }
 
 impl Row for Pixels<'_> {
     #[inline(always)]
-    fn places(&self, lanes: Avx2, local: &Local, row: usize) -> ([__m256i; 3], __m256i) {
+    fn places(&self, lanes: Avx2, region: &SensorRegion, row: usize) -> ([__m256i; 3], __m256i) {
         let (avx, avx2) = (lanes.0.avx, lanes.0.avx2);
         let (depths, steps) = (self.depths[row], &self.rows[row]);
         // As bits depths above 0 have the order of what they stand for, and what is not a number lies above all.
@@ -101,7 +102,7 @@ impl Row for Pixels<'_> {
             let mut along = depths;
             for half in 0..2 {
                 along[half] =
-                    of_depths(lanes.0, depths[half], columns[half], steps[axis], local.origin[axis]);
+                    of_depths(lanes.0, depths[half], columns[half], steps[axis], region.origin[axis]);
             }
             places[axis] = lanes.rounded(along);
         }
@@ -111,7 +112,7 @@ impl Row for Pixels<'_> {
 
 impl Row for Listed {
     #[inline(always)]
-    fn places(&self, lanes: Avx2, local: &Local, row: usize) -> ([__m256i; 3], __m256i) {
+    fn places(&self, lanes: Avx2, region: &SensorRegion, row: usize) -> ([__m256i; 3], __m256i) {
         let (avx, avx2) = (lanes.0.avx, lanes.0.avx2);
         let [xs, ys, zs] = self;
         let (x, y, z) = (&xs.as_chunks().0[row], &ys.as_chunks().0[row], &zs.as_chunks().0[row]);
@@ -123,7 +124,7 @@ impl Row for Listed {
             let mut along = x;
             for half in 0..2 {
                 let metres = [x[half], y[half], z[half]];
-                along[half] = of_metres(lanes.0, metres, local.units[axis], local.origin[axis]);
+                along[half] = of_metres(lanes.0, metres, region.units[axis], region.origin[axis]);
             }
             places[axis] = lanes.rounded(along);
         }
@@ -136,13 +137,13 @@ impl Lanes for Avx2 {
     type Tile = Packed;
 
     #[inline(always)]
-    fn of_pixels(self, pixels: &Pixels<'_>, local: &Local) -> Packed {
-        self.pack(pixels, local)
+    fn of_pixels(self, pixels: &Pixels<'_>, region: &SensorRegion) -> Packed {
+        self.pack(pixels, region)
     }
 
     #[inline(always)]
-    fn of_points(self, points: &Listed, local: &Local) -> Packed {
-        self.pack(points, local)
+    fn of_points(self, points: &Listed, region: &SensorRegion) -> Packed {
+        self.pack(points, region)
     }
 
     #[inline(always)]
@@ -193,11 +194,11 @@ impl Avx2 {
     }
 
     #[inline(always)]
-    fn pack(self, points: &impl Row, local: &Local) -> Packed {
+    fn pack(self, points: &impl Row, region: &SensorRegion) -> Packed {
         let (avx, avx2) = (self.0.avx, self.0.avx2);
         let zero = avx._mm256_setzero_si256();
         let (none, in_voxel) =
-            (avx._mm256_set1_epi32(LocalKey::NONE.0), avx._mm256_set1_epi32(Local::offset(-1)));
+            (avx._mm256_set1_epi32(LocalKey::NONE.0), avx._mm256_set1_epi32(SensorRegion::offset(-1)));
         let mut keys = [[0; LANES]; ROWS];
         let mut offsets = [[[0; 2 * LANES]; PAIRS]; 3];
         let (mut left, mut far) = ([0; WORDS], zero);
@@ -207,7 +208,7 @@ impl Avx2 {
                 let pair = word * 2 + half;
                 let mut of_pair = ([[zero; 3]; 2], [zero; 2]);
                 for row in 0..2 {
-                    let (places, is_point) = points.places(self, local, 2 * pair + row);
+                    let (places, is_point) = points.places(self, region, 2 * pair + row);
                     let (key, is_near) = self.key(places);
                     let is_here = avx2._mm256_and_si256(is_near, is_point);
                     far = avx2._mm256_or_si256(far, avx2._mm256_andnot_si256(is_near, is_point));
@@ -228,7 +229,7 @@ impl Avx2 {
         Packed { keys, offsets, left, has_far: avx._mm256_testz_si256(far, far) == 0 }
     }
 
-    /// The keys of places ([`Local::key`]), and which of these lie in the region.
+    /// The keys of places ([`SensorRegion::key`]), and which of these lie in the region.
     #[inline(always)]
     fn key(self, [x, y, z]: [__m256i; 3]) -> (__m256i, __m256i) {
         const UNITS: i32 = UNIT_BITS as i32;

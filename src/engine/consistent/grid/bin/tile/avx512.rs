@@ -9,10 +9,10 @@ use pulp::x86::V4;
 use pulp::{cast, f64x8};
 
 use super::{
-    INFINITY, Lanes, Listed, Local, LocalKey, Pixels, SIDE, TILE, Tile, TileSums, factors, of_depths,
+    INFINITY, Lanes, Listed, LocalKey, Pixels, SIDE, SensorRegion, TILE, Tile, TileSums, factors, of_depths,
     of_metres,
 };
-use crate::engine::consistent::grid::bin::local::{AXIS_BITS, UNIT_BITS};
+use crate::engine::consistent::grid::bin::region::{AXIS_BITS, UNIT_BITS};
 
 /// Whole numbers of 32 bits in a vector.
 const LANES: usize = 16;
@@ -64,12 +64,12 @@ impl Tile for Packed {
 /// What a pair of rows is made of.
 trait Pair {
     /// The places of its points by axis, and which of them are points.
-    fn places(&self, lanes: Avx512, local: &Local, pair: usize) -> ([__m512i; 3], u16);
+    fn places(&self, lanes: Avx512, region: &SensorRegion, pair: usize) -> ([__m512i; 3], u16);
 }
 
 impl Pair for Pixels<'_> {
     #[inline(always)]
-    fn places(&self, lanes: Avx512, local: &Local, pair: usize) -> ([__m512i; 3], u16) {
+    fn places(&self, lanes: Avx512, region: &SensorRegion, pair: usize) -> ([__m512i; 3], u16) {
         let avx = lanes.0.avx512f;
         let rows = [self.depths[2 * pair], self.depths[2 * pair + 1]];
         // As bits depths above 0 have the order of what they stand for, and what is not a number lies above all.
@@ -83,7 +83,7 @@ impl Pair for Pixels<'_> {
             let mut along = depths;
             for row in 0..2 {
                 let step = self.rows[2 * pair + row][axis];
-                along[row] = of_depths(lanes.0, depths[row], columns, step, local.origin[axis]);
+                along[row] = of_depths(lanes.0, depths[row], columns, step, region.origin[axis]);
             }
             places[axis] = lanes.rounded(along);
         }
@@ -93,7 +93,7 @@ impl Pair for Pixels<'_> {
 
 impl Pair for Listed {
     #[inline(always)]
-    fn places(&self, lanes: Avx512, local: &Local, pair: usize) -> ([__m512i; 3], u16) {
+    fn places(&self, lanes: Avx512, region: &SensorRegion, pair: usize) -> ([__m512i; 3], u16) {
         let avx = lanes.0.avx512f;
         let of = |axis: usize, row: usize| &self[axis].as_chunks::<SIDE>().0[2 * pair + row];
         let zs = [cast(*of(2, 0)), cast(*of(2, 1))];
@@ -109,7 +109,7 @@ impl Pair for Listed {
         for axis in 0..3 {
             let mut along = [metres[0][axis]; 2];
             for row in 0..2 {
-                along[row] = of_metres(lanes.0, metres[row], local.units[axis], local.origin[axis]);
+                along[row] = of_metres(lanes.0, metres[row], region.units[axis], region.origin[axis]);
             }
             places[axis] = lanes.rounded(along);
         }
@@ -121,13 +121,13 @@ impl Lanes for Avx512 {
     type Tile = Packed;
 
     #[inline(always)]
-    fn of_pixels(self, pixels: &Pixels<'_>, local: &Local) -> Packed {
-        self.pack(pixels, local)
+    fn of_pixels(self, pixels: &Pixels<'_>, region: &SensorRegion) -> Packed {
+        self.pack(pixels, region)
     }
 
     #[inline(always)]
-    fn of_points(self, points: &Listed, local: &Local) -> Packed {
-        self.pack(points, local)
+    fn of_points(self, points: &Listed, region: &SensorRegion) -> Packed {
+        self.pack(points, region)
     }
 
     #[inline(always)]
@@ -181,12 +181,12 @@ impl Avx512 {
     }
 
     #[inline(always)]
-    fn pack(self, points: &impl Pair, local: &Local) -> Packed {
+    fn pack(self, points: &impl Pair, region: &SensorRegion) -> Packed {
         /// Each bit of the second where the first has one, and of the third elsewhere.
         const WHERE: i32 = 0xca;
         let avx = self.0.avx512f;
         let none = avx._mm512_set1_epi32(LocalKey::NONE.0);
-        let in_voxel = avx._mm512_set1_epi32(Local::offset(-1) << OFFSET | Local::offset(-1));
+        let in_voxel = avx._mm512_set1_epi32(SensorRegion::offset(-1) << OFFSET | SensorRegion::offset(-1));
         let below = avx._mm512_set1_epi32(BELOW);
         let mut keys = [[0; LANES]; PAIRS];
         let mut offsets = [[[0; LANES]; HALVES]; 3];
@@ -195,7 +195,7 @@ impl Avx512 {
             let mut of_half = [[none; 3]; 2];
             for side in 0..2 {
                 let pair = 2 * half + side;
-                let (places, is_point) = points.places(self, local, pair);
+                let (places, is_point) = points.places(self, region, pair);
                 let (key, is_near) = self.key(places);
                 let is_here = is_near & is_point;
                 far |= !is_near & is_point;
@@ -212,7 +212,7 @@ impl Avx512 {
         Packed { keys, offsets, left, has_far: far != 0 }
     }
 
-    /// The keys of places ([`Local::key`]), and which of these lie in the region.
+    /// The keys of places ([`SensorRegion::key`]), and which of these lie in the region.
     #[inline(always)]
     fn key(self, [x, y, z]: [__m512i; 3]) -> (__m512i, u16) {
         const UNITS: u32 = UNIT_BITS;

@@ -40,13 +40,13 @@ trait OnLanes<T> {
     fn run(&self, lanes: impl Lanes) -> T;
 }
 
-impl OnLanes<(Sums, bool)> for (Pixels<'_>, Local) {
+impl OnLanes<(Sums, bool)> for (Pixels<'_>, SensorRegion) {
     fn run(&self, lanes: impl Lanes) -> (Sums, bool) {
         summed(lanes, lanes.of_pixels(&self.0, &self.1))
     }
 }
 
-impl OnLanes<(Sums, bool)> for (Listed, Local) {
+impl OnLanes<(Sums, bool)> for (Listed, SensorRegion) {
     fn run(&self, lanes: impl Lanes) -> (Sums, bool) {
         summed(lanes, lanes.of_points(&self.0, &self.1))
     }
@@ -63,36 +63,37 @@ fn number() -> impl Strategy<Value = f32> {
 }
 
 /// Large voxels, of which a tile is in few, and small ones.
-fn local() -> impl Strategy<Value = Local> {
+fn region() -> impl Strategy<Value = SensorRegion> {
     let three = || prop::array::uniform3(-3.0..3.0_f64);
-    (three(), three(), prop_oneof![0.01..0.1_f64, 1.0..9.0])
-        .prop_map(|(way, turn, size)| Local::new(&Isometry3::new(way.into(), turn.into()), size).unwrap())
+    (three(), three(), prop_oneof![0.01..0.1_f64, 1.0..9.0]).prop_map(|(way, turn, size)| {
+        SensorRegion::new(&Isometry3::new(way.into(), turn.into()), size).unwrap()
+    })
 }
 
 proptest! {
     #[test]
     fn pixels_are_put_where_the_plain_ones_are(
         depths in eight(eight(number())), columns in prop::array::uniform3(eight(-1e5..1e5_f64)),
-        rows in eight(prop::array::uniform3(-1e5..1e5_f64)), local in local(),
+        rows in eight(prop::array::uniform3(-1e5..1e5_f64)), region in region(),
     ) {
         let pixels = Pixels { depths: depths.each_ref(), columns: columns.each_ref(), rows: &rows };
-        agree(&(pixels, local))?;
+        agree(&(pixels, region))?;
     }
 
     #[test]
     fn points_are_put_where_the_plain_ones_are(
-        points in prop::array::uniform3(eight(eight(number()))), local in local(),
+        points in prop::array::uniform3(eight(eight(number()))), region in region(),
     ) {
         let points: Listed = points.map(|along| along.as_flattened().try_into().unwrap());
-        agree(&(points, local))?;
+        agree(&(points, region))?;
     }
 }
 
 #[test]
 fn as_many_voxels_as_points_are_more_than_passes() {
-    let local = Local::new(&Isometry3::identity(), 0.1).unwrap();
+    let region = SensorRegion::new(&Isometry3::identity(), 0.1).unwrap();
     let along = |step: usize| std::array::from_fn(|i| 0.05 + (i * step % 8) as f32);
     let points: Listed = [along(1), along(3), std::array::from_fn(|i| 0.1 * i as f32)];
-    let (sums, has_far) = agree(&(points, local)).unwrap();
+    let (sums, has_far) = agree(&(points, region)).unwrap();
     assert!(sums.0.len() > PASSES && !has_far, "{sums:?}");
 }

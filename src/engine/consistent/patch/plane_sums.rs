@@ -7,16 +7,17 @@
 use nalgebra::{Matrix3, UnitVector3, Vector3};
 
 use crate::engine::consistent::block::Cell;
-use crate::engine::consistent::eigen::Spread;
+use crate::engine::consistent::eigen::Eigen;
 use crate::engine::consistent::noise::Noise;
-use crate::engine::consistent::state::{Plane, State};
+use crate::engine::consistent::plane::Plane;
+use crate::engine::consistent::state::State;
 use crate::engine::plane::DEGENERATE;
 use crate::engine::symmetric::{along, least_at_least, quadratic, symmetric, upper};
 
 /// What is summed, one after another: weight, weighted means, their weighted products (xx, xy, xz, yy, yz, zz), directions
 /// towards the sensor, voxels. One array, so that several are added in one instruction.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Region([f64; 16]);
+pub(crate) struct PlaneSums([f64; 16]);
 
 const WEIGHT: usize = 0;
 const SUM: usize = 1;
@@ -24,7 +25,7 @@ const OUTER: usize = 4;
 const TOWARDS: usize = 10;
 const VOXELS: usize = 13;
 
-/// The plane of a region and how far its voxels spread.
+/// The plane of some voxels and how far these spread.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Fit {
     pub(crate) plane: Plane,
@@ -45,14 +46,14 @@ impl Fit {
     }
 }
 
-impl Region {
+impl PlaneSums {
     pub(crate) fn of<'a>(states: impl IntoIterator<Item = &'a State>, noise: &Noise) -> Self {
         Self::sum(states.into_iter().map(|state| Self::one(state, noise)))
     }
 
-    pub(crate) fn sum(regions: impl IntoIterator<Item = Self>) -> Self {
+    pub(crate) fn sum(all: impl IntoIterator<Item = Self>) -> Self {
         let mut sum = Self::default();
-        regions.into_iter().for_each(|region| sum.join(&region));
+        all.into_iter().for_each(|sums| sum.join(&sums));
         sum
     }
 
@@ -63,7 +64,7 @@ impl Region {
         Self::of(states.iter().filter(is_near), noise)
     }
 
-    /// The region of one voxel, by the mean of its points.
+    /// The sums of one voxel, by the mean of its points.
     pub(crate) fn one(state: &State, noise: &Noise) -> Self {
         let (weight, [x, y, z]) = (state.mean_weight(noise), state.mean().into());
         let [wx, wy, wz] = [x, y, z].map(|at: f64| weight * at);
@@ -71,12 +72,12 @@ impl Region {
         Self([weight, wx, wy, wz, wx * x, wx * y, wx * z, wy * y, wy * z, wz * z, tx, ty, tz, 1.0, 0.0, 0.0])
     }
 
-    /// The region of one voxel, by where its points lie.
+    /// The sums of one voxel, by where its points lie.
     pub(crate) fn points(state: &State, noise: &Noise) -> Self {
-        let mut region = Self::one(state, noise);
-        let spread = upper(&state.spread()).map(|spread| spread * state.mean_weight(noise));
-        region.0[OUTER..TOWARDS].iter_mut().zip(spread).for_each(|(sum, spread)| *sum += spread);
-        region
+        let mut sums = Self::one(state, noise);
+        let within = upper(&state.covariance()).map(|entry| entry * state.mean_weight(noise));
+        sums.0[OUTER..TOWARDS].iter_mut().zip(within).for_each(|(sum, entry)| *sum += entry);
+        sums
     }
 
     /// Takes in the voxels of another one.
@@ -124,7 +125,7 @@ impl Region {
         if self.voxels() < 3.0 {
             return None;
         }
-        let Spread { variances, normal } = Spread::of(&self.covariance());
+        let Eigen { variances, normal } = Eigen::of(&self.covariance());
         let normal = if normal.dot(&vector(&self.0, TOWARDS)) < 0.0 { -normal } else { normal };
         let variances = variances.map(|variance| variance.max(0.0));
         Some(Fit {
@@ -137,20 +138,21 @@ impl Region {
 /// What says how far the points of voxels are off a plane, summed: means, second moments of the points about the block's
 /// corner and noise (both xx, xy, xz, yy, yz, zz), voxels.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Scatter([f64; 16]);
+pub(crate) struct ResidualSums([f64; 16]);
 
 const MEAN: usize = 0;
 const SQUARE: usize = 3;
 const NOISE: usize = 9;
 const COUNT: usize = 15;
 
-impl Scatter {
-    /// The scatter of one voxel's points.
+impl ResidualSums {
+    /// The sums of one voxel's points.
     pub(crate) fn one(state: &State, noise: &Noise) -> Self {
         let mut sums = [0.0; 16];
         let mean = state.mean();
         sums[MEAN..SQUARE].copy_from_slice(mean.as_slice());
-        sums[SQUARE..NOISE].copy_from_slice(&upper(&(state.thickness(noise) + mean * mean.transpose())));
+        sums[SQUARE..NOISE]
+            .copy_from_slice(&upper(&(state.weighted_covariance(noise) + mean * mean.transpose())));
         sums[NOISE..COUNT].copy_from_slice(&upper(&state.blur(noise).covariance()));
         sums[COUNT] = 1.0;
         Self(sums)
@@ -240,7 +242,7 @@ fn matrix(sums: &[f64; 16], first: usize) -> Matrix3<f64> {
 mod tests {
     use proptest::prelude::*;
 
-    use super::super::held::Held;
+    use super::super::candidate::Candidate;
     use super::*;
     use crate::engine::consistent::block::Voxel;
     use crate::engine::consistent::noise::NoiseModel;
@@ -274,15 +276,15 @@ mod tests {
             let state = state(cell, &points, towards, weight);
             let normal = UnitVector3::new_normalize(Vector3::from(normal));
             let plane = Plane { point: Vector3::from(point), normal };
-            let scatter = Scatter::one(&state, &noise());
-            let by_sums = scatter.misfit(&plane, 2.0, 0.2);
-            prop_assert_eq!(scatter.misfit_of_one(&plane, 2.0, 0.2), by_sums);
-            prop_assert_eq!(scatter.is_one_allowed(&plane, 2.0, 0.2), by_sums <= 1.0);
+            let residuals = ResidualSums::one(&state, &noise());
+            let by_sums = residuals.misfit(&plane, 2.0, 0.2);
+            prop_assert_eq!(residuals.misfit_of_one(&plane, 2.0, 0.2), by_sums);
+            prop_assert_eq!(residuals.is_one_allowed(&plane, 2.0, 0.2), by_sums <= 1.0);
             // What is stored of the points may have them closer together than a plane is thick; a voxel's misfit has not.
-            let thickness = along(upper(&state.thickness(&noise())), &normal).min(0.0);
-            let one = by_sums - thickness / (4.0 * scatter.noise_along(&normal) + 0.04);
-            let other = Held::new(&state, &noise()).misfit(&plane, 2.0, 0.2, f64::INFINITY);
-            prop_assert_eq!(Region::one(&state, &noise()).is_seen_from(&plane), other.is_some());
+            let thickness = along(upper(&state.weighted_covariance(&noise())), &normal).min(0.0);
+            let one = by_sums - thickness / (4.0 * residuals.noise_along(&normal) + 0.04);
+            let other = Candidate::new(&state, &noise()).misfit(&plane, 2.0, 0.2, f64::INFINITY);
+            prop_assert_eq!(PlaneSums::one(&state, &noise()).is_seen_from(&plane), other.is_some());
             prop_assert!(other.is_none_or(|other| (one - other).abs() <= 1e-9 * (1.0 + other)), "{one} {other:?}");
         }
 
@@ -295,14 +297,15 @@ mod tests {
         ) {
             let states: Vec<_> =
                 voxels.iter().map(|(&cell, points)| state(cell, points, towards, weight)).collect();
-            let mut scatter = Scatter::default();
-            states.iter().for_each(|state| scatter.join(&Scatter::one(state, &noise())));
+            let mut residuals = ResidualSums::default();
+            states.iter().for_each(|state| residuals.join(&ResidualSums::one(state, &noise())));
             // Every voxel as thick as it counts there, and all of them counting the same: the plane that lies nearest.
-            let spread = symmetric(std::array::from_fn(|place| scatter.0[SQUARE + place])) / scatter.0[COUNT];
-            let middle = vector(&scatter.0, MEAN) / scatter.0[COUNT];
-            let normal = Spread::of(&(spread - middle * middle.transpose())).normal;
+            let squares = symmetric(std::array::from_fn(|place| residuals.0[SQUARE + place]));
+            let squares = squares / residuals.0[COUNT];
+            let middle = vector(&residuals.0, MEAN) / residuals.0[COUNT];
+            let normal = Eigen::of(&(squares - middle * middle.transpose())).normal;
             let plane = Plane { point: middle, normal: UnitVector3::new_normalize(normal) };
-            prop_assert!(!scatter.fits_none(2.0, flatness) || scatter.misfit(&plane, 2.0, flatness) > 1.0);
+            prop_assert!(!residuals.fits_none(2.0, flatness) || residuals.misfit(&plane, 2.0, flatness) > 1.0);
         }
     }
 }

@@ -11,7 +11,7 @@ use crate::engine::consistent::sums::Moments;
 
 /// What a voxel was when its block was published last; all zero while it never was.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Published {
+pub(crate) struct Baseline {
     /// Mean of its points from its corner, in [`PARTS`] of its edge.
     mean: [u16; 3],
     /// It has drifted.
@@ -41,7 +41,7 @@ fn noise_of(moments: &Moments) -> f32 {
     moments.points as f32 / moments.weight as f32
 }
 
-impl Published {
+impl Baseline {
     pub(crate) fn of(moments: &Moments) -> Self {
         let mean = moments.mean().map(in_parts).into();
         Self { mean, drifted: false, noise: noise_of(moments), looked_at: moments.weight }

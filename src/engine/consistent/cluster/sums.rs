@@ -6,8 +6,8 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::state::State;
 use crate::engine::binning::nearest;
+use crate::engine::consistent::state::State;
 use crate::engine::symmetric::{PAIRS, symmetric, upper};
 
 /// Units of a mean in a voxel.
@@ -17,15 +17,15 @@ const WEIGHT_UNITS: f64 = 64.0;
 
 /// What a voxel counts in the fit of a plane.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Weight {
+pub(crate) struct Weight {
     /// Inverse variance of its mean, in voxels^-2; a tenth of it in a rough patch, whose points lie off its plane.
-    pub(super) most: f64,
+    pub(crate) most: f64,
     /// The part of that which it counts, 0 to 1: it may hold what is not of the plane.
-    pub(super) part: f64,
+    pub(crate) part: f64,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Exact {
+pub(crate) struct ClusterSums {
     weight: i128,
     /// Weights by the part that each is of the inverse variance: the variance of the weighted sum of the means.
     variance: i128,
@@ -33,7 +33,7 @@ pub(super) struct Exact {
     /// xx, xy, xz, yy, yz, zz.
     squares: [i128; 6],
     /// Weighted covariances of the points within their voxels.
-    spread: [i128; 6],
+    within: [i128; 6],
     /// Directions towards the sensor.
     towards: [i128; 3],
     /// Weighted normals of the voxels' patches.
@@ -42,10 +42,10 @@ pub(super) struct Exact {
     noise: i128,
 }
 
-impl Exact {
+impl ClusterSums {
     /// The sums of one voxel that counts so much, of a patch with this normal and this noise along it; `corner` is that of its
     /// block.
-    pub(super) fn of(
+    pub(crate) fn of(
         state: &State,
         corner: [i32; 3],
         weight: Weight,
@@ -67,18 +67,18 @@ impl Exact {
             variance: by(weight, part),
             sum: weighted.map(i128::from),
             squares: PAIRS.map(|(i, j)| by(weighted[i], mean[j])),
-            spread: upper(&state.spread()).map(|spread| by(weight, whole(spread))),
+            within: upper(&state.covariance()).map(|entry| by(weight, whole(entry))),
             towards: [0, 1, 2].map(|axis| whole(towards[axis]).into()),
             normal: [0, 1, 2].map(|axis| by(weight, whole(normal[axis]))),
             noise: by(weight, whole(noise)),
         }
     }
 
-    pub(super) fn add(&mut self, other: &Self) {
+    pub(crate) fn add(&mut self, other: &Self) {
         self.combine(other, i128::wrapping_add);
     }
 
-    pub(super) fn remove(&mut self, other: &Self) {
+    pub(crate) fn remove(&mut self, other: &Self) {
         self.combine(other, i128::wrapping_sub);
     }
 
@@ -87,30 +87,30 @@ impl Exact {
         self.variance = by(self.variance, other.variance);
         (0..3).for_each(|i| self.sum[i] = by(self.sum[i], other.sum[i]));
         (0..6).for_each(|i| self.squares[i] = by(self.squares[i], other.squares[i]));
-        (0..6).for_each(|i| self.spread[i] = by(self.spread[i], other.spread[i]));
+        (0..6).for_each(|i| self.within[i] = by(self.within[i], other.within[i]));
         (0..3).for_each(|i| self.towards[i] = by(self.towards[i], other.towards[i]));
         (0..3).for_each(|i| self.normal[i] = by(self.normal[i], other.normal[i]));
         self.noise = by(self.noise, other.noise);
     }
 
-    pub(super) const fn is_empty(&self) -> bool {
+    pub(crate) const fn is_empty(&self) -> bool {
         self.weight == 0
     }
 
     /// Inverse variance of the plane's place at the mean, in voxels^-2. Where all voxels count the same part it is the sum of what
     /// each would count at most, however small that part.
-    pub(super) fn information(&self) -> f64 {
+    pub(crate) fn information(&self) -> f64 {
         let weight = self.weight as f64 / WEIGHT_UNITS;
         weight * weight / (self.variance as f64 / (WEIGHT_UNITS * UNITS))
     }
 
     /// Weighted mean, in voxels.
-    pub(super) fn mean(&self) -> Vector3<f64> {
+    pub(crate) fn mean(&self) -> Vector3<f64> {
         Vector3::from(self.sum.map(|sum| sum as f64 / (self.weight as f64 * UNITS)))
     }
 
     /// Weighted covariance of the voxels' means, in voxels^2.
-    pub(super) fn covariance(&self) -> Matrix3<f64> {
+    pub(crate) fn covariance(&self) -> Matrix3<f64> {
         let about = self.sum.map(|sum| sum / self.weight);
         let rest = self.sum.map(|sum| (sum % self.weight) as f64 / self.weight as f64);
         symmetric(std::array::from_fn(|k| {
@@ -124,22 +124,22 @@ impl Exact {
     }
 
     /// Mean covariance of the points within their voxels, in voxels^2.
-    pub(super) fn spread(&self) -> Matrix3<f64> {
-        symmetric(self.spread.map(|sum| sum as f64 / (self.weight as f64 * UNITS)))
+    pub(crate) fn covariance_within(&self) -> Matrix3<f64> {
+        symmetric(self.within.map(|sum| sum as f64 / (self.weight as f64 * UNITS)))
     }
 
     /// Sum of the directions towards the sensor.
-    pub(super) fn towards(&self) -> Vector3<f64> {
+    pub(crate) fn towards(&self) -> Vector3<f64> {
         Vector3::from(self.towards.map(|sum| sum as f64 / UNITS))
     }
 
     /// Weighted mean of the normals of the voxels' patches; its length is 1 where they are one.
-    pub(super) fn normal(&self) -> Vector3<f64> {
+    pub(crate) fn normal(&self) -> Vector3<f64> {
         Vector3::from(self.normal.map(|sum| sum as f64 / (self.weight as f64 * UNITS)))
     }
 
     /// Weighted mean of the variances of the patches' points along their normals that are noise, in voxels^2.
-    pub(super) fn noise(&self) -> f64 {
+    pub(crate) fn noise(&self) -> f64 {
         self.noise as f64 / (self.weight as f64 * UNITS)
     }
 }

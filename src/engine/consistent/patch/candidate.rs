@@ -3,24 +3,29 @@
 use nalgebra::Vector3;
 
 use crate::engine::consistent::noise::Noise;
-use crate::engine::consistent::state::{Blur, Plane, State};
+use crate::engine::consistent::plane::Plane;
+use crate::engine::consistent::state::{Blur, State};
 use crate::engine::symmetric::{along, upper};
 
 /// What a state says of its points, in numbers that are ready to be used.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Held {
+pub(super) struct Candidate {
     mean: Vector3<f64>,
     blur: Blur,
-    /// How its points spread about a plane.
-    thickness: [f64; 6],
+    /// See [`State::weighted_covariance`].
+    weighted_covariance: [f64; 6],
 }
 
 /// More than what a quotient times its divisor is less than its dividend by.
 const ROUNDING: f64 = 1.0 + 1e-12;
 
-impl Held {
+impl Candidate {
     pub(super) fn new(state: &State, noise: &Noise) -> Self {
-        Self { mean: state.mean(), blur: state.blur(noise), thickness: upper(&state.thickness(noise)) }
+        Self {
+            mean: state.mean(),
+            blur: state.blur(noise),
+            weighted_covariance: upper(&state.weighted_covariance(noise)),
+        }
     }
 
     /// How far its points are off a plane: the mean square of their distances, over what `noise_factor` standard deviations of
@@ -41,7 +46,7 @@ impl Held {
         }
         // Points that lie closer together than their noise would have them are no better than right on it: less than nothing, the
         // misfit would not be told from one beyond `most`.
-        let thickness = along(self.thickness, normal).max(0.0);
+        let thickness = along(self.weighted_covariance, normal).max(0.0);
         Some((off * off + thickness) / allowed).filter(|misfit| *misfit <= most)
     }
 }

@@ -53,7 +53,7 @@ impl LocalKey {
 
 /// The region and the pose of one scan.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Local {
+pub(super) struct SensorRegion {
     /// The region's first voxel, which is the first of a block.
     corner: [i32; 3],
     /// For each axis the units that one metre along x, y and z of the sensor's frame makes.
@@ -62,7 +62,7 @@ pub(super) struct Local {
     pub(super) origin: [f64; 3],
 }
 
-impl Local {
+impl SensorRegion {
     /// `None` where the sensor is itself beyond the grid.
     pub(super) fn new(fixed_from_sensor: &Isometry3<f64>, voxel_size: f64) -> Option<Self> {
         let sensor = fixed_from_sensor.translation.vector / voxel_size;

@@ -7,14 +7,14 @@ use super::{End, Graph, Node, NodeId};
 /// Elements of one class are connected once the batch is applied. A class's root is its least element, so classes do
 /// not depend on the order of the unions.
 #[derive(Debug, Default)]
-pub(super) struct Local {
+pub(super) struct BatchUnion {
     pub(super) nodes: Vec<NodeId>,
     /// Whether it stayed and lost a neighbour.
     pub(super) terminal: Vec<bool>,
     parents: Vec<u32>,
 }
 
-impl Local {
+impl BatchUnion {
     /// The root of an element's class.
     pub(super) fn root(&mut self, mut element: u32) -> u32 {
         while self.parents[element as usize] != element {
@@ -55,27 +55,27 @@ impl Local {
 
 impl Graph {
     /// The node's element, made when it is first asked for.
-    fn element(&mut self, node: NodeId, local: &mut Local) -> u32 {
+    fn element(&mut self, node: NodeId, union: &mut BatchUnion) -> u32 {
         self.node(node).element.unwrap_or_else(|| {
-            let element = local.nodes.len() as u32;
-            local.nodes.push(node);
-            local.terminal.push(false);
-            local.parents.push(element);
+            let element = union.nodes.len() as u32;
+            union.nodes.push(node);
+            union.terminal.push(false);
+            union.parents.push(element);
             self.node_mut(node).element = Some(element);
             element
         })
     }
 
-    fn make_terminal(&mut self, node: NodeId, local: &mut Local) {
-        let element = self.element(node, local);
-        local.terminal[element as usize] = true;
+    fn make_terminal(&mut self, node: NodeId, union: &mut BatchUnion) {
+        let element = self.element(node, union);
+        union.terminal[element as usize] = true;
     }
 
     /// Takes nodes out of their components and out of their neighbours' lists.
     pub(super) fn remove(
         &mut self,
         nodes: &[NodeId],
-        local: &mut Local,
+        union: &mut BatchUnion,
     ) -> Vec<(NodeId, super::ComponentId)> {
         // All leave before any neighbour is looked at: a neighbour that goes too is no terminal.
         let gone = nodes.iter().map(|&node| (node, self.leave(node))).collect();
@@ -83,7 +83,7 @@ impl Graph {
             for neighbour in std::mem::take(&mut self.node_mut(node).neighbours) {
                 if self.node(neighbour).component.is_some() {
                     self.forget(neighbour, node);
-                    self.make_terminal(neighbour, local);
+                    self.make_terminal(neighbour, union);
                 }
             }
         }
@@ -91,12 +91,12 @@ impl Graph {
     }
 
     /// Takes edges away. Those of nodes that went are gone already.
-    pub(super) fn disconnect(&mut self, edges: &[(NodeId, NodeId)], local: &mut Local) {
+    pub(super) fn disconnect(&mut self, edges: &[(NodeId, NodeId)], union: &mut BatchUnion) {
         for &(one, other) in edges {
             if self.forget(one, other) {
                 self.forget(other, one);
-                self.make_terminal(one, local);
-                self.make_terminal(other, local);
+                self.make_terminal(one, union);
+                self.make_terminal(other, union);
             }
         }
     }
@@ -108,17 +108,17 @@ impl Graph {
     }
 
     /// Gives slots to new nodes, which are in no component yet.
-    pub(super) fn add(&mut self, weights: &[u32], local: &mut Local) -> Vec<NodeId> {
+    pub(super) fn add(&mut self, weights: &[u32], union: &mut BatchUnion) -> Vec<NodeId> {
         let give = |&weight| {
             let id = self.free_nodes.pop().unwrap_or(NodeId(self.nodes.len() as u32));
             *self.nodes.grow_to(id) = Node { weight, ..Node::default() };
-            self.element(id, local);
+            self.element(id, union);
             id
         };
         weights.iter().map(give).collect()
     }
 
-    pub(super) fn connect(&mut self, edges: &[(End, End)], added: &[NodeId], local: &mut Local) {
+    pub(super) fn connect(&mut self, edges: &[(End, End)], added: &[NodeId], union: &mut BatchUnion) {
         for &(one, other) in edges {
             let [one, other] = [one, other].map(|end| self.resolve(end, added));
             assert!(one != other, "{one:?} cannot be joined to itself");
@@ -127,7 +127,7 @@ impl Graph {
                 if let Err(at) = neighbours.binary_search(&neighbour) {
                     neighbours.insert(at, neighbour);
                 }
-                self.element(node, local);
+                self.element(node, union);
             }
         }
     }
@@ -143,11 +143,11 @@ impl Graph {
     }
 
     /// Unites what an edge among the batch's nodes joins.
-    pub(super) fn unite_neighbours(&self, local: &mut Local) {
-        for element in 0..local.nodes.len() as u32 {
-            for &neighbour in self.neighbours(local.nodes[element as usize]) {
+    pub(super) fn unite_neighbours(&self, union: &mut BatchUnion) {
+        for element in 0..union.nodes.len() as u32 {
+            for &neighbour in self.neighbours(union.nodes[element as usize]) {
                 if let Some(other) = self.node(neighbour).element {
-                    local.unite(element, other);
+                    union.unite(element, other);
                 }
             }
         }
