@@ -60,6 +60,13 @@ pub(super) fn block_and_cell(key: VoxelKey) -> (BlockKey, Cell) {
     (indices.map(|i| i.div_euclid(EDGE)), Cell::at(indices.map(|i| i.rem_euclid(EDGE))))
 }
 
+/// The voxel of a cell in the block with this lower corner (voxel indices); `None` beyond the grid.
+pub(super) fn voxel_key(corner: [i32; 3], cell: Cell) -> Option<VoxelKey> {
+    let at = cell.coordinates();
+    let [x, y, z] = [0, 1, 2].map(|axis| corner[axis] + at[axis]);
+    VoxelKey::new(x, y, z)
+}
+
 #[derive(Clone, Debug)]
 pub(super) struct Voxel {
     pub(super) cell: Cell,
@@ -225,10 +232,9 @@ impl Block {
         self.cells.contains(cell).then(|| self.cells.rank(cell))
     }
 
-    /// The voxel key of a cell.
+    /// The voxel of a cell; `None` beyond the grid.
     pub(super) fn voxel_key(&self, cell: Cell) -> Option<VoxelKey> {
-        let [x, y, z] = cell.coordinates();
-        VoxelKey::new(self.key[0] * EDGE + x, self.key[1] * EDGE + y, self.key[2] * EDGE + z)
+        voxel_key(self.corner(), cell)
     }
 
     /// Index of the first voxel along each axis.

@@ -156,7 +156,7 @@ impl Surfaces {
         self.make_room(grid);
         let beside = self.beside(grid, published);
         let by_block = || beside.chunk_by(|a, b| a.block == b.block);
-        by_block().for_each(|beside| self.withdraw_loose(grid, beside));
+        by_block().for_each(|beside| self.withdraw_loose(beside));
         let mut batch = Batch::default();
         let old = self.replace(grid, published, &mut batch);
         self.connect(grid, published, &mut batch);
@@ -170,7 +170,7 @@ impl Surfaces {
         outcome.removed.iter().for_each(|&gone| self.bury(gone));
         dense.for_each(|(block, cell)| self.admit(grid, block, cell));
         self.refit(grid);
-        self.grant_ids(grid, now);
+        self.grant_ids(now);
     }
 
     fn make_room(&mut self, grid: &Grid) {

@@ -40,7 +40,7 @@ fn best_fit(
     segmented: &SegmentedBlocks,
     fits: impl Iterator<Item = (f64, PatchId)>,
 ) -> Option<(f64, PatchId)> {
-    let place = |id: PatchId| (segmented[id.block].contacts.corner(), id.number);
+    let place = |id: PatchId| (segmented[id.block].corner(), id.number);
     fits.min_by(|a, b| a.0.total_cmp(&b.0).then_with(|| place(a.1).cmp(&place(b.1))))
 }
 

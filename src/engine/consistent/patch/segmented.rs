@@ -7,15 +7,15 @@ use nalgebra::Vector3;
 use super::contacts::{Contact, Contacts};
 use super::segment::{NO_PATCH, Patches, segment};
 use super::{Patch, PatchId};
-use crate::engine::consistent::block::{Block, BlockIndex, CELLS, Cell, EDGE, offset_of};
+use crate::engine::consistent::block::{Block, BlockIndex, CELLS, Cell, EDGE, offset_of, voxel_key};
 use crate::engine::consistent::cells::{Cells, Window};
-use crate::engine::consistent::cluster::{Member, Share};
 use crate::engine::consistent::graph::NodeId;
 use crate::engine::consistent::grid::Grid;
 use crate::engine::consistent::lists::room;
 use crate::engine::consistent::lists::shared::Shared;
 use crate::engine::consistent::rules::Rules;
 use crate::engine::consistent::state::{State, states};
+use crate::engine::key::VoxelKey;
 
 /// A block as it was published last.
 #[derive(Clone, Debug, Default)]
@@ -132,6 +132,16 @@ impl Segmented {
         anew
     }
 
+    /// The lower corner of the block (voxel indices). Of one that was never segmented it may be any.
+    pub(crate) const fn corner(&self) -> [i32; 3] {
+        self.contacts.corner()
+    }
+
+    /// The voxel of a cell; `None` beyond the grid.
+    pub(crate) fn voxel_key(&self, cell: Cell) -> Option<VoxelKey> {
+        voxel_key(self.corner(), cell)
+    }
+
     /// The number of the patch that a cell is in.
     pub(crate) fn number_of(&self, cell: Cell) -> Option<u8> {
         let number = self.patches.iter().position(|patch| patch.cells.contains(cell))?;
@@ -168,24 +178,6 @@ impl Segmented {
     /// Whether a patch has a voxel in a window.
     pub(crate) fn is_any_patch_in(&self, window: &Window) -> bool {
         self.cells.any_in(window)
-    }
-
-    /// A voxel of this block as a cluster counts it: as one of its own patch, of the number `own`, or, where that is `None`, as one
-    /// beside a patch. `None` beyond the grid.
-    pub(crate) fn member<'a>(
-        &self,
-        block: &Block,
-        state: &'a State,
-        own: Option<u8>,
-        rules: &Rules,
-    ) -> Option<Member<'a>> {
-        let key = block.voxel_key(state.cell())?;
-        let share = own.map(|number| {
-            let patch = &self.patches[usize::from(number)];
-            let weight = patch.weight_of(state, &rules.noise);
-            Share { corner: block.corner(), weight, normal: patch.normal(), noise: patch.noise() }
-        });
-        Some(Member { key, state, is_thin: self.is_thin(state, rules), share })
     }
 
     /// The state of a cell that is dense.

@@ -27,6 +27,7 @@ impl Surfaces {
     /// Puts a voxel that has become dense beside the patches that are there, until its block is published.
     pub(super) fn admit(&mut self, grid: &Grid, block: BlockIndex, cell: Cell) {
         let Some(voxel) = grid.block(block).voxel(cell) else { return };
+        debug_assert_eq!(self.segmented[block].corner(), grid.block(block).corner());
         let admitted = self.segmented[block].admit(State::new(voxel));
         if let Some(number) = admitted {
             self.enter_loose(grid, block, std::iter::once(number));
@@ -70,15 +71,13 @@ impl Surfaces {
 
     /// Takes a loose voxel out of the cluster of its owner. That it has another one, or none, from then on is for the caller to note, or
     /// it would be taken out twice.
-    pub(super) fn leave_loose(&mut self, grid: &Grid, block: BlockIndex, number: usize) {
+    pub(super) fn leave_loose(&mut self, block: BlockIndex, number: usize) {
         let here = &self.segmented[block];
         let Some(owner) = here.loose[number].owner() else { return };
         let state = here.loose_state(number);
         let component = self.graph.component(owner);
-        let nodes = &self.nodes[block];
-        let is_own = |number: &u8| nodes.get(usize::from(*number)) == Some(&owner);
-        let own = here.number_of(state.cell()).filter(is_own);
-        let member = here.member(grid.block(block), state, own, &self.rules);
+        let own = self.patches[owner].and_then(|patch| self.number_in(patch, block, state.cell()));
+        let member = here.member(state, own, &self.rules);
         if let (Some(cluster), Some(member)) = (self.clusters[component].as_mut(), member) {
             cluster.remove(&member);
             self.changed.insert(component);
@@ -86,9 +85,9 @@ impl Surfaces {
     }
 
     /// Takes those of the loose voxels of one block out of their clusters that belong to patches that go.
-    pub(super) fn withdraw_loose(&mut self, grid: &Grid, beside: &[Beside]) {
+    pub(super) fn withdraw_loose(&mut self, beside: &[Beside]) {
         let theirs = || beside.iter().filter(|it| it.is_theirs);
-        theirs().for_each(|it| self.leave_loose(grid, it.block, it.number));
+        theirs().for_each(|it| self.leave_loose(it.block, it.number));
         if let Some(first) = theirs().next() {
             self.set_owners(first.block, theirs().map(|it| (it.number, None)).collect());
         }
@@ -108,7 +107,7 @@ impl Surfaces {
     ) {
         let owners = self.owners(grid, block, numbers).into_iter();
         let owners: Vec<_> = owners.filter_map(|(number, owner)| Some((number, owner?))).collect();
-        owners.iter().for_each(|&(number, owner)| self.enter_near(grid, block, number, owner));
+        owners.iter().for_each(|&(number, owner)| self.enter_near(block, number, owner));
         let given = owners.into_iter().map(|(number, owner)| (number, Some(self.node(owner))));
         self.set_owners(block, given.collect());
     }
@@ -133,9 +132,9 @@ impl Surfaces {
             if node == self.segmented[block].loose[number].owner() {
                 continue;
             }
-            self.leave_loose(grid, block, number);
+            self.leave_loose(block, number);
             if let Some(owner) = owner {
-                self.enter_near(grid, block, number, owner);
+                self.enter_near(block, number, owner);
             }
             moved.push((number, node));
         }
@@ -159,12 +158,12 @@ impl Surfaces {
 
     /// Puts a loose voxel into the cluster of the patch that it belongs to, one near it or its own, which is frayed. That this is its
     /// owner is for the caller to note.
-    fn enter_near(&mut self, grid: &Grid, block: BlockIndex, number: usize, owner: PatchId) {
+    fn enter_near(&mut self, block: BlockIndex, number: usize, owner: PatchId) {
         let here = &self.segmented[block];
         let state = here.loose_state(number);
         let component = self.graph.component(self.node(owner));
-        let is_own = owner.block == block && here.number_of(state.cell()) == Some(owner.number);
-        let member = here.member(grid.block(block), state, is_own.then_some(owner.number), &self.rules);
+        let own = self.number_in(owner, block, state.cell());
+        let member = here.member(state, own, &self.rules);
         if let (Some(cluster), Some(member)) = (self.clusters[component].as_mut(), member) {
             cluster.add(&member);
         }

@@ -1,11 +1,13 @@
 //! The voxels of the clusters: those of patches, and the loose ones beside them.
 
 use super::{PublishedBlocks, Surfaces};
-use crate::engine::consistent::block::{BlockIndex, CELLS};
+use crate::engine::consistent::block::{BlockIndex, CELLS, Cell};
+use crate::engine::consistent::cluster::{Member, Share};
 use crate::engine::consistent::graph::{Batch, ComponentId, Moved, NodeId};
 use crate::engine::consistent::grid::Grid;
 use crate::engine::consistent::patch::PatchId;
 use crate::engine::consistent::patch::segmented::Segmented;
+use crate::engine::consistent::rules::Rules;
 use crate::engine::consistent::state::State;
 
 impl Surfaces {
@@ -16,7 +18,7 @@ impl Surfaces {
         published: PublishedBlocks<'_>,
         batch: &mut Batch,
     ) -> Vec<Old> {
-        let old = published.iter().map(|block| self.withdraw(grid, block, batch)).collect();
+        let old = published.iter().map(|block| self.withdraw(block, batch)).collect();
         for block in published.iter() {
             self.segmented[block] = Segmented::new(grid, grid.block(block), &self.rules);
         }
@@ -24,8 +26,8 @@ impl Surfaces {
     }
 
     /// Takes all voxels of a block out of their clusters, and its nodes out of the graph; returns what it was.
-    fn withdraw(&mut self, grid: &Grid, block: BlockIndex, batch: &mut Batch) -> Old {
-        (0..self.segmented[block].loose.len()).for_each(|number| self.leave_loose(grid, block, number));
+    fn withdraw(&mut self, block: BlockIndex, batch: &mut Batch) -> Old {
+        (0..self.segmented[block].loose.len()).for_each(|number| self.leave_loose(block, number));
         let segmented = self.segmented.take(block);
         let nodes = self.nodes.take(block);
         let components: Vec<_> = nodes.iter().map(|&node| self.graph.component(node)).collect();
@@ -38,7 +40,7 @@ impl Surfaces {
             let Some(cluster) = self.clusters[component].as_mut() else { continue };
             self.changed.insert(component);
             for state in row {
-                let member = segmented.member(grid.block(block), state, Some(number), &self.rules);
+                let member = segmented.member(state, Some(number), &self.rules);
                 member.iter().for_each(|member| cluster.remove(member));
             }
         }
@@ -52,10 +54,8 @@ impl Surfaces {
         let Some(id) = self.patches[node] else { return };
         let (mut lost, mut gained) = (self.clusters[from].take(), self.clusters[to].take());
         self.for_each_voxel(grid, node, id, |block, state| {
-            let there = &self.segmented[block];
-            let is_own =
-                block == id.block && there.patches[usize::from(id.number)].cells.contains(state.cell());
-            let member = there.member(grid.block(block), state, is_own.then_some(id.number), &self.rules);
+            let own = self.number_in(id, block, state.cell());
+            let member = self.segmented[block].member(state, own, &self.rules);
             if let (Some(member), Some(lost), Some(gained)) = (member, lost.as_mut(), gained.as_mut()) {
                 lost.remove(&member);
                 gained.add(&member);
@@ -64,6 +64,12 @@ impl Surfaces {
         self.clusters[from] = lost;
         self.clusters[to] = gained;
         self.changed.extend([from, to]);
+    }
+
+    /// The number of a patch in its block, where a voxel is in it; `None` where that is one beside it.
+    pub(super) fn number_in(&self, patch: PatchId, block: BlockIndex, cell: Cell) -> Option<u8> {
+        let is_in = patch.block == block && self.segmented.patch(patch).cells.contains(cell);
+        is_in.then_some(patch.number)
     }
 
     /// Visits the voxels that belong to a node's patch: those in it, and the loose ones beside it.
@@ -87,6 +93,7 @@ impl Surfaces {
     /// Puts the voxels of a block that was segmented anew into their clusters.
     pub(super) fn enter(&mut self, grid: &Grid, block: BlockIndex) {
         let here = &self.segmented[block];
+        debug_assert_eq!(here.corner(), grid.block(block).corner());
         let numbers = here.numbers();
         for (number, row) in rows(&here.states, &numbers) {
             if here.is_loose(number) {
@@ -95,11 +102,25 @@ impl Surfaces {
             let component = self.graph.component(self.nodes[block][usize::from(number)]);
             let Some(cluster) = self.clusters[component].as_mut() else { continue };
             for state in row {
-                let member = here.member(grid.block(block), state, Some(number), &self.rules);
+                let member = here.member(state, Some(number), &self.rules);
                 member.iter().for_each(|member| cluster.add(member));
             }
         }
         self.enter_loose(grid, block, 0..self.segmented[block].loose.len());
+    }
+}
+
+impl Segmented {
+    /// A voxel of this block as a cluster counts it: as one of its own patch, of the number `own`, or, where that is `None`, as one
+    /// beside a patch. `None` beyond the grid.
+    pub(super) fn member<'a>(&self, state: &'a State, own: Option<u8>, rules: &Rules) -> Option<Member<'a>> {
+        let key = self.voxel_key(state.cell())?;
+        let share = own.map(|number| {
+            let patch = &self.patches[usize::from(number)];
+            let weight = patch.weight_of(state, &rules.noise);
+            Share { corner: self.corner(), weight, normal: patch.normal(), noise: patch.noise() }
+        });
+        Some(Member { key, state, is_thin: self.is_thin(state, rules), share })
     }
 }
 

@@ -1,11 +1,12 @@
 //! What follows from the voxels of the clusters that a scan has changed: their planes and footprints, and who has an id.
 
 use super::Surfaces;
-use crate::engine::consistent::block::{BlockKey, Cell};
+use crate::engine::consistent::block::Cell;
 use crate::engine::consistent::cluster::content;
 use crate::engine::consistent::graph::ComponentId;
 use crate::engine::consistent::grid::Grid;
 use crate::engine::consistent::outline::footprint::{Axis, Footprint};
+use crate::engine::consistent::patch::PatchId;
 use crate::engine::key::ClusterId;
 use crate::engine::now::Now;
 
@@ -40,8 +41,9 @@ impl Surfaces {
         for &node in self.graph.nodes(component) {
             let Some(id) = self.patches[node] else { continue };
             self.for_each_voxel(grid, node, id, |block, state| {
-                let is_thin = self.segmented[block].is_thin(state, &self.rules);
-                if let Some(key) = grid.block(block).voxel_key(state.cell()).filter(|_| !is_thin) {
+                let here = &self.segmented[block];
+                let is_thin = here.is_thin(state, &self.rules);
+                if let Some(key) = here.voxel_key(state.cell()).filter(|_| !is_thin) {
                     footprint.add(axis.column(key), &content(state, axis));
                 }
             });
@@ -51,7 +53,7 @@ impl Surfaces {
 
     /// Gives ids to clusters that have become large enough and have a plane, and takes them from those that no longer are or
     /// have.
-    pub(super) fn grant_ids(&mut self, grid: &Grid, now: Now) {
+    pub(super) fn grant_ids(&mut self, now: Now) {
         let mut new = Vec::new();
         for &component in &self.changed {
             let Some(cluster) = self.clusters[component].as_deref_mut() else { continue };
@@ -66,7 +68,7 @@ impl Surfaces {
             }
         }
         // The order of components depends on what was there before, which must not decide.
-        new.sort_by_cached_key(|&component| self.first_voxel(grid, component));
+        new.sort_by_cached_key(|&component| self.first_voxel(component));
         for component in new {
             self.ids_given += 1;
             if let Some(cluster) = self.clusters[component].as_deref_mut() {
@@ -80,10 +82,10 @@ impl Surfaces {
         }
     }
 
-    /// The first voxel of a component's patches, by block and cell.
-    pub(super) fn first_voxel(&self, grid: &Grid, component: ComponentId) -> Option<(BlockKey, Cell)> {
+    /// The first voxel of a component's patches, by the corner of its block and its cell.
+    fn first_voxel(&self, component: ComponentId) -> Option<([i32; 3], Cell)> {
         let ids = self.graph.nodes(component).iter().filter_map(|&node| self.patches[node]);
-        ids.filter_map(|id| Some((grid.block(id.block).key, self.segmented.patch(id).cells.iter().next()?)))
-            .min()
+        let first = |id: PatchId| self.segmented.patch(id).cells.iter().next();
+        ids.filter_map(|id| Some((self.segmented[id.block].corner(), first(id)?))).min()
     }
 }
