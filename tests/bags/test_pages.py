@@ -104,7 +104,7 @@ def constants(path):
 
 def test_the_limits_of_classes_and_states_are_those_of_the_program():
     page = " ".join((DOCS / "planner.md").read_text().split())
-    files = ("class", "surfaces/landmarks", "surfaces/refit", "surfaces/tell", "surfaces/waiting")
+    files = ("class", "surfaces/identify", "surfaces/landmarks", "surfaces/tell", "surfaces/waiting")
     engine = {path: constants(f"consistent/{path}.rs") for path in files}
     limits = {name: value for values in engine.values() for name, value in values.items()}
     level, upright = (round(math.degrees(limits[name][0])) for name in ("LEVEL", "UPRIGHT"))

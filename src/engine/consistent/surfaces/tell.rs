@@ -1,4 +1,4 @@
-//! What leaves the engine of the clusters: ids for those that are large enough, and descriptions, each as it was told of last.
+//! What leaves the engine of the clusters that have an id: descriptions, each as it was told of last.
 
 use std::sync::Arc;
 
@@ -64,6 +64,17 @@ impl Surfaces {
         sensor_height: f64,
         now: Now,
     ) -> Vec<ChangedCluster> {
+        let due = self.take_due(params, now);
+        due.iter().for_each(|&component| self.describe_shape(component, params, now));
+        self.classify(&due, sensor_height, params.voxel_size());
+        let changed = self.count_revisions(&due);
+        self.due = due;
+        changed
+    }
+
+    /// The clusters that this scan looks at, ascending: those that it changed, and of the others those whose state is another by
+    /// time alone, and those whose turn it is.
+    fn take_due(&mut self, params: &Params, now: Now) -> Vec<ComponentId> {
         let mut due = std::mem::take(&mut self.due);
         due.clear();
         due.extend(&self.changed);
@@ -72,37 +83,7 @@ impl Surfaces {
         due.extend(self.in_turn(now).filter(others));
         due.sort_unstable();
         due.dedup();
-        for &component in &due {
-            let changed = self.changed.contains(&component);
-            self.describe_shape(component, changed, params, now);
-        }
-        let mut classes = Vec::new();
-        for &component in &due {
-            let Some(cluster) = self.clusters[component].as_deref() else { continue };
-            let (Some(shape), Some(plane)) = (&cluster.told, &cluster.plane) else { continue };
-            let planarity = Planarity::of(cluster, plane, &self.rules);
-            let uprights = self.uprights(shape);
-            let floor = self.landmarks.floor_below(evidence::middle(shape));
-            let surroundings = Surroundings {
-                floor,
-                floor_above: if floor.is_none() { self.landmarks.lowest_floor() } else { None },
-                sensor: sensor_height,
-                was_ceiling: cluster.before.class() == SurfaceClass::Ceiling,
-            };
-            let evidence = Evidence::of(shape, planarity, &uprights, surroundings, params.voxel_size());
-            classes.push((component, classify(&evidence)));
-        }
-        for (component, (class, confidence)) in classes {
-            let told = self.clusters[component].as_mut().and_then(|cluster| cluster.told.as_mut());
-            if let Some(told) = told.filter(|told| (told.class, told.class_confidence) != (class, confidence))
-            {
-                let told = Arc::make_mut(told);
-                (told.class, told.class_confidence) = (class, confidence);
-            }
-        }
-        let changed = self.count_revisions(&due);
-        self.due = due;
-        changed
+        due
     }
 
     /// The clusters with an id whose turn it is to be looked at though nothing has changed. It stays the same turn while others
@@ -116,22 +97,9 @@ impl Surfaces {
         told.map(|(component, _)| ComponentId(component as u32))
     }
 
-    /// The upright clusters that this one stands beside.
-    pub(super) fn uprights(&self, cluster: &snapshot::Cluster) -> Uprights {
-        let edges = evidence::edges(cluster);
-        let near = edges.map(|edges| self.landmarks.near(&edges)).unwrap_or_default();
-        let told = near.iter().filter_map(|&other| self.clusters[other].as_ref()?.told.as_deref());
-        Uprights::of(cluster, edges.as_ref(), told)
-    }
-
-    /// Describes a cluster anew where it has `changed`, and finds its state; its class follows once all others are described.
-    pub(super) fn describe_shape(
-        &mut self,
-        component: ComponentId,
-        changed: bool,
-        params: &Params,
-        now: Now,
-    ) {
+    /// Describes a cluster anew where it has changed, and finds its state; its class follows once all others are described.
+    fn describe_shape(&mut self, component: ComponentId, params: &Params, now: Now) {
+        let changed = self.changed.contains(&component);
         let Some(cluster) = self.clusters[component].as_deref_mut() else { return };
         let Some(id) = cluster.identity.id else {
             cluster.told = None;
@@ -158,8 +126,53 @@ impl Surfaces {
         self.waiting.set(component, Waits::of(cluster));
     }
 
+    /// Classifies clusters; the class of each is found before any of them has got its own.
+    fn classify(&mut self, due: &[ComponentId], sensor_height: f64, voxel_size: f64) {
+        let class_of = |&component: &ComponentId| {
+            Some((component, self.class_of(component, sensor_height, voxel_size)?))
+        };
+        let classes: Vec<_> = due.iter().filter_map(class_of).collect();
+        for (component, (class, confidence)) in classes {
+            let told = self.clusters[component].as_mut().and_then(|cluster| cluster.told.as_mut());
+            if let Some(told) = told.filter(|told| (told.class, told.class_confidence) != (class, confidence))
+            {
+                let told = Arc::make_mut(told);
+                (told.class, told.class_confidence) = (class, confidence);
+            }
+        }
+    }
+
+    /// The class of a cluster as it is described now, and the confidence in that; `None` of one that is not told of.
+    fn class_of(
+        &self,
+        component: ComponentId,
+        sensor_height: f64,
+        voxel_size: f64,
+    ) -> Option<(SurfaceClass, f32)> {
+        let cluster = self.clusters[component].as_deref()?;
+        let (shape, plane) = (cluster.told.as_ref()?, cluster.plane.as_ref()?);
+        let planarity = Planarity::of(cluster, plane, &self.rules);
+        let uprights = self.uprights(shape);
+        let floor = self.landmarks.floor_below(evidence::middle(shape));
+        let surroundings = Surroundings {
+            floor,
+            floor_above: if floor.is_none() { self.landmarks.lowest_floor() } else { None },
+            sensor: sensor_height,
+            was_ceiling: cluster.before.class() == SurfaceClass::Ceiling,
+        };
+        Some(classify(&Evidence::of(shape, planarity, &uprights, surroundings, voxel_size)))
+    }
+
+    /// The upright clusters that this one stands beside.
+    pub(super) fn uprights(&self, cluster: &snapshot::Cluster) -> Uprights {
+        let edges = evidence::edges(cluster);
+        let near = edges.map(|edges| self.landmarks.near(&edges)).unwrap_or_default();
+        let told = near.iter().filter_map(|&other| self.clusters[other].as_ref()?.told.as_deref());
+        Uprights::of(cluster, edges.as_ref(), told)
+    }
+
     /// Counts the revisions of what is told of differently, or has taken in another.
-    pub(super) fn count_revisions(&mut self, due: &[ComponentId]) -> Vec<ChangedCluster> {
+    fn count_revisions(&mut self, due: &[ComponentId]) -> Vec<ChangedCluster> {
         let mut changed = Vec::new();
         for &component in due {
             let Some(cluster) = self.clusters[component].as_deref_mut() else { continue };
