@@ -80,19 +80,31 @@ pub(super) enum Before {
     Other(Arc<snapshot::Cluster>),
 }
 
-/// What is told of a cluster that may change while its voxels do not.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// What is told of a cluster that may change while its voxels do not, and so does not follow from these: it is saved.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Standing {
     state: ClusterState,
-    last_seen: Stamp,
-    class: SurfaceClass,
+    pub(super) class: SurfaceClass,
     class_confidence: f32,
+    last_seen: Stamp,
 }
 
 impl Standing {
     pub(super) const fn of(told: &snapshot::Cluster) -> Self {
-        let snapshot::Cluster { state, last_seen, class, class_confidence, .. } = *told;
-        Self { state, last_seen, class, class_confidence }
+        let snapshot::Cluster { state, class, class_confidence, last_seen, .. } = *told;
+        Self { state, class, class_confidence, last_seen }
+    }
+
+    /// Whether it can have been told.
+    pub(super) fn is_possible(&self) -> bool {
+        (0.0..=1.0).contains(&self.class_confidence)
+    }
+
+    /// Tells it of a cluster.
+    pub(super) const fn restore(&self, told: &mut snapshot::Cluster) {
+        let Self { state, class, class_confidence, last_seen } = *self;
+        (told.state, told.class, told.class_confidence, told.last_seen) =
+            (state, class, class_confidence, last_seen);
     }
 }
 

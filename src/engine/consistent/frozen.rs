@@ -7,11 +7,11 @@
 
 mod voxels;
 
-use nalgebra::Isometry3;
 use serde::{Serialize, Serializer};
 
 use super::grid::Blocks;
 use super::noise::Noise;
+use super::publish::standpoint::Standpoint;
 use super::saved::{SavedBlock, SavedConsistent};
 use super::surfaces::FrozenSurfaces;
 use crate::engine::key::Partition;
@@ -24,8 +24,7 @@ pub(crate) struct FrozenConsistent {
     pub(super) surfaces: FrozenSurfaces,
     pub(super) noise: Noise,
     pub(super) taken: Taken,
-    /// Where the sensor stands, and since which scan.
-    pub(super) standpoint: (Isometry3<f64>, u64),
+    pub(super) standpoint: Standpoint,
     /// The number of the block at which forgetting goes on.
     pub(super) next: u64,
 }

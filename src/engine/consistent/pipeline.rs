@@ -102,7 +102,7 @@ impl Consistent {
             surfaces: self.surfaces.freeze(),
             noise: self.surfaces.rules.noise,
             taken: self.taken,
-            standpoint: self.standpoint.save(),
+            standpoint: self.standpoint,
             next: self.bounds.next(),
         }
     }
@@ -114,7 +114,7 @@ impl Consistent {
             format!("forgetting goes on at block {next} of {}", blocks.len())
         })?;
         let sequence = taken.sequence;
-        let standpoint = Standpoint::restore(&standpoint, sequence)?;
+        standpoint.check(sequence)?;
         let mut engine = Self { standpoint, taken, ..Self::new(params) };
         // Each goes when its voxels are in the grid, and those are at rest where they are to be: a large map is in memory once.
         blocks.into_iter().try_for_each(|block| engine.restore_block(&block))?;

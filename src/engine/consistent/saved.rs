@@ -3,7 +3,6 @@
 //! Voxels with their moments and what was published of them, by blocks in the order of the grid's list, the slots of patches
 //! and clusters, and who the clusters are. Joins, sums, footprints and outlines follow from these and are found again.
 
-use nalgebra::Isometry3;
 use serde::{Deserialize, Serialize};
 
 use super::block::{Block, BlockKey, CELLS, Cell, EDGE, Voxel};
@@ -11,6 +10,7 @@ use super::clearing::Clearance;
 use super::grid::Grid;
 use super::publish::baseline::Baseline;
 use super::publish::news::News;
+use super::publish::standpoint::Standpoint;
 use super::state::State;
 use super::sums::Moments;
 use super::surfaces::SavedSurfaces;
@@ -25,8 +25,7 @@ pub(crate) struct SavedConsistent<B = Vec<SavedBlock>> {
     /// In the order of the grid's list.
     pub(super) blocks: B,
     pub(super) surfaces: SavedSurfaces,
-    /// Where the sensor stands, and since which scan.
-    pub(super) standpoint: (Isometry3<f64>, u64),
+    pub(super) standpoint: Standpoint,
     /// The number of the block at which forgetting goes on.
     pub(super) next: u64,
 }

@@ -3,6 +3,7 @@
 //! Two sensors that take turns at one map never count as standing still.
 
 use nalgebra::{Isometry3, Point3};
+use serde::{Deserialize, Serialize};
 
 use crate::engine::saved::{RestoreError, ensure};
 
@@ -12,7 +13,7 @@ const TURN: f64 = 0.01;
 const WAY: f64 = 0.5;
 
 /// A pose that the sensor has not left.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Standpoint {
     pose: Isometry3<f64>,
     /// The scan that it was taken up in; 0 = none was.
@@ -24,17 +25,13 @@ impl Standpoint {
         Self { pose: Isometry3::identity(), since: 0 }
     }
 
-    pub(crate) const fn save(&self) -> (Isometry3<f64>, u64) {
-        (self.pose, self.since)
-    }
-
-    pub(crate) fn restore(saved: &(Isometry3<f64>, u64), sequence: u64) -> Result<Self, RestoreError> {
-        let (pose, since) = *saved;
+    /// Whether it can be that of a map after the scan `sequence`.
+    pub(crate) fn check(&self, sequence: u64) -> Result<(), RestoreError> {
+        let Self { pose, since } = *self;
         let possible = pose.translation.vector.iter().all(|c| c.is_finite())
             && (pose.rotation.quaternion().norm() - 1.0).abs() < 1e-6
             && since <= sequence;
-        ensure(possible, || format!("the sensor stands at {pose} since scan {since} of {sequence}"))?;
-        Ok(Self { pose, since })
+        ensure(possible, || format!("the sensor stands at {pose} since scan {since} of {sequence}"))
     }
 
     /// Where the sensor stands (m).

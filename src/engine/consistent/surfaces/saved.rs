@@ -7,9 +7,8 @@ use serde::{Deserialize, Serialize};
 
 use super::Surfaces;
 use super::waiting::Waits;
-use crate::engine::class::SurfaceClass;
 use crate::engine::consistent::block::{Block, CELLS};
-use crate::engine::consistent::cluster::{Cluster, Identity};
+use crate::engine::consistent::cluster::{Cluster, Identity, Standing};
 use crate::engine::consistent::describe::shape_of;
 use crate::engine::consistent::graph::{ComponentId, Graph, NodeId, NodeLists, Slots};
 use crate::engine::consistent::grid::Grid;
@@ -23,8 +22,6 @@ use crate::engine::consistent::saved::SavedState;
 use crate::engine::key::ClusterId;
 use crate::engine::params::Params;
 use crate::engine::saved::{MOST_REVISIONS, RestoreError, ensure, ensure_counted, in_slots};
-use crate::engine::scan::Stamp;
-use crate::engine::snapshot::ClusterState;
 
 /// Least part of a plane's unit normal along the axis that its outline is drawn along; along one that is kept it has 0.51 or more
 /// ([`Axis::kept`]).
@@ -46,26 +43,12 @@ pub(super) struct SavedCluster {
     identity: Identity,
     /// The axis along which its footprint is projected: 0 to 2.
     axis: u8,
-    told: Option<SavedTold>,
-}
-
-/// What was told of a cluster that does not follow from its voxels.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct SavedTold {
-    state: ClusterState,
-    class: SurfaceClass,
-    class_confidence: f32,
-    last_seen: Stamp,
+    told: Option<Standing>,
 }
 
 impl SavedCluster {
     fn of(cluster: &Cluster) -> Self {
-        let told = cluster.told.as_ref().map(|told| SavedTold {
-            state: told.state,
-            class: told.class,
-            class_confidence: told.class_confidence,
-            last_seen: told.last_seen,
-        });
+        let told = cluster.told.as_deref().map(Standing::of);
         Self { identity: cluster.identity.clone(), axis: cluster.footprint.axis().index() as u8, told }
     }
 
@@ -207,10 +190,8 @@ impl Surfaces {
             })?;
             cluster.told = told.map(Arc::new);
             if let (Some(told), Some(saved)) = (&mut cluster.told, &saved.told) {
-                ensure((0.0..=1.0).contains(&saved.class_confidence), || format!("confidence of {saved:?}"))?;
-                let told = Arc::make_mut(told);
-                (told.state, told.last_seen) = (saved.state, saved.last_seen);
-                (told.class, told.class_confidence) = (saved.class, saved.class_confidence);
+                ensure(saved.is_possible(), || format!("confidence of {saved:?}"))?;
+                saved.restore(Arc::make_mut(told));
             }
             cluster.counted = if cluster.identity.id.is_some() { cluster.voxels } else { 0 };
             self.counted.count(0, cluster.counted);
