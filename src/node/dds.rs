@@ -6,6 +6,7 @@
 
 mod addresses;
 mod answering;
+mod farewell;
 mod latched;
 mod mismatch;
 mod namesakes;
@@ -28,6 +29,7 @@ use std::time::Duration;
 
 use ros2_client::RmwRequestId;
 use tokio::sync::mpsc;
+use tokio::task::spawn_local;
 use tracing::warn;
 
 use self::addresses::say_addresses;
@@ -128,13 +130,16 @@ impl Dds {
         }
     }
 
-    /// The network before is left without a farewell, for which its threads may be gone; late readers are given nothing of what was
-    /// sent there, so that the node is told.
+    /// The network before is left without a farewell of its own, for which its threads may be gone; it is said once they are. Late
+    /// readers are given nothing of what was sent there, so that the node is told.
     async fn try_to_join_anew(&self, reason: &str) -> Result<(), OpenError> {
         let Self { setup, security, memory, parameters, events, .. } = self;
         let anew = in_time(|| Network::open(setup, security, memory, parameters, events))?;
         warn!("{reason}: the network is joined anew, the map stays");
         let before = self.network.replace(Rc::new(anew));
+        if let Some(farewell) = before.farewell(&self.network()) {
+            spawn_local(farewell.say_once_gone());
+        }
         before.deafen().await;
         // Where the node ends, nobody hears it or needs to.
         drop(events.send(Event::Joined).await);
@@ -182,11 +187,12 @@ impl Middleware for Dds {
         Ok((dds, events, receiver))
     }
 
-    async fn close(self) -> impl Sized {
-        match Rc::into_inner(self.network.into_inner()) {
+    async fn close(self) -> impl FnOnce() {
+        let leave = match Rc::into_inner(self.network.into_inner()) {
             Some(network) => Some(network.close().await),
             None => None,
-        }
+        };
+        move || leave.into_iter().for_each(|leave| leave())
     }
 
     fn changed(&self, setup: &Setup) -> Vec<(String, Value)> {

@@ -96,7 +96,7 @@ pub trait Middleware: Transport<Request: Send> + Sized {
     /// Whether the middleware still does anything; where it does not, [`Self::close`] does not return.
     fn answers(&self) -> impl Future<Output = bool>;
 
-    /// Takes the node off the network. Drop what this returns after the [`tokio::task::LocalSet`]: readers sign off at
-    /// what must still be there.
-    fn close(self) -> impl Future<Output = impl Sized>;
+    /// Takes the node off the network. Call what this returns once the [`tokio::task::LocalSet`] has been dropped: readers sign off
+    /// at what must still be there, and who tells peers of the end must be the last.
+    fn close(self) -> impl Future<Output = impl FnOnce()>;
 }

@@ -183,16 +183,19 @@ pub fn live_node<T: Middleware, E: From<ProcessError>>(
         )
         .await;
         let changed = transport.changed(setup);
-        let network = leave(transport).await;
+        let leaving = leave(transport).await;
         let map = match map {
             Err(LiveError::Deaf(why)) => Err(deaf(why, changed, signals).await),
             map => map.map_err(ProcessError::from),
         };
-        Ok::<_, E>((map, network))
+        Ok::<_, E>((map, leaving))
     });
-    let map = ended.and_then(|(map, network)| {
-        match network {
-            Some(network) => drop((tasks, network)),
+    let map = ended.and_then(|(map, leaving)| {
+        match leaving {
+            Some(leave) => {
+                drop(tasks);
+                leave();
+            }
             None => std::mem::forget(tasks),
         }
         map.map_err(E::from)
@@ -210,7 +213,7 @@ async fn deaf(why: String, changed: Vec<(String, Value)>, mut signals: Option<Si
 }
 
 /// Takes the node off the network. A middleware that does not answer is left as it is, for good: it would be waited for.
-async fn leave<T: Middleware>(transport: Rc<T>) -> Option<impl Sized> {
+async fn leave<T: Middleware>(transport: Rc<T>) -> Option<impl FnOnce()> {
     if !transport.answers().await {
         std::mem::forget(transport);
         return None;

@@ -250,12 +250,13 @@ impl Middleware for Zenoh {
         true
     }
 
-    async fn close(self) -> impl Sized {
+    async fn close(self) -> impl FnOnce() {
         self.readers.lock().await.shutdown().await;
         self.answers.done().await;
         let session = self.session.clone();
         drop(self);
         close(session).await;
+        || {}
     }
 }
 

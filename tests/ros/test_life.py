@@ -52,12 +52,18 @@ def test_an_unknown_parameter_ends_it_with_status_2_and_the_nearest_right_name(n
     assert [line for line in node.lines if name in line and nearest in line], "\n".join(node.lines)
 
 
-@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])
-def test_sigint_and_sigterm_end_it_with_status_0_and_it_leaves_the_graph(ending, start, peer):
-    node = start().ready()
+@pytest.mark.parametrize("ending, domain", [(signal.SIGINT, 0), (signal.SIGTERM, 7)])
+def test_sigint_and_sigterm_end_it_with_status_0_and_it_leaves_the_graph(ending, domain, start, new_peer):
+    """With all that it had, and at once: who waits for its services would call into the void, and a robot would count its topics."""
+    peer = new_peer(domain=domain)
+    save = peer.node.create_client(Trigger, "/cfodi/save")
+    node = start(environment={"ROS_DOMAIN_ID": str(domain)}).ready()
     wait_until("the node in the graph", lambda: "/cfodi" in node_names(peer))
+    wait_until("its topics and services", lambda: peer.node.count_publishers("/cfodi/clusters") and save.service_is_ready())
     node.stop(ending)
     wait_until("the node gone", lambda: "/cfodi" not in node_names(peer), 20)
+    wait_until("its topics gone", lambda: not peer.node.count_publishers("/cfodi/clusters"), 5)
+    wait_until("its services gone", lambda: not save.service_is_ready(), 5)
 
 
 def test_who_joins_late_gets_the_snapshot_at_once(start, peer, new_peer):

@@ -5,6 +5,7 @@ Two builds: CFODI_BIN without the cargo feature `security`, and the folder CFODI
 
 import os
 import pathlib
+import re
 import subprocess
 import threading
 import time
@@ -20,6 +21,8 @@ SECURED = pathlib.Path(os.environ.get("CFODI_SECURED") or REPOSITORY / "target" 
 ENCLAVE = ["--enclave", "/robot/cfodi"]
 # What who looks on could learn of the node: a type, a topic and the frame of its map.
 PLAIN = (b"SurfaceClusterArray_", b"rt/cfodi/clusters", b"map\0")
+# That a participant is gone, by the hash of its key: PID_KEY_HASH and PID_STATUS_INFO.
+FAREWELL = re.compile(rb"\x70\0\x10\0.{12}\0\0\x01\xc1\x71\0\x04\0\0\0\0\x03", re.DOTALL)
 
 
 @pytest.fixture
@@ -78,11 +81,12 @@ def refused(node, capture, *says):
 
 def test_without_security_the_capture_sees_packets_and_reads_them(start, peer):
     capture = Capture()
-    start().ready()
+    node = start().ready()
     peer.record("/cfodi/clusters", SurfaceClusterArray, qos(1, latched=True))
     for word in (b"RTPS", *PLAIN):
         wait_until(f"packets with {word}", lambda: any(word in packet for packet in list(capture.packets)), 60)
-    assert capture.stop()
+    node.stop()
+    assert any(FAREWELL.search(packet) for packet in capture.stop())
 
 
 def test_enforce_without_the_feature_ends_it_before_a_packet_is_sent(start, keys):
@@ -220,13 +224,15 @@ def test_who_has_keys_gets_clusters_and_who_has_none_gets_nothing(start, peer, r
 def test_who_has_keys_without_the_permission_gets_nothing_and_who_looks_on_reads_nothing(start, run, keys):
     capture = Capture()
     keys.enclave("/guest", subscribe=("ros_discovery_info", "rq/*", "rr/*", "rt/parameter_events"))
-    start(arguments=ENCLAVE, environment=keys.variables(), binary=SECURED / "cfodi").ready()
+    node = start(arguments=ENCLAVE, environment=keys.variables(), binary=SECURED / "cfodi").ready()
     guest = run("clusters", "--ros-args", "--enclave", "/guest", environment=keys.variables())
     planner = run("clusters", "--ros-args", "--enclave", "/planner", environment=keys.variables())
     wait_until("a map at the planner", lambda: clusters_read(planner) is not None, 60)
     assert guest.wait(60) != 0 and clusters_read(guest) is None
+    node.stop()
     packets = capture.stop()
     assert len(packets) > 100
+    assert not any(FAREWELL.search(packet) for packet in packets), "it cannot be signed"
     assert not [word for word in PLAIN if any(word in packet for packet in packets)]
 
 

@@ -55,6 +55,11 @@ def flows_again(peer, since):
             f"the delta of a scan after {since}", lambda m: compare.stamp(m) > since, timeout=60))
 
 
+def is_there_once(peer):
+    """What the node was on a network that it has left does not stay beside it."""
+    wait_until("one node", lambda: peer.node.count_publishers("/cfodi/clusters") == 1, 5)
+
+
 def one_map(peer, counts, gaps=0):
     """One session, no delta lost but in so many gaps, and the deltas lead from each snapshot to the next."""
     peer.clusters.wait("the last snapshot", lambda m: m.sequence == counts["taken_in"])
@@ -176,6 +181,7 @@ def test_a_node_that_stalls_for_5_s_goes_on_in_the_same_map(start, peer, drive):
     driver.sends(30)
     stall(node.process, STALL)
     flows_again(peer, time.time_ns())
+    is_there_once(peer)
     driver.sends(30)
     counts = stop(node, driver)
     assert not any("JumpedBack" in line for line in node.lines), "transforms were taken in a wrong order"
@@ -196,6 +202,7 @@ def test_where_the_clock_is_set_back_scans_come_again_soon_in_the_same_map(start
     said = node.line_with("the system's clock was set back by", "the network is joined anew")
     assert 599 < float(re.search(r"set back by ([\d.]+) s", said)[1]) < 601, said
     flows_again(peer, time.time_ns())
+    is_there_once(peer)
     driver.sends(30)
     counts = stop(node, driver)
     assert sum("set back" in line for line in node.lines) == 1, node.lines
@@ -263,6 +270,35 @@ def test_a_node_that_is_there_before_its_network_says_so_and_is_heard_once_that_
     heard_anew(node, new_peer, ["new: 10.9.0.1"])
     driver.finish()
     add_up(node.stop())
+
+
+#: Says each time that it sees the node's map come or go.
+ONLOOKER = """
+import sys
+from peer import Peer, wait_until
+node = Peer("onlooker").node
+for there in (1, 0):
+    wait_until("the node", lambda: node.count_publishers("/cfodi/clusters") == there)
+    print(there, flush=True)
+sys.stdin.read()
+"""
+
+
+def test_the_end_of_a_node_is_known_on_another_machine_at_once(start, machine):
+    """Over there, too, nobody is to wait for what has gone."""
+    machine.wire_has("10.9.0.1")
+    node = start().ready()
+    here = pathlib.Path(__file__).parent
+    with subprocess.Popen([*machine.inside, sys.executable, "-c", ONLOOKER], cwd=here, stdin=subprocess.PIPE,
+                          stdout=subprocess.PIPE, text=True) as onlooker:
+        try:
+            assert onlooker.stdout.readline() == "1\n"
+            node.stop()
+            ended = time.monotonic()
+            assert onlooker.stdout.readline() == "0\n"
+            assert time.monotonic() < ended + 5, "it was waited for"
+        finally:
+            onlooker.kill()
 
 
 @pytest.mark.alone

@@ -41,6 +41,11 @@ impl Addresses {
         Self { only: only.to_vec(), joined: read(only), at: Instant::now() }
     }
 
+    /// All of them.
+    pub(super) fn joined(&self) -> Vec<Ipv4Addr> {
+        self.joined.iter().copied().collect()
+    }
+
     /// Resolves when one has come by which nothing is heard, with what has changed.
     pub(super) async fn have_changed(&self) -> String {
         let mut looks = Looks::new(self.joined.clone());

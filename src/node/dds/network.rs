@@ -16,6 +16,7 @@ use tokio::sync::Mutex;
 use self::sessions::Sessions;
 use super::addresses::Addresses;
 use super::answering::Answering;
+use super::farewell::Farewell;
 use super::mismatch::Ends;
 use super::outlet::Outlet;
 use super::pulse::Pulse;
@@ -80,17 +81,28 @@ pub(super) struct Network {
     /// was.
     time_of_day: Watch,
     addresses: Addresses,
+    has_keys: bool,
 }
 
 impl Network {
     /// Takes the node off the network; see [`super::Dds::close`].
-    pub(super) async fn close(self) -> impl Sized {
+    pub(super) async fn close(self) -> impl FnOnce() {
+        let farewell = self.farewell(&self);
         let Self { node, context, participant, readers, .. } = self;
         drop(node);
         // The library's own task ends when it runs next.
         tokio::time::sleep(FAREWELL).await;
         drop(context);
-        (readers, participant)
+        move || {
+            drop((readers, participant));
+            farewell.into_iter().for_each(Farewell::say);
+        }
+    }
+
+    /// What remains to be said when it has been left, on the network that is joined by `now`.
+    pub(super) fn farewell(&self, now: &Self) -> Option<Farewell> {
+        let farewell = || Farewell::of(&self.participant, &self.sources.threads, now.addresses.joined());
+        (!self.has_keys).then(farewell)
     }
 
     /// Reads no more.

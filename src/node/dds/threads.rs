@@ -28,6 +28,11 @@ impl Threads {
     pub(super) fn live(&self) -> bool {
         running().is_none_or(|running| self.0.is_subset(&running))
     }
+
+    /// Whether none of them runs any more, where it can be known.
+    pub(super) fn have_ended(&self) -> bool {
+        running().is_some_and(|running| self.0.is_disjoint(&running))
+    }
 }
 
 /// `None` where the system does not tell.
@@ -67,7 +72,7 @@ mod tests {
         };
         let ((end, thread), threads) = Threads::started_by(|| start("RustDDS test"));
         let (other, other_thread) = start("RustDDS other");
-        assert!(threads.0.len() == 1 && threads.live());
+        assert!(threads.0.len() == 1 && threads.live() && !threads.have_ended());
         drop(other);
         other_thread.join().unwrap();
         assert!(threads.live());
@@ -77,6 +82,6 @@ mod tests {
         while threads.live() && patience.elapsed() < Duration::from_secs(60) {
             std::thread::sleep(Duration::from_millis(1));
         }
-        assert!(!threads.live());
+        assert!(!threads.live() && threads.have_ended());
     }
 }

@@ -89,10 +89,11 @@ impl Network {
             reopened: Cell::new(0),
             time_of_day,
             addresses,
+            has_keys: read::has_keys(security),
         };
         network.listen_to_calls(events)?;
         network.listen_to_namesakes(setup.fully_qualified_name(), memory)?;
-        if !read::has_keys(security) {
+        if !network.has_keys {
             network.listen_to_found(transforms, memory, events)?;
         }
         Ok(network)
