@@ -115,9 +115,9 @@ pub enum StoreError {
         /// What is wrong, with its numbers.
         what: String,
     },
-    /// A later program has written it.
+    /// An earlier or a later program has written it.
     #[error("{path} is of version {version}; this program reads version {VERSION}")]
-    Newer {
+    OtherVersion {
         /// The file.
         path: PathBuf,
         /// Its version.
@@ -200,7 +200,7 @@ pub fn read(path: &Path) -> Result<Stored, StoreError> {
     drop(bytes);
     match plain.and_then(|plain| decode(&plain)) {
         Ok(stored) => Ok(stored),
-        Err(Flaw::Newer(version)) => Err(StoreError::Newer { path: path.to_owned(), version }),
+        Err(Flaw::OtherVersion(version)) => Err(StoreError::OtherVersion { path: path.to_owned(), version }),
         Err(Flaw::Damaged(what)) => Err(StoreError::Damaged { path: path.to_owned(), what }),
     }
 }
@@ -240,8 +240,8 @@ fn synced(folder: io::Result<()>) -> io::Result<()> {
 /// Why bytes are no map.
 #[derive(Debug, PartialEq, Eq)]
 pub enum Flaw {
-    /// They are of this later version.
-    Newer(u32),
+    /// They are of this version.
+    OtherVersion(u32),
     /// What is wrong, with its numbers.
     Damaged(String),
 }
@@ -315,11 +315,8 @@ impl Header {
             return damaged("it does not begin with `cfodimap`".to_owned());
         }
         let version = number(&header[8..12]) as u32;
-        if version > VERSION {
-            return Err(Flaw::Newer(version));
-        }
-        if version < VERSION {
-            return damaged(format!("it is of version {version}, which is not read any more"));
+        if version != VERSION {
+            return Err(Flaw::OtherVersion(version));
         }
         let [plain_length, packed_length] = [12, 20].map(|at| number(&header[at..at + 8]));
         if plain_length > packed_length.saturating_mul(MOST_UNPACKED) {

@@ -304,6 +304,20 @@ mod tests {
     }
 
     #[test]
+    fn a_map_of_an_older_version_is_said_to_be_one_and_not_to_be_damaged() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("map");
+        let config = saving_in(&path);
+        store::write(&path, &config.fixed_frame, Engine::new(config.engine).freeze()).unwrap();
+        let mut older = fs::read(&path).unwrap();
+        older[8] = 4;
+        fs::write(&path, older).unwrap();
+        let line = "is of version 4; this program reads version 5; it is kept as";
+        let path = path.display();
+        assert_eq!(said(&config), (30, format!("not resumed: {path} {line} {path}.refused-1")));
+    }
+
+    #[test]
     fn each_file_that_is_removed_for_another_is_said() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("map");
