@@ -24,11 +24,12 @@ impl SavingFigures {
         self.asked = Some(now);
     }
 
-    /// A map was written, or was not; `next` says whether another is on its way.
+    /// A map was written, or was not; `next` says whether another is on its way. One that was written is of the time when it was asked
+    /// for: a slow disk makes it no younger.
     pub(super) fn note(&mut self, written: &Written, next: bool, now: Instant) {
-        self.asked = next.then_some(now);
+        let asked = std::mem::replace(&mut self.asked, next.then_some(now));
         match written {
-            Ok(map) => (self.written, self.failure) = (Some((*map, now)), None),
+            Ok(map) => (self.written, self.failure) = (Some((*map, asked.unwrap_or(now))), None),
             Err(error) => self.failure = Some(error.to_string()),
         }
     }
@@ -80,6 +81,17 @@ mod tests {
     }
 
     #[test]
+    fn a_saved_map_is_of_the_time_when_it_was_asked_for_however_long_the_disk_takes() {
+        let (mut figures, start) = (SavingFigures::default(), Instant::now());
+        let at = |seconds| start + Duration::from_secs(seconds);
+        figures.ask(at(100));
+        figures.note(&Ok(FILE), true, at(130));
+        assert_eq!(figures.age(at(130)), Some(Duration::from_secs(30)));
+        figures.note(&Ok(FILE), false, at(140));
+        assert_eq!(figures.age(at(140)), Some(Duration::from_secs(10)), "the next was asked for at 130");
+    }
+
+    #[test]
     fn a_failure_is_a_fault_until_a_map_is_written_and_so_is_a_disk_that_does_not_answer() {
         let (mut figures, start) = (SavingFigures::default(), Instant::now());
         let at = |seconds| start + Duration::from_secs(seconds);
@@ -92,6 +104,6 @@ mod tests {
         figures.note(&Err(StoreError::InUse { path: "map".into() }), true, at(140));
         assert_eq!(fault(&figures, 141), "the map was not saved: map is in use by another process");
         figures.note(&Ok(FILE), false, at(150));
-        assert_eq!((figures.fault(at(999)), figures.age(at(155))), (None, Some(Duration::from_secs(5))));
+        assert_eq!((figures.fault(at(999)), figures.age(at(155))), (None, Some(Duration::from_secs(15))));
     }
 }
