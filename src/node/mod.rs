@@ -11,6 +11,8 @@ mod clock;
 mod compressed;
 pub mod counts;
 pub mod dds;
+#[cfg(test)]
+mod fake;
 mod handed;
 mod heard;
 mod inputs;

@@ -173,20 +173,20 @@ pub fn live_node<T: Middleware, E: From<ProcessError>>(
         // Whoever reads that it is ready may end it at once.
         let (ends, signals) = (signals(), signals());
         say_ready(setup, transport.inputs());
-        begin(events)?;
-        let outlets = Outlets { transport: Rc::clone(&transport), recorder };
-        let map = live::run(
-            setup.config(),
-            Start { engine, outlets, events: receiver, counts: Rc::clone(&counts), lines },
-            ending(ends, done),
-            asked_again(),
-        )
-        .await;
+        let lived = match begin(events) {
+            Ok(()) => {
+                let outlets = Outlets { transport: Rc::clone(&transport), recorder };
+                let start = Start { engine, outlets, events: receiver, counts: Rc::clone(&counts), lines };
+                Ok(live::run(setup.config(), start, ending(ends, done), asked_again()).await)
+            }
+            Err(error) => Err(error),
+        };
         let changed = transport.changed(setup);
         let leaving = leave(transport).await;
-        let map = match map {
-            Err(LiveError::Deaf(why)) => Err(deaf(why, changed, signals).await),
-            map => map.map_err(ProcessError::from),
+        let map = match lived {
+            Ok(Err(LiveError::Deaf(why))) => Err(deaf(why, changed, signals).await.into()),
+            Ok(map) => map.map_err(|error| ProcessError::from(error).into()),
+            Err(error) => Err(error),
         };
         Ok::<_, E>((map, leaving))
     });
@@ -198,7 +198,7 @@ pub fn live_node<T: Middleware, E: From<ProcessError>>(
             }
             None => std::mem::forget(tasks),
         }
-        map.map_err(E::from)
+        map
     });
     say(format_args!("counts {}", counts.borrow()));
     map
@@ -253,9 +253,67 @@ async fn ending(mut signals: Option<Signals>, done: impl Future<Output = ()>) {
 
 #[cfg(test)]
 mod tests {
-    use tokio::sync::oneshot;
+    use std::cell::Cell;
+
+    use tokio::sync::{mpsc, oneshot};
 
     use super::*;
+    use crate::args::Environment;
+    use crate::node::fake::Fake;
+    use crate::node::middleware::Opened;
+    use crate::node::rosout::listen;
+
+    thread_local! {
+        /// How many of these middlewares this thread has closed.
+        static CLOSED: Cell<u32> = const { Cell::new(0) };
+    }
+
+    impl Middleware for Fake {
+        const NAME: &str = "channels";
+
+        fn check(_: &Setup) -> Result<Security, OpenError> {
+            Ok(Security::Off)
+        }
+
+        fn say_system(_: &Setup) {}
+
+        async fn open(_: &Setup, _: Security) -> Result<Opened<Self>, OpenError> {
+            let (events, receiver) = mpsc::channel(1);
+            Ok((Self::default(), events, receiver))
+        }
+
+        fn changed(&self, _: &Setup) -> Vec<(String, Value)> {
+            Vec::new()
+        }
+
+        async fn answers(&self) -> bool {
+            true
+        }
+
+        async fn close(self) -> impl FnOnce() {
+            || CLOSED.set(CLOSED.get() + 1)
+        }
+    }
+
+    /// A simulated robot that cannot be opened.
+    #[test]
+    fn a_node_leaves_the_network_where_what_begins_with_it_fails() {
+        let (setup, _) = Setup::parse(&[], &Environment::default(), "cfodi").unwrap();
+        let run = |begun: Result<(), LiveError>| {
+            let engine = Engine::new(setup.config().engine);
+            // Without its other end the node is deaf.
+            let mut events = Vec::new();
+            let begin = |adding| {
+                events.push(adding);
+                Ok(begun?)
+            };
+            live_node::<Fake, ProcessError>(&setup, engine, None, listen().1, begin, std::future::ready(()))
+        };
+        let failed = run(Err(LiveError::SaverDied));
+        assert!(matches!(failed, Err(ProcessError::Live(LiveError::SaverDied))), "{failed:?}");
+        assert_eq!(CLOSED.get(), 1);
+        assert_eq!((run(Ok(())).unwrap().sequence, CLOSED.get()), (0, 2));
+    }
 
     #[test]
     fn a_node_ends_when_it_is_done_and_looks_at_no_clock_for_that() {

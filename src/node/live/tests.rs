@@ -9,7 +9,6 @@ mod reports;
 mod saving;
 mod taken_in;
 
-use std::cell::Cell;
 use std::os::unix::fs::MetadataExt as _;
 
 use tokio::runtime::Builder;
@@ -21,114 +20,18 @@ use super::session::new_session;
 use super::*;
 use crate::config::Value;
 use crate::engine::{Params, Points, Stamp};
-use crate::msg::clusters::SurfaceClusterArray;
-use crate::msg::outgoing::Outgoing;
 use crate::msg::ros::{Header, Quaternion, Transform, TransformStamped, TriggerResponse, Vector3};
 use crate::node::counts::{ENGINE_DIED, TRANSFORM_TIMEOUT};
+use crate::node::fake::Fake;
 use crate::node::publish::tests::UNSPEAKABLE;
 use crate::node::resume::begin;
 use crate::node::rosout::listen;
-use crate::node::transport::{DepthTopics, Form, NetworkState, SendError, SensorTopics, Source, TopicName};
+use crate::node::transport::{Form, NetworkState, Source};
 use crate::store;
 use crate::worker::tests::DEADLY;
 
 /// How long a test waits for what must come.
 const PATIENCE: Duration = Duration::from_secs(60);
-
-/// Keeps what is published; fails when told to.
-struct Fake {
-    inputs: Vec<SensorTopics>,
-    sources: Vec<Source>,
-    knows_all: Cell<bool>,
-    network: NetworkState,
-    /// How many whole maps.
-    maps: Cell<u32>,
-    deltas: RefCell<Vec<SurfaceClusterArray>>,
-    reports: RefCell<Vec<DiagnosticArray>>,
-    replies: RefCell<Vec<TriggerResponse>>,
-    failure: RefCell<Option<oneshot::Receiver<String>>>,
-}
-
-impl Default for Fake {
-    fn default() -> Self {
-        let name = |name: &str| TopicName { plain: name.to_owned(), resolved: format!("/{name}") };
-        let inputs = vec![SensorTopics {
-            name: "points".to_owned(),
-            points: Some(name("points")),
-            depth: Some(DepthTopics {
-                image: name("depth/image"),
-                camera_info: name("depth/camera_info"),
-                compressed: "/depth/image/compressedDepth".to_owned(),
-            }),
-        }];
-        Self {
-            inputs,
-            sources: Vec::new(),
-            knows_all: Cell::new(true),
-            network: NetworkState::default(),
-            maps: Cell::default(),
-            deltas: RefCell::default(),
-            reports: RefCell::default(),
-            replies: RefCell::default(),
-            failure: RefCell::default(),
-        }
-    }
-}
-
-impl Transport for Fake {
-    type Request = ();
-
-    async fn publish(&self, message: Outgoing) -> Result<(), SendError> {
-        match message {
-            Outgoing::Clusters(_) => self.maps.set(self.maps.get() + 1),
-            Outgoing::Delta(delta) => self.deltas.borrow_mut().push(delta),
-            Outgoing::Diagnostics(report) => self.reports.borrow_mut().push(report),
-            _ => {}
-        }
-        Ok(())
-    }
-
-    async fn answer(&self, _: Service, (): (), response: TriggerResponse) -> Result<(), SendError> {
-        self.replies.borrow_mut().push(response);
-        Ok(())
-    }
-
-    fn inputs(&self) -> &[SensorTopics] {
-        &self.inputs
-    }
-
-    fn losses(&self) -> &'static str {
-        "see receive_buffer"
-    }
-
-    fn silences(&self) -> &'static str {
-        "or it sends by shared memory only"
-    }
-
-    fn sources(&self) -> Vec<Source> {
-        self.sources.clone()
-    }
-
-    fn knows_all_sources(&self) -> bool {
-        self.knows_all.get()
-    }
-
-    fn node_name(&self) -> &'static str {
-        "/robot/cfodi"
-    }
-
-    fn network_state(&self) -> NetworkState {
-        self.network.clone()
-    }
-
-    async fn failed(&self) -> String {
-        let failure = self.failure.borrow_mut().take();
-        match failure {
-            Some(failure) => failure.await.unwrap(),
-            None => std::future::pending().await,
-        }
-    }
-}
 
 fn at(seconds: f64) -> Stamp {
     Stamp::from_nanos((seconds * 1e9) as i64)

@@ -1,0 +1,108 @@
+//! A middleware made of channels, for tests.
+
+use std::cell::{Cell, RefCell};
+
+use tokio::sync::oneshot;
+
+use super::transport::{
+    DepthTopics, NetworkState, SendError, SensorTopics, Service, Source, TopicName, Transport,
+};
+use crate::msg::clusters::SurfaceClusterArray;
+use crate::msg::outgoing::Outgoing;
+use crate::msg::reports::DiagnosticArray;
+use crate::msg::ros::TriggerResponse;
+
+/// Keeps what is published; fails when told to.
+pub(super) struct Fake {
+    pub(super) inputs: Vec<SensorTopics>,
+    pub(super) sources: Vec<Source>,
+    pub(super) knows_all: Cell<bool>,
+    pub(super) network: NetworkState,
+    /// How many whole maps.
+    pub(super) maps: Cell<u32>,
+    pub(super) deltas: RefCell<Vec<SurfaceClusterArray>>,
+    pub(super) reports: RefCell<Vec<DiagnosticArray>>,
+    pub(super) replies: RefCell<Vec<TriggerResponse>>,
+    pub(super) failure: RefCell<Option<oneshot::Receiver<String>>>,
+}
+
+impl Default for Fake {
+    fn default() -> Self {
+        let name = |name: &str| TopicName { plain: name.to_owned(), resolved: format!("/{name}") };
+        let inputs = vec![SensorTopics {
+            name: "points".to_owned(),
+            points: Some(name("points")),
+            depth: Some(DepthTopics {
+                image: name("depth/image"),
+                camera_info: name("depth/camera_info"),
+                compressed: "/depth/image/compressedDepth".to_owned(),
+            }),
+        }];
+        Self {
+            inputs,
+            sources: Vec::new(),
+            knows_all: Cell::new(true),
+            network: NetworkState::default(),
+            maps: Cell::default(),
+            deltas: RefCell::default(),
+            reports: RefCell::default(),
+            replies: RefCell::default(),
+            failure: RefCell::default(),
+        }
+    }
+}
+
+impl Transport for Fake {
+    type Request = ();
+
+    async fn publish(&self, message: Outgoing) -> Result<(), SendError> {
+        match message {
+            Outgoing::Clusters(_) => self.maps.set(self.maps.get() + 1),
+            Outgoing::Delta(delta) => self.deltas.borrow_mut().push(delta),
+            Outgoing::Diagnostics(report) => self.reports.borrow_mut().push(report),
+            _ => {}
+        }
+        Ok(())
+    }
+
+    async fn answer(&self, _: Service, (): (), response: TriggerResponse) -> Result<(), SendError> {
+        self.replies.borrow_mut().push(response);
+        Ok(())
+    }
+
+    fn inputs(&self) -> &[SensorTopics] {
+        &self.inputs
+    }
+
+    fn losses(&self) -> &'static str {
+        "see receive_buffer"
+    }
+
+    fn silences(&self) -> &'static str {
+        "or it sends by shared memory only"
+    }
+
+    fn sources(&self) -> Vec<Source> {
+        self.sources.clone()
+    }
+
+    fn knows_all_sources(&self) -> bool {
+        self.knows_all.get()
+    }
+
+    fn node_name(&self) -> &'static str {
+        "/robot/cfodi"
+    }
+
+    fn network_state(&self) -> NetworkState {
+        self.network.clone()
+    }
+
+    async fn failed(&self) -> String {
+        let failure = self.failure.borrow_mut().take();
+        match failure {
+            Some(failure) => failure.await.unwrap(),
+            None => std::future::pending().await,
+        }
+    }
+}
