@@ -54,7 +54,7 @@ pub enum Output {
         /// The map.
         map: Arc<Frozen>,
     },
-    /// All of the map that a session has ended with, as asked for by [`Worker::jump`], where there is anything in it.
+    /// All of the map that a session has ended with, as asked for by [`Worker::reset_and_keep`], where there is anything in it.
     Ended {
         /// The session that has ended.
         session: u64,
@@ -171,15 +171,15 @@ impl Worker {
     /// As [`Self::reset`], where nobody has asked for the map to be thrown away: it comes out as [`Output::Ended`], unless a reset
     /// that has not yet begun throws it away.
     #[must_use = "scans thrown away are to be counted"]
-    pub fn jump(&self, session: u64) -> usize {
+    pub fn reset_and_keep(&self, session: u64) -> usize {
         self.begin(session, true)
     }
 
-    fn begin(&self, session: u64, is_jump: bool) -> usize {
+    fn begin(&self, session: u64, keeps_map: bool) -> usize {
         self.mailbox.put(|pending| {
             // One that is still to begin has taken nothing in: it decides what becomes of the map.
-            let is_jump = pending.session.take().map_or(is_jump, |before| before.is_jump);
-            pending.session = Some(Beginning { session, is_jump });
+            let keeps_map = pending.session.take().map_or(keeps_map, |before| before.keeps_map);
+            pending.session = Some(Beginning { session, keeps_map });
             pending.off = pending.off.filter(|off| matches!(off, Off::Making));
             std::mem::take(&mut pending.scans).len()
         })
@@ -246,10 +246,10 @@ impl<S: FnMut(Output) + Clone + Send + 'static> Work<'_, S> {
         }
     }
 
-    fn begin(&mut self, Beginning { session, is_jump }: Beginning) {
+    fn begin(&mut self, Beginning { session, keeps_map }: Beginning) {
         self.making.finish();
         self.mailbox.lock().off = None;
-        let map = is_jump.then(|| Arc::new(self.engine.freeze()));
+        let map = keeps_map.then(|| Arc::new(self.engine.freeze()));
         if let Some(map) = map.filter(|map| map.sequence() > 0) {
             (self.sink)(Output::Ended { session: self.session, map });
         }

@@ -33,7 +33,7 @@ use self::change::{Timers, interval};
 use self::clocks::Clocks;
 use self::diagnosis::Diagnosis;
 use self::intake::Intake;
-use self::session::new_session;
+use self::session::{Cause, new_session};
 use super::counts::Counts;
 pub use super::publish::Outlets;
 use super::publish::{Ended, Seen};
@@ -347,10 +347,7 @@ impl<T: Transport> Live<T> {
             self.diagnosis.waited(waited);
             if let Some(Jump { seconds, given_up }) = jumped_back {
                 self.count_ended(given_up);
-                self.start_session(
-                    &format!("the stamps of the scans have jumped back by {seconds:.3} s"),
-                    true,
-                );
+                self.start_session(Cause::ScansJumped(seconds));
                 // The clock of that lap comes next, and begins no session of its own.
                 self.clocks.follow(scan.stamp);
             }

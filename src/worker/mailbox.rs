@@ -10,8 +10,8 @@ use crate::engine::{Params, Scan};
 /// A session to begin with an empty map.
 pub(super) struct Beginning {
     pub(super) session: u64,
-    /// The map that it ends is asked for.
-    pub(super) is_jump: bool,
+    /// Whether the map that it ends is to come out: nobody has asked for that to be thrown away.
+    pub(super) keeps_map: bool,
 }
 
 /// What waits for the worker.

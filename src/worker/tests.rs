@@ -218,15 +218,15 @@ fn a_reset_throws_the_map_away_and_begins_a_session() {
 }
 
 #[test]
-fn at_a_jump_the_map_comes_out_before_the_session_begins_unless_it_is_empty() {
+fn a_map_that_is_kept_comes_out_before_the_session_begins_unless_it_is_empty() {
     let (worker, outputs) = started();
-    assert_eq!(worker.jump(2), 0);
+    assert_eq!(worker.reset_and_keep(2), 0);
     worker.request_snapshot();
     let first = outputs.recv_timeout(PATIENCE).unwrap();
     assert!(matches!(first, Output::Snapshot { session: 2, .. }), "{first:?}");
     assert!(!worker.submit(scan(1)));
     assert!(matches!(outputs.recv_timeout(PATIENCE).unwrap(), Output::Scan { session: 2, .. }));
-    assert_eq!(worker.jump(3), 0);
+    assert_eq!(worker.reset_and_keep(3), 0);
     worker.request_save();
     drop(worker);
     let maps = outputs.iter().filter_map(|output| match output {
@@ -253,7 +253,7 @@ fn held_up_at_first() -> (Worker, Receiver<Output>, Sender<()>) {
 }
 
 #[test]
-fn of_a_jump_and_a_reset_before_the_engine_hears_of_either_the_first_decides_what_becomes_of_the_map() {
+fn of_a_reset_that_keeps_the_map_and_one_that_does_not_before_the_engine_hears_of_either_the_first_decides_what_becomes_of_the_map() {
     type Begin = fn(&Worker, u64) -> usize;
     let ended = |first: Begin, second: Begin| {
         let (worker, outputs, leave) = held_up_at_first();
@@ -268,9 +268,9 @@ fn of_a_jump_and_a_reset_before_the_engine_hears_of_either_the_first_decides_wha
         });
         ended.collect::<Vec<_>>()
     };
-    assert_eq!(ended(Worker::reset, Worker::jump), [], "who called for the reset wants the map gone");
-    assert_eq!(ended(Worker::jump, Worker::reset), [(1, 1)]);
-    assert_eq!(ended(Worker::jump, Worker::jump), [(1, 1)]);
+    assert_eq!(ended(Worker::reset, Worker::reset_and_keep), [], "who called for the reset wants the map gone");
+    assert_eq!(ended(Worker::reset_and_keep, Worker::reset), [(1, 1)]);
+    assert_eq!(ended(Worker::reset_and_keep, Worker::reset_and_keep), [(1, 1)]);
 }
 
 #[test]
