@@ -66,6 +66,15 @@ pub struct Session {
     pub frame_id: String,
 }
 
+/// Which map it is: that of a session after so many scans.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct MapVersion {
+    /// As in [`Session::id`].
+    pub session: u64,
+    /// Scans in it, with those of before where it was resumed.
+    pub sequence: u64,
+}
+
 impl Session {
     pub(super) fn header(&self, stamp: Option<Stamp>) -> Header {
         Header { stamp: stamp.unwrap_or_default().into(), frame_id: self.frame_id.clone() }

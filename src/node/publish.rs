@@ -21,7 +21,7 @@ use super::vitals::{MapSize, Points, Reach, Vitals};
 use crate::config::Config;
 use crate::engine::{Snapshot, Update};
 use crate::msg::caps::Caps;
-use crate::msg::clusters::{Session, SurfaceClusterArray};
+use crate::msg::clusters::{MapVersion, Session, SurfaceClusterArray};
 use crate::msg::markers::Markers;
 use crate::msg::outgoing::{Outgoing, of_map, polygons_of};
 use crate::msg::twins::Twins;
@@ -104,8 +104,8 @@ struct Taking<'a, T> {
     saver: Option<Saver>,
     beyond: Beyond,
     put_off: PutOff,
-    /// The newest session, and the number of its first scan.
-    first: (u64, u64),
+    /// The map of the newest session after the first scan that it has taken in.
+    first: Option<MapVersion>,
     ended: Ended,
 }
 
@@ -117,8 +117,8 @@ impl<'a, T: Transport> Taking<'a, T> {
         saver: Option<Saver>,
         reach: Reach,
     ) -> Self {
-        let (beyond, put_off, first) = (Beyond::new(reach), PutOff::default(), (0, u64::MAX));
-        Self { wire, newest, seen, saver, beyond, put_off, first, ended: Ended::default() }
+        let (beyond, put_off, ended) = (Beyond::new(reach), PutOff::default(), Ended::default());
+        Self { wire, newest, seen, saver, beyond, put_off, first: None, ended }
     }
 
     async fn all(mut self, mut outputs: mpsc::Receiver<Output>) -> Ended {
@@ -147,10 +147,10 @@ impl<'a, T: Transport> Taking<'a, T> {
     async fn scan(&mut self, session: u64, points: u64, update: &Update, took: Duration) {
         let points = Points { all: points, beyond_grid: u64::from(update.points_beyond_grid) };
         self.seen.counts.borrow_mut().taken_in += 1;
-        self.seen.vitals.borrow_mut().note_scan((session, update.sequence), took, points);
-        if self.first.0 != session {
-            self.first = (session, update.sequence);
-        }
+        let version = MapVersion { session, sequence: update.sequence };
+        self.seen.vitals.borrow_mut().note_scan(version, took, points);
+        self.first.take_if(|first| first.session != session);
+        self.first.get_or_insert(version);
         if let Some(line) = self.beyond.line(session, points, Instant::now()) {
             warn!("{line}");
         }
@@ -163,7 +163,8 @@ impl<'a, T: Transport> Taking<'a, T> {
             warn!("{line}");
         }
         self.seen.vitals.borrow_mut().note_snapshot(MapSize::of(session, &snapshot), took);
-        let is_live = self.first.0 == session && snapshot.sequence >= self.first.1;
+        let is_of_it = |first: MapVersion| first.session == session && first.sequence <= snapshot.sequence;
+        let is_live = self.first.is_some_and(is_of_it);
         self.newest.send_replace(Some(Newest { session, snapshot: Arc::clone(&snapshot), is_live }));
         self.ended.map = Some(snapshot);
     }

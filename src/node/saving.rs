@@ -11,6 +11,7 @@ use tracing::{Level, warn};
 use super::resume::remove_oldest;
 use super::throttle::{Throttle, say};
 use crate::engine::Frozen;
+use crate::msg::clusters::MapVersion;
 use crate::store::{self, StoreError};
 
 /// A map that has been written, or why it was not.
@@ -19,9 +20,7 @@ pub(super) type Written = Result<InFile, StoreError>;
 /// A map in its file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct InFile {
-    pub(super) session: u64,
-    /// Scans in it.
-    pub(super) sequence: u64,
+    pub(super) version: MapVersion,
     pub(super) bytes: u64,
 }
 
@@ -122,9 +121,9 @@ fn start_on(
             match task {
                 Task::Keep { before } => keeping.before.push(before),
                 Task::Write { session, map, last } => {
-                    let sequence = map.sequence();
+                    let version = MapVersion { session, sequence: map.sequence() };
                     let result = keeping.keep(&path, session).and_then(|()| write(&path, &frame_id, map));
-                    let result = result.map(|bytes| InFile { session, sequence, bytes });
+                    let result = result.map(|bytes| InFile { version, bytes });
                     if last.is_some() {
                         keeping.say_last(&result);
                     } else if written.send(result).is_err() {

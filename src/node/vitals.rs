@@ -5,6 +5,7 @@ use std::time::Duration;
 use super::handed::Handed;
 use crate::config::Config;
 use crate::engine::{GRID_REACH, Snapshot};
+use crate::msg::clusters::MapVersion;
 use crate::msg::labelled;
 use crate::worker::Took;
 
@@ -21,13 +22,13 @@ pub(super) struct Vitals {
     pub(super) points: Points,
     /// The newest map that was seen.
     pub(super) map: Option<MapSize>,
-    /// Session and number of scans of the map as it is by the newest output.
-    pub(super) newest: Option<(u64, u64)>,
+    /// The map as it is by the newest output.
+    pub(super) newest: Option<MapVersion>,
 }
 
 impl Vitals {
-    /// The scan by which the map of a session has so many was taken in.
-    pub(super) fn note_scan(&mut self, newest: (u64, u64), took: Duration, points: Points) {
+    /// The scan by which the map has become this one was taken in.
+    pub(super) fn note_scan(&mut self, newest: MapVersion, took: Duration, points: Points) {
         self.took.push(took);
         self.handed.take_in();
         self.points.add(points);
@@ -36,14 +37,13 @@ impl Vitals {
 
     /// A map was seen. One that was long in making may have fewer scans than are known of already.
     pub(super) fn note_snapshot(&mut self, map: MapSize, took: Took) {
-        let known = self.newest.filter(|(session, _)| *session == map.session).map_or(0, |(_, known)| known);
-        self.newest = Some((map.session, map.sequence.max(known)));
+        self.newest = self.newest.max(Some(map.version));
         (self.map, self.snapshot_took) = (Some(map), took);
     }
 
     /// What `~/points_labelled` leaves out of the map of this session.
     pub(super) fn left_out(&self, session: u64) -> Option<String> {
-        let map = self.map.filter(|map| map.session == session)?;
+        let map = self.map.filter(|map| map.version.session == session)?;
         labelled::left_out(map.dense_voxels, map.unclustered_voxels)
     }
 }
@@ -89,8 +89,7 @@ impl Reach {
 /// How much a map holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct MapSize {
-    pub(super) session: u64,
-    pub(super) sequence: u64,
+    pub(super) version: MapVersion,
     pub(super) clusters: usize,
     pub(super) dense_voxels: usize,
     pub(super) unclustered_voxels: u32,
@@ -99,8 +98,7 @@ pub(super) struct MapSize {
 impl MapSize {
     pub(super) fn of(session: u64, map: &Snapshot) -> Self {
         Self {
-            session,
-            sequence: map.sequence,
+            version: MapVersion { session, sequence: map.sequence },
             clusters: map.clusters.len(),
             dense_voxels: map.voxels.len(),
             unclustered_voxels: map.unclustered_voxels,

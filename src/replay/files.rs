@@ -11,7 +11,7 @@ use crate::bag::{Message, OutputTopics, ResultBag};
 use crate::engine::{Snapshot, Stamp, Update};
 use crate::export::{WholeFile, WriteError, write_ply, write_voxels};
 use crate::msg::caps::Caps;
-use crate::msg::clusters::{Session, SurfaceClusterArray};
+use crate::msg::clusters::{MapVersion, Session, SurfaceClusterArray};
 use crate::msg::markers::Markers;
 use crate::msg::outgoing::{Outgoing, of_map, polygons_of};
 use crate::msg::reports::DiagnosticArray;
@@ -35,7 +35,7 @@ pub struct ResultFile {
     /// Where a camera's frame is, until the first scan tells the time to say it at.
     level: Option<TransformStamped>,
     /// Version of the newest snapshot.
-    published: Option<(u64, u64)>,
+    published: Option<MapVersion>,
 }
 
 /// What is written while a replay runs.
@@ -109,7 +109,7 @@ impl ResultFile {
     }
 
     fn snapshot(&mut self, session: &Session, snapshot: &Snapshot) -> Result<(), WriteError> {
-        let version = (session.id, snapshot.sequence);
+        let version = MapVersion { session: session.id, sequence: snapshot.sequence };
         if self.published.replace(version) == Some(version) {
             return Ok(());
         }

@@ -253,7 +253,8 @@ fn held_up_at_first() -> (Worker, Receiver<Output>, Sender<()>) {
 }
 
 #[test]
-fn of_a_reset_that_keeps_the_map_and_one_that_does_not_before_the_engine_hears_of_either_the_first_decides_what_becomes_of_the_map() {
+fn of_a_reset_that_keeps_the_map_and_one_that_does_not_before_the_engine_hears_of_either_the_first_decides_what_becomes_of_the_map()
+ {
     type Begin = fn(&Worker, u64) -> usize;
     let ended = |first: Begin, second: Begin| {
         let (worker, outputs, leave) = held_up_at_first();
@@ -268,7 +269,11 @@ fn of_a_reset_that_keeps_the_map_and_one_that_does_not_before_the_engine_hears_o
         });
         ended.collect::<Vec<_>>()
     };
-    assert_eq!(ended(Worker::reset, Worker::reset_and_keep), [], "who called for the reset wants the map gone");
+    assert_eq!(
+        ended(Worker::reset, Worker::reset_and_keep),
+        [],
+        "who called for the reset wants the map gone"
+    );
     assert_eq!(ended(Worker::reset_and_keep, Worker::reset), [(1, 1)]);
     assert_eq!(ended(Worker::reset_and_keep, Worker::reset_and_keep), [(1, 1)]);
 }

@@ -76,7 +76,7 @@ impl<T: Transport> Live<T> {
 /// Says in the log how a map was written, whether or not anybody has called for it.
 fn log(written: &Written) {
     match written {
-        Ok(InFile { sequence: scans, bytes, .. }) => debug!("map of {scans} scans saved, {bytes} bytes"),
+        Ok(InFile { version, bytes }) => debug!("map of {} scans saved, {bytes} bytes", version.sequence),
         Err(error) => warn!("the map was not saved: {error}"),
     }
 }

@@ -74,15 +74,15 @@ impl<Request> Call<Request> {
     pub(super) fn response(&self, written: &Written) -> TriggerResponse {
         let (success, message) = match (self.service, written) {
             (_, Err(error)) => return self.failure(error),
-            (Service::Save, Ok(map)) if map.session != self.session => {
-                let (new, old) = (map.session, self.session);
+            (Service::Save, Ok(map)) if map.version.session != self.session => {
+                let (new, old) = (map.version.session, self.session);
                 (
                     false,
                     format!("session {new} has begun meanwhile, before the map of session {old} was saved"),
                 )
             }
-            (Service::Save, Ok(InFile { sequence: scans, bytes, .. })) => {
-                (true, format!("{scans} scans saved, {bytes} bytes"))
+            (Service::Save, Ok(InFile { version, bytes })) => {
+                (true, format!("{} scans saved, {bytes} bytes", version.sequence))
             }
             // A later session gives up what was saved as well.
             (Service::Reset, Ok(_)) => (true, begun(self.session)),
@@ -110,11 +110,12 @@ pub(super) fn begun(session: u64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::msg::clusters::MapVersion;
     use crate::store::StoreError;
 
     #[test]
     fn a_call_to_save_that_another_session_overtakes_has_failed_and_a_reset_that_one_overtakes_has_not() {
-        let saved = |session| Ok(InFile { session, sequence: 4, bytes: 99 });
+        let saved = |session| Ok(InFile { version: MapVersion { session, sequence: 4 }, bytes: 99 });
         let told = |service, written| {
             let TriggerResponse { success, message } =
                 Call { service, session: 5, request: () }.response(&written);

@@ -167,14 +167,15 @@ impl Diagnosis {
 
     pub(super) fn of_map(&self, session: u64) -> DiagnosticStatus {
         let mut part = self.part("map", "empty");
-        if let Some(map) = self.vitals.borrow().map.filter(|map| map.session == session) {
+        if let Some(map) = self.vitals.borrow().map.filter(|map| map.version.session == session) {
             let (clusters, voxels) = (map.clusters, map.dense_voxels);
             part.status.message = format!("clusters: {clusters}; dense voxels: {voxels}");
             part.value("clusters", clusters).value("dense voxels", voxels);
-            part.value("unclustered voxels", map.unclustered_voxels).value("sequence", map.sequence);
+            let sequence = map.version.sequence;
+            part.value("unclustered voxels", map.unclustered_voxels).value("sequence", sequence);
             // They are those of the newest snapshot, which is made seldom where publish_rate is low or the map large.
-            let newest = self.vitals.borrow().newest.filter(|(newest, _)| *newest == session);
-            let since = newest.map_or(0, |(_, sequence)| sequence.saturating_sub(map.sequence));
+            let newest = self.vitals.borrow().newest.filter(|newest| newest.session == session);
+            let since = newest.map_or(0, |newest| newest.sequence.saturating_sub(sequence));
             part.value("scans taken in since these figures", since);
         }
         part.value("session", session).value("sessions begun by a jump", self.before.jumps);
@@ -241,6 +242,7 @@ impl Diagnosis {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::msg::clusters::MapVersion;
     use crate::msg::labelled::MAX_LABELLED;
     use crate::node::vitals::MapSize;
 
@@ -292,15 +294,16 @@ mod tests {
     fn the_figures_of_a_map_tell_how_many_scans_have_been_taken_in_since() {
         let diagnosis = diagnosis();
         let since = |newest| {
-            let map =
-                MapSize { session: 1, sequence: 9, clusters: 0, dense_voxels: 0, unclustered_voxels: 0 };
+            let version = MapVersion { session: 1, sequence: 9 };
+            let map = MapSize { version, clusters: 0, dense_voxels: 0, unclustered_voxels: 0 };
             (diagnosis.vitals.borrow_mut().map, diagnosis.vitals.borrow_mut().newest) = (Some(map), newest);
             let map = diagnosis.of_map(1);
             ["sequence", "scans taken in since these figures"].map(|key| value(&map, key))
         };
-        assert_eq!(since(Some((1, 609))), ["9", "600"]);
-        // A snapshot that was long in making, and a scan of another session.
-        assert_eq!([since(Some((1, 9))), since(Some((2, 20)))], [["9", "0"]; 2]);
+        let version = |session, sequence| Some(MapVersion { session, sequence });
+        assert_eq!(since(version(1, 609)), ["9", "600"]);
+        // No scan since, and one of another session.
+        assert_eq!([since(version(1, 9)), since(version(2, 20))], [["9", "0"]; 2]);
     }
 
     #[test]
@@ -308,7 +311,8 @@ mod tests {
         let diagnosis = diagnosis();
         let said = |session, more| {
             let dense_voxels = MAX_LABELLED + more;
-            let map = MapSize { session, sequence: 9, clusters: 8, dense_voxels, unclustered_voxels: 7 };
+            let version = MapVersion { session, sequence: 9 };
+            let map = MapSize { version, clusters: 8, dense_voxels, unclustered_voxels: 7 };
             diagnosis.vitals.borrow_mut().map = Some(map);
             let status = diagnosis.of_map(1);
             (status.level, status.message)

@@ -2,6 +2,7 @@
 
 use std::time::{Duration, Instant};
 
+use crate::msg::clusters::MapVersion;
 use crate::node::saving::{InFile, Written};
 
 /// How long a map may be on its way before it is said: a gigabyte takes less.
@@ -34,10 +35,10 @@ impl SavingFigures {
         }
     }
 
-    /// Whether the map of this session after so many scans is in the file already; it is then of now.
-    pub(super) fn has(&mut self, (session, sequence): (u64, u64), now: Instant) -> bool {
+    /// Whether this map is in the file already; it is then of now.
+    pub(super) fn has(&mut self, version: MapVersion, now: Instant) -> bool {
         let newest = self.written.as_mut().filter(|_| self.failure.is_none());
-        let same = newest.filter(|(map, _)| (map.session, map.sequence) == (session, sequence));
+        let same = newest.filter(|(map, _)| map.version == version);
         same.map(|(_, written)| *written = now).is_some()
     }
 
@@ -64,20 +65,24 @@ mod tests {
     use super::*;
     use crate::store::StoreError;
 
-    const FILE: InFile = InFile { session: 1, sequence: 2, bytes: 3 };
+    const FILE: InFile = InFile { version: version(1, 2), bytes: 3 };
+
+    const fn version(session: u64, sequence: u64) -> MapVersion {
+        MapVersion { session, sequence }
+    }
 
     #[test]
     fn a_map_is_in_the_file_until_it_changes_another_session_begins_or_a_saving_fails() {
         let (mut figures, start) = (SavingFigures::default(), Instant::now());
         let at = |seconds| start + Duration::from_secs(seconds);
-        assert!(!figures.has((1, 2), start), "none was written");
+        assert!(!figures.has(version(1, 2), start), "none was written");
         figures.note(&Ok(FILE), false, at(10));
-        assert!(!figures.has((1, 3), at(70)) && !figures.has((2, 2), at(70)));
+        assert!(!figures.has(version(1, 3), at(70)) && !figures.has(version(2, 2), at(70)));
         assert_eq!(figures.age(at(70)), Some(Duration::from_secs(60)));
-        assert!(figures.has((1, 2), at(70)));
+        assert!(figures.has(version(1, 2), at(70)));
         assert_eq!(figures.age(at(70)), Some(Duration::ZERO), "it is that of the engine");
         figures.note(&Err(StoreError::InUse { path: "map".into() }), false, at(80));
-        assert!(!figures.has((1, 2), at(130)), "it is tried again, which ends the warning");
+        assert!(!figures.has(version(1, 2), at(130)), "it is tried again, which ends the warning");
     }
 
     #[test]

@@ -77,7 +77,7 @@ fn the_map_that_a_jump_ends_is_kept_and_where_the_one_before_is_still_on_its_way
             Err(StoreError::InUse { path: path.to_owned() })
         };
         let (saver, mut results) = start_on(folder.path().join("map"), "map".to_owned(), write).unwrap();
-        let mut written = || results.blocking_recv().unwrap().ok().map(|file| file.sequence);
+        let mut written = || results.blocking_recv().unwrap().ok().map(|file| file.version.sequence);
         saver.write(1, Arc::new(map_of(5)));
         saver.end(1, Arc::new(map_of(7)));
         saver.write(2, Arc::new(map_of(1)));

@@ -4,6 +4,7 @@ use std::sync::Mutex;
 
 use super::*;
 use crate::engine::Scan;
+use crate::msg::clusters::MapVersion;
 use crate::node::live::calls::{LastFile, last_written};
 use crate::node::publish::Ended;
 use crate::node::saving::InFile;
@@ -75,13 +76,18 @@ fn a_map_that_takes_long_at_the_end_is_told_of_and_given_up_when_that_is_asked_f
     assert!(replies.len() == 1 && !replies[0].success && replies[0].message == lost, "{replies:?}");
 }
 
+/// A map of this session, as it was written.
+const fn in_file(session: u64) -> InFile {
+    InFile { version: MapVersion { session, sequence: 4 }, bytes: 99 }
+}
+
 /// What calls are told at the end, to save in session 1, to reset, and to save in session 2, where these are the results: a map
 /// of the session, or none.
 async fn told(results: [Option<u64>; 2]) -> Vec<(bool, String)> {
     let (sender, written) = mpsc::unbounded_channel();
     for session in results {
         let in_use = || StoreError::InUse { path: "map".into() };
-        let result = session.map(|session| InFile { session, sequence: 4, bytes: 99 }).ok_or_else(in_use);
+        let result = session.map(in_file).ok_or_else(in_use);
         sender.send(result).unwrap();
     }
     drop(sender);
@@ -129,7 +135,7 @@ async fn calls_that_wait_for_a_map_are_told_where_its_thread_or_the_engine_has_d
         let told = [reason.to_owned(), format!("{begun}{reason}")].map(|message| (false, message));
         assert_eq!(told_without_a_map(ended, None).await, (reason.to_owned(), told.to_vec()));
     }
-    let on_its_way = InFile { session: 2, sequence: 4, bytes: 99 };
+    let on_its_way = in_file(2);
     let (reason, told) = told_without_a_map(died(), Some(on_its_way)).await;
     let saved = (true, "4 scans saved, 99 bytes".to_owned());
     assert_eq!(told, [saved, (false, format!("{begun}{reason}"))]);
