@@ -26,7 +26,7 @@ use thiserror::Error;
 use tokio::sync::mpsc;
 use tokio::task::JoinError;
 
-use self::beside::Beside;
+use self::beside::{Beside, Steps};
 use self::calls::{LastFile, next};
 use self::calls_for_map::{Call, CallsForMap};
 use self::change::{Timers, interval};
@@ -131,12 +131,22 @@ pub async fn run<T: Transport>(
     shutdown: impl Future<Output = ()>,
     given_up: impl Future<Output = ()>,
 ) -> Result<Arc<Snapshot>, LiveError> {
+    run_by(Steps::default(), config, start, shutdown, given_up).await
+}
+
+async fn run_by<T: Transport>(
+    steps: Steps,
+    config: &Config,
+    start: Start<T>,
+    shutdown: impl Future<Output = ()>,
+    given_up: impl Future<Output = ()>,
+) -> Result<Arc<Snapshot>, LiveError> {
     let Start { engine, outlets, events, counts, lines } = start;
     let (reports, receiver) = mpsc::channel(WAITING_REPORTS);
     let mut speaking = tokio::task::spawn_local(speak(outlets.clone(), receiver, lines));
     let seen = Seen { counts, vitals: Rc::default() };
     let (session, transport) = (new_session(0), Rc::clone(&outlets.transport));
-    let ended = match Beside::start(config, engine, session, outlets, seen.clone()) {
+    let ended = match Beside::start(config, engine, session, outlets, seen.clone(), steps) {
         Ok((worker, beside)) => {
             let live = Live::new(config, transport, worker, session, seen, reports);
             let file = config.snapshot_path.clone().map(|path| LastFile { path, given_up });

@@ -69,7 +69,7 @@ pub(super) struct Ended {
 
 /// Publishes until the worker has ended or died. A map that waits for its readers holds up no delta, and is replaced by
 /// the next one. Where no messages can be made of a map, `broken` is told why, and everything but maps goes on, so that the last
-/// one can still be saved.
+/// one can still be saved. `make` is [`messages`], but for tests.
 pub(super) async fn publish(
     outlets: Outlets<impl Transport>,
     outputs: mpsc::Receiver<Output>,
@@ -77,11 +77,12 @@ pub(super) async fn publish(
     config: Config,
     saver: Option<Saver>,
     broken: mpsc::Sender<String>,
+    make: Make,
 ) -> Ended {
     let (newest, maps) = watch::channel(None);
     let reach = Reach::of(&config);
     let wire = Wire { outlets, unsent: RefCell::default(), frame_id: config.fixed_frame };
-    let publisher = Maps { twins: config.twins, ..Maps::default() };
+    let publisher = Maps::new(config.twins, make);
     let taking = Taking::new(&wire, newest, seen, saver, reach);
     let (ended, ()) = tokio::join!(taking.all(outputs), publish_maps(maps, publisher, &wire, broken));
     ended
@@ -277,7 +278,9 @@ impl Beyond {
     }
 }
 
-#[derive(Default)]
+/// Makes the messages of a map, as [`messages`] does.
+pub(super) type Make = fn(&Session, &Snapshot, &mut Markers, Twins) -> (Vec<Outgoing>, Vec<Outgoing>);
+
 struct Maps {
     /// Of the newest map.
     session: u64,
@@ -290,9 +293,15 @@ struct Maps {
     outlined: u64,
     /// When the newest map came: the rate may be changed while the node runs.
     came: Option<tokio::time::Instant>,
+    make: Make,
 }
 
 impl Maps {
+    fn new(twins: Twins, make: Make) -> Self {
+        let (markers, caps) = (Markers::default(), Caps::default());
+        Self { session: 0, markers, caps, twins, outlined: 0, came: None, make }
+    }
+
     /// # Errors
     /// What making its messages has panicked with.
     async fn send(&mut self, map: Newest, wire: &Wire<impl Transport>) -> Result<(), String> {
@@ -308,10 +317,10 @@ impl Maps {
         let is_newer = std::mem::replace(&mut self.outlined, snapshot.sequence) != snapshot.sequence;
         let twins = Twins { polygons: self.twins.polygons && is_live && is_newer, ..self.twins };
         let session = wire.session(session);
-        let mut markers = std::mem::take(&mut self.markers);
+        let (make, mut markers) = (self.make, std::mem::take(&mut self.markers));
         // Those of a large map take a tenth of a second, in which the node hears nothing.
         let made = aside(Builder::new().name("cfodi-messages".to_owned()), move || {
-            (messages(&session, &snapshot, &mut markers, twins), markers)
+            (make(&session, &snapshot, &mut markers, twins), markers)
         });
         let ((messages, polygons), markers) = made.await?;
         self.markers = markers;
@@ -324,14 +333,12 @@ impl Maps {
 }
 
 /// The messages of a map but for its polygons, and these.
-fn messages(
+pub(super) fn messages(
     session: &Session,
     snapshot: &Snapshot,
     markers: &mut Markers,
     twins: Twins,
 ) -> (Vec<Outgoing>, Vec<Outgoing>) {
-    #[cfg(test)]
-    assert!(snapshot.stamp != Some(tests::UNSPEAKABLE), "a panic for the test");
     (of_map(session, snapshot, markers, twins), polygons_of(session, snapshot, twins))
 }
 
@@ -347,4 +354,4 @@ async fn send_polygons(polygons: Vec<Outgoing>, spread: Duration, wire: &Wire<im
 }
 
 #[cfg(test)]
-pub(super) mod tests;
+mod tests;

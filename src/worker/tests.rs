@@ -6,9 +6,6 @@ use std::time::Duration;
 use super::*;
 use crate::engine::{Isometry3, Params, Points, Stamp};
 
-/// The engine of a test panics at a scan of this stamp.
-pub(crate) const DEADLY: Stamp = Stamp::from_nanos(13_131_313_131_313);
-
 const PATIENCE: Duration = Duration::from_secs(60);
 
 pub(super) fn scan(stamp: i64) -> Scan {

@@ -23,15 +23,27 @@ use crate::engine::{Params, Points, Stamp};
 use crate::msg::ros::{Header, Quaternion, Transform, TransformStamped, TriggerResponse, Vector3};
 use crate::node::counts::{ENGINE_DIED, TRANSFORM_TIMEOUT};
 use crate::node::fake::Fake;
-use crate::node::publish::tests::UNSPEAKABLE;
+use crate::node::publish::{Make, messages};
 use crate::node::resume::begin;
 use crate::node::rosout::listen;
 use crate::node::transport::{Form, NetworkState, Source};
 use crate::store;
-use crate::worker::tests::DEADLY;
+use crate::worker::Output;
 
 /// How long a test waits for what must come.
 const PATIENCE: Duration = Duration::from_secs(60);
+
+/// With [`deadly`] steps the engine's thread panics over a scan of this stamp.
+const DEADLY: Stamp = Stamp::from_nanos(13_131_313_131_313);
+
+fn deadly() -> Steps {
+    let send = |outputs: &mpsc::Sender<Output>, output| {
+        let is_deadly = matches!(&output, Output::Scan { update, .. } if update.stamp == DEADLY);
+        assert!(!is_deadly, "a panic for the test");
+        drop(outputs.blocking_send(output));
+    };
+    Steps { send, ..Steps::default() }
+}
 
 fn at(seconds: f64) -> Stamp {
     Stamp::from_nanos((seconds * 1e9) as i64)
@@ -64,7 +76,11 @@ fn node(transport: Fake, events: Vec<Event<()>>, taken_in: u64) -> Ran {
 }
 
 fn node_with(config: &Config, transport: Fake, events: Vec<Event<()>>, taken_in: u64) -> Ran {
-    node_until(config, transport, events, move |events, counts| async move {
+    node_by(Steps::default(), config, transport, events, taken_in)
+}
+
+fn node_by(steps: Steps, config: &Config, transport: Fake, events: Vec<Event<()>>, taken_in: u64) -> Ran {
+    node_by_until(steps, config, transport, events, move |events, counts| async move {
         // Whichever scan the node has not heard of yet is still in the channel.
         let is_settled = |counts: &Counts| {
             let known = counts.taken_in + counts.replaced + counts.skipped.values().sum::<u64>();
@@ -88,6 +104,16 @@ fn node_until<Stop: Future<Output = ()>>(
     events: Vec<Event<()>>,
     stop: impl FnOnce(mpsc::Sender<Event<()>>, Rc<RefCell<Counts>>) -> Stop,
 ) -> Ran {
+    node_by_until(Steps::default(), config, transport, events, stop)
+}
+
+fn node_by_until<Stop: Future<Output = ()>>(
+    steps: Steps,
+    config: &Config,
+    transport: impl Into<Rc<Fake>>,
+    events: Vec<Event<()>>,
+    stop: impl FnOnce(mpsc::Sender<Event<()>>, Rc<RefCell<Counts>>) -> Stop,
+) -> Ran {
     let counts = Rc::new(RefCell::new(Counts::default()));
     let transport = transport.into();
     let (sender, receiver) = mpsc::channel(100);
@@ -97,7 +123,7 @@ fn node_until<Stop: Future<Output = ()>>(
     let (engine, _lock) = begin(config, config.snapshot_path.is_some()).unwrap();
     let outlets = Outlets { transport: Rc::clone(&transport), recorder: None };
     let start = Start { engine, outlets, events: receiver, counts: Rc::clone(&counts), lines: listen().1 };
-    let live = run(config, start, enough, std::future::pending());
+    let live = run_by(steps, config, start, enough, std::future::pending());
     let ended = LocalSet::new().block_on(&runtime, live);
     drop(sender);
     (ended.map(drop), counts.borrow().clone(), transport)
@@ -263,7 +289,8 @@ fn counts_close_when_the_node_ends_with_clouds_on_their_way() {
 fn a_panic_of_the_engine_ends_the_node_with_an_error_and_the_counts_close() {
     let clouds = (-1..3).map(|later| cloud(Stamp::from_nanos(DEADLY.nanos() + later), "camera"));
     let events = [transform(at(0.0), true)].into_iter().chain(clouds);
-    let (ended, counts, _) = node(Fake::default(), events.collect(), u64::MAX);
+    let config = Config::new([]).unwrap();
+    let (ended, counts, _) = node_by(deadly(), &config, Fake::default(), events.collect(), u64::MAX);
     let error = ended.unwrap_err().to_string();
     assert!(
         error.starts_with("the engine's thread has died: ") && error.contains("a panic for the test"),
@@ -275,10 +302,17 @@ fn a_panic_of_the_engine_ends_the_node_with_an_error_and_the_counts_close() {
 #[test]
 fn a_panic_in_making_messages_ends_the_node_with_its_words_and_the_map_is_saved_all_the_same() {
     let folder = tempfile::tempdir().unwrap();
-    let events = || vec![transform(at(0.0), true), cloud(UNSPEAKABLE, "camera")];
+    let events = || vec![transform(at(0.0), true), cloud(at(10.0), "camera")];
+    // Of the empty map there are messages.
+    let make: Make = |session, map, markers, twins| {
+        assert!(map.sequence == 0, "a panic for the test");
+        messages(session, map, markers, twins)
+    };
+    let steps = Steps { make, ..Steps::default() };
     // It is found while the node runs, or with the last map.
     for taken_in in [u64::MAX, 1] {
-        let (ran, said) = heard(|| node_with(&saving_in(folder.path()), Fake::default(), events(), taken_in));
+        let config = saving_in(folder.path());
+        let (ran, said) = heard(|| node_by(steps, &config, Fake::default(), events(), taken_in));
         let (ended, counts, _) = ran;
         assert_eq!(ended.unwrap_err().to_string(), "the node is mute: a panic for the test");
         assert_eq!((counts.received, counts.taken_in), (1, 1));

@@ -10,9 +10,6 @@ use crate::msg::ros::TriggerResponse;
 use crate::node::record::tests::{begun, recorded};
 use crate::node::transport::{NetworkState, SensorTopics, Service, Source};
 
-/// Making the messages of a map that was last seen then panics in a test.
-pub(in crate::node) const UNSPEAKABLE: Stamp = Stamp::from_nanos(17_171_717_171_717);
-
 /// Maps wait for being let through; what is sent is kept, with its number.
 struct Slow {
     sent: RefCell<Vec<(&'static str, u64)>>,
@@ -125,7 +122,7 @@ async fn a_map_that_waits_holds_up_no_delta_and_is_followed_by_the_newest() {
     let (sender, receiver) = mpsc::channel(1);
     let config = Config::new([]).unwrap();
     let outlets = Outlets { transport: Rc::clone(&slow), recorder: None };
-    let publishing = publish(outlets, receiver, Seen::default(), config, None, mpsc::channel(1).0);
+    let publishing = publish(outlets, receiver, Seen::default(), config, None, mpsc::channel(1).0, messages);
     let worker = async {
         for output in outputs(4) {
             sender.send(output).await.unwrap();
@@ -153,7 +150,7 @@ async fn what_is_sent_of_the_map_is_recorded_too() {
     drop(sender);
     let config = Config::new([]).unwrap();
     let outlets = Outlets { transport: Rc::clone(&slow), recorder: Some(recorder) };
-    publish(outlets, receiver, Seen::default(), config, None, mpsc::channel(1).0).await;
+    publish(outlets, receiver, Seen::default(), config, None, mpsc::channel(1).0, messages).await;
     record.finish().unwrap();
     assert_eq!(*slow.sent.borrow(), [("delta", 1), ("map", 1)]);
     let mut topics = recorded(&path);
@@ -196,7 +193,7 @@ async fn the_polygons_of_a_map_go_out_once_and_one_of_no_cluster_among_them() {
         unsent: RefCell::default(),
         frame_id: "odom".to_owned(),
     };
-    let mut publisher = Maps { twins: Twins { polygons: true, ..Twins::default() }, ..Maps::default() };
+    let mut publisher = Maps::new(Twins { polygons: true, ..Twins::default() }, messages);
     let mut maps = vec![Arc::new(Engine::new(Params::default()).snapshot())];
     for output in outputs(2) {
         if let Output::Snapshot { snapshot, .. } = output {

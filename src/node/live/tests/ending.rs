@@ -9,7 +9,6 @@ use crate::node::live::calls::{LastFile, last_written};
 use crate::node::publish::Ended;
 use crate::node::saving::InFile;
 use crate::reason::SHUTDOWN;
-use crate::worker::Output;
 
 #[test]
 fn calls_that_still_wait_at_the_end_are_told_that_nothing_was_done_or_of_the_last_map() {
@@ -150,7 +149,8 @@ fn a_call_to_save_that_the_engine_s_death_overtakes_is_told_so() {
         Event::Call(Service::Save, ()),
         Event::Call(Service::Save, ()),
     ];
-    let (ended, _, transport) = node_with(&saving_in(folder.path()), Fake::default(), events, u64::MAX);
+    let config = saving_in(folder.path());
+    let (ended, _, transport) = node_by(deadly(), &config, Fake::default(), events, u64::MAX);
     let reason = ended.unwrap_err().to_string();
     assert!(reason.contains("a panic for the test"), "{reason}");
     assert_eq!(replies(&transport), vec![(false, reason); 2]);
