@@ -65,7 +65,7 @@ impl Handed {
     }
 
     /// A report was made.
-    pub(super) fn begin_second(&mut self) {
+    pub(super) fn begin_period(&mut self) {
         self.taken_in.values_mut().for_each(|taken_in| taken_in.scans = 0);
     }
 }
@@ -93,7 +93,7 @@ mod tests {
         (0..3).for_each(|_| handed.take_in());
         let found = |handed: &Handed| [0, 1, 2].map(|sensor| handed.of(sensor));
         assert_eq!(found(&handed), [taken_in(2, Some(2)), taken_in(1, Some(1)), taken_in(0, None)]);
-        handed.begin_second();
+        handed.begin_period();
         handed.take_in();
         assert_eq!(found(&handed), [taken_in(0, Some(2)), taken_in(0, Some(1)), taken_in(0, None)]);
     }

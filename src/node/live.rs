@@ -376,7 +376,7 @@ impl<T: Transport> Live<T> {
         let sensor = self.diagnosis.handed().replace(self.join.places());
         if let Some(intake) = sensor.and_then(|sensor| self.intakes.get_mut(sensor)) {
             // The engine has others of it, and says itself that it is slow.
-            intake.given_up += 1;
+            intake.period.given_up += 1;
         }
         self.warn("replaced", format_args!("{line}"));
     }

@@ -41,6 +41,13 @@ impl Vitals {
         (self.map, self.snapshot_took) = (Some(map), took);
     }
 
+    /// A report was made.
+    pub(super) fn begin_period(&mut self) {
+        self.took.clear();
+        self.points = Points::default();
+        self.handed.begin_period();
+    }
+
     /// What `~/points_labelled` leaves out of the map of this session.
     pub(super) fn left_out(&self, session: u64) -> Option<String> {
         let map = self.map.filter(|map| map.version.session == session)?;

@@ -18,12 +18,11 @@ use crate::node::transport::NetworkState;
 use crate::node::vitals::{Reach, Vitals};
 use crate::reason::Reason;
 
-/// What was counted when the last report was made, and what has happened since: the next one is about the time between.
+/// What has happened since the last report: the next one is about that.
 #[derive(Debug)]
-struct Before {
-    at: Instant,
-    counts: Counts,
-    /// The longest that a scan has waited for its transform since.
+struct Period {
+    start: Instant,
+    /// The longest that a scan has waited for its transform.
     longest_wait: Duration,
     /// What the newest cloud without a transform lacked, of each sensor.
     without_transform: BTreeMap<usize, String>,
@@ -32,10 +31,10 @@ struct Before {
     jump: Option<String>,
 }
 
-impl Before {
-    fn new(at: Instant, counts: Counts) -> Self {
+impl Period {
+    const fn new(start: Instant) -> Self {
         let without_transform = BTreeMap::new();
-        Self { at, counts, longest_wait: Duration::ZERO, without_transform, jumps: 0, jump: None }
+        Self { start, longest_wait: Duration::ZERO, without_transform, jumps: 0, jump: None }
     }
 }
 
@@ -45,7 +44,9 @@ pub(super) struct Diagnosis {
     node: String,
     counts: Rc<RefCell<Counts>>,
     vitals: Rc<RefCell<Vitals>>,
-    before: Before,
+    /// What was counted when the last report was made.
+    before: Counts,
+    period: Period,
     pub(super) saving: SavingFigures,
     reach: Reach,
     /// What was asked for (bytes).
@@ -58,7 +59,8 @@ impl Diagnosis {
             node: node.to_owned(),
             counts,
             vitals,
-            before: Before::new(start, Counts::default()),
+            before: Counts::default(),
+            period: Period::new(start),
             saving: SavingFigures::default(),
             reach: Reach::of(config),
             receive_buffer: config.receive_buffer,
@@ -67,12 +69,12 @@ impl Diagnosis {
 
     /// A scan has waited so long for its transform.
     pub(super) fn waited(&mut self, waited: Duration) {
-        self.before.longest_wait = self.before.longest_wait.max(waited);
+        self.period.longest_wait = self.period.longest_wait.max(waited);
     }
 
     /// A scan of a sensor was given up without a transform, for this reason.
     pub(super) fn given_up(&mut self, sensor: usize, why: String) {
-        self.before.without_transform.insert(sensor, why);
+        self.period.without_transform.insert(sensor, why);
     }
 
     /// Which sensor's scans the engine takes in.
@@ -82,8 +84,8 @@ impl Diagnosis {
 
     /// A jump has begun a session.
     pub(super) fn jumped(&mut self, line: String) {
-        self.before.jumps += 1;
-        self.before.jump = Some(line);
+        self.period.jumps += 1;
+        self.period.jump = Some(line);
     }
 
     /// Whether the map in the file is that of the engine; not where none was seen yet.
@@ -94,13 +96,14 @@ impl Diagnosis {
 
     /// Since the last report (s).
     pub(super) fn seconds(&self) -> f64 {
-        self.before.at.elapsed().as_secs_f64().max(1e-3)
+        self.period.start.elapsed().as_secs_f64().max(1e-3)
     }
 
     /// A report was made.
-    pub(super) fn begin_second(&mut self) {
-        self.before = Before::new(Instant::now(), self.counts.borrow().clone());
-        self.handed().begin_second();
+    pub(super) fn begin_period(&mut self) {
+        self.before.clone_from(&self.counts.borrow());
+        self.period = Period::new(Instant::now());
+        self.vitals.borrow_mut().begin_period();
     }
 
     pub(super) fn part(&self, part: &str, fine: impl Into<String>) -> StatusBuilder {
@@ -109,7 +112,7 @@ impl Diagnosis {
 
     fn since_before(&self, reason: Reason) -> u64 {
         let skipped = |counts: &Counts| counts.skipped.get(&reason).copied().unwrap_or_default();
-        skipped(&self.counts.borrow()) - skipped(&self.before.counts)
+        skipped(&self.counts.borrow()) - skipped(&self.before)
     }
 
     /// Of the scans, `waiting` wait for their transform; `halted` is why they wait on, where they do.
@@ -119,16 +122,16 @@ impl Diagnosis {
         waiting: usize,
         halted: Option<String>,
     ) -> DiagnosticStatus {
-        let before = &self.before;
+        let period = &self.period;
         let mut part = self.part("transforms", format!("every scan has its way to `{fixed_frame}`"));
         let given_up = self.since_before(TRANSFORM_TIMEOUT) + self.since_before(WAITING_QUEUE_FULL);
         part.value("scans that wait", waiting);
-        part.value("longest wait [s]", format!("{:.3}", before.longest_wait.as_secs_f64()));
+        part.value("longest wait [s]", format!("{:.3}", period.longest_wait.as_secs_f64()));
         part.value("given up", given_up);
         if given_up > 0 {
-            let taken_in = self.counts.borrow().taken_in > before.counts.taken_in;
+            let taken_in = self.counts.borrow().taken_in > self.before.taken_in;
             let level = if taken_in { Level::Warn } else { Level::Error };
-            let whys: Vec<_> = before.without_transform.values().map(String::as_str).collect();
+            let whys: Vec<_> = period.without_transform.values().map(String::as_str).collect();
             part.raise(level, whys.join("; "));
         } else if let Some(why) = halted {
             part.raise(Level::Warn, why);
@@ -137,20 +140,20 @@ impl Diagnosis {
     }
 
     pub(super) fn of_engine(&self) -> DiagnosticStatus {
-        let mut took = std::mem::take(&mut self.vitals.borrow_mut().took);
+        let vitals = self.vitals.borrow();
+        let mut took = vitals.took.clone();
         took.sort_unstable();
-        let snapshot_took = self.vitals.borrow().snapshot_took;
         let ms =
             |took: Option<&Duration>| format!("{:.2}", took.map_or(0.0, |took| took.as_secs_f64() * 1e3));
-        let (counts, before) = (self.counts.borrow(), &self.before.counts);
+        let (counts, before) = (self.counts.borrow(), &self.before);
         let replaced = counts.replaced - before.replaced;
         let rate = (counts.taken_in - before.taken_in) as f64 / self.seconds();
         let mut part = self.part("engine", format!("{rate:.1} scans/s taken in"));
         part.value("rate [Hz]", format!("{rate:.2}"));
         part.value("engine, median [ms]", ms(took.get(took.len() / 2)));
         part.value("engine, longest [ms]", ms(took.last()));
-        part.value("held up for a snapshot, newest [ms]", ms(Some(&snapshot_took.freezing)));
-        part.value("snapshot, newest [ms]", ms(Some(&snapshot_took.making)));
+        part.value("held up for a snapshot, newest [ms]", ms(Some(&vitals.snapshot_took.freezing)));
+        part.value("snapshot, newest [ms]", ms(Some(&vitals.snapshot_took.making)));
         part.value("received in all", counts.received).value("taken in in all", counts.taken_in);
         part.value("replaced in all", counts.replaced).value("lost in all", counts.lost);
         for (reason, number) in &counts.skipped {
@@ -166,23 +169,23 @@ impl Diagnosis {
     }
 
     pub(super) fn of_map(&self, session: u64) -> DiagnosticStatus {
-        let mut part = self.part("map", "empty");
-        if let Some(map) = self.vitals.borrow().map.filter(|map| map.version.session == session) {
+        let (vitals, mut part) = (self.vitals.borrow(), self.part("map", "empty"));
+        if let Some(map) = vitals.map.filter(|map| map.version.session == session) {
             let (clusters, voxels) = (map.clusters, map.dense_voxels);
             part.status.message = format!("clusters: {clusters}; dense voxels: {voxels}");
             part.value("clusters", clusters).value("dense voxels", voxels);
             let sequence = map.version.sequence;
             part.value("unclustered voxels", map.unclustered_voxels).value("sequence", sequence);
             // They are those of the newest snapshot, which is made seldom where publish_rate is low or the map large.
-            let newest = self.vitals.borrow().newest.filter(|newest| newest.session == session);
+            let newest = vitals.newest.filter(|newest| newest.session == session);
             let since = newest.map_or(0, |newest| newest.sequence.saturating_sub(sequence));
             part.value("scans taken in since these figures", since);
         }
-        part.value("session", session).value("sessions begun by a jump", self.before.jumps);
-        if let Some(jump) = &self.before.jump {
+        part.value("session", session).value("sessions begun by a jump", self.period.jumps);
+        if let Some(jump) = &self.period.jump {
             part.raise(Level::Warn, jump);
         }
-        let points = std::mem::take(&mut self.vitals.borrow_mut().points);
+        let points = vitals.points;
         part.value("points beyond the grid", points.beyond_grid);
         if points.beyond_grid.saturating_mul(10) > points.all {
             part.raise(Level::Warn, self.reach.line(points));
@@ -194,7 +197,7 @@ impl Diagnosis {
         if let Some(fault) = self.saving.fault(now) {
             part.raise(Level::Warn, fault);
         }
-        if let Some(line) = self.vitals.borrow().left_out(session) {
+        if let Some(line) = vitals.left_out(session) {
             part.raise(Level::Warn, line);
         }
         if let Some(memory) = resident_mb() {
@@ -244,7 +247,7 @@ mod tests {
     use super::*;
     use crate::msg::clusters::MapVersion;
     use crate::msg::labelled::MAX_LABELLED;
-    use crate::node::vitals::MapSize;
+    use crate::node::vitals::{MapSize, Points};
 
     fn diagnosis() -> Diagnosis {
         Diagnosis::new(&Config::new([]).unwrap(), "/robot/cfodi", Seen::default(), Instant::now())
@@ -270,10 +273,25 @@ mod tests {
         };
         let figures = ["1", "0.200"].map(str::to_owned);
         assert_eq!(said(&diagnosis), (2, "no way".to_owned(), figures, (1, "a jump".to_owned())));
-        diagnosis.begin_second();
+        diagnosis.begin_period();
         let (fine, figures) = ("every scan has its way to `odom`", ["0", "0.000"].map(str::to_owned));
         assert_eq!(said(&diagnosis), (0, fine.to_owned(), figures, (0, "empty".to_owned())));
         assert_eq!(value(&diagnosis.of_engine(), "skipped in all, transform_timeout"), "1");
+    }
+
+    #[test]
+    fn what_the_engine_has_done_is_told_the_same_until_the_report_was_made_and_then_no_more() {
+        let mut diagnosis = diagnosis();
+        let (version, points) = (MapVersion { session: 1, sequence: 1 }, Points { all: 20, beyond_grid: 1 });
+        diagnosis.vitals.borrow_mut().note_scan(version, Duration::from_millis(5), points);
+        let told = |diagnosis: &Diagnosis| {
+            let (engine, map) = (diagnosis.of_engine(), diagnosis.of_map(1));
+            (value(&engine, "engine, longest [ms]"), value(&map, "points beyond the grid"))
+        };
+        let figures = |took: &str, beyond_grid: &str| (took.to_owned(), beyond_grid.to_owned());
+        assert_eq!([told(&diagnosis), told(&diagnosis)], [(); 2].map(|()| figures("5.00", "1")));
+        diagnosis.begin_period();
+        assert_eq!(told(&diagnosis), figures("0.00", "0"));
     }
 
     /// A simulated clock that is halted gives none up.

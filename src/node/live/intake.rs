@@ -28,21 +28,28 @@ pub(super) struct Intake {
     said_quiet: Option<Instant>,
     /// The stamp of the newest good scan, whether or not it is taken in.
     pub(super) newest: Option<Stamp>,
-    /// Since the last report: scans that came, those of them that could not be used, and those that never arrived.
-    pub(super) received: u64,
-    pub(super) skipped: u64,
-    pub(super) lost: u64,
-    /// Since then: why the newest of those could not be used.
-    pub(super) fault: Option<CloudError>,
-    /// Since then: good scans that show next to nothing, and what is to be said of the newest.
-    pub(super) blind: u64,
-    pub(super) blindness: Option<String>,
-    /// Since then: good scans that were given up, without a transform or for newer ones.
-    pub(super) given_up: u64,
+    pub(super) period: Period,
     /// What was given up since a report in whose time one was taken in.
     pub(super) left_out: Option<LeftOut>,
     /// It was said that its clouds come in the fixed frame.
     pub(super) is_known_without_viewpoint: bool,
+}
+
+/// What has come of a sensor since the last report.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Period {
+    /// Scans that came.
+    pub(super) received: u64,
+    /// Those of them that could not be used, and why the newest could not.
+    pub(super) skipped: u64,
+    pub(super) fault: Option<CloudError>,
+    /// Scans that never arrived.
+    pub(super) lost: u64,
+    /// Good scans that show next to nothing, and what is to be said of the newest.
+    pub(super) blind: u64,
+    pub(super) blindness: Option<String>,
+    /// Good scans that were given up, without a transform or for newer ones.
+    pub(super) given_up: u64,
 }
 
 /// Scans that were good, and were given up all the same.
@@ -55,7 +62,7 @@ pub(super) struct LeftOut {
 }
 
 impl Intake {
-    pub(super) const fn new(start: Instant) -> Self {
+    pub(super) fn new(start: Instant) -> Self {
         Self {
             chosen: None,
             since: start,
@@ -63,28 +70,21 @@ impl Intake {
             empty_since: None,
             said_quiet: None,
             newest: None,
-            received: 0,
-            skipped: 0,
-            lost: 0,
-            fault: None,
-            blind: 0,
-            blindness: None,
-            given_up: 0,
+            period: Period::default(),
             left_out: None,
             is_known_without_viewpoint: false,
         }
     }
 
     /// A report was made, in whose time scans of it were taken in or not.
-    pub(super) fn begin_second(&mut self, were_taken_in: bool) {
-        (self.received, self.skipped, self.lost, self.fault) = (0, 0, 0, None);
-        (self.blind, self.blindness, self.given_up) = (0, None, 0);
+    pub(super) fn begin_period(&mut self, were_taken_in: bool) {
+        self.period = Period::default();
         self.left_out.take_if(|_| were_taken_in);
     }
 
     /// A good scan was given up, for this reason.
     pub(super) fn give_up(&mut self, why: String) {
-        self.given_up += 1;
+        self.period.given_up += 1;
         let since = self.left_out.take().map_or_else(Instant::now, |left_out| left_out.since);
         self.left_out = Some(LeftOut { since, why });
     }
@@ -98,8 +98,8 @@ impl Intake {
             self.empty_since.get_or_insert(self.since);
         }
         if let Some(blindness) = cloud.shows_nothing() {
-            self.blind += 1;
-            self.blindness = Some(blindness);
+            self.period.blind += 1;
+            self.period.blindness = Some(blindness);
         }
     }
 
@@ -123,7 +123,7 @@ impl<T: Transport> Live<T> {
             return self.skip_other(input);
         }
         intake.since = Instant::now();
-        intake.received += 1;
+        intake.period.received += 1;
         let cloud = cloud.and_then(|cloud| with_stamp(cloud, || self.simulated));
         match &cloud {
             Ok(cloud) => {
@@ -136,10 +136,10 @@ impl<T: Transport> Live<T> {
                 self.say_when_ahead(sensor, cloud.stamp.seconds_since(clock));
             }
             Err(error) => {
-                intake.skipped += 1;
+                intake.period.skipped += 1;
                 intake.empty_since = None;
                 intake.bad_since.get_or_insert(intake.since);
-                intake.fault = Some(error.clone());
+                intake.period.fault = Some(error.clone());
             }
         }
         self.cloud(input, cloud);
@@ -180,7 +180,7 @@ impl<T: Transport> Live<T> {
         if !intake.takes(form) {
             return;
         }
-        intake.lost = intake.lost.saturating_add(number);
+        intake.period.lost = intake.period.lost.saturating_add(number);
         intake.bad_since.get_or_insert_with(Instant::now);
         let total = self.counts.borrow().lost;
         let look = self.transport.losses();

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use super::intake::LeftOut;
+use super::intake::{LeftOut, Period};
 use super::{Live, QUIET};
 use crate::engine::Stamp;
 use crate::msg::reports::{DiagnosticArray, DiagnosticStatus, Level};
@@ -40,9 +40,9 @@ impl<T: Transport> Live<T> {
         let (engine, map) = (diagnosis.of_engine(), diagnosis.of_map(self.session));
         status.extend([transforms, engine, map, diagnosis.of_network(&network)]);
         for (sensor, intake) in self.intakes.iter_mut().enumerate() {
-            intake.begin_second(self.diagnosis.handed().of(sensor).scans > 0);
+            intake.begin_period(self.diagnosis.handed().of(sensor).scans > 0);
         }
-        self.diagnosis.begin_second();
+        self.diagnosis.begin_period();
         let report = DiagnosticArray { header: Header { stamp: clock.into(), ..Header::default() }, status };
         place.send(report);
     }
@@ -56,45 +56,57 @@ impl<T: Transport> Live<T> {
         let (intake, topics) = (&self.intakes[sensor], &self.transport.inputs()[sensor]);
         let topic = intake.chosen.and_then(|form| topics.topic(form)).map(str::to_owned);
         let topic = topic.unwrap_or_else(|| inputs::reads(topics));
-        let rate = intake.received as f64 / seconds;
+        let rate = intake.period.received as f64 / seconds;
         let mut part =
             self.diagnosis.part(&format!("sensor {}", topics.name), format!("{rate:.1} scans/s on {topic}"));
         part.value("topic", &topic).value("rate [Hz]", format!("{rate:.2}"));
-        part.value("lost", intake.lost).value("skipped", intake.skipped);
-        if intake.since.elapsed() >= QUIET {
-            let free = inputs::free(sensor, self.transport.inputs(), sources);
-            let quiet = (intake.since.elapsed(), self.transport.silences());
-            let why = inputs::why_quiet(topics, intake.chosen, &free, quiet);
-            part.raise(Level::Error, why);
-        }
-        let bad = intake.lost.saturating_add(intake.skipped);
-        let sent = intake.received.saturating_add(intake.lost);
-        if bad.saturating_mul(10) > sent {
-            let level = if intake.is_useless() { Level::Error } else { Level::Warn };
-            let why = intake.fault.as_ref().map(|error| self.why_unusable(sensor, error));
-            let why = why.map_or_else(String::new, |why| format!("; why the last cannot: {why}"));
-            part.raise(level, format!("{bad} of {sent} scans were lost or cannot be used{why}"));
-        }
-        if let Some(why) = intake.blindness.as_ref().filter(|_| intake.blind * 2 > intake.received) {
-            let (blind, received) = (intake.blind, intake.received);
-            let line = format!("{blind} of {received} scans show next to nothing; the last: {why}");
-            part.raise(Level::Warn, line);
-        }
+        part.value("lost", intake.period.lost).value("skipped", intake.period.skipped);
+        self.add_silence(&mut part, sensor, sources);
+        self.add_bad(&mut part, sensor);
+        add_blindness(&mut part, &intake.period);
         if let Some(stamp) = intake.newest {
-            let age = clock.seconds_since(stamp);
-            part.value("age of the newest [s]", format!("{age:.3}"));
-            if let Some(line) = self.say_age(age) {
-                part.raise(Level::Warn, line);
-            }
+            self.add_age(&mut part, clock.seconds_since(stamp));
         }
         self.add_taken_in(&mut part, sensor, clock);
         part.finish()
     }
 
+    /// Why none of a sensor comes, where that is so.
+    fn add_silence(&self, part: &mut StatusBuilder, sensor: usize, sources: &[Source]) {
+        let (intake, inputs) = (&self.intakes[sensor], self.transport.inputs());
+        let silence = intake.since.elapsed();
+        if silence >= QUIET {
+            let free = inputs::free(sensor, inputs, sources);
+            let quiet = (silence, self.transport.silences());
+            part.raise(Level::Error, inputs::why_quiet(&inputs[sensor], intake.chosen, &free, quiet));
+        }
+    }
+
+    /// Scans of a sensor that never arrived or cannot be used, where they are more than a tenth.
+    fn add_bad(&self, part: &mut StatusBuilder, sensor: usize) {
+        let intake = &self.intakes[sensor];
+        let Period { received, skipped, lost, ref fault, .. } = intake.period;
+        let (bad, sent) = (lost.saturating_add(skipped), received.saturating_add(lost));
+        if bad.saturating_mul(10) > sent {
+            let level = if intake.is_useless() { Level::Error } else { Level::Warn };
+            let why = fault.as_ref().map(|error| self.why_unusable(sensor, error));
+            let why = why.map_or_else(String::new, |why| format!("; why the last cannot: {why}"));
+            part.raise(level, format!("{bad} of {sent} scans were lost or cannot be used{why}"));
+        }
+    }
+
+    /// How old the newest scan of a sensor is (s).
+    fn add_age(&self, part: &mut StatusBuilder, age: f64) {
+        part.value("age of the newest [s]", format!("{age:.3}"));
+        if let Some(line) = self.say_age(age) {
+            part.raise(Level::Warn, line);
+        }
+    }
+
     /// What of a sensor the map has: scans that come may all be given up, while those of others are taken in.
     fn add_taken_in(&self, part: &mut StatusBuilder, sensor: usize, clock: Stamp) {
         let (intake, taken_in) = (&self.intakes[sensor], self.diagnosis.handed().of(sensor));
-        part.value("taken in", taken_in.scans).value("given up", intake.given_up);
+        part.value("taken in", taken_in.scans).value("given up", intake.period.given_up);
         if let Some(stamp) = taken_in.newest {
             part.value("age of the newest taken in [s]", format!("{:.3}", clock.seconds_since(stamp)));
         }
@@ -158,5 +170,12 @@ impl<T: Transport> Live<T> {
                 &format!("it is over: {line}"),
             );
         }
+    }
+}
+
+/// Scans of a sensor that show next to nothing, where they are more than half.
+fn add_blindness(part: &mut StatusBuilder, &Period { received, blind, ref blindness, .. }: &Period) {
+    if let Some(why) = blindness.as_ref().filter(|_| blind * 2 > received) {
+        part.raise(Level::Warn, format!("{blind} of {received} scans show next to nothing; the last: {why}"));
     }
 }
