@@ -13,7 +13,6 @@ mod report;
 mod saving_figures;
 mod say;
 mod session;
-mod simulated;
 
 use std::cell::RefCell;
 use std::future::Future;
@@ -184,11 +183,7 @@ struct Live<T: Transport> {
     throttle: Throttle,
     lasting: Lasting,
     session: u64,
-    /// Whether the time is simulated.
-    simulated: bool,
     clocks: Clocks,
-    /// Whether it was said that the simulated one does not come.
-    said_clock: bool,
     /// By sensor.
     intakes: Vec<Intake>,
     fixed_frame: String,
@@ -223,9 +218,7 @@ impl<T: Transport> Live<T> {
             throttle: Throttle::default(),
             lasting: Lasting::default(),
             session,
-            simulated: config.use_sim_time,
-            clocks: Clocks::new(start),
-            said_clock: false,
+            clocks: Clocks::new(start, config.use_sim_time),
             intakes,
             fixed_frame: config.fixed_frame.clone(),
             filter: config.filter,
@@ -386,7 +379,7 @@ impl<T: Transport> Live<T> {
             self.skip(&waited, GivenUp::TimedOut);
         }
         self.say_when_quiet(Instant::now());
-        self.say_of_clock();
+        self.clocks.say(Instant::now());
     }
 }
 

@@ -2,23 +2,35 @@
 
 use std::time::{Duration, Instant};
 
+use tracing::{info, warn};
+
+use super::QUIET;
 use crate::engine::Stamp;
 use crate::join::Moment;
 use crate::node::clock::now;
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Debug)]
 pub(super) struct Clocks {
     start: Instant,
+    /// Whether the time is simulated.
+    is_simulated: bool,
     /// Newest stamp of the simulated clock.
     newest: Option<Stamp>,
     /// When it came last, or else the start.
     heard: Instant,
+    /// Whether it was said that it does not come.
+    said_fault: bool,
 }
 
 impl Clocks {
     /// Of a node that starts.
-    pub(super) const fn new(start: Instant) -> Self {
-        Self { start, newest: None, heard: start }
+    pub(super) const fn new(start: Instant, is_simulated: bool) -> Self {
+        Self { start, is_simulated, newest: None, heard: start, said_fault: false }
+    }
+
+    /// Whether the time is simulated.
+    pub(super) const fn is_simulated(&self) -> bool {
+        self.is_simulated
     }
 
     /// Takes in what the simulated clock says at this moment; the seconds by which it has jumped back.
@@ -29,14 +41,29 @@ impl Clocks {
         back
     }
 
-    /// How long the simulated clock has said nothing.
-    pub(super) fn silence(&self, moment: Instant) -> Duration {
-        moment.duration_since(self.heard)
+    /// What is to be said at this moment of the simulated clock where none comes.
+    pub(super) fn fault(&self, moment: Instant) -> Option<String> {
+        let silence = moment.duration_since(self.heard);
+        if !self.is_simulated || silence < QUIET {
+            return None;
+        }
+        Some(if self.newest.is_some() {
+            format!("no /clock has come for {} s: the simulated time stands still", silence.as_secs())
+        } else {
+            "no /clock has come, which use_sim_time asks for: a bag is played with --clock, and a robot's time is not simulated"
+                .to_owned()
+        })
     }
 
-    /// Whether it has ever said anything.
-    pub(super) const fn is_heard(&self) -> bool {
-        self.newest.is_some()
+    /// Says it once, and when it comes.
+    pub(super) fn say(&mut self, moment: Instant) {
+        let fault = self.fault(moment);
+        let was_said = std::mem::replace(&mut self.said_fault, fault.is_some());
+        match fault {
+            Some(fault) if !was_said => warn!("{fault}"),
+            None if was_said => info!("/clock comes now"),
+            _ => {}
+        }
     }
 
     /// The scans have jumped back to this stamp: the simulated clock comes after them, and has then not jumped.
@@ -66,7 +93,7 @@ mod tests {
 
     #[test]
     fn a_clock_that_comes_late_is_none_that_has_jumped_nor_is_one_that_follows_the_scans() {
-        let mut clocks = Clocks::new(Instant::now());
+        let mut clocks = Clocks::new(Instant::now(), false);
         let at = |seconds: i64| Stamp::from_nanos(seconds * 1_000_000_000);
         assert_eq!(clocks.moment().simulated, None);
         assert_eq!([20, 19].map(|seconds| clocks.hear(at(seconds), Instant::now())), [None; 2]);
@@ -82,7 +109,7 @@ mod tests {
 
     #[test]
     fn a_clock_that_was_never_heard_follows_no_scan() {
-        let mut clocks = Clocks::new(Instant::now());
+        let mut clocks = Clocks::new(Instant::now(), false);
         clocks.follow(Stamp::from_nanos(1));
         assert_eq!(clocks.moment().simulated, None);
     }

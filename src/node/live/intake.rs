@@ -124,7 +124,7 @@ impl<T: Transport> Live<T> {
         }
         intake.since = Instant::now();
         intake.period.received += 1;
-        let cloud = cloud.and_then(|cloud| with_stamp(cloud, || self.simulated));
+        let cloud = cloud.and_then(|cloud| with_stamp(cloud, || self.clocks.is_simulated()));
         match &cloud {
             Ok(cloud) => {
                 intake.note_good(cloud);

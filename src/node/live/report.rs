@@ -123,19 +123,25 @@ impl<T: Transport> Live<T> {
             format!("its stamps are {:.1} s ahead of the clock", -age)
         } else if age <= BEHIND {
             return None;
-        } else if self.simulated {
+        } else if self.clocks.is_simulated() {
             format!("its stamps are {age:.1} s behind the clock")
         } else {
             format!(
                 "its stamps are {age:.1} s behind the clock (a bag is played with --clock and use_sim_time)"
             )
         };
-        Some([Some(line), self.clock_fault()].into_iter().flatten().collect::<Vec<_>>().join("; "))
+        Some(
+            [Some(line), self.clocks.fault(Instant::now())]
+                .into_iter()
+                .flatten()
+                .collect::<Vec<_>>()
+                .join("; "),
+        )
     }
 
     /// Why scans wait on: the simulated clock, and what the oldest of them lacks.
     fn halted(&self) -> Option<String> {
-        let whys: Vec<_> = self.clock_fault().into_iter().chain(self.stuck()).collect();
+        let whys: Vec<_> = self.clocks.fault(Instant::now()).into_iter().chain(self.stuck()).collect();
         (!whys.is_empty()).then(|| whys.join("; "))
     }
 

@@ -1,6 +1,7 @@
 //! What the log says of what comes and of what does not.
 
 use std::borrow::Cow;
+use std::time::Instant;
 
 use tracing::{Level, debug};
 
@@ -83,7 +84,7 @@ impl<T: Transport> Live<T> {
         let mut line = format!(
             "a cloud was skipped after {seconds:.2} s without a transform from `{frame_id}` to `{fixed_frame}`: {why}"
         );
-        if let Some(fault) = self.clock_fault() {
+        if let Some(fault) = self.clocks.fault(Instant::now()) {
             line = format!("{line}; {fault}");
         }
         if let GivenUp::PushedOut { longer_helps } = given_up {

@@ -331,11 +331,11 @@ fn a_simulated_clock_that_does_not_come_is_told_of_and_said_once_and_so_is_that_
     let run = async {
         let (mut live, mut reported) = by_hand(&config, Fake::default());
         let mut transforms = Vec::new();
-        live.clocks = Clocks::new(long_ago);
+        live.clocks = Clocks::new(long_ago, true);
         for rests in [true, false, true] {
             if !rests {
                 live.event(Event::Clock(at(10.0))).await;
-            } else if live.clocks.is_heard() {
+            } else if live.clocks.moment().simulated.is_some() {
                 live.clocks.hear(at(10.1), long_ago);
             }
             live.tick();
