@@ -11,7 +11,7 @@ mod waiting;
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use crate::cloud::{Cloud, CloudError};
+use crate::cloud::{Cloud, CloudError, Decoded};
 use crate::engine::{Scan, Stamp};
 use crate::msg::ros::TransformStamped;
 use crate::tf::{FrameError, Frames, Inserted, Lack, LookupError};
@@ -61,7 +61,7 @@ struct Sensor {
 ///
 /// # Errors
 /// [`CloudError::NoStamp`].
-pub fn with_stamp(cloud: Cloud, is_simulated: impl FnOnce() -> bool) -> Result<Cloud, CloudError> {
+pub fn with_stamp(cloud: Cloud, is_simulated: impl FnOnce() -> bool) -> Decoded {
     if cloud.stamp.nanos() != 0 || is_simulated() { Ok(cloud) } else { Err(CloudError::NoStamp) }
 }
 

@@ -6,7 +6,7 @@ use super::choose::{Sensor, form_of};
 use super::read::Message;
 use super::topic::Topic;
 use crate::cloud::{
-    Camera, Cloud, CloudError, CloudFilter, CloudSeed, CompressedSeed, DepthSeed, Optical,
+    Camera, CloudError, CloudFilter, CloudSeed, CompressedSeed, Decoded, DepthSeed, Optical,
     is_optical_by_name, is_rectified_by_name,
 };
 use crate::msg::cdr::{read, read_with};
@@ -23,7 +23,7 @@ pub enum Recorded {
         /// Its place among those of [`Decoder::new`].
         sensor: usize,
         /// The scan, or what is wrong with it.
-        cloud: Result<Cloud, CloudError>,
+        cloud: Decoded,
     },
     /// Transforms.
     Transforms {
@@ -269,7 +269,7 @@ impl Input {
         }
     }
 
-    fn scan(&self, message: &Message, filter: &CloudFilter) -> Result<Cloud, CloudError> {
+    fn scan(&self, message: &Message, filter: &CloudFilter) -> Decoded {
         let data = message.plain().map_err(CloudError::Undecodable)?;
         let camera = || self.camera.clone().unwrap_or(Err(CloudError::NoCameraInfo));
         let seeded = match self.sensor.form {

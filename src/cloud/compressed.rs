@@ -12,7 +12,7 @@ use serde::de::SeqAccess;
 
 use super::depth::{Coding, Pixels, check_count};
 use super::seed::{DepthImage, ImageSeed, lent, next};
-use super::{Camera, Cloud, CloudError, CloudFilter, layout};
+use super::{Camera, Cloud, CloudError, CloudFilter, Decoded, layout};
 use crate::msg::ros::{CompressedImage, Header};
 
 /// Bytes before a compressedDepth image: i32 kind, f32 a, f32 b, in the order of the machines that ROS runs on.
@@ -24,11 +24,7 @@ const HEADER: usize = 12;
 ///
 /// A [`CloudError`] where the image is no PNG of depths, is not the camera's, or exceeds a bound; never
 /// [`CloudError::Undecodable`].
-pub fn decode_compressed(
-    image: &CompressedImage,
-    camera: &Camera,
-    filter: &CloudFilter,
-) -> Result<Cloud, CloudError> {
+pub fn decode_compressed(image: &CompressedImage, camera: &Camera, filter: &CloudFilter) -> Decoded {
     cloud_from(&image.header, &image.format, &image.data, camera, filter)
 }
 
@@ -43,7 +39,7 @@ impl DepthImage for CompressedImage {
         mut seq: A,
         camera: &Camera,
         filter: &CloudFilter,
-    ) -> Result<Result<Cloud, CloudError>, A::Error> {
+    ) -> Result<Decoded, A::Error> {
         let header: Header = next(&mut seq)?;
         let format: String = next(&mut seq)?;
         lent(&mut seq, |data| cloud_from(&header, &format, data, camera, filter))
@@ -51,13 +47,7 @@ impl DepthImage for CompressedImage {
 }
 
 /// What both ways in come down to.
-fn cloud_from(
-    header: &Header,
-    format: &str,
-    data: &[u8],
-    camera: &Camera,
-    filter: &CloudFilter,
-) -> Result<Cloud, CloudError> {
+fn cloud_from(header: &Header, format: &str, data: &[u8], camera: &Camera, filter: &CloudFilter) -> Decoded {
     let stamp = layout::stamp(header)?;
     let frame_id = layout::frame_id(header)?;
     let refused = || CloudError::UnknownFormat { format: layout::shown(format) };

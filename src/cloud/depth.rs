@@ -11,7 +11,7 @@ use serde::de::SeqAccess;
 
 use super::convert::{Converted, Gate, judged};
 use super::seed::{DepthImage, ImageSeed, lent, next};
-use super::{Camera, Cloud, CloudError, CloudFilter, layout};
+use super::{Camera, Cloud, CloudError, CloudFilter, Decoded, layout};
 use crate::engine::arch::arch;
 use crate::engine::{Depths, Points};
 use crate::msg::ros::{Header, Image};
@@ -25,7 +25,7 @@ use crate::msg::ros::{Header, Image};
 ///
 /// A [`CloudError`] where the image contradicts itself or the camera, or exceeds a bound; never
 /// [`CloudError::Undecodable`].
-pub fn decode_depth(image: &Image, camera: &Camera, filter: &CloudFilter) -> Result<Cloud, CloudError> {
+pub fn decode_depth(image: &Image, camera: &Camera, filter: &CloudFilter) -> Decoded {
     let description = Description {
         header: &image.header,
         height: image.height,
@@ -48,7 +48,7 @@ impl DepthImage for Image {
         mut seq: A,
         camera: &Camera,
         filter: &CloudFilter,
-    ) -> Result<Result<Cloud, CloudError>, A::Error> {
+    ) -> Result<Decoded, A::Error> {
         let header: Header = next(&mut seq)?;
         let height = next(&mut seq)?;
         let width = next(&mut seq)?;
@@ -76,12 +76,7 @@ struct Description<'a> {
 }
 
 /// What both ways in come down to.
-fn cloud_from(
-    description: &Description<'_>,
-    data: &[u8],
-    camera: &Camera,
-    filter: &CloudFilter,
-) -> Result<Cloud, CloudError> {
+fn cloud_from(description: &Description<'_>, data: &[u8], camera: &Camera, filter: &CloudFilter) -> Decoded {
     let stamp = layout::stamp(description.header)?;
     let frame_id = layout::frame_id(description.header)?;
     let coding = match description.encoding {

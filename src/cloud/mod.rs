@@ -55,6 +55,9 @@ pub struct Cloud {
     pub out_of_range: u32,
 }
 
+/// The cloud of one message, or why it cannot be used.
+pub type Decoded = Result<Cloud, CloudError>;
+
 impl Cloud {
     /// What is to be said where it shows nothing, or next to nothing: an empty scan is a scan, and may be of a covered sensor.
     pub fn shows_nothing(&self) -> Option<String> {
@@ -153,12 +156,12 @@ pub fn z_is_not_up(fixed_frame: &str) -> Option<String> {
 /// # Errors
 ///
 /// A [`CloudError`] where the message contradicts itself or exceeds a bound; never [`CloudError::Undecodable`].
-pub fn decode(message: &PointCloud2, filter: &CloudFilter) -> Result<Cloud, CloudError> {
+pub fn decode(message: &PointCloud2, filter: &CloudFilter) -> Decoded {
     cloud_from(&Description::of(message), &message.data, filter)
 }
 
 /// What both ways in come down to.
-fn cloud_from(description: &Description<'_>, data: &[u8], filter: &CloudFilter) -> Result<Cloud, CloudError> {
+fn cloud_from(description: &Description<'_>, data: &[u8], filter: &CloudFilter) -> Decoded {
     let stamp = layout::stamp(description.header)?;
     let frame_id = layout::frame_id(description.header)?;
     let gate = Gate::new(filter, filter.optical.of_frame(frame_id));

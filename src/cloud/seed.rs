@@ -9,7 +9,7 @@ use serde::Deserialize;
 use serde::de::{DeserializeSeed, Deserializer, Error, SeqAccess, Visitor};
 
 use super::layout::{Description, MAX_FIELDS};
-use super::{Camera, Cloud, CloudError, CloudFilter, cloud_from};
+use super::{Camera, CloudFilter, Decoded, cloud_from};
 use crate::msg::ros::{Header, PointField};
 
 const FIELDS: &[&str] =
@@ -17,7 +17,7 @@ const FIELDS: &[&str] =
 
 /// Reads one serialised `sensor_msgs/PointCloud2` and gives what [`decode`](super::decode) gives, without a copy.
 ///
-/// What is wrong inside a readable message comes as a [`CloudError`] in the value; a message that cannot be read to
+/// What is wrong inside a readable message comes as a [`CloudError`](super::CloudError) in the value; a message that cannot be read to
 /// its end comes as the deserializer's own error.
 #[derive(Clone, Copy, Debug)]
 pub struct CloudSeed {
@@ -32,7 +32,7 @@ impl CloudSeed {
 }
 
 impl<'de> DeserializeSeed<'de> for CloudSeed {
-    type Value = Result<Cloud, CloudError>;
+    type Value = Decoded;
 
     fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Self::Value, D::Error> {
         deserializer.deserialize_struct("PointCloud2", FIELDS, self)
@@ -40,7 +40,7 @@ impl<'de> DeserializeSeed<'de> for CloudSeed {
 }
 
 impl<'de> Visitor<'de> for CloudSeed {
-    type Value = Result<Cloud, CloudError>;
+    type Value = Decoded;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("a sensor_msgs/PointCloud2")
@@ -80,12 +80,12 @@ pub(super) trait DepthImage {
         seq: A,
         camera: &Camera,
         filter: &CloudFilter,
-    ) -> Result<Result<Cloud, CloudError>, A::Error>;
+    ) -> Result<Decoded, A::Error>;
 }
 
 /// Reads one serialised depth image, a `sensor_msgs/Image` or a `sensor_msgs/CompressedImage`, without a copy.
 ///
-/// What is wrong inside a readable message comes as a [`CloudError`] in the value; a message that cannot be read to
+/// What is wrong inside a readable message comes as a [`CloudError`](super::CloudError) in the value; a message that cannot be read to
 /// its end comes as the deserializer's own error.
 #[derive(Debug)]
 pub struct ImageSeed<M> {
@@ -110,7 +110,7 @@ impl<M> Clone for ImageSeed<M> {
 impl<M> Copy for ImageSeed<M> {}
 
 impl<'de, M: DepthImage> DeserializeSeed<'de> for ImageSeed<M> {
-    type Value = Result<Cloud, CloudError>;
+    type Value = Decoded;
 
     fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Self::Value, D::Error> {
         deserializer.deserialize_struct(M::NAME, M::FIELDS, self)
@@ -118,7 +118,7 @@ impl<'de, M: DepthImage> DeserializeSeed<'de> for ImageSeed<M> {
 }
 
 impl<'de, M: DepthImage> Visitor<'de> for ImageSeed<M> {
-    type Value = Result<Cloud, CloudError>;
+    type Value = Decoded;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "a sensor_msgs/{}", M::NAME)

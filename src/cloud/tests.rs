@@ -78,18 +78,16 @@ fn header(frame_id: &str) -> Header {
 }
 
 /// What a live subscription asks of a seed.
-fn subscribed(
-    filter: CloudFilter,
-) -> impl for<'de> DeserializeSeed<'de, Value = Result<Cloud, CloudError>> + Clone {
+fn subscribed(filter: CloudFilter) -> impl for<'de> DeserializeSeed<'de, Value = Decoded> + Clone {
     CloudSeed::new(filter)
 }
 
 /// By the route of a live subscription: rustdds hands its `CdrDeserializer` to the seed.
-fn by_seed(cdr: &[u8], filter: CloudFilter) -> cdr_encoding::Result<Result<Cloud, CloudError>> {
+fn by_seed(cdr: &[u8], filter: CloudFilter) -> cdr_encoding::Result<Decoded> {
     subscribed(filter).deserialize(&mut CdrDeserializer::<LittleEndian>::new(cdr))
 }
 
-fn by_big_endian_seed(cdr: &[u8], filter: CloudFilter) -> cdr_encoding::Result<Result<Cloud, CloudError>> {
+fn by_big_endian_seed(cdr: &[u8], filter: CloudFilter) -> cdr_encoding::Result<Decoded> {
     subscribed(filter).deserialize(&mut CdrDeserializer::<BigEndian>::new(cdr))
 }
 
@@ -98,7 +96,7 @@ fn cdr(message: &PointCloud2) -> Vec<u8> {
 }
 
 /// Decodes by every way in and holds them equal.
-fn taken(message: &PointCloud2, filter: &CloudFilter) -> Result<Cloud, CloudError> {
+fn taken(message: &PointCloud2, filter: &CloudFilter) -> Decoded {
     let owned = decode(message, filter);
     assert_eq!(by_seed(&cdr(message), *filter).unwrap(), owned);
     let big_endian = to_vec::<_, BigEndian>(message).unwrap();

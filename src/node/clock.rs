@@ -1,13 +1,9 @@
-//! The time of day: the only place that asks for it; and the time that `/clock` tells.
+//! The time of day: the only place that asks for it.
 
 use std::cell::Cell;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-use super::parameters::Parameters;
-use super::transport::Event;
 use crate::engine::Stamp;
-use crate::msg::heard::CLOCK;
-use crate::msg::ros::Clock;
 
 /// Now; the epoch where the machine's clock is before it.
 pub fn now() -> Stamp {
@@ -61,16 +57,6 @@ impl Watch {
         }
         back.filter(|_| now.before.duration_since(self.begun) >= stay)
     }
-}
-
-/// What a message on `/clock` says.
-pub(super) fn event<R>(clock: Clock, parameters: &Parameters) -> Event<R> {
-    let Some(stamp) = clock.clock.stamp() else {
-        let text = format!("{} ns in a second", clock.clock.nanosec);
-        return Event::Garbled { topic: CLOCK.name.into(), text };
-    };
-    parameters.note_clock(stamp);
-    Event::Clock(stamp)
 }
 
 #[cfg(test)]

@@ -9,40 +9,40 @@ use crate::reason::Reason;
 
 /// Clouds since the node's start: each that was sent is taken in, replaced, lost, or skipped for a reason.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct Counts {
+pub(super) struct Counts {
     /// Clouds that arrived, good or bad.
-    pub received: u64,
+    pub(super) received: u64,
     /// Scans the engine has taken in.
-    pub taken_in: u64,
+    pub(super) taken_in: u64,
     /// Scans that waited for the engine and were replaced by newer ones.
-    pub replaced: u64,
+    pub(super) replaced: u64,
     /// Clouds that were sent and never arrived.
-    pub lost: u64,
+    pub(super) lost: u64,
     /// Clouds that arrived and could not be used, by reason.
-    pub skipped: BTreeMap<Reason, u64>,
+    pub(super) skipped: BTreeMap<Reason, u64>,
 }
 
 /// Why a cloud is skipped, beside what its [`CloudError`](crate::cloud::CloudError) says: it got no transform in time.
-pub const TRANSFORM_TIMEOUT: Reason =
+pub(super) const TRANSFORM_TIMEOUT: Reason =
     Reason::new("transform_timeout", "The cloud waited for its transform as long as tf_timeout lets it.");
 /// It waited for its transform and made place for another.
-pub const WAITING_QUEUE_FULL: Reason =
+pub(super) const WAITING_QUEUE_FULL: Reason =
     Reason::new("waiting_queue_full", "The cloud waited for its transform and made place for a newer one.");
 /// Scans of its sensor are made of what comes in another form.
-pub const OTHER_INPUT: Reason =
+pub(super) const OTHER_INPUT: Reason =
     Reason::new("other_input", "The sensor’s scans are made of another of its inputs.");
 /// The engine's thread has died.
-pub const ENGINE_DIED: Reason =
+pub(super) const ENGINE_DIED: Reason =
     Reason::new("engine_died", "The engine’s thread died before the scan was taken in.");
 
 impl Counts {
     /// Counts clouds that never arrived: so many that the sum saturates where somebody makes up numbers.
-    pub fn lose(&mut self, clouds: u64) {
+    pub(super) fn lose(&mut self, clouds: u64) {
         self.lost = self.lost.saturating_add(clouds);
     }
 
     /// Counts a cloud that could not be used.
-    pub fn skip(&mut self, reason: Reason) {
+    pub(super) fn skip(&mut self, reason: Reason) {
         *self.skipped.entry(reason).or_default() += 1;
     }
 }

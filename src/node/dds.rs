@@ -21,6 +21,7 @@ mod read;
 mod robot;
 mod secure;
 mod snapshot_reader;
+mod system;
 mod threads;
 
 use std::cell::RefCell;
@@ -32,16 +33,15 @@ use tokio::sync::mpsc;
 use tokio::task::spawn_local;
 use tracing::warn;
 
-use self::addresses::say_addresses;
 use self::network::Network;
 use self::opener::{Opener, check_interface, reliable, reliable_output, those_there};
 use self::opening::in_time;
 use self::read::Memory;
 pub use self::robot::Robot;
 pub use self::snapshot_reader::SnapshotReader;
+pub use self::system::receive_buffer;
 use super::middleware::{Adding, EVENTS, Middleware, OpenError, Opened};
 use super::parameters::Parameters;
-use super::process::{receive_buffer, say_discovery, say_receive_buffer};
 use super::readers::Readers;
 use super::transport::{Event, Input, NetworkState, SendError, SensorTopics, Service, Source, Transport};
 use crate::args::Setup;
@@ -162,9 +162,7 @@ impl Middleware for Dds {
     }
 
     fn say_system(setup: &Setup) {
-        say_receive_buffer(setup);
-        say_discovery(setup);
-        say_addresses(setup);
+        system::say_system(setup);
     }
 
     async fn open(setup: &Setup, security: Security) -> Result<Opened<Self>, OpenError> {

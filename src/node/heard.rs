@@ -8,8 +8,7 @@
 
 use std::collections::BTreeMap;
 
-use super::seeds::Decoded;
-use crate::cloud::CloudError;
+use crate::cloud::{CloudError, Decoded};
 
 /// A publisher, as the middleware names it.
 pub(super) type PublisherId = [u8; 16];

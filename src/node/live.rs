@@ -34,13 +34,12 @@ use self::diagnosis::Diagnosis;
 use self::intake::Intake;
 use self::session::{Cause, new_session};
 use super::counts::Counts;
-pub use super::publish::Outlets;
-use super::publish::{Ended, Seen};
+use super::publish::{Ended, Outlets, Seen};
 use super::rosout::Lines;
 use super::speak::speak;
 use super::throttle::{Lasting, Throttle};
 use super::transport::{Event, Input, Service, Transport};
-use crate::cloud::{Cloud, CloudError, CloudFilter, decode};
+use crate::cloud::{CloudFilter, Decoded, decode};
 use crate::config::Config;
 use crate::engine::{Engine, Snapshot};
 use crate::join::{GivenUp, Join, Joined, Jump};
@@ -105,17 +104,17 @@ pub enum LiveError {
 
 /// What a node is run with.
 #[derive(Debug)]
-pub struct Start<T: Transport> {
+pub(super) struct Start<T: Transport> {
     /// With the map that it begins with.
-    pub engine: Engine,
+    pub(super) engine: Engine,
     /// Where what it has to say goes.
-    pub outlets: Outlets<T>,
+    pub(super) outlets: Outlets<T>,
     /// What it hears.
-    pub events: mpsc::Receiver<Event<T::Request>>,
+    pub(super) events: mpsc::Receiver<Event<T::Request>>,
     /// Where every cloud goes.
-    pub counts: Rc<RefCell<Counts>>,
+    pub(super) counts: Rc<RefCell<Counts>>,
     /// Those of the log, for `/rosout`.
-    pub lines: Lines,
+    pub(super) lines: Lines,
 }
 
 /// Runs a node until `shutdown` resolves and returns the map of that moment, which is saved where `snapshot_path` says. Where that
@@ -124,7 +123,7 @@ pub struct Start<T: Transport> {
 /// # Errors
 /// When the engine's thread dies, the messages of a map cannot be made, the middleware stops, or the last map cannot be saved or is
 /// given up.
-pub async fn run<T: Transport>(
+pub(super) async fn run<T: Transport>(
     config: &Config,
     start: Start<T>,
     shutdown: impl Future<Output = ()>,
@@ -313,7 +312,7 @@ impl<T: Transport> Live<T> {
         }
     }
 
-    fn cloud(&mut self, input: Input, cloud: Result<Cloud, CloudError>) {
+    fn cloud(&mut self, input: Input, cloud: Decoded) {
         self.counts.borrow_mut().received += 1;
         match cloud {
             Ok(cloud) => {

@@ -2,21 +2,21 @@
 //!
 //! It begins with a [`Setup`], which [`args`] has checked. [`transport`] is what it needs of a [`middleware`]; [`dds`] is that
 //! over ROS 2's DDS, and the only module that imports `ros2_client`; `zenoh`, with the feature of that name, is it over Zenoh;
-//! [`live`] joins clouds with their transforms and hands scans to the worker; `inputs` finds the words about what is heard
+//! `live` joins clouds with their transforms and hands scans to the worker; `inputs` finds the words about what is heard
 //! and what could be; `compressed` says when compressed depth images are read; [`process`] is all of it as a process; `publish` turns the worker's outputs into messages;
 //! [`record`] keeps them; `parameters` answers the parameter services.
 
 mod aside;
 mod clock;
 mod compressed;
-pub mod counts;
+mod counts;
 pub mod dds;
 #[cfg(test)]
 mod fake;
 mod handed;
 mod heard;
 mod inputs;
-pub mod live;
+mod live;
 pub mod middleware;
 mod parameters;
 pub mod process;
@@ -36,6 +36,7 @@ mod vitals;
 pub mod zenoh;
 
 pub use self::clock::now;
+pub use self::live::LiveError;
 pub use self::topics::check_names;
 pub use crate::args::{self, Setup};
 

@@ -6,15 +6,15 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
 
-use socket2::{Domain, Socket, Type};
 use thiserror::Error;
 use tokio::task::LocalSet;
 use tracing::{info, warn};
 
 use super::counts::Counts;
 use super::inputs::reads;
-use super::live::{self, LiveError, Outlets, Start};
+use super::live::{self, LiveError, Start};
 use super::middleware::{Adding, Middleware, OpenError};
+use super::publish::Outlets;
 use super::record::Recorder;
 use super::resume::BeginError;
 use super::rosout::Lines;
@@ -68,56 +68,6 @@ impl ProcessError {
             }
             _ => false,
         }
-    }
-}
-
-/// Bytes of the receive buffer that the node's sockets have: the system cuts a larger wish short without a word, so a
-/// socket is asked. (Linux reports twice what it has set.)
-pub fn receive_buffer(setup: &Setup) -> usize {
-    let wish = setup.config().receive_buffer;
-    let got = Socket::new(Domain::IPV4, Type::DGRAM, None).and_then(|socket| {
-        socket.set_recv_buffer_size(wish)?;
-        socket.recv_buffer_size()
-    });
-    let twice = if cfg!(target_os = "linux") { 2 } else { 1 };
-    // Where no socket can be had, opening the node says why.
-    got.map_or(wish, |got| wish.min(got / twice))
-}
-
-/// A buffer of fewer bytes does not hold the ten datagrams of such an image, which are sent faster than they are read.
-const RAW_DEPTH_IMAGE: usize = 400_000;
-
-pub(super) fn say_receive_buffer(setup: &Setup) {
-    let (wish, got) = (setup.config().receive_buffer, receive_buffer(setup));
-    if got < wish {
-        let what = if got < RAW_DEPTH_IMAGE {
-            "clouds and raw depth images of 640x480 (their compressedDepth is smaller)"
-        } else {
-            "large clouds"
-        };
-        warn!(
-            "socket receive buffer: {got} bytes instead of {wish}, too few for {what}; raise it with: \
-             sudo sysctl -w net.core.rmem_max={wish}"
-        );
-    } else {
-        info!("socket receive buffer: {got} bytes");
-    }
-}
-
-/// Says which variables of the environment do not count that would change who finds whom.
-pub(super) fn say_discovery(setup: &Setup) {
-    for (name, value) in setup.discovery() {
-        let so = match *name {
-            "ROS_DISCOVERY_SERVER" => {
-                "it knows no Discovery Server, and who uses one neither finds it nor is found (unset it for all nodes, or: \
-                 docs/zenoh.md)"
-            }
-            "ROS_STATIC_PEERS" => "it looks for peers by multicast alone (across routers: docs/zenoh.md)",
-            _ => {
-                "it hears, and is heard by, all that reach its ports (keep others out by a firewall, ROS_DOMAIN_ID, or keys)"
-            }
-        };
-        warn!("{name} is {value:?}, which has no effect on this node: {so}");
     }
 }
 

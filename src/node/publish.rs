@@ -45,11 +45,11 @@ pub(super) struct Seen {
 
 /// Where messages go.
 #[derive(Debug)]
-pub struct Outlets<T> {
+pub(super) struct Outlets<T> {
     /// All of them.
-    pub transport: Rc<T>,
+    pub(super) transport: Rc<T>,
     /// What is sent of the map, and reports.
-    pub recorder: Option<Recorder>,
+    pub(super) recorder: Option<Recorder>,
 }
 
 impl<T> Clone for Outlets<T> {

@@ -7,9 +7,11 @@ use tokio::sync::mpsc::Sender;
 use tokio::task::JoinSet;
 
 use super::heard::NextScan;
+use super::parameters::Parameters;
 use super::seeds::CameraTopic;
 use super::transport::{Event, Input};
-use crate::msg::ros::CameraInfo;
+use crate::msg::heard::CLOCK;
+use crate::msg::ros::{CameraInfo, Clock};
 
 /// Tasks that read; each ends with the name of what it read.
 pub(super) type Readers = JoinSet<Cow<'static, str>>;
@@ -39,6 +41,16 @@ pub(super) async fn tell_scan<R>(
     let told = lost.into_iter().chain([Event::Cloud(input, scan)]);
     told.zip(places).for_each(|(event, place)| place.send(event));
     true
+}
+
+/// What a message on `/clock` says.
+pub(super) fn clock_event<R>(clock: Clock, parameters: &Parameters) -> Event<R> {
+    let Some(stamp) = clock.clock.stamp() else {
+        let text = format!("{} ns in a second", clock.clock.nanosec);
+        return Event::Garbled { topic: CLOCK.name.into(), text };
+    };
+    parameters.note_clock(stamp);
+    Event::Clock(stamp)
 }
 
 /// Keeps the newest camera for the seeds and tells the node of one that differs from the one before; whether the node is there

@@ -9,11 +9,8 @@ use serde::de::{DeserializeSeed, Deserializer};
 use super::heard::Known;
 use super::parameters::Parameters;
 use super::transport::{Event, Form};
-use crate::cloud::{Camera, Cloud, CloudError, CloudFilter};
+use crate::cloud::{Camera, CloudError, CloudFilter, Decoded};
 use crate::msg::ros::CameraInfo;
-
-/// What a seed makes of a message.
-pub(super) type Decoded = Result<Cloud, CloudError>;
 
 /// The camera of the newest `CameraInfo`, or why there is none.
 #[derive(Clone)]

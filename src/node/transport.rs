@@ -8,7 +8,7 @@ use std::time::Duration;
 use thiserror::Error;
 
 pub use crate::args::{DepthTopics, SensorTopics, TopicName};
-use crate::cloud::{Camera, Cloud, CloudError};
+use crate::cloud::{Camera, CloudError, Decoded};
 use crate::config::Config;
 use crate::engine::Stamp;
 pub use crate::msg::form::Form;
@@ -60,7 +60,7 @@ impl Service {
 #[derive(Debug)]
 pub enum Event<Request> {
     /// A cloud or a depth image, decoded.
-    Cloud(Input, Result<Cloud, CloudError>),
+    Cloud(Input, Decoded),
     /// A cloud that was handed over inside the process, to be decoded by the parameters that hold when it is heard.
     Handed(Input, Box<PointCloud2>),
     /// Clouds that a publisher sent and that never arrived, by the gap in its sequence numbers.

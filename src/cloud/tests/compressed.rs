@@ -40,12 +40,12 @@ fn cdr_of(image: &CompressedImage) -> Vec<u8> {
     to_vec::<_, LittleEndian>(image).unwrap()
 }
 
-fn png_by_seed(cdr: &[u8], camera: Camera) -> cdr_encoding::Result<Result<Cloud, CloudError>> {
+fn png_by_seed(cdr: &[u8], camera: Camera) -> cdr_encoding::Result<Decoded> {
     CompressedSeed::new(camera, KINECT).deserialize(&mut CdrDeserializer::<LittleEndian>::new(cdr))
 }
 
 /// Decodes by both ways in and holds them equal.
-fn png_taken(image: &CompressedImage, camera: Camera) -> Result<Cloud, CloudError> {
+fn png_taken(image: &CompressedImage, camera: Camera) -> Decoded {
     let owned = decode_compressed(image, &camera, &KINECT);
     assert_eq!(png_by_seed(&cdr_of(image), camera).unwrap(), owned);
     owned

@@ -65,12 +65,12 @@ fn cdr_of(image: &Image) -> Vec<u8> {
     to_vec::<_, LittleEndian>(image).unwrap()
 }
 
-fn image_by_seed(cdr: &[u8], camera: Camera) -> cdr_encoding::Result<Result<Cloud, CloudError>> {
+fn image_by_seed(cdr: &[u8], camera: Camera) -> cdr_encoding::Result<Decoded> {
     DepthSeed::new(camera, KINECT).deserialize(&mut CdrDeserializer::<LittleEndian>::new(cdr))
 }
 
 /// Decodes by both ways in and holds them equal.
-fn image_taken(image: &Image, camera: Camera) -> Result<Cloud, CloudError> {
+fn image_taken(image: &Image, camera: Camera) -> Decoded {
     let owned = decode_depth(image, &camera, &KINECT);
     assert_eq!(image_by_seed(&cdr_of(image), camera).unwrap(), owned);
     owned

@@ -10,19 +10,17 @@ use std::thread::Builder;
 use std::time::{Duration, Instant};
 
 use netdev::prelude::Ipv4Net;
-use tracing::warn;
 
 use super::STAY;
-use crate::args::Setup;
 use crate::node::aside::aside;
 
 /// Time between two looks. Two that find the same are enough: an address may come and go while a network is set up.
 const LOOK: Duration = Duration::from_secs(1);
 
-type Set = BTreeSet<Ipv4Addr>;
+pub(super) type Set = BTreeSet<Ipv4Addr>;
 
 /// Those of `only` that the machine has; where that is empty, all.
-fn read(only: &[Ipv4Addr]) -> Set {
+pub(super) fn read(only: &[Ipv4Addr]) -> Set {
     let interfaces = netdev::get_interfaces();
     let all = interfaces.iter().flat_map(|interface| &interface.ipv4).map(Ipv4Net::addr);
     all.filter(|address| only.is_empty() || only.contains(address)).collect()
@@ -91,28 +89,6 @@ impl Looks {
     }
 }
 
-/// Says where nobody on another machine can be heard, unless that is meant.
-pub(super) fn say_addresses(setup: &Setup) {
-    let is_local = |name: &str| ["ROS_LOCALHOST_ONLY", "ROS_AUTOMATIC_DISCOVERY_RANGE"].contains(&name);
-    let is_meant = !setup.config().network_interfaces.is_empty()
-        || setup.discovery().iter().any(|(name, _)| is_local(name));
-    if let Some(line) = lack(&read(&[])).filter(|_| !is_meant) {
-        warn!("{line}");
-    }
-}
-
-/// What is to be said of a machine that reaches no other.
-fn lack(addresses: &Set) -> Option<&'static str> {
-    if addresses.is_empty() {
-        return Some(
-            "no network is up, not even loopback: nobody can be heard until one is; the node then joins it",
-        );
-    }
-    addresses.iter().all(Ipv4Addr::is_loopback).then_some(
-        "no network but loopback is up: who is on another machine cannot be heard until one is; the node then joins it",
-    )
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -143,15 +119,6 @@ mod tests {
         let back = Some("new: 10.0.0.2".to_owned());
         assert_eq!(said(&[1, 2], &[&[1], &[1, 2], &[1, 2]]), [None, None, back]);
         assert_eq!(said(&[1], &[&[1, 7], &[1], &[1, 7], &[1], &[1]]), vec![None; 5]);
-    }
-
-    #[test]
-    fn a_machine_that_reaches_no_other_is_told_of() {
-        let loopback = Set::from([Ipv4Addr::LOCALHOST]);
-        assert!(lack(&Set::new()).is_some_and(|line| line.contains("not even loopback")));
-        assert!(lack(&loopback).is_some_and(|line| line.contains("no network but loopback")));
-        assert_eq!(lack(&set(&[1])), None);
-        assert_eq!(lack(&loopback.union(&set(&[1])).copied().collect()), None);
     }
 
     #[test]

@@ -16,18 +16,18 @@ use super::namesakes::Namesakes;
 use super::network::{Sources, Triggers};
 use super::{Caller, Events, Opener, Readers, latched, parameters, reliable};
 use crate::args::security::Security;
-use crate::cloud::{CloudSeed, CompressedSeed, DepthSeed};
+use crate::cloud::{CloudSeed, CompressedSeed, Decoded, DepthSeed};
 use crate::msg::heard::{CLOCK, TF, TF_STATIC};
 use crate::msg::ros::{CameraInfo, Clock};
 use crate::msg::sent::Named;
 use crate::msg::types;
+use crate::node::compressed;
 use crate::node::heard::{Order, Origin, Sample, Taken};
 use crate::node::middleware::OpenError;
 use crate::node::parameters::Parameters;
-use crate::node::readers::{tell_camera, tell_scan};
-use crate::node::seeds::{CameraTopic, Decoded, Publishers, Scans, Told, WithCamera, WithFilter};
+use crate::node::readers::{clock_event, tell_camera, tell_scan};
+use crate::node::seeds::{CameraTopic, Publishers, Scans, Told, WithCamera, WithFilter};
 use crate::node::transport::{DepthTopics, Event, Form, Input, SensorTopics, Service};
-use crate::node::{clock, compressed};
 
 /// What was heard, for readers that come after: a publisher's numbers go on when the network is joined anew.
 #[derive(Clone, Default)]
@@ -94,7 +94,7 @@ pub(super) fn listen(
         let named = Named { name: &topic, ..CLOCK.named() };
         let times = opener.subscribe(named, &best_effort(CLOCK.qos.depth))?;
         let parameters = Rc::clone(parameters);
-        let time = move |clock: Clock, _: &MessageInfo| Some(clock::event(clock, &parameters));
+        let time = move |clock: Clock, _: &MessageInfo| Some(clock_event(clock, &parameters));
         readers.spawn_local(read(CLOCK.name, times, events.clone(), time));
     }
     parameters::serve(opener, &mut readers, parameters, events)?;

@@ -6,7 +6,7 @@ use tracing::info;
 
 use super::report::AHEAD;
 use super::{Live, QUIET, QUIET_AGAIN};
-use crate::cloud::{Cloud, CloudError};
+use crate::cloud::{Cloud, CloudError, Decoded};
 use crate::engine::Stamp;
 use crate::join::with_stamp;
 use crate::node::counts::OTHER_INPUT;
@@ -115,7 +115,7 @@ impl Intake {
 
 impl<T: Transport> Live<T> {
     /// Takes in a scan of a sensor, or counts it where the sensor is taken in another form.
-    pub(super) fn scan(&mut self, input: Input, cloud: Result<Cloud, CloudError>) {
+    pub(super) fn scan(&mut self, input: Input, cloud: Decoded) {
         let Input { sensor, form } = input;
         let clock = self.clocks.now();
         let intake = &mut self.intakes[sensor];

@@ -18,6 +18,7 @@ use tracing_subscriber::layer::SubscriberExt as _;
 
 use super::session::new_session;
 use super::*;
+use crate::cloud::{Cloud, CloudError};
 use crate::config::Value;
 use crate::engine::{Params, Points, Stamp};
 use crate::msg::ros::{Header, Quaternion, Transform, TransformStamped, TriggerResponse, Vector3};

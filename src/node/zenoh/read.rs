@@ -9,19 +9,19 @@ use super::graph::Graph;
 use super::mailbox::Room;
 use super::opener::{Call, Calls, Inbox, Opener, lost};
 use super::{Events, Readers};
-use crate::cloud::{CloudError, CloudSeed, CompressedSeed, DepthSeed};
+use crate::cloud::{CloudError, CloudSeed, CompressedSeed, Decoded, DepthSeed};
 use crate::msg::cdr;
 use crate::msg::heard::{CLOCK, TF, TF_STATIC};
 use crate::msg::ros::{Clock, TriggerRequest};
 use crate::msg::sent::{Named, Qos};
 use crate::msg::types;
+use crate::node::compressed;
 use crate::node::heard::{NextScan, Sample};
 use crate::node::middleware::OpenError;
 use crate::node::parameters::Parameters;
-use crate::node::readers::{tell_camera, tell_scan};
-use crate::node::seeds::{CameraTopic, Decoded, Publishers, Scans, Told, WithCamera, WithFilter};
+use crate::node::readers::{clock_event, tell_camera, tell_scan};
+use crate::node::seeds::{CameraTopic, Publishers, Scans, Told, WithCamera, WithFilter};
 use crate::node::transport::{DepthTopics, Event, Form, Input, SensorTopics, Service};
-use crate::node::{clock, compressed};
 use crate::tf::MAX_FRAMES;
 
 /// Scans that may wait: as many as wait for the engine; of bytes, two of the greatest clouds.
@@ -60,7 +60,7 @@ pub(super) fn listen(
         let resolved = opener.setup.resolve(CLOCK.name)?;
         let clocks = opener.subscribe(Named { name: &resolved, ..CLOCK.named() }, CLOCK.qos, CLOCKS)?;
         let parameters = Rc::clone(parameters);
-        let event = move |clock: Clock| clock::event(clock, &parameters);
+        let event = move |clock: Clock| clock_event(clock, &parameters);
         readers.spawn_local(read_clock(clocks, events.clone(), event));
     }
     for service in [Service::Reset, Service::Save] {
