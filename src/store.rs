@@ -30,7 +30,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-pub use self::aside::{MOST_ASIDE, keep_aside, newest_aside, set_aside, too_many_aside};
+pub use self::aside::{Kept, MOST_ASIDE, keep_aside, newest_aside, set_aside, too_many_aside};
 use crate::engine::{Frozen, RestoreError, SavedMap};
 use crate::link::folder;
 pub use crate::link::target;

@@ -16,6 +16,7 @@ mod fake;
 mod handed;
 mod heard;
 mod inputs;
+mod kept;
 mod live;
 pub mod middleware;
 mod parameters;

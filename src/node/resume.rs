@@ -1,15 +1,16 @@
 //! What a session begins with: an empty map, or the one that was saved.
 
+use std::io;
 use std::path::{Path, PathBuf};
-use std::{fs, io};
 
 use thiserror::Error;
 use tracing::{info, warn};
 
+use super::kept::remove_oldest;
 use crate::config::Config;
 use crate::engine::{Engine, RestoreError};
 use crate::link::{file_name, folder};
-use crate::store::{self, Lock, StoreError, Stored};
+use crate::store::{self, Kept, Lock, StoreError, Stored};
 
 /// The engine that a session begins with: with the map of `snapshot_path` where it is to be resumed and there is one. What
 /// cannot be used is set aside, never written over: a damaged file, one of another version, and one that is not to be resumed. Of what was
@@ -32,7 +33,7 @@ pub fn begin(config: &Config, resume: bool) -> Result<(Engine, Option<Lock>), Be
         return Ok((resumed(config, path)?, Some(lock)));
     }
     if path.exists() {
-        let kept = kept_aside(path, "before")?;
+        let kept = kept_aside(path, Kept::Before)?;
         info!("not resumed: what was in {} is kept as {}", path.display(), kept.display());
     }
     Ok((Engine::new(config.engine), Some(lock)))
@@ -61,7 +62,7 @@ fn resumed(config: &Config, path: &Path) -> Result<Engine, BeginError> {
         // The file may be whole, and such a disk is not to be trusted with another name for it.
         Err(error @ StoreError::Io { .. }) => Err(BeginError::Unreadable(error)),
         Err(error) => {
-            let kept = kept_aside(path, "refused")?;
+            let kept = kept_aside(path, Kept::Refused)?;
             warn!("not resumed: {error}; it is kept as {}", kept.display());
             Ok(Engine::new(params))
         }
@@ -84,8 +85,8 @@ fn say_resumed(path: &Path, voxels: usize, scans: u64) {
 
 /// The newest file of each kind, of more than so many bytes, that was set aside; `None` where there is none.
 fn kept_larger(path: &Path, size: u64) -> io::Result<Option<String>> {
-    let newest = |why| store::newest_aside(path, why, size).transpose();
-    let kept: io::Result<Vec<_>> = ["before", "refused"].into_iter().filter_map(newest).collect();
+    let newest = |kind| store::newest_aside(path, kind, size).transpose();
+    let kept: io::Result<Vec<_>> = Kept::ALL.into_iter().filter_map(newest).collect();
     let names: Vec<_> = kept?.iter().map(|name| name.display().to_string()).collect();
     Ok((!names.is_empty()).then(|| names.join(" and ")))
 }
@@ -120,35 +121,13 @@ fn read(config: &Config, path: &Path) -> Result<(Engine, u64), StoreError> {
 }
 
 /// Gives the file of a map another name beside its own.
-fn kept_aside(path: &Path, why: &str) -> Result<PathBuf, BeginError> {
+fn kept_aside(path: &Path, kind: Kept) -> Result<PathBuf, BeginError> {
     let kept =
-        store::set_aside(path, why).map_err(|error| BeginError::Kept { path: path.to_owned(), error })?;
-    for line in remove_oldest(path, why) {
+        store::set_aside(path, kind).map_err(|error| BeginError::Kept { path: path.to_owned(), error })?;
+    for line in remove_oldest(path, kind) {
         warn!("{line}");
     }
     Ok(kept)
-}
-
-/// Removes the oldest files that were set aside where there are too many, and gives what there is to say of it. One that cannot
-/// be removed stays.
-pub(super) fn remove_oldest(path: &Path, why: &str) -> Vec<String> {
-    let oldest = match store::too_many_aside(path, why) {
-        Ok(oldest) => oldest,
-        Err(error) => return vec![format!("what is kept beside {} is not known: {error}", path.display())],
-    };
-    let most = store::MOST_ASIDE;
-    let remove = |name: PathBuf| match fs::remove_file(&name) {
-        Ok(()) => {
-            format!("{} is removed: of its kind the newest {most} and the largest are kept", name.display())
-        }
-        Err(error) => {
-            let name = name.display();
-            format!(
-                "{name} stays, though of its kind the newest {most} and the largest are to be kept: {error}"
-            )
-        }
-    };
-    oldest.into_iter().map(remove).collect()
 }
 
 /// A session cannot begin with what is in `snapshot_path`.
@@ -197,6 +176,8 @@ impl BeginError {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use tracing_subscriber::layer::SubscriberExt as _;
 
     use super::*;
@@ -224,16 +205,17 @@ mod tests {
                 begin(&config, resume).unwrap();
             }
         }
-        let kept = ["before", "refused"]
+        let kinds = Kept::ALL.map(Kept::as_str);
+        let kept = kinds
             .into_iter()
-            .flat_map(|why| [3].into_iter().chain(13..=20).map(move |n| format!("map.{why}-{n}")));
+            .flat_map(|kind| [3].into_iter().chain(13..=20).map(move |n| format!("map.{kind}-{n}")));
         let others = ["map.before-1.mine", "map.lock"].map(str::to_owned);
         let mut expected: Vec<_> = kept.chain(others).collect();
         expected.sort();
         assert_eq!(names(folder.path()), expected);
-        for why in ["before", "refused"] {
+        for kind in kinds {
             for number in 13..=20 {
-                let kept = fs::read_to_string(folder.path().join(format!("map.{why}-{number}"))).unwrap();
+                let kept = fs::read_to_string(folder.path().join(format!("map.{kind}-{number}"))).unwrap();
                 assert_eq!(kept, number.to_string());
             }
         }
@@ -315,25 +297,5 @@ mod tests {
         let line = "is of version 4; this program reads version 5; it is kept as";
         let path = path.display();
         assert_eq!(said(&config), (30, format!("not resumed: {path} {line} {path}.refused-1")));
-    }
-
-    #[test]
-    fn each_file_that_is_removed_for_another_is_said() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("map");
-        for number in 1..=10 {
-            fs::write(folder.path().join(format!("map.refused-{number}")), "x".repeat(number)).unwrap();
-        }
-        let line = |number| {
-            format!(
-                "{}.refused-{number} is removed: of its kind the newest 8 and the largest are kept",
-                path.display()
-            )
-        };
-        assert_eq!(remove_oldest(&path, "refused"), [line(1), line(2)]);
-        assert_eq!(names(folder.path()).len(), 8);
-        assert!(remove_oldest(&path, "refused").is_empty());
-        let said = remove_oldest(&folder.path().join("none/map"), "refused");
-        assert!(said.len() == 1 && said[0].contains("none/map is not known: "), "{said:?}");
     }
 }

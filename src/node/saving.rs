@@ -8,11 +8,11 @@ use std::sync::{Arc, Weak};
 use tokio::sync::mpsc::{UnboundedReceiver, unbounded_channel};
 use tracing::{Level, warn};
 
-use super::resume::remove_oldest;
+use super::kept::remove_oldest;
 use super::throttle::{Throttle, say};
 use crate::engine::Frozen;
 use crate::msg::clusters::MapVersion;
-use crate::store::{self, StoreError};
+use crate::store::{self, Kept, StoreError};
 
 /// A map that has been written, or why it was not.
 pub(super) type Written = Result<InFile, StoreError>;
@@ -154,11 +154,11 @@ impl Keeping {
         if !is_due {
             return Ok(());
         }
-        match store::keep_aside(path, "before") {
+        match store::keep_aside(path, Kept::Before) {
             Ok(None) => {}
             Ok(Some(name)) => {
                 self.say("kept", &[format!("the map that was saved is kept as {}", name.display())]);
-                self.say("removed", &remove_oldest(path, "before"));
+                self.say("removed", &remove_oldest(path, Kept::Before));
             }
             Err(error) => {
                 self.before.push(session);

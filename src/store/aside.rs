@@ -1,4 +1,4 @@
-//! Maps that are set aside: kept beside the one that is saved, as `NAME.WHY-1`, `NAME.WHY-2` and so on.
+//! Maps that are set aside: kept beside the one that is saved, as `NAME.KIND-1`, `NAME.KIND-2` and so on.
 //!
 //! **Kept true.** No file is written over. Of two of a kind the one with the greater number was set aside later: no clock is
 //! asked, for a robot's may begin in 1970. What has not exactly such a name is never named as one too many.
@@ -13,13 +13,35 @@ use super::{beside, folder, synced, target, write_beside};
 /// Most files of a kind that are to be kept: a node that starts again and again must not fill its disk.
 pub const MOST_ASIDE: usize = 8;
 
-/// Gives a file another name beside its own, `NAME.WHY-1` or one with a number above all that there are, and returns it.
+/// Why a map is set aside.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kept {
+    /// Another was to take its place.
+    Before,
+    /// It could not be resumed.
+    Refused,
+}
+
+impl Kept {
+    /// All there are.
+    pub const ALL: [Self; 2] = [Self::Before, Self::Refused];
+
+    /// As it stands in names of files.
+    pub const fn as_str(self) -> &'static str {
+        match self {
+            Self::Before => "before",
+            Self::Refused => "refused",
+        }
+    }
+}
+
+/// Gives a file another name beside its own, `NAME.KIND-1` or one with a number above all that there are, and returns it.
 ///
 /// # Errors
 /// When the system refuses it, or there is no greater number.
-pub fn set_aside(path: &Path, why: &str) -> io::Result<PathBuf> {
+pub fn set_aside(path: &Path, kind: Kept) -> io::Result<PathBuf> {
     let path = &target(path)?;
-    let name = next_name(path, why)?;
+    let name = next_name(path, kind)?;
     fs::rename(path, &name)?;
     Ok(name)
 }
@@ -29,24 +51,24 @@ pub fn set_aside(path: &Path, why: &str) -> io::Result<PathBuf> {
 ///
 /// # Errors
 /// When the system refuses it, or there is no greater number; no second name is then left.
-pub fn keep_aside(path: &Path, why: &str) -> io::Result<Option<PathBuf>> {
-    keep_aside_by(|path, name| fs::hard_link(path, name), path, why)
+pub fn keep_aside(path: &Path, kind: Kept) -> io::Result<Option<PathBuf>> {
+    keep_aside_by(|path, name| fs::hard_link(path, name), path, kind)
 }
 
 /// By this way to give a second name, or where there is none, as on FAT, by a copy.
 pub(super) fn keep_aside_by(
     link: impl FnOnce(&Path, &Path) -> io::Result<()>,
     path: &Path,
-    why: &str,
+    kind: Kept,
 ) -> io::Result<Option<PathBuf>> {
     let path = &target(path)?;
     if !path.try_exists()? {
         return Ok(None);
     }
-    if is_kept(path, why)? {
+    if is_kept(path, kind)? {
         return Ok(None);
     }
-    let name = next_name(path, why)?;
+    let name = next_name(path, kind)?;
     let folder = File::open(folder(path))?;
     link(path, &name).or_else(|_| copy(path, &name))?;
     // A disk may take changes of a folder in another order: the map must not lose its name before it has this one.
@@ -59,13 +81,13 @@ pub(super) fn keep_aside_by(
 
 /// Whether a file has a name of this kind beside its own.
 #[cfg(unix)]
-fn is_kept(path: &Path, why: &str) -> io::Result<bool> {
+fn is_kept(path: &Path, kind: Kept) -> io::Result<bool> {
     use std::os::unix::fs::MetadataExt as _;
 
     let file = path.metadata()?;
     let is_it = |about: fs::Metadata| (about.dev(), about.ino()) == (file.dev(), file.ino());
-    let asides = asides(path, why)?;
-    Ok(asides.iter().any(|aside| name(path, why, aside.number).symlink_metadata().is_ok_and(is_it)))
+    let asides = asides(path, kind)?;
+    Ok(asides.iter().any(|aside| name(path, kind, aside.number).symlink_metadata().is_ok_and(is_it)))
 }
 
 #[cfg(not(unix))]
@@ -82,10 +104,10 @@ fn copy(path: &Path, name: &Path) -> io::Result<()> {
     })
 }
 
-fn next_name(path: &Path, why: &str) -> io::Result<PathBuf> {
-    let last = asides(path, why)?.last().map_or(0, |aside| aside.number);
+fn next_name(path: &Path, kind: Kept) -> io::Result<PathBuf> {
+    let last = asides(path, kind)?.last().map_or(0, |aside| aside.number);
     let number = last.checked_add(1).ok_or(io::ErrorKind::AlreadyExists)?;
-    Ok(name(path, why, number))
+    Ok(name(path, kind, number))
 }
 
 /// The files of a kind beyond the newest [`MOST_ASIDE`], the oldest first; the largest of all is none of them: after a row
@@ -93,24 +115,24 @@ fn next_name(path: &Path, why: &str) -> io::Result<PathBuf> {
 ///
 /// # Errors
 /// When the system does not list them.
-pub fn too_many_aside(path: &Path, why: &str) -> io::Result<Vec<PathBuf>> {
+pub fn too_many_aside(path: &Path, kind: Kept) -> io::Result<Vec<PathBuf>> {
     let path = &target(path)?;
-    let mut files = asides(path, why)?;
+    let mut files = asides(path, kind)?;
     files.retain(|aside| aside.is_file);
     let largest = files.iter().max_by_key(|aside| aside.size).map(|aside| aside.number);
     files.truncate(files.len().saturating_sub(MOST_ASIDE));
     files.retain(|aside| Some(aside.number) != largest);
-    Ok(files.into_iter().map(|aside| name(path, why, aside.number)).collect())
+    Ok(files.into_iter().map(|aside| name(path, kind, aside.number)).collect())
 }
 
 /// The file of a kind, of more than so many bytes, that was set aside last; `None` where there is none.
 ///
 /// # Errors
 /// When the system does not list them.
-pub fn newest_aside(path: &Path, why: &str, size: u64) -> io::Result<Option<PathBuf>> {
+pub fn newest_aside(path: &Path, kind: Kept, size: u64) -> io::Result<Option<PathBuf>> {
     let path = &target(path)?;
-    let newest = asides(path, why)?.into_iter().rfind(|aside| aside.is_file && aside.size > size);
-    Ok(newest.map(|aside| name(path, why, aside.number)))
+    let newest = asides(path, kind)?.into_iter().rfind(|aside| aside.is_file && aside.size > size);
+    Ok(newest.map(|aside| name(path, kind, aside.number)))
 }
 
 /// What has a name that [`set_aside`] gives.
@@ -123,8 +145,8 @@ struct Aside {
 }
 
 /// By ascending number.
-fn asides(path: &Path, why: &str) -> io::Result<Vec<Aside>> {
-    let start = beside(path, &format!("{why}-"));
+fn asides(path: &Path, kind: Kept) -> io::Result<Vec<Aside>> {
+    let start = beside(path, &format!("{}-", kind.as_str()));
     let start = start.file_name().unwrap_or_default();
     let mut asides = Vec::new();
     for entry in fs::read_dir(folder(path))? {
@@ -140,7 +162,7 @@ fn asides(path: &Path, why: &str) -> io::Result<Vec<Aside>> {
     Ok(asides)
 }
 
-/// The number at the end of a name; `None` for `NAME.WHY-0`, `NAME.WHY-01` or `NAME.WHY-1.bak`, which are somebody else's.
+/// The number at the end of a name; `None` for `NAME.KIND-0`, `NAME.KIND-01` or `NAME.KIND-1.bak`, which are somebody else's.
 fn number(name: &OsStr, start: &OsStr) -> Option<u32> {
     let digits = name.as_encoded_bytes().strip_prefix(start.as_encoded_bytes())?;
     let digits = str::from_utf8(digits).ok()?;
@@ -148,6 +170,6 @@ fn number(name: &OsStr, start: &OsStr) -> Option<u32> {
     (number.to_string() == digits).then_some(number)
 }
 
-fn name(path: &Path, why: &str, number: u32) -> PathBuf {
-    beside(path, &format!("{why}-{number}"))
+fn name(path: &Path, kind: Kept, number: u32) -> PathBuf {
+    beside(path, &format!("{}-{number}", kind.as_str()))
 }

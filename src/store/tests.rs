@@ -182,7 +182,7 @@ fn what_is_beside_a_map_is_not_followed_and_what_a_killed_process_has_left_there
         std::os::unix::fs::symlink(to, &part).unwrap();
         write(&path, "odom", &map).unwrap();
         std::os::unix::fs::symlink(to, &part).unwrap();
-        assert!(keep_aside_by(no_links, &path, "before").unwrap().is_some());
+        assert!(keep_aside_by(no_links, &path, Kept::Before).unwrap().is_some());
         assert!(part.symlink_metadata().is_err() && !missing.exists());
     }
     std::fs::write(&part, "x".repeat(1 << 20)).unwrap();
@@ -204,7 +204,7 @@ fn who_may_read_a_map_may_read_its_copy_and_nobody_else() {
     let path = folder.path().join("map");
     std::fs::write(&path, "a").unwrap();
     std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o600)).unwrap();
-    let kept = keep_aside_by(no_links, &path, "before").unwrap().unwrap();
+    let kept = keep_aside_by(no_links, &path, Kept::Before).unwrap().unwrap();
     assert_eq!(kept.metadata().unwrap().permissions().mode() & 0o777, 0o600);
 }
 
@@ -214,12 +214,12 @@ fn what_is_set_aside_takes_no_name_that_is_taken() {
     let path = folder.path().join("map");
     for number in 1..=3 {
         std::fs::write(&path, number.to_string()).unwrap();
-        let aside = set_aside(&path, "refused").unwrap();
+        let aside = set_aside(&path, Kept::Refused).unwrap();
         assert_eq!(aside, folder.path().join(format!("map.refused-{number}")));
         assert_eq!(std::fs::read_to_string(aside).unwrap(), number.to_string());
         assert!(!path.exists());
     }
-    assert!(set_aside(&path, "refused").is_err());
+    assert!(set_aside(&path, Kept::Refused).is_err());
 }
 
 #[test]
@@ -228,8 +228,9 @@ fn what_is_kept_beside_its_name_keeps_its_name_too_where_files_can_be_linked_and
     for links in [true, false] {
         let folder = tempdir().unwrap();
         let path = folder.path().join("map");
-        let keep =
-            || if links { keep_aside(&path, "before") } else { keep_aside_by(no_links, &path, "before") };
+        let keep = || {
+            if links { keep_aside(&path, Kept::Before) } else { keep_aside_by(no_links, &path, Kept::Before) }
+        };
         assert_eq!(keep().unwrap(), None, "there is nothing yet");
         for number in 1..=3 {
             let map = engine(Params::default(), number);
@@ -256,11 +257,11 @@ fn a_file_that_is_kept_beside_its_name_already_is_not_kept_again() {
     for (number, contents) in [(1, "a"), (2, "b")] {
         std::fs::remove_file(&path).ok();
         std::fs::write(&path, contents).unwrap();
-        let kept = keep_aside(&path, "before").unwrap();
+        let kept = keep_aside(&path, Kept::Before).unwrap();
         assert_eq!(kept, Some(folder.path().join(format!("map.before-{number}"))));
-        assert_eq!([(); 3].map(|()| keep_aside(&path, "before").unwrap()), [const { None }; 3]);
+        assert_eq!([(); 3].map(|()| keep_aside(&path, Kept::Before).unwrap()), [const { None }; 3]);
     }
-    assert!(keep_aside(&path, "refused").unwrap().is_some(), "another kind");
+    assert!(keep_aside(&path, Kept::Refused).unwrap().is_some(), "another kind");
 }
 
 #[test]
@@ -270,10 +271,10 @@ fn what_is_set_aside_later_has_a_greater_number_though_smaller_ones_are_free() {
     let named = |number: u32| folder.path().join(format!("map.before-{number}"));
     std::fs::write(named(9), "").unwrap();
     std::fs::write(&path, "").unwrap();
-    assert_eq!(set_aside(&path, "before").unwrap(), named(10));
+    assert_eq!(set_aside(&path, Kept::Before).unwrap(), named(10));
     std::fs::write(named(u32::MAX), "the last").unwrap();
     std::fs::write(&path, "").unwrap();
-    assert!(set_aside(&path, "before").is_err() && path.exists());
+    assert!(set_aside(&path, Kept::Before).is_err() && path.exists());
     assert_eq!(std::fs::read_to_string(named(u32::MAX)).unwrap(), "the last");
 }
 
@@ -292,10 +293,10 @@ fn of_what_is_set_aside_the_oldest_beyond_eight_are_too_many_and_nobody_else_s_f
     // By number, not by the letters of the name: 10 comes after 9. A folder is nobody's map.
     (2..=10).for_each(|number| std::fs::write(named(number), "").unwrap());
     std::fs::create_dir(named(1)).unwrap();
-    assert_eq!(too_many_aside(&path, "before").unwrap(), [named(2)]);
+    assert_eq!(too_many_aside(&path, Kept::Before).unwrap(), [named(2)]);
     std::fs::write(named(11), "").unwrap();
-    assert_eq!(too_many_aside(&path, "before").unwrap(), [named(2), named(3)]);
-    assert!(too_many_aside(&path, "refused").unwrap().is_empty());
+    assert_eq!(too_many_aside(&path, Kept::Before).unwrap(), [named(2), named(3)]);
+    assert!(too_many_aside(&path, Kept::Refused).unwrap().is_empty());
 }
 
 #[test]
@@ -402,7 +403,7 @@ fn a_symbolic_link_stays_and_what_it_leads_to_is_replaced_locked_and_set_aside()
         write(&second, "odom", engine.freeze()).unwrap();
         assert!(fs::symlink_metadata(&real).unwrap().is_file() && link.is_symlink() && second.is_symlink());
         assert_eq!(
-            set_aside(&link, "before").unwrap(),
+            set_aside(&link, Kept::Before).unwrap(),
             folder.path().join(format!("disk/map.before-{written}"))
         );
     }
