@@ -11,7 +11,7 @@ use super::decode::is_transforms;
 use super::qos::{in_words, offered};
 use super::write::schema;
 use crate::msg::heard::TF_STATIC;
-use crate::msg::sent::Qos;
+use crate::msg::topic::Qos;
 use crate::msg::types::{CAMERA_INFO, TRANSFORMS};
 
 /// How a channel was offered, in its metadata.

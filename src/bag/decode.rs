@@ -244,7 +244,7 @@ impl Input {
         // A topic may have channels of several types.
         let form = || form_of(message.type_name(), &message.channel.message_encoding);
         if message.topic() == self.sensor.topic && form() == Some(self.sensor.form) {
-            return Some(Recorded::Cloud { sensor, cloud: self.scan(message, filter) });
+            return Some(Recorded::Cloud { sensor, cloud: self.cloud(message, filter) });
         }
         if self.is_info(message) && message.type_name() == types::CAMERA_INFO {
             self.intrinsics(message)
@@ -269,7 +269,7 @@ impl Input {
         }
     }
 
-    fn scan(&self, message: &Message, filter: &CloudFilter) -> Decoded {
+    fn cloud(&self, message: &Message, filter: &CloudFilter) -> Decoded {
         let data = message.plain().map_err(CloudError::Undecodable)?;
         let camera = || self.camera.clone().unwrap_or(Err(CloudError::NoCameraInfo));
         let seeded = match self.sensor.form {

@@ -1,6 +1,6 @@
 //! How a topic was offered, as `rosbag2` keeps it with a channel: a player offers it again so.
 
-use crate::msg::sent::Qos;
+use crate::msg::topic::Qos;
 
 /// In the words of `rosbag2` since Jazzy; readers want every field.
 pub(super) fn offered(Qos { reliable, latched, depth }: Qos) -> String {

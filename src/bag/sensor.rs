@@ -10,7 +10,7 @@ use mcap::write::NoSeek;
 use super::write::{Channel, RECORDER, channel, logged, put, writer};
 use crate::msg::heard::of_robot;
 use crate::msg::ros::{PointCloud2, TfMessage};
-use crate::msg::sent::{Named, Qos};
+use crate::msg::topic::{Named, Qos};
 use crate::msg::types;
 
 /// Writes a recording with `/tf_static`, `/tf` and one topic of clouds, in chunks of zstd.

@@ -22,7 +22,8 @@ use crate::msg::cdr;
 use crate::msg::heard::of_robot;
 use crate::msg::outgoing::Outgoing;
 use crate::msg::ros::{Header, TfMessage};
-use crate::msg::sent::{self, Named, Qos};
+use crate::msg::sent;
+use crate::msg::topic::{Named, Qos};
 use crate::msg::twins::Twins;
 
 /// The topics that a result bag holds, by their names in the program, with those that remappings give them.

@@ -1,6 +1,6 @@
 //! The topics that are heard beside those of sensors, in one table: they are the same over any middleware and in a bag.
 
-use super::sent::{Qos, Topic};
+use super::topic::{Qos, Topic};
 use super::types;
 
 /// Transforms that change.

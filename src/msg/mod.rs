@@ -21,5 +21,6 @@ pub mod ros;
 pub mod sent;
 #[cfg(feature = "bag")]
 pub(crate) mod status;
+pub mod topic;
 pub mod twins;
 pub mod types;

@@ -6,7 +6,8 @@ use super::labelled::labelled_points;
 use super::markers::Markers;
 use super::reports::{DiagnosticArray, Log};
 use super::ros::{Header, MarkerArray, PointCloud2};
-use super::sent::{self, Topic};
+use super::sent;
+use super::topic::Topic;
 use super::twins::{Detection3DArray, PolygonInstanceStamped, Twins, detections, polygons};
 use crate::engine::Snapshot;
 

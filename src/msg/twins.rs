@@ -11,7 +11,8 @@ use serde::{Deserialize, Serialize};
 
 use super::clusters::{Session, polygon, pose};
 use super::ros::{Header, Polygon, Pose, Vector3};
-use super::sent::{self, Topic};
+use super::sent;
+use super::topic::Topic;
 use crate::engine::{Cluster, Snapshot, SurfaceClass};
 
 /// Which twins are sent.

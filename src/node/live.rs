@@ -292,8 +292,8 @@ impl<T: Transport> Live<T> {
 
     async fn event(&mut self, event: Event<T::Request>) {
         match event {
-            Event::Cloud(input, cloud) => self.scan(input, cloud),
-            Event::Handed(input, cloud) => self.scan(input, decode(&cloud, &self.filter)),
+            Event::Cloud(input, cloud) => self.cloud(input, cloud),
+            Event::Handed(input, cloud) => self.cloud(input, decode(&cloud, &self.filter)),
             Event::Lost(input, number) => self.lost(input, number),
             Event::Camera(sensor, camera) => self.camera(sensor, &camera),
             Event::Transforms { message, is_static } => self.transforms(&message.transforms, is_static),
@@ -312,7 +312,8 @@ impl<T: Transport> Live<T> {
         }
     }
 
-    fn cloud(&mut self, input: Input, cloud: Decoded) {
+    /// Lets a cloud wait for its transform, or counts one that cannot be used.
+    fn let_wait(&mut self, input: Input, cloud: Decoded) {
         self.counts.borrow_mut().received += 1;
         match cloud {
             Ok(cloud) => {

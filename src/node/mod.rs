@@ -6,7 +6,6 @@
 //! and what could be; `compressed` says when compressed depth images are read; [`process`] is all of it as a process; `publish` turns the worker's outputs into messages;
 //! [`record`] keeps them; `parameters` answers the parameter services.
 
-mod aside;
 mod clock;
 mod compressed;
 mod counts;
@@ -19,6 +18,7 @@ mod inputs;
 mod kept;
 mod live;
 pub mod middleware;
+mod own_thread;
 mod parameters;
 pub mod process;
 mod publish;

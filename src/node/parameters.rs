@@ -25,7 +25,7 @@ use crate::msg::parameters::{
     ListResponse, Names, Parameter, ParameterDescriptor, ParameterEvent, ParameterValue, SetParametersResult,
     SetRequest, TypesResponse, kind,
 };
-use crate::msg::sent::{Qos, Topic};
+use crate::msg::topic::{Qos, Topic};
 
 /// Names that one request may have: there are not as many parameters.
 const MOST_NAMES: usize = 256;

@@ -11,8 +11,8 @@ use tokio::sync::{mpsc, watch};
 use tokio::time::sleep_until;
 use tracing::{error, warn};
 
-use super::aside::aside;
 use super::counts::Counts;
+use super::own_thread::on_own_thread;
 use super::record::Recorder;
 use super::saving::Saver;
 use super::throttle::Throttle;
@@ -319,7 +319,7 @@ impl Maps {
         let session = wire.session(session);
         let (make, mut markers) = (self.make, std::mem::take(&mut self.markers));
         // Those of a large map take a tenth of a second, in which the node hears nothing.
-        let made = aside(Builder::new().name("cfodi-messages".to_owned()), move || {
+        let made = on_own_thread(Builder::new().name("cfodi-messages".to_owned()), move || {
             (make(&session, &snapshot, &mut markers, twins), markers)
         });
         let ((messages, polygons), markers) = made.await?;

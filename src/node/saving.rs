@@ -9,7 +9,7 @@ use tokio::sync::mpsc::{UnboundedReceiver, unbounded_channel};
 use tracing::{Level, warn};
 
 use super::kept::remove_oldest;
-use super::throttle::{Throttle, say};
+use super::throttle::{Throttle, log};
 use crate::engine::Frozen;
 use crate::msg::clusters::MapVersion;
 use crate::store::{self, Kept, StoreError};
@@ -179,8 +179,8 @@ impl Keeping {
         if lines.is_empty() {
             return;
         }
-        let level = self.throttle.level(kind, Level::WARN);
-        lines.iter().for_each(|line| say(level, line));
+        let level = self.throttle.level_now(kind, Level::WARN);
+        lines.iter().for_each(|line| log(level, line));
     }
 }
 

@@ -26,7 +26,7 @@ impl Throttle {
     }
 
     /// The level of a line of this kind that is written now: as it is meant, or for debugging alone where it was written of late.
-    pub(super) fn level(&mut self, kind: impl Into<Cow<'static, str>>, meant: Level) -> Level {
+    pub(super) fn level_now(&mut self, kind: impl Into<Cow<'static, str>>, meant: Level) -> Level {
         if self.allows(kind, Instant::now()) { meant } else { Level::DEBUG }
     }
 }
@@ -79,7 +79,7 @@ impl Lasting {
 }
 
 /// Writes a line into the log; at levels beyond these, for debugging alone.
-pub(super) fn say(level: Level, line: &str) {
+pub(super) fn log(level: Level, line: &str) {
     let line = one_line(line);
     match level {
         Level::WARN => warn!("{line}"),
@@ -103,7 +103,7 @@ mod tests {
             for (kind, meant) in
                 [("a", Level::WARN), ("b", Level::INFO), ("a", Level::WARN), ("b", Level::INFO)]
             {
-                say(throttle.level(kind, meant), "two\nlines");
+                log(throttle.level_now(kind, meant), "two\nlines");
             }
         });
         let said: Vec<_> = std::iter::from_fn(|| lines.0.try_recv().ok()).collect();

@@ -14,7 +14,7 @@ use crate::engine::Stamp;
 pub use crate::msg::form::Form;
 use crate::msg::outgoing::Outgoing;
 use crate::msg::ros::{PointCloud2, TfMessage, TriggerResponse};
-use crate::msg::sent::Named;
+use crate::msg::topic::Named;
 
 impl Form {
     /// What the sensor of this number sends in this form.

@@ -21,9 +21,10 @@ use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::rc::Rc;
 use std::sync::Arc;
+use std::thread::Builder;
 use std::time::{Duration, Instant};
 
-use tokio::sync::{Notify, mpsc, oneshot};
+use tokio::sync::{Notify, mpsc};
 use tokio::time::{sleep, timeout};
 use tracing::{info, warn};
 use zenoh::config::WhatAmI;
@@ -37,6 +38,7 @@ pub use self::opener::Call;
 use self::opener::Opener;
 use self::outlet::Outlet;
 use super::middleware::{Adding, EVENTS, Middleware, OpenError, Opened};
+use super::own_thread::on_own_thread;
 use super::parameters::Parameters;
 use super::readers::{self, Readers};
 use super::seeds::Scans;
@@ -54,15 +56,11 @@ const LOOK: Duration = Duration::from_secs(1);
 /// Adds events to those of the network.
 type Events = Adding<Zenoh>;
 
-/// Runs what waits for Zenoh on a thread of its own, never on this one: within a runtime of one thread Zenoh panics where it is
-/// waited for.
-async fn off_the_runtime<T: Send + 'static>(
-    work: impl FnOnce() -> T + Send + 'static,
-) -> Result<T, OpenError> {
-    let (done, result) = oneshot::channel();
-    let thread = std::thread::Builder::new().name("cfodi-zenoh".to_owned());
-    thread.spawn(move || drop(done.send(work()))).map_err(OpenError::opening("a thread"))?;
-    result.await.map_err(OpenError::opening("Zenoh"))
+/// Runs what waits for Zenoh on a thread of its own: within a runtime of one thread Zenoh panics where it is waited for, and that is
+/// the error where the system gives no thread.
+async fn wait_for<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> Result<T, OpenError> {
+    let thread = Builder::new().name("cfodi-zenoh".to_owned());
+    on_own_thread(thread, work).await.map_err(OpenError::opening("Zenoh"))
 }
 
 /// The node on Zenoh.
@@ -177,7 +175,7 @@ fn router_news(session: &Session) -> Result<Arc<Notify>, OpenError> {
 /// How many routers the session is connected to.
 async fn routers(session: &Session) -> Result<usize, OpenError> {
     let session = session.clone();
-    off_the_runtime(move || session.info().routers_zid().wait().count()).await
+    wait_for(move || session.info().routers_zid().wait().count()).await
 }
 
 /// Looks for a router `looks` times at most, and says where there is none; whether it has said so.
@@ -200,7 +198,7 @@ async fn find_router(session: &Session, looks: u64) -> Result<bool, OpenError> {
 
 /// Closes a session, however many ends it had.
 async fn close(session: Session) {
-    let closed = off_the_runtime(move || {
+    let closed = wait_for(move || {
         let closed = session.close().wait();
         drop(session);
         closed.map_err(|error| error.to_string())
@@ -223,9 +221,8 @@ impl Middleware for Zenoh {
 
     async fn open(setup: &Setup, _: Security) -> Result<Opened<Self>, OpenError> {
         let (config, looks) = (config::of_process()?, config::router_checks()?);
-        let opened = off_the_runtime(move || {
-            zenoh::open(config).wait().map_err(OpenError::opening("a Zenoh session"))
-        });
+        let opened =
+            wait_for(move || zenoh::open(config).wait().map_err(OpenError::opening("a Zenoh session")));
         let session = opened.await??;
         let (events, receiver) = mpsc::channel(EVENTS);
         let found = find_router(&session, looks.unwrap_or(0)).await;

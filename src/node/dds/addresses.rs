@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use netdev::prelude::Ipv4Net;
 
 use super::STAY;
-use crate::node::aside::aside;
+use crate::node::own_thread::on_own_thread;
 
 /// Time between two looks. Two that find the same are enough: an address may come and go while a network is set up.
 const LOOK: Duration = Duration::from_secs(1);
@@ -52,7 +52,7 @@ impl Addresses {
             let only = self.only.clone();
             // Some drivers of network cards take their time to tell of them.
             let thread = Builder::new().name("cfodi-addresses".to_owned());
-            let Ok(now) = aside(thread, move || read(&only)).await else { continue };
+            let Ok(now) = on_own_thread(thread, move || read(&only)).await else { continue };
             let change = looks.change(now);
             if let Some(change) = change.filter(|_| self.at.elapsed() >= STAY) {
                 return format!("the addresses of this machine have changed ({change})");

@@ -20,7 +20,7 @@ use super::mismatch::Ends;
 use super::secure;
 use crate::args::Setup;
 use crate::args::security::Security;
-use crate::msg::sent::{Named, Qos};
+use crate::msg::topic::{Named, Qos};
 use crate::node::middleware::OpenError;
 
 /// A node that nobody opens topics of any more, and its participant.

@@ -15,7 +15,7 @@ use tracing::warn;
 
 use super::patience::{Patience, REST};
 use super::{Opener, reliable_output};
-use crate::msg::sent;
+use crate::msg::topic;
 use crate::node::middleware::OpenError;
 use crate::node::transport::SendError;
 
@@ -31,7 +31,7 @@ pub(super) struct Outlet<M: Serialize> {
 
 impl<M: Serialize> Outlet<M> {
     /// Opens it; `most` messages are kept for a reader that does not acknowledge them.
-    pub(super) fn open(opener: &mut Opener<'_>, row: sent::Topic, most: i32) -> Result<Self, OpenError> {
+    pub(super) fn open(opener: &mut Opener<'_>, row: topic::Topic, most: i32) -> Result<Self, OpenError> {
         let (name, qos) = (row.name, reliable_output(row.qos, most));
         let topic = opener.topic(row.named(), &qos)?;
         opener.ends.publishes(topic.name(), qos);

@@ -12,7 +12,7 @@ use rustdds::{QosPolicyBuilder, WriteOptionsBuilder};
 use tokio::time::{sleep, timeout};
 
 use super::Opener;
-use crate::msg::sent::Named;
+use crate::msg::topic::Named;
 use crate::node::middleware::OpenError;
 use crate::node::topics::PULSE;
 

@@ -19,7 +19,7 @@ use crate::args::security::Security;
 use crate::cloud::{CloudSeed, CompressedSeed, Decoded, DepthSeed};
 use crate::msg::heard::{CLOCK, TF, TF_STATIC};
 use crate::msg::ros::{CameraInfo, Clock};
-use crate::msg::sent::Named;
+use crate::msg::topic::Named;
 use crate::msg::types;
 use crate::node::compressed;
 use crate::node::heard::{Order, Origin, Sample, Taken};

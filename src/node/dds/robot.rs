@@ -11,7 +11,7 @@ use super::{Opener, reliable};
 use crate::args::Setup;
 use crate::msg::heard::of_robot;
 use crate::msg::ros::{PointCloud2, TfMessage};
-use crate::msg::sent::{Named, Topic};
+use crate::msg::topic::{Named, Topic};
 use crate::msg::types;
 use crate::node::middleware::OpenError;
 use crate::node::transport::SendError;

@@ -7,7 +7,8 @@ use super::opener::Kept;
 use super::{Opener, reliable};
 use crate::args::Setup;
 use crate::msg::clusters::SurfaceClusterArray;
-use crate::msg::sent::{self, Named};
+use crate::msg::sent;
+use crate::msg::topic::Named;
 use crate::node::middleware::OpenError;
 
 /// Reads the snapshots that a node publishes.

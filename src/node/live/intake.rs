@@ -114,8 +114,8 @@ impl Intake {
 }
 
 impl<T: Transport> Live<T> {
-    /// Takes in a scan of a sensor, or counts it where the sensor is taken in another form.
-    pub(super) fn scan(&mut self, input: Input, cloud: Decoded) {
+    /// Takes in a cloud of a sensor, or counts it where the sensor is taken in another form.
+    pub(super) fn cloud(&mut self, input: Input, cloud: Decoded) {
         let Input { sensor, form } = input;
         let clock = self.clocks.now();
         let intake = &mut self.intakes[sensor];
@@ -142,7 +142,7 @@ impl<T: Transport> Live<T> {
                 intake.period.fault = Some(error.clone());
             }
         }
-        self.cloud(input, cloud);
+        self.let_wait(input, cloud);
     }
 
     /// A scan from the future is taken in, where its transform is from there too: clocks of two machines may differ.

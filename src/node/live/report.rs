@@ -9,7 +9,7 @@ use crate::msg::reports::{DiagnosticArray, DiagnosticStatus, Level};
 use crate::msg::ros::Header;
 use crate::msg::status::StatusBuilder;
 use crate::node::inputs;
-use crate::node::throttle::say;
+use crate::node::throttle::log;
 use crate::node::transport::{NetworkState, Source, Transport};
 
 /// Stamps may be so far ahead of the clock until it is said.
@@ -165,14 +165,14 @@ impl<T: Transport> Live<T> {
         let now = Instant::now();
         for line in self.lasting.due(&lines, now) {
             if self.throttle.allows(line.clone(), now) {
-                say(tracing::Level::WARN, &line);
+                log(tracing::Level::WARN, &line);
             } else {
                 self.lasting.put_off(&line);
             }
         }
         for line in self.lasting.over(&lines) {
-            say(
-                self.throttle.level(format!("over {line}"), tracing::Level::INFO),
+            log(
+                self.throttle.level_now(format!("over {line}"), tracing::Level::INFO),
                 &format!("it is over: {line}"),
             );
         }

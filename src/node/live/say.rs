@@ -10,7 +10,7 @@ use crate::cloud::{Camera, Cloud, CloudError, distortion, is_rectified_by_name};
 use crate::join::{GivenUp, Waited};
 use crate::node::counts::{TRANSFORM_TIMEOUT, WAITING_QUEUE_FULL};
 use crate::node::inputs;
-use crate::node::throttle::say;
+use crate::node::throttle::log;
 use crate::node::transport::{Input, Transport};
 use crate::reason::{Reason, SHUTDOWN};
 use crate::tf::Lack;
@@ -43,10 +43,10 @@ impl<T: Transport> Live<T> {
         self.counts.borrow_mut().skip(error.reason());
         let topic = self.topic(input);
         // To ask who publishes takes longer than to skip a cloud.
-        let level = self.throttle.level(format!("{} {topic}", error.reason().key), Level::WARN);
+        let level = self.throttle.level_now(format!("{} {topic}", error.reason().key), Level::WARN);
         let is_due = level == Level::WARN;
         let why = if is_due { self.why_unusable(input.sensor, error) } else { error.to_string() };
-        say(level, &format!("a cloud of {topic} was skipped: {why}"));
+        log(level, &format!("a cloud of {topic} was skipped: {why}"));
     }
 
     /// Why clouds of a sensor cannot be used, with the words that help where none could for a while: images may come before their
@@ -96,13 +96,13 @@ impl<T: Transport> Live<T> {
         self.diagnosis.given_up(sensor, line.clone());
         self.intakes[sensor].give_up(line.clone());
         // Thousands of frames take longer to list than a cloud to skip.
-        let level = self.throttle.level(kind_of(reason.key, sensor), Level::WARN);
+        let level = self.throttle.level_now(kind_of(reason.key, sensor), Level::WARN);
         if level == Level::WARN
             && let Some(hint) = self.join.hint(lacks.as_ref(), given_up)
         {
             line = format!("{line}; {hint}");
         }
-        say(level, &line);
+        log(level, &line);
     }
 
     /// How many clouds may wait, and, where a transform `is_late` and nothing else is lacking, whether a longer `tf_timeout` lets more wait.
@@ -131,7 +131,7 @@ impl<T: Transport> Live<T> {
     }
 
     pub(super) fn warn(&mut self, kind: impl Into<Cow<'static, str>>, line: std::fmt::Arguments<'_>) {
-        say(self.throttle.level(kind, Level::WARN), &line.to_string());
+        log(self.throttle.level_now(kind, Level::WARN), &line.to_string());
     }
 }
 

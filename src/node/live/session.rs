@@ -10,7 +10,7 @@ use super::calls_for_map::{Call, begun};
 use crate::engine::Stamp;
 use crate::msg::ros::TriggerResponse;
 use crate::node::clock::now;
-use crate::node::throttle::say;
+use crate::node::throttle::log;
 use crate::node::transport::{Service, Transport};
 use crate::reason::SESSION_ENDED;
 
@@ -111,7 +111,7 @@ impl<T: Transport> Live<T> {
             self.warn("session", format_args!("{line}"));
             self.diagnosis.jumped(line);
         } else {
-            say(self.throttle.level("reset", Level::INFO), &line);
+            log(self.throttle.level_now("reset", Level::INFO), &line);
         }
     }
 }

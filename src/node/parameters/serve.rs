@@ -12,7 +12,7 @@ use crate::msg::parameters::{
     DescribeResponse, GetResponse, ListRequest, ListResponse, Names, ParameterEvent, SetAtomicallyResponse,
     SetParametersResult, SetRequest, SetResponse, TypesResponse,
 };
-use crate::msg::sent::Named;
+use crate::msg::topic::Named;
 use crate::node::middleware::OpenError;
 use crate::node::throttle::Throttle;
 use crate::node::transport::{Event, SendError};

@@ -3,7 +3,7 @@
 
 use xxhash_rust::xxh3::xxh3_128;
 
-use crate::msg::sent::{Named, Qos};
+use crate::msg::topic::{Named, Qos};
 use crate::node::heard::PublisherId;
 use crate::node::topics::ros_type;
 use crate::node::transport::Source;

@@ -22,7 +22,7 @@ use super::mailbox::{Mailbox, Room};
 use super::names::{Attachment, Kind, NodeToken, publisher_id};
 use crate::args::Setup;
 use crate::msg::cdr;
-use crate::msg::sent::{Named, Qos};
+use crate::msg::topic::{Named, Qos};
 use crate::node::clock;
 use crate::node::heard::{Origin, PublisherId};
 use crate::node::middleware::OpenError;

@@ -14,7 +14,8 @@ use zenoh_ext::{AdvancedPublisherBuilderExt as _, CacheConfig, MissDetectionConf
 use super::latched::Latched;
 use super::names::{Attachment, Kind};
 use super::opener::{Known, Opener};
-use crate::msg::sent::{self, Named, Topic};
+use crate::msg::sent;
+use crate::msg::topic::{Named, Topic};
 use crate::node::clock;
 use crate::node::middleware::OpenError;
 use crate::node::transport::SendError;

@@ -13,7 +13,7 @@ use crate::cloud::{CloudError, CloudSeed, CompressedSeed, Decoded, DepthSeed};
 use crate::msg::cdr;
 use crate::msg::heard::{CLOCK, TF, TF_STATIC};
 use crate::msg::ros::{Clock, TriggerRequest};
-use crate::msg::sent::{Named, Qos};
+use crate::msg::topic::{Named, Qos};
 use crate::msg::types;
 use crate::node::compressed;
 use crate::node::heard::{NextScan, Sample};

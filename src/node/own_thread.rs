@@ -11,7 +11,7 @@ use crate::thread::{panic_text, spawn_or_run};
 ///
 /// # Errors
 /// What it has panicked with.
-pub(super) async fn aside<T: Send + 'static>(
+pub(super) async fn on_own_thread<T: Send + 'static>(
     thread: Builder,
     make: impl FnOnce() -> T + Send + 'static,
 ) -> Result<T, String> {
@@ -26,16 +26,17 @@ mod tests {
     use super::*;
 
     #[tokio::test]
-    async fn what_is_made_aside_is_made_here_where_there_is_no_thread_and_a_panic_is_told_with_its_words() {
+    async fn what_is_made_on_its_own_thread_is_made_here_where_there_is_no_thread_and_a_panic_is_told_with_its_words()
+     {
         let thread = || std::thread::current().id();
         let here = thread();
         // As much of a stack as no address has.
         let none = || Builder::new().stack_size(1 << 60);
-        assert_eq!(aside(none(), thread).await, Ok(here));
-        assert!(aside(Builder::new(), thread).await.unwrap() != here);
+        assert_eq!(on_own_thread(none(), thread).await, Ok(here));
+        assert!(on_own_thread(Builder::new(), thread).await.unwrap() != here);
         for builder in [none(), Builder::new()] {
             let panics = || std::panic::resume_unwind(Box::new("no room"));
-            assert_eq!(aside::<()>(builder, panics).await, Err("no room".to_owned()));
+            assert_eq!(on_own_thread::<()>(builder, panics).await, Err("no room".to_owned()));
         }
     }
 }
