@@ -81,12 +81,12 @@ const REST: u32 = 9;
 const SHORT: Duration = Duration::from_millis(30);
 
 impl Took {
-    /// How long the next snapshot is put off, whoever waits.
+    /// The pause after this snapshot, whether or not scans wait.
     pub fn rest(self) -> Duration {
         self.making.max(if self.freezing > SHORT { self.freezing * REST } else { Duration::ZERO })
     }
 
-    /// How long it is put off while scans wait.
+    /// The pause after it while scans wait.
     fn rest_before_scans(self) -> Duration {
         self.rest().max(self.freezing * REST)
     }

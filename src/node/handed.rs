@@ -33,9 +33,9 @@ impl Handed {
         self.under_way.push_back((sensor, stamp));
     }
 
-    /// The one that was handed over last has replaced the first of those that wait, after which so many do; gives whose that was.
-    /// Where more do, because there were more places before, it may be that of one behind it, and so may what is told of sensors until
-    /// these have gone.
+    /// The scan that was handed over last has replaced the oldest of those that waited for the engine, so that `places` wait now; gives
+    /// the sensor of the replaced one. If more wait, because there were more places until lately, a newer scan is taken for it: what is
+    /// told of sensors may then be off by these scans until they are through.
     pub(super) fn replace(&mut self, places: usize) -> Option<usize> {
         let first = self.under_way.len().checked_sub(places + 1)?;
         self.under_way.remove(first).map(|(sensor, _)| sensor)

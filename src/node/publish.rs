@@ -31,7 +31,7 @@ use crate::worker::{Output, Took};
 /// a map that comes at once.
 const PAUSE: Duration = Duration::from_millis(10);
 
-/// Over which the polygons of a map go out at most: what is newer waits behind them.
+/// The polygons of one map are sent within this time; the next map waits until then.
 const SPREAD: Duration = Duration::from_millis(250);
 
 /// What is noted of a run.

@@ -29,9 +29,8 @@ pub(super) struct InFile {
 enum Task {
     /// Write the map of a session, in place of the one before; with `last` where a jump has ended it, and nobody waits for that.
     Write { session: u64, map: Arc<Frozen>, last: Option<OnItsWay> },
-    /// Give the file a second name before a map of this session or a later one takes its place: nobody has asked for the old
-    /// map to be given up. Maps of earlier sessions that are still on their way are written first, and it is they that are
-    /// kept.
+    /// Before the first map of session `before` or later is written, give the file a second name, since nobody asked to lose it. Maps
+    /// of earlier sessions that still wait are written first, so the newest of them is what is kept.
     Keep { before: u64 },
 }
 

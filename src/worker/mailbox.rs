@@ -51,8 +51,8 @@ impl Off {
 }
 
 impl Pending {
-    /// How long a snapshot that is asked for is still put off, for ever while another is being made; `None` where none is. The last
-    /// one is not.
+    /// How much longer the requested snapshot is postponed: [`Duration::MAX`] while another is being made, `None` if it may be made now
+    /// or none is requested. The snapshot at the end is never postponed.
     fn put_off(&self) -> Option<Duration> {
         let left = match self.off.filter(|_| self.snapshot && !self.stop)? {
             Off::Making => Duration::MAX,

@@ -99,9 +99,9 @@ pub(super) struct LastFile<GivenUp> {
     pub(super) given_up: GivenUp,
 }
 
-/// Waits for the map of the node's end, unless it is given up; whoever waits for one is told how that went, or how one went that was
-/// still on its way. Where there is no such map, for the node has `ended` with an error or the thread that writes has died, they are
-/// told that.
+/// Waits until the last map is written or given up, and answers every waiting call with how that went; a call whose own map was still
+/// on its way, with how that one went. If there is no last map (the node has `ended` with an error, or the saver died), the calls are
+/// told that error.
 pub(super) async fn last_written<T: Transport>(
     ended: Result<Arc<Snapshot>, LiveError>,
     mut written: UnboundedReceiver<Written>,
