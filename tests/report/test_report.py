@@ -144,3 +144,19 @@ def test_in_a_narrow_window_nothing_is_cut_off(open_browser, made_report):
     page = Page(open_browser(500, 900), made_report)
     assert page.run("return document.documentElement.scrollWidth <= document.documentElement.clientWidth")
     assert page.run("return cfodi.drawnPixels()") > 5_000
+
+
+def test_when_its_window_gets_narrower_the_map_is_still_all_there(page):
+    page.browser.set_window_size(600, 1000)
+    page.rest()
+    assert page.colours_of_the_border() == 1, "the map is cut off"
+    narrow = page.picture()
+    page.canvas.send_keys(HOME)
+    assert page.picture() == narrow, "it fills the picture as one that was opened so"
+    scale = page.run("return cfodi.camera.scale")
+    page.canvas.send_keys(LEFT, "+")
+    page.browser.set_window_size(1000, 700)
+    page.rest()
+    page.browser.set_window_size(600, 1000)
+    page.rest()
+    assert abs(page.run("return cfodi.camera.scale") / (1.2 * scale) - 1) < 1e-9, "what was zoomed stays zoomed"

@@ -35,6 +35,13 @@ class Page:
         self.rest()
         return self.run("return document.getElementById('view').toDataURL()")
 
+    def colours_of_the_border(self):
+        """How many colours the pixels of the canvas's first and last column have."""
+        return self.run("""
+            const canvas = document.getElementById("view");
+            const column = (x) => canvas.getContext("2d").getImageData(x, 0, 1, canvas.height).data;
+            return new Set([0, canvas.width - 1].flatMap((x) => [...new Uint32Array(column(x).buffer)])).size;""")
+
     def field(self, name):
         return self.at(f"#chosen [data-field='{name}']").text
 

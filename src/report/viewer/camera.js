@@ -20,6 +20,8 @@ class Camera {
     this.target = [0, 0, 0];
     /** CSS px a metre. */
     this.scale = 100;
+    /** Of what was fitted last, to the picture's right and down (m). */
+    this.extents = [1, 1];
   }
 
   /** Unit vectors in the fixed frame: to the picture's right, down in it, and towards the viewer. */
@@ -66,9 +68,15 @@ class Camera {
     if (spans.some((span) => span === null)) return;
     const middle = spans.map(([low, high]) => (low + high) / 2);
     this.target = sum(sum(scaled(right, middle[0]), scaled(down, middle[1])), scaled(towards, middle[2]));
-    const free = (1 - 2 * MARGIN) / this.voxelSize;
-    const extents = spans.map(([low, high]) => (high - low) / this.voxelSize + 2);
-    this.scale = Math.min((width * free) / extents[0], (height * free) / extents[1], LARGEST_EDGE / this.voxelSize);
+    this.extents = spans.slice(0, 2).map(([low, high]) => high - low + 2 * this.voxelSize);
+    this.scale = this.fitting(width, height);
+  }
+
+  /** The scale at which what was fitted last fills a picture of `width` by `height` CSS px. */
+  fitting(width, height) {
+    const free = 1 - 2 * MARGIN;
+    const [right, down] = this.extents;
+    return Math.min((width * free) / right, (height * free) / down, LARGEST_EDGE / this.voxelSize);
   }
 
   /** From where to where the voxels reach along an axis (m). */

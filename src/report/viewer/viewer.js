@@ -62,7 +62,7 @@ class Viewer {
       this.readColours();
       this.drawSoon();
     });
-    new ResizeObserver(() => this.drawSoon()).observe(this.canvas);
+    new ResizeObserver(() => this.resized()).observe(this.canvas);
     this.pointer = new Pointer(this.canvas, this.camera, {
       turned: () => this.drawSoon(),
       picked: (x, y) => this.choose(this.clusterAt(x, y)),
@@ -159,7 +159,19 @@ class Viewer {
     const towards = this.camera.axes().towards;
     const isShown = (number) => this.renderer.isShown(number, towards, { ...look, chosen: -1 });
     this.camera.fit(this.story.keys, isShown, width, height);
+    this.size = [width, height];
     this.drawSoon();
+  }
+
+  /** The map grows and shrinks with the picture: what was in it stays in it. */
+  resized() {
+    const { width, height } = this.look;
+    if (width > 0 && height > 0) {
+      if (this.size.includes(0)) return this.reset();
+      this.camera.zoom(this.camera.fitting(width, height) / this.camera.fitting(...this.size));
+      this.size = [width, height];
+    }
+    return this.drawSoon();
   }
 
   /** Draws at the next frame, coarsely where that is faster, and finely when nothing changes any more. */
