@@ -160,3 +160,12 @@ def test_when_its_window_gets_narrower_the_map_is_still_all_there(page):
     page.browser.set_window_size(600, 1000)
     page.rest()
     assert abs(page.run("return cfodi.camera.scale") / (1.2 * scale) - 1) < 1e-9, "what was zoomed stays zoomed"
+
+
+def test_voxels_in_no_cluster_stay_when_tentative_clusters_are_hidden(page):
+    drawn, obstacles = page.run("return cfodi.drawnPixels()"), page.grey_pixels()
+    assert obstacles > 500
+    page.at("#small").click()
+    page.rest()
+    assert page.run("return cfodi.drawnPixels()") < drawn
+    assert page.grey_pixels() > 0.95 * obstacles

@@ -42,6 +42,18 @@ class Page:
             const column = (x) => canvas.getContext("2d").getImageData(x, 0, 1, canvas.height).data;
             return new Set([0, canvas.width - 1].flatMap((x) => [...new Uint32Array(column(x).buffer)])).size;""")
 
+    def grey_pixels(self):
+        """Pixels of what is in no cluster."""
+        return self.run("""
+            const { width, height } = document.getElementById("view");
+            const { data } = document.getElementById("view").getContext("2d").getImageData(0, 0, width, height);
+            let count = 0;
+            for (let at = 0; at < data.length; at += 4) {
+              const [least, most] = [Math.min, Math.max].map((of) => of(...data.subarray(at, at + 3)));
+              count += least > 60 && most < 200 && most - least < 3;
+            }
+            return count;""")
+
     def field(self, name):
         return self.at(f"#chosen [data-field='{name}']").text
 

@@ -112,7 +112,9 @@ class Renderer {
       const ofCluster = row?.[plane] ?? null;
       const own = map.normals.subarray(3 * number, 3 * number + 3);
       const hasOwn = own[0] !== 0 || own[1] !== 0 || own[2] !== 0;
-      this.hidden[number] = map.clusterOf[number] === GONE || (hideTentative && !(row?.[state] > 0)) ? 1 : 0;
+      // A voxel in no cluster is an obstacle, however small.
+      const isTentative = row !== undefined && !(row[state] > 0);
+      this.hidden[number] = map.clusterOf[number] === GONE || (hideTentative && isTentative) ? 1 : 0;
       for (let axis = 0; axis < 3; axis++) {
         const first = ofCluster ? ofCluster[axis] : own[axis] / 127;
         facing[3 * number + axis] = first + (hasOwn ? own[axis] / 127 : first);
