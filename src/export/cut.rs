@@ -1,8 +1,9 @@
 //! Which dense voxels a picture shows: a room is looked into over its near walls and through its ceiling.
 //!
 //! A surface has a front, the side it was seen from, and is left out where it shows the viewer its back. Whether it does
-//! is decided by the normal of the voxel and that of its cluster together: the first alone is unsure at the rim of a wall,
-//! the second alone says nothing of a surface that bends. Voxels in no cluster, mostly rims, go with the ones around them.
+//! is decided by the normal of the voxel and that of its cluster together, the latter counting twice: the first is unsure at
+//! the rim of a wall, where in a corner it turns towards the other wall; the second alone says nothing of a surface that bends.
+//! Voxels in no cluster, mostly rims, go with the ones around them.
 
 use nalgebra::{UnitVector3, Vector3};
 use rustc_hash::FxHashMap;
@@ -45,7 +46,7 @@ impl<'a> Facing<'a> {
             let of_cluster = normals.get(&voxel.cluster?).copied();
             let normals = [of_cluster.or(voxel.normal), voxel.normal.or(of_cluster)];
             let cosines = normals.map(|normal| normal.map_or(0.0, |normal| normal.dot(towards_viewer)));
-            Some((voxel.key, cosines[0] + cosines[1] >= 2.0 * FACING))
+            Some((voxel.key, 2.0 * cosines[0] + cosines[1] >= 3.0 * FACING))
         });
         Self { towards_viewer, clustered: clustered.collect() }
     }
@@ -79,7 +80,12 @@ impl<'a> Facing<'a> {
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::FRAC_PI_2;
+
+    use nalgebra::{Isometry3, Translation3, UnitQuaternion};
+
     use super::*;
+    use crate::engine::Cluster;
     use crate::export::testing::corner_of_a_room;
 
     /// The clusters of the voxels shown, each once; 0 for none.
@@ -99,6 +105,21 @@ mod tests {
         assert_eq!(clusters_shown(&map, &view, [0.0, -1.0, 1.0]), [0, 1, 2]);
         assert_eq!(clusters_shown(&map, &view, [0.0, 1.0, 1.0]), [0, 1]);
         assert_eq!(clusters_shown(&map, &view, [0.0, -1.0, -1.0]), [0, 2], "the floor from below");
+    }
+
+    #[test]
+    fn the_rim_of_a_wall_seen_from_behind_is_left_out_where_its_normals_turn_into_the_corner() {
+        let mut map = corner_of_a_room();
+        let from_the_south = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), FRAC_PI_2);
+        let place = Translation3::new(1.0, 2.05, 0.8);
+        map.clusters = vec![Cluster::rectangle(2, Isometry3::from_parts(place, from_the_south), [2.0, 1.4])];
+        for voxel in map.voxels.iter_mut().filter(|voxel| voxel.key.indices()[..2] == [19, 20]) {
+            voxel.normal = Some(UnitVector3::new_normalize(Vector3::new(-1.0, -1.0, 0.0)));
+        }
+        let view = View::default();
+        assert_eq!(clusters_shown(&map, &view, [-0.66, 0.38, 0.64]), [0, 1]);
+        let shown = shown(&map, &view, &Vector3::new(-0.66, -0.38, 0.64).normalize());
+        assert_eq!(shown.len(), map.voxels.len(), "from the front");
     }
 
     #[test]

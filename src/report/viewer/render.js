@@ -83,7 +83,7 @@ class Renderer {
     this.map = map;
     this.story = map.story;
     this.index = new VoxelIndex(map.story.keys);
-    /** Sum of the normals of each voxel and its cluster: by it the voxel is cut away or not. */
+    /** Mean of the normals of each voxel and of its cluster, which counts twice: by it the voxel is cut away or not. */
     this.facing = new Float32Array(3 * map.story.count);
     this.light = new Float32Array(3 * map.story.count);
     this.hidden = new Uint8Array(map.story.count);
@@ -117,7 +117,7 @@ class Renderer {
       this.hidden[number] = map.clusterOf[number] === GONE || (hideTentative && isTentative) ? 1 : 0;
       for (let axis = 0; axis < 3; axis++) {
         const first = ofCluster ? ofCluster[axis] : own[axis] / 127;
-        facing[3 * number + axis] = first + (hasOwn ? own[axis] / 127 : first);
+        facing[3 * number + axis] = (2 * first + (hasOwn ? own[axis] / 127 : first)) / 3;
       }
     }
     this.guideUnclustered();
@@ -156,7 +156,7 @@ class Renderer {
     if (!look.cutAway || (look.chosen >= 0 && this.map.clusterOf[number] === look.chosen)) return true;
     const at = 3 * number;
     const { facing } = this;
-    return facing[at] * towards[0] + facing[at + 1] * towards[1] + facing[at + 2] * towards[2] >= 2 * FACING;
+    return facing[at] * towards[0] + facing[at + 1] * towards[1] + facing[at + 2] * towards[2] >= FACING;
   }
 
   /** Light on each voxel's three sides, from over the viewer's left shoulder. */
