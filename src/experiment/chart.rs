@@ -8,7 +8,7 @@ use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-/// Points beyond which a line is drawn through means of neighbouring points: a picture is no wider.
+/// Points of a series beyond which only some are drawn: a picture is no wider.
 const MOST_POINTS: usize = 800;
 /// Height of the title with the legend below it (px).
 const HEAD: u32 = 62;
@@ -170,16 +170,16 @@ fn draw_axes(chart: &mut Context, panel: &Panel, x_digits: usize, y_digits: usiz
 
 fn draw_series(chart: &mut Context, series: &Series) -> Drawn {
     let colour = rgb(series.colour);
-    let points = finite(series);
+    let points = drawn(series);
     match series.style {
         Style::Line => {
-            chart.draw_series(LineSeries::new(thinned(points), colour.stroke_width(2)))?;
+            chart.draw_series(LineSeries::new(points, colour.stroke_width(2)))?;
         }
         Style::Broad => {
-            chart.draw_series(LineSeries::new(thinned(points), colour.stroke_width(8)))?;
+            chart.draw_series(LineSeries::new(points, colour.stroke_width(8)))?;
         }
         Style::Dashed => {
-            chart.draw_series(DashedLineSeries::new(thinned(points), 6, 4, colour.stroke_width(2)))?;
+            chart.draw_series(DashedLineSeries::new(points, 6, 4, colour.stroke_width(2)))?;
         }
         Style::Marked => {
             chart.draw_series(LineSeries::new(points.clone(), colour.stroke_width(2)))?;
@@ -187,7 +187,7 @@ fn draw_series(chart: &mut Context, series: &Series) -> Drawn {
         }
         Style::Dots => {
             let dot = |&point| Circle::new(point, 2, colour.mix(0.6).filled());
-            chart.draw_series(thinned(points).iter().map(dot))?;
+            chart.draw_series(points.iter().map(dot))?;
         }
     }
     Ok(())
@@ -197,13 +197,40 @@ const fn rgb([red, green, blue]: [u8; 3]) -> RGBColor {
     RGBColor(red, green, blue)
 }
 
-fn finite(series: &Series) -> Vec<(f64, f64)> {
-    series.points.iter().copied().filter(|(x, y)| x.is_finite() && y.is_finite()).collect()
+/// The points that are drawn: of a line the peaks stay, and dots stay where they are many.
+fn drawn(series: &Series) -> Vec<(f64, f64)> {
+    let finite = |(x, y): &(f64, f64)| x.is_finite() && y.is_finite();
+    let points: Vec<_> = series.points.iter().copied().filter(finite).collect();
+    if points.len() <= MOST_POINTS {
+        return points;
+    }
+    match series.style {
+        Style::Line | Style::Dashed | Style::Broad => {
+            let run = points.len().div_ceil(MOST_POINTS / 2);
+            points.chunks(run).flat_map(lowest_and_highest).collect()
+        }
+        Style::Marked => points,
+        Style::Dots => {
+            let step = points.len().div_ceil(MOST_POINTS);
+            points.into_iter().step_by(step).collect()
+        }
+    }
+}
+
+/// Of points that lie behind each other on a line, in their order; of equal ones the first and the last.
+fn lowest_and_highest(points: &[(f64, f64)]) -> impl Iterator<Item = (f64, f64)> {
+    let by_y = |a: &usize, b: &usize| points[*a].1.total_cmp(&points[*b].1);
+    let lowest = (0..points.len()).min_by(by_y);
+    let highest = (0..points.len()).max_by(by_y);
+    let mut both: Vec<_> = lowest.into_iter().chain(highest).collect();
+    both.sort_unstable();
+    both.dedup();
+    both.into_iter().map(|at| points[at])
 }
 
 /// Extents of the axes, neither of them empty; `None` without a point.
 fn extents(panel: &Panel) -> Option<(std::ops::Range<f64>, std::ops::Range<f64>)> {
-    let points: Vec<_> = panel.series.iter().flat_map(finite).collect();
+    let points: Vec<_> = panel.series.iter().flat_map(drawn).collect();
     let least = points.iter().map(|point| point.0).min_by(f64::total_cmp)?;
     let most = points.iter().map(|point| point.0).max_by(f64::total_cmp)?;
     let highest = points.iter().map(|point| point.1).max_by(f64::total_cmp)?;
@@ -219,19 +246,6 @@ fn extents(panel: &Panel) -> Option<(std::ops::Range<f64>, std::ops::Range<f64>)
 /// Digits behind the point that tell the labels of an axis of this length apart.
 fn digits(length: f64) -> usize {
     (0..9).find(|&digits| length / 7.0 * 10_f64.powi(digits) >= 0.999).unwrap_or(9) as usize
-}
-
-/// At most [`MOST_POINTS`]: the means of as many runs of equal length.
-fn thinned(points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
-    if points.len() <= MOST_POINTS {
-        return points;
-    }
-    let run = points.len().div_ceil(MOST_POINTS);
-    let mean = |points: &[(f64, f64)]| {
-        let sum = points.iter().fold((0.0, 0.0), |sum, point| (sum.0 + point.0, sum.1 + point.1));
-        (sum.0 / points.len() as f64, sum.1 / points.len() as f64)
-    };
-    points.chunks(run).map(mean).collect()
 }
 
 #[cfg(test)]
@@ -275,9 +289,23 @@ mod tests {
     }
 
     #[test]
-    fn a_long_line_keeps_its_means() {
-        let points: Vec<_> = (0..6510).map(|i| (f64::from(i), 2.0 * f64::from(i))).collect();
-        let thinned = thinned(points);
-        assert!(thinned.len() <= MOST_POINTS && thinned[0] == (4.0, 8.0));
+    fn a_long_line_keeps_its_peaks_and_many_dots_their_places() {
+        let mut points: Vec<_> = (0..1600).map(|i| (f64::from(i), 1.0)).collect();
+        (points[801].1, points[1101].1) = (100.0, -5.0);
+        let line = drawn(&series(points.clone()));
+        assert!(line.len() <= MOST_POINTS && line.is_sorted_by(|a, b| a.0 < b.0), "{line:?}");
+        assert!(
+            [(0.0, 1.0), (801.0, 100.0), (1101.0, -5.0), (1599.0, 1.0)].iter().all(|it| line.contains(it))
+        );
+        let dots = Series { style: Style::Dots, ..series(points.clone()) };
+        assert!(drawn(&dots).len() <= MOST_POINTS && drawn(&dots).iter().all(|dot| points.contains(dot)));
+        let panel = Panel { series: vec![dots], ..Panel::default() };
+        assert!(extents(&panel).unwrap().1.end < 2.0, "no room for what is not drawn");
+    }
+
+    #[test]
+    fn a_short_line_is_drawn_point_by_point() {
+        let points: Vec<_> = (0..800).map(|i| (f64::from(i), f64::from(i % 7))).collect();
+        assert_eq!(drawn(&series(points.clone())), points);
     }
 }
