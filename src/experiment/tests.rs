@@ -76,6 +76,34 @@ fn assert_well_formed(svg: &str) {
     assert!(open.is_empty() && svg.contains("xmlns=\"http://www.w3.org/2000/svg\""), "{open:?}");
 }
 
+/// Panics where a text reaches beyond its picture, with letters as broad as those of usual fonts are on average at most.
+fn assert_texts_lie_within(svg: &str, name: &str) {
+    let attribute = |tag: &str, name: &str| {
+        let (_, rest) = tag.split_once(&format!(" {name}=\""))?;
+        Some(rest.split_once('"')?.0.to_owned())
+    };
+    let number = |tag: &str, name: &str| attribute(tag, name)?.parse::<f64>().ok();
+    let (_, picture) = svg.split_once("<svg").unwrap();
+    let size = ["width", "height"].map(|side| number(picture, side).unwrap());
+    let mut texts = 0;
+    for text in svg.split("<text").skip(1) {
+        let (tag, rest) = text.split_once('>').unwrap();
+        let (letters, _) = rest.split_once('<').unwrap();
+        let length = letters.trim().chars().count() as f64 * 0.6 * number(tag, "font-size").unwrap();
+        let along = usize::from(attribute(tag, "transform").is_some());
+        let place = number(tag, ["x", "y"][along]).unwrap();
+        let begin = match attribute(tag, "text-anchor").as_deref() {
+            Some("end") => place - length,
+            Some("middle") => place - 0.5 * length,
+            _ => place,
+        };
+        let ends = [begin, begin + length];
+        assert!(ends[0] >= 0.0 && ends[1] <= size[along], "{name}: {ends:?} of {}: {letters}", size[along]);
+        texts += 1;
+    }
+    assert!(texts > 10, "{name}: {texts} texts");
+}
+
 fn assert_is_table(path: &Path, lines: usize) {
     let text = fs::read_to_string(path).unwrap();
     let columns: Vec<_> = text.lines().map(|line| line.split(',').count()).collect();
@@ -133,6 +161,7 @@ fn a_simulated_drive_gives_all_files_well_formed_and_the_same_on_a_second_run() 
     for name in [&CHARTS[..], &EFFECTS].concat() {
         let svg = fs::read_to_string(path(name)).unwrap();
         assert_well_formed(&svg);
+        assert_texts_lie_within(&svg, name);
         assert!(!svg.contains("no data") && svg.contains("CFODI"), "{name}");
     }
     PICTURES.iter().for_each(|name| assert_is_picture(&path(name)));
