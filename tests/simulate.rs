@@ -18,7 +18,7 @@ use byteorder::LittleEndian;
 use cfodi::engine::Stamp;
 use cfodi::msg::ros::PointCloud2;
 use cfodi::sim::{Drive, Scene};
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Point3, Vector2, Vector3};
 use program::{Folder, Running, cfodi, listens};
 use serde_json::Value;
 
@@ -105,6 +105,57 @@ fn outlines_lie_in_their_planes_and_moving_things_tell_their_times() {
     assert_eq!(kinds, ["walk", "swing", "taken_away"]);
     let away = truth["surfaces"].as_array().unwrap().iter().find(|surface| surface["name"] == "box/top");
     assert_eq!(away.unwrap()["motion"]["at"], 12.0);
+}
+
+/// Numbers of an array.
+fn numbers<const N: usize>(value: &Value) -> [f64; N] {
+    std::array::from_fn(|i| value[i].as_f64().unwrap())
+}
+
+#[test]
+fn the_truth_alone_says_where_what_moves_is() {
+    let folder = Folder::new();
+    let [bag, truth] = ["m.mcap", "t.json"].map(|name| folder.argument(name));
+    let made =
+        cfodi(&["simulate", "--out", &bag, "--truth", &truth, "--scene", "moving", "--seconds", "0.05"]);
+    assert_eq!(made.status.code(), Some(0), "{}", String::from_utf8_lossy(&made.stderr));
+    let truth = json(&truth);
+    let named =
+        |name: &str| truth["surfaces"].as_array().unwrap().iter().find(|s| s["name"] == name).unwrap();
+
+    let (trunk, seconds) = (named("person/side"), 3.0);
+    let walk = &trunk["motion"];
+    let [first, second] = [0, 1].map(|i| Vector2::from(numbers(&walk["corners"][i])));
+    let [rounding, speed] = ["radius", "speed"].map(|name| walk[name].as_f64().unwrap());
+    // At a right angle the arc ends its radius from the corner.
+    let place = |seconds: f64| first + (second - first).normalize() * (rounding + speed * seconds);
+    let [x, y, _] = numbers(&trunk["shape"]["middle"]);
+    assert!((place(0.0) - Vector2::new(x, y)).norm() < 1e-9, "at the start");
+    assert!(speed * seconds < (second - first).norm() - 2.0 * rounding, "still on the first stretch");
+
+    let drive = Drive::new(Scene::named("moving").unwrap(), 1, Stamp::from_nanos(0));
+    let (pose, middle) = (drive.fixed_from_optical(90), place(seconds));
+    let mut seen = 0;
+    for point in drive.step(90).cloud.data.chunks_exact(16) {
+        let [x, y, depth] =
+            [0, 4, 8].map(|at| f64::from(f32::from_le_bytes(point[at..at + 4].try_into().unwrap())));
+        if trunk["label"] != u32::from_le_bytes(point[12..].try_into().unwrap()) {
+            continue;
+        }
+        let from_axis = (pose * Point3::new(x, y, depth)).xy().coords - middle;
+        let off = from_axis.norm() - trunk["shape"]["radius"].as_f64().unwrap();
+        assert!(off.abs() < 0.012 * depth * depth + 0.01, "{off} m off");
+        seen += 1;
+    }
+    assert!(seen > 5_000, "{seen} points of the trunk");
+
+    let door = named("door/left");
+    let hinge = Vector2::from(numbers(&door["motion"]["hinge"]));
+    let corners = door["polygon"].as_array().unwrap().iter().map(|corner| Vector2::from(numbers(corner)));
+    assert!(
+        corners.map(|corner| (corner - hinge).norm()).fold(f64::MAX, f64::min) < 0.05,
+        "at the door's edge"
+    );
 }
 
 #[test]

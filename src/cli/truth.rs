@@ -3,8 +3,18 @@
 //! Places are in the fixed frame (m), of what moves: at the start. A flat surface has its plane a x + b y + c z + d = 0,
 //! (a, b, c) the normal towards the side it is seen from, and its outline, counter-clockwise seen from there; a doorway
 //! is a notch in the outline, a window one of `holes`. A bent one has its shape instead. 64-bit numbers are texts.
+//!
+//! What moves goes as a whole, all surfaces of the same `motion` together; t is the time since the first scan (s):
+//!
+//! - `walk`: at t it is `speed` t along a closed way, and looks along it. The way goes straight from each of `corners` to the next,
+//!   which is rounded by an arc of `radius`; it begins where the arc at the first corner ends, and takes `period`.
+//! - `swing`: at t it is turned by `angle` / 2 (1 - cos(2 pi t / `period`)) rad from where it was at the start, about the upright
+//!   axis through `hinge`, counter-clockwise seen from above.
+//! - `taken_away`: it stands still, and from `at` on it is not there.
+//!
+//! `corners` and `hinge` are x and y in the fixed frame (m).
 
-use cfodi::sim::{Drive, Motion, Shape, Surface};
+use cfodi::sim::{Drive, Motion, Route, Shape, Surface};
 use nalgebra::{Isometry3, Point3};
 use serde_json::{Map, Value, json};
 
@@ -42,19 +52,26 @@ fn surface(surface: &Surface) -> Value {
             about.insert("shape".to_owned(), json!({ "kind": "sphere", "middle": middle, "radius": radius }));
         }
     }
-    if let Some(motion) = surface.motion() {
-        about.insert("motion".to_owned(), about_motion(motion));
+    if let Some((motion, frame)) = surface.motion().zip(surface.motion_frame()) {
+        about.insert("motion".to_owned(), about_motion(motion, frame));
     }
     about.into()
 }
 
-fn about_motion(motion: &Motion) -> Value {
+fn about_motion(motion: &Motion, fixed_from_motion: &Isometry3<f64>) -> Value {
+    let place = |x, y| {
+        let place = fixed_from_motion * Point3::new(x, y, 0.0);
+        json!([place.x, place.y])
+    };
     match motion {
         Motion::Walk { path, speed } => {
-            json!({ "kind": "walk", "speed": speed, "period": path.length() / speed })
+            let Route { corners, radius } = path.route();
+            let corners: Vec<_> = corners.iter().map(|corner| place(corner.x, corner.y)).collect();
+            let period = path.length() / speed;
+            json!({ "kind": "walk", "corners": corners, "radius": radius, "speed": speed, "period": period })
         }
-        Motion::Swing { hinge, angle, period } => {
-            json!({ "kind": "swing", "hinge": hinge, "angle": angle, "period": period })
+        Motion::Swing { hinge: [x, y], angle, period } => {
+            json!({ "kind": "swing", "hinge": place(*x, *y), "angle": angle, "period": period })
         }
         Motion::TakenAway { at } => json!({ "kind": "taken_away", "at": at }),
     }

@@ -4,7 +4,7 @@ use nalgebra::{Isometry2, Point2, Rotation2, Vector2};
 
 /// Corners of a closed way and how they are rounded.
 ///
-/// The way begins at the first corner, towards the second. A corner where the way goes straight on is allowed.
+/// The way begins where the arc at the first corner ends, towards the second. A corner where the way goes straight on is allowed.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Route {
     /// The corners in the order they are passed (m); the last one leads back to the first.
@@ -41,6 +41,7 @@ impl Piece {
 /// A route that can be asked for the place at a distance (m) along it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Path {
+    route: Route,
     pieces: Vec<Piece>,
     length: f64,
 }
@@ -72,7 +73,12 @@ impl Path {
             pieces.push(Piece { start, heading, curvature, length: turns[next].abs() * route.radius });
         }
         let length = pieces.iter().map(|piece| piece.length).sum();
-        Self { pieces, length }
+        Self { route: route.clone(), pieces, length }
+    }
+
+    /// What it goes along.
+    pub const fn route(&self) -> &Route {
+        &self.route
     }
 
     /// Once around (m).

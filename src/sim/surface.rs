@@ -292,6 +292,11 @@ impl Surface {
         self.moving.as_ref().map(|moving| moving.motion.as_ref())
     }
 
+    /// Fixed frame from the one in which its motion is stated; `None` where it stands still.
+    pub fn motion_frame(&self) -> Option<&Isometry3<f64>> {
+        self.moving.as_ref().map(|moving| &moving.frame)
+    }
+
     /// Fixed frame from its own (+z = normal, x and y along the edges), `seconds` after the start; `None` when it is not
     /// there.
     pub fn pose_at(&self, seconds: f64) -> Option<Isometry3<f64>> {
