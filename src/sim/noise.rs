@@ -54,6 +54,10 @@ pub(super) fn dropout_probability(cosine: f64) -> f64 {
 ///
 /// Seen from the projector, a point of column c is in column c - `focal_baseline` / z. From right to left these columns
 /// fall, unless what is seen at the right stands in the light.
+///
+/// A choice: at the left of a thin thing all is cleared that is behind it, also what the light reaches that passes it at its right.
+/// The shadow of a chair's leg, 3.4 cm wide at 1 m, on a wall at 4 m is 29 px wide in place of the leg's own 18. One pass over the row
+/// is enough for it, and it errs towards fewer points.
 pub(super) fn clear_shadows(inverse_depths: &mut [f64], focal_baseline: f64) {
     let mut lit_from = f64::INFINITY;
     for (column, w) in inverse_depths.iter_mut().enumerate().rev() {
