@@ -32,7 +32,7 @@ pub struct Facts {
 /// The page shows it as an image, so that nothing in it can run, load or restyle the page.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Figure {
-    /// Heading.
+    /// What it is called, for those who cannot see it: a heading is the drawing's own.
     pub title: String,
     /// A whole SVG document.
     pub svg: String,

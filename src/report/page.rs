@@ -142,11 +142,10 @@ fn grouped(number: u64) -> String {
 fn figures(figures: &[Figure]) -> String {
     let figure = |figure: &Figure| {
         format!(
-            "<figure class=\"paper\"><h3>{title}</h3><img alt=\"{title}\" src=\"data:image/svg+xml;base64,{}\">\
-             <figcaption>{}</figcaption></figure>\n",
+            "<figure class=\"paper\"><img alt=\"{}\" src=\"data:image/svg+xml;base64,{}\"><figcaption>{}</figcaption></figure>\n",
+            escaped(&figure.title),
             base64(figure.svg.as_bytes()),
             escaped(&figure.caption),
-            title = escaped(&figure.title),
         )
     };
     joined(figures, figure)

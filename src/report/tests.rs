@@ -238,6 +238,14 @@ fn names_from_a_bag_do_no_harm() {
 }
 
 #[test]
+fn the_heading_of_a_figure_is_the_one_in_its_drawing() {
+    let figure = Figure { title: "Growth".to_owned(), ..Figure::default() };
+    let text = page(&Story::new(), &Facts { figures: vec![figure], ..Facts::default() });
+    assert_eq!(text.matches("Growth").count(), 1);
+    assert!(text.contains("<img alt=\"Growth\""));
+}
+
+#[test]
 fn a_story_without_a_scan_is_a_page() {
     let mut story = Story::new();
     story.finish(&Engine::new(Params::default()).snapshot());

@@ -139,6 +139,14 @@ def test_the_report_of_an_empty_map_says_why_and_its_charts_have_an_axis(open_br
     assert page.errors() == []
 
 
+def test_the_labels_of_an_axis_have_one_unit(page):
+    axes = page.run("""
+        const labels = (chart) => [...chart.querySelectorAll("text[text-anchor=end]")].map((text) => text.textContent);
+        return [...document.querySelectorAll(".chart")].map(labels);""")
+    units = [{label.partition(" ")[2] for label in axis if label != "0"} for axis in axes]
+    assert len(units) == 4 and all(len(of_axis) == 1 for of_axis in units), axes
+
+
 def test_in_a_narrow_window_nothing_is_cut_off(open_browser, made_report):
     from viewer import Page
     page = Page(open_browser(500, 900), made_report)

@@ -15,10 +15,10 @@ function roundStep(span, parts) {
   return [1, 2, 5, 10].map((m) => m * power).find((step) => span / step <= parts) ?? power;
 }
 
-function short(number) {
-  if (number >= 1e6) return `${+(number / 1e6).toPrecision(3)} M`;
-  if (number >= 1e4) return `${+(number / 1e3).toPrecision(3)} k`;
-  return String(+number.toPrecision(3));
+/** In the unit of an axis that ends at `highest`. */
+function short(number, highest) {
+  const [unit, sign] = highest >= 1e6 ? [1e6, " M"] : highest >= 1e4 ? [1e3, " k"] : [1, ""];
+  return number === 0 ? "0" : `${+(number / unit).toPrecision(3)}${sign}`;
 }
 
 class Chart {
@@ -72,7 +72,7 @@ class Chart {
     for (let value = 0; value <= this.highest; value += this.step) {
       const y = this.y(value);
       made.push(svg("line", { class: "grid", x1: SPACE.left, x2: this.width - SPACE.right, y1: y, y2: y }));
-      made.push(svg("text", { x: SPACE.left - 6, y: y + 4, "text-anchor": "end" }, short(value)));
+      made.push(svg("text", { x: SPACE.left - 6, y: y + 4, "text-anchor": "end" }, short(value, this.highest)));
     }
     const [first, last] = [this.ends[0], this.ends[this.ends.length - 1]];
     const scans = Math.max(1, Math.round(roundStep(last - first, Math.max(3, this.width / 55))));
