@@ -238,7 +238,7 @@ fn table(map: &Snapshot) -> String {
         "size [m]"
     )];
     lines.extend(clusters.iter().take(ROWS).map(|cluster| {
-        let (n, s) = (cluster.normal, cluster.size);
+        let (n, s) = (cluster.normal.map(thousandths), cluster.size);
         format!(
             "{:>6} {:>7}  {:>6.3} {:>6.3} {:>6.3}  {:>5.2}x{:>5.2}x{:>5.2}   {:?}",
             cluster.id.get(),
@@ -253,6 +253,11 @@ fn table(map: &Snapshot) -> String {
         )
     }));
     lines.join("\n")
+}
+
+/// To three digits; what is nothing then has no minus.
+fn thousandths(number: f64) -> f64 {
+    (number * 1000.0).round() / 1000.0 + 0.0
 }
 
 /// The files of the map, begun before the drive: what cannot be written is known before it.
@@ -276,5 +281,16 @@ impl Pictures {
         let ply = self.ply.complete(|out| write_ply(out, map));
         let png = self.png.complete(|out| draw(map, &View::default()).write_png(out));
         [ply, png].into_iter().filter_map(Result::err)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_rounded_to_nothing_has_no_minus() {
+        let told = [-0.0004, 0.0004, -0.0006, 1.0].map(|number| format!("{:>6.3}", thousandths(number)));
+        assert_eq!(told, [" 0.000", " 0.000", "-0.001", " 1.000"]);
     }
 }

@@ -15,7 +15,7 @@ impl Bar {
     pub(crate) fn new(size: u64) -> Self {
         // Hidden by itself where stderr is no terminal.
         let bar = ProgressBar::new(size);
-        Self::styled(bar, "{wide_bar} {bytes} of {total_bytes}, {msg}, {bytes_per_sec}, {eta} left")
+        Self::styled(bar, "{wide_bar} {bytes} of {total_bytes}{msg}, {bytes_per_sec}, {eta} left")
     }
 
     /// A bar for so many simulated scans.
@@ -37,7 +37,7 @@ impl Bar {
         self.0.inc(1);
     }
 
-    /// Says this behind the number of scans.
+    /// Says this behind how far it has come.
     pub(crate) fn tell(&self, message: &str) {
         self.0.set_message(format!(", {message}"));
     }
@@ -47,7 +47,7 @@ impl Bar {
         if !self.0.is_hidden() {
             let seconds = self.0.elapsed().as_secs_f64().max(1e-9);
             let rate = progress.scans as f64 / seconds;
-            self.0.set_message(format!("{} scans, {rate:.0} a second", progress.scans));
+            self.tell(&format!("{} scans, {rate:.0} a second", progress.scans));
         }
     }
 

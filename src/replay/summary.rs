@@ -231,10 +231,10 @@ impl Summary {
         let unread = self.unread.iter().map(|unread| format!("Not all of the bag was read: {unread}."));
         let stopped = self.stopped.then(|| "The replay was stopped before the end of the bag.".to_owned());
         let begun = (self.sessions > 1).then(|| {
-            let jumps = self.sessions - 1;
+            let often = if self.sessions == 2 { "once".to_owned() } else { format!("{} times", self.sessions - 1) };
             format!(
-                "The stamps jumped back ({jumps} times); what is shown is what came after the last jump, but for the messages that \
-                 were skipped and the points that were not used, which are those of the whole bag."
+                "The stamps jumped back ({often}); what is shown is what came after the last jump, but for the messages that were \
+                 skipped and the points that were not used, which are those of the whole bag."
             )
         });
         let beyond = (*points_beyond_grid > 0).then(|| {
@@ -321,6 +321,14 @@ mod tests {
         );
         let facts = nothing().facts("a.mcap");
         assert_eq!((facts.points_unused.as_str(), facts.warnings.len(), facts.remarks.len()), ("", 0, 0));
+    }
+
+    #[test]
+    fn how_often_stamps_jumped_back_is_one_less_than_the_sessions() {
+        for (sessions, often) in [(2, "(once)"), (3, "(2 times)")] {
+            let [warning] = Summary { sessions, ..nothing() }.facts("a.mcap").warnings.try_into().unwrap();
+            assert!(warning.starts_with(&format!("The stamps jumped back {often}; ")), "{warning}");
+        }
     }
 
     fn nothing() -> Summary {

@@ -73,7 +73,8 @@ impl Table {
         for size in &self.sizes {
             for (method, pooled) in &size.methods {
                 let count = pooled.failures.len();
-                _ = writeln!(text, "\n### {method}, {}: {count} failures\n", centimetres(size.voxel_size));
+                let failures = if count == 1 { "failure" } else { "failures" };
+                _ = writeln!(text, "\n### {method}, {}: {count} {failures}\n", centimetres(size.voxel_size));
                 for failure in &pooled.failures {
                     _ = writeln!(text, "- {failure}");
                 }
@@ -118,7 +119,8 @@ impl Size {
     fn markdown(&self) -> String {
         let runs = self.methods.first().map_or(0, |(_, pooled)| pooled.runs);
         let names: Vec<_> = self.methods.iter().map(|(name, _)| name.as_str()).collect();
-        let mut text = format!("## Voxels of {}, {runs} runs\n\n", centimetres(self.voxel_size));
+        let noun = if runs == 1 { "run" } else { "runs" };
+        let mut text = format!("## Voxels of {}, {runs} {noun}\n\n", centimetres(self.voxel_size));
         _ = writeln!(text, "| measure | bar | {} | holds |", names.join(" | "));
         _ = writeln!(text, "|---|---|{}---|", "---|".repeat(names.len()));
         let counts = self.methods.iter().map(|(_, p)| format!("{} in {} clusters", p.seen, p.clusters));
@@ -299,6 +301,14 @@ mod tests {
         assert_eq!(lines.len(), 5 + Measure::ALL.len());
         assert!(lines.iter().skip(2).all(|line| line.matches('|').count() == 7), "{text}");
         assert!(lines[10].contains("| median none (0 of 2 hold, worst none) |"), "{}", lines[10]);
+    }
+
+    #[test]
+    fn of_a_single_run_and_a_single_failure_there_is_one() {
+        let mut table = Table::default();
+        table.add(0.05, "CFODI", "seed 1", &run(90));
+        assert!(table.markdown().starts_with("## Voxels of 5 cm, 1 run\n"));
+        assert!(table.failures().contains("### CFODI, 5 cm: 1 failure\n"), "{}", table.failures());
     }
 
     #[test]
