@@ -336,9 +336,7 @@ impl<T: Transport> Live<T> {
                         self.warn(inserted.kind(), format_args!("{line}"));
                     }
                 }
-                Err(error) => {
-                    self.warn(error.reason().key, format_args!("a transform was refused: {error}"));
-                }
+                Err(error) => self.refuse_transform(&error),
             }
         }
         self.submit_ready();

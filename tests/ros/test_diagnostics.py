@@ -100,6 +100,22 @@ def test_what_is_not_right_is_said_by_its_part(start, peer, reports, log):
     node.stop()
 
 
+def test_transforms_that_are_refused_are_a_warning_with_the_reason(start, peer, reports):
+    node = start().ready()
+    camera = peer.camera()
+    camera.meet()
+    before = len(reports)
+    send(camera, 1)
+    # Of odometry that was never initialised.
+    send(camera, transform=lambda: clouds.transform("map", "camera_link", (0.0, 0.0, 1.0), (0.0, 0.0, 0.0, 0.0)))
+    report = reports.wait("transforms at WARN or worse with `norm 0`", lambda report: (
+        part(report, "transforms").level >= WARN and "norm 0" in part(report, "transforms").message), after=before)
+    transforms = part(report, "transforms")
+    assert "transforms were refused; the last: transform camera_link to map" in transforms.message
+    assert int(values(transforms)["refused"]) > 0
+    node.stop()
+
+
 def test_scans_without_a_stamp_are_refused_and_that_is_said(start, peer, reports):
     node = start().ready()
     camera = peer.camera()

@@ -26,6 +26,9 @@ struct Period {
     longest_wait: Duration,
     /// What the newest cloud without a transform lacked, of each sensor.
     without_transform: BTreeMap<usize, String>,
+    /// How many transforms were refused, and why the newest was.
+    refused: u64,
+    refusal: Option<String>,
     /// How many sessions a jump has begun, and what is to be said of the newest.
     jumps: u64,
     jump: Option<String>,
@@ -33,8 +36,15 @@ struct Period {
 
 impl Period {
     const fn new(start: Instant) -> Self {
-        let without_transform = BTreeMap::new();
-        Self { start, longest_wait: Duration::ZERO, without_transform, jumps: 0, jump: None }
+        Self {
+            start,
+            longest_wait: Duration::ZERO,
+            without_transform: BTreeMap::new(),
+            refused: 0,
+            refusal: None,
+            jumps: 0,
+            jump: None,
+        }
     }
 }
 
@@ -75,6 +85,12 @@ impl Diagnosis {
     /// A scan of a sensor was given up without a transform, for this reason.
     pub(super) fn given_up(&mut self, sensor: usize, why: String) {
         self.period.without_transform.insert(sensor, why);
+    }
+
+    /// A transform was refused, for this reason.
+    pub(super) fn refused(&mut self, why: String) {
+        self.period.refused += 1;
+        self.period.refusal = Some(why);
     }
 
     /// Which sensor's scans the engine takes in.
@@ -127,10 +143,14 @@ impl Diagnosis {
         let given_up = self.since_before(TRANSFORM_TIMEOUT) + self.since_before(WAITING_QUEUE_FULL);
         part.value("scans that wait", waiting);
         part.value("longest wait [s]", format!("{:.3}", period.longest_wait.as_secs_f64()));
-        part.value("given up", given_up);
+        part.value("given up", given_up).value("refused", period.refused);
+        let has_map = given_up == 0 || self.counts.borrow().taken_in > self.before.taken_in;
+        let level = if has_map { Level::Warn } else { Level::Error };
+        // The scans that were given up may lack these: both are said.
+        if let Some(why) = &period.refusal {
+            part.raise(level, format!("{} transforms were refused; the last: {why}", period.refused));
+        }
         if given_up > 0 {
-            let taken_in = self.counts.borrow().taken_in > self.before.taken_in;
-            let level = if taken_in { Level::Warn } else { Level::Error };
             let whys: Vec<_> = period.without_transform.values().map(String::as_str).collect();
             part.raise(level, whys.join("; "));
         } else if let Some(why) = halted {
@@ -262,19 +282,21 @@ mod tests {
         let mut diagnosis = diagnosis();
         diagnosis.counts.borrow_mut().skip(TRANSFORM_TIMEOUT);
         diagnosis.given_up(0, "no way".to_owned());
+        diagnosis.refused("no rotation".to_owned());
         diagnosis.waited(Duration::from_millis(200));
         diagnosis.waited(Duration::from_millis(100));
         diagnosis.jumped("a jump".to_owned());
         let said = |diagnosis: &Diagnosis| {
             let transforms = diagnosis.of_transforms("odom", 0, None);
             let map = diagnosis.of_map(1);
-            let figures = ["given up", "longest wait [s]"].map(|key| value(&transforms, key));
+            let figures = ["given up", "refused", "longest wait [s]"].map(|key| value(&transforms, key));
             (transforms.level, transforms.message, figures, (map.level, map.message))
         };
-        let figures = ["1", "0.200"].map(str::to_owned);
-        assert_eq!(said(&diagnosis), (2, "no way".to_owned(), figures, (1, "a jump".to_owned())));
+        let figures = ["1", "1", "0.200"].map(str::to_owned);
+        let line = "1 transforms were refused; the last: no rotation; no way";
+        assert_eq!(said(&diagnosis), (2, line.to_owned(), figures, (1, "a jump".to_owned())));
         diagnosis.begin_period();
-        let (fine, figures) = ("every scan has its way to `odom`", ["0", "0.000"].map(str::to_owned));
+        let (fine, figures) = ("every scan has its way to `odom`", ["0", "0", "0.000"].map(str::to_owned));
         assert_eq!(said(&diagnosis), (0, fine.to_owned(), figures, (0, "empty".to_owned())));
         assert_eq!(value(&diagnosis.of_engine(), "skipped in all, transform_timeout"), "1");
     }

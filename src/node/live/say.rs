@@ -13,7 +13,7 @@ use crate::node::inputs;
 use crate::node::throttle::log;
 use crate::node::transport::{Input, Transport};
 use crate::reason::{Reason, SHUTDOWN};
-use crate::tf::Lack;
+use crate::tf::{FrameError, Lack};
 
 impl<T: Transport> Live<T> {
     /// Says when next to nothing of a cloud is of use, for its unit, frame or range may be others than assumed, and when it does not
@@ -47,6 +47,12 @@ impl<T: Transport> Live<T> {
         let is_due = level == Level::WARN;
         let why = if is_due { self.why_unusable(input.sensor, error) } else { error.to_string() };
         log(level, &format!("a cloud of {topic} was skipped: {why}"));
+    }
+
+    /// Counts a transform that cannot be used, and says why.
+    pub(super) fn refuse_transform(&mut self, error: &FrameError) {
+        self.diagnosis.refused(error.to_string());
+        self.warn(error.reason().key, format_args!("a transform was refused: {error}"));
     }
 
     /// Why clouds of a sensor cannot be used, with the words that help where none could for a while: images may come before their

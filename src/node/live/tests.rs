@@ -8,6 +8,7 @@ mod lines;
 mod reports;
 mod saving;
 mod taken_in;
+mod transforms;
 
 use std::os::unix::fs::MetadataExt as _;
 

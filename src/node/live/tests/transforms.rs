@@ -1,0 +1,50 @@
+//! What is reported of transforms.
+
+use super::reports::{driven, part, value};
+use super::*;
+use crate::msg::reports::DiagnosticStatus;
+
+/// A transform whose quaternion has zeros alone, as of odometry that was never initialised.
+fn of_norm_0(stamp: Stamp) -> Event<()> {
+    let mut event = transform(stamp, false);
+    if let Event::Transforms { message, .. } = &mut event {
+        message.transforms[0].transform.rotation.w = 0.0;
+    }
+    event
+}
+
+/// What is reported where a good transform at 10 s and four that are refused come before a scan of this time, which waits in vain
+/// where it is later.
+fn reported_with_refused(seconds: f64) -> DiagnosticStatus {
+    let (report, _) = driven(Fake::default(), async |live| {
+        live.event(transform(at(10.0), false)).await;
+        for number in 1..=4 {
+            live.event(of_norm_0(at(10.0 + f64::from(number) / 30.0))).await;
+        }
+        live.event(cloud(at(seconds), "camera")).await;
+        for waited in live.join.give_up(Duration::from_secs(9).into()) {
+            live.skip(&waited, GivenUp::TimedOut);
+        }
+    });
+    part(&report, "transforms")
+}
+
+const REFUSED: &str = "4 transforms were refused; the last: transform camera to odom has a quaternion of \
+                       norm 0, must be 1 within 0.01";
+
+#[test]
+fn transforms_that_are_refused_are_a_warning_with_their_number_and_the_reason_of_the_last() {
+    let transforms = reported_with_refused(10.0);
+    assert_eq!((transforms.level, transforms.message.as_str()), (1, REFUSED));
+    assert_eq!(["refused", "given up"].map(|key| value(&transforms, key)), ["4", "0"]);
+}
+
+#[test]
+fn where_scans_are_given_up_for_transforms_that_were_refused_both_are_said() {
+    let transforms = reported_with_refused(10.1);
+    assert_eq!(transforms.level, 2, "none was taken in: {transforms:?}");
+    let both = transforms.message.strip_prefix(REFUSED).and_then(|rest| rest.strip_prefix("; "));
+    let why = both.unwrap_or_else(|| panic!("{transforms:?}"));
+    assert!(why.starts_with("a cloud was skipped") && why.contains("s after the range covered by"), "{why}");
+    assert_eq!(["refused", "given up"].map(|key| value(&transforms, key)), ["4", "1"]);
+}
