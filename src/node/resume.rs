@@ -13,8 +13,8 @@ use crate::link::{file_name, folder};
 use crate::store::{self, Kept, Lock, StoreError, Stored};
 
 /// The engine that a session begins with: with the map of `snapshot_path` where it is to be resumed and there is one. What
-/// cannot be used is set aside, never written over: a damaged file, one of another version, and one that is not to be resumed. Of what was
-/// set aside the newest [`store::MOST_ASIDE`] of each kind are kept, and the largest. The lock is the right to save there, to be
+/// cannot be used is set aside, never written over: a damaged file, one of another version, and one that is not to be resumed; only a
+/// map that has taken in no scan is left to be written over. Of what was set aside the newest [`store::MOST_ASIDE`] of each kind are kept, and the largest. The lock is the right to save there, to be
 /// kept as long as the node runs.
 ///
 /// # Errors
@@ -32,11 +32,21 @@ pub fn begin(config: &Config, resume: bool) -> Result<(Engine, Option<Lock>), Be
     if resume {
         return Ok((resumed(config, path)?, Some(lock)));
     }
-    if path.exists() {
+    if path.exists() && !has_no_scan(path) {
         let kept = kept_aside(path, Kept::Before)?;
         info!("not resumed: what was in {} is kept as {}", path.display(), kept.display());
     }
     Ok((Engine::new(config.engine), Some(lock)))
+}
+
+/// A map of no scan has some numbers and the name of its frame: what is larger need not be read.
+const MOST_WITHOUT_SCAN: u64 = 4096;
+
+/// Whether nothing is lost with the map there, as that of a start whose driver never sent: many of those would push out maps that were
+/// set aside.
+fn has_no_scan(path: &Path) -> bool {
+    let is_small = path.metadata().is_ok_and(|about| about.len() <= MOST_WITHOUT_SCAN);
+    is_small && store::read(path).is_ok_and(|stored| stored.map.sequence() == 0)
 }
 
 /// Whether this is a regular file, or could become one. What else has a name there (a device, a pipe) is not to be set aside.
@@ -178,10 +188,12 @@ impl BeginError {
 mod tests {
     use std::fs;
 
+    use nalgebra::Isometry3;
     use tracing_subscriber::layer::SubscriberExt as _;
 
     use super::*;
     use crate::config::Value;
+    use crate::engine::{Points, Scan, Stamp};
     use crate::node::rosout::listen;
 
     fn names(folder: &Path) -> Vec<String> {
@@ -237,6 +249,47 @@ mod tests {
         }
         assert_eq!(names(folder.path()), ["map"]);
         assert!(!Path::new("/dev/null").metadata().unwrap().is_file());
+    }
+
+    /// Saves a map of so many scans where the configuration says.
+    fn save(config: &Config, scans: u16) {
+        let mut engine = Engine::new(config.engine);
+        let (stamp, points) = (Stamp::default(), Points::F32(Vec::new()));
+        let scan = Scan { stamp, fixed_from_sensor: Isometry3::identity(), points };
+        (0..scans).for_each(|_| drop(engine.insert(&scan)));
+        store::write(config.snapshot_path.as_deref().unwrap(), &config.fixed_frame, engine.freeze()).unwrap();
+    }
+
+    /// A driver that does not start.
+    #[test]
+    fn starts_that_take_in_no_scan_are_not_kept_and_push_out_no_map_that_is() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("map");
+        let config = saving_in(&path);
+        for scans in [1, 2] {
+            save(&config, scans);
+            begin(&config, false).unwrap();
+        }
+        for _ in 0..=store::MOST_ASIDE {
+            save(&config, 0);
+            begin(&config, false).unwrap();
+        }
+        assert_eq!(names(folder.path()), ["map", "map.before-1", "map.before-2", "map.lock"]);
+        for scans in [1, 2] {
+            let kept = store::read(&folder.path().join(format!("map.before-{scans}"))).unwrap();
+            assert_eq!(kept.map.sequence(), scans);
+        }
+    }
+
+    #[test]
+    fn of_a_start_that_took_in_no_scan_nothing_is_named_where_there_is_no_map() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("map");
+        let config = saving_in(&path);
+        save(&config, 0);
+        begin(&config, false).unwrap();
+        fs::remove_file(&path).unwrap();
+        assert_eq!(said(&config), (20, format!("nothing to resume: there is no {} yet", path.display())));
     }
 
     fn saving_in(path: &Path) -> Config {

@@ -1,6 +1,9 @@
 //! What a node saves, and what is answered of it.
 
+use nalgebra::Isometry3;
+
 use super::*;
+use crate::engine::Scan;
 
 #[test]
 fn a_map_is_saved_when_asked_and_at_the_end_and_the_next_node_goes_on_with_it() {
@@ -228,7 +231,10 @@ fn what_cannot_be_resumed_is_kept_aside_and_what_contradicts_the_parameters_is_l
     store::write(&path, "map", Engine::new(config.engine).freeze()).unwrap();
     let error = begin(&config, true).unwrap_err().to_string();
     assert!(error.contains("made with fixed_frame map, now it is odom"), "{error}");
-    store::write(&path, "odom", Engine::new(Params::paper()).freeze()).unwrap();
+    let mut paper = Engine::new(Params::paper());
+    let (stamp, points) = (at(10.0), Points::F32(Vec::new()));
+    paper.insert(&Scan { stamp, fixed_from_sensor: Isometry3::identity(), points });
+    store::write(&path, "odom", paper.freeze()).unwrap();
     let error = begin(&config, true).unwrap_err().to_string();
     assert!(error.contains("made with mode paper, now it is consistent"), "{error}");
     assert_eq!(names(), ["map", "map.lock", "map.refused-1"]);
