@@ -29,6 +29,26 @@ fn reported_with_refused(seconds: f64) -> DiagnosticStatus {
     part(&report, "transforms")
 }
 
+#[test]
+fn what_helps_where_a_scan_got_no_transform_is_reported_as_it_is_logged() {
+    let nobody = "no frame `nowhere` has been seen; no transform has come at all: nobody publishes on /tf";
+    let seen = "no frame `nowhere` has been seen; frames seen: camera, odom";
+    for (has_transforms, words) in [(false, nobody), (true, seen)] {
+        let (report, said) = driven(Fake::default(), async |live| {
+            if has_transforms {
+                live.event(transform(at(10.0), true)).await;
+            }
+            live.event(cloud(at(10.0), "nowhere")).await;
+            for waited in live.join.give_up(Duration::from_secs(9).into()) {
+                live.skip(&waited, GivenUp::TimedOut);
+            }
+        });
+        let transforms = part(&report, "transforms");
+        assert!(transforms.message.contains(words), "{transforms:?}");
+        assert!(said.contains(&(30, transforms.message.clone())), "{transforms:?}: {said:?}");
+    }
+}
+
 const REFUSED: &str = "4 transforms were refused; the last: transform camera to odom has a quaternion of \
                        norm 0, must be 1 within 0.01";
 
