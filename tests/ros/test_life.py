@@ -1,10 +1,12 @@
 """How the node starts, refuses, ends, and what those who come late or wait get."""
 
 import signal
+import subprocess
 import time
 
 import pytest
 from cfodi_msgs.msg import SurfaceClusterArray
+from cfodi_node import program
 from peer import qos, wait_until
 from std_srvs.srv import Trigger
 from test_inputs import begin, take_in
@@ -64,6 +66,16 @@ def test_sigint_and_sigterm_end_it_with_status_0_and_it_leaves_the_graph(ending,
     wait_until("the node gone", lambda: "/cfodi" not in node_names(peer), 20)
     wait_until("its topics gone", lambda: not peer.node.count_publishers("/cfodi/clusters"), 5)
     wait_until("its services gone", lambda: not save.service_is_ready(), 5)
+
+
+def test_the_robot_of_a_demo_leaves_the_graph_with_it(peer, tmp_path):
+    """Beside RViz it would else stand in the graph when the next one begins."""
+    with subprocess.Popen([program(), "demo", "--seconds=5", "--out", tmp_path]) as demo:
+        wait_until("the robot in the graph", lambda: "/simulated_robot" in node_names(peer))
+        wait_until("its transforms", lambda: peer.node.count_publishers("/tf"))
+        assert demo.wait(120) == 0
+    wait_until("the robot gone", lambda: "/simulated_robot" not in node_names(peer), 5)
+    wait_until("its transforms gone", lambda: not peer.node.count_publishers("/tf"), 5)
 
 
 def test_who_joins_late_gets_the_snapshot_at_once(start, peer, new_peer):

@@ -12,7 +12,7 @@
 //! With DDS Security it is not said: it has no signature, and nobody should believe it.
 
 use std::net::{Ipv4Addr, UdpSocket};
-use std::rc::Rc;
+use std::sync::Arc;
 use std::thread;
 use std::time::Duration;
 
@@ -45,17 +45,17 @@ pub(super) struct Farewell {
     domain: u16,
     /// Those of this machine that it is said from.
     addresses: Vec<Ipv4Addr>,
-    threads: Rc<Threads>,
+    threads: Arc<Threads>,
 }
 
 impl Farewell {
     pub(super) fn of(
         participant: &DomainParticipant,
-        threads: &Rc<Threads>,
+        threads: &Arc<Threads>,
         addresses: Vec<Ipv4Addr>,
     ) -> Self {
         let (guid, domain) = (participant.guid().to_bytes(), participant.domain_id());
-        Self { guid, domain, addresses, threads: Rc::clone(threads) }
+        Self { guid, domain, addresses, threads: Arc::clone(threads) }
     }
 
     /// Says it; everything that holds the participant must have been dropped.
@@ -106,6 +106,15 @@ impl Farewell {
         for error in sent.filter_map(Result::err) {
             debug!("some peers may take the node to be there until its lease is over: {error}");
         }
+    }
+}
+
+/// Is said where it is dropped: the last field of what holds the participant.
+pub(super) struct LastWord(pub(super) Option<Farewell>);
+
+impl Drop for LastWord {
+    fn drop(&mut self) {
+        self.0.take().into_iter().for_each(Farewell::say);
     }
 }
 

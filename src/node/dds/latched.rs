@@ -9,6 +9,7 @@ use std::borrow::Cow;
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::rc::Rc;
+use std::sync::Arc;
 use std::time::Duration;
 
 use futures::{Stream, StreamExt, pin_mut};
@@ -77,7 +78,7 @@ impl Waited {
 /// Opens a reader whenever a publisher is found.
 pub(super) struct Latched {
     pub(super) participant: DomainParticipant,
-    pub(super) threads: Rc<Threads>,
+    pub(super) threads: Arc<Threads>,
     pub(super) pulse: Option<Rc<Pulse>>,
     pub(super) topic: Topic,
     pub(super) qos: QosPolicies,

@@ -6,6 +6,7 @@ mod sessions;
 
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use ros2_client::{Context, Node, Publisher, RmwRequestId, Server};
@@ -238,7 +239,7 @@ impl Network {
 #[derive(Clone)]
 pub(super) struct Sources {
     participant: DomainParticipant,
-    threads: Rc<Threads>,
+    threads: Arc<Threads>,
     pulse: Option<Rc<Pulse>>,
     /// When the network was.
     joined: Instant,

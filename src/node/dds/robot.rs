@@ -1,13 +1,17 @@
 //! The robot of demonstrations and tests.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use ros2_client::qos::{Durability, WhenFull};
 use ros2_client::{Publisher, QosProfile};
 use rustdds::TopicDescription as _;
 
+use super::farewell::{Farewell, LastWord};
 use super::opener::Kept;
-use super::{Opener, reliable};
+use super::read::has_keys;
+use super::threads::Threads;
+use super::{Opener, addresses, reliable};
 use crate::args::Setup;
 use crate::msg::heard::of_robot;
 use crate::msg::ros::{PointCloud2, TfMessage};
@@ -26,12 +30,14 @@ const TF_STATIC: Topic = of_robot(true);
 
 /// Publishers of a simulated robot: its own participant, so that its clouds really cross the network stack.
 pub struct Robot {
+    // Fields are dropped in this order: all that holds the participant before the last word on it.
     points: Publisher<PointCloud2>,
     /// The topic of `points` by its name in DDS.
     points_topic: String,
     tf: Publisher<TfMessage>,
     tf_static: Publisher<TfMessage>,
     kept: Kept,
+    _last_word: LastWord,
 }
 
 impl Robot {
@@ -42,7 +48,11 @@ impl Robot {
     pub fn open(setup: &Setup) -> Result<Self, OpenError> {
         let setup = setup.for_node("simulated_robot");
         let security = setup.security()?;
-        let mut opener = Opener::new(&setup, &security)?;
+        let addresses = addresses::read(&setup.config().network_interfaces).into_iter().collect();
+        let (opener, threads) = Threads::started_by(|| Opener::new(&setup, &security));
+        let mut opener = opener?;
+        let farewell = Farewell::of(&opener.participant, &Arc::new(threads), addresses);
+        let farewell = Some(farewell).filter(|_| !has_keys(&security));
         let best_effort = &QosProfile::subscription_default().into();
         let cloud = Named { name: POINTS, type_name: types::CLOUD };
         let points_topic = opener.topic(cloud, best_effort)?.name();
@@ -52,7 +62,8 @@ impl Robot {
         let dynamic = opener.publisher(TF.named(), &patient(TF.qos.depth, Durability::Volatile))?;
         let latched =
             opener.publisher(TF_STATIC.named(), &patient(TF_STATIC.qos.depth, Durability::TransientLocal))?;
-        Ok(Self { points, points_topic, tf: dynamic, tf_static: latched, kept: opener.into_kept() })
+        let (kept, last_word) = (opener.into_kept(), LastWord(farewell));
+        Ok(Self { points, points_topic, tf: dynamic, tf_static: latched, kept, _last_word: last_word })
     }
 
     /// Sends a cloud, where somebody reads clouds.

@@ -2,6 +2,7 @@
 
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
+use std::sync::Arc;
 use std::time::Instant;
 
 use ros2_client::QosProfile;
@@ -63,7 +64,7 @@ impl Network {
         let (opener, threads) = Threads::started_by(|| Opener::new(setup, security));
         let mut opener = opener?;
         let pulse = pulse(&opener);
-        let (participant, threads) = (opener.participant.clone(), Rc::new(threads));
+        let (participant, threads) = (opener.participant.clone(), Arc::new(threads));
         let sources = Sources { participant, threads, pulse: pulse.clone(), joined: Instant::now() };
         let transforms = opener.topic(TF_STATIC.named(), &read::latched_qos())?;
         let network = Self {
@@ -129,7 +130,7 @@ impl Network {
         let Some(news) = self.node.borrow().status_receiver() else { return Ok(()) };
         let latched = Latched {
             participant: self.participant.clone(),
-            threads: Rc::clone(&self.sources.threads),
+            threads: Arc::clone(&self.sources.threads),
             pulse: self.pulse.clone(),
             topic,
             qos: read::latched_qos(),
