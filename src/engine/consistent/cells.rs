@@ -28,7 +28,7 @@ const fn below(step: u32, places: u64) -> [u64; 9] {
     below
 }
 
-/// The bits from one to before another in the bytes from one to before another.
+/// Bits `z_from..z_to` of bytes `y_from..y_to`.
 const fn mask([y_from, y_to]: [i32; 2], [z_from, z_to]: [i32; 2]) -> u64 {
     let bytes = BYTES_BELOW[y_to as usize] & !BYTES_BELOW[y_from as usize];
     let bits = BITS_BELOW[z_to as usize] & !BITS_BELOW[z_from as usize];

@@ -113,17 +113,17 @@ impl State {
         self.covariance.map(|entry| f64::from(entry) / COVARIANCE_UNITS)
     }
 
-    /// What its mean counts in a fit.
+    /// Inverse variance with which its mean counts in a fit, in voxels^-2.
     pub(super) fn mean_weight(&self, noise: &Noise) -> f64 {
         let variance = self.depth_variance(noise) * ALIKE / f64::from(self.points());
         1.0 / (variance + BIAS * BIAS)
     }
 
-    /// What part of [`Self::mean_weight`] its mean counts in a fit of a surface with this normal: the less, the less of the voxel's
-    /// cross section its points cover, for at the rim of a surface they may be of the edge of a board.
+    /// The share, 0 to 1, of [`Self::mean_weight`] with which the mean enters a fit: the fourth power of the part of the voxel's
+    /// cross section (perpendicular to `normal`) that its points cover. Rim voxels may belong to a board's edge.
     pub(super) fn part_on(&self, normal: &Vector3<f64>) -> f64 {
-        let covered = (FULL * area_across(self.covariance_entries(), normal)).clamp(0.0, 1.0);
-        covered * covered
+        let square_of_covered = (FULL * area_across(self.covariance_entries(), normal)).clamp(0.0, 1.0);
+        square_of_covered * square_of_covered
     }
 
     /// Whether its points cover less than half of what a plane through the voxel has of it, whatever way that is turned: those of a
@@ -168,10 +168,11 @@ impl State {
         })
     }
 
-    /// How its points spread along the axes of their covariance; `None` where it is seen at once that their least variance is more
-    /// than that part of the next, which is half of all at most.
+    /// The eigenvalues of the covariance and its normal, unless a cheap bound already shows that the smallest exceeds `flatness`
+    /// times the next.
     fn flat_eigen(&self, flatness: f64) -> Option<Eigen> {
         let entries = self.covariance_entries();
+        // The next is at most half of the trace, which is the sum of all three.
         let half = 0.5 * (entries[0] + entries[3] + entries[5]);
         (least_at_least(entries) <= flatness * half).then(|| Eigen::of(&symmetric(entries)))
     }

@@ -29,7 +29,7 @@ impl Place for ComponentId {
     }
 }
 
-/// What there is of each `I`.
+/// A `Vec<T>` indexed by `I`.
 #[derive(Clone, Debug)]
 pub(crate) struct By<I, T> {
     list: Vec<T>,
@@ -46,7 +46,7 @@ impl<I: Place, T> By<I, T> {
         self.list.get(at.place())
     }
 
-    /// What there is of `at`; where the list is too short, it is first filled up with nothing.
+    /// The item at `at`; a list that is too short is first filled up with defaults.
     pub(crate) fn grow_to(&mut self, at: I) -> &mut T
     where
         T: Default,
@@ -61,7 +61,7 @@ impl<I: Place, T> By<I, T> {
         self.list.push(item);
     }
 
-    /// Fills the list up with nothing, or cuts it off.
+    /// Fills the list up with defaults, or cuts it off.
     pub(crate) fn set_len(&mut self, len: usize)
     where
         T: Default,
@@ -90,7 +90,7 @@ impl<I: Place, T> IndexMut<I> for By<I, T> {
     }
 }
 
-/// All that there is, in the order of the places.
+/// All items, in the order of their places.
 impl<I, T> Deref for By<I, T> {
     type Target = [T];
 

@@ -16,10 +16,10 @@ use super::room;
 /// Items that are shared, and copied, together.
 const PAGE: usize = 16;
 
-/// What there is of each `I`.
+/// A copy-on-write `Vec<T>` indexed by `I`, in pages of [`PAGE`].
 #[derive(Clone, Debug)]
 pub(crate) struct Shared<I, T> {
-    /// What the last one has beyond the end of the list is nothing.
+    /// Beyond the end of the list the last one holds default items.
     pages: Vec<Arc<[T; PAGE]>>,
     len: usize,
     names: PhantomData<I>,
@@ -48,7 +48,7 @@ impl<I, T> Shared<I, T> {
         pages.filter(|(_, (a, b))| !Arc::ptr_eq(a, b)).map(|(page, _)| page * PAGE..(page + 1) * PAGE)
     }
 
-    /// All that there is, in the order of the places.
+    /// All items, in the order of their places.
     pub(crate) fn iter(&self) -> impl ExactSizeIterator<Item = &T> {
         (0..self.len).map(|place| &self.pages[place / PAGE][place % PAGE])
     }
@@ -68,7 +68,7 @@ impl<I, T: Clone + Default> Shared<I, T> {
         *self.at(place) = item;
     }
 
-    /// Fills the list up with nothing, or cuts it off; one that has become much shorter than it was gives most of its room back.
+    /// Fills the list up with defaults, or cuts it off; one that has become much shorter than it was gives most of its room back.
     pub(crate) fn set_len(&mut self, len: usize) {
         let pages = len.div_ceil(PAGE);
         let cut_off = len..self.len.min(pages * PAGE);
@@ -84,7 +84,7 @@ impl<I, T: Clone + Default> Shared<I, T> {
 }
 
 impl<I: Place, T: Clone + Default> Shared<I, T> {
-    /// What there is of `at`; where the list is too short, it is first filled up with nothing.
+    /// The item at `at`; a list that is too short is first filled up with defaults.
     pub(crate) fn grow_to(&mut self, at: I) -> &mut T {
         if self.len <= at.place() {
             self.set_len(at.place() + 1);

@@ -31,6 +31,7 @@ struct Met {
     what: What,
 }
 
+/// What a line meets: the beginning or end of a ring's inside, or a point that is asked about.
 ///
 /// In this order at one place: a ring whose foremost vertex lies on a line is entered there, and left at once.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

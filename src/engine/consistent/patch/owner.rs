@@ -48,7 +48,8 @@ impl<'a> Owners<'a> {
     }
 
     /// Whether a loose voxel still belongs to the patch that it belonged to (`None` = to none) before the blocks at these
-    /// places around its own were segmented anew, which that patch is in none of. It may where this says no.
+    /// places around its own, `anew`, were segmented anew. `with` lies in none of these. Conservative: `false` may be wrong, `true`
+    /// never is.
     pub(crate) fn stays(&self, state: &State, with: Option<PatchId>, anew: &[usize]) -> bool {
         let (candidate, at) = (Candidate::new(state, &self.rules.noise), state.cell().coordinates());
         let seen = |&place: &usize| Some((self.around.get(place)?, seen_from(at, offset_of(place))));

@@ -15,7 +15,8 @@ use crate::engine::plane::DEGENERATE;
 use crate::engine::symmetric::{along, least_at_least, quadratic, symmetric, upper};
 
 /// What is summed, one after another: weight, weighted means, their weighted products (xx, xy, xz, yy, yz, zz), directions
-/// towards the sensor, voxels. One array, so that several are added in one instruction.
+/// towards the sensor, number of voxels. Lengths in voxels from the block's corner, weights in voxels^-2. One array, so that
+/// several are added in one instruction.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct PlaneSums([f64; 16]);
 
@@ -136,7 +137,8 @@ impl PlaneSums {
 }
 
 /// What says how far the points of voxels are off a plane, summed: means, second moments of the points about the block's
-/// corner and noise (both xx, xy, xz, yy, yz, zz), voxels.
+/// corner and noise (both xx, xy, xz, yy, yz, zz), number of voxels. Lengths in voxels from the block's corner; nothing is
+/// weighted.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct ResidualSums([f64; 16]);
 
