@@ -9,6 +9,7 @@ use super::frozen::FrozenConsistent;
 use super::grid::{Binned, Grid};
 use super::patch::segmented::Segmented;
 use super::publish::due::Due;
+use super::publish::news::Timing;
 use super::publish::rest::Leaving;
 use super::publish::standpoint::Standpoint;
 use super::saved::{SavedBlock, SavedConsistent};
@@ -169,7 +170,8 @@ impl Consistent {
     /// Publishes the blocks whose turn it is, and makes their clusters anew.
     fn publish(&mut self, thinned: &[BlockIndex], now: Now) {
         let touched = self.binned.seen.iter().chain(thinned);
-        let due = self.due.take(&self.grid, touched, now.sequence, self.standpoint.since());
+        let timing = Timing { scan: now.sequence, still_since: self.standpoint.since() };
+        let due = self.due.take(&self.grid, touched, timing);
         self.surfaces.publish(&self.grid, &due, self.binned.dense.iter().copied(), now);
         due.iter().for_each(|&block| self.grid.note_published(block, now.sequence));
         due.iter().for_each(|&block| self.rest(block));

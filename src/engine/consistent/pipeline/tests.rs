@@ -294,8 +294,8 @@ fn what_a_moving_sensor_leaves_to_later_scans_is_published_soon_after_it_stands(
     let mut next = laboratory();
     let mut engine = Consistent::new(Params::default().with_voxel_size(0.05).unwrap());
     let waiting = |engine: &Consistent| {
-        let (sequence, since) = (engine.taken.sequence, engine.standpoint.since());
-        engine.due.overdue(&engine.grid, sequence, since)
+        let timing = Timing { scan: engine.taken.sequence, still_since: engine.standpoint.since() };
+        engine.due.overdue(&engine.grid, timing)
     };
     let mut most = 0;
     for _ in 0..40 {

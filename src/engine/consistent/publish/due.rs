@@ -1,5 +1,6 @@
 //! Which blocks a scan publishes: what is due, by turns where it is too much for one scan.
 
+use super::news::Timing;
 use crate::engine::consistent::block::BlockIndex;
 use crate::engine::consistent::grid::Grid;
 use crate::engine::consistent::grid::moves::Moves;
@@ -33,29 +34,27 @@ impl Due {
         self.stale.push(block);
     }
 
-    /// The blocks to be published in the scan `sequence`, ascending, where the sensor has stood still since the scan `since`; the
-    /// others go on waiting. What has changed is in those that the scan `touched`: put points into, or took voxels from.
+    /// The blocks to be published now, ascending; the others go on waiting. What has changed is in those that the scan `touched`: put points into, or took voxels from.
     pub(crate) fn take<'a>(
         &mut self,
         grid: &Grid,
         touched: impl Iterator<Item = &'a BlockIndex>,
-        sequence: u64,
-        since: u64,
+        timing: Timing,
     ) -> Vec<BlockIndex> {
         self.stale.extend(touched.filter(|&&block| grid.block(block).news.is_stale()));
         self.stale.sort_unstable();
         self.stale.dedup();
-        let is_due = |block: &mut BlockIndex| is_due(grid, *block, sequence, since);
+        let is_due = |block: &mut BlockIndex| is_due(grid, *block, timing);
         let due = self.stale.extract_if(.., is_due).collect();
-        self.first_of(grid, due, since)
+        self.first_of(grid, due, timing)
     }
 
     /// The blocks, of those that are due (ascending), which are published in this scan: all that cannot wait, and of the
     /// others, the longest published first, as many as have what is left of [`SHARE`] m^2, or one in [`PART`] where more wait.
-    fn first_of(&mut self, grid: &Grid, due: Vec<BlockIndex>, since: u64) -> Vec<BlockIndex> {
+    fn first_of(&mut self, grid: &Grid, due: Vec<BlockIndex>, timing: Timing) -> Vec<BlockIndex> {
         let voxels = |&block: &BlockIndex| grid.block(block).dense;
         let (mut first, mut others): (Vec<_>, Vec<_>) =
-            due.into_iter().partition(|&block| grid.block(block).news.is_urgent(since));
+            due.into_iter().partition(|&block| grid.block(block).news.is_urgent(timing));
         let size = grid.voxel_size();
         let share = ((SHARE / (size * size)) as u32).saturating_sub(first.iter().map(voxels).sum());
         // One at least: a block whose turn never comes would wait for ever.
@@ -86,12 +85,12 @@ impl Due {
 
     /// How many blocks are due and still wait.
     #[cfg(test)]
-    pub(crate) fn overdue(&self, grid: &Grid, sequence: u64, since: u64) -> usize {
-        self.stale.iter().filter(|&&block| is_due(grid, block, sequence, since)).count()
+    pub(crate) fn overdue(&self, grid: &Grid, timing: Timing) -> usize {
+        self.stale.iter().filter(|&&block| is_due(grid, block, timing)).count()
     }
 }
 
-fn is_due(grid: &Grid, block: BlockIndex, sequence: u64, since: u64) -> bool {
+fn is_due(grid: &Grid, block: BlockIndex, timing: Timing) -> bool {
     let block = grid.block(block);
-    block.news.is_due(block.dense, sequence, since)
+    block.news.is_due(block.dense, timing)
 }

@@ -25,6 +25,15 @@ pub(crate) struct Folded {
     pub(crate) drifts: bool,
 }
 
+/// When it is asked what is to be published.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Timing {
+    /// Number of the scan that has been taken in.
+    pub(crate) scan: u64,
+    /// The scan since which the sensor has stood still.
+    pub(crate) still_since: u64,
+}
+
 /// What a block has to tell.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct News {
@@ -50,26 +59,34 @@ pub(crate) struct News {
 }
 
 impl News {
-    /// Whether the states are to be published: at once where a dense voxel has gone; with whatever has changed while the block is
-    /// young, and when the sensor has turned away; and where a quarter of its `dense` voxels have drifted or more than a
-    /// quarter of what a scan puts into it lies in voxels that are not known. Where the sensor has stood still (`since`)
-    /// from before it was published, more than half must: new things show so, and what has moved by less than a voxel, and
-    /// its noise, which goes on making voxels dense, hardly ever.
-    pub(crate) const fn is_due(&self, dense: u32, sequence: u64, since: u64) -> bool {
+    /// Whether the states of a block with this many `dense` voxels are to be published. The first of these that holds decides:
+    ///
+    /// - a dense voxel has gone: yes, at once;
+    /// - no voxel has become dense or doubled its weight since the block was published: no;
+    /// - the block was never published: yes;
+    /// - the sensor has gone, [`LEFT_ALONE`] scans ago: yes;
+    /// - the block was published less than [`PUBLICATION_INTERVAL`] scans ago: no;
+    /// - the block is young: it was published last within that interval of its first publication since the sensor turned to it: yes;
+    /// - else, if more than a quarter is new: of its dense voxels by drift, or of the points that the newest scan put into them, as
+    ///   lying in voxels that were not published. Where the sensor has stood still since before it was published, more than half:
+    ///   new things show so, and what has moved by less than a voxel, and its noise, which goes on making voxels dense, hardly
+    ///   ever.
+    pub(crate) const fn is_due(&self, dense: u32, timing: Timing) -> bool {
+        let Timing { scan, still_since } = timing;
         let is_young = self.published <= self.begun + PUBLICATION_INTERVAL;
-        let is_other = if self.published < since {
+        let is_other = if self.published < still_since {
             self.unknown * 4 > self.points || self.drifted * 4 > dense
         } else {
             self.unknown * 2 > self.points || self.drifted * 2 > dense
         };
-        let waited = self.published == 0 || sequence - self.published >= PUBLICATION_INTERVAL;
-        self.lost || self.is_stale() && (waited && (is_young || is_other) || self.is_left_alone(sequence))
+        let waited = self.published == 0 || scan - self.published >= PUBLICATION_INTERVAL;
+        self.lost || self.is_stale() && (waited && (is_young || is_other) || self.is_left_alone(scan))
     }
 
     /// Whether the states, where they are due, are to be published in this very scan: nothing may be told of what is gone,
-    /// nothing is told yet of what was never published, and what the sensor sees from where it stands (`since`) is soon whole.
-    pub(crate) const fn is_urgent(&self, since: u64) -> bool {
-        self.lost || self.published == 0 || self.published >= since
+    /// nothing is told yet of what was never published, and what the sensor sees from where it stands still is soon whole.
+    pub(crate) const fn is_urgent(&self, timing: Timing) -> bool {
+        self.lost || self.published == 0 || self.published >= timing.still_since
     }
 
     /// Whether anything has changed since the states were published.
@@ -101,11 +118,9 @@ impl News {
         self.published
     }
 
-    /// Notes that the scan `sequence` put a point into the block.
+    /// Notes that the scan `sequence` put a point into the block. Once a scan: what it puts there is counted from here on.
     pub(crate) const fn note_seen(&mut self, sequence: u64) {
-        if self.seen != sequence {
-            (self.seen, self.points, self.unknown) = (sequence, 0, 0);
-        }
+        (self.seen, self.points, self.unknown) = (sequence, 0, 0);
     }
 
     /// Notes what that scan has made of a dense voxel.
@@ -174,14 +189,15 @@ impl News {
 mod tests {
     use super::*;
 
-    /// Whether a block is due after scan `sequence`, and urgent, where the sensor has stood still since scan `since`. The block was
+    /// Whether a block is due after scan `scan`, and urgent, where the sensor has stood still since scan `still_since`. The block was
     /// published in scan 10, and in scan 1 first. The last points came with scan 20, 100 of them, into 40 dense voxels, and some
     /// of these have changed. `change` says what is different.
-    fn judged(sequence: u64, since: u64, change: impl Fn(&mut News)) -> (bool, bool) {
+    fn judged(scan: u64, still_since: u64, change: impl Fn(&mut News)) -> (bool, bool) {
         let (published, begun, seen) = (10, 1, 20);
         let mut news = News { published, begun, seen, points: 100, changed: true, ..News::default() };
         change(&mut news);
-        (news.is_due(40, sequence, since), news.is_urgent(since))
+        let timing = Timing { scan, still_since };
+        (news.is_due(40, timing), news.is_urgent(timing))
     }
 
     const NOT_DUE: (bool, bool) = (false, false);
