@@ -19,6 +19,7 @@ mod view;
 
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
+use self::body::Body;
 pub(crate) use self::view::Clearance;
 use self::view::RangeGrid;
 use super::block::{Block, BlockIndex, BlockKey, Cell, EDGE, Voxel};
@@ -93,10 +94,7 @@ impl Clearing {
             for voxel in here.awake().iter().filter(|voxel| voxel.hit != sequence as u32) {
                 let mean = corner + view.to_mean(voxel);
                 let margin = view.margin(&mean);
-                let sees_through = || {
-                    let (half, is_thin) = view.body(&voxel.moments, &mean);
-                    self.ranges.sees_through(&mean, (&half, is_thin), margin)
-                };
+                let sees_through = || self.ranges.sees_through(&view.body(&voxel.moments, &mean), margin);
                 if self.ranges.ends_past(&mean, margin + View::least(&mean)) && sees_through() {
                     self.through.push((block, voxel.cell));
                 }
@@ -158,8 +156,8 @@ impl View {
         self.steps * (voxel.cell.corner() + voxel.moments.mean())
     }
 
-    fn body(&self, moments: &Moments, mean: &Point3<f64>) -> (Vector3<f64>, [bool; 3]) {
-        body::half_extents(&self.steps, self.voxel_size, self.noise, moments, mean)
+    fn body(&self, moments: &Moments, mean: &Point3<f64>) -> Body {
+        Body::new(&self.steps, self.voxel_size, self.noise, moments, mean)
     }
 
     /// Least half extent of a body.

@@ -32,29 +32,44 @@ const PADDING_OF_DEPTH: f64 = 1.0 / 128.0;
 /// Parts of a voxel's edge that points spread over: what spreads over less is thin.
 const THIN: f64 = 0.5;
 
-/// Half extents along the sensor's axes (m) of the box around the `mean` of a voxel's points, which is in its frame, and along
-/// which of them the points are thin.
-///
-/// `steps` are one voxel along each axis of the grid, in the sensor's frame (m).
-pub(super) fn half_extents(
-    steps: &Matrix3<f64>,
-    voxel_size: f64,
-    noise: NoiseModel,
-    moments: &Moments,
-    mean: &Point3<f64>,
-) -> (Vector3<f64>, [bool; 3]) {
-    let spread =
-        (steps * moments.covariance() * steps.transpose()).diagonal().map(|square| square.max(0.0).sqrt());
-    let axis = mean.coords.iamax();
-    let depth = mean[axis].abs();
-    // The deviation across a voxel that is filled from side to side.
-    let full = voxel_size / 12.0_f64.sqrt();
-    let mut thinness = spread.map(|spread| (1.0 - spread / full).max(0.0));
-    thinness[axis] = 0.0;
-    let padding = thinness * (PADDING * voxel_size + PADDING_OF_DEPTH * depth);
-    let half = scatter(&(steps / voxel_size), noise, moments) + spread * SPREAD + padding;
-    let is_thin = [0, 1, 2].map(|axis| spread[axis] < THIN * full);
-    (half.sup(&Vector3::repeat(LEAST * depth)), is_thin)
+/// A box along the sensor's axes, in its frame (m).
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Body {
+    pub(crate) centre: Point3<f64>,
+    /// Half extents.
+    pub(crate) half: Vector3<f64>,
+    /// Along which axes what is in it is thin.
+    pub(crate) is_thin: [bool; 3],
+}
+
+impl Body {
+    /// The box around the points of a voxel, whose `mean` is in the sensor's frame (m).
+    ///
+    /// `steps` are one voxel along each axis of the grid, in the sensor's frame (m).
+    pub(super) fn new(
+        steps: &Matrix3<f64>,
+        voxel_size: f64,
+        noise: NoiseModel,
+        moments: &Moments,
+        mean: &Point3<f64>,
+    ) -> Self {
+        let spread = (steps * moments.covariance() * steps.transpose())
+            .diagonal()
+            .map(|square| square.max(0.0).sqrt());
+        let axis = mean.coords.iamax();
+        let depth = mean[axis].abs();
+        // The deviation across a voxel that is filled from side to side.
+        let full = voxel_size / 12.0_f64.sqrt();
+        let mut thinness = spread.map(|spread| (1.0 - spread / full).max(0.0));
+        thinness[axis] = 0.0;
+        let padding = thinness * (PADDING * voxel_size + PADDING_OF_DEPTH * depth);
+        let half = scatter(&(steps / voxel_size), noise, moments) + spread * SPREAD + padding;
+        Self {
+            centre: *mean,
+            half: half.sup(&Vector3::repeat(LEAST * depth)),
+            is_thin: [0, 1, 2].map(|axis| spread[axis] < THIN * full),
+        }
+    }
 }
 
 /// How far from where they were measured the points may belong, along the sensor's axes (m).

@@ -33,11 +33,12 @@
 
 use std::ops::Range;
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::Point3;
 use pulp::{Simd, WithSimd};
 
 pub(crate) use clearance::Clearance;
 
+use super::body::Body;
 use crate::engine::arch::arch;
 use crate::engine::points::Points;
 use silhouette::{Face, Silhouette};
@@ -199,16 +200,9 @@ impl RangeGrid {
         self.min_count = (mean as u32 / SPARSE).max(1);
     }
 
-    /// Whether a box was seen through.
-    ///
-    /// `centre` is its centre; `half` its reach from there along the sensor's axes, along which what is in it may be thin. `margin` is
-    /// how far beyond its far side a ray must end.
-    pub(crate) fn sees_through(
-        &self,
-        centre: &Point3<f64>,
-        (half, is_thin): (&Vector3<f64>, [bool; 3]),
-        margin: f64,
-    ) -> bool {
+    /// Whether a body was seen through. `margin` is how far beyond its far side a ray must end.
+    pub(crate) fn sees_through(&self, body: &Body, margin: f64) -> bool {
+        let Body { centre, half, is_thin } = body;
         let [x, y, z] = [centre.x, centre.y, centre.z].map(|coordinate| coordinate as f32);
         let (index, depth) = cell_and_depth([x, y, z]);
         let face = Face::new(index as usize / FACE_CELLS);

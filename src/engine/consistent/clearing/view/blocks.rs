@@ -55,7 +55,7 @@ impl RangeGrid {
 
     /// Whether a box lies in part in a measured direction, before the point measured there, and nearer than `max_depth`.
     ///
-    /// `centre` and `half` as in [`RangeGrid::sees_through`].
+    /// `centre` and `half` as in [`Body`](super::super::body::Body).
     fn may_see_into(&self, centre: &Point3<f64>, half: &Vector3<f64>, max_depth: f64) -> bool {
         Face::all().filter(|face| self.faces[face.index()]).any(|face| {
             Silhouette::new(face, centre, half, TILES)

@@ -89,16 +89,16 @@ impl Sensor {
 
     fn look(&self, grid: &RangeGrid, key: [i32; 3], edge: f64, margin: impl Fn(f64) -> f64) -> bool {
         let (centre, half) = self.voxel(key, edge);
-        grid.sees_through(&centre, (&padded(&centre, half), [false; 3]), margin(centre.coords.norm()))
+        grid.sees_through(&padded(centre, half), margin(centre.coords.norm()))
     }
 }
 
-/// A cell more on each side, as `clearing` has where a body is thin.
-pub(super) fn padded(centre: &Point3<f64>, half: Vector3<f64>) -> Vector3<f64> {
+/// A box with a cell more on each side, as `clearing` has where a body is thin.
+pub(super) fn padded(centre: Point3<f64>, half: Vector3<f64>) -> Body {
     let axis = centre.coords.iamax();
     let mut padding = Vector3::repeat(2.0 / CELLS as f64 * centre[axis].abs());
     padding[axis] = 0.0;
-    half + padding
+    Body { centre, half: half + padding, is_thin: [false; 3] }
 }
 
 /// x right, y down, z forward, at `place`, looking along the fixed x axis and `pitch` radians down.

@@ -69,11 +69,7 @@ fn drive(edge: f64, share: f64) -> Outcome {
             let centre = inverse * Point3::from(Vector3::from(*key).map(|i| (f64::from(i) + 0.5) * edge));
             if centre.z > 0.4 && centre.z < 6.0 {
                 outcome.looks += 1;
-                if grid.sees_through(
-                    &centre,
-                    (&padded(&centre, half), [false; 3]),
-                    margin(centre.z, edge, share),
-                ) {
+                if grid.sees_through(&padded(centre, half), margin(centre.z, edge, share)) {
                     outcome.seen_through += 1;
                     votes.note_seen_through();
                     outcome.worst = outcome.worst.max(votes.votes());
