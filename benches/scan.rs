@@ -84,7 +84,11 @@ fn save(group: &mut Group, label: &str, scans: &[Scan], params: Params) {
     group.bench_function(format!("save {label}"), |b| b.iter(|| pack("map", &frozen)));
     group.bench_function(format!("save {label}, unpack"), |b| b.iter(|| unpack(&bytes)));
     group.bench_function(format!("save {label}, restore"), |b| {
-        b.iter_batched(|| engine.save(), |map| Engine::restore(params, map), BatchSize::PerIteration);
+        b.iter_batched(
+            || engine.freeze().save(),
+            |map| Engine::restore(params, map),
+            BatchSize::PerIteration,
+        );
     });
 }
 

@@ -273,16 +273,16 @@ proptest! {
         let (mut unbroken, mut resumed) = (Engine::new(params), Engine::new(params));
         for (number, scan) in stream.scans().enumerate() {
             if stops.contains(&number) {
-                let saved = resumed.save();
+                let saved = resumed.freeze().save();
                 resumed = Engine::restore(params, saved.clone()).unwrap();
-                prop_assert_eq!(saved, resumed.save());
+                prop_assert_eq!(saved, resumed.freeze().save());
                 prop_assert_eq!(format!("{:?}", unbroken.snapshot()), format!("{:?}", resumed.snapshot()));
             }
             let updates = [unbroken.insert(&scan), resumed.insert(&scan)];
             prop_assert_eq!(format!("{:?}", updates[0]), format!("{:?}", updates[1]));
         }
         prop_assert_eq!(format!("{:?}", unbroken.snapshot()), format!("{:?}", resumed.snapshot()));
-        prop_assert_eq!(unbroken.save(), resumed.save());
+        prop_assert_eq!(unbroken.freeze().save(), resumed.freeze().save());
     }
 
     #[test]

@@ -136,7 +136,7 @@ fn a_map_that_goes_on_with_another_interval_says_in_a_delta_when_a_cluster_is_co
         let mut engine = Engine::new(with(before));
         engine.insert(&scan(1, &floor(0..10, 0..10)));
         (2..=6).for_each(|number| drop(engine.insert(&scan(number, &[]))));
-        let mut engine = Engine::restore(with(after), engine.save()).unwrap();
+        let mut engine = Engine::restore(with(after), engine.freeze().save()).unwrap();
         let mut told = engine.snapshot().clusters;
         for number in 7..=12 {
             let update = engine.insert(&scan(number, &[]));

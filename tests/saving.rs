@@ -51,7 +51,7 @@ fn save_until_killed(path: &Path) -> ! {
     let mut engine = resumed(path);
     let mut out = std::io::stdout();
     loop {
-        let sequence = engine.save().sequence();
+        let sequence = engine.freeze().save().sequence();
         engine.insert(&scan(sequence));
         writeln!(out, "\nbegin {}", sequence + 1).unwrap();
         store::write(path, "odom", engine.freeze()).unwrap();
@@ -102,13 +102,13 @@ fn whenever_it_is_killed_the_map_is_the_one_before_or_the_one_after_and_ids_go_o
         child.wait().unwrap();
         let [begun, saved] = listening.join().unwrap();
         let engine = resumed(&path);
-        let sequence = engine.save().sequence();
+        let sequence = engine.freeze().save().sequence();
         let least = saved.max(before);
         assert!((least..=begun.max(least)).contains(&sequence), "{sequence} of {saved} saved, {begun} begun");
         in_between += u64::from(begun > saved);
         // Ids too: those that are given next are the same.
         (before..sequence).for_each(|number| drop(unbroken.insert(&scan(number))));
-        assert_eq!(engine.save(), unbroken.save());
+        assert_eq!(engine.freeze().save(), unbroken.freeze().save());
         before = sequence;
     }
     println!("{kills} kills, {in_between} of them while a map was being saved, {before} scans");

@@ -53,12 +53,7 @@ impl Engine {
         Frozen { params: *self.params(), method }
     }
 
-    /// All that it needs to go on as if it had never stopped. Costs O(map).
-    pub fn save(&self) -> SavedMap {
-        self.freeze().save()
-    }
-
-    /// The engine that was saved: its next scan gives what it would have given without a stop. Bounds, clearing and
+    /// The engine that [`Frozen::save`] saved: its next scan gives what it would have given without a stop. Bounds, clearing and
     /// `expansion_interval` may be others. Costs O(map); of what was saved each piece goes when it is taken in.
     ///
     /// # Errors

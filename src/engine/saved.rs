@@ -12,8 +12,8 @@ use super::now::Taken;
 use super::params::{Mode, Params};
 use super::{consistent, paper};
 
-/// A map as it was after a scan; see [`Engine::save`](super::Engine::save). What is written of a large one is better made of a
-/// [`Frozen`](super::Frozen), piece by piece.
+/// A map as it was after a scan; see [`Frozen::save`](super::Frozen::save). What is written of a large one is better made of a
+/// [`Frozen`](super::Frozen) itself, piece by piece.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 pub struct SavedMap(pub(super) Saved<consistent::SavedConsistent>);
 

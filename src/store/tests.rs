@@ -18,7 +18,7 @@ fn engine(params: Params, scans: usize) -> Engine {
 }
 
 fn stored(engine: &Engine) -> Stored {
-    Stored { frame_id: "odom".to_owned(), map: engine.save() }
+    Stored { frame_id: "odom".to_owned(), map: engine.freeze().save() }
 }
 
 fn packed() -> Vec<u8> {
@@ -145,7 +145,7 @@ fn a_list_that_claims_millions_takes_some_times_its_bytes_and_is_refused() {
 
 #[test]
 fn a_map_of_other_parameters_is_refused_by_name_and_values() {
-    let map = engine(Params::default(), 2).save();
+    let map = engine(Params::default(), 2).freeze().save();
     let other = Params::default().with_voxel_size(0.05).unwrap();
     let error = Engine::restore(other, map.clone()).unwrap_err();
     assert_eq!(error.to_string(), "the map was made with voxel_size 0.08, now it is 0.05");
@@ -381,11 +381,11 @@ fn what_is_restored_is_not_in_memory_beside_all_that_it_is_restored_from() {
         engine.insert(&Scan { stamp, fixed_from_sensor: Isometry3::identity(), points: points.clone() });
     }
     let mut saved = None;
-    let of_saved = allocation_counter::measure(|| saved = Some(engine.save()));
+    let of_saved = allocation_counter::measure(|| saved = Some(engine.freeze().save()));
     let (map, mut restored) = (saved.unwrap(), None);
     let restoring = allocation_counter::measure(|| restored = Some(Engine::restore(params, map).unwrap()));
     eprintln!("{of_saved:?} is taken in: {restoring:?}");
-    assert_eq!(restored.unwrap().save(), engine.save());
+    assert_eq!(restored.unwrap().freeze().save(), engine.freeze().save());
     let beside = restoring.bytes_max as i64 - restoring.bytes_current;
     assert!(of_saved.bytes_current > 1 << 20 && beside < of_saved.bytes_current / 4, "{beside} bytes");
 }
@@ -422,7 +422,7 @@ fn under_an_earlier_clock_what_was_known_stays_known() {
     for params in [Params::default(), Params::paper()] {
         let before = engine(params, 30);
         assert!(before.snapshot().clusters.iter().all(|cluster| cluster.state != ClusterState::Tentative));
-        let mut restored = Engine::restore(params, before.save()).unwrap();
+        let mut restored = Engine::restore(params, before.freeze().save()).unwrap();
         let earlier = Stamp::from_nanos(-1_000_000_000_000);
         let points = (0..6400).map(|i| [(i % 80) as f32 * 0.01, (i / 80) as f32 * 0.01, -0.99]);
         restored.insert(&Scan {

@@ -37,6 +37,7 @@ fn go_on(params: Params, map: SavedMap, bytes: &mut Bytes<'_>) {
         reader.apply(&update);
         reader.agrees(&update, &engine.snapshot());
     }
-    let again = Engine::restore(params, engine.save()).expect("what an engine saves can be restored");
+    let again =
+        Engine::restore(params, engine.freeze().save()).expect("what an engine saves can be restored");
     assert_eq!(format!("{:?}", again.snapshot()), format!("{:?}", engine.snapshot()));
 }

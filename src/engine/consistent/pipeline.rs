@@ -252,7 +252,8 @@ impl Consistent {
         scratch::partition(&self.grid, self.surfaces.segmented(), &self.surfaces.rules)
     }
 
-    /// What the definition makes of the voxels as they are now, published or not. Costs O(map).
+    /// What the definition makes of the voxels as they are now, published or not, for tests. Costs O(map).
+    #[doc(hidden)]
     pub fn scratch_of_all(&self) -> Partition {
         let rules = &self.surfaces.rules;
         let segmented =

@@ -43,16 +43,15 @@ struct Search<'a> {
     walks: Vec<Walk>,
     /// Walks that run and were not taken in.
     running: usize,
-    expanded: u64,
 }
 
 impl Graph {
-    /// What the batch left of each component that it touched, and how many nodes were expanded to see it.
-    pub(super) fn parts(&mut self, union: &mut BatchUnion) -> (Vec<Part>, u64) {
+    /// What the batch left of each component that it touched.
+    pub(super) fn parts(&mut self, union: &mut BatchUnion) -> Vec<Part> {
         let mut members: Vec<(ComponentId, u32)> =
             (0..).zip(&union.nodes).filter_map(|(e, &node)| Some((self.node(node).component?, e))).collect();
         members.sort_unstable();
-        let (mut parts, mut apart, mut expanded) = (Vec::new(), Vec::new(), 0);
+        let (mut parts, mut apart) = (Vec::new(), Vec::new());
         for chunk in members.chunk_by(|one, other| one.0 == other.0) {
             let component = chunk[0].0;
             let elements: Vec<u32> = chunk.iter().map(|&(_, element)| element).collect();
@@ -69,11 +68,10 @@ impl Graph {
             } else {
                 let mut search = Search::new(self, component, &elements, union);
                 search.run(union);
-                expanded += search.expanded;
                 search.finish(&elements, union, &mut parts);
             }
         }
-        (parts, expanded)
+        parts
     }
 
     fn whole(&self, from: ComponentId, element: u32) -> Part {
@@ -96,7 +94,7 @@ impl<'a> Search<'a> {
             walks.push(Walk { parent: number, element, runs, done: Vec::new(), pending, weight: 0 });
         }
         let running = walks.iter().filter(|walk| walk.runs).count();
-        Self { graph, component, walks, running, expanded: 0 }
+        Self { graph, component, walks, running }
     }
 
     fn root(&self, mut walk: u32) -> u32 {
@@ -128,7 +126,10 @@ impl<'a> Search<'a> {
     }
 
     fn expand(&mut self, number: u32, node: NodeId, union: &mut BatchUnion) {
-        self.expanded += 1;
+        #[cfg(test)]
+        {
+            self.graph.expanded += 1;
+        }
         let slot = self.graph.node_mut(node);
         let neighbours = std::mem::take(&mut slot.neighbours);
         let walk = &mut self.walks[number as usize];

@@ -189,14 +189,14 @@ fn a_map_that_is_tuned_goes_on_as_one_that_was_saved_and_restored_with_the_other
     let mut tuned = Engine::new(Params::default());
     (0..8).for_each(|_| drop(tuned.insert(&next())));
     for params in stages {
-        let mut restored = Engine::restore(params, tuned.save()).unwrap();
+        let mut restored = Engine::restore(params, tuned.freeze().save()).unwrap();
         tuned.tune(&params);
         assert_eq!(tuned.params(), &params);
         for _ in 0..6 {
             let scan = next();
             tuned.insert(&scan);
             restored.insert(&scan);
-            assert_eq!(tuned.save(), restored.save());
+            assert_eq!(tuned.freeze().save(), restored.freeze().save());
         }
         assert!(params.max_voxels() == 0 || tuned.voxel_count() as u64 <= params.max_voxels());
     }
@@ -421,5 +421,5 @@ fn a_scan_that_lies_nowhere_is_counted_and_does_what_an_empty_one_does_where_the
         (voxels, clusters.iter().map(|cluster| (cluster.id, cluster.class)).collect::<Vec<_>>())
     };
     assert!(known(&engine) == known(&twin));
-    Engine::restore(params, engine.save()).unwrap();
+    Engine::restore(params, engine.freeze().save()).unwrap();
 }

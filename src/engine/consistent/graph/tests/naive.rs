@@ -69,7 +69,9 @@ impl Held {
     pub(super) fn apply(&mut self, batch: &Batch) -> Outcome {
         let before = self.clone();
         let outcome = self.graph.apply(batch);
-        assert_eq!(before.graph.clone().apply(batch), outcome, "the same batch, another outcome");
+        let mut again = before.graph.clone();
+        assert_eq!(again.apply(batch), outcome, "the same batch, another outcome");
+        assert_eq!(again.expanded, self.graph.expanded);
         let added: Vec<NodeId> = outcome.added.iter().map(|&(node, _)| node).collect();
         self.naive.apply(batch, &added);
         follow(&mut self.shadow, &outcome);
