@@ -11,7 +11,6 @@ mod bin;
 mod index;
 pub(super) mod moves;
 
-use std::ops::Deref;
 use std::sync::Arc;
 
 use nalgebra::Point3;
@@ -70,12 +69,22 @@ impl Blocks {
         &self.list[block]
     }
 
+    /// The dense voxels of a block as they are now, by ascending cell.
+    pub(super) fn states(&self, block: &Block) -> Vec<State> {
+        let voxels = block.voxels();
+        let dense = voxels.iter().filter(|voxel| self.is_dense(voxel));
+        let mut states = Vec::with_capacity(block.dense as usize);
+        states.extend(dense.map(State::new));
+        states
+    }
+
     /// Mean of a voxel's points (m), fixed frame.
     pub(super) fn centre(&self, block: &Block, voxel: &Voxel) -> Point3<f64> {
         Point3::from((block.low() + voxel.cell.corner() + voxel.moments.mean()) * self.voxel_size)
     }
 }
 
+/// [`Blocks`] that are found by their keys and take in scans.
 #[derive(Clone, Debug)]
 pub(super) struct Grid {
     blocks: Blocks,
@@ -84,14 +93,6 @@ pub(super) struct Grid {
     /// Points of one scan that prove a voxel to be occupied.
     proof: u32,
     voxels: usize,
-}
-
-impl Deref for Grid {
-    type Target = Blocks;
-
-    fn deref(&self) -> &Blocks {
-        &self.blocks
-    }
 }
 
 /// Fewer points of one scan than this may be strays.
@@ -123,6 +124,42 @@ impl Grid {
     /// The blocks as they are now: whatever changes in the grid, these stay.
     pub(super) fn freeze(&self) -> Blocks {
         self.blocks.clone()
+    }
+
+    /// See [`Blocks::voxel_size`].
+    pub(super) const fn voxel_size(&self) -> f64 {
+        self.blocks.voxel_size()
+    }
+
+    /// See [`Blocks::dense`].
+    pub(super) const fn dense(&self) -> u32 {
+        self.blocks.dense()
+    }
+
+    /// See [`Blocks::is_dense`].
+    pub(super) const fn is_dense(&self, voxel: &Voxel) -> bool {
+        self.blocks.is_dense(voxel)
+    }
+
+    /// See [`Blocks::blocks`].
+    pub(super) fn blocks(&self) -> impl Iterator<Item = (BlockIndex, &Block)> {
+        self.blocks.blocks()
+    }
+
+    /// See [`Blocks::block`].
+    pub(super) fn block(&self, block: BlockIndex) -> &Block {
+        self.blocks.block(block)
+    }
+
+    /// See [`Blocks::states`].
+    pub(super) fn states(&self, block: &Block) -> Vec<State> {
+        self.blocks.states(block)
+    }
+
+    /// See [`Blocks::centre`].
+    #[cfg(test)]
+    pub(super) fn centre(&self, block: &Block, voxel: &Voxel) -> Point3<f64> {
+        self.blocks.centre(block, voxel)
     }
 
     /// Takes in a block with its voxels, at the next place of the list.

@@ -14,7 +14,6 @@ use super::publish::rest::Leaving;
 use super::publish::standpoint::Standpoint;
 use super::saved::{SavedBlock, SavedConsistent};
 use super::scratch;
-use super::state::states;
 use super::surfaces::Surfaces;
 use crate::engine::key::Partition;
 use crate::engine::now::{Now, Taken};
@@ -131,7 +130,7 @@ impl Consistent {
     fn restore_block(&mut self, saved: &SavedBlock) -> Result<(), RestoreError> {
         let block = self.grid.restore(saved.restore(&self.params, self.taken.sequence)?)?;
         self.surfaces.restore_block(&saved.states, &self.grid, self.grid.block(block))?;
-        if states(&self.grid, self.grid.block(block)) != **self.surfaces.states(block) {
+        if self.grid.states(self.grid.block(block)) != **self.surfaces.states(block) {
             self.grid.note_touched(block);
         }
         self.rest(block);
@@ -213,7 +212,7 @@ impl Consistent {
     fn rest(&mut self, block: BlockIndex) {
         let here = self.grid.block(block);
         if here.is_to_rest(self.taken.sequence) {
-            debug_assert_eq!(states(&self.grid, here), **self.surfaces.states(block));
+            debug_assert_eq!(self.grid.states(here), **self.surfaces.states(block));
             self.grid.rest(block, self.surfaces.states_to_rest(block));
         }
     }

@@ -6,9 +6,8 @@ use nalgebra::{Matrix3, UnitVector3, Vector3};
 
 use serde::{Deserialize, Serialize};
 
-use super::block::{Block, CELLS, Cell, Voxel};
+use super::block::{CELLS, Cell, Voxel};
 use super::eigen::Eigen;
-use super::grid::Blocks;
 use super::noise::Noise;
 use super::plane::Plane;
 use super::publish::baseline::{PARTS, in_parts};
@@ -200,15 +199,6 @@ impl Blur {
     pub(super) fn covariance(&self) -> Matrix3<f64> {
         self.towards * self.towards.transpose() * self.deep + Matrix3::from_diagonal_element(self.lateral)
     }
-}
-
-/// The dense voxels of a block as they are now, by ascending cell.
-pub(super) fn states(blocks: &Blocks, block: &Block) -> Vec<State> {
-    let voxels = block.voxels();
-    let dense = voxels.iter().filter(|voxel| blocks.is_dense(voxel));
-    let mut states = Vec::with_capacity(block.dense as usize);
-    states.extend(dense.map(State::new));
-    states
 }
 
 #[cfg(test)]

@@ -8,7 +8,6 @@ use nalgebra::UnitVector3;
 use super::FrozenConsistent;
 use crate::engine::consistent::block::{Block, BlockIndex, BlockKey, EDGE, Voxel};
 use crate::engine::consistent::patch::plane_sums::{Fit, PlaneSums};
-use crate::engine::consistent::state::states;
 use crate::engine::consistent::surfaces::Faces;
 use crate::engine::key::ClusterId;
 use crate::engine::snapshot::DenseVoxel;
@@ -45,7 +44,7 @@ impl FrozenConsistent {
             let place = published.binary_search_by_key(&voxel.cell, |(state, _)| state.cell());
             let face = place.ok().and_then(|place| published[place].1);
             let shape = face.map(|face| (face.normal, face.curvature)).or_else(|| {
-                let now = now.get_or_init(|| states(&self.blocks, block));
+                let now = now.get_or_init(|| self.blocks.states(block));
                 let fit = PlaneSums::around(now, voxel.cell, &self.noise).fit().filter(Fit::spans_plane)?;
                 Some((fit.plane.normal, fit.curvature() as f32))
             });

@@ -36,11 +36,11 @@ impl Grid {
     pub(in super::super) fn bin(&mut self, scan: &Scan, sequence: u64, binned: &mut Binned) {
         binned.seen.clear();
         binned.dense.clear();
-        binned.beyond = binned.received.take(scan, self.voxel_size);
+        binned.beyond = binned.received.take(scan, self.voxel_size());
         let folding = Folding {
             weighing: Weighing::new(&scan.fixed_from_sensor),
-            voxel_size: self.voxel_size,
-            min_points: self.min_points,
+            voxel_size: self.voxel_size(),
+            min_points: self.blocks.min_points,
             proof: self.proof,
             noise: self.noise,
             sequence,

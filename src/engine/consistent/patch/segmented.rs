@@ -14,7 +14,7 @@ use crate::engine::consistent::grid::Grid;
 use crate::engine::consistent::lists::room;
 use crate::engine::consistent::lists::shared::Shared;
 use crate::engine::consistent::rules::Rules;
-use crate::engine::consistent::state::{State, states};
+use crate::engine::consistent::state::State;
 use crate::engine::key::VoxelKey;
 
 /// A block as it was published last.
@@ -90,7 +90,7 @@ impl Loose {
 
 impl Segmented {
     pub(crate) fn new(grid: &Grid, block: &Block, rules: &Rules) -> Self {
-        Self::of(states(grid, block), block.corner(), rules)
+        Self::of(grid.states(block), block.corner(), rules)
     }
 
     /// The patches of these states, ascending, in the block with this lower corner (voxel indices).

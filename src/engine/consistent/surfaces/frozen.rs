@@ -14,7 +14,7 @@ use crate::engine::consistent::lists::by::By;
 use crate::engine::consistent::lists::shared::Shared;
 use crate::engine::consistent::patch::segmented::SegmentedBlocks;
 use crate::engine::consistent::saved::SavedState;
-use crate::engine::consistent::state::{State, states};
+use crate::engine::consistent::state::State;
 use crate::engine::key::ClusterId;
 use crate::engine::snapshot::Cluster;
 
@@ -142,7 +142,7 @@ impl FrozenSurfaces {
         let Some(here) = self.segmented.get(block) else { return Vec::new() };
         let admitted: BTreeSet<_> =
             here.loose.iter().filter(|loose| loose.is_admitted()).map(|loose| loose.place()).collect();
-        let now = states(blocks, blocks.block(block));
+        let now = blocks.states(blocks.block(block));
         debug_assert!(now.iter().map(State::cell).eq(here.states.iter().map(State::cell)));
         let places = (0..).zip(here.states.iter().zip(&now));
         places.map(|(place, (state, now))| SavedState::of(state, now, admitted.contains(&place))).collect()
