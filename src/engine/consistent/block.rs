@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::cells::Cells;
 use super::clearing::Clearance;
+use super::lists::by::Place;
 use super::lists::room;
 use super::publish::baseline::Baseline;
 use super::publish::news::News;
@@ -24,6 +25,16 @@ pub(super) const CELLS: usize = 512;
 /// Place of a block in the grid's list.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(super) struct BlockIndex(pub(super) u32);
+
+impl Place for BlockIndex {
+    fn at(place: usize) -> Self {
+        Self(place as u32)
+    }
+
+    fn place(self) -> usize {
+        self.0 as usize
+    }
+}
 
 /// Place of a voxel in its block: (x * 8 + y) * 8 + z.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]

@@ -19,6 +19,7 @@ use nalgebra::Point3;
 use super::block::{Block, BlockIndex, EDGE};
 use super::grid::Grid;
 use super::grid::moves::Moves;
+use super::lists::by::Place;
 use super::lists::shared::Shared;
 use crate::engine::params::Params;
 
@@ -129,7 +130,7 @@ impl Bounds {
     ) {
         let slots = grid.slots();
         let looks = LOOKS.min(slots);
-        let in_turn = (1..=looks).map(|look| BlockIndex(((self.next + slots - look) % slots) as u32));
+        let in_turn = (1..=looks).map(|look| BlockIndex::at((self.next + slots - look) % slots));
         for block in in_turn.chain(seen.iter().copied()) {
             let here = grid.block(block);
             if !here.is_empty() && distance(grid, here, sensor) > self.keep_radius {

@@ -62,15 +62,41 @@ pub(crate) use self::frozen::FrozenGraph;
 pub(crate) use self::lists::NodeLists;
 pub(crate) use self::restore::Slots;
 use self::union::BatchUnion;
+use super::lists::by::Place;
 use super::lists::shared::Shared;
 
 /// A node's slot; given again after its removal, from the next batch on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(crate) struct NodeId(pub(crate) u32);
 
+impl Place for NodeId {
+    fn at(place: usize) -> Self {
+        Self(place as u32)
+    }
+
+    fn place(self) -> usize {
+        self.0 as usize
+    }
+}
+
 /// A component's slot; given again after its removal, from the next batch on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(crate) struct ComponentId(pub(crate) u32);
+
+impl ComponentId {
+    pub(crate) const MIN: Self = Self(u32::MIN);
+    pub(crate) const MAX: Self = Self(u32::MAX);
+}
+
+impl Place for ComponentId {
+    fn at(place: usize) -> Self {
+        Self(place as u32)
+    }
+
+    fn place(self) -> usize {
+        self.0 as usize
+    }
+}
 
 /// An end of an edge that comes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -184,8 +210,7 @@ impl Graph {
     /// The living components, ascending.
     #[cfg(test)]
     pub(crate) fn components(&self) -> impl Iterator<Item = ComponentId> {
-        let slots = self.components.iter().enumerate();
-        slots.filter(|(_, slot)| !slot.nodes.is_empty()).map(|(at, _)| ComponentId(at as u32))
+        self.components.each().filter(|(_, slot)| !slot.nodes.is_empty()).map(|(component, _)| component)
     }
 
     /// The nodes that share an edge with this one, ascending.

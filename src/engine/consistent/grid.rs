@@ -19,6 +19,7 @@ pub(super) use self::bin::Binned;
 use self::index::Index;
 use self::moves::Moves;
 use super::block::{Around, Block, BlockIndex, BlockKey, Cell, Voxel, offset_of, opposite};
+use super::lists::by::Place;
 use super::lists::shared::Shared;
 use super::noise::NoiseModel;
 use super::state::State;
@@ -62,7 +63,7 @@ impl Blocks {
 
     /// All blocks, by their places.
     pub(super) fn blocks(&self) -> impl Iterator<Item = (BlockIndex, &Block)> {
-        (0..).map(BlockIndex).zip(self.list.iter())
+        self.list.each()
     }
 
     pub(super) fn block(&self, block: BlockIndex) -> &Block {
@@ -164,7 +165,7 @@ impl Grid {
 
     /// Takes in a block with its voxels, at the next place of the list.
     pub(super) fn restore(&mut self, block: Block) -> Result<BlockIndex, RestoreError> {
-        let slot = BlockIndex(self.blocks.list.len() as u32);
+        let slot = BlockIndex::at(self.blocks.list.len());
         let key = block.key;
         ensure(self.index.insert(key, slot).is_none(), || format!("two blocks at {key:?}"))?;
         self.blocks.dense += block.dense;
@@ -282,7 +283,7 @@ impl Grid {
     }
 
     pub(super) fn block_at(&mut self, key: BlockKey) -> BlockIndex {
-        let next = BlockIndex(self.blocks.list.len() as u32);
+        let next = BlockIndex::at(self.blocks.list.len());
         self.index.get(key).unwrap_or_else(|| {
             self.index.insert(key, next);
             self.blocks.list.push(Block::new(key));

@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 use super::search::{Extent, Part};
 use super::union::BatchUnion;
 use super::{ComponentId, Flow, Graph, Moved, NodeId, Outcome};
+use crate::engine::consistent::lists::by::Place;
 
 /// What one component before the batch gives to one after it.
 #[derive(Debug, Default)]
@@ -57,7 +58,7 @@ impl Graph {
             if union.root(root) != root {
                 continue;
             }
-            let of_class = shares.range((root, ComponentId(0))..=(root, ComponentId(u32::MAX)));
+            let of_class = shares.range((root, ComponentId::MIN)..=(root, ComponentId::MAX));
             let heirs = of_class.filter(|(_, share)| share.rest);
             let heir = heirs.max_by_key(|&(&(_, from), share)| (share.weight, Reverse(from)));
             let slot = if let Some((&(_, from), _)) = heir {
@@ -75,7 +76,7 @@ impl Graph {
     fn new_component(&mut self) -> ComponentId {
         self.free_components.pop().unwrap_or_else(|| {
             self.components.push(super::Component::default());
-            ComponentId(self.components.len() as u32 - 1)
+            ComponentId::at(self.components.len() - 1)
         })
     }
 

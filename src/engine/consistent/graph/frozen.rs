@@ -26,8 +26,7 @@ impl Graph {
 impl FrozenGraph {
     /// Each node that is there, with its component.
     pub(crate) fn nodes(&self) -> impl Iterator<Item = (NodeId, ComponentId)> {
-        let components = (0..).map(ComponentId).zip(self.components.iter());
-        components.flat_map(|(at, component)| component.nodes.iter().map(move |&node| (node, at)))
+        self.components.each().flat_map(|(at, component)| component.nodes.iter().map(move |&node| (node, at)))
     }
 
     pub(crate) fn slots_taken(&self) -> Slots {

@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use serde::{Deserialize, Serialize};
 
 use super::{ComponentId, Graph, NodeId, NodeLists};
+use crate::engine::consistent::lists::by::Place;
 use crate::engine::saved::{RestoreError, ensure};
 
 /// Which slots nodes and components have, and in which order the free ones are given. The order of a component's nodes
@@ -68,7 +69,7 @@ impl Graph {
             self.node_mut(a).neighbours.push(b);
             self.node_mut(b).neighbours.push(a);
         }
-        for node in (0..self.nodes.len() as u32).map(NodeId) {
+        for node in (0..self.nodes.len()).map(NodeId::at) {
             let neighbours = &mut self.node_mut(node).neighbours;
             neighbours.sort_unstable();
             neighbours.dedup();
@@ -77,17 +78,18 @@ impl Graph {
 
     /// Each component hangs together, and no edge leads out of it.
     fn ensure_connected(&self) -> Result<(), RestoreError> {
-        for (slot, component) in self.components.iter().enumerate() {
+        for (id, component) in self.components.each() {
             let mut reached: BTreeSet<_> = component.nodes.first().copied().into_iter().collect();
             let mut open: Vec<_> = reached.iter().copied().collect();
             while let Some(node) = open.pop() {
                 open.extend(self.neighbours(node).iter().filter(|&&other| reached.insert(other)));
             }
-            let inside = |node: &NodeId| self.node(*node).component == Some(ComponentId(slot as u32));
+            let inside = |node: &NodeId| self.node(*node).component == Some(id);
             let hangs = reached.len() == component.nodes.len() && reached.iter().all(inside);
             ensure(hangs, || {
                 format!(
-                    "component {slot} has {} nodes, {} hang together",
+                    "component {} has {} nodes, {} hang together",
+                    id.0,
                     component.nodes.len(),
                     reached.len()
                 )

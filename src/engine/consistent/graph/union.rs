@@ -1,6 +1,7 @@
 //! Steps 1 and 2: the batch's nodes and edges go and come, and what joins them near by is united.
 
 use super::{End, Graph, Node, NodeId};
+use crate::engine::consistent::lists::by::Place;
 
 /// The nodes of a batch: new ones, those that lost a neighbour, ends of new edges; with a union-find over them.
 ///
@@ -110,7 +111,7 @@ impl Graph {
     /// Gives slots to new nodes, which are in no component yet.
     pub(super) fn add(&mut self, weights: &[u32], union: &mut BatchUnion) -> Vec<NodeId> {
         let give = |&weight| {
-            let id = self.free_nodes.pop().unwrap_or(NodeId(self.nodes.len() as u32));
+            let id = self.free_nodes.pop().unwrap_or(NodeId::at(self.nodes.len()));
             *self.nodes.grow_to(id) = Node { weight, ..Node::default() };
             self.element(id, union);
             id

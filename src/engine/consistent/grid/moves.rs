@@ -23,7 +23,7 @@ impl Moves {
         debug_assert!(gone.is_sorted_by(|a, b| a < b));
         let left = slots - gone.len();
         let (given, beyond) = gone.split_at(gone.partition_point(|block| block.place() < left));
-        let last = (left as u32..slots as u32).map(BlockIndex);
+        let last = (left..slots).map(BlockIndex::at);
         let last = last.filter(|block| beyond.binary_search(block).is_err());
         let moved = last.zip(given.iter().copied()).collect();
         Self { slots: left, gone, moved }

@@ -3,30 +3,12 @@
 use std::marker::PhantomData;
 use std::ops::{Deref, Index, IndexMut};
 
-use crate::engine::consistent::block::BlockIndex;
-use crate::engine::consistent::graph::{ComponentId, NodeId};
-
 /// A number that names a place in a list.
 pub(crate) trait Place: Copy {
+    /// The name of a place.
+    fn at(place: usize) -> Self;
+
     fn place(self) -> usize;
-}
-
-impl Place for BlockIndex {
-    fn place(self) -> usize {
-        self.0 as usize
-    }
-}
-
-impl Place for NodeId {
-    fn place(self) -> usize {
-        self.0 as usize
-    }
-}
-
-impl Place for ComponentId {
-    fn place(self) -> usize {
-        self.0 as usize
-    }
 }
 
 /// A `Vec<T>` indexed by `I`.
@@ -44,6 +26,11 @@ impl<I: Place, T> By<I, T> {
     /// `None` beyond the end of the list.
     pub(crate) fn get(&self, at: I) -> Option<&T> {
         self.list.get(at.place())
+    }
+
+    /// All items with their names, in the order of their places.
+    pub(crate) fn each(&self) -> impl Iterator<Item = (I, &T)> {
+        self.list.iter().enumerate().map(|(place, item)| (I::at(place), item))
     }
 
     /// The item at `at`; a list that is too short is first filled up with defaults.
@@ -67,6 +54,12 @@ impl<I: Place, T> By<I, T> {
         T: Default,
     {
         self.list.resize_with(len, T::default);
+    }
+}
+
+impl<I, T> FromIterator<T> for By<I, T> {
+    fn from_iter<L: IntoIterator<Item = T>>(items: L) -> Self {
+        Self { list: items.into_iter().collect(), by: PhantomData }
     }
 }
 
@@ -102,6 +95,7 @@ impl<I, T> Deref for By<I, T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::engine::consistent::graph::NodeId;
 
     #[test]
     fn a_list_reaches_as_far_as_it_is_asked_to_and_no_further() {
@@ -112,5 +106,6 @@ mod tests {
         assert_eq!((by.to_vec(), by.get(NodeId(3))), (vec![5, 0, 7], None));
         *by.grow_to(NodeId(1)) += 1;
         assert_eq!(by.to_vec(), [5, 1, 7]);
+        assert!(by.each().eq([(NodeId(0), &5), (NodeId(1), &1), (NodeId(2), &7)]));
     }
 }

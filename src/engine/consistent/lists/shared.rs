@@ -59,6 +59,11 @@ impl<I: Place, T> Shared<I, T> {
     pub(crate) fn get(&self, at: I) -> Option<&T> {
         (at.place() < self.len).then(|| &self[at])
     }
+
+    /// All items with their names, in the order of their places.
+    pub(crate) fn each(&self) -> impl Iterator<Item = (I, &T)> {
+        self.iter().enumerate().map(|(place, item)| (I::at(place), item))
+    }
 }
 
 impl<I, T: Clone + Default> Shared<I, T> {
@@ -154,6 +159,7 @@ mod tests {
         assert_eq!((all(&list), list.get(NodeId(3))), (vec![5, 0, 7], None));
         *list.grow_to(NodeId(1)) += 1;
         assert_eq!(all(&list), [5, 1, 7]);
+        assert!(list.each().eq([(NodeId(0), &5), (NodeId(1), &1), (NodeId(2), &7)]));
     }
 
     #[test]

@@ -43,7 +43,7 @@ impl Votes {
     /// Where most voxels of a component went. Where fewer than half cast a vote, they must be half of the voxels from before
     /// that are there: else the floor would be the thing that was carried away off it, once what is left of that is a part of it.
     fn heir(&self, from: ComponentId) -> Option<ComponentId> {
-        let cast = || self.cast.range((from, ComponentId(0))..=(from, ComponentId(u32::MAX)));
+        let cast = || self.cast.range((from, ComponentId::MIN)..=(from, ComponentId::MAX));
         let (&(_, to), &most) = cast().max_by_key(|((_, to), votes)| (**votes, Reverse(*to)))?;
         let entitled = self.entitled.get(&from).copied().unwrap_or(0);
         let is_quorate = 2 * cast().map(|(_, votes)| votes).sum::<u64>() >= entitled;

@@ -125,7 +125,7 @@ impl Landmarks {
 
     /// z of the lowest from here on that is large and no ghost (m).
     fn floor_above(&self, least: f64) -> Option<f64> {
-        let mut levels = self.levels.range((Height(least), ComponentId(0))..);
+        let mut levels = self.levels.range((Height(least), ComponentId::MIN)..);
         levels.find(|(at, area)| !self.is_ghost(at.0, **area)).map(|(at, _)| at.0.0)
     }
 
@@ -133,13 +133,13 @@ impl Landmarks {
     /// in its storey.
     fn is_ghost(&self, height: Height, area: f64) -> bool {
         let reach = if area < PIT { STOREY } else { GHOST };
-        let above = (height, ComponentId(0))..=(Height(height.0 + reach), ComponentId(u32::MAX));
+        let above = (height, ComponentId::MIN)..=(Height(height.0 + reach), ComponentId::MAX);
         self.levels.range(above).any(|(_, other)| *other > GHOST_SHARE * area)
     }
 
     /// Upright components, among them all that one of these points can be beside, ascending.
     pub(super) fn near(&self, points: &[Point3<f64>]) -> Vec<ComponentId> {
-        let of_cell = |cell| self.uprights.range((cell, ComponentId(0))..=(cell, ComponentId(u32::MAX)));
+        let of_cell = |cell| self.uprights.range((cell, ComponentId::MIN)..=(cell, ComponentId::MAX));
         let cells = points.iter().map(|point| [point.x, point.y, point.z].map(|at| index(at, self.cell)));
         let mut near: Vec<_> = cells.flat_map(of_cell).map(|(_, component)| *component).collect();
         near.sort_unstable();

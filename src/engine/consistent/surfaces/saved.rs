@@ -12,6 +12,7 @@ use crate::engine::consistent::cluster::{Cluster, Identity, Standing};
 use crate::engine::consistent::describe::shape_of;
 use crate::engine::consistent::graph::{ComponentId, Graph, NodeId, NodeLists, Slots};
 use crate::engine::consistent::grid::Grid;
+use crate::engine::consistent::lists::by::By;
 use crate::engine::consistent::outline::footprint::{Axis, Footprint};
 use crate::engine::consistent::patch::PatchId;
 use crate::engine::consistent::patch::host::joined_with;
@@ -91,7 +92,7 @@ impl Surfaces {
         let ids = meet_all(grid, &mut self.segmented, &self.rules);
         self.restore_nodes(map)?;
         self.restore_graph(map, &ids)?;
-        let clusters = in_slots("cluster", &map.clusters, map.slots.components())?;
+        let clusters = in_slots("cluster", &map.clusters, map.slots.components())?.into_iter().collect();
         self.restore_clusters(&clusters, map.ids_given, sequence)?;
         for (block, here) in grid.blocks() {
             if here.is_at_rest() {
@@ -134,15 +135,14 @@ impl Surfaces {
         Ok(())
     }
 
-    /// `clusters` by component.
     fn restore_clusters(
         &mut self,
-        clusters: &[Option<&SavedCluster>],
+        clusters: &By<ComponentId, Option<&SavedCluster>>,
         ids_given: u64,
         sequence: u64,
     ) -> Result<(), RestoreError> {
         let mut ids = BTreeSet::new();
-        for (component, saved) in (0..).map(ComponentId).zip(clusters) {
+        for (component, saved) in clusters.each() {
             ensure(saved.is_some() != self.graph.nodes(component).is_empty(), || {
                 format!("{component:?} has {} patches: {saved:?}", self.graph.nodes(component).len())
             })?;
@@ -171,10 +171,10 @@ impl Surfaces {
 
     fn restore_told(
         &mut self,
-        clusters: &[Option<&SavedCluster>],
+        clusters: &By<ComponentId, Option<&SavedCluster>>,
         params: &Params,
     ) -> Result<(), RestoreError> {
-        for (component, saved) in (0..).map(ComponentId).zip(clusters) {
+        for (component, saved) in clusters.each() {
             let (Some(cluster), Some(saved)) = (self.clusters[component].as_deref_mut(), saved) else {
                 continue;
             };

@@ -11,6 +11,7 @@ use crate::engine::consistent::class::{Evidence, classify};
 use crate::engine::consistent::cluster::{Before, Standing};
 use crate::engine::consistent::describe::shape_of;
 use crate::engine::consistent::graph::{ComponentId, NodeId};
+use crate::engine::consistent::lists::by::Place;
 use crate::engine::key::ClusterId;
 use crate::engine::now::Now;
 use crate::engine::params::Params;
@@ -94,7 +95,7 @@ impl Surfaces {
         let first = (now.sequence % round as u64) as usize;
         let slots = self.clusters.iter().enumerate().skip(first).step_by(round);
         let told = slots.filter(|(_, cluster)| cluster.as_ref().is_some_and(|cluster| cluster.counted > 0));
-        told.map(|(component, _)| ComponentId(component as u32))
+        told.map(|(component, _)| ComponentId::at(component))
     }
 
     /// Describes a cluster anew where it has changed, and finds its state; its class follows once all others are described.

@@ -43,7 +43,7 @@ fn plain_uprights(cluster: &Cluster, told: &Told) -> Uprights {
 impl Surfaces {
     /// Asserts that floor and neighbours are found as by a scan of all clusters; returns how many neighbours there are.
     pub(in crate::engine::consistent) fn check_landmarks(&self) -> usize {
-        let clusters = (0..).map(ComponentId).zip(self.clusters.iter());
+        let clusters = self.clusters.each();
         let told: Told =
             clusters.filter_map(|(id, cluster)| Some((id, cluster.as_ref()?.told.as_deref()?))).collect();
         let mut anew = Landmarks { cell: self.landmarks.cell, ..Landmarks::new(1.0) };

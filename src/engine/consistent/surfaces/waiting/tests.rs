@@ -8,7 +8,7 @@ impl Surfaces {
     /// in another state than they are in.
     pub(in crate::engine::consistent) fn check_waiting(&self, params: &Params, now: Now) -> usize {
         let mut anew = Waiting::default();
-        for (component, cluster) in (0..).map(ComponentId).zip(self.clusters.iter()) {
+        for (component, cluster) in self.clusters.each() {
             anew.set(component, cluster.as_deref().and_then(Waits::of));
         }
         assert_eq!((&self.waiting.new, &self.waiting.grown), (&anew.new, &anew.grown));
