@@ -105,38 +105,79 @@ impl Voxel {
     }
 }
 
-/// The 26 blocks around a block and itself, by (dx + 1) * 9 + (dy + 1) * 3 + dz + 1; [`NOWHERE`] where there is none. Of options
-/// it would be twice as large.
+/// The direction from a block to one of the 26 around it, or to itself: (dx + 1) * 9 + (dy + 1) * 3 + dz + 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Direction(u8);
+
+impl Direction {
+    const COUNT: u8 = 27;
+
+    /// From a block to itself.
+    pub(super) const OWN: Self = Self::of([0; 3]);
+
+    /// All directions, that to the block itself among them.
+    pub(super) fn all() -> impl Iterator<Item = Self> {
+        (0..Self::COUNT).map(Self)
+    }
+
+    /// The direction of an offset in blocks: -1, 0 or 1 along each axis.
+    #[inline]
+    pub(super) const fn of([dx, dy, dz]: [i32; 3]) -> Self {
+        Self(((dx + 1) * 9 + (dy + 1) * 3 + dz + 1) as u8)
+    }
+
+    /// Its offset in blocks.
+    #[inline]
+    pub(super) const fn offset(self) -> [i32; 3] {
+        let place = self.0 as i32;
+        [place / 9 - 1, place / 3 % 3 - 1, place % 3 - 1]
+    }
+
+    pub(super) const fn opposite(self) -> Self {
+        Self(Self::COUNT - 1 - self.0)
+    }
+
+    /// Coordinates of a cell as the block in this direction counts them.
+    #[inline]
+    pub(super) fn seen_from(self, at: [i32; 3]) -> [i32; 3] {
+        let offset = self.offset();
+        [0, 1, 2].map(|axis| at[axis] - EDGE * offset[axis])
+    }
+
+    const fn index(self) -> usize {
+        self.0 as usize
+    }
+}
+
+/// The 26 blocks around a block and itself, by [`Direction`]; [`NOWHERE`] where there is none. Of options it would be twice as
+/// large.
 #[derive(Clone, Debug)]
-pub(super) struct Around([u32; 27]);
+pub(super) struct Around([u32; Direction::COUNT as usize]);
 
 const NOWHERE: u32 = u32::MAX;
 
 impl Default for Around {
     fn default() -> Self {
-        Self([NOWHERE; 27])
+        Self([NOWHERE; Direction::COUNT as usize])
     }
 }
 
 impl Around {
-    pub(super) fn get(&self, place: usize) -> Option<BlockIndex> {
-        let block = self.0[place];
+    pub(super) fn get(&self, direction: Direction) -> Option<BlockIndex> {
+        let block = self.0[direction.index()];
         (block != NOWHERE).then_some(BlockIndex(block))
     }
 
-    pub(super) fn set(&mut self, place: usize, block: Option<BlockIndex>) {
-        self.0[place] = block.map_or(NOWHERE, |block| block.0);
+    pub(super) fn set(&mut self, direction: Direction, block: Option<BlockIndex>) {
+        self.0[direction.index()] = block.map_or(NOWHERE, |block| block.0);
     }
 
-    /// The blocks that are there, with their places.
-    pub(super) fn iter(&self) -> impl Iterator<Item = (usize, BlockIndex)> {
-        let blocks = self.0.iter().enumerate().filter(|(_, block)| **block != NOWHERE);
-        blocks.map(|(place, block)| (place, BlockIndex(*block)))
+    /// The blocks that are there, with their directions.
+    pub(super) fn iter(&self) -> impl Iterator<Item = (Direction, BlockIndex)> {
+        let blocks = Direction::all().zip(&self.0).filter(|(_, block)| **block != NOWHERE);
+        blocks.map(|(direction, block)| (direction, BlockIndex(*block)))
     }
 }
-
-/// The place of a block among those around it.
-pub(super) const OWN: usize = 13;
 
 #[derive(Clone, Debug, Default)]
 pub(super) struct Block {
@@ -295,20 +336,4 @@ impl Block {
     pub(super) fn empty(&mut self) {
         (self.cells, self.voxels, self.rest) = (Cells::default(), Vec::new(), None);
     }
-}
-
-/// The direction of a place in [`Around`].
-pub(super) const fn offset_of(place: usize) -> [i32; 3] {
-    let place = place as i32;
-    [place / 9 - 1, place / 3 % 3 - 1, place % 3 - 1]
-}
-
-/// The place in [`Around`] of the opposite direction.
-pub(super) const fn opposite(place: usize) -> usize {
-    26 - place
-}
-
-/// The place in [`Around`] of a direction.
-pub(super) const fn place_of([x, y, z]: [i32; 3]) -> usize {
-    ((x + 1) * 9 + (y + 1) * 3 + z + 1) as usize
 }

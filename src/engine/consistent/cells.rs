@@ -1,6 +1,6 @@
 //! A set of the cells of a block, a bit for each: what lies around a cell is found in eight words instead of by a walk.
 
-use super::block::{Cell, EDGE};
+use super::block::{Cell, Direction, EDGE};
 
 /// A word for each x, in it a byte for each y, in it a bit for each z: ascending bits are ascending cells.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -62,8 +62,9 @@ impl Cells {
 }
 
 impl Cells {
-    /// The cells that lie within `reach` of the block in this direction, each part of which is -1, 0 or 1.
-    pub(super) const fn border([x, y, z]: [i32; 3], reach: i32) -> Self {
+    /// The cells that lie within `reach` of the block in this direction.
+    pub(super) const fn border(direction: Direction, reach: i32) -> Self {
+        let [x, y, z] = direction.offset();
         let [x_from, x_to] = side(x, reach);
         let mask = mask(side(y, reach), side(z, reach));
         let mut words = [0; EDGE as usize];
@@ -339,11 +340,12 @@ mod tests {
                     _ => true,
                 })
             };
-            let border = set.and(&Cells::border(direction, reach));
+            let beyond = Direction::of(direction);
+            let border = set.and(&Cells::border(beyond, reach));
             let walk = cells.iter().copied().map(Cell).filter(is_at_border);
             prop_assert_eq!(border.iter().collect::<Vec<_>>(), walk.collect::<Vec<_>>());
             let ranks = border.iter().map(|cell| set.rank(cell));
-            prop_assert!(set.ranks_of(&Cells::border(direction, reach)).eq(ranks));
+            prop_assert!(set.ranks_of(&Cells::border(beyond, reach)).eq(ranks));
             prop_assert!(set.without(&border).iter().eq(set.iter().filter(|cell| !is_at_border(cell))));
             let mut both = border;
             both.extend(&set);

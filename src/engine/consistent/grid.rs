@@ -18,7 +18,7 @@ use nalgebra::Point3;
 pub(super) use self::bin::Binned;
 use self::index::Index;
 use self::moves::Moves;
-use super::block::{Around, Block, BlockIndex, BlockKey, Cell, Voxel, offset_of, opposite};
+use super::block::{Around, Block, BlockIndex, BlockKey, Cell, Direction, Voxel};
 use super::lists::by::Place;
 use super::lists::shared::Shared;
 use super::noise::NoiseModel;
@@ -271,8 +271,8 @@ impl Grid {
         let block = &mut self.blocks.list[index];
         self.index.remove(block.key);
         let around = std::mem::take(&mut block.around);
-        for (place, other) in around.iter() {
-            self.blocks.list[other].around.set(opposite(place), None);
+        for (direction, other) in around.iter() {
+            self.blocks.list[other].around.set(direction.opposite(), None);
         }
     }
 
@@ -295,12 +295,12 @@ impl Grid {
     /// A block and its neighbours get to know each other.
     fn link(&mut self, key: BlockKey, index: BlockIndex) {
         let mut around = Around::default();
-        for place in 0..27 {
-            let [dx, dy, dz] = offset_of(place);
+        for direction in Direction::all() {
+            let [dx, dy, dz] = direction.offset();
             let neighbour = self.index.get([key[0] + dx, key[1] + dy, key[2] + dz]);
-            around.set(place, neighbour);
+            around.set(direction, neighbour);
             if let Some(other) = neighbour.filter(|other| *other != index) {
-                self.blocks.list[other].around.set(opposite(place), Some(index));
+                self.blocks.list[other].around.set(direction.opposite(), Some(index));
             }
         }
         self.blocks.list[index].around = around;

@@ -3,9 +3,9 @@
 use nalgebra::Vector3;
 
 use super::candidate::Candidate;
-use super::segmented::{SegmentedBlocks, seen_from};
+use super::segmented::SegmentedBlocks;
 use super::{Patch, PatchId};
-use crate::engine::consistent::block::{Around, Block, BlockIndex, Cell, EDGE, OWN, offset_of, place_of};
+use crate::engine::consistent::block::{Around, Block, BlockIndex, Cell, Direction, EDGE};
 use crate::engine::consistent::cells::Window;
 use crate::engine::consistent::plane::Plane;
 use crate::engine::consistent::rules::{NOISE_FACTOR, RIM_NOISE_FACTOR, Rules};
@@ -47,12 +47,12 @@ impl<'a> Owners<'a> {
         }
     }
 
-    /// Whether a loose voxel still belongs to the patch that it belonged to (`None` = to none) before the blocks at these
-    /// places around its own, `anew`, were segmented anew. `with` lies in none of these. Conservative: `false` may be wrong, `true`
+    /// Whether a loose voxel still belongs to the patch that it belonged to (`None` = to none) before the blocks in the
+    /// directions `anew` were segmented anew. `with` lies in none of these. Conservative: `false` may be wrong, `true`
     /// never is.
-    pub(crate) fn stays(&self, state: &State, with: Option<PatchId>, anew: &[usize]) -> bool {
+    pub(crate) fn stays(&self, state: &State, with: Option<PatchId>, anew: &[Direction]) -> bool {
         let (candidate, at) = (Candidate::new(state, &self.rules.noise), state.cell().coordinates());
-        let seen = |&place: &usize| Some((self.around.get(place)?, seen_from(at, offset_of(place))));
+        let seen = |&anew: &Direction| Some((self.around.get(anew)?, anew.seen_from(at)));
         let mut anew = anew.iter().filter_map(seen);
         match (self.frayed_patch_of(state.cell()), with) {
             (Some(own), Some(with)) => {
@@ -101,7 +101,7 @@ impl<'a> Owners<'a> {
     }
 
     fn frayed_patch_of(&self, cell: Cell) -> Option<PatchId> {
-        let block = self.around.get(OWN)?;
+        let block = self.around.get(Direction::OWN)?;
         let number = self.segmented[block].number_of(cell)?;
         Some(PatchId { block, number })
     }
@@ -138,8 +138,8 @@ impl<'a> Owners<'a> {
     /// How far the patch that a voxel at these coordinates is beside lies from it, and how well it fits there.
     fn hold(&self, at: [i32; 3], candidate: &Candidate, with: PatchId) -> (i32, f64) {
         let most = RIM_REACH;
-        let place = self.around.iter().find(|(_, block)| *block == with.block);
-        let Some(at) = place.map(|(place, _)| seen_from(at, offset_of(place))) else { return (most, 1.0) };
+        let found = self.around.iter().find(|(_, block)| *block == with.block);
+        let Some(at) = found.map(|(direction, _)| direction.seen_from(at)) else { return (most, 1.0) };
         let patch = self.segmented.patch(with);
         let reach = (1..most).find(|reach| patch.cells.any_in(&Window::around(at, *reach)));
         (reach.unwrap_or(most), self.beside(candidate, patch, 1.0).unwrap_or(1.0))
@@ -180,10 +180,9 @@ impl<'a> Owners<'a> {
         let has = |bits: u8, axis: usize| bits >> axis & 1 == 1;
         let all = (0..3).fold(0, |all, axis| all | u8::from(side[axis] != 0) << axis);
         let some = (0..8_u8).filter(move |bits| bits & !all == 0);
-        let direction = move |bits| [0, 1, 2].map(|axis| if has(bits, axis) { side[axis] } else { 0 });
-        some.map(direction).filter_map(move |direction| {
-            Some((self.around.get(place_of(direction))?, seen_from(at, direction)))
-        })
+        let offset = move |bits| [0, 1, 2].map(|axis| if has(bits, axis) { side[axis] } else { 0 });
+        some.map(move |bits| Direction::of(offset(bits)))
+            .filter_map(move |direction| Some((self.around.get(direction)?, direction.seen_from(at))))
     }
 }
 

@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 use super::contacts::{Contact, Contacts};
 use super::segment::{NO_PATCH, Patches, segment};
 use super::{Patch, PatchId};
-use crate::engine::consistent::block::{Block, BlockIndex, CELLS, Cell, EDGE, offset_of, voxel_key};
+use crate::engine::consistent::block::{Block, BlockIndex, CELLS, Cell, Direction, EDGE, voxel_key};
 use crate::engine::consistent::cells::{Cells, Window};
 use crate::engine::consistent::graph::NodeId;
 use crate::engine::consistent::grid::Grid;
@@ -219,20 +219,20 @@ impl SegmentedBlocks {
     }
 }
 
-/// Contacts between the patches of a block with this lower corner (voxel indices) and those of the block in direction `place`, as
-/// [`offset_of`] has it, by their numbers.
+/// Contacts between the patches of a block with this lower corner (voxel indices) and those of the block in this direction, by
+/// their numbers.
 pub(crate) fn contacts(
     here: &Segmented,
     there: &Segmented,
-    place: usize,
+    direction: Direction,
     corner: [i32; 3],
 ) -> Vec<((u8, u8), Contact)> {
-    let direction = offset_of(place);
+    let offset = direction.offset();
     let border = Cells::border(direction, REACH);
     let mut contacts = Vec::new();
     for (number, own) in (0..).zip(&here.patches) {
         // In its own block, each pair is met once.
-        let first = if direction == [0; 3] { usize::from(number) + 1 } else { 0 };
+        let first = if direction == Direction::OWN { usize::from(number) + 1 } else { 0 };
         let others = there.patches.get(first..).unwrap_or_default();
         let cells = own.cells.and(&border);
         if cells.is_empty() || others.is_empty() {
@@ -241,12 +241,12 @@ pub(crate) fn contacts(
         let mut met = vec![Contact::default(); others.len()];
         for cell in cells.iter() {
             let at = cell.coordinates();
-            let near = Window::around(seen_from(at, direction), REACH);
+            let near = Window::around(direction.seen_from(at), REACH);
             if !there.is_any_patch_in(&near) {
                 continue;
             }
             let middles = |to: [i32; 3]| {
-                Vector3::from_fn(|i, _| f64::from(2 * corner[i] + at[i] + to[i] + EDGE * direction[i]) + 1.0)
+                Vector3::from_fn(|i, _| f64::from(2 * corner[i] + at[i] + to[i] + EDGE * offset[i]) + 1.0)
             };
             for (contact, other) in met.iter_mut().zip(others) {
                 for to in other.cells.within(&near) {
@@ -259,11 +259,6 @@ pub(crate) fn contacts(
         contacts.extend(met.map(|(other, contact)| ((number, other), contact)));
     }
     contacts
-}
-
-/// Coordinates of a cell as the block in `direction` counts them.
-pub(crate) fn seen_from(at: [i32; 3], direction: [i32; 3]) -> [i32; 3] {
-    [0, 1, 2].map(|axis| at[axis] - EDGE * direction[axis])
 }
 
 #[cfg(test)]

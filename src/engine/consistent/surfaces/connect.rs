@@ -74,7 +74,7 @@ impl Surfaces {
 
     /// Finds where the patches of a block that was segmented anew, with others, meet those around it, and tells these.
     fn meet(&mut self, grid: &Grid, block: BlockIndex, published: PublishedBlocks<'_>) {
-        for (place, other) in grid.block(block).around.iter() {
+        for (direction, other) in grid.block(block).around.iter() {
             if !published.has(other) {
                 // It may have met what this block was before.
                 if self.segmented[other].contacts.meets(block) {
@@ -85,7 +85,7 @@ impl Surfaces {
                 continue;
             }
             let [here, there] = [block, other].map(|block| &self.segmented[block]);
-            let met = contacts(here, there, place, grid.block(block).corner());
+            let met = contacts(here, there, direction, grid.block(block).corner());
             for ((a, b), contact) in met {
                 let [a, b] = [PatchId { block, number: a }, PatchId { block: other, number: b }];
                 self.segmented[block].contacts.insert(a.number, b, &contact);

@@ -5,7 +5,7 @@
 use std::collections::BTreeMap;
 
 use super::{PublishedBlocks, Surfaces};
-use crate::engine::consistent::block::{BlockIndex, Cell, offset_of, opposite};
+use crate::engine::consistent::block::{BlockIndex, Cell};
 use crate::engine::consistent::cells::Cells;
 use crate::engine::consistent::graph::NodeId;
 use crate::engine::consistent::grid::Grid;
@@ -39,9 +39,9 @@ impl Surfaces {
         let mut near = BTreeMap::<BlockIndex, Cells>::new();
         for block in published.iter() {
             let around = grid.block(block).around.iter();
-            for (place, other) in around.filter(|(_, other)| !published.has(*other)) {
+            for (direction, other) in around.filter(|(_, other)| !published.has(*other)) {
                 let loose = &self.segmented[other].loose_cells;
-                let border = loose.and(&Cells::border(offset_of(opposite(place)), RIM_REACH));
+                let border = loose.and(&Cells::border(direction.opposite(), RIM_REACH));
                 if !border.is_empty() {
                     near.entry(other).or_default().extend(&border);
                 }
@@ -118,7 +118,7 @@ impl Surfaces {
         let Some(&Beside { block, .. }) = beside.first() else { return };
         let around = grid.block(block).around.iter();
         let new = around.filter(|(_, other)| published.has(*other));
-        let anew: Vec<_> = new.map(|(place, _)| place).collect();
+        let anew: Vec<_> = new.map(|(direction, _)| direction).collect();
         let here = &self.segmented[block];
         let owners = Owners::new(grid.block(block), &self.segmented, &self.rules);
         let stays = |number: usize| {

@@ -89,7 +89,7 @@ proptest! {
             drawn.enumerate().map(|(number, (direction, drawn))| (direction, block(number, &drawn))).collect();
         let mut here = Block::new([0; 3]);
         for (index, (direction, _)) in (0..).map(BlockIndex).zip(&blocks) {
-            here.around.set(place_of(*direction), Some(index));
+            here.around.set(Direction::of(*direction), Some(index));
         }
         let (state, rules) = (voxel(at, up), Rules::new(&Params::default()));
         let known = naive_nearest(&state, &blocks, &rules);

@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 use proptest::prelude::*;
 
 use super::*;
-use crate::engine::consistent::block::place_of;
+use crate::engine::consistent::block::Direction;
 use crate::engine::consistent::patch::examples::rows;
 
 /// Voxels by their coordinates in the block, each with the number of its patch.
@@ -68,7 +68,7 @@ proptest! {
     ) {
         let there = if direction == [0; 3] { here.clone() } else { there };
         let corner = key.map(|along| along * EDGE);
-        let found = contacts(&block(&here), &block(&there), place_of(direction), corner);
+        let found = contacts(&block(&here), &block(&there), Direction::of(direction), corner);
         let known = naive_contacts(&here, &there, direction, corner);
         prop_assert_eq!(found, known.into_iter().collect::<Vec<_>>());
     }

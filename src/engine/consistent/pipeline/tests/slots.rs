@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::*;
-use crate::engine::consistent::block::{BlockKey, offset_of};
+use crate::engine::consistent::block::{BlockKey, Direction};
 use crate::engine::consistent::patch::PatchId;
 use crate::engine::consistent::patch::contacts::Contact;
 use crate::engine::key::canonical;
@@ -41,10 +41,10 @@ fn check_slots(engine: &Consistent) {
     let slots = engine.grid.slots();
     for (slot, block) in engine.grid.blocks() {
         assert!(!block.is_empty() && engine.grid.find(block.key) == Some(slot), "{slot:?} of {slots}");
-        for place in 0..27 {
-            let offset = offset_of(place);
+        for direction in Direction::all() {
+            let offset = direction.offset();
             let beside = engine.grid.find([0, 1, 2].map(|axis| block.key[axis] + offset[axis]));
-            assert_eq!(block.around.get(place), beside, "{slot:?} of {slots}, {offset:?}");
+            assert_eq!(block.around.get(direction), beside, "{slot:?} of {slots}, {offset:?}");
         }
     }
     assert_eq!(engine.grid.keys().len(), slots);
