@@ -27,7 +27,7 @@ use super::noise::Noise;
 use super::plane::Plane;
 use super::rules::Rules;
 use super::state::State;
-use crate::engine::symmetric::{quadratic, upper};
+use crate::engine::symmetric::{Symmetric3, quadratic};
 
 /// How a patch was grown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -169,8 +169,8 @@ impl Patch {
             point: plane.point + corner,
             normal: plane.normal.cast().into_inner(),
             mean: (mean - plane.point).cast(),
-            square: single(upper(&square)),
-            blur: single(upper(&blur)),
+            square: single(&square),
+            blur: single(&blur),
             towards: towards.cast(),
             noise: noise_variance as f32,
             breadth: variances[1] as f32,
@@ -271,8 +271,9 @@ impl Patch {
     }
 }
 
-fn single(entries: [f64; 6]) -> [f32; 6] {
-    entries.map(|entry| entry as f32)
+/// The entries of a symmetric matrix in single precision.
+fn single(matrix: &Matrix3<f64>) -> [f32; 6] {
+    Symmetric3::of(matrix).0.map(|entry| entry as f32)
 }
 
 /// Variance of the tilt of the plane of these sums about its most uncertain axis (rad^2).

@@ -13,7 +13,7 @@ use super::plane::Plane;
 use super::publish::baseline::{PARTS, in_parts};
 use super::sums::Moments;
 use crate::engine::binning::nearest;
-use crate::engine::symmetric::{area_across, least_at_least, symmetric, upper};
+use crate::engine::symmetric::Symmetric3;
 
 /// What a voxel's mean is off by however many points it has, in voxels: the sensor's distortion, the cut at the border.
 const BIAS: f64 = 0.03;
@@ -69,7 +69,7 @@ impl State {
             count: voxel.count,
             weight: moments.weight,
             mean: moments.mean().map(in_parts).into(),
-            covariance: upper(&moments.covariance()).map(|entry| whole(entry * COVARIANCE_UNITS)),
+            covariance: Symmetric3::of(&moments.covariance()).0.map(|entry| whole(entry * COVARIANCE_UNITS)),
             towards: moments.towards().map(|part| whole(part * DIRECTION_UNITS)).into(),
         }
     }
@@ -105,11 +105,12 @@ impl State {
 
     /// Weighted covariance of its points.
     pub(super) fn covariance(&self) -> Matrix3<f64> {
-        symmetric(self.covariance_entries())
+        self.entries().matrix()
     }
 
-    fn covariance_entries(&self) -> [f64; 6] {
-        self.covariance.map(|entry| f64::from(entry) / COVARIANCE_UNITS)
+    /// The entries of [`Self::covariance`].
+    fn entries(&self) -> Symmetric3 {
+        Symmetric3(self.covariance.map(|entry| f64::from(entry) / COVARIANCE_UNITS))
     }
 
     /// Inverse variance with which its mean counts in a fit, in voxels^-2.
@@ -121,7 +122,7 @@ impl State {
     /// The share, 0 to 1, of [`Self::mean_weight`] with which the mean enters a fit: the fourth power of the part of the voxel's
     /// cross section (perpendicular to `normal`) that its points cover. Rim voxels may belong to a board's edge.
     pub(super) fn part_on(&self, normal: &Vector3<f64>) -> f64 {
-        let square_of_covered = (FULL * area_across(self.covariance_entries(), normal)).clamp(0.0, 1.0);
+        let square_of_covered = (FULL * self.entries().adjugate_form(normal)).clamp(0.0, 1.0);
         square_of_covered * square_of_covered
     }
 
@@ -170,10 +171,10 @@ impl State {
     /// The eigenvalues of the covariance and its normal, unless a cheap bound already shows that the smallest exceeds `flatness`
     /// times the next.
     fn flat_eigen(&self, flatness: f64) -> Option<Eigen> {
-        let entries = self.covariance_entries();
+        let entries = self.entries();
         // The next is at most half of the trace, which is the sum of all three.
-        let half = 0.5 * (entries[0] + entries[3] + entries[5]);
-        (least_at_least(entries) <= flatness * half).then(|| Eigen::of(&symmetric(entries)))
+        let half = 0.5 * entries.trace();
+        (entries.eigenvalue_lower_bound() <= flatness * half).then(|| Eigen::of(&entries.matrix()))
     }
 
     /// Covariance of its points as it counts about a plane: more where they are sharp, for a voxel in which a surface shows as a

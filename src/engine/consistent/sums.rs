@@ -18,7 +18,7 @@ use serde::{Deserialize, Serialize};
 
 use super::state::State;
 use crate::engine::binning;
-use crate::engine::symmetric::{PAIRS, quadratic, symmetric, upper};
+use crate::engine::symmetric::{PAIRS, Symmetric3, quadratic};
 
 /// Units of an offset in a voxel's edge.
 const UNITS: f64 = binning::UNITS as f64;
@@ -176,7 +176,7 @@ impl Moments {
         towards: Vector3<f64>,
     ) -> Self {
         let rounded = |exact: Vector3<f64>| exact.map(|part| part as f32).into();
-        let covariance = upper(covariance).map(|entry| entry as f32);
+        let covariance = Symmetric3::of(covariance).0.map(|entry| entry as f32);
         Self { points, weight, weight_behind: 0, mean: rounded(mean), covariance, towards: rounded(towards) }
     }
 
@@ -192,7 +192,7 @@ impl Moments {
 
     /// Weighted covariance, in voxels^2.
     pub(super) fn covariance(&self) -> Matrix3<f64> {
-        symmetric(self.covariance.map(f64::from))
+        Symmetric3(self.covariance.map(f64::from)).matrix()
     }
 
     /// Mean direction towards the sensor; its length is 1 where all points were seen along one line.

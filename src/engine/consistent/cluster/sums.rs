@@ -8,7 +8,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::engine::binning::nearest;
 use crate::engine::consistent::state::State;
-use crate::engine::symmetric::{PAIRS, symmetric, upper};
+use crate::engine::symmetric::{PAIRS, Symmetric3};
 
 /// Units of a mean in a voxel.
 const UNITS: f64 = 1_048_576.0;
@@ -67,7 +67,7 @@ impl ClusterSums {
             variance: by(weight, part),
             sum: weighted.map(i128::from),
             squares: PAIRS.map(|(i, j)| by(weighted[i], mean[j])),
-            within: upper(&state.covariance()).map(|entry| by(weight, whole(entry))),
+            within: Symmetric3::of(&state.covariance()).0.map(|entry| by(weight, whole(entry))),
             towards: [0, 1, 2].map(|axis| whole(towards[axis]).into()),
             normal: [0, 1, 2].map(|axis| by(weight, whole(normal[axis]))),
             noise: by(weight, whole(noise)),
@@ -113,19 +113,20 @@ impl ClusterSums {
     pub(crate) fn covariance(&self) -> Matrix3<f64> {
         let about = self.sum.map(|sum| sum / self.weight);
         let rest = self.sum.map(|sum| (sum % self.weight) as f64 / self.weight as f64);
-        symmetric(std::array::from_fn(|k| {
+        let entries = std::array::from_fn(|k| {
             let (i, j) = PAIRS[k];
             let centred = self.squares[k]
                 .wrapping_sub(about[i].wrapping_mul(self.sum[j]))
                 .wrapping_sub(about[j].wrapping_mul(self.sum[i]))
                 .wrapping_add(self.weight.wrapping_mul(about[i]).wrapping_mul(about[j]));
             (centred as f64 / self.weight as f64 - rest[i] * rest[j]) / (UNITS * UNITS)
-        }))
+        });
+        Symmetric3(entries).matrix()
     }
 
     /// Mean covariance of the points within their voxels, in voxels^2.
     pub(crate) fn covariance_within(&self) -> Matrix3<f64> {
-        symmetric(self.within.map(|sum| sum as f64 / (self.weight as f64 * UNITS)))
+        Symmetric3(self.within.map(|sum| sum as f64 / (self.weight as f64 * UNITS))).matrix()
     }
 
     /// Sum of the directions towards the sensor.

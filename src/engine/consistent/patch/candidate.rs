@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 use crate::engine::consistent::noise::Noise;
 use crate::engine::consistent::plane::Plane;
 use crate::engine::consistent::state::{Blur, State};
-use crate::engine::symmetric::{along, upper};
+use crate::engine::symmetric::Symmetric3;
 
 /// What a state says of its points, in numbers that are ready to be used.
 #[derive(Clone, Copy, Debug)]
@@ -13,7 +13,7 @@ pub(super) struct Candidate {
     mean: Vector3<f64>,
     blur: Blur,
     /// See [`State::weighted_covariance`].
-    weighted_covariance: [f64; 6],
+    weighted_covariance: Symmetric3,
 }
 
 /// More than what a quotient times its divisor is less than its dividend by.
@@ -24,7 +24,7 @@ impl Candidate {
         Self {
             mean: state.mean(),
             blur: state.blur(noise),
-            weighted_covariance: upper(&state.weighted_covariance(noise)),
+            weighted_covariance: Symmetric3::of(&state.weighted_covariance(noise)),
         }
     }
 
@@ -46,7 +46,7 @@ impl Candidate {
         }
         // Points that lie closer together than their noise would have them are no better than right on it: less than nothing, the
         // misfit would not be told from one beyond `most`.
-        let thickness = along(self.weighted_covariance, normal).max(0.0);
+        let thickness = self.weighted_covariance.quadratic_form(normal).max(0.0);
         Some((off * off + thickness) / allowed).filter(|misfit| *misfit <= most)
     }
 }

@@ -12,7 +12,7 @@ use crate::engine::consistent::noise::Noise;
 use crate::engine::consistent::plane::Plane;
 use crate::engine::consistent::state::State;
 use crate::engine::plane::DEGENERATE;
-use crate::engine::symmetric::{along, least_at_least, quadratic, symmetric, upper};
+use crate::engine::symmetric::{Symmetric3, quadratic};
 
 /// What is summed, one after another: weight, weighted means, their weighted products (xx, xy, xz, yy, yz, zz), directions
 /// towards the sensor, number of voxels. Lengths in voxels from the block's corner, weights in voxels^-2. One array, so that
@@ -76,7 +76,7 @@ impl PlaneSums {
     /// The sums of one voxel, by where its points lie.
     pub(crate) fn points(state: &State, noise: &Noise) -> Self {
         let mut sums = Self::one(state, noise);
-        let within = upper(&state.covariance()).map(|entry| entry * state.mean_weight(noise));
+        let within = Symmetric3::of(&state.covariance()).0.map(|entry| entry * state.mean_weight(noise));
         sums.0[OUTER..TOWARDS].iter_mut().zip(within).for_each(|(sum, entry)| *sum += entry);
         sums
     }
@@ -114,7 +114,7 @@ impl PlaneSums {
 
     fn covariance(&self) -> Matrix3<f64> {
         let point = self.middle();
-        matrix(&self.0, OUTER) / self.weight() - point * point.transpose()
+        symmetric(&self.0, OUTER).matrix() / self.weight() - point * point.transpose()
     }
 
     fn middle(&self) -> Vector3<f64> {
@@ -153,9 +153,9 @@ impl ResidualSums {
         let mut sums = [0.0; 16];
         let mean = state.mean();
         sums[MEAN..SQUARE].copy_from_slice(mean.as_slice());
-        sums[SQUARE..NOISE]
-            .copy_from_slice(&upper(&(state.weighted_covariance(noise) + mean * mean.transpose())));
-        sums[NOISE..COUNT].copy_from_slice(&upper(&state.blur(noise).covariance()));
+        let square = state.weighted_covariance(noise) + mean * mean.transpose();
+        sums[SQUARE..NOISE].copy_from_slice(&Symmetric3::of(&square).0);
+        sums[NOISE..COUNT].copy_from_slice(&Symmetric3::of(&state.blur(noise).covariance()).0);
         sums[COUNT] = 1.0;
         Self(sums)
     }
@@ -209,11 +209,13 @@ impl ResidualSums {
     pub(crate) fn fits_none(&self, noise_factor: f64, flatness: f64) -> bool {
         let count = self.0[COUNT];
         let mean = vector(&self.0, MEAN) / count;
-        let products = upper(&(mean * mean.transpose()));
-        let noise = [0, 3, 5].map(|place| self.0[NOISE + place]).iter().sum::<f64>() / count;
-        let spread = std::array::from_fn(|place| self.0[SQUARE + place] / count - products[place]);
+        let Symmetric3(products) = Symmetric3::of(&(mean * mean.transpose()));
+        let noise = symmetric(&self.0, NOISE).trace() / count;
+        let spread =
+            Symmetric3(std::array::from_fn(|place| self.0[SQUARE + place] / count - products[place]));
         // The sum of the noise's variances is no less than that along any normal; the last factor is for rounding.
-        least_at_least(spread) > (noise_factor * noise_factor * noise + flatness * flatness) * (1.0 + 1e-9)
+        spread.eigenvalue_lower_bound()
+            > (noise_factor * noise_factor * noise + flatness * flatness) * (1.0 + 1e-9)
     }
 
     /// Variance that noise gives the points along a direction, on the mean.
@@ -223,7 +225,7 @@ impl ResidualSums {
 
     /// What is summed of a moment along a direction.
     fn along(&self, direction: &Vector3<f64>, first: usize) -> f64 {
-        along(std::array::from_fn(|place| self.0[first + place]), direction)
+        symmetric(&self.0, first).quadratic_form(direction)
     }
 }
 
@@ -236,8 +238,8 @@ fn vector(sums: &[f64; 16], first: usize) -> Vector3<f64> {
     Vector3::from_column_slice(&sums[first..first + 3])
 }
 
-fn matrix(sums: &[f64; 16], first: usize) -> Matrix3<f64> {
-    symmetric(std::array::from_fn(|place| sums[first + place]))
+fn symmetric(sums: &[f64; 16], first: usize) -> Symmetric3 {
+    Symmetric3(std::array::from_fn(|place| sums[first + place]))
 }
 
 #[cfg(test)]
@@ -283,7 +285,7 @@ mod tests {
             prop_assert_eq!(residuals.misfit_of_one(&plane, 2.0, 0.2), by_sums);
             prop_assert_eq!(residuals.is_one_allowed(&plane, 2.0, 0.2), by_sums <= 1.0);
             // What is stored of the points may have them closer together than a plane is thick; a voxel's misfit has not.
-            let thickness = along(upper(&state.weighted_covariance(&noise())), &normal).min(0.0);
+            let thickness = Symmetric3::of(&state.weighted_covariance(&noise())).quadratic_form(&normal).min(0.0);
             let one = by_sums - thickness / (4.0 * residuals.noise_along(&normal) + 0.04);
             let other = Candidate::new(&state, &noise()).misfit(&plane, 2.0, 0.2, f64::INFINITY);
             prop_assert_eq!(PlaneSums::one(&state, &noise()).is_seen_from(&plane), other.is_some());
@@ -302,8 +304,7 @@ mod tests {
             let mut residuals = ResidualSums::default();
             states.iter().for_each(|state| residuals.join(&ResidualSums::one(state, &noise())));
             // Every voxel as thick as it counts there, and all of them counting the same: the plane that lies nearest.
-            let squares = symmetric(std::array::from_fn(|place| residuals.0[SQUARE + place]));
-            let squares = squares / residuals.0[COUNT];
+            let squares = symmetric(&residuals.0, SQUARE).matrix() / residuals.0[COUNT];
             let middle = vector(&residuals.0, MEAN) / residuals.0[COUNT];
             let normal = Eigen::of(&(squares - middle * middle.transpose())).normal;
             let plane = Plane { point: middle, normal: UnitVector3::new_normalize(normal) };

@@ -2,7 +2,7 @@
 
 use super::Patch;
 use crate::engine::consistent::rules::{RIM_NOISE_FACTOR, Rules};
-use crate::engine::symmetric::along;
+use crate::engine::symmetric::Symmetric3;
 
 /// Part of a noisy patch's noise, as standard deviations, that the one which it is a slice of has at most.
 const SHARPER: f64 = 0.75;
@@ -48,8 +48,8 @@ impl Patch {
     /// How far its points are off the plane of another, by what is allowed of a slice.
     pub(in super::super) fn misfit(&self, other: &Self, rules: &Rules) -> f64 {
         let (normal, off) = (other.normal(), other.height_of(&self.mean()));
-        let square = off * off + along(self.square.map(f64::from), &normal);
-        let noise = along(self.blur.map(f64::from), &normal);
+        let square = off * off + Symmetric3(self.square.map(f64::from)).quadratic_form(&normal);
+        let noise = Symmetric3(self.blur.map(f64::from)).quadratic_form(&normal);
         let flatness = rules.rim_flatness * rules.rim_flatness;
         square / (RIM_NOISE_FACTOR * RIM_NOISE_FACTOR * noise + flatness)
     }
