@@ -197,7 +197,7 @@ const fn rgb([red, green, blue]: [u8; 3]) -> RGBColor {
     RGBColor(red, green, blue)
 }
 
-/// The points that are drawn: of a line the peaks stay, and dots stay where they are many.
+/// The points that are drawn. Of more than [`MOST_POINTS`] a line keeps its ends and its peaks, and of dots one in so many stays.
 fn drawn(series: &Series) -> Vec<(f64, f64)> {
     let finite = |(x, y): &(f64, f64)| x.is_finite() && y.is_finite();
     let points: Vec<_> = series.points.iter().copied().filter(finite).collect();
@@ -206,8 +206,10 @@ fn drawn(series: &Series) -> Vec<(f64, f64)> {
     }
     match series.style {
         Style::Line | Style::Dashed | Style::Broad => {
-            let run = points.len().div_ceil(MOST_POINTS / 2);
-            points.chunks(run).flat_map(lowest_and_highest).collect()
+            let [first, between @ .., last] = &points[..] else { return points };
+            let run = between.len().div_ceil(MOST_POINTS / 2 - 1);
+            let peaks = between.chunks(run).flat_map(lowest_and_highest);
+            [*first].into_iter().chain(peaks).chain([*last]).collect()
         }
         Style::Marked => points,
         Style::Dots => {
@@ -292,15 +294,18 @@ mod tests {
     fn a_long_line_keeps_its_peaks_and_many_dots_their_places() {
         let mut points: Vec<_> = (0..1600).map(|i| (f64::from(i), 1.0)).collect();
         (points[801].1, points[1101].1) = (100.0, -5.0);
+        // The ends stay beside what is higher and lower in the same run.
+        (points[0].1, points[1].1, points[2].1) = (2.0, 3.0, 0.5);
+        (points[1599].1, points[1598].1, points[1597].1) = (2.0, 3.0, 0.5);
         let line = drawn(&series(points.clone()));
         assert!(line.len() <= MOST_POINTS && line.is_sorted_by(|a, b| a.0 < b.0), "{line:?}");
         assert!(
-            [(0.0, 1.0), (801.0, 100.0), (1101.0, -5.0), (1599.0, 1.0)].iter().all(|it| line.contains(it))
+            [(0.0, 2.0), (801.0, 100.0), (1101.0, -5.0), (1599.0, 2.0)].iter().all(|it| line.contains(it))
         );
         let dots = Series { style: Style::Dots, ..series(points.clone()) };
         assert!(drawn(&dots).len() <= MOST_POINTS && drawn(&dots).iter().all(|dot| points.contains(dot)));
         let panel = Panel { series: vec![dots], ..Panel::default() };
-        assert!(extents(&panel).unwrap().1.end < 2.0, "no room for what is not drawn");
+        assert!(extents(&panel).unwrap().1.end < 3.5, "no room for what is not drawn");
     }
 
     #[test]
