@@ -15,12 +15,13 @@
 //! follows the scan and the view, which ends at the farthest point, or at [`FARTHEST`].
 
 mod body;
+mod clearance;
 mod view;
 
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
 use self::body::Body;
-pub(crate) use self::view::Clearance;
+pub(crate) use self::clearance::Clearance;
 use self::view::RangeGrid;
 use super::block::{Block, BlockIndex, BlockKey, Cell, EDGE, Voxel};
 use super::grid::Grid;

@@ -1,6 +1,6 @@
 //! What is kept of a cluster while its voxels come and go.
 
-pub(super) mod sums;
+mod sums;
 
 use std::sync::Arc;
 
@@ -8,8 +8,9 @@ use nalgebra::{Matrix3, UnitVector3, Vector3};
 
 use serde::{Deserialize, Serialize};
 
-use self::sums::{ClusterSums, Weight};
+use self::sums::ClusterSums;
 use super::outline::footprint::{Axis, Content, Footprint};
+use super::patch::Weight;
 use super::state::State;
 use crate::engine::class::SurfaceClass;
 use crate::engine::key::{ClusterId, VoxelKey};

@@ -1,9 +1,10 @@
 //! The map as it was after a scan, which no later scan changes: whatever leaves the engine of all of the map is made of it, by
 //! another thread if need be, while the engine goes on.
 //!
-//! **Cost.** To freeze it, a pointer for each page of blocks, patches and components ([`Shared`](super::lists::shared::Shared)), and who each cluster
-//! is. Nothing else is copied then but the numbers of free slots: the map shares all that it holds with the engine, which has a page for itself from the first
-//! change on that it makes there, so that the scans after it pay for what they change. What is made of it costs O(map).
+//! **Cost.** To freeze it, a pointer for each page of blocks, patches and components
+//! ([`Shared`](super::lists::shared::Shared)), and who each cluster is. Nothing else is copied then but the numbers of free
+//! slots: the map shares all that it holds with the engine, which has a page for itself from the first change on that it
+//! makes there, so that the scans after it pay for what they change. What is made of it costs O(map).
 
 mod voxels;
 

@@ -1,6 +1,11 @@
 //! A patch: the planar piece of a surface that lies in one block.
 //!
 //! Positions are in voxels from the corner of voxel (0, 0, 0).
+//!
+//! `segment` gathers the voxels of a block to patches, by sums that planes are fitted to (`plane_sums`), and `segmented` holds what it
+//! has found. `contacts` tells where patches touch, within a block and across its border; `meet` does so for a whole map. Which of
+//! these are one surface say `slice`, `fold` and `join`, and `host` for what is a part of another. `owner` finds the patch of a loose
+//! voxel, which is a `candidate` for several.
 
 mod candidate;
 pub(super) mod contacts;
@@ -22,12 +27,20 @@ use self::fold::is_folded;
 use self::plane_sums::{Fit, PlaneSums};
 use super::block::{BlockIndex, EDGE};
 use super::cells::Cells;
-use super::cluster::sums::Weight;
 use super::noise::Noise;
 use super::plane::Plane;
 use super::rules::Rules;
 use super::state::State;
 use crate::engine::symmetric::{Symmetric3, quadratic};
+
+/// What a voxel counts in the fit of a plane.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Weight {
+    /// Inverse variance of its mean, in voxels^-2; a tenth of it in a rough patch, whose points lie off its plane.
+    pub(super) most: f64,
+    /// The part of that which it counts, 0 to 1: it may hold what is not of the plane.
+    pub(super) part: f64,
+}
 
 /// How a patch was grown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -17,7 +17,7 @@ use crate::engine::key::Partition;
 
 /// What the definition makes of the states of segmented blocks, whatever else is known of these.
 pub(super) fn partition(grid: &Grid, published: &SegmentedBlocks, rules: &Rules) -> Partition {
-    let anew = grid.blocks().map(|(index, block)| published[index].anew(block.corner(), rules));
+    let anew = grid.blocks().map(|(index, _)| published[index].anew(rules));
     partition_of(grid, anew.collect(), rules)
 }
 

@@ -10,7 +10,6 @@ use super::block::{CELLS, Cell, Voxel};
 use super::eigen::Eigen;
 use super::noise::Noise;
 use super::plane::Plane;
-use super::publish::baseline::{PARTS, in_parts};
 use super::sums::Moments;
 use crate::engine::binning::nearest;
 use crate::engine::symmetric::Symmetric3;
@@ -39,6 +38,15 @@ const SHEET: f64 = 2.0;
 /// Units of what is kept of a covariance, in voxels^2, and of a direction.
 const COVARIANCE_UNITS: f64 = 65536.0;
 const DIRECTION_UNITS: f64 = 16384.0;
+
+/// Parts of a voxel's edge in which the places of means are kept.
+pub(super) const PARTS: f64 = 65536.0;
+
+/// An offset from the voxel's corner in these parts, to the nearest: rounded down, each rest of a voxel would lower what is seen
+/// to rise and fall about it.
+pub(super) fn in_parts(offset: f64) -> u16 {
+    nearest(offset * PARTS).clamp(0, u16::MAX.into()) as u16
+}
 
 /// A dense voxel, published: the definition knows it to a 65536th of a voxel. A map is saved with states as they are here.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -179,7 +187,7 @@ impl State {
 
     /// Covariance of its points as it counts about a plane: more where they are sharp, for a voxel in which a surface shows as a
     /// sheet lies on no plane across that sheet, even where its mean does.
-    pub(super) fn weighted_covariance(&self, noise: &Noise) -> Matrix3<f64> {
+    pub(super) fn thickness(&self, noise: &Noise) -> Matrix3<f64> {
         let is_sharp = self.depth_variance(noise) <= SHARP;
         self.covariance() * if is_sharp { SHEET } else { 1.0 }
     }

@@ -5,7 +5,7 @@
 //! sensor's own rays are farther apart than directions are ([`spacing`]): there all those towards the box that were measured must
 //! end beyond it, one of them next to its centre and the next ones beside that, and none may be farther from one that was than rays
 //! are from each other. What is thin must have a ray in the direction of its own centre.
-//! [`RangeGrid::blocks_in_view`] names the blocks in which such voxels may lie, and [`Clearance`] says when one has been
+//! [`RangeGrid::blocks_in_view`] names the blocks in which such voxels may lie, and [`super::Clearance`] says when one has been
 //! seen through often enough to lose its points.
 //!
 //! **Kept true.** A box with a measured point in it, or nearer than `margin` behind its far side, is never seen through where it
@@ -25,9 +25,9 @@
 //! of the largest coordinate picks one of six faces, the two other coordinates divided by it a cell. Depth is that
 //! largest coordinate: monotone along a ray, and without a root.
 //!
-//! **Cost.** Filling: one division and one write a point of a list, 2 to 3 ns; a tenth of that a pixel (`pixels`). A look at a voxel: the cells
-//! that it covers, until the first that does not end beyond it; mostly one. Memory: 8 bytes a cell, 3 MB. After the
-//! first scans nothing is allocated.
+//! **Cost.** Filling: one division and one write a point of a list, 2 to 3 ns; a tenth of that a pixel (`pixels`). A look
+//! at a voxel: the cells that it covers, until the first that does not end beyond it; mostly one. Memory: 8 bytes a cell, 3
+//! MB. After the first scans nothing is allocated.
 //!
 //! Units are metres, in the sensor's frame where nothing else is said.
 
@@ -36,8 +36,6 @@ use std::ops::Range;
 use nalgebra::Point3;
 use pulp::{Simd, WithSimd};
 
-pub(crate) use clearance::Clearance;
-
 use super::body::Body;
 use crate::engine::arch::arch;
 use crate::engine::points::Points;
@@ -45,7 +43,6 @@ use silhouette::{Face, Silhouette};
 use spacing::Gaps;
 
 mod blocks;
-mod clearance;
 mod pixels;
 mod silhouette;
 mod spacing;
@@ -270,8 +267,9 @@ impl WithSimd for Filling<'_> {
     }
 }
 
-/// The largest of these depths that are those of points, finite and above 0; as bits, of which a processor takes several at once:
-/// they have the order of what they stand for, and those of all others, of what is below 0 too, are not less than those of infinity.
+/// The largest of these depths that are those of points, finite and above 0; as bits, of which a processor takes several at
+/// once: they have the order of what they stand for, and those of all others, of what is below 0 too, are not less than
+/// those of infinity.
 #[inline(always)]
 fn farther(than: f32, depths: &[f32]) -> f32 {
     let mut most = 0;

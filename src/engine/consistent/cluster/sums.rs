@@ -7,6 +7,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use crate::engine::binning::nearest;
+use crate::engine::consistent::patch::Weight;
 use crate::engine::consistent::state::State;
 use crate::engine::symmetric::{PAIRS, Symmetric3};
 
@@ -14,15 +15,6 @@ use crate::engine::symmetric::{PAIRS, Symmetric3};
 const UNITS: f64 = 1_048_576.0;
 /// Units of a voxel's weight in a fit.
 const WEIGHT_UNITS: f64 = 64.0;
-
-/// What a voxel counts in the fit of a plane.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Weight {
-    /// Inverse variance of its mean, in voxels^-2; a tenth of it in a rough patch, whose points lie off its plane.
-    pub(crate) most: f64,
-    /// The part of that which it counts, 0 to 1: it may hold what is not of the plane.
-    pub(crate) part: f64,
-}
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct ClusterSums {

@@ -12,8 +12,8 @@ use crate::engine::symmetric::Symmetric3;
 pub(super) struct Candidate {
     mean: Vector3<f64>,
     blur: Blur,
-    /// See [`State::weighted_covariance`].
-    weighted_covariance: Symmetric3,
+    /// See [`State::thickness`].
+    thickness: Symmetric3,
 }
 
 /// More than what a quotient times its divisor is less than its dividend by.
@@ -24,7 +24,7 @@ impl Candidate {
         Self {
             mean: state.mean(),
             blur: state.blur(noise),
-            weighted_covariance: Symmetric3::of(&state.weighted_covariance(noise)),
+            thickness: Symmetric3::of(&state.thickness(noise)),
         }
     }
 
@@ -46,7 +46,7 @@ impl Candidate {
         }
         // Points that lie closer together than their noise would have them are no better than right on it: less than nothing, the
         // misfit would not be told from one beyond `most`.
-        let thickness = self.weighted_covariance.quadratic_form(normal).max(0.0);
+        let thickness = self.thickness.quadratic_form(normal).max(0.0);
         Some((off * off + thickness) / allowed).filter(|misfit| *misfit <= most)
     }
 }

@@ -14,7 +14,7 @@ pub(crate) fn meet_all(grid: &Grid, segmented: &mut SegmentedBlocks, rules: &Rul
         let mut met = Contacts::new(block.corner());
         for (direction, other) in block.around.iter() {
             let [here, there] = [index, other].map(|block| &segmented[block]);
-            for ((a, b), contact) in contacts(here, there, direction, block.corner()) {
+            for ((a, b), contact) in contacts(here, there, direction) {
                 met.insert(a, PatchId { block: other, number: b }, &contact);
                 if other == index {
                     met.insert(b, PatchId { block: index, number: a }, &contact);

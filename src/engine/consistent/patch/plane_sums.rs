@@ -136,9 +136,9 @@ impl PlaneSums {
     }
 }
 
-/// What says how far the points of voxels are off a plane, summed: means, second moments of the points about the block's
-/// corner and noise (both xx, xy, xz, yy, yz, zz), number of voxels. Lengths in voxels from the block's corner; nothing is
-/// weighted.
+/// What says how far the points of voxels are off a plane, summed: means, second moments about the block's corner, with each
+/// voxel's covariance as [`State::thickness`] counts it, and noise (both xx, xy, xz, yy, yz, zz), number of voxels. Lengths in
+/// voxels from the block's corner; each voxel counts once.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct ResidualSums([f64; 16]);
 
@@ -153,7 +153,7 @@ impl ResidualSums {
         let mut sums = [0.0; 16];
         let mean = state.mean();
         sums[MEAN..SQUARE].copy_from_slice(mean.as_slice());
-        let square = state.weighted_covariance(noise) + mean * mean.transpose();
+        let square = state.thickness(noise) + mean * mean.transpose();
         sums[SQUARE..NOISE].copy_from_slice(&Symmetric3::of(&square).0);
         sums[NOISE..COUNT].copy_from_slice(&Symmetric3::of(&state.blur(noise).covariance()).0);
         sums[COUNT] = 1.0;
@@ -285,7 +285,7 @@ mod tests {
             prop_assert_eq!(residuals.misfit_of_one(&plane, 2.0, 0.2), by_sums);
             prop_assert_eq!(residuals.is_one_allowed(&plane, 2.0, 0.2), by_sums <= 1.0);
             // What is stored of the points may have them closer together than a plane is thick; a voxel's misfit has not.
-            let thickness = Symmetric3::of(&state.weighted_covariance(&noise())).quadratic_form(&normal).min(0.0);
+            let thickness = Symmetric3::of(&state.thickness(&noise())).quadratic_form(&normal).min(0.0);
             let one = by_sums - thickness / (4.0 * residuals.noise_along(&normal) + 0.04);
             let other = Candidate::new(&state, &noise()).misfit(&plane, 2.0, 0.2, f64::INFINITY);
             prop_assert_eq!(PlaneSums::one(&state, &noise()).is_seen_from(&plane), other.is_some());

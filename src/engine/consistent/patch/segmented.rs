@@ -118,14 +118,13 @@ impl Segmented {
         }
     }
 
-    /// The same found anew from the states, with nothing known of what it meets; in the block with this lower corner (voxel
-    /// indices).
-    pub(crate) fn anew(&self, corner: [i32; 3], rules: &Rules) -> Self {
+    /// The same found anew from the states, with nothing known of what it meets.
+    pub(crate) fn anew(&self, rules: &Rules) -> Self {
         let admitted = self.loose.iter().filter(|loose| loose.is_admitted());
         let admitted: Cells = admitted.map(|loose| self.states[loose.place()].cell()).collect();
         let (admitted, published): (Vec<_>, Vec<_>) =
             self.states.iter().cloned().partition(|state| admitted.contains(state.cell()));
-        let mut anew = Self::of(published, corner, rules);
+        let mut anew = Self::of(published, self.corner(), rules);
         for state in admitted {
             anew.admit(state);
         }
@@ -219,15 +218,13 @@ impl SegmentedBlocks {
     }
 }
 
-/// Contacts between the patches of a block with this lower corner (voxel indices) and those of the block in this direction, by
-/// their numbers.
+/// Contacts between the patches of a block and those of the block in this direction, by their numbers.
 pub(crate) fn contacts(
     here: &Segmented,
     there: &Segmented,
     direction: Direction,
-    corner: [i32; 3],
 ) -> Vec<((u8, u8), Contact)> {
-    let offset = direction.offset();
+    let (corner, offset) = (here.corner(), direction.offset());
     let border = Cells::border(direction, REACH);
     let mut contacts = Vec::new();
     for (number, own) in (0..).zip(&here.patches) {

@@ -6,7 +6,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::engine::binning::nearest;
+use crate::engine::consistent::state::{PARTS, in_parts};
 use crate::engine::consistent::sums::Moments;
 
 /// What a voxel was when its block was published last; all zero while it never was.
@@ -26,15 +26,6 @@ pub(crate) struct Baseline {
 const DRIFT: f64 = 0.1;
 /// Part of its published noise (as a variance) below which it has drifted as well.
 const SHARPER: f32 = 0.6;
-
-/// Parts of a voxel's edge in which the places of means are kept.
-pub(crate) const PARTS: f64 = 65536.0;
-
-/// An offset from the voxel's corner in these parts, to the nearest: rounded down, each rest of a voxel would lower what is seen
-/// to rise and fall about it.
-pub(crate) fn in_parts(offset: f64) -> u16 {
-    nearest(offset * PARTS).clamp(0, u16::MAX.into()) as u16
-}
 
 /// Points by weight; above 0, for there is a point.
 fn noise_of(moments: &Moments) -> f32 {

@@ -34,7 +34,8 @@ impl Due {
         self.stale.push(block);
     }
 
-    /// The blocks to be published now, ascending; the others go on waiting. What has changed is in those that the scan `touched`: put points into, or took voxels from.
+    /// The blocks to be published now, ascending; the others go on waiting. What has changed is in those that the scan
+    /// `touched`: put points into, or took voxels from.
     pub(crate) fn take<'a>(
         &mut self,
         grid: &Grid,

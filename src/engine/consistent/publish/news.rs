@@ -37,7 +37,8 @@ pub(crate) struct Timing {
 /// What a block has to tell.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct News {
-    /// Whether a voxel has become dense, or has doubled its weight, since the block was published.
+    /// Whether a voxel has become dense, or has doubled its weight, since the block was published; or a scan has put points into
+    /// one, and the block is to rest.
     changed: bool,
     /// Whether a scan has put points into a dense voxel since then. Not saved: whoever restores a map finds it again.
     #[serde(skip)]
@@ -62,7 +63,7 @@ impl News {
     /// Whether the states of a block with this many `dense` voxels are to be published. The first of these that holds decides:
     ///
     /// - a dense voxel has gone: yes, at once;
-    /// - no voxel has become dense or doubled its weight since the block was published: no;
+    /// - nothing has changed ([`Self::is_stale`]): no;
     /// - the block was never published: yes;
     /// - the sensor has gone, [`LEFT_ALONE`] scans ago: yes;
     /// - the block was published less than [`PUBLICATION_INTERVAL`] scans ago: no;

@@ -85,7 +85,7 @@ impl Surfaces {
                 continue;
             }
             let [here, there] = [block, other].map(|block| &self.segmented[block]);
-            let met = contacts(here, there, direction, grid.block(block).corner());
+            let met = contacts(here, there, direction);
             for ((a, b), contact) in met {
                 let [a, b] = [PatchId { block, number: a }, PatchId { block: other, number: b }];
                 self.segmented[block].contacts.insert(a.number, b, &contact);

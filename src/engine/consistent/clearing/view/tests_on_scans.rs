@@ -8,6 +8,7 @@ use rand::rngs::Xoshiro256PlusPlus;
 
 use super::tests::padded;
 use super::*;
+use crate::engine::consistent::clearing::Clearance;
 use crate::engine::consistent::clearing::tests::on_surfaces;
 use crate::sim::{Kinect, Robot, Scene};
 

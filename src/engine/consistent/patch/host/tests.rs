@@ -18,7 +18,7 @@ fn id(block: u32, number: u8) -> PatchId {
 /// The first block, of these patches, which meet each other.
 fn of_a_block(patches: Vec<Patch>) -> Segmented {
     let mut here = of_patches(patches);
-    for ((a, b), contact) in contacts(&here, &here.clone(), Direction::OWN, [0; 3]) {
+    for ((a, b), contact) in contacts(&here, &here.clone(), Direction::OWN) {
         here.contacts.insert(a, id(0, b), &contact);
         here.contacts.insert(b, id(0, a), &contact);
     }
@@ -62,7 +62,7 @@ fn what_lies_between_floor_and_ramp_is_a_part_of_the_one_that_it_fits_best() {
     let mut there = of_patches(vec![ramp]);
     there.contacts = Contacts::new(corner);
     let on_floor = SegmentedBlocks::from_iter([here.clone(), Segmented::default()]);
-    for ((a, b), contact) in contacts(&here, &there, Direction::of([0, 1, 0]), [0; 3]) {
+    for ((a, b), contact) in contacts(&here, &there, Direction::of([0, 1, 0])) {
         here.contacts.insert(a, id(1, b), &contact);
         there.contacts.insert(b, id(0, a), &contact);
     }

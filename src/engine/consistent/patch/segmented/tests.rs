@@ -24,8 +24,8 @@ pub(in super::super) fn of_patches(patches: Vec<Patch>) -> Segmented {
     Segmented { cells, patches, ..Segmented::default() }
 }
 
-/// Of patches of which nothing counts but their cells.
-fn block(drawn: &Drawn) -> Segmented {
+/// A block with this lower corner, of patches of which nothing counts but their cells.
+fn block(drawn: &Drawn, corner: [i32; 3]) -> Segmented {
     static ANY: LazyLock<Patch> = LazyLock::new(|| rows(0..4, |_| 2.3));
     let patch = |number: u8| {
         let mut patch = ANY.clone();
@@ -33,7 +33,7 @@ fn block(drawn: &Drawn) -> Segmented {
         patch.cells = own.map(|(at, _)| Cell::at(*at)).collect();
         patch
     };
-    of_patches((0..PATCHES).map(patch).collect())
+    Segmented { contacts: Contacts::new(corner), ..of_patches((0..PATCHES).map(patch).collect()) }
 }
 
 /// Two patches meet in each pair of voxels that touch, be it with a corner. Within a block the one with the
@@ -68,7 +68,8 @@ proptest! {
     ) {
         let there = if direction == [0; 3] { here.clone() } else { there };
         let corner = key.map(|along| along * EDGE);
-        let found = contacts(&block(&here), &block(&there), Direction::of(direction), corner);
+        // Where the other lies follows from the direction.
+        let found = contacts(&block(&here, corner), &block(&there, [0; 3]), Direction::of(direction));
         let known = naive_contacts(&here, &there, direction, corner);
         prop_assert_eq!(found, known.into_iter().collect::<Vec<_>>());
     }
