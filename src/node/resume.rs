@@ -14,8 +14,8 @@ use crate::store::{self, Kept, Lock, StoreError, Stored};
 
 /// The engine that a session begins with: with the map of `snapshot_path` where it is to be resumed and there is one. What
 /// cannot be used is set aside, never written over: a damaged file, one of another version, and one that is not to be resumed; only a
-/// map that has taken in no scan is left to be written over. Of what was set aside the newest [`store::MOST_ASIDE`] of each kind are kept, and the largest. The lock is the right to save there, to be
-/// kept as long as the node runs.
+/// map that has taken in no scan is left to be written over. Of what was set aside the newest [`store::MOST_ASIDE`] of each kind are
+/// kept, and the largest. The lock is the right to save there, to be kept as long as the node runs.
 ///
 /// # Errors
 /// When there is no path, another process saves there, the map was made with other parameters, or a file cannot be read or

@@ -31,8 +31,8 @@ fn reported_with_refused(seconds: f64) -> DiagnosticStatus {
 
 #[test]
 fn what_helps_where_a_scan_got_no_transform_is_reported_as_it_is_logged() {
-    let nobody = "no frame `nowhere` has been seen; no transform has come at all: nobody publishes on /tf";
-    let seen = "no frame `nowhere` has been seen; frames seen: camera, odom";
+    let nobody = "no frame odom has been seen; no transform has come at all: nobody publishes on /tf";
+    let seen = "no frame nowhere has been seen; frames seen: camera, odom";
     for (has_transforms, words) in [(false, nobody), (true, seen)] {
         let (report, said) = driven(Fake::default(), async |live| {
             if has_transforms {
