@@ -330,7 +330,9 @@ fn an_absurd_count_of_fields_ends_with_the_data() {
     // Stamp 8, string length 4, "f\0", padding 2, height and width 8: the count stands at byte 24.
     assert_eq!(bytes[24..28], [3, 0, 0, 0]);
     bytes[24..28].copy_from_slice(&u32::MAX.to_le_bytes());
-    assert!(by_seed(&bytes, KINECT).is_err());
+    let mut is_refused = false;
+    let memory = allocation_counter::measure(|| is_refused = by_seed(&bytes, KINECT).is_err());
+    assert!(is_refused && memory.bytes_max < 1 << 20, "{} bytes", memory.bytes_max);
 }
 
 #[test]

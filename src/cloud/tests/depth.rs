@@ -109,6 +109,17 @@ fn naive(form: &Form, width: u32, sent: &[f32]) -> (Vec<[f32; 3]>, u32, u32) {
 }
 
 #[test]
+fn a_ray_ends_where_a_sensor_can_have_measured_and_no_farther() {
+    let depths = [1.0, 100.0, 100.1];
+    let image = Form { encoding: "32FC1", ..PLAIN }.image(3, &depths);
+    let points = image_taken(&image, camera(3, 1)).unwrap().points;
+    assert_eq!(image_of(&points).ends().iter().map(|end| end[2]).collect::<Vec<_>>(), [100.0]);
+    let cloud = super::Form::xyz(16).message(OPTICAL_FRAME, 1, &depths.map(|z| [0.0, 0.0, f64::from(z)]));
+    let points = taken(&cloud, &KINECT).unwrap().points;
+    assert_eq!(points, Points::Ended { points: vec![[0.0, 0.0, 1.0]], ends: vec![[0.0, 0.0, 100.0]] });
+}
+
+#[test]
 fn every_encoding_gives_the_same_points() {
     let millimetres = [0.0, 500.0, 65535.0, 1234.0, 399.0, 6001.0];
     for form in FORMS {

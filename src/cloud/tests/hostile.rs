@@ -23,7 +23,10 @@ fn a_length_beyond_the_buffer_ends_with_it_and_takes_no_memory() {
         for length in [u32::MAX, u32::MAX - 3, 1 << 31, good.len() as u32] {
             let mut bytes = good.clone();
             bytes[at..at + 4].copy_from_slice(&length.to_le_bytes());
-            assert!(by_seed(&bytes, KINECT).is_err(), "{length} at {at}");
+            let mut is_refused = false;
+            let memory = allocation_counter::measure(|| is_refused = by_seed(&bytes, KINECT).is_err());
+            assert!(is_refused, "{length} at {at}");
+            assert!(memory.bytes_max < 1 << 20, "{length} at {at}: {} bytes", memory.bytes_max);
         }
     }
     assert!(by_seed(&good, KINECT).unwrap().is_ok());
