@@ -145,37 +145,44 @@ fn a_frame_of_2000_hz_can_be_looked_up_at_any_time_as_if_all_were_kept() {
     }
 }
 
+/// When a flood plays (s): at the time of the others, and long after it.
+const FLOODS: [f64; 2] = [0.0, 1e6];
+
 #[test]
 fn the_samples_of_all_frames_are_bounded_and_those_of_another_time_make_room() {
-    let mut frames = Frames::new();
-    frames.dynamic("odom", "camera", 0.0, 1.0);
-    let each = 5_000;
-    for i in 0..MAX_SAMPLES {
-        let mut message = message("odom", &format!("flood{}", i / each), 0.0, &shift(1.0));
-        message.header.stamp.nanosec = 1000 + (i % each) as u32;
-        let inserted = frames.insert(&message, false);
-        assert_eq!(inserted.is_ok(), i < MAX_SAMPLES - 1, "{i}: {inserted:?}");
+    for flood in FLOODS {
+        let mut frames = Frames::new();
+        frames.dynamic("odom", "other", flood, 1.0);
+        let each = 5_000;
+        for i in 0..MAX_SAMPLES {
+            let mut message = message("odom", &format!("flood{}", i / each), flood, &shift(1.0));
+            message.header.stamp.nanosec = 1000 + (i % each) as u32;
+            let inserted = frames.insert(&message, false);
+            assert_eq!(inserted.is_ok(), i < MAX_SAMPLES - 1, "{i}: {inserted:?}");
+        }
+        let refused = frames.insert(&message("odom", "other", flood + 1.0, &shift(1.0)), false).unwrap_err();
+        assert_eq!(refused, FrameError::TooManySamples { child: "other".into(), max: MAX_SAMPLES });
+        // What the flood holds is of no use twelve seconds later, nor long before it.
+        assert_eq!(frames.dynamic("odom", "camera", 12.0, 3.0), Inserted::Stored);
+        assert_eq!(frames.x("odom", "camera", 12.0), Ok(3.0));
+        assert_eq!(frames.edges.len(), 1);
     }
-    let refused = frames.insert(&message("odom", "camera", 1.0, &shift(1.0)), false).unwrap_err();
-    assert_eq!(refused, FrameError::TooManySamples { child: "camera".into(), max: MAX_SAMPLES });
-    // What the flood holds is of no use twelve seconds later.
-    assert_eq!(frames.dynamic("odom", "camera", 12.0, 3.0), Inserted::Stored);
-    assert_eq!(frames.x("odom", "camera", 12.0), Ok(3.0));
-    assert_eq!(frames.edges.len(), 1);
 }
 
 #[test]
 fn thousands_of_made_up_frames_make_room_once_they_are_out_of_date() {
-    let mut frames = Frames::new();
-    frames.fixed("base_link", "camera", 0.5);
-    for i in 0..MAX_FRAMES - 1 {
-        frames.insert(&message("odom", &format!("flood{i}"), 0.0, &shift(1.0)), false).unwrap();
+    for flood in FLOODS {
+        let mut frames = Frames::new();
+        frames.fixed("base_link", "camera", 0.5);
+        for i in 0..MAX_FRAMES - 1 {
+            frames.insert(&message("odom", &format!("flood{i}"), flood, &shift(1.0)), false).unwrap();
+        }
+        let refused = frames.insert(&message("odom", "base_link", flood + 1.0, &shift(1.0)), false);
+        assert_eq!(refused.unwrap_err().reason().key, "too_many_frames");
+        assert_eq!(frames.dynamic("odom", "base_link", 11.0, 2.0), Inserted::Stored);
+        assert_eq!(frames.x("odom", "camera", 11.0), Ok(2.5));
+        assert_eq!(frames.edges.len(), 2, "the static one and the new one");
     }
-    let refused = frames.insert(&message("odom", "base_link", 1.0, &shift(1.0)), false);
-    assert_eq!(refused.unwrap_err().reason().key, "too_many_frames");
-    assert_eq!(frames.dynamic("odom", "base_link", 11.0, 2.0), Inserted::Stored);
-    assert_eq!(frames.x("odom", "camera", 11.0), Ok(2.5));
-    assert_eq!(frames.edges.len(), 2, "the static one and the new one");
 }
 
 #[test]

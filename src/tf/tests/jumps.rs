@@ -117,6 +117,17 @@ fn an_overtaken_transform_of_such_a_frame_is_of_use_at_the_end_of_a_lap_too() {
 }
 
 #[test]
+fn an_overtaken_transform_does_not_bring_back_what_its_frame_was_before() {
+    let mut frames = robot();
+    assert!(frames.is_of_use(&message("odom", "base_link", 1.9, &shift(0.0))));
+    let moved = Inserted::Reparented { before: "odom".into() };
+    assert_eq!(frames.dynamic("map", "base_link", 2.0, 0.0), moved);
+    assert!(!frames.is_of_use(&message("odom", "base_link", 1.9, &shift(0.0))), "another parent");
+    assert!(frames.is_of_use(&message("map", "base_link", 1.9, &shift(0.0))));
+    assert!(!frames.is_of_use(&message("base_link", "camera", 1.9, &shift(0.0))), "it is static");
+}
+
+#[test]
 fn two_publishers_that_send_less_than_once_a_second_are_found_at_their_second_turn() {
     for (period, late, by) in [(2.0, 1.5, 0.1), (2.0, 30.0, 0.1), (5.0, 7.0, 2.0), (1.5, 2.2, 0.7)] {
         let mut frames = Frames::new();
