@@ -47,6 +47,35 @@ fn with_a_clock_that_jumps_back_what_is_from_before_it_goes_and_what_is_from_aft
     assert_eq!(stamps(&join.begin_session(Moment::default())), [at(1.0)]);
 }
 
+/// As `/clock` does it that comes before the transforms and the clouds of its lap.
+#[test]
+fn with_a_clock_that_jumps_back_no_scan_is_placed_by_transforms_from_before_it() {
+    let mut join = Join::new(4);
+    [11.9, 12.1, 20.0].iter().for_each(|seconds| odometry(&mut join, *seconds, 0.0));
+    assert!(join.cloud(0, cloud(20.0), Moment::default()).is_none());
+    assert_eq!(places(&mut join), (vec![(at(20.0), 0.0)], 0));
+    assert!(join.clock_jumped_back(at(12.0), Moment::default()).is_empty());
+    assert!(join.cloud(0, cloud(12.05), Moment::default()).is_none());
+    assert_eq!(places(&mut join), (Vec::new(), 0));
+    odometry(&mut join, 12.0, 20.0);
+    assert_eq!(places(&mut join), (Vec::new(), 0));
+    odometry(&mut join, 12.1, 20.0);
+    assert_eq!(places(&mut join), (vec![(at(12.05), 20.0)], 0));
+}
+
+#[test]
+fn clouds_of_ever_new_frames_leave_no_more_sensors_than_there_is_room_for() {
+    let mut join = Join::new(4);
+    for number in 0..10 * SENSORS {
+        let frame = format!("camera{number}");
+        let cloud = Cloud { frame_id: frame.clone(), ..cloud(1.0) };
+        assert!(join.cloud(0, cloud, Moment::default()).is_none());
+        assert_eq!(join.ready(&frame).len(), 1);
+        let kept = [join.sensors.len(), join.laps.sensors().count()];
+        assert!(kept.iter().all(|kept| *kept <= SENSORS), "{kept:?} of {}", number + 1);
+    }
+}
+
 #[test]
 fn a_step_back_of_a_second_is_a_jump_and_less_is_not() {
     let mut join = joined_with_static_camera();
