@@ -25,6 +25,25 @@ fn a_transform_that_would_close_a_circle_is_left_out_and_no_more() {
 }
 
 #[test]
+fn a_refused_transform_costs_no_other_of_its_message() {
+    let folder = Folder::new();
+    let expected = replay(&folder.put("plain.mcap", &drive(BagWriter::new(Layout::Plain), 20)), &[]);
+    let mut writer = BagWriter::new(Layout::Plain);
+    writer.tf("/tf_static", stamp(0), "camera_link", OPTICAL, 0.0);
+    for i in 0..20 {
+        let mut message = bags::transform(stamp(i), "map", "arm", f64::NAN);
+        message.transforms.extend(bags::transform(stamp(i), "map", "camera_link", 0.1 * i as f64).transforms);
+        writer.put("/tf", "tf2_msgs/msg/TFMessage", stamp(i), &message);
+        writer.scan(i);
+    }
+    let found = replay(&folder.put("refused.mcap", &writer.finish()), &[]);
+    assert_eq!((found.status, found.number("scans")), (0, 20), "{}", found.errors);
+    let refused = &found.summary.as_ref().unwrap()["transforms_refused"]["non_finite"];
+    assert_eq!(refused, 20, "{}", found.errors);
+    assert_eq!(found.voxels, expected.voxels, "{}", found.errors);
+}
+
+#[test]
 fn a_chain_of_frames_that_grows_is_read_twice_at_most() {
     let folder = Folder::new();
     let mut writer = BagWriter::new(Layout::Plain);

@@ -47,15 +47,30 @@ fn refused_transforms_cost_themselves_and_the_next_good_one_counts() {
 }
 
 #[test]
+fn a_refused_transform_costs_no_other_of_its_message() {
+    let mut event = changed(|_| ());
+    if let Event::Transforms { message: TfMessage { transforms }, .. } = &mut event {
+        let mut refused = transforms[0].clone();
+        refused.transform.translation.x = f64::NAN;
+        transforms.insert(0, refused);
+    }
+    let (ended, counts, _) = node(Fake::default(), vec![event, cloud(at(9.0), "camera")], 1);
+    ended.unwrap();
+    assert_eq!((counts.taken_in, counts.skipped.len()), (1, 0));
+}
+
+#[test]
 fn a_message_of_thousands_of_transforms_is_taken_in_pieces_that_fit() {
     let one = TransformStamped {
         header: Header { stamp: at(9.0).into(), frame_id: "odom".to_owned() },
         ..TransformStamped::default()
     };
     let many = |i| TransformStamped { child_frame_id: format!("f{i}"), ..one.clone() };
-    let message = TfMessage { transforms: (0..30_000).map(many).collect() };
+    let mut message = TfMessage { transforms: (0..30_000).map(many).collect() };
+    message.transforms[9_000].child_frame_id = "camera".to_owned();
+    let hostile = vec![Event::Transforms { message, is_static: false }, cloud(at(9.0), "camera")];
     // The tree is full of frames of this time until they are out of date.
-    let (counts, _) = survives(vec![Event::Transforms { message, is_static: false }], 20.0, 1);
+    let (counts, _) = survives(hostile, 20.0, 2);
     assert!(counts.skipped.is_empty(), "{counts}");
 }
 
