@@ -32,8 +32,8 @@ use crate::node::transport::{Form, NetworkState, Source};
 use crate::store;
 use crate::worker::Output;
 
-/// How long a test waits for what must come.
-const PATIENCE: Duration = Duration::from_secs(60);
+/// How long a test waits for what must come: less than the longest `tf_timeout`.
+const PATIENCE: Duration = Duration::from_secs(50);
 
 /// With [`deadly`] steps the engine's thread panics over a scan of this stamp.
 const DEADLY: Stamp = Stamp::from_nanos(13_131_313_131_313);
@@ -72,6 +72,15 @@ fn transform(stamp: Stamp, is_static: bool) -> Event<()> {
 /// How a node ended, what it counted, and its middleware.
 type Ran = (Result<(), LiveError>, Counts, Rc<Fake>);
 
+/// Waits until this holds. What does not come in time fails the test: at the node's end it might come after all.
+async fn until(what: &str, holds: impl Fn() -> bool) {
+    let begin = Instant::now();
+    while !holds() {
+        assert!(begin.elapsed() < PATIENCE, "{what}: not within {PATIENCE:?}");
+        tokio::time::sleep(TICK).await;
+    }
+}
+
 /// Runs a node on these events until `taken_in` scans are in and it is known where every other one went; with 0 it ends at once.
 fn node(transport: Fake, events: Vec<Event<()>>, taken_in: u64) -> Ran {
     node_with(&Config::new([]).unwrap(), transport, events, taken_in)
@@ -88,10 +97,7 @@ fn node_by(steps: Steps, config: &Config, transport: Fake, events: Vec<Event<()>
             let known = counts.taken_in + counts.replaced + counts.skipped.values().sum::<u64>();
             counts.taken_in >= taken_in && known == counts.received && has_heard_all(&events)
         };
-        let patience = Instant::now();
-        while taken_in > 0 && !is_settled(&counts.borrow()) && patience.elapsed() < PATIENCE {
-            tokio::time::sleep(TICK).await;
-        }
+        until("all is settled", || taken_in == 0 || is_settled(&counts.borrow())).await;
     })
 }
 
@@ -154,11 +160,8 @@ fn saving_in(folder: &std::path::Path) -> Config {
 fn node_that_reports(config: &Config, transport: Fake, events: Vec<Event<()>>) -> Ran {
     let transport = Rc::new(transport);
     let seen = Rc::clone(&transport);
-    let patience = Instant::now();
     node_until(config, transport, events, |_, _| async move {
-        while seen.reports.borrow().is_empty() && patience.elapsed() < PATIENCE {
-            tokio::time::sleep(TICK).await;
-        }
+        until("a report", || !seen.reports.borrow().is_empty()).await;
     })
 }
 
@@ -169,12 +172,15 @@ fn reported(transport: Fake, events: Vec<Event<()>>) -> Rc<Fake> {
     transport
 }
 
+/// Lets clouds wait long enough for a busy machine.
+fn patient() -> Config {
+    Config::new([("tf_timeout".to_owned(), Value::Double(2.0))]).unwrap()
+}
+
 #[test]
 fn a_cloud_waits_for_its_transform_and_one_without_is_skipped_with_its_reason() {
     let events = vec![cloud(at(10.0), "camera"), cloud(at(10.0), "nowhere"), transform(at(10.0), false)];
-    // Long enough for a busy machine.
-    let config = Config::new([("tf_timeout".to_owned(), Value::Double(2.0))]).unwrap();
-    let (ended, counts, transport) = node_with(&config, Fake::default(), events, 1);
+    let (ended, counts, transport) = node_with(&patient(), Fake::default(), events, 1);
     ended.unwrap();
     assert_eq!((counts.received, counts.taken_in), (2, 1));
     assert_eq!(counts.skipped.get(&TRANSFORM_TIMEOUT), Some(&1));
@@ -190,10 +196,7 @@ fn under_a_slow_clock_a_cloud_waits_by_that_clock() {
             // Three times as long as a cloud waits by the clock on the wall.
             tokio::time::sleep(Duration::from_millis(600)).await;
             events.try_send(transform(at(10.0), false)).unwrap();
-            let patience = Instant::now();
-            while counts.borrow().taken_in < 1 && patience.elapsed() < PATIENCE {
-                tokio::time::sleep(TICK).await;
-            }
+            until("the scan", || counts.borrow().taken_in == 1).await;
         });
     ended.unwrap();
     assert_eq!((counts.taken_in, counts.skipped.len()), (1, 0));
@@ -233,7 +236,7 @@ fn three_scans_that_a_late_transform_releases_are_all_taken_in() {
     let clouds = [10.0, 10.033, 10.066].map(|seconds| cloud(at(seconds), "camera"));
     let mut events: Vec<_> = clouds.into_iter().collect();
     events.extend([transform(at(9.9), false), transform(at(10.1), false)]);
-    let (_, counts, _) = node(Fake::default(), events, 3);
+    let (_, counts, _) = node_with(&patient(), Fake::default(), events, 3);
     assert_eq!((counts.taken_in, counts.replaced), (3, 0));
 }
 
@@ -341,14 +344,28 @@ fn when_the_network_was_joined_anew_the_map_goes_out_at_once_for_late_readers() 
     let transport = Rc::new(Fake::default());
     let sent = Rc::clone(&transport);
     let (ended, _, _) = node_until(&seldom, transport, Vec::new(), |events, _| async move {
-        let patience = Instant::now();
         for map in 1..=2 {
-            while sent.maps.get() < map && patience.elapsed() < PATIENCE {
-                tokio::time::sleep(TICK).await;
-            }
+            until("a map", || sent.maps.get() >= map).await;
             assert_eq!(sent.maps.get(), map);
             events.try_send(Event::Joined).unwrap();
         }
     });
     ended.unwrap();
+}
+
+#[test]
+fn the_empty_map_of_a_session_that_begins_goes_out_at_once() {
+    let seldom = Config::new([("publish_rate".to_owned(), Value::Double(0.01))]).unwrap();
+    let causes =
+        [vec![Event::Call(Service::Reset, ())], vec![Event::Clock(at(100.0)), Event::Clock(at(10.0))]];
+    for cause in causes {
+        let transport = Rc::new(Fake::default());
+        let sent = Rc::clone(&transport);
+        let (ended, _, _) = node_until(&seldom, transport, Vec::new(), |events, _| async move {
+            until("the first map", || sent.maps.get() == 1).await;
+            cause.into_iter().for_each(|event| events.try_send(event).unwrap());
+            until("that of the session", || sent.maps.get() == 2).await;
+        });
+        ended.unwrap();
+    }
 }

@@ -10,17 +10,32 @@ fn config(name: &str, value: f64) -> Config {
 
 #[test]
 fn a_shorter_tf_timeout_holds_for_clouds_that_wait_already() {
-    let patience = Instant::now();
     let events = vec![cloud(at(10.0), "nowhere"), Event::Changed(Box::new(config("tf_timeout", 0.0)))];
     let given_up = |counts: &RefCell<Counts>| counts.borrow().skipped.contains_key(&TRANSFORM_TIMEOUT);
     let (ended, counts, _) =
         node_until(&config("tf_timeout", 60.0), Fake::default(), events, move |_, counts| async move {
-            while !given_up(&counts) && patience.elapsed() < Duration::from_secs(50) {
-                tokio::time::sleep(TICK).await;
-            }
+            until("a cloud that is given up", || given_up(&counts)).await;
         });
     ended.unwrap();
     assert_eq!(by_key(counts), [("transform_timeout", 1)]);
+}
+
+#[test]
+fn a_shorter_snapshot_period_holds_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("map");
+    let saving = |period: f64| {
+        let path = Value::Text(path.display().to_string());
+        let given = [("snapshot_path", path), ("snapshot_period", Value::Double(period))];
+        Config::new(given.map(|(name, value)| (name.to_owned(), value))).unwrap()
+    };
+    let changed = Event::Changed(Box::new(saving(0.1)));
+    let events = vec![transform(at(0.0), true), cloud(at(10.0), "camera"), changed];
+    let saved = path.clone();
+    let (ended, _, _) = node_until(&saving(3600.0), Fake::default(), events, |_, _| async move {
+        until("a map in its file", || saved.exists()).await;
+    });
+    ended.unwrap();
 }
 
 /// Transforms at 2 Hz, beside a Kinect.

@@ -33,13 +33,10 @@ fn a_map_that_no_scan_has_changed_is_not_written_again_before_the_end() {
     let (ended, _, _) = node_until(&config, Fake::default(), events, move |events, counts| async move {
         // Each map is a file of its own that takes the name of the one before.
         let file = || std::fs::metadata(&path).map(|file| (file.ino(), file.mtime(), file.mtime_nsec())).ok();
-        let patience = Instant::now();
         let is_saved =
             || store::read(&path).is_ok_and(|saved| saved.map.sequence() == counts.borrow().taken_in);
         for scan in 1..3 {
-            while (counts.borrow().taken_in < scan || !is_saved()) && patience.elapsed() < PATIENCE {
-                tokio::time::sleep(TICK).await;
-            }
+            until("the map of a scan", || counts.borrow().taken_in >= scan && is_saved()).await;
             let mut seen = vec![file()];
             for _ in 0..50 {
                 tokio::time::sleep(TICK).await;
@@ -84,19 +81,13 @@ fn each_map_that_a_jump_ends_is_kept_as_it_was_then() {
     let kept = in_folder("map.before-1");
     let events = vec![transform(at(0.0), true), cloud(at(100.0), "camera")];
     let (ended, counts, _) = node_until(&config, Fake::default(), events, move |events, counts| async move {
-        let patience = Instant::now();
         for (taken_in, next) in [(1, 50.0), (2, 50.1), (3, 20.0)] {
             // Only one map that a jump has ended is on its way.
-            while (counts.borrow().taken_in < taken_in || (taken_in > 1 && !kept.exists()))
-                && patience.elapsed() < PATIENCE
-            {
-                tokio::time::sleep(TICK).await;
-            }
+            let is_kept = || taken_in == 1 || kept.exists();
+            until("a map that is kept", || counts.borrow().taken_in >= taken_in && is_kept()).await;
             events.try_send(cloud(at(next), "camera")).unwrap();
         }
-        while counts.borrow().taken_in < 4 && patience.elapsed() < PATIENCE {
-            tokio::time::sleep(TICK).await;
-        }
+        until("the last scan", || counts.borrow().taken_in == 4).await;
     });
     ended.unwrap();
     assert_eq!(counts.taken_in, 4);
@@ -111,10 +102,7 @@ fn all_answered(folder: &std::path::Path, events: Vec<Event<()>>) -> Ran {
     let seen = Rc::clone(&transport);
     let calls = events.iter().filter(|event| matches!(event, Event::Call(..))).count();
     node_until(&saving_in(folder), transport, events, |_, _| async move {
-        let patience = Instant::now();
-        while seen.replies.borrow().len() < calls && patience.elapsed() < PATIENCE {
-            tokio::time::sleep(TICK).await;
-        }
+        until("an answer to every call", || seen.replies.borrow().len() == calls).await;
     })
 }
 

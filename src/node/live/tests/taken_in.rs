@@ -14,7 +14,7 @@ fn a_sensor_none_of_whose_scans_is_taken_in_is_a_warning_with_the_reason_though_
     let Event::Cloud(_, rear) = cloud(at(now), "rear") else { unreachable!() };
     let rear = Event::Cloud(Form::Points.of(1), rear);
     let events = vec![transform(at(0.0), true), cloud(at(now), "camera"), rear];
-    let (transport, patience) = (Rc::new(two()), Instant::now());
+    let transport = Rc::new(two());
     // The first report that has a figure of 1.
     let first = |transport: &Fake, of: &str, key: &str| {
         let reports = transport.reports.borrow();
@@ -25,9 +25,7 @@ fn a_sensor_none_of_whose_scans_is_taken_in_is_a_warning_with_the_reason_though_
     };
     let seen = Rc::clone(&transport);
     let stop = async move |_, _| {
-        while found(&seen).is_none() && patience.elapsed() < PATIENCE {
-            tokio::time::sleep(TICK).await;
-        }
+        until("the report", || found(&seen).is_some()).await;
     };
     node_until(&Config::new([]).unwrap(), Rc::clone(&transport), events, stop).0.unwrap();
     let (front, rear) = found(&transport).unwrap();
