@@ -26,7 +26,9 @@ default=/proc/sys/net/core/rmem_default readers=8388608 default_before=
 
 closing() {
   local status=$?
-  for process in $prepared $soaking; do kill "$process" 2>/dev/null || true; done
+  # With all that it has started.
+  [ -z "$prepared" ] || kill -- "-$prepared" 2>/dev/null || true
+  [ -z "$soaking" ] || kill "$soaking" 2>/dev/null || true
   [ -z "$before" ] || echo "$before" > "$rmem" || echo "net.core.rmem_max could not be put back to $before" >&2
   [ -z "$default_before" ] || echo "$default_before" > "$default" ||
     echo "net.core.rmem_default could not be put back to $default_before" >&2
@@ -132,8 +134,11 @@ export PROPTEST_RNG_SEED=${PROPTEST_RNG_SEED:-1}
 # The system's OpenSSL, where it can be built against, saves minutes.
 if pkg-config --atleast-version=1.1.1 openssl 2>/dev/null; then export OPENSSL_NO_VENDOR=1; fi
 optional fmt cargo fmt --check
-prepare &
+# In a group of its own, as the shell gives it where jobs are controlled.
+set -m
+prepare </dev/null &
 prepared=$!
+set +m
 run bash tests/deny.sh
 # All that is compiled only when asked for, and with it all that is by default: `humble` stands for `jazzy`. The same features for
 # both, so that the crates are looked at once.

@@ -42,6 +42,13 @@ class OtherMachine:
 
     def __init__(self, address):
         self.process = subprocess.Popen(["unshare", "-n", "sleep", "infinity"])
+        try:
+            self._lay_wire(address)
+        except BaseException:
+            self.end()
+            raise
+
+    def _lay_wire(self, address):
         mine, end = os.readlink("/proc/self/ns/net"), time.monotonic() + 10
         while os.readlink(f"/proc/{self.process.pid}/ns/net") == mine:
             assert time.monotonic() < end, "no second namespace"
