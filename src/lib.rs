@@ -18,6 +18,9 @@ pub mod experiment;
 pub mod export;
 #[cfg(feature = "bag")]
 pub mod join;
+#[cfg(test)]
+#[path = "../tests/support/left_out.rs"]
+mod left_out;
 pub mod line;
 pub mod link;
 pub mod memory;

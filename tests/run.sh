@@ -33,14 +33,9 @@ closing() {
   [ -z "$default_before" ] || echo "$default_before" > "$default" ||
     echo "net.core.rmem_default could not be put back to $default_before" >&2
   [ "$status" = 0 ] || echo "FAILED: $current" >&2
-  local out reasons
-  out=$(sort -u "$CFODI_LEFT_OUT" | wc -l)
-  reasons=$(sed 's/.*: //' "$CFODI_LEFT_OUT" | sort | uniq -c | sed 's/^ *//' | paste -sd ';' | sed 's/;/; /g')
+  echo "recordings: $CFODI_DATA, tools: $CFODI_TOOLS; CFODI_DATA and CFODI_TOOLS name others"
+  bash tests/left_out.sh "$CFODI_LEFT_OUT"
   rm -f "$CFODI_LEFT_OUT" "$soaked" "$preparing"
-  if [ "$out" = 0 ]; then echo "0 tests left out"
-  else echo "$out tests left out: $reasons (recordings: $CFODI_DATA, tools: $CFODI_TOOLS; CFODI_DATA and CFODI_TOOLS" \
-    "name others)"
-  fi
   exit "$status"
 }
 trap closing EXIT

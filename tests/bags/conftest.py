@@ -1,6 +1,5 @@
 """Bags that are made once for all tests, by the tools that users have."""
 
-import os
 import pathlib
 import tempfile
 import types
@@ -8,6 +7,7 @@ import types
 import bags
 import pytest
 import replay
+from left_out import leave_out
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -26,14 +26,10 @@ def space():
 
 @pytest.fixture
 def recordings(request):
-    """The folder of the recordings. Where it, or the tool that makes bags of it, is not there, the test is left out, and
-    its name is noted for the last line of tests/run.sh."""
+    """The folder of the recordings. Where it, or the tool that makes bags of it, is not there, the test is left out."""
     if (bags.DATA / "tum_fr3_cabinet58" / "poses.csv").is_file() and (bags.TOOLS / "rgbd_to_bag.py").is_file():
         return bags.DATA
-    if noted := os.environ.get("CFODI_LEFT_OUT"):
-        with open(noted, "a") as file:
-            file.write(f"{request.node.name}: no recordings or no tool for bags\n")
-    pytest.skip("no recordings (set CFODI_DATA and CFODI_TOOLS)")
+    leave_out(request, "no recordings or no tool for bags (set CFODI_DATA and CFODI_TOOLS)")
 
 
 class Made:

@@ -45,3 +45,15 @@ def test_without_the_headers_of_python_no_ros_is_built(tmp_path):
     status, said = run("ros/env.sh", PYTHONPATH=str(tmp_path), CFODI_CACHE=str(cache))
     assert status == 1 and "/no/include/Python.h" in said and "python3.11-dev" in said
     assert not cache.exists()
+
+
+@pytest.mark.parametrize("noted, said", [
+    ("", "0 tests left out"),
+    ("a.rs::one\tno recordings: set CFODI_DATA\n", "1 tests left out: 1 no recordings: set CFODI_DATA"),
+    # Of the two of one name each counts, and none twice.
+    ("a.py::one\tno: browser\nb.py::one\tno: browser\nb.py::one\tno: browser\na.rs::two\tno recordings\n",
+     "3 tests left out: 2 no: browser; 1 no recordings")])
+def test_what_is_left_out_is_counted_once_and_by_its_whole_reason(noted, said, tmp_path):
+    (tmp_path / "noted").write_text(noted)
+    done = subprocess.run(["bash", TESTS / "left_out.sh", tmp_path / "noted"], capture_output=True, text=True, check=True)
+    assert done.stdout == f"{said}\n"

@@ -6,6 +6,7 @@ import pathlib
 import subprocess
 
 import pytest
+from left_out import leave_out
 
 TOP = pathlib.Path(__file__).resolve().parents[2]
 CHROMIUM, CHROMEDRIVER = "/usr/bin/chromium", "/usr/bin/chromedriver"
@@ -13,13 +14,6 @@ OPTIONS = ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-quic", 
            "--disable-background-networking", "--disable-component-update", "--disable-sync")
 RECORDING = pathlib.Path(os.environ.get("CFODI_DATA") or TOP / "../shared/data") / "cabinet_depth640_58.mcap"
 BINARY = os.environ.get("CFODI_BIN") or TOP / "target/release/cfodi"
-
-
-def leave_out(request, why):
-    if noted := os.environ.get("CFODI_LEFT_OUT"):
-        with open(noted, "a") as file:
-            file.write(f"{request.node.name}: {why}\n")
-    pytest.skip(why)
 
 
 @pytest.fixture

@@ -11,6 +11,7 @@ import pytest
 from xdist.scheduler import LoadScopeScheduling
 
 import network
+from left_out import leave_out
 
 # The tests of these files share what their module has: a network and Zenoh's threads in it, a bag.
 SHARED = ("test_zenoh.py", "test_disks.py")
@@ -44,7 +45,7 @@ def recordings(request):
     """The folder of the recordings. Where it is not there the test is left out."""
     folder = network.recordings()
     if folder is None:
-        network.leave_out(request, "no recordings (set CFODI_DATA)")
+        leave_out(request, "no recordings (set CFODI_DATA)")
     return folder
 
 

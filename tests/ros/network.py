@@ -93,15 +93,6 @@ def granted_buffer(size=LARGE_BUFFER):
         return any_socket.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF) // 2  # Linux reports twice what it set
 
 
-def leave_out(request, why):
-    """Leaves a test out and notes its name, for the last line of the whole run."""
-    if noted := os.environ.get("CFODI_LEFT_OUT"):
-        with open(noted, "a") as file:
-            file.write(f"{request.node.name}: {why}\n")
-    import pytest  # not where only the network is wanted
-    pytest.skip(why)
-
-
 def recordings():
     """The folder of the recordings (CFODI_DATA), or None where they are not there."""
     default = pathlib.Path(__file__).resolve().parents[3] / "shared" / "data"

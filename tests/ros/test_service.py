@@ -8,7 +8,7 @@ import subprocess
 import pytest
 from cfodi_node import program
 from launching import SCRIPTS
-from network import leave_out
+from left_out import leave_out
 from test_introspection import parameters
 
 INSTALLED, ENVIRONMENT = "/usr/local/bin/cfodi", "/etc/cfodi/cfodi.env"

@@ -16,7 +16,8 @@ import pytest
 from cfodi_node import REPOSITORY, accounted, skipped
 from faults import Driver, hogs, no_network, stall, stopped
 from follow import follow
-from network import leave_out, other_machine
+from left_out import leave_out
+from network import other_machine
 from peer import wait_until
 
 STALL = 5  # s

@@ -1,8 +1,10 @@
 //! Real Kinect recordings for tests and benchmarks, read where they lie.
 #![allow(dead_code, unreachable_pub, reason = "each test binary uses a part of it")]
 
+mod left_out;
+
 use std::fs::{self, File};
-use std::io::{BufReader, Write};
+use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
 use cfodi::engine::{Isometry3, Points, Scan, Stamp};
@@ -31,24 +33,18 @@ struct Camera {
     depth_units_per_m: f32,
 }
 
-/// The recording of this name, or `None` where there are no recordings; then `test` counts as left out.
+/// The recording of this name, or `None` where there are no recordings; then `test` of the caller's file counts as left out.
+#[track_caller]
 pub fn recording(name: &str, test: &str) -> Option<Recording> {
     let data = std::env::var_os("CFODI_DATA")
         .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data"), PathBuf::from);
     let folder = data.join(name);
     if !folder.join("poses.csv").is_file() {
-        leave_out(test, &folder);
+        let file = Path::new(std::panic::Location::caller().file()).file_name().unwrap().display();
+        left_out::leave_out(&format!("{file}::{test}"), "no recordings (set CFODI_DATA)");
         return None;
     }
     Some(Recording::open(folder))
-}
-
-fn leave_out(test: &str, folder: &Path) {
-    eprintln!("{test} left out: no recording in {}", folder.display());
-    if let Some(list) = std::env::var_os("CFODI_LEFT_OUT") {
-        let mut list = File::options().append(true).create(true).open(list).unwrap();
-        writeln!(list, "{test}: no recordings or no tool for bags").unwrap();
-    }
 }
 
 impl Recording {
