@@ -115,9 +115,13 @@ def test_snapshots_go_out_at_publish_rate_even_when_no_scan_came(start, peer):
     start({"publish_rate": 5.0}).ready()
     peer.record_node()
     peer.clusters.wait("a first snapshot")
-    before, begin = len(peer.clusters), time.monotonic()
-    time.sleep(4)
-    came, expected = len(peer.clusters) - before, 5 * (time.monotonic() - begin)
-    assert 0.8 * expected <= came <= 1.2 * expected, (came, expected)
+    rates = []
+    for _ in range(3):  # a machine may be busy for some seconds
+        before, begin = len(peer.clusters), time.monotonic()
+        time.sleep(4)
+        rates.append((len(peer.clusters) - before) / (time.monotonic() - begin))
+        if 4 <= rates[-1] <= 6:
+            break
+    assert 4 <= rates[-1] <= 6, rates
     assert peer.clusters[-1].sequence == 0 and not peer.clusters[-1].clusters
     assert len({message.session_id for message in peer.clusters}) == 1

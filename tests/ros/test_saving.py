@@ -64,13 +64,19 @@ def test_what_was_forgotten_by_a_reset_does_not_come_back_after_a_crash(tmp_path
 def test_sigterm_while_it_saves_loses_no_scan(tmp_path, start, new_peer):
     """Saved every 0.1 s; whatever the moment, the map has all scans that were taken in, and nothing is left beside it."""
     path, scans = tmp_path / "map.cfodi", 0
+
+    def file():
+        """Another one each time that a map is saved."""
+        return path.exists() and (path.stat().st_ino, path.stat().st_mtime_ns)
+
     for turn in range(3):
+        before = file()
         peer = new_peer(f"turn_{turn}")
         node, snapshot, camera = resumed(start, peer, saving(path, snapshot_period=0.1))
         assert snapshot.sequence == scans
         for _ in range(5):
             take_in(camera, peer.deltas)
-        wait_until("a first saving", path.exists)
+        wait_until("a first saving", lambda: file() != before)
         time.sleep(0.037 * turn)
         scans += node.stop(signal.SIGTERM)["taken_in"]
         assert sorted(p.name for p in tmp_path.iterdir()) == ["map.cfodi", "map.cfodi.lock"]
