@@ -113,7 +113,7 @@ fn numbers<const N: usize>(value: &Value) -> [f64; N] {
 }
 
 #[test]
-fn the_truth_alone_says_where_what_moves_is() {
+fn the_truth_alone_says_where_who_walks_is_and_at_which_edge_a_door_hangs() {
     let folder = Folder::new();
     let [bag, truth] = ["m.mcap", "t.json"].map(|name| folder.argument(name));
     let made =

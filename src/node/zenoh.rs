@@ -56,8 +56,8 @@ const LOOK: Duration = Duration::from_secs(1);
 /// Adds events to those of the network.
 type Events = Adding<Zenoh>;
 
-/// Runs what waits for Zenoh on a thread of its own: within a runtime of one thread Zenoh panics where it is waited for, and that is
-/// the error where the system gives no thread.
+/// Runs what waits for Zenoh on a thread of its own: within a runtime of one thread Zenoh panics where it is waited for. Where the
+/// system gives no thread that is the error; of the last of a session, which waits again when it is dropped, it ends the process.
 async fn wait_for<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> Result<T, OpenError> {
     let thread = Builder::new().name("cfodi-zenoh".to_owned());
     on_own_thread(thread, work).await.map_err(OpenError::opening("Zenoh"))

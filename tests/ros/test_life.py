@@ -63,7 +63,7 @@ def test_sigint_and_sigterm_end_it_with_status_0_and_it_leaves_the_graph(ending,
     wait_until("the node in the graph", lambda: "/cfodi" in node_names(peer))
     wait_until("its topics and services", lambda: peer.node.count_publishers("/cfodi/clusters") and save.service_is_ready())
     node.stop(ending)
-    wait_until("the node gone", lambda: "/cfodi" not in node_names(peer), 20)
+    wait_until("the node gone", lambda: "/cfodi" not in node_names(peer), 5)
     wait_until("its topics gone", lambda: not peer.node.count_publishers("/cfodi/clusters"), 5)
     wait_until("its services gone", lambda: not save.service_is_ready(), 5)
 

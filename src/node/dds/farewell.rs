@@ -58,11 +58,12 @@ impl Farewell {
         Self { guid, domain, addresses, threads: Arc::clone(threads) }
     }
 
-    /// Says it; everything that holds the participant must have been dropped.
+    /// Says it; everything that holds the participant must have been dropped. RustDDS has joined its threads by that: where the
+    /// system does not tell of them it is said as well.
     pub(super) fn say(self) {
         let (looks, pause) = JOINED;
         let is_gone = (0..looks).any(|_| {
-            self.threads.have_ended() || {
+            self.threads.have_ended().unwrap_or(true) || {
                 thread::sleep(pause);
                 false
             }
@@ -70,14 +71,14 @@ impl Farewell {
         self.send_if(is_gone);
     }
 
-    /// Says it once everything that holds the participant has been dropped.
+    /// Says it once everything that holds the participant has been dropped, which only the system can tell.
     pub(super) async fn say_once_gone(self) {
         let (mut looks, pause) = HELD;
-        while looks > 0 && !self.threads.have_ended() {
+        while looks > 0 && self.threads.have_ended() == Some(false) {
             looks -= 1;
             tokio::time::sleep(pause).await;
         }
-        self.send_if(looks > 0);
+        self.send_if(self.threads.have_ended() == Some(true));
     }
 
     /// One that may still announce itself is left alone: all that had forgotten it would find it anew.
@@ -85,7 +86,7 @@ impl Farewell {
         if is_gone {
             self.send();
         } else {
-            debug!("peers are not told that the node has left: its middleware has not ended");
+            debug!("peers are not told that the node has left: its middleware is not known to have ended");
         }
     }
 

@@ -7,9 +7,7 @@ use std::rc::Rc;
 use std::time::{Duration, Instant};
 
 use super::saving_figures::SavingFigures;
-use super::say::Skipped;
 use crate::config::Config;
-use crate::join::Join;
 use crate::memory::resident_mb;
 use crate::msg::reports::{DiagnosticStatus, Level};
 use crate::msg::status::StatusBuilder;
@@ -27,7 +25,7 @@ struct Period {
     /// The longest that a scan has waited for its transform.
     longest_wait: Duration,
     /// The newest cloud without a transform, of each sensor.
-    without_transform: BTreeMap<usize, Skipped>,
+    without_transform: BTreeMap<usize, String>,
     /// How many transforms were refused, and why the newest was.
     refused: u64,
     refusal: Option<String>,
@@ -84,9 +82,10 @@ impl Diagnosis {
         self.period.longest_wait = self.period.longest_wait.max(waited);
     }
 
-    /// A scan of a sensor was given up without a transform.
-    pub(super) fn given_up(&mut self, sensor: usize, skipped: Skipped) {
-        self.period.without_transform.insert(sensor, skipped);
+    /// A scan of a sensor was given up without a transform. Why, and what helps, is asked once in a report, for the first: it must be
+    /// of the moment itself, and thousands of frames take long to list.
+    pub(super) fn given_up(&mut self, sensor: usize, line: impl FnOnce() -> String) {
+        self.period.without_transform.entry(sensor).or_insert_with(line);
     }
 
     /// A transform was refused, for this reason.
@@ -133,28 +132,27 @@ impl Diagnosis {
         skipped(&self.counts.borrow()) - skipped(&self.before)
     }
 
-    /// Scans wait in `join` for their transform; `halted` is why they wait on, where they do.
+    /// Of the scans, `waiting` wait for their transform; `halted` is why they wait on, where they do.
     pub(super) fn of_transforms(
         &self,
         fixed_frame: &str,
-        join: &Join,
+        waiting: usize,
         halted: Option<String>,
     ) -> DiagnosticStatus {
         let period = &self.period;
         let mut part = self.part("transforms", format!("every scan has its way to `{fixed_frame}`"));
         let given_up = self.since_before(TRANSFORM_TIMEOUT) + self.since_before(WAITING_QUEUE_FULL);
-        part.value("scans that wait", join.waiting());
+        part.value("scans that wait", waiting);
         part.value("longest wait [s]", format!("{:.3}", period.longest_wait.as_secs_f64()));
         part.value("given up", given_up).value("refused", period.refused);
         let has_map = given_up == 0 || self.counts.borrow().taken_in > self.before.taken_in;
         let level = if has_map { Level::Warn } else { Level::Error };
         // The scans that were given up may lack these: both are said.
         if let Some(why) = &period.refusal {
-            part.raise(level, format!("{} transforms were refused; the last: {why}", period.refused));
+            part.raise(level, format!("transforms refused: {}; the last: {why}", period.refused));
         }
         if given_up > 0 {
-            let whys: Vec<_> =
-                period.without_transform.values().map(|skipped| skipped.with_hint(join)).collect();
+            let whys: Vec<_> = period.without_transform.values().map(String::as_str).collect();
             part.raise(level, whys.join("; "));
         } else if let Some(why) = halted {
             part.raise(Level::Warn, why);
@@ -268,22 +266,12 @@ impl Diagnosis {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::engine::Stamp;
-    use crate::join::GivenUp;
     use crate::msg::clusters::MapVersion;
     use crate::msg::labelled::MAX_LABELLED;
     use crate::node::vitals::{MapSize, Points};
-    use crate::tf::{Lack, LookupError};
 
     fn diagnosis() -> Diagnosis {
         Diagnosis::new(&Config::new([]).unwrap(), "/robot/cfodi", Seen::default(), Instant::now())
-    }
-
-    /// A cloud of which nothing is to be said but this.
-    fn skipped(line: &str) -> Skipped {
-        let (fixed, sensor, at) = ("odom".to_owned(), "camera".to_owned(), Stamp::default());
-        let lacks = LookupError { fixed, sensor, at, lack: Lack::NotJumpedBack { newest: at } };
-        Skipped { line: line.to_owned(), lacks: Some(lacks), given_up: GivenUp::TimedOut }
     }
 
     fn value(status: &DiagnosticStatus, key: &str) -> String {
@@ -294,19 +282,19 @@ mod tests {
     fn a_report_is_about_the_time_since_the_one_before() {
         let mut diagnosis = diagnosis();
         diagnosis.counts.borrow_mut().skip(TRANSFORM_TIMEOUT);
-        diagnosis.given_up(0, skipped("no way"));
+        diagnosis.given_up(0, || "no way".to_owned());
         diagnosis.refused("no rotation".to_owned());
         diagnosis.waited(Duration::from_millis(200));
         diagnosis.waited(Duration::from_millis(100));
         diagnosis.jumped("a jump".to_owned());
         let said = |diagnosis: &Diagnosis| {
-            let transforms = diagnosis.of_transforms("odom", &Join::new(1), None);
+            let transforms = diagnosis.of_transforms("odom", 0, None);
             let map = diagnosis.of_map(1);
             let figures = ["given up", "refused", "longest wait [s]"].map(|key| value(&transforms, key));
             (transforms.level, transforms.message, figures, (map.level, map.message))
         };
         let figures = ["1", "1", "0.200"].map(str::to_owned);
-        let line = "1 transforms were refused; the last: no rotation; no way";
+        let line = "transforms refused: 1; the last: no rotation; no way";
         assert_eq!(said(&diagnosis), (2, line.to_owned(), figures, (1, "a jump".to_owned())));
         diagnosis.begin_period();
         let (fine, figures) = ("every scan has its way to `odom`", ["0", "0", "0.000"].map(str::to_owned));
@@ -333,13 +321,12 @@ mod tests {
     #[test]
     fn a_scan_that_waits_too_long_is_a_warning_and_so_is_one_given_up_while_others_are_taken_in() {
         let mut diagnosis = diagnosis();
-        let join = Join::new(1);
-        let stuck = diagnosis.of_transforms("odom", &join, Some("no frame `map`".to_owned()));
+        let stuck = diagnosis.of_transforms("odom", 0, Some("no frame `map`".to_owned()));
         assert_eq!((stuck.level, stuck.message.as_str()), (1, "no frame `map`"));
         diagnosis.counts.borrow_mut().skip(WAITING_QUEUE_FULL);
         diagnosis.counts.borrow_mut().taken_in += 1;
-        diagnosis.given_up(0, skipped("no way"));
-        let given_up = diagnosis.of_transforms("odom", &join, Some("no frame `map`".to_owned()));
+        diagnosis.given_up(0, || "no way".to_owned());
+        let given_up = diagnosis.of_transforms("odom", 0, Some("no frame `map`".to_owned()));
         assert_eq!((given_up.level, given_up.message.as_str()), (1, "no way"));
     }
 

@@ -36,7 +36,7 @@ impl<T: Transport> Live<T> {
         let network = self.transport.network_state();
         self.say_network(&network);
         let diagnosis = &self.diagnosis;
-        let transforms = diagnosis.of_transforms(&self.fixed_frame, &self.join, self.halted());
+        let transforms = diagnosis.of_transforms(&self.fixed_frame, self.join.waiting(), self.halted());
         let (engine, map) = (diagnosis.of_engine(), diagnosis.of_map(self.session));
         status.extend([transforms, engine, map, diagnosis.of_network(&network)]);
         for (sensor, intake) in self.intakes.iter_mut().enumerate() {

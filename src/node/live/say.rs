@@ -7,13 +7,13 @@ use tracing::{Level, debug};
 
 use super::{Live, MOST_PLACES, QUIET};
 use crate::cloud::{Camera, Cloud, CloudError, distortion, is_rectified_by_name};
-use crate::join::{GivenUp, Join, Waited};
+use crate::join::{GivenUp, Waited};
 use crate::node::counts::{TRANSFORM_TIMEOUT, WAITING_QUEUE_FULL};
 use crate::node::inputs;
 use crate::node::throttle::log;
 use crate::node::transport::{Input, Transport};
 use crate::reason::{Reason, SHUTDOWN};
-use crate::tf::{FrameError, Lack, LookupError};
+use crate::tf::{FrameError, Lack};
 
 impl<T: Transport> Live<T> {
     /// Says when next to nothing of a cloud is of use, for its unit, frame or range may be others than assumed, and when it does not
@@ -101,14 +101,17 @@ impl<T: Transport> Live<T> {
         self.diagnosis.waited(waited);
         self.intakes[sensor].give_up(line.clone());
         let level = self.throttle.level_now(kind_of(reason.key, sensor), Level::WARN);
-        let skipped = Skipped { line, lacks: lacks.clone(), given_up };
+        let with_hint = || {
+            let hint = self.join.hint(lacks.as_ref(), given_up);
+            [line.clone()].into_iter().chain(hint).collect::<Vec<_>>().join("; ")
+        };
         // Thousands of frames take longer to list than a cloud to skip.
         if level == Level::WARN {
-            log(level, &skipped.with_hint(&self.join));
+            log(level, &with_hint());
         } else {
-            log(level, &skipped.line);
+            log(level, &line);
         }
-        self.diagnosis.given_up(sensor, skipped);
+        self.diagnosis.given_up(sensor, with_hint);
     }
 
     /// How many clouds may wait, and, where a transform `is_late` and nothing else is lacking, whether a longer `tf_timeout` lets more wait.
@@ -138,24 +141,6 @@ impl<T: Transport> Live<T> {
 
     pub(super) fn warn(&mut self, kind: impl Into<Cow<'static, str>>, line: std::fmt::Arguments<'_>) {
         log(self.throttle.level_now(kind, Level::WARN), &line.to_string());
-    }
-}
-
-/// What is to be said of a cloud that got no transform.
-#[derive(Debug)]
-pub(super) struct Skipped {
-    /// That it was skipped, and why.
-    pub(super) line: String,
-    /// What its last lookup lacked, `None` if there was none.
-    pub(super) lacks: Option<LookupError>,
-    pub(super) given_up: GivenUp,
-}
-
-impl Skipped {
-    /// The line, and what helps as far as it is known now. Costs O(frames).
-    pub(super) fn with_hint(&self, join: &Join) -> String {
-        let hint = join.hint(self.lacks.as_ref(), self.given_up);
-        [self.line.clone()].into_iter().chain(hint).collect::<Vec<_>>().join("; ")
     }
 }
 
