@@ -191,25 +191,53 @@ mod tests {
     use crate::engine::scan::Stamp;
     use crate::engine::{Engine, Isometry3, Points, Scan};
 
-    /// Each plate fills a side of one block, 64 voxels.
-    #[test]
-    fn of_what_one_scan_has_seen_the_farthest_goes_first() {
-        let at = |x: f32| {
-            (0..1024_u16).map(move |i| [x, 0.01 + 0.02 * f32::from(i % 32), 0.01 + 0.02 * f32::from(i / 32)])
+    /// Points of plates, each of which fills a side of one block: 64 voxels. They are this far away and aside (m).
+    fn plates(places: &[[f32; 2]]) -> Scan {
+        let plate = |&[x, y]: &[f32; 2]| {
+            (0..1024_u16)
+                .map(move |i| [x, y + 0.01 + 0.02 * f32::from(i % 32), 0.01 + 0.02 * f32::from(i / 32)])
         };
-        let scan = Scan {
+        Scan {
             stamp: Stamp::from_nanos(1),
             fixed_from_sensor: Isometry3::identity(),
-            points: Points::F32([2.52, 4.04, 1.0].into_iter().flat_map(at).collect()),
-        };
+            points: Points::F32(places.iter().flat_map(plate).collect()),
+        }
+    }
+
+    /// How many voxels a map has, and the indices of all along one axis.
+    fn layers(engine: &Engine, axis: usize) -> (usize, Vec<i32>) {
+        let voxels = engine.snapshot().voxels;
+        let layers: BTreeSet<_> = voxels.iter().map(|voxel| voxel.key.indices()[axis]).collect();
+        (voxels.len(), layers.into_iter().collect())
+    }
+
+    #[test]
+    fn of_what_one_scan_has_seen_the_farthest_goes_first() {
+        let scan = plates(&[2.52, 4.04, 1.0].map(|x| [x, 0.0]));
         for (bound, kept) in
             [(192, vec![12, 31, 50]), (191, vec![12, 31]), (128, vec![12, 31]), (64, vec![12])]
         {
             let mut engine = Engine::new(Params::default().with_max_voxels(bound).unwrap());
             engine.insert(&scan);
-            let voxels = engine.snapshot().voxels;
-            let layers: BTreeSet<_> = voxels.iter().map(|voxel| voxel.key.indices()[0]).collect();
-            assert_eq!((voxels.len(), Vec::from_iter(layers)), (64 * kept.len(), kept), "{bound}");
+            assert_eq!(layers(&engine, 0), (64 * kept.len(), kept), "{bound}");
         }
+    }
+
+    /// The plates stand side by side, so that none is looked through.
+    #[test]
+    fn what_was_not_seen_for_longest_goes_first() {
+        let mut engine = Engine::new(Params::default().with_max_voxels(128).unwrap());
+        // Beside each other by two blocks, of which each plate fills one.
+        let mut kept_after = |number: u8| {
+            engine.insert(&plates(&[[2.52, 1.28 * f32::from(number)]]));
+            let (voxels, layers) = layers(&engine, 1);
+            let plates: BTreeSet<_> = layers.into_iter().map(|layer| layer / 16).collect();
+            (voxels, Vec::from_iter(plates))
+        };
+        assert_eq!(kept_after(1), (64, vec![1]));
+        assert_eq!(kept_after(2), (128, vec![1, 2]));
+        assert_eq!(kept_after(3), (128, vec![2, 3]), "the first was not seen for longest");
+        assert_eq!(kept_after(2), (128, vec![2, 3]));
+        assert_eq!(kept_after(4), (128, vec![2, 4]), "the second was seen again after the third");
     }
 }
