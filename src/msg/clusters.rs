@@ -204,6 +204,22 @@ mod tests {
     }
 
     #[test]
+    fn a_delta_names_the_clusters_that_are_gone_and_those_that_each_has_taken_in() {
+        let point = |i: u16| [f32::from(i % 50) * 0.02, f32::from(i / 50) * 0.02, 0.5];
+        let scan = Scan {
+            stamp: Stamp::from_nanos(1),
+            fixed_from_sensor: Isometry3::identity(),
+            points: Points::F32((0..2500).map(point).collect()),
+        };
+        let mut update = Engine::new(Params::paper()).insert(&scan);
+        let gone = [2, 5].map(|number| ClusterId::new(number).unwrap()).to_vec();
+        assert_eq!(update.changed.len(), 1);
+        (update.changed[0].merged_from, update.removed) = (gone.clone(), gone);
+        let delta = SurfaceClusterArray::delta(&Session { id: 7, frame_id: "odom".into() }, &update);
+        assert_eq!((&delta.clusters[0].merged_from[..], &delta.removed[..]), (&[2, 5][..], &[2, 5][..]));
+    }
+
+    #[test]
     fn a_map_without_scans_is_an_empty_snapshot_at_time_zero() {
         let session = Session { id: 7, frame_id: "odom".into() };
         let empty = SurfaceClusterArray::snapshot(&session, &Engine::new(Params::paper()).snapshot());

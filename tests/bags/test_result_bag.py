@@ -135,6 +135,13 @@ def test_deltas_alone_lead_from_the_first_snapshot_to_every_other(result):
         assert reader.latest.unclustered_voxels == snapshot.unclustered_voxels
 
 
+def test_deltas_name_what_each_cluster_was_merged_from_and_that_is_gone(result):
+    deltas = [message.value for message in result.on("/cfodi/clusters_delta")]
+    merged = [(delta.sequence, id, id in delta.removed) for delta in deltas for c in delta.clusters for id in c.merged_from]
+    assert merged, "the recording has merges in mode `paper`"
+    assert not [each for each in merged if not each[-1]]
+
+
 def test_a_reader_begins_anew_with_each_lap_of_the_bag_in_a_loop(result):
     snapshots = [message.value for message in result.on("/cfodi/clusters")]
     deltas = [message.value for message in result.on("/cfodi/clusters_delta")]

@@ -10,10 +10,11 @@ UNIT, AREA = 1e-6, 1e-4  # how far a normal's length and an area (with its share
 
 class Follower:
     """Feed it each message as it comes. `violations` says what was wrong, `compared` how many snapshots were held against
-    the map that the deltas made, `gaps` how often a delta was missing, so that it went on from a snapshot."""
+    the map that the deltas made, `merges` how many clusters were merged into others, `gaps` how often a delta was missing, so that it
+    went on from a snapshot."""
 
     def __init__(self):
-        self.violations, self.compared, self.gaps, self.sessions = [], 0, 0, 0
+        self.violations, self.compared, self.merges, self.gaps, self.sessions = [], 0, 0, 0, 0
         self.session = self.version = None
         self._clusters = {}  # id -> the cluster, packed
         self._revisions, self._gone, self._ahead = {}, set(), {}
@@ -41,6 +42,7 @@ class Follower:
         for cluster in message.clusters:
             left = [i for i in cluster.merged_from if i in self._clusters]
             self._hold(not left, f"{where}: {left} were merged into {cluster.id} and are still there")
+            self.merges += len(cluster.merged_from)
             cluster.merged_from = []
             self._clusters[cluster.id] = packed(cluster)
         self.version = message.sequence

@@ -29,6 +29,15 @@ def test_a_snapshot_is_held_against_the_deltas_that_led_to_it():
     assert wrong.compared == 1 and "[1]" in wrong.violations[0]
 
 
+def test_what_is_merged_is_counted_and_must_be_gone():
+    for removed, merges, violations in (([2, 3], 2, 0), ([2], 2, 1)):
+        follower = followed(("S", 1, {1: 1, 2: 1, 3: 1}))
+        merged = message(2, {1: 2}, removed=removed)
+        merged.clusters[0].merged_from = [2, 3]
+        follower.delta(merged)
+        assert (follower.merges, len(follower.violations)) == (merges, violations), follower.violations
+
+
 def test_after_a_gap_it_goes_on_from_a_snapshot_that_covers_it_and_has_counted_one():
     """The network was joined anew: the latched snapshot is older than the first delta that arrives."""
     follower = followed(("S", 1, {1: 1}), ("D", 5, {1: 5}), ("S", 3, {1: 3}), ("D", 6, {1: 6}), ("S", 6, {1: 6}),
