@@ -14,7 +14,7 @@ SAID = """
 | clusters | {fine.clusters} | {usual.clusters} | {coarse.clusters} |
 {few.dense_voxels:,} dense voxels with 3, {usual.dense_voxels:,} with 15, {more.dense_voxels:,} with 60
 With 1000, half ({many.dense_voxels:,}) are left
-the map has {near.clusters} clusters, with 6 m 5.2 ms and {usual.clusters}, with 10 m 6.1 ms and {far.clusters}.
+the map has {near.clusters} clusters, with 6 m 2.1 ms and {usual.clusters}, with 10 m 2.5 ms and {far.clusters}.
 {distance.dense_voxels:,} voxels are dense instead of {usual.dense_voxels:,}
 {unknown.clusters} clusters with `none` and {usual.clusters} with `kinect_v1`
 {usual.clusters} clusters and {letter.clusters} on the same voxels
