@@ -7,4 +7,7 @@ noted=$(sort -u "$1")
 if [ -z "$noted" ]; then echo "0 tests left out"; exit; fi
 reasons=$(cut -f 2- <<< "$noted" | sort | uniq -c | sort -k 1,1rn -k 2 |
   awk '{ sub(/^ */, ""); printf "%s%s", between, $0; between = "; " }')
-echo "$(wc -l <<< "$noted") tests left out: $reasons"
+count=$(wc -l <<< "$noted")
+tests=tests
+if [ "$count" = 1 ]; then tests=test; fi
+echo "$count $tests left out: $reasons"

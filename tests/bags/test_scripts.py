@@ -49,7 +49,7 @@ def test_without_the_headers_of_python_no_ros_is_built(tmp_path):
 
 @pytest.mark.parametrize("noted, said", [
     ("", "0 tests left out"),
-    ("a.rs::one\tno recordings: set CFODI_DATA\n", "1 tests left out: 1 no recordings: set CFODI_DATA"),
+    ("a.rs::one\tno recordings: set CFODI_DATA\n", "1 test left out: 1 no recordings: set CFODI_DATA"),
     # Of the two of one name each counts, and none twice.
     ("a.py::one\tno: browser\nb.py::one\tno: browser\nb.py::one\tno: browser\na.rs::two\tno recordings\n",
      "3 tests left out: 2 no: browser; 1 no recordings")])
