@@ -1,9 +1,19 @@
-//! Maps that were set aside, of which not too many are to be kept.
+//! Maps that are set aside, where anything is lost with them, and of which not too many are to be kept.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use crate::store::{self, Kept};
+
+/// A map of no scan has some numbers and the name of its frame: what is larger need not be read.
+const MOST_WITHOUT_SCAN: u64 = 4096;
+
+/// Whether nothing is lost with the map there, as that of a start whose driver never sent, or of a session between two jumps of a
+/// clock: many of those would push out maps that were set aside.
+pub(super) fn has_no_scan(path: &Path) -> bool {
+    let is_small = path.metadata().is_ok_and(|about| about.len() <= MOST_WITHOUT_SCAN);
+    is_small && store::read(path).is_ok_and(|stored| stored.map.sequence() == 0)
+}
 
 /// Removes the oldest files that were set aside where there are too many, and gives what there is to say of it. One that cannot
 /// be removed stays.

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use thiserror::Error;
 use tracing::{info, warn};
 
-use super::kept::remove_oldest;
+use super::kept::{has_no_scan, remove_oldest};
 use crate::config::Config;
 use crate::engine::{Engine, RestoreError};
 use crate::link::{file_name, folder};
@@ -37,16 +37,6 @@ pub fn begin(config: &Config, resume: bool) -> Result<(Engine, Option<Lock>), Be
         info!("not resumed: what was in {} is kept as {}", path.display(), kept.display());
     }
     Ok((Engine::new(config.engine), Some(lock)))
-}
-
-/// A map of no scan has some numbers and the name of its frame: what is larger need not be read.
-const MOST_WITHOUT_SCAN: u64 = 4096;
-
-/// Whether nothing is lost with the map there, as that of a start whose driver never sent: many of those would push out maps that were
-/// set aside.
-fn has_no_scan(path: &Path) -> bool {
-    let is_small = path.metadata().is_ok_and(|about| about.len() <= MOST_WITHOUT_SCAN);
-    is_small && store::read(path).is_ok_and(|stored| stored.map.sequence() == 0)
 }
 
 /// Whether this is a regular file, or could become one. What else has a name there (a device, a pipe) is not to be set aside.

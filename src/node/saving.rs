@@ -8,7 +8,7 @@ use std::sync::{Arc, Weak};
 use tokio::sync::mpsc::{UnboundedReceiver, unbounded_channel};
 use tracing::{Level, warn};
 
-use super::kept::remove_oldest;
+use super::kept::{has_no_scan, remove_oldest};
 use super::throttle::{Throttle, log};
 use crate::engine::Frozen;
 use crate::msg::clusters::MapVersion;
@@ -144,13 +144,14 @@ struct Keeping {
 }
 
 impl Keeping {
-    /// Keeps the file where it is to be kept, for a map of this session is about to take its place.
+    /// Keeps the file where it is to be kept, for a map of this session is about to take its place. One that has taken in no scan is
+    /// left to be written over.
     ///
     /// # Errors
     /// When it cannot be kept; it is then still to be, and must not be written over.
     fn keep(&mut self, path: &Path, session: u64) -> Result<(), StoreError> {
         let is_due = self.before.extract_if(.., |before| session >= *before).count() > 0;
-        if !is_due {
+        if !is_due || has_no_scan(path) {
             return Ok(());
         }
         match store::keep_aside(path, Kept::Before) {

@@ -139,6 +139,23 @@ fn of_jumps_without_end_the_newest_maps_are_kept_and_the_largest() {
     assert_eq!(scans, [1, 21, 22, 23, 24, 25, 26, 27, 28]);
 }
 
+/// A bag that is played in a loop while the driver sends nothing.
+#[test]
+fn sessions_that_take_in_no_scan_are_not_kept_at_a_jump_and_push_out_no_map_that_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let (saver, mut results) = start(folder.path().join("map"), "map".to_owned()).unwrap();
+    let mut lap = |session, scans| {
+        saver.write(session, Arc::new(map_of(scans)));
+        results.blocking_recv().unwrap().unwrap();
+        saver.end(session, Arc::new(map_of(scans)));
+    };
+    (1..30).for_each(|session| lap(session, if session <= 2 { session } else { 0 }));
+    lap(30, 3);
+    let scans = |name: &str| store::read(&folder.path().join(name)).ok().map(|stored| stored.map.sequence());
+    let kept = ["map", "map.before-1", "map.before-2", "map.before-3"].map(scans);
+    assert_eq!(kept, [Some(3), Some(1), Some(2), None]);
+}
+
 #[test]
 fn of_jumps_without_end_what_is_kept_and_what_is_removed_is_said_once_in_a_while() {
     let folder = tempfile::tempdir().unwrap();
