@@ -2,7 +2,6 @@
 //! stands beside them. No worker is needed to tell it.
 
 use std::cell::{RefCell, RefMut};
-use std::collections::BTreeMap;
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
@@ -24,8 +23,6 @@ struct Period {
     start: Instant,
     /// The longest that a scan has waited for its transform.
     longest_wait: Duration,
-    /// The newest cloud without a transform, of each sensor.
-    without_transform: BTreeMap<usize, String>,
     /// How many transforms were refused, and why the newest was.
     refused: u64,
     refusal: Option<String>,
@@ -36,15 +33,7 @@ struct Period {
 
 impl Period {
     const fn new(start: Instant) -> Self {
-        Self {
-            start,
-            longest_wait: Duration::ZERO,
-            without_transform: BTreeMap::new(),
-            refused: 0,
-            refusal: None,
-            jumps: 0,
-            jump: None,
-        }
+        Self { start, longest_wait: Duration::ZERO, refused: 0, refusal: None, jumps: 0, jump: None }
     }
 }
 
@@ -80,12 +69,6 @@ impl Diagnosis {
     /// A scan has waited so long for its transform.
     pub(super) fn waited(&mut self, waited: Duration) {
         self.period.longest_wait = self.period.longest_wait.max(waited);
-    }
-
-    /// A scan of a sensor was given up without a transform. Why, and what helps, is asked once in a report, for the first: it must be
-    /// of the moment itself, and thousands of frames take long to list.
-    pub(super) fn given_up(&mut self, sensor: usize, line: impl FnOnce() -> String) {
-        self.period.without_transform.entry(sensor).or_insert_with(line);
     }
 
     /// A transform was refused, for this reason.
@@ -132,11 +115,13 @@ impl Diagnosis {
         skipped(&self.counts.borrow()) - skipped(&self.before)
     }
 
-    /// Of the scans, `waiting` wait for their transform; `halted` is why they wait on, where they do.
+    /// Of the scans, `waiting` wait for their transform; `without` is why one of each sensor was given up, where any was, and `halted`
+    /// why they wait on, where they do.
     pub(super) fn of_transforms(
         &self,
         fixed_frame: &str,
         waiting: usize,
+        without: &[String],
         halted: Option<String>,
     ) -> DiagnosticStatus {
         let period = &self.period;
@@ -152,8 +137,7 @@ impl Diagnosis {
             part.raise(level, format!("transforms refused: {}; the last: {why}", period.refused));
         }
         if given_up > 0 {
-            let whys: Vec<_> = period.without_transform.values().map(String::as_str).collect();
-            part.raise(level, whys.join("; "));
+            part.raise(level, without.join("; "));
         } else if let Some(why) = halted {
             part.raise(Level::Warn, why);
         }
@@ -282,13 +266,12 @@ mod tests {
     fn a_report_is_about_the_time_since_the_one_before() {
         let mut diagnosis = diagnosis();
         diagnosis.counts.borrow_mut().skip(TRANSFORM_TIMEOUT);
-        diagnosis.given_up(0, || "no way".to_owned());
         diagnosis.refused("no rotation".to_owned());
         diagnosis.waited(Duration::from_millis(200));
         diagnosis.waited(Duration::from_millis(100));
         diagnosis.jumped("a jump".to_owned());
         let said = |diagnosis: &Diagnosis| {
-            let transforms = diagnosis.of_transforms("odom", 0, None);
+            let transforms = diagnosis.of_transforms("odom", 0, &["no way".to_owned()], None);
             let map = diagnosis.of_map(1);
             let figures = ["given up", "refused", "longest wait [s]"].map(|key| value(&transforms, key));
             (transforms.level, transforms.message, figures, (map.level, map.message))
@@ -320,13 +303,13 @@ mod tests {
     /// A simulated clock that is halted gives none up.
     #[test]
     fn a_scan_that_waits_too_long_is_a_warning_and_so_is_one_given_up_while_others_are_taken_in() {
-        let mut diagnosis = diagnosis();
-        let stuck = diagnosis.of_transforms("odom", 0, Some("no frame `map`".to_owned()));
+        let diagnosis = diagnosis();
+        let stuck = diagnosis.of_transforms("odom", 0, &[], Some("no frame `map`".to_owned()));
         assert_eq!((stuck.level, stuck.message.as_str()), (1, "no frame `map`"));
         diagnosis.counts.borrow_mut().skip(WAITING_QUEUE_FULL);
         diagnosis.counts.borrow_mut().taken_in += 1;
-        diagnosis.given_up(0, || "no way".to_owned());
-        let given_up = diagnosis.of_transforms("odom", 0, Some("no frame `map`".to_owned()));
+        let no_way = ["no way".to_owned()];
+        let given_up = diagnosis.of_transforms("odom", 0, &no_way, Some("no frame `map`".to_owned()));
         assert_eq!((given_up.level, given_up.message.as_str()), (1, "no way"));
     }
 

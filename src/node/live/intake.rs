@@ -50,6 +50,8 @@ pub(super) struct Period {
     pub(super) blindness: Option<String>,
     /// Good scans that were given up, without a transform or for newer ones.
     pub(super) given_up: u64,
+    /// What is to be said of the first of them that got no transform.
+    pub(super) without_transform: Option<String>,
 }
 
 /// Scans that were good, and were given up all the same.
@@ -57,7 +59,7 @@ pub(super) struct Period {
 pub(super) struct LeftOut {
     /// When the first was.
     pub(super) since: Instant,
-    /// Why the newest was.
+    /// Why one of the newest was, and what helps.
     pub(super) why: String,
 }
 
@@ -82,11 +84,16 @@ impl Intake {
         self.left_out.take_if(|_| were_taken_in);
     }
 
-    /// A good scan was given up, for this reason.
-    pub(super) fn give_up(&mut self, why: String) {
+    /// A good scan was given up without a transform. Why, and what helps, is asked once in a report, for the first: it must be of the
+    /// moment itself, and thousands of frames take long to list.
+    pub(super) fn give_up(&mut self, why: impl FnOnce() -> String) {
         self.period.given_up += 1;
-        let since = self.left_out.take().map_or_else(Instant::now, |left_out| left_out.since);
-        self.left_out = Some(LeftOut { since, why });
+        if self.period.without_transform.is_none() {
+            let why = why();
+            let since = self.left_out.take().map_or_else(Instant::now, |left_out| left_out.since);
+            self.left_out = Some(LeftOut { since, why: why.clone() });
+            self.period.without_transform = Some(why);
+        }
     }
 
     fn note_good(&mut self, cloud: &Cloud) {

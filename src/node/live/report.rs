@@ -3,8 +3,10 @@
 use std::time::Instant;
 
 use super::intake::{LeftOut, Period};
+use super::say::with_hint;
 use super::{Live, QUIET};
 use crate::engine::Stamp;
+use crate::join::GivenUp;
 use crate::msg::reports::{DiagnosticArray, DiagnosticStatus, Level};
 use crate::msg::ros::Header;
 use crate::msg::status::StatusBuilder;
@@ -36,7 +38,10 @@ impl<T: Transport> Live<T> {
         let network = self.transport.network_state();
         self.say_network(&network);
         let diagnosis = &self.diagnosis;
-        let transforms = diagnosis.of_transforms(&self.fixed_frame, self.join.waiting(), self.halted());
+        let without: Vec<_> =
+            self.intakes.iter().filter_map(|intake| intake.period.without_transform.clone()).collect();
+        let (fixed_frame, waiting) = (&self.fixed_frame, self.join.waiting());
+        let transforms = diagnosis.of_transforms(fixed_frame, waiting, &without, self.halted());
         let (engine, map) = (diagnosis.of_engine(), diagnosis.of_map(self.session));
         status.extend([transforms, engine, map, diagnosis.of_network(&network)]);
         for (sensor, intake) in self.intakes.iter_mut().enumerate() {
@@ -113,7 +118,7 @@ impl<T: Transport> Live<T> {
         let is_left_out = taken_in.scans == 0 && intake.since.elapsed() < QUIET;
         if let Some(LeftOut { since, why }) = intake.left_out.as_ref().filter(|_| is_left_out) {
             let level = if since.elapsed() >= QUIET { Level::Error } else { Level::Warn };
-            part.raise(level, format!("none of its scans is taken into the map; why the last is not: {why}"));
+            part.raise(level, format!("none of its scans is taken into the map; why one is not: {why}"));
         }
     }
 
@@ -145,13 +150,15 @@ impl<T: Transport> Live<T> {
         (!whys.is_empty()).then(|| whys.join("; "))
     }
 
-    /// What the oldest scan lacks that waits for its transform, where it has waited too long: none is given up while a simulated
-    /// clock is halted.
+    /// What the oldest scan lacks that waits for its transform, and what helps, where it has waited too long: none is given up while
+    /// a simulated clock is halted.
     fn stuck(&self) -> Option<String> {
         if self.join.longest_wait(self.clocks.elapsed().into()) < QUIET.max(self.tf_timeout) {
             return None;
         }
-        self.join.oldest().and_then(|(_, lacks)| lacks).map(ToString::to_string)
+        let (_, lacks) = self.join.oldest()?;
+        // As that of a scan which waits until the end, whatever tf_timeout is.
+        lacks.map(|lacks| with_hint(lacks.to_string(), self.join.hint(Some(lacks), GivenUp::AtEnd)))
     }
 
     /// Says of each thing that does not fit when it begins, again and again while it lasts, and when it is over.

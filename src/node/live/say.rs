@@ -99,19 +99,15 @@ impl<T: Transport> Live<T> {
             line = format!("{line}; it made place for a newer one: {places}");
         }
         self.diagnosis.waited(waited);
-        self.intakes[sensor].give_up(line.clone());
         let level = self.throttle.level_now(kind_of(reason.key, sensor), Level::WARN);
-        let with_hint = || {
-            let hint = self.join.hint(lacks.as_ref(), given_up);
-            [line.clone()].into_iter().chain(hint).collect::<Vec<_>>().join("; ")
-        };
+        let why = || with_hint(line.clone(), self.join.hint(lacks.as_ref(), given_up));
         // Thousands of frames take longer to list than a cloud to skip.
         if level == Level::WARN {
-            log(level, &with_hint());
+            log(level, &why());
         } else {
             log(level, &line);
         }
-        self.diagnosis.given_up(sensor, with_hint);
+        self.intakes[sensor].give_up(why);
     }
 
     /// How many clouds may wait, and, where a transform `is_late` and nothing else is lacking, whether a longer `tf_timeout` lets more wait.
@@ -142,6 +138,11 @@ impl<T: Transport> Live<T> {
     pub(super) fn warn(&mut self, kind: impl Into<Cow<'static, str>>, line: std::fmt::Arguments<'_>) {
         log(self.throttle.level_now(kind, Level::WARN), &line.to_string());
     }
+}
+
+/// What is to be said of a cloud without a transform, with what helps where that does not say all.
+pub(super) fn with_hint(line: String, hint: Option<String>) -> String {
+    [line].into_iter().chain(hint).collect::<Vec<_>>().join("; ")
 }
 
 /// What a cloud without a transform is counted by.

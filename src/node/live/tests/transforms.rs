@@ -48,7 +48,23 @@ fn what_helps_where_a_scan_got_no_transform_is_reported_as_it_is_logged() {
         let transforms = part(&report, "transforms");
         assert!(transforms.message.contains(words), "{transforms:?}");
         assert!(said.contains(&(30, transforms.message.clone())), "{transforms:?}: {said:?}");
+        let sensor = part(&report, "sensor points");
+        assert!(sensor.message.ends_with(&format!("; why one is not: {}", transforms.message)), "{sensor:?}");
     }
+}
+
+/// A simulator that is paused gives no scan up.
+#[test]
+fn what_helps_is_reported_too_where_a_scan_waits_on_for_the_simulated_clock_is_halted() {
+    let (report, _) = driven(Fake::default(), async |live| {
+        live.event(transform(at(10.0), true)).await;
+        live.event(cloud(at(10.0), "nowhere")).await;
+        live.clocks = Clocks::new(Instant::now().checked_sub(3 * QUIET).unwrap(), true);
+    });
+    let transforms = part(&report, "transforms");
+    let words = "no frame nowhere has been seen; frames seen: camera, odom; nobody says where `nowhere` is";
+    assert!(transforms.level == 1 && transforms.message.starts_with("no /clock has come"), "{transforms:?}");
+    assert!(transforms.message.contains(words), "{transforms:?}");
 }
 
 const REFUSED: &str = "transforms refused: 4; the last: transform camera to odom has a quaternion of \
