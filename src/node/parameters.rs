@@ -142,7 +142,7 @@ impl Parameters {
     /// Sets all of these values or none, and says what has changed.
     pub(super) fn set(&self, wanted: SetRequest) -> (SetParametersResult, Option<ParameterEvent>) {
         if self.refuses(wanted.parameters.len()) {
-            return (SetParametersResult { successful: false, reason: TOO_MANY.to_owned() }, None);
+            return (too_many(), None);
         }
         match self.change(wanted) {
             Ok(changed) => {
@@ -210,6 +210,11 @@ impl Parameters {
         }
         clock::now()
     }
+}
+
+/// The answer to a request that has too many entries.
+fn too_many() -> SetParametersResult {
+    SetParametersResult { successful: false, reason: TOO_MANY.to_owned() }
 }
 
 /// The text with its middle left out where it is long: a value comes from anyone, and is in the reason.

@@ -7,7 +7,7 @@ use std::time::Instant;
 use tokio::sync::mpsc::Sender;
 use tracing::warn;
 
-use super::Parameters;
+use super::{Parameters, too_many};
 use crate::msg::parameters::{
     DescribeResponse, GetResponse, ListRequest, ListResponse, Names, ParameterEvent, SetAtomicallyResponse,
     SetParametersResult, SetRequest, SetResponse, TypesResponse,
@@ -114,11 +114,14 @@ pub(in crate::node) struct Setter<R, T> {
 }
 
 impl<R, T: Tells> Setter<R, T> {
+    /// Each gets an answer, as rclcpp has it, whether or not they are too many: callers read as many as they have asked for.
     async fn set_each(&self, wanted: SetRequest) -> SetResponse {
-        let mut results = Vec::new();
-        if self.parameters.refuses(wanted.parameters.len()) {
-            return SetResponse { results };
+        let entries = wanted.parameters.len();
+        if self.parameters.refuses(entries) {
+            // About as long as the request, which has been read whole.
+            return SetResponse { results: vec![too_many(); entries] };
         }
+        let mut results = Vec::with_capacity(entries);
         for parameter in wanted.parameters {
             tokio::task::yield_now().await;
             results.push(self.set(SetRequest { parameters: vec![parameter] }).await);
@@ -218,7 +221,10 @@ mod tests {
         let parameters = Rc::new(Parameters::new("/cfodi".to_owned(), current));
         let setter = Setter { parameters, changes: told.clone(), events };
         let wanted = SetRequest { parameters: vec![timeout(0.5); 257] };
-        assert!(setter.set_each(wanted).await.results.is_empty());
+        let each = setter.set_each(wanted.clone()).await.results;
+        assert_eq!(each, vec![setter.set(wanted).await; 257]);
+        let reason = "a request may have 256 entries at most: there are not as many parameters";
+        assert!(!each[0].successful && each[0].reason == reason, "{each:?}");
         assert!(told.0.borrow().is_empty() && node.try_recv().is_err());
     }
 
