@@ -1,8 +1,8 @@
 //! When compressed depth images are read: only where nothing else comes of a camera.
 //!
 //! `image_transport` offers images raw and compressed side by side, and where somebody reads the compressed ones it packs a PNG
-//! of every image, within the driver's own call. So they are read where no raw ones are offered, or where those do not come, and no
-//! longer than that: a Kinect may be plugged in long after its driver has started. A driver on Fast DDS packs on, for it ignores how
+//! of every image, within the driver's own call. So they are read where no raw ones are offered, or where those do not come or have
+//! not for a minute, and no longer than that: a Kinect may be plugged in long after its driver has started. A driver on Fast DDS packs on, for it ignores how
 //! RustDDS 0.15.1 tells that a reader has gone (a key alone, longer than 16 bytes); the node unpacks nothing more.
 
 use std::borrow::Cow;
@@ -42,7 +42,7 @@ pub(super) async fn read_while_wanted(
         }
         tokio::select! {
             ended = read() => return ended,
-            () = unwanted(sensor, &sources, || heard.chosen.get()) => {}
+            () = unwanted(sensor, &sources, || heard.in_use()) => {}
         }
         let topic = sensor.topic(Form::CompressedDepth).unwrap_or_default();
         info!("{topic} is read no more: scans are made of what comes in another form");
@@ -50,7 +50,7 @@ pub(super) async fn read_while_wanted(
     }
 }
 
-/// Resolves when the compressed images of a camera are to be read. `comes` says whether it has come in a form, as
+/// Resolves when the compressed images of a camera are to be read. `comes` says whether it comes in a form, as
 /// [`Known::comes`](super::heard::Known::comes) has it: while that is offered too they are not.
 async fn wanted(sensor: &SensorTopics, sources: impl Fn() -> Vec<Source>, comes: impl Fn(Form) -> bool) {
     let mut looks = Looks::default();
@@ -71,15 +71,15 @@ async fn wanted(sensor: &SensorTopics, sources: impl Fn() -> Vec<Source>, comes:
 }
 
 /// Resolves when compressed images that are read are of no use: scans are made of what comes in another form, and that is offered.
-/// `chosen` says which form it is.
+/// `in_use` says which form it is.
 async fn unwanted(
     sensor: &SensorTopics,
     sources: impl Fn() -> Vec<Source>,
-    chosen: impl Fn() -> Option<Form>,
+    in_use: impl Fn() -> Option<Form>,
 ) {
     loop {
         tokio::time::sleep(REST).await;
-        let other = chosen().filter(|form| *form != Form::CompressedDepth);
+        let other = in_use().filter(|form| *form != Form::CompressedDepth);
         if other.is_some_and(|form| is_offered(sensor, form, &sources())) {
             return;
         }

@@ -7,6 +7,7 @@
 //! Anyone on the network can make numbers up: none may silence a publisher for ever.
 
 use std::collections::BTreeMap;
+use std::time::{Duration, Instant};
 
 use crate::cloud::{CloudError, Decoded};
 
@@ -36,6 +37,10 @@ pub(super) struct NextScan {
     pub(super) lost_before: u64,
 }
 
+/// How long nothing may come in the form that scans of a sensor are made of, until another that is offered is taken: one raw image may
+/// get through a network that is too slow for them. Much longer than a camera takes to start anew.
+pub(super) const SILENT: Duration = Duration::from_secs(60);
+
 /// Publishers to remember; a driver that restarts is a new one each time.
 const PUBLISHERS: usize = 1000;
 
@@ -61,14 +66,14 @@ fn entry<T: Default>(publishers: &mut BTreeMap<PublisherId, T>, publisher: Publi
 pub(super) struct Known {
     heard: Heard,
     gaps: Gaps,
-    /// Whether a good scan has come, or an image that lacks its camera info alone: it would lack it in another form too.
-    comes: bool,
+    /// When a good scan came last, or an image that lacks its camera info alone: it would lack it in another form too.
+    came: Option<Instant>,
 }
 
 impl Known {
-    /// Whether a scan has come by which the sensor is taken in this form, or will be once its camera info is there.
-    pub(super) const fn comes(&self) -> bool {
-        self.comes
+    /// Whether a scan has come, within [`SILENT`], by which the sensor is taken in this form, or will be once its camera info is there.
+    pub(super) fn comes(&self) -> bool {
+        self.came.is_some_and(|came| came.elapsed() < SILENT)
     }
 
     /// The network is joined anew: its readers have heard nothing yet.
@@ -82,8 +87,10 @@ impl Known {
     }
 
     /// Notes a scan, with or without a number.
-    pub(super) const fn note(&mut self, scan: &Decoded) {
-        self.comes |= matches!(scan, Ok(_) | Err(CloudError::NoCameraInfo));
+    pub(super) fn note(&mut self, scan: &Decoded) {
+        if matches!(scan, Ok(_) | Err(CloudError::NoCameraInfo)) {
+            self.came = Some(Instant::now());
+        }
     }
 
     /// The scan of a sample, where it is to be taken. What could not be read as one is told as a scan that cannot be used, with
@@ -247,6 +254,11 @@ pub(super) mod tests {
     /// A scan of this number that lacks its camera info.
     fn sample(publisher: PublisherId, number: i64) -> Sample {
         Sample { scan: Err(CloudError::NoCameraInfo), origin: Origin { publisher, number } }
+    }
+
+    /// A publisher of which an image came that lacks its camera info alone, so long ago.
+    pub(in crate::node) fn came_before(silence: Duration) -> Known {
+        Known { came: Instant::now().checked_sub(silence), ..Known::default() }
     }
 
     /// A camera info that comes more than ten seconds late must not have the driver pack PNGs for good.

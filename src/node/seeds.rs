@@ -76,7 +76,12 @@ impl Scans {
         form.map_or_else(|| self.comes(Form::CompressedDepth), |form| form == Form::CompressedDepth)
     }
 
-    /// Whether a scan has come in this form, or an image that lacks its camera info alone.
+    /// The form that scans are made of, where it still comes.
+    pub(super) fn in_use(&self) -> Option<Form> {
+        self.chosen.get().filter(|form| self.comes(*form))
+    }
+
+    /// Whether scans come in this form, or images that lack their camera info alone.
     pub(super) fn comes(&self, form: Form) -> bool {
         match form {
             Form::Points => self.points.borrow().comes(),
@@ -147,5 +152,23 @@ impl<'de, S: DeserializeSeed<'de, Value = Decoded>> DeserializeSeed<'de> for Tol
     fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Decoded, D::Error> {
         let decoded = self.0.deserialize(deserializer);
         Ok(decoded.unwrap_or_else(|error| Err(CloudError::Undecodable(error.to_string()))))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::node::heard::{SILENT, tests::came_before};
+
+    #[test]
+    fn a_form_that_has_been_silent_for_a_minute_comes_and_is_in_use_no_more_until_a_scan_does() {
+        let (scans, depth) = (Scans::default(), Form::Depth);
+        scans.chosen.set(Some(depth));
+        for (silence, comes) in [(SILENT / 2, true), (SILENT, false)] {
+            scans.images.replace(came_before(silence));
+            assert_eq!((scans.comes(depth), scans.in_use().is_some()), (comes, comes), "{silence:?}");
+        }
+        scans.images.borrow_mut().note(&Err(CloudError::NoCameraInfo));
+        assert_eq!((scans.comes(depth), scans.in_use()), (true, Some(depth)));
     }
 }

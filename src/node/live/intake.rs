@@ -10,6 +10,7 @@ use crate::cloud::{Cloud, CloudError, Decoded};
 use crate::engine::Stamp;
 use crate::join::with_stamp;
 use crate::node::counts::OTHER_INPUT;
+use crate::node::heard::SILENT;
 use crate::node::inputs;
 use crate::node::transport::{Form, Input, Source, Transport};
 
@@ -194,21 +195,24 @@ impl<T: Transport> Live<T> {
         self.warn("lost", format_args!("{total} clouds were sent and never arrived: {look}"));
     }
 
-    /// Takes a sensor in any form again where nobody sends the chosen one any more: its driver may come back with another.
+    /// Takes a sensor in any form again where nobody sends the chosen one any more, for its driver may come back with another, or where
+    /// that has been silent for long and another is offered.
     pub(super) fn forget_gone(&mut self, sources: &[Source]) {
-        if !self.transport.knows_all_sources() {
-            return;
-        }
+        let knows_all = self.transport.knows_all_sources();
         for (intake, topics) in self.intakes.iter_mut().zip(self.transport.inputs()) {
-            let is_gone = |form: &mut Form| !inputs::is_offered(topics, *form, sources);
-            if intake.since.elapsed() >= QUIET
-                && let Some(form) = intake.chosen.take_if(is_gone)
-            {
-                let (topic, name) = (topics.topic(form).unwrap_or_default(), &topics.name);
-                info!(
-                    "nobody publishes on {topic} any more: whichever form of the sensor {name} comes first is taken"
-                );
-            }
+            let Some(chosen) = intake.chosen else { continue };
+            let (silence, topic) = (intake.since.elapsed(), topics.topic(chosen).unwrap_or_default());
+            let is_offered = |form| inputs::is_offered(topics, form, sources);
+            let is_other = |form: &Form| *form != chosen;
+            let why = if silence >= QUIET && knows_all && !is_offered(chosen) {
+                format!("nobody publishes on {topic} any more")
+            } else if silence >= SILENT && Form::ALL.into_iter().filter(is_other).any(is_offered) {
+                format!("nothing has come on {topic} for {} s", silence.as_secs())
+            } else {
+                continue;
+            };
+            intake.chosen = None;
+            info!("{why}: whichever form of the sensor {} comes first is taken", topics.name);
         }
     }
 

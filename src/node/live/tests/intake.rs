@@ -1,7 +1,8 @@
 //! Which scans a node on a middleware made of channels takes.
 
-use super::reports::by_hand;
+use super::reports::{by_hand, driven, part, value};
 use super::*;
+use crate::node::heard::SILENT;
 
 #[test]
 fn the_first_input_that_sends_a_good_scan_is_the_only_one_taken() {
@@ -55,6 +56,31 @@ fn a_scan_without_points_is_taken_in_and_chooses_no_input() {
     let (_, counts, _) = node(Fake::default(), events, 3);
     assert_eq!((counts.received, counts.taken_in), (4, 3));
     assert_eq!(by_key(counts), [("other_input", 1)]);
+}
+
+/// A network too slow for raw images, through which one gets.
+#[test]
+fn where_the_chosen_form_has_been_silent_for_a_minute_another_that_is_offered_takes_its_place() {
+    let image = Source { topic: "/depth/image".to_owned(), type_name: "sensor_msgs/msg/Image".to_owned() };
+    let compressed = Source {
+        topic: "/depth/image/compressedDepth".to_owned(),
+        type_name: "sensor_msgs/msg/CompressedImage".to_owned(),
+    };
+    let (alone, both) = (vec![image.clone()], vec![image, compressed]);
+    for (silence, sources, is_forgotten) in
+        [(SILENT / 2, &both, false), (SILENT, &alone, false), (SILENT, &both, true)]
+    {
+        let fake = Fake { sources: sources.clone(), ..Fake::default() };
+        let (report, said) = driven(fake, async |live| {
+            live.intakes[0].chosen = Some(Form::Depth);
+            live.intakes[0].since = Instant::now().checked_sub(silence).unwrap();
+        });
+        let line = "nothing has come on /depth/image for 60 s: whichever form of the sensor points comes first is taken";
+        assert_eq!(said.contains(&(20, line.to_owned())), is_forgotten, "{said:?}");
+        let topic = if is_forgotten { "/points, or /depth/image or " } else { "/depth/image" };
+        let sensor = part(&report, "sensor points");
+        assert!(value(&sensor, "topic").starts_with(topic), "{sensor:?}");
+    }
 }
 
 /// A driver that is started again in another form.
