@@ -4,6 +4,7 @@
 
 use std::error::Error;
 
+use cfodi::count::count_of;
 use cfodi::node::Setup;
 use cfodi::node::args::Environment;
 use cfodi::node::dds::SnapshotReader;
@@ -17,7 +18,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     runtime.block_on(async {
         loop {
             let map = reader.next().await?;
-            println!("version {} of the map: {} clusters", map.sequence, map.clusters.len());
+            println!("version {} of the map: {}", map.sequence, count_of(map.clusters.len(), "cluster"));
         }
     })
 }

@@ -12,6 +12,7 @@ pub mod bag;
 pub mod cloud;
 mod colour;
 pub mod config;
+pub mod count;
 pub mod engine;
 #[cfg(feature = "bag")]
 pub mod experiment;

@@ -31,6 +31,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 pub use self::aside::{Kept, MOST_ASIDE, keep_aside, newest_aside, set_aside, too_many_aside};
+use crate::count::count_of;
 use crate::engine::{Frozen, RestoreError, SavedMap};
 use crate::link::folder;
 pub use crate::link::target;
@@ -309,7 +310,10 @@ impl Header {
     fn read(bytes: &[u8]) -> Result<Self, Flaw> {
         let damaged = |what: String| Err(Flaw::Damaged(what));
         let Some(header) = bytes.get(..HEADER) else {
-            return damaged(format!("{} bytes, fewer than the {HEADER} of its header", bytes.len()));
+            return damaged(format!(
+                "{}, fewer than the {HEADER} of its header",
+                count_of(bytes.len(), "byte")
+            ));
         };
         if &header[..8] != MAGIC {
             return damaged("it does not begin with `cfodimap`".to_owned());
@@ -341,8 +345,8 @@ fn plain(bytes: &[u8]) -> Result<Vec<u8>, Flaw> {
     let (start, packed) = bytes.split_at(HEADER);
     if header.packed_length != packed.len() as u64 {
         return damaged(format!(
-            "{} bytes after the header, and there are {}",
-            header.packed_length,
+            "{} after the header, and there are {}",
+            count_of(header.packed_length, "byte"),
             packed.len()
         ));
     }
@@ -360,7 +364,7 @@ fn plain(bytes: &[u8]) -> Result<Vec<u8>, Flaw> {
 fn decode(plain: &[u8]) -> Result<Stored, Flaw> {
     match postcard::take_from_bytes(plain) {
         Ok((stored, [])) => Ok(stored),
-        Ok((_, rest)) => Err(Flaw::Damaged(format!("{} bytes after the map", rest.len()))),
+        Ok((_, rest)) => Err(Flaw::Damaged(format!("{} after the map", count_of(rest.len(), "byte")))),
         Err(error) => Err(Flaw::Damaged(error.to_string())),
     }
 }

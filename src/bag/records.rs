@@ -8,6 +8,7 @@ use mcap::records::{DataEnd, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 
 use super::attachments::{Bounded, WithoutLarge};
+use crate::count::count_of;
 
 /// The longest header, schema or channel that is read (bytes): the definition of a large message has 100 kB.
 const MAX_DESCRIPTION: usize = 1 << 20;
@@ -97,7 +98,7 @@ fn is_overflow(panic: &(dyn Any + Send)) -> bool {
 
 /// `None` for a record that says nothing of the messages: what is wrong inside of an attachment costs nothing.
 fn parse(opcode: u8, body: &[u8]) -> Result<Option<Record>, String> {
-    let about = || format!("a record of {} bytes (opcode {opcode:#04x})", body.len());
+    let about = || format!("a record of {} (opcode {opcode:#04x})", count_of(body.len(), "byte"));
     let fields = Fields(body);
     let rest = match opcode {
         op::HEADER | op::SCHEMA | op::CHANNEL if body.len() > MAX_DESCRIPTION => {
@@ -112,7 +113,7 @@ fn parse(opcode: u8, body: &[u8]) -> Result<Option<Record>, String> {
         op::DATA_END => return Ok(Some(Record::DataEnd(DataEnd { data_section_crc: 0 }))),
         _ => return Ok(None),
     };
-    rest.map_err(|missing| format!("{}: {missing} bytes are missing", about()))?;
+    rest.map_err(|missing| format!("{}: bytes that are missing: {missing}", about()))?;
     mcap::parse_record(opcode, body).map(|record| Some(record.into_owned())).map_err(|error| reason(&error))
 }
 
@@ -193,7 +194,7 @@ mod tests {
         let whole = channel(&["a", "b"].map(string).concat());
         for length in 0..whole.len() {
             let refused = parse(op::CHANNEL, &whole[..length]).unwrap_err();
-            assert!(refused.contains("bytes are missing"), "{length}: {refused}");
+            assert!(refused.contains("bytes that are missing: "), "{length}: {refused}");
         }
         for place in [4, 11, 18, 22, 27] {
             let mut lies = whole.clone();

@@ -12,6 +12,7 @@ use std::time::{Duration, Instant};
 use anyhow::Context as _;
 use cfodi::args::security::Security;
 use cfodi::args::{Rmw, Setup};
+use cfodi::count::count_of;
 use cfodi::engine::Snapshot;
 use cfodi::export::{View, WholeFile, WriteError, draw, write_ply};
 use cfodi::msg::ros::TfMessage;
@@ -228,10 +229,10 @@ fn table(map: &Snapshot) -> String {
     let mut clusters: Vec<_> = map.clusters.iter().collect();
     clusters.sort_by_key(|cluster| (std::cmp::Reverse(cluster.voxel_count), cluster.id));
     let mut lines = vec![format!(
-        "{} scans: {} dense voxels, {} clusters; the largest:\n{:>6} {:>7}  {:^21}  {:^18}  state",
-        map.sequence,
-        map.voxels.len(),
-        clusters.len(),
+        "{}: {}, {}; the largest:\n{:>6} {:>7}  {:^21}  {:^18}  state",
+        count_of(map.sequence, "scan"),
+        count_of(map.voxels.len(), "dense voxel"),
+        count_of(clusters.len(), "cluster"),
         "id",
         "voxels",
         "normal",

@@ -11,6 +11,7 @@ use std::thread;
 
 use anyhow::{Context as _, anyhow, bail};
 use cfodi::args::Setup;
+use cfodi::count::count_of;
 use cfodi::engine::Params;
 use cfodi::experiment::quality::{Laboratory, Run, Table, Way};
 use cfodi::export::{WholeFile, write_whole};
@@ -156,9 +157,11 @@ pub(crate) fn laboratory(setup: &Setup, options: &Simulation, out: &Path) -> any
         bail!("stopped by a signal before the first run was made: nothing is written");
     }
     let is_whole = made.len() as u64 == *seeds;
-    let count = if is_whole { seeds.to_string() } else { format!("{} of {seeds}", made.len()) };
+    let all = count_of(*seeds, "run");
+    let count = if is_whole { all } else { format!("{} of {all}", made.len()) };
     let outcome = Outcome::of(made);
-    let title = format!("Scene {name}: {count} runs of {seconds} s, {} scans each", laboratory.scans());
+    let title =
+        format!("Scene {name}: {count} of {seconds} s, {} each", count_of(laboratory.scans(), "scan"));
     let files = [(&page, outcome.page(&title)), (&csv, outcome.table.csv())];
     let files = files.into_iter().chain(way.as_ref().map(|way| (way, outcome.way.csv())));
     let written = files.map(|(path, text)| write_whole(path, |file| file.write_all(text.as_bytes())));
@@ -169,7 +172,7 @@ pub(crate) fn laboratory(setup: &Setup, options: &Simulation, out: &Path) -> any
     if is_whole {
         return Ok(Ending::Whole);
     }
-    say(format_args!("cfodi: stopped by a signal: the tables are of {count} runs"));
+    say(format_args!("cfodi: stopped by a signal: the tables are of {count}"));
     Ok(Ending::InPart)
 }
 
@@ -186,7 +189,8 @@ fn remove(path: &Path) -> anyhow::Result<()> {
 /// The runs by seed, from 1, or those that were made before a signal; as many at once as there are processors, and two at most.
 fn runs(laboratory: &Laboratory, seeds: u64) -> anyhow::Result<BTreeMap<u64, Run>> {
     let bar = Bar::of_scans(seeds * u64::from(laboratory.scans()));
-    bar.tell(&format!("0 of {seeds} runs"));
+    let all = count_of(seeds, "run");
+    bar.tell(&format!("0 of {all}"));
     let (next, done) = (AtomicU64::new(1), Mutex::new(BTreeMap::new()));
     let stop = stop::flag();
     let taken = || {
@@ -203,7 +207,7 @@ fn runs(laboratory: &Laboratory, seeds: u64) -> anyhow::Result<BTreeMap<u64, Run
             let Some(run) = laboratory.run(seed, taken) else { return Some(()) };
             let mut done = done.lock().ok()?;
             done.insert(seed, run);
-            bar.tell(&format!("{} of {seeds} runs", done.len()));
+            bar.tell(&format!("{} of {all}", done.len()));
         }
     };
     let at_once = thread::available_parallelism().map_or(1, usize::from).min(MOST_AT_ONCE);

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use cfodi::count::count_of;
 use cfodi::line::one_line;
 use cfodi::replay::Progress;
 use cfodi::say::say;
@@ -20,7 +21,8 @@ impl Bar {
 
     /// A bar for so many simulated scans.
     pub(crate) fn of_scans(scans: u64) -> Self {
-        Self::styled(ProgressBar::new(scans), "{wide_bar} {pos} of {len} scans{msg}, {eta} left")
+        let all = count_of(scans, "scan");
+        Self::styled(ProgressBar::new(scans), &format!("{{wide_bar}} {{pos}} of {all}{{msg}}, {{eta}} left"))
     }
 
     fn styled(bar: ProgressBar, template: &str) -> Self {
@@ -47,7 +49,7 @@ impl Bar {
         if !self.0.is_hidden() {
             let seconds = self.0.elapsed().as_secs_f64().max(1e-9);
             let rate = progress.scans as f64 / seconds;
-            self.tell(&format!("{} scans, {rate:.0} a second", progress.scans));
+            self.tell(&format!("{}, {rate:.0} a second", count_of(progress.scans, "scan")));
         }
     }
 

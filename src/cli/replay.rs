@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context as _;
 use cfodi::args::Setup;
 use cfodi::bag::{Bag, OutputTopics};
+use cfodi::count::count_of;
 use cfodi::export::{WholeFile, WriteError};
 use cfodi::line::one_line;
 use cfodi::replay::{Ended, Finished, MapFiles, Outputs, Replay, ResultFile, Settings, Summary, Tally, feed};
@@ -184,14 +185,14 @@ fn account(summary: &Summary) {
     let unused = summary.points_unused();
     let unused = if unused.is_empty() { unused } else { format!(" ({unused})") };
     say(format_args!(
-        "{} scans in {:.1} s ({rate:.0} a second) in frame {}: {} of {} points used{unused}, {} dense voxels, {} clusters, {} of them active",
-        summary.tally.scans,
+        "{} in {:.1} s ({rate:.0} a second) in frame {}: {} of {} used{unused}, {}, {}, {} of them active",
+        count_of(summary.tally.scans, "scan"),
         summary.wall.as_secs_f64(),
         one_line(&summary.fixed_frame),
         summary.points_used(),
-        summary.tally.points,
-        summary.dense_voxels,
-        summary.clusters,
+        count_of(summary.tally.points, "point"),
+        count_of(summary.dense_voxels, "dense voxel"),
+        count_of(summary.clusters, "cluster"),
         summary.clusters_active,
     ));
 }
@@ -202,7 +203,7 @@ pub(crate) fn say_skipped(summary: &Summary) -> Ending {
     if skipped > 0 {
         let reasons: Vec<_> =
             summary.tally.skipped.iter().map(|(reason, count)| format!("{} {count}", reason.key)).collect();
-        say(format_args!("{skipped} scans skipped: {}", reasons.join(", ")));
+        say(format_args!("{} skipped: {}", count_of(skipped, "scan"), reasons.join(", ")));
     }
     if let Some(unread) = &summary.unread {
         say(format_args!("cfodi: not all of the bag was read: {}", one_line(unread)));

@@ -7,6 +7,7 @@ use std::sync::atomic::Ordering;
 use anyhow::Context as _;
 use cfodi::args::Setup;
 use cfodi::bag::SensorBag;
+use cfodi::count::count_of;
 use cfodi::engine::Stamp;
 use cfodi::export::WholeFile;
 use cfodi::say::say;
@@ -97,9 +98,11 @@ pub(crate) fn simulate(setup: &Setup, options: &Options) -> anyhow::Result<Endin
         let truth = truth(&options.scene, options.seed, seconds, &drive);
         file.complete(|out| writeln!(out, "{truth:#}"))?;
     }
-    say(format_args!("{written} scans of scene {} in {}", options.scene, options.out.display()));
+    let (scene, out) = (&options.scene, options.out.display());
+    say(format_args!("{} of scene {scene} in {out}", count_of(written, "scan")));
     if written < scans {
-        say(format_args!("cfodi: stopped by a signal before the end of the drive, which has {scans} scans"));
+        let scans = count_of(scans, "scan");
+        say(format_args!("cfodi: stopped by a signal before the end of the drive, which has {scans}"));
         return Ok(Ending::InPart);
     }
     Ok(Ending::Whole)

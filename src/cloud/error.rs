@@ -1,5 +1,6 @@
 //! Why a message was refused.
 
+use crate::count::count_of;
 use crate::reason::Reason;
 
 /// Why a message gave no [`Cloud`](super::Cloud); each variant carries the numbers that contradict each other.
@@ -63,7 +64,7 @@ pub enum CloudError {
         datatype: u8,
     },
     /// A coordinate that lies partly outside its point.
-    #[error("field `{field}` ends at byte {end} of a point of {point_step} bytes")]
+    #[error("field `{field}` ends at byte {end} of a point of {}", count_of(*point_step, "byte"))]
     FieldOutsidePoint {
         /// `x`, `y` or `z`.
         field: &'static str,
@@ -76,7 +77,7 @@ pub enum CloudError {
     #[error("point_step is 0")]
     ZeroPointStep,
     /// Rows that do not hold their points.
-    #[error("row_step is {row_step}, a row of points takes {needed} bytes")]
+    #[error("row_step is {row_step}, a row of points takes {}", count_of(*needed, "byte"))]
     ShortRowStep {
         /// `row_step`.
         row_step: u32,
@@ -84,7 +85,7 @@ pub enum CloudError {
         needed: u64,
     },
     /// Less data than the rows take.
-    #[error("{got} bytes of data, the rows take {needed}")]
+    #[error("{} of data, the rows take {needed}", count_of(*got, "byte"))]
     ShortData {
         /// `height * row_step`; of a single row what its points take.
         needed: u64,
@@ -146,7 +147,7 @@ pub enum CloudError {
         needed: u64,
     },
     /// Too little data for what stands before a compressedDepth image.
-    #[error("{got} bytes of data, the header of compressedDepth takes {needed}")]
+    #[error("{} of data, the header of compressedDepth takes {needed}", count_of(*got, "byte"))]
     ShortHeader {
         /// Bytes of the header.
         needed: usize,

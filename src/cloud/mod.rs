@@ -23,6 +23,7 @@ mod seed;
 #[cfg(test)]
 mod tests;
 
+use crate::count::count_of;
 use crate::engine::{Points, Stamp};
 use crate::msg::ros::PointCloud2;
 
@@ -71,8 +72,9 @@ impl Cloud {
         let is_hardly = *total > 0 && used * 10 < *total as usize;
         is_hardly.then(|| {
             format!(
-                "of {total} points only {used} are used: {invalid} are invalid, {out_of_range} out of range (see \
-                 min_range, max_range, optical)"
+                "of {} only {used} can be used: {invalid} invalid, {out_of_range} out of range (see min_range, \
+                 max_range, optical)",
+                count_of(*total, "point")
             )
         })
     }

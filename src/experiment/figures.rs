@@ -7,6 +7,7 @@ use super::live::arrival;
 use super::method::Method;
 use super::results::{Measured, Results};
 use super::statistics::line;
+use crate::count::count_of;
 use crate::engine::MIN_RELIABLE_VOXELS;
 use crate::export::{Picture, View, draw_alike};
 
@@ -61,8 +62,8 @@ impl Results {
                 name: figure2_name(place),
                 title: format!("Figure 2{}: after scan {}", ["a", "b", "c", "d"][place.min(3)], moment.scan),
                 caption: format!(
-                    "{} clusters{}. Each colour is a cluster, the same in every picture; grey is in none.",
-                    moment.clusters,
+                    "{}{}. Each colour is a cluster, the same in every picture; grey is in none.",
+                    count_of(moment.clusters, "cluster"),
                     moment.recorded_s.map(|s| format!(" after {s:.1} s")).unwrap_or_default()
                 ),
                 picture,
@@ -180,12 +181,12 @@ impl Results {
         let summary = self.summary();
         let share = |method: &super::MethodSummary| {
             let percent = method.live.share_of_points.map(|share| 100.0 * share);
-            format!("{} scans, {} of the points", method.live.scans, number(percent, 0, " %"))
+            format!("{}, {} of the points", count_of(method.live.scans, "scan"), number(percent, 0, " %"))
         };
         let caption = format!(
-            "Points taken in when a scan arrives every 1/30 s and a method takes the newest one whenever it is free. Of {} \
-             scans: {}. In the paper STATIC misses more and more.",
-            summary.scans,
+            "Points taken in when a scan arrives every 1/30 s and a method takes the newest one whenever it is free. Of {}: \
+             {}. In the paper STATIC misses more and more.",
+            count_of(summary.scans, "scan"),
             of_methods(&summary, share),
         );
         let panel = Panel {

@@ -41,6 +41,7 @@ use super::throttle::{Lasting, Throttle};
 use super::transport::{Event, Input, Service, Transport};
 use crate::cloud::{CloudFilter, Decoded, decode};
 use crate::config::Config;
+use crate::count::count_of;
 use crate::engine::{Engine, Snapshot};
 use crate::join::{GivenUp, Join, Joined, Jump};
 use crate::msg::reports::DiagnosticArray;
@@ -363,7 +364,8 @@ impl<T: Transport> Live<T> {
     fn note_replaced(&mut self) {
         self.counts.borrow_mut().replaced += 1;
         let replaced = self.counts.borrow().replaced;
-        let line = format!("the engine is slower than the sensor: {replaced} scans replaced so far");
+        let line =
+            format!("the engine is slower than the sensor: {} replaced so far", count_of(replaced, "scan"));
         let sensor = self.diagnosis.handed().replace(self.join.places());
         if let Some(intake) = sensor.and_then(|sensor| self.intakes.get_mut(sensor)) {
             // The engine has others of it, and says itself that it is slow.

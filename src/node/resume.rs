@@ -8,6 +8,7 @@ use tracing::{info, warn};
 
 use super::kept::{has_no_scan, remove_oldest};
 use crate::config::Config;
+use crate::count::count_of;
 use crate::engine::{Engine, RestoreError};
 use crate::link::{file_name, folder};
 use crate::store::{self, Kept, Lock, StoreError, Stored};
@@ -72,7 +73,12 @@ fn resumed(config: &Config, path: &Path) -> Result<Engine, BeginError> {
 /// Says what is resumed; of a map of no scan also whether a better one was there: it may have been set aside by a start that then
 /// took in nothing.
 fn say_resumed(path: &Path, voxels: usize, scans: u64) {
-    let line = format!("resumed: {voxels} voxels of {scans} scans from {}", path.display());
+    let line = format!(
+        "resumed: {} of {} from {}",
+        count_of(voxels, "voxel"),
+        count_of(scans, "scan"),
+        path.display()
+    );
     // Of those that were set aside another may be as empty.
     let size = path.metadata().map_or(0, |about| about.len());
     let kept = if scans == 0 { kept_larger(path, size) } else { Ok(None) };

@@ -87,8 +87,8 @@ impl Reach {
     pub(super) fn line(&self, Points { all, beyond_grid }: Points) -> String {
         let Self { frame_id, metres } = self;
         format!(
-            "{beyond_grid} of {all} points lie beyond the grid, which reaches {metres:.0} m from the origin of \
-             `{frame_id}`, and are left out: take a fixed_frame that begins near the robot, as that of odometry does, or a larger voxel_size"
+            "points beyond the grid, which reaches {metres:.0} m from the origin of `{frame_id}`, are left out, \
+             {beyond_grid} of {all}: take a fixed_frame that begins near the robot, as that of odometry does, or a larger voxel_size"
         )
     }
 }

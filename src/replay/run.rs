@@ -129,9 +129,7 @@ impl<'a> Replay<'a> {
 
     fn count_beyond(&mut self, points: u32) {
         if points > 0 && self.beyond_grid == 0 {
-            (self.outputs.say)(&format!(
-                "{points} points of a scan lie beyond the grid's reach and are left out"
-            ));
+            (self.outputs.say)(&format!("points of a scan beyond the grid's reach are left out: {points}"));
         }
         self.beyond_grid += u64::from(points);
     }

@@ -8,6 +8,7 @@ use serde_json::{Map, Value as Json, json};
 use super::said::Remark;
 use crate::cloud::CloudError;
 use crate::config::Value;
+use crate::count::count_of;
 use crate::memory::peak_resident_mb;
 use crate::reason::Reason;
 use crate::report::Facts;
@@ -240,13 +241,13 @@ impl Summary {
         let beyond = (*points_beyond_grid > 0).then(|| {
             let valid = tally.points_valid;
             format!(
-                "{points_beyond_grid} of {valid} points lay beyond the grid's reach and were left out: take a \
-                 fixed_frame that begins near the robot, as that of odometry does, or a larger voxel_size."
+                "Points beyond the grid's reach were left out, {points_beyond_grid} of {valid}: take a fixed_frame that \
+                 begins near the robot, as that of odometry does, or a larger voxel_size."
             )
         });
         let hardly_used = (tally.hardly_used > 0).then(|| {
-            let clouds = tally.hardly_used;
-            format!("Of {clouds} clouds hardly a point was used: see min_range, max_range and optical.")
+            let clouds = count_of(tally.hardly_used, "cloud");
+            format!("Of {clouds} hardly a point was used: see min_range, max_range and optical.")
         });
         let others = self.notes.iter().cloned();
         unread

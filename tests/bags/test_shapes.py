@@ -131,7 +131,7 @@ def test_why_hardly_a_point_is_used_is_said_and_counted(clouds, tmp_path):
     assert summary["points_valid"] == 0 < summary["points_invalid"] < summary["points_out_of_range"]
     assert summary["points_invalid"] + summary["points_out_of_range"] == summary["points"]
     assert summary["clouds_hardly_used"] == scene.SCANS
-    assert run.stderr.count("points only 0 are used") == 1 and "max_range" in run.stderr
+    assert run.stderr.count("points only 0 can be used") == 1 and "max_range" in run.stderr
     assert f"({summary['points_invalid']} invalid, {summary['points_out_of_range']} out of range)" in run.stderr
 
 

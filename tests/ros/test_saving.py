@@ -53,7 +53,7 @@ def test_what_was_forgotten_by_a_reset_does_not_come_back_after_a_crash(tmp_path
     path = tmp_path / "map.cfodi"
     node, camera = begin(start, peer, **saving(path))
     take_in(camera, peer.deltas)
-    assert "1 scans" in peer.call(Trigger, "/cfodi/save", Trigger.Request()).message
+    assert "1 scan saved" in peer.call(Trigger, "/cfodi/save", Trigger.Request()).message
     assert peer.call(Trigger, "/cfodi/reset", Trigger.Request()).success
     node.process.send_signal(signal.SIGKILL)
     node.wait()

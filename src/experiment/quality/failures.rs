@@ -3,6 +3,7 @@
 use super::measure::Measure;
 use super::plane::is_another;
 use super::score::{ClusterScore, Quality, SurfaceScore};
+use crate::count::count_of;
 use crate::engine::MIN_RELIABLE_VOXELS;
 
 /// How many clusters or surfaces a line names.
@@ -15,7 +16,7 @@ pub(super) fn failures(quality: &Quality) -> Vec<String> {
     mixed.sort_by_key(|cluster| std::cmp::Reverse(cluster.scored));
     let (large, small): (Vec<_>, Vec<_>) = mixed.into_iter().partition(|cluster| cluster.is_large());
     let small = (!small.is_empty())
-        .then(|| format!("{} clusters below {MIN_RELIABLE_VOXELS} voxels are mixed", small.len()));
+        .then(|| format!("mixed clusters below {MIN_RELIABLE_VOXELS} voxels: {}", small.len()));
     let whole = [Measure::Coverage, Measure::RandIndex, Measure::Class].into_iter().filter_map(|measure| {
         let value = measure.values(quality).first().copied()?;
         let fails = !measure.bar().holds_for(value);
@@ -80,7 +81,8 @@ fn split(surface: &SurfaceScore) -> String {
         holders.map(|(number, count)| format!("cluster {number} holds {:.1} %", percent(*count))).collect();
     if surface.holders.len() > NAMED {
         let rest: u32 = surface.holders[NAMED..].iter().map(|(_, count)| count).sum();
-        parts.push(format!("{} others {:.1} %", surface.holders.len() - NAMED, percent(rest)));
+        let others = count_of(surface.holders.len() - NAMED, "other");
+        parts.push(format!("{others} {:.1} %", percent(rest)));
     }
     parts.push(format!("in no cluster {:.1} %", percent(surface.scored - surface.clustered)));
     parts.join(", ")
@@ -89,9 +91,9 @@ fn split(surface: &SurfaceScore) -> String {
 fn of_cluster(cluster: &ClusterScore) -> String {
     let surfaces = cluster.surfaces.iter().take(NAMED).map(|(name, count)| format!("{count} of {name}"));
     format!(
-        "cluster {} ({} voxels, {} scored) is mixed: {}",
+        "cluster {} ({}, {} scored) is mixed: {}",
         cluster.number,
-        cluster.voxels,
+        count_of(cluster.voxels, "voxel"),
         cluster.scored,
         surfaces.collect::<Vec<_>>().join(", ")
     )

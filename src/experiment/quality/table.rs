@@ -6,6 +6,7 @@ use super::super::method::Method;
 use super::measure::{Bar, Measure, Scale};
 use super::pooled::{Line, Pooled};
 use super::score::Quality;
+use crate::count::count_of;
 
 /// The method that is asked to hold the bars and to be better than the others.
 pub const JUDGED: &str = Method::Consistent.name();
@@ -72,9 +73,8 @@ impl Table {
         let mut text = String::new();
         for size in &self.sizes {
             for (method, pooled) in &size.methods {
-                let count = pooled.failures.len();
-                let failures = if count == 1 { "failure" } else { "failures" };
-                _ = writeln!(text, "\n### {method}, {}: {count} {failures}\n", centimetres(size.voxel_size));
+                let failures = count_of(pooled.failures.len(), "failure");
+                _ = writeln!(text, "\n### {method}, {}: {failures}\n", centimetres(size.voxel_size));
                 for failure in &pooled.failures {
                     _ = writeln!(text, "- {failure}");
                 }
@@ -119,11 +119,12 @@ impl Size {
     fn markdown(&self) -> String {
         let runs = self.methods.first().map_or(0, |(_, pooled)| pooled.runs);
         let names: Vec<_> = self.methods.iter().map(|(name, _)| name.as_str()).collect();
-        let noun = if runs == 1 { "run" } else { "runs" };
-        let mut text = format!("## Voxels of {}, {runs} {noun}\n\n", centimetres(self.voxel_size));
+        let runs = count_of(runs, "run");
+        let mut text = format!("## Voxels of {}, {runs}\n\n", centimetres(self.voxel_size));
         _ = writeln!(text, "| measure | bar | {} | holds |", names.join(" | "));
         _ = writeln!(text, "|---|---|{}---|", "---|".repeat(names.len()));
-        let counts = self.methods.iter().map(|(_, p)| format!("{} in {} clusters", p.seen, p.clusters));
+        let counts =
+            self.methods.iter().map(|(_, p)| format!("{} in {}", p.seen, count_of(p.clusters, "cluster")));
         _ = writeln!(
             text,
             "| seen surfaces, clusters with scored voxels | | {} | |",

@@ -11,6 +11,7 @@ use tracing::{debug, warn};
 
 use super::calls_for_map::{Call, CallsForMap, MOST_CALLS};
 use super::{Live, LiveError};
+use crate::count::count_of;
 use crate::engine::Snapshot;
 use crate::msg::ros::TriggerResponse;
 use crate::node::saving::{InFile, Written};
@@ -76,7 +77,9 @@ impl<T: Transport> Live<T> {
 /// Says in the log how a map was written, whether or not anybody has called for it.
 fn log(written: &Written) {
     match written {
-        Ok(InFile { version, bytes }) => debug!("map of {} scans saved, {bytes} bytes", version.sequence),
+        Ok(InFile { version, bytes }) => {
+            debug!("map of {} saved, {bytes} bytes", count_of(version.sequence, "scan"));
+        }
         Err(error) => warn!("the map was not saved: {error}"),
     }
 }

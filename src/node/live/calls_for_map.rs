@@ -2,6 +2,7 @@
 
 use std::fmt::Display;
 
+use crate::count::count_of;
 use crate::msg::ros::TriggerResponse;
 use crate::node::saving::{InFile, Written};
 use crate::node::transport::Service;
@@ -82,7 +83,7 @@ impl<Request> Call<Request> {
                 )
             }
             (Service::Save, Ok(InFile { version, bytes })) => {
-                (true, format!("{} scans saved, {bytes} bytes", version.sequence))
+                (true, format!("{} saved, {bytes} bytes", count_of(version.sequence, "scan")))
             }
             // A later session gives up what was saved as well.
             (Service::Reset, Ok(_)) => (true, begun(self.session)),

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use super::saving_figures::SavingFigures;
 use crate::config::Config;
+use crate::count::count_of;
 use crate::memory::resident_mb;
 use crate::msg::reports::{DiagnosticStatus, Level};
 use crate::msg::status::StatusBuilder;
@@ -167,7 +168,7 @@ impl Diagnosis {
         if replaced > 0 {
             part.raise(
                 Level::Warn,
-                format!("slower than the sensors: {replaced} scans were replaced by newer ones"),
+                format!("slower than the sensors: {} replaced by newer ones", count_of(replaced, "scan")),
             );
         }
         part.finish()

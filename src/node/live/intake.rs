@@ -7,6 +7,7 @@ use tracing::info;
 use super::report::AHEAD;
 use super::{Live, QUIET, QUIET_AGAIN};
 use crate::cloud::{Cloud, CloudError, Decoded};
+use crate::count::{count_of, were};
 use crate::engine::Stamp;
 use crate::join::with_stamp;
 use crate::node::counts::OTHER_INPUT;
@@ -192,7 +193,8 @@ impl<T: Transport> Live<T> {
         intake.bad_since.get_or_insert_with(Instant::now);
         let total = self.counts.borrow().lost;
         let look = self.transport.losses();
-        self.warn("lost", format_args!("{total} clouds were sent and never arrived: {look}"));
+        let clouds = count_of(total, "cloud");
+        self.warn("lost", format_args!("{clouds} {} sent and never arrived: {look}", were(total)));
     }
 
     /// Takes a sensor in any form again where nobody sends the chosen one any more, for its driver may come back with another, or where

@@ -5,6 +5,7 @@ use std::time::Instant;
 use super::intake::{LeftOut, Period};
 use super::say::with_hint;
 use super::{Live, QUIET};
+use crate::count::{count_of, were};
 use crate::engine::Stamp;
 use crate::join::GivenUp;
 use crate::msg::reports::{DiagnosticArray, DiagnosticStatus, Level};
@@ -96,7 +97,8 @@ impl<T: Transport> Live<T> {
             let level = if intake.is_useless() { Level::Error } else { Level::Warn };
             let why = fault.as_ref().map(|error| self.why_unusable(sensor, error));
             let why = why.map_or_else(String::new, |why| format!("; why the last cannot: {why}"));
-            part.raise(level, format!("{bad} of {sent} scans were lost or cannot be used{why}"));
+            let (sent, were) = (count_of(sent, "scan"), were(bad));
+            part.raise(level, format!("{bad} of {sent} {were} lost or cannot be used{why}"));
         }
     }
 
@@ -189,6 +191,7 @@ impl<T: Transport> Live<T> {
 /// Scans of a sensor that show next to nothing, where they are more than half.
 fn add_blindness(part: &mut StatusBuilder, &Period { received, blind, ref blindness, .. }: &Period) {
     if let Some(why) = blindness.as_ref().filter(|_| blind * 2 > received) {
-        part.raise(Level::Warn, format!("{blind} of {received} scans show next to nothing; the last: {why}"));
+        let received = count_of(received, "scan");
+        part.raise(Level::Warn, format!("next to nothing is seen in {blind} of {received}; the last: {why}"));
     }
 }

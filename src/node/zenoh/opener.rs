@@ -236,7 +236,7 @@ impl Calls {
 
 /// What the node is told where so many messages found no room.
 pub(super) fn lost<R>(topic: &'static str, dropped: u64) -> Option<Event<R>> {
-    let text = || format!("{dropped} came faster than they were read, and are lost");
+    let text = || format!("messages that came faster than they were read, and are lost: {dropped}");
     (dropped > 0).then(|| Event::Garbled { topic: topic.into(), text: text() })
 }
 

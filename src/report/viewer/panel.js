@@ -36,7 +36,7 @@ function matrixText(values) {
   return [0, 3, 6].map((i) => cells.slice(i, i + 3).join("")).join("\n");
 }
 
-const counted = (number, one) => `${number} ${one}${number === 1 ? "" : "es"}`.replace("vertexes", "vertices");
+const counted = (number, one, several = `${one}s`) => `${grouped(number)} ${number === 1 ? one : several}`;
 
 /** How each field is shown: [name of the field, its text, whether it takes a line of its own]. */
 function fieldTexts(cluster, story, takenIn) {
@@ -64,7 +64,7 @@ function fieldTexts(cluster, story, takenIn) {
     known("plane", planeText),
     ["pose.position", isUnknown(cluster.position) ? null : `${triple(cluster.position, 3)} m`],
     ["pose.orientation", isUnknown(cluster.orientation) ? null : triple(cluster.orientation, 3)],
-    known("boundary", (v) => counted(v.length, "vertex")),
+    known("boundary", (v) => counted(v.length, "vertex", "vertices")),
     known("holes", (v) => String(v.length)),
     [...known("point_covariance", matrixText), true],
     [...known("plane_covariance", matrixText), true],
@@ -151,15 +151,15 @@ class Panel {
 
   showList(chosen) {
     const slots = this.map.largestFirst();
-    document.getElementById("largest-title").textContent = `Largest of ${grouped(slots.length)} clusters`;
+    document.getElementById("largest-title").textContent = `Largest of ${counted(slots.length, "cluster")}`;
     // Replacing a button takes the focus from it.
     const focused = document.activeElement?.dataset?.slot;
     this.list.replaceChildren(...slots.slice(0, LISTED).map((slot) => this.entry(slot, chosen)));
     if (focused !== undefined) this.list.querySelector(`[data-slot="${focused}"]`)?.focus({ preventScroll: true });
     const rest = slots.length - LISTED;
-    const smaller = rest > 0 ? `and ${grouped(rest)} smaller ones; ` : "";
-    const unclustered = grouped(this.map.moment.unclustered);
-    document.getElementById("smaller").textContent = `${smaller}${unclustered} voxels in no cluster`;
+    const smaller = rest > 0 ? `and ${counted(rest, "smaller one")}; ` : "";
+    const unclustered = counted(this.map.moment.unclustered, "voxel");
+    document.getElementById("smaller").textContent = `${smaller}${unclustered} in no cluster`;
   }
 
   entry(slot, chosen) {
@@ -167,7 +167,7 @@ class Panel {
     const button = element("button", { type: "button", onclick: () => this.choose(slot === chosen ? -1 : slot) });
     button.dataset.slot = slot;
     button.setAttribute("aria-pressed", String(slot === chosen));
-    button.setAttribute("aria-label", `Cluster ${id}, ${voxels} voxels, ${STATES[state] ?? state}`);
+    button.setAttribute("aria-label", `Cluster ${id}, ${counted(voxels, "voxel")}, ${STATES[state] ?? state}`);
     button.append(
       this.swatch(slot),
       element("span", { textContent: id }),

@@ -126,7 +126,7 @@ class Viewer {
     const row = slot >= 0 ? this.map.cluster(slot) : null;
     const label = document.getElementById("hover");
     label.hidden = row === null;
-    if (row !== null) label.textContent = `Cluster ${row.id} · ${grouped(row.voxel_count)} voxels`;
+    if (row !== null) label.textContent = `Cluster ${row.id} · ${counted(row.voxel_count, "voxel")}`;
   }
 
   play() {

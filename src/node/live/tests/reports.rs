@@ -117,7 +117,7 @@ fn a_bad_scan_among_good_ones_or_a_lost_one_is_a_warning() {
     let bad = || Event::Cloud(Form::Points.of(0), Err(CloudError::EmptyFrameId));
     let why = "; why the last cannot: header frame_id is empty";
     for (events, start) in [
-        (vec![cloud(at(10.0), "camera"), bad()], format!("1 of 2 scans were lost or cannot be used{why}")),
+        (vec![cloud(at(10.0), "camera"), bad()], format!("1 of 2 scans was lost or cannot be used{why}")),
         (
             vec![cloud(at(10.0), "camera"), bad(), bad()],
             format!("2 of 3 scans were lost or cannot be used{why}"),
@@ -129,7 +129,7 @@ fn a_bad_scan_among_good_ones_or_a_lost_one_is_a_warning() {
     }
     for event in [bad(), Event::Lost(Form::Points.of(0), 1)] {
         let (sensor, _) = of_sensor(None, vec![event]);
-        let start = "1 of 1 scans were lost or cannot be used";
+        let start = "1 of 1 scan was lost or cannot be used";
         assert!(sensor.level == 1 && sensor.message.starts_with(start), "{sensor:?}");
     }
 }
@@ -156,10 +156,10 @@ fn a_sensor_that_shows_next_to_nothing_in_most_scans_is_a_warning_with_the_reaso
         (sensor.level, sensor.message)
     };
     let (level, empty) = said(vec![scan(0, 0), scan(0, 0)]);
-    let words = "2 of 2 scans show next to nothing; the last: it has no points";
+    let words = "next to nothing is seen in 2 of 2 scans; the last: it has no points";
     assert_eq!((level, empty.as_str()), (1, words));
     let (level, invalid) = said(vec![scan(0, 0), scan(20, 0), scan(20, 980)]);
-    let words = "2 of 3 scans show next to nothing; the last: of 1000 points only 20 are used: ";
+    let words = "next to nothing is seen in 2 of 3 scans; the last: of 1000 points only 20 can be used: ";
     assert!(level == 1 && invalid.starts_with(words), "{invalid}");
     assert_eq!(said(vec![scan(0, 0), scan(20, 0)]).0, 0);
 }
@@ -297,7 +297,7 @@ fn points_beyond_the_grid_are_a_warning_with_their_number_and_what_to_do() {
             maps.iter().map(|map| value(map, "points beyond the grid").parse::<u64>().unwrap()).sum();
         let said = maps.into_iter().max_by_key(|map| map.level).unwrap();
         assert_eq!((u64::from(said.level), figures), (u64::from(beyond > 0), beyond), "{said:?}");
-        let words = "20 of 20 points lie beyond the grid, which reaches 83886 m from the origin of `odom`";
+        let words = "points beyond the grid, which reaches 83886 m from the origin of `odom`, are left out, 20 of 20: ";
         assert_eq!(said.message.starts_with(words), beyond > 0, "{said:?}");
     }
 }

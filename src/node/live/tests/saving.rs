@@ -128,7 +128,7 @@ fn a_call_to_save_before_a_reset_has_saved_what_was_there_or_has_failed() {
     let [save, reset] = &replies[..] else { panic!("{replies:?}") };
     assert!(reset.success && reset.message.ends_with(" begins with an empty map"), "{reset:?}");
     let words =
-        if save.success { "1 scans saved, " } else { " has begun meanwhile, before the map of session " };
+        if save.success { "1 scan saved, " } else { " has begun meanwhile, before the map of session " };
     assert!(save.message.contains(words), "{save:?}");
     assert_eq!(store::read(&folder.path().join("map")).unwrap().map.sequence(), 0);
 }
