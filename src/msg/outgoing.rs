@@ -77,14 +77,15 @@ impl Outgoing {
     }
 }
 
-/// The messages of a map but for its polygons, in the order in which they go out.
+/// The messages of a map but for its polygons, in the order in which they go out: the points last, for they are a burst of
+/// datagrams that fills a reader's socket, and what came right behind it would be lost there.
 pub fn of_map(session: &Session, snapshot: &Snapshot, markers: &mut Markers, twins: Twins) -> Vec<Outgoing> {
     let mut messages = vec![
         Outgoing::Clusters(SurfaceClusterArray::snapshot(session, snapshot)),
-        Outgoing::Labelled(labelled_points(session, snapshot)),
         Outgoing::Markers(markers.update(session, snapshot)),
     ];
     messages.extend(twins.detections.then(|| Outgoing::Detections(detections(session, snapshot))));
+    messages.push(Outgoing::Labelled(labelled_points(session, snapshot)));
     messages
 }
 
@@ -92,4 +93,26 @@ pub fn of_map(session: &Session, snapshot: &Snapshot, markers: &mut Markers, twi
 pub fn polygons_of(session: &Session, snapshot: &Snapshot, twins: Twins) -> Vec<Outgoing> {
     let polygons = twins.polygons.then(|| polygons(session, snapshot));
     polygons.into_iter().flatten().map(Outgoing::Polygon).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_points_of_a_map_go_out_last_for_what_follows_them_is_lost_where_they_fill_the_reader_s_socket() {
+        let session = Session { id: 1, frame_id: "odom".into() };
+        let snapshot = Snapshot {
+            sequence: 1,
+            stamp: None,
+            voxel_size: 0.1,
+            clusters: Vec::new(),
+            voxels: Vec::new(),
+            unclustered_voxels: 0,
+        };
+        let twins = Twins { detections: true, polygons: true };
+        let map = of_map(&session, &snapshot, &mut Markers::default(), twins);
+        let topics: Vec<_> = map.iter().map(Outgoing::topic).collect();
+        assert_eq!(topics, [sent::CLUSTERS, sent::MARKERS, sent::DETECTIONS, sent::LABELLED]);
+    }
 }
