@@ -73,11 +73,19 @@ pub(super) fn why_quiet(
         .collect();
     let carries = |source: &Source, form: Form| source.type_name == form.type_name();
     let on = |form, topic: &str| sources.iter().find(|source| source.topic == topic && carries(source, form));
-    if let Some((_, silent)) = wanted.iter().find(|(form, topic)| on(*form, topic).is_some()) {
-        return format!(
-            "{silent} has a publisher, but no cloud has come for {} s: either it is silent, {silences}",
-            quiet.as_secs()
-        );
+    if let Some((form, silent)) = wanted.iter().find(|(form, topic)| on(*form, topic).is_some()) {
+        let (scan, quiet) = (scan_of(*form), quiet.as_secs());
+        // What has come before neither is too large nor goes another way.
+        return if chosen.is_some() {
+            format!(
+                "{silent} has a publisher, but no {scan} has come for {quiet} s, and some came before: it has gone silent, or is no \
+                 longer heard"
+            )
+        } else {
+            format!(
+                "{silent} has a publisher, but no {scan} has come for {quiet} s: either it is silent, {silences}"
+            )
+        };
     }
     let other = |topic: &str| sources.iter().find(|source| source.topic == topic);
     if let Some((form, source)) = wanted.iter().find_map(|(form, topic)| Some((form, other(topic)?))) {
@@ -90,6 +98,14 @@ pub(super) fn why_quiet(
     }
     let topics: Vec<_> = wanted.into_iter().map(|(_, topic)| topic).collect();
     format!("nobody publishes on {}; {}", topics.join(" or "), choices(sensor, sources))
+}
+
+/// What a message of this form is to its user.
+const fn scan_of(form: Form) -> &'static str {
+    match form {
+        Form::Points => "cloud",
+        Form::Depth | Form::CompressedDepth => "depth image",
+    }
 }
 
 /// What a sensor could be read from instead.
@@ -255,7 +271,11 @@ mod tests {
         assert!(
             why("/a/points", "/y", None).contains("/a/points has a publisher, but no cloud has come for 3 s")
         );
-        assert!(why("/x", "/b", None).contains("/b has a publisher"));
+        assert!(why("/x", "/b", None).contains("/b has a publisher, but no depth image has come for 3 s"));
+        assert!(why("/a/points", "/y", None).ends_with("either it is silent, or deaf"));
+        let came_before = why("/a/points", "/y", Some(Form::Points));
+        assert!(came_before.contains("no cloud has come for 3 s, and some came before"), "{came_before}");
+        assert!(!came_before.contains("deaf"), "{came_before}");
         assert!(why("/a/points", "/y", Some(Form::Depth)).contains("nobody publishes on /y; "));
     }
 
