@@ -324,7 +324,7 @@ pub(super) const TABLE: &[Row] = &[
         .means("furthest point: depth in an optical frame, else distance", Change::Live),
     Row::number("min_range", FILTER.min_range, &(0.0..=FARTHEST))
         .unit("m")
-        .also("at most max_range")
+        .also("at most max_range, and keep_radius where that is not 0")
         .means("nearest point: depth in an optical frame, else distance", Change::Live),
     Row::word::<Optical>("optical")
         .means("whether clouds have optical axes; `auto`: their frame's name tells", Change::Live),
