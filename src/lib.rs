@@ -3,7 +3,8 @@
 //!
 //! Data flows one way: bytes -> message -> [`engine::Scan`] -> [`engine::Engine`] -> [`engine::Snapshot`] -> message
 //! -> bytes; imports point inwards. `ARCHITECTURE.md` draws the graph. Without default features the engine, the
-//! decoders, the messages and the configuration remain.
+//! decoders, the messages and the configuration remain. All of it is for unix: files have the
+//! permissions, links and other names of that.
 
 #[cfg(feature = "node")]
 pub mod args;

@@ -5,6 +5,7 @@
 
 use std::fs::{self, File, Metadata, Permissions};
 use std::io;
+use std::os::unix::fs::{OpenOptionsExt as _, PermissionsExt as _};
 use std::path::{Path, PathBuf};
 
 /// A file under a temporary name; dropping it before [`Partial::settle`] removes it.
@@ -52,20 +53,12 @@ impl Partial {
 }
 
 /// Nobody can read it for a moment who could not read the other.
-#[cfg(unix)]
 fn create_new(name: &Path, permissions: Option<&Permissions>) -> io::Result<File> {
-    use std::os::unix::fs::{OpenOptionsExt as _, PermissionsExt as _};
-
     let mut options = File::options();
     if let Some(permissions) = permissions {
         options.mode(permissions.mode() & 0o777);
     }
     options.write(true).create_new(true).open(name)
-}
-
-#[cfg(not(unix))]
-fn create_new(name: &Path, _: Option<&Permissions>) -> io::Result<File> {
-    File::options().write(true).create_new(true).open(name)
 }
 
 fn is_other(file: &File, permissions: &Permissions) -> bool {
@@ -115,11 +108,8 @@ mod tests {
         assert!(name.exists());
     }
 
-    #[cfg(unix)]
     #[test]
     fn what_replaces_a_file_has_its_permissions_from_the_start_whatever_the_mask() {
-        use std::os::unix::fs::PermissionsExt as _;
-
         let folder = tempfile::tempdir().unwrap();
         let [name, target] = ["a.part", "a"].map(|name| folder.path().join(name));
         fs::write(&target, "before").unwrap();
@@ -133,7 +123,6 @@ mod tests {
         }
     }
 
-    #[cfg(unix)]
     #[test]
     fn what_has_the_name_already_is_not_opened_even_where_it_leads_nowhere() {
         let folder = tempfile::tempdir().unwrap();

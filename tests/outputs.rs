@@ -85,7 +85,6 @@ fn a_result_bag_that_cannot_be_written_takes_no_other_output_with_it() {
     }
 }
 
-#[cfg(unix)]
 #[test]
 fn each_output_that_cannot_be_written_is_named_on_a_line_of_its_own() {
     let folder = with_bag(&drive(BagWriter::new(Layout::Plain), 2));
@@ -100,7 +99,6 @@ fn each_output_that_cannot_be_written_is_named_on_a_line_of_its_own() {
     assert!(names.iter().all(|name| is_said(&errors, name)), "{errors}");
 }
 
-#[cfg(unix)]
 #[test]
 fn each_file_of_an_experiment_that_cannot_be_written_is_named_and_the_others_are_there() {
     let folder = with_bag(&drive(BagWriter::new(Layout::Plain), 2));

@@ -248,7 +248,6 @@ fn every_file_under_config_is_possible() {
 }
 
 /// The node as a script of `launch_scripts` starts it, and its other arguments: instead of the program, its command line is said.
-#[cfg(unix)]
 fn started(script: &str, arguments: &str) -> (Setup, Vec<String>) {
     let folder = tempfile::tempdir().unwrap();
     let said = folder.path().join("said");
@@ -262,7 +261,6 @@ fn started(script: &str, arguments: &str) -> (Setup, Vec<String>) {
     Setup::parse(&args, &Environment::default(), "cfodi").unwrap()
 }
 
-#[cfg(unix)]
 #[test]
 fn what_a_script_is_given_counts_before_what_it_says_itself() {
     let table = [

@@ -2,7 +2,6 @@
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
-#[cfg(unix)]
 use std::os::fd::AsFd as _;
 use std::path::{Path, PathBuf};
 
@@ -132,7 +131,6 @@ fn open(path: &Path) -> io::Result<Opened> {
 }
 
 /// What is behind an open descriptor, at the place where it stands: opened anew, a file would be written over from its beginning.
-#[cfg(unix)]
 fn behind(number: u32, path: &Path) -> io::Result<File> {
     let duplicate = match number {
         0 => io::stdin().as_fd().try_clone_to_owned(),
@@ -142,11 +140,6 @@ fn behind(number: u32, path: &Path) -> io::Result<File> {
         _ => return File::options().append(true).open(path),
     };
     duplicate.map(File::from)
-}
-
-#[cfg(not(unix))]
-fn behind(_: u32, path: &Path) -> io::Result<File> {
-    File::options().append(true).open(path)
 }
 
 fn copy(from: &Path, to: &Path) -> io::Result<()> {
@@ -306,7 +299,6 @@ mod tests {
         assert_eq!(fs::read_to_string(folder.0.path().join(partial)).unwrap(), "all");
     }
 
-    #[cfg(unix)]
     #[test]
     fn what_has_the_temporary_name_already_is_neither_followed_nor_written_nor_removed() {
         let folder = Folder::new();
@@ -354,7 +346,6 @@ mod tests {
         assert!(!path.exists());
     }
 
-    #[cfg(unix)]
     #[test]
     fn a_link_stays_a_link_and_its_target_is_replaced() {
         let folder = Folder::new();
@@ -366,7 +357,6 @@ mod tests {
         assert_eq!(fs::read_to_string(&target).unwrap(), "after");
     }
 
-    #[cfg(unix)]
     #[test]
     fn a_link_to_what_is_not_there_yet_stays_and_leads_to_the_file() {
         let folder = Folder::new();
@@ -380,7 +370,6 @@ mod tests {
         assert!(write_whole(&circle, |_| Ok(())).is_err() && circle.is_symlink());
     }
 
-    #[cfg(unix)]
     #[test]
     fn a_device_is_written_to_and_not_replaced() {
         use std::os::unix::fs::FileTypeExt;

@@ -6,6 +6,7 @@
 use std::ffi::OsStr;
 use std::fs::{self, File};
 use std::io;
+use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
 
 use super::{beside, folder, synced, target, write_beside};
@@ -80,19 +81,11 @@ pub(super) fn keep_aside_by(
 }
 
 /// Whether a file has a name of this kind beside its own.
-#[cfg(unix)]
 fn is_kept(path: &Path, kind: Kept) -> io::Result<bool> {
-    use std::os::unix::fs::MetadataExt as _;
-
     let file = path.metadata()?;
     let is_it = |about: fs::Metadata| (about.dev(), about.ino()) == (file.dev(), file.ino());
     let asides = asides(path, kind)?;
     Ok(asides.iter().any(|aside| name(path, kind, aside.number).symlink_metadata().is_ok_and(is_it)))
-}
-
-#[cfg(not(unix))]
-fn is_kept(_: &Path, _: &str) -> io::Result<bool> {
-    Ok(false)
 }
 
 /// Copies a file, and who may read it, to a name under which it is whole or not there.

@@ -169,7 +169,6 @@ fn where_a_map_cannot_be_written_the_one_before_stays() {
     assert!(read(&folder.path().join("none")).unwrap_err().is_missing());
 }
 
-#[cfg(unix)]
 #[test]
 fn what_is_beside_a_map_is_not_followed_and_what_a_killed_process_has_left_there_is_replaced() {
     let no_links = |_: &Path, _: &Path| Err(io::ErrorKind::PermissionDenied.into());
@@ -194,7 +193,6 @@ fn what_is_beside_a_map_is_not_followed_and_what_a_killed_process_has_left_there
     assert_eq!(std::fs::read_to_string(&other).unwrap(), "somebody's");
 }
 
-#[cfg(unix)]
 #[test]
 fn who_may_read_a_map_may_read_its_copy_and_nobody_else() {
     use std::os::unix::fs::PermissionsExt as _;
@@ -249,7 +247,6 @@ fn what_is_kept_beside_its_name_keeps_its_name_too_where_files_can_be_linked_and
     }
 }
 
-#[cfg(unix)]
 #[test]
 fn a_file_that_is_kept_beside_its_name_already_is_not_kept_again() {
     let folder = tempdir().unwrap();
@@ -390,7 +387,6 @@ fn what_is_restored_is_not_in_memory_beside_all_that_it_is_restored_from() {
     assert!(of_saved.bytes_current > 1 << 20 && beside < of_saved.bytes_current / 4, "{beside} bytes");
 }
 
-#[cfg(unix)]
 #[test]
 fn a_symbolic_link_stays_and_what_it_leads_to_is_replaced_locked_and_set_aside() {
     let folder = tempfile::tempdir().unwrap();

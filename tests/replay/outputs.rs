@@ -109,7 +109,6 @@ fn points_beyond_the_grid_are_said_and_counted() {
     assert!(page.contains("Points beyond the grid&#39;s reach were left out, 3200 of 3200"), "{page}");
 }
 
-#[cfg(unix)]
 #[test]
 fn an_output_goes_through_a_link_to_what_is_not_there_yet_and_two_do_not_go_to_one_file() {
     let folder = Folder::new();
