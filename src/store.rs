@@ -56,7 +56,8 @@ struct Storing<'a> {
 /// The version of the format; no other is read.
 pub const VERSION: u32 = 5;
 
-const MAGIC: &[u8; 8] = b"cfodimap";
+/// How a saved map begins.
+pub(crate) const MAGIC: &[u8; 8] = b"cfodimap";
 const HEADER: usize = 32;
 /// Where the checksum begins.
 const CHECKED: usize = 28;

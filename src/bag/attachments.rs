@@ -7,7 +7,7 @@ use mcap::MAGIC;
 use mcap::records::op;
 
 /// Opcode and length of a record (bytes).
-const PREFIX: usize = 9;
+pub(super) const PREFIX: usize = 9;
 
 /// The checksum of the data (bytes).
 const CHECKSUM: usize = 4;

@@ -4,6 +4,7 @@ use std::fs::{File, Metadata};
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
+use mcap::MAGIC;
 use mcap::records::op;
 
 use super::error::BagError;
@@ -25,12 +26,11 @@ pub(super) struct BagFile {
     pub(super) begins: Option<u64>,
 }
 
-const MCAP: &[u8] = b"\x89MCAP0\r\n";
 /// How what zstd has compressed begins.
 pub(super) const ZSTD: &[u8] = b"\x28\xb5\x2f\xfd";
 const ROS1: &[u8] = b"#ROSBAG";
 const SQLITE: &[u8] = b"SQLite format 3";
-/// How a map begins that the node has saved.
+/// How a map begins that the node has saved; the feature `store`, which says so too, may be missing.
 const SAVED_MAP: &[u8] = b"cfodimap";
 
 impl BagFile {
@@ -75,7 +75,7 @@ impl BagFile {
             let folder =
                 folder.map(|folder| if folder.as_os_str().is_empty() { Path::new(".") } else { folder });
             Err(sqlite(path, vec![folder.unwrap_or(path).to_owned()]))
-        } else if is(MCAP) || is(ZSTD) || start.is_empty() {
+        } else if is(MAGIC) || is(ZSTD) || start.is_empty() {
             Ok(Self { path: path.to_owned(), size, is_compressed: is(ZSTD), begins: None })
         } else if start.starts_with(SAVED_MAP) {
             Err(BagError::SavedMap { path: path.to_owned() })
@@ -100,7 +100,7 @@ fn text(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
 
 /// What the header of an MCAP file, its first record, names as its writer.
 fn library(start: &[u8]) -> Option<&[u8]> {
-    let (_, fields) = start.strip_prefix(MCAP)?.strip_prefix(&[op::HEADER])?.split_at_checked(8)?;
+    let (_, fields) = start.strip_prefix(MAGIC)?.strip_prefix(&[op::HEADER])?.split_at_checked(8)?;
     let (_profile, rest) = text(fields)?;
     Some(text(rest)?.0)
 }
@@ -118,4 +118,15 @@ pub(super) fn sqlite(path: &Path, sources: Vec<PathBuf>) -> BagError {
     folder.push("_mcap");
     let folder = first.parent().unwrap_or(first).join(folder);
     BagError::Sqlite { path: path.to_owned(), sources, folder }
+}
+
+#[cfg(test)]
+#[cfg(feature = "store")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_saved_map_is_known_by_what_it_is_written_with() {
+        assert_eq!(SAVED_MAP, crate::store::MAGIC);
+    }
 }

@@ -15,7 +15,7 @@ use crate::msg::topic::Qos;
 use crate::msg::types::{CAMERA_INFO, TRANSFORMS};
 
 /// How a channel was offered, in its metadata.
-const OFFERED: &str = "offered_qos_profiles";
+pub(super) const OFFERED: &str = "offered_qos_profiles";
 
 /// How static transforms are offered, which a listener asks for: a player takes what it is not told for volatile. All messages of a
 /// recording come from this one publisher, and none of its publishers' may push out that of another.

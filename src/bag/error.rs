@@ -5,6 +5,8 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
+use super::files::METADATA;
+
 /// A bag, or a part of one, that cannot be read.
 #[derive(Debug, Error)]
 pub enum BagError {
@@ -147,7 +149,7 @@ impl BagError {
 
 /// What to give in place of a file that is no recording, but stands beside one.
 fn instead_of(path: &Path) -> &'static str {
-    let is_metadata = path.file_name().is_some_and(|name| name == "metadata.yaml");
+    let is_metadata = path.file_name().is_some_and(|name| name == METADATA);
     if is_metadata { "; give the folder that it lies in" } else { "" }
 }
 

@@ -5,6 +5,7 @@ use std::path::{Component, Path, PathBuf};
 use yaml_rust2::Yaml;
 
 use super::error::BagError;
+use super::files::METADATA;
 use super::topic::Topic;
 use crate::yaml;
 
@@ -21,7 +22,7 @@ pub(super) struct Metadata {
 
 /// Reads the text of `folder`/metadata.yaml.
 pub(super) fn parse(folder: &Path, text: &str) -> Result<Metadata, BagError> {
-    let refuse = |what: String| BagError::Metadata { path: folder.join("metadata.yaml"), what };
+    let refuse = |what: String| BagError::Metadata { path: folder.join(METADATA), what };
     let documents = yaml::load(text).map_err(|error| refuse(error.to_string()))?;
     let root = documents.first().unwrap_or(&Yaml::BadValue);
     let about = &root["rosbag2_bagfile_information"];

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use mcap::records::op;
 use mcap::sans_io::LinearReaderOptions;
 
-use super::attachments::Bounded;
+use super::attachments::{Bounded, PREFIX};
 use super::bag_file::BagFile;
 use super::channels::Channels;
 use super::read::{MAX_MESSAGE_BYTES, Messages};
@@ -103,8 +103,6 @@ fn summary(bag_file: &BagFile) -> Option<Records<BufReader<File>>> {
 }
 
 fn summary_start(file: &mut BufReader<File>, size: u64) -> Option<u64> {
-    /// Opcode and length.
-    const PREFIX: usize = 9;
     /// Where the summary begins, where its offsets begin, and a checksum.
     const FOOTER: usize = 20;
     let mut end = [0; PREFIX + FOOTER + mcap::MAGIC.len()];

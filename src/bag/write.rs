@@ -12,7 +12,7 @@ use mcap::{WriteOptions, Writer};
 use serde::Serialize;
 
 use super::clock::{Clock, unmoved};
-use super::copies::Copies;
+use super::copies::{Copies, OFFERED};
 use super::decode::is_transforms;
 use super::qos;
 use super::read::Message;
@@ -214,7 +214,7 @@ pub(super) fn channel<W: Write>(
     qos: Qos,
 ) -> io::Result<Channel> {
     let schema = schema(writer, type_name)?;
-    let metadata = BTreeMap::from([("offered_qos_profiles".to_owned(), qos::offered(qos))]);
+    let metadata = BTreeMap::from([(OFFERED.to_owned(), qos::offered(qos))]);
     let id = writer.add_channel(schema, name, "cdr", &metadata).map_err(io::Error::other)?;
     Ok(Channel { id, messages: 0 })
 }
