@@ -116,6 +116,29 @@ fn each_file_of_an_experiment_that_cannot_be_written_is_named_and_the_others_are
 }
 
 #[test]
+fn what_killed_experiments_have_left_in_their_folder_is_named() {
+    let folder = with_bag(&drive(BagWriter::new(Layout::Plain), 2));
+    fs::create_dir(folder.join("figures")).unwrap();
+    // No process has an id above 2^22 (proc(5), pid_max).
+    let left =
+        ["index.html", "summary.json", "quality.md"].map(|name| format!("figures/.{name}.8388608-1.part"));
+    left.iter().for_each(|name| drop(folder.put(name, b"half of")));
+    let on_recording = ["a.mcap", "--no-effects"];
+    let in_a_scene = ["--scene", "room", "--seeds", "1", "--seconds", "0.1"];
+    for experiment in [&on_recording[..], &in_a_scene] {
+        let mut command = command(&[&["experiment", "--out", "figures"], experiment].concat());
+        let (status, errors) = said(&command.current_dir(folder.path()).output().unwrap());
+        assert_eq!(status, Some(0), "{errors}");
+        for name in &left {
+            let place = folder.path().canonicalize().unwrap().join(name);
+            let line = format!("a process that has been killed left {}: it can be removed", place.display());
+            assert!(errors.lines().any(|said| said == line), "{errors}");
+            assert!(place.exists());
+        }
+    }
+}
+
+#[test]
 fn a_result_bag_that_is_all_there_is_ends_the_replay_where_it_cannot_be_written() {
     let folder = with_bag(&drive(BagWriter::new(Layout::Plain), 100));
     let (status, errors) = said(&replay(&folder, &["--with-input", "--out", "/dev/full"]).output().unwrap());

@@ -34,13 +34,16 @@ use tokio::sync::oneshot;
 use tracing::info;
 
 use super::replay::output_topics;
-use super::{Wrong, first_of};
+use super::{Wrong, first_of, say_left_behind};
 
 /// Below four clouds of 640 x 480 x 16 bytes a socket buffer loses clouds.
 const ENOUGH: usize = 4 * 640 * 480 * 16;
 
 /// The result bag, in the folder.
 const RESULT: &str = "result.mcap";
+
+/// The files of the map, in the folder.
+const PICTURES: [&str; 2] = ["map.ply", "map.png"];
 
 /// Rows of the table.
 const ROWS: usize = 12;
@@ -106,6 +109,7 @@ fn drive<T: Middleware>(
     T::check(setup).map_err(ProcessError::from)?;
     std::fs::create_dir_all(&options.out)
         .with_context(|| format!("cannot make {}", options.out.display()))?;
+    say_left_behind(&[RESULT, PICTURES[0], PICTURES[1]].map(|name| options.out.join(name)));
     let (record, recorder) = Record::create(&options.out.join(RESULT), &output_topics(setup)?)?;
     let pictures = Pictures::create(&options.out)?;
     let mut travelling: Option<JoinHandle<Result<bool, String>>> = None;
@@ -269,7 +273,7 @@ struct Pictures {
 
 impl Pictures {
     fn create(folder: &Path) -> Result<Self, WriteError> {
-        let [ply, png] = ["map.ply", "map.png"].map(|name| WholeFile::create(&folder.join(name)));
+        let [ply, png] = PICTURES.map(|name| WholeFile::create(&folder.join(name)));
         Ok(Self { ply: ply?, png: png? })
     }
 

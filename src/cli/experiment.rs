@@ -18,7 +18,7 @@ use cfodi::say::tell;
 use super::input::{Input, open};
 use super::progress::Bar;
 use super::replay::{BEGINS_AGAIN, PAGE, begin_page, say_files, say_skipped, settings, write_page};
-use super::{Ending, Wrong, first_of, laboratory};
+use super::{Ending, Wrong, first_of, laboratory, say_left_behind_in};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Options {
@@ -49,6 +49,7 @@ fn on_recording(setup: &Setup, options: &Options, path: &Path) -> anyhow::Result
     check_folder(&options.out, path)?;
     let input = open(setup, path, &options.topic)?;
     say_files(&input.bag);
+    say_left_behind_in(&options.out);
     let page = begin_page(&options.out)?;
     let bar = Bar::new(input.bag.size());
     let mut say = |line: &str| bar.say(line);

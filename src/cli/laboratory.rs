@@ -20,7 +20,7 @@ use cfodi::say::{say, tell};
 use cfodi::sim::Scene;
 
 use super::progress::Bar;
-use super::{Ending, Wrong, first_of, stop};
+use super::{Ending, Wrong, first_of, say_left_behind_in, stop};
 
 /// Most runs that are made at once: each holds all maps of its methods.
 const MOST_AT_ONCE: usize = 2;
@@ -144,6 +144,7 @@ pub(crate) fn laboratory(setup: &Setup, options: &Simulation, out: &Path) -> any
             Wrong(format!("--score-every {every}: the last scan is taken at {end:.3} s, so nothing would be scored on the way"))
         })?;
     }
+    say_left_behind_in(out);
     std::fs::create_dir_all(out).with_context(|| format!("cannot make {}", out.display()))?;
     let [page, csv, way] = ["quality.md", "quality.csv", "on_the_way.csv"].map(|name| out.join(name));
     let (way, stale) = if score_every.is_some() { (Some(way), None) } else { (None, Some(way)) };

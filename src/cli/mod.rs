@@ -13,10 +13,10 @@ mod stop;
 mod truth;
 
 use std::ffi::OsString;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use cfodi::args::{Environment, Setup};
-use cfodi::export::{WriteError, left_behind};
+use cfodi::export::{WriteError, left_behind, left_behind_in};
 use cfodi::line::one_line;
 use cfodi::say::say;
 use thiserror::Error;
@@ -37,7 +37,16 @@ pub(crate) struct Wrong(pub(crate) String);
 
 /// Names what killed processes have left of these outputs: its names are hidden, and it may be gigabytes.
 pub(crate) fn say_left_behind(outputs: &[PathBuf]) {
-    for path in outputs.iter().flat_map(|path| left_behind(path)) {
+    say_left(outputs.iter().flat_map(|path| left_behind(path)));
+}
+
+/// As [`say_left_behind`], of all that is written into a folder.
+pub(crate) fn say_left_behind_in(folder: &Path) {
+    say_left(left_behind_in(folder));
+}
+
+fn say_left(files: impl IntoIterator<Item = PathBuf>) {
+    for path in files {
         let name = path.display().to_string();
         say(format_args!("a process that has been killed left {}: it can be removed", one_line(&name)));
     }

@@ -17,7 +17,7 @@ pub mod whole;
 pub use picture::{Picture, View, draw, draw_alike};
 pub use ply::write_ply;
 pub use voxels::write_voxels;
-pub use whole::{WholeFile, WriteError, left_behind, write_whole};
+pub use whole::{WholeFile, WriteError, left_behind, left_behind_in, write_whole};
 
 #[cfg(test)]
 mod testing {

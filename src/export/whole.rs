@@ -172,20 +172,31 @@ pub fn left_behind(path: &Path) -> Vec<PathBuf> {
     else {
         return Vec::new();
     };
-    let begin = format!(".{}.", name.to_string_lossy());
-    let is_left = |name: &str| writer(name, &begin).is_some_and(|id| !is_running(id));
-    let entries = fs::read_dir(folder(&place)).into_iter().flatten().flatten();
+    let name = name.to_string_lossy();
+    left_in(folder(&place), |of| of == name)
+}
+
+/// As [`left_behind`], of any file of a folder.
+pub fn left_behind_in(folder: &Path) -> Vec<PathBuf> {
+    left_in(&fs::canonicalize(folder).unwrap_or_else(|_| folder.to_owned()), |_| true)
+}
+
+/// Those of the files of a folder that are meant, by name.
+fn left_in(folder: &Path, is_meant: impl Fn(&str) -> bool) -> Vec<PathBuf> {
+    let is_left = |name: &str| writer(name).is_some_and(|(of, process)| is_meant(of) && !is_running(process));
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
     let left = entries.filter(|entry| is_left(&entry.file_name().to_string_lossy()));
     let mut left: Vec<_> = left.map(|entry| entry.path()).collect();
     left.sort();
     left
 }
 
-/// The process whose temporary file has this name, which is to begin so.
-fn writer(name: &str, begin: &str) -> Option<u32> {
-    let (id, number) = name.strip_prefix(begin)?.strip_suffix(".part")?.split_once('-')?;
+/// The file that a temporary file of this name is to become, and the process that writes it.
+fn writer(name: &str) -> Option<(&str, u32)> {
+    let (of, writer) = name.strip_prefix('.')?.strip_suffix(".part")?.rsplit_once('.')?;
+    let (process, number) = writer.split_once('-')?;
     number.parse::<u32>().ok()?;
-    id.parse().ok()
+    Some((of, process.parse().ok()?))
 }
 
 /// Whether a process is there, or nobody can say.
@@ -328,9 +339,12 @@ mod tests {
             [format!(".a.ply.{own}-1.part"), format!(".b.ply.{gone}-1.part"), ".a.ply.x.part".to_owned()];
         left.iter().chain(&others).for_each(|name| fs::write(folder.0.path().join(name), "").unwrap());
         let named = left_behind(&folder.0.path().join("a.ply"));
-        assert_eq!(named, left.map(|name| folder.0.path().canonicalize().unwrap().join(name)));
+        let place = folder.0.path().canonicalize().unwrap();
+        assert_eq!(named, left.clone().map(|name| place.join(name)));
         assert!(named.iter().all(|path| path.exists()));
         assert!(left_behind(Path::new("/nowhere/at/all.ply")).is_empty());
+        let of_any: Vec<_> = left.iter().chain(&others[1..2]).map(|name| place.join(name)).collect();
+        assert_eq!(left_behind_in(folder.0.path()), of_any);
     }
 
     #[test]
