@@ -13,7 +13,7 @@ use cfodi::export::WriteError;
 use cfodi::line::one_line;
 use cfodi::node::process::ProcessError;
 use cfodi::replay::FeedError;
-use cfodi::say::say;
+use cfodi::say::{flush, say};
 use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
 
@@ -60,6 +60,7 @@ fn main() -> ExitCode {
     if let Err(error) = &ended {
         say(format_args!("cfodi: {}", text(error)));
     }
+    flush();
     ExitCode::from(status(&ended))
 }
 

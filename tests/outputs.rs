@@ -115,6 +115,21 @@ fn each_file_of_an_experiment_that_cannot_be_written_is_named_and_the_others_are
     assert!(folder.join("figures/throughput.csv").exists() && !ended.stdout.is_empty(), "{errors}");
 }
 
+/// As `cfodi ... 2>&1 | tee log` has it.
+#[test]
+fn what_is_said_and_what_is_told_come_in_their_order_to_who_reads_both() {
+    let bag = drive(BagWriter::new(Layout::Plain), 2);
+    let folder = with_bag(&bag[..bag.len() - 10]);
+    let all = File::create(folder.join("all")).unwrap();
+    let mut experiment = command(&["experiment", "a.mcap", "--no-effects", "--out", "figures"]);
+    experiment.current_dir(folder.path()).stdout(all.try_clone().unwrap()).stderr(all);
+    assert_eq!(experiment.status().unwrap().code(), Some(1));
+    let text = fs::read_to_string(folder.join("all")).unwrap();
+    let place = |start: &str| text.lines().position(|line| line.starts_with(start)).expect(&text);
+    let places = ["reading ", "method ", "cfodi: ", "figures and tables: "].map(place);
+    assert!(places.is_sorted(), "{text}");
+}
+
 #[test]
 fn what_killed_experiments_have_left_in_their_folder_is_named() {
     let folder = with_bag(&drive(BagWriter::new(Layout::Plain), 2));

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use cfodi::args::Setup;
 use cfodi::node::rosout::{Lines, listen};
+use cfodi::say::{self, Stderr};
 use tracing::{Metadata, info, warn};
 use tracing_subscriber::filter::{DynFilterFn, EnvFilter};
 use tracing_subscriber::fmt;
@@ -22,13 +23,14 @@ const QUIET: &str = "rustdds=error,ros2_client=error,rustdds::network::udp_liste
 /// Logs to stderr, and where `rosout` says so, what a node says to the others too; `RUST_LOG` decides where it asks for
 /// something, and then says all.
 pub(crate) fn start(level: Option<&str>, rosout: bool) -> Lines {
+    say::start();
     let variable = env::var(EnvFilter::DEFAULT_ENV).ok();
     let (filter, is_bounded) = filter(variable.as_deref(), level);
     let bound = Bound::default();
     let within = DynFilterFn::new(move |about, _| !is_bounded || bound.allows(about, Instant::now()));
     let colours = io::stderr().is_terminal();
     let lines =
-        fmt::layer().with_target(false).with_ansi(colours).with_writer(io::stderr).log_internal_errors(false);
+        fmt::layer().with_target(false).with_ansi(colours).with_writer(|| Stderr).log_internal_errors(false);
     let lines = lines.with_filter(within);
     let (listener, said) = listen();
     let listener = listener.with_filter(DynFilterFn::new(move |_, _| rosout));

@@ -5,7 +5,7 @@ use std::time::Duration;
 use cfodi::count::count_of;
 use cfodi::line::one_line;
 use cfodi::replay::Progress;
-use cfodi::say::say;
+use cfodi::say::{flush, say};
 use indicatif::{ProgressBar, ProgressStyle};
 
 /// How far a bag has been read, or a simulation has come, with the rate and the time that remains.
@@ -26,6 +26,8 @@ impl Bar {
     }
 
     fn styled(bar: ProgressBar, template: &str) -> Self {
+        // It is drawn below the lines so far.
+        flush();
         // The templates are constants; were one wrong, the default style would do.
         if let Ok(style) = ProgressStyle::with_template(template) {
             bar.set_style(style);
@@ -55,7 +57,14 @@ impl Bar {
 
     /// Writes a line to stderr, above the bar.
     pub(crate) fn say(&self, line: &str) {
-        self.0.suspend(|| say(one_line(line)));
+        // The bar itself cannot be asked while it is suspended.
+        let is_drawn = !self.0.is_hidden();
+        self.0.suspend(|| {
+            say(one_line(line));
+            if is_drawn {
+                flush();
+            }
+        });
     }
 
     pub(crate) fn finish(&self) {

@@ -20,6 +20,7 @@ use cfodi::node::resume::begin;
 use cfodi::node::rosout::Lines;
 #[cfg(feature = "zenoh")]
 use cfodi::node::zenoh::Zenoh;
+use cfodi::say::flush;
 use clap::Args;
 use tracing::warn;
 
@@ -71,7 +72,10 @@ fn begin_anew(adds_resume: bool, changed: &[(String, Value)], security: &Securit
     };
     let args = env::args_os().skip(1).collect();
     let args = if adds_resume { resuming(args) } else { args };
-    anew(program, with_changes(args, changed), security).exec()
+    let mut command = anew(program, with_changes(args, changed), security);
+    // The thread that writes them is gone with this.
+    flush();
+    command.exec()
 }
 
 /// Says to the next process what it is, too: an interface that has gone meanwhile must not end it.

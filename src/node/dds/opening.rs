@@ -9,6 +9,8 @@ use std::time::Duration;
 
 use tracing::error;
 
+use crate::say::exit;
+
 /// For how many of these it is waited, as long as a busy machine may take: a process that is stopped meanwhile misses one.
 const TICKS: u32 = 30;
 const TICK: Duration = Duration::from_secs(1);
@@ -17,7 +19,7 @@ const TICK: Duration = Duration::from_secs(1);
 pub(super) fn in_time<T>(open: impl FnOnce() -> T) -> T {
     or_else(open, TICK, || {
         error!("the middleware has not come back for {TICKS} s: the process ends");
-        std::process::exit(1)
+        exit(1)
     })
 }
 
