@@ -42,6 +42,8 @@ pub mod say;
 pub mod signals;
 #[cfg(feature = "sim")]
 pub mod sim;
+#[cfg(feature = "node")]
+pub mod stop;
 #[cfg(feature = "store")]
 pub mod store;
 #[cfg(feature = "bag")]

@@ -1,4 +1,4 @@
-//! A node ends when it is asked to, whatever those do who read from it.
+//! A node ends when it is asked to, or when it is asked again, whatever those do who read from it.
 #![cfg(all(feature = "node", target_os = "linux"))]
 #![allow(
     clippy::unwrap_used,
@@ -10,13 +10,14 @@
 #[path = "support/program.rs"]
 mod program;
 
+use std::fs::File;
 use std::io::{PipeReader, PipeWriter, Read as _, Write as _, pipe};
-use std::process::Command;
+use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::thread::{JoinHandle, sleep, spawn};
 use std::time::{Duration, Instant};
 
-use program::{Running, command, listens};
+use program::{Folder, Running, command, listens};
 
 /// How long a test waits for what must come.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -117,4 +118,48 @@ fn a_reader_of_the_log_who_comes_late_gets_all_of_it_in_its_order() {
     let place = |words: &str| said.lines().position(|line| line.contains(words)).expect(&said);
     assert!(place("ready: /cfodi reads") < place("nobody publishes on"), "{said}");
     assert!(said.lines().last().is_some_and(|line| line.starts_with("counts ")), "{said}");
+}
+
+/// The reader of a pipe who has opened it and reads nothing.
+fn result_that_nobody_reads(folder: &Folder) -> JoinHandle<File> {
+    let pipe = folder.argument("result.mcap");
+    assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    spawn(move || File::open(pipe).unwrap())
+}
+
+/// How many signals, a second and more apart, it takes to end a demo with these parameters whose result nobody reads.
+fn signals_that_end_a_demo(folder: &Folder, parameters: &[&str]) -> usize {
+    let reader = result_that_nobody_reads(folder);
+    let mut demo = node(&["demo", "--seconds", "3600", "--out", &folder.argument("")]);
+    demo.args(parameters).stdout(Stdio::null()).stderr(Stdio::null());
+    let mut demo = Running(demo.spawn().unwrap());
+    let _pipe = reader.join().unwrap();
+    until("a demo that listens to signals", || listens(demo.0.id()));
+    // Long enough for more than the pipe and the memory before it take.
+    sleep(Duration::from_secs(4));
+    let mut signals = 0;
+    until("its end", || {
+        demo.interrupt();
+        signals += 1;
+        let begin = Instant::now();
+        while demo.0.try_wait().unwrap().is_none() && begin.elapsed() < Duration::from_millis(1500) {
+            sleep(Duration::from_millis(20));
+        }
+        demo.0.try_wait().unwrap().is_some()
+    });
+    assert_eq!(demo.0.wait().unwrap().code(), Some(1));
+    signals
+}
+
+#[test]
+fn a_second_signal_ends_a_demo_whose_result_nobody_reads() {
+    let folder = Folder::new();
+    assert_eq!(signals_that_end_a_demo(&folder, &[]), 2);
+}
+
+#[test]
+fn a_demo_that_saves_its_map_ends_as_well_where_nobody_reads_its_result() {
+    let folder = Folder::new();
+    let path = format!("snapshot_path:={}", folder.argument("map"));
+    signals_that_end_a_demo(&folder, &["-p", &path]);
 }

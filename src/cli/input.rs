@@ -16,8 +16,9 @@ use cfodi::msg::heard::{TF, TF_STATIC};
 use cfodi::node::check_names;
 use cfodi::replay::{Feed, FixedFrame, Progress, clock_offset};
 use cfodi::say::say;
+use cfodi::stop;
 
-use super::{Wrong, arguments, stop};
+use super::{Wrong, arguments};
 
 /// How long a cloud waits for its transform at least, by the times at which messages were recorded: nobody waits for it.
 const PATIENCE: Duration = Duration::from_secs(1);

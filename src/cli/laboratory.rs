@@ -18,9 +18,10 @@ use cfodi::export::{WholeFile, write_whole};
 use cfodi::line::one_line;
 use cfodi::say::{say, tell};
 use cfodi::sim::Scene;
+use cfodi::stop;
 
 use super::progress::Bar;
-use super::{Ending, Wrong, first_of, say_left_behind_in, stop};
+use super::{Ending, Wrong, first_of, say_left_behind_in};
 
 /// Most runs that are made at once: each holds all maps of its methods.
 const MOST_AT_ONCE: usize = 2;

@@ -9,7 +9,6 @@ mod progress;
 pub(crate) mod replay;
 pub(crate) mod run;
 pub(crate) mod simulate;
-mod stop;
 mod truth;
 
 use std::ffi::OsString;

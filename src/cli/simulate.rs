@@ -13,12 +13,13 @@ use cfodi::export::WholeFile;
 use cfodi::say::say;
 use cfodi::sim::drive::SCANS_PER_SECOND;
 use cfodi::sim::{Drive, Scene};
+use cfodi::stop;
 use clap::builder::PossibleValuesParser;
 
 use super::input::check_outputs;
 use super::progress::Bar;
 use super::truth::truth;
-use super::{Ending, Wrong, say_left_behind, stop};
+use super::{Ending, Wrong, say_left_behind};
 
 /// The topic of the clouds.
 const POINTS: &str = "/camera/depth/points";

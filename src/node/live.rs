@@ -246,6 +246,8 @@ impl<T: Transport> Live<T> {
             Stop::Published(ended) => (Some(ended), None),
             Stop::Broken(error) => (None, Some(error)),
         };
+        // Where it is given up it must not keep the node on the network.
+        let giving_up = publishing.abort_handle();
         let publishing = async {
             match published {
                 Some(ended) => ended,
@@ -253,6 +255,7 @@ impl<T: Transport> Live<T> {
             }
         };
         let map = self.finish(publishing, written.zip(file)).await;
+        giving_up.abort();
         // The last map may have been the first of which no messages could be made.
         broken.or_else(|| muted.try_recv().ok().map(LiveError::Mute)).map_or(map, Err)
     }

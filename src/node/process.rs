@@ -25,6 +25,7 @@ use crate::config::Value;
 use crate::engine::{Engine, Snapshot};
 use crate::say::say;
 use crate::signals::Signals;
+use crate::stop::{self, Hold};
 
 /// The process has to end with a failure.
 #[derive(Debug, Error)]
@@ -97,7 +98,8 @@ fn say_security(middleware: &str, security: &Security) {
 }
 
 /// Runs the live node with the map of `engine` until a signal comes or `done` resolves, and returns its map; what it sends
-/// of the map goes to `recorder` too, `lines` are those of its log; `begin` is called once it listens.
+/// of the map goes to `recorder` too, `lines` are those of its log; `begin` is called once it listens. A second signal ends the
+/// process with status 1, unless the map is saved at that end: then it is given up.
 ///
 /// # Errors
 /// When the network cannot be joined, the node fails, or `begin` does.
@@ -122,6 +124,9 @@ pub fn live_node<T: Middleware, E: From<ProcessError>>(
         let transport = Rc::new(transport);
         // Whoever reads that it is ready may end it at once.
         let (ends, signals) = (signals(), signals());
+        // One more ends the process, whatever it then waits for; but while a map may be on its way into its file, that alone.
+        let saving = setup.config().snapshot_path.as_ref().map(|_| Hold::new());
+        stop::flag();
         say_ready(setup, transport.inputs());
         let lived = match begin(events) {
             Ok(()) => {
@@ -131,6 +136,7 @@ pub fn live_node<T: Middleware, E: From<ProcessError>>(
             }
             Err(error) => Err(error),
         };
+        drop(saving);
         let changed = transport.changed(setup);
         let leaving = leave(transport).await;
         let map = match lived {

@@ -2,7 +2,7 @@
 
 use std::future::Future;
 use std::path::PathBuf;
-use std::pin::pin;
+use std::pin::Pin;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -110,9 +110,8 @@ pub(super) async fn last_written<T: Transport>(
     mut written: UnboundedReceiver<Written>,
     mut calls: Option<CallsForMap<Call<T::Request>>>,
     transport: &T,
-    file: LastFile<impl Future<Output = ()>>,
+    mut given_up: Pin<&mut impl Future<Output = StoreError>>,
 ) -> Result<Arc<Snapshot>, LiveError> {
-    let mut given_up = pin!(given_up(file));
     let mut last = None;
     loop {
         let result = tokio::select! {
@@ -144,8 +143,9 @@ pub(super) async fn last_written<T: Transport>(
     }
 }
 
-/// Resolves when the map is given up; says before that it can be.
-async fn given_up(LastFile { path, given_up }: LastFile<impl Future<Output = ()>>) -> StoreError {
+/// Resolves when the map is given up; says before that it can be. Never where there is no file.
+pub(super) async fn given_up(file: Option<LastFile<impl Future<Output = ()>>>) -> StoreError {
+    let Some(LastFile { path, given_up }) = file else { return std::future::pending().await };
     tokio::time::sleep(PATIENCE).await;
     warn!("the map is being written to {}: one more signal ends the node without it", path.display());
     given_up.await;

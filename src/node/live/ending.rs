@@ -2,12 +2,14 @@
 
 use std::cell::RefCell;
 use std::future::Future;
+use std::pin::pin;
 use std::sync::Arc;
 
+use futures::FutureExt as _;
 use tokio::sync::mpsc::UnboundedReceiver;
 use tokio::task::JoinError;
 
-use super::calls::{LastFile, last_written};
+use super::calls::{LastFile, given_up, last_written};
 use super::calls_for_map::Call;
 use super::{Live, LiveError};
 use crate::cloud::CloudError;
@@ -17,14 +19,22 @@ use crate::node::counts::{Counts, ENGINE_DIED};
 use crate::node::publish::Ended;
 use crate::node::saving::Written;
 use crate::node::transport::{Event, Service, Transport};
-use crate::reason::SHUTDOWN;
+use crate::reason::{Reason, SHUTDOWN};
 use crate::thread::panic_text;
 
-/// Counts what was under way when the engine died.
-fn count_buried(counts: &RefCell<Counts>) {
+/// Counts what was under way when the engine died, or was given up.
+fn count_buried(counts: &RefCell<Counts>, reason: Reason) {
     let mut counts = counts.borrow_mut();
     let known = counts.taken_in + counts.replaced + counts.skipped.values().sum::<u64>();
-    (known..counts.received).for_each(|_| counts.skip(ENGINE_DIED));
+    (known..counts.received).for_each(|_| counts.skip(reason));
+}
+
+/// The map that publishing has ended with.
+fn last_map(ended: Result<Ended, JoinError>) -> Result<Arc<Snapshot>, LiveError> {
+    match ended {
+        Ok(Ended { map: Some(map), died: None }) => Ok(map),
+        ended => Err(death(ended)),
+    }
 }
 
 fn death(ended: Result<Ended, JoinError>) -> LiveError {
@@ -64,7 +74,7 @@ impl<T: Transport> Live<T> {
     }
 
     /// Lets the worker take in what waits, and everything be sent and saved; the last thing sent is the whole map. Where the engine
-    /// has died, what is on its way to the disk still gets there.
+    /// has died, what is on its way to the disk still gets there. Where the map is saved, all of that may be given up.
     pub(super) async fn finish(
         self,
         publishing: impl Future<Output = Result<Ended, JoinError>>,
@@ -72,22 +82,33 @@ impl<T: Transport> Live<T> {
     ) -> Result<Arc<Snapshot>, LiveError> {
         let Self { worker, transport, calls_for_map, counts, mut join, clocks, .. } = self;
         worker.end(calls_for_map.is_some());
-        let ended = publishing.await;
-        // Its outputs have ended, and so has it: nobody waits here for a place among them, which this thread empties.
-        drop(worker);
-        let ended = match ended {
-            Ok(Ended { map: Some(map), died: None }) => {
-                let waiting = join.give_up(clocks.moment());
-                waiting.iter().for_each(|_| counts.borrow_mut().skip(SHUTDOWN));
-                Ok(map)
+        let (mut written, file) = written.unzip();
+        let mut given_up = pin!(given_up(file).fuse());
+        let ended = tokio::select! {
+            biased;
+            ended = publishing => {
+                // Its outputs have ended, and so has it: nobody waits here for a place among them, which this thread empties.
+                drop(worker);
+                let ended = last_map(ended);
+                match &ended {
+                    Ok(_) => {
+                        let waiting = join.give_up(clocks.moment());
+                        waiting.iter().for_each(|_| counts.borrow_mut().skip(SHUTDOWN));
+                    }
+                    Err(_) => count_buried(&counts, ENGINE_DIED),
+                }
+                ended
             }
-            ended => {
-                count_buried(&counts);
-                Err(death(ended))
+            error = &mut given_up => {
+                // It may wait for a place, and would be waited for.
+                std::mem::forget(worker);
+                count_buried(&counts, SHUTDOWN);
+                written.iter_mut().for_each(UnboundedReceiver::close);
+                Err(LiveError::NotSaved(error))
             }
         };
         match written {
-            Some((written, file)) => last_written(ended, written, calls_for_map, &*transport, file).await,
+            Some(written) => last_written(ended, written, calls_for_map, &*transport, given_up).await,
             None => ended,
         }
     }

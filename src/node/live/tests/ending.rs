@@ -5,7 +5,7 @@ use std::sync::Mutex;
 use super::*;
 use crate::engine::Scan;
 use crate::msg::clusters::MapVersion;
-use crate::node::live::calls::{LastFile, last_written};
+use crate::node::live::calls::{LastFile, given_up, last_written};
 use crate::node::publish::Ended;
 use crate::node::saving::InFile;
 use crate::reason::SHUTDOWN;
@@ -52,6 +52,11 @@ fn file<GivenUp>(given_up: GivenUp) -> LastFile<GivenUp> {
     LastFile { path: "map".into(), given_up }
 }
 
+/// Nobody gives up the map.
+fn kept() -> impl Future<Output = StoreError> {
+    given_up(Some(file(std::future::pending())))
+}
+
 /// A disk that does not answer: nothing of the map is heard.
 #[test]
 fn a_map_that_takes_long_at_the_end_is_told_of_and_given_up_when_that_is_asked_for() {
@@ -64,7 +69,9 @@ fn a_map_that_takes_long_at_the_end_is_told_of_and_given_up_when_that_is_asked_f
     let transport = Fake::default();
     let runtime = Builder::new_current_thread().enable_time().build().unwrap();
     let begun = Instant::now();
-    let last = last_written(Ok(map()), written, Some(calls), &transport, file(async {}));
+    let last = async {
+        last_written(Ok(map()), written, Some(calls), &transport, pin!(given_up(Some(file(async {}))))).await
+    };
     let (ended, said) = heard(|| runtime.block_on(last));
     assert!(begun.elapsed() >= Duration::from_secs(2), "it was given up before it was said");
     let words = "the map is being written to map: one more signal ends the node without it";
@@ -96,7 +103,7 @@ async fn told(results: [Option<u64>; 2]) -> Vec<(bool, String)> {
     assert!(!calls.begin(Some(call(Service::Reset, 2))), "one is");
     calls.wait(call(Service::Save, 2));
     let transport = Fake::default();
-    let ended = last_written(Ok(map()), written, Some(calls), &transport, file(std::future::pending())).await;
+    let ended = last_written(Ok(map()), written, Some(calls), &transport, pin!(kept())).await;
     assert_eq!(ended.is_ok(), results[1].is_some(), "{ended:?}");
     replies(&transport)
 }
@@ -119,7 +126,7 @@ async fn told_without_a_map(
         calls.begin(Some(Call { service, session: 2, request: () }));
     }
     let transport = Fake::default();
-    let ended = last_written(ended, results, Some(calls), &transport, file(std::future::pending())).await;
+    let ended = last_written(ended, results, Some(calls), &transport, pin!(kept())).await;
     (ended.unwrap_err().to_string(), replies(&transport))
 }
 
@@ -214,4 +221,32 @@ fn the_last_map_has_all_scans_that_were_waiting_when_the_node_ends() {
         ended
     });
     assert_eq!(ended.unwrap().sequence, SCANS);
+}
+
+/// A recorder whose disk does not answer: what is published waits, and the engine with it.
+#[test]
+fn a_node_that_cannot_publish_any_more_ends_without_its_map_when_that_is_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let runtime = Builder::new_current_thread().enable_time().build().unwrap();
+    let (ended, said) = heard(|| {
+        runtime.block_on(async {
+            let (mut live, _reported) = reports::by_hand(&saving_in(folder.path()), Fake::default());
+            let waits = |_| loop {
+                std::thread::park();
+            };
+            live.worker = Worker::start(Engine::new(Params::paper()), 1, 1, waits).unwrap();
+            live.put_away(Event::Call(Service::Save, ())).await;
+            live.counts.borrow_mut().received = 3;
+            let (transport, counts) = (Rc::clone(&live.transport), Rc::clone(&live.counts));
+            let (_writes, written) = mpsc::unbounded_channel();
+            let ended = live.finish(std::future::pending(), Some((written, file(async {})))).await;
+            (ended.unwrap_err().to_string(), replies(&transport), counts.take())
+        })
+    });
+    let (ended, replies, counts) = ended;
+    let words = "the map is being written to map: one more signal ends the node without it";
+    assert_eq!(said, [(30, words.to_owned())]);
+    let lost = "the map was not saved at the end: map stays as it was saved last, for a signal came while the new map was written";
+    assert_eq!((ended, replies), (lost.to_owned(), vec![(false, lost.to_owned())]));
+    assert_eq!(counts.skipped.get(&SHUTDOWN), Some(&3));
 }
