@@ -3,10 +3,30 @@
 //! **Kept true.** The other is whole under its name until the new one, on the disk, has the name. Nothing that has the temporary
 //! name already is opened: it may be a link that somebody has put there.
 
+use std::collections::BTreeSet;
 use std::fs::{self, File, Metadata, Permissions};
 use std::io;
 use std::os::unix::fs::{OpenOptionsExt as _, PermissionsExt as _};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// The names of those that dropping removes, for an end of the process at which nothing is dropped. It is not held while the system
+/// is asked for anything: a disk that does not answer must hold up none of another disk.
+static TEMPORARY: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+
+fn temporary() -> MutexGuard<'static, BTreeSet<PathBuf>> {
+    TEMPORARY.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Removes the temporary files of this process, which is about to end: none of them takes the place of another after this.
+#[cfg(feature = "node")]
+pub(crate) fn remove_temporary() {
+    let names = std::mem::take(&mut *temporary());
+    for name in names {
+        // Whoever ends the process at once asks for no reasons.
+        let _ = fs::remove_file(name);
+    }
+}
 
 /// A file under a temporary name; dropping it before [`Partial::settle`] removes it.
 #[derive(Debug)]
@@ -25,6 +45,7 @@ impl Partial {
         let permissions =
             fs::metadata(target).ok().filter(Metadata::is_file).map(|about| about.permissions());
         let file = create_new(&name, permissions.as_ref())?;
+        temporary().insert(name.clone());
         let partial = Self { name, is_temporary: true };
         // The mask of the process has taken some of them away.
         if let Some(permissions) = permissions.filter(|it| is_other(&file, it)) {
@@ -41,14 +62,19 @@ impl Partial {
         // Without this the name can reach the disk before the bytes do.
         file.sync_all()?;
         fs::rename(&self.name, target)?;
-        self.is_temporary = false;
+        self.stays();
         Ok(())
     }
 
     /// Leaves the file under its temporary name, which is returned.
     pub(crate) fn leave(mut self) -> PathBuf {
-        self.is_temporary = false;
+        self.stays();
         std::mem::take(&mut self.name)
+    }
+
+    fn stays(&mut self) {
+        self.is_temporary = false;
+        temporary().remove(&self.name);
     }
 }
 
@@ -70,6 +96,7 @@ impl Drop for Partial {
         if self.is_temporary {
             // Whoever dropped it has an error to tell already.
             let _ = fs::remove_file(&self.name);
+            temporary().remove(&self.name);
         }
     }
 }
@@ -88,12 +115,14 @@ mod tests {
             fs::write(&target, "before").unwrap();
             let (mut partial, mut file) = Partial::create(name.clone(), &target).unwrap();
             file.write_all(b"after").unwrap();
+            assert!(temporary().contains(&name));
             if settles {
                 partial.settle(&file, &target).unwrap();
                 // Another's, made since.
                 fs::write(&name, "").unwrap();
             }
             drop(partial);
+            assert!(!temporary().contains(&name));
             assert_eq!(fs::read_to_string(&target).unwrap(), expected);
             assert_eq!(name.exists(), settles);
         }
@@ -105,7 +134,7 @@ mod tests {
         let [name, target] = ["a.part", "a"].map(|name| folder.path().join(name));
         let (partial, _) = Partial::create(name.clone(), &target).unwrap();
         assert_eq!(partial.leave(), name);
-        assert!(name.exists());
+        assert!(name.exists() && !temporary().contains(&name));
     }
 
     #[test]

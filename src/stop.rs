@@ -1,6 +1,6 @@
 //! A signal ends what is under way: a node as `node/live/ending.rs` tells, and a replay, an experiment or a simulated drive early,
 //! of which what came before is still written. Where that takes too long, or waits for the reader of a pipe who does not come, a
-//! second signal ends the program at once.
+//! second signal ends the program at once, without the outputs that are not complete.
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::channel;
@@ -8,6 +8,7 @@ use std::sync::{Arc, LazyLock, Once};
 use std::thread::Builder;
 use std::time::{Duration, Instant};
 
+use crate::replace::remove_temporary;
 use crate::say::exit;
 use crate::signals::Signals;
 
@@ -50,6 +51,21 @@ impl Drop for Hold {
     }
 }
 
+/// How long the outputs that are not complete have for being removed: their disk may be what the program waits for.
+const REMOVING: Duration = Duration::from_secs(1);
+
+fn drop_outputs() {
+    let (removing, removed) = channel::<()>();
+    let remove = move || {
+        remove_temporary();
+        drop(removing);
+    };
+    if Builder::new().name("cfodi-leaving".to_owned()).spawn(remove).is_ok() {
+        // It sends nothing, and ends this when it is done.
+        let _ended = removed.recv_timeout(REMOVING);
+    }
+}
+
 /// Calls `ready` once signals are heard, or cannot be.
 fn listen(ready: impl FnOnce()) {
     let Ok(runtime) = tokio::runtime::Builder::new_current_thread().enable_io().build() else { return };
@@ -65,6 +81,7 @@ fn listen(ready: impl FnOnce()) {
                 break;
             }
         }
+        drop_outputs();
         // Nothing more is said: stderr may be what the program waits for.
         exit(1);
     });

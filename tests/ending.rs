@@ -152,9 +152,10 @@ fn signals_that_end_a_demo(folder: &Folder, parameters: &[&str]) -> usize {
 }
 
 #[test]
-fn a_second_signal_ends_a_demo_whose_result_nobody_reads() {
+fn a_second_signal_ends_a_demo_whose_result_nobody_reads_and_leaves_nothing() {
     let folder = Folder::new();
     assert_eq!(signals_that_end_a_demo(&folder, &[]), 2);
+    assert_eq!(folder.names(), ["result.mcap"]);
 }
 
 #[test]

@@ -55,15 +55,15 @@ fn before_the_first_scan_earlier_results_stay_and_before_the_topics_are_known_no
 }
 
 #[test]
-fn a_second_signal_ends_a_replay_that_waits_for_the_reader_of_a_pipe() {
+fn a_second_signal_ends_a_replay_that_waits_for_the_reader_of_a_pipe_and_drops_what_is_not_complete() {
     let folder = Folder::new();
     let mut writer = BagWriter::new(Layout::Zstd);
     writer.tf("/tf_static", stamp(0), "map", OPTICAL, 0.0);
     writer.scan(1);
     folder.put("a.mcap", &writer.finish());
-    let [bag, pipe] = ["a.mcap", "pipe"].map(|name| folder.argument(name));
+    let [bag, pipe, voxels] = ["a.mcap", "pipe", "v.csv"].map(|name| folder.argument(name));
     assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
-    let mut replay = Running::start(&["replay", &bag, "--clusters", &pipe]);
+    let mut replay = Running::start(&["replay", &bag, "--voxels", &voxels, "--clusters", &pipe]);
     let patience = Instant::now() + Duration::from_secs(60);
     // Two that come within a second are one request.
     while replay.0.try_wait().unwrap().is_none() {
@@ -74,4 +74,5 @@ fn a_second_signal_ends_a_replay_that_waits_for_the_reader_of_a_pipe() {
         std::thread::sleep(Duration::from_millis(300));
     }
     assert_eq!(replay.end().0, Some(1));
+    assert_eq!(folder.names(), ["a.mcap", "pipe"]);
 }
