@@ -128,6 +128,26 @@ fn what_every_node_of_ros_has_is_taken_and_named_and_what_no_one_knows_is_refuse
 }
 
 #[test]
+fn of_two_ranges_that_contradict_each_other_the_file_is_named_that_counts_last() {
+    let folder = tempfile::tempdir().unwrap();
+    let line = |files: &[(&str, &str)]| {
+        let files = files.iter().map(|(name, parameters)| {
+            let file = folder.path().join(name);
+            std::fs::write(&file, format!("/**: {{ros__parameters: {{{parameters}}}}}")).unwrap();
+            format!(" --params-file {}", file.display())
+        });
+        parse(&format!("--ros-args{}", files.collect::<String>())).unwrap_err().to_string()
+    };
+    let (both, raised) = ("min_range: 0.4, max_range: 6.0", "min_range: 7.0");
+    let refused = "min_range is 7.0; it must be at most max_range, which is 6 m; it stands in";
+    let last = format!("{refused} {} under `/**`", folder.path().join("r2.yaml").display());
+    assert_eq!(line(&[("r2.yaml", raised)]), last);
+    assert_eq!(line(&[("r1.yaml", both), ("r2.yaml", raised)]), last);
+    let swapped = line(&[("r2.yaml", raised), ("r1.yaml", "max_range: 6.0")]);
+    assert!(swapped.starts_with("max_range is 6.0") && swapped.contains("r1.yaml"), "{swapped}");
+}
+
+#[test]
 fn a_file_or_an_argument_that_has_nothing_for_the_node_is_told_with_the_nodes_that_it_is_for() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("params.yaml");

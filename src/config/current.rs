@@ -75,7 +75,7 @@ impl Current {
     /// # Errors
     /// At the first that is unknown, cannot be, or cannot change.
     pub fn change(&mut self, wanted: Vec<(String, Value)>) -> Result<Vec<Changed>, ConfigError> {
-        let mut values = self.values.clone();
+        let mut checked = Vec::new();
         for (name, value) in wanted {
             let Some((parameter, now)) = self.get(&name) else {
                 return Err(unknown(name, value, self.values.keys().cloned()));
@@ -92,9 +92,12 @@ impl Current {
                 Config::new(beside.chain([(name.clone(), value)]))?;
                 return Err(ConfigError::Fixed { name, value: now.clone(), because });
             }
-            values.insert(name, value);
+            checked.push((name, value));
         }
-        self.config = Config::new(values.clone())?;
+        // Behind the others: what is refused is what is given now.
+        self.config = Config::new(self.values.clone().into_iter().chain(checked.clone()))?;
+        let mut values = self.values.clone();
+        values.extend(checked);
         let before = std::mem::replace(&mut self.values, values);
         let pairs = before.into_iter().zip(self.values.values());
         let changed = pairs.filter(|((_, before), now)| before != *now);
@@ -171,6 +174,18 @@ mod tests {
         assert_eq!(error, "max_range is 0.1; it must be at least min_range, which is 0.4 m");
         let given = vec![("max_range".to_owned(), Value::Double(0.1))];
         assert_eq!(Config::new(given).unwrap_err().to_string(), error);
+        let error = change(&mut current, &[("min_range", Value::Integer(7))]).unwrap_err();
+        assert_eq!(error, "min_range is 7.0; it must be at most max_range, which is 6 m");
+        change(&mut current, &[("keep_radius", Value::Double(3.0))]).unwrap();
+        let error = change(&mut current, &[("min_range", Value::Integer(4))]).unwrap_err();
+        assert_eq!(error, "min_range is 4.0; it must be at most keep_radius, which is 3 m");
+        let error = change(&mut current, &[("keep_radius", Value::Double(0.3))]).unwrap_err();
+        assert_eq!(
+            error,
+            "keep_radius is 0.3; it must be 0 (no bound) or at least min_range, which is 0.4 m"
+        );
+        let both = [("max_range", Value::Double(0.2)), ("min_range", Value::Double(0.3))];
+        assert!(change(&mut current, &both).unwrap_err().starts_with("min_range is 0.3"));
     }
 
     #[test]

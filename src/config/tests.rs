@@ -121,6 +121,26 @@ fn an_impossible_value_is_named_with_what_it_must_be() {
 }
 
 #[test]
+fn of_two_ranges_that_contradict_each_other_the_one_is_refused_that_was_given_last() {
+    let line = |given: &[(&str, f64)]| {
+        let given = given.iter().map(|(name, value)| ((*name).to_owned(), Value::Double(*value)));
+        Config::new(given).unwrap_err().to_string()
+    };
+    let [least, most, kept] = ["min_range", "max_range", "keep_radius"];
+    let too_far = "min_range is 7.0; it must be at most max_range, which is 6 m";
+    assert_eq!(line(&[(least, 7.0)]), too_far);
+    assert_eq!(line(&[(least, 0.4), (most, 6.0), (least, 7.0)]), too_far, "its last value counts");
+    let too_near = "max_range is 6.0; it must be at least min_range, which is 7 m";
+    assert_eq!(line(&[(least, 7.0), (most, 6.0)]), too_near);
+    let too_far = "min_range is 4.0; it must be at most keep_radius, which is 3 m";
+    assert_eq!(line(&[(kept, 3.0), (least, 4.0)]), too_far);
+    let too_near = "keep_radius is 3.0; it must be 0 (no bound) or at least min_range, which is 4 m";
+    assert_eq!(line(&[(least, 4.0), (kept, 3.0)]), too_near);
+    let too_near = "keep_radius is 0.3; it must be 0 (no bound) or at least min_range, which is 0.4 m";
+    assert_eq!(line(&[(kept, 0.3)]), too_near);
+}
+
+#[test]
 fn every_parameter_takes_values_of_every_type_and_size_without_a_panic() {
     let text = |text: &str| Value::Text(text.to_owned());
     let mut values = vec![Value::Boolean(true), Value::TextList(Vec::new()), text(""), text("\0\u{1b}[31m")];
@@ -198,7 +218,7 @@ fn both_ends_of_a_parameter_are_possible_and_what_is_beyond_is_refused_in_the_wo
         for value in ends {
             // An end may contradict the default of another parameter, in words that name that one.
             if let Err(error) = with(&name, value.clone()) {
-                assert!(error.to_string().contains("min_range, which is"), "{name} is {value}: {error}");
+                assert!(error.to_string().contains("_range, which is"), "{name} is {value}: {error}");
             }
         }
     }
@@ -207,7 +227,7 @@ fn both_ends_of_a_parameter_are_possible_and_what_is_beyond_is_refused_in_the_wo
 #[test]
 fn a_radius_within_which_the_sensor_sees_nothing_is_refused_with_both_numbers() {
     let with = |radius: f64, more: &[(&str, f64)]| {
-        let given = [&[("keep_radius", radius)], more].concat();
+        let given = [more, &[("keep_radius", radius)]].concat();
         let given = given.into_iter().map(|(name, value)| (name.to_owned(), Value::Double(value)));
         Config::new(given).map(drop).map_err(|error| error.to_string())
     };

@@ -1,6 +1,6 @@
 //! Values of parameters, and typed access to what was given.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::fmt;
 use std::net::Ipv4Addr;
 
@@ -56,7 +56,11 @@ pub fn as_meant(name: &str, value: Value) -> Value {
 }
 
 /// The value of each parameter, given or default; names are known, types are not yet checked.
-pub(super) struct Given(BTreeMap<String, (Value, &'static Row)>);
+pub(super) struct Given {
+    values: BTreeMap<String, (Value, &'static Row)>,
+    /// Of each that was given a value, how many were given before it.
+    told: BTreeMap<String, usize>,
+}
 
 impl Given {
     pub(super) fn new(values: impl IntoIterator<Item = (String, Value)>) -> Result<Self, ConfigError> {
@@ -64,9 +68,9 @@ impl Given {
         let declared = super::parameters(&listed(&values)).into_iter();
         let mut given: BTreeMap<_, _> =
             declared.map(|parameter| (parameter.name, (parameter.row.default(), parameter.row))).collect();
-        let mut told = BTreeSet::new();
+        let mut told = BTreeMap::new();
         let sensors = values.iter().rev().find(|(name, _)| name == "sensors").cloned();
-        for (name, value) in values {
+        for (place, (name, value)) in values.into_iter().enumerate() {
             let Some((known, row)) = given.get_mut(&name) else {
                 // Of sensors whose list cannot be no parameter is known.
                 let sensors = sensors.filter(|(_, list)| names(list).is_empty());
@@ -76,15 +80,15 @@ impl Given {
                 ));
             };
             *known = row.as_declared(value);
-            told.insert(name);
+            told.insert(name, place);
         }
-        let mut given = Self(given);
-        given.derive(&told);
+        let mut given = Self { values: given, told };
+        given.derive();
         Ok(given)
     }
 
     /// Gives those parameters a value that were not given one and follow from others.
-    fn derive(&mut self, told: &BTreeSet<String>) {
+    fn derive(&mut self) {
         let mut derived = Vec::new();
         if *self.get("mode") == Value::from(Mode::Paper) {
             derived.push(("clearing".to_owned(), Value::Boolean(false)));
@@ -92,33 +96,35 @@ impl Given {
         let names = names(self.get("sensors"));
         // What is given for a sensor alone holds for the map.
         let mut of_sensors = names.iter().map(|name| format!("{name}.noise_model"));
-        if let Some(of_sensor) = of_sensors.find(|name| told.contains(name) && self.checked(name).is_ok()) {
+        if let Some(of_sensor) =
+            of_sensors.find(|name| self.told.contains_key(name) && self.checked(name).is_ok())
+        {
             derived.push(("noise_model".to_owned(), self.get(&of_sensor).clone()));
         }
         let kind = if names == [sensors::DEFAULT] { Kind::Auto } else { Kind::Cloud };
         for name in &names {
             derived.push((format!("{name}.kind"), Value::from(kind)));
         }
-        self.put(derived, told);
+        self.put(derived);
         let of_all = self.get("noise_model").clone();
         let of_sensors = names.iter().map(|name| (format!("{name}.noise_model"), of_all.clone())).collect();
-        self.put(of_sensors, told);
+        self.put(of_sensors);
     }
 
     /// Gives these values to the parameters that were not given one.
-    fn put(&mut self, derived: Vec<(String, Value)>, told: &BTreeSet<String>) {
-        for (name, derived) in derived.into_iter().filter(|(name, _)| !told.contains(name)) {
-            self.0.entry(name).and_modify(|(value, _)| *value = derived);
+    fn put(&mut self, derived: Vec<(String, Value)>) {
+        for (name, derived) in derived.into_iter().filter(|(name, _)| !self.told.contains_key(name)) {
+            self.values.entry(name).and_modify(|(value, _)| *value = derived);
         }
     }
 
     pub(super) fn into_values(self) -> BTreeMap<String, Value> {
-        self.0.into_iter().map(|(name, (value, _))| (name, value)).collect()
+        self.values.into_iter().map(|(name, (value, _))| (name, value)).collect()
     }
 
     fn get(&self, name: &str) -> &Value {
         // Only declared names are asked for.
-        &self.0[name].0
+        &self.values[name].0
     }
 
     fn refuse<T>(&self, name: &str, must: impl Into<String>) -> Result<T, ConfigError> {
@@ -128,17 +134,17 @@ impl Given {
 
     /// The value, of the parameter's type and within its bounds.
     fn checked(&self, name: &str) -> Result<&Value, ConfigError> {
-        let (value, row) = &self.0[name];
+        let (value, row) = &self.values[name];
         row.refusal(Some(value)).map_or(Ok(value), |must| self.refuse(name, must))
     }
 
     /// What the bounds in words are about.
     pub(super) fn refuse_by_row<T>(&self, name: &str) -> Result<T, ConfigError> {
-        self.refuse(name, self.0[name].1.must())
+        self.refuse(name, self.values[name].1.must())
     }
 
     pub(super) fn refuse_beside<T>(&self, name: &str) -> Result<T, ConfigError> {
-        self.refuse(name, self.0[name].1.also)
+        self.refuse(name, self.values[name].1.also)
     }
 
     pub(super) fn boolean(&self, name: &str) -> Result<bool, ConfigError> {
@@ -261,18 +267,32 @@ impl Given {
         Ok(())
     }
 
+    /// Of two that contradict each other the one is refused that was given last: the other may be a default, or right.
     pub(super) fn check_ranges(&self) -> Result<(), ConfigError> {
         let (least, most) = (self.number("min_range")?, self.number("max_range")?);
         if most < least {
-            return self.refuse("max_range", format!("{}, which is {least} m", self.0["max_range"].1.also));
+            let [name, bound] = self.last_first(["max_range", "min_range"]);
+            let must = format!("{}, which is {} m", self.values[name].1.also, self.number(bound)?);
+            return self.refuse(name, must);
         }
         // What is nearer is not taken in, and what is farther not kept.
         let kept = self.number("keep_radius")?;
         if kept > 0.0 && kept < least {
-            let must = format!("0 (no bound) or at least min_range, which is {least} m");
-            return self.refuse("keep_radius", must);
+            return match self.last_first(["keep_radius", "min_range"]) {
+                [name @ "min_range", _] => {
+                    self.refuse(name, format!("at most keep_radius, which is {kept} m"))
+                }
+                [name, _] => {
+                    self.refuse(name, format!("0 (no bound) or at least min_range, which is {least} m"))
+                }
+            };
         }
         Ok(())
+    }
+
+    /// These two, the one that was given last before the other.
+    fn last_first<'a>(&self, [a, b]: [&'a str; 2]) -> [&'a str; 2] {
+        if self.told.get(a) >= self.told.get(b) { [a, b] } else { [b, a] }
     }
 }
 

@@ -120,6 +120,8 @@ def test_what_cannot_be_is_refused_with_its_name_and_its_bounds(start, peer):
     assert not unknown.successful and "nearest known one is `voxel_size`" in unknown.reason
     contradicting = set_one(peer, "max_range", 0.1)
     assert contradicting.reason == "max_range is 0.1; it must be at least min_range, which is 0.4 m"
+    contradicting = set_one(peer, "min_range", 7.0)
+    assert contradicting.reason == "min_range is 7.0; it must be at most max_range, which is 6 m"
     assert parameters(peer, TABLE) == before
 
 
