@@ -215,7 +215,9 @@ mod tests {
         assert!(line("front.noise_model", "none").starts_with("front.noise_model is \"kinect_v1\" while"));
         assert!(line("noise_model", "none").starts_with("noise_model is \"kinect_v1\" while"));
         assert!(line("front.kind", "lidar").contains("must be `cloud`, `depth` or `auto`"));
-        assert!(line("points.kind", "depth").contains("unknown parameter `points.kind`"));
+        assert!(
+            line("points.kind", "depth").starts_with("there is no sensor `points` among sensors (front)")
+        );
     }
 
     #[test]

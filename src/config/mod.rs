@@ -58,15 +58,35 @@ pub struct Config {
 /// A parameter that is unknown, or whose value cannot be.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum ConfigError {
-    /// No parameter has this name.
-    #[error("unknown parameter `{name}` (given as {value}); the nearest known one is `{nearest}`")]
+    /// No parameter has this name, or one that is like it.
+    #[error("unknown parameter `{name}` (given as {value})")]
     Unknown {
+        /// As given.
+        name: String,
+        /// As given.
+        value: Value,
+    },
+    /// No parameter has this name, and one is like it.
+    #[error("unknown parameter `{name}` (given as {value}); the nearest known one is `{nearest}`")]
+    Misspelt {
         /// As given.
         name: String,
         /// As given.
         value: Value,
         /// The known name that differs least.
         nearest: String,
+    },
+    /// A parameter of a sensor that there is not.
+    #[error("there is no sensor `{sensor}` among sensors ({}); -p 'sensors:={with_it:?}' names it", .sensors.join(", "))]
+    Sensor {
+        /// The parameter, as given.
+        name: String,
+        /// The sensor, by that name.
+        sensor: String,
+        /// Names of those that there are.
+        sensors: Vec<String>,
+        /// Names of them and of this one; of this one alone where there are only the default ones.
+        with_it: Vec<String>,
     },
     /// A topic that was given as if it were a parameter.
     #[error("{name} is a topic and no parameter: have it read another one with -r {name}:=...")]
@@ -115,6 +135,8 @@ impl ConfigError {
     pub(crate) fn parameter(&self) -> Option<&str> {
         match self {
             Self::Unknown { name, .. }
+            | Self::Misspelt { name, .. }
+            | Self::Sensor { name, .. }
             | Self::Topic { name }
             | Self::Impossible { name, .. }
             | Self::Type { name, .. }

@@ -1,6 +1,6 @@
 //! The sensors that one map is made from: `sensors`, and of each its `<name>.kind` and `<name>.noise_model`.
 
-use super::table::TABLE;
+use super::table::{OF_SENSOR, TABLE};
 use super::word::Word as _;
 
 /// Sensors of one node at most.
@@ -40,16 +40,26 @@ pub struct Sensor {
 }
 
 /// Whether this is a topic, before remapping, of a sensor of which there are such `parameters`.
-pub(super) fn have_topic(mut parameters: impl Iterator<Item = String>, name: &str) -> bool {
+pub(super) fn have_topic(parameters: impl Iterator<Item = String>, name: &str) -> bool {
     let of = |sensor: Sensor| {
         let points = sensor.points() == Some(name);
         points || [sensor.image(), sensor.camera_info()].iter().flatten().any(|topic| topic == name)
     };
-    parameters.any(|parameter| {
-        let sensor = parameter.strip_suffix(".kind").map(str::to_owned);
-        let kinds = Kind::ALL.iter();
-        sensor.is_some_and(|sensor| kinds.map(|&kind| Sensor { name: sensor.clone(), kind }).any(of))
-    })
+    of_parameters(parameters)
+        .iter()
+        .any(|sensor| Kind::ALL.iter().map(|&kind| Sensor { name: sensor.clone(), kind }).any(of))
+}
+
+/// Names of the sensors of which there are such `parameters`.
+pub(super) fn of_parameters(parameters: impl Iterator<Item = String>) -> Vec<String> {
+    parameters.filter_map(|parameter| parameter.strip_suffix(".kind").map(str::to_owned)).collect()
+}
+
+/// The sensor that a parameter of this name would be of, `rear` of `rear.kind`; `None` where it would be of none.
+pub(super) fn of_parameter(name: &str) -> Option<&str> {
+    let (sensor, parameter) = name.split_once('.')?;
+    let is_of_sensor = OF_SENSOR.iter().any(|row| row.name == parameter) && is_name(sensor);
+    is_of_sensor.then_some(sensor)
 }
 
 impl Sensor {
@@ -174,10 +184,26 @@ mod tests {
             "a.kind is \"lidar\"; it must be `cloud`, `depth` or `auto`"
         );
         assert_eq!(
-            line(&["front"], &[("fornt.kind", "depth")]),
-            "unknown parameter `fornt.kind` (given as \"depth\"); the nearest known one is `front.kind`"
+            line(&["front"], &[("front.knid", "depth")]),
+            "unknown parameter `front.knid` (given as \"depth\"); the nearest known one is `front.kind`"
         );
         assert!(line(&["a"], &[("a.knd", "depth")]).contains("unknown parameter `a.knd`"));
+    }
+
+    #[test]
+    fn a_parameter_of_a_sensor_that_there_is_not_is_told_with_those_that_there_are() {
+        let alone = Config::new([("rear.kind".to_owned(), text("depth"))]).unwrap_err().to_string();
+        let expected = "there is no sensor `rear` among sensors (points); -p 'sensors:=[\"rear\"]' names it";
+        assert_eq!(alone, expected);
+        assert_eq!(
+            config(&["front", "left"], &[("fornt.noise_model", "none")]).unwrap_err(),
+            "there is no sensor `fornt` among sensors (front, left); \
+             -p 'sensors:=[\"front\", \"left\", \"fornt\"]' names it"
+        );
+        for none in ["depth.kind", "a/b.kind", ".kind", "rear.knid", "a.b.kind", &"x".repeat(1 << 20)] {
+            let error = Config::new([(none.to_owned(), text("depth"))]).unwrap_err().to_string();
+            assert!(error.starts_with("unknown parameter"), "{none}: {error}");
+        }
     }
 
     #[test]

@@ -66,6 +66,19 @@ fn what_is_given_for_the_consistent_mode_reaches_the_engine() {
 fn an_unknown_name_gets_the_nearest_known_one() {
     let text = line("voxelsize", Value::Double(0.05));
     assert_eq!(text, "unknown parameter `voxelsize` (given as 0.05); the nearest known one is `voxel_size`");
+    for (name, nearest) in [("max_rage", "max_range"), ("mdoe", "mode"), ("minpoints", "min_points")] {
+        assert!(line(name, Value::Integer(1)).ends_with(&format!("one is `{nearest}`")), "{name}");
+    }
+}
+
+#[test]
+fn a_name_that_is_like_no_known_one_gets_none() {
+    for (name, value) in [("log_level", "debug"), ("dp", "x"), ("", "x"), ("a.b", "x")] {
+        let text = format!("unknown parameter `{name}` (given as {value:?})");
+        assert_eq!(line(name, Value::Text(value.into())), text);
+    }
+    let long = line(&"max_range".repeat(1 << 17), Value::Integer(1));
+    assert!(long.ends_with("(given as 1)"));
 }
 
 #[test]

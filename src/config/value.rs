@@ -328,13 +328,33 @@ pub(super) fn unknown(
     if sensors::have_topic(known.clone(), &name) {
         return ConfigError::Topic { name };
     }
+    if let Some(sensor) = sensors::of_parameter(&name).map(str::to_owned) {
+        let sensors = sensors::of_parameters(known);
+        let mut with_it = if sensors == [sensors::DEFAULT] { Vec::new() } else { sensors.clone() };
+        with_it.push(sensor.clone());
+        return ConfigError::Sensor { name, sensor, sensors, with_it };
+    }
     let nearest = nearest(&name, known);
-    ConfigError::Unknown { nearest, name, value }
+    if is_like(&name, &nearest) {
+        ConfigError::Misspelt { nearest, name, value }
+    } else {
+        ConfigError::Unknown { name, value }
+    }
+}
+
+/// Whether a name can be meant as this known one: not where more than a third of its letters differ.
+fn is_like(name: &str, known: &str) -> bool {
+    3 * distance(name, known) <= name.chars().take(MAX_COMPARED).count()
+}
+
+/// How many letters differ.
+fn distance(name: &str, known: &str) -> usize {
+    // A name of a megabyte is near to none, and takes long to compare.
+    let begin: String = name.chars().take(MAX_COMPARED).collect();
+    strsim::damerau_levenshtein(known, &begin)
 }
 
 /// The known name that differs least.
 fn nearest(name: &str, known: impl Iterator<Item = String>) -> String {
-    // A name of a megabyte is near to none, and takes long to compare.
-    let begin: String = name.chars().take(MAX_COMPARED).collect();
-    known.min_by_key(|known| strsim::damerau_levenshtein(known, &begin)).unwrap_or_default()
+    known.min_by_key(|known| distance(name, known)).unwrap_or_default()
 }

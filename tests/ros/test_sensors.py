@@ -66,7 +66,7 @@ def test_a_sensor_that_is_silent_is_named_while_the_other_is_heard(start, peer):
 @pytest.mark.parametrize("parameters, words", [
     ({"sensors": "[front, front]"}, "a list of 1 to 16 names that differ"),
     ({"sensors": "[a/b]"}, "a list of 1 to 16 names that differ"),
-    ({"front.kind": "depth"}, "unknown parameter `front.kind`"),
+    ({"front.kind": "depth"}, "there is no sensor `front` among sensors (points)"),
     ({"sensors": "[front]", "front.kind": "lidar"}, "front.kind is \"lidar\""),
     ({"sensors": "[front, rear]", "noise_model": "kinect_v1", "rear.noise_model": "none"}, "one map weighs its points in one way"),
 ])
