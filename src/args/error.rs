@@ -75,6 +75,18 @@ pub enum ArgsError {
         /// Fully qualified.
         topic: String,
     },
+    /// A topic that would be read as messages of two types.
+    #[error(
+        "{topic} is read as {first} and as {second}: it can carry one of them; give the other another topic with -r"
+    )]
+    TwoTypes {
+        /// The first, with the name that a rule for it begins with.
+        first: String,
+        /// The second, with its name.
+        second: String,
+        /// Fully qualified.
+        topic: String,
+    },
     /// A name that cannot be resolved.
     #[error("the name `{0}` cannot be resolved: {1}")]
     Name(String, Ros2ArgsError),

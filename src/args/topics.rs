@@ -1,6 +1,7 @@
 //! The topics of a setup: those that its sensors are read from, and whether the names of all can be.
 
 use std::collections::BTreeMap;
+use std::fmt;
 
 use super::{ArgsError, Setup};
 use crate::config::Sensor;
@@ -50,6 +51,70 @@ impl SensorTopics {
     }
 }
 
+/// A topic that a sensor is read from, and as what.
+#[derive(Debug)]
+struct Reading<'a> {
+    topic: &'a str,
+    sensor: &'a str,
+    what: What,
+    /// What a rule for it begins with.
+    name: String,
+}
+
+/// What a sensor's topic carries.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum What {
+    Scans(Form),
+    CameraInfo,
+}
+
+impl fmt::Display for Reading<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let what = match self.what {
+            What::Scans(Form::Points) => "clouds",
+            What::Scans(Form::Depth) => "depth images",
+            What::Scans(Form::CompressedDepth) => "compressed depth images",
+            What::CameraInfo => "camera info",
+        };
+        write!(f, "{what} (`{}`)", self.name)
+    }
+}
+
+impl Reading<'_> {
+    /// Whether the same topic can be read so, too. The cameras of two sensors may share their intrinsics.
+    fn check_beside(&self, other: &Reading<'_>) -> Result<(), ArgsError> {
+        let topic = self.topic.to_owned();
+        match (self.what, other.what) {
+            (What::CameraInfo, What::CameraInfo) => Ok(()),
+            (What::Scans(_), What::Scans(_)) if self.sensor != other.sensor => {
+                let [first, second] = [self.sensor, other.sensor].map(str::to_owned);
+                Err(ArgsError::SameTopic { first, second, topic })
+            }
+            _ => Err(ArgsError::TwoTypes { first: self.to_string(), second: other.to_string(), topic }),
+        }
+    }
+}
+
+impl SensorTopics {
+    /// All topics of the sensor.
+    fn readings(&self) -> Vec<Reading<'_>> {
+        let mut readings = Vec::new();
+        let mut add = |topic, what, name: &str| {
+            readings.push(Reading { topic, sensor: &self.name, what, name: name.to_owned() });
+        };
+        if let Some(TopicName { plain, resolved }) = &self.points {
+            add(resolved, What::Scans(Form::Points), plain);
+        }
+        if let Some(DepthTopics { image, camera_info, compressed }) = &self.depth {
+            add(&image.resolved, What::Scans(Form::Depth), &image.plain);
+            let beside = image.resolved.clone() + COMPRESSED_DEPTH;
+            add(compressed, What::Scans(Form::CompressedDepth), &beside);
+            add(&camera_info.resolved, What::CameraInfo, &camera_info.plain);
+        }
+        readings
+    }
+}
+
 impl Setup {
     /// Whether the names of all topics that are read or sent can be, before anything is done.
     ///
@@ -64,17 +129,14 @@ impl Setup {
     /// The topics that scans are read from, by sensor.
     ///
     /// # Errors
-    /// When a name is none, or when two sensors would be read from one topic.
+    /// When a name is none, when two sensors would be read from one topic, or when one topic would be read as two things.
     pub fn sensor_topics(&self) -> Result<Vec<SensorTopics>, ArgsError> {
         let sensors: Vec<_> =
             self.config().sensors.iter().map(|sensor| self.topics_of(sensor)).collect::<Result<_, _>>()?;
-        let mut read = BTreeMap::new();
-        for sensor in &sensors {
-            for topic in Form::ALL.into_iter().filter_map(|form| sensor.topic(form)) {
-                if let Some(first) = read.insert(topic, &sensor.name) {
-                    let [first, second, topic] = [first, &sensor.name, topic].map(str::to_owned);
-                    return Err(ArgsError::SameTopic { first, second, topic });
-                }
+        let mut readings = BTreeMap::new();
+        for reading in sensors.iter().flat_map(SensorTopics::readings) {
+            if let Some(first) = readings.insert(reading.topic, reading) {
+                first.check_beside(&readings[first.topic])?;
             }
         }
         Ok(sensors)
@@ -120,5 +182,38 @@ mod tests {
         assert!(error.starts_with("the sensors front and rear are both read from /front"), "{error}");
         let images = ["-p", "front.kind:=depth", "-p", "rear.kind:=depth", "-r", "rear/image:=/front/image"];
         assert!(matches!(check(&images), Err(ArgsError::SameTopic { .. })));
+    }
+
+    #[test]
+    fn a_topic_that_would_be_read_as_two_things_is_refused_with_both() {
+        let line = |arguments: &str| {
+            let args: Vec<_> = format!("run --ros-args {arguments}").split(' ').map(str::to_owned).collect();
+            let checked = Setup::parse(&args, &Environment::default(), "cfodi").unwrap().0.check_topics();
+            checked.map_err(|error| error.to_string())
+        };
+        let refused = |topic: &str, first: &str, second: &str| {
+            let end = "it can carry one of them; give the other another topic with -r";
+            Err(format!("{topic} is read as {first} and as {second}: {end}"))
+        };
+        let (clouds, images) = ("clouds (`points`)", "depth images (`depth/image`)");
+        assert_eq!(line("-r depth/image:=/points"), refused("/points", clouds, images));
+        assert_eq!(line("-r points:=/depth/image"), refused("/depth/image", clouds, images));
+        let compressed = "compressed depth images (`/depth/image/compressedDepth`)";
+        let beside = "/depth/image/compressedDepth";
+        assert_eq!(line(&format!("-r points:={beside}")), refused(beside, clouds, compressed));
+        assert_eq!(line(&format!("-r {beside}:=/depth/image")), refused("/depth/image", images, compressed));
+        let info = "camera info (`depth/camera_info`)";
+        assert_eq!(line("-r depth/camera_info:=/points"), refused("/points", clouds, info));
+        assert_eq!(line("-r depth/camera_info:=/depth/image"), refused("/depth/image", images, info));
+        let two = "-p sensors:=[a,b] -p a.kind:=depth -p b.kind:=depth";
+        let info = "camera info (`a/camera_info`)";
+        let images = "depth images (`b/image`)";
+        assert_eq!(
+            line(&format!("{two} -r b/image:=/a/camera_info")),
+            refused("/a/camera_info", info, images)
+        );
+        // Both images of one camera, say: they have its intrinsics.
+        assert_eq!(line(&format!("{two} -r b/camera_info:=/a/camera_info")), Ok(()));
+        assert_eq!(line("-p points.kind:=cloud -r depth/image:=/points"), Ok(()), "no image is read");
     }
 }
