@@ -7,7 +7,7 @@ use ros2args::names::build_node_fqn;
 use ros2args::{ParamAssignment, Ros2Args, match_wildcard_pattern};
 
 use super::ArgsError;
-use super::others::for_others;
+use super::others::{for_misspelt, for_others};
 use super::params_file::{assignments, flatten};
 use crate::config::{ConfigError, Value, as_meant};
 use crate::line::one_line;
@@ -46,11 +46,17 @@ pub(super) fn given(
     let mut assigned: Vec<(ParamAssignment, Option<&Path>)> = Vec::new();
     let mut warnings = Vec::new();
     for file in &ros.param_files {
-        let (of_file, others): (Vec<_>, Vec<_>) = assignments(file)?.into_iter().partition(is_for_node);
-        // A file of a robot has parameters of many nodes: only one without any of this one is odd.
-        let others = if of_file.is_empty() { &others[..] } else { &[] };
-        warnings.extend(for_others(&file.display().to_string(), others, &node));
-        assigned.extend(of_file.into_iter().map(|param| (param, Some(file.as_path()))));
+        let params = assignments(file)?;
+        let place = file.display().to_string();
+        // A file of a robot has parameters of many nodes: only one without any of this one is odd, or with some for a name that is
+        // hardly another.
+        warnings.extend(if params.iter().any(is_for_node) {
+            for_misspelt(&place, &params, &node)
+        } else {
+            for_others(&place, &params, &node)
+        });
+        let of_file = params.into_iter().filter(is_for_node);
+        assigned.extend(of_file.map(|param| (param, Some(file.as_path()))));
     }
     let (on_line, others): (Vec<_>, Vec<_>) = ros.param_assignments.iter().cloned().partition(is_for_node);
     // There each is given to this program.

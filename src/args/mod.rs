@@ -165,7 +165,7 @@ impl Setup {
         self.idle.iter().copied()
     }
 
-    /// What is to be said of files and arguments that have parameters for other nodes alone, or one twice, a line each.
+    /// What is to be said of files and arguments that have parameters for other nodes alone, for a misspelt one, or one twice, a line each.
     pub fn warnings(&self) -> &[String] {
         &self.warnings
     }

@@ -169,3 +169,35 @@ fn a_file_or_an_argument_that_has_nothing_for_the_node_is_told_with_the_nodes_th
     let line = "a -p has nothing for /cfodi; it is for eyes";
     assert_eq!(told("-p eyes:depth:=3 -p depth:=2", other), [line]);
 }
+
+#[test]
+fn parameters_for_a_misspelt_name_of_the_node_are_told_also_where_the_file_has_others_for_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("robot.yaml");
+    let told = |arguments: &str, more: &str| -> Vec<String> {
+        std::fs::write(&file, format!("/**: {{ros__parameters: {{depth: 3}}}}\n{more}")).unwrap();
+        let line = format!("--ros-args {arguments} --params-file {}", file.display());
+        parse(&line).unwrap().warnings().to_vec()
+    };
+    let line = |section: &str, node: &str| {
+        let name = file.display();
+        vec![format!("{name} has parameters for {section} that are not read: this node is {node}")]
+    };
+    assert_eq!(told("", "cfdi: {ros__parameters: {voxel_size: 0.05}}"), line("cfdi", "/cfodi"));
+    let full = "robot: {cfoid: {ros__parameters: {use_sim_time: true, front: {kind: depth}, qos_overrides: {a: 1}}}}";
+    assert_eq!(told("-r __ns:=/robot", full), line("robot/cfoid", "/robot/cfodi"));
+    let eyes = "/eye: {ros__parameters: {depth: 3}}";
+    assert_eq!(told("-r __node:=eyes", eyes), line("/eye", "/eyes"));
+    // Another node, of a name like it, one of several, and the node itself, by a name that is not misspelt.
+    for (arguments, other) in [
+        ("", "cfdi: {ros__parameters: {frequency: 5, depth: 3}}"),
+        ("", "cfdi: {ros__parameters: {depth: [1, 2]}}"),
+        ("-r __node:=cfodi_1", "cfodi_2: {ros__parameters: {depth: 5}}"),
+        ("-r __node:=eye_l", "eye_l: {ros__parameters: {depth: 2}}\neye_r: {ros__parameters: {depth: 5}}"),
+        ("", "amcl: {ros__parameters: {use_sim_time: true}}\nrviz: {ros__parameters: {use_sim_time: true}}"),
+        ("", "/*: {cfodi: {ros__parameters: {depth: 5}}}"),
+        ("-r __node:=eye", "/robot/*: {ros__parameters: {depth: 5}}"),
+    ] {
+        assert_eq!(told(arguments, other), [""; 0], "{other}");
+    }
+}

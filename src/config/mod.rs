@@ -152,6 +152,12 @@ pub(crate) fn must_be(name: &str) -> Option<String> {
     table::TABLE.iter().find(|row| row.name == name)?.refusal(None)
 }
 
+/// Whether a node can have a parameter of this name, whatever its sensors are called.
+#[cfg(feature = "node")]
+pub(crate) fn is_of_node(name: &str) -> bool {
+    table::TABLE.iter().any(|row| row.name == name) || sensors::of_parameter(name).is_some()
+}
+
 /// All parameters of a node with these sensors, in the order of the documentation.
 pub fn parameters(sensors: &[String]) -> Vec<Parameter> {
     let of_node = table::TABLE.iter().map(|row| Parameter { name: row.name.to_owned(), row });
