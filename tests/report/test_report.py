@@ -170,6 +170,20 @@ def test_when_its_window_gets_narrower_the_map_is_still_all_there(page):
     assert abs(page.run("return cfodi.camera.scale") / (1.2 * scale) - 1) < 1e-9, "what was zoomed stays zoomed"
 
 
+def test_zoomed_almost_to_the_limit_the_map_is_as_large_as_before_when_its_window_was_wider_for_a_while(page):
+    def scale(width):
+        page.browser.set_window_size(width, 1000)
+        page.rest()
+        return page.run("return cfodi.camera.scale")
+
+    scale(600)
+    page.run("for (let i = 0; i < 100; i++) cfodi.camera.zoom(1.2)")
+    page.run("cfodi.camera.zoom(0.99)")
+    before, wide = scale(600), scale(1000)
+    assert wide > before, "it grows up to the limit"
+    assert abs(scale(600) / before - 1) < 1e-9
+
+
 def test_voxels_in_no_cluster_stay_when_tentative_clusters_are_hidden(page):
     drawn, obstacles = page.run("return cfodi.drawnPixels()"), page.grey_pixels()
     assert obstacles > 500

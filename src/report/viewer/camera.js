@@ -22,6 +22,10 @@ class Camera {
     this.scale = 100;
     /** Of what was fitted last, to the picture's right and down (m). */
     this.extents = [1, 1];
+    /** Of the picture (CSS px). */
+    this.size = [0, 0];
+    /** How many times as large as where all fits. */
+    this.zoomed = 1;
   }
 
   /** Unit vectors in the fixed frame: to the picture's right, down in it, and towards the viewer. */
@@ -49,9 +53,20 @@ class Camera {
   /** Zooms; the place at (x, y) CSS px from the middle stays where it is. */
   zoom(factor, x = 0, y = 0) {
     const before = this.scale;
-    this.scale = clamp(before * factor, 1e-3, LARGEST_EDGE / this.voxelSize);
+    this.scale = this.possible(before * factor);
+    this.zoomed = this.scale / this.fitting();
     const kept = 1 - this.scale / before;
     this.move(x * kept, y * kept);
+  }
+
+  /** The map grows and shrinks with the picture: what was in it stays in it. */
+  resize(width, height) {
+    this.size = [width, height];
+    this.scale = this.possible(this.zoomed * this.fitting());
+  }
+
+  possible(scale) {
+    return clamp(scale, 1e-3, LARGEST_EDGE / this.voxelSize);
   }
 
   /** Where a place of the fixed frame is, in CSS px from the middle. */
@@ -63,18 +78,20 @@ class Camera {
 
   /** Shows all of the given voxels, less a few outliers, in a picture of `width` by `height` CSS px. */
   fit(keys, isShown, width, height) {
+    [this.size, this.zoomed] = [[width, height], 1];
     const { right, down, towards } = this.axes();
     const spans = [right, down, towards].map((axis) => this.span(keys, isShown, axis));
     if (spans.some((span) => span === null)) return;
     const middle = spans.map(([low, high]) => (low + high) / 2);
     this.target = sum(sum(scaled(right, middle[0]), scaled(down, middle[1])), scaled(towards, middle[2]));
     this.extents = spans.slice(0, 2).map(([low, high]) => high - low + 2 * this.voxelSize);
-    this.scale = this.fitting(width, height);
+    this.scale = this.fitting();
   }
 
-  /** The scale at which what was fitted last fills a picture of `width` by `height` CSS px. */
-  fitting(width, height) {
+  /** The scale at which what was fitted last fills the picture. */
+  fitting() {
     const free = 1 - 2 * MARGIN;
+    const [width, height] = this.size;
     const [right, down] = this.extents;
     return Math.min((width * free) / right, (height * free) / down, LARGEST_EDGE / this.voxelSize);
   }

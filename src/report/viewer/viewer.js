@@ -159,17 +159,14 @@ class Viewer {
     const towards = this.camera.axes().towards;
     const isShown = (number) => this.renderer.isShown(number, towards, { ...look, chosen: -1 });
     this.camera.fit(this.story.keys, isShown, width, height);
-    this.size = [width, height];
     this.drawSoon();
   }
 
-  /** The map grows and shrinks with the picture: what was in it stays in it. */
   resized() {
     const { width, height } = this.look;
     if (width > 0 && height > 0) {
-      if (this.size.includes(0)) return this.reset();
-      this.camera.zoom(this.camera.fitting(width, height) / this.camera.fitting(...this.size));
-      this.size = [width, height];
+      if (this.camera.size.includes(0)) return this.reset();
+      this.camera.resize(width, height);
     }
     return this.drawSoon();
   }
