@@ -14,6 +14,7 @@ use cfodi::line::one_line;
 use cfodi::node::process::ProcessError;
 use cfodi::replay::FeedError;
 use cfodi::say::{flush, say};
+use cfodi::signals::outlive_limit_of_files;
 use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
 
@@ -56,6 +57,8 @@ enum Verb {
 }
 
 fn main() -> ExitCode {
+    // Where it is refused, such a file ends the program as it ends any.
+    drop(outlive_limit_of_files());
     let ended = verb();
     if let Err(error) = &ended {
         say(format_args!("cfodi: {}", text(error)));

@@ -1,11 +1,27 @@
 //! The signals that ask the program to end: SIGINT, SIGTERM, and SIGHUP, by which a terminal or an ssh session that goes ends
-//! what runs in it, unless that is to be ignored (`nohup`).
+//! what runs in it, unless that is to be ignored (`nohup`). And SIGXFSZ, which asks for nothing and is not to end it.
 
 use std::io;
 
+use tokio::runtime;
 use tokio::signal::unix::{Signal, SignalKind, signal};
 
-/// Those signals, from the moment on that this is made.
+/// SIGXFSZ, but on MIPS and PA-RISC (signal(7)).
+const FILE_TOO_LARGE: i32 = 25;
+
+/// Has a file that would grow larger than the process may make it (`ulimit -f`, `LimitFSIZE=`) be the failure of that write, as
+/// on a full disk, instead of the end of the program.
+///
+/// # Errors
+/// Where the system does not give the signal.
+pub fn outlive_limit_of_files() -> io::Result<()> {
+    let runtime = runtime::Builder::new_current_thread().enable_io().build()?;
+    let _within = runtime.enter();
+    // What was caught once stays so for the life of the process.
+    signal(SignalKind::from_raw(FILE_TOO_LARGE)).map(drop)
+}
+
+/// The signals that ask it to end, from the moment on that this is made.
 #[derive(Debug)]
 pub struct Signals {
     interrupt: Signal,

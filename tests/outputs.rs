@@ -153,6 +153,34 @@ fn what_killed_experiments_have_left_in_their_folder_is_named() {
     }
 }
 
+/// As `ulimit -f` and `LimitFSIZE=` set it: SIGXFSZ would end the program without a word.
+#[test]
+fn a_file_that_may_not_become_as_large_is_named_and_nothing_is_left_of_it() {
+    let folder = with_bag(&drive(BagWriter::new(Layout::Plain), 4));
+    let within = |arguments: &[&str]| {
+        let mut command = Command::new("sh");
+        command.args(["-c", "ulimit -f 8; exec \"$0\" \"$@\"", env!("CARGO_BIN_EXE_cfodi")]).args(arguments);
+        said(&command.current_dir(folder.path()).output().unwrap())
+    };
+    let replay = ["--out", "out.mcap", "--voxels", "v.csv", "--ply", "p.ply", "--summary", "s.json"];
+    let simulate = ["simulate", "--scene=room", "--seconds=0.2", "--out", "room.mcap"];
+    let experiment = ["experiment", "a.mcap", "--no-effects", "--out", "figures"];
+    for (arguments, too_large) in [
+        (&[&["replay", "a.mcap"], &replay[..]].concat()[..], &["out.mcap", "v.csv", "p.ply"][..]),
+        (&simulate, &["room.mcap"]),
+        (&experiment, &["figures/index.html"]),
+    ] {
+        let (status, errors) = within(arguments);
+        assert_eq!(status, Some(1), "{errors}");
+        for name in too_large {
+            let said = |line: &&str| line.contains(name) && line.ends_with("File too large (os error 27)");
+            assert_eq!(errors.lines().filter(said).count(), 1, "{name}: {errors}");
+            assert!(!folder.join(name).exists(), "{name}");
+        }
+    }
+    assert!(folder.join("s.json").exists(), "it is small");
+}
+
 #[test]
 fn a_result_bag_that_is_all_there_is_ends_the_replay_where_it_cannot_be_written() {
     let folder = with_bag(&drive(BagWriter::new(Layout::Plain), 100));

@@ -1,13 +1,18 @@
 """Disks that fill and disks that are read-only: the program says which file and why, and leaves nothing half-written."""
 
 import os
+import signal
 import subprocess
 
 import pytest
 from cfodi_node import REPOSITORY
+from std_srvs.srv import Trigger
+from test_inputs import begin, take_in
 
 BINARY = str(os.environ.get("CFODI_BIN") or REPOSITORY / "target" / "release" / "cfodi")
-FULL, READ_ONLY = "No space left on device", "Read-only file system"
+FULL, READ_ONLY, TOO_LARGE = "No space left on device", "Read-only file system", "File too large"
+# Files of a kibibyte at most.
+SMALL_FILES = ["sh", "-c", 'ulimit -f 2 && exec "$@"', "sh"]
 SIZE = "size=512k"
 
 # Mounts a small disk on $1 in a mount namespace of its own, runs the rest, and lists what is left there.
@@ -50,7 +55,7 @@ def says(log, cause, name):
     return last.startswith("cfodi: cannot ") and name in last and last.endswith(f"{cause} (os error {ERRORS[cause]})")
 
 
-ERRORS = {FULL: 28, READ_ONLY: 30}
+ERRORS = {FULL: 28, READ_ONLY: 30, TOO_LARGE: 27}
 DISKS = pytest.mark.parametrize("cause, options", [(FULL, SIZE), (READ_ONLY, SIZE + ",ro")], ids=["full", "read-only"])
 
 
@@ -99,6 +104,26 @@ def test_a_demo_names_each_file_that_cannot_be_written(tmp_path):
     # Each on a line of its own.
     lines = {name: [line for line in done.stderr.splitlines() if f"/{name}: " in line] for name in names}
     assert done.returncode == 1 and all(len(lines[name]) == 1 and says(lines[name][0], FULL, name) for name in names), done.stderr
+
+
+def test_a_node_whose_map_may_not_be_as_large_goes_on_says_so_and_its_end_is_a_failure(tmp_path, start, peer):
+    """The limit of `ulimit -f` or `LimitFSIZE=`, whose signal would end it without a word."""
+    parameters = {"snapshot_path": str(tmp_path / "map.cfodi"), "snapshot_period": 0.5}
+    node, camera = begin(start, peer, SMALL_FILES, **parameters)
+    take_in(camera, peer.deltas)
+    node.line_with("the map was not saved", "map.cfodi", TOO_LARGE)
+    take_in(camera, peer.deltas)
+    reply = peer.call(Trigger, "/cfodi/save", Trigger.Request())
+    assert not reply.success and TOO_LARGE in reply.message, reply.message
+    node.process.send_signal(signal.SIGTERM)
+    assert node.wait() == 1 and node.said("not saved at the end", "map.cfodi", TOO_LARGE), node.lines[-5:]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["map.cfodi", "map.cfodi.lock"]
+
+
+def test_a_demo_whose_files_may_not_be_as_large_says_so(tmp_path):
+    done = subprocess.run([*SMALL_FILES, BINARY, "demo", "--seconds=2", "--out", tmp_path], capture_output=True, text=True,
+                          timeout=180)
+    assert done.returncode == 1 and says(done.stderr, TOO_LARGE, str(tmp_path)), done.stderr
 
 
 def test_a_single_file_that_is_mounted_gets_the_whole_output(bag, tmp_path):
