@@ -231,8 +231,8 @@ impl Measure {
         if value.is_infinite() { "none".to_owned() } else { format!("{:.digits$}{unit}", value * factor) }
     }
 
-    /// The values that a run gives; empty where the method does not compute such a thing. An infinite value stands for a
-    /// surface that no cluster, or one without this description, holds.
+    /// The values that a run gives; empty where there is nothing to measure, or the method does not compute such a thing. An
+    /// infinite value stands for a surface that no cluster, or one without this description, holds.
     pub fn values(self, quality: &Quality) -> Vec<f64> {
         let Quality { surfaces, clusters, computes, .. } = quality;
         let is_large = |surface: &&SurfaceScore| surface.seen_area >= LARGE;
@@ -254,7 +254,7 @@ impl Measure {
             Self::ImpurityOfLarge => {
                 clusters.iter().filter(|cluster| cluster.is_large()).map(ClusterScore::impurity).collect()
             }
-            Self::RandIndex => vec![quality.rand_index],
+            Self::RandIndex => quality.rand_index.into_iter().collect(),
             Self::Angle => planes().map(|surface| of(surface, |found| found.angle)).collect(),
             Self::Offset => planes().map(|surface| of(surface, |found| found.offset)).collect(),
             Self::AreaOfLarge if computes.area => {

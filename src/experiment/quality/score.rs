@@ -17,8 +17,8 @@ pub struct Quality {
     pub surfaces: Vec<SurfaceScore>,
     /// The clusters that hold a scored voxel, by number.
     pub clusters: Vec<ClusterScore>,
-    /// Adjusted Rand index over the scored voxels; those in no cluster are each a cluster of their own.
-    pub rand_index: f64,
+    /// Adjusted Rand index over the scored voxels; those in no cluster are each a cluster of their own; `None` without any.
+    pub rand_index: Option<f64>,
     /// Of the scans at which it was looked at the share on which the partition was what the method's definition gives from scratch.
     pub as_from_scratch: Option<f64>,
     /// Which of the things that a method may leave out it computes.
@@ -202,13 +202,14 @@ impl Truth {
         scores.collect()
     }
 
-    fn rand_index(&self, cluster_of: &BTreeMap<VoxelKey, u64>) -> f64 {
+    fn rand_index(&self, cluster_of: &BTreeMap<VoxelKey, u64>) -> Option<f64> {
         // A voxel in no cluster has a name that no other voxel has.
         let pairs = self.scored.iter().map(|(key, surface)| {
             let cluster = cluster_of.get(key).copied();
             (*surface, (cluster, cluster.is_none().then_some(*key)))
         });
-        adjusted_rand_index(&pairs.collect::<Vec<_>>())
+        let pairs: Vec<_> = pairs.collect();
+        (!pairs.is_empty()).then(|| adjusted_rand_index(&pairs))
     }
 }
 

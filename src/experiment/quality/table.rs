@@ -253,7 +253,7 @@ mod tests {
         Quality {
             surfaces: vec![surface],
             clusters: vec![cluster],
-            rand_index: 0.5,
+            rand_index: Some(0.5),
             as_from_scratch: None,
             computes: Computes::default(),
             failures: vec!["wall: worn".to_owned()],

@@ -109,7 +109,7 @@ fn a_perfect_clustering_scores_perfectly() {
     let quality = truth.score(&perfect(&truth));
     assert_eq!(failing(&quality), []);
     assert_eq!(quality.failures, [""; 0]);
-    assert_eq!(quality.rand_index, 1.0);
+    assert_eq!(quality.rand_index, Some(1.0));
     for (measure, worst) in [
         (Measure::Coverage, 1.0),
         (Measure::Wholeness, 1.0),
@@ -168,7 +168,8 @@ fn two_surfaces_merged_are_each_whole_in_a_cluster_that_is_mixed() {
     assert_eq!(line(&quality, Measure::Wholeness).worst, 1.0);
     let impurity = line(&quality, Measure::Impurity);
     assert!((impurity.worst - 1.28 / 4.28).abs() < 0.02 && impurity.of == 1, "{impurity:?}");
-    assert!(quality.rand_index.abs() < 1e-9, "{}", quality.rand_index);
+    let index = quality.rand_index.unwrap();
+    assert!(index.abs() < 1e-9, "{index}");
     // The plane, area and class of the side are those of the wall.
     let side = quality.surfaces[1].described.unwrap();
     assert!((side.angle.unwrap() - 90.0).abs() < 1e-6);
@@ -203,9 +204,19 @@ fn scored_voxels_in_no_cluster_lower_coverage_and_are_clusters_of_their_own() {
     let coverage = line(&quality, Measure::Coverage).worst;
     assert!((coverage - (1.0 - lost as f64 / count as f64)).abs() < 1e-12 && coverage < 0.8);
     assert_eq!(line(&quality, Measure::Impurity).worst, 0.0);
-    assert!(quality.rand_index < 0.9, "{}", quality.rand_index);
+    let index = quality.rand_index.unwrap();
+    assert!(index < 0.9, "{index}");
     let expected = [Measure::Coverage, Measure::Wholeness, Measure::RandIndex, Measure::Class];
     assert_eq!(failing(&quality), expected);
+}
+
+#[test]
+fn where_nothing_is_scored_no_measure_has_a_value() {
+    let quality = Truth::default().score(&Found::default());
+    assert_eq!(quality.rand_index, None);
+    for measure in Measure::ALL {
+        assert!(measure.values(&quality).is_empty(), "{measure:?}");
+    }
 }
 
 #[test]

@@ -41,7 +41,7 @@ fn one_surface_in_two_pieces_is_two_surfaces_and_a_scrap_is_not_asked_for() {
     assert_eq!(names, ["wall #2", "wall #1", "wall (scrap)"]);
     let quality = truth.score(&perfect(&truth));
     assert_eq!(quality.surfaces.len(), 2);
-    assert_eq!(quality.rand_index, 1.0);
+    assert_eq!(quality.rand_index, Some(1.0));
     assert_eq!(quality.clusters.len(), 3);
     assert!(!quality.clusters[2].of_seen && quality.clusters[2].is_large());
 }
