@@ -9,7 +9,7 @@ use crate::engine::{ClusterId, Snapshot, Update};
 /// Most moments that a [`Story`] keeps; even.
 pub const MOMENTS: usize = 64;
 
-/// What becomes of the map, scan by scan in numbers and now and then as a whole.
+/// What becomes of the map of one session, scan by scan in numbers and now and then as a whole.
 ///
 /// It keeps at most [`MOMENTS`] moments: where one more comes every second one is given up, and from then on a moment is
 /// wanted half as often. Which ones are kept follows from the number of scans alone. A moment holds what differs from the
@@ -19,10 +19,8 @@ pub struct Story {
     bound: usize,
     /// Scans from one wanted moment to the next.
     interval: u64,
-    /// Number of scans taken in, across resets of the engine.
+    /// Number of scans taken in.
     scans: u64,
-    /// `sequence` of the newest update.
-    sequence: u64,
     living: FxHashSet<ClusterId>,
     pub(super) voxel_size: f64,
     pub(super) latest: Latest,
@@ -58,7 +56,6 @@ impl Story {
             bound,
             interval: 1,
             scans: 0,
-            sequence: 0,
             living: FxHashSet::default(),
             voxel_size: f64::NAN,
             latest: Latest::default(),
@@ -70,11 +67,6 @@ impl Story {
 
     /// Notes a scan that the engine took in. Costs O(what the scan changed).
     pub fn scan(&mut self, update: &Update, taken: &Taken) {
-        if update.sequence <= self.sequence {
-            // The engine began anew: nothing of the map before is left.
-            self.living.clear();
-        }
-        self.sequence = update.sequence;
         self.scans += 1;
         self.living.extend(update.changed.iter().map(|changed| changed.cluster.id));
         for id in &update.removed {

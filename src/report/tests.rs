@@ -150,19 +150,6 @@ fn a_moment_holds_only_what_differs_from_the_one_before() {
 }
 
 #[test]
-fn after_a_reset_of_the_engine_nothing_of_the_map_before_is_left() {
-    let (mut story, mut engine) = (Story::new(), Engine::new(Params::paper()));
-    tell(&mut story, &mut engine, 0..6);
-    let mut engine = Engine::new(Params::paper());
-    tell(&mut story, &mut engine, 30..32);
-    let snapshot = engine.snapshot();
-    assert_eq!(replayed(&story).last(), Some(&shown(&snapshot)));
-    let last = story.series.columns.last().unwrap();
-    assert_eq!((last.dense, last.clusters), (snapshot.voxels.len() as u64, snapshot.clusters.len() as u64));
-    assert_eq!(scans_of(&story), (1..=8).collect::<Vec<_>>());
-}
-
-#[test]
 fn voxels_that_were_forgotten_are_counted_no_longer() {
     let params = Params::default().with_max_voxels(200).unwrap();
     let (mut story, mut engine) = (Story::of_moments(2), Engine::new(params));
