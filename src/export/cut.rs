@@ -22,8 +22,7 @@ pub(super) fn shown<'a>(
     view: &View,
     towards_viewer: &Vector3<f64>,
 ) -> Vec<&'a DenseVoxel> {
-    let low_enough = |voxel: &&DenseVoxel| view.cut_above.is_none_or(|height| voxel.centre.z <= height);
-    let voxels = snapshot.voxels.iter().filter(low_enough);
+    let voxels = snapshot.voxels.iter();
     if !view.cut_away {
         return voxels.collect();
     }
@@ -126,13 +125,6 @@ mod tests {
     fn a_view_without_cutting_shows_every_voxel() {
         let (map, view) = (corner_of_a_room(), View { cut_away: false, ..View::default() });
         assert_eq!(shown(&map, &view, &Vector3::y()).len(), map.voxels.len());
-    }
-
-    #[test]
-    fn what_is_above_the_cut_is_left_out() {
-        let (map, view) = (corner_of_a_room(), View { cut_above: Some(0.5), ..View::default() });
-        let shown = shown(&map, &view, &-Vector3::y());
-        assert!(!shown.is_empty() && shown.iter().all(|voxel| voxel.centre.z <= 0.5));
     }
 
     #[test]

@@ -28,8 +28,6 @@ pub struct View {
     pub azimuth: f64,
     /// How far the viewer stands above the horizon (rad).
     pub elevation: f64,
-    /// Voxels whose centre is higher are left out (m).
-    pub cut_above: Option<f64>,
     /// Whether surfaces that show the viewer their back are left out, so that one looks over the near walls and through
     /// the ceiling into a room.
     pub cut_away: bool,
@@ -45,7 +43,6 @@ impl Default for View {
             height: 800,
             azimuth: -120_f64.to_radians(),
             elevation: 40_f64.to_radians(),
-            cut_above: None,
             cut_away: true,
             background: [255, 255, 255],
         }
