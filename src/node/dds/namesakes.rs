@@ -47,15 +47,20 @@ impl Namesakes {
         subscriber.create_simple_datareader_no_key(&topic, Some(qos)).map_err(OpenError::opening(TOPIC))
     }
 
-    /// How many there are among the participants of these writers: who was killed does not tell that it has gone.
+    /// How many there are among the participants of these writers: who was killed does not tell that it has gone. Who is not among
+    /// them is forgotten only where there is no room for others: one that was out of reach for a while tells nothing anew.
     pub(super) fn among(&self, writers: impl Iterator<Item = GUID>) -> usize {
-        let there = self.there.borrow();
+        let mut there = self.there.borrow_mut();
         if there.is_empty() {
             return 0;
         }
         let alive: BTreeSet<_> =
             writers.map(|writer| Gid::from(writer).as_bytes()[..PREFIX].to_vec()).collect();
-        there.iter().filter(|participant| alive.contains(&participant.as_bytes()[..PREFIX])).count()
+        let is_alive = |participant: &Gid| alive.contains(&participant.as_bytes()[..PREFIX]);
+        if there.len() >= MOST {
+            there.retain(is_alive);
+        }
+        there.iter().filter(|participant| is_alive(participant)).count()
     }
 
     /// Takes in what a participant tells of its nodes.
@@ -131,5 +136,17 @@ mod tests {
             namesakes.note("/robot/cfodi", &info(number, &["cfodi"]));
         }
         assert_eq!(namesakes.there.borrow().len(), MOST);
+    }
+
+    #[test]
+    fn namesakes_that_were_killed_leave_room_for_others() {
+        let namesakes = Namesakes::default();
+        for number in 0..MOST as u32 {
+            namesakes.note("/robot/cfodi", &info(number, &["cfodi"]));
+        }
+        assert_eq!(namesakes.among(std::iter::empty()), 0);
+        let other = MOST as u32;
+        namesakes.note("/robot/cfodi", &info(other, &["cfodi"]));
+        assert_eq!(namesakes.among(std::iter::once(publisher(other).into())), 1);
     }
 }
