@@ -61,6 +61,59 @@ def test_the_list_chooses_too(page):
     assert page.at("#chosen h2").text == f"Cluster {chosen.find_element('css selector', 'span:nth-of-type(2)').text}"
 
 
+def test_the_list_chooses_what_was_pressed_though_time_goes_on_before_the_release(page):
+    """As while the report plays."""
+    page.run("cfodi.setTime(0)")
+    line = page.at("#largest li:nth-child(2) button")
+    cluster = line.find_element("css selector", "span:nth-of-type(2)").text
+    page.press(line)
+    page.run("for (let index = 1; index < cfodi.moments; index++) cfodi.setTime(index)")
+    page.release()
+    assert page.at("#chosen h2").text == f"Cluster {cluster}"
+
+
+def test_time_goes_on_and_the_focus_stays(page):
+    page.at("#largest button").click()
+    for selector in ("#chosen header button", "#chosen summary", "#largest li:nth-child(2) button"):
+        element = page.at(selector)
+        page.run("arguments[0].focus(); cfodi.setTime(cfodi.moments - 3)", element)
+        assert page.is_focused(element), selector
+        page.run("cfodi.setTime(cfodi.moments - 1)")
+        assert page.is_focused(element), selector
+
+
+def test_the_chosen_cluster_is_said_once_and_not_at_each_moment(page):
+    page.at("#largest button").click()
+    at_moments, at_another = page.run("""
+        const said = new MutationObserver(() => {});
+        for (const live of document.querySelectorAll("[aria-live]"))
+          said.observe(live, { childList: true, characterData: true, subtree: true });
+        for (let index = 0; index < cfodi.moments; index++) cfodi.setTime(index);
+        const atMoments = said.takeRecords().length;
+        document.querySelector("#largest li:nth-child(2) button").click();
+        return [atMoments, said.takeRecords().length];""")
+    assert (at_moments, at_another) == (0, 1)
+
+
+def test_after_a_cluster_is_let_go_the_focus_is_on_its_line(page):
+    line = page.at("#largest li:nth-child(3) button")
+    line.click()
+    page.at("#chosen header button").click()
+    assert page.at("#chosen").get_attribute("data-id") == ""
+    assert page.is_focused(line)
+
+
+def test_a_cluster_that_was_taken_in_leads_to_the_one_that_it_is_in(page):
+    merge = page.run("return JSON.parse(document.getElementById('story').textContent).story.merges[0]")
+    _, into, [taken_in, *_] = merge
+    page.run("cfodi.choose(arguments[0])", taken_in)
+    assert page.at("#chosen h2").text == f"Cluster {taken_in}"
+    assert f"Taken in by cluster {into} " in page.at("#chosen p").text
+    page.at("#chosen p button").click()
+    assert page.at("#chosen h2").text == f"Cluster {into}"
+    assert page.is_focused(page.at("#chosen header button"))
+
+
 def test_dragging_turns_the_map_and_picks_nothing(page):
     x, y, _ = page.a_place_of()
     before = page.picture()

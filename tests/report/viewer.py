@@ -78,6 +78,16 @@ class Page:
     def click(self, x, y):
         self.mouse(x, y).click().perform()
 
+    def press(self, element):
+        """The mouse's button stays down until it is released."""
+        ActionChains(self.browser, duration=50).click_and_hold(element).perform()
+
+    def release(self):
+        ActionChains(self.browser).release().perform()
+
+    def is_focused(self, element):
+        return self.run("return document.activeElement === arguments[0]", element)
+
     def drag(self, x, y, by):
         self.mouse(x, y).click_and_hold().move_by_offset(*by).release().perform()
 

@@ -72,16 +72,65 @@ function fieldTexts(cluster, story, takenIn) {
   return { main, more };
 }
 
-function fieldList(texts) {
-  const list = element("dl", { className: "fields" });
-  for (const [name, text, isMatrix] of texts) {
-    const wide = isMatrix && text !== null;
-    const className = text === null ? "unknown" : wide ? "matrix below" : "";
-    const value = element("dd", { textContent: text ?? UNKNOWN, className });
-    value.dataset.field = name;
-    list.append(element("dt", { textContent: name, className: wide ? "above" : "" }), value);
+/** Writes only what is another text: who listens to the page is told of every writing. */
+function say(to, text) {
+  if (to.textContent !== text) to.textContent = text;
+}
+
+/** Names of fields and their texts. What is made for a field stays, and its text changes. */
+class FieldList {
+  constructor() {
+    this.list = element("dl", { className: "fields" });
+    this.fields = new Map();
   }
-  return list;
+
+  show(texts) {
+    for (const [name, text, isMatrix] of texts) {
+      const [title, value] = this.field(name);
+      const wide = isMatrix && text !== null;
+      title.className = wide ? "above" : "";
+      value.className = text === null ? "unknown" : wide ? "matrix below" : "";
+      say(value, text ?? UNKNOWN);
+    }
+  }
+
+  field(name) {
+    if (!this.fields.has(name)) {
+      const [title, value] = [element("dt", { textContent: name }), element("dd")];
+      value.dataset.field = name;
+      this.list.append(title, value);
+      this.fields.set(name, [title, value]);
+    }
+    return this.fields.get(name);
+  }
+}
+
+/** A line of the list. It stays while its cluster changes: what goes between press and release cannot be clicked. */
+class Entry {
+  /** `clicked` is called with the number of the cluster. */
+  constructor(clicked) {
+    this.swatch = element("span", { className: "swatch" });
+    this.id = element("span");
+    this.size = element("span", { className: "size" });
+    this.voxels = element("span", { className: "voxels" });
+    const parts = [this.swatch, this.id, this.size, this.voxels];
+    const onpointerdown = () => (this.pressed = this.slot);
+    // It may be another's by the time of the release. A key is pressed without a pointer.
+    const onclick = ({ detail }) => clicked(detail > 0 ? this.pressed ?? this.slot : this.slot);
+    this.button = element("button", { type: "button", onpointerdown, onclick }, ...parts);
+    this.item = element("li", {}, this.button);
+  }
+
+  show(slot, cluster, colour, isChosen) {
+    const { id, voxel_count: voxels, size, state } = cluster;
+    this.slot = slot;
+    this.swatch.style.background = colour;
+    this.button.setAttribute("aria-pressed", String(isChosen));
+    this.button.setAttribute("aria-label", `Cluster ${id}, ${counted(voxels, "voxel")}, ${STATES[state] ?? state}`);
+    say(this.id, id);
+    say(this.size, size ? `${plain(size[0], 2)} × ${plain(size[1], 2)} m` : "");
+    say(this.voxels, grouped(voxels));
+  }
 }
 
 class Panel {
@@ -90,42 +139,72 @@ class Panel {
     this.story = story;
     this.map = map;
     this.choose = choose;
+    this.chosen = -1;
     this.chosenBox = document.getElementById("chosen");
     this.list = document.getElementById("largest");
-    this.isOpen = false;
+    this.entries = [];
+    this.makeChosen();
+  }
+
+  /** All that is said of a chosen cluster, once: what goes takes the focus with it. */
+  makeChosen() {
+    this.swatch = element("span", { className: "swatch" });
+    this.title = element("h2");
+    this.title.setAttribute("aria-live", "polite");
+    const button = (textContent, onclick) => element("button", { type: "button", textContent, onclick });
+    this.deselect = button("Deselect", ({ detail }) => this.letGo(detail > 0));
+    this.words = element("span");
+    this.showIt = button("Show it", () => this.chooseInto());
+    this.note = element("p", { className: "quiet" }, this.words, " ", this.showIt);
+    [this.main, this.more] = [new FieldList(), new FieldList()];
+    const summary = element("summary", { textContent: "Plane, pose, boundary, covariances" });
+    this.details = element("details", {}, summary, this.more.list);
+    const header = element("header", {}, this.swatch, this.title, this.deselect);
+    this.chosenBox.append(header, this.note, this.main.list, this.details);
   }
 
   colour(slot) {
     return `rgb(${this.story.colours.slice(3 * slot, 3 * slot + 3).join(",")})`;
   }
 
-  swatch(slot) {
-    const swatch = element("span", { className: "swatch" });
-    swatch.style.background = this.colour(slot);
-    return swatch;
-  }
-
   showChosen(slot) {
     const cluster = slot >= 0 ? this.map.cluster(slot) : null;
+    this.chosen = slot;
     this.chosenBox.dataset.id = cluster ? cluster.id : "";
-    if (slot < 0) {
-      const textContent = "Click a surface in the picture, or choose one below.";
-      const hint = element("p", { className: "quiet", textContent });
-      this.chosenBox.replaceChildren(element("h2", { textContent: "No cluster chosen" }), hint);
-      return;
-    }
-    const close = element("button", { type: "button", textContent: "Deselect", onclick: () => this.choose(-1) });
-    const title = element("h2", { textContent: `Cluster ${this.story.ids[slot]}` });
-    this.chosenBox.replaceChildren(element("header", {}, this.swatch(slot), title, close));
-    this.chosenBox.append(...(cluster ? this.fields(cluster) : [this.absence(this.story.ids[slot])]));
+    this.swatch.hidden = this.deselect.hidden = slot < 0;
+    if (slot >= 0) this.swatch.style.background = this.colour(slot);
+    say(this.title, slot < 0 ? "No cluster chosen" : `Cluster ${this.story.ids[slot]}`);
+    this.showNote(cluster);
+    this.main.list.hidden = this.details.hidden = cluster === null;
+    if (cluster === null) return;
+    const { main, more } = fieldTexts(cluster, this.story, this.takenIn(cluster.id));
+    this.main.show(main);
+    this.more.show(more);
   }
 
-  fields(cluster) {
-    const { main, more } = fieldTexts(cluster, this.story, this.takenIn(cluster.id));
-    const summary = element("summary", { textContent: "Plane, pose, boundary, covariances" });
-    const details = element("details", { open: this.isOpen }, summary, fieldList(more));
-    details.addEventListener("toggle", () => (this.isOpen = details.open));
-    return [fieldList(main), details];
+  /** What to do where no cluster is chosen, and why the chosen one is not there at this time. */
+  showNote(cluster) {
+    const merge = cluster === null && this.chosen >= 0 ? this.mergeOf(this.story.ids[this.chosen]) : undefined;
+    const hint = "Click a surface in the picture, or choose one below.";
+    const absence = merge ? `Taken in by cluster ${merge.into} at scan ${merge.scan}.` : "Not there at this time.";
+    this.note.hidden = cluster !== null;
+    this.into = merge && this.story.slots.get(merge.into);
+    this.showIt.hidden = this.into === undefined;
+    say(this.words, this.chosen < 0 ? hint : absence);
+  }
+
+  /** The button that was pressed may be hidden then: the focus goes to the one that is not. */
+  chooseInto() {
+    this.choose(this.into);
+    this.deselect.focus({ preventScroll: true });
+  }
+
+  /** The focus goes to the line of the cluster that was chosen; nothing is scrolled there under a mouse. */
+  letGo(byMouse) {
+    const { chosen } = this;
+    this.choose(-1);
+    const entry = this.entries.find(({ slot, item }) => slot === chosen && item.isConnected) ?? this.entries[0];
+    entry?.button.focus({ preventScroll: byMouse });
   }
 
   /** The clusters that this one has taken in so far. */
@@ -137,43 +216,29 @@ class Panel {
     return all.length > 8 ? `${all.slice(0, 8).join(", ")} and ${all.length - 8} more` : all.join(", ");
   }
 
-  /** Why a chosen cluster is not there at this time. */
-  absence(id) {
-    const merge = this.story.merges.find(({ scan, from }) => scan <= this.map.moment.scan && from.includes(id));
-    if (!merge) return element("p", { className: "quiet", textContent: "Not there at this time." });
-    const into = this.story.slots.get(merge.into);
-    const text = `Taken in by cluster ${merge.into} at scan ${merge.scan}.`;
-    const line = element("p", { className: "quiet", textContent: `${text} ` });
-    const onclick = () => this.choose(into);
-    if (into !== undefined) line.append(element("button", { type: "button", textContent: "Show it", onclick }));
-    return line;
+  /** The merge in which a cluster has gone into another, if it has. */
+  mergeOf(id) {
+    return this.story.merges.find(({ scan, from }) => scan <= this.map.moment.scan && from.includes(id));
   }
 
   showList(chosen) {
     const slots = this.map.largestFirst();
     document.getElementById("largest-title").textContent = `Largest of ${counted(slots.length, "cluster")}`;
-    // Replacing a button takes the focus from it.
-    const focused = document.activeElement?.dataset?.slot;
-    this.list.replaceChildren(...slots.slice(0, LISTED).map((slot) => this.entry(slot, chosen)));
-    if (focused !== undefined) this.list.querySelector(`[data-slot="${focused}"]`)?.focus({ preventScroll: true });
+    const listed = slots.slice(0, LISTED);
+    listed.forEach((slot, i) => {
+      this.entry(i).show(slot, this.map.cluster(slot), this.colour(slot), slot === chosen);
+    });
+    while (this.list.childElementCount > listed.length) this.list.lastElementChild.remove();
     const rest = slots.length - LISTED;
     const smaller = rest > 0 ? `and ${counted(rest, "smaller one")}; ` : "";
     const unclustered = counted(this.map.moment.unclustered, "voxel");
     document.getElementById("smaller").textContent = `${smaller}${unclustered} in no cluster`;
   }
 
-  entry(slot, chosen) {
-    const { id, voxel_count: voxels, size, state } = this.map.cluster(slot);
-    const button = element("button", { type: "button", onclick: () => this.choose(slot === chosen ? -1 : slot) });
-    button.dataset.slot = slot;
-    button.setAttribute("aria-pressed", String(slot === chosen));
-    button.setAttribute("aria-label", `Cluster ${id}, ${counted(voxels, "voxel")}, ${STATES[state] ?? state}`);
-    button.append(
-      this.swatch(slot),
-      element("span", { textContent: id }),
-      element("span", { className: "size", textContent: size ? `${plain(size[0], 2)} × ${plain(size[1], 2)} m` : "" }),
-      element("span", { className: "voxels", textContent: grouped(voxels) }),
-    );
-    return element("li", {}, button);
+  /** A line of the list, made and put at its end where it is not there yet. */
+  entry(i) {
+    this.entries[i] ??= new Entry((slot) => this.choose(slot === this.chosen ? -1 : slot));
+    if (!this.entries[i].item.isConnected) this.list.append(this.entries[i].item);
+    return this.entries[i];
   }
 }
