@@ -131,6 +131,16 @@ def test_arrow_keys_turn_the_map_and_home_shows_all_again(page):
     assert page.picture() == before
 
 
+def test_all_that_is_shown_is_that_of_the_last_moment_whenever_it_is_asked_for(page):
+    scale = page.run("return cfodi.camera.scale")
+    page.run("cfodi.setTime(0)")
+    before = page.picture()
+    page.canvas.send_keys(LEFT, "+")
+    page.at("#reset").click()
+    assert page.run("return cfodi.camera.scale") == scale
+    assert page.picture() == before, "it is still the first moment"
+
+
 def test_scrubbing_changes_the_picture_and_the_time(page):
     slider = page.at("#time")
     before, shown = page.picture(), page.at("#shown").text

@@ -152,14 +152,24 @@ class Viewer {
     button.setAttribute("aria-label", this.timer === undefined ? "Play" : "Pause");
   }
 
-  /** All of the newest moment, from above and behind. */
+  /** All of the last moment, whatever the time, from above and behind. */
   reset() {
     Object.assign(this.camera, START);
     const { width, height, ...look } = this.look;
     const towards = this.camera.axes().towards;
     const isShown = (number) => this.renderer.isShown(number, towards, { ...look, chosen: -1 });
+    const { index } = this.map;
+    this.prepareFor(this.story.moments.length - 1);
     this.camera.fit(this.story.keys, isShown, width, height);
+    this.prepareFor(index);
     this.drawSoon();
+  }
+
+  /** Costs O(map) where that is another moment. */
+  prepareFor(index) {
+    if (index === this.map.index) return;
+    this.map.goTo(index);
+    this.renderer.prepare(document.getElementById("small").checked);
   }
 
   resized() {
