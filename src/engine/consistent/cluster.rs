@@ -234,7 +234,7 @@ impl Cluster {
             return None;
         }
         let covariance = self.sums.covariance();
-        let normal = UnitVector3::new_normalize(normal_towards(&covariance, &self.sums.towards()));
+        let normal = UnitVector3::new_normalize(normal_towards(&covariance, &self.sums.side()));
         let (point, information, noise) = (self.sums.mean(), self.sums.information(), self.sums.noise());
         Some(ClusterPlane { point, normal, information, covariance, noise })
     }
@@ -282,6 +282,43 @@ pub(super) fn content(state: &State, axis: Axis) -> Content {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::engine::consistent::patch::examples::states;
+
+    /// The plane of a cluster of level voxels, the four rows along y below this height and the four beyond it a voxel higher, all seen
+    /// from this direction, with these normals of their patches.
+    fn plane_of_a_step(towards: &Vector3<f64>, normals: [UnitVector3<f64>; 2]) -> (Cluster, ClusterPlane) {
+        let mut cluster = Cluster::new(Identity::new(Stamp::from_nanos(0)));
+        for (normal, rows, height) in [(normals[0], 0..4, 2.3), (normals[1], 4..8, 3.3)] {
+            let weight = Weight { most: 1.0, part: 1.0 };
+            for state in states(1.0, towards, rows, |_| height) {
+                cluster.sums.add(&ClusterSums::of(&state, [0; 3], weight, &normal, 0.0));
+            }
+        }
+        cluster.refit();
+        let plane = cluster.plane.unwrap();
+        (cluster, plane)
+    }
+
+    #[test]
+    fn what_is_seen_at_a_grazing_angle_faces_the_side_that_its_patches_do() {
+        let up = Vector3::z_axis();
+        // Within the step's plane, and on the upper side of both patches.
+        let towards = Vector3::new(0.0, 1.0, 0.1).normalize();
+        let (cluster, plane) = plane_of_a_step(&towards, [up, up]);
+        assert!(plane.normal.dot(&towards) < -0.01, "what this is about: {:?}", plane.normal);
+        assert!(plane.normal.dot(&cluster.sums.normal()) > 0.9, "{:?}", plane.normal);
+    }
+
+    #[test]
+    fn where_patches_cancel_out_or_lie_across_the_plane_it_faces_the_sensor() {
+        let [x, y] = [Vector3::x_axis(), Vector3::y_axis()];
+        for normals in [[y, -y], [x, x]] {
+            for towards in [Vector3::z(), -Vector3::z()] {
+                let (_, plane) = plane_of_a_step(&towards, normals);
+                assert!(plane.normal.dot(&towards) > 0.9, "{:?} of {normals:?}", plane.normal);
+            }
+        }
+    }
 
     #[test]
     fn what_has_lost_a_part_and_wins_it_back_grows_and_what_flickers_at_its_rim_does_not() {

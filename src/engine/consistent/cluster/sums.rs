@@ -131,6 +131,17 @@ impl ClusterSums {
         Vector3::from(self.normal.map(|sum| sum as f64 / (self.weight as f64 * UNITS)))
     }
 
+    /// The half space that the normal of its plane lies in.
+    ///
+    /// Each patch faces the side that it was seen from, so the mean of their normals has the say wherever the plane is turned off it
+    /// by less than 60 degrees: seen at a grazing angle, the directions towards the sensor lie in the plane, and hardly tell its sides
+    /// apart. They decide where the plane lies across the patches, or these cancel out.
+    pub(crate) fn side(&self) -> Vector3<f64> {
+        let [normal, towards] =
+            [self.normal(), self.towards()].map(|sum| sum.try_normalize(0.0).unwrap_or_default());
+        2.0 * normal + towards
+    }
+
     /// Weighted mean of the variances of the patches' points along their normals that are noise, in voxels^2.
     pub(crate) fn noise(&self) -> f64 {
         self.noise as f64 / (self.weight as f64 * UNITS)

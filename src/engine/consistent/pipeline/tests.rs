@@ -1,3 +1,4 @@
+mod sides;
 mod slots;
 
 use std::f64::consts::PI;
@@ -10,7 +11,8 @@ use crate::engine::scan::Stamp;
 use crate::engine::{ChangedCluster, Cluster, ClusterState, Engine, Isometry3, Points, SurfaceClass};
 use crate::sim::{Drive, Scene};
 
-/// Drives through a scene and checks after every scan that what clusters are judged by is found as by a scan of all.
+/// Drives through a scene and checks after every scan that what clusters are judged by is found as by a scan of all,
+/// and that they face the side that their patches do.
 fn drive_and_check(scene: &str, params: Params, scans: impl Iterator<Item = u32>) {
     let drive = Drive::new(Scene::named(scene).unwrap(), 1, Stamp::from_nanos(0)).with_max_range(6.0);
     let mut engine = Consistent::new(params);
@@ -18,6 +20,7 @@ fn drive_and_check(scene: &str, params: Params, scans: impl Iterator<Item = u32>
     for index in scans {
         removed += engine.insert(&drive.labelled_scan(index).scan).removed.len();
         neighbours += engine.surfaces.check_landmarks();
+        engine.surfaces.check_sides();
     }
     assert!(removed > 10 && neighbours > 100, "{removed} removed, {neighbours} neighbours");
 }

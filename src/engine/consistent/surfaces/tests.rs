@@ -87,6 +87,22 @@ impl Bench {
     }
 }
 
+impl Surfaces {
+    /// Asserts that the planes of clusters face the side that their patches do, wherever the two are no more than 60 degrees apart;
+    /// returns how many the directions towards the sensor alone would have turned away.
+    pub(in crate::engine::consistent) fn check_sides(&self) -> usize {
+        let planes =
+            self.clusters.iter().flatten().filter_map(|cluster| Some((&cluster.sums, cluster.plane?)));
+        planes
+            .filter(|(sums, plane)| {
+                let along = sums.normal().try_normalize(0.0).unwrap_or_default().dot(&plane.normal);
+                assert!(along >= -0.5, "{plane:?}, but {:?}", sums.normal());
+                along > 0.5 && sums.towards().dot(&plane.normal) < 0.0
+            })
+            .count()
+    }
+}
+
 /// The middles of `count` equal parts of a stretch.
 fn parts(low: f64, high: f64, count: u32) -> impl Iterator<Item = f64> + Clone {
     (0..count).map(move |i| low + (high - low) * (f64::from(i) + 0.5) / f64::from(count))
