@@ -83,12 +83,17 @@ fn without_negative(covariance: Matrix3<f64>) -> Matrix3<f64> {
     }
     let eigenvalues = eigen.eigenvalues.map(|eigenvalue| eigenvalue.max(least));
     let raised = SymmetricEigen { eigenvalues, ..eigen }.recompose();
-    0.5 * (raised + raised.transpose())
+    symmetric(&raised)
+}
+
+/// A matrix that is symmetric but for rounding, without that.
+fn symmetric(matrix: &Matrix3<f64>) -> Matrix3<f64> {
+    0.5 * (matrix + matrix.transpose())
 }
 
 /// Covariance of (turn about pose x, turn about pose y, place along pose z at its origin): the inverse of the information in
-/// the voxels' means, and what does not average away. `None` where rounding leaves nothing of it: voxels in one row
-/// say nothing of the turn about it, and variances came out negative.
+/// the voxels' means, and what does not average away. `None` where their places leave nothing of it but what rounding may: voxels in
+/// one row say nothing of the turn about it.
 fn plane_covariance(
     plane: &ClusterPlane,
     pose: &Isometry3<f64>,
@@ -100,6 +105,9 @@ fn plane_covariance(
     let turn = pose.rotation.to_rotation_matrix().into_inner();
     let [x, y] = [0, 1].map(|axis| turn.column(axis).into_owned());
     let second = plane.covariance * (size * size) + from_origin * from_origin.transpose();
+    if least_in_plane(&plane.covariance, &x, &y) * (size * size) < ROUNDING * second.trace() {
+        return None;
+    }
     let moment = |a: &Vector3<f64>, b: &Vector3<f64>| a.dot(&(second * b));
     let (mx, my) = (from_origin.dot(&x), from_origin.dot(&y));
     // A turn about x lifts what lies at y, one about y lowers what lies at x.
@@ -115,15 +123,26 @@ fn plane_covariance(
     let layers = LAYERS * LAYERS * (plane.noise - PLANAR * PLANAR).max(0.0) * size * size;
     let variance = waves + layers + (RIM_BIAS * size * size * part).powi(2);
     let tilt = |side: f64| variance / (0.5 * side).max(size).powi(2);
-    Some(noise + Matrix3::from_diagonal(&Vector3::new(tilt(sides[1]), tilt(sides[0]), variance)))
+    Some(symmetric(&noise) + Matrix3::from_diagonal(&Vector3::new(tilt(sides[1]), tilt(sides[0]), variance)))
+}
+
+/// The least variance of this covariance along a direction in the plane of two orthogonal ones.
+fn least_in_plane(covariance: &Matrix3<f64>, x: &Vector3<f64>, y: &Vector3<f64>) -> f64 {
+    let [xx, xy, yy] = [(x, x), (x, y), (y, y)].map(|(a, b)| a.dot(&(covariance * b)));
+    0.5 * (xx + yy) - (0.5 * (xx - yy)).hypot(xy)
 }
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::Rotation3;
+    use nalgebra::{Rotation3, UnitQuaternion};
     use proptest::prelude::*;
 
     use super::*;
+    use crate::engine::consistent::cluster::{Identity, Member, Share};
+    use crate::engine::consistent::patch::Weight;
+    use crate::engine::consistent::patch::examples::states;
+    use crate::engine::key::VoxelKey;
+    use crate::engine::scan::Stamp;
 
     /// The covariance of a level plane whose voxels vary by `x` and `y` along these axes (voxels^2).
     fn covariance(x: f64, y: f64) -> Option<Matrix3<f64>> {
@@ -155,12 +174,62 @@ mod tests {
         }
     }
 
+    /// The covariance of a plane through voxels that lie so many steps each from the first, which is `far` from the origin; its pose is
+    /// turned by this in the plane.
+    fn covariance_through(
+        steps: &[[i32; 3]],
+        weights: &[f64],
+        far: [i32; 3],
+        turned: f64,
+    ) -> Option<Matrix3<f64>> {
+        let state = &states(1.0, &Vector3::z(), 0..1, |_| 0.3)[0];
+        let mut cluster = Cluster::new(Identity::new(Stamp::from_nanos(0)));
+        for (step, weight) in steps.iter().zip(weights) {
+            let corner = [0, 1, 2].map(|axis| far[axis] + step[axis]);
+            let weight = Weight { most: *weight, part: 1.0 };
+            let share = Some(Share { corner, weight, normal: Vector3::z_axis(), noise: 0.0 });
+            cluster.add(&Member { key: VoxelKey::new(0, 0, 0).unwrap(), state, is_thin: true, share });
+        }
+        cluster.refit();
+        let (plane, size) = (cluster.plane.unwrap(), 0.05);
+        let upright = UnitQuaternion::rotation_between(&Vector3::z(), &plane.normal).unwrap();
+        let rotation = upright * UnitQuaternion::from_axis_angle(&Vector3::z_axis(), turned);
+        let middle = Vector3::from(far).map(f64::from) * size;
+        let beside = middle - plane.normal.into_inner() * plane.normal.dot(&(middle - plane.point * size));
+        let pose = Isometry3::from_parts(beside.into(), rotation);
+        plane_covariance(&plane, &pose, [1.0, 0.1], 0.1, size)
+    }
+
+    proptest! {
+        #[test]
+        fn voxels_in_one_row_leave_the_turn_about_it_unknown(
+            step in prop::array::uniform3(-9..9_i32).prop_filter("a step", |step| *step != [0; 3]),
+            weights in prop::collection::vec(1.0..1000.0, 2..200),
+            far in prop::array::uniform3(-100_000..100_000_i32),
+            turned in -3.0..3.0,
+        ) {
+            let steps: Vec<_> = (0..weights.len() as i32).map(|i| step.map(|along| along * i)).collect();
+            let known = covariance_through(&steps, &weights, far, turned);
+            prop_assert_eq!(known, None);
+        }
+
+        #[test]
+        fn a_covariance_of_a_plane_is_symmetric(
+            steps in prop::collection::vec((0..40_i32, 0..40_i32), 12..60), slope in prop::array::uniform2(-3..3_i32),
+            far in prop::array::uniform3(-100_000..100_000_i32), turned in -3.0..3.0,
+        ) {
+            let steps: Vec<_> = steps.into_iter().map(|(x, y)| [x, y, slope[0] * x + slope[1] * y]).collect();
+            let known = covariance_through(&steps, &vec![10.0; steps.len()], far, turned).unwrap();
+            prop_assert!(known == known.transpose() && known.cholesky().is_some(), "{known}");
+        }
+    }
+
     #[test]
     fn a_turn_that_rounding_made_certain_to_less_than_nothing_is_not_known() {
         let known = covariance(30.0, 0.1).unwrap();
         assert!(known.cholesky().is_some() && known[(0, 0)] > known[(1, 1)], "{known}");
         // The voxels of one row: what they vary by across it is rounding.
-        for across in [0.0, -1e-17] {
+        for across in [0.0, -1e-17, 1e-17, 1e-13] {
             assert_eq!(covariance(30.0, across), None);
         }
     }
