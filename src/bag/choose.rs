@@ -204,6 +204,12 @@ fn otherwise(topics: &[Topic]) -> String {
     if has_messages().any(is_of_ros_1) {
         return format!(" in CDR{OF_ROS_1}");
     }
+    if let Some(other) = has_messages().find(|topic| is_scan_in_another_encoding(topic)) {
+        let (name, encoding) = (one_line(&other.name), &other.encoding);
+        return format!(
+            " in CDR: the messages on {name} are in {encoding:?}, which is not read; ros2 bag record writes CDR"
+        );
+    }
     let mut images =
         has_messages().filter(|topic| form_of(&topic.type_name, &topic.encoding) == Some(Form::Depth));
     images.next().map_or_else(String::new, |image| {
@@ -218,8 +224,15 @@ fn otherwise(topics: &[Topic]) -> String {
 const OF_ROS_1: &str = ": its messages are serialised as in ROS 1; convert the .bag that it was made of: rosbags-convert --src \
                         X.bag --dst X --dst-storage mcap";
 
+/// By its encoding, for some tools keep ROS 2's names of types.
 fn is_of_ros_1(topic: &Topic) -> bool {
-    topic.encoding == "ros1" && SCANS_OF_ROS_1.contains(&topic.type_name.as_str())
+    let is_scan = |name: &str| SCANS_OF_ROS_1.contains(&name) || Form::of_type(name).is_some();
+    topic.encoding == "ros1" && is_scan(&topic.type_name)
+}
+
+fn is_scan_in_another_encoding(topic: &Topic) -> bool {
+    let form = Form::of_type(&topic.type_name).filter(|_| topic.encoding != "cdr");
+    form.is_some_and(|form| form.is_of_sensor(&topic.name))
 }
 
 /// What ROS 1 calls the types of scans.

@@ -4,7 +4,7 @@ use std::io::Read as _;
 use std::path::Path;
 
 use crate::bags::{BagWriter, Layout, OPTICAL, POINTS, chunks, drive, ends_of_clouds, stamp};
-use crate::mcap_bytes::{MAGIC, footer, record};
+use crate::mcap_bytes::{MAGIC, channel_of, footer, message, record, whole};
 use crate::{Folder, replay};
 
 /// Where the length of the first record in a chunk stands, behind what the chunk begins with.
@@ -127,6 +127,15 @@ fn other_recordings_are_refused_with_the_command_that_converts_them() {
     alone.put("x_0.db3", b"SQLite format 3\0abc");
     let found = replay(alone.path(), &[]);
     assert!(found.status == 2 && found.errors.contains("rosbags-convert --src "), "{}", found.errors);
+    // In MCAP, but with what ROS 1 sent, whichever name the type has.
+    for type_name in ["sensor_msgs/PointCloud2", "sensor_msgs/msg/PointCloud2"] {
+        let records = [channel_of(1, POINTS, type_name, "ros1"), message(1, 0, &[0; 8])].concat();
+        let found = replay(&folder.put("ros1.mcap", &whole(&records)), &[]);
+        let says = |what: &str| assert!(found.errors.contains(what), "{}", found.errors);
+        says("serialised as in ROS 1; convert the .bag that it was made of: rosbags-convert --src ");
+        says(&format!("\n  {POINTS} 1 x {type_name} (ros1)"));
+        assert_eq!((found.status, &found.summary), (2, &None));
+    }
     let found = replay(&folder.put("a.txt", b"hello, hello"), &[]);
     assert!(
         found.status == 2 && found.errors.contains("it begins with \"hello, hello\""),

@@ -21,9 +21,13 @@ pub fn channel_body(id: u16, schema: u16, topic: &str, encoding: &str) -> Vec<u8
 
 /// A channel of point clouds, with its schema before it.
 pub fn channel(id: u16, topic: &str) -> Vec<u8> {
-    let schema =
-        [&1_u16.to_le_bytes()[..], &text("sensor_msgs/msg/PointCloud2"), &text("ros2msg"), &[0; 4]].concat();
-    [record(0x03, &schema), record(0x04, &channel_body(id, 1, topic, "cdr"))].concat()
+    channel_of(id, topic, "sensor_msgs/msg/PointCloud2", "cdr")
+}
+
+/// A channel of messages of this type, in this encoding, with its schema before it.
+pub fn channel_of(id: u16, topic: &str, type_name: &str, encoding: &str) -> Vec<u8> {
+    let schema = [&1_u16.to_le_bytes()[..], &text(type_name), &text("ros2msg"), &[0; 4]].concat();
+    [record(0x03, &schema), record(0x04, &channel_body(id, 1, topic, encoding))].concat()
 }
 
 pub fn message(channel: u16, time: u64, data: &[u8]) -> Vec<u8> {

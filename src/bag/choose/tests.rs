@@ -182,12 +182,18 @@ fn what_does_not_fit_is_said_with_what_is_there() {
     let error = choose(&image, &[], &[], None).unwrap_err().to_string();
     assert!(error.contains("another name is taken with --topic /oak/stereo/image_raw; it holds:"), "{error}");
     let mut ros_1 = topics(&[("/camera/depth/points", "PointCloud2")]);
-    (ros_1[0].encoding, ros_1[0].type_name) = ("ros1".to_owned(), "sensor_msgs/PointCloud2".to_owned());
-    let error = choose(&ros_1, &[], &[], None).unwrap_err().to_string();
-    assert!(
-        error.contains("serialised as in ROS 1; convert the .bag that it was made of: rosbags-convert"),
-        "{error}"
-    );
+    for type_name in ["sensor_msgs/PointCloud2", "sensor_msgs/msg/PointCloud2"] {
+        (ros_1[0].encoding, ros_1[0].type_name) = ("ros1".to_owned(), type_name.to_owned());
+        for wanted in [&[][..], &[wanted("/camera/depth/points")]] {
+            let error = choose(&ros_1, wanted, &[], None).unwrap_err().to_string();
+            let said = "serialised as in ROS 1; convert the .bag that it was made of: rosbags-convert";
+            assert!(error.contains(said), "{error}");
+        }
+    }
+    let mut other = topics(&[("/camera/depth/points", "PointCloud2")]);
+    other[0].encoding = "json".to_owned();
+    let error = choose(&other, &[], &[], None).unwrap_err().to_string();
+    assert!(error.contains("in CDR: the messages on /camera/depth/points are in \"json\""), "{error}");
     let nothing = ChoiceError::Nothing { hint: String::new(), held: " nothing".to_owned() };
     assert_eq!(choose(&[], &[], &[], None).unwrap_err(), nothing);
     let bare = topics(&[("/depth", "Image")]);
