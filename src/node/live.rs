@@ -335,11 +335,7 @@ impl<T: Transport> Live<T> {
     fn transforms(&mut self, transforms: &[TransformStamped], is_static: bool) {
         for transform in transforms {
             match self.join.transform(transform, is_static) {
-                Ok(inserted) => {
-                    if let Some(line) = inserted.about(transform) {
-                        self.warn(inserted.kind(), format_args!("{line}"));
-                    }
-                }
+                Ok(inserted) => self.say_inserted(&inserted, transform),
                 Err(error) => self.refuse_transform(&error),
             }
         }

@@ -1,5 +1,7 @@
 //! What becomes of a transform that is taken in.
 
+use nalgebra::Isometry3;
+
 use crate::msg::ros::TransformStamped;
 
 /// What an accepted transform did beside being stored.
@@ -11,6 +13,13 @@ pub enum Inserted {
     Reparented {
         /// The parent before.
         before: String,
+    },
+    /// It is static and puts its frame elsewhere below the same parent, by more than rounding explains.
+    StaticMoved {
+        /// How far (m).
+        by: f64,
+        /// How much it is turned (rad).
+        turned: f64,
     },
     /// It made a static frame dynamic or a dynamic one static; the frame's past is gone.
     KindChanged,
@@ -25,12 +34,29 @@ pub enum Inserted {
     },
 }
 
+/// What a static transform may differ from the one before and still be the same (m, rad): one has `1.57` for a quarter turn, the other
+/// all digits of it.
+const ROUNDING: f64 = 1e-3;
+
 impl Inserted {
+    /// What a static transform does that comes after another one of the same frame and parent.
+    pub(super) fn static_after(before: &Isometry3<f64>, now: &Isometry3<f64>) -> Self {
+        let by = (now.translation.vector - before.translation.vector).norm();
+        let turned = now.rotation.angle_to(&before.rotation);
+        if by > ROUNDING || turned > ROUNDING { Self::StaticMoved { by, turned } } else { Self::Stored }
+    }
+
+    /// Whether the frame's past is gone.
+    pub(super) const fn begins_anew(&self) -> bool {
+        matches!(self, Self::Reparented { .. } | Self::KindChanged)
+    }
+
     /// Names what has happened: of each kind something is to be said, whatever else was said of late.
     pub const fn kind(&self) -> &'static str {
         match self {
             Self::Stored => "tf_stored",
             Self::Reparented { .. } => "tf_reparented",
+            Self::StaticMoved { .. } => "tf_static_moved",
             Self::KindChanged => "tf_kind_changed",
             Self::JumpedBack => "tf_jumped_back",
             Self::ToAndFro { .. } => "tf_to_and_fro",
@@ -45,6 +71,10 @@ impl Inserted {
             Self::Reparented { before } => Some(format!(
                 "{child} was below {before} and is now below {parent}, and its past is forgotten: where this is said again, two \
                  publishers contradict each other"
+            )),
+            Self::StaticMoved { by, turned } => Some(format!(
+                "the static transform of {child} below {parent} is another than before, by {by:.3} m and {turned:.3} rad: the newest \
+                 counts, and where nobody has changed it two publishers contradict each other"
             )),
             Self::KindChanged => Some(format!(
                 "{child} comes with transforms that change and with static ones: the newest counts, and its past is forgotten"

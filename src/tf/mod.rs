@@ -178,26 +178,37 @@ impl Frames {
 
     /// Stores a sample that has a place.
     fn store(&mut self, sample: &Sample<'_>) -> Result<Inserted, FrameError> {
-        let inserted = match self.edges.get(sample.child) {
-            Some(edge) if edge.kept.is_none() != sample.stamp.is_none() => Inserted::KindChanged,
-            Some(edge) if edge.parent != sample.parent => {
-                Inserted::Reparented { before: edge.parent.clone() }
-            }
-            _ => Inserted::Stored,
-        };
         let refused = |reason: String| FrameError::Refused {
             parent: sample.parent.into(),
             child: sample.child.into(),
             reason,
         };
         let transform = sample.transform().map_err(|error| refused(error.to_string()))?;
-        if inserted != Inserted::Stored {
+        let inserted = self.compare(sample, &transform);
+        if inserted.begins_anew() {
             // The registry ties a frame to its parent and kind until the frame is released.
             self.remove(sample.child);
         }
         self.registry.add_transform(transform).map_err(|error| refused(error.to_string()))?;
         self.count(sample);
         Ok(inserted)
+    }
+
+    /// What a sample that is about to be stored changes; `transform` is the same in the registry's terms.
+    fn compare(&self, sample: &Sample<'_>, transform: &Transform<Timestamp>) -> Inserted {
+        match self.edges.get(sample.child) {
+            Some(edge) if edge.kept.is_none() != sample.stamp.is_none() => Inserted::KindChanged,
+            Some(edge) if edge.parent != sample.parent => {
+                Inserted::Reparented { before: edge.parent.clone() }
+            }
+            Some(_) if sample.stamp.is_none() => {
+                let any_time = Timestamp::from_nanos(0);
+                let before = self.registry.get_transform(sample.parent, sample.child, any_time).ok();
+                let both = before.as_ref().and_then(isometry).zip(isometry(transform));
+                both.map_or(Inserted::Stored, |(before, now)| Inserted::static_after(&before, &now))
+            }
+            _ => Inserted::Stored,
+        }
     }
 
     /// Notes a sample that the registry has taken.

@@ -225,6 +225,34 @@ fn re_sent_statics_replace_the_transform_and_add_nothing() {
     assert_eq!(frames.edges.len(), 3);
 }
 
+/// Two publishers that latch a place of one frame each, or one that has calibrated it anew.
+#[test]
+fn a_static_transform_that_comes_with_another_place_counts_and_is_told_unless_it_is_rounded() {
+    let mut frames = robot();
+    let moved = |by| Inserted::StaticMoved { by, turned: 0.0 };
+    assert_eq!(frames.fixed("base_link", "camera", 1.5), moved(1.0));
+    assert_eq!(frames.x("odom", "camera", 1.0), Ok(3.5));
+    assert_eq!(frames.fixed("base_link", "camera", 0.5), moved(1.0), "each time");
+    let turn = |angle: f64| {
+        let pose = Isometry3::new(Vector3::new(0.5, 0.0, 0.0), Vector3::new(0.0, 0.0, angle));
+        message("base_link", "camera", 0.0, &pose)
+    };
+    let turned = frames.insert(&turn(1.57), true).unwrap();
+    assert!(matches!(turned, Inserted::StaticMoved { by: 0.0, turned } if (turned - 1.57).abs() < 1e-9));
+    let told = turned.about(&turn(1.57)).unwrap();
+    let words =
+        "the static transform of camera below base_link is another than before, by 0.000 m and 1.570 rad";
+    assert!(told.starts_with(words), "{told}");
+    // A quarter turn with more digits, and the same rotation by the opposite quaternion.
+    let mut opposite = turn(std::f64::consts::FRAC_PI_2);
+    assert_eq!(frames.insert(&opposite, true), Ok(Inserted::Stored));
+    let r = &mut opposite.transform.rotation;
+    (r.x, r.y, r.z, r.w) = (-r.x, -r.y, -r.z, -r.w);
+    assert_eq!(frames.insert(&opposite, true), Ok(Inserted::Stored));
+    assert_eq!(frames.x("odom", "camera", 1.5), Ok(3.5), "the past of what moves stays");
+    frames.sanity_check();
+}
+
 #[test]
 fn a_static_stamp_is_not_looked_at() {
     let mut frames = robot();

@@ -168,3 +168,20 @@ fn two_publishers_that_contradict_each_other_are_said_in_a_replay_too_and_not_wi
     let said = format!("{OPTICAL} was below odom and is now below map, and its past is forgotten");
     assert_eq!(found.errors.matches(&said).count(), 2, "{}", found.errors);
 }
+
+#[test]
+fn a_static_transform_that_another_one_contradicts_is_said_in_a_replay_and_one_that_is_sent_again_is_not() {
+    let folder = Folder::new();
+    let replayed = |x: f64| {
+        let mut writer = BagWriter::new(Layout::Plain);
+        writer.tf("/tf_static", stamp(0), "camera_link", OPTICAL, 0.0);
+        writer.tf("/tf_static", stamp(1), "camera_link", OPTICAL, x);
+        replay(&folder.put("statics.mcap", &drive(writer, 12)), &[])
+    };
+    let said = format!(
+        "the static transform of {OPTICAL} below camera_link is another than before, by 1.000 m and 0.000 rad"
+    );
+    let (same, other) = (replayed(0.0), replayed(1.0));
+    assert!(!same.errors.contains("another than before"), "{}", same.errors);
+    assert_eq!(other.errors.matches(&said).count(), 2, "there and back: {}", other.errors);
+}

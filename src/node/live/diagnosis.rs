@@ -27,6 +27,8 @@ struct Period {
     /// How many transforms were refused, and why the newest was.
     refused: u64,
     refusal: Option<String>,
+    /// What transforms say that contradict each other; the newest.
+    contradiction: Option<String>,
     /// How many sessions a jump has begun, and what is to be said of the newest.
     jumps: u64,
     jump: Option<String>,
@@ -34,7 +36,15 @@ struct Period {
 
 impl Period {
     const fn new(start: Instant) -> Self {
-        Self { start, longest_wait: Duration::ZERO, refused: 0, refusal: None, jumps: 0, jump: None }
+        Self {
+            start,
+            longest_wait: Duration::ZERO,
+            refused: 0,
+            refusal: None,
+            contradiction: None,
+            jumps: 0,
+            jump: None,
+        }
     }
 }
 
@@ -76,6 +86,11 @@ impl Diagnosis {
     pub(super) fn refused(&mut self, why: String) {
         self.period.refused += 1;
         self.period.refusal = Some(why);
+    }
+
+    /// Transforms contradict each other, as this line says: every scan has its way, and the map may be wrong all the same.
+    pub(super) fn contradicted(&mut self, line: String) {
+        self.period.contradiction = Some(line);
     }
 
     /// Which sensor's scans the engine takes in.
@@ -136,6 +151,9 @@ impl Diagnosis {
         // The scans that were given up may lack these: both are said.
         if let Some(why) = &period.refusal {
             part.raise(level, format!("transforms refused: {}; the last: {why}", period.refused));
+        }
+        if let Some(line) = &period.contradiction {
+            part.raise(Level::Warn, line);
         }
         if given_up > 0 {
             part.raise(level, without.join("; "));

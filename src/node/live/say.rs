@@ -8,12 +8,13 @@ use tracing::{Level, debug};
 use super::{Live, MOST_PLACES, QUIET};
 use crate::cloud::{Camera, Cloud, CloudError, distortion, is_rectified_by_name};
 use crate::join::{GivenUp, Waited};
+use crate::msg::ros::TransformStamped;
 use crate::node::counts::{TRANSFORM_TIMEOUT, WAITING_QUEUE_FULL};
 use crate::node::inputs;
 use crate::node::throttle::log;
 use crate::node::transport::{Input, Transport};
 use crate::reason::{Reason, SHUTDOWN};
-use crate::tf::{FrameError, Lack};
+use crate::tf::{FrameError, Inserted, Lack};
 
 impl<T: Transport> Live<T> {
     /// Says when next to nothing of a cloud is of use, for its unit, frame or range may be others than assumed, and when it does not
@@ -53,6 +54,15 @@ impl<T: Transport> Live<T> {
     pub(super) fn refuse_transform(&mut self, error: &FrameError) {
         self.diagnosis.refused(error.to_string());
         self.warn(error.reason().key, format_args!("a transform was refused: {error}"));
+    }
+
+    /// Says what a transform did beside being stored.
+    pub(super) fn say_inserted(&mut self, inserted: &Inserted, transform: &TransformStamped) {
+        let Some(line) = inserted.about(transform) else { return };
+        if matches!(inserted, Inserted::StaticMoved { .. }) {
+            self.diagnosis.contradicted(line.clone());
+        }
+        self.warn(inserted.kind(), format_args!("{line}"));
     }
 
     /// Why clouds of a sensor cannot be used, with the words that help where none could for a while: images may come before their

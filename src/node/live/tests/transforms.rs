@@ -86,3 +86,20 @@ fn where_scans_are_given_up_for_transforms_that_were_refused_both_are_said() {
     assert!(why.starts_with("a cloud was skipped") && why.contains("s after the range covered by"), "{why}");
     assert_eq!(["refused", "given up"].map(|key| value(&transforms, key)), ["4", "1"]);
 }
+
+#[test]
+fn a_static_transform_that_another_one_contradicts_is_a_warning_and_a_line() {
+    let (report, said) = driven(Fake::default(), async |live| {
+        for x in [0.0, 0.0, 1.0] {
+            let mut event = transform(at(10.0), true);
+            if let Event::Transforms { message, .. } = &mut event {
+                message.transforms[0].transform.translation.x = x;
+            }
+            live.event(event).await;
+        }
+    });
+    let transforms = part(&report, "transforms");
+    let words = "the static transform of camera below odom is another than before, by 1.000 m and 0.000 rad";
+    assert!(transforms.level == 1 && transforms.message.starts_with(words), "{transforms:?}");
+    assert_eq!(said.iter().filter(|(_, line)| *line == transforms.message).count(), 1, "{said:?}");
+}
