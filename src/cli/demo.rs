@@ -215,7 +215,8 @@ impl<R> Journey<R> {
     fn transforms(&self, message: TfMessage, is_static: bool) -> Result<(), String> {
         self.recorder.transforms(&message, is_static);
         if let Some(events) = &self.inside {
-            self.hand_over(events, Event::Transforms { message: message.clone(), is_static });
+            let message = message.clone();
+            self.hand_over(events, Event::Transforms { message, is_static, publisher: None });
         }
         let Some(robot) = &self.robot else { return Ok(()) };
         robot.send_transforms(message, is_static).map_err(|failure| failure.to_string())

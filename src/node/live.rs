@@ -10,6 +10,7 @@ mod diagnosis;
 mod ending;
 mod intake;
 mod report;
+mod rivals;
 mod saving_figures;
 mod say;
 mod session;
@@ -32,8 +33,10 @@ use self::change::{Timers, interval};
 use self::clocks::Clocks;
 use self::diagnosis::Diagnosis;
 use self::intake::Intake;
+use self::rivals::Rivals;
 use self::session::{Cause, new_session};
 use super::counts::Counts;
+use super::heard::PublisherId;
 use super::publish::{Ended, Outlets, Seen};
 use super::rosout::Lines;
 use super::speak::speak;
@@ -47,6 +50,7 @@ use crate::join::{GivenUp, Join, Joined, Jump};
 use crate::msg::reports::DiagnosticArray;
 use crate::msg::ros::{TfMessage, TransformStamped};
 use crate::store::StoreError;
+use crate::tf::Inserted;
 use crate::worker::Worker;
 
 /// Clouds that may wait at most, of all sensors together, whatever `tf_timeout` is.
@@ -179,6 +183,7 @@ struct Live<T: Transport> {
     timers: Timers,
     counts: Rc<RefCell<Counts>>,
     diagnosis: Diagnosis,
+    rivals: Rivals,
     reports: mpsc::Sender<DiagnosticArray>,
     throttle: Throttle,
     lasting: Lasting,
@@ -214,6 +219,7 @@ impl<T: Transport> Live<T> {
             timers: Timers::new(config),
             counts,
             diagnosis,
+            rivals: Rivals::default(),
             reports,
             throttle: Throttle::default(),
             lasting: Lasting::default(),
@@ -300,10 +306,12 @@ impl<T: Transport> Live<T> {
             Event::Handed(input, cloud) => self.cloud(input, decode(&cloud, &self.filter)),
             Event::Lost(input, number) => self.lost(input, number),
             Event::Camera(sensor, camera) => self.camera(sensor, &camera),
-            Event::Transforms { message, is_static } => self.transforms(&message.transforms, is_static),
+            Event::Transforms { message, is_static, publisher } => {
+                self.transforms(&message.transforms, is_static, publisher);
+            }
             Event::LateTransforms(TfMessage { mut transforms }) => {
                 transforms.retain(|transform| self.join.is_of_use(transform));
-                self.transforms(&transforms, false);
+                self.transforms(&transforms, false, None);
             }
             Event::Clock(stamp) => self.clock(stamp),
             Event::Joined => self.worker.request_snapshot(),
@@ -332,10 +340,21 @@ impl<T: Transport> Live<T> {
         }
     }
 
-    fn transforms(&mut self, transforms: &[TransformStamped], is_static: bool) {
+    fn transforms(
+        &mut self,
+        transforms: &[TransformStamped],
+        is_static: bool,
+        publisher: Option<PublisherId>,
+    ) {
         for transform in transforms {
             match self.join.transform(transform, is_static) {
-                Ok(inserted) => self.say_inserted(&inserted, transform),
+                Ok(inserted) => {
+                    if let Some(publisher) = publisher.filter(|_| inserted == Inserted::Stored && !is_static)
+                    {
+                        self.look_for_rivals(publisher, transform);
+                    }
+                    self.say_inserted(&inserted, transform);
+                }
                 Err(error) => self.refuse_transform(&error),
             }
         }

@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use thiserror::Error;
 
+use super::heard::PublisherId;
 pub use crate::args::{DepthTopics, SensorTopics, TopicName};
 use crate::cloud::{Camera, CloudError, Decoded};
 use crate::config::Config;
@@ -73,6 +74,8 @@ pub enum Event<Request> {
         message: TfMessage,
         /// Whether they hold for all time.
         is_static: bool,
+        /// Who sent them, as the middleware names a publisher, where it tells.
+        publisher: Option<PublisherId>,
     },
     /// Of `/tf`, overtaken by others of the same publisher.
     LateTransforms(TfMessage),

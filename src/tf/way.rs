@@ -28,6 +28,11 @@ impl Frames {
         frame == below || self.up_from(below).any(|edge| edge.parent == frame)
     }
 
+    /// Whether the link from a frame to its parent is on the way from `sensor` to `fixed`.
+    pub fn is_on_way(&self, frame: &str, fixed: &str, sensor: &str) -> bool {
+        self.is_above(frame, fixed) != self.is_above(frame, sensor)
+    }
+
     /// Whether anything moves below a frame: transforms of `/tf` lead there from it.
     pub fn moves_below(&self, frame: &str) -> bool {
         // Asked of each cloud of a camera that stands still, which is mostly above nothing.

@@ -48,8 +48,13 @@ pub(super) fn event<Request>(
     message: TfMessage,
     info: &MessageInfo,
 ) -> Option<Event<Request>> {
-    let order = taken.borrow_mut().note(info.publisher_gid().to_bytes16(), info.sequence_number());
-    (order != Order::Known).then_some(Event::Transforms { message, is_static: true })
+    let publisher = info.publisher_gid().to_bytes16();
+    let order = taken.borrow_mut().note(publisher, info.sequence_number());
+    (order != Order::Known).then_some(Event::Transforms {
+        message,
+        is_static: true,
+        publisher: Some(publisher),
+    })
 }
 
 /// The publishers that are there, and how many readers may still be opened for each.

@@ -74,13 +74,15 @@ pub(super) fn listen(
     for qos in at_once.into_iter().chain([repaired]) {
         let dynamic = opener.subscribe(Named { name: &topic, ..TF.named() }, &qos)?;
         let taken = Rc::clone(&memory.transforms);
-        let transforms = move |message, info: &MessageInfo| match taken
-            .borrow_mut()
-            .note(info.publisher_gid().to_bytes16(), info.sequence_number())
-        {
-            Order::New => Some(Event::Transforms { message, is_static: false }),
-            Order::Late => Some(Event::LateTransforms(message)),
-            Order::Known => None,
+        let transforms = move |message, info: &MessageInfo| {
+            let publisher = info.publisher_gid().to_bytes16();
+            match taken.borrow_mut().note(publisher, info.sequence_number()) {
+                Order::New => {
+                    Some(Event::Transforms { message, is_static: false, publisher: Some(publisher) })
+                }
+                Order::Late => Some(Event::LateTransforms(message)),
+                Order::Known => None,
+            }
         };
         readers.spawn_local(read(TF.name, dynamic, events.clone(), transforms));
     }

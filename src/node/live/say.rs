@@ -5,11 +5,13 @@ use std::time::Instant;
 
 use tracing::{Level, debug};
 
+use super::rivals::Apart;
 use super::{Live, MOST_PLACES, QUIET};
 use crate::cloud::{Camera, Cloud, CloudError, distortion, is_rectified_by_name};
 use crate::join::{GivenUp, Waited};
 use crate::msg::ros::TransformStamped;
 use crate::node::counts::{TRANSFORM_TIMEOUT, WAITING_QUEUE_FULL};
+use crate::node::heard::PublisherId;
 use crate::node::inputs;
 use crate::node::throttle::log;
 use crate::node::transport::{Input, Transport};
@@ -63,6 +65,26 @@ impl<T: Transport> Live<T> {
             self.diagnosis.contradicted(line.clone());
         }
         self.warn(inserted.kind(), format_args!("{line}"));
+    }
+
+    /// Says where a publisher's transform is contradicted by another's, and scans are placed by both.
+    pub(super) fn look_for_rivals(&mut self, publisher: PublisherId, transform: &TransformStamped) {
+        let Some(Apart { by, turned }) = self.rivals.note(publisher, transform, Instant::now()) else {
+            return;
+        };
+        let (child, parent) = (&transform.child_frame_id, &transform.header.frame_id);
+        let frames = self.join.frames();
+        if !self.join.sensors().any(|sensor| frames.is_on_way(child, &self.fixed_frame, sensor)) {
+            return;
+        }
+        let line = format!(
+            "two publishers place {child} below {parent} by turns, {by:.2} m and {turned:.2} rad apart: scans are placed by both, and \
+             surfaces come out double"
+        );
+        if self.rivals.is_news(child) {
+            log(Level::WARN, &line);
+        }
+        self.diagnosis.contradicted(line);
     }
 
     /// Why clouds of a sensor cannot be used, with the words that help where none could for a while: images may come before their

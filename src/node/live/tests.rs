@@ -66,7 +66,7 @@ fn transform(stamp: Stamp, is_static: bool) -> Event<()> {
         child_frame_id: "camera".to_owned(),
         transform: Transform { translation: Vector3::default(), rotation: Quaternion::default() },
     };
-    Event::Transforms { message: TfMessage { transforms: vec![transform] }, is_static }
+    Event::Transforms { message: TfMessage { transforms: vec![transform] }, is_static, publisher: None }
 }
 
 /// How a node ended, what it counted, and its middleware.

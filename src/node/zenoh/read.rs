@@ -16,7 +16,7 @@ use crate::msg::ros::{Clock, TriggerRequest};
 use crate::msg::topic::{Named, Qos};
 use crate::msg::types;
 use crate::node::compressed;
-use crate::node::heard::{NextScan, Sample};
+use crate::node::heard::{NextScan, Origin, Sample};
 use crate::node::middleware::OpenError;
 use crate::node::parameters::Parameters;
 use crate::node::readers::{clock_event, tell_camera, tell_scan};
@@ -53,7 +53,10 @@ pub(super) fn listen(
     for (topic, is_static, room) in [(TF, false, TRANSFORMS), (TF_STATIC, true, LATCHED)] {
         let resolved = opener.setup.resolve(topic.name)?;
         let transforms = opener.subscribe(Named { name: &resolved, ..topic.named() }, topic.qos, room)?;
-        let event = move |message| Event::Transforms { message, is_static };
+        let event = move |message, origin: Option<Origin>| {
+            let publisher = origin.map(|origin| origin.publisher);
+            Event::Transforms { message, is_static, publisher }
+        };
         readers.spawn_local(read(topic.name, transforms, events.clone(), event));
     }
     if opener.setup.config().use_sim_time {
@@ -182,12 +185,13 @@ async fn read<M: DeserializeOwned>(
     topic: &'static str,
     messages: Inbox,
     events: Events,
-    event: impl Fn(M) -> Event<Call>,
+    event: impl Fn(M, Option<Origin>) -> Event<Call>,
 ) -> Cow<'static, str> {
     let garbled = |text| Event::Garbled { topic: topic.into(), text };
     loop {
         let received = messages.take().await;
-        let message = cdr::read(&received.bytes()).map_or_else(garbled, &event);
+        let read = cdr::read(&received.bytes());
+        let message = read.map_or_else(garbled, |message| event(message, received.origin()));
         for event in lost(topic, received.dropped).into_iter().chain([message]) {
             if events.send(event).await.is_err() {
                 return topic.into();

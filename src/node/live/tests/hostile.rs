@@ -40,7 +40,7 @@ fn refused_transforms_cost_themselves_and_the_next_good_one_counts() {
         changed(|t| t.header.stamp = Time { sec: 9, nanosec: u32::MAX }),
         changed(|t| (t.header.frame_id, t.child_frame_id) = ("a".into(), "b".into())),
         changed(|t| (t.header.frame_id, t.child_frame_id) = ("b".into(), "a".into())),
-        Event::Transforms { message: TfMessage::default(), is_static: true },
+        Event::Transforms { message: TfMessage::default(), is_static: true, publisher: None },
     ];
     let (counts, _) = survives(hostile, 10.0, 1);
     assert!(counts.skipped.is_empty(), "{counts}");
@@ -68,7 +68,8 @@ fn a_message_of_thousands_of_transforms_is_taken_in_pieces_that_fit() {
     let many = |i| TransformStamped { child_frame_id: format!("f{i}"), ..one.clone() };
     let mut message = TfMessage { transforms: (0..30_000).map(many).collect() };
     message.transforms[9_000].child_frame_id = "camera".to_owned();
-    let hostile = vec![Event::Transforms { message, is_static: false }, cloud(at(9.0), "camera")];
+    let hostile =
+        vec![Event::Transforms { message, is_static: false, publisher: None }, cloud(at(9.0), "camera")];
     // The tree is full of frames of this time until they are out of date.
     let (counts, _) = survives(hostile, 20.0, 2);
     assert!(counts.skipped.is_empty(), "{counts}");

@@ -287,7 +287,7 @@ fn points_beyond_the_grid_are_a_warning_with_their_number_and_what_to_do() {
     let far = |metres: f64| {
         let Event::Transforms { mut message, .. } = transform(at(0.0), true) else { unreachable!() };
         message.transforms[0].transform.translation.x = metres;
-        Event::Transforms { message, is_static: true }
+        Event::Transforms { message, is_static: true, publisher: None }
     };
     for (metres, beyond) in [(500_000.0, 20), (83_000.0, 0)] {
         let transport = reported(Fake::default(), vec![far(metres), cloud(at(10.0), "camera")]);

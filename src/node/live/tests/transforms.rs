@@ -103,3 +103,30 @@ fn a_static_transform_that_another_one_contradicts_is_a_warning_and_a_line() {
     assert!(transforms.level == 1 && transforms.message.starts_with(words), "{transforms:?}");
     assert_eq!(said.iter().filter(|(_, line)| *line == transforms.message).count(), 1, "{said:?}");
 }
+
+/// Wheel odometry and a filter over it; what happens to a wheel is of no interest.
+#[test]
+fn two_publishers_that_place_a_frame_on_the_sensors_way_differently_are_a_warning_and_a_line() {
+    let (report, said) = driven(Fake::default(), async |live| {
+        for step in 0..25 {
+            let now = at(10.0 + 0.1 * f64::from(step));
+            for (number, x) in [(1, 0.0), (2, 0.4)] {
+                let mut event = transform(now, false);
+                let Event::Transforms { message, publisher, .. } = &mut event else { unreachable!() };
+                message.transforms[0].transform.translation.x = x;
+                let wheel =
+                    TransformStamped { child_frame_id: "wheel".to_owned(), ..message.transforms[0].clone() };
+                message.transforms.push(wheel);
+                *publisher = Some([number; 16]);
+                live.event(event).await;
+            }
+            live.event(cloud(now, "camera")).await;
+            tokio::time::sleep(Duration::from_millis(100)).await;
+        }
+    });
+    let transforms = part(&report, "transforms");
+    let line = "two publishers place camera below odom by turns, 0.40 m and 0.00 rad apart";
+    assert!(transforms.level == 1 && transforms.message.starts_with(line), "{transforms:?}");
+    let lines: Vec<_> = said.iter().filter(|(_, line)| line.contains("publishers")).collect();
+    assert!(lines.len() == 1 && lines[0].0 == 30 && lines[0].1.starts_with(line), "{lines:?}");
+}
