@@ -65,6 +65,16 @@ impl Default for TransformTopics {
 }
 
 impl TransformTopics {
+    /// Whether a topic is one of the two.
+    pub fn has(&self, topic: &str) -> bool {
+        self.is_static(topic).is_some()
+    }
+
+    /// The pairs that topics of these names are of, each once.
+    pub fn pairs<'a>(names: impl IntoIterator<Item = &'a str>) -> Vec<Self> {
+        names.into_iter().map(Self::like).collect::<BTreeSet<_>>().into_iter().collect()
+    }
+
     /// Whether those of a topic hold for all time; `None` where it is neither.
     fn is_static(&self, topic: &str) -> Option<bool> {
         let is = |name: &str| bare(name) == bare(topic);
@@ -91,18 +101,18 @@ impl TransformTopics {
     pub fn elsewhere(&self, topics: &[Topic]) -> Option<Elsewhere> {
         let has_some = |topic: &&Topic| is_transforms(&topic.type_name) && topic.messages != Some(0);
         let names: BTreeSet<_> = topics.iter().filter(has_some).map(|topic| topic.name.as_str()).collect();
-        if names.is_empty() || names.iter().any(|name| self.is_static(name).is_some()) {
+        if names.is_empty() || names.iter().any(|name| self.has(name)) {
             return None;
         }
-        let choices: BTreeSet<_> = names.into_iter().map(Self::like).collect();
+        let choices = Self::pairs(names);
         // Who has named other topics than the usual ones means those.
         let is_usual = *self == Self::default();
         let pair =
             choices.first().filter(|pair| is_usual && choices.len() == 1 && pair.lasting != pair.changing);
-        Some(pair.map_or_else(
-            || Elsewhere::Several(choices.iter().cloned().collect()),
-            |pair| Elsewhere::Pair(pair.clone()),
-        ))
+        Some(match pair {
+            Some(pair) => Elsewhere::Pair(pair.clone()),
+            None => Elsewhere::Several(choices),
+        })
     }
 
     /// The pair that a topic is one of by its name; it alone, where its name does not tell.

@@ -30,10 +30,15 @@ impl GivenUp {
 impl Join {
     /// What the user can do about a cloud that was given up, `why` being what its last lookup lacked; `None` where that says all.
     /// Where no lookup was made, or a frame is not known or not connected, the frames that have been seen are listed. `tf_timeout`
-    /// is mentioned only where a longer one lets such a cloud wait longer.
-    pub fn hint(&self, why: Option<&LookupError>, given_up: GivenUp) -> Option<String> {
-        let Some(LookupError { fixed, lack, .. }) = why else { return Some(self.frames_seen()) };
-        let seen = || self.frames_seen();
+    /// is mentioned only where a longer one lets such a cloud wait longer, and `why_none` asked only where no transform has come at all.
+    pub fn hint(
+        &self,
+        why: Option<&LookupError>,
+        given_up: GivenUp,
+        why_none: impl FnOnce() -> String,
+    ) -> Option<String> {
+        let seen = || self.frames_seen(why_none);
+        let Some(LookupError { fixed, lack, .. }) = why else { return Some(seen()) };
         match lack {
             Lack::UnknownFrame { .. } if self.frames.frame_names().is_empty() => Some(seen()),
             Lack::UnknownFrame { frame } if frame == fixed => {
@@ -57,13 +62,11 @@ impl Join {
         }
     }
 
-    /// The frames that have been seen.
-    fn frames_seen(&self) -> String {
+    /// The frames that have been seen, or why there are none.
+    fn frames_seen(&self, why_none: impl FnOnce() -> String) -> String {
         let known = self.frames.frame_names();
         if known.is_empty() {
-            return "no transform has come at all: nobody publishes on /tf and /tf_static, or on others (-r /tf:=... -r \
-                    /tf_static:=...)"
-                .to_owned();
+            return format!("no transform has come at all: {}", why_none());
         }
         let (shown, more) = (&known[..known.len().min(NAMES)], known.len().saturating_sub(NAMES));
         let more = if more > 0 { format!(" and {more} more") } else { String::new() };
@@ -83,24 +86,31 @@ mod tests {
         TransformStamped { header, child_frame_id: child.to_owned(), transform: Transform::default() }
     }
 
+    /// Of a join that has had transforms.
+    fn never() -> String {
+        panic!("asked why there are none")
+    }
+
     /// What helps a scan that was taken at this time.
     fn hint(join: &Join, fixed: &str, sensor: &str, seconds: i64) -> Option<String> {
         let at = Stamp::from_nanos(seconds * 1_000_000_000);
-        join.hint(Some(&join.frames().lookup(fixed, sensor, at).unwrap_err()), GivenUp::TimedOut)
+        join.hint(Some(&join.frames().lookup(fixed, sensor, at).unwrap_err()), GivenUp::TimedOut, never)
     }
 
     #[test]
     fn each_reason_for_which_there_is_no_transform_has_the_words_that_help_against_it() {
         let mut join = Join::new(1);
-        let none = hint(&join, "odom", "camera", 1).unwrap();
-        assert!(none.starts_with("no transform has come at all"), "{none}");
-        assert_eq!(join.hint(None, GivenUp::TimedOut).unwrap(), none);
+        let at_start = join.frames().lookup("odom", "camera", Stamp::default()).unwrap_err();
+        for why in [None, Some(&at_start)] {
+            let none = join.hint(why, GivenUp::TimedOut, || "nobody is there".to_owned());
+            assert_eq!(none.as_deref(), Some("no transform has come at all: nobody is there"));
+        }
         for second in [10, 11] {
             join.transform(&transform("odom", "base", second), false).unwrap();
         }
         join.transform(&transform("head", "camera", 0), true).unwrap();
         let seen = "frames seen: base, camera, head, odom";
-        assert_eq!(join.hint(None, GivenUp::TimedOut).as_deref(), Some(seen));
+        assert_eq!(join.hint(None, GivenUp::TimedOut, never).as_deref(), Some(seen));
         let expected = |more: &str| Some(format!("{seen}{more}"));
         let choose = " (choose with -p fixed_frame:=...)";
         for sensor in ["base", "nowhere"] {
@@ -116,15 +126,15 @@ mod tests {
         assert_eq!(hint(&join, "odom", "base", 12), Some(format!("see tf_timeout, and {clock}")));
         assert_eq!(hint(&join, "odom", "base", 9), Some(format!("see {clock}")));
         let late = join.frames().lookup("odom", "base", Stamp::from_nanos(12_000_000_000)).unwrap_err();
-        let pushed_out = |longer_helps| join.hint(Some(&late), GivenUp::PushedOut { longer_helps });
+        let pushed_out = |longer_helps| join.hint(Some(&late), GivenUp::PushedOut { longer_helps }, never);
         assert_eq!(pushed_out(true), Some(format!("see tf_timeout, and {clock}")));
         assert_eq!(
-            [pushed_out(false), join.hint(Some(&late), GivenUp::AtEnd)],
+            [pushed_out(false), join.hint(Some(&late), GivenUp::AtEnd, never)],
             [(); 2].map(|()| Some(format!("see {clock}")))
         );
         let (fixed, sensor, at) = ("odom".to_owned(), "base".to_owned(), Stamp::default());
         let back = LookupError { fixed, sensor, at, lack: Lack::NotJumpedBack { newest: at } };
-        assert_eq!(join.hint(Some(&back), GivenUp::TimedOut), None);
+        assert_eq!(join.hint(Some(&back), GivenUp::TimedOut, never), None);
     }
 
     #[test]
@@ -133,7 +143,7 @@ mod tests {
         for i in 0..30 {
             join.transform(&transform("odom", &format!("frame_{i:02}"), 0), true).unwrap();
         }
-        let seen = join.hint(None, GivenUp::AtEnd).unwrap();
+        let seen = join.hint(None, GivenUp::AtEnd, never).unwrap();
         assert!(seen.ends_with("frame_18, frame_19 and 11 more"), "{seen}");
     }
 }

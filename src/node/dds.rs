@@ -43,9 +43,11 @@ pub use self::system::receive_buffer;
 use super::middleware::{Adding, EVENTS, Middleware, OpenError, Opened};
 use super::parameters::Parameters;
 use super::readers::Readers;
+use super::topics::transform_topics;
 use super::transport::{Event, Input, NetworkState, SendError, SensorTopics, Service, Source, Transport};
 use crate::args::Setup;
 use crate::args::security::Security;
+use crate::bag::TransformTopics;
 use crate::config::Value;
 use crate::memory::prefault;
 use crate::msg::outgoing::Outgoing;
@@ -94,6 +96,7 @@ pub struct Dds {
     parameters: Rc<Parameters>,
     network: RefCell<Rc<Network>>,
     inputs: Vec<SensorTopics>,
+    transforms: TransformTopics,
     /// Fully qualified.
     name: String,
     /// Of its sockets (bytes).
@@ -179,6 +182,7 @@ impl Middleware for Dds {
             parameters,
             network: RefCell::new(Rc::new(network)),
             inputs: setup.sensor_topics()?,
+            transforms: transform_topics(setup)?,
             name: setup.fully_qualified_name(),
             receive_buffer: receive_buffer(setup),
         };
@@ -225,6 +229,10 @@ impl Transport for Dds {
 
     fn inputs(&self) -> &[SensorTopics] {
         &self.inputs
+    }
+
+    fn transform_topics(&self) -> &TransformTopics {
+        &self.transforms
     }
 
     fn chosen(&self, input: Input) {

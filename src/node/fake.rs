@@ -7,6 +7,7 @@ use tokio::sync::oneshot;
 use super::transport::{
     DepthTopics, NetworkState, SendError, SensorTopics, Service, Source, TopicName, Transport,
 };
+use crate::bag::TransformTopics;
 use crate::msg::clusters::SurfaceClusterArray;
 use crate::msg::outgoing::Outgoing;
 use crate::msg::reports::DiagnosticArray;
@@ -15,6 +16,7 @@ use crate::msg::ros::TriggerResponse;
 /// Keeps what is published; fails when told to.
 pub(super) struct Fake {
     pub(super) inputs: Vec<SensorTopics>,
+    pub(super) transforms: TransformTopics,
     pub(super) sources: Vec<Source>,
     pub(super) knows_all: Cell<bool>,
     pub(super) network: NetworkState,
@@ -40,6 +42,7 @@ impl Default for Fake {
         }];
         Self {
             inputs,
+            transforms: TransformTopics::default(),
             sources: Vec::new(),
             knows_all: Cell::new(true),
             network: NetworkState::default(),
@@ -72,6 +75,10 @@ impl Transport for Fake {
 
     fn inputs(&self) -> &[SensorTopics] {
         &self.inputs
+    }
+
+    fn transform_topics(&self) -> &TransformTopics {
+        &self.transforms
     }
 
     fn losses(&self) -> &'static str {

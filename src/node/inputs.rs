@@ -3,9 +3,10 @@
 use std::time::Duration;
 
 use super::transport::{DepthTopics, Form, SensorTopics, Source, TopicName};
+use crate::bag::{Elsewhere, TransformTopics};
 use crate::cloud::CloudError;
 use crate::msg::form::{folder, is_of_depth};
-use crate::msg::types::{CAMERA_INFO, COMPRESSED_DEPTH};
+use crate::msg::types::{CAMERA_INFO, COMPRESSED_DEPTH, TRANSFORMS};
 
 /// Topics of one type that are named at most: somebody may publish thousands.
 const NAMED: usize = 20;
@@ -168,6 +169,24 @@ pub(super) fn why_unusable(
     }
 }
 
+/// Why no transform has come at all, as far as it can be known, and where there are others.
+pub(super) fn why_no_transforms(read: &TransformTopics, sources: &[Source]) -> String {
+    let transforms = sources.iter().filter(|source| source.type_name == TRANSFORMS);
+    let topics = transforms.map(|source| source.topic.as_str());
+    let (silent, others): (Vec<_>, Vec<_>) = topics.partition(|topic| read.has(topic));
+    let TransformTopics { changing, lasting } = read;
+    let why = match silent.first() {
+        Some(silent) => format!("{silent} has a publisher, and nothing has come of it"),
+        None => format!("nobody publishes on {changing} and {lasting}"),
+    };
+    let mut pairs = TransformTopics::pairs(others);
+    pairs.truncate(NAMED);
+    if pairs.is_empty() {
+        return why;
+    }
+    format!("{why}; transforms are on others: use {}", Elsewhere::remappings(&pairs))
+}
+
 /// Where camera infos are waited for, and which of these there are.
 fn camera_infos(
     DepthTopics { image, camera_info, .. }: &DepthTopics,
@@ -225,6 +244,34 @@ mod tests {
                 compressed: format!("{image}{COMPRESSED_DEPTH}"),
             }),
         }
+    }
+
+    #[test]
+    fn where_no_transform_comes_the_topics_that_have_some_are_named_as_they_are_had() {
+        let usual = TransformTopics::default();
+        let why = |read, topics: &[&str]| {
+            let transforms = topics
+                .iter()
+                .map(|topic| Source { topic: (*topic).to_owned(), type_name: TRANSFORMS.to_owned() });
+            why_no_transforms(read, &transforms.chain([source("/tf", "Image")]).collect::<Vec<_>>())
+        };
+        let nobody = "nobody publishes on /tf and /tf_static";
+        assert_eq!(why(&usual, &[]), nobody);
+        let robot = "-r /tf:=/robot1/tf -r /tf_static:=/robot1/tf_static";
+        let others = "transforms are on others: use";
+        assert_eq!(why(&usual, &["/robot1/tf", "/robot1/tf_static"]), format!("{nobody}; {others} {robot}"));
+        let mine = TransformTopics { changing: "/mine/tf".to_owned(), lasting: "/mine/tf_static".to_owned() };
+        let both = format!("{robot}, or -r /tf:=/tf -r /tf_static:=/tf_static");
+        assert_eq!(
+            why(&mine, &["/tf", "/robot1/tf"]),
+            format!("nobody publishes on /mine/tf and /mine/tf_static; {others} {both}")
+        );
+        let silent = "/tf_static has a publisher, and nothing has come of it";
+        assert_eq!(why(&usual, &["/tf_static"]), silent);
+        assert_eq!(why(&usual, &["/tf_static", "/robot1/tf"]), format!("{silent}; {others} {robot}"));
+        let many: Vec<_> = (0..1000).map(|i| format!("/r{i}/tf")).collect();
+        let many: Vec<_> = many.iter().map(String::as_str).collect();
+        assert_eq!(why(&usual, &many).matches("-r /tf:=").count(), NAMED);
     }
 
     #[test]

@@ -9,6 +9,7 @@ use thiserror::Error;
 
 use super::heard::PublisherId;
 pub use crate::args::{DepthTopics, SensorTopics, TopicName};
+use crate::bag::TransformTopics;
 use crate::cloud::{Camera, CloudError, Decoded};
 use crate::config::Config;
 use crate::engine::Stamp;
@@ -189,6 +190,9 @@ pub trait Transport: 'static {
 
     /// The topics that scans come from, by sensor.
     fn inputs(&self) -> &[SensorTopics];
+
+    /// The topics that transforms come from.
+    fn transform_topics(&self) -> &TransformTopics;
 
     /// Is told what scans of a sensor are made of from now on.
     fn chosen(&self, _: Input) {}

@@ -42,9 +42,11 @@ use super::own_thread::on_own_thread;
 use super::parameters::Parameters;
 use super::readers::{self, Readers};
 use super::seeds::Scans;
+use super::topics::transform_topics;
 use super::transport::{DISCOVERY, Input, NetworkState, SendError, SensorTopics, Service, Source, Transport};
 use crate::args::Setup;
 use crate::args::security::Security;
+use crate::bag::TransformTopics;
 use crate::config::Value;
 use crate::msg::outgoing::Outgoing;
 use crate::msg::ros::TriggerResponse;
@@ -83,6 +85,7 @@ pub struct Zenoh {
     session: Session,
     parameters: Rc<Parameters>,
     inputs: Vec<SensorTopics>,
+    transforms: TransformTopics,
     /// What was heard of each of these.
     scans: Vec<Scans>,
     /// Fully qualified.
@@ -120,6 +123,7 @@ impl Zenoh {
             session: session.clone(),
             parameters,
             inputs,
+            transforms: transform_topics(setup)?,
             scans,
             name: setup.fully_qualified_name(),
         })
@@ -272,6 +276,10 @@ impl Transport for Zenoh {
 
     fn inputs(&self) -> &[SensorTopics] {
         &self.inputs
+    }
+
+    fn transform_topics(&self) -> &TransformTopics {
+        &self.transforms
     }
 
     fn chosen(&self, Input { sensor, form }: Input) {

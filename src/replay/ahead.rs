@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::clocks;
-use crate::bag::{Bag, Decoder, Recorded};
+use crate::bag::{Bag, Decoder, Recorded, TransformTopics};
 use crate::msg::ros::TransformStamped;
 
 /// A bag to look ahead in, up to a signal; what cannot be read is said when its turn comes.
@@ -26,6 +26,11 @@ impl<'a> Ahead<'a> {
     /// Reads the sensors.
     pub(super) fn decoder(&self) -> Decoder {
         self.decoder.clone()
+    }
+
+    /// The topics that transforms are read from.
+    pub(super) const fn transform_topics(&self) -> &TransformTopics {
+        self.decoder.transform_topics()
     }
 
     /// Whether a sensor's frame is optical; see [`Decoder::is_optical`].

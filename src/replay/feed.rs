@@ -265,7 +265,7 @@ impl<V: Visitor> Feeder<'_, V> {
     }
 
     fn skip(&mut self, waited: &Waited, given_up: GivenUp) {
-        let line = self.account.skip(waited, given_up, &self.join);
+        let line = self.account.skip(waited, given_up, &self.join, self.outlook.transform_topics());
         self.say(line);
     }
 

@@ -66,7 +66,7 @@ fn read(path: &Path) {
             take(recorded, &mut join);
         }
     }
-    let hint = join.hint(join.oldest().and_then(|(_, why)| why), GivenUp::AtEnd);
+    let hint = join.hint(join.oldest().and_then(|(_, why)| why), GivenUp::AtEnd, String::new);
     assert!(join.waiting() <= 4 && hint.is_none_or(|hint| hint.len() < 10_000));
 }
 

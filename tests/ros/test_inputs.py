@@ -14,6 +14,7 @@ from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image, PointCloud2
 from std_srvs.srv import Trigger
+from tf2_msgs.msg import TFMessage
 
 SECOND = 10**9
 
@@ -148,6 +149,36 @@ def test_a_simulated_clock_that_does_not_come_or_stops_is_said_and_that_it_comes
     times = (Clock(clock=Time(sec=second)) for second in itertools.count(1))
     send_until("a line of the clock", lambda: clock.publish(next(times)), lambda: node.said("/clock comes now"))
     node.line_with("no /clock has come for 3 s: the simulated time stands still")
+    node.stop()
+
+
+def test_without_a_transform_it_lists_the_topics_that_could_be_meant(start, peer):
+    """A robot whose transforms are below its namespace."""
+    for name, latched in (("tf", False), ("tf_static", True)):
+        peer.node.create_publisher(TFMessage, f"/robot1/{name}", qos(1, latched=latched))
+    sensor = peer.node.create_publisher(PointCloud2, "/camera/depth/points", qos(5, reliable=False))
+    cloud = clouds.cloud(clouds.wall())
+    node = start(remaps={"/tf": "/base/tf"}).ready()
+    words = ("nobody publishes on /base/tf and /tf_static", "use -r /tf:=/robot1/tf -r /tf_static:=/robot1/tf_static")
+    send_until("the words that help", lambda: sensor.publish(clouds.stamped(cloud, clouds.CLOUD_STAMP, time.time_ns())),
+               lambda: node.said(*words))
+    node.stop()
+
+
+def test_two_publishers_that_place_a_frame_differently_are_said(start, peer):
+    node, camera = begin(start, peer)
+    moving = peer.node.create_publisher(TFMessage, "/tf", qos(100))
+    lasting = peer.node.create_publisher(TFMessage, "/tf_static", qos(1, latched=True))
+    wait_until("the node", lambda: moving.get_subscription_count() and lasting.get_subscription_count())
+    cloud, beside = clouds.cloud(clouds.wall()), clouds.transform("map", "camera_link", (0.0, 1.0, 1.0))
+
+    def send():
+        stamp = camera.publish(cloud, time.time_ns(), clouds.still_transform())
+        moving.publish(clouds.stamped(beside, clouds.TF_STAMP, stamp))
+
+    send_until("what is said of /tf", send, lambda: node.said("two publishers place camera_link below map by turns, 1.00 m and"))
+    lasting.publish(clouds.transform("camera_link", clouds.OPTICAL, (0.0, 0.0, 0.5), clouds.LINK_FROM_OPTICAL))
+    node.line_with(f"the static transform of {clouds.OPTICAL} below camera_link is another than before, by 0.500 m and")
     node.stop()
 
 

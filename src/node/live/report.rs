@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use super::intake::{LeftOut, Period};
-use super::say::with_hint;
+use super::say::{why_no_transforms, with_hint};
 use super::{Live, QUIET};
 use crate::count::{count_of, were};
 use crate::engine::Stamp;
@@ -160,7 +160,8 @@ impl<T: Transport> Live<T> {
         }
         let (_, lacks) = self.join.oldest()?;
         // As that of a scan which waits until the end, whatever tf_timeout is.
-        lacks.map(|lacks| with_hint(lacks.to_string(), self.join.hint(Some(lacks), GivenUp::AtEnd)))
+        let why_none = || why_no_transforms(&*self.transport);
+        lacks.map(|lacks| with_hint(lacks.to_string(), self.join.hint(Some(lacks), GivenUp::AtEnd, why_none)))
     }
 
     /// Says of each thing that does not fit when it begins, again and again while it lasts, and when it is over.

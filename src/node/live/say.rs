@@ -132,7 +132,8 @@ impl<T: Transport> Live<T> {
         }
         self.diagnosis.waited(waited);
         let level = self.throttle.level_now(kind_of(reason.key, sensor), Level::WARN);
-        let why = || with_hint(line.clone(), self.join.hint(lacks.as_ref(), given_up));
+        let why_none = || why_no_transforms(&*self.transport);
+        let why = || with_hint(line.clone(), self.join.hint(lacks.as_ref(), given_up, why_none));
         // Thousands of frames take longer to list than a cloud to skip.
         if level == Level::WARN {
             log(level, &why());
@@ -170,6 +171,11 @@ impl<T: Transport> Live<T> {
     pub(super) fn warn(&mut self, kind: impl Into<Cow<'static, str>>, line: std::fmt::Arguments<'_>) {
         log(self.throttle.level_now(kind, Level::WARN), &line.to_string());
     }
+}
+
+/// Why no transform at all has come, as far as it can be known.
+pub(super) fn why_no_transforms(transport: &impl Transport) -> String {
+    inputs::why_no_transforms(transport.transform_topics(), &transport.sources())
 }
 
 /// What is to be said of a cloud without a transform, with what helps where that does not say all.

@@ -5,6 +5,7 @@ use std::time::Duration;
 use tokio::sync::Semaphore;
 
 use super::*;
+use crate::bag::TransformTopics;
 use crate::engine::{self, Engine, Isometry3, Params, Scan, Stamp};
 use crate::msg::ros::TriggerResponse;
 use crate::node::record::tests::{begun, recorded};
@@ -38,6 +39,10 @@ impl Transport for Slow {
     }
 
     fn inputs(&self) -> &[SensorTopics] {
+        unreachable!("nothing is read")
+    }
+
+    fn transform_topics(&self) -> &TransformTopics {
         unreachable!("nothing is read")
     }
 

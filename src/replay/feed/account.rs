@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 use std::time::Duration;
 
+use crate::bag::TransformTopics;
 use crate::cloud::{Cloud, CloudError, distortion};
 use crate::join::{GivenUp, Join, Waited};
 use crate::msg::ros::TransformStamped;
@@ -100,7 +101,13 @@ impl Account {
     }
 
     /// Counts a scan that got no transform.
-    pub(super) fn skip(&mut self, waited: &Waited, given_up: GivenUp, join: &Join) -> Option<String> {
+    pub(super) fn skip(
+        &mut self,
+        waited: &Waited,
+        given_up: GivenUp,
+        join: &Join,
+        topics: &TransformTopics,
+    ) -> Option<String> {
         let Waited { cloud: Cloud { frame_id, .. }, lacks, .. } = waited;
         let lacks = lacks.as_ref();
         let reason = lacks.map_or(NOT_LOOKED_UP, LookupError::reason);
@@ -110,7 +117,9 @@ impl Account {
             self.unplaced.insert(frame_id.clone());
         }
         self.skips_said.is_due(&format!("{} {frame_id}", reason.key), 1).then(|| {
-            let hint = join.hint(lacks, given_up);
+            let TransformTopics { changing, lasting } = topics;
+            let why_none = || format!("the bag has none that can be read on {changing} and {lasting}");
+            let hint = join.hint(lacks, given_up, why_none);
             let words: Vec<_> = lacks.map(ToString::to_string).into_iter().chain(hint).collect();
             format!("a scan was skipped: {}", words.join("; "))
         })

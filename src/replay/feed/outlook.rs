@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use crate::bag::TransformTopics;
 use crate::join::Join;
 use crate::msg::ros::{TfMessage, TransformStamped};
 use crate::replay::ahead::Ahead;
@@ -20,6 +21,11 @@ pub(super) struct Outlook<'a> {
 impl<'a> Outlook<'a> {
     pub(super) fn new(ahead: Ahead<'a>, fixed_frame: FixedFrame, patience: Duration) -> Self {
         Self { ahead, finder: Finder::new(fixed_frame), early: Early::new(patience) }
+    }
+
+    /// The topics that transforms are read from.
+    pub(super) const fn transform_topics(&self) -> &TransformTopics {
+        self.ahead.transform_topics()
     }
 
     /// Where the map lives, once it is known.

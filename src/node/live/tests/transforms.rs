@@ -3,6 +3,7 @@
 use super::reports::{driven, part, value};
 use super::*;
 use crate::msg::reports::DiagnosticStatus;
+use crate::msg::types::TRANSFORMS;
 
 /// A transform whose quaternion has zeros alone, as of odometry that was never initialised.
 fn of_norm_0(stamp: Stamp) -> Event<()> {
@@ -31,10 +32,14 @@ fn reported_with_refused(seconds: f64) -> DiagnosticStatus {
 
 #[test]
 fn what_helps_where_a_scan_got_no_transform_is_reported_as_it_is_logged() {
-    let nobody = "no frame odom has been seen; no transform has come at all: nobody publishes on /tf";
+    let nobody = "no frame odom has been seen; no transform has come at all: nobody publishes on /mine/tf and /tf_static; transforms \
+                  are on others: use -r /tf:=/robot1/tf -r /tf_static:=/robot1/tf_static";
     let seen = "no frame nowhere has been seen; frames seen: camera, odom";
     for (has_transforms, words) in [(false, nobody), (true, seen)] {
-        let (report, said) = driven(Fake::default(), async |live| {
+        let mut fake = Fake::default();
+        fake.transforms.changing = "/mine/tf".to_owned();
+        fake.sources.push(Source { topic: "/robot1/tf".to_owned(), type_name: TRANSFORMS.to_owned() });
+        let (report, said) = driven(fake, async |live| {
             if has_transforms {
                 live.event(transform(at(10.0), true)).await;
             }
