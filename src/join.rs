@@ -6,6 +6,7 @@
 
 mod hint;
 mod laps;
+mod riding;
 mod waiting;
 
 use std::collections::BTreeMap;
@@ -20,6 +21,7 @@ pub use hint::GivenUp;
 pub use waiting::{Moment, Waited};
 
 use laps::Laps;
+use riding::Riding;
 use waiting::{Arrived, Waiting};
 
 /// Pairs of a frame and a sensor that are remembered at most: a sender can make up ever new frames.
@@ -41,6 +43,8 @@ pub struct Join {
     session: u64,
     /// What this session has had.
     sensors: BTreeMap<Key, Sensor>,
+    /// Where the fixed frame may move, and the sensor with it.
+    riding: Option<Riding>,
 }
 
 /// A frame, and which of the sensors has sent clouds in it: two may share one.
@@ -101,6 +105,7 @@ impl Join {
             laps: Laps::default(),
             session: 0,
             sensors: BTreeMap::new(),
+            riding: None,
         }
     }
 

@@ -76,6 +76,23 @@ fn a_simulated_drive_is_replayed_and_its_labels_are_those_of_the_truth() {
 }
 
 #[test]
+fn a_replay_in_a_frame_that_rides_on_the_robot_is_warned_of() {
+    let folder = Folder::new();
+    let [bag, summary] = ["lab.mcap", "summary.json"].map(|name| folder.argument(name));
+    let made = cfodi(&["simulate", "--out", &bag, "--seconds", "2"]);
+    assert_eq!(made.status.code(), Some(0), "{}", String::from_utf8_lossy(&made.stderr));
+    let words = "the fixed frame `base_link` moves in `odom` and takes the sensor with it";
+    for (frame, is_warned) in [("odom", false), ("base_link", true)] {
+        let fixed_frame = format!("fixed_frame:={frame}");
+        let replayed = cfodi(&["replay", &bag, "--summary", &summary, "--ros-args", "-p", &fixed_frame]);
+        let errors = String::from_utf8_lossy(&replayed.stderr);
+        assert!(replayed.status.success() && errors.contains(words) == is_warned, "{frame}: {errors}");
+        let remarks = json(&summary)["remarks"].to_string();
+        assert_eq!(remarks.contains(words), is_warned, "{frame}: {remarks}");
+    }
+}
+
+#[test]
 fn outlines_lie_in_their_planes_and_moving_things_tell_their_times() {
     let folder = Folder::new();
     let [bag, truth] = ["m.mcap", "t.json"].map(|name| folder.argument(name));

@@ -37,7 +37,8 @@ impl Join {
         given_up: GivenUp,
         why_none: impl FnOnce() -> String,
     ) -> Option<String> {
-        let seen = || self.frames_seen(why_none);
+        let sensor = why.map(|why| why.sensor.as_str());
+        let seen = || self.frames_seen(sensor, why_none);
         let Some(LookupError { fixed, lack, .. }) = why else { return Some(seen()) };
         match lack {
             Lack::UnknownFrame { .. } if self.frames.frame_names().is_empty() => Some(seen()),
@@ -62,15 +63,23 @@ impl Join {
         }
     }
 
-    /// The frames that have been seen, or why there are none.
-    fn frames_seen(&self, why_none: impl FnOnce() -> String) -> String {
+    /// The frames that have been seen, or why there are none. Those that move, and take this sensor with them, are of no use as the
+    /// fixed one, and are counted alone.
+    fn frames_seen(&self, sensor: Option<&str>, why_none: impl FnOnce() -> String) -> String {
         let known = self.frames.frame_names();
         if known.is_empty() {
             return format!("no transform has come at all: {}", why_none());
         }
+        let is_carried =
+            |frame: &String| sensor.is_some_and(|sensor| self.frames.is_carried_with(frame, sensor));
+        let (carried, known): (Vec<_>, Vec<_>) = known.into_iter().partition(is_carried);
         let (shown, more) = (&known[..known.len().min(NAMES)], known.len().saturating_sub(NAMES));
         let more = if more > 0 { format!(" and {more} more") } else { String::new() };
-        format!("frames seen: {}{more}", shown.join(", "))
+        let carried = match carried.len() {
+            0 => String::new(),
+            number => format!(", and {number} that move with the sensor"),
+        };
+        format!("frames seen: {}{more}{carried}", shown.join(", "))
     }
 }
 
@@ -113,9 +122,7 @@ mod tests {
         assert_eq!(join.hint(None, GivenUp::TimedOut, never).as_deref(), Some(seen));
         let expected = |more: &str| Some(format!("{seen}{more}"));
         let choose = " (choose with -p fixed_frame:=...)";
-        for sensor in ["base", "nowhere"] {
-            assert_eq!(hint(&join, "map", sensor, 10), expected(choose));
-        }
+        assert_eq!(hint(&join, "map", "nowhere", 10), expected(choose));
         let publisher = "ros2 run tf2_ros static_transform_publisher";
         let nobody =
             format!("; nobody says where `kinect_depth` is: a robot description does, or {publisher}");
@@ -135,6 +142,27 @@ mod tests {
         let (fixed, sensor, at) = ("odom".to_owned(), "base".to_owned(), Stamp::default());
         let back = LookupError { fixed, sensor, at, lack: Lack::NotJumpedBack { newest: at } };
         assert_eq!(join.hint(Some(&back), GivenUp::TimedOut, never), None);
+    }
+
+    #[test]
+    fn frames_that_move_with_the_sensor_are_not_offered_as_the_fixed_one() {
+        let mut join = Join::new(1);
+        for (parent, child, is_static) in [
+            ("map", "odom", false),
+            ("odom", "base", false),
+            ("base", "link", true),
+            ("link", "camera", true),
+            ("base", "wheel", false),
+            ("map", "hall", true),
+            ("hall", "on_a_wall", true),
+        ] {
+            join.transform(&transform(parent, child, 10), is_static).unwrap();
+        }
+        let offered = |sensor| hint(&join, "world", sensor, 10).unwrap();
+        let words = "frames seen: hall, map, odom, on_a_wall, wheel, and 3 that move with the sensor (choose";
+        assert!(offered("camera").starts_with(words), "{}", offered("camera"));
+        let words = "frames seen: base, camera, hall, link, map, odom, on_a_wall, wheel (choose";
+        assert!(offered("on_a_wall").starts_with(words), "{}", offered("on_a_wall"));
     }
 
     #[test]

@@ -25,6 +25,11 @@ impl Throttle {
         due
     }
 
+    /// Whether a line of this kind was never written; if so it counts as written.
+    pub(super) fn allows_once(&mut self, kind: &'static str, now: Instant) -> bool {
+        self.0.insert(kind.into(), now).is_none()
+    }
+
     /// The level of a line of this kind that is written now: as it is meant, or for debugging alone where it was written of late.
     pub(super) fn level_now(&mut self, kind: impl Into<Cow<'static, str>>, meant: Level) -> Level {
         if self.allows(kind, Instant::now()) { meant } else { Level::DEBUG }

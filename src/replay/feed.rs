@@ -252,6 +252,7 @@ impl<V: Visitor> Feeder<'_, V> {
         self.say(line);
         if let Some(fixed_frame) = self.outlook.fixed_frame() {
             self.account.look_for_viewpoint(&cloud.frame_id, fixed_frame, &self.join);
+            self.account.look_for_riding(fixed_frame, &mut self.join);
         }
         self.make_room()?;
         self.join.set_places(self.places());

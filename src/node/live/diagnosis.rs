@@ -2,6 +2,7 @@
 //! stands beside them. No worker is needed to tell it.
 
 use std::cell::{RefCell, RefMut};
+use std::collections::BTreeMap;
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
@@ -27,8 +28,8 @@ struct Period {
     /// How many transforms were refused, and why the newest was.
     refused: u64,
     refusal: Option<String>,
-    /// What transforms say that contradict each other; the newest.
-    contradiction: Option<String>,
+    /// Why the map may be wrong though scans have their transforms; of each kind the newest.
+    doubts: BTreeMap<&'static str, String>,
     /// How many sessions a jump has begun, and what is to be said of the newest.
     jumps: u64,
     jump: Option<String>,
@@ -41,7 +42,7 @@ impl Period {
             longest_wait: Duration::ZERO,
             refused: 0,
             refusal: None,
-            contradiction: None,
+            doubts: BTreeMap::new(),
             jumps: 0,
             jump: None,
         }
@@ -88,9 +89,9 @@ impl Diagnosis {
         self.period.refusal = Some(why);
     }
 
-    /// Transforms contradict each other, as this line says: every scan has its way, and the map may be wrong all the same.
-    pub(super) fn contradicted(&mut self, line: String) {
-        self.period.contradiction = Some(line);
+    /// Every scan may have its way, and the map be wrong all the same, as this line says.
+    pub(super) fn doubt(&mut self, kind: &'static str, line: String) {
+        self.period.doubts.insert(kind, line);
     }
 
     /// Which sensor's scans the engine takes in.
@@ -152,7 +153,7 @@ impl Diagnosis {
         if let Some(why) = &period.refusal {
             part.raise(level, format!("transforms refused: {}; the last: {why}", period.refused));
         }
-        if let Some(line) = &period.contradiction {
+        for line in period.doubts.values() {
             part.raise(Level::Warn, line);
         }
         if given_up > 0 {

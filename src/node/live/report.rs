@@ -38,6 +38,7 @@ impl<T: Transport> Live<T> {
             .collect();
         let network = self.transport.network_state();
         self.say_network(&network);
+        self.look_for_riding();
         let diagnosis = &self.diagnosis;
         let without: Vec<_> =
             self.intakes.iter().filter_map(|intake| intake.period.without_transform.clone()).collect();
@@ -51,6 +52,16 @@ impl<T: Transport> Live<T> {
         self.diagnosis.begin_period();
         let report = DiagnosticArray { header: Header { stamp: clock.into(), ..Header::default() }, status };
         place.send(report);
+    }
+
+    /// Says it once where the fixed frame moves, and the sensor with it.
+    pub(super) fn look_for_riding(&mut self) {
+        if let Some(line) = self.join.riding(&self.fixed_frame) {
+            if self.throttle.allows_once("tf_riding", Instant::now()) {
+                log(tracing::Level::WARN, &line);
+            }
+            self.diagnosis.doubt("tf_riding", line);
+        }
     }
 
     fn of_sensor(

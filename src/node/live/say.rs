@@ -62,7 +62,7 @@ impl<T: Transport> Live<T> {
     pub(super) fn say_inserted(&mut self, inserted: &Inserted, transform: &TransformStamped) {
         let Some(line) = inserted.about(transform) else { return };
         if matches!(inserted, Inserted::StaticMoved { .. }) {
-            self.diagnosis.contradicted(line.clone());
+            self.diagnosis.doubt(inserted.kind(), line.clone());
         }
         self.warn(inserted.kind(), format_args!("{line}"));
     }
@@ -84,7 +84,7 @@ impl<T: Transport> Live<T> {
         if self.rivals.is_news(child) {
             log(Level::WARN, &line);
         }
-        self.diagnosis.contradicted(line);
+        self.diagnosis.doubt("tf_rivals", line);
     }
 
     /// Why clouds of a sensor cannot be used, with the words that help where none could for a while: images may come before their

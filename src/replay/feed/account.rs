@@ -33,6 +33,8 @@ pub(super) struct Account {
     lacks_transforms: bool,
     /// What is to be said of clouds in the fixed frame.
     without_viewpoint: Option<String>,
+    /// What is to be said of a fixed frame that takes the sensor with it.
+    riding: Option<String>,
     /// What is to be said of cameras.
     distorted: BTreeSet<String>,
     /// Why scans of which frame were skipped.
@@ -71,6 +73,13 @@ impl Account {
     pub(super) fn look_for_viewpoint(&mut self, frame: &str, fixed_frame: &str, join: &Join) {
         if self.without_viewpoint.is_none() {
             self.without_viewpoint = join.without_viewpoint(frame, fixed_frame);
+        }
+    }
+
+    /// Looks whether the fixed frame moves, and the sensor with it.
+    pub(super) fn look_for_riding(&mut self, fixed_frame: &str, join: &mut Join) {
+        if self.riding.is_none() {
+            self.riding = join.riding(fixed_frame);
         }
     }
 
@@ -127,10 +136,12 @@ impl Account {
 
     /// All that was counted, and the warnings of the end; `reaches` says whether a way from a frame has come after all.
     pub(super) fn end(self, reaches: impl Fn(&str) -> bool) -> (Tally, Vec<Remark>) {
-        let Self { tally, disorder, unplaced, lacks_transforms, without_viewpoint, distorted, .. } = self;
+        let Self {
+            tally, disorder, unplaced, lacks_transforms, without_viewpoint, riding, distorted, ..
+        } = self;
         let came_later = unplaced.iter().any(|frame| reaches(frame));
         let disorder = disorder.about(came_later || lacks_transforms);
-        let warnings = disorder.into_iter().chain(without_viewpoint).chain(distorted);
+        let warnings = disorder.into_iter().chain(without_viewpoint).chain(riding).chain(distorted);
         (tally, warnings.map(Remark::warning).collect())
     }
 }

@@ -135,3 +135,23 @@ fn two_publishers_that_place_a_frame_on_the_sensors_way_differently_are_a_warnin
     let lines: Vec<_> = said.iter().filter(|(_, line)| line.contains("publishers")).collect();
     assert!(lines.len() == 1 && lines[0].0 == 30 && lines[0].1.starts_with(line), "{lines:?}");
 }
+
+#[test]
+fn a_fixed_frame_that_takes_the_sensor_with_it_is_a_warning_and_said_once() {
+    let (report, said) = driven(Fake::default(), async |live| {
+        live.fixed_frame = "camera".to_owned();
+        for second in 0..5 {
+            let mut event = transform(at(f64::from(second)), false);
+            if let Event::Transforms { message, .. } = &mut event {
+                message.transforms[0].transform.translation.x = f64::from(second);
+            }
+            live.event(event).await;
+            live.event(cloud(at(f64::from(second)), "camera")).await;
+            live.look_for_riding();
+        }
+    });
+    let transforms = part(&report, "transforms");
+    let words = "the fixed frame `camera` moves in `odom` and takes the sensor with it";
+    assert!(transforms.level == 1 && transforms.message.starts_with(words), "{transforms:?}");
+    assert_eq!(said.iter().filter(|(level, line)| *level == 30 && *line == transforms.message).count(), 1);
+}
