@@ -30,6 +30,11 @@ const SENSORS: usize = 1000;
 /// Frames of REP 105 that stand still.
 const MAPS: [&str; 4] = ["odom", "map", "world", "earth"];
 
+/// Whether a frame is one of [`MAPS`] by its name, also as one robot's of several: `robot1/odom`.
+fn is_map(frame: &str) -> bool {
+    frame.rsplit('/').next().is_some_and(|name| MAPS.contains(&name))
+}
+
 /// Joins clouds with their transforms.
 #[derive(Debug)]
 pub struct Join {
@@ -159,7 +164,7 @@ impl Join {
     /// A warning of clouds whose frame is no sensor's: the fixed one, one above it, or one with the name of a map (REP 105). Only where
     /// something moves below that frame, for nobody knows then where the sensor stood; else `None`.
     pub fn without_viewpoint(&self, frame: &str, fixed_frame: &str) -> Option<String> {
-        let is_no_sensor = MAPS.contains(&frame) || self.frames.is_above(frame, fixed_frame);
+        let is_no_sensor = is_map(frame) || self.frames.is_above(frame, fixed_frame);
         (is_no_sensor && self.frames.moves_below(frame)).then(|| {
             format!(
                 "clouds come in `{frame}`, so that nobody knows where the sensor stood: min_range, max_range, keep_radius and clearing go \

@@ -2,6 +2,7 @@
 //! of which what came before is still written. Where that takes too long, or waits for the reader of a pipe who does not come, a
 //! second signal ends the program at once, without the outputs that are not complete.
 
+use std::process::exit;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::channel;
 use std::sync::{Arc, LazyLock, Once};
@@ -9,7 +10,6 @@ use std::thread::Builder;
 use std::time::{Duration, Instant};
 
 use crate::replace::remove_temporary;
-use crate::say::exit;
 use crate::signals::Signals;
 
 static STOP: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
@@ -82,7 +82,7 @@ fn listen(ready: impl FnOnce()) {
             }
         }
         drop_outputs();
-        // Nothing more is said: stderr may be what the program waits for.
+        // Nothing more is said, and what was said not waited for: stderr may be what the program waits for.
         exit(1);
     });
 }

@@ -271,9 +271,10 @@ impl Given {
     pub(super) fn check_ranges(&self) -> Result<(), ConfigError> {
         let (least, most) = (self.number("min_range")?, self.number("max_range")?);
         if most < least {
-            let [name, bound] = self.last_first(["max_range", "min_range"]);
-            let must = format!("{}, which is {} m", self.values[name].1.also, self.number(bound)?);
-            return self.refuse(name, must);
+            return match self.last_first(["max_range", "min_range"]) {
+                [name @ "min_range", _] => self.refuse(name, format!("at most max_range, which is {most} m")),
+                [name, _] => self.refuse(name, format!("at least min_range, which is {least} m")),
+            };
         }
         // What is nearer is not taken in, and what is farther not kept.
         let kept = self.number("keep_radius")?;

@@ -77,6 +77,7 @@ impl Join {
         let more = if more > 0 { format!(" and {more} more") } else { String::new() };
         let carried = match carried.len() {
             0 => String::new(),
+            1 => ", and 1 that moves with the sensor".to_owned(),
             number => format!(", and {number} that move with the sensor"),
         };
         format!("frames seen: {}{more}{carried}", shown.join(", "))

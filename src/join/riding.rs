@@ -5,7 +5,7 @@
 
 use nalgebra::Isometry3;
 
-use super::{Join, MAPS};
+use super::{Join, is_map};
 
 /// Further than this, or by more, a frame moves (m, rad): what jitters or drifts does not.
 const MOVES: f64 = 0.25;
@@ -32,10 +32,14 @@ impl Join {
     /// A warning of a fixed frame that has moved in another one while no transform moves a sensor in it. To be asked now and then
     /// while clouds come.
     pub fn riding(&mut self, fixed_frame: &str) -> Option<String> {
-        if MAPS.contains(&fixed_frame) {
+        if is_map(fixed_frame) {
             return None;
         }
-        let carried = self.sensors().find_map(|sensor| self.frames.carried(fixed_frame, sensor, &MAPS));
+        // Where nobody knows where the sensor stood, it may well move in that frame.
+        let carried = self
+            .sensors()
+            .filter(|sensor| self.without_viewpoint(sensor, fixed_frame).is_none())
+            .find_map(|sensor| self.frames.carried(fixed_frame, sensor, is_map));
         let Some((above, place)) = carried.map(|(above, place)| (above.to_owned(), place)) else {
             self.riding = None;
             return None;
@@ -110,6 +114,9 @@ mod tests {
             }
             assert_eq!(said(moving, still, "odom", 0.5), None);
         }
+        let of_one = &["map robot1/odom", "robot1/odom base_link"];
+        let line = said(of_one, &["base_link camera"], "base_link", 0.5).unwrap();
+        assert!(line.ends_with("choose -p fixed_frame:=robot1/odom"), "{line}");
         // By other names.
         let line =
             said(&["site foot"], &["hall site", "foot base_link", "base_link camera"], "base_link", 0.5);
@@ -131,6 +138,9 @@ mod tests {
             (&["odom base_link", "base_link tilt"], &["tilt camera"], "base_link", 0.5),
             (robot, &["hall camera", "hall map"], "hall", 0.5),
             (robot, &["hall camera"], "base_link", 0.5),
+            // Clouds that come in the frame of a map, in which the sensor moves.
+            (&["map camera", "camera body"], &[], "camera", 0.5),
+            (&["map robot1/odom", "robot1/odom base_link"], &["base_link camera"], "robot1/odom", 0.5),
         ] {
             assert_eq!(said(moving, still, fixed_frame, by), None, "{moving:?} {still:?} {fixed_frame}");
         }

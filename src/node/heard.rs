@@ -66,7 +66,8 @@ fn entry<T: Default>(publishers: &mut BTreeMap<PublisherId, T>, publisher: Publi
 pub(super) struct Known {
     heard: Heard,
     gaps: Gaps,
-    /// When a good scan came last, or an image that lacks its camera info alone: it would lack it in another form too.
+    /// When a scan came last, from the first on that was good, or an image that lacks its camera info alone: it would lack it in
+    /// another form too.
     came: Option<Instant>,
 }
 
@@ -88,7 +89,8 @@ impl Known {
 
     /// Notes a scan, with or without a number.
     pub(super) fn note(&mut self, scan: &Decoded) {
-        if matches!(scan, Ok(_) | Err(CloudError::NoCameraInfo)) {
+        // Of a form that is taken any scan keeps it: the sensor is not silent.
+        if self.came.is_some() || matches!(scan, Ok(_) | Err(CloudError::NoCameraInfo)) {
             self.came = Some(Instant::now());
         }
     }
@@ -269,6 +271,14 @@ pub(super) mod tests {
             known.note(&Err(error.clone()));
             assert_eq!(known.comes(), comes, "{error}");
         }
+    }
+
+    #[test]
+    fn of_a_form_that_is_taken_any_scan_says_that_it_is_not_silent() {
+        let mut known = came_before(SILENT);
+        assert!(!known.comes());
+        known.note(&Err(CloudError::EmptyFrameId));
+        assert!(known.comes());
     }
 
     #[test]

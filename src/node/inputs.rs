@@ -59,12 +59,13 @@ pub(super) fn free(sensor: usize, all: &[SensorTopics], sources: &[Source]) -> V
     sources.iter().filter(is_free).cloned().collect()
 }
 
-/// Why no scan of a sensor has come for `quiet`, as far as it can be known; after `chosen` only that form counts.
+/// Why no scan of a sensor has come for `quiet`, as far as it can be known; after `chosen` only that form counts. `silences` is what the
+/// middleware may do to scans none of which has ever come; `None` where some have.
 pub(super) fn why_quiet(
     sensor: &SensorTopics,
     chosen: Option<Form>,
     sources: &[Source],
-    (quiet, silences): (Duration, &str),
+    (quiet, silences): (Duration, Option<&str>),
 ) -> String {
     let is_wanted = |form: &Form| chosen.is_none_or(|chosen| chosen == *form);
     let wanted: Vec<_> = Form::ALL
@@ -77,15 +78,14 @@ pub(super) fn why_quiet(
     if let Some((form, silent)) = wanted.iter().find(|(form, topic)| on(*form, topic).is_some()) {
         let (scan, quiet) = (scan_of(*form), quiet.as_secs());
         // What has come before neither is too large nor goes another way.
-        return if chosen.is_some() {
-            format!(
+        return match silences {
+            None => format!(
                 "{silent} has a publisher, but no {scan} has come for {quiet} s, and some came before: it has gone silent, or is no \
                  longer heard"
-            )
-        } else {
-            format!(
+            ),
+            Some(silences) => format!(
                 "{silent} has a publisher, but no {scan} has come for {quiet} s: either it is silent, {silences}"
-            )
+            ),
         };
     }
     let other = |topic: &str| sources.iter().find(|source| source.topic == topic);
@@ -308,8 +308,9 @@ mod tests {
     #[test]
     fn silence_is_explained_for_each_form_and_after_the_choice_for_the_chosen_one() {
         let sources = [source("/a/points", "PointCloud2"), source("/b", "Image")];
-        let why =
-            |points, image, chosen| why_quiet(&sensor(points, image), chosen, &sources, (QUIET, "or deaf"));
+        let why = |points, image, chosen| {
+            why_quiet(&sensor(points, image), chosen, &sources, (QUIET, Some("or deaf")))
+        };
         assert!(why("/x", "/y", None).contains("nobody publishes on /x or /y or /y/compressedDepth; "));
         assert!(
             why("/b", "/y", None)
@@ -320,7 +321,7 @@ mod tests {
         );
         assert!(why("/x", "/b", None).contains("/b has a publisher, but no depth image has come for 3 s"));
         assert!(why("/a/points", "/y", None).ends_with("either it is silent, or deaf"));
-        let came_before = why("/a/points", "/y", Some(Form::Points));
+        let came_before = why_quiet(&sensor("/a/points", "/y"), None, &sources, (QUIET, None));
         assert!(came_before.contains("no cloud has come for 3 s, and some came before"), "{came_before}");
         assert!(!came_before.contains("deaf"), "{came_before}");
         assert!(why("/a/points", "/y", Some(Form::Depth)).contains("nobody publishes on /y; "));

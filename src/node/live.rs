@@ -351,7 +351,7 @@ impl<T: Transport> Live<T> {
                 Ok(inserted) => {
                     if let Some(publisher) = publisher.filter(|_| inserted == Inserted::Stored && !is_static)
                     {
-                        self.look_for_rivals(publisher, transform);
+                        self.look_for_rivals(publisher, transform, Instant::now());
                     }
                     self.say_inserted(&inserted, transform);
                 }

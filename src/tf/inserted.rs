@@ -34,16 +34,22 @@ pub enum Inserted {
     },
 }
 
-/// What a static transform may differ from the one before and still be the same (m, rad): one has `1.57` for a quarter turn, the other
-/// all digits of it.
+/// What a static transform may lie off the one before and still be the same (m).
 const ROUNDING: f64 = 1e-3;
+
+/// What it may be turned (rad): one has `3.14` and `1.57` for half a turn and a quarter, about all three axes, the other all digits.
+const ROUNDING_OF_TURNS: f64 = 3e-3;
 
 impl Inserted {
     /// What a static transform does that comes after another one of the same frame and parent.
     pub(super) fn static_after(before: &Isometry3<f64>, now: &Isometry3<f64>) -> Self {
         let by = (now.translation.vector - before.translation.vector).norm();
         let turned = now.rotation.angle_to(&before.rotation);
-        if by > ROUNDING || turned > ROUNDING { Self::StaticMoved { by, turned } } else { Self::Stored }
+        if by > ROUNDING || turned > ROUNDING_OF_TURNS {
+            Self::StaticMoved { by, turned }
+        } else {
+            Self::Stored
+        }
     }
 
     /// Whether the frame's past is gone.

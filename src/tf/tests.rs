@@ -243,6 +243,18 @@ fn a_static_transform_that_comes_with_another_place_counts_and_is_told_unless_it
     let words =
         "the static transform of camera below base_link is another than before, by 0.000 m and 1.570 rad";
     assert!(told.starts_with(words), "{told}");
+    // Half turns and quarters by two decimals and by all, as robots' descriptions and drivers have them.
+    for quarters in [[-1.0, 0.0, -1.0], [2.0, 0.0, 1.0], [2.0, 0.0, 2.0]] {
+        let turns = quarters.map(|quarters: f64| quarters * std::f64::consts::FRAC_PI_2);
+        let rounded = turns.map(|turn: f64| (100.0 * turn).round() / 100.0);
+        let [rounded, exact] = [rounded, turns].map(|[roll, pitch, yaw]| {
+            let rotation = UnitQuaternion::from_euler_angles(roll, pitch, yaw);
+            message("base_link", "camera", 0.0, &Isometry3::from_parts(Translation3::identity(), rotation))
+        });
+        frames.insert(&rounded, true).unwrap();
+        assert_eq!(frames.insert(&exact, true), Ok(Inserted::Stored), "{quarters:?}");
+    }
+    frames.insert(&turn(1.57), true).unwrap();
     // A quarter turn with more digits, and the same rotation by the opposite quaternion.
     let mut opposite = turn(std::f64::consts::FRAC_PI_2);
     assert_eq!(frames.insert(&opposite, true), Ok(Inserted::Stored));

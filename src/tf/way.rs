@@ -25,9 +25,14 @@ impl Frames {
         own.into_iter().flatten()
     }
 
-    /// A frame in which transforms of `/tf` move `fixed`, and `sensor` with it, and where `fixed` was in it last: the nearest of these
-    /// `maps`, or else the root. `None` where nothing moves it, where something moves `sensor` in it, and where no way leads there.
-    pub fn carried(&self, fixed: &str, sensor: &str, maps: &[&str]) -> Option<(&str, Isometry3<f64>)> {
+    /// A frame in which transforms of `/tf` move `fixed`, and `sensor` with it, and where `fixed` was in it last: the nearest that
+    /// `is_map`, or else the root. `None` where nothing moves it, where something moves `sensor` in it, and where no way leads there.
+    pub fn carried(
+        &self,
+        fixed: &str,
+        sensor: &str,
+        is_map: impl Fn(&str) -> bool,
+    ) -> Option<(&str, Isometry3<f64>)> {
         let is_one_tree = self.root_of(fixed) == self.root_of(sensor);
         if !is_one_tree || self.way(fixed, sensor).any(|edge| edge.kept.is_some()) {
             return None;
@@ -38,7 +43,7 @@ impl Frames {
         for edge in self.up_from(fixed) {
             at = at.into_iter().chain(edge.newest()).min();
             above = Some(edge.parent.as_str());
-            if at.is_some() && maps.contains(&edge.parent.as_str()) {
+            if at.is_some() && is_map(&edge.parent) {
                 break;
             }
         }

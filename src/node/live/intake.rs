@@ -235,7 +235,7 @@ impl<T: Transport> Live<T> {
                 topics,
                 intake.chosen,
                 &inputs::free(sensor, inputs, &sources),
-                (now - intake.since, self.transport.silences()),
+                (now - intake.since, intake.newest.is_none().then(|| self.transport.silences())),
             );
             self.warn(format!("quiet {}", topics.name), format_args!("{line}"));
         }

@@ -94,7 +94,7 @@ impl<T: Transport> Live<T> {
         let silence = intake.since.elapsed();
         if silence >= QUIET {
             let free = inputs::free(sensor, inputs, sources);
-            let quiet = (silence, self.transport.silences());
+            let quiet = (silence, intake.newest.is_none().then(|| self.transport.silences()));
             part.raise(Level::Error, inputs::why_quiet(&inputs[sensor], intake.chosen, &free, quiet));
         }
     }

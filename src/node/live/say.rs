@@ -61,20 +61,30 @@ impl<T: Transport> Live<T> {
     /// Says what a transform did beside being stored.
     pub(super) fn say_inserted(&mut self, inserted: &Inserted, transform: &TransformStamped) {
         let Some(line) = inserted.about(transform) else { return };
-        if matches!(inserted, Inserted::StaticMoved { .. }) {
+        // Before the first scan any may matter.
+        let matters = self.join.sensors().next().is_none() || self.places_scans(&transform.child_frame_id);
+        if matches!(inserted, Inserted::StaticMoved { .. }) && matters {
             self.diagnosis.doubt(inserted.kind(), line.clone());
         }
         self.warn(inserted.kind(), format_args!("{line}"));
     }
 
-    /// Says where a publisher's transform is contradicted by another's, and scans are placed by both.
-    pub(super) fn look_for_rivals(&mut self, publisher: PublisherId, transform: &TransformStamped) {
-        let Some(Apart { by, turned }) = self.rivals.note(publisher, transform, Instant::now()) else {
-            return;
-        };
-        let (child, parent) = (&transform.child_frame_id, &transform.header.frame_id);
+    /// Whether scans are placed by the transforms of this frame.
+    fn places_scans(&self, child: &str) -> bool {
         let frames = self.join.frames();
-        if !self.join.sensors().any(|sensor| frames.is_on_way(child, &self.fixed_frame, sensor)) {
+        self.join.sensors().any(|sensor| frames.is_on_way(child, &self.fixed_frame, sensor))
+    }
+
+    /// Says where a publisher's transform is contradicted by another's, and scans are placed by both.
+    pub(super) fn look_for_rivals(
+        &mut self,
+        publisher: PublisherId,
+        transform: &TransformStamped,
+        at: Instant,
+    ) {
+        let Some(Apart { by, turned }) = self.rivals.note(publisher, transform, at) else { return };
+        let (child, parent) = (&transform.child_frame_id, &transform.header.frame_id);
+        if !self.places_scans(child) {
             return;
         }
         let line = format!(

@@ -302,7 +302,7 @@ mod tests {
         assert!(lost::<()>("~/reset", 0).is_none());
         let told = lost::<()>("~/reset", 7);
         assert!(
-            matches!(told, Some(Event::Garbled { topic, text }) if topic == "~/reset" && text.starts_with("7 "))
+            matches!(told, Some(Event::Garbled { topic, text }) if topic == "~/reset" && text.ends_with("lost: 7"))
         );
     }
 }

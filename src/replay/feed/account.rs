@@ -92,7 +92,9 @@ impl Account {
         let said = &mut self.transforms_said;
         match inserted {
             Ok(inserted) => {
-                inserted.about(transform).filter(|line| said.is_due(line, MOST_REPARENTINGS_SAID))
+                let (parent, child) = (&transform.header.frame_id, &transform.child_frame_id);
+                let kind = format!("{} {child} {parent}", inserted.kind());
+                inserted.about(transform).filter(|_| said.is_due(&kind, MOST_REPARENTINGS_SAID))
             }
             Err(error) => {
                 let reason = error.reason();

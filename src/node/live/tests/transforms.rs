@@ -95,6 +95,8 @@ fn where_scans_are_given_up_for_transforms_that_were_refused_both_are_said() {
 #[test]
 fn a_static_transform_that_another_one_contradicts_is_a_warning_and_a_line() {
     let (report, said) = driven(Fake::default(), async |live| {
+        live.event(transform(at(10.0), true)).await;
+        live.event(cloud(at(10.0), "camera")).await;
         for x in [0.0, 0.0, 1.0] {
             let mut event = transform(at(10.0), true);
             if let Event::Transforms { message, .. } = &mut event {
@@ -109,24 +111,42 @@ fn a_static_transform_that_another_one_contradicts_is_a_warning_and_a_line() {
     assert_eq!(said.iter().filter(|(_, line)| *line == transforms.message).count(), 1, "{said:?}");
 }
 
+#[test]
+fn a_static_transform_by_which_no_scan_is_placed_is_no_warning_wherever_it_goes() {
+    let (report, said) = driven(Fake::default(), async |live| {
+        live.event(transform(at(10.0), true)).await;
+        live.event(cloud(at(10.0), "camera")).await;
+        for x in [0.0, 1.0] {
+            let mut event = transform(at(10.0), true);
+            let Event::Transforms { message, .. } = &mut event else { unreachable!() };
+            message.transforms[0].child_frame_id = "dock".to_owned();
+            message.transforms[0].transform.translation.x = x;
+            live.event(event).await;
+        }
+    });
+    assert_eq!(part(&report, "transforms").level, 0, "{report:?}");
+    assert!(said.iter().any(|(_, line)| line.contains("dock below odom is another than before")), "{said:?}");
+}
+
 /// Wheel odometry and a filter over it; what happens to a wheel is of no interest.
 #[test]
 fn two_publishers_that_place_a_frame_on_the_sensors_way_differently_are_a_warning_and_a_line() {
     let (report, said) = driven(Fake::default(), async |live| {
+        let begin = Instant::now();
         for step in 0..25 {
-            let now = at(10.0 + 0.1 * f64::from(step));
+            let seconds = 0.1 * f64::from(step);
             for (number, x) in [(1, 0.0), (2, 0.4)] {
-                let mut event = transform(now, false);
-                let Event::Transforms { message, publisher, .. } = &mut event else { unreachable!() };
-                message.transforms[0].transform.translation.x = x;
-                let wheel =
-                    TransformStamped { child_frame_id: "wheel".to_owned(), ..message.transforms[0].clone() };
-                message.transforms.push(wheel);
-                *publisher = Some([number; 16]);
+                let event = transform(at(10.0 + seconds), false);
+                let Event::Transforms { message, .. } = &event else { unreachable!() };
+                let mut camera = message.transforms[0].clone();
                 live.event(event).await;
+                camera.transform.translation.x = x;
+                let wheel = TransformStamped { child_frame_id: "wheel".to_owned(), ..camera.clone() };
+                for frame in [camera, wheel] {
+                    live.look_for_rivals([number; 16], &frame, begin + Duration::from_secs_f64(seconds));
+                }
             }
-            live.event(cloud(now, "camera")).await;
-            tokio::time::sleep(Duration::from_millis(100)).await;
+            live.event(cloud(at(10.0 + seconds), "camera")).await;
         }
     });
     let transforms = part(&report, "transforms");
