@@ -181,7 +181,7 @@ def test_a_reader_that_listens_already_takes_the_new_range(start, peer):
     request = SetParametersAtomically.Request(parameters=[message("min_range", 900.0), message("max_range", 901.0)])
     assert peer.call(SetParametersAtomically, "/cfodi/set_parameters_atomically", request).result.successful
     take_in(camera, peer.deltas)
-    node.line_with("only 0 are used", "out of range")
+    node.line_with("only 0 can be used", "out of range")
 
 
 @pytest.mark.timeout(120)
