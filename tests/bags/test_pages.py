@@ -68,6 +68,11 @@ def test_the_readme_has_its_parts_in_the_order_in_which_they_are_looked_for():
     assert headings == ["See it", "Use it with a driver", "Read it from a planner", "Replay a bag", "Numbers", "Limits"]
 
 
+def test_every_page_is_reached_from_the_readme():
+    links = re.findall(r"\]\((docs/[\w-]+\.md)", "\n".join((REPOSITORY / name).read_text() for name in ("README.md", "ARCHITECTURE.md")))
+    assert {REPOSITORY / link for link in links} == set(DOCS.glob("*.md"))
+
+
 def anchors(page):
     """What GitHub makes of the headings of a page."""
     headings = re.findall(r"^#+ (.*)$", page.read_text(), re.MULTILINE)
