@@ -157,6 +157,20 @@ impl fmt::Display for Seconds {
     }
 }
 
+/// The time from the second stamp to the first, which is no earlier. Stamps of one instant that two programs have rounded differ by
+/// nanoseconds.
+struct Apart(Stamp, Stamp);
+
+impl fmt::Display for Apart {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self(later, earlier) = self;
+        match i128::from(later.nanos()) - i128::from(earlier.nanos()) {
+            nanos @ ..1000 => write!(f, "{nanos} ns"),
+            _ => write!(f, "{:.6} s", later.seconds_since(*earlier)),
+        }
+    }
+}
+
 /// Why there is no transform from the sensor's frame into the fixed one; the text goes into a warning as it is.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LookupError {
@@ -229,12 +243,10 @@ impl fmt::Display for LookupError {
                 "{sensor} hangs below {sensor_root}, {fixed} below {fixed_root}, and nothing connects the two"
             ),
             Lack::TooEarly { frame, covered } => {
-                let before = covered.from.seconds_since(*at);
-                write!(f, "{before:.6} s before the range covered by {frame}, {covered}")
+                write!(f, "{} before the range covered by {frame}, {covered}", Apart(covered.from, *at))
             }
             Lack::TooLate { frame, covered } => {
-                let after = at.seconds_since(covered.until);
-                write!(f, "{after:.6} s after the range covered by {frame}, {covered}")
+                write!(f, "{} after the range covered by {frame}, {covered}", Apart(*at, covered.until))
             }
             Lack::NotJumpedBack { newest } => write!(
                 f,

@@ -124,6 +124,9 @@ fn nothing_is_extrapolated_and_the_error_tells_the_covered_range() {
         "no transform from camera into odom at 1700000002.050000 s: 0.050000 s after the range covered by \
          base_link, 1700000000.000000 s to 1700000002.000000 s"
     );
+    let rounded = Stamp::from_nanos(at(2.0).nanos() + 1);
+    let late = frames.lookup("odom", "camera", rounded).unwrap_err().to_string();
+    assert!(late.contains(": 1 ns after the range covered by base_link"), "{late}");
     assert_eq!(frames.x("odom", "camera", -0.1), Err("tf_too_early"));
     assert_eq!(frames.x("base_link", "camera", 99.0), Ok(0.5), "a static edge covers all time");
 }
