@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use crate::bags::{BagWriter, Layout, OPTICAL, drive, stamp};
+use crate::bags::{self, BagWriter, Layout, OPTICAL, POINTS, drive, stamp};
 use crate::{Folder, cfodi, program, replay};
 
 #[test]
@@ -85,6 +85,19 @@ fn what_was_not_read_is_said_where_an_output_cannot_be_written() {
     assert_eq!((found.status, found.number("scans")), (1, 3), "{}", found.errors);
     let said = ["not all of the bag was read", "cannot write /dev/full"];
     assert!(said.iter().all(|said| found.errors.contains(said)), "{}", found.errors);
+}
+
+#[test]
+fn a_replay_of_empty_clouds_says_so() {
+    let folder = Folder::new();
+    let mut writer = BagWriter::new(Layout::Plain);
+    for i in 0..3 {
+        writer.tf("/tf", stamp(i), "map", OPTICAL, 0.0);
+        writer.put(POINTS, "sensor_msgs/msg/PointCloud2", stamp(i), &bags::cloud(stamp(i), OPTICAL, &[]));
+    }
+    let found = replay(&folder.put("empty.mcap", &writer.finish()), &[]);
+    assert_eq!((found.status, found.number("scans")), (0, 3), "{}", found.errors);
+    assert!(found.errors.contains("none of 3 scans has a point"), "{}", found.errors);
 }
 
 #[test]

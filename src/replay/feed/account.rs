@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use crate::bag::TransformTopics;
 use crate::cloud::{Cloud, CloudError, distortion};
+use crate::count::count_of;
 use crate::join::{GivenUp, Join, Waited};
 use crate::msg::ros::TransformStamped;
 use crate::reason::{Reason, SESSION_ENDED};
@@ -143,7 +144,9 @@ impl Account {
         } = self;
         let came_later = unplaced.iter().any(|frame| reaches(frame));
         let disorder = disorder.about(came_later || lacks_transforms);
-        let warnings = disorder.into_iter().chain(without_viewpoint).chain(riding).chain(distorted);
-        (tally, warnings.map(Remark::warning).collect())
+        let empty = (tally.scans > 0 && tally.points_valid == 0 && tally.hardly_used == 0)
+            .then(|| format!("none of {} has a point", count_of(tally.scans, "scan")));
+        let said = empty.into_iter().chain(disorder).chain(without_viewpoint).chain(riding).chain(distorted);
+        (tally, said.map(Remark::warning).collect())
     }
 }
