@@ -95,13 +95,14 @@ fn run(
     bar: &Bar,
     say: &mut dyn FnMut(&str),
 ) -> anyhow::Result<(Results, Finished)> {
-    let mut fixed_frame = input.fixed_frame.clone();
+    let (mut fixed_frame, begun) = (input.fixed_frame.clone(), Instant::now());
     let letter = letter(setup);
     loop {
         let begin = Instant::now();
         let experiment = Experiment::new(letter.engine, move || begin.elapsed());
         let experiment = if options.no_effects { experiment.without_effects() } else { experiment };
-        let replay = Replay::new(letter.clone(), Outputs { bag: None, story: Some(Story::new()), say });
+        let replay =
+            Replay::new(letter.clone(), Outputs { bag: None, story: Some(Story::new()), say }, begun);
         let mut scans = Scans { experiment, replay };
         match feed(input.feed(fixed_frame, false, &mut |progress| bar.set(progress)), &mut scans)? {
             Ended::Fed(fed) => return Ok((scans.experiment.finish(), scans.replay.finish(fed))),

@@ -1,6 +1,7 @@
 //! `cfodi replay`: a recorded bag through the same engine as the live node.
 
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 use anyhow::Context as _;
 use cfodi::args::Setup;
@@ -123,11 +124,11 @@ fn run(
     mut make: impl FnMut() -> anyhow::Result<(Option<ResultFile>, Option<Story>)>,
     say: &mut dyn FnMut(&str),
 ) -> anyhow::Result<Finished> {
-    let mut fixed_frame = input.fixed_frame.clone();
+    let (mut fixed_frame, begin) = (input.fixed_frame.clone(), Instant::now());
     loop {
         let (bag, story) = make()?;
         let is_direct = bag.as_ref().is_some_and(ResultFile::is_direct);
-        let mut replay = Replay::new(settings(setup), Outputs { bag, story, say });
+        let mut replay = Replay::new(settings(setup), Outputs { bag, story, say }, begin);
         match feed(input.feed(fixed_frame, with_messages, &mut |progress| bar.set(progress)), &mut replay)? {
             Ended::Fed(fed) if fed.is_for_nothing() => anyhow::bail!(for_nothing(&fed.tally)),
             Ended::Fed(fed) => return Ok(replay.finish(fed)),

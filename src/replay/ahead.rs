@@ -33,6 +33,12 @@ impl<'a> Ahead<'a> {
         self.decoder.transform_topics()
     }
 
+    /// Whether the bag has transforms, as far as it says what it has.
+    pub(super) fn has_transforms(&self) -> bool {
+        let topics = self.bag.survey(&self.stop).topics;
+        topics.iter().any(|topic| topic.messages != Some(0) && self.transform_topics().has(&topic.name))
+    }
+
     /// Whether a sensor's frame is optical; see [`Decoder::is_optical`].
     pub(super) fn is_optical(&self, sensor: usize, frame: &str) -> bool {
         self.decoder.is_optical(sensor, frame)

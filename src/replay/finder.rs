@@ -50,20 +50,22 @@ impl Finder {
         self.is_wrong = self.fixed_frame.is_wrong(&self.tree);
     }
 
-    /// Guesses the frame; where there are transforms and none is about a sensor, the whole bag is asked. Gives the way to a
-    /// camera's body frame, where there are none and the map is made there.
+    /// Guesses the frame. The whole bag is asked where there are transforms and none is about a sensor, or none yet moves it: poses may
+    /// all lie behind the clouds. Gives the way to a camera's body frame, where there are none and the map is made there.
     pub(super) fn guess(&mut self, ahead: &Ahead<'_>, join: &Join) -> Option<TransformStamped> {
         let sensors: Vec<_> = join.sensors().collect();
         let was_open = self.name().is_none();
         self.fixed_frame.guess(&self.tree, &sensors);
-        if was_open && let FixedFrame::Still { name, .. } = &self.fixed_frame {
+        let is_open = self.name().is_none() && !sensors.is_empty();
+        let is_early =
+            || was_open && self.fixed_frame.is_where_all_stands(&self.tree) && ahead.has_transforms();
+        if is_open || is_early() {
+            self.fixed_frame = self.found(ahead, join);
+        } else if was_open && let FixedFrame::Still { name, .. } = &self.fixed_frame {
             let is_optical = join.sensor_in(name).is_some_and(|sensor| ahead.is_optical(sensor, name));
             let body = is_optical.then(|| body_of(name)).flatten()?;
             self.fixed_frame.level(&body);
             return Some(body);
-        }
-        if self.name().is_none() && !sensors.is_empty() {
-            self.fixed_frame = self.found(ahead, join);
         }
         self.is_wrong = self.fixed_frame.is_wrong(&self.tree);
         None

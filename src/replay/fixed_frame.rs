@@ -81,6 +81,15 @@ impl FixedFrame {
         };
     }
 
+    /// Whether the sensor does not move in this frame by what is known so far: if the bag has more to tell, the guess is hardly right.
+    pub(super) fn is_where_all_stands(&self, tree: &Tree) -> bool {
+        match self {
+            Self::Still { .. } => true,
+            Self::Guessed { sensor, .. } => !tree.moves(sensor),
+            Self::Settled(_) | Self::Open { .. } | Self::Found { .. } => false,
+        }
+    }
+
     /// Takes a camera that stands still to look straight ahead: the map is made in the frame that this transform puts above its
     /// own.
     pub(super) fn level(&mut self, body: &TransformStamped) {

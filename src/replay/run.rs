@@ -71,8 +71,8 @@ pub struct Replay<'a> {
 }
 
 impl<'a> Replay<'a> {
-    /// An empty map.
-    pub fn new(settings: Settings, outputs: Outputs<'a>) -> Self {
+    /// An empty map, of a replay that has begun then: reading may begin again.
+    pub fn new(settings: Settings, outputs: Outputs<'a>, begin: Instant) -> Self {
         Self {
             engine: Engine::new(settings.engine),
             pace: Pace::new(settings.publish_period),
@@ -87,7 +87,7 @@ impl<'a> Replay<'a> {
             beyond_grid: 0,
             id_before: 0,
             notes: Vec::new(),
-            begin: Instant::now(),
+            begin,
         }
     }
 

@@ -162,8 +162,9 @@ pub fn late_odom() -> Vec<u8> {
     writer.tf("/tf_static", stamp(0), "camera_link", OPTICAL, 0.0);
     for i in 0..60 {
         if i >= 40 {
-            writer.tf("/tf", stamp(i), "odom", "camera_link", 0.1 * i as f64);
+            writer.tf("/tf", stamp(i), "odom", "base_link", 0.0);
         }
+        writer.tf("/tf", stamp(i), "base_link", "camera_link", 0.1 * i as f64);
         writer.scan(i);
     }
     writer.finish()
