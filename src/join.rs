@@ -30,9 +30,17 @@ const SENSORS: usize = 1000;
 /// Frames of REP 105 that stand still.
 const MAPS: [&str; 4] = ["odom", "map", "world", "earth"];
 
-/// Whether a frame is one of [`MAPS`] by its name, also as one robot's of several: `robot1/odom`.
+/// Frames of a robot's body (REP 105, REP 120), whose origin is on the ground or near it.
+const BODIES: [&str; 3] = ["base_link", "base_footprint", "base_stabilized"];
+
+/// Whether a frame is one of [`MAPS`] by its name.
 fn is_map(frame: &str) -> bool {
-    frame.rsplit('/').next().is_some_and(|name| MAPS.contains(&name))
+    MAPS.contains(&own_name(frame))
+}
+
+/// A frame's name without that of its robot, of several: `odom` of `robot1/odom`.
+fn own_name(frame: &str) -> &str {
+    frame.rsplit('/').next().unwrap_or_default()
 }
 
 /// Joins clouds with their transforms.
@@ -161,16 +169,22 @@ impl Join {
         self.laps.sensors().find(|(known, _)| known == frame).map(|(_, sensor)| *sensor)
     }
 
-    /// A warning of clouds whose frame is no sensor's: the fixed one, one above it, or one with the name of a map (REP 105). Only where
-    /// something moves below that frame, for nobody knows then where the sensor stood; else `None`.
+    /// A warning of clouds whose frame is no sensor's: one that stands still while something moves below it, or the robot's body. The
+    /// engine takes its origin for the place from which they were seen. `None` where it may well be that.
     pub fn without_viewpoint(&self, frame: &str, fixed_frame: &str) -> Option<String> {
-        let is_no_sensor = is_map(frame) || self.frames.is_above(frame, fixed_frame);
-        (is_no_sensor && self.frames.moves_below(frame)).then(|| {
+        let is_body = BODIES.contains(&own_name(frame));
+        (is_body || self.is_of_no_sensor(frame, fixed_frame)).then(|| {
             format!(
-                "clouds come in `{frame}`, so that nobody knows where the sensor stood: min_range, max_range, keep_radius and clearing go \
-                 by that frame's origin; the driver's own cloud is in the sensor's frame"
+                "clouds come in `{frame}`, so that nobody knows where the sensor stood: min_range, max_range, keep_radius, clearing and \
+                 the side from which a surface is seen go by that frame's origin, and floors and table tops can come out as ceilings; \
+                 the driver's own cloud is in the sensor's frame"
             )
         })
+    }
+
+    /// Whether something moves below this frame, and it is the fixed one, one above it, or one with the name of a map (REP 105).
+    fn is_of_no_sensor(&self, frame: &str, fixed_frame: &str) -> bool {
+        (is_map(frame) || self.frames.is_above(frame, fixed_frame)) && self.frames.moves_below(frame)
     }
 
     /// Takes in a transform.

@@ -38,7 +38,7 @@ impl Join {
         // Where nobody knows where the sensor stood, it may well move in that frame.
         let carried = self
             .sensors()
-            .filter(|sensor| self.without_viewpoint(sensor, fixed_frame).is_none())
+            .filter(|sensor| !self.is_of_no_sensor(sensor, fixed_frame))
             .find_map(|sensor| self.frames.carried(fixed_frame, sensor, is_map));
         let Some((above, place)) = carried.map(|(above, place)| (above.to_owned(), place)) else {
             self.riding = None;

@@ -43,6 +43,17 @@ fn clouds_in_the_fixed_frame_of_a_robot_that_moves_are_warned_of() {
     let found = replay(&folder.put("driver.mcap", &bag(OPTICAL)), &[]);
     assert_eq!((found.status, found.number("scans")), (0, 12), "{}", found.errors);
     assert!(!found.errors.contains(said), "{}", found.errors);
+    // The robot's, which moves itself.
+    for frame in ["base_link", "robot1/base_footprint"] {
+        let mut writer = BagWriter::new(Layout::Plain);
+        for i in 0..12 {
+            writer.tf("/tf", stamp(i), "odom", frame, 0.1 * i as f64);
+            put_cloud(&mut writer, POINTS, frame, i);
+        }
+        let found = replay(&folder.put("robot.mcap", &writer.finish()), &[]);
+        assert_eq!((found.status, found.number("scans")), (0, 12), "{}", found.errors);
+        assert!(found.errors.contains(&said.replace("odom", frame)), "{}", found.errors);
+    }
     // Above the fixed frame, and a map between that one and what moves.
     for (frame, fixed_frame) in [("odom", "base_link"), ("odom", "map")] {
         let mut writer = BagWriter::new(Layout::Plain);
@@ -321,6 +332,27 @@ fn a_static_transform_that_comes_late_shows_the_frame_too() {
     assert!(late.errors.contains("made in `map`"), "{}", late.errors);
     assert!(!late.errors.contains("reading begins again"), "the frame is looked for ahead: {}", late.errors);
     assert_eq!(late.voxels, early.voxels);
+}
+
+#[test]
+fn poses_that_all_lie_behind_the_clouds_are_looked_for_before_a_frame_is_guessed() {
+    let folder = Folder::new();
+    for is_mounted in [true, false] {
+        let mut writer = BagWriter::new(Layout::Chunks);
+        let mount = |writer: &mut BagWriter| writer.tf("/tf_static", stamp(0), "camera_link", OPTICAL, 0.0);
+        if is_mounted {
+            mount(&mut writer);
+        }
+        (0..60).for_each(|i| writer.scan(i));
+        (0..60).for_each(|i| writer.tf("/tf", stamp(i), "odom", "camera_link", 0.1 * i as f64));
+        if !is_mounted {
+            mount(&mut writer);
+        }
+        let found = replay(&folder.put("behind.mcap", &writer.finish()), &[]);
+        assert_eq!((found.status, found.number("scans")), (0, 60), "{}", found.errors);
+        assert!(!found.errors.contains("reading begins again"), "{}", found.errors);
+        assert!(found.errors.contains(" in frame odom:"), "{}", found.errors);
+    }
 }
 
 #[test]
