@@ -151,15 +151,13 @@ async fn run_by<T: Transport>(
     let (session, transport) = (new_session(0), Rc::clone(&outlets.transport));
     let ended = match Beside::start(config, engine, session, outlets, seen.clone(), steps) {
         Ok((worker, beside)) => {
-            let live = Live::new(config, transport, worker, session, seen, reports);
+            let live = Live::new(config, transport, worker, session, seen, reports.clone());
             let file = config.snapshot_path.clone().map(|path| LastFile { path, given_up });
             live.run(events, beside, shutdown, file).await
         }
-        Err(error) => {
-            drop(reports);
-            Err(error)
-        }
+        Err(error) => Err(error),
     };
+    drop(reports);
     if tokio::time::timeout(LAST_WORDS, &mut speaking).await.is_err() {
         speaking.abort();
         drop(speaking.await);
@@ -242,10 +240,6 @@ impl<T: Transport> Live<T> {
         file: Option<LastFile<impl Future<Output = ()>>>,
     ) -> Result<Arc<Snapshot>, LiveError> {
         let stop = self.listen(&mut events, &mut beside, shutdown).await;
-        events.close();
-        while let Ok(event) = events.try_recv() {
-            self.put_away(event).await;
-        }
         let Beside { publishing, mut muted, written } = beside;
         let (published, broken) = match stop {
             Stop::Asked => (None, None),
@@ -260,7 +254,8 @@ impl<T: Transport> Live<T> {
                 None => publishing.await,
             }
         };
-        let map = self.finish(publishing, written.zip(file)).await;
+        let (worker, closing) = self.close();
+        let map = closing.finish_and_answer(worker, events, publishing, written.zip(file)).await;
         giving_up.abort();
         // The last map may have been the first of which no messages could be made.
         broken.or_else(|| muted.try_recv().ok().map(LiveError::Mute)).map_or(map, Err)

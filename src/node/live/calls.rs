@@ -1,5 +1,6 @@
 //! Calls of services, and the map on its way into its file.
 
+use std::cell::RefCell;
 use std::future::Future;
 use std::path::PathBuf;
 use std::pin::Pin;
@@ -108,7 +109,7 @@ pub(super) struct LastFile<GivenUp> {
 pub(super) async fn last_written<T: Transport>(
     ended: Result<Arc<Snapshot>, LiveError>,
     mut written: UnboundedReceiver<Written>,
-    mut calls: Option<CallsForMap<Call<T::Request>>>,
+    calls: &RefCell<Option<CallsForMap<Call<T::Request>>>>,
     transport: &T,
     mut given_up: Pin<&mut impl Future<Output = StoreError>>,
 ) -> Result<Arc<Snapshot>, LiveError> {
@@ -125,12 +126,14 @@ pub(super) async fn last_written<T: Transport>(
         let Some(result) = result else { break };
         log(&result);
         // Where it was not written, the next one may be.
-        if let Some(calls) = calls.as_mut().filter(|_| result.is_ok()) {
-            tell(calls.end().0, |call| call.response(&result), transport).await;
+        if result.is_ok() {
+            let answered = calls.borrow_mut().as_mut().map(|calls| calls.end().0);
+            tell(answered.into_iter().flatten(), |call| call.response(&result), transport).await;
         }
         last = Some(result);
     }
-    let calls = calls.into_iter().flat_map(CallsForMap::into_calls);
+    // No map comes any more by which calls could be answered.
+    let calls = calls.take().into_iter().flat_map(CallsForMap::into_calls);
     match ended.and_then(|map| Ok((map, last.ok_or(LiveError::SaverDied)?))) {
         Ok((map, last)) => {
             tell(calls, |call| call.response(&last), transport).await;
@@ -153,7 +156,7 @@ pub(super) async fn given_up(file: Option<LastFile<impl Future<Output = ()>>>) -
 }
 
 /// Answers calls at the node's end.
-async fn tell<T: Transport>(
+pub(super) async fn tell<T: Transport>(
     calls: impl IntoIterator<Item = Call<T::Request>>,
     response: impl Fn(&Call<T::Request>) -> TriggerResponse,
     transport: &T,

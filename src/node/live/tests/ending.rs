@@ -16,29 +16,57 @@ fn calls_that_still_wait_at_the_end_are_told_that_nothing_was_done_or_of_the_las
     let runtime = Builder::new_current_thread().enable_time().build().unwrap();
     let nothing = (false, "the node ends, and nothing was done".to_owned());
     for (config, at_once) in [(Config::new([]).unwrap(), 2), (saving_in(folder.path()), 1)] {
-        let live = runtime.block_on(async {
-            let (mut live, _reported) = reports::by_hand(&config, Fake::default());
+        let closing = runtime.block_on(async {
+            let closing = reports::by_hand(&config, Fake::default()).0.close().1;
             for service in [Service::Reset, Service::Save] {
-                live.put_away(Event::Call(service, ())).await;
+                closing.put_away(Event::Call(service, ())).await;
             }
-            live
+            closing
         });
-        let replies = live.transport.replies.take();
-        let told: Vec<_> = replies.into_iter().map(|reply| (reply.success, reply.message)).collect();
-        assert_eq!(told, vec![nothing.clone(); at_once]);
-        let waiting =
-            live.calls_for_map.into_iter().flat_map(CallsForMap::into_calls).map(|call| call.service);
+        assert_eq!(replies(&closing.transport), vec![nothing.clone(); at_once]);
+        let waiting = closing.calls_for_map.take().into_iter().flat_map(CallsForMap::into_calls);
         assert_eq!(waiting.count(), 2 - at_once);
     }
+}
+
+/// A disk that takes its time, until both have been called.
+#[test]
+fn calls_that_come_while_the_node_ends_are_answered_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let runtime = Builder::new_current_thread().enable_time().build().unwrap();
+    let (ended, replies) = LocalSet::new().block_on(&runtime, async {
+        let (live, _reported) = reports::by_hand(&saving_in(folder.path()), Fake::default());
+        let transport = Rc::clone(&live.transport);
+        let ((events, receiver), (writes, written)) = (mpsc::channel(2), mpsc::unbounded_channel());
+        let ended = Ended { map: Some(map()), died: None };
+        let publishing = tokio::task::spawn_local(std::future::ready(ended));
+        let beside = Beside { publishing, muted: mpsc::channel(1).1, written: Some(written) };
+        let asked = std::future::ready(());
+        let call = async {
+            tokio::time::sleep(TICK).await;
+            for service in [Service::Save, Service::Reset] {
+                events.send(Event::Call(service, ())).await.unwrap();
+            }
+            until("an answer", || !transport.replies.borrow().is_empty()).await;
+            writes.send(Ok(in_file(1))).unwrap();
+            drop(writes);
+        };
+        let run = live.run(receiver, beside, asked, Some(file(std::future::pending())));
+        let (ended, ()) = tokio::join!(run, call);
+        (ended, replies(&transport))
+    });
+    let nothing = (false, "the node ends, and nothing was done".to_owned());
+    assert_eq!(replies, [nothing, (true, "4 scans saved, 99 bytes".to_owned())]);
+    ended.unwrap();
 }
 
 #[test]
 fn a_cloud_that_was_handed_over_and_not_heard_before_the_end_is_counted() {
     let runtime = Builder::new_current_thread().enable_time().build().unwrap();
     let counts = runtime.block_on(async {
-        let (mut live, _reported) = reports::by_hand(&Config::new([]).unwrap(), Fake::default());
-        live.put_away(Event::Handed(Form::Points.of(0), Box::default())).await;
-        live.counts.take()
+        let closing = reports::by_hand(&Config::new([]).unwrap(), Fake::default()).0.close().1;
+        closing.put_away(Event::Handed(Form::Points.of(0), Box::default())).await;
+        closing.counts.take()
     });
     assert_eq!((counts.received, counts.skipped.get(&SHUTDOWN)), (1, Some(&1)));
 }
@@ -70,7 +98,14 @@ fn a_map_that_takes_long_at_the_end_is_told_of_and_given_up_when_that_is_asked_f
     let runtime = Builder::new_current_thread().enable_time().build().unwrap();
     let begun = Instant::now();
     let last = async {
-        last_written(Ok(map()), written, Some(calls), &transport, pin!(given_up(Some(file(async {}))))).await
+        last_written(
+            Ok(map()),
+            written,
+            &RefCell::new(Some(calls)),
+            &transport,
+            pin!(given_up(Some(file(async {})))),
+        )
+        .await
     };
     let (ended, said) = heard(|| runtime.block_on(last));
     assert!(begun.elapsed() >= Duration::from_secs(2), "it was given up before it was said");
@@ -103,7 +138,7 @@ async fn told(results: [Option<u64>; 2]) -> Vec<(bool, String)> {
     assert!(!calls.begin(Some(call(Service::Reset, 2))), "one is");
     calls.wait(call(Service::Save, 2));
     let transport = Fake::default();
-    let ended = last_written(Ok(map()), written, Some(calls), &transport, pin!(kept())).await;
+    let ended = last_written(Ok(map()), written, &RefCell::new(Some(calls)), &transport, pin!(kept())).await;
     assert_eq!(ended.is_ok(), results[1].is_some(), "{ended:?}");
     replies(&transport)
 }
@@ -126,7 +161,7 @@ async fn told_without_a_map(
         calls.begin(Some(Call { service, session: 2, request: () }));
     }
     let transport = Fake::default();
-    let ended = last_written(ended, results, Some(calls), &transport, pin!(kept())).await;
+    let ended = last_written(ended, results, &RefCell::new(Some(calls)), &transport, pin!(kept())).await;
     (ended.unwrap_err().to_string(), replies(&transport))
 }
 
@@ -215,8 +250,10 @@ fn the_last_map_has_all_scans_that_were_waiting_when_the_node_ends() {
         let (reports, _reported) = mpsc::channel(1);
         let live = Live::new(&config, Rc::new(Fake::default()), worker, 1, Seen::default(), reports);
         let no_file: Option<(_, LastFile<std::future::Pending<()>>)> = None;
+        let (worker, closing) = live.close();
         // The end is asked for before the engine goes on.
-        let (ended, ()) = tokio::join!(live.finish(publishing, no_file), async move { drop(go_on) });
+        let finish = closing.finish(worker, publishing, no_file);
+        let (ended, ()) = tokio::join!(finish, async move { drop(go_on) });
         assert!(busy.await.unwrap(), "the engine has taken in all before");
         ended
     });
@@ -235,12 +272,13 @@ fn a_node_that_cannot_publish_any_more_ends_without_its_map_when_that_is_asked_f
                 std::thread::park();
             };
             live.worker = Worker::start(Engine::new(Params::paper()), 1, 1, waits).unwrap();
-            live.put_away(Event::Call(Service::Save, ())).await;
-            live.counts.borrow_mut().received = 3;
-            let (transport, counts) = (Rc::clone(&live.transport), Rc::clone(&live.counts));
+            let (worker, closing) = live.close();
+            closing.put_away(Event::Call(Service::Save, ())).await;
+            closing.counts.borrow_mut().received = 3;
             let (_writes, written) = mpsc::unbounded_channel();
-            let ended = live.finish(std::future::pending(), Some((written, file(async {})))).await;
-            (ended.unwrap_err().to_string(), replies(&transport), counts.take())
+            let written = Some((written, file(async {})));
+            let ended = closing.finish(worker, std::future::pending(), written).await;
+            (ended.unwrap_err().to_string(), replies(&closing.transport), closing.counts.take())
         })
     });
     let (ended, replies, counts) = ended;
