@@ -26,6 +26,8 @@ pub(super) struct Fake {
     pub(super) reports: RefCell<Vec<DiagnosticArray>>,
     pub(super) replies: RefCell<Vec<TriggerResponse>>,
     pub(super) failure: RefCell<Option<oneshot::Receiver<String>>>,
+    /// The topic on which it panics.
+    pub(super) deadly: Option<&'static str>,
 }
 
 impl Default for Fake {
@@ -51,6 +53,7 @@ impl Default for Fake {
             reports: RefCell::default(),
             replies: RefCell::default(),
             failure: RefCell::default(),
+            deadly: None,
         }
     }
 }
@@ -59,6 +62,7 @@ impl Transport for Fake {
     type Request = ();
 
     async fn publish(&self, message: Outgoing) -> Result<(), SendError> {
+        assert!(self.deadly != Some(message.topic().name), "a panic for the test");
         match message {
             Outgoing::Clusters(_) => self.maps.set(self.maps.get() + 1),
             Outgoing::Delta(delta) => self.deltas.borrow_mut().push(delta),

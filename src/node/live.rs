@@ -24,7 +24,7 @@ use std::time::{Duration, Instant};
 
 use thiserror::Error;
 use tokio::sync::mpsc;
-use tokio::task::JoinError;
+use tokio::task::{JoinError, JoinHandle};
 
 use self::beside::{Beside, Steps};
 use self::calls::{LastFile, next};
@@ -32,6 +32,7 @@ use self::calls_for_map::{Call, CallsForMap};
 use self::change::{Timers, interval};
 use self::clocks::Clocks;
 use self::diagnosis::Diagnosis;
+use self::ending::mute;
 use self::intake::Intake;
 use self::rivals::Rivals;
 use self::session::{Cause, new_session};
@@ -153,12 +154,13 @@ async fn run_by<T: Transport>(
         Ok((worker, beside)) => {
             let live = Live::new(config, transport, worker, session, seen, reports.clone());
             let file = config.snapshot_path.clone().map(|path| LastFile { path, given_up });
-            live.run(events, beside, shutdown, file).await
+            live.run(events, beside, &mut speaking, shutdown, file).await
         }
         Err(error) => Err(error),
     };
     drop(reports);
-    if tokio::time::timeout(LAST_WORDS, &mut speaking).await.is_err() {
+    // Where it has ended of itself the node knows, and it must not be asked again.
+    if !speaking.is_finished() && tokio::time::timeout(LAST_WORDS, &mut speaking).await.is_err() {
         speaking.abort();
         drop(speaking.await);
     }
@@ -236,10 +238,11 @@ impl<T: Transport> Live<T> {
         mut self,
         mut events: mpsc::Receiver<Event<T::Request>>,
         mut beside: Beside,
+        speaking: &mut JoinHandle<()>,
         shutdown: impl Future<Output = ()>,
         file: Option<LastFile<impl Future<Output = ()>>>,
     ) -> Result<Arc<Snapshot>, LiveError> {
-        let stop = self.listen(&mut events, &mut beside, shutdown).await;
+        let stop = self.listen(&mut events, &mut beside, speaking, shutdown).await;
         let Beside { publishing, mut muted, written } = beside;
         let (published, broken) = match stop {
             Stop::Asked => (None, None),
@@ -266,6 +269,7 @@ impl<T: Transport> Live<T> {
         &mut self,
         events: &mut mpsc::Receiver<Event<T::Request>>,
         Beside { publishing, muted, written }: &mut Beside,
+        speaking: &mut JoinHandle<()>,
         shutdown: impl Future<Output = ()>,
     ) -> Stop {
         let transport = Rc::clone(&self.transport);
@@ -277,6 +281,8 @@ impl<T: Transport> Live<T> {
                 () = &mut shutdown => return Stop::Asked,
                 ended = &mut *publishing => return Stop::Published(ended),
                 Some(why) = muted.recv() => return Stop::Broken(LiveError::Mute(why)),
+                // Until the end there may always be another report.
+                Err(error) = &mut *speaking => return Stop::Broken(mute(error)),
                 reason = &mut failed => return Stop::Broken(LiveError::Deaf(reason)),
                 event = events.recv() => match event {
                     Some(event) => self.event(event).await,

@@ -40,11 +40,18 @@ fn last_map(ended: Result<Ended, JoinError>) -> Result<Arc<Snapshot>, LiveError>
 }
 
 fn death(ended: Result<Ended, JoinError>) -> LiveError {
-    match ended.map_err(JoinError::try_into_panic) {
+    match ended {
         Ok(ended) => LiveError::Died(ended.died.unwrap_or_else(|| "it has ended".to_owned())),
-        Err(Ok(panic)) => LiveError::Mute(panic_text(&*panic)),
-        Err(Err(error)) => LiveError::Mute(error.to_string()),
+        Err(error) => mute(error),
     }
+}
+
+/// What a task that sends has ended with.
+pub(super) fn mute(error: JoinError) -> LiveError {
+    LiveError::Mute(match error.try_into_panic() {
+        Ok(panic) => panic_text(&*panic),
+        Err(error) => error.to_string(),
+    })
 }
 
 impl<T: Transport> Live<T> {

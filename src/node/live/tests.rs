@@ -23,6 +23,7 @@ use crate::cloud::{Cloud, CloudError};
 use crate::config::Value;
 use crate::engine::{Params, Points, Stamp};
 use crate::msg::ros::{Header, Quaternion, Transform, TransformStamped, TriggerResponse, Vector3};
+use crate::msg::sent;
 use crate::node::counts::{ENGINE_DIED, TRANSFORM_TIMEOUT};
 use crate::node::fake::Fake;
 use crate::node::publish::{Make, messages};
@@ -327,6 +328,13 @@ fn a_panic_in_making_messages_ends_the_node_with_its_words_and_the_map_is_saved_
         assert_eq!(store::read(&path).unwrap().map.sequence(), 1);
         std::fs::remove_file(path).unwrap();
     }
+}
+
+#[test]
+fn a_panic_in_sending_a_report_ends_the_node_with_its_words() {
+    let transport = Fake { deadly: Some(sent::DIAGNOSTICS.name), ..Fake::default() };
+    let (ended, _, _) = node(transport, Vec::new(), u64::MAX);
+    assert_eq!(ended.unwrap_err().to_string(), "the node is mute: a panic for the test");
 }
 
 #[test]

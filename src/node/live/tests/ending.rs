@@ -51,7 +51,8 @@ fn calls_that_come_while_the_node_ends_are_answered_too() {
             writes.send(Ok(in_file(1))).unwrap();
             drop(writes);
         };
-        let run = live.run(receiver, beside, asked, Some(file(std::future::pending())));
+        let mut speaking = tokio::task::spawn_local(std::future::pending());
+        let run = live.run(receiver, beside, &mut speaking, asked, Some(file(std::future::pending())));
         let (ended, ()) = tokio::join!(run, call);
         (ended, replies(&transport))
     });
