@@ -21,7 +21,7 @@ use std::time::{Duration, Instant};
 
 use self::mailbox::{Beginning, Mailbox, Off};
 use self::making::Making;
-use crate::engine::{Engine, Frozen, Params, Scan, Snapshot, Update};
+use crate::engine::{Engine, Frozen, Params, Scan, Snapshot, Stamp, Update};
 use crate::thread::panic_text;
 
 /// What the worker has to say.
@@ -31,6 +31,10 @@ pub enum Output {
     Scan {
         /// The session it belongs to.
         session: u64,
+        /// Its sensor, as it was handed over with it.
+        sensor: usize,
+        /// Its own stamp.
+        stamp: Stamp,
         /// Its points.
         points: usize,
         /// What it changed.
@@ -125,12 +129,14 @@ impl Worker {
         self.places = places;
     }
 
-    /// Hands over a scan; returns whether it replaced the oldest of those that were still waiting.
+    /// Hands over a scan of the sensor of this number; gives the sensor of the oldest of those that were still waiting, where it has
+    /// replaced that.
     #[must_use = "a replaced scan is to be counted"]
-    pub fn submit(&self, scan: Scan) -> bool {
+    pub fn submit(&self, sensor: usize, scan: Scan) -> Option<usize> {
         self.mailbox.put(|pending| {
-            pending.scans.push_back(scan);
-            pending.scans.len() > self.places && pending.scans.pop_front().is_some()
+            pending.scans.push_back((sensor, scan));
+            let is_full = pending.scans.len() > self.places;
+            is_full.then(|| pending.scans.pop_front()).flatten().map(|(sensor, _)| sensor)
         })
     }
 
@@ -234,8 +240,8 @@ impl<S: FnMut(Output) + Clone + Send + 'static> Work<'_, S> {
             if let Some(params) = task.params {
                 self.engine.tune(&params);
             }
-            if let Some(scan) = task.scan {
-                self.take_in(&scan);
+            if let Some((sensor, scan)) = task.scan {
+                self.take_in(sensor, &scan);
             }
             let makes = task.snapshot && !self.gives_again();
             self.give(makes, task.save);
@@ -257,10 +263,11 @@ impl<S: FnMut(Output) + Clone + Send + 'static> Work<'_, S> {
         self.engine = Engine::new(*self.engine.params());
     }
 
-    fn take_in(&mut self, scan: &Scan) {
+    fn take_in(&mut self, sensor: usize, scan: &Scan) {
         let (session, start) = (self.session, Instant::now());
         let update = self.engine.insert(scan);
-        (self.sink)(Output::Scan { session, points: scan.points.len(), update, took: start.elapsed() });
+        let (stamp, points, took) = (scan.stamp, scan.points.len(), start.elapsed());
+        (self.sink)(Output::Scan { session, sensor, stamp, points, update, took });
     }
 
     /// Waits for a snapshot that is being made; where there is one of the map as it is, that is given again.

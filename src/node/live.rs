@@ -372,24 +372,20 @@ impl<T: Transport> Live<T> {
                 // The clock of that lap comes next, and begins no session of its own.
                 self.clocks.follow(scan.stamp);
             }
-            self.diagnosis.handed().hand(sensor, scan.stamp);
-            if self.worker.submit(scan) {
-                self.note_replaced();
+            if let Some(replaced) = self.worker.submit(sensor, scan) {
+                self.note_replaced(replaced);
             }
         }
     }
 
-    /// The scan that was handed over last has taken the place of an older one.
-    fn note_replaced(&mut self) {
+    /// The scan that was handed over last has taken the place of an older one, of this sensor.
+    fn note_replaced(&mut self, sensor: usize) {
         self.counts.borrow_mut().replaced += 1;
         let replaced = self.counts.borrow().replaced;
         let line =
             format!("the engine is slower than the sensor: {} replaced so far", count_of(replaced, "scan"));
-        let sensor = self.diagnosis.handed().replace(self.join.places());
-        if let Some(intake) = sensor.and_then(|sensor| self.intakes.get_mut(sensor)) {
-            // The engine has others of it, and says itself that it is slow.
-            intake.period.given_up += 1;
-        }
+        // The engine has others of it, and says itself that it is slow.
+        self.intakes[sensor].period.given_up += 1;
         self.warn("replaced", format_args!("{line}"));
     }
 

@@ -12,7 +12,6 @@ mod counts;
 pub mod dds;
 #[cfg(test)]
 mod fake;
-mod handed;
 mod heard;
 mod inputs;
 mod kept;

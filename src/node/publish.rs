@@ -19,7 +19,7 @@ use super::throttle::Throttle;
 use super::transport::{SendError, Transport};
 use super::vitals::{MapSize, Points, Reach, Vitals};
 use crate::config::Config;
-use crate::engine::{Snapshot, Update};
+use crate::engine::{Snapshot, Stamp, Update};
 use crate::msg::caps::Caps;
 use crate::msg::clusters::{MapVersion, Session, SurfaceClusterArray};
 use crate::msg::markers::Markers;
@@ -125,8 +125,10 @@ impl<'a, T: Transport> Taking<'a, T> {
     async fn all(mut self, mut outputs: mpsc::Receiver<Output>) -> Ended {
         while let Some(output) = outputs.recv().await {
             match output {
-                Output::Scan { session, points, update, took } => {
-                    self.scan(session, points as u64, &update, took).await;
+                Output::Scan { session, sensor, stamp, points, update, took } => {
+                    let points =
+                        Points { all: points as u64, beyond_grid: u64::from(update.points_beyond_grid) };
+                    self.scan(session, (sensor, stamp), points, &update, took).await;
                 }
                 Output::Snapshot { session, snapshot, took } => self.snapshot(session, snapshot, took),
                 Output::Saved { session, map } => {
@@ -145,11 +147,17 @@ impl<'a, T: Transport> Taking<'a, T> {
         self.ended
     }
 
-    async fn scan(&mut self, session: u64, points: u64, update: &Update, took: Duration) {
-        let points = Points { all: points, beyond_grid: u64::from(update.points_beyond_grid) };
+    async fn scan(
+        &mut self,
+        session: u64,
+        of: (usize, Stamp),
+        points: Points,
+        update: &Update,
+        took: Duration,
+    ) {
         self.seen.counts.borrow_mut().taken_in += 1;
         let version = MapVersion { session, sequence: update.sequence };
-        self.seen.vitals.borrow_mut().note_scan(version, took, points);
+        self.seen.vitals.borrow_mut().note_scan(version, of, took, points);
         self.first.take_if(|first| first.session != session);
         self.first.get_or_insert(version);
         if let Some(line) = self.beyond.line(session, points, Instant::now()) {

@@ -1,10 +1,10 @@
 //! What is seen of the engine and its map where their outputs pass, for the node's reports.
 
+use std::collections::BTreeMap;
 use std::time::Duration;
 
-use super::handed::Handed;
 use crate::config::Config;
-use crate::engine::{GRID_REACH, Snapshot};
+use crate::engine::{GRID_REACH, Snapshot, Stamp};
 use crate::msg::clusters::MapVersion;
 use crate::msg::labelled;
 use crate::worker::Took;
@@ -16,8 +16,8 @@ pub(super) struct Vitals {
     pub(super) took: Vec<Duration>,
     /// What the newest snapshot of the map took.
     pub(super) snapshot_took: Took,
-    /// Whose these scans were.
-    pub(super) handed: Handed,
+    /// What was taken in of each sensor.
+    taken_in: BTreeMap<usize, TakenIn>,
     /// Points of these scans, and how many of them lay beyond the grid.
     pub(super) points: Points,
     /// The newest map that was seen.
@@ -27,12 +27,31 @@ pub(super) struct Vitals {
 }
 
 impl Vitals {
-    /// The scan by which the map has become this one was taken in.
-    pub(super) fn note_scan(&mut self, newest: MapVersion, took: Duration, points: Points) {
+    /// The scan of a sensor by which the map has become this one was taken in.
+    pub(super) fn note_scan(
+        &mut self,
+        newest: MapVersion,
+        (sensor, stamp): (usize, Stamp),
+        took: Duration,
+        points: Points,
+    ) {
         self.took.push(took);
-        self.handed.take_in();
+        let taken_in = self.taken_in.entry(sensor).or_default();
+        taken_in.scans += 1;
+        taken_in.newest = Some((newest.session, stamp));
         self.points.add(points);
         self.newest = Some(newest);
+    }
+
+    /// How many scans of a sensor were taken in since the last report.
+    pub(super) fn taken_in(&self, sensor: usize) -> u64 {
+        self.taken_in.get(&sensor).map_or(0, |taken_in| taken_in.scans)
+    }
+
+    /// The stamp of the scan of a sensor that was taken in last, where it is in the map of this session.
+    pub(super) fn newest_of(&self, sensor: usize, session: u64) -> Option<Stamp> {
+        let (of, stamp) = self.taken_in.get(&sensor)?.newest?;
+        (of == session).then_some(stamp)
     }
 
     /// A map was seen. One that was long in making may have fewer scans than are known of already.
@@ -45,7 +64,7 @@ impl Vitals {
     pub(super) fn begin_period(&mut self) {
         self.took.clear();
         self.points = Points::default();
-        self.handed.begin_period();
+        self.taken_in.values_mut().for_each(|taken_in| taken_in.scans = 0);
     }
 
     /// What `~/points_labelled` leaves out of the map of this session.
@@ -53,6 +72,15 @@ impl Vitals {
         let map = self.map.filter(|map| map.version.session == session)?;
         labelled::left_out(map.dense_voxels, map.unclustered_voxels)
     }
+}
+
+/// What was taken in of a sensor.
+#[derive(Debug, Default)]
+struct TakenIn {
+    /// Scans since the last report.
+    scans: u64,
+    /// The session and the stamp of the last one; the latest of all stamps would stay where one was far ahead.
+    newest: Option<(u64, Stamp)>,
 }
 
 /// Points that were handed to the engine.

@@ -21,8 +21,8 @@ pub(super) struct Pending {
     pub(super) session: Option<Beginning>,
     /// What the engine is to go on with, before the next scan.
     pub(super) params: Option<Params>,
-    /// Oldest first.
-    pub(super) scans: VecDeque<Scan>,
+    /// Oldest first, each with its sensor.
+    pub(super) scans: VecDeque<(usize, Scan)>,
     pub(super) snapshot: bool,
     /// What puts the next snapshot off.
     pub(super) off: Option<Off>,
@@ -75,7 +75,8 @@ impl Pending {
 pub(super) struct Task {
     pub(super) session: Option<Beginning>,
     pub(super) params: Option<Params>,
-    pub(super) scan: Option<Scan>,
+    /// With its sensor.
+    pub(super) scan: Option<(usize, Scan)>,
     pub(super) snapshot: bool,
     pub(super) save: bool,
     pub(super) stop: bool,
@@ -148,7 +149,7 @@ mod tests {
             mailbox.rest(Took { freezing, making });
             mailbox.put(|pending| {
                 (pending.snapshot, pending.stop) = (true, stop);
-                pending.scans.extend((0..waiting).map(scan));
+                pending.scans.extend((0..waiting).map(|stamp| (0, scan(stamp))));
                 let is_put_off = pending.put_off().is_some();
                 (is_put_off, pending.is_idle(is_put_off))
             })

@@ -39,11 +39,11 @@ fn in_a_full_mailbox_the_oldest_scan_is_replaced_and_said_to_be() {
         sender.send(output).unwrap();
     });
     let worker = worker.unwrap();
-    assert!(!worker.submit(scan(1)));
+    assert_eq!(worker.submit(0, scan(1)), None);
     enter.recv_timeout(PATIENCE).unwrap();
     let places = PLACES as i64;
-    assert!((2..2 + places).all(|stamp| !worker.submit(scan(stamp))));
-    assert!(worker.submit(scan(2 + places)));
+    assert!((2..2 + places).all(|stamp| worker.submit(stamp as usize, scan(stamp)).is_none()));
+    assert_eq!(worker.submit(0, scan(2 + places)), Some(2));
     (0..=places).for_each(|_| leave.send(()).unwrap());
     drop(worker);
     let stamps: Vec<_> =
@@ -89,7 +89,7 @@ fn of_a_map_that_stays_as_it_is_the_same_snapshot_comes_again_and_no_other_is_ma
     };
     let empty = map();
     assert!(comes_again(&empty) && comes_again(&empty));
-    assert!(!worker.submit(scan(1)));
+    assert_eq!(worker.submit(0, scan(1)), None);
     let of_scan = map();
     assert_eq!((of_scan.0, of_scan.1.sequence), (1, 1));
     assert!(comes_again(&of_scan));
@@ -122,7 +122,7 @@ fn while_a_snapshot_is_made_scans_are_taken_in_and_no_other_one_is_begun() {
     let next = || outputs.recv_timeout(PATIENCE).unwrap();
     worker.request_snapshot();
     for stamp in 1..=3 {
-        assert!(!worker.submit(scan(stamp)));
+        assert_eq!(worker.submit(0, scan(stamp)), None);
         worker.request_snapshot();
         assert!(matches!(next(), Output::Scan { update, .. } if update.sequence == stamp as u64));
     }
@@ -147,7 +147,7 @@ fn a_snapshot_of_a_session_never_comes_after_what_belongs_to_the_next() {
         std::thread::yield_now();
     }
     assert_eq!(worker.reset(2), 0);
-    assert!(!worker.submit(scan(1)));
+    assert_eq!(worker.submit(0, scan(1)), None);
     assert!(outputs.recv_timeout(Duration::from_millis(50)).is_err(), "the next session waits for it");
     leave.send(()).unwrap();
     let sessions = (0..2).map(|_| match outputs.recv_timeout(PATIENCE).unwrap() {
@@ -179,7 +179,7 @@ fn after_the_word_that_the_engine_has_died_nothing_comes_not_even_a_snapshot_tha
         assert!(patience.elapsed() < PATIENCE, "no snapshot is made");
         std::thread::yield_now();
     }
-    assert!(!worker.submit(scan(1)));
+    assert_eq!(worker.submit(0, scan(1)), None);
     assert!(outputs.recv_timeout(Duration::from_millis(100)).is_err(), "the end waits for it");
     leave.send(()).unwrap();
     drop(worker);
@@ -204,7 +204,7 @@ fn a_panic_while_a_snapshot_is_made_is_reported_too() {
 #[test]
 fn a_reset_throws_the_map_away_and_begins_a_session() {
     let (worker, outputs) = started();
-    assert!(!worker.submit(scan(1)));
+    assert_eq!(worker.submit(0, scan(1)), None);
     assert!(matches!(outputs.recv_timeout(PATIENCE).unwrap(), Output::Scan { session: 1, .. }));
     assert_eq!(worker.reset(9), 0);
     worker.request_snapshot();
@@ -221,7 +221,7 @@ fn a_map_that_is_kept_comes_out_before_the_session_begins_unless_it_is_empty() {
     worker.request_snapshot();
     let first = outputs.recv_timeout(PATIENCE).unwrap();
     assert!(matches!(first, Output::Snapshot { session: 2, .. }), "{first:?}");
-    assert!(!worker.submit(scan(1)));
+    assert_eq!(worker.submit(0, scan(1)), None);
     assert!(matches!(outputs.recv_timeout(PATIENCE).unwrap(), Output::Scan { session: 2, .. }));
     assert_eq!(worker.reset_and_keep(3), 0);
     worker.request_save();
@@ -255,7 +255,7 @@ fn of_a_reset_that_keeps_the_map_and_one_that_does_not_before_the_engine_hears_o
     type Begin = fn(&Worker, u64) -> usize;
     let ended = |first: Begin, second: Begin| {
         let (worker, outputs, leave) = held_up_at_first();
-        assert!(!worker.submit(scan(1)));
+        assert_eq!(worker.submit(0, scan(1)), None);
         assert!(matches!(outputs.recv_timeout(PATIENCE).unwrap(), Output::Scan { .. }));
         assert_eq!([first(&worker, 2), second(&worker, 3)], [0, 0]);
         drop(leave);
@@ -275,10 +275,28 @@ fn of_a_reset_that_keeps_the_map_and_one_that_does_not_before_the_engine_hears_o
     assert_eq!(ended(Worker::reset_and_keep, Worker::reset_and_keep), [(1, 1)]);
 }
 
+/// As a shorter `tf_timeout` has it.
+#[test]
+fn with_fewer_places_than_scans_wait_each_new_one_replaces_the_oldest_and_its_sensor_is_told() {
+    let (mut worker, outputs, leave) = held_up_at_first();
+    assert_eq!(worker.submit(9, scan(9)), None);
+    assert!(matches!(outputs.recv_timeout(PATIENCE).unwrap(), Output::Scan { sensor: 9, .. }));
+    assert!((0..4).all(|sensor| worker.submit(sensor, scan(sensor as i64)).is_none()));
+    worker.set_places(2);
+    assert_eq!([4, 5].map(|sensor| worker.submit(sensor, scan(sensor as i64))), [Some(0), Some(1)]);
+    drop(leave);
+    drop(worker);
+    let taken_in = outputs.iter().filter_map(|output| match output {
+        Output::Scan { sensor, stamp, .. } => Some((sensor, stamp.nanos())),
+        _ => None,
+    });
+    assert_eq!(taken_in.collect::<Vec<_>>(), [(2, 2), (3, 3), (4, 4), (5, 5)]);
+}
+
 #[test]
 fn the_last_maps_have_all_scans_that_were_waiting_when_the_worker_was_told_to_end() {
     let (worker, outputs, leave) = held_up_at_first();
-    (1..=5).for_each(|stamp| assert!(!worker.submit(scan(stamp))));
+    (1..=5).for_each(|stamp| assert_eq!(worker.submit(0, scan(stamp)), None));
     assert!(matches!(outputs.recv_timeout(PATIENCE).unwrap(), Output::Scan { .. }));
     worker.end(true);
     drop(leave);
@@ -304,6 +322,6 @@ fn a_panic_on_the_thread_is_reported_and_not_silent() {
         assert!(!matches!(output, Output::Scan { .. }), "no room");
         drop(sender.send(output));
     });
-    assert!(!worker.unwrap().submit(scan(1)));
+    assert_eq!(worker.unwrap().submit(0, scan(1)), None);
     assert!(matches!(receiver.recv_timeout(PATIENCE).unwrap(), Output::Died(text) if text == "no room"));
 }

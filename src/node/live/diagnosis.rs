@@ -1,7 +1,7 @@
 //! What the node knows of its engine, its map and its network for the reports on `/diagnostics`; what is heard of the sensors
 //! stands beside them. No worker is needed to tell it.
 
-use std::cell::{RefCell, RefMut};
+use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::rc::Rc;
 use std::time::{Duration, Instant};
@@ -13,7 +13,6 @@ use crate::memory::resident_mb;
 use crate::msg::reports::{DiagnosticStatus, Level};
 use crate::msg::status::StatusBuilder;
 use crate::node::counts::{Counts, TRANSFORM_TIMEOUT, WAITING_QUEUE_FULL};
-use crate::node::handed::Handed;
 use crate::node::publish::Seen;
 use crate::node::transport::NetworkState;
 use crate::node::vitals::{Reach, Vitals};
@@ -54,7 +53,7 @@ pub(super) struct Diagnosis {
     /// Fully qualified.
     node: String,
     counts: Rc<RefCell<Counts>>,
-    vitals: Rc<RefCell<Vitals>>,
+    pub(super) vitals: Rc<RefCell<Vitals>>,
     /// What was counted when the last report was made.
     before: Counts,
     period: Period,
@@ -92,11 +91,6 @@ impl Diagnosis {
     /// Every scan may have its way, and the map be wrong all the same, as this line says.
     pub(super) fn doubt(&mut self, kind: &'static str, line: String) {
         self.period.doubts.insert(kind, line);
-    }
-
-    /// Which sensor's scans the engine takes in.
-    pub(super) fn handed(&self) -> RefMut<'_, Handed> {
-        RefMut::map(self.vitals.borrow_mut(), |vitals| &mut vitals.handed)
     }
 
     /// A jump has begun a session.
@@ -270,6 +264,7 @@ impl Diagnosis {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::engine::Stamp;
     use crate::msg::clusters::MapVersion;
     use crate::msg::labelled::MAX_LABELLED;
     use crate::node::vitals::{MapSize, Points};
@@ -309,7 +304,12 @@ mod tests {
     fn what_the_engine_has_done_is_told_the_same_until_the_report_was_made_and_then_no_more() {
         let mut diagnosis = diagnosis();
         let (version, points) = (MapVersion { session: 1, sequence: 1 }, Points { all: 20, beyond_grid: 1 });
-        diagnosis.vitals.borrow_mut().note_scan(version, Duration::from_millis(5), points);
+        diagnosis.vitals.borrow_mut().note_scan(
+            version,
+            (0, Stamp::default()),
+            Duration::from_millis(5),
+            points,
+        );
         let told = |diagnosis: &Diagnosis| {
             let (engine, map) = (diagnosis.of_engine(), diagnosis.of_map(1));
             (value(&engine, "engine, longest [ms]"), value(&map, "points beyond the grid"))

@@ -47,7 +47,7 @@ impl<T: Transport> Live<T> {
         let (engine, map) = (diagnosis.of_engine(), diagnosis.of_map(self.session));
         status.extend([transforms, engine, map, diagnosis.of_network(&network)]);
         for (sensor, intake) in self.intakes.iter_mut().enumerate() {
-            intake.begin_period(self.diagnosis.handed().of(sensor).scans > 0);
+            intake.begin_period(self.diagnosis.vitals.borrow().taken_in(sensor) > 0);
         }
         self.diagnosis.begin_period();
         let report = DiagnosticArray { header: Header { stamp: clock.into(), ..Header::default() }, status };
@@ -123,12 +123,13 @@ impl<T: Transport> Live<T> {
 
     /// What of a sensor the map has: scans that come may all be given up, while those of others are taken in.
     fn add_taken_in(&self, part: &mut StatusBuilder, sensor: usize, clock: Stamp) {
-        let (intake, taken_in) = (&self.intakes[sensor], self.diagnosis.handed().of(sensor));
-        part.value("taken in", taken_in.scans).value("given up", intake.period.given_up);
-        if let Some(stamp) = taken_in.newest {
+        let (intake, vitals) = (&self.intakes[sensor], self.diagnosis.vitals.borrow());
+        let taken_in = vitals.taken_in(sensor);
+        part.value("taken in", taken_in).value("given up", intake.period.given_up);
+        if let Some(stamp) = vitals.newest_of(sensor, self.session) {
             part.value("age of the newest taken in [s]", format!("{:.3}", clock.seconds_since(stamp)));
         }
-        let is_left_out = taken_in.scans == 0 && intake.since.elapsed() < QUIET;
+        let is_left_out = taken_in == 0 && intake.since.elapsed() < QUIET;
         if let Some(LeftOut { since, why }) = intake.left_out.as_ref().filter(|_| is_left_out) {
             let level = if since.elapsed() >= QUIET { Level::Error } else { Level::Warn };
             part.raise(level, format!("none of its scans is taken into the map; why one is not: {why}"));

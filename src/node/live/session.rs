@@ -95,7 +95,6 @@ impl<T: Transport> Live<T> {
             self.worker.reset(self.session)
         };
         self.count_ended(thrown_away);
-        self.diagnosis.handed().begin_session(thrown_away);
         self.say_begun(cause);
         self.worker.request_snapshot();
         if cause.is_jump() {

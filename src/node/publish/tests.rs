@@ -87,7 +87,14 @@ fn outputs(scans: i64) -> Vec<Output> {
         });
         let snapshot = Arc::new(engine.snapshot());
         outputs.extend([
-            Output::Scan { session: 1, points: 20, update, took: Duration::ZERO },
+            Output::Scan {
+                session: 1,
+                sensor: 0,
+                stamp: update.stamp,
+                points: 20,
+                update,
+                took: Duration::ZERO,
+            },
             Output::Snapshot { session: 1, snapshot, took: Took::default() },
         ]);
     }

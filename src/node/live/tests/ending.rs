@@ -233,7 +233,7 @@ fn the_last_map_has_all_scans_that_were_waiting_when_the_node_ends() {
     for number in 0..SCANS {
         let (stamp, points) = (at(10.0 + number as f64), crate::engine::Points::F32(Vec::new()));
         let scan = Scan { stamp, fixed_from_sensor: crate::engine::Isometry3::identity(), points };
-        assert!(!worker.submit(scan));
+        assert_eq!(worker.submit(0, scan), None);
     }
     let runtime = Builder::new_current_thread().max_blocking_threads(1).enable_time().build().unwrap();
     let ended = LocalSet::new().block_on(&runtime, async {

@@ -3,6 +3,8 @@
 use super::lines::two;
 use super::reports::{by_hand, driven, part, value};
 use super::*;
+use crate::msg::clusters::MapVersion;
+use crate::node::vitals;
 
 const AGE: &str = "age of the newest taken in [s]";
 const NONE: &str = "none of its scans is taken into the map; why one is not: ";
@@ -38,8 +40,9 @@ fn a_sensor_none_of_whose_scans_is_taken_in_is_a_warning_with_the_reason_though_
 
 /// The engine takes in a scan of the only sensor.
 fn take_in(live: &Live<Fake>, seconds: f64) {
-    live.diagnosis.handed().hand(0, at(seconds));
-    live.diagnosis.handed().take_in();
+    let newest = MapVersion { session: live.session, sequence: 1 };
+    let mut vitals = live.diagnosis.vitals.borrow_mut();
+    vitals.note_scan(newest, (0, at(seconds)), Duration::ZERO, vitals::Points::default());
 }
 
 #[test]
@@ -85,11 +88,7 @@ fn where_none_of_a_sensor_was_given_up_or_taken_in_a_report_says_what_the_one_be
 #[test]
 fn a_scan_that_the_engine_is_too_slow_for_is_given_up_of_its_own_sensor() {
     let (report, _) = driven(two(), async |live| {
-        // The first waits, and eight after it.
-        for sensor in [0, 1, 1, 1, 1, 1, 1, 1, 1] {
-            live.diagnosis.handed().hand(sensor, at(10.0));
-        }
-        live.note_replaced();
+        live.note_replaced(0);
     });
     let [front, rear] = ["points", "rear"].map(|name| part(&report, &format!("sensor {name}")));
     assert_eq!([&front, &rear].map(|sensor| value(sensor, "given up")), ["1", "0"]);
