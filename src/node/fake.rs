@@ -2,7 +2,7 @@
 
 use std::cell::{Cell, RefCell};
 
-use tokio::sync::oneshot;
+use tokio::sync::{Semaphore, oneshot};
 
 use super::transport::{
     DepthTopics, NetworkState, SendError, SensorTopics, Service, Source, TopicName, Transport,
@@ -20,8 +20,10 @@ pub(super) struct Fake {
     pub(super) sources: Vec<Source>,
     pub(super) knows_all: Cell<bool>,
     pub(super) network: NetworkState,
-    /// How many whole maps.
-    pub(super) maps: Cell<u32>,
+    /// What was sent of the map, each with its number.
+    pub(super) sent: RefCell<Vec<(&'static str, u64)>>,
+    /// Lets whole maps through, one each, where they are to wait for that.
+    pub(super) through: Option<Semaphore>,
     pub(super) deltas: RefCell<Vec<SurfaceClusterArray>>,
     pub(super) reports: RefCell<Vec<DiagnosticArray>>,
     pub(super) replies: RefCell<Vec<TriggerResponse>>,
@@ -48,7 +50,8 @@ impl Default for Fake {
             sources: Vec::new(),
             knows_all: Cell::new(true),
             network: NetworkState::default(),
-            maps: Cell::default(),
+            sent: RefCell::default(),
+            through: None,
             deltas: RefCell::default(),
             reports: RefCell::default(),
             replies: RefCell::default(),
@@ -58,17 +61,38 @@ impl Default for Fake {
     }
 }
 
+impl Fake {
+    /// How many whole maps were sent.
+    pub(super) fn maps(&self) -> usize {
+        self.sent.borrow().iter().filter(|(what, _)| *what == "map").count()
+    }
+}
+
 impl Transport for Fake {
     type Request = ();
 
     async fn publish(&self, message: Outgoing) -> Result<(), SendError> {
         assert!(self.deadly != Some(message.topic().name), "a panic for the test");
-        match message {
-            Outgoing::Clusters(_) => self.maps.set(self.maps.get() + 1),
-            Outgoing::Delta(delta) => self.deltas.borrow_mut().push(delta),
-            Outgoing::Diagnostics(report) => self.reports.borrow_mut().push(report),
-            _ => {}
-        }
+        let sent = match message {
+            Outgoing::Clusters(map) => {
+                if let Some(through) = &self.through {
+                    through.acquire().await.unwrap().forget();
+                }
+                ("map", map.sequence)
+            }
+            Outgoing::Delta(delta) => {
+                let sequence = delta.sequence;
+                self.deltas.borrow_mut().push(delta);
+                ("delta", sequence)
+            }
+            Outgoing::Polygon(polygon) => ("polygon", polygon.polygon.id.cast_unsigned()),
+            Outgoing::Diagnostics(report) => {
+                self.reports.borrow_mut().push(report);
+                return Ok(());
+            }
+            _ => return Ok(()),
+        };
+        self.sent.borrow_mut().push(sent);
         Ok(())
     }
 

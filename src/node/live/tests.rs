@@ -353,8 +353,8 @@ fn when_the_network_was_joined_anew_the_map_goes_out_at_once_for_late_readers() 
     let sent = Rc::clone(&transport);
     let (ended, _, _) = node_until(&seldom, transport, Vec::new(), |events, _| async move {
         for map in 1..=2 {
-            until("a map", || sent.maps.get() >= map).await;
-            assert_eq!(sent.maps.get(), map);
+            until("a map", || sent.maps() >= map).await;
+            assert_eq!(sent.maps(), map);
             events.try_send(Event::Joined).unwrap();
         }
     });
@@ -370,9 +370,9 @@ fn the_empty_map_of_a_session_that_begins_goes_out_at_once() {
         let transport = Rc::new(Fake::default());
         let sent = Rc::clone(&transport);
         let (ended, _, _) = node_until(&seldom, transport, Vec::new(), |events, _| async move {
-            until("the first map", || sent.maps.get() == 1).await;
+            until("the first map", || sent.maps() == 1).await;
             cause.into_iter().for_each(|event| events.try_send(event).unwrap());
-            until("that of the session", || sent.maps.get() == 2).await;
+            until("that of the session", || sent.maps() == 2).await;
         });
         ended.unwrap();
     }

@@ -5,74 +5,13 @@ use std::time::Duration;
 use tokio::sync::Semaphore;
 
 use super::*;
-use crate::bag::TransformTopics;
 use crate::engine::{self, Engine, Isometry3, Params, Scan, Stamp};
-use crate::msg::ros::TriggerResponse;
+use crate::node::fake::Fake;
 use crate::node::record::tests::{begun, recorded};
-use crate::node::transport::{NetworkState, SensorTopics, Service, Source};
 
-/// Maps wait for being let through; what is sent is kept, with its number.
-struct Slow {
-    sent: RefCell<Vec<(&'static str, u64)>>,
-    through: Semaphore,
-}
-
-impl Transport for Slow {
-    type Request = ();
-
-    async fn publish(&self, message: Outgoing) -> Result<(), SendError> {
-        let sent = match message {
-            Outgoing::Delta(delta) => ("delta", delta.sequence),
-            Outgoing::Clusters(map) => {
-                self.through.acquire().await.unwrap().forget();
-                ("map", map.sequence)
-            }
-            Outgoing::Polygon(polygon) => ("polygon", polygon.polygon.id.cast_unsigned()),
-            _ => return Ok(()),
-        };
-        self.sent.borrow_mut().push(sent);
-        Ok(())
-    }
-
-    async fn answer(&self, _: Service, (): (), _: TriggerResponse) -> Result<(), SendError> {
-        Ok(())
-    }
-
-    fn inputs(&self) -> &[SensorTopics] {
-        unreachable!("nothing is read")
-    }
-
-    fn transform_topics(&self) -> &TransformTopics {
-        unreachable!("nothing is read")
-    }
-
-    fn losses(&self) -> &'static str {
-        "see receive_buffer"
-    }
-
-    fn silences(&self) -> &'static str {
-        "or it sends by shared memory only"
-    }
-
-    fn sources(&self) -> Vec<Source> {
-        Vec::new()
-    }
-
-    fn knows_all_sources(&self) -> bool {
-        true
-    }
-
-    fn node_name(&self) -> &'static str {
-        "/cfodi"
-    }
-
-    fn network_state(&self) -> NetworkState {
-        NetworkState::default()
-    }
-
-    async fn failed(&self) -> String {
-        std::future::pending().await
-    }
+/// Lets so many maps through.
+fn slow(maps: usize) -> Rc<Fake> {
+    Rc::new(Fake { through: Some(Semaphore::new(maps)), ..Fake::default() })
 }
 
 /// What a worker gives that takes in this many scans, with the map after each.
@@ -130,7 +69,7 @@ fn points_beyond_the_grid_are_said_once_a_session_and_once_in_a_while_where_sess
 
 #[tokio::test]
 async fn a_map_that_waits_holds_up_no_delta_and_is_followed_by_the_newest() {
-    let slow = Rc::new(Slow { sent: RefCell::default(), through: Semaphore::new(0) });
+    let slow = slow(0);
     let (sender, receiver) = mpsc::channel(1);
     let config = Config::new([]).unwrap();
     let outlets = Outlets { transport: Rc::clone(&slow), recorder: None };
@@ -144,7 +83,7 @@ async fn a_map_that_waits_holds_up_no_delta_and_is_followed_by_the_newest() {
         }
         drop(sender);
         assert_eq!(*slow.sent.borrow(), [1, 2, 3, 4].map(|number| ("delta", number)));
-        slow.through.add_permits(4);
+        slow.through.as_ref().unwrap().add_permits(4);
     };
     let (ended, ()) = tokio::join!(publishing, worker);
     assert_eq!(slow.sent.borrow()[4..], [("map", 1), ("map", 4)]);
@@ -156,7 +95,7 @@ async fn what_is_sent_of_the_map_is_recorded_too() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("result.mcap");
     let (record, recorder) = begun(&path);
-    let slow = Rc::new(Slow { sent: RefCell::default(), through: Semaphore::new(1) });
+    let slow = slow(1);
     let (sender, receiver) = mpsc::channel(10);
     outputs(1).into_iter().for_each(|output| sender.try_send(output).unwrap());
     drop(sender);
@@ -183,10 +122,7 @@ async fn a_map_from_before_the_first_scan_is_not_live_though_that_scan_overtakes
             sender.send(output).await.unwrap();
         }
         drop(sender);
-        let outlets = Outlets {
-            transport: Rc::new(Slow { sent: RefCell::default(), through: Semaphore::new(0) }),
-            recorder: None,
-        };
+        let outlets = Outlets { transport: slow(0), recorder: None };
         let wire = Wire { outlets, unsent: RefCell::default(), frame_id: "odom".to_owned() };
         let reach = Reach::of(&Config::new([]).unwrap());
         let (newest, maps) = watch::channel(None);
@@ -199,7 +135,7 @@ async fn a_map_from_before_the_first_scan_is_not_live_though_that_scan_overtakes
 
 #[tokio::test]
 async fn the_polygons_of_a_map_go_out_once_and_one_of_no_cluster_among_them() {
-    let slow = Rc::new(Slow { sent: RefCell::default(), through: Semaphore::new(8) });
+    let slow = slow(8);
     let wire = Wire {
         outlets: Outlets { transport: Rc::clone(&slow), recorder: None },
         unsent: RefCell::default(),
