@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use super::{ArgsError, Setup};
+use crate::bag::TransformTopics;
 use crate::config::Sensor;
 use crate::msg::form::Form;
 use crate::msg::types::COMPRESSED_DEPTH;
@@ -140,6 +141,15 @@ impl Setup {
             }
         }
         Ok(sensors)
+    }
+
+    /// The topics that transforms are read from, fully qualified.
+    ///
+    /// # Errors
+    /// When a name, or what a rule makes of it, is none.
+    pub fn transform_topics(&self) -> Result<TransformTopics, ArgsError> {
+        let TransformTopics { changing, lasting } = TransformTopics::default();
+        Ok(TransformTopics { changing: self.resolve(&changing)?, lasting: self.resolve(&lasting)? })
     }
 
     /// A topic by its name before remapping.

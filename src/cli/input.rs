@@ -6,7 +6,7 @@ use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use anyhow::{anyhow, bail};
-use cfodi::args::{ArgsError, DepthTopics, SensorTopics, Setup, TopicName};
+use cfodi::args::{DepthTopics, SensorTopics, Setup, TopicName};
 use cfodi::bag::{self, Bag, Choice, Decoder, Info, Survey, TransformTopics, Wanted, choose};
 use cfodi::config::{Kind, Sensor};
 use cfodi::line::one_line;
@@ -58,7 +58,7 @@ pub(crate) fn open(setup: &Setup, path: &Path, wanted: &[String]) -> anyhow::Res
     // As the node does.
     check_names(setup)?;
     let Choice { sensors, .. } = chosen(setup, path, wanted, &survey)?;
-    let transforms = transforms(setup)?;
+    let transforms = setup.transform_topics()?;
     let Survey { topics, is_complete } = survey;
     if is_complete {
         check_named(setup, &transforms, &topics)?;
@@ -67,11 +67,6 @@ pub(crate) fn open(setup: &Setup, path: &Path, wanted: &[String]) -> anyhow::Res
     let decoder = Decoder::new(sensors, setup.config().filter, transforms);
     let patience = setup.config().tf_timeout.max(PATIENCE);
     Ok(Input { bag, decoder, fixed_frame: fixed_frame(setup), patience })
-}
-
-/// The topics that transforms are read from.
-fn transforms(setup: &Setup) -> Result<TransformTopics, ArgsError> {
-    Ok(TransformTopics { changing: setup.resolve(TF.name)?, lasting: setup.resolve(TF_STATIC.name)? })
 }
 
 /// The bag, and what is in it.
@@ -345,7 +340,7 @@ mod tests {
         let arguments: Vec<_> = arguments.split_whitespace().map(str::to_owned).collect();
         let (setup, _) = Setup::parse(&arguments, &Environment::default(), "cfodi").unwrap();
         let topics = topics(names, "tf2_msgs/msg/TFMessage");
-        check_named(&setup, &transforms(&setup).unwrap(), &topics).map_err(|error| error.0)
+        check_named(&setup, &setup.transform_topics().unwrap(), &topics).map_err(|error| error.0)
     }
 
     #[test]

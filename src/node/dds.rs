@@ -43,7 +43,6 @@ pub use self::system::receive_buffer;
 use super::middleware::{Adding, EVENTS, Middleware, OpenError, Opened};
 use super::parameters::Parameters;
 use super::readers::Readers;
-use super::topics::transform_topics;
 use super::transport::{Event, Input, NetworkState, SendError, SensorTopics, Service, Source, Transport};
 use crate::args::Setup;
 use crate::args::security::Security;
@@ -182,7 +181,7 @@ impl Middleware for Dds {
             parameters,
             network: RefCell::new(Rc::new(network)),
             inputs: setup.sensor_topics()?,
-            transforms: transform_topics(setup)?,
+            transforms: setup.transform_topics()?,
             name: setup.fully_qualified_name(),
             receive_buffer: receive_buffer(setup),
         };

@@ -3,8 +3,6 @@
 use super::parameters::{self, ParameterService};
 use super::transport::Service;
 use crate::args::{ArgsError, Setup};
-use crate::bag::TransformTopics;
-use crate::msg::heard::{TF, TF_STATIC};
 
 /// A topic that nobody reads.
 pub(super) const PULSE: &str = "~/_pulse";
@@ -23,14 +21,6 @@ pub fn check_names(setup: &Setup) -> Result<(), ArgsError> {
         setup.resolve_service(name)?;
     }
     Ok(())
-}
-
-/// What transforms are read from.
-///
-/// # Errors
-/// Where a name cannot be.
-pub(super) fn transform_topics(setup: &Setup) -> Result<TransformTopics, ArgsError> {
-    Ok(TransformTopics { changing: setup.resolve(TF.name)?, lasting: setup.resolve(TF_STATIC.name)? })
 }
 
 /// The type that DDS calls `sensor_msgs::msg::dds_::PointCloud2_`, as ROS writes it.

@@ -42,7 +42,6 @@ use super::own_thread::on_own_thread;
 use super::parameters::Parameters;
 use super::readers::{self, Readers};
 use super::seeds::Scans;
-use super::topics::transform_topics;
 use super::transport::{DISCOVERY, Input, NetworkState, SendError, SensorTopics, Service, Source, Transport};
 use crate::args::Setup;
 use crate::args::security::Security;
@@ -123,7 +122,7 @@ impl Zenoh {
             session: session.clone(),
             parameters,
             inputs,
-            transforms: transform_topics(setup)?,
+            transforms: setup.transform_topics()?,
             scans,
             name: setup.fully_qualified_name(),
         })

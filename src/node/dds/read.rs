@@ -16,6 +16,7 @@ use super::namesakes::Namesakes;
 use super::network::{Sources, Triggers};
 use super::{Caller, Events, Opener, Readers, latched, parameters, reliable};
 use crate::args::security::Security;
+use crate::bag::TransformTopics;
 use crate::cloud::{CloudSeed, CompressedSeed, Decoded, DepthSeed};
 use crate::msg::heard::{CLOCK, TF, TF_STATIC};
 use crate::msg::ros::{CameraInfo, Clock};
@@ -70,9 +71,9 @@ pub(super) fn listen(
     // The reliable reader takes nothing of a publisher before its heartbeat, up to 3 s; the other one at once.
     let at_once = (!has_keys(opener.security)).then(|| best_effort(TF.qos.depth));
     let repaired = (&reliable(TF.qos.depth, Durability::Volatile)).into();
-    let topic = opener.setup.resolve(TF.name)?;
+    let TransformTopics { changing, lasting } = opener.setup.transform_topics()?;
     for qos in at_once.into_iter().chain([repaired]) {
-        let dynamic = opener.subscribe(Named { name: &topic, ..TF.named() }, &qos)?;
+        let dynamic = opener.subscribe(Named { name: &changing, ..TF.named() }, &qos)?;
         let taken = Rc::clone(&memory.transforms);
         let transforms = move |message, info: &MessageInfo| {
             let publisher = info.publisher_gid().to_bytes16();
@@ -88,8 +89,7 @@ pub(super) fn listen(
     }
     let taken = Rc::clone(&memory.latched);
     let transforms = move |message, info: &MessageInfo| latched::event(&taken, message, info);
-    let topic = opener.setup.resolve(TF_STATIC.name)?;
-    let latched = opener.subscribe(Named { name: &topic, ..TF_STATIC.named() }, &latched_qos())?;
+    let latched = opener.subscribe(Named { name: &lasting, ..TF_STATIC.named() }, &latched_qos())?;
     readers.spawn_local(read(TF_STATIC.name, latched, events.clone(), transforms));
     if opener.setup.config().use_sim_time {
         let topic = opener.setup.resolve(CLOCK.name)?;

@@ -9,6 +9,7 @@ use super::graph::Graph;
 use super::mailbox::Room;
 use super::opener::{Call, Calls, Inbox, Opener, lost};
 use super::{Events, Readers};
+use crate::bag::TransformTopics;
 use crate::cloud::{CloudError, CloudSeed, CompressedSeed, Decoded, DepthSeed};
 use crate::msg::cdr;
 use crate::msg::heard::{CLOCK, TF, TF_STATIC};
@@ -50,8 +51,9 @@ pub(super) fn listen(
         let (readers, heard) = (&mut readers, heard.clone());
         Listening { opener, graph, readers, parameters, events, number, heard }.to(sensor)?;
     }
-    for (topic, is_static, room) in [(TF, false, TRANSFORMS), (TF_STATIC, true, LATCHED)] {
-        let resolved = opener.setup.resolve(topic.name)?;
+    let TransformTopics { changing, lasting } = opener.setup.transform_topics()?;
+    let both = [(TF, changing, false, TRANSFORMS), (TF_STATIC, lasting, true, LATCHED)];
+    for (topic, resolved, is_static, room) in both {
         let transforms = opener.subscribe(Named { name: &resolved, ..topic.named() }, topic.qos, room)?;
         let event = move |message, origin: Option<Origin>| {
             let publisher = origin.map(|origin| origin.publisher);
