@@ -30,6 +30,8 @@ pub mod msg;
 #[cfg(feature = "node")]
 pub mod node;
 pub mod rand_index;
+#[cfg(feature = "bag")]
+mod reach;
 pub mod reason;
 mod replace;
 #[cfg(feature = "bag")]

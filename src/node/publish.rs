@@ -17,7 +17,7 @@ use super::record::Recorder;
 use super::saving::Saver;
 use super::throttle::Throttle;
 use super::transport::{SendError, Transport};
-use super::vitals::{MapSize, Points, Reach, Vitals};
+use super::vitals::{MapSize, Vitals};
 use crate::config::Config;
 use crate::engine::{Snapshot, Stamp, Update};
 use crate::msg::caps::Caps;
@@ -25,6 +25,7 @@ use crate::msg::clusters::{MapVersion, Session, SurfaceClusterArray};
 use crate::msg::markers::Markers;
 use crate::msg::outgoing::{Outgoing, of_map, polygons_of};
 use crate::msg::twins::Twins;
+use crate::reach::{Points, Reach};
 use crate::worker::{Output, Took};
 
 /// Between two polygons: nav2's collision monitor keeps the last five that it has not yet taken, and would have no others of
@@ -80,7 +81,7 @@ pub(super) async fn publish(
     make: Make,
 ) -> Ended {
     let (newest, maps) = watch::channel(None);
-    let reach = Reach::of(&config);
+    let reach = Reach::new(config.fixed_frame.clone(), config.engine.voxel_size());
     let wire = Wire { outlets, unsent: RefCell::default(), frame_id: config.fixed_frame };
     let publisher = Maps::new(config.twins, make);
     let taking = Taking::new(&wire, newest, seen, saver, reach);

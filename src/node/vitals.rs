@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use crate::config::Config;
-use crate::engine::{GRID_REACH, Snapshot, Stamp};
+use crate::engine::{Snapshot, Stamp};
 use crate::msg::clusters::MapVersion;
 use crate::msg::labelled;
+use crate::reach::Points;
 use crate::worker::Took;
 
 /// What the engine has done since the last report, and what its map is like.
@@ -81,44 +81,6 @@ struct TakenIn {
     scans: u64,
     /// The session and the stamp of the last one; the latest of all stamps would stay where one was far ahead.
     newest: Option<(u64, Stamp)>,
-}
-
-/// Points that were handed to the engine.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Points {
-    pub(super) all: u64,
-    pub(super) beyond_grid: u64,
-}
-
-impl Points {
-    pub(super) const fn add(&mut self, other: Self) {
-        self.all += other.all;
-        self.beyond_grid += other.beyond_grid;
-    }
-}
-
-/// How far the map reaches, in words.
-#[derive(Clone, Debug)]
-pub(super) struct Reach {
-    frame_id: String,
-    /// From the origin (m).
-    metres: f64,
-}
-
-impl Reach {
-    pub(super) fn of(config: &Config) -> Self {
-        let metres = f64::from(GRID_REACH) * config.engine.voxel_size();
-        Self { frame_id: config.fixed_frame.clone(), metres }
-    }
-
-    /// What is to be said of points beyond it.
-    pub(super) fn line(&self, Points { all, beyond_grid }: Points) -> String {
-        let Self { frame_id, metres } = self;
-        format!(
-            "points beyond the grid, which reaches {metres:.0} m from the origin of `{frame_id}`, are left out, \
-             {beyond_grid} of {all}: take a fixed_frame that begins near the robot, as that of odometry does, or a larger voxel_size"
-        )
-    }
 }
 
 /// How much a map holds.

@@ -6,6 +6,7 @@ use super::diagnosis::Diagnosis;
 use super::feed::Fed;
 use super::files::Outputs;
 use super::pace::Pace;
+use super::said::Remark;
 use super::summary::{Summary, Tally};
 use super::visitor::{Go, Origin, Visitor};
 use crate::bag::Message;
@@ -14,6 +15,7 @@ use crate::engine::{ClusterState, Engine, Params, PipelineStep, Scan, Snapshot, 
 use crate::export::WriteError;
 use crate::msg::clusters::Session;
 use crate::msg::ros::TransformStamped;
+use crate::reach::{Points, Reach};
 use crate::report::{Story, Taken};
 
 /// Time between two reports, as the live node has it.
@@ -127,20 +129,23 @@ impl<'a> Replay<'a> {
         session.clone()
     }
 
-    fn count_beyond(&mut self, points: u32) {
-        if points > 0 && self.beyond_grid == 0 {
-            (self.outputs.say)(&format!("points of a scan beyond the grid's reach are left out: {points}"));
-        }
-        self.beyond_grid += u64::from(points);
-    }
-
     /// Adds a whole sentence about something that is left out.
     pub fn note(&mut self, sentence: &str) {
         self.notes.push(sentence.to_owned());
     }
 
+    /// Says what is to be said of points beyond the grid, where there were any.
+    fn about_beyond(&mut self, fed: &Fed) -> Option<Remark> {
+        let points = Points { all: fed.tally.points_valid, beyond_grid: self.beyond_grid };
+        let reach = Reach::new(fed.fixed_frame.clone(), self.settings.engine.voxel_size());
+        let remark = (points.beyond_grid > 0).then(|| Remark::warning(reach.line(points)))?;
+        (self.outputs.say)(&remark.text);
+        Some(remark)
+    }
+
     /// Writes what remains, and gives the map and the account.
-    pub fn finish(mut self, fed: Fed) -> Finished {
+    pub fn finish(mut self, mut fed: Fed) -> Finished {
+        fed.remarks.extend(self.about_beyond(&fed));
         let snapshot = self.engine.snapshot();
         let mut story = self.outputs.story.take();
         if let Some(story) = &mut story {
@@ -189,7 +194,7 @@ impl Visitor for Replay<'_> {
         self.outputs.scan(scan.stamp, origin)?;
         let (update, ms) = self.insert(scan);
         self.sessions += u64::from(update.sequence == 1);
-        self.count_beyond(update.points_beyond_grid);
+        self.beyond_grid += u64::from(update.points_beyond_grid);
         let session = self.session(update.stamp, fixed_frame);
         self.tell(scan, &update, ms);
         self.outputs.update(&session, &update)?;

@@ -106,7 +106,8 @@ pub struct Summary {
     pub tally: Tally,
     /// Where the map lives.
     pub fixed_frame: String,
-    /// What was said at the end: of the order of the messages, of cameras and clouds, and of how the frame was found.
+    /// What was said at the end: of the order of the messages, of cameras and clouds, of how the frame was found, and of points beyond
+    /// the grid.
     pub remarks: Vec<Remark>,
     /// How often a map was begun: 1, and one more for each jump back of the stamps.
     pub sessions: u64,
@@ -228,7 +229,7 @@ impl Summary {
 
     /// What a reader must know.
     fn warnings(&self) -> Vec<String> {
-        let Self { tally, points_beyond_grid, .. } = self;
+        let tally = &self.tally;
         let unread = self.unread.iter().map(|unread| format!("Not all of the bag was read: {unread}."));
         let stopped = self.stopped.then(|| "The replay was stopped before the end of the bag.".to_owned());
         let begun = (self.sessions > 1).then(|| {
@@ -236,13 +237,6 @@ impl Summary {
             format!(
                 "The stamps jumped back ({often}); what is shown is what came after the last jump, but for the messages that were \
                  skipped and the points that were not used, which are those of the whole bag."
-            )
-        });
-        let beyond = (*points_beyond_grid > 0).then(|| {
-            let valid = tally.points_valid;
-            format!(
-                "Points beyond the grid's reach were left out, {points_beyond_grid} of {valid}: take a fixed_frame that \
-                 begins near the robot, as that of odometry does, or a larger voxel_size."
             )
         });
         let hardly_used = (tally.hardly_used > 0).then(|| {
@@ -253,7 +247,6 @@ impl Summary {
         unread
             .chain(stopped)
             .chain(begun)
-            .chain(beyond)
             .chain(hardly_used)
             .chain(self.remarks(true))
             .chain(others)

@@ -15,7 +15,8 @@ use crate::msg::status::StatusBuilder;
 use crate::node::counts::{Counts, TRANSFORM_TIMEOUT, WAITING_QUEUE_FULL};
 use crate::node::publish::Seen;
 use crate::node::transport::NetworkState;
-use crate::node::vitals::{Reach, Vitals};
+use crate::node::vitals::Vitals;
+use crate::reach::Reach;
 use crate::reason::Reason;
 
 /// What has happened since the last report: the next one is about that.
@@ -72,7 +73,7 @@ impl Diagnosis {
             before: Counts::default(),
             period: Period::new(start),
             saving: SavingFigures::default(),
-            reach: Reach::of(config),
+            reach: Reach::new(config.fixed_frame.clone(), config.engine.voxel_size()),
             receive_buffer: config.receive_buffer,
         }
     }
@@ -267,7 +268,8 @@ mod tests {
     use crate::engine::Stamp;
     use crate::msg::clusters::MapVersion;
     use crate::msg::labelled::MAX_LABELLED;
-    use crate::node::vitals::{MapSize, Points};
+    use crate::node::vitals::MapSize;
+    use crate::reach::Points;
 
     fn diagnosis() -> Diagnosis {
         Diagnosis::new(&Config::new([]).unwrap(), "/robot/cfodi", Seen::default(), Instant::now())

@@ -9,6 +9,10 @@ use crate::engine::{self, Engine, Isometry3, Params, Scan, Stamp};
 use crate::node::fake::Fake;
 use crate::node::record::tests::{begun, recorded};
 
+fn reach() -> Reach {
+    Reach::new("odom".to_owned(), 0.08)
+}
+
 /// Lets so many maps through.
 fn slow(maps: usize) -> Rc<Fake> {
     Rc::new(Fake { through: Some(Semaphore::new(maps)), ..Fake::default() })
@@ -57,7 +61,7 @@ fn that_snapshots_are_put_off_for_long_is_said_once_a_session() {
 
 #[test]
 fn points_beyond_the_grid_are_said_once_a_session_and_once_in_a_while_where_sessions_alternate() {
-    let mut beyond = Beyond::new(Reach::of(&Config::new([]).unwrap()));
+    let mut beyond = Beyond::new(reach());
     let (start, points) = (Instant::now(), Points { all: 20, beyond_grid: 1 });
     let mut says =
         |session, seconds| beyond.line(session, points, start + Duration::from_secs(seconds)).is_some();
@@ -124,9 +128,8 @@ async fn a_map_from_before_the_first_scan_is_not_live_though_that_scan_overtakes
         drop(sender);
         let outlets = Outlets { transport: slow(0), recorder: None };
         let wire = Wire { outlets, unsent: RefCell::default(), frame_id: "odom".to_owned() };
-        let reach = Reach::of(&Config::new([]).unwrap());
         let (newest, maps) = watch::channel(None);
-        Taking::new(&wire, newest, Seen::default(), None, reach).all(receiver).await;
+        Taking::new(&wire, newest, Seen::default(), None, reach()).all(receiver).await;
         maps.borrow().as_ref().is_some_and(|map| map.is_live)
     };
     let [map_1, map_2] = [1, 3];

@@ -4,7 +4,7 @@ use super::lines::two;
 use super::reports::{by_hand, driven, part, value};
 use super::*;
 use crate::msg::clusters::MapVersion;
-use crate::node::vitals;
+use crate::reach::Points;
 
 const AGE: &str = "age of the newest taken in [s]";
 const NONE: &str = "none of its scans is taken into the map; why one is not: ";
@@ -42,7 +42,7 @@ fn a_sensor_none_of_whose_scans_is_taken_in_is_a_warning_with_the_reason_though_
 fn take_in(live: &Live<Fake>, seconds: f64) {
     let newest = MapVersion { session: live.session, sequence: 1 };
     let mut vitals = live.diagnosis.vitals.borrow_mut();
-    vitals.note_scan(newest, (0, at(seconds)), Duration::ZERO, vitals::Points::default());
+    vitals.note_scan(newest, (0, at(seconds)), Duration::ZERO, Points::default());
 }
 
 #[test]
