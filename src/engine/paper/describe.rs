@@ -2,7 +2,7 @@
 
 use nalgebra::{Isometry3, Point3, UnitVector3, Vector3};
 
-use super::globals::{Global, is_active};
+use super::globals::{Global, is_complete};
 use super::grid::Grid;
 use crate::engine::class::SurfaceClass;
 use crate::engine::now::Now;
@@ -43,10 +43,10 @@ pub(crate) fn describe(global: &Global, grid: &Grid, params: &Params, now: Now) 
 fn state(global: &Global, params: &Params, now: Now) -> ClusterState {
     if !global.is_reliable() {
         ClusterState::Tentative
-    } else if is_active(global.grown, params, now) {
-        ClusterState::Active
-    } else {
+    } else if is_complete(global.grown, params, now) {
         ClusterState::Complete
+    } else {
+        ClusterState::Active
     }
 }
 

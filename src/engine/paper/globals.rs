@@ -167,7 +167,7 @@ impl Globals {
 
     fn complete(&mut self, params: &Params, now: Now) {
         while let Some(&(grown, slot)) = self.growths.first()
-            && !is_active(grown, params, now)
+            && is_complete(grown, params, now)
         {
             self.growths.pop_first();
             if self.slots[slot as usize].as_deref().is_some_and(Global::is_reliable) {
@@ -183,7 +183,7 @@ impl Globals {
             pairs.extend(self.vicinities(grid, partial).into_iter().filter_map(|(slot, vicinity)| {
                 let global = self.slots[slot as usize].as_deref()?;
                 let eligible = vicinity >= params.min_vicinity()
-                    && is_active(global.grown, params, now)
+                    && is_tried(global.grown, params, now)
                     && params.similar(&global.normal, &partial.normal);
                 eligible.then_some(Pair { slot, partial: number, vicinity })
             }));
@@ -316,10 +316,16 @@ impl Global {
     }
 }
 
-/// Whether a cluster that grew last in scan `grown` is still tried for expansion (reading R10).
-pub(crate) fn is_active(grown: u64, params: &Params, now: Now) -> bool {
+/// Whether a cluster that grew last in scan `grown` is tried for expansion in this one (reading R10).
+fn is_tried(grown: u64, params: &Params, now: Now) -> bool {
     let interval = u64::from(params.expansion_interval());
     interval == 0 || now.sequence - grown <= interval
+}
+
+/// Whether after this scan a cluster that grew last in scan `grown` is not tried any more.
+pub(crate) fn is_complete(grown: u64, params: &Params, now: Now) -> bool {
+    let interval = u64::from(params.expansion_interval());
+    interval > 0 && now.sequence - grown >= interval
 }
 
 /// Definition 6 for clusters: the mean of two unit normals weighted by voxel counts, the second one turned into the

@@ -41,7 +41,7 @@ fn is_new(first_seen: Stamp, now: Now) -> bool {
 /// Whether what has grown last in this scan is complete.
 fn is_grown(grown: u64, params: &Params, now: Now) -> bool {
     let interval = u64::from(params.expansion_interval());
-    interval > 0 && now.sequence - grown > interval
+    interval > 0 && now.sequence - grown >= interval
 }
 
 /// What the state of a cluster waits for that becomes another by time alone.

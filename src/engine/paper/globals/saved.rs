@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use nalgebra::{UnitVector3, Vector3};
 use serde::{Deserialize, Serialize};
 
-use super::{Global, Globals, Moments, is_active};
+use super::{Global, Globals, Moments, is_complete};
 use crate::engine::key::{ClusterId, VoxelKey};
 use crate::engine::now::Now;
 use crate::engine::paper::extremes::Extremes;
@@ -62,7 +62,7 @@ impl SavedGlobals {
     /// The clusters that may become complete, by the scan in which they grew last.
     fn growths(&self, params: &Params, now: Now) -> BTreeSet<(u64, u32)> {
         let growths = self.living.iter().map(|(slot, global)| (global.grown, *slot));
-        growths.filter(|(grown, _)| is_active(*grown, params, now)).collect()
+        growths.filter(|(grown, _)| !is_complete(*grown, params, now)).collect()
     }
 
     fn by_slot(&self) -> Result<Vec<Option<&SavedGlobal>>, RestoreError> {

@@ -52,14 +52,14 @@ fn what_waits_is_due_when_its_time_has_come_and_no_more_when_it_waits_for_someth
     }
     let due =
         |waiting: &Waiting, now| waiting.due(&params, now).map(|component| component.0).collect::<Vec<_>>();
-    assert!(due(&waiting, now(15, 1.25)).is_empty());
-    assert_eq!(due(&waiting, now(16, 1.35)), [3, 0]);
-    assert_eq!(due(&waiting, now(18, 1.6)), [3, 1, 0, 2]);
-    assert_eq!(due(&waiting, now(15, 0.5)), [3, 1], "they were seen before a restart, by another clock");
+    assert!(due(&waiting, now(14, 1.25)).is_empty());
+    assert_eq!(due(&waiting, now(15, 1.35)), [3, 0]);
+    assert_eq!(due(&waiting, now(17, 1.6)), [3, 1, 0, 2]);
+    assert_eq!(due(&waiting, now(14, 0.5)), [3, 1], "they were seen before a restart, by another clock");
     for (component, waits) in [(3, grown(17)), (0, None), (2, grown(7))] {
         waiting.set(ComponentId(component), waits);
     }
-    assert_eq!(due(&waiting, now(18, 1.6)), [1, 2]);
+    assert_eq!(due(&waiting, now(17, 1.6)), [1, 2]);
     let never = params.with_expansion_interval(0).unwrap();
     assert_eq!(waiting.due(&never, now(100, 1.6)).count(), 1);
 }
