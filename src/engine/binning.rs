@@ -1,4 +1,6 @@
-//! The arithmetic that decides which voxel a point falls into: the same for every method, to the last bit.
+//! The arithmetic that decides which voxel a point falls into, to the last bit: in mode `paper` any, in `consistent` one in
+//! double precision or beyond the region around the sensor. Within it that mode has an arithmetic of its own for single
+//! precision (`consistent::grid::bin::region`), by which a point lies in another voxel only within a hair of a border.
 
 use nalgebra::{Matrix3, Vector3};
 

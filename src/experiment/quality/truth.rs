@@ -1,7 +1,7 @@
 //! The voxels of labelled scans, each with how many of its points belong to which surface.
 //!
 //! Bins by the arithmetic of mode `paper` (key = floor((R x + t) / size) in `f64`), so that the dense voxels are the same; those of
-//! `consistent` are too but for points at their borders and for what was cleared. Costs
+//! `consistent` are too but for points within a hair of their borders and for what was cleared. Costs
 //! O(points) a scan; consecutive points of one voxel and surface are added up before the voxel is looked for.
 
 use std::ops::RangeInclusive;

@@ -3,8 +3,9 @@
 //! The region is some [`REACH`] voxels to each side, 25 m at 5 cm, and moves with the sensor by whole blocks, so that a place in
 //! it takes 22 bits. What lies beyond is placed by `binning`.
 //!
-//! A place is rounded down, to within 2^-24 of a unit. Arithmetic is multiplication and addition, each rounded on its own,
-//! and gives the same on every processor however many points are done at once.
+//! A place is rounded down, to within 2^-24 of a unit: what lies nearer than that below a voxel's border counts as above it.
+//! Arithmetic is multiplication and addition, each rounded on its own, and gives the same on every processor however many points
+//! are done at once.
 
 use nalgebra::Isometry3;
 

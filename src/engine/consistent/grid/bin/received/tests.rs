@@ -3,11 +3,11 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use nalgebra::Point3;
+use nalgebra::{Point3, Vector3};
 use proptest::prelude::*;
 
 use super::*;
-use crate::engine::binning::between;
+use crate::engine::binning::{between, map};
 use crate::engine::points::Rays;
 use crate::engine::scan::Stamp;
 
@@ -128,6 +128,51 @@ proptest! {
             // 10 km away a number in double precision has an error of 2e-12 m.
             prop_assert!((-1e-6..1.0 + 1e-6).contains(&units), "{units}");
         }
+    }
+}
+
+/// The one voxel that a point is put into.
+fn voxel_of(points: Points, pose: Isometry3<f64>, voxel_size: f64) -> (BlockKey, Cell) {
+    *received(&scan(points, pose), voxel_size).0.first_key_value().unwrap().0
+}
+
+/// A sensor that stands on a border of voxels along each axis, and a point near it or not, of which many lie beside a border.
+fn beside_borders() -> impl Strategy<Value = (Isometry3<f64>, f64, [f32; 3])> {
+    let tiny =
+        (20..60_i32, any::<bool>()).prop_map(|(by, above)| if above { 1.0 } else { -1.0 } * 2_f32.powi(-by));
+    let length = prop_oneof![1 => between(-4.0, 4.0), 3 => tiny];
+    let at = prop::array::uniform3(-50..50_i32);
+    (0.02..0.5, at, prop::array::uniform3(-3.0..3.0), prop::array::uniform3(length)).prop_map(
+        |(size, at, turn, point)| {
+            let sensor = Vector3::from(at.map(|at| f64::from(at) * size));
+            (Isometry3::new(sensor, turn.into()), size, point)
+        },
+    )
+}
+
+proptest! {
+    #[test]
+    fn single_precision_bins_as_double_but_within_a_hair_of_a_border((pose, size, point) in beside_borders()) {
+        let double = point.map(f64::from);
+        let voxels =
+            [Points::F32(vec![point]), Points::F64(vec![double])].map(|points| voxel_of(points, pose, size));
+        // In units, as `Fixed` has it.
+        let place = map(pose.rotation.to_rotation_matrix().matrix(), &pose.translation.vector, double) / size * 4096.0;
+        let is_at_border = place.iter().any(|at| (at - (at / 4096.0).round() * 4096.0).abs() < 2_f64.powi(-23));
+        prop_assert!(voxels[0] == voxels[1] || is_at_border, "{voxels:?}: {place:?}");
+    }
+}
+
+#[test]
+fn what_lies_a_hair_below_a_border_counts_as_above_it() {
+    let unit = 0.125 / 4096.0;
+    for (below, is_above) in [(2_f32.powi(-25), true), (2_f32.powi(-23), false)] {
+        let point = [0.5, -below * unit, 0.5];
+        let key = |y| block_and_cell(VoxelKey::new(4, y, 4).unwrap());
+        let single = voxel_of(Points::F32(vec![point]), Isometry3::identity(), 0.125);
+        assert_eq!(single, key(if is_above { 0 } else { -1 }));
+        let double = voxel_of(Points::F64(vec![point.map(f64::from)]), Isometry3::identity(), 0.125);
+        assert_eq!(double, key(-1));
     }
 }
 
