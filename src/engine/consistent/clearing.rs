@@ -61,7 +61,7 @@ impl Clearing {
     pub(super) fn clear(&mut self, grid: &mut Grid, scan: &Scan, sequence: u64) -> Vec<BlockIndex> {
         self.ranges.fill(&scan.points);
         let wanted = |key| is_its_turn(key, sequence) && grid.find(key).is_some();
-        let known = grid.keys();
+        let known = (grid.slots(), grid.keys());
         let block_edge = grid.voxel_size() * f64::from(EDGE);
         self.ranges.blocks_in_view(
             &scan.fixed_from_sensor,

@@ -215,7 +215,7 @@ impl Grid {
     }
 
     /// The places of all blocks, in no order.
-    pub(super) fn keys(&self) -> impl ExactSizeIterator<Item = BlockKey> {
+    pub(super) fn keys(&self) -> impl Iterator<Item = BlockKey> {
         self.index.keys()
     }
 

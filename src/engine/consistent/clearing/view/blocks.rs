@@ -17,15 +17,15 @@ impl RangeGrid {
     /// Block `[bx, by, bz]` covers `[bx, bx + 1) * block_edge` along x of the fixed frame, likewise y and z. None is left
     /// out that lies in part in a measured direction, before the point measured there, and nearer than `max_depth`.
     ///
-    /// Only blocks that are `wanted`, all of them among the `known` ones, are projected and listed. Costs one such question for each block in
-    /// the box around the view, some thousand for a Kinect, or for each known one where these are fewer, be the blocks ever so
-    /// small, and one projection for each that is wanted.
+    /// Only blocks that are `wanted`, all of them among the `count` that are `known`, are projected and listed. Costs one such
+    /// question for each block in the box around the view, some thousand for a Kinect, or for each known one where these are fewer,
+    /// be the blocks ever so small, and one projection for each that is wanted.
     pub(crate) fn blocks_in_view(
         &self,
         fixed_from_sensor: &Isometry3<f64>,
         block_edge: f64,
         max_depth: f64,
-        known: impl ExactSizeIterator<Item = [i32; 3]>,
+        (count, known): (usize, impl Iterator<Item = [i32; 3]>),
         wanted: impl Fn([i32; 3]) -> bool,
         blocks: &mut Vec<[i32; 3]>,
     ) {
@@ -41,7 +41,7 @@ impl RangeGrid {
             self.may_see_into(&centre, &half, max_depth)
         };
         let in_box: f64 = (high.map(f64::from) - low.map(f64::from)).add_scalar(1.0).product();
-        if (known.len() as f64) < in_box {
+        if (count as f64) < in_box {
             let is_in_box = |key: &[i32; 3]| (0..3).all(|axis| (low[axis]..=high[axis]).contains(&key[axis]));
             blocks.extend(known.filter(|key| is_in_box(key) && wanted(*key) && is_in_view(key)));
             blocks.sort_unstable();

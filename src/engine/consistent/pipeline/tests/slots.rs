@@ -47,7 +47,7 @@ fn check_slots(engine: &Consistent) {
             assert_eq!(block.around.get(direction), beside, "{slot:?} of {slots}, {offset:?}");
         }
     }
-    assert_eq!(engine.grid.keys().len(), slots);
+    assert_eq!(engine.grid.keys().count(), slots);
     assert!(engine.due.stale().iter().all(|block| engine.grid.block(*block).news.is_stale()));
     let restored = Consistent::restore(engine.params, engine.taken, engine.freeze().save()).unwrap();
     let frozen = [engine, &restored].map(|engine| engine.surfaces.freeze());
