@@ -16,6 +16,7 @@ use super::publish::rest::Rest;
 use super::state::State;
 use super::sums::Moments;
 use crate::engine::key::VoxelKey;
+use crate::engine::params::MAX_POINTS;
 
 /// Voxels along the edge of a block.
 pub(super) const EDGE: i32 = 8;
@@ -78,7 +79,8 @@ pub(super) fn voxel_key(corner: [i32; 3], cell: Cell) -> Option<VoxelKey> {
     VoxelKey::new(x, y, z)
 }
 
-#[derive(Clone, Debug)]
+/// What a voxel has counted, in the order in which it is saved.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Voxel {
     pub(super) cell: Cell,
     /// Points counted since it was last cleared.
@@ -102,6 +104,11 @@ impl Voxel {
             hit: 0,
             clearance: Clearance::default(),
         }
+    }
+
+    /// Whether one that holds a point may be so, wherever it lies.
+    pub(super) fn is_possible(&self) -> bool {
+        (1..=MAX_POINTS).contains(&self.count) && self.moments.is_possible() && self.baseline.is_possible()
     }
 }
 

@@ -58,6 +58,8 @@ mod search;
 mod tests;
 mod union;
 
+use serde::{Deserialize, Serialize};
+
 pub(crate) use self::frozen::FrozenGraph;
 pub(crate) use self::lists::NodeLists;
 pub(crate) use self::restore::Slots;
@@ -66,7 +68,7 @@ use super::lists::by::Place;
 use super::lists::shared::Shared;
 
 /// A node's slot; given again after its removal, from the next batch on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub(crate) struct NodeId(pub(crate) u32);
 
 impl Place for NodeId {
@@ -80,7 +82,7 @@ impl Place for NodeId {
 }
 
 /// A component's slot; given again after its removal, from the next batch on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub(crate) struct ComponentId(pub(crate) u32);
 
 impl ComponentId {

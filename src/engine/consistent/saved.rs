@@ -6,16 +6,13 @@
 use serde::{Deserialize, Serialize};
 
 use super::block::{Block, BlockKey, CELLS, Cell, EDGE, Voxel};
-use super::clearing::Clearance;
 use super::grid::Grid;
-use super::publish::baseline::Baseline;
 use super::publish::news::News;
 use super::publish::standpoint::Standpoint;
 use super::state::State;
-use super::sums::Moments;
 use super::surfaces::SavedSurfaces;
 use crate::engine::key::GRID_REACH;
-use crate::engine::params::{MAX_POINTS, Params};
+use crate::engine::params::Params;
 use crate::engine::saved::{RestoreError, ensure};
 
 /// All of a [`Consistent`](super::Consistent) but its parameters and the scans that it has taken in. The blocks `B` are a list of
@@ -33,20 +30,10 @@ pub(crate) struct SavedConsistent<B = Vec<SavedBlock>> {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct SavedBlock {
     key: BlockKey,
-    voxels: Vec<SavedVoxel>,
+    voxels: Vec<Voxel>,
     news: News,
     /// The states of its dense voxels, by ascending cell.
     pub(super) states: Vec<SavedState>,
-}
-
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct SavedVoxel {
-    cell: Cell,
-    count: u32,
-    moments: Moments,
-    baseline: Baseline,
-    hit: u32,
-    clearance: Clearance,
 }
 
 /// A dense voxel as the surfaces know it.
@@ -86,20 +73,7 @@ impl SavedState {
 impl SavedBlock {
     /// `states` is what the surfaces know of its dense voxels.
     pub(super) fn of(block: &Block, states: Vec<SavedState>) -> Self {
-        let voxel = |voxel: &Voxel| SavedVoxel {
-            cell: voxel.cell,
-            count: voxel.count,
-            moments: voxel.moments,
-            baseline: voxel.baseline,
-            hit: voxel.hit,
-            clearance: voxel.clearance,
-        };
-        Self {
-            key: block.key,
-            voxels: block.voxels().iter().map(voxel).collect(),
-            news: block.news.saved(),
-            states,
-        }
+        Self { key: block.key, voxels: block.voxels().into_owned(), news: block.news.saved(), states }
     }
 
     pub(super) fn restore(&self, params: &Params, sequence: u64) -> Result<Block, RestoreError> {
@@ -110,7 +84,8 @@ impl SavedBlock {
         self.news.check(key, sequence)?;
         let mut block = Block::new(key);
         for voxel in &self.voxels {
-            let is_new = voxel.cell.index() < CELLS && block.restore(voxel.restore()?);
+            ensure(voxel.is_possible(), || format!("an impossible voxel: {voxel:?}"))?;
+            let is_new = voxel.cell.index() < CELLS && block.restore(voxel.clone());
             ensure(is_new, || format!("{:?} of block {key:?} is there twice or outside", voxel.cell))?;
         }
         block.dense = block.awake().iter().filter(|voxel| voxel.count >= params.min_points()).count() as u32;
@@ -122,31 +97,28 @@ impl SavedBlock {
     }
 }
 
-impl SavedVoxel {
-    fn restore(&self) -> Result<Voxel, RestoreError> {
-        let possible = (1..=MAX_POINTS).contains(&self.count)
-            && self.moments.is_possible()
-            && self.baseline.is_possible();
-        ensure(possible, || format!("an impossible voxel: {self:?}"))?;
-        Ok(Voxel {
-            cell: self.cell,
-            count: self.count,
-            moments: self.moments,
-            baseline: self.baseline,
-            hit: self.hit,
-            clearance: self.clearance,
-        })
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::engine::consistent::graph::{ComponentId, NodeId};
 
     #[test]
     fn a_block_without_voxels_is_refused() {
         let empty = SavedBlock::of(&Block::new([1, 2, 3]), Vec::new());
         let refused = empty.restore(&Params::default(), 1).unwrap_err().to_string();
         assert!(refused.ends_with("block [1, 2, 3] has no voxel"), "{refused}");
+    }
+
+    #[test]
+    fn a_voxel_is_written_field_by_field_and_a_slot_as_its_number() {
+        let Voxel { cell, count, moments, baseline, hit, clearance } = Voxel::new(Cell(300));
+        let fields = (300_u16, count, moments, baseline, hit, clearance);
+        assert_eq!(written(&Voxel::new(cell)), written(&fields));
+        assert_eq!(written(&NodeId(70_000)), written(&70_000_u32));
+        assert_eq!(written(&ComponentId(70_000)), written(&70_000_u32));
+    }
+
+    fn written(what: &impl Serialize) -> Vec<u8> {
+        postcard::to_stdvec(what).unwrap()
     }
 }

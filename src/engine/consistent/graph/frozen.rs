@@ -30,11 +30,10 @@ impl FrozenGraph {
     }
 
     pub(crate) fn slots_taken(&self) -> Slots {
-        let lists = self.components.iter().map(|component| component.nodes.iter().map(|node| node.0));
         Slots {
-            free_nodes: self.free_nodes.iter().map(|node| node.0).collect(),
-            components: lists.collect(),
-            free_components: self.free_components.iter().map(|component| component.0).collect(),
+            free_nodes: self.free_nodes.clone(),
+            components: self.components.iter().map(|component| component.nodes.iter().copied()).collect(),
+            free_components: self.free_components.clone(),
         }
     }
 

@@ -12,10 +12,10 @@ use crate::engine::saved::{RestoreError, ensure};
 /// counts as well: it decides which part keeps the slot.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Slots {
-    pub(super) free_nodes: Vec<u32>,
+    pub(super) free_nodes: Vec<NodeId>,
     /// The nodes of each slot.
     pub(super) components: NodeLists,
-    pub(super) free_components: Vec<u32>,
+    pub(super) free_components: Vec<ComponentId>,
 }
 
 impl Slots {
@@ -38,13 +38,14 @@ impl Graph {
         edges: &[(NodeId, NodeId)],
     ) -> Result<Self, RestoreError> {
         let nodes = weights.len() + slots.free_nodes.len();
-        ensure_all("nodes", nodes, weights.keys().map(|node| node.0), &slots.free_nodes)?;
-        let living = (0..).zip(slots.components.iter()).filter(|(_, nodes)| !nodes.is_empty());
+        ensure_all("nodes", nodes, weights.keys().copied(), &slots.free_nodes)?;
+        let living =
+            (0..).map(ComponentId).zip(slots.components.iter()).filter(|(_, nodes)| !nodes.is_empty());
         let living = living.map(|(slot, _)| slot);
         ensure_all("components", slots.components.len(), living, &slots.free_components)?;
         let mut graph = Self {
-            free_nodes: slots.free_nodes.iter().copied().map(NodeId).collect(),
-            free_components: slots.free_components.iter().copied().map(ComponentId).collect(),
+            free_nodes: slots.free_nodes.clone(),
+            free_components: slots.free_components.clone(),
             ..Self::default()
         };
         graph.nodes.set_len(nodes);
@@ -52,11 +53,11 @@ impl Graph {
         weights.iter().for_each(|(&node, &weight)| graph.node_mut(node).weight = weight);
         for (component, nodes) in (0..).map(ComponentId).zip(slots.components.iter()) {
             for &node in nodes {
-                let known = weights.contains_key(&NodeId(node));
-                ensure(known && graph.node(NodeId(node)).component.is_none(), || {
-                    format!("node {node} of {component:?} is not there or in two of them")
+                let known = weights.contains_key(&node);
+                ensure(known && graph.node(node).component.is_none(), || {
+                    format!("{node:?} of {component:?} is not there or in two of them")
                 })?;
-                graph.enter(NodeId(node), component);
+                graph.enter(node, component);
             }
         }
         graph.link(edges);
@@ -103,15 +104,15 @@ impl Graph {
 }
 
 /// Slots that are taken and free ones are all that there are, each once.
-fn ensure_all(
+fn ensure_all<T: Place + Ord>(
     name: &str,
     slots: usize,
-    taken: impl Iterator<Item = u32>,
-    free: &[u32],
+    taken: impl Iterator<Item = T>,
+    free: &[T],
 ) -> Result<(), RestoreError> {
     let mut all: Vec<_> = taken.chain(free.iter().copied()).collect();
     all.sort_unstable();
-    let each_once = all.len() == slots && (0..).zip(&all).all(|(slot, &taken): (u32, _)| slot == taken);
+    let each_once = all.len() == slots && all.iter().enumerate().all(|(slot, taken)| slot == taken.place());
     ensure(each_once, || {
         format!(
             "{} of {slots} slots of {name}, {} of them free, overlap or leave gaps",
@@ -127,11 +128,12 @@ mod tests {
 
     /// Three nodes, two of them joined, in slots 0, 1 and 3; slot 2 is free, as is component 1.
     fn slots() -> Slots {
-        Slots { free_nodes: vec![2], components: lists([&[3], &[], &[1, 0]]), free_components: vec![1] }
+        let components = lists([&[3], &[], &[1, 0]]);
+        Slots { free_nodes: vec![NodeId(2)], components, free_components: vec![ComponentId(1)] }
     }
 
     fn lists(components: [&[u32]; 3]) -> NodeLists {
-        components.into_iter().map(|nodes| nodes.iter().copied()).collect()
+        components.into_iter().map(|nodes| nodes.iter().copied().map(NodeId)).collect()
     }
 
     fn restore(slots: &Slots, edges: &[(u32, u32)]) -> Result<Graph, RestoreError> {
@@ -155,12 +157,13 @@ mod tests {
             change(&mut slots);
             restore(&slots, &[(0, 1)]).unwrap_err()
         };
+        let nodes = |nodes: &[u32]| nodes.iter().copied().map(NodeId).collect();
         other(&|slots| slots.free_nodes = vec![]);
-        other(&|slots| slots.free_nodes = vec![2, 2]);
-        other(&|slots| slots.free_nodes = vec![2, 4, 6]);
+        other(&|slots| slots.free_nodes = nodes(&[2, 2]));
+        other(&|slots| slots.free_nodes = nodes(&[2, 4, 6]));
         other(&|slots| slots.free_components = vec![]);
         // A find of the fuzzer: the free slot was beyond the list.
-        other(&|slots| slots.free_components = vec![1, 3]);
+        other(&|slots| slots.free_components = vec![ComponentId(1), ComponentId(3)]);
         other(&|slots| slots.components = lists([&[2], &[], &[1, 0]]));
         other(&|slots| slots.components = lists([&[3, 3], &[], &[1, 0]]));
         other(&|slots| slots.components = lists([&[9], &[], &[1, 0]]));

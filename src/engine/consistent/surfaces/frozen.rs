@@ -130,7 +130,7 @@ impl FrozenSurfaces {
 
     pub(in super::super) fn save(&self) -> SavedSurfaces {
         SavedSurfaces {
-            nodes: self.nodes.iter().map(|nodes| nodes.iter().map(|node| node.0)).collect(),
+            nodes: self.nodes.iter().map(|nodes| nodes.iter().copied()).collect(),
             slots: self.graph.slots_taken(),
             clusters: self.clusters.clone(),
             ids_given: self.ids_given,

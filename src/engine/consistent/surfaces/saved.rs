@@ -107,13 +107,12 @@ impl Surfaces {
         let (lists, blocks) = (map.nodes.len(), self.segmented.len());
         ensure(lists == blocks, || format!("nodes of {lists} blocks, and there are {blocks}"))?;
         let patches = || self.segmented.iter().map(|segmented| segmented.patches.len());
-        let nodes = || map.nodes.iter().map(<[u32]>::len);
+        let nodes = || map.nodes.iter().map(<[NodeId]>::len);
         ensure(nodes().eq(patches()), || {
             let [patches, nodes] = [patches().sum::<usize>(), nodes().sum()];
             format!("{patches} patches, {nodes} nodes, or in other blocks")
         })?;
-        let nodes = map.nodes.iter().map(|nodes| nodes.iter().copied().map(NodeId).collect());
-        self.nodes = nodes.collect();
+        self.nodes = map.nodes.iter().map(<[NodeId]>::to_vec).collect();
         Ok(())
     }
 
