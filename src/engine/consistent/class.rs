@@ -10,6 +10,7 @@ use std::f64::consts::PI;
 
 use nalgebra::{Matrix2, UnitVector3};
 
+use self::evidence::{Planarity, Surroundings};
 use crate::engine::SurfaceClass;
 
 pub(super) mod evidence;
@@ -124,19 +125,8 @@ pub(crate) struct Evidence<'a> {
     pub(crate) voxels: u32,
     /// Edge of a voxel (m).
     pub(crate) voxel_size: f64,
-    /// Root mean square distance of its voxels' means from the plane, and up to which one it is a plane, in voxels.
-    pub(crate) rms: f64,
-    pub(crate) tolerance: f64,
-    /// Angle between its normal and the mean of its members' own (rad).
-    pub(crate) across: f64,
-    /// z of the lowest known large surface that faces up in its storey, which may be this one (m).
-    pub(crate) floor: Option<f64>,
-    /// z of the lowest floor of all (m), where it lies below that.
-    pub(crate) floor_above: Option<f64>,
-    /// z of the sensor (m).
-    pub(crate) sensor: f64,
-    /// Whether it was a ceiling before: then it was above the sensor that saw it, which may have taken a lift since.
-    pub(crate) was_ceiling: bool,
+    pub(crate) planarity: Planarity,
+    pub(crate) surroundings: Surroundings,
     /// The upright clusters beside an upright one.
     pub(crate) neighbours: &'a [Neighbour],
     /// How far from each of its two upright edges an upright surface begins that turns away from there (m); infinite where none does.
@@ -194,7 +184,7 @@ impl Evidence<'_> {
     }
 
     fn class(&self) -> (SurfaceClass, f64) {
-        let fit = 1.0 - self.rms / self.tolerance;
+        let fit = 1.0 - self.planarity.rms / self.planarity.tolerance;
         let fit_sigma = c::FIT_SIGMA * (1.0 + c::SUPPORT / f64::from(self.voxels.max(1))).sqrt();
         if fit < 0.0 {
             return (SurfaceClass::Curved, likely(-fit, fit_sigma));
@@ -210,7 +200,7 @@ impl Evidence<'_> {
         } else {
             (SurfaceClass::Slope, likely_within(inclination, [c::LEVEL, c::UPRIGHT], sigma))
         };
-        let along = likely(c::ACROSS - self.across, c::ACROSS_SIGMA);
+        let along = likely(c::ACROSS - self.planarity.across, c::ACROSS_SIGMA);
         (class, sure * likely(fit, fit_sigma) * along)
     }
 
@@ -219,7 +209,7 @@ impl Evidence<'_> {
     }
 
     fn facing_up(&self) -> (SurfaceClass, f64) {
-        let Some(floor) = self.floor.or(self.floor_above) else {
+        let Some(floor) = self.surroundings.floor.or(self.surroundings.floor_above) else {
             // What is large enough is one of the floors that it is held against: `Evidence::of` looks to that.
             let area = (FLOOR_AREA - self.area) / FLOOR_AREA;
             return (SurfaceClass::Horizontal, likely(area, c::AREA_SIGMA));
@@ -230,8 +220,8 @@ impl Evidence<'_> {
     }
 
     fn facing_down(&self) -> (SurfaceClass, f64) {
-        let above = self.middle() - self.sensor;
-        if above < 0.0 && !self.was_ceiling {
+        let above = self.middle() - self.surroundings.sensor;
+        if above < 0.0 && !self.surroundings.was_ceiling {
             return (SurfaceClass::Unknown, 0.0);
         }
         // What was one is one still when the sensor has gone up past it. How sure that is tells how clearly it lies on either
@@ -240,7 +230,7 @@ impl Evidence<'_> {
     }
 
     fn upright(&self) -> (SurfaceClass, f64) {
-        let top = self.floor.map_or(self.height, |floor| self.highest - floor);
+        let top = self.surroundings.floor.map_or(self.height, |floor| self.highest - floor);
         let size = Margins::all(&[
             (c::DOOR_WIDTH[1] - self.width, c::SIZE_SIGMA),
             (c::DOOR_HEIGHT[1] - top, c::SIZE_SIGMA),
@@ -280,7 +270,7 @@ impl Evidence<'_> {
 
     /// Less than 1 where only a part of a door's size has been seen.
     fn seen_of_door(&self, top: f64) -> f64 {
-        let clearance = self.floor.map_or(0.0, |floor| self.lowest - floor);
+        let clearance = self.surroundings.floor.map_or(0.0, |floor| self.lowest - floor);
         partly(self.width, c::PART * c::DOOR_WIDTH[0], c::DOOR_WIDTH[0])
             * partly(top, c::PART * c::DOOR_HEIGHT[0], c::DOOR_HEIGHT[0])
             * partly(-clearance, -c::STANDS[1], -c::STANDS[0])

@@ -4,7 +4,7 @@
 use nalgebra::{Isometry3, Matrix3, Point3, SymmetricEigen, Vector3};
 
 use super::cluster::{Cluster, ClusterPlane};
-use super::outline::{self, Detail, Drawing, Outline};
+use super::outline::{self, Drawing, Outline};
 use super::rules::PLANAR;
 use crate::engine::class::SurfaceClass;
 use crate::engine::key::ClusterId;
@@ -40,7 +40,7 @@ pub(super) fn shape_of(
     let normal = plane.normal;
     let offset = -normal.dot(&point.coords);
     let on = outline::PlaneEquation { normal, d: offset };
-    let outline = Outline::new(&cluster.footprint, &on, size, &Detail::default(), drawing)?;
+    let outline = Outline::new(&cluster.footprint, &on, size, drawing)?;
     let covariance = without_negative((plane.covariance + cluster.sums.covariance_within()) * (size * size));
     let rms_error = quadratic(&covariance, &normal).max(0.0).sqrt();
     let (pose, sides) = rectangle_around(&outline.boundary, &point, &normal);

@@ -23,6 +23,10 @@ use self::simplify::Simplifying;
 use self::trace::{Tracing, rings};
 use self::within::Within;
 
+/// Holes of fewer columns are filled: a column or two within a surface are usually not yet dense.
+const LEAST_HOLE: u32 = 4;
+/// How far a ring may be moved for the sake of fewer vertices, in voxels.
+const TOLERANCE: f64 = 0.5;
 /// How often the tolerance is halved before a ring is left as it was traced.
 const ATTEMPTS: usize = 3;
 
@@ -31,21 +35,6 @@ const ATTEMPTS: usize = 3;
 pub(crate) struct PlaneEquation {
     pub(crate) normal: UnitVector3<f64>,
     pub(crate) d: f64,
-}
-
-/// What an outline leaves out.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Detail {
-    /// Holes of fewer columns are filled: a column or two within a surface are usually not yet dense.
-    pub(crate) least_hole: u32,
-    /// How far a ring may be moved for the sake of fewer vertices, in voxels.
-    pub(crate) tolerance: f64,
-}
-
-impl Default for Detail {
-    fn default() -> Self {
-        Self { least_hole: 4, tolerance: 0.5 }
-    }
 }
 
 /// The outline of a cluster, fixed frame.
@@ -84,12 +73,22 @@ impl Outline {
         footprint: &Footprint,
         plane: &PlaneEquation,
         voxel_size: f64,
-        detail: &Detail,
+        drawing: &mut Drawing,
+    ) -> Option<Self> {
+        Self::with(footprint, plane, voxel_size, LEAST_HOLE, TOLERANCE, drawing)
+    }
+
+    fn with(
+        footprint: &Footprint,
+        plane: &PlaneEquation,
+        voxel_size: f64,
+        least_hole: u32,
+        tolerance: f64,
         drawing: &mut Drawing,
     ) -> Option<Self> {
         let origin = rings(footprint, &mut drawing.tracing, &mut drawing.traced)?;
-        drawing.keep(detail.least_hole)?;
-        drawing.simplify(detail.tolerance);
+        drawing.keep(least_hole)?;
+        drawing.simplify(tolerance);
         let lift = Lift::new(footprint, plane, voxel_size, origin);
         let area: f64 = drawing.fewer.iter().map(|ring| 0.5 * doubled_area(ring)).sum();
         let mut rings = drawing.fewer.iter().map(|ring| lift.ring(ring));

@@ -12,26 +12,26 @@ use crate::engine::snapshot;
 
 /// What a class depends on beside the cluster itself.
 #[derive(Clone, Copy, Debug)]
-pub(in super::super) struct Surroundings {
-    /// z of the floor of its storey (m).
+pub(crate) struct Surroundings {
+    /// z of the floor of its storey, the lowest known large surface there that faces up, which may be the cluster itself (m).
     pub(in super::super) floor: Option<f64>,
-    /// z of the lowest floor (m), where it lies below all.
+    /// z of the lowest floor of all (m), where the cluster lies below that.
     pub(in super::super) floor_above: Option<f64>,
     /// z of the sensor (m).
     pub(in super::super) sensor: f64,
-    /// Whether it has been taken for a ceiling.
+    /// Whether it was a ceiling before: then it was above the sensor that saw it, which may have taken a lift since.
     pub(in super::super) was_ceiling: bool,
 }
 
 /// How a cluster's voxels lie on its plane.
 #[derive(Clone, Copy, Debug)]
-pub(in super::super) struct Planarity {
+pub(crate) struct Planarity {
     /// Root mean square distance of their means from it, and up to which one it is a plane, in voxels.
-    rms: f64,
-    tolerance: f64,
+    pub(super) rms: f64,
+    pub(super) tolerance: f64,
     /// Angle between its normal, that of the voxels' means, and the mean of its patches' normals, which where there is but one
     /// row of voxels are those of the points within them: any plane may hold the row.
-    across: f64,
+    pub(super) across: f64,
 }
 
 impl Planarity {
@@ -72,13 +72,8 @@ impl<'a> Evidence<'a> {
             area: cluster.area.unwrap_or_default(),
             voxels: cluster.voxel_count,
             voxel_size,
-            rms: planarity.rms,
-            tolerance: planarity.tolerance,
-            across: planarity.across,
-            floor: surroundings.floor,
-            floor_above: surroundings.floor_above,
-            sensor: surroundings.sensor,
-            was_ceiling: surroundings.was_ceiling,
+            planarity,
+            surroundings,
             neighbours: &uprights.neighbours,
             corners: uprights.corners,
         }

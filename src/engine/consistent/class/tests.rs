@@ -10,6 +10,11 @@ fn normal(elevation: f64, turn: f64) -> UnitVector3<f64> {
     UnitVector3::new_normalize(Vector3::new(level * turn.cos(), level * turn.sin(), elevation.sin()))
 }
 
+const FLAT: Planarity = Planarity { rms: 0.006, tolerance: 0.02, across: 0.0 };
+const AROUND: Surroundings =
+    Surroundings { floor: Some(0.0), floor_above: None, sensor: 1.0, was_ceiling: false };
+const NO_FLOOR: Surroundings = Surroundings { floor: None, ..AROUND };
+
 /// A well-seen surface; the floor is at 0, the sensor at 1 m.
 fn surface(elevation: f64) -> Evidence<'static> {
     Evidence {
@@ -22,13 +27,8 @@ fn surface(elevation: f64) -> Evidence<'static> {
         area: 4.0,
         voxels: 400,
         voxel_size: 0.05,
-        rms: 0.006,
-        tolerance: 0.02,
-        across: 0.0,
-        floor: Some(0.0),
-        floor_above: None,
-        sensor: 1.0,
-        was_ceiling: false,
+        planarity: FLAT,
+        surroundings: AROUND,
         neighbours: &[],
         corners: [f64::INFINITY; 2],
     }
@@ -61,7 +61,7 @@ fn the_floor_is_level_faces_up_and_lies_where_the_lowest_large_surface_is() {
 
 #[test]
 fn what_is_too_small_for_a_floor_is_raised_where_no_floor_is_known() {
-    let small = |area| Evidence { floor: None, area, ..surface(90.0) };
+    let small = |area| Evidence { surroundings: NO_FLOOR, area, ..surface(90.0) };
     assert_class(&small(0.2), SurfaceClass::Horizontal);
     // The less surely the nearer it is to being one.
     assert!(classify(&small(0.9)).1 < classify(&small(0.5)).1);
@@ -75,9 +75,10 @@ fn tables_and_steps_are_horizontal() {
             SurfaceClass::Horizontal,
         );
     }
-    let hollow = Evidence { floor: None, floor_above: Some(0.2), area: 6.0, ..surface(90.0) };
+    let surroundings = Surroundings { floor_above: Some(0.2), ..NO_FLOOR };
+    let hollow = Evidence { surroundings, area: 6.0, ..surface(90.0) };
     assert_class(&hollow, SurfaceClass::Horizontal);
-    let small = Evidence { floor: None, area: 0.2, ..surface(90.0) };
+    let small = Evidence { surroundings: NO_FLOOR, area: 0.2, ..surface(90.0) };
     assert_eq!(classify(&small).0, SurfaceClass::Horizontal);
 }
 
@@ -96,15 +97,18 @@ fn the_ceiling_faces_down_above_the_sensor() {
     let table_from_below = Evidence { lowest: 0.7, highest: 0.7, ..surface(-90.0) };
     assert_eq!(classify(&table_from_below), (SurfaceClass::Unknown, 0.0));
     // What was one stays one when the sensor has gone up a storey, for as long as it is level.
-    let of_below = Evidence { lowest: 2.5, highest: 2.5, sensor: 4.0, was_ceiling: true, ..surface(-90.0) };
+    let surroundings = Surroundings { sensor: 4.0, was_ceiling: true, ..AROUND };
+    let of_below = Evidence { lowest: 2.5, highest: 2.5, surroundings, ..surface(-90.0) };
     assert_class(&of_below, SurfaceClass::Ceiling);
-    assert_class(&Evidence { was_ceiling: true, sensor: 4.0, ..surface(-1.0) }, SurfaceClass::Wall);
+    assert_class(&Evidence { surroundings, ..surface(-1.0) }, SurfaceClass::Wall);
 }
 
 #[test]
 fn a_ceiling_is_no_surer_once_the_sensor_has_gone_up_past_it() {
-    let seen_from =
-        |sensor| Evidence { lowest: 0.7, highest: 0.7, sensor, was_ceiling: true, ..surface(-90.0) };
+    let seen_from = |sensor| {
+        let surroundings = Surroundings { sensor, was_ceiling: true, ..AROUND };
+        Evidence { lowest: 0.7, highest: 0.7, surroundings, ..surface(-90.0) }
+    };
     let confidences = (600..=800).map(|millimetres| {
         let (class, confidence) = classify(&seen_from(f64::from(millimetres) / 1e3));
         assert_eq!(class, SurfaceClass::Ceiling);
@@ -129,8 +133,9 @@ fn what_is_inclined_by_10_to_70_degrees_is_a_slope_either_side_up() {
 
 #[test]
 fn where_no_plane_fits_the_surface_is_curved() {
-    assert_class(&Evidence { rms: 0.04, ..surface(90.0) }, SurfaceClass::Curved);
-    assert_class(&Evidence { rms: 0.04, ..surface(0.0) }, SurfaceClass::Curved);
+    let bent = Planarity { rms: 0.04, ..FLAT };
+    assert_class(&Evidence { planarity: bent, ..surface(90.0) }, SurfaceClass::Curved);
+    assert_class(&Evidence { planarity: bent, ..surface(0.0) }, SurfaceClass::Curved);
 }
 
 #[test]
@@ -216,7 +221,8 @@ fn a_door_seen_in_part_is_a_door_with_less_confidence() {
 fn what_its_members_lie_across_of_is_not_sure_to_be_of_its_class() {
     for elevation in [0.0, 40.0, 90.0, -90.0] {
         let evidence = Evidence { lowest: 2.0, highest: 2.5, ..surface(elevation) };
-        let of = |across: f64| classify(&Evidence { across: across.to_radians(), ..evidence });
+        let planarity = |across: f64| Planarity { across: across.to_radians(), ..FLAT };
+        let of = |across| classify(&Evidence { planarity: planarity(across), ..evidence });
         let [sure, turned, crossed] = [0.0, 15.0, 90.0].map(of);
         assert_eq!([sure.0, turned.0], [crossed.0; 2]);
         assert!(
@@ -229,7 +235,8 @@ fn what_its_members_lie_across_of_is_not_sure_to_be_of_its_class() {
 #[test]
 fn evidence_that_is_not_a_number_decides_nothing() {
     let nothing = (SurfaceClass::Unknown, 0.0);
-    assert_eq!(classify(&Evidence { rms: f64::NAN, ..surface(90.0) }), nothing);
+    let planarity = Planarity { rms: f64::NAN, ..FLAT };
+    assert_eq!(classify(&Evidence { planarity, ..surface(90.0) }), nothing);
     assert_eq!(
         classify(&Evidence { tilt_covariance: Matrix2::identity() * f64::NAN, ..surface(0.0) }),
         nothing
@@ -277,9 +284,8 @@ fn any_evidence() -> impl Strategy<Value = (Evidence<'static>, Vec<Neighbour>)> 
             height,
             area,
             voxels,
-            rms,
-            floor,
-            sensor,
+            planarity: Planarity { rms, ..FLAT },
+            surroundings: Surroundings { floor, sensor, ..AROUND },
             corners,
             ..surface(elevation)
         };

@@ -152,12 +152,12 @@ fn binned(points: &[Vector3<f64>], plane: &PlaneEquation, voxel_size: f64) -> Fo
 
 impl Seen {
     fn outline(&self) -> Outline {
-        self.outline_with(&Detail::default()).unwrap()
+        self.outline_with(LEAST_HOLE, TOLERANCE).unwrap()
     }
 
-    fn outline_with(&self, detail: &Detail) -> Option<Outline> {
+    fn outline_with(&self, least_hole: u32, tolerance: f64) -> Option<Outline> {
         let drawing = &mut Drawing::default();
-        Outline::new(&self.footprint, &self.plane, self.voxel_size, detail, drawing)
+        Outline::with(&self.footprint, &self.plane, self.voxel_size, least_hole, tolerance, drawing)
     }
 }
 
@@ -262,8 +262,7 @@ proptest! {
     #[test]
     fn an_outline_is_simple_whatever_the_points_say(seen in any_footprint(), least_hole in 1u32..6) {
         for tolerance in [0.0, 0.5, 2.0] {
-            let detail = Detail { least_hole, tolerance };
-            let outline = seen.outline_with(&detail).unwrap();
+            let outline = seen.outline_with(least_hole, tolerance).unwrap();
             check(&seen, &outline)?;
         }
     }
@@ -289,9 +288,9 @@ proptest! {
         rings(&seen.footprint, &mut Tracing::default(), &mut traced).unwrap();
         let mut drawing = Drawing::default();
         for tolerance in [0.0, 0.1, 0.5, 2.0] {
-            let detail = Detail { least_hole, tolerance };
-            Outline::new(&seen.footprint, &seen.plane, seen.voxel_size, &detail, &mut drawing).unwrap();
-            let plain = plain::drawn(&traced, &detail);
+            let Seen { footprint, plane, voxel_size } = &seen;
+            Outline::with(footprint, plane, *voxel_size, least_hole, tolerance, &mut drawing).unwrap();
+            let plain = plain::drawn(&traced, least_hole, tolerance);
             prop_assert!(drawing.fewer.iter().eq(plain.iter()));
         }
     }
@@ -426,17 +425,14 @@ fn holes_of_fewer_columns_than_asked_for_are_filled() {
     let holed: Vec<_> =
         square([0, 0], 9).filter(|&[x, y]| !((2..4).contains(&x) && (3..5).contains(&y))).collect();
     let seen = full(&holed);
-    let of = |least_hole| {
-        let detail = Detail { least_hole, ..Detail::default() };
-        seen.outline_with(&detail).unwrap()
-    };
+    let of = |least_hole| seen.outline_with(least_hole, TOLERANCE).unwrap();
     assert_eq!((of(4).holes.len(), of(5).holes.len()), (1, 0));
     assert!((of(5).area - of(4).area - 4.0).abs() < 1.0);
 }
 
 #[test]
 fn no_columns_have_no_outline_and_one_column_has_one() {
-    assert_eq!(full(&[]).outline_with(&Detail::default()), None);
+    assert_eq!(full(&[]).outline_with(LEAST_HOLE, TOLERANCE), None);
     let one = full(&[[3, -4]]).outline();
     assert!(one.area > 0.4 && one.area < 1.1 && one.boundary.len() == 4, "{one:?}");
 }

@@ -3,10 +3,10 @@
 use super::*;
 
 /// The kept rings of those that were traced, with few vertices.
-pub(super) fn drawn(traced: &Rings, detail: &Detail) -> Rings {
-    let kept = kept(traced, detail.least_hole);
+pub(super) fn drawn(traced: &Rings, least_hole: u32, tolerance: f64) -> Rings {
+    let kept = kept(traced, least_hole);
     for attempt in 0..ATTEMPTS {
-        let tolerance = detail.tolerance / f64::from(1 << attempt);
+        let tolerance = tolerance / f64::from(1 << attempt);
         let mut fewer = Rings::default();
         for &number in &kept {
             Simplifying::default().draw(traced.ring(number), tolerance, &mut fewer);
