@@ -4,8 +4,9 @@
 //! Everything here is pure: no ROS, no async, no I/O, no clock, no thread; the same scans give the same
 //! map, whatever the order of the points within a scan.
 //!
-//! Its cost follows the points of the scan, the voxels it touched and the outlines of the clusters that it changed, never the
-//! size of the map.
+//! Its cost follows the points of the scan, the voxels it touched and the outlines of the clusters that it changed, not the size of
+//! the map, but in mode `consistent` for lists that a frozen map shares, and for a look at the keys of all blocks where the view is
+//! wider than the map.
 //!
 //! ```
 //! use cfodi::engine::{Engine, Isometry3, Params, Points, Scan, Stamp};

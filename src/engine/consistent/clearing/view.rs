@@ -57,13 +57,13 @@ mod tests_on_scans;
 /// A cell is 1/128 of the depth wide: 0.45 degrees, 4 x 4 of a Kinect's pixels. At 6 m it is as wide as a voxel of 5 cm, at
 /// 1 m a voxel of 8 cm covers 10 x 10. Larger cells would blur what stands on a floor with the floor (3 cm
 /// at 4 m); smaller ones hold too few points to say that a direction was measured.
-const CELLS: usize = 1 << CELL_BITS;
-const CELL_BITS: u32 = 8;
-const FACE_CELLS: usize = CELLS * CELLS;
+const FACE_EDGE: usize = 1 << FACE_EDGE_BITS;
+const FACE_EDGE_BITS: u32 = 8;
+const FACE_CELLS: usize = FACE_EDGE * FACE_EDGE;
 /// Cells along the edge of a tile, over which the farthest cell is kept for whole blocks.
 const TILE_CELLS: usize = 8;
 /// Tiles along the edge of a face.
-const TILES: usize = CELLS / TILE_CELLS;
+const TILES: usize = FACE_EDGE / TILE_CELLS;
 /// A cell with fewer than the mean number of points divided by this says nothing: most of it was not measured.
 ///
 /// Directions at the corner of a face are up to 5.2 times denser or sparser than in its middle.
@@ -219,7 +219,7 @@ impl RangeGrid {
             return false;
         }
         Face::all().all(|face| {
-            Silhouette::new(face, centre, half, CELLS)
+            Silhouette::new(face, centre, half, FACE_EDGE)
                 .is_none_or(|cells| self.ends_beyond(face, &cells, margin))
         })
     }
@@ -244,7 +244,7 @@ impl RangeGrid {
     fn ends_beyond(&self, face: Face, silhouette: &Silhouette, margin: f64) -> bool {
         let least = (silhouette.far + margin) as f32;
         let all_end = silhouette.rows.clone().all(|row| {
-            let start = (face.index() * CELLS + row) * CELLS;
+            let start = (face.index() * FACE_EDGE + row) * FACE_EDGE;
             let cells = &self.cells[start + silhouette.columns.start..start + silhouette.columns.end];
             cells.iter().all(|cell| self.may_end_beyond(*cell, least))
         });
@@ -282,7 +282,7 @@ fn farther(than: f32, depths: &[f32]) -> f32 {
 
 /// Face, row and column of a cell.
 const fn split(index: usize) -> (usize, usize, usize) {
-    (index / FACE_CELLS, index / CELLS % CELLS, index % CELLS)
+    (index / FACE_CELLS, index / FACE_EDGE % FACE_EDGE, index % FACE_EDGE)
 }
 
 /// The cell in which a point lies and its depth there.
@@ -314,7 +314,8 @@ fn cell_and_depth([x, y, z]: [f32; 3]) -> (u32, f32) {
     let depth = largest.abs();
     let face = axis | (largest.to_bits() >> 31);
     let inverse = 1.0 / depth;
-    let cell = (face << CELL_BITS | whole_cell(row * inverse)) << CELL_BITS | whole_cell(column * inverse);
+    let cell =
+        (face << FACE_EDGE_BITS | whole_cell(row * inverse)) << FACE_EDGE_BITS | whole_cell(column * inverse);
     (cell, depth)
 }
 
@@ -323,8 +324,8 @@ fn cell_and_depth([x, y, z]: [f32; 3]) -> (u32, f32) {
 fn whole_cell(tangent: f32) -> u32 {
     /// Floats from here to twice this are the whole numbers, and their last bits are those numbers.
     const WHOLE: f32 = 8_388_608.0;
-    const HALF: f32 = 0.5 * CELLS as f32;
+    const HALF: f32 = 0.5 * FACE_EDGE as f32;
     // Half a cell less, as the addition rounds to the nearest; a point at the sensor, 0 / 0, goes to the first cell.
-    let cell = (tangent * HALF + (HALF - 0.5)).max(0.0).min(CELLS as f32 - 1.0);
-    (cell + WHOLE).to_bits() & (CELLS as u32 - 1)
+    let cell = (tangent * HALF + (HALF - 0.5)).max(0.0).min(FACE_EDGE as f32 - 1.0);
+    (cell + WHOLE).to_bits() & (FACE_EDGE as u32 - 1)
 }

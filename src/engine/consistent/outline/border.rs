@@ -3,7 +3,7 @@
 //! The eight directions around a column are counted counter-clockwise, `2 * s` towards its side `s`; opposite to `d` is
 //! `d ^ 4`.
 
-use super::footprint::{Column, Footprint, Row};
+use super::footprint::{Column, Footprint, TileRim};
 use super::rim::Cut;
 
 /// In place of a column that is not at the rim.
@@ -51,11 +51,16 @@ impl OfRim {
     }
 }
 
-/// Finds the rim of a footprint, ascending, every column of the footprint inside; `rows` and `ranks` are memory to work in.
-pub(crate) fn find(footprint: &Footprint, rows: &mut Vec<Row>, ranks: &mut Vec<u64>, rim: &mut Vec<OfRim>) {
+/// Finds the rim of a footprint, ascending, every column of the footprint inside; `tiles` and `ranks` are memory to work in.
+pub(crate) fn find(
+    footprint: &Footprint,
+    tiles: &mut Vec<TileRim>,
+    ranks: &mut Vec<u64>,
+    rim: &mut Vec<OfRim>,
+) {
     rim.clear();
     ranks.clear();
-    footprint.rim(rows, |column, joined, content| {
+    footprint.rim(tiles, |column, joined, content| {
         ranks.push(rank(column));
         rim.push(OfRim {
             column,

@@ -13,8 +13,8 @@ use std::collections::BTreeMap;
 
 use nalgebra::UnitVector3;
 
-pub(crate) use self::columns::{Content, Row};
-use self::columns::{EDGE, Kept, Tile, bit_of, column_of, tile_of};
+pub(crate) use self::columns::{Content, TileRim};
+use self::columns::{EDGE_BITS, Kept, Tile, bit_of, column_of, tile_of};
 use crate::engine::key::VoxelKey;
 
 /// The two indices of a column, by ascending axis.
@@ -154,22 +154,22 @@ impl Footprint {
         }
     }
 
-    /// The columns that lack a neighbour, ascending; `rows` is memory to work in.
-    pub(crate) fn rim(&self, rows: &mut Vec<Row>, mut each: impl FnMut(Column, u8, &Content)) {
-        self.rows(rows);
+    /// The columns that lack a neighbour, ascending; `rims` is memory to work in.
+    pub(crate) fn rim(&self, rims: &mut Vec<TileRim>, mut each: impl FnMut(Column, u8, &Content)) {
+        self.rims(rims);
         let mut start = 0;
-        while let Some(first) = rows.get(start) {
-            let end = start + rows[start..].partition_point(|row| row.key[0] == first.key[0]);
-            for line in 0..1 << EDGE {
-                for row in &rows[start..end] {
-                    let mut bits = row.rim & 0xFF << (line << EDGE);
+        while let Some(first) = rims.get(start) {
+            let end = start + rims[start..].partition_point(|rim| rim.key[0] == first.key[0]);
+            for line in 0..1 << EDGE_BITS {
+                for here in &rims[start..end] {
+                    let mut bits = here.rim & 0xFF << (line << EDGE_BITS);
                     while bits != 0 {
                         let (at, bit) = (bits.trailing_zeros(), bits & bits.wrapping_neg());
                         bits ^= bit;
-                        let tile = &self.tiles[row.place as usize];
+                        let tile = &self.tiles[here.place as usize];
                         each(
-                            column_of(row.key, at),
-                            row.joined(bit),
+                            column_of(here.key, at),
+                            here.joined(bit),
                             &tile.contents[tile.place(bit)].content(),
                         );
                     }
@@ -180,22 +180,22 @@ impl Footprint {
     }
 
     /// What the tiles' columns lack, in the order of the tiles' keys.
-    fn rows(&self, rows: &mut Vec<Row>) {
-        rows.clear();
-        let row = |(&key, &place): (&Column, &u32)| {
+    fn rims(&self, rims: &mut Vec<TileRim>) {
+        rims.clear();
+        let rim = |(&key, &place): (&Column, &u32)| {
             let covered = self.tiles[place as usize].covered;
-            (covered != 0).then_some(Row { key, place, covered, rim: 0, beside: [0; 4] })
+            (covered != 0).then_some(TileRim { key, place, covered, rim: 0, beside: [0; 4] })
         };
-        rows.extend(self.places.iter().filter_map(row));
+        rims.extend(self.places.iter().filter_map(rim));
         let (mut before, mut after) = (0, 0);
-        for here in 0..rows.len() {
-            let [x, y] = rows[here].key;
+        for here in 0..rims.len() {
+            let [x, y] = rims[here].key;
             let seek =
-                |from: usize, key: Column| from + rows[from..].iter().take_while(|row| row.key < key).count();
+                |from: usize, key: Column| from + rims[from..].iter().take_while(|rim| rim.key < key).count();
             (before, after) = (seek(before, [x - 1, y]), seek(after, [x + 1, y]));
             let of = |place: Option<usize>, key: Column| {
-                let row = place.and_then(|place| rows.get(place)).filter(|row| row.key == key);
-                row.map_or(0, |row| row.covered)
+                let rim = place.and_then(|place| rims.get(place)).filter(|rim| rim.key == key);
+                rim.map_or(0, |rim| rim.covered)
             };
             let others = [
                 of(Some(after), [x + 1, y]),
@@ -203,7 +203,7 @@ impl Footprint {
                 of(Some(before), [x - 1, y]),
                 of(here.checked_sub(1), [x, y - 1]),
             ];
-            rows[here].meet(others);
+            rims[here].meet(others);
         }
     }
 }

@@ -10,7 +10,7 @@
 use nalgebra::Vector2;
 
 use super::border::{self, NONE, OfRim};
-use super::footprint::{Column, Footprint, Row, beyond};
+use super::footprint::{Column, Footprint, TileRim, beyond};
 use super::rings::Rings;
 
 /// A vertex keeps this distance from the middles of columns, in columns.
@@ -19,7 +19,7 @@ const CLEARANCE: f64 = 0.02;
 /// Memory to trace in.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Tracing {
-    rows: Vec<Row>,
+    tiles: Vec<TileRim>,
     ranks: Vec<u64>,
     rim: Vec<OfRim>,
 }
@@ -30,8 +30,8 @@ pub(crate) struct Tracing {
 /// Each has the number of columns within; below 0 that of a hole, around which the ring runs clockwise.
 pub(crate) fn rings(footprint: &Footprint, memory: &mut Tracing, rings: &mut Rings) -> Option<Column> {
     rings.clear();
-    let Tracing { rows, ranks, rim } = memory;
-    border::find(footprint, rows, ranks, rim);
+    let Tracing { tiles, ranks, rim } = memory;
+    border::find(footprint, tiles, ranks, rim);
     let origin = rim.first()?.column;
     let mut tracer = Tracer { origin, rim };
     tracer.leave_out();

@@ -106,6 +106,7 @@ impl Segmented {
         let mut patches = Vec::with_capacity(members.len());
         patches.extend(members.iter().zip(kinds).filter_map(patch));
         let loose: Vec<_> = (0..).zip(&owner).filter(|(_, number)| is_loose(&patches, **number)).collect();
+        // From a list whose length is known, so that this one has no room to spare either.
         let loose: Vec<_> = loose.into_iter().map(|(place, _)| Loose::new(place)).collect();
         Self {
             cells: patches.iter().flat_map(|patch| patch.cells.iter()).collect(),

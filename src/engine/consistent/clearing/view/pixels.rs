@@ -5,7 +5,7 @@
 use pulp::{Simd, WithSimd};
 
 use super::spacing::Gaps;
-use super::{CELLS, RangeCell, RangeGrid, cell_and_depth, farther};
+use super::{FACE_EDGE, RangeCell, RangeGrid, cell_and_depth, farther};
 use crate::engine::arch::arch;
 use crate::engine::points::{Depths, Rays};
 
@@ -121,13 +121,13 @@ fn is_ahead(rays: &Rays) -> bool {
 
 /// The column of cells ahead in which this x / z is.
 fn column_of(x: f32) -> usize {
-    cell_and_depth([x, 0.0, 1.0]).0 as usize % CELLS
+    cell_and_depth([x, 0.0, 1.0]).0 as usize % FACE_EDGE
 }
 
 /// Where the row of cells ahead begins in which this y / z is.
 fn row_of(y: f32) -> usize {
     let cell = cell_and_depth([0.0, y, 1.0]).0 as usize;
-    cell - cell % CELLS
+    cell - cell % FACE_EDGE
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@
 use std::ops::Range;
 
 use super::silhouette::{Face, Silhouette};
-use super::{CELLS, FACE_CELLS, RangeGrid, TILE_CELLS, split};
+use super::{FACE_CELLS, FACE_EDGE, RangeGrid, TILE_CELLS, split};
 use crate::engine::points::Rays;
 
 /// Cells between those that neighbouring rays fall into, at most, along a row of cells and along a column of them.
@@ -44,7 +44,7 @@ impl Gaps {
 fn between(rays: &[f32]) -> usize {
     let (Some(first), Some(last)) = (rays.first(), rays.last()) else { return 0 };
     let steps = rays.len().saturating_sub(1).max(1) as f32;
-    let cells = (last - first).abs() * (0.5 * CELLS as f32) / steps;
+    let cells = (last - first).abs() * (0.5 * FACE_EDGE as f32) / steps;
     ((cells.ceil() as usize).max(1) - 1).min(FARTHEST - 1)
 }
 
@@ -55,8 +55,8 @@ impl RangeGrid {
         let with_points = |index: &usize| self.cells[*index].count > 0;
         for index in self.occupied.iter().flat_map(Clone::clone).filter(with_points) {
             let (_, row, column) = split(index);
-            along_row.count(self.to_next(index, 1, CELLS - 1 - column));
-            along_column.count(self.to_next(index, CELLS, CELLS - 1 - row));
+            along_row.count(self.to_next(index, 1, FACE_EDGE - 1 - column));
+            along_column.count(self.to_next(index, FACE_EDGE, FACE_EDGE - 1 - row));
         }
         Gaps { along_row: along_row.most() - 1, along_column: along_column.most() - 1 }
     }
@@ -70,8 +70,8 @@ impl RangeGrid {
     /// end between two of them.
     pub(super) fn is_next_to_ray(&self, index: usize) -> bool {
         let (face, row, column) = split(index);
-        let mut rows = around(row, self.gaps.along_column.min(1), &(0..CELLS));
-        let columns = around(column, self.gaps.along_row.min(1), &(0..CELLS));
+        let mut rows = around(row, self.gaps.along_column.min(1), &(0..FACE_EDGE));
+        let columns = around(column, self.gaps.along_row.min(1), &(0..FACE_EDGE));
         rows.any(|row| columns.clone().any(|column| self.is_measured(face, row, column)))
     }
 
@@ -80,12 +80,12 @@ impl RangeGrid {
     pub(super) fn passes_on_both_sides(&self, index: usize, least: f32) -> bool {
         let Gaps { along_row, along_column } = self.gaps;
         let (face, row, column) = split(index);
-        let columns = around(column, along_row, &(0..CELLS));
-        let rows = around(row, along_column, &(0..CELLS));
+        let columns = around(column, along_row, &(0..FACE_EDGE));
+        let rows = around(row, along_column, &(0..FACE_EDGE));
         let in_row =
-            |row: usize| self.ends_beyond_of((face * CELLS + row) * CELLS, columns.clone(), 1, least);
+            |row: usize| self.ends_beyond_of((face * FACE_EDGE + row) * FACE_EDGE, columns.clone(), 1, least);
         let in_column =
-            |column: usize| self.ends_beyond_of(face * FACE_CELLS + column, rows.clone(), CELLS, least);
+            |column: usize| self.ends_beyond_of(face * FACE_CELLS + column, rows.clone(), FACE_EDGE, least);
         (along_column == 0 || on_both_sides(row, along_column, in_row))
             && (along_row == 0 || on_both_sides(column, along_row, in_column))
     }
@@ -103,7 +103,7 @@ impl RangeGrid {
     }
 
     fn is_measured(&self, face: usize, row: usize, column: usize) -> bool {
-        self.is_ray((face * CELLS + row) * CELLS + column)
+        self.is_ray((face * FACE_EDGE + row) * FACE_EDGE + column)
     }
 
     /// Whether each cell of a silhouette was measured or has one in it that was, no farther than rays are apart.
@@ -120,7 +120,7 @@ impl RangeGrid {
 /// Whether the first lines of cells before `at` and after it in which rays went, no farther than these are apart, end beyond.
 fn on_both_sides(at: usize, gap: usize, ends: impl Fn(usize) -> Option<bool>) -> bool {
     let before = (1..=(gap + 1).min(at)).find_map(|steps| ends(at - steps));
-    let after = (1..=(gap + 1).min(CELLS - 1 - at)).find_map(|steps| ends(at + steps));
+    let after = (1..=(gap + 1).min(FACE_EDGE - 1 - at)).find_map(|steps| ends(at + steps));
     before == Some(true) && after == Some(true)
 }
 

@@ -96,7 +96,7 @@ impl Sensor {
 /// A box with a cell more on each side, as `clearing` has where a body is thin.
 pub(super) fn padded(centre: Point3<f64>, half: Vector3<f64>) -> Body {
     let axis = centre.coords.iamax();
-    let mut padding = Vector3::repeat(2.0 / CELLS as f64 * centre[axis].abs());
+    let mut padding = Vector3::repeat(2.0 / FACE_EDGE as f64 * centre[axis].abs());
     padding[axis] = 0.0;
     Body { centre, half: half + padding, is_thin: [false; 3] }
 }
@@ -179,11 +179,11 @@ fn a_cell_has_the_smallest_depth_of_its_points_and_their_number() {
             let depth = point[axis].abs();
             let cell = |axis: usize| {
                 let tangent = f64::from(point[axis] * (1.0 / depth));
-                (((tangent + 1.0) * 128.0) as usize).min(CELLS - 1)
+                (((tangent + 1.0) * 128.0) as usize).min(FACE_EDGE - 1)
             };
             let across = [[1, 2], [0, 2], [0, 1]][axis];
             let face = 2 * axis + usize::from(point[axis] < 0.0);
-            let cell = &mut naive[(face * CELLS + cell(across[1])) * CELLS + cell(across[0])];
+            let cell = &mut naive[(face * FACE_EDGE + cell(across[1])) * FACE_EDGE + cell(across[0])];
             *cell = RangeCell { nearest: cell.nearest.min(depth), count: cell.count + 1 };
         }
         let differing =

@@ -109,26 +109,26 @@ impl SubAssign for Kept {
     }
 }
 
-/// Columns along an edge of a tile, as a power of two.
-pub(super) const EDGE: u32 = 3;
+/// Columns along an edge of a tile, as the base-2 logarithm.
+pub(super) const EDGE_BITS: u32 = 3;
 /// Contents for which memory is taken at a time.
 const ROOM: usize = 8;
 
 /// The tile that a column is in.
 pub(super) fn tile_of(column: Column) -> Column {
-    column.map(|index| index >> EDGE)
+    column.map(|index| index >> EDGE_BITS)
 }
 
 /// The bit of a column in its tile: in the order of columns.
 pub(super) fn bit_of(column: Column) -> u64 {
-    let [row, place] = column.map(|index| index & ((1 << EDGE) - 1));
-    1 << (row << EDGE | place)
+    let [row, place] = column.map(|index| index & ((1 << EDGE_BITS) - 1));
+    1 << (row << EDGE_BITS | place)
 }
 
 /// The column of the bit of this number.
 pub(super) fn column_of(tile: Column, number: u32) -> Column {
-    let within = [number >> EDGE, number & ((1 << EDGE) - 1)];
-    [0, 1].map(|axis| tile[axis] << EDGE | within[axis] as i32)
+    let within = [number >> EDGE_BITS, number & ((1 << EDGE_BITS) - 1)];
+    [0, 1].map(|axis| tile[axis] << EDGE_BITS | within[axis] as i32)
 }
 
 /// 8 x 8 columns.
@@ -177,9 +177,9 @@ impl Tile {
     }
 }
 
-/// A tile among its neighbours.
+/// What of a tile is at the rim, which its neighbours say.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Row {
+pub(crate) struct TileRim {
     pub(super) key: Column,
     pub(super) place: u32,
     pub(super) covered: u64,
@@ -189,7 +189,7 @@ pub(crate) struct Row {
     pub(super) beside: [u64; 4],
 }
 
-impl Row {
+impl TileRim {
     /// `others` are the covered columns of the tiles beyond its sides.
     pub(super) const fn meet(&mut self, others: [u64; 4]) {
         const FIRST: u64 = 0x0101_0101_0101_0101;
