@@ -1,12 +1,10 @@
-//! Milliseconds a scan of the engine, and what a cloud costs on the way to it.
+//! Milliseconds a scan of the engine, and what a map costs those who read all of it.
 //!
-//! On the cabinet recording where there is one (`CFODI_DATA`), on the simulated room otherwise. A group holds: `read`,
-//! the yardstick: summing the bytes of one cloud after the other; `decode`, `PointCloud2` bytes to points; `insert`, a
-//! whole drive from an empty map on, divided by its scans, in mode `paper` and in mode `consistent`, and the ratio of the
-//! two; of that `ingest`, points into voxels, `normals` and `clusters`, which in mode `consistent` are found together, after what
-//! was seen through is taken out, and `globals`, merging or describing; `STATIC`, one re-clustering of the whole map; `freeze`; `snapshot`; `save`, the map to the bytes of a
-//! file and back. The group `sim` is the simulator on one of its scenes after the other: `labelled_scan` and, what scores are
-//! measured by, `true_hits`.
+//! On the cabinet recording where there is one (`CFODI_DATA`), on the simulated room otherwise. A group holds: `insert`, a whole
+//! drive from an empty map on, divided by its scans, in mode `paper` and in mode `consistent`, and the ratio of the two;
+//! `STATIC`, one re-clustering of the whole map; `freeze`; `snapshot`; `save`, the map to the bytes of a file and back. The group
+//! `sim` is the simulator on one of its scenes after the other: `labelled_scan` and, what scores are measured by, `true_hits`.
+//! `benches/limit.rs` tells where the time of a scan goes, from the bytes of its message on.
 #![allow(
     missing_docs,
     clippy::unwrap_used,
@@ -24,7 +22,7 @@ use std::time::{Duration, Instant};
 
 use cfodi::cloud::{Cloud, CloudFilter, decode};
 use cfodi::engine::paper::Cfodi;
-use cfodi::engine::{Engine, Isometry3, Mode, Params, PipelineStep, Scan, Stamp};
+use cfodi::engine::{Engine, Isometry3, Mode, Params, Scan, Stamp};
 use cfodi::msg::ros::PointCloud2;
 use cfodi::sim::{Drive, Scene};
 use cfodi::store::{pack, unpack};
@@ -48,17 +46,6 @@ fn bench(criterion: &mut Criterion) {
     let scans = scans(&drive);
     let mut group = criterion.benchmark_group(name);
     group.sample_size(10);
-    let mut next = (0..drive.len()).cycle();
-    group.bench_function("read", |b| {
-        b.iter(|| {
-            let data = &drive[next.next().unwrap()].0.data;
-            let words = data.chunks_exact(8).map(|word| u64::from_le_bytes(word.try_into().unwrap()));
-            black_box(words.fold(0, u64::wrapping_add))
-        });
-    });
-    group.bench_function("decode", |b| {
-        b.iter(|| decode(&drive[next.next().unwrap()].0, &FILTER));
-    });
     for (label, voxel_size) in [("8 cm", 0.08), ("5 cm", 0.05)] {
         let params = Params::paper().with_voxel_size(voxel_size).unwrap();
         insert(&mut group, label, &scans, params);
@@ -104,30 +91,11 @@ fn insert(group: &mut Group, label: &str, scans: &[Scan], paper: Params) {
                 drives.iter().sum()
             });
         });
-        steps(group, label, mode, scans, params);
         shortest
     });
     if let [Some(paper), Some(consistent)] = shortest {
         let ratio = consistent.div_duration_f64(paper);
         println!("insert {label}: consistent takes {ratio:.2} times as long as paper (shortest drives)\n");
-    }
-}
-
-/// What each step of it takes.
-fn steps(group: &mut Group, label: &str, mode: &str, scans: &[Scan], params: Params) {
-    let steps = [
-        (PipelineStep::Binned, "ingest"),
-        (PipelineStep::Normals, "normals"),
-        (PipelineStep::Partials, "clusters"),
-        (PipelineStep::Globals, "globals"),
-    ];
-    for (step, name) in steps {
-        if step == PipelineStep::Normals && params.mode() == Mode::Consistent {
-            continue;
-        }
-        group.bench_function(format!("{name} {label}, a scan, {mode}"), |b| {
-            b.iter_custom(|iterations| (0..iterations).map(|_| time_of_a_step(step, scans, params)).sum());
-        });
     }
 }
 
@@ -137,21 +105,6 @@ fn time_of_a_scan(scans: &[Scan], params: Params) -> Duration {
     let begin = Instant::now();
     scans.iter().for_each(|scan| drop(black_box(engine.insert(scan))));
     begin.elapsed() / scans.len() as u32
-}
-
-/// Likewise.
-fn time_of_a_step(step: PipelineStep, scans: &[Scan], params: Params) -> Duration {
-    let mut engine = Engine::new(params);
-    let mut took = Duration::ZERO;
-    for scan in scans {
-        let mut begin = Instant::now();
-        drop(black_box(engine.insert_observed(scan, |done| {
-            let end = Instant::now();
-            let lasted = end - std::mem::replace(&mut begin, end);
-            took += if done == step { lasted } else { Duration::ZERO };
-        })));
-    }
-    took / scans.len() as u32
 }
 
 fn simulator(criterion: &mut Criterion) {
