@@ -4,7 +4,7 @@
 //! update of a dependency changes no recording. Lengths are metres, angles radians, times seconds.
 //!
 //! One way: [`Scene`] (what there is) -> [`Kinect`] (what is measured of it) -> [`Drive`] (what a driver sends), with
-//! [`Robot`] telling where the Kinect is. Each [`Surface`] has a label, a name and a [`Class`]; every point is given with
+//! [`Robot`] telling where the Kinect is. Each [`Surface`] has a label, a name and a class; every point is given with
 //! the label of the surface it was measured on, and [`SeenCells`] tells which parts of a surface were to be seen.
 
 pub mod drive;
@@ -20,7 +20,6 @@ pub mod scene;
 mod scenes;
 pub mod seen;
 pub mod surface;
-pub mod truth;
 
 pub use drive::{Drive, LabelledScan, Step};
 pub use kinect::{DepthImage, Kinect};
@@ -30,4 +29,3 @@ pub use robot::Robot;
 pub use scene::{Hit, Scene};
 pub use seen::SeenCells;
 pub use surface::{Hole, Shape, Surface};
-pub use truth::Class;

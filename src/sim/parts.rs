@@ -1,15 +1,15 @@
 //! What scenes are built of: boxes, walls with openings, door leaves, tables, chairs.
 //!
 //! Faces that no camera could see, against a wall or on the floor, are left out. A level face that looks up is
-//! [`Class::Horizontal`], an upright one [`Class::Wall`]; below [`THIN`] in either direction both are
-//! [`Class::Other`], as is what looks down.
+//! [`SurfaceClass::Horizontal`], an upright one [`SurfaceClass::Wall`]; below [`THIN`] in either direction both are
+//! [`SurfaceClass::Unknown`], as is what looks down.
 
 use std::f64::consts::FRAC_PI_2;
 
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
 use super::surface::{Hole, Shape, Surface};
-use super::truth::Class;
+use crate::engine::SurfaceClass;
 
 /// Shortest edge of a face that is more than the edge of a board or a leg (m).
 const THIN: f64 = 0.1;
@@ -80,12 +80,12 @@ impl Cuboid {
         let y = normal.cross(&x);
         let size = [x, y].map(|edge| edge.dot(&extent).abs());
         let class = match (axis, end * side > 0.0) {
-            (2, true) if side < 0.0 => Class::Floor,
-            (2, false) if side < 0.0 => Class::Ceiling,
-            _ if size.iter().any(|&size| size < THIN) => Class::Other,
-            (2, true) => Class::Horizontal,
-            (2, false) => Class::Other,
-            _ => Class::Wall,
+            (2, true) if side < 0.0 => SurfaceClass::Floor,
+            (2, false) if side < 0.0 => SurfaceClass::Ceiling,
+            _ if size.iter().any(|&size| size < THIN) => SurfaceClass::Unknown,
+            (2, true) => SurfaceClass::Horizontal,
+            (2, false) => SurfaceClass::Unknown,
+            _ => SurfaceClass::Wall,
         };
         Surface::new(name, class, facing(middle, [x, y, normal]), Shape::rectangle(size))
     }
@@ -116,7 +116,7 @@ impl Upright {
     }
 
     /// A face with openings.
-    pub(super) fn face(self, name: &str, class: Class, openings: &[Opening]) -> Surface {
+    pub(super) fn face(self, name: &str, class: SurfaceClass, openings: &[Opening]) -> Surface {
         let (along, up) = (self.along().normalize(), Vector3::z());
         let [low, high] = self.z;
         let size = [self.length(), high - low];
@@ -163,12 +163,12 @@ pub(super) fn reveals(name: &str, wall: Upright, thickness: f64, openings: &[Ope
             let name = format!("{name} {number}/{part}");
             surfaces.push(Surface::new(name, class, facing(middle, axes), Shape::rectangle(size)));
         };
-        let upright = if thickness < THIN { Class::Other } else { Class::Wall };
+        let upright = if thickness < THIN { SurfaceClass::Unknown } else { SurfaceClass::Wall };
         add("first jamb", upright, middle(opening.from, z), [left, up, along], [thickness, height]);
         add("second jamb", upright, middle(opening.to, z), [-left, up, -along], [thickness, height]);
-        add("lintel", Class::Other, middle(s, high), [along, -left, -up], [width, thickness]);
+        add("lintel", SurfaceClass::Unknown, middle(s, high), [along, -left, -up], [width, thickness]);
         if low > 0.0 {
-            let class = if thickness < THIN { Class::Other } else { Class::Horizontal };
+            let class = if thickness < THIN { SurfaceClass::Unknown } else { SurfaceClass::Horizontal };
             add("sill", class, middle(s, low), [along, left, up], [width, thickness]);
         }
     }
@@ -205,8 +205,8 @@ impl TwoSided<'_> {
         };
         let mirrored: Vec<_> = openings.iter().map(mirrored).collect();
         let mut surfaces = vec![
-            self.face.face(self.right, Class::Wall, openings),
-            back.face(self.left, Class::Wall, &mirrored),
+            self.face.face(self.right, SurfaceClass::Wall, openings),
+            back.face(self.left, SurfaceClass::Wall, &mirrored),
         ];
         surfaces.extend(reveals(&format!("{} doorway", self.right), self.face, self.thickness, openings));
         surfaces
@@ -223,8 +223,8 @@ pub(super) fn door_leaf(name: &str, hinge: [f64; 2], closed: f64, open: f64, siz
     let leaf = Cuboid { min: [0.0, -0.5 * LEAF, 0.008], max: [width, 0.5 * LEAF, height] };
     let mut surfaces = without(leaf.outside(name), &["bottom", "top", "back"]);
     if open.abs() >= 15.0_f64.to_radians() {
-        let sides = surfaces.iter_mut().filter(|surface| surface.class == Class::Wall);
-        sides.for_each(|surface| surface.class = Class::Door);
+        let sides = surfaces.iter_mut().filter(|surface| surface.class == SurfaceClass::Wall);
+        sides.for_each(|surface| surface.class = SurfaceClass::Door);
     }
     moved(surfaces, &at([hinge[0], hinge[1], 0.0], closed + open))
 }
@@ -254,9 +254,14 @@ pub(super) fn chair(name: &str) -> Vec<Surface> {
 pub(super) fn cylinder(name: &str, radius: f64, height: f64) -> Vec<Surface> {
     let middle = Isometry3::translation(0.0, 0.0, 0.5 * height);
     let lid = Isometry3::translation(0.0, 0.0, height);
-    let lid_class = if 2.0 * radius < THIN { Class::Other } else { Class::Horizontal };
+    let lid_class = if 2.0 * radius < THIN { SurfaceClass::Unknown } else { SurfaceClass::Horizontal };
     vec![
-        Surface::new(format!("{name}/side"), Class::Curved, middle, Shape::Cylinder { radius, height }),
+        Surface::new(
+            format!("{name}/side"),
+            SurfaceClass::Curved,
+            middle,
+            Shape::Cylinder { radius, height },
+        ),
         Surface::new(format!("{name}/top"), lid_class, lid, Shape::Disc { radius }),
     ]
 }
@@ -264,7 +269,7 @@ pub(super) fn cylinder(name: &str, radius: f64, height: f64) -> Vec<Surface> {
 /// A ball that lies on the floor at the origin.
 pub(super) fn ball(name: &str, radius: f64) -> Surface {
     let middle = Isometry3::translation(0.0, 0.0, radius);
-    Surface::new(name, Class::Curved, middle, Shape::Sphere { radius })
+    Surface::new(name, SurfaceClass::Curved, middle, Shape::Sphere { radius })
 }
 
 /// A rectangle that rises along `yaw` (rad) by `tilt` (rad) from the level, seen from above.
@@ -272,10 +277,10 @@ pub(super) fn incline(name: &str, middle: [f64; 3], yaw: f64, tilt: f64, size: [
     let lean = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), -tilt);
     let degrees = tilt.to_degrees().abs();
     let class = match degrees {
-        _ if size.iter().any(|&size| size < THIN) => Class::Other,
-        _ if degrees <= 10.0 => Class::Horizontal,
-        _ if tilt.abs() >= FRAC_PI_2 - 10.0_f64.to_radians() => Class::Wall,
-        _ => Class::Slope,
+        _ if size.iter().any(|&size| size < THIN) => SurfaceClass::Unknown,
+        _ if degrees <= 10.0 => SurfaceClass::Horizontal,
+        _ if tilt.abs() >= FRAC_PI_2 - 10.0_f64.to_radians() => SurfaceClass::Wall,
+        _ => SurfaceClass::Slope,
     };
     Surface::new(name, class, at(middle, yaw) * lean, Shape::rectangle(size))
 }
@@ -335,7 +340,9 @@ mod tests {
 
     #[test]
     fn a_leaf_is_a_door_from_fifteen_degrees_on() {
-        for (degrees, class) in [(14.0_f64, Class::Wall), (15.0, Class::Door), (-90.0, Class::Door)] {
+        for (degrees, class) in
+            [(14.0_f64, SurfaceClass::Wall), (15.0, SurfaceClass::Door), (-90.0, SurfaceClass::Door)]
+        {
             let leaf = door_leaf("leaf", [0.0, 0.0], 0.0, degrees.to_radians(), [0.9, 2.0]);
             assert_eq!(leaf.iter().filter(|surface| surface.class() == class).count(), 2, "{degrees}");
         }

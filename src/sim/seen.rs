@@ -133,8 +133,7 @@ mod tests {
     use nalgebra::Isometry3;
 
     use super::*;
-    use crate::engine::Stamp;
-    use crate::sim::truth::Class;
+    use crate::engine::{Stamp, SurfaceClass};
 
     fn seen(name: &str, steps: &[u32]) -> (Scene, SeenCells) {
         let scene = Scene::named(name).unwrap();
@@ -176,7 +175,8 @@ mod tests {
             (Shape::Disc { radius: 0.2 }, PI * 0.2 * 0.2, 0.01 * PI * 0.2 * 0.2),
         ];
         for (shape, area, exact) in shapes {
-            let mut cells = Cells::new(&Surface::new("", Class::Other, Isometry3::identity(), shape));
+            let mut cells =
+                Cells::new(&Surface::new("", SurfaceClass::Unknown, Isometry3::identity(), shape));
             cells.seen.fill(true);
             let sum: f64 = cells.parts().map(|(_, area)| area).sum();
             assert!((sum - area).abs() < exact, "{sum} m^2 is not {area} m^2");
@@ -189,7 +189,7 @@ mod tests {
         let mut found = 0;
         for surface in scene.surfaces() {
             for cell in seen.cells(surface.label()) {
-                found += usize::from(surface.class() == Class::Curved);
+                found += usize::from(surface.class() == SurfaceClass::Curved);
                 assert!(surface.distance(&cell, 0.0).unwrap() < 1e-9, "{}: {cell}", surface.name());
             }
         }

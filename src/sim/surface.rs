@@ -11,7 +11,7 @@ use std::sync::Arc;
 use nalgebra::{Isometry3, Point3, UnitVector3, Vector3};
 
 use super::motion::Motion;
-use super::truth::Class;
+use crate::engine::SurfaceClass;
 
 /// How far beyond its edge a surface still stops a ray (m), so that no ray slips through where two of them meet.
 pub(super) const EDGE_SLACK: f64 = 1e-9;
@@ -254,7 +254,7 @@ pub(super) struct Moving {
 pub struct Surface {
     pub(super) label: u32,
     pub(super) name: String,
-    pub(super) class: Class,
+    pub(super) class: SurfaceClass,
     /// Fixed frame from its own, of a moving one: the frame of its rest from its own.
     pub(super) rest: Isometry3<f64>,
     pub(super) shape: Shape,
@@ -263,7 +263,12 @@ pub struct Surface {
 
 impl Surface {
     /// A surface that stands still; [`super::Scene`] gives it its label.
-    pub(crate) fn new(name: impl Into<String>, class: Class, pose: Isometry3<f64>, shape: Shape) -> Self {
+    pub(crate) fn new(
+        name: impl Into<String>,
+        class: SurfaceClass,
+        pose: Isometry3<f64>,
+        shape: Shape,
+    ) -> Self {
         Self { label: 0, name: name.into(), class, rest: pose, shape, moving: None }
     }
 
@@ -277,8 +282,10 @@ impl Surface {
         &self.name
     }
 
-    /// What it is to a planner.
-    pub const fn class(&self) -> Class {
+    /// What it is to a planner, from how the scene is built and not as clusters are classified. A wall is what is upright, closed
+    /// flush doors and sides of furniture too; a door a leaf that stands open by 15 degrees or more; a slope what faces up at 10 to
+    /// 80 degrees from the level, as ramps and leaning boards do. Undersides, legs and edges of boards are unknown.
+    pub const fn class(&self) -> SurfaceClass {
         self.class
     }
 

@@ -5,8 +5,7 @@ use std::collections::BTreeMap;
 use nalgebra::{Isometry3, Matrix3};
 
 use super::Plane;
-use crate::engine::VoxelKey;
-use crate::sim::Class;
+use crate::engine::{SurfaceClass, VoxelKey};
 
 /// A clustering of a voxel map.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -24,8 +23,8 @@ pub struct FoundCluster {
     pub plane: Plane,
     /// Area of the surface (m^2).
     pub area: Option<f64>,
-    /// What it is to a planner; [`Class::Other`] = the method does not know.
-    pub class: Option<Class>,
+    /// What it is to a planner; [`SurfaceClass::Unknown`] = the method does not know.
+    pub class: Option<SurfaceClass>,
     /// Probability that this is right, 0 to 1.
     pub confidence: Option<f64>,
     /// How sure the plane is.

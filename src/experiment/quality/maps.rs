@@ -9,10 +9,9 @@ use super::plane::Plane;
 use crate::engine::consistent::Consistent;
 use crate::engine::paper::Cfodi;
 use crate::engine::paper::statics::StaticMap;
-use crate::engine::{DenseVoxel, Params, Scan, Snapshot, SurfaceClass, VoxelKey, canonical};
+use crate::engine::{DenseVoxel, Params, Scan, Snapshot, VoxelKey, canonical};
 use crate::experiment::clustering::Clustering;
 use crate::experiment::method::Method;
-use crate::sim::truth::Class;
 
 /// A map that takes in scans and is asked at the end what it has found.
 pub trait ScoredMap {
@@ -44,7 +43,7 @@ impl ScoredMap for Consistent {
             let plane = Plane::through(&cluster.centroid, &cluster.normal);
             let pose = cluster.pose;
             let certainty = cluster.plane_covariance.map(|covariance| FoundPlane { pose, covariance });
-            let class = Some(class_of(cluster.class));
+            let class = Some(cluster.class);
             let confidence = Some(f64::from(cluster.class_confidence));
             (cluster.id.get(), FoundCluster { plane, area: cluster.area, class, confidence, certainty })
         });
@@ -54,19 +53,6 @@ impl ScoredMap for Consistent {
 
     fn is_as_from_scratch(&self) -> Option<bool> {
         Some(canonical(self.partition()) == canonical(self.scratch()))
-    }
-}
-
-const fn class_of(class: SurfaceClass) -> Class {
-    match class {
-        SurfaceClass::Unknown => Class::Other,
-        SurfaceClass::Floor => Class::Floor,
-        SurfaceClass::Ceiling => Class::Ceiling,
-        SurfaceClass::Wall => Class::Wall,
-        SurfaceClass::Horizontal => Class::Horizontal,
-        SurfaceClass::Slope => Class::Slope,
-        SurfaceClass::Curved => Class::Curved,
-        SurfaceClass::Door => Class::Door,
     }
 }
 

@@ -9,8 +9,7 @@ use rustc_hash::FxHashMap;
 use super::Plane;
 use super::plane::mean;
 use super::truth::{SeenPart, TruthMap, TruthVoxel, voxel_index};
-use crate::engine::VoxelKey;
-use crate::sim::Class;
+use crate::engine::{SurfaceClass, VoxelKey};
 
 /// Area of truth cells from which on a surface counts as seen (m^2).
 pub const SEEN_AREA: f64 = 0.5;
@@ -34,7 +33,7 @@ pub struct TrueSurface {
     /// Area of its truth cells that a noise-free ray has hit and that lie at dense voxels (m^2).
     pub seen_area: f64,
     /// The same by class.
-    pub areas: BTreeMap<Class, f64>,
+    pub areas: BTreeMap<SurfaceClass, f64>,
     /// Normals and areas (m^2) of those cells of one that is bent.
     pub bends: Vec<(Vector3<f64>, f64)>,
     /// Middle of those cells; `None` without a cell.
@@ -58,7 +57,7 @@ impl TrueSurface {
     }
 
     /// What of the seen area has this class (m^2).
-    pub(super) fn area_of(&self, class: Option<Class>) -> f64 {
+    pub(super) fn area_of(&self, class: Option<SurfaceClass>) -> f64 {
         class.and_then(|class| self.areas.get(&class)).copied().unwrap_or_default()
     }
 

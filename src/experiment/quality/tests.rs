@@ -6,8 +6,8 @@ use rand::{Rng, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 
 use super::*;
-use crate::engine::{Params, Points, Scan, Stamp};
-use crate::sim::{Class, Route, Scene, Shape, Surface};
+use crate::engine::{Params, Points, Scan, Stamp, SurfaceClass};
+use crate::sim::{Route, Scene, Shape, Surface};
 
 mod truth;
 
@@ -17,10 +17,13 @@ const WALL: u32 = 1;
 fn corner() -> Vec<Surface> {
     let wall = Isometry3::new(Vector3::new(1.56, 1.0, 3.06), Vector3::x() * std::f64::consts::PI);
     let side = Isometry3::new(Vector3::new(3.06, 1.0, 2.42), Vector3::y() * -std::f64::consts::FRAC_PI_2);
-    vec![rectangle("wall", Class::Wall, wall, [3.0, 2.0]), rectangle("side", Class::Door, side, [1.28, 2.0])]
+    vec![
+        rectangle("wall", SurfaceClass::Wall, wall, [3.0, 2.0]),
+        rectangle("side", SurfaceClass::Door, side, [1.28, 2.0]),
+    ]
 }
 
-fn rectangle(name: &str, class: Class, pose: Isometry3<f64>, size: [f64; 2]) -> Surface {
+fn rectangle(name: &str, class: SurfaceClass, pose: Isometry3<f64>, size: [f64; 2]) -> Surface {
     Surface::new(name, class, pose, Shape::Rectangle { size, holes: Vec::new() })
 }
 
@@ -152,7 +155,7 @@ fn each_cluster_of_a_surface_has_its_share_of_the_area_whose_class_is_right() {
     let mut found = perfect(&truth);
     let of_wall = found.voxels.iter_mut().filter(|(_, cluster)| *cluster == Some(1));
     of_wall.step_by(2).for_each(|(_, cluster)| *cluster = Some(7));
-    found.clusters.insert(7, FoundCluster { class: Some(Class::Floor), ..found.clusters[&1].clone() });
+    found.clusters.insert(7, FoundCluster { class: Some(SurfaceClass::Floor), ..found.clusters[&1].clone() });
     let quality = truth.score(&found);
     assert!((quality.surfaces[0].class_right - 3.0).abs() < 0.01, "{:?}", quality.surfaces[0]);
     assert!((line(&quality, Measure::Class).worst - 5.56 / 8.56).abs() < 1e-3);
@@ -259,7 +262,12 @@ fn a_plane_that_faces_away_is_turned_by_half_a_circle() {
 #[test]
 fn areas_are_held_to_ten_percent_from_2_m2_on_and_to_twenty_five_below() {
     let mut world = corner();
-    world.push(rectangle("shelf", Class::Horizontal, Isometry3::translation(1.0, -2.0, 2.0), [1.0, 1.0]));
+    world.push(rectangle(
+        "shelf",
+        SurfaceClass::Horizontal,
+        Isometry3::translation(1.0, -2.0, 2.0),
+        [1.0, 1.0],
+    ));
     let truth = truth_of(world);
     let mut found = perfect(&truth);
     for (index, surface) in truth.surfaces.iter().enumerate() {

@@ -129,12 +129,13 @@ fn to_side(point: Point2<f64>, [from, to]: Side) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::{Class, Route, Scene};
+    use crate::engine::SurfaceClass;
+    use crate::sim::{Route, Scene};
 
     /// A level rectangle at a place, turned about x (rad).
     fn level(size: [f64; 2], place: [f64; 3], turn: f64) -> Surface {
         let pose = Isometry3::new(Vector3::from(place), Vector3::x() * turn);
-        Surface::new("", Class::Floor, pose, Shape::Rectangle { size, holes: Vec::new() })
+        Surface::new("", SurfaceClass::Floor, pose, Shape::Rectangle { size, holes: Vec::new() })
     }
 
     fn groups(surfaces: Vec<Surface>) -> Groups {
@@ -172,7 +173,8 @@ mod tests {
     #[test]
     fn joining_is_transitive_and_unknown_labels_have_no_group() {
         let row = [0.0, 4.0, 2.0].map(|x| level([2.0, 1.0], [x, 0.0, 0.0], 0.0));
-        let ball = Surface::new("", Class::Curved, Isometry3::identity(), Shape::Sphere { radius: 0.1 });
+        let ball =
+            Surface::new("", SurfaceClass::Curved, Isometry3::identity(), Shape::Sphere { radius: 0.1 });
         let groups = groups(row.into_iter().chain([ball]).collect());
         let of = [0, 1, 2, 3, 4, 5].map(|label| groups.of_label(label));
         assert_eq!(of, [None, Some(0), Some(0), Some(0), Some(3), None]);

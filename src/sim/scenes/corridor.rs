@@ -2,11 +2,11 @@
 
 use nalgebra::Point2;
 
+use crate::engine::SurfaceClass;
 use crate::sim::parts::{Cuboid, Opening, Upright, at, chair, cylinder, door_leaf, moved, reveals, without};
 use crate::sim::path::Route;
 use crate::sim::scene::Scene;
 use crate::sim::surface::Surface;
-use crate::sim::truth::Class;
 
 /// Ends of the corridor (m); the robot starts at (0, 0).
 const MIN: [f64; 3] = [-2.17, -0.93, 0.0];
@@ -25,7 +25,7 @@ impl Scene {
         surfaces.retain(|surface| ["west wall", "east wall"].contains(&surface.name()));
         // Floor and ceiling are those of the niches too.
         let wide = Cuboid { min: [west, south - NICHE, 0.0], max: [east, north + NICHE, height] }.inside();
-        surfaces.extend(wide.into_iter().filter(|surface| surface.class() != Class::Wall));
+        surfaces.extend(wide.into_iter().filter(|surface| surface.class() != SurfaceClass::Wall));
         surfaces.extend(side("south", [east, south], [west, south]));
         surfaces.extend(side("north", [west, north], [east, north]));
         let bench = Cuboid::standing([1.57, 0.37, 0.443]).outside("bench");
@@ -47,12 +47,12 @@ fn side(name: &str, from: [f64; 2], to: [f64; 2]) -> Vec<Surface> {
     let starts = [3.37, 9.41, 15.29, 21.53];
     let (open, closed): (Vec<f64>, Vec<f64>) = (starts[..2].to_vec(), starts[2..].to_vec());
     let openings: Vec<_> = starts.iter().map(|&s| doorway(s)).collect();
-    let mut surfaces = vec![wall.face(&format!("{name} wall"), Class::Wall, &openings)];
+    let mut surfaces = vec![wall.face(&format!("{name} wall"), SurfaceClass::Wall, &openings)];
     for (number, &s) in (1..).zip(&closed) {
         // A little larger than the doorway, so that nobody looks past it at an angle.
         let ends = [place(s - 0.02, 0.005), place(s + DOOR[0] + 0.02, 0.005)];
         let door = Upright { from: ends[0], to: ends[1], z: [0.0, DOOR[1] + 0.02] };
-        surfaces.push(door.face(&format!("{name} closed door {number}"), Class::Wall, &[]));
+        surfaces.push(door.face(&format!("{name} closed door {number}"), SurfaceClass::Wall, &[]));
     }
     let passable: Vec<_> = open.iter().map(|&s| doorway(s)).collect();
     surfaces.extend(reveals(&format!("{name} doorway"), wall, 0.12, &passable));
@@ -61,7 +61,7 @@ fn side(name: &str, from: [f64; 2], to: [f64; 2]) -> Vec<Surface> {
         for (part, ends) in ["first side", "end", "second side"].iter().zip(niche.windows(2)) {
             let [from, to] = [ends[0], ends[1]].map(|(s, behind)| place(s, behind));
             let face = Upright { from, to, z: [0.0, MAX[2]] };
-            surfaces.push(face.face(&format!("{name} niche {number} {part}"), Class::Wall, &[]));
+            surfaces.push(face.face(&format!("{name} niche {number} {part}"), SurfaceClass::Wall, &[]));
         }
         // The leaf hangs at the far end of the doorway and opens away from the corridor.
         let hinge = place(s, 0.09);

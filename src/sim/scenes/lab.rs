@@ -7,13 +7,13 @@
 
 use nalgebra::Point2;
 
+use crate::engine::SurfaceClass;
 use crate::sim::parts::{
     Cuboid, Opening, TwoSided, Upright, at, ball, chair, cylinder, door_leaf, moved, reveals, table, without,
 };
 use crate::sim::path::Route;
 use crate::sim::scene::Scene;
 use crate::sim::surface::{Shape, Surface};
-use crate::sim::truth::Class;
 
 /// West, south, east end of the building (m).
 const WEST: f64 = -1.63;
@@ -56,10 +56,10 @@ fn route() -> Route {
 /// Floor, ceilings and the walls without doors.
 fn shell() -> Vec<Surface> {
     let whole = Cuboid { min: [WEST, SOUTH, 0.0], max: [EAST + 1.31, NORTH + 1.27, HEIGHT] }.inside();
-    let floor = whole.into_iter().filter(|surface| surface.class() == Class::Floor);
+    let floor = whole.into_iter().filter(|surface| surface.class() == SurfaceClass::Floor);
     let ceiling = |name: &str, [y0, y1]: [f64; 2], z: f64| {
         let room = Cuboid { min: [WEST, y0, 0.0], max: [EAST, y1, z] }.inside();
-        room.into_iter().filter(|surface| surface.class() == Class::Ceiling).map({
+        room.into_iter().filter(|surface| surface.class() == SurfaceClass::Ceiling).map({
             let name = name.to_owned();
             move |mut surface| {
                 surface.name.clone_from(&name);
@@ -69,7 +69,7 @@ fn shell() -> Vec<Surface> {
     };
     let corridor_south = LAB_NORTH + THICKNESS;
     let wall = |name: &str, from: [f64; 2], to: [f64; 2], height: f64| {
-        Upright { from, to, z: [0.0, height] }.face(name, Class::Wall, &[])
+        Upright { from, to, z: [0.0, height] }.face(name, SurfaceClass::Wall, &[])
     };
     let mut surfaces: Vec<_> = floor.collect();
     surfaces.extend(ceiling("lab ceiling", [SOUTH, LAB_NORTH], HEIGHT));
@@ -106,7 +106,7 @@ fn middle_wall() -> Vec<Surface> {
 fn east_closet() -> Vec<Surface> {
     let wall = Upright { from: [EAST, LAB_NORTH], to: [EAST, SOUTH], z: [0.0, HEIGHT] };
     let doorway = Opening { from: LAB_NORTH - 2.16, to: LAB_NORTH - 1.21, z: [0.0, LINTEL] };
-    let mut surfaces = vec![wall.face("lab east wall", Class::Wall, &[doorway])];
+    let mut surfaces = vec![wall.face("lab east wall", SurfaceClass::Wall, &[doorway])];
     surfaces.extend(reveals("closet doorway", wall, THICKNESS, &[doorway]));
     let inside = Cuboid { min: [EAST + THICKNESS, 0.83, 0.0], max: [EAST + 1.31, 2.57, 2.23] };
     surfaces.extend(alcove("closet", inside, "west wall"));
@@ -119,7 +119,7 @@ fn east_closet() -> Vec<Surface> {
 fn office() -> Vec<Surface> {
     let wall = Upright { from: [WEST, NORTH], to: [EAST, NORTH], z: [0.0, CORRIDOR_HEIGHT] };
     let doorway = Opening { from: 2.03 - WEST, to: 2.97 - WEST, z: [0.0, LINTEL] };
-    let mut surfaces = vec![wall.face("corridor north wall", Class::Wall, &[doorway])];
+    let mut surfaces = vec![wall.face("corridor north wall", SurfaceClass::Wall, &[doorway])];
     surfaces.extend(reveals("office doorway", wall, THICKNESS, &[doorway]));
     let inside = Cuboid { min: [1.58, NORTH + THICKNESS, 0.0], max: [3.47, NORTH + 1.27, 2.27] };
     surfaces.extend(alcove("office", inside, "south wall"));
@@ -131,7 +131,7 @@ fn office() -> Vec<Surface> {
 /// A small room behind a doorway, without the wall that the doorway is in; the floor is that of the building.
 fn alcove(name: &str, inside: Cuboid, open_side: &str) -> Vec<Surface> {
     let mut surfaces = inside.inside();
-    surfaces.retain(|surface| surface.name() != open_side && surface.class() != Class::Floor);
+    surfaces.retain(|surface| surface.name() != open_side && surface.class() != SurfaceClass::Floor);
     surfaces.iter_mut().for_each(|surface| surface.name = format!("{name} {}", surface.name));
     surfaces
 }
@@ -145,7 +145,10 @@ fn south_wall() -> Vec<Surface> {
     let behind = SOUTH - RECESS;
     // A little larger than the doorway, so that nobody looks past it at an angle.
     let door = Upright { from: [5.73, behind], to: [4.75, behind], z: [0.0, LINTEL + 0.02] };
-    vec![wall.face("lab south wall", Class::Wall, &[doorway]), door.face("flush door", Class::Wall, &[])]
+    vec![
+        wall.face("lab south wall", SurfaceClass::Wall, &[doorway]),
+        door.face("flush door", SurfaceClass::Wall, &[]),
+    ]
 }
 
 fn furniture() -> Vec<Surface> {
@@ -217,17 +220,17 @@ mod tests {
         for index in (0..73 * SCANS_PER_SECOND).step_by(20) {
             seen.add(&drive, index);
         }
-        let mut areas: BTreeMap<Class, f64> = BTreeMap::new();
+        let mut areas: BTreeMap<SurfaceClass, f64> = BTreeMap::new();
         for surface in scene.surfaces() {
             *areas.entry(surface.class()).or_default() += seen.area(surface.label());
         }
         let least = [
-            (Class::Floor, 40.0),
-            (Class::Ceiling, 10.0),
-            (Class::Wall, 40.0),
-            (Class::Door, 5.0),
-            (Class::Horizontal, 2.0),
-            (Class::Curved, 1.0),
+            (SurfaceClass::Floor, 40.0),
+            (SurfaceClass::Ceiling, 10.0),
+            (SurfaceClass::Wall, 40.0),
+            (SurfaceClass::Door, 5.0),
+            (SurfaceClass::Horizontal, 2.0),
+            (SurfaceClass::Curved, 1.0),
         ];
         for (class, least) in least {
             assert!(areas[&class] > least, "{} m^2 of {}", areas[&class], class.name());

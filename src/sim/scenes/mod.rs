@@ -37,8 +37,8 @@ mod tests {
     use nalgebra::Vector3;
 
     use super::*;
-    use crate::engine::Stamp;
-    use crate::sim::{Class, Drive, Surface};
+    use crate::engine::{Stamp, SurfaceClass};
+    use crate::sim::{Drive, Surface};
 
     #[test]
     fn every_scene_has_surfaces_with_names_of_their_own_and_a_floor_at_zero() {
@@ -47,7 +47,7 @@ mod tests {
             let names: BTreeSet<_> = scene.surfaces().iter().map(Surface::name).collect();
             assert_eq!(names.len(), scene.surfaces().len(), "{name}");
             let floors: Vec<_> =
-                scene.surfaces().iter().filter(|surface| surface.class() == Class::Floor).collect();
+                scene.surfaces().iter().filter(|surface| surface.class() == SurfaceClass::Floor).collect();
             assert_eq!(floors.len(), 1, "{name}");
             assert!(floors[0].pose().translation.z.abs() < 1e-12, "{name}");
         }
@@ -60,12 +60,12 @@ mod tests {
             for surface in Scene::named(name).unwrap().surfaces() {
                 let up = surface.normal().dot(&Vector3::z());
                 let fits = match surface.class() {
-                    Class::Floor | Class::Horizontal => up > 0.98,
-                    Class::Ceiling => up < -0.98,
-                    Class::Wall | Class::Door => up.abs() < 0.18,
-                    Class::Slope => (0.17..0.99).contains(&up),
-                    Class::Curved => !surface.shape().is_flat(),
-                    Class::Other => true,
+                    SurfaceClass::Floor | SurfaceClass::Horizontal => up > 0.98,
+                    SurfaceClass::Ceiling => up < -0.98,
+                    SurfaceClass::Wall | SurfaceClass::Door => up.abs() < 0.18,
+                    SurfaceClass::Slope => (0.17..0.99).contains(&up),
+                    SurfaceClass::Curved => !surface.shape().is_flat(),
+                    SurfaceClass::Unknown => true,
                 };
                 assert!(fits, "{name}: {} is {:?} and faces {up}", surface.name(), surface.class());
             }

@@ -6,12 +6,12 @@ use std::sync::Arc;
 use nalgebra::{Isometry3, Point2};
 
 use super::room;
+use crate::engine::SurfaceClass;
 use crate::sim::motion::Motion;
 use crate::sim::parts::{Cuboid, at, ball, cylinder, door_leaf, moved, without};
 use crate::sim::path::{Path, Route};
 use crate::sim::scene::Scene;
 use crate::sim::surface::{Moving, Surface};
-use crate::sim::truth::Class;
 
 /// When the box is taken away (s).
 const TAKEN_AWAY: f64 = 12.0;
@@ -26,8 +26,8 @@ impl Scene {
         let hinge = [-1.31, -2.43];
         let mut door = door_leaf("door", hinge, 0.0, 0.0, [0.93, 2.03]);
         // It stands free, even when it is closed.
-        let sides = door.iter_mut().filter(|face| face.class == Class::Wall);
-        sides.for_each(|face| face.class = Class::Door);
+        let sides = door.iter_mut().filter(|face| face.class == SurfaceClass::Wall);
+        sides.for_each(|face| face.class = SurfaceClass::Door);
         let swing = Motion::Swing { hinge, angle: 75.0_f64.to_radians(), period: 16.0 };
         surfaces.extend(with(door, swing));
         let thing = without(Cuboid::standing([0.57, 0.43, 0.513]).outside("box"), &["bottom"]);

@@ -2,11 +2,11 @@
 
 use nalgebra::Point2;
 
+use crate::engine::SurfaceClass;
 use crate::sim::parts::{Cuboid, at, incline, moved, without};
 use crate::sim::path::Route;
 use crate::sim::scene::Scene;
 use crate::sim::surface::Surface;
-use crate::sim::truth::Class;
 
 /// Ends of the hall (m), stated before the robot's start is made the origin.
 const MIN: [f64; 3] = [-1.73, -5.17, 0.0];
@@ -70,7 +70,7 @@ fn ramp(top: f64) -> Vec<Surface> {
     let slope = incline("ramp", middle, north, tilt, [run.hypot(top), width]);
     let landing = Cuboid { min: [RAMP[0], FLIGHT_SOUTH + run, 0.0], max: [RAMP[1], MAX[1], top] };
     let mut surfaces = landing.outside("ramp landing");
-    surfaces.retain(|face| face.class() == Class::Horizontal);
+    surfaces.retain(|face| face.class() == SurfaceClass::Horizontal);
     surfaces.push(slope);
     surfaces
 }

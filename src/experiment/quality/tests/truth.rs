@@ -88,12 +88,12 @@ fn what_moves_is_not_asked_for() {
 fn rectangles_that_touch_in_one_plane_are_one_surface_with_the_areas_of_both_classes() {
     let wall = corner().remove(0);
     let beside = nalgebra::Translation3::new(2.0, 0.0, 0.03) * wall.pose();
-    let door = rectangle("door", Class::Door, beside, [1.0, 2.0]);
+    let door = rectangle("door", SurfaceClass::Door, beside, [1.0, 2.0]);
     let truth = truth_of(vec![wall, door]);
     let [surface] = &truth.surfaces[..] else { panic!("{:?}", truth.surfaces) };
     assert_eq!((surface.name.as_str(), surface.is_one_plane), ("wall", false));
-    assert!((surface.areas[&Class::Wall] - 6.0).abs() < 1e-9);
-    assert!((surface.areas[&Class::Door] - 2.0).abs() < 1e-9);
+    assert!((surface.areas[&SurfaceClass::Wall] - 6.0).abs() < 1e-9);
+    assert!((surface.areas[&SurfaceClass::Door] - 2.0).abs() < 1e-9);
     let found = perfect(&truth);
     let quality = truth.score(&found);
     assert!((line(&quality, Measure::Class).worst - 0.75).abs() < 1e-9);
@@ -142,7 +142,7 @@ fn depths_out_of_range_and_points_beyond_the_grid_count_nowhere() {
 fn a_bent_surface_is_held_to_no_plane() {
     let upright = Isometry3::new(Vector3::new(0.5, 0.3, 2.5), Vector3::x() * std::f64::consts::FRAC_PI_2);
     let shape = Shape::Cylinder { radius: 0.3, height: 2.0 };
-    let truth = truth_of(vec![Surface::new("pillar", Class::Curved, upright, shape)]);
+    let truth = truth_of(vec![Surface::new("pillar", SurfaceClass::Curved, upright, shape)]);
     let quality = truth.score(&perfect(&truth));
     let mut pooled = Pooled::default();
     pooled.add("run", &quality);
