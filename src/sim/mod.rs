@@ -13,6 +13,8 @@ pub mod motion;
 pub(crate) mod noise;
 mod parts;
 pub mod path;
+#[cfg(test)]
+mod plain;
 mod pose_noise;
 mod raycast;
 pub mod robot;
@@ -26,6 +28,6 @@ pub use kinect::{DepthImage, Kinect};
 pub use motion::Motion;
 pub use path::{Path, Route};
 pub use robot::Robot;
-pub use scene::{Hit, Scene};
+pub use scene::Scene;
 pub use seen::SeenCells;
 pub use surface::{Hole, Shape, Surface};

@@ -4,7 +4,7 @@
 //! (x, y) on every plane. Each surface is brought into the camera's frame once a scan and drawn into a buffer of
 //! inverse depths, where the largest wins. Of a row of pixels only those between the edges of a flat surface are
 //! visited, and each costs three affine functions and comparisons, without a division; a bent surface costs a root.
-//! Equal to [`Scene::cast`] for every pixel, which the tests hold it to.
+//! Equal for every pixel to the plain definition of what a ray meets (`plain`), which the tests hold it to.
 
 use std::ops::Range;
 

@@ -1,22 +1,12 @@
 //! What stands in a simulated world, and the route a robot takes among it.
 //!
-//! A scene is data in the fixed frame (`odom`), z up, and a function of time where things move. [`Scene::cast`] is the
-//! plain definition of what a ray meets; the Kinect uses a faster form that is tested against it.
+//! A scene is data in the fixed frame (`odom`), z up, and a function of time where things move.
 
-use nalgebra::{Isometry3, Point3, Vector3};
+use nalgebra::{Isometry3, Vector3};
 
 use super::path::{Path, Route};
 use super::robot::CAMERA_PITCH;
 use super::surface::{Moving, Surface};
-
-/// Where a ray ends.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Hit {
-    /// Label of the surface it meets.
-    pub label: u32,
-    /// Length of the ray, in multiples of its direction.
-    pub length: f64,
-}
 
 /// Surfaces and a route among them.
 #[derive(Clone, Debug, PartialEq)]
@@ -74,26 +64,12 @@ impl Scene {
     pub const fn camera_pitch(&self) -> f64 {
         self.camera_pitch
     }
-
-    /// The first surface that the ray from `origin` along `direction` meets, `seconds` after the start.
-    pub fn cast(&self, origin: &Point3<f64>, direction: &Vector3<f64>, seconds: f64) -> Option<Hit> {
-        let hits = self.surfaces.iter().filter_map(|surface| {
-            let length = surface.cast(origin, direction, seconds)?;
-            Some(Hit { label: surface.label, length })
-        });
-        hits.min_by(|a, b| a.length.total_cmp(&b.length))
-    }
-
-    /// The surface nearest to `point` and the distance to it (m), `seconds` after the start; `None` in an empty scene.
-    pub fn nearest(&self, point: &Point3<f64>, seconds: f64) -> Option<(&Surface, f64)> {
-        let distances =
-            self.surfaces.iter().filter_map(|surface| Some((surface, surface.distance(point, seconds)?)));
-        distances.min_by(|a, b| a.1.total_cmp(&b.1))
-    }
 }
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Point3;
+
     use super::*;
     use crate::sim::parts::Cuboid;
 

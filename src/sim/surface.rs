@@ -31,7 +31,7 @@ impl Hole {
         self.low[1] <= -0.5 * size[1] + EDGE_SLACK
     }
 
-    fn contains(&self, u: f64, v: f64) -> bool {
+    pub(super) fn contains(&self, u: f64, v: f64) -> bool {
         let within = |i: usize, c: f64| c > self.low[i] + EDGE_SLACK && c < self.high[i] - EDGE_SLACK;
         within(0, u) && within(1, v)
     }
@@ -187,39 +187,6 @@ impl Shape {
             Self::Sphere { radius } => (local.coords.norm() - radius).abs(),
         }
     }
-
-    /// How many `direction`s from `origin` a ray meets the front; `None` where it does not.
-    fn cast(&self, origin: &Point3<f64>, direction: &Vector3<f64>) -> Option<f64> {
-        let meets_flat = || {
-            (origin.z > 0.0 && direction.z < 0.0).then(|| {
-                let length = -origin.z / direction.z;
-                (length, origin + direction * length)
-            })
-        };
-        match self {
-            Self::Rectangle { size, holes } => {
-                let (length, met) = meets_flat()?;
-                let inside = |i: usize| met[i].abs() <= 0.5 * size[i] + EDGE_SLACK;
-                let passes = holes.iter().any(|hole| hole.contains(met.x, met.y));
-                (inside(0) && inside(1) && !passes).then_some(length)
-            }
-            Self::Disc { radius } => {
-                let (length, met) = meets_flat()?;
-                (met.x.hypot(met.y) <= radius + EDGE_SLACK).then_some(length)
-            }
-            Self::Cylinder { radius, height } => {
-                let flat = Vector3::new(1.0, 1.0, 0.0);
-                let length = meets_round(
-                    &origin.coords.component_mul(&flat),
-                    &direction.component_mul(&flat),
-                    *radius,
-                )?;
-                let z = origin.z + length * direction.z;
-                (z.abs() <= 0.5 * height + EDGE_SLACK).then_some(length)
-            }
-            Self::Sphere { radius } => meets_round(&origin.coords, direction, *radius),
-        }
-    }
 }
 
 /// From a point within a hole to the nearest edge that is one of the rectangle's material (m).
@@ -230,14 +197,6 @@ fn to_edge(hole: &Hole, size: [f64; 2], local: &Point3<f64>) -> f64 {
         [low, high]
     });
     edges.flatten().fold(f64::INFINITY, f64::min)
-}
-
-/// Where a ray enters a ball (or, without its part along the axis, a cylinder) around the origin from outside.
-fn meets_round(origin: &Vector3<f64>, direction: &Vector3<f64>, radius: f64) -> Option<f64> {
-    let (a, b, c) =
-        (direction.norm_squared(), -origin.dot(direction), origin.norm_squared() - radius * radius);
-    let discriminant = b * b - a * c;
-    (c > 0.0 && b > 0.0 && discriminant >= 0.0).then(|| c / (b + discriminant.sqrt()))
 }
 
 /// How a surface moves, seen from the fixed frame.
@@ -332,12 +291,6 @@ impl Surface {
     /// Distance from `point` to the nearest point of the surface (m); `None` when it is not there.
     pub fn distance(&self, point: &Point3<f64>, seconds: f64) -> Option<f64> {
         Some(self.shape.distance(&self.pose_at(seconds)?.inverse_transform_point(point)))
-    }
-
-    /// How many `direction`s from `origin` the ray meets its front; `None` where it does not.
-    pub(super) fn cast(&self, origin: &Point3<f64>, direction: &Vector3<f64>, seconds: f64) -> Option<f64> {
-        let pose = self.pose_at(seconds)?;
-        self.shape.cast(&pose.inverse_transform_point(origin), &pose.inverse_transform_vector(direction))
     }
 }
 
