@@ -4,38 +4,38 @@ use std::collections::BTreeMap;
 
 use nalgebra::{Isometry3, Matrix3};
 
-use super::Plane;
+use super::plane::Plane;
 use crate::engine::{SurfaceClass, VoxelKey};
 
 /// A clustering of a voxel map.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Found {
+pub(super) struct Found {
     /// The dense voxels, each with the number of its cluster; `None` = in no cluster. A voxel that is missing is in none.
-    pub voxels: Vec<(VoxelKey, Option<u64>)>,
+    pub(super) voxels: Vec<(VoxelKey, Option<u64>)>,
     /// The clusters by number.
-    pub clusters: BTreeMap<u64, FoundCluster>,
+    pub(super) clusters: BTreeMap<u64, FoundCluster>,
 }
 
 /// A cluster. What a method does not compute is `None`.
 #[derive(Clone, Debug, PartialEq)]
-pub struct FoundCluster {
+pub(super) struct FoundCluster {
     /// Its plane, facing the side it was seen from.
-    pub plane: Plane,
+    pub(super) plane: Plane,
     /// Area of the surface (m^2).
-    pub area: Option<f64>,
+    pub(super) area: Option<f64>,
     /// What it is to a planner; [`SurfaceClass::Unknown`] = the method does not know.
-    pub class: Option<SurfaceClass>,
+    pub(super) class: Option<SurfaceClass>,
     /// Probability that this is right, 0 to 1.
-    pub confidence: Option<f64>,
+    pub(super) confidence: Option<f64>,
     /// How sure the plane is.
-    pub certainty: Option<FoundPlane>,
+    pub(super) certainty: Option<FoundPlane>,
 }
 
 /// How sure a plane is.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FoundPlane {
+pub(super) struct FoundPlane {
     /// The place and axes that the covariance is about; +z along the plane's normal.
-    pub pose: Isometry3<f64>,
+    pub(super) pose: Isometry3<f64>,
     /// Covariance of (turn about pose x, turn about pose y, offset along pose +z at the pose's origin): rad^2, rad m, m^2.
-    pub covariance: Matrix3<f64>,
+    pub(super) covariance: Matrix3<f64>,
 }

@@ -14,7 +14,7 @@ use crate::experiment::clustering::Clustering;
 use crate::experiment::method::Method;
 
 /// A map that takes in scans and is asked at the end what it has found.
-pub trait ScoredMap {
+pub(super) trait ScoredMap {
     /// Takes in a scan.
     fn insert(&mut self, scan: &Scan);
 
@@ -28,7 +28,7 @@ pub trait ScoredMap {
 }
 
 /// Empty maps of all methods, in the order of the table.
-pub fn scored_maps(params: &Params) -> Vec<Box<dyn ScoredMap>> {
+pub(super) fn scored_maps(params: &Params) -> Vec<Box<dyn ScoredMap>> {
     vec![Box::new(Cfodi::new(*params)), Box::new(Consistent::new(*params))]
 }
 

@@ -1,7 +1,7 @@
 //! How good a clustering is, held against the simulator's truth.
 //!
-//! One way: labelled scans -> [`TruthMap`] -> [`Truth`] (the true surfaces, and which voxels are scored) -> with what a
-//! method [`Found`] -> [`Quality`] of one run -> [`Pooled`] over several runs -> a table.
+//! One way: labelled scans -> `TruthMap` -> `Truth` (the true surfaces, and which voxels are scored) -> with what a method
+//! `Found` -> `Quality` of one [`Run`] -> `Pooled` over several runs -> a [`Table`].
 //!
 //! **A true surface** is a 6-connected component of the dense voxels most of whose points belong to it; rectangles that
 //! touch within half a voxel of one plane count as one. It is *seen* when 0.5 m^2 of its 2 cm cells were hit by a
@@ -29,15 +29,6 @@ mod touching;
 mod truth;
 mod way;
 
-pub use confidence::StatedClass;
-pub use found::{Found, FoundCluster, FoundPlane};
-pub use laboratory::{Laboratory, Run, Scored};
-pub use maps::{ScoredMap, scored_maps};
-pub use measure::{Bar, Measure};
-pub use pieces::{SEEN_AREA, TrueSurface, Truth};
-pub use plane::Plane;
-pub use pooled::{Line, Pooled};
-pub use score::{ClusterScore, Computes, Described, Quality, SurfaceScore};
-pub use table::{JUDGED, Table};
-pub use truth::{SeenPart, TruthMap};
-pub use way::{Moment, Way};
+pub use laboratory::{Laboratory, Run};
+pub use table::Table;
+pub use way::Way;

@@ -6,13 +6,12 @@ use std::collections::hash_map::Entry;
 use nalgebra::{Point3, Vector3};
 use rustc_hash::FxHashMap;
 
-use super::Plane;
-use super::plane::mean;
+use super::plane::{Plane, mean};
 use super::truth::{SeenPart, TruthMap, TruthVoxel, voxel_index};
 use crate::engine::{SurfaceClass, VoxelKey};
 
 /// Area of truth cells from which on a surface counts as seen (m^2).
-pub const SEEN_AREA: f64 = 0.5;
+const SEEN_AREA: f64 = 0.5;
 /// Least share of a scored voxel's points on its surface.
 const MAJORITY: f64 = 0.8;
 /// Furthest that a scored voxel's mean lies from its surface, in sigmas.
@@ -26,32 +25,32 @@ const FLAT: f64 = 1e-3;
 
 /// A 6-connected component of the dense voxels whose majority is one surface.
 #[derive(Clone, Debug, PartialEq)]
-pub struct TrueSurface {
+pub(super) struct TrueSurface {
     /// That of the simulated surface that most of its cells lie on; with a number where several seen surfaces have it, and
     /// `(scrap)` where it does not count as seen.
-    pub name: String,
+    pub(super) name: String,
     /// Area of its truth cells that a noise-free ray has hit and that lie at dense voxels (m^2).
-    pub seen_area: f64,
+    pub(super) seen_area: f64,
     /// The same by class.
-    pub areas: BTreeMap<SurfaceClass, f64>,
+    pub(super) areas: BTreeMap<SurfaceClass, f64>,
     /// Normals and areas (m^2) of those cells of one that is bent.
-    pub bends: Vec<(Vector3<f64>, f64)>,
+    pub(super) bends: Vec<(Vector3<f64>, f64)>,
     /// Middle of those cells; `None` without a cell.
-    pub middle: Option<Point3<f64>>,
+    pub(super) middle: Option<Point3<f64>>,
     /// The plane of its rectangle, or the least squares plane through its cells where it has several; `None` where it is
     /// bent.
-    pub plane: Option<Plane>,
+    pub(super) plane: Option<Plane>,
     /// Whether it is all on that plane, not on several close to it.
-    pub is_one_plane: bool,
+    pub(super) is_one_plane: bool,
     /// Number of its dense voxels.
-    pub voxels: u32,
+    pub(super) voxels: u32,
     /// Number of its scored voxels.
-    pub scored: u32,
+    pub(super) scored: u32,
 }
 
 impl TrueSurface {
     /// Whether enough of it was seen to ask for it.
-    pub fn is_seen(&self) -> bool {
+    pub(super) fn is_seen(&self) -> bool {
         // A cell has 4e-4 m^2; a sum of them that is 0.5 m^2 but for rounding is enough.
         self.seen_area >= SEEN_AREA - 1e-9
     }
@@ -75,11 +74,11 @@ impl TrueSurface {
 
 /// What there is to be found in a map.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Truth {
+pub(super) struct Truth {
     /// The surfaces in the order of their first voxels.
-    pub surfaces: Vec<TrueSurface>,
+    pub(super) surfaces: Vec<TrueSurface>,
     /// The scored voxels by ascending key, each with the index of its surface.
-    pub scored: Vec<(VoxelKey, usize)>,
+    pub(super) scored: Vec<(VoxelKey, usize)>,
 }
 
 /// A component on its way to a [`TrueSurface`].

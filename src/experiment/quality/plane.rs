@@ -7,16 +7,16 @@ use crate::engine::plane::normal_towards;
 
 /// The plane normal . x + offset = 0, facing along its normal.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Plane {
+pub(super) struct Plane {
     /// Unit length.
-    pub normal: Vector3<f64>,
+    pub(super) normal: Vector3<f64>,
     /// Its d (m).
-    pub offset: f64,
+    pub(super) offset: f64,
 }
 
 impl Plane {
     /// The plane through a point.
-    pub fn through(point: &Point3<f64>, normal: &Vector3<f64>) -> Self {
+    pub(super) fn through(point: &Point3<f64>, normal: &Vector3<f64>) -> Self {
         let normal = normal.normalize();
         Self { normal, offset: -normal.dot(&point.coords) }
     }
@@ -29,12 +29,12 @@ impl Plane {
     }
 
     /// Signed distance of a point, positive in front (m).
-    pub fn height(&self, point: &Point3<f64>) -> f64 {
+    pub(super) fn height(&self, point: &Point3<f64>) -> f64 {
         self.normal.dot(&point.coords) + self.offset
     }
 
     /// Angle to another plane's normal (degrees), 0 to 180.
-    pub fn angle(&self, other: &Self) -> f64 {
+    pub(super) fn angle(&self, other: &Self) -> f64 {
         self.normal.angle(&other.normal).to_degrees()
     }
 

@@ -119,7 +119,7 @@ impl ClusterScore {
 
 impl Truth {
     /// Holds what a method has found against the truth.
-    pub fn score(&self, found: &Found) -> Quality {
+    pub(super) fn score(&self, found: &Found) -> Quality {
         let cluster_of: BTreeMap<VoxelKey, u64> =
             found.voxels.iter().filter_map(|(key, cluster)| Some((*key, (*cluster)?))).collect();
         let mut quality = Quality {

@@ -9,7 +9,7 @@ use super::score::Quality;
 use crate::count::count_of;
 
 /// The method that is asked to hold the bars and to be better than the others.
-pub const JUDGED: &str = Method::Consistent.name();
+const JUDGED: &str = Method::Consistent.name();
 
 /// What stands in the cells, and of which things the measures speak.
 const WORDS: &str = "\

@@ -5,7 +5,13 @@ use rand::rngs::Xoshiro256PlusPlus;
 use rand::{Rng, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 
-use super::*;
+use super::found::{Found, FoundCluster, FoundPlane};
+use super::measure::Measure;
+use super::pieces::Truth;
+use super::plane::Plane;
+use super::pooled::{Line, Pooled};
+use super::score::Quality;
+use super::truth::{SeenPart, TruthMap};
 use crate::engine::{Params, Points, Scan, Stamp, SurfaceClass};
 use crate::sim::{Route, Scene, Shape, Surface};
 

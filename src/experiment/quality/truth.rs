@@ -22,7 +22,7 @@ pub(super) const RANGE: RangeInclusive<f64> = CloudFilter::DEFAULT.min_range..=C
 
 /// Counts the points of labelled scans by voxel and surface.
 #[derive(Clone, Debug)]
-pub struct TruthMap {
+pub(super) struct TruthMap {
     pub(super) voxel_size: f64,
     pub(super) min_points: u32,
     pub(super) surfaces: Vec<Surface>,
@@ -33,11 +33,11 @@ pub struct TruthMap {
 
 /// The seen part of a surface.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct SeenPart {
+pub(super) struct SeenPart {
     /// Middles of its 2 cm cells, in the fixed frame.
-    pub cells: Vec<Point3<f64>>,
+    pub(super) cells: Vec<Point3<f64>>,
     /// Area of them all (m^2); cells at an edge count for what lies on the surface.
-    pub area: f64,
+    pub(super) area: f64,
 }
 
 /// What is known of a voxel.
@@ -93,7 +93,7 @@ impl Run {
 impl TruthMap {
     /// An empty map of a scene, with voxels as the engine of these parameters has them. Of a surface that moves nothing is asked: the
     /// truth forgets no point, and a map is to forget those of where it was.
-    pub fn new(scene: &Scene, params: &Params) -> Self {
+    pub(super) fn new(scene: &Scene, params: &Params) -> Self {
         Self {
             voxel_size: params.voxel_size(),
             min_points: params.min_points(),
@@ -109,7 +109,7 @@ impl TruthMap {
     ///
     /// # Panics
     /// When there are not as many labels as points.
-    pub fn insert(&mut self, scan: &Scan, labels: &[u32]) {
+    pub(super) fn insert(&mut self, scan: &Scan, labels: &[u32]) {
         assert_eq!(scan.points.len(), labels.len(), "a label for each point");
         match &scan.points {
             Points::F32(points) | Points::Ended { points, .. } => self.bin(points, scan, labels),
@@ -172,7 +172,7 @@ impl TruthMap {
     }
 
     /// The true surfaces as they are now. `seen` tells what a noise-free ray has hit of the surface with a label.
-    pub fn truth(&self, seen: impl Fn(u32) -> SeenPart) -> Truth {
+    pub(super) fn truth(&self, seen: impl Fn(u32) -> SeenPart) -> Truth {
         Truth::new(self, seen)
     }
 }

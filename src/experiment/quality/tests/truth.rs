@@ -2,6 +2,7 @@
 
 use proptest::prelude::*;
 
+use super::super::pieces::TrueSurface;
 use super::*;
 use crate::engine::VoxelKey;
 
