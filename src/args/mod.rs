@@ -131,7 +131,7 @@ impl Setup {
             given.into_iter().partition(|given| idle(&given.name).is_some());
         let values = given.iter().map(|given| (given.name.clone(), given.value.clone()));
         let remaps = ros.remap_rules.iter().filter(|rule| rule.applies_to_node(&name));
-        let setup = Self {
+        let mut setup = Self {
             given: given.iter().map(|given| given.name.clone()).collect(),
             idle: without_effect.iter().filter_map(|given| idle(&given.name)).collect(),
             parameters: Current::new(values).map_err(|error| located(error, &given))?,
@@ -147,6 +147,8 @@ impl Setup {
             name,
             namespace,
         };
+        let shared = setup.parameters.shared_noise_model(|name| setup.is_given(name));
+        setup.warnings.extend(shared);
         Ok((setup, rest))
     }
 
@@ -165,7 +167,8 @@ impl Setup {
         self.idle.iter().copied()
     }
 
-    /// What is to be said of files and arguments that have parameters for other nodes alone, for a misspelt one, or one twice, a line each.
+    /// What is to be said of files and arguments that have parameters for other nodes alone, for a misspelt one, or one twice, and of
+    /// a sensor's noise model that is that of others too, a line each.
     pub fn warnings(&self) -> &[String] {
         &self.warnings
     }

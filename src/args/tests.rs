@@ -27,6 +27,28 @@ fn what_was_given_beside_the_known_is_named() {
 }
 
 #[test]
+fn a_noise_model_that_one_sensor_gives_to_others_is_said() {
+    let said = |parameters: &str| {
+        let setup = parse(&format!("--ros-args -p sensors:=[front,rear,left] {parameters}")).unwrap();
+        setup.warnings().to_vec()
+    };
+    assert_eq!(
+        said("-p rear.noise_model:=none"),
+        ["rear.noise_model is none: front, left are weighed by it too"]
+    );
+    let two = "-p rear.noise_model:=none -p left.noise_model:=none";
+    assert_eq!(said(two), ["rear.noise_model is none: front is weighed by it too"]);
+    for as_meant in [
+        "",
+        "-p rear.noise_model:=kinect_v1",
+        "-p noise_model:=none -p rear.noise_model:=none",
+        &format!("{two} -p front.noise_model:=none"),
+    ] {
+        assert!(said(as_meant).is_empty(), "{as_meant}");
+    }
+}
+
+#[test]
 fn node_name_and_fully_qualified_rules_apply() {
     let setup = parse("--ros-args -r __node:=eyes -r /points:=/a").unwrap();
     assert_eq!((setup.name.as_str(), setup.resolve("points").unwrap().as_str()), ("eyes", "/a"));

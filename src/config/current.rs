@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use super::table::{Change, Row};
 use super::value::{Given, unknown};
-use super::{Config, ConfigError, Parameter, Value, parameters};
-use crate::engine::Mode;
+use super::{Config, ConfigError, Parameter, Sensor, Value, parameters};
+use crate::engine::{Mode, NoiseModel};
 
 /// The parameters as they are now; every state of it is a possible configuration.
 #[derive(Clone, Debug)]
@@ -57,6 +57,26 @@ impl Current {
     /// A parameter and its value; `None` where none has this name.
     pub fn get(&self, name: &str) -> Option<(&Parameter, &Value)> {
         self.declared.get(name).zip(self.values.get(name))
+    }
+
+    /// What is to be said where the noise model that was given for a sensor alone is another one than the default, and that of others
+    /// too: one holds for the whole map.
+    pub fn shared_noise_model(&self, is_given: impl Fn(&str) -> bool) -> Option<String> {
+        let key = |sensor: &Sensor| format!("{}.noise_model", sensor.name);
+        let (given, others): (Vec<_>, Vec<_>) =
+            self.config.sensors.iter().partition(|sensor| is_given(&key(sensor)));
+        let model = self.config.engine.noise_model();
+        if is_given("noise_model") || model == NoiseModel::default() || others.is_empty() {
+            return None;
+        }
+        let others: Vec<_> = others.into_iter().map(|sensor| sensor.name.as_str()).collect();
+        let verb = if others.len() == 1 { "is" } else { "are" };
+        Some(format!(
+            "{} is {}: {} {verb} weighed by it too",
+            key(given.first()?),
+            model.as_str(),
+            others.join(", ")
+        ))
     }
 
     /// Why a parameter keeps its value while the node runs; `None` where it can change.
