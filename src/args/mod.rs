@@ -1,5 +1,6 @@
 //! A ROS command line -> who the node is, what it listens to, and its checked configuration.
 
+mod domain;
 mod error;
 mod expand;
 mod given;
@@ -126,7 +127,9 @@ impl Setup {
         let namespace = absolute(renamed(&name, &["__ns"]).unwrap_or_default());
         ros2args::names::validate_node_name(&name)?;
         ros2args::names::validate_namespace(&namespace)?;
-        let (given, warnings) = given(&ros, &namespace, &name)?;
+        let (domain, in_octal) = domain::parse(environment.domain.as_deref().unwrap_or_default())?;
+        let (given, mut warnings) = given(&ros, &namespace, &name)?;
+        warnings.extend(in_octal);
         let (without_effect, given): (Vec<_>, Vec<_>) =
             given.into_iter().partition(|given| idle(&given.name).is_some());
         let values = given.iter().map(|given| (given.name.clone(), given.value.clone()));
@@ -135,7 +138,7 @@ impl Setup {
             given: given.iter().map(|given| given.name.clone()).collect(),
             idle: without_effect.iter().filter_map(|given| idle(&given.name)).collect(),
             parameters: Current::new(values).map_err(|error| located(error, &given))?,
-            domain: parse_domain(environment.domain.as_deref())?,
+            domain,
             rmw: environment.rmw.clone().unwrap_or_default(),
             security: Asked { enclave: ros.enclave.clone(), ..environment.security.clone() },
             log_level: log_level(&ros, &namespace, &name),
@@ -282,12 +285,6 @@ fn check_value(arg: &str) -> Result<(), ArgsError> {
 fn check_given(option: &str, arg: &str) -> Result<(), ArgsError> {
     let empty = arg.strip_suffix(":=").filter(|_| ["-p", "--param"].contains(&option));
     empty.map_or(Ok(()), |name| Err(ArgsError::Empty { name: name.to_owned() }))
-}
-
-fn parse_domain(domain: Option<&str>) -> Result<u16, ArgsError> {
-    let Some(text) = domain.filter(|text| !text.is_empty()) else { return Ok(0) };
-    let number = text.parse().ok().filter(|number| *number <= 232);
-    number.ok_or_else(|| ArgsError::Domain(text.to_owned()))
 }
 
 /// The level that counts for this node's logger, `namespace.name`: of those given to it by name the newest, or to what it is

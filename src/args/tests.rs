@@ -253,10 +253,66 @@ fn names_that_cannot_be_are_refused() {
 
 #[test]
 fn a_domain_that_is_none_is_refused() {
-    for domain in ["-1", "233", "1e2", "0x1", "99999999999999999999", " 1", "\u{fffd}"] {
+    let table = [
+        "-1",
+        "233",
+        "0351",
+        "0xe9",
+        "1e2",
+        "7 ",
+        "7x",
+        "08",
+        "0x",
+        "x10",
+        "+-1",
+        "--1",
+        "0x-1",
+        "0x+1",
+        " ",
+        "+",
+        "0b1",
+        "0o7",
+        "99999999999999999999",
+        "18446744073709551616",
+        "\u{a0}1",
+        "\u{fffd}",
+    ];
+    for domain in table {
         assert!(in_domain(domain).is_err(), "{domain}");
     }
-    assert_eq!(in_domain("").unwrap(), 0);
+}
+
+#[test]
+fn a_domain_is_read_as_ros_reads_it_and_both_readings_are_said_where_they_differ() {
+    let table = [
+        ("", 0),
+        ("0", 0),
+        ("-0", 0),
+        ("7", 7),
+        ("+7", 7),
+        ("232", 232),
+        ("042", 34),
+        ("007", 7),
+        ("00", 0),
+        (" 42", 42),
+        ("\t\n\x0b\x0c\r 42", 42),
+        ("0x10", 16),
+        ("0Xe8", 232),
+        (" +0x2a", 42),
+        ("-18446744073709551615", 1),
+    ];
+    for (text, domain) in table {
+        assert_eq!(in_domain(text).unwrap(), domain, "{text:?}");
+    }
+    let said = |text: &str| {
+        let environment = Environment { domain: Some(text.to_owned()), ..Environment::default() };
+        Setup::parse(&[], &environment, "cfodi").unwrap().0.warnings().to_vec()
+    };
+    let line = "ROS_DOMAIN_ID is \"042\", which is domain 34 and not 42: as in C a number that begins with 0 is octal";
+    assert_eq!(said("042"), [line]);
+    for alike in ["", "0", "00", "007", "42", " 42", "0x10"] {
+        assert!(said(alike).is_empty(), "{alike}");
+    }
 }
 
 #[test]
