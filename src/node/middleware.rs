@@ -6,6 +6,7 @@ use std::net::Ipv4Addr;
 use thiserror::Error;
 use tokio::sync::mpsc::{Receiver, Sender};
 
+use super::places::without_places;
 use super::transport::{Event, Transport};
 use crate::args::security::{Security, SecurityError};
 use crate::args::{ArgsError, Setup};
@@ -57,7 +58,7 @@ pub enum OpenError {
 impl OpenError {
     /// Says that `what` cannot be opened, for a reason of the middleware.
     pub(super) fn opening<E: ToString>(what: &str) -> impl FnOnce(E) -> Self {
-        move |error| Self::Open { what: what.to_owned(), text: error.to_string() }
+        move |error| Self::Open { what: what.to_owned(), text: without_places(&error.to_string()) }
     }
 }
 

@@ -19,6 +19,7 @@ mod live;
 pub mod middleware;
 mod own_thread;
 mod parameters;
+mod places;
 pub mod process;
 mod publish;
 mod readers;

@@ -8,6 +8,7 @@ use std::time::Duration;
 use thiserror::Error;
 
 use super::heard::PublisherId;
+use super::places::without_places;
 pub use crate::args::{DepthTopics, SensorTopics, TopicName};
 use crate::bag::TransformTopics;
 use crate::cloud::{Camera, CloudError, Decoded};
@@ -161,11 +162,11 @@ pub enum SendError {
 
 impl SendError {
     pub(super) fn refused(topic: &'static str, cause: &(impl ToString + ?Sized)) -> Self {
-        Self::Refused { topic, cause: cause.to_string() }
+        Self::Refused { topic, cause: without_places(&cause.to_string()) }
     }
 
     pub(super) fn unanswered(service: &'static str, cause: &(impl ToString + ?Sized)) -> Self {
-        Self::Unanswered { service, cause: cause.to_string() }
+        Self::Unanswered { service, cause: without_places(&cause.to_string()) }
     }
 }
 

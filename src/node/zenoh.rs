@@ -19,6 +19,7 @@ mod read;
 
 use std::cell::Cell;
 use std::collections::BTreeMap;
+use std::pin::pin;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::thread::Builder;
@@ -30,7 +31,7 @@ use tracing::{info, warn};
 use zenoh::config::WhatAmI;
 use zenoh::pubsub::Subscriber;
 use zenoh::session::TransportEvent;
-use zenoh::{Session, Wait as _};
+use zenoh::{Config, Session, Wait as _};
 
 use self::answers::Answers;
 use self::graph::Graph;
@@ -40,6 +41,7 @@ use self::outlet::Outlet;
 use super::middleware::{Adding, EVENTS, Middleware, OpenError, Opened};
 use super::own_thread::on_own_thread;
 use super::parameters::Parameters;
+use super::places::without_places;
 use super::readers::{self, Readers};
 use super::seeds::Scans;
 use super::transport::{DISCOVERY, Input, NetworkState, SendError, SensorTopics, Service, Source, Transport};
@@ -181,6 +183,23 @@ async fn routers(session: &Session) -> Result<usize, OpenError> {
     wait_for(move || session.info().routers_zid().wait().count()).await
 }
 
+fn say_no_router() {
+    warn!(
+        "no Zenoh router is there yet, and without one others are not found: ros2 run rmw_zenoh_cpp rmw_zenohd"
+    );
+}
+
+/// Opens a session, and says where that takes long: a client waits for its router. Whether it has said so.
+async fn open_session(config: Config) -> Result<(Session, bool), OpenError> {
+    let open = wait_for(move || zenoh::open(config).wait().map_err(OpenError::opening("a Zenoh session")));
+    let mut open = pin!(open);
+    if let Ok(opened) = timeout(LOOK, &mut open).await {
+        return Ok((opened??, false));
+    }
+    say_no_router();
+    Ok((open.await??, true))
+}
+
 /// Looks for a router `looks` times at most, and says where there is none; whether it has said so.
 async fn find_router(session: &Session, looks: u64) -> Result<bool, OpenError> {
     for look in 0..looks {
@@ -191,9 +210,7 @@ async fn find_router(session: &Session, looks: u64) -> Result<bool, OpenError> {
             return Ok(look > 0);
         }
         if look % 10 == 0 {
-            warn!(
-                "no Zenoh router is there yet, and without one others are not found: ros2 run rmw_zenoh_cpp rmw_zenohd"
-            );
+            say_no_router();
         }
     }
     Ok(looks > 0)
@@ -204,7 +221,7 @@ async fn close(session: Session) {
     let closed = wait_for(move || {
         let closed = session.close().wait();
         drop(session);
-        closed.map_err(|error| error.to_string())
+        closed.map_err(|error| without_places(&error.to_string()))
     });
     if let Ok(Err(text)) | Err(OpenError::Open { text, .. }) = closed.await {
         warn!("the Zenoh session could not be closed: {text}");
@@ -224,12 +241,11 @@ impl Middleware for Zenoh {
 
     async fn open(setup: &Setup, _: Security) -> Result<Opened<Self>, OpenError> {
         let (config, looks) = (config::of_process()?, config::router_checks()?);
-        let opened =
-            wait_for(move || zenoh::open(config).wait().map_err(OpenError::opening("a Zenoh session")));
-        let session = opened.await??;
+        let (session, said_while_opening) = open_session(config).await?;
         let (events, receiver) = mpsc::channel(EVENTS);
         let found = find_router(&session, looks.unwrap_or(0)).await;
-        match found.and_then(|said_no_router| Self::on(&session, setup, said_no_router, &events)) {
+        let said_no_router = found.map(|said| said || said_while_opening);
+        match said_no_router.and_then(|said| Self::on(&session, setup, said, &events)) {
             Ok(node) => {
                 // Not the last one: dropping that waits.
                 drop(session);
@@ -317,5 +333,43 @@ impl Transport for Zenoh {
             reason = self.answers.ended() => reason,
             reason = outlet::ended(&self.outlets) => reason,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::net::TcpListener;
+
+    use super::*;
+
+    fn configured(pairs: &[(&str, &str)]) -> Config {
+        let mut config = Config::default();
+        config.insert_json5("scouting/multicast/enabled", "false").unwrap();
+        pairs.iter().for_each(|(key, value)| config.insert_json5(key, value).unwrap());
+        config
+    }
+
+    #[tokio::test]
+    async fn a_client_ends_without_its_router_or_waits_for_it_and_says_so() {
+        let free = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+        let there = format!(r#"["tcp/{free}"]"#);
+        let client = |timeout_ms| {
+            let pairs =
+                [("mode", r#""client""#), ("connect/endpoints", &there), ("connect/timeout_ms", timeout_ms)];
+            open_session(configured(&pairs))
+        };
+        let error = client("0").await.unwrap_err().to_string();
+        assert!(error.contains("Unable to connect") && !error.contains(".rs"), "{error}");
+        let router = configured(&[("mode", r#""router""#), ("listen/endpoints", &there)]);
+        let late = async {
+            sleep(2 * LOOK).await;
+            wait_for(move || zenoh::open(router).wait().unwrap()).await.unwrap()
+        };
+        let (opened, router) = tokio::join!(client("-1"), late);
+        let (session, said_no_router) = opened.unwrap();
+        assert!(said_no_router);
+        assert_eq!(routers(&session).await.unwrap(), 1);
+        close(session).await;
+        close(router).await;
     }
 }

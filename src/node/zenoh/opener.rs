@@ -26,6 +26,7 @@ use crate::msg::topic::{Named, Qos};
 use crate::node::clock;
 use crate::node::heard::{Origin, PublisherId};
 use crate::node::middleware::OpenError;
+use crate::node::places::without_places;
 use crate::node::transport::{Event, SendError};
 
 /// What a service is declared with, as in ROS.
@@ -264,7 +265,7 @@ impl Call {
             // Its number and who called go back as they came.
             let attachment = Attachment { stamp: clock::now().nanos(), ..attachment };
             let reply = query.reply(key, bytes).attachment(attachment.bytes());
-            reply.wait().map_err(|error| error.to_string())
+            reply.wait().map_err(|error| without_places(&error.to_string()))
         });
         Ok(())
     }
