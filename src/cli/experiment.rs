@@ -11,6 +11,7 @@ use cfodi::engine::{Mode, Scan};
 use cfodi::experiment::{Experiment, Figure, Results, Summary};
 use cfodi::export::WriteError;
 use cfodi::line::one_line;
+use cfodi::link::folder;
 use cfodi::replay::{Ended, Finished, Go, Origin, Outputs, Replay, Settings, Tally, Visitor, feed};
 use cfodi::report::{self, Story};
 use cfodi::say::tell;
@@ -77,10 +78,16 @@ fn on_recording(setup: &Setup, options: &Options, path: &Path) -> anyhow::Result
     Ok(ending)
 }
 
-/// Refuses the folder of the bag: nobody has named the files that would be replaced there.
+/// Refuses the folder of the bag, and that of its file: nobody has named the files that would be replaced there.
 fn check_folder(out: &Path, bag: &Path) -> Result<(), Wrong> {
-    let is_same = out.canonicalize().is_ok_and(|out| bag.canonicalize().is_ok_and(|bag| bag == out));
-    if !is_same {
+    let of_bag = |out: PathBuf| {
+        let bag_itself = bag.canonicalize().ok();
+        let of_file = bag_itself.as_deref().filter(|bag| !bag.is_dir()).map(folder).map(Path::to_owned);
+        // A link may lie elsewhere than its file.
+        let of_name = of_file.as_ref().and_then(|_| folder(bag).canonicalize().ok());
+        [bag_itself, of_file, of_name].into_iter().flatten().any(|folder| folder == out)
+    };
+    if !out.canonicalize().is_ok_and(of_bag) {
         return Ok(());
     }
     let name = one_line(&out.display().to_string()).into_owned();
@@ -200,4 +207,31 @@ fn table(summary: &Summary) -> String {
         )
     }));
     lines.join("\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+    use std::os::unix::fs::symlink;
+
+    use super::*;
+
+    #[test]
+    fn the_folder_of_a_bag_and_that_of_its_file_are_refused_and_one_beside_them_is_not() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        for name in ["bag", "links", "figures"] {
+            fs::create_dir(at(name)).unwrap();
+        }
+        fs::write(at("bag/lab.mcap"), "").unwrap();
+        symlink(at("bag/lab.mcap"), at("links/latest.mcap")).unwrap();
+        let refused = |out: &str, bag: &str| check_folder(&at(out), &at(bag)).is_err();
+        assert!(refused("bag", "bag") && refused("bag", "bag/lab.mcap"));
+        assert!(refused("bag", "links/latest.mcap") && refused("links", "links/latest.mcap"));
+        assert!(refused("figures/../bag/", "bag/lab.mcap"));
+        for (out, bag) in [("figures", "bag"), ("figures", "bag/lab.mcap"), ("bag/new", "bag"), ("", "bag")] {
+            assert!(!refused(out, bag), "{out} {bag}");
+        }
+        assert!(check_folder(Path::new("."), Path::new("no_such.mcap")).is_ok());
+    }
 }
