@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::io;
 use std::ops::Deref;
+use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -75,7 +76,8 @@ impl Bag {
         Self { files, listed: Vec::new(), copies: Vec::new(), remarks: Vec::new(), surveyed: OnceLock::new() }
     }
 
-    /// Files that are not read, for another one has the same name without `.zstd`: what was decompressed beside them.
+    /// Files that are not read, for another one has the same name without `.zstd`: what was decompressed beside them; and links to one
+    /// that is.
     pub fn copies(&self) -> &[PathBuf] {
         &self.copies
     }
@@ -184,14 +186,28 @@ fn description(folder: &Path) -> Result<Option<String>, BagError> {
     }
 }
 
-/// The files to read, and their copies: of names that differ only by how the file is compressed all but the first. A plain file
-/// comes before compressed ones.
+/// The files to read, and their copies: links to one of them, and of names that differ only by how the file is compressed all but the
+/// first. A plain file comes before compressed ones.
 fn without_copies(paths: Vec<PathBuf>) -> (Vec<PathBuf>, Vec<PathBuf>) {
-    let mut seen = BTreeSet::new();
+    let (links, mut seen) = (links(&paths), BTreeSet::new());
     paths.into_iter().partition(|path| {
+        if links.contains(path) {
+            return false;
+        }
         let is_compressed = path.extension().is_some_and(|end| end == "zstd" || end == "zst");
         seen.insert(if is_compressed { path.with_extension("") } else { path.clone() })
     })
+}
+
+/// The names that are another one's for a file, hard links too: all but the first of each file, symbolic links being the last.
+fn links(paths: &[PathBuf]) -> BTreeSet<PathBuf> {
+    let mut paths: Vec<_> = paths.iter().collect();
+    paths.sort_by_key(|path| path.is_symlink());
+    let mut seen = BTreeSet::new();
+    // One that cannot be looked at is said when its turn comes.
+    let mut is_seen =
+        |path: &Path| fs::metadata(path).is_ok_and(|file| !seen.insert((file.dev(), file.ino())));
+    paths.into_iter().filter(|path| is_seen(path)).cloned().collect()
 }
 
 fn mcap_files(folder: &Path) -> Result<Vec<PathBuf>, BagError> {
@@ -239,6 +255,7 @@ fn in_order(name: &str) -> (Vec<(String, usize, String)>, String) {
 mod tests {
     use std::convert::Infallible;
     use std::fs::File;
+    use std::os::unix::fs::symlink;
 
     use super::super::{OutputTopics, ResultBag, SensorBag};
     use super::*;
@@ -331,5 +348,25 @@ mod tests {
             |names: &[&str]| names.iter().map(|name| folder.path().join(name)).collect::<Vec<_>>();
         assert_eq!(files, in_folder(&["a.mcap", "a.mcap_2.mcap", "b.mcap.zst", "c.mcap.zst"]));
         assert_eq!(copies, in_folder(&["a.mcap.zstd", "c.mcap.zstd"]));
+    }
+
+    #[test]
+    fn a_file_that_has_several_names_is_read_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        recording(&at("lab.mcap"));
+        symlink("lab.mcap", at("latest.mcap")).unwrap();
+        symlink(at("lab.mcap"), at("a.mcap")).unwrap();
+        symlink("nothing", at("gone.mcap")).unwrap();
+        fs::hard_link(at("lab.mcap"), at("kept.mcap")).unwrap();
+        let elsewhere = tempfile::tempdir().unwrap();
+        recording(&elsewhere.path().join("m.mcap"));
+        symlink(elsewhere.path().join("m.mcap"), at("other.mcap")).unwrap();
+        let bag = Bag::open(folder.path()).unwrap();
+        let names = |paths: &[PathBuf]| paths.iter().map(|path| name(path)).collect::<Vec<_>>();
+        assert_eq!(names(bag.copies()), ["a.mcap", "lab.mcap", "latest.mcap"]);
+        let read: Vec<_> = bag.files.iter().map(|bag_file| bag_file.path.clone()).collect();
+        assert_eq!(names(&read), ["gone.mcap", "kept.mcap", "other.mcap"]);
+        assert!(bag.paths().contains(&at("latest.mcap")), "no output may replace it");
     }
 }

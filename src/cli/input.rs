@@ -151,7 +151,7 @@ fn say_copies(bag: &Bag) {
     if !names.is_empty() {
         let names = names.join(", ");
         say(one_line(&format!(
-            "not read, as the folder has each compressed in another way or not at all: {names}"
+            "not read, as the folder has each under another name, or compressed in another way or not at all: {names}"
         )));
     }
 }
