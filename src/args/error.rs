@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use ros2args::Ros2ArgsError;
 use thiserror::Error;
+use yaml_rust2::ScanError;
 
 use super::params_file::MAX_NAME_BYTES;
 use crate::config::ConfigError;
@@ -43,6 +44,26 @@ pub enum ArgsError {
     Empty {
         /// The parameter.
         name: String,
+    },
+    /// A list without its end: the shell takes it apart at blanks.
+    #[error(
+        "{name} is `{begin}`, which is cut short: quote the whole of it for the shell: -p '{name}:=[...]'"
+    )]
+    Cut {
+        /// The parameter.
+        name: String,
+        /// How the value begins.
+        begin: String,
+    },
+    /// A value that cannot be read.
+    #[error("{name} is `{begin}`, which is no YAML: {error}")]
+    NoYaml {
+        /// The parameter.
+        name: String,
+        /// How the value begins.
+        begin: String,
+        /// Why.
+        error: ScanError,
     },
     /// A name that is too long, perhaps joined from those of nested maps.
     #[error("the name of the parameter `{begin}...` has {bytes} bytes; at most {MAX_NAME_BYTES} are read")]

@@ -271,6 +271,9 @@ fn absolute(namespace: String) -> String {
     if namespace.starts_with('/') { namespace } else { format!("/{namespace}") }
 }
 
+/// Letters that are said of a value that is no YAML.
+const SHOWN: usize = 64;
+
 /// A value on the command line is YAML: what is more than is read never reaches the library.
 fn check_value(arg: &str) -> Result<(), ArgsError> {
     let Some((name, value)) = arg.split_once(":=") else { return Ok(()) };
@@ -281,10 +284,20 @@ fn check_value(arg: &str) -> Result<(), ArgsError> {
     }
 }
 
-/// The library says of a parameter without a value neither its name nor what to write.
+/// The library says of a parameter without a value, or with one that is no YAML, neither its name nor what to write.
 fn check_given(option: &str, arg: &str) -> Result<(), ArgsError> {
-    let empty = arg.strip_suffix(":=").filter(|_| ["-p", "--param"].contains(&option));
-    empty.map_or(Ok(()), |name| Err(ArgsError::Empty { name: name.to_owned() }))
+    let given = arg.split_once(":=").filter(|_| ["-p", "--param"].contains(&option));
+    let Some((name, value)) = given.map(|(name, value)| (name.to_owned(), value)) else { return Ok(()) };
+    if value.is_empty() {
+        return Err(ArgsError::Empty { name });
+    }
+    let Err(YamlError::Form(error)) = yaml::check(value) else { return Ok(()) };
+    let begin = value.chars().take(SHOWN).collect();
+    Err(if value.starts_with('[') && !value.ends_with(']') {
+        ArgsError::Cut { name, begin }
+    } else {
+        ArgsError::NoYaml { name, begin, error }
+    })
 }
 
 /// The level that counts for this node's logger, `namespace.name`: of those given to it by name the newest, or to what it is

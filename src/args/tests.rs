@@ -224,6 +224,21 @@ fn a_value_on_the_command_line_is_bounded_like_one_in_a_file() {
     assert_eq!(error, "voxel_size is [0.05]; it must be a number");
     let error = value("size:=[0.05]").unwrap_err().to_string();
     assert_eq!(error, "size is [0.05]; it must be a boolean, a number, a text or a list of texts");
+    // What the shell makes of -p sensors:=["front", "rear"].
+    let error = value("sensors:=[front,").unwrap_err().to_string();
+    let words =
+        "sensors is `[front,`, which is cut short: quote the whole of it for the shell: -p 'sensors:=[...]'";
+    assert_eq!(error, words);
+    for (value_of, words) in [
+        ("sensors:=*x", "sensors is `*x`, which is no YAML: "),
+        ("sensors:=[front]]", "sensors is `[front]]`, which is no YAML: "),
+        (&format!("sensors:=[{}", "front, ".repeat(1000)), "sensors is `[front, front, "),
+    ] {
+        let error = value(value_of).unwrap_err().to_string();
+        assert!(error.starts_with(words) && error.len() < 200, "{error}");
+    }
+    let error = value("sensors:=front").unwrap_err().to_string();
+    assert!(error.ends_with("64 at most, as -p 'sensors:=[\"front\", \"rear\"]'"), "{error}");
     for bad in
         ["depth:=", "depth:=*x", "depth:=[", ":=", "depth:=3:=4", "a:b:depth:=3", "depth:={a: 1}", "depth:=~"]
     {

@@ -177,7 +177,7 @@ mod tests {
         }
         assert_eq!(
             line(&["a", "b"], &[("a.kind", "auto")]),
-            "a.kind is \"auto\"; it must be `auto` only for a sensor that is alone"
+            "a.kind is \"auto\"; it must be `cloud` or `depth`; `auto` is for a sensor that is alone"
         );
         assert_eq!(
             line(&["a"], &[("a.kind", "lidar")]),

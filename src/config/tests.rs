@@ -280,7 +280,7 @@ fn twins_are_sent_where_asked_and_a_misspelt_one_gets_the_nearest() {
     );
     assert_eq!(
         line("twins", Value::Text("polygons".into())),
-        "twins is \"polygons\"; it must be a list of texts, as [\"detections\"]"
+        "twins is \"polygons\"; it must be a list of texts, as -p 'twins:=[\"detections\"]'"
     );
     let paper = |names| {
         let given = [("mode", Value::Text("paper".into())), ("twins", twins(names))];

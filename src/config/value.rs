@@ -219,7 +219,7 @@ impl Given {
             let key = format!("{name}.kind");
             let kind: Kind = self.word(&key)?;
             if kind == Kind::Auto && list.len() > 1 {
-                return self.refuse_beside(&key);
+                return self.refuse(&key, "`cloud` or `depth`; `auto` is for a sensor that is alone");
             }
             Ok(Sensor { name: name.clone(), kind })
         };
