@@ -39,7 +39,7 @@ pub struct Environment {
     pub rmw: Option<String>,
     /// The variables of DDS Security.
     pub security: Asked,
-    /// The variables of discovery that ROS's own middlewares go by, where they are set to change it.
+    /// The variables that ROS's own middlewares go by, of discovery and of settings, where they are set to change it.
     pub discovery: Vec<(&'static str, String)>,
     /// [`BEGINS_ANEW`] is set.
     pub begins_anew: bool,
@@ -64,7 +64,11 @@ pub(crate) fn variable(name: &str) -> Option<String> {
 }
 
 fn discovery(variable: impl Fn(&'static str) -> Option<String>) -> Vec<(&'static str, String)> {
-    let as_ever: [(_, &[&str]); 4] = [
+    let as_ever: [(_, &[&str]); 8] = [
+        ("CYCLONEDDS_URI", &[""]),
+        ("FASTDDS_BUILTIN_TRANSPORTS", &["", "DEFAULT", "UDPV4"]),
+        ("FASTDDS_DEFAULT_PROFILES_FILE", &[""]),
+        ("FASTRTPS_DEFAULT_PROFILES_FILE", &[""]),
         ("ROS_AUTOMATIC_DISCOVERY_RANGE", &["", "SUBNET", "SYSTEM_DEFAULT"]),
         ("ROS_DISCOVERY_SERVER", &[""]),
         ("ROS_LOCALHOST_ONLY", &["", "0"]),
@@ -160,7 +164,7 @@ impl Setup {
         self.parameters.config()
     }
 
-    /// Variables of the environment that were set to change discovery, and do not.
+    /// Variables of the environment that were set to change discovery or settings of the middleware, and do not.
     pub fn discovery(&self) -> &[(&'static str, String)] {
         &self.discovery
     }

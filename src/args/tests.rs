@@ -112,7 +112,19 @@ fn variables_that_change_discovery_are_known_where_they_are_set_to_do_so() {
     assert_eq!(set(&[("ROS_DISCOVERY_SERVER", "10.0.0.1:11811")]), [(server, "10.0.0.1:11811".to_owned())]);
     assert!(set(&[("ROS_DISCOVERY_SERVER", "")]).is_empty());
     assert_eq!(set(&[("ROS_LOCALHOST_ONLY", "1"), ("ROS_STATIC_PEERS", "10.0.0.1")]).len(), 2);
-    let as_ever = [("ROS_AUTOMATIC_DISCOVERY_RANGE", "subnet"), ("ROS_LOCALHOST_ONLY", "0")];
+    let settings: &[_] = &[
+        ("CYCLONEDDS_URI", "file:///cyclonedds.xml"),
+        ("FASTDDS_BUILTIN_TRANSPORTS", "LARGE_DATA"),
+        ("FASTDDS_DEFAULT_PROFILES_FILE", "profiles.xml"),
+        ("FASTRTPS_DEFAULT_PROFILES_FILE", "profiles.xml"),
+    ];
+    assert_eq!(set(settings).len(), 4);
+    let as_ever = [
+        ("ROS_AUTOMATIC_DISCOVERY_RANGE", "subnet"),
+        ("ROS_LOCALHOST_ONLY", "0"),
+        ("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4"),
+        ("CYCLONEDDS_URI", ""),
+    ];
     assert!(
         discovery(|name| as_ever.iter().find(|pair| pair.0 == name).map(|pair| pair.1.to_owned())).is_empty()
     );

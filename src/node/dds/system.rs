@@ -3,7 +3,7 @@
 use std::net::Ipv4Addr;
 
 use socket2::{Domain, Socket, Type};
-use tracing::{info, warn};
+use tracing::{Level, info, warn};
 
 use super::addresses::{Set, read};
 use crate::args::Setup;
@@ -51,18 +51,35 @@ fn say_receive_buffer(setup: &Setup) {
 /// Says which variables of the environment do not count that would change who finds whom.
 fn say_discovery(setup: &Setup) {
     for (name, value) in setup.discovery() {
-        let so = match *name {
-            "ROS_DISCOVERY_SERVER" => {
-                "it knows no Discovery Server, and who uses one neither finds it nor is found (unset it for all nodes, or: \
-                 docs/zenoh.md)"
-            }
-            "ROS_STATIC_PEERS" => "it looks for peers by multicast alone (across routers: docs/zenoh.md)",
-            _ => {
-                "it hears, and is heard by, all that reach its ports (keep others out by a firewall, ROS_DOMAIN_ID, or keys)"
-            }
-        };
-        warn!("{name} is {value:?}, which has no effect on this node: {so}");
+        match without_effect(name, value) {
+            (Level::WARN, line) => warn!("{line}"),
+            (_, line) => info!("{line}"),
+        }
     }
+}
+
+/// What is to be said of a variable, and how loud: who sets up the middleware of a whole robot by it means no single node.
+fn without_effect(name: &str, value: &str) -> (Level, String) {
+    let so = match name {
+        "CYCLONEDDS_URI"
+        | "FASTDDS_BUILTIN_TRANSPORTS"
+        | "FASTDDS_DEFAULT_PROFILES_FILE"
+        | "FASTRTPS_DEFAULT_PROFILES_FILE" => {
+            let line = format!(
+                "{name} has no effect on this node, which has a DDS of its own: network_interfaces and receive_buffer are its settings"
+            );
+            return (Level::INFO, line);
+        }
+        "ROS_DISCOVERY_SERVER" => {
+            "it knows no Discovery Server, and who uses one neither finds it nor is found (unset it for all nodes, or: \
+                 docs/zenoh.md)"
+        }
+        "ROS_STATIC_PEERS" => "it looks for peers by multicast alone (across routers: docs/zenoh.md)",
+        _ => {
+            "it hears, and is heard by, all that reach its ports (keep others out by a firewall, ROS_DOMAIN_ID, or keys)"
+        }
+    };
+    (Level::WARN, format!("{name} is {value:?}, which has no effect on this node: {so}"))
 }
 
 /// Says where nobody on another machine can be heard, unless that is meant.
@@ -90,6 +107,24 @@ fn lack(addresses: &Set) -> Option<&'static str> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn settings_of_another_dds_are_told_in_passing_and_what_would_change_who_is_found_is_a_warning() {
+        let (level, line) = without_effect("CYCLONEDDS_URI", "<CycloneDDS/>");
+        assert_eq!(
+            (level, line.as_str()),
+            (
+                Level::INFO,
+                "CYCLONEDDS_URI has no effect on this node, which has a DDS of its own: network_interfaces and receive_buffer \
+                 are its settings"
+            )
+        );
+        let (level, line) = without_effect("ROS_STATIC_PEERS", "10.0.0.1");
+        assert!(
+            level == Level::WARN && line.starts_with("ROS_STATIC_PEERS is \"10.0.0.1\", which has no effect"),
+            "{line}"
+        );
+    }
 
     #[test]
     fn a_machine_that_reaches_no_other_is_told_of() {
