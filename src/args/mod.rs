@@ -155,7 +155,8 @@ impl Setup {
             namespace,
         };
         let shared = setup.parameters.shared_noise_model(|name| setup.is_given(name));
-        setup.warnings.extend(shared);
+        let said = [shared, setup.config().too_coarse()];
+        setup.warnings.extend(said.into_iter().flatten());
         Ok((setup, rest))
     }
 
@@ -175,7 +176,7 @@ impl Setup {
     }
 
     /// What is to be said of files and arguments that have parameters for other nodes alone, for a misspelt one, or one twice, and of
-    /// a sensor's noise model that is that of others too, a line each.
+    /// values that are taken and hardly meant so, a line each.
     pub fn warnings(&self) -> &[String] {
         &self.warnings
     }

@@ -18,7 +18,9 @@ use cfodi::say::tell;
 
 use super::input::{Input, open};
 use super::progress::Bar;
-use super::replay::{BEGINS_AGAIN, PAGE, begin_page, say_files, say_skipped, settings, write_page};
+use super::replay::{
+    BEGINS_AGAIN, PAGE, begin_page, say_files, say_skipped, settings, with_remarks, write_page,
+};
 use super::{Ending, Wrong, first_of, laboratory, say_left_behind_in};
 
 #[derive(Debug, clap::Args)]
@@ -112,7 +114,9 @@ fn run(
             Replay::new(letter.clone(), Outputs { bag: None, story: Some(Story::new()), say }, begun);
         let mut scans = Scans { experiment, replay };
         match feed(input.feed(fixed_frame, false, &mut |progress| bar.set(progress)), &mut scans)? {
-            Ended::Fed(fed) => return Ok((scans.experiment.finish(), scans.replay.finish(fed))),
+            Ended::Fed(fed) => {
+                return Ok((scans.experiment.finish(), scans.replay.finish(with_remarks(setup, fed))));
+            }
             Ended::WrongFrame(better) => fixed_frame = better,
         }
         say(BEGINS_AGAIN);

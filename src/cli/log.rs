@@ -38,8 +38,8 @@ pub(crate) fn start(level: Option<&str>, rosout: bool) -> Lines {
     said
 }
 
-/// Says which parameters have no effect: those that a file gives to all nodes of a robot, those that are for other nodes alone, and those
-/// of which another value counts.
+/// Says which parameters have no effect: those that a file gives to all nodes of a robot, those that are for other nodes alone, those
+/// of which another value counts, and values that are hardly meant so.
 pub(crate) fn say_idle(setup: &Setup) {
     for line in setup.warnings() {
         warn!("{line}");

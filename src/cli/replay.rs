@@ -9,7 +9,9 @@ use cfodi::bag::{Bag, OutputTopics};
 use cfodi::count::count_of;
 use cfodi::export::{WholeFile, WriteError};
 use cfodi::line::one_line;
-use cfodi::replay::{Ended, Finished, MapFiles, Outputs, Replay, ResultFile, Settings, Summary, Tally, feed};
+use cfodi::replay::{
+    Ended, Fed, Finished, MapFiles, Outputs, Remark, Replay, ResultFile, Settings, Summary, Tally, feed,
+};
 use cfodi::report::{Facts, Figure, Story, write_report};
 use cfodi::say::say;
 
@@ -131,7 +133,7 @@ fn run(
         let mut replay = Replay::new(settings(setup), Outputs { bag, story, say }, begin);
         match feed(input.feed(fixed_frame, with_messages, &mut |progress| bar.set(progress)), &mut replay)? {
             Ended::Fed(fed) if fed.is_for_nothing() => anyhow::bail!(for_nothing(&fed.tally)),
-            Ended::Fed(fed) => return Ok(replay.finish(fed)),
+            Ended::Fed(fed) => return Ok(replay.finish(with_remarks(setup, fed))),
             Ended::WrongFrame(better) => fixed_frame = better,
         }
         if is_direct {
@@ -142,6 +144,12 @@ fn run(
         }
         say(BEGINS_AGAIN);
     }
+}
+
+/// Adds what the parameters let expect of the map; the log has it from the start.
+pub(crate) fn with_remarks(setup: &Setup, mut fed: Fed) -> Fed {
+    fed.remarks.extend(setup.config().too_coarse().map(|text| Remark { text, is_warning: true }));
+    fed
 }
 
 /// What is said where a guessed frame is not the root.

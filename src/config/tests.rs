@@ -63,6 +63,18 @@ fn what_is_given_for_the_consistent_mode_reaches_the_engine() {
 }
 
 #[test]
+fn voxels_that_are_large_beside_the_range_are_told_of_and_taken() {
+    let told = |name: &str, value| with(name, Value::Double(value)).unwrap().too_coarse();
+    let line =
+        "voxel_size is 8 m and max_range 6 m: hardly a surface within that range is larger than a voxel";
+    assert_eq!(told("voxel_size", 8.0).as_deref(), Some(line));
+    assert!(told("voxel_size", 80.0).is_some() && told("voxel_size", 1.6).is_some());
+    for (name, usual) in [("voxel_size", 0.08), ("voxel_size", 1.5), ("max_range", 0.5)] {
+        assert_eq!(told(name, usual), None, "{name} {usual}");
+    }
+}
+
+#[test]
 fn an_unknown_name_gets_the_nearest_known_one() {
     let text = line("voxelsize", Value::Double(0.05));
     assert_eq!(text, "unknown parameter `voxelsize` (given as 0.05); the nearest known one is `voxel_size`");

@@ -101,6 +101,19 @@ fn a_replay_of_empty_clouds_says_so() {
 }
 
 #[test]
+fn voxels_that_are_given_in_another_unit_are_told_of_once_and_in_the_account() {
+    let folder = Folder::new();
+    let bag = folder.put("a.mcap", &drive(BagWriter::new(Layout::Plain), 2));
+    let found = replay(&bag, &["--ros-args", "-p", "voxel_size:=8.0"]);
+    let line =
+        "voxel_size is 8 m and max_range 6 m: hardly a surface within that range is larger than a voxel";
+    assert_eq!((found.status, found.errors.matches(line).count()), (0, 1), "{}", found.errors);
+    assert_eq!(found.summary.unwrap()["remarks"].as_array().unwrap().last().unwrap(), line);
+    let usual = replay(&bag, &[]);
+    assert!(!usual.errors.contains("hardly a surface"), "{}", usual.errors);
+}
+
+#[test]
 fn points_beyond_the_grid_are_said_and_counted() {
     let folder = Folder::new();
     let mut writer = BagWriter::new(Layout::Plain);
