@@ -93,7 +93,20 @@ fn refused(error: &clap::Error, arguments: &[impl AsRef<OsStr>]) -> ! {
             "{argument} is a ROS argument: it follows --ros-args, as in --ros-args {argument} ..."
         ));
     }
+    if let Some(value) = voxel_size(arguments).filter(|_| error.kind() == ErrorKind::ArgumentConflict) {
+        say(format_args!("on a recording: --ros-args -p voxel_size:={}", one_line(value)));
+    }
     std::process::exit(error.exit_code())
+}
+
+/// What follows `--voxel-size`, which is an option beside `--scene` alone.
+fn voxel_size(arguments: &[impl AsRef<OsStr>]) -> Option<&str> {
+    let arguments: Vec<_> = arguments.iter().filter_map(|argument| argument.as_ref().to_str()).collect();
+    if arguments.iter().any(|argument| argument.starts_with("--scene")) {
+        return None;
+    }
+    let at = arguments.iter().position(|argument| argument.starts_with("--voxel-size"))?;
+    arguments[at].strip_prefix("--voxel-size=").or_else(|| arguments.get(at + 1).copied())
 }
 
 fn text(error: &anyhow::Error) -> String {
@@ -149,6 +162,33 @@ mod tests {
     #[test]
     fn the_arguments_do_not_contradict_each_other() {
         Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn who_gives_the_option_of_a_scene_to_a_recording_is_told_of_the_parameter() {
+        let value = |line: &str| {
+            let arguments: Vec<_> = line.split(' ').collect();
+            let is_refused = Cli::try_parse_from(&arguments)
+                .is_err_and(|error| error.kind() == ErrorKind::ArgumentConflict);
+            voxel_size(&arguments).filter(|_| is_refused).map(str::to_owned)
+        };
+        let begin = "cfodi experiment bag --out a";
+        for option in ["--voxel-size 0.05", "--voxel-size=0.05"] {
+            let line = format!("{begin} {option}");
+            assert_eq!(value(&line).as_deref(), Some("0.05"), "{option}");
+        }
+        assert_eq!(value("cfodi experiment bag --out a --seeds 3"), None);
+        assert_eq!(value("cfodi experiment bag --scene lab --out a --voxel-size 0.05"), None);
+        assert_eq!(value("cfodi experiment --scene lab --out a --voxel-size 0.05"), None);
+    }
+
+    #[test]
+    fn the_help_of_an_experiment_lists_what_a_scene_takes_by_itself() {
+        let command = Cli::command();
+        let arguments = command.find_subcommand("experiment").unwrap().get_arguments();
+        let with_scene = arguments.filter(|argument| argument.get_help_heading() == Some("With --scene"));
+        let names: Vec<_> = with_scene.filter_map(clap::Arg::get_long).collect();
+        assert_eq!(names, ["seeds", "seconds", "scan-step", "score-every", "voxel-size"]);
     }
 
     #[test]

@@ -34,7 +34,7 @@ use tokio::sync::oneshot;
 use tracing::info;
 
 use super::replay::output_topics;
-use super::{Wrong, first_of, say_left_behind};
+use super::{Wrong, check_home, first_of, say_left_behind};
 
 /// Below four clouds of 640 x 480 x 16 bytes a socket buffer loses clouds.
 const ENOUGH: usize = 4 * 640 * 480 * 16;
@@ -67,6 +67,7 @@ pub(crate) fn demo(setup: &Setup, options: &Options, lines: Lines) -> anyhow::Re
         let text = "sensors was given, and the simulated robot has one sensor, on the topic `points`";
         return Err(Wrong(text.to_owned()).into());
     }
+    check_home(std::slice::from_ref(&options.out))?;
     match setup.rmw().map_err(ProcessError::from)? {
         Rmw::Dds => {
             let over_dds = carries_clouds(setup).map_err(ProcessError::from)?;

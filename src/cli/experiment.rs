@@ -21,7 +21,7 @@ use super::progress::Bar;
 use super::replay::{
     BEGINS_AGAIN, PAGE, begin_page, say_files, say_skipped, settings, with_remarks, write_page,
 };
-use super::{Ending, Wrong, first_of, laboratory, say_left_behind_in};
+use super::{Ending, Wrong, check_home, first_of, laboratory, say_left_behind_in};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Options {
@@ -42,6 +42,7 @@ pub(crate) struct Options {
 }
 
 pub(crate) fn experiment(setup: &Setup, options: &Options) -> anyhow::Result<Ending> {
+    check_home(std::slice::from_ref(&options.out))?;
     match &options.input {
         Some(input) => on_recording(setup, options, input),
         None => laboratory::laboratory(setup, &options.simulation, &options.out),

@@ -18,7 +18,7 @@ use cfodi::replay::{Feed, FixedFrame, Progress, clock_offset};
 use cfodi::say::say;
 use cfodi::stop;
 
-use super::{Wrong, arguments};
+use super::{Wrong, arguments, check_home};
 
 /// How long a cloud waits for its transform at least, by the times at which messages were recorded: nobody waits for it.
 const PATIENCE: Duration = Duration::from_secs(1);
@@ -296,6 +296,7 @@ pub(crate) fn check_outputs(outputs: &[PathBuf], inputs: &[PathBuf]) -> Result<(
     if outputs.iter().any(|path| path == Path::new(DASH)) {
         return Err(Wrong(format!("`{DASH}` is no output: the standard output is /dev/stdout")));
     }
+    check_home(outputs)?;
     // A file that is not there yet is the same as another where its folder and name are.
     let place = |path: &PathBuf| {
         path.canonicalize().ok().or_else(|| {

@@ -26,6 +26,9 @@ use super::{Ending, Wrong, first_of, say_left_behind_in};
 /// Most runs that are made at once: each holds all maps of its methods.
 const MOST_AT_ONCE: usize = 2;
 
+/// Where the help lists what `--scene` alone takes.
+const WITH_SCENE: &str = "With --scene";
+
 #[derive(Debug, clap::Args)]
 pub(crate) struct Simulation {
     /// A simulated scene instead of a recording, scored against its truth. Every mode is run: parameters of mode, voxel size,
@@ -34,21 +37,21 @@ pub(crate) struct Simulation {
     #[arg(conflicts_with_all = ["input", "topic", "no_effects"])]
     scene: Option<String>,
     /// Runs, each with noise of its own
-    #[arg(long, default_value_t = 8, conflicts_with = "input")]
+    #[arg(long, help_heading = WITH_SCENE, default_value_t = 8, conflicts_with = "input")]
     #[arg(allow_negative_numbers = true, value_parser = clap::value_parser!(u64).range(1..=1000))]
     seeds: u64,
     /// How long the robot drives [s]
-    #[arg(long, default_value_t = 217.0, conflicts_with = "input")]
+    #[arg(long, help_heading = WITH_SCENE, default_value_t = 217.0, conflicts_with = "input")]
     #[arg(allow_negative_numbers = true, value_parser = seconds)]
     seconds: f64,
     /// Takes every n-th of the 30 scans a second
-    #[arg(long, default_value_t = NonZeroU32::MIN, conflicts_with = "input", allow_negative_numbers = true)]
+    #[arg(long, help_heading = WITH_SCENE, default_value_t = NonZeroU32::MIN, conflicts_with = "input", allow_negative_numbers = true)]
     scan_step: NonZeroU32,
     /// Scores on the way as well, each time that so many seconds have gone by [s]
-    #[arg(long, conflicts_with = "input", allow_negative_numbers = true, value_parser = seconds)]
+    #[arg(long, help_heading = WITH_SCENE, conflicts_with = "input", allow_negative_numbers = true, value_parser = seconds)]
     score_every: Option<f64>,
     /// Edge of a voxel [m], again for another; in place of the parameter of that name
-    #[arg(long, default_values_t = [0.05, 0.08], conflicts_with = "input")]
+    #[arg(long, help_heading = WITH_SCENE, default_values_t = [0.05, 0.08], conflicts_with = "input")]
     #[arg(allow_negative_numbers = true, value_parser = metres)]
     voxel_size: Vec<f64>,
 }

@@ -34,6 +34,19 @@ pub(crate) enum Ending {
 #[error("{0}")]
 pub(crate) struct Wrong(pub(crate) String);
 
+/// Refuses an output below a folder `~` that is not there: the shell has not expanded it, as bash does not in `--out=~/a`.
+pub(crate) fn check_home(outputs: &[PathBuf]) -> Result<(), Wrong> {
+    let home = Path::new("~");
+    let Some(path) = outputs.iter().find(|path| path.starts_with(home)).filter(|_| !home.exists()) else {
+        return Ok(());
+    };
+    let name = path.display().to_string();
+    Err(Wrong(format!(
+        "the output {} begins with `~`, which is not expanded here and is no folder",
+        one_line(&name)
+    )))
+}
+
 /// Names what killed processes have left of these outputs: its names are hidden, and it may be gigabytes.
 pub(crate) fn say_left_behind(outputs: &[PathBuf]) {
     say_left(outputs.iter().flat_map(|path| left_behind(path)));
@@ -76,4 +89,21 @@ pub(crate) fn first_of(errors: impl IntoIterator<Item = WriteError>) -> anyhow::
         say(format_args!("cfodi: {}", one_line(&format!("{:#}", anyhow::Error::new(other)))));
     }
     Err(first.into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_home_that_the_shell_has_not_expanded_is_no_folder_of_outputs() {
+        let checked =
+            |path: &str| check_home(&[PathBuf::from("a"), PathBuf::from(path)]).map_err(|error| error.0);
+        let words = "the output ~/r/index.html begins with `~`, which is not expanded here and is no folder";
+        assert_eq!(checked("~/r/index.html"), Err(words.to_owned()));
+        assert!(checked("~").is_err());
+        for other in ["./~/r", "~r", "a/~", "/~"] {
+            assert_eq!(checked(other), Ok(()), "{other}");
+        }
+    }
 }
