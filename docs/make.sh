@@ -3,7 +3,7 @@
 # Without names all three. The report is of a recording and takes Chromium (testing.md); those of the paper are made by
 # `cfodi experiment`, docs/tune/ by docs/tune/make.sh. Takes 2 GB of disk until its end.
 set -euo pipefail
-cfodi=$(realpath "$1")
+cfodi=$(realpath "${1:?usage: bash docs/make.sh CFODI [room|markers|report ...]}")
 shift
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 tests=$here/../tests

@@ -2,11 +2,14 @@
 # Runs cfodi beside a driver that publishes depth images, each with its camera info beside it.
 # usage: launch_scripts/depth.sh [IMAGE_TOPIC] [more ROS arguments, as -p voxel_size:=0.05, which count before those here]
 set -euo pipefail
-here=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+script=$(readlink -f "${BASH_SOURCE[0]}")
+here=$(cd "$(dirname "$script")/.." && pwd)
+case ${1-} in -h | --help) exec sed -n 's/^# usage: /usage: /p' "$script" ;; esac
 topic=/depth/image_raw
 if [ $# -gt 0 ] && [ "${1#-}" = "$1" ]; then topic=$1; shift; fi
-# Installed by cargo, built here, or installed by colcon.
-for cfodi in cfodi "$here/target/release/cfodi" "$here/../../lib/cfodi/cfodi"; do
+# Installed by cargo, built here, or installed by colcon, perhaps as links.
+installed=lib/cfodi/cfodi
+for cfodi in cfodi "$here/target/release/cfodi" "$here/../../$installed" "$(dirname "${BASH_SOURCE[0]}")/../../../$installed"; do
   if command -v "$cfodi" >/dev/null; then break; fi
 done
 if ! command -v "$cfodi" >/dev/null; then

@@ -3,7 +3,7 @@
 #   bash docs/tune/make.sh CFODI
 # Takes a few minutes, and 1 GB of disk until its end. tests/bags/test_tune.py holds the page against counts.json.
 set -euo pipefail
-cfodi=$(realpath "$1")
+cfodi=$(realpath "${1:?usage: bash docs/tune/make.sh CFODI}")
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT

@@ -393,3 +393,23 @@ fn what_a_script_is_given_counts_before_what_it_says_itself() {
         assert_eq!((voxel_size(""), voxel_size("-p voxel_size:=0.05")), (0.08, 0.05));
     }
 }
+
+#[test]
+fn a_script_is_itself_behind_a_link_and_tells_how_it_is_used() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let bin = tempfile::tempdir().unwrap();
+    for name in ["kinect.sh", "depth.sh"] {
+        let link = bin.path().join(name);
+        std::os::unix::fs::symlink(root.join("launch_scripts").join(name), &link).unwrap();
+        let (setup, _) = started(link.to_str().unwrap(), "");
+        assert_eq!(setup.parameters.get("noise_model").unwrap().1, &Value::Text("kinect_v1".to_owned()));
+        let told = std::process::Command::new("bash").arg(&link).arg("-h").output().unwrap();
+        let words = format!("usage: launch_scripts/{name} [");
+        assert!(told.status.success() && String::from_utf8(told.stdout).unwrap().starts_with(&words));
+    }
+    for script in ["docs/make.sh", "docs/tune/make.sh"] {
+        let ended = std::process::Command::new("bash").arg(root.join(script)).output().unwrap();
+        let said = String::from_utf8(ended.stderr).unwrap();
+        assert!(!ended.status.success() && said.contains(&format!("usage: bash {script} CFODI")), "{said}");
+    }
+}

@@ -111,7 +111,7 @@ def test_a_camera_info_of_another_name_is_named_with_the_words_that_choose_it(st
         return any(s.name == sensor and s.level == b"\2" and words in s.message for s in report.status)
 
     def are_there():
-        return node.said(f"a cloud of {IMAGE} was skipped: ", words) and any(map(has_the_error, reports))
+        return node.said(f"a scan of {IMAGE} was skipped: ", words) and any(map(has_the_error, reports))
 
     # They are said after three seconds of such images; a line that repeats is said every five.
     send_until("a line and an error with these words", lambda: send_wall(camera), are_there)

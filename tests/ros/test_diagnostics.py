@@ -125,7 +125,7 @@ def test_scans_without_a_stamp_are_refused_and_that_is_said(start, peer, reports
     def are_there():
         words = "were lost or cannot be used", "its stamp is zero"
         is_reported = any(says(report, "sensor points", ERROR, *words) for report in reports)
-        return is_reported and node.said("a cloud of /camera/depth/points was skipped: its stamp is zero")
+        return is_reported and node.said("a scan of /camera/depth/points was skipped: its stamp is zero")
 
     # It is an error after three seconds of nothing else.
     send_until("an error and a line of it", lambda: camera.publish(cloud, 0, clouds.still_transform()), are_there, pause=1 / 20)

@@ -41,15 +41,15 @@ impl<T: Transport> Live<T> {
         self.transport.inputs()[sensor].topic(form).unwrap_or_default().to_owned()
     }
 
-    /// Counts a cloud that cannot be used, and says why.
+    /// Counts a scan that cannot be used, and says why.
     pub(super) fn refuse(&mut self, input: Input, error: &CloudError) {
         self.counts.borrow_mut().skip(error.reason());
         let topic = self.topic(input);
-        // To ask who publishes takes longer than to skip a cloud.
+        // To ask who publishes takes longer than to skip a scan.
         let level = self.throttle.level_now(format!("{} {topic}", error.reason().key), Level::WARN);
         let is_due = level == Level::WARN;
         let why = if is_due { self.why_unusable(input.sensor, error) } else { error.to_string() };
-        log(level, &format!("a cloud of {topic} was skipped: {why}"));
+        log(level, &format!("a scan of {topic} was skipped: {why}"));
     }
 
     /// Counts a transform that cannot be used, and says why.

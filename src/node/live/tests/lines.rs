@@ -46,7 +46,7 @@ fn what_is_wrong_with_one_sensor_does_not_hide_it_of_another() {
     ] {
         for start in [
             format!("{info} tells of lens distortion"),
-            format!("a cloud of {points} was skipped: header frame_id is empty"),
+            format!("a scan of {points} was skipped: header frame_id is empty"),
             format!("{points}: of 1000 points only 20 can be used"),
             format!("{image} is skipped, for {points} was first"),
             format!("the stamps of the sensor {name} are "),

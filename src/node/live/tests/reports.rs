@@ -106,7 +106,7 @@ fn a_sensor_whose_every_scan_cannot_be_used_is_an_error_with_the_reason_and_what
         let (sensor, said) = of_sensor(bad_for, vec![image(), image(), image()]);
         let start = "3 of 3 scans were lost or cannot be used; why the last cannot: ";
         assert_eq!((sensor.level, sensor.message), (level, format!("{start}{why}")));
-        let line = (30, format!("a cloud of /depth/image was skipped: {why}"));
+        let line = (30, format!("a scan of /depth/image was skipped: {why}"));
         assert_eq!(said.iter().filter(|said| **said == line).count(), 1, "{said:?}");
     }
 }
