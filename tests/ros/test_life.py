@@ -90,6 +90,19 @@ def test_who_joins_late_gets_the_snapshot_at_once(start, peer, new_peer):
     assert len(peer.clusters) == seen, "it was a periodic snapshot, which proves nothing"
 
 
+@pytest.mark.alone
+def test_a_reader_of_markers_that_was_there_before_the_node_makes_no_start_an_error(start, peer):
+    """It is told of the node's topics and acknowledges markers after as much as a second, in which more of them were made than are
+    kept for it."""
+    markers = peer.record("/cfodi/markers", MarkerArray, qos(1, latched=True))
+    for _ in range(6):
+        node, seen = start({"publish_rate": 8.0}).ready(), len(markers)
+        markers.wait("its markers", after=seen)
+        time.sleep(2)
+        node.stop()
+        assert not node.said("ERROR"), "\n".join(node.lines)
+
+
 def test_who_joins_after_a_reset_gets_no_map_of_the_session_before(start, peer, new_peer):
     _, camera = begin(start, peer)
     late = new_peer("late")  # knows the node by then: it reads at once, and not when what was replaced is dropped anyway

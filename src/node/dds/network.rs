@@ -145,7 +145,7 @@ impl Network {
                 return Ok(());
             }
         }
-        Err(outlet.refusal())
+        outlet.refused()
     }
 
     const fn triggers(&self, service: Service) -> &Rc<Triggers> {

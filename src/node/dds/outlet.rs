@@ -11,7 +11,7 @@ use ros2_client::{Node, Publisher, WriteError};
 use rustdds::{Topic, TopicDescription as _};
 use serde::Serialize;
 use tokio::time::Instant;
-use tracing::warn;
+use tracing::{debug, warn};
 
 use super::patience::{Patience, REST};
 use super::{Opener, reliable_output};
@@ -24,6 +24,8 @@ pub(super) struct Outlet<M: Serialize> {
     topic: Topic,
     /// Messages that are kept for a reader that does not acknowledge them.
     most: i32,
+    /// Whether the next message says all that one did which is not sent.
+    is_replaced: bool,
     publisher: RefCell<Rc<Publisher<M>>>,
     opened: Cell<Instant>,
     patience: Patience,
@@ -41,6 +43,7 @@ impl<M: Serialize> Outlet<M> {
             name,
             topic,
             most,
+            is_replaced: row.qos.latched && row.qos.depth == 1,
             publisher: RefCell::new(Rc::new(publisher)),
             opened: Cell::new(Instant::now()),
             patience: Patience::new(),
@@ -88,5 +91,15 @@ impl<M: Serialize> Outlet<M> {
 
     pub(super) fn refusal(&self) -> SendError {
         SendError::Unacknowledged { topic: self.name, most: self.most }
+    }
+
+    /// A message was not sent: no error where the next one replaces it, and the reader may be one that has just been found.
+    pub(super) fn refused(&self) -> Result<(), SendError> {
+        let refusal = self.refusal();
+        if self.is_replaced && self.patience.may_be_of_new_reader() {
+            debug!("left out, for a reader may have just been found: {refusal}");
+            return Ok(());
+        }
+        Err(refusal)
     }
 }
