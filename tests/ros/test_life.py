@@ -90,6 +90,24 @@ def test_who_joins_late_gets_the_snapshot_at_once(start, peer, new_peer):
     assert len(peer.clusters) == seen, "it was a periodic snapshot, which proves nothing"
 
 
+def test_a_late_reader_is_sent_older_maps_of_the_session_at_once_though_it_is_volatile(start, peer, new_peer):
+    """They are dropped every 6 s, so that one of some readers may come just then."""
+    _, camera = begin(start, peer, publish_rate=10.0)
+    late = new_peer("late")
+    wait_until("the node found", lambda: late.node.count_publishers("/cfodi/clusters"))
+    for _ in range(4):
+        for _ in range(5):
+            newest = take_in(camera, peer.deltas).sequence
+            peer.clusters.wait("its map", lambda m: m.sequence == newest)
+        maps = late.record("/cfodi/clusters", SurfaceClusterArray, qos(1))
+        maps.wait("the newest map", lambda m: m.sequence == newest)
+        came = [message.sequence for message in maps]
+        assert came == sorted(came)
+        if came[0] < newest:
+            return
+    pytest.fail(f"only the newest map came: {came}, {newest}")
+
+
 @pytest.mark.alone
 def test_a_reader_of_markers_that_was_there_before_the_node_makes_no_start_an_error(start, peer):
     """It is told of the node's topics and acknowledges markers after as much as a second, in which more of them were made than are
