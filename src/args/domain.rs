@@ -1,4 +1,5 @@
-//! `ROS_DOMAIN_ID`, read as ROS itself reads it: by C's `strtoul`, which goes by how a number begins.
+//! `ROS_DOMAIN_ID`, read as ROS itself reads it: by C's `strtoul`, which goes by how a number begins. But what follows the number, which
+//! ROS passes over, is refused.
 
 use super::ArgsError;
 

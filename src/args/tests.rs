@@ -250,7 +250,7 @@ fn a_value_on_the_command_line_is_bounded_like_one_in_a_file() {
         assert!(error.starts_with(words) && error.len() < 200, "{error}");
     }
     let error = value("sensors:=front").unwrap_err().to_string();
-    assert!(error.ends_with("64 at most, as -p 'sensors:=[\"front\", \"rear\"]'"), "{error}");
+    assert!(error.ends_with("64 at most, as [\"front\", \"rear\"]"), "{error}");
     for bad in
         ["depth:=", "depth:=*x", "depth:=[", ":=", "depth:=3:=4", "a:b:depth:=3", "depth:={a: 1}", "depth:=~"]
     {

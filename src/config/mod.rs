@@ -177,13 +177,12 @@ impl Config {
         Self::of(&Given::new(values)?)
     }
 
-    /// What is to be said of voxels that are so large beside the range that hardly a surface has two: who gives centimetres or
-    /// millimetres gets no cluster.
+    /// What is to be said of voxels that are large beside the range: who gives centimetres or millimetres gets no cluster.
     pub fn too_coarse(&self) -> Option<String> {
         let (voxel_size, max_range) = (self.engine.voxel_size(), self.filter.max_range);
         (voxel_size > max_range / 4.0).then(|| {
             format!(
-                "voxel_size is {voxel_size} m and max_range {max_range} m: hardly a surface within that range is larger than a voxel"
+                "voxel_size is {voxel_size} m and max_range {max_range} m, less than four voxels, and both are in metres"
             )
         })
     }

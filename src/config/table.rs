@@ -261,7 +261,7 @@ const SENSORS: Bounds = {
     assert!(MOST_SENSORS == 16 && MAX_SENSOR_NAME_BYTES == 64, "the words below say so");
     Bounds::Words(
         "a list of 1 to 16 names that differ, from each other and from those of parameters, each a letter and then letters, \
-         digits and underscores, 64 at most, as -p 'sensors:=[\"front\", \"rear\"]'",
+         digits and underscores, 64 at most, as [\"front\", \"rear\"]",
     )
 };
 
@@ -334,7 +334,7 @@ pub(super) const TABLE: &[Row] = &[
         "network_interfaces",
         Default::Texts(&[]),
         Bounds::Words(
-            "a list of IPv4 addresses that a machine can have, as -p 'network_interfaces:=[\"192.168.1.5\"]'",
+            "a list of IPv4 addresses that a machine can have, as [\"192.168.1.5\"]",
         ),
     )
     .means("own IPv4 addresses to be found under; empty = all", NETWORK),
@@ -347,7 +347,7 @@ pub(super) const TABLE: &[Row] = &[
     Row::number("publish_rate", 2.0, &(0.01..=100.0))
         .unit("Hz")
         .means("how often snapshots, markers and labelled points are sent", Change::Live),
-    Row::new("twins", Default::Texts(&[]), Bounds::Words("a list of texts, as -p 'twins:=[\"detections\"]'"))
+    Row::new("twins", Default::Texts(&[]), Bounds::Words("a list of texts, as [\"detections\"]"))
         .also("without `polygons` where mode is `paper`: it knows no outlines")
         .means("what the clusters are published as beside: `detections`, `polygons`; empty = none", NETWORK),
     Row::text("snapshot_path", "", Bounds::Any).means(

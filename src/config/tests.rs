@@ -65,8 +65,7 @@ fn what_is_given_for_the_consistent_mode_reaches_the_engine() {
 #[test]
 fn voxels_that_are_large_beside_the_range_are_told_of_and_taken() {
     let told = |name: &str, value| with(name, Value::Double(value)).unwrap().too_coarse();
-    let line =
-        "voxel_size is 8 m and max_range 6 m: hardly a surface within that range is larger than a voxel";
+    let line = "voxel_size is 8 m and max_range 6 m: less than four voxels, and both are in metres";
     assert_eq!(told("voxel_size", 8.0).as_deref(), Some(line));
     assert!(told("voxel_size", 80.0).is_some() && told("voxel_size", 1.6).is_some());
     for (name, usual) in [("voxel_size", 0.08), ("voxel_size", 1.5), ("max_range", 0.5)] {
@@ -292,7 +291,7 @@ fn twins_are_sent_where_asked_and_a_misspelt_one_gets_the_nearest() {
     );
     assert_eq!(
         line("twins", Value::Text("polygons".into())),
-        "twins is \"polygons\"; it must be a list of texts, as -p 'twins:=[\"detections\"]'"
+        "twins is \"polygons\"; it must be a list of texts, as [\"detections\"]"
     );
     let paper = |names| {
         let given = [("mode", Value::Text("paper".into())), ("twins", twins(names))];

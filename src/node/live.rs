@@ -159,12 +159,24 @@ async fn run_by<T: Transport>(
         Err(error) => Err(error),
     };
     drop(reports);
-    // Where it has ended of itself the node knows, and it must not be asked again.
-    if !speaking.is_finished() && tokio::time::timeout(LAST_WORDS, &mut speaking).await.is_err() {
-        speaking.abort();
-        drop(speaking.await);
+    last_words(speaking, ended).await
+}
+
+/// Waits for what speaks to end, whose panic is an error, too.
+async fn last_words<T>(mut speaking: JoinHandle<()>, ended: Result<T, LiveError>) -> Result<T, LiveError> {
+    // It may have ended while the node ran, whose error that is then; and it must not be asked again.
+    if speaking.is_finished() && ended.is_err() {
+        return ended;
     }
-    ended
+    match tokio::time::timeout(LAST_WORDS, &mut speaking).await {
+        Ok(Ok(())) => ended,
+        Ok(Err(error)) => ended.and(Err(mute(error))),
+        Err(_) => {
+            speaking.abort();
+            drop(speaking.await);
+            ended
+        }
+    }
 }
 
 /// Why a node stops.

@@ -196,7 +196,9 @@ async fn open_session(config: Config) -> Result<(Session, bool), OpenError> {
     if let Ok(opened) = timeout(LOOK, &mut open).await {
         return Ok((opened??, false));
     }
-    say_no_router();
+    warn!(
+        "the Zenoh session is not open yet: a client waits for its router (ros2 run rmw_zenoh_cpp rmw_zenohd)"
+    );
     Ok((open.await??, true))
 }
 

@@ -60,8 +60,9 @@ impl Finder {
         let is_early =
             || was_open && self.fixed_frame.is_where_all_stands(&self.tree) && ahead.has_transforms();
         if is_open || is_early() {
-            self.fixed_frame = self.found(ahead, join);
-        } else if was_open && let FixedFrame::Still { name, .. } = &self.fixed_frame {
+            self.ask_whole_bag(ahead, join);
+        }
+        if was_open && let FixedFrame::Still { name, .. } = &self.fixed_frame {
             let is_optical = join.sensor_in(name).is_some_and(|sensor| ahead.is_optical(sensor, name));
             let body = is_optical.then(|| body_of(name)).flatten()?;
             self.fixed_frame.level(&body);
@@ -69,6 +70,15 @@ impl Finder {
         }
         self.is_wrong = self.fixed_frame.is_wrong(&self.tree);
         None
+    }
+
+    /// Takes the frame by the whole bag, if that tells one. After a signal there is none, so that no scan is taken in by a part of it.
+    fn ask_whole_bag(&mut self, ahead: &Ahead<'_>, join: &Join) {
+        match self.right(ahead, join) {
+            Some(FixedFrame::Open { .. }) => {}
+            Some(found) => self.fixed_frame = found,
+            None => self.fixed_frame.reopen(),
+        }
     }
 
     /// The frame by the whole bag; `None` where a signal came before all of it was read.
@@ -155,5 +165,8 @@ mod tests {
         assert_eq!(finder.right(&ahead, &Join::new(1)), Some(right));
         stop.store(true, Ordering::Relaxed);
         assert_eq!(finder.right(&ahead, &Join::new(1)), None);
+        let mut finder = finder;
+        finder.ask_whole_bag(&ahead, &Join::new(1));
+        assert_eq!(finder.fixed_frame, FixedFrame::Open { default: "odom".to_owned() });
     }
 }

@@ -90,6 +90,13 @@ impl FixedFrame {
         }
     }
 
+    /// Takes a guess back.
+    pub(super) fn reopen(&mut self) {
+        if let Self::Still { default, .. } | Self::Guessed { default, .. } = self {
+            *self = Self::Open { default: std::mem::take(default) };
+        }
+    }
+
     /// Takes a camera that stands still to look straight ahead: the map is made in the frame that this transform puts above its
     /// own.
     pub(super) fn level(&mut self, body: &TransformStamped) {

@@ -24,7 +24,7 @@ fn a_static_transform_may_come_last_and_a_cloud_before_its_transform() {
 }
 
 #[test]
-fn clouds_in_the_fixed_frame_of_a_robot_that_moves_are_warned_of() {
+fn clouds_whose_frame_is_no_sensors_are_warned_of() {
     let folder = Folder::new();
     let bag = |frame: &str| {
         let mut writer = BagWriter::new(Layout::Plain);
@@ -353,6 +353,19 @@ fn poses_that_all_lie_behind_the_clouds_are_looked_for_before_a_frame_is_guessed
         assert!(!found.errors.contains("reading begins again"), "{}", found.errors);
         assert!(found.errors.contains(" in frame odom:"), "{}", found.errors);
     }
+}
+
+#[test]
+fn a_sensor_stands_still_where_a_topic_of_transforms_has_none() {
+    let folder = Folder::new();
+    let mut writer = BagWriter::new(Layout::Chunks);
+    for i in 0..12 {
+        writer.put("/tf", "tf2_msgs/msg/TFMessage", stamp(i), &TfMessage::default());
+        writer.scan(i);
+    }
+    let found = replay(&folder.put("nothing.mcap", &writer.finish()), &[]);
+    assert_eq!((found.status, found.number("scans")), (0, 12), "{}", found.errors);
+    assert!(found.errors.contains("so it is taken to look straight ahead"), "{}", found.errors);
 }
 
 #[test]

@@ -111,9 +111,13 @@ mod tests {
 
     #[test]
     fn a_voxel_is_written_field_by_field_and_a_slot_as_its_number() {
-        let Voxel { cell, count, moments, baseline, hit, clearance } = Voxel::new(Cell(300));
-        let fields = (300_u16, count, moments, baseline, hit, clearance);
-        assert_eq!(written(&Voxel::new(cell)), written(&fields));
+        // No two fields are written alike, so that none takes another's place.
+        let mut voxel = Voxel { count: 1, hit: 2, ..Voxel::new(Cell(300)) };
+        voxel.moments.weight = 4;
+        voxel.baseline = postcard::from_bytes(&[5, 6, 7, 0, 0, 0, 128, 63, 8]).unwrap();
+        voxel.clearance = postcard::from_bytes(&[3]).unwrap();
+        let Voxel { cell, count, ref moments, ref baseline, hit, ref clearance } = voxel;
+        assert_eq!(written(&voxel), written(&(cell.0, count, moments, baseline, hit, clearance)));
         assert_eq!(written(&NodeId(70_000)), written(&70_000_u32));
         assert_eq!(written(&ComponentId(70_000)), written(&70_000_u32));
     }

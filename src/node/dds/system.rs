@@ -61,6 +61,11 @@ fn say_discovery(setup: &Setup) {
 /// What is to be said of a variable, and how loud: who sets up the middleware of a whole robot by it means no single node.
 fn without_effect(name: &str, value: &str) -> (Level, String) {
     let so = match name {
+        "FASTDDS_BUILTIN_TRANSPORTS"
+            if ["SHM", "LARGE_DATA"].iter().any(|other| value.starts_with(other)) =>
+        {
+            "it speaks UDP alone, and who is set so does not find it (unset it for all nodes, or set UDPv4)"
+        }
         "CYCLONEDDS_URI"
         | "FASTDDS_BUILTIN_TRANSPORTS"
         | "FASTDDS_DEFAULT_PROFILES_FILE"
@@ -119,11 +124,13 @@ mod tests {
                  are its settings"
             )
         );
-        let (level, line) = without_effect("ROS_STATIC_PEERS", "10.0.0.1");
-        assert!(
-            level == Level::WARN && line.starts_with("ROS_STATIC_PEERS is \"10.0.0.1\", which has no effect"),
-            "{line}"
-        );
+        assert_eq!(without_effect("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4").0, Level::INFO);
+        for (name, value) in [("ROS_STATIC_PEERS", "10.0.0.1"), ("FASTDDS_BUILTIN_TRANSPORTS", "LARGE_DATA")]
+        {
+            let (level, line) = without_effect(name, value);
+            let begin = format!("{name} is {value:?}, which has no effect");
+            assert!(level == Level::WARN && line.starts_with(&begin), "{line}");
+        }
     }
 
     #[test]

@@ -33,7 +33,7 @@ pub(super) struct Intake {
     pub(super) period: Period,
     /// What was given up since a report in whose time one was taken in.
     pub(super) left_out: Option<LeftOut>,
-    /// It was said that its clouds come in the fixed frame.
+    /// It was said that its clouds come in a frame that is no sensor's.
     pub(super) is_known_without_viewpoint: bool,
 }
 

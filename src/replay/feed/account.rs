@@ -32,7 +32,7 @@ pub(super) struct Account {
     unplaced: BTreeSet<String>,
     /// Scans were skipped for want of a transform at their time, or of one that has jumped back with them.
     lacks_transforms: bool,
-    /// What is to be said of clouds in the fixed frame.
+    /// What is to be said of clouds whose frame is no sensor's.
     without_viewpoint: Option<String>,
     /// What is to be said of a fixed frame that takes the sensor with it.
     riding: Option<String>,
@@ -145,7 +145,7 @@ impl Account {
         let came_later = unplaced.iter().any(|frame| reaches(frame));
         let disorder = disorder.about(came_later || lacks_transforms);
         let empty = (tally.scans > 0 && tally.points_valid == 0 && tally.hardly_used == 0)
-            .then(|| format!("none of {} has a point", count_of(tally.scans, "scan")));
+            .then(|| format!("no scan has a point, of {}", count_of(tally.scans, "scan")));
         let said = empty.into_iter().chain(disorder).chain(without_viewpoint).chain(riding).chain(distorted);
         (tally, said.map(Remark::warning).collect())
     }
