@@ -1,4 +1,4 @@
-//! Where surfaces are narrow: what belongs to them there, on a scene whose points are given.
+//! Where surfaces are narrow, or spread: what belongs to them there, on a scene whose points are given.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 use std::collections::BTreeMap;
@@ -154,6 +154,56 @@ fn the_scatter_of_a_far_wall_is_no_plane_along_the_sight() {
             .map(|point| point + (point - Vector3::from(from)).normalize() * SIGMA * normal(&mut random));
         let (share, _) = wholeness(&found(&scattered.collect::<Vec<_>>(), from, 0.05), &EVERYWHERE);
         assert!(share >= 0.998, "wall up to {end} m: {share}");
+    }
+}
+
+/// How far ahead of the sensor the wall below is (m).
+const AHEAD: f64 = 2.16;
+
+/// A Kinect's image of a wall at this `x` (m), ahead of it in the direction of +x, when it is turned by `turned` (rad). In depth each
+/// point is off by an `error` (m).
+fn image_of_wall(x: f64, turned: f64, mut error: impl FnMut() -> f64) -> Vec<Vector3<f64>> {
+    let tangent = |i: i32, count: i32| 0.0073 * (f64::from(i) - 0.5 * f64::from(count - 1));
+    let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), turned);
+    let pixels = (0..72).flat_map(|row| (0..96).map(move |column| (row, column)));
+    let point = |(row, column)| {
+        let ray = turn * Vector3::new(1.0, tangent(column, 96), tangent(row, 72));
+        Vector3::new(x - AHEAD, 0.0, 1.1) + ray * (AHEAD / ray.x + error())
+    };
+    pixels.map(point).collect()
+}
+
+/// The share of the voxels in no cluster of a wall through a border of voxels, when 100 scans were taken in whose poses sway along
+/// its normal by `sway` to either side (m).
+fn in_none_of_swaying(params: Params, sway: f64, random: &mut impl FnMut() -> f64) -> f64 {
+    let mut map = Consistent::new(params);
+    for number in 1..=100 {
+        let phase = 0.02 * PI * f64::from(number);
+        let (x, turned) = (4.0 + sway * phase.sin(), 0.25 * (3.3 * phase).sin());
+        let image = image_of_wall(x, turned, || 0.0075 * normal(random));
+        look(&mut map, number.into(), &image, [x - AHEAD, 0.0, 1.1], turned);
+    }
+    let clusters = clusters_in(&map.snapshot(), &[3.0..5.0, -3.0..3.0, 0.0..3.0]);
+    let in_none = clusters.get(&0).copied().unwrap_or(0);
+    in_none as f64 / clusters.values().sum::<usize>() as f64
+}
+
+#[test]
+fn a_wall_that_swaying_poses_spread_over_layers_of_voxels_is_in_clusters() {
+    let mut random = random();
+    for (voxel_size, sway) in [(0.08, 0.06), (0.05, 0.04), (0.05, 0.12)] {
+        for (noise, clearing) in [NoiseModel::KinectV1, NoiseModel::None]
+            .into_iter()
+            .flat_map(|noise| [false, true].map(|clearing| (noise, clearing)))
+        {
+            let params = Params::default().with_voxel_size(voxel_size).unwrap();
+            let params = params.with_noise_model(noise).with_clearing(clearing);
+            let share = in_none_of_swaying(params, sway, &mut random);
+            assert!(
+                share <= 0.05,
+                "{share} of voxels of {voxel_size} m, {sway} m, {noise}, clearing {clearing}"
+            );
+        }
     }
 }
 

@@ -21,10 +21,10 @@
 //! 2. The dense voxels of a block form planar **patches**, grown from the flattest places. A voxel belongs to a plane if
 //!    its points lie on it within their noise. Where noise spreads a surface over two layers of voxels, the two patches
 //!    that are found there become one. From what is left, **strips** of sharp voxels that may be one row, and **rough**
-//!    patches with half a voxel's tolerance (`rules`). What reaches no further along the line of sight than its noise
-//!    spreads it is none of these. What fits none is in no patch (`patch/segment`), and neither is what has become dense
-//!    since the block was published. A voxel whose sharp points show a sheet belongs to no plane across that sheet
-//!    (`state`), so that two rows of a wall and two of a ceiling are no bevel.
+//!    patches with half a voxel's tolerance (`rules`), of two layers that points fill each by itself. What reaches no
+//!    further along the line of sight than its noise spreads it is none of these. What fits none is in no patch
+//!    (`patch/segment`), and neither is what has become dense since the block was published. A voxel whose sharp points show
+//!    a sheet belongs to no plane across that sheet (`state`), so that two rows of a wall and two of a ceiling are no bevel.
 //! 3. Two patches that touch, in a block or across its border, are **joined** when their planes agree in direction and
 //!    where they meet, as far as both are known, or, where both are noisy, each lies well on the other's plane; narrow ones
 //!    also where they are facets of one **bend**, of a radius of two voxels or more; rough ones with each other alone

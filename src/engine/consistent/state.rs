@@ -186,7 +186,8 @@ impl State {
     }
 
     /// Covariance of its points as it counts about a plane: more where they are sharp, for a voxel in which a surface shows as a
-    /// sheet lies on no plane across that sheet, even where its mean does.
+    /// sheet lies on no plane across that sheet, even where its mean does. Whether one shows is not asked: that would take 3 % of the
+    /// time of a scan.
     pub(super) fn thickness(&self, noise: &Noise) -> Matrix3<f64> {
         let is_sharp = self.depth_variance(noise) <= SHARP;
         self.covariance() * if is_sharp { SHEET } else { 1.0 }

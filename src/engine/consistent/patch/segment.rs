@@ -262,14 +262,29 @@ impl<'a> Segmentation<'a> {
     }
 
     /// The plane of a voxel and its free neighbours. Where they lie on none, as along an edge, that of the neighbours which
-    /// lie on the plane of the voxel's own points.
+    /// lie on the plane of the voxel's own points, or in its own layer.
     fn window(&self, state: usize) -> Option<Window> {
         let towards = self.states[state].towards();
         let same_side = |other: usize| self.is_one_side || self.states[other].towards().dot(&towards) > 0.0;
-        self.window_of(state, same_side).or_else(|| {
-            let own = self.states[state].own_plane()?;
-            self.window_of(state, |other| self.belongs(other, &own))
-        })
+        self.window_of(state, same_side)
+            .or_else(|| self.window_on(state, &self.states[state].own_plane()?))
+            .or_else(|| self.window_on(state, &self.layer(state, same_side)?))
+    }
+
+    fn window_on(&self, state: usize, plane: &Plane) -> Option<Window> {
+        self.window_of(state, |other| self.belongs(other, plane))
+    }
+
+    /// The plane through a voxel's mean that is turned as its free neighbours lie, where patches are rough: of two layers of
+    /// voxels that points fill, as where poses sway by the width of one, each is flat enough, and both together are not.
+    fn layer(&self, state: usize, is_in: impl Fn(usize) -> bool) -> Option<Plane> {
+        if self.kind != Kind::Rough {
+            return None;
+        }
+        let is_free = |other: &usize| self.owner[*other] == NO_PATCH && is_in(*other);
+        let near = self.neighbours(state).filter(is_free).chain([state]);
+        let Plane { normal, .. } = self.plane_sums(near).fit()?.plane;
+        Some(Plane { point: self.states[state].mean(), normal })
     }
 
     fn window_of(&self, state: usize, is_in: impl Fn(usize) -> bool) -> Option<Window> {
