@@ -7,7 +7,7 @@
     reason = "a test that cannot go on has failed"
 )]
 
-use cfodi::engine::{ClusterState, Engine, Isometry3, Params, Points, Scan, Snapshot, Stamp};
+use cfodi::engine::{ClusterState, Engine, Isometry3, Params, Points, Scan, Snapshot, Stamp, Update};
 
 const VOXEL: f64 = 0.1;
 const PER_VOXEL: usize = 16;
@@ -122,11 +122,14 @@ fn forgetting_a_cluster_is_complete_after_the_interval_and_then_not_expanded() {
     let (_, _, in_time) = run(interval - 1);
     assert_eq!(sizes(&in_time), [150]);
     let (updates, last, too_late) = run(interval);
-    assert!(updates.iter().all(|update| update.changed.is_empty()));
-    // In the scan after the interval the cluster turns COMPLETE, and a new one begins beside it.
+    // When the interval is over the cluster turns COMPLETE, and in the next scan a new one begins beside it.
+    let states = |update: &Update| -> Vec<_> {
+        update.changed.iter().map(|changed| (changed.cluster.voxel_count, changed.cluster.state)).collect()
+    };
+    let told: Vec<_> = updates.iter().map(states).collect();
+    assert_eq!(told, [vec![], vec![], vec![(100, ClusterState::Complete)]]);
     assert_eq!(sizes(&too_late), [100, 50]);
-    let states: Vec<_> = last.changed.iter().map(|changed| changed.cluster.state).collect();
-    assert_eq!(states, [ClusterState::Complete, ClusterState::Active]);
+    assert_eq!(states(&last), [(50, ClusterState::Active)]);
 }
 
 #[test]

@@ -182,7 +182,7 @@ impl Config {
         let (voxel_size, max_range) = (self.engine.voxel_size(), self.filter.max_range);
         (voxel_size > max_range / 4.0).then(|| {
             format!(
-                "voxel_size is {voxel_size} m and max_range {max_range} m, less than four voxels, and both are in metres"
+                "voxel_size is {voxel_size} m and max_range {max_range} m: less than four voxels, and both are in metres"
             )
         })
     }

@@ -31,7 +31,7 @@ pub struct Cluster {
     /// Stamp of the scan that created it.
     pub first_seen: Stamp,
     /// Stamp of the newest scan that put a point into one of its voxels. In `consistent` into any block of 8 x 8 x 8 voxels that it
-    /// reaches into, and without another change told anew only every 30 scans, in large maps every 60, 120, ...
+    /// reached into then, and without another change told anew only every 30 scans, in large maps every 60, 120, ...
     pub last_seen: Stamp,
     /// What it is to a robot; always unknown in `paper`.
     pub class: SurfaceClass,
