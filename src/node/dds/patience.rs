@@ -113,6 +113,7 @@ mod tests {
         spent.since -= REST;
         assert_eq!(spent.left(), PATIENCE);
     }
+
     /// Whether each offer that is refused at these milliseconds may be so for a reader that has just been found.
     fn pass<const N: usize>(refused: [u64; N]) -> [bool; N] {
         let (start, mut refusals) = (Instant::now(), None);

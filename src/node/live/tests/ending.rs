@@ -289,3 +289,15 @@ fn a_node_that_cannot_publish_any_more_ends_without_its_map_when_that_is_asked_f
     assert_eq!((ended, replies), (lost.to_owned(), vec![(false, lost.to_owned())]));
     assert_eq!(counts.skipped.get(&SHUTDOWN), Some(&3));
 }
+
+#[test]
+fn a_panic_of_what_speaks_while_the_last_map_is_saved_is_an_error_beside_none_of_another_kind() {
+    let runtime = Builder::new_current_thread().enable_time().build().unwrap();
+    let speaking = || runtime.spawn(async { panic!("a panic for the test") });
+    let alone = runtime.block_on(last_words(speaking(), Ok(())));
+    assert!(matches!(&alone, Err(LiveError::Mute(why)) if why.contains("a panic for the test")), "{alone:?}");
+    let died = runtime.block_on(last_words(speaking(), Err::<(), _>(LiveError::SaverDied)));
+    assert!(matches!(died, Err(LiveError::SaverDied)), "{died:?}");
+    let well = runtime.block_on(last_words(runtime.spawn(async {}), Ok(())));
+    assert!(well.is_ok(), "{well:?}");
+}
