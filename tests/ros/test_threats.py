@@ -19,6 +19,7 @@ from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
 from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
+from rtps import GAP, HEARTBEAT, submessages
 from sensor_msgs.msg import CameraInfo
 from std_msgs.msg import Header
 from std_srvs.srv import Trigger
@@ -253,21 +254,6 @@ def sniff(seconds, meanwhile):
             if len(frame) > 46 and frame[42:46] == b"RTPS":
                 heard.append(frame[42:])
     return heard
-
-
-HEARTBEAT, GAP = 7, 8
-
-
-def submessages(packet):
-    """Where each submessage of an RTPS message begins, its kind, byte order and length (DDSI-RTPS 2.5, 9.4.5.1)."""
-    at = 20
-    while at + 4 <= len(packet):
-        order = "<" if packet[at + 1] & 1 else ">"
-        length = struct.unpack_from(order + "H", packet, at + 2)[0]
-        yield at, packet[at], order, length
-        if length == 0:
-            break
-        at += 4 + length
 
 
 def has_a_forged_range(packet):

@@ -3,6 +3,7 @@
 use std::cell::RefCell;
 use std::net::{IpAddr, Ipv4Addr, UdpSocket};
 use std::rc::Rc;
+use std::thread::sleep;
 use std::time::Duration;
 
 use ros2_client::qos::{Durability, History, WhenFull};
@@ -23,6 +24,11 @@ use crate::args::security::Security;
 use crate::msg::topic::{Named, Qos};
 use crate::node::middleware::OpenError;
 
+/// Time on the network before the first topic. RustDDS 0.15.1 says that it is there 100 ms after it has joined, and whoever is there
+/// already answers at once. To one who gets to know a node in the midst of its topics the first of these come last: Fast DDS 2.14 puts
+/// what has come too early of two such nodes into one list, which is out of order then, and acknowledges what it does not find in it.
+const INTRODUCTION: Duration = Duration::from_millis(200);
+
 /// A node that nobody opens topics of any more, and its participant.
 pub(super) type Kept = (Option<Node>, DomainParticipant);
 
@@ -41,6 +47,7 @@ impl<'a> Opener<'a> {
     /// `security` is decided once: keys that are gone by now must not open the node to everyone.
     pub(super) fn new(setup: &'a Setup, security: &'a Security) -> Result<Self, OpenError> {
         let participant = participant(setup, security)?;
+        sleep(INTRODUCTION);
         let context = Context::from_domain_participant(participant.clone())
             .map_err(OpenError::opening("a ROS context"))?;
         let name = NodeName::new(&setup.namespace, &setup.name).map_err(OpenError::opening("the node"))?;
