@@ -13,7 +13,6 @@ mod program;
 use std::fs::File;
 use std::io::{PipeReader, PipeWriter, Read as _, Write as _, pipe};
 use std::process::{Command, Stdio};
-use std::sync::atomic::{AtomicU32, Ordering};
 use std::thread::{JoinHandle, sleep, spawn};
 use std::time::{Duration, Instant};
 
@@ -31,11 +30,20 @@ fn until(what: &str, mut holds: impl FnMut() -> bool) {
     }
 }
 
-/// The program with these arguments, as a node that no other hears.
-fn node(arguments: &[&str]) -> Command {
-    static STARTED: AtomicU32 = AtomicU32::new(0);
-    // Above 101 the ports of a domain are those that Linux gives to others.
-    let domain = (4 * std::process::id() + STARTED.fetch_add(1, Ordering::Relaxed)) % 100;
+/// The tests that start a node, each of which has a domain of its own, be they threads of one process or processes.
+#[derive(Clone, Copy)]
+enum Of {
+    EndWithoutReader,
+    LateReader,
+    Demo,
+    DemoThatSaves,
+}
+
+/// The program with these arguments, as a node that no other test hears.
+fn node(test: Of, arguments: &[&str]) -> Command {
+    // Of another process's tests those of the same kind alone may have it. Above 101 the ports of a domain are those that Linux
+    // gives to others.
+    let domain = 4 * (std::process::id() % 25) + test as u32;
     let mut command = command(arguments);
     command.args(["--ros-args", "-p", "network_interfaces:=[\"127.0.0.1\"]"]);
     command.env("ROS_DOMAIN_ID", domain.to_string()).env_remove("RUST_LOG");
@@ -83,9 +91,9 @@ fn full_pipe() -> (PipeReader, PipeWriter, JoinHandle<()>) {
 }
 
 /// A node that runs, and whose log nobody has read so far.
-fn unread() -> (Running, PipeReader, JoinHandle<()>) {
+fn unread(test: Of) -> (Running, PipeReader, JoinHandle<()>) {
     let (reader, writer, filler) = full_pipe();
-    let node = Running(node(&["run"]).stderr(writer).spawn().unwrap());
+    let node = Running(node(test, &["run"]).stderr(writer).spawn().unwrap());
     until("a node that listens to signals", || listens(node.0.id()));
     // Long enough, also on a busy machine, for what it says after three seconds without a cloud.
     sleep(Duration::from_secs(10));
@@ -94,7 +102,7 @@ fn unread() -> (Running, PipeReader, JoinHandle<()>) {
 
 #[test]
 fn a_node_whose_log_nobody_reads_ends_when_it_is_asked_to() {
-    let (mut node, reader, filler) = unread();
+    let (mut node, reader, filler) = unread(Of::EndWithoutReader);
     node.interrupt();
     until("its end", || node.0.try_wait().unwrap().is_some());
     assert!(node.0.wait().unwrap().success());
@@ -104,7 +112,7 @@ fn a_node_whose_log_nobody_reads_ends_when_it_is_asked_to() {
 
 #[test]
 fn a_reader_of_the_log_who_comes_late_gets_all_of_it_in_its_order() {
-    let (mut node, mut reader, filler) = unread();
+    let (mut node, mut reader, filler) = unread(Of::LateReader);
     let reading = spawn(move || {
         let mut said = Vec::new();
         reader.read_to_end(&mut said).unwrap();
@@ -128,9 +136,9 @@ fn result_that_nobody_reads(folder: &Folder) -> JoinHandle<File> {
 }
 
 /// How many signals, a second and more apart, it takes to end a demo with these parameters whose result nobody reads.
-fn signals_that_end_a_demo(folder: &Folder, parameters: &[&str]) -> usize {
+fn signals_that_end_a_demo(test: Of, folder: &Folder, parameters: &[&str]) -> usize {
     let reader = result_that_nobody_reads(folder);
-    let mut demo = node(&["demo", "--seconds", "3600", "--out", &folder.argument("")]);
+    let mut demo = node(test, &["demo", "--seconds", "3600", "--out", &folder.argument("")]);
     demo.args(parameters).stdout(Stdio::null()).stderr(Stdio::null());
     let mut demo = Running(demo.spawn().unwrap());
     let _pipe = reader.join().unwrap();
@@ -155,7 +163,7 @@ fn signals_that_end_a_demo(folder: &Folder, parameters: &[&str]) -> usize {
 #[test]
 fn a_second_signal_ends_a_demo_whose_result_nobody_reads_and_leaves_nothing() {
     let folder = Folder::new();
-    assert_eq!(signals_that_end_a_demo(&folder, &[]), 2);
+    assert_eq!(signals_that_end_a_demo(Of::Demo, &folder, &[]), 2);
     assert_eq!(folder.names(), ["result.mcap"]);
 }
 
@@ -163,5 +171,5 @@ fn a_second_signal_ends_a_demo_whose_result_nobody_reads_and_leaves_nothing() {
 fn a_demo_that_saves_its_map_ends_as_well_where_nobody_reads_its_result() {
     let folder = Folder::new();
     let path = format!("snapshot_path:={}", folder.argument("map"));
-    signals_that_end_a_demo(&folder, &["-p", &path]);
+    signals_that_end_a_demo(Of::DemoThatSaves, &folder, &["-p", &path]);
 }
