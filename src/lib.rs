@@ -21,6 +21,7 @@ pub mod export;
 #[cfg(feature = "bag")]
 pub mod join;
 #[cfg(test)]
+#[cfg(target_arch = "x86_64")]
 #[path = "../tests/support/left_out.rs"]
 mod left_out;
 pub mod line;

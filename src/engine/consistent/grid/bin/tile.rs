@@ -7,9 +7,9 @@
 //! What takes most of the time is written in plain Rust ([`Plain`]), of which the compiler makes vectors, and for AVX2 and AVX-512
 //! (`avx2`, `avx512`).
 
+use pulp::NullaryFnOnce;
 #[cfg(target_arch = "x86_64")]
-use pulp::Simd;
-use pulp::{Arch, NullaryFnOnce};
+use pulp::{Arch, Simd};
 
 use super::region::{LocalKey, SensorRegion};
 use crate::engine::arch::arch;
