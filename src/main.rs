@@ -188,7 +188,7 @@ mod tests {
         let arguments = command.find_subcommand("experiment").unwrap().get_arguments();
         let with_scene = arguments.filter(|argument| argument.get_help_heading() == Some("With --scene"));
         let names: Vec<_> = with_scene.filter_map(clap::Arg::get_long).collect();
-        assert_eq!(names, ["seeds", "seconds", "scan-step", "score-every", "voxel-size"]);
+        assert_eq!(names, ["seeds", "seconds", "scan-step", "score-every", "voxel-size", "pose-noise"]);
     }
 
     #[test]

@@ -220,11 +220,13 @@ fn wrong_arguments_of_the_laboratory_are_named_with_status_2_and_leave_no_file()
     let parameters = ["mode:=paper", "depth:=3", "voxel_size:=0.2", "max_range:=0.5", "front.kind:=cloud"];
     let parameters = parameters.map(|parameter| ["-p", parameter]).concat();
     let parameters = [&["--ros-args", "-p", "sensors:=[front]"], &parameters[..]].concat();
-    let wrong: [(&[&str], &str); 4] = [
+    let wrong: [(&[&str], &str); 6] = [
         (&parameters, "--scene does not use front.kind, max_range, mode, sensors, voxel_size: all methods"),
         (&["--voxel-size", "0.05", "--voxel-size", "0.08", "--voxel-size", "0.050"], "0.05 is given twice"),
         (&["--voxel-size", "0"], "voxel_size is 0 m"),
         (&["--seeds", "0"], "0 is not in 1..=1000"),
+        (&["--pose-noise", "0.1"], "two numbers are meant"),
+        (&["--pose-noise", "-0.1,0"], "-0.1 is not from 0 to 1"),
     ];
     for (arguments, said) in wrong {
         let ended = cfodi(&[&["experiment", "--scene", "room", "--out", &out], arguments].concat());
@@ -247,6 +249,27 @@ fn parameters_of_the_methods_are_taken_by_the_laboratory() {
     };
     let given = csv("given", &["--ros-args", "-p", "max_normal_angle:=0.1", "-p", "clearing:=false"]);
     assert_ne!(csv("plain", &[]), given);
+}
+
+#[test]
+fn the_laboratory_tells_poses_wrong_if_it_is_asked_to_and_its_tables_say_so() {
+    let folder = Folder::new();
+    let arguments = ["--scene", "room", "--seconds", "0.2", "--seeds", "1", "--voxel-size", "0.16"];
+    let [noise, out] = [["--pose-noise", "0.05,0.01"], ["--out", &folder.argument("")]];
+    let ended = cfodi(&[&["experiment"], &arguments[..], &noise, &out].concat());
+    assert_eq!(ended.status.code(), Some(0), "{}", String::from_utf8_lossy(&ended.stderr));
+    let page = fs::read_to_string(folder.argument("quality.md")).unwrap();
+    let heading = "## Voxels of 16 cm, 1 run, poses wrong by 0.05 m and 0.01 rad\n";
+    assert!(page.contains(heading) && page.contains("\n- **poses wrong by**: "), "{page}");
+    assert!(String::from_utf8_lossy(&ended.stdout).starts_with(heading));
+    let csv = fs::read_to_string(folder.argument("quality.csv")).unwrap();
+    assert!(csv.starts_with("voxel_size_m,") && csv.contains(",pose_noise_m,pose_noise_rad\n"), "{csv}");
+
+    let bag = folder.argument("a.mcap");
+    let ended = cfodi(&[&["experiment", &bag], &noise[..], &["--out", &folder.argument("figures")]].concat());
+    let errors = String::from_utf8_lossy(&ended.stderr);
+    assert_eq!(ended.status.code(), Some(2), "{errors}");
+    assert!(errors.contains("'[INPUT]' cannot be used with '--pose-noise <M,RAD>'"), "{errors}");
 }
 
 #[test]

@@ -17,9 +17,10 @@ use cfodi::experiment::quality::{Laboratory, Run, Table, Way};
 use cfodi::export::{WholeFile, write_whole};
 use cfodi::line::one_line;
 use cfodi::say::{say, tell};
-use cfodi::sim::Scene;
+use cfodi::sim::{PoseNoise, Scene};
 use cfodi::stop;
 
+use super::pose_noise::pose_noise;
 use super::progress::Bar;
 use super::{Ending, Wrong, first_of, say_left_behind_in};
 
@@ -54,6 +55,10 @@ pub(crate) struct Simulation {
     #[arg(long, help_heading = WITH_SCENE, default_values_t = [0.05, 0.08], conflicts_with = "input")]
     #[arg(allow_negative_numbers = true, value_parser = metres)]
     voxel_size: Vec<f64>,
+    /// By how much the poses told are wrong: standard deviations of each coordinate (m) and about each axis (rad)
+    #[arg(long, help_heading = WITH_SCENE, value_name = "M,RAD", conflicts_with = "input")]
+    #[arg(allow_hyphen_values = true, value_parser = pose_noise)]
+    pose_noise: Option<PoseNoise>,
 }
 
 fn seconds(text: &str) -> Result<f64, String> {
@@ -108,8 +113,8 @@ struct Outcome {
 }
 
 impl Outcome {
-    fn of(runs: BTreeMap<u64, Run>) -> Self {
-        let mut outcome = Self { table: Table::default(), way: Way::default() };
+    fn of(runs: BTreeMap<u64, Run>, noise: Option<PoseNoise>) -> Self {
+        let mut outcome = Self { table: Table::new(noise), way: Way::new(noise) };
         for (seed, run) in runs {
             outcome.table.add_run(seed, &run.end);
             outcome.way.add_run(seed, run.moments);
@@ -127,7 +132,7 @@ impl Outcome {
         format!(
             "# {title}\n\n{}\n# What the lines mean\n\n{}{}\n# What does not hold\n{}",
             self.tables(),
-            Table::legend(),
+            self.table.legend(),
             if self.way.is_empty() { "" } else { Way::LEGEND },
             self.table.failures()
         )
@@ -139,9 +144,12 @@ impl Outcome {
 pub(crate) fn laboratory(setup: &Setup, options: &Simulation, out: &Path) -> anyhow::Result<Ending> {
     let name = options.scene.as_deref().unwrap_or_default();
     let scene = Scene::named(name).with_context(|| format!("there is no scene {name}"))?;
-    let Simulation { seeds, seconds, scan_step, score_every, voxel_size, .. } = options;
+    let Simulation { seeds, seconds, scan_step, score_every, voxel_size, pose_noise, .. } = options;
     check(setup, voxel_size)?;
     let mut laboratory = Laboratory::new(scene, *seconds, *scan_step, &setup.config().engine, voxel_size)?;
+    if let Some(noise) = pose_noise {
+        laboratory = laboratory.with_pose_noise(*noise);
+    }
     if let Some(every) = score_every {
         let end = laboratory.ends_at();
         laboratory = laboratory.with_score_every(*every).ok_or_else(|| {
@@ -164,7 +172,7 @@ pub(crate) fn laboratory(setup: &Setup, options: &Simulation, out: &Path) -> any
     let is_whole = made.len() as u64 == *seeds;
     let all = count_of(*seeds, "run");
     let count = if is_whole { all } else { format!("{} of {all}", made.len()) };
-    let outcome = Outcome::of(made);
+    let outcome = Outcome::of(made, *pose_noise);
     let title =
         format!("Scene {name}: {count} of {seconds} s, {} each", count_of(laboratory.scans(), "scan"));
     let files = [(&page, outcome.page(&title)), (&csv, outcome.table.csv())];

@@ -5,6 +5,7 @@ pub(crate) mod experiment;
 mod input;
 mod laboratory;
 pub(crate) mod log;
+mod pose_noise;
 mod progress;
 pub(crate) mod replay;
 pub(crate) mod run;

@@ -12,11 +12,12 @@ use cfodi::engine::Stamp;
 use cfodi::export::WholeFile;
 use cfodi::say::say;
 use cfodi::sim::drive::SCANS_PER_SECOND;
-use cfodi::sim::{Drive, Scene};
+use cfodi::sim::{Drive, PoseNoise, Scene};
 use cfodi::stop;
 use clap::builder::PossibleValuesParser;
 
 use super::input::check_outputs;
+use super::pose_noise::pose_noise;
 use super::progress::Bar;
 use super::truth::truth;
 use super::{Ending, Wrong, say_left_behind};
@@ -49,13 +50,6 @@ pub(crate) struct Options {
     pose_noise: Option<PoseNoise>,
 }
 
-/// Standard deviations of the poses.
-#[derive(Clone, Copy, Debug)]
-struct PoseNoise {
-    sigma_m: f64,
-    sigma_rad: f64,
-}
-
 /// Longest drive (s).
 const LONGEST: f64 = 3600.0;
 
@@ -63,16 +57,6 @@ fn seconds(text: &str) -> Result<f64, String> {
     let seconds: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
     let fits = seconds > 0.0 && seconds <= LONGEST;
     if fits { Ok(seconds) } else { Err(format!("{text} is not above 0 and at most {LONGEST}")) }
-}
-
-fn pose_noise(text: &str) -> Result<PoseNoise, String> {
-    let sigma = |text: &str| {
-        let sigma: f64 = text.trim().parse().map_err(|_| format!("`{text}` is not a number"))?;
-        let fits = (0.0..=1.0).contains(&sigma);
-        if fits { Ok(sigma) } else { Err(format!("{sigma} is not from 0 to 1")) }
-    };
-    let (m, rad) = text.split_once(',').ok_or("two numbers are meant: M,RAD")?;
-    Ok(PoseNoise { sigma_m: sigma(m)?, sigma_rad: sigma(rad)? })
 }
 
 pub(crate) fn simulate(setup: &Setup, options: &Options) -> anyhow::Result<Ending> {
@@ -87,7 +71,7 @@ pub(crate) fn simulate(setup: &Setup, options: &Options) -> anyhow::Result<Endin
     let scene = Scene::named(&options.scene).context("the scene is not built in")?;
     let drive = Drive::new(scene, options.seed, START);
     let drive = match options.pose_noise {
-        Some(PoseNoise { sigma_m, sigma_rad }) => drive.with_pose_noise(sigma_m, sigma_rad),
+        Some(noise) => drive.with_pose_noise(noise),
         None => drive,
     };
     let scans = ((options.seconds * f64::from(SCANS_PER_SECOND)).round() as u32).max(1);

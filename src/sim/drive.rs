@@ -14,7 +14,7 @@ use rand::{Rng, SeedableRng};
 
 pub use self::messages::{BASE_FRAME, CAMERA_FRAME, FIXED_FRAME, OPTICAL_FRAME, Step};
 use super::kinect::{DepthImage, Kinect};
-use super::pose_noise::PoseNoise;
+use super::pose_noise::{PoseErrors, PoseNoise, PoseSpread};
 use super::raycast::View;
 use super::robot::Robot;
 use super::scene::Scene;
@@ -38,7 +38,7 @@ pub struct Drive {
     scene: Scene,
     kinect: Kinect,
     robot: Robot,
-    pose_noise: Option<PoseNoise>,
+    pose_errors: Option<PoseErrors>,
     seed: u64,
     start: Stamp,
 }
@@ -56,7 +56,7 @@ impl Drive {
     /// A drive along the scene's route that begins at `start`; `seed` decides the noise.
     pub fn new(scene: Scene, seed: u64, start: Stamp) -> Self {
         let robot = Robot::new(&scene);
-        Self { scene, kinect: Kinect::v1(), robot, pose_noise: None, seed, start }
+        Self { scene, kinect: Kinect::v1(), robot, pose_errors: None, seed, start }
     }
 
     /// Sets the largest depth that is measured (m).
@@ -65,13 +65,19 @@ impl Drive {
         Self { kinect: Kinect { max_range, ..self.kinect }, ..self }
     }
 
-    /// Has poses told wrong: by `sigma_m` (m) in each coordinate of the place and `sigma_rad` (rad)
-    /// about each axis, as standard deviations; what the Kinect sees stays the same.
+    /// Has poses told wrong by so much; what the Kinect sees stays the same.
     #[must_use]
-    pub fn with_pose_noise(self, sigma_m: f64, sigma_rad: f64) -> Self {
+    pub fn with_pose_noise(self, noise: PoseNoise) -> Self {
         let mut rng = generator(self.seed, POSE_STREAM);
-        let pose_noise = Some(PoseNoise::new(sigma_m, sigma_rad, rng.next_u64()));
-        Self { pose_noise, ..self }
+        let pose_errors = Some(PoseErrors::new(noise, rng.next_u64()));
+        Self { pose_errors, ..self }
+    }
+
+    /// How far the poses told put points from where they are; `None` where these are exact.
+    pub fn pose_spread(&self) -> Option<PoseSpread> {
+        let base_from_optical = self.robot.base_from_camera() * Robot::camera_from_optical();
+        let base = base_from_optical.inverse() * Point3::origin();
+        self.pose_errors.as_ref().map(|errors| PoseSpread::new(errors.noise, base))
     }
 
     /// The camera.
@@ -106,7 +112,7 @@ impl Drive {
         let pose = self.robot.base_pose(seconds);
         // Another stream than that of the Kinect's noise.
         let mut rng = generator(self.seed, POSE_STREAM ^ u64::from(index));
-        self.pose_noise.as_ref().map_or(pose, |noise| pose * noise.error(seconds, &mut rng))
+        self.pose_errors.as_ref().map_or(pose, |errors| pose * errors.error(seconds, &mut rng))
     }
 
     /// The measurements of a step without encoding: the valid points, each with the surface it lies on.

@@ -27,6 +27,7 @@ pub use drive::{Drive, LabelledScan, Step};
 pub use kinect::{DepthImage, Kinect};
 pub use motion::Motion;
 pub use path::{Path, Route};
+pub use pose_noise::{PoseNoise, PoseSpread};
 pub use robot::Robot;
 pub use scene::Scene;
 pub use seen::SeenCells;

@@ -14,7 +14,7 @@ use super::truth::{RANGE, SeenPart, TruthMap};
 use super::way::Moment;
 use crate::engine::{Params, ParamsError, Stamp};
 use crate::sim::drive::SCANS_PER_SECOND;
-use crate::sim::{Drive, Scene, SeenCells};
+use crate::sim::{Drive, PoseNoise, Scene, SeenCells};
 
 /// What is simulated and scored.
 #[derive(Clone, Debug, PartialEq)]
@@ -28,6 +28,8 @@ pub struct Laboratory {
     step: u32,
     /// Scans between two scores on the way, those left out included.
     score_every: Option<u32>,
+    /// By how much the poses told are wrong.
+    pose_noise: Option<PoseNoise>,
 }
 
 /// How every method did in one run, at each voxel size.
@@ -88,6 +90,7 @@ impl Laboratory {
             scans,
             step: step.get(),
             score_every: None,
+            pose_noise: None,
         })
     }
 
@@ -96,6 +99,12 @@ impl Laboratory {
     pub fn with_score_every(self, seconds: f64) -> Option<Self> {
         let every = (seconds * f64::from(SCANS_PER_SECOND)).round().max(1.0) as u32;
         (every <= self.last()).then_some(Self { score_every: Some(every), ..self })
+    }
+
+    /// The same, with poses that are told wrong by so much; what was to be seen stays that of the true ones.
+    #[must_use]
+    pub fn with_pose_noise(self, noise: PoseNoise) -> Self {
+        Self { pose_noise: Some(noise), ..self }
     }
 
     /// When the last scan of a run is taken (s since the first).
@@ -115,9 +124,9 @@ impl Laboratory {
     /// Makes a run, unless `taken`, which is called after each scan, ends it.
     pub fn run(&self, seed: u64, mut taken: impl FnMut() -> ControlFlow<()>) -> Option<Run> {
         let max_range = *RANGE.end();
-        let drive = Drive::new(self.scene.clone(), seed, Stamp::from_nanos(0));
+        let drive = self.drive(seed);
         let mut seen = SeenCells::new(&self.scene, max_range);
-        let mut benches: Vec<_> = self.params.iter().map(|params| Bench::new(&self.scene, params)).collect();
+        let mut benches: Vec<_> = self.params.iter().map(|params| Bench::new(&drive, params)).collect();
         let mut moments = Vec::new();
         for index in (0..self.scans).step_by(self.step as usize) {
             let labelled = drive.labelled_depths(index, max_range);
@@ -141,6 +150,14 @@ impl Laboratory {
         Some(Run { moments, end: benches.iter().flat_map(|bench| bench.score(&seen)).collect() })
     }
 
+    fn drive(&self, seed: u64) -> Drive {
+        let drive = Drive::new(self.scene.clone(), seed, Stamp::from_nanos(0));
+        match self.pose_noise {
+            Some(noise) => drive.with_pose_noise(noise),
+            None => drive,
+        }
+    }
+
     /// Whether a time to score has come since the scan that was taken before this one.
     fn is_moment(&self, index: u32) -> bool {
         let before = index.saturating_sub(self.step);
@@ -149,9 +166,10 @@ impl Laboratory {
 }
 
 impl Bench {
-    fn new(scene: &Scene, params: &Params) -> Self {
+    fn new(drive: &Drive, params: &Params) -> Self {
         let maps = scored_maps(params).into_iter().map(|map| (map, AsFromScratch::default()));
-        Self { params: *params, truth: TruthMap::new(scene, params), maps: maps.collect() }
+        let truth = TruthMap::new(drive.scene(), params).with_pose_spread(drive.pose_spread());
+        Self { params: *params, truth, maps: maps.collect() }
     }
 
     fn look(&mut self) {
@@ -264,6 +282,31 @@ mod tests {
         // The last scan is that at 28 / 30 s.
         assert!(laboratory.clone().with_score_every(0.93).is_some());
         assert_eq!(laboratory.with_score_every(0.96), None, "nothing would be scored");
+    }
+
+    #[test]
+    fn with_wrong_poses_a_run_is_one_of_its_seed_too_and_its_planes_are_off() {
+        let exact = room(&[0.16]).unwrap();
+        let noisy = exact.clone().with_pose_noise(PoseNoise { metres: 0.05, radians: 0.01 });
+        let [right, wrong] = [&exact, &noisy].map(|laboratory| whole(laboratory, 3));
+        assert_eq!(wrong, whole(&noisy, 3));
+        assert_ne!(wrong, whole(&noisy, 4));
+        let measured = |run: &Run, measure: Measure| {
+            let mut pooled = Pooled::default();
+            pooled
+                .add("seed 3", &run.end.iter().find(|scored| scored.method == "consistent").unwrap().quality);
+            pooled.line(measure).unwrap()
+        };
+        for measure in [Measure::Angle, Measure::Offset, Measure::Nees] {
+            let [right, wrong] = [&right, &wrong].map(|run| measured(run, measure));
+            assert!(wrong.median > 3.0 * right.median, "{measure:?}: {wrong:?} after {right:?}");
+        }
+        // What the poses have moved is asked for still.
+        let scored =
+            |run: &Run| run.end[0].quality.surfaces.iter().map(|surface| surface.scored).sum::<u32>();
+        assert!(scored(&wrong) > scored(&right) / 4 * 3, "{} after {}", scored(&wrong), scored(&right));
+        let [right, wrong] = [&right, &wrong].map(|run| measured(run, Measure::Coverage));
+        assert!(wrong.worst > 0.7 && right.worst > 0.7, "{wrong:?} after {right:?}");
     }
 
     /// The bounds are a little below what comes of it, to find what makes clusters worse. Of 10 planes all hold their bars.

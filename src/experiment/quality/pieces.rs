@@ -2,8 +2,9 @@
 
 use std::collections::BTreeMap;
 use std::collections::hash_map::Entry;
+use std::ops::RangeInclusive;
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Point3, UnitVector3, Vector3};
 use rustc_hash::FxHashMap;
 
 use super::plane::{Plane, mean};
@@ -16,7 +17,7 @@ const SEEN_AREA: f64 = 0.5;
 const MAJORITY: f64 = 0.8;
 /// Furthest that a scored voxel's mean lies from its surface, in sigmas.
 const SIGMAS: f64 = 2.0;
-/// How many voxels away a truth cell looks for its surface.
+/// How many voxels away a truth cell looks for its surface, and straight before and behind as much further as poses may be wrong by.
 const CELL_REACH: i32 = 2;
 /// Places in a voxel, along the normal, at which it looks for any.
 const STEPS: i32 = 8;
@@ -111,20 +112,22 @@ impl Truth {
                 scored.push((voxel.key, piece));
             }
         }
+        let reach = CELL_REACH + (SIGMAS * map.pose_sigma() / map.voxel_size).ceil() as i32;
         for (index, surface) in map.surfaces.iter().enumerate() {
             let group = map.groups.of_label(surface.label()).filter(|&group| map.stays(group));
             let Some(group) = group else { continue };
             let SeenPart { cells, area } = seen(surface.label());
             let area = area / cells.len() as f64;
-            let is_dense = |key: &VoxelKey| piece_of.contains_key(key);
             for cell in cells {
-                if !is_mapped(&cell, &surface.normal_at(&cell), map.voxel_size, is_dense) {
-                    continue;
-                }
-                let piece = nearest(&cell, map.voxel_size, |key| {
-                    piece_of.get(&key).copied().filter(|&piece| pieces[piece].group == group)
-                });
-                if let Some(piece) = piece {
+                let of_group =
+                    |key: VoxelKey| piece_of.get(&key).copied().filter(|&piece| pieces[piece].group == group);
+                let normal = surface.normal_at(&cell);
+                let straight = |steps| straight(&cell, normal, map.voxel_size, steps);
+                // Of a cell by which there is none too little was measured to be in any map.
+                let is_mapped = straight(0..=CELL_REACH * STEPS).any(|key| piece_of.contains_key(&key));
+                let piece = is_mapped.then(|| nearest(&cell, map.voxel_size, of_group)).flatten();
+                let further = || straight(CELL_REACH * STEPS + 1..=reach * STEPS).find_map(of_group);
+                if let Some(piece) = piece.or_else(further) {
                     pieces[piece].cells.push(SeenCell { surface: index, middle: cell, area });
                 }
             }
@@ -190,19 +193,18 @@ fn nearest(
     found.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, piece)| piece)
 }
 
-/// Whether a dense voxel with a majority lies at a cell of a surface with this normal, or straight before or behind it, where noise
-/// moves points to. Of a cell where there is none too little was measured to be in any map.
-fn is_mapped(
+/// The voxels straight before and behind a cell of a surface with this normal, where noise moves points to; the nearest first.
+fn straight(
     cell: &Point3<f64>,
-    normal: &Vector3<f64>,
+    normal: UnitVector3<f64>,
     voxel_size: f64,
-    is_dense: impl Fn(&VoxelKey) -> bool,
-) -> bool {
-    let mut places = (0..=CELL_REACH * STEPS).flat_map(|step| {
-        let away = normal * (f64::from(step) / f64::from(STEPS) * voxel_size);
+    steps: RangeInclusive<i32>,
+) -> impl Iterator<Item = VoxelKey> {
+    let places = steps.flat_map(move |step| {
+        let away = normal.into_inner() * (f64::from(step) / f64::from(STEPS) * voxel_size);
         [cell + away, cell - away]
     });
-    places.any(|place| key_at(&place, voxel_size).is_some_and(|key| is_dense(&key)))
+    places.filter_map(move |place| key_at(&place, voxel_size))
 }
 
 fn key_at(place: &Point3<f64>, voxel_size: f64) -> Option<VoxelKey> {

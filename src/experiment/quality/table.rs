@@ -6,7 +6,9 @@ use super::super::method::Method;
 use super::measure::{Bar, Measure, Scale};
 use super::pooled::{Line, Pooled};
 use super::score::Quality;
+use super::told;
 use crate::count::count_of;
+use crate::sim::PoseNoise;
 
 /// The method that is asked to hold the bars and to be better than the others.
 const JUDGED: &str = Method::Consistent.name();
@@ -27,6 +29,8 @@ The last column is `yes` where `consistent` meets the bar and is better than bot
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Table {
     sizes: Vec<Size>,
+    /// By how much the poses of the runs were told wrong.
+    pose_noise: Option<PoseNoise>,
 }
 
 /// The methods at one voxel size.
@@ -37,6 +41,11 @@ struct Size {
 }
 
 impl Table {
+    /// An empty table of runs whose poses are told wrong by so much; `None` where they are exact.
+    pub const fn new(pose_noise: Option<PoseNoise>) -> Self {
+        Self { sizes: Vec::new(), pose_noise }
+    }
+
     /// Adds what a method did in a run; `run` names the run in front of its failures.
     pub fn add(&mut self, voxel_size: f64, method: &str, run: &str, quality: &Quality) {
         let at = self.sizes.iter().position(|size| size.voxel_size == voxel_size).unwrap_or_else(|| {
@@ -58,14 +67,15 @@ impl Table {
 
     /// A section for each voxel size with a line for each measure, then what does not hold in words.
     pub fn markdown(&self) -> String {
-        self.sizes.iter().map(Size::markdown).collect::<Vec<_>>().join("\n")
+        let noise = told::in_heading(self.pose_noise);
+        self.sizes.iter().map(|size| size.markdown(&noise)).collect::<Vec<_>>().join("\n")
     }
 
     /// What the words and numbers of [`Self::markdown`] and of [`Self::failures`] mean.
-    pub fn legend() -> String {
+    pub fn legend(&self) -> String {
         let measures =
             Measure::ALL.map(|measure| format!("- **{}**: {}\n", measure.name(), measure.meaning()));
-        format!("{WORDS}\n{}", measures.concat())
+        format!("{WORDS}{}\n{}", told::in_legend(self.pose_noise), measures.concat())
     }
 
     /// What does not hold in words, a list for each voxel size and method.
@@ -84,7 +94,7 @@ impl Table {
     }
 
     /// A line for each voxel size and measure; lengths in m, angles in degrees, shares of 1; an empty cell where a method
-    /// has no such value, `inf` where what should be there is missing.
+    /// has no such value, `inf` where what should be there is missing. Poses that are wrong have two columns more, m and rad.
     pub fn csv(&self) -> String {
         let mut names: Vec<&str> = Vec::new();
         for (name, _) in self.sizes.iter().flat_map(|size| &size.methods) {
@@ -103,7 +113,7 @@ impl Table {
                 text += &(size.csv_cells(measure, &names).join(",") + "\n");
             }
         }
-        text
+        told::in_csv(self.pose_noise, text)
     }
 }
 
@@ -116,11 +126,12 @@ impl Size {
         self.of(method)?.line(measure)
     }
 
-    fn markdown(&self) -> String {
+    /// `noise` stands at the end of the heading.
+    fn markdown(&self, noise: &str) -> String {
         let runs = self.methods.first().map_or(0, |(_, pooled)| pooled.runs);
         let names: Vec<_> = self.methods.iter().map(|(name, _)| name.as_str()).collect();
         let runs = count_of(runs, "run");
-        let mut text = format!("## Voxels of {}, {runs}\n\n", centimetres(self.voxel_size));
+        let mut text = format!("## Voxels of {}, {runs}{noise}\n\n", centimetres(self.voxel_size));
         _ = writeln!(text, "| measure | bar | {} | holds |", names.join(" | "));
         _ = writeln!(text, "|---|---|{}---|", "---|".repeat(names.len()));
         let counts =
@@ -314,7 +325,7 @@ mod tests {
 
     #[test]
     fn the_legend_tells_of_each_measure_and_of_each_word_of_the_failures() {
-        let legend = Table::legend();
+        let legend = Table::default().legend();
         let told = |name: &str| legend.contains(&format!("**{name}**: "));
         assert!(Measure::ALL.iter().all(|measure| told(measure.name())), "{legend}");
         for word in ["scrap", "scored", "seen", "#2", "`none`", "normalised estimation error squared"] {
@@ -341,6 +352,21 @@ mod tests {
             lines[1 + Measure::ALL.len()][..7],
             ["0.05", "coverage", "0.900000", "", "", "each at least 90 %", "-"]
         );
+    }
+
+    #[test]
+    fn wrong_poses_are_named_in_headings_columns_and_legend() {
+        let noisy = Table { pose_noise: Some(PoseNoise { metres: 0.05, radians: 0.01 }), ..table(96) };
+        assert!(
+            noisy.markdown().starts_with("## Voxels of 8 cm, 2 runs, poses wrong by 0.05 m and 0.01 rad\n"),
+            "{}",
+            noisy.markdown()
+        );
+        assert!(noisy.legend().contains("**poses wrong by**") && !table(96).legend().contains("pose"));
+        let columns = ["pose_noise_m,pose_noise_rad"].into_iter().chain(["0.05,0.01"; Measure::ALL.len()]);
+        let expected: Vec<_> =
+            table(96).csv().lines().zip(columns).map(|(line, columns)| format!("{line},{columns}")).collect();
+        assert_eq!(noisy.csv().lines().collect::<Vec<_>>(), expected);
     }
 
     #[test]

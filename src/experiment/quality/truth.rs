@@ -15,7 +15,7 @@ use crate::cloud::CloudFilter;
 use crate::engine::binning::{floor, map};
 use crate::engine::{Params, Points, Scan, VoxelKey};
 use crate::sim::noise::axial_sigma;
-use crate::sim::{Scene, Surface};
+use crate::sim::{PoseSpread, Scene, Surface};
 
 /// Depths along the optical axis that count (m).
 pub(super) const RANGE: RangeInclusive<f64> = CloudFilter::DEFAULT.min_range..=CloudFilter::DEFAULT.max_range;
@@ -27,6 +27,8 @@ pub(super) struct TruthMap {
     pub(super) min_points: u32,
     pub(super) surfaces: Vec<Surface>,
     pub(super) groups: Groups,
+    /// How far the told poses put points from where they are.
+    spread: Option<PoseSpread>,
     index: FxHashMap<VoxelKey, u32>,
     voxels: Vec<TruthVoxel>,
 }
@@ -48,7 +50,7 @@ pub(super) struct TruthVoxel {
     pub(super) counts: Vec<(Option<u32>, u32)>,
     /// Sum of the points (m).
     sum: Vector3<f64>,
-    /// Sum of the variances of their depths (m^2).
+    /// Sum of the variances of their depths, and of the places that wrong poses give them (m^2).
     variances: f64,
 }
 
@@ -99,9 +101,20 @@ impl TruthMap {
             min_points: params.min_points(),
             groups: Groups::new(scene.surfaces(), params.voxel_size()),
             surfaces: scene.surfaces().to_vec(),
+            spread: None,
             index: FxHashMap::default(),
             voxels: Vec::new(),
         }
+    }
+
+    /// The same, for scans whose poses are told wrong by so much.
+    pub(super) fn with_pose_spread(self, spread: Option<PoseSpread>) -> Self {
+        Self { spread, ..self }
+    }
+
+    /// Furthest that the sigma of wrong poses puts a point from where it is (m): one straight ahead at the end of the range.
+    pub(super) fn pose_sigma(&self) -> f64 {
+        self.spread.map_or(0.0, |spread| spread.variance(&Point3::new(0.0, 0.0, *RANGE.end())).sqrt())
     }
 
     /// Takes in a scan in the optical frame and the label of each of its points, 0 = on no surface. Points whose depth is
@@ -137,6 +150,9 @@ impl TruthMap {
             run.count += 1;
             run.sum += point.coords;
             run.variances += axial_sigma(sensed[2]).powi(2);
+            if let Some(spread) = &self.spread {
+                run.variances += spread.variance(&Point3::from(sensed));
+            }
         }
         self.flush(&run);
     }

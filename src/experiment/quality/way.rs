@@ -7,6 +7,8 @@ use super::laboratory::Scored;
 use super::measure::Measure;
 use super::pooled::Pooled;
 use super::table::{centimetres, number};
+use super::told;
+use crate::sim::PoseNoise;
 
 /// What one method did up to one scan of a run.
 #[derive(Clone, Debug, PartialEq)]
@@ -40,6 +42,8 @@ impl Moment {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Way {
     moments: Vec<(u64, Moment)>,
+    /// By how much the poses of the runs were told wrong.
+    pose_noise: Option<PoseNoise>,
 }
 
 impl Way {
@@ -48,6 +52,11 @@ impl Way {
 On the way a cell has the mean of what the methods are compared by, its median and the worst, each over the moments that have a value,
 and in how many there was `none`. What counts as seen grows from moment to moment, and with it what is asked of the methods.
 ";
+
+    /// No moments yet, of runs whose poses are told wrong by so much; `None` where they are exact.
+    pub const fn new(pose_noise: Option<PoseNoise>) -> Self {
+        Self { moments: Vec::new(), pose_noise }
+    }
 
     /// Adds those of a run.
     pub fn add_run(&mut self, seed: u64, moments: impl IntoIterator<Item = Moment>) {
@@ -75,7 +84,9 @@ and in how many there was `none`. What counts as seen grows from moment to momen
 
     fn section(&self, voxel_size: f64, methods: &[&str]) -> String {
         let size = centimetres(voxel_size);
-        let mut text = format!("## On the way, voxels of {size}\n\n| measure | {} |\n", methods.join(" | "));
+        let noise = told::in_heading(self.pose_noise);
+        let mut text =
+            format!("## On the way, voxels of {size}{noise}\n\n| measure | {} |\n", methods.join(" | "));
         _ = writeln!(text, "|---|{}", "---|".repeat(methods.len()));
         for measure in Measure::ALL {
             let cells: Vec<_> = methods.iter().map(|method| self.cell(voxel_size, method, measure)).collect();
@@ -108,7 +119,8 @@ and in how many there was `none`. What counts as seen grows from moment to momen
     }
 
     /// A line for each seed, moment, voxel size and method, with what the methods are compared by: lengths in m, angles in
-    /// degrees, shares of 1; an empty cell where there is no such value, `inf` where what should be there is missing.
+    /// degrees, shares of 1; an empty cell where there is no such value, `inf` where what should be there is missing. Poses that
+    /// are wrong have two columns more, m and rad.
     pub fn csv(&self) -> String {
         let keys = Measure::ALL.map(Measure::key).join(",");
         let mut text = format!("seed,seconds,voxel_size_m,method,{keys}\n");
@@ -117,7 +129,7 @@ and in how many there was `none`. What counts as seen grows from moment to momen
             let figures = figures.map(|figure| figure.map_or(String::new(), number)).join(",");
             _ = writeln!(text, "{seed},{seconds:.3},{voxel_size},{method},{figures}");
         }
-        text
+        told::in_csv(self.pose_noise, text)
     }
 }
 
@@ -177,5 +189,19 @@ mod tests {
         assert_eq!(lines[1][..4], ["3", "1.000", "0.08", "consistent"]);
         assert_eq!((lines[1][at("rand_index")], lines[1][at("plane_angle_deg")]), ("0.500000", "inf"));
         assert_eq!((lines[3][at("plane_angle_deg")], lines[3][at("plane_nees")]), ("", ""));
+    }
+
+    #[test]
+    fn wrong_poses_are_named_in_headings_and_in_columns() {
+        let noisy = Way { pose_noise: Some(PoseNoise { metres: 0.02, radians: 0.005 }), ..way() };
+        let text = noisy.markdown();
+        assert!(
+            text.starts_with("## On the way, voxels of 8 cm, poses wrong by 0.02 m and 0.005 rad\n\n"),
+            "{text}"
+        );
+        let columns = ["pose_noise_m,pose_noise_rad"].into_iter().chain(["0.02,0.005"; 4]);
+        let expected: Vec<_> =
+            way().csv().lines().zip(columns).map(|(line, columns)| format!("{line},{columns}")).collect();
+        assert_eq!(noisy.csv().lines().collect::<Vec<_>>(), expected);
     }
 }

@@ -1,6 +1,6 @@
 //! What is sent against what there is, and one step against another.
 
-use nalgebra::{Translation3, UnitQuaternion};
+use nalgebra::{Translation3, UnitQuaternion, Vector3};
 
 use super::*;
 use crate::msg::ros::{PointCloud2, PointField, Transform, TransformStamped};
@@ -180,9 +180,11 @@ fn the_labels_of_a_message_are_those_of_the_scan_and_0_where_nothing_was_measure
     assert_eq!(labels, drive.labelled_scan(40).labels);
 }
 
+const NOISE: PoseNoise = PoseNoise { metres: 0.03, radians: 0.01 };
+
 #[test]
 fn noise_of_the_pose_changes_what_is_told_and_not_what_is_measured() {
-    let (exact, noisy) = (drive(3), drive(3).with_pose_noise(0.03, 0.01));
+    let (exact, noisy) = (drive(3), drive(3).with_pose_noise(NOISE));
     let (told, wrong) = (exact.step(700), noisy.step(700));
     assert!(told.cloud.data == wrong.cloud.data);
     assert_ne!(told.tf, wrong.tf);
@@ -190,5 +192,30 @@ fn noise_of_the_pose_changes_what_is_told_and_not_what_is_measured() {
     let off = exact.fixed_from_optical(700).inverse() * noisy.fixed_from_optical(700);
     assert!(off.translation.vector.norm() < 0.2 && off.rotation.angle() < 0.06, "{off}");
     assert_eq!(noisy.labelled_scan(700).scan.fixed_from_sensor, noisy.fixed_from_optical(700));
-    assert!(wrong.tf == drive(3).with_pose_noise(0.03, 0.01).step(700).tf, "the same again");
+    let depths = noisy.labelled_depths(700, 6.0).scan;
+    assert_eq!(depths.fixed_from_sensor, noisy.fixed_from_optical(700));
+    assert_eq!(depths.points, exact.labelled_depths(700, 6.0).scan.points);
+    assert!(wrong.tf == drive(3).with_pose_noise(NOISE).step(700).tf, "the same again");
+}
+
+#[test]
+fn wrong_poses_put_a_point_off_by_the_spread_across_the_line_from_the_base_and_by_less_along_it() {
+    assert_eq!(drive(3).pose_spread(), None);
+    let spread = drive(3).with_pose_noise(NOISE).pose_spread().unwrap();
+    let base_from_optical = Robot::new(&Scene::room()).base_from_camera() * Robot::camera_from_optical();
+    let point = Point3::new(0.7, -0.3, 4.0);
+    let line = base_from_optical * point;
+    let across = line.coords.cross(&Vector3::z()).normalize();
+    // The waves of one seed have the same periods in all coordinates, so the mean squares are taken over seeds.
+    let (seeds, mut means) = (4000_u32, [0.0; 2]);
+    for seed in 0..seeds {
+        let noisy = drive(u64::from(seed)).with_pose_noise(NOISE);
+        let base_pose = noisy.true_fixed_from_optical(70) * base_from_optical.inverse();
+        let off = base_pose.inverse() * (noisy.fixed_from_optical(70) * point) - line;
+        for (mean, direction) in means.iter_mut().zip([across, line.coords.normalize()]) {
+            *mean += off.dot(&direction).powi(2) / f64::from(seeds);
+        }
+    }
+    let ratios = [means[0] / spread.variance(&point), means[1] / NOISE.metres.powi(2)];
+    assert!(ratios.iter().all(|ratio| (ratio - 1.0).abs() < 0.08), "{ratios:?}");
 }

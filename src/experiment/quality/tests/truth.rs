@@ -5,6 +5,7 @@ use proptest::prelude::*;
 use super::super::pieces::TrueSurface;
 use super::*;
 use crate::engine::VoxelKey;
+use crate::sim::{Drive, PoseNoise};
 
 #[test]
 fn the_true_surfaces_are_the_rectangles_with_their_seen_areas_and_planes() {
@@ -123,6 +124,31 @@ fn voxels_are_scored_by_majority_and_by_the_distance_of_their_points() {
     let scored: Vec<_> = truth.scored.iter().map(|(key, _)| key.indices()[0]).collect();
     assert_eq!(scored, [20, 25]);
     assert_eq!(truth.surfaces.len(), 4);
+}
+
+/// A wall whose points a wrong pose has put five voxels before it.
+#[test]
+fn what_a_wrong_pose_has_moved_is_scored_and_its_cells_are_seen() {
+    let scene = scene(vec![corner().remove(0)]);
+    let wall = &scene.surfaces()[0];
+    let points: Vec<_> = grid_on(wall, 0.01).into_iter().map(|point| point - 0.4 * Vector3::z()).collect();
+    let drive = Drive::new(scene.clone(), 1, Stamp::from_nanos(0));
+    let spread = |metres, radians| drive.clone().with_pose_noise(PoseNoise { metres, radians }).pose_spread();
+    let seen_of = |spread| {
+        let mut map = TruthMap::new(&scene, &Params::default()).with_pose_spread(spread);
+        map.insert(&scan(&points), &vec![WALL; points.len()]);
+        let truth = map.truth(|_| seen(wall, |_| true));
+        let [surface] = &truth.surfaces[..] else { panic!("{:?}", truth.surfaces) };
+        assert_eq!(surface.scored as usize, truth.scored.len());
+        (f64::from(surface.scored) / f64::from(surface.voxels), surface.seen_area)
+    };
+    assert_eq!(seen_of(None), (0.0, 0.0));
+    assert_eq!(seen_of(spread(0.05, 0.0)), (0.0, 0.0), "2 sigma are 10 cm");
+    let (scored, area) = seen_of(spread(0.25, 0.0));
+    assert!(scored == 1.0 && (area - 6.0).abs() < 1e-9, "2 sigma are 50 cm: {scored}, {area} m2");
+    // 2.4 m or more from the robot 2 sigma are 48 cm or more.
+    let (scored, area) = seen_of(spread(0.0, 0.1));
+    assert!(scored == 1.0 && (area - 6.0).abs() < 1e-9, "{scored}, {area} m2");
 }
 
 #[test]
