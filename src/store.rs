@@ -54,7 +54,7 @@ struct Storing<'a> {
 }
 
 /// The version of the format; no other is read.
-pub const VERSION: u32 = 5;
+pub const VERSION: u32 = 6;
 
 /// How a saved map begins.
 pub(crate) const MAGIC: &[u8; 8] = b"cfodimap";

@@ -186,9 +186,12 @@ fn params() -> impl Strategy<Value = Params> {
     let noise = prop_oneof![Just(NoiseModel::KinectV1), Just(NoiseModel::None)];
     let bound = prop_oneof![2 => Just(0), 1 => 20..400_i64];
     let radius = prop_oneof![2 => Just(0.0), 1 => 2.0..5.0];
-    (1..6_i64, noise, any::<bool>(), bound, radius).prop_map(|(points, noise, clearing, bound, radius)| {
+    let poses = prop_oneof![2 => Just(0.0), 1 => 0.0..VOXEL];
+    let all = (1..6_i64, noise, any::<bool>(), bound, radius, poses);
+    all.prop_map(|(points, noise, clearing, bound, radius, poses)| {
         let params = Params::default().with_voxel_size(VOXEL).and_then(|p| p.with_min_points(points));
         let params = params.and_then(|p| p.with_max_voxels(bound)).and_then(|p| p.with_keep_radius(radius));
+        let params = params.and_then(|p| p.with_pose_sigma(poses));
         params.unwrap().with_noise_model(noise).with_clearing(clearing)
     })
 }

@@ -173,9 +173,9 @@ fn image_of_wall(x: f64, turned: f64, mut error: impl FnMut() -> f64) -> Vec<Vec
     pixels.map(point).collect()
 }
 
-/// The share of the voxels in no cluster of a wall through a border of voxels, when 100 scans were taken in whose poses sway along
-/// its normal by `sway` to either side (m).
-fn in_none_of_swaying(params: Params, sway: f64, random: &mut impl FnMut() -> f64) -> f64 {
+/// What is found of a wall through a border of voxels, when 100 scans were taken in whose poses sway along its normal by `sway` to
+/// either side (m): the share of its voxels that is in no cluster, and that in the largest one.
+fn swaying(params: Params, sway: f64, random: &mut impl FnMut() -> f64) -> [f64; 2] {
     let mut map = Consistent::new(params);
     for number in 1..=100 {
         let phase = 0.02 * PI * f64::from(number);
@@ -183,9 +183,10 @@ fn in_none_of_swaying(params: Params, sway: f64, random: &mut impl FnMut() -> f6
         let image = image_of_wall(x, turned, || 0.0075 * normal(random));
         look(&mut map, number.into(), &image, [x - AHEAD, 0.0, 1.1], turned);
     }
-    let clusters = clusters_in(&map.snapshot(), &[3.0..5.0, -3.0..3.0, 0.0..3.0]);
+    let (snapshot, bounds) = (map.snapshot(), [3.0..5.0, -3.0..3.0, 0.0..3.0]);
+    let clusters = clusters_in(&snapshot, &bounds);
     let in_none = clusters.get(&0).copied().unwrap_or(0);
-    in_none as f64 / clusters.values().sum::<usize>() as f64
+    [in_none as f64 / clusters.values().sum::<usize>() as f64, wholeness(&snapshot, &bounds).0]
 }
 
 #[test]
@@ -198,11 +199,32 @@ fn a_wall_that_swaying_poses_spread_over_layers_of_voxels_is_in_clusters() {
         {
             let params = Params::default().with_voxel_size(voxel_size).unwrap();
             let params = params.with_noise_model(noise).with_clearing(clearing);
-            let share = in_none_of_swaying(params, sway, &mut random);
+            let [share, _] = swaying(params, sway, &mut random);
             assert!(
                 share <= 0.05,
                 "{share} of voxels of {voxel_size} m, {sway} m, {noise}, clearing {clearing}"
             );
+        }
+    }
+}
+
+#[test]
+fn a_wall_is_whole_where_it_is_told_by_how_much_poses_sway() {
+    let mut random = random();
+    // And the largest share that one cluster has of it at most where it is not told, but for one that is whole then too.
+    for (voxel_size, sway, untold) in
+        [(0.08, 0.04, None), (0.08, 0.08, Some(0.8)), (0.05, 0.04, None), (0.05, 0.07, None)]
+    {
+        for noise in [NoiseModel::KinectV1, NoiseModel::None] {
+            let params = Params::default().with_voxel_size(voxel_size).unwrap().with_noise_model(noise);
+            // The standard deviation of a sine.
+            let told = params.with_pose_sigma(sway * 0.5_f64.sqrt()).unwrap();
+            let [_, whole] = swaying(told, sway, &mut random);
+            assert!(whole >= 0.95, "{whole} of voxels of {voxel_size} m, {sway} m, {noise}");
+            if let Some(most) = untold {
+                let [_, largest] = swaying(params, sway, &mut random);
+                assert!(largest <= most, "{largest} of voxels of {voxel_size} m, {sway} m, {noise}, untold");
+            }
         }
     }
 }

@@ -220,10 +220,12 @@ fn wrong_arguments_of_the_laboratory_are_named_with_status_2_and_leave_no_file()
     let parameters = ["mode:=paper", "depth:=3", "voxel_size:=0.2", "max_range:=0.5", "front.kind:=cloud"];
     let parameters = parameters.map(|parameter| ["-p", parameter]).concat();
     let parameters = [&["--ros-args", "-p", "sensors:=[front]"], &parameters[..]].concat();
-    let wrong: [(&[&str], &str); 6] = [
+    let poses = ["--voxel-size", "0.08", "--voxel-size", "0.05", "--ros-args", "-p", "pose_sigma:=0.07"];
+    let wrong: [(&[&str], &str); 7] = [
         (&parameters, "--scene does not use front.kind, max_range, mode, sensors, voxel_size: all methods"),
         (&["--voxel-size", "0.05", "--voxel-size", "0.08", "--voxel-size", "0.050"], "0.05 is given twice"),
         (&["--voxel-size", "0"], "voxel_size is 0 m"),
+        (&poses, "--voxel-size 0.05 is less than pose_sigma, which is 0.07 m"),
         (&["--seeds", "0"], "0 is not in 1..=1000"),
         (&["--pose-noise", "0.1"], "two numbers are meant"),
         (&["--pose-noise", "-0.1,0"], "-0.1 is not from 0 to 1"),

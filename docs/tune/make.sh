@@ -12,6 +12,7 @@ python() { bash "$here/../../tests/bags/python.sh" "$@"; }
 
 "$cfodi" simulate --out lab.mcap --scene lab --seconds 12
 "$cfodi" simulate --out moving.mcap --scene moving --seconds 12
+"$cfodi" simulate --out swayed.mcap --scene lab --seconds 12 --pose-noise 0.05,0.01
 
 map() {  # NAME SCENE [PARAMETER:=VALUE ...]
   local name=$1 scene=$2
@@ -34,6 +35,8 @@ map distance lab optical:=no
 map strict lab max_normal_angle:=0.02
 map tenth lab max_normal_angle:=0.1
 map unknown lab noise_model:=none
+map swayed swayed
+map told swayed pose_sigma:=0.05
 map letter lab mode:=paper
 map cleared moving
 map kept moving clearing:=false
@@ -47,6 +50,7 @@ draw min_points '3=few.ply' '15=usual.ply' '1000=many.ply'
 draw max_range '10 m=far.ply' '6 m=usual.ply' '3 m=near.ply'
 draw max_normal_angle '0.53, in consistent 0.17=usual.ply' '0.02=strict.ply'
 draw noise_model 'kinect_v1=usual.ply' 'none=unknown.ply'
+draw pose_sigma '0=swayed.ply' '0.05=told.ply'
 draw mode 'consistent=usual.ply' 'paper=letter.ply'
 draw clearing 'true=cleared.ply' 'false=kept.ply'
 draw bounds 'no bound=usual.ply' 'keep_radius 2.5 m=radius.ply' 'max_voxels 10000=bounded.ply'

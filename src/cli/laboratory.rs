@@ -73,13 +73,14 @@ fn metres(text: &str) -> Result<f64, String> {
 }
 
 /// The parameters that shape what the methods do; of the others each method, the simulator or an option decides.
-const USED: [&str; 9] = [
+const USED: [&str; 10] = [
     "min_points",
     "depth",
     "max_normal_angle",
     "min_vicinity",
     "expansion_interval",
     "noise_model",
+    "pose_sigma",
     "clearing",
     "max_voxels",
     "keep_radius",
@@ -89,6 +90,12 @@ const USED: [&str; 9] = [
 fn check(setup: &Setup, sizes: &[f64]) -> Result<(), Wrong> {
     if let Some(size) = given_twice(sizes) {
         return Err(Wrong(format!("--voxel-size {size} is given twice: its runs would be counted twice")));
+    }
+    let sigma = setup.config().engine.pose_sigma();
+    if let Some(size) = sizes.iter().find(|size| **size < sigma) {
+        return Err(Wrong(format!(
+            "--voxel-size {size} is less than pose_sigma, which is {sigma} m: give only larger ones"
+        )));
     }
     let unused = setup.given_beside(&USED);
     if unused.is_empty() {
@@ -172,9 +179,11 @@ pub(crate) fn laboratory(setup: &Setup, options: &Simulation, out: &Path) -> any
     let is_whole = made.len() as u64 == *seeds;
     let all = count_of(*seeds, "run");
     let count = if is_whole { all } else { format!("{} of {all}", made.len()) };
-    let outcome = Outcome::of(made, *pose_noise);
+    let outcome = Outcome::of(made, laboratory.pose_noise());
+    let sigma = setup.config().engine.pose_sigma();
+    let told = if sigma > 0.0 { format!(", pose_sigma {sigma} m") } else { String::new() };
     let title =
-        format!("Scene {name}: {count} of {seconds} s, {} each", count_of(laboratory.scans(), "scan"));
+        format!("Scene {name}: {count} of {seconds} s, {} each{told}", count_of(laboratory.scans(), "scan"));
     let files = [(&page, outcome.page(&title)), (&csv, outcome.table.csv())];
     let files = files.into_iter().chain(way.as_ref().map(|way| (way, outcome.way.csv())));
     let written = files.map(|(path, text)| write_whole(path, |file| file.write_all(text.as_bytes())));

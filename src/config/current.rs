@@ -105,8 +105,10 @@ impl Current {
                 return Err(ConfigError::Impossible { name, value, must });
             }
             if let Some(because) = self.why_fixed(parameter).filter(|_| value != *now) {
-                // What could not be at a start either is told so: with these sensors, and in this mode.
-                let beside = ["mode", "sensors"].into_iter().filter(|beside| *beside != name);
+                // What could not be at a start either is told so: with what it is judged by.
+                let beside = ["mode", "sensors", "voxel_size", "pose_sigma"]
+                    .into_iter()
+                    .filter(|beside| *beside != name);
                 let beside = beside.filter_map(|beside| self.values.get_key_value(beside));
                 let beside = beside.map(|(name, value)| (name.clone(), value.clone()));
                 Config::new(beside.chain([(name.clone(), value)]))?;
@@ -206,6 +208,21 @@ mod tests {
         );
         let both = [("max_range", Value::Double(0.2)), ("min_range", Value::Double(0.3))];
         assert!(change(&mut current, &both).unwrap_err().starts_with("min_range is 0.3"));
+    }
+
+    #[test]
+    fn what_could_not_be_at_a_start_is_told_so_by_what_the_node_has() {
+        let given = |size, sigma| {
+            let given = [("voxel_size", size), ("pose_sigma", sigma)];
+            given.map(|(name, value)| (name.to_owned(), Value::Double(value))).to_vec()
+        };
+        let mut current = Current::new(given(0.16, 0.04)).unwrap();
+        let error = change(&mut current, &[("pose_sigma", Value::Double(0.1))]).unwrap_err();
+        assert!(error.starts_with("pose_sigma is 0.04 while the node runs"), "{error}");
+        let error = change(&mut current, &[("pose_sigma", Value::Double(0.2))]).unwrap_err();
+        assert_eq!(error, "pose_sigma is 0.2; it must be at most voxel_size, which is 0.16 m");
+        let error = change(&mut current, &[("voxel_size", Value::Double(0.03))]).unwrap_err();
+        assert_eq!(error, "voxel_size is 0.03; it must be at least pose_sigma, which is 0.04 m");
     }
 
     #[test]

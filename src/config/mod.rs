@@ -214,6 +214,7 @@ fn engine(given: &Given) -> Result<Params, ConfigError> {
     Ok(Params::DEFAULT
         .with_mode(given.word("mode")?)
         .with_noise_model(given.noise_model()?)
+        .with_pose_sigma(given.pose_sigma()?)?
         .with_clearing(given.clearing()?)
         .with_max_voxels(given.integer("max_voxels")?)?
         .with_keep_radius(given.number("keep_radius")?)?

@@ -306,6 +306,13 @@ pub(super) const TABLE: &[Row] = &[
         .zero("never complete")
         .means("time without growth until a cluster is complete, delta", Change::LiveInConsistent),
     Row::word::<NoiseModel>("noise_model").means("what depths scatter by, in mode `consistent`", MAP),
+    Row::number("pose_sigma", ENGINE.pose_sigma(), &engine::POSE_SIGMA)
+        .unit("m")
+        .also("at most voxel_size")
+        .means(
+            "by how much the poses on `/tf` put a surface off its place, as a standard deviation, in mode `consistent`",
+            MAP,
+        ),
     Row::boolean("clearing", ENGINE.clearing())
         .also("false where mode is `paper`, which forgets nothing")
         .means("whether what the sensor looks through is forgotten", Change::LiveInConsistent),

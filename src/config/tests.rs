@@ -128,6 +128,7 @@ fn an_impossible_value_is_named_with_what_it_must_be() {
         line("noise_model", Value::Text("kinect_v2".into())),
         "noise_model is \"kinect_v2\"; it must be `kinect_v1` or `none`"
     );
+    assert_eq!(line("pose_sigma", Value::Double(-0.1)), "pose_sigma is -0.1; it must be from 0 to 1 m");
     assert_eq!(line("max_voxels", Value::Integer(-1)), "max_voxels is -1; it must be 0 (no bound) or more");
     assert_eq!(
         line("keep_radius", Value::Integer(-1)),
@@ -145,7 +146,7 @@ fn an_impossible_value_is_named_with_what_it_must_be() {
 }
 
 #[test]
-fn of_two_ranges_that_contradict_each_other_the_one_is_refused_that_was_given_last() {
+fn of_two_lengths_that_contradict_each_other_the_one_is_refused_that_was_given_last() {
     let line = |given: &[(&str, f64)]| {
         let given = given.iter().map(|(name, value)| ((*name).to_owned(), Value::Double(*value)));
         Config::new(given).unwrap_err().to_string()
@@ -162,6 +163,14 @@ fn of_two_ranges_that_contradict_each_other_the_one_is_refused_that_was_given_la
     assert_eq!(line(&[(least, 4.0), (kept, 3.0)]), too_near);
     let too_near = "keep_radius is 0.3; it must be 0 (no bound) or at least min_range, which is 0.4 m";
     assert_eq!(line(&[(kept, 0.3)]), too_near);
+    let [size, sigma] = ["voxel_size", "pose_sigma"];
+    let too_much = "pose_sigma is 0.06; it must be at most voxel_size, which is 0.05 m";
+    assert_eq!(line(&[(size, 0.05), (sigma, 0.06)]), too_much);
+    let too_small = "voxel_size is 0.05; it must be at least pose_sigma, which is 0.06 m";
+    assert_eq!(line(&[(sigma, 0.06), (size, 0.05)]), too_small);
+    let to_the_letter = [("mode", Value::Text("paper".into())), (sigma, Value::Double(0.1))];
+    let config = Config::new(to_the_letter.map(|(name, value)| (name.to_owned(), value)));
+    assert_eq!(config.unwrap().engine.pose_sigma(), 0.1, "`paper` does not ask for it");
 }
 
 #[test]
@@ -242,7 +251,11 @@ fn both_ends_of_a_parameter_are_possible_and_what_is_beyond_is_refused_in_the_wo
         for value in ends {
             // An end may contradict the default of another parameter, in words that name that one.
             if let Err(error) = with(&name, value.clone()) {
-                assert!(error.to_string().contains("_range, which is"), "{name} is {value}: {error}");
+                let named = ["_range, which is", "at most voxel_size, which is"];
+                assert!(
+                    named.iter().any(|other| error.to_string().contains(other)),
+                    "{name} is {value}: {error}"
+                );
             }
         }
     }

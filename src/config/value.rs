@@ -254,6 +254,17 @@ impl Given {
         Ok(clearing)
     }
 
+    /// Poses that put surfaces off by more than a voxel leave nothing of what a voxel is to tell apart.
+    pub(super) fn pose_sigma(&self) -> Result<f64, ConfigError> {
+        let (sigma, size) = (self.number("pose_sigma")?, self.number("voxel_size")?);
+        if sigma > size && !self.is_paper()? {
+            let too_large = ("pose_sigma", format!("at most voxel_size, which is {size} m"));
+            let too_small = ("voxel_size", format!("at least pose_sigma, which is {sigma} m"));
+            return self.refuse_last(too_large, too_small);
+        }
+        Ok(sigma)
+    }
+
     /// Bounds that only the mode `consistent` has: 0 in the other.
     pub(super) fn check_no_bounds(&self) -> Result<(), ConfigError> {
         if self.is_paper()? {
@@ -267,33 +278,31 @@ impl Given {
         Ok(())
     }
 
-    /// Of two that contradict each other the one is refused that was given last: the other may be a default, or right.
     pub(super) fn check_ranges(&self) -> Result<(), ConfigError> {
         let (least, most) = (self.number("min_range")?, self.number("max_range")?);
         if most < least {
-            return match self.last_first(["max_range", "min_range"]) {
-                [name @ "min_range", _] => self.refuse(name, format!("at most max_range, which is {most} m")),
-                [name, _] => self.refuse(name, format!("at least min_range, which is {least} m")),
-            };
+            let too_near = ("max_range", format!("at least min_range, which is {least} m"));
+            let too_far = ("min_range", format!("at most max_range, which is {most} m"));
+            return self.refuse_last(too_near, too_far);
         }
         // What is nearer is not taken in, and what is farther not kept.
         let kept = self.number("keep_radius")?;
         if kept > 0.0 && kept < least {
-            return match self.last_first(["keep_radius", "min_range"]) {
-                [name @ "min_range", _] => {
-                    self.refuse(name, format!("at most keep_radius, which is {kept} m"))
-                }
-                [name, _] => {
-                    self.refuse(name, format!("0 (no bound) or at least min_range, which is {least} m"))
-                }
-            };
+            let too_near = ("keep_radius", format!("0 (no bound) or at least min_range, which is {least} m"));
+            let too_far = ("min_range", format!("at most keep_radius, which is {kept} m"));
+            return self.refuse_last(too_near, too_far);
         }
         Ok(())
     }
 
-    /// These two, the one that was given last before the other.
-    fn last_first<'a>(&self, [a, b]: [&'a str; 2]) -> [&'a str; 2] {
-        if self.told.get(a) >= self.told.get(b) { [a, b] } else { [b, a] }
+    /// Of two that contradict each other, each with what it must be, refuses the one that was given last, or the first: the other may
+    /// be a default, or right.
+    fn refuse_last<T>(
+        &self,
+        (a, a_must): (&str, String),
+        (b, b_must): (&str, String),
+    ) -> Result<T, ConfigError> {
+        if self.told.get(a) >= self.told.get(b) { self.refuse(a, a_must) } else { self.refuse(b, b_must) }
     }
 }
 

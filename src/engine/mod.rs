@@ -54,7 +54,7 @@ pub use map::Engine;
 pub use nalgebra::Isometry3;
 pub(crate) use params::{
     DEPTH, EXPANSION_INTERVAL, KEEP_RADIUS, MAX_NORMAL_ANGLE, MAX_VOXELS, MIN_POINTS, MIN_VICINITY,
-    VOXEL_SIZE,
+    POSE_SIGMA, VOXEL_SIZE,
 };
 pub use params::{Mode, Params, ParamsError};
 pub use points::{Depths, Points, Rays};

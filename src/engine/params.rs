@@ -42,6 +42,7 @@ pub struct Params {
     min_vicinity: u32,
     expansion_interval: u32,
     noise_model: NoiseModel,
+    pose_sigma: f64,
     clearing: bool,
     max_voxels: u64,
     keep_radius: f64,
@@ -71,6 +72,9 @@ pub enum ParamsError {
         most = EXPANSION_INTERVAL.end()
     )]
     ExpansionInterval(i64),
+    /// Error of the poses.
+    #[error("pose_sigma is {0} m; it must be from {least} to {most}", least = POSE_SIGMA.start(), most = POSE_SIGMA.end())]
+    PoseSigma(f64),
     /// Voxels that are kept.
     #[error("max_voxels is {0}; it must be 0 (no bound) or more")]
     MaxVoxels(i64),
@@ -94,6 +98,7 @@ pub(crate) const DEPTH: RangeInclusive<i64> = 1..=MAX_DEPTH as i64;
 pub(crate) const MAX_NORMAL_ANGLE: RangeInclusive<f64> = 0.0..=FRAC_PI_2;
 pub(crate) const MIN_VICINITY: RangeInclusive<i64> = 1..=u32::MAX as i64;
 pub(crate) const EXPANSION_INTERVAL: RangeInclusive<i64> = 0..=u32::MAX as i64;
+pub(crate) const POSE_SIGMA: RangeInclusive<f64> = 0.0..=1.0;
 pub(crate) const MAX_VOXELS: RangeInclusive<i64> = 0..=i64::MAX;
 pub(crate) const KEEP_RADIUS: RangeInclusive<f64> = 0.0..=f64::MAX;
 
@@ -118,6 +123,7 @@ impl Params {
         min_vicinity: 1,
         expansion_interval: 10,
         noise_model: NoiseModel::KinectV1,
+        pose_sigma: 0.0,
         clearing: true,
         max_voxels: 0,
         keep_radius: 0.0,
@@ -166,6 +172,12 @@ impl Params {
     /// What the sensor's depths scatter by. Not used in [`Mode::Paper`].
     pub const fn noise_model(&self) -> NoiseModel {
         self.noise_model
+    }
+
+    /// By how much the poses of the sensor put a surface off its place, as a standard deviation (m); 0 where that is less
+    /// than a centimetre. Not used in [`Mode::Paper`].
+    pub const fn pose_sigma(&self) -> f64 {
+        self.pose_sigma
     }
 
     /// Whether voxels that the sensor looks through lose their points; never in [`Mode::Paper`].
@@ -219,6 +231,15 @@ impl Params {
     #[must_use]
     pub const fn with_noise_model(self, noise_model: NoiseModel) -> Self {
         Self { noise_model, ..self }
+    }
+
+    /// Sets by how much the poses of the sensor put a surface off its place, as a standard deviation (m).
+    ///
+    /// # Errors
+    /// When it is not from 0 to 1 m. More than a voxel leaves nothing of what a voxel is to tell apart, and is possible.
+    pub fn with_pose_sigma(self, pose_sigma: f64) -> Result<Self, ParamsError> {
+        let possible = POSE_SIGMA.contains(&pose_sigma);
+        possible.then_some(Self { pose_sigma, ..self }).ok_or(ParamsError::PoseSigma(pose_sigma))
     }
 
     /// Sets how points become clusters.
@@ -313,6 +334,8 @@ mod tests {
         assert_eq!(params.with_min_vicinity(-1), Err(ParamsError::MinVicinity(-1)));
         assert_eq!(params.with_expansion_interval(-1), Err(ParamsError::ExpansionInterval(-1)));
         assert_eq!(params.with_expansion_interval(0).unwrap().expansion_interval(), 0);
+        assert_eq!(params.with_pose_sigma(-0.1), Err(ParamsError::PoseSigma(-0.1)));
+        assert!(matches!(params.with_pose_sigma(f64::NAN), Err(ParamsError::PoseSigma(_))));
         assert_eq!(params.with_max_voxels(-1), Err(ParamsError::MaxVoxels(-1)));
         assert_eq!(params.with_keep_radius(-0.5), Err(ParamsError::KeepRadius(-0.5)));
         assert!(matches!(params.with_keep_radius(f64::INFINITY), Err(ParamsError::KeepRadius(_))));

@@ -41,6 +41,7 @@ pub(super) struct Shape {
     max_normal_angle: f64,
     min_vicinity: u32,
     noise_model: NoiseModel,
+    pose_sigma: f64,
 }
 
 /// A saved map that cannot be resumed.
@@ -123,10 +124,11 @@ impl Shape {
             max_normal_angle: params.max_normal_angle(),
             min_vicinity: params.min_vicinity(),
             noise_model: params.noise_model(),
+            pose_sigma: params.pose_sigma(),
         }
     }
 
-    /// The parameters by name. `consistent` asks for neither depth nor vicinity, `paper` for no noise.
+    /// The parameters by name. `consistent` asks for neither depth nor vicinity, `paper` for no noise and no error of poses.
     fn values(&self) -> Vec<(&'static str, String)> {
         let both = [
             ("mode", self.mode.as_str().to_owned()),
@@ -138,7 +140,12 @@ impl Shape {
             Mode::Paper => {
                 vec![("depth", self.depth.to_string()), ("min_vicinity", self.min_vicinity.to_string())]
             }
-            Mode::Consistent => vec![("noise_model", self.noise_model.to_string())],
+            Mode::Consistent => {
+                vec![
+                    ("noise_model", self.noise_model.to_string()),
+                    ("pose_sigma", self.pose_sigma.to_string()),
+                ]
+            }
         };
         both.into_iter().chain(own).collect()
     }

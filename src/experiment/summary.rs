@@ -39,6 +39,7 @@ pub struct ParametersSummary {
     pub expansion_interval: u32,
     /// This and what follows are asked for by mode `consistent` alone.
     pub noise_model: &'static str,
+    pub pose_sigma: f64,
     pub clearing: bool,
     pub max_voxels: u64,
     pub keep_radius: f64,
@@ -218,6 +219,7 @@ impl ParametersSummary {
             min_vicinity: params.min_vicinity(),
             expansion_interval: params.expansion_interval(),
             noise_model: params.noise_model().as_str(),
+            pose_sigma: params.pose_sigma(),
             clearing: params.with_mode(Mode::Consistent).clearing(),
             max_voxels: params.max_voxels(),
             keep_radius: params.keep_radius(),

@@ -21,9 +21,9 @@ const JITTER: f64 = 0.1;
 /// By how much the poses told of `base_link` are wrong, as standard deviations.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PoseNoise {
-    /// Of each coordinate of the place (m).
+    /// Of each coordinate of the place (m), 0 or more.
     pub metres: f64,
-    /// Of the turn about each axis (rad).
+    /// Of the turn about each axis (rad), 0 or more.
     pub radians: f64,
 }
 

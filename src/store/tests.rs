@@ -151,6 +151,14 @@ fn a_map_of_other_parameters_is_refused_by_name_and_values() {
     assert_eq!(error.to_string(), "the map was made with voxel_size 0.08, now it is 0.05");
     let error = Engine::restore(Params::paper(), map.clone()).unwrap_err();
     assert_eq!(error.to_string(), "the map was made with mode consistent, now it is paper");
+    let wandering = Params::default().with_pose_sigma(0.02).unwrap();
+    let error = Engine::restore(wandering, map.clone()).unwrap_err();
+    assert_eq!(error.to_string(), "the map was made with pose_sigma 0, now it is 0.02");
+    let to_the_letter = engine(Params::paper(), 2).freeze().save();
+    assert!(
+        Engine::restore(Params::paper().with_pose_sigma(0.02).unwrap(), to_the_letter).is_ok(),
+        "it asks for none"
+    );
     let bounded = Params::default().with_max_voxels(1000).unwrap().with_clearing(false);
     assert!(Engine::restore(bounded, map).is_ok(), "bounds and clearing may be others");
 }

@@ -17,6 +17,7 @@ With 1000, half ({many.dense_voxels:,}) are left
 the map has {near.clusters} clusters, with 6 m 2.1 ms and {usual.clusters}, with 10 m 2.5 ms and {far.clusters}.
 {distance.dense_voxels:,} voxels are dense instead of {usual.dense_voxels:,}
 {unknown.clusters} clusters with `none` and {usual.clusters} with `kinect_v1`
+{swayed.clusters} clusters, with 0.05 {told.clusters}
 {usual.clusters} clusters and {letter.clusters} on the same voxels
 {usual.clusters} clusters as it is, {tenth.clusters} with 0.1 and with 0.02
 {usual.clusters} clusters as it is, {strict.clusters} with 0.1 and with 0.02

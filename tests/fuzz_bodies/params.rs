@@ -4,6 +4,7 @@ use std::fs;
 
 use cfodi::args::Environment;
 use cfodi::args::Setup;
+use cfodi::engine::Mode;
 
 use super::bytes::Bytes;
 use super::mcap::with_folder;
@@ -50,6 +51,7 @@ fn check(args: &[String], domain: Option<&str>) {
     let engine = &config.engine;
     assert!(engine.voxel_size() > 0.0 && engine.voxel_size().is_finite());
     assert!((1..=8).contains(&engine.depth()) && engine.keep_radius() >= 0.0);
+    assert!(engine.pose_sigma() <= engine.voxel_size() || engine.mode() == Mode::Paper);
     for name in ["points", "depth/image", "~/clusters", "/tf"] {
         if let Ok(resolved) = setup.resolve(name) {
             assert!(resolved.starts_with('/'), "{resolved}");

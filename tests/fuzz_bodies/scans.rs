@@ -43,6 +43,7 @@ pub fn consistent_params(bytes: &mut Bytes<'_>) -> Params {
         .and_then(|p| p.with_keep_radius(bytes.one_of(&[0.0, 0.0, 0.5, 3.0])))
         .and_then(|p| p.with_max_normal_angle(bytes.within(0.0, 1.57)))
         .and_then(|p| p.with_expansion_interval(i64::from(bytes.below(6))))
+        .and_then(|p| p.with_pose_sigma(bytes.one_of(&[0.0, 0.0, 0.02, 0.05])))
         .expect("possible parameters")
         .with_noise_model(noise)
         .with_clearing(clearing)

@@ -23,7 +23,7 @@ SUBSCRIBED = {
 }
 DEFAULTS = {
     "fixed_frame": "odom", "mode": "consistent", "voxel_size": 0.08, "min_points": 15, "depth": 4, "max_normal_angle": 0.53,
-    "min_vicinity": 1, "expansion_interval": 10, "noise_model": "kinect_v1", "clearing": True, "max_voxels": 0,
+    "min_vicinity": 1, "expansion_interval": 10, "noise_model": "kinect_v1", "pose_sigma": 0.0, "clearing": True, "max_voxels": 0,
     "keep_radius": 0.0, "max_range": 6.0, "min_range": 0.4, "optical": "auto",
     "max_points": 4_000_000, "network_interfaces": [], "receive_buffer": 32 << 20, "tf_timeout": 0.2, "publish_rate": 2.0,
     "use_sim_time": False, "snapshot_path": "", "snapshot_period": 60.0, "twins": [],

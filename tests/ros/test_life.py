@@ -25,6 +25,8 @@ REFUSED = [
     ("network_interfaces", "[0.0.0.0]", ["must be"]),
     ("mode", "fast", ["must be", "consistent", "paper"]),
     ("noise_model", "kinect_v2", ["must be", "kinect_v1", "none"]),
+    ("pose_sigma", "-0.1", ["must be", "from 0 to 1 m"]),
+    ("pose_sigma", "0.1", ["must be", "at most voxel_size, which is 0.08 m"]),
     ("clearing", "1", ["must be"]),
     ("max_voxels", "-1", ["must be"]),
     ("keep_radius", "-1.5", ["must be"]),

@@ -28,6 +28,7 @@ TABLE = {
     "min_vicinity": ((1, 2**32 - 1), None, 0, "from 1 to 4294967295 pairs"),
     "expansion_interval": ((0, 2**32 - 1), 25, -1, "from 0 (never complete) to 4294967295 scans"),
     "noise_model": (None, None, "kinect_v2", "`kinect_v1` or `none`"),
+    "pose_sigma": ((0.0, 1.0), None, -0.1, "from 0 to 1 m"),
     "clearing": (None, False, None, None),
     "max_voxels": ((0, 2**63 - 1), 5000, -1, "0 (no bound) or more"),
     "keep_radius": ((0.0, BIG), 7.5, -0.5, "finite and 0 m (no bound) or more"),
@@ -50,7 +51,7 @@ TABLE = {
 # Another value of what is read when the node starts.
 FIXED = {
     "fixed_frame": "map", "mode": "paper", "voxel_size": 0.1, "min_points": 9, "depth": 3, "max_normal_angle": 0.4,
-    "min_vicinity": 2, "noise_model": "none", "network_interfaces": ["127.0.0.1"], "receive_buffer": 65536,
+    "min_vicinity": 2, "noise_model": "none", "pose_sigma": 0.02, "network_interfaces": ["127.0.0.1"], "receive_buffer": 65536,
     "snapshot_path": "/tmp/map", "use_sim_time": True, "twins": ["detections"], "sensors": ["front"], "points.kind": "cloud",
     "points.noise_model": "none",
 }

@@ -4,7 +4,7 @@
 //! and sloped, how high a surface stands above the floor, and so on. The confidence is the product of the
 //! probabilities that each margin that decided has its sign, taken as normally distributed, and of the support by
 //! voxels: it never falls when the covariance shrinks or voxels are added. The constants of [`calibration`] are the
-//! only ones. Lengths in m, angles in rad; O(neighbours).
+//! only ones, but for what poses may put apart (`rules`). Lengths in m, angles in rad; O(neighbours).
 
 use std::f64::consts::PI;
 
@@ -25,9 +25,9 @@ mod calibration {
     pub(super) const UPRIGHT: f64 = 1.221_730;
     /// Error of a tilt beside its covariance (rad): that of the fixed frame's up.
     pub(super) const TILT_SIGMA: f64 = 0.017;
-    /// A level surface this much higher or lower than the floor is another (m).
+    /// A level surface this much higher or lower than the floor is another (m), or as much as poses may put apart what is one.
     pub(super) const STEP: f64 = 0.07;
-    /// Deviation of a height (m).
+    /// Deviation of a height, with exact poses (m).
     pub(super) const HEIGHT_SIGMA: f64 = 0.02;
     /// Deviation of an area, relative to [`FLOOR_AREA`].
     pub(super) const AREA_SIGMA: f64 = 0.5;
@@ -48,13 +48,13 @@ mod calibration {
     pub(super) const DOOR_HEIGHT: [f64; 2] = [1.7, 2.3];
     /// What is smaller than a door, down to this part of its least width and height, may be part of one.
     pub(super) const PART: f64 = 0.5;
-    /// Deviation of a door's width and height, and of its distances from walls and corners (m).
+    /// Deviation of a door's width and height, and of its distances from walls and corners, with exact poses (m).
     pub(super) const SIZE_SIGMA: f64 = 0.05;
     /// Angle from which a door is open (rad): 15 degrees.
     pub(super) const OPEN: f64 = 0.261_799;
     /// A hinge lies this close to its wall's plane, and so does a shut door (m).
     pub(super) const HINGE: f64 = 0.3;
-    /// Deviation of how far a shut door stands out of its wall's plane, in voxels.
+    /// Deviation of how far a shut door stands out of its wall's plane, in voxels, with exact poses.
     pub(super) const SHUT_SIGMA: f64 = 0.25;
     /// Angle from which a door may as well be the next wall of the room (rad), 75 degrees, unless its wall is higher than
     /// itself by `HIGHER`.
@@ -125,6 +125,8 @@ pub(crate) struct Evidence<'a> {
     pub(crate) voxels: u32,
     /// Edge of a voxel (m).
     pub(crate) voxel_size: f64,
+    /// How far apart poses may put what is one surface (m): two standard deviations of the distance.
+    pub(crate) apart: f64,
     pub(crate) planarity: Planarity,
     pub(crate) surroundings: Surroundings,
     /// The upright clusters beside an upright one.
@@ -208,15 +210,20 @@ impl Evidence<'_> {
         f64::midpoint(self.lowest, self.highest)
     }
 
+    /// Deviation of a distance or an extent that has this one with exact poses (m).
+    fn sigma(&self, exact: f64) -> f64 {
+        exact.hypot(0.5 * self.apart)
+    }
+
     fn facing_up(&self) -> (SurfaceClass, f64) {
         let Some(floor) = self.surroundings.floor.or(self.surroundings.floor_above) else {
             // What is large enough is one of the floors that it is held against: `Evidence::of` looks to that.
             let area = (FLOOR_AREA - self.area) / FLOOR_AREA;
             return (SurfaceClass::Horizontal, likely(area, c::AREA_SIGMA));
         };
-        let margin = c::STEP - (self.middle() - floor).abs();
+        let margin = c::STEP.max(self.apart) - (self.middle() - floor).abs();
         let class = if margin >= 0.0 { SurfaceClass::Floor } else { SurfaceClass::Horizontal };
-        (class, likely(margin.abs(), c::HEIGHT_SIGMA))
+        (class, likely(margin.abs(), self.sigma(c::HEIGHT_SIGMA)))
     }
 
     fn facing_down(&self) -> (SurfaceClass, f64) {
@@ -226,16 +233,17 @@ impl Evidence<'_> {
         }
         // What was one is one still when the sensor has gone up past it. How sure that is tells how clearly it lies on either
         // side: what was hardly one from below is not a certain one from above.
-        (SurfaceClass::Ceiling, likely(above.abs(), c::HEIGHT_SIGMA))
+        (SurfaceClass::Ceiling, likely(above.abs(), self.sigma(c::HEIGHT_SIGMA)))
     }
 
     fn upright(&self) -> (SurfaceClass, f64) {
+        let size_sigma = self.sigma(c::SIZE_SIGMA);
         let top = self.surroundings.floor.map_or(self.height, |floor| self.highest - floor);
         let size = Margins::all(&[
-            (c::DOOR_WIDTH[1] - self.width, c::SIZE_SIGMA),
-            (c::DOOR_HEIGHT[1] - top, c::SIZE_SIGMA),
-            (self.width - c::PART * c::DOOR_WIDTH[0], c::SIZE_SIGMA),
-            (self.height - c::PART * c::DOOR_HEIGHT[0], c::SIZE_SIGMA),
+            (c::DOOR_WIDTH[1] - self.width, size_sigma),
+            (c::DOOR_HEIGHT[1] - top, size_sigma),
+            (self.width - c::PART * c::DOOR_WIDTH[0], size_sigma),
+            (self.height - c::PART * c::DOOR_HEIGHT[0], size_sigma),
         ]);
         let beside = self.neighbours.iter().map(|neighbour| self.out_of(neighbour).and(size));
         let doors = beside.clone().filter(Margins::hold).map(|margins| margins.product);
@@ -250,20 +258,19 @@ impl Evidence<'_> {
     /// How the cluster's plane leaves that of a wall.
     fn out_of(&self, wall: &Neighbour) -> Margins {
         let angle = self.normal.dot(&wall.normal).abs().min(1.0).acos();
-        let sigma = self.tilt_sigma();
-        let hinged = (c::HINGE - wall.hinge_offset.abs(), c::SIZE_SIGMA);
+        let (sigma, size_sigma) = (self.tilt_sigma(), self.sigma(c::SIZE_SIGMA));
+        let hinged = (c::HINGE - wall.hinge_offset.abs(), size_sigma);
         let free = self.corners[1 - wall.hinge];
-        let mut open =
-            Margins::all(&[(angle - c::OPEN, sigma), hinged, (free - c::CORNER_GAP, c::SIZE_SIGMA)]);
+        let mut open = Margins::all(&[(angle - c::OPEN, sigma), hinged, (free - c::CORNER_GAP, size_sigma)]);
         if angle > c::CORNER {
-            open = open.and(Margins::all(&[(wall.highest - self.highest - c::HIGHER, c::SIZE_SIGMA)]));
+            open = open.and(Margins::all(&[(wall.highest - self.highest - c::HIGHER, size_sigma)]));
         }
         let offset = wall.plane_offset.abs();
         let shut = Margins::all(&[
             (c::OPEN - angle, sigma),
-            (offset - self.voxel_size, c::SHUT_SIGMA * self.voxel_size),
-            (c::HINGE - offset, c::SIZE_SIGMA),
-            (self.corners[0].min(self.corners[1]) - c::CORNER_GAP, c::SIZE_SIGMA),
+            (offset - self.voxel_size.max(self.apart), self.sigma(c::SHUT_SIGMA * self.voxel_size)),
+            (c::HINGE - offset, size_sigma),
+            (self.corners[0].min(self.corners[1]) - c::CORNER_GAP, size_sigma),
         ]);
         if shut.least > open.least { shut } else { open }
     }

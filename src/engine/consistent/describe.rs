@@ -4,8 +4,9 @@
 use nalgebra::{Isometry3, Matrix3, Point3, SymmetricEigen, Vector3};
 
 use super::cluster::{Cluster, ClusterPlane};
+use super::noise::NoiseModel;
 use super::outline::{self, Drawing, Outline};
-use super::rules::PLANAR;
+use super::rules::{PLANAR, SENSOR_BIAS};
 use crate::engine::class::SurfaceClass;
 use crate::engine::key::ClusterId;
 use crate::engine::params::Params;
@@ -26,6 +27,15 @@ const SMALL: f64 = 0.5;
 /// By the standard deviation of the noise beyond [`PLANAR`] voxels: of a wall whose points scatter over several layers of voxels
 /// the farther ones may be out of range, and the sparser layers are not dense. All of it is wrong by this, however large it is.
 const LAYERS: f64 = 0.3;
+
+/// How many times its noise a plane's points are off it before the rest is taken for what poses put off, whatever it is: walls
+/// of the laboratory, whose poses are exact, have 1.07 at most.
+const EXPLAINED: f64 = 1.15;
+/// What poses put off is this many times the variance that is seen of it: what lies farther off is in no patch, and no plane is seen
+/// under all poses.
+const UNSEEN: f64 = 3.0;
+/// Part of what poses put off that tilts a plane at its half extent: most of it moves all of a surface.
+const TILTED: f64 = 0.5;
 
 /// Everything but class and state; `None` where it has no plane, or nothing to draw an outline around.
 pub(super) fn shape_of(
@@ -54,7 +64,8 @@ pub(super) fn shape_of(
         class_confidence: 0.0,
         normal,
         offset,
-        plane_covariance: plane_covariance(plane, &pose, sides, outline.area, size),
+        plane_covariance: plane_covariance(plane, &pose, sides, outline.area, size)
+            .map(|exact| exact + off_by_poses(poses_variance(plane, rms_error, params), sides, size)),
         centroid: point,
         covariance,
         rms_error,
@@ -92,8 +103,8 @@ fn symmetric(matrix: &Matrix3<f64>) -> Matrix3<f64> {
 }
 
 /// Covariance of (turn about pose x, turn about pose y, place along pose z at its origin): the inverse of the information in
-/// the voxels' means, and what does not average away. `None` where their places leave nothing of it but what rounding may: voxels in
-/// one row say nothing of the turn about it.
+/// the voxels' means, and what does not average away with exact poses. `None` where their places leave nothing of it but what
+/// rounding may: voxels in one row say nothing of the turn about it.
 fn plane_covariance(
     plane: &ClusterPlane,
     pose: &Isometry3<f64>,
@@ -126,6 +137,24 @@ fn plane_covariance(
     Some(symmetric(&noise) + Matrix3::from_diagonal(&Vector3::new(tilt(sides[1]), tilt(sides[0]), variance)))
 }
 
+/// By how much the poses put a plane off its place (m^2): what they are said to, or, where this is more, by how much its points are
+/// off it for no other reason that is known. One that was seen for moments only, from poses that were off alike, shows nothing.
+fn poses_variance(plane: &ClusterPlane, rms_error: f64, params: &Params) -> f64 {
+    let told = params.pose_sigma() * params.pose_sigma();
+    if params.noise_model() == NoiseModel::None {
+        return told;
+    }
+    let noise = plane.noise * params.voxel_size() * params.voxel_size();
+    let unexplained = rms_error * rms_error - EXPLAINED * EXPLAINED * noise - SENSOR_BIAS * SENSOR_BIAS;
+    told.max(UNSEEN * unexplained)
+}
+
+/// What a plane's covariance has of poses that put it off its place by this (m^2).
+fn off_by_poses(variance: f64, sides: [f64; 2], size: f64) -> Matrix3<f64> {
+    let tilt = |side: f64| TILTED * variance / (0.5 * side).max(size).powi(2);
+    Matrix3::from_diagonal(&Vector3::new(tilt(sides[1]), tilt(sides[0]), variance))
+}
+
 /// The least variance of this covariance along a direction in the plane of two orthogonal ones.
 fn least_in_plane(covariance: &Matrix3<f64>, x: &Vector3<f64>, y: &Vector3<f64>) -> f64 {
     let [xx, xy, yy] = [(x, x), (x, y), (y, y)].map(|(a, b)| a.dot(&(covariance * b)));
@@ -144,16 +173,41 @@ mod tests {
     use crate::engine::key::VoxelKey;
     use crate::engine::scan::Stamp;
 
-    /// The covariance of a level plane whose voxels vary by `x` and `y` along these axes (voxels^2).
-    fn covariance(x: f64, y: f64) -> Option<Matrix3<f64>> {
-        let plane = ClusterPlane {
+    /// A level plane whose voxels vary by `x` and `y` along these axes (voxels^2).
+    fn level(x: f64, y: f64) -> ClusterPlane {
+        ClusterPlane {
             point: Vector3::zeros(),
             normal: Vector3::z_axis(),
             information: 1e5,
             covariance: Matrix3::from_diagonal(&Vector3::new(x, y, 0.0)),
             noise: 0.0,
-        };
-        plane_covariance(&plane, &Isometry3::identity(), [1.0, 0.1], 0.1, 0.05)
+        }
+    }
+
+    /// Its covariance, of 10 cm by 1 m.
+    fn covariance(x: f64, y: f64) -> Option<Matrix3<f64>> {
+        plane_covariance(&level(x, y), &Isometry3::identity(), [1.0, 0.1], 0.1, 0.05)
+    }
+
+    #[test]
+    fn a_plane_is_no_more_certain_than_the_poses_that_it_was_seen_from() {
+        let params = Params::default().with_voxel_size(0.05).unwrap();
+        // 2 cm of noise.
+        let plane = ClusterPlane { noise: 0.16, ..level(40.0, 40.0) };
+        let variance = |rms_error, params: &Params| poses_variance(&plane, rms_error, params);
+        let told = params.with_pose_sigma(0.04).unwrap();
+        assert_eq!((variance(0.024, &params), variance(0.024, &told)), (0.0, 0.0016));
+        // What noise does not explain is three times as much, and counts where it is more than what is told.
+        let seen = 3.0 * (0.06 * 0.06 - 1.15 * 1.15 * 0.0004 - 0.008 * 0.008);
+        assert!(
+            (variance(0.06, &params) - seen).abs() < 1e-12
+                && variance(0.06, &told) == variance(0.06, &params)
+        );
+        let unknown = told.with_noise_model(NoiseModel::None);
+        assert_eq!(variance(0.06, &unknown), 0.0016, "all of it may be noise");
+        // In place, and half of it in tilt at the half extent: 0.5 m from x, 1 m from y.
+        let expected = Matrix3::from_diagonal(&(0.0016 * Vector3::new(2.0, 0.5, 1.0)));
+        assert!((off_by_poses(0.0016, [2.0, 1.0], 0.05) - expected).abs().max() < 1e-15);
     }
 
     proptest! {

@@ -18,25 +18,25 @@
 //!    no surface is known to (`state`), a third of the memory. Where no scan has put a point for 64 scans, whatever was put
 //!    there is published, and the voxels keep no more than that until the next, but for what was seen through them and from
 //!    behind (`publish/rest`).
-//! 2. The dense voxels of a block form planar **patches**, grown from the flattest places. A voxel belongs to a plane if
-//!    its points lie on it within their noise. Where noise spreads a surface over two layers of voxels, the two patches
-//!    that are found there become one. From what is left, **strips** of sharp voxels that may be one row, and **rough**
-//!    patches with half a voxel's tolerance (`rules`), of two layers that points fill each by itself. What reaches no
-//!    further along the line of sight than its noise spreads it is none of these. What fits none is in no patch
-//!    (`patch/segment`), and neither is what has become dense since the block was published. A voxel whose sharp points show
-//!    a sheet belongs to no plane across that sheet (`state`), so that two rows of a wall and two of a ceiling are no bevel.
-//! 3. Two patches that touch, in a block or across its border, are **joined** when their planes agree in direction and
-//!    where they meet, as far as both are known, or, where both are noisy, each lies well on the other's plane; narrow ones
-//!    also where they are facets of one **bend**, of a radius of two voxels or more; rough ones with each other alone
-//!    (`patch/join`). A noisy patch that lies within its noise on the plane of a sharper one, and fits no equal better, is
-//!    a **slice** of its scatter; no equal is one that lies so on that plane too and is turned off it, which leads to
-//!    another surface. A slice is also what is narrow, of a broader one whose plane it lies on, for its own normal may be
-//!    any (`patch`). A slice is joined to that one, and else only to what lies on that one's plane too, so that it ties no
-//!    two surfaces together (`patch/host`). A patch that a crease runs through, of 7 degrees or more, is **folded**: its
-//!    plane is that of neither surface, and may agree with both. It is a slice of the whole patch beside it that it fits
-//!    best, and joined to another only where what the two are slices of, or they themselves, lie on each other's planes. So
-//!    is a **bridge**, a cut patch (4.) that would join two which are no single surface: it is a part of the one that it
-//!    fits best (`patch/host`). So a ramp of 18 degrees is no part of the floor.
+//! 2. The dense voxels of a block form planar **patches**, grown from the flattest places. A voxel belongs to a plane if its
+//!    points lie on it within their noise and what sensor and poses are off by. Where noise spreads a surface over two layers
+//!    of voxels, the two patches that are found there become one. From what is left, **strips** of sharp voxels that may be one
+//!    row, and **rough** patches with half a voxel's tolerance (`rules`), of two layers that points fill each by itself. What
+//!    reaches no further along the line of sight than its noise spreads it is none of these. What fits none is in no patch
+//!    (`patch/segment`), and neither is what has become dense since the block was published. A voxel whose sharp points show a
+//!    sheet belongs to no plane across that sheet (`state`), so that two rows of a wall and two of a ceiling are no bevel.
+//! 3. Two patches that touch, in a block or across its border, are **joined** when their planes agree in direction and where
+//!    they meet, as far as both are known, or, where both are noisy, each lies well on the other's plane; narrow ones also
+//!    where they are facets of one **bend**, of a radius of two voxels or more; rough ones with each other alone
+//!    (`patch/join`). A noisy patch that lies within its noise on the plane of a sharper one, and fits no equal better, is a
+//!    **slice** of its scatter; no equal is one that lies so on that plane too and is turned off it, which leads to another
+//!    surface. A slice is also what is narrow, of a broader one whose plane it lies on, for its own normal may be any, and what
+//!    is rough, of a flat one, unless only that is narrow (`patch`). A slice is joined to that one, and else only to what lies
+//!    on that one's plane too, so that it ties no two surfaces together (`patch/host`). A patch that a crease runs through, of
+//!    7 degrees or more, is **folded**: its plane is that of neither surface, and may agree with both. It is a slice of the
+//!    whole patch beside it that it fits best, and joined to another only where what the two are slices of, or they themselves,
+//!    lie on each other's planes. So is a **bridge**, a cut patch (4.) that would join two which are no single surface: it is a
+//!    part of the one that it fits best (`patch/host`). So a ramp of 18 degrees is no part of the floor.
 //! 4. A patch of two rows at a face of its block is **cut**: where a surface ends just across the border, or scatters over
 //!    it, its plane may be any. It ties together what it ties together, but each of its voxels, as of a narrow or folded patch,
 //!    goes to a patch within two voxels that it fits better, and that is neither narrow nor rough itself; where its own is

@@ -1,21 +1,35 @@
 //! The tolerances of the definition that follow from the parameters, for one voxel size.
 //!
-//! Those of length are parts of a voxel, but for what a flat patch is allowed: that grows with the sensor's bias, and from 2.7 cm
-//! down is more than some of the others, which then are as much.
+//! Those of length are parts of a voxel, but for two that are lengths: what a flat patch is allowed beside that, which is the sensor's
+//! bias and what poses put off, and how far apart poses put two pieces of one surface. In small voxels, from 2.7 cm down with exact
+//! poses, these are more than some of the others, which then are as much.
 
 use super::noise::Noise;
 use crate::engine::params::Params;
 
-/// What is systematically wrong about a depth or a pose, however many points there are (m).
-const SENSOR_BIAS: f64 = 0.008;
+/// What is systematically wrong about a depth, or a pose that is taken as exact, however many points there are (m).
+pub(super) const SENSOR_BIAS: f64 = 0.008;
 
 /// [`Rules::planar`] where the bias is less: walls of the laboratory have up to 0.37, its pillar has 0.52 in voxels of 8 cm.
 pub(super) const PLANAR: f64 = 0.5;
+
+/// The same in standard deviations of what poses put a surface off by: each layer of voxels that they have spread it over counts as
+/// much, those farthest off too.
+const PLANAR_POSES: f64 = 1.5;
 
 /// Standard deviations of noise that the points of a voxel may be off the plane of its patch.
 pub(super) const NOISE_FACTOR: f64 = 2.0;
 /// Standard deviations of noise that the points of a voxel beside a patch may be off its plane.
 pub(super) const RIM_NOISE_FACTOR: f64 = 3.0;
+
+/// How far apart poses may put two pieces of one surface, in standard deviations of what they put each off by: two of the
+/// difference.
+const POSES_APART: f64 = 2.0 * std::f64::consts::SQRT_2;
+
+/// How far apart poses may put two pieces of one surface (m).
+pub(super) fn apart_by_poses(params: &Params) -> f64 {
+    POSES_APART * params.pose_sigma()
+}
 
 /// What is allowed in one map: distances in voxels, angles in rad.
 #[derive(Clone, Copy, Debug)]
@@ -42,19 +56,20 @@ pub(super) struct Rules {
 
 impl Rules {
     pub(super) fn new(params: &Params) -> Self {
-        let flatness = 0.1 + SENSOR_BIAS / params.voxel_size();
+        let flatness = 0.1 + SENSOR_BIAS.hypot(params.pose_sigma()) / params.voxel_size();
         // In small voxels the bias alone is more, and nothing may be held to less than a flat patch is.
         let at_least = |tolerance: f64| tolerance.max(flatness);
+        let join_offset = at_least(0.4_f64.max(apart_by_poses(params) / params.voxel_size()));
         Self {
             noise: Noise::new(params.noise_model(), params.voxel_size()),
             flatness,
             rough_flatness: at_least(0.5),
             rim_flatness: at_least(0.4),
             join_angle: 0.17_f64.min(params.max_normal_angle()),
-            join_offset: at_least(0.4),
+            join_offset,
             rough_angle: 0.4_f64.min(params.max_normal_angle()),
-            rough_offset: at_least(0.8),
-            planar: at_least(PLANAR),
+            rough_offset: join_offset.max(0.8),
+            planar: at_least(PLANAR.hypot(PLANAR_POSES * params.pose_sigma() / params.voxel_size())),
         }
     }
 
@@ -80,6 +95,16 @@ mod tests {
             assert!(others.iter().all(|other| *other >= rules.flatness), "{voxel_size}: {rules:?}");
             assert!(rules.rough_offset >= rules.join_offset, "{voxel_size}: {rules:?}");
         }
+    }
+
+    #[test]
+    fn what_poses_put_off_is_allowed_of_patches_of_what_they_join_and_of_what_is_planar() {
+        let params = Params::default().with_voxel_size(0.08).unwrap();
+        let rules = Rules::new(&params.with_pose_sigma(0.06).unwrap());
+        assert!((rules.flatness - 0.1 - 0.008_f64.hypot(0.06) / 0.08).abs() < 1e-12, "{rules:?}");
+        assert!((rules.join_offset - 8.0_f64.sqrt() * 0.75).abs() < 1e-12, "{rules:?}");
+        assert!((rules.planar - 0.5_f64.hypot(1.5 * 0.75)).abs() < 1e-12, "{rules:?}");
+        assert_eq!((rules.rough_offset, rules.rim_flatness), (rules.join_offset, rules.flatness));
     }
 
     #[test]

@@ -112,7 +112,7 @@ impl Truth {
                 scored.push((voxel.key, piece));
             }
         }
-        let reach = CELL_REACH + (SIGMAS * map.pose_sigma() / map.voxel_size).ceil() as i32;
+        let reach = CELL_REACH + (SIGMAS * map.spread_ahead() / map.voxel_size).ceil() as i32;
         for (index, surface) in map.surfaces.iter().enumerate() {
             let group = map.groups.of_label(surface.label()).filter(|&group| map.stays(group));
             let Some(group) = group else { continue };

@@ -18,7 +18,7 @@ pub(super) fn in_heading(noise: Option<PoseNoise>) -> String {
     noise.map_or_else(String::new, |noise| format!(", poses wrong by {noise}"))
 }
 
-/// After a legend.
+/// After the words of a legend.
 pub(super) fn in_legend(noise: Option<PoseNoise>) -> &'static str {
     if noise.is_some() { MEANING } else { "" }
 }

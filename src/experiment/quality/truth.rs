@@ -112,8 +112,8 @@ impl TruthMap {
         Self { spread, ..self }
     }
 
-    /// Furthest that the sigma of wrong poses puts a point from where it is (m): one straight ahead at the end of the range.
-    pub(super) fn pose_sigma(&self) -> f64 {
+    /// How far the sigma of wrong poses puts a point straight ahead at the end of the range from where it is (m).
+    pub(super) fn spread_ahead(&self) -> f64 {
         self.spread.map_or(0.0, |spread| spread.variance(&Point3::new(0.0, 0.0, *RANGE.end())).sqrt())
     }
 

@@ -7,7 +7,8 @@ use nalgebra::{Matrix2, Point3, Vector3};
 
 use super::{Evidence, FLOOR_AREA, Neighbour, calibration as c, faces_up};
 use crate::engine::consistent::cluster::{Cluster, ClusterPlane};
-use crate::engine::consistent::rules::Rules;
+use crate::engine::consistent::rules::{Rules, apart_by_poses};
+use crate::engine::params::Params;
 use crate::engine::snapshot;
 
 /// What a class depends on beside the cluster itself.
@@ -51,7 +52,7 @@ impl<'a> Evidence<'a> {
         planarity: Planarity,
         uprights: &'a Uprights,
         surroundings: Surroundings,
-        voxel_size: f64,
+        params: &Params,
     ) -> Self {
         let n = cluster.normal;
         let level = level(cluster);
@@ -71,7 +72,8 @@ impl<'a> Evidence<'a> {
             height: height.1 - height.0,
             area: cluster.area.unwrap_or_default(),
             voxels: cluster.voxel_count,
-            voxel_size,
+            voxel_size: params.voxel_size(),
+            apart: apart_by_poses(params),
             planarity,
             surroundings,
             neighbours: &uprights.neighbours,

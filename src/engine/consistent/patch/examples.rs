@@ -16,9 +16,19 @@ pub(in super::super) fn rows_from(
     rows: std::ops::Range<i32>,
     height: impl Fn(f64) -> f64,
 ) -> Patch {
+    rows_of(Kind::Flat, distance, rows, height)
+}
+
+/// The same as a patch of this kind.
+pub(in super::super) fn rows_of(
+    kind: Kind,
+    distance: f64,
+    rows: std::ops::Range<i32>,
+    height: impl Fn(f64) -> f64,
+) -> Patch {
     let (states, rules) = (states(distance, &Vector3::z(), rows, height), Rules::new(&Params::default()));
     let states: Vec<_> = states.iter().collect();
-    Patch::new(&states, &Vector3::zeros(), Kind::Flat, &rules).unwrap()
+    Patch::new(&states, &Vector3::zeros(), kind, &rules).unwrap()
 }
 
 /// The voxels of such rows, seen from this direction.

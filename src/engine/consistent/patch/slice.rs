@@ -19,14 +19,15 @@ const FOLDED_SLICE: f64 = 2.0;
 const BROADER: f64 = 2.0;
 
 impl Patch {
-    /// How well its points lie on the plane of a patch whose slice it may be, up to 1: of a flat one where it is rough, of a
-    /// whole one where it is folded, of one with less noise where it is noisy, of a much broader one where it is narrow, for its
-    /// own normal may be any then. `None` where it is no such slice.
+    /// How well its points lie on the plane of a patch whose slice it may be, up to 1: of a flat one where it is rough, which is
+    /// narrow only where it is so itself, for a narrow one may be a slice of another surface; of a whole one where it is folded; of
+    /// one with less noise where it is noisy; of a much broader one where it is narrow, for its own normal may be any then. `None`
+    /// where it is no such slice.
     pub(in super::super) fn slice_of(&self, other: &Self, rules: &Rules) -> Option<f64> {
         let turn = self.normal().dot(&other.normal());
         let is_sharper = other.noise() <= SHARPER * SHARPER * self.noise();
         let may_be = if self.is_rough {
-            turn > 0.0
+            turn > 0.0 && (!other.is_narrow() || self.is_narrow())
         } else if self.is_folded {
             !other.is_folded && !other.is_narrow() && turn >= SLICE_ANGLE.cos()
         } else {
@@ -58,7 +59,8 @@ impl Patch {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::engine::consistent::patch::examples::rows;
+    use crate::engine::consistent::patch::Kind;
+    use crate::engine::consistent::patch::examples::{rows, rows_of};
     use crate::engine::params::Params;
 
     #[test]
@@ -74,6 +76,20 @@ mod tests {
         assert!(!floor.may_be_slice() && floor.slice_of(&strip, &rules).is_none());
         assert_eq!(strip.slice_of(&rows(3..5, |_| 2.3), &rules), None);
         assert_eq!(rows(5..7, |y| 2.3 + (y - 5.0)).slice_of(&floor, &rules), None);
+    }
+
+    #[test]
+    fn a_rough_patch_is_a_slice_of_a_flat_one_and_of_a_narrow_one_only_where_it_is_so_itself() {
+        let rules = Rules::new(&Params::default());
+        let rough = |of| rows_of(Kind::Rough, 1.0, of, |_| 2.3);
+        let [floor, edge] = [0..8, 6..8].map(|of| rows(of, |_| 2.3));
+        assert!(
+            !floor.is_narrow() && edge.is_narrow() && rough(0..2).is_narrow() && !rough(0..6).is_narrow()
+        );
+        assert!(rough(0..6).slice_of(&floor, &rules).is_some());
+        assert_eq!(rough(0..6).slice_of(&edge, &rules), None);
+        assert!(rough(0..2).slice_of(&edge, &rules).is_some());
+        assert_eq!(rough(0..2).slice_of(&rough(0..6), &rules), None);
     }
 
     #[test]

@@ -28,7 +28,7 @@ const GHOST_SHARE: f64 = 10.0;
 /// Area below which (m^2) it is none either where the other lies higher, but less than a storey: a pit, or a landing that is seen down
 /// a stairwell. Of a floor that a robot drives on, below a platform, more is soon seen.
 const PIT: f64 = 4.0;
-/// How far a piece of a floor may lie below it (m).
+/// How far a piece of a floor may lie below it (m), at least.
 const SUNK: f64 = 0.1;
 /// Least edge of a cell (m): a few of them cover a wall, and a few walls are in each.
 const CELL: f64 = 2.0;
@@ -115,12 +115,13 @@ impl Landmarks {
     }
 
     /// z of the floor of the storey that a surface with its middle at this height is in (m), `None` below the lowest. The lowest
-    /// large surface that faces up, and is no ghost, is a floor, and so is the next one that is a storey higher, and so on.
-    pub(super) fn floor_below(&self, middle: f64) -> Option<f64> {
+    /// large surface that faces up, and is no ghost, is a floor, and so is the next one that is a storey higher, and so on. Its
+    /// pieces may lie as far below it as poses put what is one surface `apart` (m).
+    pub(super) fn floor_below(&self, middle: f64, apart: f64) -> Option<f64> {
         // So far up that a storey is less than is told apart, the next is at least another.
         let next = |floor: &f64| self.floor_above((floor + STOREY).max(floor.next_up()));
         let floors = successors(self.lowest_floor(), next);
-        floors.take_while(|floor| *floor <= middle + SUNK).last()
+        floors.take_while(|floor| *floor <= middle + SUNK.max(apart)).last()
     }
 
     /// z of the lowest from here on that is large and no ghost (m).

@@ -12,6 +12,7 @@ use crate::engine::consistent::cluster::{Before, Standing};
 use crate::engine::consistent::describe::shape_of;
 use crate::engine::consistent::graph::{ComponentId, NodeId};
 use crate::engine::consistent::lists::by::Place;
+use crate::engine::consistent::rules::apart_by_poses;
 use crate::engine::key::ClusterId;
 use crate::engine::now::Now;
 use crate::engine::params::Params;
@@ -67,7 +68,7 @@ impl Surfaces {
     ) -> Vec<ChangedCluster> {
         let due = self.take_due(params, now);
         due.iter().for_each(|&component| self.describe_shape(component, params, now));
-        self.classify(&due, sensor_height, params.voxel_size());
+        self.classify(&due, sensor_height, params);
         let changed = self.count_revisions(&due);
         self.due = due;
         changed
@@ -128,10 +129,9 @@ impl Surfaces {
     }
 
     /// Classifies clusters; the class of each is found before any of them has got its own.
-    fn classify(&mut self, due: &[ComponentId], sensor_height: f64, voxel_size: f64) {
-        let class_of = |&component: &ComponentId| {
-            Some((component, self.class_of(component, sensor_height, voxel_size)?))
-        };
+    fn classify(&mut self, due: &[ComponentId], sensor_height: f64, params: &Params) {
+        let class_of =
+            |&component: &ComponentId| Some((component, self.class_of(component, sensor_height, params)?));
         let classes: Vec<_> = due.iter().filter_map(class_of).collect();
         for (component, (class, confidence)) in classes {
             let told = self.clusters[component].as_mut().and_then(|cluster| cluster.told.as_mut());
@@ -148,20 +148,20 @@ impl Surfaces {
         &self,
         component: ComponentId,
         sensor_height: f64,
-        voxel_size: f64,
+        params: &Params,
     ) -> Option<(SurfaceClass, f32)> {
         let cluster = self.clusters[component].as_deref()?;
         let (shape, plane) = (cluster.told.as_ref()?, cluster.plane.as_ref()?);
         let planarity = Planarity::of(cluster, plane, &self.rules);
         let uprights = self.uprights(shape);
-        let floor = self.landmarks.floor_below(evidence::middle(shape));
+        let floor = self.landmarks.floor_below(evidence::middle(shape), apart_by_poses(params));
         let surroundings = Surroundings {
             floor,
             floor_above: if floor.is_none() { self.landmarks.lowest_floor() } else { None },
             sensor: sensor_height,
             was_ceiling: cluster.before.class() == SurfaceClass::Ceiling,
         };
-        Some(classify(&Evidence::of(shape, planarity, &uprights, surroundings, voxel_size)))
+        Some(classify(&Evidence::of(shape, planarity, &uprights, surroundings, params)))
     }
 
     /// The upright clusters that this one stands beside.

@@ -12,7 +12,7 @@ use crate::engine::consistent::surfaces::Surfaces;
 type Told<'a> = BTreeMap<ComponentId, &'a Cluster>;
 
 /// The floor of the storey of a cluster, from the heights of all clusters that can be one.
-fn plain_floor(cluster: &Cluster, told: &Told) -> Option<f64> {
+fn plain_floor(cluster: &Cluster, told: &Told, apart: f64) -> Option<f64> {
     let ten_degrees = 10.0_f64.to_radians();
     let is_level = |cluster: &&&Cluster| {
         cluster.normal.z >= ten_degrees.cos() && cluster.area.is_some_and(|area| area >= FLOOR_AREA)
@@ -32,7 +32,7 @@ fn plain_floor(cluster: &Cluster, told: &Told) -> Option<f64> {
             floors.push(height);
         }
     }
-    floors.into_iter().rfind(|floor| *floor <= middle(cluster) + SUNK)
+    floors.into_iter().rfind(|floor| *floor <= middle(cluster) + SUNK.max(apart))
 }
 
 /// What a cluster stands beside, looked for among all others.
@@ -50,7 +50,7 @@ impl Surfaces {
         told.iter().for_each(|(&component, cluster)| anew.set(component, Some(cluster)));
         assert_eq!(self.landmarks, anew);
         let neighbours = told.values().map(|cluster| {
-            assert_eq!(self.landmarks.floor_below(middle(cluster)), plain_floor(cluster, &told));
+            assert_eq!(self.landmarks.floor_below(middle(cluster), 0.0), plain_floor(cluster, &told, 0.0));
             let found = self.uprights(cluster);
             assert_eq!(found, plain_uprights(cluster, &told), "beside {:?}", cluster.id);
             found.neighbours.len()
@@ -90,6 +90,7 @@ proptest! {
     fn what_is_told_last_is_found_as_by_a_scan_of_all(
         steps in prop::collection::vec((0_u32..20, prop::option::weighted(0.8, any_cluster())), 1..80),
         voxel_size in prop_oneof![Just(0.08), 0.25..2.0, Just(f64::MAX)],
+        apart in prop_oneof![Just(0.0), 0.0..0.5],
     ) {
         let mut landmarks = Landmarks::new(voxel_size);
         let mut told = BTreeMap::new();
@@ -102,7 +103,7 @@ proptest! {
         }
         let told: Told = told.iter().map(|(component, cluster)| (*component, cluster)).collect();
         for cluster in told.values() {
-            prop_assert_eq!(landmarks.floor_below(middle(cluster)), plain_floor(cluster, &told));
+            prop_assert_eq!(landmarks.floor_below(middle(cluster), apart), plain_floor(cluster, &told, apart));
             let edges = edges(cluster);
             let near = edges.map(|edges| landmarks.near(&edges)).unwrap_or_default();
             let found = Uprights::of(cluster, edges.as_ref(), near.iter().map(|other| told[other]));
@@ -117,7 +118,7 @@ fn a_mirror_image_below_a_floor_is_no_floor_and_the_floor_below_a_platform_is() 
     let mut put = |component, height, sides| {
         let level = rectangle([0.0, 0.0, height], [0.0; 3], sides);
         landmarks.set(ComponentId(component), Some(&level));
-        landmarks.floor_below(1.0)
+        landmarks.floor_below(1.0, 0.0)
     };
     assert_eq!(put(0, -0.09, [1.0, 1.3]), Some(-0.09), "nothing else is known");
     assert_eq!(put(1, 0.0, [8.0, 4.0]), Some(0.0));
@@ -131,11 +132,15 @@ fn a_pit_in_a_floor_is_no_floor_however_deep_it_is() {
         let mut landmarks = Landmarks::new(0.08);
         landmarks.set(ComponentId(0), Some(&rectangle([0.0; 3], [0.0; 3], [8.0, 4.0])));
         landmarks.set(ComponentId(1), Some(&rectangle([9.0, 0.0, -depth], [0.0; 3], [3.0, 1.0])));
-        assert_eq!(landmarks.floor_below(0.0), Some(0.0), "{depth}");
-        assert_eq!((landmarks.floor_below(-depth), landmarks.lowest_floor()), (None, Some(0.0)), "{depth}");
+        assert_eq!(landmarks.floor_below(0.0, 0.0), Some(0.0), "{depth}");
+        assert_eq!(
+            (landmarks.floor_below(-depth, 0.0), landmarks.lowest_floor()),
+            (None, Some(0.0)),
+            "{depth}"
+        );
         // As much of it that it may be a room.
         landmarks.set(ComponentId(1), Some(&rectangle([9.0, 0.0, -depth], [0.0; 3], [3.0, 3.0])));
-        assert_eq!(landmarks.floor_below(0.0), Some(-depth), "{depth}");
+        assert_eq!(landmarks.floor_below(0.0, 0.0), Some(-depth), "{depth}");
     }
 }
 
@@ -195,7 +200,7 @@ fn every_storey_has_a_floor() {
         (4e17, Some(3e17)),
     ];
     for (middle, floor) in floors {
-        assert_eq!(landmarks.floor_below(middle), floor, "below {middle}");
+        assert_eq!(landmarks.floor_below(middle, 0.0), floor, "below {middle}");
     }
 }
 
@@ -206,7 +211,7 @@ fn a_floor_that_leans_is_level_with_itself_wherever_most_of_it_is() {
     // Most points are in the room at one end of a corridor.
     floor.centroid.z += 0.09;
     landmarks.set(ComponentId(0), Some(&floor));
-    assert_eq!(landmarks.floor_below(middle(&floor)), Some(middle(&floor)));
+    assert_eq!(landmarks.floor_below(middle(&floor), 0.0), Some(middle(&floor)));
 }
 
 #[test]
@@ -214,7 +219,7 @@ fn a_ramp_is_no_floor() {
     let mut landmarks = Landmarks::new(0.08);
     let degrees = |angle: f64| rectangle([0.0; 3], [0.0, 0.0, angle.to_radians()], [3.0, 1.2]);
     landmarks.set(ComponentId(0), Some(&degrees(12.0)));
-    assert_eq!(landmarks.floor_below(0.0), None);
+    assert_eq!(landmarks.floor_below(0.0, 0.0), None);
     landmarks.set(ComponentId(0), Some(&degrees(8.0)));
-    assert!(landmarks.floor_below(0.0).is_some());
+    assert!(landmarks.floor_below(0.0, 0.0).is_some());
 }
