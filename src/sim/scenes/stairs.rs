@@ -52,6 +52,21 @@ impl Scene {
 }
 
 /// Riser and tread; the last tread is the landing.
+#[cfg(test)]
+impl Scene {
+    /// A corridor of 2 m whose floor, at the border of two layers of voxels, goes over into a ramp that begins at x = `foot` (m). The robot
+    /// drives towards it from 3 m before x = 0 to 1 m before it, at first.
+    pub(crate) fn ramp(degrees: f64, foot: f64) -> Self {
+        let (tilt, length) = (degrees.to_radians(), 3.0);
+        let corridor = Cuboid { min: [-4.0, -1.0, 0.0], max: [foot + length * tilt.cos(), 1.0, 3.5] };
+        let mut surfaces = corridor.inside();
+        let middle = [foot + 0.5 * length * tilt.cos(), 0.0, 0.5 * length * tilt.sin()];
+        surfaces.push(incline("ramp", middle, 0.0, tilt, [length, 2.0]));
+        let corners = [[-3.3, 0.0], [-0.7, 0.0], [-0.7, 0.7], [-3.3, 0.7]].map(Point2::from);
+        Self::new(surfaces, Route { corners: corners.to_vec(), radius: 0.3 })
+    }
+}
+
 fn step(number: u32) -> Vec<Surface> {
     let [rise, depth] = STEP;
     let (south, low) = (FLIGHT_SOUTH + depth * f64::from(number - 1), rise * f64::from(number - 1));

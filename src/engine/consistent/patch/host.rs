@@ -45,8 +45,8 @@ fn best_fit(
 }
 
 /// The sharper, broader or whole patch that a patch is a slice of: of those it meets, the one its points fit best. A flat patch
-/// that joins one with less noise as its equal, and fits that better, is no slice; what leads away from the best is no equal. Of
-/// several that fit alike it is the one whose block comes first in space.
+/// that joins one with less noise as its equal, and fits that better, is no slice; what leads away from the best is no equal, and what is
+/// narrow has none. Of several that fit alike it is the one whose block comes first in space.
 fn sharper(segmented: &SegmentedBlocks, id: PatchId, rules: &Rules) -> Option<PatchId> {
     let own = segmented.patch(id);
     if !own.may_be_slice() {
@@ -66,7 +66,10 @@ fn sharper(segmented: &SegmentedBlocks, id: PatchId, rules: &Rules) -> Option<Pa
         let other = segmented.patch(other);
         own.misfit(other, rules) <= misfit && own.is_equal_of(other, &contact, rules) && !leads_away(other)
     };
-    (!contacts().any(fits_equal)).then_some(best)
+    // The own normal of what is narrow may be any, and so may that of what it seems to equal: where a block has a row or two of a floor
+    // at the foot of a ramp, these agree with both.
+    let has_equal = !own.is_narrow() && contacts().any(fits_equal);
+    (!has_equal).then_some(best)
 }
 
 /// The patches that one is joined to, of those that it meets.

@@ -97,6 +97,25 @@ fn a_ramp_whose_foot_scatters_over_two_layers_is_no_part_of_the_floor() {
     assert!(worst < 0.01, "{worst}");
 }
 
+/// Where a floor lies at the border of two layers of blocks, and a ramp begins at one of their columns, a block has a row or two of the
+/// floor, whose plane may be that of the ramp as well.
+#[test]
+fn a_ramp_that_begins_where_blocks_end_is_no_part_of_the_floor() {
+    let params = Params::default().with_voxel_size(0.05).unwrap();
+    let is_floor = |cluster: &Cluster| {
+        cluster.class == SurfaceClass::Floor && cluster.area.is_some_and(|area| area > 1.5)
+    };
+    for degrees in [10.5, 14.0, 18.0] {
+        let drive = Drive::new(Scene::ramp(degrees, 0.0), 1, Stamp::from_nanos(0));
+        let mut engine = Consistent::new(params);
+        let without = (0..200).step_by(2).filter(|&index| {
+            engine.insert(&drive.labelled_scan(index).scan);
+            index >= 20 && !engine.snapshot().clusters.iter().any(is_floor)
+        });
+        assert_eq!(without.count(), 0, "{degrees}");
+    }
+}
+
 /// A plate so far before a sensor that stands still (m).
 fn plate(index: u32, distance: f32) -> Scan {
     let places = (-40..=40).flat_map(|x| (-40..=40).map(move |y| [x, y].map(|at: i16| 0.01 * f32::from(at))));

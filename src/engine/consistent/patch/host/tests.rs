@@ -46,6 +46,19 @@ fn what_scatters_before_a_wall_is_a_slice_of_it_though_it_fits_a_scatter_that_le
     assert_eq!(beside(0.01), (false, Host::None), "what goes on as it does is its equal");
 }
 
+/// What a block has of a floor at the foot of a ramp.
+#[test]
+fn a_row_or_two_of_a_surface_are_a_slice_of_it_though_they_could_be_its_equal() {
+    let rules = Rules::new(&Params::default());
+    let floor = rows_from(1.0, 0..5, |_| 2.3);
+    let strip = rows_from(1.2, 5..7, |_| 2.3);
+    let all = SegmentedBlocks::from_iter([of_a_block(vec![floor, strip])]);
+    let contact = all.contacts_of(id(0, 1)).find(|(met, _)| *met == id(0, 0)).unwrap().1;
+    let [floor, strip] = [0, 1].map(|number| all.patch(id(0, number)));
+    assert!(strip.is_narrow() && strip.is_equal_of(floor, &contact, &rules));
+    assert_eq!(host(&all, id(0, 1), &rules), Host::SliceOf(id(0, 0)));
+}
+
 /// The foot of a ramp of 18 degrees, as it is seen from afar: the last rows of a block lie between floor and ramp. Of neither floor
 /// nor foot does the block hold more than two layers.
 #[test]
