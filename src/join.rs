@@ -17,7 +17,7 @@ use crate::engine::{Scan, Stamp};
 use crate::msg::ros::TransformStamped;
 use crate::tf::{FrameError, Frames, Inserted, Lack, LookupError};
 
-pub use hint::GivenUp;
+pub use hint::{GivenUp, TransformsFrom};
 pub use waiting::{Moment, Waited};
 
 use laps::Laps;

@@ -30,6 +30,8 @@ pub mod memory;
 pub mod msg;
 #[cfg(feature = "node")]
 pub mod node;
+#[cfg(feature = "bag")]
+mod off;
 pub mod rand_index;
 #[cfg(feature = "bag")]
 mod reach;

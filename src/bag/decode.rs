@@ -6,8 +6,8 @@ use super::choose::{Sensor, form_of};
 use super::read::Message;
 use super::topic::Topic;
 use crate::cloud::{
-    Camera, CloudError, CloudFilter, CloudSeed, CompressedSeed, Decoded, DepthSeed, Optical,
-    is_optical_by_name, is_rectified_by_name,
+    Camera, CloudError, CloudFilter, CloudSeed, CompressedSeed, Decoded, DepthSeed, Optical, distortion,
+    is_optical_by_name, is_rectified_by_name, other_frame,
 };
 use crate::msg::cdr::{read, read_with};
 use crate::msg::form::Form;
@@ -32,14 +32,9 @@ pub enum Recorded {
         /// Whether they hold for all time.
         is_static: bool,
     },
-    /// A camera with lens distortion, which is not undone, unless its images have the name of rectified ones; told with the first of
-    /// its messages.
-    Distorted {
-        /// The topic of its intrinsics.
-        topic: String,
-        /// That of its images.
-        image: String,
-    },
+    /// What is to be said of a camera, once: its lens distortion, which is not undone, unless its images have the name of rectified
+    /// ones; or that the intrinsics are of another frame than the images.
+    Doubt(String),
     /// A message of a topic that is read, but not a readable one.
     Undecodable {
         /// The topic.
@@ -168,14 +163,24 @@ struct Input {
     /// The newest so far, or what is wrong with it. Before its first message has come in its turn, it is that of this first
     /// message, where [`Decoder::look_for_cameras`] has found it.
     camera: Option<Result<Camera, CloudError>>,
+    /// The frame of these intrinsics.
+    frame: String,
     /// Whether a message of it has come in its turn.
     has_come: bool,
+    /// Whether it was said that images are in another frame.
+    has_other_frame: bool,
 }
 
 impl Decoder {
     /// Reads these sensors.
     pub fn new(sensors: Vec<Sensor>, filter: CloudFilter, transforms: TransformTopics) -> Self {
-        let input = |sensor| Input { sensor, camera: None, has_come: false };
+        let input = |sensor| Input {
+            sensor,
+            camera: None,
+            frame: String::new(),
+            has_come: false,
+            has_other_frame: false,
+        };
         Self { filter, sensors: sensors.into_iter().map(input).collect(), transforms }
     }
 
@@ -221,7 +226,7 @@ impl Decoder {
         }
         let Self { filter, sensors, .. } = self;
         let of_sensor = |(place, input): (usize, &mut Input)| input.decode(place, message, filter);
-        sensors.iter_mut().enumerate().filter_map(of_sensor).collect()
+        sensors.iter_mut().enumerate().flat_map(of_sensor).flatten().collect()
     }
 
     fn transforms(&self, message: &Message) -> Option<Recorded> {
@@ -245,35 +250,51 @@ impl Input {
     fn look_for_camera(&mut self, message: &Message) {
         if self.lacks_camera() && self.is_info(message) {
             // What is not readable is said when its turn comes.
-            let info = message.plain().and_then(read::<CameraInfo>);
-            self.camera = info.ok().map(|info| Camera::from_info(&info));
+            if let Ok(info) = message.plain().and_then(read::<CameraInfo>) {
+                self.take(&info);
+            }
         }
     }
 
-    fn decode(&mut self, sensor: usize, message: &Message, filter: &CloudFilter) -> Option<Recorded> {
+    fn take(&mut self, info: &CameraInfo) {
+        self.camera = Some(Camera::from_info(info));
+        self.frame.clone_from(&info.header.frame_id);
+    }
+
+    fn decode(&mut self, sensor: usize, message: &Message, filter: &CloudFilter) -> [Option<Recorded>; 2] {
         // A topic may have channels of several types.
         let form = || form_of(message.type_name(), &message.channel.message_encoding);
         if message.topic() == self.sensor.topic && form() == Some(self.sensor.form) {
-            return Some(Recorded::Cloud { sensor, cloud: self.cloud(message, filter) });
+            let cloud = self.cloud(message, filter);
+            return [self.other_frame(&cloud), Some(Recorded::Cloud { sensor, cloud })];
         }
         if self.is_info(message) && message.type_name() == types::CAMERA_INFO {
-            self.intrinsics(message)
+            [self.intrinsics(message), None]
         } else {
-            None
+            [None, None]
         }
+    }
+
+    /// What is to be said of the first image that is in another frame than its intrinsics.
+    fn other_frame(&mut self, cloud: &Decoded) -> Option<Recorded> {
+        let (Ok(cloud), Some(info), false) = (cloud, &self.sensor.info_topic, self.has_other_frame) else {
+            return None;
+        };
+        let line = other_frame([&self.sensor.topic, info], [&cloud.frame_id, &self.frame])?;
+        self.has_other_frame = true;
+        Some(Recorded::Doubt(line))
     }
 
     fn intrinsics(&mut self, message: &Message) -> Option<Recorded> {
         let topic = message.topic().to_owned();
         match message.plain().and_then(read::<CameraInfo>) {
             Ok(info) => {
-                let camera = Camera::from_info(&info);
-                let is_distorted = matches!(&camera, Ok(camera) if camera.is_distorted())
-                    && !is_rectified_by_name(&self.sensor.topic);
-                self.camera = Some(camera);
+                self.take(&info);
+                let image = &self.sensor.topic;
+                let is_distorted = matches!(&self.camera, Some(Ok(camera)) if camera.is_distorted())
+                    && !is_rectified_by_name(image);
                 let is_first = !std::mem::replace(&mut self.has_come, true);
-                let image = self.sensor.topic.clone();
-                (is_first && is_distorted).then_some(Recorded::Distorted { topic, image })
+                (is_first && is_distorted).then(|| Recorded::Doubt(distortion(&topic, image)))
             }
             Err(text) => Some(Recorded::Undecodable { topic, text }),
         }

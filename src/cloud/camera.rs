@@ -110,6 +110,17 @@ pub fn distortion(info: &str, image: &str) -> String {
     )
 }
 
+/// What is to be said of images in another frame than their intrinsics, which are then another camera's: of both the topics and the frames.
+/// An empty frame of the intrinsics says nothing.
+pub fn other_frame([image, info]: [&str; 2], [of_image, of_info]: [&str; 2]) -> Option<String> {
+    (!of_info.is_empty() && of_info != of_image).then(|| {
+        format!(
+            "images of {image} are in frame `{of_image}`, their intrinsics on {info} in `{of_info}`: those of another camera make a \
+             wrong map (choose with -r depth/camera_info:=...)"
+        )
+    })
+}
+
 /// Whether an image is rectified, by its topic's name: `image_rect`, or `image_rect_raw`, compressed or not. The coefficients of
 /// distortion beside it are those of the image that it was made from.
 pub fn is_rectified_by_name(topic: &str) -> bool {

@@ -27,7 +27,7 @@ use crate::count::count_of;
 use crate::engine::{Points, Stamp};
 use crate::msg::ros::PointCloud2;
 
-pub use camera::{Camera, distortion, is_rectified_by_name};
+pub use camera::{Camera, distortion, is_rectified_by_name, other_frame};
 #[cfg(feature = "bag")]
 pub use compressed::{CompressedSeed, decode_compressed};
 pub use depth::{DepthSeed, decode_depth};

@@ -52,6 +52,8 @@ pub struct Cluster {
     pub covariance: Matrix3<f64>,
     /// Root mean square distance of the same from the plane (m).
     pub rms_error: f64,
+    /// What `rms_error` would be of nothing but the sensor's noise (m); `None` in `paper` and with [`super::NoiseModel::None`].
+    pub noise: Option<f64>,
     /// Area of the boundary less its holes (m^2); `None` where it is not known. In `consistent` a cluster can lie in several
     /// parts: boundary, holes, area and box (but for its z) are of the largest alone, plane, centroid, `covariance`, `rms_error`
     /// and the counts of all.
@@ -94,6 +96,7 @@ impl Cluster {
             centroid: Point3::from(pose.translation.vector),
             covariance: Matrix3::identity(),
             rms_error: 0.0,
+            noise: None,
             area: Some(sides[0] * sides[1]),
             boundary: [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(corner).to_vec(),
             holes: Vec::new(),
@@ -140,6 +143,29 @@ pub struct Snapshot {
     pub unclustered_voxels: u32,
 }
 
+/// Area from which on a cluster says how far points are off it (m^2).
+const TELLING: f64 = 1.0;
+
+impl Snapshot {
+    /// How far points are off their surfaces beyond what noise explains (m): half of the area of all surfaces from 1 m^2 on has less.
+    /// 0 with exact poses and a sensor without bias; `None` where there are none such, or their noise is not known.
+    pub fn beyond_noise(&self) -> Option<f64> {
+        let telling = self.clusters.iter().filter_map(|cluster| {
+            let area = cluster.area.filter(|area| *area >= TELLING)?;
+            Some((cluster.rms_error.powi(2) - cluster.noise?.powi(2), area))
+        });
+        let mut telling: Vec<_> = telling.collect();
+        telling.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let half = 0.5 * telling.iter().map(|(_, area)| area).sum::<f64>();
+        let mut below = 0.0;
+        let median = telling.into_iter().find(|(_, area)| {
+            below += area;
+            below >= half
+        });
+        median.map(|(variance, _)| variance.max(0.0).sqrt())
+    }
+}
+
 /// What one scan did to the map.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Update {
@@ -171,6 +197,36 @@ pub struct ChangedCluster {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A square of that area (m^2), whose points are off it by that much beyond their noise (m).
+    fn off(by: f64, area: f64) -> Cluster {
+        let rms_error = 0.01_f64.hypot(by);
+        let square = Cluster::rectangle(1, Isometry3::identity(), [area.sqrt(); 2]);
+        Cluster { rms_error, noise: Some(0.01), ..square }
+    }
+
+    fn beyond_noise(clusters: &[Cluster]) -> Option<f64> {
+        let (clusters, voxels) = (clusters.to_vec(), Vec::new());
+        Snapshot { sequence: 1, stamp: None, voxel_size: 0.08, clusters, voxels, unclustered_voxels: 0 }
+            .beyond_noise()
+    }
+
+    #[test]
+    fn points_are_off_their_surfaces_by_what_half_of_the_area_has() {
+        let is = |clusters: &[Cluster], metres: f64| {
+            let found = beyond_noise(clusters).unwrap();
+            assert!((found - metres).abs() < 1e-9, "{found}");
+        };
+        // Two small ones count as much as one of their area, and one below 1 m^2 not at all.
+        is(&[off(0.0, 5.0), off(0.02, 3.0), off(0.03, 3.0)], 0.02);
+        is(&[off(0.0, 5.0), off(0.02, 2.0), off(0.03, 2.0), off(0.5, 0.9)], 0.0);
+    }
+
+    #[test]
+    fn where_noise_is_not_known_nothing_is_said_and_points_off_by_less_than_it_are_not_off() {
+        assert_eq!(beyond_noise(&[Cluster { noise: None, ..off(0.1, 9.0) }, off(0.1, 0.9)]), None);
+        assert_eq!(beyond_noise(&[Cluster { noise: Some(0.2), ..off(0.1, 9.0) }]), Some(0.0));
+    }
 
     #[test]
     fn a_dense_voxel_of_a_published_map_takes_the_bytes_that_the_documentation_says() {

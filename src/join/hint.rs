@@ -20,6 +20,37 @@ pub enum GivenUp {
     AtEnd,
 }
 
+/// Where transforms come from, and so what can add one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TransformsFrom {
+    /// A robot's network.
+    Network,
+    /// A recorded bag, which nothing is added to while it is read.
+    Bag,
+}
+
+impl TransformsFrom {
+    /// What tells where this frame is, which nobody has told.
+    fn who_tells(self, frame: &str) -> String {
+        match self {
+            Self::Network => format!(
+                "nobody says where `{frame}` is: a robot description does, or ros2 run tf2_ros static_transform_publisher"
+            ),
+            Self::Bag => format!(
+                "the bag does not say where `{frame}` is: record /tf_static too, or play it beside a live node and who says so"
+            ),
+        }
+    }
+
+    /// What connects two trees.
+    const fn connects(self) -> &'static str {
+        match self {
+            Self::Network => "connect the two by ros2 run tf2_ros static_transform_publisher",
+            Self::Bag => "record /tf_static too, or play the bag beside a live node and who connects the two",
+        }
+    }
+}
+
 impl GivenUp {
     /// Whether a longer `tf_timeout` would have let it wait for a transform that comes later.
     const fn is_cured_by_tf_timeout(self) -> bool {
@@ -30,11 +61,13 @@ impl GivenUp {
 impl Join {
     /// What the user can do about a cloud that was given up, `why` being what its last lookup lacked; `None` where that says all.
     /// Where no lookup was made, or a frame is not known or not connected, the frames that have been seen are listed. `tf_timeout`
-    /// is mentioned only where a longer one lets such a cloud wait longer, and `why_none` asked only where no transform has come at all.
+    /// is mentioned only where a longer one lets such a cloud wait longer, and `why_none` asked only where no transform has come at all;
+    /// `from` says what can add one.
     pub fn hint(
         &self,
         why: Option<&LookupError>,
         given_up: GivenUp,
+        from: TransformsFrom,
         why_none: impl FnOnce() -> String,
     ) -> Option<String> {
         let sensor = why.map(|why| why.sensor.as_str());
@@ -45,14 +78,13 @@ impl Join {
             Lack::UnknownFrame { frame } if frame == fixed => {
                 Some(format!("{} (choose with -p fixed_frame:=...)", seen()))
             }
-            Lack::UnknownFrame { frame } => Some(format!(
-                "{}; nobody says where `{frame}` is: a robot description does, or ros2 run tf2_ros static_transform_publisher",
-                seen()
-            )),
-            Lack::NotConnected { .. } => Some(format!(
-                "{} (choose with -p fixed_frame:=..., or connect the two by ros2 run tf2_ros static_transform_publisher)",
-                seen()
-            )),
+            Lack::UnknownFrame { frame } => Some(format!("{}; {}", seen(), from.who_tells(frame))),
+            Lack::NotConnected { .. } => {
+                Some(format!("{} (choose with -p fixed_frame:=..., or {})", seen(), from.connects()))
+            }
+            Lack::TooLate { frame, covered } if covered.from == covered.until => {
+                Some(format!("{frame} was told once: what does not change belongs on /tf_static"))
+            }
             Lack::TooLate { .. } if given_up.is_cured_by_tf_timeout() => {
                 Some("see tf_timeout, and whether one clock stamps both clouds and transforms".to_owned())
             }
@@ -104,7 +136,12 @@ mod tests {
     /// What helps a scan that was taken at this time.
     fn hint(join: &Join, fixed: &str, sensor: &str, seconds: i64) -> Option<String> {
         let at = Stamp::from_nanos(seconds * 1_000_000_000);
-        join.hint(Some(&join.frames().lookup(fixed, sensor, at).unwrap_err()), GivenUp::TimedOut, never)
+        join.hint(
+            Some(&join.frames().lookup(fixed, sensor, at).unwrap_err()),
+            GivenUp::TimedOut,
+            TransformsFrom::Network,
+            never,
+        )
     }
 
     #[test]
@@ -112,7 +149,8 @@ mod tests {
         let mut join = Join::new(1);
         let at_start = join.frames().lookup("odom", "camera", Stamp::default()).unwrap_err();
         for why in [None, Some(&at_start)] {
-            let none = join.hint(why, GivenUp::TimedOut, || "nobody is there".to_owned());
+            let none =
+                join.hint(why, GivenUp::TimedOut, TransformsFrom::Network, || "nobody is there".to_owned());
             assert_eq!(none.as_deref(), Some("no transform has come at all: nobody is there"));
         }
         for second in [10, 11] {
@@ -120,7 +158,7 @@ mod tests {
         }
         join.transform(&transform("head", "camera", 0), true).unwrap();
         let seen = "frames seen: base, camera, head, odom";
-        assert_eq!(join.hint(None, GivenUp::TimedOut, never).as_deref(), Some(seen));
+        assert_eq!(join.hint(None, GivenUp::TimedOut, TransformsFrom::Network, never).as_deref(), Some(seen));
         let expected = |more: &str| Some(format!("{seen}{more}"));
         let choose = " (choose with -p fixed_frame:=...)";
         assert_eq!(hint(&join, "map", "nowhere", 10), expected(choose));
@@ -134,15 +172,41 @@ mod tests {
         assert_eq!(hint(&join, "odom", "base", 12), Some(format!("see tf_timeout, and {clock}")));
         assert_eq!(hint(&join, "odom", "base", 9), Some(format!("see {clock}")));
         let late = join.frames().lookup("odom", "base", Stamp::from_nanos(12_000_000_000)).unwrap_err();
-        let pushed_out = |longer_helps| join.hint(Some(&late), GivenUp::PushedOut { longer_helps }, never);
+        let pushed_out = |longer_helps| {
+            join.hint(Some(&late), GivenUp::PushedOut { longer_helps }, TransformsFrom::Network, never)
+        };
         assert_eq!(pushed_out(true), Some(format!("see tf_timeout, and {clock}")));
         assert_eq!(
-            [pushed_out(false), join.hint(Some(&late), GivenUp::AtEnd, never)],
+            [pushed_out(false), join.hint(Some(&late), GivenUp::AtEnd, TransformsFrom::Network, never)],
             [(); 2].map(|()| Some(format!("see {clock}")))
         );
         let (fixed, sensor, at) = ("odom".to_owned(), "base".to_owned(), Stamp::default());
         let back = LookupError { fixed, sensor, at, lack: Lack::NotJumpedBack { newest: at } };
-        assert_eq!(join.hint(Some(&back), GivenUp::TimedOut, never), None);
+        assert_eq!(join.hint(Some(&back), GivenUp::TimedOut, TransformsFrom::Network, never), None);
+    }
+
+    /// Nobody adds a transform to a bag while it is read.
+    #[test]
+    fn what_a_bag_lacks_is_to_be_recorded() {
+        let mut join = Join::new(1);
+        join.transform(&transform("odom", "base", 10), false).unwrap();
+        join.transform(&transform("head", "camera", 0), true).unwrap();
+        for sensor in ["kinect_depth", "camera"] {
+            let why = join.frames().lookup("odom", sensor, Stamp::from_nanos(10_000_000_000)).unwrap_err();
+            let hint = join.hint(Some(&why), GivenUp::AtEnd, TransformsFrom::Bag, never).unwrap();
+            assert!(hint.contains("record /tf_static too") && !hint.contains("ros2 run"), "{hint}");
+        }
+    }
+
+    /// A mounting that was sent once, on `/tf`: the clocks are right, and it would never be covered.
+    #[test]
+    fn a_transform_that_was_told_once_belongs_on_the_topic_of_those_that_last() {
+        let mut join = Join::new(1);
+        join.transform(&transform("odom", "base", 10), false).unwrap();
+        let once = "base was told once: what does not change belongs on /tf_static";
+        assert_eq!(hint(&join, "odom", "base", 12).as_deref(), Some(once));
+        join.transform(&transform("odom", "base", 11), false).unwrap();
+        assert!(hint(&join, "odom", "base", 12).is_some_and(|hint| hint.starts_with("see tf_timeout")));
     }
 
     #[test]
@@ -172,7 +236,7 @@ mod tests {
         for i in 0..30 {
             join.transform(&transform("odom", &format!("frame_{i:02}"), 0), true).unwrap();
         }
-        let seen = join.hint(None, GivenUp::AtEnd, never).unwrap();
+        let seen = join.hint(None, GivenUp::AtEnd, TransformsFrom::Network, never).unwrap();
         assert!(seen.ends_with("frame_18, frame_19 and 11 more"), "{seen}");
     }
 }

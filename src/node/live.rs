@@ -318,7 +318,10 @@ impl<T: Transport> Live<T> {
             Event::Cloud(input, cloud) => self.cloud(input, cloud),
             Event::Handed(input, cloud) => self.cloud(input, decode(&cloud, &self.filter)),
             Event::Lost(input, number) => self.lost(input, number),
-            Event::Camera(sensor, camera) => self.camera(sensor, &camera),
+            Event::Camera(sensor, camera, frame) => {
+                self.camera(sensor, &camera);
+                self.intakes[sensor].camera_frame = frame;
+            }
             Event::Transforms { message, is_static, publisher } => {
                 self.transforms(&message.transforms, is_static, publisher);
             }

@@ -36,11 +36,11 @@ impl CameraTopic {
     /// Keeps the camera of a message, or what is wrong with it; what to tell the node, where it differs from the one before.
     pub(super) fn event<R>(&self, info: Result<CameraInfo, String>) -> Option<Event<R>> {
         let LatestCamera(known) = &self.camera;
-        match info.map(|info| Camera::from_info(&info)) {
-            Ok(newest) if *known.borrow() == newest => None,
-            Ok(newest) => {
+        match info.map(|info| (Camera::from_info(&info), info.header.frame_id)) {
+            Ok((newest, _)) if *known.borrow() == newest => None,
+            Ok((newest, frame)) => {
                 known.borrow_mut().clone_from(&newest);
-                Some(Event::Camera(self.sensor, newest))
+                Some(Event::Camera(self.sensor, newest, frame))
             }
             Err(text) => Some(Event::Garbled { topic: self.name.clone().into(), text }),
         }

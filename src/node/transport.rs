@@ -68,8 +68,8 @@ pub enum Event<Request> {
     Handed(Input, Box<PointCloud2>),
     /// Clouds that a publisher sent and that never arrived, by the gap in its sequence numbers.
     Lost(Input, u64),
-    /// What the intrinsics of the sensor of this number are, when they have changed.
-    Camera(usize, Result<Camera, CloudError>),
+    /// What the intrinsics of the sensor of this number are, when they have changed, and their frame.
+    Camera(usize, Result<Camera, CloudError>, String),
     /// Transforms on `/tf` or `/tf_static`.
     Transforms {
         /// The message.

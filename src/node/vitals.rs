@@ -67,6 +67,11 @@ impl Vitals {
         self.taken_in.values_mut().for_each(|taken_in| taken_in.scans = 0);
     }
 
+    /// How far points are off their surfaces beyond the sensor's noise (m), in the map of this session.
+    pub(super) fn beyond_noise(&self, session: u64) -> Option<f64> {
+        self.map.filter(|map| map.version.session == session)?.beyond_noise
+    }
+
     /// What `~/points_labelled` leaves out of the map of this session.
     pub(super) fn left_out(&self, session: u64) -> Option<String> {
         let map = self.map.filter(|map| map.version.session == session)?;
@@ -84,12 +89,14 @@ struct TakenIn {
 }
 
 /// How much a map holds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct MapSize {
     pub(super) version: MapVersion,
     pub(super) clusters: usize,
     pub(super) dense_voxels: usize,
     pub(super) unclustered_voxels: u32,
+    /// How far points are off their surfaces beyond the sensor's noise (m), where that is known.
+    pub(super) beyond_noise: Option<f64>,
 }
 
 impl MapSize {
@@ -99,6 +106,7 @@ impl MapSize {
             clusters: map.clusters.len(),
             dense_voxels: map.voxels.len(),
             unclustered_voxels: map.unclustered_voxels,
+            beyond_noise: map.beyond_noise(),
         }
     }
 }

@@ -231,7 +231,7 @@ impl<V: Visitor> Feeder<'_, V> {
                 }
             }
             Recorded::Transforms { message, is_static } => self.transforms(&message, is_static)?,
-            Recorded::Distorted { topic, image } => self.account.note_distorted(&topic, &image),
+            Recorded::Doubt(line) => self.account.doubt(line),
             Recorded::Undecodable { topic, text } => {
                 let line = self.account.undecodable(&topic, &text);
                 self.say(line);

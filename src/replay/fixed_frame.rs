@@ -169,7 +169,8 @@ impl FixedFrame {
                  is taken to look straight ahead, level, and to stand still"
             )
         } else {
-            "the sensor's own frame: no transform tells how it moved, so it is taken to stand still"
+            "the sensor's own frame, whose z is taken to be up (where it looks ahead, as a camera's: -p optical:=yes): no transform tells \
+             how it moved, so it is taken to stand still"
                 .to_owned()
         }
     }

@@ -15,6 +15,7 @@ use crate::engine::{ClusterState, Engine, Params, PipelineStep, Scan, Snapshot, 
 use crate::export::WriteError;
 use crate::msg::clusters::Session;
 use crate::msg::ros::TransformStamped;
+use crate::off;
 use crate::reach::{Points, Reach};
 use crate::report::{Story, Taken};
 
@@ -134,19 +135,22 @@ impl<'a> Replay<'a> {
         self.notes.push(sentence.to_owned());
     }
 
-    /// Says what is to be said of points beyond the grid, where there were any.
-    fn about_beyond(&mut self, fed: &Fed) -> Option<Remark> {
+    /// What is to be said of points beyond the grid, where there were any.
+    fn about_beyond(&self, fed: &Fed) -> Option<String> {
         let points = Points { all: fed.tally.points_valid, beyond_grid: self.beyond_grid };
         let reach = Reach::new(fed.fixed_frame.clone(), self.settings.engine.voxel_size());
-        let remark = (points.beyond_grid > 0).then(|| Remark::warning(reach.line(points)))?;
-        (self.outputs.say)(&remark.text);
-        Some(remark)
+        (points.beyond_grid > 0).then(|| reach.line(points))
     }
 
     /// Writes what remains, and gives the map and the account.
     pub fn finish(mut self, mut fed: Fed) -> Finished {
-        fed.remarks.extend(self.about_beyond(&fed));
         let snapshot = self.engine.snapshot();
+        let beyond_noise = snapshot.beyond_noise();
+        let off = beyond_noise.and_then(|metres| off::line(metres, &self.settings.engine));
+        for line in self.about_beyond(&fed).into_iter().chain(off) {
+            (self.outputs.say)(&line);
+            fed.remarks.push(Remark::warning(line));
+        }
         let mut story = self.outputs.story.take();
         if let Some(story) = &mut story {
             story.finish(&snapshot);
@@ -167,6 +171,7 @@ impl<'a> Replay<'a> {
             dense_voxels: snapshot.voxels.len(),
             clusters: snapshot.clusters.len(),
             clusters_active: snapshot.clusters.iter().filter(|cluster| active(cluster.state)).count(),
+            beyond_noise,
             engine_ms: self.engine_ms,
             binning: self.binning,
             points_beyond_grid: self.beyond_grid,

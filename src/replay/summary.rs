@@ -119,6 +119,8 @@ pub struct Summary {
     pub clusters: usize,
     /// Those that still grow.
     pub clusters_active: usize,
+    /// How far points are off their surfaces beyond the sensor's noise (m), where it is known.
+    pub beyond_noise: Option<f64>,
     /// Time in the engine of each scan (ms), ascending.
     pub engine_ms: Vec<f32>,
     /// Time for binning points.
@@ -186,6 +188,7 @@ impl Summary {
             "dense_voxels": self.dense_voxels,
             "clusters": self.clusters,
             "clusters_active": self.clusters_active,
+            "beyond_noise_m": self.beyond_noise,
             "engine_ms": { "p50": at(0.5), "p90": at(0.9), "p99": at(0.99), "max": at(1.0) },
             "ingest_ns_per_point": self.ingest_ns_per_point(),
             "wall_s": self.wall.as_secs_f64(),
@@ -335,6 +338,7 @@ mod tests {
             dense_voxels: 0,
             clusters: 0,
             clusters_active: 0,
+            beyond_noise: None,
             engine_ms: Vec::new(),
             binning: Duration::ZERO,
             points_beyond_grid: 0,

@@ -7,7 +7,7 @@ use std::sync::atomic::AtomicBool;
 
 use cfodi::bag::{Bag, Decoder, Recorded, TransformTopics, Wanted, choose};
 use cfodi::cloud::CloudFilter;
-use cfodi::join::{GivenUp, Join, Moment};
+use cfodi::join::{GivenUp, Join, Moment, TransformsFrom};
 use tempfile::TempDir;
 
 use super::bytes::Bytes;
@@ -66,7 +66,8 @@ fn read(path: &Path) {
             take(recorded, &mut join);
         }
     }
-    let hint = join.hint(join.oldest().and_then(|(_, why)| why), GivenUp::AtEnd, String::new);
+    let hint =
+        join.hint(join.oldest().and_then(|(_, why)| why), GivenUp::AtEnd, TransformsFrom::Bag, String::new);
     assert!(join.waiting() <= 4 && hint.is_none_or(|hint| hint.len() < 10_000));
 }
 
@@ -86,6 +87,6 @@ fn take(recorded: Recorded, join: &mut Join) {
                 drop(join.transform(transform, is_static));
             }
         }
-        Recorded::Distorted { .. } | Recorded::Undecodable { .. } => {}
+        Recorded::Doubt(_) | Recorded::Undecodable { .. } => {}
     }
 }

@@ -89,13 +89,15 @@ fn a_sensor_that_lags_behind_another_begins_no_session() {
 #[test]
 fn a_camera_info_that_comes_late_is_looked_for_ahead() {
     let folder = Folder::new();
-    let record = |topic: &str, info_at: usize, is_readable: bool| {
+    let record = |topic: &str, info_at: usize, frame: &str, is_readable: bool| {
         let mut writer = BagWriter::new(Layout::Chunks);
         writer.tf("/tf_static", stamp(0), "map", OPTICAL, 0.0);
         for i in 0..30 {
             if i == info_at {
                 let k = [50.0, 0.0, 20.0, 0.0, 50.0, 20.0, 0.0, 0.0, 1.0];
-                let info = CameraInfo { width: 40, height: 40, k, d: vec![0.1], ..CameraInfo::default() };
+                let header = bags::header(stamp(i), frame);
+                let info =
+                    CameraInfo { header, width: 40, height: 40, k, d: vec![0.1], ..CameraInfo::default() };
                 let (beside, type_name) = ("/depth/camera_info", "sensor_msgs/msg/CameraInfo");
                 if is_readable {
                     writer.put(beside, type_name, stamp(i), &info);
@@ -117,12 +119,18 @@ fn a_camera_info_that_comes_late_is_looked_for_ahead() {
         replay(&folder.put("depth.mcap", &writer.finish()), &[])
     };
     let plain = "/depth/image";
-    let (early, late, none) = (record(plain, 0, true), record(plain, 25, true), record(plain, 25, false));
+    let (early, late, none) =
+        (record(plain, 0, OPTICAL, true), record(plain, 25, "", true), record(plain, 25, OPTICAL, false));
     assert_eq!((early.number("scans"), late.number("scans")), (30, 30), "{}", late.errors);
     assert_eq!(early.voxels, late.voxels);
     assert_eq!(late.errors.matches("tells of lens distortion").count(), 1, "{}", late.errors);
-    let rectified = record("/depth/image_rect", 0, true);
+    let rectified = record("/depth/image_rect", 0, OPTICAL, true);
     assert_eq!((rectified.number("scans"), rectified.errors.contains("distortion")), (30, false));
     let skipped = &none.summary.as_ref().unwrap()["scans_skipped"];
     assert_eq!(skipped, &serde_json::json!({ "no_camera_info": 30 }), "{}", none.errors);
+    let words = format!(
+        "images of {plain} are in frame `{OPTICAL}`, their intrinsics on /depth/camera_info in `colour`"
+    );
+    let said = [early, late, record(plain, 0, "colour", true)].map(|run| run.errors.matches(&words).count());
+    assert_eq!(said, [0, 0, 1], "intrinsics of the same frame, of one that is not told, and of another");
 }

@@ -69,6 +69,7 @@ pub(super) fn shape_of(
         centroid: point,
         covariance,
         rms_error,
+        noise: (params.noise_model() != NoiseModel::None).then(|| plane.noise.sqrt() * size),
         area: Some(outline.area),
         boundary: outline.boundary,
         holes: outline.holes,

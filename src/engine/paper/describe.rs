@@ -30,6 +30,7 @@ pub(crate) fn describe(global: &Global, grid: &Grid, params: &Params, now: Now) 
         centroid,
         covariance,
         rms_error: global.normal.dot(&(covariance * global.normal.into_inner())).max(0.0).sqrt(),
+        noise: None,
         area: None,
         boundary: Vec::new(),
         holes: Vec::new(),

@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 use super::saving_figures::SavingFigures;
 use crate::config::Config;
 use crate::count::count_of;
+use crate::engine::Params;
 use crate::memory::resident_mb;
 use crate::msg::reports::{DiagnosticStatus, Level};
 use crate::msg::status::StatusBuilder;
@@ -16,6 +17,7 @@ use crate::node::counts::{Counts, TRANSFORM_TIMEOUT, WAITING_QUEUE_FULL};
 use crate::node::publish::Seen;
 use crate::node::transport::NetworkState;
 use crate::node::vitals::Vitals;
+use crate::off;
 use crate::reach::Reach;
 use crate::reason::Reason;
 
@@ -60,6 +62,8 @@ pub(super) struct Diagnosis {
     period: Period,
     pub(super) saving: SavingFigures,
     reach: Reach,
+    /// Those that the session began with.
+    engine: Params,
     /// What was asked for (bytes).
     receive_buffer: usize,
 }
@@ -74,6 +78,7 @@ impl Diagnosis {
             period: Period::new(start),
             saving: SavingFigures::default(),
             reach: Reach::new(config.fixed_frame.clone(), config.engine.voxel_size()),
+            engine: config.engine,
             receive_buffer: config.receive_buffer,
         }
     }
@@ -188,6 +193,12 @@ impl Diagnosis {
         part.finish()
     }
 
+    /// What is to be said where points are farther off their surfaces than noise and `pose_sigma` explain.
+    pub(super) fn off(&self, session: u64) -> Option<String> {
+        let beyond_noise = self.vitals.borrow().beyond_noise(session)?;
+        off::line(beyond_noise, &self.engine)
+    }
+
     pub(super) fn of_map(&self, session: u64) -> DiagnosticStatus {
         let (vitals, mut part) = (self.vitals.borrow(), self.part("map", "empty"));
         if let Some(map) = vitals.map.filter(|map| map.version.session == session) {
@@ -218,6 +229,12 @@ impl Diagnosis {
             part.raise(Level::Warn, fault);
         }
         if let Some(line) = vitals.left_out(session) {
+            part.raise(Level::Warn, line);
+        }
+        if let Some(metres) = vitals.beyond_noise(session) {
+            part.value("off surfaces beyond noise [mm]", format!("{:.1}", metres * 1e3));
+        }
+        if let Some(line) = self.off(session) {
             part.raise(Level::Warn, line);
         }
         if let Some(memory) = resident_mb() {
@@ -341,7 +358,8 @@ mod tests {
         let diagnosis = diagnosis();
         let since = |newest| {
             let version = MapVersion { session: 1, sequence: 9 };
-            let map = MapSize { version, clusters: 0, dense_voxels: 0, unclustered_voxels: 0 };
+            let map =
+                MapSize { version, clusters: 0, dense_voxels: 0, unclustered_voxels: 0, beyond_noise: None };
             (diagnosis.vitals.borrow_mut().map, diagnosis.vitals.borrow_mut().newest) = (Some(map), newest);
             let map = diagnosis.of_map(1);
             ["sequence", "scans taken in since these figures"].map(|key| value(&map, key))
@@ -358,7 +376,8 @@ mod tests {
         let said = |session, more| {
             let dense_voxels = MAX_LABELLED + more;
             let version = MapVersion { session, sequence: 9 };
-            let map = MapSize { version, clusters: 8, dense_voxels, unclustered_voxels: 7 };
+            let map =
+                MapSize { version, clusters: 8, dense_voxels, unclustered_voxels: 7, beyond_noise: None };
             diagnosis.vitals.borrow_mut().map = Some(map);
             let status = diagnosis.of_map(1);
             (status.level, status.message)

@@ -35,6 +35,9 @@ pub(super) struct Intake {
     pub(super) left_out: Option<LeftOut>,
     /// It was said that its clouds come in a frame that is no sensor's.
     pub(super) is_known_without_viewpoint: bool,
+    /// The frame of its intrinsics, and whether it was said that its images are in another.
+    pub(super) camera_frame: String,
+    pub(super) has_other_frame: bool,
 }
 
 /// What has come of a sensor since the last report.
@@ -77,6 +80,8 @@ impl Intake {
             period: Period::default(),
             left_out: None,
             is_known_without_viewpoint: false,
+            camera_frame: String::new(),
+            has_other_frame: false,
         }
     }
 

@@ -7,7 +7,7 @@ use super::say::{why_no_transforms, with_hint};
 use super::{Live, QUIET};
 use crate::count::{count_of, were};
 use crate::engine::Stamp;
-use crate::join::GivenUp;
+use crate::join::{GivenUp, TransformsFrom};
 use crate::msg::reports::{DiagnosticArray, DiagnosticStatus, Level};
 use crate::msg::ros::Header;
 use crate::msg::status::StatusBuilder;
@@ -39,6 +39,7 @@ impl<T: Transport> Live<T> {
         let network = self.transport.network_state();
         self.say_network(&network);
         self.look_for_riding();
+        self.say_off();
         let diagnosis = &self.diagnosis;
         let without: Vec<_> =
             self.intakes.iter().filter_map(|intake| intake.period.without_transform.clone()).collect();
@@ -52,6 +53,15 @@ impl<T: Transport> Live<T> {
         self.diagnosis.begin_period();
         let report = DiagnosticArray { header: Header { stamp: clock.into(), ..Header::default() }, status };
         place.send(report);
+    }
+
+    /// Says it once where points are farther off their surfaces than is explained.
+    fn say_off(&mut self) {
+        if let Some(line) = self.diagnosis.off(self.session)
+            && self.throttle.allows_once("off", Instant::now())
+        {
+            log(tracing::Level::WARN, &line);
+        }
     }
 
     /// Says it once where the fixed frame moves, and the sensor with it.
@@ -173,7 +183,12 @@ impl<T: Transport> Live<T> {
         let (_, lacks) = self.join.oldest()?;
         // As that of a scan which waits until the end, whatever tf_timeout is.
         let why_none = || why_no_transforms(&*self.transport);
-        lacks.map(|lacks| with_hint(lacks.to_string(), self.join.hint(Some(lacks), GivenUp::AtEnd, why_none)))
+        lacks.map(|lacks| {
+            with_hint(
+                lacks.to_string(),
+                self.join.hint(Some(lacks), GivenUp::AtEnd, TransformsFrom::Network, why_none),
+            )
+        })
     }
 
     /// Says of each thing that does not fit when it begins, again and again while it lasts, and when it is over.

@@ -7,14 +7,14 @@ use tracing::{Level, debug};
 
 use super::rivals::Apart;
 use super::{Live, MOST_PLACES, QUIET};
-use crate::cloud::{Camera, Cloud, CloudError, distortion, is_rectified_by_name};
-use crate::join::{GivenUp, Waited};
+use crate::cloud::{Camera, Cloud, CloudError, distortion, is_rectified_by_name, other_frame};
+use crate::join::{GivenUp, TransformsFrom, Waited};
 use crate::msg::ros::TransformStamped;
 use crate::node::counts::{TRANSFORM_TIMEOUT, WAITING_QUEUE_FULL};
 use crate::node::heard::PublisherId;
 use crate::node::inputs;
 use crate::node::throttle::log;
-use crate::node::transport::{Input, Transport};
+use crate::node::transport::{Form, Input, Transport};
 use crate::reason::{Reason, SHUTDOWN};
 use crate::tf::{FrameError, Inserted, Lack};
 
@@ -26,6 +26,7 @@ impl<T: Transport> Live<T> {
             let topic = self.topic(input);
             self.warn(format!("hardly_used {topic}"), format_args!("{topic}: {line}"));
         }
+        self.look_at_frames(input, cloud);
         if self.intakes[input.sensor].is_known_without_viewpoint {
             return;
         }
@@ -33,6 +34,21 @@ impl<T: Transport> Live<T> {
             self.intakes[input.sensor].is_known_without_viewpoint = true;
             let topic = self.topic(input);
             self.warn(format!("viewpoint {topic}"), format_args!("{topic}: {line}"));
+        }
+    }
+
+    /// Says it once where images are in another frame than their intrinsics.
+    fn look_at_frames(&mut self, input: Input, image: &Cloud) {
+        let (intake, inputs) = (&self.intakes[input.sensor], self.transport.inputs());
+        let (Some(depth), false) =
+            (&inputs[input.sensor].depth, input.form == Form::Points || intake.has_other_frame)
+        else {
+            return;
+        };
+        let topics = [&self.topic(input), &*depth.camera_info.resolved];
+        if let Some(line) = other_frame(topics, [&image.frame_id, &intake.camera_frame]) {
+            self.intakes[input.sensor].has_other_frame = true;
+            log(Level::WARN, &line);
         }
     }
 
@@ -143,7 +159,12 @@ impl<T: Transport> Live<T> {
         self.diagnosis.waited(waited);
         let level = self.throttle.level_now(kind_of(reason.key, sensor), Level::WARN);
         let why_none = || why_no_transforms(&*self.transport);
-        let why = || with_hint(line.clone(), self.join.hint(lacks.as_ref(), given_up, why_none));
+        let why = || {
+            with_hint(
+                line.clone(),
+                self.join.hint(lacks.as_ref(), given_up, TransformsFrom::Network, why_none),
+            )
+        };
         // Thousands of frames take longer to list than a cloud to skip.
         if level == Level::WARN {
             log(level, &why());

@@ -4,9 +4,9 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use crate::bag::TransformTopics;
-use crate::cloud::{Cloud, CloudError, distortion};
+use crate::cloud::{Cloud, CloudError};
 use crate::count::count_of;
-use crate::join::{GivenUp, Join, Waited};
+use crate::join::{GivenUp, Join, TransformsFrom, Waited};
 use crate::msg::ros::TransformStamped;
 use crate::reason::{Reason, SESSION_ENDED};
 use crate::replay::disorder::Disorder;
@@ -37,7 +37,7 @@ pub(super) struct Account {
     /// What is to be said of a fixed frame that takes the sensor with it.
     riding: Option<String>,
     /// What is to be said of cameras.
-    distorted: BTreeSet<String>,
+    cameras: BTreeSet<String>,
     /// Why scans of which frame were skipped.
     skips_said: Said,
     /// What transforms have done or were refused for.
@@ -50,8 +50,9 @@ impl Account {
         self.disorder.note(at);
     }
 
-    pub(super) fn note_distorted(&mut self, topic: &str, image: &str) {
-        self.distorted.insert(distortion(topic, image));
+    /// There is something to be said of a camera.
+    pub(super) fn doubt(&mut self, line: String) {
+        self.cameras.insert(line);
     }
 
     pub(super) fn undecodable(&mut self, topic: &str, text: &str) -> Option<String> {
@@ -131,7 +132,7 @@ impl Account {
         self.skips_said.is_due(&format!("{} {frame_id}", reason.key), 1).then(|| {
             let TransformTopics { changing, lasting } = topics;
             let why_none = || format!("the bag has none that can be read on {changing} and {lasting}");
-            let hint = join.hint(lacks, given_up, why_none);
+            let hint = join.hint(lacks, given_up, TransformsFrom::Bag, why_none);
             let words: Vec<_> = lacks.map(ToString::to_string).into_iter().chain(hint).collect();
             format!("a scan was skipped: {}", words.join("; "))
         })
@@ -139,14 +140,13 @@ impl Account {
 
     /// All that was counted, and the warnings of the end; `reaches` says whether a way from a frame has come after all.
     pub(super) fn end(self, reaches: impl Fn(&str) -> bool) -> (Tally, Vec<Remark>) {
-        let Self {
-            tally, disorder, unplaced, lacks_transforms, without_viewpoint, riding, distorted, ..
-        } = self;
+        let Self { tally, disorder, unplaced, lacks_transforms, without_viewpoint, riding, cameras, .. } =
+            self;
         let came_later = unplaced.iter().any(|frame| reaches(frame));
         let disorder = disorder.about(came_later || lacks_transforms);
         let empty = (tally.scans > 0 && tally.points_valid == 0 && tally.hardly_used == 0)
             .then(|| format!("no scan has a point, of {}", count_of(tally.scans, "scan")));
-        let said = empty.into_iter().chain(disorder).chain(without_viewpoint).chain(riding).chain(distorted);
+        let said = empty.into_iter().chain(disorder).chain(without_viewpoint).chain(riding).chain(cameras);
         (tally, said.map(Remark::warning).collect())
     }
 }

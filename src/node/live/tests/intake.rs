@@ -13,7 +13,11 @@ fn the_first_input_that_sends_a_good_scan_is_the_only_one_taken() {
     let events = vec![
         transform(at(0.0), true),
         Event::Cloud(Form::Depth.of(0), Err(CloudError::NoCameraInfo)),
-        Event::Camera(0, Err(CloudError::BadIntrinsics { fx: 0.0, fy: 0.0, cx: 0.0, cy: 0.0 })),
+        Event::Camera(
+            0,
+            Err(CloudError::BadIntrinsics { fx: 0.0, fy: 0.0, cx: 0.0, cy: 0.0 }),
+            String::new(),
+        ),
         of(Form::CompressedDepth.of(0), 10.0),
         of(Form::Depth.of(0), 10.0),
         Event::Cloud(Form::Points.of(0), Err(CloudError::EmptyFrameId)),

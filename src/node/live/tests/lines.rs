@@ -33,7 +33,7 @@ fn what_is_wrong_with_one_sensor_does_not_hide_it_of_another() {
     };
     let events = (0..2).flat_map(|sensor| {
         [
-            Event::Camera(sensor, Ok(distorted_camera())),
+            Event::Camera(sensor, Ok(distorted_camera()), String::new()),
             Event::Cloud(Form::Points.of(sensor), Err(CloudError::EmptyFrameId)),
             Event::Cloud(Form::Points.of(sensor), Ok(hardly_used())),
             Event::Cloud(Form::Depth.of(sensor), Ok(hardly_used())),
@@ -58,11 +58,37 @@ fn what_is_wrong_with_one_sensor_does_not_hide_it_of_another() {
 }
 
 #[test]
+fn intrinsics_of_another_frame_than_the_images_are_said_once() {
+    for (frame, of, times) in [
+        ("camera", Form::Depth, 0),
+        ("", Form::Depth, 0),
+        ("colour", Form::Depth, 1),
+        ("colour", Form::Points, 0),
+    ] {
+        let image = |seconds| match cloud(at(seconds), "camera") {
+            Event::Cloud(_, cloud) => Event::Cloud(of.of(0), cloud),
+            other => panic!("{other:?}"),
+        };
+        let begin = new_session(0) as f64 / 1e9;
+        let camera = Event::Camera(0, Ok(distorted_camera()), frame.to_owned());
+        let (_, said) =
+            heard(|| reported(Fake::default(), vec![camera, image(begin + 60.0), image(begin + 60.1)]));
+        let words = "images of /depth/image are in frame `camera`, their intrinsics on /depth/camera_info in `colour`";
+        assert_eq!(
+            said.iter().filter(|(_, line)| line.starts_with(words)).count(),
+            times,
+            "{frame}: {said:?}"
+        );
+    }
+}
+
+#[test]
 fn distortion_is_said_of_an_image_that_is_not_rectified_by_its_name() {
     for (image, times) in [("/depth/image", 1), ("/depth/image_rect_raw", 0), ("/rectified/image", 1)] {
         let mut fake = Fake::default();
         fake.inputs[0].depth.as_mut().unwrap().image.resolved = image.to_owned();
-        let (_, said) = heard(|| reported(fake, vec![Event::Camera(0, Ok(distorted_camera()))]));
+        let (_, said) =
+            heard(|| reported(fake, vec![Event::Camera(0, Ok(distorted_camera()), String::new())]));
         let words =
             format!("/depth/camera_info tells of lens distortion: images of {image} are taken as rectified");
         assert_eq!(said.iter().filter(|(_, line)| line.starts_with(&words)).count(), times, "{said:?}");
